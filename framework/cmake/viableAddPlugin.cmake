@@ -1,0 +1,30 @@
+# viable_add_plugin(NAME KIND command|controller|filter|robust_loop|plant SOURCES file...)
+#
+# Builds viable_<KIND>_<NAME>.so, a plugin library that `viable` finds by its name. The objects also stand as
+# the target viable_<KIND>_<NAME>_objects, so that a test can link the class itself.
+function(viable_add_plugin name)
+  cmake_parse_arguments(arg "" "KIND" "SOURCES" ${ARGN})
+  if(NOT arg_KIND MATCHES "^(command|controller|filter|robust_loop|plant)$")
+    message(FATAL_ERROR "viable_add_plugin(${name}): KIND must be command, controller, filter, "
+                        "robust_loop or plant, not '${arg_KIND}'")
+  endif()
+  if(NOT name MATCHES "^[a-z][a-z0-9_]*$")
+    message(FATAL_ERROR "viable_add_plugin(${name}): the name must be snake_case")
+  endif()
+  set(target viable_${arg_KIND}_${name})
+  add_library(${target}_objects OBJECT ${arg_SOURCES})
+  set_target_properties(${target}_objects PROPERTIES POSITION_INDEPENDENT_CODE ON
+    CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON)
+  target_link_libraries(${target}_objects PUBLIC viable::viable)
+  target_include_directories(${target}_objects PUBLIC ${CMAKE_CURRENT_SOURCE_DIR})
+
+  add_library(${target} MODULE)
+  target_link_libraries(${target} PRIVATE ${target}_objects)
+  set_target_properties(${target} PROPERTIES PREFIX "" OUTPUT_NAME ${target}
+    LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin/plugins)
+  target_link_options(${target} PRIVATE -Wl,--no-undefined)
+  if(CMAKE_CXX_FLAGS MATCHES "-fsanitize")  # the sanitizer's runtime comes with the program
+    target_link_options(${target} PRIVATE -Wl,-z,undefs)
+  endif()
+  install(TARGETS ${target} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/viable/plugins)
+endfunction()

@@ -1,0 +1,69 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "viable/core/JointTypes.h"
+
+namespace viable {
+
+/** Which limit acts on a joint. The text names are those of the logs (see getName). */
+enum class LimitKind : unsigned char { None, Position, Velocity, Acceleration, Jerk };
+
+/** Which side of a limit acts. */
+enum class LimitSide : signed char { Lower = -1, Neither = 0, Upper = 1 };
+
+/** "none", "position_lower", "jerk_upper", ...: the words used in logs and summaries. */
+const char* getName(LimitKind kind, LimitSide side);
+
+/** Lower and upper bound of one quantity for every joint. "No limit" is infinity. */
+struct JointBounds {
+    JointVector lower;
+    JointVector upper;
+};
+
+/** The limits of one joint, signed: lower <= upper, SI and radians. */
+struct AxisLimits {
+    double positionLower, positionUpper;          // [rad]
+    double velocityLower, velocityUpper;          // [rad/s]
+    double accelerationLower, accelerationUpper;  // [rad/s^2]
+    double jerkLower, jerkUpper;                  // [rad/s^3]
+};
+
+/** Position, velocity, acceleration and jerk limits of all joints; each side of each joint has its
+own. Velocity, acceleration and jerk limits contain zero in their inside, so that every joint can
+stop and start. */
+struct JointLimits {
+    JointBounds position;      // [rad]
+    JointBounds velocity;      // [rad/s]
+    JointBounds acceleration;  // [rad/s^2]
+    JointBounds jerk;          // [rad/s^3]
+
+    int size() const { return static_cast<int>(position.lower.size()); }
+    AxisLimits axis(int joint) const;
+
+    /** No limit at all for n joints. */
+    static JointLimits unlimited(int n);
+};
+
+/** Smallest and largest finite velocity, acceleration or jerk limit accepted: outside this window a
+number is a slip of the unit or of the exponent. [rad/s, rad/s^2, rad/s^3] */
+inline constexpr double kSmallestLimit = 1e-6;
+inline constexpr double kLargestLimit = 1e7;
+
+/** Window for the times A/J and V/A in seconds: outside, one of the two limits has no effect that
+double precision at the given tick can resolve. */
+inline constexpr double kShortestRamp_s = 1e-6;
+inline constexpr double kLongestRamp_s = 1e4;
+
+/** Position limits beyond this many radians need `allow_large_angles`: they are usually degrees. */
+inline constexpr double kLargestAngle_rad = 4.0 * 3.14159265358979323846;
+
+/** Throws Error (BadInput) unless every joint's limits are usable at the given tick: ordered, of
+the right sign, inside the windows above, an acceleration range of at least one tick of jerk (A >= J
+dt), and a position range that holds one tick of jerk and its stop (8 J dt^3).
+@param where  place of the limits, for the message  */
+void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles,
+                 const std::string& where, const std::vector<std::string>& jointNames);
+
+}  // namespace viable

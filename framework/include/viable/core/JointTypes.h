@@ -1,0 +1,45 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+namespace viable {
+
+/** Most joints that a robot may have. Vectors below carry this capacity inside the object, so that
+changing their size never touches the heap. */
+inline constexpr int kMaxJoints = 16;
+
+/** One number per joint: run-time size (the number of joints), fixed in-object capacity. */
+using JointVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxJoints, 1>;
+
+/** One number per pair of joints, joints x joints, fixed in-object capacity. */
+using JointMatrix =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxJoints, kMaxJoints>;
+
+/** 6 x joints: rows 0..2 linear velocity [m/s], rows 3..5 angular velocity [rad/s], base frame. */
+using ToolJacobian = Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, kMaxJoints>;
+
+/** Linear part (0..2) and angular part (3..5), base frame. */
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+
+/** Position [m] and orientation of a frame, seen from the robot's base frame. */
+struct Pose {
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();
+    Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();
+};
+
+/** Joint positions [rad] (prismatic: [m]) and velocities [rad/s]. */
+struct JointState {
+    JointVector q;
+    JointVector qd;
+};
+
+/** Joint positions [rad], velocities [rad/s] and accelerations [rad/s^2]: the state of the nominal
+plant, which is a triple integrator per joint. */
+struct MotionState {
+    JointVector q;
+    JointVector qd;
+    JointVector qdd;
+};
+
+}  // namespace viable

@@ -1,0 +1,30 @@
+#pragma once
+
+#include "viable/plugin/Plugin.h"
+
+namespace viable {
+
+/** What the arm shall do now. */
+struct MotionCommand {
+    enum class Space : unsigned char { Joint, Tool };
+
+    Space space = Space::Joint;
+    JointVector q;                        ///< Joint: desired positions [rad]
+    JointVector qd;                       ///< Joint: desired velocities [rad/s]
+    Pose tool;                            ///< Tool: desired pose of the tool frame, base frame
+    Vector6 toolTwist = Vector6::Zero();  ///< Tool: desired linear [m/s], angular velocity [rad/s]
+};
+
+/** Where the motion comes from: a file, a generator, a device. */
+class CommandSource : public Plugin {
+public:
+    /** The command space it produces; a controller refuses one it cannot follow. Valid after
+     * configure(). */
+    virtual MotionCommand::Space space() const = 0;
+
+    /** The command at time t [s] since reset, t >= 0, non-decreasing from call to call. On Ok,
+    `out` is complete for space(); otherwise the host keeps the last good command. */
+    virtual TickStatus sample(double t, MotionCommand& out) = 0;
+};
+
+}  // namespace viable

@@ -1,0 +1,49 @@
+#pragma once
+
+#include "viable/core/JointLimits.h"
+#include "viable/core/JointTypes.h"
+#include "viable/plugin/Parameters.h"
+#include "viable/robot/Dynamics.h"
+#include "viable/robot/RobotDescription.h"
+
+namespace viable {
+
+/** What every plugin is told before the run. Lives as long as the plugin. */
+struct RunSetup {
+    const RobotDescription& robot;
+    JointLimits limits;   ///< of the nominal plant, checked (see checkLimits)
+    double tick_s = 0.0;  ///< the configured tick; the loop never uses measured time
+    double duration_s = 0.0;
+    MotionState start;  ///< nominal and real arm at t = 0, at rest or moving
+    Pose startTool;     ///< tool pose there
+
+    int size() const { return robot.size(); }
+};
+
+/** What a plugin's work in one tick came to. Anything but Ok makes the host treat the output as
+ * unusable. */
+enum class TickStatus : unsigned char {
+    Ok,
+    InvalidInput,  ///< an input had the wrong size or was not finite; the output was not written
+    Faulted,       ///< the plugin cannot go on
+};
+
+/** What the five kinds of plugin have in common.
+
+Life: constructed (cheap, no arguments), configure() once, reset() once or more, then one tick
+function per tick, destroyed. configure() may throw Error and allocate; reset() and the tick
+functions must not throw, allocate, lock, log or touch files. Not thread-safe: the host calls from
+one thread at a time. */
+class Plugin {
+public:
+    virtual ~Plugin() = default;
+
+    /** Called once. `parameters` are complete and in range by the plugin's own declaration; throw
+    badInput(parameters.place("..."), ...) for what a declaration cannot say. */
+    virtual void configure(const RunSetup& setup, const Parameters& parameters) = 0;
+
+    /** Back to t = 0 at the given state; same inputs must then give the same outputs again. */
+    virtual void reset(const MotionState& start) = 0;
+};
+
+}  // namespace viable

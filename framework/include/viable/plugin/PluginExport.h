@@ -1,0 +1,212 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <exception>
+#include <type_traits>
+
+#include "viable/plugin/CommandSource.h"
+#include "viable/plugin/NominalController.h"
+#include "viable/plugin/RealPlant.h"
+#include "viable/plugin/RobustLoop.h"
+#include "viable/plugin/SafetyFilter.h"
+
+namespace viable {
+
+/** Raised whenever a class or struct in core/, robot/ or plugin/ changes its layout or its virtual
+ * table. */
+inline constexpr std::uint32_t kPluginInterfaceVersion = 1;
+
+inline constexpr std::uint64_t kPluginMagic = 0x76696162'6c652031ull;  // "viable 1"
+
+enum class PluginKind : std::uint32_t {
+    CommandSource,
+    NominalController,
+    SafetyFilter,
+    RobustLoop,
+    RealPlant
+};
+
+/** Everything that must be equal on both sides before a C++ object may cross the border.
+Fixed-width integers only, so that it can be read by a host of any build. */
+struct AbiStamp {
+    std::uint32_t interfaceVersion;
+    std::uint32_t pointerSize;
+    std::uint32_t eigenMaxAlignBytes;
+    std::uint32_t eigenVersion;  ///< world * 10000 + major * 100 + minor
+    std::uint32_t jointVectorSize;
+    std::uint32_t dynamicsSize;
+    std::uint32_t decisionSize;
+    std::uint32_t parameterSpecSize;
+    std::uint32_t compiler;  ///< 1 gcc, 2 clang, 0 other
+    std::uint32_t compilerMajor;
+    std::uint32_t cxxAbi;           ///< __GXX_ABI_VERSION
+    std::uint32_t libstdcxxNewAbi;  ///< _GLIBCXX_USE_CXX11_ABI
+    std::uint32_t cxxStandard;      ///< __cplusplus / 100
+    std::uint32_t ndebug;
+    std::uint32_t fastMath;
+    std::uint32_t sanitizer;  ///< bit 0 address, bit 1 thread
+};
+
+/** One plugin in a library. */
+struct PluginEntry {
+    PluginKind kind;
+    const char* name;     ///< snake_case; equals the folder's and the library's name
+    const char* summary;  ///< one sentence
+    const ParameterSpec* parameters;
+    std::uint64_t parameterCount;
+    /** A new plugin as a pointer to its interface class, or null with a reason in `message`. Never
+     * throws. */
+    void* (*create)(char* message, std::size_t messageSize);
+    /** Never throws. */
+    void (*destroy)(void*);
+};
+
+/** What a plugin library shows to the host: magic and size first, then the stamp, then the rest. */
+struct PluginLibrary {
+    std::uint64_t magic;
+    std::uint32_t size;  ///< sizeof(PluginLibrary)
+    AbiStamp stamp;
+    std::uint32_t entrySize;  ///< sizeof(PluginEntry)
+    std::uint32_t entryCount;
+    const PluginEntry* entries;
+};
+
+/** The one symbol that the host looks up: `extern "C" const viable::PluginLibrary*
+ * viable_plugin_library()`. */
+inline constexpr const char* kPluginSymbol = "viable_plugin_library";
+
+#if defined(__SANITIZE_ADDRESS__)
+#define VIABLE_SANITIZER_ADDRESS 1u
+#else
+#define VIABLE_SANITIZER_ADDRESS 0u
+#endif
+#if defined(__SANITIZE_THREAD__)
+#define VIABLE_SANITIZER_THREAD 2u
+#else
+#define VIABLE_SANITIZER_THREAD 0u
+#endif
+
+namespace {  // internal linkage on purpose: each library stamps its own build
+
+/** The stamp of the translation unit that includes this header. */
+inline AbiStamp makeAbiStamp() {
+    AbiStamp s{};
+    s.interfaceVersion = kPluginInterfaceVersion;
+    s.pointerSize = sizeof(void*);
+    s.eigenMaxAlignBytes = EIGEN_MAX_ALIGN_BYTES;
+    s.eigenVersion = EIGEN_WORLD_VERSION * 10000 + EIGEN_MAJOR_VERSION * 100 + EIGEN_MINOR_VERSION;
+    s.jointVectorSize = sizeof(JointVector);
+    s.dynamicsSize = sizeof(Dynamics);
+    s.decisionSize = sizeof(FilterDecision);
+    s.parameterSpecSize = sizeof(ParameterSpec);
+#if defined(__clang__)
+    s.compiler = 2;
+    s.compilerMajor = __clang_major__;
+#elif defined(__GNUC__)
+    s.compiler = 1;
+    s.compilerMajor = __GNUC__;
+#endif
+    s.cxxAbi = __GXX_ABI_VERSION;
+#ifdef _GLIBCXX_USE_CXX11_ABI
+    s.libstdcxxNewAbi = _GLIBCXX_USE_CXX11_ABI;
+#endif
+    s.cxxStandard = static_cast<std::uint32_t>(__cplusplus / 100);
+#ifdef NDEBUG
+    s.ndebug = 1;
+#endif
+#ifdef __FAST_MATH__
+    s.fastMath = 1;
+#endif
+    s.sanitizer = VIABLE_SANITIZER_ADDRESS | VIABLE_SANITIZER_THREAD;
+    return s;
+}
+
+}  // namespace
+
+namespace detail {
+
+template <class Interface>
+constexpr PluginKind kindOf() {
+    if constexpr (std::is_same_v<Interface, CommandSource>)
+        return PluginKind::CommandSource;
+    else if constexpr (std::is_same_v<Interface, NominalController>)
+        return PluginKind::NominalController;
+    else if constexpr (std::is_same_v<Interface, SafetyFilter>)
+        return PluginKind::SafetyFilter;
+    else if constexpr (std::is_same_v<Interface, RobustLoop>)
+        return PluginKind::RobustLoop;
+    else {
+        static_assert(std::is_same_v<Interface, RealPlant>, "not a plugin interface");
+        return PluginKind::RealPlant;
+    }
+}
+
+template <class Interface, class Class>
+void* createPlugin(char* message, std::size_t messageSize) {
+    static_assert(std::is_base_of_v<Interface, Class>,
+                  "the class does not implement the interface");
+    try {
+        return static_cast<Interface*>(new Class);
+    } catch (const std::exception& e) {
+        std::snprintf(message, messageSize, "its constructor threw: %s", e.what());
+    } catch (...) {
+        std::snprintf(message, messageSize,
+                      "its constructor threw something that is no std::exception");
+    }
+    return nullptr;
+}
+
+template <class Interface>
+void destroyPlugin(void* plugin) {
+    try {
+        delete static_cast<Interface*>(plugin);
+    } catch (...) {  // a destructor marked noexcept(false); the host has nothing to do about it
+    }
+}
+
+}  // namespace detail
+
+/** The entry for `Class`, which implements `Interface`. */
+template <class Interface, class Class, std::size_t N>
+PluginEntry makePluginEntry(const char* name, const char* summary,
+                            const ParameterSpec (&parameters)[N]) {
+    return {detail::kindOf<Interface>(),
+            name,
+            summary,
+            parameters,
+            N,
+            &detail::createPlugin<Interface, Class>,
+            &detail::destroyPlugin<Interface>};
+}
+template <class Interface, class Class>
+PluginEntry makePluginEntry(const char* name, const char* summary, std::nullptr_t) {
+    return {detail::kindOf<Interface>(),
+            name,
+            summary,
+            nullptr,
+            0,
+            &detail::createPlugin<Interface, Class>,
+            &detail::destroyPlugin<Interface>};
+}
+
+}  // namespace viable
+
+#define VIABLE_PLUGIN_VISIBLE __attribute__((visibility("default")))
+
+/** Makes the library a plugin: once per library, outside any namespace. `parameters` is an array of
+viable::ParameterSpec with static lifetime, or nullptr.
+    VIABLE_PLUGIN(viable::SafetyFilter, TosbpFilter, "tosbp", "Keeps ...", kParameters) */
+#define VIABLE_PLUGIN(Interface, Class, name, summary, parameters)                          \
+    extern "C" VIABLE_PLUGIN_VISIBLE const viable::PluginLibrary* viable_plugin_library() { \
+        static const viable::PluginEntry entry =                                            \
+            viable::makePluginEntry<Interface, Class>(name, summary, parameters);           \
+        static const viable::PluginLibrary library = {viable::kPluginMagic,                 \
+                                                      sizeof(viable::PluginLibrary),        \
+                                                      viable::makeAbiStamp(),               \
+                                                      sizeof(viable::PluginEntry),          \
+                                                      1,                                    \
+                                                      &entry};                              \
+        return &library;                                                                    \
+    }

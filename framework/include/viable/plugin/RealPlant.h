@@ -1,0 +1,21 @@
+#pragma once
+
+#include "viable/plugin/Plugin.h"
+
+namespace viable {
+
+/** The arm that is really there, or an engine that stands for it. */
+class RealPlant : public Plugin {
+public:
+    /** The state that the joint sensors report now. Valid after reset(). */
+    virtual const JointState& measured() const = 0;
+
+    /** The true state, where the plant can know it (a simulation); otherwise measured(). */
+    virtual const JointState& actual() const = 0;
+
+    /** Holds the commanded motor torque [Nm] for one tick. `applied` becomes the torque that the
+    motors really gave after their limits. On Faulted the state stays as it was. */
+    virtual TickStatus advance(const JointVector& torque, JointVector& applied) = 0;
+};
+
+}  // namespace viable

@@ -1,0 +1,18 @@
+#pragma once
+
+#include "viable/plugin/Plugin.h"
+
+namespace viable {
+
+/** Makes the real arm follow the nominal one in spite of friction, payload and model error. */
+class RobustLoop : public Plugin {
+public:
+    /** The torque tau_a [Nm] added to the filter's. `real` is the measured state, `nominal` the
+    nominal arm at the same instant, `filterTorque` is tau_c (the motors' limits are in
+    setup.robot.actuation). On Ok, `torque` has one finite entry per joint; otherwise the host
+    applies zero. */
+    virtual TickStatus compute(const JointState& real, const MotionState& nominal,
+                               const JointVector& filterTorque, JointVector& torque) = 0;
+};
+
+}  // namespace viable

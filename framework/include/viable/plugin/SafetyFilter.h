@@ -1,0 +1,71 @@
+#pragma once
+
+#include <array>
+
+#include "viable/plugin/Plugin.h"
+
+namespace viable {
+
+/** What a filter did to the desired torque. */
+enum class FilterStatus : unsigned char {
+    Passed,         ///< the desired torque is admissible and was left alone; apply
+    Modified,       ///< changed to keep the limits; apply
+    StoppedByPlan,  ///< a stored stop is being followed; apply
+    Infeasible,    ///< no admissible choice existed; the braking fallback is in the decision; apply
+    InvalidInput,  ///< input of wrong size or not finite; decision not written, do not apply
+    Faulted,       ///< the filter cannot go on; decision not written, do not apply
+};
+
+/** "passed", "modified", ... as in logs. */
+const char* getName(FilterStatus status);
+
+/** What acts on one joint. */
+struct JointIntervention {
+    LimitKind limit = LimitKind::None;
+    LimitSide side = LimitSide::Neither;
+    double margin =
+        0.0;  ///< distance of the stop to the position limit it heads for [rad]; infinity: no limit
+};
+
+/** How the nominal plant moves during the coming tick. */
+enum class HeldQuantity : unsigned char {
+    Jerk,          ///< `jerk` is held: acceleration is continuous (triple integrator)
+    Acceleration,  ///< `acceleration` is held: acceleration jumps from tick to tick (double
+                   ///< integrator)
+};
+
+/** A filter's answer; vectors have one entry per joint. Fill it with holdJerk() or
+ * holdAcceleration(). */
+struct FilterDecision {
+    HeldQuantity held = HeldQuantity::Jerk;
+    JointVector torque;  ///< tau_c = M x_c + b, or tau_d itself where nothing was changed [Nm]
+    JointVector acceleration;  ///< x_c: mean nominal acceleration over the tick [rad/s^2]
+    JointVector jerk;          ///< nominal jerk over the tick [rad/s^3]
+    std::array<JointIntervention, kMaxJoints> joints{};
+};
+
+/** The decision to hold `jerk` for one tick: x_c = qdd + jerk dt / 2 and tau_c = M x_c + b.
+Interventions are left as they are. */
+void holdJerk(const MotionState& nominal, const Dynamics& dynamics, const JointVector& jerk,
+              double tick_s, FilterDecision& decision);
+
+/** The decision to hold `acceleration` for one tick: tau_c = M x_c + b; the jerk is the difference
+quotient (acceleration - qdd) / dt. */
+void holdAcceleration(const MotionState& nominal, const Dynamics& dynamics,
+                      const JointVector& acceleration, double tick_s, FilterDecision& decision);
+
+/** Changes the desired torque so that limits of the nominal arm hold. */
+class SafetyFilter : public Plugin {
+public:
+    /** True when the filter guarantees every limit in every tick, from every start that configure()
+    and reset() accepted. The host holds it to that word: a limit broken under a promise ends the
+    run with exit code 3. False for laws that merely try. */
+    virtual bool promisesLimits() const = 0;
+
+    /** One tick. `nominal` is the nominal arm's state and `dynamics` belongs to it; `torque` is
+    tau_d, finite and of the right size. See FilterStatus for what the host does with `decision`. */
+    virtual FilterStatus filter(const MotionState& nominal, const JointVector& torque,
+                                const Dynamics& dynamics, FilterDecision& decision) = 0;
+};
+
+}  // namespace viable

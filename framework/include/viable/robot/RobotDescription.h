@@ -1,0 +1,97 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "viable/config/ConfigNode.h"
+#include "viable/core/JointLimits.h"
+#include "viable/core/JointTypes.h"
+
+namespace viable {
+
+enum class JointType { Revolute, Continuous, Prismatic };
+
+/** Mass [kg], centre of mass [m] and inertia tensor [kg m^2] about the centre of mass (standard
+sign: Ixy = -integral of x y dm), all in one frame's axes. */
+struct BodyInertia {
+    double mass = 0.0;
+    Eigen::Vector3d com = Eigen::Vector3d::Zero();
+    Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();
+};
+
+/** A moving joint and the rigid body behind it (its child link and all links fixed to that). */
+struct JointDescription {
+    std::string name;
+    std::string childLink;
+    JointType type = JointType::Revolute;
+    int parent = -1;              ///< index of the joint before it, -1 for the base
+    Eigen::Isometry3d placement;  ///< joint frame at q = 0, seen from the parent's moving frame
+    Eigen::Vector3d axis;         ///< unit vector, joint frame
+    BodyInertia body;             ///< in the joint's moving frame
+};
+
+/** tau_f(qd) = sign(qd) (coulomb + viscous (1 - exp(-|qd| / viscousVelocity))), output side. */
+struct JointFriction {
+    JointVector coulomb;          ///< [Nm], >= 0
+    JointVector viscous;          ///< [Nm], >= 0: what the viscous part saturates to
+    JointVector viscousVelocity;  ///< [rad/s], > 0
+};
+
+/** What drives the joints; every figure on the output side of the gear unless it says otherwise. */
+struct Actuation {
+    JointVector gearRatio;      ///< motor turns per joint turn
+    JointVector rotorInertia;   ///< [kg m^2], reflected: motor side times gear ratio squared
+    JointVector torqueLimit;    ///< [Nm], > 0, infinity where unknown
+    JointVector encoderCounts;  ///< counts per joint turn (0: no encoder figure)
+    JointFriction friction;
+};
+
+/** A robot as its folder describes it: kinematics and masses from <name>.urdf, limits and home pose
+from limits.yaml, motors and friction from actuation.yaml. Plain data. */
+struct RobotDescription {
+    std::string name;
+    std::filesystem::path folder;
+    std::vector<JointDescription> joints;  ///< parents before children, in URDF order
+    int toolParent = -1;                   ///< joint that carries the tool frame
+    std::string toolLink;
+    Eigen::Isometry3d toolPlacement;           ///< tool frame in that joint's moving frame
+    Eigen::Vector3d gravity{0.0, 0.0, -9.81};  ///< [m/s^2], base frame
+    JointLimits limits;
+    bool allowLargeAngles = false;
+    JointVector home;  ///< [rad]
+    Actuation actuation;
+
+    int size() const { return static_cast<int>(joints.size()); }
+    std::vector<std::string> jointNames() const;
+};
+
+/** Reads a robot folder; throws Error (BadInput) with file and place. */
+RobotDescription loadRobot(const std::filesystem::path& folder);
+
+/** The folder of a robot called `name` (or a path to one), looked up in `searchPath` in order; a
+miss lists the robots there are, the closest name and every folder tried.
+@param where  who asked, for the message */
+std::filesystem::path findRobot(const std::string& name,
+                                const std::vector<std::filesystem::path>& searchPath,
+                                const std::string& where);
+
+/** All robots in the search path, first folder of a name first. */
+std::vector<std::filesystem::path> listRobots(const std::vector<std::filesystem::path>& searchPath);
+
+/** Reads a `limits` block over `base`: each of position_rad, velocity_radps, acceleration_radps2
+and jerk_radps3 replaces that quantity, in one of the forms 3 | [1, 2, 3] both sides, symmetric
+about zero {lower: -1 | [...], upper: 2 | [...]}             each side {center: [...], half_range:
+[...]}                position only and allow_large_angles: true accepts position limits beyond 4
+pi. Does not call checkLimits. */
+JointLimits readLimits(const ConfigNode& block, const JointLimits& base, bool& allowLargeAngles);
+
+/** The description with a point mass fixed to the tool frame. @param offset  in the tool frame [m]
+ */
+RobotDescription withPayload(RobotDescription robot, double mass_kg, const Eigen::Vector3d& offset);
+
+/** The description with every body's mass and inertia multiplied by `factor` > 0 (one per joint).
+ */
+RobotDescription withScaledMasses(RobotDescription robot, const JointVector& factor);
+
+}  // namespace viable
