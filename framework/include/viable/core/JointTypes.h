@@ -42,4 +42,15 @@ struct MotionState {
     JointVector qdd;
 };
 
+/** True when `v` has n entries and all of them are finite. */
+inline bool isFinite(const JointVector& v, int n) {
+    return v.size() == n && v.allFinite();
+}
+inline bool isFinite(const JointState& s, int n) {
+    return isFinite(s.q, n) && isFinite(s.qd, n);
+}
+inline bool isFinite(const MotionState& s, int n) {
+    return isFinite(s.q, n) && isFinite(s.qd, n) && isFinite(s.qdd, n);
+}
+
 }  // namespace viable

@@ -77,12 +77,17 @@ struct PluginLibrary {
  * viable_plugin_library()`. */
 inline constexpr const char* kPluginSymbol = "viable_plugin_library";
 
-#if defined(__SANITIZE_ADDRESS__)
+#if defined(__has_feature)  // clang; gcc defines __SANITIZE_...__ instead
+#define VIABLE_HAS_FEATURE(feature) __has_feature(feature)
+#else
+#define VIABLE_HAS_FEATURE(feature) 0
+#endif
+#if defined(__SANITIZE_ADDRESS__) || VIABLE_HAS_FEATURE(address_sanitizer)
 #define VIABLE_SANITIZER_ADDRESS 1u
 #else
 #define VIABLE_SANITIZER_ADDRESS 0u
 #endif
-#if defined(__SANITIZE_THREAD__)
+#if defined(__SANITIZE_THREAD__) || VIABLE_HAS_FEATURE(thread_sanitizer)
 #define VIABLE_SANITIZER_THREAD 2u
 #else
 #define VIABLE_SANITIZER_THREAD 0u

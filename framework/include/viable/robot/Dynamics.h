@@ -15,4 +15,14 @@ struct Dynamics {
     ToolJacobian J;       ///< tool twist (linear, angular; base frame) = J qd
 };
 
+/** True when every member belongs to n joints and is finite. */
+bool isFinite(const Dynamics& dynamics, int n);
+
+/** The acceleration that `torque` causes: qdd = M^-1 (tau - b), by Cholesky. No allocation.
+Returns false, `qdd` untouched, when M is not positive definite. */
+bool calcForwardDynamics(const Dynamics& dynamics, const JointVector& torque, JointVector& qdd);
+
+/** The torque that causes `qdd`: tau = M qdd + b. No allocation. */
+void calcInverseDynamics(const Dynamics& dynamics, const JointVector& qdd, JointVector& torque);
+
 }  // namespace viable

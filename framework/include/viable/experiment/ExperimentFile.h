@@ -1,0 +1,50 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "viable/config/ConfigNode.h"
+#include "viable/plugin/Parameters.h"
+#include "viable/plugin/PluginLoader.h"
+#include "viable/robot/RobotDescription.h"
+
+namespace viable {
+
+/** A plugin that a case uses, found and with its parameters read, not yet made. */
+struct PluginChoice {
+    PluginInfo plugin;
+    Parameters parameters;
+};
+
+/** One case of an experiment, complete and checked: all that a run needs. */
+struct CasePlan {
+    std::string name;
+    RobotDescription robot;
+    JointLimits limits;
+    double tick_s = 0.0;
+    double duration_s = 0.0;
+    MotionState start;
+    PluginChoice command, controller, filter;
+    std::optional<PluginChoice> robustLoop;  ///< present exactly when realPlant is
+    std::optional<PluginChoice> realPlant;
+    ConfigNode resolved;  ///< the case as an experiment file of its own, every default filled in
+};
+
+/** An experiment file, read and checked: one question, several cases side by side. */
+struct Experiment {
+    std::filesystem::path file;
+    std::string title;
+    std::vector<CasePlan> cases;  ///< in file order, at least one
+};
+
+/** Reads an experiment file. Strict: an unknown, duplicate or missing key, a wrong size, range or
+name is an Error (BadInput) with file:line:column, key path, value and remedy.
+@param overrides    `key.path=value`, applied in order before anything is read (see applyOverride)
+@param robotPath    folders searched for robots, see findRobot */
+Experiment readExperiment(const std::filesystem::path& file,
+                          const std::vector<std::string>& overrides, const PluginLoader& loader,
+                          const std::vector<std::filesystem::path>& robotPath);
+
+}  // namespace viable

@@ -1,0 +1,251 @@
+#include "viable/experiment/ExperimentFile.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+#include "viable/core/Error.h"
+
+namespace viable {
+
+namespace {
+
+constexpr double kShortestTick_s = 1e-5;
+constexpr double kLongestTick_s = 0.1;
+constexpr double kLongestRun_s = 24.0 * 3600.0;
+
+/** What a case may override: everything but these. */
+const std::vector<std::string> kTopOnlyKeys = {"schema", "title", "cases"};
+
+ConfigNode makeScalar(const std::string& text, bool quoted = false) {
+    ConfigNode node;
+    node.kind = ConfigNode::Kind::Scalar;
+    node.text = text;
+    node.quoted = quoted;
+    return node;
+}
+
+ConfigNode makeNumber(double value) {
+    if (std::isinf(value)) return makeScalar(value > 0.0 ? ".inf" : "-.inf");
+    char text[32];
+    const auto end = std::to_chars(text, text + sizeof text, value).ptr;
+    return makeScalar(std::string(text, end));
+}
+
+ConfigNode makeList(const JointVector& values) {
+    ConfigNode node;
+    node.kind = ConfigNode::Kind::List;
+    for (double value : values) node.items.push_back(makeNumber(value));
+    return node;
+}
+
+ConfigNode makeMap(std::vector<std::pair<std::string, ConfigNode>> entries) {
+    ConfigNode node;
+    node.kind = ConfigNode::Kind::Map;
+    node.entries = std::move(entries);
+    return node;
+}
+
+ConfigNode makeBounds(const JointBounds& bounds) {
+    return makeMap({{"lower", makeList(bounds.lower)}, {"upper", makeList(bounds.upper)}});
+}
+
+MotionState readStart(const ConfigNode* block, const RobotDescription& robot) {
+    MotionState start;
+    start.q = robot.home;
+    start.qd.setZero(robot.size());
+    start.qdd.setZero(robot.size());
+    if (!block) return start;
+    ConfigMap map(*block);
+    if (const ConfigNode* node = map.find("position_rad"))
+        start.q = toJointVector(*node, robot.size());
+    if (const ConfigNode* node = map.find("velocity_radps"))
+        start.qd = toJointVector(*node, robot.size());
+    if (const ConfigNode* node = map.find("acceleration_radps2"))
+        start.qdd = toJointVector(*node, robot.size());
+    map.finish();
+    return start;
+}
+
+void checkStart(const MotionState& start, const JointLimits& limits, const RobotDescription& robot,
+                const std::string& where) {
+    const auto check = [&](const JointVector& value, const JointBounds& bounds,
+                           const char* quantity, const char* unit) {
+        for (int i = 0; i < robot.size(); ++i) {
+            const bool below = value[i] < bounds.lower[i];
+            if (!below && value[i] <= bounds.upper[i]) continue;
+            const double bound = below ? bounds.lower[i] : bounds.upper[i];
+            throw badInput(
+                where,
+                "the start " + std::string(quantity) + " of " + robot.joints[i].name + " is " +
+                    makeNumber(value[i]).text + " " + unit + ", outside its " +
+                    (below ? "lower" : "upper") + " limit " + makeNumber(bound).text + " by " +
+                    makeNumber(std::abs(value[i] - bound)).text,
+                "Start inside the limits (`start: {position_rad: [...]}`; without it the robot's "
+                "home pose is taken) or widen the limits.");
+        }
+    };
+    check(start.q, limits.position, "position", "rad");
+    check(start.qd, limits.velocity, "velocity", "rad/s");
+    check(start.qdd, limits.acceleration, "acceleration", "rad/s^2");
+}
+
+/** Reads one case: `node` is the file's root overlaid by the case. */
+class CaseReader {
+public:
+    CaseReader(const ConfigNode& node, const PluginLoader& loader,
+               const std::vector<std::filesystem::path>& robotPath)
+        : map_(node), loader_(loader), robotPath_(robotPath) {
+        for (const std::string& key : kTopOnlyKeys) map_.find(key);
+    }
+
+    CasePlan read(const std::string& name, const std::string& title) {
+        CasePlan plan;
+        plan.name = name;
+        const ConfigNode& robotNode = map_.require("robot");
+        plan.robot = loadRobot(findRobot(toText(robotNode), robotPath_, robotNode.place()));
+        const ConfigNode* tick = map_.find("tick_s");
+        plan.tick_s = tick ? toNumber(*tick, {kShortestTick_s, kLongestTick_s}) : 0.001;
+        plan.duration_s = toNumber(map_.require("duration_s"), {plan.tick_s, kLongestRun_s});
+
+        const ConfigNode* limits = map_.find("limits");
+        bool allowLargeAngles = plan.robot.allowLargeAngles;
+        plan.limits =
+            limits ? readLimits(*limits, plan.robot.limits, allowLargeAngles) : plan.robot.limits;
+        checkLimits(plan.limits, plan.tick_s, allowLargeAngles,
+                    limits ? limits->place() : plan.robot.folder.string() + "/limits.yaml",
+                    plan.robot.jointNames());
+        const ConfigNode* start = map_.find("start");
+        plan.start = readStart(start, plan.robot);
+        checkStart(plan.start, plan.limits, plan.robot, start ? start->place() : map_.node().file);
+
+        plan.command =
+            readPlugin(map_.require("command"), PluginKind::CommandSource, plan.robot.size());
+        plan.controller = readPlugin(map_.require("controller"), PluginKind::NominalController,
+                                     plan.robot.size());
+        plan.filter =
+            readPlugin(map_.require("filter"), PluginKind::SafetyFilter, plan.robot.size());
+        const ConfigNode* robustLoop = map_.find("robust_loop");
+        const ConfigNode* realPlant = map_.find("real_plant");
+        if (robustLoop && !realPlant)
+            throw badInput(robustLoop->place(),
+                           "there is a robust_loop but no real_plant for it to act on",
+                           "Add `real_plant: {plugin: simbody}` or remove robust_loop.");
+        if (realPlant && !robustLoop)
+            throw badInput(
+                realPlant->place(), "there is a real_plant but no robust_loop",
+                "Add `robust_loop: {plugin: nric}`, or `robust_loop: {plugin: none}` to run the "
+                "real arm on the filter's torque alone.");
+        if (realPlant) {
+            plan.robustLoop = readPlugin(*robustLoop, PluginKind::RobustLoop, plan.robot.size());
+            plan.realPlant = readPlugin(*realPlant, PluginKind::RealPlant, plan.robot.size());
+        }
+        map_.finish();
+        plan.resolved = resolve(plan, title, allowLargeAngles, toText(robotNode));
+        return plan;
+    }
+
+private:
+    PluginChoice readPlugin(const ConfigNode& block, PluginKind kind, int joints) const {
+        if (block.kind != ConfigNode::Kind::Map || !block.find("plugin"))
+            throw badInput(
+                block.place(), "the block must name a plugin",
+                "Write `{plugin: NAME, ...parameters}`; `viable plugins` lists the names.");
+        const ConfigNode& name = *block.find("plugin");
+        const PluginInfo info = loader_.find(kind, toText(name), name.place(),
+                                             std::filesystem::path(block.file).parent_path());
+        return {info,
+                readParameters(block, info.entry->parameters, info.entry->parameterCount, joints)};
+    }
+
+    static ConfigNode resolve(const CasePlan& plan, const std::string& title, bool allowLargeAngles,
+                              const std::string& robotText) {
+        ConfigNode limits = makeMap({{"position_rad", makeBounds(plan.limits.position)},
+                                     {"velocity_radps", makeBounds(plan.limits.velocity)},
+                                     {"acceleration_radps2", makeBounds(plan.limits.acceleration)},
+                                     {"jerk_radps3", makeBounds(plan.limits.jerk)}});
+        if (allowLargeAngles) limits.entries.emplace_back("allow_large_angles", makeScalar("true"));
+        ConfigNode node =
+            makeMap({{"schema", makeScalar("1")},
+                     {"title", makeScalar(title, true)},
+                     {"robot", makeScalar(robotText)},
+                     {"duration_s", makeNumber(plan.duration_s)},
+                     {"tick_s", makeNumber(plan.tick_s)},
+                     {"start", makeMap({{"position_rad", makeList(plan.start.q)},
+                                        {"velocity_radps", makeList(plan.start.qd)},
+                                        {"acceleration_radps2", makeList(plan.start.qdd)}})},
+                     {"limits", limits},
+                     {"command", plan.command.parameters.resolved()},
+                     {"controller", plan.controller.parameters.resolved()}});
+        if (plan.realPlant) {
+            node.entries.emplace_back("robust_loop", plan.robustLoop->parameters.resolved());
+            node.entries.emplace_back("real_plant", plan.realPlant->parameters.resolved());
+        }
+        node.entries.emplace_back(
+            "cases",
+            makeMap({{plan.name, makeMap({{"filter", plan.filter.parameters.resolved()}})}}));
+        return node;
+    }
+
+    ConfigMap map_;
+    const PluginLoader& loader_;
+    const std::vector<std::filesystem::path>& robotPath_;
+};
+
+/** Case names become file names. */
+void checkCaseName(const std::string& name, const ConfigNode& node) {
+    const bool plain = !name.empty() && name.size() <= 64 &&
+                       std::all_of(name.begin(), name.end(), [](unsigned char c) {
+                           return std::isalnum(c) || c == '_' || c == '-' || c == '+';
+                       });
+    if (!plain)
+        throw badInput(
+            node.place(), "'" + name + "' cannot be the name of a case",
+            "Use 1 to 64 letters, digits, '_', '-' or '+': the name becomes a file name.");
+}
+
+}  // namespace
+
+Experiment readExperiment(const std::filesystem::path& file,
+                          const std::vector<std::string>& overrides, const PluginLoader& loader,
+                          const std::vector<std::filesystem::path>& robotPath) {
+    ConfigNode root = readConfigFile(file);
+    for (const std::string& assignment : overrides) applyOverride(root, assignment);
+
+    Experiment experiment;
+    experiment.file = file;
+    {
+        ConfigMap top(root);
+        const std::int64_t schema = toInteger(top.require("schema"), 0, 1000000);
+        if (schema != 1)
+            throw badInput(root.find("schema")->place(),
+                           "schema is " + std::to_string(schema) + ", this program reads 1",
+                           "Use the version of viable that the file was written for.");
+        experiment.title = toText(top.require("title"));
+        const ConfigNode& cases = top.require("cases");
+        if (cases.kind != ConfigNode::Kind::Map || cases.entries.empty())
+            throw badInput(cases.place(), "cases must be a map with at least one case",
+                           "Write for example `cases: {mine: {filter: {plugin: tosbp}}}`.");
+    }
+    ConfigNode shared = root;
+    shared.entries.erase(std::remove_if(shared.entries.begin(), shared.entries.end(),
+                                        [](const auto& entry) { return entry.first == "cases"; }),
+                         shared.entries.end());
+    for (const auto& [name, node] : root.find("cases")->entries) {
+        checkCaseName(name, node);
+        ConfigNode own = node;
+        if (own.kind == ConfigNode::Kind::Empty) own.kind = ConfigNode::Kind::Map;
+        if (own.kind != ConfigNode::Kind::Map)
+            throw badInput(node.place(), "a case must be a map of the keys that it changes");
+        for (const std::string& key : kTopOnlyKeys)
+            if (const ConfigNode* misplaced = own.find(key))
+                throw badInput(misplaced->place(),
+                               "'" + key + "' belongs to the top of the file, not to a case");
+        const ConfigNode merged = overlay(shared, own);
+        experiment.cases.push_back(
+            CaseReader(merged, loader, robotPath).read(name, experiment.title));
+    }
+    return experiment;
+}
+
+}  // namespace viable

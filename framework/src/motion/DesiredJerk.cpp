@@ -1,0 +1,20 @@
+#include "viable/motion/DesiredJerk.h"
+
+namespace viable {
+
+void DesiredJerk::configure(double gamma, double tick_s, const JointBounds& jerk) {
+    gamma_ = gamma;
+    tick_s_ = tick_s;
+    jerkLimits_ = jerk;
+    reset();
+}
+
+void DesiredJerk::calc(const JointVector& qdd, const JointVector& desired, JointVector& jerk) {
+    if (!hasLast_) last_ = desired;
+    hasLast_ = true;
+    jerk = (desired - last_) / tick_s_ - gamma_ * (qdd - desired);
+    jerk = jerk.cwiseMax(jerkLimits_.lower).cwiseMin(jerkLimits_.upper);
+    last_ = desired;
+}
+
+}  // namespace viable

@@ -1,0 +1,112 @@
+#include "AccelerationViability.h"
+
+#include <cmath>
+
+#include "viable/core/Error.h"
+#include "viable/plugin/PluginExport.h"
+
+namespace viable {
+
+namespace {
+
+const ParameterSpec kParameters[] = {
+    parameter::number("k_alpha", "1/s", "5.0",
+                      "Slope of alpha: how fast the position limit may be approached; "
+                      "k_alpha * tick_s must not exceed 1.")
+        .above(0),
+};
+
+}  // namespace
+
+void AccelerationViability::configure(const RunSetup& setup, const Parameters& parameters) {
+    n_ = setup.size();
+    tick_s_ = setup.tick_s;
+    kAlpha_ = parameters.number("k_alpha");
+    limits_ = setup.limits;
+    if (kAlpha_ * tick_s_ > 1.0)
+        throw badInput(
+            parameters.place("k_alpha"),
+            "k_alpha * tick_s is " + std::to_string(kAlpha_ * tick_s_) + ", allowed (0, 1]",
+            "Choose k_alpha at most 1 / tick_s.");
+    if (!limits_.acceleration.lower.allFinite() || !limits_.acceleration.upper.allFinite())
+        throw badInput(
+            parameters.place("k_alpha"),
+            "the filter acceleration_viability needs a finite acceleration limit on every joint",
+            "Set limits.acceleration_radps2.");
+}
+
+void AccelerationViability::reset(const MotionState&) {
+    qp_.reset();
+}
+
+AccelerationViability::Bound AccelerationViability::calcUpperBound(double v, double toLimit,
+                                                                   double V, double A,
+                                                                   double Ad) const {
+    Bound bound{A, LimitKind::Acceleration};
+    const double velocityBound = (V - v) / tick_s_;
+    if (velocityBound < bound.value) bound = {velocityBound, LimitKind::Velocity};
+    if (v > 0.0) {
+        const double h = toLimit - v * v / (2.0 * Ad);
+        // alpha(h) / v only where it restricts: v may be tiny and h may have passed zero.
+        const double positionBound = h <= 0.0 ? -Ad
+                                     : kAlpha_ * h >= v * (A / Ad + 1.0)
+                                         ? A
+                                         : Ad * (kAlpha_ * h / v - 1.0);
+        if (positionBound < bound.value) bound = {positionBound, LimitKind::Position};
+    }
+    return bound;
+}
+
+FilterStatus AccelerationViability::filter(const MotionState& nominal, const JointVector& torque,
+                                           const Dynamics& dynamics, FilterDecision& decision) {
+    if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_))
+        return FilterStatus::InvalidInput;
+    if (!calcForwardDynamics(dynamics, torque, desired_)) return FilterStatus::Faulted;
+
+    bool infeasible = false;
+    Bound lowerBounds[kMaxJoints], upperBounds[kMaxJoints];
+    lower_.resize(n_);
+    upper_.resize(n_);
+    for (int i = 0; i < n_; ++i) {
+        const AxisLimits l = limits_.axis(i);
+        const double q = nominal.q[i], v = nominal.qd[i];
+        const double A = l.accelerationUpper, B = -l.accelerationLower;
+        Bound upper = calcUpperBound(v, l.positionUpper - q, l.velocityUpper, A, B);
+        Bound lower = calcUpperBound(-v, q - l.positionLower, -l.velocityLower, B, A);
+        lower.value = -lower.value;
+        if (lower.value > upper.value) {  // brake as hard as allowed
+            infeasible = true;
+            const double brake = v > 0.0 ? l.accelerationLower : l.accelerationUpper;
+            upper.value = lower.value = brake;
+        }
+        lower_[i] = lower.value;
+        upper_[i] = upper.value;
+        lowerBounds[i] = lower;
+        upperBounds[i] = upper;
+    }
+    const BoxQp::Status solved = qp_.solve(dynamics.M, desired_, lower_, upper_, acceleration_);
+    holdAcceleration(nominal, dynamics, acceleration_, tick_s_, decision);
+    for (int i = 0; i < n_; ++i) {
+        JointIntervention& joint = decision.joints[i];
+        joint = {};
+        if (acceleration_[i] >= upper_[i] && desired_[i] > upper_[i])
+            joint = {upperBounds[i].limit, LimitSide::Upper, 0.0};
+        else if (acceleration_[i] <= lower_[i] && desired_[i] < lower_[i])
+            joint = {lowerBounds[i].limit, LimitSide::Lower, 0.0};
+        const AxisLimits l = limits_.axis(i);
+        const double v = nominal.qd[i];
+        joint.margin = v >= 0.0
+                           ? l.positionUpper - nominal.q[i] + v * v / (2.0 * l.accelerationLower)
+                           : nominal.q[i] - l.positionLower - v * v / (2.0 * l.accelerationUpper);
+    }
+    if (infeasible) return FilterStatus::Infeasible;
+    if (solved != BoxQp::Status::TargetInside) return FilterStatus::Modified;
+    decision.torque = torque;
+    return FilterStatus::Passed;
+}
+
+}  // namespace viable
+
+VIABLE_PLUGIN(viable::SafetyFilter, viable::AccelerationViability, "acceleration_viability",
+              "Keeps position, velocity and acceleration limits, not jerk (the paper's C1 and S2).",
+              viable::kParameters)

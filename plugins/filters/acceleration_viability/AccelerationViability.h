@@ -1,0 +1,42 @@
+#pragma once
+
+#include "viable/motion/BoxQp.h"
+#include "viable/plugin/SafetyFilter.h"
+
+namespace viable {
+
+/** Keeps position, velocity and acceleration limits, and lets the jerk be what it may (C1 and S2 of
+the paper).
+
+Method: the acceleration x of each joint, nearest to the desired one in torque (13), subject to
+    position       x <= Ad (alpha(h) / v - 1),  h = P - p - v^2 / (2 Ad),  for v > 0   (paper, eq.
+16) velocity       v + x dt <= V acceleration   x <= A and the mirror image below; alpha(h) =
+k_alpha h, Ad the deceleration limit [rad/s^2]. Assumes: acceleration can change at once. Guarantees
+nothing about jerk; the position limit is derived for continuous time, so ticks may pass it a
+little. Real time: no allocation, lock or throw after configure(). */
+class AccelerationViability : public SafetyFilter {
+public:
+    void configure(const RunSetup& setup, const Parameters& parameters) override;
+    void reset(const MotionState& start) override;
+    bool promisesLimits() const override { return false; }
+    FilterStatus filter(const MotionState& nominal, const JointVector& torque,
+                        const Dynamics& dynamics, FilterDecision& decision) override;
+
+private:
+    /** An end of one joint's interval and the limit that put it there. */
+    struct Bound {
+        double value;
+        LimitKind limit;
+    };
+    /** The largest acceleration in the direction of growing position; `toLimit` = P - p. */
+    Bound calcUpperBound(double v, double toLimit, double V, double A, double Ad) const;
+
+    int n_ = 0;
+    double tick_s_ = 0.0;
+    double kAlpha_ = 0.0;
+    JointLimits limits_;
+    BoxQp qp_;
+    JointVector desired_, acceleration_, lower_, upper_;
+};
+
+}  // namespace viable

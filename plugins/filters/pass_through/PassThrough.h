@@ -1,0 +1,25 @@
+#pragma once
+
+#include "viable/plugin/SafetyFilter.h"
+
+namespace viable {
+
+/** Leaves the torque alone: what the controller would do without any limit.
+
+Promises nothing. The nominal arm moves with the acceleration of the desired torque, held for a
+tick. Real time: no allocation, lock or throw after configure(). */
+class PassThrough : public SafetyFilter {
+public:
+    void configure(const RunSetup& setup, const Parameters& parameters) override;
+    void reset(const MotionState& start) override;
+    bool promisesLimits() const override { return false; }
+    FilterStatus filter(const MotionState& nominal, const JointVector& torque,
+                        const Dynamics& dynamics, FilterDecision& decision) override;
+
+private:
+    int n_ = 0;
+    double tick_s_ = 0.0;
+    JointVector acceleration_;
+};
+
+}  // namespace viable
