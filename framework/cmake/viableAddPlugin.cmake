@@ -1,12 +1,19 @@
+include(GNUInstallDirs)
+
 # viable_add_plugin(NAME KIND command|controller|filter|robust_loop|plant SOURCES file...)
 #
 # Builds viable_<KIND>_<NAME>.so, a plugin library that `viable` finds by its name. The objects also stand as
-# the target viable_<KIND>_<NAME>_objects, so that a test can link the class itself.
+# the target viable_<KIND>_<NAME>_objects, so that a test can link the class itself. The global property
+# VIABLE_PLUGIN_TARGETS lists all libraries, for those that need every plugin built.
 function(viable_add_plugin name)
   cmake_parse_arguments(arg "" "KIND" "SOURCES" ${ARGN})
   if(NOT arg_KIND MATCHES "^(command|controller|filter|robust_loop|plant)$")
     message(FATAL_ERROR "viable_add_plugin(${name}): KIND must be command, controller, filter, "
                         "robust_loop or plant, not '${arg_KIND}'")
+  endif()
+  if(NOT arg_SOURCES OR arg_UNPARSED_ARGUMENTS)
+    message(FATAL_ERROR "viable_add_plugin(${name}): give SOURCES file... and nothing else "
+                        "(not understood: '${arg_UNPARSED_ARGUMENTS}')")
   endif()
   if(NOT name MATCHES "^[a-z][a-z0-9_]*$")
     message(FATAL_ERROR "viable_add_plugin(${name}): the name must be snake_case")
@@ -26,5 +33,6 @@ function(viable_add_plugin name)
   if(CMAKE_CXX_FLAGS MATCHES "-fsanitize")  # the sanitizer's runtime comes with the program
     target_link_options(${target} PRIVATE -Wl,-z,undefs)
   endif()
+  set_property(GLOBAL APPEND PROPERTY VIABLE_PLUGIN_TARGETS ${target})
   install(TARGETS ${target} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/viable/plugins)
 endfunction()

@@ -1,9 +1,9 @@
 #include "viable/experiment/ExperimentFile.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 
+#include "core/NumberText.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -27,9 +27,7 @@ ConfigNode makeScalar(const std::string& text, bool quoted = false) {
 
 ConfigNode makeNumber(double value) {
     if (std::isinf(value)) return makeScalar(value > 0.0 ? ".inf" : "-.inf");
-    char text[32];
-    const auto end = std::to_chars(text, text + sizeof text, value).ptr;
-    return makeScalar(std::string(text, end));
+    return makeScalar(detail::formatNumber(value));
 }
 
 ConfigNode makeList(const JointVector& values) {

@@ -52,6 +52,121 @@ bool solveFree(const Square& A, const int* free, int m, const double* rhs, doubl
     return true;
 }
 
+/** The state of the dual active-set method: joints on a bound (`side` -1 or +1), the others free,
+`d` the optimum for that set, every joint on a bound pressing against it. */
+struct ActiveSet {
+    const Square& A;
+    const double* lo;
+    const double* hi;
+    int n;
+    signed char* side;
+    double d[kMaxJoints] = {};
+
+    double calcGradient(int i, const double* v) const {
+        double sum = 0.0;
+        for (int k = 0; k < n; ++k) sum += A[i][k] * v[k];
+        return sum;
+    }
+
+    /** d for the present set. False when the free block is not positive definite. */
+    bool solve() {
+        int free[kMaxJoints], m = 0;
+        for (int i = 0; i < n; ++i) {
+            if (side[i] == 0)
+                free[m++] = i;
+            else
+                d[i] = side[i] < 0 ? lo[i] : hi[i];
+        }
+        double rhs[kMaxJoints], y[kMaxJoints];
+        for (int k = 0; k < m; ++k) {
+            rhs[k] = 0.0;
+            for (int i = 0; i < n; ++i)
+                if (side[i] != 0) rhs[k] -= A[free[k]][i] * d[i];
+        }
+        if (m > 0 && !solveFree(A, free, m, rhs, y)) return false;
+        for (int k = 0; k < m; ++k) d[free[k]] = y[k];
+        return true;
+    }
+
+    double calcTolerance() const {
+        double largest = 0.0;
+        for (int i = 0; i < n; ++i) largest = std::max(largest, std::abs(d[i]));
+        return BoxQp::kKktTolerance * largest;
+    }
+
+    /** Frees the joints that pull away from their bound; true when there were any. */
+    bool dropReleased() {
+        bool dropped = false;
+        for (int i = 0; i < n; ++i) {
+            if (side[i] != 0 && side[i] * calcGradient(i, d) > 0.0) {
+                side[i] = 0;
+                dropped = true;
+            }
+        }
+        return dropped;
+    }
+
+    /** The free joint farthest outside its box, or -1. */
+    int findWorst() const {
+        int worst = -1;
+        double excess = calcTolerance();
+        for (int i = 0; i < n; ++i) {
+            if (side[i] != 0) continue;
+            const double e = std::max(lo[i] - d[i], d[i] - hi[i]);
+            if (e > excess) {
+                excess = e;
+                worst = i;
+            }
+        }
+        return worst;
+    }
+
+    /** Moves free joint `joint` towards the bound that it violates, the joints on a bound held.
+    Either it arrives (`added`), or another joint lets go of its bound first and is freed. */
+    bool stepTowards(int joint, bool& added) {
+        const bool below = d[joint] < lo[joint];
+        const double s = below ? 1.0 : -1.0;
+        int free[kMaxJoints], m = 0;
+        double rhs[kMaxJoints], y[kMaxJoints], z[kMaxJoints] = {};
+        for (int i = 0; i < n; ++i)
+            if (side[i] == 0) {
+                rhs[m] = i == joint ? s : 0.0;
+                free[m++] = i;
+            }
+        if (!solveFree(A, free, m, rhs, y)) return false;
+        for (int k = 0; k < m; ++k) z[free[k]] = y[k];
+
+        const double missing = below ? lo[joint] - d[joint] : d[joint] - hi[joint];
+        double length = missing / (s * z[joint]);
+        int released = -1;
+        for (int i = 0; i < n; ++i) {
+            if (side[i] == 0) continue;
+            const double pressure = -side[i] * calcGradient(i, d);  // >= 0
+            const double rate = -side[i] * calcGradient(i, z);
+            if (rate < 0.0 && std::max(pressure, 0.0) < -rate * length) {
+                length = std::max(pressure, 0.0) / -rate;
+                released = i;
+            }
+        }
+        for (int i = 0; i < n; ++i) d[i] += length * z[i];
+        if (released >= 0)
+            side[released] = 0;
+        else
+            side[joint] = below ? -1 : 1;
+        added = released < 0;
+        return true;
+    }
+
+    /** Coordinate descent from the clamped target: every step lowers the objective inside the box.
+     */
+    void descend() {
+        for (int i = 0; i < n; ++i) d[i] = std::min(std::max(0.0, lo[i]), hi[i]);
+        for (int sweep = 0; sweep < BoxQp::kMaxRounds; ++sweep)
+            for (int i = 0; i < n; ++i)
+                d[i] = std::min(std::max(d[i] - calcGradient(i, d), lo[i]), hi[i]);
+    }
+};
+
 }  // namespace
 
 BoxQp::Status BoxQp::solve(const JointMatrix& M, const JointVector& target,
@@ -77,92 +192,46 @@ BoxQp::Status BoxQp::solve(const JointMatrix& M, const JointVector& target,
         if (side_[i] < 0 && !std::isfinite(lo[i])) side_[i] = 0;
         if (side_[i] > 0 && !std::isfinite(hi[i])) side_[i] = 0;
     }
+    ActiveSet set{A, lo, hi, n, side_.data()};
 
-    double d[kMaxJoints] = {};
-    int bestCount = n + 1;
-    int patience = 3;  // block exchanges allowed without progress before single pivots take over
-    bool solved = false;
-    while (rounds_ < kMaxRounds) {
+    // First guess: the joints that stood on a bound last time, as far as they still press against
+    // it.
+    bool solvable = true;
+    do {
         ++rounds_;
-        int free[kMaxJoints], m = 0;
-        double largest = 0.0;
-        for (int i = 0; i < n; ++i) {
-            if (side_[i] == 0) {
-                free[m++] = i;
-            } else {
-                d[i] = side_[i] < 0 ? lo[i] : hi[i];
-                largest = std::max(largest, std::abs(d[i]));
-            }
-        }
-        double rhs[kMaxJoints], y[kMaxJoints];
-        for (int k = 0; k < m; ++k) {
-            rhs[k] = 0.0;
-            for (int i = 0; i < n; ++i)
-                if (side_[i] != 0) rhs[k] -= A[free[k]][i] * d[i];
-        }
-        if (m > 0 && !solveFree(A, free, m, rhs, y)) break;
-        for (int k = 0; k < m; ++k) {
-            d[free[k]] = y[k];
-            largest = std::max(largest, std::abs(y[k]));
-        }
+        solvable = set.solve();
+    } while (solvable && rounds_ < kMaxRounds && set.dropReleased());
 
-        // What stands on the wrong side: free joints outside the box, fixed ones that want to come
-        // off.
-        const double tolerance = kKktTolerance * largest;
-        signed char wanted[kMaxJoints];
-        int count = 0, last = -1;
-        for (int i = 0; i < n; ++i) {
-            wanted[i] = side_[i];
-            if (side_[i] == 0) {
-                if (d[i] < lo[i] - tolerance) wanted[i] = -1;
-                if (d[i] > hi[i] + tolerance) wanted[i] = 1;
-            } else {
-                double gradient = 0.0;
-                for (int k = 0; k < n; ++k) gradient += A[i][k] * d[k];
-                if (side_[i] < 0 ? gradient < -tolerance : gradient > tolerance) wanted[i] = 0;
-            }
-            if (wanted[i] != side_[i]) {
-                ++count;
-                last = i;
-            }
-        }
-        if (count == 0) {
+    // Then one violated bound after the other: the dual objective grows with every step, so no set
+    // recurs.
+    bool solved = false;
+    while (solvable && rounds_ < kMaxRounds) {
+        const int joint = set.findWorst();
+        if (joint < 0) {
             solved = true;
             break;
         }
-        if (count < bestCount) {
-            bestCount = count;
-            patience = 3;
-        } else {
-            --patience;
+        bool added = false;
+        while (solvable && !added && rounds_ < kMaxRounds) {
+            ++rounds_;
+            solvable = set.stepTowards(joint, added);
         }
-        if (patience >= 0) {
-            std::copy(wanted, wanted + n, side_.begin());
-        } else {
-            side_[last] = wanted[last];  // Murty: largest index; cannot cycle on a definite matrix
+        if (solvable && added) {
+            ++rounds_;
+            solvable = set.solve();  // anew, so that errors of the steps do not add up
         }
     }
 
     if (!solved) {
-        // Coordinate descent from the clamped target: every step lowers the objective inside the
-        // box.
-        for (int i = 0; i < n; ++i) d[i] = std::min(std::max(0.0, lo[i]), hi[i]);
-        for (int sweep = 0; sweep < kMaxRounds; ++sweep) {
-            for (int i = 0; i < n; ++i) {
-                double gradient = 0.0;
-                for (int k = 0; k < n; ++k) gradient += A[i][k] * d[k];
-                d[i] = std::min(std::max(d[i] - gradient, lo[i]), hi[i]);
-            }
-        }
+        reset();
+        set.descend();
     }
     for (int i = 0; i < n; ++i) {
-        const double value = target[i] + d[i] * scale[i];
+        const double value = target[i] + set.d[i] * scale[i];
         x[i] = side_[i] < 0   ? lower[i]
                : side_[i] > 0 ? upper[i]
                               : std::min(std::max(value, lower[i]), upper[i]);
-        if (!solved) x[i] = std::min(std::max(value, lower[i]), upper[i]);
     }
-    if (!solved) reset();
     return solved ? Status::Solved : Status::RoundLimit;
 }
 

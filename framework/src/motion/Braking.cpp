@@ -115,10 +115,15 @@ bool GridStop::plan(double v, double a, const AxisLimits& limits, double tick_s)
             stretches_[2] = {n3, j3};
             return true;
         }
-        const int step = 1 + round / 8;  // gentle at first; far outside the limits it must move on
-        if (!accelerationFits) n2 += step;
-        if (!firstFits) n1 += step;
-        if (!lastFits) n3 += step;
+        if (!accelerationFits) {
+            const double a2 = a1 > 0.0 ? limits.accelerationUpper : limits.accelerationLower;
+            const double t2Needed = -(v + a * t1 / 2.0) / a2 - t1 / 2.0 - t3 / 2.0;
+            n2 = std::max(n2 + 1, roundUpToTicks(t2Needed, tick_s));
+        }
+        // Near the switching curve one phase is short and its jerk sensitive: growing by halves is
+        // quick there.
+        if (!firstFits) n1 += (n1 + 1) / 2;
+        if (!lastFits) n3 += (n3 + 7) / 8;
     }
     // Outside the limits: first acceleration to zero, then the remaining velocity in one even ramp
     // pair.

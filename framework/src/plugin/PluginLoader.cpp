@@ -5,7 +5,10 @@
 #include <link.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstddef>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
@@ -16,8 +19,8 @@
 
 #include "plugin/FloatingPointGuard.h"
 
-#ifndef VIABLE_INSTALL_LIBDIR  // set by the build; only the place of installed plugins depends on
-                               // it
+// The build says where plugins are installed below the prefix.
+#ifndef VIABLE_INSTALL_LIBDIR
 #define VIABLE_INSTALL_LIBDIR "lib"
 #endif
 

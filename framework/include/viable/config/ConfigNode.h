@@ -20,9 +20,9 @@ struct ConfigNode {
     enum class Kind { Empty, Scalar, List, Map };
 
     Kind kind = Kind::Empty;
-    std::string text;               ///< of a Scalar, as written (without quotes)
-    bool quoted = false;            ///< the Scalar stood in quotes: it is text, never a number
-    std::vector<ConfigNode> items;  ///< of a List
+    std::string text;     ///< of a Scalar, as written (without quotes)
+    bool quoted = false;  ///< the Scalar stood in quotes, or must when written: never a number
+    std::vector<ConfigNode> items;                            ///< of a List
     std::vector<std::pair<std::string, ConfigNode>> entries;  ///< of a Map, in file order
 
     std::string file;     ///< as given by the user; "--set" for an override
@@ -37,9 +37,10 @@ struct ConfigNode {
     ConfigNode* find(const std::string& key);
 };
 
-/** Bounds of the work that a configuration file may cause. */
+/** Bounds of the work that a configuration file may cause: any file within or beyond them is read
+or refused in about 0.1 s. Nodes are keys and values together. */
 inline constexpr std::uintmax_t kMaxConfigBytes = 1u << 20;
-inline constexpr int kMaxConfigNodes = 100000;
+inline constexpr int kMaxConfigNodes = 50000;
 inline constexpr int kMaxConfigDepth = 32;
 
 /** Reads a whole file; throws Error (BadInput) with the place of the first fault. UTF-8 with or
@@ -54,8 +55,9 @@ ConfigNode parseConfig(const std::string& text, const std::string& fileName);
 std::string writeConfig(const ConfigNode& node);
 
 /** Replaces or adds one entry: `assignment` is `key.path=value`, value in YAML (`3`, `[1, 2]`,
-`{plugin: nric}`, `text`). Missing maps on the way are made. Setting the `plugin` of a block to
-another plugin drops that block's other entries, which belonged to the plugin before. */
+`{plugin: nric}`, `text`); `key[2]` is an existing entry of a list. Missing maps on the way are
+made. Setting the `plugin` of a block to another plugin drops that block's other entries, which
+belonged to the plugin before. */
 void applyOverride(ConfigNode& root, const std::string& assignment);
 
 /** `base` overlaid by `top`: maps entry by entry, anything else replaced as a whole; a block whose

@@ -56,12 +56,15 @@ double precision at the given tick can resolve. */
 inline constexpr double kShortestRamp_s = 1e-6;
 inline constexpr double kLongestRamp_s = 1e4;
 
-/** Position limits beyond this many radians need `allow_large_angles`: they are usually degrees. */
+/** Position limits beyond this many radians need `allow_large_angles`: they are usually degrees.
+kLargestLimit bounds them in any case. */
 inline constexpr double kLargestAngle_rad = 4.0 * 3.14159265358979323846;
 
 /** Throws Error (BadInput) unless every joint's limits are usable at the given tick: ordered, of
 the right sign, inside the windows above, an acceleration range of at least one tick of jerk (A >= J
-dt), and a position range that holds one tick of jerk and its stop (8 J dt^3).
+dt), and a position range that holds one tick of jerk and its stop (8 J dt^3). J is the larger
+side's; an unlimited jerk has neither condition. The message names joint, limit, side, value and
+allowed range.
 @param where  place of the limits, for the message  */
 void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles,
                  const std::string& where, const std::vector<std::string>& jointNames);

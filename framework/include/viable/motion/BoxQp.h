@@ -10,16 +10,16 @@ namespace viable {
 
     minimise |M (x - target)|^2   subject to   lower <= x <= upper                 (paper, eq. 13)
 
-Method: block principal pivoting on the set of free joints, with Murty's single pivots when the
-blocks do not settle (Judice and Pires 1994); each round solves one Cholesky system of the free
-joints, scaled to unit diagonal, with one step of iterative refinement. The free set of the last
-call is the first guess. Assumes: M invertible, lower <= upper, all finite or infinite bounds,
-target finite. Guarantees: the result lies in the box exactly; where the target does, the result is
-the target bit for bit. Real time: no allocation, lock or throw; at most kMaxRounds Cholesky solves.
+Method: dual active set (Goldfarb and Idnani 1983, for bounds only), started from the joints that
+stood on a bound in the last call; each round solves one Cholesky system of the free joints, scaled
+to unit diagonal, with one step of iterative refinement. Assumes: M invertible, lower <= upper, all
+finite or infinite bounds, target finite. Guarantees: the result lies in the box exactly; where the
+target does, the result is the target bit for bit. Real time: no allocation, lock or throw; at most
+kMaxRounds Cholesky solves.
 */
 class BoxQp {
 public:
-    static constexpr int kMaxRounds = 100;
+    static constexpr int kMaxRounds = 250;
 
     enum class Status : unsigned char {
         TargetInside,  ///< the target is admissible: nothing was solved

@@ -1,0 +1,69 @@
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "viable/experiment/ControlLoop.h"
+#include "viable/experiment/ExperimentFile.h"
+#include "viable/experiment/Summary.h"
+
+namespace viable {
+
+/** A case whose plugins are made and configured. The plan must outlive it. */
+struct ConfiguredCase {
+    RunSetup setup;
+    LoopPlugins plugins;
+};
+
+/** Makes and configures the plugins of a case, and checks that they fit together. Throws Error:
+BadInput for what the file says, PluginFailed when a plugin throws anything else. */
+std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan);
+
+struct RunOptions {
+    std::filesystem::path log;  ///< log file to create; empty: none
+    /** Becomes non-zero when the user wants the run to end: the arm is braked, the log finished.
+     * May be null. */
+    const std::atomic<int>* stopRequest = nullptr;
+    /** Called now and then with the share done (0..1), from the running thread, between ticks. May
+     * be empty. */
+    std::function<void(double)> progress;
+};
+
+/** What came of a run. */
+struct CaseResult {
+    std::string name;
+    std::string filter;      ///< plugin names, for tables
+    std::string robustLoop;  ///< empty: no real plant
+    std::string realPlant;
+    Summary summary;
+    double simulated_s = 0.0;
+    double wall_s = 0.0;
+    StopReason stopReason = StopReason::None;
+    std::string
+        stopMessage;  ///< one sentence that names plugin, time and cause; empty without a stop
+    double stopTime_s = 0.0;
+    std::filesystem::path log;
+    std::string logError;  ///< empty: every row was written
+    std::int64_t logRows = 0;
+
+    /** 0, or the ErrorKind's number: broken promise before failed plugin before lost log. */
+    int exitCode() const;
+};
+
+/** Runs a case to its end, or to the end of the stop that a failure or a request caused. Throws
+Error only before the first tick (configuration, log file). */
+CaseResult runCase(const CasePlan& plan, const RunOptions& options);
+
+/** One line per case: worst use of each limit, ticks outside, empty ticks, tracking error, time per
+ * tick. */
+std::string formatComparison(const std::vector<CaseResult>& results);
+
+/** The whole account of one case in about ten lines. */
+std::string formatDetails(const CasePlan& plan, const CaseResult& result);
+
+/** All cases as JSON, for summary.json. */
+std::string writeSummaryJson(const Experiment& experiment, const std::vector<CaseResult>& results);
+
+}  // namespace viable

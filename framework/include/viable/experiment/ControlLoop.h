@@ -1,0 +1,112 @@
+#pragma once
+
+#include "viable/experiment/TickRecord.h"
+#include "viable/motion/Braking.h"
+#include "viable/plugin/NominalPlant.h"
+#include "viable/plugin/PluginLoader.h"
+#include "viable/robot/RobotModel.h"
+
+namespace viable {
+
+/** The plugins of a loop, configured. Robust loop and real plant may be null, both or none. */
+struct LoopPlugins {
+    PluginPtr<CommandSource> command{nullptr, nullptr};
+    PluginPtr<NominalController> controller{nullptr, nullptr};
+    PluginPtr<SafetyFilter> filter{nullptr, nullptr};
+    PluginPtr<RobustLoop> robustLoop{nullptr, nullptr};
+    PluginPtr<RealPlant> realPlant{nullptr, nullptr};
+};
+
+/** Why the arm was braked to a stop before the end of the run. */
+enum class StopReason : unsigned char {
+    None,
+    Requested,         ///< by the user (a signal)
+    CommandFailed,     ///< no usable command for more than kMaxSubstitutedTicks, or it threw
+    ControllerFailed,  ///< no usable torque for more than kMaxSubstitutedTicks, or it threw
+    FilterFailed,      ///< no usable decision, or it threw
+    RobustLoopFailed,  ///< it threw or gave no usable torque
+    PromiseBroken,     ///< a limit was passed under a filter that promises it
+    PlantFailed,       ///< the real plant failed: the loop ends at once, there is nothing to brake
+};
+
+/** How many ticks in a row a missing or unusable command or torque is replaced by the last good
+ * one. */
+inline constexpr int kMaxSubstitutedTicks = 10;
+
+/** The tick: command, dynamics, controller, filter, nominal plant, robust loop, real plant; see
+ARCHITECTURE.
+
+Guarantees: no non-finite torque reaches a plant or the record; the nominal arm advances by exactly
+the configured tick; a plugin that throws or returns nonsense is answered with a stop of the nominal
+arm within acceleration and jerk limits (planned on the tick grid at that moment), which the real
+arm follows. Real time: tick() allocates, locks, throws and logs nothing as long as the plugins keep
+to that too. Thread: tick() by one thread; requestStop() by that thread. */
+class ControlLoop {
+public:
+    /** `setup` must outlive the loop (the plugins keep it, too). */
+    ControlLoop(const RunSetup& setup, LoopPlugins plugins);
+    ~ControlLoop();
+
+    /** Back to t = 0 at setup.start. */
+    void reset();
+
+    /** One tick; `record` becomes its full account (state at its beginning, torques during it). */
+    void tick(TickRecord& record) noexcept;
+
+    /** Brakes the nominal arm from the next tick on; later requests do not change the reason. */
+    void requestStop(StopReason reason, const char* message) noexcept {
+        beginStop(reason, message);
+    }
+
+    /** True when a stop has come to its end, or could not be made: tick() must not be called any
+     * more. */
+    bool hasStopped() const;
+
+    StopReason stopReason() const { return stopReason_; }
+    const char* stopMessage() const {
+        return stopMessage_;
+    }                                              ///< what the plugin said, or what was wrong
+    double stopTime() const { return stopTime_; }  ///< [s]
+    std::int64_t substitutedTicks() const { return substituted_; }
+    double time() const;  ///< of the next tick [s]
+
+private:
+    void beginStop(StopReason reason, const char* message) noexcept;
+    void takeCommand(double t);
+    void takeTorque();
+    bool takeDecision();
+    void followStop();
+    void takeRobustTorque();
+    /** Runs `call`; an exception becomes Faulted and its text the stop message. */
+    template <class Status, class Call>
+    Status contain(Status faulted, StopReason reason, const Call& call) noexcept;
+
+    const RunSetup& setup_;
+    LoopPlugins plugins_;
+    RobotModel model_;
+    int n_;
+
+    std::int64_t tickIndex_ = 0;
+    MotionState nominal_;
+    Dynamics dynamics_;
+    MotionCommand command_, newCommand_;
+    JointVector desiredTorque_, newTorque_, robustTorque_, motorTorque_, appliedTorque_;
+    FilterDecision decision_;
+    FilterStatus status_ = FilterStatus::Passed;
+
+    bool hasTorque_ = false;
+    int missingCommands_ = 0;
+    int missingTorques_ = 0;
+    std::int64_t substituted_ = 0;
+
+    bool braking_ = false;
+    bool robustLoopFailed_ = false;
+    bool plantFailed_ = false;
+    std::array<GridStop, kMaxJoints> stops_;
+    JointVector stopJerk_;
+    StopReason stopReason_ = StopReason::None;
+    double stopTime_ = 0.0;
+    char stopMessage_[512] = "";
+};
+
+}  // namespace viable

@@ -1,0 +1,98 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "viable/core/JointLimits.h"
+#include "viable/experiment/TickRecord.h"
+
+namespace viable {
+
+/** Counts times in bins of 3 % width between 10 ns and 10 s; fixed memory, no allocation after
+ * construction. */
+class TimeHistogram {
+public:
+    TimeHistogram();
+    void add(double us);
+    std::int64_t count() const { return count_; }
+    double max() const { return max_; }
+    /** The time [us] that a share `p` (0..1) of all counted ones does not exceed, to the bin's 3 %;
+    0 when nothing was counted. */
+    double percentile(double p) const;
+
+private:
+    std::vector<std::int64_t> bins_;
+    std::int64_t count_ = 0;
+    double max_ = 0.0;
+};
+
+/** How one limit fared on one joint. */
+struct LimitRecord {
+    double worstUse = 0.0;     ///< largest share of the limit used; 1 is the limit itself
+    double worstTime_s = 0.0;  ///< when
+    double worstExcess = 0.0;  ///< how far beyond the limit, in its unit
+    std::int64_t ticksOutside = 0;
+};
+
+/** A joint counts as outside a limit when it uses more than this share of it: rounding of a limit
+met exactly does not count. */
+inline constexpr double kOutsideUse = 1.0 + 1e-9;
+
+/** What a run came to, from its tick records alone (so a log gives the same summary again). */
+class Summary {
+public:
+    Summary(std::vector<std::string> jointNames, JointLimits limits, bool hasRealPlant);
+
+    void add(const TickRecord& record);
+
+    static constexpr int kQuantities =
+        4;  ///< position, velocity, acceleration, jerk: LimitKind 1..4
+    /** Per quantity (LimitKind Position..Jerk), one entry per joint. */
+    const std::vector<LimitRecord>& limit(LimitKind kind) const {
+        return limits_[static_cast<int>(kind) - 1];
+    }
+    /** The joint with the worst use, and the sum of ticks outside over the joints. */
+    int worstJoint(LimitKind kind) const;
+    std::int64_t ticksOutside(LimitKind kind) const;
+    bool anyLimitBroken() const;
+
+    std::int64_t ticks() const { return ticks_; }
+    std::int64_t ticksWith(FilterStatus status) const {
+        return statusTicks_[static_cast<int>(status)];
+    }
+    std::int64_t substitutedTicks() const { return substituted_; }
+    /** Joint-ticks in which a limit acted, by joint and limit name, such as {"joint0",
+     * "jerk_upper"}. */
+    std::map<std::pair<std::string, std::string>, std::int64_t> interventions() const;
+
+    bool hasRealPlant() const { return hasRealPlant_; }
+    double trackingRms(int joint) const;  ///< of actual - nominal position [rad]
+    double trackingMax(int joint) const;  ///< [rad]
+    double trackingRms() const;           ///< over all joints
+    double trackingMax() const;
+
+    const TimeHistogram& tickTime() const { return tickTime_; }
+    const TimeHistogram& stageTime(Stage stage) const {
+        return stageTimes_[static_cast<int>(stage)];
+    }
+    const std::vector<std::string>& jointNames() const { return jointNames_; }
+
+private:
+    std::vector<std::string> jointNames_;
+    JointLimits bounds_;
+    bool hasRealPlant_;
+    std::array<std::vector<LimitRecord>, kQuantities> limits_;
+    std::array<std::int64_t, 6> statusTicks_{};
+    std::vector<std::array<std::array<std::int64_t, 2>, kQuantities + 1>>
+        acting_;  // joint, kind, side
+    std::int64_t ticks_ = 0;
+    std::int64_t substituted_ = 0;
+    JointVector squaredError_, largestError_;
+    TimeHistogram tickTime_;
+    std::array<TimeHistogram, kStageCount> stageTimes_;
+};
+
+}  // namespace viable

@@ -1,0 +1,209 @@
+#include "viable/core/JointLimits.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/NumberText.h"
+#include "viable/core/Error.h"
+
+namespace viable {
+
+namespace {
+
+using detail::formatNumber;
+
+/** Remarks of one set of limits, all with the same beginning. */
+class LimitCheck {
+public:
+    LimitCheck(const std::string& where, const std::vector<std::string>& jointNames)
+        : where_(where), jointNames_(jointNames) {}
+
+    std::string nameJoint(int joint) const {
+        const auto i = static_cast<std::size_t>(joint);
+        return i < jointNames_.size() ? "joint `" + jointNames_[i] + "`"
+                                      : "joint " + std::to_string(joint);
+    }
+
+    [[noreturn]] void fail(int joint, const std::string& what, const std::string& remedy) const {
+        throw badInput(where_, nameJoint(joint) + ": " + what, remedy);
+    }
+
+    /** One signed velocity, acceleration or jerk limit. */
+    void checkRate(int joint, LimitKind kind, LimitSide side, double value,
+                   const char* unit) const {
+        const double size = side == LimitSide::Upper ? value : -value;
+        const bool isUnlimited = size == std::numeric_limits<double>::infinity();
+        if (isUnlimited || (size >= kSmallestLimit && size <= kLargestLimit)) return;
+        const std::string smallest = formatNumber(kSmallestLimit);
+        const std::string largest = formatNumber(kLargestLimit);
+        const std::string allowed = side == LimitSide::Upper
+                                        ? "[" + smallest + ", " + largest + "] or .inf"
+                                        : "[-" + largest + ", -" + smallest + "] or -.inf";
+        fail(joint,
+             std::string(getName(kind, side)) + " is " + formatNumber(value) + " " + unit +
+                 "; allowed is " + allowed,
+             side == LimitSide::Upper
+                 ? "An upper limit is positive, so that the joint can start and stop; check its "
+                   "unit and exponent"
+                 : "A lower limit is negative, so that the joint can start and stop; check its "
+                   "unit and exponent");
+    }
+
+    /** The time that one limit takes to use up the next: A/J or V/A. */
+    void checkRamp(int joint, LimitSide side, LimitKind kind, double value, LimitKind rateKind,
+                   double rate) const {
+        if (std::isinf(value) || std::isinf(rate)) return;
+        const double time = value / rate;
+        if (time >= kShortestRamp_s && time <= kLongestRamp_s) return;
+        fail(joint,
+             std::string(getName(kind, side)) + " " + formatNumber(value) + " divided by " +
+                 getName(rateKind, side) + " " + formatNumber(rate) + " is " + formatNumber(time) +
+                 " s; allowed is [" + formatNumber(kShortestRamp_s) + ", " +
+                 formatNumber(kLongestRamp_s) + "] s",
+             "One of the two would have no effect: check their units and exponents");
+    }
+
+private:
+    const std::string& where_;
+    const std::vector<std::string>& jointNames_;
+};
+
+void checkPosition(const LimitCheck& check, int joint, LimitSide side, double value,
+                   bool allowLargeAngles) {
+    const std::string shown =
+        std::string(getName(LimitKind::Position, side)) + " is " + formatNumber(value) + " rad";
+    const double infinity = std::numeric_limits<double>::infinity();
+    if (value == (side == LimitSide::Upper ? infinity : -infinity)) return;
+    if (!std::isfinite(value) || std::fpclassify(value) == FP_SUBNORMAL ||
+        std::abs(value) > kLargestLimit) {
+        const std::string largest = formatNumber(kLargestLimit);
+        check.fail(joint,
+                   shown + "; allowed is [-" + largest + ", " + largest + "] or " +
+                       (side == LimitSide::Upper ? ".inf" : "-.inf"),
+                   "Check the number");
+    }
+    if (std::abs(value) > kLargestAngle_rad && !allowLargeAngles) {
+        const std::string largest = formatNumber(kLargestAngle_rad);
+        check.fail(joint, shown + "; allowed is [-" + largest + ", " + largest + "]",
+                   "If these are degrees, write them as `170*pi/180`; if the joint really turns "
+                   "that far, set `allow_large_angles: true`");
+    }
+}
+
+}  // namespace
+
+const char* getName(LimitKind kind, LimitSide side) {
+    static const char* const names[5][3] = {
+        {"none", "none", "none"},
+        {"position_lower", "position", "position_upper"},
+        {"velocity_lower", "velocity", "velocity_upper"},
+        {"acceleration_lower", "acceleration", "acceleration_upper"},
+        {"jerk_lower", "jerk", "jerk_upper"},
+    };
+    const int row = static_cast<int>(kind);
+    const int column = static_cast<int>(side) + 1;
+    return row < 5 && column >= 0 && column < 3 ? names[row][column] : "unknown";
+}
+
+AxisLimits JointLimits::axis(int joint) const {
+    return {position.lower[joint], position.upper[joint],     velocity.lower[joint],
+            velocity.upper[joint], acceleration.lower[joint], acceleration.upper[joint],
+            jerk.lower[joint],     jerk.upper[joint]};
+}
+
+JointLimits JointLimits::unlimited(int n) {
+    VIABLE_CHECK(n >= 0 && n <= kMaxJoints, "the number of joints is beyond the capacity");
+    const double infinity = std::numeric_limits<double>::infinity();
+    const JointBounds none{JointVector::Constant(n, -infinity), JointVector::Constant(n, infinity)};
+    return {none, none, none, none};
+}
+
+void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles,
+                 const std::string& where, const std::vector<std::string>& jointNames) {
+    const struct {
+        LimitKind kind;
+        const JointBounds& bounds;
+    } groups[] = {{LimitKind::Position, limits.position},
+                  {LimitKind::Velocity, limits.velocity},
+                  {LimitKind::Acceleration, limits.acceleration},
+                  {LimitKind::Jerk, limits.jerk}};
+    const int n = limits.size();
+    for (const auto& group : groups) {
+        const auto checkSize = [&](LimitSide side, const JointVector& values) {
+            if (values.size() == n) return;
+            throw badInput(where,
+                           std::string(getName(group.kind, side)) + " has " +
+                               std::to_string(values.size()) + " numbers; allowed is " +
+                               std::to_string(n) + ", one per joint",
+                           "Write one number per joint, or a single one for all");
+        };
+        checkSize(LimitSide::Lower, group.bounds.lower);
+        checkSize(LimitSide::Upper, group.bounds.upper);
+    }
+    if (!(tick_s > 0.0) || !std::isfinite(tick_s)) {
+        throw badInput(where, "the tick is " + formatNumber(tick_s) + " s; allowed is (0, inf)",
+                       "Set `tick_s` to a positive time such as 0.001");
+    }
+
+    const LimitCheck check(where, jointNames);
+    for (int i = 0; i < n; ++i) {
+        const AxisLimits axis = limits.axis(i);
+        checkPosition(check, i, LimitSide::Lower, axis.positionLower, allowLargeAngles);
+        checkPosition(check, i, LimitSide::Upper, axis.positionUpper, allowLargeAngles);
+        if (axis.positionLower >= axis.positionUpper) {
+            check.fail(i,
+                       "position_lower is " + formatNumber(axis.positionLower) +
+                           " rad and position_upper is " + formatNumber(axis.positionUpper) +
+                           " rad; allowed is lower < upper",
+                       "Swap the two or check their signs");
+        }
+        struct Side {
+            LimitSide side;
+            double velocity, acceleration, jerk;
+        };
+        const Side sides[] = {
+            {LimitSide::Lower, axis.velocityLower, axis.accelerationLower, axis.jerkLower},
+            {LimitSide::Upper, axis.velocityUpper, axis.accelerationUpper, axis.jerkUpper}};
+        for (const Side& s : sides) {
+            check.checkRate(i, LimitKind::Velocity, s.side, s.velocity, "rad/s");
+            check.checkRate(i, LimitKind::Acceleration, s.side, s.acceleration, "rad/s^2");
+            check.checkRate(i, LimitKind::Jerk, s.side, s.jerk, "rad/s^3");
+        }
+        for (const Side& s : sides) {
+            check.checkRamp(i, s.side, LimitKind::Acceleration, s.acceleration, LimitKind::Jerk,
+                            s.jerk);
+            check.checkRamp(i, s.side, LimitKind::Velocity, s.velocity, LimitKind::Acceleration,
+                            s.acceleration);
+        }
+
+        // Jerk of either sign acts on either side: it builds an acceleration up and takes it back.
+        const double jerk = std::max(-axis.jerkLower, axis.jerkUpper);
+        if (std::isinf(jerk)) continue;
+        const double needed = jerk * tick_s;
+        for (const Side& s : sides) {
+            if (std::abs(s.acceleration) >= needed) continue;
+            check.fail(i,
+                       std::string(getName(LimitKind::Acceleration, s.side)) + " is " +
+                           formatNumber(s.acceleration) + " rad/s^2; allowed is at least " +
+                           formatNumber(needed) + " rad/s^2, which one tick of " +
+                           formatNumber(tick_s) + " s at a jerk of " + formatNumber(jerk) +
+                           " rad/s^3 reaches",
+                       "A braking step would not fit the time grid: lower the jerk limit, raise "
+                       "the acceleration limit, or shorten the tick");
+        }
+        const double range = axis.positionUpper - axis.positionLower;
+        const double stop = 8.0 * jerk * tick_s * tick_s * tick_s;
+        if (range < stop) {
+            check.fail(i,
+                       "position_lower " + formatNumber(axis.positionLower) +
+                           " rad to position_upper " + formatNumber(axis.positionUpper) +
+                           " rad is a range of " + formatNumber(range) +
+                           " rad; allowed is at least " + formatNumber(stop) +
+                           " rad, which one tick of jerk and its stop need",
+                       "Widen the position range, lower the jerk limit, or shorten the tick");
+        }
+    }
+}
+
+}  // namespace viable

@@ -1,0 +1,265 @@
+#include "LogFields.h"
+
+#include <limits>
+
+namespace viable {
+
+const char* getName(Stage stage) {
+    switch (stage) {
+        case Stage::Command:
+            return "command";
+        case Stage::Dynamics:
+            return "dynamics";
+        case Stage::Controller:
+            return "controller";
+        case Stage::Filter:
+            return "filter";
+        case Stage::Robust:
+            return "robust";
+        case Stage::Plant:
+            return "plant";
+        case Stage::Record:
+            return "record";
+    }
+    return "unknown";
+}
+
+double LogField::getNumber(const TickRecord& record, int i) const {
+    if (number) return number(record, i);
+    const JointVector& v = joints(record);
+    return i < v.size() ? v[i] : std::numeric_limits<double>::quiet_NaN();
+}
+
+std::string LogField::getSchemaName() const {
+    std::string lower = name;
+    for (char& c : lower) {
+        if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+    }
+    return lower;
+}
+
+std::string LogField::getSchemaType() const {
+    switch (kind) {
+        case LogKind::JointNumber:
+            return "float64[]";
+        case LogKind::Number:
+            return "float64";
+        case LogKind::Vector:
+            return "float64[" + std::to_string(elements.size()) + "]";
+        case LogKind::JointName:
+            return "string[]";
+        case LogKind::Name:
+            return "string";
+        case LogKind::Integer:
+            return "int64";
+    }
+    return {};
+}
+
+std::string LogChannel::getSchemaText() const {
+    std::string text;
+    for (const LogField& field : fields) {
+        text += field.getSchemaType() + " " + field.getSchemaName() + "\n";
+    }
+    return text;
+}
+
+namespace {
+
+// `access` is a generic lambda: for a const record it gives a const reference.
+template <class Access>
+LogField perJoint(const char* name, Access access) {
+    LogField field{name, LogKind::JointNumber, {}};
+    field.joints = access;
+    field.updJoints = access;
+    return field;
+}
+
+template <class Access>
+LogField numbers(const char* name, LogKind kind, std::vector<std::string> elements, Access access) {
+    LogField field{name, kind, std::move(elements)};
+    field.number = access;
+    field.updNumber = access;
+    return field;
+}
+
+LogField text(const char* name, LogKind kind, const char* (*get)(const TickRecord&, int),
+              bool (*set)(TickRecord&, int, std::string_view)) {
+    LogField field{name, kind, {}};
+    field.text = get;
+    field.setText = set;
+    return field;
+}
+
+LogField integer(const char* name, std::int64_t (*get)(const TickRecord&),
+                 bool (*set)(TickRecord&, std::int64_t)) {
+    LogField field{name, LogKind::Integer, {}};
+    field.integer = get;
+    field.setInteger = set;
+    return field;
+}
+
+template <int stage>
+LogField stageTime() {
+    const std::string name = std::string(getName(static_cast<Stage>(stage))) + "_us";
+    return numbers(
+        name.c_str(), LogKind::Number, {}, [](auto& r, int) -> auto& { return r.stage_us[stage]; });
+}
+
+bool setLimit(TickRecord& record, int joint, std::string_view word) {
+    for (const LimitKind kind : {LimitKind::None, LimitKind::Position, LimitKind::Velocity,
+                                 LimitKind::Acceleration, LimitKind::Jerk}) {
+        for (const LimitSide side : {LimitSide::Neither, LimitSide::Lower, LimitSide::Upper}) {
+            if (kind != LimitKind::None && side == LimitSide::Neither) continue;
+            if (word != getName(kind, side)) continue;
+            JointIntervention& intervention = record.joints[static_cast<std::size_t>(joint)];
+            intervention.limit = kind;
+            intervention.side = side;
+            return true;
+        }
+    }
+    return false;
+}
+
+bool setStatus(TickRecord& record, int, std::string_view word) {
+    for (const FilterStatus status :
+         {FilterStatus::Passed, FilterStatus::Modified, FilterStatus::StoppedByPlan,
+          FilterStatus::Infeasible, FilterStatus::InvalidInput, FilterStatus::Faulted}) {
+        if (word != getName(status)) continue;
+        record.status = status;
+        return true;
+    }
+    return false;
+}
+
+bool always(const LogLayout&) {
+    return true;
+}
+bool withRealPlant(const LogLayout& layout) {
+    return layout.hasRealPlant;
+}
+
+std::vector<LogChannel> declareChannels() {
+    static_assert(kStageCount == 7, "a stage was added: log its time below");
+    const std::vector<std::string> position = {"tool.x_m", "tool.y_m", "tool.z_m"};
+    const std::vector<std::string> orientation = {"tool.qx", "tool.qy", "tool.qz", "tool.qw"};
+    const std::vector<std::string> twist = {"tool.vx_mps",   "tool.vy_mps",   "tool.vz_mps",
+                                            "tool.wx_radps", "tool.wy_radps", "tool.wz_radps"};
+    return {
+        {"nominal",
+         "Nominal",
+         always,
+         {perJoint(
+              "q_rad", [](auto& r) -> auto& { return r.nominal.q; }),
+          perJoint(
+              "qd_radps", [](auto& r) -> auto& { return r.nominal.qd; }),
+          perJoint(
+              "qdd_radps2", [](auto& r) -> auto& { return r.nominal.qdd; }),
+          perJoint(
+              "jerk_radps3", [](auto& r) -> auto& { return r.nominal.jerk; }),
+          numbers(
+              "tool_position_m", LogKind::Vector, position,
+              [](auto& r, int i) -> auto& { return r.tool.position[i]; }),
+          numbers(
+              "tool_orientation_xyzw", LogKind::Vector, orientation,
+              [](auto& r, int i) -> auto& { return r.tool.orientation.coeffs()[i]; })}},
+        {"real",
+         "Real",
+         withRealPlant,
+         {perJoint(
+              "q_rad", [](auto& r) -> auto& { return r.real.q; }),
+          perJoint(
+              "qd_radps", [](auto& r) -> auto& { return r.real.qd; })}},
+        {"actual",
+         "Actual",
+         withRealPlant,
+         {perJoint(
+              "q_rad", [](auto& r) -> auto& { return r.actual.q; }),
+          perJoint(
+              "qd_radps", [](auto& r) -> auto& { return r.actual.qd; })}},
+        {"desired",
+         "Desired",
+         always,
+         {perJoint(
+             "tau_Nm", [](auto& r) -> auto& { return r.desiredTorque; })}},
+        {"filter",
+         "Filter",
+         always,
+         {perJoint(
+              "tau_Nm", [](auto& r) -> auto& { return r.filterTorque; }),
+          text(
+              "active", LogKind::JointName,
+              [](const TickRecord& r, int i) {
+                  const JointIntervention& joint = r.joints[static_cast<std::size_t>(i)];
+                  return getName(joint.limit, joint.side);
+              },
+              setLimit),
+          numbers(
+              "margin_rad", LogKind::JointNumber, {}, [](auto& r, int i) -> auto& {
+                  return r.joints[static_cast<std::size_t>(i)].margin;
+              })}},
+        {"robust",
+         "Robust",
+         withRealPlant,
+         {perJoint(
+             "tau_Nm", [](auto& r) -> auto& { return r.robustTorque; })}},
+        {"motor",
+         "Motor",
+         withRealPlant,
+         {perJoint(
+             "tau_Nm", [](auto& r) -> auto& { return r.motorTorque; })}},
+        {"command",
+         "JointCommand",
+         [](const LogLayout& l) { return l.commandSpace == MotionCommand::Space::Joint; },
+         {perJoint(
+              "q_rad", [](auto& r) -> auto& { return r.command.q; }),
+          perJoint(
+              "qd_radps", [](auto& r) -> auto& { return r.command.qd; })}},
+        {"command",
+         "ToolCommand",
+         [](const LogLayout& l) { return l.commandSpace == MotionCommand::Space::Tool; },
+         {numbers(
+              "tool_position_m", LogKind::Vector, position,
+              [](auto& r, int i) -> auto& { return r.command.tool.position[i]; }),
+          numbers(
+              "tool_orientation_xyzw", LogKind::Vector, orientation,
+              [](auto& r, int i) -> auto& { return r.command.tool.orientation.coeffs()[i]; }),
+          numbers(
+              "tool_twist", LogKind::Vector, twist,
+              [](auto& r, int i) -> auto& { return r.command.toolTwist[i]; })}},
+        {"tick",
+         "Tick",
+         always,
+         {numbers(
+              "time_s", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.time_s; }),
+          text(
+              "status", LogKind::Name, [](const TickRecord& r, int) { return getName(r.status); },
+              setStatus),
+          integer(
+              "braking", [](const TickRecord& r) -> std::int64_t { return r.braking ? 1 : 0; },
+              [](TickRecord& r, std::int64_t value) {
+                  r.braking = value == 1;
+                  return value == 0 || value == 1;
+              }),
+          integer(
+              "substituted", [](const TickRecord& r) { return r.substituted; },
+              [](TickRecord& r, std::int64_t value) {
+                  r.substituted = value;
+                  return value >= 0;
+              }),
+          numbers(
+              "compute_us", LogKind::Number, {},
+              [](auto& r, int) -> auto& { return r.compute_us; }),
+          stageTime<0>(), stageTime<1>(), stageTime<2>(), stageTime<3>(), stageTime<4>(),
+          stageTime<5>(), stageTime<6>()}},
+    };
+}
+
+}  // namespace
+
+const std::vector<LogChannel>& getLogChannels() {
+    static const std::vector<LogChannel> channels = declareChannels();
+    return channels;
+}
+
+}  // namespace viable

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "viable/experiment/LogWriter.h"
+
+namespace viable {
+
+enum class LogKind : unsigned char {
+    JointNumber,  ///< float64[]: one per joint
+    Number,       ///< float64
+    Vector,       ///< float64[N]: N = elements.size()
+    JointName,    ///< string[]: one word per joint
+    Name,         ///< string: one word
+    Integer,      ///< int64
+};
+
+/** One logged quantity: its names and how to reach it in a TickRecord. Only the functions of its
+kind are set. */
+struct LogField {
+    std::string name;  ///< last part of its columns, with the unit
+    LogKind kind;
+    std::vector<std::string> elements;  ///< Vector: last part of the column of each element
+
+    const JointVector& (*joints)(const TickRecord&) = nullptr;  ///< JointNumber, or the next two
+    JointVector& (*updJoints)(TickRecord&) = nullptr;
+    const double& (*number)(const TickRecord&, int) = nullptr;  ///< JointNumber, Number, Vector
+    double& (*updNumber)(TickRecord&, int) = nullptr;
+    const char* (*text)(const TickRecord&, int) = nullptr;
+    bool (*setText)(TickRecord&, int, std::string_view) = nullptr;  ///< false: no such word
+    std::int64_t (*integer)(const TickRecord&) = nullptr;
+    bool (*setInteger)(TickRecord&, std::int64_t) = nullptr;  ///< false: out of range
+
+    bool isPerJoint() const { return kind == LogKind::JointNumber || kind == LogKind::JointName; }
+    bool isText() const { return kind == LogKind::JointName || kind == LogKind::Name; }
+    /** A number of any kind but Integer. NaN where a joint vector is too short. */
+    double getNumber(const TickRecord& record, int i) const;
+
+    /** ROS 2 allows only lower case letters: "tau_Nm" is "tau_nm" in a schema. */
+    std::string getSchemaName() const;
+    std::string getSchemaType() const;
+};
+
+/** A source of quantities: an MCAP channel with a message type of its own. */
+struct LogChannel {
+    std::string name;     ///< "nominal": topic "/nominal", columns "nominal...."
+    std::string message;  ///< "Nominal": schema "viable/msg/Nominal"
+    bool (*isLogged)(const LogLayout&);
+    std::vector<LogField> fields;
+
+    std::string getTopic() const { return "/" + name; }
+    std::string getSchema() const { return "viable/msg/" + message; }
+    std::string getSchemaText() const;
+};
+
+/** The declaration of everything that is logged, in the order of the CSV columns. Schemas,
+encoding, decoding and columns all follow from it. */
+const std::vector<LogChannel>& getLogChannels();
+
+}  // namespace viable

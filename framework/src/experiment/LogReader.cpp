@@ -1,0 +1,703 @@
+#include "viable/experiment/LogReader.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <zlib.h>
+#include <zstd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+#include <system_error>
+
+#include "LogFields.h"
+#include "Mcap.h"
+#include "viable/core/Error.h"
+
+namespace viable {
+
+bool LogColumn::isText() const {
+    return field_->isText();
+}
+bool LogColumn::isInteger() const {
+    return field_->kind == LogKind::Integer;
+}
+double LogColumn::getNumber(const TickRecord& record) const {
+    return isInteger() ? static_cast<double>(field_->integer(record))
+                       : field_->getNumber(record, index_);
+}
+std::int64_t LogColumn::getInteger(const TickRecord& record) const {
+    return field_->integer(record);
+}
+const char* LogColumn::getText(const TickRecord& record) const {
+    return field_->text(record, index_);
+}
+
+namespace {
+
+using namespace mcap;
+
+/** Largest chunk accepted, decompressed; the writer's own stay near 1 MiB. [bytes] */
+constexpr std::uint64_t kLargestAcceptedChunk = std::uint64_t{64} << 20;
+/** Largest record accepted: nothing of a log needs more, and a slip must not take all memory. */
+constexpr std::uint64_t kLargestRecord = std::uint64_t{256} << 20;
+
+bool isTime(const LogChannel& channel, const LogField& field) {
+    return channel.name == "tick" && field.name == "time_s";
+}
+
+template <class IsThere>
+std::vector<LogColumn> listColumns(const LogLayout& layout, const IsThere& isThere) {
+    std::vector<LogColumn> columns;
+    for (const LogChannel& channel : getLogChannels()) {
+        for (const LogField& field : channel.fields) {
+            if (isTime(channel, field) && isThere(channel, field)) {
+                columns.insert(columns.begin(), LogColumn(field.name, field, 0));
+            }
+        }
+        const int n = static_cast<int>(layout.jointNames.size());
+        for (int joint = 0; joint < n; ++joint) {
+            for (const LogField& field : channel.fields) {
+                if (!field.isPerJoint() || !isThere(channel, field)) continue;
+                const std::string& name = layout.jointNames[static_cast<std::size_t>(joint)];
+                columns.emplace_back(channel.name + "." + name + "." + field.name, field, joint);
+            }
+        }
+        for (const LogField& field : channel.fields) {
+            if (field.isPerJoint() || isTime(channel, field) || !isThere(channel, field)) continue;
+            if (field.kind == LogKind::Vector) {
+                for (std::size_t i = 0; i < field.elements.size(); ++i) {
+                    columns.emplace_back(channel.name + "." + field.elements[i], field,
+                                         static_cast<int>(i));
+                }
+            } else {
+                columns.emplace_back(channel.name + "." + field.name, field, 0);
+            }
+        }
+    }
+    return columns;
+}
+
+std::uint32_t addToCrc(std::uint32_t crc, std::string_view bytes) {
+    return static_cast<std::uint32_t>(
+        crc32_z(crc, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
+}
+
+/** One field of a message as the file's schema declares it. */
+struct Step {
+    const LogField* field = nullptr;  // null: not known here, skipped
+    std::size_t size = 0;             // of one value; 0: string
+    bool isSequence = false;
+    std::uint32_t count = 1;  // of a fixed array
+};
+
+std::optional<std::size_t> findSize(const std::string& type) {
+    static const std::map<std::string, std::size_t> sizes = {
+        {"bool", 1},   {"byte", 1},    {"char", 1},    {"int8", 1},   {"uint8", 1},
+        {"int16", 2},  {"uint16", 2},  {"int32", 4},   {"uint32", 4}, {"int64", 8},
+        {"uint64", 8}, {"float32", 4}, {"float64", 8}, {"string", 0}};
+    const auto found = sizes.find(type);
+    if (found == sizes.end()) return std::nullopt;
+    return found->second;
+}
+
+/** Reads a ros2msg text of plain types. Throws std::runtime_error. */
+std::vector<Step> parseSchema(std::string_view text, const LogChannel& channel) {
+    std::vector<Step> steps;
+    std::set<std::string> names;
+    while (!text.empty()) {
+        const std::size_t lineEnd = text.find('\n');
+        std::string line(text.substr(0, lineEnd));
+        text.remove_prefix(lineEnd == std::string_view::npos ? text.size() : lineEnd + 1);
+        line.resize(std::min(line.find('#'), line.size()));
+        constexpr char kBlank[] = " \t\r";
+        const std::size_t typeBegin = line.find_first_not_of(kBlank);
+        if (typeBegin == std::string::npos) continue;
+        const std::size_t typeEnd = std::min(line.find_first_of(kBlank, typeBegin), line.size());
+        const std::size_t nameBegin = line.find_first_not_of(kBlank, typeEnd);
+        if (nameBegin == std::string::npos) throw std::runtime_error("has a line without a name");
+        const std::size_t nameEnd = std::min(line.find_first_of(" \t\r=", nameBegin), line.size());
+        if (line.find('=', typeEnd) != std::string::npos) continue;  // a constant takes no space
+        const std::string type = line.substr(typeBegin, typeEnd - typeBegin);
+        const std::string name = line.substr(nameBegin, nameEnd - nameBegin);
+        if (!names.insert(name).second) throw std::runtime_error("names `" + name + "` twice");
+
+        Step step;
+        const std::size_t bracket = type.find('[');
+        const std::optional<std::size_t> size = findSize(type.substr(0, bracket));
+        bool isKnown = size.has_value();
+        if (isKnown) step.size = *size;
+        if (bracket != std::string::npos) {
+            const std::string inside = type.substr(bracket + 1);
+            if (inside == "]" || inside.substr(0, 2) == "<=") {
+                step.isSequence = true;
+            } else {
+                const std::size_t digits = inside.find_first_not_of("0123456789");
+                isKnown = isKnown && digits > 0 && digits <= 6 && inside.substr(digits) == "]";
+                if (isKnown) step.count = static_cast<std::uint32_t>(std::stoul(inside));
+            }
+        }
+        if (!isKnown) throw std::runtime_error("has the type `" + type + "`, unknown here");
+        for (const LogField& field : channel.fields) {
+            if (field.getSchemaName() != name) continue;
+            if (field.getSchemaType() != type) {
+                throw std::runtime_error("gives `" + name + "` the type `" + type +
+                                         "`; this version reads `" + field.getSchemaType() + "`");
+            }
+            step.field = &field;
+        }
+        steps.push_back(step);
+    }
+    return steps;
+}
+
+std::string quote(std::string_view text) {
+    std::string clean;
+    for (const char c : text.substr(0, 40)) clean += c >= ' ' && c < 0x7f ? c : '?';
+    return "`" + clean + "`";
+}
+
+}  // namespace
+
+std::vector<LogColumn> listColumns(const LogLayout& layout) {
+    return listColumns(layout, [&](const LogChannel& channel, const LogField&) {
+        return channel.isLogged(layout);
+    });
+}
+
+struct LogReader::Impl {
+    explicit Impl(const std::filesystem::path& path) : file(path.string()) {
+        descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+        struct stat info {};
+        if (descriptor < 0 || ::fstat(descriptor, &info) != 0) {
+            const std::string reason = std::generic_category().message(errno);
+            closeFile();
+            throw badInput(file, "the log cannot be opened: " + reason, "Check the path");
+        }
+        try {
+            if (!S_ISREG(info.st_mode)) throw badInput(file, "not a file", "Give a log");
+            size = static_cast<std::uint64_t>(info.st_size);
+            findEnd();
+            readOpening();
+        } catch (...) {
+            closeFile();
+            throw;
+        }
+    }
+    ~Impl() { closeFile(); }
+
+    void closeFile() {
+        if (descriptor >= 0) ::close(descriptor);
+        descriptor = -1;
+    }
+
+    [[noreturn]] void fail(std::uint64_t offset, const std::string& reason) const {
+        throw badInput(file + ": byte " + std::to_string(offset), reason,
+                       "The log is damaged or was not written by this program; what stands "
+                       "before this byte could be read");
+    }
+
+    void readAt(std::uint64_t offset, std::uint64_t length, std::string& to) const {
+        to.resize(static_cast<std::size_t>(length));
+        std::size_t got = 0;
+        while (got < to.size()) {
+            const ssize_t taken =
+                ::pread(descriptor, &to[got], to.size() - got, static_cast<off_t>(offset + got));
+            if (taken < 0 && errno == EINTR) continue;
+            if (taken < 0) {
+                fail(offset + got, "cannot be read: " + std::generic_category().message(errno));
+            }
+            if (taken == 0) fail(offset + got, "the file has become shorter while it was read");
+            got += static_cast<std::size_t>(taken);
+        }
+    }
+
+    /** Looks for footer and closing magic; checks the summary's checksum. */
+    void findEnd() {
+        std::string bytes;
+        readAt(0, std::min<std::uint64_t>(size, kMagic.size()), bytes);
+        if (bytes != kMagic) {
+            throw badInput(file, size == 0 ? "the file is empty" : "not an MCAP file of version 0",
+                           "Give a log written by `viable run`");
+        }
+        dataEnd = size;
+        constexpr std::uint64_t kTail = kRecordHead + kFooterContent + kMagic.size();
+        if (size < kMagic.size() + kTail) return;
+        readAt(size - kTail, kTail, bytes);
+        if (std::string_view(bytes).substr(kTail - kMagic.size()) != kMagic) return;
+
+        const std::uint64_t footer = size - kTail;
+        ByteReader in(bytes);
+        const std::uint8_t opcode = in.takeU8();
+        const std::uint64_t length = in.takeU64();
+        const std::uint64_t summary = in.takeU64();
+        in.takeU64();
+        const std::uint32_t expected = in.takeU32();
+        if (opcode != kFooter || length != kFooterContent) fail(footer, "no footer before the end");
+        if (summary != 0 && (summary < kMagic.size() || summary > footer)) {
+            fail(footer, "the summary cannot begin at byte " + std::to_string(summary));
+        }
+        std::uint32_t crc = 0;
+        constexpr std::uint64_t kCovered = kRecordHead + 16;  // the footer up to its checksum
+        const std::uint64_t covered = footer + kCovered;
+        for (std::uint64_t at = summary == 0 ? footer : summary; at < covered;) {
+            const std::uint64_t block = std::min<std::uint64_t>(covered - at, 1 << 20);
+            readAt(at, block, bytes);
+            crc = addToCrc(crc, bytes);
+            at += block;
+        }
+        if (expected != 0 && crc != expected) fail(footer, "the summary's checksum differs");
+        isComplete = true;
+        dataEnd = summary == 0 ? footer : summary;
+    }
+
+    /** Reads the record at `position` into `content`; false: none is left. */
+    bool nextRecord() {
+        if (atEnd) return false;
+        recordOffset = position;
+        if (dataEnd - position < kRecordHead) return cutOff();
+        readAt(position, kRecordHead, head);
+        ByteReader in(head);
+        opcode = in.takeU8();
+        const std::uint64_t length = in.takeU64();
+        if (length > dataEnd - position - kRecordHead) return cutOff();
+        if (length > kLargestRecord) {
+            fail(position, "a record of " + std::to_string(length) + " bytes; at most " +
+                               std::to_string(kLargestRecord) + " are accepted");
+        }
+        readAt(position + kRecordHead, length, content);
+        position += kRecordHead + length;
+        return true;
+    }
+
+    bool cutOff() {
+        atEnd = true;
+        if (isComplete) fail(position, "a record runs past the end of the data");
+        return false;
+    }
+
+    void readOpening() {
+        position = kMagic.size();
+        if (!nextRecord()) fail(position, "the log ends within its opening and holds no rows");
+        if (opcode != kHeader) fail(recordOffset, "the first record is not a header");
+        within(recordOffset + kRecordHead, [&] {
+            ByteReader in(content);
+            in.takeString();
+            library = in.takeString();
+        });
+        addToDataCrc(kMagic);
+        addToDataCrc(head);
+        addToDataCrc(content);
+        // Up to the first record that can hold rows; that one is taken by read().
+        while (nextRecord()) {
+            if (opcode == kChunk || opcode == kMessage || opcode == kDataEnd) {
+                isPending = true;
+                break;
+            }
+            takeRecord();
+        }
+        if (layout.jointNames.empty()) {
+            fail(position, isComplete ? "the log has no channel of this program"
+                                      : "the log ends within its opening and holds no rows");
+        }
+        columns = listColumns(layout, [&](const LogChannel&, const LogField& field) {
+            return fields.count(&field) != 0;
+        });
+    }
+
+    void addToDataCrc(std::string_view bytes) { dataCrc = addToCrc(dataCrc, bytes); }
+
+    /** Turns what is wrong with the bytes from `offset` on into an Error. */
+    template <class Call>
+    void within(std::uint64_t offset, const Call& call) const {
+        try {
+            call();
+        } catch (const BadBytes& e) {
+            fail(offset + e.offset, e.what());
+        }
+    }
+
+    void takeRecord() {
+        const std::uint64_t offset = recordOffset + kRecordHead;
+        if (opcode != kDataEnd) {
+            addToDataCrc(head);
+            addToDataCrc(content);
+        }
+        switch (opcode) {
+            case kSchema:
+                within(offset, [&] { takeSchema(content); });
+                break;
+            case kChannel:
+                within(offset, [&] { takeChannel(content); });
+                break;
+            case kMetadata:
+                within(offset, [&] {
+                    ByteReader in(content);
+                    if (in.takeString() == "viable") metadata = in.takeMap();
+                });
+                break;
+            case kAttachment:
+                within(offset, [&] { takeAttachment(); });
+                break;
+            case kChunk:
+                within(offset, [&] { takeChunk(); });
+                break;
+            case kMessage:  // outside a chunk: allowed, though never written by us
+                chunk = ByteWriter();
+                chunk.putU8(kMessage);
+                chunk.putU64(content.size());
+                chunk.bytes += content;
+                chunkOffset = recordOffset;
+                isChunkFileBytes = true;
+                reader = ByteReader(chunk.bytes);
+                break;
+            case kDataEnd:
+                within(offset, [&] {
+                    const std::uint32_t expected = ByteReader(content).takeU32();
+                    if (expected != 0 && expected != dataCrc) {
+                        fail(recordOffset,
+                             "the checksum of all data differs: something before "
+                             "is damaged");
+                    }
+                });
+                atEnd = true;
+                hasDataEnd = true;
+                break;
+            case kHeader:
+            case kFooter:
+                fail(recordOffset, "a header or footer among the data");
+            default:  // indices, and what later versions of the format may bring
+                break;
+        }
+    }
+
+    void takeSchema(std::string_view bytes) {
+        ByteReader in(bytes);
+        const std::uint16_t id = in.takeU16();
+        Schema schema;
+        schema.name = in.takeString();
+        schema.encoding = in.takeString();
+        schema.text = in.takeString();
+        schemas[id] = std::move(schema);
+    }
+
+    void takeChannel(std::string_view bytes) {
+        ByteReader in(bytes);
+        const std::uint16_t id = in.takeU16();
+        const std::uint16_t schemaId = in.takeU16();
+        const std::string topic(in.takeString());
+        const std::string encoding(in.takeString());
+        const std::map<std::string, std::string> entries = in.takeMap();
+        if (plans.count(id) != 0) return;  // a repetition
+        plans[id] = Plan{};
+
+        const auto schema = schemas.find(schemaId);
+        const std::vector<LogChannel>& all = getLogChannels();
+        const auto channel = std::find_if(all.begin(), all.end(), [&](const LogChannel& c) {
+            return schema != schemas.end() && c.getTopic() == topic &&
+                   c.getSchema() == schema->second.name;
+        });
+        if (channel == all.end()) return;  // somebody else's
+        if (encoding != "cdr" || schema->second.encoding != "ros2msg") {
+            throw BadBytes(0, "channel " + quote(topic) + " is encoded as " + quote(encoding) +
+                                  " with a schema in " + quote(schema->second.encoding) +
+                                  "; this version reads `cdr` with `ros2msg`");
+        }
+        Plan plan;
+        plan.bit = std::uint32_t{1} << (channel - all.begin());
+        plan.channel = &*channel;
+        if ((expected & plan.bit) != 0) {
+            throw BadBytes(0, "a second channel " + quote(topic));
+        }
+        try {
+            plan.steps = parseSchema(schema->second.text, *channel);
+        } catch (const std::runtime_error& e) {
+            throw BadBytes(0, "the schema of channel " + quote(topic) + " " + e.what());
+        }
+        takeJointNames(topic, entries);
+        for (const Step& step : plan.steps) {
+            if (step.field != nullptr) fields.insert(step.field);
+        }
+        if (channel->name == "command") {
+            layout.commandSpace = channel->message == "ToolCommand" ? MotionCommand::Space::Tool
+                                                                    : MotionCommand::Space::Joint;
+        }
+        if (channel->name == "real") layout.hasRealPlant = true;
+        expected |= plan.bit;
+        plans[id] = std::move(plan);
+    }
+
+    void takeJointNames(const std::string& topic,
+                        const std::map<std::string, std::string>& entries) {
+        const auto entry = entries.find("joint_names");
+        const nlohmann::json json = nlohmann::json::parse(
+            entry == entries.end() ? std::string() : entry->second, nullptr, false);
+        const bool isList = json.is_array() && !json.empty() &&
+                            json.size() <= static_cast<std::size_t>(kMaxJoints) &&
+                            std::all_of(json.begin(), json.end(),
+                                        [](const nlohmann::json& j) { return j.is_string(); });
+        if (!isList) {
+            throw BadBytes(0, "channel " + quote(topic) + " does not name 1 to " +
+                                  std::to_string(kMaxJoints) + " joints");
+        }
+        const auto names = json.get<std::vector<std::string>>();
+        if (!layout.jointNames.empty() && names != layout.jointNames) {
+            throw BadBytes(0,
+                           "channel " + quote(topic) + " names other joints than the one before");
+        }
+        layout.jointNames = names;
+    }
+
+    void takeAttachment() {
+        ByteReader in(content);
+        in.takeU64();
+        in.takeU64();
+        LogAttachment attachment;
+        attachment.name = in.takeString();
+        attachment.mediaType = in.takeString();
+        attachment.data = in.take(in.takeU64());
+        const std::size_t covered = in.position();
+        const std::uint32_t crc = in.takeU32();
+        if (crc != 0 && crc != addToCrc(0, std::string_view(content).substr(0, covered))) {
+            throw BadBytes(0, "the checksum of attachment " + quote(attachment.name) + " differs");
+        }
+        attachments.push_back(std::move(attachment));
+    }
+
+    void takeChunk() {
+        ByteReader in(content);
+        in.takeU64();
+        in.takeU64();
+        const std::uint64_t plain = in.takeU64();
+        const std::uint32_t crc = in.takeU32();
+        const std::string_view compression = in.takeString();
+        const std::string_view packed = in.take(in.takeU64());
+        if (plain > kLargestAcceptedChunk) {
+            throw BadBytes(16, "a chunk of " + std::to_string(plain) + " bytes; at most " +
+                                   std::to_string(kLargestAcceptedChunk) + " are accepted");
+        }
+        if (compression.empty()) {
+            chunk.bytes = packed;
+        } else if (compression == "zstd") {
+            chunk.bytes.resize(static_cast<std::size_t>(plain));
+            const std::size_t got = ZSTD_decompress(chunk.bytes.data(), chunk.bytes.size(),
+                                                    packed.data(), packed.size());
+            if (ZSTD_isError(got)) {
+                throw BadBytes(
+                    0, std::string("the chunk cannot be decompressed: ") + ZSTD_getErrorName(got));
+            }
+            chunk.bytes.resize(got);
+        } else {
+            throw BadBytes(0, "the chunk is compressed by " + quote(compression) +
+                                  "; this version reads `zstd` and none");
+        }
+        if (chunk.bytes.size() != plain) {
+            throw BadBytes(0, "the chunk has " + std::to_string(chunk.bytes.size()) +
+                                  " bytes instead of " + std::to_string(plain));
+        }
+        if (crc != 0 && crc != addToCrc(0, chunk.bytes)) {
+            throw BadBytes(0, "the chunk's checksum differs");
+        }
+        chunkOffset = recordOffset;
+        isChunkFileBytes = false;
+        reader = ByteReader(chunk.bytes);
+    }
+
+    /** Takes what is left of the chunk up to the end of a row; true: `row` is whole. */
+    bool takeRow() {
+        std::size_t recordStart = 0;
+        try {
+            while (reader.left() > 0) {
+                recordStart = reader.position();
+                const std::uint8_t kind = reader.takeU8();
+                const std::string_view record = reader.take(reader.takeU64());
+                if (kind == kSchema) takeSchema(record);
+                if (kind == kChannel) takeChannel(record);
+                if (kind == kMessage && takeMessage(record)) return true;
+            }
+        } catch (const BadBytes& e) {
+            if (isChunkFileBytes) fail(chunkOffset + recordStart + e.offset, e.what());
+            fail(chunkOffset,
+                 "in this chunk, record at byte " + std::to_string(recordStart) + ": " + e.what());
+        }
+        return false;
+    }
+
+    bool takeMessage(std::string_view record) {
+        ByteReader in(record);
+        const std::uint16_t id = in.takeU16();
+        const std::uint32_t sequence = in.takeU32();
+        in.takeU64();
+        in.takeU64();
+        const auto found = plans.find(id);
+        if (found == plans.end()) {
+            throw BadBytes(0, "a message of the undeclared channel " + std::to_string(id));
+        }
+        const Plan& plan = found->second;
+        if (plan.channel == nullptr) return false;
+        if (seen == 0) {
+            row = TickRecord();
+            rowSequence = sequence;
+        } else if (sequence != rowSequence || (seen & plan.bit) != 0) {
+            throw BadBytes(0, "row " + std::to_string(rowSequence) + " lacks a channel");
+        }
+        if (in.take(kCdrLittleEndian.size()) != kCdrLittleEndian) {
+            throw BadBytes(0, "a message of channel " + quote(plan.channel->getTopic()) +
+                                  " is not little-endian CDR");
+        }
+        ByteReader body(in.take(in.left()));
+        for (const Step& step : plan.steps) decode(step, body);
+        seen |= plan.bit;
+        if (seen != expected) return false;
+        seen = 0;
+        return true;
+    }
+
+    void decode(const Step& step, ByteReader& in) {
+        std::uint32_t count = step.count;
+        if (step.isSequence) {
+            in.align(4);
+            count = in.takeU32();
+        }
+        if (step.field == nullptr) {
+            if (step.size == 0) {
+                for (std::uint32_t i = 0; i < count; ++i) takeWord(in);
+            } else if (count > 0) {
+                in.align(step.size);
+                in.take(std::uint64_t{count} * step.size);
+            }
+            return;
+        }
+        const LogField& field = *step.field;
+        if (field.isPerJoint() && count != layout.jointNames.size()) {
+            throw BadBytes(0, "`" + field.name + "` has " + std::to_string(count) +
+                                  " entries for " + std::to_string(layout.jointNames.size()) +
+                                  " joints");
+        }
+        const int n = static_cast<int>(count);
+        if (field.isText()) {
+            for (int i = 0; i < n; ++i) {
+                const std::string_view word = takeWord(in);
+                if (!field.setText(row, i, word)) {
+                    throw BadBytes(0, "`" + field.name + "` cannot be " + quote(word));
+                }
+            }
+            return;
+        }
+        in.align(8);
+        if (field.kind == LogKind::Integer) {
+            const auto value = static_cast<std::int64_t>(in.takeU64());
+            if (!field.setInteger(row, value)) {
+                throw BadBytes(0, "`" + field.name + "` cannot be " + std::to_string(value));
+            }
+        } else if (field.updJoints != nullptr) {
+            JointVector& v = field.updJoints(row);
+            v.resize(n);
+            for (int i = 0; i < n; ++i) v[i] = in.takeDouble();
+        } else {
+            for (int i = 0; i < n; ++i) field.updNumber(row, i) = in.takeDouble();
+        }
+    }
+
+    static std::string_view takeWord(ByteReader& in) {
+        in.align(4);
+        std::string_view word = in.takeString();
+        if (!word.empty() && word.back() == '\0') word.remove_suffix(1);
+        return word;
+    }
+
+    bool read(TickRecord& record) {
+        for (;;) {
+            if (takeRow()) {
+                record = row;
+                return true;
+            }
+            if (isPending) {
+                isPending = false;
+            } else if (!nextRecord()) {
+                break;
+            }
+            takeRecord();
+        }
+        if (isComplete && !hasDataEnd) fail(position, "the data section has no end");
+        if (isComplete && seen != 0) fail(position, "the last row lacks a channel");
+        return false;
+    }
+
+    struct Schema {
+        std::string name, encoding, text;
+    };
+    struct Plan {
+        const LogChannel* channel = nullptr;  // null: somebody else's, skipped
+        std::uint32_t bit = 0;
+        std::vector<Step> steps;
+    };
+
+    std::string file;
+    int descriptor = -1;
+    std::uint64_t size = 0;
+    std::uint64_t dataEnd = 0;  // where the data section ends at the latest
+    bool isComplete = false;
+
+    // The record at hand
+    std::uint64_t position = 0;
+    std::uint64_t recordOffset = 0;
+    std::uint8_t opcode = 0;
+    std::string head, content;
+    bool isPending = false;  // read, not yet taken
+    bool atEnd = false;
+    bool hasDataEnd = false;
+    std::uint32_t dataCrc = 0;
+
+    // The chunk at hand
+    ByteWriter chunk;
+    std::uint64_t chunkOffset = 0;
+    bool isChunkFileBytes = false;
+    ByteReader reader{std::string_view()};
+
+    LogLayout layout;
+    std::string library;
+    std::map<std::string, std::string> metadata;
+    std::vector<LogAttachment> attachments;
+    std::vector<LogColumn> columns;
+    std::set<const LogField*> fields;  // those that the file has
+    std::map<std::uint16_t, Schema> schemas;
+    std::map<std::uint16_t, Plan> plans;
+
+    // A row is whole when every declared channel has given its message.
+    TickRecord row;
+    std::uint32_t rowSequence = 0;
+    std::uint32_t seen = 0;
+    std::uint32_t expected = 0;
+};
+
+LogReader::LogReader(const std::filesystem::path& file) : impl_(std::make_unique<Impl>(file)) {}
+LogReader::~LogReader() = default;
+
+const LogLayout& LogReader::layout() const {
+    return impl_->layout;
+}
+const std::string& LogReader::library() const {
+    return impl_->library;
+}
+const std::map<std::string, std::string>& LogReader::metadata() const {
+    return impl_->metadata;
+}
+const std::vector<LogAttachment>& LogReader::attachments() const {
+    return impl_->attachments;
+}
+const std::vector<LogColumn>& LogReader::columns() const {
+    return impl_->columns;
+}
+bool LogReader::isComplete() const {
+    return impl_->isComplete;
+}
+bool LogReader::read(TickRecord& record) {
+    return impl_->read(record);
+}
+
+}  // namespace viable

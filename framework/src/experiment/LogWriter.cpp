@@ -1,0 +1,467 @@
+#include "viable/experiment/LogWriter.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+#include <zlib.h>
+#include <zstd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <system_error>
+
+#include "LogFields.h"
+#include "Mcap.h"
+#include "viable/core/Error.h"
+
+namespace viable {
+
+namespace {
+
+using namespace mcap;
+
+std::string describe(int code) {
+    return std::generic_category().message(code);
+}
+
+std::uint32_t addToCrc(std::uint32_t crc, std::string_view bytes) {
+    return static_cast<std::uint32_t>(
+        crc32_z(crc, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
+}
+
+class FileSink : public LogSink {
+public:
+    explicit FileSink(int descriptor) : descriptor_(descriptor) {}
+    ~FileSink() override {
+        if (descriptor_ >= 0) ::close(descriptor_);
+    }
+
+    bool write(const void* data, std::size_t size, std::string& error) override {
+        const char* next = static_cast<const char*>(data);
+        while (size > 0) {
+            const ssize_t taken = ::write(descriptor_, next, size);
+            if (taken < 0 && errno == EINTR) continue;
+            if (taken <= 0) {
+                error = describe(taken < 0 ? errno : EIO);
+                return false;
+            }
+            next += taken;
+            size -= static_cast<std::size_t>(taken);
+        }
+        return true;
+    }
+
+    bool close(std::string& error) override {
+        const int descriptor = descriptor_;
+        descriptor_ = -1;
+        // EINTR: Linux has closed it all the same.
+        if (::close(descriptor) == 0 || errno == EINTR) return true;
+        error = describe(errno);
+        return false;
+    }
+
+private:
+    int descriptor_;
+};
+
+struct ChunkEntry {
+    std::uint64_t start, end;  // log time [ns]
+    std::uint64_t offset, length;
+    std::vector<std::uint64_t> indexOffsets;  // by channel
+    std::uint64_t indexLength;
+    std::uint64_t compressed, uncompressed;
+};
+
+struct AttachmentEntry {
+    std::uint64_t offset, length, size;
+    std::string name, mediaType;
+};
+
+constexpr char kCompression[] = "zstd";
+constexpr int kCompressionLevel = 1;
+constexpr char kMetadataName[] = "viable";
+
+}  // namespace
+
+std::unique_ptr<LogSink> createLogFile(const std::filesystem::path& file) {
+    int descriptor;
+    do {
+        descriptor = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    } while (descriptor < 0 && errno == EINTR);
+    if (descriptor >= 0) return std::make_unique<FileSink>(descriptor);
+    const int code = errno;
+    if (code == EEXIST) {
+        throw badInput(file.string(), "the log exists already and is never overwritten",
+                       "Choose another folder or move the old log away");
+    }
+    throw Error(ErrorKind::LogNotWritten, file.string(),
+                "the log cannot be created: " + describe(code),
+                "Choose a folder that exists and may be written to");
+}
+
+struct LogWriter::Impl {
+    Impl(std::unique_ptr<LogSink> target, const LogOpening& opening)
+        : sink(std::move(target)), layout(opening.layout) {
+        const auto n = layout.jointNames.size();
+        VIABLE_CHECK(n >= 1 && n <= static_cast<std::size_t>(kMaxJoints),
+                     "a log has 1 to 16 joints");
+        for (const LogChannel& channel : getLogChannels()) {
+            if (channel.isLogged(layout)) channels.push_back(&channel);
+        }
+        indices.resize(channels.size());
+        compressor.reset(ZSTD_createCCtx());
+        ZSTD_CCtx_setParameter(compressor.get(), ZSTD_c_compressionLevel, kCompressionLevel);
+        guard([&] { writeOpening(opening); });
+    }
+
+    /** No exception leaves: memory that ran out ends the log like a full disk. */
+    template <class Call>
+    void guard(const Call& call) noexcept {
+        try {
+            call();
+        } catch (const std::exception& e) {
+            try {
+                if (status.ok()) status.error = e.what();
+            } catch (...) {
+                status.error = "no memory";  // short: kept inside the string
+            }
+        }
+    }
+
+    void send(const std::string& bytes) {
+        if (!status.ok()) return;
+        if (!sink->write(bytes.data(), bytes.size(), status.error)) {
+            if (status.error.empty()) status.error = "unknown write error";
+            return;
+        }
+        dataCrc = addToCrc(dataCrc, bytes);
+        status.bytes += bytes.size();
+    }
+
+    void putSchemas(ByteWriter& out) const {
+        for (std::size_t i = 0; i < channels.size(); ++i) {
+            const std::size_t record = out.begin(kSchema);
+            out.putU16(static_cast<std::uint16_t>(i + 1));  // 0 means: no schema
+            out.putString(channels[i]->getSchema());
+            out.putString("ros2msg");
+            out.putString(channels[i]->getSchemaText());
+            out.end(record);
+        }
+    }
+
+    void putChannels(ByteWriter& out) const {
+        const std::string names =
+            nlohmann::json(layout.jointNames)
+                .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+        for (std::size_t i = 0; i < channels.size(); ++i) {
+            const std::size_t record = out.begin(kChannel);
+            out.putU16(static_cast<std::uint16_t>(i));
+            out.putU16(static_cast<std::uint16_t>(i + 1));
+            out.putString(channels[i]->getTopic());
+            out.putString("cdr");
+            // The profile ros2 asks for the QoS entry, even when there is nothing to say.
+            out.putMap({{"joint_names", names}, {"offered_qos_profiles", ""}});
+            out.end(record);
+        }
+    }
+
+    void writeOpening(const LogOpening& opening) {
+        ByteWriter out;
+        out.bytes = kMagic;
+        std::size_t record = out.begin(kHeader);
+        out.putString("ros2");
+        out.putString("viable " VIABLE_VERSION);
+        out.end(record);
+
+        metadataOffset = out.bytes.size();
+        record = out.begin(kMetadata);
+        out.putString(kMetadataName);
+        out.putMap(opening.metadata);
+        out.end(record);
+        metadataLength = out.bytes.size() - metadataOffset;
+
+        for (const LogAttachment& attachment : opening.attachments) {
+            const std::size_t offset = out.bytes.size();
+            record = out.begin(kAttachment);
+            out.putU64(0);  // log time
+            out.putU64(0);  // creation time: not told, so that equal runs give equal logs
+            out.putString(attachment.name);
+            out.putString(attachment.mediaType);
+            out.putU64(attachment.data.size());
+            out.bytes += attachment.data;
+            out.putU32(addToCrc(0, std::string_view(out.bytes).substr(record)));
+            out.end(record);
+            attachments.push_back({offset, out.bytes.size() - offset, attachment.data.size(),
+                                   attachment.name, attachment.mediaType});
+        }
+        putSchemas(out);
+        putChannels(out);
+        send(out.bytes);
+    }
+
+    void encode(const LogField& field, const TickRecord& record, std::size_t origin) {
+        const int n = static_cast<int>(layout.jointNames.size());
+        const int count = field.isPerJoint()              ? n
+                          : field.kind == LogKind::Vector ? static_cast<int>(field.elements.size())
+                                                          : 1;
+        if (field.isPerJoint()) {
+            chunk.align(origin, 4);
+            chunk.putU32(static_cast<std::uint32_t>(n));
+        }
+        if (field.kind == LogKind::Integer) {
+            chunk.align(origin, 8);
+            chunk.putU64(static_cast<std::uint64_t>(field.integer(record)));
+        } else if (field.isText()) {
+            for (int i = 0; i < count; ++i) {
+                const std::string_view word = field.text(record, i);
+                chunk.align(origin, 4);
+                chunk.putU32(static_cast<std::uint32_t>(word.size() + 1));
+                chunk.bytes += word;
+                chunk.bytes.push_back('\0');
+            }
+        } else {
+            chunk.align(origin, 8);
+            for (int i = 0; i < count; ++i) chunk.putDouble(field.getNumber(record, i));
+        }
+    }
+
+    void append(const TickRecord& record) {
+        // NaN and negative times become 0: the log's clock only sorts the messages.
+        const double ns = record.time_s * 1e9;
+        const std::uint64_t time =
+            ns > 0.0 && ns < 9e18 ? static_cast<std::uint64_t>(std::llround(ns)) : 0;
+        if (chunkRows > 0 &&
+            (time >= chunkFirst + static_cast<std::uint64_t>(kLongestChunk_s * 1e9) ||
+             time < chunkFirst || chunk.bytes.size() >= kLargestChunk)) {
+            writeChunk();
+        }
+        if (chunkRows == 0) {
+            chunkFirst = chunkStart = chunkEnd = time;
+        } else {
+            chunkStart = std::min(chunkStart, time);
+            chunkEnd = std::max(chunkEnd, time);
+        }
+        for (std::size_t c = 0; c < channels.size(); ++c) {
+            indices[c].emplace_back(time, chunk.bytes.size());
+            const std::size_t message = chunk.begin(kMessage);
+            chunk.putU16(static_cast<std::uint16_t>(c));
+            chunk.putU32(static_cast<std::uint32_t>(rows - 1));  // sequence
+            chunk.putU64(time);
+            chunk.putU64(time);
+            chunk.bytes += kCdrLittleEndian;
+            const std::size_t origin = chunk.bytes.size();
+            for (const LogField& field : channels[c]->fields) encode(field, record, origin);
+            chunk.end(message);
+        }
+        ++chunkRows;
+    }
+
+    void writeChunk() {
+        if (chunkRows == 0) return;
+        packed.resize(ZSTD_compressBound(chunk.bytes.size()));
+        const std::size_t size = ZSTD_compress2(compressor.get(), packed.data(), packed.size(),
+                                                chunk.bytes.data(), chunk.bytes.size());
+        if (ZSTD_isError(size)) throw std::runtime_error(ZSTD_getErrorName(size));
+
+        ByteWriter& out = outgoing;
+        out.bytes.clear();
+        ChunkEntry entry{chunkStart, chunkEnd, status.bytes, 0, {}, 0, size, chunk.bytes.size()};
+        const std::size_t record = out.begin(kChunk);
+        out.putU64(entry.start);
+        out.putU64(entry.end);
+        out.putU64(entry.uncompressed);
+        out.putU32(addToCrc(0, chunk.bytes));
+        out.putString(kCompression);
+        out.putU64(size);
+        out.bytes.append(packed.data(), size);
+        out.end(record);
+        entry.length = out.bytes.size();
+        for (std::size_t c = 0; c < channels.size(); ++c) {
+            entry.indexOffsets.push_back(entry.offset + out.bytes.size());
+            const std::size_t index = out.begin(kMessageIndex);
+            out.putU16(static_cast<std::uint16_t>(c));
+            const std::size_t list = out.beginLength32();
+            for (const auto& [time, offset] : indices[c]) {
+                out.putU64(time);
+                out.putU64(offset);
+            }
+            out.endLength32(list);
+            out.end(index);
+            indices[c].clear();
+        }
+        entry.indexLength = out.bytes.size() - entry.length;
+        send(out.bytes);
+        if (status.ok()) {
+            startTime = status.rows == 0 ? entry.start : std::min(startTime, entry.start);
+            endTime = std::max(endTime, entry.end);
+            chunks.push_back(std::move(entry));
+            status.rows += chunkRows;
+        }
+        chunk.bytes.clear();
+        chunkRows = 0;
+    }
+
+    void writeEnd() {
+        ByteWriter out;
+        std::size_t record = out.begin(kDataEnd);
+        out.putU32(dataCrc);
+        out.end(record);
+
+        const std::uint64_t base = status.bytes;  // offsets in `out` count from here
+        const std::size_t summary = out.bytes.size();
+        struct Group {
+            Opcode opcode;
+            std::size_t start, end;
+        };
+        std::vector<Group> groups;
+        const auto addGroup = [&](Opcode opcode, const auto& put) {
+            const std::size_t start = out.bytes.size();
+            put();
+            if (out.bytes.size() > start) groups.push_back({opcode, start, out.bytes.size()});
+        };
+        addGroup(kSchema, [&] { putSchemas(out); });
+        addGroup(kChannel, [&] { putChannels(out); });
+        addGroup(kStatistics, [&] {
+            const std::size_t content = out.begin(kStatistics);
+            out.putU64(status.rows * channels.size());
+            out.putU16(static_cast<std::uint16_t>(channels.size()));
+            out.putU32(static_cast<std::uint32_t>(channels.size()));
+            out.putU32(static_cast<std::uint32_t>(attachments.size()));
+            out.putU32(1);
+            out.putU32(static_cast<std::uint32_t>(chunks.size()));
+            out.putU64(startTime);
+            out.putU64(endTime);
+            const std::size_t counts = out.beginLength32();
+            for (std::size_t c = 0; c < channels.size(); ++c) {
+                out.putU16(static_cast<std::uint16_t>(c));
+                out.putU64(status.rows);
+            }
+            out.endLength32(counts);
+            out.end(content);
+        });
+        addGroup(kChunkIndex, [&] {
+            for (const ChunkEntry& entry : chunks) {
+                const std::size_t content = out.begin(kChunkIndex);
+                out.putU64(entry.start);
+                out.putU64(entry.end);
+                out.putU64(entry.offset);
+                out.putU64(entry.length);
+                const std::size_t offsets = out.beginLength32();
+                for (std::size_t c = 0; c < entry.indexOffsets.size(); ++c) {
+                    out.putU16(static_cast<std::uint16_t>(c));
+                    out.putU64(entry.indexOffsets[c]);
+                }
+                out.endLength32(offsets);
+                out.putU64(entry.indexLength);
+                out.putString(kCompression);
+                out.putU64(entry.compressed);
+                out.putU64(entry.uncompressed);
+                out.end(content);
+            }
+        });
+        addGroup(kAttachmentIndex, [&] {
+            for (const AttachmentEntry& entry : attachments) {
+                const std::size_t content = out.begin(kAttachmentIndex);
+                out.putU64(entry.offset);
+                out.putU64(entry.length);
+                out.putU64(0);
+                out.putU64(0);
+                out.putU64(entry.size);
+                out.putString(entry.name);
+                out.putString(entry.mediaType);
+                out.end(content);
+            }
+        });
+        addGroup(kMetadataIndex, [&] {
+            const std::size_t content = out.begin(kMetadataIndex);
+            out.putU64(metadataOffset);
+            out.putU64(metadataLength);
+            out.putString(kMetadataName);
+            out.end(content);
+        });
+        const std::size_t summaryOffsets = out.bytes.size();
+        for (const Group& group : groups) {
+            const std::size_t content = out.begin(kSummaryOffset);
+            out.putU8(group.opcode);
+            out.putU64(base + group.start);
+            out.putU64(group.end - group.start);
+            out.end(content);
+        }
+        record = out.begin(kFooter);
+        out.putU64(base + summary);
+        out.putU64(base + summaryOffsets);
+        // The checksum covers the footer's head, so its length must stand there already.
+        out.putU32(0);
+        out.end(record);
+        out.bytes.resize(out.bytes.size() - 4);
+        out.putU32(addToCrc(0, std::string_view(out.bytes).substr(summary)));
+        out.bytes += kMagic;
+        send(out.bytes);
+    }
+
+    void finish() {
+        if (finished) return;
+        finished = true;
+        guard([&] {
+            if (status.ok()) writeChunk();
+            if (status.ok()) writeEnd();
+        });
+        status.lost = rows - status.rows;
+        std::string error;
+        if (!sink->close(error) && status.ok()) {
+            status.error = error.empty() ? "the log could not be closed" : error;
+        }
+    }
+
+    struct FreeCompressor {
+        void operator()(ZSTD_CCtx* context) const { ZSTD_freeCCtx(context); }
+    };
+
+    std::unique_ptr<LogSink> sink;
+    LogLayout layout;
+    std::vector<const LogChannel*> channels;  // those of this layout; the channel's id is the index
+    std::unique_ptr<ZSTD_CCtx, FreeCompressor> compressor;
+    LogStatus status;
+    bool finished = false;
+
+    ByteWriter chunk;  // messages not yet written
+    std::vector<std::vector<std::pair<std::uint64_t, std::uint64_t>>> indices;  // time, offset
+    std::uint64_t chunkFirst = 0, chunkStart = 0, chunkEnd = 0;                 // [ns]
+    std::uint64_t chunkRows = 0;
+    std::uint64_t rows = 0;  // appended, the one in work included
+    std::string packed;
+    ByteWriter outgoing;
+
+    std::uint32_t dataCrc = 0;
+    std::uint64_t startTime = 0, endTime = 0;  // [ns]
+    std::uint64_t metadataOffset = 0, metadataLength = 0;
+    std::vector<ChunkEntry> chunks;
+    std::vector<AttachmentEntry> attachments;
+};
+
+LogWriter::LogWriter(const std::filesystem::path& file, const LogOpening& opening)
+    : LogWriter(createLogFile(file), opening) {}
+
+LogWriter::LogWriter(std::unique_ptr<LogSink> sink, const LogOpening& opening)
+    : impl_(std::make_unique<Impl>(std::move(sink), opening)) {}
+
+LogWriter::~LogWriter() = default;
+
+void LogWriter::append(const TickRecord& record) noexcept {
+    if (impl_->finished) return;
+    ++impl_->rows;
+    if (impl_->status.ok()) impl_->guard([&] { impl_->append(record); });
+    if (!impl_->status.ok()) impl_->status.lost = impl_->rows - impl_->status.rows;
+}
+
+void LogWriter::finish() noexcept {
+    impl_->guard([&] { impl_->finish(); });
+}
+
+const LogStatus& LogWriter::status() const {
+    return impl_->status;
+}
+
+}  // namespace viable

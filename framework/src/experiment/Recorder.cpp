@@ -1,0 +1,80 @@
+#include "viable/experiment/Recorder.h"
+
+#include <signal.h>
+
+#include <chrono>
+
+#include "viable/core/Error.h"
+
+namespace viable {
+
+namespace {
+
+/** How long the writing thread sleeps when there is nothing to write. */
+constexpr std::chrono::milliseconds kNap(1);
+
+}  // namespace
+
+Recorder::Recorder(std::unique_ptr<LogWriter> writer, std::size_t capacity)
+    : writer_(std::move(writer)), slots_(capacity) {
+    VIABLE_CHECK(capacity >= 1, "a recorder holds at least one tick");
+    // A new thread inherits the mask: signals to the program (Ctrl-C) stay with the other threads,
+    // and a file size limit becomes a write error (EFBIG) instead of the end of the program.
+    sigset_t blocked, before;
+    sigfillset(&blocked);
+    for (const int signal : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGTRAP}) {
+        sigdelset(&blocked, signal);
+    }
+    pthread_sigmask(SIG_SETMASK, &blocked, &before);
+    try {
+        thread_ = std::thread([this] { drain(); });
+    } catch (...) {
+        pthread_sigmask(SIG_SETMASK, &before, nullptr);
+        throw;
+    }
+    pthread_sigmask(SIG_SETMASK, &before, nullptr);
+}
+
+Recorder::~Recorder() {
+    finish();
+}
+
+bool Recorder::append(const TickRecord& record) noexcept {
+    const std::size_t written = written_.load(std::memory_order_relaxed);
+    if (written - knownRead_ >= slots_.size()) {
+        knownRead_ = read_.load(std::memory_order_acquire);
+        if (written - knownRead_ >= slots_.size()) return false;
+    }
+    slots_[written % slots_.size()] = record;
+    written_.store(written + 1, std::memory_order_release);
+    return true;
+}
+
+void Recorder::drain() {
+    for (;;) {
+        // Looked at first: what was appended before the stop is seen by the next load.
+        const bool stop = stop_.load(std::memory_order_acquire);
+        const std::size_t written = written_.load(std::memory_order_acquire);
+        std::size_t read = read_.load(std::memory_order_relaxed);
+        if (read == written) {
+            if (stop) break;
+            std::this_thread::sleep_for(kNap);
+            continue;
+        }
+        while (read != written) {
+            writer_->append(slots_[read % slots_.size()]);
+            read_.store(++read, std::memory_order_release);
+        }
+    }
+    writer_->finish();
+}
+
+LogStatus Recorder::finish() {
+    if (thread_.joinable()) {
+        stop_.store(true, std::memory_order_release);
+        thread_.join();
+    }
+    return writer_->status();
+}
+
+}  // namespace viable

@@ -1,0 +1,144 @@
+#include "viable/experiment/Summary.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace viable {
+
+namespace {
+
+constexpr double kShortest_us = 0.01;
+constexpr double kLongest_us = 1e7;
+constexpr double kBinWidth = 0.03;  // relative
+
+int findBin(double us) {
+    const double x = std::log(std::max(us, kShortest_us) / kShortest_us) / std::log1p(kBinWidth);
+    return static_cast<int>(std::min(x, 1e6));
+}
+
+const int kBins = findBin(kLongest_us) + 1;
+
+}  // namespace
+
+TimeHistogram::TimeHistogram() : bins_(kBins, 0) {}
+
+void TimeHistogram::add(double us) {
+    ++bins_[std::min(findBin(us), kBins - 1)];
+    ++count_;
+    max_ = std::max(max_, us);
+}
+
+double TimeHistogram::percentile(double p) const {
+    if (count_ == 0) return 0.0;
+    const double wanted = p * static_cast<double>(count_);
+    std::int64_t seen = 0;
+    for (int i = 0; i < kBins; ++i) {
+        seen += bins_[i];
+        if (static_cast<double>(seen) >= wanted && bins_[i] > 0)
+            return std::min(max_, kShortest_us * std::pow(1.0 + kBinWidth, i + 0.5));
+    }
+    return max_;
+}
+
+Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool hasRealPlant)
+    : jointNames_(std::move(jointNames)), bounds_(std::move(limits)), hasRealPlant_(hasRealPlant) {
+    for (auto& records : limits_) records.resize(jointNames_.size());
+    acting_.resize(jointNames_.size());
+    squaredError_.setZero(static_cast<int>(jointNames_.size()));
+    largestError_.setZero(static_cast<int>(jointNames_.size()));
+}
+
+void Summary::add(const TickRecord& record) {
+    const int n = static_cast<int>(jointNames_.size());
+    const JointVector* values[kQuantities] = {&record.nominal.q, &record.nominal.qd,
+                                              &record.nominal.qdd, &record.nominal.jerk};
+    const JointBounds* bounds[kQuantities] = {&bounds_.position, &bounds_.velocity,
+                                              &bounds_.acceleration, &bounds_.jerk};
+    for (int k = 0; k < kQuantities; ++k) {
+        for (int i = 0; i < n; ++i) {
+            const double lower = bounds[k]->lower[i], upper = bounds[k]->upper[i];
+            // Positions are measured from the middle of their range, the rest from zero.
+            const bool bothFinite = std::isfinite(lower) && std::isfinite(upper);
+            const double center = k == 0 && bothFinite ? (lower + upper) / 2.0 : 0.0;
+            const double x = (*values[k])[i] - center;
+            const double reach = x >= 0.0 ? upper - center : center - lower;
+            const double use = std::isinf(reach) ? 0.0
+                               : reach > 0.0     ? std::abs(x) / reach
+                                                 : (x == 0.0 ? 0.0 : INFINITY);
+            LimitRecord& limit = limits_[k][i];
+            if (use > limit.worstUse) {
+                limit.worstUse = use;
+                limit.worstTime_s = record.time_s;
+                limit.worstExcess = std::max(0.0, std::abs(x) - reach);
+            }
+            if (use > kOutsideUse) ++limit.ticksOutside;
+        }
+    }
+    for (int i = 0; i < n; ++i) {
+        const JointIntervention& joint = record.joints[i];
+        if (joint.limit != LimitKind::None)
+            ++acting_[i][static_cast<int>(joint.limit)][joint.side == LimitSide::Upper ? 1 : 0];
+        if (hasRealPlant_) {
+            const double e = record.actual.q[i] - record.nominal.q[i];
+            squaredError_[i] += e * e;
+            largestError_[i] = std::max(largestError_[i], std::abs(e));
+        }
+    }
+    ++ticks_;
+    ++statusTicks_[static_cast<int>(record.status)];
+    substituted_ = record.substituted;
+    tickTime_.add(record.compute_us);
+    for (int s = 0; s < kStageCount; ++s) stageTimes_[s].add(record.stage_us[s]);
+}
+
+int Summary::worstJoint(LimitKind kind) const {
+    const std::vector<LimitRecord>& records = limit(kind);
+    return static_cast<int>(std::max_element(records.begin(), records.end(),
+                                             [](const LimitRecord& a, const LimitRecord& b) {
+                                                 return a.worstUse < b.worstUse;
+                                             }) -
+                            records.begin());
+}
+
+std::int64_t Summary::ticksOutside(LimitKind kind) const {
+    std::int64_t sum = 0;
+    for (const LimitRecord& record : limit(kind)) sum += record.ticksOutside;
+    return sum;
+}
+
+bool Summary::anyLimitBroken() const {
+    for (const auto& records : limits_)
+        for (const LimitRecord& record : records)
+            if (record.ticksOutside > 0) return true;
+    return false;
+}
+
+std::map<std::pair<std::string, std::string>, std::int64_t> Summary::interventions() const {
+    std::map<std::pair<std::string, std::string>, std::int64_t> all;
+    for (std::size_t i = 0; i < acting_.size(); ++i)
+        for (int k = 1; k <= kQuantities; ++k)
+            for (int side = 0; side < 2; ++side)
+                if (acting_[i][k][side] > 0)
+                    all[{jointNames_[i], getName(static_cast<LimitKind>(k),
+                                                 side ? LimitSide::Upper : LimitSide::Lower)}] =
+                        acting_[i][k][side];
+    return all;
+}
+
+double Summary::trackingRms(int joint) const {
+    return ticks_ ? std::sqrt(squaredError_[joint] / static_cast<double>(ticks_)) : 0.0;
+}
+
+double Summary::trackingMax(int joint) const {
+    return largestError_[joint];
+}
+
+double Summary::trackingRms() const {
+    return ticks_ ? std::sqrt(squaredError_.mean() / static_cast<double>(ticks_)) : 0.0;
+}
+
+double Summary::trackingMax() const {
+    return largestError_.maxCoeff();
+}
+
+}  // namespace viable

@@ -1,0 +1,210 @@
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "viable/experiment/CaseRun.h"
+
+namespace viable {
+
+namespace {
+
+constexpr LimitKind kKinds[] = {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration,
+                                LimitKind::Jerk};
+const char* const kKindNames[] = {"position", "velocity", "acceleration", "jerk"};
+const char* const kKindUnits[] = {"rad", "rad/s", "rad/s^2", "rad/s^3"};
+
+template <class... Arguments>
+std::string format(const char* pattern, Arguments... arguments) {
+    char text[512];
+    std::snprintf(text, sizeof text, pattern, arguments...);
+    return text;
+}
+
+std::string formatPercent(double share) {
+    if (std::isinf(share)) return "inf";
+    return format(share < 10.0 ? "%.2f" : "%.0f", 100.0 * share);
+}
+
+/** Milliradians in plain numbers as long as those are readable. */
+std::string formatMrad(double rad) {
+    return format(std::abs(rad) < 10.0 ? "%.4g" : "%.3e", 1e3 * rad);
+}
+
+}  // namespace
+
+std::string formatComparison(const std::vector<CaseResult>& results) {
+    std::string text =
+        format("%-18s | %-33s | %-7s %-6s %-8s | %-21s | %s\n", "", "worst use of the limit [%]",
+               "ticks", "empty", "modified", "real - nominal [mrad]", "tick [us]");
+    text += format("%-18s | %8s %8s %7s %7s | %-7s %-6s %-8s | %10s %10s | %7s %7s\n", "case",
+                   "position", "velocity", "accel.", "jerk", "outside", "ticks", "[%]", "RMS",
+                   "max", "median", "p99");
+    text += std::string(126, '-') + "\n";
+    for (const CaseResult& r : results) {
+        const Summary& s = r.summary;
+        std::int64_t outside = 0;
+        for (LimitKind kind : kKinds) outside += s.ticksOutside(kind);
+        const auto use = [&](LimitKind kind) {
+            return formatPercent(s.limit(kind)[s.worstJoint(kind)].worstUse);
+        };
+        const double modified =
+            s.ticks() ? 100.0 *
+                            static_cast<double>(s.ticksWith(FilterStatus::Modified) +
+                                                s.ticksWith(FilterStatus::Infeasible)) /
+                            static_cast<double>(s.ticks())
+                      : 0.0;
+        text += format("%-18s | %8s %8s %7s %7s | %-7lld %-6lld %-8.1f | %10s %10s | %7.1f %7.1f\n",
+                       r.name.c_str(), use(LimitKind::Position).c_str(),
+                       use(LimitKind::Velocity).c_str(), use(LimitKind::Acceleration).c_str(),
+                       use(LimitKind::Jerk).c_str(), static_cast<long long>(outside),
+                       static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), modified,
+                       s.hasRealPlant() ? formatMrad(s.trackingRms()).c_str() : "-",
+                       s.hasRealPlant() ? formatMrad(s.trackingMax()).c_str() : "-",
+                       s.tickTime().percentile(0.5), s.tickTime().percentile(0.99));
+    }
+    return text;
+}
+
+std::string formatDetails(const CasePlan& plan, const CaseResult& r) {
+    const Summary& s = r.summary;
+    std::string text = r.name + ": filter " + r.filter;
+    if (!r.realPlant.empty())
+        text += ", robust loop " + r.robustLoop + ", real plant " + r.realPlant;
+    text += format("; %.3f s simulated in %.2f s (%.0f times real time)\n", r.simulated_s, r.wall_s,
+                   r.wall_s > 0.0 ? r.simulated_s / r.wall_s : 0.0);
+    for (int k = 0; k < Summary::kQuantities; ++k) {
+        const int joint = s.worstJoint(kKinds[k]);
+        const LimitRecord& limit = s.limit(kKinds[k])[joint];
+        text += format(
+            "  %-13s worst use %9s %% (%s at %.3f s), outside in %lld joint-ticks, worst excess "
+            "%.3g %s\n",
+            kKindNames[k], formatPercent(limit.worstUse).c_str(), s.jointNames()[joint].c_str(),
+            limit.worstTime_s, static_cast<long long>(s.ticksOutside(kKinds[k])), limit.worstExcess,
+            kKindUnits[k]);
+    }
+    text += format(
+        "  filter        passed %lld, modified %lld, no admissible choice %lld, stop %lld of %lld "
+        "ticks\n",
+        static_cast<long long>(s.ticksWith(FilterStatus::Passed)),
+        static_cast<long long>(s.ticksWith(FilterStatus::Modified)),
+        static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)),
+        static_cast<long long>(s.ticksWith(FilterStatus::StoppedByPlan)),
+        static_cast<long long>(s.ticks()));
+    std::map<std::string, std::int64_t> byLimit;
+    for (const auto& [key, count] : s.interventions()) byLimit[key.second] += count;
+    if (!byLimit.empty()) {
+        text += "  acting limits";
+        const char* separator = " ";
+        for (const auto& [name, count] : byLimit) {
+            text += separator + name + " " + std::to_string(count);
+            separator = ", ";
+        }
+        text += " joint-ticks\n";
+    }
+    if (s.substitutedTicks() > 0)
+        text += format(
+            "  controller    %lld ticks without a usable torque, the last good one was used\n",
+            static_cast<long long>(s.substitutedTicks()));
+    if (s.hasRealPlant()) {
+        text += "  real-nominal  RMS / max per joint [mrad]";
+        for (int i = 0; i < plan.robot.size(); ++i)
+            text += "  " + formatMrad(s.trackingRms(i)) + " / " + formatMrad(s.trackingMax(i));
+        text += "\n";
+    }
+    text += format("  tick          median %.1f us, p99 %.1f us, max %.1f us (median / p99:",
+                   s.tickTime().percentile(0.5), s.tickTime().percentile(0.99), s.tickTime().max());
+    for (int i = 0; i < kStageCount; ++i) {
+        const TimeHistogram& h = s.stageTime(static_cast<Stage>(i));
+        text += format("%s %s %.1f / %.1f", i ? "," : "", getName(static_cast<Stage>(i)),
+                       h.percentile(0.5), h.percentile(0.99));
+    }
+    text += ")\n";
+    std::string seeds;
+    for (const PluginChoice* choice : {&plan.command, &plan.controller, &plan.filter,
+                                       plan.robustLoop ? &*plan.robustLoop : nullptr,
+                                       plan.realPlant ? &*plan.realPlant : nullptr})
+        if (choice)
+            if (const ConfigNode* seed = choice->parameters.resolved().find("seed"))
+                seeds += (seeds.empty() ? "" : ", ") + choice->plugin.name + " " + seed->text;
+    if (!seeds.empty()) text += "  seeds         " + seeds + "\n";
+    if (!r.log.empty())
+        text += format("  log           %s (%lld rows)\n", r.log.c_str(),
+                       static_cast<long long>(r.logRows));
+    if (!r.stopMessage.empty()) text += "  STOPPED       " + r.stopMessage + "\n";
+    if (!r.logError.empty()) text += "  LOG LOST      " + r.logError + "\n";
+    return text;
+}
+
+std::string writeSummaryJson(const Experiment& experiment, const std::vector<CaseResult>& results) {
+    using nlohmann::json;
+    const auto number = [](double x) {
+        return std::isfinite(x) ? json(x) : json(x > 0 ? "inf" : "-inf");
+    };
+    json cases = json::array();
+    for (const CaseResult& r : results) {
+        const Summary& s = r.summary;
+        json limits = json::object();
+        for (int k = 0; k < Summary::kQuantities; ++k) {
+            json joints = json::object();
+            for (std::size_t i = 0; i < s.jointNames().size(); ++i) {
+                const LimitRecord& limit = s.limit(kKinds[k])[i];
+                joints[s.jointNames()[i]] = {{"worst_use", number(limit.worstUse)},
+                                             {"worst_time_s", limit.worstTime_s},
+                                             {"worst_excess", number(limit.worstExcess)},
+                                             {"ticks_outside", limit.ticksOutside}};
+            }
+            limits[kKindNames[k]] = joints;
+        }
+        json interventions = json::object();
+        for (const auto& [key, count] : s.interventions())
+            interventions[key.first][key.second] = count;
+        json stages = json::object();
+        const auto times = [](const TimeHistogram& h) {
+            return json{{"median_us", h.percentile(0.5)},
+                        {"p99_us", h.percentile(0.99)},
+                        {"max_us", h.max()}};
+        };
+        for (int i = 0; i < kStageCount; ++i)
+            stages[getName(static_cast<Stage>(i))] = times(s.stageTime(static_cast<Stage>(i)));
+        json tracking = nullptr;
+        if (s.hasRealPlant()) {
+            tracking = json::object();
+            tracking["rms_rad"] = s.trackingRms();
+            tracking["max_rad"] = s.trackingMax();
+            for (std::size_t i = 0; i < s.jointNames().size(); ++i)
+                tracking["joints"][s.jointNames()[i]] = {
+                    {"rms_rad", s.trackingRms(static_cast<int>(i))},
+                    {"max_rad", s.trackingMax(static_cast<int>(i))}};
+        }
+        cases.push_back({{"name", r.name},
+                         {"filter", r.filter},
+                         {"robust_loop", r.robustLoop},
+                         {"real_plant", r.realPlant},
+                         {"simulated_s", r.simulated_s},
+                         {"wall_s", r.wall_s},
+                         {"ticks", s.ticks()},
+                         {"passed_ticks", s.ticksWith(FilterStatus::Passed)},
+                         {"modified_ticks", s.ticksWith(FilterStatus::Modified)},
+                         {"empty_ticks", s.ticksWith(FilterStatus::Infeasible)},
+                         {"stopped_ticks", s.ticksWith(FilterStatus::StoppedByPlan)},
+                         {"substituted_ticks", s.substitutedTicks()},
+                         {"limits", limits},
+                         {"interventions", interventions},
+                         {"tracking", tracking},
+                         {"tick", times(s.tickTime())},
+                         {"stages", stages},
+                         {"stop", r.stopMessage},
+                         {"log", r.log.filename().string()},
+                         {"log_rows", r.logRows},
+                         {"log_error", r.logError},
+                         {"exit_code", r.exitCode()}});
+    }
+    const json all = {{"schema", 1},
+                      {"title", experiment.title},
+                      {"experiment", experiment.file.string()},
+                      {"version", VIABLE_VERSION},
+                      {"cases", cases}};
+    return all.dump(2, ' ', false, json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace viable

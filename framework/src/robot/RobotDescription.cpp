@@ -1,0 +1,418 @@
+#include "viable/robot/RobotDescription.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <set>
+
+#include "core/NumberText.h"
+#include "robot/RigidBody.h"
+#include "robot/UrdfReader.h"
+#include "viable/core/Error.h"
+#include "viable/robot/RobotModel.h"
+
+namespace viable {
+
+namespace {
+
+namespace fs = std::filesystem;
+using detail::formatNumber;
+using detail::UrdfRobot;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/** Largest condition number of M accepted: beyond it, solving for accelerations loses more than
+ten of the sixteen digits. */
+constexpr double kMaxInertiaCondition = 1e10;
+/** Poses at which the condition is looked at; always the same ones. */
+constexpr int kConditionPoses = 200;
+constexpr std::uint64_t kConditionSeed = 1;
+
+const char* const kFolderContents =
+    "A robot folder NAME holds NAME.urdf, limits.yaml and actuation.yaml.";
+
+// ---------------------------------------------------------------------------------------- files
+
+/** The folder's path without a trailing separator, so that its last part is the robot's name. */
+fs::path normalizeFolder(const fs::path& folder) {
+    fs::path path = fs::absolute(folder).lexically_normal();
+    if (!path.has_filename()) path = path.parent_path();
+    return path;
+}
+
+/** The path of a file of the robot, once it is certain that it is a plain file inside the folder. */
+fs::path requireFile(const fs::path& folder, const std::string& name, const std::string& remedy) {
+    const fs::path file = folder / name;
+    std::error_code failed;
+    const fs::file_status itself = fs::symlink_status(file, failed);
+    if (itself.type() == fs::file_type::not_found)
+        throw badInput(folder.string(), "the file " + name + " is missing", remedy);
+    const fs::file_status target = fs::status(file, failed);
+    if (target.type() == fs::file_type::not_found)
+        throw badInput(file.string(),
+                       "this is a link to " + fs::read_symlink(file, failed).string() +
+                           ", which does not exist",
+                       "Replace the link by the file itself.");
+    if (target.type() == fs::file_type::directory)
+        throw badInput(file.string(), "this is a folder, not a file", kFolderContents);
+    if (target.type() != fs::file_type::regular)
+        throw badInput(file.string(), "this is not a plain file that can be read", kFolderContents);
+    const fs::path real = fs::canonical(file, failed);
+    const fs::path home = fs::canonical(folder, failed);
+    if (failed || std::mismatch(home.begin(), home.end(), real.begin(), real.end()).first !=
+                      home.end())
+        throw badInput(file.string(),
+                       "this is a link to " + real.string() + ", outside the robot's folder",
+                       "Copy the file into the folder, so that the folder is the whole robot.");
+    return file;
+}
+
+/** What to do about a missing URDF, seen from the files that are there. */
+std::string suggestUrdf(const fs::path& folder, const std::string& name) {
+    std::error_code failed;
+    std::set<std::string> candidates;
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder, failed)) {
+        const std::string extension = entry.path().extension().string();
+        if (extension == ".urdf" || extension == ".xacro")
+            candidates.insert(entry.path().filename().string());
+    }
+    if (candidates.empty()) return kFolderContents;
+    const std::string& found = *candidates.begin();
+    if (fs::path(found).extension() == ".xacro")
+        return "There is " + found + ": run `xacro " + found + " > " + name + ".urdf`.";
+    return "There is " + found + ": the file must bear the folder's name.";
+}
+
+std::string joinNames(const std::vector<std::string>& names) {
+    std::string text;
+    for (const std::string& name : names) text += (text.empty() ? "`" : ", `") + name + "`";
+    return text;
+}
+
+// --------------------------------------------------------------------------------------- limits
+
+/** Reads one quantity's bounds over those already there. `isPosition` allows any sign and the form
+with a centre. */
+void readBounds(const ConfigNode* node, bool isPosition, JointBounds& bounds) {
+    if (!node) return;
+    const int n = static_cast<int>(bounds.lower.size());
+    NumberRange positive, negative, any;
+    positive.min = 0.0;
+    positive.minIsOpen = positive.mayBeInfinite = true;
+    negative.max = 0.0;
+    negative.maxIsOpen = negative.mayBeInfinite = true;
+    any.mayBeInfinite = true;
+    if (node->kind != ConfigNode::Kind::Map) {
+        bounds.upper = toJointVector(*node, n, positive);
+        bounds.lower = -bounds.upper;
+        return;
+    }
+    ConfigMap map(*node);
+    const ConfigNode* center = isPosition ? map.find("center") : nullptr;
+    const ConfigNode* halfRange = isPosition ? map.find("half_range") : nullptr;
+    if (center || halfRange) {
+        const JointVector middle = toJointVector(map.require("center"), n);
+        const JointVector half = toJointVector(map.require("half_range"), n, positive);
+        map.finish();
+        bounds.lower = middle - half;
+        bounds.upper = middle + half;
+        return;
+    }
+    bounds.lower = toJointVector(map.require("lower"), n, isPosition ? any : negative);
+    bounds.upper = toJointVector(map.require("upper"), n, isPosition ? any : positive);
+    map.finish();
+}
+
+/** Takes the keys of a `limits` block out of `map`; the caller finishes it. */
+JointLimits takeLimits(ConfigMap& map, JointLimits limits, bool& allowLargeAngles) {
+    readBounds(map.find("position_rad"), true, limits.position);
+    readBounds(map.find("velocity_radps"), false, limits.velocity);
+    readBounds(map.find("acceleration_radps2"), false, limits.acceleration);
+    readBounds(map.find("jerk_radps3"), false, limits.jerk);
+    if (const ConfigNode* flag = map.find("allow_large_angles")) allowLargeAngles = toFlag(*flag);
+    return limits;
+}
+
+/** Limits that leave no range, with the place where they were written. */
+void checkRanges(const RobotDescription& robot, const UrdfRobot& urdf, const ConfigMap& map) {
+    const auto check = [&](const JointBounds& bounds, const char* key, const char* quantity,
+                           const char* unit, bool mustHoldZero) {
+        const ConfigNode* own = map.node().find(key);
+        for (int i = 0; i < robot.size(); ++i) {
+            const double lower = bounds.lower[i], upper = bounds.upper[i];
+            if (lower < upper && (!mustHoldZero || (lower < 0.0 && upper > 0.0))) continue;
+            throw badInput(
+                own ? own->place() : urdf.jointPlaces[i],
+                std::string("the ") + quantity + " limits of joint `" + robot.joints[i].name +
+                    "` are " + formatNumber(lower) + " to " + formatNumber(upper) + " " + unit +
+                    ", which leaves no range",
+                own ? "The lower limit must be below the upper one."
+                    : std::string("Correct <limit> in the URDF, or give ") + key +
+                          " in limits.yaml.");
+        }
+    };
+    check(robot.limits.position, "position_rad", "position", "rad", false);
+    check(robot.limits.velocity, "velocity_radps", "velocity", "rad/s", true);
+}
+
+void readTool(const ConfigNode* node, const UrdfRobot& urdf, const std::string& where,
+              RobotDescription& robot) {
+    if (node) {
+        robot.toolLink = toText(*node);
+    } else if (urdf.leafLinks.size() == 1) {
+        robot.toolLink = urdf.leafLinks.front();
+    } else {
+        throw badInput(where,
+                       "the key `tool_link` is missing, and the robot ends in several links: " +
+                           joinNames(urdf.leafLinks),
+                       "Name the link that is the tool frame, such as `tool_link: " +
+                           urdf.leafLinks.front() + "`.");
+    }
+    const std::string place = node ? node->place() : where;
+    const auto link = urdf.links.find(robot.toolLink);
+    if (link == urdf.links.end()) {
+        std::vector<std::string> names;
+        for (const auto& entry : urdf.links) names.push_back(entry.first);
+        const std::string closest = findClosestName(robot.toolLink, names);
+        throw badInput(place, "the robot has no link `" + robot.toolLink + "`",
+                       (closest.empty() ? "" : "Did you mean `" + closest + "`? ") +
+                           "Its links are " + joinNames(names) + ".");
+    }
+    if (link->second.carrier < 0)
+        throw badInput(place, "the tool link `" + robot.toolLink + "` is fixed to the base",
+                       "Name a link that a joint moves.");
+    robot.toolParent = link->second.carrier;
+    robot.toolPlacement = link->second.placement;
+}
+
+void checkSchema(ConfigMap& map) {
+    toInteger(map.require("schema"), 1, 1);
+}
+
+void readLimitsFile(const fs::path& file, const UrdfRobot& urdf, RobotDescription& robot) {
+    const int n = robot.size();
+    const ConfigNode root = readConfigFile(file);
+    ConfigMap map(root);
+    checkSchema(map);
+    robot.limits = JointLimits::unlimited(n);
+    robot.limits.position = urdf.position;
+    robot.limits.velocity = urdf.velocity;
+    robot.limits = takeLimits(map, robot.limits, robot.allowLargeAngles);
+    // URDF knows neither, and leaving one out by oversight would mean no limit at all.
+    map.require("acceleration_radps2");
+    map.require("jerk_radps3");
+    const ConfigNode& home = map.require("home_rad");
+    robot.home = toJointVector(home, n);
+    readTool(map.find("tool_link"), urdf, file.string(), robot);
+    map.finish();
+
+    checkRanges(robot, urdf, map);
+    for (int i = 0; i < n; ++i) {
+        const AxisLimits limits = robot.limits.axis(i);
+        if (robot.home[i] >= limits.positionLower && robot.home[i] <= limits.positionUpper)
+            continue;
+        throw badInput(home.place(),
+                       "the home position of joint `" + robot.joints[i].name + "` is " +
+                           formatNumber(robot.home[i]) + " rad; its limits are [" +
+                           formatNumber(limits.positionLower) + ", " +
+                           formatNumber(limits.positionUpper) + "] rad",
+                       "Choose a home pose inside the position limits.");
+    }
+}
+
+// ------------------------------------------------------------------------------------ actuation
+
+void readActuationFile(const fs::path& file, int n, Actuation& actuation) {
+    const ConfigNode root = readConfigFile(file);
+    ConfigMap map(root);
+    checkSchema(map);
+    NumberRange positive, notNegative, positiveOrInfinite;
+    positive.min = notNegative.min = positiveOrInfinite.min = 0.0;
+    positive.minIsOpen = positiveOrInfinite.minIsOpen = true;
+    positiveOrInfinite.mayBeInfinite = true;
+
+    actuation.gearRatio = toJointVector(map.require("gear_ratio"), n, positive);
+    const JointVector rotor = toJointVector(map.require("rotor_inertia_kgm2"), n, notNegative);
+    actuation.rotorInertia = rotor.cwiseProduct(actuation.gearRatio.cwiseAbs2());
+    if (const ConfigNode* source = map.find("rotor_inertia_source")) toText(*source);
+    actuation.torqueLimit = toJointVector(map.require("torque_limit_Nm"), n, positiveOrInfinite);
+    actuation.encoderCounts.setZero(n);
+    if (const ConfigNode* counts = map.find("encoder_counts_per_motor_turn"))
+        actuation.encoderCounts =
+            toJointVector(*counts, n, notNegative).cwiseProduct(actuation.gearRatio);
+
+    ConfigMap friction(map.require("friction"));
+    actuation.friction.coulomb = toJointVector(friction.require("coulomb_Nm"), n, notNegative);
+    actuation.friction.viscous = toJointVector(friction.require("viscous_Nm"), n, notNegative);
+    actuation.friction.viscousVelocity =
+        toJointVector(friction.require("viscous_velocity_radps"), n, positive);
+    if (const ConfigNode* source = friction.find("source")) toText(*source);
+    friction.finish();
+    map.finish();
+}
+
+// -------------------------------------------------------------------------------------- inertia
+
+/** Refuses an arm whose accelerations cannot be found from its torques. */
+void checkCondition(const RobotDescription& robot, const std::string& where) {
+    const int n = robot.size();
+    RobotModel model(robot);
+    std::mt19937_64 random(kConditionSeed);
+    Dynamics dynamics;
+    JointVector q(n);
+    const JointVector rest = JointVector::Zero(n);
+    for (int sample = 0; sample < kConditionPoses; ++sample) {
+        for (int i = 0; i < n; ++i) {
+            // Where there is no limit: a full turn, or a metre to either side.
+            const double reach =
+                robot.joints[i].type == JointType::Prismatic ? 1.0 : static_cast<double>(EIGEN_PI);
+            double lower = robot.limits.position.lower[i];
+            double upper = robot.limits.position.upper[i];
+            if (std::isinf(lower)) lower = std::isinf(upper) ? -reach : upper - 2.0 * reach;
+            if (std::isinf(upper)) upper = lower + 2.0 * reach;
+            const double share = static_cast<double>(random() >> 11) * 0x1p-53;
+            q[i] = lower + share * (upper - lower);
+        }
+        model.calcDynamics(q, rest, dynamics);
+        const Eigen::SelfAdjointEigenSolver<JointMatrix> solver(dynamics.M);
+        const double smallest = solver.eigenvalues()[0];
+        const double largest = solver.eigenvalues()[n - 1];
+        if (largest < kMaxInertiaCondition * smallest) continue;
+        int light, heavy;
+        solver.eigenvectors().col(0).cwiseAbs().maxCoeff(&light);
+        solver.eigenvectors().col(n - 1).cwiseAbs().maxCoeff(&heavy);
+        const std::string& lightName = robot.joints[light].name;
+        throw badInput(where,
+                       "the inertia matrix is too near to singular: at a pose inside the limits "
+                       "its eigenvalues reach from " +
+                           formatNumber(smallest) + " (mainly joint `" + lightName + "`) to " +
+                           formatNumber(largest) + " kg m^2 (mainly joint `" +
+                           robot.joints[heavy].name + "`); allowed is a ratio of " +
+                           formatNumber(kMaxInertiaCondition),
+                       "Give the links that joint `" + lightName +
+                           "` moves their true mass and inertia, or the joint its rotor inertia "
+                           "in actuation.yaml.");
+    }
+}
+
+bool isRobotFolder(const fs::path& folder) {
+    std::error_code failed;
+    return fs::exists(folder / (folder.filename().string() + ".urdf"), failed);
+}
+
+}  // namespace
+
+std::vector<std::string> RobotDescription::jointNames() const {
+    std::vector<std::string> names;
+    for (const JointDescription& joint : joints) names.push_back(joint.name);
+    return names;
+}
+
+RobotDescription loadRobot(const fs::path& folder) {
+    std::error_code failed;
+    const fs::file_status status = fs::status(folder, failed);
+    if (status.type() == fs::file_type::not_found)
+        throw badInput(folder.string(), "there is no such robot folder", kFolderContents);
+    if (status.type() != fs::file_type::directory)
+        throw badInput(folder.string(), "this is not a folder",
+                       std::string("Give the robot's folder. ") + kFolderContents);
+    RobotDescription robot;
+    robot.folder = folder;
+    robot.name = normalizeFolder(folder).filename().string();
+    const std::string urdfName = robot.name + ".urdf";
+    const fs::path urdfFile = requireFile(folder, urdfName, suggestUrdf(folder, robot.name));
+    const fs::path limitsFile = requireFile(folder, "limits.yaml", kFolderContents);
+    const fs::path actuationFile = requireFile(folder, "actuation.yaml", kFolderContents);
+
+    UrdfRobot urdf = detail::readUrdf(urdfFile);
+    robot.joints = urdf.joints;
+    readLimitsFile(limitsFile, urdf, robot);
+    readActuationFile(actuationFile, robot.size(), robot.actuation);
+    checkCondition(robot, urdfFile.string());
+    return robot;
+}
+
+fs::path findRobot(const std::string& name, const std::vector<fs::path>& searchPath,
+                   const std::string& where) {
+    std::error_code failed;
+    const bool isPath = name.find('/') != std::string::npos;
+    std::string what;
+    if (isPath) {
+        if (fs::is_directory(name, failed)) return name;
+        what = fs::exists(name, failed) ? "`" + name + "` is a file, not a robot folder"
+                                        : "there is no robot folder `" + name + "`";
+    } else {
+        if (!name.empty() && name != "." && name != "..")
+            for (const fs::path& folder : searchPath)
+                if (fs::is_directory(folder / name, failed)) return folder / name;
+        what = "there is no robot called `" + name + "`";
+    }
+
+    std::vector<std::string> known;
+    for (const fs::path& folder : listRobots(searchPath))
+        known.push_back(folder.filename().string());
+    std::string remedy;
+    const std::string closest = findClosestName(fs::path(name).filename().string(), known);
+    if (!closest.empty()) remedy += "Did you mean `" + closest + "`? ";
+    remedy += known.empty() ? "No robot was found" : "There are " + joinNames(known);
+    remedy += searchPath.empty() ? "; no folder was searched" : "; searched were";
+    for (const fs::path& folder : searchPath) {
+        remedy += (&folder == &searchPath.front() ? " " : ", ") + folder.string();
+        if (!fs::is_directory(folder, failed)) remedy += " (no such folder)";
+    }
+    throw badInput(where, what, remedy + ".");
+}
+
+std::vector<fs::path> listRobots(const std::vector<fs::path>& searchPath) {
+    std::vector<fs::path> robots;
+    std::set<std::string> names;
+    for (const fs::path& folder : searchPath) {
+        std::error_code failed;
+        std::vector<fs::path> here;
+        for (fs::directory_iterator entry(folder, failed), end; !failed && entry != end;
+             entry.increment(failed))
+            if (isRobotFolder(entry->path())) here.push_back(entry->path());
+        std::sort(here.begin(), here.end());
+        for (const fs::path& robot : here)
+            if (names.insert(robot.filename().string()).second) robots.push_back(robot);
+    }
+    return robots;
+}
+
+JointLimits readLimits(const ConfigNode& block, const JointLimits& base, bool& allowLargeAngles) {
+    ConfigMap map(block);
+    JointLimits limits = takeLimits(map, base, allowLargeAngles);
+    map.finish();
+    return limits;
+}
+
+RobotDescription withPayload(RobotDescription robot, double mass_kg,
+                             const Eigen::Vector3d& offset) {
+    if (!(mass_kg >= 0.0) || std::isinf(mass_kg) || !offset.allFinite())
+        throw badInput("", "a payload of " + formatNumber(mass_kg) + " kg is not possible",
+                       "A payload has a mass of zero or more and a finite place.");
+    BodyInertia load;
+    load.mass = mass_kg;
+    load.com = robot.toolPlacement * offset;
+    BodyInertia& body = robot.joints[robot.toolParent].body;
+    body = detail::mergeBodies(body, load);
+    return robot;
+}
+
+RobotDescription withScaledMasses(RobotDescription robot, const JointVector& factor) {
+    VIABLE_CHECK(factor.size() == robot.size(), "one mass factor per joint");
+    for (int i = 0; i < robot.size(); ++i) {
+        if (!(factor[i] > 0.0) || std::isinf(factor[i]))
+            throw badInput("",
+                           "the mass factor of joint `" + robot.joints[i].name + "` is " +
+                               formatNumber(factor[i]),
+                           "A mass factor is positive and finite.");
+        robot.joints[i].body.mass *= factor[i];
+        robot.joints[i].body.inertia *= factor[i];
+    }
+    return robot;
+}
+
+}  // namespace viable

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "viable/robot/RobotDescription.h"
+
+namespace viable::detail {
+
+/** What a URDF file says about an arm: moving joints only, links on fixed joints merged into the
+body that carries them. */
+struct UrdfRobot {
+    /** Where a link's frame is. */
+    struct LinkPlace {
+        int carrier = -1;                                             ///< joint index, -1: the base
+        Eigen::Isometry3d placement = Eigen::Isometry3d::Identity();  ///< in its moving frame
+    };
+
+    std::vector<JointDescription> joints;  ///< parents before children, in file order
+    std::vector<std::string> jointPlaces;  ///< file:line:column of each joint, for messages
+    JointBounds position;                  ///< infinite for continuous joints
+    JointBounds velocity;                  ///< infinite for continuous joints without a limit
+    std::map<std::string, LinkPlace> links;
+    std::vector<std::string> leafLinks;  ///< links that carry no joint, in file order
+};
+
+/** Largest URDF file and deepest nesting accepted: the XML reader works by recursion. */
+inline constexpr std::uintmax_t kMaxUrdfBytes = 4u << 20;
+inline constexpr int kMaxUrdfDepth = 64;
+
+/** Reads a URDF file; throws Error (BadInput) with file and line of the joint or link at fault.
+Limits are handed on as written; the caller checks those it uses. */
+UrdfRobot readUrdf(const std::filesystem::path& file);
+
+}  // namespace viable::detail

@@ -1,0 +1,165 @@
+#include "GeneratedHandMotion.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <random>
+
+#include "viable/core/Error.h"
+#include "viable/motion/MinimumJerk.h"
+#include "viable/motion/RotationVector.h"
+#include "viable/plugin/PluginExport.h"
+
+namespace viable {
+
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kMostReaches = 1e6;  // about 150 MB
+
+const ParameterSpec kParameters[] = {
+    parameter::integer("seed", "1", "Another number is another motion.").atLeast(0),
+    parameter::numbers("reach_m", "m", 3, 3, "[0.20, 0.25, 0.20]",
+                       "Targets lie this far from the start at most, along each base axis.")
+        .atLeast(0)
+        .upTo(10),
+    parameter::number("rotation_rad", "rad", "0.8", "Targets are turned by at most this angle.")
+        .atLeast(0)
+        .upTo(3),
+    parameter::number("fastest_s", "s", "0.6", "Shortest time of one reach.")
+        .atLeast(0.05)
+        .upTo(100),
+    parameter::number("slowest_s", "s", "1.6", "Longest time drawn for one reach.")
+        .atLeast(0.05)
+        .upTo(100),
+    parameter::number("top_speed_mps", "m/s", "1.5",
+                      "A reach that would be faster than this takes longer.")
+        .above(0)
+        .orInfinite(),
+    parameter::number("pause_s", "s", "0.3", "Longest pause after a reach.").atLeast(0).upTo(100),
+    parameter::number("tremor_m", "m", "0.0003", "Largest offset by tremor along each base axis.")
+        .atLeast(0)
+        .upTo(0.1),
+    parameter::number("tremor_rad", "rad", "0.001",
+                      "Largest rotation by tremor about each base axis.")
+        .atLeast(0)
+        .upTo(0.1),
+};
+
+// Random numbers that are the same with every standard library: its distributions are not.
+class Draw {
+public:
+    Draw(std::uint64_t seed, std::uint64_t stream) {
+        std::seed_seq words{static_cast<std::uint32_t>(seed),
+                            static_cast<std::uint32_t>(seed >> 32),
+                            static_cast<std::uint32_t>(stream)};
+        engine_.seed(words);
+    }
+    double between(double low, double high) {
+        const double unit = static_cast<double>(engine_() >> 11) * 0x1p-53;
+        return low + unit * (high - low);
+    }
+    // Evenly distributed in the ball; by rejection, which needs no cube roots.
+    Eigen::Vector3d inBall(double radius) {
+        Eigen::Vector3d v;
+        do {
+            for (int axis = 0; axis < 3; ++axis) v[axis] = between(-1.0, 1.0);
+        } while (v.squaredNorm() > 1.0);
+        return radius * v;
+    }
+
+private:
+    std::mt19937_64 engine_;
+};
+
+}  // namespace
+
+void GeneratedHandMotion::configure(const RunSetup& setup, const Parameters& parameters) {
+    start_ = setup.startTool;
+    const auto seed = static_cast<std::uint64_t>(parameters.integer("seed"));
+    const std::vector<double>& reach = parameters.numbers("reach_m");
+    const double rotation = parameters.number("rotation_rad");
+    const double fastest = parameters.number("fastest_s");
+    const double slowest = parameters.number("slowest_s");
+    const double topSpeed = parameters.number("top_speed_mps");
+    const double pause = parameters.number("pause_s");
+    char message[160];
+    if (slowest < fastest) {
+        std::snprintf(message, sizeof message, "%g s is shorter than fastest_s = %g s", slowest,
+                      fastest);
+        throw badInput(parameters.place("slowest_s"), message,
+                       "Give a time that is not shorter than fastest_s");
+    }
+    const double end = setup.duration_s + kMargin_s;
+    if (!(end / fastest <= kMostReaches)) {
+        std::snprintf(message, sizeof message,
+                      "a run of %g s may need more than %g reaches of %g s", setup.duration_s,
+                      kMostReaches, fastest);
+        throw badInput(parameters.place("fastest_s"), message,
+                       "Make the run shorter or fastest_s longer");
+    }
+
+    // Two streams, so that more reaches never change the tremor, nor the tremor the reaches.
+    Draw tremorDraw(seed, 1);
+    for (auto& axis : sines_)
+        for (Sine& sine : axis)
+            sine = {2.0 * kPi * tremorDraw.between(kTremorLowest_Hz, kTremorHighest_Hz),
+                    tremorDraw.between(0.0, 2.0 * kPi)};
+    tremor_.head<3>().setConstant(parameters.number("tremor_m"));
+    tremor_.tail<3>().setConstant(parameters.number("tremor_rad"));
+
+    Draw draw(seed, 0);
+    reaches_.clear();
+    Vector6 from = Vector6::Zero();
+    for (double t = 0.0; t < end;) {
+        Vector6 to;
+        for (int axis = 0; axis < 3; ++axis) {
+            const double extent = reach[static_cast<std::size_t>(axis)];
+            to[axis] = draw.between(-extent, extent);
+        }
+        to.tail<3>() = draw.inBall(rotation);
+        const Vector6 way = to - from;
+        const double shortest = kMinimumJerkPeakSlope * way.head<3>().norm() / topSpeed;
+        const double duration = std::max(draw.between(fastest, slowest), shortest);
+        reaches_.push_back({t, duration, from, way});
+        t += duration + draw.between(0.0, pause);
+        from = to;
+    }
+}
+
+void GeneratedHandMotion::reset(const MotionState&) {}  // sample() keeps no memory
+
+TickStatus GeneratedHandMotion::sample(double t, MotionCommand& out) {
+    if (!(t >= 0.0) || !std::isfinite(t)) return TickStatus::InvalidInput;
+    const auto next = std::upper_bound(reaches_.begin(), reaches_.end(), t,
+                                       [](double s, const Reach& r) { return s < r.begin_s; });
+    const Reach& reach = *(next - 1);  // the first begins at 0
+    const MinimumJerk share = calcMinimumJerk((t - reach.begin_s) / reach.duration_s);
+    Vector6 offset = reach.from + share.value * reach.way;
+    Vector6 rate = (share.slope / reach.duration_s) * reach.way;
+
+    const MinimumJerk blend = calcMinimumJerk(t / kTremorBlend_s);
+    for (int axis = 0; axis < 6; ++axis) {
+        double sum = 0.0, sumRate = 0.0;
+        for (const Sine& sine : sines_[static_cast<std::size_t>(axis)]) {
+            sum += std::sin(sine.omega * t + sine.phase);
+            sumRate += sine.omega * std::cos(sine.omega * t + sine.phase);
+        }
+        const double amplitude = tremor_[axis] / kSinesPerAxis;
+        offset[axis] += amplitude * blend.value * sum;
+        rate[axis] += amplitude * (blend.value * sumRate + blend.slope / kTremorBlend_s * sum);
+    }
+
+    out.space = MotionCommand::Space::Tool;
+    out.tool.position = start_.position + offset.head<3>();
+    out.tool.orientation = calcRotation(offset.tail<3>()) * start_.orientation;
+    out.toolTwist.head<3>() = rate.head<3>();
+    out.toolTwist.tail<3>() = calcAngularVelocity(offset.tail<3>(), rate.tail<3>());
+    return TickStatus::Ok;
+}
+
+}  // namespace viable
+
+VIABLE_PLUGIN(viable::CommandSource, viable::GeneratedHandMotion, "generated_hand_motion",
+              "An operator's hand reaching around the start pose, made from a seed.",
+              viable::kParameters)

@@ -1,0 +1,90 @@
+#pragma once
+
+#include <cstdint>
+
+#include "viable/plugin/PluginExport.h"
+
+/** Healthy plugins to spoil: each fixture derives from one and does one thing wrong. */
+namespace broken {
+
+/** Passes the desired torque through, as the filter `pass_through` does. */
+class Filter : public viable::SafetyFilter {
+public:
+    void configure(const viable::RunSetup& setup, const viable::Parameters&) override {
+        tick_s_ = setup.tick_s;
+    }
+    void reset(const viable::MotionState&) override { ticks_ = 0; }
+    bool promisesLimits() const override { return false; }
+    viable::FilterStatus filter(const viable::MotionState& nominal,
+                                const viable::JointVector& torque, const viable::Dynamics& dynamics,
+                                viable::FilterDecision& decision) override {
+        ++ticks_;
+        const viable::JointVector desired = dynamics.M.llt().solve(torque - dynamics.b);
+        viable::holdAcceleration(nominal, dynamics, desired, tick_s_, decision);
+        return viable::FilterStatus::Passed;
+    }
+
+protected:
+    double tick_s_ = 0.0;
+    std::int64_t ticks_ = 0;  ///< filter() calls since reset, the present one included
+};
+
+/** Asks for the torque at which the nominal arm does not accelerate. */
+class Controller : public viable::NominalController {
+public:
+    void configure(const viable::RunSetup&, const viable::Parameters&) override {}
+    void reset(const viable::MotionState&) override { ticks_ = 0; }
+    bool follows(viable::MotionCommand::Space) const override { return true; }
+    viable::TickStatus compute(const viable::MotionCommand&, const viable::MotionState&,
+                               const viable::Dynamics& dynamics,
+                               viable::JointVector& torque) override {
+        ++ticks_;
+        torque = dynamics.b;
+        return viable::TickStatus::Ok;
+    }
+
+protected:
+    std::int64_t ticks_ = 0;  ///< compute() calls since reset, the present one included
+};
+
+inline constexpr viable::ParameterSpec kAfterTicks =
+    viable::parameter::integer("after_ticks", "0", "Ticks that pass before the fault.").atLeast(0);
+inline constexpr viable::ParameterSpec kTicks =
+    viable::parameter::integer("ticks", "1", "Ticks that the fault lasts.").atLeast(0);
+
+/** When a fault begins and how long it lasts, from the parameters above. */
+class FaultWindow {
+public:
+    void configure(const viable::Parameters& parameters) {
+        begin_ = parameters.integer("after_ticks");
+        length_ = parameters.integer("ticks");
+    }
+    /** @param tick  1 in the first tick */
+    bool contains(std::int64_t tick) const { return tick > begin_ && tick - begin_ <= length_; }
+
+private:
+    std::int64_t begin_ = 0, length_ = 0;
+};
+
+}  // namespace broken
+
+/** Exports a healthy filter called `name` after the statements have spoiled its `library`, `entry`
+or `parameters`. Every call begins with the healthy table again. */
+#define VIABLE_BROKEN_TABLE(name, ...)                                                      \
+    extern "C" VIABLE_PLUGIN_VISIBLE const viable::PluginLibrary* viable_plugin_library() { \
+        static viable::ParameterSpec parameters[2];                                         \
+        parameters[0] = viable::parameter::number("gain", "1/s", "1", "First.");            \
+        parameters[1] = viable::parameter::choice("mode", "a|b", "a", "Second.");           \
+        static viable::PluginEntry entry;                                                   \
+        entry = viable::makePluginEntry<viable::SafetyFilter, broken::Filter>(              \
+            name, "A broken table.", parameters);                                           \
+        static viable::PluginLibrary library;                                               \
+        library = {viable::kPluginMagic,                                                    \
+                   sizeof(viable::PluginLibrary),                                           \
+                   viable::makeAbiStamp(),                                                  \
+                   sizeof(viable::PluginEntry),                                             \
+                   1,                                                                       \
+                   &entry};                                                                 \
+        __VA_ARGS__;                                                                        \
+        return &library;                                                                    \
+    }

@@ -1,0 +1,36 @@
+#include <cmath>
+
+#include "BrokenPlugin.h"
+
+namespace {
+
+constexpr viable::ParameterSpec kParameters[] = {
+    viable::parameter::number("every_s", "s", "0.5", "Time between two jumps.").above(0.0)};
+
+class JumpingSetpoint : public viable::CommandSource {
+public:
+    void configure(const viable::RunSetup&, const viable::Parameters& parameters) override {
+        every_s_ = parameters.number("every_s");
+    }
+    void reset(const viable::MotionState& start) override { start_ = start.q; }
+    viable::MotionCommand::Space space() const override {
+        return viable::MotionCommand::Space::Joint;
+    }
+    viable::TickStatus sample(double t, viable::MotionCommand& out) override {
+        const double offsets[] = {0.0, 6.283185307179586, 0.0, 1e6, -1e6};  // [rad]
+        const auto jumps = static_cast<std::int64_t>(std::floor(t / every_s_));
+        out.space = viable::MotionCommand::Space::Joint;
+        out.q = start_.array() + offsets[jumps % 5];
+        out.qd.setZero(start_.size());
+        return viable::TickStatus::Ok;
+    }
+
+private:
+    double every_s_ = 0.0;
+    viable::JointVector start_;
+};
+
+}  // namespace
+
+VIABLE_PLUGIN(viable::CommandSource, JumpingSetpoint, "jumping_setpoint",
+              "Jumps between the start, 2 pi and 1e6 rad away from it.", kParameters)

@@ -1,0 +1,32 @@
+#include "BrokenPlugin.h"
+
+// Built twice, with other values: two libraries that define the same classes. The static variable
+// in an inline function is the hard part: were it visible, the dynamic linker would give both
+// libraries one variable, RTLD_LOCAL or not.
+class SameHelper {
+public:
+    double getValue() const;
+    static double& updShared() {
+        static double shared = VIABLE_SAME_CLASS_VALUE;
+        return shared;
+    }
+};
+
+double SameHelper::getValue() const {
+    return VIABLE_SAME_CLASS_VALUE;
+}
+
+class SameFilter : public broken::Filter {
+public:
+    viable::FilterStatus filter(const viable::MotionState&, const viable::JointVector&,
+                                const viable::Dynamics&,
+                                viable::FilterDecision& decision) override {
+        decision.torque.resize(2);
+        decision.torque[0] = SameHelper().getValue();
+        decision.torque[1] = SameHelper::updShared();
+        return viable::FilterStatus::Passed;
+    }
+};
+
+VIABLE_PLUGIN(viable::SafetyFilter, SameFilter, VIABLE_SAME_CLASS_NAME, "Has a twin class.",
+              nullptr)

@@ -1,0 +1,16 @@
+#include "BrokenPlugin.h"
+
+void functionThatNobodyDefines();
+
+namespace {
+
+// With lazy binding the process would end here, in the middle of the motion.
+class UnresolvedFilter : public broken::Filter {
+public:
+    void reset(const viable::MotionState&) override { functionThatNobodyDefines(); }
+};
+
+}  // namespace
+
+VIABLE_PLUGIN(viable::SafetyFilter, UnresolvedFilter, "unresolved_symbol", "Misses a function.",
+              nullptr)

@@ -1,0 +1,29 @@
+#include "BrokenPlugin.h"
+
+namespace {
+
+constexpr viable::ParameterSpec kParameters[] = {broken::kAfterTicks, broken::kTicks};
+
+class WrongSizeTorque : public broken::Controller {
+public:
+    void configure(const viable::RunSetup&, const viable::Parameters& parameters) override {
+        window_.configure(parameters);
+    }
+    viable::TickStatus compute(const viable::MotionCommand& command,
+                               const viable::MotionState& nominal, const viable::Dynamics& dynamics,
+                               viable::JointVector& torque) override {
+        const viable::TickStatus status = Controller::compute(command, nominal, dynamics, torque);
+        if (window_.contains(ticks_)) torque.setZero(dynamics.b.size() + 1);
+        return status;
+    }
+
+private:
+    broken::FaultWindow window_;
+};
+
+}  // namespace
+
+VIABLE_PLUGIN(
+    viable::NominalController, WrongSizeTorque, "wrong_size_torque",
+    "Says Ok and gives one torque too many for `ticks` ticks after the first `after_ticks`.",
+    kParameters)

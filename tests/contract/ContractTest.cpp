@@ -1,0 +1,823 @@
+// The rules of Plugin.h and of the five interfaces, for every plugin that is found beside the
+// program. A new plugin is tested here without a line of code, unless it has parameters without
+// defaults: those are in makeRequiredParameters().
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cctype>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <functional>
+#include <limits>
+#include <map>
+#include <memory>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "AllocationCounter.h"
+#include "viable/plugin/NominalPlant.h"
+#include "viable/plugin/PluginLoader.h"
+#include "viable/robot/RobotModel.h"
+
+namespace viable {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kJoints = 2;
+constexpr double kTick_s = 0.001;
+constexpr double kDuration_s = 5.0;
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kUntouched = 123.25;  // what outputs hold before a tick
+
+// --- A small arm and its run --------------------------------------------------------------------
+
+JointVector pair(double first, double second) {
+    JointVector v(kJoints);
+    v << first, second;
+    return v;
+}
+
+/** Two equal links of 0.4 m in a vertical plane. */
+RobotDescription makeArm() {
+    RobotDescription robot;
+    robot.name = "contract_arm";
+    for (int i = 0; i < kJoints; ++i) {
+        JointDescription joint;
+        joint.name = "joint" + std::to_string(i);
+        joint.childLink = "link" + std::to_string(i);
+        joint.parent = i - 1;
+        joint.placement = Eigen::Isometry3d::Identity();
+        if (i > 0) joint.placement.translation() = Eigen::Vector3d(0.4, 0.0, 0.0);
+        joint.axis = Eigen::Vector3d::UnitY();
+        joint.body.mass = 3.0;
+        joint.body.com = Eigen::Vector3d(0.2, 0.0, 0.0);
+        joint.body.inertia = Eigen::Vector3d(0.005, 0.04, 0.04).asDiagonal();
+        robot.joints.push_back(joint);
+    }
+    robot.toolParent = kJoints - 1;
+    robot.toolLink = "tool";
+    robot.toolPlacement = Eigen::Isometry3d::Identity();
+    robot.toolPlacement.translation() = Eigen::Vector3d(0.4, 0.0, 0.0);
+    robot.limits.position = {pair(-2.5, -2.0), pair(2.5, 2.5)};
+    robot.limits.velocity = {pair(-2.0, -2.5), pair(2.0, 2.5)};
+    robot.limits.acceleration = {pair(-12.0, -14.0), pair(12.0, 14.0)};
+    robot.limits.jerk = {pair(-40.0, -60.0), pair(40.0, 60.0)};
+    robot.home = pair(0.3, -0.5);
+    robot.actuation.gearRatio = pair(100, 100);
+    robot.actuation.rotorInertia = pair(0.7, 0.6);
+    robot.actuation.torqueLimit = pair(200, 100);
+    robot.actuation.encoderCounts = pair(524288, 524288);
+    robot.actuation.friction = {pair(4, 2), pair(6, 3), pair(0.5, 0.5)};
+    return robot;
+}
+
+const RobotDescription& getArm() {
+    static const RobotDescription arm = makeArm();
+    return arm;
+}
+
+/** Everything that a plugin of any kind may be given in one tick. */
+struct Inputs {
+    double t = 0.0;
+    MotionCommand command;
+    MotionState nominal;
+    JointState real;
+    Dynamics dynamics;
+    JointVector torque;
+};
+
+/** A smooth motion, well inside the limits; equal for equal ticks. */
+Inputs makeInputs(int tick, RobotModel& model) {
+    Inputs in;
+    in.t = tick * kTick_s;
+    const double w = 2.0;  // [rad/s]
+    const JointVector amplitude = pair(0.4, 0.6);
+    const double s = std::sin(w * in.t), c = std::cos(w * in.t);
+    in.nominal.q = getArm().home + amplitude * (1.0 - c);
+    in.nominal.qd = amplitude * (w * s);
+    in.nominal.qdd = amplitude * (w * w * c);
+    in.real.q = in.nominal.q + pair(1e-3, -2e-3) * s;
+    in.real.qd = in.nominal.qd + pair(1e-3, -2e-3) * (w * c);
+    model.calcDynamics(in.nominal.q, in.nominal.qd, in.dynamics);
+    in.torque = in.dynamics.M * pair(3.0 * std::sin(5.0 * in.t), 4.0 * std::cos(3.0 * in.t)) +
+                in.dynamics.b;
+    in.command.q = in.nominal.q + pair(0.05, -0.05);
+    in.command.qd = in.nominal.qd;
+    in.command.tool = in.dynamics.tool;
+    in.command.tool.position += Eigen::Vector3d(0.01, 0.0, -0.02);
+    in.command.toolTwist.setConstant(0.01 * s);
+    return in;
+}
+
+RunSetup makeSetup() {
+    RunSetup setup{getArm(), getArm().limits, kTick_s, kDuration_s, {}, {}};
+    const JointVector zero = JointVector::Zero(kJoints);
+    setup.start = {getArm().home, zero, zero};
+    RobotModel model(getArm());
+    Dynamics dynamics;
+    model.calcDynamics(setup.start.q, setup.start.qd, dynamics);
+    setup.startTool = dynamics.tool;
+    return setup;
+}
+
+// --- Parameters ---------------------------------------------------------------------------------
+
+/** A recording in TUM format, written once per process and removed at its end. */
+class Recording {
+public:
+    Recording() {
+        std::string name = (fs::temp_directory_path() / "viable-contract-XXXXXX").string();
+        if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("no temporary folder");
+        folder_ = name;
+        std::ofstream out(file());
+        out << "# timestamp tx ty tz qx qy qz qw\n";
+        out.precision(12);
+        for (int i = 0; i <= 600; ++i) {
+            const double t = i * 0.01, angle = 0.2 * std::sin(t);
+            out << 1000.0 + t << ' ' << 0.05 * std::sin(2 * t) << ' ' << 0.03 * std::sin(3 * t)
+                << ' ' << 0.04 * (1 - std::cos(t)) << " 0 " << std::sin(angle / 2) << " 0 "
+                << std::cos(angle / 2) << '\n';
+        }
+    }
+    ~Recording() {
+        std::error_code ignored;
+        fs::remove_all(folder_, ignored);
+    }
+    fs::path file() const { return folder_ / "recording.txt"; }
+
+private:
+    fs::path folder_;
+};
+
+using Texts = std::map<std::string, std::string>;
+
+/** Values for parameters that have no default. */
+Texts makeRequiredParameters(const PluginInfo& info) {
+    static const Recording recording;
+    const std::string plugin = std::string(getName(info.kind)) + " " + info.name;
+    if (plugin == "command waypoints")
+        return {{"points", "[[0, 0.3, -0.5], [1.5, 0.6, 0.1], [3, -0.2, -0.3]]"}};
+    if (plugin == "command recorded_poses") return {{"file", recording.file().string()}};
+    return {};
+}
+
+Parameters readBlock(const PluginInfo& info, const Texts& values) {
+    std::string text = "plugin: " + info.name + "\n";
+    for (const auto& [name, value] : values) text += name + ": " + value + "\n";
+    return readParameters(parseConfig(text, "contract.yaml"), info.entry->parameters,
+                          info.entry->parameterCount, kJoints);
+}
+
+// --- Plugins of all kinds, driven alike ---------------------------------------------------------
+
+enum class Outcome { Usable, InvalidInput, Faulted };
+
+Outcome toOutcome(TickStatus status) {
+    return status == TickStatus::Ok             ? Outcome::Usable
+           : status == TickStatus::InvalidInput ? Outcome::InvalidInput
+                                                : Outcome::Faulted;
+}
+
+/** The numbers that came out of a tick; no heap, so that it may stand in the counted section. */
+struct Output {
+    Outcome outcome = Outcome::Faulted;
+    std::array<double, 256> values{};
+    int count = 0;
+    bool isFinite = true;
+    bool hasRightSizes = true;
+
+    void addAny(double value) { values[static_cast<std::size_t>(count++)] = value; }
+    void add(double value) {
+        addAny(value);
+        isFinite = isFinite && std::isfinite(value);
+    }
+    void add(const JointVector& v) {
+        hasRightSizes = hasRightSizes && v.size() == kJoints;
+        for (int i = 0; i < v.size(); ++i) add(v[i]);
+    }
+    bool isUntouched() const {
+        for (int i = 0; i < count; ++i)
+            if (values[static_cast<std::size_t>(i)] != kUntouched) return false;
+        return true;
+    }
+    bool hasSameBits(const Output& other) const {
+        return outcome == other.outcome && count == other.count &&
+               std::memcmp(values.data(), other.values.data(),
+                           static_cast<std::size_t>(count) * sizeof(double)) == 0;
+    }
+};
+
+/** One of the inputs that a plugin reads. */
+struct Slot {
+    std::string name;
+    std::function<std::vector<double*>(Inputs&)> numbers;
+    std::function<void(Inputs&, int)> resize;  // empty: has no run-time size
+};
+
+template <class Vector>
+std::vector<double*> addressesOf(Vector& v) {
+    std::vector<double*> addresses;
+    for (Eigen::Index i = 0; i < v.size(); ++i) addresses.push_back(v.data() + i);
+    return addresses;
+}
+
+void resizeKeeping(JointVector& v, int n) {
+    const Eigen::Index before = v.size();
+    v.conservativeResize(n);
+    for (Eigen::Index i = before; i < n; ++i) v[i] = 0.25;
+}
+
+using Find = std::function<JointVector&(Inputs&)>;
+
+Slot makeSlot(const std::string& name, const Find& find) {
+    return {name, [find](Inputs& in) { return addressesOf(find(in)); },
+            [find](Inputs& in, int n) { resizeKeeping(find(in), n); }};
+}
+
+std::vector<Slot> makeNominalSlots() {
+    return {makeSlot("nominal.q", [](Inputs& in) -> JointVector& { return in.nominal.q; }),
+            makeSlot("nominal.qd", [](Inputs& in) -> JointVector& { return in.nominal.qd; }),
+            makeSlot("nominal.qdd", [](Inputs& in) -> JointVector& { return in.nominal.qdd; })};
+}
+
+std::vector<Slot> makeDynamicsSlots() {
+    return {{"M", [](Inputs& in) { return addressesOf(in.dynamics.M); },
+             [](Inputs& in, int n) { in.dynamics.M = JointMatrix::Identity(n, n); }},
+            makeSlot("b", [](Inputs& in) -> JointVector& { return in.dynamics.b; })};
+}
+
+Slot makeTorqueSlot() {
+    return makeSlot("torque", [](Inputs& in) -> JointVector& { return in.torque; });
+}
+
+void append(std::vector<Slot>& slots, const std::vector<Slot>& more) {
+    slots.insert(slots.end(), more.begin(), more.end());
+}
+
+class Subject {
+public:
+    virtual ~Subject() = default;
+    virtual void reset(const MotionState& start) = 0;
+    /** Replaces inputs that this plugin's own outputs determine (a filter moves the nominal arm).
+     */
+    virtual void close(Inputs&) {}
+    /** One call of the tick function; outputs hold kUntouched before it. */
+    virtual Output step(const Inputs& in) = 0;
+    /** After a good tick. */
+    virtual void advance() {}
+    virtual std::vector<Slot> slots() const = 0;
+};
+
+template <class Interface>
+PluginPtr<Interface> makeConfigured(const PluginInfo& info, const RunSetup& setup) {
+    PluginPtr<Interface> plugin = PluginLoader::create<Interface>(info);
+    plugin->configure(setup, readBlock(info, makeRequiredParameters(info)));
+    return plugin;
+}
+
+class CommandSubject : public Subject {
+public:
+    CommandSubject(const PluginInfo& info, const RunSetup& setup)
+        : plugin_(makeConfigured<CommandSource>(info, setup)), space_(plugin_->space()) {}
+    void reset(const MotionState& start) override { plugin_->reset(start); }
+    Output step(const Inputs& in) override {
+        MotionCommand command;
+        const bool isJoint = space_ == MotionCommand::Space::Joint;
+        command.space = space_;
+        command.q.setConstant(kJoints, kUntouched);
+        command.qd.setConstant(kJoints, kUntouched);
+        command.tool.position.setConstant(kUntouched);
+        command.tool.orientation.coeffs().setConstant(kUntouched);
+        command.toolTwist.setConstant(kUntouched);
+        Output out;
+        out.outcome = toOutcome(plugin_->sample(in.t, command));
+        out.hasRightSizes = command.space == space_;
+        if (isJoint) {
+            out.add(command.q);
+            out.add(command.qd);
+        } else {
+            for (int i = 0; i < 3; ++i) out.add(command.tool.position[i]);
+            for (int i = 0; i < 4; ++i) out.add(command.tool.orientation.coeffs()[i]);
+            for (int i = 0; i < 6; ++i) out.add(command.toolTwist[i]);
+        }
+        return out;
+    }
+    std::vector<Slot> slots() const override {
+        return {{"t", [](Inputs& in) { return std::vector<double*>{&in.t}; }, {}}};
+    }
+
+private:
+    PluginPtr<CommandSource> plugin_;
+    MotionCommand::Space space_;
+};
+
+class ControllerSubject : public Subject {
+public:
+    ControllerSubject(const PluginInfo& info, const RunSetup& setup)
+        : plugin_(makeConfigured<NominalController>(info, setup)),
+          space_(plugin_->follows(MotionCommand::Space::Joint) ? MotionCommand::Space::Joint
+                                                               : MotionCommand::Space::Tool) {
+        if (!plugin_->follows(space_)) throw std::runtime_error(info.name + " follows nothing");
+    }
+    void reset(const MotionState& start) override { plugin_->reset(start); }
+    void close(Inputs& in) override { in.command.space = space_; }
+    Output step(const Inputs& in) override {
+        JointVector torque = JointVector::Constant(kJoints, kUntouched);
+        Output out;
+        out.outcome = toOutcome(plugin_->compute(in.command, in.nominal, in.dynamics, torque));
+        out.add(torque);
+        return out;
+    }
+    std::vector<Slot> slots() const override {
+        std::vector<Slot> slots = makeNominalSlots();
+        append(slots, makeDynamicsSlots());
+        slots.push_back(
+            makeSlot("gravity", [](Inputs& in) -> JointVector& { return in.dynamics.gravity; }));
+        slots.push_back({"J", [](Inputs& in) { return addressesOf(in.dynamics.J); },
+                         [](Inputs& in, int n) { in.dynamics.J.setConstant(6, n, 0.1); }});
+        slots.push_back({"pose",
+                         [](Inputs& in) {
+                             std::vector<double*> all = addressesOf(in.dynamics.tool.position);
+                             for (double* x : addressesOf(in.dynamics.tool.orientation.coeffs()))
+                                 all.push_back(x);
+                             return all;
+                         },
+                         {}});
+        if (space_ == MotionCommand::Space::Joint) {
+            slots.push_back(
+                makeSlot("command.q", [](Inputs& in) -> JointVector& { return in.command.q; }));
+            slots.push_back(
+                makeSlot("command.qd", [](Inputs& in) -> JointVector& { return in.command.qd; }));
+        } else {
+            slots.push_back({"command.tool.position",
+                             [](Inputs& in) { return addressesOf(in.command.tool.position); },
+                             {}});
+            slots.push_back(
+                {"command.tool.orientation",
+                 [](Inputs& in) { return addressesOf(in.command.tool.orientation.coeffs()); },
+                 {}});
+            slots.push_back({"command.toolTwist",
+                             [](Inputs& in) { return addressesOf(in.command.toolTwist); },
+                             {}});
+        }
+        return slots;
+    }
+
+private:
+    PluginPtr<NominalController> plugin_;
+    MotionCommand::Space space_;
+};
+
+/** The filter moves the nominal arm, as in the control loop. */
+class FilterSubject : public Subject {
+public:
+    FilterSubject(const PluginInfo& info, const RunSetup& setup)
+        : model_(getArm()), plugin_(makeConfigured<SafetyFilter>(info, setup)) {}
+    void reset(const MotionState& start) override {
+        nominal_ = start;
+        plugin_->reset(start);
+    }
+    void close(Inputs& in) override {
+        in.nominal = nominal_;
+        model_.calcDynamics(nominal_.q, nominal_.qd, in.dynamics);
+    }
+    Output step(const Inputs& in) override {
+        decision_ = FilterDecision();
+        decision_.torque.setConstant(kJoints, kUntouched);
+        decision_.acceleration.setConstant(kJoints, kUntouched);
+        decision_.jerk.setConstant(kJoints, kUntouched);
+        for (JointIntervention& joint : decision_.joints) joint.margin = kUntouched;
+        const FilterStatus status = plugin_->filter(in.nominal, in.torque, in.dynamics, decision_);
+        Output out;
+        out.outcome = status == FilterStatus::InvalidInput ? Outcome::InvalidInput
+                      : status == FilterStatus::Faulted    ? Outcome::Faulted
+                                                           : Outcome::Usable;
+        out.add(decision_.torque);
+        out.add(decision_.acceleration);
+        out.add(decision_.jerk);
+        for (int i = 0; i < kJoints; ++i) {
+            const double margin = decision_.joints[static_cast<std::size_t>(i)].margin;
+            out.addAny(margin);  // may be infinite: no limit
+            out.isFinite = out.isFinite && !std::isnan(margin);
+        }
+        return out;
+    }
+    void advance() override { advanceNominal(decision_, kTick_s, nominal_); }
+    std::vector<Slot> slots() const override {
+        std::vector<Slot> slots = makeNominalSlots();
+        append(slots, makeDynamicsSlots());
+        slots.push_back(makeTorqueSlot());
+        return slots;
+    }
+
+private:
+    RobotModel model_;
+    PluginPtr<SafetyFilter> plugin_;
+    FilterDecision decision_;
+    MotionState nominal_;
+};
+
+class RobustLoopSubject : public Subject {
+public:
+    RobustLoopSubject(const PluginInfo& info, const RunSetup& setup)
+        : plugin_(makeConfigured<RobustLoop>(info, setup)) {}
+    void reset(const MotionState& start) override { plugin_->reset(start); }
+    Output step(const Inputs& in) override {
+        JointVector torque = JointVector::Constant(kJoints, kUntouched);
+        Output out;
+        out.outcome = toOutcome(plugin_->compute(in.real, in.nominal, in.torque, torque));
+        out.add(torque);
+        return out;
+    }
+    std::vector<Slot> slots() const override {
+        std::vector<Slot> slots = makeNominalSlots();
+        slots.push_back(makeSlot("real.q", [](Inputs& in) -> JointVector& { return in.real.q; }));
+        slots.push_back(makeSlot("real.qd", [](Inputs& in) -> JointVector& { return in.real.qd; }));
+        slots.push_back(makeTorqueSlot());
+        return slots;
+    }
+
+private:
+    PluginPtr<RobustLoop> plugin_;
+};
+
+class PlantSubject : public Subject {
+public:
+    PlantSubject(const PluginInfo& info, const RunSetup& setup)
+        : plugin_(makeConfigured<RealPlant>(info, setup)) {}
+    void reset(const MotionState& start) override { plugin_->reset(start); }
+    Output step(const Inputs& in) override {
+        const JointState before = plugin_->actual();
+        JointVector applied = JointVector::Constant(kJoints, kUntouched);
+        Output out;
+        out.outcome = toOutcome(plugin_->advance(in.torque, applied));
+        out.add(applied);
+        if (out.outcome != Outcome::Usable) {
+            stayed_ = plugin_->actual().q == before.q && plugin_->actual().qd == before.qd;
+            out.hasRightSizes = out.hasRightSizes && stayed_;
+        } else {
+            out.add(plugin_->measured().q);
+            out.add(plugin_->measured().qd);
+            out.add(plugin_->actual().q);
+            out.add(plugin_->actual().qd);
+        }
+        return out;
+    }
+    std::vector<Slot> slots() const override { return {makeTorqueSlot()}; }
+
+private:
+    PluginPtr<RealPlant> plugin_;
+    bool stayed_ = true;
+};
+
+std::unique_ptr<Subject> makeSubject(const PluginInfo& info, const RunSetup& setup) {
+    switch (info.kind) {
+        case PluginKind::CommandSource:
+            return std::make_unique<CommandSubject>(info, setup);
+        case PluginKind::NominalController:
+            return std::make_unique<ControllerSubject>(info, setup);
+        case PluginKind::SafetyFilter:
+            return std::make_unique<FilterSubject>(info, setup);
+        case PluginKind::RobustLoop:
+            return std::make_unique<RobustLoopSubject>(info, setup);
+        case PluginKind::RealPlant:
+            return std::make_unique<PlantSubject>(info, setup);
+    }
+    return nullptr;
+}
+
+// --- The suite ----------------------------------------------------------------------------------
+
+std::vector<PluginInfo> findPlugins(std::vector<RefusedLibrary>& refused) {
+    return PluginLoader({VIABLE_PLUGIN_DIR}).list(refused);
+}
+
+std::vector<PluginInfo> findPlugins() {
+    std::vector<RefusedLibrary> refused;
+    return findPlugins(refused);
+}
+
+TEST(Plugins, NoLibraryIsRefused) {
+    std::vector<RefusedLibrary> refused;
+    findPlugins(refused);
+    for (const RefusedLibrary& library : refused)
+        ADD_FAILURE() << library.library << ": " << library.reason;
+}
+
+TEST(Plugins, EveryKindIsThere) {
+    std::set<PluginKind> kinds;
+    for (const PluginInfo& info : findPlugins()) kinds.insert(info.kind);
+    for (PluginKind kind :
+         {PluginKind::CommandSource, PluginKind::NominalController, PluginKind::SafetyFilter,
+          PluginKind::RobustLoop, PluginKind::RealPlant})
+        EXPECT_EQ(kinds.count(kind), 1u)
+            << "no " << getName(kind) << " plugin in " << VIABLE_PLUGIN_DIR;
+}
+
+class Contract : public ::testing::TestWithParam<PluginInfo> {
+protected:
+    const PluginInfo& info() const { return GetParam(); }
+
+    std::unique_ptr<Subject> make() {
+        std::unique_ptr<Subject> subject = makeSubject(info(), setup_);
+        subject->reset(setup_.start);
+        return subject;
+    }
+
+    /** The tick's inputs for this subject. */
+    Inputs prepare(Subject& subject, int tick) {
+        Inputs in = makeInputs(tick, model_);
+        subject.close(in);
+        return in;
+    }
+
+    /** A tick with good inputs, checked. */
+    Output run(Subject& subject, int tick) {
+        const Output out = subject.step(prepare(subject, tick));
+        EXPECT_EQ(out.outcome, Outcome::Usable) << "tick " << tick;
+        EXPECT_TRUE(out.isFinite) << "tick " << tick;
+        EXPECT_TRUE(out.hasRightSizes) << "tick " << tick;
+        if (out.outcome == Outcome::Usable && out.isFinite && out.hasRightSizes) subject.advance();
+        return out;
+    }
+
+    std::vector<Output> runFromStart(Subject& subject, int ticks) {
+        subject.reset(setup_.start);
+        std::vector<Output> outputs;
+        for (int tick = 0; tick < ticks; ++tick) outputs.push_back(run(subject, tick));
+        return outputs;
+    }
+
+    /** Rules for a tick that said InvalidInput. */
+    static void checkRefusal(const Output& out, const std::string& what) {
+        EXPECT_TRUE(out.isUntouched()) << what << ": InvalidInput, and yet the output was written";
+        EXPECT_TRUE(out.hasRightSizes) << what << ": InvalidInput, and yet something changed";
+    }
+
+    RunSetup setup_ = makeSetup();
+    RobotModel model_{getArm()};
+};
+
+constexpr int kGoodTicks = 5;
+
+TEST_P(Contract, NeverPutsOutNanForNanOrInfinityIn) {
+    const std::vector<Slot> slots = make()->slots();
+    ASSERT_FALSE(slots.empty());
+    for (const Slot& slot : slots) {
+        Inputs sample = makeInputs(0, model_);
+        const std::size_t count = slot.numbers(sample).size();
+        ASSERT_GT(count, 0u) << slot.name;
+        for (std::size_t entry = 0; entry < count; ++entry) {
+            for (const double bad : {kNan, kInfinity, -kInfinity}) {
+                const std::string what =
+                    slot.name + "[" + std::to_string(entry) + "] = " + std::to_string(bad);
+                const std::unique_ptr<Subject> subject = make();
+                for (int tick = 0; tick < kGoodTicks; ++tick) run(*subject, tick);
+                Inputs in = prepare(*subject, kGoodTicks);
+                *slot.numbers(in)[entry] = bad;
+                const Output out = subject->step(in);
+                EXPECT_NE(out.outcome, Outcome::Faulted) << what;
+                if (out.outcome == Outcome::InvalidInput)
+                    checkRefusal(out, what);
+                else
+                    EXPECT_TRUE(out.isFinite && out.hasRightSizes) << what << " came through";
+                // What was bad once must not come out later.
+                for (int tick = kGoodTicks + 1; tick < 2 * kGoodTicks; ++tick) {
+                    const Output later = subject->step(prepare(*subject, tick));
+                    EXPECT_TRUE(later.isFinite) << what << ", tick " << tick;
+                }
+            }
+        }
+    }
+}
+
+TEST_P(Contract, RefusesWrongSizesWithoutACrash) {
+    for (const Slot& slot : make()->slots()) {
+        if (!slot.resize) continue;
+        for (const int size : {kJoints - 1, kJoints + 1, 0, kMaxJoints}) {
+            const std::string what = slot.name + " with " + std::to_string(size) + " entries";
+            const std::unique_ptr<Subject> subject = make(), twin = make();
+            for (int tick = 0; tick < kGoodTicks; ++tick) {
+                run(*subject, tick);
+                run(*twin, tick);
+            }
+            Inputs in = prepare(*subject, kGoodTicks);
+            slot.resize(in, size);
+            const Output out = subject->step(in);
+            if (out.outcome == Outcome::InvalidInput) {
+                checkRefusal(out, what);
+            } else {  // right only for inputs that this plugin does not read
+                EXPECT_TRUE(out.hasSameBits(twin->step(prepare(*twin, kGoodTicks))))
+                    << what << " is not refused and changes the output";
+            }
+        }
+    }
+}
+
+TEST_P(Contract, ResetTwiceIsResetOnce) {
+    const std::unique_ptr<Subject> subject = make();
+    const std::vector<Output> first = runFromStart(*subject, 50);
+    subject->reset(setup_.start);
+    subject->reset(setup_.start);
+    const std::vector<Output> second = runFromStart(*subject, 50);
+    for (std::size_t i = 0; i < first.size(); ++i)
+        ASSERT_TRUE(first[i].hasSameBits(second[i])) << "tick " << i;
+}
+
+TEST_P(Contract, SameInputsGiveTheSameBits) {
+    const std::unique_ptr<Subject> one = make(), two = make();
+    const std::vector<Output> first = runFromStart(*one, 300);
+    const std::vector<Output> second = runFromStart(*two, 300);
+    const std::vector<Output> again = runFromStart(*one, 300);
+    for (std::size_t i = 0; i < first.size(); ++i) {
+        ASSERT_TRUE(first[i].hasSameBits(second[i])) << "another instance, tick " << i;
+        ASSERT_TRUE(first[i].hasSameBits(again[i])) << "after a reset, tick " << i;
+    }
+}
+
+TEST_P(Contract, AllocatesNothingInATick) {
+    constexpr int kWarmUp = 100, kTicks = 1000;
+    const std::unique_ptr<Subject> subject = make();
+    for (int tick = 0; tick < kWarmUp; ++tick) run(*subject, tick);
+    std::size_t allocations = 0;
+    for (int tick = kWarmUp; tick < kWarmUp + kTicks; ++tick) {
+        const Inputs in = prepare(*subject, tick);
+        const AllocationCounter counter;
+        const Output out = subject->step(in);
+        allocations += counter.count();
+        ASSERT_EQ(out.outcome, Outcome::Usable) << "tick " << tick;
+        subject->advance();
+    }
+    EXPECT_EQ(allocations, 0u) << "in " << kTicks << " ticks";
+    // Neither does a tick that refuses its input, nor a reset.
+    const Slot slot = subject->slots().front();
+    Inputs in = prepare(*subject, kWarmUp + kTicks);
+    *slot.numbers(in)[0] = kNan;
+    const AllocationCounter counter;
+    subject->step(in);
+    subject->reset(setup_.start);
+    EXPECT_EQ(counter.count(), 0u) << "in a tick with NaN in " << slot.name << " and a reset";
+}
+
+// --- The declaration of its parameters ----------------------------------------------------------
+
+std::string write(double value) {
+    char text[40];
+    std::snprintf(text, sizeof text, "%.17g", value);
+    return text;
+}
+
+std::string writeList(const std::string& value, int count) {
+    std::string text = "[";
+    for (int i = 0; i < count; ++i) text += (i ? ", " : "") + value;
+    return text + "]";
+}
+
+/** Values that `spec` must refuse. */
+std::vector<std::string> makeRefusedValues(const ParameterSpec& spec) {
+    const auto beyond = [](double bound, double sign) {
+        return write(bound + sign * std::max(1e-9, std::abs(bound) * 1e-9));
+    };
+    std::vector<std::string> numbers = {".nan", "text"};
+    const bool isInteger = spec.type == ParameterType::Integer;
+    if (std::isfinite(spec.min)) {
+        numbers.push_back(isInteger ? std::to_string(std::llround(std::ceil(spec.min)) - 1)
+                                    : beyond(spec.min, -1));
+        if (spec.minIsOpen) numbers.push_back(write(spec.min));
+    }
+    if (std::isfinite(spec.max)) {
+        numbers.push_back(isInteger ? std::to_string(std::llround(std::floor(spec.max)) + 1)
+                                    : beyond(spec.max, 1));
+        if (spec.maxIsOpen) numbers.push_back(write(spec.max));
+    }
+    if (!spec.mayBeInfinite) numbers.push_back(".inf");
+
+    std::vector<std::string> values;
+    switch (spec.type) {
+        case ParameterType::Number:
+            values = numbers;
+            values.push_back("[1, 2]");
+            break;
+        case ParameterType::Integer:
+            values = numbers;
+            values.push_back("1.5");
+            break;
+        case ParameterType::Flag:
+            values = {"maybe", "1", "[true]"};
+            break;
+        case ParameterType::Choice:
+            values = {"no_such_choice", "[a, b]"};
+            break;
+        case ParameterType::Text:
+            values = {"[a, b]", "{a: b}"};
+            break;
+        case ParameterType::File:
+            values = {"/nowhere/at/all.txt", "[a, b]"};
+            break;
+        case ParameterType::JointNumbers:
+            values = numbers;
+            for (const std::string& number : numbers) values.push_back(writeList(number, kJoints));
+            values.push_back(writeList("1", kJoints + 1));
+            values.push_back(writeList("1", kJoints - 1));
+            break;
+        case ParameterType::Numbers:
+        case ParameterType::Rows: {
+            const int some = std::max(1, spec.minCount);
+            for (const std::string& number : numbers) values.push_back(writeList(number, some));
+            values.push_back(writeList("1", spec.maxCount + 1));
+            if (spec.minCount > 0) values.push_back(writeList("1", spec.minCount - 1));
+            if (spec.type == ParameterType::Rows)
+                for (std::string& value : values) value = "[" + value + "]";
+            values.push_back("text");
+            break;
+        }
+    }
+    return values;
+}
+
+TEST_P(Contract, DefaultsParseAndReadBackAsTheyAre) {
+    const PluginEntry& entry = *info().entry;
+    Texts required = makeRequiredParameters(info());
+    Parameters parameters;
+    try {
+        parameters = readBlock(info(), required);
+    } catch (const Error& error) {
+        FAIL() << error.what() << "\nIf a parameter without default is new, add a value to "
+               << "makeRequiredParameters() in this file.";
+    }
+    for (std::uint64_t i = 0; i < entry.parameterCount; ++i)
+        EXPECT_NE(parameters.resolved().find(entry.parameters[i].name), nullptr)
+            << entry.parameters[i].name;
+    // The complete block, written out, is a block with the same values.
+    const std::string text = writeConfig(parameters.resolved());
+    const Parameters again = readParameters(parseConfig(text, "resolved.yaml"), entry.parameters,
+                                            entry.parameterCount, kJoints);
+    EXPECT_EQ(writeConfig(again.resolved()), text);
+}
+
+TEST_P(Contract, DeclaresParametersWithWordsForPeople) {
+    const PluginEntry& entry = *info().entry;
+    EXPECT_GT(std::strlen(entry.summary), 10u);
+    for (std::uint64_t i = 0; i < entry.parameterCount; ++i) {
+        const ParameterSpec& spec = entry.parameters[i];
+        EXPECT_GT(std::strlen(spec.help), 5u) << spec.name;
+        for (const char* c = spec.name; *c; ++c)
+            EXPECT_TRUE(std::islower(*c) || std::isdigit(*c) || *c == '_') << spec.name;
+    }
+}
+
+TEST_P(Contract, RefusesEveryValueOutOfRangeByName) {
+    const PluginEntry& entry = *info().entry;
+    for (std::uint64_t i = 0; i < entry.parameterCount; ++i) {
+        const ParameterSpec& spec = entry.parameters[i];
+        for (const std::string& value : makeRefusedValues(spec)) {
+            Texts values = makeRequiredParameters(info());
+            values[spec.name] = value;
+            try {
+                readBlock(info(), values);
+                ADD_FAILURE() << spec.name << ": " << value << " was accepted";
+            } catch (const Error& error) {
+                EXPECT_EQ(error.kind(), ErrorKind::BadInput);
+                const std::string message = error.what();
+                EXPECT_EQ(message.rfind("contract.yaml:", 0), 0u) << message;
+                EXPECT_NE(message.find(spec.name), std::string::npos) << message;
+            }
+        }
+    }
+}
+
+TEST_P(Contract, RefusesUnknownAndMissingParameters) {
+    Texts values = makeRequiredParameters(info());
+    values["no_such_parameter"] = "1";
+    try {
+        readBlock(info(), values);
+        ADD_FAILURE() << "an unknown parameter was accepted";
+    } catch (const Error& error) {
+        EXPECT_NE(std::string(error.what()).find("no_such_parameter"), std::string::npos)
+            << error.what();
+    }
+    for (const auto& [name, value] : makeRequiredParameters(info())) {
+        Texts fewer = makeRequiredParameters(info());
+        fewer.erase(name);
+        try {
+            readBlock(info(), fewer);
+            ADD_FAILURE() << name << " was not missed";
+        } catch (const Error& error) {
+            EXPECT_NE(std::string(error.what()).find(name), std::string::npos) << error.what();
+        }
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Contract, ::testing::ValuesIn(findPlugins()), [](const auto& test) {
+    return std::string(getName(test.param.kind)) + "_" + test.param.name;
+});
+
+}  // namespace
+}  // namespace viable

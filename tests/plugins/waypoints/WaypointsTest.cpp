@@ -1,0 +1,203 @@
+#include "Waypoints.h"
+
+#include <gmock/gmock-matchers.h>
+
+#include "AllocationCounter.h"
+#include "CommandBench.h"
+
+namespace viable {
+namespace {
+
+using ::testing::HasSubstr;
+
+const char* const kThreePoints =
+    "points: [[0.5, 0, 1, 2], [1.0, 1, 0, -2], [2.0, 3, 0.5, 0]]";
+
+JointVector joints(double a, double b, double c) {
+    JointVector v(3);
+    v << a, b, c;
+    return v;
+}
+
+TEST(Waypoints, ComplainsAboutPointsWithTheirPlace) {
+    const CommandBench bench;
+    auto complaint = [&](const char* text) { return bench.findComplaint<Waypoints>(text); };
+
+    std::string text = complaint("points: [[0, 1, 2, 3], [1, 1, 2]]");
+    EXPECT_THAT(text, HasSubstr("experiment.yaml:1:"));
+    EXPECT_THAT(text, HasSubstr("command.points[1]: "));
+    EXPECT_THAT(text, HasSubstr("the row has 3 numbers, but it needs 4"));
+    EXPECT_THAT(text, HasSubstr("3 joints of bench"));
+
+    text = complaint("points: [[0, 1, 2, 3], [1, 1, 2, 3], [1, 4, 5, 6]]");
+    EXPECT_THAT(text, HasSubstr("command.points[2]: the time 1 s is not later than that of the row "
+                                "before, 1 s"));
+    EXPECT_THAT(text, HasSubstr("Times must increase"));
+
+    EXPECT_THAT(complaint("points: [[0, 1, 2, 3], [-1, 1, 2, 3]]"),
+                HasSubstr("command.points[1]: the time -1 s is before the start"));
+    EXPECT_NE(complaint("points: []"), "");
+    EXPECT_NE(complaint("interpolation: hold"), "");
+    EXPECT_THAT(complaint("points: [[0, 1, 2, 3]], interpolation: cubic"), HasSubstr("cubic"));
+    EXPECT_THAT(complaint("points: [[0, 1, 2, .nan]]"), HasSubstr("points"));
+    EXPECT_EQ(complaint("points: [[0, 1, 2, 3]]"), "");
+}
+
+TEST(Waypoints, ComplainsAboutAPeriodThatCannotBe) {
+    const CommandBench bench;
+    auto complaint = [&](const std::string& text) {
+        return bench.findComplaint<Waypoints>(kThreePoints + (", " + text));
+    };
+    EXPECT_THAT(complaint("repeat_s: 1.5"),
+                HasSubstr("command.repeat_s: the period 1.5 s ends before the last point at 2 s"));
+    EXPECT_THAT(complaint("repeat_s: -1"), HasSubstr("repeat_s"));
+    EXPECT_EQ(complaint("repeat_s: 2.0"), "");  // 0.5 s are left for the way back
+
+    const std::string jump = "points: [[0, 0, 0, 0], [1, 1, 1, 1]], repeat_s: 1, interpolation: ";
+    EXPECT_THAT(bench.findComplaint<Waypoints>(jump + "smooth"),
+                HasSubstr("first and last point differ"));
+    EXPECT_THAT(bench.findComplaint<Waypoints>(jump + "linear"),
+                HasSubstr("choose interpolation: hold"));
+    EXPECT_EQ(bench.findComplaint<Waypoints>(jump + "hold"), "");
+}
+
+TEST(Waypoints, HoldJumpsAtThePoints) {
+    const CommandBench bench;
+    Waypoints source;
+    bench.configure(source, kThreePoints + std::string(", interpolation: hold"));
+    EXPECT_EQ(source.space(), MotionCommand::Space::Joint);
+    const std::pair<double, JointVector> expected[] = {
+        {0.0, joints(0, 1, 2)},  {0.499, joints(0, 1, 2)},  {0.5, joints(0, 1, 2)},
+        {0.999, joints(0, 1, 2)}, {1.0, joints(1, 0, -2)},  {1.999, joints(1, 0, -2)},
+        {2.0, joints(3, 0.5, 0)}, {1e6, joints(3, 0.5, 0)},
+    };
+    for (const auto& [t, q] : expected) {
+        const MotionCommand command = sampleAt(source, t);
+        EXPECT_EQ(command.space, MotionCommand::Space::Joint);
+        EXPECT_EQ(command.q, q) << t;
+        EXPECT_EQ(command.qd, joints(0, 0, 0)) << t;
+    }
+}
+
+TEST(Waypoints, AJumpComesInItsOwnTickDespiteRounding) {
+    const CommandBench bench;
+    for (int tick = 1; tick < 3000; tick += 7) {
+        Waypoints source;
+        char text[120];
+        std::snprintf(text, sizeof text, "points: [[0, 0, 0, 0], [%d.%03d, 1, 1, 1]], "
+                      "interpolation: hold", tick / 1000, tick % 1000);
+        bench.configure(source, text);
+        EXPECT_EQ(sampleAt(source, (tick - 1) * 0.001).q[0], 0.0) << tick;
+        EXPECT_EQ(sampleAt(source, tick * 0.001).q[0], 1.0) << tick;
+    }
+}
+
+TEST(Waypoints, LinearRunsStraight) {
+    const CommandBench bench;
+    Waypoints source;
+    bench.configure(source, kThreePoints + std::string(", interpolation: linear"));
+    EXPECT_EQ(sampleAt(source, 0.2).q, joints(0, 1, 2));
+    EXPECT_EQ(sampleAt(source, 0.2).qd, joints(0, 0, 0));
+    MotionCommand command = sampleAt(source, 0.75);
+    EXPECT_LE((command.q - joints(0.5, 0.5, 0)).norm(), 1e-14);
+    EXPECT_LE((command.qd - joints(2, -2, -8)).norm(), 1e-14);
+    command = sampleAt(source, 1.0);  // the corner belongs to the piece to come
+    EXPECT_LE((command.q - joints(1, 0, -2)).norm(), 1e-14);
+    EXPECT_LE((command.qd - joints(2, 0.5, 2)).norm(), 1e-14);
+    EXPECT_EQ(sampleAt(source, 2.5).qd, joints(0, 0, 0));
+}
+
+TEST(Waypoints, SmoothIsAtRestInEveryPointAndContinuousBetween) {
+    const CommandBench bench;
+    Waypoints source;
+    bench.configure(source, kThreePoints + std::string(", interpolation: smooth, repeat_s: 3"));
+    for (double t : {0.5, 1.0, 2.0, 3.5, 4.0, 5.0})
+        EXPECT_LE(sampleAt(source, t).qd.norm(), 1e-12) << t;
+    EXPECT_LE((sampleAt(source, 1.0).q - joints(1, 0, -2)).norm(), 1e-12);
+    EXPECT_LE((sampleAt(source, 5.0).q - joints(3, 0.5, 0)).norm(), 1e-12);
+
+    // Longest way 4 rad in 0.5 s: |qdd| <= 5.7735 * 4 / 0.5^2 = 92.4 rad/s^2, |jerk| <= 60 * 4 /
+    // 0.5^3 = 1920 rad/s^3; the other joints add to the norm.
+    JointVector lastQ = sampleAt(source, 0.0).q, lastQd = sampleAt(source, 0.0).qd;
+    for (int k = 1; k < 9000; ++k) {
+        const MotionCommand now = sampleAt(source, k * 1e-3);
+        EXPECT_LE((now.qd - lastQd).cwiseAbs().maxCoeff(), 92.4e-3) << k;
+        EXPECT_LE((now.q - lastQ - 0.5e-3 * (now.qd + lastQd)).cwiseAbs().maxCoeff(), 1920e-9 / 12 * 1.01)
+            << k;  // the trapezoidal rule's error bound
+        lastQ = now.q;
+        lastQd = now.qd;
+    }
+}
+
+TEST(Waypoints, RepeatsWithItsPeriod) {
+    const CommandBench bench;
+    for (const char* how : {"hold", "linear", "smooth"}) {
+        Waypoints source;
+        bench.configure(source,
+                        kThreePoints + std::string(", repeat_s: 3, interpolation: ") + how);
+        for (double t = 0.5; t < 3.4; t += 0.0137)
+            for (int round = 1; round < 4; ++round) {
+                EXPECT_LE((sampleAt(source, t).q - sampleAt(source, t + 3.0 * round).q).norm(),
+                          1e-9)
+                    << how << " " << t;
+                EXPECT_LE((sampleAt(source, t).qd - sampleAt(source, t + 3.0 * round).qd).norm(),
+                          1e-9)
+                    << how << " " << t;
+            }
+        EXPECT_EQ(sampleAt(source, 0.1).q, joints(0, 1, 2));  // first round: waits there
+    }
+}
+
+TEST(Waypoints, AddsTheStartOfThisRunWhenRelative) {
+    const CommandBench bench;
+    Waypoints source;
+    bench.configure(source, "points: [[0, 0, 0, 0], [1, 1, 2, 3]], relative_to_start: true");
+    EXPECT_EQ(sampleAt(source, 0.0).q, bench.start.q);
+    EXPECT_LE((sampleAt(source, 1.0).q - bench.start.q - joints(1, 2, 3)).norm(), 1e-15);
+
+    MotionState other = bench.start;
+    other.q = joints(-1, 0, 1);
+    source.reset(other);
+    EXPECT_EQ(sampleAt(source, 0.0).q, other.q);
+}
+
+TEST(Waypoints, RefusesTimesThatAreNone) {
+    const CommandBench bench;
+    Waypoints source;
+    bench.configure(source, kThreePoints);
+    MotionCommand command;
+    for (double t : {-1.0, std::nan(""), HUGE_VAL})
+        EXPECT_EQ(source.sample(t, command), TickStatus::InvalidInput);
+    EXPECT_EQ(command.q.size(), 0);  // not written
+    EXPECT_EQ(source.sample(1.0, command), TickStatus::Ok);
+}
+
+TEST(Waypoints, DoesNotAllocate) {
+    const CommandBench bench;
+    for (const char* how : {"hold", "linear", "smooth"}) {
+        Waypoints source;
+        bench.configure(source,
+                        kThreePoints + std::string(", repeat_s: 3, interpolation: ") + how);
+        MotionCommand command;
+        const AllocationCounter counter;
+        source.reset(bench.start);
+        for (int k = 0; k < 7000; ++k) source.sample(k * 1e-3, command);
+        EXPECT_EQ(counter.count(), 0u) << how;
+    }
+}
+
+TEST(Waypoints, GivesTheSameThroughTheLoaderAndAfterAReset) {
+    const CommandBench bench;
+    const PluginPtr<CommandSource> loaded = loadCommandSource("waypoints");
+    Waypoints linked;
+    bench.configure(*loaded, kThreePoints);
+    bench.configure(linked, kThreePoints);
+    for (int round = 0; round < 2; ++round) {
+        for (double t = 0.0; t < 2.5; t += 0.01)
+            expectSame(sampleAt(*loaded, t), sampleAt(linked, t));
+        loaded->reset(bench.start);
+    }
+}
+
+}  // namespace
+}  // namespace viable

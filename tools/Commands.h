@@ -1,0 +1,25 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace CLI {
+class App;
+}
+
+namespace viable {
+
+/** Each adds one subcommand to the program; its callback does the work, may throw Error, and leaves
+the exit code in `exitCode`. One file per subcommand. */
+void addRunCommand(CLI::App& app, int& exitCode);
+void addCheckCommand(CLI::App& app, int& exitCode);
+void addPluginsCommand(CLI::App& app, int& exitCode);
+void addRobotsCommand(CLI::App& app, int& exitCode);
+void addExportCommand(CLI::App& app, int& exitCode);
+
+/** Folders searched for robots: VIABLE_ROBOT_PATH (colon-separated), `robots` in the current folder
+and beside the experiment's folder, then the installed ones. @param experiment  may be empty */
+std::vector<std::filesystem::path> makeRobotSearchPath(const std::filesystem::path& experiment);
+
+}  // namespace viable

@@ -1,0 +1,38 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+
+#include "Commands.h"
+#include "viable/core/Error.h"
+#include "viable/experiment/LogExport.h"
+
+namespace viable {
+
+namespace {
+
+struct ExportArguments {
+    std::string log;
+    std::vector<std::string> target;  // format, file
+};
+
+}  // namespace
+
+void addExportCommand(CLI::App& app, int& exitCode) {
+    auto arguments = std::make_shared<ExportArguments>();
+    CLI::App* command = app.add_subcommand("export", "Write a log in another format");
+    command->add_option("LOG", arguments->log, "Log of a case (.mcap)")->required();
+    command->add_option("--to", arguments->target, "Format and file: csv FILE")
+        ->required()
+        ->expected(2);
+    command->callback([arguments, &exitCode] {
+        const std::string& format = arguments->target[0];
+        if (format != "csv")
+            throw badInput("--to", "'" + format + "' is no format this program writes",
+                           "Use `--to csv FILE`.");
+        exportCsv(arguments->log, arguments->target[1]);
+        std::printf("wrote %s\n", arguments->target[1].c_str());
+        exitCode = 0;
+    });
+}
+
+}  // namespace viable

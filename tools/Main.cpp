@@ -1,0 +1,54 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <cstdlib>
+#include <sstream>
+
+#include "Commands.h"
+#include "viable/core/Error.h"
+
+namespace viable {
+
+std::vector<std::filesystem::path> makeRobotSearchPath(const std::filesystem::path& experiment) {
+    namespace fs = std::filesystem;
+    std::vector<fs::path> path;
+    if (const char* variable = std::getenv("VIABLE_ROBOT_PATH")) {
+        std::istringstream folders(variable);
+        for (std::string folder; std::getline(folders, folder, ':');)
+            if (!folder.empty()) path.push_back(folder);
+    }
+    path.push_back("robots");
+    if (!experiment.empty()) path.push_back(experiment.parent_path() / ".." / "robots");
+    std::error_code error;
+    const fs::path program = fs::read_symlink("/proc/self/exe", error);
+    if (!error) path.push_back(program.parent_path() / ".." / "share" / "viable" / "robots");
+    return path;
+}
+
+}  // namespace viable
+
+int main(int argc, char** argv) {
+    CLI::App app{"viable - joint limits up to jerk for torque-controlled manipulators", "viable"};
+    app.set_version_flag("--version", std::string("viable ") + VIABLE_VERSION);
+    app.require_subcommand(1);
+    app.failure_message([](const CLI::App*, const CLI::Error& e) {
+        return std::string("viable: ") + e.what() + ". `viable --help` shows the commands.\n";
+    });
+    int exitCode = 0;
+    viable::addRunCommand(app, exitCode);
+    viable::addCheckCommand(app, exitCode);
+    viable::addPluginsCommand(app, exitCode);
+    viable::addRobotsCommand(app, exitCode);
+    viable::addExportCommand(app, exitCode);
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::ParseError& e) {
+        return app.exit(e) == 0 ? 0 : static_cast<int>(viable::ErrorKind::BadInput);
+    } catch (const viable::Error& e) {
+        std::fprintf(stderr, "viable: %s\n", e.what());
+        return e.exitCode();
+    } catch (const std::exception& e) {
+        std::fprintf(stderr, "viable: unexpected: %s. Please report this.\n", e.what());
+        return 70;
+    }
+    return exitCode;
+}

@@ -1,0 +1,234 @@
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <ctime>
+#include <fstream>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+#include "Commands.h"
+#include "Progress.h"
+#include "viable/core/Error.h"
+#include "viable/experiment/CaseRun.h"
+
+namespace viable {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+std::atomic<int> stopSignal{0};
+
+/** First signal: brake, finish the logs, end. Second: end at once. */
+void onSignal(int signal) {
+    if (stopSignal.exchange(signal) != 0) _exit(128 + signal);
+}
+
+void installSignalHandlers() {
+    struct sigaction action {};
+    action.sa_handler = onSignal;
+    for (int signal : {SIGINT, SIGTERM, SIGHUP}) sigaction(signal, &action, nullptr);
+    std::signal(SIGPIPE, SIG_IGN);  // a closed pipe is a write error, not a death
+    std::signal(SIGXFSZ, SIG_IGN);  // so is a file size limit
+}
+
+struct RunArguments {
+    std::string file;
+    std::string out;
+    std::vector<std::string> cases;
+    std::vector<std::string> overrides;
+    int jobs = 0;
+};
+
+/** Makes the folder of a run; it must be new, so that nothing is ever overwritten. */
+fs::path makeRunFolder(const std::string& wanted, const fs::path& experiment) {
+    std::error_code error;
+    if (!wanted.empty()) {
+        const fs::path folder = wanted;
+        if (fs::exists(folder) && !(fs::is_directory(folder) && fs::is_empty(folder, error)))
+            throw badInput("--out " + wanted, "this folder already holds something",
+                           "Name a new or empty folder; a run never overwrites another.");
+        fs::create_directories(folder, error);
+        if (error)
+            throw Error(ErrorKind::LogNotWritten, "--out " + wanted,
+                        "cannot create the folder: " + error.message());
+        return folder;
+    }
+    char stamp[32];
+    const std::time_t now = std::time(nullptr);
+    std::strftime(stamp, sizeof stamp, "%Y%m%d-%H%M%S", std::localtime(&now));
+    fs::create_directories("runs", error);
+    for (int i = 1; i < 1000; ++i) {
+        const fs::path folder = fs::path("runs") / (experiment.stem().string() + "-" + stamp +
+                                                    (i > 1 ? "-" + std::to_string(i) : ""));
+        if (fs::create_directory(folder, error)) return folder;
+        if (error)
+            throw Error(ErrorKind::LogNotWritten, folder.string(),
+                        "cannot create the folder: " + error.message(),
+                        "Name another place with --out DIR.");
+    }
+    throw Error(ErrorKind::LogNotWritten, "runs", "too many runs in one second");
+}
+
+void selectCases(Experiment& experiment, const std::vector<std::string>& wanted) {
+    if (wanted.empty()) return;
+    std::vector<std::string> names;
+    for (const CasePlan& plan : experiment.cases) names.push_back(plan.name);
+    for (const std::string& name : wanted) {
+        if (std::find(names.begin(), names.end(), name) != names.end()) continue;
+        const std::string closest = findClosestName(name, names);
+        std::string all;
+        for (const std::string& other : names) all += (all.empty() ? "" : ", ") + other;
+        throw badInput("--case " + name, experiment.file.string() + " has no case of that name",
+                       (closest.empty() ? "" : "Did you mean '" + closest + "'? ") +
+                           "Its cases: " + all + ".");
+    }
+    experiment.cases.erase(std::remove_if(experiment.cases.begin(), experiment.cases.end(),
+                                          [&](const CasePlan& plan) {
+                                              return std::find(wanted.begin(), wanted.end(),
+                                                               plan.name) == wanted.end();
+                                          }),
+                           experiment.cases.end());
+}
+
+/** Runs all cases, `jobs` at a time; results in the order of the file. The first Error of a case is
+thrown after the others have ended. */
+std::vector<CaseResult> runCases(const Experiment& experiment, const fs::path& folder, int jobs) {
+    const std::size_t count = experiment.cases.size();
+    std::vector<std::string> names;
+    for (const CasePlan& plan : experiment.cases) names.push_back(plan.name);
+    Progress progress(names);
+    std::vector<std::optional<CaseResult>> results(count);
+    std::exception_ptr failure;
+    std::mutex failureMutex;
+    std::atomic<std::size_t> next{0}, running{0};
+    std::vector<std::thread> workers;
+    running = static_cast<std::size_t>(jobs);
+    for (int job = 0; job < jobs; ++job) {
+        workers.emplace_back([&] {
+            for (std::size_t i; (i = next++) < count;) {
+                RunOptions options;
+                options.log = folder / (experiment.cases[i].name + ".mcap");
+                options.stopRequest = &stopSignal;
+                options.progress = [&progress, i](double share) { progress.set(i, share); };
+                try {
+                    results[i].emplace(runCase(experiment.cases[i], options));
+                } catch (...) {
+                    const std::lock_guard lock(failureMutex);
+                    if (!failure) failure = std::current_exception();
+                    next = count;
+                }
+            }
+            --running;
+        });
+    }
+    while (running > 0) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(50));
+        progress.draw();
+    }
+    for (std::thread& worker : workers) worker.join();
+    progress.draw(true);
+    if (failure) std::rethrow_exception(failure);
+    std::vector<CaseResult> all;
+    for (auto& result : results)
+        if (result) all.push_back(std::move(*result));
+    return all;
+}
+
+/** Writes a small file whole or not at all; returns an error text, empty when it was written. */
+std::string writeWhole(const fs::path& file, const std::string& text) {
+    const fs::path temporary = file.string() + ".part";
+    {
+        std::ofstream stream(temporary, std::ios::binary);
+        stream << text;
+        stream.close();
+        if (!stream) {
+            std::error_code ignored;
+            fs::remove(temporary, ignored);
+            return "cannot write " + file.string();
+        }
+    }
+    std::error_code error;
+    fs::rename(temporary, file, error);
+    return error ? "cannot write " + file.string() + ": " + error.message() : "";
+}
+
+int run(const RunArguments& arguments) {
+    const PluginLoader loader(PluginLoader::makeDefaultSearchPath());
+    Experiment experiment = readExperiment(arguments.file, arguments.overrides, loader,
+                                           makeRobotSearchPath(arguments.file));
+    selectCases(experiment, arguments.cases);
+    for (const CasePlan& plan : experiment.cases)
+        configureCase(plan);  // refuse everything before a file is made
+
+    installSignalHandlers();
+    const fs::path folder = makeRunFolder(arguments.out, arguments.file);
+    std::printf("%s\n%s, %zu case%s, output in %s\n", experiment.title.c_str(),
+                arguments.file.c_str(), experiment.cases.size(),
+                experiment.cases.size() == 1 ? "" : "s", folder.c_str());
+    std::fflush(stdout);
+    int jobs =
+        arguments.jobs > 0 ? arguments.jobs : static_cast<int>(std::thread::hardware_concurrency());
+    jobs = std::max(1, std::min(jobs, static_cast<int>(experiment.cases.size())));
+    const std::vector<CaseResult> results = runCases(experiment, folder, jobs);
+
+    std::printf("\n%s\n", formatComparison(results).c_str());
+    int code = 0;
+    for (std::size_t i = 0; i < results.size(); ++i) {
+        const auto plan =
+            std::find_if(experiment.cases.begin(), experiment.cases.end(),
+                         [&](const CasePlan& p) { return p.name == results[i].name; });
+        std::printf("%s\n", formatDetails(*plan, results[i]).c_str());
+        // 3 (promise) before 4 (plugin) before 5 (log): the smallest number is the gravest.
+        const int own = results[i].exitCode();
+        if (own != 0 && (code == 0 || own < code)) code = own;
+        if (own != 0 && !results[i].stopMessage.empty())
+            std::fprintf(stderr, "viable: case %s %s\n", results[i].name.c_str(),
+                         results[i].stopMessage.c_str());
+        if (!results[i].logError.empty())
+            std::fprintf(
+                stderr,
+                "viable: case %s: the log could not be written to its end: %s. The run itself "
+                "went on; free space and run it again.\n",
+                results[i].name.c_str(), results[i].logError.c_str());
+    }
+    const std::string lost =
+        writeWhole(folder / "summary.json", writeSummaryJson(experiment, results));
+    if (!lost.empty()) {
+        std::fprintf(stderr, "viable: %s\n", lost.c_str());
+        if (code == 0) code = static_cast<int>(ErrorKind::LogNotWritten);
+    }
+    if (const int signal = stopSignal.load()) {
+        std::fprintf(
+            stderr,
+            "viable: ended early by signal %d; the arm was braked and the logs are complete\n",
+            signal);
+        if (code == 0) code = 128 + signal;
+    }
+    return code;
+}
+
+}  // namespace
+
+void addRunCommand(CLI::App& app, int& exitCode) {
+    auto arguments = std::make_shared<RunArguments>();
+    CLI::App* command =
+        app.add_subcommand("run", "Run an experiment: every case, with log and summary");
+    command->add_option("FILE", arguments->file, "Experiment file")->required();
+    command->add_option("--out", arguments->out,
+                        "Folder for logs and summary (default: a new one in ./runs)");
+    command->add_option("--case", arguments->cases, "Only this case (may be repeated)")
+        ->allow_extra_args(false);
+    command
+        ->add_option("--set", arguments->overrides, "key.path=value, replaces an entry of the file")
+        ->allow_extra_args(false);
+    command->add_option("--jobs", arguments->jobs, "Cases at a time (default: one per core)")
+        ->check(CLI::Range(1, 256));
+    command->callback([arguments, &exitCode] { exitCode = run(*arguments); });
+}
+
+}  // namespace viable

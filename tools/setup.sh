@@ -1,0 +1,47 @@
+#!/usr/bin/env bash
+# Installs the Debian packages that are missing, configures and builds. Usage: tools/setup.sh [PRESET]
+# PRESET is one of CMakePresets.json: release (default), debug, asan, tsan. Safe to run again: quick when
+# there is nothing to do.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+preset=${1:-release}
+
+packages=(
+  g++ cmake ninja-build pkg-config  # compiler and build
+  libsimbody-dev                    # multibody dynamics
+  libeigen3-dev                     # vectors and matrices
+  libyaml-cpp-dev                   # YAML events for the strict configuration reader
+  liburdfdom-dev                    # robot descriptions (URDF)
+  nlohmann-json3-dev                # summary.json
+  libzstd-dev zlib1g-dev            # log compression and CRC
+  libcli11-dev                      # command line
+  libgtest-dev                      # tests
+)
+missing=()
+for package in "${packages[@]}"; do
+  dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
+done
+if [ ${#missing[@]} -gt 0 ]; then
+  echo "setup: installing ${missing[*]}"
+  sudo=()
+  if [ "$(id -u)" -ne 0 ]; then
+    command -v sudo >/dev/null || {
+      echo "setup: not root and no sudo here; run as root: apt-get install ${missing[*]}" >&2
+      exit 2
+    }
+    sudo=(sudo)
+  fi
+  "${sudo[@]}" apt-get update -qq
+  "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive \
+    apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+else
+  echo "setup: all packages are installed"
+fi
+
+echo "setup: configuring (preset $preset)"
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+cmake --preset "$preset" >"$log" 2>&1 || { cat "$log" >&2; exit 1; }
+echo "setup: building in build/$preset"
+cmake --build --preset "$preset" -- --quiet
+echo "setup: done, the program is build/$preset/bin/viable"
