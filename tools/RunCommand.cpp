@@ -179,10 +179,7 @@ int run(const RunArguments& arguments) {
     std::printf("\n%s\n", formatComparison(results).c_str());
     int code = 0;
     for (std::size_t i = 0; i < results.size(); ++i) {
-        const auto plan =
-            std::find_if(experiment.cases.begin(), experiment.cases.end(),
-                         [&](const CasePlan& p) { return p.name == results[i].name; });
-        std::printf("%s\n", formatDetails(*plan, results[i]).c_str());
+        std::printf("%s\n", formatDetails(results[i]).c_str());
         // 3 (promise) before 4 (plugin) before 5 (log): the smallest number is the gravest.
         const int own = results[i].exitCode();
         if (own != 0 && (code == 0 || own < code)) code = own;

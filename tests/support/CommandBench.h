@@ -17,18 +17,24 @@ extern "C" const viable::PluginLibrary* viable_plugin_library();
 
 namespace viable {
 
+/** For EXPECT_PRED_FORMAT2: `text` contains `part`. */
+inline ::testing::AssertionResult says(const char*, const char*, const std::string& text,
+                                       const std::string& part) {
+    if (text.find(part) != std::string::npos) return ::testing::AssertionSuccess();
+    return ::testing::AssertionFailure() << "missing: " << part << "\nin: " << text;
+}
+
 /** What a command source needs to be configured outside a run: a robot with three joints that has
 a name only, a start away from zero, and parameters from YAML text. */
 class CommandBench {
 public:
-    explicit CommandBench(double duration_s = 30.0) : robot_(makeRobot()) {
+    explicit CommandBench(double duration = 30.0) : duration_s(duration), robot_(makeRobot()) {
         start.q.resize(3);
         start.q << 0.1, -0.2, 0.3;
         start.qd.setZero(3);
         start.qdd.setZero(3);
         tool.position = {0.35, -0.19, 0.52};
         tool.orientation = Eigen::Quaterniond(0.5, -0.5, 0.1, 0.7).normalized();
-        this->duration_s = duration_s;
     }
 
     RunSetup setup() const {
@@ -90,9 +96,10 @@ inline void expectSame(const MotionCommand& a, const MotionCommand& b) {
     EXPECT_EQ(a.tool.position, b.tool.position);
     EXPECT_EQ(a.tool.orientation.coeffs(), b.tool.orientation.coeffs());
     EXPECT_EQ(a.toolTwist, b.toolTwist);
-    EXPECT_EQ(a.q.size(), b.q.size());
-    if (a.q.size() == b.q.size()) EXPECT_EQ(a.q, b.q);
-    if (a.qd.size() == b.qd.size()) EXPECT_EQ(a.qd, b.qd);
+    ASSERT_EQ(a.q.size(), b.q.size());
+    ASSERT_EQ(a.qd.size(), b.qd.size());
+    EXPECT_EQ(a.q, b.q);
+    EXPECT_EQ(a.qd, b.qd);
 }
 
 /** What expectSmoothMotion() found. */

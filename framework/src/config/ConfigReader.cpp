@@ -226,6 +226,12 @@ public:
         refuseProperties(mark, tag, anchor);
         countNode(mark);
         const std::size_t end = findScalarEnd(mark, value);
+        // Lines that YAML joins would let `1` above ` -2` pass for the number -1.
+        if (tag == "?" && text_.compare(findOffset(mark), value.size(), value) != 0) {
+            fail(mark, findPath(),
+                 "the value " + quoteText(value) + " goes over several lines without quotes",
+                 "Check the indentation and the commas; put long text in quotes or behind `|`");
+        }
         if (value.find('\0') != std::string::npos) {
             fail(mark, findPath(), "the text holds a NUL character", "Remove `\\0` from it");
         }
@@ -279,7 +285,7 @@ private:
     }
     [[noreturn]] void failKey(const YAML::Mark& mark) {
         fail(mark, findPath(), "a key must be text, not a list, a map or nothing",
-             "Write entries as `key: value`");
+             "Write entries as `key: value`; close every `[` with `]` and every `{` with `}`");
     }
 
     void refuseProperties(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor) {
@@ -348,6 +354,11 @@ private:
                  "Use shorter keys");
         }
         while (at(end) == ' ' || at(end) == '\t') ++end;
+        if (text_.find_first_not_of(" \t\n", end) == std::string::npos) {
+            // yaml-cpp also takes the last entry of a list that is never closed for a key.
+            fail(mark, frame.node.keyPath, "the file ends behind " + quoteText(key),
+                 "Write entries as `key: value`; close every `[` with `]` and every `{` with `}`");
+        }
         if (at(end) != ':') {
             fail(mark, frame.node.keyPath, quoteText(key) + " stands where a key is expected",
                  "Write entries as `key: value`, on one line, with a blank after the colon");
@@ -459,7 +470,8 @@ Error explain(const YAML::Exception& problem, const std::string& where) {
     };
     static const Explanation explanations[] = {
         {YAML::ErrorMsg::END_OF_MAP, "this does not fit into the map around it",
-         "Check that entries of one map begin in the same column and that nothing follows a "
+         "Check that each entry is `key: value`, that entries of one map begin in the same "
+         "column, and that nothing follows a "
          "closed quote or bracket"},
         {YAML::ErrorMsg::END_OF_SEQ, "this does not fit into the list around it",
          "Check that the `-` of one list stand in the same column"},

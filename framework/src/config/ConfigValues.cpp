@@ -118,9 +118,21 @@ private:
         return value;
     }
 
+    /** `1 -2` is more likely two numbers without their comma than a difference. */
+    void refuseSignOfNextNumber() const {
+        const bool hasBlankBefore = isOnlyBlanks(at_ - 1, at_);
+        const bool hasBlankBehind = at_ + 1 >= text_.size() || isOnlyBlanks(at_ + 1, at_ + 2);
+        if (hasBlankBefore && !hasBlankBehind) {
+            throw NoNumber{quoteText(text_.substr(at_)) + " follows a value without a comma",
+                           "Put a comma between two numbers, or blanks on both sides of the sign "
+                           "of a sum"};
+        }
+    }
+
     double calcSum() {
         double value = calcProduct();
         while (peek() == '+' || peek() == '-') {
+            refuseSignOfNextNumber();
             const char sign = text_[at_++];
             const double right = calcProduct();
             value = check(sign == '+' ? value + right : value - right, true);

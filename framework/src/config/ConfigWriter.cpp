@@ -117,8 +117,7 @@ bool detail::isPlainText(const std::string& text) {
         if (i + 1 < text.size() && text[i] == ':' && isBlank(text[i + 1])) return false;
         if (i + 1 < text.size() && isBlank(text[i]) && text[i + 1] == '#') return false;
     }
-    // At the start of a line these separate documents.
-    return text.compare(0, 3, "---") != 0 && text.compare(0, 3, "...") != 0;
+    return true;
 }
 
 std::string writeConfig(const ConfigNode& node) {

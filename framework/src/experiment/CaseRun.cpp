@@ -13,9 +13,6 @@ namespace {
 
 /** Ticks between two looks at the clock for the progress display. */
 constexpr std::int64_t kProgressTicks = 256;
-/** Records between the tick and the writing thread: a quarter of a second at 1 kHz. */
-constexpr int kRecorderCapacity = 256;
-
 template <class Interface>
 PluginPtr<Interface> makePlugin(const PluginChoice& choice, const RunSetup& setup) {
     PluginPtr<Interface> plugin = PluginLoader::create<Interface>(choice.plugin);
@@ -78,6 +75,26 @@ std::string describeBreach(const Summary& summary) {
     return {};
 }
 
+/** All plugins of a case, in the order of the data. */
+std::vector<const PluginChoice*> listPlugins(const CasePlan& plan) {
+    std::vector<const PluginChoice*> all{&plan.command, &plan.controller, &plan.filter};
+    if (plan.robustLoop) all.push_back(&*plan.robustLoop);
+    if (plan.realPlant) all.push_back(&*plan.realPlant);
+    return all;
+}
+
+LogOpening makeOpening(const CasePlan& plan, MotionCommand::Space space) {
+    LogOpening opening;
+    opening.layout = {plan.robot.jointNames(), space, plan.realPlant.has_value()};
+    opening.metadata = {
+        {"case", plan.name}, {"robot", plan.robot.folder.string()}, {"version", VIABLE_VERSION}};
+    for (const PluginChoice* choice : listPlugins(plan))
+        opening.metadata[getName(choice->plugin.kind)] = choice->plugin.library.string();
+    opening.attachments.push_back(
+        {"experiment.yaml", "application/yaml", writeConfig(plan.resolved)});
+    return opening;
+}
+
 }  // namespace
 
 std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan) {
@@ -113,29 +130,15 @@ std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan) {
 CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
     const std::unique_ptr<ConfiguredCase> configured = configureCase(plan);
     const bool promises = configured->plugins.filter->promisesLimits();
+    const MotionCommand::Space space = configured->plugins.command->space();
     ControlLoop loop(configured->setup, std::move(configured->plugins));
 
     std::unique_ptr<Recorder> recorder;
-    if (!options.log.empty()) {
-        LogHeader header;
-        header.jointNames = plan.robot.jointNames();
-        header.hasRealPlant = plan.realPlant.has_value();
-        header.experiment = writeConfig(plan.resolved);
-        header.metadata["case"] = plan.name;
-        header.metadata["robot"] = plan.robot.folder.string();
-        for (const PluginChoice* choice : {&plan.command, &plan.controller, &plan.filter,
-                                           plan.robustLoop ? &*plan.robustLoop : nullptr,
-                                           plan.realPlant ? &*plan.realPlant : nullptr})
-            if (choice)
-                header.metadata[getName(choice->plugin.kind)] = choice->plugin.library.string();
-        recorder = std::make_unique<Recorder>(std::make_unique<LogWriter>(options.log, header),
-                                              kRecorderCapacity);
-    }
+    if (!options.log.empty())
+        recorder = std::make_unique<Recorder>(
+            std::make_unique<LogWriter>(options.log, makeOpening(plan, space)));
 
-    CaseResult result{plan.name, plan.filter.plugin.name,
-                      plan.robustLoop ? plan.robustLoop->plugin.name : "",
-                      plan.realPlant ? plan.realPlant->plugin.name : "",
-                      Summary(plan.robot.jointNames(), plan.limits, plan.realPlant.has_value())};
+    CaseResult result(plan);
     result.log = options.log;
 
     const std::int64_t ticks = std::llround(plan.duration_s / plan.tick_s);
@@ -168,8 +171,8 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
     if (options.progress) options.progress(1.0);
     result.simulated_s = loop.time();
     if (recorder) {
-        const RecorderStatus status = recorder->finish();
-        result.logRows = status.rowsWritten;
+        const LogStatus status = recorder->finish();
+        result.logRows = static_cast<std::int64_t>(status.rows);
         result.logError = status.error;
     }
     result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -186,6 +189,17 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
                              culprit->plugin.library.string() + ")";
     }
     return result;
+}
+
+CaseResult::CaseResult(const CasePlan& plan)
+    : name(plan.name),
+      filter(plan.filter.plugin.name),
+      robustLoop(plan.robustLoop ? plan.robustLoop->plugin.name : ""),
+      realPlant(plan.realPlant ? plan.realPlant->plugin.name : ""),
+      summary(plan.robot.jointNames(), plan.limits, plan.realPlant.has_value()) {
+    for (const PluginChoice* choice : listPlugins(plan))
+        if (const ConfigNode* seed = choice->parameters.resolved().find("seed"))
+            seeds[choice->plugin.name] = seed->text;
 }
 
 int CaseResult::exitCode() const {

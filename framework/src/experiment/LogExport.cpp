@@ -25,7 +25,7 @@ Error notWritten(const std::filesystem::path& csv, int code) {
                  "Choose a folder that exists, may be written to and has room");
 }
 
-Error exists(const std::filesystem::path& csv) {
+Error existsAlready(const std::filesystem::path& csv) {
     return badInput(csv.string(), "the file exists already and is never overwritten",
                     "Choose another name or move the old file away");
 }
@@ -65,10 +65,10 @@ public:
         if (::close(descriptor) != 0 && errno != EINTR) throw notWritten(target_, errno);
         if (::renameat2(AT_FDCWD, path_.c_str(), AT_FDCWD, target_.c_str(), RENAME_NOREPLACE) !=
             0) {
-            if (errno == EEXIST) throw exists(target_);
+            if (errno == EEXIST) throw existsAlready(target_);
             // Not every file system knows the flag.
             if (errno != EINVAL && errno != ENOSYS) throw notWritten(target_, errno);
-            if (::access(target_.c_str(), F_OK) == 0) throw exists(target_);
+            if (::access(target_.c_str(), F_OK) == 0) throw existsAlready(target_);
             if (::rename(path_.c_str(), target_.c_str()) != 0) throw notWritten(target_, errno);
         }
         path_.clear();
@@ -106,7 +106,7 @@ void exportCsv(const std::filesystem::path& log, const std::filesystem::path& cs
     std::error_code ignored;
     if (std::filesystem::symlink_status(csv, ignored).type() !=
         std::filesystem::file_type::not_found) {
-        throw exists(csv);
+        throw existsAlready(csv);
     }
     PendingFile file(csv);
     const std::vector<LogColumn>& columns = reader.columns();

@@ -232,12 +232,13 @@ struct LogReader::Impl {
 
         const std::uint64_t footer = size - kTail;
         ByteReader in(bytes);
-        const std::uint8_t opcode = in.takeU8();
+        const std::uint8_t footerOpcode = in.takeU8();
         const std::uint64_t length = in.takeU64();
         const std::uint64_t summary = in.takeU64();
         in.takeU64();
-        const std::uint32_t expected = in.takeU32();
-        if (opcode != kFooter || length != kFooterContent) fail(footer, "no footer before the end");
+        const std::uint32_t footerCrc = in.takeU32();
+        if (footerOpcode != kFooter || length != kFooterContent)
+            fail(footer, "no footer before the end");
         if (summary != 0 && (summary < kMagic.size() || summary > footer)) {
             fail(footer, "the summary cannot begin at byte " + std::to_string(summary));
         }
@@ -250,7 +251,7 @@ struct LogReader::Impl {
             crc = addToCrc(crc, bytes);
             at += block;
         }
-        if (expected != 0 && crc != expected) fail(footer, "the summary's checksum differs");
+        if (footerCrc != 0 && crc != footerCrc) fail(footer, "the summary's checksum differs");
         isComplete = true;
         dataEnd = summary == 0 ? footer : summary;
     }
@@ -357,8 +358,8 @@ struct LogReader::Impl {
                 break;
             case kDataEnd:
                 within(offset, [&] {
-                    const std::uint32_t expected = ByteReader(content).takeU32();
-                    if (expected != 0 && expected != dataCrc) {
+                    const std::uint32_t written = ByteReader(content).takeU32();
+                    if (written != 0 && written != dataCrc) {
                         fail(recordOffset,
                              "the checksum of all data differs: something before "
                              "is damaged");

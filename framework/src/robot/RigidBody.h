@@ -16,7 +16,8 @@ BodyInertia transformBody(const Eigen::Isometry3d& placement, const BodyInertia&
 BodyInertia mergeBodies(const BodyInertia& a, const BodyInertia& b);
 
 /** What is wrong with an inertia tensor about a centre of mass, with its numbers, or empty: no
-principal moment may be negative (with `mustTurn`: nor zero), none above the sum of the other two. */
+principal moment may be negative (with `mustTurn`: nor zero), none above the sum of the other two.
+*/
 std::string findInertiaFault(const Eigen::Matrix3d& inertia, bool mustTurn);
 
 }  // namespace viable::detail

@@ -42,7 +42,8 @@ fs::path normalizeFolder(const fs::path& folder) {
     return path;
 }
 
-/** The path of a file of the robot, once it is certain that it is a plain file inside the folder. */
+/** The path of a file of the robot, once it is certain that it is a plain file inside the folder.
+ */
 fs::path requireFile(const fs::path& folder, const std::string& name, const std::string& remedy) {
     const fs::path file = folder / name;
     std::error_code failed;
@@ -61,8 +62,8 @@ fs::path requireFile(const fs::path& folder, const std::string& name, const std:
         throw badInput(file.string(), "this is not a plain file that can be read", kFolderContents);
     const fs::path real = fs::canonical(file, failed);
     const fs::path home = fs::canonical(folder, failed);
-    if (failed || std::mismatch(home.begin(), home.end(), real.begin(), real.end()).first !=
-                      home.end())
+    if (failed ||
+        std::mismatch(home.begin(), home.end(), real.begin(), real.end()).first != home.end())
         throw badInput(file.string(),
                        "this is a link to " + real.string() + ", outside the robot's folder",
                        "Copy the file into the folder, so that the folder is the whole robot.");
@@ -143,14 +144,13 @@ void checkRanges(const RobotDescription& robot, const UrdfRobot& urdf, const Con
         for (int i = 0; i < robot.size(); ++i) {
             const double lower = bounds.lower[i], upper = bounds.upper[i];
             if (lower < upper && (!mustHoldZero || (lower < 0.0 && upper > 0.0))) continue;
-            throw badInput(
-                own ? own->place() : urdf.jointPlaces[i],
-                std::string("the ") + quantity + " limits of joint `" + robot.joints[i].name +
-                    "` are " + formatNumber(lower) + " to " + formatNumber(upper) + " " + unit +
-                    ", which leaves no range",
-                own ? "The lower limit must be below the upper one."
-                    : std::string("Correct <limit> in the URDF, or give ") + key +
-                          " in limits.yaml.");
+            throw badInput(own ? own->place() : urdf.jointPlaces[i],
+                           std::string("the ") + quantity + " limits of joint `" +
+                               robot.joints[i].name + "` are " + formatNumber(lower) + " to " +
+                               formatNumber(upper) + " " + unit + ", which leaves no range",
+                           own ? "The lower limit must be below the upper one."
+                               : std::string("Correct <limit> in the URDF, or give ") + key +
+                                     " in limits.yaml.");
         }
     };
     check(robot.limits.position, "position_rad", "position", "rad", false);

@@ -20,9 +20,10 @@ SimTK::Vec3 toSimbody(const Vector3d& v) {
 
 SimTK::Transform toSimbody(const Eigen::Isometry3d& x) {
     const Matrix3d R = x.linear();
-    return {SimTK::Rotation::trustMe(SimTK::Mat33(R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1),
-                                                  R(1, 2), R(2, 0), R(2, 1), R(2, 2))),
-            toSimbody(Vector3d(x.translation()))};
+    const SimTK::Mat33 copy(R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1), R(1, 2), R(2, 0), R(2, 1),
+                            R(2, 2));
+    const bool isOrthonormal = true;  // as it stands: re-orthonormalising would only add rounding
+    return {SimTK::Rotation(copy, isOrthonormal), toSimbody(Vector3d(x.translation()))};
 }
 
 Vector3d toEigen(const SimTK::Vec3& v) {
@@ -30,8 +31,10 @@ Vector3d toEigen(const SimTK::Vec3& v) {
 }
 
 Matrix3d toEigen(const SimTK::Rotation& R) {
+    const SimTK::Mat33& from = R.asMat33();
     Matrix3d m;
-    m << R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1), R(1, 2), R(2, 0), R(2, 1), R(2, 2);
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) m(i, j) = from(i, j);
     return m;
 }
 
@@ -70,7 +73,8 @@ struct Spatial {
 /** The Simbody system of one arm and the figures of it that Simbody does not keep. */
 struct RobotModel::Simulation {
     struct Joint {
-        SimTK::MobilizedBodyIndex body;
+        SimTK::MobilizedBodyIndex index;
+        const SimTK::MobilizedBody* body;  // kept because looking it up costs a dynamic_cast
         int parent;
         bool isPrismatic;
         double mass;
@@ -106,9 +110,9 @@ struct RobotModel::Simulation {
         for (int i = 0; i < n; ++i) {
             const JointDescription& from = robot.joints[i];
             VIABLE_CHECK(from.parent >= -1 && from.parent < i, "parents come before children");
-            SimTK::MobilizedBody& parent =
-                from.parent < 0 ? matter.updGround()
-                                : matter.updMobilizedBody(joints[from.parent].body);
+            SimTK::MobilizedBody& parent = from.parent < 0
+                                               ? matter.updGround()
+                                               : matter.updMobilizedBody(joints[from.parent].index);
             // Simbody's pins turn about z and its sliders move along x.
             const bool isPrismatic = from.type == JointType::Prismatic;
             Eigen::Isometry3d axisFrame = makeAxisFrame(from.axis);
@@ -118,12 +122,11 @@ struct RobotModel::Simulation {
             const SimTK::Transform inBody = toSimbody(axisFrame);
             const SimTK::Body::Rigid body(makeMassProperties(from.body));
             Joint& joint = joints[i];
-            joint.body =
-                isPrismatic
-                    ? SimTK::MobilizedBody::Slider(parent, inParent, body, inBody)
-                          .getMobilizedBodyIndex()
-                    : SimTK::MobilizedBody::Pin(parent, inParent, body, inBody)
-                          .getMobilizedBodyIndex();
+            joint.index = isPrismatic ? SimTK::MobilizedBody::Slider(parent, inParent, body, inBody)
+                                            .getMobilizedBodyIndex()
+                                      : SimTK::MobilizedBody::Pin(parent, inParent, body, inBody)
+                                            .getMobilizedBodyIndex();
+            joint.body = &matter.getMobilizedBody(joint.index);
             joint.parent = from.parent;
             joint.isPrismatic = isPrismatic;
             joint.mass = from.body.mass;
@@ -163,8 +166,7 @@ void RobotModel::Simulation::calcDynamics(const JointVector& q, const JointVecto
     CompositeInertia composite[kMaxJoints];
     for (int i = 0; i < n; ++i) {
         const Joint& joint = joints[i];
-        const SimTK::MobilizedBody& body = matter.getMobilizedBody(joint.body);
-        const SimTK::Transform& pose = body.getBodyTransform(state);
+        const SimTK::Transform& pose = joint.body->getBodyTransform(state);
         const Matrix3d R = toEigen(pose.R());
         const Vector3d origin = toEigen(pose.p());
 
@@ -180,9 +182,8 @@ void RobotModel::Simulation::calcDynamics(const JointVector& q, const JointVecto
         composite[i] = {joint.mass, joint.mass * com,
                         comInertia + joint.mass * calcPointInertia(com)};
 
-        const SimTK::SpatialVec& coriolis =
-            matter.getTotalCoriolisAcceleration(state, joint.body);
-        const Vector3d omega = toEigen(body.getBodyVelocity(state)[0]);
+        const SimTK::SpatialVec& coriolis = matter.getTotalCoriolisAcceleration(state, joint.index);
+        const Vector3d omega = toEigen(joint.body->getBodyAngularVelocity(state));
         const Vector3d alpha = toEigen(coriolis[0]);
         const Vector3d comAcceleration =
             toEigen(coriolis[1]) + alpha.cross(arm) + omega.cross(omega.cross(arm));
@@ -197,8 +198,8 @@ void RobotModel::Simulation::calcDynamics(const JointVector& q, const JointVecto
     for (int j = n - 1; j >= 0; --j) {
         const CompositeInertia& carried = composite[j];
         const Spatial& s = axis[j];
-        out.gravity[j] = -(s.angular.dot(carried.moment.cross(gravity)) +
-                           carried.mass * s.linear.dot(gravity));
+        out.gravity[j] =
+            -(s.angular.dot(carried.moment.cross(gravity)) + carried.mass * s.linear.dot(gravity));
         out.b[j] = s.angular.dot(bias[j].angular) + s.linear.dot(bias[j].linear) + out.gravity[j];
 
         const Spatial momentum{carried.inertia * s.angular + carried.moment.cross(s.linear),
@@ -220,8 +221,7 @@ void RobotModel::Simulation::calcDynamics(const JointVector& q, const JointVecto
         bias[parent].linear += bias[j].linear;
     }
 
-    const SimTK::Transform& carrier =
-        matter.getMobilizedBody(joints[toolParent].body).getBodyTransform(state);
+    const SimTK::Transform& carrier = joints[toolParent].body->getBodyTransform(state);
     const Matrix3d R = toEigen(carrier.R());
     out.tool.position = toEigen(carrier.p()) + R * toolPlacement.translation();
     out.tool.orientation = Eigen::Quaterniond(Matrix3d(R * toolPlacement.linear()));

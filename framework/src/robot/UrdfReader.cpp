@@ -95,10 +95,10 @@ void checkText(const std::string& text, const std::string& file) {
         const std::size_t end = text.find('>', i);
         if (end == std::string::npos || text[end - 1] != '/') ++depth;
         if (depth > kMaxUrdfDepth)
-            throw badInput(file,
-                           "the elements are nested deeper than " + std::to_string(kMaxUrdfDepth) +
-                               " levels",
-                           "Check that every element is closed.");
+            throw badInput(
+                file,
+                "the elements are nested deeper than " + std::to_string(kMaxUrdfDepth) + " levels",
+                "Check that every element is closed.");
     }
 }
 
@@ -114,11 +114,10 @@ void refuseXacro(const TiXmlElement& element, const std::string& file) {
         isXacro = a->ValueStr().find("${") != std::string::npos ||
                   a->ValueStr().find("$(") != std::string::npos;
     if (isXacro)
-        throw badInput(file + ":" + std::to_string(element.Row()) + ":" +
-                           std::to_string(element.Column()),
-                       "this is xacro input, not URDF: <" + element.ValueStr() +
-                           "> still has to be expanded",
-                       "Run `xacro INPUT.xacro > NAME.urdf` and use its output.");
+        throw badInput(
+            file + ":" + std::to_string(element.Row()) + ":" + std::to_string(element.Column()),
+            "this is xacro input, not URDF: <" + element.ValueStr() + "> still has to be expanded",
+            "Run `xacro INPUT.xacro > NAME.urdf` and use its output.");
     for (const TiXmlElement* child = element.FirstChildElement(); child;
          child = child->NextSiblingElement())
         refuseXacro(*child, file);
@@ -308,8 +307,8 @@ private:
         return false;
     }
 
-    void add(const urdf::Joint& joint, const std::string& place,
-             const UrdfRobot::LinkPlace& parent, UrdfRobot& robot) {
+    void add(const urdf::Joint& joint, const std::string& place, const UrdfRobot::LinkPlace& parent,
+             UrdfRobot& robot) {
         const Eigen::Isometry3d placement =
             parent.placement * toEigen(joint.parent_to_joint_origin_transform);
         if (!placement.matrix().allFinite())
@@ -359,8 +358,8 @@ private:
         }
         for (const JointDescription& joint : robot.joints) {
             const std::string where = linkPlace(joint.childLink);
-            const std::string what = "link " + quote(joint.childLink) + ", moved by joint " +
-                                     quote(joint.name) + ", ";
+            const std::string what =
+                "link " + quote(joint.childLink) + ", moved by joint " + quote(joint.name) + ", ";
             if (joint.body.mass <= 0.0)
                 throw badInput(where, what + "has no mass",
                                "Give it an <inertial> element with mass and inertia, or make "

@@ -26,10 +26,10 @@ const ParameterSpec kParameters[] = {
     parameter::number("rotation_rad", "rad", "0.8", "Targets are turned by at most this angle.")
         .atLeast(0)
         .upTo(3),
-    parameter::number("fastest_s", "s", "0.6", "Shortest time of one reach.")
+    parameter::number("fastest_s", "s", "0.5", "Shortest time of one reach.")
         .atLeast(0.05)
         .upTo(100),
-    parameter::number("slowest_s", "s", "1.6", "Longest time drawn for one reach.")
+    parameter::number("slowest_s", "s", "1.4", "Longest time drawn for one reach.")
         .atLeast(0.05)
         .upTo(100),
     parameter::number("top_speed_mps", "m/s", "1.5",
@@ -85,16 +85,16 @@ void GeneratedHandMotion::configure(const RunSetup& setup, const Parameters& par
     const double pause = parameters.number("pause_s");
     char message[160];
     if (slowest < fastest) {
-        std::snprintf(message, sizeof message, "%g s is shorter than fastest_s = %g s", slowest,
-                      fastest);
+        std::snprintf(message, sizeof message, "slowest_s = %g s is shorter than fastest_s = %g s",
+                      slowest, fastest);
         throw badInput(parameters.place("slowest_s"), message,
                        "Give a time that is not shorter than fastest_s");
     }
     const double end = setup.duration_s + kMargin_s;
     if (!(end / fastest <= kMostReaches)) {
         std::snprintf(message, sizeof message,
-                      "a run of %g s may need more than %g reaches of %g s", setup.duration_s,
-                      kMostReaches, fastest);
+                      "a run of %g s may need more than %g reaches of fastest_s = %g s",
+                      setup.duration_s, kMostReaches, fastest);
         throw badInput(parameters.place("fastest_s"), message,
                        "Make the run shorter or fastest_s longer");
     }

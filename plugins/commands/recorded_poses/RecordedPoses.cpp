@@ -56,7 +56,7 @@ Eigen::Matrix3d readAxes(const Parameters& parameters) {
     if (!(deviation <= kAxesTolerance) || determinant < 0.0) {
         char message[200];
         std::snprintf(message, sizeof message,
-                      "is not a rotation: its rows deviate by %.3g from unit length and right "
+                      "axes is not a rotation: its rows deviate by %.3g from unit length and right "
                       "angles (at most %g), and its determinant is %.6g instead of 1",
                       deviation, kAxesTolerance, determinant);
         throw badInput(parameters.place("axes"), message,
@@ -84,7 +84,8 @@ std::vector<TimedPose> makeRelative(const std::vector<TimedPose>& samples, std::
             if (r.norm() > kPi - kHalfTurnMargin_rad) {
                 char message[200];
                 std::snprintf(message, sizeof message,
-                              "cannot be %g: at %.3f s the recording has turned by %.4g rad from "
+                              "rotation_scale cannot be %g: at %.3f s the recording has turned by "
+                              "%.4g rad from "
                               "its beginning, and a half turn has no unique direction to scale",
                               rotationScale, now.time_s, r.norm());
                 throw badInput(parameters.place("rotation_scale"), message,
@@ -116,17 +117,17 @@ void RecordedPoses::configure(const RunSetup& setup, const Parameters& parameter
         samples.begin());
     char message[200];
     if (first + kFewestSamples > samples.size()) {
-        std::snprintf(
-            message, sizeof message,
-            "%g s leaves %zu samples of a recording of %.6g s, but at least %zu are needed", start,
-            samples.size() - first, samples.back().time_s, kFewestSamples);
+        std::snprintf(message, sizeof message,
+                      "start_s = %g s leaves %zu samples of a recording of %.6g s, but at least "
+                      "%zu are needed",
+                      start, samples.size() - first, samples.back().time_s, kFewestSamples);
         throw badInput(parameters.place("start_s"), message, "Begin earlier in " + file.string());
     }
     spline_.fit(makeRelative(samples, first, parameters));
     if (clutch_s_ > spline_.duration()) {
         std::snprintf(message, sizeof message,
-                      "%g s is longer than the part of the recording in use, %.6g s", clutch_s_,
-                      spline_.duration());
+                      "clutch_s = %g s is longer than the part of the recording in use, %.6g s",
+                      clutch_s_, spline_.duration());
         throw badInput(parameters.place("clutch_s"), message,
                        "Give a shorter time or a longer part of " + file.string());
     }

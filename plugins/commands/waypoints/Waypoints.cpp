@@ -83,7 +83,7 @@ void Waypoints::configure(const RunSetup& setup, const Parameters& parameters) {
     if (repeat_s_ > 0.0) {
         if (repeat_s_ < times_.back())
             throw badInput(parameters.place("repeat_s"),
-                           "the period " + text(repeat_s_) + " s ends before the last point at " +
+                           "repeat_s = " + text(repeat_s_) + " s ends before the last point at " +
                                text(times_.back()) + " s",
                            "Give at least the time of the last point, or 0 to run once");
         if (interpolation_ != Interpolation::Hold &&
@@ -108,7 +108,7 @@ void Waypoints::reset(const MotionState& start) {
 
 TickStatus Waypoints::sample(double t, MotionCommand& out) {
     if (!(t >= 0.0) || !std::isfinite(t)) return TickStatus::InvalidInput;
-    if (offset_.size() != n_) return TickStatus::Faulted;
+    if (!isFinite(offset_, n_)) return TickStatus::Faulted;
     t += kTimeTolerance_s;
     bool laterRound = false;
     if (repeat_s_ > 0.0 && t >= repeat_s_) {

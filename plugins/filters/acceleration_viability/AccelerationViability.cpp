@@ -53,6 +53,11 @@ AccelerationViability::Bound AccelerationViability::calcUpperBound(double v, dou
                                          ? A
                                          : Ad * (kAlpha_ * h / v - 1.0);
         if (positionBound < bound.value) bound = {positionBound, LimitKind::Position};
+    } else if (toLimit <= 0.0) {
+        // (16) says nothing for v <= 0, but a tick that begins so may end with v > 0. At the limit
+        // the joint would creep on by A dt^2 every other tick: let it come to rest at most.
+        const double restBound = -v / tick_s_;
+        if (restBound < bound.value) bound = {restBound, LimitKind::Position};
     }
     return bound;
 }
@@ -74,10 +79,11 @@ FilterStatus AccelerationViability::filter(const MotionState& nominal, const Joi
         Bound upper = calcUpperBound(v, l.positionUpper - q, l.velocityUpper, A, B);
         Bound lower = calcUpperBound(-v, q - l.positionLower, -l.velocityLower, B, A);
         lower.value = -lower.value;
-        if (lower.value > upper.value) {  // brake as hard as allowed
+        if (lower.value > upper.value) {
+            // Brake as hard as the other rows allow; they only conflict where one tick of braking
+            // would pass the velocity limit on the other side.
             infeasible = true;
-            const double brake = v > 0.0 ? l.accelerationLower : l.accelerationUpper;
-            upper.value = lower.value = brake;
+            (v > 0.0 ? upper : lower).value = (v > 0.0 ? lower : upper).value;
         }
         lower_[i] = lower.value;
         upper_[i] = upper.value;

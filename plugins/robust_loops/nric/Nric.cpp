@@ -1,7 +1,5 @@
 #include "Nric.h"
 
-#include <algorithm>
-
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {
@@ -43,8 +41,12 @@ TickStatus Nric::compute(const JointState& real, const MotionState& nominal,
             return -kr_[i] * (de + kp_[i] * e + ki_[i] * integral);
         };
         const auto clampTotal = [&](double robust) {
+            // Unchanged to the last bit where the limit does not act: a rounded
+            // difference would look like saturation.
             const double total = filterTorque[i] + robust;
-            return std::min(std::max(total, -torqueLimit_[i]), torqueLimit_[i]) - filterTorque[i];
+            if (total > torqueLimit_[i]) return torqueLimit_[i] - filterTorque[i];
+            if (total < -torqueLimit_[i]) return -torqueLimit_[i] - filterTorque[i];
+            return robust;
         };
         const double grown = integral_[i] + e * tick_s_;
         const double wanted = calcTorque(grown);

@@ -78,7 +78,7 @@ TEST(ConfigOverride, RefusesAndNamesTheArgument) {
         {"filter.gamma=", {"no value", "`\"\"`"}},
         {"filter.gamma=  ", {"no value"}},
         {"filter.gamma=#x", {"the value cannot be read", "empty"}},
-        {"filter.gamma=[1", {"the value cannot be read", "Close `[`"}},
+        {"filter.gamma=[1", {"the value cannot be read", "close every `[`"}},
         {"filter.gamma=&a 1", {"anchor"}},
         {"filter.gamma=!!int 1", {"tag"}},
         {"filter.gamma={a: 1, a: 2}", {"stands twice"}},
@@ -89,7 +89,7 @@ TEST(ConfigOverride, RefusesAndNamesTheArgument) {
         {"points[x]=1", {"wrong index"}},
         {"robot[0]=1", {"no entry [0]"}},
         {"nothing[0]=1", {"no list"}},
-        {"a=" + repeat("[", 32), {"more than 32"}},
+        {"a=" + repeat("[", 32) + repeat("]", 32), {"more than 32"}},
         {repeat("a.", 32) + "a=1", {"deeper than 32"}},
         {repeat("a", 500) + "=1", {"longer than 400 bytes"}},
     };

@@ -99,7 +99,7 @@ TEST(Parameters, WrittenValuesOfEveryType) {
     EXPECT_EQ(p.numbers("axis")[0], 1.0);
     ASSERT_EQ(p.rows("waypoints").size(), 2u);
     EXPECT_EQ(p.rows("waypoints")[1][2], 3.14159265358979323846);
-    EXPECT_EQ(p.place("gamma"), "f.yaml:1:28: block.gamma");
+    EXPECT_EQ(p.place("gamma"), "f.yaml:1:27: block.gamma");
 }
 
 TEST(Parameters, ResolvedBlockIsCompleteAndReadsBackToTheSame) {

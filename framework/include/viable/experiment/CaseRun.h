@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 
@@ -33,10 +34,13 @@ struct RunOptions {
 
 /** What came of a run. */
 struct CaseResult {
+    explicit CaseResult(const CasePlan& plan);
+
     std::string name;
     std::string filter;      ///< plugin names, for tables
     std::string robustLoop;  ///< empty: no real plant
     std::string realPlant;
+    std::map<std::string, std::string> seeds;  ///< by plugin name
     Summary summary;
     double simulated_s = 0.0;
     double wall_s = 0.0;
@@ -61,7 +65,7 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options);
 std::string formatComparison(const std::vector<CaseResult>& results);
 
 /** The whole account of one case in about ten lines. */
-std::string formatDetails(const CasePlan& plan, const CaseResult& result);
+std::string formatDetails(const CaseResult& result);
 
 /** All cases as JSON, for summary.json. */
 std::string writeSummaryJson(const Experiment& experiment, const std::vector<CaseResult>& results);

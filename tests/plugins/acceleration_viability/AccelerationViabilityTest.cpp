@@ -1,0 +1,370 @@
+#include "AccelerationViability.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "TestArm.h"
+
+namespace viable {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr double kPi = 3.14159265358979323846;
+
+/** By how much the sampled law may pass a position limit, joint by joint the largest [rad].
+
+With h = P - p - v^2 / (2 B), A the acceleration and B the deceleration limit towards P, and x held
+for one tick, h+ = h - (1 + x / B) (v dt + x dt^2 / 2). The row (16) makes (1 + x / B) v <= k h for
+v > 0, so h+ >= (1 - k dt) h - (1 + A / B) A dt^2 / 2, from v <= 0 the same with k = 0. Once h < 0,
+x = -B keeps it as it is until the joint stands, and then it may not move on. Only a velocity limit
+that a tick of braking passes, V < B dt, keeps that last tick from braking fully: v dt / 2 <=
+B dt^2 / 2 more. */
+double calcOvershootBound(const JointLimits& limits, double tick_s) {
+    double bound = 0.0;
+    for (int i = 0; i < limits.size(); ++i) {
+        const double A = limits.acceleration.upper[i], B = -limits.acceleration.lower[i];
+        const double up = (1.0 + A / B) * A + (-limits.velocity.lower[i] < B * tick_s ? B : 0.0);
+        const double down = (1.0 + B / A) * B + (limits.velocity.upper[i] < A * tick_s ? A : 0.0);
+        bound = std::max(bound, std::max(up, down) * tick_s * tick_s / 2.0);
+    }
+    return bound;
+}
+
+class AccelerationViabilityTest : public ::testing::Test {
+protected:
+    static Parameters read(const TestArm& arm, const std::string& text) {
+        return arm.read(PluginKind::SafetyFilter, "acceleration_viability", text);
+    }
+
+    static std::string findConfigureComplaint(TestArm& arm, const std::string& text) {
+        return findComplaint([&] {
+            AccelerationViability filter;
+            filter.configure(arm.setup(), read(arm, text));
+        });
+    }
+
+    struct Outcome {
+        LimitExcess excess;
+        int infeasible = 0, modified = 0, passed = 0;
+    };
+
+    /** Lets desired accelerations push the nominal arm about, from rest at the home pose.
+    @param dynamicsOf  the dynamics at a state */
+    template <class DynamicsOf>
+    static Outcome run(TestArm& arm, const std::string& parameters, double duration_s,
+                       PushingCommand push, DynamicsOf dynamicsOf) {
+        AccelerationViability filter;
+        filter.configure(arm.setup(), read(arm, parameters));
+        filter.reset(arm.start);
+        MotionState state = arm.start;
+        FilterDecision decision;
+        JointVector torque;
+        Outcome outcome;
+        const int ticks = static_cast<int>(std::lround(duration_s / arm.tick_s));
+        for (int k = 0; k < ticks; ++k) {
+            const Dynamics& dynamics = dynamicsOf(state);
+            calcInverseDynamics(dynamics, push.next(), torque);
+            const FilterStatus status = filter.filter(state, torque, dynamics, decision);
+            outcome.infeasible += status == FilterStatus::Infeasible;
+            outcome.modified += status == FilterStatus::Modified;
+            outcome.passed += status == FilterStatus::Passed;
+            EXPECT_LE(status, FilterStatus::Infeasible);
+            advanceNominal(decision, arm.tick_s, state);
+            outcome.excess.observe(decision, state, arm.limits);
+        }
+        return outcome;
+    }
+
+    /** The limits hold and the run was worth looking at. */
+    static void expectHeld(const Outcome& outcome, const JointLimits& limits, double tick_s) {
+        EXPECT_LE(outcome.excess.velocity, 1e-9);
+        EXPECT_LE(outcome.excess.acceleration, 1e-9);
+        EXPECT_LE(outcome.excess.position, calcOvershootBound(limits, tick_s) + 1e-12);
+        EXPECT_EQ(outcome.infeasible, 0);
+        EXPECT_GT(outcome.modified, 100);
+    }
+};
+
+TEST_F(AccelerationViabilityTest, SingleJointStaysInsideButForTheJerk) {
+    TestArm arm("single_joint");
+    const Dynamics unit = makeUnitDynamics(1);
+    for (const bool bangBang : {false, true}) {
+        for (unsigned seed = 1; seed <= 20; ++seed) {
+            const Outcome outcome =
+                run(arm, "k_alpha: 5", 20.0, PushingCommand(1, 30.0, bangBang, seed),
+                    [&](const MotionState&) -> const Dynamics& { return unit; });
+            SCOPED_TRACE("seed " + std::to_string(seed));
+            expectHeld(outcome, arm.limits, arm.tick_s);
+            EXPECT_GT(outcome.excess.jerk, 10.0);  // times the limit, at the least
+        }
+    }
+}
+
+TEST_F(AccelerationViabilityTest, ArmStaysInsideButForTheJerk) {
+    TestArm arm("indy7");
+    Dynamics dynamics;
+    for (const bool bangBang : {false, true}) {
+        const Outcome outcome = run(arm, "k_alpha: 5", 20.0, PushingCommand(6, 40.0, bangBang, 7),
+                                    [&](const MotionState& s) -> const Dynamics& {
+                                        arm.model().calcDynamics(s.q, s.qd, dynamics);
+                                        return dynamics;
+                                    });
+        expectHeld(outcome, arm.limits, arm.tick_s);
+        EXPECT_GT(outcome.excess.jerk, 10.0);
+    }
+}
+
+// A joint that is pushed at its limit for ever must not creep through it, whatever the remainder of
+// velocity with which it arrives there.
+TEST_F(AccelerationViabilityTest, PushingForEverDoesNotCreepThroughTheLimit) {
+    TestArm arm("single_joint");
+    const Dynamics unit = makeUnitDynamics(1);
+    std::mt19937 random(11);
+    for (int k = 0; k < 200; ++k) {
+        AccelerationViability filter;
+        filter.configure(arm.setup(), read(arm, "k_alpha: 5"));
+        filter.reset(arm.start);
+        MotionState state = arm.start;
+        const double side = k % 2 ? 1.0 : -1.0;
+        state.q[0] = side * std::uniform_real_distribution<double>(2.0, kPi)(random);
+        const JointVector torque = JointVector::Constant(1, 100.0 * side);
+        FilterDecision decision;
+        LimitExcess excess;
+        double stood = 0.0;
+        for (int tick = 0; tick < 20000; ++tick) {
+            ASSERT_EQ(filter.filter(state, torque, unit, decision), FilterStatus::Modified);
+            advanceNominal(decision, arm.tick_s, state);
+            excess.observe(decision, state, arm.limits);
+            if (tick == 10000) stood = state.q[0];
+        }
+        ASSERT_LE(excess.position, calcOvershootBound(arm.limits, arm.tick_s) + 1e-12)
+            << "start " << k;
+        ASSERT_NEAR(state.q[0], stood, 1e-4);
+        ASSERT_GT(side * state.q[0], kPi - 1e-3);  // and the range is used to its end
+    }
+}
+
+TEST_F(AccelerationViabilityTest, RandomLimitsIncludingOnesThatATickCrossesAreHeld) {
+    std::mt19937 random(12);
+    const auto draw = [&](double low, double high) {  // evenly in the logarithm
+        return std::exp(
+            std::uniform_real_distribution<double>(std::log(low), std::log(high))(random));
+    };
+    TestArm arm("single_joint");
+    const Dynamics unit = makeUnitDynamics(1);
+    for (int k = 0; k < 300; ++k) {
+        arm.tick_s = k % 3 == 0 ? 0.004 : 0.001;
+        // Down to velocity limits that half a tick of full acceleration passes.
+        arm.limits.velocity.upper[0] = draw(1e-3, 10.0);
+        arm.limits.velocity.lower[0] = -draw(1e-3, 10.0);
+        arm.limits.acceleration.upper[0] = draw(0.5, 50.0);
+        arm.limits.acceleration.lower[0] = -draw(0.5, 50.0);
+        arm.limits.position.upper[0] = draw(0.01, 3.0);
+        arm.limits.position.lower[0] = -draw(0.01, 3.0);
+        const Outcome outcome = run(arm, "k_alpha: 5", 5.0, PushingCommand(1, 100.0, true, 100 + k),
+                                    [&](const MotionState&) -> const Dynamics& { return unit; });
+        SCOPED_TRACE("limits " + std::to_string(k));
+        EXPECT_LE(outcome.excess.velocity, 1e-9);
+        EXPECT_LE(outcome.excess.acceleration, 1e-9);
+        EXPECT_LE(outcome.excess.position, calcOvershootBound(arm.limits, arm.tick_s) + 1e-12);
+    }
+}
+
+TEST_F(AccelerationViabilityTest, OvershootShrinksWithTheSquareOfTheTick) {
+    double worst[2] = {};
+    for (int i = 0; i < 2; ++i) {
+        TestArm arm("single_joint", i == 0 ? 0.01 : 0.001);
+        const Dynamics unit = makeUnitDynamics(1);
+        for (unsigned seed = 1; seed <= 10; ++seed) {
+            const Outcome outcome =
+                run(arm, "k_alpha: 5", 20.0, PushingCommand(1, 30.0, true, seed),
+                    [&](const MotionState&) -> const Dynamics& { return unit; });
+            worst[i] = std::max(worst[i], outcome.excess.position);
+            EXPECT_LE(outcome.excess.position,
+                      calcOvershootBound(arm.limits, arm.tick_s) + 1e-12);
+        }
+    }
+    RecordProperty("overshoot_at_10_ms_rad", std::to_string(worst[0]));
+    EXPECT_LE(worst[1], worst[0]);
+}
+
+TEST_F(AccelerationViabilityTest, AdmissibleTorquePassesBitForBit) {
+    for (const char* robot : {"single_joint", "indy7"}) {
+        TestArm arm(robot);
+        AccelerationViability filter;
+        filter.configure(arm.setup(), read(arm, ""));
+        filter.reset(arm.start);
+        std::mt19937 random(5);
+        for (int k = 0; k < 200; ++k) {
+            MotionState state = arm.start;
+            state.q += makeRandomVector(arm.size(), 0.2, random);
+            state.qd = makeRandomVector(arm.size(), 0.2, random);
+            const Dynamics dynamics = arm.calcDynamics(state);
+            JointVector torque;
+            calcInverseDynamics(dynamics, makeRandomVector(arm.size(), 2.0, random), torque);
+            FilterDecision decision;
+            ASSERT_EQ(filter.filter(state, torque, dynamics, decision), FilterStatus::Passed);
+            ASSERT_EQ(decision.torque, torque);
+            EXPECT_EQ(decision.held, HeldQuantity::Acceleration);
+            for (int i = 0; i < arm.size(); ++i)
+                EXPECT_EQ(decision.joints[i].limit, LimitKind::None);
+        }
+    }
+}
+
+TEST_F(AccelerationViabilityTest, SaysWhichLimitActsAndTheMarginOfTheStop) {
+    TestArm arm("single_joint");
+    const Dynamics unit = makeUnitDynamics(1);
+    AccelerationViability filter;
+    filter.configure(arm.setup(), read(arm, ""));
+    filter.reset(arm.start);
+    const double A = 3.0 * kPi, P = kPi, V = 2.0 * kPi;
+    const auto decide = [&](double q, double qd, double push) {
+        MotionState state = arm.start;
+        state.q[0] = q;
+        state.qd[0] = qd;
+        FilterDecision decision;
+        EXPECT_EQ(filter.filter(state, JointVector::Constant(1, push), unit, decision),
+                  FilterStatus::Modified);
+        return decision;
+    };
+    FilterDecision d = decide(0.0, 0.0, 100.0);
+    EXPECT_EQ(d.joints[0].limit, LimitKind::Acceleration);
+    EXPECT_EQ(d.joints[0].side, LimitSide::Upper);
+    EXPECT_DOUBLE_EQ(d.acceleration[0], A);
+    EXPECT_NEAR(d.joints[0].margin, P, 1e-12);
+
+    d = decide(-3.0, -V + 0.001, -100.0);
+    EXPECT_EQ(d.joints[0].side, LimitSide::Lower);
+    EXPECT_EQ(d.joints[0].limit, LimitKind::Position);  // 4 pi^2 / 6 pi > 0.14: it must brake
+    EXPECT_DOUBLE_EQ(d.acceleration[0], A);
+
+    d = decide(-3.0, V - 0.001, 100.0);
+    EXPECT_EQ(d.joints[0].limit, LimitKind::Velocity);
+    EXPECT_NEAR(d.acceleration[0], 1.0, 1e-9);
+
+    // Equation (16): A (alpha(h) / v - 1).
+    d = decide(3.0, 0.5, 100.0);
+    const double h = P - 3.0 - 0.25 / (2.0 * A);
+    EXPECT_EQ(d.joints[0].limit, LimitKind::Position);
+    EXPECT_NEAR(d.acceleration[0], A * (5.0 * h / 0.5 - 1.0), 1e-9);
+    EXPECT_NEAR(d.joints[0].margin, h, 1e-12);
+}
+
+TEST_F(AccelerationViabilityTest, Fault08TooSteepAlphaForTheTickIsRefused) {
+    TestArm arm("indy7", 0.01);
+    const std::string complaint = findConfigureComplaint(arm, "k_alpha: 101");
+    EXPECT_CONTAINS(complaint, "experiment.yaml:1:");
+    EXPECT_CONTAINS(complaint, "plugin_block.k_alpha");
+    EXPECT_CONTAINS(complaint, "k_alpha * tick_s is 1.01");
+    EXPECT_CONTAINS(complaint, "allowed (0, 1]");
+    EXPECT_CONTAINS(complaint, "1 / tick_s");
+    EXPECT_EQ(findConfigureComplaint(arm, "k_alpha: 100"), "");
+    EXPECT_CONTAINS(findConfigureComplaint(arm, "k_alpha: 0"), "k_alpha");
+    EXPECT_CONTAINS(findConfigureComplaint(arm, "k_alpha: -1"), "k_alpha");
+}
+
+TEST_F(AccelerationViabilityTest, UnlimitedAccelerationIsRefused) {
+    TestArm arm("single_joint");
+    arm.limits.acceleration.upper[0] = kInf;
+    EXPECT_CONTAINS(findConfigureComplaint(arm, ""), "finite acceleration limit");
+}
+
+TEST_F(AccelerationViabilityTest, RefusesWhatIsNotFiniteOrOfTheWrongSize) {
+    TestArm arm("indy7");
+    AccelerationViability filter;
+    filter.configure(arm.setup(), read(arm, ""));
+    filter.reset(arm.start);
+    const Dynamics dynamics = arm.calcDynamics(arm.start);
+    const JointVector torque = dynamics.gravity;
+    FilterDecision decision;
+    for (const double bad : {kNan, kInf, -kInf}) {
+        JointVector badTorque = torque;
+        badTorque[3] = bad;
+        EXPECT_EQ(filter.filter(arm.start, badTorque, dynamics, decision),
+                  FilterStatus::InvalidInput);
+        MotionState badState = arm.start;
+        badState.q[5] = bad;
+        EXPECT_EQ(filter.filter(badState, torque, dynamics, decision), FilterStatus::InvalidInput);
+    }
+    EXPECT_EQ(filter.filter(arm.start, JointVector::Zero(5), dynamics, decision),
+              FilterStatus::InvalidInput);
+    EXPECT_EQ(decision.torque.size(), 0);
+}
+
+TEST_F(AccelerationViabilityTest, Fault29HugeAndTinyTorquesKeepTheLimits) {
+    TestArm arm("indy7");
+    AccelerationViability filter;
+    filter.configure(arm.setup(), read(arm, ""));
+    filter.reset(arm.start);
+    MotionState state = arm.start;
+    LimitExcess excess;
+    FilterDecision decision;
+    const double sizes[] = {1e300, std::numeric_limits<double>::max(),
+                            std::numeric_limits<double>::denorm_min(), 1e150};
+    std::mt19937 random(6);
+    for (int k = 0; k < 20000; ++k) {
+        JointVector torque(arm.size());
+        for (int i = 0; i < arm.size(); ++i)
+            torque[i] = sizes[(k / 1000 + i) % 4] * ((k + i) % 2 ? 1.0 : -1.0) *
+                        ((k / 500) % 2 && random() % 2 ? -1.0 : 1.0);
+        const FilterStatus status =
+            filter.filter(state, torque, arm.calcDynamics(state), decision);
+        ASSERT_TRUE(status == FilterStatus::Modified || status == FilterStatus::Passed)
+            << getName(status) << " in tick " << k;
+        advanceNominal(decision, arm.tick_s, state);
+        excess.observe(decision, state, arm.limits);
+        ASSERT_TRUE(isFinite(state, arm.size()));
+        ASSERT_TRUE(isFinite(decision.torque, arm.size()));
+    }
+    EXPECT_LE(excess.velocity, 1e-9);
+    EXPECT_LE(excess.acceleration, 1e-9);
+    EXPECT_LE(excess.position, calcOvershootBound(arm.limits, arm.tick_s) + 1e-12);
+}
+
+TEST_F(AccelerationViabilityTest, ResetGivesTheSameAnswersAgain) {
+    TestArm arm("indy7");
+    AccelerationViability filter;
+    filter.configure(arm.setup(), read(arm, ""));
+    const auto play = [&] {
+        filter.reset(arm.start);
+        MotionState state = arm.start;
+        PushingCommand push(arm.size(), 40.0, true, 9);
+        FilterDecision decision;
+        for (int k = 0; k < 2000; ++k) {
+            const Dynamics dynamics = arm.calcDynamics(state);
+            JointVector torque;
+            calcInverseDynamics(dynamics, push.next(), torque);
+            filter.filter(state, torque, dynamics, decision);
+            advanceNominal(decision, arm.tick_s, state);
+        }
+        return state;
+    };
+    const MotionState first = play(), second = play();
+    EXPECT_EQ(first.q, second.q);
+    EXPECT_EQ(first.qdd, second.qdd);
+}
+
+TEST_F(AccelerationViabilityTest, LoadsAsALibrary) {
+    TestArm arm("indy7");
+    const auto plugin = PluginLoader::create<SafetyFilter>(
+        findPlugin(PluginKind::SafetyFilter, "acceleration_viability"));
+    EXPECT_FALSE(plugin->promisesLimits());
+    AccelerationViability own;
+    for (SafetyFilter* filter : {plugin.get(), static_cast<SafetyFilter*>(&own)}) {
+        filter->configure(arm.setup(), read(arm, ""));
+        filter->reset(arm.start);
+    }
+    const Dynamics dynamics = arm.calcDynamics(arm.start);
+    const JointVector torque = JointVector::Constant(6, 500.0);
+    FilterDecision a, b;
+    EXPECT_EQ(plugin->filter(arm.start, torque, dynamics, a), FilterStatus::Modified);
+    EXPECT_EQ(own.filter(arm.start, torque, dynamics, b), FilterStatus::Modified);
+    EXPECT_EQ(a.torque, b.torque);
+    EXPECT_EQ(a.acceleration, b.acceleration);
+}
+
+}  // namespace
+}  // namespace viable

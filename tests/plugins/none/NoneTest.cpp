@@ -1,0 +1,74 @@
+#include "None.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "TestArm.h"
+
+namespace viable {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+class NoneTest : public ::testing::Test {
+protected:
+    NoneTest() {
+        none_.configure(arm_.setup(), arm_.read(PluginKind::RobustLoop, "none", ""));
+        none_.reset(arm_.start);
+        real_ = {arm_.start.q, arm_.start.qd};
+        filterTorque_.setConstant(arm_.size(), 3.0);
+    }
+
+    TestArm arm_{"indy7"};
+    None none_;
+    JointState real_;
+    JointVector filterTorque_;
+};
+
+TEST_F(NoneTest, AddsNoTorqueWhateverTheError) {
+    std::mt19937 random(1);
+    for (int k = 0; k < 100; ++k) {
+        real_.q = makeRandomVector(arm_.size(), 3.0, random);
+        real_.qd = makeRandomVector(arm_.size(), 3.0, random);
+        JointVector torque = JointVector::Ones(2);
+        ASSERT_EQ(none_.compute(real_, arm_.start, filterTorque_, torque), TickStatus::Ok);
+        EXPECT_EQ(torque, JointVector::Zero(arm_.size()));
+    }
+}
+
+TEST_F(NoneTest, RefusesWhatIsNotFiniteOrOfTheWrongSize) {
+    const JointVector before = JointVector::Constant(arm_.size(), 7.0);
+    JointVector torque = before;
+    const auto expectRefused = [&](const JointState& real, const MotionState& nominal,
+                                   const JointVector& filterTorque) {
+        EXPECT_EQ(none_.compute(real, nominal, filterTorque, torque), TickStatus::InvalidInput);
+        EXPECT_EQ(torque, before);
+    };
+    JointState badReal = real_;
+    badReal.q[1] = kNan;
+    expectRefused(badReal, arm_.start, filterTorque_);
+    MotionState badNominal = arm_.start;
+    badNominal.qdd[0] = kNan;
+    expectRefused(real_, badNominal, filterTorque_);
+    expectRefused(real_, arm_.start, JointVector::Zero(arm_.size() - 1));
+}
+
+TEST_F(NoneTest, LoadsAsALibrary) {
+    const PluginInfo info = findPlugin(PluginKind::RobustLoop, "none");
+    EXPECT_EQ(info.entry->parameterCount, 0u);
+    const auto plugin = PluginLoader::create<RobustLoop>(info);
+    plugin->configure(arm_.setup(), arm_.read(PluginKind::RobustLoop, "none", ""));
+    plugin->reset(arm_.start);
+    JointVector torque;
+    ASSERT_EQ(plugin->compute(real_, arm_.start, filterTorque_, torque), TickStatus::Ok);
+    EXPECT_EQ(torque, JointVector::Zero(arm_.size()));
+}
+
+TEST_F(NoneTest, HasNoParameters) {
+    EXPECT_CONTAINS(
+        findComplaint([&] { arm_.read(PluginKind::RobustLoop, "none", "k_r: 600"); }), "k_r");
+}
+
+}  // namespace
+}  // namespace viable

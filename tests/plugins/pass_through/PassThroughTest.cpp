@@ -1,0 +1,136 @@
+#include "PassThrough.h"
+
+#include <Eigen/LU>
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "TestArm.h"
+
+namespace viable {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+MotionState makeRandomState(const TestArm& arm, std::mt19937& random) {
+    const int n = arm.size();
+    return {arm.robot.home + makeRandomVector(n, 0.8, random), makeRandomVector(n, 2.0, random),
+            makeRandomVector(n, 10.0, random)};
+}
+
+class PassThroughTest : public ::testing::TestWithParam<const char*> {
+protected:
+    PassThroughTest() : arm_(GetParam()) {
+        filter_.configure(arm_.setup(), arm_.read(PluginKind::SafetyFilter, "pass_through", ""));
+        filter_.reset(arm_.start);
+    }
+
+    TestArm arm_;
+    PassThrough filter_;
+    std::mt19937 random_{1};
+};
+
+TEST_P(PassThroughTest, TorqueIsLeftBitForBit) {
+    for (int k = 0; k < 200; ++k) {
+        const MotionState state = makeRandomState(arm_, random_);
+        const Dynamics dynamics = arm_.calcDynamics(state);
+        const JointVector torque = makeRandomVector(arm_.size(), 300.0, random_);
+        FilterDecision decision;
+        ASSERT_EQ(filter_.filter(state, torque, dynamics, decision), FilterStatus::Passed);
+        EXPECT_EQ(decision.torque, torque);
+        EXPECT_EQ(decision.held, HeldQuantity::Acceleration);
+        for (int i = 0; i < arm_.size(); ++i)
+            EXPECT_EQ(decision.joints[i].limit, LimitKind::None);
+    }
+}
+
+TEST_P(PassThroughTest, AccelerationIsThatOfTheTorque) {
+    for (int k = 0; k < 200; ++k) {
+        const MotionState state = makeRandomState(arm_, random_);
+        const Dynamics dynamics = arm_.calcDynamics(state);
+        const JointVector torque = makeRandomVector(arm_.size(), 100.0, random_);
+        FilterDecision decision;
+        ASSERT_EQ(filter_.filter(state, torque, dynamics, decision), FilterStatus::Passed);
+        const Eigen::VectorXd expected =
+            Eigen::MatrixXd(dynamics.M).fullPivLu().solve(Eigen::VectorXd(torque - dynamics.b));
+        const double size = expected.lpNorm<Eigen::Infinity>();
+        EXPECT_LE((decision.acceleration - expected).lpNorm<Eigen::Infinity>(), 1e-10 * size);
+        EXPECT_LE((decision.jerk - (expected - state.qdd) / arm_.tick_s).lpNorm<Eigen::Infinity>(),
+                  1e-10 * size / arm_.tick_s);
+
+        // And the nominal arm then moves with it.
+        MotionState next = state;
+        advanceNominal(decision, arm_.tick_s, next);
+        EXPECT_EQ(next.qdd, decision.acceleration);
+    }
+}
+
+TEST_P(PassThroughTest, AccelerationAgreesWithSimbodysForwardDynamics) {
+    arm_.robot.actuation.rotorInertia.setZero();  // Simbody's own route knows no rotors
+    arm_.rebuildModel();
+    for (int k = 0; k < 50; ++k) {
+        const MotionState state = makeRandomState(arm_, random_);
+        const JointVector torque = makeRandomVector(arm_.size(), 50.0, random_);
+        FilterDecision decision;
+        ASSERT_EQ(filter_.filter(state, torque, arm_.calcDynamics(state), decision),
+                  FilterStatus::Passed);
+        const JointVector expected = arm_.model().calcLinkForwardDynamics(state.q, state.qd, torque);
+        EXPECT_LE((decision.acceleration - expected).lpNorm<Eigen::Infinity>(),
+                  1e-8 * (1.0 + expected.lpNorm<Eigen::Infinity>()));
+    }
+}
+
+TEST_P(PassThroughTest, RefusesWhatIsNotFiniteOrOfTheWrongSize) {
+    const MotionState state = makeRandomState(arm_, random_);
+    const Dynamics dynamics = arm_.calcDynamics(state);
+    const JointVector torque = JointVector::Ones(arm_.size());
+    FilterDecision decision;
+    decision.torque.setConstant(arm_.size(), 7.0);
+    const auto expectRefused = [&](const MotionState& s, const JointVector& tau,
+                                   const Dynamics& d) {
+        EXPECT_EQ(filter_.filter(s, tau, d, decision), FilterStatus::InvalidInput);
+        EXPECT_EQ(decision.torque, JointVector::Constant(arm_.size(), 7.0));
+        EXPECT_EQ(decision.acceleration.size(), 0);
+    };
+    for (const double bad : {kNan, kInf, -kInf}) {
+        JointVector badTorque = torque;
+        badTorque[arm_.size() - 1] = bad;
+        expectRefused(state, badTorque, dynamics);
+        MotionState badState = state;
+        badState.qdd[0] = bad;
+        expectRefused(badState, torque, dynamics);
+        Dynamics badDynamics = dynamics;
+        badDynamics.M(0, 0) = bad;
+        expectRefused(state, torque, badDynamics);
+    }
+    expectRefused(state, JointVector::Ones(arm_.size() + 1), dynamics);
+    expectRefused(state, JointVector(), dynamics);
+
+    FilterDecision untouched;
+    Dynamics indefinite = dynamics;
+    indefinite.M *= -1.0;
+    EXPECT_EQ(filter_.filter(state, torque, indefinite, untouched), FilterStatus::Faulted);
+    EXPECT_EQ(untouched.torque.size(), 0);
+}
+
+TEST_P(PassThroughTest, LoadsAsALibrary) {
+    const auto plugin =
+        PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, "pass_through"));
+    EXPECT_FALSE(plugin->promisesLimits());
+    plugin->configure(arm_.setup(), arm_.read(PluginKind::SafetyFilter, "pass_through", ""));
+    plugin->reset(arm_.start);
+    const MotionState state = makeRandomState(arm_, random_);
+    const JointVector torque = makeRandomVector(arm_.size(), 100.0, random_);
+    const Dynamics dynamics = arm_.calcDynamics(state);
+    FilterDecision loaded, own;
+    EXPECT_EQ(plugin->filter(state, torque, dynamics, loaded), FilterStatus::Passed);
+    EXPECT_EQ(filter_.filter(state, torque, dynamics, own), FilterStatus::Passed);
+    EXPECT_EQ(loaded.torque, own.torque);
+    EXPECT_EQ(loaded.acceleration, own.acceleration);
+}
+
+INSTANTIATE_TEST_SUITE_P(Robots, PassThroughTest, ::testing::Values("single_joint", "indy7"));
+
+}  // namespace
+}  // namespace viable

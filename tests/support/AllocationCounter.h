@@ -1,0 +1,30 @@
+#pragma once
+
+#include <cstdint>
+
+namespace viable::test {
+
+/** Counts the heap allocations (malloc, calloc, realloc, new, ...) of the thread that made it, from
+its construction on. Link AllocationCounter.cpp into the test program to have it; where malloc
+cannot be replaced (sanitizers, another C library than glibc) it is not available and counts
+nothing:
+
+    if (!AllocationCounter::isAvailable()) GTEST_SKIP() << AllocationCounter::whyNot();
+    AllocationCounter counter;
+    loop.tick(record);
+    EXPECT_EQ(counter.count(), 0);
+*/
+class AllocationCounter {
+public:
+    static bool isAvailable();
+    static const char* whyNot();
+
+    AllocationCounter() : before_(total()) {}
+    std::int64_t count() const { return total() - before_; }
+
+private:
+    static std::int64_t total();
+    std::int64_t before_;
+};
+
+}  // namespace viable::test

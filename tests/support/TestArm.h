@@ -1,0 +1,173 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <string>
+
+#include "viable/core/Error.h"
+#include "viable/plugin/NominalPlant.h"
+#include "viable/plugin/PluginLoader.h"
+#include "viable/robot/RobotDescription.h"
+#include "viable/robot/RobotModel.h"
+
+namespace viable {
+
+/** The plugin `name` as the program finds it: its library, its declaration. */
+inline PluginInfo findPlugin(PluginKind kind, const std::string& name) {
+    static const PluginLoader loader({VIABLE_PLUGIN_DIR});
+    return loader.find(kind, name, "test", {});
+}
+
+/** A robot of the project with all that a plugin is told before a run. Change the public members
+before setup() is called; the plugin's RunSetup refers to this object. */
+class TestArm {
+public:
+    /** @param name  folder in robots/ */
+    explicit TestArm(const std::string& name, double tickLength_s = 1e-3)
+        : robot(loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + name)),
+          limits(robot.limits),
+          tick_s(tickLength_s),
+          model_(robot) {
+        start.q = robot.home;
+        start.qd.setZero(robot.size());
+        start.qdd.setZero(robot.size());
+    }
+    TestArm(const TestArm&) = delete;
+    TestArm& operator=(const TestArm&) = delete;
+
+    int size() const { return robot.size(); }
+
+    RunSetup setup() {
+        return {robot, limits, tick_s, 30.0, start, calcDynamics(start.q, start.qd).tool};
+    }
+
+    /** Of the robot as it was loaded, or since the last rebuildModel(). */
+    Dynamics calcDynamics(const JointVector& q, const JointVector& qd) {
+        Dynamics dynamics;
+        model_.calcDynamics(q, qd, dynamics);
+        return dynamics;
+    }
+    Dynamics calcDynamics(const MotionState& state) { return calcDynamics(state.q, state.qd); }
+
+    RobotModel& model() { return model_; }
+    /** To be called after `robot` was changed. */
+    void rebuildModel() { model_ = RobotModel(robot); }
+
+    /** Parameters from the inside of a flow map, `gamma: 20, k_alpha: 5`, by the declaration that
+    the plugin's library shows. */
+    Parameters read(PluginKind kind, const std::string& name, const std::string& text) const {
+        const PluginInfo info = findPlugin(kind, name);
+        const ConfigNode root = parseConfig("plugin_block: {" + text + "}\n", "experiment.yaml");
+        return readParameters(*root.find("plugin_block"), info.entry->parameters,
+                              info.entry->parameterCount, size());
+    }
+
+    RobotDescription robot;
+    JointLimits limits;
+    double tick_s;
+    MotionState start;
+
+private:
+    RobotModel model_;
+};
+
+/** What `action` complains about; empty when it does not. */
+template <class Action>
+std::string findComplaint(Action action) {
+    try {
+        action();
+    } catch (const Error& e) {
+        EXPECT_EQ(e.kind(), ErrorKind::BadInput);
+        return e.what();
+    }
+    return {};
+}
+
+#define EXPECT_CONTAINS(text, part) \
+    EXPECT_NE(std::string(text).find(part), std::string::npos) << "the text is: " << (text)
+
+inline JointVector makeRandomVector(int n, double size, std::mt19937& random) {
+    std::uniform_real_distribution<double> number(-size, size);
+    JointVector v(n);
+    for (int i = 0; i < n; ++i) v[i] = number(random);
+    return v;
+}
+
+/** Dynamics of `n` unit masses that know nothing of each other: tau = qdd. */
+inline Dynamics makeUnitDynamics(int n) {
+    Dynamics dynamics;
+    dynamics.M.setIdentity(n, n);
+    dynamics.b.setZero(n);
+    dynamics.gravity.setZero(n);
+    dynamics.J.setZero(6, n);
+    return dynamics;
+}
+
+/** How far outside each limit a nominal motion came, largest over joints and ticks; 0: never.
+Velocity, acceleration and jerk relative to max(1, limit); position in rad. */
+struct LimitExcess {
+    double position = 0.0;
+    double velocity = 0.0;
+    double acceleration = 0.0;
+    double jerk = 0.0;
+
+    /** @param after  the nominal state at the end of the tick */
+    void observe(const FilterDecision& decision, const MotionState& after,
+                 const JointLimits& limits) {
+        for (int i = 0; i < limits.size(); ++i) {
+            const AxisLimits l = limits.axis(i);
+            keep(position, after.q[i] - l.positionUpper);
+            keep(position, l.positionLower - after.q[i]);
+            keepRelative(velocity, after.qd[i], l.velocityLower, l.velocityUpper);
+            keepRelative(acceleration, after.qdd[i], l.accelerationLower, l.accelerationUpper);
+            keepRelative(jerk, decision.jerk[i], l.jerkLower, l.jerkUpper);
+        }
+    }
+
+private:
+    // A NaN counts as infinitely far outside.
+    static void keep(double& worst, double excess) {
+        if (std::isnan(excess)) worst = std::numeric_limits<double>::infinity();
+        worst = std::max(worst, excess);
+    }
+    static void keepRelative(double& worst, double value, double lower, double upper) {
+        if (std::isfinite(upper)) keep(worst, (value - upper) / std::max(1.0, upper));
+        if (std::isfinite(lower)) keep(worst, (lower - value) / std::max(1.0, -lower));
+        if (!std::isfinite(value)) keep(worst, std::numeric_limits<double>::infinity());
+    }
+};
+
+/** Desired accelerations that push at the limits: each joint holds a value for a random number of
+ticks, then takes another; `bangBang` only the two extremes. */
+class PushingCommand {
+public:
+    PushingCommand(int n, double size, bool bangBang, unsigned seed)
+        : size_(size), bangBang_(bangBang), random_(seed) {
+        value_.setZero(n);
+        left_.setZero(n);
+    }
+
+    const JointVector& next() {
+        for (int i = 0; i < value_.size(); ++i) {
+            if (left_[i] <= 0.0) {
+                left_[i] = std::uniform_int_distribution<int>(1, 2000)(random_);
+                const double x = std::uniform_real_distribution<double>(-size_, size_)(random_);
+                value_[i] = bangBang_ ? std::copysign(size_, x) : x;
+            }
+            left_[i] -= 1.0;
+        }
+        return value_;
+    }
+
+private:
+    double size_;
+    bool bangBang_;
+    std::mt19937 random_;
+    JointVector value_, left_;
+};
+
+}  // namespace viable
