@@ -65,7 +65,7 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
     return text;
 }
 
-std::string formatDetails(const CasePlan& plan, const CaseResult& r) {
+std::string formatDetails(const CaseResult& r) {
     const Summary& s = r.summary;
     std::string text = r.name + ": filter " + r.filter;
     if (!r.realPlant.empty())
@@ -107,7 +107,7 @@ std::string formatDetails(const CasePlan& plan, const CaseResult& r) {
             static_cast<long long>(s.substitutedTicks()));
     if (s.hasRealPlant()) {
         text += "  real-nominal  RMS / max per joint [mrad]";
-        for (int i = 0; i < plan.robot.size(); ++i)
+        for (int i = 0; i < static_cast<int>(s.jointNames().size()); ++i)
             text += "  " + formatMrad(s.trackingRms(i)) + " / " + formatMrad(s.trackingMax(i));
         text += "\n";
     }
@@ -119,14 +119,11 @@ std::string formatDetails(const CasePlan& plan, const CaseResult& r) {
                        h.percentile(0.5), h.percentile(0.99));
     }
     text += ")\n";
-    std::string seeds;
-    for (const PluginChoice* choice : {&plan.command, &plan.controller, &plan.filter,
-                                       plan.robustLoop ? &*plan.robustLoop : nullptr,
-                                       plan.realPlant ? &*plan.realPlant : nullptr})
-        if (choice)
-            if (const ConfigNode* seed = choice->parameters.resolved().find("seed"))
-                seeds += (seeds.empty() ? "" : ", ") + choice->plugin.name + " " + seed->text;
-    if (!seeds.empty()) text += "  seeds         " + seeds + "\n";
+    if (!r.seeds.empty()) {
+        text += "  seeds        ";
+        for (const auto& [plugin, seed] : r.seeds) text += " " + plugin + " " + seed;
+        text += "\n";
+    }
     if (!r.log.empty())
         text += format("  log           %s (%lld rows)\n", r.log.c_str(),
                        static_cast<long long>(r.logRows));
@@ -180,6 +177,7 @@ std::string writeSummaryJson(const Experiment& experiment, const std::vector<Cas
                          {"filter", r.filter},
                          {"robust_loop", r.robustLoop},
                          {"real_plant", r.realPlant},
+                         {"seeds", r.seeds},
                          {"simulated_s", r.simulated_s},
                          {"wall_s", r.wall_s},
                          {"ticks", s.ticks()},

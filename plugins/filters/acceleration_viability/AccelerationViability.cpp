@@ -16,6 +16,9 @@ const ParameterSpec kParameters[] = {
         .above(0),
 };
 
+/** Beyond this the size of a torque says nothing more, and M^-1 tau could overflow. [Nm] */
+constexpr double kLargestTorque = 1e100;
+
 }  // namespace
 
 void AccelerationViability::configure(const RunSetup& setup, const Parameters& parameters) {
@@ -66,7 +69,8 @@ FilterStatus AccelerationViability::filter(const MotionState& nominal, const Joi
                                            const Dynamics& dynamics, FilterDecision& decision) {
     if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_))
         return FilterStatus::InvalidInput;
-    if (!calcForwardDynamics(dynamics, torque, desired_)) return FilterStatus::Faulted;
+    const JointVector wanted = torque.cwiseMax(-kLargestTorque).cwiseMin(kLargestTorque);
+    if (!calcForwardDynamics(dynamics, wanted, desired_)) return FilterStatus::Faulted;
 
     bool infeasible = false;
     Bound lowerBounds[kMaxJoints], upperBounds[kMaxJoints];

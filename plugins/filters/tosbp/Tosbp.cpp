@@ -20,6 +20,10 @@ const ParameterSpec kParameters[] = {
         .above(0),
 };
 
+/** Beyond this the size of a torque says nothing more, and M^-1 tau or its difference quotient could
+overflow. [Nm] */
+constexpr double kLargestTorque = 1e100;
+
 /** An upper end `-J + gain / slope` of the jerk interval, or `open` where it does not restrict. The
 quotient is formed only where it does, so `slope` may be zero. */
 double calcRow(double J, double gain, double slope, double open) {
@@ -106,7 +110,8 @@ FilterStatus Tosbp::filter(const MotionState& nominal, const JointVector& torque
                            const Dynamics& dynamics, FilterDecision& decision) {
     if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_))
         return FilterStatus::InvalidInput;
-    if (!calcForwardDynamics(dynamics, torque, desiredAcceleration_)) return FilterStatus::Faulted;
+    const JointVector wanted = torque.cwiseMax(-kLargestTorque).cwiseMin(kLargestTorque);
+    if (!calcForwardDynamics(dynamics, wanted, desiredAcceleration_)) return FilterStatus::Faulted;
     desiredJerk_.calc(nominal.qdd, desiredAcceleration_, desired_);
 
     bool infeasible = false;

@@ -114,6 +114,21 @@ TEST_P(PassThroughTest, RefusesWhatIsNotFiniteOrOfTheWrongSize) {
     EXPECT_EQ(untouched.torque.size(), 0);
 }
 
+TEST_P(PassThroughTest, Fault29HugeTorqueNeverBecomesAnInfiniteAcceleration) {
+    Dynamics dynamics = arm_.calcDynamics(arm_.start);
+    dynamics.M *= 1e-3;
+    for (const double size : {1e300, std::numeric_limits<double>::max()}) {
+        FilterDecision decision;
+        const FilterStatus status = filter_.filter(
+            arm_.start, JointVector::Constant(arm_.size(), size), dynamics, decision);
+        if (status == FilterStatus::Passed)
+            EXPECT_TRUE(decision.acceleration.allFinite());
+        else
+            EXPECT_EQ(status, FilterStatus::Faulted);
+        if (size > 1e307) EXPECT_EQ(status, FilterStatus::Faulted);
+    }
+}
+
 TEST_P(PassThroughTest, LoadsAsALibrary) {
     const auto plugin =
         PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, "pass_through"));

@@ -1,0 +1,2 @@
+// Opts this test program in: it has its malloc counted.
+#include "AllocationCounter.cpp"
