@@ -143,8 +143,8 @@ std::vector<LogChannel> declareChannels() {
     static_assert(kStageCount == 7, "a stage was added: log its time below");
     const std::vector<std::string> position = {"tool.x_m", "tool.y_m", "tool.z_m"};
     const std::vector<std::string> orientation = {"tool.qx", "tool.qy", "tool.qz", "tool.qw"};
-    const std::vector<std::string> twist = {"tool.vx_mps",   "tool.vy_mps",   "tool.vz_mps",
-                                            "tool.wx_radps", "tool.wy_radps", "tool.wz_radps"};
+    const std::vector<std::string> velocity = {"tool.vx_mps", "tool.vy_mps", "tool.vz_mps"};
+    const std::vector<std::string> rotation = {"tool.wx_radps", "tool.wy_radps", "tool.wz_radps"};
     return {
         {"nominal",
          "Nominal",
@@ -225,8 +225,11 @@ std::vector<LogChannel> declareChannels() {
               "tool_orientation_xyzw", LogKind::Vector, orientation,
               [](auto& r, int i) -> auto& { return r.command.tool.orientation.coeffs()[i]; }),
           numbers(
-              "tool_twist", LogKind::Vector, twist,
-              [](auto& r, int i) -> auto& { return r.command.toolTwist[i]; })}},
+              "tool_velocity_mps", LogKind::Vector, velocity,
+              [](auto& r, int i) -> auto& { return r.command.toolTwist[i]; }),
+          numbers(
+              "tool_rotation_radps", LogKind::Vector, rotation,
+              [](auto& r, int i) -> auto& { return r.command.toolTwist[3 + i]; })}},
         {"tick",
          "Tick",
          always,

@@ -1,6 +1,7 @@
 #include "viable/robot/RobotModel.h"
 
 #include <array>
+#include <limits>
 
 #include "robot/RigidBody.h"
 #include "robot/SimbodyHeaders.h"
@@ -61,6 +62,16 @@ struct CompositeInertia {
     Vector3d moment;
     Matrix3d inertia;
 };
+
+void fillWithNan(int n, Dynamics& out) {
+    constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+    out.M.setConstant(n, n, kNan);
+    out.b.setConstant(n, kNan);
+    out.gravity.setConstant(n, kNan);
+    out.tool.position.setConstant(kNan);
+    out.tool.orientation.coeffs().setConstant(kNan);
+    out.J.setConstant(6, n, kNan);
+}
 
 /** What moves or acts in space: angular part and linear part, taken at the base origin. */
 struct Spatial {
@@ -243,7 +254,11 @@ int RobotModel::size() const {
 }
 
 void RobotModel::calcDynamics(const JointVector& q, const JointVector& qd, Dynamics& out) {
-    simulation_->calcDynamics(q, qd, out);
+    // Simbody throws on a body whose orientation is NaN, which must not happen in a tick.
+    if (q.allFinite() && qd.allFinite())
+        simulation_->calcDynamics(q, qd, out);
+    else
+        fillWithNan(simulation_->n, out);
 }
 
 double RobotModel::calcEnergy(const JointVector& q, const JointVector& qd) {

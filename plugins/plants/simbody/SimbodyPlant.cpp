@@ -12,7 +12,7 @@ namespace viable {
 namespace {
 
 const ParameterSpec kParameters[] = {
-    parameter::integer("substeps", "2", "Integration steps per tick.").atLeast(1).upTo(1000),
+    parameter::integer("substeps", "1", "Integration steps per tick.").atLeast(1).upTo(1000),
     parameter::choice("friction", "robot|none", "robot",
                       "Friction figures of the robot's actuation.yaml, or none."),
     parameter::jointNumbers("friction_scale", "", "1.0", "Factor on all friction torques.")

@@ -216,7 +216,9 @@ TEST_F(LogTest, Fault73_KilledProgramLosesAtMostOneChunk) {
         const auto rows = static_cast<std::int64_t>(back.size());
         EXPECT_LE(rows, appended->load() + 1);
         EXPECT_GE(rows, appended->load() - 101);
-        if (rows > 0) EXPECT_EQ(back.back().time_s, static_cast<double>(rows - 1) * 0.001);
+        if (rows > 0) {
+            EXPECT_EQ(back.back().time_s, static_cast<double>(rows - 1) * 0.001);
+        }
     }
     ::munmap(shared, sizeof(std::atomic<std::int64_t>));
 }
@@ -248,7 +250,9 @@ TEST_F(LogTest, FlippedBitIsNoticed) {
             ++noticed;
             EXPECT_EQ(e.kind(), ErrorKind::BadInput);
             EXPECT_TRUE(contains(e.what(), "flipped.mcap")) << e.what();
-            if (place >= 8) EXPECT_TRUE(contains(e.what(), ": byte ")) << e.what();
+            if (place >= 8) {
+                EXPECT_TRUE(contains(e.what(), ": byte ")) << e.what();
+            }
         }
     }
     EXPECT_GT(noticed, 500);
@@ -486,7 +490,7 @@ TEST_F(LogTest, NoBytesAtAllMakeTheReaderFallOver) {
     const WrittenLog log = makeLog(makeOpening(layout), makeRecords(layout, 20, 0.01, 4));
     std::mt19937_64 random(5);
     int failures = 0;
-    for (int i = 0; i < 1500; ++i) {
+    for (int i = 0; i < 600; ++i) {
         // Several bytes anywhere become anything: lengths, counts, checksums (0: not checked).
         std::string bytes = log.bytes;
         for (std::uint64_t k = 1 + random() % 6; k > 0; --k) {
@@ -501,7 +505,7 @@ TEST_F(LogTest, NoBytesAtAllMakeTheReaderFallOver) {
             ++failures;
         }
     }
-    EXPECT_GT(failures, 1000);
+    EXPECT_GT(failures, 400);
 }
 
 TEST_F(LogTest, Fault74_ASecondRunIntoOneFileIsRefused) {

@@ -402,10 +402,6 @@ TEST_F(RecordedPosesTest, FollowsAMotionCaptureRecording) {
     EXPECT_LT(found.speed, 0.7);
     EXPECT_LT(found.speedJump, 0.010);     // 10 m/s^2
     EXPECT_LT(found.turnRateJump, 0.030);  // 30 rad/s^2
-    std::printf(
-        "freiburg1_xyz: %.3f m, %.3f rad, %.3f m/s, %.3f rad/s, jumps per ms %.4f m/s, "
-        "%.4f rad/s\n",
-        found.reach, found.turn, found.speed, found.turnRate, found.speedJump, found.turnRateJump);
 }
 
 TEST_F(RecordedPosesTest, GivesTheSameAfterAResetAndInAnyOrder) {

@@ -11,7 +11,7 @@ namespace viable {
 
 Assumes: a tree of revolute, continuous and prismatic joints on a fixed base; rotor inertias enter M
 as a diagonal, n^2 I_rotor (gyroscopic effects of the spinning rotors neglected).
-Real time: calc... functions allocate, lock and throw nothing after construction.
+Real time: calcDynamics allocates, locks and throws nothing; about 6 us for six joints.
 Thread: one caller at a time; one RobotModel per thread (each owns its Simbody system). */
 class RobotModel {
 public:
@@ -22,7 +22,8 @@ public:
 
     int size() const;
 
-    /** All of Dynamics at (q, qd); each of length size(), finite. */
+    /** All of Dynamics at (q, qd), each of length size(). Where q or qd holds a number that is not
+    finite, all of `out` is NaN. */
     void calcDynamics(const JointVector& q, const JointVector& qd, Dynamics& out);
 
     /** Potential plus kinetic energy [J] (rotor inertia included; potential zero at the base

@@ -1,0 +1,220 @@
+#include "viable/experiment/ControlLoop.h"
+
+#include <gtest/gtest.h>
+
+#include "AllocationCounter.h"
+#include "CaseSupport.h"
+
+namespace viable {
+namespace {
+
+using test::allFinite;
+using test::kOneJoint;
+using test::kTeleoperation;
+using test::TestLoop;
+
+TEST(ControlLoop, TheNominalArmAdvancesByExactlyTheConfiguredTick) {
+    TestLoop t(kOneJoint);
+    TickRecord last, now;
+    t.loop.tick(last);
+    for (int k = 1; k < 2000; ++k) {
+        t.loop.tick(now);
+        ASSERT_EQ(now.time_s, k * 0.001);
+        const double dt = 0.001, j = last.nominal.jerk[0];
+        ASSERT_DOUBLE_EQ(now.nominal.qdd[0], last.nominal.qdd[0] + j * dt);
+        ASSERT_NEAR(now.nominal.qd[0],
+                    last.nominal.qd[0] + last.nominal.qdd[0] * dt + j * dt * dt / 2, 1e-15);
+        last = now;
+    }
+}
+
+TEST(ControlLoop, ResetGivesTheSameRunAgainBitForBit) {
+    TestLoop t(kTeleoperation);
+    std::vector<TickRecord> first(500);
+    for (TickRecord& record : first) t.loop.tick(record);
+    t.loop.reset();
+    for (const TickRecord& before : first) {
+        TickRecord now;
+        t.loop.tick(now);
+        ASSERT_EQ(now.nominal.q, before.nominal.q);
+        ASSERT_EQ(now.motorTorque, before.motorTorque);
+        ASSERT_EQ(now.real.q, before.real.q);
+        ASSERT_EQ(now.time_s, before.time_s);
+    }
+}
+
+TEST(ControlLoop, TenThousandTicksAllocateNothing) {
+    if (!test::AllocationCounter::isAvailable()) GTEST_SKIP() << test::AllocationCounter::whyNot();
+    for (const char* filter : {"tosbp", "acceleration_viability", "pass_through"}) {
+        TestLoop t(kTeleoperation, {"duration_s=12", std::string("filter.plugin=") + filter});
+        TickRecord record;
+        for (int k = 0; k < 100; ++k) t.loop.tick(record);
+        const test::AllocationCounter counter;
+        for (int k = 0; k < 10000; ++k) t.loop.tick(record);
+        EXPECT_EQ(counter.count(), 0) << filter;
+    }
+}
+
+TEST(ControlLoop, TheTorqueOfADecisionGivesItsAccelerationInSimbodysForwardDynamics) {
+    TestLoop t(kTeleoperation);
+    const RobotDescription& robot = t.experiment.cases[0].robot;
+    RobotModel model(robot);
+    TickRecord record;
+    for (int k = 0; k < 2000; ++k) {
+        t.loop.tick(record);
+        if (k % 50) continue;
+        // x_c, the mean acceleration over the tick; the rotors' share of tau_c does not reach the
+        // links.
+        const JointVector x = record.nominal.qdd + record.nominal.jerk * 0.0005;
+        const JointVector link = record.filterTorque - robot.actuation.rotorInertia.cwiseProduct(x);
+        const JointVector qdd =
+            model.calcLinkForwardDynamics(record.nominal.q, record.nominal.qd, link);
+        ASSERT_LT((qdd - x).cwiseAbs().maxCoeff(), 1e-9 * (1.0 + x.cwiseAbs().maxCoeff()) * 10)
+            << "tick " << k;
+    }
+}
+
+TEST(ControlLoop, StopOnRequestEndsAtRestWithinJerkAndAcceleration) {
+    TestLoop t(kTeleoperation, {"duration_s=10"});
+    TickRecord record;
+    for (int k = 0; k < 1500; ++k) t.loop.tick(record);
+    ASSERT_GT(record.nominal.qd.cwiseAbs().maxCoeff(), 0.01);
+    t.loop.requestStop(StopReason::Requested, "test");
+    t.loop.requestStop(StopReason::FilterFailed, "later");  // the first reason stays
+    int ticks = 0;
+    while (!t.loop.hasStopped()) {
+        t.loop.tick(record);
+        ASSERT_EQ(record.status, FilterStatus::StoppedByPlan);
+        ASSERT_TRUE(record.braking);
+        ASSERT_LE(record.nominal.jerk.cwiseAbs().maxCoeff(), 12 * EIGEN_PI * (1 + 1e-9));
+        ASSERT_LE(record.nominal.qdd.cwiseAbs().maxCoeff(), 4 * EIGEN_PI * (1 + 1e-9));
+        ASSERT_LT(++ticks, 2000);
+    }
+    EXPECT_EQ(t.loop.stopReason(), StopReason::Requested);
+    EXPECT_STREQ(t.loop.stopMessage(), "test");
+    t.loop.tick(record);
+    EXPECT_LT(record.nominal.qd.cwiseAbs().maxCoeff(), 1e-9);
+    EXPECT_LT(record.nominal.qdd.cwiseAbs().maxCoeff(), 1e-9);
+}
+
+TEST(Fault28, AFewTicksOfNanAreSubstitutedAndCounted) {
+    TestLoop t(kOneJoint, {"controller.plugin=nan_torque", "controller.after_ticks=200",
+                           "controller.ticks=10"});
+    TickRecord record;
+    JointVector before;
+    for (int k = 0; k < 1000; ++k) {
+        t.loop.tick(record);
+        ASSERT_TRUE(allFinite(record)) << "tick " << k;
+        if (k == 199) before = record.desiredTorque;
+        if (k >= 200 && k < 210) ASSERT_EQ(record.desiredTorque, before);
+    }
+    EXPECT_EQ(record.substituted, kMaxSubstitutedTicks);
+    EXPECT_EQ(t.loop.stopReason(), StopReason::None);
+}
+
+TEST(Fault28, MoreTicksOfNanBrakeTheArm) {
+    TestLoop t(kOneJoint, {"controller.plugin=nan_torque", "controller.after_ticks=200",
+                           "controller.ticks=100000"});
+    TickRecord record;
+    int ticks = 0;
+    while (!t.loop.hasStopped()) {
+        t.loop.tick(record);
+        ASSERT_TRUE(allFinite(record));
+        ASSERT_LT(++ticks, 5000);
+    }
+    EXPECT_EQ(t.loop.stopReason(), StopReason::ControllerFailed);
+    EXPECT_NEAR(t.loop.stopTime(), 0.210, 1e-9);
+    EXPECT_NE(std::string(t.loop.stopMessage()).find("no usable torque"), std::string::npos);
+    EXPECT_LT(record.nominal.qd.cwiseAbs().maxCoeff(), 0.05);
+}
+
+TEST(Fault29, HugeAndTinyTorquesStayFiniteAndInsideTheJerkLimit) {
+    for (const char* filter : {"tosbp", "acceleration_viability"}) {
+        TestLoop t(kOneJoint,
+                   {"controller.plugin=extreme_torque", std::string("filter.plugin=") + filter});
+        TickRecord record;
+        Summary summary({"joint0"}, t.experiment.cases[0].limits, false);
+        for (int k = 0; k < 5000; ++k) {
+            t.loop.tick(record);
+            ASSERT_TRUE(allFinite(record)) << filter << " tick " << k;
+            summary.add(record);
+        }
+        EXPECT_EQ(t.loop.stopReason(), StopReason::None) << filter;
+        EXPECT_EQ(summary.ticksOutside(LimitKind::Acceleration), 0) << filter;
+        if (std::string(filter) == "tosbp") EXPECT_EQ(summary.ticksOutside(LimitKind::Jerk), 0);
+        EXPECT_LT(summary.limit(LimitKind::Position)[0].worstUse, 1.001) << filter;
+        EXPECT_LT(summary.limit(LimitKind::Velocity)[0].worstUse, 1.001) << filter;
+    }
+}
+
+TEST(Fault30, JumpingSetPointsKeepTheLimits) {
+    TestLoop t(kOneJoint, {"command.plugin=jumping_setpoint"});
+    TickRecord record;
+    Summary summary({"joint0"}, t.experiment.cases[0].limits, false);
+    for (int k = 0; k < 10000; ++k) {
+        t.loop.tick(record);
+        ASSERT_TRUE(allFinite(record));
+        summary.add(record);
+    }
+    EXPECT_EQ(summary.ticksOutside(LimitKind::Jerk), 0);
+    EXPECT_EQ(summary.ticksOutside(LimitKind::Acceleration), 0);
+    EXPECT_LT(summary.limit(LimitKind::Position)[0].worstUse, 1.001);
+    EXPECT_LT(summary.limit(LimitKind::Velocity)[0].worstUse, 1.001);
+}
+
+TEST(Fault32, AWrongSizedTorqueIsSubstitutedThenBraked) {
+    TestLoop few(kOneJoint, {"controller.plugin=wrong_size_torque", "controller.after_ticks=0",
+                             "controller.ticks=5"});
+    TickRecord record;
+    for (int k = 0; k < 100; ++k) few.loop.tick(record);
+    EXPECT_EQ(few.loop.stopReason(), StopReason::None);
+    EXPECT_EQ(record.substituted, 5);
+
+    TestLoop many(kOneJoint, {"controller.plugin=wrong_size_torque", "controller.after_ticks=0",
+                              "controller.ticks=1000"});
+    for (int k = 0; k < 100 && !many.loop.hasStopped(); ++k) many.loop.tick(record);
+    EXPECT_EQ(many.loop.stopReason(), StopReason::ControllerFailed);
+}
+
+TEST(Fault32, AWrongSizedDecisionStopsTheArmAtOnce) {
+    TestLoop t(kOneJoint, {"filter.plugin=wrong_size", "filter.after_ticks=100"});
+    TickRecord record;
+    int ticks = 0;
+    while (!t.loop.hasStopped()) {
+        t.loop.tick(record);
+        ASSERT_TRUE(allFinite(record));
+        ASSERT_EQ(record.filterTorque.size(), 1);
+        ASSERT_LT(++ticks, 5000);
+    }
+    EXPECT_EQ(t.loop.stopReason(), StopReason::FilterFailed);
+    EXPECT_NEAR(t.loop.stopTime(), 0.1, 1e-9);
+}
+
+TEST(Fault44, AFilterThatThrowsInATickIsContained) {
+    TestLoop t(kOneJoint, {"filter.plugin=throwing_tick", "filter.after_ticks=300"});
+    TickRecord record;
+    int ticks = 0;
+    while (!t.loop.hasStopped()) {
+        t.loop.tick(record);
+        ASSERT_TRUE(allFinite(record));
+        ASSERT_LT(++ticks, 5000);
+    }
+    EXPECT_EQ(t.loop.stopReason(), StopReason::FilterFailed);
+    EXPECT_EQ(std::string(t.loop.stopMessage()).rfind("it threw: ", 0), 0u) << t.loop.stopMessage();
+}
+
+TEST(Fault51, NanFromAFilterNeverReachesPlantOrLog) {
+    TestLoop t(kOneJoint, {"filter.plugin=nan_output", "filter.after_ticks=50"});
+    TickRecord record;
+    int ticks = 0;
+    while (!t.loop.hasStopped()) {
+        t.loop.tick(record);
+        ASSERT_TRUE(allFinite(record));
+        ASSERT_LT(++ticks, 5000);
+    }
+    EXPECT_EQ(t.loop.stopReason(), StopReason::FilterFailed);
+    EXPECT_NE(std::string(t.loop.stopMessage()).find("not finite"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace viable

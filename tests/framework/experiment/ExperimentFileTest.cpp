@@ -1,0 +1,143 @@
+#include "viable/experiment/ExperimentFile.h"
+
+#include <gtest/gtest.h>
+
+#include <sstream>
+
+#include "CaseSupport.h"
+
+namespace viable {
+namespace {
+
+using test::catchError;
+using test::kOneJoint;
+using test::kTeleoperation;
+using test::readTestExperiment;
+
+void expectContains(const std::string& text, const std::vector<std::string>& parts) {
+    for (const std::string& part : parts)
+        EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is missing in: " << text;
+}
+
+std::string errorOf(const std::string& yaml, const std::vector<std::string>& overrides = {}) {
+    return catchError([&] { readTestExperiment(yaml, overrides); });
+}
+
+TEST(ExperimentFile, ACaseOverridesTheTopAndKeepsTheRest) {
+    const Experiment e = readTestExperiment(
+        kTeleoperation, {"cases.B.filter.plugin=pass_through", "cases.B.limits.jerk_radps3=20",
+                         "cases.B.robust_loop.k_r=500"});
+    ASSERT_EQ(e.cases.size(), 2u);
+    EXPECT_EQ(e.cases[0].filter.plugin.name, "tosbp");
+    EXPECT_EQ(e.cases[1].filter.plugin.name, "pass_through");
+    EXPECT_EQ(e.cases[1].limits.jerk.upper[3], 20.0);
+    EXPECT_EQ(e.cases[1].limits.velocity.upper[3], e.cases[0].limits.velocity.upper[3]);
+    EXPECT_EQ(e.cases[1].robustLoop->parameters.jointNumbers("k_r")[0], 500.0);
+    EXPECT_EQ(e.cases[1].robustLoop->parameters.jointNumbers("k_p")[0], 20.0);
+}
+
+TEST(ExperimentFile, TheResolvedFileReadsBackToTheSameCase) {
+    for (const char* yaml : {kOneJoint, kTeleoperation}) {
+        const Experiment e = readTestExperiment(yaml);
+        const std::string text = writeConfig(e.cases[0].resolved);
+        const Experiment again = readTestExperiment(text);
+        ASSERT_EQ(again.cases.size(), 1u);
+        const CasePlan &a = e.cases[0], &b = again.cases[0];
+        EXPECT_EQ(writeConfig(b.resolved), text);
+        EXPECT_EQ(a.limits.position.lower, b.limits.position.lower);
+        EXPECT_EQ(a.limits.jerk.upper, b.limits.jerk.upper);
+        EXPECT_EQ(a.start.q, b.start.q);
+        EXPECT_EQ(a.tick_s, b.tick_s);
+    }
+}
+
+TEST(Fault02, EveryMisspeltKeyIsRefusedWithThePlaceAndTheClosestKey) {
+    expectContains(errorOf(std::string(kOneJoint) + "tick_ss: 0.1\n"),
+                   {"test.yaml:10:", "tick_ss", "tick_s"});
+    expectContains(errorOf(kOneJoint, {"filter.gama=3"}), {"--set", "filter.gama", "gamma"});
+    expectContains(errorOf(kTeleoperation, {"limits.q_lmi=3"}), {"limits.q_lmi"});
+    expectContains(errorOf(kOneJoint, {"cases.A.fliter.plugin=tosbp"}),
+                   {"cases.A.fliter", "filter"});
+    expectContains(errorOf(kOneJoint, {"filter.plugin=tosbq"}),
+                   {"tosbq", "tosbp", "filter.plugin"});
+    expectContains(errorOf(kOneJoint, {"robot=indy8"}), {"indy8", "indy7"});
+}
+
+TEST(ExperimentFile, MissingKeysAreNamed) {
+    for (const char* key :
+         {"schema", "title", "robot", "duration_s", "command", "controller", "filter", "cases"}) {
+        std::string yaml;
+        std::istringstream lines(kOneJoint);
+        for (std::string line; std::getline(lines, line);)
+            if (line.rfind(std::string(key) + ":", 0) != 0) yaml += line + "\n";
+        expectContains(errorOf(yaml), {key});
+    }
+}
+
+TEST(ExperimentFile, BlocksThatDoNotFitTogetherAreRefused) {
+    expectContains(errorOf(kOneJoint, {"robust_loop.plugin=nric"}), {"no real_plant"});
+    expectContains(errorOf(kOneJoint, {"real_plant.plugin=simbody"}), {"no robust_loop", "none"});
+    expectContains(errorOf(kOneJoint, {"cases.A.title=x"}), {"title", "top of the file"});
+    expectContains(errorOf(kOneJoint, {"cases.a/b.duration_s=1"}), {"a/b", "name of a case"});
+    expectContains(errorOf(kOneJoint, {"schema=2"}), {"schema is 2", "reads 1"});
+    const Experiment e = readTestExperiment(kOneJoint, {"controller.plugin=task_space_pd"});
+    expectContains(catchError([&] { configureCase(e.cases[0]); }),
+                   {"task_space_pd", "cannot follow", "waypoints", "joint_pd"});
+}
+
+TEST(Fault05, WrongSizesAreRefused) {
+    expectContains(errorOf(kTeleoperation, {"limits.velocity_radps=[1, 2, 3]"}),
+                   {"limits.velocity_radps", "6"});
+    expectContains(errorOf(kTeleoperation, {"controller.stiffness=[1, 2]"}),
+                   {"controller.stiffness", "6"});
+    expectContains(errorOf(kOneJoint, {"start.position_rad=[0, 0]"}), {"start.position_rad"});
+}
+
+TEST(Fault06, BadLimitsAreRefusedByJointAndSide) {
+    for (const char* bad : {"0", "-1", "1e12", "1e-320"})
+        for (const char* key : {"velocity_radps", "acceleration_radps2", "jerk_radps3"})
+            expectContains(errorOf(kOneJoint, {std::string("limits.") + key + "=" + bad}),
+                           {"limits"});
+    expectContains(errorOf(kOneJoint, {"limits.position_rad={lower: 1, upper: -1}"}), {"joint"});
+}
+
+TEST(Fault07, LimitsThatDoNotFitTheTickAreRefused) {
+    expectContains(errorOf(kOneJoint, {"limits.acceleration_radps2=0.01"}), {"limits"});
+    expectContains(errorOf(kOneJoint, {"limits.position_rad=1e-9"}), {"limits"});
+}
+
+TEST(Fault08, TicksAndGainsOutsideTheirRangeAreRefused) {
+    for (const char* bad : {"0", "-0.001", "1", ".nan"})
+        expectContains(errorOf(kOneJoint, {std::string("tick_s=") + bad}), {"tick_s"});
+    const auto configureError = [](const std::string& override) {
+        const Experiment e = readTestExperiment(kOneJoint, {override});
+        return catchError([&] { configureCase(e.cases[0]); });
+    };
+    expectContains(configureError("filter.k_alpha=1001"),
+                   {"k_alpha * tick_s", "(0, 1]", "--set: filter.k_alpha"});
+    expectContains(configureError("filter.gamma=2000"), {"gamma * tick_s", "(0, 2)"});
+}
+
+TEST(Fault11, MissingAndEscapingFilesAreRefused) {
+    expectContains(
+        errorOf(kTeleoperation, {"command={plugin: recorded_poses, file: ../nowhere.txt}"}),
+        {"command.file", "nowhere.txt"});
+    expectContains(errorOf(kTeleoperation, {"command={plugin: recorded_poses, file: /}"}),
+                   {"command.file"});
+    expectContains(errorOf(kOneJoint, {"robot=../../etc"}), {"robot"});
+}
+
+TEST(Fault12, AStartOutsideAnyLimitIsRefusedWithJointSideAndDistance) {
+    expectContains(errorOf(kOneJoint, {"start.position_rad=[3.2]"}),
+                   {"position", "upper limit", "by 0.05", "rad"});
+    expectContains(errorOf(kOneJoint, {"start.position_rad=[-3.2]"}), {"lower limit"});
+    expectContains(errorOf(kOneJoint, {"start.velocity_radps=[7]"}), {"velocity", "rad/s"});
+    expectContains(errorOf(kOneJoint, {"start.acceleration_radps2=[-10]"}),
+                   {"acceleration", "lower"});
+    expectContains(errorOf(kTeleoperation, {"start.position_rad=[0, 0, -pi/2, 0, 0, 0]"}),
+                   {"joint4"});
+    EXPECT_NO_THROW(readTestExperiment(kOneJoint, {"start.position_rad=[pi]"}));
+}
+
+}  // namespace
+}  // namespace viable

@@ -1,0 +1,68 @@
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "Program.h"
+
+// The main experiment, run by the program as a user runs it; the claims are those of the paper's
+// Figs. 8 and 9.
+
+namespace viable {
+namespace {
+
+double worstUse(const nlohmann::json& run, const char* quantity) {
+    double worst = 0.0;
+    for (const auto& joint : run["limits"][quantity])
+        worst = std::max(worst, joint["worst_use"].get<double>());
+    return worst;
+}
+
+void checkClaims(const nlohmann::json& summary) {
+    const auto &c1 = summary["cases"][0], &c2 = summary["cases"][1], &free = summary["cases"][2];
+    ASSERT_EQ(c1["name"], "C1");
+    ASSERT_EQ(c2["name"], "C2");
+    ASSERT_EQ(free["name"], "C2_without_nric");
+    // The law is derived for continuous time, so sampled it may overshoot a little.
+    for (const char* quantity : {"position", "velocity", "acceleration", "jerk"})
+        EXPECT_LE(worstUse(c2, quantity), 1.0 + 1e-3) << quantity;
+    for (const char* quantity : {"position", "velocity", "acceleration"})
+        EXPECT_LE(worstUse(c1, quantity), 1.0 + 1e-3) << quantity;
+    EXPECT_GT(worstUse(c1, "jerk"), 10.0);
+    // The motion is strong enough to be held back: the limits are met, not just kept.
+    EXPECT_GT(worstUse(c2, "position"), 0.99);
+    EXPECT_GT(worstUse(c2, "velocity"), 0.9);
+    EXPECT_GT(worstUse(c2, "jerk"), 0.99);
+    EXPECT_GT(free["tracking"]["rms_rad"].get<double>(),
+              20.0 * c2["tracking"]["rms_rad"].get<double>());
+    EXPECT_GT(free["tracking"]["max_rad"].get<double>(),
+              20.0 * c2["tracking"]["max_rad"].get<double>());
+    for (const auto& one : summary["cases"]) {
+        EXPECT_EQ(one["ticks"], 30000);
+        EXPECT_EQ(one["log_rows"], 30000);
+        EXPECT_EQ(one["substituted_ticks"], 0);
+    }
+}
+
+TEST(MainExperiment, GeneratedHandMotion) {
+    test::Folder folder;
+    const test::Outcome o =
+        test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run"});
+    ASSERT_EQ(o.code, 0) << o.err;
+    checkClaims(nlohmann::json::parse(test::readFile(folder / "run/summary.json")));
+}
+
+TEST(MainExperiment, RecordedHandMotion) {
+    const std::string recording = VIABLE_SOURCE_DIR "/../shared/data/freiburg1_xyz-groundtruth.txt";
+    if (!std::filesystem::exists(recording))
+        GTEST_SKIP()
+            << "the recorded motion ../shared/data/freiburg1_xyz-groundtruth.txt is not here";
+    test::Folder folder;
+    const test::Outcome o =
+        test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run", "--set",
+                   "command.plugin=recorded_poses", "--set", "command.file=" + recording});
+    ASSERT_EQ(o.code, 0) << o.err;
+    checkClaims(nlohmann::json::parse(test::readFile(folder / "run/summary.json")));
+}
+
+}  // namespace
+}  // namespace viable

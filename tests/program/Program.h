@@ -1,0 +1,89 @@
+#pragma once
+
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace viable::test {
+
+inline std::string readFile(const std::filesystem::path& file) {
+    std::ifstream stream(file, std::ios::binary);
+    std::ostringstream text;
+    text << stream.rdbuf();
+    return text.str();
+}
+
+/** A folder of the test's own, removed at the end. */
+class Folder {
+public:
+    Folder() {
+        std::string pattern = (std::filesystem::temp_directory_path() / "viable-XXXXXX").string();
+        path_ = mkdtemp(pattern.data());
+    }
+    ~Folder() {
+        std::error_code ignored;
+        std::filesystem::remove_all(path_, ignored);
+    }
+    std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
+    std::string write(const std::string& name, const std::string& text) const {
+        std::ofstream(path_ / name, std::ios::binary) << text;
+        return path_ / name;
+    }
+    const std::filesystem::path& path() const { return path_; }
+
+private:
+    std::filesystem::path path_;
+};
+
+struct Outcome {
+    int code = -1;  ///< exit code, or -signal
+    std::string out, err;
+};
+
+/** The program, started in the project's folder with the misbehaving plugins on its path. */
+class Program {
+public:
+    explicit Program(std::vector<std::string> arguments, std::function<void()> prepare = {}) {
+        out_ = folder_ / "out";
+        err_ = folder_ / "err";
+        pid_ = fork();
+        if (pid_ == 0) {
+            if (!freopen(out_.c_str(), "w", stdout) || !freopen(err_.c_str(), "w", stderr))
+                _exit(99);
+            if (chdir(VIABLE_SOURCE_DIR) != 0) _exit(99);
+            setenv("VIABLE_PLUGIN_PATH", VIABLE_BINARY_DIR "/tests/broken_plugins", 1);
+            if (prepare) prepare();
+            std::vector<char*> argv{const_cast<char*>(VIABLE_PROGRAM)};
+            for (std::string& argument : arguments) argv.push_back(argument.data());
+            argv.push_back(nullptr);
+            execv(VIABLE_PROGRAM, argv.data());
+            _exit(99);
+        }
+    }
+    pid_t pid() const { return pid_; }
+    Outcome wait() {
+        int status = 0;
+        waitpid(pid_, &status, 0);
+        return {WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status), readFile(out_),
+                readFile(err_)};
+    }
+
+private:
+    Folder folder_;
+    std::filesystem::path out_, err_;
+    pid_t pid_;
+};
+
+inline Outcome run(std::vector<std::string> arguments, std::function<void()> prepare = {}) {
+    return Program(std::move(arguments), std::move(prepare)).wait();
+}
+
+}  // namespace viable::test

@@ -1,0 +1,278 @@
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "Program.h"
+#include "viable/experiment/LogReader.h"
+
+namespace viable {
+namespace {
+
+using test::Folder;
+using test::Outcome;
+using test::readFile;
+
+const char* const kExperiment = R"(schema: 1
+title: one joint
+robot: single_joint
+duration_s: 2
+command: {plugin: waypoints, points: [[0, 1], [1, -1]], repeat_s: 2}
+controller: {plugin: joint_pd}
+filter: {plugin: tosbp, gamma: 100}
+cases:
+  A: {}
+  B: {filter: {plugin: acceleration_viability}}
+)";
+
+void expectContains(const std::string& text, const std::vector<std::string>& parts) {
+    for (const std::string& part : parts)
+        EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is missing in:\n"
+                                                      << text;
+}
+
+int countRows(const std::filesystem::path& log) {
+    LogReader reader(log);
+    TickRecord record;
+    int rows = 0;
+    while (reader.read(record)) ++rows;
+    return rows;
+}
+
+TEST(Program, RunWritesLogsAndSummaryAndPrintsATable) {
+    Folder folder;
+    const std::string out = folder / "run";
+    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out", out});
+    ASSERT_EQ(o.code, 0) << o.err;
+    expectContains(o.out, {"one joint", "worst use", "A: filter tosbp",
+                           "B: filter acceleration_viability", out});
+    EXPECT_EQ(countRows(out + "/A.mcap"), 2000);
+    const auto summary = nlohmann::json::parse(readFile(out + "/summary.json"));
+    EXPECT_EQ(summary["cases"].size(), 2u);
+    EXPECT_EQ(summary["cases"][0]["ticks"], 2000);
+    EXPECT_LE(summary["cases"][0]["limits"]["jerk"]["joint0"]["worst_use"].get<double>(),
+              1.0 + 1e-9);
+}
+
+TEST(Program, TheLogCarriesTheResolvedExperimentAndRunsAgainFromIt) {
+    Folder folder;
+    ASSERT_EQ(test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "one",
+                         "--case", "A"})
+                  .code,
+              0);
+    LogReader first(folder / "one/A.mcap");
+    std::string resolved;
+    for (const LogAttachment& attachment : first.attachments())
+        if (attachment.name == "experiment.yaml") resolved = attachment.data;
+    ASSERT_FALSE(resolved.empty());
+    ASSERT_EQ(
+        test::run({"run", folder.write("again.yaml", resolved), "--out", folder / "two"}).code, 0);
+    LogReader second(folder / "two/A.mcap");
+    TickRecord a, b;
+    while (first.read(a)) {
+        ASSERT_TRUE(second.read(b));
+        ASSERT_EQ(a.nominal.q, b.nominal.q);
+        ASSERT_EQ(a.nominal.jerk, b.nominal.jerk);
+    }
+    ASSERT_FALSE(second.read(b));
+}
+
+TEST(Program, CheckReportsEveryCaseWithoutARun) {
+    Folder folder;
+    const Outcome o = test::run({"check", folder.write("e.yaml", kExperiment)});
+    EXPECT_EQ(o.code, 0) << o.err;
+    expectContains(o.out, {"A: robot single_joint", "B: robot", "ok"});
+}
+
+TEST(Program, BadInputExitsWith2AndOneParagraph) {
+    Folder folder;
+    const std::string file = folder.write("e.yaml", std::string(kExperiment) + "duraton_s: 3\n");
+    const Outcome o = test::run({"run", file, "--out", folder / "run"});
+    EXPECT_EQ(o.code, 2);
+    expectContains(o.err, {"viable: ", file + ":11:", "duraton_s", "duration_s"});
+    EXPECT_FALSE(std::filesystem::exists(folder / "run"));  // nothing half-made
+    EXPECT_EQ(test::run({"run"}).code, 2);
+    EXPECT_EQ(test::run({"rum"}).code, 2);
+    EXPECT_EQ(test::run({"run", "nowhere.yaml"}).code, 2);
+    const Outcome wrongCase =
+        test::run({"run", folder.write("f.yaml", kExperiment), "--case", "a"});
+    EXPECT_EQ(wrongCase.code, 2);
+    expectContains(wrongCase.err, {"no case", "A, B"});
+}
+
+TEST(Program, HelpAndVersionExitWith0) {
+    EXPECT_EQ(test::run({"--help"}).code, 0);
+    EXPECT_EQ(test::run({"run", "--help"}).code, 0);
+    const Outcome o = test::run({"--version"});
+    EXPECT_EQ(o.code, 0);
+    expectContains(o.out, {"viable "});
+}
+
+TEST(Program, PluginsAndRobotsAreListedAndDescribed) {
+    const Outcome list = test::run({"plugins"}, [] { unsetenv("VIABLE_PLUGIN_PATH"); });
+    EXPECT_EQ(list.code, 0);
+    expectContains(list.out, {"tosbp", "nric", "simbody", "generated_hand_motion", "joint_pd"});
+    EXPECT_EQ(list.err, "");
+    const Outcome one =
+        test::run({"plugins", "--describe", "tosbp"}, [] { unsetenv("VIABLE_PLUGIN_PATH"); });
+    EXPECT_EQ(one.code, 0);
+    expectContains(one.out, {"k_alpha", "gamma", "1/s"});
+    const Outcome miss =
+        test::run({"plugins", "--describe", "tosbq"}, [] { unsetenv("VIABLE_PLUGIN_PATH"); });
+    EXPECT_EQ(miss.code, 2);
+    expectContains(miss.err, {"tosbq", "Did you mean 'tosbp'"});
+    const Outcome robots = test::run({"robots"});
+    EXPECT_EQ(robots.code, 0);
+    expectContains(robots.out, {"indy7", "single_joint"});
+    expectContains(test::run({"robots", "--describe", "indy7"}).out, {"joint5", "431.9"});
+}
+
+TEST(Program, ExportWritesCsvAndRefusesToOverwrite) {
+    Folder folder;
+    ASSERT_EQ(test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run",
+                         "--case", "A"})
+                  .code,
+              0);
+    const std::string csv = folder / "a.csv";
+    ASSERT_EQ(test::run({"export", folder / "run/A.mcap", "--to", "csv", csv}).code, 0);
+    const std::string text = readFile(csv);
+    EXPECT_EQ(text.rfind("time_s,", 0), 0u);
+    expectContains(text.substr(0, text.find('\n')),
+                   {"nominal.joint0.q_rad", "nominal.joint0.jerk_radps3", "filter.joint0.active",
+                    "tick.status"});
+    EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 2001);
+    EXPECT_EQ(test::run({"export", folder / "run/A.mcap", "--to", "csv", csv}).code, 2);
+    EXPECT_EQ(test::run({"export", folder / "run/A.mcap", "--to", "xls", folder / "b"}).code, 2);
+    EXPECT_EQ(test::run({"export", folder / "run/summary.json", "--to", "csv", folder / "b"}).code,
+              2);
+}
+
+TEST(Program, ABrokenPromiseExitsWith3AndSaysWhatBroke) {
+    Folder folder;
+    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out",
+                                 folder / "run", "--case", "A", "--set", "filter.plugin=liar"});
+    EXPECT_EQ(o.code, 3);
+    expectContains(o.err, {"case A", "'liar'", "promises all limits", "jerk"});
+    expectContains(readFile(folder / "run/summary.json"), {"\"exit_code\": 3"});
+}
+
+TEST(Fault44, APluginThatThrowsInTheRunExitsWith4AndKeepsTheLog) {
+    Folder folder;
+    const Outcome o =
+        test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case",
+                   "A", "--set", "filter.plugin=throwing_tick", "--set", "filter.after_ticks=500"});
+    EXPECT_EQ(o.code, 4);
+    expectContains(o.err, {"case A", "stopped at 0.5000 s", "'throwing_tick'", "it threw"});
+    EXPECT_GT(countRows(folder / "run/A.mcap"), 500);
+}
+
+TEST(Fault72, AFullDiskEndsTheLogNotTheRun) {
+    Folder folder;
+    const auto limitFiles = [] {
+        signal(SIGXFSZ, SIG_IGN);
+        const rlimit limit{60000, 60000};
+        setrlimit(RLIMIT_FSIZE, &limit);
+    };
+    const Outcome o = test::run(
+        {"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A"},
+        limitFiles);
+    EXPECT_EQ(o.code, 5);
+    expectContains(o.err, {"case A", "log could not be written"});
+    expectContains(o.out, {"LOG LOST", "2.000 s simulated"});
+    EXPECT_GT(countRows(folder / "run/A.mcap"), 0);  // what was written is readable
+}
+
+TEST(Fault72, AnUnwritableFolderIsRefusedBeforeTheRun) {
+    Folder folder;
+    folder.write("file", "");
+    const Outcome o =
+        test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "file/run"});
+    EXPECT_EQ(o.code, 5);
+    expectContains(o.err, {"cannot create the folder"});
+}
+
+TEST(Fault74, ASecondRunIntoTheSameFolderIsRefused) {
+    Folder folder;
+    const std::string file = folder.write("e.yaml", kExperiment);
+    ASSERT_EQ(test::run({"run", file, "--out", folder / "run"}).code, 0);
+    const std::string before = readFile(folder / "run/A.mcap");
+    const Outcome o = test::run({"run", file, "--out", folder / "run"});
+    EXPECT_EQ(o.code, 2);
+    expectContains(o.err, {"already holds something", "never overwrites"});
+    EXPECT_EQ(readFile(folder / "run/A.mcap"), before);
+}
+
+TEST(Fault74, RunsStartedInTheSameSecondGetFoldersOfTheirOwn) {
+    Folder folder;
+    const std::string file = folder.write("e.yaml", kExperiment);
+    const auto enter = [&] {
+        if (chdir(folder.path().c_str()) != 0) _exit(98);
+        setenv("VIABLE_ROBOT_PATH", VIABLE_SOURCE_DIR "/robots", 1);
+    };
+    test::Program a({"run", file}, enter), b({"run", file}, enter), c({"run", file}, enter);
+    EXPECT_EQ(a.wait().code, 0);
+    EXPECT_EQ(b.wait().code, 0);
+    EXPECT_EQ(c.wait().code, 0);
+    int runs = 0;
+    for (const auto& entry : std::filesystem::directory_iterator(folder / "runs")) {
+        ++runs;
+        EXPECT_TRUE(std::filesystem::exists(entry.path() / "summary.json"));
+    }
+    EXPECT_EQ(runs, 3);
+}
+
+/** Starts a long run, waits for its log to grow, and sends `signals` in turn. */
+Outcome runAndSignal(const Folder& folder, const std::vector<int>& signals, double& seconds) {
+    test::Program program({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run",
+                           "--case", "A", "--set", "duration_s=80000"});
+    while (!std::filesystem::exists(folder / "run/A.mcap") ||
+           std::filesystem::file_size(folder / "run/A.mcap") < 50000)
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    const auto begin = std::chrono::steady_clock::now();
+    for (int s : signals) kill(program.pid(), s);
+    const Outcome o = program.wait();
+    seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    return o;
+}
+
+TEST(Fault75, ASignalBrakesTheArmAndFinishesTheLog) {
+    for (int signal : {SIGINT, SIGTERM, SIGHUP}) {
+        Folder folder;
+        double seconds = 0.0;
+        const Outcome o = runAndSignal(folder, {signal}, seconds);
+        EXPECT_EQ(o.code, 128 + signal);
+        EXPECT_LT(seconds, 2.0);
+        expectContains(o.err, {"ended early by signal", "braked"});
+        LogReader reader(folder / "run/A.mcap");
+        EXPECT_TRUE(reader.isComplete());
+        TickRecord record, last;
+        while (reader.read(record)) last = record;
+        EXPECT_TRUE(last.braking);
+        EXPECT_NEAR(last.nominal.qd[0], 0.0, 0.01);  // the last row is one tick before rest
+        EXPECT_TRUE(std::filesystem::exists(folder / "run/summary.json"));
+    }
+}
+
+TEST(Fault75, ASecondSignalForcesTheEnd) {
+    Folder folder;
+    double seconds = 0.0;
+    const Outcome o = runAndSignal(folder, {SIGINT, SIGTERM}, seconds);
+    EXPECT_TRUE(o.code == 128 + SIGTERM || o.code == 128 + SIGINT) << o.code;
+    EXPECT_LT(seconds, 2.0);
+}
+
+TEST(Fault75, AClosedPipeDoesNotKillTheRun) {
+    Folder folder;
+    const std::string command = std::string(VIABLE_PROGRAM) + " run " +
+                                folder.write("e.yaml", kExperiment) + " --out " +
+                                (folder / "run").string() + " | true";
+    setenv("VIABLE_ROBOT_PATH", VIABLE_SOURCE_DIR "/robots", 1);
+    ASSERT_EQ(std::system(command.c_str()), 0);
+    EXPECT_EQ(countRows(folder / "run/A.mcap"), 2000);
+    EXPECT_TRUE(std::filesystem::exists(folder / "run/summary.json"));
+}
+
+}  // namespace
+}  // namespace viable
