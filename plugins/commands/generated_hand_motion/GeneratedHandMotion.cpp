@@ -19,11 +19,11 @@ constexpr double kMostReaches = 1e6;  // about 150 MB
 
 const ParameterSpec kParameters[] = {
     parameter::integer("seed", "1", "Another number is another motion.").atLeast(0),
-    parameter::numbers("reach_m", "m", 3, 3, "[0.20, 0.25, 0.20]",
+    parameter::numbers("reach_m", "m", 3, 3, "[0.10, 0.20, 0.10]",
                        "Targets lie this far from the start at most, along each base axis.")
         .atLeast(0)
         .upTo(10),
-    parameter::number("rotation_rad", "rad", "0.8", "Targets are turned by at most this angle.")
+    parameter::number("rotation_rad", "rad", "0.5", "Targets are turned by at most this angle.")
         .atLeast(0)
         .upTo(3),
     parameter::number("fastest_s", "s", "0.5", "Shortest time of one reach.")
@@ -37,10 +37,10 @@ const ParameterSpec kParameters[] = {
         .above(0)
         .orInfinite(),
     parameter::number("pause_s", "s", "0.3", "Longest pause after a reach.").atLeast(0).upTo(100),
-    parameter::number("tremor_m", "m", "0.0003", "Largest offset by tremor along each base axis.")
+    parameter::number("tremor_m", "m", "0.0001", "Largest offset by tremor along each base axis.")
         .atLeast(0)
         .upTo(0.1),
-    parameter::number("tremor_rad", "rad", "0.001",
+    parameter::number("tremor_rad", "rad", "0.0005",
                       "Largest rotation by tremor about each base axis.")
         .atLeast(0)
         .upTo(0.1),

@@ -121,11 +121,14 @@ TEST_P(PassThroughTest, Fault29HugeTorqueNeverBecomesAnInfiniteAcceleration) {
         FilterDecision decision;
         const FilterStatus status = filter_.filter(
             arm_.start, JointVector::Constant(arm_.size(), size), dynamics, decision);
-        if (status == FilterStatus::Passed)
+        if (status == FilterStatus::Passed) {
             EXPECT_TRUE(decision.acceleration.allFinite());
-        else
+        } else {
             EXPECT_EQ(status, FilterStatus::Faulted);
-        if (size > 1e307) EXPECT_EQ(status, FilterStatus::Faulted);
+        }
+        if (size > 1e307) {
+            EXPECT_EQ(status, FilterStatus::Faulted);
+        }
     }
 }
 

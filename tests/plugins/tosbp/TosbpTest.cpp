@@ -1,0 +1,499 @@
+#include "Tosbp.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <limits>
+#include <vector>
+
+#include "TestArm.h"
+
+namespace viable {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr double kPi = 3.14159265358979323846;
+
+Parameters read(const TestArm& arm, const std::string& text) {
+    return arm.read(PluginKind::SafetyFilter, "tosbp", text);
+}
+
+std::string findConfigureComplaint(TestArm& arm, const std::string& text) {
+    return findComplaint([&] {
+        Tosbp filter;
+        filter.configure(arm.setup(), read(arm, text));
+    });
+}
+
+struct Outcome {
+    LimitExcess excess;
+    int ticks = 0, infeasible = 0, modified = 0, passed = 0;
+};
+
+/** Runs the nominal arm from its start. @param torqueOf  the desired torque in a tick, from the
+state; @param dynamicsOf  the dynamics at a state */
+template <class TorqueOf, class DynamicsOf>
+Outcome run(TestArm& arm, const std::string& parameters, double duration_s, TorqueOf torqueOf,
+            DynamicsOf dynamicsOf) {
+    Tosbp filter;
+    filter.configure(arm.setup(), read(arm, parameters));
+    filter.reset(arm.start);
+    MotionState state = arm.start;
+    FilterDecision decision;
+    Outcome outcome;
+    outcome.ticks = static_cast<int>(std::lround(duration_s / arm.tick_s));
+    for (int k = 0; k < outcome.ticks; ++k) {
+        const Dynamics& dynamics = dynamicsOf(state);
+        const JointVector torque = torqueOf(state, dynamics);
+        const FilterStatus status = filter.filter(state, torque, dynamics, decision);
+        outcome.infeasible += status == FilterStatus::Infeasible;
+        outcome.modified += status == FilterStatus::Modified;
+        outcome.passed += status == FilterStatus::Passed;
+        EXPECT_LE(status, FilterStatus::Infeasible) << "tick " << k;
+        EXPECT_EQ(decision.held, HeldQuantity::Jerk);
+        EXPECT_TRUE(isFinite(decision.torque, arm.size())) << "tick " << k;
+        if (status == FilterStatus::Infeasible)  // braking, inside the jerk limits
+            for (int i = 0; i < arm.size(); ++i) {
+                EXPECT_GE(decision.jerk[i], arm.limits.jerk.lower[i]);
+                EXPECT_LE(decision.jerk[i], arm.limits.jerk.upper[i]);
+            }
+        advanceNominal(decision, arm.tick_s, state);
+        outcome.excess.observe(decision, state, arm.limits);
+        if (::testing::Test::HasFailure()) break;
+    }
+    return outcome;
+}
+
+double calcLargest(const JointBounds& bounds) {
+    return std::max(bounds.upper.maxCoeff(), -bounds.lower.minCoeff());
+}
+
+/** What sampling costs, as the largest drift over `duration_s`.
+
+Velocity: the row (19) is there for a > 0 only. From a = -e <= 0 one tick may take +J, the next
+takes -J; together the velocity peak has grown by at most J dt^2 in two ticks, so pushing for ever
+creeps through the limit with J dt / 2 at most. Position: the same one integral further, J dt^2 / 2,
+and on top the sampling of the approach itself, of the size of A dt^2. */
+double calcVelocityDrift(const JointLimits& limits, double tick_s, double duration_s) {
+    const double J = calcLargest(limits.jerk);
+    return J * tick_s * duration_s / 2.0 + J * tick_s * tick_s;
+}
+double calcPositionDrift(const JointLimits& limits, double tick_s, double duration_s) {
+    const double J = calcLargest(limits.jerk), A = calcLargest(limits.acceleration);
+    return J * tick_s * tick_s * duration_s / 2.0 + A * tick_s * tick_s;
+}
+
+void expectHeld(const Outcome& outcome, const JointLimits& limits, double tick_s) {
+    const double duration_s = outcome.ticks * tick_s;
+    EXPECT_LE(outcome.excess.jerk, 1e-9);
+    EXPECT_LE(outcome.excess.acceleration, 1e-9);
+    EXPECT_LE(outcome.excess.velocity, calcVelocityDrift(limits, tick_s, duration_s));
+    EXPECT_LE(outcome.excess.position, calcPositionDrift(limits, tick_s, duration_s));
+}
+
+double drawLogarithmic(double low, double high, std::mt19937& random) {
+    return std::exp(std::uniform_real_distribution<double>(std::log(low), std::log(high))(random));
+}
+
+/** Limits of a single joint; `above`: V > A^2 / J, so that braking reaches the acceleration limit
+(types I and IV). */
+void drawLimits(JointLimits& limits, bool above, bool symmetric, std::mt19937& random) {
+    const double A = drawLogarithmic(1.0, 30.0, random), J = drawLogarithmic(10.0, 1000.0, random);
+    const double share = above ? drawLogarithmic(1.05, 4.0, random)
+                               : drawLogarithmic(0.1, 0.95, random);
+    const double V = share * A * A / J;
+    const double way = V * V / A + V * A / J;
+    const auto setBoth = [&](JointBounds& bounds, double size) {
+        std::uniform_real_distribution<double> factor(0.5, 1.0);
+        bounds.upper[0] = symmetric ? size : size * factor(random);
+        bounds.lower[0] = symmetric ? -size : -size * factor(random);
+    };
+    setBoth(limits.acceleration, A);
+    setBoth(limits.jerk, J);
+    setBoth(limits.velocity, V);
+    setBoth(limits.position, way * drawLogarithmic(0.5, 4.0, random));
+}
+
+TEST(Tosbp, SingleJointUnderRandomLimitsOnBothSidesOfTheCruiseLine) {
+    TestArm arm("single_joint");
+    const Dynamics unit = makeUnitDynamics(1);
+    std::mt19937 random(21);
+    double worstPosition = 0.0, worstVelocity = 0.0;
+    long ticks = 0, infeasible = 0;
+    for (int k = 0; k < 400; ++k) {
+        drawLimits(arm.limits, k % 2 == 0, (k / 2) % 2 == 0, random);
+        PushingCommand push(1, 3.0 * calcLargest(arm.limits.acceleration), (k / 4) % 2 == 0, k);
+        const Outcome outcome = run(
+            arm, "k_alpha: 5, gamma: 20", 20.0,
+            [&](const MotionState&, const Dynamics&) { return push.next(); },
+            [&](const MotionState&) -> const Dynamics& { return unit; });
+        SCOPED_TRACE("limits " + std::to_string(k));
+        expectHeld(outcome, arm.limits, arm.tick_s);
+        ASSERT_FALSE(HasFailure());
+        EXPECT_GT(outcome.modified, 100);
+        worstPosition = std::max(worstPosition, outcome.excess.position);
+        worstVelocity = std::max(worstVelocity, outcome.excess.velocity);
+        ticks += outcome.ticks;
+        infeasible += outcome.infeasible;
+    }
+    std::printf("  worst excess: %.2g rad, %.2g of the velocity limit; %ld of %ld ticks empty\n",
+                worstPosition, worstVelocity, infeasible, ticks);
+    EXPECT_LE(worstPosition, 2e-3);
+    EXPECT_LE(worstVelocity, 0.03);
+    EXPECT_GT(infeasible, 0);  // the rows do contradict each other, and the filter says so
+    EXPECT_LT(infeasible, ticks / 20);
+}
+
+TEST(Tosbp, ArmUnderThePapersLimits) {
+    for (const bool bangBang : {false, true}) {
+        TestArm arm("indy7");
+        // (30): the limits of the teleoperation experiment.
+        arm.limits.velocity = {JointVector::Constant(6, -2 * kPi / 3),
+                               JointVector::Constant(6, 2 * kPi / 3)};
+        arm.limits.acceleration = {JointVector::Constant(6, -4 * kPi),
+                                   JointVector::Constant(6, 4 * kPi)};
+        arm.limits.jerk = {JointVector::Constant(6, -12 * kPi),
+                           JointVector::Constant(6, 12 * kPi)};
+        JointVector range(6);
+        range << kPi / 6, kPi / 12, kPi / 6, kPi / 12, kPi / 6, kPi / 3;
+        arm.limits.position = {arm.robot.home - range, arm.robot.home + range};
+        PushingCommand push(6, 40.0, bangBang, 8);
+        Dynamics dynamics;
+        const Outcome outcome = run(
+            arm, "k_alpha: 5, gamma: 20", 20.0,
+            [&](const MotionState&, const Dynamics& d) {
+                JointVector torque;
+                calcInverseDynamics(d, push.next(), torque);
+                return torque;
+            },
+            [&](const MotionState& s) -> const Dynamics& {
+                arm.model().calcDynamics(s.q, s.qd, dynamics);
+                return dynamics;
+            });
+        expectHeld(outcome, arm.limits, arm.tick_s);
+        EXPECT_GT(outcome.modified, 1000);
+        std::printf("  worst excess: %.2g rad, %.2g of the velocity limit; %d of %d ticks empty\n",
+                    outcome.excess.position, outcome.excess.velocity, outcome.infeasible,
+                    outcome.ticks);
+    }
+}
+
+// A limit of the sampled law, kept on purpose (the filter reproduces the paper): pushed for ever,
+// it creeps through the velocity limit, and not faster than derived above.
+TEST(Tosbp, PushedForEverCreepsThroughTheVelocityLimitAtTheDerivedRate) {
+    TestArm arm("single_joint");
+    arm.limits.position = {JointVector::Constant(1, -kInf), JointVector::Constant(1, kInf)};
+    const Dynamics unit = makeUnitDynamics(1);
+    const Outcome outcome = run(
+        arm, "k_alpha: 5, gamma: 100", 60.0,
+        [&](const MotionState&, const Dynamics&) { return JointVector::Constant(1, 100.0); },
+        [&](const MotionState&) -> const Dynamics& { return unit; });
+    EXPECT_LE(outcome.excess.jerk, 1e-9);
+    EXPECT_LE(outcome.excess.acceleration, 1e-9);
+    const double V = 2.0 * kPi;
+    EXPECT_LE(V * outcome.excess.velocity, calcVelocityDrift(arm.limits, arm.tick_s, 60.0));
+    EXPECT_GT(outcome.excess.velocity, 0.0);
+}
+
+/** The paper's S4 (26): qdd_d = 5 (2 pi - q) - qd for 8 s (Fig. 6). */
+struct S4 {
+    Outcome outcome;
+    double firstPastStop_s = -1.0;  ///< when the stop first lay behind the limit, h_p < 0
+    double firstBrokenRow_s = -1.0;  ///< when (18) with (21), as printed, first asked for j < -J
+    int brakesThere = 0, ticksPastStop = 0, signChanges = 0;
+};
+
+S4 runS4(double tick_s) {
+    TestArm arm("single_joint", tick_s);
+    const Dynamics unit = makeUnitDynamics(1);
+    Tosbp filter;
+    filter.configure(arm.setup(), read(arm, "k_alpha: 5, gamma: 100"));
+    filter.reset(arm.start);
+    MotionState s = arm.start;
+    FilterDecision d;
+    S4 result;
+    result.outcome.ticks = static_cast<int>(std::lround(8.0 / tick_s));
+    const double J = 4.0 * kPi;
+    double last = 0.0;
+    for (int k = 0; k < result.outcome.ticks; ++k) {
+        const JointVector torque =
+            JointVector::Constant(1, 5.0 * (2.0 * kPi - s.q[0]) - s.qd[0]);
+        const FilterStatus status = filter.filter(s, torque, unit, d);
+        EXPECT_LE(status, FilterStatus::Infeasible);
+        result.outcome.infeasible += status == FilterStatus::Infeasible;
+
+        // An own evaluation of the stop III (it never cruises with these numbers) and of the row
+        // as printed, for v > 0 and a > 0 near the limit.
+        const double v = s.qd[0], a = s.qdd[0];
+        if (v + a * std::abs(a) / (2.0 * J) > 0.0) {
+            const double a1 = std::sqrt(a * a / 2.0 + J * v), T1 = (a + a1) / J, T3 = a1 / J;
+            const double stop = s.q[0] + v * T1 + a * T1 * T1 / 2 - J * T1 * T1 * T1 / 6 +
+                                J * T3 * T3 * T3 / 6;
+            const double h = kPi - stop, dpdv = T1 + T3 / 2, dpda = T1 * (T1 / 2 + T3 / 2);
+            if (h < -1e-12) {
+                ++result.ticksPastStop;
+                result.brakesThere += d.jerk[0] == -J;
+                if (result.firstPastStop_s < 0.0) result.firstPastStop_s = k * tick_s;
+                const double row = (5.0 * h - v - dpdv * a) / dpda;
+                if (row < -J && result.firstBrokenRow_s < 0.0)
+                    result.firstBrokenRow_s = k * tick_s;
+            }
+        }
+        result.signChanges += d.jerk[0] * last < 0.0;
+        last = d.jerk[0];
+        advanceNominal(d, tick_s, s);
+        result.outcome.excess.observe(d, s, arm.limits);
+    }
+    EXPECT_NEAR(s.q[0], kPi, 1e-3);  // it is at the limit and stays there (Fig. 6)
+    return result;
+}
+
+// The row as printed asks for less than -J as soon as a tick leaves a stop behind the limit
+// (h_p < 0), and its interval is empty from then on. Ours ends at -J there, which is the best that
+// can be done, and counts a tick as empty only when two rows contradict each other: none here.
+TEST(Tosbp, Fault33S4RestingOnTheLimitBrakesWhereThePrintedRowIsBroken) {
+    const S4 coarse = runS4(1e-2), usual = runS4(1e-3), fine = runS4(1e-4);
+    std::printf("  printed row first broken at %.2f s (10 ms), %.2f s (1 ms), %.2f s (0.1 ms)\n",
+                coarse.firstBrokenRow_s, usual.firstBrokenRow_s, fine.firstBrokenRow_s);
+    std::printf("  position passed by %.2g, %.2g, %.2g rad\n", coarse.outcome.excess.position,
+                usual.outcome.excess.position, fine.outcome.excess.position);
+    for (const S4* s4 : {&coarse, &usual, &fine}) {
+        EXPECT_EQ(s4->outcome.infeasible, 0);
+        EXPECT_EQ(s4->brakesThere, s4->ticksPastStop);
+        EXPECT_GT(s4->ticksPastStop, 0);
+        EXPECT_EQ(s4->firstBrokenRow_s, s4->firstPastStop_s);
+        EXPECT_LE(s4->outcome.excess.jerk, 1e-9);
+        EXPECT_LE(s4->outcome.excess.acceleration, 1e-9);
+        EXPECT_EQ(s4->outcome.excess.velocity, 0.0);
+        EXPECT_GT(s4->signChanges, 100);  // it chatters there
+    }
+    EXPECT_LT(coarse.firstBrokenRow_s, usual.firstBrokenRow_s);
+    EXPECT_LT(usual.firstBrokenRow_s, fine.firstBrokenRow_s);
+    EXPECT_LE(usual.outcome.excess.position, 1.7e-5);
+    EXPECT_LE(fine.outcome.excess.position, usual.outcome.excess.position / 10.0);
+}
+
+TEST(Tosbp, AdmissibleDesiredJerkPassesBitForBit) {
+    for (const char* robot : {"single_joint", "indy7"}) {
+        TestArm arm(robot);
+        Tosbp filter;
+        filter.configure(arm.setup(), read(arm, "gamma: 20"));
+        std::mt19937 random(5);
+        for (int k = 0; k < 200; ++k) {
+            MotionState state = arm.start;
+            state.q += makeRandomVector(arm.size(), 0.05, random);
+            state.qd = makeRandomVector(arm.size(), 0.1, random);
+            state.qdd = makeRandomVector(arm.size(), 0.3, random);
+            const Dynamics dynamics = arm.calcDynamics(state);
+            JointVector first, second, desired[2];
+            const JointVector aim = state.qdd + makeRandomVector(arm.size(), 0.3, random);
+            calcInverseDynamics(dynamics, aim, first);
+            calcInverseDynamics(dynamics, aim + makeRandomVector(arm.size(), 0.004, random),
+                                second);
+            ASSERT_TRUE(calcForwardDynamics(dynamics, first, desired[0]));
+            ASSERT_TRUE(calcForwardDynamics(dynamics, second, desired[1]));
+            FilterDecision decision;
+            filter.reset(state);
+            // In the first tick there is no quotient yet, in the second there is one (14).
+            ASSERT_EQ(filter.filter(state, first, dynamics, decision), FilterStatus::Passed);
+            ASSERT_EQ(decision.jerk, JointVector(-20.0 * (state.qdd - desired[0])));
+            ASSERT_EQ(filter.filter(state, second, dynamics, decision), FilterStatus::Passed);
+            ASSERT_EQ(decision.jerk, JointVector((desired[1] - desired[0]) / arm.tick_s -
+                                                 20.0 * (state.qdd - desired[1])));
+            for (int i = 0; i < arm.size(); ++i) {
+                EXPECT_EQ(decision.joints[i].limit, LimitKind::None);
+                EXPECT_GT(decision.joints[i].margin, 0.0);
+            }
+        }
+    }
+}
+
+TEST(Tosbp, SaysWhichLimitActs) {
+    TestArm arm("single_joint");
+    const Dynamics unit = makeUnitDynamics(1);
+    Tosbp filter;
+    filter.configure(arm.setup(), read(arm, ""));
+    const auto decide = [&](double q, double qd, double qdd, double push) {
+        MotionState state = arm.start;
+        state.q[0] = q;
+        state.qd[0] = qd;
+        state.qdd[0] = qdd;
+        filter.reset(state);
+        FilterDecision decision;
+        filter.filter(state, JointVector::Constant(1, push), unit, decision);
+        return decision.joints[0];
+    };
+    EXPECT_EQ(decide(0, 0, 0, 100.0).limit, LimitKind::None);  // clamped before, not by a row
+    JointIntervention joint = decide(-1.0, -3.0, 3 * kPi - 0.001, 100.0);
+    EXPECT_EQ(joint.limit, LimitKind::Acceleration);
+    EXPECT_EQ(joint.side, LimitSide::Upper);
+    joint = decide(-3.0, 2 * kPi - 0.1, 1.0, 100.0);
+    EXPECT_EQ(joint.limit, LimitKind::Velocity);
+    EXPECT_EQ(joint.side, LimitSide::Upper);
+    joint = decide(-kPi + 0.01, -0.1, -0.5, -100.0);
+    EXPECT_EQ(joint.limit, LimitKind::Position);
+    EXPECT_EQ(joint.side, LimitSide::Lower);
+}
+
+TEST(Tosbp, Fault08GainsThatTheTickCannotCarryAreRefused) {
+    TestArm arm("indy7", 0.01);
+    std::string complaint = findConfigureComplaint(arm, "k_alpha: 101");
+    EXPECT_CONTAINS(complaint, "experiment.yaml:1:");
+    EXPECT_CONTAINS(complaint, "plugin_block.k_alpha");
+    EXPECT_CONTAINS(complaint, "k_alpha * tick_s is 1.01");
+    EXPECT_CONTAINS(complaint, "allowed (0, 1]");
+    complaint = findConfigureComplaint(arm, "gamma: 200");
+    EXPECT_CONTAINS(complaint, "plugin_block.gamma");
+    EXPECT_CONTAINS(complaint, "gamma * tick_s is 2.0");
+    EXPECT_CONTAINS(complaint, "allowed (0, 2)");
+    EXPECT_CONTAINS(complaint, "below 2 / tick_s");
+    EXPECT_EQ(findConfigureComplaint(arm, "k_alpha: 100, gamma: 199"), "");
+    EXPECT_CONTAINS(findConfigureComplaint(arm, "k_alpha: 0"), "k_alpha");
+    EXPECT_CONTAINS(findConfigureComplaint(arm, "gamma: -20"), "gamma");
+}
+
+TEST(Tosbp, UnlimitedJerkIsRefused) {
+    TestArm arm("single_joint");
+    arm.limits.jerk.lower[0] = -kInf;
+    const std::string complaint = findConfigureComplaint(arm, "");
+    EXPECT_CONTAINS(complaint, "finite jerk limit");
+    EXPECT_CONTAINS(complaint, "limits.jerk_radps3");
+}
+
+TEST(Tosbp, RefusesWhatIsNotFiniteOrOfTheWrongSizeAndStaysAsItWas) {
+    TestArm arm("indy7");
+    const Dynamics dynamics = arm.calcDynamics(arm.start);
+    const auto play = [&](bool disturbed) {
+        Tosbp filter;
+        filter.configure(arm.setup(), read(arm, ""));
+        filter.reset(arm.start);
+        FilterDecision decision;
+        filter.filter(arm.start, dynamics.gravity, dynamics, decision);
+        if (disturbed) {
+            const JointVector before = decision.torque;
+            for (const double bad : {kNan, kInf, -kInf}) {
+                JointVector torque = dynamics.gravity;
+                torque[3] = bad;
+                EXPECT_EQ(filter.filter(arm.start, torque, dynamics, decision),
+                          FilterStatus::InvalidInput);
+                MotionState state = arm.start;
+                state.qdd[5] = bad;
+                EXPECT_EQ(filter.filter(state, dynamics.gravity, dynamics, decision),
+                          FilterStatus::InvalidInput);
+            }
+            EXPECT_EQ(filter.filter(arm.start, JointVector::Zero(5), dynamics, decision),
+                      FilterStatus::InvalidInput);
+            Dynamics indefinite = dynamics;
+            indefinite.M *= -1.0;
+            EXPECT_EQ(filter.filter(arm.start, dynamics.gravity, indefinite, decision),
+                      FilterStatus::Faulted);
+            EXPECT_EQ(decision.torque, before);
+        }
+        filter.filter(arm.start, dynamics.gravity + JointVector::Constant(6, 0.01), dynamics,
+                      decision);
+        return decision;
+    };
+    EXPECT_EQ(play(true).jerk, play(false).jerk);
+}
+
+TEST(Tosbp, Fault29HugeTinyAndAlternatingTorquesKeepTheLimits) {
+    TestArm arm("indy7");
+    const double sizes[] = {1e300, std::numeric_limits<double>::max(),
+                            std::numeric_limits<double>::denorm_min(), 1e150};
+    std::mt19937 random(6);
+    int k = 0;
+    Dynamics dynamics;
+    const Outcome outcome = run(
+        arm, "gamma: 1999, k_alpha: 1000", 20.0,
+        [&](const MotionState&, const Dynamics&) {
+            JointVector torque(arm.size());
+            for (int i = 0; i < arm.size(); ++i)
+                torque[i] = sizes[(k / 1000 + i) % 4] * ((k + i) % 2 ? 1.0 : -1.0) *
+                            ((k / 500) % 2 && random() % 2 ? -1.0 : 1.0);
+            ++k;
+            return torque;
+        },
+        [&](const MotionState& s) -> const Dynamics& {
+            arm.model().calcDynamics(s.q, s.qd, dynamics);
+            return dynamics;
+        });
+    expectHeld(outcome, arm.limits, arm.tick_s);
+}
+
+TEST(Tosbp, Fault30SetPointJumpsThroughJointPdKeepTheLimits) {
+    for (const char* robot : {"single_joint", "indy7"}) {
+        for (const double jump : {2.0 * kPi, 1e6}) {
+            TestArm arm(robot);
+            const auto controller = PluginLoader::create<NominalController>(
+                findPlugin(PluginKind::NominalController, "joint_pd"));
+            controller->configure(arm.setup(),
+                                  arm.read(PluginKind::NominalController, "joint_pd", ""));
+            controller->reset(arm.start);
+            int k = 0;
+            Dynamics dynamics;
+            const Outcome outcome = run(
+                arm, "gamma: 100", 20.0,
+                [&](const MotionState& s, const Dynamics& d) {
+                    MotionCommand command;
+                    const double side = (k++ / 2000) % 2 ? -1.0 : 1.0;
+                    command.q = arm.robot.home + JointVector::Constant(arm.size(), side * jump);
+                    command.qd.setZero(arm.size());
+                    JointVector torque;
+                    EXPECT_EQ(controller->compute(command, s, d, torque), TickStatus::Ok);
+                    return torque;
+                },
+                [&](const MotionState& s) -> const Dynamics& {
+                    arm.model().calcDynamics(s.q, s.qd, dynamics);
+                    return dynamics;
+                });
+            expectHeld(outcome, arm.limits, arm.tick_s);
+            EXPECT_GT(outcome.modified, 1000);
+        }
+    }
+}
+
+TEST(Tosbp, ResetGivesTheSameAnswersAgain) {
+    TestArm arm("indy7");
+    Tosbp filter;
+    filter.configure(arm.setup(), read(arm, ""));
+    const auto play = [&] {
+        filter.reset(arm.start);
+        MotionState state = arm.start;
+        PushingCommand push(arm.size(), 40.0, true, 9);
+        FilterDecision decision;
+        for (int k = 0; k < 2000; ++k) {
+            const Dynamics dynamics = arm.calcDynamics(state);
+            JointVector torque;
+            calcInverseDynamics(dynamics, push.next(), torque);
+            filter.filter(state, torque, dynamics, decision);
+            advanceNominal(decision, arm.tick_s, state);
+        }
+        return state;
+    };
+    const MotionState first = play(), second = play();
+    EXPECT_EQ(first.q, second.q);
+    EXPECT_EQ(first.qdd, second.qdd);
+}
+
+TEST(Tosbp, LoadsAsALibrary) {
+    TestArm arm("indy7");
+    const auto plugin =
+        PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, "tosbp"));
+    EXPECT_FALSE(plugin->promisesLimits());
+    Tosbp own;
+    for (SafetyFilter* filter : {plugin.get(), static_cast<SafetyFilter*>(&own)}) {
+        filter->configure(arm.setup(), read(arm, ""));
+        filter->reset(arm.start);
+    }
+    const Dynamics dynamics = arm.calcDynamics(arm.start);
+    const JointVector torque = JointVector::LinSpaced(6, 5.0, 50.0);
+    FilterDecision a, b;
+    EXPECT_EQ(plugin->filter(arm.start, torque, dynamics, a),
+              own.filter(arm.start, torque, dynamics, b));
+    EXPECT_EQ(a.jerk, b.jerk);
+    EXPECT_EQ(a.torque, b.torque);
+}
+
+}  // namespace
+}  // namespace viable
