@@ -42,6 +42,8 @@ echo "setup: configuring (preset $preset)"
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 cmake --preset "$preset" >"$log" 2>&1 || { cat "$log" >&2; exit 1; }
-echo "setup: building in build/$preset"
-cmake --build --preset "$preset" -- --quiet
+echo "setup: building in build/$preset (a few minutes the first time)"
+quiet=()
+[ -t 1 ] || quiet=(-- --quiet)
+cmake --build --preset "$preset" "${quiet[@]}"
 echo "setup: done, the program is build/$preset/bin/viable"

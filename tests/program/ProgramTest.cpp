@@ -126,7 +126,7 @@ TEST(Program, PluginsAndRobotsAreListedAndDescribed) {
     const Outcome robots = test::run({"robots"});
     EXPECT_EQ(robots.code, 0);
     expectContains(robots.out, {"indy7", "single_joint"});
-    expectContains(test::run({"robots", "--describe", "indy7"}).out, {"joint5", "431.9"});
+    expectContains(test::run({"robots", "--describe", "indy7"}).out, {"joint5", "79.79"});
 }
 
 TEST(Program, ExportWritesCsvAndRefusesToOverwrite) {

@@ -278,7 +278,7 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
                 nameWithUnit(spec) + " is missing: " + (spec.help ? spec.help : "no help"),
                 "Add `" + std::string(spec.name) + ": ...` (" + getTypeName(spec.type) + ") here");
         }
-        const ConfigNode node = written ? *written : makeDefault(spec, block);
+        ConfigNode node = written ? *written : makeDefault(spec, block);
         Parameters::Value value;
         switch (spec.type) {
             case ParameterType::Number:
@@ -311,6 +311,10 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
             default:
                 failPlugin(block.place(), "the plugin declares the parameter `" +
                                               std::string(spec.name) + "` with an unknown type");
+        }
+        if (spec.type == ParameterType::File) {  // the resolved block must mean the same from any folder
+            node.text = std::get<std::filesystem::path>(value).string();
+            node.quoted = true;
         }
         parameters.values_.emplace(spec.name, std::move(value));
         parameters.places_.emplace(spec.name, written ? written->place() : block.place());

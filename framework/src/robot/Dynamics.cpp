@@ -1,6 +1,7 @@
 #include "viable/robot/Dynamics.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 
 namespace viable {
 
@@ -15,6 +16,8 @@ bool calcForwardDynamics(const Dynamics& dynamics, const JointVector& torque, Jo
     if (factor.info() != Eigen::Success) return false;
     qdd = torque - dynamics.b;
     factor.solveInPlace(qdd);
+    for (double& x : qdd)  // written so that NaN, from infinities of both signs, is cut off too
+        x = x < kLargestAcceleration ? std::max(x, -kLargestAcceleration) : kLargestAcceleration;
     return true;
 }
 

@@ -72,6 +72,10 @@ FilterStatus AccelerationViability::filter(const MotionState& nominal, const Joi
     const JointVector wanted = torque.cwiseMax(-kLargestTorque).cwiseMin(kLargestTorque);
     if (!calcForwardDynamics(dynamics, wanted, desired_)) return FilterStatus::Faulted;
 
+    // A desired acceleration beyond the joint's own limit could not be met; it would only drag the
+    // other joints along through M.
+    desired_ = desired_.cwiseMax(limits_.acceleration.lower).cwiseMin(limits_.acceleration.upper);
+
     bool infeasible = false;
     Bound lowerBounds[kMaxJoints], upperBounds[kMaxJoints];
     lower_.resize(n_);

@@ -9,11 +9,16 @@ namespace viable {
 the paper).
 
 Method: the acceleration x of each joint, nearest to the desired one in torque (13), subject to
-    position       x <= Ad (alpha(h) / v - 1),  h = P - p - v^2 / (2 Ad),  for v > 0   (paper, eq.
-16) velocity       v + x dt <= V acceleration   x <= A and the mirror image below; alpha(h) =
-k_alpha h, Ad the deceleration limit [rad/s^2]. Assumes: acceleration can change at once. Guarantees
-nothing about jerk; the position limit is derived for continuous time, so ticks may pass it a
-little. Real time: no allocation, lock or throw after configure(). */
+    position       x <= Ad (alpha(h) / v - 1),  h = P - p - v^2 / (2 Ad),  for v > 0     (eq. 16)
+                   v + x dt <= 0,  for v <= 0 at or past P
+    velocity       v + x dt <= V
+    acceleration   x <= A
+and the mirror image below; alpha(h) = k_alpha h, Ad the deceleration limit [rad/s^2]. The second
+row is not in the paper: without it the sampled law creeps through P by A dt^2 every other tick.
+Assumes: acceleration can change at once. Guarantees: velocity and acceleration at every tick; the
+position limit is passed by at most (1 + A / Ad) A dt^2 / 2 (and Ad dt^2 / 2 more where one tick of
+braking passes the velocity limit, which is reported as Infeasible); nothing about jerk.
+Real time: no allocation, lock or throw after configure(). */
 class AccelerationViability : public SafetyFilter {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;

@@ -20,8 +20,8 @@ const ParameterSpec kParameters[] = {
         .above(0),
 };
 
-/** Beyond this the size of a torque says nothing more, and M^-1 tau or its difference quotient could
-overflow. [Nm] */
+/** Beyond this the size of a torque says nothing more, and M^-1 tau or its difference quotient
+could overflow. [Nm] */
 constexpr double kLargestTorque = 1e100;
 
 /** An upper end `-J + gain / slope` of the jerk interval, or `open` where it does not restrict. The

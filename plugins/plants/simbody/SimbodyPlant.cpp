@@ -23,9 +23,6 @@ const ParameterSpec kParameters[] = {
     parameter::number("stribeck_velocity_radps", "rad/s", "0.02",
                       "Velocity over which that excess fades.")
         .above(0),
-    parameter::number("smoothing_radps", "rad/s", "0.001",
-                      "Velocity over which Coulomb friction changes its sign.")
-        .above(0),
     parameter::number("payload_kg", "kg", "0.0",
                       "Mass at the tool that the nominal model does not know.")
         .atLeast(0),
@@ -47,22 +44,36 @@ const ParameterSpec kParameters[] = {
     parameter::integer("seed", "1", "Of the reading noise.").atLeast(0),
 };
 
-constexpr int kMaxNewtonSteps = 30;
-/** The implicit friction is found when the torque balance is met to this part of the torques at
- * work. */
-constexpr double kFrictionTolerance = 1e-10;
+/** Rounds for the viscous friction. Each lowers the (convex) function whose minimum is v+, and even
+the first takes energy out, so their number is a matter of accuracy only. */
+constexpr int kViscousRounds = 3;
+
+/** The inverse of the lower triangle of `L`. */
+JointMatrix invertLower(const JointMatrix& L) {
+    const int n = static_cast<int>(L.rows());
+    JointMatrix inverse = JointMatrix::Zero(n, n);
+    for (int k = 0; k < n; ++k) {
+        inverse(k, k) = 1.0 / L(k, k);
+        for (int i = k + 1; i < n; ++i) {
+            double sum = 0.0;
+            for (int j = k; j < i; ++j) sum -= L(i, j) * inverse(j, k);
+            inverse(i, k) = sum / L(i, i);
+        }
+    }
+    return inverse;
+}
 
 }  // namespace
 
-void SimbodyPlant::FrictionLaw::calc(double v, double& torque, double& slope) const {
+double SimbodyPlant::FrictionLaw::calcDry(double v) const {
     const double x = v / stribeckVelocity;
-    const double excess = (breakaway - coulomb) * std::exp(-x * x);
-    const double sign = std::tanh(v / smoothing);
-    const double viscousDecay = std::exp(-std::abs(v) / viscousVelocity);
-    torque = (coulomb + excess) * sign + std::copysign(viscous * (1.0 - viscousDecay), v);
-    slope = (coulomb + excess) * (1.0 - sign * sign) / smoothing -
-            2.0 * x / stribeckVelocity * excess * sign + viscous / viscousVelocity * viscousDecay;
-    slope = std::max(slope, 0.0);
+    return coulomb + (breakaway - coulomb) * std::exp(-x * x);
+}
+
+double SimbodyPlant::FrictionLaw::calcDamping(double v) const {
+    const double x = std::abs(v) / viscousVelocity;
+    const double share = x > 0.0 ? -std::expm1(-x) / x : 1.0;
+    return viscous / viscousVelocity * share;
 }
 
 void SimbodyPlant::configure(const RunSetup& setup, const Parameters& parameters) {
@@ -85,7 +96,6 @@ void SimbodyPlant::configure(const RunSetup& setup, const Parameters& parameters
         friction_[i].coulomb = scale[i] * figures.coulomb[i];
         friction_[i].breakaway = parameters.number("breakaway_ratio") * friction_[i].coulomb;
         friction_[i].stribeckVelocity = parameters.number("stribeck_velocity_radps");
-        friction_[i].smoothing = parameters.number("smoothing_radps");
         friction_[i].viscous = scale[i] * figures.viscous[i];
         friction_[i].viscousVelocity = figures.viscousVelocity[i];
     }
@@ -103,6 +113,7 @@ void SimbodyPlant::configure(const RunSetup& setup, const Parameters& parameters
 
 void SimbodyPlant::reset(const MotionState& start) {
     random_.seed(seed_);
+    dryFriction_.reset();
     actual_.q = start.q;
     actual_.qd = start.qd;
     measured_ = actual_;
@@ -131,42 +142,25 @@ void SimbodyPlant::measure(const JointState& truth) {
 
 void SimbodyPlant::calcFriction(const JointMatrix& M, const JointVector& v,
                                 const JointVector& push) {
-    const JointMatrix momentum = M / substep_s_;
-    JointVector x = v, residual(n_), slope(n_), trial(n_), trialResidual(n_);
-    const auto calcResidual = [&](const JointVector& at, JointVector& out, JointVector* slopes) {
-        out = -push;
-        out.noalias() += momentum.lazyProduct(at - v);
+    JointVector dry(n_), damping(n_), after = v;
+    for (int i = 0; i < n_; ++i) dry[i] = friction_[i].calcDry(v[i]);
+    // Without dry friction v+ = A^-1 h target; with it v+ = A^-1 h (target - f), and f in [-F, F]
+    // minimises |L^-1 (f - target)|^2, A = L L': its optimality conditions are the friction law.
+    JointVector target = push;
+    target.noalias() += M.lazyProduct(v) / substep_s_;
+    const JointVector lower = -dry;
+    for (int round = 0; round < kViscousRounds; ++round) {
+        JointMatrix A = M;
         for (int i = 0; i < n_; ++i) {
-            double torque, s;
-            friction_[i].calc(at[i], torque, s);
-            out[i] += torque;
-            frictionTorque_[i] = torque;
-            if (slopes) (*slopes)[i] = s;
+            damping[i] = friction_[i].calcDamping(after[i]);
+            A(i, i) += substep_s_ * damping[i];
         }
-    };
-    calcResidual(x, residual, &slope);
-    const double enough = kFrictionTolerance * (push.lpNorm<Eigen::Infinity>() +
-                                                frictionTorque_.lpNorm<Eigen::Infinity>());
-    for (int round = 0; round < kMaxNewtonSteps && residual.lpNorm<Eigen::Infinity>() > enough;
-         ++round) {
-        JointMatrix jacobian = momentum;
-        jacobian.diagonal() += slope;
-        const Eigen::LLT<JointMatrix> factor(jacobian);
-        JointVector direction = -residual;
-        factor.solveInPlace(direction);
-        // Across the steep change of sign a full step may overshoot: halve it while the balance
-        // gets worse.
-        const double now = residual.squaredNorm();
-        double length = 1.0;
-        for (int halving = 0; halving < 8; ++halving) {
-            trial = x + length * direction;
-            calcResidual(trial, trialResidual, &slope);
-            if (trialResidual.squaredNorm() < now) break;
-            length /= 2.0;
-        }
-        x = trial;
-        residual = trialResidual;
+        const Eigen::LLT<JointMatrix> factor(A);
+        dryFriction_.solve(invertLower(factor.matrixLLT()), target, lower, dry, frictionTorque_);
+        after = substep_s_ * (target - frictionTorque_);
+        factor.solveInPlace(after);
     }
+    frictionTorque_ += damping.cwiseProduct(after);
 }
 
 bool SimbodyPlant::step(const JointVector& torque) {

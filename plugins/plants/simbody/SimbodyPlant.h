@@ -3,6 +3,7 @@
 #include <memory>
 #include <random>
 
+#include "viable/motion/BoxQp.h"
 #include "viable/plugin/RealPlant.h"
 #include "viable/robot/RobotModel.h"
 
@@ -12,13 +13,15 @@ namespace viable {
 error, motors that saturate, and encoders.
 
 Method: M(q) qdd + b(q, qd) + f(qd) = tau, with M and b by Simbody (RobotModel) and the friction per
-joint f(v) = s [ (Fc + (Fs - Fc) exp(-(v/vs)^2)) tanh(v/v0) + Fv1 (1 - exp(-|v|/Fv2)) sign v ] [Nm]
-Each sub-step first finds the friction torque implicitly, from the velocity that it leaves behind
-(Newton iterations on M (v+ - v) / h = tau - b - f(v+)), and then takes one Runge-Kutta step of
-order 4 with that torque held. So a joint at rest under a load below Fc stays at rest, whatever the
-slope at v = 0. Order: 4 without friction, 1 in the friction torque. Stable for any friction slope.
-Not modelled: joint elasticity, backlash, motor dynamics, mechanical end stops.
-Real time: no allocation, lock or throw after configure(). */
+joint f(v) = F(v) sign v + Fv1 (1 - exp(-|v| / Fv2)) sign v [Nm], F(v) = Fc + (Fs - Fc) exp(-(v /
+vs)^2), where sign 0 is any value in [-1, 1]: what it takes to stay at rest.
+Each sub-step first finds the friction torque implicitly, from the velocity v+ that it leaves
+behind: M (v+ - v) / h = tau - b - f(v+), with F taken at v. For the dry parts that is a box QP (the
+dual of Moreau's time stepping, 1988), for the saturating viscous parts a few rounds with f = c v+,
+c = f(v) / v at the last v+. Then one Runge-Kutta step of order 4 is taken with that torque held. So
+a joint at rest under a load below Fs stays exactly there. Order: 4 without friction, 1 in the
+friction torque. Stable for any friction. Not modelled: joint elasticity, backlash, motor dynamics,
+mechanical end stops. Real time: no allocation, lock or throw after configure(). */
 class SimbodyPlant : public RealPlant {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
@@ -29,9 +32,11 @@ public:
 
 private:
     struct FrictionLaw {
-        double coulomb, breakaway, stribeckVelocity, smoothing, viscous, viscousVelocity;
-        /** Torque and its slope (never below zero) at velocity v. */
-        void calc(double v, double& torque, double& slope) const;
+        double coulomb, breakaway, stribeckVelocity, viscous, viscousVelocity;
+        /** F: the most that dry friction can give at velocity v. */
+        double calcDry(double v) const;
+        /** The viscous torque over v, > 0 also at v = 0. [Nms/rad] */
+        double calcDamping(double v) const;
     };
     /** The friction torque over a sub-step from `v` when `push` = tau - b acts. */
     void calcFriction(const JointMatrix& M, const JointVector& v, const JointVector& push);
@@ -56,6 +61,7 @@ private:
 
     JointState actual_, measured_, next_;
     JointVector frictionTorque_;
+    BoxQp dryFriction_;
 };
 
 }  // namespace viable

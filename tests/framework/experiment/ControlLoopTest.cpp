@@ -106,7 +106,9 @@ TEST(Fault28, AFewTicksOfNanAreSubstitutedAndCounted) {
         t.loop.tick(record);
         ASSERT_TRUE(allFinite(record)) << "tick " << k;
         if (k == 199) before = record.desiredTorque;
-        if (k >= 200 && k < 210) ASSERT_EQ(record.desiredTorque, before);
+        if (k >= 200 && k < 210) {
+            ASSERT_EQ(record.desiredTorque, before);
+        }
     }
     EXPECT_EQ(record.substituted, kMaxSubstitutedTicks);
     EXPECT_EQ(t.loop.stopReason(), StopReason::None);
@@ -141,7 +143,9 @@ TEST(Fault29, HugeAndTinyTorquesStayFiniteAndInsideTheJerkLimit) {
         }
         EXPECT_EQ(t.loop.stopReason(), StopReason::None) << filter;
         EXPECT_EQ(summary.ticksOutside(LimitKind::Acceleration), 0) << filter;
-        if (std::string(filter) == "tosbp") EXPECT_EQ(summary.ticksOutside(LimitKind::Jerk), 0);
+        if (std::string(filter) == "tosbp") {
+            EXPECT_EQ(summary.ticksOutside(LimitKind::Jerk), 0);
+        }
         EXPECT_LT(summary.limit(LimitKind::Position)[0].worstUse, 1.001) << filter;
         EXPECT_LT(summary.limit(LimitKind::Velocity)[0].worstUse, 1.001) << filter;
     }

@@ -114,7 +114,7 @@ TEST(Fault08, TicksAndGainsOutsideTheirRangeAreRefused) {
         return catchError([&] { configureCase(e.cases[0]); });
     };
     expectContains(configureError("filter.k_alpha=1001"),
-                   {"k_alpha * tick_s", "(0, 1]", "--set: filter.k_alpha"});
+                   {"k_alpha * tick_s", "(0, 1]", "--set filter.k_alpha"});
     expectContains(configureError("filter.gamma=2000"), {"gamma * tick_s", "(0, 2)"});
 }
 

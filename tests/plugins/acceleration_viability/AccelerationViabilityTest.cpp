@@ -182,8 +182,7 @@ TEST_F(AccelerationViabilityTest, OvershootShrinksWithTheSquareOfTheTick) {
                 run(arm, "k_alpha: 5", 20.0, PushingCommand(1, 30.0, true, seed),
                     [&](const MotionState&) -> const Dynamics& { return unit; });
             worst[i] = std::max(worst[i], outcome.excess.position);
-            EXPECT_LE(outcome.excess.position,
-                      calcOvershootBound(arm.limits, arm.tick_s) + 1e-12);
+            EXPECT_LE(outcome.excess.position, calcOvershootBound(arm.limits, arm.tick_s) + 1e-12);
         }
     }
     RecordProperty("overshoot_at_10_ms_rad", std::to_string(worst[0]));
@@ -310,8 +309,7 @@ TEST_F(AccelerationViabilityTest, Fault29HugeAndTinyTorquesKeepTheLimits) {
         for (int i = 0; i < arm.size(); ++i)
             torque[i] = sizes[(k / 1000 + i) % 4] * ((k + i) % 2 ? 1.0 : -1.0) *
                         ((k / 500) % 2 && random() % 2 ? -1.0 : 1.0);
-        const FilterStatus status =
-            filter.filter(state, torque, arm.calcDynamics(state), decision);
+        const FilterStatus status = filter.filter(state, torque, arm.calcDynamics(state), decision);
         ASSERT_TRUE(status == FilterStatus::Modified || status == FilterStatus::Passed)
             << getName(status) << " in tick " << k;
         advanceNominal(decision, arm.tick_s, state);

@@ -67,10 +67,10 @@ TEST_P(JointPdTest, FeedforwardDampsTheDifferenceOfVelocities) {
         drawInputs();
         const JointVector qdd = calcResult(arm_.calcDynamics(state_));
         for (int i = 0; i < n(); ++i)
-            EXPECT_NEAR(qdd[i],
-                        40.0 * (command_.q[i] - state_.q[i]) +
-                            12.0 * (command_.qd[i] - state_.qd[i]),
-                        1e-8);
+            EXPECT_NEAR(
+                qdd[i],
+                40.0 * (command_.q[i] - state_.q[i]) + 12.0 * (command_.qd[i] - state_.qd[i]),
+                1e-8);
     }
 }
 
@@ -100,8 +100,8 @@ TEST_P(JointPdTest, EachJointMayHaveItsOwnGains) {
     const Dynamics unit = makeUnitDynamics(n());
     ASSERT_EQ(controller_.compute(command_, state_, unit, torque), TickStatus::Ok);
     for (int i = 0; i < n(); ++i)
-        EXPECT_NEAR(torque[i],
-                    (10 + i) * (command_.q[i] - state_.q[i]) - (3 + i) * state_.qd[i], 1e-12);
+        EXPECT_NEAR(torque[i], (10 + i) * (command_.q[i] - state_.q[i]) - (3 + i) * state_.qd[i],
+                    1e-12);
 }
 
 TEST_P(JointPdTest, RefusesToolSpaceAndWhatIsNotFinite) {

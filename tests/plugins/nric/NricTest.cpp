@@ -145,8 +145,7 @@ TEST_F(NricTest, RefusesWhatIsNotFiniteOrOfTheWrongSizeAndStaysAsItWas) {
         MotionState badNominal = arm_.start;
         badNominal.q[0] = bad;
         EXPECT_EQ(loop_.compute(real, badNominal, zero, torque), TickStatus::InvalidInput);
-        EXPECT_EQ(loop_.compute(real, arm_.start, constant(bad), torque),
-                  TickStatus::InvalidInput);
+        EXPECT_EQ(loop_.compute(real, arm_.start, constant(bad), torque), TickStatus::InvalidInput);
     }
     EXPECT_EQ(loop_.compute(real, arm_.start, JointVector::Zero(n() - 1), torque),
               TickStatus::InvalidInput);

@@ -1,7 +1,7 @@
 #include "PassThrough.h"
 
-#include <Eigen/LU>
 #include <gtest/gtest.h>
+#include <Eigen/LU>
 
 #include <limits>
 
@@ -40,8 +40,7 @@ TEST_P(PassThroughTest, TorqueIsLeftBitForBit) {
         ASSERT_EQ(filter_.filter(state, torque, dynamics, decision), FilterStatus::Passed);
         EXPECT_EQ(decision.torque, torque);
         EXPECT_EQ(decision.held, HeldQuantity::Acceleration);
-        for (int i = 0; i < arm_.size(); ++i)
-            EXPECT_EQ(decision.joints[i].limit, LimitKind::None);
+        for (int i = 0; i < arm_.size(); ++i) EXPECT_EQ(decision.joints[i].limit, LimitKind::None);
     }
 }
 
@@ -75,7 +74,8 @@ TEST_P(PassThroughTest, AccelerationAgreesWithSimbodysForwardDynamics) {
         FilterDecision decision;
         ASSERT_EQ(filter_.filter(state, torque, arm_.calcDynamics(state), decision),
                   FilterStatus::Passed);
-        const JointVector expected = arm_.model().calcLinkForwardDynamics(state.q, state.qd, torque);
+        const JointVector expected =
+            arm_.model().calcLinkForwardDynamics(state.q, state.qd, torque);
         EXPECT_LE((decision.acceleration - expected).lpNorm<Eigen::Infinity>(),
                   1e-8 * (1.0 + expected.lpNorm<Eigen::Infinity>()));
     }

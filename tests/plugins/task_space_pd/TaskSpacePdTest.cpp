@@ -1,8 +1,8 @@
 #include "TaskSpacePd.h"
 
+#include <gtest/gtest.h>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
-#include <gtest/gtest.h>
 
 #include <cstdio>
 #include <limits>
@@ -41,8 +41,7 @@ protected:
         MotionCommand command;
         command.space = MotionCommand::Space::Tool;
         const Eigen::Vector3d turn = makeRandomVector(3, 0.8, random_);
-        command.tool.position =
-            near.position + Eigen::Vector3d(makeRandomVector(3, 0.3, random_));
+        command.tool.position = near.position + Eigen::Vector3d(makeRandomVector(3, 0.3, random_));
         command.tool.orientation =
             Eigen::AngleAxisd(turn.norm(), turn.normalized()) * near.orientation;
         command.toolTwist = makeRandomVector(6, 1.0, random_);
@@ -234,7 +233,7 @@ TEST_F(TaskSpacePdTest, ArmFollowsTwoTurnsOfTheCommandWithoutAJump) {
     Dynamics d = arm_.calcDynamics(state);
     const Pose start = d.tool;
     const Eigen::Vector3d axis = d.J.col(5).tail<3>().normalized();  // of the last joint
-    const double rate = 2.0;                                        // [rad/s]
+    const double rate = 2.0;                                         // [rad/s]
     JointVector torque, last, qdd;
     double turned = 0.0;
     for (int k = 0; k * 1e-3 < 4 * kPi / rate; ++k) {
@@ -252,9 +251,9 @@ TEST_F(TaskSpacePdTest, ArmFollowsTwoTurnsOfTheCommandWithoutAJump) {
         state.qd += 1e-3 * qdd;
         state.q += 1e-3 * state.qd;
         turned = angle;
-        ASSERT_LE(Eigen::AngleAxisd(command.tool.orientation * d.tool.orientation.conjugate())
-                      .angle(),
-                  0.3);
+        ASSERT_LE(
+            Eigen::AngleAxisd(command.tool.orientation * d.tool.orientation.conjugate()).angle(),
+            0.3);
     }
     EXPECT_GT(turned, 12.5);
     EXPECT_NEAR(state.q[5] - arm_.start.q[5], 4 * kPi, 0.5);
@@ -283,8 +282,7 @@ TEST_F(TaskSpacePdTest, Fault20DampingIsAddedNearSingularPosesOnly) {
     const JointVector torque = compute(command, state);
     ASSERT_TRUE(torque.allFinite());
     const double share = std::pow(1.0 - calcManipulability(state.q) / 0.01, 2);
-    const JointVector expected =
-        -20.0 * share * d.M.diagonal().cwiseProduct(state.qd);
+    const JointVector expected = -20.0 * share * d.M.diagonal().cwiseProduct(state.qd);
     EXPECT_LE((torque - compute(bare, command, state) - expected).lpNorm<Eigen::Infinity>(), 1e-6);
     EXPECT_LT((torque - compute(bare, command, state)).dot(state.qd), -1e-3);  // it brakes
 }

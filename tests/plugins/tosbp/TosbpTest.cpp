@@ -100,8 +100,8 @@ double drawLogarithmic(double low, double high, std::mt19937& random) {
 (types I and IV). */
 void drawLimits(JointLimits& limits, bool above, bool symmetric, std::mt19937& random) {
     const double A = drawLogarithmic(1.0, 30.0, random), J = drawLogarithmic(10.0, 1000.0, random);
-    const double share = above ? drawLogarithmic(1.05, 4.0, random)
-                               : drawLogarithmic(0.1, 0.95, random);
+    const double share =
+        above ? drawLogarithmic(1.05, 4.0, random) : drawLogarithmic(0.1, 0.95, random);
     const double V = share * A * A / J;
     const double way = V * V / A + V * A / J;
     const auto setBoth = [&](JointBounds& bounds, double size) {
@@ -153,8 +153,7 @@ TEST(Tosbp, ArmUnderThePapersLimits) {
                                JointVector::Constant(6, 2 * kPi / 3)};
         arm.limits.acceleration = {JointVector::Constant(6, -4 * kPi),
                                    JointVector::Constant(6, 4 * kPi)};
-        arm.limits.jerk = {JointVector::Constant(6, -12 * kPi),
-                           JointVector::Constant(6, 12 * kPi)};
+        arm.limits.jerk = {JointVector::Constant(6, -12 * kPi), JointVector::Constant(6, 12 * kPi)};
         JointVector range(6);
         range << kPi / 6, kPi / 12, kPi / 6, kPi / 12, kPi / 6, kPi / 3;
         arm.limits.position = {arm.robot.home - range, arm.robot.home + range};
@@ -199,7 +198,7 @@ TEST(Tosbp, PushedForEverCreepsThroughTheVelocityLimitAtTheDerivedRate) {
 /** The paper's S4 (26): qdd_d = 5 (2 pi - q) - qd for 8 s (Fig. 6). */
 struct S4 {
     Outcome outcome;
-    double firstPastStop_s = -1.0;  ///< when the stop first lay behind the limit, h_p < 0
+    double firstPastStop_s = -1.0;   ///< when the stop first lay behind the limit, h_p < 0
     double firstBrokenRow_s = -1.0;  ///< when (18) with (21), as printed, first asked for j < -J
     int brakesThere = 0, ticksPastStop = 0, signChanges = 0;
 };
@@ -217,8 +216,7 @@ S4 runS4(double tick_s) {
     const double J = 4.0 * kPi;
     double last = 0.0;
     for (int k = 0; k < result.outcome.ticks; ++k) {
-        const JointVector torque =
-            JointVector::Constant(1, 5.0 * (2.0 * kPi - s.q[0]) - s.qd[0]);
+        const JointVector torque = JointVector::Constant(1, 5.0 * (2.0 * kPi - s.q[0]) - s.qd[0]);
         const FilterStatus status = filter.filter(s, torque, unit, d);
         EXPECT_LE(status, FilterStatus::Infeasible);
         result.outcome.infeasible += status == FilterStatus::Infeasible;
@@ -228,16 +226,15 @@ S4 runS4(double tick_s) {
         const double v = s.qd[0], a = s.qdd[0];
         if (v + a * std::abs(a) / (2.0 * J) > 0.0) {
             const double a1 = std::sqrt(a * a / 2.0 + J * v), T1 = (a + a1) / J, T3 = a1 / J;
-            const double stop = s.q[0] + v * T1 + a * T1 * T1 / 2 - J * T1 * T1 * T1 / 6 +
-                                J * T3 * T3 * T3 / 6;
+            const double stop =
+                s.q[0] + v * T1 + a * T1 * T1 / 2 - J * T1 * T1 * T1 / 6 + J * T3 * T3 * T3 / 6;
             const double h = kPi - stop, dpdv = T1 + T3 / 2, dpda = T1 * (T1 / 2 + T3 / 2);
             if (h < -1e-12) {
                 ++result.ticksPastStop;
                 result.brakesThere += d.jerk[0] == -J;
                 if (result.firstPastStop_s < 0.0) result.firstPastStop_s = k * tick_s;
                 const double row = (5.0 * h - v - dpdv * a) / dpda;
-                if (row < -J && result.firstBrokenRow_s < 0.0)
-                    result.firstBrokenRow_s = k * tick_s;
+                if (row < -J && result.firstBrokenRow_s < 0.0) result.firstBrokenRow_s = k * tick_s;
             }
         }
         result.signChanges += d.jerk[0] * last < 0.0;

@@ -137,7 +137,7 @@ public:
     errors that a plugin finds in configure(). */
     const std::string& place(const char* name) const;
 
-    /** The complete block as configuration, defaults filled in. */
+    /** The complete block as configuration: defaults filled in, files by their absolute paths. */
     const ConfigNode& resolved() const { return resolved_; }
 
 private:

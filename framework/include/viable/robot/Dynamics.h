@@ -18,7 +18,12 @@ struct Dynamics {
 /** True when every member belongs to n joints and is finite. */
 bool isFinite(const Dynamics& dynamics, int n);
 
-/** The acceleration that `torque` causes: qdd = M^-1 (tau - b), by Cholesky. No allocation.
+/** Accelerations beyond this are cut off, so that no torque, however absurd, overflows what is computed from
+them [rad/s^2]. */
+inline constexpr double kLargestAcceleration = 1e100;
+
+/** The acceleration that `torque` causes: qdd = M^-1 (tau - b), by Cholesky, at most kLargestAcceleration. No
+allocation.
 Returns false, `qdd` untouched, when M is not positive definite. */
 bool calcForwardDynamics(const Dynamics& dynamics, const JointVector& torque, JointVector& qdd);
 
