@@ -39,9 +39,15 @@ bool isUsable(const MotionCommand& command, int n) {
            command.toolTwist.allFinite();
 }
 
+/** Accelerations [rad/s^2] and torques [Nm] beyond this are no arm's: a few ticks later the
+arithmetic itself would overflow. */
+constexpr double kLargestDecision = 1e9;
+
 bool isUsable(const FilterDecision& decision, int n) {
     return isFinite(decision.torque, n) && isFinite(decision.acceleration, n) &&
-           isFinite(decision.jerk, n);
+           isFinite(decision.jerk, n) &&
+           decision.torque.lpNorm<Eigen::Infinity>() <= kLargestDecision &&
+           decision.acceleration.lpNorm<Eigen::Infinity>() <= kLargestDecision;
 }
 
 }  // namespace
@@ -158,7 +164,8 @@ bool ControlLoop::takeDecision() {
         return false;
     }
     if (!isUsable(decision_, n_)) {
-        beginStop(StopReason::FilterFailed, "its decision has the wrong size or is not finite");
+        beginStop(StopReason::FilterFailed,
+                  "its decision has the wrong size, is not finite or beyond 1e9");
         return false;
     }
     return true;

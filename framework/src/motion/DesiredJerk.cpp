@@ -2,10 +2,9 @@
 
 namespace viable {
 
-void DesiredJerk::configure(double gamma, double tick_s, const JointBounds& jerk) {
+void DesiredJerk::configure(double gamma, double tick_s) {
     gamma_ = gamma;
     tick_s_ = tick_s;
-    jerkLimits_ = jerk;
     reset();
 }
 
@@ -13,7 +12,6 @@ void DesiredJerk::calc(const JointVector& qdd, const JointVector& desired, Joint
     if (!hasLast_) last_ = desired;
     hasLast_ = true;
     jerk = (desired - last_) / tick_s_ - gamma_ * (qdd - desired);
-    jerk = jerk.cwiseMax(jerkLimits_.lower).cwiseMin(jerkLimits_.upper);
     last_ = desired;
 }
 

@@ -16,9 +16,6 @@ const ParameterSpec kParameters[] = {
         .above(0),
 };
 
-/** Beyond this the size of a torque says nothing more, and M^-1 tau could overflow. [Nm] */
-constexpr double kLargestTorque = 1e100;
-
 }  // namespace
 
 void AccelerationViability::configure(const RunSetup& setup, const Parameters& parameters) {
@@ -36,10 +33,11 @@ void AccelerationViability::configure(const RunSetup& setup, const Parameters& p
             parameters.place("k_alpha"),
             "the filter acceleration_viability needs a finite acceleration limit on every joint",
             "Set limits.acceleration_radps2.");
+    choice_.configure(limits_.acceleration);
 }
 
 void AccelerationViability::reset(const MotionState&) {
-    qp_.reset();
+    choice_.reset();
 }
 
 AccelerationViability::Bound AccelerationViability::calcUpperBound(double v, double toLimit,
@@ -69,54 +67,32 @@ FilterStatus AccelerationViability::filter(const MotionState& nominal, const Joi
                                            const Dynamics& dynamics, FilterDecision& decision) {
     if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_))
         return FilterStatus::InvalidInput;
-    const JointVector wanted = torque.cwiseMax(-kLargestTorque).cwiseMin(kLargestTorque);
-    if (!calcForwardDynamics(dynamics, wanted, desired_)) return FilterStatus::Faulted;
-
-    // A desired acceleration beyond the joint's own limit could not be met; it would only drag the
-    // other joints along through M.
-    desired_ = desired_.cwiseMax(limits_.acceleration.lower).cwiseMin(limits_.acceleration.upper);
+    if (!calcForwardDynamics(dynamics, torque, desired_)) return FilterStatus::Faulted;
 
     bool infeasible = false;
-    Bound lowerBounds[kMaxJoints], upperBounds[kMaxJoints];
-    lower_.resize(n_);
-    upper_.resize(n_);
+    std::array<JointInterval, kMaxJoints> intervals;
     for (int i = 0; i < n_; ++i) {
         const AxisLimits l = limits_.axis(i);
         const double q = nominal.q[i], v = nominal.qd[i];
         const double A = l.accelerationUpper, B = -l.accelerationLower;
-        Bound upper = calcUpperBound(v, l.positionUpper - q, l.velocityUpper, A, B);
-        Bound lower = calcUpperBound(-v, q - l.positionLower, -l.velocityLower, B, A);
-        lower.value = -lower.value;
-        if (lower.value > upper.value) {
+        const Bound upper = calcUpperBound(v, l.positionUpper - q, l.velocityUpper, A, B);
+        const Bound lower = calcUpperBound(-v, q - l.positionLower, -l.velocityLower, B, A);
+        intervals[i] = {-lower.value, upper.value, lower.limit, upper.limit};
+        if (intervals[i].isEmpty()) {
             // Brake as hard as the other rows allow; they only conflict where one tick of braking
             // would pass the velocity limit on the other side.
             infeasible = true;
-            (v > 0.0 ? upper : lower).value = (v > 0.0 ? lower : upper).value;
+            intervals[i].collapse(v > 0.0 ? intervals[i].lower : intervals[i].upper);
         }
-        lower_[i] = lower.value;
-        upper_[i] = upper.value;
-        lowerBounds[i] = lower;
-        upperBounds[i] = upper;
+        decision.joints[i].margin = v >= 0.0 ? l.positionUpper - q - v * v / (2.0 * B)
+                                             : q - l.positionLower - v * v / (2.0 * A);
     }
-    const BoxQp::Status solved = qp_.solve(dynamics.M, desired_, lower_, upper_, acceleration_);
+    const FilterStatus status =
+        choice_.choose(dynamics.M, desired_, intervals, acceleration_, decision.joints);
     holdAcceleration(nominal, dynamics, acceleration_, tick_s_, decision);
-    for (int i = 0; i < n_; ++i) {
-        JointIntervention& joint = decision.joints[i];
-        joint = {};
-        if (acceleration_[i] >= upper_[i] && desired_[i] > upper_[i])
-            joint = {upperBounds[i].limit, LimitSide::Upper, 0.0};
-        else if (acceleration_[i] <= lower_[i] && desired_[i] < lower_[i])
-            joint = {lowerBounds[i].limit, LimitSide::Lower, 0.0};
-        const AxisLimits l = limits_.axis(i);
-        const double v = nominal.qd[i];
-        joint.margin = v >= 0.0
-                           ? l.positionUpper - nominal.q[i] + v * v / (2.0 * l.accelerationLower)
-                           : nominal.q[i] - l.positionLower - v * v / (2.0 * l.accelerationUpper);
-    }
     if (infeasible) return FilterStatus::Infeasible;
-    if (solved != BoxQp::Status::TargetInside) return FilterStatus::Modified;
-    decision.torque = torque;
-    return FilterStatus::Passed;
+    if (status == FilterStatus::Passed) decision.torque = torque;
+    return status;
 }
 
 }  // namespace viable

@@ -1,7 +1,6 @@
 #pragma once
 
-#include "viable/motion/BoxQp.h"
-#include "viable/plugin/SafetyFilter.h"
+#include "viable/plugin/IntervalChoice.h"
 
 namespace viable {
 
@@ -40,8 +39,8 @@ private:
     double tick_s_ = 0.0;
     double kAlpha_ = 0.0;
     JointLimits limits_;
-    BoxQp qp_;
-    JointVector desired_, acceleration_, lower_, upper_;
+    IntervalChoice choice_;
+    JointVector desired_, acceleration_;
 };
 
 }  // namespace viable

@@ -16,7 +16,6 @@ FilterStatus PassThrough::filter(const MotionState& nominal, const JointVector& 
     if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_))
         return FilterStatus::InvalidInput;
     if (!calcForwardDynamics(dynamics, torque, acceleration_)) return FilterStatus::Faulted;
-    if (!acceleration_.allFinite()) return FilterStatus::Faulted;  // M^-1 tau overflowed
     holdAcceleration(nominal, dynamics, acceleration_, tick_s_, decision);
     decision.torque = torque;  // not M (M^-1 (tau - b)) + b, which differs in the last bits
     decision.joints.fill({});

@@ -20,10 +20,6 @@ const ParameterSpec kParameters[] = {
         .above(0),
 };
 
-/** Beyond this the size of a torque says nothing more, and M^-1 tau or its difference quotient
-could overflow. [Nm] */
-constexpr double kLargestTorque = 1e100;
-
 /** An upper end `-J + gain / slope` of the jerk interval, or `open` where it does not restrict. The
 quotient is formed only where it does, so `slope` may be zero. */
 double calcRow(double J, double gain, double slope, double open) {
@@ -53,89 +49,73 @@ void Tosbp::configure(const RunSetup& setup, const Parameters& parameters) {
         throw badInput(parameters.place("gamma"),
                        "the filter tosbp needs a finite jerk limit on every joint",
                        "Set limits.jerk_radps3.");
-    desiredJerk_.configure(gamma, tick_s_, limits_.jerk);
+    desiredJerk_.configure(gamma, tick_s_);
+    choice_.configure(limits_.jerk);
 }
 
 void Tosbp::reset(const MotionState&) {
     desiredJerk_.reset();
-    qp_.reset();
+    choice_.reset();
 }
 
-Tosbp::Interval Tosbp::calcInterval(const AxisState& s, const AxisLimits& l) const {
+Tosbp::Rows Tosbp::calcRows(const AxisState& s, const AxisLimits& l) const {
     const double Ju = l.jerkUpper, Jd = -l.jerkLower;
-    Interval interval{-Jd, Ju, LimitKind::Jerk, LimitKind::Jerk, 0.0, false};
-    const auto restrictUpper = [&](double bound, LimitKind limit) {
-        if (bound < interval.upper) interval.upper = bound, interval.upperLimit = limit;
-    };
-    const auto restrictLower = [&](double bound, LimitKind limit) {
-        if (bound > interval.lower) interval.lower = bound, interval.lowerLimit = limit;
-    };
+    Rows rows{{-Jd, Ju, LimitKind::Jerk, LimitKind::Jerk}, 0.0, false};
+    JointInterval& jerk = rows.jerk;
 
     const double accelerationLower = (l.accelerationLower - s.a) / tick_s_;
     const double accelerationUpper = (l.accelerationUpper - s.a) / tick_s_;
-    restrictLower(accelerationLower, LimitKind::Acceleration);
-    restrictUpper(accelerationUpper, LimitKind::Acceleration);
+    jerk.restrictLower(accelerationLower, LimitKind::Acceleration);
+    jerk.restrictUpper(accelerationUpper, LimitKind::Acceleration);
 
     const double peak = calcVelocityPeak(s.v, s.a, l);
     if (s.a > 0.0)
-        restrictUpper(calcRow(Jd, Jd * kAlpha_ * (l.velocityUpper - peak), s.a, Ju),
-                      LimitKind::Velocity);
+        jerk.restrictUpper(calcRow(Jd, Jd * kAlpha_ * (l.velocityUpper - peak), s.a, Ju),
+                           LimitKind::Velocity);
     if (s.a < 0.0)
-        restrictLower(-calcRow(Ju, Ju * kAlpha_ * (peak - l.velocityLower), -s.a, Jd),
-                      LimitKind::Velocity);
+        jerk.restrictLower(-calcRow(Ju, Ju * kAlpha_ * (peak - l.velocityLower), -s.a, Jd),
+                           LimitKind::Velocity);
 
     const StationaryStop stop = calcStationaryStop(s.v, s.a, l);
     const double stopPosition = s.p + stop.displacement;
     if (stop.side == LimitSide::Upper) {
-        interval.margin = l.positionUpper - stopPosition;
-        restrictUpper(calcRow(Jd, kAlpha_ * interval.margin, stop.gradientA, Ju),
-                      LimitKind::Position);
+        rows.margin = l.positionUpper - stopPosition;
+        jerk.restrictUpper(calcRow(Jd, kAlpha_ * rows.margin, stop.gradientA, Ju),
+                           LimitKind::Position);
     } else {
-        interval.margin = stopPosition - l.positionLower;
-        restrictLower(-calcRow(Ju, kAlpha_ * interval.margin, stop.gradientA, Jd),
-                      LimitKind::Position);
+        rows.margin = stopPosition - l.positionLower;
+        jerk.restrictLower(-calcRow(Ju, kAlpha_ * rows.margin, stop.gradientA, Jd),
+                           LimitKind::Position);
     }
 
-    if (interval.lower > interval.upper) {
-        interval.empty = true;
-        // The policy's own jerk, as far as the acceleration row lets it.
-        double brake = std::min(std::max(stop.jerk, accelerationLower), accelerationUpper);
-        brake = std::min(std::max(brake, -Jd), Ju);
-        interval.lower = interval.upper = brake;
+    if (jerk.isEmpty()) {
+        rows.empty = true;
+        // The policy's own jerk, as far as acceleration and jerk limits let it.
+        const double brake = std::min(std::max(stop.jerk, accelerationLower), accelerationUpper);
+        jerk.collapse(std::min(std::max(brake, -Jd), Ju));
     }
-    return interval;
+    return rows;
 }
 
 FilterStatus Tosbp::filter(const MotionState& nominal, const JointVector& torque,
                            const Dynamics& dynamics, FilterDecision& decision) {
     if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_))
         return FilterStatus::InvalidInput;
-    const JointVector wanted = torque.cwiseMax(-kLargestTorque).cwiseMin(kLargestTorque);
-    if (!calcForwardDynamics(dynamics, wanted, desiredAcceleration_)) return FilterStatus::Faulted;
+    if (!calcForwardDynamics(dynamics, torque, desiredAcceleration_)) return FilterStatus::Faulted;
     desiredJerk_.calc(nominal.qdd, desiredAcceleration_, desired_);
 
     bool infeasible = false;
-    Interval intervals[kMaxJoints];
-    lower_.resize(n_);
-    upper_.resize(n_);
+    std::array<JointInterval, kMaxJoints> intervals;
     for (int i = 0; i < n_; ++i) {
-        intervals[i] = calcInterval({nominal.q[i], nominal.qd[i], nominal.qdd[i]}, limits_.axis(i));
-        infeasible |= intervals[i].empty;
-        lower_[i] = intervals[i].lower;
-        upper_[i] = intervals[i].upper;
+        const Rows rows = calcRows({nominal.q[i], nominal.qd[i], nominal.qdd[i]}, limits_.axis(i));
+        infeasible |= rows.empty;
+        intervals[i] = rows.jerk;
+        decision.joints[i].margin = rows.margin;
     }
-    const BoxQp::Status solved = qp_.solve(dynamics.M, desired_, lower_, upper_, jerk_);
+    const FilterStatus status =
+        choice_.choose(dynamics.M, desired_, intervals, jerk_, decision.joints);
     holdJerk(nominal, dynamics, jerk_, tick_s_, decision);
-    for (int i = 0; i < n_; ++i) {
-        JointIntervention& joint = decision.joints[i];
-        joint = {LimitKind::None, LimitSide::Neither, intervals[i].margin};
-        if (jerk_[i] >= upper_[i] && desired_[i] > upper_[i])
-            joint.limit = intervals[i].upperLimit, joint.side = LimitSide::Upper;
-        else if (jerk_[i] <= lower_[i] && desired_[i] < lower_[i])
-            joint.limit = intervals[i].lowerLimit, joint.side = LimitSide::Lower;
-    }
-    if (infeasible) return FilterStatus::Infeasible;
-    return solved == BoxQp::Status::TargetInside ? FilterStatus::Passed : FilterStatus::Modified;
+    return infeasible ? FilterStatus::Infeasible : status;
 }
 
 }  // namespace viable

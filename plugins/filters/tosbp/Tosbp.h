@@ -1,10 +1,9 @@
 #pragma once
 
-#include "viable/motion/BoxQp.h"
 #include "viable/motion/Braking.h"
 #include "viable/motion/DesiredJerk.h"
 #include "viable/motion/TripleIntegrator.h"
-#include "viable/plugin/SafetyFilter.h"
+#include "viable/plugin/IntervalChoice.h"
 
 namespace viable {
 
@@ -30,22 +29,21 @@ public:
                         const Dynamics& dynamics, FilterDecision& decision) override;
 
 private:
-    /** The admissible jerks of one joint and which limit set each end. */
-    struct Interval {
-        double lower, upper;
-        LimitKind lowerLimit, upperLimit;
-        double margin;  ///< h_p towards the limit that the stop heads for
-        bool empty;     ///< the rows contradicted each other; lower = upper = the braking jerk
+    /** The admissible jerks of one joint in one tick. */
+    struct Rows {
+        JointInterval jerk;  ///< the braking jerk alone where the rows contradicted each other
+        double margin;       ///< h_p towards the limit that the stop heads for
+        bool empty;          ///< they did
     };
-    Interval calcInterval(const AxisState& state, const AxisLimits& limits) const;
+    Rows calcRows(const AxisState& state, const AxisLimits& limits) const;
 
     int n_ = 0;
     double tick_s_ = 0.0;
     double kAlpha_ = 0.0;
     JointLimits limits_;
     DesiredJerk desiredJerk_;
-    BoxQp qp_;
-    JointVector desiredAcceleration_, desired_, jerk_, lower_, upper_;
+    IntervalChoice choice_;
+    JointVector desiredAcceleration_, desired_, jerk_;
 };
 
 }  // namespace viable

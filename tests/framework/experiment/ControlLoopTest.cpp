@@ -151,6 +151,19 @@ TEST(Fault29, HugeAndTinyTorquesStayFiniteAndInsideTheJerkLimit) {
     }
 }
 
+TEST(Fault29, HugeTorquesThroughAFilterThatLetsThemPassBrakeTheArm) {
+    TestLoop t(kTeleoperation, {"controller.plugin=extreme_torque", "filter.plugin=pass_through"});
+    TickRecord record;
+    int ticks = 0;
+    while (!t.loop.hasStopped()) {
+        t.loop.tick(record);
+        ASSERT_TRUE(allFinite(record));
+        ASSERT_LT(++ticks, 5000);
+    }
+    EXPECT_EQ(t.loop.stopReason(), StopReason::FilterFailed);
+    EXPECT_NE(std::string(t.loop.stopMessage()).find("beyond 1e9"), std::string::npos);
+}
+
 TEST(Fault30, JumpingSetPointsKeepTheLimits) {
     TestLoop t(kOneJoint, {"command.plugin=jumping_setpoint"});
     TickRecord record;

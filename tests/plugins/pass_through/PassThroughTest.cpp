@@ -121,14 +121,9 @@ TEST_P(PassThroughTest, Fault29HugeTorqueNeverBecomesAnInfiniteAcceleration) {
         FilterDecision decision;
         const FilterStatus status = filter_.filter(
             arm_.start, JointVector::Constant(arm_.size(), size), dynamics, decision);
-        if (status == FilterStatus::Passed) {
-            EXPECT_TRUE(decision.acceleration.allFinite());
-        } else {
-            EXPECT_EQ(status, FilterStatus::Faulted);
-        }
-        if (size > 1e307) {
-            EXPECT_EQ(status, FilterStatus::Faulted);
-        }
+        EXPECT_EQ(status, FilterStatus::Passed);
+        EXPECT_TRUE(decision.acceleration.allFinite());
+        EXPECT_LE(decision.acceleration.cwiseAbs().maxCoeff(), kLargestAcceleration);
     }
 }
 

@@ -321,7 +321,8 @@ TEST(Tosbp, SaysWhichLimitActs) {
         filter.filter(state, JointVector::Constant(1, push), unit, decision);
         return decision.joints[0];
     };
-    EXPECT_EQ(decide(0, 0, 0, 100.0).limit, LimitKind::None);  // clamped before, not by a row
+    EXPECT_EQ(decide(0, 0, 0, 0.1).limit, LimitKind::None);
+    EXPECT_EQ(decide(0, 0, 0, 100.0).limit, LimitKind::Jerk);
     JointIntervention joint = decide(-1.0, -3.0, 3 * kPi - 0.001, 100.0);
     EXPECT_EQ(joint.limit, LimitKind::Acceleration);
     EXPECT_EQ(joint.side, LimitSide::Upper);

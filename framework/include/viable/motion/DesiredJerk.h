@@ -1,6 +1,6 @@
 #pragma once
 
-#include "viable/core/JointLimits.h"
+#include "viable/core/JointTypes.h"
 
 namespace viable {
 
@@ -9,14 +9,13 @@ namespace viable {
     u_d = (qdd_d - last qdd_d) / dt - gamma (qdd - qdd_d)               (paper, eq. 14 with Remark
 1)
 
-With that jerk qdd approaches qdd_d exponentially (Prop. 1); sampled, this needs gamma dt < 2.
-Where the set-point jumps the quotient is enormous, and through M it would drag the other joints
-along: u_d is therefore clamped to the joint's own jerk limits, beyond which it could not be met
-anyhow. Real time: no allocation, lock or throw. */
+With that jerk qdd approaches qdd_d exponentially (Prop. 1); sampled, this needs gamma dt < 2. Where
+the set-point jumps the quotient is enormous: IntervalChoice does not follow it beyond the jerk
+limits. Real time: no allocation, lock or throw. */
 class DesiredJerk {
 public:
     /** @param gamma  [1/s], 0 < gamma dt < 2 */
-    void configure(double gamma, double tick_s, const JointBounds& jerk);
+    void configure(double gamma, double tick_s);
 
     /** Forgets the last desired acceleration: the next quotient is zero. */
     void reset() { hasLast_ = false; }
@@ -27,7 +26,6 @@ public:
 private:
     double gamma_ = 0.0;
     double tick_s_ = 0.0;
-    JointBounds jerkLimits_;
     JointVector last_;
     bool hasLast_ = false;
 };
