@@ -20,8 +20,10 @@ std::string format(const char* pattern, Arguments... arguments) {
     return text;
 }
 
+/** Percent, with enough digits that a limit passed by a hair does not read as 100.00. */
 std::string formatPercent(double share) {
     if (std::isinf(share)) return "inf";
+    if (share > kOutsideUse && share < 1.0 + 5e-5) return format("%.2e+100", 100.0 * (share - 1.0));
     return format(share < 10.0 ? "%.2f" : "%.0f", 100.0 * share);
 }
 
