@@ -4,7 +4,7 @@
 
 #include "Commands.h"
 #include "viable/core/Error.h"
-#include "viable/experiment/LogExport.h"
+#include "viable/log/LogExport.h"
 
 namespace viable {
 

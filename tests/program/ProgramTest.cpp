@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "Program.h"
-#include "viable/experiment/LogReader.h"
+#include "viable/log/LogReader.h"
 
 namespace viable {
 namespace {

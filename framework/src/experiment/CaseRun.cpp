@@ -5,7 +5,7 @@
 #include <thread>
 
 #include "viable/core/Error.h"
-#include "viable/experiment/Recorder.h"
+#include "viable/log/Recorder.h"
 
 namespace viable {
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "viable/experiment/TickRecord.h"
+#include "viable/log/TickRecord.h"
 #include "viable/motion/Braking.h"
 #include "viable/plugin/NominalPlant.h"
 #include "viable/plugin/PluginLoader.h"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "viable/core/JointLimits.h"
-#include "viable/experiment/TickRecord.h"
+#include "viable/log/TickRecord.h"
 
 namespace viable {
 

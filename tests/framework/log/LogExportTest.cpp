@@ -1,4 +1,4 @@
-#include "viable/experiment/LogExport.h"
+#include "viable/log/LogExport.h"
 
 #include <sys/resource.h>
 

@@ -1,4 +1,4 @@
-#include "viable/experiment/LogReader.h"
+#include "viable/log/LogReader.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>

@@ -1,4 +1,4 @@
-#include "viable/experiment/LogWriter.h"
+#include "viable/log/LogWriter.h"
 
 #include <fcntl.h>
 #include <unistd.h>

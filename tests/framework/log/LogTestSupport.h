@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "viable/core/Error.h"
-#include "viable/experiment/LogReader.h"
-#include "viable/experiment/LogWriter.h"
+#include "viable/log/LogReader.h"
+#include "viable/log/LogWriter.h"
 
 namespace viable::test {
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "viable/experiment/LogWriter.h"
+#include "viable/log/LogWriter.h"
 
 namespace viable {
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "viable/experiment/TickRecord.h"
+#include "viable/log/TickRecord.h"
 
 namespace viable {
 

@@ -1,4 +1,4 @@
-#include "viable/experiment/Recorder.h"
+#include "viable/log/Recorder.h"
 
 #include <fcntl.h>
 #include <sys/resource.h>

@@ -1,4 +1,4 @@
-#include "viable/experiment/LogExport.h"
+#include "viable/log/LogExport.h"
 
 #include <fcntl.h>
 #include <stdio.h>
@@ -11,7 +11,7 @@
 #include <system_error>
 
 #include "viable/core/Error.h"
-#include "viable/experiment/LogReader.h"
+#include "viable/log/LogReader.h"
 
 namespace viable {
 

@@ -5,7 +5,7 @@
 #include <thread>
 #include <vector>
 
-#include "viable/experiment/LogWriter.h"
+#include "viable/log/LogWriter.h"
 
 namespace viable {
 
