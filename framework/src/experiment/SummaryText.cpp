@@ -23,7 +23,8 @@ std::string format(const char* pattern, Arguments... arguments) {
 /** Percent, with enough digits that a limit passed by a hair does not read as 100.00. */
 std::string formatPercent(double share) {
     if (std::isinf(share)) return "inf";
-    if (share > kOutsideUse && share < 1.0 + 5e-5) return format("%.2e+100", 100.0 * (share - 1.0));
+    if (share > kOutsideUse && share < 1.0 + 5e-5)
+        return share < 1.0 + 1e-6 ? ">100" : format("%.4f", 100.0 * share);
     return format(share < 10.0 ? "%.2f" : "%.0f", 100.0 * share);
 }
 

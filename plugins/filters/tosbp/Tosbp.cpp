@@ -1,6 +1,7 @@
 #include "Tosbp.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "viable/core/Error.h"
 #include "viable/plugin/PluginExport.h"
@@ -20,10 +21,16 @@ const ParameterSpec kParameters[] = {
         .above(0),
 };
 
-/** An upper end `-J + gain / slope` of the jerk interval, or `open` where it does not restrict. The
-quotient is formed only where it does, so `slope` may be zero. */
-double calcRow(double J, double gain, double slope, double open) {
-    if (gain <= 0.0) return -J;
+/** A stop or a peak this little beyond its limit is on the limit, up to rounding. [rad, rad/s] */
+constexpr double kRounding = 1e-12;
+
+/** The upper end of the jerk interval that a row sets, `-J + weight h / slope`, or `open` where it
+does not restrict; the quotient is formed only where it does, so `slope` may be zero. Beyond the
+limit (h < 0) the row asks for less than -J: no jerk does that. */
+double calcRow(double J, double h, double weight, double slope, double open) {
+    if (h < -kRounding) return -std::numeric_limits<double>::infinity();
+    if (h <= 0.0) return -J;
+    const double gain = weight * h;
     if (gain >= slope * (J + open)) return open;
     return -J + gain / slope;
 }
@@ -70,21 +77,21 @@ Tosbp::Rows Tosbp::calcRows(const AxisState& s, const AxisLimits& l) const {
 
     const double peak = calcVelocityPeak(s.v, s.a, l);
     if (s.a > 0.0)
-        jerk.restrictUpper(calcRow(Jd, Jd * kAlpha_ * (l.velocityUpper - peak), s.a, Ju),
+        jerk.restrictUpper(calcRow(Jd, l.velocityUpper - peak, Jd * kAlpha_, s.a, Ju),
                            LimitKind::Velocity);
     if (s.a < 0.0)
-        jerk.restrictLower(-calcRow(Ju, Ju * kAlpha_ * (peak - l.velocityLower), -s.a, Jd),
+        jerk.restrictLower(-calcRow(Ju, peak - l.velocityLower, Ju * kAlpha_, -s.a, Jd),
                            LimitKind::Velocity);
 
     const StationaryStop stop = calcStationaryStop(s.v, s.a, l);
     const double stopPosition = s.p + stop.displacement;
     if (stop.side == LimitSide::Upper) {
         rows.margin = l.positionUpper - stopPosition;
-        jerk.restrictUpper(calcRow(Jd, kAlpha_ * rows.margin, stop.gradientA, Ju),
+        jerk.restrictUpper(calcRow(Jd, rows.margin, kAlpha_, stop.gradientA, Ju),
                            LimitKind::Position);
     } else {
         rows.margin = stopPosition - l.positionLower;
-        jerk.restrictLower(-calcRow(Ju, kAlpha_ * rows.margin, stop.gradientA, Jd),
+        jerk.restrictLower(-calcRow(Ju, rows.margin, kAlpha_, stop.gradientA, Jd),
                            LimitKind::Position);
     }
 

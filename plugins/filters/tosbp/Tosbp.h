@@ -16,8 +16,9 @@ Method: the jerk j of each joint, nearest to the desired one (14) in torque (13)
     acceleration   -A <= a + j dt <= A                                                       (in
 place of 22) jerk           -J <= j <= J and the mirror image below; p_f is the position where the
 stationary stop (Table I) ends, alpha(h) = k_alpha h. Assumes: continuous time. With jerk held over
-a tick the rows can contradict each other: such ticks are reported as Infeasible and the joint
-brakes by the policy's own jerk within the acceleration row. Guarantees: jerk and acceleration
+a tick a stop may come to lie beyond its limit (h < 0), where the row has no solution at all, or
+rows contradict each other: such ticks are reported as Infeasible, and the joint brakes by the
+policy's own jerk as far as acceleration and jerk limits let it. Guarantees: jerk and acceleration
 limits at every tick; position and velocity only approximately. Real time: no allocation, lock or
 throw after configure(). */
 class Tosbp : public SafetyFilter {
@@ -31,7 +32,7 @@ public:
 private:
     /** The admissible jerks of one joint in one tick. */
     struct Rows {
-        JointInterval jerk;  ///< the braking jerk alone where the rows contradicted each other
+        JointInterval jerk;  ///< the braking jerk alone where the rows had no solution
         double margin;       ///< h_p towards the limit that the stop heads for
         bool empty;          ///< they did
     };

@@ -142,7 +142,7 @@ TEST(Tosbp, SingleJointUnderRandomLimitsOnBothSidesOfTheCruiseLine) {
     EXPECT_LE(worstPosition, 2e-3);
     EXPECT_LE(worstVelocity, 0.03);
     EXPECT_GT(infeasible, 0);  // the rows do contradict each other, and the filter says so
-    EXPECT_LT(infeasible, ticks / 20);
+    EXPECT_LT(infeasible, ticks / 10);
 }
 
 TEST(Tosbp, ArmUnderThePapersLimits) {
@@ -246,17 +246,19 @@ S4 runS4(double tick_s) {
     return result;
 }
 
-// The row as printed asks for less than -J as soon as a tick leaves a stop behind the limit
-// (h_p < 0), and its interval is empty from then on. Ours ends at -J there, which is the best that
-// can be done, and counts a tick as empty only when two rows contradict each other: none here.
-TEST(Tosbp, Fault33S4RestingOnTheLimitBrakesWhereThePrintedRowIsBroken) {
+// The row asks for less than -J as soon as a tick leaves a stop behind the limit (h_p < 0): those
+// ticks have no admissible jerk, are counted, and brake at -J. With the paper's data that begins in
+// the fourth second at 1 ms, earlier at coarser and later at finer ticks.
+TEST(Tosbp, Fault33S4RestingOnTheLimitRunsOutOfAdmissibleJerksAndBrakes) {
     const S4 coarse = runS4(1e-2), usual = runS4(1e-3), fine = runS4(1e-4);
-    std::printf("  printed row first broken at %.2f s (10 ms), %.2f s (1 ms), %.2f s (0.1 ms)\n",
-                coarse.firstBrokenRow_s, usual.firstBrokenRow_s, fine.firstBrokenRow_s);
+    std::printf(
+        "  first tick without an admissible jerk at %.2f s (10 ms), %.2f s (1 ms), %.2f s (0.1 "
+        "ms)\n",
+        coarse.firstBrokenRow_s, usual.firstBrokenRow_s, fine.firstBrokenRow_s);
     std::printf("  position passed by %.2g, %.2g, %.2g rad\n", coarse.outcome.excess.position,
                 usual.outcome.excess.position, fine.outcome.excess.position);
     for (const S4* s4 : {&coarse, &usual, &fine}) {
-        EXPECT_EQ(s4->outcome.infeasible, 0);
+        EXPECT_EQ(s4->outcome.infeasible, s4->ticksPastStop);
         EXPECT_EQ(s4->brakesThere, s4->ticksPastStop);
         EXPECT_GT(s4->ticksPastStop, 0);
         EXPECT_EQ(s4->firstBrokenRow_s, s4->firstPastStop_s);
@@ -267,6 +269,7 @@ TEST(Tosbp, Fault33S4RestingOnTheLimitBrakesWhereThePrintedRowIsBroken) {
     }
     EXPECT_LT(coarse.firstBrokenRow_s, usual.firstBrokenRow_s);
     EXPECT_LT(usual.firstBrokenRow_s, fine.firstBrokenRow_s);
+    EXPECT_NEAR(usual.firstBrokenRow_s, 3.5, 0.25);
     EXPECT_LE(usual.outcome.excess.position, 1.7e-5);
     EXPECT_LE(fine.outcome.excess.position, usual.outcome.excess.position / 10.0);
 }
