@@ -5,6 +5,7 @@
 #include "Commands.h"
 #include "viable/core/Error.h"
 #include "viable/log/LogExport.h"
+#include "viable/log/LogReader.h"
 
 namespace viable {
 
@@ -29,6 +30,11 @@ void addExportCommand(CLI::App& app, int& exitCode) {
         if (format != "csv")
             throw badInput("--to", "'" + format + "' is no format this program writes",
                            "Use `--to csv FILE`.");
+        if (!LogReader(arguments->log).isComplete())
+            std::fprintf(stderr,
+                         "viable: %s has no end (the run was killed or is still going on): "
+                         "every whole block of it is exported\n",
+                         arguments->log.c_str());
         exportCsv(arguments->log, arguments->target[1]);
         std::printf("wrote %s\n", arguments->target[1].c_str());
         exitCode = 0;

@@ -50,5 +50,10 @@ int main(int argc, char** argv) {
         std::fprintf(stderr, "viable: unexpected: %s. Please report this.\n", e.what());
         return 70;
     }
+    if (std::fflush(stdout) != 0 || std::ferror(stdout)) {
+        std::fprintf(stderr,
+                     "viable: the output could not be written (disk full or pipe closed)\n");
+        if (exitCode == 0) exitCode = static_cast<int>(viable::ErrorKind::LogNotWritten);
+    }
     return exitCode;
 }

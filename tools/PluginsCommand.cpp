@@ -42,6 +42,9 @@ void addPluginsCommand(CLI::App& app, int& exitCode) {
                         describeParameters(p.entry->parameters, p.entry->parameterCount).c_str());
         }
         if (!found) {
+            for (const RefusedLibrary& r : refused)
+                if (r.library.stem().string().find("_" + *name) != std::string::npos)
+                    throw badInput(r.library.string(), r.reason);
             const std::string closest = findClosestName(*name, names);
             throw badInput("--describe", "there is no plugin '" + *name + "'",
                            (closest.empty() ? "" : "Did you mean '" + closest + "'? ") +

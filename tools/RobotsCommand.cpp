@@ -46,8 +46,13 @@ void addRobotsCommand(CLI::App& app, int& exitCode) {
         }
         const auto folders = listRobots(path);
         for (const auto& folder : folders) {
-            const RobotDescription robot = loadRobot(folder);
-            std::printf("%-16s %d joints  %s\n", robot.name.c_str(), robot.size(), folder.c_str());
+            try {
+                const RobotDescription robot = loadRobot(folder);
+                std::printf("%-16s %d joints  %s\n", robot.name.c_str(), robot.size(),
+                            folder.c_str());
+            } catch (const Error& e) {
+                std::fprintf(stderr, "viable: refused %s: %s\n", folder.c_str(), e.what());
+            }
         }
         if (folders.empty()) {
             std::string tried;

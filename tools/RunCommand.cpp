@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <system_error>
 #include <thread>
 
 #include "Commands.h"
@@ -49,19 +50,28 @@ fs::path makeRunFolder(const std::string& wanted, const fs::path& experiment) {
     std::error_code error;
     if (!wanted.empty()) {
         const fs::path folder = wanted;
-        if (fs::exists(folder) && !(fs::is_directory(folder) && fs::is_empty(folder, error)))
+        const fs::file_status status = fs::status(folder, error);
+        if (fs::exists(status) && !fs::is_directory(status))
+            throw badInput("--out " + wanted, "this is not a folder",
+                           "Name a new or empty folder.");
+        if (fs::exists(status) && !fs::is_empty(folder, error))
             throw badInput("--out " + wanted, "this folder already holds something",
                            "Name a new or empty folder; a run never overwrites another.");
+        error.clear();
         fs::create_directories(folder, error);
         if (error)
             throw Error(ErrorKind::LogNotWritten, "--out " + wanted,
-                        "cannot create the folder: " + error.message());
+                        "cannot create the folder: " + error.message(), "Name another place.");
         return folder;
     }
     char stamp[32];
     const std::time_t now = std::time(nullptr);
     std::strftime(stamp, sizeof stamp, "%Y%m%d-%H%M%S", std::localtime(&now));
     fs::create_directories("runs", error);
+    if (error)
+        throw Error(ErrorKind::LogNotWritten, (fs::current_path() / "runs").string(),
+                    "cannot create the folder: " + error.message(),
+                    "Name another place with --out DIR.");
     for (int i = 1; i < 1000; ++i) {
         const fs::path folder = fs::path("runs") / (experiment.stem().string() + "-" + stamp +
                                                     (i > 1 ? "-" + std::to_string(i) : ""));
@@ -95,36 +105,53 @@ void selectCases(Experiment& experiment, const std::vector<std::string>& wanted)
                            experiment.cases.end());
 }
 
-/** Runs all cases, `jobs` at a time; results in the order of the file. The first Error of a case is
-thrown after the others have ended. */
-std::vector<CaseResult> runCases(const Experiment& experiment, const fs::path& folder, int jobs) {
+/** What became of the cases: results in the order of the file, and the first Error that kept one from
+starting. */
+struct CaseOutcomes {
+    std::vector<CaseResult> results;
+    std::exception_ptr failure;
+};
+
+/** Runs all cases, `jobs` at a time. After a failure or a signal no further case is begun. */
+CaseOutcomes runCases(const Experiment& experiment, const fs::path& folder, int jobs) {
     const std::size_t count = experiment.cases.size();
     std::vector<std::string> names;
     for (const CasePlan& plan : experiment.cases) names.push_back(plan.name);
     Progress progress(names);
     std::vector<std::optional<CaseResult>> results(count);
-    std::exception_ptr failure;
+    CaseOutcomes outcomes;
     std::mutex failureMutex;
     std::atomic<std::size_t> next{0}, running{0};
-    std::vector<std::thread> workers;
-    running = static_cast<std::size_t>(jobs);
-    for (int job = 0; job < jobs; ++job) {
-        workers.emplace_back([&] {
-            for (std::size_t i; (i = next++) < count;) {
-                RunOptions options;
-                options.log = folder / (experiment.cases[i].name + ".mcap");
-                options.stopRequest = &stopSignal;
-                options.progress = [&progress, i](double share) { progress.set(i, share); };
-                try {
-                    results[i].emplace(runCase(experiment.cases[i], options));
-                } catch (...) {
-                    const std::lock_guard lock(failureMutex);
-                    if (!failure) failure = std::current_exception();
-                    next = count;
-                }
+    const auto work = [&] {
+        for (std::size_t i; stopSignal == 0 && (i = next++) < count;) {
+            RunOptions options;
+            options.log = folder / (experiment.cases[i].name + ".mcap");
+            options.stopRequest = &stopSignal;
+            options.progress = [&progress, i](double share) { progress.set(i, share); };
+            try {
+                results[i].emplace(runCase(experiment.cases[i], options));
+            } catch (...) {
+                const std::lock_guard lock(failureMutex);
+                if (!outcomes.failure) outcomes.failure = std::current_exception();
+                next = count;
             }
+        }
+        --running;
+    };
+    std::vector<std::thread> workers;
+    for (int job = 0; job < jobs; ++job) {
+        ++running;
+        try {
+            workers.emplace_back(work);
+        } catch (
+            const std::system_error&) {  // fewer threads do it too; none is the caller's own turn
             --running;
-        });
+            if (workers.empty()) {
+                ++running;
+                work();
+            }
+            break;
+        }
     }
     while (running > 0) {
         std::this_thread::sleep_for(std::chrono::milliseconds(50));
@@ -132,11 +159,9 @@ std::vector<CaseResult> runCases(const Experiment& experiment, const fs::path& f
     }
     for (std::thread& worker : workers) worker.join();
     progress.draw(true);
-    if (failure) std::rethrow_exception(failure);
-    std::vector<CaseResult> all;
     for (auto& result : results)
-        if (result) all.push_back(std::move(*result));
-    return all;
+        if (result) outcomes.results.push_back(std::move(*result));
+    return outcomes;
 }
 
 /** Writes a small file whole or not at all; returns an error text, empty when it was written. */
@@ -174,7 +199,7 @@ int run(const RunArguments& arguments) {
     int jobs =
         arguments.jobs > 0 ? arguments.jobs : static_cast<int>(std::thread::hardware_concurrency());
     jobs = std::max(1, std::min(jobs, static_cast<int>(experiment.cases.size())));
-    const std::vector<CaseResult> results = runCases(experiment, folder, jobs);
+    const auto [results, failure] = runCases(experiment, folder, jobs);
 
     std::printf("\n%s\n", formatComparison(results).c_str());
     int code = 0;
@@ -199,11 +224,19 @@ int run(const RunArguments& arguments) {
         std::fprintf(stderr, "viable: %s\n", lost.c_str());
         if (code == 0) code = static_cast<int>(ErrorKind::LogNotWritten);
     }
-    if (const int signal = stopSignal.load()) {
-        std::fprintf(
-            stderr,
-            "viable: ended early by signal %d; the arm was braked and the logs are complete\n",
-            signal);
+    if (failure) std::rethrow_exception(failure);
+    for (const CasePlan& plan : experiment.cases)
+        if (std::none_of(results.begin(), results.end(),
+                         [&](const CaseResult& r) { return r.name == plan.name; }))
+            std::printf("%s: not run\n", plan.name.c_str());
+    const bool anyStopped = std::any_of(results.begin(), results.end(), [](const CaseResult& r) {
+        return r.stopReason == StopReason::Requested;
+    });
+    if (const int signal = stopSignal.load();
+        signal != 0 && (anyStopped || results.size() < experiment.cases.size())) {
+        std::fprintf(stderr,
+                     "viable: ended early by signal %d; every running arm was braked to rest\n",
+                     signal);
         if (code == 0) code = 128 + signal;
     }
     return code;

@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
-# Installs the Debian packages that are missing, configures and builds. Usage: tools/setup.sh [PRESET]
-# PRESET is one of CMakePresets.json: release (default), debug, asan, tsan. Safe to run again: quick when
-# there is nothing to do.
+# Installs the Debian packages that are missing, configures and builds. Usage: tools/setup.sh [PRESET [TARGET]]
+# PRESET is one of CMakePresets.json: release (default), debug, asan, tsan. TARGET: all (default), or viable_app:
+# program and plugins without the tests. Safe to run again: quick when there is nothing to do.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 preset=${1:-release}
+target=${2:-all}
 
 packages=(
   g++ cmake ninja-build pkg-config  # compiler and build
@@ -42,8 +43,8 @@ echo "setup: configuring (preset $preset)"
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 cmake --preset "$preset" >"$log" 2>&1 || { cat "$log" >&2; exit 1; }
-echo "setup: building in build/$preset (a few minutes the first time)"
+echo "setup: building $target in build/$preset (some minutes the first time)"
 quiet=()
 [ -t 1 ] || quiet=(-- --quiet)
-cmake --build --preset "$preset" "${quiet[@]}"
+cmake --build --preset "$preset" --target "$target" "${quiet[@]}"
 echo "setup: done, the program is build/$preset/bin/viable"

@@ -1,5 +1,6 @@
 #include "viable/experiment/CaseRun.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <thread>
@@ -139,19 +140,21 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
             std::make_unique<LogWriter>(options.log, makeOpening(plan, space)));
 
     CaseResult result(plan);
+    result.promises = promises;
     result.log = options.log;
 
     const std::int64_t ticks = std::llround(plan.duration_s / plan.tick_s);
     const auto begin = std::chrono::steady_clock::now();
     double recordTime_us = 0.0;
     TickRecord record;
-    for (std::int64_t k = 0; k < ticks && !loop.hasStopped(); ++k) {
+    // A stop that has begun is led to its end, even beyond the duration.
+    for (std::int64_t k = 0; (k < ticks || loop.isStopping()) && !loop.hasStopped(); ++k) {
         if (options.stopRequest && options.stopRequest->load(std::memory_order_relaxed) != 0)
             loop.requestStop(StopReason::Requested, "the user asked for it");
         loop.tick(record);
         record.stage_us[static_cast<int>(Stage::Record)] = recordTime_us;
         result.summary.add(record);
-        if (promises && result.summary.anyLimitBroken())
+        if (promises && !loop.isStopping() && result.summary.anyLimitBroken())
             loop.requestStop(StopReason::PromiseBroken, describeBreach(result.summary).c_str());
         if (recorder) {
             // Simulated time can wait for the disk. The time of the hand-over itself goes into the
@@ -166,8 +169,9 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
                     .count();
         }
         if (options.progress && k % kProgressTicks == 0)
-            options.progress(static_cast<double>(k) / static_cast<double>(ticks));
+            options.progress(std::min(1.0, static_cast<double>(k) / static_cast<double>(ticks)));
     }
+    result.summary.addEnd(loop.nominal(), loop.time());
     if (options.progress) options.progress(1.0);
     result.simulated_s = loop.time();
     if (recorder) {

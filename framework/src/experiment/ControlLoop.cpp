@@ -1,8 +1,11 @@
 #include "viable/experiment/ControlLoop.h"
 
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <exception>
+
+#include "viable/core/Error.h"
 
 namespace viable {
 
@@ -39,15 +42,46 @@ bool isUsable(const MotionCommand& command, int n) {
            command.toolTwist.allFinite();
 }
 
-/** Accelerations [rad/s^2] and torques [Nm] beyond this are no arm's: a few ticks later the
-arithmetic itself would overflow. */
+/** Accelerations [rad/s^2] and torques [Nm] beyond this are no arm's: a few ticks later the arithmetic itself
+would overflow. */
 constexpr double kLargestDecision = 1e9;
+/** A decision's jerk and acceleration may differ by rounding only; relative. */
+constexpr double kAgreement = 1e-9;
+/** A joint slower than this has come to rest, where a stop holds accelerations. [rad/s] */
+constexpr double kRest = 1e-12;
 
-bool isUsable(const FilterDecision& decision, int n) {
-    return isFinite(decision.torque, n) && isFinite(decision.acceleration, n) &&
-           isFinite(decision.jerk, n) &&
-           decision.torque.lpNorm<Eigen::Infinity>() <= kLargestDecision &&
-           decision.acceleration.lpNorm<Eigen::Infinity>() <= kLargestDecision;
+bool isBounded(const JointVector& v, int n) {
+    return isFinite(v, n) && v.lpNorm<Eigen::Infinity>() <= kLargestDecision;
+}
+
+/** What is wrong with a decision, or null. */
+const char* findFault(const FilterDecision& d, const MotionState& nominal, double tick_s, int n) {
+    if (!isFinite(d.torque, n) || !isFinite(d.acceleration, n) || !isFinite(d.jerk, n))
+        return "its decision has the wrong size or is not finite";
+    if (!isBounded(d.torque, n) || !isBounded(d.acceleration, n) || !isBounded(d.jerk * tick_s, n))
+        return "its decision is beyond 1e9";
+    const double share = d.held == HeldQuantity::Jerk ? 0.5 : 1.0;
+    for (int i = 0; i < n; ++i) {
+        const double reached = nominal.qdd[i] + share * tick_s * d.jerk[i];
+        const double scale = 1.0 + std::abs(d.acceleration[i]) + std::abs(nominal.qdd[i]);
+        if (std::abs(reached - d.acceleration[i]) > kAgreement * scale)
+            return "the jerk and the acceleration of its decision contradict each other";
+    }
+    return nullptr;
+}
+
+/** Calls `reset`; whatever it throws becomes an Error that names the kind of plugin. */
+template <class PluginType>
+void resetPlugin(PluginType& plugin, PluginKind kind, const MotionState& start) {
+    const std::string who = std::string("the ") + getName(kind) + " plugin";
+    try {
+        plugin.reset(start);
+    } catch (const std::exception& e) {
+        throw Error(ErrorKind::PluginFailed, who, std::string("threw in reset(): ") + e.what());
+    } catch (...) {
+        throw Error(ErrorKind::PluginFailed, who,
+                    "threw something that is no std::exception in reset()");
+    }
 }
 
 }  // namespace
@@ -62,26 +96,29 @@ ControlLoop::~ControlLoop() = default;
 void ControlLoop::reset() {
     tickIndex_ = 0;
     nominal_ = setup_.start;
+    real_ = actual_ = {nominal_.q, nominal_.qd};
     hasTorque_ = false;
     missingCommands_ = missingTorques_ = 0;
     substituted_ = 0;
-    braking_ = robustLoopFailed_ = plantFailed_ = false;
     stopReason_ = StopReason::None;
     stopTime_ = 0.0;
     stopMessage_[0] = '\0';
-    for (JointVector* v :
-         {&desiredTorque_, &newTorque_, &robustTorque_, &motorTorque_, &appliedTorque_, &stopJerk_})
+    stopPlanned_ = ended_ = robustLoopFailed_ = false;
+    stopHeld_ = HeldQuantity::Jerk;
+    for (JointVector* v : {&desiredTorque_, &newTorque_, &robustTorque_, &motorTorque_,
+                           &appliedTorque_, &stopChoice_})
         v->setZero(n_);
+    decision_ = {};
     command_ = {};
     command_.q = setup_.start.q;
     command_.qd.setZero(n_);
     command_.tool = setup_.startTool;
     command_.space = plugins_.command->space();
-    plugins_.command->reset(nominal_);
-    plugins_.controller->reset(nominal_);
-    plugins_.filter->reset(nominal_);
-    if (plugins_.robustLoop) plugins_.robustLoop->reset(nominal_);
-    if (plugins_.realPlant) plugins_.realPlant->reset(nominal_);
+    resetPlugin(*plugins_.command, PluginKind::CommandSource, nominal_);
+    resetPlugin(*plugins_.controller, PluginKind::NominalController, nominal_);
+    resetPlugin(*plugins_.filter, PluginKind::SafetyFilter, nominal_);
+    if (plugins_.robustLoop) resetPlugin(*plugins_.robustLoop, PluginKind::RobustLoop, nominal_);
+    if (plugins_.realPlant) resetPlugin(*plugins_.realPlant, PluginKind::RealPlant, nominal_);
 }
 
 double ControlLoop::time() const {
@@ -89,21 +126,22 @@ double ControlLoop::time() const {
 }
 
 bool ControlLoop::hasStopped() const {
-    if (plantFailed_) return true;
-    if (!braking_) return false;
+    if (ended_) return true;
+    if (!stopPlanned_) return false;
+    if (stopHeld_ == HeldQuantity::Acceleration)
+        return nominal_.qd.lpNorm<Eigen::Infinity>() <= kRest;
     for (int i = 0; i < n_; ++i)
         if (!stops_[i].atRest()) return false;
     return true;
 }
 
 void ControlLoop::beginStop(StopReason reason, const char* message) noexcept {
-    if (braking_) return;
-    braking_ = true;
+    if (stopReason_ != StopReason::None &&
+        !(stopReason_ == StopReason::Requested && reason != StopReason::Requested))
+        return;
     stopReason_ = reason;
     stopTime_ = time();
     std::snprintf(stopMessage_, sizeof stopMessage_, "%s", message);
-    for (int i = 0; i < n_; ++i)
-        stops_[i].plan(nominal_.qd[i], nominal_.qdd[i], setup_.limits.axis(i), setup_.tick_s);
 }
 
 template <class Status, class Call>
@@ -118,6 +156,21 @@ Status ControlLoop::contain(Status faulted, StopReason reason, const Call& call)
         beginStop(reason, "it threw something that is no std::exception");
     }
     return faulted;
+}
+
+void ControlLoop::readPlant() {
+    const TickStatus status = contain(TickStatus::Faulted, StopReason::PlantFailed, [&] {
+        const JointState& measured = plugins_.realPlant->measured();
+        const JointState& actual = plugins_.realPlant->actual();
+        if (!isFinite(measured, n_) || !isFinite(actual, n_)) return TickStatus::Faulted;
+        real_ = measured;
+        actual_ = actual;
+        return TickStatus::Ok;
+    });
+    if (status == TickStatus::Ok) return;
+    beginStop(StopReason::PlantFailed,
+              "the state that it reports has the wrong size or is not finite");
+    ended_ = true;
 }
 
 void ControlLoop::takeCommand(double t) {
@@ -156,56 +209,85 @@ bool ControlLoop::takeDecision() {
     status_ = contain(FilterStatus::Faulted, StopReason::FilterFailed, [&] {
         return plugins_.filter->filter(nominal_, desiredTorque_, dynamics_, decision_);
     });
-    if (braking_) return false;
-    if (status_ == FilterStatus::InvalidInput || status_ == FilterStatus::Faulted) {
-        beginStop(StopReason::FilterFailed, status_ == FilterStatus::Faulted
-                                                ? "it reported that it cannot go on"
-                                                : "it refused its input as invalid");
-        return false;
-    }
-    if (!isUsable(decision_, n_)) {
-        beginStop(StopReason::FilterFailed,
-                  "its decision has the wrong size, is not finite or beyond 1e9");
-        return false;
-    }
-    return true;
+    const char* fault = status_ == FilterStatus::Faulted ? "it reported that it cannot go on"
+                        : status_ == FilterStatus::InvalidInput
+                            ? "it refused its input as invalid"
+                            : findFault(decision_, nominal_, setup_.tick_s, n_);
+    if (fault) beginStop(StopReason::FilterFailed, fault);
+    if (!fault) stopHeld_ = decision_.held;
+    return !fault;
+}
+
+/** A law that keeps position by braking with the acceleration limit leaves no room for a jerk limit: its stop
+holds accelerations as it does. So does a stop without a finite jerk limit to plan with. */
+void ControlLoop::planStop() {
+    if (!setup_.limits.jerk.lower.allFinite() || !setup_.limits.jerk.upper.allFinite())
+        stopHeld_ = HeldQuantity::Acceleration;
+    for (int i = 0; i < n_ && stopHeld_ == HeldQuantity::Jerk; ++i)
+        stops_[i].plan(nominal_.qd[i], nominal_.qdd[i], setup_.limits.axis(i), setup_.tick_s);
+    stopPlanned_ = true;
 }
 
 void ControlLoop::followStop() {
-    for (int i = 0; i < n_; ++i) stopJerk_[i] = stops_[i].takeJerk();
-    holdJerk(nominal_, dynamics_, stopJerk_, setup_.tick_s, decision_);
+    if (!stopPlanned_) planStop();
+    if (stopHeld_ == HeldQuantity::Jerk) {
+        for (int i = 0; i < n_; ++i) stopChoice_[i] = stops_[i].takeJerk();
+        holdJerk(nominal_, dynamics_, stopChoice_, setup_.tick_s, decision_);
+    } else {
+        stopChoice_ = (-nominal_.qd / setup_.tick_s)
+                          .cwiseMax(setup_.limits.acceleration.lower)
+                          .cwiseMin(setup_.limits.acceleration.upper);
+        holdAcceleration(nominal_, dynamics_, stopChoice_, setup_.tick_s, decision_);
+    }
     decision_.joints.fill({});
     status_ = FilterStatus::StoppedByPlan;
+    if (!findFault(decision_, nominal_, setup_.tick_s, n_)) return;
+    decision_.torque.setZero(n_);  // the nominal state itself is beyond all arithmetic
+    decision_.acceleration.setZero(n_);
+    decision_.jerk.setZero(n_);
+    ended_ = true;
 }
 
 void ControlLoop::takeRobustTorque() {
-    if (robustLoopFailed_) {
-        robustTorque_.setZero(n_);
-        return;
+    if (!robustLoopFailed_) {
+        const TickStatus status = contain(TickStatus::Faulted, StopReason::RobustLoopFailed, [&] {
+            return plugins_.robustLoop->compute(real_, nominal_, decision_.torque, robustTorque_);
+        });
+        if (status == TickStatus::Ok && isBounded(robustTorque_, n_)) return;
+        beginStop(StopReason::RobustLoopFailed,
+                  "it gave no usable torque (wrong size, not finite, beyond 1e9 or not Ok)");
+        robustLoopFailed_ = true;
     }
-    const TickStatus status = contain(TickStatus::Faulted, StopReason::RobustLoopFailed, [&] {
-        return plugins_.robustLoop->compute(plugins_.realPlant->measured(), nominal_,
-                                            decision_.torque, robustTorque_);
-    });
-    if (status == TickStatus::Ok && isFinite(robustTorque_, n_)) return;
-    beginStop(StopReason::RobustLoopFailed,
-              "it gave no usable torque (wrong size, not finite or not Ok)");
-    robustLoopFailed_ = true;
     robustTorque_.setZero(n_);
+}
+
+void ControlLoop::drivePlant() {
+    motorTorque_ = decision_.torque + robustTorque_;
+    const TickStatus status = contain(TickStatus::Faulted, StopReason::PlantFailed, [&] {
+        return plugins_.realPlant->advance(motorTorque_, appliedTorque_);
+    });
+    if (status == TickStatus::Ok && isFinite(appliedTorque_, n_)) return;
+    beginStop(StopReason::PlantFailed, "it could not advance (its state would not be finite)");
+    appliedTorque_.setZero(n_);
+    ended_ = true;
 }
 
 void ControlLoop::tick(TickRecord& record) noexcept {
     StageTimer timer(record);
     const double t = time();
 
-    if (!braking_) takeCommand(t);
+    if (plugins_.realPlant) readPlant();
+    timer.mark(Stage::Plant);
+    if (!isStopping()) takeCommand(t);
     timer.mark(Stage::Command);
     model_.calcDynamics(nominal_.q, nominal_.qd, dynamics_);
     timer.mark(Stage::Dynamics);
-    if (!braking_) takeTorque();
+    if (!isStopping()) takeTorque();
     timer.mark(Stage::Controller);
-    if (braking_ || !takeDecision()) followStop();
+    const bool stopping = isStopping() || !takeDecision();
+    if (stopping) followStop();
     timer.mark(Stage::Filter);
+    // From here on this tick's decision stands: what fails below brakes the arm from the next tick on.
 
     record.time_s = t;
     record.command = command_;
@@ -214,33 +296,23 @@ void ControlLoop::tick(TickRecord& record) noexcept {
     record.nominal.qdd = nominal_.qdd;
     record.nominal.jerk = decision_.jerk;
     record.tool = dynamics_.tool;
+    record.real = real_;
+    record.actual = actual_;
     record.desiredTorque = desiredTorque_;
     record.filterTorque = decision_.torque;
     record.status = status_;
     record.joints = decision_.joints;
+    record.braking = stopping;
+    record.substituted = substituted_;
 
-    if (plugins_.realPlant) {
+    if (plugins_.realPlant && !ended_) {
         takeRobustTorque();
         timer.mark(Stage::Robust);
-        record.real = plugins_.realPlant->measured();
-        record.actual = plugins_.realPlant->actual();
-        motorTorque_ = decision_.torque + robustTorque_;
-        const TickStatus status = contain(TickStatus::Faulted, StopReason::PlantFailed, [&] {
-            return plugins_.realPlant->advance(motorTorque_, appliedTorque_);
-        });
-        if (status != TickStatus::Ok || !isFinite(appliedTorque_, n_) ||
-            !isFinite(plugins_.realPlant->measured(), n_)) {
-            beginStop(StopReason::PlantFailed,
-                      "it could not advance (its state would not be finite)");
-            plantFailed_ = true;
-            appliedTorque_.setZero(n_);
-        }
+        drivePlant();
         timer.mark(Stage::Plant);
     }
     record.robustTorque = robustTorque_;
     record.motorTorque = appliedTorque_;
-    record.braking = braking_;
-    record.substituted = substituted_;
 
     advanceNominal(decision_, setup_.tick_s, nominal_);
     ++tickIndex_;

@@ -16,6 +16,9 @@ constexpr double kLongestRun_s = 24.0 * 3600.0;
 
 /** What a case may override: everything but these. */
 const std::vector<std::string> kTopOnlyKeys = {"schema", "title", "cases"};
+const std::vector<std::string> kCaseKeys = {"robot",       "tick_s",    "duration_s", "limits",
+                                            "start",       "command",   "controller", "filter",
+                                            "robust_loop", "real_plant"};
 
 ConfigNode makeScalar(const std::string& text, bool quoted = false) {
     ConfigNode node;
@@ -94,7 +97,10 @@ public:
     CaseReader(const ConfigNode& node, const PluginLoader& loader,
                const std::vector<std::filesystem::path>& robotPath)
         : map_(node), loader_(loader), robotPath_(robotPath) {
+        // Unknown keys first: a misspelt key explains a missing one.
         for (const std::string& key : kTopOnlyKeys) map_.find(key);
+        for (const std::string& key : kCaseKeys) map_.find(key);
+        map_.finish();
     }
 
     CasePlan read(const std::string& name, const std::string& title) {
@@ -138,8 +144,7 @@ public:
             plan.robustLoop = readPlugin(*robustLoop, PluginKind::RobustLoop, plan.robot.size());
             plan.realPlant = readPlugin(*realPlant, PluginKind::RealPlant, plan.robot.size());
         }
-        map_.finish();
-        plan.resolved = resolve(plan, title, allowLargeAngles, toText(robotNode));
+        plan.resolved = resolve(plan, title, allowLargeAngles);
         return plan;
     }
 
@@ -151,37 +156,47 @@ private:
                 "Write `{plugin: NAME, ...parameters}`; `viable plugins` lists the names.");
         const ConfigNode& name = *block.find("plugin");
         const PluginInfo info = loader_.find(kind, toText(name), name.place(),
-                                             std::filesystem::path(block.file).parent_path());
+                                             std::filesystem::path(name.file).parent_path());
         return {info,
                 readParameters(block, info.entry->parameters, info.entry->parameterCount, joints)};
     }
 
-    static ConfigNode resolve(const CasePlan& plan, const std::string& title, bool allowLargeAngles,
-                              const std::string& robotText) {
+    /** The block as it must stand in a file of any folder. */
+    static ConfigNode resolve(const PluginChoice& choice) {
+        ConfigNode block = choice.parameters.resolved();
+        ConfigNode* name = block.find("plugin");
+        if (name->text.find('/') != std::string::npos) {  // named by its path
+            name->text = choice.plugin.library.string();
+            name->quoted = true;
+        }
+        return block;
+    }
+
+    static ConfigNode resolve(const CasePlan& plan, const std::string& title,
+                              bool allowLargeAngles) {
         ConfigNode limits = makeMap({{"position_rad", makeBounds(plan.limits.position)},
                                      {"velocity_radps", makeBounds(plan.limits.velocity)},
                                      {"acceleration_radps2", makeBounds(plan.limits.acceleration)},
                                      {"jerk_radps3", makeBounds(plan.limits.jerk)}});
         if (allowLargeAngles) limits.entries.emplace_back("allow_large_angles", makeScalar("true"));
-        ConfigNode node =
-            makeMap({{"schema", makeScalar("1")},
-                     {"title", makeScalar(title, true)},
-                     {"robot", makeScalar(robotText)},
-                     {"duration_s", makeNumber(plan.duration_s)},
-                     {"tick_s", makeNumber(plan.tick_s)},
-                     {"start", makeMap({{"position_rad", makeList(plan.start.q)},
-                                        {"velocity_radps", makeList(plan.start.qd)},
-                                        {"acceleration_radps2", makeList(plan.start.qdd)}})},
-                     {"limits", limits},
-                     {"command", plan.command.parameters.resolved()},
-                     {"controller", plan.controller.parameters.resolved()}});
+        ConfigNode node = makeMap(
+            {{"schema", makeScalar("1")},
+             {"title", makeScalar(title, true)},
+             {"robot", makeScalar(std::filesystem::canonical(plan.robot.folder).string(), true)},
+             {"duration_s", makeNumber(plan.duration_s)},
+             {"tick_s", makeNumber(plan.tick_s)},
+             {"start", makeMap({{"position_rad", makeList(plan.start.q)},
+                                {"velocity_radps", makeList(plan.start.qd)},
+                                {"acceleration_radps2", makeList(plan.start.qdd)}})},
+             {"limits", limits},
+             {"command", resolve(plan.command)},
+             {"controller", resolve(plan.controller)}});
         if (plan.realPlant) {
-            node.entries.emplace_back("robust_loop", plan.robustLoop->parameters.resolved());
-            node.entries.emplace_back("real_plant", plan.realPlant->parameters.resolved());
+            node.entries.emplace_back("robust_loop", resolve(*plan.robustLoop));
+            node.entries.emplace_back("real_plant", resolve(*plan.realPlant));
         }
         node.entries.emplace_back(
-            "cases",
-            makeMap({{plan.name, makeMap({{"filter", plan.filter.parameters.resolved()}})}}));
+            "cases", makeMap({{plan.name, makeMap({{"filter", resolve(plan.filter)}})}}));
         return node;
     }
 
@@ -200,6 +215,43 @@ void checkCaseName(const std::string& name, const ConfigNode& node) {
         throw badInput(
             node.place(), "'" + name + "' cannot be the name of a case",
             "Use 1 to 64 letters, digits, '_', '-' or '+': the name becomes a file name.");
+}
+
+/** Refuses what no case would ever see: a key at the top that every case replaces. */
+void checkUse(const ConfigNode& shared, const ConfigNode& cases) {
+    for (const auto& [key, node] : shared.entries) {
+        if (std::find(kCaseKeys.begin(), kCaseKeys.end(), key) == kCaseKeys.end()) continue;
+        bool used = false;
+        for (const auto& [name, own] : cases.entries) {
+            const ConfigNode* replacement = own.find(key);
+            const ConfigNode* mine = node.find("plugin");
+            const ConfigNode* theirs = replacement ? replacement->find("plugin") : nullptr;
+            used |= !replacement || (node.kind == ConfigNode::Kind::Map &&
+                                     replacement->kind == ConfigNode::Kind::Map &&
+                                     (!mine || !theirs || mine->text == theirs->text));
+        }
+        if (!used)
+            throw badInput(node.place(),
+                           "no case uses this: every case has a `" + key + "` of its own",
+                           "Remove it, or set it in the case: `cases." +
+                               cases.entries.front().first + "." + key + "`.");
+    }
+}
+
+/** An override may change a case, not invent one. */
+void checkCaseIsInFile(const std::string& name, const ConfigNode& node, const ConfigNode& cases) {
+    if (node.kind != ConfigNode::Kind::Map || node.file == cases.file) return;
+    std::vector<std::string> names;
+    std::string all;
+    for (const auto& [other, itsNode] : cases.entries) {
+        if (itsNode.file != cases.file) continue;
+        names.push_back(other);
+        all += (all.empty() ? "" : ", ") + other;
+    }
+    const std::string closest = findClosestName(name, names);
+    throw badInput(node.place(), "there is no case '" + name + "'",
+                   (closest.empty() ? "" : "Did you mean '" + closest + "'? ") +
+                       "The file's cases: " + all + ".");
 }
 
 }  // namespace
@@ -229,8 +281,10 @@ Experiment readExperiment(const std::filesystem::path& file,
     shared.entries.erase(std::remove_if(shared.entries.begin(), shared.entries.end(),
                                         [](const auto& entry) { return entry.first == "cases"; }),
                          shared.entries.end());
+    checkUse(shared, *root.find("cases"));
     for (const auto& [name, node] : root.find("cases")->entries) {
         checkCaseName(name, node);
+        checkCaseIsInFile(name, node, *root.find("cases"));
         ConfigNode own = node;
         if (own.kind == ConfigNode::Kind::Empty) own.kind = ConfigNode::Kind::Map;
         if (own.kind != ConfigNode::Kind::Map)

@@ -43,37 +43,61 @@ double TimeHistogram::percentile(double p) const {
 Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool hasRealPlant)
     : jointNames_(std::move(jointNames)), bounds_(std::move(limits)), hasRealPlant_(hasRealPlant) {
     for (auto& records : limits_) records.resize(jointNames_.size());
+    realPosition_.resize(jointNames_.size());
     acting_.resize(jointNames_.size());
     squaredError_.setZero(static_cast<int>(jointNames_.size()));
     largestError_.setZero(static_cast<int>(jointNames_.size()));
 }
 
-void Summary::add(const TickRecord& record) {
-    const int n = static_cast<int>(jointNames_.size());
-    const JointVector* values[kQuantities] = {&record.nominal.q, &record.nominal.qd,
-                                              &record.nominal.qdd, &record.nominal.jerk};
-    const JointBounds* bounds[kQuantities] = {&bounds_.position, &bounds_.velocity,
-                                              &bounds_.acceleration, &bounds_.jerk};
-    for (int k = 0; k < kQuantities; ++k) {
-        for (int i = 0; i < n; ++i) {
-            const double lower = bounds[k]->lower[i], upper = bounds[k]->upper[i];
-            // Positions are measured from the middle of their range, the rest from zero.
-            const bool bothFinite = std::isfinite(lower) && std::isfinite(upper);
-            const double center = k == 0 && bothFinite ? (lower + upper) / 2.0 : 0.0;
-            const double x = (*values[k])[i] - center;
-            const double reach = x >= 0.0 ? upper - center : center - lower;
-            const double use = std::isinf(reach) ? 0.0
-                               : reach > 0.0     ? std::abs(x) / reach
-                                                 : (x == 0.0 ? 0.0 : INFINITY);
-            LimitRecord& limit = limits_[k][i];
-            if (use > limit.worstUse) {
-                limit.worstUse = use;
-                limit.worstTime_s = record.time_s;
-                limit.worstExcess = std::max(0.0, std::abs(x) - reach);
-            }
-            if (use > kOutsideUse) ++limit.ticksOutside;
+bool Summary::check(std::vector<LimitRecord>& records, LimitKind kind, const JointBounds& bounds,
+                    const JointVector& values, double time_s) {
+    bool outside = false;
+    for (int i = 0; i < static_cast<int>(records.size()); ++i) {
+        const double lower = bounds.lower[i], upper = bounds.upper[i], x = values[i];
+        const bool bothFinite = std::isfinite(lower) && std::isfinite(upper);
+        const double tolerance = kOutsideShare * (bothFinite             ? (upper - lower) / 2.0
+                                                  : std::isfinite(lower) ? std::abs(lower)
+                                                  : std::isfinite(upper) ? std::abs(upper)
+                                                                         : 0.0);
+        const double excess = std::isnan(x) ? INFINITY : std::max({0.0, lower - x, x - upper});
+        // Positions are measured from the middle of their range, the rest from zero. A position with a limit
+        // on one side only has no share of it that could be used: it is inside or beyond.
+        double use = 0.0;
+        if (kind != LimitKind::Position) {
+            const double limit = x >= 0.0 ? upper : lower;
+            use = std::isfinite(limit) && limit != 0.0 ? x / limit : 0.0;
+        } else if (bothFinite && upper > lower) {
+            use = std::abs(2.0 * x - lower - upper) / (upper - lower);
+        }
+        if (excess > tolerance) use = std::max(use, 1.0 + 2.0 * kOutsideShare);
+        if (std::isnan(x)) use = INFINITY;
+        LimitRecord& record = records[i];
+        if (use > record.worstUse) {
+            record.worstUse = use;
+            record.worstTime_s = time_s;
+        }
+        record.worstExcess = std::max(record.worstExcess, excess);
+        if (excess > tolerance) {
+            ++record.ticksOutside;
+            outside = true;
         }
     }
+    return outside;
+}
+
+void Summary::addEnd(const MotionState& nominal, double time_s) {
+    broken_ |= check(limits_[0], LimitKind::Position, bounds_.position, nominal.q, time_s);
+    broken_ |= check(limits_[1], LimitKind::Velocity, bounds_.velocity, nominal.qd, time_s);
+    broken_ |=
+        check(limits_[2], LimitKind::Acceleration, bounds_.acceleration, nominal.qdd, time_s);
+}
+
+void Summary::add(const TickRecord& record) {
+    const int n = static_cast<int>(jointNames_.size());
+    addEnd({record.nominal.q, record.nominal.qd, record.nominal.qdd}, record.time_s);
+    broken_ |= check(limits_[3], LimitKind::Jerk, bounds_.jerk, record.nominal.jerk, record.time_s);
+    if (hasRealPlant_)
+        check(realPosition_, LimitKind::Position, bounds_.position, record.actual.q, record.time_s);
     for (int i = 0; i < n; ++i) {
         const JointIntervention& joint = record.joints[i];
         if (joint.limit != LimitKind::None)
@@ -104,13 +128,6 @@ std::int64_t Summary::ticksOutside(LimitKind kind) const {
     std::int64_t sum = 0;
     for (const LimitRecord& record : limit(kind)) sum += record.ticksOutside;
     return sum;
-}
-
-bool Summary::anyLimitBroken() const {
-    for (const auto& records : limits_)
-        for (const LimitRecord& record : records)
-            if (record.ticksOutside > 0) return true;
-    return false;
 }
 
 std::map<std::pair<std::string, std::string>, std::int64_t> Summary::interventions() const {

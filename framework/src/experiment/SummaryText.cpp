@@ -23,7 +23,7 @@ std::string format(const char* pattern, Arguments... arguments) {
 /** Percent, with enough digits that a limit passed by a hair does not read as 100.00. */
 std::string formatPercent(double share) {
     if (std::isinf(share)) return "inf";
-    if (share > kOutsideUse && share < 1.0 + 5e-5)
+    if (share > 1.0 + kOutsideShare && share < 1.0 + 5e-5)
         return share < 1.0 + 1e-6 ? ">100" : format("%.4f", 100.0 * share);
     return format(share < 10.0 ? "%.2f" : "%.0f", 100.0 * share);
 }
@@ -37,12 +37,12 @@ std::string formatMrad(double rad) {
 
 std::string formatComparison(const std::vector<CaseResult>& results) {
     std::string text =
-        format("%-18s | %-33s | %-7s %-6s %-8s | %-21s | %s\n", "", "worst use of the limit [%]",
-               "ticks", "empty", "modified", "real - nominal [mrad]", "tick [us]");
-    text += format("%-18s | %8s %8s %7s %7s | %-7s %-6s %-8s | %10s %10s | %7s %7s\n", "case",
-                   "position", "velocity", "accel.", "jerk", "outside", "ticks", "[%]", "RMS",
-                   "max", "median", "p99");
-    text += std::string(126, '-') + "\n";
+        format("%-16s | %-33s | %-23s | %-19s | %s\n", "", "worst use of the limit [%]",
+               "joint-ticks ticks  ticks", "real - nominal", "tick [us]");
+    text += format("%-16s | %8s %8s %7s %7s | %7s %7s %8s | %9s %9s | %6s %6s\n", "case",
+                   "position", "velocity", "accel.", "jerk", "outside", "empty", "changed",
+                   "RMS[mrad]", "max[mrad]", "median", "p99");
+    text += std::string(118, '-') + "\n";
     for (const CaseResult& r : results) {
         const Summary& s = r.summary;
         std::int64_t outside = 0;
@@ -56,7 +56,7 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
                                                 s.ticksWith(FilterStatus::Infeasible)) /
                             static_cast<double>(s.ticks())
                       : 0.0;
-        text += format("%-18s | %8s %8s %7s %7s | %-7lld %-6lld %-8.1f | %10s %10s | %7.1f %7.1f\n",
+        text += format("%-16s | %8s %8s %7s %7s | %7lld %7lld %6.1f %% | %9s %9s | %6.1f %6.1f\n",
                        r.name.c_str(), use(LimitKind::Position).c_str(),
                        use(LimitKind::Velocity).c_str(), use(LimitKind::Acceleration).c_str(),
                        use(LimitKind::Jerk).c_str(), static_cast<long long>(outside),
@@ -65,6 +65,12 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
                        s.hasRealPlant() ? formatMrad(s.trackingMax()).c_str() : "-",
                        s.tickTime().percentile(0.5), s.tickTime().percentile(0.99));
     }
+    text +=
+        "Limits are those of the nominal arm. outside: joint-ticks beyond any limit; empty: ticks "
+        "without "
+        "an\nadmissible choice; changed: ticks in which the filter changed the motion. Times are "
+        "this "
+        "machine's, not real-time.\n";
     return text;
 }
 
@@ -75,6 +81,19 @@ std::string formatDetails(const CaseResult& r) {
         text += ", robust loop " + r.robustLoop + ", real plant " + r.realPlant;
     text += format("; %.3f s simulated in %.2f s (%.0f times real time)\n", r.simulated_s, r.wall_s,
                    r.wall_s > 0.0 ? r.simulated_s / r.wall_s : 0.0);
+    text += "  verdict       ";
+    if (!s.anyLimitBroken()) text += "all limits kept";
+    const char* joiner = "limits broken: ";
+    for (int k = 0; k < Summary::kQuantities; ++k) {
+        if (s.ticksOutside(kKinds[k]) == 0) continue;
+        double excess = 0.0;
+        for (const LimitRecord& limit : s.limit(kKinds[k]))
+            excess = std::max(excess, limit.worstExcess);
+        text += joiner + format("%s by %.3g %s", kKindNames[k], excess, kKindUnits[k]);
+        joiner = ", ";
+    }
+    text +=
+        std::string(" (nominal arm; the filter promises ") + (r.promises ? "all" : "none") + ")\n";
     for (int k = 0; k < Summary::kQuantities; ++k) {
         const int joint = s.worstJoint(kKinds[k]);
         const LimitRecord& limit = s.limit(kKinds[k])[joint];
@@ -112,7 +131,12 @@ std::string formatDetails(const CaseResult& r) {
         text += "  real-nominal  RMS / max per joint [mrad]";
         for (int i = 0; i < static_cast<int>(s.jointNames().size()); ++i)
             text += "  " + formatMrad(s.trackingRms(i)) + " / " + formatMrad(s.trackingMax(i));
-        text += "\n";
+        int worst = 0;
+        for (int i = 1; i < static_cast<int>(s.jointNames().size()); ++i)
+            if (s.realPosition(i).worstUse > s.realPosition(worst).worstUse) worst = i;
+        text += "\n  real arm      position: worst use " +
+                formatPercent(s.realPosition(worst).worstUse) + " % (" + s.jointNames()[worst] +
+                ")\n";
     }
     text += format("  tick          median %.1f us, p99 %.1f us, max %.1f us (median / p99:",
                    s.tickTime().percentile(0.5), s.tickTime().percentile(0.99), s.tickTime().max());
@@ -181,6 +205,8 @@ std::string writeSummaryJson(const Experiment& experiment, const std::vector<Cas
                          {"robust_loop", r.robustLoop},
                          {"real_plant", r.realPlant},
                          {"seeds", r.seeds},
+                         {"promises_limits", r.promises},
+                         {"limits_kept", !s.anyLimitBroken()},
                          {"simulated_s", r.simulated_s},
                          {"wall_s", r.wall_s},
                          {"ticks", s.ticks()},

@@ -183,7 +183,13 @@ BoxQp::Status BoxQp::solve(const JointMatrix& M, const JointVector& target,
     // <= hi.
     Square A;
     double scale[kMaxJoints], lo[kMaxJoints], hi[kMaxJoints];
-    for (int i = 0; i < n; ++i) scale[i] = 1.0 / M.col(i).norm();
+    for (int i = 0; i < n; ++i) {
+        scale[i] = 1.0 / M.col(i).norm();
+        if (!(scale[i] > 0.0) || !std::isfinite(scale[i])) {  // M is singular or beyond arithmetic
+            reset();
+            return Status::RoundLimit;
+        }
+    }
     for (int i = 0; i < n; ++i) {
         for (int j = 0; j <= i; ++j)
             A[i][j] = A[j][i] = i == j ? 1.0 : M.col(i).dot(M.col(j)) * scale[i] * scale[j];
@@ -227,7 +233,8 @@ BoxQp::Status BoxQp::solve(const JointMatrix& M, const JointVector& target,
         set.descend();
     }
     for (int i = 0; i < n; ++i) {
-        const double value = target[i] + set.d[i] * scale[i];
+        double value = target[i] + set.d[i] * scale[i];
+        if (std::isnan(value)) value = x[i];  // the clamped target
         x[i] = side_[i] < 0   ? lower[i]
                : side_[i] > 0 ? upper[i]
                               : std::min(std::max(value, lower[i]), upper[i]);

@@ -75,17 +75,43 @@ double calcVelocityPeak(double v, double a, const AxisLimits& limits) {
 
 namespace {
 
+/** No phase of a stop is longer: states that would need it are no arm's. */
+constexpr std::int64_t kMaxTicks = 1'000'000'000'000;
+
 /** Seconds as whole ticks, rounded up; a hair above a whole number counts as that number. */
-int roundUpToTicks(double seconds, double tick_s) {
+std::int64_t roundUpToTicks(double seconds, double tick_s) {
     const double ticks = std::ceil(seconds / tick_s - 1e-9);
-    return static_cast<int>(std::min(std::max(ticks, 0.0), 1e8));
+    return static_cast<std::int64_t>(
+        std::min(std::max(ticks, 0.0), static_cast<double>(kMaxTicks)));
 }
 
 /** Relative overshoot of acceleration and jerk limits that counts as rounding. */
 constexpr double kPlanRounding = 1e-12;
-constexpr int kMaxPlanRounds = 64;
+constexpr int kMaxPlanRounds = 128;
+/** A cruise of so few ticks may be left out for a slower ramp. */
+constexpr int kShortCruise = 3;
 
 }  // namespace
+
+bool GridStop::fits(std::int64_t n1, std::int64_t n2, std::int64_t n3, double v, double a,
+                    const AxisLimits& limits, double tick_s) {
+    const double t1 = n1 * tick_s, t2 = n2 * tick_s, t3 = n3 * tick_s;
+    const double a1 = -(v + a * t1 / 2.0) / (t1 / 2.0 + t2 + t3 / 2.0);
+    const double j1 = (a1 - a) / t1;
+    const double j3 = -a1 / t3;
+    const double slack = 1.0 + kPlanRounding;
+    const auto within = [&](double x, double lower, double upper) {
+        return x >= lower * slack && x <= upper * slack;
+    };
+    fitsAcceleration_ = within(a1, limits.accelerationLower, limits.accelerationUpper);
+    fitsFirst_ = within(j1, limits.jerkLower, limits.jerkUpper);
+    fitsLast_ = within(j3, limits.jerkLower, limits.jerkUpper);
+    if (!fitsAcceleration_ || !fitsFirst_ || !fitsLast_) return false;
+    stretches_[0] = {n1, j1};
+    stretches_[1] = {n2, 0.0};
+    stretches_[2] = {n3, j3};
+    return true;
+}
 
 bool GridStop::plan(double v, double a, const AxisLimits& limits, double tick_s) {
     tick_ = 0;
@@ -93,48 +119,59 @@ bool GridStop::plan(double v, double a, const AxisLimits& limits, double tick_s)
     if (v == 0.0 && a == 0.0) return true;
 
     const StationaryStop stop = calcStationaryStop(v, a, limits);
-    int n1 = std::max(1, roundUpToTicks(stop.T1, tick_s));
-    int n2 = roundUpToTicks(stop.T2, tick_s);
-    int n3 = std::max(1, roundUpToTicks(stop.T3, tick_s));
-    const double slack = 1.0 + kPlanRounding;
-    const auto within = [&](double x, double lower, double upper) {
-        return x >= lower * slack && x <= upper * slack;
-    };
-    for (int round = 0; round < kMaxPlanRounds; ++round) {
-        const double t1 = n1 * tick_s, t2 = n2 * tick_s, t3 = n3 * tick_s;
-        const double a1 = -(v + a * t1 / 2.0) / (t1 / 2.0 + t2 + t3 / 2.0);
-        const double j1 = (a1 - a) / t1;
-        const double j3 = -a1 / t3;
-        const bool accelerationFits =
-            within(a1, limits.accelerationLower, limits.accelerationUpper);
-        const bool firstFits = within(j1, limits.jerkLower, limits.jerkUpper);
-        const bool lastFits = within(j3, limits.jerkLower, limits.jerkUpper);
-        if (accelerationFits && firstFits && lastFits) {
-            stretches_[0] = {n1, j1};
-            stretches_[1] = {n2, 0.0};
-            stretches_[2] = {n3, j3};
-            return true;
+    std::int64_t n1 = std::max<std::int64_t>(1, roundUpToTicks(stop.T1, tick_s));
+    std::int64_t n2 = roundUpToTicks(stop.T2, tick_s);
+    std::int64_t n3 = std::max<std::int64_t>(1, roundUpToTicks(stop.T3, tick_s));
+
+    // Near the fastest stop: its phases rounded up or down, one more tick here or there; or, near
+    // the switching curve, where one phase is shorter than a tick, its ramp cut in two elsewhere.
+    // Fewest ticks first.
+    const std::int64_t ramp = n1 + n3;
+    for (int more : {-2, -1, 0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256}) {
+        for (std::int64_t m1 = std::max<std::int64_t>(1, n1 - 1); m1 <= n1 + 4; ++m1)
+            for (std::int64_t m2 = std::max<std::int64_t>(0, n2 - 3); m2 <= n2 + 2; ++m2) {
+                const std::int64_t m3 = ramp + n2 + more - m1 - m2;
+                if (m3 >= 1 && fits(m1, m2, m3, v, a, limits, tick_s)) return true;
+            }
+        // Without a cruise, phases of t1 + t3 = T need v + a t1 / 2 + a1 T / 2 = 0: the cuts at
+        // which the first or the last jerk is at one of its limits are the ends of what can fit.
+        const std::int64_t total = ramp + n2 + more;
+        const double T = total * tick_s;
+        for (double j : {limits.jerkUpper, limits.jerkLower}) {
+            const double cut = (2.0 * v + a * T) / (a + j * T) / tick_s;
+            if (n2 > kShortCruise || !(std::abs(cut) < static_cast<double>(total) + 2.0)) continue;
+            for (const double first : {-cut, static_cast<double>(total) - cut})
+                for (int side = -1; side <= 2; ++side) {
+                    const std::int64_t m1 = static_cast<std::int64_t>(std::floor(first)) + side;
+                    if (m1 >= 1 && m1 < total && fits(m1, 0, total - m1, v, a, limits, tick_s))
+                        return true;
+                }
         }
-        if (!accelerationFits) {
-            const double a2 = a1 > 0.0 ? limits.accelerationUpper : limits.accelerationLower;
+    }
+
+    for (int round = 0; round < kMaxPlanRounds && std::max({n1, n2, n3}) < kMaxTicks; ++round) {
+        if (fits(n1, n2, n3, v, a, limits, tick_s)) return true;
+        if (!fitsAcceleration_) {
+            const double t1 = n1 * tick_s, t3 = n3 * tick_s;
+            const double a2 =
+                v + a * t1 / 2.0 < 0.0 ? limits.accelerationUpper : limits.accelerationLower;
             const double t2Needed = -(v + a * t1 / 2.0) / a2 - t1 / 2.0 - t3 / 2.0;
             n2 = std::max(n2 + 1, roundUpToTicks(t2Needed, tick_s));
         }
-        // Near the switching curve one phase is short and its jerk sensitive: growing by halves is
-        // quick there.
-        if (!firstFits) n1 += (n1 + 1) / 2;
-        if (!lastFits) n3 += (n3 + 7) / 8;
+        if (!fitsFirst_) n1 += (n1 + 7) / 8;
+        if (!fitsLast_) n3 += (n3 + 7) / 8;
     }
     // Outside the limits: first acceleration to zero, then the remaining velocity in one even ramp
     // pair.
     const double j1 = a > 0.0 ? limits.jerkLower : limits.jerkUpper;
-    const int rampTicks = std::max(1, roundUpToTicks(std::abs(a / j1), tick_s));
+    const std::int64_t rampTicks =
+        std::max<std::int64_t>(1, roundUpToTicks(std::abs(a / j1), tick_s));
     stretches_[0] = {rampTicks, -a / (rampTicks * tick_s)};
     const double v1 = v + a * rampTicks * tick_s / 2.0;
     const double a2 = v1 > 0.0 ? limits.accelerationLower : limits.accelerationUpper;
     const double J = std::min(-limits.jerkLower, limits.jerkUpper);
     const double T = std::max(std::sqrt(std::abs(v1) / J), std::abs(v1 / a2));
-    const int half = std::max(1, roundUpToTicks(T, tick_s));
+    const std::int64_t half = std::max<std::int64_t>(1, roundUpToTicks(T, tick_s));
     const double j = v1 / (half * tick_s * half * tick_s);
     stretches_[1] = {half, -j};
     stretches_[2] = {half, j};
@@ -142,7 +179,7 @@ bool GridStop::plan(double v, double a, const AxisLimits& limits, double tick_s)
 }
 
 double GridStop::takeJerk() {
-    int tick = tick_;
+    std::int64_t tick = tick_;
     for (const Stretch& stretch : stretches_) {
         if (tick < stretch.ticks) {
             ++tick_;

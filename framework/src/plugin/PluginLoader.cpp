@@ -248,6 +248,15 @@ std::vector<std::string> describeDifferences(const AbiStamp& theirs, const AbiSt
     compare(&AbiStamp::dynamicsSize, "size of Dynamics in bytes", rebuild);
     compare(&AbiStamp::decisionSize, "size of a FilterDecision in bytes", rebuild);
     compare(&AbiStamp::parameterSpecSize, "size of a ParameterSpec in bytes", rebuild);
+    compare(&AbiStamp::libstdcxxDebug, "_GLIBCXX_DEBUG setting (it changes the sizes that follow)",
+            "build it with the same _GLIBCXX_DEBUG setting as viable");
+    compare(&AbiStamp::runSetupSize, "size of a RunSetup in bytes", rebuild);
+    compare(&AbiStamp::robotSize, "size of a RobotDescription in bytes", rebuild);
+    compare(&AbiStamp::commandSize, "size of a MotionCommand in bytes", rebuild);
+    compare(&AbiStamp::parametersSize, "size of Parameters in bytes", rebuild);
+    compare(&AbiStamp::configSize, "size of a ConfigNode in bytes", rebuild);
+    compare(&AbiStamp::motionSize, "size of the motion classes in bytes", rebuild);
+    compare(&AbiStamp::rowMajor, "storage order (EIGEN_DEFAULT_TO_ROW_MAJOR)", sameEigen);
     if (theirs.compiler != ours.compiler)
         found.push_back("it was built with " + getCompilerName(theirs.compiler) + ", viable with " +
                         getCompilerName(ours.compiler) + ": " + sameCompiler);
@@ -265,7 +274,7 @@ std::vector<std::string> describeDifferences(const AbiStamp& theirs, const AbiSt
     if (theirs.fastMath != ours.fastMath)
         found.push_back(std::string("it was built ") + (theirs.fastMath ? "with" : "without") +
                         " -ffast-math, viable " + (ours.fastMath ? "with" : "without") +
-                        ": build it without -ffast-math and -Ofast");
+                        ": build it without -ffast-math, -ffinite-math-only and -Ofast");
     if (theirs.sanitizer != ours.sanitizer)
         found.push_back("it was built " + getSanitizerName(theirs.sanitizer) + ", viable " +
                         getSanitizerName(ours.sanitizer) +

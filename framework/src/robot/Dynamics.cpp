@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <cmath>
 
 namespace viable {
 
@@ -12,12 +13,16 @@ bool isFinite(const Dynamics& d, int n) {
 }
 
 bool calcForwardDynamics(const Dynamics& dynamics, const JointVector& torque, JointVector& qdd) {
+    if (!torque.allFinite() || !dynamics.b.allFinite() || !dynamics.M.allFinite()) return false;
     const Eigen::LLT<JointMatrix> factor(dynamics.M);
     if (factor.info() != Eigen::Success) return false;
-    qdd = torque - dynamics.b;
+    // Cut off already here, so that the substitutions below cannot overflow.
+    qdd = torque.cwiseMax(-kLargestAcceleration).cwiseMin(kLargestAcceleration) - dynamics.b;
     factor.solveInPlace(qdd);
-    for (double& x : qdd)  // written so that NaN, from infinities of both signs, is cut off too
-        x = x < kLargestAcceleration ? std::max(x, -kLargestAcceleration) : kLargestAcceleration;
+    for (double& x : qdd) {
+        if (std::isnan(x)) return false;
+        x = std::min(std::max(x, -kLargestAcceleration), kLargestAcceleration);
+    }
     return true;
 }
 

@@ -25,7 +25,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /** Largest condition number of M accepted: beyond it, solving for accelerations loses more than
 ten of the sixteen digits. */
-constexpr double kMaxInertiaCondition = 1e10;
+constexpr double kMaxInertiaCondition = 1e7;
 /** Poses at which the condition is looked at; always the same ones. */
 constexpr int kConditionPoses = 200;
 constexpr std::uint64_t kConditionSeed = 1;

@@ -80,7 +80,7 @@ TEST(ControlLoop, StopOnRequestEndsAtRestWithinJerkAndAcceleration) {
     for (int k = 0; k < 1500; ++k) t.loop.tick(record);
     ASSERT_GT(record.nominal.qd.cwiseAbs().maxCoeff(), 0.01);
     t.loop.requestStop(StopReason::Requested, "test");
-    t.loop.requestStop(StopReason::FilterFailed, "later");  // the first reason stays
+    t.loop.requestStop(StopReason::Requested, "later");  // the first request stays
     int ticks = 0;
     while (!t.loop.hasStopped()) {
         t.loop.tick(record);
@@ -95,6 +95,37 @@ TEST(ControlLoop, StopOnRequestEndsAtRestWithinJerkAndAcceleration) {
     t.loop.tick(record);
     EXPECT_LT(record.nominal.qd.cwiseAbs().maxCoeff(), 1e-9);
     EXPECT_LT(record.nominal.qdd.cwiseAbs().maxCoeff(), 1e-9);
+}
+
+TEST(ControlLoop, AFailureDuringARequestedStopIsNotHidden) {
+    TestLoop t(kTeleoperation, {"robust_loop={plugin: throwing_robust, after_ticks: 510}"});
+    TickRecord record;
+    for (int k = 0; k < 500; ++k) t.loop.tick(record);
+    t.loop.requestStop(StopReason::Requested, "test");
+    while (!t.loop.hasStopped()) t.loop.tick(record);
+    EXPECT_EQ(t.loop.stopReason(), StopReason::RobustLoopFailed);
+}
+
+TEST(ControlLoop, StopUnderAFilterThatHoldsAccelerationsKeepsItsPositionLimits) {
+    TestLoop t(kTeleoperation, {"filter.plugin=acceleration_viability", "duration_s=10"});
+    const JointBounds& bounds = t.experiment.cases[0].limits.position;
+    for (int begin = 200; begin < 5000; begin += 97) {
+        t.loop.reset();
+        TickRecord record;
+        for (int k = 0; k < begin; ++k) t.loop.tick(record);
+        t.loop.requestStop(StopReason::Requested, "test");
+        int ticks = 0;
+        while (!t.loop.hasStopped()) {
+            t.loop.tick(record);
+            ASSERT_LT(++ticks, 2000);
+        }
+        const JointVector& q = t.loop.nominal().q;
+        for (int i = 0; i < q.size(); ++i) {
+            ASSERT_GE(q[i], bounds.lower[i] - 2e-5) << "begun in tick " << begin;
+            ASSERT_LE(q[i], bounds.upper[i] + 2e-5) << "begun in tick " << begin;
+        }
+        ASSERT_LT(t.loop.nominal().qd.cwiseAbs().maxCoeff(), 1e-9);
+    }
 }
 
 TEST(Fault28, AFewTicksOfNanAreSubstitutedAndCounted) {
@@ -218,6 +249,63 @@ TEST(Fault44, AFilterThatThrowsInATickIsContained) {
     }
     EXPECT_EQ(t.loop.stopReason(), StopReason::FilterFailed);
     EXPECT_EQ(std::string(t.loop.stopMessage()).rfind("it threw: ", 0), 0u) << t.loop.stopMessage();
+}
+
+TEST(Fault44, ARobustLoopThatThrowsIsContainedAndTheArmComesToRest) {
+    TestLoop t(kTeleoperation, {"robust_loop={plugin: throwing_robust, after_ticks: 900}"});
+    TickRecord record;
+    int ticks = 0;
+    while (!t.loop.hasStopped()) {
+        t.loop.tick(record);
+        ASSERT_TRUE(allFinite(record));
+        ASSERT_LT(++ticks, 5000);
+    }
+    EXPECT_EQ(t.loop.stopReason(), StopReason::RobustLoopFailed);
+    EXPECT_LT(t.loop.nominal().qd.cwiseAbs().maxCoeff(), 1e-9);
+    EXPECT_LT(t.loop.nominal().qdd.cwiseAbs().maxCoeff(), 1e-9);
+}
+
+TEST(Fault44, APlantThatFailsEndsTheLoopAtOnce) {
+    for (const char* mode :
+         {"faulted", "nan_state", "wrong_size", "throw_measured", "throw_advance"}) {
+        TestLoop t(kTeleoperation,
+                   {std::string("real_plant={plugin: failing_plant, after_ticks: 100, mode: ") +
+                    mode + "}"});
+        TickRecord record;
+        int ticks = 0;
+        while (!t.loop.hasStopped()) {
+            t.loop.tick(record);
+            ASSERT_TRUE(allFinite(record)) << mode;
+            ASSERT_TRUE(record.real.q.allFinite() && record.actual.q.allFinite()) << mode;
+            ASSERT_LT(++ticks, 103) << mode;
+        }
+        EXPECT_EQ(t.loop.stopReason(), StopReason::PlantFailed) << mode;
+    }
+}
+
+TEST(Fault44, ACommandThatFallsSilentBrakesTheArm) {
+    TestLoop t(kOneJoint, {"command={plugin: silent_command, after_ticks: 100}"});
+    TickRecord record;
+    int ticks = 0;
+    while (!t.loop.hasStopped()) {
+        t.loop.tick(record);
+        ASSERT_LT(++ticks, 5000);
+    }
+    EXPECT_EQ(t.loop.stopReason(), StopReason::CommandFailed);
+    EXPECT_NEAR(t.loop.stopTime(), 0.110, 1e-9);
+}
+
+TEST(Fault51, AJerkThatContradictsItsAccelerationIsRefused) {
+    TestLoop t(kOneJoint, {"filter={plugin: contradicting, after_ticks: 20}"});
+    TickRecord record;
+    int ticks = 0;
+    while (!t.loop.hasStopped()) {
+        t.loop.tick(record);
+        ASSERT_TRUE(allFinite(record));
+        ASSERT_LT(++ticks, 5000);
+    }
+    EXPECT_EQ(t.loop.stopReason(), StopReason::FilterFailed);
+    EXPECT_NE(std::string(t.loop.stopMessage()).find("contradict"), std::string::npos);
 }
 
 TEST(Fault51, NanFromAFilterNeverReachesPlantOrLog) {

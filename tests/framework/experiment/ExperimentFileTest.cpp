@@ -24,9 +24,11 @@ std::string errorOf(const std::string& yaml, const std::vector<std::string>& ove
 }
 
 TEST(ExperimentFile, ACaseOverridesTheTopAndKeepsTheRest) {
+    std::string withCaseB = kTeleoperation;
+    withCaseB.replace(withCaseB.find("{A: {}}"), 7, "{A: {}, B: {}}");
     const Experiment e = readTestExperiment(
-        kTeleoperation, {"cases.B.filter.plugin=pass_through", "cases.B.limits.jerk_radps3=20",
-                         "cases.B.robust_loop.k_r=500"});
+        withCaseB, {"cases.B.filter.plugin=pass_through", "cases.B.limits.jerk_radps3=20",
+                    "cases.B.robust_loop.k_r=500"});
     ASSERT_EQ(e.cases.size(), 2u);
     EXPECT_EQ(e.cases[0].filter.plugin.name, "tosbp");
     EXPECT_EQ(e.cases[1].filter.plugin.name, "pass_through");
@@ -61,6 +63,26 @@ TEST(Fault02, EveryMisspeltKeyIsRefusedWithThePlaceAndTheClosestKey) {
     expectContains(errorOf(kOneJoint, {"filter.plugin=tosbq"}),
                    {"tosbq", "tosbp", "filter.plugin"});
     expectContains(errorOf(kOneJoint, {"robot=indy8"}), {"indy8", "indy7"});
+}
+
+TEST(ExperimentFile, WhatNoCaseWouldSeeIsRefused) {
+    const char* const allOwn = R"(schema: 1
+title: t
+robot: single_joint
+duration_s: 1
+command: {plugin: waypoints, points: [[0, 1]]}
+controller: {plugin: joint_pd}
+cases:
+  A: {filter: {plugin: tosbp}}
+  B: {filter: {plugin: pass_through}}
+)";
+    EXPECT_EQ(readTestExperiment(allOwn).cases.size(), 2u);
+    expectContains(errorOf(allOwn, {"filter.plugin=acceleration_viability"}),
+                   {"--set filter", "no case uses this", "cases.A.filter"});
+    EXPECT_NO_THROW(
+        readTestExperiment(allOwn, {"filter={plugin: tosbp, gamma: 50}"}));  // case A does
+    expectContains(errorOf(allOwn, {"cases.a.filter.gamma=3"}),
+                   {"no case 'a'", "Did you mean 'A'", "A, B"});
 }
 
 TEST(ExperimentFile, MissingKeysAreNamed) {

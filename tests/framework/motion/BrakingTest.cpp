@@ -175,6 +175,49 @@ TEST(GridStop, StopsOnTheGridWithinAccelerationAndJerkLimits) {
     EXPECT_LE(ratios[ratios.size() * 99 / 100], 2.0);
 }
 
+TEST(GridStop, NearTheSwitchingCurveItIsAsFastAsElsewhere) {
+    // A braking arm rides along sigma = 0, where one phase is shorter than a tick.
+    std::mt19937_64 random(4);
+    std::vector<double> ratios;
+    double worst = 0, worstV = 0, worstA = 0, worstDt = 0;
+    for (int k = 0; k < 20000; ++k) {
+        const double A = 4 * 3.14159, J = 12 * 3.14159, dt = drawLog(random, 1e-4, 4e-3);
+        const AxisLimits l = makeLimits(A, A, J, J);
+        const double a = -A * std::uniform_real_distribution<>(0.0, 1.0)(random);
+        const double v = a * a / (2 * J) * (1.0 + 1e-2 * std::normal_distribution<>()(random)) +
+                         1e-4 * std::normal_distribution<>()(random);
+        GridStop plan;
+        ASSERT_TRUE(plan.plan(v, a, l, dt));
+        const StationaryStop best = calcStationaryStop(v, a, l);
+        const double delay = plan.remainingTicks() - (best.T1 + best.T2 + best.T3) / dt;
+        if (delay > worst) worst = delay, worstV = v, worstA = a, worstDt = dt;
+        ratios.push_back(delay);
+    }
+    std::sort(ratios.begin(), ratios.end());
+    RecordProperty("worst_delay_ticks", std::to_string(ratios.back()));
+    EXPECT_LE(ratios[ratios.size() * 99 / 100], 4.0);
+    if (ratios.back() > 8.0)
+        std::printf("worst: v %.17g a %.17g dt %.17g\n", worstV, worstA, worstDt);
+    EXPECT_LE(ratios.back(), 8.0);
+    GridStop plan;  // two states that a greedy rounding stretches to 789 and 526 ticks
+    const AxisLimits l =
+        makeLimits(4 * 3.14159265, 4 * 3.14159265, 12 * 3.14159265, 12 * 3.14159265);
+    ASSERT_TRUE(plan.plan(1.872, -11.88, l, 1e-3));
+    EXPECT_LE(plan.remainingTicks(), 330);
+    ASSERT_TRUE(plan.plan(0.839, -7.95, l, 1e-3));
+    EXPECT_LE(plan.remainingTicks(), 220);
+}
+
+TEST(GridStop, AbsurdStatesEndInAPlanToo) {
+    const AxisLimits l = makeLimits(2, 2, 10, 10);
+    for (double v : {1e9, 1e30, 1e100, -1e300}) {
+        GridStop plan;
+        plan.plan(v, 0.0, l, 1e-3);
+        EXPECT_GT(plan.remainingTicks(), 0);
+        EXPECT_TRUE(std::isfinite(plan.takeJerk()));
+    }
+}
+
 TEST(GridStop, AtRestIsEmptyAndFarOutsideStillStops) {
     const AxisLimits l = makeLimits(2, 2, 10, 10);
     GridStop plan;

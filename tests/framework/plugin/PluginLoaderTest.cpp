@@ -168,12 +168,14 @@ TEST(PluginLoader, ListsWhatIsThereAndSaysWhatWasRefused) {
     for (const PluginInfo& info : infos)
         names.push_back(std::string(getName(info.kind)) + " " + info.name);
     const std::vector<std::string> expected = {"command jumping_setpoint",
+                                               "command silent_command",
                                                "controller extreme_torque",
                                                "controller nan_torque",
                                                "controller wrong_size_torque",
                                                "filter changes_rounding",
                                                "filter constructor_throws",
                                                "filter constructor_throws_int",
+                                               "filter contradicting",
                                                "filter create_throws",
                                                "filter create_throws_int",
                                                "filter liar",
@@ -183,7 +185,9 @@ TEST(PluginLoader, ListsWhatIsThereAndSaysWhatWasRefused) {
                                                "filter same_class_two",
                                                "filter silent_create",
                                                "filter throwing_tick",
-                                               "filter wrong_size"};
+                                               "filter wrong_size",
+                                               "robust_loop throwing_robust",
+                                               "plant failing_plant"};
     EXPECT_EQ(names, expected);
 
     std::map<std::string, std::string> reasons;

@@ -40,6 +40,7 @@ struct CaseResult {
     std::string filter;      ///< plugin names, for tables
     std::string robustLoop;  ///< empty: no real plant
     std::string realPlant;
+    bool promises = false;                     ///< the filter guarantees every limit
     std::map<std::string, std::string> seeds;  ///< by plugin name
     Summary summary;
     double simulated_s = 0.0;

@@ -33,14 +33,15 @@ enum class StopReason : unsigned char {
  * one. */
 inline constexpr int kMaxSubstitutedTicks = 10;
 
-/** The tick: command, dynamics, controller, filter, nominal plant, robust loop, real plant; see
-ARCHITECTURE.
+/** The tick: command, dynamics, controller, filter, nominal plant, robust loop, real plant.
 
-Guarantees: no non-finite torque reaches a plant or the record; the nominal arm advances by exactly
-the configured tick; a plugin that throws or returns nonsense is answered with a stop of the nominal
-arm within acceleration and jerk limits (planned on the tick grid at that moment), which the real
-arm follows. Real time: tick() allocates, locks, throws and logs nothing as long as the plugins keep
-to that too. Thread: tick() by one thread; requestStop() by that thread. */
+Guarantees: no torque that is not finite or beyond 1e9 Nm reaches a plant; the nominal arm advances by exactly
+the configured tick. A plugin that throws or returns nonsense is answered with a stop of the nominal arm, which
+the real arm follows: within acceleration and jerk limits, planned on the tick grid, or, under a filter that
+holds accelerations, at the acceleration limit. Such a stop knows nothing of position limits; a filter that
+keeps them has left room for it.
+Real time: tick() allocates, locks, throws and logs nothing as long as the plugins keep to that too.
+Thread: tick() by one thread; requestStop() by that thread. */
 class ControlLoop {
 public:
     /** `setup` must outlive the loop (the plugins keep it, too). */
@@ -53,13 +54,14 @@ public:
     /** One tick; `record` becomes its full account (state at its beginning, torques during it). */
     void tick(TickRecord& record) noexcept;
 
-    /** Brakes the nominal arm from the next tick on; later requests do not change the reason. */
+    /** Brakes the nominal arm from the next tick on. The first reason stays, unless it was Requested and a
+    failure follows. */
     void requestStop(StopReason reason, const char* message) noexcept {
         beginStop(reason, message);
     }
 
-    /** True when a stop has come to its end, or could not be made: tick() must not be called any
-     * more. */
+    bool isStopping() const { return stopReason_ != StopReason::None; }
+    /** True when a stop has come to its end, or could not be made: tick() must not be called any more. */
     bool hasStopped() const;
 
     StopReason stopReason() const { return stopReason_; }
@@ -70,14 +72,19 @@ public:
     std::int64_t substitutedTicks() const { return substituted_; }
     double time() const;  ///< of the next tick [s]
 
+    const MotionState& nominal() const { return nominal_; }  ///< at time()
+
 private:
     void beginStop(StopReason reason, const char* message) noexcept;
+    void readPlant();
     void takeCommand(double t);
     void takeTorque();
     bool takeDecision();
+    void planStop();
     void followStop();
     void takeRobustTorque();
-    /** Runs `call`; an exception becomes Faulted and its text the stop message. */
+    void drivePlant();
+    /** Runs `call`; an exception becomes `faulted` and its text the stop message. */
     template <class Status, class Call>
     Status contain(Status faulted, StopReason reason, const Call& call) noexcept;
 
@@ -88,6 +95,7 @@ private:
 
     std::int64_t tickIndex_ = 0;
     MotionState nominal_;
+    JointState real_, actual_;
     Dynamics dynamics_;
     MotionCommand command_, newCommand_;
     JointVector desiredTorque_, newTorque_, robustTorque_, motorTorque_, appliedTorque_;
@@ -99,14 +107,15 @@ private:
     int missingTorques_ = 0;
     std::int64_t substituted_ = 0;
 
-    bool braking_ = false;
-    bool robustLoopFailed_ = false;
-    bool plantFailed_ = false;
-    std::array<GridStop, kMaxJoints> stops_;
-    JointVector stopJerk_;
     StopReason stopReason_ = StopReason::None;
     double stopTime_ = 0.0;
     char stopMessage_[512] = "";
+    bool stopPlanned_ = false;
+    bool ended_ = false;  // no stop is possible: the plant is gone or the arithmetic is
+    HeldQuantity stopHeld_ = HeldQuantity::Jerk;
+    std::array<GridStop, kMaxJoints> stops_;
+    JointVector stopChoice_;
+    bool robustLoopFailed_ = false;
 };
 
 }  // namespace viable

@@ -33,13 +33,13 @@ private:
 struct LimitRecord {
     double worstUse = 0.0;     ///< largest share of the limit used; 1 is the limit itself
     double worstTime_s = 0.0;  ///< when
-    double worstExcess = 0.0;  ///< how far beyond the limit, in its unit
+    double worstExcess = 0.0;  ///< farthest beyond either side, in the limit's unit
     std::int64_t ticksOutside = 0;
 };
 
-/** A joint counts as outside a limit when it uses more than this share of it: rounding of a limit
-met exactly does not count. */
-inline constexpr double kOutsideUse = 1.0 + 1e-9;
+/** A value counts as outside its limit when it is beyond it by more than this share of the range (of the limit,
+where there is only one side), or not a number: rounding of a limit met exactly does not count. */
+inline constexpr double kOutsideShare = 1e-9;
 
 /** What a run came to, from its tick records alone (so a log gives the same summary again). */
 class Summary {
@@ -47,6 +47,8 @@ public:
     Summary(std::vector<std::string> jointNames, JointLimits limits, bool hasRealPlant);
 
     void add(const TickRecord& record);
+    /** The state that the last tick led to, which no record holds. */
+    void addEnd(const MotionState& nominal, double time_s);
 
     static constexpr int kQuantities =
         4;  ///< position, velocity, acceleration, jerk: LimitKind 1..4
@@ -56,8 +58,10 @@ public:
     }
     /** The joint with the worst use, and the sum of ticks outside over the joints. */
     int worstJoint(LimitKind kind) const;
+    /** The same for the position of the real arm (its true one), which no filter promises anything about. */
+    const LimitRecord& realPosition(int joint) const { return realPosition_[joint]; }
     std::int64_t ticksOutside(LimitKind kind) const;
-    bool anyLimitBroken() const;
+    bool anyLimitBroken() const { return broken_; }
 
     std::int64_t ticks() const { return ticks_; }
     std::int64_t ticksWith(FilterStatus status) const {
@@ -81,13 +85,19 @@ public:
     const std::vector<std::string>& jointNames() const { return jointNames_; }
 
 private:
+    /** Adds `values` at a time to `records`; true when any is outside. */
+    static bool check(std::vector<LimitRecord>& records, LimitKind kind, const JointBounds& bounds,
+                      const JointVector& values, double time_s);
+
     std::vector<std::string> jointNames_;
     JointLimits bounds_;
     bool hasRealPlant_;
     std::array<std::vector<LimitRecord>, kQuantities> limits_;
+    std::vector<LimitRecord> realPosition_;
     std::array<std::int64_t, 6> statusTicks_{};
     std::vector<std::array<std::array<std::int64_t, 2>, kQuantities + 1>>
         acting_;  // joint, kind, side
+    bool broken_ = false;
     std::int64_t ticks_ = 0;
     std::int64_t substituted_ = 0;
     JointVector squaredError_, largestError_;

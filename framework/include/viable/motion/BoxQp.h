@@ -24,8 +24,8 @@ public:
     enum class Status : unsigned char {
         TargetInside,  ///< the target is admissible: nothing was solved
         Solved,        ///< optimal; KKT residual below kKktTolerance, scaled
-        RoundLimit,    ///< the best of a projected descent from the clamped target: in the box, not
-                       ///< optimal
+        RoundLimit,  ///< in the box, not optimal: M singular or too ill-conditioned (from about 1e8
+                     ///< on)
     };
 
     /** Optimality is accepted when no scaled gradient or bound is violated by more than this times

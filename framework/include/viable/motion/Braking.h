@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+
 #include "viable/core/JointLimits.h"
 
 namespace viable {
@@ -41,22 +43,27 @@ public:
     bool plan(double v, double a, const AxisLimits& limits, double tick_s);
 
     bool atRest() const { return tick_ >= totalTicks(); }
-    int remainingTicks() const { return totalTicks() - tick_; }
+    std::int64_t remainingTicks() const { return totalTicks() - tick_; }
 
     /** The jerk to hold in the next tick, and one tick further; 0 when the stop has ended. */
     double takeJerk();
 
 private:
     struct Stretch {
-        int ticks = 0;
+        std::int64_t ticks = 0;
         double jerk = 0.0;
     };
-    int totalTicks() const {
+    std::int64_t totalTicks() const {
         return stretches_[0].ticks + stretches_[1].ticks + stretches_[2].ticks;
     }
+    /** Solves the jerks for phases of n1, n2, n3 ticks; keeps them and returns true when the limits
+    hold, else says in fits..._ which do. */
+    bool fits(std::int64_t n1, std::int64_t n2, std::int64_t n3, double v, double a,
+              const AxisLimits& limits, double tick_s);
 
     Stretch stretches_[3];
-    int tick_ = 0;
+    std::int64_t tick_ = 0;
+    bool fitsAcceleration_ = false, fitsFirst_ = false, fitsLast_ = false;
 };
 
 }  // namespace viable

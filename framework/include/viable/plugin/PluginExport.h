@@ -6,7 +6,10 @@
 #include <exception>
 #include <type_traits>
 
+#include "viable/motion/Braking.h"
+#include "viable/motion/DesiredJerk.h"
 #include "viable/plugin/CommandSource.h"
+#include "viable/plugin/IntervalChoice.h"
 #include "viable/plugin/NominalController.h"
 #include "viable/plugin/RealPlant.h"
 #include "viable/plugin/RobustLoop.h"
@@ -14,8 +17,8 @@
 
 namespace viable {
 
-/** Raised whenever a class or struct in core/, robot/ or plugin/ changes its layout or its virtual
- * table. */
+/** Raised whenever a class or struct in core/, config/, motion/, robot/ or plugin/ changes its layout or its
+virtual table. */
 inline constexpr std::uint32_t kPluginInterfaceVersion = 1;
 
 inline constexpr std::uint64_t kPluginMagic = 0x76696162'6c652031ull;  // "viable 1"
@@ -38,6 +41,13 @@ struct AbiStamp {
     std::uint32_t jointVectorSize;
     std::uint32_t dynamicsSize;
     std::uint32_t decisionSize;
+    std::uint32_t runSetupSize;
+    std::uint32_t robotSize;       ///< RobotDescription
+    std::uint32_t commandSize;     ///< MotionCommand
+    std::uint32_t parametersSize;  ///< Parameters
+    std::uint32_t configSize;      ///< ConfigNode
+    std::uint32_t motionSize;      ///< BoxQp, DesiredJerk, GridStop and IntervalChoice together
+    std::uint32_t rowMajor;        ///< EIGEN_DEFAULT_TO_ROW_MAJOR
     std::uint32_t parameterSpecSize;
     std::uint32_t compiler;  ///< 1 gcc, 2 clang, 0 other
     std::uint32_t compilerMajor;
@@ -45,8 +55,9 @@ struct AbiStamp {
     std::uint32_t libstdcxxNewAbi;  ///< _GLIBCXX_USE_CXX11_ABI
     std::uint32_t cxxStandard;      ///< __cplusplus / 100
     std::uint32_t ndebug;
-    std::uint32_t fastMath;
-    std::uint32_t sanitizer;  ///< bit 0 address, bit 1 thread
+    std::uint32_t fastMath;        ///< bit 0 -ffast-math, bit 1 -ffinite-math-only
+    std::uint32_t libstdcxxDebug;  ///< _GLIBCXX_DEBUG changes the containers
+    std::uint32_t sanitizer;       ///< bit 0 address, bit 1 thread
 };
 
 /** One plugin in a library. */
@@ -105,6 +116,15 @@ inline AbiStamp makeAbiStamp() {
     s.jointVectorSize = sizeof(JointVector);
     s.dynamicsSize = sizeof(Dynamics);
     s.decisionSize = sizeof(FilterDecision);
+    s.runSetupSize = sizeof(RunSetup);
+    s.robotSize = sizeof(RobotDescription);
+    s.commandSize = sizeof(MotionCommand);
+    s.parametersSize = sizeof(Parameters);
+    s.configSize = sizeof(ConfigNode);
+    s.motionSize = sizeof(BoxQp) + sizeof(DesiredJerk) + sizeof(GridStop) + sizeof(IntervalChoice);
+#ifdef EIGEN_DEFAULT_TO_ROW_MAJOR
+    s.rowMajor = 1;
+#endif
     s.parameterSpecSize = sizeof(ParameterSpec);
 #if defined(__clang__)
     s.compiler = 2;
@@ -123,6 +143,12 @@ inline AbiStamp makeAbiStamp() {
 #endif
 #ifdef __FAST_MATH__
     s.fastMath = 1;
+#endif
+#if defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__
+    s.fastMath |= 2;
+#endif
+#ifdef _GLIBCXX_DEBUG
+    s.libstdcxxDebug = 1;
 #endif
     s.sanitizer = VIABLE_SANITIZER_ADDRESS | VIABLE_SANITIZER_THREAD;
     return s;

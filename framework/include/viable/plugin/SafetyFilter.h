@@ -8,7 +8,7 @@ namespace viable {
 
 /** What a filter did to the desired torque. */
 enum class FilterStatus : unsigned char {
-    Passed,         ///< the desired torque is admissible and was left alone; apply
+    Passed,         ///< what the controller wants is admissible and is done as it is; apply
     Modified,       ///< changed to keep the limits; apply
     StoppedByPlan,  ///< a stored stop is being followed; apply
     Infeasible,    ///< no admissible choice existed; the braking fallback is in the decision; apply

@@ -18,13 +18,13 @@ struct Dynamics {
 /** True when every member belongs to n joints and is finite. */
 bool isFinite(const Dynamics& dynamics, int n);
 
-/** Accelerations beyond this are cut off, so that no torque, however absurd, overflows what is computed from
-them [rad/s^2]. */
+/** Torques and accelerations beyond this are cut off, so that no torque, however absurd, overflows what is computed from
+them [Nm, rad/s^2]. */
 inline constexpr double kLargestAcceleration = 1e100;
 
 /** The acceleration that `torque` causes: qdd = M^-1 (tau - b), by Cholesky, at most kLargestAcceleration. No
 allocation.
-Returns false, `qdd` untouched, when M is not positive definite. */
+Returns false, `qdd` of no use, when M is not positive definite or an input is not finite. */
 bool calcForwardDynamics(const Dynamics& dynamics, const JointVector& torque, JointVector& qdd);
 
 /** The torque that causes `qdd`: tau = M qdd + b. No allocation. */

@@ -1,0 +1,51 @@
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "BrokenPlugin.h"
+
+namespace {
+
+constexpr viable::ParameterSpec kParameters[] = {
+    broken::kAfterTicks,
+    viable::parameter::choice("mode", "faulted|nan_state|wrong_size|throw_measured|throw_advance",
+                              "faulted", "How it fails.")};
+
+/** Stands still until it fails. */
+class FailingPlant : public viable::RealPlant {
+public:
+    void configure(const viable::RunSetup&, const viable::Parameters& parameters) override {
+        afterTicks_ = parameters.integer("after_ticks");
+        mode_ = parameters.text("mode");
+    }
+    void reset(const viable::MotionState& start) override {
+        ticks_ = 0;
+        state_ = {start.q, start.qd};
+    }
+    const viable::JointState& measured() const override {
+        if (mode_ == "throw_measured" && ticks_ > afterTicks_)
+            throw std::runtime_error("sensor lost");
+        return state_;
+    }
+    const viable::JointState& actual() const override { return state_; }
+    viable::TickStatus advance(const viable::JointVector& torque,
+                               viable::JointVector& applied) override {
+        applied = torque;
+        if (++ticks_ <= afterTicks_) return viable::TickStatus::Ok;
+        if (mode_ == "faulted") return viable::TickStatus::Faulted;
+        if (mode_ == "throw_advance") throw std::runtime_error("motor lost");
+        if (mode_ == "nan_state") state_.q.setConstant(std::numeric_limits<double>::quiet_NaN());
+        if (mode_ == "wrong_size") state_.q.resize(1);
+        return viable::TickStatus::Ok;
+    }
+
+private:
+    std::int64_t afterTicks_ = 0, ticks_ = 0;
+    std::string mode_;
+    viable::JointState state_;
+};
+
+}  // namespace
+
+VIABLE_PLUGIN(viable::RealPlant, FailingPlant, "failing_plant",
+              "Fails in a chosen way after `after_ticks`.", kParameters)
