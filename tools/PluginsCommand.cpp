@@ -37,8 +37,14 @@ void addPluginsCommand(CLI::App& app, int& exitCode) {
             names.push_back(p.name);
             if (p.name != *name) continue;
             found = true;
-            std::printf("%s %s: %s\nlibrary: %s\nparameters:\n%s", getName(p.kind), p.name.c_str(),
-                        p.summary.c_str(), p.library.c_str(),
+            std::printf("%s %s: %s\nlibrary: %s\n", getName(p.kind), p.name.c_str(),
+                        p.summary.c_str(), p.library.c_str());
+            if (p.kind == PluginKind::SafetyFilter)
+                std::printf("promises: %s\n",
+                            PluginLoader::create<SafetyFilter>(p)->promisesLimits()
+                                ? "all limits, in every tick"
+                                : "nothing");
+            std::printf("parameters:\n%s",
                         describeParameters(p.entry->parameters, p.entry->parameterCount).c_str());
         }
         if (!found) {

@@ -21,13 +21,12 @@ public:
     void reset(const viable::MotionState&) override {}
     bool promisesLimits() const override { return false; }
 
-    viable::FilterStatus filter(const viable::MotionState& nominal, const viable::JointVector& torque,
-                                const viable::Dynamics& dynamics,
+    viable::FilterStatus filter(const viable::MotionState& nominal,
+                                const viable::JointVector& torque, const viable::Dynamics& dynamics,
                                 viable::FilterDecision& decision) override {
         if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_))
             return viable::FilterStatus::InvalidInput;
-        const viable::JointVector reduced =
-            dynamics.gravity + share_ * (torque - dynamics.gravity);
+        const viable::JointVector reduced = dynamics.gravity + share_ * (torque - dynamics.gravity);
         viable::JointVector acceleration;
         if (!calcForwardDynamics(dynamics, reduced, acceleration))
             return viable::FilterStatus::Faulted;

@@ -7,6 +7,7 @@
 
 #include "Program.h"
 #include "viable/log/LogReader.h"
+#include "viable/plugin/PluginLoader.h"
 
 namespace viable {
 namespace {
@@ -84,6 +85,37 @@ TEST(Program, CheckReportsEveryCaseWithoutARun) {
     const Outcome o = test::run({"check", folder.write("e.yaml", kExperiment)});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"A: robot single_joint", "B: robot", "ok"});
+}
+
+TEST(Program, TheExperimentFileOfTheReadmeRunsAsPrinted) {
+    const std::string readme = readFile(VIABLE_SOURCE_DIR "/README.md");
+    const std::size_t section = readme.find("## An experiment file");
+    ASSERT_NE(section, std::string::npos);
+    const std::size_t begin = readme.find("```yaml\n", section) + 8;
+    const std::string yaml = readme.substr(begin, readme.find("```", begin) - begin);
+    Folder folder;
+    const Outcome o = test::run(
+        {"run", folder.write("e.yaml", yaml), "--out", folder / "run", "--set", "duration_s=2"});
+    EXPECT_EQ(o.code, 0) << o.err;
+    expectContains(o.out, {"My question", "paper: filter tosbp", "faster: filter tosbp"});
+}
+
+TEST(Program, EveryDeclaredParameterStandsInThePluginsReadme) {
+    // Every parameter that a plugin declares stands in its README.
+    std::vector<RefusedLibrary> refused;
+    const PluginLoader loader({VIABLE_PLUGIN_DIR});
+    const char* const folders[] = {"commands", "controllers", "filters", "robust_loops", "plants"};
+    for (const PluginInfo& p : loader.list(refused)) {
+        const std::string readme =
+            readFile(std::string(VIABLE_SOURCE_DIR "/plugins/") +
+                     folders[static_cast<int>(p.kind)] + "/" + p.name + "/README.md");
+        ASSERT_FALSE(readme.empty()) << p.name;
+        for (std::uint64_t i = 0; i < p.entry->parameterCount; ++i) {
+            const ParameterSpec& spec = p.entry->parameters[i];
+            EXPECT_NE(readme.find("`" + std::string(spec.name) + "`"), std::string::npos)
+                << p.name << "'s README lacks " << spec.name;
+        }
+    }
 }
 
 TEST(Program, BadInputExitsWith2AndOneParagraph) {

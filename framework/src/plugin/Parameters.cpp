@@ -312,7 +312,8 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
                 failPlugin(block.place(), "the plugin declares the parameter `" +
                                               std::string(spec.name) + "` with an unknown type");
         }
-        if (spec.type == ParameterType::File) {  // the resolved block must mean the same from any folder
+        if (spec.type ==
+            ParameterType::File) {  // the resolved block must mean the same from any folder
             node.text = std::get<std::filesystem::path>(value).string();
             node.quoted = true;
         }

@@ -14,7 +14,8 @@ point: the first point; after the last: the last, or with `repeat_s` the first o
 reached from the last as the interpolation says. `qd` is the exact derivative; at a corner of
 `linear` that of the piece to come, and zero for `hold`.
 Assumes: nothing about limits; points may lie outside them, which is how a filter is put to the
-test. Real time: no allocation, lock or throw after configure(); O(log points) per call. */
+test.
+Real time: no allocation, lock or throw after configure(); O(log points) per call. */
 class Waypoints : public CommandSource {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;

@@ -6,16 +6,15 @@ namespace viable {
 
 /** Pulls the tool towards the commanded pose like a spring and damper in task space.
 
-Method: tau_d = J^T K e + J^T D de + s g(q) - c (1 - w / w0)^2 diag(M) qd           (paper, eqs. 27,
-28) e: position error [m] and orientation error [rad] (rotation vector from the tool to the command,
-base frame), de = commanded twist - J qd. s = 1 with gravity compensation: the paper's (27) has no
-gravity term. The last term acts near singular poses only, where manipulability w = sqrt(det J J^T)
-< w0 (Nakamura and Hanafusa 1986 use the same factor to damp an inverse) and J^T D J no longer damps
-every joint motion.
+Method: tau_d = J^T K e + J^T D de + s g(q) - c (1 - w / w0)^2 diag(M) qd       (paper, eqs. 27, 28)
+e: position error [m] and orientation error [rad] (rotation vector from the tool to the command, base
+frame), de = commanded twist - J qd. s = 1 with gravity compensation: the paper's (27) has none.
+The last term acts near singular poses only, where manipulability w = sqrt(det J J^T) < w0 (Nakamura
+and Hanafusa 1986 use the same factor to damp an inverse) and J^T D J no longer damps every motion.
 
-The orientation error follows the command through half a turn without a jump: it leaves the short
-way round only when the error has passed 3/2 pi, not at pi, where noise would flip it back and
-forth. Real time: no allocation, lock or throw after configure(). */
+The orientation error follows the command through half a turn without a jump: it leaves the short way
+round only when the error has passed 3/2 pi, not at pi, where noise would flip it back and forth.
+Real time: no allocation, lock or throw after configure(). */
 class TaskSpacePd : public NominalController {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;

@@ -14,7 +14,8 @@ Method: the acceleration x of each joint, nearest to the desired one in torque (
     acceleration   x <= A
 and the mirror image below; alpha(h) = k_alpha h, Ad the deceleration limit [rad/s^2]. The second
 row is not in the paper: without it the sampled law creeps through P by A dt^2 every other tick.
-Assumes: acceleration can change at once. Guarantees: velocity and acceleration at every tick; the
+Assumes: acceleration can change at once.
+Guarantees: velocity and acceleration at every tick; the
 position limit is passed by at most (1 + A / Ad) A dt^2 / 2 (and Ad dt^2 / 2 more where one tick of
 braking passes the velocity limit, which is reported as Infeasible); nothing about jerk.
 Real time: no allocation, lock or throw after configure(). */

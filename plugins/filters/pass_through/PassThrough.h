@@ -7,7 +7,8 @@ namespace viable {
 /** Leaves the torque alone: what the controller would do without any limit.
 
 Promises nothing. The nominal arm moves with the acceleration of the desired torque, held for a
-tick. Real time: no allocation, lock or throw after configure(). */
+tick.
+Real time: no allocation, lock or throw after configure(). */
 class PassThrough : public SafetyFilter {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;

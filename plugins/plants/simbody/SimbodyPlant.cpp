@@ -107,7 +107,9 @@ void SimbodyPlant::configure(const RunSetup& setup, const Parameters& parameters
     resolution_.setZero(n_);
     for (int i = 0; i < n_; ++i)
         if (!exact && robot.actuation.encoderCounts[i] > 0.0)
-            resolution_[i] = 2.0 * EIGEN_PI / robot.actuation.encoderCounts[i];
+            resolution_[i] =
+                (robot.joints[i].type == JointType::Prismatic ? 1.0 : 2.0 * EIGEN_PI) /
+                robot.actuation.encoderCounts[i];
     reset(setup.start);
 }
 

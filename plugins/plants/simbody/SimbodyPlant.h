@@ -12,16 +12,17 @@ namespace viable {
 /** The real arm in simulation: the nominal multibody model with joint friction, payload and mass
 error, motors that saturate, and encoders.
 
-Method: M(q) qdd + b(q, qd) + f(qd) = tau, with M and b by Simbody (RobotModel) and the friction per
-joint f(v) = F(v) sign v + Fv1 (1 - exp(-|v| / Fv2)) sign v [Nm], F(v) = Fc + (Fs - Fc) exp(-(v /
-vs)^2), where sign 0 is any value in [-1, 1]: what it takes to stay at rest.
-Each sub-step first finds the friction torque implicitly, from the velocity v+ that it leaves
-behind: M (v+ - v) / h = tau - b - f(v+), with F taken at v. For the dry parts that is a box QP (the
-dual of Moreau's time stepping, 1988), for the saturating viscous parts a few rounds with f = c v+,
-c = f(v) / v at the last v+. Then one Runge-Kutta step of order 4 is taken with that torque held. So
-a joint at rest under a load below Fs stays exactly there. Order: 4 without friction, 1 in the
-friction torque. Stable for any friction. Not modelled: joint elasticity, backlash, motor dynamics,
-mechanical end stops. Real time: no allocation, lock or throw after configure(). */
+Method: M(q) qdd + b(q, qd) + f(qd) = tau, with M and b by Simbody (RobotModel) and per joint
+    f(v) = F(v) sign v + Fv1 (1 - exp(-|v| / Fv2)) sign v,  F(v) = Fc + (Fs - Fc) exp(-(v / vs)^2)  [Nm]
+where sign 0 is any value in [-1, 1]: what it takes to stay at rest.
+Each sub-step first finds the friction torque implicitly, from the velocity v+ that it leaves behind:
+M (v+ - v) / h = tau - b - f(v+), with F taken at v. For the dry parts that is a box QP (the dual of
+Moreau's time stepping, 1988), for the saturating viscous parts a few rounds with f = c v+, c = f(v) / v
+at the last v+. Then one Runge-Kutta step of order 4 is taken with that torque held. So a joint at rest
+under a load below Fs stays exactly there.
+Order: 4 without friction, 1 in the friction torque. Stable for any friction.
+Not modelled: joint elasticity, backlash, motor dynamics, mechanical end stops.
+Real time: no allocation, lock or throw after configure(). */
 class SimbodyPlant : public RealPlant {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;

@@ -6,11 +6,13 @@ namespace viable {
 
 /** Pulls the real arm onto the nominal one (nonlinear robust internal-loop compensator, NRIC).
 
-Method: tau_a = -K_r (de + K_p e + K_i integral of e dt),  e = q_real - q_nominal      (paper, eq.
-7) with one gain of each per joint. The sum tau_c + tau_a is kept inside the motor's torque limit,
-and while it stands there the integral does not grow further (it may shrink). Assumes: K_r dt < 2 x
+Method: tau_a = -K_r (de + K_p e + K_i integral of e dt),  e = q_real - q_nominal  (paper, eq. 7)
+with one gain of each per joint. The sum tau_c + tau_a is kept inside the motor's torque limit,
+and while it stands there the integral does not grow further (it may shrink).
+Assumes: K_r dt < 2 x
 (joint inertia incl. the reflected rotor), else the sampled velocity loop is unstable. Guarantees:
-|tau_c + tau_a| within the motor limits wherever |tau_c| is. Real time: no allocation, lock or throw
+|tau_c + tau_a| within the motor limits wherever |tau_c| is.
+Real time: no allocation, lock or throw
 after configure(). */
 class Nric : public RobustLoop {
 public:

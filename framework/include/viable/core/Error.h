@@ -42,8 +42,7 @@ namespace detail {
 [[noreturn]] void failCheck(const char* condition, const char* file, int line, const char* text);
 }
 
-/** States what must hold by this program's own logic. Stays on in every build; prints and aborts.
- */
+/** States what must hold by this program's own logic. Stays on in every build; prints and aborts. */
 #define VIABLE_CHECK(condition, text)                                                        \
     do {                                                                                     \
         if (!(condition)) ::viable::detail::failCheck(#condition, __FILE__, __LINE__, text); \

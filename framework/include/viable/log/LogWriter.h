@@ -69,7 +69,8 @@ the tick's time in ns from 0.
 Guarantees: after construction no error throws; the first one is kept in status() and nothing more
 is written after it. Every finished chunk is handed to the system with one write, so a killed
 program loses at most the last chunk; there is no fsync, so a power cut loses what the system had
-not stored yet. Thread: one caller at a time; not for the tick (see Recorder). */
+not stored yet.
+Thread: one caller at a time; not for the tick (see Recorder). */
 class LogWriter {
 public:
     /** Creates the file (see createLogFile) and writes the opening. */

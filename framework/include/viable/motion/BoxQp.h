@@ -12,9 +12,12 @@ namespace viable {
 
 Method: dual active set (Goldfarb and Idnani 1983, for bounds only), started from the joints that
 stood on a bound in the last call; each round solves one Cholesky system of the free joints, scaled
-to unit diagonal, with one step of iterative refinement. Assumes: M invertible, lower <= upper, all
-finite or infinite bounds, target finite. Guarantees: the result lies in the box exactly; where the
-target does, the result is the target bit for bit. Real time: no allocation, lock or throw; at most
+to unit diagonal, with one step of iterative refinement.
+Assumes: M invertible, lower <= upper, all
+finite or infinite bounds, target finite.
+Guarantees: the result lies in the box exactly; where the
+target does, the result is the target bit for bit.
+Real time: no allocation, lock or throw; at most
 kMaxRounds Cholesky solves.
 */
 class BoxQp {

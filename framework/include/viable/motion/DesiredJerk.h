@@ -6,12 +6,12 @@ namespace viable {
 
 /** Turns the acceleration that the controller wants into the jerk that leads there:
 
-    u_d = (qdd_d - last qdd_d) / dt - gamma (qdd - qdd_d)               (paper, eq. 14 with Remark
-1)
+    u_d = (qdd_d - last qdd_d) / dt - gamma (qdd - qdd_d)      (paper, eq. 14, Remark 1)
 
 With that jerk qdd approaches qdd_d exponentially (Prop. 1); sampled, this needs gamma dt < 2. Where
 the set-point jumps the quotient is enormous: IntervalChoice does not follow it beyond the jerk
-limits. Real time: no allocation, lock or throw. */
+limits.
+Real time: no allocation, lock or throw. */
 class DesiredJerk {
 public:
     /** @param gamma  [1/s], 0 < gamma dt < 2 */

@@ -7,8 +7,7 @@ namespace viable {
 /** The rotation by |r| about r. [rad] */
 Eigen::Quaterniond calcRotation(const Eigen::Vector3d& r);
 
-/** The shortest rotation vector of the unit quaternion `q` (of either sign): |result| <= pi. [rad]
- */
+/** The shortest rotation vector of the unit quaternion `q` (of either sign): |result| <= pi. [rad] */
 Eigen::Vector3d calcRotationVector(const Eigen::Quaterniond& q);
 
 /** The angular velocity [rad/s], in the axes that r is given in (not the rotated ones), of

@@ -19,7 +19,7 @@ struct MotionCommand {
 class CommandSource : public Plugin {
 public:
     /** The command space it produces; a controller refuses one it cannot follow. Valid after
-     * configure(). */
+    configure(). */
     virtual MotionCommand::Space space() const = 0;
 
     /** The command at time t [s] since reset, t >= 0, non-decreasing from call to call. On Ok,

@@ -27,7 +27,8 @@ take the one nearest to the desired one in torque (paper, eq. 13; see BoxQp), an
 
 Assumes: no interval is empty (the law's own braking choice stands where one was); M as in Dynamics.
 Guarantees: every choice lies in its interval; a desired choice inside all intervals is taken bit
-for bit. Real time: no allocation, lock or throw. */
+for bit.
+Real time: no allocation, lock or throw. */
 class IntervalChoice {
 public:
     /** @param reach  no desired choice is followed beyond these bounds: it could not be met, and

@@ -10,8 +10,7 @@
 
 namespace viable {
 
-/** "command", "controller", "filter", "robust_loop", "plant": the words of file names and messages.
- */
+/** "command", "controller", "filter", "robust_loop", "plant": the words of file names and messages. */
 const char* getName(PluginKind kind);
 
 /** A plugin library that has passed every check. The library is never unloaded. */

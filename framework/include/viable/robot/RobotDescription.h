@@ -43,7 +43,7 @@ struct Actuation {
     JointVector gearRatio;      ///< motor turns per joint turn
     JointVector rotorInertia;   ///< [kg m^2], reflected: motor side times gear ratio squared
     JointVector torqueLimit;    ///< [Nm], > 0, infinity where unknown
-    JointVector encoderCounts;  ///< counts per joint turn (0: no encoder figure)
+    JointVector encoderCounts;  ///< counts per joint turn, prismatic: per metre (0: no figure)
     JointFriction friction;
 };
 
@@ -80,18 +80,17 @@ std::filesystem::path findRobot(const std::string& name,
 std::vector<std::filesystem::path> listRobots(const std::vector<std::filesystem::path>& searchPath);
 
 /** Reads a `limits` block over `base`: each of position_rad, velocity_radps, acceleration_radps2
-and jerk_radps3 replaces that quantity, in one of the forms 3 | [1, 2, 3] both sides, symmetric
-about zero {lower: -1 | [...], upper: 2 | [...]}             each side {center: [...], half_range:
-[...]}                position only and allow_large_angles: true accepts position limits beyond 4
-pi. Does not call checkLimits. */
+and jerk_radps3 replaces that quantity, in one of the forms
+    3 | [1, 2, 3]                                 both sides, symmetric about zero
+    {lower: -1 | [...], upper: 2 | [...]}         each side
+    {center: [...], half_range: [...]}            position only
+and allow_large_angles: true accepts position limits beyond 4 pi. Does not call checkLimits. */
 JointLimits readLimits(const ConfigNode& block, const JointLimits& base, bool& allowLargeAngles);
 
-/** The description with a point mass fixed to the tool frame. @param offset  in the tool frame [m]
- */
+/** The description with a point mass fixed to the tool frame. @param offset  in the tool frame [m] */
 RobotDescription withPayload(RobotDescription robot, double mass_kg, const Eigen::Vector3d& offset);
 
-/** The description with every body's mass and inertia multiplied by `factor` > 0 (one per joint).
- */
+/** The description with every body's mass and inertia multiplied by `factor` > 0 (one per joint). */
 RobotDescription withScaledMasses(RobotDescription robot, const JointVector& factor);
 
 }  // namespace viable
