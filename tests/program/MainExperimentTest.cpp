@@ -44,7 +44,7 @@ void checkClaims(const nlohmann::json& summary) {
 }
 
 TEST(MainExperiment, GeneratedHandMotion) {
-    test::Folder folder;
+    test::TemporaryFolder folder;
     const test::Outcome o =
         test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run"});
     ASSERT_EQ(o.code, 0) << o.err;
@@ -56,7 +56,7 @@ TEST(MainExperiment, RecordedHandMotion) {
     if (!std::filesystem::exists(recording))
         GTEST_SKIP()
             << "the recorded motion ../shared/data/freiburg1_xyz-groundtruth.txt is not here";
-    test::Folder folder;
+    test::TemporaryFolder folder;
     const test::Outcome o =
         test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run", "--set",
                    "command.plugin=recorded_poses", "--set", "command.file=" + recording});

@@ -12,6 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "TemporaryFolder.h"
+
 namespace viable::test {
 
 inline std::string readFile(const std::filesystem::path& file) {
@@ -20,28 +22,6 @@ inline std::string readFile(const std::filesystem::path& file) {
     text << stream.rdbuf();
     return text.str();
 }
-
-/** A folder of the test's own, removed at the end. */
-class Folder {
-public:
-    Folder() {
-        std::string pattern = (std::filesystem::temp_directory_path() / "viable-XXXXXX").string();
-        path_ = mkdtemp(pattern.data());
-    }
-    ~Folder() {
-        std::error_code ignored;
-        std::filesystem::remove_all(path_, ignored);
-    }
-    std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
-    std::string write(const std::string& name, const std::string& text) const {
-        std::ofstream(path_ / name, std::ios::binary) << text;
-        return path_ / name;
-    }
-    const std::filesystem::path& path() const { return path_; }
-
-private:
-    std::filesystem::path path_;
-};
 
 struct Outcome {
     int code = -1;  ///< exit code, or -signal
@@ -77,7 +57,7 @@ public:
     }
 
 private:
-    Folder folder_;
+    TemporaryFolder folder_;
     std::filesystem::path out_, err_;
     pid_t pid_;
 };

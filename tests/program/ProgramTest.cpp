@@ -12,7 +12,7 @@
 namespace viable {
 namespace {
 
-using test::Folder;
+using Folder = test::TemporaryFolder;
 using test::Outcome;
 using test::readFile;
 

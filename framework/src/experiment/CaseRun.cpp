@@ -14,6 +14,7 @@ namespace {
 
 /** Ticks between two looks at the clock for the progress display. */
 constexpr std::int64_t kProgressTicks = 256;
+
 template <class Interface>
 PluginPtr<Interface> makePlugin(const PluginChoice& choice, const RunSetup& setup) {
     PluginPtr<Interface> plugin = PluginLoader::create<Interface>(choice.plugin);

@@ -1,37 +1,13 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <unistd.h>
-
-#include <filesystem>
-#include <fstream>
 #include <string>
 
+#include "TemporaryFolder.h"
 #include "viable/core/Error.h"
 #include "viable/experiment/CaseRun.h"
 
 namespace viable::test {
-
-/** A folder of the test's own, removed at the end. */
-class TemporaryFolder {
-public:
-    TemporaryFolder() {
-        std::string pattern = (std::filesystem::temp_directory_path() / "viable-XXXXXX").string();
-        path_ = mkdtemp(pattern.data());
-    }
-    ~TemporaryFolder() {
-        std::error_code ignored;
-        std::filesystem::remove_all(path_, ignored);
-    }
-    const std::filesystem::path& path() const { return path_; }
-    std::filesystem::path write(const std::string& name, const std::string& text) const {
-        std::ofstream(path_ / name, std::ios::binary) << text;
-        return path_ / name;
-    }
-
-private:
-    std::filesystem::path path_;
-};
 
 /** The real plugins and those that misbehave. */
 inline PluginLoader makeTestLoader() {
@@ -104,6 +80,20 @@ inline bool allFinite(const TickRecord& r) {
     return r.nominal.q.allFinite() && r.nominal.qd.allFinite() && r.nominal.qdd.allFinite() &&
            r.nominal.jerk.allFinite() && r.desiredTorque.allFinite() &&
            r.filterTorque.allFinite() && r.robustTorque.allFinite() && r.motorTorque.allFinite();
+}
+
+/** Ticks until the loop has stopped, in at most `most` ticks, every record finite; `check` sees each record. */
+template <class Check>
+void runUntilStopped(ControlLoop& loop, TickRecord& record, int most, const Check& check) {
+    for (int ticks = 1; !loop.hasStopped(); ++ticks) {
+        loop.tick(record);
+        ASSERT_TRUE(allFinite(record));
+        check(record);
+        ASSERT_LT(ticks, most);
+    }
+}
+inline void runUntilStopped(ControlLoop& loop, TickRecord& record) {
+    runUntilStopped(loop, record, 5000, [](const TickRecord&) {});
 }
 
 }  // namespace viable::test

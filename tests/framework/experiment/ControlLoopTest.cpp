@@ -11,6 +11,7 @@ namespace {
 using test::allFinite;
 using test::kOneJoint;
 using test::kTeleoperation;
+using test::runUntilStopped;
 using test::TestLoop;
 
 TEST(ControlLoop, TheNominalArmAdvancesByExactlyTheConfiguredTick) {
@@ -149,12 +150,7 @@ TEST(Fault28, MoreTicksOfNanBrakeTheArm) {
     TestLoop t(kOneJoint, {"controller.plugin=nan_torque", "controller.after_ticks=200",
                            "controller.ticks=100000"});
     TickRecord record;
-    int ticks = 0;
-    while (!t.loop.hasStopped()) {
-        t.loop.tick(record);
-        ASSERT_TRUE(allFinite(record));
-        ASSERT_LT(++ticks, 5000);
-    }
+    ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record));
     EXPECT_EQ(t.loop.stopReason(), StopReason::ControllerFailed);
     EXPECT_NEAR(t.loop.stopTime(), 0.210, 1e-9);
     EXPECT_NE(std::string(t.loop.stopMessage()).find("no usable torque"), std::string::npos);
@@ -185,12 +181,7 @@ TEST(Fault29, HugeAndTinyTorquesStayFiniteAndInsideTheJerkLimit) {
 TEST(Fault29, HugeTorquesThroughAFilterThatLetsThemPassBrakeTheArm) {
     TestLoop t(kTeleoperation, {"controller.plugin=extreme_torque", "filter.plugin=pass_through"});
     TickRecord record;
-    int ticks = 0;
-    while (!t.loop.hasStopped()) {
-        t.loop.tick(record);
-        ASSERT_TRUE(allFinite(record));
-        ASSERT_LT(++ticks, 5000);
-    }
+    ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record));
     EXPECT_EQ(t.loop.stopReason(), StopReason::FilterFailed);
     EXPECT_NE(std::string(t.loop.stopMessage()).find("beyond 1e9"), std::string::npos);
 }
@@ -227,13 +218,8 @@ TEST(Fault32, AWrongSizedTorqueIsSubstitutedThenBraked) {
 TEST(Fault32, AWrongSizedDecisionStopsTheArmAtOnce) {
     TestLoop t(kOneJoint, {"filter.plugin=wrong_size", "filter.after_ticks=100"});
     TickRecord record;
-    int ticks = 0;
-    while (!t.loop.hasStopped()) {
-        t.loop.tick(record);
-        ASSERT_TRUE(allFinite(record));
-        ASSERT_EQ(record.filterTorque.size(), 1);
-        ASSERT_LT(++ticks, 5000);
-    }
+    ASSERT_NO_FATAL_FAILURE(runUntilStopped(
+        t.loop, record, 5000, [](const TickRecord& r) { ASSERT_EQ(r.filterTorque.size(), 1); }));
     EXPECT_EQ(t.loop.stopReason(), StopReason::FilterFailed);
     EXPECT_NEAR(t.loop.stopTime(), 0.1, 1e-9);
 }
@@ -241,12 +227,7 @@ TEST(Fault32, AWrongSizedDecisionStopsTheArmAtOnce) {
 TEST(Fault44, AFilterThatThrowsInATickIsContained) {
     TestLoop t(kOneJoint, {"filter.plugin=throwing_tick", "filter.after_ticks=300"});
     TickRecord record;
-    int ticks = 0;
-    while (!t.loop.hasStopped()) {
-        t.loop.tick(record);
-        ASSERT_TRUE(allFinite(record));
-        ASSERT_LT(++ticks, 5000);
-    }
+    ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record));
     EXPECT_EQ(t.loop.stopReason(), StopReason::FilterFailed);
     EXPECT_EQ(std::string(t.loop.stopMessage()).rfind("it threw: ", 0), 0u) << t.loop.stopMessage();
 }
@@ -254,12 +235,7 @@ TEST(Fault44, AFilterThatThrowsInATickIsContained) {
 TEST(Fault44, ARobustLoopThatThrowsIsContainedAndTheArmComesToRest) {
     TestLoop t(kTeleoperation, {"robust_loop={plugin: throwing_robust, after_ticks: 900}"});
     TickRecord record;
-    int ticks = 0;
-    while (!t.loop.hasStopped()) {
-        t.loop.tick(record);
-        ASSERT_TRUE(allFinite(record));
-        ASSERT_LT(++ticks, 5000);
-    }
+    ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record));
     EXPECT_EQ(t.loop.stopReason(), StopReason::RobustLoopFailed);
     EXPECT_LT(t.loop.nominal().qd.cwiseAbs().maxCoeff(), 1e-9);
     EXPECT_LT(t.loop.nominal().qdd.cwiseAbs().maxCoeff(), 1e-9);
@@ -272,13 +248,10 @@ TEST(Fault44, APlantThatFailsEndsTheLoopAtOnce) {
                    {std::string("real_plant={plugin: failing_plant, after_ticks: 100, mode: ") +
                     mode + "}"});
         TickRecord record;
-        int ticks = 0;
-        while (!t.loop.hasStopped()) {
-            t.loop.tick(record);
-            ASSERT_TRUE(allFinite(record)) << mode;
-            ASSERT_TRUE(record.real.q.allFinite() && record.actual.q.allFinite()) << mode;
-            ASSERT_LT(++ticks, 103) << mode;
-        }
+        SCOPED_TRACE(mode);
+        ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record, 103, [](const TickRecord& r) {
+            ASSERT_TRUE(r.real.q.allFinite() && r.actual.q.allFinite());
+        }));
         EXPECT_EQ(t.loop.stopReason(), StopReason::PlantFailed) << mode;
     }
 }
@@ -286,11 +259,7 @@ TEST(Fault44, APlantThatFailsEndsTheLoopAtOnce) {
 TEST(Fault44, ACommandThatFallsSilentBrakesTheArm) {
     TestLoop t(kOneJoint, {"command={plugin: silent_command, after_ticks: 100}"});
     TickRecord record;
-    int ticks = 0;
-    while (!t.loop.hasStopped()) {
-        t.loop.tick(record);
-        ASSERT_LT(++ticks, 5000);
-    }
+    ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record));
     EXPECT_EQ(t.loop.stopReason(), StopReason::CommandFailed);
     EXPECT_NEAR(t.loop.stopTime(), 0.110, 1e-9);
 }
@@ -298,12 +267,7 @@ TEST(Fault44, ACommandThatFallsSilentBrakesTheArm) {
 TEST(Fault51, AJerkThatContradictsItsAccelerationIsRefused) {
     TestLoop t(kOneJoint, {"filter={plugin: contradicting, after_ticks: 20}"});
     TickRecord record;
-    int ticks = 0;
-    while (!t.loop.hasStopped()) {
-        t.loop.tick(record);
-        ASSERT_TRUE(allFinite(record));
-        ASSERT_LT(++ticks, 5000);
-    }
+    ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record));
     EXPECT_EQ(t.loop.stopReason(), StopReason::FilterFailed);
     EXPECT_NE(std::string(t.loop.stopMessage()).find("contradict"), std::string::npos);
 }
@@ -311,12 +275,7 @@ TEST(Fault51, AJerkThatContradictsItsAccelerationIsRefused) {
 TEST(Fault51, NanFromAFilterNeverReachesPlantOrLog) {
     TestLoop t(kOneJoint, {"filter.plugin=nan_output", "filter.after_ticks=50"});
     TickRecord record;
-    int ticks = 0;
-    while (!t.loop.hasStopped()) {
-        t.loop.tick(record);
-        ASSERT_TRUE(allFinite(record));
-        ASSERT_LT(++ticks, 5000);
-    }
+    ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record));
     EXPECT_EQ(t.loop.stopReason(), StopReason::FilterFailed);
     EXPECT_NE(std::string(t.loop.stopMessage()).find("not finite"), std::string::npos);
 }

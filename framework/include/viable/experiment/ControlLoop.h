@@ -69,7 +69,6 @@ public:
         return stopMessage_;
     }                                              ///< what the plugin said, or what was wrong
     double stopTime() const { return stopTime_; }  ///< [s]
-    std::int64_t substitutedTicks() const { return substituted_; }
     double time() const;  ///< of the next tick [s]
 
     const MotionState& nominal() const { return nominal_; }  ///< at time()
