@@ -17,6 +17,7 @@ packages=(
   libzstd-dev zlib1g-dev            # log compression and CRC
   libcli11-dev                      # command line
   libgtest-dev                      # tests
+  libbenchmark-dev                  # benchmarks
 )
 missing=()
 for package in "${packages[@]}"; do

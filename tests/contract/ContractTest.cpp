@@ -401,7 +401,6 @@ public:
         decision_.torque.setConstant(kJoints, kUntouched);
         decision_.acceleration.setConstant(kJoints, kUntouched);
         decision_.jerk.setConstant(kJoints, kUntouched);
-        for (JointIntervention& joint : decision_.joints) joint.margin = kUntouched;
         const FilterStatus status = plugin_->filter(in.nominal, in.torque, in.dynamics, decision_);
         Output out;
         out.outcome = status == FilterStatus::InvalidInput ? Outcome::InvalidInput
@@ -410,11 +409,11 @@ public:
         out.add(decision_.torque);
         out.add(decision_.acceleration);
         out.add(decision_.jerk);
-        for (int i = 0; i < kJoints; ++i) {
-            const double margin = decision_.joints[static_cast<std::size_t>(i)].margin;
-            out.addAny(margin);  // may be infinite: no limit
-            out.isFinite = out.isFinite && !std::isnan(margin);
-        }
+        for (std::size_t i = 0; decision_.hasStops && i < kJoints; ++i)
+            for (int k = 0; k < GridStop::kStretches; ++k) {
+                out.add(static_cast<double>(decision_.stops[i].remaining(k).ticks));
+                out.add(decision_.stops[i].remaining(k).jerk);
+            }
         return out;
     }
     void advance() override { advanceNominal(decision_, kTick_s, nominal_); }

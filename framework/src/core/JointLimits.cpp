@@ -1,6 +1,7 @@
 #include "viable/core/JointLimits.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -12,6 +13,69 @@ namespace viable {
 namespace {
 
 using detail::formatNumber;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+double getUnlimited(LimitSide side) {
+    return side == LimitSide::Upper ? kInfinity : -kInfinity;
+}
+
+/** A velocity, acceleration or jerk limit of the right sign and within its window, or none. */
+bool isRate(LimitSide side, double value) {
+    const double size = side == LimitSide::Upper ? value : -value;
+    return size == kInfinity || (size >= kSmallestLimit && size <= kLargestLimit);
+}
+
+/** The time that one limit takes to use up the next (A/J or V/A) is within its window. */
+bool isRamp(double value, double rate) {
+    if (std::isinf(value) || std::isinf(rate)) return true;
+    const double time = value / rate;
+    return time >= kShortestRamp_s && time <= kLongestRamp_s;
+}
+
+/** An angle of ordinary size, or no limit. */
+bool isPosition(LimitSide side, double value) {
+    return value == getUnlimited(side) ||
+           (std::isfinite(value) && std::fpclassify(value) != FP_SUBNORMAL &&
+            std::abs(value) <= kLargestLimit);
+}
+
+/** One side's limits of velocity, acceleration and jerk. */
+struct SideLimits {
+    LimitSide side;
+    double velocity, acceleration, jerk;
+};
+
+std::array<SideLimits, 2> listSides(const AxisLimits& axis) {
+    return {{{LimitSide::Lower, axis.velocityLower, axis.accelerationLower, axis.jerkLower},
+             {LimitSide::Upper, axis.velocityUpper, axis.accelerationUpper, axis.jerkUpper}}};
+}
+
+/** Jerk of either sign acts on either side: it builds an acceleration up and takes it back. */
+double getLargerJerk(const AxisLimits& axis) {
+    return std::max(-axis.jerkLower, axis.jerkUpper);
+}
+
+/** The range that one tick of jerk and its stop need. */
+double calcNeededRange(double jerk, double tick_s) {
+    return 8.0 * jerk * tick_s * tick_s * tick_s;
+}
+
+bool isUsable(const AxisLimits& axis, double tick_s) {
+    if (!isPosition(LimitSide::Lower, axis.positionLower) ||
+        !isPosition(LimitSide::Upper, axis.positionUpper) ||
+        axis.positionLower >= axis.positionUpper)
+        return false;
+    const double jerk = getLargerJerk(axis);
+    for (const SideLimits& s : listSides(axis))
+        if (!isRate(s.side, s.velocity) || !isRate(s.side, s.acceleration) ||
+            !isRate(s.side, s.jerk) || !isRamp(s.acceleration, s.jerk) ||
+            !isRamp(s.velocity, s.acceleration) ||
+            (!std::isinf(jerk) && std::abs(s.acceleration) < jerk * tick_s))
+            return false;
+    return std::isinf(jerk) ||
+           axis.positionUpper - axis.positionLower >= calcNeededRange(jerk, tick_s);
+}
 
 /** Remarks of one set of limits, all with the same beginning. */
 class LimitCheck {
@@ -32,9 +96,7 @@ public:
     /** One signed velocity, acceleration or jerk limit. */
     void checkRate(int joint, LimitKind kind, LimitSide side, double value,
                    const char* unit) const {
-        const double size = side == LimitSide::Upper ? value : -value;
-        const bool isUnlimited = size == std::numeric_limits<double>::infinity();
-        if (isUnlimited || (size >= kSmallestLimit && size <= kLargestLimit)) return;
+        if (isRate(side, value)) return;
         const std::string smallest = formatNumber(kSmallestLimit);
         const std::string largest = formatNumber(kLargestLimit);
         const std::string allowed = side == LimitSide::Upper
@@ -53,14 +115,12 @@ public:
     /** The time that one limit takes to use up the next: A/J or V/A. */
     void checkRamp(int joint, LimitSide side, LimitKind kind, double value, LimitKind rateKind,
                    double rate) const {
-        if (std::isinf(value) || std::isinf(rate)) return;
-        const double time = value / rate;
-        if (time >= kShortestRamp_s && time <= kLongestRamp_s) return;
+        if (isRamp(value, rate)) return;
         fail(joint,
              std::string(getName(kind, side)) + " " + formatNumber(value) + " divided by " +
-                 getName(rateKind, side) + " " + formatNumber(rate) + " is " + formatNumber(time) +
-                 " s; allowed is [" + formatNumber(kShortestRamp_s) + ", " +
-                 formatNumber(kLongestRamp_s) + "] s",
+                 getName(rateKind, side) + " " + formatNumber(rate) + " is " +
+                 formatNumber(value / rate) + " s; allowed is [" + formatNumber(kShortestRamp_s) +
+                 ", " + formatNumber(kLongestRamp_s) + "] s",
              "One of the two would have no effect: check their units and exponents");
     }
 
@@ -73,10 +133,8 @@ void checkPosition(const LimitCheck& check, int joint, LimitSide side, double va
                    bool allowLargeAngles) {
     const std::string shown =
         std::string(getName(LimitKind::Position, side)) + " is " + formatNumber(value) + " rad";
-    const double infinity = std::numeric_limits<double>::infinity();
-    if (value == (side == LimitSide::Upper ? infinity : -infinity)) return;
-    if (!std::isfinite(value) || std::fpclassify(value) == FP_SUBNORMAL ||
-        std::abs(value) > kLargestLimit) {
+    if (value == getUnlimited(side)) return;
+    if (!isPosition(side, value)) {
         const std::string largest = formatNumber(kLargestLimit);
         check.fail(joint,
                    shown + "; allowed is [-" + largest + ", " + largest + "] or " +
@@ -106,6 +164,11 @@ const char* getName(LimitKind kind, LimitSide side) {
     return row < 5 && column >= 0 && column < 3 ? names[row][column] : "unknown";
 }
 
+const char* getUnit(LimitKind kind) {
+    static const char* const units[] = {"", "rad", "rad/s", "rad/s^2", "rad/s^3"};
+    return units[static_cast<int>(kind)];
+}
+
 AxisLimits JointLimits::axis(int joint) const {
     return {position.lower[joint], position.upper[joint],     velocity.lower[joint],
             velocity.upper[joint], acceleration.lower[joint], acceleration.upper[joint],
@@ -114,8 +177,8 @@ AxisLimits JointLimits::axis(int joint) const {
 
 JointLimits JointLimits::unlimited(int n) {
     VIABLE_CHECK(n >= 0 && n <= kMaxJoints, "the number of joints is beyond the capacity");
-    const double infinity = std::numeric_limits<double>::infinity();
-    const JointBounds none{JointVector::Constant(n, -infinity), JointVector::Constant(n, infinity)};
+    const JointBounds none{JointVector::Constant(n, -kInfinity),
+                           JointVector::Constant(n, kInfinity)};
     return {none, none, none, none};
 }
 
@@ -158,30 +221,23 @@ void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles
                            " rad; allowed is lower < upper",
                        "Swap the two or check their signs");
         }
-        struct Side {
-            LimitSide side;
-            double velocity, acceleration, jerk;
-        };
-        const Side sides[] = {
-            {LimitSide::Lower, axis.velocityLower, axis.accelerationLower, axis.jerkLower},
-            {LimitSide::Upper, axis.velocityUpper, axis.accelerationUpper, axis.jerkUpper}};
-        for (const Side& s : sides) {
+        const std::array<SideLimits, 2> sides = listSides(axis);
+        for (const SideLimits& s : sides) {
             check.checkRate(i, LimitKind::Velocity, s.side, s.velocity, "rad/s");
             check.checkRate(i, LimitKind::Acceleration, s.side, s.acceleration, "rad/s^2");
             check.checkRate(i, LimitKind::Jerk, s.side, s.jerk, "rad/s^3");
         }
-        for (const Side& s : sides) {
+        for (const SideLimits& s : sides) {
             check.checkRamp(i, s.side, LimitKind::Acceleration, s.acceleration, LimitKind::Jerk,
                             s.jerk);
             check.checkRamp(i, s.side, LimitKind::Velocity, s.velocity, LimitKind::Acceleration,
                             s.acceleration);
         }
 
-        // Jerk of either sign acts on either side: it builds an acceleration up and takes it back.
-        const double jerk = std::max(-axis.jerkLower, axis.jerkUpper);
+        const double jerk = getLargerJerk(axis);
         if (std::isinf(jerk)) continue;
         const double needed = jerk * tick_s;
-        for (const Side& s : sides) {
+        for (const SideLimits& s : sides) {
             if (std::abs(s.acceleration) >= needed) continue;
             check.fail(i,
                        std::string(getName(LimitKind::Acceleration, s.side)) + " is " +
@@ -193,7 +249,7 @@ void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles
                        "the acceleration limit, or shorten the tick");
         }
         const double range = axis.positionUpper - axis.positionLower;
-        const double stop = 8.0 * jerk * tick_s * tick_s * tick_s;
+        const double stop = calcNeededRange(jerk, tick_s);
         if (range < stop) {
             check.fail(i,
                        "position_lower " + formatNumber(axis.positionLower) +
@@ -204,6 +260,16 @@ void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles
                        "Widen the position range, lower the jerk limit, or shorten the tick");
         }
     }
+}
+
+bool areUsable(const JointLimits& limits, int n, double tick_s) noexcept {
+    for (const JointBounds* bounds :
+         {&limits.position, &limits.velocity, &limits.acceleration, &limits.jerk})
+        if (bounds->lower.size() != n || bounds->upper.size() != n) return false;
+    if (!(tick_s > 0.0) || !std::isfinite(tick_s)) return false;
+    for (int i = 0; i < n; ++i)
+        if (!isUsable(limits.axis(i), tick_s)) return false;
+    return true;
 }
 
 }  // namespace viable

@@ -5,8 +5,12 @@
 #include <cmath>
 #include <thread>
 
+#include "LimitScale.h"
+#include "PathExtent.h"
+#include "core/NumberText.h"
 #include "viable/core/Error.h"
 #include "viable/log/Recorder.h"
+#include "viable/motion/Braking.h"
 
 namespace viable {
 
@@ -49,6 +53,7 @@ const PluginChoice* findCulprit(const CasePlan& plan, StopReason reason) {
             return &*plan.realPlant;
         case StopReason::None:
         case StopReason::Requested:
+        case StopReason::TicksMissed:
             return nullptr;
     }
     return nullptr;
@@ -58,23 +63,6 @@ std::string formatTime(double seconds) {
     char text[32];
     std::snprintf(text, sizeof text, "%.4f s", seconds);
     return text;
-}
-
-/** "joint2 broke its jerk limit by ..." for the first limit found broken. */
-std::string describeBreach(const Summary& summary) {
-    for (LimitKind kind :
-         {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk}) {
-        const int joint = summary.worstJoint(kind);
-        const LimitRecord& record = summary.limit(kind)[joint];
-        if (record.ticksOutside == 0) continue;
-        const char* names[] = {"", "position", "velocity", "acceleration", "jerk"};
-        char text[160];
-        std::snprintf(
-            text, sizeof text, "it promises all limits, but %s passed its %s limit by %.3g",
-            summary.jointNames()[joint].c_str(), names[static_cast<int>(kind)], record.worstExcess);
-        return text;
-    }
-    return {};
 }
 
 /** All plugins of a case, in the order of the data. */
@@ -97,6 +85,80 @@ LogOpening makeOpening(const CasePlan& plan, MotionCommand::Space space) {
     return opening;
 }
 
+bool isMissed(const std::vector<TickGap>& gaps, std::int64_t tick) {
+    return std::any_of(gaps.begin(), gaps.end(), [&](const TickGap& gap) {
+        return tick >= gap.begin && tick - gap.begin < gap.count;
+    });
+}
+
+/** A path is followed to this share of what counts as rounding. */
+constexpr double kPathResolution = 1.0 / 16.0;
+
+constexpr const char* kStartRemedy =
+    "Start inside the limits (`start: {position_rad: [...]}`; without it the robot's home pose is "
+    "taken), widen "
+    "the limits, or use the filter certified_braking with `recovery: true`, which leads the arm "
+    "back.";
+
+/** Refuses a start outside a limit. */
+void checkStartInside(const CasePlan& plan) {
+    const auto check = [&](LimitKind kind, const JointVector& value, const JointBounds& bounds) {
+        for (int i = 0; i < plan.robot.size(); ++i) {
+            const bool below = value[i] < bounds.lower[i];
+            if (!below && value[i] <= bounds.upper[i]) continue;
+            const double bound = below ? bounds.lower[i] : bounds.upper[i];
+            throw badInput(plan.startPlace,
+                           std::string("the start ") + getName(kind, LimitSide::Neither) + " of " +
+                               plan.robot.joints[i].name + " is " + detail::formatNumber(value[i]) +
+                               " " + getUnit(kind) + ", outside its " +
+                               (below ? "lower" : "upper") + " limit " +
+                               detail::formatNumber(bound) + " by " +
+                               detail::formatNumber(std::abs(value[i] - bound)),
+                           kStartRemedy);
+        }
+    };
+    check(LimitKind::Position, plan.start.q, plan.limits.position);
+    check(LimitKind::Velocity, plan.start.qd, plan.limits.velocity);
+    check(LimitKind::Acceleration, plan.start.qdd, plan.limits.acceleration);
+}
+
+/** Refuses a start inside the limits whose fastest stop leaves them. */
+void checkStartViable(const CasePlan& plan) {
+    for (int i = 0; i < plan.robot.size(); ++i) {
+        const AxisLimits axis = plan.limits.axis(i);
+        if (std::isinf(axis.jerkLower) || std::isinf(axis.jerkUpper)) continue;
+        const double v = plan.start.qd[i], a = plan.start.qdd[i];
+        const StationaryStop stop = calcStationaryStop(v, a, axis);
+        const double allowedP =
+            kMonitorShare * detail::calcLimitScale(axis.positionLower, axis.positionUpper);
+        const double allowedV =
+            kMonitorShare * detail::calcLimitScale(axis.velocityLower, axis.velocityUpper);
+        detail::PathExtent path(
+            plan.start.q[i], v, a,
+            {axis.positionLower, axis.positionUpper, allowedP, kPathResolution * allowedP},
+            {axis.velocityLower, axis.velocityUpper, allowedV, kPathResolution * allowedV});
+        path.follow(stop.jerk, stop.T1);
+        path.follow(0.0, stop.T2);
+        path.follow(stop.side == LimitSide::Upper ? axis.jerkUpper : axis.jerkLower, stop.T3);
+        const double peak = calcVelocityPeak(v, a, axis);
+        const auto check = [&](LimitKind kind, const char* side, double excess, double allowed) {
+            if (!(excess > allowed)) return;
+            throw badInput(
+                plan.startPlace,
+                "the start of " + plan.robot.joints[i].name +
+                    " is not viable: its fastest stop passes the " + side + " " +
+                    getName(kind, LimitSide::Neither) + " limit by " +
+                    detail::formatNumber(excess) + " " + getUnit(kind),
+                "Start at rest or further inside, or use the filter certified_braking with "
+                "`recovery: true`, which leads the arm back.");
+        };
+        check(LimitKind::Position, "upper", path.position.upper - axis.positionUpper, allowedP);
+        check(LimitKind::Position, "lower", axis.positionLower - path.position.lower, allowedP);
+        check(LimitKind::Velocity, "upper", peak - axis.velocityUpper, allowedV);
+        check(LimitKind::Velocity, "lower", axis.velocityLower - peak, allowedV);
+    }
+}
+
 }  // namespace
 
 std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan) {
@@ -109,9 +171,13 @@ std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan) {
     }
     auto configured = std::make_unique<ConfiguredCase>(ConfiguredCase{setup, {}});
     LoopPlugins& plugins = configured->plugins;
+    plugins.filter = makePlugin<SafetyFilter>(plan.filter, configured->setup);
+    if (!plugins.filter->recovers()) {
+        checkStartInside(plan);
+        checkStartViable(plan);
+    }
     plugins.command = makePlugin<CommandSource>(plan.command, configured->setup);
     plugins.controller = makePlugin<NominalController>(plan.controller, configured->setup);
-    plugins.filter = makePlugin<SafetyFilter>(plan.filter, configured->setup);
     if (plan.realPlant) {
         plugins.robustLoop = makePlugin<RobustLoop>(*plan.robustLoop, configured->setup);
         plugins.realPlant = makePlugin<RealPlant>(*plan.realPlant, configured->setup);
@@ -152,11 +218,12 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
     for (std::int64_t k = 0; (k < ticks || loop.isStopping()) && !loop.hasStopped(); ++k) {
         if (options.stopRequest && options.stopRequest->load(std::memory_order_relaxed) != 0)
             loop.requestStop(StopReason::Requested, "the user asked for it");
-        loop.tick(record);
+        if (isMissed(plan.missedTicks, k))
+            loop.missTick(record);
+        else
+            loop.tick(record);
         record.stage_us[static_cast<int>(Stage::Record)] = recordTime_us;
         result.summary.add(record);
-        if (promises && !loop.isStopping() && result.summary.anyLimitBroken())
-            loop.requestStop(StopReason::PromiseBroken, describeBreach(result.summary).c_str());
         if (recorder) {
             // Simulated time can wait for the disk. The time of the hand-over itself goes into the
             // next row.
@@ -184,7 +251,8 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
 
     result.stopReason = loop.stopReason();
     result.stopTime_s = loop.stopTime();
-    if (result.stopReason == StopReason::Requested) {
+    if (result.stopReason == StopReason::Requested ||
+        result.stopReason == StopReason::TicksMissed) {
         result.stopMessage =
             "stopped at " + formatTime(result.stopTime_s) + " because " + loop.stopMessage();
     } else if (const PluginChoice* culprit = findCulprit(plan, result.stopReason)) {

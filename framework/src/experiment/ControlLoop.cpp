@@ -13,28 +13,6 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/** Splits a tick's time between its stages. */
-class StageTimer {
-public:
-    explicit StageTimer(TickRecord& record) : record_(record), begin_(Clock::now()), last_(begin_) {
-        for (int i = 0; i < kStageCount; ++i) record_.stage_us[i] = 0.0;
-    }
-    void mark(Stage stage) {
-        const Clock::time_point now = Clock::now();
-        record_.stage_us[static_cast<int>(stage)] +=
-            std::chrono::duration<double, std::micro>(now - last_).count();
-        last_ = now;
-    }
-    void finish() {
-        record_.compute_us =
-            std::chrono::duration<double, std::micro>(Clock::now() - begin_).count();
-    }
-
-private:
-    TickRecord& record_;
-    Clock::time_point begin_, last_;
-};
-
 bool isUsable(const MotionCommand& command, int n) {
     if (command.space == MotionCommand::Space::Joint)
         return isFinite(command.q, n) && isFinite(command.qd, n);
@@ -47,8 +25,6 @@ would overflow. */
 constexpr double kLargestDecision = 1e9;
 /** A decision's jerk and acceleration may differ by rounding only; relative. */
 constexpr double kAgreement = 1e-9;
-/** A joint slower than this has come to rest, where a stop holds accelerations. [rad/s] */
-constexpr double kRest = 1e-12;
 
 bool isBounded(const JointVector& v, int n) {
     return isFinite(v, n) && v.lpNorm<Eigen::Infinity>() <= kLargestDecision;
@@ -86,6 +62,28 @@ void resetPlugin(PluginType& plugin, PluginKind kind, const MotionState& start) 
 
 }  // namespace
 
+/** Splits a tick's time between its stages. */
+class StageTimer {
+public:
+    explicit StageTimer(TickRecord& record) : record_(record), begin_(Clock::now()), last_(begin_) {
+        for (int i = 0; i < kStageCount; ++i) record_.stage_us[i] = 0.0;
+    }
+    void mark(Stage stage) {
+        const Clock::time_point now = Clock::now();
+        record_.stage_us[static_cast<int>(stage)] +=
+            std::chrono::duration<double, std::micro>(now - last_).count();
+        last_ = now;
+    }
+    void finish() {
+        record_.compute_us =
+            std::chrono::duration<double, std::micro>(Clock::now() - begin_).count();
+    }
+
+private:
+    TickRecord& record_;
+    Clock::time_point begin_, last_;
+};
+
 ControlLoop::ControlLoop(const RunSetup& setup, LoopPlugins plugins)
     : setup_(setup), plugins_(std::move(plugins)), model_(setup.robot), n_(setup.size()) {
     reset();
@@ -103,10 +101,11 @@ void ControlLoop::reset() {
     stopReason_ = StopReason::None;
     stopTime_ = 0.0;
     stopMessage_[0] = '\0';
-    stopPlanned_ = ended_ = robustLoopFailed_ = false;
-    stopHeld_ = HeldQuantity::Jerk;
-    for (JointVector* v : {&desiredTorque_, &newTorque_, &robustTorque_, &motorTorque_,
-                           &appliedTorque_, &stopChoice_})
+    stopBegun_ = ended_ = robustLoopFailed_ = false;
+    missedInRow_ = 0;
+    limits_ = setup_.limits;
+    for (JointVector* v :
+         {&desiredTorque_, &newTorque_, &robustTorque_, &motorTorque_, &appliedTorque_})
         v->setZero(n_);
     decision_ = {};
     command_ = {};
@@ -119,6 +118,7 @@ void ControlLoop::reset() {
     resetPlugin(*plugins_.filter, PluginKind::SafetyFilter, nominal_);
     if (plugins_.robustLoop) resetPlugin(*plugins_.robustLoop, PluginKind::RobustLoop, nominal_);
     if (plugins_.realPlant) resetPlugin(*plugins_.realPlant, PluginKind::RealPlant, nominal_);
+    monitor_.reset(nominal_, limits_, setup_.tick_s, plugins_.filter->promisesLimits());
 }
 
 double ControlLoop::time() const {
@@ -126,13 +126,7 @@ double ControlLoop::time() const {
 }
 
 bool ControlLoop::hasStopped() const {
-    if (ended_) return true;
-    if (!stopPlanned_) return false;
-    if (stopHeld_ == HeldQuantity::Acceleration)
-        return nominal_.qd.lpNorm<Eigen::Infinity>() <= kRest;
-    for (int i = 0; i < n_; ++i)
-        if (!stops_[i].atRest()) return false;
-    return true;
+    return ended_ || (stopBegun_ && monitor_.atRest(nominal_));
 }
 
 void ControlLoop::beginStop(StopReason reason, const char* message) noexcept {
@@ -205,7 +199,43 @@ void ControlLoop::takeTorque() {
                   "it gave no usable torque (wrong size, not finite or not Ok)");
 }
 
+void ControlLoop::takeLimits(double t) {
+    const JointLimits* limits = nullptr;
+    contain(TickStatus::Faulted, StopReason::CommandFailed, [&] {
+        limits = plugins_.command->sampleLimits(t);
+        return TickStatus::Ok;
+    });
+    if (!limits) return;
+    if (!areUsable(*limits, n_, setup_.tick_s)) {
+        beginStop(
+            StopReason::CommandFailed,
+            "the limits that it gave are not usable at this tick (size, sign, order or window)");
+        return;
+    }
+    const FilterStatus status = contain(FilterStatus::Faulted, StopReason::FilterFailed, [&] {
+        return plugins_.filter->changeLimits(*limits) ? FilterStatus::Passed
+                                                      : FilterStatus::Faulted;
+    });
+    if (status == FilterStatus::Faulted) {
+        beginStop(StopReason::FilterFailed,
+                  "the command changed the limits, and it cannot change its own during a run");
+        return;
+    }
+    limits_ = *limits;
+    monitor_.changeLimits(limits_, nominal_);
+}
+
+void ControlLoop::tellMissedTicks() {
+    if (missedInRow_ == 0) return;
+    contain(FilterStatus::Faulted, StopReason::FilterFailed, [&] {
+        plugins_.filter->skipTicks(missedInRow_);
+        return FilterStatus::Passed;
+    });
+    missedInRow_ = 0;
+}
+
 bool ControlLoop::takeDecision() {
+    decision_.hasStops = false;  // a filter without a witness need not say so
     status_ = contain(FilterStatus::Faulted, StopReason::FilterFailed, [&] {
         return plugins_.filter->filter(nominal_, desiredTorque_, dynamics_, decision_);
     });
@@ -214,34 +244,32 @@ bool ControlLoop::takeDecision() {
                             ? "it refused its input as invalid"
                             : findFault(decision_, nominal_, setup_.tick_s, n_);
     if (fault) beginStop(StopReason::FilterFailed, fault);
-    if (!fault) stopHeld_ = decision_.held;
-    return !fault;
+    return !fault && passMonitor();
 }
 
-/** A law that keeps position by braking with the acceleration limit leaves no room for a jerk limit: its stop
-holds accelerations as it does. So does a stop without a finite jerk limit to plan with. */
-void ControlLoop::planStop() {
-    if (!setup_.limits.jerk.lower.allFinite() || !setup_.limits.jerk.upper.allFinite())
-        stopHeld_ = HeldQuantity::Acceleration;
-    for (int i = 0; i < n_ && stopHeld_ == HeldQuantity::Jerk; ++i)
-        stops_[i].plan(nominal_.qd[i], nominal_.qdd[i], setup_.limits.axis(i), setup_.tick_s);
-    stopPlanned_ = true;
+/** False: the decision must not be applied. */
+bool ControlLoop::passMonitor() {
+    const StopMonitor::Finding& finding = monitor_.examine(nominal_, decision_);
+    verdict_ = finding.verdict;
+    if (verdict_ != StopVerdict::NoStop || !plugins_.filter->promisesLimits()) {
+        monitor_.accept();
+        return true;
+    }
+    char what[256];
+    monitor_.describe(finding,
+                      setup_.robot.joints[static_cast<std::size_t>(finding.joint)].name.c_str(),
+                      what, sizeof what);
+    char message[sizeof stopMessage_];
+    std::snprintf(message, sizeof message, "it promises all limits, but %s", what);
+    beginStop(StopReason::PromiseBroken, message);
+    return false;
 }
 
 void ControlLoop::followStop() {
-    if (!stopPlanned_) planStop();
-    if (stopHeld_ == HeldQuantity::Jerk) {
-        for (int i = 0; i < n_; ++i) stopChoice_[i] = stops_[i].takeJerk();
-        holdJerk(nominal_, dynamics_, stopChoice_, setup_.tick_s, decision_);
-    } else {
-        stopChoice_ = (-nominal_.qd / setup_.tick_s)
-                          .cwiseMax(setup_.limits.acceleration.lower)
-                          .cwiseMin(setup_.limits.acceleration.upper);
-        holdAcceleration(nominal_, dynamics_, stopChoice_, setup_.tick_s, decision_);
-    }
-    decision_.joints.fill({});
+    verdict_ = monitor_.followStop(nominal_, dynamics_, decision_).verdict;
     status_ = FilterStatus::StoppedByPlan;
     if (!findFault(decision_, nominal_, setup_.tick_s, n_)) return;
+    beginStop(StopReason::FilterFailed, "the nominal state has left the range of numbers");
     decision_.torque.setZero(n_);  // the nominal state itself is beyond all arithmetic
     decision_.acceleration.setZero(n_);
     decision_.jerk.setZero(n_);
@@ -272,24 +300,8 @@ void ControlLoop::drivePlant() {
     ended_ = true;
 }
 
-void ControlLoop::tick(TickRecord& record) noexcept {
-    StageTimer timer(record);
-    const double t = time();
-
-    if (plugins_.realPlant) readPlant();
-    timer.mark(Stage::Plant);
-    if (!isStopping()) takeCommand(t);
-    timer.mark(Stage::Command);
-    model_.calcDynamics(nominal_.q, nominal_.qd, dynamics_);
-    timer.mark(Stage::Dynamics);
-    if (!isStopping()) takeTorque();
-    timer.mark(Stage::Controller);
-    const bool stopping = isStopping() || !takeDecision();
-    if (stopping) followStop();
-    timer.mark(Stage::Filter);
-    // From here on this tick's decision stands: what fails below brakes the arm from the next tick on.
-
-    record.time_s = t;
+void ControlLoop::fillRecord(TickRecord& record, bool decided) const {
+    record.time_s = time();
     record.command = command_;
     record.nominal.q = nominal_.q;
     record.nominal.qd = nominal_.qd;
@@ -300,11 +312,22 @@ void ControlLoop::tick(TickRecord& record) noexcept {
     record.actual = actual_;
     record.desiredTorque = desiredTorque_;
     record.filterTorque = decision_.torque;
+    if (decided)
+        record.removedTorque = desiredTorque_ - decision_.torque;
+    else
+        record.removedTorque.setZero(n_);
     record.status = status_;
     record.joints = decision_.joints;
-    record.braking = stopping;
+    for (int i = 0; i < n_; ++i) record.stops[i] = monitor_.stop(i);
+    record.verdict = verdict_;
+    record.limits = limits_;
+    record.braking = isStopping();
+    record.missed = missedInRow_ > 0;
     record.substituted = substituted_;
+}
 
+/** The tick's decision stands: what fails from here on brakes the arm from the next tick on. */
+void ControlLoop::finishTick(TickRecord& record, StageTimer& timer) {
     if (plugins_.realPlant && !ended_) {
         takeRobustTorque();
         timer.mark(Stage::Robust);
@@ -317,6 +340,44 @@ void ControlLoop::tick(TickRecord& record) noexcept {
     advanceNominal(decision_, setup_.tick_s, nominal_);
     ++tickIndex_;
     timer.finish();
+}
+
+void ControlLoop::tick(TickRecord& record) noexcept {
+    StageTimer timer(record);
+    if (plugins_.realPlant) readPlant();
+    timer.mark(Stage::Plant);
+    if (!isStopping()) takeCommand(time());
+    if (!isStopping()) takeLimits(time());
+    timer.mark(Stage::Command);
+    model_.calcDynamics(nominal_.q, nominal_.qd, dynamics_);
+    timer.mark(Stage::Dynamics);
+    if (!isStopping()) takeTorque();
+    timer.mark(Stage::Controller);
+    if (!isStopping()) tellMissedTicks();
+    const bool decided = !isStopping() && takeDecision();
+    if (!decided) {
+        stopBegun_ = true;
+        followStop();
+    }
+    missedInRow_ = 0;
+    timer.mark(Stage::Filter);
+    fillRecord(record, decided);
+    finishTick(record, timer);
+}
+
+void ControlLoop::missTick(TickRecord& record) noexcept {
+    if (++missedInRow_ > kMaxMissedTicks)
+        beginStop(StopReason::TicksMissed, "more than 1000 ticks in a row were missed");
+    StageTimer timer(record);
+    if (plugins_.realPlant) readPlant();
+    timer.mark(Stage::Plant);
+    model_.calcDynamics(nominal_.q, nominal_.qd, dynamics_);
+    timer.mark(Stage::Dynamics);
+    stopBegun_ = isStopping();
+    followStop();
+    timer.mark(Stage::Filter);
+    fillRecord(record, false);
+    finishTick(record, timer);
 }
 
 }  // namespace viable

@@ -13,12 +13,14 @@ namespace {
 constexpr double kShortestTick_s = 1e-5;
 constexpr double kLongestTick_s = 0.1;
 constexpr double kLongestRun_s = 24.0 * 3600.0;
+/** Beyond what the loop bears in a row, so that its answer to that can be tried. */
+constexpr std::int64_t kMaxMissedTicksInFile = 1'000'000;
 
 /** What a case may override: everything but these. */
 const std::vector<std::string> kTopOnlyKeys = {"schema", "title", "cases"};
-const std::vector<std::string> kCaseKeys = {"robot",       "tick_s",    "duration_s", "limits",
-                                            "start",       "command",   "controller", "filter",
-                                            "robust_loop", "real_plant"};
+const std::vector<std::string> kCaseKeys = {"robot",       "tick_s",     "duration_s",  "limits",
+                                            "start",       "command",    "controller",  "filter",
+                                            "robust_loop", "real_plant", "missed_ticks"};
 
 ConfigNode makeScalar(const std::string& text, bool quoted = false) {
     ConfigNode node;
@@ -68,27 +70,31 @@ MotionState readStart(const ConfigNode* block, const RobotDescription& robot) {
     return start;
 }
 
-void checkStart(const MotionState& start, const JointLimits& limits, const RobotDescription& robot,
-                const std::string& where) {
-    const auto check = [&](const JointVector& value, const JointBounds& bounds,
-                           const char* quantity, const char* unit) {
-        for (int i = 0; i < robot.size(); ++i) {
-            const bool below = value[i] < bounds.lower[i];
-            if (!below && value[i] <= bounds.upper[i]) continue;
-            const double bound = below ? bounds.lower[i] : bounds.upper[i];
-            throw badInput(
-                where,
-                "the start " + std::string(quantity) + " of " + robot.joints[i].name + " is " +
-                    makeNumber(value[i]).text + " " + unit + ", outside its " +
-                    (below ? "lower" : "upper") + " limit " + makeNumber(bound).text + " by " +
-                    makeNumber(std::abs(value[i] - bound)).text,
-                "Start inside the limits (`start: {position_rad: [...]}`; without it the robot's "
-                "home pose is taken) or widen the limits.");
-        }
-    };
-    check(start.q, limits.position, "position", "rad");
-    check(start.qd, limits.velocity, "velocity", "rad/s");
-    check(start.qdd, limits.acceleration, "acceleration", "rad/s^2");
+/** `missed_ticks: [{at_s: 3.0, count: 20}, ...]` */
+std::vector<TickGap> readMissedTicks(const ConfigNode& node, double tick_s, double duration_s) {
+    if (node.kind != ConfigNode::Kind::List)
+        throw badInput(node.place(), "missed_ticks must be a list",
+                       "Write for example `missed_ticks: [{at_s: 3.0, count: 20}]`.");
+    std::vector<TickGap> gaps;
+    for (const ConfigNode& item : node.items) {
+        ConfigMap map(item);
+        map.find("at_s");
+        map.find("count");
+        map.finish();  // unknown keys first: a misspelt key explains a missing one
+        const double at_s = toNumber(map.require("at_s"), {0.0, duration_s});
+        const std::int64_t count = toInteger(map.require("count"), 1, kMaxMissedTicksInFile);
+        gaps.push_back({std::llround(at_s / tick_s), count});
+    }
+    return gaps;
+}
+
+ConfigNode makeMissedTicks(const std::vector<TickGap>& gaps, double tick_s) {
+    ConfigNode list;
+    list.kind = ConfigNode::Kind::List;
+    for (const TickGap& gap : gaps)
+        list.items.push_back(makeMap({{"at_s", makeNumber(static_cast<double>(gap.begin) * tick_s)},
+                                      {"count", makeScalar(std::to_string(gap.count))}}));
+    return list;
 }
 
 /** Reads one case: `node` is the file's root overlaid by the case. */
@@ -121,7 +127,9 @@ public:
                     plan.robot.jointNames());
         const ConfigNode* start = map_.find("start");
         plan.start = readStart(start, plan.robot);
-        checkStart(plan.start, plan.limits, plan.robot, start ? start->place() : map_.node().file);
+        plan.startPlace = start ? start->place() : map_.node().file;
+        if (const ConfigNode* missed = map_.find("missed_ticks"))
+            plan.missedTicks = readMissedTicks(*missed, plan.tick_s, plan.duration_s);
 
         plan.command =
             readPlugin(map_.require("command"), PluginKind::CommandSource, plan.robot.size());
@@ -195,6 +203,9 @@ private:
             node.entries.emplace_back("robust_loop", resolve(*plan.robustLoop));
             node.entries.emplace_back("real_plant", resolve(*plan.realPlant));
         }
+        if (!plan.missedTicks.empty())
+            node.entries.emplace_back("missed_ticks",
+                                      makeMissedTicks(plan.missedTicks, plan.tick_s));
         node.entries.emplace_back(
             "cases", makeMap({{plan.name, makeMap({{"filter", resolve(plan.filter)}})}}));
         return node;

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+
+#include "LimitScale.h"
 
 namespace viable {
 
@@ -47,18 +50,21 @@ Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool h
     acting_.resize(jointNames_.size());
     squaredError_.setZero(static_cast<int>(jointNames_.size()));
     largestError_.setZero(static_cast<int>(jointNames_.size()));
+    worstMargin_.value = std::numeric_limits<double>::infinity();
+}
+
+double InterventionRecord::torqueRms() const {
+    return ticks ? std::sqrt(squaredTorque / static_cast<double>(ticks)) : 0.0;
 }
 
 bool Summary::check(std::vector<LimitRecord>& records, LimitKind kind, const JointBounds& bounds,
-                    const JointVector& values, double time_s) {
+                    const JointVector& values, double time_s) const {
     bool outside = false;
     for (int i = 0; i < static_cast<int>(records.size()); ++i) {
         const double lower = bounds.lower[i], upper = bounds.upper[i], x = values[i];
         const bool bothFinite = std::isfinite(lower) && std::isfinite(upper);
-        const double tolerance = kOutsideShare * (bothFinite             ? (upper - lower) / 2.0
-                                                  : std::isfinite(lower) ? std::abs(lower)
-                                                  : std::isfinite(upper) ? std::abs(upper)
-                                                                         : 0.0);
+        const double scale = detail::calcLimitScale(lower, upper);
+        const double tolerance = std::isfinite(scale) ? kOutsideShare * scale : 0.0;
         const double excess = std::isnan(x) ? INFINITY : std::max({0.0, lower - x, x - upper});
         // Positions are measured from the middle of their range, the rest from zero. A position with a limit
         // on one side only has no share of it that could be used: it is inside or beyond.
@@ -76,6 +82,11 @@ bool Summary::check(std::vector<LimitRecord>& records, LimitKind kind, const Joi
             record.worstUse = use;
             record.worstTime_s = time_s;
         }
+        if (isReturning_ && excess > tolerance) {
+            ++record.ticksReturning;
+            record.worstReturning = std::max(record.worstReturning, excess);
+            continue;
+        }
         record.worstExcess = std::max(record.worstExcess, excess);
         if (excess > tolerance) {
             ++record.ticksOutside;
@@ -92,22 +103,55 @@ void Summary::addEnd(const MotionState& nominal, double time_s) {
         check(limits_[2], LimitKind::Acceleration, bounds_.acceleration, nominal.qdd, time_s);
 }
 
+void Summary::addIntervention(int i, const TickRecord& record) {
+    const JointIntervention& joint = record.joints[static_cast<std::size_t>(i)];
+    Acting& acting = acting_[static_cast<std::size_t>(i)];
+    const bool goesOn = joint.limit == acting.last.limit && joint.side == acting.last.side;
+    acting.episodeTicks = goesOn ? acting.episodeTicks + 1 : 1;
+    acting.last = joint;
+    if (joint.limit == LimitKind::None) return;
+    InterventionRecord& r =
+        acting
+            .records[static_cast<std::size_t>(joint.limit)][joint.side == LimitSide::Upper ? 1 : 0];
+    const double torque = std::abs(record.removedTorque[i]);
+    ++r.ticks;
+    if (!goesOn) ++r.episodes;
+    r.longestTicks = std::max(r.longestTicks, acting.episodeTicks);
+    r.largestTorque = std::max(r.largestTorque, torque);
+    r.squaredTorque += torque * torque;
+}
+
+void Summary::addStops(const TickRecord& record) {
+    if (record.missed) ++missed_;
+    if (record.verdict == StopVerdict::Returning) ++returning_;
+    if (record.verdict == StopVerdict::NoStop && unviable_++ == 0) firstUnviable_s_ = record.time_s;
+    for (int i = 0; i < static_cast<int>(jointNames_.size()); ++i) {
+        const TickRecord::Stop& stop = record.stops[static_cast<std::size_t>(i)];
+        if (stop.margin < worstMargin_.value) worstMargin_ = {stop.margin, i, record.time_s};
+        if (stop.duration_s > longestStop_.value)
+            longestStop_ = {stop.duration_s, i, record.time_s};
+    }
+}
+
 void Summary::add(const TickRecord& record) {
     const int n = static_cast<int>(jointNames_.size());
+    if (ticks_ > 0) tick_s_ = record.time_s - lastTime_s_;
+    lastTime_s_ = record.time_s;
+    bounds_ = record.limits;
+    isReturning_ = record.verdict == StopVerdict::Returning;
     addEnd({record.nominal.q, record.nominal.qd, record.nominal.qdd}, record.time_s);
     broken_ |= check(limits_[3], LimitKind::Jerk, bounds_.jerk, record.nominal.jerk, record.time_s);
     if (hasRealPlant_)
         check(realPosition_, LimitKind::Position, bounds_.position, record.actual.q, record.time_s);
     for (int i = 0; i < n; ++i) {
-        const JointIntervention& joint = record.joints[i];
-        if (joint.limit != LimitKind::None)
-            ++acting_[i][static_cast<int>(joint.limit)][joint.side == LimitSide::Upper ? 1 : 0];
+        addIntervention(i, record);
         if (hasRealPlant_) {
             const double e = record.actual.q[i] - record.nominal.q[i];
             squaredError_[i] += e * e;
             largestError_[i] = std::max(largestError_[i], std::abs(e));
         }
     }
+    addStops(record);
     ++ticks_;
     ++statusTicks_[static_cast<int>(record.status)];
     substituted_ = record.substituted;
@@ -130,15 +174,15 @@ std::int64_t Summary::ticksOutside(LimitKind kind) const {
     return sum;
 }
 
-std::map<std::pair<std::string, std::string>, std::int64_t> Summary::interventions() const {
-    std::map<std::pair<std::string, std::string>, std::int64_t> all;
+std::map<std::pair<std::string, std::string>, InterventionRecord> Summary::interventions() const {
+    std::map<std::pair<std::string, std::string>, InterventionRecord> all;
     for (std::size_t i = 0; i < acting_.size(); ++i)
         for (int k = 1; k <= kQuantities; ++k)
             for (int side = 0; side < 2; ++side)
-                if (acting_[i][k][side] > 0)
+                if (acting_[i].records[k][side].ticks > 0)
                     all[{jointNames_[i], getName(static_cast<LimitKind>(k),
                                                  side ? LimitSide::Upper : LimitSide::Lower)}] =
-                        acting_[i][k][side];
+                        acting_[i].records[k][side];
     return all;
 }
 

@@ -11,7 +11,6 @@ namespace {
 constexpr LimitKind kKinds[] = {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration,
                                 LimitKind::Jerk};
 const char* const kKindNames[] = {"position", "velocity", "acceleration", "jerk"};
-const char* const kKindUnits[] = {"rad", "rad/s", "rad/s^2", "rad/s^3"};
 
 template <class... Arguments>
 std::string format(const char* pattern, Arguments... arguments) {
@@ -31,6 +30,59 @@ std::string formatPercent(double share) {
 /** Milliradians in plain numbers as long as those are readable. */
 std::string formatMrad(double rad) {
     return format(std::abs(rad) < 10.0 ? "%.4g" : "%.3e", 1e3 * rad);
+}
+
+/** What became of ticks in which the arm was led back to its limits. */
+std::string formatReturn(const Summary& s) {
+    std::string text =
+        format(" but for %lld ticks of return", static_cast<long long>(s.returningTicks()));
+    for (int k = 0; k < Summary::kQuantities; ++k) {
+        double worst = 0.0;
+        for (const LimitRecord& limit : s.limit(kKinds[k]))
+            worst = std::max(worst, limit.worstReturning);
+        if (worst > 0.0)
+            text += format(", %s by %.3g %s", kKindNames[k], worst, getUnit(kKinds[k]));
+    }
+    return text;
+}
+
+/** One line per limit, all joints together. */
+std::string formatInterventions(const Summary& s) {
+    std::map<std::string, InterventionRecord> byLimit;
+    for (const auto& [key, record] : s.interventions()) {
+        InterventionRecord& sum = byLimit[key.second];
+        sum.ticks += record.ticks;
+        sum.episodes += record.episodes;
+        sum.longestTicks = std::max(sum.longestTicks, record.longestTicks);
+        sum.largestTorque = std::max(sum.largestTorque, record.largestTorque);
+        sum.squaredTorque += record.squaredTorque;
+    }
+    std::string text;
+    for (const auto& [name, sum] : byLimit)
+        text += format(
+            "  %-20s acted %lld times, %.3f joint-s, longest %.3f s, torque removed max %.3g, RMS "
+            "%.3g Nm\n",
+            name.c_str(), static_cast<long long>(sum.episodes),
+            static_cast<double>(sum.ticks) * s.tick_s(),
+            static_cast<double>(sum.longestTicks) * s.tick_s(), sum.largestTorque, sum.torqueRms());
+    return text;
+}
+
+std::string formatStops(const Summary& s) {
+    std::string text = "  stops         ";
+    if (std::isfinite(s.worstMargin().value))
+        text += format("least margin %.3g rad (%s at %.3f s), ", s.worstMargin().value,
+                       s.jointNames()[static_cast<std::size_t>(s.worstMargin().joint)].c_str(),
+                       s.worstMargin().time_s);
+    text += format("longest %.3f s (%s at %.3f s)", s.longestStop().value,
+                   s.jointNames()[static_cast<std::size_t>(s.longestStop().joint)].c_str(),
+                   s.longestStop().time_s);
+    if (s.unviableTicks() > 0)
+        text += format(", unviable ticks %lld (first at %.3f s)",
+                       static_cast<long long>(s.unviableTicks()), s.firstUnviable_s());
+    if (s.missedTicks() > 0)
+        text += format(", missed ticks %lld", static_cast<long long>(s.missedTicks()));
+    return text + "\n";
 }
 
 }  // namespace
@@ -89,9 +141,10 @@ std::string formatDetails(const CaseResult& r) {
         double excess = 0.0;
         for (const LimitRecord& limit : s.limit(kKinds[k]))
             excess = std::max(excess, limit.worstExcess);
-        text += joiner + format("%s by %.3g %s", kKindNames[k], excess, kKindUnits[k]);
+        text += joiner + format("%s by %.3g %s", kKindNames[k], excess, getUnit(kKinds[k]));
         joiner = ", ";
     }
+    if (s.returningTicks() > 0) text += formatReturn(s);
     text +=
         std::string(" (nominal arm; the filter promises ") + (r.promises ? "all" : "none") + ")\n";
     for (int k = 0; k < Summary::kQuantities; ++k) {
@@ -102,27 +155,19 @@ std::string formatDetails(const CaseResult& r) {
             "%.3g %s\n",
             kKindNames[k], formatPercent(limit.worstUse).c_str(), s.jointNames()[joint].c_str(),
             limit.worstTime_s, static_cast<long long>(s.ticksOutside(kKinds[k])), limit.worstExcess,
-            kKindUnits[k]);
+            getUnit(kKinds[k]));
     }
     text += format(
-        "  filter        passed %lld, modified %lld, no admissible choice %lld, stop %lld of %lld "
-        "ticks\n",
+        "  filter        passed %lld, modified %lld, no admissible choice %lld, stop %lld, "
+        "returning "
+        "%lld of %lld ticks\n",
         static_cast<long long>(s.ticksWith(FilterStatus::Passed)),
         static_cast<long long>(s.ticksWith(FilterStatus::Modified)),
         static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)),
         static_cast<long long>(s.ticksWith(FilterStatus::StoppedByPlan)),
+        static_cast<long long>(s.ticksWith(FilterStatus::Returning)),
         static_cast<long long>(s.ticks()));
-    std::map<std::string, std::int64_t> byLimit;
-    for (const auto& [key, count] : s.interventions()) byLimit[key.second] += count;
-    if (!byLimit.empty()) {
-        text += "  acting limits";
-        const char* separator = " ";
-        for (const auto& [name, count] : byLimit) {
-            text += separator + name + " " + std::to_string(count);
-            separator = ", ";
-        }
-        text += " joint-ticks\n";
-    }
+    text += formatInterventions(s) + formatStops(s);
     if (s.substitutedTicks() > 0)
         text += format(
             "  controller    %lld ticks without a usable torque, the last good one was used\n",
@@ -175,13 +220,28 @@ std::string writeSummaryJson(const Experiment& experiment, const std::vector<Cas
                 joints[s.jointNames()[i]] = {{"worst_use", number(limit.worstUse)},
                                              {"worst_time_s", limit.worstTime_s},
                                              {"worst_excess", number(limit.worstExcess)},
-                                             {"ticks_outside", limit.ticksOutside}};
+                                             {"ticks_outside", limit.ticksOutside},
+                                             {"ticks_returning", limit.ticksReturning},
+                                             {"worst_returning", number(limit.worstReturning)}};
             }
             limits[kKindNames[k]] = joints;
         }
         json interventions = json::object();
-        for (const auto& [key, count] : s.interventions())
-            interventions[key.first][key.second] = count;
+        for (const auto& [key, record] : s.interventions())
+            interventions[key.first][key.second] = {
+                {"ticks", record.ticks},
+                {"episodes", record.episodes},
+                {"total_s", static_cast<double>(record.ticks) * s.tick_s()},
+                {"longest_s", static_cast<double>(record.longestTicks) * s.tick_s()},
+                {"tau_removed_max_Nm", number(record.largestTorque)},
+                {"tau_removed_rms_Nm", number(record.torqueRms())}};
+        const auto extreme = [&](const ExtremeRecord& e, const char* unit) {
+            return json{{unit, number(e.value)},
+                        {"joint", s.jointNames()[static_cast<std::size_t>(e.joint)]},
+                        {"time_s", e.time_s}};
+        };
+        const json stops = {{"least_margin", extreme(s.worstMargin(), "margin_rad")},
+                            {"longest_stop", extreme(s.longestStop(), "stop_s")}};
         json stages = json::object();
         const auto times = [](const TimeHistogram& h) {
             return json{{"median_us", h.percentile(0.5)},
@@ -214,7 +274,13 @@ std::string writeSummaryJson(const Experiment& experiment, const std::vector<Cas
                          {"modified_ticks", s.ticksWith(FilterStatus::Modified)},
                          {"empty_ticks", s.ticksWith(FilterStatus::Infeasible)},
                          {"stopped_ticks", s.ticksWith(FilterStatus::StoppedByPlan)},
+                         {"returning_ticks", s.returningTicks()},
+                         {"unviable_ticks", s.unviableTicks()},
+                         {"first_unviable_s",
+                          s.unviableTicks() > 0 ? json(s.firstUnviable_s()) : json(nullptr)},
+                         {"missed_ticks", s.missedTicks()},
                          {"substituted_ticks", s.substitutedTicks()},
+                         {"stops", stops},
                          {"limits", limits},
                          {"interventions", interventions},
                          {"tracking", tracking},

@@ -24,6 +24,18 @@ const char* getName(Stage stage) {
     return "unknown";
 }
 
+const char* getName(StopVerdict verdict) {
+    switch (verdict) {
+        case StopVerdict::Safe:
+            return "safe";
+        case StopVerdict::Returning:
+            return "returning";
+        case StopVerdict::NoStop:
+            return "no_stop";
+    }
+    return "unknown";
+}
+
 double LogField::getNumber(const TickRecord& record, int i) const {
     if (number) return number(record, i);
     const JointVector& v = joints(record);
@@ -124,12 +136,45 @@ bool setLimit(TickRecord& record, int joint, std::string_view word) {
 bool setStatus(TickRecord& record, int, std::string_view word) {
     for (const FilterStatus status :
          {FilterStatus::Passed, FilterStatus::Modified, FilterStatus::StoppedByPlan,
-          FilterStatus::Infeasible, FilterStatus::InvalidInput, FilterStatus::Faulted}) {
+          FilterStatus::Returning, FilterStatus::Infeasible, FilterStatus::InvalidInput,
+          FilterStatus::Faulted}) {
         if (word != getName(status)) continue;
         record.status = status;
         return true;
     }
     return false;
+}
+
+bool setVerdict(TickRecord& record, int, std::string_view word) {
+    for (const StopVerdict verdict :
+         {StopVerdict::Safe, StopVerdict::Returning, StopVerdict::NoStop}) {
+        if (word != getName(verdict)) continue;
+        record.verdict = verdict;
+        return true;
+    }
+    return false;
+}
+
+/** "position_lower_rad", "position_upper_rad", ...: both sides of each limit. */
+std::vector<LogField> declareLimits() {
+    return {perJoint(
+                "position_lower_rad", [](auto& r) -> auto& { return r.limits.position.lower; }),
+            perJoint(
+                "position_upper_rad", [](auto& r) -> auto& { return r.limits.position.upper; }),
+            perJoint(
+                "velocity_lower_radps", [](auto& r) -> auto& { return r.limits.velocity.lower; }),
+            perJoint(
+                "velocity_upper_radps", [](auto& r) -> auto& { return r.limits.velocity.upper; }),
+            perJoint(
+                "acceleration_lower_radps2",
+                [](auto& r) -> auto& { return r.limits.acceleration.lower; }),
+            perJoint(
+                "acceleration_upper_radps2",
+                [](auto& r) -> auto& { return r.limits.acceleration.upper; }),
+            perJoint(
+                "jerk_lower_radps3", [](auto& r) -> auto& { return r.limits.jerk.lower; }),
+            perJoint(
+                "jerk_upper_radps3", [](auto& r) -> auto& { return r.limits.jerk.upper; })};
 }
 
 bool always(const LogLayout&) {
@@ -194,10 +239,16 @@ std::vector<LogChannel> declareChannels() {
                   return getName(joint.limit, joint.side);
               },
               setLimit),
+          perJoint(
+              "tau_removed_Nm", [](auto& r) -> auto& { return r.removedTorque; }),
           numbers(
-              "margin_rad", LogKind::JointNumber, {}, [](auto& r, int i) -> auto& {
-                  return r.joints[static_cast<std::size_t>(i)].margin;
+              "margin_rad", LogKind::JointNumber, {},
+              [](auto& r, int i) -> auto& { return r.stops[static_cast<std::size_t>(i)].margin; }),
+          numbers(
+              "stop_s", LogKind::JointNumber, {}, [](auto& r, int i) -> auto& {
+                  return r.stops[static_cast<std::size_t>(i)].duration_s;
               })}},
+        {"limits", "Limits", always, declareLimits()},
         {"robust",
          "Robust",
          withRealPlant,
@@ -244,6 +295,15 @@ std::vector<LogChannel> declareChannels() {
                   r.braking = value == 1;
                   return value == 0 || value == 1;
               }),
+          integer(
+              "missed", [](const TickRecord& r) -> std::int64_t { return r.missed ? 1 : 0; },
+              [](TickRecord& r, std::int64_t value) {
+                  r.missed = value == 1;
+                  return value == 0 || value == 1;
+              }),
+          text(
+              "stop", LogKind::Name, [](const TickRecord& r, int) { return getName(r.verdict); },
+              setVerdict),
           integer(
               "substituted", [](const TickRecord& r) { return r.substituted; },
               [](TickRecord& r, std::int64_t value) {

@@ -10,6 +10,8 @@ const char* getName(FilterStatus status) {
             return "modified";
         case FilterStatus::StoppedByPlan:
             return "stopped_by_plan";
+        case FilterStatus::Returning:
+            return "returning";
         case FilterStatus::Infeasible:
             return "infeasible";
         case FilterStatus::InvalidInput:
@@ -19,6 +21,16 @@ const char* getName(FilterStatus status) {
     }
     return "unknown";
 }
+
+bool SafetyFilter::recovers() const {
+    return false;
+}
+
+bool SafetyFilter::changeLimits(const JointLimits&) {
+    return false;
+}
+
+void SafetyFilter::skipTicks(std::int64_t) {}
 
 namespace {
 

@@ -84,8 +84,6 @@ FilterStatus AccelerationViability::filter(const MotionState& nominal, const Joi
             infeasible = true;
             intervals[i].collapse(v > 0.0 ? intervals[i].lower : intervals[i].upper);
         }
-        decision.joints[i].margin = v >= 0.0 ? l.positionUpper - q - v * v / (2.0 * B)
-                                             : q - l.positionLower - v * v / (2.0 * A);
     }
     const FilterStatus status =
         choice_.choose(dynamics.M, desired_, intervals, acceleration_, decision.joints);

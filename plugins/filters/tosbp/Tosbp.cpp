@@ -67,7 +67,7 @@ void Tosbp::reset(const MotionState&) {
 
 Tosbp::Rows Tosbp::calcRows(const AxisState& s, const AxisLimits& l) const {
     const double Ju = l.jerkUpper, Jd = -l.jerkLower;
-    Rows rows{{-Jd, Ju, LimitKind::Jerk, LimitKind::Jerk}, 0.0, false};
+    Rows rows{{-Jd, Ju, LimitKind::Jerk, LimitKind::Jerk}, false};
     JointInterval& jerk = rows.jerk;
 
     const double accelerationLower = (l.accelerationLower - s.a) / tick_s_;
@@ -86,12 +86,12 @@ Tosbp::Rows Tosbp::calcRows(const AxisState& s, const AxisLimits& l) const {
     const StationaryStop stop = calcStationaryStop(s.v, s.a, l);
     const double stopPosition = s.p + stop.displacement;
     if (stop.side == LimitSide::Upper) {
-        rows.margin = l.positionUpper - stopPosition;
-        jerk.restrictUpper(calcRow(Jd, rows.margin, kAlpha_, stop.gradientA, Ju),
+        const double h = l.positionUpper - stopPosition;
+        jerk.restrictUpper(calcRow(Jd, h, kAlpha_, stop.gradientA, Ju),
                            LimitKind::Position);
     } else {
-        rows.margin = stopPosition - l.positionLower;
-        jerk.restrictLower(-calcRow(Ju, rows.margin, kAlpha_, stop.gradientA, Jd),
+        const double h = stopPosition - l.positionLower;
+        jerk.restrictLower(-calcRow(Ju, h, kAlpha_, stop.gradientA, Jd),
                            LimitKind::Position);
     }
 
@@ -117,7 +117,6 @@ FilterStatus Tosbp::filter(const MotionState& nominal, const JointVector& torque
         const Rows rows = calcRows({nominal.q[i], nominal.qd[i], nominal.qdd[i]}, limits_.axis(i));
         infeasible |= rows.empty;
         intervals[i] = rows.jerk;
-        decision.joints[i].margin = rows.margin;
     }
     const FilterStatus status =
         choice_.choose(dynamics.M, desired_, intervals, jerk_, decision.joints);

@@ -34,7 +34,6 @@ private:
     /** The admissible jerks of one joint in one tick. */
     struct Rows {
         JointInterval jerk;  ///< the braking jerk alone where the rows had no solution
-        double margin;       ///< h_p towards the limit that the stop heads for
         bool empty;          ///< they did
     };
     Rows calcRows(const AxisState& state, const AxisLimits& limits) const;

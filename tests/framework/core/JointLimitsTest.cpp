@@ -233,5 +233,39 @@ TEST(JointLimits, Fault08_TickOfNoUse) {
     }
 }
 
+bool isAccepted(const JointLimits& limits, double tick_s) {
+    try {
+        checkLimits(limits, tick_s, true, "here", kNames);
+        return true;
+    } catch (const Error&) {
+        return false;
+    }
+}
+
+TEST(JointLimits, AreUsableSaysWhatCheckLimitsSays) {
+    const double values[] = {0.0,  1e-320, 1e-7,      1e-6,
+                             1e-3, 1.0,    12 * kPi,  1e7,
+                             1e8,  -1.0,   kInfinity, std::numeric_limits<double>::quiet_NaN()};
+    int accepted = 0, refused = 0;
+    for (JointBounds JointLimits::*bounds : {&JointLimits::position, &JointLimits::velocity,
+                                             &JointLimits::acceleration, &JointLimits::jerk})
+        for (JointVector JointBounds::*side : {&JointBounds::lower, &JointBounds::upper})
+            for (double value : values)
+                for (double tick_s : {1e-3, 0.1, 1.0, 0.0}) {
+                    JointLimits limits = makeLimits();
+                    (limits.*bounds.*side)[1] = side == &JointBounds::lower ? -value : value;
+                    const bool expected = isAccepted(limits, tick_s);
+                    ++(expected ? accepted : refused);
+                    EXPECT_EQ(areUsable(limits, 3, tick_s), expected) << value << " at " << tick_s;
+                }
+    EXPECT_GT(accepted, 30);
+    EXPECT_GT(refused, 100);
+    EXPECT_FALSE(areUsable(makeLimits(), 2, 1e-3));
+    JointLimits limits = makeLimits();
+    limits.jerk.lower.conservativeResize(2);
+    EXPECT_FALSE(areUsable(limits, 3, 1e-3));
+    EXPECT_TRUE(areUsable(JointLimits::unlimited(3), 3, 1e-3));
+}
+
 }  // namespace
 }  // namespace viable

@@ -149,16 +149,121 @@ TEST(Fault11, MissingAndEscapingFilesAreRefused) {
     expectContains(errorOf(kOneJoint, {"robot=../../etc"}), {"robot"});
 }
 
+std::string configureErrorOf(const std::string& yaml, const std::vector<std::string>& overrides) {
+    const Experiment e = readTestExperiment(yaml, overrides);
+    return catchError([&] { configureCase(e.cases.front()); });
+}
+void configureTest(const std::string& yaml, const std::vector<std::string>& overrides) {
+    configureCase(readTestExperiment(yaml, overrides).cases.front());
+}
+
 TEST(Fault12, AStartOutsideAnyLimitIsRefusedWithJointSideAndDistance) {
-    expectContains(errorOf(kOneJoint, {"start.position_rad=[3.2]"}),
-                   {"position", "upper limit", "by 0.05", "rad"});
-    expectContains(errorOf(kOneJoint, {"start.position_rad=[-3.2]"}), {"lower limit"});
-    expectContains(errorOf(kOneJoint, {"start.velocity_radps=[7]"}), {"velocity", "rad/s"});
-    expectContains(errorOf(kOneJoint, {"start.acceleration_radps2=[-10]"}),
+    expectContains(
+        configureErrorOf(kOneJoint, {"start.position_rad=[3.2]"}),
+        {"--set start", "position of joint0", "upper limit", "by 0.05", "rad", "recovery: true"});
+    expectContains(configureErrorOf(kOneJoint, {"start.position_rad=[-3.2]"}), {"lower limit"});
+    expectContains(configureErrorOf(kOneJoint, {"start.velocity_radps=[7]"}),
+                   {"velocity", "rad/s"});
+    expectContains(configureErrorOf(kOneJoint, {"start.acceleration_radps2=[-10]"}),
                    {"acceleration", "lower"});
-    expectContains(errorOf(kTeleoperation, {"start.position_rad=[0, 0, -pi/2, 0, 0, 0]"}),
+    expectContains(configureErrorOf(kTeleoperation, {"start.position_rad=[0, 0, -pi/2, 0, 0, 0]"}),
                    {"joint4"});
-    EXPECT_NO_THROW(readTestExperiment(kOneJoint, {"start.position_rad=[pi]"}));
+    EXPECT_NO_THROW(configureTest(kOneJoint, {"start.position_rad=[pi]"}));
+}
+
+TEST(Fault12, EveryPositionFaceOfEveryJointIsGuarded) {
+    const Experiment e = readTestExperiment(kTeleoperation);
+    const CasePlan& plan = e.cases.front();
+    for (int i = 0; i < plan.robot.size(); ++i)
+        for (const double side : {-1.0, 1.0}) {
+            const std::string name = side > 0.0 ? "upper" : "lower";
+            const double face =
+                (side > 0.0 ? plan.limits.position.upper : plan.limits.position.lower)[i];
+            CasePlan moved = plan;
+            for (const double inside : {0.0, 1e-6}) {
+                moved.start.q[i] = face - side * inside;
+                EXPECT_NO_THROW(configureCase(moved)) << i;
+            }
+            moved.start.q[i] = face + side * 0.0078125;
+            expectContains(catchError([&] { configureCase(moved); }),
+                           {"position", plan.robot.joints[i].name, name + " limit", "by 0.0078"});
+            moved.start.q[i] = face - side * 1e-3;  // inside, and too fast for what room is left
+            moved.start.qd[i] = side * 0.3;
+            expectContains(catchError([&] { configureCase(moved); }),
+                           {"not viable", plan.robot.joints[i].name, name + " position limit by"});
+            moved.start.qd[i] = -side * 0.3;
+            EXPECT_NO_THROW(configureCase(moved)) << i;
+        }
+}
+
+TEST(Fault12, EveryVelocityAndAccelerationFaceOfEveryJointIsGuarded) {
+    CasePlan plan = readTestExperiment(kTeleoperation).cases.front();
+    plan.limits.position = JointLimits::unlimited(plan.robot.size()).position;
+    for (int i = 0; i < plan.robot.size(); ++i)
+        for (const double side : {-1.0, 1.0}) {
+            const std::string name = side > 0.0 ? "upper" : "lower";
+            CasePlan moved = plan;
+            moved.start.qd[i] = side * plan.limits.velocity.upper[i];
+            EXPECT_NO_THROW(configureCase(moved)) << i;
+            moved.start.qdd[i] = side;  // on the face, and going on
+            expectContains(catchError([&] { configureCase(moved); }),
+                           {"not viable", plan.robot.joints[i].name, name + " velocity limit by"});
+            moved.start.qd[i] += side * 0.0078125;
+            expectContains(
+                catchError([&] { configureCase(moved); }),
+                {"start velocity of " + plan.robot.joints[i].name, name + " limit", "by 0.0078"});
+            moved.start.qd[i] = 0.0;
+            moved.start.qdd[i] = side * plan.limits.acceleration.upper[i];
+            EXPECT_NO_THROW(configureCase(moved)) << i;
+            moved.start.qdd[i] += side * 0.0078125;
+            expectContains(catchError([&] { configureCase(moved); }),
+                           {"start acceleration of " + plan.robot.joints[i].name, name + " limit",
+                            "by 0.0078"});
+        }
+}
+
+TEST(Fault13, AStartWithoutAStopInsideIsRefusedByItsDistance) {
+    // v > 0 and a so low that the fastest stop is of type II: every printed row of the paper holds.
+    const std::string error = configureErrorOf(
+        kTeleoperation, {"start.position_rad=[pi/6-1e-3, -pi/12, -pi/2, 0, -5*pi/12, 0]",
+                         "start.velocity_radps=[0.3, 0, 0, 0, 0, 0]",
+                         "start.acceleration_radps2=[-11, 0, 0, 0, 0, 0]"});
+    expectContains(error, {"--set start", "joint0 is not viable", "upper position limit by 0.003",
+                           "rad", "certified_braking", "recovery: true"});
+    EXPECT_NO_THROW(configureTest(kTeleoperation,
+                                  {"start.position_rad=[pi/6-6e-3, -pi/12, -pi/2, 0, -5*pi/12, 0]",
+                                   "start.velocity_radps=[0.3, 0, 0, 0, 0, 0]",
+                                   "start.acceleration_radps2=[-11, 0, 0, 0, 0, 0]"}));
+}
+
+TEST(Fault13, AFilterThatRecoversTakesAnyStart) {
+    EXPECT_NO_THROW(configureTest(
+        kOneJoint, {"filter={plugin: promising, recovers: true}", "start.position_rad=[3.2]"}));
+    expectContains(
+        configureErrorOf(kOneJoint, {"filter={plugin: promising}", "start.position_rad=[3.2]"}),
+        {"upper limit"});
+}
+
+TEST(ExperimentFile, MissedTicksAreReadStrictlyAndReadBack) {
+    const Experiment e = readTestExperiment(
+        kOneJoint, {"missed_ticks=[{at_s: 0.5, count: 20}, {at_s: 1, count: 1}]"});
+    const std::vector<TickGap>& gaps = e.cases[0].missedTicks;
+    ASSERT_EQ(gaps.size(), 2u);
+    EXPECT_EQ(gaps[0].begin, 500);
+    EXPECT_EQ(gaps[0].count, 20);
+    const std::string text = writeConfig(e.cases[0].resolved);
+    const Experiment again = readTestExperiment(text);
+    ASSERT_EQ(again.cases[0].missedTicks.size(), 2u);
+    EXPECT_EQ(again.cases[0].missedTicks[1].begin, 1000);
+    EXPECT_EQ(writeConfig(again.cases[0].resolved), text);
+    expectContains(errorOf(kOneJoint, {"missed_ticks={at_s: 1, count: 2}"}),
+                   {"missed_ticks must be a list"});
+    expectContains(errorOf(kOneJoint, {"missed_ticks=[{at_s: 1, cout: 2}]"}), {"cout", "count"});
+    expectContains(errorOf(kOneJoint, {"missed_ticks=[{at_s: 1}]"}), {"count"});
+    expectContains(errorOf(kOneJoint, {"missed_ticks=[{at_s: 3, count: 2}]"}),
+                   {"missed_ticks[0].at_s", "[0, 2]"});
+    expectContains(errorOf(kOneJoint, {"missed_ticks=[{at_s: 1, count: 0}]"}),
+                   {"missed_ticks[0].count"});
 }
 
 }  // namespace

@@ -79,12 +79,17 @@ TEST_F(LogExportTest, HasTheDocumentedColumns) {
               "nominal.tool.qx,nominal.tool.qy,nominal.tool.qz,nominal.tool.qw,"
               "real.joint0.q_rad,real.joint0.qd_radps,actual.joint0.q_rad,actual.joint0.qd_radps,"
               "desired.joint0.tau_Nm,filter.joint0.tau_Nm,filter.joint0.active,"
-              "filter.joint0.margin_rad,robust.joint0.tau_Nm,motor.joint0.tau_Nm,"
+              "filter.joint0.tau_removed_Nm,filter.joint0.margin_rad,filter.joint0.stop_s,"
+              "limits.joint0.position_lower_rad,limits.joint0.position_upper_rad,"
+              "limits.joint0.velocity_lower_radps,limits.joint0.velocity_upper_radps,"
+              "limits.joint0.acceleration_lower_radps2,limits.joint0.acceleration_upper_radps2,"
+              "limits.joint0.jerk_lower_radps3,limits.joint0.jerk_upper_radps3,"
+              "robust.joint0.tau_Nm,motor.joint0.tau_Nm,"
               "command.joint0.q_rad,command.joint0.qd_radps,tick.status,tick.braking,"
-              "tick.substituted,tick.compute_us,tick.command_us,tick.dynamics_us,"
+              "tick.missed,tick.stop,tick.substituted,tick.compute_us,tick.command_us,tick.dynamics_us,"
               "tick.controller_us,tick.filter_us,tick.robust_us,tick.plant_us,tick.record_us\n");
     const std::vector<LogColumn> columns = listColumns(layout);
-    EXPECT_EQ(columns.size(), 35u);
+    EXPECT_EQ(columns.size(), 47u);
     EXPECT_EQ(columns.front().name(), "time_s");
 }
 
@@ -144,8 +149,13 @@ TEST_F(LogExportTest, EveryNumberReadsBackBitEqual) {
                 expectNumber(at("filter." + joint + ".tau_Nm"), r.filterTorque[e]);
                 expectNumber(at("robust." + joint + ".tau_Nm"), r.robustTorque[e]);
                 expectNumber(at("motor." + joint + ".tau_Nm"), r.motorTorque[e]);
-                expectNumber(at("filter." + joint + ".margin_rad"), r.joints[j].margin);
-                if (r.joints[j].margin == std::numeric_limits<double>::infinity()) {
+                expectNumber(at("filter." + joint + ".margin_rad"), r.stops[j].margin);
+                expectNumber(at("filter." + joint + ".stop_s"), r.stops[j].duration_s);
+                expectNumber(at("filter." + joint + ".tau_removed_Nm"), r.removedTorque[e]);
+                expectNumber(at("limits." + joint + ".acceleration_lower_radps2"),
+                             r.limits.acceleration.lower[e]);
+                expectNumber(at("limits." + joint + ".jerk_upper_radps3"), r.limits.jerk.upper[e]);
+                if (r.stops[j].margin == std::numeric_limits<double>::infinity()) {
                     EXPECT_EQ(at("filter." + joint + ".margin_rad"), "inf");
                 }
                 EXPECT_EQ(at("filter." + joint + ".active"),
@@ -166,6 +176,8 @@ TEST_F(LogExportTest, EveryNumberReadsBackBitEqual) {
             }
             EXPECT_EQ(at("tick.status"), getName(r.status));
             EXPECT_EQ(at("tick.braking"), r.braking ? "1" : "0");
+            EXPECT_EQ(at("tick.missed"), r.missed ? "1" : "0");
+            EXPECT_EQ(at("tick.stop"), getName(r.verdict));
             EXPECT_EQ(at("tick.substituted"), std::to_string(r.substituted));
             expectNumber(at("tick.compute_us"), r.compute_us);
             expectNumber(at("tick.filter_us"), r.stage_us[static_cast<int>(Stage::Filter)]);

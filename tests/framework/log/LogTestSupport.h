@@ -72,21 +72,27 @@ public:
         }
         r.desiredTorque = joints();
         r.filterTorque = joints();
+        r.removedTorque = joints();
+        for (JointBounds* bounds : {&r.limits.position, &r.limits.velocity, &r.limits.acceleration,
+                                    &r.limits.jerk})
+            *bounds = {joints(), joints()};
         if (layout_.hasRealPlant) {
             r.real = {joints(), joints()};
             r.actual = {joints(), joints()};
             r.robustTorque = joints();
             r.motorTorque = joints();
         }
-        r.status = static_cast<FilterStatus>(random_() % 6);
+        r.status = static_cast<FilterStatus>(random_() % 7);
+        r.verdict = static_cast<StopVerdict>(random_() % 3);
         for (std::size_t j = 0; j < layout_.jointNames.size(); ++j) {
             r.joints[j].limit = static_cast<LimitKind>(random_() % 5);
             r.joints[j].side = r.joints[j].limit == LimitKind::None ? LimitSide::Neither
                                : random_() % 2 == 0                 ? LimitSide::Lower
                                                                     : LimitSide::Upper;
-            r.joints[j].margin = number();
+            r.stops[j] = {number(), number()};
         }
         r.braking = random_() % 2 == 0;
+        r.missed = random_() % 2 == 0;
         r.substituted = static_cast<std::int64_t>(random_() >> 1);
         r.compute_us = number();
         for (double& us : r.stage_us) us = number();
@@ -162,7 +168,12 @@ inline std::vector<std::uint64_t> getBits(const TickRecord& r, const LogLayout& 
     for (int i = 0; i < 6; ++i) add(r.command.toolTwist[i]);
     for (const JointVector* v : {&r.nominal.q, &r.nominal.qd, &r.nominal.qdd, &r.nominal.jerk,
                                  &r.real.q, &r.real.qd, &r.actual.q, &r.actual.qd, &r.desiredTorque,
-                                 &r.filterTorque, &r.robustTorque, &r.motorTorque}) {
+                                 &r.filterTorque, &r.robustTorque, &r.motorTorque,
+                                 &r.removedTorque, &r.limits.position.lower,
+                                 &r.limits.position.upper, &r.limits.velocity.lower,
+                                 &r.limits.velocity.upper, &r.limits.acceleration.lower,
+                                 &r.limits.acceleration.upper, &r.limits.jerk.lower,
+                                 &r.limits.jerk.upper}) {
         addVector(*v);
     }
     addPose(r.tool);
@@ -170,9 +181,12 @@ inline std::vector<std::uint64_t> getBits(const TickRecord& r, const LogLayout& 
     for (std::size_t j = 0; j < layout.jointNames.size(); ++j) {
         bits.push_back(static_cast<std::uint64_t>(r.joints[j].limit));
         bits.push_back(static_cast<std::uint64_t>(static_cast<int>(r.joints[j].side) + 1));
-        add(r.joints[j].margin);
+        add(r.stops[j].margin);
+        add(r.stops[j].duration_s);
     }
+    bits.push_back(static_cast<std::uint64_t>(r.verdict));
     bits.push_back(r.braking ? 1 : 0);
+    bits.push_back(r.missed ? 1 : 0);
     bits.push_back(static_cast<std::uint64_t>(r.substituted));
     add(r.compute_us);
     for (const double us : r.stage_us) add(us);

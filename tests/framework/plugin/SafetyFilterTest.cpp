@@ -120,12 +120,11 @@ TEST(SafetyFilter, InterventionsAreLeftAsTheyAre) {
     std::mt19937 random(5);
     const Arm arm = makeRandomArm(2, random);
     FilterDecision decision;
-    decision.joints[1] = {LimitKind::Velocity, LimitSide::Upper, 0.25};
+    decision.joints[1] = {LimitKind::Velocity, LimitSide::Upper};
     holdJerk(arm.nominal, arm.dynamics, makeRandom(2, 1, random), kTick_s, decision);
     EXPECT_EQ(decision.joints[0].limit, LimitKind::None);
     EXPECT_EQ(decision.joints[1].limit, LimitKind::Velocity);
     EXPECT_EQ(decision.joints[1].side, LimitSide::Upper);
-    EXPECT_EQ(decision.joints[1].margin, 0.25);
 }
 
 }  // namespace

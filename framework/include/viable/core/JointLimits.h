@@ -16,6 +16,9 @@ enum class LimitSide : signed char { Lower = -1, Neither = 0, Upper = 1 };
 /** "none", "position_lower", "jerk_upper", ...: the words used in logs and summaries. */
 const char* getName(LimitKind kind, LimitSide side);
 
+/** "rad", "rad/s", "rad/s^2", "rad/s^3"; empty for None. */
+const char* getUnit(LimitKind kind);
+
 /** Lower and upper bound of one quantity for every joint. "No limit" is infinity. */
 struct JointBounds {
     JointVector lower;
@@ -68,5 +71,9 @@ allowed range.
 @param where  place of the limits, for the message  */
 void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles,
                  const std::string& where, const std::vector<std::string>& jointNames);
+
+/** True when checkLimits() would accept the limits of n joints, large angles allowed. Real time: no allocation,
+no throw. */
+bool areUsable(const JointLimits& limits, int n, double tick_s) noexcept;
 
 }  // namespace viable

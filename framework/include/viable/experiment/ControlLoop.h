@@ -1,7 +1,7 @@
 #pragma once
 
+#include "viable/experiment/StopMonitor.h"
 #include "viable/log/TickRecord.h"
-#include "viable/motion/Braking.h"
 #include "viable/plugin/NominalPlant.h"
 #include "viable/plugin/PluginLoader.h"
 #include "viable/robot/RobotModel.h"
@@ -25,21 +25,27 @@ enum class StopReason : unsigned char {
     ControllerFailed,  ///< no usable torque for more than kMaxSubstitutedTicks, or it threw
     FilterFailed,      ///< no usable decision, or it threw
     RobustLoopFailed,  ///< it threw or gave no usable torque
-    PromiseBroken,     ///< a limit was passed under a filter that promises it
-    PlantFailed,       ///< the real plant failed: the loop ends at once, there is nothing to brake
+    PromiseBroken,  ///< a decision without a stop within the limits, from a filter that promises them
+    TicksMissed,    ///< more than kMaxMissedTicks in a row were missed
+    PlantFailed,    ///< the real plant failed: the loop ends at once, there is nothing to brake
 };
 
 /** How many ticks in a row a missing or unusable command or torque is replaced by the last good
  * one. */
 inline constexpr int kMaxSubstitutedTicks = 10;
 
-/** The tick: command, dynamics, controller, filter, nominal plant, robust loop, real plant.
+/** How many ticks in a row may be missed before the arm is braked for good. */
+inline constexpr int kMaxMissedTicks = 1000;
+
+class StageTimer;
+
+/** The tick: command, dynamics, controller, filter, monitor, nominal plant, robust loop, real plant.
 
 Guarantees: no torque that is not finite or beyond 1e9 Nm reaches a plant; the nominal arm advances by exactly
 the configured tick. A plugin that throws or returns nonsense is answered with a stop of the nominal arm, which
-the real arm follows: within acceleration and jerk limits, planned on the tick grid, or, under a filter that
-holds accelerations, at the acceleration limit. Such a stop knows nothing of position limits; a filter that
-keeps them has left room for it.
+the real arm follows: the stop that the monitor holds ready (see StopMonitor). Where that one was found safe, all
+limits hold to the end; a decision of a filter that promises limits is only ever applied when it was. Otherwise the
+stop keeps acceleration and jerk limits and knows nothing of the others.
 Real time: tick() allocates, locks, throws and logs nothing as long as the plugins keep to that too.
 Thread: tick() by one thread; requestStop() by that thread. */
 class ControlLoop {
@@ -53,6 +59,10 @@ public:
 
     /** One tick; `record` becomes its full account (state at its beginning, torques during it). */
     void tick(TickRecord& record) noexcept;
+
+    /** A tick whose time passed before command, controller and filter could run: the nominal arm follows the stop
+    held ready; robust loop and plant go on. */
+    void missTick(TickRecord& record) noexcept;
 
     /** Brakes the nominal arm from the next tick on. The first reason stays, unless it was Requested and a
     failure follows. */
@@ -69,7 +79,7 @@ public:
         return stopMessage_;
     }                                              ///< what the plugin said, or what was wrong
     double stopTime() const { return stopTime_; }  ///< [s]
-    double time() const;  ///< of the next tick [s]
+    double time() const;                           ///< of the next tick [s]
 
     const MotionState& nominal() const { return nominal_; }  ///< at time()
 
@@ -77,10 +87,14 @@ private:
     void beginStop(StopReason reason, const char* message) noexcept;
     void readPlant();
     void takeCommand(double t);
+    void takeLimits(double t);
     void takeTorque();
+    void tellMissedTicks();
     bool takeDecision();
-    void planStop();
+    bool passMonitor();
     void followStop();
+    void fillRecord(TickRecord& record, bool decided) const;
+    void finishTick(TickRecord& record, StageTimer& timer);
     void takeRobustTorque();
     void drivePlant();
     /** Runs `call`; an exception becomes `faulted` and its text the stop message. */
@@ -100,20 +114,21 @@ private:
     JointVector desiredTorque_, newTorque_, robustTorque_, motorTorque_, appliedTorque_;
     FilterDecision decision_;
     FilterStatus status_ = FilterStatus::Passed;
+    StopMonitor monitor_;
+    StopVerdict verdict_ = StopVerdict::Safe;
+    JointLimits limits_;
 
     bool hasTorque_ = false;
     int missingCommands_ = 0;
     int missingTorques_ = 0;
     std::int64_t substituted_ = 0;
+    int missedInRow_ = 0;  // the filter has not been told of them yet
 
     StopReason stopReason_ = StopReason::None;
     double stopTime_ = 0.0;
     char stopMessage_[512] = "";
-    bool stopPlanned_ = false;
-    bool ended_ = false;  // no stop is possible: the plant is gone or the arithmetic is
-    HeldQuantity stopHeld_ = HeldQuantity::Jerk;
-    std::array<GridStop, kMaxJoints> stops_;
-    JointVector stopChoice_;
+    bool stopBegun_ = false;  // a tick of the stop has been taken
+    bool ended_ = false;      // no stop is possible: the plant is gone or the arithmetic is
     bool robustLoopFailed_ = false;
 };
 

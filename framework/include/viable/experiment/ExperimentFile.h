@@ -18,6 +18,12 @@ struct PluginChoice {
     Parameters parameters;
 };
 
+/** Ticks in a row that are missed on purpose: command, controller and filter do not run. */
+struct TickGap {
+    std::int64_t begin = 0;  ///< the first one missed; tick 0 is the run's first
+    std::int64_t count = 0;
+};
+
 /** One case of an experiment, complete and checked: all that a run needs. */
 struct CasePlan {
     std::string name;
@@ -25,7 +31,9 @@ struct CasePlan {
     JointLimits limits;
     double tick_s = 0.0;
     double duration_s = 0.0;
-    MotionState start;
+    MotionState start;       ///< as written; configureCase() judges it
+    std::string startPlace;  ///< where, for messages
+    std::vector<TickGap> missedTicks;
     PluginChoice command, controller, filter;
     std::optional<PluginChoice> robustLoop;  ///< present exactly when realPlant is
     std::optional<PluginChoice> realPlant;

@@ -35,6 +35,27 @@ struct LimitRecord {
     double worstTime_s = 0.0;  ///< when
     double worstExcess = 0.0;  ///< farthest beyond either side, in the limit's unit
     std::int64_t ticksOutside = 0;
+    /** The same while the arm was led back (StopVerdict::Returning), which breaks no promise. */
+    std::int64_t ticksReturning = 0;
+    double worstReturning = 0.0;
+};
+
+/** What one side of one limit did to one joint. An episode is a row of ticks without a gap. */
+struct InterventionRecord {
+    std::int64_t ticks = 0;
+    std::int64_t episodes = 0;
+    std::int64_t longestTicks = 0;
+    double largestTorque = 0.0;  ///< |tau_d - tau_c| while it acted [Nm]
+    double squaredTorque = 0.0;  ///< sum over the ticks [Nm^2]
+
+    double torqueRms() const;  ///< [Nm]
+};
+
+/** An extreme and where it was. */
+struct ExtremeRecord {
+    double value = 0.0;
+    int joint = 0;
+    double time_s = 0.0;
 };
 
 /** A value counts as outside its limit when it is beyond it by more than this share of the range (of the limit,
@@ -68,9 +89,19 @@ public:
         return statusTicks_[static_cast<int>(status)];
     }
     std::int64_t substitutedTicks() const { return substituted_; }
-    /** Joint-ticks in which a limit acted, by joint and limit name, such as {"joint0",
-     * "jerk_upper"}. */
-    std::map<std::pair<std::string, std::string>, std::int64_t> interventions() const;
+    /** What acted, by joint and limit name, such as {"joint0", "jerk_upper"}. */
+    std::map<std::pair<std::string, std::string>, InterventionRecord> interventions() const;
+
+    double tick_s() const { return tick_s_; }  ///< between two rows; 0 with fewer than two
+    std::int64_t missedTicks() const { return missed_; }
+    /** Ticks whose decision led to a state from which no stop within the limits was found; of a filter that
+    promises limits no such decision is applied. */
+    std::int64_t unviableTicks() const { return unviable_; }
+    double firstUnviable_s() const { return firstUnviable_s_; }
+    std::int64_t returningTicks() const { return returning_; }
+    /** Least margin of a tick and its stop to a position limit [rad]; infinity without such limits. */
+    const ExtremeRecord& worstMargin() const { return worstMargin_; }
+    const ExtremeRecord& longestStop() const { return longestStop_; }  ///< [s]
 
     bool hasRealPlant() const { return hasRealPlant_; }
     double trackingRms(int joint) const;  ///< of actual - nominal position [rad]
@@ -85,18 +116,30 @@ public:
     const std::vector<std::string>& jointNames() const { return jointNames_; }
 
 private:
-    /** Adds `values` at a time to `records`; true when any is outside. */
-    static bool check(std::vector<LimitRecord>& records, LimitKind kind, const JointBounds& bounds,
-                      const JointVector& values, double time_s);
+    /** Adds `values` at a time to `records`; true when any is outside and the arm is not being led back. */
+    bool check(std::vector<LimitRecord>& records, LimitKind kind, const JointBounds& bounds,
+               const JointVector& values, double time_s) const;
+    void addIntervention(int joint, const TickRecord& record);
+    void addStops(const TickRecord& record);
 
     std::vector<std::string> jointNames_;
     JointLimits bounds_;
     bool hasRealPlant_;
     std::array<std::vector<LimitRecord>, kQuantities> limits_;
     std::vector<LimitRecord> realPosition_;
-    std::array<std::int64_t, 6> statusTicks_{};
-    std::vector<std::array<std::array<std::int64_t, 2>, kQuantities + 1>>
-        acting_;  // joint, kind, side
+    std::array<std::int64_t, 7> statusTicks_{};  // by FilterStatus
+    /** Of one joint: by kind and side, and what acted in the tick before. */
+    struct Acting {
+        std::array<std::array<InterventionRecord, 2>, kQuantities + 1> records;
+        JointIntervention last;
+        std::int64_t episodeTicks = 0;
+    };
+    std::vector<Acting> acting_;
+    bool isReturning_ = false;  // in the last tick
+    double tick_s_ = 0.0, lastTime_s_ = 0.0;
+    std::int64_t missed_ = 0, unviable_ = 0, returning_ = 0;
+    double firstUnviable_s_ = 0.0;
+    ExtremeRecord worstMargin_, longestStop_;
     bool broken_ = false;
     std::int64_t ticks_ = 0;
     std::int64_t substituted_ = 0;

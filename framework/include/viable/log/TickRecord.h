@@ -12,6 +12,13 @@ namespace viable {
 enum class Stage : unsigned char { Command, Dynamics, Controller, Filter, Robust, Plant, Record };
 inline constexpr int kStageCount = 7;
 
+/** What the host's monitor found when it followed a decision and the stop after it. */
+enum class StopVerdict : unsigned char {
+    Safe,       ///< tick and stop stay within the limits and end at rest
+    Returning,  ///< beyond a limit, but not further than the stop before
+    NoStop,     ///< no stop within the limits was found
+};
+
 /** Everything of one tick: the state at `time_s`, what was decided there and what acts from this
 row to the next. Plain data without heap, so that the control loop can fill and copy it. Joint
 vectors have one entry per joint; of a vector that is shorter, the log holds NaN in the missing
@@ -25,6 +32,14 @@ struct TickRecord {
         JointVector jerk;  ///< held from this row to the next [rad/s^3]
     };
 
+    /** What the host's monitor knows of one joint's stop from the state at the end of this tick. */
+    struct Stop {
+        /** Least distance of the path through this tick and the stop to a position limit [rad]; negative:
+        beyond; infinity: no limit. */
+        double margin = 0.0;
+        double duration_s = 0.0;  ///< until the joint would be at rest [s]
+    };
+
     double time_s = 0.0;  ///< since the start of the run, >= 0
     MotionCommand command;
     Nominal nominal;
@@ -36,10 +51,16 @@ struct TickRecord {
     JointVector filterTorque;   ///< tau_c, the safety filter's [Nm]
     JointVector robustTorque;   ///< tau_a, the robust loop's [Nm]
     JointVector motorTorque;    ///< what the motors gave [Nm]
+    /** tau_d - tau_c [Nm]; zero in ticks without a controller's torque (a stop of the host's). */
+    JointVector removedTorque;
 
     FilterStatus status = FilterStatus::Passed;
-    std::array<JointIntervention, kMaxJoints> joints{};  ///< which limit acts, margin [rad]
+    std::array<JointIntervention, kMaxJoints> joints{};  ///< which limit acts
+    std::array<Stop, kMaxJoints> stops{};
+    StopVerdict verdict = StopVerdict::Safe;
+    JointLimits limits;            ///< of the nominal plant, in force in this tick
     bool braking = false;          ///< the arm follows the host's own stop, not the command
+    bool missed = false;           ///< command, controller and filter did not run in this tick
     std::int64_t substituted = 0;  ///< controller torques replaced by the last good one so far
 
     double compute_us = 0.0;                     ///< the whole tick [us]
@@ -48,5 +69,8 @@ struct TickRecord {
 
 /** "command", "dynamics", ...: the words used in logs. */
 const char* getName(Stage stage);
+
+/** "safe", "returning", "no_stop": the words used in logs. */
+const char* getName(StopVerdict verdict);
 
 }  // namespace viable

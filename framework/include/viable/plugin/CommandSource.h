@@ -25,6 +25,11 @@ public:
     /** The command at time t [s] since reset, t >= 0, non-decreasing from call to call. On Ok,
     `out` is complete for space(); otherwise the host keeps the last good command. */
     virtual TickStatus sample(double t, MotionCommand& out) = 0;
+
+    /** The nominal plant's limits from time t on, complete, or null: they stay as they are. Asked once per tick
+    after sample(), same t; valid until the next call. Limits that are not usable at the tick (see areUsable), or
+    that the filter cannot take over, make the host stop the arm. Real time, like sample(). */
+    virtual const JointLimits* sampleLimits(double /*t*/) { return nullptr; }
 };
 
 }  // namespace viable

@@ -39,7 +39,7 @@ public:
 
     /** @param intervals  one per joint
         @param chosen     the choice
-        @param joints     limit and side that held each joint back; margins are left as they are
+        @param joints     limit and side that held each joint back
         @return Passed when `chosen` is `desired`, else Modified */
     FilterStatus choose(const JointMatrix& M, const JointVector& desired,
                         const std::array<JointInterval, kMaxJoints>& intervals, JointVector& chosen,

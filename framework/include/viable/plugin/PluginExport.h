@@ -6,8 +6,8 @@
 #include <exception>
 #include <type_traits>
 
-#include "viable/motion/Braking.h"
 #include "viable/motion/DesiredJerk.h"
+#include "viable/motion/GridStop.h"
 #include "viable/plugin/CommandSource.h"
 #include "viable/plugin/IntervalChoice.h"
 #include "viable/plugin/NominalController.h"
@@ -19,7 +19,7 @@ namespace viable {
 
 /** Raised whenever a class or struct in core/, config/, motion/, robot/ or plugin/ changes its layout or its
 virtual table. */
-inline constexpr std::uint32_t kPluginInterfaceVersion = 1;
+inline constexpr std::uint32_t kPluginInterfaceVersion = 2;
 
 inline constexpr std::uint64_t kPluginMagic = 0x76696162'6c652031ull;  // "viable 1"
 

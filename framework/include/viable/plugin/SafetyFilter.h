@@ -2,6 +2,7 @@
 
 #include <array>
 
+#include "viable/motion/GridStop.h"
 #include "viable/plugin/Plugin.h"
 
 namespace viable {
@@ -11,6 +12,8 @@ enum class FilterStatus : unsigned char {
     Passed,         ///< what the controller wants is admissible and is done as it is; apply
     Modified,       ///< changed to keep the limits; apply
     StoppedByPlan,  ///< a stored stop is being followed; apply
+    Returning,  ///< a limit cannot be met yet (recovery, or limits that have shrunk): it is approached as
+                ///< fast as jerk allows and nothing gets worse on the way; apply
     Infeasible,    ///< no admissible choice existed; the braking fallback is in the decision; apply
     InvalidInput,  ///< input of wrong size or not finite; decision not written, do not apply
     Faulted,       ///< the filter cannot go on; decision not written, do not apply
@@ -19,12 +22,10 @@ enum class FilterStatus : unsigned char {
 /** "passed", "modified", ... as in logs. */
 const char* getName(FilterStatus status);
 
-/** What acts on one joint. */
+/** Which limit holds one joint back. */
 struct JointIntervention {
     LimitKind limit = LimitKind::None;
     LimitSide side = LimitSide::Neither;
-    double margin =
-        0.0;  ///< distance of the stop to the position limit it heads for [rad]; infinity: no limit
 };
 
 /** How the nominal plant moves during the coming tick. */
@@ -42,6 +43,10 @@ struct FilterDecision {
     JointVector acceleration;  ///< x_c: mean nominal acceleration over the tick [rad/s^2]
     JointVector jerk;          ///< nominal jerk over the tick [rad/s^3]
     std::array<JointIntervention, kMaxJoints> joints{};
+    /** A stop of every joint from the state that this decision leads to: the proof that limits can be kept. A
+    filter that holds jerks and promises limits gives it; without it (hasStops false) the host looks for one. */
+    std::array<GridStop, kMaxJoints> stops{};
+    bool hasStops = false;
 };
 
 /** The decision to hold `jerk` for one tick: x_c = qdd + jerk dt / 2 and tau_c = M x_c + b.
@@ -59,8 +64,22 @@ class SafetyFilter : public Plugin {
 public:
     /** True when the filter guarantees every limit in every tick, from every start that configure()
     and reset() accepted. The host holds it to that word: a limit broken under a promise ends the
-    run with exit code 3. False for laws that merely try. */
+    run with exit code 3: a state from which no stop within the limits exists, or a limit passed. False for laws
+    that merely try. */
     virtual bool promisesLimits() const = 0;
+
+    /** True when configure() accepted to lead the arm back from a start outside the limits, or inside but
+    without a stop that stays there; the host refuses such a start otherwise. Valid after configure(). */
+    virtual bool recovers() const;
+
+    /** New limits from the next tick on, complete and usable at the tick (see areUsable). True when the filter
+    works by them from now on, approaching as fast as jerk allows what it cannot meet at once; false when it
+    cannot change its limits, and the host then stops the arm. Real time, like filter(). */
+    virtual bool changeLimits(const JointLimits& limits);
+
+    /** Ticks passed without a call of filter(): the arm has followed the stops of the last decision (or, where
+    it had none, the host's) for so many ticks. The next call continues from there. Real time. */
+    virtual void skipTicks(std::int64_t ticks);
 
     /** One tick. `nominal` is the nominal arm's state and `dynamics` belongs to it; `torque` is
     tau_d, finite and of the right size. See FilterStatus for what the host does with `decision`. */

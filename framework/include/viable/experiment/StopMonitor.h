@@ -1,0 +1,115 @@
+#pragma once
+
+#include <array>
+
+#include "viable/log/TickRecord.h"
+
+namespace viable {
+
+/** Share of a limit's range (see kOutsideShare) by which a path may pass the limit: a hundred thousand times the
+rounding of a path of 1e4 ticks, and a tenth of what counts as outside, so that nothing the monitor lets pass is
+reported as a limit broken. A stop's last velocity and acceleration may differ from zero by as much. */
+inline constexpr double kMonitorShare = 1e-10;
+
+/** Follows every decision of a safety filter, whatever filter it is, through its tick and through a stop after it,
+and holds a stop ready that can replace the next decision.
+
+The stop is the filter's own witness where the decision brings one, else the one that GridStop plans from the state
+that the decision leads to. Where accelerations are held (without a promise), or no jerk limit is there to plan with,
+it is: the acceleration limit against the velocity until the joint rests; its accelerations and jerks are not judged.
+Its margins inside the limits are right to 1e-6 of the range.
+Method: independent of the filters' mathematics; position and velocity are bounded along the whole path by the
+control points of their polynomials (see PathExtent).
+Never worse: where the stop held ready is itself beyond a limit (a start led back, limits that have shrunk), its own
+extreme takes the limit's place, per joint, quantity and side, and moves inwards tick by tick.
+Real time: no allocation, lock or throw. */
+class StopMonitor {
+public:
+    enum class Fault : unsigned char {
+        None,
+        Limit,      ///< a limit (or the extreme in its place) is passed by `excess`
+        Moving,     ///< the stop ends with velocity or acceleration `excess`, not at rest
+        Malformed,  ///< the stop holds what is no number, no count of ticks, or has no end
+    };
+
+    /** What is wrong; of several wrongs the tick's own jerk, else the largest, measured by the limit's range. */
+    struct Finding {
+        StopVerdict verdict = StopVerdict::Safe;
+        Fault fault = Fault::None;
+        int joint = 0;
+        LimitKind limit = LimitKind::None;
+        LimitSide side = LimitSide::Neither;
+        double excess = 0.0;  ///< in the limit's unit
+    };
+
+    /** From now on with these limits, from this state.
+    @param promised  the filter promises all limits: acceleration and jerk are judged even where accelerations
+                     are held, and a false witness is not replaced */
+    void reset(const MotionState& start, const JointLimits& limits, double tick_s, bool promised);
+
+    /** New limits from this state on. */
+    void changeLimits(const JointLimits& limits, const MotionState& nominal);
+
+    /** Follows a finite decision of the right size from the state `nominal`. */
+    const Finding& examine(const MotionState& nominal, const FilterDecision& decision);
+    /** The stop found by the last examine() is now the one held ready. */
+    void accept();
+
+    /** Replaces a decision by the next tick of the stop held ready. */
+    const Finding& followStop(const MotionState& nominal, const Dynamics& dynamics,
+                              FilterDecision& decision);
+    /** True when the stop held ready, followed to here, has come to its end. */
+    bool atRest(const MotionState& nominal) const;
+
+    /** Of the last examine() or followStop(). */
+    const TickRecord::Stop& stop(int joint) const { return reports_[joint]; }
+
+    /** "joint2 would pass its upper jerk limit by 3e+05 rad/s^3 ..." */
+    void describe(const Finding& finding, const char* jointName, char* text,
+                  std::size_t size) const;
+
+private:
+    using Stretches = std::array<GridStop::Stretch, GridStop::kStretches>;
+    /** A stop of every joint. */
+    struct Plan {
+        HeldQuantity held = HeldQuantity::Jerk;
+        std::array<Stretches, kMaxJoints> joints{};
+    };
+    /** Per quantity: what counts as rounding. */
+    struct Tolerances {
+        double position, velocity, acceleration, jerk;
+    };
+    struct Path;
+
+    void takeLimits(const JointLimits& limits);
+    HeldQuantity getStopKind(HeldQuantity held) const;
+    void planStop(const MotionState& from, HeldQuantity held);
+    void readWitness(const FilterDecision& decision);
+    Path beginPath(double p, double v, double a, int joint) const;
+    /** Follows a joint's stop; false when it is malformed. */
+    bool followPlan(const Plan& plan, int joint, Path& path) const;
+    void judge(const MotionState& nominal, const FilterDecision& decision, const Plan& plan);
+    void judgeTickJerk(int joint, double jerk);
+    void judgeJoint(int joint, const Path& path, bool judgesRates, bool judgesRest);
+    void keepFinding(Fault fault, int joint, LimitKind limit, LimitSide side, double excess,
+                     double tolerance);
+    /** The extremes of the stop held ready, from `from` on, as bounds where they are beyond the limits. */
+    AxisLimits calcBounds(const MotionState& from, int joint) const;
+    void loosenBounds(const MotionState& nominal);
+    void tightenBounds();
+
+    int n_ = 0;
+    double tick_s_ = 0.0;
+    bool promised_ = false, hasJerkLimits_ = false;
+    std::array<AxisLimits, kMaxJoints> limits_{};
+    std::array<AxisLimits, kMaxJoints> bounds_{};  // the limits, or the extremes in their place
+    std::array<Tolerances, kMaxJoints> tolerances_{};
+    Plan ready_, examined_;
+    MotionState next_;                                        // where the decision leads to
+    std::array<bool, kMaxJoints> isReturning_{}, isLoose_{};  // loose: bounds_ is not limits_
+    std::array<TickRecord::Stop, kMaxJoints> reports_{};
+    Finding finding_;
+    double worst_ = 0.0;  // of finding_, in tolerances
+};
+
+}  // namespace viable

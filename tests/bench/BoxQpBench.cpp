@@ -1,0 +1,95 @@
+#include "viable/motion/BoxQp.h"
+
+#include <benchmark/benchmark.h>
+
+#include <Eigen/LU>
+#include <cmath>
+#include <random>
+#include <string>
+
+#include "ArmMatrices.h"
+
+namespace viable {
+namespace {
+
+constexpr int kProblems = 64;
+
+struct Problem {
+    JointMatrix M;
+    JointVector target, lower, upper;
+};
+
+/** Problems as ticks of a closed loop give them: jerks of an arm (37 rad/s^3), whose optimum has the
+first `held` joints of a fixed shuffle on a bound. Made from the optimum: gradient chosen, so that d
+is known, then bounds around it. */
+std::vector<Problem> makeProblems(int n, int held) {
+    constexpr double kJerk = 37.7;
+    std::mt19937_64 random(100 * n + held);
+    std::uniform_real_distribution<> uniform(0.1, 1.0);
+    std::vector<Problem> problems;
+    for (const JointMatrix& M : makeArmMatrices(n, kProblems)) {
+        JointVector gradient = JointVector::Zero(n), side = JointVector::Zero(n);
+        const Eigen::MatrixXd A = M.transpose() * M;
+        for (int k = 0; k < held; ++k) {
+            const int joint = (5 * k + n / 2) % n;
+            side[joint] = k % 2 == 0 ? 1.0 : -1.0;
+            gradient[joint] = -side[joint] * uniform(random) * A(joint, joint);
+        }
+        JointVector d = A.fullPivLu().solve(Eigen::VectorXd(gradient));
+        if (held > 0) d *= kJerk * uniform(random) / d.cwiseAbs().maxCoeff();
+        Problem p{M, JointVector(n), JointVector(n), JointVector(n)};
+        for (int i = 0; i < n; ++i) {
+            p.target[i] = kJerk * (2.0 * uniform(random) - 1.0);
+            const double x = p.target[i] + d[i];
+            p.lower[i] = side[i] < 0 ? x : x - kJerk * uniform(random);
+            p.upper[i] = side[i] > 0 ? x : x + kJerk * uniform(random);
+        }
+        problems.push_back(p);
+    }
+    return problems;
+}
+
+enum class Start { Warm, Cold };
+
+void runBoxQp(benchmark::State& state, int n, int held, Start start) {
+    const std::vector<Problem> problems = makeProblems(n, held);
+    BoxQp qp;
+    JointVector x;
+    double rounds = 0.0;
+    for (const Problem& p : problems) {  // the last one leaves the set to start from
+        if (start == Start::Cold) qp.reset();
+        qp.solve(p.M, p.target, p.lower, p.upper, x);
+        rounds = std::max<double>(rounds, qp.rounds());
+    }
+    size_t k = 0;
+    for (auto _ : state) {
+        const Problem& p = problems[k];
+        if (start == Start::Cold) qp.reset();
+        qp.solve(p.M, p.target, p.lower, p.upper, x);
+        benchmark::DoNotOptimize(x.data());
+        benchmark::ClobberMemory();
+        k = (k + 1) % problems.size();
+    }
+    state.counters["n"] = n;
+    state.counters["worst_rounds"] = rounds;
+}
+
+bool registerAll() {
+    const auto add = [](int n, int held, Start start) {
+        const std::string name = std::string("box_qp_") + (start == Start::Warm ? "warm" : "cold") +
+                                 "/n:" + std::to_string(n) + "/held:" + std::to_string(held);
+        benchmark::RegisterBenchmark(name.c_str(), runBoxQp, n, held, start);
+    };
+    for (int n : {6, 7}) {
+        for (int held : {0, 1, 3, n}) add(n, held, Start::Warm);
+        for (int held : {1, 3, n}) add(n, held, Start::Cold);
+    }
+    for (int n = 1; n <= kMaxJoints; ++n)
+        if (n != 6 && n != 7) add(n, (n + 1) / 2, Start::Warm);
+    return true;
+}
+
+const bool registered = registerAll();
+
+}  // namespace
+}  // namespace viable

@@ -1,0 +1,77 @@
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <thread>
+
+#include "BrokenPlugin.h"
+
+namespace {
+
+constexpr viable::ParameterSpec kParameters[] = {
+    viable::parameter::number("size_rad", "rad", "0.5", "Set-points are so far from the start.")
+        .atLeast(0.0),
+    viable::parameter::number("at_s", "s", ".inf", "When the limits change.").orInfinite(),
+    viable::parameter::number("position_share", "1", "1", "New position range by the old one."),
+    viable::parameter::number("rate_share", "1", "1", "The same for the other limits."),
+    viable::parameter::choice("fault", "none|nan|size|throw", "none", "What the new limits are."),
+    viable::parameter::integer("sleep_us", "0", "Longest random sleep in a tick.").atLeast(0)};
+
+/** Set-points to and fro, once a second; limits that change; a tick that takes its time. */
+class ChangingLimits : public viable::CommandSource {
+public:
+    void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override {
+        size_ = parameters.number("size_rad");
+        at_s_ = parameters.number("at_s");
+        fault_ = parameters.text("fault");
+        sleep_us_ = static_cast<int>(parameters.integer("sleep_us"));
+        limits_ = setup.limits;
+        const double share = parameters.number("position_share");
+        const viable::JointVector middle = (limits_.position.lower + limits_.position.upper) / 2.0;
+        for (viable::JointVector* side : {&limits_.position.lower, &limits_.position.upper})
+            *side = middle + share * (*side - middle);
+        for (viable::JointBounds* bounds :
+             {&limits_.velocity, &limits_.acceleration, &limits_.jerk})
+            for (viable::JointVector* side : {&bounds->lower, &bounds->upper})
+                *side *= parameters.number("rate_share");
+        if (fault_ == "nan") limits_.velocity.upper[0] = std::numeric_limits<double>::quiet_NaN();
+        if (fault_ == "size") limits_.jerk.lower.conservativeResize(setup.size() + 1);
+    }
+    void reset(const viable::MotionState& start) override {
+        start_ = start.q;
+        isGiven_ = false;
+        random_.seed(7);
+    }
+    viable::MotionCommand::Space space() const override {
+        return viable::MotionCommand::Space::Joint;
+    }
+    viable::TickStatus sample(double t, viable::MotionCommand& out) override {
+        if (sleep_us_ > 0)
+            std::this_thread::sleep_for(std::chrono::microseconds(
+                std::uniform_int_distribution<int>(0, sleep_us_)(random_)));
+        out.space = viable::MotionCommand::Space::Joint;
+        out.q = start_.array() + (std::fmod(t, 2.0) < 1.0 ? size_ : -size_);
+        out.qd.setZero(start_.size());
+        return viable::TickStatus::Ok;
+    }
+    const viable::JointLimits* sampleLimits(double t) override {
+        if (isGiven_ || t < at_s_) return nullptr;
+        if (fault_ == "throw") throw std::runtime_error("no limits today");
+        isGiven_ = true;
+        return &limits_;
+    }
+
+private:
+    double size_ = 0.0, at_s_ = 0.0;
+    std::string fault_;
+    int sleep_us_ = 0;
+    viable::JointLimits limits_;
+    viable::JointVector start_;
+    bool isGiven_ = false;
+    std::mt19937 random_;
+};
+
+}  // namespace
+
+VIABLE_PLUGIN(viable::CommandSource, ChangingLimits, "changing_limits",
+              "Set-points to and fro, and limits that change once.", kParameters)

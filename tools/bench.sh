@@ -1,0 +1,9 @@
+#!/usr/bin/env bash
+# Set-up, then the benchmarks: times, and their ratios to one Cholesky solve of the same size in the same run.
+# Usage: tools/bench.sh [arguments of Google Benchmark], e.g. tools/bench.sh --benchmark_filter='n:6(/|$)'
+set -euo pipefail
+root="$(cd "$(dirname "$0")/.." && pwd)"
+"$root/tools/setup.sh" release viable_bench
+# Repetitions in random order, so that a slow moment of the machine meets all benchmarks alike; medians count.
+exec "$root/build/release/tests/viable_bench" --benchmark_min_time=0.02 --benchmark_repetitions=15 \
+  --benchmark_enable_random_interleaving=true --benchmark_display_aggregates_only=true "$@"
