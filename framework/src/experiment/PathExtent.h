@@ -26,15 +26,15 @@ public:
         double outside;       ///< of one that may be beyond them
     };
 
-    PathExtent(double p, double v, double a, const Accuracy& position, const Accuracy& velocity)
+    PathExtent(double p, double v, double a, const Accuracy& accuracyP, const Accuracy& accuracyV)
         : position{p, p},
           velocity{v, v},
           acceleration{a, a},
           p_(p),
           v_(v),
           a_(a),
-          positionAccuracy_(position),
-          velocityAccuracy_(velocity) {}
+          positionAccuracy_(accuracyP),
+          velocityAccuracy_(accuracyV) {}
 
     /** On for `seconds` >= 0 with this jerk. */
     void follow(double jerk, double seconds);

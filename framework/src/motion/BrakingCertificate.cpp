@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "motion/GridPhases.h"
 #include "viable/motion/Braking.h"
@@ -11,8 +12,8 @@ namespace viable {
 namespace {
 
 using detail::GridPhases;
+using detail::roundDownToTicks;
 using detail::roundUpToTicks;
-using Stretches = std::array<GridStop::Stretch, GridStop::kStretches>;
 
 /** Rounding of states and stops, relative to the size of the limit: what a stop may pass it by ... */
 constexpr double kRounding = 1e-13;
@@ -22,6 +23,8 @@ constexpr double kDrift = 1e-11;
 constexpr double kSameState = 1e-9;
 constexpr int kRepairRounds = 6;
 constexpr int kNewtonRounds = 6;
+/** A correction smaller than this share of the jerk range ends Newton's method. */
+constexpr double kNewtonStep = 1e-6;
 constexpr int kRetreatRounds = 5;
 
 /** Extremes of a path that is walked stretch by stretch. */
@@ -177,6 +180,61 @@ double calcLargestJerk(const AxisState& s, const GridPhases& g, const AxisLimits
     return u;
 }
 
+/** The largest jerk of this tick whose level velocity does not pass `level`: with n ticks of ramp from a+ back to zero
+that is v + (a + a+) dt/2 + n a+ dt/2. */
+double calcVelocityBound(const AxisState& s, double level, const AxisLimits& l, double dt) {
+    const double room = 2.0 * (level - s.v) / dt - s.a;  // for (1 + n) a+
+    if (!std::isfinite(room)) return std::numeric_limits<double>::infinity();
+    double next = room;
+    if (room > 0.0) {
+        const double step = -l.jerkLower * dt;
+        const double n =
+            std::max(1.0, std::ceil((std::sqrt(1.0 + 4.0 * room / step) - 1.0) / 2.0 - 1e-9));
+        next = std::min(room / (1.0 + n), n * step);
+        if (n > 1.0) next = std::max(next, std::min(room / n, (n - 1.0) * step));
+    }
+    return (next - s.a) / dt;
+}
+
+/** The largest jerk in [least, most] after which the fastest stop in continuous time does not end beyond the upper
+position bound: no grid plan can do better by more than a hair. Newton's method from `most`; the stop position is
+convex in the jerk, so that it comes down to the root and not past it. `fastest` gets the stop there. */
+double calcContinuousBound(const AxisState& s, double least, double most, const AxisLimits& l,
+                           double positionUpper, double dt, StationaryStop& fastest) {
+    double u = most;
+    for (int round = 0; round < kNewtonRounds; ++round) {
+        const AxisState after = advance(s, u, dt);
+        fastest = calcStationaryStop(after.v, after.a, l);
+        const double beyond = after.p + fastest.displacement - positionUpper;
+        if (fastest.side == LimitSide::Lower || !(beyond > 0.0)) break;
+        const double slope =
+            dt * (dt * dt / 6.0 + fastest.gradientV * dt / 2.0 + fastest.gradientA);
+        const double correction = beyond / slope;
+        u -= correction;
+        if (u <= least) return least;
+        if (correction < kNewtonStep * (l.jerkUpper - l.jerkLower)) break;
+    }
+    return u;
+}
+
+/** Of the phases next to those of the continuous stop, the ones that allow the largest jerk. Returns it, or `least`. */
+double findBestPhases(const AxisState& s, double least, const StationaryStop& fastest,
+                      const AxisLimits& l, double positionUpper, double dt, GridPhases& best) {
+    const std::int64_t f1 = std::max<std::int64_t>(1, roundDownToTicks(fastest.T1, dt));
+    const std::int64_t f2 = roundDownToTicks(fastest.T2, dt);
+    const std::int64_t f3 = std::max<std::int64_t>(1, roundDownToTicks(fastest.T3, dt));
+    const std::int64_t longestCruise = fastest.cruises ? f2 + 1 : 0;
+    double largest = least;
+    GridPhases g;
+    for (g.n2 = std::max<std::int64_t>(0, f2 - 1); g.n2 <= longestCruise; ++g.n2)
+        for (g.n1 = f1; g.n1 <= f1 + 2; ++g.n1)
+            for (g.n3 = f3; g.n3 <= f3 + 2; ++g.n3) {
+                const double most = calcLargestJerk(s, g, l, positionUpper, dt);
+                if (most > largest) largest = most, best = g;
+            }
+    return largest;
+}
+
 }  // namespace
 
 void BrakingCertificate::configure(const AxisLimits& limits, double tick_s, double approach) {
@@ -237,9 +295,7 @@ bool BrakingCertificate::findShortestStop(const AxisState& from, const PathExtre
     const double dt = tick_s_;
     const double first = fastest.jerk;
     const double back = first < 0.0 ? limits_.jerkUpper : limits_.jerkLower;
-    const auto whole = [&](double seconds) {
-        return static_cast<std::int64_t>(seconds / dt + 1e-9);
-    };
+    const auto whole = [&](double seconds) { return roundDownToTicks(seconds, dt); };
     const std::int64_t m0 = whole(fastest.T3);
 
     // From (v, a): k ticks of `first`, one of x, m ticks of `back`, one of y end at v = 0 and a = 0.
@@ -265,7 +321,7 @@ bool BrakingCertificate::findShortestStop(const AxisState& from, const PathExtre
     }
     if (!fastest.cruises) return false;
     const double cruise = first < 0.0 ? limits_.accelerationLower : limits_.accelerationUpper;
-    const std::int64_t k = std::max<std::int64_t>(0, whole((cruise - from.a) / first));
+    const std::int64_t k = whole((cruise - from.a) / first);
     AxisState at = advance(from, first, static_cast<double>(k) * dt);
     const double rest = std::clamp((cruise - at.a) / dt, limits_.jerkLower, limits_.jerkUpper);
     at = advance(at, rest, dt);
@@ -430,7 +486,8 @@ bool BrakingCertificate::isAdmissible(double jerk) {
     return certify(jerk, trial_);
 }
 
-/** findBound() seen so that the bound is an upper one; `candidate` gets the jerk's certificate, not mirrored. */
+/** findBound() seen so that the bound is an upper one: of the jerks between `stored` and `jerk` the largest that is found
+admissible. `candidate` gets its certificate, not mirrored; it is not valid when none was found. */
 void BrakingCertificate::findBest(double jerk, double stored, bool mirrored, LimitKind& limit,
                                   Candidate& candidate) const {
     const double sign = mirrored ? -1.0 : 1.0;
@@ -447,61 +504,17 @@ void BrakingCertificate::findBest(double jerk, double stored, bool mirrored, Lim
     };
     restrict(l.jerkUpper, LimitKind::Jerk);
     restrict((b.accelerationUpper - s.a) / dt, LimitKind::Acceleration);
-    // Velocity: with n ticks of ramp from a+ to zero, the level velocity is v + (a + a+) dt/2 + n a+ dt/2.
-    const double room = 2.0 * (level - s.v) / dt - s.a;
-    if (std::isfinite(room)) {
-        const double step = -l.jerkLower * dt;
-        double next = room;
-        if (room > 0.0) {
-            const double n =
-                std::max(1.0, std::ceil((std::sqrt(1.0 + 4.0 * room / step) - 1.0) / 2.0 - 1e-9));
-            next = std::min(room / (1.0 + n), n * step);
-            if (n > 1.0) next = std::max(next, std::min(room / n, (n - 1.0) * step));
-        }
-        restrict((next - s.a) / dt, LimitKind::Velocity);
-    }
+    restrict(calcVelocityBound(s, level, l, dt), LimitKind::Velocity);
     if (!(u > stored)) return;
-    const double cap = u;
 
-    // Position: first with the stop in continuous time, which no grid plan can beat by more than a hair ...
-    StationaryStop fastest{};
-    bool positionActs = false;
-    for (int round = 0; round < kNewtonRounds; ++round) {
-        const AxisState after = advance(s, u, dt);
-        fastest = calcStationaryStop(after.v, after.a, l);
-        const double beyond = after.p + fastest.displacement - b.positionUpper;
-        if (fastest.side == LimitSide::Lower || !(beyond > 0.0)) break;
-        positionActs = true;
-        limit = LimitKind::Position;
-        const double slope =
-            dt * (dt * dt / 6.0 + fastest.gradientV * dt / 2.0 + fastest.gradientA);
-        const double correction = beyond / slope;
-        u -= correction;
-        if (u <= stored) {
-            u = stored;
-            break;
-        }
-        if (correction < 1e-6 * (l.jerkUpper - l.jerkLower)) break;
-    }
-    // ... then with the phases next to its own.
-    if (positionActs) {
-        const auto near = [&](double seconds) {
-            return static_cast<std::int64_t>(seconds / dt - 1e-9);
-        };
-        const std::int64_t f1 = std::max<std::int64_t>(1, near(fastest.T1));
-        const std::int64_t f2 = near(fastest.T2);
-        const std::int64_t f3 = std::max<std::int64_t>(1, near(fastest.T3));
-        const std::int64_t lastCruise = fastest.cruises ? f2 + 1 : 0;
+    StationaryStop fastest;
+    const double most = u;
+    restrict(calcContinuousBound(s, stored, most, l, b.positionUpper, dt, fastest),
+             LimitKind::Position);
+    if (limit == LimitKind::Position) {
         GridPhases best;
-        double largest = stored;
-        GridPhases g;
-        for (g.n2 = std::max<std::int64_t>(0, f2 - 1); g.n2 <= lastCruise; ++g.n2)
-            for (g.n1 = f1; g.n1 <= f1 + 2; ++g.n1)
-                for (g.n3 = f3; g.n3 <= f3 + 2; ++g.n3) {
-                    const double most = calcLargestJerk(s, g, l, b.positionUpper, dt);
-                    if (most > largest) largest = most, best = g;
-                }
-        largest = std::min(largest, cap);
+        const double largest =
+            std::min(most, findBestPhases(s, stored, fastest, l, b.positionUpper, dt, best));
         const AxisState after = advance(s, largest, dt);
         if (largest > stored && best.solve(after.v, after.a, l, dt)) {
             if (mirrored) best.j1 = -best.j1, best.j3 = -best.j3;

@@ -14,11 +14,21 @@ inline constexpr std::int64_t kMaxPhaseTicks = 1'000'000'000'000;
 /** Overshoot of acceleration and jerk limits that counts as rounding, relative; jerks are clamped. */
 inline constexpr double kPlanRounding = 1e-13;
 
+/** Ticks as an integer of 0 to kMaxPhaseTicks, whatever arithmetic made of them. */
+inline std::int64_t toPhaseTicks(double ticks) {
+    if (!(ticks > 0.0)) return 0;
+    return ticks < static_cast<double>(kMaxPhaseTicks) ? static_cast<std::int64_t>(ticks)
+                                                       : kMaxPhaseTicks;
+}
+
 /** Seconds as whole ticks, rounded up; a hair above a whole number counts as that number. */
 inline std::int64_t roundUpToTicks(double seconds, double tick_s) {
-    const double ticks = std::ceil(seconds / tick_s - 1e-9);
-    return static_cast<std::int64_t>(
-        std::min(std::max(ticks, 0.0), static_cast<double>(kMaxPhaseTicks)));
+    return toPhaseTicks(std::ceil(seconds / tick_s - 1e-9));
+}
+
+/** Seconds as whole ticks, rounded down; a hair below a whole number counts as that number. */
+inline std::int64_t roundDownToTicks(double seconds, double tick_s) {
+    return toPhaseTicks(seconds / tick_s + 1e-9);
 }
 
 /** A stop in three phases of whole ticks (MATH: grid plan): acceleration goes to a1, stays there, goes
