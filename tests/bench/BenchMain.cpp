@@ -4,12 +4,14 @@
 #include <cstdint>
 #include <cstdio>
 #include <map>
+#include <ostream>
 #include <string>
 #include <vector>
 
-// Beside Google Benchmark's own output, a table of ratios: the median time of every benchmark over
-// that of one Cholesky solve of the same size, measured in the same run. A benchmark takes part by
-// setting the counter "n" (number of joints); its other counters are printed as they are.
+// Prints a table of ratios: the time of every benchmark (its fastest repetition) over that of one
+// Cholesky solve of the same size, measured in the same run. A benchmark takes part by setting the
+// counter "n", its number of joints; other counters are printed as they are.
+// --benchmark_out=FILE writes every single repetition as well.
 
 namespace {
 
@@ -18,21 +20,22 @@ struct Measurement {
     std::vector<double> times_ns;
     std::map<std::string, double> counters;
 
-    double calcMedian() const {
-        std::vector<double> sorted = times_ns;
-        std::sort(sorted.begin(), sorted.end());
-        return sorted[sorted.size() / 2];
-    }
+    /** Other load on the machine only ever adds, so the fastest repetition is what repeats. */
+    double findFastest() const { return *std::min_element(times_ns.begin(), times_ns.end()); }
 };
 
-class RatioReporter : public benchmark::ConsoleReporter {
+class RatioReporter : public benchmark::BenchmarkReporter {
 public:
-    RatioReporter() : ConsoleReporter(OO_None) {}
+    bool ReportContext(const Context& context) override {
+        PrintBasicContext(&GetErrorStream(), context);
+        return true;
+    }
 
     void ReportRuns(const std::vector<Run>& runs) override {
-        ConsoleReporter::ReportRuns(runs);
         for (const Run& run : runs) {
             const auto n = run.counters.find("n");
+            if (run.error_occurred)
+                GetErrorStream() << run.benchmark_name() << ": " << run.error_message << "\n";
             if (run.run_type != Run::RT_Iteration || run.error_occurred || n == run.counters.end())
                 continue;
             const std::string name = run.run_name.function_name;
@@ -46,15 +49,14 @@ public:
     }
 
     void Finalize() override {
-        ConsoleReporter::Finalize();
         std::printf(
-            "\nMedian time, and as multiples of one n x n Cholesky solve of the same run\n"
+            "\nFastest repetition, and as multiples of one n x n Cholesky solve of the same run\n"
             "(Eigen::LLT with sizes known when compiling / with JointMatrix):\n\n"
             "%-44s %10s %8s %8s\n",
             "", "ns", "x fixed", "x joint");
         for (const auto& [index, name] : order_) {
             const Measurement& m = measurements_.at(name);
-            std::printf("%-44s %10.1f", name.c_str(), m.calcMedian());
+            std::printf("%-44s %10.1f", name.c_str(), m.findFastest());
             for (const char* reference : {"cholesky_fixed/n:", "cholesky_joint_matrix/n:"})
                 printRatio(m, reference + std::to_string(m.n));
             for (const auto& counter : m.counters)
@@ -69,7 +71,7 @@ private:
         if (found == measurements_.end())
             std::printf(" %8s", "-");  // left out by a filter
         else
-            std::printf(" %8.2f", m.calcMedian() / found->second.calcMedian());
+            std::printf(" %8.2f", m.findFastest() / found->second.findFastest());
     }
 
     std::map<std::int64_t, std::string> order_;  // of registration, whatever the order of running

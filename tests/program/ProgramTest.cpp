@@ -190,6 +190,26 @@ TEST(Program, ABrokenPromiseExitsWith3AndSaysWhatBroke) {
     expectContains(readFile(folder / "run/summary.json"), {"\"exit_code\": 3"});
 }
 
+TEST(Fault13, CheckRefusesAStartWithoutAStopInsideTheLimits) {
+    Folder folder;
+    const Outcome o = test::run({"check", folder.write("e.yaml", kExperiment), "--set",
+                                 "start={position_rad: [3], velocity_radps: [2]}"});
+    EXPECT_EQ(o.code, 2);
+    expectContains(o.err, {"--set start", "joint0 is not viable", "upper position limit by"});
+}
+
+TEST(Fault25, MissedTicksAreRunAndCountedInTheSummary) {
+    Folder folder;
+    const Outcome o =
+        test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case",
+                   "A", "--set", "missed_ticks=[{at_s: 0.5, count: 20}]"});
+    EXPECT_EQ(o.code, 0) << o.err;
+    expectContains(o.out, {"missed ticks 20", "least margin"});
+    expectContains(readFile(folder / "run/summary.json"),
+                   {"\"missed_ticks\": 20", "\"unviable_ticks\": ", "\"returning_ticks\": 0",
+                    "\"least_margin\": ", "\"tau_removed_max_Nm\": ", "\"episodes\": "});
+}
+
 TEST(Fault44, APluginThatThrowsInTheRunExitsWith4AndKeepsTheLog) {
     Folder folder;
     const Outcome o =

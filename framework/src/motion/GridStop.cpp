@@ -91,6 +91,13 @@ bool GridStop::plan(double v, double a, const AxisLimits& limits, double tick_s)
     return false;
 }
 
+void GridStop::set(const std::array<Stretch, kStretches>& stretches) {
+    stretches_ = stretches;
+    for (Stretch& stretch : stretches_)
+        stretch.ticks = std::clamp<std::int64_t>(stretch.ticks, 0, detail::kMaxPhaseTicks);
+    tick_ = 0;
+}
+
 std::int64_t GridStop::totalTicks() const {
     std::int64_t sum = 0;
     for (const Stretch& stretch : stretches_) sum += stretch.ticks;
@@ -120,7 +127,7 @@ double GridStop::takeJerk() {
 }
 
 void GridStop::skip(std::int64_t ticks) {
-    tick_ = std::min(tick_ + ticks, totalTicks());
+    tick_ += std::clamp<std::int64_t>(ticks, 0, remainingTicks());
 }
 
 }  // namespace viable

@@ -57,7 +57,8 @@ void CertifiedBrakingFilter::configure(const RunSetup& setup, const Parameters& 
         throw badInput(parameters.place("recovery"),
                        "the start of " + setup.robot.joints[i].name +
                            " is not viable: its stop passes the limit " +
-                           getName(excess.limit, excess.side) + " by " + distance,
+                           getName(excess.limit, excess.side) + " by " + distance + " " +
+                           getUnit(excess.limit),
                        "Start at rest or further inside the limits, or set `recovery: true`.");
     }
 }

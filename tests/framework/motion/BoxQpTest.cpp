@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "MotionTestSupport.h"
 #include "viable/motion/Braking.h"
 #include "viable/motion/TripleIntegrator.h"
 #include "viable/robot/RobotModel.h"
@@ -19,7 +20,6 @@
 namespace viable {
 namespace {
 
-constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -124,10 +124,6 @@ private:
     long double H_[kMax][kMax], norm_[kMax], lower_[kMax], upper_[kMax], best_[kMax] = {};
     long double leastViolation_ = std::numeric_limits<long double>::infinity();
 };
-
-double drawUniform(std::mt19937_64& random, double low, double high) {
-    return std::uniform_real_distribution<>(low, high)(random);
-}
 
 /** A symmetric positive definite M whose condition number is `condition`, either in general
 directions or, as a wrist's, mostly by the scales of the joints. */

@@ -91,10 +91,14 @@ private:
 
 TEST(CertifiedBraking, WhatAllJointsAdmitIsTakenBitForBit) {
     Arm arm;
+    // Sines of 0.1 rad around the start.
+    const JointVector w = makeVector(3.0, 5.0, 4.0);
+    arm.state.qd = 0.1 * w;
+    arm.braking.reset(arm.state);
     for (int k = 0; k < 5000; ++k) {
-        const double t = k * kTick_s;
-        const JointVector desired =
-            makeVector(3.0 * std::cos(3.0 * t), 2.0 * std::cos(5.0 * t), -1.7 * std::cos(4.0 * t));
+        JointVector desired(3);
+        for (int i = 0; i < 3; ++i)
+            desired[i] = -0.1 * std::pow(w[i], 3) * std::cos(w[i] * (k + 0.5) * kTick_s);
         ASSERT_EQ(arm.tick(desired), Status::Passed) << "tick " << k;
         ASSERT_EQ(arm.decision.jerk, desired);
         for (int i = 0; i < 3; ++i) ASSERT_EQ(arm.acting[i].limit, LimitKind::None);

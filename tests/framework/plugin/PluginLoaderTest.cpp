@@ -167,7 +167,8 @@ TEST(PluginLoader, ListsWhatIsThereAndSaysWhatWasRefused) {
     std::vector<std::string> names;
     for (const PluginInfo& info : infos)
         names.push_back(std::string(getName(info.kind)) + " " + info.name);
-    const std::vector<std::string> expected = {"command jumping_setpoint",
+    const std::vector<std::string> expected = {"command changing_limits",
+                                               "command jumping_setpoint",
                                                "command silent_command",
                                                "controller extreme_torque",
                                                "controller nan_torque",
@@ -181,6 +182,7 @@ TEST(PluginLoader, ListsWhatIsThereAndSaysWhatWasRefused) {
                                                "filter liar",
                                                "filter nan_output",
                                                "filter null_create",
+                                               "filter promising",
                                                "filter same_class_one",
                                                "filter same_class_two",
                                                "filter silent_create",

@@ -10,19 +10,19 @@ namespace viable {
 
     minimise |M (x - target)|^2   subject to   lower <= x <= upper                 (paper, eq. 13)
 
-Method: block principal pivoting (Judice and Pires 1994, Portugal, Judice and Vicente 1994), started
-from the joints that stood on a bound in the last call. A round solves the normal equations of the
-free joints by Cholesky and corrects the result with residuals of M itself (corrected seminormal
-equations, Bjorck 1987), then exchanges every joint that is outside its bounds or pulls away from
-its bound; while that does not lessen their number, only the last such joint (Murty's rule, which
-visits no set twice).
-Assumes: M invertible with a condition number below about 1e7 (M'M: 1e14), target
-finite, bounds finite or infinite. Where lower > upper, by rounding, the upper one counts for both.
+Method: block principal pivoting (Judice and Pires 1994), started from the joints that stood on a
+bound in the last call: a round solves for the joints that are free, then exchanges every joint that
+is outside its bounds or pulls away from its bound. Where their number stops falling, a dual active
+set method (Goldfarb and Idnani 1983, for bounds only) goes on from there, one joint after the
+other. A round factors the normal equations of the free joints and corrects the solution with
+residuals of M itself (corrected seminormal equations, Bjorck 1987).
+Assumes: M invertible with a condition number below about 1e7 (M'M: 1e14), target finite, bounds
+finite or infinite. Where lower > upper, by rounding, the upper one counts for both.
 Guarantees: the result lies in the box exactly; where the target does, the result is the target bit
 for bit. A target that is not finite counts as 0, so the result is a number whatever comes in,
 unless a bound forces it to be infinite.
-Real time: no allocation, lock or throw; at most kMaxRoundsPerJoint n rounds,
-each about one Cholesky solve.
+Real time: no allocation, lock or throw; at most kMaxRoundsPerJoint n rounds, each a little more
+than one Cholesky solve.
 */
 class BoxQp {
 public:

@@ -24,11 +24,9 @@ public:
     first at full jerk. Returns false in that case. Jerk limits finite. No allocation; bounded work. */
     bool plan(double v, double a, const AxisLimits& limits, double tick_s);
 
-    /** The stop that consists of these stretches; none may be negative. */
-    void set(const std::array<Stretch, kStretches>& stretches) {
-        stretches_ = stretches;
-        tick_ = 0;
-    }
+    /** The stop that consists of these stretches; negative numbers of ticks count as none, and more than
+    1e12 as that many. */
+    void set(const std::array<Stretch, kStretches>& stretches);
 
     bool atRest() const { return tick_ >= totalTicks(); }
     std::int64_t remainingTicks() const { return totalTicks() - tick_; }

@@ -1,0 +1,854 @@
+#include "CertifiedBrakingFilter.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <vector>
+
+#include "AllocationCounter.h"
+#include "TestArm.h"
+
+namespace viable {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr double kPi = 3.14159265358979323846;
+/** What counts as rounding beyond a limit: relative to max(1, limit), position in rad. */
+constexpr double kAllowed = 1e-12;
+
+Parameters read(const TestArm& arm, const std::string& text) {
+    return arm.read(PluginKind::SafetyFilter, "certified_braking", text);
+}
+
+std::string findConfigureComplaint(TestArm& arm, const std::string& text) {
+    return findComplaint([&] {
+        CertifiedBrakingFilter filter;
+        filter.configure(arm.setup(), read(arm, text));
+    });
+}
+
+double getWorst(const LimitExcess& e) {
+    return std::max({e.position, e.velocity, e.acceleration, e.jerk});
+}
+
+/** Limits (30) of the paper's robot. */
+void setPaperLimits(TestArm& arm) {
+    const auto both = [](double x) {
+        return JointBounds{JointVector::Constant(6, -x), JointVector::Constant(6, x)};
+    };
+    arm.limits.velocity = both(2 * kPi / 3);
+    arm.limits.acceleration = both(4 * kPi);
+    arm.limits.jerk = both(12 * kPi);
+    JointVector range(6);
+    range << kPi / 6, kPi / 12, kPi / 6, kPi / 12, kPi / 6, kPi / 3;
+    arm.limits.position = {arm.robot.home - range, arm.robot.home + range};
+}
+
+/** The nominal arm under the filter, through its library. */
+class FilteredArm {
+public:
+    FilteredArm(TestArm& arm, const std::string& parameters, const char* name = "certified_braking")
+        : arm_(arm),
+          filter_(PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, name))),
+          state(arm.start),
+          limits(arm.limits) {
+        filter_->configure(arm.setup(), arm.read(PluginKind::SafetyFilter, name, parameters));
+        filter_->reset(arm.start);
+        realizeDynamics();
+    }
+
+    SafetyFilter& filter() { return *filter_; }
+    const Dynamics& dynamics() const { return dynamics_; }
+
+    FilterStatus decide(const JointVector& torque) {
+        return filter_->filter(state, torque, dynamics_, decision);
+    }
+    /** The decision is carried out; looked at at its quarters. */
+    void move() {
+        for (int i = 1; i <= 4; ++i) {
+            MotionState within = state;
+            advanceNominal(decision, arm_.tick_s * i / 4.0, within);
+            excess.observe(decision, within, limits);
+        }
+        advanceNominal(decision, arm_.tick_s, state);
+        realizeDynamics();
+    }
+    FilterStatus tick(const JointVector& torque) {
+        const FilterStatus status = decide(torque);
+        if (status <= FilterStatus::Infeasible) move();
+        return status;
+    }
+    /** A tick with desired accelerations. */
+    FilterStatus push(const JointVector& qdd) {
+        JointVector torque;
+        calcInverseDynamics(dynamics_, qdd, torque);
+        return tick(torque);
+    }
+    /** A tick without a decision: the stops of the last one go on. */
+    void miss() {
+        for (int i = 0; i < arm_.size(); ++i) decision.jerk[i] = decision.stops[i].takeJerk();
+        move();
+    }
+
+private:
+    void realizeDynamics() { arm_.model().calcDynamics(state.q, state.qd, dynamics_); }
+
+    TestArm& arm_;
+    PluginPtr<SafetyFilter> filter_;
+    Dynamics dynamics_;
+
+public:
+    MotionState state;
+    JointLimits limits;  ///< that `excess` refers to
+    FilterDecision decision;
+    LimitExcess excess;
+};
+
+// --- The paper's single joint ---------------------------------------------------------------------
+
+/** The paper's controller (24): towards `target` [rad]. */
+JointVector calcPaperTorque(const MotionState& s, double target) {
+    return JointVector::Constant(1, 5.0 * (target - s.q[0]) - s.qd[0]);
+}
+
+/** Largest jerk, as a share of its limit, in the last 5 of 10 s. */
+template <class TorqueOf>
+double runTenSeconds(FilteredArm& run, double tick_s, TorqueOf torqueOf) {
+    const int ticks = static_cast<int>(std::lround(10.0 / tick_s));
+    double jerk = 0.0;
+    for (int k = 0; k < ticks; ++k) {
+        EXPECT_LE(run.tick(torqueOf(run.state)), FilterStatus::Modified) << "tick " << k;
+        if (2 * k >= ticks) jerk = std::max(jerk, std::abs(run.decision.jerk[0]));
+    }
+    return jerk / std::min(run.limits.jerk.upper[0], -run.limits.jerk.lower[0]);
+}
+
+/** single_joint, or the same with limits that differ by side. */
+void setAsymmetric(TestArm& arm) {
+    arm.limits.position = {JointVector::Constant(1, -2.0), JointVector::Constant(1, kPi)};
+    arm.limits.velocity = {JointVector::Constant(1, -5.0), JointVector::Constant(1, 4.0)};
+    arm.limits.acceleration = {JointVector::Constant(1, -7.0), JointVector::Constant(1, 11.0)};
+    arm.limits.jerk = {JointVector::Constant(1, -9.0), JointVector::Constant(1, 14.0)};
+}
+
+TEST(CertifiedBraking, Figure6RestsOnThePositionLimitWithoutChatter) {
+    for (const bool asymmetric : {false, true})
+        for (const double tick_s : {1e-4, 1e-3, 4e-3})
+            for (const double target : {2.0 * kPi, -2.0 * kPi}) {
+                TestArm arm("single_joint", tick_s);
+                if (asymmetric) setAsymmetric(arm);
+                FilteredArm run(arm, "gamma: 100");
+                const double jerk = runTenSeconds(
+                    run, tick_s, [&](const MotionState& s) { return calcPaperTorque(s, target); });
+                std::printf("  target %.3g, tick %.1g ms: jerk at rest %.2g of J, overshoot %.2g\n",
+                            target, tick_s * 1e3, jerk, run.excess.position);
+                EXPECT_LT(jerk, 1e-3);
+                EXPECT_LT(run.excess.position, 1e-12);
+                EXPECT_LE(getWorst(run.excess), kAllowed);
+                EXPECT_NEAR(
+                    run.state.q[0],
+                    target > 0 ? arm.limits.position.upper[0] : arm.limits.position.lower[0], 1e-6);
+            }
+}
+
+TEST(CertifiedBraking, RidesTheVelocityLimitWithoutChatter) {
+    for (const bool asymmetric : {false, true})
+        for (const double tick_s : {1e-4, 1e-3, 4e-3})
+            for (const double push : {100.0, -100.0}) {
+                TestArm arm("single_joint", tick_s);
+                if (asymmetric) setAsymmetric(arm);
+                arm.limits.position = {JointVector::Constant(1, -kInf),
+                                       JointVector::Constant(1, kInf)};
+                FilteredArm run(arm, "gamma: 100");
+                const double jerk = runTenSeconds(run, tick_s, [&](const MotionState&) {
+                    return JointVector::Constant(1, push);
+                });
+                std::printf("  push %.3g, tick %.1g ms: jerk at V %.2g of J, overshoot %.2g\n",
+                            push, tick_s * 1e3, jerk, run.excess.velocity);
+                EXPECT_LT(jerk, 1e-3);
+                EXPECT_LT(run.excess.velocity, 1e-12);
+                EXPECT_NEAR(run.state.qd[0],
+                            push > 0 ? arm.limits.velocity.upper[0] : arm.limits.velocity.lower[0],
+                            1e-8);
+            }
+}
+
+/** Root mean square distance to the target of Fig. 5 (2 pi / -2 pi every 2 s, 8 s, 1 ms). */
+double calcFigure5Error(const char* filter) {
+    TestArm arm("single_joint");
+    const std::string parameters =
+        std::string(filter) == "tosbp" ? "gamma: 100, k_alpha: 5" : "gamma: 100";
+    FilteredArm run(arm, parameters, filter);
+    double sum = 0.0;
+    constexpr int kTicks = 8000;
+    for (int k = 0; k < kTicks; ++k) {
+        const double target = k / 2000 % 2 ? -2.0 * kPi : 2.0 * kPi;
+        EXPECT_LE(run.tick(calcPaperTorque(run.state, target)), FilterStatus::Infeasible);
+        const double error = run.state.q[0] - target;
+        sum += error * error;
+    }
+    return std::sqrt(sum / kTicks);
+}
+
+TEST(CertifiedBraking, Figure5TracksNoWorseThanTosbp) {
+    const double certified = calcFigure5Error("certified_braking");
+    const double tosbp = calcFigure5Error("tosbp");
+    std::printf("  RMS distance to the target of Fig. 5: certified %.4f rad, tosbp %.4f rad\n",
+                certified, tosbp);
+    RecordProperty("certified_rad", std::to_string(certified));
+    RecordProperty("tosbp_rad", std::to_string(tosbp));
+    EXPECT_LE(certified, tosbp);
+}
+
+// --- What passes, what is modified ----------------------------------------------------------------
+
+TEST(CertifiedBraking, AdmissibleDesiredJerkPassesBitForBit) {
+    const unsigned seed = 5;
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    for (const char* robot : {"single_joint", "indy7"}) {
+        TestArm arm(robot);
+        CertifiedBrakingFilter filter;
+        filter.configure(arm.setup(), read(arm, ""));
+        std::mt19937 random(seed);
+        for (int k = 0; k < 200; ++k) {
+            MotionState state = arm.start;
+            state.q += makeRandomVector(arm.size(), 0.05, random);
+            state.qd = makeRandomVector(arm.size(), 0.1, random);
+            state.qdd = makeRandomVector(arm.size(), 0.3, random);
+            const Dynamics dynamics = arm.calcDynamics(state);
+            JointVector torque, desired;
+            calcInverseDynamics(dynamics, state.qdd + makeRandomVector(arm.size(), 0.3, random),
+                                torque);
+            ASSERT_TRUE(calcForwardDynamics(dynamics, torque, desired));
+            FilterDecision decision;
+            filter.reset(state);
+            ASSERT_EQ(filter.filter(state, torque, dynamics, decision), FilterStatus::Passed);
+            ASSERT_EQ(decision.jerk, JointVector(-20.0 * (state.qdd - desired)));
+            for (int i = 0; i < arm.size(); ++i)
+                ASSERT_EQ(decision.joints[i].limit, LimitKind::None);
+        }
+    }
+}
+
+TEST(CertifiedBraking, HandsOverStopsThatEndAtRestWithinTheLimits) {
+    TestArm arm("indy7");
+    setPaperLimits(arm);
+    FilteredArm run(arm, "");
+    PushingCommand push(6, 40.0, true, 8);
+    for (int k = 0; k < 10000; ++k) {
+        ASSERT_LE(run.push(push.next()), FilterStatus::Modified);
+        ASSERT_TRUE(run.decision.hasStops);
+        if (k % 50 != 0) continue;
+        MotionState s = run.state;
+        FilterDecision stop = run.decision;
+        LimitExcess excess;
+        const auto ends = [&] {
+            for (int i = 0; i < 6; ++i)
+                if (!stop.stops[i].atRest()) return false;
+            return true;
+        };
+        int ticks = 0;
+        for (; !ends() && ticks < 5000; ++ticks) {
+            for (int i = 0; i < 6; ++i) stop.jerk[i] = stop.stops[i].takeJerk();
+            advanceNominal(stop, arm.tick_s, s);
+            excess.observe(stop, s, arm.limits);
+        }
+        ASSERT_LT(ticks, 5000);
+        ASSERT_LE(getWorst(excess), kAllowed) << "tick " << k;
+        ASSERT_LE(s.qd.lpNorm<Eigen::Infinity>(), 1e-11);
+        ASSERT_LE(s.qdd.lpNorm<Eigen::Infinity>(), 1e-11);
+    }
+    EXPECT_LE(getWorst(run.excess), kAllowed);
+}
+
+TEST(CertifiedBraking, AllocatesNothingInAMillionTicks) {
+    if (!test::AllocationCounter::isAvailable()) GTEST_SKIP() << test::AllocationCounter::whyNot();
+    TestArm arm("indy7");
+    setPaperLimits(arm);
+    CertifiedBrakingFilter filter;
+    filter.configure(arm.setup(), read(arm, ""));
+    filter.reset(arm.start);
+    const Dynamics dynamics = arm.calcDynamics(arm.start);
+    PushingCommand push(6, 40.0, false, 7);
+    MotionState state = arm.start;
+    FilterDecision decision;
+    JointVector torque;
+    std::int64_t allocations = 0, limited = 0;
+    constexpr int kTicks = 1000000;
+    for (int k = 0; k < kTicks; ++k) {
+        const bool quiet = k / 2000 % 2;  // two seconds each
+        const JointVector aim =
+            quiet ? JointVector(-2.0 * (state.q - arm.start.q) - 3.0 * state.qd) : push.next();
+        calcInverseDynamics(dynamics, aim, torque);
+        const test::AllocationCounter counter;
+        const FilterStatus status = filter.filter(state, torque, dynamics, decision);
+        allocations += counter.count();
+        ASSERT_LE(status, FilterStatus::Modified);
+        limited += status == FilterStatus::Modified;
+        advanceNominal(decision, arm.tick_s, state);
+    }
+    std::printf("  %lld of %d ticks limited\n", static_cast<long long>(limited), kTicks);
+    EXPECT_EQ(allocations, 0);
+    EXPECT_GT(limited, 4 * kTicks / 10);
+    EXPECT_LT(limited, 8 * kTicks / 10);
+}
+
+// --- Parameters -----------------------------------------------------------------------------------
+
+TEST(CertifiedBraking, Fault08GainsThatTheTickCannotCarryAreRefused) {
+    TestArm arm("indy7", 0.01);
+    std::string complaint = findConfigureComplaint(arm, "k_alpha: 101");
+    EXPECT_CONTAINS(complaint, "experiment.yaml:1:");
+    EXPECT_CONTAINS(complaint, "plugin_block.k_alpha");
+    EXPECT_CONTAINS(complaint, "k_alpha * tick_s is 1.01");
+    EXPECT_CONTAINS(complaint, "allowed (0, 1]");
+    complaint = findConfigureComplaint(arm, "gamma: 200");
+    EXPECT_CONTAINS(complaint, "plugin_block.gamma");
+    EXPECT_CONTAINS(complaint, "gamma * tick_s is 2.0");
+    EXPECT_CONTAINS(complaint, "below 2 / tick_s");
+    EXPECT_EQ(findConfigureComplaint(arm, "k_alpha: 100, gamma: 199"), "");
+    EXPECT_EQ(findConfigureComplaint(arm, "k_alpha: .inf"), "");
+    EXPECT_CONTAINS(findConfigureComplaint(arm, "k_alpha: 0"), "k_alpha");
+}
+
+TEST(CertifiedBraking, UnlimitedJerkIsRefused) {
+    TestArm arm("single_joint");
+    FilteredArm run(arm, "");
+    JointLimits unlimited = arm.limits;
+    unlimited.jerk.upper[0] = kInf;
+    EXPECT_FALSE(run.filter().changeLimits(unlimited));
+    EXPECT_TRUE(run.filter().changeLimits(arm.limits));
+    arm.limits.jerk.lower[0] = -kInf;
+    const std::string complaint = findConfigureComplaint(arm, "");
+    EXPECT_CONTAINS(complaint, "finite jerk limit");
+    EXPECT_CONTAINS(complaint, "limits.jerk_radps3");
+}
+
+TEST(CertifiedBraking, AFiniteKAlphaSlowsTheApproach) {
+    const auto calcWay = [](const char* parameters) {
+        TestArm arm("single_joint");
+        FilteredArm run(arm, parameters);
+        for (int k = 0; k < 1500; ++k) run.push(JointVector::Constant(1, 100.0));
+        EXPECT_LE(getWorst(run.excess), kAllowed);
+        return run.state.q[0];
+    };
+    const double slow = calcWay("k_alpha: 2"), fast = calcWay("k_alpha: 1000");
+    EXPECT_LT(slow, fast - 0.1);
+    EXPECT_EQ(fast, calcWay("k_alpha: .inf"));
+}
+
+// --- Starts outside -------------------------------------------------------------------------------
+
+/** Least and largest state of a joint on its way, looked at four times a tick. */
+struct Extent {
+    AxisState least, largest;
+
+    explicit Extent(const AxisState& s) : least(s), largest(s) {}
+    void seeTick(const AxisState& s, double jerk, double tick_s) {
+        for (int i = 1; i <= 4; ++i) {
+            const AxisState x = advance(s, jerk, tick_s * i / 4.0);
+            least = {std::min(least.p, x.p), std::min(least.v, x.v), std::min(least.a, x.a)};
+            largest = {std::max(largest.p, x.p), std::max(largest.v, x.v),
+                       std::max(largest.a, x.a)};
+        }
+    }
+    void follow(AxisState s, GridStop stop, double tick_s) {
+        while (!stop.atRest()) {
+            const double jerk = stop.takeJerk();
+            seeTick(s, jerk, tick_s);
+            s = advance(s, jerk, tick_s);
+        }
+    }
+};
+
+AxisState getAxis(const MotionState& s, int i) {
+    return {s.q[i], s.qd[i], s.qdd[i]};
+}
+
+/** Limits of all joints, moved out to what `extents` reach. */
+JointLimits widen(JointLimits limits, const std::vector<Extent>& extents) {
+    for (int i = 0; i < limits.size(); ++i) {
+        const auto reach = [i](JointBounds& bounds, double least, double largest) {
+            bounds.lower[i] = std::min(bounds.lower[i], least);
+            bounds.upper[i] = std::max(bounds.upper[i], largest);
+        };
+        const Extent& e = extents[static_cast<std::size_t>(i)];
+        reach(limits.position, e.least.p, e.largest.p);
+        reach(limits.velocity, e.least.v, e.largest.v);
+        reach(limits.acceleration, e.least.a, e.largest.a);
+    }
+    return limits;
+}
+
+/** How many ticks were Returning. From the start to there nothing passes a limit farther than the
+stop from the start does; from then on all limits hold. */
+int expectReturn(TestArm& arm, double push, int ticks) {
+    FilteredArm run(arm, "recovery: true");
+    EXPECT_TRUE(run.filter().recovers());
+    std::vector<Extent> stops;
+    for (int i = 0; i < arm.size(); ++i) {
+        GridStop stop;
+        const AxisState s = getAxis(arm.start, i);
+        stop.plan(s.v, s.a, arm.limits.axis(i), arm.tick_s);
+        stops.emplace_back(s);
+        stops.back().follow(s, stop, arm.tick_s);
+    }
+    run.limits = widen(arm.limits, stops);
+    int returning = 0;
+    bool met = false;
+    for (int k = 0; k < ticks; ++k) {
+        JointVector torque;
+        calcInverseDynamics(run.dynamics(), JointVector::Constant(arm.size(), push), torque);
+        const FilterStatus status = run.decide(torque);
+        EXPECT_LE(status, FilterStatus::Returning);
+        if (met) {
+            EXPECT_NE(status, FilterStatus::Returning) << "tick " << k << ": again";
+        } else if (status == FilterStatus::Returning) {
+            ++returning;
+        } else {
+            met = true;
+            EXPECT_LE(getWorst(run.excess), kAllowed) << "worse than the stop from the start";
+            run.limits = arm.limits;
+        }
+        run.move();
+        if (::testing::Test::HasFailure()) break;
+    }
+    EXPECT_TRUE(met) << "a limit is still not met";
+    EXPECT_LE(getWorst(run.excess), kAllowed);
+    return returning;
+}
+
+TEST(Fault12, StartsOutsideAreRefusedByJointSideAndDistance) {
+    for (int joint = 0; joint < 6; ++joint)
+        for (const double side : {1.0, -1.0})
+            for (const double distance : {1e-9, 1e-3, 0.25}) {
+                const struct {
+                    const char* name;
+                    JointVector MotionState::*quantity;
+                    JointBounds JointLimits::*bounds;
+                    const char* unit;
+                } faces[] = {
+                    {"position", &MotionState::q, &JointLimits::position, " rad"},
+                    {"velocity", &MotionState::qd, &JointLimits::velocity, " rad"},
+                    {"acceleration", &MotionState::qdd, &JointLimits::acceleration, " rad/s^2"}};
+                for (const auto& face : faces) {
+                    TestArm arm("indy7");
+                    setPaperLimits(arm);
+                    const JointBounds& b = arm.limits.*face.bounds;
+                    (arm.start.*face.quantity)[joint] =
+                        side > 0 ? b.upper[joint] + distance : b.lower[joint] - distance;
+                    const std::string complaint = findConfigureComplaint(arm, "");
+                    EXPECT_CONTAINS(complaint, "plugin_block");
+                    EXPECT_CONTAINS(complaint, "start of " + arm.robot.joints[joint].name + " ");
+                    EXPECT_CONTAINS(complaint, "recovery: true");
+                    EXPECT_CONTAINS(complaint, face.unit);
+                    // A stop from beyond the velocity limit may also leave the position range,
+                    // and that is named first.
+                    if (std::string(face.name) != "velocity") {
+                        char expected[64];
+                        std::snprintf(expected, sizeof expected, "%s_%s by %.3g", face.name,
+                                      side > 0 ? "upper" : "lower", distance);
+                        EXPECT_CONTAINS(complaint, expected);
+                    }
+                    EXPECT_EQ(findConfigureComplaint(arm, "recovery: true"), "");
+                }
+            }
+}
+
+TEST(Fault12, WithRecoveryTheArmIsLedBackFromAroundEveryFace) {
+    int starts = 0, longest = 0;
+    for (const double tick_s : {1e-3, 4e-3})
+        for (const double p : {-1.2, -1.001, 0.0, 1.001, 1.2})
+            for (const double v : {-1.3, -1.001, 0.0, 1.001, 1.3})
+                for (const double a : {-1.4, -1.001, 0.0, 1.001, 1.4})
+                    for (const double push : {100.0, -100.0}) {
+                        TestArm arm("single_joint", tick_s);
+                        setAsymmetric(arm);
+                        const auto place = [](const JointBounds& b, double share) {
+                            return JointVector::Constant(
+                                1, share > 0 ? share * b.upper[0] : -share * b.lower[0]);
+                        };
+                        arm.start.q = place(arm.limits.position, p);
+                        arm.start.qd = place(arm.limits.velocity, v);
+                        arm.start.qdd = place(arm.limits.acceleration, a);
+                        SCOPED_TRACE("p " + std::to_string(p) + " v " + std::to_string(v) + " a " +
+                                     std::to_string(a) + " push " + std::to_string(push) +
+                                     " tick " + std::to_string(tick_s));
+                        longest =
+                            std::max(longest, expectReturn(arm, push, std::lround(20.0 / tick_s)));
+                        if (HasFailure()) return;
+                        ++starts;
+                    }
+    std::printf("  %d starts, at most %d ticks on the way back\n", starts, longest);
+    EXPECT_GT(longest, 0);
+}
+
+TEST(Fault12, WithRecoveryAnArmOutsideInAllJointsIsLedBack) {
+    TestArm arm("indy7");
+    setPaperLimits(arm);
+    for (int i = 0; i < 6; ++i) {
+        arm.start.q[i] =
+            i % 2 ? arm.limits.position.upper[i] + 0.1 * i : arm.limits.position.lower[i] - 0.1;
+        arm.start.qd[i] = i % 3 ? 0.5 : -0.5;
+        arm.start.qdd[i] = i < 3 ? 15.0 : -15.0;
+    }
+    EXPECT_GT(expectReturn(arm, 50.0, 8000), 0);
+}
+
+TEST(Fault13, InsideButUnviableStartsAreRefusedByDistance) {
+    TestArm arm("indy7");
+    setPaperLimits(arm);
+    arm.start.q[1] = arm.limits.position.upper[1] - 1e-3;
+    arm.start.qd[1] = 0.3;
+    arm.start.qdd[1] = -11.0;  // type II with v > 0: it turns inside, but after passing the limit
+    const std::string complaint = findConfigureComplaint(arm, "");
+    EXPECT_CONTAINS(complaint, "start of " + arm.robot.joints[1].name + " is not viable");
+    EXPECT_CONTAINS(complaint, "position_upper by ");
+    // The way to v = 0 at jerk J from a = -11: an own evaluation; 3.2e-3 rad beyond the limit.
+    const double J = 12 * kPi, root = std::sqrt(11.0 * 11.0 - 2.0 * J * 0.3);
+    const double t = (11.0 - root) / J;
+    const double beyond = 0.3 * t - 11.0 * t * t / 2 + J * t * t * t / 6 - 1e-3;
+    EXPECT_NEAR(beyond, 3.2e-3, 1e-4);
+    const double named =
+        std::strtod(complaint.c_str() + complaint.find("position_upper by ") + 18, nullptr);
+    EXPECT_NEAR(named, beyond, 0.02 * beyond);
+    EXPECT_CONTAINS(complaint, " rad");
+    EXPECT_GT(expectReturn(arm, 50.0, 3000), 0);
+    arm.start.qd[1] = 0.0;
+    arm.start.qdd[1] = 0.0;
+    EXPECT_EQ(findConfigureComplaint(arm, ""), "");
+}
+
+TEST(Fault38, ConflictingLimitsAtTheStartAreAcceptedWithRecoveryAndNothingGetsWorse) {
+    for (const double push : {100.0, -100.0, 0.0})
+        for (const double side : {1.0, -1.0}) {
+            TestArm arm("single_joint");
+            // Acceleration must go down, position up, velocity down.
+            arm.start.q[0] = -side * 1.1 * kPi;
+            arm.start.qd[0] = side * 2.2 * kPi;
+            arm.start.qdd[0] = side * 3.3 * kPi;
+            const std::string complaint = findConfigureComplaint(arm, "");
+            EXPECT_CONTAINS(complaint, "acceleration");
+            EXPECT_GT(expectReturn(arm, push, 20000), 0);
+        }
+}
+
+// --- Bad input ------------------------------------------------------------------------------------
+
+TEST(Fault28, WhatIsNotFiniteOrOfTheWrongSizeIsRefusedAndLeavesNoTrace) {
+    TestArm arm("indy7");
+    const Dynamics dynamics = arm.calcDynamics(arm.start);
+    const auto play = [&](bool disturbed) {
+        CertifiedBrakingFilter filter;
+        filter.configure(arm.setup(), read(arm, ""));
+        filter.reset(arm.start);
+        FilterDecision decision;
+        decision.torque.setConstant(6, 123.25);
+        decision.jerk.setConstant(6, 123.25);
+        if (disturbed) {
+            for (const double bad : {kNan, kInf, -kInf}) {
+                JointVector torque = dynamics.gravity;
+                torque[3] = bad;
+                EXPECT_EQ(filter.filter(arm.start, torque, dynamics, decision),
+                          FilterStatus::InvalidInput);
+                EXPECT_EQ(
+                    filter.filter(arm.start, JointVector::Constant(6, bad), dynamics, decision),
+                    FilterStatus::InvalidInput);
+                MotionState state = arm.start;
+                state.qdd[5] = bad;
+                EXPECT_EQ(filter.filter(state, dynamics.gravity, dynamics, decision),
+                          FilterStatus::InvalidInput);
+                Dynamics broken = dynamics;
+                broken.M(2, 1) = bad;
+                EXPECT_EQ(filter.filter(arm.start, dynamics.gravity, broken, decision),
+                          FilterStatus::InvalidInput);
+            }
+            EXPECT_EQ(filter.filter(arm.start, JointVector::Zero(5), dynamics, decision),
+                      FilterStatus::InvalidInput);
+            EXPECT_EQ(decision.torque, JointVector::Constant(6, 123.25));
+            EXPECT_EQ(decision.jerk, JointVector::Constant(6, 123.25));
+            EXPECT_FALSE(decision.hasStops);
+        }
+        filter.filter(arm.start, dynamics.gravity + JointVector::Constant(6, 0.01), dynamics,
+                      decision);
+        return decision;
+    };
+    EXPECT_EQ(play(true).jerk, play(false).jerk);
+}
+
+TEST(Fault28, ANaNTickIsAMissedTickAndTheNextGoesOn) {
+    for (const bool told : {true, false}) {
+        TestArm arm("indy7");
+        setPaperLimits(arm);
+        FilteredArm run(arm, "recovery: true");
+        PushingCommand push(6, 40.0, true, 28);
+        int missed = 0, returning = 0, modified = 0;
+        for (int k = 0; k < 20000; ++k) {
+            const JointVector& aim = push.next();
+            if (k % 7 == 3 || k % 500 > 480) {
+                JointVector torque = JointVector::Zero(6);
+                torque[k % 6] = k % 2 ? kNan : kInf;
+                ASSERT_EQ(run.decide(torque), FilterStatus::InvalidInput);
+                run.miss();
+                if (told) run.filter().skipTicks(1);
+                ++missed;
+                continue;
+            }
+            const FilterStatus status = run.push(aim);
+            ASSERT_LE(status, FilterStatus::Returning);
+            returning += status == FilterStatus::Returning;
+            modified += status == FilterStatus::Modified;
+        }
+        std::printf("  %s: %d ticks missed, %d modified, %d returning, worst %.2g\n",
+                    told ? "told" : "not told", missed, modified, returning, getWorst(run.excess));
+        EXPECT_EQ(returning, 0);
+        EXPECT_GT(modified, 5000);
+        EXPECT_LE(getWorst(run.excess), kAllowed);
+    }
+}
+
+TEST(Fault29, HugeTinyAndAlternatingTorquesKeepTheLimits) {
+    const double sizes[] = {1e300, std::numeric_limits<double>::max(),
+                            std::numeric_limits<double>::denorm_min(), 1e150};
+    for (const char* parameters : {"gamma: 1999", "gamma: 20, k_alpha: 5"}) {
+        TestArm arm("indy7");
+        std::mt19937 random(6);
+        FilteredArm run(arm, parameters);
+        for (int k = 0; k < 20000; ++k) {
+            JointVector torque(6);
+            for (int i = 0; i < 6; ++i)
+                torque[i] = sizes[(k / 1000 + i) % 4] * ((k + i) % 2 ? 1.0 : -1.0) *
+                            ((k / 500) % 2 && random() % 2 ? -1.0 : 1.0);
+            ASSERT_LE(run.tick(torque), FilterStatus::Modified) << "tick " << k;
+            ASSERT_TRUE(isFinite(run.decision.torque, 6));
+        }
+        EXPECT_LE(getWorst(run.excess), kAllowed);
+    }
+}
+
+TEST(Fault30, SetPointJumpsThroughJointPdKeepTheLimits) {
+    for (const char* robot : {"single_joint", "indy7"})
+        for (const double jump : {2.0 * kPi, 1e6}) {
+            TestArm arm(robot);
+            const auto controller = PluginLoader::create<NominalController>(
+                findPlugin(PluginKind::NominalController, "joint_pd"));
+            controller->configure(arm.setup(),
+                                  arm.read(PluginKind::NominalController, "joint_pd", ""));
+            controller->reset(arm.start);
+            FilteredArm run(arm, "gamma: 100");
+            int modified = 0;
+            for (int k = 0; k < 20000; ++k) {
+                MotionCommand command;
+                const double side = (k / 2000) % 2 ? -1.0 : 1.0;
+                command.q = arm.robot.home + JointVector::Constant(arm.size(), side * jump);
+                command.qd.setZero(arm.size());
+                JointVector torque;
+                ASSERT_EQ(controller->compute(command, run.state, run.dynamics(), torque),
+                          TickStatus::Ok);
+                const FilterStatus status = run.tick(torque);
+                ASSERT_LE(status, FilterStatus::Modified);
+                modified += status == FilterStatus::Modified;
+            }
+            EXPECT_LE(getWorst(run.excess), kAllowed) << robot << ", jump " << jump;
+            EXPECT_GT(modified, 1000);
+        }
+}
+
+TEST(Fault31, AControllerThatPushesIntoTheCornersFindsNoWayThrough) {
+    enum { Greedy, Bang, TwoTickBang, kKinds };
+    for (const double tick_s : {1e-3, 4e-3})
+        for (int kind = Greedy; kind < kKinds; ++kind) {
+            TestArm arm("indy7", tick_s);
+            setPaperLimits(arm);
+            FilteredArm run(arm, "gamma: 400");
+            PushingCommand bang(6, 1000.0, true, 31);
+            JointVector corner(6);
+            int modified = 0;
+            for (int k = 0; k < 10000; ++k) {
+                for (int i = 0; i < 6; ++i)  // a joint here and there, into its own corner
+                    corner[i] = (k / 1500 + i) % 3 ? 1000.0 : -1000.0;
+                const JointVector& aim = kind == Bang ? bang.next() : corner;
+                const double sign = kind == TwoTickBang && k / 2 % 2 ? -1.0 : 1.0;
+                const FilterStatus status = run.push(sign * aim);
+                ASSERT_LE(status, FilterStatus::Modified) << "kind " << kind << ", tick " << k;
+                modified += status == FilterStatus::Modified;
+            }
+            EXPECT_LE(getWorst(run.excess), kAllowed) << "kind " << kind << ", tick_s " << tick_s;
+            EXPECT_GT(modified, 5000);
+        }
+}
+
+TEST(Fault34, AnIllConditionedMassMatrixStillGivesACheckedDecision) {
+    TestArm arm("indy7");
+    setPaperLimits(arm);
+    CertifiedBrakingFilter filter;
+    filter.configure(arm.setup(), read(arm, ""));
+    MotionState state = arm.start;
+    LimitExcess excess;
+    FilterDecision decision;
+    Dynamics dynamics = makeUnitDynamics(6);
+    JointVector v = JointVector::LinSpaced(6, 1.0, 2.0).normalized();
+    dynamics.M = v * v.transpose() + 1e-12 * JointMatrix::Identity(6, 6);
+    PushingCommand push(6, 40.0, true, 34);
+    for (int k = 0; k < 5000; ++k) {
+        ASSERT_LE(filter.filter(state, push.next(), dynamics, decision), FilterStatus::Modified);
+        advanceNominal(decision, arm.tick_s, state);
+        excess.observe(decision, state, arm.limits);
+    }
+    EXPECT_LE(getWorst(excess), kAllowed);
+}
+
+TEST(Fault35, AfterAMassMatrixThatIsOfNoUseTheNextTickIsRight) {
+    TestArm arm("indy7");
+    setPaperLimits(arm);
+    const Dynamics good = arm.calcDynamics(arm.start);
+    const auto play = [&](const JointMatrix* M, FilterStatus expected) {
+        CertifiedBrakingFilter filter;
+        filter.configure(arm.setup(), read(arm, ""));
+        filter.reset(arm.start);
+        FilterDecision decision;
+        if (M) {
+            Dynamics bad = good;
+            bad.M = *M;
+            EXPECT_EQ(filter.filter(arm.start, good.gravity, bad, decision), expected);
+            EXPECT_EQ(decision.jerk.size(), 0);
+        }
+        JointVector torque;
+        calcInverseDynamics(good, JointVector::Constant(6, 40.0), torque);
+        EXPECT_EQ(filter.filter(arm.start, torque, good, decision), FilterStatus::Modified);
+        return decision.jerk;
+    };
+    const JointVector right = play(nullptr, FilterStatus::Passed);
+    const JointMatrix zero = JointMatrix::Zero(6, 6), negative = -good.M;
+    JointMatrix singular = good.M;
+    singular.row(4).setZero();
+    singular.col(4).setZero();
+    for (const JointMatrix& M : {zero, negative, singular})
+        EXPECT_EQ(play(&M, FilterStatus::Faulted), right);
+    const JointMatrix nan = JointMatrix::Constant(6, 6, kNan);
+    EXPECT_EQ(play(&nan, FilterStatus::InvalidInput), right);
+}
+
+// --- Limits that change ---------------------------------------------------------------------------
+
+/** New limits while the arm moves: never beyond what the stop of that moment would have reached, and
+met after a while. Returns how many ticks were Returning. */
+int expectChange(FilteredArm& run, const TestArm& arm, PushingCommand& push,
+                 const JointLimits& limits) {
+    std::vector<Extent> stops;
+    for (int i = 0; i < arm.size(); ++i) {
+        const AxisState s = getAxis(run.state, i);
+        stops.emplace_back(s);
+        stops.back().follow(s, run.decision.stops[i], arm.tick_s);
+    }
+    EXPECT_TRUE(run.filter().changeLimits(limits));
+    run.limits = widen(limits, stops);
+    // A jerk beyond its new limit is the old stop's.
+    const JointBounds jerk{limits.jerk.lower.cwiseMin(arm.limits.jerk.lower),
+                           limits.jerk.upper.cwiseMax(arm.limits.jerk.upper)};
+    run.limits.jerk = jerk;
+    int returning = 0;
+    bool met = false;
+    for (int k = 0; k < 4000 && !::testing::Test::HasFailure(); ++k) {
+        JointVector torque;
+        calcInverseDynamics(run.dynamics(), push.next(), torque);
+        const FilterStatus status = run.decide(torque);
+        EXPECT_LE(status, FilterStatus::Returning);
+        if (status == FilterStatus::Returning) {
+            EXPECT_FALSE(met) << "tick " << k << ": again";
+            ++returning;
+        } else if (!met) {
+            met = true;
+            EXPECT_LE(getWorst(run.excess), kAllowed);
+            run.limits = limits;
+        }
+        run.move();
+    }
+    EXPECT_TRUE(met) << "a limit is still not met";
+    EXPECT_LE(getWorst(run.excess), kAllowed);
+    return returning;
+}
+
+TEST(CertifiedBraking, LimitsThatChangeWhileMovingAreMetWithoutEverGettingWorse) {
+    const struct {
+        const char* name;
+        JointBounds JointLimits::*bounds;
+        double shrink;
+    } kinds[] = {{"position", &JointLimits::position, 0.3},
+                 {"velocity", &JointLimits::velocity, 0.3},
+                 {"acceleration", &JointLimits::acceleration, 0.3},
+                 {"jerk", &JointLimits::jerk, 0.4}};
+    for (const auto& kind : kinds) {
+        TestArm arm("indy7");
+        setPaperLimits(arm);
+        FilteredArm run(arm, "gamma: 400");
+        PushingCommand push(6, 40.0, true, 3);
+        int returning = 0;
+        for (int round = 0; round < 6; ++round) {
+            const int ticks = 300 + 137 * round;
+            for (int k = 0; k < ticks; ++k)
+                ASSERT_LE(run.push(push.next()), FilterStatus::Modified);
+            JointLimits narrow = arm.limits;
+            JointBounds& b = narrow.*kind.bounds;
+            const JointVector center = 0.5 * (b.lower + b.upper);
+            b.lower = center + kind.shrink * (b.lower - center);
+            b.upper = center + kind.shrink * (b.upper - center);
+            SCOPED_TRACE(std::string(kind.name) + ", round " + std::to_string(round));
+            returning += expectChange(run, arm, push, narrow);
+            // Growing asks for nothing: no tick on the way back.
+            EXPECT_EQ(expectChange(run, arm, push, arm.limits), 0);
+            ASSERT_FALSE(HasFailure());
+        }
+        std::printf("  %s: %d ticks on the way back in 6 changes\n", kind.name, returning);
+        EXPECT_GT(returning, 0);
+    }
+}
+
+// --- The plugin -----------------------------------------------------------------------------------
+
+TEST(CertifiedBraking, ResetGivesTheSameAnswersAgain) {
+    TestArm arm("indy7");
+    CertifiedBrakingFilter filter;
+    filter.configure(arm.setup(), read(arm, ""));
+    const auto play = [&] {
+        filter.reset(arm.start);
+        MotionState state = arm.start;
+        PushingCommand push(arm.size(), 40.0, true, 9);
+        FilterDecision decision;
+        for (int k = 0; k < 2000; ++k) {
+            const Dynamics dynamics = arm.calcDynamics(state);
+            JointVector torque;
+            calcInverseDynamics(dynamics, push.next(), torque);
+            filter.filter(state, torque, dynamics, decision);
+            advanceNominal(decision, arm.tick_s, state);
+        }
+        return state;
+    };
+    const MotionState first = play(), second = play();
+    EXPECT_EQ(first.q, second.q);
+    EXPECT_EQ(first.qdd, second.qdd);
+}
+
+TEST(CertifiedBraking, LoadsAsALibrary) {
+    TestArm arm("indy7");
+    const auto plugin = PluginLoader::create<SafetyFilter>(
+        findPlugin(PluginKind::SafetyFilter, "certified_braking"));
+    CertifiedBrakingFilter own;
+    for (SafetyFilter* filter : {plugin.get(), static_cast<SafetyFilter*>(&own)}) {
+        filter->configure(arm.setup(), read(arm, ""));
+        filter->reset(arm.start);
+        EXPECT_TRUE(filter->promisesLimits());
+        EXPECT_FALSE(filter->recovers());
+    }
+    const Dynamics dynamics = arm.calcDynamics(arm.start);
+    const JointVector torque = JointVector::LinSpaced(6, 5.0, 50.0);
+    FilterDecision a, b;
+    EXPECT_EQ(plugin->filter(arm.start, torque, dynamics, a),
+              own.filter(arm.start, torque, dynamics, b));
+    EXPECT_EQ(a.jerk, b.jerk);
+    EXPECT_EQ(a.torque, b.torque);
+}
+
+}  // namespace
+}  // namespace viable
