@@ -18,10 +18,23 @@ double worstUse(const nlohmann::json& run, const char* quantity) {
 }
 
 void checkClaims(const nlohmann::json& summary) {
-    const auto &c1 = summary["cases"][0], &c2 = summary["cases"][1], &free = summary["cases"][2];
+    const auto &c1 = summary["cases"][0], &c2 = summary["cases"][1], &c3 = summary["cases"][2];
+    const auto& free = summary["cases"][3];
     ASSERT_EQ(c1["name"], "C1");
     ASSERT_EQ(c2["name"], "C2");
-    ASSERT_EQ(free["name"], "C2_without_nric");
+    ASSERT_EQ(c3["name"], "C3");
+    ASSERT_EQ(free["name"], "C3_without_nric");
+    // Certified braking: every limit in every tick, and never without a choice.
+    EXPECT_EQ(c3["promises_limits"], true);
+    EXPECT_EQ(c3["limits_kept"], true);
+    EXPECT_EQ(c3["empty_ticks"], 0);
+    EXPECT_EQ(c3["unviable_ticks"], 0);
+    for (const char* quantity : {"position", "velocity", "acceleration", "jerk"}) {
+        EXPECT_LE(worstUse(c3, quantity), 1.0 + 1e-12) << quantity;
+        for (const auto& joint : c3["limits"][quantity]) EXPECT_EQ(joint["ticks_outside"], 0);
+    }
+    EXPECT_GT(worstUse(c3, "position"), 0.99);
+    EXPECT_GT(worstUse(c3, "jerk"), 0.99);
     // The law is derived for continuous time, so sampled it may overshoot a little.
     for (const char* quantity : {"position", "velocity", "acceleration", "jerk"})
         EXPECT_LE(worstUse(c2, quantity), 1.0 + 1e-3) << quantity;
@@ -33,9 +46,9 @@ void checkClaims(const nlohmann::json& summary) {
     EXPECT_GT(worstUse(c2, "velocity"), 0.9);
     EXPECT_GT(worstUse(c2, "jerk"), 0.99);
     EXPECT_GT(free["tracking"]["rms_rad"].get<double>(),
-              20.0 * c2["tracking"]["rms_rad"].get<double>());
+              20.0 * c3["tracking"]["rms_rad"].get<double>());
     EXPECT_GT(free["tracking"]["max_rad"].get<double>(),
-              20.0 * c2["tracking"]["max_rad"].get<double>());
+              20.0 * c3["tracking"]["max_rad"].get<double>());
     for (const auto& one : summary["cases"]) {
         EXPECT_EQ(one["ticks"], 30000);
         EXPECT_EQ(one["log_rows"], 30000);

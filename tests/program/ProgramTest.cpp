@@ -97,7 +97,8 @@ TEST(Program, TheExperimentFileOfTheReadmeRunsAsPrinted) {
     const Outcome o = test::run(
         {"run", folder.write("e.yaml", yaml), "--out", folder / "run", "--set", "duration_s=2"});
     EXPECT_EQ(o.code, 0) << o.err;
-    expectContains(o.out, {"My question", "paper: filter tosbp", "faster: filter tosbp"});
+    expectContains(o.out,
+                   {"My question", "certified: filter certified_braking", "paper: filter tosbp"});
 }
 
 TEST(Program, EveryDeclaredParameterStandsInThePluginsReadme) {

@@ -46,7 +46,7 @@ const Lie kLies[] = {
     {"jerk", "jerk limit by"},        {"moving", "would not be at rest at the end of its stop"},
     {"outside", "position limit by"}, {"stop_jerk", "jerk limit by"},
     {"nan", "the stop of"},           {"negative", "joint"},
-    {"endless", "the stop of"},
+    {"endless", "position limit by"},
 };
 
 TEST(Fault37, EveryLieIsCaughtInItsFirstTickAndTheArmKeepsItsLimits) {
