@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "motion/GridPhases.h"
+#include "motion/ShortestStop.h"
 #include "viable/motion/Braking.h"
 
 namespace viable {
@@ -12,8 +13,8 @@ namespace viable {
 namespace {
 
 using detail::GridPhases;
-using detail::roundDownToTicks;
 using detail::roundUpToTicks;
+using detail::ShortestStop;
 
 /** Rounding of states and stops, relative to the size of the limit: what a stop may pass it by ... */
 constexpr double kRounding = 1e-13;
@@ -103,24 +104,29 @@ AxisLimits mirror(const AxisLimits& l) {
             -l.accelerationUpper, -l.accelerationLower, -l.jerkUpper,     -l.jerkLower};
 }
 
+GridStop mirror(const GridStop& stop) {
+    std::array<GridStop::Stretch, GridStop::kStretches> stretches;
+    for (int i = 0; i < GridStop::kStretches; ++i)
+        stretches[i] = {stop.remaining(i).ticks, -stop.remaining(i).jerk};
+    GridStop mirrored;
+    mirrored.set(stretches);
+    return mirrored;
+}
+
 /** Whole ticks in which jerk brings acceleration to zero, at least one. */
 std::int64_t calcRampTicks(double a, const AxisLimits& limits, double tick_s) {
     const double J = a > 0.0 ? -limits.jerkLower : limits.jerkUpper;
     return std::max<std::int64_t>(1, roundUpToTicks(std::abs(a) / J, tick_s));
 }
 
-/** The velocity at which acceleration reaches zero on the grid: what bounds velocity. Unlike the true peak it lets a
-velocity limit be approached without ringing: one tick's jerk takes v there exactly, the next keeps it. */
-double calcLevelVelocity(const AxisState& s, const AxisLimits& limits, double tick_s) {
-    return s.v + s.a * static_cast<double>(calcRampTicks(s.a, limits, tick_s)) * tick_s / 2.0;
+/** What bounds velocity from above: where a > 0, its peak at full jerk plus a dt/2, as much as the grid may add to the
+peak; else v. Greedy at the bare peak, a joint would ring about its limit for ever: near a = 0 the sampled peak is the
+trapezoidal rule, whose pole is -1. With this term acceleration comes down to zero smoothly, a+ = a^2 / (2 J dt) at last. */
+double calcUpperPeak(const AxisState& s, const AxisLimits& limits, double tick_s) {
+    return s.a > 0.0 ? s.v + s.a / 2.0 * (s.a / -limits.jerkLower + tick_s) : s.v;
 }
-
-/** The level velocity as far as it bounds velocity from above (a > 0) or below (a < 0), else v. */
-double calcUpperLevel(const AxisState& s, const AxisLimits& limits, double tick_s) {
-    return s.a > 0.0 ? calcLevelVelocity(s, limits, tick_s) : s.v;
-}
-double calcLowerLevel(const AxisState& s, const AxisLimits& limits, double tick_s) {
-    return s.a < 0.0 ? calcLevelVelocity(s, limits, tick_s) : s.v;
+double calcLowerPeak(const AxisState& s, const AxisLimits& limits, double tick_s) {
+    return s.a < 0.0 ? s.v + s.a / 2.0 * (s.a / -limits.jerkUpper + tick_s) : s.v;
 }
 
 /** Phases of the stationary stop, rounded up, then mended until acceleration and jerk limits hold. */
@@ -156,42 +162,13 @@ bool planLevelled(const AxisState& s, const AxisLimits& limits, double tick_s, G
     return true;
 }
 
-/** The largest jerk of this tick after which the stop with the given phases keeps acceleration and jerk limits and does
-not end beyond the upper position bound. For given phases all of it is linear in the jerk. */
-double calcLargestJerk(const AxisState& s, const GridPhases& g, const AxisLimits& l,
-                       double positionUpper, double dt) {
-    const double t1 = static_cast<double>(g.n1) * dt;
-    const double t2 = static_cast<double>(g.n2) * dt;
-    const double t3 = static_cast<double>(g.n3) * dt;
-    const double weight = 1.0 / (t1 / 2.0 + t2 + t3 / 2.0);
-    // With jerk u: v+ = v0 + u dt^2/2, a+ = a + u dt, a1 = alpha + u beta.
-    const double v0 = s.v + s.a * dt;
-    const double alpha = -(v0 + s.a * t1 / 2.0) * weight;
-    const double beta = -(dt * dt / 2.0 + dt * t1 / 2.0) * weight;
-    const double cv = t1 + t2, ca = t1 * (t1 / 3.0 + t2 / 2.0);
-    const double c1 = t1 * (t1 / 6.0 + t2 / 2.0) + (t2 * t2) / 2.0 - t3 * t3 / 6.0;
-    const double stop0 = s.p + dt * (s.v + dt * s.a / 2.0) + cv * v0 + ca * s.a + c1 * alpha;
-    const double stop1 = dt * dt * dt / 6.0 + cv * dt * dt / 2.0 + ca * dt + c1 * beta;
-    const double lowestA1 = std::max(l.accelerationLower, -l.jerkUpper * t3);
-    double u = (lowestA1 - alpha) / beta;
-    u = std::min(u, (-l.jerkLower * t1 + alpha - s.a) / (dt - beta));
-    if (stop1 > 0.0) u = std::min(u, (positionUpper - stop0) / stop1);
-    return u;
-}
-
-/** The largest jerk of this tick whose level velocity does not pass `level`: with n ticks of ramp from a+ back to zero
-that is v + (a + a+) dt/2 + n a+ dt/2. */
-double calcVelocityBound(const AxisState& s, double level, const AxisLimits& l, double dt) {
-    const double room = 2.0 * (level - s.v) / dt - s.a;  // for (1 + n) a+
-    if (!std::isfinite(room)) return std::numeric_limits<double>::infinity();
-    double next = room;
-    if (room > 0.0) {
-        const double step = -l.jerkLower * dt;
-        const double n =
-            std::max(1.0, std::ceil((std::sqrt(1.0 + 4.0 * room / step) - 1.0) / 2.0 - 1e-9));
-        next = std::min(room / (1.0 + n), n * step);
-        if (n > 1.0) next = std::max(next, std::min(room / n, (n - 1.0) * step));
-    }
+/** The largest jerk of this tick after which calcUpperPeak() does not pass `peak`: of
+v + (a + a+) dt/2 + a+/2 (a+/J + dt) <= peak the root a+ where it is positive, else v+ alone counts. */
+double calcVelocityBound(const AxisState& s, double peak, const AxisLimits& l, double dt) {
+    if (!std::isfinite(peak)) return std::numeric_limits<double>::infinity();
+    const double room = 2.0 * (peak - s.v) / dt - s.a;
+    const double next =
+        room > 0.0 ? room / (1.0 + std::sqrt(1.0 + room / (-l.jerkLower * dt))) : room;
     return (next - s.a) / dt;
 }
 
@@ -214,24 +191,6 @@ double calcContinuousBound(const AxisState& s, double least, double most, const 
         if (correction < kNewtonStep * (l.jerkUpper - l.jerkLower)) break;
     }
     return u;
-}
-
-/** Of the phases next to those of the continuous stop, the ones that allow the largest jerk. Returns it, or `least`. */
-double findBestPhases(const AxisState& s, double least, const StationaryStop& fastest,
-                      const AxisLimits& l, double positionUpper, double dt, GridPhases& best) {
-    const std::int64_t f1 = std::max<std::int64_t>(1, roundDownToTicks(fastest.T1, dt));
-    const std::int64_t f2 = roundDownToTicks(fastest.T2, dt);
-    const std::int64_t f3 = std::max<std::int64_t>(1, roundDownToTicks(fastest.T3, dt));
-    const std::int64_t longestCruise = fastest.cruises ? f2 + 1 : 0;
-    double largest = least;
-    GridPhases g;
-    for (g.n2 = std::max<std::int64_t>(0, f2 - 1); g.n2 <= longestCruise; ++g.n2)
-        for (g.n1 = f1; g.n1 <= f1 + 2; ++g.n1)
-            for (g.n3 = f3; g.n3 <= f3 + 2; ++g.n3) {
-                const double most = calcLargestJerk(s, g, l, positionUpper, dt);
-                if (most > largest) largest = most, best = g;
-            }
-    return largest;
 }
 
 }  // namespace
@@ -267,8 +226,8 @@ void BrakingCertificate::reset(const AxisState& state) {
     trial_.valid = bound_.valid = false;
     bounds_ = limits_;
     allowed_ = rounding_;
-    levelLower_ = limits_.velocityLower;
-    levelUpper_ = limits_.velocityUpper;
+    peakLower_ = limits_.velocityLower;
+    peakUpper_ = limits_.velocityUpper;
     const Walk here(state);
     if (!findStop(state, here.extremes(), stored_))
         stored_.plan(state.v, state.a, limits_, tick_s_);
@@ -282,56 +241,11 @@ bool BrakingCertificate::findStop(const AxisState& from, const PathExtremes& bef
     const auto fits = [&] { return keepsBounds(stop, from, before); };
     if (stop.plan(from.v, from.a, limits_, tick_s_) && fits()) return true;
     if (planLevelled(from, limits_, tick_s_, stop) && fits()) return true;
-    return findShortestStop(from, before, stop);
-}
-
-/** The shortest stop that jerks held over ticks allow: full jerk, a tick in between, perhaps a cruise at the
-acceleration limit, a tick, full jerk back, a tick. (A linear programme with the two equations v = 0 and a = 0
-at the end has at most two jerks that stand at no limit.) */
-bool BrakingCertificate::findShortestStop(const AxisState& from, const PathExtremes& before,
-                                          GridStop& stop) const {
-    const StationaryStop fastest = calcStationaryStop(from.v, from.a, limits_);
-    const double dt = tick_s_;
-    const double first = fastest.jerk;
-    const double back = first < 0.0 ? limits_.jerkUpper : limits_.jerkLower;
-    const auto whole = [&](double seconds) { return roundDownToTicks(seconds, dt); };
-    const std::int64_t m0 = whole(fastest.T3);
-
-    // From (v, a): k ticks of `first`, one of x, m ticks of `back`, one of y end at v = 0 and a = 0.
-    const auto solve = [&](double v, double a, std::int64_t k, std::int64_t m, double& x,
-                           double& y) {
-        const double kd = static_cast<double>(k), md = static_cast<double>(m), n = kd + md + 2.0;
-        const double sum = -a / dt - kd * first - md * back;
-        const double moment = -v / (dt * dt) - a * n / dt - first * kd * (n - kd / 2.0) -
-                              back * md * (n - kd - 1.0 - md / 2.0);
-        x = (moment - sum / 2.0) / (md + 1.0);
-        y = sum - x;
-        return std::min(x, y) >= limits_.jerkLower && std::max(x, y) <= limits_.jerkUpper;
-    };
-    double x = 0.0, y = 0.0;
-    if (fastest.T2 < 2.0 * dt) {
-        const std::int64_t k0 = whole(fastest.T1);
-        for (std::int64_t k = std::max<std::int64_t>(0, k0 - 2); k <= k0 + 1; ++k)
-            for (std::int64_t m = std::max<std::int64_t>(0, m0 - 2); m <= m0 + 1; ++m) {
-                if (!solve(from.v, from.a, k, m, x, y)) continue;
-                stop.set({{{k, first}, {1, x}, {m, back}, {1, y}}});
-                if (keepsBounds(stop, from, before)) return true;
-            }
-    }
-    if (!fastest.cruises) return false;
-    const double cruise = first < 0.0 ? limits_.accelerationLower : limits_.accelerationUpper;
-    const std::int64_t k = whole((cruise - from.a) / first);
-    AxisState at = advance(from, first, static_cast<double>(k) * dt);
-    const double rest = std::clamp((cruise - at.a) / dt, limits_.jerkLower, limits_.jerkUpper);
-    at = advance(at, rest, dt);
-    const std::int64_t c0 = whole(fastest.T2);
-    for (std::int64_t c = std::max<std::int64_t>(0, c0 - 2); c <= c0 + 1; ++c)
-        for (std::int64_t m = std::max<std::int64_t>(0, m0 - 2); m <= m0 + 1; ++m) {
-            if (!solve(at.v + at.a * static_cast<double>(c) * dt, at.a, 0, m, x, y)) continue;
-            stop.set({{{k, first}, {1, rest}, {c, 0.0}, {1, x}, {m, back}, {1, y}}});
-            if (keepsBounds(stop, from, before)) return true;
-        }
-    return false;
+    return ShortestStop(calcStationaryStop(from.v, from.a, limits_), limits_, tick_s_)
+        .find(from, [&](const GridStop& shortest) {
+            stop = shortest;
+            return fits();
+        });
 }
 
 /** Which limits the stored stop passes from this state on, and the bounds that follow from it. */
@@ -339,8 +253,8 @@ void BrakingCertificate::judge() {
     excess_ = {};
     bounds_ = limits_;
     allowed_ = rounding_;
-    levelLower_ = limits_.velocityLower;
-    levelUpper_ = limits_.velocityUpper;
+    peakLower_ = limits_.velocityLower;
+    peakUpper_ = limits_.velocityUpper;
     drifts_ = false;
     if (!mayExceed_ && approach_ >= 1.0) return;
 
@@ -370,10 +284,6 @@ void BrakingCertificate::judge() {
     widen(LimitKind::Acceleration, e.accelerationLower, e.accelerationUpper,
           bounds_.accelerationLower, bounds_.accelerationUpper, allowed_.accelerationLower,
           allowed_.accelerationUpper);
-    widen(LimitKind::Position, e.positionLower, e.positionUpper, bounds_.positionLower,
-          bounds_.positionUpper, allowed_.positionLower, allowed_.positionUpper);
-    widen(LimitKind::Velocity, e.velocityLower, e.velocityUpper, bounds_.velocityLower,
-          bounds_.velocityUpper, allowed_.velocityLower, allowed_.velocityUpper);
     for (int i = 0; i < GridStop::kStretches; ++i) {
         const GridStop::Stretch stretch = stored_.remaining(i);
         if (stretch.ticks == 0) continue;
@@ -382,16 +292,20 @@ void BrakingCertificate::judge() {
         if (stretch.jerk < limits_.jerkLower)
             keep(LimitKind::Jerk, LimitSide::Lower, limits_.jerkLower - stretch.jerk);
     }
+    widen(LimitKind::Position, e.positionLower, e.positionUpper, bounds_.positionLower,
+          bounds_.positionUpper, allowed_.positionLower, allowed_.positionUpper);
+    widen(LimitKind::Velocity, e.velocityLower, e.velocityUpper, bounds_.velocityLower,
+          bounds_.velocityUpper, allowed_.velocityLower, allowed_.velocityUpper);
     const bool exceeds = excess_.limit != LimitKind::None;
     mayExceed_ |= exceeds;
 
-    const double upperLevel = calcUpperLevel(state_, limits_, tick_s_);
-    const double lowerLevel = calcLowerLevel(state_, limits_, tick_s_);
+    const double upperPeak = calcUpperPeak(state_, limits_, tick_s_);
+    const double lowerPeak = calcLowerPeak(state_, limits_, tick_s_);
     if (exceeds) {
-        levelUpper_ = std::max(bounds_.velocityUpper, upperLevel);
-        levelLower_ = std::min(bounds_.velocityLower, lowerLevel);
+        peakUpper_ = std::max(bounds_.velocityUpper, upperPeak);
+        peakLower_ = std::min(bounds_.velocityLower, lowerPeak);
     } else if (approach_ < 1.0) {
-        // `share` of the way to the limit from where the stop and the level velocity are now.
+        // `share` of the way to the limit from where the stop and the velocity peak are now.
         const auto approach = [share = approach_](double limit, double now) {
             return std::isfinite(limit) ? limit - (1.0 - share) * (limit - now) : limit;
         };
@@ -400,8 +314,8 @@ void BrakingCertificate::judge() {
             approach(l.positionUpper, std::min(e.positionUpper, l.positionUpper));
         bounds_.positionLower =
             approach(l.positionLower, std::max(e.positionLower, l.positionLower));
-        levelUpper_ = approach(l.velocityUpper, std::min(upperLevel, l.velocityUpper));
-        levelLower_ = approach(l.velocityLower, std::max(lowerLevel, l.velocityLower));
+        peakUpper_ = approach(l.velocityUpper, std::min(upperPeak, l.velocityUpper));
+        peakLower_ = approach(l.velocityLower, std::max(lowerPeak, l.velocityLower));
     }
 }
 
@@ -437,10 +351,9 @@ bool BrakingCertificate::tryTick(double jerk, Candidate& candidate, PathExtremes
     return isInside(path, bounds_, allowed_) &&
            candidate.after.a <= bounds_.accelerationUpper + rounding_.accelerationUpper &&
            candidate.after.a >= bounds_.accelerationLower - rounding_.accelerationLower &&
-           calcUpperLevel(candidate.after, limits_, tick_s_) <=
-               levelUpper_ + rounding_.velocityUpper &&
-           calcLowerLevel(candidate.after, limits_, tick_s_) >=
-               levelLower_ - rounding_.velocityLower;
+           calcUpperPeak(candidate.after, limits_, tick_s_) <=
+               peakUpper_ + rounding_.velocityUpper &&
+           calcLowerPeak(candidate.after, limits_, tick_s_) >= peakLower_ - rounding_.velocityLower;
 }
 
 bool BrakingCertificate::keepsBounds(const GridStop& stop, const AxisState& from,
@@ -493,7 +406,7 @@ void BrakingCertificate::findBest(double jerk, double stored, bool mirrored, Lim
     const AxisState s = mirrored ? mirror(state_) : state_;
     const AxisLimits l = mirrored ? mirror(limits_) : limits_;
     const AxisLimits b = mirrored ? mirror(bounds_) : bounds_;
-    const double level = mirrored ? -levelLower_ : levelUpper_;
+    const double peak = mirrored ? -peakLower_ : peakUpper_;
     const double dt = tick_s_;
 
     double u = jerk;
@@ -503,25 +416,31 @@ void BrakingCertificate::findBest(double jerk, double stored, bool mirrored, Lim
     };
     restrict(l.jerkUpper, LimitKind::Jerk);
     restrict((b.accelerationUpper - s.a) / dt, LimitKind::Acceleration);
-    restrict(calcVelocityBound(s, level, l, dt), LimitKind::Velocity);
+    restrict(calcVelocityBound(s, peak, l, dt), LimitKind::Velocity);
     if (!(u > stored)) return;
 
     StationaryStop fastest;
     const double most = u;
     restrict(calcContinuousBound(s, stored, most, l, b.positionUpper, dt, fastest),
              LimitKind::Position);
-    if (limit == LimitKind::Position) {
-        GridPhases best;
-        const double largest =
-            std::min(most, findBestPhases(s, stored, fastest, l, b.positionUpper, dt, best));
-        const AxisState after = advance(s, largest, dt);
-        if (largest > stored && best.solve(after.v, after.a, l, dt)) {
-            if (mirrored) best.j1 = -best.j1, best.j3 = -best.j3;
-            if (certify(sign * largest, makeStop(best), candidate)) return;
-        }
-        u = std::min(u, largest);
+    if (limit != LimitKind::Position && certify(sign * u, candidate)) return;
+
+    // Near the position limit phases that are rounded to ticks go too far.
+    ShortestStop shortest(fastest, l, dt);
+    const auto accept = [&](double accepted, const GridStop& stop) {
+        return certify(sign * accepted, mirrored ? mirror(stop) : stop, candidate);
+    };
+    if (limit != LimitKind::Position &&
+        shortest.find(advance(s, u, dt), [&](const GridStop& stop) { return accept(u, stop); }))
+        return;
+    GridStop stop;
+    double exact = 0.0;
+    if (shortest.findJerkTo(b.positionUpper, s, exact, stop) && exact <= most) {
+        limit = LimitKind::Position;
+        if (exact <= stored || accept(exact, stop)) return;
+        u = std::min(u, exact);
     }
-    if (certify(sign * u, candidate)) return;
+    if (limit == LimitKind::Position && certify(sign * u, candidate)) return;
 
     // Something else stands in the way: half of the way, once. More rounds bring nothing that can be measured, because
     // the next tick tries again, and cost the worst tick most.

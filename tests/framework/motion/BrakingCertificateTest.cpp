@@ -31,7 +31,7 @@ const AxisLimits kAsymmetric = {-2.0, kPi, -5.0, 4.0, -7.0, 11.0, -9.0, 14.0};
 /** V > A^2 / J on both sides: stops cruise. */
 const AxisLimits kCruising = {-3.0, 4.0, -3.0, 2.5, -3.0, 2.0, -40.0, 30.0};
 
-/** Least and largest values on a way, looked at four times a tick. */
+/** Least and largest values on a way, looked at four times a tick and where it turns. */
 struct Extent {
     AxisState least, largest;
 
@@ -43,6 +43,9 @@ struct Extent {
     }
     void seeTick(const AxisState& s, double jerk, double tick_s) {
         for (int i = 1; i <= 4; ++i) see(advance(s, jerk, tick_s * i / 4.0));
+        const double root = std::sqrt(std::max(0.0, s.a * s.a - 2.0 * jerk * s.v));
+        for (const double turn : {(-s.a - root) / jerk, (-s.a + root) / jerk})
+            if (turn > 0.0 && turn < tick_s) see(advance(s, jerk, turn));
     }
 };
 
@@ -369,7 +372,7 @@ TEST(BrakingCertificate, ASmallShareHoldsBackEarlierThanAFullOne) {
     EXPECT_LT(calcWay(0.005), calcWay(1.0) - 1e-3);
 }
 
-TEST(Fault38, ConflictsAreNamedInTheOrderAccelerationPositionVelocity) {
+TEST(Fault38, ConflictsAreNamedInTheOrderAccelerationJerkPositionVelocity) {
     const auto find = [](const AxisState& s) {
         BrakingCertificate certificate;
         certificate.configure(kPaper, 1e-3, 1.0);
@@ -396,6 +399,76 @@ TEST(Fault38, ConflictsAreNamedInTheOrderAccelerationPositionVelocity) {
     certificate.reset({0.0, V + 0.5, 0.0});
     EXPECT_EQ(certificate.findExcess().limit, LimitKind::Velocity);
     EXPECT_NEAR(certificate.findExcess().excess, 0.5, 1e-9);
+
+    // Jerk limits that shrink under a stop: the stop's jerk comes before the position it leads to.
+    certificate.configure(kPaper, 1e-3, 1.0);
+    certificate.reset({0.0, 0.5 * V, 0.0});
+    AxisLimits gentle = kPaper;
+    gentle.jerkLower *= 0.25, gentle.positionUpper = 1e-3;
+    certificate.changeLimits(gentle);
+    certificate.beginTick({0.0, 0.5 * V, 0.0});
+    EXPECT_EQ(certificate.findExcess().limit, LimitKind::Jerk);
+    EXPECT_EQ(certificate.findExcess().side, LimitSide::Lower);
+}
+
+/** The jerks of a joint that is greedy from rest towards a velocity limit, from when it reaches it within 1e-3. */
+std::vector<double> calcJerksAtVelocityLimit(double tick_s, double approach) {
+    AxisLimits limits = kPaper;
+    limits.positionUpper = kInf;
+    BrakingCertificate certificate;
+    certificate.configure(limits, tick_s, approach);
+    AxisState s;
+    certificate.reset(s);
+    std::vector<double> jerks;
+    for (int k = 0; k < 4'000'000 && jerks.size() < 2000; ++k) {
+        certificate.beginTick(s);
+        const double jerk = certificate.commit(certificate.findBound(1e6).jerk);
+        s = advance(s, jerk, tick_s);
+        if (s.v > (1.0 - 1e-3) * limits.velocityUpper) jerks.push_back(jerk);
+    }
+    return jerks;
+}
+
+TEST(BrakingCertificate, GreedyAtTheVelocityLimitItDoesNotRing) {
+    for (const double tick_s : {1e-4, 1e-3, 4e-3})
+        for (const double approach : {1.0, 5.0 * tick_s}) {
+            SCOPED_TRACE(std::to_string(tick_s) + " s, share " + std::to_string(approach));
+            const std::vector<double> jerks = calcJerksAtVelocityLimit(tick_s, approach);
+            ASSERT_EQ(jerks.size(), 2000u);
+            // Braking to the limit its jerk has one sign; at the limit there is none left.
+            for (std::size_t k = 0; k < jerks.size(); ++k)
+                ASSERT_LE(jerks[k], 1e-6 * kPaper.jerkUpper) << k;
+            if (approach < 1.0) continue;
+            for (std::size_t k = 1000; k < jerks.size(); ++k)
+                ASSERT_LE(std::abs(jerks[k]), 1e-9 * kPaper.jerkUpper) << k;
+        }
+}
+
+TEST(BrakingCertificate, RidingThePositionBarrierTheJerkIsSmooth) {
+    // Greedy towards a position limit under the discrete barrier: the jerk that the grid allows follows the one of
+    // continuous time, instead of leaping by what rounding to whole ticks costs.
+    constexpr double kTick_s = 1e-3;
+    BrakingCertificate certificate;
+    certificate.configure(kPaper, kTick_s, 5.0 * kTick_s);
+    AxisState s{0.0, 0.2, 0.0};
+    certificate.reset(s);
+    double before = 0.0, sumOfSquares = 0.0;
+    int ticks = 0;
+    for (int k = 0; k < 1500; ++k) {
+        certificate.beginTick(s);
+        const BrakingCertificate::Bound bound = certificate.findBound(1e6);
+        const double jerk = certificate.commit(bound.jerk);
+        if (bound.limit == LimitKind::Position) {
+            sumOfSquares += ticks > 0 ? (jerk - before) * (jerk - before) : 0.0;
+            ++ticks;
+            before = jerk;
+        }
+        s = advance(s, jerk, kTick_s);
+    }
+    ASSERT_GT(ticks, 500);
+    const double rms = std::sqrt(sumOfSquares / ticks);
+    RecordProperty("rms_jerk_step_of_limit", std::to_string(rms / kPaper.jerkUpper));
+    EXPECT_LT(rms, 0.02 * kPaper.jerkUpper);
 }
 
 }  // namespace

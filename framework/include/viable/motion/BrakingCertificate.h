@@ -56,7 +56,7 @@ public:
     void beginTick(const AxisState& state);
 
     /** The first limit that the stored stop passes by more than rounding, in the order acceleration,
-    position, velocity, jerk; valid after reset() and beginTick(). */
+    jerk, position, velocity; valid after reset() and beginTick(). */
     const PassedLimit& findExcess() const { return excess_; }
 
     double storedJerk() const { return stored_.nextJerk(); }
@@ -69,7 +69,8 @@ public:
         LimitKind limit;  ///< what stands there
     };
     /** The farthest admissible jerk that is found on the way from storedJerk() towards `jerk`, which
-    may be any finite number. At most about a dozen plans are tried. */
+    may be any finite number; where rounding has carried the stored stop over a limit by a hair, it may lie short of
+    storedJerk(). Bounded work: a few dozen plans. */
     Bound findBound(double jerk);
 
     /** The jerk of this tick is `jerk`. Returns what is really to be applied: `jerk` when it was vouched for,
@@ -89,7 +90,6 @@ private:
     };
 
     bool findStop(const AxisState& from, const PathExtremes& before, GridStop& stop) const;
-    bool findShortestStop(const AxisState& from, const PathExtremes& before, GridStop& stop) const;
     bool keepsBounds(const GridStop& stop, const AxisState& from, const PathExtremes& before) const;
     void judge();
     bool tryTick(double jerk, Candidate& candidate, PathExtremes& path) const;
@@ -102,8 +102,7 @@ private:
     AxisLimits rounding_{};  ///< what counts as rounding beyond a limit, positive numbers
     AxisLimits allowed_{};   ///< the same for this tick: where rounding has added up, that much
     AxisLimits bounds_{};  ///< of this tick: the limits; the barrier; or the stored stop's extremes
-    double levelLower_ = 0.0,
-           levelUpper_ = 0.0;  ///< of the level velocity (see BrakingCertificate.cpp)
+    double peakLower_ = 0.0, peakUpper_ = 0.0;  ///< bounds of the velocity peak in this tick
     double tick_s_ = 0.0;
     double approach_ = 1.0;
 
