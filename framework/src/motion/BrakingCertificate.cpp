@@ -22,6 +22,8 @@ constexpr double kRounding = 1e-13;
 constexpr double kDrift = 1e-11;
 /** A state differs from the expected one when it does by more than this, relative to the state and the limits. */
 constexpr double kSameState = 1e-9;
+/** So many ticks of a stored stop are followed one by one; of more the state is taken as it comes. */
+constexpr int kMaxFollowedTicks = 1000;
 constexpr int kRepairRounds = 6;
 constexpr int kNewtonRounds = 6;
 /** A correction smaller than this share of the jerk range ends Newton's method. */
@@ -216,8 +218,15 @@ void BrakingCertificate::changeLimits(const AxisLimits& limits) {
 }
 
 void BrakingCertificate::skipTicks(std::int64_t ticks) {
+    for (int i = 0; i < kMaxFollowedTicks && ticks > 0 && !stored_.atRest(); ++i, --ticks)
+        followStored();
+    if (stored_.atRest()) return;
     stored_.skip(ticks);
-    knowsExpected_ = false;
+    knowsExpected_ = knowsExpected_ && ticks <= 0;
+}
+
+void BrakingCertificate::followStored() {
+    expected_ = advance(expected_, stored_.takeJerk(), tick_s_);
 }
 
 void BrakingCertificate::reset(const AxisState& state) {
@@ -319,16 +328,25 @@ void BrakingCertificate::judge() {
     }
 }
 
-void BrakingCertificate::beginTick(const AxisState& state) {
+bool BrakingCertificate::isExpected(const AxisState& state) const {
     const auto differs = [](double x, double y, double scale) {
         return !(std::abs(x - y) <= kSameState * (std::abs(x) + std::abs(y) + scale));
     };
     const auto span = [](double rounding) { return rounding / kRounding; };
-    if (knowsExpected_ && (differs(state.p, expected_.p, span(rounding_.positionUpper)) ||
-                           differs(state.v, expected_.v, span(rounding_.velocityUpper)) ||
-                           differs(state.a, expected_.a, span(rounding_.accelerationUpper)))) {
-        reset(state);
-        return;
+    return !differs(state.p, expected_.p, span(rounding_.positionUpper)) &&
+           !differs(state.v, expected_.v, span(rounding_.velocityUpper)) &&
+           !differs(state.a, expected_.a, span(rounding_.accelerationUpper));
+}
+
+void BrakingCertificate::beginTick(const AxisState& state) {
+    if (knowsExpected_ && !isExpected(state)) {
+        // Perhaps the stored stop went on for some ticks and nobody said so.
+        for (int i = 0; i < kMaxFollowedTicks && !stored_.atRest() && !isExpected(state); ++i)
+            followStored();
+        if (!isExpected(state)) {
+            reset(state);
+            return;
+        }
     }
     state_ = state;
     trial_.valid = bound_.valid = false;

@@ -51,8 +51,8 @@ public:
     /** The joint followed the stored stop for so many ticks without being asked. */
     void skipTicks(std::int64_t ticks);
 
-    /** The state of this tick. Where it is not what the last commit() led to, the stop is planned
-    anew from it, as reset() does. */
+    /** The state of this tick. Where it is not what the last commit() led to, nor lies on the stored stop up to 1000
+    ticks later, the stop is planned anew from it, as reset() does. */
     void beginTick(const AxisState& state);
 
     /** The first limit that the stored stop passes by more than rounding, in the order acceleration,
@@ -92,6 +92,8 @@ private:
     bool findStop(const AxisState& from, const PathExtremes& before, GridStop& stop) const;
     bool keepsBounds(const GridStop& stop, const AxisState& from, const PathExtremes& before) const;
     void judge();
+    void followStored();
+    bool isExpected(const AxisState& state) const;
     bool tryTick(double jerk, Candidate& candidate, PathExtremes& path) const;
     bool certify(double jerk, const GridStop& stop, Candidate& candidate) const;
     bool certify(double jerk, Candidate& candidate) const;

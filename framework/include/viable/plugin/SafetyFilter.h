@@ -78,7 +78,8 @@ public:
     virtual bool changeLimits(const JointLimits& limits);
 
     /** Ticks passed without a call of filter(): the arm has followed the stops of the last decision (or, where
-    it had none, the host's) for so many ticks. The next call continues from there. Real time. */
+    it had none, the host's) for so many ticks; a tick in which filter() wrote no decision counts too.
+    The next call continues from there. Real time. */
     virtual void skipTicks(std::int64_t ticks);
 
     /** One tick. `nominal` is the nominal arm's state and `dynamics` belongs to it; `torque` is
