@@ -12,8 +12,9 @@ using viable::kMaxJoints;
 
 constexpr viable::ParameterSpec kParameters[] = {
     viable::parameter::choice(
-        "lie", "none|jerk|creep|moving|outside|stop_jerk|nan|negative|endless", "none",
-        "What is wrong after `after_ticks`: the jerk, the motion, or the witness handed over."),
+        "lie",
+        "none|jerk|creep|moving|outside|stop_jerk|nan|negative|endless|torque|limit|side|status",
+        "none", "What is wrong after `after_ticks`: the decision, or the witness handed over."),
     broken::kAfterTicks,
     viable::parameter::flag("witness", "true", "Hands over its stops."),
     viable::parameter::flag("changes", "true", "Takes new limits, and brakes from then on."),
@@ -74,6 +75,12 @@ public:
         }
         if (lies) spoil(decision.stops[n - 1], expected_.qd[n - 1], expected_.qdd[n - 1], n - 1);
         decision.hasStops = hasWitness_;
+        if (lies && lie_ == "torque") decision.torque[n - 1] += 1.0;
+        if (lies && lie_ == "limit")
+            decision.joints[n - 1].limit = static_cast<viable::LimitKind>(200);
+        if (lies && lie_ == "side")
+            decision.joints[n - 1].side = static_cast<viable::LimitSide>(-7);
+        if (lies && lie_ == "status") return static_cast<viable::FilterStatus>(250);
         return brakes_ ? viable::FilterStatus::Returning : viable::FilterStatus::Modified;
     }
 
@@ -110,7 +117,8 @@ private:
         } else if (lie_ == "negative") {
             stop.set({{{-5, axis.jerkLower}, {}, {}, {}}});
         } else if (lie_ == "endless") {
-            stop.set({{{std::int64_t{1} << 62, 0.0}, {}, {}, {}}});
+            constexpr std::int64_t kLong = std::int64_t{1} << 62;
+            stop.set({{{kLong, 0.0}, {kLong, 0.0}}});
         }
     }
     void follow(viable::MotionState& state) {

@@ -175,6 +175,12 @@ AxisLimits JointLimits::axis(int joint) const {
             jerk.lower[joint],     jerk.upper[joint]};
 }
 
+double calcLimitScale(double lower, double upper) {
+    const bool isOpen = !std::isfinite(lower) || !std::isfinite(upper);
+    const auto size = [](double limit) { return std::isfinite(limit) ? std::abs(limit) : 0.0; };
+    return std::max({isOpen ? 1.0 : 0.0, size(lower), size(upper)});
+}
+
 JointLimits JointLimits::unlimited(int n) {
     VIABLE_CHECK(n >= 0 && n <= kMaxJoints, "the number of joints is beyond the capacity");
     const JointBounds none{JointVector::Constant(n, -kInfinity),

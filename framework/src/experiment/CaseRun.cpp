@@ -5,7 +5,6 @@
 #include <cmath>
 #include <thread>
 
-#include "LimitScale.h"
 #include "PathExtent.h"
 #include "core/NumberText.h"
 #include "viable/core/Error.h"
@@ -94,11 +93,24 @@ bool isMissed(const std::vector<TickGap>& gaps, std::int64_t tick) {
 /** A path is followed to this share of what counts as rounding. */
 constexpr double kPathResolution = 1.0 / 16.0;
 
-constexpr const char* kStartRemedy =
-    "Start inside the limits (`start: {position_rad: [...]}`; without it the robot's home pose is "
-    "taken), widen "
-    "the limits, or use the filter certified_braking with `recovery: true`, which leads the arm "
-    "back.";
+constexpr const char* kRecoveryRemedy =
+    "or use the filter certified_braking with `recovery: true`, which leads the arm back.";
+
+/** The key of a quantity in the file's `start`, and what stands there without it. */
+struct StartKey {
+    const char *key, *otherwise;
+};
+
+StartKey getStartKey(LimitKind kind) {
+    switch (kind) {
+        case LimitKind::Velocity:
+            return {"velocity_radps", "0 is taken"};
+        case LimitKind::Acceleration:
+            return {"acceleration_radps2", "0 is taken"};
+        default:
+            return {"position_rad", "the robot's home pose is taken"};
+    }
+}
 
 /** Refuses a start outside a limit. */
 void checkStartInside(const CasePlan& plan) {
@@ -107,14 +119,16 @@ void checkStartInside(const CasePlan& plan) {
             const bool below = value[i] < bounds.lower[i];
             if (!below && value[i] <= bounds.upper[i]) continue;
             const double bound = below ? bounds.lower[i] : bounds.upper[i];
-            throw badInput(plan.startPlace,
-                           std::string("the start ") + getName(kind, LimitSide::Neither) + " of " +
-                               plan.robot.joints[i].name + " is " + detail::formatNumber(value[i]) +
-                               " " + getUnit(kind) + ", outside its " +
-                               (below ? "lower" : "upper") + " limit " +
-                               detail::formatNumber(bound) + " by " +
-                               detail::formatNumber(std::abs(value[i] - bound)),
-                           kStartRemedy);
+            throw badInput(
+                plan.startPlace,
+                std::string("the start ") + getName(kind, LimitSide::Neither) + " of " +
+                    plan.robot.joints[i].name + " is " + detail::formatNumber(value[i]) + " " +
+                    getUnit(kind) + ", outside its " + (below ? "lower" : "upper") + " limit " +
+                    detail::formatNumber(bound) + " by " +
+                    detail::formatNumber(std::abs(value[i] - bound)),
+                std::string("Start inside the limits (`start: {") + getStartKey(kind).key +
+                    ": [...]}`; without it " + getStartKey(kind).otherwise +
+                    "), widen the limits, " + kRecoveryRemedy);
         }
     };
     check(LimitKind::Position, plan.start.q, plan.limits.position);
@@ -130,9 +144,9 @@ void checkStartViable(const CasePlan& plan) {
         const double v = plan.start.qd[i], a = plan.start.qdd[i];
         const StationaryStop stop = calcStationaryStop(v, a, axis);
         const double allowedP =
-            kMonitorShare * detail::calcLimitScale(axis.positionLower, axis.positionUpper);
+            kMonitorShare * calcLimitScale(axis.positionLower, axis.positionUpper);
         const double allowedV =
-            kMonitorShare * detail::calcLimitScale(axis.velocityLower, axis.velocityUpper);
+            kMonitorShare * calcLimitScale(axis.velocityLower, axis.velocityUpper);
         detail::PathExtent path(
             plan.start.q[i], v, a,
             {axis.positionLower, axis.positionUpper, allowedP, kPathResolution * allowedP},
@@ -149,8 +163,7 @@ void checkStartViable(const CasePlan& plan) {
                     " is not viable: its fastest stop passes the " + side + " " +
                     getName(kind, LimitSide::Neither) + " limit by " +
                     detail::formatNumber(excess) + " " + getUnit(kind),
-                "Start at rest or further inside, or use the filter certified_braking with "
-                "`recovery: true`, which leads the arm back.");
+                std::string("Change `start`: at rest or further inside; ") + kRecoveryRemedy);
         };
         check(LimitKind::Position, "upper", path.position.upper - axis.positionUpper, allowedP);
         check(LimitKind::Position, "lower", axis.positionLower - path.position.lower, allowedP);
@@ -255,6 +268,9 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
         result.stopReason == StopReason::TicksMissed) {
         result.stopMessage =
             "stopped at " + formatTime(result.stopTime_s) + " because " + loop.stopMessage();
+        if (result.stopReason == StopReason::TicksMissed)
+            result.stopRemedy =
+                "Lower the `count` in missed_ticks, or leave a tick between entries.";
     } else if (const PluginChoice* culprit = findCulprit(plan, result.stopReason)) {
         result.stopMessage = "stopped at " + formatTime(result.stopTime_s) + ": the " +
                              getName(culprit->plugin.kind) + " plugin '" + culprit->plugin.name +

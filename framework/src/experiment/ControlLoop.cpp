@@ -30,8 +30,36 @@ bool isBounded(const JointVector& v, int n) {
     return isFinite(v, n) && v.lpNorm<Eigen::Infinity>() <= kLargestDecision;
 }
 
+/** A decision's torque and what its acceleration needs, too; relative. Solving for the acceleration of a given torque
+may cost some digits where M is ill-conditioned. */
+constexpr double kTorqueAgreement = 1e-6;
+
+/** What the plugin wrote is one of the words that the log and the summary know. */
+bool areKnown(FilterStatus status, const FilterDecision& d, int n) {
+    if (status > FilterStatus::Faulted || d.held > HeldQuantity::Acceleration) return false;
+    for (int i = 0; i < n; ++i)
+        if (d.joints[i].limit > LimitKind::Jerk || d.joints[i].side < LimitSide::Lower ||
+            d.joints[i].side > LimitSide::Upper)
+            return false;
+    return true;
+}
+
+/** The torque moves the nominal arm as the decision says. */
+bool agreesWithMotion(const FilterDecision& d, const Dynamics& dynamics, int n) {
+    for (int i = 0; i < n; ++i) {
+        double needed = dynamics.b[i], size = 1.0 + std::abs(dynamics.b[i]);
+        for (int k = 0; k < n; ++k) {
+            needed += dynamics.M(i, k) * d.acceleration[k];
+            size += std::abs(dynamics.M(i, k) * d.acceleration[k]);
+        }
+        if (!(std::abs(d.torque[i] - needed) <= kTorqueAgreement * size)) return false;
+    }
+    return true;
+}
+
 /** What is wrong with a decision, or null. */
-const char* findFault(const FilterDecision& d, const MotionState& nominal, double tick_s, int n) {
+const char* findFault(const FilterDecision& d, const MotionState& nominal, const Dynamics& dynamics,
+                      double tick_s, int n) {
     if (!isFinite(d.torque, n) || !isFinite(d.acceleration, n) || !isFinite(d.jerk, n))
         return "its decision has the wrong size or is not finite";
     if (!isBounded(d.torque, n) || !isBounded(d.acceleration, n) || !isBounded(d.jerk * tick_s, n))
@@ -43,6 +71,8 @@ const char* findFault(const FilterDecision& d, const MotionState& nominal, doubl
         if (std::abs(reached - d.acceleration[i]) > kAgreement * scale)
             return "the jerk and the acceleration of its decision contradict each other";
     }
+    if (!agreesWithMotion(d, dynamics, n))
+        return "the torque of its decision is not the one that its acceleration needs";
     return nullptr;
 }
 
@@ -118,7 +148,8 @@ void ControlLoop::reset() {
     resetPlugin(*plugins_.filter, PluginKind::SafetyFilter, nominal_);
     if (plugins_.robustLoop) resetPlugin(*plugins_.robustLoop, PluginKind::RobustLoop, nominal_);
     if (plugins_.realPlant) resetPlugin(*plugins_.realPlant, PluginKind::RealPlant, nominal_);
-    monitor_.reset(nominal_, limits_, setup_.tick_s, plugins_.filter->promisesLimits());
+    monitor_.reset(nominal_, limits_, setup_.tick_s, plugins_.filter->promisesLimits(),
+                   plugins_.filter->recovers());
 }
 
 double ControlLoop::time() const {
@@ -239,10 +270,11 @@ bool ControlLoop::takeDecision() {
     status_ = contain(FilterStatus::Faulted, StopReason::FilterFailed, [&] {
         return plugins_.filter->filter(nominal_, desiredTorque_, dynamics_, decision_);
     });
-    const char* fault = status_ == FilterStatus::Faulted ? "it reported that it cannot go on"
-                        : status_ == FilterStatus::InvalidInput
-                            ? "it refused its input as invalid"
-                            : findFault(decision_, nominal_, setup_.tick_s, n_);
+    const char* fault = status_ == FilterStatus::Faulted        ? "it reported that it cannot go on"
+                        : status_ == FilterStatus::InvalidInput ? "it refused its input as invalid"
+                        : !areKnown(status_, decision_, n_)
+                            ? "its status or an acting limit is none of the words there are"
+                            : findFault(decision_, nominal_, dynamics_, setup_.tick_s, n_);
     if (fault) beginStop(StopReason::FilterFailed, fault);
     return !fault && passMonitor();
 }
@@ -268,7 +300,7 @@ bool ControlLoop::passMonitor() {
 void ControlLoop::followStop() {
     verdict_ = monitor_.followStop(nominal_, dynamics_, decision_).verdict;
     status_ = FilterStatus::StoppedByPlan;
-    if (!findFault(decision_, nominal_, setup_.tick_s, n_)) return;
+    if (!findFault(decision_, nominal_, dynamics_, setup_.tick_s, n_)) return;
     beginStop(StopReason::FilterFailed, "the nominal state has left the range of numbers");
     decision_.torque.setZero(n_);  // the nominal state itself is beyond all arithmetic
     decision_.acceleration.setZero(n_);
@@ -347,13 +379,13 @@ void ControlLoop::tick(TickRecord& record) noexcept {
     if (plugins_.realPlant) readPlant();
     timer.mark(Stage::Plant);
     if (!isStopping()) takeCommand(time());
+    if (!isStopping()) tellMissedTicks();
     if (!isStopping()) takeLimits(time());
     timer.mark(Stage::Command);
     model_.calcDynamics(nominal_.q, nominal_.qd, dynamics_);
     timer.mark(Stage::Dynamics);
     if (!isStopping()) takeTorque();
     timer.mark(Stage::Controller);
-    if (!isStopping()) tellMissedTicks();
     const bool decided = !isStopping() && takeDecision();
     if (!decided) {
         stopBegun_ = true;

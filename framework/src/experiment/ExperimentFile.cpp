@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "config/ConfigText.h"
 #include "core/NumberText.h"
 #include "viable/core/Error.h"
 
@@ -53,6 +54,39 @@ ConfigNode makeBounds(const JointBounds& bounds) {
     return makeMap({{"lower", makeList(bounds.lower)}, {"upper", makeList(bounds.upper)}});
 }
 
+/** Refuses a key without its unit and names the one that was meant: too many letters for a slip of one key. */
+void refuseMissingUnit(const ConfigNode& block, const std::vector<std::string>& keys) {
+    for (const auto& [key, value] : block.entries)
+        for (const std::string& known : keys)
+            if (known.compare(0, key.size() + 1, key + "_") == 0)
+                throw badInput(value.place(), "the key " + detail::quoteText(key) + " is unknown",
+                               "Did you mean `" + known + "`? A key carries its unit.");
+}
+
+/** True for `root` itself and for what stands in it. */
+bool isWithin(const std::string& keyPath, const std::string& root) {
+    return keyPath.compare(0, root.size(), root) == 0 &&
+           (keyPath.size() == root.size() || keyPath[root.size()] == '.' ||
+            keyPath[root.size()] == '[');
+}
+
+/** The place of a case's block for complaints about its values together: the assignments of the command line that
+reach into it, if any, and the file's. */
+std::string describePlace(const ConfigNode& block, const std::string& key,
+                          const std::string& caseName, const std::vector<std::string>& overrides) {
+    std::string text;
+    for (const std::string& assignment : overrides) {
+        const std::string path = assignment.substr(0, assignment.find('='));
+        const std::string own = "cases." + caseName;
+        if (!isWithin(path, key) && !isWithin(path, own + "." + key) && path != own) continue;
+        const std::string shown = detail::quoteText(assignment);  // without its quotes
+        text += (text.empty() ? "" : ", ") + std::string(detail::kOverrideFile) + " " +
+                shown.substr(1, shown.size() - 2);
+    }
+    if (text.empty()) return block.place();
+    return block.file == detail::kOverrideFile ? text : text + " (over " + block.place() + ")";
+}
+
 MotionState readStart(const ConfigNode* block, const RobotDescription& robot) {
     MotionState start;
     start.q = robot.home;
@@ -66,6 +100,7 @@ MotionState readStart(const ConfigNode* block, const RobotDescription& robot) {
         start.qd = toJointVector(*node, robot.size());
     if (const ConfigNode* node = map.find("acceleration_radps2"))
         start.qdd = toJointVector(*node, robot.size());
+    refuseMissingUnit(*block, {"position_rad", "velocity_radps", "acceleration_radps2"});
     map.finish();
     return start;
 }
@@ -101,8 +136,9 @@ ConfigNode makeMissedTicks(const std::vector<TickGap>& gaps, double tick_s) {
 class CaseReader {
 public:
     CaseReader(const ConfigNode& node, const PluginLoader& loader,
-               const std::vector<std::filesystem::path>& robotPath)
-        : map_(node), loader_(loader), robotPath_(robotPath) {
+               const std::vector<std::filesystem::path>& robotPath,
+               const std::vector<std::string>& overrides)
+        : map_(node), loader_(loader), robotPath_(robotPath), overrides_(overrides) {
         // Unknown keys first: a misspelt key explains a missing one.
         for (const std::string& key : kTopOnlyKeys) map_.find(key);
         for (const std::string& key : kCaseKeys) map_.find(key);
@@ -119,15 +155,20 @@ public:
         plan.duration_s = toNumber(map_.require("duration_s"), {plan.tick_s, kLongestRun_s});
 
         const ConfigNode* limits = map_.find("limits");
+        if (limits)
+            refuseMissingUnit(
+                *limits, {"position_rad", "velocity_radps", "acceleration_radps2", "jerk_radps3"});
         bool allowLargeAngles = plan.robot.allowLargeAngles;
         plan.limits =
             limits ? readLimits(*limits, plan.robot.limits, allowLargeAngles) : plan.robot.limits;
         checkLimits(plan.limits, plan.tick_s, allowLargeAngles,
-                    limits ? limits->place() : plan.robot.folder.string() + "/limits.yaml",
+                    limits ? describePlace(*limits, "limits", name, overrides_)
+                           : plan.robot.folder.string() + "/limits.yaml",
                     plan.robot.jointNames());
         const ConfigNode* start = map_.find("start");
         plan.start = readStart(start, plan.robot);
-        plan.startPlace = start ? start->place() : map_.node().file;
+        plan.startPlace =
+            start ? describePlace(*start, "start", name, overrides_) : map_.node().file;
         if (const ConfigNode* missed = map_.find("missed_ticks"))
             plan.missedTicks = readMissedTicks(*missed, plan.tick_s, plan.duration_s);
 
@@ -214,6 +255,7 @@ private:
     ConfigMap map_;
     const PluginLoader& loader_;
     const std::vector<std::filesystem::path>& robotPath_;
+    const std::vector<std::string>& overrides_;
 };
 
 /** Case names become file names. */
@@ -306,7 +348,7 @@ Experiment readExperiment(const std::filesystem::path& file,
                                "'" + key + "' belongs to the top of the file, not to a case");
         const ConfigNode merged = overlay(shared, own);
         experiment.cases.push_back(
-            CaseReader(merged, loader, robotPath).read(name, experiment.title));
+            CaseReader(merged, loader, robotPath, overrides).read(name, experiment.title));
     }
     return experiment;
 }

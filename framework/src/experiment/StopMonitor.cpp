@@ -5,8 +5,8 @@
 #include <cstdio>
 #include <limits>
 
-#include "LimitScale.h"
 #include "PathExtent.h"
+#include "viable/motion/BrakingCertificate.h"
 #include "viable/plugin/NominalPlant.h"
 
 namespace viable {
@@ -23,14 +23,26 @@ constexpr double kRest = 1e-12;
 the log and nothing more, positions to this multiple. */
 constexpr double kResolution = 1.0 / 16.0;
 constexpr double kMarginResolution = 1e4;
-/** Rounding of a number's own digits, where its limit's range is tiny beside it. */
-constexpr double kRounding = 16.0 * std::numeric_limits<double>::epsilon();
+/** A joint on its way back that comes no nearer for so long does not come back. [s] */
+constexpr double kPatience_s = 1.0;
 
 double calcTolerance(double lower, double upper) {
-    const double largest = std::max(std::isfinite(lower) ? std::abs(lower) : 0.0,
-                                    std::isfinite(upper) ? std::abs(upper) : 0.0);
-    return kMonitorShare * detail::calcLimitScale(lower, upper) + kRounding * largest;
+    return kMonitorShare * calcLimitScale(lower, upper);
 }
+
+/** For a path that goes far beyond its limits rounding grows with it. */
+double widenTolerance(double tolerance, double extreme) {
+    return std::max(tolerance, kMonitorShare * std::abs(extreme));
+}
+
+constexpr double AxisLimits::*kLowerBounds[] = {
+    &AxisLimits::positionLower, &AxisLimits::velocityLower, &AxisLimits::accelerationLower,
+    &AxisLimits::jerkLower};
+constexpr double AxisLimits::*kUpperBounds[] = {
+    &AxisLimits::positionUpper, &AxisLimits::velocityUpper, &AxisLimits::accelerationUpper,
+    &AxisLimits::jerkUpper};
+constexpr AxisLimits kUnbounded{-kInfinity, kInfinity, -kInfinity, kInfinity,
+                                -kInfinity, kInfinity, -kInfinity, kInfinity};
 
 double takeJerk(std::array<GridStop::Stretch, GridStop::kStretches>& stretches) {
     for (GridStop::Stretch& stretch : stretches) {
@@ -72,25 +84,42 @@ void StopMonitor::takeLimits(const JointLimits& limits) {
 }
 
 void StopMonitor::reset(const MotionState& start, const JointLimits& limits, double tick_s,
-                        bool promised) {
+                        bool promised, bool recovers) {
     n_ = limits.size();
     tick_s_ = tick_s;
     promised_ = promised;
     takeLimits(limits);
-    planStop(start, HeldQuantity::Jerk);
+    examined_.held = getStopKind(HeldQuantity::Jerk);
+    for (int i = 0; i < n_; ++i) planCarefully(start, i);
     ready_ = examined_;
     reports_ = {};
-    loosenBounds(start);
+    for (int i = 0; i < n_; ++i) {
+        bounds_[i] = limits_[i];
+        isLoose_[i] = false;
+        if (recovers) loosenBounds(start, i, kUnbounded);
+    }
 }
 
 void StopMonitor::changeLimits(const JointLimits& limits, const MotionState& nominal) {
     takeLimits(limits);
-    loosenBounds(nominal);
+    for (int i = 0; i < n_; ++i) loosenBounds(nominal, i, AxisLimits(bounds_[i]));
 }
 
-void StopMonitor::loosenBounds(const MotionState& nominal) {
-    for (int i = 0; i < n_; ++i) bounds_[i] = calcBounds(nominal, i);
-    isLoose_.fill(true);
+/** Bounds of a joint: its limits or, where the stop held ready passes them, that stop's extremes, but no wider than
+`before`. */
+void StopMonitor::loosenBounds(const MotionState& nominal, int i, const AxisLimits& before) {
+    const AxisLimits reached = calcBounds(nominal, i);
+    const AxisLimits& limit = limits_[i];
+    isLoose_[i] = false;
+    for (double AxisLimits::*lower : kLowerBounds) {
+        bounds_[i].*lower = std::min(limit.*lower, std::max(before.*lower, reached.*lower));
+        isLoose_[i] |= bounds_[i].*lower < limit.*lower;
+    }
+    for (double AxisLimits::*upper : kUpperBounds) {
+        bounds_[i].*upper = std::max(limit.*upper, std::min(before.*upper, reached.*upper));
+        isLoose_[i] |= bounds_[i].*upper > limit.*upper;
+    }
+    ways_[i] = {};
 }
 
 HeldQuantity StopMonitor::getStopKind(HeldQuantity held) const {
@@ -105,6 +134,16 @@ void StopMonitor::planStop(const MotionState& from, HeldQuantity held) {
         stop.plan(from.qd[i], from.qdd[i], limits_[i], tick_s_);
         for (int k = 0; k < GridStop::kStretches; ++k) examined_.joints[i][k] = stop.remaining(k);
     }
+}
+
+/** With regard to the joint's position and velocity limits, too, and slower. */
+void StopMonitor::planCarefully(const MotionState& from, int i) {
+    if (examined_.held != HeldQuantity::Jerk) return;
+    BrakingCertificate certificate;
+    certificate.configure(limits_[i], tick_s_, 1.0);
+    certificate.reset({from.q[i], from.qd[i], from.qdd[i]});
+    for (int k = 0; k < GridStop::kStretches; ++k)
+        examined_.joints[i][k] = certificate.stop().remaining(k);
 }
 
 void StopMonitor::readWitness(const FilterDecision& decision) {
@@ -140,7 +179,6 @@ bool StopMonitor::followPlan(const Plan& plan, int joint, Path& path) const {
     }
     double ticks = 0.0;
     for (const GridStop::Stretch& stretch : plan.joints[joint]) {
-        if (stretch.ticks < 0) return false;
         if (stretch.ticks == 0) continue;
         ticks += static_cast<double>(stretch.ticks);
         path.follow(stretch.jerk, static_cast<double>(stretch.ticks) * tick_s_);
@@ -152,6 +190,7 @@ bool StopMonitor::followPlan(const Plan& plan, int joint, Path& path) const {
 void StopMonitor::keepFinding(Fault fault, int joint, LimitKind limit, LimitSide side,
                               double excess, double tolerance) {
     const StopVerdict verdict = fault == Fault::None ? StopVerdict::Returning : StopVerdict::NoStop;
+    fails_[joint] |= verdict == StopVerdict::NoStop;
     const double weight = excess / tolerance;
     if (verdict < finding_.verdict || (verdict == finding_.verdict && !(weight > worst_))) return;
     finding_ = {verdict, fault, joint, limit, side, excess};
@@ -174,14 +213,17 @@ void StopMonitor::judgeJoint(int i, const Path& path, bool judgesRates, bool jud
                                double beyondLimit, double allowed) {
         if (beyondLimit > allowed) {
             isReturning_[i] = true;
-            keepFinding(Fault::None, i, kind, side, beyondLimit, allowed);
+            const bool stays = ways_[i].idle_s > kPatience_s;
+            keepFinding(stays ? Fault::Stays : Fault::None, i, kind, side, beyondLimit, allowed);
         }
         if (beyondBound > allowed) keepFinding(Fault::Limit, i, kind, side, beyondBound, allowed);
     };
     const auto check = [&](LimitKind kind, const detail::PathExtent::Range& x,
                            double AxisLimits::*lower, double AxisLimits::*upper, double allowed) {
-        checkSide(kind, LimitSide::Lower, bound.*lower - x.lower, limit.*lower - x.lower, allowed);
-        checkSide(kind, LimitSide::Upper, x.upper - bound.*upper, x.upper - limit.*upper, allowed);
+        checkSide(kind, LimitSide::Lower, bound.*lower - x.lower, limit.*lower - x.lower,
+                  widenTolerance(allowed, x.lower));
+        checkSide(kind, LimitSide::Upper, x.upper - bound.*upper, x.upper - limit.*upper,
+                  widenTolerance(allowed, x.upper));
     };
     check(LimitKind::Position, path.extent.position, &AxisLimits::positionLower,
           &AxisLimits::positionUpper, tolerance.position);
@@ -196,8 +238,7 @@ void StopMonitor::judgeJoint(int i, const Path& path, bool judgesRates, bool jud
     if (!judgesRest) return;
     const auto checkRest = [&](LimitKind kind, double x, const detail::PathExtent::Range& range,
                                double allowed) {
-        if (std::isinf(allowed))
-            allowed = kMonitorShare * std::max(std::abs(range.lower), std::abs(range.upper));
+        allowed = widenTolerance(widenTolerance(allowed, range.lower), range.upper);
         if (std::abs(x) > allowed)
             keepFinding(Fault::Moving, i, kind, x > 0.0 ? LimitSide::Upper : LimitSide::Lower,
                         std::abs(x), allowed);
@@ -212,6 +253,7 @@ void StopMonitor::judge(const MotionState& nominal, const FilterDecision& decisi
     finding_ = {};
     worst_ = 0.0;
     isReturning_.fill(false);
+    fails_.fill(false);
     const bool holdsJerk = decision.held == HeldQuantity::Jerk;
     for (int i = 0; i < n_; ++i) {
         Path path = beginPath(nominal.q[i], nominal.qd[i],
@@ -242,8 +284,15 @@ const StopMonitor::Finding& StopMonitor::examine(const MotionState& nominal,
     else
         planStop(next_, decision.held);
     judge(nominal, decision, examined_);
+    bool isOwn = !hasWitness;
     if (finding_.verdict == StopVerdict::NoStop && hasWitness && !promised_) {
         planStop(next_, decision.held);
+        judge(nominal, decision, examined_);
+        isOwn = true;
+    }
+    if (finding_.verdict == StopVerdict::NoStop && isOwn) {
+        for (int i = 0; i < n_; ++i)
+            if (fails_[i]) planCarefully(next_, i);
         judge(nominal, decision, examined_);
     }
     return finding_;
@@ -274,13 +323,32 @@ void StopMonitor::tightenBounds() {
             continue;
         }
         const AxisLimits b = calcBounds(next_, i);
-        AxisLimits& bound = bounds_[i];
-        for (double AxisLimits::*lower : {&AxisLimits::positionLower, &AxisLimits::velocityLower,
-                                          &AxisLimits::accelerationLower, &AxisLimits::jerkLower})
-            bound.*lower = std::max(bound.*lower, b.*lower);
-        for (double AxisLimits::*upper : {&AxisLimits::positionUpper, &AxisLimits::velocityUpper,
-                                          &AxisLimits::accelerationUpper, &AxisLimits::jerkUpper})
-            bound.*upper = std::min(bound.*upper, b.*upper);
+        for (double AxisLimits::*lower : kLowerBounds)
+            bounds_[i].*lower = std::max(bounds_[i].*lower, b.*lower);
+        for (double AxisLimits::*upper : kUpperBounds)
+            bounds_[i].*upper = std::min(bounds_[i].*upper, b.*upper);
+    }
+}
+
+/** A joint comes nearer when its extremes move inwards or else its stop becomes shorter. */
+void StopMonitor::watchReturn() {
+    if (finding_.verdict == StopVerdict::NoStop) return;
+    for (int i = 0; i < n_; ++i) {
+        if (!isLoose_[i]) continue;
+        const Tolerances& t = tolerances_[i];
+        const double tolerances[] = {t.position, t.velocity, t.acceleration, t.jerk};
+        double excess = 0.0;
+        for (int k = 0; k < 4; ++k)
+            excess += (limits_[i].*kLowerBounds[k] - bounds_[i].*kLowerBounds[k] +
+                       bounds_[i].*kUpperBounds[k] - limits_[i].*kUpperBounds[k]) /
+                      tolerances[k];
+        Way& way = ways_[i];
+        if (excess < way.excess - 1.0)
+            way = {excess, reports_[i].duration_s, 0.0};
+        else if (reports_[i].duration_s < way.stop_s - tick_s_ / 2.0)
+            way = {way.excess, reports_[i].duration_s, 0.0};
+        else
+            way.idle_s += tick_s_;
     }
 }
 
@@ -288,6 +356,7 @@ void StopMonitor::accept() {
     ready_.held = examined_.held;
     std::copy_n(examined_.joints.begin(), n_, ready_.joints.begin());
     tightenBounds();
+    watchReturn();
 }
 
 const StopMonitor::Finding& StopMonitor::followStop(const MotionState& nominal,
@@ -335,14 +404,17 @@ void StopMonitor::describe(const Finding& finding, const char* jointName, char* 
                 jointName, side, quantity, finding.excess, getUnit(finding.limit),
                 isLoose_[finding.joint] ? " (compared with the stop before)" : "");
             break;
+        case Fault::Stays:
+            std::snprintf(text, size, "%s is %.3g %s beyond its %s %s limit and comes no nearer",
+                          jointName, finding.excess, getUnit(finding.limit), side, quantity);
+            break;
         case Fault::Moving:
             std::snprintf(text, size, "%s would not be at rest at the end of its stop (%s %.3g %s)",
                           jointName, quantity, finding.excess, getUnit(finding.limit));
             break;
         case Fault::Malformed:
             std::snprintf(text, size,
-                          "the stop of %s is none: a jerk that is not finite, a negative count of "
-                          "ticks, or no end",
+                          "the stop of %s is none: a jerk that is not finite, or no end",
                           jointName);
             break;
     }

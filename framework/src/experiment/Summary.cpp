@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "LimitScale.h"
 
 namespace viable {
 
@@ -63,8 +62,8 @@ bool Summary::check(std::vector<LimitRecord>& records, LimitKind kind, const Joi
     for (int i = 0; i < static_cast<int>(records.size()); ++i) {
         const double lower = bounds.lower[i], upper = bounds.upper[i], x = values[i];
         const bool bothFinite = std::isfinite(lower) && std::isfinite(upper);
-        const double scale = detail::calcLimitScale(lower, upper);
-        const double tolerance = std::isfinite(scale) ? kOutsideShare * scale : 0.0;
+        const double scale = calcLimitScale(lower, upper);
+        const double tolerance = kOutsideShare * scale;
         const double excess = std::isnan(x) ? INFINITY : std::max({0.0, lower - x, x - upper});
         // Positions are measured from the middle of their range, the rest from zero. A position with a limit
         // on one side only has no share of it that could be used: it is inside or beyond.
@@ -78,6 +77,9 @@ bool Summary::check(std::vector<LimitRecord>& records, LimitKind kind, const Joi
         if (excess > tolerance) use = std::max(use, 1.0 + 2.0 * kOutsideShare);
         if (std::isnan(x)) use = INFINITY;
         LimitRecord& record = records[i];
+        record.exists |= std::isfinite(lower) || std::isfinite(upper);
+        record.lastExcess = excess > tolerance ? excess : 0.0;
+        outside |= excess > tolerance;
         if (use > record.worstUse) {
             record.worstUse = use;
             record.worstTime_s = time_s;
@@ -88,19 +90,16 @@ bool Summary::check(std::vector<LimitRecord>& records, LimitKind kind, const Joi
             continue;
         }
         record.worstExcess = std::max(record.worstExcess, excess);
-        if (excess > tolerance) {
-            ++record.ticksOutside;
-            outside = true;
-        }
+        if (excess > tolerance) ++record.ticksOutside;
     }
     return outside;
 }
 
 void Summary::addEnd(const MotionState& nominal, double time_s) {
-    broken_ |= check(limits_[0], LimitKind::Position, bounds_.position, nominal.q, time_s);
-    broken_ |= check(limits_[1], LimitKind::Velocity, bounds_.velocity, nominal.qd, time_s);
-    broken_ |=
-        check(limits_[2], LimitKind::Acceleration, bounds_.acceleration, nominal.qdd, time_s);
+    bool outside = check(limits_[0], LimitKind::Position, bounds_.position, nominal.q, time_s);
+    outside |= check(limits_[1], LimitKind::Velocity, bounds_.velocity, nominal.qd, time_s);
+    outside |= check(limits_[2], LimitKind::Acceleration, bounds_.acceleration, nominal.qdd, time_s);
+    broken_ |= outside && !isReturning_;
 }
 
 void Summary::addIntervention(int i, const TickRecord& record) {
@@ -140,7 +139,9 @@ void Summary::add(const TickRecord& record) {
     bounds_ = record.limits;
     isReturning_ = record.verdict == StopVerdict::Returning;
     addEnd({record.nominal.q, record.nominal.qd, record.nominal.qdd}, record.time_s);
-    broken_ |= check(limits_[3], LimitKind::Jerk, bounds_.jerk, record.nominal.jerk, record.time_s);
+    const bool outside =
+        check(limits_[3], LimitKind::Jerk, bounds_.jerk, record.nominal.jerk, record.time_s);
+    broken_ |= outside && !isReturning_;
     if (hasRealPlant_)
         check(realPosition_, LimitKind::Position, bounds_.position, record.actual.q, record.time_s);
     for (int i = 0; i < n; ++i) {
@@ -172,6 +173,13 @@ std::int64_t Summary::ticksOutside(LimitKind kind) const {
     std::int64_t sum = 0;
     for (const LimitRecord& record : limit(kind)) sum += record.ticksOutside;
     return sum;
+}
+
+bool Summary::endsOutside() const {
+    for (const std::vector<LimitRecord>& records : limits_)
+        for (const LimitRecord& record : records)
+            if (record.lastExcess > 0.0) return true;
+    return false;
 }
 
 std::map<std::pair<std::string, std::string>, InterventionRecord> Summary::interventions() const {

@@ -10,7 +10,17 @@ namespace {
 
 constexpr LimitKind kKinds[] = {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration,
                                 LimitKind::Jerk};
-const char* const kKindNames[] = {"position", "velocity", "acceleration", "jerk"};
+
+/** Explains the words of the table and of the lines below it. */
+const char* const kLegend =
+    R"(worst use: largest share of a limit that the nominal arm used, in any tick. outside: joint-ticks beyond a limit, those
+on the way back to it (returning) not counted. infeasible: ticks in which the filter had no admissible choice. changed:
+ticks in which the filter changed the motion. Times are this machine's, not real-time.
+Below: acted N times = in N episodes; joint-s = their seconds, summed over the joints; the limit named is the one that
+bound the joint's own choice. torque removed: desired minus filtered, whatever the cause (other joints' limits through
+coupling and the lag gamma, too). least margin: smallest distance to a position limit along a tick and the stop after it;
+negative: beyond. unviable ticks: no stop within the limits was found after them.
+)";
 
 template <class... Arguments>
 std::string format(const char* pattern, Arguments... arguments) {
@@ -32,18 +42,90 @@ std::string formatMrad(double rad) {
     return format(std::abs(rad) < 10.0 ? "%.4g" : "%.3e", 1e3 * rad);
 }
 
-/** What became of ticks in which the arm was led back to its limits. */
-std::string formatReturn(const Summary& s) {
-    std::string text =
-        format(" but for %lld ticks of return", static_cast<long long>(s.returningTicks()));
-    for (int k = 0; k < Summary::kQuantities; ++k) {
-        double worst = 0.0;
-        for (const LimitRecord& limit : s.limit(kKinds[k]))
-            worst = std::max(worst, limit.worstReturning);
-        if (worst > 0.0)
-            text += format(", %s by %.3g %s", kKindNames[k], worst, getUnit(kKinds[k]));
-    }
+/** A distance to a limit; rounding is no distance. */
+std::string formatDistance(double distance) {
+    constexpr double kRounding = 1e-12;
+    return format("%.3g", std::abs(distance) < kRounding ? 0.0 : distance);
+}
+
+bool hasLimit(const Summary& s, LimitKind kind) {
+    const std::vector<LimitRecord>& records = s.limit(kind);
+    return std::any_of(records.begin(), records.end(),
+                       [](const LimitRecord& record) { return record.exists; });
+}
+
+/** The largest `value` of any joint's record of a limit. */
+double findWorst(const Summary& s, LimitKind kind, double LimitRecord::*value) {
+    double worst = 0.0;
+    for (const LimitRecord& record : s.limit(kind)) worst = std::max(worst, record.*value);
+    return worst;
+}
+
+/** ", position by 0.2 rad, velocity by ...": every quantity whose worst `value` is not zero. */
+std::string formatExcesses(const Summary& s, double LimitRecord::*value) {
+    std::string text;
+    for (LimitKind kind : kKinds)
+        if (const double worst = findWorst(s, kind, value); worst > 0.0)
+            text +=
+                format(", %s by %.3g %s", getName(kind, LimitSide::Neither), worst, getUnit(kind));
     return text;
+}
+
+/** What became of the limits, and of ticks in which the arm was led back to them. */
+std::string formatVerdict(const Summary& s) {
+    std::string text;
+    if (s.anyLimitBroken()) {
+        const char* joiner = "limits broken: ";
+        for (LimitKind kind : kKinds) {
+            if (s.ticksOutside(kind) == 0) continue;
+            text += joiner + format("%s by %.3g %s", getName(kind, LimitSide::Neither),
+                                    findWorst(s, kind, &LimitRecord::worstExcess), getUnit(kind));
+            joiner = ", ";
+        }
+    } else if (s.endsOutside()) {
+        text =
+            "not back within its limits at the end" + formatExcesses(s, &LimitRecord::lastExcess);
+    } else {
+        text = "all limits kept";
+    }
+    if (s.returningTicks() > 0)
+        text +=
+            format("; %lld of %lld ticks on the way back",
+                   static_cast<long long>(s.returningTicks()), static_cast<long long>(s.ticks())) +
+            formatExcesses(s, &LimitRecord::worstReturning);
+    return text;
+}
+
+std::string formatLimit(const Summary& s, LimitKind kind) {
+    std::string text = format("  %-13s ", getName(kind, LimitSide::Neither));
+    if (!hasLimit(s, kind)) return text + "no limit\n";
+    const int joint = s.worstJoint(kind);
+    const LimitRecord& worst = s.limit(kind)[joint];
+    text += format(
+        "worst use %9s %% (%s at %.3f s), outside in %lld joint-ticks, worst excess %s %s",
+        formatPercent(worst.worstUse).c_str(), s.jointNames()[joint].c_str(), worst.worstTime_s,
+        static_cast<long long>(s.ticksOutside(kind)),
+        formatDistance(findWorst(s, kind, &LimitRecord::worstExcess)).c_str(), getUnit(kind));
+    std::int64_t returning = 0;
+    for (const LimitRecord& record : s.limit(kind)) returning += record.ticksReturning;
+    if (returning > 0)
+        text += format("; on the way back outside in %lld, worst excess %.3g %s",
+                       static_cast<long long>(returning),
+                       findWorst(s, kind, &LimitRecord::worstReturning), getUnit(kind));
+    return text + "\n";
+}
+
+std::string formatStatuses(const Summary& s) {
+    std::string text = "  filter        ";
+    const char* joiner = "";
+    for (FilterStatus status :
+         {FilterStatus::Passed, FilterStatus::Modified, FilterStatus::Infeasible,
+          FilterStatus::StoppedByPlan, FilterStatus::Returning}) {
+        text += joiner +
+                format("%s %lld", getName(status), static_cast<long long>(s.ticksWith(status)));
+        joiner = ", ";
+    }
+    return text + format(" of %lld ticks\n", static_cast<long long>(s.ticks()));
 }
 
 /** One line per limit, all joints together. */
@@ -71,7 +153,8 @@ std::string formatInterventions(const Summary& s) {
 std::string formatStops(const Summary& s) {
     std::string text = "  stops         ";
     if (std::isfinite(s.worstMargin().value))
-        text += format("least margin %.3g rad (%s at %.3f s), ", s.worstMargin().value,
+        text += format("least margin %s rad (%s at %.3f s), ",
+                       formatDistance(s.worstMargin().value).c_str(),
                        s.jointNames()[static_cast<std::size_t>(s.worstMargin().joint)].c_str(),
                        s.worstMargin().time_s);
     text += format("longest %.3f s (%s at %.3f s)", s.longestStop().value,
@@ -89,26 +172,28 @@ std::string formatStops(const Summary& s) {
 
 std::string formatComparison(const std::vector<CaseResult>& results) {
     std::string text =
-        format("%-16s | %-33s | %-23s | %-19s | %s\n", "", "worst use of the limit [%]",
-               "joint-ticks ticks  ticks", "real - nominal", "tick [us]");
-    text += format("%-16s | %8s %8s %7s %7s | %7s %7s %8s | %9s %9s | %6s %6s\n", "case",
-                   "position", "velocity", "accel.", "jerk", "outside", "empty", "changed",
+        format("%-16s | %-35s | %-27s | %-19s | %s\n", "", "worst use of the limit [%]",
+               "ticks (outside: per joint)", "real - nominal", "tick [us]");
+    text += format("%-16s | %8s %8s %8s %8s | %8s %10s %7s | %9s %9s | %6s %6s\n", "case",
+                   "position", "velocity", "accel.", "jerk", "outside", "infeasible", "changed",
                    "RMS[mrad]", "max[mrad]", "median", "p99");
-    text += std::string(118, '-') + "\n";
+    text += std::string(122, '-') + "\n";
     for (const CaseResult& r : results) {
         const Summary& s = r.summary;
         std::int64_t outside = 0;
         for (LimitKind kind : kKinds) outside += s.ticksOutside(kind);
         const auto use = [&](LimitKind kind) {
-            return formatPercent(s.limit(kind)[s.worstJoint(kind)].worstUse);
+            return hasLimit(s, kind) ? formatPercent(s.limit(kind)[s.worstJoint(kind)].worstUse)
+                                     : "no limit";
         };
         const double modified =
             s.ticks() ? 100.0 *
                             static_cast<double>(s.ticksWith(FilterStatus::Modified) +
-                                                s.ticksWith(FilterStatus::Infeasible)) /
+                                                s.ticksWith(FilterStatus::Infeasible) +
+                                                s.ticksWith(FilterStatus::Returning)) /
                             static_cast<double>(s.ticks())
                       : 0.0;
-        text += format("%-16s | %8s %8s %7s %7s | %7lld %7lld %6.1f %% | %9s %9s | %6.1f %6.1f\n",
+        text += format("%-16s | %8s %8s %8s %8s | %8lld %10lld %5.1f %% | %9s %9s | %6.1f %6.1f\n",
                        r.name.c_str(), use(LimitKind::Position).c_str(),
                        use(LimitKind::Velocity).c_str(), use(LimitKind::Acceleration).c_str(),
                        use(LimitKind::Jerk).c_str(), static_cast<long long>(outside),
@@ -117,13 +202,7 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
                        s.hasRealPlant() ? formatMrad(s.trackingMax()).c_str() : "-",
                        s.tickTime().percentile(0.5), s.tickTime().percentile(0.99));
     }
-    text +=
-        "Limits are those of the nominal arm. outside: joint-ticks beyond any limit; empty: ticks "
-        "without "
-        "an\nadmissible choice; changed: ticks in which the filter changed the motion. Times are "
-        "this "
-        "machine's, not real-time.\n";
-    return text;
+    return text + kLegend;
 }
 
 std::string formatDetails(const CaseResult& r) {
@@ -134,40 +213,10 @@ std::string formatDetails(const CaseResult& r) {
     text += format("; %.3f s simulated in %.2f s (%.0f times real time)\n", r.simulated_s, r.wall_s,
                    r.wall_s > 0.0 ? r.simulated_s / r.wall_s : 0.0);
     text += "  verdict       ";
-    if (!s.anyLimitBroken()) text += "all limits kept";
-    const char* joiner = "limits broken: ";
-    for (int k = 0; k < Summary::kQuantities; ++k) {
-        if (s.ticksOutside(kKinds[k]) == 0) continue;
-        double excess = 0.0;
-        for (const LimitRecord& limit : s.limit(kKinds[k]))
-            excess = std::max(excess, limit.worstExcess);
-        text += joiner + format("%s by %.3g %s", kKindNames[k], excess, getUnit(kKinds[k]));
-        joiner = ", ";
-    }
-    if (s.returningTicks() > 0) text += formatReturn(s);
-    text +=
-        std::string(" (nominal arm; the filter promises ") + (r.promises ? "all" : "none") + ")\n";
-    for (int k = 0; k < Summary::kQuantities; ++k) {
-        const int joint = s.worstJoint(kKinds[k]);
-        const LimitRecord& limit = s.limit(kKinds[k])[joint];
-        text += format(
-            "  %-13s worst use %9s %% (%s at %.3f s), outside in %lld joint-ticks, worst excess "
-            "%.3g %s\n",
-            kKindNames[k], formatPercent(limit.worstUse).c_str(), s.jointNames()[joint].c_str(),
-            limit.worstTime_s, static_cast<long long>(s.ticksOutside(kKinds[k])), limit.worstExcess,
-            getUnit(kKinds[k]));
-    }
-    text += format(
-        "  filter        passed %lld, modified %lld, no admissible choice %lld, stop %lld, "
-        "returning "
-        "%lld of %lld ticks\n",
-        static_cast<long long>(s.ticksWith(FilterStatus::Passed)),
-        static_cast<long long>(s.ticksWith(FilterStatus::Modified)),
-        static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)),
-        static_cast<long long>(s.ticksWith(FilterStatus::StoppedByPlan)),
-        static_cast<long long>(s.ticksWith(FilterStatus::Returning)),
-        static_cast<long long>(s.ticks()));
-    text += formatInterventions(s) + formatStops(s);
+    text += formatVerdict(s) + " (nominal arm; the filter promises " +
+            (r.promises ? "all" : "none") + ")\n";
+    for (LimitKind kind : kKinds) text += formatLimit(s, kind);
+    text += formatStatuses(s) + formatInterventions(s) + formatStops(s);
     if (s.substitutedTicks() > 0)
         text += format(
             "  controller    %lld ticks without a usable torque, the last good one was used\n",
@@ -179,9 +228,11 @@ std::string formatDetails(const CaseResult& r) {
         int worst = 0;
         for (int i = 1; i < static_cast<int>(s.jointNames().size()); ++i)
             if (s.realPosition(i).worstUse > s.realPosition(worst).worstUse) worst = i;
-        text += "\n  real arm      position: worst use " +
-                formatPercent(s.realPosition(worst).worstUse) + " % (" + s.jointNames()[worst] +
-                ")\n";
+        text += "\n  real arm      position: ";
+        text += hasLimit(s, LimitKind::Position)
+                    ? "worst use " + formatPercent(s.realPosition(worst).worstUse) + " % (" +
+                          s.jointNames()[worst] + ")\n"
+                    : "no limit\n";
     }
     text += format("  tick          median %.1f us, p99 %.1f us, max %.1f us (median / p99:",
                    s.tickTime().percentile(0.5), s.tickTime().percentile(0.99), s.tickTime().max());
@@ -199,7 +250,9 @@ std::string formatDetails(const CaseResult& r) {
     if (!r.log.empty())
         text += format("  log           %s (%lld rows)\n", r.log.c_str(),
                        static_cast<long long>(r.logRows));
-    if (!r.stopMessage.empty()) text += "  STOPPED       " + r.stopMessage + "\n";
+    if (!r.stopMessage.empty())
+        text += "  STOPPED       " + r.stopMessage +
+                (r.stopRemedy.empty() ? "" : ". " + r.stopRemedy) + "\n";
     if (!r.logError.empty()) text += "  LOG LOST      " + r.logError + "\n";
     return text;
 }
@@ -217,14 +270,15 @@ std::string writeSummaryJson(const Experiment& experiment, const std::vector<Cas
             json joints = json::object();
             for (std::size_t i = 0; i < s.jointNames().size(); ++i) {
                 const LimitRecord& limit = s.limit(kKinds[k])[i];
-                joints[s.jointNames()[i]] = {{"worst_use", number(limit.worstUse)},
-                                             {"worst_time_s", limit.worstTime_s},
-                                             {"worst_excess", number(limit.worstExcess)},
-                                             {"ticks_outside", limit.ticksOutside},
-                                             {"ticks_returning", limit.ticksReturning},
-                                             {"worst_returning", number(limit.worstReturning)}};
+                joints[s.jointNames()[i]] = {
+                    {"worst_use", limit.exists ? number(limit.worstUse) : json(nullptr)},
+                    {"worst_time_s", limit.worstTime_s},
+                    {"worst_excess", number(limit.worstExcess)},
+                    {"ticks_outside", limit.ticksOutside},
+                    {"ticks_returning", limit.ticksReturning},
+                    {"worst_returning", number(limit.worstReturning)}};
             }
-            limits[kKindNames[k]] = joints;
+            limits[getName(kKinds[k], LimitSide::Neither)] = joints;
         }
         json interventions = json::object();
         for (const auto& [key, record] : s.interventions())
@@ -266,13 +320,14 @@ std::string writeSummaryJson(const Experiment& experiment, const std::vector<Cas
                          {"real_plant", r.realPlant},
                          {"seeds", r.seeds},
                          {"promises_limits", r.promises},
-                         {"limits_kept", !s.anyLimitBroken()},
+                         {"limits_kept", !s.anyLimitBroken() && !s.endsOutside()},
+                         {"ends_outside", s.endsOutside()},
                          {"simulated_s", r.simulated_s},
                          {"wall_s", r.wall_s},
                          {"ticks", s.ticks()},
                          {"passed_ticks", s.ticksWith(FilterStatus::Passed)},
                          {"modified_ticks", s.ticksWith(FilterStatus::Modified)},
-                         {"empty_ticks", s.ticksWith(FilterStatus::Infeasible)},
+                         {"infeasible_ticks", s.ticksWith(FilterStatus::Infeasible)},
                          {"stopped_ticks", s.ticksWith(FilterStatus::StoppedByPlan)},
                          {"returning_ticks", s.returningTicks()},
                          {"unviable_ticks", s.unviableTicks()},

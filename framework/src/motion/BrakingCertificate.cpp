@@ -25,6 +25,7 @@ constexpr double kSameState = 1e-9;
 /** So many ticks of a stored stop are followed one by one; of more the state is taken as it comes. */
 constexpr int kMaxFollowedTicks = 1000;
 constexpr int kRepairRounds = 6;
+constexpr int kRestRounds = 12;
 constexpr int kNewtonRounds = 6;
 /** A correction smaller than this share of the jerk range ends Newton's method. */
 constexpr double kNewtonStep = 1e-6;
@@ -205,14 +206,9 @@ void BrakingCertificate::configure(const AxisLimits& limits, double tick_s, doub
 
 void BrakingCertificate::changeLimits(const AxisLimits& limits) {
     limits_ = limits;
-    const auto size = [](double lower, double upper) {
-        const double a = std::isfinite(lower) ? std::abs(lower) : 0.0;
-        const double b = std::isfinite(upper) ? std::abs(upper) : 0.0;
-        return kRounding * std::max(a, b);
-    };
-    const double p = size(limits.positionLower, limits.positionUpper);
-    const double v = size(limits.velocityLower, limits.velocityUpper);
-    const double a = size(limits.accelerationLower, limits.accelerationUpper);
+    const double p = kRounding * calcLimitScale(limits.positionLower, limits.positionUpper);
+    const double v = kRounding * calcLimitScale(limits.velocityLower, limits.velocityUpper);
+    const double a = kRounding * calcLimitScale(limits.accelerationLower, limits.accelerationUpper);
     rounding_ = {p, p, v, v, a, a, 0.0, 0.0};
     mayExceed_ = true;
 }
@@ -461,8 +457,12 @@ void BrakingCertificate::findBest(double jerk, double stored, bool mirrored, Lim
     if (limit == LimitKind::Position && certify(sign * u, candidate)) return;
 
     // Something else stands in the way: half of the way, once. More rounds bring nothing that can be measured, because
-    // the next tick tries again, and cost the worst tick most.
-    certify(sign * (stored + u) / 2.0, candidate);
+    // the next tick tries again, and cost the worst tick most; but at rest the next tick is like this one.
+    const bool atRest = s.v == 0.0 && s.a == 0.0;
+    for (int round = 0; round < (atRest ? kRestRounds : 1); ++round) {
+        u = (stored + u) / 2.0;
+        if (certify(sign * u, candidate)) return;
+    }
 }
 
 BrakingCertificate::Bound BrakingCertificate::findBound(double jerk) {

@@ -98,6 +98,19 @@ std::int64_t getLargest(const ParameterSpec& spec) {
     return toInt64(spec.maxIsOpen && bound == spec.max ? bound - 1.0 : bound);
 }
 
+/** True when the command line chose the plugin, and so emptied the block that the file has. */
+bool isChosenByOverride(const ConfigNode& block) {
+    const ConfigNode* plugin = block.find("plugin");
+    return plugin && plugin->file == detail::kOverrideFile;
+}
+
+/** The block's place for complaints about what is not written in it. */
+std::string describePlace(const ConfigNode& block) {
+    if (!isChosenByOverride(block)) return block.place();
+    const ConfigNode& plugin = *block.find("plugin");
+    return plugin.place() + "=" + plugin.text;
+}
+
 /** @param folderOf  node whose file's folder a relative path starts in */
 std::filesystem::path toFile(const ConfigNode& node, const ConfigNode& folderOf,
                              const ParameterSpec& spec) {
@@ -273,10 +286,16 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
         const ParameterSpec& spec = specs[i];
         const ConfigNode* written = block.find(spec.name);
         if (!written && !spec.defaultText) {
+            const std::string key = spec.name;
+            const std::string entry =
+                isChosenByOverride(block)
+                    ? detail::kOverrideFile + (" " + detail::joinKeyPath(block.keyPath, key)) + "="
+                    : key + ": ";
             throw badInput(
-                block.place(),
+                describePlace(block),
                 nameWithUnit(spec) + " is missing: " + (spec.help ? spec.help : "no help"),
-                "Add `" + std::string(spec.name) + ": ...` (" + getTypeName(spec.type) + ") here");
+                "Add `" + entry + "...` (" + getTypeName(spec.type) + ")" +
+                    (isChosenByOverride(block) ? "" : " here"));
         }
         ConfigNode node = written ? *written : makeDefault(spec, block);
         Parameters::Value value;
@@ -318,7 +337,7 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
             node.quoted = true;
         }
         parameters.values_.emplace(spec.name, std::move(value));
-        parameters.places_.emplace(spec.name, written ? written->place() : block.place());
+        parameters.places_.emplace(spec.name, written ? written->place() : describePlace(block));
         resolved.entries.emplace_back(spec.name, node);
     }
     return parameters;

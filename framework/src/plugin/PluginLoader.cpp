@@ -255,7 +255,12 @@ std::vector<std::string> describeDifferences(const AbiStamp& theirs, const AbiSt
     compare(&AbiStamp::commandSize, "size of a MotionCommand in bytes", rebuild);
     compare(&AbiStamp::parametersSize, "size of Parameters in bytes", rebuild);
     compare(&AbiStamp::configSize, "size of a ConfigNode in bytes", rebuild);
-    compare(&AbiStamp::motionSize, "size of the motion classes in bytes", rebuild);
+    compare(&AbiStamp::boxQpSize, "size of BoxQp in bytes", rebuild);
+    compare(&AbiStamp::desiredJerkSize, "size of DesiredJerk in bytes", rebuild);
+    compare(&AbiStamp::gridStopSize, "size of GridStop in bytes", rebuild);
+    compare(&AbiStamp::intervalChoiceSize, "size of IntervalChoice in bytes", rebuild);
+    compare(&AbiStamp::certificateSize, "size of BrakingCertificate in bytes", rebuild);
+    compare(&AbiStamp::brakingSize, "size of CertifiedBraking in bytes", rebuild);
     compare(&AbiStamp::rowMajor, "storage order (EIGEN_DEFAULT_TO_ROW_MAJOR)", sameEigen);
     if (theirs.compiler != ours.compiler)
         found.push_back("it was built with " + getCompilerName(theirs.compiler) + ", viable with " +

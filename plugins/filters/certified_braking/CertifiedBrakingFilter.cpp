@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <string>
 
 #include "viable/core/Error.h"
 #include "viable/plugin/PluginExport.h"
@@ -25,6 +26,43 @@ const ParameterSpec kParameters[] = {
         "Accept a start outside the limits, or one that must leave them, and lead the arm back."),
 };
 
+/** Beyond a limit by less is rounding; relative to the limit. */
+constexpr double kRounding = 1e-12;
+
+std::string formatNumber(double value, const char* pattern = "%g") {
+    char text[32];
+    std::snprintf(text, sizeof text, pattern, value);
+    return text;
+}
+
+/** What of a joint's start is itself beyond a limit, and the keys that say so. */
+struct Outside {
+    std::string what, keys;  // empty: nothing is
+};
+
+Outside findOutside(const RunSetup& setup, int joint) {
+    Outside outside;
+    const auto check = [&](LimitKind kind, double value, const JointBounds& bounds,
+                           const char* key) {
+        const bool below = value < bounds.lower[joint];
+        const double bound = below ? bounds.lower[joint] : bounds.upper[joint];
+        const double excess = below ? bound - value : value - bound;
+        if (!(excess > kRounding * std::abs(bound))) return;
+        const std::string unit = std::string(" ") + getUnit(kind);
+        outside.what +=
+            (outside.what.empty() ? "" : ", ") + std::string(getName(kind, LimitSide::Neither)) +
+            " " + formatNumber(value) + unit + " is beyond " +
+            getName(kind, below ? LimitSide::Lower : LimitSide::Upper) + " by " +
+            formatNumber(excess, "%.3g") + unit + " (limit " + formatNumber(bound) + unit + ")";
+        outside.keys += (outside.keys.empty() ? "`start." : ", `start.") + std::string(key) + "`";
+    };
+    check(LimitKind::Position, setup.start.q[joint], setup.limits.position, "position_rad");
+    check(LimitKind::Velocity, setup.start.qd[joint], setup.limits.velocity, "velocity_radps");
+    check(LimitKind::Acceleration, setup.start.qdd[joint], setup.limits.acceleration,
+          "acceleration_radps2");
+    return outside;
+}
+
 }  // namespace
 
 void CertifiedBrakingFilter::configure(const RunSetup& setup, const Parameters& parameters) {
@@ -36,12 +74,13 @@ void CertifiedBrakingFilter::configure(const RunSetup& setup, const Parameters& 
     const double gamma = parameters.number("gamma");
     if (approach > 1.0)
         throw badInput(parameters.place("k_alpha"),
-                       "k_alpha * tick_s is " + std::to_string(approach) + ", allowed (0, 1]",
+                       "k_alpha * tick_s is " + formatNumber(approach) + ", allowed (0, 1]",
                        "Choose k_alpha at most 1 / tick_s, or .inf.");
     if (gamma * tick_s_ >= 2.0)
-        throw badInput(parameters.place("gamma"),
-                       "gamma * tick_s is " + std::to_string(gamma * tick_s_) + ", allowed (0, 2)",
-                       "The sampled law is unstable from 2 on; choose gamma below 2 / tick_s.");
+        throw badInput(
+            parameters.place("gamma"),
+            "gamma * tick_s is " + formatNumber(gamma * tick_s_, "%#.3g") + ", allowed (0, 2)",
+            "The sampled law is unstable from 2 on; choose gamma below 2 / tick_s.");
     if (!setup.limits.jerk.lower.allFinite() || !setup.limits.jerk.upper.allFinite())
         throw badInput(parameters.place("recovery"),
                        "the filter certified_braking needs a finite jerk limit on every joint",
@@ -52,14 +91,19 @@ void CertifiedBrakingFilter::configure(const RunSetup& setup, const Parameters& 
     for (int i = 0; i < n_ && !recovery_; ++i) {
         const PassedLimit& excess = braking_.findExcess(i);
         if (excess.limit == LimitKind::None) continue;
-        char distance[32];
-        std::snprintf(distance, sizeof distance, "%.3g", excess.excess);
+        const std::string who = "the start of " + setup.robot.joints[i].name + " is ";
+        const Outside outside = findOutside(setup, i);
+        if (!outside.what.empty())
+            throw badInput(parameters.place("recovery"),
+                           who + "outside its limits: " + outside.what,
+                           "Change " + outside.keys +
+                               ", or set `recovery: true` here, which leads the arm back.");
         throw badInput(parameters.place("recovery"),
-                       "the start of " + setup.robot.joints[i].name +
-                           " is not viable: its stop passes the limit " +
-                           getName(excess.limit, excess.side) + " by " + distance + " " +
-                           getUnit(excess.limit),
-                       "Start at rest or further inside the limits, or set `recovery: true`.");
+                       who + "not viable: its stop would pass the limit " +
+                           getName(excess.limit, excess.side) + " by " +
+                           formatNumber(excess.excess, "%.3g") + " " + getUnit(excess.limit),
+                       "Change `start` (at rest, or further inside the limits), or set "
+                       "`recovery: true` here, which leads the arm back.");
     }
 }
 

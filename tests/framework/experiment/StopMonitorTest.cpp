@@ -91,7 +91,7 @@ Sampled samplePath(const MotionState& s, const FilterDecision& d) {
 StopMonitor makeMonitor(const JointLimits& limits, bool promised = true) {
     StopMonitor monitor;
     const int n = limits.size();
-    monitor.reset(makeState(0, 0, 0, n), limits, kTick_s, promised);
+    monitor.reset(makeState(0, 0, 0, n), limits, kTick_s, promised, true);
     const MotionState rest = makeState(0, 0, 0, n);
     monitor.examine(rest, makeJerk(rest, 0.0));
     monitor.accept();
@@ -184,7 +184,7 @@ TEST(StopMonitor, WhatIsBeyondALimitMayNotGetWorseAndComesBackForGood) {
     const JointLimits limits = makeLimits(1);
     StopMonitor monitor;
     MotionState s = makeState(1.1, 0.0, 0.0);
-    monitor.reset(s, limits, kTick_s, true);
+    monitor.reset(s, limits, kTick_s, true, true);
     EXPECT_EQ(monitor.examine(s, makeJerk(s, 0.0)).verdict, StopVerdict::Returning);
     EXPECT_NEAR(monitor.stop(0).margin, -0.1, 1e-12);
     EXPECT_EQ(monitor.examine(s, makeJerk(s, 40.0)).verdict, StopVerdict::NoStop);

@@ -16,6 +16,11 @@ enum class LimitSide : signed char { Lower = -1, Neither = 0, Upper = 1 };
 /** "none", "position_lower", "jerk_upper", ...: the words used in logs and summaries. */
 const char* getName(LimitKind kind, LimitSide side);
 
+/** The length that tolerances on one joint's limits are shares of: the size of the larger one; with a limit on one side
+or none, where the other way is open, at least 1 rad, rad/s, rad/s^2 or rad/s^3. Rounding is relative to this size, not
+to the range: limits may lie close together and far from zero. */
+double calcLimitScale(double lower, double upper);
+
 /** "rad", "rad/s", "rad/s^2", "rad/s^3"; empty for None. */
 const char* getUnit(LimitKind kind);
 

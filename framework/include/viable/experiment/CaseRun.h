@@ -48,6 +48,7 @@ struct CaseResult {
     StopReason stopReason = StopReason::None;
     std::string
         stopMessage;  ///< one sentence that names plugin, time and cause; empty without a stop
+    std::string stopRemedy;  ///< what to do about it; may be empty
     double stopTime_s = 0.0;
     std::filesystem::path log;
     std::string logError;  ///< empty: every row was written

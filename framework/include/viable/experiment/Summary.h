@@ -31,13 +31,15 @@ private:
 
 /** How one limit fared on one joint. */
 struct LimitRecord {
-    double worstUse = 0.0;     ///< largest share of the limit used; 1 is the limit itself
+    bool exists = false;       ///< a side was finite in some tick
+    double worstUse = 0.0;     ///< largest share of the limit used, in any tick; 1 is the limit itself
     double worstTime_s = 0.0;  ///< when
     double worstExcess = 0.0;  ///< farthest beyond either side, in the limit's unit
     std::int64_t ticksOutside = 0;
-    /** The same while the arm was led back (StopVerdict::Returning), which breaks no promise. */
+    /** The same two while the arm was led back (StopVerdict::Returning), which breaks no promise. */
     std::int64_t ticksReturning = 0;
     double worstReturning = 0.0;
+    double lastExcess = 0.0;  ///< how far outside at the end; 0 inside
 };
 
 /** What one side of one limit did to one joint. An episode is a row of ticks without a gap. */
@@ -82,7 +84,10 @@ public:
     /** The same for the position of the real arm (its true one), which no filter promises anything about. */
     const LimitRecord& realPosition(int joint) const { return realPosition_[joint]; }
     std::int64_t ticksOutside(LimitKind kind) const;
+    /** A limit was passed while the arm was not being led back. */
     bool anyLimitBroken() const { return broken_; }
+    /** The last tick or the state after it is still beyond a limit. */
+    bool endsOutside() const;
 
     std::int64_t ticks() const { return ticks_; }
     std::int64_t ticksWith(FilterStatus status) const {
@@ -116,7 +121,7 @@ public:
     const std::vector<std::string>& jointNames() const { return jointNames_; }
 
 private:
-    /** Adds `values` at a time to `records`; true when any is outside and the arm is not being led back. */
+    /** Adds `values` at a time to `records`; true when any is outside. */
     bool check(std::vector<LimitRecord>& records, LimitKind kind, const JointBounds& bounds,
                const JointVector& values, double time_s) const;
     void addIntervention(int joint, const TickRecord& record);

@@ -6,8 +6,8 @@
 #include <exception>
 #include <type_traits>
 
+#include "viable/motion/CertifiedBraking.h"
 #include "viable/motion/DesiredJerk.h"
-#include "viable/motion/GridStop.h"
 #include "viable/plugin/CommandSource.h"
 #include "viable/plugin/IntervalChoice.h"
 #include "viable/plugin/NominalController.h"
@@ -46,8 +46,13 @@ struct AbiStamp {
     std::uint32_t commandSize;     ///< MotionCommand
     std::uint32_t parametersSize;  ///< Parameters
     std::uint32_t configSize;      ///< ConfigNode
-    std::uint32_t motionSize;      ///< BoxQp, DesiredJerk, GridStop and IntervalChoice together
-    std::uint32_t rowMajor;        ///< EIGEN_DEFAULT_TO_ROW_MAJOR
+    std::uint32_t boxQpSize;
+    std::uint32_t desiredJerkSize;
+    std::uint32_t gridStopSize;
+    std::uint32_t intervalChoiceSize;
+    std::uint32_t certificateSize;  ///< BrakingCertificate
+    std::uint32_t brakingSize;      ///< CertifiedBraking
+    std::uint32_t rowMajor;         ///< EIGEN_DEFAULT_TO_ROW_MAJOR
     std::uint32_t parameterSpecSize;
     std::uint32_t compiler;  ///< 1 gcc, 2 clang, 0 other
     std::uint32_t compilerMajor;
@@ -121,7 +126,12 @@ inline AbiStamp makeAbiStamp() {
     s.commandSize = sizeof(MotionCommand);
     s.parametersSize = sizeof(Parameters);
     s.configSize = sizeof(ConfigNode);
-    s.motionSize = sizeof(BoxQp) + sizeof(DesiredJerk) + sizeof(GridStop) + sizeof(IntervalChoice);
+    s.boxQpSize = sizeof(BoxQp);
+    s.desiredJerkSize = sizeof(DesiredJerk);
+    s.gridStopSize = sizeof(GridStop);
+    s.intervalChoiceSize = sizeof(IntervalChoice);
+    s.certificateSize = sizeof(BrakingCertificate);
+    s.brakingSize = sizeof(CertifiedBraking);
 #ifdef EIGEN_DEFAULT_TO_ROW_MAJOR
     s.rowMajor = 1;
 #endif

@@ -72,7 +72,7 @@ public:
     without a stop that stays there; the host refuses such a start otherwise. Valid after configure(). */
     virtual bool recovers() const;
 
-    /** New limits from the next tick on, complete and usable at the tick (see areUsable). True when the filter
+    /** New limits from the next filter() on; where ticks were missed, after skipTicks(). Complete and usable at the tick (see areUsable). True when the filter
     works by them from now on, approaching as fast as jerk allows what it cannot meet at once; false when it
     cannot change its limits, and the host then stops the arm. Real time, like filter(). */
     virtual bool changeLimits(const JointLimits& limits);
