@@ -101,6 +101,31 @@ TEST(Program, TheExperimentFileOfTheReadmeRunsAsPrinted) {
                    {"My question", "certified: filter certified_braking", "paper: filter tosbp"});
 }
 
+TEST(Program, EveryKeyOfAnExperimentFileStandsInTheReadme) {
+    const std::string readme = readFile(VIABLE_SOURCE_DIR "/README.md");
+    const std::string section = readme.substr(readme.find("## An experiment file"));
+    Folder folder;
+    const std::string file = folder.write("e.yaml", kExperiment);
+    int keys = 0;
+    for (const char* wrong : {"zzzzzzzz=1", "start.zzzzzzzz=1", "limits.zzzzzzzz=1"}) {
+        const Outcome o = test::run({"check", file, "--set", wrong});
+        ASSERT_EQ(o.code, 2);
+        std::size_t at = o.err.find("Known keys: ");
+        ASSERT_NE(at, std::string::npos) << o.err;
+        while ((at = o.err.find('`', at)) != std::string::npos) {
+            const std::size_t end = o.err.find('`', at + 1);
+            const std::string key = o.err.substr(at + 1, end - at - 1);
+            EXPECT_TRUE(section.find("`" + key + "`") != std::string::npos ||
+                        section.find("." + key + "`") != std::string::npos ||
+                        section.find("`" + key + ".") != std::string::npos)
+                << "the README lacks " << key;
+            at = end + 1;
+            ++keys;
+        }
+    }
+    EXPECT_GT(keys, 20);
+}
+
 TEST(Program, EveryDeclaredParameterStandsInThePluginsReadme) {
     // Every parameter that a plugin declares stands in its README.
     std::vector<RefusedLibrary> refused;
@@ -296,7 +321,7 @@ TEST(Fault75, ASignalBrakesTheArmAndFinishesTheLog) {
         double seconds = 0.0;
         const Outcome o = runAndSignal(folder, {signal}, seconds);
         EXPECT_EQ(o.code, 128 + signal);
-        EXPECT_LT(seconds, 2.0);
+        EXPECT_LT(seconds, 20.0);  // the run itself takes hours
         expectContains(o.err, {"ended early by signal", "braked"});
         LogReader reader(folder / "run/A.mcap");
         EXPECT_TRUE(reader.isComplete());
@@ -313,7 +338,7 @@ TEST(Fault75, ASecondSignalForcesTheEnd) {
     double seconds = 0.0;
     const Outcome o = runAndSignal(folder, {SIGINT, SIGTERM}, seconds);
     EXPECT_TRUE(o.code == 128 + SIGTERM || o.code == 128 + SIGINT) << o.code;
-    EXPECT_LT(seconds, 2.0);
+    EXPECT_LT(seconds, 20.0);  // the run itself takes hours
 }
 
 TEST(Fault75, AClosedPipeDoesNotKillTheRun) {

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 
-
 namespace viable {
 
 namespace {
@@ -98,7 +97,8 @@ bool Summary::check(std::vector<LimitRecord>& records, LimitKind kind, const Joi
 void Summary::addEnd(const MotionState& nominal, double time_s) {
     bool outside = check(limits_[0], LimitKind::Position, bounds_.position, nominal.q, time_s);
     outside |= check(limits_[1], LimitKind::Velocity, bounds_.velocity, nominal.qd, time_s);
-    outside |= check(limits_[2], LimitKind::Acceleration, bounds_.acceleration, nominal.qdd, time_s);
+    outside |=
+        check(limits_[2], LimitKind::Acceleration, bounds_.acceleration, nominal.qdd, time_s);
     broken_ |= outside && !isReturning_;
 }
 

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -88,12 +89,12 @@ std::string formatVerdict(const Summary& s) {
     } else {
         text = "all limits kept";
     }
-    if (s.returningTicks() > 0)
-        text +=
-            format("; %lld of %lld ticks on the way back",
-                   static_cast<long long>(s.returningTicks()), static_cast<long long>(s.ticks())) +
-            formatExcesses(s, &LimitRecord::worstReturning);
-    return text;
+    if (s.returningTicks() == 0) return text;
+    text += s.anyLimitBroken() || s.endsOutside() ? ";" : " but for";
+    return text +
+           format(" %lld of %lld ticks on the way back", static_cast<long long>(s.returningTicks()),
+                  static_cast<long long>(s.ticks())) +
+           formatExcesses(s, &LimitRecord::worstReturning);
 }
 
 std::string formatLimit(const Summary& s, LimitKind kind) {

@@ -287,15 +287,15 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
         const ConfigNode* written = block.find(spec.name);
         if (!written && !spec.defaultText) {
             const std::string key = spec.name;
+            std::string help = hasText(spec.help) ? spec.help : "no help";
+            if (help.back() == '.') help.pop_back();  // the message sets its own
             const std::string entry =
                 isChosenByOverride(block)
                     ? detail::kOverrideFile + (" " + detail::joinKeyPath(block.keyPath, key)) + "="
                     : key + ": ";
-            throw badInput(
-                describePlace(block),
-                nameWithUnit(spec) + " is missing: " + (spec.help ? spec.help : "no help"),
-                "Add `" + entry + "...` (" + getTypeName(spec.type) + ")" +
-                    (isChosenByOverride(block) ? "" : " here"));
+            throw badInput(describePlace(block), nameWithUnit(spec) + " is missing: " + help,
+                           "Add `" + entry + "...` (" + getTypeName(spec.type) + ")" +
+                               (isChosenByOverride(block) ? "" : " here"));
         }
         ConfigNode node = written ? *written : makeDefault(spec, block);
         Parameters::Value value;

@@ -65,6 +65,27 @@ TEST(Fault02, EveryMisspeltKeyIsRefusedWithThePlaceAndTheClosestKey) {
     expectContains(errorOf(kOneJoint, {"robot=indy8"}), {"indy8", "indy7"});
 }
 
+TEST(Fault02, AKeyWithoutItsUnitIsToldWhichWasMeant) {
+    expectContains(errorOf(kOneJoint, {"start.velocity=1"}),
+                   {"--set start.velocity:", "Did you mean `velocity_radps`"});
+    expectContains(errorOf(kOneJoint, {"start.acceleration=1"}), {"`acceleration_radps2`"});
+    expectContains(errorOf(kTeleoperation, {"limits.jerk=1"}), {"Did you mean `jerk_radps3`"});
+    expectContains(errorOf(kOneJoint, {"start.speed=1"}), {"Known keys", "velocity_radps"});
+}
+
+TEST(ExperimentFile, WhatTheCommandLineSaysIsNotBlamedOnTheFile) {
+    expectContains(errorOf(kTeleoperation, {"limits.jerk_radps3=1e9"}),
+                   {"--set limits.jerk_radps3=1e9 (over ", "test.yaml:6:3: limits): "});
+    expectContains(errorOf(kTeleoperation, {"cases.A.limits.jerk_radps3=1e9"}),
+                   {"--set cases.A.limits.jerk_radps3=1e9 (over "});
+    EXPECT_EQ(errorOf(kTeleoperation, {"filter.gamma=3", "limits.jerk_radps3=1e9"}).find("gamma"),
+              std::string::npos);
+    // The plugin's own entries are gone with the plugin that they belonged to.
+    expectContains(
+        errorOf(kTeleoperation, {"command.plugin=recorded_poses"}),
+        {"--set command.plugin=recorded_poses: `file` is missing", "--set command.file=..."});
+}
+
 TEST(ExperimentFile, WhatNoCaseWouldSeeIsRefused) {
     const char* const allOwn = R"(schema: 1
 title: t
@@ -163,12 +184,27 @@ TEST(Fault12, AStartOutsideAnyLimitIsRefusedWithJointSideAndDistance) {
         {"--set start", "position of joint0", "upper limit", "by 0.05", "rad", "recovery: true"});
     expectContains(configureErrorOf(kOneJoint, {"start.position_rad=[-3.2]"}), {"lower limit"});
     expectContains(configureErrorOf(kOneJoint, {"start.velocity_radps=[7]"}),
-                   {"velocity", "rad/s"});
+                   {"velocity", "rad/s", "start: {velocity_radps: [...]}"});
     expectContains(configureErrorOf(kOneJoint, {"start.acceleration_radps2=[-10]"}),
-                   {"acceleration", "lower"});
+                   {"acceleration", "lower", "start: {acceleration_radps2: [...]}"});
     expectContains(configureErrorOf(kTeleoperation, {"start.position_rad=[0, 0, -pi/2, 0, 0, 0]"}),
                    {"joint4"});
     EXPECT_NO_THROW(configureTest(kOneJoint, {"start.position_rad=[pi]"}));
+}
+
+TEST(Fault12, CertifiedBrakingTellsAStartOutsideFromAStopThatWouldLeave) {
+    const std::string filter = "filter={plugin: certified_braking}";
+    expectContains(configureErrorOf(kOneJoint, {filter, "start.position_rad=[4]"}),
+                   {"joint0 is outside its limits: position 4 rad is beyond position_upper by "
+                    "0.858 rad (limit 3.14159 rad)",
+                    "Change `start.position_rad`", "recovery: true"});
+    expectContains(configureErrorOf(kOneJoint, {filter, "start.velocity_radps=[7]"}),
+                   {"velocity 7 rad/s is beyond velocity_upper by", "`start.velocity_radps`"});
+    const std::string leaves =
+        configureErrorOf(kOneJoint, {filter, "start={position_rad: [3], velocity_radps: [2]}"});
+    expectContains(leaves, {"joint0 is not viable: its stop would pass the limit position_upper",
+                            "Change `start`", "recovery: true"});
+    EXPECT_EQ(leaves.find("outside"), std::string::npos) << leaves;
 }
 
 TEST(Fault12, EveryPositionFaceOfEveryJointIsGuarded) {
@@ -256,6 +292,13 @@ TEST(ExperimentFile, MissedTicksAreReadStrictlyAndReadBack) {
     ASSERT_EQ(again.cases[0].missedTicks.size(), 2u);
     EXPECT_EQ(again.cases[0].missedTicks[1].begin, 1000);
     EXPECT_EQ(writeConfig(again.cases[0].resolved), text);
+    // Neither order nor overlap matters.
+    const CaseResult merged = runCase(
+        readTestExperiment(kOneJoint, {"missed_ticks=[{at_s: 1, count: 30}, {at_s: 0.9, count: "
+                                       "110}]"})
+            .cases[0],
+        {});
+    EXPECT_EQ(merged.summary.missedTicks(), 130);
     expectContains(errorOf(kOneJoint, {"missed_ticks={at_s: 1, count: 2}"}),
                    {"missed_ticks must be a list"});
     expectContains(errorOf(kOneJoint, {"missed_ticks=[{at_s: 1, cout: 2}]"}), {"cout", "count"});

@@ -31,8 +31,8 @@ private:
 
 /** How one limit fared on one joint. */
 struct LimitRecord {
-    bool exists = false;       ///< a side was finite in some tick
-    double worstUse = 0.0;     ///< largest share of the limit used, in any tick; 1 is the limit itself
+    bool exists = false;    ///< a side was finite in some tick
+    double worstUse = 0.0;  ///< largest share of the limit used, in any tick; 1 is the limit itself
     double worstTime_s = 0.0;  ///< when
     double worstExcess = 0.0;  ///< farthest beyond either side, in the limit's unit
     std::int64_t ticksOutside = 0;
