@@ -209,8 +209,9 @@ int run(const RunArguments& arguments) {
         const int own = results[i].exitCode();
         if (own != 0 && (code == 0 || own < code)) code = own;
         if (own != 0 && !results[i].stopMessage.empty())
-            std::fprintf(stderr, "viable: case %s %s\n", results[i].name.c_str(),
-                         results[i].stopMessage.c_str());
+            std::fprintf(stderr, "viable: case %s %s\n%s%s", results[i].name.c_str(),
+                         results[i].stopMessage.c_str(), results[i].stopRemedy.c_str(),
+                         results[i].stopRemedy.empty() ? "" : "\n");
         if (!results[i].logError.empty())
             std::fprintf(
                 stderr,

@@ -95,7 +95,7 @@ private:
                            std::string("Write the number alone: the unit is in the key") +
                                (isDegrees ? "; degrees become radians as `90*pi/180`" : "")};
         }
-        throw NoNumber{quoteText(word) + " is not a number", kNumberRemedy};
+        throw NoNumber{quoteText(word) + " is neither a number nor pi", kNumberRemedy};
     }
 
     bool isOnlyBlanks(std::size_t begin, std::size_t end) const {

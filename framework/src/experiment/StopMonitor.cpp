@@ -338,10 +338,13 @@ void StopMonitor::watchReturn() {
         const Tolerances& t = tolerances_[i];
         const double tolerances[] = {t.position, t.velocity, t.acceleration, t.jerk};
         double excess = 0.0;
-        for (int k = 0; k < 4; ++k)
-            excess += (limits_[i].*kLowerBounds[k] - bounds_[i].*kLowerBounds[k] +
-                       bounds_[i].*kUpperBounds[k] - limits_[i].*kUpperBounds[k]) /
-                      tolerances[k];
+        const auto see = [&](double distance, double tolerance) {
+            if (std::isfinite(distance)) excess += distance / tolerance;  // else: no limit
+        };
+        for (int k = 0; k < 4; ++k) {
+            see(limits_[i].*kLowerBounds[k] - bounds_[i].*kLowerBounds[k], tolerances[k]);
+            see(bounds_[i].*kUpperBounds[k] - limits_[i].*kUpperBounds[k], tolerances[k]);
+        }
         Way& way = ways_[i];
         if (excess < way.excess - 1.0)
             way = {excess, reports_[i].duration_s, 0.0};

@@ -350,6 +350,10 @@ void BrakingCertificate::beginTick(const AxisState& state) {
         const Walk here(state);
         mayExceed_ = !isInside(here.extremes(), limits_, rounding_);
     }
+    if (stored_.atRest() && (state.v != 0.0 || state.a != 0.0)) {
+        GridStop rest;  // what rounding left at the end of the stop would carry the joint on for ever
+        if (rest.plan(state.v, state.a, limits_, tick_s_)) stored_ = rest;
+    }
     judge();
 }
 
@@ -466,10 +470,6 @@ void BrakingCertificate::findBest(double jerk, double stored, bool mirrored, Lim
 }
 
 BrakingCertificate::Bound BrakingCertificate::findBound(double jerk) {
-    if (stored_.atRest() && (state_.v != 0.0 || state_.a != 0.0)) {
-        GridStop rest;  // from what rounding left at the end of the stop
-        if (findStop(state_, Walk(state_).extremes(), rest)) stored_ = rest;
-    }
     const double stored = storedJerk();
     bound_.valid = false;
     if (jerk == stored) return {stored, LimitKind::None};

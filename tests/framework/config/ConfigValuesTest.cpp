@@ -78,7 +78,7 @@ TEST(ConfigValues, ExpressionsThatAreNone) {
         {"()", {"is not expected"}},
         {"2pi", {"`pi` follows a value", "`2*pi`"}},
         {"pie", {"`pie` is not a number"}},
-        {"sin(1)", {"`sin` is not a number"}},
+        {"sin(1)", {"`sin` is neither a number nor pi"}},
         {"1e", {"`e` follows the number"}},
         {"1/0", {"divides by zero"}},
         {"1/(pi-pi)", {"divides by zero"}},
