@@ -1,6 +1,7 @@
 #include "motion/ShortestStop.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "motion/GridPhases.h"
 
@@ -31,6 +32,12 @@ double calcPositionGain(double after) {
     return after * (after + 1.0) / 2.0 + 1.0 / 6.0;
 }
 
+/** Ticks more to try on either side where the other jerk is `ratio` times as large. */
+std::int64_t countMore(double ratio) {
+    constexpr double kMost = 12.0;
+    return static_cast<std::int64_t>(std::ceil(std::min(std::abs(ratio), kMost) - 1e-9)) - 1;
+}
+
 }  // namespace
 
 ShortestStop::ShortestStop(const StationaryStop& fastest, const AxisLimits& limits, double tick_s)
@@ -44,7 +51,9 @@ ShortestStop::ShortestStop(const StationaryStop& fastest, const AxisLimits& limi
       skipsDirect_(fastest.cruises && fastest.T2 >= 2.0 * tick_s),
       k_(roundDownToTicks(fastest.T1, tick_s)),
       c_(roundDownToTicks(fastest.T2, tick_s)),
-      m_(roundDownToTicks(fastest.T3, tick_s)) {}
+      m_(roundDownToTicks(fastest.T3, tick_s)),
+      moreK_(countMore(back_ / first_)),
+      moreM_(countMore(first_ / back_)) {}
 
 bool ShortestStop::fits(double& jerk) const {
     constexpr double slack = 1.0 + kPlanRounding;

@@ -56,12 +56,13 @@ private:
     template <class Visit>
     bool forEachPlan(Visit&& visit) {
         Plan plan;
-        const auto from = [](std::int64_t ticks, int less) {
+        const auto from = [](std::int64_t ticks, std::int64_t less) {
             return std::max<std::int64_t>(0, ticks - less);
         };
-        for (plan.m = from(m_, 2); plan.m <= m_ + 1; ++plan.m) {
+        for (plan.m = from(m_, 2 + moreM_); plan.m <= m_ + 1 + moreM_; ++plan.m) {
             plan.cruises = false;
-            for (plan.k = from(k_, 2); !skipsDirect_ && plan.k <= k_ + 1; ++plan.k)
+            for (plan.k = from(k_, 2 + moreK_); !skipsDirect_ && plan.k <= k_ + 1 + moreK_;
+                 ++plan.k)
                 if (visit(plan)) return true;
             plan.cruises = true;
             for (plan.k = from(k_, 1); cruises_ && plan.k <= k_; ++plan.k)
@@ -79,6 +80,8 @@ private:
     double tick_s_, lower_, upper_, first_, back_, cruise_;
     bool cruises_, skipsDirect_;  ///< a long cruise leaves no stop without one
     std::int64_t k_, c_, m_;
+    std::int64_t moreK_,
+        moreM_;  ///< where one jerk is several times the other, its tick is worth several of that
 };
 
 }  // namespace viable::detail

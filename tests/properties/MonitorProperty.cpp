@@ -1,0 +1,232 @@
+#include <algorithm>
+#include <cstdio>
+#include <map>
+#include <string>
+
+#include "Arms.h"
+#include "Properties.h"
+#include "viable/experiment/StopMonitor.h"
+
+namespace viable {
+
+namespace {
+
+/** A jerk is spoilt by this share of its limit. */
+constexpr double kSpoilt = 1e-6;
+constexpr std::size_t kMostClasses = 12;
+
+const char* getName(StopMonitor::Fault fault) {
+    switch (fault) {
+        case StopMonitor::Fault::None:
+            return "none";
+        case StopMonitor::Fault::Limit:
+            return "limit";
+        case StopMonitor::Fault::Stays:
+            return "stays";
+        case StopMonitor::Fault::Moving:
+            return "moving";
+        case StopMonitor::Fault::Malformed:
+            return "malformed";
+    }
+    return "unknown";
+}
+
+const char* countSides(double lower, double upper) {
+    static const char* const counts[] = {"none", "one", "both"};
+    return counts[std::isfinite(lower) + std::isfinite(upper)];
+}
+
+bool isFar(double position) {
+    return std::isfinite(position) && std::abs(position) > 50.0;
+}
+
+/** What may go on in an arm's life. */
+struct Story {
+    bool startsAnywhere, changesLimits, missesTicks;
+
+    explicit Story(Random& random)
+        : startsAnywhere(random.chance(0.4)),
+          changesLimits(random.chance(0.4)),
+          missesTicks(random.chance(0.6)) {}
+};
+
+/** "position both at zero, velocity one, acceleration none" */
+std::string describe(const AxisLimits& l) {
+    const char* place = l.positionLower == 0.0 || l.positionUpper == 0.0   ? " at zero"
+                        : isFar(l.positionLower) || isFar(l.positionUpper) ? " far from zero"
+                                                                           : "";
+    return std::string("position ") + countSides(l.positionLower, l.positionUpper) + place +
+           ", velocity " + countSides(l.velocityLower, l.velocityUpper) + ", acceleration " +
+           countSides(l.accelerationLower, l.accelerationUpper);
+}
+
+class MonitorProperty {
+public:
+    explicit MonitorProperty(const Options& options) : run_("monitor", options) {}
+
+    bool check() {
+        while (run_.nextArm()) followArm();
+        report();
+        return run_.isGood();
+    }
+
+private:
+    void followArm() {
+        Random random(run_.seed(), run_.arm());
+        Arm arm(random);
+        const Story story(random);
+        arm_ = &arm;
+        story_ = &story;
+        accused_ = false;
+        if (story.startsAnywhere) arm.startAnywhere(random);
+        dynamics_.M = arm.M;
+        dynamics_.b.setZero(arm.n);
+        dynamics_.gravity.setZero(arm.n);
+        monitor_.reset(arm.state, arm.limits, arm.tick_s, true, story.startsAnywhere);
+        const int ticks = random.integer(300, 3000);
+        int left = random.integer(20, 500), k = 0;
+        for (; k < ticks && !accused_; ++k) {
+            if (k > 0 && story.missesTicks && random.chance(0.003))
+                followStop(random.integer(1, 1000));
+            if (story.changesLimits && --left == 0) {
+                arm.changeLimits(random);
+                monitor_.changeLimits(arm.limits, arm.state);
+                left = static_cast<int>(random.logUniform(20, 2000));
+            }
+            if (!accused_) takeTick(random, k);
+        }
+        run_.addSteps(std::int64_t(k) * arm.n);
+    }
+
+    /** The host goes on without the filter. */
+    void followStop(int ticks) {
+        Arm& arm = *arm_;
+        for (int m = 0; m < ticks && !accused_; ++m) {
+            judge(monitor_.followStop(arm.state, dynamics_, decision_));
+            arm.chosen = decision_.jerk;
+            arm.move();
+        }
+        arm.braking.skipTicks(ticks);
+        missed_ += ticks;
+    }
+
+    void takeTick(Random& random, int k) {
+        Arm& arm = *arm_;
+        arm.choose(k);
+        decision_.held = HeldQuantity::Jerk;
+        holdJerk(arm.state, dynamics_, arm.chosen, arm.tick_s, decision_);
+        decision_.hasStops = true;
+        for (int i = 0; i < arm.n; ++i) decision_.stops[i] = arm.braking.stop(i);
+        const StopMonitor::Finding& finding = monitor_.examine(arm.state, decision_);
+        const bool isSafe = finding.verdict == StopVerdict::Safe;
+        judge(finding);
+        if (isSafe && random.chance(0.02)) {
+            spoil(random.integer(0, arm.n - 1), random.chance(0.5));
+            monitor_.examine(arm.state, decision_);
+        }
+        monitor_.accept();
+        arm.move();
+    }
+
+    /** The same decision with a jerk beyond its limit, or with a stop that ends one tick too early. */
+    void spoil(int i, bool spoilsJerk) {
+        Arm& arm = *arm_;
+        const AxisLimits l = arm.limits.axis(i);
+        FilterDecision spoilt = decision_;
+        if (spoilsJerk) {
+            const bool upwards = arm.chosen[i] > 0.0;
+            JointVector jerk = arm.chosen;
+            jerk[i] = (upwards ? l.jerkUpper : l.jerkLower) * (1.0 + kSpoilt);
+            holdJerk(arm.state, dynamics_, jerk, arm.tick_s, spoilt);
+        } else if (!cutShort(spoilt.stops[i], l)) {
+            return;
+        }
+        ++spoilt_;
+        if (monitor_.examine(arm.state, spoilt).verdict == StopVerdict::NoStop) return;
+        run_.fail(spoilsJerk ? "the monitor lets a jerk beyond its limit pass (share)"
+                             : "the monitor lets a stop pass that does not end at rest",
+                  kSpoilt, i, arm.at(i), l, arm.tick_s);
+    }
+
+    /** False where the last tick of the stop does next to nothing. */
+    static bool cutShort(GridStop& stop, const AxisLimits& l) {
+        std::array<GridStop::Stretch, GridStop::kStretches> stretches;
+        for (int k = 0; k < GridStop::kStretches; ++k) stretches[k] = stop.remaining(k);
+        for (int k = GridStop::kStretches - 1; k >= 0; --k) {
+            if (stretches[k].ticks == 0) continue;
+            --stretches[k].ticks;
+            stop.set(stretches);
+            return std::abs(stretches[k].jerk) > 0.1 * std::min(-l.jerkLower, l.jerkUpper);
+        }
+        return false;
+    }
+
+    void judge(const StopMonitor::Finding& finding) {
+        ++verdicts_[static_cast<int>(finding.verdict)];
+        if (finding.verdict != StopVerdict::NoStop) return;
+        accused_ = true;
+        const int i = finding.joint;
+        const AxisLimits l = arm_->limits.axis(i);
+        char what[512];
+        monitor_.describe(finding, "the joint", what, sizeof what);
+        run_.fail((std::string("the monitor accuses the law: ") + what).c_str(), finding.excess, i,
+                  arm_->at(i), l, arm_->tick_s);
+        Accusations& accusations = accusations_[std::string(getName(finding.fault)) + " " +
+                                                viable::getName(finding.limit, LimitSide::Neither) +
+                                                "; limits: " + describe(l)];
+        if (accusations.arms++ == 0) accusations.firstArm = run_.arm();
+        accusations.worst = std::max(accusations.worst, finding.excess);
+        accusations.startedAnywhere += story_->startsAnywhere;
+        accusations.changed += story_->changesLimits;
+        accusations.missed += story_->missesTicks;
+    }
+
+    void report() {
+        run_.print();
+        std::printf("  ticks found safe %lld, returning %lld, without a stop %lld; missed %lld\n",
+                    static_cast<long long>(verdicts_[0]), static_cast<long long>(verdicts_[1]),
+                    static_cast<long long>(verdicts_[2]), static_cast<long long>(missed_));
+        std::printf("  spoilt decisions %lld\n", static_cast<long long>(spoilt_));
+        std::vector<std::pair<std::string, Accusations>> classes(accusations_.begin(),
+                                                                 accusations_.end());
+        std::stable_sort(classes.begin(), classes.end(), [](const auto& a, const auto& b) {
+            return a.second.arms > b.second.arms;
+        });
+        if (classes.size() > kMostClasses) {
+            std::printf("  classes of accusations %d, the most frequent:\n",
+                        static_cast<int>(classes.size()));
+            classes.resize(kMostClasses);
+        }
+        for (const auto& [name, c] : classes)
+            std::printf(
+                "  accused: %s\n    arms %d (started anywhere %d, limits changed %d, ticks missed "
+                "%d), worst %.3g, first arm %lld\n",
+                name.c_str(), c.arms, c.startedAnywhere, c.changed, c.missed, c.worst,
+                static_cast<long long>(c.firstArm));
+    }
+
+    /** Of one class. */
+    struct Accusations {
+        int arms = 0, startedAnywhere = 0, changed = 0, missed = 0;
+        std::int64_t firstArm = 0;
+        double worst = 0.0;  ///< in the limit's unit
+    };
+
+    Run run_;
+    Arm* arm_ = nullptr;
+    const Story* story_ = nullptr;
+    StopMonitor monitor_;
+    Dynamics dynamics_;
+    FilterDecision decision_;
+    bool accused_ = false;
+    std::int64_t verdicts_[3] = {}, missed_ = 0, spoilt_ = 0;
+    std::map<std::string, Accusations> accusations_;
+};
+
+}  // namespace
+
+bool checkMonitor(const Options& options) {
+    return MonitorProperty(options).check();
+}
+
+}  // namespace viable

@@ -1,0 +1,25 @@
+#pragma once
+
+#include "Report.h"
+
+namespace viable {
+
+/** Each prints what it measured; true when nothing was wrong. */
+
+/** From starts that can keep the limits: they hold at the ticks and between, also where stops are followed; the barrier
+holds; an admissible want is granted bit for bit; and the arm does move. */
+bool checkLimits(const Options& options);
+
+/** From a start anywhere, or after limits changed: nothing passes a limit farther than the stop of one tick before would
+have; hardly farther, and hardly longer, than the fastest way back in continuous time. */
+bool checkRecovery(const Options& options);
+bool checkChangingLimits(const Options& options);
+
+/** For states from which the fastest stop in continuous time keeps the limits: is there one on the grid, and what does
+it cost? */
+bool checkStops(const Options& options);
+
+/** The host's monitor never accuses the law, and always does when its decision is spoilt. */
+bool checkMonitor(const Options& options);
+
+}  // namespace viable
