@@ -11,9 +11,10 @@ namespace {
 /** Rounding that does not count as a violation, relative to calcSize(). */
 constexpr double kAllowed = 1e-12;
 /** So many times what one tick adds (see FastestReturn) position, velocity and acceleration may go beyond the fastest
-stop's extreme: twice what is measured. */
+stop's extreme; in 2.4e8 joint steps it is 4.4, 0.43 and 0.12 times. */
 constexpr double kMostTicks[] = {8.0, 1.0, 1.0};
-/** The return may take so many times as long as the fastest, and so many ticks more. */
+/** The return may take so many times as long as the fastest, and so many ticks more; of ways of 50 ticks and more the
+longest measured is 1.52 times, of shorter ones 6.1 ticks more. */
 constexpr double kMostTimes = 1.5;
 constexpr double kMoreTicks = 20.0;
 constexpr double kLongWay = 50.0;   // [ticks]
