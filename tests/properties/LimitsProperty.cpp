@@ -19,6 +19,8 @@ constexpr double kMotion = 0.01;
 
 /** So many ticks in a row a joint may stay at rest that is to move where there is room: more than kUnused of the range. */
 constexpr int kMostStuck = 20;
+/** ... unless the whole range is smaller than this share of the limit's size, a hundred times what counts as rounding. */
+constexpr double kResolved = 1e-11;
 /** The shares that must be reached at least: a third of what is measured. */
 constexpr double kLeastMotion = 0.2, kLeastPassed = 0.02, kLeastHeld = 0.017;
 constexpr double kLeastUsed[] = {0.27, 0.16, 0.16, 0.33};
@@ -223,7 +225,9 @@ private:
         if (arm_->isCoupled) return;
         const AxisLimits &l = arm_->now[i].limits, &finite = arm_->now[i].finite;
         const double p = arm_->state.q[i], want = arm_->wanted[i];
-        const double room = kUnused * (finite.positionUpper - finite.positionLower);
+        const double range = finite.positionUpper - finite.positionLower;
+        if (range < kResolved * calcLimitScale(l.positionLower, l.positionUpper)) return;
+        const double room = kUnused * range;
         const bool up = want > kUnused * l.jerkUpper && p < l.positionUpper - room;
         const bool down = want < kUnused * l.jerkLower && p > l.positionLower + room;
         if (!up && !down) return;
