@@ -1,4 +1,7 @@
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
+#include <limits>
 
 #include "Arms.h"
 #include "PathRange.h"
@@ -19,8 +22,8 @@ constexpr double kMotion = 0.01;
 
 /** So many ticks in a row a joint may stay at rest that is to move where there is room: more than kUnused of the range. */
 constexpr int kMostStuck = 20;
-/** ... unless the whole range is smaller than this share of the limit's size, a hundred times what counts as rounding. */
-constexpr double kResolved = 1e-11;
+/** ... unless what a tick of jerk moves it is no more than so many units in the last place of its position. */
+constexpr double kResolution = 8.0 * std::numeric_limits<double>::epsilon();
 /** The shares that must be reached at least: a third of what is measured. */
 constexpr double kLeastMotion = 0.2, kLeastPassed = 0.02, kLeastHeld = 0.017;
 constexpr double kLeastUsed[] = {0.27, 0.16, 0.16, 0.33};
@@ -225,9 +228,9 @@ private:
         if (arm_->isCoupled) return;
         const AxisLimits &l = arm_->now[i].limits, &finite = arm_->now[i].finite;
         const double p = arm_->state.q[i], want = arm_->wanted[i];
-        const double range = finite.positionUpper - finite.positionLower;
-        if (range < kResolved * calcLimitScale(l.positionLower, l.positionUpper)) return;
-        const double room = kUnused * range;
+        const double step = std::min(-l.jerkLower, l.jerkUpper) * std::pow(arm_->tick_s, 3);
+        if (step < kResolution * std::abs(p)) return;
+        const double room = kUnused * (finite.positionUpper - finite.positionLower);
         const bool up = want > kUnused * l.jerkUpper && p < l.positionUpper - room;
         const bool down = want < kUnused * l.jerkLower && p > l.positionLower + room;
         if (!up && !down) return;
