@@ -77,7 +77,7 @@ private:
         const Story story(random);
         arm_ = &arm;
         story_ = &story;
-        accused_ = false;
+        accused_ = wasSafe_ = false;
         if (story.startsAnywhere) arm.startAnywhere(random);
         dynamics_.M = arm.M;
         dynamics_.b.setZero(arm.n);
@@ -91,6 +91,7 @@ private:
             if (story.changesLimits && --left == 0) {
                 arm.changeLimits(random);
                 monitor_.changeLimits(arm.limits, arm.state);
+                wasSafe_ = false;
                 left = static_cast<int>(random.logUniform(20, 2000));
             }
             if (!accused_) takeTick(random, k);
@@ -120,10 +121,12 @@ private:
         const StopMonitor::Finding& finding = monitor_.examine(arm.state, decision_);
         const bool isSafe = finding.verdict == StopVerdict::Safe;
         judge(finding);
-        if (isSafe && random.chance(0.02)) {
+        // After a change of limits, or on the way back, the stop before counts in place of a limit.
+        if (isSafe && wasSafe_ && random.chance(0.02)) {
             spoil(random.integer(0, arm.n - 1), random.chance(0.5));
             monitor_.examine(arm.state, decision_);
         }
+        wasSafe_ = isSafe;
         monitor_.accept();
         arm.move();
     }
@@ -218,7 +221,7 @@ private:
     StopMonitor monitor_;
     Dynamics dynamics_;
     FilterDecision decision_;
-    bool accused_ = false;
+    bool accused_ = false, wasSafe_ = false;
     std::int64_t verdicts_[3] = {}, missed_ = 0, spoilt_ = 0;
     std::map<std::string, Accusations> accusations_;
 };
