@@ -101,8 +101,22 @@ void StopMonitor::reset(const MotionState& start, const JointLimits& limits, dou
 }
 
 void StopMonitor::changeLimits(const JointLimits& limits, const MotionState& nominal) {
+    std::array<AxisLimits, kMaxJoints> before = bounds_;
+    const std::array<AxisLimits, kMaxJoints> old = limits_;
+    const std::array<Tolerances, kMaxJoints> rounding = tolerances_;
     takeLimits(limits);
-    for (int i = 0; i < n_; ++i) loosenBounds(nominal, i, AxisLimits(bounds_[i]));
+    for (int i = 0; i < n_; ++i) {
+        // What counted as rounding at a limit counts still where the limit has moved; only there, or handing over the
+        // same limits again and again would let a joint creep out.
+        const Tolerances& t = rounding[i];
+        const double tolerances[] = {t.position, t.velocity, t.acceleration, t.jerk};
+        for (int k = 0; k < 4; ++k) {
+            double AxisLimits::*lower = kLowerBounds[k], AxisLimits::*upper = kUpperBounds[k];
+            if (limits_[i].*lower != old[i].*lower) before[i].*lower -= tolerances[k];
+            if (limits_[i].*upper != old[i].*upper) before[i].*upper += tolerances[k];
+        }
+        loosenBounds(nominal, i, before[i]);
+    }
 }
 
 /** Bounds of a joint: its limits or, where the stop held ready passes them, that stop's extremes, but no wider than
