@@ -170,4 +170,25 @@ private:
     JointVector value_, left_;
 };
 
+/** After reset() a configured filter answers 2000 pushing ticks as it did before. */
+inline void expectSameAnswersAfterReset(SafetyFilter& filter, TestArm& arm) {
+    const auto play = [&] {
+        filter.reset(arm.start);
+        MotionState state = arm.start;
+        PushingCommand push(arm.size(), 40.0, true, 9);
+        FilterDecision decision;
+        for (int k = 0; k < 2000; ++k) {
+            const Dynamics dynamics = arm.calcDynamics(state);
+            JointVector torque;
+            calcInverseDynamics(dynamics, push.next(), torque);
+            filter.filter(state, torque, dynamics, decision);
+            advanceNominal(decision, arm.tick_s, state);
+        }
+        return state;
+    };
+    const MotionState first = play(), second = play();
+    EXPECT_EQ(first.q, second.q);
+    EXPECT_EQ(first.qdd, second.qdd);
+}
+
 }  // namespace viable
