@@ -13,7 +13,6 @@ constexpr int kMaxQpRounds = 4;
 
 void CertifiedBraking::configure(const JointLimits& limits, double tick_s, double approach) {
     n_ = limits.size();
-    tick_s_ = tick_s;
     limits_ = limits;
     for (int i = 0; i < n_; ++i) certificates_[i].configure(limits.axis(i), tick_s, approach);
 }

@@ -57,7 +57,6 @@ private:
     void settle(const JointMatrix& M, JointVector& chosen);
 
     int n_ = 0;
-    double tick_s_ = 0.0;
     JointLimits limits_;
     std::array<BrakingCertificate, kMaxJoints> certificates_;
     std::array<Interval, kMaxJoints> intervals_;
