@@ -22,20 +22,23 @@ void addExportCommand(CLI::App& app, int& exitCode) {
     auto arguments = std::make_shared<ExportArguments>();
     CLI::App* command = app.add_subcommand("export", "Write a log in another format");
     command->add_option("LOG", arguments->log, "Log of a case (.mcap)")->required();
-    command->add_option("--to", arguments->target, "Format and file: csv FILE")
+    command->add_option("--to", arguments->target, "Format and file: csv FILE, or hdf5 FILE")
         ->required()
         ->expected(2);
     command->callback([arguments, &exitCode] {
         const std::string& format = arguments->target[0];
-        if (format != "csv")
+        if (format != "csv" && format != "hdf5")
             throw badInput("--to", "'" + format + "' is no format this program writes",
-                           "Use `--to csv FILE`.");
+                           "Use `--to csv FILE` or `--to hdf5 FILE`.");
         if (!LogReader(arguments->log).isComplete())
             std::fprintf(stderr,
                          "viable: %s has no end (the run was killed or is still going on): "
                          "every whole block of it is exported\n",
                          arguments->log.c_str());
-        exportCsv(arguments->log, arguments->target[1]);
+        if (format == "csv")
+            exportCsv(arguments->log, arguments->target[1]);
+        else
+            exportHdf5(arguments->log, arguments->target[1]);
         std::printf("wrote %s\n", arguments->target[1].c_str());
         exitCode = 0;
     });

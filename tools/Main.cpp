@@ -39,6 +39,8 @@ int main(int argc, char** argv) {
     viable::addPluginsCommand(app, exitCode);
     viable::addRobotsCommand(app, exitCode);
     viable::addExportCommand(app, exitCode);
+    viable::addRecoverCommand(app, exitCode);
+    viable::addReportCommand(app, exitCode);
     try {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& e) {

@@ -15,12 +15,16 @@ packages=(
   liburdfdom-dev                    # robot descriptions (URDF)
   nlohmann-json3-dev                # summary.json
   libzstd-dev zlib1g-dev            # log compression and CRC
+  libhdf5-dev                       # export of logs as HDF5
+  libassimp-dev                     # mesh files for the replay
+  nodejs npm                        # bundles the page of reports
   libcli11-dev                      # command line
   libgtest-dev                      # tests
   libbenchmark-dev                  # benchmarks
 )
 missing=()
 for package in "${packages[@]}"; do
+  [ "$package" = npm ] && command -v npm >/dev/null && continue  # other builds of Node.js bring their own
   dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
 done
 if [ ${#missing[@]} -gt 0 ]; then

@@ -89,12 +89,17 @@ double calcSigma(double v, double a, const AxisLimits& limits) {
     return v + a * std::abs(a) / (2.0 * J);
 }
 
-/** The stop of the side that sigma tells, from the one that knows the upper side. */
+/** The side that sigma tells. */
+LimitSide findSide(double v, double a, const AxisLimits& limits) {
+    return calcSigma(v, a, limits) >= 0.0 ? LimitSide::Upper : LimitSide::Lower;
+}
+
+/** The stop of a side, from the one that knows the upper side. */
 template <class Stop>
-Stop calcBySide(double v, double a, const AxisLimits& limits,
+Stop calcBySide(double v, double a, const AxisLimits& limits, LimitSide side,
                 Stop (*calcUpper)(double, double, const BrakingSizes&)) {
     const double Jd = -limits.jerkLower, Ju = limits.jerkUpper;
-    if (calcSigma(v, a, limits) >= 0.0) return calcUpper(v, a, {Jd, Ju, -limits.accelerationLower});
+    if (side == LimitSide::Upper) return calcUpper(v, a, {Jd, Ju, -limits.accelerationLower});
     Stop stop = calcUpper(-v, -a, {Ju, Jd, limits.accelerationUpper});
     stop.side = LimitSide::Lower;
     stop.jerk = -stop.jerk;
@@ -105,11 +110,16 @@ Stop calcBySide(double v, double a, const AxisLimits& limits,
 }  // namespace
 
 StationaryStop calcStationaryStop(double v, double a, const AxisLimits& limits) {
-    return calcBySide(v, a, limits, calcUpperStationaryStop);
+    return calcBySide(v, a, limits, findSide(v, a, limits), calcUpperStationaryStop);
 }
 
 VelocityZeroingStop calcVelocityZeroingStop(double v, double a, const AxisLimits& limits) {
-    VelocityZeroingStop stop = calcBySide(v, a, limits, calcUpperVelocityZeroingStop);
+    return calcVelocityZeroingStop(v, a, limits, findSide(v, a, limits));
+}
+
+VelocityZeroingStop calcVelocityZeroingStop(double v, double a, const AxisLimits& limits,
+                                            LimitSide side) {
+    VelocityZeroingStop stop = calcBySide(v, a, limits, side, calcUpperVelocityZeroingStop);
     if (stop.side == LimitSide::Lower) stop.endAcceleration = -stop.endAcceleration;
     return stop;
 }

@@ -352,6 +352,7 @@ private:
             if (place == robot.links.end())
                 throw badInput(entry.place, "link " + quote(link.name) + " is not connected",
                                "Add the joint that carries it, or remove it.");
+            addShapes(link, place->second, robot);
             if (!link.inertial || place->second.carrier < 0) continue;
             BodyInertia& body = robot.joints[place->second.carrier].body;
             body = mergeBodies(body, transformBody(place->second.placement, readInertial(link)));
@@ -369,6 +370,65 @@ private:
                 throw badInput(where, what + "cannot be simulated: " + fault,
                                "Correct its <inertia>, and that of the links fixed to it.");
         }
+    }
+
+    /** The link's visual elements, or where it has none its collision elements. They are for pictures: what has no sensible
+    size is left out. */
+    static void addShapes(const urdf::Link& link, const UrdfRobot::LinkPlace& place,
+                          UrdfRobot& robot) {
+        LinkShapes all;
+        all.link = link.name;
+        all.carrier = place.carrier;
+        all.placement = place.placement;
+        const auto add = [&](const urdf::GeometrySharedPtr& geometry, const urdf::Pose& origin) {
+            LinkShape shape;
+            if (geometry && readShape(*geometry, shape)) {
+                shape.pose = toEigen(origin);
+                if (shape.pose.matrix().allFinite()) all.shapes.push_back(std::move(shape));
+            }
+        };
+        for (const auto& visual : link.visual_array) {
+            add(visual->geometry, visual->origin);
+            if (!visual->material) continue;
+            const urdf::Color& c = visual->material->color;
+            all.color = {c.r, c.g, c.b, c.a};
+            all.hasColor = true;
+        }
+        if (all.shapes.empty())
+            for (const auto& collision : link.collision_array)
+                add(collision->geometry, collision->origin);
+        if (!all.shapes.empty()) robot.shapes[link.name] = std::move(all);
+    }
+
+    static bool readShape(const urdf::Geometry& geometry, LinkShape& shape) {
+        const auto isSize = [](double x) { return std::isfinite(x) && x > 0.0; };
+        switch (geometry.type) {
+            case urdf::Geometry::SPHERE:
+                shape.kind = LinkShape::Kind::Sphere;
+                shape.radius = static_cast<const urdf::Sphere&>(geometry).radius;
+                return isSize(shape.radius);
+            case urdf::Geometry::BOX: {
+                const urdf::Vector3& dim = static_cast<const urdf::Box&>(geometry).dim;
+                shape.kind = LinkShape::Kind::Box;
+                shape.size = {dim.x, dim.y, dim.z};
+                return isSize(dim.x) && isSize(dim.y) && isSize(dim.z);
+            }
+            case urdf::Geometry::CYLINDER: {
+                const auto& cylinder = static_cast<const urdf::Cylinder&>(geometry);
+                shape.kind = LinkShape::Kind::Cylinder;
+                shape.radius = cylinder.radius;
+                shape.length = cylinder.length;
+                return isSize(shape.radius) && isSize(shape.length);
+            }
+            case urdf::Geometry::MESH: {
+                const auto& mesh = static_cast<const urdf::Mesh&>(geometry);
+                shape.kind = LinkShape::Kind::Mesh;
+                shape.mesh = mesh.filename;
+                shape.size = {mesh.scale.x, mesh.scale.y, mesh.scale.z};
+                return !shape.mesh.empty() && shape.size.allFinite();
+            }
+        }
+        return false;
     }
 
     BodyInertia readInertial(const urdf::Link& link) const {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "viable/robot/RobotDescription.h"
+#include "viable/robot/RobotShapes.h"
 
 namespace viable::detail {
 
@@ -23,6 +23,7 @@ struct UrdfRobot {
     JointBounds position;                  ///< infinite for continuous joints
     JointBounds velocity;                  ///< infinite for continuous joints without a limit
     std::map<std::string, LinkPlace> links;
+    std::map<std::string, LinkShapes> shapes;  ///< by link; those with a visual or collision element
     std::vector<std::string> leafLinks;  ///< links that carry no joint, in file order
 };
 

@@ -215,7 +215,7 @@ TEST_F(LogExportTest, NothingIsOverwrittenAndNothingIsLeft) {
 
     EXPECT_NE(catchError(ErrorKind::LogNotWritten,
                          [&] { exportCsv(path("run.mcap"), path("absent/run.csv")); })
-                  .find("absent/run.csv: the CSV file cannot be written: No such file"),
+                  .find("absent/run.csv: the file cannot be written: No such file"),
               std::string::npos);
 
     // A disk that fills up.
@@ -229,7 +229,7 @@ TEST_F(LogExportTest, NothingIsOverwrittenAndNothingIsLeft) {
                                         [&] { exportCsv(path("run.mcap"), path("full.csv")); });
     ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
     std::signal(SIGXFSZ, oldHandler);
-    EXPECT_NE(text.find("full.csv: the CSV file cannot be written: File too large"),
+    EXPECT_NE(text.find("full.csv: the file cannot be written: File too large"),
               std::string::npos)
         << text;
     EXPECT_EQ(listFolder(), (std::vector<std::string>{"bad.mcap", "run.csv", "run.mcap"}));

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 
 namespace viable {
@@ -11,5 +12,15 @@ only when it is whole.
 Throws Error: BadInput when the log cannot be read or `csv` exists already (it is never
 overwritten), LogNotWritten when `csv` cannot be written; then nothing is left of it. */
 void exportCsv(const std::filesystem::path& log, const std::filesystem::path& csv);
+
+/** Writes a log as HDF5: one dataset per column, named as in the CSV with / for the first two dots
+(/nominal/joint0/q_rad), all of equal length; words (a limit, a status) as small integers with the words
+themselves in the attribute `words`. Attributes of the root: what wrote the log, its metadata and attachments
+(the resolved experiment file). Errors as for exportCsv(). */
+void exportHdf5(const std::filesystem::path& log, const std::filesystem::path& hdf5);
+
+/** Writes the rows of a log that was cut off (or of a whole one) into a new, whole log with the same opening;
+returns their number. Errors as for exportCsv(). */
+std::uint64_t recoverLog(const std::filesystem::path& log, const std::filesystem::path& whole);
 
 }  // namespace viable

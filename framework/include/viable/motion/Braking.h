@@ -58,6 +58,11 @@ from type to type on the same side, but JUMPS on sigma = 0 for a != 0: on one si
 joint passes v = 0 braking as hard as it can, on the other it ends there with a = 0. */
 VelocityZeroingStop calcVelocityZeroingStop(double v, double a, const AxisLimits& limits);
 
+/** The velocity-zeroing stop of a joint that moves towards `side` (Upper: v >= 0, Lower: v <= 0) or turns that way:
+the fastest way to v = 0 even where sigma, which looks ahead to a = 0, has the other sign. */
+VelocityZeroingStop calcVelocityZeroingStop(double v, double a, const AxisLimits& limits,
+                                            LimitSide side);
+
 /** The velocity at which acceleration reaches zero when it is brought there at full jerk: the
 velocity peak for a > 0, the dip for a < 0, `v` itself for a = 0. It is sigma (see BrakingType). */
 double calcVelocityPeak(double v, double a, const AxisLimits& limits);

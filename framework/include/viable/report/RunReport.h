@@ -1,0 +1,16 @@
+#pragma once
+
+#include <filesystem>
+
+namespace viable {
+
+/** Writes DIR/report.html from what a run left in DIR: its logs (finished or cut off) and summary.json, which may be
+missing. One file that needs nothing else: it opens from disk and makes no request. Long runs are thinned out for display
+(least and largest value of each stretch, so that no peak is lost); the logs keep everything.
+@param page  the page without data, report_template.html
+Returns the file. An older report.html is replaced, whole or not at all. Throws Error: BadInput when DIR holds no log or a
+log cannot be read, LogNotWritten when the report cannot be written. */
+std::filesystem::path writeReport(const std::filesystem::path& folder,
+                                  const std::filesystem::path& page);
+
+}  // namespace viable

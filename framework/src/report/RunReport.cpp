@@ -1,0 +1,449 @@
+#include "viable/report/RunReport.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <ctime>
+#include <fstream>
+#include <limits>
+#include <sstream>
+
+#include "report/BinaryBlock.h"
+#include "report/Scene.h"
+#include "report/Tracks.h"
+#include "viable/core/Error.h"
+#include "viable/log/LogReader.h"
+
+namespace viable {
+
+namespace {
+
+namespace fs = std::filesystem;
+using detail::BinaryBlock;
+using nlohmann::json;
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+std::string readWhole(const fs::path& file) {
+    std::ifstream stream(file, std::ios::binary);
+    std::ostringstream text;
+    text << stream.rdbuf();
+    return stream ? text.str() : std::string();
+}
+
+/** What is drawn of one joint over time: name in the page's data, and value in a row. */
+struct Quantity {
+    const char* name;
+    double (*get)(const TickRecord&, int joint);
+    bool needsRealArm;
+};
+
+double at(const JointVector& v, int i) {
+    return i < v.size() ? v[i] : kNan;
+}
+
+const Quantity kQuantities[] = {
+    {"nominal_q", [](const TickRecord& r, int i) { return at(r.nominal.q, i); }, false},
+    {"nominal_qd", [](const TickRecord& r, int i) { return at(r.nominal.qd, i); }, false},
+    {"nominal_qdd", [](const TickRecord& r, int i) { return at(r.nominal.qdd, i); }, false},
+    {"nominal_jerk", [](const TickRecord& r, int i) { return at(r.nominal.jerk, i); }, false},
+    {"real_q", [](const TickRecord& r, int i) { return at(r.real.q, i); }, true},
+    {"real_qd", [](const TickRecord& r, int i) { return at(r.real.qd, i); }, true},
+    {"tau_desired", [](const TickRecord& r, int i) { return at(r.desiredTorque, i); }, false},
+    {"tau_filter", [](const TickRecord& r, int i) { return at(r.filterTorque, i); }, false},
+    {"tau_robust", [](const TickRecord& r, int i) { return at(r.robustTorque, i); }, true},
+    {"tau_motor", [](const TickRecord& r, int i) { return at(r.motorTorque, i); }, true},
+    {"margin", [](const TickRecord& r, int i) { return r.stops[i].margin; }, false},
+    {"position_lower", [](const TickRecord& r, int i) { return at(r.limits.position.lower, i); },
+     false},
+    {"position_upper", [](const TickRecord& r, int i) { return at(r.limits.position.upper, i); },
+     false},
+    {"velocity_lower", [](const TickRecord& r, int i) { return at(r.limits.velocity.lower, i); },
+     false},
+    {"velocity_upper", [](const TickRecord& r, int i) { return at(r.limits.velocity.upper, i); },
+     false},
+    {"acceleration_lower",
+     [](const TickRecord& r, int i) { return at(r.limits.acceleration.lower, i); }, false},
+    {"acceleration_upper",
+     [](const TickRecord& r, int i) { return at(r.limits.acceleration.upper, i); }, false},
+    {"jerk_lower", [](const TickRecord& r, int i) { return at(r.limits.jerk.lower, i); }, false},
+    {"jerk_upper", [](const TickRecord& r, int i) { return at(r.limits.jerk.upper, i); }, false},
+};
+constexpr std::size_t kQuantityCount = std::size(kQuantities);
+/** Differentiated from the encoders' velocity, as Fig. 9 of the paper shows it. */
+constexpr const char* kRealAcceleration = "real_qdd";
+
+/** A limit's code in the page: 0 none, 1 position_lower, 2 position_upper, ... 8 jerk_upper. */
+std::uint8_t toCode(const JointIntervention& joint) {
+    if (joint.limit == LimitKind::None) return 0;
+    return static_cast<std::uint8_t>(2 * static_cast<int>(joint.limit) -
+                                     (joint.side == LimitSide::Upper ? 0 : 1));
+}
+
+/** 0 passed, 1 modified, 2 stopped_by_plan, 3 returning, 4 infeasible, 5 invalid or faulted. */
+std::uint8_t toCode(FilterStatus status) {
+    return std::min<std::uint8_t>(static_cast<std::uint8_t>(status), 5);
+}
+
+/** Times on a logarithmic scale, ten bins a decade. */
+class TimeBins {
+public:
+    void add(double us) {
+        if (!(us > 0.0)) return;
+        const double bin = std::floor((std::log10(us) + 1.0) * kPerDecade);
+        ++counts_[static_cast<std::size_t>(std::clamp(bin, 0.0, counts_.size() - 1.0))];
+    }
+    json describe() const {
+        const auto isUsed = [](std::int64_t n) { return n > 0; };
+        const auto first = std::find_if(counts_.begin(), counts_.end(), isUsed);
+        const auto last = std::find_if(counts_.rbegin(), counts_.rend(), isUsed).base();
+        json edges = json::array(), counts = json::array();
+        for (auto bin = first; bin < last; ++bin) {
+            edges.push_back(edge(bin - counts_.begin()));
+            counts.push_back(*bin);
+        }
+        if (first < last) edges.push_back(edge(last - counts_.begin()));
+        return {{"edges_us", edges}, {"counts", counts}};
+    }
+
+private:
+    static constexpr double kPerDecade = 10.0;
+    static double edge(std::ptrdiff_t bin) {
+        return std::pow(10.0, static_cast<double>(bin) / kPerDecade - 1.0);
+    }
+    std::array<std::int64_t, 80> counts_{};  // from 0.1 us to 10 s
+};
+
+/** Everything of one log that the page shows. */
+class CaseData {
+public:
+    CaseData(int joints, bool hasRealArm)
+        : n_(joints),
+          hasRealArm_(hasRealArm),
+          tracks_(static_cast<std::size_t>(joints) * (kQuantityCount + 1)),
+          codes_(static_cast<std::size_t>(joints) + 1),
+          nominal_(static_cast<std::size_t>(joints)),
+          real_(static_cast<std::size_t>(joints)),
+          values_(static_cast<std::size_t>(joints) * (kQuantityCount + 1)),
+          actives_(static_cast<std::size_t>(joints) + 1) {}
+
+    void add(const TickRecord& r) {
+        if (rows_ == 0) firstTime_s_ = r.time_s;
+        if (rows_ == 1) tick_s_ = r.time_s - firstTime_s_;
+        for (int i = 0; i < n_; ++i) {
+            for (std::size_t k = 0; k < kQuantityCount; ++k)
+                values_[index(i, k)] = kQuantities[k].get(r, i);
+            const double v = at(r.real.qd, i);
+            values_[index(i, kQuantityCount)] =
+                rows_ > 0 && tick_s_ > 0.0 ? (v - at(lastVelocity_, i)) / tick_s_ : kNan;
+            actives_[static_cast<std::size_t>(i)] = toCode(r.joints[i]);
+        }
+        lastVelocity_ = r.real.qd;
+        actives_.back() = toCode(r.status);
+        tracks_.add(values_);
+        codes_.add(actives_);
+        addPose(nominal_, r.nominal.q);
+        if (hasRealArm_) addPose(real_, r.real.q);
+        times_.add(r.compute_us);
+        ++rows_;
+    }
+
+    json describe(BinaryBlock& block) const {
+        json joints = json::array();
+        for (int i = 0; i < n_; ++i) {
+            json series = json::object();
+            for (std::size_t k = 0; k < kQuantityCount; ++k)
+                series[kQuantities[k].name] = !kQuantities[k].needsRealArm || hasRealArm_
+                                                  ? describeSeries(index(i, k), block)
+                                                  : json(nullptr);
+            series[kRealAcceleration] =
+                hasRealArm_ ? describeArray(index(i, kQuantityCount), block) : json(nullptr);
+            joints.push_back({{"series", series},
+                              {"active", block.add(codes_.codes(static_cast<std::size_t>(i)))}});
+        }
+        const double tick = tick_s_ > 0.0 ? tick_s_ : 1e-3;
+        return {{"rows", rows_},
+                {"tick_s", tick},
+                {"t0", firstTime_s_},
+                {"step_s", tick * static_cast<double>(tracks_.rowsPerBucket())},
+                {"buckets", tracks_.buckets()},
+                {"joints", joints},
+                {"status", block.add(codes_.codes(static_cast<std::size_t>(n_)))},
+                {"tick_time", times_.describe()},
+                {"replay",
+                 {{"step_s", tick * static_cast<double>(nominal_.rowsPerSample())},
+                  {"n", nominal_.count()},
+                  {"nominal", block.add(nominal_.data())},
+                  {"real", hasRealArm_ ? block.add(real_.data()) : json(nullptr)}}}};
+    }
+
+private:
+    std::size_t index(int joint, std::size_t quantity) const {
+        return static_cast<std::size_t>(joint) * (kQuantityCount + 1) + quantity;
+    }
+    void addPose(detail::Samples& samples, const JointVector& q) {
+        pose_.resize(static_cast<std::size_t>(n_));
+        for (int i = 0; i < n_; ++i) pose_[static_cast<std::size_t>(i)] = at(q, i);
+        samples.add(pose_);
+    }
+    /** A number where the value never changes, null where there is none (no limit), else an array. */
+    json describeSeries(std::size_t track, BinaryBlock& block) const {
+        const std::vector<float>&least = tracks_.least(track), &largest = tracks_.largest(track);
+        const bool isNumber =
+            std::any_of(least.begin(), least.end(), [](float x) { return !std::isnan(x); });
+        const std::size_t quantity = track % (kQuantityCount + 1);
+        const std::string name = kQuantities[quantity].name;
+        const bool isLimit =
+            name.find("_lower") != std::string::npos || name.find("_upper") != std::string::npos;
+        if (isLimit && !isNumber) return nullptr;
+        if (isLimit &&
+            std::all_of(least.begin(), least.end(), [&](float x) { return x == least[0]; }) &&
+            least == largest)
+            return least[0];
+        return describeArray(track, block);
+    }
+    json describeArray(std::size_t track, BinaryBlock& block) const {
+        const std::vector<float>&least = tracks_.least(track), &largest = tracks_.largest(track);
+        if (tracks_.rowsPerBucket() == 1) return block.add(least);
+        std::vector<float> both;
+        both.reserve(2 * least.size());
+        for (std::size_t i = 0; i < least.size(); ++i) {
+            both.push_back(least[i]);
+            both.push_back(largest[i]);
+        }
+        return block.add(both);
+    }
+
+    int n_;
+    bool hasRealArm_;
+    detail::Tracks tracks_;
+    detail::CodeTracks codes_;
+    detail::Samples nominal_, real_;
+    std::vector<double> values_, pose_;
+    std::vector<std::uint8_t> actives_;
+    TimeBins times_;
+    JointVector lastVelocity_;
+    std::int64_t rows_ = 0;
+    double firstTime_s_ = 0.0, tick_s_ = 0.0;
+};
+
+/** The logs of a run: in the summary's order, then what it does not name (a run that was killed has none). */
+std::vector<fs::path> listLogs(const fs::path& folder, const json& summary) {
+    std::vector<fs::path> logs;
+    for (const json& one : summary.value("cases", json::array())) {
+        const fs::path log = folder / (one.value("name", "") + ".mcap");
+        std::error_code failed;
+        if (fs::is_regular_file(log, failed)) logs.push_back(log);
+    }
+    std::vector<fs::path> others;
+    std::error_code failed;
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder, failed))
+        if (entry.path().extension() == ".mcap" &&
+            std::find(logs.begin(), logs.end(), entry.path()) == logs.end())
+            others.push_back(entry.path());
+    std::sort(others.begin(), others.end());
+    logs.insert(logs.end(), others.begin(), others.end());
+    return logs;
+}
+
+std::string format(const char* pattern, double x) {
+    char text[64];
+    std::snprintf(text, sizeof text, pattern, x);
+    return text;
+}
+
+/** The comparison of the cases, from summary.json. */
+json describeTable(const json& summary) {
+    json rows = json::array();
+    for (const json& one : summary.value("cases", json::array())) {
+        json row = json::array({one.value("name", ""), one.value("filter", "")});
+        for (const char* quantity : {"position", "velocity", "acceleration", "jerk"}) {
+            double worst = 0.0;
+            bool exists = false, isEndless = false;
+            for (const auto& joint : one["limits"][quantity].items()) {
+                const json& use = joint.value()["worst_use"];
+                exists |= !use.is_null();
+                isEndless |= use.is_string();
+                if (use.is_number()) worst = std::max(worst, use.get<double>());
+            }
+            row.push_back(!exists     ? "no limit"
+                          : isEndless ? "inf"
+                                      : format("%.4g %%", 100.0 * worst));
+        }
+        std::int64_t outside = 0;
+        for (const auto& quantity : one["limits"].items())
+            for (const auto& joint : quantity.value().items())
+                outside += joint.value().value("ticks_outside", std::int64_t{0});
+        row.push_back(std::to_string(outside));
+        row.push_back(std::to_string(one.value("infeasible_ticks", std::int64_t{0})));
+        const double ticks = std::max(1.0, one.value("ticks", 1.0));
+        row.push_back(format("%.1f %%", 100.0 * (1.0 - one.value("passed_ticks", 0.0) / ticks)));
+        const json& tracking = one.contains("tracking") ? one["tracking"] : json(nullptr);
+        row.push_back(
+            tracking.is_object() ? format("%.3g mrad", 1e3 * tracking.value("rms_rad", 0.0)) : "-");
+        row.push_back(
+            tracking.is_object() ? format("%.3g mrad", 1e3 * tracking.value("max_rad", 0.0)) : "-");
+        rows.push_back(row);
+    }
+    return {{"columns",
+             {"case", "filter", "position", "velocity", "acceleration", "jerk", "outside",
+              "infeasible", "changed", "real - nominal RMS", "max"}},
+            {"rows", rows},
+            {"note",
+             "Worst use of each limit by the nominal arm. outside: joint-ticks beyond any limit; "
+             "infeasible: ticks "
+             "without an admissible choice; changed: share of ticks that the filter changed."}};
+}
+
+std::string getNow() {
+    const std::time_t now = std::time(nullptr);
+    char text[32];
+    std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", std::gmtime(&now));
+    return text;
+}
+
+/** A plugin's name from the library that the log names: .../viable_filter_tosbp.so. */
+std::string getPlugin(const std::map<std::string, std::string>& metadata, const char* kind,
+                      const char* prefix) {
+    const auto entry = metadata.find(kind);
+    if (entry == metadata.end()) return "";
+    const std::string stem = fs::path(entry->second).stem().string();
+    return stem.rfind(prefix, 0) == 0 ? stem.substr(std::string(prefix).size()) : stem;
+}
+
+json describeCase(const fs::path& log, LogReader& reader, const json& summary, BinaryBlock& block) {
+    CaseData data(static_cast<int>(reader.layout().jointNames.size()),
+                  reader.layout().hasRealPlant);
+    TickRecord record;
+    while (reader.read(record)) data.add(record);
+    json one = data.describe(block);
+    one["name"] = log.stem().string();
+    one["filter"] = getPlugin(reader.metadata(), "filter", "viable_filter_");
+    one["robust_loop"] = getPlugin(reader.metadata(), "robust_loop", "viable_robust_loop_");
+    one["plant"] = getPlugin(reader.metadata(), "plant", "viable_plant_");
+    one["promises"] = false;
+    one["verdict"] = reader.isComplete() ? "" : "the log has no end: the run was killed or goes on";
+    one["ok"] = false;
+    one["stop"] = nullptr;
+    one["details"] = "";
+    for (const json& known : summary.value("cases", json::array())) {
+        if (known.value("name", "") != one["name"]) continue;
+        one["promises"] = known.value("promises_limits", false);
+        one["ok"] = known.value("limits_kept", false);
+        one["verdict"] = known.value("verdict", "");
+        one["details"] = known.value("account", "");
+        if (const std::string stop = known.value("stop_message", ""); !stop.empty())
+            one["stop"] = {{"time_s", known.value("stop_time_s", 0.0)}, {"message", stop}};
+    }
+    return one;
+}
+
+/** The page with its two blocks of data in place. */
+std::string fillPage(const std::string& page, const fs::path& file, const std::string& data,
+                     const std::string& binary) {
+    std::string text;
+    std::size_t done = 0;
+    for (const auto& [mark, content] :
+         {std::pair<std::string, const std::string&>{"@@VIABLE_DATA@@", data},
+          std::pair<std::string, const std::string&>{"@@VIABLE_BINARY@@", binary}}) {
+        const std::size_t place = page.find(mark, done);
+        if (place == std::string::npos)
+            throw badInput(file.string(), "this page has no place for the data (" + mark + ")",
+                           "Run tools/setup.sh again, or install viable again.");
+        text.append(page, done, place - done);
+        text += content;
+        done = place + mark.size();
+    }
+    return text.append(page, done, std::string::npos);
+}
+
+/** JSON as it may stand in a script element. */
+std::string escape(const std::string& text) {
+    std::string safe;
+    for (char c : text)
+        if (c == '<')
+            safe += "\\u003c";
+        else
+            safe += c;
+    return safe;
+}
+
+void writeReplacing(const fs::path& file, const std::string& text) {
+    const fs::path temporary = file.string() + ".part";
+    std::error_code error;
+    {
+        std::ofstream stream(temporary, std::ios::binary);
+        stream << text;
+        stream.close();
+        if (!stream) {
+            fs::remove(temporary, error);
+            throw Error(ErrorKind::LogNotWritten, file.string(), "the report cannot be written",
+                        "Free space, or give the right to write there.");
+        }
+    }
+    fs::rename(temporary, file, error);
+    if (error)
+        throw Error(ErrorKind::LogNotWritten, file.string(),
+                    "cannot be replaced: " + error.message());
+}
+
+}  // namespace
+
+fs::path writeReport(const fs::path& folder, const fs::path& page) {
+    std::error_code failed;
+    if (!fs::is_directory(folder, failed))
+        throw badInput(folder.string(), "there is no such folder", "Name the folder of a run.");
+    const std::string pageText = readWhole(page);
+    if (pageText.empty())
+        throw badInput(page.string(), "the page of reports is missing",
+                       "Run tools/setup.sh again, or install viable again.");
+    json summary = json::object();
+    if (const std::string text = readWhole(folder / "summary.json"); !text.empty()) {
+        summary = json::parse(text, nullptr, false);
+        if (!summary.is_object())
+            throw badInput((folder / "summary.json").string(), "this is no summary",
+                           "Run the experiment again, or remove the file: the report is then made "
+                           "from the logs alone.");
+    }
+    const std::vector<fs::path> logs = listLogs(folder, summary);
+    if (logs.empty())
+        throw badInput(folder.string(), "there is no log (.mcap) in this folder",
+                       "Name the folder of a run.");
+
+    BinaryBlock block;
+    json data = {{"format", 1},
+                 {"version", VIABLE_VERSION},
+                 {"title", summary.value("title", folder.filename().string())},
+                 {"created", getNow()},
+                 {"file", summary.value("file", "")},
+                 {"yaml", ""},
+                 {"robot", nullptr},
+                 {"scene", nullptr},
+                 {"summary", describeTable(summary)},
+                 {"cases", json::array()}};
+    for (const fs::path& log : logs) {
+        LogReader reader(log);
+        if (data["robot"].is_null()) {
+            json joints = json::array();
+            for (const std::string& name : reader.layout().jointNames)
+                joints.push_back({{"name", name}, {"kind", "revolute"}});
+            const auto robot = reader.metadata().find("robot");
+            const fs::path robotFolder = robot == reader.metadata().end() ? "" : robot->second;
+            data["robot"] = {{"name", robotFolder.filename().string()}, {"joints", joints}};
+            data["scene"] = detail::describeScene(robotFolder, block, data["robot"]["joints"]);
+        }
+        std::string yaml = data["yaml"];
+        for (const LogAttachment& attachment : reader.attachments())
+            if (attachment.name == "experiment.yaml")
+                yaml += "# case " + log.stem().string() + "\n" + attachment.data + "\n";
+        data["yaml"] = yaml;
+        data["cases"].push_back(describeCase(log, reader, summary, block));
+    }
+    const fs::path file = folder / "report.html";
+    const std::string text =
+        data.dump(-1, ' ', false, json::error_handler_t::replace);  // names may hold any bytes
+    writeReplacing(file, fillPage(pageText, page, escape(text), block.encode()));
+    return file;
+}
+
+}  // namespace viable

@@ -1,0 +1,80 @@
+#include "report/Tracks.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace viable::detail {
+
+namespace {
+
+/** fmin and fmax take the number where the other is none. */
+float joinLeast(float a, float b) {
+    return std::fmin(a, b);
+}
+float joinLargest(float a, float b) {
+    return std::fmax(a, b);
+}
+
+template <class T, class Join>
+void halve(std::vector<T>& values, Join join) {
+    for (std::size_t i = 0; 2 * i + 1 < values.size(); ++i)
+        values[i] = join(values[2 * i], values[2 * i + 1]);
+    values.resize(values.size() / 2);
+}
+
+}  // namespace
+
+void Tracks::add(const std::vector<double>& values) {
+    const bool begins = rowsInLast_ == 0;
+    if (begins && buckets() == kMaxBuckets) {
+        joinNeighbours();
+        rowsPerBucket_ *= 2;
+    }
+    for (std::size_t i = 0; i < least_.size(); ++i) {
+        const float x = std::isfinite(values[i]) ? static_cast<float>(values[i]) : std::nanf("");
+        if (begins) {
+            least_[i].push_back(x);
+            largest_[i].push_back(x);
+        } else {
+            least_[i].back() = joinLeast(least_[i].back(), x);
+            largest_[i].back() = joinLargest(largest_[i].back(), x);
+        }
+    }
+    rowsInLast_ = (rowsInLast_ + 1) % rowsPerBucket_;
+}
+
+void Tracks::joinNeighbours() {
+    for (auto& values : least_) halve(values, joinLeast);
+    for (auto& values : largest_) halve(values, joinLargest);
+}
+
+void CodeTracks::add(const std::vector<std::uint8_t>& values) {
+    const auto larger = [](std::uint8_t a, std::uint8_t b) { return std::max(a, b); };
+    const bool begins = rowsInLast_ == 0;
+    if (begins && !codes_.empty() && codes_.front().size() == Tracks::kMaxBuckets) {
+        for (auto& codes : codes_) halve(codes, larger);
+        rowsPerBucket_ *= 2;
+    }
+    for (std::size_t i = 0; i < codes_.size(); ++i) {
+        if (begins)
+            codes_[i].push_back(values[i]);
+        else
+            codes_[i].back() = larger(codes_[i].back(), values[i]);
+    }
+    rowsInLast_ = (rowsInLast_ + 1) % rowsPerBucket_;
+}
+
+void Samples::add(const std::vector<double>& values) {
+    if (row_++ % stride_ != 0) return;
+    if (count() == kMaxSamples) {
+        for (std::size_t k = 0; 2 * k < kMaxSamples; ++k)
+            std::copy_n(data_.begin() + static_cast<std::ptrdiff_t>(2 * k * width_), width_,
+                        data_.begin() + static_cast<std::ptrdiff_t>(k * width_));
+        data_.resize(data_.size() / 2);
+        stride_ *= 2;
+        if ((row_ - 1) % stride_ != 0) return;
+    }
+    for (std::size_t i = 0; i < width_; ++i) data_.push_back(static_cast<float>(values[i]));
+}
+
+}  // namespace viable::detail

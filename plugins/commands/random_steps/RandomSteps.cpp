@@ -1,0 +1,105 @@
+#include "RandomSteps.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <random>
+
+#include "viable/core/Error.h"
+#include "viable/plugin/PluginExport.h"
+
+namespace viable {
+
+namespace {
+
+constexpr double kMostSteps = 1e6;  // per joint: 16 MB
+
+const ParameterSpec kParameters[] = {
+    parameter::integer("seed", "1", "Another number is another sequence.").atLeast(0),
+    parameter::number("shortest_s", "s", "0.5", "Shortest time that a set-point is held.")
+        .atLeast(0.001)
+        .upTo(1000),
+    parameter::number("longest_s", "s", "3.0", "Longest time that a set-point is held.")
+        .atLeast(0.001)
+        .upTo(1000),
+    parameter::number("beyond_share", "", "0.3", "Share of the set-points that lie beyond a limit.")
+        .atLeast(0)
+        .upTo(1),
+    parameter::number("beyond_rad", "rad", "0.5", "How far beyond a limit at most.")
+        .atLeast(0)
+        .upTo(100),
+};
+
+}  // namespace
+
+void RandomSteps::configure(const RunSetup& setup, const Parameters& parameters) {
+    const auto seed = static_cast<std::uint64_t>(parameters.integer("seed"));
+    const double shortest = parameters.number("shortest_s");
+    const double longest = parameters.number("longest_s");
+    const double beyondShare = parameters.number("beyond_share");
+    const double beyond = parameters.number("beyond_rad");
+    char message[200];
+    if (longest < shortest) {
+        std::snprintf(message, sizeof message, "longest_s = %g s is shorter than shortest_s = %g s",
+                      longest, shortest);
+        throw badInput(parameters.place("longest_s"), message,
+                       "Give a time that is not shorter than shortest_s");
+    }
+    const double end = setup.duration_s + kMargin_s;
+    if (!(end / shortest <= kMostSteps)) {
+        std::snprintf(message, sizeof message,
+                      "a run of %g s may need more than %g steps of shortest_s = %g s",
+                      setup.duration_s, kMostSteps, shortest);
+        throw badInput(parameters.place("shortest_s"), message,
+                       "Make the run shorter or shortest_s longer");
+    }
+    joints_.assign(static_cast<std::size_t>(setup.size()), {});
+    for (int i = 0; i < setup.size(); ++i) {
+        const double lower = setup.limits.position.lower[i], upper = setup.limits.position.upper[i];
+        if (!std::isfinite(lower) || !std::isfinite(upper))
+            throw badInput(parameters.resolved().place(),
+                           "the command random_steps needs a position limit on both sides of " +
+                               setup.robot.joints[static_cast<std::size_t>(i)].name,
+                           "Set limits.position_rad, or use the command waypoints.");
+        // The standard's engine is the same with every library, its distributions are not.
+        std::seed_seq words{static_cast<std::uint32_t>(seed),
+                            static_cast<std::uint32_t>(seed >> 32), static_cast<std::uint32_t>(i)};
+        std::mt19937_64 engine(words);
+        const auto draw = [&](double low, double high) {
+            return low + static_cast<double>(engine() >> 11) * 0x1p-53 * (high - low);
+        };
+        for (double t = 0.0; t < end; t += draw(shortest, longest)) {
+            const bool isBeyond = draw(0.0, 1.0) < beyondShare;
+            const double inside = draw(lower, upper), side = draw(-1.0, 1.0);
+            const double past = draw(0.0, beyond);
+            joints_[static_cast<std::size_t>(i)].push_back({t, !isBeyond    ? inside
+                                                               : side < 0.0 ? lower - past
+                                                                            : upper + past});
+        }
+    }
+}
+
+void RandomSteps::reset(const MotionState&) {}  // sample() keeps no memory
+
+TickStatus RandomSteps::sample(double t, MotionCommand& out) {
+    if (!(t >= 0.0) || !std::isfinite(t)) return TickStatus::InvalidInput;
+    const auto n = static_cast<Eigen::Index>(joints_.size());
+    out.space = MotionCommand::Space::Joint;
+    out.q.resize(n);
+    out.qd.setZero(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+        const std::vector<Step>& steps = joints_[static_cast<std::size_t>(i)];
+        const auto next =
+            std::upper_bound(steps.begin(), steps.end(), t,
+                             [](double s, const Step& step) { return s < step.begin_s; });
+        out.q[i] = (next - 1)->position;
+    }
+    return TickStatus::Ok;
+}
+
+}  // namespace viable
+
+VIABLE_PLUGIN(
+    viable::CommandSource, viable::RandomSteps, "random_steps",
+    "Random joint set-points held for random times, some beyond the limits, made from a seed.",
+    viable::kParameters)

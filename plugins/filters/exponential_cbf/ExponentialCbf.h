@@ -1,0 +1,39 @@
+#pragma once
+
+#include "viable/plugin/JerkIntervalFilter.h"
+
+namespace viable {
+
+/** Tries to keep position, velocity, acceleration and jerk limits by exponential control barrier functions,
+each limit by itself (S3 of the paper).
+
+Method: the jerk j of each joint, nearest to the desired one (14) in torque (13), subject to
+    position       j <= k^3 (P - p) - 3 k^2 v - 3 k a
+    velocity       j <= k^2 (V - v) - 2 k a
+    acceleration   j <= k (A - a)
+    jerk           -J <= j <= J
+and the mirror image below, k = k_alpha: all poles of all barriers at -k (see ExponentialBarrierRows).
+Assumes: continuous time, and that the rows never ask for a jerk beyond the limit or contradict each other.
+They do: the barriers know nothing of the jerk that braking takes. The law has no answer then. The tick is
+Infeasible and the joint takes the first jerk of its fastest stop, as far as acceleration and jerk limits let
+it. With `on_infeasible: stop` the next tick is Faulted, with which the host ends the run there and brakes.
+Guarantees: jerk limits at every tick; acceleration limits at every tick, from a start within them (the
+row is exact for k dt <= 1).
+Real time: no allocation, lock or throw after configure(). */
+class ExponentialCbf : public JerkIntervalFilter {
+public:
+    ExponentialCbf() : JerkIntervalFilter("exponential_cbf") {}
+    void configure(const RunSetup& setup, const Parameters& parameters) override;
+    void reset(const MotionState& start) override;
+    FilterStatus filter(const MotionState& nominal, const JointVector& torque,
+                        const Dynamics& dynamics, FilterDecision& decision) override;
+
+private:
+    Rows calcRows(const AxisState& state, const AxisLimits& limits) const override;
+
+    double kAlpha_ = 0.0;
+    bool stops_ = true;      // at the first tick without a solution
+    bool hasEnded_ = false;  // that tick has been
+};
+
+}  // namespace viable

@@ -1,0 +1,67 @@
+#include "JerkLimitedRate.h"
+
+#include "viable/core/Error.h"
+#include "viable/plugin/PluginExport.h"
+
+namespace viable {
+
+void JerkLimitedRate::configure(const RunSetup& setup, const Parameters& parameters) {
+    n_ = setup.size();
+    tick_s_ = setup.tick_s;
+    limits_ = setup.limits;
+    for (const JointBounds* bounds : {&limits_.acceleration, &limits_.jerk})
+        if (!bounds->lower.allFinite() || !bounds->upper.allFinite())
+            throw badInput(
+                parameters.resolved().place(),
+                "the filter jerk_limited_rate needs finite acceleration and jerk limits on "
+                "every joint",
+                "Set limits.acceleration_radps2 and limits.jerk_radps3.");
+}
+
+void JerkLimitedRate::reset(const MotionState&) {}  // v and a are the nominal arm's
+
+double JerkLimitedRate::calcAcceleration(double v, double a, double desired, const AxisLimits& l,
+                                         JointIntervention& acting) const {
+    double x = desired;
+    acting = {};
+    const auto cap = [&](double bound, LimitKind limit) {
+        if (!(x > bound)) return;
+        x = bound;
+        acting = {limit, LimitSide::Upper};
+    };
+    const auto raise = [&](double bound, LimitKind limit) {
+        if (!(x < bound)) return;
+        x = bound;
+        acting = {limit, LimitSide::Lower};
+    };
+    cap(a + l.jerkUpper * tick_s_, LimitKind::Jerk);
+    raise(a + l.jerkLower * tick_s_, LimitKind::Jerk);
+    cap(l.accelerationUpper, LimitKind::Acceleration);
+    cap(-l.jerkLower / l.accelerationUpper * (l.velocityUpper - v), LimitKind::Velocity);
+    raise(l.accelerationLower, LimitKind::Acceleration);
+    raise(-l.jerkUpper / l.accelerationLower * (l.velocityLower - v), LimitKind::Velocity);
+    return x;
+}
+
+FilterStatus JerkLimitedRate::filter(const MotionState& nominal, const JointVector& torque,
+                                     const Dynamics& dynamics, FilterDecision& decision) {
+    if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_))
+        return FilterStatus::InvalidInput;
+    if (!calcForwardDynamics(dynamics, torque, desired_)) return FilterStatus::Faulted;
+    acceleration_.resize(n_);
+    for (int i = 0; i < n_; ++i)
+        acceleration_[i] =
+            calcAcceleration(nominal.qd[i], nominal.qdd[i], desired_[i], limits_.axis(i),
+                             decision.joints[static_cast<std::size_t>(i)]);
+    holdAcceleration(nominal, dynamics, acceleration_, tick_s_, decision);
+    if (acceleration_ != desired_) return FilterStatus::Modified;
+    decision.torque = torque;  // not M (M^-1 (tau - b)) + b, which differs in the last bits
+    return FilterStatus::Passed;
+}
+
+}  // namespace viable
+
+VIABLE_PLUGIN(
+    viable::SafetyFilter, viable::JerkLimitedRate, "jerk_limited_rate",
+    "The velocity rate limiter of robot vendors: velocity, acceleration and jerk, no position.",
+    nullptr)

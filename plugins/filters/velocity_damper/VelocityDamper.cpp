@@ -1,0 +1,95 @@
+#include "VelocityDamper.h"
+
+#include <limits>
+#include <string>
+
+#include "viable/core/Error.h"
+#include "viable/motion/Braking.h"
+#include "viable/plugin/PluginExport.h"
+
+namespace viable {
+
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+const ParameterSpec kParameters[] = {
+    parameter::number(
+        "xi", "rad/s", "1.0",
+        "Largest velocity towards a limit at the influence distance; xi * tick_s at most "
+        "influence_rad - safety_rad.")
+        .above(0),
+    parameter::number("influence_rad", "rad", "0.2", "Distance from a limit where damping begins.")
+        .above(0),
+    parameter::number("safety_rad", "rad", "0.02",
+                      "Distance from a limit where no velocity towards it is left.")
+        .atLeast(0),
+    parameter::number(
+        "gamma", "1/s", "20.0",
+        "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
+        .above(0),
+};
+
+}  // namespace
+
+void VelocityDamper::configure(const RunSetup& setup, const Parameters& parameters) {
+    xi_ = parameters.number("xi");
+    influence_rad_ = parameters.number("influence_rad");
+    safety_rad_ = parameters.number("safety_rad");
+    const double width = influence_rad_ - safety_rad_;
+    if (!(width > 0.0))
+        throw badInput(parameters.place("influence_rad"),
+                       "influence_rad = " + std::to_string(influence_rad_) +
+                           " is not larger than safety_rad = " + std::to_string(safety_rad_),
+                       "Let damping begin before it ends.");
+    if (xi_ * setup.tick_s > width)
+        throw badInput(
+            parameters.place("xi"),
+            "xi * tick_s is " + std::to_string(xi_ * setup.tick_s) +
+                " rad, allowed (0, influence_rad - safety_rad = " + std::to_string(width) + "]",
+            "The sampled law overshoots beyond that; choose a smaller xi or a wider zone.");
+    for (int i = 0; i < setup.size(); ++i) {
+        const AxisLimits axis = setup.limits.axis(i);
+        if (axis.positionUpper - axis.positionLower < 2.0 * safety_rad_)
+            throw badInput(parameters.place("safety_rad"),
+                           "the safety distances of " +
+                               setup.robot.joints[static_cast<std::size_t>(i)].name +
+                               " leave it no place: its range is " +
+                               std::to_string(axis.positionUpper - axis.positionLower) + " rad",
+                           "Choose safety_rad at most half of the range.");
+    }
+    JerkIntervalFilter::configure(setup, parameters);
+}
+
+/** The largest velocity towards a limit at this distance from it; infinite where it is not damped. */
+double VelocityDamper::calcDampedVelocity(double toLimit) const {
+    if (toLimit >= influence_rad_) return kInfinity;
+    return xi_ * (toLimit - safety_rad_) / (influence_rad_ - safety_rad_);
+}
+
+JerkIntervalFilter::Rows VelocityDamper::calcRows(const AxisState& s, const AxisLimits& l) const {
+    JointInterval velocity{l.velocityLower, l.velocityUpper, LimitKind::Velocity,
+                           LimitKind::Velocity};
+    velocity.restrictLower(-calcDampedVelocity(s.p - l.positionLower), LimitKind::Position);
+    velocity.restrictUpper(calcDampedVelocity(l.positionUpper - s.p), LimitKind::Position);
+    // v+ <= bound as a bound on the jerk.
+    const auto toJerk = [&](double bound) {
+        return (bound - s.v - s.a * tick_s()) * 2.0 / (tick_s() * tick_s());
+    };
+    const double lower = toJerk(velocity.lower), upper = toJerk(velocity.upper);
+    JointInterval jerk = calcHardLimits(s, l);
+    const bool isTooFast = upper < jerk.lower;
+    const bool isTooSlow = lower > jerk.upper;
+    jerk.restrictLower(lower, velocity.lowerLimit);
+    jerk.restrictUpper(upper, velocity.upperLimit);
+    // Without a jerk that gives an allowed velocity: towards the nearest one, and to rest where there is none at all.
+    const double aim = isTooFast == isTooSlow ? 0.0 : isTooFast ? velocity.upper : velocity.lower;
+    return finishRows(jerk, calcStationaryStop(s.v - aim, s.a, l).jerk, s, l);
+}
+
+}  // namespace viable
+
+VIABLE_PLUGIN(viable::SafetyFilter, viable::VelocityDamper, "velocity_damper",
+              "Velocity dampers near position limits (Faverjon and Tournassoud), the other limits "
+              "for one tick.",
+              viable::kParameters)

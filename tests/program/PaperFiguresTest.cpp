@@ -1,0 +1,249 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <functional>
+
+#include "TemporaryFolder.h"
+#include "viable/experiment/CaseRun.h"
+#include "viable/log/LogReader.h"
+
+// What the paper's figures show, claimed of the runs of experiments/paper_fig*.yaml; and the arena.
+
+namespace viable {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+/** An experiment of the project. */
+class Figure {
+public:
+    explicit Figure(const std::string& name, const std::vector<std::string>& overrides = {})
+        : experiment_(readExperiment(VIABLE_SOURCE_DIR "/experiments/" + name + ".yaml", overrides,
+                                     PluginLoader({VIABLE_PLUGIN_DIR}),
+                                     {VIABLE_SOURCE_DIR "/robots"})) {}
+
+    const Experiment& experiment() const { return experiment_; }
+
+    /** Runs a case; `see` gets every row of its log. */
+    CaseResult run(const std::string& name,
+                   const std::function<void(const TickRecord&)>& see = {}) const {
+        for (const CasePlan& plan : experiment_.cases) {
+            if (plan.name != name) continue;
+            RunOptions options;
+            if (see) options.log = folder_.path() / (name + ".mcap");
+            const CaseResult result = runCase(plan, options);
+            EXPECT_EQ(result.logError, "");
+            if (see) {
+                LogReader reader(options.log);
+                TickRecord record;
+                while (reader.read(record)) see(record);
+            }
+            return result;
+        }
+        throw std::runtime_error("no case " + name);
+    }
+
+private:
+    Experiment experiment_;
+    test::TemporaryFolder folder_;
+};
+
+double getUse(const CaseResult& r, LimitKind kind) {
+    return r.summary.limit(kind)[static_cast<std::size_t>(r.summary.worstJoint(kind))].worstUse;
+}
+
+std::int64_t countOutside(const CaseResult& r) {
+    std::int64_t outside = 0;
+    for (const LimitKind kind :
+         {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk})
+        outside += r.summary.ticksOutside(kind);
+    return outside;
+}
+
+void print(const CaseResult& r) {
+    std::printf(
+        "  %-22s position %.5g, velocity %.5g, acceleration %.5g, jerk %.5g of the limit; %lld "
+        "ticks "
+        "infeasible\n",
+        r.name.c_str(), getUse(r, LimitKind::Position), getUse(r, LimitKind::Velocity),
+        getUse(r, LimitKind::Acceleration), getUse(r, LimitKind::Jerk),
+        static_cast<long long>(r.summary.ticksWith(FilterStatus::Infeasible)));
+}
+
+TEST(PaperFig5, S1LeavesPositionAndAccelerationLimits) {
+    const CaseResult s1 = Figure("paper_fig5").run("S1");
+    print(s1);
+    EXPECT_GT(getUse(s1, LimitKind::Position), 1.1);
+    EXPECT_GT(getUse(s1, LimitKind::Acceleration), 1.1);
+    EXPECT_EQ(s1.exitCode(), 0);
+}
+
+TEST(PaperFig5, S2KeepsPositionVelocityAndAccelerationAndBreaksJerkAHundredfold) {
+    const CaseResult s2 = Figure("paper_fig5").run("S2");
+    print(s2);
+    EXPECT_EQ(s2.summary.ticksOutside(LimitKind::Position), 0);
+    EXPECT_EQ(s2.summary.ticksOutside(LimitKind::Velocity), 0);
+    EXPECT_EQ(s2.summary.ticksOutside(LimitKind::Acceleration), 0);
+    EXPECT_GT(getUse(s2, LimitKind::Jerk), 100.0);
+}
+
+TEST(PaperFig5, S3HasNoAdmissibleJerkBeforeLongAndTheRunEndsThere) {
+    const Figure figure("paper_fig5");
+    double infeasible_s = -1.0, until_s = 0.0;
+    const CaseResult s3 = figure.run("S3", [&](const TickRecord& record) {
+        if (record.status == FilterStatus::Infeasible) infeasible_s = record.time_s;
+        if (infeasible_s < 0.0) {
+            until_s = record.time_s;
+            EXPECT_LE(std::abs(record.nominal.q[0]), kPi);
+            EXPECT_LE(std::abs(record.nominal.qdd[0]), 3 * kPi);
+            EXPECT_LE(std::abs(record.nominal.jerk[0]), 4 * kPi);
+        } else if (record.time_s > infeasible_s + 1e-9) {
+            EXPECT_TRUE(record.braking);  // the host's own stop
+        }
+    });
+    print(s3);
+    std::printf("  no admissible jerk at %.3f s; %s\n", infeasible_s, s3.stopMessage.c_str());
+    EXPECT_GT(infeasible_s, 0.6);
+    EXPECT_LT(infeasible_s, 1.1);
+    EXPECT_NEAR(until_s, infeasible_s - 1e-3, 1e-9);
+    EXPECT_EQ(s3.summary.ticksWith(FilterStatus::Infeasible), 1);
+    // The summary has the time: the tick after that one is the first of the stop.
+    EXPECT_EQ(s3.stopReason, StopReason::FilterFailed);
+    EXPECT_NEAR(s3.stopTime_s, infeasible_s + 1e-3, 1e-9);
+    char when[40];
+    std::snprintf(when, sizeof when, "stopped at %.4f s", infeasible_s + 1e-3);
+    EXPECT_NE(s3.stopMessage.find(when), std::string::npos) << s3.stopMessage;
+    EXPECT_NE(s3.stopMessage.find("it reported that it cannot go on"), std::string::npos);
+    EXPECT_NE(writeSummaryJson(figure.experiment(), {s3}).find(when), std::string::npos);
+    EXPECT_LT(s3.simulated_s, 8.0);
+}
+
+TEST(PaperFig5, S4KeepsAllFourLimitsForTheEightSecondsOfTheFigure) {
+    const CaseResult s4 = Figure("paper_fig5").run("S4");
+    print(s4);
+    EXPECT_EQ(s4.summary.ticks(), 8000);
+    EXPECT_EQ(countOutside(s4), 0);
+    EXPECT_EQ(s4.summary.ticksWith(FilterStatus::Infeasible), 0);
+    EXPECT_GT(getUse(s4, LimitKind::Position), 0.99);
+    EXPECT_GT(getUse(s4, LimitKind::Jerk), 0.99);
+}
+
+TEST(PaperFig5, CertifiedKeepsThemToo) {
+    const CaseResult certified = Figure("paper_fig5").run("certified");
+    print(certified);
+    EXPECT_TRUE(certified.promises);
+    EXPECT_EQ(certified.exitCode(), 0);
+    EXPECT_FALSE(certified.summary.anyLimitBroken());
+    EXPECT_GT(getUse(certified, LimitKind::Position), 0.99);
+}
+
+/** Where the joint of Fig. 6 was from 5 s on: settled, whatever settles. */
+struct Swing {
+    double lowest = 1e9, highest = -1e9;
+    double jerk = 0.0;  ///< largest, as a share of J
+};
+
+Swing runFig6(const std::string& name, CaseResult& result) {
+    Swing swing;
+    result = Figure("paper_fig6").run(name, [&](const TickRecord& record) {
+        if (record.time_s < 5.0) return;
+        swing.lowest = std::min(swing.lowest, record.nominal.q[0]);
+        swing.highest = std::max(swing.highest, record.nominal.q[0]);
+        swing.jerk = std::max(swing.jerk, std::abs(record.nominal.jerk[0]) / (4 * kPi));
+    });
+    print(result);
+    std::printf("  from 5 s on between pi %+.3g and pi %+.3g rad, jerk up to %.3g of its limit\n",
+                swing.lowest - kPi, swing.highest - kPi, swing.jerk);
+    return swing;
+}
+
+TEST(PaperFig6, S5SwingsAtTheLimit) {
+    const Figure figure("paper_fig6");
+    CaseResult s5(figure.experiment().cases[1]);
+    const Swing swing = runFig6("S5", s5);
+    EXPECT_GT(swing.highest - swing.lowest, 1.0);
+    EXPECT_EQ(s5.summary.ticksOutside(LimitKind::Jerk), 0);
+}
+
+TEST(PaperFig6, S4StaysAtTheLimit) {
+    const Figure figure("paper_fig6");
+    CaseResult s4(figure.experiment().cases[0]);
+    const Swing swing = runFig6("S4", s4);
+    EXPECT_GT(swing.lowest, kPi - 1e-4);
+    EXPECT_LT(swing.highest, kPi + 1e-4);
+    EXPECT_GT(swing.jerk, 0.99);  // resting there it chatters
+}
+
+TEST(PaperFig6, CertifiedStaysAtTheLimitWithoutChatter) {
+    const Figure figure("paper_fig6");
+    CaseResult certified(figure.experiment().cases[2]);
+    const Swing swing = runFig6("certified", certified);
+    EXPECT_GT(swing.lowest, kPi - 1e-4);
+    EXPECT_LT(swing.highest, kPi + 1e-12);
+    EXPECT_LT(swing.jerk, 1e-2);
+    EXPECT_FALSE(certified.summary.anyLimitBroken());
+}
+
+TEST(PaperFig8, C1BreaksTheJerkLimitOfTheFirstJointAndC2DoesNot) {
+    const Figure figure("paper_fig8_fig9");
+    const CaseResult c1 = figure.run("C1"), c2 = figure.run("C2");
+    const auto first = [](const CaseResult& r) -> const LimitRecord& {
+        return r.summary.limit(LimitKind::Jerk)[0];
+    };
+    print(c1);
+    print(c2);
+    std::printf("  first joint's jerk: C1 %.5g, C2 1%+.2g of the limit\n", first(c1).worstUse,
+                first(c2).worstUse - 1.0);
+    EXPECT_GT(first(c1).worstUse, 10.0);
+    EXPECT_LE(first(c2).worstUse, 1.0 + 1e-12);
+    EXPECT_EQ(c2.summary.ticksOutside(LimitKind::Jerk), 0);
+    EXPECT_EQ(c2.summary.ticksOutside(LimitKind::Acceleration), 0);
+    EXPECT_GT(first(c2).worstUse, 0.99);
+}
+
+TEST(PaperFig9, UnderC2TheRealArmFollowsTheNominalOne) {
+    const CaseResult c2 = Figure("paper_fig8_fig9").run("C2");
+    std::printf("  real - nominal: %.3g mrad RMS, %.3g mrad at most\n",
+                1e3 * c2.summary.trackingRms(), 1e3 * c2.summary.trackingMax());
+    EXPECT_LT(c2.summary.trackingRms(), 5e-3);
+    EXPECT_LT(c2.summary.trackingMax(), 20e-3);
+}
+
+TEST(PaperFig8, CertifiedKeepsAllLimitsUnderTheSameHand) {
+    const CaseResult certified = Figure("paper_fig8_fig9").run("certified");
+    print(certified);
+    EXPECT_FALSE(certified.summary.anyLimitBroken());
+    EXPECT_EQ(certified.summary.ticksWith(FilterStatus::Infeasible), 0);
+}
+
+// Eight laws get the same commands, some of which rest beyond a limit; one promises to keep everything, and does.
+TEST(Arena, AllLawsRunOnTheSameCommandsAndTheCertifiedOneKeepsEverything) {
+    for (const char* name : {"arena", "arena_one_joint"}) {
+        const Figure figure(name, {"duration_s=20"});
+        ASSERT_EQ(figure.experiment().cases.size(), 8u);
+        double commands = 0.0;
+        for (const CasePlan& plan : figure.experiment().cases) {
+            double sum = 0.0;
+            std::int64_t beyond = 0;
+            const CaseResult result = figure.run(plan.name, [&](const TickRecord& record) {
+                sum += record.command.q.sum() * (1.0 + record.time_s);
+                beyond += (record.command.q.array() > plan.limits.position.upper.array()).any() ||
+                          (record.command.q.array() < plan.limits.position.lower.array()).any();
+            });
+            print(result);
+            if (commands == 0.0) commands = sum;
+            EXPECT_EQ(sum, commands) << plan.name;
+            EXPECT_EQ(result.exitCode(), 0) << result.stopMessage;
+            EXPECT_EQ(result.summary.ticks(), std::lround(plan.duration_s / plan.tick_s));
+            EXPECT_GT(beyond, 1000);
+            EXPECT_EQ(result.promises, plan.name == "certified_braking");
+            if (result.promises) {
+                EXPECT_FALSE(result.summary.anyLimitBroken());
+            }
+        }
+    }
+}
+
+}  // namespace
+}  // namespace viable

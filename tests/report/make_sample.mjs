@@ -1,0 +1,486 @@
+// Writes a synthetic report, so that the page can be developed and tested without a run:
+//   node make_sample.mjs TEMPLATE REPORT [--cases 3] [--joints 6] [--rows 600000] [--data FOLDER]
+// The arms follow made-up references under roughly kept limits; the numbers only look like a run's.
+// --data also writes data.json and data.bin.gz, what the C++ side puts into the template.
+import { mkdir, readFile, writeFile } from 'node:fs/promises';
+import { join } from 'node:path';
+import { parseArgs } from 'node:util';
+import { gzipSync } from 'node:zlib';
+
+const {
+  positionals: [template, target],
+  values: options,
+} = parseArgs({
+  allowPositionals: true,
+  options: {
+    cases: { type: 'string', default: '3' },
+    joints: { type: 'string', default: '6' },
+    rows: { type: 'string', default: '600000' },
+    data: { type: 'string' },
+  },
+});
+if (!target) {
+  console.error('usage: node make_sample.mjs TEMPLATE REPORT [--cases N] [--joints N] [--rows N] [--data FOLDER]');
+  process.exit(2);
+}
+const CASES = Number(options.cases);
+const JOINTS = Number(options.joints);
+const ROWS = Number(options.rows);
+const TICK = 0.001;
+const MOST_BUCKETS = 5000;
+const MOST_FRAMES = 3000;
+
+/** Collects arrays, each from a multiple of 4 bytes on, and hands out references. */
+class Binary {
+  #parts = [];
+  #size = 0;
+
+  add(array) {
+    const bytes = Buffer.from(array.buffer, array.byteOffset, array.byteLength);
+    const reference = { at: this.#size, n: array.length, type: array instanceof Uint8Array ? 'u8' : 'f32' };
+    const rest = (4 - (bytes.length % 4)) % 4;
+    this.#parts.push(bytes, Buffer.alloc(rest));
+    this.#size += bytes.length + rest;
+    return reference;
+  }
+
+  get bytes() {
+    return Buffer.concat(this.#parts);
+  }
+}
+
+const binary = new Binary();
+
+/** Least and largest of the ticks of each bucket, or the ticks themselves where a bucket is one tick. */
+class Series {
+  constructor(buckets, perBucket) {
+    this.perBucket = perBucket;
+    this.values = new Float32Array(perBucket === 1 ? buckets : 2 * buckets).fill(NaN);
+  }
+
+  put(row, value) {
+    const { values, perBucket } = this;
+    if (perBucket === 1) {
+      values[row] = value;
+      return;
+    }
+    const at = 2 * Math.floor(row / perBucket);
+    if (!(values[at] <= value)) values[at] = value;
+    if (!(values[at + 1] >= value)) values[at + 1] = value;
+  }
+}
+
+const SERIES = [
+  'nominal_q',
+  'nominal_qd',
+  'nominal_qdd',
+  'nominal_jerk',
+  'real_q',
+  'real_qd',
+  'real_qdd',
+  'tau_desired',
+  'tau_filter',
+  'tau_robust',
+  'tau_motor',
+  'margin',
+];
+const CENTRE = [0, -0.262, -1.571, 0, -1.309, 0];
+const HALF_RANGE = [0.524, 0.262, 0.524, 0.262, 0.524, 1.047];
+const VELOCITY = (2 * Math.PI) / 3;
+const ACCELERATION = 4 * Math.PI;
+const JERK = 12 * Math.PI;
+const INERTIA = [3.2, 2.8, 1.4, 0.3, 0.12, 0.03];
+
+/** One joint through all ticks of a case. */
+function simulateJoint(j, rows, perBucket, buckets, frames, stride, style) {
+  const centre = CENTRE[j % 6];
+  const half = HALF_RANGE[j % 6];
+  const inertia = INERTIA[j % 6];
+  const series = Object.fromEntries(SERIES.map((name) => [name, new Series(buckets, perBucket)]));
+  const active = new Uint8Array(buckets);
+  const modified = new Uint8Array(buckets);
+  const nominal = new Float32Array(frames);
+  const real = new Float32Array(frames);
+  const allowed = { velocity: VELOCITY, acceleration: ACCELERATION, jerk: JERK };
+  let q = centre;
+  let v = 0;
+  let a = 0;
+  let lag = 0;
+  for (let row = 0; row < rows; ++row) {
+    const t = row * TICK;
+    const reference =
+      centre +
+      half *
+        1.7 *
+        (0.62 * Math.sin(1.9 * t + 1.7 * j) +
+          0.38 * Math.sin(4.3 * t + j + 0.1 * style.phase) * Math.sin(0.071 * t + j)) *
+        Math.min(1, t / 3);
+    const wished = 90 * (reference - q) - 17 * v;
+    const stop = 0.12 + Math.abs(v) * 0.16;
+    let upper = Math.min(allowed.acceleration, (allowed.velocity - v) / 0.12);
+    let lower = Math.max(-allowed.acceleration, (-allowed.velocity - v) / 0.12);
+    let upperName = upper === allowed.acceleration ? 6 : 4;
+    let lowerName = lower === -allowed.acceleration ? 5 : 3;
+    const highStop = 22 * (centre + half * 0.998 - q - v * stop * 1.5) - 9 * v;
+    const lowStop = 22 * (centre - half * 0.998 - q - v * stop * 1.5) - 9 * v;
+    if (highStop < upper) [upper, upperName] = [Math.max(highStop, -allowed.acceleration), 2];
+    if (lowStop > lower) [lower, lowerName] = [Math.min(lowStop, allowed.acceleration), 1];
+    let next = Math.min(Math.max(wished, Math.min(lower, upper)), upper);
+    let acting = next === wished ? 0 : next < wished ? upperName : lowerName;
+    if (style.boundedJerk && Math.abs(next - a) > allowed.jerk * TICK) {
+      if (!acting) acting = next > a ? 8 : 7;
+      next = a + Math.sign(next - a) * allowed.jerk * TICK;
+    }
+    const jerk = style.boundedJerk
+      ? (next - a) / TICK
+      : (next - a) / TICK + (acting ? 900 * Math.sin(row) * (row % 37 === 0) * 12 : 0);
+    a = next;
+    v += a * TICK;
+    q += v * TICK;
+    const bound = Math.abs(q - centre) > half;
+    if (bound) {
+      q = centre + Math.sign(q - centre) * half;
+      v = 0;
+    }
+    const friction = 0.25 * Math.tanh(40 * v) * (1 + 0.2 * Math.sin(31 * t));
+    lag +=
+      (style.robust
+        ? (0.0006 * friction) / inertia ** 0.3 - lag * 30 * TICK * 4
+        : 0.00004 * friction - lag * 0.05 * TICK) * (style.robust ? 4 : 1);
+    const realQ = q + Math.max(-1.5, Math.min(1.5, lag));
+    const filterTorque = inertia * a + 12 * Math.sin(q + j) * inertia;
+    const robustTorque = style.robust ? 4 * friction * inertia + 0.4 * Math.sin(57 * t) : 0;
+    const values = {
+      nominal_q: q,
+      nominal_qd: v,
+      nominal_qdd: a,
+      nominal_jerk: jerk,
+      real_q: realQ,
+      real_qd: v + 0.02 * Math.sin(211 * t),
+      real_qdd: a + 0.4 * Math.sin(333 * t),
+      tau_desired: inertia * wished + 12 * Math.sin(q + j) * inertia,
+      tau_filter: filterTorque,
+      tau_robust: robustTorque,
+      tau_motor: filterTorque + robustTorque,
+      margin: Math.max(0, half - Math.abs(q - centre) - Math.abs(v) * stop * 0.3),
+    };
+    for (const name of SERIES) series[name].put(row, values[name]);
+    const bucket = Math.floor(row / perBucket);
+    if (acting && (row * 7) % perBucket < 7) active[bucket] = acting;
+    if (acting) modified[bucket] = 1;
+    if (row % stride === 0 && row / stride < frames) {
+      nominal[row / stride] = q;
+      real[row / stride] = realQ;
+    }
+  }
+  return { series, active, modified, nominal, real };
+}
+
+const STYLES = [
+  {
+    name: 'C1',
+    filter: 'acceleration_viability',
+    robust: true,
+    boundedJerk: false,
+    promises: false,
+    ok: false,
+    verdict: 'jerk limit missed in 24259 joint-ticks',
+  },
+  {
+    name: 'C2',
+    filter: 'tosbp',
+    robust: true,
+    boundedJerk: true,
+    promises: false,
+    ok: false,
+    verdict: '53 joint-ticks outside, 25 ticks empty',
+  },
+  {
+    name: 'C3',
+    filter: 'certified_braking',
+    robust: true,
+    boundedJerk: true,
+    promises: true,
+    ok: true,
+    verdict: 'all limits kept',
+  },
+  {
+    name: 'C3_without_nric',
+    filter: 'certified_braking',
+    robust: false,
+    boundedJerk: true,
+    promises: true,
+    ok: true,
+    verdict: 'all limits kept',
+  },
+  {
+    name: 'broken',
+    filter: 'broken_plugin',
+    robust: true,
+    boundedJerk: true,
+    promises: true,
+    ok: false,
+    verdict: 'broke its promise at 0.6 of the run',
+    stopAt: 0.6,
+  },
+  {
+    name: 'soft',
+    filter: 'tosbp',
+    robust: true,
+    boundedJerk: true,
+    promises: false,
+    ok: true,
+    verdict: 'all limits kept',
+  },
+  {
+    name: 'slow',
+    filter: 'certified_braking',
+    robust: false,
+    boundedJerk: true,
+    promises: true,
+    ok: true,
+    verdict: 'all limits kept',
+  },
+  {
+    name: 'passive',
+    filter: 'none',
+    robust: true,
+    boundedJerk: false,
+    promises: false,
+    ok: false,
+    verdict: 'position limit missed',
+  },
+];
+
+function makeCase(index) {
+  const style = { ...STYLES[index % STYLES.length], phase: index };
+  const rows = Math.round(ROWS * (style.stopAt ?? 1));
+  const perBucket = Math.max(1, Math.ceil(ROWS / MOST_BUCKETS));
+  const buckets = Math.ceil(rows / perBucket);
+  const stride = Math.max(1, Math.ceil(ROWS / MOST_FRAMES));
+  const frames = Math.ceil(rows / stride);
+  const status = new Uint8Array(buckets);
+  const nominal = new Float32Array(frames * JOINTS);
+  const real = new Float32Array(frames * JOINTS);
+  const joints = [];
+  for (let j = 0; j < JOINTS; ++j) {
+    const motion = simulateJoint(j, rows, perBucket, buckets, frames, stride, style);
+    motion.modified.forEach((value, i) => {
+      status[i] = Math.max(status[i], value);
+    });
+    for (let i = 0; i < frames; ++i) {
+      nominal[i * JOINTS + j] = motion.nominal[i];
+      real[i * JOINTS + j] = motion.real[i];
+    }
+    const series = Object.fromEntries(SERIES.map((name) => [name, binary.add(motion.series[name].values)]));
+    if (!style.robust) series.tau_robust = null;
+    const centre = CENTRE[j % 6];
+    const half = HALF_RANGE[j % 6];
+    const limits = {
+      position: [centre - half, centre + half],
+      velocity: [-VELOCITY, VELOCITY],
+      acceleration: [-ACCELERATION, ACCELERATION],
+      jerk: [-JERK, JERK],
+    };
+    for (const [name, [lower, upper]] of Object.entries(limits))
+      Object.assign(series, { [`${name}_lower`]: lower, [`${name}_upper`]: upper });
+    if (j === 1)
+      // a limit that changes in the run
+      series.velocity_upper = binary.add(
+        Float32Array.from(
+          { length: buckets },
+          (_, i) => (i > buckets * 0.4 && i < buckets * 0.55 ? 0.5 : 1) * VELOCITY,
+        ),
+      );
+    joints.push({ series, active: binary.add(motion.active) });
+  }
+  if (style.name === 'C2') for (let i = 0; i < buckets; i += Math.ceil(buckets / 25)) status[i] = 4;
+  if (style.stopAt) status.fill(2, Math.floor(buckets * 0.97));
+  const edges = Array.from({ length: 61 }, (_, i) => 10 ** (i / 15)); // 1 us to 10 ms
+  const counts = edges
+    .slice(1)
+    .map((edge) =>
+      Math.floor(
+        rows * 0.16 * Math.exp(-(((Math.log10(edge) - 1.6 - 0.07 * index) / 0.14) ** 2)) +
+          rows * 2e-4 * Math.exp(-(((Math.log10(edge) - 2.7) / 0.3) ** 2)),
+      ),
+    );
+  return {
+    name: style.name + (index >= STYLES.length ? `_${index}` : ''),
+    filter: style.filter,
+    robust_loop: style.robust ? 'nric' : 'none',
+    plant: 'simbody',
+    promises: style.promises,
+    verdict: style.verdict,
+    ok: style.ok,
+    stop: style.stopAt
+      ? { time_s: rows * TICK, message: 'jerk 61.2 rad/s^3 of joint2 is over its limit 37.7 rad/s^3' }
+      : null,
+    details:
+      `${style.name}: filter ${style.filter}, robust loop ${style.robust ? 'nric' : 'none'}, real plant simbody; ${(rows * TICK).toFixed(3)} s simulated\n` +
+      `  verdict       ${style.verdict}\n  position      worst use    100.00 % (joint3 at 19.832 s), outside in 0 joint-ticks, worst excess 0 rad\n` +
+      '  velocity      worst use     91.33 % (joint5 at 24.347 s), outside in 0 joint-ticks, worst excess 0 rad/s\n' +
+      '  tick          median 50.5 us, p99 202.7 us, max 3890.1 us\n',
+    rows,
+    tick_s: TICK,
+    t0: 0,
+    step_s: perBucket * TICK,
+    buckets,
+    joints,
+    status: binary.add(status),
+    tick_time: { edges_us: edges, counts },
+    replay: { step_s: stride * TICK, n: frames, nominal: binary.add(nominal), real: binary.add(real) },
+  };
+}
+
+/** Frames of an Indy7, with a shape of every kind. */
+function makeScene() {
+  const frames = [
+    // xyz, rpy of the joints
+    [
+      [0, 0, 0.078],
+      [0, 0, 0],
+    ],
+    [
+      [0, -0.109, 0.222],
+      [Math.PI / 2, Math.PI / 2, 0],
+    ],
+    [
+      [-0.45, 0, -0.0305],
+      [0, 0, 0],
+    ],
+    [
+      [-0.267, 0, -0.075],
+      [-Math.PI / 2, 0, Math.PI / 2],
+    ],
+    [
+      [0, -0.114, 0.083],
+      [Math.PI / 2, Math.PI / 2, 0],
+    ],
+    [
+      [-0.168, 0, 0.069],
+      [-Math.PI / 2, 0, Math.PI / 2],
+    ],
+  ];
+  const none = { xyz: [0, 0, 0], quat: [1, 0, 0, 0] };
+  const links = [
+    {
+      name: 'base',
+      parent: -1,
+      joint: -1,
+      origin: none,
+      axis: [0, 0, 1],
+      color: [0.35, 0.38, 0.42, 1],
+      shapes: [
+        { type: 'cylinder', radius: 0.09, length: 0.08, pose: { xyz: [0, 0, 0.04], quat: [1, 0, 0, 0] } },
+        { type: 'box', size: [0.26, 0.26, 0.02], pose: { xyz: [0, 0, 0.01], quat: [1, 0, 0, 0] } },
+      ],
+    },
+  ];
+  for (let j = 0; j < JOINTS; ++j) {
+    const [xyz, rpy] = frames[j % 6];
+    const next = frames[(j + 1) % 6][0];
+    const radius = [0.075, 0.065, 0.055, 0.05, 0.045, 0.04][j % 6];
+    const shapes =
+      j % 6 === 5
+        ? [
+            { type: 'sphere', radius: 0.045, pose: none },
+            { type: 'mesh', ...cone(0.05, 0.12), pose: { xyz: [0, 0, 0.03], quat: [1, 0, 0, 0] } },
+          ]
+        : [
+            { type: 'capsule', from: [0, 0, 0], to: [0, 0, next[2]], radius },
+            { type: 'capsule', from: [0, 0, next[2]], to: next, radius: radius * 0.9 },
+          ];
+    links.push({
+      name: `link${j + 1}`,
+      parent: j,
+      joint: j,
+      origin: { xyz, quat: fromRpy(...rpy) },
+      axis: [0, 0, 1],
+      shapes,
+      color: j % 6 === 5 ? [0.25, 0.45, 0.6, 1] : null,
+    });
+  }
+  return { links };
+}
+
+function cone(radius, height) {
+  const points = [];
+  const at = (i) => [radius * Math.cos((i * Math.PI) / 8), radius * Math.sin((i * Math.PI) / 8), 0];
+  for (let i = 0; i < 16; ++i) points.push(...at(i), ...at(i + 1), 0, 0, height, ...at(i + 1), ...at(i), 0, 0, 0);
+  return { positions: binary.add(Float32Array.from(points)), indices: null };
+}
+
+function fromRpy(roll, pitch, yaw) {
+  const [cr, cp, cy] = [roll, pitch, yaw].map((angle) => Math.cos(angle / 2));
+  const [sr, sp, sy] = [roll, pitch, yaw].map((angle) => Math.sin(angle / 2));
+  return [
+    cr * cp * cy + sr * sp * sy,
+    sr * cp * cy - cr * sp * sy,
+    cr * sp * cy + sr * cp * sy,
+    cr * cp * sy - sr * sp * cy,
+  ];
+}
+
+const cases = Array.from({ length: CASES }, (_, i) => makeCase(i));
+const data = {
+  format: 1,
+  version: '0.1.0',
+  title: 'Unilateral teleoperation, synthetic sample',
+  created: '2026-11-21T12:00:00Z',
+  file: 'experiments/sample.yaml',
+  yaml: 'schema: 1\ntitle: Unilateral teleoperation, synthetic sample\nrobot: indy7\nduration_s: 600\ntick_s: 0.001\ncommand: {plugin: generated_hand_motion, seed: 1}\n',
+  robot: {
+    name: 'indy7',
+    joints: Array.from({ length: JOINTS }, (_, j) => ({
+      name: `joint${j}`,
+      kind: j === 5 ? 'continuous' : 'revolute',
+    })),
+  },
+  scene: makeScene(),
+  summary: {
+    columns: [
+      'case',
+      'position [%]',
+      'velocity [%]',
+      'accel. [%]',
+      'jerk [%]',
+      'joint-ticks outside',
+      'ticks empty',
+      'ticks changed',
+      'RMS error [mrad]',
+      'max [mrad]',
+      'tick median [µs]',
+      'p99 [µs]',
+    ],
+    rows: cases.map((c, i) => [
+      c.name,
+      '100.00',
+      (91.33 + i).toFixed(2),
+      (67.2 + i * 3).toFixed(2),
+      i === 0 ? '66667' : '100.00',
+      String(i === 0 ? 24259 : 0),
+      String(i === 1 ? 25 : 0),
+      '91.3 %',
+      (2.854 + i).toFixed(3),
+      (11.6 + i).toFixed(2),
+      '50.5',
+      '202.7',
+    ]),
+    note: 'Columns in percent: the largest share of a limit that the nominal arm used.',
+  },
+  cases,
+};
+
+const json = JSON.stringify(data).replaceAll('<', '\\u003c');
+const packed = gzipSync(binary.bytes, { level: 6 });
+const page = (await readFile(template, 'utf8'))
+  .replace('@@VIABLE_DATA@@', () => json)
+  .replace('@@VIABLE_BINARY@@', () => packed.toString('base64'));
+await writeFile(target, page);
+if (options.data) {
+  await mkdir(options.data, { recursive: true });
+  await writeFile(join(options.data, 'data.json'), json);
+  await writeFile(join(options.data, 'data.bin.gz'), packed);
+}
+console.log(`${target}: ${(page.length / 1e6).toFixed(1)} MB, ${CASES} cases, ${JOINTS} joints, ${ROWS} rows`);

@@ -1,0 +1,39 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+
+#include "Commands.h"
+#include "viable/log/LogExport.h"
+#include "viable/log/LogReader.h"
+
+namespace viable {
+
+namespace {
+
+struct RecoverArguments {
+    std::string log, out;
+};
+
+}  // namespace
+
+void addRecoverCommand(CLI::App& app, int& exitCode) {
+    auto arguments = std::make_shared<RecoverArguments>();
+    CLI::App* command = app.add_subcommand(
+        "recover", "Make a whole log of one that was cut off (the run was killed)");
+    command->add_option("LOG", arguments->log, "Log of a case (.mcap)")->required();
+    command->add_option("--out", arguments->out, "New log (default: LOG with .recovered.mcap)");
+    command->callback([arguments, &exitCode] {
+        exitCode = 0;
+        if (LogReader(arguments->log).isComplete()) {
+            std::printf("%s is whole: nothing to recover\n", arguments->log.c_str());
+            return;
+        }
+        std::filesystem::path out = arguments->out;
+        if (out.empty())
+            out = std::filesystem::path(arguments->log).replace_extension(".recovered.mcap");
+        const std::uint64_t rows = recoverLog(arguments->log, out);
+        std::printf("wrote %s: %llu rows\n", out.c_str(), static_cast<unsigned long long>(rows));
+    });
+}
+
+}  // namespace viable

@@ -1,0 +1,136 @@
+import { caseStyle, el, icon, iconButton, swatch } from './dom.js';
+import { seconds } from './format.js';
+import { ALL_JOINTS } from './state.js';
+import { isDark, toggleTheme } from './theme.js';
+
+const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10];
+
+/** The bar above the plots: which cases, which joint, what times. */
+export function fillToolbar(host, state, { openHelp }) {
+  host.append(
+    caseToggles(state),
+    jointChoice(state),
+    zoomButtons(state),
+    el('span', { class: 'push' }),
+    el(
+      'span',
+      { class: 'buttons' },
+      themeButton(state),
+      el('button', {
+        type: 'button',
+        class: 'icon-button',
+        'aria-label': 'Keys',
+        title: 'Keys (?)',
+        text: '?',
+        onclick: openHelp,
+      }),
+    ),
+  );
+  const root = document.documentElement;
+  new ResizeObserver(() => root.style.setProperty('--toolbar-height', `${host.offsetHeight}px`)).observe(host);
+}
+
+function caseToggles(state) {
+  const buttons = state.run.cases.map((c, i) =>
+    el(
+      'button',
+      {
+        type: 'button',
+        class: 'case-toggle',
+        style: caseStyle(i),
+        title: `Show or hide ${c.name}${i < 9 ? ` (${i + 1})` : ''}`,
+        onclick: () => state.toggleCase(i),
+      },
+      swatch(i),
+      el('span', { class: 'case-name', text: c.name }),
+      i < 9 ? el('kbd', { 'aria-hidden': 'true', text: i + 1 }) : null,
+    ),
+  );
+  const update = () => buttons.forEach((button, i) => button.setAttribute('aria-pressed', String(state.shown[i])));
+  state.on('cases', update);
+  update();
+  return el('div', { class: 'cases', role: 'group', 'aria-label': 'Cases' }, ...buttons);
+}
+
+function jointChoice(state) {
+  const { joints } = state.run;
+  const select = el(
+    'select',
+    { 'aria-label': 'Joint', title: 'Joint (j, k)', onchange: () => state.setJoint(Number(select.value)) },
+    ...joints.map(({ name }, j) => el('option', { value: j, text: name })),
+    joints.length > 1 ? el('option', { value: ALL_JOINTS, text: 'all joints' }) : null,
+  );
+  const update = () => {
+    select.value = String(state.joint);
+  };
+  state.on('joint', update);
+  update();
+  return el('label', { class: 'joint-choice' }, 'Joint ', select);
+}
+
+function zoomButtons(state) {
+  const text = el('span', { class: 'view-text' });
+  const reset = iconButton('reset', 'Show the whole run (0, or double click in a plot)', () => state.resetView());
+  const update = () => {
+    text.textContent = `${seconds(state.view.min)} – ${seconds(state.view.max)} s`;
+    reset.disabled = !state.isZoomed;
+  };
+  state.on('view', update);
+  update();
+  return el(
+    'span',
+    { class: 'buttons', role: 'group', 'aria-label': 'Time in view' },
+    iconButton('minus', 'Show more time (−)', () => state.zoom(2)),
+    iconButton('plus', 'Zoom in at the scrubber (+)', () => state.zoom(0.5)),
+    reset,
+    text,
+  );
+}
+
+function themeButton(state) {
+  const button = iconButton('moon', 'Dark colours', toggleTheme);
+  const update = () => {
+    const label = isDark() ? 'Light colours' : 'Dark colours';
+    button.replaceChildren(icon(isDark() ? 'sun' : 'moon'));
+    button.setAttribute('aria-label', label);
+    button.title = label;
+  };
+  state.on('theme', update);
+  update();
+  return button;
+}
+
+/** The bar at the foot of the page: play, scrubber, speed. */
+export function fillTransport(host, state) {
+  const { run } = state;
+  const play = iconButton('play', 'Play', () => state.setPlaying(!state.playing));
+  const scrubber = el('input', {
+    type: 'range',
+    id: 'scrubber',
+    min: run.tMin,
+    max: run.tMax,
+    step: 'any',
+    'aria-label': 'Time',
+    oninput: () => state.setTime(Number(scrubber.value)),
+  });
+  const time = el('output', { class: 'time', for: 'scrubber' });
+  const speed = el(
+    'select',
+    { 'aria-label': 'Speed', title: 'Speed', onchange: () => state.setSpeed(Number(speed.value)) },
+    ...SPEEDS.map((value) => el('option', { value, text: `${value} ×` })),
+  );
+  speed.value = String(state.speed);
+  const update = () => {
+    scrubber.value = String(state.time);
+    scrubber.style.setProperty('--played', `${(100 * (state.time - run.tMin)) / (run.tMax - run.tMin)}%`);
+    scrubber.setAttribute('aria-valuetext', `${seconds(state.time)} seconds`);
+    time.textContent = `${seconds(state.time)} s`;
+  };
+  state.on('time', update);
+  state.on('play', () => {
+    play.replaceChildren(icon(state.playing ? 'pause' : 'play'));
+    play.setAttribute('aria-label', state.playing ? 'Pause' : 'Play');
+  });
+  update();
+  host.append(play, time, scrubber, speed);
+}

@@ -1,0 +1,78 @@
+const SVG = 'http://www.w3.org/2000/svg';
+
+/**
+ * Creates an element. Strings, as `text` or as children, always become text, never markup.
+ * @param {string} tag
+ * @param {Object} [properties] `class`, `text`, `style` (custom properties), `on<event>`, else attributes;
+ *   null and false leave an attribute out
+ * @param {...(Node|string|null)} children
+ */
+export function el(tag, properties = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(properties)) {
+    if (value === null || value === undefined || value === false) continue;
+    if (name === 'text') element.textContent = value;
+    else if (name === 'style') for (const [key, v] of Object.entries(value)) element.style.setProperty(key, v);
+    else if (name.startsWith('on')) element.addEventListener(name.slice(2), value);
+    else element.setAttribute(name, value === true ? '' : value);
+  }
+  element.append(...children.filter((child) => child !== null && child !== undefined));
+  return element;
+}
+
+const ICONS = {
+  play: 'M5 3l9 5-9 5z',
+  pause: 'M4 3h3v10H4zM9 3h3v10H9z',
+  sun:
+    'M8 5a3 3 0 100 6 3 3 0 000-6zM7.25 1h1.5v2.2h-1.5zM7.25 12.8h1.5V15h-1.5zM1 7.25h2.2v1.5H1z' +
+    'M12.8 7.25H15v1.5h-2.2zM2.5 3.6l1-1 1.6 1.5-1.1 1zM10.9 11.9l1-1 1.6 1.5-1.1 1z' +
+    'M11 4.1l1.5-1.6 1 1.1L12 5.1zM2.5 12.4l1.5-1.6 1.1 1.1-1.6 1.5z',
+  moon: 'M6.2 1.5A6.7 6.7 0 1014.5 9.8 5.5 5.5 0 016.2 1.5z',
+  plus: 'M7.25 3h1.5v4.25H13v1.5H8.75V13h-1.5V8.75H3v-1.5h4.25z',
+  minus: 'M3 7.25h10v1.5H3z',
+  reset: 'M2 3h1.5v10H2zM12.5 3H14v10h-1.5zM4.5 8l3-2.5v1.75h1V5.5L11.5 8l-3 2.5V8.75h-1v1.75z',
+  home: 'M8 2l6.5 5.5-1 1.1-.9-.8V14H9.5v-4h-3v4H3.4V7.8l-.9.8-1-1.1z',
+};
+
+/** A small picture in the colour of the text around it. */
+export function icon(name) {
+  const svg = document.createElementNS(SVG, 'svg');
+  svg.setAttribute('viewBox', '0 0 16 16');
+  svg.setAttribute('aria-hidden', 'true');
+  svg.setAttribute('class', 'icon');
+  const path = document.createElementNS(SVG, 'path');
+  path.setAttribute('d', ICONS[name]);
+  svg.append(path);
+  return svg;
+}
+
+/** A short sample of a line, for a legend. */
+export function lineSample({ width = 1.5, dash = [], alpha = 1 }) {
+  const svg = document.createElementNS(SVG, 'svg');
+  svg.setAttribute('viewBox', '0 0 20 8');
+  svg.setAttribute('aria-hidden', 'true');
+  svg.setAttribute('class', 'line-sample');
+  const line = document.createElementNS(SVG, 'path');
+  line.setAttribute('d', 'M1 4H19');
+  line.setAttribute('stroke-width', String(width));
+  line.setAttribute('stroke-opacity', String(alpha));
+  line.setAttribute('stroke-dasharray', dash.join(' '));
+  svg.append(line);
+  return svg;
+}
+
+/** A button that shows an icon and says what it does. */
+export function iconButton(name, label, onclick, properties = {}) {
+  return el(
+    'button',
+    { type: 'button', class: 'icon-button', 'aria-label': label, title: label, onclick, ...properties },
+    icon(name),
+  );
+}
+
+/** The mark of a case: a square in its colour. */
+export const swatch = (caseIndex) =>
+  el('span', { class: 'swatch', 'aria-hidden': 'true', style: caseStyle(caseIndex) });
+
+/** The custom property by which the style sheet knows the colour of a case. */
+export const caseStyle = (caseIndex) => ({ '--case': `var(--case-${caseIndex % 8})` });

@@ -1,0 +1,62 @@
+const MINUS = '\u2212';
+
+/** A number for people: `digits` significant digits, a true minus sign, no needless exponent. */
+export function number(value, digits = 4) {
+  if (!Number.isFinite(value)) return '–';
+  const size = Math.abs(value);
+  if (size === 0) return '0';
+  let text;
+  if (size >= 1e6 || size < 1e-4) text = value.toExponential(Math.max(0, digits - 2)).replace('e+', 'e');
+  else if (size >= 10 ** digits) text = value.toFixed(0);
+  else text = value.toPrecision(digits);
+  return text.replaceAll('-', MINUS);
+}
+
+/** A number with a given number of decimals; zero has no sign. */
+export function fixed(value, decimals) {
+  if (!Number.isFinite(value)) return '–';
+  const text = value.toFixed(decimals);
+  return Number(text) === 0 ? text.replace('-', '') : text.replace('-', MINUS);
+}
+
+/** Least and largest value, as fine as a plot of `extent` can show; one number where they look the same. */
+export function span([low, high], extent) {
+  const decimals = Math.min(9, Math.max(0, 3 - Math.floor(Math.log10(extent))));
+  const [a, b] = [low, high].map((value) => fixed(value, decimals));
+  return a === b ? a : `${a}\u2009…\u2009${b}`;
+}
+
+/** The value of an axis tick; `increment` is the distance of the ticks. */
+export function tick(value, increment) {
+  if (Math.abs(value) < increment * 1e-6) return '0';
+  const size = Math.abs(value);
+  if (size >= 1e4) {
+    const decimals = Math.max(0, -Math.floor(Math.log10(increment / 1e3) + 1e-9));
+    return `${(value / 1e3).toFixed(decimals)}k`.replace('-', MINUS);
+  }
+  if (increment < 1e-4) return value.toExponential(1).replaceAll('-', MINUS);
+  return value.toFixed(Math.max(0, -Math.floor(Math.log10(increment) + 1e-9))).replace('-', MINUS);
+}
+
+/** Round numbers between min and max, about `count` of them. */
+export function ticks(min, max, count) {
+  const rough = (max - min) / Math.max(1, count);
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const increment = [1, 2, 5, 10].map((factor) => factor * power).find((candidate) => candidate >= rough * 0.999);
+  const values = [];
+  for (let i = Math.ceil(min / increment - 1e-9); i * increment <= max + increment * 1e-9; ++i)
+    values.push(i * increment);
+  return { values, increment };
+}
+
+/** Round numbers between min and max of a logarithmic axis. */
+export function powers(min, max) {
+  const values = [];
+  for (let power = Math.floor(Math.log10(min)); power <= Math.log10(max); ++power)
+    for (const factor of Math.log10(max / min) < 2.7 ? [1, 2, 5] : [1])
+      if (factor * 10 ** power >= min && factor * 10 ** power <= max) values.push(factor * 10 ** power);
+  return values;
+}
+
+/** A time with three decimals. */
+export const seconds = (time) => fixed(time, 3);

@@ -1,0 +1,51 @@
+import { fillToolbar, fillTransport } from './controls.js';
+import { DataError, loadRun } from './data.js';
+import { createHelp, listenToKeys } from './keyboard.js';
+import { createPlayer } from './player.js';
+import { PlotArea } from './plots.js';
+import { HIDDEN_AT_FIRST } from './quantities.js';
+import { createReplay } from './replay.js';
+import { State } from './state.js';
+import { fillDetails, fillHead, fillSummary, JointTable } from './table.js';
+import { initTheme } from './theme.js';
+
+const part = (id) => document.getElementById(id);
+
+/** Tells the reader what went wrong; the message is text, whatever it holds. */
+function showMessage(text) {
+  part('message').textContent = text;
+  part('message').hidden = false;
+}
+
+function explain(error) {
+  part('loading').hidden = true;
+  if (error instanceof DataError) showMessage(`This report cannot be shown. ${error.message}`);
+  else showMessage(`A part of this report cannot be shown: ${error?.message ?? error}`);
+}
+
+async function start() {
+  let state = null;
+  initTheme(() => state?.emit('theme'));
+  const run = await loadRun();
+  document.title = run.title ? `${run.title} – viable` : 'viable report';
+  state = new State(run);
+  for (const key of HIDDEN_AT_FIRST) state.hiddenKinds.add(key);
+
+  const openHelp = createHelp(part('help'));
+  fillHead(part('head'), run);
+  fillSummary(part('summary'), run);
+  fillToolbar(part('toolbar'), state, { openHelp });
+  fillTransport(part('transport'), state);
+  fillDetails(part('details'), run);
+  createPlayer(state);
+  listenToKeys(state, openHelp);
+  part('loading').hidden = true;
+  part('page').hidden = false;
+  new PlotArea(part('plots'), state);
+  new JointTable(part('joints'), state);
+  createReplay(part('replay'), run, state);
+}
+
+addEventListener('error', (event) => explain(event.error ?? event.message));
+addEventListener('unhandledrejection', (event) => explain(event.reason));
+start().catch(explain);

@@ -1,0 +1,532 @@
+import uPlot from 'uplot';
+import { HistogramChart, LineChart } from './charts.js';
+import { el, lineSample, swatch } from './dom.js';
+import { saveFigure } from './exporting.js';
+import { number, powers, tick } from './format.js';
+import { CanvasPainter, font } from './painter.js';
+import { QUANTITIES } from './quantities.js';
+import { ALL_JOINTS } from './state.js';
+import { colours } from './theme.js';
+import { LaneChart, legend } from './timeline.js';
+
+const SYNC = 'viable-time';
+const AXIS_WIDTH = 60;
+const AXIS_HEIGHT = 22;
+const FITS = ['auto', 'data', 'limits'];
+
+/** Panels to be drawn before the next picture of the screen. */
+const waiting = new Set();
+
+function schedule(panel) {
+  if (waiting.size === 0)
+    requestAnimationFrame(() => {
+      const panels = [...waiting];
+      waiting.clear();
+      for (const each of panels) each.refresh();
+    });
+  waiting.add(panel);
+}
+
+/** One plot with its head (name, buttons), its read-out and the line of the scrubber. Draws only while it is visible. */
+class Panel {
+  #plot = null;
+  #stale = true;
+  #visible = false;
+  #pointerInside = false;
+  #pressedAt = 0;
+
+  constructor(state, chart, { compact = false, head = null } = {}) {
+    this.state = state;
+    this.chart = chart;
+    this.compact = compact;
+    this.shared = !chart.domain; // its x axis is the time that all plots share
+    this.host = el('div', { class: 'plot', role: 'img' });
+    this.readout = el('div', { class: 'readout' });
+    this.note = el('span', { class: 'note' });
+    this.name = el('h3');
+    this.scrubLine = el('div', { class: 'scrub-line', 'aria-hidden': 'true' });
+    this.root = el(
+      'figure',
+      { class: `panel${compact ? ' compact' : ''}`, 'data-quantity': chart.id },
+      el(
+        'figcaption',
+        {},
+        this.name,
+        head,
+        this.note,
+        el('span', { class: 'push' }),
+        el('span', { class: 'tools' }, this.#saveButton('png'), this.#saveButton('svg')),
+      ),
+      this.readout,
+      this.host,
+    );
+    this.#reserve();
+  }
+
+  #saveButton(format) {
+    return el('button', {
+      type: 'button',
+      class: 'quiet',
+      text: format.toUpperCase(),
+      title: `Save what is in view as ${format.toUpperCase()}, in light colours`,
+      onclick: () => saveFigure(this.state, this.chart, this.#domain(), format),
+    });
+  }
+
+  #domain() {
+    return this.shared ? this.state.view : this.chart.domain;
+  }
+
+  get #height() {
+    if (this.chart.isLanes) return this.chart.height + AXIS_HEIGHT + 8;
+    return this.compact ? 128 : this.chart.id === 'torque' || !this.shared ? 176 : 150;
+  }
+
+  /** Keeps the place of the plot, drawn or not. */
+  #reserve() {
+    this.host.style.height = `${this.#height}px`;
+    const { chart } = this;
+    this.name.textContent = this.compact
+      ? chart.jointName
+      : `${chart.title}${chart.unit && this.shared ? ` [${chart.unit}]` : ''}`;
+    this.host.setAttribute(
+      'aria-label',
+      `${chart.description}; cases ${this.state.cases.map((c) => c.name).join(', ') || 'none'}`,
+    );
+    this.#fillReadout();
+  }
+
+  setVisible(visible) {
+    this.#visible = visible;
+    if (visible) schedule(this);
+  }
+
+  drawForPrint() {
+    const visible = this.#visible;
+    this.#visible = true;
+    this.refresh();
+    this.#visible = visible;
+  }
+
+  /** What is drawn is not right any more. `contents`: the cases or the joint are others, not only the view. */
+  invalidate(contents = true) {
+    this.#stale = true;
+    if (contents) {
+      this.chart.invalidate();
+      this.#reserve();
+    }
+    if (this.#visible) schedule(this);
+  }
+
+  setJoint(joint) {
+    this.chart.joint = joint;
+    this.invalidate();
+  }
+
+  refresh() {
+    if (!this.#visible) return;
+    const width = this.host.clientWidth;
+    if (width === 0) return;
+    if (!this.#plot) this.#create(width);
+    else if (this.#stale || width !== this.#plot.width) this.#redraw(width);
+    this.#stale = false;
+    this.placeScrubLine();
+    this.updateReadout();
+  }
+
+  #redraw(width) {
+    const plot = this.#plot;
+    const { min, max } = this.#domain();
+    if (width !== plot.width || this.#height !== plot.height) plot.setSize({ width, height: this.#height });
+    plot.batch(() => {
+      plot.setScale('x', { min, max });
+      plot.redraw(false, true);
+    });
+  }
+
+  #create(width) {
+    const { chart, shared } = this;
+    const distr = shared ? 1 : 3;
+    const axis = {
+      font: font(11),
+      stroke: () => colours.muted,
+      ticks: { show: false },
+      grid: { stroke: () => colours.grid, width: 1 },
+      border: { show: true, stroke: () => colours.line, width: 1 },
+    };
+    const own = shared ? {} : { splits: (_, __, min, max) => powers(min, max), filter: (_, splits) => splits };
+    this.#plot = new uPlot(
+      {
+        width,
+        height: this.#height,
+        padding: [6, 20, 0, 0],
+        legend: { show: false },
+        scales: {
+          x: { time: false, distr, range: () => [this.#domain().min, this.#domain().max] },
+          y: { distr, range: () => this.#yRange() },
+        },
+        series: [{}, { scale: 'y', paths: () => null, points: { show: false } }],
+        axes: [
+          {
+            ...axis,
+            ...own,
+            size: AXIS_HEIGHT,
+            gap: 4,
+            space: this.compact ? 52 : 70,
+            values: (_, splits, __, ___, increment) =>
+              splits.map((v) => (shared ? `${tick(v, increment)} s` : `${tick(v, v)} µs`)),
+          },
+          chart.isLanes
+            ? { ...axis, size: AXIS_WIDTH, grid: { show: false }, splits: () => [], values: () => [] }
+            : {
+                ...axis,
+                ...own,
+                size: AXIS_WIDTH,
+                gap: 5,
+                space: 28,
+                values: (_, splits, __, ___, increment) => splits.map((v) => tick(v, shared ? increment : v)),
+              },
+        ],
+        cursor: {
+          y: false,
+          points: { show: false },
+          drag: { x: shared, y: false, setScale: false },
+          sync: shared
+            ? { key: SYNC, setSeries: false, scales: ['x', null], filters: { sub: () => this.#visible } }
+            : undefined,
+          bind: {
+            dblclick: () => () => {
+              if (shared) this.state.resetView();
+            },
+          },
+        },
+        hooks: {
+          draw: [(plot) => this.#draw(plot)],
+          setSelect: [(plot) => this.#select(plot)],
+          setCursor: [(plot) => this.#hover(plot)],
+        },
+      },
+      [
+        [1, 2],
+        [1, 1],
+      ],
+      this.host,
+    ); // the data is the chart's own; uPlot does axes, cursor and zoom
+    this.#listen(this.#plot.over);
+    if (shared) this.#plot.over.append(this.scrubLine);
+  }
+
+  #listen(over) {
+    over.addEventListener('mouseenter', () => {
+      this.#pointerInside = true;
+    });
+    over.addEventListener('mouseleave', () => {
+      this.#pointerInside = false;
+      if (this.shared) this.state.setHover(null);
+      else this.updateReadout();
+    });
+    over.addEventListener('mousedown', (event) => {
+      this.#pressedAt = event.clientX;
+    });
+    over.addEventListener('click', (event) => {
+      if (event.pointerType === 'touch') this.state.setHover(null); // a finger does not hover
+      if (!this.shared || Math.abs(event.clientX - this.#pressedAt) > 3) return;
+      this.state.setTime(this.#plot.posToVal(event.clientX - over.getBoundingClientRect().left, 'x'));
+    });
+  }
+
+  #select(plot) {
+    const { left, width } = plot.select;
+    if (width === 0) return;
+    if (this.#pointerInside && width > 3)
+      this.state.setView(plot.posToVal(left, 'x'), plot.posToVal(left + width, 'x'));
+    plot.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
+  }
+
+  #hover(plot) {
+    if (!this.#pointerInside) return;
+    if (this.shared) this.state.setHover(plot.cursor.left >= 0 ? plot.posToVal(plot.cursor.left, 'x') : null);
+    else this.updateReadout();
+  }
+
+  #yRange() {
+    const range = this.chart.range(this.#domain());
+    this.note.replaceChildren(
+      ...this.chart.beyond
+        .slice(0, 3)
+        .map(([c, [low, high]]) =>
+          el(
+            'span',
+            { title: `${c.name} leaves the plot` },
+            swatch(c.index),
+            `up to ${number(Math.max(-low, high), 3)}`,
+          ),
+        ),
+    );
+    return range;
+  }
+
+  #draw(plot) {
+    const ratio = uPlot.pxRatio;
+    const { left, top, width, height } = plot.bbox;
+    const { x, y } = plot.scales;
+    const context = plot.ctx;
+    context.save();
+    context.scale(ratio, ratio);
+    this.chart.draw(
+      new CanvasPainter(context),
+      {
+        left: left / ratio,
+        top: top / ratio,
+        width: width / ratio,
+        height: height / ratio,
+        xMin: x.min,
+        xMax: x.max,
+        toX: this.#toPixels(plot, 'x', ratio, left, width),
+        toY: this.#toPixels(plot, 'y', ratio, top, height),
+      },
+      colours,
+      this.compact,
+    );
+    context.restore();
+    this.placeScrubLine(); // uPlot knows its scales only now
+    this.root.dataset.view = `${x.min} ${x.max}`;
+    this.root.dataset.range = `${y.min} ${y.max}`;
+  }
+
+  /** A quick way from a value to CSS pixels; uPlot's own, where the scale is logarithmic. */
+  #toPixels(plot, key, ratio, start, extent) {
+    if (!this.shared) return (value) => plot.valToPos(value, key, true) / ratio;
+    const { min, max } = plot.scales[key];
+    const factor = ((key === 'x' ? 1 : -1) * extent) / (max - min) / ratio;
+    const origin = (key === 'x' ? start : start + extent) / ratio;
+    return (value) => origin + (value - min) * factor;
+  }
+
+  /** Puts the line of the scrubber where its time is. */
+  placeScrubLine() {
+    if (!this.#plot || !this.shared || !this.#visible) return;
+    const { time, view } = this.state;
+    const inView = time >= view.min && time <= view.max;
+    this.scrubLine.hidden = !inView;
+    if (inView) this.scrubLine.style.transform = `translateX(${this.#plot.valToPos(time, 'x').toFixed(1)}px)`;
+  }
+
+  /** Room for a case's values: fixed, so that nothing moves when numbers get longer. */
+  get #cellWidth() {
+    if (this.compact) return this.chart.isLanes ? 130 : 120;
+    const name = Math.min(16, Math.max(0, ...this.state.cases.map((c) => c.name.length)));
+    return 30 + 7 * name + (this.chart.isLanes ? 190 : 105 * (this.chart.kindCount ?? 1));
+  }
+
+  #fillReadout() {
+    this.cells = this.state.cases.map((c) => el('output', { 'aria-live': 'off', 'data-case': c.index }));
+    this.readout.style.setProperty('--cell', `${this.#cellWidth}px`);
+    this.readout.replaceChildren(
+      ...this.state.cases.map((c, i) =>
+        el(
+          'span',
+          { class: 'value', title: `${c.name}: ${this.chart.valueTitle}` },
+          swatch(c.index),
+          this.compact ? null : el('span', { class: 'value-name', text: c.name }),
+          this.cells[i],
+        ),
+      ),
+    );
+  }
+
+  updateReadout() {
+    if (!this.#visible) return;
+    let at = this.state.cursorTime;
+    if (!this.shared) {
+      if (!this.#plot) return;
+      this.readout.classList.toggle('off', !this.#pointerInside);
+      at = this.#plot.posToVal(this.#plot.cursor.left, 'x');
+    }
+    this.chart.values(at).forEach(({ values }, i) => {
+      const text = (this.compact ? values.slice(0, 1) : values).join('  |  ');
+      if (this.cells[i] && this.cells[i].textContent !== text) this.cells[i].textContent = text;
+    });
+  }
+
+  destroy() {
+    this.#visible = false;
+    waiting.delete(this);
+    this.#plot?.destroy();
+    this.#plot = null;
+  }
+}
+
+/** All plots of the page: of one joint below each other, or of every quantity a small one per joint. */
+export class PlotArea {
+  #panels = [];
+  #mode = null;
+
+  constructor(host, state) {
+    this.host = host;
+    this.state = state;
+    this.observer = new IntersectionObserver(
+      (entries) => {
+        for (const entry of entries)
+          this.#panels.find(({ root }) => root === entry.target)?.setVisible(entry.isIntersecting);
+      },
+      { rootMargin: '150px 0px' },
+    );
+    this.#build();
+    new ResizeObserver(() => this.#all((panel) => panel.invalidate(false))).observe(host);
+
+    addEventListener('beforeprint', () => this.#all((panel) => panel.drawForPrint()));
+
+    state.on('joint', () => this.#setJoint());
+    state.on('cases', () => this.#all((panel) => panel.invalidate()));
+    state.on('kinds', () => {
+      this.#updateHeads();
+      this.#all((panel) => panel.invalidate());
+    });
+    state.on('view theme', () => this.#all((panel) => panel.invalidate(false)));
+    state.on('time', () => this.#all((panel) => panel.placeScrubLine()));
+    state.on('time hover', () => this.#scheduleReadouts());
+  }
+
+  #all(action) {
+    this.#panels.forEach(action);
+  }
+
+  /** Numbers that change faster than they can be read cost time and tell nothing. */
+  #scheduleReadouts() {
+    if (this.readoutTimer) return;
+    this.readoutTimer = setTimeout(
+      () => {
+        this.readoutTimer = null;
+        this.#all((panel) => panel.updateReadout());
+      },
+      this.state.playing ? 120 : 16,
+    );
+  }
+
+  #setJoint() {
+    const mode = this.state.joint === ALL_JOINTS ? 'all' : 'one';
+    if (mode !== this.#mode) this.#build();
+    else
+      this.#all((panel) => {
+        if (panel.shared) panel.setJoint(this.state.joint);
+      });
+  }
+
+  #build() {
+    this.#all((panel) => panel.destroy());
+    this.observer.disconnect();
+    this.#panels = [];
+    this.heads = [];
+    this.#mode = this.state.joint === ALL_JOINTS ? 'all' : 'one';
+    this.host.replaceChildren(
+      ...(this.#mode === 'all' ? this.#buildAll() : this.#buildOne(this.state.joint)),
+      ...this.#buildTickTime(),
+    );
+    this.#updateHeads();
+    for (const { root } of this.#panels) this.observer.observe(root);
+  }
+
+  #add(panel) {
+    this.#panels.push(panel);
+    return panel.root;
+  }
+
+  #buildOne(joint) {
+    const { state } = this;
+    return [
+      this.#add(new Panel(state, new LaneChart(state, joint), { head: this.#legend() })),
+      ...QUANTITIES.map((quantity) =>
+        this.#add(new Panel(state, new LineChart(state, quantity, joint), { head: this.#head(quantity) })),
+      ),
+    ];
+  }
+
+  #buildAll() {
+    const { state } = this;
+    const group = (title, head, makeChart) =>
+      el(
+        'section',
+        { class: 'group', 'aria-label': title },
+        el('div', { class: 'group-head' }, el('h2', { text: title }), head),
+        el(
+          'div',
+          { class: 'multiples' },
+          ...state.run.joints.map((_, j) => this.#add(new Panel(state, makeChart(j), { compact: true }))),
+        ),
+      );
+    return [
+      group('Acting limits', this.#legend(), (j) => new LaneChart(state, j)),
+      ...QUANTITIES.map((quantity) =>
+        group(
+          `${quantity.title} [${this.#units(quantity)}]`,
+          this.#head(quantity),
+          (j) => new LineChart(state, quantity, j),
+        ),
+      ),
+    ];
+  }
+
+  #units({ units }) {
+    const { joints } = this.state.run;
+    const used = units.filter((_, i) => joints.some((joint) => Number(joint.linear) === i));
+    return used.join(', ');
+  }
+
+  #buildTickTime() {
+    const chart = new HistogramChart(this.state);
+    return chart.isEmpty ? [] : [this.#add(new Panel(this.state, chart))];
+  }
+
+  #legend() {
+    return el(
+      'span',
+      { class: 'legend' },
+      ...legend(this.state.run).map(({ name, colour, strip }) =>
+        el(
+          'span',
+          { class: 'legend-item' },
+          el('span', { class: strip ? 'key strip' : 'key', style: { '--key': `var(${colour})` } }),
+          name,
+        ),
+      ),
+      el('span', { class: 'hint', text: 'upper half: upper limit' }),
+    );
+  }
+
+  /** Buttons of a quantity: which of its lines are drawn, and what its y axis is fitted to. */
+  #head(quantity) {
+    const { state } = this;
+    const buttons =
+      quantity.kinds.length < 2
+        ? []
+        : quantity.kinds.map((kind) => {
+            const button = el(
+              'button',
+              { type: 'button', class: 'chip', onclick: () => state.toggleKind(kind.key) },
+              lineSample(kind.style),
+              kind.label,
+            );
+            this.heads.push(() => button.setAttribute('aria-pressed', String(!state.hiddenKinds.has(kind.key))));
+            return button;
+          });
+    if (quantity.limit) {
+      const button = el('button', {
+        type: 'button',
+        class: 'chip',
+        title: 'What the y axis shows: limits and data where they fit together (auto), all data, or the limits',
+        onclick: () =>
+          state.setFit(quantity.id, FITS[(FITS.indexOf(state.fit.get(quantity.id) ?? 'auto') + 1) % FITS.length]),
+      });
+      this.heads.push(() => {
+        button.textContent = `y: ${state.fit.get(quantity.id) ?? 'auto'}`;
+      });
+      buttons.push(button);
+    }
+    return el('span', { class: 'chips' }, ...buttons);
+  }
+
+  #updateHeads() {
+    for (const update of this.heads) update();
+  }
+}

@@ -1,0 +1,279 @@
+import {
+  Box3,
+  DirectionalLight,
+  GridHelper,
+  HemisphereLight,
+  PerspectiveCamera,
+  Scene,
+  Sphere,
+  Vector3,
+  WebGLRenderer,
+} from 'three';
+import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
+import { LIMITS } from './data.js';
+import { el, iconButton } from './dom.js';
+import { save } from './exporting.js';
+import { Arm, readShapes, Trail } from './scene.js';
+import { ALL_CASES } from './state.js';
+import { caseColour, colours, isDark, limitColour } from './theme.js';
+
+const TRAIL_S = 2;
+const FIELD_OF_VIEW = 35;
+
+/** Builds the 3D replay, or says why there is none. The rest of the page does not depend on it. */
+export function createReplay(host, run, state) {
+  const choice = caseChoice(run, state);
+  const tools = el('span', { class: 'tools' });
+  const stage = el('div', { class: 'stage' });
+  host.append(
+    el('div', { class: 'replay-head' }, el('h3', { text: 'Replay' }), choice, el('span', { class: 'push' }), tools),
+    stage,
+  );
+  const reason = whyNot(run);
+  if (reason) {
+    stage.append(el('p', { class: 'no-replay', role: 'status', text: reason }));
+    return null;
+  }
+  try {
+    const replay = new Replay(stage, run, state);
+    tools.append(
+      el('button', {
+        type: 'button',
+        class: 'quiet',
+        text: 'PNG',
+        title: 'Save the picture as PNG',
+        onclick: () => replay.savePicture(),
+      }),
+      iconButton('home', 'Look at the arm from the start position', () => replay.resetCamera()),
+    );
+    host.append(
+      el('p', {
+        class: 'hint',
+        text: 'solid: nominal arm · pale: real arm · coloured link: a limit acts · line: tool, last 2 s',
+      }),
+    );
+    return replay;
+  } catch (error) {
+    stage.replaceChildren(
+      el('p', { class: 'no-replay', role: 'status', text: `The 3D replay does not work here: ${error.message}` }),
+    );
+    return null;
+  }
+}
+
+function whyNot(run) {
+  if (!run.scene?.links?.length) return 'The robot has no shapes to show.';
+  if (!run.cases.some((c) => c.replay)) return 'The run has no motion to replay.';
+  const context = document.createElement('canvas').getContext('webgl2');
+  if (!context)
+    return 'The 3D replay needs WebGL 2, which this browser does not offer. Plots and tables work without it.';
+  context.getExtension('WEBGL_lose_context')?.loseContext();
+  return null;
+}
+
+function caseChoice(run, state) {
+  const select = el(
+    'select',
+    { 'aria-label': 'Whose arm the replay shows', onchange: () => state.setReplayCase(Number(select.value)) },
+    ...run.cases.filter((c) => c.replay).map((c) => el('option', { value: c.index, text: c.name })),
+    run.cases.length > 1 ? el('option', { value: ALL_CASES, text: 'all shown cases' }) : null,
+  );
+  select.value = String(state.replayCase);
+  state.on('replay', () => {
+    select.value = String(state.replayCase);
+  });
+  return select;
+}
+
+class Replay {
+  #arms = new Map(); // case index to { nominal, real, trail }
+  #visible = true;
+  #frameAsked = false;
+
+  constructor(stage, run, state) {
+    this.run = run;
+    this.state = state;
+    this.stage = stage;
+    this.shapes = readShapes(run);
+    this.pose = new Float32Array(run.joints.length);
+
+    this.renderer = new WebGLRenderer({ antialias: true, alpha: true });
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    const canvas = this.renderer.domElement;
+    canvas.setAttribute('role', 'img');
+    canvas.setAttribute('aria-label', 'The arm at the time of the scrubber. Drag to turn, wheel to zoom.');
+    canvas.addEventListener('webglcontextlost', (event) => {
+      event.preventDefault();
+      stage.dataset.lost = 'true';
+    });
+    canvas.addEventListener('webglcontextrestored', () => {
+      delete stage.dataset.lost;
+      this.#ask();
+    });
+    stage.append(canvas);
+
+    this.scene = new Scene();
+    this.scene.add(new HemisphereLight(0xffffff, 0x8892a0, 2.1));
+    this.sun = new DirectionalLight(0xffffff, 1.9);
+    this.scene.add(this.sun, this.sun.target);
+    this.camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
+    this.camera.up.set(0, 0, 1);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.addEventListener('change', () => this.#ask());
+
+    this.#choose();
+    this.bounds = this.#findBounds();
+    this.#paint();
+    this.resetCamera();
+
+    new ResizeObserver(() => this.#resize()).observe(stage);
+    new IntersectionObserver(([entry]) => {
+      this.#visible = entry.isIntersecting;
+      if (this.#visible) this.#ask();
+    }).observe(stage);
+    state.on('time', () => this.#ask());
+    state.on('replay cases', () => {
+      this.#choose();
+      this.#paint();
+    });
+    state.on('theme', () => this.#paint());
+  }
+
+  /** The cases whose arms are shown. */
+  get #cases() {
+    const { replayCase } = this.state;
+    return this.run.cases.filter(
+      (c) => c.replay && (replayCase === ALL_CASES ? this.state.shown[c.index] : c.index === replayCase),
+    );
+  }
+
+  #choose() {
+    for (const { nominal, real, trail } of this.#arms.values())
+      for (const object of [nominal.root, real?.root, trail.line]) if (object) object.visible = false;
+    const cases = this.#cases;
+    cases.forEach((c, layer) => {
+      const { nominal, real, trail } = this.#armOf(c);
+      nominal.setLayer(layer);
+      real?.setLayer(cases.length + layer);
+      for (const object of [nominal.root, real?.root, trail.line]) if (object) object.visible = true;
+    });
+    this.#ask();
+  }
+
+  #armOf(c) {
+    if (!this.#arms.has(c.index)) {
+      const nominal = new Arm(this.run, this.shapes, { translucent: false });
+      const real = c.replay.real ? new Arm(this.run, this.shapes, { translucent: true }) : null;
+      const trail = new Trail(nominal, c.replay.nominal, c.replay.n, this.run.joints.length);
+      this.scene.add(nominal.root, trail.line);
+      if (real) this.scene.add(real.root);
+      this.#arms.set(c.index, { nominal, real, trail });
+    }
+    return this.#arms.get(c.index);
+  }
+
+  /** The ball that holds the arm in all its poses, nearly. */
+  #findBounds() {
+    const c = this.#cases[0] ?? this.run.cases.find((each) => each.replay);
+    const { nominal } = this.#armOf(c);
+    const box = new Box3().expandByPoint(new Vector3());
+    for (let i = 0; i < 12; ++i) {
+      nominal.pose(c.replay.nominal, Math.floor((i / 12) * c.replay.n) * this.run.joints.length);
+      nominal.root.updateMatrixWorld(true);
+      box.expandByObject(nominal.root);
+    }
+    const bounds = box.getBoundingSphere(new Sphere());
+    if (!(bounds.radius > 0)) bounds.radius = 1;
+    return bounds;
+  }
+
+  resetCamera() {
+    const { center, radius } = this.bounds;
+    this.controls.target.copy(center);
+    const distance = (radius * 0.92) / Math.sin(((FIELD_OF_VIEW / 2) * Math.PI) / 180);
+    this.camera.position.set(0.62, -0.92, 0.42).normalize().multiplyScalar(distance).add(center);
+    this.camera.near = distance / 100;
+    this.camera.far = distance * 20;
+    this.camera.updateProjectionMatrix();
+    this.sun.position
+      .set(1, -0.6, 1.6)
+      .multiplyScalar(radius * 3)
+      .add(center);
+    this.sun.target.position.copy(center);
+    this.controls.update();
+    this.#ask();
+  }
+
+  #paint() {
+    const several = this.#cases.length > 1;
+    for (const [index, { nominal, real, trail }] of this.#arms) {
+      const colour = caseColour(index);
+      nominal.paint(several ? colour : null, isDark() ? '#b9c2cc' : '#c3cad2');
+      real?.paint(colour, colour);
+      trail.paint(colour);
+    }
+    if (this.floor) this.scene.remove(this.floor);
+    const cell = 10 ** Math.floor(Math.log10(this.bounds.radius * 0.5));
+    const cells = 2 * Math.ceil((this.bounds.radius * 1.5) / cell);
+    this.floor = new GridHelper(cells * cell, cells, colours.limit, colours.line);
+    this.floor.rotation.x = Math.PI / 2;
+    this.floor.position.z = -cell * 0.01; // not in the plane that a base may stand on
+    this.scene.add(this.floor);
+    this.#ask();
+  }
+
+  #resize() {
+    const { clientWidth: width, clientHeight: height } = this.stage;
+    if (width === 0 || height === 0) return;
+    this.renderer.setSize(width, height);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.#draw(); // a canvas of a new size is empty
+  }
+
+  #ask() {
+    if (this.#frameAsked || !this.#visible) return;
+    this.#frameAsked = true;
+    requestAnimationFrame(() => this.#draw());
+  }
+
+  #draw() {
+    this.#frameAsked = false;
+    const { time } = this.state;
+    for (const c of this.#cases) {
+      const { nominal, real, trail } = this.#armOf(c);
+      this.#poseAt(nominal, c.replay.nominal, c, time);
+      if (real) this.#poseAt(real, c.replay.real, c, time);
+      const frame = Math.min(c.replay.n - 1, Math.max(0, Math.round((time - c.t0) / c.replay.step)));
+      trail.show(Math.max(0, frame - Math.round(TRAIL_S / c.replay.step)), frame);
+      const bucket = c.bucketAt(time);
+      nominal.tint((joint) => {
+        const name = bucket < 0 ? null : LIMITS[c.active[joint][bucket]];
+        return name && name !== 'none' ? limitColour(name) : null;
+      });
+    }
+    this.renderer.render(this.scene, this.camera);
+    this.stage.dataset.time = time.toFixed(4);
+  }
+
+  #poseAt(arm, q, c, time) {
+    const { n, step } = c.replay;
+    const joints = this.run.joints.length;
+    const at = Math.min(Math.max((time - c.t0) / step, 0), n - 1);
+    const before = Math.floor(at);
+    const after = Math.min(before + 1, n - 1);
+    const part = at - before;
+    for (let j = 0; j < joints; ++j) {
+      const start = q[before * joints + j];
+      this.pose[j] = start + part * (q[after * joints + j] - start);
+    }
+    if (this.pose.every(Number.isFinite)) arm.pose(this.pose);
+  }
+
+  savePicture() {
+    this.#draw();
+    this.renderer.domElement.toBlob((blob) =>
+      save(blob, `${this.run.title} replay ${this.state.time.toFixed(3)} s.png`),
+    );
+  }
+}

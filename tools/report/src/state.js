@@ -1,0 +1,132 @@
+/**
+ * What the reader has chosen. Every part of the page changes it here and hears of changes from here:
+ * `cases` (which are shown), `joint`, `kinds` (which lines of a quantity), `view` (the time in view), `time` (the
+ * scrubber), `hover` (the mouse over a plot), `play`, `speed`, `replay` (whose arm), `theme`.
+ */
+export class State {
+  #listeners = new Map();
+
+  constructor(run) {
+    this.run = run;
+    this.shown = run.cases.map(() => true);
+    this.joint = 0; // an index, or ALL_JOINTS
+    this.view = { min: run.tMin, max: run.tMax };
+    this.time = run.tMin;
+    this.hover = null;
+    this.playing = false;
+    this.speed = 1;
+    this.replayCase = defaultReplayCase(run); // an index, or ALL_CASES
+    this.hiddenKinds = new Set(); // keys of series that are not drawn
+    this.fit = new Map(); // quantity to how its y axis is fitted
+  }
+
+  on(events, listener) {
+    for (const event of events.split(' ')) {
+      if (!this.#listeners.has(event)) this.#listeners.set(event, []);
+      this.#listeners.get(event).push(listener);
+    }
+  }
+
+  emit(event) {
+    for (const listener of this.#listeners.get(event) ?? []) listener();
+  }
+
+  /** The cases that are shown. */
+  get cases() {
+    return this.run.cases.filter((c) => this.shown[c.index]);
+  }
+
+  /** The time that read-outs speak of: under the mouse, else the scrubber's. */
+  get cursorTime() {
+    return this.hover ?? this.time;
+  }
+
+  toggleCase(index) {
+    if (index >= this.shown.length) return;
+    this.shown[index] = !this.shown[index];
+    this.emit('cases');
+  }
+
+  setJoint(joint) {
+    if (joint === this.joint) return;
+    this.joint = joint;
+    this.emit('joint');
+  }
+
+  stepJoint(step) {
+    const count = this.run.joints.length;
+    if (this.joint === ALL_JOINTS) this.setJoint(step > 0 ? 0 : count - 1);
+    else this.setJoint((this.joint + step + count) % count);
+  }
+
+  toggleKind(key) {
+    if (!this.hiddenKinds.delete(key)) this.hiddenKinds.add(key);
+    this.emit('kinds');
+  }
+
+  setFit(quantity, fit) {
+    this.fit.set(quantity, fit);
+    this.emit('kinds');
+  }
+
+  setView(min, max) {
+    const { run } = this;
+    const least = 8 * Math.min(...run.cases.map((c) => c.tick));
+    const width = Math.min(Math.max(max - min, least), run.tMax - run.tMin);
+    const start = Math.min(Math.max((min + max - width) / 2, run.tMin), run.tMax - width);
+    this.view = { min: start, max: start + width };
+    this.emit('view');
+  }
+
+  resetView() {
+    this.setView(this.run.tMin, this.run.tMax);
+  }
+
+  /** Changes the time in view by a factor, about the cursor if it is in view. */
+  zoom(factor) {
+    const { min, max } = this.view;
+    const inView = this.cursorTime >= min && this.cursorTime <= max;
+    const centre = inView ? this.cursorTime : (min + max) / 2;
+    this.setView(centre - (centre - min) * factor, centre + (max - centre) * factor);
+  }
+
+  get isZoomed() {
+    return this.view.max - this.view.min < (this.run.tMax - this.run.tMin) * (1 - 1e-9);
+  }
+
+  setTime(time) {
+    this.time = Math.min(Math.max(time, this.run.tMin), this.run.tMax);
+    this.emit('time');
+  }
+
+  setHover(time) {
+    if (time === this.hover) return;
+    this.hover = time;
+    this.emit('hover');
+  }
+
+  setPlaying(playing) {
+    if (playing && this.time >= this.run.tMax) this.setTime(this.run.tMin);
+    this.playing = playing;
+    this.emit('play');
+  }
+
+  setSpeed(speed) {
+    this.speed = speed;
+    this.emit('speed');
+  }
+
+  setReplayCase(index) {
+    this.replayCase = index;
+    this.emit('replay');
+  }
+}
+
+export const ALL_JOINTS = -1;
+export const ALL_CASES = -1;
+
+/** The arm to look at first: of a case that kept its promise, if there is one. */
+function defaultReplayCase(run) {
+  const good = run.cases.find((c) => c.promises && c.ok && c.replay);
+  return (good ?? run.cases.find((c) => c.replay) ?? run.cases[0]).index;
+}

@@ -1,0 +1,195 @@
+import { el, swatch } from './dom.js';
+import { fixed, number, seconds } from './format.js';
+import { LIMITS } from './data.js';
+import { ALL_CASES } from './state.js';
+
+/** Title, origin and verdicts of the run. */
+export function fillHead(host, run) {
+  const created = run.created.replace('T', ' ').replace(/Z$/, ' UTC');
+  host.append(
+    el(
+      'div',
+      { class: 'titles' },
+      el('h1', { text: run.title || 'Run' }),
+      el(
+        'p',
+        { class: 'origin' },
+        ...[run.robot, run.file, created, `viable ${run.version}`].filter(Boolean).map((text) => el('span', { text })),
+      ),
+    ),
+    el('ul', { class: 'verdicts', 'aria-label': 'Verdict per case' }, ...run.cases.map(verdict)),
+  );
+}
+
+function verdict(c) {
+  const kind = c.ok ? 'ok' : c.promises ? 'bad' : 'warn';
+  const mark = { ok: '✓', bad: '✗', warn: '!' }[kind];
+  const promise = c.promises ? 'promises its limits' : 'promises nothing';
+  const parts = [c.filter, c.robust_loop, c.plant].filter(Boolean).join(' · ');
+  return el(
+    'li',
+    { class: `verdict ${kind}` },
+    el('div', { class: 'verdict-case' }, swatch(c.index), el('strong', { text: c.name })),
+    el(
+      'div',
+      { class: 'verdict-text' },
+      el('span', { class: 'mark', 'aria-hidden': 'true', text: mark }),
+      el('span', { text: c.verdict, title: `The filter ${promise}.` }),
+    ),
+    el('div', { class: 'verdict-parts', text: parts, title: `filter · robust loop · plant: ${parts}` }),
+    c.stop
+      ? el('div', { class: 'verdict-stop', text: `stopped at ${number(c.stop.time_s, 5)} s: ${c.stop.message}` })
+      : null,
+  );
+}
+
+/** The table that the program prints, too. */
+export function fillSummary(host, run) {
+  const { columns = [], rows = [], note = '' } = run.summary;
+  if (rows.length === 0) return;
+  const isNumber = columns.map((_, i) => rows.every((row) => /^[\s\-–+\d.,%e/]*$/.test(row[i] ?? '')));
+  host.append(
+    el(
+      'div',
+      { class: 'scroll card', tabindex: 0, role: 'region', 'aria-label': 'Summary table' },
+      el(
+        'table',
+        { class: 'summary' },
+        el(
+          'thead',
+          {},
+          el(
+            'tr',
+            {},
+            ...columns.map((name, i) => el('th', { scope: 'col', class: isNumber[i] ? 'number' : null, text: name })),
+          ),
+        ),
+        el('tbody', {}, ...rows.map((row) => el('tr', {}, ...row.map((text, i) => cell(run, text, i, isNumber[i]))))),
+      ),
+    ),
+    note ? el('p', { class: 'hint', text: note }) : null,
+  );
+}
+
+function cell(run, text, column, isNumber) {
+  if (column > 0) return el('td', { class: isNumber ? 'number' : null, text });
+  const known = run.cases.find((c) => c.name === text);
+  return el('th', { scope: 'row' }, known ? swatch(known.index) : null, text);
+}
+
+/** The long texts: what was run, and each case in detail. */
+export function fillDetails(host, run) {
+  const fold = (title, text, before = null) =>
+    el('details', { class: 'card' }, el('summary', {}, before, title), el('pre', { tabindex: 0, text }));
+  host.append(
+    ...run.cases.filter((c) => c.details).map((c) => fold(c.name, c.details, swatch(c.index))),
+    run.yaml ? fold('Resolved experiment file', run.yaml) : '',
+    el('p', { class: 'hint', text: sampling(run) }),
+  );
+}
+
+/** What a point of the plots stands for. */
+function sampling(run) {
+  const texts = run.cases.map((c) => {
+    const ticks = Math.round(c.step / c.tick);
+    return ticks > 1
+      ? `the least and the largest value of ${ticks} ticks (${Number((c.step * 1000).toPrecision(4))} ms)`
+      : 'every tick';
+  });
+  const same = texts.every((text) => text === texts[0]);
+  return (
+    `The plots show ${same ? texts[0] : run.cases.map((c, i) => `${texts[i]} of ${c.name}`).join(', ')}. ` +
+    'The log of each case holds all ticks.'
+  );
+}
+
+const HEADS = [
+  ['Joint'],
+  ['q', 'Nominal position [rad or m]'],
+  ['range', 'Where it is between its position limits'],
+  ['Δ [10⁻³]', 'Real minus nominal position [mrad or mm]'],
+  ['acting limit'],
+];
+
+/** Per joint where it is between its limits, and what acts, for the case and the time of the replay. */
+export class JointTable {
+  constructor(host, state) {
+    this.state = state;
+    this.caption = el('h3');
+    this.rows = state.run.joints.map((joint, j) => this.#row(joint, j));
+    host.append(
+      this.caption,
+      el(
+        'table',
+        { class: 'joints' },
+        el('thead', {}, el('tr', {}, ...HEADS.map(([text, title]) => el('th', { scope: 'col', text, title })))),
+        el('tbody', {}, ...this.rows.map(({ root }) => root)),
+      ),
+    );
+    state.on('time', () => this.#schedule());
+    state.on('replay joint', () => this.update());
+    this.update();
+  }
+
+  #row(joint, j) {
+    const mark = el('span', { class: 'gauge-mark' });
+    const cells = {
+      q: el('td', { class: 'number' }),
+      error: el('td', { class: 'number' }),
+      acting: el('td', { class: 'acting' }),
+    };
+    const button = el('button', {
+      type: 'button',
+      class: 'joint-name',
+      text: joint.name,
+      title: `Show the plots of ${joint.name}`,
+      onclick: () => this.state.setJoint(j),
+    });
+    const root = el(
+      'tr',
+      {},
+      el('th', { scope: 'row' }, button),
+      cells.q,
+      el('td', {}, el('span', { class: 'gauge' }, mark)),
+      cells.error,
+      cells.acting,
+    );
+    return { root, mark, button, ...cells };
+  }
+
+  #schedule() {
+    if (this.timer) return;
+    this.timer = setTimeout(() => {
+      this.timer = null;
+      this.update();
+    }, 60);
+  }
+
+  update() {
+    const { state } = this;
+    const { run } = state;
+    const c = run.cases[state.replayCase === ALL_CASES ? Math.max(0, state.shown.indexOf(true)) : state.replayCase];
+    const time = Math.min(Math.max(state.time, c.t0), c.end - c.step / 2);
+    this.caption.replaceChildren('Joints of ', swatch(c.index), c.name, ` at ${seconds(state.time)} s`);
+    const middle = (samples) => {
+      const range = c.at(samples, time);
+      return range ? (range[0] + range[1]) / 2 : NaN;
+    };
+    this.rows.forEach((row, j) => {
+      const q = middle(c.samples(j, 'nominal_q'));
+      const lower = middle(c.samples(j, 'position_lower'));
+      const upper = middle(c.samples(j, 'position_upper'));
+      const part = (q - lower) / (upper - lower);
+      row.q.textContent = fixed(q, 3);
+      row.mark.hidden = !Number.isFinite(part);
+      row.mark.style.setProperty('left', `${(100 * Math.min(Math.max(part, 0), 1)).toFixed(1)}%`);
+      const error = middle(c.trackingError(j));
+      row.error.textContent = fixed(error, 2);
+      const code = c.bucketAt(time) < 0 ? 0 : c.active[j][c.bucketAt(time)];
+      const name = LIMITS[code] ?? '';
+      row.acting.textContent = code ? name.replace('_', ' ') : '';
+      row.acting.style.setProperty('--key', code ? `var(--limit-${name.split('_')[0]})` : 'transparent');
+      row.root.classList.toggle('selected', j === state.joint);
+    });
+  }
+}

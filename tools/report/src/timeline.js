@@ -1,0 +1,112 @@
+import { LIMITS, STATUS } from './data.js';
+import { caseColour, colours, limitColour } from './theme.js';
+
+export const LANE_HEIGHT = 20;
+const NAMES = LIMITS.map((name) => name.replace('_', ' '));
+
+/**
+ * Which limit acted when: a lane per case. Its upper half shows upper limits, its lower half lower ones; a strip at
+ * its foot shows what is more than a change of the torque: stops, returns, faults.
+ */
+export class LaneChart {
+  id = 'interventions';
+  title = 'Acting limits';
+  unit = '';
+  beyond = [];
+  isLanes = true;
+
+  constructor(state, joint) {
+    this.state = state;
+    this.joint = joint;
+  }
+
+  get jointName() {
+    return this.state.run.joints[this.joint].name;
+  }
+  get height() {
+    return Math.max(1, this.state.cases.length) * LANE_HEIGHT;
+  }
+
+  invalidate() {}
+
+  range() {
+    return [0, 1];
+  }
+
+  draw(painter, frame, palette = colours, sparse = false) {
+    const { cases } = this.state;
+    const height = frame.height / Math.max(1, cases.length);
+    cases.forEach((c, lane) => {
+      const top = frame.top + lane * height;
+      this.#drawName(painter, c, frame.left - 4, top + height / 2, palette, sparse);
+      painter.clip(frame.left, top, frame.width, height, () => this.#drawLane(painter, frame, c, top, height, palette));
+      if (lane > 0) painter.rect(frame.left, top - 0.5, frame.width, 1, palette.line);
+    });
+  }
+
+  #drawName(painter, c, right, y, palette, sparse) {
+    const room = 46;
+    let name = c.name;
+    if (painter.textWidth(name) > room) {
+      while (name.length > 1 && painter.textWidth(`${name}…`) > room) name = name.slice(0, -1);
+      name += '…';
+    }
+    painter.text(name, right - 4, y, { colour: sparse ? palette.muted : palette.text, align: 'right' });
+    painter.rect(right - 1, y - 5, 3, 10, caseColour(c.index, palette));
+  }
+
+  #drawLane(painter, frame, c, top, height, palette) {
+    const strip = 3;
+    const half = (height - strip - 3) / 2;
+    painter.rect(frame.left, top + 1 + half, frame.width, 0.75, palette.grid);
+    runs(c, c.active[this.joint], frame, (code, x, width) => {
+      const name = LIMITS[code];
+      if (name && code > 0)
+        painter.rect(x, name.endsWith('upper') ? top + 1.5 : top + 1.5 + half, width, half, limitColour(name, palette));
+    });
+    runs(c, c.status, frame, (code, x, width) => {
+      if (code > 1) painter.rect(x, top + height - strip - 1, width, strip, palette.status[code] ?? palette.status[5]);
+    });
+    if (c.stop) painter.rect(frame.toX(c.stop.time_s) - 0.75, top, 1.5, height, palette.bad);
+  }
+
+  /** Per shown case what acts at a time. */
+  values(time) {
+    return this.state.cases.map((c) => {
+      const bucket = c.bucketAt(time);
+      if (bucket < 0) return { c, values: ['–'] };
+      const status = c.status[bucket];
+      const acting = NAMES[c.active[this.joint][bucket]] ?? '?';
+      return { c, values: [status > 1 ? `${acting}; ${STATUS[status] ?? '?'}` : acting] };
+    });
+  }
+
+  valueTitle = 'acting limit';
+
+  get description() {
+    return `Which limit of ${this.jointName} acted when`;
+  }
+}
+
+/** Calls `draw` for each run of equal codes in view. What is narrower than a pixel is drawn a pixel wide. */
+function runs(c, codes, { xMin, xMax, toX }, draw) {
+  const first = Math.max(0, Math.floor((xMin - c.t0) / c.step));
+  const last = Math.min(codes.length, Math.ceil((xMax - c.t0) / c.step));
+  for (let i = first; i < last;) {
+    const code = codes[i];
+    const from = i;
+    while (i < last && codes[i] === code) ++i;
+    if (code === 0) continue;
+    const x = toX(c.t0 + from * c.step);
+    draw(code, x, Math.max(1, toX(c.t0 + i * c.step) - x));
+  }
+}
+
+/** What the colours mean: [name, colour as a custom property], with the states that occur in the run. */
+export function legend(run) {
+  const items = Object.keys(colours.limits).map((name) => ({ name, colour: `--limit-${name}`, strip: false }));
+  for (let code = 2; code < STATUS.length; ++code)
+    if (run.cases.some((c) => c.status.includes(code)))
+      items.push({ name: STATUS[code], colour: `--status-${code}`, strip: true });
+  return items;
+}
