@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <system_error>
 #include <thread>
 
@@ -15,6 +16,7 @@
 #include "Progress.h"
 #include "viable/core/Error.h"
 #include "viable/experiment/CaseRun.h"
+#include "viable/report/RunReport.h"
 
 namespace viable {
 
@@ -43,6 +45,7 @@ struct RunArguments {
     std::vector<std::string> cases;
     std::vector<std::string> overrides;
     int jobs = 0;
+    bool noReport = false;
 };
 
 /** Makes the folder of a run; it must be new, so that nothing is ever overwritten. */
@@ -164,6 +167,20 @@ CaseOutcomes runCases(const Experiment& experiment, const fs::path& folder, int 
     return outcomes;
 }
 
+/** Writes the report of a run; its loss does not undo the run. Returns false when there is none. */
+bool tryWriteReport(const fs::path& folder) {
+    try {
+        std::printf("report: %s\n", writeReport(folder, findReportPage()).c_str());
+        return true;
+    } catch (const std::exception& e) {
+        std::fprintf(stderr,
+                     "viable: the report was not written: %s\nLogs and summary are whole: mend the "
+                     "cause, then run: viable report %s\n",
+                     e.what(), folder.c_str());
+        return false;
+    }
+}
+
 /** Writes a small file whole or not at all; returns an error text, empty when it was written. */
 std::string writeWhole(const fs::path& file, const std::string& text) {
     const fs::path temporary = file.string() + ".part";
@@ -202,6 +219,9 @@ int run(const RunArguments& arguments) {
     const auto [results, failure] = runCases(experiment, folder, jobs);
 
     std::printf("\n%s\n", formatComparison(results).c_str());
+    std::set<std::string> laws;
+    for (const CaseResult& result : results) laws.insert(result.filter);
+    if (laws.size() > 1) std::printf("%s\n", formatRanking(results).c_str());
     int code = 0;
     for (std::size_t i = 0; i < results.size(); ++i) {
         std::printf("%s\n", formatDetails(results[i]).c_str());
@@ -225,6 +245,8 @@ int run(const RunArguments& arguments) {
         std::fprintf(stderr, "viable: %s\n", lost.c_str());
         if (code == 0) code = static_cast<int>(ErrorKind::LogNotWritten);
     }
+    if (!arguments.noReport && !results.empty() && !tryWriteReport(folder) && code == 0)
+        code = static_cast<int>(ErrorKind::LogNotWritten);
     if (failure) std::rethrow_exception(failure);
     for (const CasePlan& plan : experiment.cases)
         if (std::none_of(results.begin(), results.end(),
@@ -251,7 +273,7 @@ void addRunCommand(CLI::App& app, int& exitCode) {
         app.add_subcommand("run", "Run an experiment: every case, with log and summary");
     command->add_option("FILE", arguments->file, "Experiment file")->required();
     command->add_option("--out", arguments->out,
-                        "Folder for logs and summary (default: a new one in ./runs)");
+                        "Folder for logs, summary and report (default: a new one in ./runs)");
     command->add_option("--case", arguments->cases, "Only this case (may be repeated)")
         ->allow_extra_args(false);
     command
@@ -259,6 +281,8 @@ void addRunCommand(CLI::App& app, int& exitCode) {
         ->allow_extra_args(false);
     command->add_option("--jobs", arguments->jobs, "Cases at a time (default: one per core)")
         ->check(CLI::Range(1, 256));
+    command->add_flag("--no-report", arguments->noReport,
+                      "Logs and summary only; `viable report DIR` writes the report later");
     command->callback([arguments, &exitCode] { exitCode = run(*arguments); });
 }
 

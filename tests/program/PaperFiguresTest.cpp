@@ -109,12 +109,15 @@ TEST(PaperFig5, S3HasNoAdmissibleJerkBeforeLongAndTheRunEndsThere) {
     EXPECT_NEAR(until_s, infeasible_s - 1e-3, 1e-9);
     EXPECT_EQ(s3.summary.ticksWith(FilterStatus::Infeasible), 1);
     // The summary has the time: the tick after that one is the first of the stop.
-    EXPECT_EQ(s3.stopReason, StopReason::FilterFailed);
+    EXPECT_EQ(s3.stopReason, StopReason::FilterEnded);
+    EXPECT_EQ(s3.exitCode(), 0);  // the law came to its end, nothing failed
+    EXPECT_EQ(s3.summary.firstInfeasible_s(), infeasible_s);
     EXPECT_NEAR(s3.stopTime_s, infeasible_s + 1e-3, 1e-9);
     char when[40];
     std::snprintf(when, sizeof when, "stopped at %.4f s", infeasible_s + 1e-3);
     EXPECT_NE(s3.stopMessage.find(when), std::string::npos) << s3.stopMessage;
-    EXPECT_NE(s3.stopMessage.find("it reported that it cannot go on"), std::string::npos);
+    EXPECT_NE(s3.stopMessage.find("'exponential_cbf' ended the case: it had no admissible choice"),
+              std::string::npos);
     EXPECT_NE(writeSummaryJson(figure.experiment(), {s3}).find(when), std::string::npos);
     EXPECT_LT(s3.simulated_s, 8.0);
 }

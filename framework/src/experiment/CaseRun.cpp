@@ -44,6 +44,7 @@ const PluginChoice* findCulprit(const CasePlan& plan, StopReason reason) {
         case StopReason::ControllerFailed:
             return &plan.controller;
         case StopReason::FilterFailed:
+        case StopReason::FilterEnded:
         case StopReason::PromiseBroken:
             return &plan.filter;
         case StopReason::RobustLoopFailed:
@@ -274,8 +275,10 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
     } else if (const PluginChoice* culprit = findCulprit(plan, result.stopReason)) {
         result.stopMessage = "stopped at " + formatTime(result.stopTime_s) + ": the " +
                              getName(culprit->plugin.kind) + " plugin '" + culprit->plugin.name +
-                             "' failed: " + loop.stopMessage() + " (" +
-                             culprit->plugin.library.string() + ")";
+                             (result.stopReason == StopReason::FilterEnded
+                                  ? std::string("' ended the case: ") + loop.stopMessage()
+                                  : std::string("' failed: ") + loop.stopMessage() + " (" +
+                                        culprit->plugin.library.string() + ")");
     }
     return result;
 }
@@ -293,7 +296,9 @@ CaseResult::CaseResult(const CasePlan& plan)
 
 int CaseResult::exitCode() const {
     if (stopReason == StopReason::PromiseBroken) return static_cast<int>(ErrorKind::PromiseBroken);
-    if (stopReason != StopReason::None && stopReason != StopReason::Requested)
+    const bool isWanted = stopReason == StopReason::None || stopReason == StopReason::Requested ||
+                          stopReason == StopReason::FilterEnded;
+    if (!isWanted)
         return static_cast<int>(ErrorKind::PluginFailed);
     if (!logError.empty()) return static_cast<int>(ErrorKind::LogNotWritten);
     return 0;

@@ -128,6 +128,7 @@ void ControlLoop::reset() {
     hasTorque_ = false;
     missingCommands_ = missingTorques_ = 0;
     substituted_ = 0;
+    status_ = FilterStatus::Passed;
     stopReason_ = StopReason::None;
     stopTime_ = 0.0;
     stopMessage_[0] = '\0';
@@ -267,9 +268,14 @@ void ControlLoop::tellMissedTicks() {
 
 bool ControlLoop::takeDecision() {
     decision_.hasStops = false;  // a filter without a witness need not say so
+    const bool hadChoice = status_ != FilterStatus::Infeasible;
     status_ = contain(FilterStatus::Faulted, StopReason::FilterFailed, [&] {
         return plugins_.filter->filter(nominal_, desiredTorque_, dynamics_, decision_);
     });
+    if (status_ == FilterStatus::Faulted && !hadChoice && !isStopping()) {
+        beginStop(StopReason::FilterEnded, "it had no admissible choice and does not go on");
+        return false;
+    }
     const char* fault = status_ == FilterStatus::Faulted        ? "it reported that it cannot go on"
                         : status_ == FilterStatus::InvalidInput ? "it refused its input as invalid"
                         : !areKnown(status_, decision_, n_)

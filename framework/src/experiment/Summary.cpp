@@ -12,6 +12,10 @@ constexpr double kShortest_us = 0.01;
 constexpr double kLongest_us = 1e7;
 constexpr double kBinWidth = 0.03;  // relative
 
+// What counts as rest near a limit, see Summary::chatter().
+constexpr double kNearShare = 0.05, kRestShare = 1e-3, kRest_s = 0.5;
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
 int findBin(double us) {
     const double x = std::log(std::max(us, kShortest_us) / kShortest_us) / std::log1p(kBinWidth);
     return static_cast<int>(std::min(x, 1e6));
@@ -46,6 +50,7 @@ Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool h
     for (auto& records : limits_) records.resize(jointNames_.size());
     realPosition_.resize(jointNames_.size());
     acting_.resize(jointNames_.size());
+    rests_.assign(jointNames_.size(), {kNan, 0.0});
     squaredError_.setZero(static_cast<int>(jointNames_.size()));
     largestError_.setZero(static_cast<int>(jointNames_.size()));
     worstMargin_.value = std::numeric_limits<double>::infinity();
@@ -132,6 +137,36 @@ void Summary::addStops(const TickRecord& record) {
     }
 }
 
+bool Summary::hasJointCommand(const TickRecord& record) const {
+    return record.command.space == MotionCommand::Space::Joint &&
+           record.command.q.size() == static_cast<Eigen::Index>(jointNames_.size());
+}
+
+void Summary::addCommand(int i, const TickRecord& record) {
+    if (!hasJointCommand(record)) return;
+    const double target = std::max(bounds_.position.lower[i],
+                                   std::min(record.command.q[i], bounds_.position.upper[i]));
+    const double e = record.nominal.q[i] - target;
+    squaredCommandError_ += e * e;
+    ++commandTicks_;
+}
+
+void Summary::addRest(int i, const TickRecord& record) {
+    const double lower = bounds_.position.lower[i], upper = bounds_.position.upper[i];
+    const double q = record.nominal.q[i], range = upper - lower;
+    const double jerkLimit = std::max(-bounds_.jerk.lower[i], bounds_.jerk.upper[i]);
+    Rest& rest = rests_[static_cast<std::size_t>(i)];
+    if (!(std::abs(q - rest.q) <= 0.5 * kRestShare * range)) rest = {q, record.time_s};
+    if (!hasJointCommand(record) || !std::isfinite(range) || !std::isfinite(jerkLimit)) return;
+    const double near = kNearShare * range, target = record.command.q[i];
+    const bool isPressed =
+        (target <= lower && q - lower <= near) || (target >= upper && upper - q <= near);
+    if (!isPressed || record.time_s - rest.since_s < kRest_s) return;
+    const double share = record.nominal.jerk[i] / jerkLimit;
+    squaredRestJerk_ += share * share;
+    ++restTicks_;
+}
+
 void Summary::add(const TickRecord& record) {
     const int n = static_cast<int>(jointNames_.size());
     if (ticks_ > 0) tick_s_ = record.time_s - lastTime_s_;
@@ -146,6 +181,8 @@ void Summary::add(const TickRecord& record) {
         check(realPosition_, LimitKind::Position, bounds_.position, record.actual.q, record.time_s);
     for (int i = 0; i < n; ++i) {
         addIntervention(i, record);
+        addCommand(i, record);
+        addRest(i, record);
         if (hasRealPlant_) {
             const double e = record.actual.q[i] - record.nominal.q[i];
             squaredError_[i] += e * e;
@@ -154,7 +191,9 @@ void Summary::add(const TickRecord& record) {
     }
     addStops(record);
     ++ticks_;
-    ++statusTicks_[static_cast<int>(record.status)];
+    if (statusTicks_[static_cast<int>(record.status)]++ == 0 &&
+        record.status == FilterStatus::Infeasible)
+        firstInfeasible_s_ = record.time_s;
     substituted_ = record.substituted;
     tickTime_.add(record.compute_us);
     for (int s = 0; s < kStageCount; ++s) stageTimes_[s].add(record.stage_us[s]);
@@ -192,6 +231,15 @@ std::map<std::pair<std::string, std::string>, InterventionRecord> Summary::inter
                                                  side ? LimitSide::Upper : LimitSide::Lower)}] =
                         acting_[i].records[k][side];
     return all;
+}
+
+double Summary::commandErrorRms() const {
+    return commandTicks_ ? std::sqrt(squaredCommandError_ / static_cast<double>(commandTicks_))
+                         : kNan;
+}
+
+double Summary::chatter() const {
+    return restTicks_ ? std::sqrt(squaredRestJerk_ / static_cast<double>(restTicks_)) : kNan;
 }
 
 double Summary::trackingRms(int joint) const {

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <nlohmann/json.hpp>
 
 #include "viable/experiment/CaseRun.h"
 
@@ -38,8 +37,9 @@ std::string formatPercent(double share) {
     return format(share < 10.0 ? "%.2f" : "%.0f", 100.0 * share);
 }
 
-/** Milliradians in plain numbers as long as those are readable. */
+/** Milliradians in plain numbers as long as those are readable; "-" where there is no number. */
 std::string formatMrad(double rad) {
+    if (std::isnan(rad)) return "-";
     return format(std::abs(rad) < 10.0 ? "%.4g" : "%.3e", 1e3 * rad);
 }
 
@@ -124,6 +124,8 @@ std::string formatStatuses(const Summary& s) {
           FilterStatus::StoppedByPlan, FilterStatus::Returning}) {
         text += joiner +
                 format("%s %lld", getName(status), static_cast<long long>(s.ticksWith(status)));
+        if (status == FilterStatus::Infeasible && s.ticksWith(status) > 0)
+            text += format(" (first at %.3f s)", s.firstInfeasible_s());
         joiner = ", ";
     }
     return text + format(" of %lld ticks\n", static_cast<long long>(s.ticks()));
@@ -169,6 +171,26 @@ std::string formatStops(const Summary& s) {
     return text + "\n";
 }
 
+/** Share of ticks in which the filter changed the motion. */
+double calcChangedShare(const Summary& s) {
+    if (s.ticks() == 0) return 0.0;
+    const std::int64_t changed = s.ticksWith(FilterStatus::Modified) +
+                                 s.ticksWith(FilterStatus::Infeasible) +
+                                 s.ticksWith(FilterStatus::Returning);
+    return static_cast<double>(changed) / static_cast<double>(s.ticks());
+}
+
+/** Ticks outside a limit and the worst excess; below a tick outside it is rounding. */
+std::string formatOutside(const Summary& s, LimitKind kind) {
+    const auto ticks = static_cast<long long>(s.ticksOutside(kind));
+    const double excess = ticks > 0 ? findWorst(s, kind, &LimitRecord::worstExcess) : 0.0;
+    return format(excess == 0.0 ? "%7lld%9.0f" : "%7lld%9.2g", ticks, excess);
+}
+
+std::string formatChatter(const Summary& s) {
+    return std::isnan(s.chatter()) ? "never" : format("%.3g", 100.0 * s.chatter());
+}
+
 }  // namespace
 
 std::string formatComparison(const std::vector<CaseResult>& results) {
@@ -187,13 +209,7 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
             return hasLimit(s, kind) ? formatPercent(s.limit(kind)[s.worstJoint(kind)].worstUse)
                                      : "no limit";
         };
-        const double modified =
-            s.ticks() ? 100.0 *
-                            static_cast<double>(s.ticksWith(FilterStatus::Modified) +
-                                                s.ticksWith(FilterStatus::Infeasible) +
-                                                s.ticksWith(FilterStatus::Returning)) /
-                            static_cast<double>(s.ticks())
-                      : 0.0;
+        const double modified = 100.0 * calcChangedShare(s);
         text += format("%-16s | %8s %8s %8s %8s | %8lld %10lld %5.1f %% | %9s %9s | %6.1f %6.1f\n",
                        r.name.c_str(), use(LimitKind::Position).c_str(),
                        use(LimitKind::Velocity).c_str(), use(LimitKind::Acceleration).c_str(),
@@ -206,6 +222,57 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
     return text + kLegend;
 }
 
+std::string formatRanking(const std::vector<CaseResult>& results) {
+    std::vector<const CaseResult*> order;
+    for (const CaseResult& r : results) order.push_back(&r);
+    const auto countOutside = [](const CaseResult& r) {
+        std::int64_t outside = 0;
+        for (LimitKind kind : kKinds) outside += r.summary.ticksOutside(kind);
+        return outside;
+    };
+    const auto isBetter = [&](const CaseResult* a, const CaseResult* b) {
+        const Summary &x = a->summary, &y = b->summary;
+        const std::int64_t outsideA = countOutside(*a), outsideB = countOutside(*b);
+        if (outsideA != outsideB) return outsideA < outsideB;
+        const std::int64_t emptyA = x.ticksWith(FilterStatus::Infeasible),
+                           emptyB = y.ticksWith(FilterStatus::Infeasible);
+        if (emptyA != emptyB) return emptyA < emptyB;
+        return x.commandErrorRms() < y.commandErrorRms();
+    };
+    std::stable_sort(order.begin(), order.end(), isBetter);
+    std::string text =
+        format("%-25s |%16s |%16s |%16s |%16s | %6s | %7s | %7s | %7s | %s\n", "ranking: joint-ticks",
+               "position", "velocity", "acceleration", "jerk", "no", "", "command", "chatter",
+               "filter");
+    text += format("%-25s |%7s%9s |%7s%9s |%7s%9s |%7s%9s | %6s | %7s | %7s | %7s | %s\n",
+                   "outside and worst excess", "ticks", "rad", "ticks", "rad/s", "ticks",
+                   "rad/s^2", "ticks", "rad/s^3", "choice", "changed", "[mrad]", "[%]", "[us]");
+    text += std::string(141, '-') + "\n";
+    int place = 0;
+    for (const CaseResult* r : order) {
+        const Summary& s = r->summary;
+        text += format("%2d %-22s |", ++place, r->name.c_str());
+        for (LimitKind kind : kKinds)
+            text += formatOutside(s, kind) + " |";
+        text += format(" %6lld | %5.1f %% | %7s | %7s | %.1f\n",
+                       static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)),
+                       100.0 * calcChangedShare(s), formatMrad(s.commandErrorRms()).c_str(),
+                       formatChatter(s).c_str(), s.stageTime(Stage::Filter).percentile(0.5));
+    }
+    return text +
+           R"(Ranked by joint-ticks outside, then ticks without an admissible choice, then command error. command: RMS distance of
+the nominal joints to the commanded positions, those moved to the nearest limit ("-": no joint command). chatter: RMS
+jerk of joints at rest whose command presses them against a position limit, in percent of the jerk limit; at rest: within
+5 % of the range of the limit, and for 0.5 s not moved by more than 0.1 % of the range ("never": none ever was). filter:
+median time of a tick.
+)";
+}
+
+std::string formatVerdict(const CaseResult& r) {
+    return formatVerdict(r.summary) + " (nominal arm; the filter promises " +
+           (r.promises ? "all" : "none") + ")";
+}
+
 std::string formatDetails(const CaseResult& r) {
     const Summary& s = r.summary;
     std::string text = r.name + ": filter " + r.filter;
@@ -213,9 +280,7 @@ std::string formatDetails(const CaseResult& r) {
         text += ", robust loop " + r.robustLoop + ", real plant " + r.realPlant;
     text += format("; %.3f s simulated in %.2f s (%.0f times real time)\n", r.simulated_s, r.wall_s,
                    r.wall_s > 0.0 ? r.simulated_s / r.wall_s : 0.0);
-    text += "  verdict       ";
-    text += formatVerdict(s) + " (nominal arm; the filter promises " +
-            (r.promises ? "all" : "none") + ")\n";
+    text += "  verdict       " + formatVerdict(r) + "\n";
     for (LimitKind kind : kKinds) text += formatLimit(s, kind);
     text += formatStatuses(s) + formatInterventions(s) + formatStops(s);
     if (s.substitutedTicks() > 0)
@@ -256,104 +321,6 @@ std::string formatDetails(const CaseResult& r) {
                 (r.stopRemedy.empty() ? "" : ". " + r.stopRemedy) + "\n";
     if (!r.logError.empty()) text += "  LOG LOST      " + r.logError + "\n";
     return text;
-}
-
-std::string writeSummaryJson(const Experiment& experiment, const std::vector<CaseResult>& results) {
-    using nlohmann::json;
-    const auto number = [](double x) {
-        return std::isfinite(x) ? json(x) : json(x > 0 ? "inf" : "-inf");
-    };
-    json cases = json::array();
-    for (const CaseResult& r : results) {
-        const Summary& s = r.summary;
-        json limits = json::object();
-        for (int k = 0; k < Summary::kQuantities; ++k) {
-            json joints = json::object();
-            for (std::size_t i = 0; i < s.jointNames().size(); ++i) {
-                const LimitRecord& limit = s.limit(kKinds[k])[i];
-                joints[s.jointNames()[i]] = {
-                    {"worst_use", limit.exists ? number(limit.worstUse) : json(nullptr)},
-                    {"worst_time_s", limit.worstTime_s},
-                    {"worst_excess", number(limit.worstExcess)},
-                    {"ticks_outside", limit.ticksOutside},
-                    {"ticks_returning", limit.ticksReturning},
-                    {"worst_returning", number(limit.worstReturning)}};
-            }
-            limits[getName(kKinds[k], LimitSide::Neither)] = joints;
-        }
-        json interventions = json::object();
-        for (const auto& [key, record] : s.interventions())
-            interventions[key.first][key.second] = {
-                {"ticks", record.ticks},
-                {"episodes", record.episodes},
-                {"total_s", static_cast<double>(record.ticks) * s.tick_s()},
-                {"longest_s", static_cast<double>(record.longestTicks) * s.tick_s()},
-                {"tau_removed_max_Nm", number(record.largestTorque)},
-                {"tau_removed_rms_Nm", number(record.torqueRms())}};
-        const auto extreme = [&](const ExtremeRecord& e, const char* unit) {
-            return json{{unit, number(e.value)},
-                        {"joint", s.jointNames()[static_cast<std::size_t>(e.joint)]},
-                        {"time_s", e.time_s}};
-        };
-        const json stops = {{"least_margin", extreme(s.worstMargin(), "margin_rad")},
-                            {"longest_stop", extreme(s.longestStop(), "stop_s")}};
-        json stages = json::object();
-        const auto times = [](const TimeHistogram& h) {
-            return json{{"median_us", h.percentile(0.5)},
-                        {"p99_us", h.percentile(0.99)},
-                        {"max_us", h.max()}};
-        };
-        for (int i = 0; i < kStageCount; ++i)
-            stages[getName(static_cast<Stage>(i))] = times(s.stageTime(static_cast<Stage>(i)));
-        json tracking = nullptr;
-        if (s.hasRealPlant()) {
-            tracking = json::object();
-            tracking["rms_rad"] = s.trackingRms();
-            tracking["max_rad"] = s.trackingMax();
-            for (std::size_t i = 0; i < s.jointNames().size(); ++i)
-                tracking["joints"][s.jointNames()[i]] = {
-                    {"rms_rad", s.trackingRms(static_cast<int>(i))},
-                    {"max_rad", s.trackingMax(static_cast<int>(i))}};
-        }
-        cases.push_back({{"name", r.name},
-                         {"filter", r.filter},
-                         {"robust_loop", r.robustLoop},
-                         {"real_plant", r.realPlant},
-                         {"seeds", r.seeds},
-                         {"promises_limits", r.promises},
-                         {"limits_kept", !s.anyLimitBroken() && !s.endsOutside()},
-                         {"ends_outside", s.endsOutside()},
-                         {"simulated_s", r.simulated_s},
-                         {"wall_s", r.wall_s},
-                         {"ticks", s.ticks()},
-                         {"passed_ticks", s.ticksWith(FilterStatus::Passed)},
-                         {"modified_ticks", s.ticksWith(FilterStatus::Modified)},
-                         {"infeasible_ticks", s.ticksWith(FilterStatus::Infeasible)},
-                         {"stopped_ticks", s.ticksWith(FilterStatus::StoppedByPlan)},
-                         {"returning_ticks", s.returningTicks()},
-                         {"unviable_ticks", s.unviableTicks()},
-                         {"first_unviable_s",
-                          s.unviableTicks() > 0 ? json(s.firstUnviable_s()) : json(nullptr)},
-                         {"missed_ticks", s.missedTicks()},
-                         {"substituted_ticks", s.substitutedTicks()},
-                         {"stops", stops},
-                         {"limits", limits},
-                         {"interventions", interventions},
-                         {"tracking", tracking},
-                         {"tick", times(s.tickTime())},
-                         {"stages", stages},
-                         {"stop", r.stopMessage},
-                         {"log", r.log.filename().string()},
-                         {"log_rows", r.logRows},
-                         {"log_error", r.logError},
-                         {"exit_code", r.exitCode()}});
-    }
-    const json all = {{"schema", 1},
-                      {"title", experiment.title},
-                      {"experiment", experiment.file.string()},
-                      {"version", VIABLE_VERSION},
-                      {"cases", cases}};
-    return all.dump(2, ' ', false, json::error_handler_t::replace) + "\n";
 }
 
 }  // namespace viable

@@ -70,8 +70,9 @@ const Quantity kQuantities[] = {
     {"jerk_upper", [](const TickRecord& r, int i) { return at(r.limits.jerk.upper, i); }, false},
 };
 constexpr std::size_t kQuantityCount = std::size(kQuantities);
-/** Differentiated from the encoders' velocity, as Fig. 9 of the paper shows it. */
-constexpr const char* kRealAcceleration = "real_qdd";
+/** Differentiated once and twice from the measured velocity, as Fig. 9 of the paper shows them. */
+constexpr const char* kDerivatives[] = {"real_qdd", "real_jerk"};
+constexpr std::size_t kTracksPerJoint = kQuantityCount + std::size(kDerivatives);
 
 /** A limit's code in the page: 0 none, 1 position_lower, 2 position_upper, ... 8 jerk_upper. */
 std::uint8_t toCode(const JointIntervention& joint) {
@@ -120,11 +121,11 @@ public:
     CaseData(int joints, bool hasRealArm)
         : n_(joints),
           hasRealArm_(hasRealArm),
-          tracks_(static_cast<std::size_t>(joints) * (kQuantityCount + 1)),
+          tracks_(static_cast<std::size_t>(joints) * kTracksPerJoint),
           codes_(static_cast<std::size_t>(joints) + 1),
           nominal_(static_cast<std::size_t>(joints)),
           real_(static_cast<std::size_t>(joints)),
-          values_(static_cast<std::size_t>(joints) * (kQuantityCount + 1)),
+          values_(static_cast<std::size_t>(joints) * kTracksPerJoint, kNan),
           actives_(static_cast<std::size_t>(joints) + 1) {}
 
     void add(const TickRecord& r) {
@@ -133,9 +134,13 @@ public:
         for (int i = 0; i < n_; ++i) {
             for (std::size_t k = 0; k < kQuantityCount; ++k)
                 values_[index(i, k)] = kQuantities[k].get(r, i);
-            const double v = at(r.real.qd, i);
-            values_[index(i, kQuantityCount)] =
-                rows_ > 0 && tick_s_ > 0.0 ? (v - at(lastVelocity_, i)) / tick_s_ : kNan;
+            double &acceleration = values_[index(i, kQuantityCount)],
+                   &jerk = values_[index(i, kQuantityCount + 1)];
+            const double last = acceleration;
+            acceleration = rows_ > 0 && tick_s_ > 0.0
+                               ? (at(r.real.qd, i) - at(lastVelocity_, i)) / tick_s_
+                               : kNan;
+            jerk = (acceleration - last) / tick_s_;  // not a number before the third row
             actives_[static_cast<std::size_t>(i)] = toCode(r.joints[i]);
         }
         lastVelocity_ = r.real.qd;
@@ -156,8 +161,10 @@ public:
                 series[kQuantities[k].name] = !kQuantities[k].needsRealArm || hasRealArm_
                                                   ? describeSeries(index(i, k), block)
                                                   : json(nullptr);
-            series[kRealAcceleration] =
-                hasRealArm_ ? describeArray(index(i, kQuantityCount), block) : json(nullptr);
+            for (std::size_t k = 0; k < std::size(kDerivatives); ++k)
+                series[kDerivatives[k]] = hasRealArm_
+                                              ? describeArray(index(i, kQuantityCount + k), block)
+                                              : json(nullptr);
             joints.push_back({{"series", series},
                               {"active", block.add(codes_.codes(static_cast<std::size_t>(i)))}});
         }
@@ -179,7 +186,7 @@ public:
 
 private:
     std::size_t index(int joint, std::size_t quantity) const {
-        return static_cast<std::size_t>(joint) * (kQuantityCount + 1) + quantity;
+        return static_cast<std::size_t>(joint) * kTracksPerJoint + quantity;
     }
     void addPose(detail::Samples& samples, const JointVector& q) {
         pose_.resize(static_cast<std::size_t>(n_));
@@ -191,8 +198,7 @@ private:
         const std::vector<float>&least = tracks_.least(track), &largest = tracks_.largest(track);
         const bool isNumber =
             std::any_of(least.begin(), least.end(), [](float x) { return !std::isnan(x); });
-        const std::size_t quantity = track % (kQuantityCount + 1);
-        const std::string name = kQuantities[quantity].name;
+        const std::string name = kQuantities[track % kTracksPerJoint].name;
         const bool isLimit =
             name.find("_lower") != std::string::npos || name.find("_upper") != std::string::npos;
         if (isLimit && !isNumber) return nullptr;
@@ -260,8 +266,8 @@ json describeTable(const json& summary) {
         for (const char* quantity : {"position", "velocity", "acceleration", "jerk"}) {
             double worst = 0.0;
             bool exists = false, isEndless = false;
-            for (const auto& joint : one["limits"][quantity].items()) {
-                const json& use = joint.value()["worst_use"];
+            for (const auto& joint : one.at("limits").at(quantity).items()) {
+                const json& use = joint.value().at("worst_use");
                 exists |= !use.is_null();
                 isEndless |= use.is_string();
                 if (use.is_number()) worst = std::max(worst, use.get<double>());
@@ -271,7 +277,7 @@ json describeTable(const json& summary) {
                                       : format("%.4g %%", 100.0 * worst));
         }
         std::int64_t outside = 0;
-        for (const auto& quantity : one["limits"].items())
+        for (const auto& quantity : one.at("limits").items())
             for (const auto& joint : quantity.value().items())
                 outside += joint.value().value("ticks_outside", std::int64_t{0});
         row.push_back(std::to_string(outside));
@@ -283,16 +289,23 @@ json describeTable(const json& summary) {
             tracking.is_object() ? format("%.3g mrad", 1e3 * tracking.value("rms_rad", 0.0)) : "-");
         row.push_back(
             tracking.is_object() ? format("%.3g mrad", 1e3 * tracking.value("max_rad", 0.0)) : "-");
+        const json command = one.value("command_error_rms_rad", json(nullptr)),
+                   chatter = one.value("chatter", json(nullptr));
+        row.push_back(command.is_number() ? format("%.4g mrad", 1e3 * command.get<double>()) : "-");
+        row.push_back(chatter.is_number() ? format("%.3g %%", 100.0 * chatter.get<double>()) : "-");
         rows.push_back(row);
     }
     return {{"columns",
              {"case", "filter", "position", "velocity", "acceleration", "jerk", "outside",
-              "infeasible", "changed", "real - nominal RMS", "max"}},
+              "infeasible", "changed", "real - nominal RMS", "max", "command error",
+              "chatter"}},
             {"rows", rows},
             {"note",
              "Worst use of each limit by the nominal arm. outside: joint-ticks beyond any limit; "
              "infeasible: ticks "
-             "without an admissible choice; changed: share of ticks that the filter changed."}};
+             "without an admissible choice; changed: share of ticks that the filter changed; command error: RMS "
+             "distance of the nominal joints to the commanded positions within the limits; chatter: RMS jerk of "
+             "joints pressed against a position limit at rest, in percent of the jerk limit."}};
 }
 
 std::string getNow() {
@@ -332,7 +345,7 @@ json describeCase(const fs::path& log, LogReader& reader, const json& summary, B
         one["ok"] = known.value("limits_kept", false);
         one["verdict"] = known.value("verdict", "");
         one["details"] = known.value("account", "");
-        if (const std::string stop = known.value("stop_message", ""); !stop.empty())
+        if (const std::string stop = known.value("stop", ""); !stop.empty())
             one["stop"] = {{"time_s", known.value("stop_time_s", 0.0)}, {"message", stop}};
     }
     return one;
@@ -387,24 +400,23 @@ void writeReplacing(const fs::path& file, const std::string& text) {
                     "cannot be replaced: " + error.message());
 }
 
-}  // namespace
+Error refuseSummary(const fs::path& folder) {
+    return badInput((folder / "summary.json").string(), "this is no summary of a run",
+                    "Run the experiment again, or remove the file: the report is then made from the "
+                    "logs alone.");
+}
 
-fs::path writeReport(const fs::path& folder, const fs::path& page) {
-    std::error_code failed;
-    if (!fs::is_directory(folder, failed))
-        throw badInput(folder.string(), "there is no such folder", "Name the folder of a run.");
-    const std::string pageText = readWhole(page);
-    if (pageText.empty())
-        throw badInput(page.string(), "the page of reports is missing",
-                       "Run tools/setup.sh again, or install viable again.");
-    json summary = json::object();
-    if (const std::string text = readWhole(folder / "summary.json"); !text.empty()) {
-        summary = json::parse(text, nullptr, false);
-        if (!summary.is_object())
-            throw badInput((folder / "summary.json").string(), "this is no summary",
-                           "Run the experiment again, or remove the file: the report is then made "
-                           "from the logs alone.");
-    }
+/** An empty object where there is no file. */
+json readSummary(const fs::path& folder) {
+    const std::string text = readWhole(folder / "summary.json");
+    json summary = text.empty() ? json::object() : json::parse(text, nullptr, false);
+    if (!summary.is_object()) throw refuseSummary(folder);
+    return summary;
+}
+
+/** Throws json::exception where the summary has another shape. */
+fs::path composeReport(const fs::path& folder, const fs::path& page, const std::string& pageText,
+                       const json& summary) {
     const std::vector<fs::path> logs = listLogs(folder, summary);
     if (logs.empty())
         throw badInput(folder.string(), "there is no log (.mcap) in this folder",
@@ -415,7 +427,7 @@ fs::path writeReport(const fs::path& folder, const fs::path& page) {
                  {"version", VIABLE_VERSION},
                  {"title", summary.value("title", folder.filename().string())},
                  {"created", getNow()},
-                 {"file", summary.value("file", "")},
+                 {"file", summary.value("experiment", "")},
                  {"yaml", ""},
                  {"robot", nullptr},
                  {"scene", nullptr},
@@ -444,6 +456,23 @@ fs::path writeReport(const fs::path& folder, const fs::path& page) {
         data.dump(-1, ' ', false, json::error_handler_t::replace);  // names may hold any bytes
     writeReplacing(file, fillPage(pageText, page, escape(text), block.encode()));
     return file;
+}
+
+}  // namespace
+
+fs::path writeReport(const fs::path& folder, const fs::path& page) {
+    std::error_code failed;
+    if (!fs::is_directory(folder, failed))
+        throw badInput(folder.string(), "there is no such folder", "Name the folder of a run.");
+    const std::string pageText = readWhole(page);
+    if (pageText.empty())
+        throw badInput(page.string(), "the page of reports is missing",
+                       "Run tools/setup.sh again, or install viable again.");
+    try {
+        return composeReport(fs::canonical(folder), page, pageText, readSummary(folder));
+    } catch (const json::exception&) {
+        throw refuseSummary(folder);
+    }
 }
 
 }  // namespace viable

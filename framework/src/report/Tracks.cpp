@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace viable::detail {
 
@@ -31,7 +32,8 @@ void Tracks::add(const std::vector<double>& values) {
         rowsPerBucket_ *= 2;
     }
     for (std::size_t i = 0; i < least_.size(); ++i) {
-        const float x = std::isfinite(values[i]) ? static_cast<float>(values[i]) : std::nanf("");
+        const bool fits = std::abs(values[i]) <= std::numeric_limits<float>::max();  // false for NaN
+        const float x = fits ? static_cast<float>(values[i]) : std::nanf("");
         if (begins) {
             least_[i].push_back(x);
             largest_[i].push_back(x);

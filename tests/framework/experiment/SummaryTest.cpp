@@ -28,12 +28,14 @@ struct HandMadeRun {
     JointLimits limits = makeLimits();
     std::int64_t ticks = 0;
 
-    void add(double q, FilterStatus status, StopVerdict verdict) {
+    void add(double q, FilterStatus status, StopVerdict verdict, double jerk = 0.0,
+             double command = 0.0) {
         TickRecord r;
         r.time_s = 0.001 * static_cast<double>(ticks++);
         r.limits = limits;
         r.nominal = {JointVector::Constant(1, q), JointVector::Zero(1), JointVector::Zero(1),
-                     JointVector::Zero(1)};
+                     JointVector::Constant(1, jerk)};
+        r.command.q.setConstant(1, command);
         r.removedTorque.setZero(1);
         r.status = status;
         r.verdict = verdict;
@@ -143,6 +145,68 @@ TEST(Summary, TooManyMissedTicksComeWithARemedy) {
     const CaseResult result = runCase(e.cases[0], {});
     EXPECT_EQ(result.exitCode(), 4);
     expectContains(formatDetails(result), {"more than 1000 ticks in a row were missed. Lower"});
+}
+
+TEST(Summary, TheFirstTickWithoutAChoiceIsTold) {
+    HandMadeRun run;
+    EXPECT_TRUE(run.json()["first_infeasible_s"].is_null());
+    run.add(0.0, FilterStatus::Modified, StopVerdict::Safe);
+    run.add(0.0, FilterStatus::Infeasible, StopVerdict::Safe);
+    run.add(0.0, FilterStatus::Infeasible, StopVerdict::Safe);
+    EXPECT_DOUBLE_EQ(run.json()["first_infeasible_s"], 0.001);
+    expectContains(formatDetails(run.result), {"infeasible 2 (first at 0.001 s)"});
+}
+
+TEST(Summary, CommandErrorIsMeasuredToTheNearestPlaceWithinTheLimits) {
+    HandMadeRun run;
+    EXPECT_TRUE(std::isnan(run.result.summary.commandErrorRms()));
+    run.add(0.5, FilterStatus::Modified, StopVerdict::Safe, 0.0, 0.1);   // 0.4 away
+    run.add(0.7, FilterStatus::Modified, StopVerdict::Safe, 0.0, 50.0);  // 0.3 from the limit
+    EXPECT_DOUBLE_EQ(run.result.summary.commandErrorRms(), std::sqrt((0.16 + 0.09) / 2.0));
+    EXPECT_DOUBLE_EQ(run.json()["command_error_rms_rad"], std::sqrt((0.16 + 0.09) / 2.0));
+}
+
+TEST(Summary, ChatterIsTheJerkOfAJointThatItsCommandPressesAgainstALimitAtRest) {
+    // 0.4 s too short; then at rest by a limit: half of the ticks with full jerk, half with none.
+    HandMadeRun run;
+    for (int k = 0; k < 400; ++k) run.add(0.99, FilterStatus::Modified, StopVerdict::Safe, 4.0, 2.0);
+    EXPECT_TRUE(std::isnan(run.result.summary.chatter()));
+    EXPECT_TRUE(run.json()["chatter"].is_null());
+    for (int k = 0; k < 100; ++k) run.add(0.99, FilterStatus::Modified, StopVerdict::Safe, 4.0, 2.0);
+    for (int k = 0; k < 600; ++k)
+        run.add(0.99, FilterStatus::Modified, StopVerdict::Safe, k % 2 ? 4.0 : 0.0, 2.0);
+    EXPECT_NEAR(run.result.summary.chatter(), std::sqrt(0.5), 1e-9);
+    // Not pressed any more, far from the limit, or moving: nothing is added.
+    for (int k = 0; k < 600; ++k)
+        run.add(0.99, FilterStatus::Modified, StopVerdict::Safe, 4.0, 0.99);
+    for (int k = 0; k < 600; ++k)
+        run.add(0.8, FilterStatus::Modified, StopVerdict::Safe, 4.0, 2.0);
+    for (int k = 0; k < 600; ++k)
+        run.add(0.95 + 1e-5 * k, FilterStatus::Modified, StopVerdict::Safe, 4.0, 2.0);
+    EXPECT_NEAR(run.result.summary.chatter(), std::sqrt(0.5), 1e-9);
+}
+
+TEST(Summary, TheRankingPutsTicksOutsideBeforeTicksWithoutAChoiceBeforeTheCommand) {
+    std::vector<CaseResult> results;
+    const auto add = [&](const char* name, double q, FilterStatus status) {
+        HandMadeRun run;
+        run.add(q, status, StopVerdict::Safe);
+        run.result.name = name;
+        results.push_back(run.result);
+    };
+    add("outside", 1.5, FilterStatus::Modified);
+    add("empty", 0.0, FilterStatus::Infeasible);
+    add("far", 0.9, FilterStatus::Modified);
+    add("near", 0.1, FilterStatus::Modified);
+    const std::string text = formatRanking(results);
+    std::size_t last = 0;
+    for (const char* line : {" 1 near", " 2 far", " 3 empty", " 4 outside"}) {
+        const std::size_t place = text.find(line);
+        ASSERT_NE(place, std::string::npos) << line << " is missing in:\n" << text;
+        EXPECT_GT(place, last);
+        last = place;
+    }
+    expectContains(text, {"      1      0.5 |", "  never |"});
 }
 
 }  // namespace

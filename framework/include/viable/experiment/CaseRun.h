@@ -66,6 +66,13 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options);
  * tick. */
 std::string formatComparison(const std::vector<CaseResult>& results);
 
+/** The cases from best to worst: ticks outside each limit, ticks without a choice, tracking of the command, chatter,
+ * time. */
+std::string formatRanking(const std::vector<CaseResult>& results);
+
+/** What became of the limits, in one line. */
+std::string formatVerdict(const CaseResult& result);
+
 /** The whole account of one case in about ten lines. */
 std::string formatDetails(const CaseResult& result);
 

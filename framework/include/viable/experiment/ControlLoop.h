@@ -24,6 +24,7 @@ enum class StopReason : unsigned char {
     CommandFailed,     ///< no usable command for more than kMaxSubstitutedTicks, or it threw
     ControllerFailed,  ///< no usable torque for more than kMaxSubstitutedTicks, or it threw
     FilterFailed,      ///< no usable decision, or it threw
+    FilterEnded,       ///< it ended the run itself after a tick without an admissible choice
     RobustLoopFailed,  ///< it threw or gave no usable torque
     PromiseBroken,  ///< a decision without a stop within the limits, from a filter that promises them
     TicksMissed,    ///< more than kMaxMissedTicks in a row were missed

@@ -93,6 +93,8 @@ public:
     std::int64_t ticksWith(FilterStatus status) const {
         return statusTicks_[static_cast<int>(status)];
     }
+    /** When a tick first had no admissible choice; meaningless without such ticks. */
+    double firstInfeasible_s() const { return firstInfeasible_s_; }
     std::int64_t substitutedTicks() const { return substituted_; }
     /** What acted, by joint and limit name, such as {"joint0", "jerk_upper"}. */
     std::map<std::pair<std::string, std::string>, InterventionRecord> interventions() const;
@@ -107,6 +109,14 @@ public:
     /** Least margin of a tick and its stop to a position limit [rad]; infinity without such limits. */
     const ExtremeRecord& worstMargin() const { return worstMargin_; }
     const ExtremeRecord& longestStop() const { return longestStop_; }  ///< [s]
+
+    /** RMS over ticks and joints of nominal - commanded position, the command moved into the position limits [rad].
+    Not a number without joint commands. */
+    double commandErrorRms() const;
+    /** RMS jerk of joints that a joint command presses against a position limit at rest, as a share of the jerk limit.
+    Pressed: commanded to the limit or beyond. At rest: within 5 % of the range of that limit or beyond it, and for
+    0.5 s not moved by more than 0.1 % of the range. Not a number when none ever was. */
+    double chatter() const;
 
     bool hasRealPlant() const { return hasRealPlant_; }
     double trackingRms(int joint) const;  ///< of actual - nominal position [rad]
@@ -126,6 +136,9 @@ private:
                const JointVector& values, double time_s) const;
     void addIntervention(int joint, const TickRecord& record);
     void addStops(const TickRecord& record);
+    bool hasJointCommand(const TickRecord& record) const;
+    void addCommand(int joint, const TickRecord& record);
+    void addRest(int joint, const TickRecord& record);
 
     std::vector<std::string> jointNames_;
     JointLimits bounds_;
@@ -143,8 +156,17 @@ private:
     bool isReturning_ = false;  // in the last tick
     double tick_s_ = 0.0, lastTime_s_ = 0.0;
     std::int64_t missed_ = 0, unviable_ = 0, returning_ = 0;
-    double firstUnviable_s_ = 0.0;
+    double firstUnviable_s_ = 0.0, firstInfeasible_s_ = 0.0;
     ExtremeRecord worstMargin_, longestStop_;
+    /** Where a joint came to rest and when; not a number before the first tick. */
+    struct Rest {
+        double q, since_s;
+    };
+    std::vector<Rest> rests_;
+    double squaredRestJerk_ = 0.0;  // of jerk / limit
+    std::int64_t restTicks_ = 0;    // joint-ticks
+    double squaredCommandError_ = 0.0;
+    std::int64_t commandTicks_ = 0;  // joint-ticks
     bool broken_ = false;
     std::int64_t ticks_ = 0;
     std::int64_t substituted_ = 0;

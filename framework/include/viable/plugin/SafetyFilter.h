@@ -16,7 +16,9 @@ enum class FilterStatus : unsigned char {
                 ///< fast as jerk allows and nothing gets worse on the way; apply
     Infeasible,    ///< no admissible choice existed; the braking fallback is in the decision; apply
     InvalidInput,  ///< input of wrong size or not finite; decision not written, do not apply
-    Faulted,       ///< the filter cannot go on; decision not written, do not apply
+    /** The filter cannot go on; decision not written, do not apply. In the tick after an Infeasible one it means that
+    the filter ends the case there on purpose, which is a result and no failure. */
+    Faulted,
 };
 
 /** "passed", "modified", ... as in logs. */

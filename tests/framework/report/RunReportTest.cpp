@@ -1,0 +1,299 @@
+#include "viable/report/RunReport.h"
+
+#include <gtest/gtest.h>
+#include <zlib.h>
+
+#include <cmath>
+#include <cstring>
+#include <nlohmann/json.hpp>
+
+#include "../experiment/CaseSupport.h"
+#include "viable/log/LogReader.h"
+
+namespace viable {
+namespace {
+
+using nlohmann::json;
+using test::catchError;
+using test::TemporaryFolder;
+
+const char* const kPage = "<page><data>@@VIABLE_DATA@@</data><binary>@@VIABLE_BINARY@@</binary>";
+
+std::string readText(const std::filesystem::path& file) {
+    std::ifstream stream(file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+std::string cutOut(const std::string& text, const std::string& from, const std::string& to) {
+    const std::size_t begin = text.find(from) + from.size();
+    return text.substr(begin, text.find(to, begin) - begin);
+}
+
+std::string fromBase64(const std::string& text) {
+    const std::string digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    std::string bytes;
+    unsigned bits = 0;
+    int count = 0;
+    for (char c : text) {
+        if (c == '=') break;
+        const std::size_t digit = digits.find(c);
+        if (digit == std::string::npos) throw std::runtime_error("this is not base64");
+        bits = bits << 6 | static_cast<unsigned>(digit);
+        if ((count += 6) >= 8) bytes += static_cast<char>(bits >> (count -= 8) & 0xff);
+    }
+    return bytes;
+}
+
+std::string gunzip(const std::string& bytes) {
+    z_stream stream{};
+    if (inflateInit2(&stream, 16 + MAX_WBITS) != Z_OK) throw std::runtime_error("zlib");
+    stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data()));
+    stream.avail_in = static_cast<uInt>(bytes.size());
+    std::string all;
+    int status = Z_OK;
+    while (status == Z_OK) {
+        char part[65536];
+        stream.next_out = reinterpret_cast<Bytef*>(part);
+        stream.avail_out = sizeof part;
+        status = inflate(&stream, Z_NO_FLUSH);
+        all.append(part, sizeof part - stream.avail_out);
+    }
+    inflateEnd(&stream);
+    EXPECT_EQ(status, Z_STREAM_END);
+    return all;
+}
+
+/** A report as a browser would take it apart. */
+struct ReadReport {
+    explicit ReadReport(const std::filesystem::path& file)
+        : text(readText(file)),
+          data(json::parse(cutOut(text, "<data>", "</data>"))),
+          bytes(gunzip(fromBase64(cutOut(text, "<binary>", "</binary>")))) {}
+
+    std::vector<float> numbers(const json& reference) const {
+        EXPECT_EQ(reference["type"], "f32");
+        std::vector<float> values(reference["n"].get<std::size_t>());
+        const std::size_t at = reference["at"];
+        EXPECT_EQ(at % 4, 0u);
+        if (at + 4 * values.size() > bytes.size()) throw std::runtime_error("beyond the block");
+        std::memcpy(values.data(), bytes.data() + at, 4 * values.size());
+        return values;
+    }
+    std::vector<std::uint8_t> codes(const json& reference) const {
+        EXPECT_EQ(reference["type"], "u8");
+        const std::size_t at = reference["at"], n = reference["n"];
+        if (at + n > bytes.size()) throw std::runtime_error("beyond the block");
+        return {bytes.begin() + static_cast<std::ptrdiff_t>(at),
+                bytes.begin() + static_cast<std::ptrdiff_t>(at + n)};
+    }
+
+    std::string text;
+    json data;
+    std::string bytes;
+};
+
+/** A folder as a run leaves it. */
+struct RunFolder {
+    explicit RunFolder(const std::string& yaml, const std::vector<std::string>& overrides = {})
+        : experiment(test::readTestExperiment(yaml, overrides)) {
+        page = folder.write("page.html", kPage);
+        std::filesystem::create_directory(path());
+        for (const CasePlan& plan : experiment.cases) {
+            RunOptions options;
+            options.log = path() / (plan.name + ".mcap");
+            results.push_back(runCase(plan, options));
+        }
+        std::ofstream(path() / "summary.json") << writeSummaryJson(experiment, results);
+    }
+    std::filesystem::path path() const { return folder / "run"; }
+    ReadReport report() const { return ReadReport(writeReport(path(), page)); }
+
+    TemporaryFolder folder;
+    Experiment experiment;
+    std::filesystem::path page;
+    std::vector<CaseResult> results;
+};
+
+const char* const kTwoCases = R"(schema: 1
+title: "</script><script>alert(1)</script> & <!-- ]]>"
+robot: single_joint
+duration_s: 20
+tick_s: 0.001
+limits: {position_rad: pi, velocity_radps: 2*pi, acceleration_radps2: 3*pi, jerk_radps3: 4*pi}
+command: {plugin: waypoints, points: [[0, 2*pi], [2, -2*pi]], interpolation: hold, repeat_s: 4}
+controller: {plugin: joint_pd, stiffness: 5, damping: 1}
+cases:
+  free: {filter: {plugin: pass_through}}
+  ends: {filter: {plugin: exponential_cbf, k_alpha: 5, gamma: 100, on_infeasible: stop}}
+)";
+
+TEST(RunReport, ShowsWhatIsInTheLogAndLosesNoPeak) {
+    const RunFolder run(kTwoCases);
+    const ReadReport report = run.report();
+    ASSERT_EQ(report.data["cases"].size(), 2u);
+    for (const json& one : report.data["cases"]) {
+        std::vector<double> largest(4, -INFINITY), least(4, INFINITY);
+        double lastTime = 0.0, largestMargin = -INFINITY;
+        std::int64_t rows = 0;
+        std::vector<std::uint8_t> worst;
+        LogReader reader(run.path() / (one["name"].get<std::string>() + ".mcap"));
+        for (TickRecord r; reader.read(r); ++rows) {
+            const double values[] = {r.nominal.q[0], r.nominal.qd[0], r.nominal.qdd[0],
+                                     r.nominal.jerk[0]};
+            for (std::size_t k = 0; k < 4; ++k) {
+                largest[k] = std::max(largest[k], values[k]);
+                least[k] = std::min(least[k], values[k]);
+            }
+            largestMargin = std::max(largestMargin, r.stops[0].margin);
+            lastTime = r.time_s;
+        }
+        EXPECT_EQ(one["rows"], rows);
+        const std::size_t buckets = one["buckets"];
+        EXPECT_LE(buckets, 8000u);
+        const double step = one["step_s"];
+        EXPECT_NEAR(step * static_cast<double>(buckets), lastTime, step + 1e-3);
+        const json& series = one["joints"][0]["series"];
+        const char* const names[] = {"nominal_q", "nominal_qd", "nominal_qdd", "nominal_jerk"};
+        const bool arePairs = step > 1.5 * one["tick_s"].get<double>();
+        for (std::size_t k = 0; k < 4; ++k) {
+            const std::vector<float> values = report.numbers(series[names[k]]);
+            ASSERT_EQ(values.size(), (arePairs ? 2 : 1) * buckets) << names[k];
+            EXPECT_EQ(*std::max_element(values.begin(), values.end()),
+                      static_cast<float>(largest[k]));
+            EXPECT_EQ(*std::min_element(values.begin(), values.end()),
+                      static_cast<float>(least[k]));
+        }
+        const std::vector<float> margin = report.numbers(series["margin"]);
+        EXPECT_EQ(*std::max_element(margin.begin(), margin.end()),
+                  static_cast<float>(largestMargin));
+        EXPECT_FLOAT_EQ(series["position_upper"], M_PI);
+        EXPECT_FLOAT_EQ(series["jerk_lower"], -4 * M_PI);
+        EXPECT_TRUE(series["real_q"].is_null());
+        EXPECT_EQ(report.codes(one["joints"][0]["active"]).size(), buckets);
+        EXPECT_EQ(report.codes(one["status"]).size(), buckets);
+        std::int64_t counted = 0;
+        for (const json& count : one["tick_time"]["counts"]) counted += count.get<std::int64_t>();
+        EXPECT_EQ(counted, rows);
+        EXPECT_EQ(one["tick_time"]["edges_us"].size(), one["tick_time"]["counts"].size() + 1);
+    }
+    EXPECT_EQ(report.data["cases"][0]["step_s"], 0.004);  // 20 s: four ticks a bucket
+    EXPECT_EQ(report.data["cases"][0]["filter"], "pass_through");
+    EXPECT_TRUE(report.data["cases"][0]["stop"].is_null());
+}
+
+TEST(RunReport, TellsThatACaseWasEndedAndWhen) {
+    const RunFolder run(kTwoCases);
+    const json one = run.report().data["cases"][1];
+    EXPECT_NEAR(one["stop"]["time_s"], 0.671, 1e-9);
+    EXPECT_NE(one["stop"]["message"].get<std::string>().find("no admissible choice"),
+              std::string::npos);
+    EXPECT_NE(one["verdict"].get<std::string>().find("limits broken: position"),
+              std::string::npos);
+    EXPECT_NE(one["details"].get<std::string>().find("infeasible 1 (first at 0.670 s)"),
+              std::string::npos);
+}
+
+TEST(RunReport, AHostileTitleStaysText) {
+    const RunFolder run(kTwoCases);
+    const ReadReport report = run.report();
+    EXPECT_EQ(report.data["title"], "</script><script>alert(1)</script> & <!-- ]]>");
+    // Nothing in the data can end the script element that holds it.
+    EXPECT_EQ(cutOut(report.text, "<data>", "</data>").find('<'), std::string::npos);
+    EXPECT_NE(report.data["yaml"].get<std::string>().find("<script>alert"), std::string::npos);
+}
+
+TEST(RunReport, TheRealArmIsThereWithItsDerivatives) {
+    const RunFolder run(test::kTeleoperation);
+    const ReadReport report = run.report();
+    const json& one = report.data["cases"][0];
+    EXPECT_EQ(one["robust_loop"], "nric");
+    EXPECT_EQ(one["plant"], "simbody");
+    EXPECT_EQ(report.data["robot"]["name"], "indy7");
+    ASSERT_EQ(one["joints"].size(), 6u);
+    std::vector<TickRecord> rows;
+    LogReader reader(run.path() / "A.mcap");
+    for (TickRecord r; reader.read(r);) rows.push_back(r);
+    ASSERT_EQ(rows.size(), 2000u);
+    for (std::size_t i = 0; i < 6; ++i) {
+        const json& series = one["joints"][i]["series"];
+        const auto q = report.numbers(series["real_q"]);
+        const auto qdd = report.numbers(series["real_qdd"]);
+        const auto jerk = report.numbers(series["real_jerk"]);
+        ASSERT_EQ(q.size(), rows.size());
+        EXPECT_TRUE(std::isnan(qdd[0]) && std::isnan(jerk[0]) && std::isnan(jerk[1]));
+        const auto v = [&](std::size_t k) { return rows[k].real.qd[static_cast<int>(i)]; };
+        for (std::size_t k = 2; k < rows.size(); ++k) {
+            EXPECT_EQ(q[k], static_cast<float>(rows[k].real.q[static_cast<int>(i)]));
+            const double a = (v(k) - v(k - 1)) / 1e-3;
+            EXPECT_NEAR(qdd[k], a, 1e-5 * std::abs(a) + 1e-9);
+            const double j = (v(k) - 2 * v(k - 1) + v(k - 2)) / 1e-6;
+            EXPECT_NEAR(jerk[k], j, 1e-5 * std::abs(j) + 1e-4);
+        }
+    }
+    const auto poses = report.numbers(one["replay"]["real"]);
+    EXPECT_EQ(poses.size(), 6 * one["replay"]["n"].get<std::size_t>());
+    EXPECT_EQ(poses[5], static_cast<float>(rows[0].real.q[5]));
+}
+
+TEST(RunReport, TheArmIsDrawnFromTheRobotsFolder) {
+    const RunFolder run(test::kTeleoperation);
+    const json scene = run.report().data["scene"];
+    ASSERT_TRUE(scene.is_object());
+    int moving = 0, capsules = 0;
+    for (const json& link : scene["links"]) {
+        moving += link["joint"].get<int>() >= 0;
+        EXPECT_LT(link["parent"].get<int>(), static_cast<int>(scene["links"].size()));
+        for (const json& shape : link["shapes"]) capsules += shape["type"] == "capsule";
+    }
+    EXPECT_EQ(moving, 6);
+    EXPECT_EQ(capsules, 9);
+}
+
+TEST(RunReport, ARunWithoutASummaryOrEndIsShownAsFarAsItGoes) {
+    const RunFolder run(test::kOneJoint);
+    std::filesystem::remove(run.path() / "summary.json");
+    const auto log = run.path() / "A.mcap";
+    std::filesystem::resize_file(log, std::filesystem::file_size(log) * 2 / 3);
+    const ReadReport report = run.report();
+    const json& one = report.data["cases"][0];
+    EXPECT_GT(one["rows"], 500);
+    EXPECT_LT(one["rows"], 2000);
+    EXPECT_NE(one["verdict"].get<std::string>().find("the log has no end"), std::string::npos);
+    EXPECT_EQ(report.data["title"], "run");
+}
+
+TEST(RunReport, SaysWhatIsWrongWithTheFolderOrThePage) {
+    const TemporaryFolder folder;
+    const auto page = folder.write("page.html", kPage);
+    EXPECT_NE(catchError([&] { writeReport(folder / "absent", page); }).find("no such folder"),
+              std::string::npos);
+    EXPECT_NE(catchError([&] { writeReport(folder.path(), page); }).find("no log (.mcap)"),
+              std::string::npos);
+    folder.write("A.mcap", "this is no log");
+    EXPECT_NE(catchError([&] { writeReport(folder.path(), page); }).find("A.mcap"),
+              std::string::npos);
+    folder.write("summary.json", "[1, 2");
+    EXPECT_NE(catchError([&] { writeReport(folder.path(), page); }).find("this is no summary of a run"),
+              std::string::npos);
+    EXPECT_NE(catchError([&] { writeReport(folder.path(), folder / "absent.html"); })
+                  .find("the page of reports is missing"),
+              std::string::npos);
+    const RunFolder run(test::kOneJoint);
+    const auto empty = folder.write("empty.html", "<html></html>");
+    EXPECT_NE(catchError([&] { writeReport(run.path(), empty); }).find("has no place for the data"),
+              std::string::npos);
+    EXPECT_FALSE(std::filesystem::exists(run.path() / "report.html"));
+}
+
+TEST(RunReport, SummaryOfAnotherShapeIsRefusedNotAMisreading) {
+    const RunFolder run(test::kOneJoint);
+    for (const char* text : {R"({"cases": 3})", R"({"cases": [5]})", R"({"cases": [{"name": 7}]})",
+                             R"({"cases": [{"name": "A"}]})", R"({"title": 1, "cases": []})"}) {
+        std::ofstream(run.path() / "summary.json") << text;
+        EXPECT_NE(catchError([&] { run.report(); }).find("this is no summary of a run"), std::string::npos)
+            << text;
+    }
+}
+
+}  // namespace
+}  // namespace viable

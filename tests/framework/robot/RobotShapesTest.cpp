@@ -1,0 +1,93 @@
+#include "viable/robot/RobotShapes.h"
+
+#include "RobotFolder.h"
+
+namespace viable {
+namespace {
+
+/** A robot of one moving link whose visual element is `geometry`. */
+struct ShapedArm {
+    explicit ShapedArm(const std::string& geometry) {
+        makeSimpleArm(folder);
+        RobotFolder::replace(folder.urdf, "<link name='upper'>",
+                             "<link name='upper'><visual><origin xyz='0.1 0.2 0.3' rpy='0 0 0'/><geometry>" +
+                                 geometry +
+                                 "</geometry><material name='red'><color rgba='1 0 0 0.5'/></material></visual>");
+    }
+    std::vector<LinkShapes> load() const { return loadShapes(folder.load()); }
+    RobotFolder folder;
+};
+
+LinkShape getOnly(const std::vector<LinkShapes>& all) {
+    if (all.size() != 1 || all[0].shapes.size() != 1) throw std::runtime_error("not one shape");
+    EXPECT_EQ(all[0].link, "upper");
+    EXPECT_EQ(all[0].carrier, 0);
+    EXPECT_TRUE(all[0].hasColor);
+    EXPECT_EQ(all[0].color[3], 0.5);
+    EXPECT_TRUE(all[0].shapes[0].pose.translation().isApprox(Eigen::Vector3d(0.1, 0.2, 0.3)));
+    return all[0].shapes[0];
+}
+
+TEST(RobotShapes, UrdfSolidsAreReadWithPlaceSizeAndColour) {
+    const LinkShape box = getOnly(ShapedArm("<box size='1 2 3'/>").load());
+    EXPECT_EQ(box.kind, LinkShape::Kind::Box);
+    EXPECT_EQ(box.size, Eigen::Vector3d(1, 2, 3));
+    const LinkShape cylinder = getOnly(ShapedArm("<cylinder radius='0.1' length='0.7'/>").load());
+    EXPECT_EQ(cylinder.kind, LinkShape::Kind::Cylinder);
+    EXPECT_EQ(cylinder.radius, 0.1);
+    EXPECT_EQ(cylinder.length, 0.7);
+    const LinkShape sphere = getOnly(ShapedArm("<sphere radius='0.2'/>").load());
+    EXPECT_EQ(sphere.kind, LinkShape::Kind::Sphere);
+    EXPECT_EQ(sphere.radius, 0.2);
+}
+
+TEST(RobotShapes, MeshesAreFoundInTheFolderOnly) {
+    const ShapedArm arm("<mesh filename='package://arm_description/meshes/upper.stl' scale='2 2 2'/>");
+    EXPECT_TRUE(arm.load().empty());  // no such file: nothing to draw, and no error
+    std::filesystem::create_directory(arm.folder.path() / "meshes");
+    arm.folder.put("meshes/upper.stl", "solid\nendsolid\n");
+    const LinkShape mesh = getOnly(loadShapes(loadRobot(arm.folder.path())));
+    EXPECT_EQ(mesh.kind, LinkShape::Kind::Mesh);
+    EXPECT_EQ(mesh.mesh, arm.folder.path() / "meshes/upper.stl");
+    EXPECT_EQ(mesh.size, Eigen::Vector3d(2, 2, 2));
+    std::ofstream(arm.folder.temporary.path() / "outside.stl") << "solid\nendsolid\n";
+    EXPECT_TRUE(ShapedArm("<mesh filename='../outside.stl'/>").load().empty());
+    EXPECT_TRUE(ShapedArm("<mesh filename='/etc/hostname'/>").load().empty());
+}
+
+TEST(RobotShapes, CapsulesOfTheFolderComeFirst) {
+    const ShapedArm arm("<box size='1 2 3'/>");
+    arm.folder.write();
+    arm.folder.put("shapes.yaml",
+                   "schema: 1\nfore:\n  - {from: [0, 0, 0], to: [0.1, 0, 0], radius: 0.05}\n");
+    const std::vector<LinkShapes> all = loadShapes(loadRobot(arm.folder.path()));
+    ASSERT_EQ(all.size(), 1u);
+    EXPECT_EQ(all[0].link, "fore");
+    EXPECT_EQ(all[0].carrier, 1);
+    EXPECT_EQ(all[0].shapes.at(0).kind, LinkShape::Kind::Capsule);
+    EXPECT_EQ(all[0].shapes.at(0).radius, 0.05);
+}
+
+TEST(RobotShapes, WrongCapsulesAreRefusedByPlace) {
+    const ShapedArm arm("<box size='1 2 3'/>");
+    const RobotDescription robot = arm.folder.load();
+    for (const auto& [text, part] : std::vector<std::pair<std::string, std::string>>{
+             {"uper:\n  - {from: [0, 0, 0], to: [1, 0, 0], radius: 1}\n", "Did you mean 'upper'?"},
+             {"upper: 3\n", "the shapes of a link are a list"},
+             {"upper:\n  - {from: [0, 0], to: [1, 0, 0], radius: 1}\n", "from"},
+             {"upper:\n  - {from: [0, 0, 0], to: [1, 0, 0], radius: 0}\n", "radius"},
+             {"upper:\n  - {from: [0, 0, 0], to: [1, 0, 0]}\n", "radius"}}) {
+        arm.folder.put("shapes.yaml", "schema: 1\n" + text);
+        try {
+            loadShapes(robot);
+            ADD_FAILURE() << text << " was accepted";
+        } catch (const Error& error) {
+            const std::string what = error.what();
+            EXPECT_NE(what.find("shapes.yaml:"), std::string::npos) << what;
+            EXPECT_NE(what.find(part), std::string::npos) << what;
+        }
+    }
+}
+
+}  // namespace
+}  // namespace viable
