@@ -261,6 +261,7 @@ std::vector<std::string> describeDifferences(const AbiStamp& theirs, const AbiSt
     compare(&AbiStamp::intervalChoiceSize, "size of IntervalChoice in bytes", rebuild);
     compare(&AbiStamp::certificateSize, "size of BrakingCertificate in bytes", rebuild);
     compare(&AbiStamp::brakingSize, "size of CertifiedBraking in bytes", rebuild);
+    compare(&AbiStamp::policyFilterSize, "size of BrakingPolicyFilter in bytes", rebuild);
     compare(&AbiStamp::rowMajor, "storage order (EIGEN_DEFAULT_TO_ROW_MAJOR)", sameEigen);
     if (theirs.compiler != ours.compiler)
         found.push_back("it was built with " + getCompilerName(theirs.compiler) + ", viable with " +

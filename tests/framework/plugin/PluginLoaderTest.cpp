@@ -169,7 +169,7 @@ TEST(PluginLoader, ListsWhatIsThereAndSaysWhatWasRefused) {
         names.push_back(std::string(getName(info.kind)) + " " + info.name);
     const std::vector<std::string> expected = {"command changing_limits",
                                                "command jumping_setpoint",
-                                               "command silent_command",
+                                               "command silent_command", "command witness",
                                                "controller extreme_torque",
                                                "controller nan_torque",
                                                "controller wrong_size_torque",

@@ -8,6 +8,7 @@
 
 #include "viable/motion/CertifiedBraking.h"
 #include "viable/motion/DesiredJerk.h"
+#include "viable/plugin/BrakingPolicyFilter.h"
 #include "viable/plugin/CommandSource.h"
 #include "viable/plugin/IntervalChoice.h"
 #include "viable/plugin/NominalController.h"
@@ -19,7 +20,7 @@ namespace viable {
 
 /** Raised whenever a class or struct in core/, config/, motion/, robot/ or plugin/ changes its layout or its
 virtual table. */
-inline constexpr std::uint32_t kPluginInterfaceVersion = 2;
+inline constexpr std::uint32_t kPluginInterfaceVersion = 3;
 
 inline constexpr std::uint64_t kPluginMagic = 0x76696162'6c652031ull;  // "viable 1"
 
@@ -52,6 +53,7 @@ struct AbiStamp {
     std::uint32_t intervalChoiceSize;
     std::uint32_t certificateSize;  ///< BrakingCertificate
     std::uint32_t brakingSize;      ///< CertifiedBraking
+    std::uint32_t policyFilterSize;  ///< BrakingPolicyFilter, with JerkIntervalFilter
     std::uint32_t rowMajor;         ///< EIGEN_DEFAULT_TO_ROW_MAJOR
     std::uint32_t parameterSpecSize;
     std::uint32_t compiler;  ///< 1 gcc, 2 clang, 0 other
@@ -132,6 +134,7 @@ inline AbiStamp makeAbiStamp() {
     s.intervalChoiceSize = sizeof(IntervalChoice);
     s.certificateSize = sizeof(BrakingCertificate);
     s.brakingSize = sizeof(CertifiedBraking);
+    s.policyFilterSize = sizeof(BrakingPolicyFilter);
 #ifdef EIGEN_DEFAULT_TO_ROW_MAJOR
     s.rowMajor = 1;
 #endif
