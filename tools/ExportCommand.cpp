@@ -1,4 +1,5 @@
 #include <CLI/CLI.hpp>
+#include <csignal>
 #include <cstdio>
 #include <memory>
 
@@ -30,6 +31,7 @@ void addExportCommand(CLI::App& app, int& exitCode) {
         if (format != "csv" && format != "hdf5")
             throw badInput("--to", "'" + format + "' is no format this program writes",
                            "Use `--to csv FILE` or `--to hdf5 FILE`.");
+        std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is a write error, not a death
         if (!LogReader(arguments->log).isComplete())
             std::fprintf(stderr,
                          "viable: %s has no end (the run was killed or is still going on): "

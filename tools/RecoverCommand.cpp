@@ -1,4 +1,5 @@
 #include <CLI/CLI.hpp>
+#include <csignal>
 #include <cstdio>
 #include <memory>
 
@@ -24,7 +25,9 @@ void addRecoverCommand(CLI::App& app, int& exitCode) {
     command->add_option("--out", arguments->out, "New log (default: LOG with .recovered.mcap)");
     command->callback([arguments, &exitCode] {
         exitCode = 0;
-        if (LogReader(arguments->log).isComplete()) {
+        std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is a write error, not a death
+        const bool isWhole = LogReader(arguments->log).isComplete();
+        if (isWhole && arguments->out.empty()) {
             std::printf("%s is whole: nothing to recover\n", arguments->log.c_str());
             return;
         }
@@ -32,7 +35,8 @@ void addRecoverCommand(CLI::App& app, int& exitCode) {
         if (out.empty())
             out = std::filesystem::path(arguments->log).replace_extension(".recovered.mcap");
         const std::uint64_t rows = recoverLog(arguments->log, out);
-        std::printf("wrote %s: %llu rows\n", out.c_str(), static_cast<unsigned long long>(rows));
+        std::printf("wrote %s: %llu rows%s\n", out.c_str(), static_cast<unsigned long long>(rows),
+                    isWhole ? "; the old log was whole, too" : "");
     });
 }
 

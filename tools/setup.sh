@@ -22,6 +22,12 @@ packages=(
   libgtest-dev                      # tests
   libbenchmark-dev                  # benchmarks
 )
+if [ "$target" = all ]; then
+  packages+=(
+    chromium                        # tests of the report
+    python3-h5py python3-pandas     # tests of the HDF5 export
+  )
+fi
 missing=()
 for package in "${packages[@]}"; do
   [ "$package" = npm ] && command -v npm >/dev/null && continue  # other builds of Node.js bring their own

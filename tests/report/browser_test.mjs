@@ -1,7 +1,11 @@
 // Opens a report in a browser and checks that it shows what it should, alone, safely and for everyone:
-//   node browser_test.mjs REPORT [--screenshots FOLDER]
-// The browser is /usr/bin/chromium or that of the variable CHROMIUM; playwright-core comes from tools/report.
+//   node browser_test.mjs REPORT [--quick] [--only PATTERN] [--title TEXT] [--screenshots FOLDER]
+// --quick leaves out what depends on the page only, not on the data; --only runs the tests of whose names the pattern
+// is a part. --title: what the title must be.
+// The browser is /usr/bin/chromium or that of the variable CHROMIUM; playwright-core comes from tools/report or from the
+// folder of the variable VIABLE_REPORT_FOLDER. Without a browser the exit code is 77.
 import assert from 'node:assert/strict';
+import { existsSync } from 'node:fs';
 import { mkdir, mkdtemp, readFile, rm, writeFile } from 'node:fs/promises';
 import { createRequire } from 'node:module';
 import { tmpdir } from 'node:os';
@@ -18,12 +22,26 @@ const { chromium } = createRequire(modules)('playwright-core');
 const {
   positionals: [reportPath],
   values: options,
-} = parseArgs({ allowPositionals: true, options: { screenshots: { type: 'string' } } });
+} = parseArgs({
+  allowPositionals: true,
+  options: {
+    quick: { type: 'boolean', default: false },
+    only: { type: 'string', default: '' },
+    title: { type: 'string' },
+    screenshots: { type: 'string' },
+  },
+});
 if (!reportPath) {
-  console.error('usage: node browser_test.mjs REPORT [--screenshots FOLDER]');
+  console.error('usage: node browser_test.mjs REPORT [--quick] [--only PATTERN] [--title TEXT] [--screenshots FOLDER]');
   process.exit(2);
 }
 const EXECUTABLE = process.env.CHROMIUM ?? '/usr/bin/chromium';
+if (!existsSync(EXECUTABLE)) {
+  console.error(
+    `SKIPPED: there is no browser ${EXECUTABLE}. Install it (Debian: apt-get install chromium) or name one in CHROMIUM.`,
+  );
+  process.exit(77);
+}
 const ARGUMENTS = [
   '--no-sandbox',
   '--enable-unsafe-swiftshader',
@@ -38,7 +56,13 @@ const html = await readFile(reportPath, 'utf8');
 const folder = await mkdtemp(join(tmpdir(), 'viable-report-'));
 const browser = await chromium.launch({ executablePath: EXECUTABLE, args: ARGUMENTS });
 const tests = [];
-const test = (name, body) => tests.push({ name, body });
+/** A test of the page with the data of the run, and one of the page alone. */
+const test = (name, body) => {
+  if (new RegExp(options.only).test(name)) tests.push({ name, body });
+};
+const testOfPage = (name, body) => {
+  if (!options.quick) test(name, body);
+};
 
 /** The content of a data script of the report, and the report with another one. */
 const scriptPattern = (id) => new RegExp(`(<script type="[a-z/]+" id="${id}">)([^<]*)(</script>)`);
@@ -48,14 +72,34 @@ const description = JSON.parse(content('viable-data'));
 const jointCount = description.robot.joints.length;
 const hasScene = Boolean(description.scene) && description.cases.some((c) => c.replay);
 const bytes = gunzipSync(Buffer.from(content('viable-binary'), 'base64'));
-const end = Math.max(...description.cases.map((c) => c.t0 + c.buckets * c.step_s));
+const endOf = (c) => c.t0 + Math.min(c.buckets * c.step_s, c.rows * c.tick_s);
+const end = Math.max(...description.cases.map(endOf));
+const hasReal = description.cases.some((c) => c.joints.some(({ series }) => series.real_q));
+const QUANTITIES = ['position', 'velocity', 'acceleration', 'jerk', 'torque', ...(hasReal ? ['error'] : []), 'margin'];
+const LIMITED = QUANTITIES.slice(0, 4);
+const SERIES = {
+  position: 'nominal_q',
+  velocity: 'nominal_qd',
+  acceleration: 'nominal_qdd',
+  jerk: 'nominal_jerk',
+  torque: 'tau_filter',
+  error: 'real_q',
+  margin: 'margin',
+};
 
 /** Opens a page and watches over it: errors and requests are kept. */
 async function open(
   path = reportPath,
-  { width = 1280, height = 900, colorScheme = 'light', ready = '#page:not([hidden])', from = browser } = {},
+  {
+    width = 1280,
+    height = 900,
+    colorScheme = 'light',
+    ready = '#page:not([hidden])',
+    from = browser,
+    hasTouch = false,
+  } = {},
 ) {
-  const page = await from.newPage({ viewport: { width, height }, colorScheme, acceptDownloads: true });
+  const page = await from.newPage({ viewport: { width, height }, colorScheme, hasTouch, acceptDownloads: true });
   const own = pathToFileURL(resolve(path)).href;
   page.problems = [];
   page.on('console', (message) => {
@@ -102,6 +146,22 @@ const colouredPixels = (panel) =>
     return count;
   });
 
+/** Pixels of a plot in a colour (0xrrggbb), nearly. */
+const pixelsOf = (panel, colour) =>
+  panel.evaluate((root, wanted) => {
+    const canvas = root.querySelector('canvas');
+    const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+    let count = 0;
+    for (let i = 0; i < data.length; i += 4) {
+      const distance =
+        Math.abs(data[i] - (wanted >> 16)) +
+        Math.abs(data[i + 1] - ((wanted >> 8) & 255)) +
+        Math.abs(data[i + 2] - (wanted & 255));
+      if (data[i + 3] > 200 && distance < 30) ++count;
+    }
+    return count;
+  }, colour);
+
 /** How many pixels of a picture differ from its first one, or from those of another picture. */
 async function differentPixels(picture, other = null) {
   const page = await browser.newPage();
@@ -134,24 +194,29 @@ async function differentPixels(picture, other = null) {
 
 /** Whether there is anything to draw for a quantity of the first joint. */
 function hasNumbers(quantity) {
-  const key = {
-    position: 'nominal_q',
-    velocity: 'nominal_qd',
-    acceleration: 'nominal_qdd',
-    jerk: 'nominal_jerk',
-    torque: 'tau_filter',
-    error: 'real_q',
-    margin: 'margin',
-  }[quantity];
-  return (
-    !key ||
-    description.cases.some(({ joints: [{ series }] }) => {
-      const { at, n } = series[key] ?? { at: 0, n: 0 };
-      for (let i = 0; i < n; ++i) if (Number.isFinite(bytes.readFloatLE(at + 4 * i))) return true;
-      return false;
-    })
-  );
+  const key = SERIES[quantity];
+  return !key || description.cases.some((c) => extremes(c, key));
 }
+
+/** Least and largest value of a series of the first joint in a case, or null. */
+function extremes(c, key) {
+  const reference = c.joints[0].series[key];
+  if (typeof reference === 'number') return [reference, reference];
+  const range = [Infinity, -Infinity];
+  for (let i = 0; i < (reference?.n ?? 0); ++i) {
+    const value = bytes.readFloatLE(reference.at + 4 * i);
+    if (value < range[0]) range[0] = value;
+    if (value > range[1]) range[1] = value;
+  }
+  return range[0] <= range[1] ? range : null;
+}
+
+/** The report with another description of the run. */
+const described = (change) => {
+  const copy = structuredClone(description);
+  change(copy);
+  return replaced(html, 'viable-data', JSON.stringify(copy).replaceAll('<', '\\u003c'));
+};
 
 const panels = (page) => page.locator('.panel').all();
 const over = (page, quantity) => page.locator(`.panel[data-quantity=${quantity}] .u-over`).first();
@@ -197,23 +262,44 @@ async function drag(page, quantity, from, to) {
   await page.mouse.up();
 }
 
+/** What the SVG button of a plot saves. */
+async function savedSvg(page, quantity) {
+  const [download] = await Promise.all([
+    page.waitForEvent('download'),
+    page.locator(`.panel[data-quantity=${quantity}]`).getByRole('button', { name: 'SVG' }).click(),
+  ]);
+  return { name: download.suggestedFilename(), text: (await readFile(await download.path())).toString() };
+}
+
 const assertQuiet = (page) => assert.deepEqual(page.problems, []);
 
 test('opens from a file without an error and without any other request', async () => {
   const page = await open();
   assert.equal(await page.locator('h1').textContent(), description.title || 'Run');
+  if (options.title !== undefined) assert.equal(await page.locator('h1').textContent(), options.title);
   assert.equal(await page.locator('.verdict').count(), description.cases.length);
   assert.equal(await page.locator('.summary tbody tr').count(), description.summary.rows.length);
   for (const panel of await panels(page)) await panel.scrollIntoViewIfNeeded();
-  await page.waitForTimeout(500);
+  await page.waitForTimeout(200);
   assert.equal(await page.locator('#message').isVisible(), false);
+  const shown = await page.locator('#page').textContent();
+  for (const c of description.cases) {
+    assert.ok(shown.includes(c.name), `no case ${c.name}`);
+    assert.ok(shown.includes(c.details), `no details of ${c.name}`);
+  }
+  assert.ok(shown.includes(description.yaml), 'no experiment file');
+  assert.equal(await page.evaluate(() => document.querySelectorAll('#page script, #page img').length), 0);
   assertQuiet(page);
 });
 
 test('every plot is drawn', async () => {
   const page = await open();
   const all = await panels(page);
-  assert.ok(all.length >= 8, `${all.length} plots`);
+  assert.deepEqual(await page.locator('.panel').evaluateAll((list) => list.map((panel) => panel.dataset.quantity)), [
+    'interventions',
+    ...QUANTITIES,
+    'tick_time',
+  ]);
   const missing = [];
   for (const panel of all) {
     const name = await panel.getAttribute('data-quantity');
@@ -231,7 +317,10 @@ test('all joints side by side are drawn', async () => {
   if (jointCount < 2) return;
   const page = await open();
   await page.keyboard.press('a');
-  await eventually(async () => (await page.locator('.panel.compact').count()) === 8 * jointCount, 'small plots');
+  await eventually(
+    async () => (await page.locator('.panel.compact').count()) === (1 + QUANTITIES.length) * jointCount,
+    'small plots',
+  );
   const positions = page.locator('.panel[data-quantity=position]');
   for (let j = 0; j < jointCount; ++j) {
     await positions.nth(j).scrollIntoViewIfNeeded();
@@ -253,6 +342,142 @@ test('the replay shows the arm and follows the scrubber', async () => {
   assert.ok((await differentPixels(pictures[0])) > 1000, 'the picture is blank');
   const moved = await Promise.all(pictures.slice(1).map((picture) => differentPixels(pictures[0], picture)));
   assert.ok(Math.max(...moved) > 200, `pixels that moved: ${moved}`);
+  const deviation = page.getByLabel('Deviation of the real arm');
+  assert.equal(await deviation.count(), description.cases.some((c) => c.replay?.real) ? 1 : 0);
+  if ((await deviation.count()) > 0) {
+    const before = await stage(page).screenshot();
+    await deviation.selectOption('50');
+    await eventually(
+      async () => (await differentPixels(before, await stage(page).screenshot())) > 100,
+      'the real arm 50 times as far from the nominal one',
+    );
+  }
+  assertQuiet(page);
+});
+
+test('limits are drawn, labelled and in view, whatever the data', async () => {
+  const page = await open();
+  const stopped = description.cases.find((c) => c.stop && endOf(c) >= c.stop.time_s);
+  for (const quantity of LIMITED) {
+    const limits = description.cases.map(({ joints: [{ series }] }) => [
+      series[`${quantity}_lower`],
+      series[`${quantity}_upper`],
+    ]);
+    if (!limits.every((pair) => pair.every(Number.isFinite))) continue;
+    const least = Math.min(...limits.map(([lower]) => lower));
+    const largest = Math.max(...limits.map(([, upper]) => upper));
+    await reach(page, quantity);
+    const panel = page.locator(`.panel[data-quantity=${quantity}]`);
+    const range = async () => (await panel.evaluate((root) => root.dataset.range)).split(' ').map(Number);
+    const [low, high] = await range();
+    assert.ok(low < least && high > largest, `${quantity}: limits ${least}, ${largest} in ${low}, ${high}`);
+    assert.ok(high - low < 4.5 * (largest - least), `${quantity}: the limits are flattened: ${low}, ${high}`);
+    const { text } = await savedSvg(page, quantity);
+    for (const [side, value] of [
+      ['lower', limits[0][0]],
+      ['upper', limits[0][1]],
+    ])
+      assert.ok(
+        text.includes(`${side} limit ${String(Number(value.toPrecision(4))).replace('-', '−')} `),
+        `${side} ${quantity}`,
+      );
+    if (stopped) assert.ok(text.includes('stops'), `no mark of the stop of ${stopped.name} in ${quantity}`);
+
+    await panel.getByRole('button', { name: 'y: limits' }).click();
+    const data = description.cases.map((c) => extremes(c, SERIES[quantity])).filter(Boolean);
+    await eventually(async () => {
+      const [all, most] = await range();
+      return data.every(([a, b]) => all <= a && most >= b);
+    }, `all ${quantity} in view`);
+    await panel.getByRole('button', { name: 'y: all data' }).click();
+  }
+  assertQuiet(page);
+});
+
+test('what coincides is seen in turns; twelve cases are told apart', async () => {
+  const path = await variant(
+    'twelve',
+    described((data) => {
+      const calm = data.cases.find((c) => c.promises) ?? data.cases[0];
+      data.cases = Array.from({ length: 12 }, (_, i) => ({
+        ...structuredClone(i < 8 ? calm : data.cases[i % data.cases.length]),
+        name: `case ${i}`,
+        stop: null,
+      }));
+    }),
+  );
+  const page = await open(path);
+  assert.equal(await page.locator('.case-toggle').count(), 12);
+  const marks = await page.locator('.case-toggle .swatch').evaluateAll((all) =>
+    all.map((swatch) => {
+      const { backgroundColor, backgroundImage, boxShadow } = getComputedStyle(swatch);
+      return `${backgroundColor} ${backgroundImage} ${boxShadow}`;
+    }),
+  );
+  assert.equal(new Set(marks).size, 12, marks.join('\n'));
+  await reach(page, 'position');
+  const panel = page.locator('.panel[data-quantity=position]');
+  await eventually(async () => (await colouredPixels(panel)) > 20, 'lines');
+  const colours = await page.evaluate(() =>
+    [0, 1, 2, 3, 4, 5, 6, 7].map((i) => getComputedStyle(document.documentElement).getPropertyValue(`--case-${i}`)),
+  );
+  const unseen = [];
+  for (const colour of colours)
+    if ((await pixelsOf(panel, parseInt(colour.trim().slice(1), 16))) < 5) unseen.push(colour);
+  assert.deepEqual(unseen, [], 'colours that are hidden by others');
+  assert.match((await savedSvg(page, 'position')).text, /stroke-dasharray="9 4"/); // of the ninth case on
+
+  const second = parseInt(colours[1].trim().slice(1), 16);
+  const inTurn = await pixelsOf(panel, second);
+  await panel.locator('.value').nth(1).hover();
+  await eventually(async () => (await pixelsOf(panel, second)) > 2 * inTurn, 'the line of the case that is pointed at');
+
+  const toggle = page.locator('.case-toggle').nth(9);
+  await toggle.dblclick();
+  const pressed = () =>
+    page.locator('.case-toggle').evaluateAll((all) => all.map((b) => b.getAttribute('aria-pressed')).join());
+  assert.equal(await pressed(), Array.from({ length: 12 }, (_, i) => String(i === 9)).join());
+  await toggle.dblclick();
+  assert.equal(await pressed(), Array(12).fill('true').join());
+  assert.ok((await page.evaluate(() => document.documentElement.scrollWidth - innerWidth)) <= 0, 'too wide');
+  assertQuiet(page);
+});
+
+testOfPage('it is quick', async () => {
+  const page = await open(reportPath, { ready: '.panel[data-view]' });
+  const [first, plots] = await page.evaluate(() => [
+    performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? 0,
+    performance.now(),
+  ]);
+  await reach(page, 'velocity');
+  await page.waitForTimeout(500);
+  const session = await page.context().newCDPSession(page);
+  await session.send('Performance.enable');
+  const busy = async () =>
+    (await session.send('Performance.getMetrics')).metrics.find(({ name }) => name === 'TaskDuration').value;
+  const frame = () =>
+    page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
+  /** How long the page works for a step [ms], in the middle. */
+  async function measure(step, steps) {
+    const times = [];
+    for (let i = 0; i < steps; ++i) {
+      const before = await busy();
+      await step(i);
+      await frame();
+      times.push(1000 * ((await busy()) - before));
+    }
+    return times.sort((a, b) => a - b)[steps >> 1];
+  }
+  const box = await over(page, 'velocity').boundingBox();
+  const hover = await measure((i) => page.mouse.move(box.x + 50 + 7 * i, box.y + 30), 15);
+  const zoom = await measure((i) => page.keyboard.press(i % 2 ? '-' : '+'), 12);
+  console.log(
+    `     first paint ${first.toFixed(0)} ms, first plots ${plots.toFixed(0)} ms; ` +
+      `work per zoom step ${zoom.toFixed(0)} ms, per move of the cursor ${hover.toFixed(0)} ms`,
+  );
+  assert.ok(plots < 10_000, `the first plots after ${plots} ms`); // generous: the machine may be slow and busy
+  assert.ok(zoom < 1000, `${zoom} ms per zoom step`);
+  assert.ok(hover < 0.5 * zoom + 50, `a move of the cursor takes ${hover} ms, a zoom step ${zoom} ms`);
   assertQuiet(page);
 });
 
@@ -267,6 +492,11 @@ test('a click in a plot moves the scrubber and its line in all plots', async () 
     .evaluateAll((all) => all.map((line) => line.getBoundingClientRect().left));
   assert.ok(lines.length >= 2, `${lines.length} lines`);
   assert.ok(Math.max(...lines) - Math.min(...lines) < 1.5, `lines at ${lines}`);
+  if (hasScene)
+    await eventually(
+      async () => Math.abs(Number(await page.locator('.stage').getAttribute('data-time')) - (await time(page))) < 1e-3,
+      'the replay is there, too',
+    );
   assertQuiet(page);
 });
 
@@ -322,7 +552,57 @@ test('a zoom in one plot zooms all, a double click resets all', async () => {
   assertQuiet(page);
 });
 
-test('the keyboard does it all', async () => {
+testOfPage('two fingers zoom, one moves; Ctrl and wheel zoom', async () => {
+  const page = await open(reportPath, { hasTouch: true });
+  await reach(page, 'position');
+  await over(page, 'position').evaluate((element) => element.scrollIntoView({ block: 'center' }));
+  const box = await over(page, 'position').boundingBox();
+  const session = await page.context().newCDPSession(page);
+  const y = box.y + box.height / 2;
+  const touch = (type, ...shares) =>
+    session.send('Input.dispatchTouchEvent', {
+      type,
+      touchPoints: shares.map((share, id) => ({ x: box.x + share * box.width, y: y + id, id })),
+    });
+  const view = () => viewOf(page, 'position');
+  const isNear = (value, wished) => Math.abs(value - wished) < 0.03 * end;
+  await touch('touchStart', 0.4);
+  await touch('touchStart', 0.4, 0.6);
+  for (const spread of [0.13, 0.18, 0.25, 0.3]) await touch('touchMove', 0.5 - spread, 0.5 + spread);
+  await touch('touchEnd');
+  const [from, to] = await eventually(async () => {
+    const zoomed = await view();
+    return isNear(zoomed[1] - zoomed[0], end / 3) ? zoomed : null;
+  }, 'a view of a third');
+  assert.ok(isNear((from + to) / 2, end / 2), `zoomed to ${from}, ${to}: not about the fingers`);
+  assert.equal(await time(page), 0, 'a pinch is no tap');
+
+  await touch('touchStart', 0.3);
+  for (const share of [0.35, 0.45, 0.6]) await touch('touchMove', share);
+  await touch('touchEnd');
+  await eventually(async () => isNear((await view())[0], from - 0.3 * (to - from)), 'a view moved to the left');
+  assert.equal(await time(page), 0, 'a move is no tap');
+
+  await page.touchscreen.tap(box.x + box.width / 2, y);
+  await eventually(async () => {
+    const [min, max] = await view();
+    return isNear(await time(page), (min + max) / 2);
+  }, 'a tap moves the scrubber');
+
+  await page.keyboard.press('0');
+  await eventually(async () => isNear((await view())[1], end), 'whole again');
+  await page.mouse.move(box.x + 0.25 * box.width, y);
+  await page.keyboard.down('Control');
+  await page.mouse.wheel(0, -80);
+  await page.keyboard.up('Control');
+  await eventually(async () => {
+    const [min, max] = await view();
+    return max - min < 0.7 * end && min < 0.25 * end && max > 0.25 * end;
+  }, 'the wheel zooms about the mouse');
+  assertQuiet(page);
+});
+
+testOfPage('the keyboard does it all', async () => {
   const page = await open();
   const press = (key) => page.keyboard.press(key);
   await press(' ');
@@ -376,7 +656,7 @@ test('the keyboard does it all', async () => {
   assertQuiet(page);
 });
 
-test('all controls have names', async () => {
+testOfPage('all controls have names', async () => {
   const page = await open();
   const nameless = await page.evaluate(() =>
     [...document.querySelectorAll('button, select, input, [role=img]')]
@@ -386,7 +666,7 @@ test('all controls have names', async () => {
   assert.deepEqual(nameless, []);
 });
 
-test('a hidden case is gone from the plots', async () => {
+testOfPage('a hidden case is gone from the plots', async () => {
   const page = await open();
   const panel = page.locator('.panel[data-quantity=position]');
   await panel.scrollIntoViewIfNeeded();
@@ -396,7 +676,7 @@ test('a hidden case is gone from the plots', async () => {
   assertQuiet(page);
 });
 
-test('PNG and SVG are saved', async () => {
+testOfPage('PNG and SVG are saved', async () => {
   const page = await open();
   for (const quantity of ['position', 'interventions', 'tick_time']) {
     const panel = page.locator(`.panel[data-quantity=${quantity}]`);
@@ -425,6 +705,18 @@ test('PNG and SVG are saved', async () => {
     assert.equal(found.error, '');
     assert.ok(found.marks > 10 && found.texts > 5, JSON.stringify(found));
   }
+  for (const format of ['PNG', 'SVG']) {
+    const [download] = await Promise.all([
+      page.waitForEvent('download'),
+      page.getByRole('button', { name: `Figure as ${format}` }).click(),
+    ]);
+    assert.match(download.suggestedFilename(), new RegExp(`limits\\.${format.toLowerCase()}$`));
+    const saved = await readFile(await download.path());
+    if (format === 'PNG') assert.ok((await differentPixels(saved)) > 5000, 'an empty figure');
+    else
+      for (const name of ['Position', 'Velocity', 'Acceleration', 'Jerk'])
+        assert.ok(saved.includes(`>${name} [`), name);
+  }
   assertQuiet(page);
 });
 
@@ -442,7 +734,7 @@ test('fits a phone of 375 pixels', async () => {
   assertQuiet(page);
 });
 
-test('light and dark differ, by system and by switch', async () => {
+testOfPage('light and dark differ, by system and by switch', async () => {
   const look = (page) => page.evaluate(() => getComputedStyle(document.body).backgroundColor);
   const light = await open(reportPath, { colorScheme: 'light' });
   const dark = await open(reportPath, { colorScheme: 'dark' });
@@ -486,15 +778,11 @@ test('hostile names stay text', async () => {
   for (const summary of await page.locator('#details summary').all()) await summary.click();
   await page.keyboard.press('j');
   await page.keyboard.press('a');
-  for (const panel of (await panels(page)).slice(0, 20)) await panel.scrollIntoViewIfNeeded();
+  for (const panel of (await panels(page)).slice(0, 8)) await panel.scrollIntoViewIfNeeded();
   await page.keyboard.press('a');
-  const [download] = await Promise.all([
-    page.waitForEvent('download'),
-    page.locator('.panel[data-quantity=interventions]').getByRole('button', { name: 'SVG' }).click(),
-  ]);
-  const svg = (await readFile(await download.path())).toString();
-  assert.ok(!/<script|<img|onerror="/.test(svg), 'markup in the SVG');
-  assert.match(download.suggestedFilename(), /^[\p{L}\p{N}._-]+\.svg$/u);
+  const saved = await savedSvg(page, 'interventions');
+  assert.ok(!/<script|<img|onerror="/.test(saved.text), 'markup in the SVG');
+  assert.match(saved.name, /^[\p{L}\p{N}._-]+\.svg$/u);
   assert.equal(await page.evaluate(() => window.hacked), undefined);
   assert.equal(await page.evaluate(() => document.querySelectorAll('img').length), 0);
   assert.equal(await page.locator('h1').textContent(), hostile.title);
@@ -507,7 +795,7 @@ test('hostile names stay text', async () => {
     hostile.yaml,
   ])
     assert.ok(
-      (await page.locator('#page').textContent()).includes(name.slice(0, 200)),
+      (await page.locator('#page').textContent()).includes(name.slice(0, 110)),
       `not shown: ${name.slice(0, 60)}`,
     );
   assert.ok(
@@ -517,7 +805,7 @@ test('hostile names stay text', async () => {
   assertQuiet(page);
 });
 
-test('markup that slips in cannot run', async () => {
+testOfPage('markup that slips in cannot run', async () => {
   const path = await variant(
     'injected',
     html.replace('</body>', () => '<script>window.hacked=1</script><img src="x.png" onerror="window.hacked=1"></body>'),
@@ -527,7 +815,7 @@ test('markup that slips in cannot run', async () => {
   assert.equal(await page.evaluate(() => window.hacked), undefined);
 });
 
-test('without WebGL the replay says so and the rest works', async () => {
+testOfPage('without WebGL the replay says so and the rest works', async () => {
   const poor = await chromium.launch({ executablePath: EXECUTABLE, args: ['--no-sandbox', '--disable-3d-apis'] });
   try {
     const page = await open(reportPath, { from: poor });
@@ -542,13 +830,9 @@ test('without WebGL the replay says so and the rest works', async () => {
   }
 });
 
-test('damaged data is told in words', async () => {
+testOfPage('damaged data is told in words', async () => {
   const binary = content('viable-binary').trim();
-  const changed = (change) => {
-    const copy = structuredClone(description);
-    change(copy);
-    return replaced(html, 'viable-data', JSON.stringify(copy).replaceAll('<', '\\u003c'));
-  };
+  const changed = described;
   const cases = {
     cut: [replaced(html, 'viable-binary', binary.slice(0, Math.floor(binary.length / 8) * 4)), /damaged or cut off/],
     garbage: [replaced(html, 'viable-binary', 'no base64 at all!'), /damaged or cut off/],
@@ -588,7 +872,7 @@ test('damaged data is told in words', async () => {
   }
 });
 
-test('gaps, missing series and cases without rows are no error', async () => {
+testOfPage('gaps, missing series and cases without rows are no error', async () => {
   const data = structuredClone(description);
   const [c] = data.cases;
   for (const joint of c.joints)

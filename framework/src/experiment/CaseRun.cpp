@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <thread>
 
 #include "PathExtent.h"
 #include "core/NumberText.h"
+#include "log/LogExportColumns.h"
 #include "viable/core/Error.h"
 #include "viable/log/Recorder.h"
 #include "viable/motion/Braking.h"
@@ -78,6 +80,10 @@ LogOpening makeOpening(const CasePlan& plan, MotionCommand::Space space) {
     opening.layout = {plan.robot.jointNames(), space, plan.realPlant.has_value()};
     opening.metadata = {
         {"case", plan.name}, {"robot", plan.robot.folder.string()}, {"version", VIABLE_VERSION}};
+    nlohmann::json sliding = nlohmann::json::array();
+    for (const JointDescription& joint : plan.robot.joints)
+        if (joint.type == JointType::Prismatic) sliding.push_back(joint.name);
+    if (!sliding.empty()) opening.metadata[detail::kPrismaticJoints] = sliding.dump();
     for (const PluginChoice* choice : listPlugins(plan))
         opening.metadata[getName(choice->plugin.kind)] = choice->plugin.library.string();
     opening.attachments.push_back(

@@ -233,6 +233,14 @@ std::map<std::pair<std::string, std::string>, InterventionRecord> Summary::inter
     return all;
 }
 
+double Summary::changedShare() const {
+    if (ticks_ == 0) return 0.0;
+    const std::int64_t changed = ticksWith(FilterStatus::Modified) +
+                                 ticksWith(FilterStatus::Infeasible) +
+                                 ticksWith(FilterStatus::Returning);
+    return static_cast<double>(changed) / static_cast<double>(ticks_);
+}
+
 double Summary::commandErrorRms() const {
     return commandTicks_ ? std::sqrt(squaredCommandError_ / static_cast<double>(commandTicks_))
                          : kNan;

@@ -91,6 +91,7 @@ std::string writeSummaryJson(const Experiment& experiment, const std::vector<Cas
                          {"stops", stops},
                          {"limits", limits},
                          {"interventions", interventions},
+                         {"changed_share", s.changedShare()},
                          {"command_error_rms_rad", orNull(s.commandErrorRms())},
                          {"chatter", orNull(s.chatter())},
                          {"tracking", tracking},

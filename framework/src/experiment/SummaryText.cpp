@@ -2,11 +2,16 @@
 #include <cmath>
 #include <cstdio>
 
+#include "experiment/NumberFormat.h"
 #include "viable/experiment/CaseRun.h"
 
 namespace viable {
 
 namespace {
+
+using detail::format;
+using detail::formatPercent;
+using detail::formatPlain;
 
 constexpr LimitKind kKinds[] = {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration,
                                 LimitKind::Jerk};
@@ -22,21 +27,6 @@ coupling and the lag gamma, too). least margin: smallest distance to a position 
 negative: beyond. unviable ticks: no stop within the limits was found after them.
 )";
 
-template <class... Arguments>
-std::string format(const char* pattern, Arguments... arguments) {
-    char text[512];
-    std::snprintf(text, sizeof text, pattern, arguments...);
-    return text;
-}
-
-/** Percent, with enough digits that a limit passed by a hair does not read as 100.00. */
-std::string formatPercent(double share) {
-    if (std::isinf(share)) return "inf";
-    if (share > 1.0 + kOutsideShare && share < 1.0 + 5e-5)
-        return share < 1.0 + 1e-6 ? ">100" : format("%.4f", 100.0 * share);
-    return format(share < 10.0 ? "%.2f" : "%.0f", 100.0 * share);
-}
-
 /** Milliradians in plain numbers as long as those are readable; "-" where there is no number. */
 std::string formatMrad(double rad) {
     if (std::isnan(rad)) return "-";
@@ -46,7 +36,7 @@ std::string formatMrad(double rad) {
 /** A distance to a limit; rounding is no distance. */
 std::string formatDistance(double distance) {
     constexpr double kRounding = 1e-12;
-    return format("%.3g", std::abs(distance) < kRounding ? 0.0 : distance);
+    return formatPlain(std::abs(distance) < kRounding ? 0.0 : distance);
 }
 
 bool hasLimit(const Summary& s, LimitKind kind) {
@@ -68,7 +58,8 @@ std::string formatExcesses(const Summary& s, double LimitRecord::*value) {
     for (LimitKind kind : kKinds)
         if (const double worst = findWorst(s, kind, value); worst > 0.0)
             text +=
-                format(", %s by %.3g %s", getName(kind, LimitSide::Neither), worst, getUnit(kind));
+                format(", %s by %s %s", getName(kind, LimitSide::Neither),
+                       formatPlain(worst).c_str(), getUnit(kind));
     return text;
 }
 
@@ -79,8 +70,10 @@ std::string formatVerdict(const Summary& s) {
         const char* joiner = "limits broken: ";
         for (LimitKind kind : kKinds) {
             if (s.ticksOutside(kind) == 0) continue;
-            text += joiner + format("%s by %.3g %s", getName(kind, LimitSide::Neither),
-                                    findWorst(s, kind, &LimitRecord::worstExcess), getUnit(kind));
+            text += joiner +
+                    format("%s by %s %s", getName(kind, LimitSide::Neither),
+                           formatPlain(findWorst(s, kind, &LimitRecord::worstExcess)).c_str(),
+                           getUnit(kind));
             joiner = ", ";
         }
     } else if (s.endsOutside()) {
@@ -171,15 +164,6 @@ std::string formatStops(const Summary& s) {
     return text + "\n";
 }
 
-/** Share of ticks in which the filter changed the motion. */
-double calcChangedShare(const Summary& s) {
-    if (s.ticks() == 0) return 0.0;
-    const std::int64_t changed = s.ticksWith(FilterStatus::Modified) +
-                                 s.ticksWith(FilterStatus::Infeasible) +
-                                 s.ticksWith(FilterStatus::Returning);
-    return static_cast<double>(changed) / static_cast<double>(s.ticks());
-}
-
 /** Ticks outside a limit and the worst excess; below a tick outside it is rounding. */
 std::string formatOutside(const Summary& s, LimitKind kind) {
     const auto ticks = static_cast<long long>(s.ticksOutside(kind));
@@ -209,7 +193,7 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
             return hasLimit(s, kind) ? formatPercent(s.limit(kind)[s.worstJoint(kind)].worstUse)
                                      : "no limit";
         };
-        const double modified = 100.0 * calcChangedShare(s);
+        const double modified = 100.0 * s.changedShare();
         text += format("%-16s | %8s %8s %8s %8s | %8lld %10lld %5.1f %% | %9s %9s | %6.1f %6.1f\n",
                        r.name.c_str(), use(LimitKind::Position).c_str(),
                        use(LimitKind::Velocity).c_str(), use(LimitKind::Acceleration).c_str(),
@@ -256,7 +240,7 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
             text += formatOutside(s, kind) + " |";
         text += format(" %6lld | %5.1f %% | %7s | %7s | %.1f\n",
                        static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)),
-                       100.0 * calcChangedShare(s), formatMrad(s.commandErrorRms()).c_str(),
+                       100.0 * s.changedShare(), formatMrad(s.commandErrorRms()).c_str(),
                        formatChatter(s).c_str(), s.stageTime(Stage::Filter).percentile(0.5));
     }
     return text +

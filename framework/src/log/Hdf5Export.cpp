@@ -1,11 +1,13 @@
 #include <hdf5.h>
 
 #include <algorithm>
-#include <cstring>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
+#include "log/Hdf5ExportDriver.h"
+#include "log/LogExportColumns.h"
 #include "log/PendingFile.h"
 #include "viable/log/LogExport.h"
 #include "viable/log/LogReader.h"
@@ -17,12 +19,38 @@ namespace {
 constexpr hsize_t kBlockRows = 4096;
 constexpr unsigned kCompression = 4;
 
-/** The library's answer, or an Error: all it can fail at here is writing. */
+/** Keeps the library from printing its errors, which are ours to report. */
+class QuietLibrary {
+public:
+    QuietLibrary() {
+        H5Eget_auto2(H5E_DEFAULT, &print_, &data_);
+        H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+    }
+    ~QuietLibrary() { H5Eset_auto2(H5E_DEFAULT, print_, data_); }
+    QuietLibrary(const QuietLibrary&) = delete;
+    QuietLibrary& operator=(const QuietLibrary&) = delete;
+
+private:
+    H5E_auto2_t print_ = nullptr;
+    void* data_ = nullptr;
+};
+
+/** What the library's innermost function said when it failed. */
+std::string findReason() {
+    std::string reason;
+    const auto take = [](unsigned, const H5E_error2_t* error, void* to) -> herr_t {
+        if (error->desc) *static_cast<std::string*>(to) = error->desc;
+        return 1;  // the first is the innermost
+    };
+    H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, take, &reason);
+    return reason.empty() ? "unknown error of the HDF5 library" : reason;
+}
+
+/** The library's answer, or an Error: what can fail here is writing. */
 template <class Id>
-Id require(Id id, const std::filesystem::path& file) {
-    if (id >= 0) return id;
-    throw Error(ErrorKind::LogNotWritten, file.string(), "the HDF5 file cannot be written",
-                "Choose a folder that has room.");
+Id require(Id id, const detail::PendingFile& file) {
+    if (id < 0) throw file.notWritten(findReason());
+    return id;
 }
 
 /** An HDF5 identifier that is closed at the end. */
@@ -35,11 +63,11 @@ public:
     Handle(const Handle&) = delete;
     Handle& operator=(const Handle&) = delete;
     hid_t id() const { return id_; }
-    /** Closes now; false when that failed. */
-    bool close() {
+    /** Closes now; negative when that failed. */
+    herr_t close() {
         const hid_t id = id_;
         id_ = -1;
-        return close_(id) >= 0;
+        return close_(id);
     }
 
 private:
@@ -47,66 +75,83 @@ private:
     herr_t (*close_)(hid_t);
 };
 
-/** Text attributes: one, or a list. */
+/** An attribute of any length: its values lie outside of the object's header. */
+void setAttribute(hid_t object, const std::string& name, hid_t type, hid_t space,
+                  const void* values, const detail::PendingFile& file) {
+    const Handle creation(require(H5Pcreate(H5P_ATTRIBUTE_CREATE), file), H5Pclose);
+    require(H5Pset_char_encoding(creation.id(), H5T_CSET_UTF8), file);
+    const Handle attribute(
+        require(H5Acreate2(object, name.c_str(), type, space, creation.id(), H5P_DEFAULT), file),
+        H5Aclose);
+    require(H5Awrite(attribute.id(), type, values), file);
+}
+
+/** The attribute `name`: one text, or a list of texts. */
 void setTexts(hid_t object, const std::string& name, const std::vector<std::string>& texts,
-              bool isList, const std::filesystem::path& file) {
-    std::size_t longest = 1;
-    for (const std::string& text : texts) longest = std::max(longest, text.size());
+              bool isList, const detail::PendingFile& file) {
     const Handle type(require(H5Tcopy(H5T_C_S1), file), H5Tclose);
-    require(H5Tset_size(type.id(), longest), file);
+    require(H5Tset_size(type.id(), H5T_VARIABLE), file);
     require(H5Tset_cset(type.id(), H5T_CSET_UTF8), file);
-    require(H5Tset_strpad(type.id(), H5T_STR_NULLPAD), file);
     const hsize_t count = texts.size();
     const Handle space(
         require(isList ? H5Screate_simple(1, &count, nullptr) : H5Screate(H5S_SCALAR), file),
         H5Sclose);
-    // An attribute lives in its object's header, which takes 64 KiB: longer text becomes a data set.
-    const bool fits = longest * texts.size() < 60000;
-    const Handle place(require(fits ? H5Acreate2(object, name.c_str(), type.id(), space.id(),
-                                                 H5P_DEFAULT, H5P_DEFAULT)
-                                    : H5Dcreate2(object, name.c_str(), type.id(), space.id(),
-                                                 H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
-                               file),
-                       fits ? H5Aclose : H5Dclose);
-    std::string bytes(longest * std::max<std::size_t>(texts.size(), 1), '\0');
-    for (std::size_t i = 0; i < texts.size(); ++i)
-        std::memcpy(&bytes[i * longest], texts[i].data(), texts[i].size());
-    require(fits ? H5Awrite(place.id(), type.id(), bytes.data())
-                 : H5Dwrite(place.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, bytes.data()),
-            file);
+    std::vector<const char*> values;
+    for (const std::string& text : texts) values.push_back(text.c_str());
+    values.push_back(nullptr);  // the library wants an address even for an empty list
+    setAttribute(object, name, type.id(), space.id(), values.data(), file);
 }
 
-/** The column's place: the source and the joint become groups. */
-std::string makePath(const std::string& column) {
-    std::string path = "/" + column;
-    for (int dots = 0; dots < 2; ++dots) {
-        const std::size_t dot = path.find('.');
-        if (dot != std::string::npos) path[dot] = '/';
-    }
-    return path;
+/** The attribute `name` with bytes that are no text. */
+void setBytes(hid_t object, const std::string& name, const std::string& bytes,
+              const detail::PendingFile& file) {
+    const Handle type(require(H5Tvlen_create(H5T_NATIVE_UINT8), file), H5Tclose);
+    const Handle space(require(H5Screate(H5S_SCALAR), file), H5Sclose);
+    const hvl_t value{bytes.size(), const_cast<char*>(bytes.data())};
+    setAttribute(object, name, type.id(), space.id(), &value, file);
+}
+
+/** What the log says before its rows, as attributes of the root. Of several things with one name the
+later ones get a number behind it. */
+void writeOpening(hid_t root, const LogReader& reader, const detail::PendingFile& file) {
+    std::set<std::string> taken;
+    const auto set = [&](const std::string& wanted, const std::string& value) {
+        std::string name = wanted.empty() ? "unnamed" : wanted;
+        for (int i = 2; !taken.insert(name).second; ++i) name = wanted + "_" + std::to_string(i);
+        if (value.find('\0') == std::string::npos)
+            setTexts(root, name, {value}, false, file);
+        else
+            setBytes(root, name, value, file);
+    };
+    set("library", reader.library());
+    for (const auto& [key, value] : reader.metadata()) set(key, value);
+    for (const LogAttachment& attachment : reader.attachments())
+        set(attachment.name, attachment.data);
 }
 
 /** One column on its way into the file. */
 class Column {
 public:
-    Column(hid_t file, const LogColumn& column, const std::filesystem::path& name)
-        : column_(column), name_(name) {
+    Column(hid_t file, const detail::ExportColumn& column, const detail::PendingFile& target)
+        : column_(*column.column), target_(target) {
         const hsize_t none = 0, unlimited = H5S_UNLIMITED, block = kBlockRows;
-        const Handle space(require(H5Screate_simple(1, &none, &unlimited), name), H5Sclose);
-        const Handle creation(require(H5Pcreate(H5P_DATASET_CREATE), name), H5Pclose);
-        require(H5Pset_chunk(creation.id(), 1, &block), name);
-        require(H5Pset_shuffle(creation.id()), name);
-        require(H5Pset_deflate(creation.id(), kCompression), name);
-        const Handle links(require(H5Pcreate(H5P_LINK_CREATE), name), H5Pclose);
-        require(H5Pset_create_intermediate_group(links.id(), 1), name);
-        const hid_t type = column.isText()      ? H5T_STD_U8LE
-                           : column.isInteger() ? H5T_STD_I64LE
-                                                : H5T_IEEE_F64LE;
-        set_ = std::make_unique<Handle>(
-            require(H5Dcreate2(file, makePath(column.name()).c_str(), type, space.id(), links.id(),
-                               creation.id(), H5P_DEFAULT),
-                    name),
-            H5Dclose);
+        const Handle space(require(H5Screate_simple(1, &none, &unlimited), target), H5Sclose);
+        const Handle creation(require(H5Pcreate(H5P_DATASET_CREATE), target), H5Pclose);
+        require(H5Pset_chunk(creation.id(), 1, &block), target);
+        require(H5Pset_shuffle(creation.id()), target);
+        require(H5Pset_deflate(creation.id(), kCompression), target);
+        const Handle links(require(H5Pcreate(H5P_LINK_CREATE), target), H5Pclose);
+        require(H5Pset_create_intermediate_group(links.id(), 1), target);
+        const hid_t type = column_.isText()      ? H5T_STD_U8LE
+                           : column_.isInteger() ? H5T_STD_I64LE
+                                                 : H5T_IEEE_F64LE;
+        set_ =
+            std::make_unique<Handle>(require(H5Dcreate2(file, column.path.c_str(), type, space.id(),
+                                                        links.id(), creation.id(), H5P_DEFAULT),
+                                             target),
+                                     H5Dclose);
+        setTexts(set_->id(), "column", {column.name}, false, target);
+        if (!column_.isText()) setTexts(set_->id(), "units", {column.unit}, false, target);
     }
 
     void add(const TickRecord& record) {
@@ -126,7 +171,7 @@ public:
 
     void finish() {
         flush();
-        if (column_.isText()) setTexts(set_->id(), "words", words_, true, name_);
+        if (column_.isText()) setTexts(set_->id(), "words", words_, true, target_);
     }
 
 private:
@@ -141,20 +186,20 @@ private:
     void write(hid_t type, std::vector<T>& values) {
         if (values.empty()) return;
         const hsize_t count = values.size(), size = written_ + count;
-        require(H5Dset_extent(set_->id(), &size), name_);
-        const Handle space(require(H5Dget_space(set_->id()), name_), H5Sclose);
+        require(H5Dset_extent(set_->id(), &size), target_);
+        const Handle space(require(H5Dget_space(set_->id()), target_), H5Sclose);
         require(
             H5Sselect_hyperslab(space.id(), H5S_SELECT_SET, &written_, nullptr, &count, nullptr),
-            name_);
-        const Handle memory(require(H5Screate_simple(1, &count, nullptr), name_), H5Sclose);
+            target_);
+        const Handle memory(require(H5Screate_simple(1, &count, nullptr), target_), H5Sclose);
         require(H5Dwrite(set_->id(), type, memory.id(), space.id(), H5P_DEFAULT, values.data()),
-                name_);
+                target_);
         written_ = size;
         values.clear();
     }
 
     const LogColumn& column_;
-    const std::filesystem::path& name_;
+    const detail::PendingFile& target_;
     std::unique_ptr<Handle> set_;
     hsize_t written_ = 0;
     std::vector<std::uint8_t> codes_;
@@ -163,34 +208,47 @@ private:
     std::vector<std::string> words_;
 };
 
-}  // namespace
-
-void exportHdf5(const std::filesystem::path& log, const std::filesystem::path& hdf5) {
-    LogReader reader(log);
-    detail::PendingFile pending(hdf5);
-    H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // errors are ours to report
-    Handle file(
-        require(H5Fcreate(pending.path().c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), hdf5),
-        H5Fclose);
+/** Writes the whole file; the driver keeps its first error in `error` and is silent about it. */
+void writeHdf5(LogReader& reader, const std::vector<detail::ExportColumn>& named,
+               const detail::PendingFile& pending, int& error) {
+    const detail::Hdf5Target target{pending.descriptor(), &error};
+    const Handle driver(require(detail::registerHdf5Driver(), pending), H5FDunregister);
+    const Handle access(require(H5Pcreate(H5P_FILE_ACCESS), pending), H5Pclose);
+    require(H5Pset_driver(access.id(), driver.id(), &target), pending);
+    Handle file(require(H5Fcreate("log", H5F_ACC_TRUNC, H5P_DEFAULT, access.id()), pending),
+                H5Fclose);
     {
-        const Handle root(require(H5Gopen2(file.id(), "/", H5P_DEFAULT), hdf5), H5Gclose);
-        setTexts(root.id(), "library", {reader.library()}, false, hdf5);
-        for (const auto& [key, value] : reader.metadata())
-            setTexts(root.id(), key, {value}, false, hdf5);
-        for (const LogAttachment& attachment : reader.attachments())
-            setTexts(root.id(), attachment.name, {attachment.data}, false, hdf5);
+        const Handle root(require(H5Gopen2(file.id(), "/", H5P_DEFAULT), pending), H5Gclose);
+        writeOpening(root.id(), reader, pending);
         std::vector<std::unique_ptr<Column>> columns;
-        for (const LogColumn& column : reader.columns())
-            columns.push_back(std::make_unique<Column>(file.id(), column, hdf5));
+        for (const detail::ExportColumn& column : named)
+            columns.push_back(std::make_unique<Column>(file.id(), column, pending));
         TickRecord record;
-        for (hsize_t rows = 0; reader.read(record);) {
+        for (hsize_t rows = 0; error == 0 && reader.read(record);) {
             for (const auto& column : columns) column->add(record);
             if (++rows % kBlockRows == 0)
                 for (const auto& column : columns) column->flush();
         }
         for (const auto& column : columns) column->finish();
     }
-    if (!file.close()) require(hid_t{-1}, hdf5);
+    require(file.close(), pending);
+}
+
+}  // namespace
+
+void exportHdf5(const std::filesystem::path& log, const std::filesystem::path& hdf5) {
+    LogReader reader(log);
+    const std::vector<detail::ExportColumn> columns =
+        detail::nameExportColumns(reader, log.string());
+    detail::PendingFile pending(hdf5);
+    const QuietLibrary quiet;
+    int error = 0;
+    try {
+        writeHdf5(reader, columns, pending, error);
+    } catch (const Error&) {
+        if (error == 0) throw;  // else it only followed from the first
+    }
+    if (error != 0) throw pending.notWritten(error);
     pending.finish();
 }
 

@@ -4,6 +4,7 @@
 #include <string>
 #include <string_view>
 
+#include "log/LogExportColumns.h"
 #include "log/PendingFile.h"
 #include "viable/log/LogReader.h"
 
@@ -37,18 +38,20 @@ void appendNumber(std::string& line, Number value) {
 
 void exportCsv(const std::filesystem::path& log, const std::filesystem::path& csv) {
     LogReader reader(log);
+    const std::vector<detail::ExportColumn> columns =
+        detail::nameExportColumns(reader, log.string());
     detail::PendingFile file(csv);
-    const std::vector<LogColumn>& columns = reader.columns();
     std::string text;
-    for (const LogColumn& column : columns) {
+    for (const detail::ExportColumn& column : columns) {
         if (!text.empty()) text += ',';
-        appendText(text, column.name());
+        appendText(text, column.name);
     }
     text += '\n';
     TickRecord record;
     while (reader.read(record)) {
         const char* separator = "";
-        for (const LogColumn& column : columns) {
+        for (const detail::ExportColumn& named : columns) {
+            const LogColumn& column = *named.column;
             text += separator;
             separator = ",";
             if (column.isText()) {

@@ -1,3 +1,5 @@
+#include <optional>
+
 #include "log/PendingFile.h"
 #include "viable/log/LogExport.h"
 #include "viable/log/LogReader.h"
@@ -7,29 +9,26 @@ namespace viable {
 
 namespace {
 
-/** Log bytes into a file that appears only when it is whole. */
+/** Log bytes into a file that is whole, and gets its name, only when the writer says so. */
 class PendingSink : public LogSink {
 public:
-    explicit PendingSink(detail::PendingFile& file) : file_(file) {}
+    PendingSink(detail::PendingFile& file, std::optional<Error>& failure)
+        : file_(file), failure_(failure) {}
     bool write(const void* data, std::size_t size, std::string& error) override {
-        return attempt([&] { file_.write({static_cast<const char*>(data), size}); }, error);
-    }
-    bool close(std::string& error) override {
-        return attempt([&] { file_.finish(); }, error);
-    }
-
-private:
-    template <class Work>
-    static bool attempt(Work&& work, std::string& error) {
         try {
-            work();
+            file_.write({static_cast<const char*>(data), size});
             return true;
         } catch (const Error& e) {
+            failure_ = e;
             error = e.what();
             return false;
         }
     }
+    bool close(std::string&) override { return true; }
+
+private:
     detail::PendingFile& file_;
+    std::optional<Error>& failure_;
 };
 
 }  // namespace
@@ -38,13 +37,21 @@ std::uint64_t recoverLog(const std::filesystem::path& log, const std::filesystem
     LogReader reader(log);
     detail::PendingFile file(whole);
     LogOpening opening{reader.layout(), reader.metadata(), reader.attachments()};
-    LogWriter writer(std::make_unique<PendingSink>(file), opening);
+    std::optional<Error> failure;
+    LogWriter writer(std::make_unique<PendingSink>(file, failure), opening);
     TickRecord record;
-    while (reader.read(record)) writer.append(record);
+    while (writer.status().ok() && reader.read(record)) writer.append(record);
     writer.finish();
+    if (failure) throw *failure;
     if (!writer.status().ok())
         throw Error(ErrorKind::LogNotWritten, whole.string(), writer.status().error,
-                    "Choose a folder that has room.");
+                    "Free memory and try again");
+    // Of an opening that was cut off nobody knows what the rows would have held.
+    if (writer.status().rows == 0 && !reader.isComplete() &&
+        reader.columns().size() < listColumns(reader.layout()).size())
+        throw badInput(log.string(), "the log ends within its opening and holds no rows",
+                       "There is nothing to recover; run the experiment again");
+    file.finish();
     return writer.status().rows;
 }
 

@@ -1,6 +1,5 @@
 #include "viable/log/LogWriter.h"
 
-#include <fcntl.h>
 #include <unistd.h>
 #include <zlib.h>
 #include <zstd.h>
@@ -14,6 +13,7 @@
 
 #include "LogFields.h"
 #include "Mcap.h"
+#include "PendingFile.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -31,11 +31,21 @@ std::uint32_t addToCrc(std::uint32_t crc, std::string_view bytes) {
         crc32_z(crc, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
 }
 
+constexpr char kTaken[] = "the log exists already and is never overwritten";
+
+Error takenName(const std::filesystem::path& file) {
+    return badInput(file.string(), kTaken, "Choose another folder or move the old log away");
+}
+
+/** A log's file. It has its name from its opening on, so that whoever finds it can read it. */
 class FileSink : public LogSink {
 public:
-    explicit FileSink(int descriptor) : descriptor_(descriptor) {}
+    /** @param descriptor  of the new file `part`, which will be `file` */
+    FileSink(int descriptor, std::filesystem::path part, std::filesystem::path file)
+        : descriptor_(descriptor), part_(std::move(part)), file_(std::move(file)) {}
     ~FileSink() override {
         if (descriptor_ >= 0) ::close(descriptor_);
+        if (!part_.empty()) ::unlink(part_.c_str());
     }
 
     bool write(const void* data, std::size_t size, std::string& error) override {
@@ -50,6 +60,12 @@ public:
             next += taken;
             size -= static_cast<std::size_t>(taken);
         }
+        if (part_.empty()) return true;
+        if (const int code = detail::giveName(part_, file_)) {
+            error = code == EEXIST ? kTaken : describe(code);
+            return false;
+        }
+        part_.clear();
         return true;
     }
 
@@ -64,6 +80,8 @@ public:
 
 private:
     int descriptor_;
+    std::filesystem::path part_;  // its name until the first write; then empty
+    std::filesystem::path file_;
 };
 
 struct ChunkEntry {
@@ -86,18 +104,12 @@ constexpr char kMetadataName[] = "viable";
 }  // namespace
 
 std::unique_ptr<LogSink> createLogFile(const std::filesystem::path& file) {
-    int descriptor;
-    do {
-        descriptor = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-    } while (descriptor < 0 && errno == EINTR);
-    if (descriptor >= 0) return std::make_unique<FileSink>(descriptor);
-    const int code = errno;
-    if (code == EEXIST) {
-        throw badInput(file.string(), "the log exists already and is never overwritten",
-                       "Choose another folder or move the old log away");
-    }
+    std::filesystem::path part;
+    const int descriptor = detail::openBeside(file, part);
+    if (descriptor >= 0) return std::make_unique<FileSink>(descriptor, part, file);
+    if (errno == EEXIST) throw takenName(file);
     throw Error(ErrorKind::LogNotWritten, file.string(),
-                "the log cannot be created: " + describe(code),
+                "the log cannot be created: " + describe(errno),
                 "Choose a folder that exists and may be written to");
 }
 
@@ -442,7 +454,10 @@ struct LogWriter::Impl {
 };
 
 LogWriter::LogWriter(const std::filesystem::path& file, const LogOpening& opening)
-    : LogWriter(createLogFile(file), opening) {}
+    : LogWriter(createLogFile(file), opening) {
+    // Of two runs at once the slower one learns of the other only here.
+    if (impl_->status.error == kTaken) throw takenName(file);
+}
 
 LogWriter::LogWriter(std::unique_ptr<LogSink> sink, const LogOpening& opening)
     : impl_(std::make_unique<Impl>(std::move(sink), opening)) {}

@@ -8,6 +8,7 @@
 #include <limits>
 #include <sstream>
 
+#include "experiment/NumberFormat.h"
 #include "report/BinaryBlock.h"
 #include "report/Scene.h"
 #include "report/Tracks.h"
@@ -274,7 +275,7 @@ json describeTable(const json& summary) {
             }
             row.push_back(!exists     ? "no limit"
                           : isEndless ? "inf"
-                                      : format("%.4g %%", 100.0 * worst));
+                                      : detail::formatPercent(worst) + " %");
         }
         std::int64_t outside = 0;
         for (const auto& quantity : one.at("limits").items())
@@ -282,8 +283,7 @@ json describeTable(const json& summary) {
                 outside += joint.value().value("ticks_outside", std::int64_t{0});
         row.push_back(std::to_string(outside));
         row.push_back(std::to_string(one.value("infeasible_ticks", std::int64_t{0})));
-        const double ticks = std::max(1.0, one.value("ticks", 1.0));
-        row.push_back(format("%.1f %%", 100.0 * (1.0 - one.value("passed_ticks", 0.0) / ticks)));
+        row.push_back(format("%.1f %%", 100.0 * one.at("changed_share").get<double>()));
         const json& tracking = one.contains("tracking") ? one["tracking"] : json(nullptr);
         row.push_back(
             tracking.is_object() ? format("%.3g mrad", 1e3 * tracking.value("rms_rad", 0.0)) : "-");
@@ -297,7 +297,7 @@ json describeTable(const json& summary) {
     }
     return {{"columns",
              {"case", "filter", "position", "velocity", "acceleration", "jerk", "outside",
-              "infeasible", "changed", "real - nominal RMS", "max", "command error",
+              "infeasible", "changed", "real - nominal RMS", "real - nominal max", "command error",
               "chatter"}},
             {"rows", rows},
             {"note",
@@ -306,6 +306,22 @@ json describeTable(const json& summary) {
              "without an admissible choice; changed: share of ticks that the filter changed; command error: RMS "
              "distance of the nominal joints to the commanded positions within the limits; chatter: RMS jerk of "
              "joints pressed against a position limit at rest, in percent of the jerk limit."}};
+}
+
+/** The cases' resolved files in one: what stands before the cases once, as far as it is the same. */
+std::string joinFiles(const std::vector<std::string>& files) {
+    const std::string mark = "\ncases:\n";
+    std::string text;
+    for (const std::string& file : files) {
+        const std::size_t begin = file.find(mark);
+        const bool continues = begin != std::string::npos && !text.empty() &&
+                               text.compare(0, begin + mark.size(), file, 0, begin + mark.size()) == 0;
+        if (continues)
+            text += file.substr(begin + mark.size());
+        else
+            text += (text.empty() ? "" : "\n# what differs\n") + file;
+    }
+    return text;
 }
 
 std::string getNow() {
@@ -433,6 +449,7 @@ fs::path composeReport(const fs::path& folder, const fs::path& page, const std::
                  {"scene", nullptr},
                  {"summary", describeTable(summary)},
                  {"cases", json::array()}};
+    std::vector<std::string> yaml;
     for (const fs::path& log : logs) {
         LogReader reader(log);
         if (data["robot"].is_null()) {
@@ -444,13 +461,12 @@ fs::path composeReport(const fs::path& folder, const fs::path& page, const std::
             data["robot"] = {{"name", robotFolder.filename().string()}, {"joints", joints}};
             data["scene"] = detail::describeScene(robotFolder, block, data["robot"]["joints"]);
         }
-        std::string yaml = data["yaml"];
         for (const LogAttachment& attachment : reader.attachments())
             if (attachment.name == "experiment.yaml")
-                yaml += "# case " + log.stem().string() + "\n" + attachment.data + "\n";
-        data["yaml"] = yaml;
+                yaml.push_back(attachment.data);
         data["cases"].push_back(describeCase(log, reader, summary, block));
     }
+    data["yaml"] = joinFiles(yaml);
     const fs::path file = folder / "report.html";
     const std::string text =
         data.dump(-1, ' ', false, json::error_handler_t::replace);  // names may hold any bytes

@@ -93,6 +93,7 @@ json describeScene(const std::filesystem::path& robotFolder, BinaryBlock& block,
         links.push_back(
             makeLink(joint.childLink, joint.parent + 1, i, joint.placement, joint.axis));
     }
+    const std::size_t tool = links.size();
     links.push_back(makeLink(robot.toolLink, robot.toolParent + 1, -1, robot.toolPlacement, z));
     for (const LinkShapes& link : shapes) {
         json described = makeLink(link.link, link.carrier + 1, -1, link.placement, z);
@@ -102,7 +103,7 @@ json describeScene(const std::filesystem::path& robotFolder, BinaryBlock& block,
         if (link.hasColor) described["color"] = link.color;
         links.push_back(std::move(described));
     }
-    return {{"links", links}};
+    return {{"tool", tool}, {"links", links}};
 }
 
 }  // namespace viable::detail

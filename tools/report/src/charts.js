@@ -1,12 +1,16 @@
 // A chart knows what to draw of a joint; where it is drawn (page, PNG, SVG) it does not know.
-import { number, span } from './format.js';
-import { caseColour, colours } from './theme.js';
-import { isDense, same, trace, widen } from './traces.js';
+import { duration, span } from './format.js';
+import { caseColour, caseDash, colours } from './theme.js';
+import { drawLaneName } from './timeline.js';
+import { isDense, same, takeTurns, trace, widen } from './traces.js';
+
+const LABEL_HEIGHT = 14; // of the text at a limit
 
 /** Lines over time of one quantity of a joint, with its limits. */
 export class LineChart {
   #limits = null;
-  #extent = 1;
+  #extent = 0;
+  #ways = new Map(); // case to how far its line goes up and down
 
   constructor(state, quantity, joint) {
     this.state = state;
@@ -30,17 +34,26 @@ export class LineChart {
   /** To be called when the joint or the shown cases are others. */
   invalidate() {
     this.#limits = null;
+    this.#extent = 0;
   }
 
   get #kinds() {
     return this.quantity.kinds.filter(({ key }) => !this.state.hiddenKinds.has(key));
   }
 
-  /** The series to draw: those of the first kind last, hence on top. */
+  /**
+   * The series to draw, the last on top: those of the first kind, of these what the reader points at, else the calmest,
+   * of equally calm ones what promises to keep the limits.
+   */
   #lines() {
+    const calmness = (c) => -Math.round(Math.log2((this.#ways.get(c) ?? 0) + 1e-9));
+    const rank = (c) => [c.index === this.state.focus, calmness(c), c.promises];
+    const cases = this.state.cases
+      .map((c) => ({ c, rank: rank(c) }))
+      .sort((a, b) => a.rank.map((value, i) => value - b.rank[i]).find((difference) => difference !== 0) ?? 0);
     const lines = [];
     for (const kind of [...this.#kinds].reverse())
-      for (const c of this.state.cases) {
+      for (const { c } of cases) {
         const samples = kind.samples(c, this.joint);
         if (samples) lines.push({ c, kind, samples });
       }
@@ -66,11 +79,16 @@ export class LineChart {
   /** The values to show for the times in view. */
   range({ min, max }) {
     const perCase = new Map();
-    for (const { c, samples } of this.#lines()) {
-      const range = perCase.get(c) ?? [Infinity, -Infinity];
-      widen(range, samples, min, max);
-      perCase.set(c, range);
-    }
+    this.#ways.clear();
+    for (const kind of this.#kinds)
+      for (const c of this.state.cases) {
+        const samples = kind.samples(c, this.joint);
+        if (!samples) continue;
+        const range = perCase.get(c) ?? [Infinity, -Infinity];
+        const way = widen(range, samples, min, max);
+        perCase.set(c, range);
+        if (!this.#ways.has(c)) this.#ways.set(c, way);
+      }
     const data = this.quantity.zero ? [0, 0] : [Infinity, -Infinity];
     for (const [low, high] of perCase.values()) {
       data[0] = Math.min(data[0], low);
@@ -90,39 +108,128 @@ export class LineChart {
     return range;
   }
 
+  /** Limits and data; where data far beyond would flatten all the rest, the limits. */
   #fit(data, limits) {
-    const fit = this.state.fit.get(this.id) ?? 'auto';
-    if (limits[0] > limits[1] || fit === 'data') return pad(data, 0.06);
-    if (fit === 'limits') return pad(limits, 0.15);
+    if (limits[0] > limits[1] || this.state.fitted.has(this.id)) return pad(data, 0.06);
     const within = Math.max(limits[1] - limits[0], 1e-9);
-    const far = data[1] - limits[1] > within || limits[0] - data[0] > within; // it would flatten all the rest
+    const far = data[1] - limits[1] > within || limits[0] - data[0] > within;
     if (far) return pad(limits, 0.3);
-    return pad([Math.min(data[0], limits[0]), Math.max(data[1], limits[1])], 0.06);
+    const reach = [Math.min(data[0], limits[0]), Math.max(data[1], limits[1])];
+    const [low, high] = pad(reach, 0.06);
+    const margin = 0.15 * (reach[1] - reach[0]); // for the text beyond a limit
+    return [Math.min(low, limits[0] - margin), Math.max(high, limits[1] + margin)];
   }
 
   draw(painter, frame, palette = colours, sparse = false) {
     painter.clip(frame.left, frame.top, frame.width, frame.height, () => {
       const limits = this.#limitLines();
+      for (const limit of limits) this.#drawForbidden(painter, frame, limit, palette);
       for (const limit of limits) this.#drawLimit(painter, frame, limit, palette);
-      for (const { c, kind, samples } of this.#lines()) {
-        const dash = isDense(samples, frame) ? [] : kind.style.dash;
-        const stepped = this.quantity.steps && !samples.pairs;
-        painter.line((sink) => trace(sink, samples, frame, stepped), {
-          ...kind.style,
-          dash,
-          colour: caseColour(c.index, palette),
-        });
-      }
-      if (!sparse) for (const limit of limits) this.#drawLimitLabel(painter, frame, limit, palette);
+      this.#drawLines(painter, frame, palette);
+      if (sparse) return;
+      for (const limit of limits) this.#drawLimitLabel(painter, frame, limit, palette);
+      this.state.cases.filter((c) => c.stop).forEach((c, i) => this.#drawStop(painter, frame, c, i, palette));
     });
   }
 
-  #limitColour({ cases }, palette) {
-    return cases.length === this.state.cases.length ? palette.limit : caseColour(cases[0].index, palette);
+  #drawLines(painter, frame, palette) {
+    const isCalm = ({ c }) => ((this.#ways.get(c) ?? 0) / this.#extent) * frame.height < 8 * frame.width;
+    const lines = this.#lines();
+    const inTurns = lines.filter(({ c, kind }) => kind === this.#kinds[0] && c.index !== this.state.focus);
+    const parts = takeTurns(
+      inTurns.map(({ samples }) => samples),
+      frame,
+    );
+    for (const line of lines) {
+      const turn = inTurns.indexOf(line);
+      const draw = () => this.#drawLine(painter, frame, line, isCalm(line), palette);
+      if (turn < 0 || parts[turn].length === 1) draw();
+      else
+        for (const [from, to] of parts[turn]) {
+          const x = frame.toX(from);
+          const part = { ...frame, xMin: Math.max(from, frame.xMin), xMax: Math.min(to, frame.xMax) };
+          painter.clip(x, frame.top, frame.toX(to) - x, frame.height, () =>
+            this.#drawLine(painter, part, line, isCalm(line), palette),
+          );
+        }
+    }
+  }
+
+  #drawLine(painter, frame, { c, kind, samples }, isCalm, palette) {
+    const dash = isCalm || !isDense(samples, frame) ? (kind.style.dash ?? caseDash(c.index)) : [];
+    const stepped = this.quantity.steps && !samples.pairs;
+    const { focus } = this.state;
+    const alpha = (kind.style.alpha ?? 1) * (focus === null || focus === c.index ? 1 : 0.2);
+    const draw = (part, style = {}) =>
+      painter.line((sink) => trace(sink, samples, part, stepped), {
+        ...kind.style,
+        dash,
+        alpha,
+        colour: caseColour(c.index, palette),
+        ...style,
+      });
+    const stop = c.stop?.time_s ?? Infinity;
+    if (stop > frame.xMin) draw({ ...frame, xMax: Math.min(frame.xMax, stop) });
+    if (stop < frame.xMax) draw({ ...frame, xMin: Math.max(frame.xMin, stop) }, { alpha: alpha * 0.5, dash: [2, 3] });
+  }
+
+  /** A cross and a line where a case was stopped; what comes after is not the filter's. */
+  #drawStop(painter, frame, c, row, palette) {
+    const kind = this.#kinds[0];
+    const value = kind ? c.at(kind.samples(c, this.joint), Math.min(c.stop.time_s, c.end - c.step / 2)) : null;
+    if (!value) return;
+    const x = frame.toX(c.stop.time_s);
+    const bottom = frame.top + frame.height;
+    const y = Math.min(Math.max(frame.toY(value[0]), frame.top + 6), bottom - 6);
+    painter.rect(x - 0.5, frame.top, 1, frame.height, caseColour(c.index, palette), 0.5);
+    const cross = (sink) => {
+      for (const sign of [-1, 1]) {
+        sink.moveTo(x - 4.5, y - sign * 4.5);
+        sink.lineTo(x + 4.5, y + sign * 4.5);
+      }
+    };
+    painter.line(cross, { colour: palette.surface, width: 5 });
+    painter.line(cross, { colour: caseColour(c.index, palette), width: 2.2 });
+    const isLeft = x < frame.left + 0.7 * frame.width;
+    painter.text(`${c.name} stops`, isLeft ? x + 5 : x - 5, bottom - 9 - 13 * row, {
+      colour: caseColour(c.index, palette),
+      size: 10,
+      weight: 600,
+      align: isLeft ? 'left' : 'right',
+      halo: palette.surface,
+    });
+  }
+
+  #isCommon({ cases }) {
+    return cases.length === this.state.cases.length;
+  }
+
+  #limitColour(limit, palette) {
+    return this.#isCommon(limit) ? palette.limit : caseColour(limit.cases[0].index, palette);
+  }
+
+  /** Where no case may be is tinted. */
+  #drawForbidden(painter, frame, limit, palette) {
+    if (!this.#isCommon(limit)) return;
+    const { side, value } = limit;
+    const right = frame.left + frame.width;
+    const edge = side === 'upper' ? frame.top : frame.top + frame.height;
+    if (typeof value !== 'number' && value.y.some(Number.isNaN)) return; // not everywhere a limit
+    painter.area(
+      (sink) => {
+        if (typeof value === 'number') {
+          sink.moveTo(frame.left, frame.toY(value));
+          sink.lineTo(right, frame.toY(value));
+        } else trace(sink, value, frame);
+        sink.lineTo(right, edge);
+        sink.lineTo(frame.left, edge);
+      },
+      { colour: palette.bad, alpha: palette.forbidden },
+    );
   }
 
   #drawLimit(painter, frame, limit, palette) {
-    const style = { colour: this.#limitColour(limit, palette), width: 1, dash: [5, 4] };
+    const style = { colour: this.#limitColour(limit, palette), width: 1.2, dash: [5, 4] };
     painter.line((sink) => {
       if (typeof limit.value !== 'number') trace(sink, limit.value, frame);
       else {
@@ -132,28 +239,34 @@ export class LineChart {
     }, style);
   }
 
+  /** At the right end, beyond the limit where there is room: there is the least to cover. */
   #drawLimitLabel(painter, frame, limit, palette) {
-    const { value, side, cases } = limit;
-    const first = typeof value === 'number' ? value : value.y[0];
-    const y = frame.toY(first);
-    if (!(y >= frame.top && y <= frame.top + frame.height)) return;
-    const below = side === 'upper' ? y + 12 < frame.top + frame.height : y - 12 < frame.top; // on the allowed side
-    const text =
-      typeof value === 'number'
-        ? `${side} limit ${String(Number(value.toPrecision(4))).replace('-', '−')}`
-        : `${side} limit`;
+    const { value, side } = limit;
+    const isNumber = typeof value === 'number';
+    const y = frame.toY(isNumber ? value : value.y.at(-1));
+    const bottom = frame.top + frame.height;
+    if (!(y >= frame.top && y <= bottom)) return;
+    const outward = side === 'upper' ? -1 : 1;
+    const room = side === 'upper' ? y - frame.top : bottom - y;
     const index = this.#limitLines()
       .filter((other) => other.side === side)
       .indexOf(limit);
-    painter.text(text, frame.left + 6 + index * 110, below ? y + 8 : y - 8, {
-      colour: cases.length === this.state.cases.length ? palette.muted : caseColour(cases[0].index, palette),
-      size: 10,
-      halo: palette.surface,
-    });
+    painter.text(
+      `${side} limit${isNumber ? ` ${String(Number(value.toPrecision(4))).replace('-', '−')} ${this.unit}` : ''}`,
+      frame.left + frame.width - 5 - index * 140,
+      y + (room >= LABEL_HEIGHT ? 1 : -1) * outward * 7.5,
+      {
+        colour: this.#isCommon(limit) ? palette.muted : caseColour(limit.cases[0].index, palette),
+        size: 10,
+        align: 'right',
+        halo: palette.surface,
+      },
+    );
   }
 
   /** Per shown case the values at a time, kind by kind. */
   values(time) {
+    if (this.#extent === 0) this.range(this.state.view); // it has not been drawn yet
     return this.state.cases.map((c) => ({
       c,
       values: this.#kinds.map((kind) => {
@@ -176,12 +289,14 @@ export class LineChart {
   }
 }
 
-/** How often a tick took how long, for all shown cases. */
+/** How often a tick took how long: a row of bars per case, on a logarithmic scale as high as wide. */
 export class HistogramChart {
   id = 'tick_time';
   title = 'Tick time';
-  unit = 'ticks';
+  unit = '';
+  hint = 'height: ticks, logarithmic';
   beyond = [];
+  isLanes = true;
 
   constructor(state) {
     this.state = state;
@@ -189,7 +304,17 @@ export class HistogramChart {
 
   invalidate() {}
 
-  /** The times: from the first to the last that was counted in any case, on a logarithmic axis. */
+  get height() {
+    const { length } = this.state.cases;
+    return Math.max(1, length) * (length <= 2 ? 56 : length <= 5 ? 34 : 24);
+  }
+
+  /** The period of the ticks [µs]: what takes longer would be late on a real robot. */
+  get #period() {
+    return 1e6 * Math.min(...this.state.run.cases.map((c) => c.tick));
+  }
+
+  /** The times: from the first to the last that was counted in any case, and the period. */
   get domain() {
     let min = Infinity;
     let max = -Infinity;
@@ -202,7 +327,7 @@ export class HistogramChart {
         max = Math.max(max, edges[i + 1]);
       });
     if (!(max > min)) return { min: 1, max: 1000 };
-    return { min: Math.max(min, max * 1e-6), max: max * 1.05 };
+    return { min: Math.max(min, max * 1e-6), max: Math.max(max, this.#period * 1.2) * 1.05 };
   }
 
   get isEmpty() {
@@ -210,36 +335,57 @@ export class HistogramChart {
   }
 
   range() {
-    let most = 10;
-    for (const c of this.state.cases) for (const count of c.tickTime.counts) most = Math.max(most, count);
-    return [0.7, most * 1.6];
+    return [0, 1];
   }
 
-  draw(painter, frame, palette = colours) {
-    const floor = frame.top + frame.height;
-    const fill = this.state.cases.length <= 3 ? 0.1 : 0;
-    painter.clip(frame.left, frame.top, frame.width, frame.height, () => {
-      for (const c of this.state.cases) {
+  draw(painter, frame, palette = colours, sparse = false) {
+    const { cases } = this.state;
+    const most = Math.max(1, ...cases.flatMap((c) => c.tickTime.counts));
+    const height = frame.height / Math.max(1, cases.length);
+    cases.forEach((c, lane) => {
+      const top = frame.top + lane * height;
+      const floor = top + height - 1;
+      drawLaneName(painter, c, frame.left - 4, top + height / 2, palette, sparse);
+      painter.clip(frame.left, top, frame.width, height, () => {
         const { edges_us: edges, counts } = c.tickTime;
         const x = (i) => frame.toX(Math.max(edges[i], frame.xMin * 1e-3));
-        const y = (i) => (counts[i] > 0 ? frame.toY(counts[i]) : floor + 2);
-        const colour = caseColour(c.index, palette);
         counts.forEach((count, i) => {
-          if (count > 0 && fill) painter.rect(x(i), y(i), x(i + 1) - x(i), floor - y(i), colour, fill);
+          const size = (Math.log10(2 * count) / Math.log10(2 * most)) * (height - 4);
+          if (count > 0)
+            painter.rect(
+              x(i) + 0.5,
+              floor - size,
+              Math.max(1, x(i + 1) - x(i) - 1),
+              size,
+              caseColour(c.index, palette),
+            );
         });
-        painter.line(
-          (sink) => {
-            sink.moveTo(x(0), floor + 2);
-            counts.forEach((_, i) => {
-              sink.lineTo(x(i), y(i));
-              sink.lineTo(x(i + 1), y(i));
-            });
-            sink.lineTo(x(counts.length), floor + 2);
-          },
-          { colour, width: 1.3 },
-        );
-      }
+      });
+      painter.rect(frame.left, floor, frame.width, 1, palette.line);
     });
+    const period = frame.toX(this.#period);
+    painter.line(
+      (sink) => {
+        sink.moveTo(period, frame.top);
+        sink.lineTo(period, frame.top + frame.height);
+      },
+      { colour: palette.limit, width: 1.2, dash: [5, 4] },
+    );
+    cases.forEach((c, lane) => {
+      const late = this.#late(c);
+      const text = `${late || 'none'} over ${duration(this.#period)}`;
+      const isRight = period < frame.left + frame.width - painter.textWidth(text, 10) - 8;
+      painter.text(text, isRight ? period + 5 : period - 5, frame.top + lane * height + 9, {
+        colour: late > 0 ? palette.text : palette.muted,
+        size: 10,
+        align: isRight ? 'left' : 'right',
+        halo: palette.surface,
+      });
+    });
+  }
+
+  #late({ tickTime: { edges_us: edges, counts } }) {
+    return counts.reduce((sum, count, i) => sum + (edges[i] >= this.#period * (1 - 1e-6) ? count : 0), 0);
   }
 
   /** Per shown case the number of ticks in the class of a tick time. */
@@ -247,7 +393,10 @@ export class HistogramChart {
     return this.state.cases.map((c) => {
       const { edges_us: edges, counts } = c.tickTime;
       const i = edges.findIndex((edge, k) => edge <= time && time < edges[k + 1]);
-      return { c, values: [i < 0 ? '0' : number(counts[i], 6)] };
+      return {
+        c,
+        values: [i < 0 ? '0' : `${counts[i]} at ${duration(edges[i])} to ${duration(edges[i + 1])}`],
+      };
     });
   }
 

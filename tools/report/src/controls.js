@@ -1,4 +1,5 @@
 import { caseStyle, el, icon, iconButton, swatch } from './dom.js';
+import { limitCharts, saveFigure } from './exporting.js';
 import { seconds } from './format.js';
 import { ALL_JOINTS } from './state.js';
 import { isDark, toggleTheme } from './theme.js';
@@ -12,6 +13,7 @@ export function fillToolbar(host, state, { openHelp }) {
     jointChoice(state),
     zoomButtons(state),
     el('span', { class: 'push' }),
+    figureButtons(state),
     el(
       'span',
       { class: 'buttons' },
@@ -38,8 +40,11 @@ function caseToggles(state) {
         type: 'button',
         class: 'case-toggle',
         style: caseStyle(i),
-        title: `Show or hide ${c.name}${i < 9 ? ` (${i + 1})` : ''}`,
+        title: `Show or hide ${c.name}${i < 9 ? ` (${i + 1})` : ''}; double click: it alone`,
         onclick: () => state.toggleCase(i),
+        ondblclick: () => state.toggleAlone(i),
+        onpointerenter: (event) => state.setFocus(event.pointerType === 'mouse' ? i : null),
+        onpointerleave: () => state.setFocus(null),
       },
       swatch(i),
       el('span', { class: 'case-name', text: c.name }),
@@ -85,6 +90,19 @@ function zoomButtons(state) {
     reset,
     text,
   );
+}
+
+function figureButtons(state) {
+  const button = (format) =>
+    el('button', {
+      type: 'button',
+      class: 'quiet',
+      text: format.toUpperCase(),
+      'aria-label': `Figure as ${format.toUpperCase()}`,
+      title: `Save position, velocity, acceleration and jerk in view, below each other, as ${format.toUpperCase()}`,
+      onclick: () => saveFigure(state, { charts: limitCharts(state, state.joint), view: state.view }, format),
+    });
+  return el('span', { class: 'figure tools' }, 'Figure', button('png'), button('svg'));
 }
 
 function themeButton(state) {

@@ -8,7 +8,8 @@
  *   { "format": 1, "version": "0.1.0", "title": str, "created": "2026-11-21T12:00:00Z", "file": str,
  *     "yaml": str,                                                    the resolved experiment file
  *     "robot": { "name": str, "joints": [ { "name": str, "kind": "revolute"|"continuous"|"prismatic" } ] },
- *     "scene": null | { "links": [ {
+ *     "scene": null | { "tool": int (the link whose way is drawn; not given: the last fixed one without shapes),
+ *       "links": [ {
  *         "name": str, "parent": int (-1: base),
  *         "joint": int (-1: fixed, else the index of the joint that moves the link),
  *         "origin": { "xyz": [3], "quat": [w, x, y, z] }, "axis": [3], "color": [r, g, b, a] | null,
@@ -18,13 +19,15 @@
  *                   | { "type": "sphere", "radius", "pose" }
  *                   | { "type": "mesh", "positions": ref, "indices": ref | null, "pose" } ] } ] },
  *         link frame = parent frame * origin * motion(axis, q); z is up
+ *         where no link has shapes, rods from joint to joint are drawn
  *     "summary": { "columns": [str], "rows": [[str]], "note": str },
  *     "cases": [ {
  *         "name", "filter", "robust_loop", "plant", "promises": bool, "verdict": str, "ok": bool,
  *         "stop": null | { "time_s", "message" }, "details": str (monospace text),
  *         "rows": int, "tick_s": num, "t0": 0, "step_s": num, "buckets": int,
  *         "joints": [ { "series": {
- *             "nominal_q", "nominal_qd", "nominal_qdd", "nominal_jerk": ref, "real_q", "real_qd", "real_qdd": ref | null,
+ *             "nominal_q", "nominal_qd", "nominal_qdd", "nominal_jerk": ref, "real_q", "real_qd", "real_qdd",
+ *             "real_jerk" (both differentiated from real_qd tick by tick): ref | null,
  *             "tau_desired", "tau_filter": ref, "tau_robust", "tau_motor": ref | null, "margin": ref,
  *             "position_lower", "position_upper", "velocity_...", "acceleration_...", "jerk_...": ref | num | null },
  *           "active": ref u8, one per bucket: an index into LIMITS } ],
@@ -192,7 +195,7 @@ export class Case {
     this.buckets = json.buckets;
     if (!(this.step > 0) || !(this.tick > 0) || !Number.isInteger(this.buckets) || this.buckets < 0)
       throw new DataError(`${where}: tick_s, step_s and buckets must be positive.`);
-    this.end = this.t0 + this.buckets * this.step;
+    this.end = this.t0 + Math.min(this.buckets * this.step, (this.rows ?? Infinity) * this.tick); // the last may be part
     this.status = run.array(json.status, `${where}.status`, this.buckets);
     this.tickTime = json.tick_time ?? { edges_us: [], counts: [] };
     this.#joints = needArray(json.joints, `${where}.joints`);

@@ -70,9 +70,13 @@ export function iconButton(name, label, onclick, properties = {}) {
   );
 }
 
-/** The mark of a case: a square in its colour. */
+/** The mark of a case: a square in its colour, striped or hollow where its lines are broken. */
 export const swatch = (caseIndex) =>
-  el('span', { class: 'swatch', 'aria-hidden': 'true', style: caseStyle(caseIndex) });
+  el('span', {
+    class: `swatch${['', ' striped', ' hollow', ' ringed'][Math.floor(caseIndex / 8) % 4]}`,
+    'aria-hidden': 'true',
+    style: caseStyle(caseIndex),
+  });
 
 /** The custom property by which the style sheet knows the colour of a case. */
 export const caseStyle = (caseIndex) => ({ '--case': `var(--case-${caseIndex % 8})` });

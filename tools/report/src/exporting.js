@@ -1,29 +1,45 @@
+import { LineChart } from './charts.js';
+import { duration, powers, tick, ticks } from './format.js';
+import { CanvasPainter, SvgPainter, textWidth } from './painter.js';
+import { quantitiesOf } from './quantities.js';
+import { ALL_JOINTS } from './state.js';
+import { caseColour, caseDash, printColours } from './theme.js';
 import { legend } from './timeline.js';
-import { CanvasPainter, SvgPainter } from './painter.js';
-import { powers, tick, ticks } from './format.js';
-import { caseColour, printColours } from './theme.js';
 
 const WIDTH = 900;
-const MARGIN = { left: 62, right: 16, bottom: 40 };
+const MARGIN = { left: 62, right: 16 };
+const HEAD = 28; // of the figure
+const TITLE = 20; // of each plot, where there are several
+const FOOT = 40; // the time axis
+const ROW = 18; // of the legend
 
-/** Saves what a chart shows of the given times as `format` ("png" or "svg"), in light colours, for documents. */
-export async function saveFigure(state, chart, view, format) {
-  const height = chart.isLanes ? chart.height + 110 : 320;
-  let blob;
+/**
+ * What a figure shows: the charts below each other, in light colours, for documents.
+ * @typedef {{charts: Array, view: {min: number, max: number}, width?: number, plotHeight?: number}} Figure
+ */
+
+/** Saves a figure as `format` ("png" or "svg"). */
+export async function saveFigure(state, figure, format) {
+  const [chart] = figure.charts;
+  const names = [state.run.title, chart.jointName, figure.charts.length > 1 ? 'limits' : chart.id];
+  save(await makeFigure(state, figure, format), `${names.filter(Boolean).join(' ')}.${format}`);
+}
+
+async function makeFigure(state, figure, format) {
+  const { width = WIDTH, charts } = figure;
+  const layout = makeLayout(state, figure);
   if (format === 'svg') {
-    const painter = new SvgPainter(`${chart.id}-${chart.joint ?? ''}-clip`);
-    drawFigure(painter, state, chart, view, height);
-    blob = new Blob([painter.toString(WIDTH, height)], { type: 'image/svg+xml' });
-  } else {
-    const canvas = document.createElement('canvas');
-    canvas.width = 2 * WIDTH;
-    canvas.height = 2 * height;
-    const context = canvas.getContext('2d');
-    context.scale(2, 2);
-    drawFigure(new CanvasPainter(context), state, chart, view, height);
-    blob = await new Promise((resolve) => canvas.toBlob(resolve, 'image/png'));
+    const painter = new SvgPainter(`${charts[0].id}-${charts[0].joint ?? ''}-clip`);
+    drawFigure(painter, state, figure, layout);
+    return new Blob([painter.toString(width, layout.height)], { type: 'image/svg+xml' });
   }
-  save(blob, `${[state.run.title, chart.jointName, chart.id].filter(Boolean).join(' ')}.${format}`);
+  const canvas = document.createElement('canvas');
+  canvas.width = 2 * width;
+  canvas.height = 2 * layout.height;
+  const context = canvas.getContext('2d');
+  context.scale(2, 2);
+  drawFigure(new CanvasPainter(context), state, figure, layout);
+  return new Promise((resolve) => canvas.toBlob(resolve, 'image/png'));
 }
 
 /** Hands a file to the reader. */
@@ -35,83 +51,143 @@ export function save(blob, name) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
-function drawFigure(painter, state, chart, view, height) {
-  const palette = printColours;
-  painter.rect(0, 0, WIDTH, height, palette.surface);
-  const unit = chart.unit && !chart.domain ? ` [${chart.unit}]` : '';
-  const title = `${chart.title}${chart.jointName ? ` of ${chart.jointName}` : ''}${unit}`;
-  painter.text(title, MARGIN.left, 18, { colour: palette.text, size: 14, weight: 600 });
-  painter.text(state.run.title, WIDTH - MARGIN.right, 18, { colour: palette.muted, size: 11, align: 'right' });
-  const top = drawLegend(painter, chart, state, 38, palette) + 14;
+/** The charts of the quantities with limits, or of those named, of a joint. */
+export function limitCharts(state, joint, ids = null) {
+  return quantitiesOf(state.run)
+    .filter(({ id, limit }) => (ids ? ids.includes(id) : limit))
+    .map((quantity) => new LineChart(state, quantity, joint === ALL_JOINTS ? 0 : joint));
+}
 
+/**
+ * For scripts: a figure as SVG text, of any quantities, joint, cases (by name) and times, whatever the page shows.
+ * @param {{quantities?: string[], joint?: number, cases?: string[], hidden?: string[], fitted?: string[], from?: number,
+ *   to?: number, width?: number, plotHeight?: number, title?: string}} options
+ */
+export async function figureText(state, options = {}) {
+  const { run } = state;
+  const shown = run.cases.map((c) => options.cases?.includes(c.name) ?? true);
+  const own = Object.create(state, {
+    shown: { value: shown },
+    focus: { value: null },
+    hiddenKinds: { value: new Set([...state.hiddenKinds, ...(options.hidden ?? [])]) },
+    fitted: { value: new Set(options.fitted) },
+  });
+  const figure = {
+    ...options,
+    charts: limitCharts(own, options.joint ?? 0, options.quantities),
+    view: { min: options.from ?? run.tMin, max: options.to ?? run.tMax },
+  };
+  return (await makeFigure(own, figure, 'svg')).text();
+}
+
+function makeLayout(state, { charts, width = WIDTH, plotHeight = null }) {
+  const rows = [[]];
+  let x = MARGIN.left;
+  for (const item of legendOf(state, charts[0])) {
+    const size = 28 + textWidth(item.name) + 18;
+    if (x > MARGIN.left && x + size > width - MARGIN.right) {
+      rows.push([]);
+      x = MARGIN.left;
+    }
+    rows.at(-1).push({ ...item, x });
+    x += size;
+  }
+  const isOne = charts.length === 1;
+  let y = HEAD + rows.length * ROW + 4;
+  const plots = charts.map((chart) => {
+    const top = y + (isOne ? 0 : TITLE);
+    const height = chart.isLanes ? chart.height : (plotHeight ?? (isOne ? 230 : 130));
+    y = top + height + (isOne ? 0 : 8);
+    return { chart, top, height };
+  });
+  return { rows, plots, height: Math.round(y + FOOT) };
+}
+
+function drawFigure(painter, state, { charts, view, width = WIDTH, title = null }, { rows, plots, height }) {
+  const palette = printColours;
+  painter.rect(0, 0, width, height, palette.surface);
+  const [first] = charts;
+  const joint = first.jointName;
+  const head =
+    title ?? (charts.length > 1 ? `${state.run.title}: ${joint}` : `${titleOf(first)}${joint ? `, ${joint}` : ''}`);
+  painter.text(head, MARGIN.left, 16, { colour: palette.text, size: 14, weight: 600 });
+  if (charts.length === 1 && title === null)
+    painter.text(state.run.title, width - MARGIN.right, 16, { colour: palette.muted, size: 11, align: 'right' });
+  rows.forEach((row, i) => {
+    const y = HEAD + (i + 0.5) * ROW;
+    for (const { name, colour, dash, isLine, x } of row) {
+      if (isLine) painter.line((sink) => (sink.moveTo(x, y), sink.lineTo(x + 22, y)), { colour, dash, width: 2.2 });
+      else painter.rect(x + 5, y - 4, 12, 8, colour);
+      painter.text(name, x + 28, y, { colour: palette.text });
+    }
+  });
+  plots.forEach(({ chart, top, height: own }, i) => {
+    if (charts.length > 1) painter.text(titleOf(chart), MARGIN.left, top - 9, { colour: palette.text, weight: 600 });
+    drawPlot(painter, chart, { left: MARGIN.left, top, width: width - MARGIN.left - MARGIN.right, height: own }, view, {
+      isLast: i === plots.length - 1,
+    });
+  });
+}
+
+const titleOf = ({ title, unit }) => `${title}${unit ? ` [${unit}]` : ''}`;
+
+function drawPlot(painter, chart, place, view, { isLast }) {
+  const palette = printColours;
   const [yMin, yMax] = chart.range(view);
   const logarithmic = Boolean(chart.domain);
   const scale = logarithmic ? Math.log10 : (value) => value;
+  const part = (value, min, max) => (scale(value) - scale(min)) / (scale(max) - scale(min));
   const frame = {
-    left: MARGIN.left,
-    top,
-    width: WIDTH - MARGIN.left - MARGIN.right,
-    height: height - top - MARGIN.bottom,
+    ...place,
     xMin: view.min,
     xMax: view.max,
+    pixel: 0.5,
+    toX: (x) => place.left + place.width * part(x, view.min, view.max),
+    toY: (y) => place.top + place.height * (1 - (y - yMin) / (yMax - yMin)),
   };
-  const part = (value, min, max) => (scale(value) - scale(min)) / (scale(max) - scale(min));
-  frame.toX = (x) => frame.left + frame.width * part(x, view.min, view.max);
-  frame.toY = (y) => frame.top + frame.height * (1 - part(y, yMin, yMax));
-
   const bottom = frame.top + frame.height;
-  const axis = (min, max, count) => (logarithmic ? { values: powers(min, max) } : ticks(min, max, count));
-  const x = axis(view.min, view.max, 9);
+  const x = logarithmic ? { values: powers(view.min, view.max) } : ticks(view.min, view.max, 9);
   for (const value of x.values) {
-    painter.rect(frame.toX(value) - 0.5, top, 1, frame.height, palette.grid);
-    painter.text(tick(value, logarithmic ? value : x.increment), frame.toX(value), bottom + 13, {
-      colour: palette.muted,
-      align: 'center',
-    });
+    painter.rect(frame.toX(value) - 0.5, frame.top, 1, frame.height, palette.grid);
+    if (isLast)
+      painter.text(logarithmic ? duration(value) : tick(value, x.increment), frame.toX(value), bottom + 13, {
+        colour: palette.muted,
+        align: 'center',
+      });
   }
   if (!chart.isLanes) {
-    const y = axis(yMin, yMax, 6);
+    const y = ticks(yMin, yMax, frame.height / 30);
     for (const value of y.values) {
       painter.rect(frame.left, frame.toY(value) - 0.5, frame.width, 1, palette.grid);
-      painter.text(tick(value, logarithmic ? value : y.increment), frame.left - 7, frame.toY(value), {
+      painter.text(tick(value, y.increment), frame.left - 7, frame.toY(value), {
         colour: palette.muted,
         align: 'right',
       });
     }
   }
   chart.draw(painter, frame, palette);
-  painter.rect(frame.left - 0.5, top, 1, frame.height, palette.line);
+  painter.rect(frame.left - 0.5, frame.top, 1, frame.height, palette.line);
   painter.rect(frame.left, bottom - 0.5, frame.width, 1, palette.line);
-  painter.text(logarithmic ? 'tick time [µs]' : 'time [s]', frame.left + frame.width / 2, bottom + 29, {
-    colour: palette.muted,
-    align: 'center',
-  });
+  if (isLast)
+    painter.text(logarithmic ? 'tick time' : 'time [s]', frame.left + frame.width / 2, bottom + 29, {
+      colour: palette.muted,
+      align: 'center',
+    });
 }
 
-/** The cases, and for lanes the limits, in as many rows as they need; returns the last row's middle. */
-function drawLegend(painter, chart, state, y, palette) {
-  const items = chart.isLanes
-    ? legend(state.run).map(({ name, strip }) => [
-        name,
-        strip ? palette.status[statusCode(state, name)] : palette.limits[name],
-      ])
-    : state.cases.map((c) => [c.name, caseColour(c.index, palette)]);
-  let x = MARGIN.left;
-  for (const [name, colour] of items) {
-    const width = 16 + painter.textWidth(name) + 18;
-    if (x > MARGIN.left && x + width > WIDTH - MARGIN.right) {
-      x = MARGIN.left;
-      y += 17;
-    }
-    painter.rect(x, y - 2, 11, 4, colour);
-    painter.text(name, x + 16, y, { colour: palette.text });
-    x += width;
-  }
-  return y;
+/** The cases, or for the acting limits what their colours mean. */
+function legendOf(state, chart) {
+  const palette = printColours;
+  if (chart.id === 'interventions')
+    return legend(state.run).map(({ name, code }) => ({
+      name,
+      colour: code ? palette.status[code] : palette.limits[name],
+      isLine: false,
+    }));
+  return state.cases.map((c) => ({
+    name: c.name,
+    colour: caseColour(c.index, palette),
+    dash: caseDash(c.index),
+    isLine: !chart.isLanes,
+  }));
 }
-
-const statusCode = (state, name) =>
-  legend(state.run)
-    .find((item) => item.name === name)
-    .colour.split('-')
-    .pop();

@@ -19,11 +19,19 @@ export function fixed(value, decimals) {
   return Number(text) === 0 ? text.replace('-', '') : text.replace('-', MINUS);
 }
 
-/** Least and largest value, as fine as a plot of `extent` can show; one number where they look the same. */
+/** Least and largest value, as fine as a plot of `extent` can show; one number where they look the same in it. */
 export function span([low, high], extent) {
   const decimals = Math.min(9, Math.max(0, 3 - Math.floor(Math.log10(extent))));
-  const [a, b] = [low, high].map((value) => fixed(value, decimals));
+  const look = high - low < extent / 200 ? [(low + high) / 2, (low + high) / 2] : [low, high];
+  const [a, b] = look.map((value) => fixed(value, decimals));
   return a === b ? a : `${a}\u2009…\u2009${b}`;
+}
+
+/** How many decimals multiples of a number need: 1 for 2.5, 2 for 0.25. */
+function decimalsOf(increment) {
+  const least = Math.max(0, -Math.floor(Math.log10(increment) + 1e-9));
+  const shifted = increment * 10 ** least;
+  return Math.abs(shifted - Math.round(shifted)) < 1e-6 ? least : least + 1;
 }
 
 /** The value of an axis tick; `increment` is the distance of the ticks. */
@@ -31,11 +39,16 @@ export function tick(value, increment) {
   if (Math.abs(value) < increment * 1e-6) return '0';
   const size = Math.abs(value);
   if (size >= 1e4) {
-    const decimals = Math.max(0, -Math.floor(Math.log10(increment / 1e3) + 1e-9));
-    return `${(value / 1e3).toFixed(decimals)}k`.replace('-', MINUS);
+    return `${(value / 1e3).toFixed(decimalsOf(increment / 1e3))}k`.replace('-', MINUS);
   }
   if (increment < 1e-4) return value.toExponential(1).replaceAll('-', MINUS);
-  return value.toFixed(Math.max(0, -Math.floor(Math.log10(increment) + 1e-9))).replace('-', MINUS);
+  return value.toFixed(decimalsOf(increment)).replace('-', MINUS);
+}
+
+/** A duration in microseconds, in the unit that suits it: 20 µs, 5 ms, 1 s. */
+export function duration(us) {
+  const [unit, size] = us < 999.5 ? ['µs', 1] : us < 999.5e3 ? ['ms', 1e3] : ['s', 1e6];
+  return `${Number((us / size).toPrecision(3))} ${unit}`;
 }
 
 /** Round numbers between min and max, about `count` of them. */

@@ -17,8 +17,15 @@ const HELP = [
 const POINTER = [
   ['drag in a plot', 'zoom to these times, in all plots'],
   ['double click', 'show the whole run'],
+  ['Ctrl + wheel', 'zoom at the mouse'],
   ['click in a plot', 'put the scrubber there'],
+  ['point at a case', 'it stands out; double click on its button: it alone'],
   ['drag in the replay', 'turn; right button: move; wheel: zoom'],
+];
+const FINGERS = [
+  ['two in a plot', 'zoom, in all plots'],
+  ['one sideways', 'move the times in view'],
+  ['tap in a plot', 'put the scrubber there'],
 ];
 
 /** Fills the list of keys; returns what opens it. */
@@ -41,6 +48,8 @@ export function createHelp(dialog) {
     list(HELP, 'kbd'),
     el('h2', { text: 'Mouse' }),
     list(POINTER, 'span'),
+    el('h2', { text: 'Fingers' }),
+    list(FINGERS, 'span'),
     el(
       'form',
       { method: 'dialog' },

@@ -1,5 +1,6 @@
 import { fillToolbar, fillTransport } from './controls.js';
 import { DataError, loadRun } from './data.js';
+import { figureText } from './exporting.js';
 import { createHelp, listenToKeys } from './keyboard.js';
 import { createPlayer } from './player.js';
 import { PlotArea } from './plots.js';
@@ -43,7 +44,8 @@ async function start() {
   part('page').hidden = false;
   new PlotArea(part('plots'), state);
   new JointTable(part('joints'), state);
-  createReplay(part('replay'), run, state);
+  const replay = createReplay(part('replay'), run, state);
+  window.viableReport = { state, replay, figure: (options) => figureText(state, options) }; // for scripts
 }
 
 addEventListener('error', (event) => explain(event.error ?? event.message));

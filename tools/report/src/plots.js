@@ -2,9 +2,10 @@ import uPlot from 'uplot';
 import { HistogramChart, LineChart } from './charts.js';
 import { el, lineSample, swatch } from './dom.js';
 import { saveFigure } from './exporting.js';
-import { number, powers, tick } from './format.js';
+import { duration, number, powers, tick } from './format.js';
+import { listenToGestures } from './gestures.js';
 import { CanvasPainter, font } from './painter.js';
-import { QUANTITIES } from './quantities.js';
+import { quantitiesOf } from './quantities.js';
 import { ALL_JOINTS } from './state.js';
 import { colours } from './theme.js';
 import { LaneChart, legend } from './timeline.js';
@@ -12,7 +13,6 @@ import { LaneChart, legend } from './timeline.js';
 const SYNC = 'viable-time';
 const AXIS_WIDTH = 60;
 const AXIS_HEIGHT = 22;
-const FITS = ['auto', 'data', 'limits'];
 
 /** Panels to be drawn before the next picture of the screen. */
 const waiting = new Set();
@@ -53,6 +53,7 @@ class Panel {
         {},
         this.name,
         head,
+        chart.hint ? el('span', { class: 'hint', text: chart.hint }) : null,
         this.note,
         el('span', { class: 'push' }),
         el('span', { class: 'tools' }, this.#saveButton('png'), this.#saveButton('svg')),
@@ -69,7 +70,7 @@ class Panel {
       class: 'quiet',
       text: format.toUpperCase(),
       title: `Save what is in view as ${format.toUpperCase()}, in light colours`,
-      onclick: () => saveFigure(this.state, this.chart, this.#domain(), format),
+      onclick: () => saveFigure(this.state, { charts: [this.chart], view: this.#domain() }, format),
     });
   }
 
@@ -79,16 +80,14 @@ class Panel {
 
   get #height() {
     if (this.chart.isLanes) return this.chart.height + AXIS_HEIGHT + 8;
-    return this.compact ? 128 : this.chart.id === 'torque' || !this.shared ? 176 : 150;
+    return this.compact ? 128 : 168;
   }
 
   /** Keeps the place of the plot, drawn or not. */
   #reserve() {
     this.host.style.height = `${this.#height}px`;
     const { chart } = this;
-    this.name.textContent = this.compact
-      ? chart.jointName
-      : `${chart.title}${chart.unit && this.shared ? ` [${chart.unit}]` : ''}`;
+    this.name.textContent = this.compact ? chart.jointName : `${chart.title}${chart.unit ? ` [${chart.unit}]` : ''}`;
     this.host.setAttribute(
       'aria-label',
       `${chart.description}; cases ${this.state.cases.map((c) => c.name).join(', ') || 'none'}`,
@@ -146,7 +145,6 @@ class Panel {
 
   #create(width) {
     const { chart, shared } = this;
-    const distr = shared ? 1 : 3;
     const axis = {
       font: font(11),
       stroke: () => colours.muted,
@@ -162,8 +160,8 @@ class Panel {
         padding: [6, 20, 0, 0],
         legend: { show: false },
         scales: {
-          x: { time: false, distr, range: () => [this.#domain().min, this.#domain().max] },
-          y: { distr, range: () => this.#yRange() },
+          x: { time: false, distr: shared ? 1 : 3, range: () => [this.#domain().min, this.#domain().max] },
+          y: { range: () => this.#yRange() },
         },
         series: [{}, { scale: 'y', paths: () => null, points: { show: false } }],
         axes: [
@@ -171,20 +169,19 @@ class Panel {
             ...axis,
             ...own,
             size: AXIS_HEIGHT,
-            gap: 4,
+            gap: 5,
             space: this.compact ? 52 : 70,
             values: (_, splits, __, ___, increment) =>
-              splits.map((v) => (shared ? `${tick(v, increment)} s` : `${tick(v, v)} µs`)),
+              splits.map((v) => (shared ? `${tick(v, increment)} s` : duration(v))),
           },
           chart.isLanes
             ? { ...axis, size: AXIS_WIDTH, grid: { show: false }, splits: () => [], values: () => [] }
             : {
                 ...axis,
-                ...own,
                 size: AXIS_WIDTH,
                 gap: 5,
                 space: 28,
-                values: (_, splits, __, ___, increment) => splits.map((v) => tick(v, shared ? increment : v)),
+                values: (_, splits, __, ___, increment) => splits.map((v) => tick(v, increment)),
               },
         ],
         cursor: {
@@ -213,7 +210,9 @@ class Panel {
       this.host,
     ); // the data is the chart's own; uPlot does axes, cursor and zoom
     this.#listen(this.#plot.over);
-    if (shared) this.#plot.over.append(this.scrubLine);
+    if (!shared) return;
+    this.#plot.over.append(this.scrubLine);
+    listenToGestures(this.#plot.over, this.state);
   }
 
   #listen(over) {
@@ -257,9 +256,9 @@ class Panel {
         .map(([c, [low, high]]) =>
           el(
             'span',
-            { title: `${c.name} leaves the plot` },
+            { title: `${c.name} leaves the plot; the button "y" fits the axis to it` },
             swatch(c.index),
-            `up to ${number(Math.max(-low, high), 3)}`,
+            `${c.name} reaches ${number(range[0] - low > high - range[1] ? low : high, 3)}`,
           ),
         ),
     );
@@ -280,6 +279,7 @@ class Panel {
         top: top / ratio,
         width: width / ratio,
         height: height / ratio,
+        pixel: 1 / ratio,
         xMin: x.min,
         xMax: x.max,
         toX: this.#toPixels(plot, 'x', ratio, left, width),
@@ -313,20 +313,27 @@ class Panel {
   }
 
   /** Room for a case's values: fixed, so that nothing moves when numbers get longer. */
-  get #cellWidth() {
+  #cellWidth(withName) {
     if (this.compact) return this.chart.isLanes ? 130 : 120;
-    const name = Math.min(16, Math.max(0, ...this.state.cases.map((c) => c.name.length)));
-    return 30 + 7 * name + (this.chart.isLanes ? 190 : 105 * (this.chart.kindCount ?? 1));
+    const name = withName ? Math.min(20, Math.max(0, ...this.state.cases.map((c) => c.name.length))) : 0;
+    return 24 + 7.2 * name + (this.chart.isLanes ? 150 : 16 + 62 * (this.chart.kindCount ?? 1));
   }
 
   #fillReadout() {
     this.cells = this.state.cases.map((c) => el('output', { 'aria-live': 'off', 'data-case': c.index }));
-    this.readout.style.setProperty('--cell', `${this.#cellWidth}px`);
+    this.readout.style.setProperty('--cell', `${this.#cellWidth(true)}px`);
+    this.readout.style.setProperty('--short-cell', `${this.#cellWidth(false)}px`);
+    this.readout.classList.toggle('many', this.state.cases.length > 3);
     this.readout.replaceChildren(
       ...this.state.cases.map((c, i) =>
         el(
           'span',
-          { class: 'value', title: `${c.name}: ${this.chart.valueTitle}` },
+          {
+            class: 'value',
+            title: `${c.name}: ${this.chart.valueTitle}`,
+            onpointerenter: (event) => this.state.setFocus(event.pointerType === 'mouse' ? c.index : null),
+            onpointerleave: () => this.state.setFocus(null),
+          },
           swatch(c.index),
           this.compact ? null : el('span', { class: 'value-name', text: c.name }),
           this.cells[i],
@@ -365,6 +372,7 @@ export class PlotArea {
   constructor(host, state) {
     this.host = host;
     this.state = state;
+    this.quantities = quantitiesOf(state.run);
     this.observer = new IntersectionObserver(
       (entries) => {
         for (const entry of entries)
@@ -383,7 +391,7 @@ export class PlotArea {
       this.#updateHeads();
       this.#all((panel) => panel.invalidate());
     });
-    state.on('view theme', () => this.#all((panel) => panel.invalidate(false)));
+    state.on('view theme focus', () => this.#all((panel) => panel.invalidate(false)));
     state.on('time', () => this.#all((panel) => panel.placeScrubLine()));
     state.on('time hover', () => this.#scheduleReadouts());
   }
@@ -436,7 +444,7 @@ export class PlotArea {
     const { state } = this;
     return [
       this.#add(new Panel(state, new LaneChart(state, joint), { head: this.#legend() })),
-      ...QUANTITIES.map((quantity) =>
+      ...this.quantities.map((quantity) =>
         this.#add(new Panel(state, new LineChart(state, quantity, joint), { head: this.#head(quantity) })),
       ),
     ];
@@ -457,7 +465,7 @@ export class PlotArea {
       );
     return [
       group('Acting limits', this.#legend(), (j) => new LaneChart(state, j)),
-      ...QUANTITIES.map((quantity) =>
+      ...this.quantities.map((quantity) =>
         group(
           `${quantity.title} [${this.#units(quantity)}]`,
           this.#head(quantity),
@@ -479,18 +487,19 @@ export class PlotArea {
   }
 
   #legend() {
+    const items = legend(this.state.run);
     return el(
       'span',
-      { class: 'legend' },
-      ...legend(this.state.run).map(({ name, colour, strip }) =>
+      { class: 'legend', title: 'The upper half of a lane: upper limits; the lower half: lower ones' },
+      ...items.map(({ name, colour, code }) =>
         el(
           'span',
           { class: 'legend-item' },
-          el('span', { class: strip ? 'key strip' : 'key', style: { '--key': `var(${colour})` } }),
+          el('span', { class: code ? 'key strip' : 'key', style: { '--key': `var(${colour})` } }),
           name,
         ),
       ),
-      el('span', { class: 'hint', text: 'upper half: upper limit' }),
+      items.length < 6 ? el('span', { class: 'hint', text: 'upper half: upper limit' }) : null,
     );
   }
 
@@ -514,12 +523,11 @@ export class PlotArea {
       const button = el('button', {
         type: 'button',
         class: 'chip',
-        title: 'What the y axis shows: limits and data where they fit together (auto), all data, or the limits',
-        onclick: () =>
-          state.setFit(quantity.id, FITS[(FITS.indexOf(state.fit.get(quantity.id) ?? 'auto') + 1) % FITS.length]),
+        title: 'What the y axis shows: the limits, with what is near them, or all data and nothing else',
+        onclick: () => state.toggleFit(quantity.id),
       });
       this.heads.push(() => {
-        button.textContent = `y: ${state.fit.get(quantity.id) ?? 'auto'}`;
+        button.textContent = state.fitted.has(quantity.id) ? 'y: all data' : 'y: limits';
       });
       buttons.push(button);
     }

@@ -16,7 +16,7 @@ const series = (key, label, style) => ({ key, label, style, samples: (c, joint) 
  */
 
 /** @type {Quantity[]} */
-export const QUANTITIES = [
+const QUANTITIES = [
   {
     id: 'position',
     title: 'Position',
@@ -44,7 +44,7 @@ export const QUANTITIES = [
     units: ['rad/s³', 'm/s³'],
     limit: 'jerk',
     steps: true,
-    kinds: [series('nominal_jerk', 'nominal', NOMINAL)],
+    kinds: [series('nominal_jerk', 'nominal', NOMINAL), series('real_jerk', 'real, from the encoders', REAL)],
   },
   {
     id: 'torque',
@@ -74,5 +74,13 @@ export const QUANTITIES = [
   },
 ];
 
+/** What there is to plot of a run: a run without a real arm has no lines of one. */
+export function quantitiesOf(run) {
+  const exists = (kind) => run.cases.some((c) => run.joints.some((_, j) => kind.samples(c, j) !== null));
+  return QUANTITIES.map((quantity) => ({ ...quantity, kinds: quantity.kinds.filter(exists) })).filter(
+    ({ kinds }) => kinds.length > 0,
+  );
+}
+
 /** Lines that are not drawn until the reader asks for them. */
-export const HIDDEN_AT_FIRST = ['tau_robust', 'tau_motor'];
+export const HIDDEN_AT_FIRST = ['real_jerk', 'tau_robust', 'tau_motor'];

@@ -19,6 +19,7 @@ import { caseColour, colours, isDark, limitColour } from './theme.js';
 
 const TRAIL_S = 2;
 const FIELD_OF_VIEW = 35;
+const EXAGGERATIONS = [1, 10, 50];
 
 /** Builds the 3D replay, or says why there is none. The rest of the page does not depend on it. */
 export function createReplay(host, run, state) {
@@ -29,6 +30,7 @@ export function createReplay(host, run, state) {
     el('div', { class: 'replay-head' }, el('h3', { text: 'Replay' }), choice, el('span', { class: 'push' }), tools),
     stage,
   );
+  const hasReal = run.cases.some((c) => c.replay?.real);
   const reason = whyNot(run);
   if (reason) {
     stage.append(el('p', { class: 'no-replay', role: 'status', text: reason }));
@@ -46,11 +48,15 @@ export function createReplay(host, run, state) {
       }),
       iconButton('home', 'Look at the arm from the start position', () => replay.resetCamera()),
     );
+    const texts = ['coloured link: a limit acts', `line: tool, last ${TRAIL_S} s`];
+    if (hasReal) texts.unshift('grey: nominal arm', 'coloured edge: real arm');
     host.append(
-      el('p', {
-        class: 'hint',
-        text: 'solid: nominal arm · pale: real arm · coloured link: a limit acts · line: tool, last 2 s',
-      }),
+      el(
+        'div',
+        { class: 'replay-foot' },
+        el('p', { class: 'hint', text: texts.join(' · ') }),
+        hasReal ? exaggeration(state) : null,
+      ),
     );
     return replay;
   } catch (error) {
@@ -61,8 +67,23 @@ export function createReplay(host, run, state) {
   }
 }
 
+/** How far the real arm is drawn from the nominal one: a thousandth of a radian is not seen. */
+function exaggeration(state) {
+  const select = el(
+    'select',
+    {
+      'aria-label': 'Deviation of the real arm',
+      title: 'The real arm is drawn so many times as far from the nominal one as it was',
+      onchange: () => state.setExaggeration(Number(select.value)),
+    },
+    ...EXAGGERATIONS.map((factor) => el('option', { value: factor, text: `${factor} ×` })),
+  );
+  select.value = String(state.exaggeration);
+  return el('label', { class: 'hint' }, 'deviation ', select);
+}
+
 function whyNot(run) {
-  if (!run.scene?.links?.length) return 'The robot has no shapes to show.';
+  if (!run.scene?.links?.length) return 'There is no description of the robot to show.';
   if (!run.cases.some((c) => c.replay)) return 'The run has no motion to replay.';
   const context = document.createElement('canvas').getContext('webgl2');
   if (!context)
@@ -96,6 +117,7 @@ class Replay {
     this.stage = stage;
     this.shapes = readShapes(run);
     this.pose = new Float32Array(run.joints.length);
+    this.realPose = new Float32Array(run.joints.length);
 
     this.renderer = new WebGLRenderer({ antialias: true, alpha: true });
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
@@ -127,8 +149,8 @@ class Replay {
     this.resetCamera();
 
     new ResizeObserver(() => this.#resize()).observe(stage);
-    new IntersectionObserver(([entry]) => {
-      this.#visible = entry.isIntersecting;
+    new IntersectionObserver((entries) => {
+      this.#visible = entries.at(-1).isIntersecting;
       if (this.#visible) this.#ask();
     }).observe(stage);
     state.on('time', () => this.#ask());
@@ -150,11 +172,9 @@ class Replay {
   #choose() {
     for (const { nominal, real, trail } of this.#arms.values())
       for (const object of [nominal.root, real?.root, trail.line]) if (object) object.visible = false;
-    const cases = this.#cases;
-    cases.forEach((c, layer) => {
+    this.#cases.forEach((c, layer) => {
       const { nominal, real, trail } = this.#armOf(c);
       nominal.setLayer(layer);
-      real?.setLayer(cases.length + layer);
       for (const object of [nominal.root, real?.root, trail.line]) if (object) object.visible = true;
     });
     this.#ask();
@@ -162,14 +182,19 @@ class Replay {
 
   #armOf(c) {
     if (!this.#arms.has(c.index)) {
-      const nominal = new Arm(this.run, this.shapes, { translucent: false });
-      const real = c.replay.real ? new Arm(this.run, this.shapes, { translucent: true }) : null;
-      const trail = new Trail(nominal, c.replay.nominal, c.replay.n, this.run.joints.length);
+      const nominal = new Arm(this.run, this.shapes);
+      const real = c.replay.real ? new Arm(this.run, this.shapes, { outline: 0.008 * this.#size }) : null;
+      const trail = new Trail();
       this.scene.add(nominal.root, trail.line);
       if (real) this.scene.add(real.root);
       this.#arms.set(c.index, { nominal, real, trail });
     }
     return this.#arms.get(c.index);
+  }
+
+  /** How long the arm is, about [m]. */
+  get #size() {
+    return this.run.scene.links.reduce((sum, { origin }) => sum + Math.hypot(...origin.xyz), 0) || 1;
   }
 
   /** The ball that holds the arm in all its poses, nearly. */
@@ -184,6 +209,7 @@ class Replay {
     }
     const bounds = box.getBoundingSphere(new Sphere());
     if (!(bounds.radius > 0)) bounds.radius = 1;
+    this.ground = box.min.z;
     return bounds;
   }
 
@@ -217,7 +243,7 @@ class Replay {
     const cells = 2 * Math.ceil((this.bounds.radius * 1.5) / cell);
     this.floor = new GridHelper(cells * cell, cells, colours.limit, colours.line);
     this.floor.rotation.x = Math.PI / 2;
-    this.floor.position.z = -cell * 0.01; // not in the plane that a base may stand on
+    this.floor.position.z = Math.min(0, this.ground) - cell * 0.01; // not in the plane that a base may stand on
     this.scene.add(this.floor);
     this.#ask();
   }
@@ -242,10 +268,16 @@ class Replay {
     const { time } = this.state;
     for (const c of this.#cases) {
       const { nominal, real, trail } = this.#armOf(c);
-      this.#poseAt(nominal, c.replay.nominal, c, time);
-      if (real) this.#poseAt(real, c.replay.real, c, time);
-      const frame = Math.min(c.replay.n - 1, Math.max(0, Math.round((time - c.t0) / c.replay.step)));
-      trail.show(Math.max(0, frame - Math.round(TRAIL_S / c.replay.step)), frame);
+      const poseAt = (at) => {
+        if (this.#read(c.replay.nominal, c, at, this.pose)) nominal.pose(this.pose);
+      };
+      trail.show(nominal, Math.max(c.t0, Math.min(time, c.end) - TRAIL_S), Math.min(time, c.end), poseAt);
+      if (real && this.#read(c.replay.real, c, time, this.realPose)) {
+        const factor = this.state.exaggeration;
+        for (let j = 0; j < this.pose.length; ++j)
+          this.realPose[j] = this.pose[j] + factor * (this.realPose[j] - this.pose[j]);
+        real.pose(this.realPose);
+      }
       const bucket = c.bucketAt(time);
       nominal.tint((joint) => {
         const name = bucket < 0 ? null : LIMITS[c.active[joint][bucket]];
@@ -256,18 +288,19 @@ class Replay {
     this.stage.dataset.time = time.toFixed(4);
   }
 
-  #poseAt(arm, q, c, time) {
+  /** The joint positions at a time, on a smooth curve (Catmull-Rom) through the frames; false where there are none. */
+  #read(q, c, time, pose) {
     const { n, step } = c.replay;
-    const joints = this.run.joints.length;
+    const joints = pose.length;
     const at = Math.min(Math.max((time - c.t0) / step, 0), n - 1);
-    const before = Math.floor(at);
-    const after = Math.min(before + 1, n - 1);
-    const part = at - before;
+    const frame = Math.min(Math.floor(at), Math.max(0, n - 2));
+    const s = at - frame;
+    const value = (i, j) => q[Math.min(Math.max(i, 0), n - 1) * joints + j];
     for (let j = 0; j < joints; ++j) {
-      const start = q[before * joints + j];
-      this.pose[j] = start + part * (q[after * joints + j] - start);
+      const [p0, p1, p2, p3] = [-1, 0, 1, 2].map((k) => value(frame + k, j));
+      pose[j] = p1 + 0.5 * s * (p2 - p0 + s * (2 * p0 - 5 * p1 + 4 * p2 - p3 + s * (3 * (p1 - p2) + p3 - p0)));
     }
-    if (this.pose.every(Number.isFinite)) arm.pose(this.pose);
+    return pose.every(Number.isFinite);
   }
 
   savePicture() {

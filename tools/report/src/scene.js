@@ -1,10 +1,12 @@
 import {
+  BackSide,
   BoxGeometry,
   BufferAttribute,
   BufferGeometry,
   CapsuleGeometry,
   Color,
   CylinderGeometry,
+  DynamicDrawUsage,
   Group,
   Line,
   LineBasicMaterial,
@@ -19,24 +21,46 @@ import { DataError } from './data.js';
 
 /** The shapes of each link, made once for all arms: [geometry, position, orientation]. */
 export function readShapes(run) {
-  return run.scene.links.map((link, i) =>
+  const { links } = run.scene;
+  if (!links.some(({ shapes }) => shapes?.length > 0)) return makeRods(run);
+  return links.map((link, i) =>
     (link.shapes ?? []).map((shape, k) => readShape(run, shape, `scene.links[${i}].shapes[${k}]`)),
   );
+}
+
+/** For a robot without shapes: a rod from each link to those that it carries, a hub where a joint moves it. */
+function makeRods({ scene: { links } }) {
+  const size = Math.max(...links.map(({ origin }) => new Vector3(...origin.xyz).length())) || 1;
+  const radius = 0.035 * size;
+  return links.map((link, i) => {
+    const shapes = links
+      .filter(({ parent, origin }) => parent === i && new Vector3(...origin.xyz).length() > 1e-9)
+      .map(({ origin }) => rod(new Vector3(), new Vector3(...origin.xyz), radius));
+    if (link.joint >= 0) {
+      const half = new Vector3(...(link.axis ?? [0, 0, 1])).setLength(1.6 * radius);
+      const hub = rod(half.clone().negate(), half, 1.8 * radius);
+      hub.geometry = new CylinderGeometry(1.8 * radius, 1.8 * radius, 3.2 * radius, 32); // along y, like a capsule
+      shapes.push(hub);
+    }
+    return shapes;
+  });
+}
+
+function rod(from, to, radius) {
+  const along = to.clone().sub(from);
+  const orientation = new Quaternion().setFromUnitVectors(
+    new Vector3(0, 1, 0),
+    along.lengthSq() > 0 ? along.clone().normalize() : new Vector3(0, 1, 0),
+  );
+  const geometry = new CapsuleGeometry(radius, along.length(), 10, 36); // along y
+  return { geometry, position: from.clone().addScaledVector(along, 0.5), orientation };
 }
 
 function readShape(run, shape, where) {
   const { position, orientation } = readPose(shape.pose);
   switch (shape.type) {
-    case 'capsule': {
-      const from = new Vector3(...shape.from);
-      const along = new Vector3(...shape.to).sub(from);
-      const geometry = new CapsuleGeometry(shape.radius, along.length(), 8, 24); // along y
-      const turn = new Quaternion().setFromUnitVectors(
-        new Vector3(0, 1, 0),
-        along.lengthSq() > 0 ? along.clone().normalize() : new Vector3(0, 1, 0),
-      );
-      return { geometry, position: from.addScaledVector(along, 0.5), orientation: turn };
-    }
+    case 'capsule':
+      return rod(new Vector3(...shape.from), new Vector3(...shape.to), shape.radius);
     case 'box':
       return { geometry: new BoxGeometry(...shape.size), position, orientation };
     case 'cylinder': // three's is along y
@@ -65,29 +89,39 @@ function readPose(pose) {
   return { position: new Vector3(...(pose?.xyz ?? [0, 0, 0])), orientation: new Quaternion(x, y, z, w) };
 }
 
+/** The link whose way is drawn: the tool, else the last fixed one without shapes, else the last. */
+function findTool({ tool, links }) {
+  if (Number.isInteger(tool) && links[tool]) return tool;
+  const bare = links.findLastIndex(({ joint, parent, shapes }) => joint < 0 && parent >= 0 && !shapes?.length);
+  return bare >= 0 ? bare : links.length - 1;
+}
+
 /** An arm in three's scene: a frame per link, moved by joint angles. */
 export class Arm {
   #links;
+  #tool;
 
-  /** @param {{translucent: boolean}} look */
-  constructor(run, shapes, { translucent }) {
+  /**
+   * @param {{outline: number}} look more than 0: not the arm itself, but an outline of it so far [m] around; where
+   *   another arm lies in the same place, it is seen as its edge
+   */
+  constructor(run, shapes, { outline = 0 } = {}) {
     this.root = new Group();
-    this.#links = run.scene.links.map((link, i) => {
+    this.#tool = findTool(run.scene);
+    const { links } = run.scene;
+    const carrier = (i) => (i < 0 ? -1 : links[i].joint >= 0 ? links[i].joint : carrier(links[i].parent));
+    this.#links = links.map((link, i) => {
       const { position, orientation } = readPose(link.origin);
       const origin = new Group();
       origin.position.copy(position);
       origin.quaternion.copy(orientation);
       const frame = new Group(); // moves in its origin
       origin.add(frame);
-      const material = new MeshStandardMaterial({
-        roughness: 0.62,
-        metalness: 0.05,
-        transparent: translucent,
-        opacity: translucent ? 0.38 : 1,
-        depthWrite: !translucent,
-      });
+      const material = new MeshStandardMaterial(
+        outline > 0 ? { roughness: 1, side: BackSide, emissiveIntensity: 0.6 } : { roughness: 0.62, metalness: 0.05 },
+      );
       for (const shape of shapes[i]) {
-        const mesh = new Mesh(shape.geometry, material);
+        const mesh = new Mesh(outline > 0 ? inflated(shape.geometry, outline) : shape.geometry, material);
         mesh.position.copy(shape.position);
         mesh.quaternion.copy(shape.orientation);
         frame.add(mesh);
@@ -100,11 +134,13 @@ export class Arm {
         base: new Color(),
         axis,
         joint: link.joint,
+        movedBy: carrier(i),
+        isOutline: outline > 0,
         linear: run.joints[link.joint]?.linear,
         own: link.color,
       };
     });
-    run.scene.links.forEach(({ parent }, i) => {
+    links.forEach(({ parent }, i) => {
       (this.#links[parent]?.frame ?? this.root).add(this.#links[i].origin);
     });
   }
@@ -138,39 +174,59 @@ export class Arm {
     this.tint(() => null);
   }
 
-  /** Tints the links that a joint moves in the colour that `colourOf` the joint gives, if any. */
+  /** Tints what a joint moves, up to the next one, in the colour that `colourOf` the joint gives, if any. */
   tint(colourOf) {
-    for (const { material, base, joint } of this.#links) {
-      const colour = joint >= 0 ? colourOf(joint) : null;
+    for (const { material, base, movedBy, isOutline } of this.#links) {
+      const colour = movedBy >= 0 ? colourOf(movedBy) : null;
       material.color.copy(base);
+      if (isOutline) material.emissive.copy(base);
       if (colour) material.color.lerp(new Color(colour), 0.6);
     }
   }
 
-  /** Where the last link, the tool, is. */
+  /** Where the tool is. */
   toolPosition(target) {
     this.root.updateMatrixWorld(true);
-    return this.#links.at(-1).frame.getWorldPosition(target);
+    return this.#links[this.#tool].frame.getWorldPosition(target);
   }
 }
 
-/** The way of the tool through all frames, drawn from one frame to another. */
+const hulls = new WeakMap();
+
+/** The surface, moved outwards. */
+function inflated(geometry, distance) {
+  if (!hulls.has(geometry)) {
+    const hull = geometry.clone();
+    const { position, normal } = hull.attributes;
+    const moved = new Float32Array(position.array.length);
+    for (let i = 0; i < moved.length; ++i) moved[i] = position.array[i] + distance * normal.array[i];
+    hull.setAttribute('position', new BufferAttribute(moved, 3));
+    hulls.set(geometry, hull);
+  }
+  return hulls.get(geometry);
+}
+
+/** The way of the tool in the last seconds. */
 export class Trail {
-  constructor(arm, q, frames, joints) {
-    const points = new Float32Array(3 * frames);
-    const point = new Vector3();
-    for (let i = 0; i < frames; ++i) {
-      arm.pose(q, i * joints);
-      arm.toolPosition(point).toArray(points, 3 * i);
-    }
+  #points = new Float32Array(3 * Trail.POINTS);
+  #point = new Vector3();
+
+  static POINTS = 80;
+
+  constructor() {
     const geometry = new BufferGeometry();
-    geometry.setAttribute('position', new BufferAttribute(points, 3));
+    geometry.setAttribute('position', new BufferAttribute(this.#points, 3).setUsage(DynamicDrawUsage));
     this.line = new Line(geometry, new LineBasicMaterial({ transparent: true, opacity: 0.8 }));
     this.line.frustumCulled = false;
   }
 
-  show(from, to) {
-    this.line.geometry.setDrawRange(from, Math.max(0, to - from + 1));
+  /** Draws the way from one time to another; `poseAt` poses the arm, which is left at the last time. */
+  show(arm, from, to, poseAt) {
+    for (let i = 0; i < Trail.POINTS; ++i) {
+      poseAt(from + ((to - from) * i) / (Trail.POINTS - 1));
+      arm.toolPosition(this.#point).toArray(this.#points, 3 * i);
+    }
+    this.line.geometry.attributes.position.needsUpdate = true;
   }
 
   paint(colour) {

@@ -1,7 +1,8 @@
 /**
  * What the reader has chosen. Every part of the page changes it here and hears of changes from here:
  * `cases` (which are shown), `joint`, `kinds` (which lines of a quantity), `view` (the time in view), `time` (the
- * scrubber), `hover` (the mouse over a plot), `play`, `speed`, `replay` (whose arm), `theme`.
+ * scrubber), `hover` (the mouse over a plot), `focus` (the case that is pointed at), `play`, `speed`, `replay` (whose
+ * arm, and how), `theme`.
  */
 export class State {
   #listeners = new Map();
@@ -13,11 +14,13 @@ export class State {
     this.view = { min: run.tMin, max: run.tMax };
     this.time = run.tMin;
     this.hover = null;
+    this.focus = null; // the index of the case that stands out
     this.playing = false;
     this.speed = 1;
     this.replayCase = defaultReplayCase(run); // an index, or ALL_CASES
     this.hiddenKinds = new Set(); // keys of series that are not drawn
-    this.fit = new Map(); // quantity to how its y axis is fitted
+    this.fitted = new Set(); // quantities whose y axis is fitted to all data, whatever the limits
+    this.exaggeration = 1; // of the real arm's deviation in the replay
   }
 
   on(events, listener) {
@@ -47,6 +50,19 @@ export class State {
     this.emit('cases');
   }
 
+  /** Shows one case alone; again: all. */
+  toggleAlone(index) {
+    const isAlone = this.shown.every((shown, i) => shown === (i === index));
+    this.shown = this.shown.map((_, i) => isAlone || i === index);
+    this.emit('cases');
+  }
+
+  setFocus(index) {
+    if (index === this.focus) return;
+    this.focus = index;
+    this.emit('focus');
+  }
+
   setJoint(joint) {
     if (joint === this.joint) return;
     this.joint = joint;
@@ -64,8 +80,8 @@ export class State {
     this.emit('kinds');
   }
 
-  setFit(quantity, fit) {
-    this.fit.set(quantity, fit);
+  toggleFit(quantity) {
+    if (!this.fitted.delete(quantity)) this.fitted.add(quantity);
     this.emit('kinds');
   }
 
@@ -114,6 +130,11 @@ export class State {
   setSpeed(speed) {
     this.speed = speed;
     this.emit('speed');
+  }
+
+  setExaggeration(factor) {
+    this.exaggeration = factor;
+    this.emit('replay');
   }
 
   setReplayCase(index) {

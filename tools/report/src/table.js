@@ -17,8 +17,23 @@ export function fillHead(host, run) {
         ...[run.robot, run.file, created, `viable ${run.version}`].filter(Boolean).map((text) => el('span', { text })),
       ),
     ),
-    el('ul', { class: 'verdicts', 'aria-label': 'Verdict per case' }, ...run.cases.map(verdict)),
+    el(
+      'ul',
+      { class: 'verdicts', 'aria-label': 'Verdict per case', style: { '--columns': columnsFor(run.cases.length) } },
+      ...run.cases.map(verdict),
+    ),
   );
+}
+
+/** At most five beside each other, in rows as equal as can be. */
+const columnsFor = (count) => Math.ceil(count / Math.ceil(count / 5));
+
+/** Units as people write them. */
+const pretty = (text) => text.replaceAll('/s^2', '/s²').replaceAll('/s^3', '/s³');
+
+/** What stopped a case. The message may tell the time itself. */
+function stopText({ time_s: time, message }) {
+  return /^stopped at/.test(message) ? message : `stopped at ${number(time, 5)} s: ${message}`;
 }
 
 function verdict(c) {
@@ -34,12 +49,10 @@ function verdict(c) {
       'div',
       { class: 'verdict-text' },
       el('span', { class: 'mark', 'aria-hidden': 'true', text: mark }),
-      el('span', { text: c.verdict, title: `The filter ${promise}.` }),
+      el('span', { text: pretty(c.verdict), title: `The filter ${promise}.` }),
     ),
     el('div', { class: 'verdict-parts', text: parts, title: `filter · robust loop · plant: ${parts}` }),
-    c.stop
-      ? el('div', { class: 'verdict-stop', text: `stopped at ${number(c.stop.time_s, 5)} s: ${c.stop.message}` })
-      : null,
+    c.stop ? el('div', { class: 'verdict-stop', text: stopText(c.stop) }) : null,
   );
 }
 
@@ -47,7 +60,8 @@ function verdict(c) {
 export function fillSummary(host, run) {
   const { columns = [], rows = [], note = '' } = run.summary;
   if (rows.length === 0) return;
-  const isNumber = columns.map((_, i) => rows.every((row) => /^[\s\-–+\d.,%e/]*$/.test(row[i] ?? '')));
+  const isNumber = columns.map((_, i) => rows.every((row) => NUMBER.test(row[i] ?? '')));
+  const told = columns.map((_, i) => i).filter((i) => i === 0 || !isNeedless(rows, i));
   host.append(
     el(
       'div',
@@ -61,20 +75,62 @@ export function fillSummary(host, run) {
           el(
             'tr',
             {},
-            ...columns.map((name, i) => el('th', { scope: 'col', class: isNumber[i] ? 'number' : null, text: name })),
+            ...told.map((i) =>
+              el('th', {
+                scope: 'col',
+                class: isNumber[i] ? 'number' : null,
+                text: columns[i],
+                title: MEANINGS[columns[i]] ?? null,
+              }),
+            ),
           ),
         ),
-        el('tbody', {}, ...rows.map((row) => el('tr', {}, ...row.map((text, i) => cell(run, text, i, isNumber[i]))))),
+        el(
+          'tbody',
+          {},
+          ...rows.map((row) => el('tr', {}, ...told.map((i) => cell(run, columns[i], row[i] ?? '', i, isNumber[i])))),
+        ),
       ),
     ),
     note ? el('p', { class: 'hint', text: note }) : null,
   );
 }
 
-function cell(run, text, column, isNumber) {
-  if (column > 0) return el('td', { class: isNumber ? 'number' : null, text });
+const NUMBER = /^\s*([-–—]|inf|no limit|[-–−+]?[\d.,]+(e[-+]?\d+)?(\s*(%|[a-zµ°]+))?)?\s*$/i;
+const MEANINGS = {
+  position: 'Worst use of the position limits by the nominal arm; beyond 100 % a limit is broken',
+  velocity: 'Worst use of the velocity limits by the nominal arm; beyond 100 % a limit is broken',
+  acceleration: 'Worst use of the acceleration limits by the nominal arm; beyond 100 % a limit is broken',
+  jerk: 'Worst use of the jerk limits by the nominal arm; beyond 100 % a limit is broken',
+  outside: 'Ticks beyond any limit, counted per joint',
+  infeasible: 'Ticks without an admissible choice',
+  changed: 'Share of ticks that the filter changed',
+  'command error': 'RMS distance of the nominal joints to the commanded positions within the limits',
+  chatter: 'RMS jerk of joints pressed against a position limit at rest, in percent of the jerk limit',
+};
+
+/** True if a column tells nothing: there is no value in it, or it is the first one again. */
+function isNeedless(rows, column) {
+  return rows.every((row) => /^\s*[-–—]?\s*$/.test(row[column] ?? '')) || rows.every((row) => row[column] === row[0]);
+}
+
+/** Whether a value of the table is bad news: a limit used beyond 100 %, ticks outside or without a choice. */
+function isBad(column, text) {
+  const value = parseFloat(text);
+  if (/^(position|velocity|acceleration|jerk)$/.test(column)) return value > 100 || text === 'inf';
+  return /^(outside|infeasible)$/.test(column) && value > 0;
+}
+
+/** 499800 % instead of 4.998e+05 %. */
+const plain = (text) => text.replace(/^\d\.?\d*e\+0[4-9](?= |$)/, (value) => String(Number(value)));
+
+function cell(run, name, text, column, isNumber) {
+  if (column > 0) {
+    const classes = [isNumber ? 'number' : '', isBad(name, text) ? 'bad' : ''].filter(Boolean).join(' ');
+    return el('td', { class: classes || null, text: isNumber ? plain(text) : text });
+  }
   const known = run.cases.find((c) => c.name === text);
-  return el('th', { scope: 'row' }, known ? swatch(known.index) : null, text);
+  return el('th', { scope: 'row', title: text }, known ? swatch(known.index) : null, text);
 }
 
 /** The long texts: what was run, and each case in detail. */

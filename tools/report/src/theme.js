@@ -12,7 +12,8 @@ const LIGHT = {
   ok: '#16734a',
   warn: '#8a5800',
   bad: '#b3261e',
-  limit: '#6d7885',
+  limit: '#55606c',
+  forbidden: 0.055, // how strongly the place beyond a limit is tinted
   cases: ['#0072b2', '#d55e00', '#00966c', '#bb5a93', '#b47c00', '#41a1de', '#6a5d00', '#46515e'],
   limits: { position: '#5c86f7', velocity: '#f2a900', acceleration: '#f2600c', jerk: '#d0267c' },
   status: { 2: '#9aa4b0', 3: '#c9d0d8', 4: '#c11b17', 5: '#10161d' },
@@ -29,7 +30,8 @@ const DARK = {
   ok: '#4cc38a',
   warn: '#e5b454',
   bad: '#ff8078',
-  limit: '#8d98a5',
+  limit: '#98a3b0',
+  forbidden: 0.1,
   cases: ['#4ba6e6', '#ff8746', '#2cc499', '#e39ac6', '#eeb02a', '#a2daff', '#e4dc6a', '#c2ccd7'],
   limits: { position: '#7b9dff', velocity: '#ffb829', acceleration: '#ff7429', jerk: '#f0559f' },
   status: { 2: '#77828f', 3: '#48525d', 4: '#ff5c52', 5: '#ffffff' },
@@ -42,6 +44,10 @@ export let colours = LIGHT;
 export const printColours = LIGHT;
 
 export const caseColour = (index, palette = colours) => palette.cases[index % palette.cases.length];
+
+/** Beyond the eighth case colours come again, the lines broken. */
+const DASHES = [[], [9, 4], [2, 3], [12, 3, 2, 3]];
+export const caseDash = (index) => DASHES[Math.floor(index / LIGHT.cases.length) % DASHES.length];
 
 /** The colour of an acting limit, by its name in LIMITS. */
 export const limitColour = (name, palette = colours) => palette.limits[name.split('_')[0]];

@@ -38,24 +38,15 @@ export class LaneChart {
     const height = frame.height / Math.max(1, cases.length);
     cases.forEach((c, lane) => {
       const top = frame.top + lane * height;
-      this.#drawName(painter, c, frame.left - 4, top + height / 2, palette, sparse);
-      painter.clip(frame.left, top, frame.width, height, () => this.#drawLane(painter, frame, c, top, height, palette));
+      drawLaneName(painter, c, frame.left - 4, top + height / 2, palette, sparse);
+      painter.clip(frame.left, top, frame.width, height, () =>
+        this.#drawLane(painter, frame, c, top, height, palette, sparse),
+      );
       if (lane > 0) painter.rect(frame.left, top - 0.5, frame.width, 1, palette.line);
     });
   }
 
-  #drawName(painter, c, right, y, palette, sparse) {
-    const room = 46;
-    let name = c.name;
-    if (painter.textWidth(name) > room) {
-      while (name.length > 1 && painter.textWidth(`${name}…`) > room) name = name.slice(0, -1);
-      name += '…';
-    }
-    painter.text(name, right - 4, y, { colour: sparse ? palette.muted : palette.text, align: 'right' });
-    painter.rect(right - 1, y - 5, 3, 10, caseColour(c.index, palette));
-  }
-
-  #drawLane(painter, frame, c, top, height, palette) {
+  #drawLane(painter, frame, c, top, height, palette, sparse) {
     const strip = 3;
     const half = (height - strip - 3) / 2;
     painter.rect(frame.left, top + 1 + half, frame.width, 0.75, palette.grid);
@@ -67,7 +58,16 @@ export class LaneChart {
     runs(c, c.status, frame, (code, x, width) => {
       if (code > 1) painter.rect(x, top + height - strip - 1, width, strip, palette.status[code] ?? palette.status[5]);
     });
-    if (c.stop) painter.rect(frame.toX(c.stop.time_s) - 0.75, top, 1.5, height, palette.bad);
+    if (!c.stop) return;
+    const x = frame.toX(c.stop.time_s);
+    painter.rect(x - 1, top, 2, height, palette.bad);
+    if (!sparse)
+      painter.text('stopped', x + 5, top + half + 1, {
+        colour: palette.bad,
+        size: 10,
+        weight: 600,
+        halo: palette.surface,
+      });
   }
 
   /** Per shown case what acts at a time. */
@@ -88,6 +88,19 @@ export class LaneChart {
   }
 }
 
+/** The name of a case before its lane, as far as there is room, and its colour. */
+export function drawLaneName(painter, c, right, y, palette, sparse) {
+  const room = 48;
+  const size = 10;
+  let { name } = c;
+  if (painter.textWidth(name, size) > room) {
+    while (name.length > 1 && painter.textWidth(`${name}…`, size) > room) name = name.slice(0, -1);
+    name += '…';
+  }
+  painter.text(name, right - 4, y, { colour: sparse ? palette.muted : palette.text, size, align: 'right' });
+  painter.rect(right - 1, y - 6, 3, 12, caseColour(c.index, palette));
+}
+
 /** Calls `draw` for each run of equal codes in view. What is narrower than a pixel is drawn a pixel wide. */
 function runs(c, codes, { xMin, xMax, toX }, draw) {
   const first = Math.max(0, Math.floor((xMin - c.t0) / c.step));
@@ -102,11 +115,11 @@ function runs(c, codes, { xMin, xMax, toX }, draw) {
   }
 }
 
-/** What the colours mean: [name, colour as a custom property], with the states that occur in the run. */
+/** What the colours mean: of the limits, and of the states (with their codes) that occur in the run. */
 export function legend(run) {
-  const items = Object.keys(colours.limits).map((name) => ({ name, colour: `--limit-${name}`, strip: false }));
+  const items = Object.keys(colours.limits).map((name) => ({ name, colour: `--limit-${name}`, code: 0 }));
   for (let code = 2; code < STATUS.length; ++code)
     if (run.cases.some((c) => c.status.includes(code)))
-      items.push({ name: STATUS[code], colour: `--status-${code}`, strip: true });
+      items.push({ name: STATUS[code], colour: `--status-${code}`, code });
   return items;
 }

@@ -1,7 +1,7 @@
 /** @typedef {import('./data.js').Samples} Samples */
 /**
- * Where to draw, in CSS pixels, and how values become pixels.
- * @typedef {{left: number, top: number, width: number, height: number, xMin: number, xMax: number,
+ * Where to draw, in CSS pixels, and how values become pixels. `pixel`: how wide one of the screen's is (else 1).
+ * @typedef {{left: number, top: number, width: number, height: number, xMin: number, xMax: number, pixel?: number,
  *   toX: (x: number) => number, toY: (y: number) => number}} Frame
  */
 
@@ -10,24 +10,66 @@ function inView({ x0, dx, y }, min, max) {
   return [Math.max(0, Math.floor((min - x0) / dx)), Math.min(y.length - 1, Math.ceil((max - x0) / dx))];
 }
 
-/** Adds the least and largest value between two times to a range. */
+/** Adds the least and largest value between two times to a range; returns how far the values go up and down in all. */
 export function widen(range, samples, min, max) {
   const [first, last] = inView(samples, min, max);
   const { y } = samples;
   let [low, high] = range;
+  let way = 0;
+  let before = NaN;
   for (let i = first; i <= last; ++i) {
     const value = y[i];
     if (value < low) low = value;
     if (value > high) high = value;
+    const step = Math.abs(value - before);
+    if (step > 0) way += step;
+    before = value;
   }
   range[0] = low;
   range[1] = high;
+  return way;
 }
 
 /** True if so many samples are in view that a pixel column holds several. */
-export function isDense(samples, { xMin, xMax, width }) {
+export function isDense(samples, { xMin, xMax, width, pixel = 1 }) {
   const [first, last] = inView(samples, xMin, xMax);
-  return last - first > 3 * width;
+  return last - first > (3 * width) / pixel;
+}
+
+/** The value of a series that is in force at a time (of a bucket: the least), or undefined. */
+function valueAt({ x0, dx, y, pairs }, time) {
+  const at = (time - x0) / dx;
+  return y[pairs ? 2 * Math.floor(at / 2 + 0.25) : Math.floor(at)];
+}
+
+/**
+ * Lines that lie on each other take turns in being seen: none hides the others. Per line the times at which it is to be
+ * drawn, as [from, to] pairs.
+ * @param {Samples[]} lines in the order of drawing
+ */
+export function takeTurns(lines, frame) {
+  const CELL = 20; // pixels of a turn
+  const NEAR = 1.2; // pixels between lines that cannot be told apart
+  const cell = ((frame.xMax - frame.xMin) / frame.width) * CELL;
+  const parts = lines.map(() => []);
+  for (let index = Math.floor(frame.xMin / cell); index * cell < frame.xMax; ++index) {
+    const probes = [0.1, 0.5, 0.9].map((share) => (index + share) * cell);
+    const heights = lines.map((samples) => probes.map((time) => frame.toY(valueAt(samples, time))));
+    const groups = [];
+    heights.forEach((own, i) => {
+      const group = groups.find(([first]) => own.every((y, k) => Math.abs(y - heights[first][k]) < NEAR));
+      if (group) group.push(i);
+      else groups.push([i]);
+    });
+    for (const group of groups)
+      group.forEach((line, i) => {
+        if (((index % group.length) + group.length) % group.length !== i) return;
+        const last = parts[line].at(-1);
+        if (last && last[1] === index * cell) last[1] = (index + 1) * cell;
+        else parts[line].push([index * cell, (index + 1) * cell]);
+      });
+  }
+  return parts;
 }
 
 /**
@@ -46,8 +88,9 @@ function inOrder({ y, pairs }) {
 }
 
 /**
- * Draws the part of a series in view. Where a pixel column holds many samples, its first, least, largest and last are
- * drawn: the picture is the same, the work is bounded by the width. A NaN leaves a gap.
+ * Draws the part of a series in view. Where a pixel column holds many samples, a line from its first to its last is
+ * drawn, by its least and largest if these are further: the picture is the same, the work is bounded by the width. A
+ * NaN leaves a gap.
  */
 export function trace(sink, samples, frame, stepped = false) {
   const [first, last] = inView(samples, frame.xMin, frame.xMax);
@@ -56,9 +99,9 @@ export function trace(sink, samples, frame, stepped = false) {
   const low = frame.top - 20 * frame.height; // far outside is far enough, and endless lines are slow
   const high = frame.top + 21 * frame.height;
   const toY = (value) => Math.min(Math.max(frame.toY(value), low), high);
+  const valueAt = inOrder(samples);
 
   if (!isDense(samples, frame)) {
-    const valueAt = inOrder(samples);
     let open = false;
     let before = 0;
     for (let i = first; i <= last; ++i) {
@@ -79,33 +122,41 @@ export function trace(sink, samples, frame, stepped = false) {
     return;
   }
 
-  const perSample = toX(x0 + dx) - toX(x0);
-  const start = toX(x0);
+  const { pixel = 1 } = frame;
+  const perSample = (toX(x0 + dx) - toX(x0)) / pixel; // in columns
+  const start = toX(x0) / pixel;
   let open = false;
   for (let i = first; i <= last;) {
     const column = Math.floor(start + i * perSample);
-    let opened = NaN;
+    let opened = -1;
+    let final = -1;
     let least = Infinity;
     let most = -Infinity;
-    let final = NaN;
     for (; i <= last && Math.floor(start + i * perSample) === column; ++i) {
       const value = y[i];
       if (value !== value) continue;
-      if (opened !== opened) opened = value;
+      if (opened < 0) opened = i;
       if (value < least) least = value;
       if (value > most) most = value;
-      final = value;
+      final = i;
     }
-    if (opened !== opened) {
+    if (opened < 0) {
       open = false;
       continue;
     }
-    const x = column + 0.5;
-    if (open) sink.lineTo(x, toY(opened));
-    else sink.moveTo(x, toY(opened));
-    sink.lineTo(x, toY(least));
-    sink.lineTo(x, toY(most));
-    sink.lineTo(x, toY(final));
+    const from = toY(valueAt(opened));
+    const to = toY(valueAt(final));
+    const x = column * pixel;
+    if (open) sink.lineTo(x, from);
+    else sink.moveTo(x, from);
+    const top = toY(most);
+    const bottom = toY(least);
+    if (Math.min(from, to) - top > 0.5 || bottom - Math.max(from, to) > 0.5) {
+      // it goes further than from one end to the other
+      sink.lineTo(x + 0.5 * pixel, from > to ? bottom : top);
+      sink.lineTo(x + 0.5 * pixel, from > to ? top : bottom);
+    }
+    sink.lineTo(x + pixel, to);
     open = true;
   }
 }

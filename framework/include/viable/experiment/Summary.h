@@ -95,6 +95,7 @@ public:
     }
     /** When a tick first had no admissible choice; meaningless without such ticks. */
     double firstInfeasible_s() const { return firstInfeasible_s_; }
+    double changedShare() const;  ///< of the ticks: the filter changed the motion
     std::int64_t substitutedTicks() const { return substituted_; }
     /** What acted, by joint and limit name, such as {"joint0", "jerk_upper"}. */
     std::map<std::pair<std::string, std::string>, InterventionRecord> interventions() const;

@@ -6,16 +6,18 @@
 namespace viable {
 
 /** Writes a log as CSV (RFC 4180 quoting, LF, one header line): `time_s`, then
-`<channel>.<joint>.<field>` as in LogReader::columns(). Numbers read back bit-equal; an infinite
+`<channel>.<joint>.<field>` as in LogReader::columns(), with m and N for rad and Nm where the log's metadata
+name the joint in `prismatic_joints` (a JSON list). Numbers read back bit-equal; an infinite
 margin is `inf`. A log that was cut off gives the rows that it has. The file appears under its name
 only when it is whole.
 Throws Error: BadInput when the log cannot be read or `csv` exists already (it is never
 overwritten), LogNotWritten when `csv` cannot be written; then nothing is left of it. */
 void exportCsv(const std::filesystem::path& log, const std::filesystem::path& csv);
 
-/** Writes a log as HDF5: one dataset per column, named as in the CSV with / for the first two dots
-(/nominal/joint0/q_rad), all of equal length; words (a limit, a status) as small integers with the words
-themselves in the attribute `words`. Attributes of the root: what wrote the log, its metadata and attachments
+/** Writes a log as HDF5: one dataset per column, named as in the CSV with / for the first and the last dot
+(/nominal/joint0/q_rad), all of equal length. A dataset's attributes: `column`, its name in the CSV; `units`, such
+as "rad/s^2" or "1"; for words (a limit, a status), which are small integers, instead the `words` that they stand
+for. Attributes of the root: what wrote the log, its metadata and attachments
 (the resolved experiment file). Errors as for exportCsv(). */
 void exportHdf5(const std::filesystem::path& log, const std::filesystem::path& hdf5);
 

@@ -52,8 +52,9 @@ public:
     virtual bool close(std::string& error) = 0;
 };
 
-/** A new file. Throws Error: BadInput when something of that name exists already (it is never
-overwritten, Linux O_EXCL), LogNotWritten when it cannot be created. */
+/** A new file, which gets its name when it has taken the first write (a log's opening): whoever finds it,
+even of a program that was killed, can read it. Throws Error: BadInput when something of that name exists
+already (it is never overwritten), LogNotWritten when it cannot be created. */
 std::unique_ptr<LogSink> createLogFile(const std::filesystem::path& file);
 
 /** Chunks are closed after this much of logged time or this much data, whichever comes first: a

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "viable/log/LogReader.h"
+
+namespace viable::detail {
+
+/** The metadata entry that names the joints which slide, as a JSON list: ["lift"]. */
+inline constexpr char kPrismaticJoints[] = "prismatic_joints";
+
+/** A column of a log as the exports name it. */
+struct ExportColumn {
+    const LogColumn* column;  ///< the reader's
+    std::string name;         ///< "nominal.joint0.q_rad"
+    std::string path;         ///< "/nominal/joint0/q_rad"
+    std::string unit;         ///< "rad/s"; "1" for a number without one, empty for a word
+};
+
+/** All columns of a log, in the order of LogReader::columns(). A log's own columns say rad and Nm for every
+joint; here those of a joint that slides say m and N. The path has / for the first and the last dot, so that
+dots of a joint's name stay. Throws Error: BadInput when the metadata do not list joints. */
+std::vector<ExportColumn> nameExportColumns(const LogReader& reader, const std::string& log);
+
+}  // namespace viable::detail
