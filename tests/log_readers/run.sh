@@ -4,7 +4,8 @@
 set -euo pipefail
 what=$1 build=$2 source=$3 packages=${4:-}
 here=$source/tests/log_readers
-python=${VIABLE_PYTHON:-python3}
+# Debian's own interpreter has Debian's h5py, whichever comes first in PATH.
+python=${VIABLE_PYTHON:-/usr/bin/python3}
 viable=$build/bin/viable
 
 if [ "$what" = hdf5 ] && ! "$python" -c 'import h5py, numpy' 2>/dev/null; then
