@@ -26,8 +26,11 @@ void addRecoverCommand(CLI::App& app, int& exitCode) {
     command->callback([arguments, &exitCode] {
         exitCode = 0;
         std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is a write error, not a death
-        const bool isWhole = LogReader(arguments->log).isComplete();
+        LogReader reader(arguments->log);
+        const bool isWhole = reader.isComplete();
         if (isWhole && arguments->out.empty()) {
+            for (TickRecord record; reader.read(record);) {  // refuses what is damaged
+            }
             std::printf("%s is whole: nothing to recover\n", arguments->log.c_str());
             return;
         }

@@ -170,12 +170,12 @@ CaseOutcomes runCases(const Experiment& experiment, const fs::path& folder, int 
 /** Writes the report of a run; its loss does not undo the run. Returns false when there is none. */
 bool tryWriteReport(const fs::path& folder) {
     try {
-        std::printf("report: %s\n", writeReport(folder, findReportPage()).c_str());
+        for (const fs::path& report : writeReport(folder, findReportPage()))
+            std::printf("report: %s\n", report.c_str());
         return true;
     } catch (const std::exception& e) {
         std::fprintf(stderr,
-                     "viable: the report was not written: %s\nLogs and summary are whole: mend the "
-                     "cause, then run: viable report %s\n",
+                     "viable: the report was not written: %s\nMend the cause, then run: viable report %s\n",
                      e.what(), folder.c_str());
         return false;
     }
@@ -209,7 +209,10 @@ int run(const RunArguments& arguments) {
 
     installSignalHandlers();
     const fs::path folder = makeRunFolder(arguments.out, arguments.file);
-    std::printf("%s\n%s, %zu case%s, output in %s\n", experiment.title.c_str(),
+    std::string title = experiment.title;  // a file from elsewhere must not command the terminal
+    for (char& c : title)
+        if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
+    std::printf("%s\n%s, %zu case%s, output in %s\n", title.c_str(),
                 arguments.file.c_str(), experiment.cases.size(),
                 experiment.cases.size() == 1 ? "" : "s", folder.c_str());
     std::fflush(stdout);
@@ -245,7 +248,9 @@ int run(const RunArguments& arguments) {
         std::fprintf(stderr, "viable: %s\n", lost.c_str());
         if (code == 0) code = static_cast<int>(ErrorKind::LogNotWritten);
     }
-    if (!arguments.noReport && !results.empty() && !tryWriteReport(folder) && code == 0)
+    if (stopSignal != 0)  // who stops a run wants it to end; the report would read all logs again
+        std::printf("for a report: viable report %s\n", folder.c_str());
+    else if (!arguments.noReport && !results.empty() && !tryWriteReport(folder) && code == 0)
         code = static_cast<int>(ErrorKind::LogNotWritten);
     if (failure) std::rethrow_exception(failure);
     for (const CasePlan& plan : experiment.cases)

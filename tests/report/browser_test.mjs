@@ -880,6 +880,8 @@ testOfPage('gaps, missing series and cases without rows are no error', async () 
       real_q: null,
       real_qd: null,
       real_qdd: null,
+      real_jerk: null,
+      error: null,
       tau_robust: null,
       tau_motor: null,
       position_lower: null,

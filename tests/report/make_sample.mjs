@@ -79,6 +79,7 @@ const SERIES = [
   'real_qd',
   'real_qdd',
   'real_jerk',
+  'error',
   'tau_desired',
   'tau_filter',
   'tau_robust',
@@ -160,6 +161,7 @@ function simulateJoint(j, rows, perBucket, buckets, frames, stride, style) {
       real_qd: v + 0.02 * Math.sin(211 * t),
       real_qdd: a + 0.4 * Math.sin(333 * t),
       real_jerk: 133.2 * Math.cos(333 * t),
+      error: realQ - q,
       tau_desired: inertia * wished + 12 * Math.sin(q + j) * inertia,
       tau_filter: filterTorque,
       tau_robust: robustTorque,
@@ -168,7 +170,7 @@ function simulateJoint(j, rows, perBucket, buckets, frames, stride, style) {
     };
     for (const name of SERIES) series[name].put(row, values[name]);
     const bucket = Math.floor(row / perBucket);
-    if (acting && (row * 7) % perBucket < 7) active[bucket] = acting;
+    if (acting) active[bucket] |= 1 << (acting - 1);
     if (acting) modified[bucket] = 1;
     if (row % stride === 0 && row / stride < frames) {
       nominal[row / stride] = q;

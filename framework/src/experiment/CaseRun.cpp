@@ -79,7 +79,9 @@ LogOpening makeOpening(const CasePlan& plan, MotionCommand::Space space) {
     LogOpening opening;
     opening.layout = {plan.robot.jointNames(), space, plan.realPlant.has_value()};
     opening.metadata = {
-        {"case", plan.name}, {"robot", plan.robot.folder.string()}, {"version", VIABLE_VERSION}};
+        {"case", plan.name},
+        {"robot", std::filesystem::absolute(plan.robot.folder).lexically_normal().string()},
+        {"version", VIABLE_VERSION}};
     nlohmann::json sliding = nlohmann::json::array();
     for (const JointDescription& joint : plan.robot.joints)
         if (joint.type == JointType::Prismatic) sliding.push_back(joint.name);

@@ -36,7 +36,7 @@ constexpr double kTorqueAgreement = 1e-6;
 
 /** What the plugin wrote is one of the words that the log and the summary know. */
 bool areKnown(FilterStatus status, const FilterDecision& d, int n) {
-    if (status > FilterStatus::Faulted || d.held > HeldQuantity::Acceleration) return false;
+    if (status > FilterStatus::Ended || d.held > HeldQuantity::Acceleration) return false;
     for (int i = 0; i < n; ++i)
         if (d.joints[i].limit > LimitKind::Jerk || d.joints[i].side < LimitSide::Lower ||
             d.joints[i].side > LimitSide::Upper)
@@ -128,7 +128,6 @@ void ControlLoop::reset() {
     hasTorque_ = false;
     missingCommands_ = missingTorques_ = 0;
     substituted_ = 0;
-    status_ = FilterStatus::Passed;
     stopReason_ = StopReason::None;
     stopTime_ = 0.0;
     stopMessage_[0] = '\0';
@@ -268,15 +267,15 @@ void ControlLoop::tellMissedTicks() {
 
 bool ControlLoop::takeDecision() {
     decision_.hasStops = false;  // a filter without a witness need not say so
-    const bool hadChoice = status_ != FilterStatus::Infeasible;
     status_ = contain(FilterStatus::Faulted, StopReason::FilterFailed, [&] {
         return plugins_.filter->filter(nominal_, desiredTorque_, dynamics_, decision_);
     });
-    if (status_ == FilterStatus::Faulted && !hadChoice && !isStopping()) {
+    if (status_ == FilterStatus::Ended && !plugins_.filter->promisesLimits()) {
         beginStop(StopReason::FilterEnded, "it had no admissible choice and does not go on");
         return false;
     }
     const char* fault = status_ == FilterStatus::Faulted        ? "it reported that it cannot go on"
+                        : status_ == FilterStatus::Ended ? "it promises all limits, but ended the case"
                         : status_ == FilterStatus::InvalidInput ? "it refused its input as invalid"
                         : !areKnown(status_, decision_, n_)
                             ? "its status or an acting limit is none of the words there are"

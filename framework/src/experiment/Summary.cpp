@@ -13,7 +13,7 @@ constexpr double kLongest_us = 1e7;
 constexpr double kBinWidth = 0.03;  // relative
 
 // What counts as rest near a limit, see Summary::chatter().
-constexpr double kNearShare = 0.05, kRestShare = 1e-3, kRest_s = 0.5;
+constexpr double kNearShare = 0.05, kRestShare = 1e-3, kRest_s = 0.5, kLeastRest_s = 1.0;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 int findBin(double us) {
@@ -50,7 +50,7 @@ Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool h
     for (auto& records : limits_) records.resize(jointNames_.size());
     realPosition_.resize(jointNames_.size());
     acting_.resize(jointNames_.size());
-    rests_.assign(jointNames_.size(), {kNan, 0.0});
+    rests_.assign(jointNames_.size(), {kNan, kNan, 0.0});
     squaredError_.setZero(static_cast<int>(jointNames_.size()));
     largestError_.setZero(static_cast<int>(jointNames_.size()));
     worstMargin_.value = std::numeric_limits<double>::infinity();
@@ -156,15 +156,17 @@ void Summary::addRest(int i, const TickRecord& record) {
     const double q = record.nominal.q[i], range = upper - lower;
     const double jerkLimit = std::max(-bounds_.jerk.lower[i], bounds_.jerk.upper[i]);
     Rest& rest = rests_[static_cast<std::size_t>(i)];
-    if (!(std::abs(q - rest.q) <= 0.5 * kRestShare * range)) rest = {q, record.time_s};
     if (!hasJointCommand(record) || !std::isfinite(range) || !std::isfinite(jerkLimit)) return;
     const double near = kNearShare * range, target = record.command.q[i];
+    if (!(std::abs(q - rest.q) <= 0.5 * kRestShare * range) || target != rest.target)
+        rest = {q, target, record.time_s};
     const bool isPressed =
         (target <= lower && q - lower <= near) || (target >= upper && upper - q <= near);
     if (!isPressed || record.time_s - rest.since_s < kRest_s) return;
     const double share = record.nominal.jerk[i] / jerkLimit;
     squaredRestJerk_ += share * share;
     ++restTicks_;
+    rested_s_ += tick_s_;
 }
 
 void Summary::add(const TickRecord& record) {
@@ -247,7 +249,9 @@ double Summary::commandErrorRms() const {
 }
 
 double Summary::chatter() const {
-    return restTicks_ ? std::sqrt(squaredRestJerk_ / static_cast<double>(restTicks_)) : kNan;
+    return rested_s_ >= kLeastRest_s - 0.5 * tick_s_
+               ? std::sqrt(squaredRestJerk_ / static_cast<double>(restTicks_))
+               : kNan;
 }
 
 double Summary::trackingRms(int joint) const {

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <tuple>
 
 #include "experiment/NumberFormat.h"
 #include "viable/experiment/CaseRun.h"
@@ -172,7 +173,7 @@ std::string formatOutside(const Summary& s, LimitKind kind) {
 }
 
 std::string formatChatter(const Summary& s) {
-    return std::isnan(s.chatter()) ? "never" : format("%.3g", 100.0 * s.chatter());
+    return std::isnan(s.chatter()) ? "-" : format("%.3g", 100.0 * s.chatter());
 }
 
 }  // namespace
@@ -214,15 +215,14 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
         for (LimitKind kind : kKinds) outside += r.summary.ticksOutside(kind);
         return outside;
     };
-    const auto isBetter = [&](const CaseResult* a, const CaseResult* b) {
-        const Summary &x = a->summary, &y = b->summary;
-        const std::int64_t outsideA = countOutside(*a), outsideB = countOutside(*b);
-        if (outsideA != outsideB) return outsideA < outsideB;
-        const std::int64_t emptyA = x.ticksWith(FilterStatus::Infeasible),
-                           emptyB = y.ticksWith(FilterStatus::Infeasible);
-        if (emptyA != emptyB) return emptyA < emptyB;
-        return x.commandErrorRms() < y.commandErrorRms();
+    // What stopped early comes last, whatever it kept until then; no number comes after every number.
+    const auto rank = [&](const CaseResult& r) {
+        const double error = r.summary.commandErrorRms();
+        return std::make_tuple(r.stopReason != StopReason::None, countOutside(r),
+                               r.summary.ticksWith(FilterStatus::Infeasible), std::isnan(error),
+                               std::isnan(error) ? 0.0 : error);
     };
+    const auto isBetter = [&](const CaseResult* a, const CaseResult* b) { return rank(*a) < rank(*b); };
     std::stable_sort(order.begin(), order.end(), isBetter);
     std::string text =
         format("%-25s |%16s |%16s |%16s |%16s | %6s | %7s | %7s | %7s | %s\n", "ranking: joint-ticks",
@@ -242,18 +242,27 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
                        static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)),
                        100.0 * s.changedShare(), formatMrad(s.commandErrorRms()).c_str(),
                        formatChatter(s).c_str(), s.stageTime(Stage::Filter).percentile(0.5));
+        if (r->stopReason != StopReason::None) {
+            text.pop_back();
+            text += format(" (stopped at %.3f s)\n", r->stopTime_s);
+        }
     }
     return text +
-           R"(Ranked by joint-ticks outside, then ticks without an admissible choice, then command error. command: RMS distance of
-the nominal joints to the commanded positions, those moved to the nearest limit ("-": no joint command). chatter: RMS
-jerk of joints at rest whose command presses them against a position limit, in percent of the jerk limit; at rest: within
-5 % of the range of the limit, and for 0.5 s not moved by more than 0.1 % of the range ("never": none ever was). filter:
-median time of a tick.
+           R"(Ranked by joint-ticks outside, then ticks without an admissible choice, then command error; what stopped early is last.
+command: RMS distance of the nominal joints to the commanded positions, those moved to the nearest limit ("-": no joint
+command). chatter: RMS jerk of joints at rest whose command presses them against a position limit, in percent of the jerk
+limit; at rest: within 5 % of the range of the limit, and for 0.5 s not moved by more than 0.1 % of the range ("-": less
+than 1 joint-second of that). filter: median time of a tick.
 )";
 }
 
 std::string formatVerdict(const CaseResult& r) {
-    return formatVerdict(r.summary) + " (nominal arm; the filter promises " +
+    std::string text;
+    if (r.stopReason == StopReason::PromiseBroken)
+        text = "promise broken, the arm was stopped; ";
+    else if (r.stopReason != StopReason::None)
+        text = "stopped early; ";
+    return text + formatVerdict(r.summary) + " (nominal arm; the filter promises " +
            (r.promises ? "all" : "none") + ")";
 }
 

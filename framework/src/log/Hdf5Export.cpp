@@ -129,17 +129,38 @@ void writeOpening(hid_t root, const LogReader& reader, const detail::PendingFile
         set(attachment.name, attachment.data);
 }
 
+/** The words of a column that have a number of their own in every file, in that order. */
+std::vector<std::string> listWords(const std::string& column) {
+    std::vector<std::string> words;
+    if (column == "tick.status")
+        for (int status = 0; status <= static_cast<int>(FilterStatus::Ended); ++status)
+            words.emplace_back(getName(static_cast<FilterStatus>(status)));
+    const std::string active = ".active";
+    if (column.size() <= active.size() ||
+        column.compare(column.size() - active.size(), active.size(), active) != 0)
+        return words;
+    words.emplace_back(getName(LimitKind::None, LimitSide::Neither));
+    for (LimitKind kind : {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration,
+                           LimitKind::Jerk})
+        for (LimitSide side : {LimitSide::Lower, LimitSide::Upper})
+            words.emplace_back(getName(kind, side));
+    return words;
+}
+
 /** One column on its way into the file. */
 class Column {
 public:
     Column(hid_t file, const detail::ExportColumn& column, const detail::PendingFile& target)
-        : column_(*column.column), target_(target) {
+        : column_(*column.column), target_(target), words_(listWords(column.name)) {
         const hsize_t none = 0, unlimited = H5S_UNLIMITED, block = kBlockRows;
         const Handle space(require(H5Screate_simple(1, &none, &unlimited), target), H5Sclose);
         const Handle creation(require(H5Pcreate(H5P_DATASET_CREATE), target), H5Pclose);
         require(H5Pset_chunk(creation.id(), 1, &block), target);
         require(H5Pset_shuffle(creation.id()), target);
         require(H5Pset_deflate(creation.id(), kCompression), target);
+        // Chunks are written once, in order: nothing to keep in a cache per column.
+        const Handle access(require(H5Pcreate(H5P_DATASET_ACCESS), target), H5Pclose);
+        require(H5Pset_chunk_cache(access.id(), 1, kBlockRows * sizeof(double), 1.0), target);
         const Handle links(require(H5Pcreate(H5P_LINK_CREATE), target), H5Pclose);
         require(H5Pset_create_intermediate_group(links.id(), 1), target);
         const hid_t type = column_.isText()      ? H5T_STD_U8LE
@@ -147,7 +168,7 @@ public:
                                                  : H5T_IEEE_F64LE;
         set_ =
             std::make_unique<Handle>(require(H5Dcreate2(file, column.path.c_str(), type, space.id(),
-                                                        links.id(), creation.id(), H5P_DEFAULT),
+                                                        links.id(), creation.id(), access.id()),
                                              target),
                                      H5Dclose);
         setTexts(set_->id(), "column", {column.name}, false, target);

@@ -137,7 +137,7 @@ bool setStatus(TickRecord& record, int, std::string_view word) {
     for (const FilterStatus status :
          {FilterStatus::Passed, FilterStatus::Modified, FilterStatus::StoppedByPlan,
           FilterStatus::Returning, FilterStatus::Infeasible, FilterStatus::InvalidInput,
-          FilterStatus::Faulted}) {
+          FilterStatus::Faulted, FilterStatus::Ended}) {
         if (word != getName(status)) continue;
         record.status = status;
         return true;

@@ -46,11 +46,14 @@ std::uint64_t recoverLog(const std::filesystem::path& log, const std::filesystem
     if (!writer.status().ok())
         throw Error(ErrorKind::LogNotWritten, whole.string(), writer.status().error,
                     "Free memory and try again");
-    // Of an opening that was cut off nobody knows what the rows would have held.
-    if (writer.status().rows == 0 && !reader.isComplete() &&
-        reader.columns().size() < listColumns(reader.layout()).size())
-        throw badInput(log.string(), "the log ends within its opening and holds no rows",
-                       "There is nothing to recover; run the experiment again");
+    // Columns that are missing would come out as if somebody had logged zeros.
+    if (reader.columns().size() < listColumns(reader.layout()).size()) {
+        if (writer.status().rows == 0)
+            throw badInput(log.string(), "the log ends within its opening and holds no rows",
+                           "There is nothing to recover; run the experiment again");
+        throw badInput(log.string(), "the log has other columns than this version writes",
+                       "Recover it with the version that wrote it, or export it as it is");
+    }
     file.finish();
     return writer.status().rows;
 }

@@ -74,6 +74,10 @@ FilterStatus JerkIntervalFilter::chooseJerk(const MotionState& nominal, const Dy
     return infeasible ? FilterStatus::Infeasible : status;
 }
 
+void JerkIntervalFilter::skipTicks(std::int64_t) {
+    desiredJerk_.reset();
+}
+
 FilterStatus JerkIntervalFilter::filter(const MotionState& nominal, const JointVector& torque,
                                         const Dynamics& dynamics, FilterDecision& decision) {
     if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_))

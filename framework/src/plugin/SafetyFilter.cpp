@@ -16,6 +16,8 @@ const char* getName(FilterStatus status) {
             return "infeasible";
         case FilterStatus::InvalidInput:
             return "invalid_input";
+        case FilterStatus::Ended:
+            return "ended";
         case FilterStatus::Faulted:
             return "faulted";
     }

@@ -9,9 +9,11 @@
 #include <sstream>
 
 #include "experiment/NumberFormat.h"
+#include "log/LogExportColumns.h"
 #include "report/BinaryBlock.h"
 #include "report/Scene.h"
 #include "report/Tracks.h"
+#include "viable/config/ConfigNode.h"
 #include "viable/core/Error.h"
 #include "viable/log/LogReader.h"
 
@@ -50,6 +52,7 @@ const Quantity kQuantities[] = {
     {"nominal_jerk", [](const TickRecord& r, int i) { return at(r.nominal.jerk, i); }, false},
     {"real_q", [](const TickRecord& r, int i) { return at(r.real.q, i); }, true},
     {"real_qd", [](const TickRecord& r, int i) { return at(r.real.qd, i); }, true},
+    {"error", [](const TickRecord& r, int i) { return at(r.real.q, i) - at(r.nominal.q, i); }, true},
     {"tau_desired", [](const TickRecord& r, int i) { return at(r.desiredTorque, i); }, false},
     {"tau_filter", [](const TickRecord& r, int i) { return at(r.filterTorque, i); }, false},
     {"tau_robust", [](const TickRecord& r, int i) { return at(r.robustTorque, i); }, true},
@@ -75,11 +78,11 @@ constexpr std::size_t kQuantityCount = std::size(kQuantities);
 constexpr const char* kDerivatives[] = {"real_qdd", "real_jerk"};
 constexpr std::size_t kTracksPerJoint = kQuantityCount + std::size(kDerivatives);
 
-/** A limit's code in the page: 0 none, 1 position_lower, 2 position_upper, ... 8 jerk_upper. */
-std::uint8_t toCode(const JointIntervention& joint) {
+/** A limit's bit in the page: 1 position_lower, 2 position_upper, 4 velocity_lower, ... 128 jerk_upper; 0 none. */
+std::uint8_t toBit(const JointIntervention& joint) {
     if (joint.limit == LimitKind::None) return 0;
-    return static_cast<std::uint8_t>(2 * static_cast<int>(joint.limit) -
-                                     (joint.side == LimitSide::Upper ? 0 : 1));
+    const int place = 2 * (static_cast<int>(joint.limit) - 1) + (joint.side == LimitSide::Upper);
+    return static_cast<std::uint8_t>(1u << place);
 }
 
 /** 0 passed, 1 modified, 2 stopped_by_plan, 3 returning, 4 infeasible, 5 invalid or faulted. */
@@ -123,11 +126,12 @@ public:
         : n_(joints),
           hasRealArm_(hasRealArm),
           tracks_(static_cast<std::size_t>(joints) * kTracksPerJoint),
-          codes_(static_cast<std::size_t>(joints) + 1),
+          limits_(static_cast<std::size_t>(joints), detail::CodeTracks::Join::Union),
+          status_(1, detail::CodeTracks::Join::Largest),
           nominal_(static_cast<std::size_t>(joints)),
           real_(static_cast<std::size_t>(joints)),
           values_(static_cast<std::size_t>(joints) * kTracksPerJoint, kNan),
-          actives_(static_cast<std::size_t>(joints) + 1) {}
+          actives_(static_cast<std::size_t>(joints)) {}
 
     void add(const TickRecord& r) {
         if (rows_ == 0) firstTime_s_ = r.time_s;
@@ -142,12 +146,12 @@ public:
                                ? (at(r.real.qd, i) - at(lastVelocity_, i)) / tick_s_
                                : kNan;
             jerk = (acceleration - last) / tick_s_;  // not a number before the third row
-            actives_[static_cast<std::size_t>(i)] = toCode(r.joints[i]);
+            actives_[static_cast<std::size_t>(i)] = toBit(r.joints[i]);
         }
         lastVelocity_ = r.real.qd;
-        actives_.back() = toCode(r.status);
         tracks_.add(values_);
-        codes_.add(actives_);
+        limits_.add(actives_);
+        status_.add({toCode(r.status)});
         addPose(nominal_, r.nominal.q);
         if (hasRealArm_) addPose(real_, r.real.q);
         times_.add(r.compute_us);
@@ -167,7 +171,7 @@ public:
                                               ? describeArray(index(i, kQuantityCount + k), block)
                                               : json(nullptr);
             joints.push_back({{"series", series},
-                              {"active", block.add(codes_.codes(static_cast<std::size_t>(i)))}});
+                              {"active", block.add(limits_.codes(static_cast<std::size_t>(i)))}});
         }
         const double tick = tick_s_ > 0.0 ? tick_s_ : 1e-3;
         return {{"rows", rows_},
@@ -176,7 +180,7 @@ public:
                 {"step_s", tick * static_cast<double>(tracks_.rowsPerBucket())},
                 {"buckets", tracks_.buckets()},
                 {"joints", joints},
-                {"status", block.add(codes_.codes(static_cast<std::size_t>(n_)))},
+                {"status", block.add(status_.codes(0))},
                 {"tick_time", times_.describe()},
                 {"replay",
                  {{"step_s", tick * static_cast<double>(nominal_.rowsPerSample())},
@@ -224,7 +228,7 @@ private:
     int n_;
     bool hasRealArm_;
     detail::Tracks tracks_;
-    detail::CodeTracks codes_;
+    detail::CodeTracks limits_, status_;
     detail::Samples nominal_, real_;
     std::vector<double> values_, pose_;
     std::vector<std::uint8_t> actives_;
@@ -237,17 +241,25 @@ private:
 /** The logs of a run: in the summary's order, then what it does not name (a run that was killed has none). */
 std::vector<fs::path> listLogs(const fs::path& folder, const json& summary) {
     std::vector<fs::path> logs;
-    for (const json& one : summary.value("cases", json::array())) {
-        const fs::path log = folder / (one.value("name", "") + ".mcap");
-        std::error_code failed;
-        if (fs::is_regular_file(log, failed)) logs.push_back(log);
-    }
-    std::vector<fs::path> others;
     std::error_code failed;
-    for (const fs::directory_entry& entry : fs::directory_iterator(folder, failed))
-        if (entry.path().extension() == ".mcap" &&
-            std::find(logs.begin(), logs.end(), entry.path()) == logs.end())
-            others.push_back(entry.path());
+    for (const json& one : summary.value("cases", json::array()))
+        for (const char* extension : {".recovered.mcap", ".mcap"}) {
+            const fs::path log = folder / (one.value("name", "") + extension);
+            if (!fs::is_regular_file(log, failed)) continue;
+            logs.push_back(log);
+            break;
+        }
+    std::vector<fs::path> others;
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder, failed)) {
+        const fs::path& log = entry.path();
+        if (log.extension() != ".mcap" || std::find(logs.begin(), logs.end(), log) != logs.end())
+            continue;
+        // Of a log that was recovered only the whole one is shown.
+        if (log.stem().extension() != ".recovered" &&
+            fs::exists(fs::path(log).replace_extension(".recovered.mcap"), failed))
+            continue;
+        others.push_back(log);
+    }
     std::sort(others.begin(), others.end());
     logs.insert(logs.end(), others.begin(), others.end());
     return logs;
@@ -259,10 +271,21 @@ std::string format(const char* pattern, double x) {
     return text;
 }
 
+/** The case of a log: X.mcap, or X.recovered.mcap. */
+std::string getCase(const fs::path& log) {
+    const fs::path stem = log.stem();
+    return stem.extension() == ".recovered" ? stem.stem().string() : stem.string();
+}
+
 /** The comparison of the cases, from summary.json. */
-json describeTable(const json& summary) {
+json describeTable(const json& summary, const std::vector<fs::path>& logs) {
     json rows = json::array();
+    std::string missing;
     for (const json& one : summary.value("cases", json::array())) {
+        const std::string name = one.value("name", "");
+        const bool hasLog = std::any_of(logs.begin(), logs.end(),
+                                        [&](const fs::path& log) { return getCase(log) == name; });
+        if (!hasLog) missing += (missing.empty() ? " Without a log here: " : ", ") + name;
         json row = json::array({one.value("name", ""), one.value("filter", "")});
         for (const char* quantity : {"position", "velocity", "acceleration", "jerk"}) {
             double worst = 0.0;
@@ -283,7 +306,8 @@ json describeTable(const json& summary) {
                 outside += joint.value().value("ticks_outside", std::int64_t{0});
         row.push_back(std::to_string(outside));
         row.push_back(std::to_string(one.value("infeasible_ticks", std::int64_t{0})));
-        row.push_back(format("%.1f %%", 100.0 * one.at("changed_share").get<double>()));
+        const double changed = one.value("changed_share", kNan);
+        row.push_back(std::isnan(changed) ? "-" : format("%.1f %%", 100.0 * changed));
         const json& tracking = one.contains("tracking") ? one["tracking"] : json(nullptr);
         row.push_back(
             tracking.is_object() ? format("%.3g mrad", 1e3 * tracking.value("rms_rad", 0.0)) : "-");
@@ -301,11 +325,12 @@ json describeTable(const json& summary) {
               "chatter"}},
             {"rows", rows},
             {"note",
-             "Worst use of each limit by the nominal arm. outside: joint-ticks beyond any limit; "
-             "infeasible: ticks "
+             std::string("Worst use of each limit by the nominal arm. outside: joint-ticks beyond any limit; "
+             "infeasible: ticks ") +
              "without an admissible choice; changed: share of ticks that the filter changed; command error: RMS "
              "distance of the nominal joints to the commanded positions within the limits; chatter: RMS jerk of "
-             "joints pressed against a position limit at rest, in percent of the jerk limit."}};
+             "joints pressed against a position limit at rest, in percent of the jerk limit." +
+                 (missing.empty() ? "" : missing + ".")}};
 }
 
 /** The cases' resolved files in one: what stands before the cases once, as far as it is the same. */
@@ -346,20 +371,23 @@ json describeCase(const fs::path& log, LogReader& reader, const json& summary, B
     TickRecord record;
     while (reader.read(record)) data.add(record);
     json one = data.describe(block);
-    one["name"] = log.stem().string();
+    one["name"] = getCase(log);
     one["filter"] = getPlugin(reader.metadata(), "filter", "viable_filter_");
     one["robust_loop"] = getPlugin(reader.metadata(), "robust_loop", "viable_robust_loop_");
     one["plant"] = getPlugin(reader.metadata(), "plant", "viable_plant_");
     one["promises"] = false;
-    one["verdict"] = reader.isComplete() ? "" : "the log has no end: the run was killed or goes on";
+    const char* const noEnd = "the log has no end: the run was killed or goes on";
+    one["verdict"] = reader.isComplete() ? "there is no summary of this case" : noEnd;
     one["ok"] = false;
     one["stop"] = nullptr;
     one["details"] = "";
     for (const json& known : summary.value("cases", json::array())) {
         if (known.value("name", "") != one["name"]) continue;
         one["promises"] = known.value("promises_limits", false);
-        one["ok"] = known.value("limits_kept", false);
-        one["verdict"] = known.value("verdict", "");
+        one["ok"] = known.value("limits_kept", false) && known.value("exit_code", 1) == 0 &&
+                    known.value("stop", "").empty() && reader.isComplete();
+        one["verdict"] = (reader.isComplete() ? "" : std::string(noEnd) + "; ") +
+                         known.value("verdict", "");
         one["details"] = known.value("account", "");
         if (const std::string stop = known.value("stop", ""); !stop.empty())
             one["stop"] = {{"time_s", known.value("stop_time_s", 0.0)}, {"message", stop}};
@@ -430,44 +458,84 @@ json readSummary(const fs::path& folder) {
     return summary;
 }
 
-/** Throws json::exception where the summary has another shape. */
-fs::path composeReport(const fs::path& folder, const fs::path& page, const std::string& pageText,
-                       const json& summary) {
-    const std::vector<fs::path> logs = listLogs(folder, summary);
-    if (logs.empty())
-        throw badInput(folder.string(), "there is no log (.mcap) in this folder",
-                       "Name the folder of a run.");
+/** What one page can show together: logs of the same arm. */
+struct Arm {
+    std::string robot;  ///< its folder
+    std::vector<std::string> joints;
+    std::vector<fs::path> logs;
+};
 
+std::vector<Arm> groupByArm(const std::vector<fs::path>& logs) {
+    std::vector<Arm> arms;
+    for (const fs::path& log : logs) {
+        const LogReader reader(log);
+        const auto entry = reader.metadata().find("robot");
+        const std::string robot = entry == reader.metadata().end() ? "" : entry->second;
+        const std::vector<std::string>& joints = reader.layout().jointNames;
+        const auto same = std::find_if(arms.begin(), arms.end(), [&](const Arm& arm) {
+            return arm.robot == robot && arm.joints == joints;
+        });
+        if (same == arms.end())
+            arms.push_back({robot, joints, {log}});
+        else
+            same->logs.push_back(log);
+    }
+    return arms;
+}
+
+/** The joints as the page wants them; which of them slide is in the log. */
+json describeJoints(const LogReader& reader) {
+    json sliding = json::array();
+    if (const auto entry = reader.metadata().find(detail::kPrismaticJoints);
+        entry != reader.metadata().end())
+        sliding = json::parse(entry->second, nullptr, false);
+    json joints = json::array();
+    for (const std::string& name : reader.layout().jointNames) {
+        const bool slides = std::find(sliding.begin(), sliding.end(), json(name)) != sliding.end();
+        joints.push_back({{"name", name}, {"kind", slides ? "prismatic" : "revolute"}});
+    }
+    return joints;
+}
+
+/** The title in the resolved experiment file; empty where there is none. */
+std::string findTitle(const std::vector<std::string>& files) {
+    try {
+        for (const std::string& file : files)
+            if (const ConfigNode root = parseConfig(file, "experiment.yaml"); root.find("title"))
+                return root.find("title")->text;
+    } catch (const Error&) {
+    }
+    return "";
+}
+
+/** Throws json::exception where the summary has another shape. */
+fs::path composeReport(const fs::path& folder, const std::string& fileName, const fs::path& page,
+                       const std::string& pageText, const Arm& arm, const json& summary) {
     BinaryBlock block;
     json data = {{"format", 1},
                  {"version", VIABLE_VERSION},
-                 {"title", summary.value("title", folder.filename().string())},
                  {"created", getNow()},
                  {"file", summary.value("experiment", "")},
-                 {"yaml", ""},
                  {"robot", nullptr},
                  {"scene", nullptr},
-                 {"summary", describeTable(summary)},
+                 {"summary", describeTable(summary, arm.logs)},
                  {"cases", json::array()}};
     std::vector<std::string> yaml;
-    for (const fs::path& log : logs) {
+    for (const fs::path& log : arm.logs) {
         LogReader reader(log);
         if (data["robot"].is_null()) {
-            json joints = json::array();
-            for (const std::string& name : reader.layout().jointNames)
-                joints.push_back({{"name", name}, {"kind", "revolute"}});
-            const auto robot = reader.metadata().find("robot");
-            const fs::path robotFolder = robot == reader.metadata().end() ? "" : robot->second;
-            data["robot"] = {{"name", robotFolder.filename().string()}, {"joints", joints}};
-            data["scene"] = detail::describeScene(robotFolder, block, data["robot"]["joints"]);
+            data["robot"] = {{"name", fs::path(arm.robot).filename().string()},
+                             {"joints", describeJoints(reader)}};
+            data["scene"] = detail::describeScene(arm.robot, block, data["robot"]["joints"]);
         }
         for (const LogAttachment& attachment : reader.attachments())
-            if (attachment.name == "experiment.yaml")
-                yaml.push_back(attachment.data);
+            if (attachment.name == "experiment.yaml") yaml.push_back(attachment.data);
         data["cases"].push_back(describeCase(log, reader, summary, block));
     }
     data["yaml"] = joinFiles(yaml);
-    const fs::path file = folder / "report.html";
+    const std::string title = summary.value("title", findTitle(yaml));
+    data["title"] = title.empty() ? folder.filename().string() : title;
+    const fs::path file = folder / fileName;
     const std::string text =
         data.dump(-1, ' ', false, json::error_handler_t::replace);  // names may hold any bytes
     writeReplacing(file, fillPage(pageText, page, escape(text), block.encode()));
@@ -476,7 +544,7 @@ fs::path composeReport(const fs::path& folder, const fs::path& page, const std::
 
 }  // namespace
 
-fs::path writeReport(const fs::path& folder, const fs::path& page) {
+std::vector<fs::path> writeReport(const fs::path& folder, const fs::path& page) {
     std::error_code failed;
     if (!fs::is_directory(folder, failed))
         throw badInput(folder.string(), "there is no such folder", "Name the folder of a run.");
@@ -485,7 +553,19 @@ fs::path writeReport(const fs::path& folder, const fs::path& page) {
         throw badInput(page.string(), "the page of reports is missing",
                        "Run tools/setup.sh again, or install viable again.");
     try {
-        return composeReport(fs::canonical(folder), page, pageText, readSummary(folder));
+        const fs::path run = fs::canonical(folder);
+        const json summary = readSummary(run);
+        const std::vector<fs::path> logs = listLogs(run, summary);
+        if (logs.empty())
+            throw badInput(folder.string(), "there is no log (.mcap) in this folder",
+                           "Name the folder of a run.");
+        std::vector<fs::path> reports;
+        for (const Arm& arm : groupByArm(logs)) {
+            const std::string name =
+                reports.empty() ? "report.html" : "report_" + std::to_string(reports.size() + 1) + ".html";
+            reports.push_back(composeReport(run, name, page, pageText, arm, summary));
+        }
+        return reports;
     } catch (const json::exception&) {
         throw refuseSummary(folder);
     }

@@ -51,17 +51,19 @@ void Tracks::joinNeighbours() {
 }
 
 void CodeTracks::add(const std::vector<std::uint8_t>& values) {
-    const auto larger = [](std::uint8_t a, std::uint8_t b) { return std::max(a, b); };
+    const auto join = [this](std::uint8_t a, std::uint8_t b) {
+        return join_ == Join::Union ? static_cast<std::uint8_t>(a | b) : std::max(a, b);
+    };
     const bool begins = rowsInLast_ == 0;
     if (begins && !codes_.empty() && codes_.front().size() == Tracks::kMaxBuckets) {
-        for (auto& codes : codes_) halve(codes, larger);
+        for (auto& codes : codes_) halve(codes, join);
         rowsPerBucket_ *= 2;
     }
     for (std::size_t i = 0; i < codes_.size(); ++i) {
         if (begins)
             codes_[i].push_back(values[i]);
         else
-            codes_[i].back() = larger(codes_[i].back(), values[i]);
+            codes_[i].back() = join(codes_[i].back(), values[i]);
     }
     rowsInLast_ = (rowsInLast_ + 1) % rowsPerBucket_;
 }

@@ -28,15 +28,18 @@ private:
     std::int64_t rowsPerBucket_ = 1, rowsInLast_ = 0;
 };
 
-/** One small number per row, such as a limit's code: per bucket the largest. Thinned out like Tracks. */
+/** One small number per row, such as a status: per bucket the largest, or of sets of bits the union. Thinned out like
+Tracks. */
 class CodeTracks {
 public:
-    explicit CodeTracks(std::size_t quantities) : codes_(quantities) {}
+    enum class Join { Largest, Union };
+    CodeTracks(std::size_t quantities, Join join) : codes_(quantities), join_(join) {}
     void add(const std::vector<std::uint8_t>& values);
     const std::vector<std::uint8_t>& codes(std::size_t quantity) const { return codes_[quantity]; }
 
 private:
     std::vector<std::vector<std::uint8_t>> codes_;
+    Join join_;
     std::int64_t rowsPerBucket_ = 1, rowsInLast_ = 0;
 };
 

@@ -49,7 +49,7 @@ JerkIntervalFilter::Rows ExponentialCbf::calcRows(const AxisState& s, const Axis
 
 FilterStatus ExponentialCbf::filter(const MotionState& nominal, const JointVector& torque,
                                     const Dynamics& dynamics, FilterDecision& decision) {
-    if (hasEnded_) return FilterStatus::Faulted;
+    if (hasEnded_) return FilterStatus::Ended;
     const FilterStatus status = JerkIntervalFilter::filter(nominal, torque, dynamics, decision);
     hasEnded_ = stops_ && status == FilterStatus::Infeasible;
     return status;

@@ -16,7 +16,7 @@ and the mirror image below, k = k_alpha: all poles of all barriers at -k (see Ex
 Assumes: continuous time, and that the rows never ask for a jerk beyond the limit or contradict each other.
 They do: the barriers know nothing of the jerk that braking takes. The law has no answer then. The tick is
 Infeasible and the joint takes the first jerk of its fastest stop, as far as acceleration and jerk limits let
-it. With `on_infeasible: stop` the next tick is Faulted, with which the host ends the run there and brakes.
+it. With `on_infeasible: stop` it ends the case in the next tick (Ended).
 Guarantees: jerk limits at every tick; acceleration limits at every tick, from a start within them (the
 row is exact for k dt <= 1).
 Real time: no allocation, lock or throw after configure(). */

@@ -70,8 +70,11 @@ double VelocityDamper::calcDampedVelocity(double toLimit) const {
 JerkIntervalFilter::Rows VelocityDamper::calcRows(const AxisState& s, const AxisLimits& l) const {
     JointInterval velocity{l.velocityLower, l.velocityUpper, LimitKind::Velocity,
                            LimitKind::Velocity};
-    velocity.restrictLower(-calcDampedVelocity(s.p - l.positionLower), LimitKind::Position);
-    velocity.restrictUpper(calcDampedVelocity(l.positionUpper - s.p), LimitKind::Position);
+    // Far beyond a limit the damper asks for more speed back than the velocity limit allows: as much as it allows.
+    velocity.restrictLower(
+        std::min(l.velocityUpper, -calcDampedVelocity(s.p - l.positionLower)), LimitKind::Position);
+    velocity.restrictUpper(std::max(l.velocityLower, calcDampedVelocity(l.positionUpper - s.p)),
+                           LimitKind::Position);
     // v+ <= bound as a bound on the jerk.
     const auto toJerk = [&](double bound) {
         return (bound - s.v - s.a * tick_s()) * 2.0 / (tick_s() * tick_s());

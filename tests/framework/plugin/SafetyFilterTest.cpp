@@ -45,6 +45,7 @@ TEST(SafetyFilter, NamesOfStatusesAreThoseOfTheLogs) {
     EXPECT_STREQ(getName(FilterStatus::Infeasible), "infeasible");
     EXPECT_STREQ(getName(FilterStatus::InvalidInput), "invalid_input");
     EXPECT_STREQ(getName(FilterStatus::Faulted), "faulted");
+    EXPECT_STREQ(getName(FilterStatus::Ended), "ended");
 }
 
 TEST(SafetyFilter, HoldJerkGivesTheMeanAccelerationAndItsTorque) {

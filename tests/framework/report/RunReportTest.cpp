@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "../experiment/CaseSupport.h"
+#include "viable/log/LogExport.h"
 #include "viable/log/LogReader.h"
 
 namespace viable {
@@ -106,7 +107,7 @@ struct RunFolder {
         std::ofstream(path() / "summary.json") << writeSummaryJson(experiment, results);
     }
     std::filesystem::path path() const { return folder / "run"; }
-    ReadReport report() const { return ReadReport(writeReport(path(), page)); }
+    ReadReport report() const { return ReadReport(writeReport(path(), page).at(0)); }
 
     TemporaryFolder folder;
     Experiment experiment;
@@ -259,7 +260,73 @@ TEST(RunReport, ARunWithoutASummaryOrEndIsShownAsFarAsItGoes) {
     EXPECT_GT(one["rows"], 500);
     EXPECT_LT(one["rows"], 2000);
     EXPECT_NE(one["verdict"].get<std::string>().find("the log has no end"), std::string::npos);
-    EXPECT_EQ(report.data["title"], "run");
+    EXPECT_EQ(report.data["title"], "one joint");  // from the log
+    EXPECT_EQ(one["ok"], false);
+}
+
+TEST(RunReport, ALogCutOffIsNotShownAsWholeBySummary) {
+    const RunFolder run(test::kOneJoint);
+    EXPECT_EQ(run.report().data["cases"][0]["ok"], true);
+    const auto log = run.path() / "A.mcap";
+    std::filesystem::resize_file(log, std::filesystem::file_size(log) * 2 / 3);
+    const json one = run.report().data["cases"][0];
+    EXPECT_EQ(one["ok"], false);
+    EXPECT_EQ(one["verdict"].get<std::string>().rfind("the log has no end", 0), 0u);
+}
+
+TEST(RunReport, ARecoveredLogStandsForTheOneThatWasCutOff) {
+    const RunFolder run(test::kOneJoint);
+    const auto log = run.path() / "A.mcap";
+    std::filesystem::resize_file(log, std::filesystem::file_size(log) * 2 / 3);
+    const std::uint64_t rows = recoverLog(log, run.path() / "A.recovered.mcap");
+    for (bool hasSummary : {true, false}) {
+        if (!hasSummary) std::filesystem::remove(run.path() / "summary.json");
+        const json data = run.report().data;
+        ASSERT_EQ(data["cases"].size(), 1u);
+        EXPECT_EQ(data["cases"][0]["name"], "A");
+        EXPECT_EQ(data["cases"][0]["rows"], rows);
+    }
+}
+
+TEST(RunReport, CasesWithDifferentArmsGetAPageEach) {
+    const RunFolder run(R"(schema: 1
+title: two arms
+robot: single_joint
+duration_s: 0.1
+command: {plugin: random_steps}
+controller: {plugin: joint_pd}
+filter: {plugin: pass_through}
+cases: {one: {}, six: {robot: indy7}, again: {}}
+)");
+    const auto files = writeReport(run.path(), run.page);
+    ASSERT_EQ(files.size(), 2u);
+    EXPECT_EQ(files[1].filename(), "report_2.html");
+    const json first = ReadReport(files[0]).data, second = ReadReport(files[1]).data;
+    ASSERT_EQ(first["cases"].size(), 2u);
+    EXPECT_EQ(first["cases"][1]["name"], "again");
+    ASSERT_EQ(second["cases"].size(), 1u);
+    EXPECT_EQ(second["cases"][0]["joints"].size(), 6u);
+    EXPECT_EQ(second["robot"]["name"], "indy7");
+}
+
+TEST(RunReport, ABucketShowsEveryLimitThatActedInIt) {
+    const RunFolder run(kTwoCases, {"cases.free.filter.plugin=tosbp"});
+    const ReadReport report = run.report();
+    const json& one = report.data["cases"][0];
+    const auto shown = report.codes(one["joints"][0]["active"]);
+    std::vector<std::uint8_t> expected(shown.size(), 0);
+    LogReader reader(run.path() / "free.mcap");
+    const double step = one["step_s"];
+    for (TickRecord r; reader.read(r);) {
+        const JointIntervention& acted = r.joints[0];
+        if (acted.limit == LimitKind::None) continue;
+        const int bit = 2 * (static_cast<int>(acted.limit) - 1) + (acted.side == LimitSide::Upper);
+        expected.at(static_cast<std::size_t>(r.time_s / step + 1e-6)) |=
+            static_cast<std::uint8_t>(1u << bit);
+    }
+    EXPECT_EQ(shown, expected);
+    EXPECT_GT(std::count_if(shown.begin(), shown.end(), [](std::uint8_t x) { return x & (x - 1); }), 0)
+        << "no bucket with two limits: nothing was tested";
 }
 
 TEST(RunReport, SaysWhatIsWrongWithTheFolderOrThePage) {

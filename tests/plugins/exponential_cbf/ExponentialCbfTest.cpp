@@ -156,7 +156,7 @@ TEST(ExponentialCbf, StopsAtTheFirstTickWithoutAJerkAndStartsAgainAfterAReset) {
     EXPECT_EQ(decision.jerk[0], -4 * kPi);
     const JointVector before = decision.torque;
     for (int k = 0; k < 3; ++k)
-        EXPECT_EQ(filter->filter(state(0, 0, 0), push, unit, decision), FilterStatus::Faulted);
+        EXPECT_EQ(filter->filter(state(0, 0, 0), push, unit, decision), FilterStatus::Ended);
     EXPECT_EQ(decision.torque, before);
     filter->reset(state(0, 0, 0));
     EXPECT_EQ(filter->filter(state(0, 0, 0), push, unit, decision), FilterStatus::Modified);

@@ -26,11 +26,11 @@
  *         "stop": null | { "time_s", "message" }, "details": str (monospace text),
  *         "rows": int, "tick_s": num, "t0": 0, "step_s": num, "buckets": int,
  *         "joints": [ { "series": {
- *             "nominal_q", "nominal_qd", "nominal_qdd", "nominal_jerk": ref, "real_q", "real_qd", "real_qdd",
+ *             "error" (real_q - nominal_q): ref | null, "nominal_q", "nominal_qd", "nominal_qdd", "nominal_jerk": ref, "real_q", "real_qd", "real_qdd",
  *             "real_jerk" (both differentiated from real_qd tick by tick): ref | null,
  *             "tau_desired", "tau_filter": ref, "tau_robust", "tau_motor": ref | null, "margin": ref,
  *             "position_lower", "position_upper", "velocity_...", "acceleration_...", "jerk_...": ref | num | null },
- *           "active": ref u8, one per bucket: an index into LIMITS } ],
+ *           "active": ref u8, one per bucket: a bit for each limit that acted in it, LIMITS[i] the bit i - 1 } ],
  *         "status": ref u8, one per bucket, the worst in it: an index into STATUS,
  *         "tick_time": { "edges_us": [...], "counts": [...] },
  *         "replay": { "step_s": num, "n": int, "nominal": ref f32 n*joints, "real": ref | null } } ] }
@@ -40,7 +40,7 @@
  * A number that is not finite is NaN in an array.
  */
 
-export const LIMITS = [
+const LIMITS = [
   'none',
   'position_lower',
   'position_upper',
@@ -59,6 +59,9 @@ export const STATUS = [
   'no admissible choice',
   'invalid or faulted',
 ];
+
+/** The names of the limits that acted, of a bucket's bits. */
+export const limitsIn = (bits) => LIMITS.filter((_, i) => i > 0 && bits & (1 << (i - 1)));
 
 const ELEMENT = { f32: Float32Array, u8: Uint8Array, u32: Uint32Array };
 
@@ -233,22 +236,12 @@ export class Case {
     return samples;
   }
 
-  /**
-   * Real minus nominal position in thousandths (mrad or mm), or null. In a bucket of many ticks it is the difference
-   * of the least values and that of the largest ones: exact for a joint that turns one way in it.
-   * @returns {Samples|null}
-   */
+  /** Real minus nominal position in thousandths, or null. @returns {Samples|null} */
   trackingError(joint) {
-    const id = `${joint} error`;
+    const id = `${joint} error in thousandths`;
     if (!this.#cache.has(id)) {
-      const real = this.samples(joint, 'real_q');
-      const nominal = this.samples(joint, 'nominal_q');
-      this.#cache.set(
-        id,
-        real && nominal && real.y.length === nominal.y.length
-          ? { ...nominal, y: nominal.y.map((value, i) => 1000 * (real.y[i] - value)) }
-          : null,
-      );
+      const error = this.samples(joint, 'error');
+      this.#cache.set(id, error && typeof error !== 'number' ? { ...error, y: error.y.map((value) => 1000 * value) } : null);
     }
     return this.#cache.get(id);
   }

@@ -10,7 +10,7 @@ import {
   WebGLRenderer,
 } from 'three';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
-import { LIMITS } from './data.js';
+import { limitsIn } from './data.js';
 import { el, iconButton } from './dom.js';
 import { save } from './exporting.js';
 import { Arm, readShapes, Trail } from './scene.js';
@@ -280,8 +280,8 @@ class Replay {
       }
       const bucket = c.bucketAt(time);
       nominal.tint((joint) => {
-        const name = bucket < 0 ? null : LIMITS[c.active[joint][bucket]];
-        return name && name !== 'none' ? limitColour(name) : null;
+        const [name] = bucket < 0 ? [] : limitsIn(c.active[joint][bucket]);
+        return name ? limitColour(name) : null;
       });
     }
     this.renderer.render(this.scene, this.camera);

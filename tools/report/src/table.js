@@ -1,6 +1,6 @@
 import { el, swatch } from './dom.js';
 import { fixed, number, seconds } from './format.js';
-import { LIMITS } from './data.js';
+import { limitsIn } from './data.js';
 import { ALL_CASES } from './state.js';
 
 /** Title, origin and verdicts of the run. */
@@ -241,10 +241,9 @@ export class JointTable {
       row.mark.style.setProperty('left', `${(100 * Math.min(Math.max(part, 0), 1)).toFixed(1)}%`);
       const error = middle(c.trackingError(j));
       row.error.textContent = fixed(error, 2);
-      const code = c.bucketAt(time) < 0 ? 0 : c.active[j][c.bucketAt(time)];
-      const name = LIMITS[code] ?? '';
-      row.acting.textContent = code ? name.replace('_', ' ') : '';
-      row.acting.style.setProperty('--key', code ? `var(--limit-${name.split('_')[0]})` : 'transparent');
+      const names = c.bucketAt(time) < 0 ? [] : limitsIn(c.active[j][c.bucketAt(time)]);
+      row.acting.textContent = names.map((name) => name.replace('_', ' ')).join(', ');
+      row.acting.style.setProperty('--key', names.length ? `var(--limit-${names[0].split('_')[0]})` : 'transparent');
       row.root.classList.toggle('selected', j === state.joint);
     });
   }

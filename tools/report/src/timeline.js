@@ -1,8 +1,7 @@
-import { LIMITS, STATUS } from './data.js';
+import { limitsIn, STATUS } from './data.js';
 import { caseColour, colours, limitColour } from './theme.js';
 
 export const LANE_HEIGHT = 20;
-const NAMES = LIMITS.map((name) => name.replace('_', ' '));
 
 /**
  * Which limit acted when: a lane per case. Its upper half shows upper limits, its lower half lower ones; a strip at
@@ -50,10 +49,13 @@ export class LaneChart {
     const strip = 3;
     const half = (height - strip - 3) / 2;
     painter.rect(frame.left, top + 1 + half, frame.width, 0.75, palette.grid);
-    runs(c, c.active[this.joint], frame, (code, x, width) => {
-      const name = LIMITS[code];
-      if (name && code > 0)
-        painter.rect(x, name.endsWith('upper') ? top + 1.5 : top + 1.5 + half, width, half, limitColour(name, palette));
+    runs(c, c.active[this.joint], frame, (bits, x, width) => {
+      for (const side of ['upper', 'lower']) {
+        const names = limitsIn(bits).filter((name) => name.endsWith(side));
+        const part = half / names.length;
+        const begin = side === 'upper' ? top + 1.5 : top + 1.5 + half;
+        names.forEach((name, i) => painter.rect(x, begin + i * part, width, part, limitColour(name, palette)));
+      }
     });
     runs(c, c.status, frame, (code, x, width) => {
       if (code > 1) painter.rect(x, top + height - strip - 1, width, strip, palette.status[code] ?? palette.status[5]);
@@ -76,7 +78,8 @@ export class LaneChart {
       const bucket = c.bucketAt(time);
       if (bucket < 0) return { c, values: ['–'] };
       const status = c.status[bucket];
-      const acting = NAMES[c.active[this.joint][bucket]] ?? '?';
+      const names = limitsIn(c.active[this.joint][bucket]).map((name) => name.replace('_', ' '));
+      const acting = names.join(', ') || 'none';
       return { c, values: [status > 1 ? `${acting}; ${STATUS[status] ?? '?'}` : acting] };
     });
   }

@@ -115,8 +115,9 @@ public:
     Not a number without joint commands. */
     double commandErrorRms() const;
     /** RMS jerk of joints that a joint command presses against a position limit at rest, as a share of the jerk limit.
-    Pressed: commanded to the limit or beyond. At rest: within 5 % of the range of that limit or beyond it, and for
-    0.5 s not moved by more than 0.1 % of the range. Not a number when none ever was. */
+    Pressed: commanded to the limit or beyond, by the same command for 0.5 s. At rest: within 5 % of the range of that
+    limit or beyond it, and for 0.5 s not moved by more than 0.1 % of the range. Not a number with less than one
+    joint-second of it. */
     double chatter() const;
 
     bool hasRealPlant() const { return hasRealPlant_; }
@@ -146,7 +147,7 @@ private:
     bool hasRealPlant_;
     std::array<std::vector<LimitRecord>, kQuantities> limits_;
     std::vector<LimitRecord> realPosition_;
-    std::array<std::int64_t, 7> statusTicks_{};  // by FilterStatus
+    std::array<std::int64_t, 8> statusTicks_{};  // by FilterStatus
     /** Of one joint: by kind and side, and what acted in the tick before. */
     struct Acting {
         std::array<std::array<InterventionRecord, 2>, kQuantities + 1> records;
@@ -161,11 +162,12 @@ private:
     ExtremeRecord worstMargin_, longestStop_;
     /** Where a joint came to rest and when; not a number before the first tick. */
     struct Rest {
-        double q, since_s;
+        double q, target, since_s;
     };
     std::vector<Rest> rests_;
     double squaredRestJerk_ = 0.0;  // of jerk / limit
-    std::int64_t restTicks_ = 0;    // joint-ticks
+    double rested_s_ = 0.0;
+    std::int64_t restTicks_ = 0;  // joint-ticks
     double squaredCommandError_ = 0.0;
     std::int64_t commandTicks_ = 0;  // joint-ticks
     bool broken_ = false;

@@ -19,6 +19,8 @@ public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
     bool promisesLimits() const override { return false; }
+    /** The difference quotient of (14) does not reach across missed ticks. */
+    void skipTicks(std::int64_t ticks) override;
     FilterStatus filter(const MotionState& nominal, const JointVector& torque,
                         const Dynamics& dynamics, FilterDecision& decision) override;
 

@@ -16,9 +16,10 @@ enum class FilterStatus : unsigned char {
                 ///< fast as jerk allows and nothing gets worse on the way; apply
     Infeasible,    ///< no admissible choice existed; the braking fallback is in the decision; apply
     InvalidInput,  ///< input of wrong size or not finite; decision not written, do not apply
-    /** The filter cannot go on; decision not written, do not apply. In the tick after an Infeasible one it means that
-    the filter ends the case there on purpose, which is a result and no failure. */
-    Faulted,
+    Faulted,       ///< the filter cannot go on; decision not written, do not apply
+    /** The filter has no admissible choice left and ends the case here, as its user asked it to; decision not written, do not
+    apply. The arm is braked; a result and no failure, unless the filter promises limits. */
+    Ended,
 };
 
 /** "passed", "modified", ... as in logs. */

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <vector>
 
 namespace viable {
 
@@ -8,9 +9,10 @@ namespace viable {
 missing. One file that needs nothing else: it opens from disk and makes no request. Long runs are thinned out for display
 (least and largest value of each stretch, so that no peak is lost); the logs keep everything.
 @param page  the page without data, report_template.html
-Returns the file. An older report.html is replaced, whole or not at all. Throws Error: BadInput when DIR holds no log or a
+Returns the files: one, or, where cases have different arms, one for each arm (report.html, report_2.html, ...), in the
+order of the cases. An older report is replaced, whole or not at all. Throws Error: BadInput when DIR holds no log or a
 log cannot be read, LogNotWritten when the report cannot be written. */
-std::filesystem::path writeReport(const std::filesystem::path& folder,
-                                  const std::filesystem::path& page);
+std::vector<std::filesystem::path> writeReport(const std::filesystem::path& folder,
+                                               const std::filesystem::path& page);
 
 }  // namespace viable
