@@ -44,8 +44,9 @@ TEST(JerkLimitedRate, IsThePublishedRule) {
         EXPECT_NEAR(d.jerk[0], (d.acceleration[0] - s.a) / dt, 1e-9);
         EXPECT_EQ(status == FilterStatus::Passed, d.acceleration[0] == desired);
         EXPECT_EQ(status == FilterStatus::Passed, d.joints[0].limit == LimitKind::None);
-        if (std::abs(s.a) <= J / A * (V - std::abs(s.v)))  // where the rule itself leads
+        if (std::abs(s.a) <= J / A * (V - std::abs(s.v))) {  // where the rule itself leads
             EXPECT_EQ(d.joints[0].side == LimitSide::Upper, d.acceleration[0] < desired);
+        }
         ++limits[static_cast<int>(d.joints[0].limit)];
     }
     for (const LimitKind kind :
