@@ -36,3 +36,36 @@ function(viable_add_plugin name)
   set_property(GLOBAL APPEND PROPERTY VIABLE_PLUGIN_TARGETS ${target})
   install(TARGETS ${target} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/viable/plugins)
 endfunction()
+
+# viable_add_plugin_test(NAME KIND kind [SOURCES file...] [PARAMETERS "name: value"...])
+#
+# Tests of a plugin made by viable_add_plugin, for ctest: the rules that every plugin of its kind keeps, through the
+# loader (NAME_contract_test), and SOURCES, a GoogleTest with the plugin's own class linked in (NAME_test; see
+# viable/testing/PluginBench.h). PARAMETERS gives values to those that have no default, for an arm of two joints.
+function(viable_add_plugin_test name)
+  cmake_parse_arguments(arg "" "KIND" "SOURCES;PARAMETERS" ${ARGN})
+  set(plugin viable_${arg_KIND}_${name})
+  if(NOT TARGET ${plugin})
+    message(FATAL_ERROR "viable_add_plugin_test(${name}): there is no ${arg_KIND} plugin of that name; "
+                        "call viable_add_plugin(${name} KIND ...) first")
+  endif()
+  find_package(GTest REQUIRED)
+  include(GoogleTest)
+  list(JOIN arg_PARAMETERS "\n" parameters)
+  set(header ${CMAKE_CURRENT_BINARY_DIR}/${name}_contract/ContractPlugin.h)
+  file(CONFIGURE OUTPUT ${header} @ONLY CONTENT
+"constexpr char kContractPlugin[] = \"@arg_KIND@ @name@\";
+constexpr char kContractParameters[] = R\"===(@parameters@)===\";
+")
+  add_executable(${name}_contract_test ${VIABLE_CONTRACT_SOURCES})
+  target_link_libraries(${name}_contract_test PRIVATE viable::viable GTest::gtest GTest::gtest_main)
+  target_compile_definitions(${name}_contract_test PRIVATE VIABLE_PLUGIN_DIR="${CMAKE_BINARY_DIR}/bin/plugins"
+    VIABLE_CONTRACT_PLUGIN_HEADER="${header}")
+  add_dependencies(${name}_contract_test ${plugin})
+  gtest_discover_tests(${name}_contract_test DISCOVERY_MODE PRE_TEST)
+  if(arg_SOURCES)
+    add_executable(${name}_test ${arg_SOURCES})
+    target_link_libraries(${name}_test PRIVATE ${plugin}_objects GTest::gtest GTest::gtest_main)
+    gtest_discover_tests(${name}_test DISCOVERY_MODE PRE_TEST)
+  endif()
+endfunction()

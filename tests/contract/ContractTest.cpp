@@ -1,8 +1,11 @@
-// The rules of Plugin.h and of the five interfaces, for every plugin that is found beside the
-// program. A new plugin is tested here without a line of code, unless it has parameters without
-// defaults: those are in makeRequiredParameters().
+// The rules of Plugin.h and of the five interfaces, through the loader. Two uses: in this project for every plugin that
+// is found beside the program, and from outside, by viable_add_plugin_test(), for one plugin. A new plugin is
+// tested here without a line of code, unless it has parameters without defaults: see makeRequiredParameters().
+// VIABLE_PLUGIN_DIR says where the libraries are; from outside, ContractPlugin.h (made by viable_add_plugin_test) names the
+// plugin in kContractPlugin, such as "filter my_filter", and its required parameters, a line each, in kContractParameters.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cctype>
 #include <cmath>
@@ -17,14 +20,19 @@
 #include <memory>
 #include <ostream>
 #include <set>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "AllocationCounter.h"
+#ifdef VIABLE_CONTRACT_PLUGIN_HEADER
+#include VIABLE_CONTRACT_PLUGIN_HEADER
+#endif
 #include "viable/plugin/NominalPlant.h"
 #include "viable/plugin/PluginLoader.h"
 #include "viable/robot/RobotModel.h"
+#include "viable/testing/TwoLinkArm.h"
 
 namespace viable {
 
@@ -52,42 +60,8 @@ JointVector pair(double first, double second) {
     return v;
 }
 
-/** Two equal links of 0.4 m in a vertical plane. */
-RobotDescription makeArm() {
-    RobotDescription robot;
-    robot.name = "contract_arm";
-    for (int i = 0; i < kJoints; ++i) {
-        JointDescription joint;
-        joint.name = "joint" + std::to_string(i);
-        joint.childLink = "link" + std::to_string(i);
-        joint.parent = i - 1;
-        joint.placement = Eigen::Isometry3d::Identity();
-        if (i > 0) joint.placement.translation() = Eigen::Vector3d(0.4, 0.0, 0.0);
-        joint.axis = Eigen::Vector3d::UnitY();
-        joint.body.mass = 3.0;
-        joint.body.com = Eigen::Vector3d(0.2, 0.0, 0.0);
-        joint.body.inertia = Eigen::Vector3d(0.005, 0.04, 0.04).asDiagonal();
-        robot.joints.push_back(joint);
-    }
-    robot.toolParent = kJoints - 1;
-    robot.toolLink = "tool";
-    robot.toolPlacement = Eigen::Isometry3d::Identity();
-    robot.toolPlacement.translation() = Eigen::Vector3d(0.4, 0.0, 0.0);
-    robot.limits.position = {pair(-2.5, -2.0), pair(2.5, 2.5)};
-    robot.limits.velocity = {pair(-2.0, -2.5), pair(2.0, 2.5)};
-    robot.limits.acceleration = {pair(-12.0, -14.0), pair(12.0, 14.0)};
-    robot.limits.jerk = {pair(-40.0, -60.0), pair(40.0, 60.0)};
-    robot.home = pair(0.3, -0.5);
-    robot.actuation.gearRatio = pair(100, 100);
-    robot.actuation.rotorInertia = pair(0.7, 0.6);
-    robot.actuation.torqueLimit = pair(200, 100);
-    robot.actuation.encoderCounts = pair(524288, 524288);
-    robot.actuation.friction = {pair(4, 2), pair(6, 3), pair(0.5, 0.5)};
-    return robot;
-}
-
 const RobotDescription& getArm() {
-    static const RobotDescription arm = makeArm();
+    static const RobotDescription arm = testing::makeTwoLinkArm();
     return arm;
 }
 
@@ -168,12 +142,24 @@ using Texts = std::map<std::string, std::string>;
 
 /** Values for parameters that have no default. */
 Texts makeRequiredParameters(const PluginInfo& info) {
-    static const Recording recording;
     const std::string plugin = std::string(getName(info.kind)) + " " + info.name;
+#ifdef VIABLE_CONTRACT_PLUGIN_HEADER
+    Texts values;
+    std::istringstream lines(kContractParameters);
+    for (std::string line; std::getline(lines, line);) {
+        const std::size_t colon = line.find(": ");
+        if (colon == std::string::npos)
+            throw std::runtime_error("PARAMETERS: write 'name: value', not '" + line + "'");
+        values[line.substr(0, colon)] = line.substr(colon + 2);
+    }
+    return values;
+#else
+    static const Recording recording;
     if (plugin == "command waypoints")
         return {{"points", "[[0, 0.3, -0.5], [1.5, 0.6, 0.1], [3, -0.2, -0.3]]"}};
     if (plugin == "command recorded_poses") return {{"file", recording.file().string()}};
     return {};
+#endif
 }
 
 Parameters readBlock(const PluginInfo& info, const Texts& values) {
@@ -503,7 +489,14 @@ std::unique_ptr<Subject> makeSubject(const PluginInfo& info, const RunSetup& set
 // --- The suite ----------------------------------------------------------------------------------
 
 std::vector<PluginInfo> findPlugins(std::vector<RefusedLibrary>& refused) {
-    return PluginLoader({VIABLE_PLUGIN_DIR}).list(refused);
+    std::vector<PluginInfo> plugins = PluginLoader({VIABLE_PLUGIN_DIR}).list(refused);
+#ifdef VIABLE_CONTRACT_PLUGIN_HEADER
+    const auto isOther = [](const PluginInfo& info) {
+        return std::string(getName(info.kind)) + " " + info.name != kContractPlugin;
+    };
+    plugins.erase(std::remove_if(plugins.begin(), plugins.end(), isOther), plugins.end());
+#endif
+    return plugins;
 }
 
 std::vector<PluginInfo> findPlugins() {
@@ -518,6 +511,11 @@ TEST(Plugins, NoLibraryIsRefused) {
         ADD_FAILURE() << library.library << ": " << library.reason;
 }
 
+#ifdef VIABLE_CONTRACT_PLUGIN_HEADER
+TEST(Plugins, TheOneToBeTestedIsThere) {
+    EXPECT_EQ(findPlugins().size(), 1u) << "no " << kContractPlugin << " in " << VIABLE_PLUGIN_DIR;
+}
+#else
 TEST(Plugins, EveryKindIsThere) {
     std::set<PluginKind> kinds;
     for (const PluginInfo& info : findPlugins()) kinds.insert(info.kind);
@@ -527,6 +525,7 @@ TEST(Plugins, EveryKindIsThere) {
         EXPECT_EQ(kinds.count(kind), 1u)
             << "no " << getName(kind) << " plugin in " << VIABLE_PLUGIN_DIR;
 }
+#endif
 
 class Contract : public ::testing::TestWithParam<PluginInfo> {
 protected:
