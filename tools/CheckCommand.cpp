@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "Commands.h"
+#include "PluginTrouble.h"
 #include "viable/experiment/CaseRun.h"
 #include "viable/experiment/ExperimentFile.h"
 
@@ -29,11 +30,12 @@ void addCheckCommand(CLI::App& app, int& exitCode) {
         const PluginLoader loader(PluginLoader::makeDefaultSearchPath());
         const Experiment experiment = readExperiment(arguments->file, arguments->overrides, loader,
                                                      makeRobotSearchPath(arguments->file));
+        installCrashHandler({});
         for (const CasePlan& plan : experiment.cases) {
             configureCase(plan);
             std::printf("%s: robot %s, %d joints, %g s at %g Hz, filter %s: ok\n",
                         plan.name.c_str(), plan.robot.name.c_str(), plan.robot.size(),
-                        plan.duration_s, 1.0 / plan.tick_s, plan.filter.plugin.name.c_str());
+                        plan.duration_s, 1.0 / plan.tick_s, plan.filterName().c_str());
         }
         std::printf("%s: ok\n", arguments->file.c_str());
         exitCode = 0;

@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "Commands.h"
+#include "PluginTrouble.h"
 #include "Progress.h"
 #include "viable/core/Error.h"
 #include "viable/experiment/CaseRun.h"
@@ -46,6 +47,8 @@ struct RunArguments {
     std::vector<std::string> overrides;
     int jobs = 0;
     bool noReport = false;
+    bool isolate = false;
+    double watchdog_s = kDefaultWatchdog_s;
 };
 
 /** Makes the folder of a run; it must be new, so that nothing is ever overwritten. */
@@ -116,7 +119,9 @@ struct CaseOutcomes {
 };
 
 /** Runs all cases, `jobs` at a time. After a failure or a signal no further case is begun. */
-CaseOutcomes runCases(const Experiment& experiment, const fs::path& folder, int jobs) {
+CaseOutcomes runCases(const Experiment& experiment,
+                      std::vector<std::unique_ptr<ConfiguredCase>> configured,
+                      const fs::path& folder, int jobs) {
     const std::size_t count = experiment.cases.size();
     std::vector<std::string> names;
     for (const CasePlan& plan : experiment.cases) names.push_back(plan.name);
@@ -126,13 +131,14 @@ CaseOutcomes runCases(const Experiment& experiment, const fs::path& folder, int 
     std::mutex failureMutex;
     std::atomic<std::size_t> next{0}, running{0};
     const auto work = [&] {
+        prepareThreadForCrash();
         for (std::size_t i; stopSignal == 0 && (i = next++) < count;) {
             RunOptions options;
             options.log = folder / (experiment.cases[i].name + ".mcap");
             options.stopRequest = &stopSignal;
             options.progress = [&progress, i](double share) { progress.set(i, share); };
             try {
-                results[i].emplace(runCase(experiment.cases[i], options));
+                results[i].emplace(runCase(experiment.cases[i], std::move(configured[i]), options));
             } catch (...) {
                 const std::lock_guard lock(failureMutex);
                 if (!outcomes.failure) outcomes.failure = std::current_exception();
@@ -156,9 +162,11 @@ CaseOutcomes runCases(const Experiment& experiment, const fs::path& folder, int 
             break;
         }
     }
+    HangWatch hangWatch;
     while (running > 0) {
         std::this_thread::sleep_for(std::chrono::milliseconds(50));
         progress.draw();
+        hangWatch.look(stopSignal != 0);
     }
     for (std::thread& worker : workers) worker.join();
     progress.draw(true);
@@ -204,11 +212,16 @@ int run(const RunArguments& arguments) {
     Experiment experiment = readExperiment(arguments.file, arguments.overrides, loader,
                                            makeRobotSearchPath(arguments.file));
     selectCases(experiment, arguments.cases);
+    countPluginAllocations();
+    installCrashHandler({});
+    std::vector<std::unique_ptr<ConfiguredCase>> configured;  // before a file is made
+    const Isolation isolation{arguments.watchdog_s};
     for (const CasePlan& plan : experiment.cases)
-        configureCase(plan);  // refuse everything before a file is made
+        configured.push_back(configureCase(plan, arguments.isolate ? &isolation : nullptr));
 
     installSignalHandlers();
     const fs::path folder = makeRunFolder(arguments.out, arguments.file);
+    installCrashHandler(folder);
     std::string title = experiment.title;  // a file from elsewhere must not command the terminal
     for (char& c : title)
         if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
@@ -219,7 +232,7 @@ int run(const RunArguments& arguments) {
     int jobs =
         arguments.jobs > 0 ? arguments.jobs : static_cast<int>(std::thread::hardware_concurrency());
     jobs = std::max(1, std::min(jobs, static_cast<int>(experiment.cases.size())));
-    const auto [results, failure] = runCases(experiment, folder, jobs);
+    const auto [results, failure] = runCases(experiment, std::move(configured), folder, jobs);
 
     std::printf("\n%s\n", formatComparison(results).c_str());
     std::set<std::string> laws;
@@ -288,6 +301,13 @@ void addRunCommand(CLI::App& app, int& exitCode) {
         ->check(CLI::Range(1, 256));
     command->add_flag("--no-report", arguments->noReport,
                       "Logs and summary only; `viable report DIR` writes the report later");
+    command->add_flag("--isolate", arguments->isolate,
+                      "Each plugin in a process of its own: one that crashes, hangs or exits is named, and the arm is "
+                      "braked (slower)");
+    command
+        ->add_option("--watchdog", arguments->watchdog_s,
+                     "With --isolate: seconds that a plugin may take for one call (default: 5)")
+        ->check(CLI::Range(0.01, 3600.0));
     command->callback([arguments, &exitCode] { exitCode = run(*arguments); });
 }
 

@@ -242,7 +242,7 @@ TEST(Fault44, APluginThatThrowsInTheRunExitsWith4AndKeepsTheLog) {
         test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case",
                    "A", "--set", "filter.plugin=throwing_tick", "--set", "filter.after_ticks=500"});
     EXPECT_EQ(o.code, 4);
-    expectContains(o.err, {"case A", "stopped at 0.5000 s", "'throwing_tick'", "it threw"});
+    expectContains(o.err, {"case A", "stopped at 0.5000 s (tick 500)", "'throwing_tick'", "it threw"});
     EXPECT_GT(countRows(folder / "run/A.mcap"), 500);
 }
 

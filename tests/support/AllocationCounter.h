@@ -22,8 +22,10 @@ public:
     AllocationCounter() : before_(total()) {}
     std::int64_t count() const { return total() - before_; }
 
-private:
+    /** All of the calling thread so far. */
     static std::int64_t total();
+
+private:
     std::int64_t before_;
 };
 

@@ -12,6 +12,7 @@
 #include "viable/core/Error.h"
 #include "viable/log/Recorder.h"
 #include "viable/motion/Braking.h"
+#include "viable/plugin/FilterChain.h"
 
 namespace viable {
 
@@ -21,25 +22,77 @@ namespace {
 constexpr std::int64_t kProgressTicks = 256;
 
 template <class Interface>
-PluginPtr<Interface> makePlugin(const PluginChoice& choice, const RunSetup& setup) {
+PluginPtr<Interface> makeHere(const PluginChoice& choice, const RunSetup& setup,
+                              const std::string& title) {
     PluginPtr<Interface> plugin = PluginLoader::create<Interface>(choice.plugin);
-    const std::string who = std::string(getName(choice.plugin.kind)) + " plugin '" +
-                            choice.plugin.name + "' (" + choice.plugin.library.string() + ")";
     try {
         plugin->configure(setup, choice.parameters);
     } catch (const Error&) {
         throw;
     } catch (const std::exception& e) {
-        throw Error(ErrorKind::PluginFailed, who,
+        throw Error(ErrorKind::PluginFailed, title,
                     std::string("threw while it was configured: ") + e.what());
     } catch (...) {
-        throw Error(ErrorKind::PluginFailed, who,
+        throw Error(ErrorKind::PluginFailed, title,
                     "threw something that is no std::exception while it was configured");
     }
     return plugin;
 }
 
-const PluginChoice* findCulprit(const CasePlan& plan, StopReason reason) {
+/** Makes and configures the plugins of one case, each with its watch. */
+class PluginMaker {
+public:
+    PluginMaker(ConfiguredCase& configured, const Isolation* isolation)
+        : configured_(configured), isolation_(isolation) {}
+
+    template <class Interface>
+    PluginPtr<Interface> make(const PluginChoice& choice) {
+        configured_.watches.push_back(std::make_unique<PluginWatch>(choice.plugin));
+        PluginWatch* const watch = configured_.watches.back().get();
+        const RunSetup& setup = configured_.setup;
+        if (!isolation_) {
+            const PluginCall call(watch, kBeforeFirstTick);
+            return makeHere<Interface>(choice, setup, watch->title);
+        }
+        watch->countsAllocations = false;  // they are the other process's
+        try {
+            return isolatePlugin<Interface>(
+                [&] { return makeHere<Interface>(choice, setup, watch->title); },
+                isolation_->watchdog_s);
+        } catch (const PluginFault& e) {
+            throw Error(ErrorKind::PluginFailed, watch->title,
+                        std::string("could not be made and configured: ") + e.what(),
+                        e.remedy());
+        }
+    }
+
+    template <class Interface>
+    PluginPtr<Interface> makeWatched(const PluginChoice& choice) {
+        PluginPtr<Interface> plugin = make<Interface>(choice);
+        configured_.plugins.watches[static_cast<std::size_t>(detail::kindOf<Interface>())] =
+            configured_.watches.back().get();
+        return plugin;
+    }
+
+    PluginPtr<SafetyFilter> makeFilters(const std::vector<PluginChoice>& choices) {
+        if (choices.size() == 1) return makeWatched<SafetyFilter>(choices.front());
+        auto chain = std::make_unique<FilterChain>();
+        for (const PluginChoice& choice : choices) {
+            PluginPtr<SafetyFilter> filter = make<SafetyFilter>(choice);
+            chain->add(std::move(filter), configured_.watches.back().get());
+        }
+        configured_.chain = chain.get();
+        SafetyFilter* const filter = chain.release();
+        return {filter, [](void* object) { delete static_cast<SafetyFilter*>(object); }};
+    }
+
+private:
+    ConfiguredCase& configured_;
+    const Isolation* isolation_;
+};
+
+/** The plugin that ended the run; null: none did. */
+const PluginChoice* findCulprit(const CasePlan& plan, const FilterChain* chain, StopReason reason) {
     switch (reason) {
         case StopReason::CommandFailed:
             return &plan.command;
@@ -48,7 +101,7 @@ const PluginChoice* findCulprit(const CasePlan& plan, StopReason reason) {
         case StopReason::FilterFailed:
         case StopReason::FilterEnded:
         case StopReason::PromiseBroken:
-            return &plan.filter;
+            return &plan.filters[chain ? chain->answerable() : 0];
         case StopReason::RobustLoopFailed:
             return &*plan.robustLoop;
         case StopReason::PlantFailed:
@@ -61,6 +114,17 @@ const PluginChoice* findCulprit(const CasePlan& plan, StopReason reason) {
     return nullptr;
 }
 
+/** What a broken promise was, where a later filter of the chain broke that of an earlier one. */
+std::string nameThePromiser(std::string message, const CasePlan& plan, const FilterChain* chain) {
+    constexpr char kOwn[] = "it promises";
+    if (!chain || chain->promising() < 0 ||
+        chain->answerable() == static_cast<std::size_t>(chain->promising()) ||
+        message.rfind(kOwn, 0) != 0)
+        return message;
+    return "it changed what '" + plan.filters[chain->promising()].plugin.name +
+           "' before it had decided, which promises" + message.substr(sizeof kOwn - 1);
+}
+
 std::string formatTime(double seconds) {
     char text[32];
     std::snprintf(text, sizeof text, "%.4f s", seconds);
@@ -69,7 +133,8 @@ std::string formatTime(double seconds) {
 
 /** All plugins of a case, in the order of the data. */
 std::vector<const PluginChoice*> listPlugins(const CasePlan& plan) {
-    std::vector<const PluginChoice*> all{&plan.command, &plan.controller, &plan.filter};
+    std::vector<const PluginChoice*> all{&plan.command, &plan.controller};
+    for (const PluginChoice& filter : plan.filters) all.push_back(&filter);
     if (plan.robustLoop) all.push_back(&*plan.robustLoop);
     if (plan.realPlant) all.push_back(&*plan.realPlant);
     return all;
@@ -86,8 +151,10 @@ LogOpening makeOpening(const CasePlan& plan, MotionCommand::Space space) {
     for (const JointDescription& joint : plan.robot.joints)
         if (joint.type == JointType::Prismatic) sliding.push_back(joint.name);
     if (!sliding.empty()) opening.metadata[detail::kPrismaticJoints] = sliding.dump();
-    for (const PluginChoice* choice : listPlugins(plan))
-        opening.metadata[getName(choice->plugin.kind)] = choice->plugin.library.string();
+    for (const PluginChoice* choice : listPlugins(plan)) {
+        std::string& libraries = opening.metadata[getName(choice->plugin.kind)];
+        libraries += (libraries.empty() ? "" : ":") + choice->plugin.library.string();
+    }
     opening.attachments.push_back(
         {"experiment.yaml", "application/yaml", writeConfig(plan.resolved)});
     return opening;
@@ -183,7 +250,10 @@ void checkStartViable(const CasePlan& plan) {
 
 }  // namespace
 
-std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan) {
+ConfiguredCase::ConfiguredCase(RunSetup runSetup) : setup(std::move(runSetup)) {}
+ConfiguredCase::~ConfiguredCase() = default;
+
+std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolation* isolation) {
     RunSetup setup{plan.robot, plan.limits, plan.tick_s, plan.duration_s, plan.start, {}};
     {
         RobotModel model(plan.robot);
@@ -191,18 +261,19 @@ std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan) {
         model.calcDynamics(plan.start.q, plan.start.qd, dynamics);
         setup.startTool = dynamics.tool;
     }
-    auto configured = std::make_unique<ConfiguredCase>(ConfiguredCase{setup, {}});
+    auto configured = std::make_unique<ConfiguredCase>(setup);
+    PluginMaker maker(*configured, isolation);
     LoopPlugins& plugins = configured->plugins;
-    plugins.filter = makePlugin<SafetyFilter>(plan.filter, configured->setup);
+    plugins.filter = maker.makeFilters(plan.filters);
     if (!plugins.filter->recovers()) {
         checkStartInside(plan);
         checkStartViable(plan);
     }
-    plugins.command = makePlugin<CommandSource>(plan.command, configured->setup);
-    plugins.controller = makePlugin<NominalController>(plan.controller, configured->setup);
+    plugins.command = maker.makeWatched<CommandSource>(plan.command);
+    plugins.controller = maker.makeWatched<NominalController>(plan.controller);
     if (plan.realPlant) {
-        plugins.robustLoop = makePlugin<RobustLoop>(*plan.robustLoop, configured->setup);
-        plugins.realPlant = makePlugin<RealPlant>(*plan.realPlant, configured->setup);
+        plugins.robustLoop = maker.makeWatched<RobustLoop>(*plan.robustLoop);
+        plugins.realPlant = maker.makeWatched<RealPlant>(*plan.realPlant);
     }
     if (!plugins.controller->follows(plugins.command->space())) {
         const bool joint = plugins.command->space() == MotionCommand::Space::Joint;
@@ -218,7 +289,11 @@ std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan) {
 }
 
 CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
-    const std::unique_ptr<ConfiguredCase> configured = configureCase(plan);
+    return runCase(plan, configureCase(plan), options);
+}
+
+CaseResult runCase(const CasePlan& plan, std::unique_ptr<ConfiguredCase> configured,
+                   const RunOptions& options) {
     const bool promises = configured->plugins.filter->promisesLimits();
     const MotionCommand::Space space = configured->plugins.command->space();
     ControlLoop loop(configured->setup, std::move(configured->plugins));
@@ -273,27 +348,38 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
 
     result.stopReason = loop.stopReason();
     result.stopTime_s = loop.stopTime();
+    const std::string when =
+        "stopped at " + formatTime(result.stopTime_s) + " (tick " +
+        std::to_string(std::llround(result.stopTime_s / plan.tick_s)) + ")";
     if (result.stopReason == StopReason::Requested ||
         result.stopReason == StopReason::TicksMissed) {
-        result.stopMessage =
-            "stopped at " + formatTime(result.stopTime_s) + " because " + loop.stopMessage();
+        result.stopMessage = when + " because " + loop.stopMessage();
         if (result.stopReason == StopReason::TicksMissed)
             result.stopRemedy =
                 "Lower the `count` in missed_ticks, or leave a tick between entries.";
-    } else if (const PluginChoice* culprit = findCulprit(plan, result.stopReason)) {
-        result.stopMessage = "stopped at " + formatTime(result.stopTime_s) + ": the " +
-                             getName(culprit->plugin.kind) + " plugin '" + culprit->plugin.name +
-                             (result.stopReason == StopReason::FilterEnded
-                                  ? std::string("' ended the case: ") + loop.stopMessage()
-                                  : std::string("' failed: ") + loop.stopMessage() + " (" +
-                                        culprit->plugin.library.string() + ")");
+    } else if (const PluginChoice* culprit =
+                   findCulprit(plan, configured->chain, result.stopReason)) {
+        const PluginWatch watch(culprit->plugin);
+        result.stopMessage =
+            when + ": " + watch.title +
+            (result.stopReason == StopReason::FilterEnded ? " ended the case: " : " failed: ") +
+            nameThePromiser(loop.stopMessage(), plan, configured->chain);
+        result.stopRemedy = loop.stopRemedy();
+    }
+    for (const auto& watch : configured->watches) {
+        if (watch->allocatingTicks == 0) continue;
+        result.warnings.push_back(
+            watch->title + " takes memory from the heap in its tick (in " +
+            std::to_string(watch->allocatingTicks) + " ticks, first in tick " +
+            std::to_string(watch->firstAllocation) +
+            "): in a real-time loop such a tick may come too late. Take the memory in configure().");
     }
     return result;
 }
 
 CaseResult::CaseResult(const CasePlan& plan)
     : name(plan.name),
-      filter(plan.filter.plugin.name),
+      filter(plan.filterName()),
       robustLoop(plan.robustLoop ? plan.robustLoop->plugin.name : ""),
       realPlant(plan.realPlant ? plan.realPlant->plugin.name : ""),
       summary(plan.robot.jointNames(), plan.limits, plan.realPlant.has_value()) {

@@ -76,18 +76,54 @@ const char* findFault(const FilterDecision& d, const MotionState& nominal, const
     return nullptr;
 }
 
-/** Calls `reset`; whatever it throws becomes an Error that names the kind of plugin. */
+// What the author of a plugin can do about its failures.
+constexpr char kOnThrow[] =
+    "A tick function must not throw: catch it in the plugin and return a status that says that there is no result.";
+constexpr char kOnValues[] =
+    "Return one finite number per joint, or a status that says that there is none.";
+constexpr char kOnDecision[] =
+    "Fill the decision with holdJerk() or holdAcceleration(), which keep its parts together.";
+constexpr char kOnGivingUp[] = "It gives up by itself; its README says when it does.";
+constexpr char kOnPromise[] =
+    "The decision was not applied. Mend the filter, or let promisesLimits() return false.";
+constexpr char kOnLimits[] =
+    "Give limits for every joint, the lower below the upper, zero between those of velocity, acceleration and jerk; or use a "
+    "filter that can change them, such as certified_braking.";
+
+/** Calls `reset`; whatever it throws becomes an Error that names the plugin. */
 template <class PluginType>
-void resetPlugin(PluginType& plugin, PluginKind kind, const MotionState& start) {
-    const std::string who = std::string("the ") + getName(kind) + " plugin";
+void resetPlugin(PluginType& plugin, PluginKind kind, PluginWatch* watch,
+                 const MotionState& start) {
+    const std::string who =
+        watch ? watch->title : std::string("the ") + getName(kind) + " plugin";
+    const PluginCall mark(watch, kBeforeFirstTick);
     try {
         plugin.reset(start);
+    } catch (const PluginFault& e) {
+        throw Error(ErrorKind::PluginFailed, who, e.what(), e.remedy());
     } catch (const std::exception& e) {
         throw Error(ErrorKind::PluginFailed, who, std::string("threw in reset(): ") + e.what());
     } catch (...) {
         throw Error(ErrorKind::PluginFailed, who,
                     "threw something that is no std::exception in reset()");
     }
+}
+
+/** Why the arm is braked when a plugin of the kind fails. */
+StopReason getReason(PluginKind kind) {
+    switch (kind) {
+        case PluginKind::CommandSource:
+            return StopReason::CommandFailed;
+        case PluginKind::NominalController:
+            return StopReason::ControllerFailed;
+        case PluginKind::SafetyFilter:
+            return StopReason::FilterFailed;
+        case PluginKind::RobustLoop:
+            return StopReason::RobustLoopFailed;
+        case PluginKind::RealPlant:
+            return StopReason::PlantFailed;
+    }
+    return StopReason::None;
 }
 
 }  // namespace
@@ -131,6 +167,7 @@ void ControlLoop::reset() {
     stopReason_ = StopReason::None;
     stopTime_ = 0.0;
     stopMessage_[0] = '\0';
+    stopRemedy_ = "";
     stopBegun_ = ended_ = robustLoopFailed_ = false;
     missedInRow_ = 0;
     limits_ = setup_.limits;
@@ -143,11 +180,14 @@ void ControlLoop::reset() {
     command_.qd.setZero(n_);
     command_.tool = setup_.startTool;
     command_.space = plugins_.command->space();
-    resetPlugin(*plugins_.command, PluginKind::CommandSource, nominal_);
-    resetPlugin(*plugins_.controller, PluginKind::NominalController, nominal_);
-    resetPlugin(*plugins_.filter, PluginKind::SafetyFilter, nominal_);
-    if (plugins_.robustLoop) resetPlugin(*plugins_.robustLoop, PluginKind::RobustLoop, nominal_);
-    if (plugins_.realPlant) resetPlugin(*plugins_.realPlant, PluginKind::RealPlant, nominal_);
+    const auto resetOne = [&](auto& plugin, PluginKind kind) {
+        if (plugin) resetPlugin(*plugin, kind, findWatch(kind), nominal_);
+    };
+    resetOne(plugins_.command, PluginKind::CommandSource);
+    resetOne(plugins_.controller, PluginKind::NominalController);
+    resetOne(plugins_.filter, PluginKind::SafetyFilter);
+    resetOne(plugins_.robustLoop, PluginKind::RobustLoop);
+    resetOne(plugins_.realPlant, PluginKind::RealPlant);
     monitor_.reset(nominal_, limits_, setup_.tick_s, plugins_.filter->promisesLimits(),
                    plugins_.filter->recovers());
 }
@@ -160,31 +200,46 @@ bool ControlLoop::hasStopped() const {
     return ended_ || (stopBegun_ && monitor_.atRest(nominal_));
 }
 
-void ControlLoop::beginStop(StopReason reason, const char* message) noexcept {
+void ControlLoop::beginStop(StopReason reason, const char* message, const char* remedy) noexcept {
     if (stopReason_ != StopReason::None &&
         !(stopReason_ == StopReason::Requested && reason != StopReason::Requested))
         return;
     stopReason_ = reason;
     stopTime_ = time();
     std::snprintf(stopMessage_, sizeof stopMessage_, "%s", message);
+    stopRemedy_ = remedy;
 }
 
 template <class Status, class Call>
-Status ControlLoop::contain(Status faulted, StopReason reason, const Call& call) noexcept {
+Status ControlLoop::contain(PluginKind kind, Status faulted, const Call& call) noexcept {
+    PluginCall mark(findWatch(kind), tickIndex_);
+    char message[sizeof stopMessage_] = "";
+    const char* remedy = kOnThrow;
+    Status status = faulted;
     try {
-        return call();
+        status = call();
+    } catch (const PluginFault& e) {
+        std::snprintf(message, sizeof message, "%s", e.what());
+        remedy = e.remedy();
     } catch (const std::exception& e) {
-        char message[sizeof stopMessage_];
         std::snprintf(message, sizeof message, "it threw: %s", e.what());
-        beginStop(reason, message);
     } catch (...) {
-        beginStop(reason, "it threw something that is no std::exception");
+        std::snprintf(message, sizeof message, "it threw something that is no std::exception");
     }
-    return faulted;
+    if (const char* change = mark.undoArithmeticChange(); change && !*message) {
+        std::snprintf(message, sizeof message, kArithmeticChange, change);
+        remedy = kOnArithmeticChange;
+        status = faulted;
+    }
+    if (*message) {
+        mark.forgetAllocations();
+        beginStop(getReason(kind), message, remedy);
+    }
+    return status;
 }
 
 void ControlLoop::readPlant() {
-    const TickStatus status = contain(TickStatus::Faulted, StopReason::PlantFailed, [&] {
+    const TickStatus status = contain(PluginKind::RealPlant, TickStatus::Faulted, [&] {
         const JointState& measured = plugins_.realPlant->measured();
         const JointState& actual = plugins_.realPlant->actual();
         if (!isFinite(measured, n_) || !isFinite(actual, n_)) return TickStatus::Faulted;
@@ -194,12 +249,12 @@ void ControlLoop::readPlant() {
     });
     if (status == TickStatus::Ok) return;
     beginStop(StopReason::PlantFailed,
-              "the state that it reports has the wrong size or is not finite");
+              "the state that it reports has the wrong size or is not finite", kOnValues);
     ended_ = true;
 }
 
 void ControlLoop::takeCommand(double t) {
-    const TickStatus status = contain(TickStatus::Faulted, StopReason::CommandFailed,
+    const TickStatus status = contain(PluginKind::CommandSource, TickStatus::Faulted,
                                       [&] { return plugins_.command->sample(t, newCommand_); });
     if (status == TickStatus::Ok && newCommand_.space == command_.space &&
         isUsable(newCommand_, n_)) {
@@ -209,11 +264,11 @@ void ControlLoop::takeCommand(double t) {
     }
     if (++missingCommands_ > kMaxSubstitutedTicks)
         beginStop(StopReason::CommandFailed,
-                  "it gave no usable command (wrong size, not finite or not Ok)");
+                  "it gave no usable command (wrong size, not finite or not Ok)", kOnValues);
 }
 
 void ControlLoop::takeTorque() {
-    const TickStatus status = contain(TickStatus::Faulted, StopReason::ControllerFailed, [&] {
+    const TickStatus status = contain(PluginKind::NominalController, TickStatus::Faulted, [&] {
         return plugins_.controller->compute(command_, nominal_, dynamics_, newTorque_);
     });
     if (status == TickStatus::Ok && isFinite(newTorque_, n_)) {
@@ -227,12 +282,12 @@ void ControlLoop::takeTorque() {
     ++substituted_;
     if (++missingTorques_ > kMaxSubstitutedTicks)
         beginStop(StopReason::ControllerFailed,
-                  "it gave no usable torque (wrong size, not finite or not Ok)");
+                  "it gave no usable torque (wrong size, not finite or not Ok)", kOnValues);
 }
 
 void ControlLoop::takeLimits(double t) {
     const JointLimits* limits = nullptr;
-    contain(TickStatus::Faulted, StopReason::CommandFailed, [&] {
+    contain(PluginKind::CommandSource, TickStatus::Faulted, [&] {
         limits = plugins_.command->sampleLimits(t);
         return TickStatus::Ok;
     });
@@ -240,16 +295,18 @@ void ControlLoop::takeLimits(double t) {
     if (!areUsable(*limits, n_, setup_.tick_s)) {
         beginStop(
             StopReason::CommandFailed,
-            "the limits that it gave are not usable at this tick (size, sign, order or window)");
+            "the limits that it gave are not usable at this tick (size, sign, order or window)",
+            kOnLimits);
         return;
     }
-    const FilterStatus status = contain(FilterStatus::Faulted, StopReason::FilterFailed, [&] {
+    const FilterStatus status = contain(PluginKind::SafetyFilter, FilterStatus::Faulted, [&] {
         return plugins_.filter->changeLimits(*limits) ? FilterStatus::Passed
                                                       : FilterStatus::Faulted;
     });
     if (status == FilterStatus::Faulted) {
         beginStop(StopReason::FilterFailed,
-                  "the command changed the limits, and it cannot change its own during a run");
+                  "the command changed the limits, and it cannot change its own during a run",
+                  kOnLimits);
         return;
     }
     limits_ = *limits;
@@ -258,7 +315,7 @@ void ControlLoop::takeLimits(double t) {
 
 void ControlLoop::tellMissedTicks() {
     if (missedInRow_ == 0) return;
-    contain(FilterStatus::Faulted, StopReason::FilterFailed, [&] {
+    contain(PluginKind::SafetyFilter, FilterStatus::Faulted, [&] {
         plugins_.filter->skipTicks(missedInRow_);
         return FilterStatus::Passed;
     });
@@ -267,7 +324,7 @@ void ControlLoop::tellMissedTicks() {
 
 bool ControlLoop::takeDecision() {
     decision_.hasStops = false;  // a filter without a witness need not say so
-    status_ = contain(FilterStatus::Faulted, StopReason::FilterFailed, [&] {
+    status_ = contain(PluginKind::SafetyFilter, FilterStatus::Faulted, [&] {
         return plugins_.filter->filter(nominal_, desiredTorque_, dynamics_, decision_);
     });
     if (status_ == FilterStatus::Ended && !plugins_.filter->promisesLimits()) {
@@ -280,7 +337,9 @@ bool ControlLoop::takeDecision() {
                         : !areKnown(status_, decision_, n_)
                             ? "its status or an acting limit is none of the words there are"
                             : findFault(decision_, nominal_, dynamics_, setup_.tick_s, n_);
-    if (fault) beginStop(StopReason::FilterFailed, fault);
+    const bool gaveUp = status_ == FilterStatus::Faulted || status_ == FilterStatus::Ended ||
+                        status_ == FilterStatus::InvalidInput;
+    if (fault) beginStop(StopReason::FilterFailed, fault, gaveUp ? kOnGivingUp : kOnDecision);
     return !fault && passMonitor();
 }
 
@@ -298,7 +357,7 @@ bool ControlLoop::passMonitor() {
                       what, sizeof what);
     char message[sizeof stopMessage_];
     std::snprintf(message, sizeof message, "it promises all limits, but %s", what);
-    beginStop(StopReason::PromiseBroken, message);
+    beginStop(StopReason::PromiseBroken, message, kOnPromise);
     return false;
 }
 
@@ -315,12 +374,13 @@ void ControlLoop::followStop() {
 
 void ControlLoop::takeRobustTorque() {
     if (!robustLoopFailed_) {
-        const TickStatus status = contain(TickStatus::Faulted, StopReason::RobustLoopFailed, [&] {
+        const TickStatus status = contain(PluginKind::RobustLoop, TickStatus::Faulted, [&] {
             return plugins_.robustLoop->compute(real_, nominal_, decision_.torque, robustTorque_);
         });
         if (status == TickStatus::Ok && isBounded(robustTorque_, n_)) return;
         beginStop(StopReason::RobustLoopFailed,
-                  "it gave no usable torque (wrong size, not finite, beyond 1e9 or not Ok)");
+                  "it gave no usable torque (wrong size, not finite, beyond 1e9 or not Ok)",
+                  kOnValues);
         robustLoopFailed_ = true;
     }
     robustTorque_.setZero(n_);
@@ -328,11 +388,12 @@ void ControlLoop::takeRobustTorque() {
 
 void ControlLoop::drivePlant() {
     motorTorque_ = decision_.torque + robustTorque_;
-    const TickStatus status = contain(TickStatus::Faulted, StopReason::PlantFailed, [&] {
+    const TickStatus status = contain(PluginKind::RealPlant, TickStatus::Faulted, [&] {
         return plugins_.realPlant->advance(motorTorque_, appliedTorque_);
     });
     if (status == TickStatus::Ok && isFinite(appliedTorque_, n_)) return;
-    beginStop(StopReason::PlantFailed, "it could not advance (its state would not be finite)");
+    beginStop(StopReason::PlantFailed, "it could not advance (its state would not be finite)",
+              kOnGivingUp);
     appliedTorque_.setZero(n_);
     ended_ = true;
 }

@@ -17,6 +17,9 @@ constexpr double kLongestRun_s = 24.0 * 3600.0;
 /** Beyond what the loop bears in a row, so that its answer to that can be tried. */
 constexpr std::int64_t kMaxMissedTicksInFile = 1'000'000;
 
+/** More filters in a row than anyone needs. */
+constexpr std::size_t kMaxFilters = 16;
+
 /** What a case may override: everything but these. */
 const std::vector<std::string> kTopOnlyKeys = {"schema", "title", "cases"};
 const std::vector<std::string> kCaseKeys = {"robot",       "tick_s",     "duration_s",  "limits",
@@ -176,8 +179,7 @@ public:
             readPlugin(map_.require("command"), PluginKind::CommandSource, plan.robot.size());
         plan.controller = readPlugin(map_.require("controller"), PluginKind::NominalController,
                                      plan.robot.size());
-        plan.filter =
-            readPlugin(map_.require("filter"), PluginKind::SafetyFilter, plan.robot.size());
+        plan.filters = readFilters(map_.require("filter"), plan.robot.size());
         const ConfigNode* robustLoop = map_.find("robust_loop");
         const ConfigNode* realPlant = map_.find("real_plant");
         if (robustLoop && !realPlant)
@@ -198,6 +200,33 @@ public:
     }
 
 private:
+    /** One block, or a list of blocks and of names without parameters. */
+    std::vector<PluginChoice> readFilters(const ConfigNode& node, int joints) const {
+        std::vector<PluginChoice> filters;
+        if (node.kind != ConfigNode::Kind::List) {
+            filters.push_back(readPlugin(node, PluginKind::SafetyFilter, joints));
+            return filters;
+        }
+        if (node.items.empty() || node.items.size() > kMaxFilters)
+            throw badInput(node.place(),
+                           "a list of filters must have 1 to " + std::to_string(kMaxFilters) +
+                               " entries, this one has " + std::to_string(node.items.size()),
+                           "Write for example `filter: [{plugin: tosbp}, certified_braking]`.");
+        for (const ConfigNode& item : node.items) {
+            if (item.kind != ConfigNode::Kind::Scalar) {
+                filters.push_back(readPlugin(item, PluginKind::SafetyFilter, joints));
+                continue;
+            }
+            ConfigNode block = makeMap({{"plugin", item}});
+            block.file = item.file;
+            block.line = item.line;
+            block.column = item.column;
+            block.keyPath = item.keyPath;
+            filters.push_back(readPlugin(block, PluginKind::SafetyFilter, joints));
+        }
+        return filters;
+    }
+
     PluginChoice readPlugin(const ConfigNode& block, PluginKind kind, int joints) const {
         if (block.kind != ConfigNode::Kind::Map || !block.find("plugin"))
             throw badInput(
@@ -219,6 +248,14 @@ private:
             name->quoted = true;
         }
         return block;
+    }
+
+    static ConfigNode resolve(const std::vector<PluginChoice>& filters) {
+        if (filters.size() == 1) return resolve(filters.front());
+        ConfigNode list;
+        list.kind = ConfigNode::Kind::List;
+        for (const PluginChoice& filter : filters) list.items.push_back(resolve(filter));
+        return list;
     }
 
     static ConfigNode resolve(const CasePlan& plan, const std::string& title,
@@ -248,7 +285,7 @@ private:
             node.entries.emplace_back("missed_ticks",
                                       makeMissedTicks(plan.missedTicks, plan.tick_s));
         node.entries.emplace_back(
-            "cases", makeMap({{plan.name, makeMap({{"filter", resolve(plan.filter)}})}}));
+            "cases", makeMap({{plan.name, makeMap({{"filter", resolve(plan.filters)}})}}));
         return node;
     }
 
@@ -308,6 +345,13 @@ void checkCaseIsInFile(const std::string& name, const ConfigNode& node, const Co
 }
 
 }  // namespace
+
+std::string CasePlan::filterName() const {
+    std::string text;
+    for (const PluginChoice& filter : filters)
+        text += (text.empty() ? "" : " + ") + filter.plugin.name;
+    return text;
+}
 
 Experiment readExperiment(const std::filesystem::path& file,
                           const std::vector<std::string>& overrides, const PluginLoader& loader,

@@ -99,6 +99,7 @@ std::string writeSummaryJson(const Experiment& experiment, const std::vector<Cas
                          {"stages", stages},
                          {"verdict", formatVerdict(r)},
                          {"account", formatDetails(r)},
+                         {"warnings", r.warnings},
                          {"stop", r.stopMessage},
                          {"stop_time_s", r.stopMessage.empty() ? json(nullptr) : json(r.stopTime_s)},
                          {"log", r.log.filename().string()},

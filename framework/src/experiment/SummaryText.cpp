@@ -309,6 +309,7 @@ std::string formatDetails(const CaseResult& r) {
     if (!r.log.empty())
         text += format("  log           %s (%lld rows)\n", r.log.c_str(),
                        static_cast<long long>(r.logRows));
+    for (const std::string& warning : r.warnings) text += "  WARNING       " + warning + "\n";
     if (!r.stopMessage.empty())
         text += "  STOPPED       " + r.stopMessage +
                 (r.stopRemedy.empty() ? "" : ". " + r.stopRemedy) + "\n";

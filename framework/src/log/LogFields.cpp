@@ -321,7 +321,8 @@ std::vector<LogChannel> declareChannels() {
 }  // namespace
 
 const std::vector<LogChannel>& getLogChannels() {
-    static const std::vector<LogChannel> channels = declareChannels();
+    // Never destroyed: a log is finished even while exit() runs (Recorder::rescueAll).
+    static const auto& channels = *new std::vector<LogChannel>(declareChannels());
     return channels;
 }
 

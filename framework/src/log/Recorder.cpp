@@ -3,6 +3,7 @@
 #include <signal.h>
 
 #include <chrono>
+#include <ctime>
 
 #include "viable/core/Error.h"
 
@@ -12,6 +13,9 @@ namespace {
 
 /** How long the writing thread sleeps when there is nothing to write. */
 constexpr std::chrono::milliseconds kNap(1);
+
+std::atomic<int> unfinished{0};  // recorders whose log has no end yet
+std::atomic<bool> rescue{false};
 
 }  // namespace
 
@@ -26,9 +30,11 @@ Recorder::Recorder(std::unique_ptr<LogWriter> writer, std::size_t capacity)
         sigdelset(&blocked, signal);
     }
     pthread_sigmask(SIG_SETMASK, &blocked, &before);
+    ++unfinished;
     try {
         thread_ = std::thread([this] { drain(); });
     } catch (...) {
+        --unfinished;
         pthread_sigmask(SIG_SETMASK, &before, nullptr);
         throw;
     }
@@ -53,7 +59,8 @@ bool Recorder::append(const TickRecord& record) noexcept {
 void Recorder::drain() {
     for (;;) {
         // Looked at first: what was appended before the stop is seen by the next load.
-        const bool stop = stop_.load(std::memory_order_acquire);
+        const bool stop = stop_.load(std::memory_order_acquire) ||
+                          rescue.load(std::memory_order_acquire);
         const std::size_t written = written_.load(std::memory_order_acquire);
         std::size_t read = read_.load(std::memory_order_relaxed);
         if (read == written) {
@@ -67,6 +74,18 @@ void Recorder::drain() {
         }
     }
     writer_->finish();
+    --unfinished;
+}
+
+bool Recorder::rescueAll(double patience_s) noexcept {
+    rescue.store(true, std::memory_order_release);
+    constexpr double kLook_s = 0.01;
+    for (double waited = 0.0; unfinished.load() > 0; waited += kLook_s) {
+        if (waited >= patience_s) return false;
+        const timespec nap{0, static_cast<long>(kLook_s * 1e9)};
+        nanosleep(&nap, nullptr);
+    }
+    return true;
 }
 
 LogStatus Recorder::finish() {

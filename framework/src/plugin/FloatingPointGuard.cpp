@@ -17,6 +17,9 @@ struct ModeBit {
 std::uint64_t readControl() {
     return _mm_getcsr() & ~std::uint64_t(0x3f);
 }  // without the flags
+void writeControl(std::uint64_t control) {
+    _mm_setcsr(static_cast<unsigned>(control));
+}
 constexpr ModeBit kModes[] = {{0x8000, "flush-to-zero"}, {0x0040, "denormals-are-zero"}};
 constexpr std::uint64_t kRounding = 0x6000;
 #elif defined(__aarch64__)
@@ -25,12 +28,16 @@ std::uint64_t readControl() {
     asm volatile("mrs %0, fpcr" : "=r"(fpcr));
     return fpcr;
 }
+void writeControl(std::uint64_t control) {
+    asm volatile("msr fpcr, %0" : : "r"(control));
+}
 constexpr ModeBit kModes[] = {{1u << 24, "flush-to-zero"}};
 constexpr std::uint64_t kRounding = 3u << 22;
 #else
 std::uint64_t readControl() {
     return 0;
 }
+void writeControl(std::uint64_t) {}
 constexpr ModeBit kModes[] = {{0, ""}};
 constexpr std::uint64_t kRounding = 0;
 #endif
@@ -58,6 +65,24 @@ FloatingPointGuard::FloatingPointGuard() : rounding_(std::fegetround()), control
 
 FloatingPointGuard::~FloatingPointGuard() {
     std::fesetenv(&environment_);
+}
+
+std::uint64_t FloatingPointGuard::readModes() {
+    return readControl();
+}
+
+const char* FloatingPointGuard::findChange(std::uint64_t modes) {
+    const std::uint64_t changed = readControl() ^ modes;
+    if (changed == 0) return nullptr;
+    if (changed & kRounding) return "the rounding mode";
+    for (const ModeBit& mode : kModes)
+        if (changed & mode.mask) return mode.name;
+    return "which floating point exceptions trap";
+}
+
+void FloatingPointGuard::setModes(std::uint64_t modes) {
+    std::fesetround(FE_TONEAREST);  // of registers that the one below does not govern
+    writeControl(modes);
 }
 
 std::string FloatingPointGuard::describeChange() const {

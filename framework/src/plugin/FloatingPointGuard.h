@@ -22,6 +22,12 @@ public:
     /** What differs now from the time of construction, in words; empty when nothing does. */
     std::string describeChange() const;
 
+    /** For every tick, where the above costs too much: the modes of the arithmetic as the processor holds them, what
+    differs from them now (null: nothing), and setting them back. */
+    static std::uint64_t readModes();
+    static const char* findChange(std::uint64_t modes);
+    static void setModes(std::uint64_t modes);
+
 private:
     std::fenv_t environment_;
     int rounding_;

@@ -356,13 +356,20 @@ std::string getNow() {
     return text;
 }
 
-/** A plugin's name from the library that the log names: .../viable_filter_tosbp.so. */
+/** The names of the plugins of a kind from the libraries that the log names: .../viable_filter_tosbp.so, several with a
+colon between them. */
 std::string getPlugin(const std::map<std::string, std::string>& metadata, const char* kind,
                       const char* prefix) {
     const auto entry = metadata.find(kind);
     if (entry == metadata.end()) return "";
-    const std::string stem = fs::path(entry->second).stem().string();
-    return stem.rfind(prefix, 0) == 0 ? stem.substr(std::string(prefix).size()) : stem;
+    std::string names;
+    std::istringstream libraries(entry->second);
+    for (std::string library; std::getline(libraries, library, ':');) {
+        const std::string stem = fs::path(library).stem().string();
+        names += (names.empty() ? "" : " + ") +
+                 (stem.rfind(prefix, 0) == 0 ? stem.substr(std::string(prefix).size()) : stem);
+    }
+    return names;
 }
 
 json describeCase(const fs::path& log, LogReader& reader, const json& summary, BinaryBlock& block) {

@@ -23,6 +23,36 @@ std::string errorOf(const std::string& yaml, const std::vector<std::string>& ove
     return catchError([&] { readTestExperiment(yaml, overrides); });
 }
 
+TEST(ExperimentFile, AListOfFiltersIsAChainInThatOrder) {
+    const Experiment e = readTestExperiment(
+        kOneJoint, {"filter=[{plugin: tosbp, k_alpha: 3}, certified_braking, pass_through]",
+                    "filter[0].gamma=40"});
+    const CasePlan& plan = e.cases[0];
+    EXPECT_EQ(plan.filterName(), "tosbp + certified_braking + pass_through");
+    ASSERT_EQ(plan.filters.size(), 3u);
+    EXPECT_EQ(plan.filters[0].parameters.number("gamma"), 40.0);
+    EXPECT_EQ(plan.filters[0].parameters.number("k_alpha"), 3.0);
+    const Experiment again = readTestExperiment(writeConfig(plan.resolved));
+    EXPECT_EQ(again.cases[0].filterName(), plan.filterName());
+    EXPECT_EQ(again.cases[0].filters[0].parameters.number("gamma"), 40.0);
+}
+
+TEST(ExperimentFile, AWrongListOfFiltersIsRefused) {
+    const auto errorOf = [](const std::string& filter) {
+        return catchError([&] { readTestExperiment(kOneJoint, {"filter=" + filter}); });
+    };
+    EXPECT_NE(errorOf("[]").find("1 to 16 entries, this one has 0. Write for example"),
+              std::string::npos);
+    EXPECT_NE(errorOf("[tosbp, tosbq]").find("filter[1]: there is no filter plugin called 'tosbq'"),
+              std::string::npos);
+    EXPECT_NE(errorOf("[tosbp, {gamma: 3}]").find("filter[1]: the block must name a plugin"),
+              std::string::npos);
+    EXPECT_NE(errorOf("[tosbp, {plugin: tosbp, gama: 3}]").find("filter[1].gama"),
+              std::string::npos);
+    EXPECT_NE(errorOf("[[tosbp]]").find("filter[0]: the block must name a plugin"),
+              std::string::npos);
+}
+
 TEST(ExperimentFile, ACaseOverridesTheTopAndKeepsTheRest) {
     std::string withCaseB = kTeleoperation;
     withCaseB.replace(withCaseB.find("{A: {}}"), 7, "{A: {}, B: {}}");
@@ -30,8 +60,8 @@ TEST(ExperimentFile, ACaseOverridesTheTopAndKeepsTheRest) {
         withCaseB, {"cases.B.filter.plugin=pass_through", "cases.B.limits.jerk_radps3=20",
                     "cases.B.robust_loop.k_r=500"});
     ASSERT_EQ(e.cases.size(), 2u);
-    EXPECT_EQ(e.cases[0].filter.plugin.name, "tosbp");
-    EXPECT_EQ(e.cases[1].filter.plugin.name, "pass_through");
+    EXPECT_EQ(e.cases[0].filterName(), "tosbp");
+    EXPECT_EQ(e.cases[1].filterName(), "pass_through");
     EXPECT_EQ(e.cases[1].limits.jerk.upper[3], 20.0);
     EXPECT_EQ(e.cases[1].limits.velocity.upper[3], e.cases[0].limits.velocity.upper[3]);
     EXPECT_EQ(e.cases[1].robustLoop->parameters.jointNumbers("k_r")[0], 500.0);

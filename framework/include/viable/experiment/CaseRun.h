@@ -12,15 +12,29 @@
 
 namespace viable {
 
+/** Each plugin of a case in a process of its own (see isolatePlugin). */
+struct Isolation {
+    double watchdog_s = kDefaultWatchdog_s;
+};
+
+class FilterChain;
+
 /** A case whose plugins are made and configured. The plan must outlive it. */
 struct ConfiguredCase {
+    explicit ConfiguredCase(RunSetup runSetup);
+    ~ConfiguredCase();
+
     RunSetup setup;
+    std::vector<std::unique_ptr<PluginWatch>> watches;
     LoopPlugins plugins;
+    const FilterChain* chain = nullptr;  ///< plugins.filter, where there are several
 };
 
 /** Makes and configures the plugins of a case, and checks that they fit together. Throws Error:
-BadInput for what the file says, PluginFailed when a plugin throws anything else. */
-std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan);
+BadInput for what the file says, PluginFailed when a plugin throws anything else.
+@param isolation  null: all in this process. Otherwise call it while the program has one thread. */
+std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan,
+                                              const Isolation* isolation = nullptr);
 
 struct RunOptions {
     std::filesystem::path log;  ///< log file to create; empty: none
@@ -49,6 +63,7 @@ struct CaseResult {
     std::string
         stopMessage;  ///< one sentence that names plugin, time and cause; empty without a stop
     std::string stopRemedy;  ///< what to do about it; may be empty
+    std::vector<std::string> warnings;  ///< what the plugins do that is no failure yet
     double stopTime_s = 0.0;
     std::filesystem::path log;
     std::string logError;  ///< empty: every row was written
@@ -61,6 +76,8 @@ struct CaseResult {
 /** Runs a case to its end, or to the end of the stop that a failure or a request caused. Throws
 Error only before the first tick (configuration, log file). */
 CaseResult runCase(const CasePlan& plan, const RunOptions& options);
+CaseResult runCase(const CasePlan& plan, std::unique_ptr<ConfiguredCase> configured,
+                   const RunOptions& options);
 
 /** One line per case: worst use of each limit, ticks outside, empty ticks, tracking error, time per
  * tick. */

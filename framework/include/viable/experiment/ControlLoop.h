@@ -2,7 +2,9 @@
 
 #include "viable/experiment/StopMonitor.h"
 #include "viable/log/TickRecord.h"
+#include "viable/plugin/IsolatedPlugin.h"
 #include "viable/plugin/NominalPlant.h"
+#include "viable/plugin/PluginCall.h"
 #include "viable/plugin/PluginLoader.h"
 #include "viable/robot/RobotModel.h"
 
@@ -15,6 +17,9 @@ struct LoopPlugins {
     PluginPtr<SafetyFilter> filter{nullptr, nullptr};
     PluginPtr<RobustLoop> robustLoop{nullptr, nullptr};
     PluginPtr<RealPlant> realPlant{nullptr, nullptr};
+    /** By PluginKind: who is called, for messages; null: nobody watches. Must outlive the loop. A chain of filters
+    watches its own. */
+    std::array<PluginWatch*, kPluginKindCount> watches{};
 };
 
 /** Why the arm was braked to a stop before the end of the run. */
@@ -79,13 +84,15 @@ public:
     const char* stopMessage() const {
         return stopMessage_;
     }                                              ///< what the plugin said, or what was wrong
-    double stopTime() const { return stopTime_; }  ///< [s]
+    const char* stopRemedy() const { return stopRemedy_; }  ///< a sentence; may be empty
+    double stopTime() const { return stopTime_; }           ///< [s]
     double time() const;                           ///< of the next tick [s]
 
     const MotionState& nominal() const { return nominal_; }  ///< at time()
 
 private:
-    void beginStop(StopReason reason, const char* message) noexcept;
+    /** @param remedy  a literal */
+    void beginStop(StopReason reason, const char* message, const char* remedy = "") noexcept;
     void readPlant();
     void takeCommand(double t);
     void takeLimits(double t);
@@ -98,9 +105,12 @@ private:
     void finishTick(TickRecord& record, StageTimer& timer);
     void takeRobustTorque();
     void drivePlant();
-    /** Runs `call`; an exception becomes `faulted` and its text the stop message. */
+    /** Runs `call`, the work of a plugin of that kind; an exception becomes `faulted` and its text the stop message. */
     template <class Status, class Call>
-    Status contain(Status faulted, StopReason reason, const Call& call) noexcept;
+    Status contain(PluginKind kind, Status faulted, const Call& call) noexcept;
+    PluginWatch* findWatch(PluginKind kind) const {
+        return plugins_.watches[static_cast<std::size_t>(kind)];
+    }
 
     const RunSetup& setup_;
     LoopPlugins plugins_;
@@ -128,6 +138,7 @@ private:
     StopReason stopReason_ = StopReason::None;
     double stopTime_ = 0.0;
     char stopMessage_[512] = "";
+    const char* stopRemedy_ = "";
     bool stopBegun_ = false;  // a tick of the stop has been taken
     bool ended_ = false;      // no stop is possible: the plant is gone or the arithmetic is
     bool robustLoopFailed_ = false;

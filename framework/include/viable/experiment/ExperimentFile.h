@@ -34,9 +34,14 @@ struct CasePlan {
     MotionState start;       ///< as written; configureCase() judges it
     std::string startPlace;  ///< where, for messages
     std::vector<TickGap> missedTicks;
-    PluginChoice command, controller, filter;
+    PluginChoice command, controller;
+    std::vector<PluginChoice> filters;       ///< at least one; several run one after the other
     std::optional<PluginChoice> robustLoop;  ///< present exactly when realPlant is
     std::optional<PluginChoice> realPlant;
+
+    /** "tosbp", or "tosbp + certified_braking". */
+    std::string filterName() const;
+
     ConfigNode resolved;  ///< the case as an experiment file of its own, every default filled in
 };
 

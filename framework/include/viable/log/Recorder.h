@@ -37,6 +37,10 @@ public:
     calls return the same. */
     LogStatus finish();
 
+    /** For a signal handler of a program that is about to die: all recorders write what was handed over and finish their
+    logs. Returns when they have, or after `patience_s`: true when all logs are whole. No recorder takes rows afterwards. */
+    static bool rescueAll(double patience_s) noexcept;
+
 private:
     void drain();
 

@@ -10,6 +10,8 @@
 
 namespace viable {
 
+inline constexpr std::size_t kPluginKindCount = 5;
+
 /** "command", "controller", "filter", "robust_loop", "plant": the words of file names and messages. */
 const char* getName(PluginKind kind);
 

@@ -1,0 +1,207 @@
+// What a user reads when a plugin misbehaves in the run, with and without --isolate.
+#include <gtest/gtest.h>
+
+#include "Program.h"
+#include "viable/log/LogReader.h"
+
+namespace viable {
+namespace {
+
+using Folder = test::TemporaryFolder;
+using test::Outcome;
+
+const char* const kExperiment = R"(schema: 1
+title: bad plugins
+robot: single_joint
+duration_s: 0.5
+command: {plugin: waypoints, points: [[0, 1], [1, -1]], repeat_s: 2}
+controller: {plugin: joint_pd}
+cases: {A: {filter: {plugin: pass_through}}}
+)";
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool kSanitized = true;
+#else
+constexpr bool kSanitized = false;
+#endif
+
+int countRows(const std::filesystem::path& log) {
+    LogReader reader(log);
+    EXPECT_TRUE(reader.isComplete());
+    TickRecord record;
+    int rows = 0;
+    while (reader.read(record)) ++rows;
+    return rows;
+}
+
+void expectContains(const std::string& text, const std::vector<std::string>& parts) {
+    for (const std::string& part : parts)
+        EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is missing in:\n"
+                                                      << text;
+}
+
+struct Fixture {
+    const char* plugin;
+    const char* inProcess;  ///< what the crash handler says; null: not to be tried
+    const char* isolated;
+};
+
+class BadPlugin : public ::testing::TestWithParam<Fixture> {
+protected:
+    Outcome run(std::vector<std::string> more) {
+        std::vector<std::string> arguments{
+            "run", folder_.write("e.yaml", kExperiment), "--out", folder_ / "run", "--no-report",
+            "--set", std::string("cases.A.filter={plugin: ") + GetParam().plugin +
+                         ", after_ticks: 100}"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        return test::run(arguments);
+    }
+    std::string who() const {
+        return std::string("the filter plugin '") + GetParam().plugin + "' (" VIABLE_BINARY_DIR
+               "/tests/broken_plugins/viable_filter_" + GetParam().plugin + ".so)";
+    }
+    Folder folder_;
+};
+
+TEST_P(BadPlugin, IsolatedItIsNamedAndTheArmIsBraked) {
+    const Outcome o = run({"--isolate", "--watchdog", "1"});
+    EXPECT_EQ(o.code, 4) << o.err;
+    expectContains(o.err, {"stopped at 0.1000 s (tick 100): " + who() + " failed: ",
+                           GetParam().isolated, "\n"});
+    const std::filesystem::path log = folder_ / "run/A.mcap";
+    EXPECT_GT(countRows(log), 101);  // and its stop
+    LogReader reader(log);
+    TickRecord record;
+    int braking = 0;
+    while (reader.read(record)) braking += record.braking;
+    EXPECT_GT(braking, 1);
+    // These filters hold accelerations, and so does their stop: its last tick leads to rest.
+    const double dt = 1e-3, held = record.nominal.qdd[0] + record.nominal.jerk[0] * dt;
+    EXPECT_LT(std::abs(record.nominal.qd[0] + held * dt), 1e-12);
+}
+
+TEST_P(BadPlugin, WithoutIsolationItIsNamedAndTheLogIsWhole) {
+    if (!GetParam().inProcess) GTEST_SKIP() << "nothing but --isolate ends a hang by itself";
+    if (kSanitized) GTEST_SKIP() << "sanitizers have crash handlers of their own";
+    const Outcome o = run({});
+    EXPECT_EQ(o.code, 4) << o.err;
+    expectContains(o.err, {who(), GetParam().inProcess, "tick 100"});
+    EXPECT_GE(countRows(folder_ / "run/A.mcap"), 100);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, BadPlugin,
+    ::testing::Values(
+        Fixture{"segfaults", "crashed in tick 100: signal 11 (Segmentation fault). The logs in ",
+                "its process died: signal 11 (Segmentation fault)\nMend the plugin"},
+        Fixture{"overflows_stack", "crashed in tick 100: signal 11 (Segmentation fault). The logs",
+                "its process died: signal 11 (Segmentation fault)\nMend the plugin"},
+        Fixture{"aborts", "crashed in tick 100: signal 6 (Aborted). The logs in ",
+                "its process died: signal 6 (Aborted)\nMend the plugin"},
+        Fixture{"calls_exit", "called exit() in tick 100. The logs in ",
+                "its process ended: it called exit(0)\nMend the plugin"},
+        Fixture{"hangs", nullptr,
+                "it did not come back for 1 s; its process was ended\nMend the plugin"},
+        Fixture{"rounds_in_tick",
+                "failed: it changed the floating point arithmetic of the whole thread (the "
+                "rounding mode; set back)\nSet the modes back",
+                "it changed the floating point arithmetic of the whole thread (the rounding mode; "
+                "set back)\nSet the modes back"},
+        Fixture{"throwing_tick",
+                "failed: it threw: the filter lost its temper\nA tick function must not throw",
+                "it threw: the filter lost its temper\nA tick function must not throw"},
+        Fixture{"nan_output",
+                "failed: its decision has the wrong size or is not finite\nFill the decision with "
+                "holdJerk()",
+                "its decision has the wrong size or is not finite\nFill the decision with "
+                "holdJerk()"},
+        Fixture{"wrong_size",
+                "failed: its decision has the wrong size or is not finite\nFill the decision with "
+                "holdJerk()",
+                "its decision has the wrong size or is not finite\nFill the decision with "
+                "holdJerk()"}),
+    [](const auto& fixture) { return std::string(fixture.param.plugin); });
+
+TEST(Fault49, APluginThatTakesMemoryInItsTickIsToldOf) {
+    if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
+    Folder folder;
+    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out",
+                                 folder / "run", "--no-report", "--set",
+                                 "cases.A.filter={plugin: allocates, after_ticks: 100}"});
+    EXPECT_EQ(o.code, 0) << o.err;
+    expectContains(o.out, {"WARNING       the filter plugin 'allocates' (", "viable_filter_allocates.so",
+                           "(in 400 ticks, first in tick 100)", "Take the memory in configure()"});
+    expectContains(test::readFile(folder / "run/summary.json"), {"\"warnings\": [\n", "allocates"});
+}
+
+TEST(Fault49, NoPluginOfTheMainExperimentTakesMemoryInItsTick) {
+    if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
+    Folder folder;
+    const Outcome o =
+        test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run",
+                   "--no-report", "--set", "duration_s=2"});
+    EXPECT_EQ(o.code, 0) << o.err;
+    EXPECT_EQ(o.out.find("WARNING"), std::string::npos) << o.out;
+}
+
+TEST(Isolate, ARunIsTheSameToTheLastBit) {
+    Folder folder;
+    for (const char* how : {"--no-report", "--isolate"}) {
+        const Outcome o = test::run({"run", "experiments/indy7_teleoperation.yaml", "--out",
+                                     folder / how, "--case", "C3", "--set", "duration_s=2",
+                                     "--no-report", "--set",
+                                     "missed_ticks=[{at_s: 1, count: 5}]", how});
+        ASSERT_EQ(o.code, 0) << o.err;
+    }
+    LogReader here(folder / "--no-report/C3.mcap"), there(folder / "--isolate/C3.mcap");
+    TickRecord a, b;
+    int rows = 0;
+    while (here.read(a)) {
+        ASSERT_TRUE(there.read(b));
+        ++rows;
+        ASSERT_EQ(a.nominal.q, b.nominal.q);
+        ASSERT_EQ(a.nominal.jerk, b.nominal.jerk);
+        ASSERT_EQ(a.motorTorque, b.motorTorque);
+        ASSERT_EQ(a.real.q, b.real.q);
+        ASSERT_EQ(a.status, b.status);
+        ASSERT_EQ(a.stops[0].duration_s, b.stops[0].duration_s);
+    }
+    EXPECT_EQ(rows, 2000);
+    EXPECT_FALSE(there.read(b));
+}
+
+TEST(Isolate, APluginThatDiesWhileItIsMadeIsBadNewsBeforeTheRun) {
+    Folder folder;
+    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out",
+                                 folder / "run", "--isolate", "--set",
+                                 "cases.A.filter.plugin=create_throws"});
+    EXPECT_EQ(o.code, 4);
+    expectContains(o.err, {"viable_filter_create_throws.so", "could not be made"});
+    EXPECT_FALSE(std::filesystem::exists(folder / "run"));
+}
+
+TEST(FilterChain, ALawWithoutAPromiseBeforeOneThatPromisesKeepsAllLimits) {
+    Folder folder;
+    const Outcome o = test::run({"run", "experiments/indy7_teleoperation.yaml", "--out",
+                                 folder / "run", "--case", "C1", "--set", "duration_s=5",
+                                 "--no-report", "--set",
+                                 "cases.C1.filter=[acceleration_viability, certified_braking]"});
+    EXPECT_EQ(o.code, 0) << o.err;
+    expectContains(o.out, {"C1: filter acceleration_viability + certified_braking",
+                           "all limits kept (nominal arm; the filter promises all)"});
+}
+
+TEST(FilterChain, WhoBreaksAnEarlierPromiseIsNamedWithIt) {
+    Folder folder;
+    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out",
+                                 folder / "run", "--no-report", "--set", "duration_s=5", "--set",
+                                 "limits={position_rad: 0.5}", "--set",
+                                 "cases.A.filter=[certified_braking, {plugin: rewrites}]"});
+    EXPECT_EQ(o.code, 3) << o.err;
+    expectContains(o.err, {"the filter plugin 'rewrites' (",
+                           "failed: it changed what 'certified_braking' before it had decided, which "
+                           "promises all limits, but joint0"});
+}
+
+}  // namespace
+}  // namespace viable

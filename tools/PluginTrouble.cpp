@@ -1,0 +1,167 @@
+#include "PluginTrouble.h"
+
+#include <signal.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+
+#include "AllocationCounter.h"
+#include "viable/core/Error.h"
+#include "viable/log/Recorder.h"
+#include "viable/plugin/PluginCall.h"
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define VIABLE_PROGRAM_SANITIZED 1
+#else
+#define VIABLE_PROGRAM_SANITIZED 0
+#endif
+
+namespace viable {
+
+namespace {
+
+/** How long a dying program waits for its logs. */
+constexpr double kRescue_s = 3.0;
+/** How long a plugin may stay in one call before the user is told. */
+constexpr std::chrono::seconds kHang{10};
+
+constexpr int kCrashSignals[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
+
+char runFolder[4096] = "";
+std::atomic<bool> dying{false};
+
+/** All that a signal handler may use to speak. */
+void say(const char* text) {
+    for (std::size_t left = std::strlen(text); left > 0;) {
+        const ssize_t written = write(STDERR_FILENO, text, left);
+        if (written <= 0) return;
+        text += written;
+        left -= static_cast<std::size_t>(written);
+    }
+}
+
+void say(std::int64_t number) {
+    char digits[24];
+    char* begin = digits + sizeof digits - 1;
+    *begin = '\0';
+    do {
+        *--begin = static_cast<char>('0' + number % 10);
+        number /= 10;
+    } while (number > 0);
+    say(begin);
+}
+
+/** "viable: the filter plugin 'x' (/path/x.so) <what> in its tick 12" */
+void sayWho(const PluginWatch& watch, const char* what, std::int64_t tick) {
+    say("\nviable: ");
+    say(watch.title.c_str());
+    say(what);
+    if (tick < 0) {
+        say(" before the first tick");
+    } else {
+        say(" in tick ");
+        say(tick);
+    }
+}
+
+[[noreturn]] void endAfterPlugin() {
+    const bool whole = Recorder::rescueAll(kRescue_s);
+    if (*runFolder) {
+        say(whole ? "The logs in " : "Not every log could be finished in ");
+        say(runFolder);
+        say(whole ? " end there and are whole: `viable report DIR` shows them. "
+                  : "; `viable recover LOG` saves them. ");
+    }
+    say("With `viable run --isolate` such a plugin runs in a process of its own: the arm is braked, and the run gives "
+        "its account; `gdb --args viable run ...` shows the line.\n");
+    _exit(static_cast<int>(ErrorKind::PluginFailed));
+}
+
+void onCrash(int signal) {
+    if (dying.exchange(true)) {
+        // A second thread, or the handler itself: the first one's account is enough.
+        for (;;) pause();
+    }
+    const CallSlot* slot = ownCallSlot();
+    const PluginWatch* watch = slot ? slot->watch.load() : nullptr;
+    const char* name = sigdescr_np(signal);
+    if (!watch) {
+        ::signal(signal, SIG_DFL);
+        raise(signal);
+        return;
+    }
+    sayWho(*watch, " crashed", slot->tick.load());
+    say(": signal ");
+    say(signal);
+    say(" (");
+    say(name ? name : "unknown");
+    say("). ");
+    endAfterPlugin();
+}
+
+void onExit() {
+    const CallSlot* slot = ownCallSlot();
+    const PluginWatch* watch = slot ? slot->watch.load() : nullptr;
+    if (!watch || dying.exchange(true)) return;
+    sayWho(*watch, " called exit()", slot->tick.load());
+    say(". ");
+    endAfterPlugin();
+}
+
+}  // namespace
+
+void prepareThreadForCrash() {
+    alignas(16) static thread_local char memory[1 << 16];
+    stack_t stack{};
+    stack.ss_sp = memory;
+    stack.ss_size = sizeof memory;
+    sigaltstack(&stack, nullptr);
+}
+
+void installCrashHandler(const std::filesystem::path& folder) {
+    if (VIABLE_PROGRAM_SANITIZED) return;
+    std::snprintf(runFolder, sizeof runFolder, "%s", folder.c_str());
+    prepareThreadForCrash();
+    struct sigaction action {};
+    action.sa_handler = onCrash;
+    action.sa_flags = SA_ONSTACK;
+    for (int signal : kCrashSignals) sigaction(signal, &action, nullptr);
+    static const bool once = std::atexit(onExit) == 0;
+    static_cast<void>(once);
+}
+
+void countPluginAllocations() {
+    if (test::AllocationCounter::isAvailable())
+        setAllocationCounter([] { return test::AllocationCounter::total(); });
+}
+
+void HangWatch::look(bool endRequested) {
+    const auto& slots = callSlots();
+    const auto now = std::chrono::steady_clock::now();
+    seen_.resize(slots.size());
+    for (std::size_t i = 0; i < slots.size(); ++i) {
+        const std::uint64_t calls = slots[i].calls.load();
+        const PluginWatch* watch = slots[i].watch.load();
+        if (calls != seen_[i].calls || !watch) {
+            seen_[i] = {calls, now, false};
+            continue;
+        }
+        if (now - seen_[i].since < kHang) continue;
+        if (endRequested && !dying.exchange(true)) {
+            sayWho(*watch, " has not come back", slots[i].tick.load());
+            say(". ");
+            endAfterPlugin();
+        }
+        if (seen_[i].told) continue;
+        seen_[i].told = true;
+        std::fprintf(stderr,
+                     "\nviable: %s has not come back from tick %lld for %lld s. Ctrl-C ends the program; "
+                     "`viable run --isolate` ends such a plugin by itself and brakes the arm.\n",
+                     watch->title.c_str(), static_cast<long long>(slots[i].tick.load()),
+                     static_cast<long long>(kHang.count()));
+    }
+}
+
+}  // namespace viable
