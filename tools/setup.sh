@@ -26,6 +26,7 @@ if [ "$target" = all ]; then
   packages+=(
     chromium                        # tests of the report
     python3-h5py python3-pandas     # tests of the HDF5 export
+    libmujoco-dev                   # tests of the robots: an independent engine to compare with
   )
 fi
 missing=()

@@ -3,22 +3,15 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
-#include <nlohmann/json.hpp>
 #include <random>
 
-#include "viable/robot/RobotModel.h"
+#include "Figures.h"
 
 namespace viable {
 namespace {
 
 constexpr double kDegree = EIGEN_PI / 180.0;
 constexpr const char* kFigures = VIABLE_SOURCE_DIR "/../shared/data/indy7_figures.json";
-
-JointVector toVector(const nlohmann::json& list, double unit = 1.0) {
-    JointVector v(static_cast<int>(list.size()));
-    for (int i = 0; i < v.size(); ++i) v[i] = list[i].get<double>() * unit;
-    return v;
-}
 
 /** robots/indy7 against published and logged figures. */
 class Indy7Test : public ::testing::Test {
@@ -176,7 +169,7 @@ TEST(SingleJoint, IsAUnitInertiaWithoutGravity) {
 /** Every robot of the project can be run: its limits pass the check that precedes a run. */
 TEST(Robots, AllLoadWithUsableLimits) {
     const auto folders = listRobots({VIABLE_SOURCE_DIR "/robots"});
-    ASSERT_GE(folders.size(), 2u);
+    ASSERT_GE(folders.size(), 5u);
     for (const auto& folder : folders) {
         const RobotDescription robot = loadRobot(folder);
         EXPECT_NO_THROW(checkLimits(robot.limits, 0.001, robot.allowLargeAngles, folder.string(),

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
+
+#include "viable/robot/RobotModel.h"
+
+namespace viable {
+
+/** A row of a Denavit-Hartenberg table [m, rad]. */
+struct DhRow {
+    double a, d, alpha;
+};
+
+inline JointVector toVector(const nlohmann::json& list, double unit = 1.0) {
+    JointVector v(static_cast<int>(list.size()));
+    for (int i = 0; i < v.size(); ++i) v[i] = list[i].get<double>() * unit;
+    return v;
+}
+
+inline Eigen::Matrix3d toTensor(const nlohmann::json& inertia) {
+    const auto get = [&](const char* key) { return inertia[key].get<double>(); };
+    Eigen::Matrix3d I;
+    I << get("ixx"), get("ixy"), get("ixz"), get("ixy"), get("iyy"), get("iyz"), get("ixz"),
+        get("iyz"), get("izz");
+    return I;
+}
+
+/** Roll, pitch and yaw about the fixed axes x, y and z. */
+inline Eigen::Quaterniond toOrientation(const JointVector& rpy) {
+    return Eigen::AngleAxisd(rpy[2], Eigen::Vector3d::UnitZ()) *
+           Eigen::AngleAxisd(rpy[1], Eigen::Vector3d::UnitY()) *
+           Eigen::AngleAxisd(rpy[0], Eigen::Vector3d::UnitX());
+}
+
+inline Pose calcTool(RobotModel& model, const JointVector& q) {
+    Dynamics dynamics;
+    model.calcDynamics(q, JointVector::Zero(q.size()), dynamics);
+    return dynamics.tool;
+}
+
+}  // namespace viable

@@ -1,0 +1,157 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include "Figures.h"
+#include "RandomStates.h"
+
+namespace viable {
+namespace {
+
+constexpr const char* kFigures = VIABLE_SOURCE_DIR "/../shared/data/panda_figures.json";
+
+JointVector seven(double a, double b, double c, double d, double e, double f, double g) {
+    JointVector v(7);
+    v << a, b, c, d, e, f, g;
+    return v;
+}
+
+/** robots/panda by itself and against the vendor's documentation. */
+class PandaTest : public ::testing::Test {
+protected:
+    RobotDescription robot_ = loadRobot(VIABLE_SOURCE_DIR "/robots/panda");
+    RobotModel model_{robot_};
+};
+
+/** frankaemika/docs, source/control-parameters-joint-panda.csv */
+TEST_F(PandaTest, HasTheDocumentedLimits) {
+    const JointLimits& limits = robot_.limits;
+    EXPECT_EQ(limits.position.lower,
+              seven(-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973));
+    EXPECT_EQ(limits.position.upper,
+              seven(2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973));
+    EXPECT_EQ(limits.velocity.upper, seven(2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61));
+    EXPECT_EQ(limits.acceleration.upper, seven(15, 7.5, 10, 12.5, 15, 20, 20));
+    EXPECT_EQ(limits.jerk.upper, seven(7500, 3750, 5000, 6250, 7500, 10000, 10000));
+    EXPECT_EQ(limits.velocity.lower, -limits.velocity.upper);
+    EXPECT_EQ(limits.acceleration.lower, -limits.acceleration.upper);
+    EXPECT_EQ(limits.jerk.lower, -limits.jerk.upper);
+    EXPECT_EQ(robot_.actuation.torqueLimit, seven(87, 87, 87, 87, 12, 12, 12));
+}
+
+TEST_F(PandaTest, StartsAtTheVendorsReadyPoseWithinItsLimits) {
+    EXPECT_LT(
+        (robot_.home - seven(0, -EIGEN_PI / 4, 0, -3 * EIGEN_PI / 4, 0, EIGEN_PI / 2, EIGEN_PI / 4))
+            .norm(),
+        1e-15);
+    EXPECT_TRUE((robot_.home.array() > robot_.limits.position.lower.array()).all());
+    EXPECT_TRUE((robot_.home.array() < robot_.limits.position.upper.array()).all());
+    EXPECT_EQ(robot_.toolLink, "link8");
+}
+
+/** frankaemika/docs, source/dh-parameters.csv (modified, after Craig), flange. */
+TEST_F(PandaTest, ToolPoseFollowsTheDenavitHartenbergTable) {
+    const double quarter = EIGEN_PI / 2;
+    const DhRow table[] = {{0, 0.333, 0},
+                           {0, 0, -quarter},
+                           {0, 0.316, quarter},
+                           {0.0825, 0, quarter},
+                           {-0.0825, 0.384, -quarter},
+                           {0, 0, quarter},
+                           {0.088, 0, quarter},
+                           {0, 0.107, 0}};
+    RandomStates states(robot_, 7);
+    for (int sample = 0; sample < 200; ++sample) {
+        const JointVector q = states.draw().q;
+        Eigen::Isometry3d chain = Eigen::Isometry3d::Identity();
+        for (int i = 0; i < 8; ++i) {
+            chain.rotate(Eigen::AngleAxisd(table[i].alpha, Eigen::Vector3d::UnitX()));
+            chain.translate(Eigen::Vector3d(table[i].a, 0.0, 0.0));
+            if (i < 7) chain.rotate(Eigen::AngleAxisd(q[i], Eigen::Vector3d::UnitZ()));
+            chain.translate(Eigen::Vector3d(0.0, 0.0, table[i].d));
+        }
+        const Pose tool = calcTool(model_, q);
+        ASSERT_LT((tool.position - chain.translation()).norm(), 1e-14);
+        ASSERT_LT((tool.orientation.toRotationMatrix() - chain.linear()).norm(), 1e-14);
+    }
+}
+
+/** Gaz et al., RA-L 4(4), 2019: FI1 / (1 + exp(-FI2 (qd + FI3))) - FI1 / (1 + exp(-FI2 FI3)), FI3 the offset of the law's
+middle from zero velocity. */
+TEST_F(PandaTest, FrictionIsTheOddPartOfThePublishedLaw) {
+    const JointVector FI1 = seven(0.54615, 0.87224, 0.64068, 1.2794, 0.83904, 0.30301, 0.56489);
+    const JointVector FI2 = seven(5.1181, 9.0657, 10.136, 5.5903, 8.3469, 17.133, 10.336);
+    const JointVector FI3 =
+        seven(0.039533, 0.025882, -0.04607, 0.036194, 0.026226, -0.021047, 0.0035526);
+    const JointFriction& friction = robot_.actuation.friction;
+    EXPECT_EQ(friction.coulomb, JointVector::Zero(7));
+    for (int i = 0; i < 7; ++i) {
+        const auto published = [&](double qd) {
+            return FI1[i] / (1 + std::exp(-FI2[i] * (qd + FI3[i]))) -
+                   FI1[i] / (1 + std::exp(-FI2[i] * FI3[i]));
+        };
+        const auto ours = [&](double qd) {
+            return friction.viscous[i] * (1 - std::exp(-qd / friction.viscousVelocity[i]));
+        };
+        for (const double qd : {0.01, 0.03, 0.1, 0.3, 1.0, 2.0}) {
+            const double odd = (published(qd) - published(-qd)) / 2;
+            // tanh and 1 - exp of the same slope and height differ by 0.14 of the height at most; FI3 adds to that.
+            EXPECT_NEAR(ours(qd), odd, 0.2 * FI1[i] / 2) << i << " at " << qd;
+        }
+        EXPECT_NEAR(ours(2.0), (published(2.0) - published(-2.0)) / 2, 0.01 * FI1[i] / 2) << i;
+        EXPECT_NEAR(friction.viscous[i] / friction.viscousVelocity[i], FI1[i] * FI2[i] / 4,
+                    1e-3 * FI1[i] * FI2[i])
+            << i;
+    }
+}
+
+/** Against the collected figures, where they are. */
+class PandaFiguresTest : public PandaTest {
+protected:
+    void SetUp() override {
+        if (!std::filesystem::exists(kFigures))
+            GTEST_SKIP() << "the figures to compare with are not here: " << kFigures;
+        std::ifstream(kFigures) >> figures_;
+    }
+    const nlohmann::json& variant() const { return figures_["variants"]["fer"]; }
+    nlohmann::json figures_;
+};
+
+TEST_F(PandaFiguresTest, UrdfHoldsThePublishedFiguresWithTheProductsOfInertiaTurned) {
+    for (int i = 0; i < 7; ++i) {
+        const nlohmann::json& joint = variant()["joints"][i];
+        const nlohmann::json& link = variant()["links"][i + 1];
+        EXPECT_EQ(robot_.joints[i].name, joint["name"]);
+        EXPECT_EQ(robot_.joints[i].childLink, link["name"]);
+        EXPECT_EQ(robot_.limits.position.lower[i], joint["lower"].get<double>());
+        EXPECT_EQ(robot_.limits.position.upper[i], joint["upper"].get<double>());
+        EXPECT_EQ(robot_.limits.velocity.upper[i], joint["velocity"].get<double>());
+        EXPECT_EQ(robot_.limits.acceleration.upper[i], joint["acceleration"].get<double>());
+        EXPECT_EQ(robot_.limits.jerk.upper[i], joint["jerk"].get<double>());
+        EXPECT_EQ(robot_.actuation.torqueLimit[i], joint["effort"].get<double>());
+        const BodyInertia& body = robot_.joints[i].body;
+        EXPECT_EQ(body.mass, link["mass"].get<double>());
+        EXPECT_EQ(JointVector(body.com), toVector(link["com"]));
+        EXPECT_EQ(body.inertia, toTensor(link["inertia_com"])) << link["name"];
+        Eigen::Matrix3d published = toTensor(link["inertia_published"]);
+        published = 2.0 * Eigen::Matrix3d(published.diagonal().asDiagonal()) - published;
+        EXPECT_EQ(body.inertia, published) << link["name"];
+    }
+}
+
+TEST_F(PandaFiguresTest, ToolPosesAreTheCollectedOnes) {
+    ASSERT_EQ(figures_["fk_checks"].size(), 3u);
+    for (const nlohmann::json& check : figures_["fk_checks"]) {
+        const Pose tool = calcTool(model_, toVector(check["q"]));
+        EXPECT_LT((tool.position - Eigen::Vector3d(toVector(check["xyz"]))).norm(),
+                  2e-8);  // printed to 1e-8
+        EXPECT_LT(tool.orientation.angularDistance(
+                      toOrientation(toVector(check["rpy_zyx_deg"], EIGEN_PI / 180))),
+                  3e-8);
+    }
+}
+
+}  // namespace
+}  // namespace viable
