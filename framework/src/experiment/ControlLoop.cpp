@@ -362,6 +362,10 @@ bool ControlLoop::passMonitor() {
 }
 
 void ControlLoop::followStop() {
+    if (hasStopped()) {  // what rounding has left of the motion must not carry the arm away
+        nominal_.qd.setZero();
+        nominal_.qdd.setZero();
+    }
     verdict_ = monitor_.followStop(nominal_, dynamics_, decision_).verdict;
     status_ = FilterStatus::StoppedByPlan;
     if (!findFault(decision_, nominal_, dynamics_, setup_.tick_s, n_)) return;

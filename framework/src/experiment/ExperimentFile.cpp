@@ -11,8 +11,6 @@ namespace viable {
 
 namespace {
 
-constexpr double kShortestTick_s = 1e-5;
-constexpr double kLongestTick_s = 0.1;
 constexpr double kLongestRun_s = 24.0 * 3600.0;
 /** Beyond what the loop bears in a row, so that its answer to that can be tried. */
 constexpr std::int64_t kMaxMissedTicksInFile = 1'000'000;

@@ -1,4 +1,4 @@
-#include "CertifiedBrakingFilter.h"
+#include "viable/plugin/CertifiedBrakingFilter.h"
 
 #include <gtest/gtest.h>
 
@@ -311,6 +311,34 @@ TEST(CertifiedBraking, Fault08GainsThatTheTickCannotCarryAreRefused) {
     EXPECT_EQ(findConfigureComplaint(arm, "k_alpha: 100, gamma: 199"), "");
     EXPECT_EQ(findConfigureComplaint(arm, "k_alpha: .inf"), "");
     EXPECT_CONTAINS(findConfigureComplaint(arm, "k_alpha: 0"), "k_alpha");
+}
+
+TEST(CertifiedBraking, ThePluginHasTheDefaultsOfTheOptions) {
+    const Parameters parameters = read(TestArm("indy7"), "");
+    const CertifiedBrakingOptions options;
+    EXPECT_EQ(parameters.number("k_alpha"), options.kAlpha);
+    EXPECT_EQ(parameters.number("gamma"), options.gamma);
+    EXPECT_EQ(parameters.flag("recovery"), options.recovery);
+}
+
+TEST(CertifiedBraking, OptionsInCodeAreCheckedInWordsOfTheirOwn) {
+    TestArm arm("indy7");
+    const auto complain = [&](const CertifiedBrakingOptions& options) {
+        return findComplaint([&] { CertifiedBrakingFilter().configure(arm.setup(), options); });
+    };
+    EXPECT_EQ(complain({}), "");
+    for (const double bad : {0.0, -1.0, 1001.0, -kInf, kNan}) {
+        EXPECT_CONTAINS(complain({bad}), "CertifiedBrakingOptions::kAlpha: k_alpha * tick_s is");
+        EXPECT_CONTAINS(complain({bad}), "or infinity");
+    }
+    for (const double bad : {0.0, -1.0, 2000.0, kInf, kNan})
+        EXPECT_CONTAINS(complain({kInf, bad}), "CertifiedBrakingOptions::gamma: gamma * tick_s is");
+    arm.start.q[2] = arm.limits.position.upper[2] + 0.1;
+    EXPECT_CONTAINS(complain({}), "outside its limits: position");
+    EXPECT_CONTAINS(complain({}), "Start inside the limits, or set CertifiedBrakingOptions::recovery");
+    EXPECT_EQ(complain({kInf, 20.0, true}), "");
+    arm.limits.jerk.upper[0] = kInf;
+    EXPECT_CONTAINS(complain({}), "JointLimits::jerk");
 }
 
 TEST(CertifiedBraking, UnlimitedJerkIsRefused) {

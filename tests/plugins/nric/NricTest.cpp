@@ -1,4 +1,4 @@
-#include "Nric.h"
+#include "viable/plugin/Nric.h"
 
 #include <gtest/gtest.h>
 
@@ -66,6 +66,29 @@ TEST_F(NricTest, DefaultsAreThoseOfThePaper) {
     const JointVector torque = compute(e, de, constant(0.0));
     for (int i = 0; i < n(); ++i)
         EXPECT_NEAR(torque[i], -600.0 * (0.01 + 20.0 * 0.001 + 8.0 * 1e-6), 1e-9);
+}
+
+TEST_F(NricTest, ThePluginHasTheDefaultsOfTheOptions) {
+    const Parameters parameters = arm_.read(PluginKind::RobustLoop, "nric", "");
+    const NricOptions options;
+    EXPECT_EQ(parameters.jointNumbers("k_r"), options.kr.expand(n()));
+    EXPECT_EQ(parameters.jointNumbers("k_p"), options.kp.expand(n()));
+    EXPECT_EQ(parameters.jointNumbers("k_i"), options.ki.expand(n()));
+}
+
+TEST_F(NricTest, OptionsInCodeAreChecked) {
+    const auto complain = [&](const NricOptions& options) {
+        return findComplaint([&] { Nric().configure(arm_.setup(), options); });
+    };
+    EXPECT_EQ(complain({}), "");
+    EXPECT_EQ(complain({constant(100.0), 0.0, constant(3.0)}), "");
+    for (const double bad : {-1.0, kNan, kInf}) {
+        EXPECT_CONTAINS(complain({bad}), "NricOptions::kr: the gain of joint 0 is");
+        EXPECT_CONTAINS(complain({600.0, bad}), "NricOptions::kp");
+        EXPECT_CONTAINS(complain({600.0, 20.0, bad}), "NricOptions::ki");
+    }
+    EXPECT_CONTAINS(complain({JointVector(JointVector::Constant(5, 600.0))}),
+                    "NricOptions::kr: 5 gains; the robot has 6 joints");
 }
 
 TEST_F(NricTest, SumStaysWithinTheMotorLimits) {

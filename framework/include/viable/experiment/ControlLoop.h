@@ -77,7 +77,8 @@ public:
     }
 
     bool isStopping() const { return stopReason_ != StopReason::None; }
-    /** True when a stop has come to its end, or could not be made: tick() must not be called any more. */
+    /** True when a stop has come to its end, or could not be made. Further ticks hold the arm where it is: the nominal
+    arm at exact rest, the robust loop at work. */
     bool hasStopped() const;
 
     StopReason stopReason() const { return stopReason_; }

@@ -8,6 +8,10 @@
 
 namespace viable {
 
+/** Ticks of control loops [s]. */
+inline constexpr double kShortestTick_s = 1e-5;
+inline constexpr double kLongestTick_s = 0.1;
+
 /** What every plugin is told before the run. Lives as long as the plugin. */
 struct RunSetup {
     const RobotDescription& robot;

@@ -1,26 +1,46 @@
-#include "Nric.h"
+#include "viable/plugin/Nric.h"
 
-#include "viable/plugin/PluginExport.h"
+#include <cmath>
+#include <string>
+
+#include "core/NumberText.h"
+#include "viable/core/Error.h"
 
 namespace viable {
 
 namespace {
 
-const ParameterSpec kParameters[] = {
-    parameter::jointNumbers("k_r", "Nms/rad", "600", "Gain on the whole error term.").atLeast(0),
-    parameter::jointNumbers("k_p", "1/s", "20", "Weight of the position error.").atLeast(0),
-    parameter::jointNumbers("k_i", "1/s^2", "8", "Weight of the integral of the position error.")
-        .atLeast(0),
-};
+/** The gains of `n` joints, checked. */
+JointVector takeGains(const PerJoint& gains, const char* name, int n) {
+    const std::string place = std::string("NricOptions::") + name;
+    if (!gains.fits(n))
+        throw badInput(place,
+                       std::to_string(gains.count()) + " gains; the robot has " +
+                           std::to_string(n) + " joints",
+                       "Give one number for all joints, or one each.");
+    const JointVector values = gains.expand(n);
+    for (int i = 0; i < n; ++i)
+        if (!(values[i] >= 0.0) || std::isinf(values[i]))
+            throw badInput(place,
+                           "the gain of joint " + std::to_string(i) + " is " +
+                               detail::formatNumber(values[i]) + "; allowed is [0, inf)",
+                           "Without the robust loop: leave it out.");
+    return values;
+}
 
 }  // namespace
 
 void Nric::configure(const RunSetup& setup, const Parameters& parameters) {
+    configure(setup, NricOptions{parameters.jointNumbers("k_r"), parameters.jointNumbers("k_p"),
+                                 parameters.jointNumbers("k_i")});
+}
+
+void Nric::configure(const RunSetup& setup, const NricOptions& options) {
     n_ = setup.size();
     tick_s_ = setup.tick_s;
-    kr_ = parameters.jointNumbers("k_r");
-    kp_ = parameters.jointNumbers("k_p");
-    ki_ = parameters.jointNumbers("k_i");
+    kr_ = takeGains(options.kr, "kr", n_);
+    kp_ = takeGains(options.kp, "kp", n_);
+    ki_ = takeGains(options.ki, "ki", n_);
     torqueLimit_ = setup.robot.actuation.torqueLimit;
     integral_.setZero(n_);
 }
@@ -65,7 +85,3 @@ TickStatus Nric::compute(const JointState& real, const MotionState& nominal,
 }
 
 }  // namespace viable
-
-VIABLE_PLUGIN(viable::RobustLoop, viable::Nric, "nric",
-              "Nonlinear robust internal-loop compensator: the real arm follows the nominal one.",
-              viable::kParameters)

@@ -1,30 +1,14 @@
-#include "CertifiedBrakingFilter.h"
+#include "viable/plugin/CertifiedBrakingFilter.h"
 
 #include <cmath>
 #include <cstdio>
 #include <string>
 
 #include "viable/core/Error.h"
-#include "viable/plugin/PluginExport.h"
 
 namespace viable {
 
 namespace {
-
-const ParameterSpec kParameters[] = {
-    parameter::number("k_alpha", "1/s", ".inf",
-                      "How fast a limit may be approached; k_alpha * tick_s must not exceed 1. "
-                      "Infinite: as fast as the limits allow.")
-        .above(0)
-        .orInfinite(),
-    parameter::number(
-        "gamma", "1/s", "20.0",
-        "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
-        .above(0),
-    parameter::flag(
-        "recovery", "false",
-        "Accept a start outside the limits, or one that must leave them, and lead the arm back."),
-};
 
 /** Beyond a limit by less is rounding; relative to the limit. */
 constexpr double kRounding = 1e-12;
@@ -65,45 +49,77 @@ Outside findOutside(const RunSetup& setup, int joint) {
 
 }  // namespace
 
+/** How messages speak to whoever configures: by an experiment file, or in code. */
+struct CertifiedBrakingFilter::Wording {
+    std::string kAlpha, gamma, recovery;  // places
+    std::string infinity, jerkRemedy, recoveryRemedy;
+    bool namesKeys;  // of the start
+};
+
 void CertifiedBrakingFilter::configure(const RunSetup& setup, const Parameters& parameters) {
+    configure(setup,
+              CertifiedBrakingOptions{parameters.number("k_alpha"), parameters.number("gamma"),
+                                      parameters.flag("recovery")},
+              {parameters.place("k_alpha"), parameters.place("gamma"), parameters.place("recovery"),
+               ".inf", "Set limits.jerk_radps3.",
+               "or set `recovery: true` here, which leads the arm back.", true});
+}
+
+void CertifiedBrakingFilter::configure(const RunSetup& setup,
+                                       const CertifiedBrakingOptions& options) {
+    const std::string place = "CertifiedBrakingOptions::";
+    configure(setup, options,
+              {place + "kAlpha", place + "gamma", place + "recovery", "infinity",
+               "Give JointLimits::jerk a number for every joint and side.",
+               "or set CertifiedBrakingOptions::recovery, which leads the arm back.", false});
+}
+
+void CertifiedBrakingFilter::configure(const RunSetup& setup,
+                                       const CertifiedBrakingOptions& options,
+                                       const Wording& wording) {
     n_ = setup.size();
     tick_s_ = setup.tick_s;
-    recovery_ = parameters.flag("recovery");
+    recovery_ = options.recovery;
     const double approach =
-        std::isinf(parameters.number("k_alpha")) ? 1.0 : parameters.number("k_alpha") * tick_s_;
-    const double gamma = parameters.number("gamma");
-    if (approach > 1.0)
-        throw badInput(parameters.place("k_alpha"),
+        std::isinf(options.kAlpha) && options.kAlpha > 0.0 ? 1.0 : options.kAlpha * tick_s_;
+    const double follow = options.gamma * tick_s_;
+    if (!(approach > 0.0 && approach <= 1.0))
+        throw badInput(wording.kAlpha,
                        "k_alpha * tick_s is " + formatNumber(approach) + ", allowed (0, 1]",
-                       "Choose k_alpha at most 1 / tick_s, or .inf.");
-    if (gamma * tick_s_ >= 2.0)
-        throw badInput(
-            parameters.place("gamma"),
-            "gamma * tick_s is " + formatNumber(gamma * tick_s_, "%#.3g") + ", allowed (0, 2)",
-            "The sampled law is unstable from 2 on; choose gamma below 2 / tick_s.");
+                       "Choose k_alpha at most 1 / tick_s, or " + wording.infinity + ".");
+    if (!(follow > 0.0 && follow < 2.0))
+        throw badInput(wording.gamma,
+                       "gamma * tick_s is " + formatNumber(follow, "%#.3g") + ", allowed (0, 2)",
+                       "The sampled law is unstable from 2 on; choose gamma below 2 / tick_s.");
     if (!setup.limits.jerk.lower.allFinite() || !setup.limits.jerk.upper.allFinite())
-        throw badInput(parameters.place("recovery"),
+        throw badInput(wording.recovery,
                        "the filter certified_braking needs a finite jerk limit on every joint",
-                       "Set limits.jerk_radps3.");
-    desiredJerk_.configure(gamma, tick_s_);
+                       wording.jerkRemedy);
+    desiredJerk_.configure(options.gamma, tick_s_);
     braking_.configure(setup.limits, tick_s_, approach);
     reset(setup.start);
-    for (int i = 0; i < n_ && !recovery_; ++i) {
+    if (!recovery_) checkStart(setup, wording);
+}
+
+void CertifiedBrakingFilter::checkStart(const RunSetup& setup, const Wording& wording) const {
+    for (int i = 0; i < n_; ++i) {
         const PassedLimit& excess = braking_.findExcess(i);
         if (excess.limit == LimitKind::None) continue;
         const std::string who = "the start of " + setup.robot.joints[i].name + " is ";
         const Outside outside = findOutside(setup, i);
         if (!outside.what.empty())
-            throw badInput(parameters.place("recovery"),
-                           who + "outside its limits: " + outside.what,
-                           "Change " + outside.keys +
-                               ", or set `recovery: true` here, which leads the arm back.");
-        throw badInput(parameters.place("recovery"),
-                       who + "not viable: its stop would pass the limit " +
-                           getName(excess.limit, excess.side) + " by " +
-                           formatNumber(excess.excess, "%.3g") + " " + getUnit(excess.limit),
-                       "Change `start` (at rest, or further inside the limits), or set "
-                       "`recovery: true` here, which leads the arm back.");
+            throw badInput(
+                wording.recovery, who + "outside its limits: " + outside.what,
+                (wording.namesKeys ? "Change " + outside.keys : "Start inside the limits") + ", " +
+                    wording.recoveryRemedy);
+        throw badInput(
+            wording.recovery,
+            who + "not viable: its stop would pass the limit " +
+                getName(excess.limit, excess.side) + " by " + formatNumber(excess.excess, "%.3g") +
+                " " + getUnit(excess.limit),
+            (wording.namesKeys ? "Change `start` (at rest, or further inside the limits), "
+                               : "Start at rest, or further inside the limits, ") +
+                wording.recoveryRemedy);
     }
 }
 
@@ -151,9 +167,3 @@ FilterStatus CertifiedBrakingFilter::filter(const MotionState& nominal, const Jo
 }
 
 }  // namespace viable
-
-VIABLE_PLUGIN(
-    viable::SafetyFilter, viable::CertifiedBrakingFilter, "certified_braking",
-    "Keeps position, velocity, acceleration and jerk limits in sampled time, always: every tick "
-    "holds a checked stop.",
-    viable::kParameters)

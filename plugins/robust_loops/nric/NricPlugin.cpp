@@ -1,0 +1,20 @@
+#include "viable/plugin/Nric.h"
+#include "viable/plugin/PluginExport.h"
+
+namespace {
+
+using namespace viable;
+
+// Defaults: those of NricOptions (the suite compares them).
+const ParameterSpec kParameters[] = {
+    parameter::jointNumbers("k_r", "Nms/rad", "600", "Gain on the whole error term.").atLeast(0),
+    parameter::jointNumbers("k_p", "1/s", "20", "Weight of the position error.").atLeast(0),
+    parameter::jointNumbers("k_i", "1/s^2", "8", "Weight of the integral of the position error.")
+        .atLeast(0),
+};
+
+}  // namespace
+
+VIABLE_PLUGIN(viable::RobustLoop, viable::Nric, "nric",
+              "Nonlinear robust internal-loop compensator: the real arm follows the nominal one.",
+              kParameters)

@@ -1,0 +1,32 @@
+#!/usr/bin/env bash
+# The torque guard inside a stranger's loop: installs the package into an empty prefix, builds the installed example
+# own_loop as its README says, and runs it. Usage: embed.sh BUILD_DIR
+set -euo pipefail
+build=$1
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+prefix="$work/prefix"
+cmake --install "$build" --prefix "$prefix" >"$work/install.log"
+cp -r "$prefix/share/viable/examples/own_loop" "$work/"
+cd "$work"  # nothing of the source tree in reach
+{ cmake -S own_loop -B build -DCMAKE_PREFIX_PATH="$prefix" -DCMAKE_CXX_FLAGS="-Wall -Wextra -Werror" &&
+  cmake --build build; } >build.log 2>&1 || { cat build.log; exit 1; }
+
+expect_kept() {  # FILE: no limit was passed in a single tick
+  [ "$(grep -c 'outside in 0 joint-ticks' "$1")" = 4 ] || { echo "embed: a limit was broken"; exit 1; }
+}
+echo "embed: 30 s of simulated time"
+build/own_loop "$prefix/share/viable/robots/indy7" 30 simulated_time | tee simulated.txt
+expect_kept simulated.txt
+grep -q 'position  *worst use 100.00 %' simulated.txt  # the law did press against its limits
+grep -Eq '^ticks .* 1[0-9][0-9] missed$' simulated.txt
+
+echo "embed: 2 s by the clock"
+build/own_loop "$prefix/share/viable/robots/indy7" 2 | tee clock.txt || grep -q 'ticks in a row were missed' clock.txt
+expect_kept clock.txt
+
+echo "embed: a robot that is not there"
+code=0
+build/own_loop "$work/no_robot" 1 2>error.txt || code=$?
+cat error.txt
+[ "$code" = 2 ] && grep -q "own_loop: .*no_robot" error.txt
