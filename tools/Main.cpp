@@ -37,6 +37,7 @@ int main(int argc, char** argv) {
     viable::addRunCommand(app, exitCode);
     viable::addCheckCommand(app, exitCode);
     viable::addPluginsCommand(app, exitCode);
+    viable::addSchemaCommand(app, exitCode);
     viable::addRobotsCommand(app, exitCode);
     viable::addExportCommand(app, exitCode);
     viable::addRecoverCommand(app, exitCode);

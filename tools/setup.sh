@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Installs the Debian packages that are missing, configures and builds. Usage: tools/setup.sh [PRESET [TARGET]]
-# PRESET is one of CMakePresets.json: release (default), debug, asan, tsan. TARGET: all (default), or viable_app:
-# program and plugins without the tests. Safe to run again: quick when there is nothing to do.
+# PRESET is one of CMakePresets.json: release (default), debug, asan, tsan. TARGET: all (default), viable_app (program and
+# plugins without the tests), viable_package (the Debian package of those) or another target of the build. Safe to run again: quick when there is nothing to do.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 preset=${1:-release}
@@ -27,7 +27,14 @@ if [ "$target" = all ]; then
     chromium                        # tests of the report
     python3-h5py python3-pandas     # tests of the HDF5 export
     libmujoco-dev                   # tests of the robots: an independent engine to compare with
+    python3-jsonschema python3-yaml # tests of the schema of experiment files
   )
+fi
+if [ "$target" = all ] || [ "$target" = viable_interface ]; then
+  packages+=(abigail-tools)         # layout of the plugin interface against the recorded one
+fi
+if [ "$target" = all ] || [ "$target" = viable_package ]; then
+  packages+=(dpkg-dev file)         # dependencies of the Debian package
 fi
 missing=()
 for package in "${packages[@]}"; do

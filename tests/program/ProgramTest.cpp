@@ -7,7 +7,6 @@
 
 #include "Program.h"
 #include "viable/log/LogReader.h"
-#include "viable/plugin/PluginLoader.h"
 
 namespace viable {
 namespace {
@@ -126,24 +125,6 @@ TEST(Program, EveryKeyOfAnExperimentFileStandsInTheReadme) {
     EXPECT_GT(keys, 20);
 }
 
-TEST(Program, EveryDeclaredParameterStandsInThePluginsReadme) {
-    // Every parameter that a plugin declares stands in its README.
-    std::vector<RefusedLibrary> refused;
-    const PluginLoader loader({VIABLE_PLUGIN_DIR});
-    const char* const folders[] = {"commands", "controllers", "filters", "robust_loops", "plants"};
-    for (const PluginInfo& p : loader.list(refused)) {
-        const std::string readme =
-            readFile(std::string(VIABLE_SOURCE_DIR "/plugins/") +
-                     folders[static_cast<int>(p.kind)] + "/" + p.name + "/README.md");
-        ASSERT_FALSE(readme.empty()) << p.name;
-        for (std::uint64_t i = 0; i < p.entry->parameterCount; ++i) {
-            const ParameterSpec& spec = p.entry->parameters[i];
-            EXPECT_NE(readme.find("`" + std::string(spec.name) + "`"), std::string::npos)
-                << p.name << "'s README lacks " << spec.name;
-        }
-    }
-}
-
 TEST(Program, BadInputExitsWith2AndOneParagraph) {
     Folder folder;
     const std::string file = folder.write("e.yaml", std::string(kExperiment) + "duraton_s: 3\n");
@@ -181,6 +162,17 @@ TEST(Program, PluginsAndRobotsAreListedAndDescribed) {
         test::run({"plugins", "--describe", "tosbq"}, [] { unsetenv("VIABLE_PLUGIN_PATH"); });
     EXPECT_EQ(miss.code, 2);
     expectContains(miss.err, {"tosbq", "Did you mean 'tosbp'"});
+    const Outcome json = test::run({"plugins", "--json"});  // with the broken ones in the path
+    EXPECT_EQ(json.code, 0);
+    const auto root = nlohmann::json::parse(json.out);
+    EXPECT_GT(root["plugins"].size(), 18u);
+    EXPECT_GT(root["refused"].size(), 10u);
+    const auto described = nlohmann::json::parse(
+        test::run({"plugins", "--describe", "certified_braking", "--json"}).out);
+    ASSERT_EQ(described["plugins"].size(), 1u);
+    EXPECT_EQ(described["plugins"][0]["promises_limits"], true);
+    EXPECT_EQ(test::run({"plugins", "--markdown"}).code, 2);  // of one plugin only
+    EXPECT_EQ(test::run({"plugins", "--describe", "tosbp", "--markdown", "--json"}).code, 2);
     const Outcome robots = test::run({"robots"});
     EXPECT_EQ(robots.code, 0);
     expectContains(robots.out, {"indy7", "single_joint"});

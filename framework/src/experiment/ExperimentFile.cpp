@@ -5,24 +5,25 @@
 
 #include "config/ConfigText.h"
 #include "core/NumberText.h"
+#include "experiment/ExperimentKeys.h"
+#include "plugin/ParameterText.h"
 #include "viable/core/Error.h"
 
 namespace viable {
 
 namespace {
 
-constexpr double kLongestRun_s = 24.0 * 3600.0;
-/** Beyond what the loop bears in a row, so that its answer to that can be tried. */
-constexpr std::int64_t kMaxMissedTicksInFile = 1'000'000;
+bool isCaseKey(const std::string& name) {
+    for (const detail::ExperimentKey& key : detail::experimentKeys())
+        if (name == key.spec.name) return !key.isTopOnly;
+    return false;
+}
 
-/** More filters in a row than anyone needs. */
-constexpr std::size_t kMaxFilters = 16;
-
-/** What a case may override: everything but these. */
-const std::vector<std::string> kTopOnlyKeys = {"schema", "title", "cases"};
-const std::vector<std::string> kCaseKeys = {"robot",       "tick_s",     "duration_s",  "limits",
-                                            "start",       "command",    "controller",  "filter",
-                                            "robust_loop", "real_plant", "missed_ticks"};
+std::vector<std::string> getNames(const std::vector<detail::ExperimentKey>& keys) {
+    std::vector<std::string> names;
+    for (const detail::ExperimentKey& key : keys) names.push_back(key.spec.name);
+    return names;
+}
 
 ConfigNode makeScalar(const std::string& text, bool quoted = false) {
     ConfigNode node;
@@ -101,9 +102,14 @@ MotionState readStart(const ConfigNode* block, const RobotDescription& robot) {
         start.qd = toJointVector(*node, robot.size());
     if (const ConfigNode* node = map.find("acceleration_radps2"))
         start.qdd = toJointVector(*node, robot.size());
-    refuseMissingUnit(*block, {"position_rad", "velocity_radps", "acceleration_radps2"});
+    refuseMissingUnit(*block, getNames(detail::startKeys()));
     map.finish();
     return start;
+}
+
+double readTick(const ConfigNode* node) {
+    const ParameterSpec& spec = detail::getKey(detail::experimentKeys(), "tick_s");
+    return toNumber(node ? *node : makeScalar(spec.defaultText), spec.range());
 }
 
 /** `missed_ticks: [{at_s: 3.0, count: 20}, ...]` */
@@ -118,7 +124,9 @@ std::vector<TickGap> readMissedTicks(const ConfigNode& node, double tick_s, doub
         map.find("count");
         map.finish();  // unknown keys first: a misspelt key explains a missing one
         const double at_s = toNumber(map.require("at_s"), {0.0, duration_s});
-        const std::int64_t count = toInteger(map.require("count"), 1, kMaxMissedTicksInFile);
+        const ParameterSpec& range = detail::getKey(detail::gapKeys(), "count");
+        const std::int64_t count =
+            toInteger(map.require("count"), detail::getSmallest(range), detail::getLargest(range));
         gaps.push_back({std::llround(at_s / tick_s), count});
     }
     return gaps;
@@ -141,8 +149,7 @@ public:
                const std::vector<std::string>& overrides)
         : map_(node), loader_(loader), robotPath_(robotPath), overrides_(overrides) {
         // Unknown keys first: a misspelt key explains a missing one.
-        for (const std::string& key : kTopOnlyKeys) map_.find(key);
-        for (const std::string& key : kCaseKeys) map_.find(key);
+        for (const detail::ExperimentKey& key : detail::experimentKeys()) map_.find(key.spec.name);
         map_.finish();
     }
 
@@ -151,14 +158,14 @@ public:
         plan.name = name;
         const ConfigNode& robotNode = map_.require("robot");
         plan.robot = loadRobot(findRobot(toText(robotNode), robotPath_, robotNode.place()));
-        const ConfigNode* tick = map_.find("tick_s");
-        plan.tick_s = tick ? toNumber(*tick, {kShortestTick_s, kLongestTick_s}) : 0.001;
-        plan.duration_s = toNumber(map_.require("duration_s"), {plan.tick_s, kLongestRun_s});
+        plan.tick_s = readTick(map_.find("tick_s"));
+        NumberRange durations = detail::getKey(detail::experimentKeys(), "duration_s").range();
+        durations.min = plan.tick_s;
+        durations.minIsOpen = false;
+        plan.duration_s = toNumber(map_.require("duration_s"), durations);
 
         const ConfigNode* limits = map_.find("limits");
-        if (limits)
-            refuseMissingUnit(
-                *limits, {"position_rad", "velocity_radps", "acceleration_radps2", "jerk_radps3"});
+        if (limits) refuseMissingUnit(*limits, getNames(detail::limitKeys()));
         bool allowLargeAngles = plan.robot.allowLargeAngles;
         plan.limits =
             limits ? readLimits(*limits, plan.robot.limits, allowLargeAngles) : plan.robot.limits;
@@ -205,9 +212,9 @@ private:
             filters.push_back(readPlugin(node, PluginKind::SafetyFilter, joints));
             return filters;
         }
-        if (node.items.empty() || node.items.size() > kMaxFilters)
+        if (node.items.empty() || node.items.size() > detail::kMaxFilters)
             throw badInput(node.place(),
-                           "a list of filters must have 1 to " + std::to_string(kMaxFilters) +
+                           "a list of filters must have 1 to " + std::to_string(detail::kMaxFilters) +
                                " entries, this one has " + std::to_string(node.items.size()),
                            "Write for example `filter: [{plugin: tosbp}, certified_braking]`.");
         for (const ConfigNode& item : node.items) {
@@ -308,7 +315,7 @@ void checkCaseName(const std::string& name, const ConfigNode& node) {
 /** Refuses what no case would ever see: a key at the top that every case replaces. */
 void checkUse(const ConfigNode& shared, const ConfigNode& cases) {
     for (const auto& [key, node] : shared.entries) {
-        if (std::find(kCaseKeys.begin(), kCaseKeys.end(), key) == kCaseKeys.end()) continue;
+        if (!isCaseKey(key)) continue;
         bool used = false;
         for (const auto& [name, own] : cases.entries) {
             const ConfigNode* replacement = own.find(key);
@@ -384,10 +391,11 @@ Experiment readExperiment(const std::filesystem::path& file,
         if (own.kind == ConfigNode::Kind::Empty) own.kind = ConfigNode::Kind::Map;
         if (own.kind != ConfigNode::Kind::Map)
             throw badInput(node.place(), "a case must be a map of the keys that it changes");
-        for (const std::string& key : kTopOnlyKeys)
-            if (const ConfigNode* misplaced = own.find(key))
+        for (const detail::ExperimentKey& key : detail::experimentKeys())
+            if (const ConfigNode* misplaced = key.isTopOnly ? own.find(key.spec.name) : nullptr)
                 throw badInput(misplaced->place(),
-                               "'" + key + "' belongs to the top of the file, not to a case");
+                               "'" + std::string(key.spec.name) +
+                                   "' belongs to the top of the file, not to a case");
         const ConfigNode merged = overlay(shared, own);
         experiment.cases.push_back(
             CaseReader(merged, loader, robotPath, overrides).read(name, experiment.title));

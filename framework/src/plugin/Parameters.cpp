@@ -7,13 +7,23 @@
 
 #include "config/ConfigText.h"
 #include "core/NumberText.h"
+#include "plugin/ParameterText.h"
 #include "viable/core/Error.h"
 
 namespace viable {
 
 namespace {
 
-using detail::quoteText;
+std::int64_t toInt64(double bound) {
+    // 2^63 is the first double beyond the range.
+    if (bound <= -9223372036854775808.0) return std::numeric_limits<std::int64_t>::min();
+    if (bound >= 9223372036854775808.0) return std::numeric_limits<std::int64_t>::max();
+    return static_cast<std::int64_t>(bound);
+}
+
+}  // namespace
+
+namespace detail {
 
 const char* getTypeName(ParameterType type) {
     switch (type) {
@@ -39,10 +49,6 @@ const char* getTypeName(ParameterType type) {
     return "unknown";
 }
 
-bool hasText(const char* text) {
-    return text && *text;
-}
-
 std::vector<std::string> splitChoices(const char* choices) {
     std::vector<std::string> names;
     const std::string text = choices ? choices : "";
@@ -52,6 +58,30 @@ std::vector<std::string> splitChoices(const char* choices) {
         begin = end + 1;
     }
     return names;
+}
+
+std::int64_t getSmallest(const ParameterSpec& spec) {
+    const double bound = std::ceil(spec.min);
+    return toInt64(spec.minIsOpen && bound == spec.min ? bound + 1.0 : bound);
+}
+
+std::int64_t getLargest(const ParameterSpec& spec) {
+    const double bound = std::floor(spec.max);
+    return toInt64(spec.maxIsOpen && bound == spec.max ? bound - 1.0 : bound);
+}
+
+}  // namespace detail
+
+namespace {
+
+using detail::getLargest;
+using detail::getSmallest;
+using detail::getTypeName;
+using detail::quoteText;
+using detail::splitChoices;
+
+bool hasText(const char* text) {
+    return text && *text;
 }
 
 bool isTextual(ParameterType type) {
@@ -79,23 +109,6 @@ ConfigNode makeDefault(const ParameterSpec& spec, const ConfigNode& block) {
     ConfigNode node = detail::parseYaml(spec.defaultText, file, keyPath, 0, false);
     detail::clearLines(node);
     return node;
-}
-
-std::int64_t toInt64(double bound) {
-    // 2^63 is the first double beyond the range.
-    if (bound <= -9223372036854775808.0) return std::numeric_limits<std::int64_t>::min();
-    if (bound >= 9223372036854775808.0) return std::numeric_limits<std::int64_t>::max();
-    return static_cast<std::int64_t>(bound);
-}
-
-std::int64_t getSmallest(const ParameterSpec& spec) {
-    const double bound = std::ceil(spec.min);
-    return toInt64(spec.minIsOpen && bound == spec.min ? bound + 1.0 : bound);
-}
-
-std::int64_t getLargest(const ParameterSpec& spec) {
-    const double bound = std::floor(spec.max);
-    return toInt64(spec.maxIsOpen && bound == spec.max ? bound - 1.0 : bound);
 }
 
 /** True when the command line chose the plugin, and so emptied the block that the file has. */
@@ -348,7 +361,7 @@ std::string describeParameters(const ParameterSpec* specs, std::size_t count) {
     std::string text;
     for (std::size_t i = 0; i < count; ++i) {
         const ParameterSpec& spec = specs[i];
-        text += "  " + std::string(spec.name);
+        text += "  " + std::string(hasText(spec.name) ? spec.name : "(no name)");
         if (hasText(spec.unit)) text += " [" + std::string(spec.unit) + "]";
         text += std::string(": ") + getTypeName(spec.type);
         switch (spec.type) {

@@ -37,7 +37,9 @@ const ParameterSpec kParameters[] = {
         .above(0)
         .orInfinite(),
     parameter::number("pause_s", "s", "0.3", "Longest pause after a reach.").atLeast(0).upTo(100),
-    parameter::number("tremor_m", "m", "0.0001", "Largest offset by tremor along each base axis.")
+    parameter::number("tremor_m", "m", "0.0001",
+                      "Largest offset by tremor along each base axis; grows from zero in the first "
+                      "second.")
         .atLeast(0)
         .upTo(0.1),
     parameter::number("tremor_rad", "rad", "0.0005",

@@ -16,16 +16,19 @@ constexpr double kMostSteps = 1e6;  // per joint: 16 MB
 
 const ParameterSpec kParameters[] = {
     parameter::integer("seed", "1", "Another number is another sequence.").atLeast(0),
-    parameter::number("shortest_s", "s", "0.5", "Shortest time that a set-point is held.")
+    parameter::number("shortest_s", "s", "0.5",
+                      "Shortest time that a set-point is held; times are drawn evenly.")
         .atLeast(0.001)
         .upTo(1000),
     parameter::number("longest_s", "s", "3.0", "Longest time that a set-point is held.")
         .atLeast(0.001)
         .upTo(1000),
-    parameter::number("beyond_share", "", "0.3", "Share of the set-points that lie beyond a limit.")
+    parameter::number("beyond_share", "", "0.3",
+                      "Share of the set-points that lie beyond a limit, either side alike; the "
+                      "others are drawn evenly between the limits.")
         .atLeast(0)
         .upTo(1),
-    parameter::number("beyond_rad", "rad", "0.5", "How far beyond a limit at most.")
+    parameter::number("beyond_rad", "rad", "0.5", "How far beyond a limit at most, drawn evenly.")
         .atLeast(0)
         .upTo(100),
 };

@@ -20,8 +20,10 @@ constexpr double kHalfTurnMargin_rad = 0.1;
 constexpr double kPi = 3.14159265358979323846;
 
 const ParameterSpec kParameters[] = {
-    parameter::file("file", nullptr,
-                    "Recording: TUM trajectory, or CSV with a line of column names."),
+    parameter::file(
+        "file", nullptr,
+        "Recording: TUM trajectory (`timestamp tx ty tz qx qy qz qw`), or CSV whose first line "
+        "names `time_s,x_m,y_m,z_m,qx,qy,qz,qw` in any order; `#` begins a comment line."),
     parameter::number("start_s", "s", "0", "The motion begins this far into the recording.")
         .atLeast(0),
     parameter::number("scale", "", "1", "Displacements are multiplied by this.")

@@ -17,8 +17,10 @@ namespace {
 constexpr double kTimeTolerance_s = 1e-9;
 
 const ParameterSpec kParameters[] = {
-    parameter::rows("points", "s, rad", 2, kMaxJoints + 1, nullptr,
-                    "One row per point: its time, then one position per joint."),
+    parameter::rows(
+        "points", "s, rad", 2, kMaxJoints + 1, nullptr,
+        "One row per point: its time, then one position per joint; times increase, the first is 0 "
+        "or later."),
     parameter::choice(
         "interpolation", "hold|linear|smooth", "smooth",
         "Between points: jump at the next point, run straight, or a quintic at rest at "

@@ -20,7 +20,7 @@ const ParameterSpec kParameters[] = {
         .above(0),
     parameter::number(
         "weight", "", "1000",
-        "How many times more missing a row costs than missing the desired jerk as far.")
+        "w: how many times more missing a row costs than missing the desired jerk as far.")
         .above(0)
         .upTo(1e6),
 };

@@ -19,10 +19,13 @@ const ParameterSpec kParameters[] = {
         "Largest velocity towards a limit at the influence distance; xi * tick_s at most "
         "influence_rad - safety_rad.")
         .above(0),
-    parameter::number("influence_rad", "rad", "0.2", "Distance from a limit where damping begins.")
+    parameter::number("influence_rad", "rad", "0.2",
+                      "d_i: distance from a limit where damping begins.")
         .above(0),
-    parameter::number("safety_rad", "rad", "0.02",
-                      "Distance from a limit where no velocity towards it is left.")
+    parameter::number(
+        "safety_rad", "rad", "0.02",
+        "d_s: distance from a limit where no velocity towards it is left; at most half "
+        "of the range.")
         .atLeast(0),
     parameter::number(
         "gamma", "1/s", "20.0",
@@ -71,8 +74,8 @@ JerkIntervalFilter::Rows VelocityDamper::calcRows(const AxisState& s, const Axis
     JointInterval velocity{l.velocityLower, l.velocityUpper, LimitKind::Velocity,
                            LimitKind::Velocity};
     // Far beyond a limit the damper asks for more speed back than the velocity limit allows: as much as it allows.
-    velocity.restrictLower(
-        std::min(l.velocityUpper, -calcDampedVelocity(s.p - l.positionLower)), LimitKind::Position);
+    velocity.restrictLower(std::min(l.velocityUpper, -calcDampedVelocity(s.p - l.positionLower)),
+                           LimitKind::Position);
     velocity.restrictUpper(std::max(l.velocityLower, calcDampedVelocity(l.positionUpper - s.p)),
                            LimitKind::Position);
     // v+ <= bound as a bound on the jerk.

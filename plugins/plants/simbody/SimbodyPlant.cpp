@@ -15,16 +15,19 @@ const ParameterSpec kParameters[] = {
     parameter::integer("substeps", "1", "Integration steps per tick.").atLeast(1).upTo(1000),
     parameter::choice("friction", "robot|none", "robot",
                       "Friction figures of the robot's actuation.yaml, or none."),
-    parameter::jointNumbers("friction_scale", "", "1.0", "Factor on all friction torques.")
+    parameter::jointNumbers("friction_scale", "", "1.0",
+                            "Factor on all friction torques, Fc and Fv1.")
         .atLeast(0),
-    parameter::number("breakaway_ratio", "", "1.0",
-                      "Stribeck: friction at standstill over Coulomb friction; 1 switches it off.")
+    parameter::number(
+        "breakaway_ratio", "", "1.0",
+        "Stribeck: friction at standstill over Coulomb friction, Fs / Fc; 1 switches it "
+        "off.")
         .atLeast(1),
     parameter::number("stribeck_velocity_radps", "rad/s", "0.02",
-                      "Velocity over which that excess fades.")
+                      "vs: velocity over which that excess fades.")
         .above(0),
     parameter::number("payload_kg", "kg", "0.0",
-                      "Mass at the tool that the nominal model does not know.")
+                      "Point mass at the tool that the nominal model does not know.")
         .atLeast(0),
     parameter::numbers("payload_offset_m", "m", 3, 3, "[0, 0, 0]",
                        "Where it is, in the tool frame."),
@@ -41,7 +44,7 @@ const ParameterSpec kParameters[] = {
     parameter::number("encoder_noise_rad", "rad", "0.0",
                       "Standard deviation of the position reading.")
         .atLeast(0),
-    parameter::integer("seed", "1", "Of the reading noise.").atLeast(0),
+    parameter::integer("seed", "1", "Of the reading noise: same seed, same readings.").atLeast(0),
 };
 
 /** Rounds for the viscous friction. Each lowers the (convex) function whose minimum is v+, and even
@@ -107,9 +110,8 @@ void SimbodyPlant::configure(const RunSetup& setup, const Parameters& parameters
     resolution_.setZero(n_);
     for (int i = 0; i < n_; ++i)
         if (!exact && robot.actuation.encoderCounts[i] > 0.0)
-            resolution_[i] =
-                (robot.joints[i].type == JointType::Prismatic ? 1.0 : 2.0 * EIGEN_PI) /
-                robot.actuation.encoderCounts[i];
+            resolution_[i] = (robot.joints[i].type == JointType::Prismatic ? 1.0 : 2.0 * EIGEN_PI) /
+                             robot.actuation.encoderCounts[i];
     reset(setup.start);
 }
 

@@ -6,9 +6,12 @@
 #include <fstream>
 #include <functional>
 #include <limits>
+#include <map>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 
 #include "viable/core/Error.h"
+#include "viable/plugin/PluginDescription.h"
 
 namespace viable {
 namespace {
@@ -283,6 +286,75 @@ TEST(Parameters, DescriptionShowsEveryDeclaration) {
     const ParameterSpec required[] = {parameter::file("poses", nullptr, "Recorded motion.")};
     EXPECT_EQ(describeParameters(required, 1), "  poses: file; required\n      Recorded motion.\n");
     EXPECT_EQ(describeParameters(nullptr, 0), "  (no parameters)\n");
+}
+
+TEST(Parameters, MarkdownHasOneRowPerDeclaration) {
+    const ParameterSpec specs[] = {
+        parameter::choice("a", "x|y", "x", "One|two\nthree."),
+        parameter::jointNumbers("b", "Nm", nullptr, "Gain.").atLeast(0),
+        parameter::number("c", "", ".inf", "").above(-1).upTo(5).orInfinite(),
+        parameter::rows("d", "m", 2, 3, "[]", ""),
+        parameter::integer("e", "1", "").atLeast(0).below(10),
+        parameter::text("f", "", ""),
+        parameter::numbers("g", "", 1, std::numeric_limits<int>::max(), "[1]", ""),
+    };
+    EXPECT_EQ(describeParametersAsMarkdown(specs, 7),
+              "| Parameter | Unit | Value | Default | Meaning |\n"
+              "|---|---|---|---|---|\n"
+              "| `a` |  | `x`, `y` | `x` | One\\|two three. |\n"
+              "| `b` | Nm | number in [0, inf), or one per joint | required | Gain. |\n"
+              "| `c` |  | number in (-1, 5], .inf or -.inf | `.inf` |  |\n"
+              "| `d` | m | list of lists of 2 to 3 numbers | `[]` |  |\n"
+              "| `e` |  | whole number from 0 up to 9 | `1` |  |\n"
+              "| `f` |  | text | none |  |\n"
+              "| `g` |  | list of at least 1 numbers | `[1]` |  |\n");
+    EXPECT_EQ(describeParametersAsMarkdown(nullptr, 0), "It has no parameters.\n");
+}
+
+TEST(PluginDescription, JsonHoldsTheWholeDeclarationOfEveryType) {
+    PluginEntry entry{PluginKind::RobustLoop, "x", "s", kSpecs, kCount, nullptr, nullptr};
+    const std::vector<PluginInfo> plugins = {
+        {PluginKind::RobustLoop, "x", "Sum\xff.", "/x.so", &entry}};
+    const nlohmann::json root =
+        nlohmann::json::parse(describePluginsAsJson(plugins, {{"/y.so", "broken"}}, true));
+    EXPECT_EQ(root["refused"],
+              nlohmann::json::parse(R"([{"library": "/y.so", "reason": "broken"}])"));
+    const nlohmann::json& plugin = root["plugins"][0];
+    EXPECT_EQ(plugin["kind"], "robust_loop");
+    EXPECT_EQ(plugin["library"], "/x.so");
+    EXPECT_EQ(plugin["summary"], "Sum\xef\xbf\xbd.");  // a byte that is no UTF-8 is replaced
+    EXPECT_FALSE(plugin.contains("promises_limits"));  // of filters only
+    std::map<std::string, nlohmann::json> p;
+    for (const nlohmann::json& parameter : plugin["parameters"]) p[parameter["name"]] = parameter;
+    ASSERT_EQ(p.size(), kCount);
+    EXPECT_EQ(p["gamma"],
+              nlohmann::json::parse(R"({"name": "gamma", "type": "number", "unit": "1/s",
+        "required": false, "default": 20.0, "per_joint": false, "help": "How fast the jerk follows.",
+        "range": {"min": 0.0, "min_is_open": true, "max": 1000.0, "max_is_open": false, "may_be_infinite": false}})"));
+    EXPECT_EQ(p["force_limit_N"]["default"], ".inf");
+    EXPECT_EQ(p["force_limit_N"]["range"]["max"], ".inf");
+    EXPECT_EQ(p["force_limit_N"]["range"]["may_be_infinite"], true);
+    EXPECT_EQ(p["seed"]["default"], 7);
+    EXPECT_EQ(p["seed"]["range"]["max"], std::numeric_limits<std::int64_t>::max());
+    EXPECT_EQ(p["gravity"]["default"], true);
+    EXPECT_FALSE(p["gravity"].contains("range"));
+    EXPECT_EQ(p["window"]["choices"], nlohmann::json::parse(R"(["hann", "box"])"));
+    EXPECT_EQ(p["label"]["default"], "");
+    EXPECT_EQ(p["stiffness"]["default"], "2*pi");  // an expression stays as it is written
+    EXPECT_EQ(p["stiffness"]["per_joint"], true);
+    EXPECT_EQ(p["axis"]["default"], nlohmann::json::parse("[0.0, 0.0, 1.0]"));
+    EXPECT_EQ(p["waypoints"]["type"], "rows");
+    EXPECT_EQ(p["waypoints"]["min_count"], 2);
+    EXPECT_EQ(p["waypoints"]["max_count"], 3);
+
+    const ParameterSpec any =
+        parameter::numbers("n", "", 1, std::numeric_limits<int>::max(), nullptr, "");
+    entry.parameters = &any;
+    entry.parameterCount = 1;
+    const auto list = nlohmann::json::parse(describePluginsAsJson(plugins, {}, true));
+    EXPECT_TRUE(list["plugins"][0]["parameters"][0]["max_count"].is_null());
+    EXPECT_TRUE(list["plugins"][0]["parameters"][0]["default"].is_null());
+    EXPECT_EQ(list["plugins"][0]["parameters"][0]["required"], true);
 }
 
 }  // namespace

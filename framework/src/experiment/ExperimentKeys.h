@@ -1,0 +1,45 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "viable/plugin/Parameters.h"
+#include "viable/plugin/PluginExport.h"
+
+namespace viable::detail {
+
+/** More filters in a row than anyone needs. */
+inline constexpr std::size_t kMaxFilters = 16;
+
+/** What stands at a key of an experiment file. */
+enum class KeyForm {
+    Value,      ///< as `spec` says
+    Cases,      ///< a map of names to blocks with the keys that differ
+    Limits,     ///< a block of `limitKeys()`
+    Bounds,     ///< a joint quantity for both sides, or `{lower, upper}`
+    Positions,  ///< the same, or `{center, half_range}`
+    Start,      ///< a block of `startKeys()`
+    Gaps,       ///< a list of blocks of `gapKeys()`
+    Plugin,     ///< `{plugin: NAME, parameters}`
+    Plugins,    ///< the same, or a list of up to kMaxFilters such blocks or names, the first one first
+};
+
+/** One key of an experiment file, declared once: the reader takes the names and the ranges from here, the JSON Schema
+everything. A required one (without default) must stand at the top or in every case. */
+struct ExperimentKey {
+    ParameterSpec
+        spec;  ///< an empty default: none, and not required; the type counts for Value only
+    KeyForm form = KeyForm::Value;
+    PluginKind kind = PluginKind::CommandSource;  ///< of Plugin and Plugins
+    bool isTopOnly = false;                       ///< must not stand in a case
+};
+
+const std::vector<ExperimentKey>& experimentKeys();
+const std::vector<ExperimentKey>& limitKeys();  ///< what readLimits() knows
+const std::vector<ExperimentKey>& startKeys();
+const std::vector<ExperimentKey>& gapKeys();
+
+/** The key called `name`; it must be there. */
+const ParameterSpec& getKey(const std::vector<ExperimentKey>& keys, const std::string& name);
+
+}  // namespace viable::detail

@@ -1,0 +1,248 @@
+#include "plugin/ParameterJson.h"
+
+#include <charconv>
+#include <cmath>
+#include <limits>
+
+#include "config/ConfigText.h"
+#include "plugin/ParameterText.h"
+
+namespace viable::detail {
+
+namespace {
+
+constexpr double kLargestDouble = std::numeric_limits<double>::max();
+
+/** Numbers and pi with + - * / and parentheses: the reader's expressions (see toNumber), except that a regular expression
+cannot pair parentheses. */
+constexpr const char* kExpressionPattern =
+    R"(^[-+( \t]*(pi|((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?)[) \t]*)"
+    R"(([-+*/][-+( \t]*(pi|((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?)[) \t]*)*$)";
+
+std::string getText(const char* text) {
+    return text ? text : "";
+}
+
+const char* getTypeWord(ParameterType type) {
+    switch (type) {
+        case ParameterType::Number:
+            return "number";
+        case ParameterType::Integer:
+            return "integer";
+        case ParameterType::Flag:
+            return "flag";
+        case ParameterType::Choice:
+            return "choice";
+        case ParameterType::Text:
+            return "text";
+        case ParameterType::File:
+            return "file";
+        case ParameterType::JointNumbers:
+            return "joint_numbers";
+        case ParameterType::Numbers:
+            return "numbers";
+        case ParameterType::Rows:
+            return "rows";
+    }
+    return "unknown";
+}
+
+bool isNumeric(ParameterType type) {
+    return type == ParameterType::Number || type == ParameterType::JointNumbers ||
+           type == ParameterType::Numbers || type == ParameterType::Rows;
+}
+
+bool isList(ParameterType type) {
+    return type == ParameterType::Numbers || type == ParameterType::Rows;
+}
+
+/** A plain number as a number, anything else (".inf", "2*pi") as the text it is. */
+Json makeNumberOrText(const std::string& text) {
+    double value = 0.0;
+    const char* end = text.data() + text.size();
+    const auto result = std::from_chars(text.data(), end, value);
+    const bool isNumber = result.ec == std::errc() && result.ptr == end && std::isfinite(value);
+    return isNumber ? Json(value) : Json(text);
+}
+
+Json makeNodeJson(const ConfigNode& node) {
+    if (node.kind == ConfigNode::Kind::List) {
+        Json list = Json::array();
+        for (const ConfigNode& item : node.items) list.push_back(makeNodeJson(item));
+        return list;
+    }
+    return node.quoted ? Json(node.text) : makeNumberOrText(node.text);
+}
+
+Json makeBound(double bound) {
+    constexpr double kExact = 9007199254740992.0;  // 2^53: below it every whole number is a double
+    const bool isWhole = bound == std::floor(bound) && std::abs(bound) < kExact;
+    return isWhole ? Json(static_cast<std::int64_t>(bound)) : Json(bound);
+}
+
+/** Bounds of JSON numbers. YAML's infinities are numbers beyond the largest double. Text passes: it is an expression. */
+void addBounds(Json& schema, const NumberRange& range) {
+    constexpr double kInfinity = std::numeric_limits<double>::infinity();
+    const bool hasMin = !std::isinf(range.min) || !range.contains(-kInfinity);
+    const bool hasMax = !std::isinf(range.max) || !range.contains(kInfinity);
+    Json bounds = Json::object();
+    if (hasMin)
+        bounds[range.minIsOpen && !std::isinf(range.min) ? "exclusiveMinimum" : "minimum"] =
+            makeBound(std::max(range.min, -kLargestDouble));
+    if (hasMax)
+        bounds[range.maxIsOpen && !std::isinf(range.max) ? "exclusiveMaximum" : "maximum"] =
+            makeBound(std::min(range.max, kLargestDouble));
+    // A finite bound, and yet "no limit" beyond it.
+    Json either = Json::array({bounds});
+    if (!std::isinf(range.max) && range.contains(kInfinity))
+        either.push_back({{"exclusiveMinimum", kLargestDouble}});
+    if (!std::isinf(range.min) && range.contains(-kInfinity))
+        either.push_back({{"exclusiveMaximum", -kLargestDouble}});
+    if (either.size() > 1)
+        schema["anyOf"] = either;
+    else
+        schema.update(bounds);
+}
+
+Json makeNumberSchema(const NumberRange& range) {
+    Json schema = {
+        {"type", {"number", "string"}},
+        {"pattern", kExpressionPattern},
+        // What editors say instead of the pattern; unknown to the standard, which allows that.
+        {"patternErrorMessage", "Write a number or an expression such as 2*pi/3."}};
+    addBounds(schema, range);
+    return schema;
+}
+
+Json makeListSchema(const Json& item, int minCount, int maxCount) {
+    Json schema = {{"type", "array"}, {"items", item}};
+    if (minCount > 0) schema["minItems"] = minCount;
+    if (maxCount < std::numeric_limits<int>::max()) schema["maxItems"] = maxCount;
+    return schema;
+}
+
+Json makeValueSchema(const ParameterSpec& spec) {
+    switch (spec.type) {
+        case ParameterType::Number:
+            return makeNumberSchema(spec.range());
+        case ParameterType::Integer: {
+            Json schema = {{"type", "integer"}};
+            const std::int64_t least = getSmallest(spec), most = getLargest(spec);
+            if (least != std::numeric_limits<std::int64_t>::min()) schema["minimum"] = least;
+            if (most != std::numeric_limits<std::int64_t>::max()) schema["maximum"] = most;
+            return schema;
+        }
+        case ParameterType::Flag:
+            return {{"type", "boolean"}};
+        case ParameterType::Choice: {
+            Json names = Json::array();
+            for (const std::string& name : splitChoices(spec.choices)) {
+                names.push_back(name);
+                const Json other =
+                    Json::parse(name, nullptr, false);  // YAML reads `1`, `true` as such
+                if (!other.is_discarded()) names.push_back(other);
+            }
+            return {{"enum", names}};
+        }
+        case ParameterType::Text:
+        case ParameterType::File:
+            // The reader takes any scalar as it is written.
+            return {{"type", {"string", "number", "boolean"}}};
+        case ParameterType::JointNumbers: {
+            const Json number = makeNumberSchema(spec.range());
+            Json schema = makeListSchema(number, 1, kMaxJoints);
+            schema.update(number);
+            schema["type"] = {"number", "string", "array"};
+            return schema;
+        }
+        case ParameterType::Numbers:
+            return makeListSchema(makeNumberSchema(spec.range()), spec.minCount, spec.maxCount);
+        case ParameterType::Rows:
+            return makeListSchema(
+                makeListSchema(makeNumberSchema(spec.range()), spec.minCount, spec.maxCount), 0,
+                std::numeric_limits<int>::max());
+    }
+    return Json::object();  // an unknown type is the reader's to refuse
+}
+
+bool hasInfinity(const Json& value) {
+    if (value.is_array()) {
+        for (const Json& item : value)
+            if (hasInfinity(item)) return true;
+    }
+    return value == ".inf" || value == "-.inf";
+}
+
+}  // namespace
+
+Json makeJsonNumber(double value) {
+    if (std::isinf(value)) return value > 0.0 ? ".inf" : "-.inf";
+    return value;
+}
+
+Json makeJsonDefault(const ParameterSpec& spec) {
+    if (!spec.defaultText) return nullptr;
+    switch (spec.type) {
+        case ParameterType::Choice:
+        case ParameterType::Text:
+        case ParameterType::File:
+            return spec.defaultText;
+        case ParameterType::Flag:
+            return std::string(spec.defaultText) == "true";
+        case ParameterType::Integer: {
+            const Json value = Json::parse(spec.defaultText, nullptr, false);
+            return value.is_number_integer() ? value : Json(spec.defaultText);
+        }
+        default:
+            return makeNodeJson(parseYaml(spec.defaultText, "default", "", 0, false));
+    }
+}
+
+Json describeAsJson(const ParameterSpec& spec) {
+    Json json = {{"name", getText(spec.name)},
+                 {"type", getTypeWord(spec.type)},
+                 {"unit", getText(spec.unit)},
+                 {"required", !spec.defaultText},
+                 {"default", makeJsonDefault(spec)},
+                 {"per_joint", spec.type == ParameterType::JointNumbers}};
+    if (isNumeric(spec.type))
+        json["range"] = {{"min", makeJsonNumber(spec.min)},
+                         {"min_is_open", spec.minIsOpen || std::isinf(spec.min)},
+                         {"max", makeJsonNumber(spec.max)},
+                         {"max_is_open", spec.maxIsOpen || std::isinf(spec.max)},
+                         {"may_be_infinite", spec.mayBeInfinite}};
+    if (spec.type == ParameterType::Integer)
+        json["range"] = {{"min", getSmallest(spec)},
+                         {"min_is_open", false},
+                         {"max", getLargest(spec)},
+                         {"max_is_open", false},
+                         {"may_be_infinite", false}};
+    if (spec.type == ParameterType::Choice) json["choices"] = splitChoices(spec.choices);
+    if (isList(spec.type)) {
+        json["min_count"] = spec.minCount;
+        const bool isBounded = spec.maxCount < std::numeric_limits<int>::max();
+        json["max_count"] = isBounded ? Json(spec.maxCount) : Json(nullptr);
+    }
+    json["help"] = getText(spec.help);
+    return json;
+}
+
+Json makeSchema(const ParameterSpec& spec) {
+    std::string text = getText(spec.help);
+    if (!getText(spec.unit).empty()) text += " [" + getText(spec.unit) + "]";
+    if (isNumeric(spec.type)) text += " In " + spec.range().text() + ".";
+    if (spec.type == ParameterType::JointNumbers) text += " One number for all joints, or a list.";
+    Json schema = {{"description", ""}};
+    schema.update(makeValueSchema(spec));
+    if (!spec.defaultText) {
+        text += " Required.";
+    } else if (*spec.defaultText) {
+        text += std::string(" Default: ") + spec.defaultText;
+        const Json value = makeJsonDefault(spec);
+        if (!hasInfinity(value)) schema["default"] = value;  // JSON has no infinity
+    }
+    schema["description"] = text;
+    return schema;
+}
+
+}  // namespace viable::detail

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <nlohmann/json.hpp>
+
+#include "viable/plugin/Parameters.h"
+
+namespace viable::detail {
+
+using Json =
+    nlohmann::ordered_json;  // a reader finds the keys in the order in which they are explained
+
+/** A number; infinity, which JSON does not have, as the text of an experiment file: ".inf", "-.inf". */
+Json makeJsonNumber(double value);
+
+/** The declared default as JSON: null where it is required, text for an expression of pi. */
+Json makeJsonDefault(const ParameterSpec& spec);
+
+/** One entry of `parameters`, see describePluginsAsJson(). */
+Json describeAsJson(const ParameterSpec& spec);
+
+/** JSON Schema of the parameter's value in an experiment file. Never refuses what the reader takes; not seen by it are
+quotes around numbers, unbalanced parentheses and the range of expressions. */
+Json makeSchema(const ParameterSpec& spec);
+
+}  // namespace viable::detail

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "viable/plugin/Parameters.h"
+
+namespace viable::detail {
+
+/** "number", "whole number", "number or list with one per joint", ...: for messages. */
+const char* getTypeName(ParameterType type);
+
+/** The names in "a|b|c". */
+std::vector<std::string> splitChoices(const char* choices);
+
+/** The first and the last whole number of an Integer's range. */
+std::int64_t getSmallest(const ParameterSpec& spec);
+std::int64_t getLargest(const ParameterSpec& spec);
+
+}  // namespace viable::detail

@@ -1,0 +1,60 @@
+#!/usr/bin/env bash
+# Makes the Debian package, unpacks it into an empty root, and uses it from there as somebody who has nothing else of
+# the project. Usage: check.sh BUILD_DIR SOURCE_DIR
+set -euo pipefail
+build=$1 source=$2
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+fail() { echo "package: $*" >&2; exit 1; }
+
+cpack -G DEB --config "$build/CPackConfig.cmake" -B "$work" >"$work/cpack.log" 2>&1 || { cat "$work/cpack.log" >&2; exit 1; }
+deb=$(echo "$work"/viable_*_"$(dpkg --print-architecture)".deb)
+[ -f "$deb" ] || fail "no package came out: $(ls "$work")"
+field() { dpkg-deb -f "$deb" "$1"; }
+for library in libc6 libstdc++6 libsimbody3.7 libyaml-cpp0.7 libzstd1 zlib1g; do
+  [[ "$(field Depends)" == *"$library"* ]] || fail "Depends lacks $library: $(field Depends)"
+done
+[[ "$(field Depends)" != *viable* ]] || fail "it depends on itself: $(field Depends)"
+[[ "$(field Recommends)" == *libeigen3-dev* ]] || fail "Recommends: $(field Recommends)"
+
+root=$work/root
+dpkg-deb -x "$deb" "$root"
+[ -s "$root/usr/share/doc/viable/copyright" ] || fail "no copyright file"
+find "$root" -type l ! -exec test -e {} \; -print | grep . && fail "these links lead nowhere"
+for path in "$source" "$build"; do
+  ! grep -rlF -e "$path" "$root" || fail "these files (above) hold a path of the build: $path"
+done
+while read -r file; do
+  runpath=$(readelf -d "$file" | sed -n 's/.*R\(UN\)\?PATH.*\[\(.*\)\]/\2/p')
+  for entry in ${runpath//:/ }; do
+    [[ "$entry" == '$ORIGIN'/* ]] || fail "$file looks for libraries in $entry"
+  done
+  ! readelf -S "$file" | grep -qF .symtab || fail "$file is not stripped"
+done < <(find "$root/usr/bin" "$root/usr/lib" -type f \( -perm -u+x -o -name '*.so*' \))
+
+viable=$root/usr/bin/viable
+mkdir "$work/elsewhere"
+cd "$work/elsewhere"  # nothing of the source tree in reach
+unset VIABLE_PLUGIN_PATH VIABLE_ROBOT_PATH
+experiment=$root/usr/share/viable/experiments/indy7_teleoperation.yaml
+"$viable" run "$experiment" --out out --case C3 --set duration_s=0.5
+[ -s out/C3.mcap ] && [ -s out/report.html ] || fail "the run left no log or report"
+"$viable" schema >schema.json
+cmp schema.json "$root/usr/share/viable/experiments/experiment.schema.json"
+
+# A plugin of one's own: pass_through under another name.
+mkdir own
+sed 's/"pass_through"/"own_filter"/' "$source/plugins/filters/pass_through/PassThrough.cpp" >own/PassThrough.cpp
+cp "$source/plugins/filters/pass_through/PassThrough.h" own/
+cat >own/CMakeLists.txt <<EOF
+cmake_minimum_required(VERSION 3.25)
+project(own_filter CXX)
+find_package(viable REQUIRED)
+viable_add_plugin(own_filter KIND filter SOURCES PassThrough.cpp)
+EOF
+cmake -S own -B own/build -DCMAKE_PREFIX_PATH="$root/usr" >configure.log || { cat configure.log >&2; exit 1; }
+grep -q "^viable_DIR:PATH=$root/" own/build/CMakeCache.txt || fail "CMake found another viable: $(grep ^viable_DIR own/build/CMakeCache.txt)"
+cmake --build own/build >build.log || { cat build.log >&2; exit 1; }
+export VIABLE_PLUGIN_PATH=$PWD/own/build/bin/plugins
+"$viable" run "$experiment" --out own_out --case C1 --set duration_s=0.2 --set cases.C1.filter.plugin=own_filter
+echo "package: $(basename "$deb"), $(stat -c %s "$deb") bytes, runs from an empty root"

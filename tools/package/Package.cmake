@@ -1,0 +1,37 @@
+# The Debian package (tools/package.sh): program, library, plugins, robots, experiments, templates, headers and CMake files
+# in one, for the Debian it was built on: a plugin must meet the same compiler and Eigen as the program.
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME viable)
+set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})
+set(CPACK_PACKAGE_CONTACT "viable developers <developers@viable.invalid>")  # Debian wants an address; there is none yet
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "joint limits up to jerk for torque-controlled robot arms")
+set(CPACK_PACKAGE_DESCRIPTION
+"viable takes the torque of any controller and changes it as little as needed
+to keep joint position, velocity, acceleration and jerk limits at 1 kHz; a
+robust inner loop makes the real arm follow. Controllers, safety filters,
+robust loops, command sources and plants are plugins, named in an experiment
+file and loaded at run time. Every limit that a law misses is counted.
+.
+Headers and CMake files for plugins of one's own are included.")
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)  # viable_0.1.0_amd64.deb
+set(CPACK_DEBIAN_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_PACKAGE_PRIORITY optional)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${CMAKE_LIBRARY_OUTPUT_DIRECTORY})  # libviable itself
+# Who links to libviable depends on this package; its library is made known to the dynamic linker.
+file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/package/shlibs @ONLY
+  CONTENT "libviable @PROJECT_VERSION_MAJOR@.@PROJECT_VERSION_MINOR@ viable (>= @PROJECT_VERSION@)\n")
+set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${CMAKE_BINARY_DIR}/package/shlibs ${CMAKE_CURRENT_LIST_DIR}/triggers)
+set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "cmake (>= 3.25), g++, libeigen3-dev (>= 3.4)")  # plugins of one's own
+set(CPACK_DEBIAN_PACKAGE_SUGGESTS "libgtest-dev")  # and their tests
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+include(CPack)
+install(FILES ${CMAKE_CURRENT_LIST_DIR}/copyright CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/viable)
+install(FILES ${CMAKE_CURRENT_LIST_DIR}/lintian-overrides DESTINATION ${CMAKE_INSTALL_DATADIR}/lintian/overrides RENAME viable)
+
+add_custom_target(viable_package
+  COMMAND ${CMAKE_CPACK_COMMAND} -G DEB --config ${CMAKE_BINARY_DIR}/CPackConfig.cmake -B ${CMAKE_BINARY_DIR}
+  DEPENDS viable_app
+  WORKING_DIRECTORY ${CMAKE_BINARY_DIR} VERBATIM)
