@@ -20,9 +20,10 @@ void addRobotsCommand(CLI::App& app, int& exitCode);
 void addExportCommand(CLI::App& app, int& exitCode);
 void addRecoverCommand(CLI::App& app, int& exitCode);
 void addReportCommand(CLI::App& app, int& exitCode);
+void addNewCommand(CLI::App& app, int& exitCode);
 
 /** Folders searched for robots: VIABLE_ROBOT_PATH (colon-separated), `robots` in the current folder
-and beside the experiment's folder, then the installed ones. @param experiment  may be empty */
+and beside the experiment's folder, the experiment's own folder where that is a robot's, then the installed ones. @param experiment  may be empty */
 std::vector<std::filesystem::path> makeRobotSearchPath(const std::filesystem::path& experiment);
 
 /** The page of reports, installed beside the program. */

@@ -17,8 +17,13 @@ std::vector<std::filesystem::path> makeRobotSearchPath(const std::filesystem::pa
             if (!folder.empty()) path.push_back(folder);
     }
     path.push_back("robots");
-    if (!experiment.empty()) path.push_back(experiment.parent_path() / ".." / "robots");
     std::error_code error;
+    if (!experiment.empty()) {
+        path.push_back(experiment.parent_path() / ".." / "robots");
+        const fs::path own = fs::absolute(experiment).lexically_normal().parent_path();
+        if (fs::exists(own / (own.filename().string() + ".urdf"), error))
+            path.push_back(own.parent_path());
+    }
     const fs::path program = fs::read_symlink("/proc/self/exe", error);
     if (!error) path.push_back(program.parent_path() / ".." / "share" / "viable" / "robots");
     return path;
@@ -42,6 +47,7 @@ int main(int argc, char** argv) {
     viable::addExportCommand(app, exitCode);
     viable::addRecoverCommand(app, exitCode);
     viable::addReportCommand(app, exitCode);
+    viable::addNewCommand(app, exitCode);
     try {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& e) {

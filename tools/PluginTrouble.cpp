@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "AllocationCounter.h"
+#include "viable/testing/AllocationCounter.h"
 #include "viable/core/Error.h"
 #include "viable/log/Recorder.h"
 #include "viable/plugin/PluginCall.h"
@@ -133,8 +133,8 @@ void installCrashHandler(const std::filesystem::path& folder) {
 }
 
 void countPluginAllocations() {
-    if (test::AllocationCounter::isAvailable())
-        setAllocationCounter([] { return test::AllocationCounter::total(); });
+    if (testing::AllocationCounter::isAvailable())
+        setAllocationCounter([] { return testing::AllocationCounter::total(); });
 }
 
 void HangWatch::look(bool endRequested) {

@@ -25,7 +25,7 @@
 #include <string>
 #include <vector>
 
-#include "AllocationCounter.h"
+#include "viable/testing/AllocationCounter.h"
 #ifdef VIABLE_CONTRACT_PLUGIN_HEADER
 #include VIABLE_CONTRACT_PLUGIN_HEADER
 #endif
@@ -649,14 +649,14 @@ TEST_P(Contract, SameInputsGiveTheSameBits) {
 }
 
 TEST_P(Contract, AllocatesNothingInATick) {
-    if (!test::AllocationCounter::isAvailable()) GTEST_SKIP() << test::AllocationCounter::whyNot();
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     constexpr int kWarmUp = 100, kTicks = 1000;
     const std::unique_ptr<Subject> subject = make();
     for (int tick = 0; tick < kWarmUp; ++tick) run(*subject, tick);
     std::int64_t allocations = 0;
     for (int tick = kWarmUp; tick < kWarmUp + kTicks; ++tick) {
         const Inputs in = prepare(*subject, tick);
-        const test::AllocationCounter counter;
+        const testing::AllocationCounter counter;
         const Output out = subject->step(in);
         allocations += counter.count();
         ASSERT_EQ(out.outcome, Outcome::Usable) << "tick " << tick;
@@ -667,7 +667,7 @@ TEST_P(Contract, AllocatesNothingInATick) {
     const Slot slot = subject->slots().front();
     Inputs in = prepare(*subject, kWarmUp + kTicks);
     *slot.numbers(in)[0] = kNan;
-    const test::AllocationCounter counter;
+    const testing::AllocationCounter counter;
     subject->step(in);
     subject->reset(setup_.start);
     EXPECT_EQ(counter.count(), 0) << "in a tick with NaN in " << slot.name << " and a reset";

@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "AllocationCounter.h"
+#include "viable/testing/AllocationCounter.h"
 #include "TestArm.h"
 
 namespace viable {
@@ -62,7 +62,7 @@ public:
         for (int k = 0; k < outcome.ticks; ++k) {
             if (arm.size() > 1) arm.model().calcDynamics(state.q, state.qd, dynamics);
             calcInverseDynamics(dynamics, wanted(state), torque);
-            const test::AllocationCounter counter;
+            const testing::AllocationCounter counter;
             const FilterStatus status = filter->filter(state, torque, dynamics, decision);
             outcome.allocations += counter.count();
             EXPECT_LE(status, FilterStatus::Infeasible) << "tick " << k;

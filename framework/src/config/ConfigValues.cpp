@@ -258,6 +258,7 @@ double calcNumber(const ConfigNode& node, bool mayBeInfinite) {
         throw badInput(node.place(), "must be a number; " + shown + " in quotes is text",
                        "Remove the quotes");
     }
+    refuseBlank(node);
     // std::string's own letters: no locale.
     std::string lower = text;
     for (char& c : lower) {
@@ -359,6 +360,13 @@ bool toFlag(const ConfigNode& node) {
     }
     throw badInput(node.place(), "must be `true` or `false`; it is " + describeNode(node),
                    "Write `true` or `false` without quotes");
+}
+
+void refuseBlank(const ConfigNode& node) {
+    if (node.kind == ConfigNode::Kind::Scalar && !node.quoted && node.text == kBlank)
+        throw badInput(node.place(), "not filled in yet",
+                       std::string("Write the value in place of ") + kBlank +
+                           "; the comment beside it says how to find it");
 }
 
 std::string toText(const ConfigNode& node) {

@@ -160,6 +160,7 @@ void checkRanges(const RobotDescription& robot, const UrdfRobot& urdf, const Con
 void readTool(const ConfigNode* node, const UrdfRobot& urdf, const std::string& where,
               RobotDescription& robot) {
     if (node) {
+        refuseBlank(*node);
         robot.toolLink = toText(*node);
     } else if (urdf.leafLinks.size() == 1) {
         robot.toolLink = urdf.leafLinks.front();

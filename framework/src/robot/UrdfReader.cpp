@@ -102,6 +102,12 @@ void checkText(const std::string& text, const std::string& file) {
     }
 }
 
+/** The end of a message that goes on. */
+std::string withoutPeriod(std::string text) {
+    while (!text.empty() && text.back() == '.') text.pop_back();
+    return text;
+}
+
 /** A joint or link of the file, in file order. */
 struct Entry {
     std::string name;
@@ -132,9 +138,11 @@ struct Outline {
         TiXmlDocument document;
         document.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
         if (document.Error())
-            throw badInput(file + ":" + std::to_string(document.ErrorRow()) + ":" +
-                               std::to_string(document.ErrorCol()),
-                           "this is not XML: " + std::string(document.ErrorDesc()),
+            throw badInput(document.ErrorRow() > 0
+                               ? file + ":" + std::to_string(document.ErrorRow()) + ":" +
+                                     std::to_string(document.ErrorCol())
+                               : file,
+                           "this is not XML: " + withoutPeriod(document.ErrorDesc()),
                            "Check that the file is complete and every element is closed.");
         const TiXmlElement* root = document.RootElement();
         if (!root || root->ValueStr() != "robot")
@@ -144,6 +152,9 @@ struct Outline {
                                ", not <robot>",
                            "Only URDF is read; convert other formats (SDF, MJCF) first.");
         refuseXacro(*root, file);
+        for (const TiXmlElement* e = root->FirstChildElement("joint"); e;
+             e = e->NextSiblingElement("joint"))
+            checkLimit(*e, file);
         list(*root, "joint", file, joints);
         list(*root, "link", file, links);
     }
@@ -155,6 +166,28 @@ struct Outline {
     }
 
 private:
+    /** urdfdom refuses these, too, but does not say where. */
+    static void checkLimit(const TiXmlElement& joint, const std::string& file) {
+        const auto get = [&](const char* attribute) {
+            const char* text = joint.Attribute(attribute);
+            return std::string(text ? text : "");
+        };
+        const std::string type = get("type");
+        const TiXmlElement* limit = joint.FirstChildElement("limit");
+        std::string missing;
+        if (!limit && (type == "revolute" || type == "prismatic")) missing = "<limit>";
+        for (const char* attribute : {"effort", "velocity"})
+            if (limit && !limit->Attribute(attribute))
+                missing = std::string("`") + attribute + "` in its <limit>";
+        if (missing.empty()) return;
+        throw badInput(
+            file + ":" + std::to_string(joint.Row()) + ":" + std::to_string(joint.Column()),
+            "joint " + quote(get("name")) + " of type " + type + " has no " + missing,
+            "Write <limit lower=\"..\" upper=\"..\" effort=\"..\" velocity=\"..\"/>, with 0 "
+            "for an effort or a velocity that is not known: limits.yaml and "
+            "actuation.yaml give it then.");
+    }
+
     static void list(const TiXmlElement& root, const char* tag, const std::string& file,
                      std::vector<Entry>& entries) {
         for (const TiXmlElement* e = root.FirstChildElement(tag); e;
@@ -192,6 +225,7 @@ public:
             bounds->lower.resize(n);
             bounds->upper.resize(n);
         }
+        robot.effort.setZero(n);
         robot.links[model_->getRoot()->name] = {};
         std::vector<const Entry*> waiting;
         for (const Entry& entry : outline_.joints) waiting.push_back(&entry);
@@ -340,6 +374,7 @@ private:
         robot.position.upper[index] = isLimited ? joint.limits->upper : kInfinity;
         robot.velocity.upper[index] = hasVelocity ? joint.limits->velocity : kInfinity;
         robot.velocity.lower[index] = -robot.velocity.upper[index];
+        if (joint.limits) robot.effort[index] = joint.limits->effort;
         robot.joints.push_back(description);
         robot.jointPlaces.push_back(place);
         robot.links[joint.child_link_name] = {index, Eigen::Isometry3d::Identity()};
@@ -353,9 +388,18 @@ private:
                 throw badInput(entry.place, "link " + quote(link.name) + " is not connected",
                                "Add the joint that carries it, or remove it.");
             addShapes(link, place->second, robot);
-            if (!link.inertial || place->second.carrier < 0) continue;
-            BodyInertia& body = robot.joints[place->second.carrier].body;
-            body = mergeBodies(body, transformBody(place->second.placement, readInertial(link)));
+            UrdfRobot::Link& itself = robot.bodies.emplace_back();
+            itself.name = link.name;
+            itself.place = entry.place;
+            itself.carrier = place->second.carrier;
+            for (const auto& joint : link.child_joints)
+                itself.joints.push_back(
+                    toEigen(joint->parent_to_joint_origin_transform).translation());
+            if (!link.inertial || itself.carrier < 0) continue;
+            itself.hasInertial = true;
+            itself.body = readInertial(link);
+            BodyInertia& body = robot.joints[itself.carrier].body;
+            body = mergeBodies(body, transformBody(place->second.placement, itself.body));
         }
         for (const JointDescription& joint : robot.joints) {
             const std::string where = linkPlace(joint.childLink);

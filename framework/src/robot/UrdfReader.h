@@ -18,11 +18,24 @@ struct UrdfRobot {
         Eigen::Isometry3d placement = Eigen::Isometry3d::Identity();  ///< in its moving frame
     };
 
+    /** A link as written, before links on fixed joints are merged. */
+    struct Link {
+        std::string name;
+        std::string place;         ///< file:line:column, for messages
+        int carrier = -1;          ///< joint index, -1: the base
+        bool hasInertial = false;  ///< without it `body` has no mass
+        BodyInertia body;          ///< in the link's frame
+        std::vector<Eigen::Vector3d>
+            joints;  ///< origins of the joints that hang on it, in its frame [m]
+    };
+
     std::vector<JointDescription> joints;  ///< parents before children, in file order
     std::vector<std::string> jointPlaces;  ///< file:line:column of each joint, for messages
     JointBounds position;                  ///< infinite for continuous joints
     JointBounds velocity;                  ///< infinite for continuous joints without a limit
+    JointVector effort;                    ///< as written [Nm], 0 where there is none
     std::map<std::string, LinkPlace> links;
+    std::vector<Link> bodies;  ///< every link, in file order
     std::map<std::string, LinkShapes> shapes;  ///< by link; those with a visual or collision element
     std::vector<std::string> leafLinks;  ///< links that carry no joint, in file order
 };

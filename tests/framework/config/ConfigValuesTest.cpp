@@ -21,6 +21,19 @@ std::string refuseNumber(const std::string& text, const NumberRange& range = {})
     return catchBadInput([&] { readNumber(text, range); });
 }
 
+TEST(ConfigValues, ABlankIsToldAsNotFilledIn) {
+    expectContains(refuseNumber("TODO"),
+                   {"f:1:4: v: not filled in yet", "Write the value in place of TODO"});
+    expectContains(catchBadInput([] { toJointVector(makeValue("TODO"), 3); }),
+                   {"f:1:4: v: not filled in yet"});
+    expectContains(catchBadInput([] { toJointVector(makeValue("[1, TODO, 3]"), 3); }),
+                   {"f:1:8: v[1]: not filled in yet"});
+    expectContains(refuseNumber("todo"), {"`todo` is not a number"});
+    expectContains(refuseNumber("\"TODO\""), {"in quotes is text"});
+    EXPECT_NO_THROW(refuseBlank(makeValue("\"TODO\"")));
+    EXPECT_THROW(refuseBlank(makeValue("TODO")), Error);
+}
+
 TEST(ConfigValues, NumbersAndExpressions) {
     const std::vector<std::pair<const char*, double>> table = {
         {"3", 3.0},

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "AllocationCounter.h"
+#include "viable/testing/AllocationCounter.h"
 #include "CaseSupport.h"
 
 namespace viable {
@@ -45,12 +45,12 @@ TEST(ControlLoop, ResetGivesTheSameRunAgainBitForBit) {
 }
 
 TEST(ControlLoop, TenThousandTicksAllocateNothing) {
-    if (!test::AllocationCounter::isAvailable()) GTEST_SKIP() << test::AllocationCounter::whyNot();
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     for (const char* filter : {"tosbp", "acceleration_viability", "pass_through"}) {
         TestLoop t(kTeleoperation, {"duration_s=12", std::string("filter.plugin=") + filter});
         TickRecord record;
         for (int k = 0; k < 100; ++k) t.loop.tick(record);
-        const test::AllocationCounter counter;
+        const testing::AllocationCounter counter;
         for (int k = 0; k < 10000; ++k) t.loop.tick(record);
         EXPECT_EQ(counter.count(), 0) << filter;
     }

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "AllocationCounter.h"
+#include "viable/testing/AllocationCounter.h"
 #include "CaseSupport.h"
 
 // The loop with its monitor: filters that break their word, ticks that are missed, limits that change.
@@ -188,13 +188,13 @@ TEST(Monitor, StopsOnRequestKeepPositionLimitsWhereTheMonitorFoundTheStopSafe) {
 }
 
 TEST(Monitor, ATickWithAWitnessAllocatesNothing) {
-    if (!test::AllocationCounter::isAvailable()) GTEST_SKIP() << test::AllocationCounter::whyNot();
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     for (const char* witness : {"true", "false"}) {
         TestLoop t(kTeleoperation,
                    {kPromising, std::string("filter.witness=") + witness, "duration_s=12"});
         TickRecord record;
         for (int k = 0; k < 100; ++k) t.loop.tick(record);
-        const test::AllocationCounter counter;
+        const testing::AllocationCounter counter;
         for (int k = 0; k < 5000; ++k) t.loop.tick(record);
         for (int k = 0; k < 100; ++k) t.loop.missTick(record);
         t.loop.tick(record);

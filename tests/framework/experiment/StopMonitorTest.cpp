@@ -7,7 +7,7 @@
 #include <iostream>
 #include <random>
 
-#include "AllocationCounter.h"
+#include "viable/testing/AllocationCounter.h"
 #include "viable/motion/TripleIntegrator.h"
 
 namespace viable {
@@ -281,7 +281,7 @@ TEST(StopMonitor, CostsLittleAndAllocatesNothing) {
     for (int kind = 0; kind < 2; ++kind) {
         StopMonitor monitor = makeMonitor(limits);
         double best = kInfinity;
-        const test::AllocationCounter counter;
+        const testing::AllocationCounter counter;
         for (int round = 0; round < 50; ++round) {
             const auto begin = std::chrono::steady_clock::now();
             for (std::size_t k = 0; k < states.size(); ++k) {
@@ -292,7 +292,7 @@ TEST(StopMonitor, CostsLittleAndAllocatesNothing) {
                 std::chrono::steady_clock::now() - begin;
             best = std::min(best, time.count() / static_cast<double>(states.size()));
         }
-        if (test::AllocationCounter::isAvailable()) {
+        if (testing::AllocationCounter::isAvailable()) {
             EXPECT_EQ(counter.count(), 0);
         }
         std::cout << (kind == 0 ? "with" : "without") << " a witness, six joints: " << best

@@ -9,7 +9,7 @@
 #include <sstream>
 #include <thread>
 
-#include "AllocationCounter.h"
+#include "viable/testing/AllocationCounter.h"
 #include "CaseSupport.h"
 #include "TestArm.h"
 #include "viable/testing/TwoLinkArm.h"
@@ -729,7 +729,7 @@ TEST(TorqueGuard, MotorsGetNoMoreThanTheyBearWithAndWithoutRobustLoop) {
 }
 
 TEST(TorqueGuard, AStepAllocatesNothingWhateverHappens) {
-    if (!test::AllocationCounter::isAvailable()) GTEST_SKIP() << test::AllocationCounter::whyNot();
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     const RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/indy7");
     TorqueGuard guard(robot, kTick_s);
     guard.start(atHome(robot));
@@ -742,7 +742,7 @@ TEST(TorqueGuard, AStepAllocatesNothingWhateverHappens) {
     for (int k = 0; k < 12000; ++k) {
         const JointState reading = followExactly(guard);
         const Spring& spring = k < 10800 ? there : back;
-        const test::AllocationCounter counter;
+        const testing::AllocationCounter counter;
         if (k % 100 == 0) guard.missTicks(3);
         if (k == 11000) guard.requestStop();
         const GuardedTorque& out =

@@ -10,13 +10,14 @@
 #include <cstdlib>
 #include <thread>
 
-#include "AllocationCounter.h"
+#include "viable/testing/AllocationCounter.h"
 #include "LogTestSupport.h"
 
 namespace viable {
 namespace {
 
 using namespace test;
+using viable::testing::AllocationCounter;
 
 using Space = MotionCommand::Space;
 

@@ -6,7 +6,7 @@
 #include <limits>
 #include <random>
 
-#include "AllocationCounter.h"
+#include "viable/testing/AllocationCounter.h"
 #include "RobotFolder.h"
 
 namespace viable {
@@ -231,10 +231,10 @@ TEST_P(RobotModelTest, TheSameInputGivesTheSameBitsWhateverCameBefore) {
 }
 
 TEST_P(RobotModelTest, Fault49_ATickAllocatesNothing) {
-    if (!test::AllocationCounter::isAvailable()) GTEST_SKIP() << test::AllocationCounter::whyNot();
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     JointVector q = draw(3.0), qd = draw(3.0), qdd(n_), tau(n_);
     Dynamics d;
-    test::AllocationCounter counter;  // from the very first call on
+    testing::AllocationCounter counter;  // from the very first call on
     for (int i = 0; i < 1000; ++i) {
         q[0] += 1e-3;
         model_.calcDynamics(q, qd, d);

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <vector>
 
-#include "AllocationCounter.h"
+#include "viable/testing/AllocationCounter.h"
 #include "TestArm.h"
 
 namespace viable {
@@ -264,7 +264,7 @@ TEST(CertifiedBraking, HandsOverStopsThatEndAtRestWithinTheLimits) {
 }
 
 TEST(CertifiedBraking, AllocatesNothingInAMillionTicks) {
-    if (!test::AllocationCounter::isAvailable()) GTEST_SKIP() << test::AllocationCounter::whyNot();
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     TestArm arm("indy7");
     setPaperLimits(arm);
     CertifiedBrakingFilter filter;
@@ -282,7 +282,7 @@ TEST(CertifiedBraking, AllocatesNothingInAMillionTicks) {
         const JointVector aim =
             quiet ? JointVector(-2.0 * (state.q - arm.start.q) - 3.0 * state.qd) : push.next();
         calcInverseDynamics(dynamics, aim, torque);
-        const test::AllocationCounter counter;
+        const testing::AllocationCounter counter;
         const FilterStatus status = filter.filter(state, torque, dynamics, decision);
         allocations += counter.count();
         ASSERT_LE(status, FilterStatus::Modified);

@@ -2,7 +2,7 @@
 
 #include <random>
 
-#include "AllocationCounter.h"
+#include "viable/testing/AllocationCounter.h"
 #include "CommandBench.h"
 
 namespace viable {
@@ -182,12 +182,12 @@ TEST(GeneratedHandMotion, RefusesTimesThatAreNone) {
 }
 
 TEST(GeneratedHandMotion, DoesNotAllocate) {
-    if (!test::AllocationCounter::isAvailable()) GTEST_SKIP() << test::AllocationCounter::whyNot();
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     const CommandBench bench;
     GeneratedHandMotion source;
     bench.configure(source, "");
     MotionCommand command;
-    const test::AllocationCounter counter;
+    const testing::AllocationCounter counter;
     source.reset(bench.start);
     for (int k = 0; k < 50000; ++k) source.sample(k * 1e-3, command);
     EXPECT_EQ(counter.count(), 0);

@@ -2,7 +2,7 @@
 
 #include <set>
 
-#include "AllocationCounter.h"
+#include "viable/testing/AllocationCounter.h"
 #include "CommandBench.h"
 
 namespace viable {
@@ -133,11 +133,11 @@ TEST(RandomSteps, ComplainsAboutTimesAndLimitsThatCannotBe) {
 }
 
 TEST(RandomSteps, AllocatesNothingInATick) {
-    if (!test::AllocationCounter::isAvailable()) GTEST_SKIP() << test::AllocationCounter::whyNot();
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     const CommandBench bench;
     Source source(bench, "");
     MotionCommand command;
-    const test::AllocationCounter counter;
+    const testing::AllocationCounter counter;
     for (int k = 0; k < 30000; ++k) source.sample(k * 1e-3, command);
     EXPECT_EQ(counter.count(), 0);
 }

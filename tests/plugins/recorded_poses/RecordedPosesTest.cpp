@@ -5,7 +5,7 @@
 #include <functional>
 #include <random>
 
-#include "AllocationCounter.h"
+#include "viable/testing/AllocationCounter.h"
 #include "CommandBench.h"
 
 namespace viable {
@@ -424,11 +424,11 @@ TEST_F(RecordedPosesTest, RefusesTimesThatAreNone) {
 }
 
 TEST_F(RecordedPosesTest, DoesNotAllocate) {
-    if (!test::AllocationCounter::isAvailable()) GTEST_SKIP() << test::AllocationCounter::whyNot();
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     RecordedPoses source;
     configure(source, write(record(hand, 4.0)), "");
     MotionCommand command;
-    const test::AllocationCounter counter;
+    const testing::AllocationCounter counter;
     source.reset(bench_.start);
     for (int k = 0; k < 30000; ++k) source.sample(k * 1e-3, command);
     EXPECT_EQ(counter.count(), 0);

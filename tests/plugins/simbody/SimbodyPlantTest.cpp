@@ -6,7 +6,7 @@
 #include <limits>
 #include <vector>
 
-#include "AllocationCounter.h"
+#include "viable/testing/AllocationCounter.h"
 #include "TestArm.h"
 
 namespace viable {
@@ -479,7 +479,7 @@ TEST(SimbodyPlant, MotionThatOverflowsIsFaultedAndTheStateStays) {
 }
 
 TEST(SimbodyPlant, AdvanceAllocatesNothing) {
-    if (!test::AllocationCounter::isAvailable()) GTEST_SKIP() << test::AllocationCounter::whyNot();
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     TestArm arm("indy7");
     Plant plant(arm,
                 "friction_scale: 2, breakaway_ratio: 1.5, payload_kg: 1, "
@@ -489,11 +489,11 @@ TEST(SimbodyPlant, AdvanceAllocatesNothing) {
     std::int64_t allocations = 0;
     for (int tick = 0; tick < 500; ++tick) {
         const JointVector torque = makeRandomVector(6, 100.0, random);
-        test::AllocationCounter counter;
+        testing::AllocationCounter counter;
         plant.plant().advance(torque, applied);
         allocations += counter.count();
         if (tick == 250) {
-            test::AllocationCounter duringReset;
+            testing::AllocationCounter duringReset;
             plant.plant().reset(arm.start);
             allocations += duringReset.count();
         }

@@ -1,6 +1,6 @@
 #include "Waypoints.h"
 
-#include "AllocationCounter.h"
+#include "viable/testing/AllocationCounter.h"
 #include "CommandBench.h"
 
 namespace viable {
@@ -179,13 +179,13 @@ TEST(Waypoints, RefusesTimesThatAreNone) {
 }
 
 TEST(Waypoints, DoesNotAllocate) {
-    if (!test::AllocationCounter::isAvailable()) GTEST_SKIP() << test::AllocationCounter::whyNot();
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     const CommandBench bench;
     for (const char* how : {"hold", "linear", "smooth"}) {
         Waypoints source;
         bench.configure(source, kThreePoints + std::string(", repeat_s: 3, interpolation: ") + how);
         MotionCommand command;
-        const test::AllocationCounter counter;
+        const testing::AllocationCounter counter;
         source.reset(bench.start);
         for (int k = 0; k < 7000; ++k) source.sample(k * 1e-3, command);
         EXPECT_EQ(counter.count(), 0) << how;

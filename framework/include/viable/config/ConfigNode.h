@@ -64,6 +64,11 @@ void applyOverride(ConfigNode& root, const std::string& assignment);
 `plugin` differs is replaced as a whole too. Places and key paths stay those of the files. */
 ConfigNode overlay(const ConfigNode& base, const ConfigNode& top);
 
+/** What stands in a file made by `viable new` where the user has to write a value. */
+inline constexpr const char* kBlank = "TODO";
+/** Throws when `node` is such a blank. toNumber does this by itself. */
+void refuseBlank(const ConfigNode& node);
+
 /** Allowed numbers. */
 struct NumberRange {
     double min = -std::numeric_limits<double>::infinity();

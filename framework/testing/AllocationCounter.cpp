@@ -1,4 +1,4 @@
-#include "AllocationCounter.h"
+#include "viable/testing/AllocationCounter.h"
 
 #include <cerrno>
 #include <cstddef>
@@ -7,26 +7,26 @@
 #if defined(__has_feature)
 #if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer) || \
     __has_feature(memory_sanitizer)
-#define VIABLE_TEST_SANITIZED
+#define VIABLE_SANITIZED
 #endif
 #endif
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define VIABLE_TEST_SANITIZED
+#define VIABLE_SANITIZED
 #endif
-#if defined(__GLIBC__) && !defined(VIABLE_TEST_SANITIZED)
-#define VIABLE_TEST_COUNTS_ALLOCATIONS
+#if defined(__GLIBC__) && !defined(VIABLE_SANITIZED)
+#define VIABLE_COUNTS_ALLOCATIONS
 #endif
 
 namespace {
 
-#ifdef VIABLE_TEST_COUNTS_ALLOCATIONS
+#ifdef VIABLE_COUNTS_ALLOCATIONS
 // Constant start value and no destructor: usable in malloc before main and after it.
 thread_local std::int64_t allocations = 0;
 #endif
 
 }  // namespace
 
-#ifdef VIABLE_TEST_COUNTS_ALLOCATIONS
+#ifdef VIABLE_COUNTS_ALLOCATIONS
 
 // glibc lets a program define these; operator new ends in malloc or aligned_alloc.
 extern "C" {
@@ -74,10 +74,10 @@ int posix_memalign(void** out, std::size_t alignment, std::size_t size) {
 
 #endif
 
-namespace viable::test {
+namespace viable::testing {
 
 bool AllocationCounter::isAvailable() {
-#ifdef VIABLE_TEST_COUNTS_ALLOCATIONS
+#ifdef VIABLE_COUNTS_ALLOCATIONS
     return true;
 #else
     return false;
@@ -89,11 +89,11 @@ const char* AllocationCounter::whyNot() {
 }
 
 std::int64_t AllocationCounter::total() {
-#ifdef VIABLE_TEST_COUNTS_ALLOCATIONS
+#ifdef VIABLE_COUNTS_ALLOCATIONS
     return allocations;
 #else
     return 0;
 #endif
 }
 
-}  // namespace viable::test
+}  // namespace viable::testing

@@ -2,10 +2,10 @@
 
 #include <cstdint>
 
-namespace viable::test {
+namespace viable::testing {
 
 /** Counts the heap allocations (malloc, calloc, realloc, new, ...) of the thread that made it, from
-its construction on. Link AllocationCounter.cpp into the test program to have it; where malloc
+its construction on. Link AllocationCounter.cpp (installed in share/viable/contract) into the program to have it; where malloc
 cannot be replaced (sanitizers, another C library than glibc) it is not available and counts
 nothing:
 
@@ -29,4 +29,4 @@ private:
     std::int64_t before_;
 };
 
-}  // namespace viable::test
+}  // namespace viable::testing

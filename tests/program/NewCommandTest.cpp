@@ -1,0 +1,350 @@
+// `viable new`, used from outside.
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+
+#include "Program.h"
+
+namespace viable {
+namespace {
+
+namespace fs = std::filesystem;
+using Folder = test::TemporaryFolder;
+using test::Outcome;
+using test::readFile;
+
+/** `viable new ...` in a folder of the test's. */
+Outcome makeNew(const Folder& folder, std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), "new");
+    const std::string path = folder.path();
+    return test::run(std::move(arguments), [path] {
+        if (chdir(path.c_str()) != 0) _exit(98);
+    });
+}
+
+void expectContains(const std::string& text, const std::vector<std::string>& parts) {
+    for (const std::string& part : parts)
+        EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is missing in:\n"
+                                                      << text;
+}
+
+/** Bad input, told with `parts`, and nothing written. */
+void expectRefused(const std::vector<std::string>& arguments,
+                   const std::vector<std::string>& parts) {
+    SCOPED_TRACE(arguments.empty() ? "" : arguments.back());
+    Folder folder;
+    const Outcome o = makeNew(folder, arguments);
+    EXPECT_EQ(o.code, 2) << o.out;
+    expectContains(o.err, parts);
+    EXPECT_TRUE(fs::is_empty(folder.path()));
+}
+
+std::vector<std::string> listFiles(const fs::path& folder) {
+    std::vector<std::string> names;
+    for (const auto& entry : fs::directory_iterator(folder))
+        names.push_back(entry.path().filename());
+    std::sort(names.begin(), names.end());
+    return names;
+}
+
+TEST(NewPlugin, EveryKindIsACompleteProjectWithoutPlaceholders) {
+    Folder folder;
+    for (const char* kind : {"filter", "controller", "robust_loop", "command", "plant"}) {
+        SCOPED_TRACE(kind);
+        const std::string name = std::string("my_2nd_") + kind;
+        const Outcome o = makeNew(folder, {kind, name});
+        ASSERT_EQ(o.code, 0) << o.err;
+        std::string className = "My2nd" + std::string(kind);
+        className[5] = static_cast<char>(std::toupper(className[5]));
+        if (className == "My2ndRobust_loop") className = "My2ndRobustLoop";
+        EXPECT_EQ(
+            listFiles(folder / name),
+            (std::vector<std::string>{"CMakeLists.txt", className + ".cpp", className + ".h",
+                                      className + "Test.cpp", "README.md", "experiment.yaml"}));
+        for (const std::string& file : listFiles(folder / name)) {
+            const std::string text = readFile(folder / name / file);
+            for (const char* mark : {"@NAME@", "@CLASS@", "@KIND@"})
+                EXPECT_EQ(text.find(mark), std::string::npos) << file;
+        }
+        expectContains(readFile(folder / name / "CMakeLists.txt"),
+                       {"viable_add_plugin(" + name + " KIND " + kind + " SOURCES " + className});
+        expectContains(o.out, {"  cd " + name + "\n", "ctest --test-dir build",
+                               "export VIABLE_PLUGIN_PATH=$PWD/build/bin/plugins"});
+    }
+    EXPECT_EQ(listFiles(folder.path()).size(), 5u) << "something else was left";
+}
+
+TEST(NewPlugin, OfABuildTreeSaysThatItMustBeInstalled) {
+    Folder folder;
+    const Outcome o = makeNew(folder, {"filter", "my_filter", "--out", "some where"});
+    ASSERT_EQ(o.code, 0) << o.err;
+    EXPECT_TRUE(fs::exists(folder.path() / "some where/my_filter/MyFilter.cpp"));
+    expectContains(o.out, {"cmake --install " VIABLE_BINARY_DIR " --prefix ~/viable",
+                           "-DCMAKE_PREFIX_PATH=$HOME/viable",
+                           "~/viable/bin/viable run experiment.yaml", "cd 'some where/my_filter'"});
+}
+
+TEST(NewPlugin, TheFolderHasTheRightsThatTheUserGivesNewFolders) {
+    Folder folder;
+    ASSERT_EQ(
+        test::run({"new", "filter", "mine", "--out", folder.path()}, [] { umask(0027); }).code, 0);
+    EXPECT_EQ(static_cast<int>(fs::status(folder / "mine").permissions()), 0750);
+}
+
+TEST(NewPlugin, RefusesNamesThatAreNotSnakeCaseAndSuggestsOne) {
+    const std::vector<std::pair<std::string, std::string>> names = {{"MyFilter", "my_filter"},
+                                                                    {"my-filter", "my_filter"},
+                                                                    {"MyPDLaw2", "my_pd_law2"},
+                                                                    {"2fast", "filter_2fast"},
+                                                                    {"my filter", "my_filter"},
+                                                                    {"_x", "x"},
+                                                                    {"x_", "x"},
+                                                                    {"a__b", "a_b"},
+                                                                    {"\xC3\xA4", "my_filter"},
+                                                                    {"Class", "class_filter"},
+                                                                    {"x.so", "x_so"},
+                                                                    {"...", "my_filter"}};
+    for (const auto& [name, better] : names)
+        expectRefused({"filter", name}, {"new filter: the name `" + name + "` is not snake_case",
+                                         "beginning with a letter: `" + better + "`."});
+    expectRefused({"filter", "a\x1b[2Jb"}, {"the name `a?[2Jb` is not snake_case", "`a_2_jb`"});
+}
+
+TEST(NewPlugin, RefusesOtherNamesThatCannotWork) {
+    expectRefused({"filter", "class"},
+                  {"the name `class` is a keyword of C++", "Add a word to it: `class_filter`."});
+    expectRefused({"plant", "test"}, {"the name `test` would clash", "`test_plant`"});
+    expectRefused({"filter", std::string(80, 'x')}, {"has 80 letters; at most 60 are allowed"});
+    expectRefused({"filter", "laws/MyLaw"},
+                  {"the name `laws/MyLaw` is a path", "`my_law --out laws`"});
+    expectRefused({"filter", "../law/"}, {"is a path", "`law --out ..`"});
+    expectRefused({"filter", "certified_braking"},
+                  {"there is already a filter `certified_braking`: " VIABLE_PLUGIN_DIR,
+                   "such as `my_certified_braking`"});
+    Folder folder;  // of another kind it is no clash
+    EXPECT_EQ(makeNew(folder, {"command", "certified_braking"}).code, 0);
+}
+
+TEST(NewPlugin, RefusesAnUnclearRequest) {
+    expectRefused({}, {"it is not said what is to be made", "KIND is filter, controller"});
+    expectRefused({"filtre", "x"}, {"there is no kind `filtre`", "Did you mean `filter`?"});
+    expectRefused({"filter"}, {"it has no name", "`viable new filter NAME`"});
+    expectRefused({"filter", ""}, {"it has no name"});
+    expectRefused({"filter", "x", "--urdf", "a.urdf"}, {"--urdf is for robots only"});
+    expectRefused({"filter", "x", "y"}, {"not expected: y"});
+}
+
+TEST(NewPlugin, OverwritesNothingAndLeavesNothingBehind) {
+    Folder folder;
+    fs::create_directory(folder / "full");
+    folder.write("full/thesis.txt", "mine");
+    folder.write("file", "mine");
+    fs::create_symlink("nowhere", folder / "link");
+    EXPECT_EQ(makeNew(folder, {"filter", "full"}).code, 2);
+    expectContains(makeNew(folder, {"filter", "full"}).err,
+                   {"full: this folder is not empty", "Nothing is overwritten"});
+    expectContains(makeNew(folder, {"filter", "file"}).err,
+                   {"file: there is already a file of that name"});
+    expectContains(makeNew(folder, {"filter", "link"}).err,
+                   {"link: there is already a file of that name"});
+    expectContains(makeNew(folder, {"filter", "good", "--out", "file"}).err,
+                   {"file: this cannot be written: Not a directory"});
+    EXPECT_EQ(listFiles(folder.path()), (std::vector<std::string>{"file", "full", "link"}));
+    EXPECT_EQ(listFiles(folder / "full"), std::vector<std::string>{"thesis.txt"});
+    fs::create_directory(folder / "empty");
+    EXPECT_EQ(makeNew(folder, {"filter", "empty"}).code, 0);
+    EXPECT_TRUE(fs::exists(folder / "empty/Empty.cpp"));
+}
+
+TEST(NewPlugin, WritesAllOrNothing) {
+    // A file size limit stands for a full disk: the small files fit, the larger ones do not.
+    Folder folder;
+    const std::string path = folder.path();
+    const Outcome o = test::run({"new", "filter", "half", "--out", "new/folder"}, [path] {
+        if (chdir(path.c_str()) != 0) _exit(98);
+        signal(SIGXFSZ, SIG_IGN);
+        const rlimit most{900, 900};
+        setrlimit(RLIMIT_FSIZE, &most);
+    });
+    EXPECT_EQ(o.code, 2);
+    expectContains(o.err, {"new/folder/half/", "this cannot be written: File too large",
+                           "Nothing was left behind"});
+    EXPECT_TRUE(fs::is_empty(folder.path()));
+}
+
+// ---------------------------------------------------------------------------------------- robots
+
+const char* const kArm = R"(<robot name="any">
+<link name="base"/>
+<joint name="turn" type="continuous"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/>
+  <limit effort="30" velocity="2"/></joint>
+<link name="a"><inertial><origin xyz="0 0 0.2"/><mass value="2"/>
+  <inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="lift" type="revolute"><origin xyz="0 0 0.4"/><parent link="a"/><child link="b"/>
+  <axis xyz="0 1 0"/><limit lower="0.5" upper="1.5" effort="20" velocity="3"/></joint>
+<link name="b"><inertial><origin xyz="0 0 0.1"/><mass value="1"/>
+  <inertia ixx="0.01" iyy="0.01" izz="0.005" ixy="0" ixz="0" iyz="0"/></inertial></link>
+</robot>
+)";
+
+void replaceAll(const fs::path& file, const std::string& from, const std::string& to) {
+    std::string text = readFile(file);
+    ASSERT_NE(text.find(from), std::string::npos) << from;
+    for (std::size_t at = text.find(from); at != std::string::npos;
+         at = text.find(from, at + to.size()))
+        text.replace(at, from.size(), to);
+    std::ofstream(file, std::ios::binary) << text;
+}
+
+Outcome describe(const fs::path& robot) {
+    return test::run({"robots", "--describe", robot});
+}
+
+TEST(NewRobot, IsRefusedBlankByBlankAndRunsWhenAllAreFilledIn) {
+    Folder folder;
+    const Outcome made =
+        makeNew(folder, {"robot", "my_arm", "--urdf", folder.write("some.urdf", kArm)});
+    ASSERT_EQ(made.code, 0) << made.err;
+    EXPECT_EQ(made.err, "");
+    EXPECT_EQ(listFiles(folder / "my_arm"),
+              (std::vector<std::string>{"README.md", "actuation.yaml", "first_run.yaml",
+                                        "limits.yaml", "my_arm.urdf"}));
+    EXPECT_EQ(readFile(folder / "my_arm/my_arm.urdf"), kArm);
+    const fs::path limits = folder / "my_arm/limits.yaml";
+    const fs::path actuation = folder / "my_arm/actuation.yaml";
+    expectContains(readFile(limits),
+                   {"lower: [-.inf, 0.5]", "upper: [.inf, 1.5]", "velocity_radps: [2, 3]",
+                    "home_rad: [0, 1]", "tool_link: \"b\"", "# Joints, in this order: turn, lift"});
+    expectContains(readFile(actuation), {"torque_limit_Nm: [30, 20]"});
+
+    // Every blank that was listed is refused by its place, in turn.
+    const std::vector<std::pair<fs::path, std::string>> blanks = {
+        {limits, "acceleration_radps2: "},
+        {limits, "jerk_radps3: "},
+        {actuation, "gear_ratio: "},
+        {actuation, "rotor_inertia_kgm2: "},
+        {actuation, "coulomb_Nm: "},
+        {actuation, "viscous_Nm: "},
+        {actuation, "viscous_velocity_radps: "}};
+    for (const auto& [file, key] : blanks) {
+        SCOPED_TRACE(key);
+        expectContains(made.out, {key + "TODO"});
+        std::istringstream lines(readFile(file));
+        std::string line;
+        int number = 1;
+        while (std::getline(lines, line) && line.find(key + "TODO") == std::string::npos) ++number;
+        const std::string place = file.string() + ":" + std::to_string(number) + ":" +
+                                  std::to_string(line.find("TODO") + 1) + ": ";
+        for (const Outcome& o : {describe(folder / "my_arm"),
+                                 test::run({"check", folder / "my_arm/first_run.yaml"})}) {
+            EXPECT_EQ(o.code, 2);
+            expectContains(o.err, {place, key.substr(0, key.size() - 2) + ": not filled in yet",
+                                   "Write the value in place of TODO"});
+        }
+        replaceAll(file, key + "TODO", key + (file == limits ? "[10, 12]" : "1"));
+    }
+    replaceAll(limits, "jerk_radps3: [10, 12]", "jerk_radps3: 200");
+    const Outcome described = describe(folder / "my_arm");
+    EXPECT_EQ(described.code, 0) << described.err;
+    expectContains(described.out, {"my_arm: 2 joints, tool frame b", "-inf .. inf", "-12 .. 12"});
+    const Outcome ran = test::run({"run", folder / "my_arm/first_run.yaml", "--out", folder / "out",
+                                   "--set", "duration_s=5"});
+    EXPECT_EQ(ran.code, 0) << ran.err;
+    expectContains(ran.out, {"First run of my_arm", "all limits kept"});
+    // By name, from a folder that the environment names.
+    const std::string path = folder.path();
+    EXPECT_EQ(test::run({"check", VIABLE_SOURCE_DIR "/experiments/arena_one_joint.yaml", "--set",
+                         "robot=my_arm", "--set", "limits.position_rad=1.4", "--set",
+                         "start.position_rad=[0, 1]"},
+                        [path] { setenv("VIABLE_ROBOT_PATH", path.c_str(), 1); })
+                  .code,
+              0);
+}
+
+TEST(NewRobot, LeavesBlanksForWhatTheUrdfSaysWronglyAndWarns) {
+    Folder folder;
+    std::string urdf = kArm;
+    const auto change = [&](const std::string& from, const std::string& to) {
+        ASSERT_NE(urdf.find(from), std::string::npos) << from;
+        urdf.replace(urdf.find(from), from.size(), to);
+    };
+    change("effort=\"20\" velocity=\"3\"", "effort=\"0\" velocity=\"0\"");
+    change("</robot>",
+           "<joint name='left' type='fixed'><parent link='b'/><child link='tip 1: x'/></joint>"
+           "<link name='tip 1: x'><visual><geometry><mesh filename='package://arm/tip.stl'/>"
+           "</geometry></visual></link><joint name='right' type='fixed'><parent link='b'/>"
+           "<child link='TODO'/></joint><link name='TODO'/></robot>");
+    const Outcome made =
+        makeNew(folder, {"robot", "my_arm", "--urdf", folder.write("some.urdf", urdf)});
+    ASSERT_EQ(made.code, 0) << made.err;
+    expectContains(made.err, {"warning: ", "some.urdf:7:1: joint `lift`: its velocity limit is 0",
+                              "joint `lift`: its effort limit is 0 or missing",
+                              "link `tip 1: x`: it is drawn but has no mass (no <inertial>)"});
+    expectContains(made.out, {"velocity_radps: [2, TODO]", "torque_limit_Nm: [30, TODO]",
+                              "tool_link: TODO", "1 mesh file must lie in the folder"});
+    expectContains(readFile(folder / "my_arm/README.md"), {"package://arm/tip.stl"});
+    const fs::path limits = folder / "my_arm/limits.yaml";
+    expectContains(readFile(limits), {"The robot ends in several: tip 1: x, TODO"});
+    replaceAll(limits, "[2, TODO]", "2");
+    replaceAll(limits, "_radps2: TODO", "_radps2: 9");
+    replaceAll(limits, "_radps3: TODO", "_radps3: 90");
+    expectContains(describe(folder / "my_arm").err, {"tool_link: not filled in yet"});
+    replaceAll(limits, "tool_link: TODO", "tool_link: \"TODO\"");  // in quotes it is a name
+    expectContains(describe(folder / "my_arm").err, {"actuation.yaml", "not filled in yet"});
+}
+
+TEST(NewRobot, RefusesAUrdfThatCannotBeSimulated) {
+    const auto refuse = [](const std::string& from, const std::string& to,
+                           const std::vector<std::string>& parts) {
+        SCOPED_TRACE(to);
+        std::string urdf = kArm;
+        const std::size_t at = urdf.find(from);
+        ASSERT_NE(at, std::string::npos);
+        urdf.replace(at, from.size(), to);
+        Folder folder;
+        const Outcome o =
+            makeNew(folder, {"robot", "my_arm", "--urdf", folder.write("some.urdf", urdf)});
+        EXPECT_EQ(o.code, 2);
+        expectContains(o.err, parts);
+        EXPECT_EQ(listFiles(folder.path()), std::vector<std::string>{"some.urdf"});
+    };
+    const std::string lift = "name=\"lift\" type=\"revolute\"";
+    refuse(lift, "name=\"lift\" type=\"floating\"",
+           {"some.urdf:7:1: ", "joint `lift` is of type floating", "replace it"});
+    refuse(lift, "name=\"lift\" type=\"planar\"", {"joint `lift` is of type planar", "replace it"});
+    refuse(lift + ">", lift + "><mimic joint=\"turn\"/>",
+           {"joint `lift` mimics joint `turn`", "Make it fixed"});
+    refuse("</robot>",
+           "<joint name='loop' type='fixed'><parent link='base'/><child link='b'/></joint></robot>",
+           {"link `b` is the child of two joints", "open the loop"});
+    refuse("<link name=\"base\"/>", "<xacro:base/>", {"this is xacro input", "Run `xacro"});
+    refuse(" velocity=\"3\"", "",
+           {"some.urdf:7:1: ", "joint `lift` of type revolute has no `velocity` in its <limit>",
+            "with 0 for an effort or a velocity that is not known"});
+    refuse(" effort=\"30\"", "",
+           {"some.urdf:3:1: ", "joint `turn` of type continuous has no `effort`"});
+    refuse("<limit lower=\"0.5\" upper=\"1.5\" effort=\"20\" velocity=\"3\"/>", "",
+           {"joint `lift` of type revolute has no <limit>"});
+    refuse("value=\"2\"", "value=\"-2\"", {"link `a`: the mass is -2"});
+    refuse("izz=\"0.01\"", "izz=\"0.1\"",
+           {"link `a`: the inertia tensor belongs to no body", "Correct <inertia>"});
+    refuse("izz=\"0.01\"", "izz=\"-0.01\"",
+           {"link `a`: the inertia tensor is not positive definite"});
+    refuse("<mass value=\"1\"/>", "<mass value=\"0\"/>", {"link `b`: there is an inertia without"});
+}
+
+TEST(NewRobot, RefusesAnUnclearRequest) {
+    expectRefused({"robot", "arm"}, {"the robot's URDF is missing", "Add --urdf FILE.urdf"});
+    expectRefused({"robot"}, {"it has no name", "`viable new robot NAME --urdf FILE`"});
+    expectRefused({"robot", "arm", "--urdf", "none.urdf"}, {"there is no file none.urdf"});
+    expectRefused({"robot", "arm", "--urdf", "/"}, {"/ is not a file"});
+    expectRefused({"robot", "Arm", "--urdf", "x"}, {"`Arm` is not snake_case", "`arm`"});
+    expectRefused({"robot", "indy7", "--urdf", VIABLE_SOURCE_DIR "/robots/indy7/indy7.urdf"},
+                  {"there is already a robot `indy7`", "such as `my_indy7`"});
+    expectRefused({"robot", "arm", "--urdf", VIABLE_SOURCE_DIR "/CHANGELOG.md"},
+                  {"CHANGELOG.md", "this is not XML"});
+}
+
+}  // namespace
+}  // namespace viable
