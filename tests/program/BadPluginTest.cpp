@@ -90,7 +90,7 @@ TEST_P(BadPlugin, WithoutIsolationItIsNamedAndTheLogIsWhole) {
 }
 
 INSTANTIATE_TEST_SUITE_P(
-    All, BadPlugin,
+    Fault44And47To50, BadPlugin,
     ::testing::Values(
         Fixture{"segfaults", "crashed in tick 100: signal 11 (Segmentation fault). The logs in ",
                 "its process died: signal 11 (Segmentation fault)\nMend the plugin"},
