@@ -4,27 +4,13 @@
 
 namespace {
 
-constexpr viable::ParameterSpec kParameters[] = {broken::kAfterTicks};
-
-class Aborts : public broken::Filter {
-public:
-    void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override {
-        Filter::configure(setup, parameters);
-        afterTicks_ = parameters.integer("after_ticks");
+class Aborts : public broken::LateFilter {
+    void misbehave(viable::FilterDecision&) override {
+        std::abort();
     }
-    viable::FilterStatus filter(const viable::MotionState& nominal,
-                                const viable::JointVector& torque, const viable::Dynamics& dynamics,
-                                viable::FilterDecision& decision) override {
-        const viable::FilterStatus status = Filter::filter(nominal, torque, dynamics, decision);
-        if (ticks_ > afterTicks_) std::abort();
-        return status;
-    }
-
-private:
-    std::int64_t afterTicks_ = 0;
 };
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::SafetyFilter, Aborts, "aborts", "Calls abort() in every tick after the first after_ticks.",
-              kParameters)
+VIABLE_PLUGIN(viable::SafetyFilter, Aborts, "aborts",
+              "Calls abort() after the first after_ticks.", broken::kLateParameters)

@@ -5,28 +5,14 @@
 
 namespace {
 
-constexpr viable::ParameterSpec kParameters[] = {broken::kAfterTicks};
-
-class Allocates : public broken::Filter {
-public:
-    void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override {
-        Filter::configure(setup, parameters);
-        afterTicks_ = parameters.integer("after_ticks");
+class Allocates : public broken::LateFilter {
+    void misbehave(viable::FilterDecision&) override {
+        kept_.emplace_back(new double(1.0));
     }
-    viable::FilterStatus filter(const viable::MotionState& nominal,
-                                const viable::JointVector& torque, const viable::Dynamics& dynamics,
-                                viable::FilterDecision& decision) override {
-        const viable::FilterStatus status = Filter::filter(nominal, torque, dynamics, decision);
-        if (ticks_ > afterTicks_) kept_.emplace_back(new double(1.0));
-        return status;
-    }
-
-private:
-    std::int64_t afterTicks_ = 0;
     std::vector<std::unique_ptr<double>> kept_;
 };
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::SafetyFilter, Allocates, "allocates", "Takes memory from the heap in every tick after the first after_ticks.",
-              kParameters)
+VIABLE_PLUGIN(viable::SafetyFilter, Allocates, "allocates",
+              "Takes memory from the heap in every tick after the first after_ticks.", broken::kLateParameters)

@@ -29,6 +29,28 @@ protected:
     std::int64_t ticks_ = 0;  ///< filter() calls since reset, the present one included
 };
 
+/** Misbehaves in every tick after the first `after_ticks`. */
+class LateFilter : public Filter {
+public:
+    void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override {
+        Filter::configure(setup, parameters);
+        afterTicks_ = parameters.integer("after_ticks");
+    }
+    viable::FilterStatus filter(const viable::MotionState& nominal,
+                                const viable::JointVector& torque, const viable::Dynamics& dynamics,
+                                viable::FilterDecision& decision) override {
+        const viable::FilterStatus status = Filter::filter(nominal, torque, dynamics, decision);
+        if (ticks_ > afterTicks_) misbehave(decision);
+        return status;
+    }
+
+private:
+    /** @param decision  a healthy one */
+    virtual void misbehave(viable::FilterDecision& decision) = 0;
+
+    std::int64_t afterTicks_ = 0;
+};
+
 /** Asks for the torque at which the nominal arm does not accelerate. */
 class Controller : public viable::NominalController {
 public:
@@ -49,6 +71,7 @@ protected:
 
 inline constexpr viable::ParameterSpec kAfterTicks =
     viable::parameter::integer("after_ticks", "0", "Ticks that pass before the fault.").atLeast(0);
+inline constexpr viable::ParameterSpec kLateParameters[] = {kAfterTicks};  ///< of a LateFilter
 inline constexpr viable::ParameterSpec kTicks =
     viable::parameter::integer("ticks", "1", "Ticks that the fault lasts.").atLeast(0);
 

@@ -4,32 +4,16 @@
 
 namespace {
 
-constexpr viable::ParameterSpec kParameters[] = {broken::kAfterTicks};
-
-class NanOutput : public broken::Filter {
-public:
-    void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override {
-        Filter::configure(setup, parameters);
-        afterTicks_ = parameters.integer("after_ticks");
+class NanOutput : public broken::LateFilter {
+    void misbehave(viable::FilterDecision& decision) override {
+        const double nan = std::numeric_limits<double>::quiet_NaN();
+        decision.torque.setConstant(nan);
+        decision.acceleration.setConstant(nan);
+        decision.jerk.setConstant(nan);
     }
-    viable::FilterStatus filter(const viable::MotionState& nominal,
-                                const viable::JointVector& torque, const viable::Dynamics& dynamics,
-                                viable::FilterDecision& decision) override {
-        const viable::FilterStatus status = Filter::filter(nominal, torque, dynamics, decision);
-        if (ticks_ > afterTicks_) {
-            const double nan = std::numeric_limits<double>::quiet_NaN();
-            decision.torque.setConstant(nan);
-            decision.acceleration.setConstant(nan);
-            decision.jerk.setConstant(nan);
-        }
-        return status;
-    }
-
-private:
-    std::int64_t afterTicks_ = 0;
 };
 
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, NanOutput, "nan_output",
-              "Decides NaN in every tick after the first after_ticks.", kParameters)
+              "Decides NaN in every tick after the first after_ticks.", broken::kLateParameters)

@@ -2,25 +2,10 @@
 
 namespace {
 
-constexpr viable::ParameterSpec kParameters[] = {broken::kAfterTicks};
-
-class OverflowsStack : public broken::Filter {
-public:
-    void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override {
-        Filter::configure(setup, parameters);
-        afterTicks_ = parameters.integer("after_ticks");
+class OverflowsStack : public broken::LateFilter {
+    void misbehave(viable::FilterDecision&) override {
+        ticks_ += dig(ticks_);
     }
-    viable::FilterStatus filter(const viable::MotionState& nominal,
-                                const viable::JointVector& torque, const viable::Dynamics& dynamics,
-                                viable::FilterDecision& decision) override {
-        const viable::FilterStatus status = Filter::filter(nominal, torque, dynamics, decision);
-        if (ticks_ > afterTicks_) ticks_ += dig(ticks_);
-        return status;
-    }
-
-private:
-    std::int64_t afterTicks_ = 0;
-
     static std::int64_t dig(std::int64_t depth) {
         volatile char room[4096];
         room[0] = static_cast<char>(depth);
@@ -30,5 +15,5 @@ private:
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::SafetyFilter, OverflowsStack, "overflows_stack", "Calls itself without end in every tick after the first after_ticks.",
-              kParameters)
+VIABLE_PLUGIN(viable::SafetyFilter, OverflowsStack, "overflows_stack",
+              "Calls itself without end after the first after_ticks.", broken::kLateParameters)

@@ -2,28 +2,14 @@
 
 namespace {
 
-constexpr viable::ParameterSpec kParameters[] = {broken::kAfterTicks};
-
-class Segfaults : public broken::Filter {
-public:
-    void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override {
-        Filter::configure(setup, parameters);
-        afterTicks_ = parameters.integer("after_ticks");
+class Segfaults : public broken::LateFilter {
+    void misbehave(viable::FilterDecision&) override {
+        *nowhere_ = 1;
     }
-    viable::FilterStatus filter(const viable::MotionState& nominal,
-                                const viable::JointVector& torque, const viable::Dynamics& dynamics,
-                                viable::FilterDecision& decision) override {
-        const viable::FilterStatus status = Filter::filter(nominal, torque, dynamics, decision);
-        if (ticks_ > afterTicks_) *nowhere_ = 1;
-        return status;
-    }
-
-private:
-    std::int64_t afterTicks_ = 0;
     volatile int* nowhere_ = nullptr;
 };
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::SafetyFilter, Segfaults, "segfaults", "Writes through a null pointer in every tick after the first after_ticks.",
-              kParameters)
+VIABLE_PLUGIN(viable::SafetyFilter, Segfaults, "segfaults",
+              "Writes through a null pointer in every tick after the first after_ticks.", broken::kLateParameters)

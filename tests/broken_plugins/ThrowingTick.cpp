@@ -4,27 +4,13 @@
 
 namespace {
 
-constexpr viable::ParameterSpec kParameters[] = {broken::kAfterTicks};
-
-class ThrowingTick : public broken::Filter {
-public:
-    void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override {
-        Filter::configure(setup, parameters);
-        afterTicks_ = parameters.integer("after_ticks");
+class ThrowingTick : public broken::LateFilter {
+    void misbehave(viable::FilterDecision&) override {
+        throw std::runtime_error("the filter lost its temper");
     }
-    viable::FilterStatus filter(const viable::MotionState& nominal,
-                                const viable::JointVector& torque, const viable::Dynamics& dynamics,
-                                viable::FilterDecision& decision) override {
-        const viable::FilterStatus status = Filter::filter(nominal, torque, dynamics, decision);
-        if (ticks_ > afterTicks_) throw std::runtime_error("the filter lost its temper");
-        return status;
-    }
-
-private:
-    std::int64_t afterTicks_ = 0;
 };
 
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, ThrowingTick, "throwing_tick",
-              "Throws in every tick after the first after_ticks.", kParameters)
+              "Throws in every tick after the first after_ticks.", broken::kLateParameters)

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
@@ -39,6 +41,18 @@ inline Pose calcTool(RobotModel& model, const JointVector& q) {
     Dynamics dynamics;
     model.calcDynamics(q, JointVector::Zero(q.size()), dynamics);
     return dynamics.tool;
+}
+
+/** The tool poses that were collected for the arm, printed to 1e-8: `fk_checks` of its figures. */
+inline void expectCollectedToolPoses(const nlohmann::json& figures, RobotModel& model) {
+    ASSERT_EQ(figures["fk_checks"].size(), 3u);
+    for (const nlohmann::json& check : figures["fk_checks"]) {
+        const Pose tool = calcTool(model, toVector(check["q"]));
+        EXPECT_LT((tool.position - Eigen::Vector3d(toVector(check["xyz"]))).norm(), 2e-8);
+        EXPECT_LT(tool.orientation.angularDistance(
+                      toOrientation(toVector(check["rpy_zyx_deg"], EIGEN_PI / 180))),
+                  3e-8);
+    }
 }
 
 }  // namespace viable

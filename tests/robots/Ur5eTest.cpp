@@ -108,15 +108,7 @@ TEST_F(Ur5eFiguresTest, UrdfHoldsThePublishedFigures) {
 }
 
 TEST_F(Ur5eFiguresTest, ToolPosesAreTheCollectedOnes) {
-    ASSERT_EQ(figures_["fk_checks"].size(), 3u);
-    for (const nlohmann::json& check : figures_["fk_checks"]) {
-        const Pose tool = calcTool(model_, toVector(check["q"]));
-        EXPECT_LT((tool.position - Eigen::Vector3d(toVector(check["xyz"]))).norm(),
-                  2e-8);  // printed to 1e-8
-        EXPECT_LT(tool.orientation.angularDistance(
-                      toOrientation(toVector(check["rpy_zyx_deg"], EIGEN_PI / 180))),
-                  3e-8);
-    }
+    expectCollectedToolPoses(figures_, model_);
 }
 
 }  // namespace
