@@ -3,7 +3,6 @@
 #include <memory>
 
 #include "Commands.h"
-#include "PluginTrouble.h"
 #include "viable/experiment/CaseRun.h"
 #include "viable/experiment/ExperimentFile.h"
 
@@ -30,7 +29,6 @@ void addCheckCommand(CLI::App& app, int& exitCode) {
         const PluginLoader loader(PluginLoader::makeDefaultSearchPath());
         const Experiment experiment = readExperiment(arguments->file, arguments->overrides, loader,
                                                      makeRobotSearchPath(arguments->file));
-        installCrashHandler({});
         for (const CasePlan& plan : experiment.cases) {
             configureCase(plan);
             std::printf("%s: robot %s, %d joints, %g s at %g Hz, filter %s: ok\n",

@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "Commands.h"
+#include "PluginTrouble.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -48,6 +49,7 @@ int main(int argc, char** argv) {
     viable::addRecoverCommand(app, exitCode);
     viable::addReportCommand(app, exitCode);
     viable::addNewCommand(app, exitCode);
+    viable::installCrashHandler({});  // before the first library is loaded
     try {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& e) {

@@ -7,10 +7,10 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "viable/testing/AllocationCounter.h"
 #include "viable/core/Error.h"
 #include "viable/log/Recorder.h"
 #include "viable/plugin/PluginCall.h"
+#include "viable/testing/AllocationCounter.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define VIABLE_PROGRAM_SANITIZED 1
@@ -26,6 +26,7 @@ namespace {
 constexpr double kRescue_s = 3.0;
 /** How long a plugin may stay in one call before the user is told. */
 constexpr std::chrono::seconds kHang{10};
+constexpr std::chrono::milliseconds kLook{50};
 
 constexpr int kCrashSignals[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
 
@@ -59,7 +60,7 @@ void sayWho(const PluginWatch& watch, const char* what, std::int64_t tick) {
     say(watch.title.c_str());
     say(what);
     if (tick < 0) {
-        say(" before the first tick");
+        say(tick == kAfterLastTick ? " while it was destroyed" : " before the first tick");
     } else {
         say(" in tick ");
         say(tick);
@@ -74,7 +75,8 @@ void sayWho(const PluginWatch& watch, const char* what, std::int64_t tick) {
         say(whole ? " end there and are whole: `viable report DIR` shows them. "
                   : "; `viable recover LOG` saves them. ");
     }
-    say("With `viable run --isolate` such a plugin runs in a process of its own: the arm is braked, and the run gives "
+    say("With `viable run --isolate` such a plugin runs in a process of its own: the arm is "
+        "braked, and the run gives "
         "its account; `gdb --args viable run ...` shows the line.\n");
     _exit(static_cast<int>(ErrorKind::PluginFailed));
 }
@@ -128,7 +130,7 @@ void installCrashHandler(const std::filesystem::path& folder) {
     action.sa_handler = onCrash;
     action.sa_flags = SA_ONSTACK;
     for (int signal : kCrashSignals) sigaction(signal, &action, nullptr);
-    static const bool once = std::atexit(onExit) == 0;
+    static const bool once = std::atexit(onExit) == 0 && std::at_quick_exit(onExit) == 0;
     static_cast<void>(once);
 }
 
@@ -137,30 +139,45 @@ void countPluginAllocations() {
         setAllocationCounter([] { return testing::AllocationCounter::total(); });
 }
 
-void HangWatch::look(bool endRequested) {
-    const auto& slots = callSlots();
+HangWatch::HangWatch(double patience_s, const std::atomic<int>& endRequested)
+    : patience_(patience_s), endRequested_(endRequested), seen_(callSlots().size()) {
+    thread_ = std::thread([this] {
+        while (!done_) {
+            std::this_thread::sleep_for(kLook);
+            look();
+        }
+    });
+}
+
+HangWatch::~HangWatch() {
+    done_ = true;
+    thread_.join();
+}
+
+void HangWatch::look() {
     const auto now = std::chrono::steady_clock::now();
-    seen_.resize(slots.size());
-    for (std::size_t i = 0; i < slots.size(); ++i) {
-        const std::uint64_t calls = slots[i].calls.load();
-        const PluginWatch* watch = slots[i].watch.load();
+    for (std::size_t i = 0; i < seen_.size(); ++i) {
+        const CallSlot& slot = callSlots()[i];
+        const std::uint64_t calls = slot.calls.load();
+        const PluginWatch* watch = slot.watch.load();
         if (calls != seen_[i].calls || !watch) {
             seen_[i] = {calls, now, false};
             continue;
         }
-        if (now - seen_[i].since < kHang) continue;
-        if (endRequested && !dying.exchange(true)) {
-            sayWho(*watch, " has not come back", slots[i].tick.load());
+        const std::chrono::duration<double> waited = now - seen_[i].since;
+        const std::int64_t tick = slot.tick.load();
+        const bool isOver = waited > patience_ && tick >= 0;
+        if ((isOver || (endRequested_ != 0 && waited > kHang)) && !dying.exchange(true)) {
+            sayWho(*watch, " has not come back", tick);
             say(". ");
             endAfterPlugin();
         }
-        if (seen_[i].told) continue;
+        if (waited < kHang || seen_[i].told) continue;
         seen_[i].told = true;
-        std::fprintf(stderr,
-                     "\nviable: %s has not come back from tick %lld for %lld s. Ctrl-C ends the program; "
-                     "`viable run --isolate` ends such a plugin by itself and brakes the arm.\n",
-                     watch->title.c_str(), static_cast<long long>(slots[i].tick.load()),
-                     static_cast<long long>(kHang.count()));
+        sayWho(*watch, " has not come back", tick);
+        say(" for 10 s. Ctrl-C ends the program; `viable run --isolate` ends such a plugin by "
+            "itself and brakes the "
+            "arm.\n");
     }
 }
 

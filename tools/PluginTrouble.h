@@ -1,14 +1,15 @@
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
-#include <set>
+#include <thread>
 #include <vector>
 
 namespace viable {
 
-/** From now on a crash (SIGSEGV, abort, ...) and a call of exit() inside a plugin are answered with a message that names
+/** From now on a crash (SIGSEGV, abort, ...) and a call of exit() or quick_exit() inside a plugin are answered with a message that names
 the plugin and its tick; the logs are finished first, and the program ends with code 4. A crash elsewhere ends the
 program by its signal, as ever. Does nothing in sanitizer builds, which tell more themselves.
 @param folder  of the run, for the message */
@@ -20,20 +21,30 @@ void prepareThreadForCrash();
 /** Has heap allocations inside plugins counted, where malloc can be replaced (see AllocationCounter). */
 void countPluginAllocations();
 
-/** Tells, once each, of plugins that do not come back from a call. One thread. */
+/** How long a plugin may stay in one tick before the program ends, unless told otherwise [s]. */
+constexpr double kDefaultPatience_s = 60.0;
+
+/** Watches for plugins that do not come back from a call, in a thread of its own, from construction to destruction. After 10 s it tells of
+one, once; after `patience_s` in a tick, or when the user has asked for the end meanwhile, the logs are finished and the
+program ends with code 4. */
 class HangWatch {
 public:
-    /** Call it now and then. When the user has asked for the end and a plugin stands in its way, the logs are finished
-    and the program ends with code 4. */
-    void look(bool endRequested);
+    /** @param endRequested  non-zero: the user has asked for the end */
+    HangWatch(double patience_s, const std::atomic<int>& endRequested);
+    ~HangWatch();
 
 private:
+    void look();
     struct Seen {
         std::uint64_t calls = 0;
         std::chrono::steady_clock::time_point since;
         bool told = false;
     };
+    std::chrono::duration<double> patience_;
+    const std::atomic<int>& endRequested_;
     std::vector<Seen> seen_;
+    std::atomic<bool> done_{false};
+    std::thread thread_;
 };
 
 }  // namespace viable

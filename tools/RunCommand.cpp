@@ -48,7 +48,7 @@ struct RunArguments {
     int jobs = 0;
     bool noReport = false;
     bool isolate = false;
-    double watchdog_s = kDefaultWatchdog_s;
+    std::optional<double> watchdog_s;
 };
 
 /** Makes the folder of a run; it must be new, so that nothing is ever overwritten. */
@@ -118,62 +118,100 @@ struct CaseOutcomes {
     std::exception_ptr failure;
 };
 
-/** Runs all cases, `jobs` at a time. After a failure or a signal no further case is begun. */
-CaseOutcomes runCases(const Experiment& experiment,
-                      std::vector<std::unique_ptr<ConfiguredCase>> configured,
-                      const fs::path& folder, int jobs) {
-    const std::size_t count = experiment.cases.size();
-    std::vector<std::string> names;
-    for (const CasePlan& plan : experiment.cases) names.push_back(plan.name);
-    Progress progress(names);
-    std::vector<std::optional<CaseResult>> results(count);
-    CaseOutcomes outcomes;
-    std::mutex failureMutex;
-    std::atomic<std::size_t> next{0}, running{0};
-    const auto work = [&] {
-        prepareThreadForCrash();
-        for (std::size_t i; stopSignal == 0 && (i = next++) < count;) {
-            RunOptions options;
-            options.log = folder / (experiment.cases[i].name + ".mcap");
-            options.stopRequest = &stopSignal;
-            options.progress = [&progress, i](double share) { progress.set(i, share); };
-            try {
-                results[i].emplace(runCase(experiment.cases[i], std::move(configured[i]), options));
-            } catch (...) {
-                const std::lock_guard lock(failureMutex);
-                if (!outcomes.failure) outcomes.failure = std::current_exception();
-                next = count;
+/** Runs the cases of an experiment. After a failure or a signal no further case is begun. */
+class CaseRunner {
+public:
+    CaseRunner(const Experiment& experiment, fs::path folder)
+        : experiment_(experiment),
+          folder_(std::move(folder)),
+          progress_(listNames(experiment)),
+          results_(experiment.cases.size()) {}
+
+    /** `jobs` at a time. */
+    CaseOutcomes runAtOnce(int jobs) {
+        std::atomic<int> running{0};
+        const auto work = [&] {
+            prepareThreadForCrash();
+            while (runNext(nullptr, false)) {
             }
-        }
-        --running;
-    };
-    std::vector<std::thread> workers;
-    for (int job = 0; job < jobs; ++job) {
-        ++running;
-        try {
-            workers.emplace_back(work);
-        } catch (
-            const std::system_error&) {  // fewer threads do it too; none is the caller's own turn
             --running;
-            if (workers.empty()) {
-                ++running;
-                work();
+        };
+        std::vector<std::thread> workers;
+        for (int job = 0; job < jobs; ++job) {
+            ++running;
+            try {
+                workers.emplace_back(work);
+            } catch (const std::system_error&) {
+                // Fewer threads do it too; none is the caller's own turn.
+                --running;
+                if (workers.empty()) {
+                    ++running;
+                    work();
+                }
+                break;
             }
-            break;
         }
+        while (running > 0) {
+            std::this_thread::sleep_for(std::chrono::milliseconds(50));
+            progress_.draw();
+        }
+        for (std::thread& worker : workers) worker.join();
+        return collect();
     }
-    HangWatch hangWatch;
-    while (running > 0) {
-        std::this_thread::sleep_for(std::chrono::milliseconds(50));
-        progress.draw();
-        hangWatch.look(stopSignal != 0);
+
+    /** One after the other, in this thread: the plugins' processes are made while there is no other. */
+    CaseOutcomes runIsolated(const Isolation& isolation) {
+        while (runNext(&isolation, true)) {
+        }
+        return collect();
     }
-    for (std::thread& worker : workers) worker.join();
-    progress.draw(true);
-    for (auto& result : results)
-        if (result) outcomes.results.push_back(std::move(*result));
-    return outcomes;
-}
+
+private:
+    static std::vector<std::string> listNames(const Experiment& experiment) {
+        std::vector<std::string> names;
+        for (const CasePlan& plan : experiment.cases) names.push_back(plan.name);
+        return names;
+    }
+
+    /** False: there is none. */
+    bool runNext(const Isolation* isolation, bool draws) {
+        const std::size_t i = stopSignal == 0 ? next_++ : results_.size();
+        if (i >= results_.size()) return false;
+        RunOptions options;
+        options.log = folder_ / (experiment_.cases[i].name + ".mcap");
+        options.stopRequest = &stopSignal;
+        options.isolation = isolation;
+        options.progress = [this, i, draws](double share) {
+            progress_.set(i, share);
+            if (draws) progress_.draw();
+        };
+        try {
+            results_[i].emplace(runCase(experiment_.cases[i], options));
+        } catch (...) {
+            const std::lock_guard lock(failureMutex_);
+            if (!failure_) failure_ = std::current_exception();
+            next_ = results_.size();
+        }
+        return true;
+    }
+
+    CaseOutcomes collect() {
+        progress_.draw(true);
+        CaseOutcomes outcomes;
+        outcomes.failure = failure_;
+        for (auto& result : results_)
+            if (result) outcomes.results.push_back(std::move(*result));
+        return outcomes;
+    }
+
+    const Experiment& experiment_;
+    const fs::path folder_;
+    Progress progress_;
+    std::vector<std::optional<CaseResult>> results_;
+    std::atomic<std::size_t> next_{0};
+    std::mutex failureMutex_;
+    std::exception_ptr failure_;
+};
 
 /** Writes the report of a run; its loss does not undo the run. Returns false when there is none. */
 bool tryWriteReport(const fs::path& folder) {
@@ -208,16 +246,17 @@ std::string writeWhole(const fs::path& file, const std::string& text) {
 }
 
 int run(const RunArguments& arguments) {
+    countPluginAllocations();
+    std::optional<HangWatch> hangWatch;  // a thread; none may be there where processes are made
+    const Isolation isolation{arguments.watchdog_s.value_or(kDefaultWatchdog_s)};
+    if (!arguments.isolate)
+        hangWatch.emplace(arguments.watchdog_s.value_or(kDefaultPatience_s), stopSignal);
     const PluginLoader loader(PluginLoader::makeDefaultSearchPath());
     Experiment experiment = readExperiment(arguments.file, arguments.overrides, loader,
                                            makeRobotSearchPath(arguments.file));
     selectCases(experiment, arguments.cases);
-    countPluginAllocations();
-    installCrashHandler({});
-    std::vector<std::unique_ptr<ConfiguredCase>> configured;  // before a file is made
-    const Isolation isolation{arguments.watchdog_s};
-    for (const CasePlan& plan : experiment.cases)
-        configured.push_back(configureCase(plan, arguments.isolate ? &isolation : nullptr));
+    for (const CasePlan& plan : experiment.cases)  // refuse everything before a file is made
+        configureCase(plan, arguments.isolate ? &isolation : nullptr);
 
     installSignalHandlers();
     const fs::path folder = makeRunFolder(arguments.out, arguments.file);
@@ -232,7 +271,9 @@ int run(const RunArguments& arguments) {
     int jobs =
         arguments.jobs > 0 ? arguments.jobs : static_cast<int>(std::thread::hardware_concurrency());
     jobs = std::max(1, std::min(jobs, static_cast<int>(experiment.cases.size())));
-    const auto [results, failure] = runCases(experiment, std::move(configured), folder, jobs);
+    CaseRunner runner(experiment, folder);
+    const auto [results, failure] =
+        arguments.isolate ? runner.runIsolated(isolation) : runner.runAtOnce(jobs);
 
     std::printf("\n%s\n", formatComparison(results).c_str());
     std::set<std::string> laws;
@@ -302,11 +343,12 @@ void addRunCommand(CLI::App& app, int& exitCode) {
     command->add_flag("--no-report", arguments->noReport,
                       "Logs and summary only; `viable report DIR` writes the report later");
     command->add_flag("--isolate", arguments->isolate,
-                      "Each plugin in a process of its own: one that crashes, hangs or exits is named, and the arm is "
-                      "braked (slower)");
+                      "Each plugin in a process of its own: one that crashes, hangs or exits is "
+                      "named, and the arm is braked (slower, one case at a time)");
     command
         ->add_option("--watchdog", arguments->watchdog_s,
-                     "With --isolate: seconds that a plugin may take for one call (default: 5)")
+                     "Seconds that a plugin may take for one call: with --isolate the arm is then "
+                     "braked (default: 5), without it the program ends (default: 60)")
         ->check(CLI::Range(0.01, 3600.0));
     command->callback([arguments, &exitCode] { exitCode = run(*arguments); });
 }

@@ -19,6 +19,11 @@ shopt -s nullglob
 records=("$here"/version_*.abi)
 record=$here/version_$version.abi
 if [ "$mode" = record ]; then
+  if [ -e "$record" ] && ! abidiff --harmless --suppressions "$here/foreign_types.ini" "$record" "$new" >/dev/null; then
+    echo "interface: version $version is on record and the interface differs from it: raise kPluginInterfaceVersion first." \
+      "Where that version was never released, remove tests/interface/version_$version.abi yourself." >&2
+    exit 1
+  fi
   for old in "${records[@]}"; do rm "$old"; done
   cp "$new" "$record"
   chmod 644 "$record"

@@ -42,7 +42,7 @@ void expectContains(const std::string& text, const std::vector<std::string>& par
 
 struct Fixture {
     const char* plugin;
-    const char* inProcess;  ///< what the crash handler says; null: not to be tried
+    const char* inProcess;  ///< what is said without --isolate
     const char* isolated;
 };
 
@@ -81,9 +81,10 @@ TEST_P(BadPlugin, IsolatedItIsNamedAndTheArmIsBraked) {
 }
 
 TEST_P(BadPlugin, WithoutIsolationItIsNamedAndTheLogIsWhole) {
-    if (!GetParam().inProcess) GTEST_SKIP() << "nothing but --isolate ends a hang by itself";
+    const bool hangs = GetParam().plugin == std::string("hangs");
     if (kSanitized) GTEST_SKIP() << "sanitizers have crash handlers of their own";
-    const Outcome o = run({});
+    const Outcome o = run(hangs ? std::vector<std::string>{"--watchdog", "1"}
+                                : std::vector<std::string>{});
     EXPECT_EQ(o.code, 4) << o.err;
     expectContains(o.err, {who(), GetParam().inProcess, "tick 100"});
     EXPECT_GE(countRows(folder_ / "run/A.mcap"), 100);
@@ -100,7 +101,7 @@ INSTANTIATE_TEST_SUITE_P(
                 "its process died: signal 6 (Aborted)\nMend the plugin"},
         Fixture{"calls_exit", "called exit() in tick 100. The logs in ",
                 "its process ended: it called exit(0)\nMend the plugin"},
-        Fixture{"hangs", nullptr,
+        Fixture{"hangs", " has not come back in tick 100. The logs in ",
                 "it did not come back for 1 s; its process was ended\nMend the plugin"},
         Fixture{"rounds_in_tick",
                 "failed: it changed the floating point arithmetic of the whole thread (the "
@@ -108,8 +109,8 @@ INSTANTIATE_TEST_SUITE_P(
                 "it changed the floating point arithmetic of the whole thread (the rounding mode; "
                 "set back)\nSet the modes back"},
         Fixture{"throwing_tick",
-                "failed: it threw: the filter lost its temper\nA tick function must not throw",
-                "it threw: the filter lost its temper\nA tick function must not throw"},
+                "failed: it threw: the filter lost its temper\nreset() and the tick functions must not throw",
+                "it threw: the filter lost its temper\nreset() and the tick functions must not throw"},
         Fixture{"nan_output",
                 "failed: its decision has the wrong size or is not finite\nFill the decision with "
                 "holdJerk()",
@@ -142,6 +143,96 @@ TEST(Fault49, NoPluginOfTheMainExperimentTakesMemoryInItsTick) {
                    "--no-report", "--set", "duration_s=2"});
     EXPECT_EQ(o.code, 0) << o.err;
     EXPECT_EQ(o.out.find("WARNING"), std::string::npos) << o.out;
+}
+
+TEST(Fault49, AnIsolatedOneIsToldOfToo) {
+    if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
+    Folder folder;
+    const Outcome o =
+        test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run",
+                   "--no-report", "--isolate", "--set",
+                   "cases.A.filter={plugin: allocates, after_ticks: 100}"});
+    EXPECT_EQ(o.code, 0) << o.err;
+    expectContains(o.out, {"WARNING       the filter plugin 'allocates' (",
+                           "(in 400 ticks, first in tick 100)"});
+}
+
+/** A run of the experiment with that filter. */
+Outcome runWith(const Folder& folder, const std::string& filter,
+                std::vector<std::string> more = {}) {
+    std::vector<std::string> arguments{
+        "run",     folder.write("e.yaml", kExperiment), "--out", folder / "run", "--no-report",
+        "--set",   "cases.A.filter=" + filter};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return test::run(arguments);
+}
+
+TEST(Fault50, AChangeOfArithmeticBeforeTheFirstTickIsRefused) {
+    for (const char* how : {"--jobs=1", "--isolate"}) {
+        Folder folder;
+        const Outcome o = runWith(folder, "{plugin: rounds_in_configure}", {how});
+        EXPECT_EQ(o.code, 4) << how;
+        expectContains(o.err, {"the filter plugin 'rounds_in_configure' (",
+                               "it changed the floating point arithmetic of the whole thread (the "
+                               "rounding mode; set back). Set the modes back"});
+        EXPECT_FALSE(std::filesystem::exists(folder / "run"));
+    }
+}
+
+TEST(Fault44, AThrowOutsideOfTicksNamesThePlugin) {
+    for (const char* how : {"--jobs=1", "--isolate"}) {
+        Folder folder;
+        Outcome o = runWith(folder, "{plugin: throws_when_asked}", {how});
+        EXPECT_EQ(o.code, 4) << how;
+        expectContains(o.err, {"the filter plugin 'throws_when_asked' (",
+                               "threw while it was configured: who knows"});
+        for (const char* filter :
+             {"{plugin: throws_in_reset}", "[certified_braking, throws_in_reset]"}) {
+            Folder other;
+            o = runWith(other, filter, {how});
+            EXPECT_EQ(o.code, 4) << how << filter;
+            expectContains(o.err, {"the filter plugin 'throws_in_reset' (",
+                                   "threw in reset(): no way back"});
+        }
+    }
+}
+
+TEST(Fault48, ACrashInADestructorNamesThePlugin) {
+    if (kSanitized) GTEST_SKIP() << "sanitizers have crash handlers of their own";
+    Folder folder;
+    Outcome o = runWith(folder, "{plugin: crashes_when_destroyed}");
+    EXPECT_EQ(o.code, 4);
+    expectContains(o.err, {"the filter plugin 'crashes_when_destroyed' (",
+                           " crashed while it was destroyed: signal 6 (Aborted)"});
+    EXPECT_EQ(countRows(folder / "run/A.mcap"), 500);
+    Folder other;
+    o = runWith(other, "{plugin: crashes_when_destroyed}", {"--isolate"});
+    EXPECT_EQ(o.code, 0) << o.err;
+    expectContains(o.out, {"WARNING       the filter plugin 'crashes_when_destroyed' (",
+                           "failed while it was destroyed: its process died: signal 6 (Aborted)"});
+}
+
+TEST(Fault48, ACrashWhileALibraryIsLoadedNamesIt) {
+    if (kSanitized) GTEST_SKIP() << "sanitizers have crash handlers of their own";
+    const std::string library =
+        VIABLE_BINARY_DIR "/tests/broken_plugins/deadly/viable_filter_crashes_on_load.so";
+    Folder folder;
+    const Outcome o = runWith(folder, "{plugin: \"" + library + "\"}");
+    EXPECT_EQ(o.code, 4);
+    expectContains(o.err, {"the plugin library '" + library +
+                           "' crashed before the first tick: signal 6 (Aborted)"});
+}
+
+TEST(FilterChain, WhatAFilterOfAChainDoesWrongIsToldAsItsOwn) {
+    Folder folder;
+    Outcome o = runWith(folder, "[{plugin: rounds_in_tick, after_ticks: 100}, certified_braking]");
+    EXPECT_EQ(o.code, 4);
+    expectContains(o.err, {"the filter plugin 'rounds_in_tick' (", "failed: it changed the floating"});
+    Folder other;
+    o = runWith(other, "[{plugin: nan_output, after_ticks: 100}, certified_braking]");
+    EXPECT_EQ(o.code, 4);
+    expectContains(o.err, {"the filter plugin 'nan_output' (",
+                           "failed: its decision has the wrong size or is not finite"});
 }
 
 TEST(Isolate, ARunIsTheSameToTheLastBit) {
@@ -200,7 +291,7 @@ TEST(FilterChain, WhoBreaksAnEarlierPromiseIsNamedWithIt) {
     EXPECT_EQ(o.code, 3) << o.err;
     expectContains(o.err, {"the filter plugin 'rewrites' (",
                            "failed: it changed what 'certified_braking' before it had decided, which "
-                           "promises all limits, but joint0"});
+                           "promises all limits, but joint0", "Put the filter before the one"});
 }
 
 }  // namespace

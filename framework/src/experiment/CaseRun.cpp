@@ -21,21 +21,46 @@ namespace {
 /** Ticks between two looks at the clock for the progress display. */
 constexpr std::int64_t kProgressTicks = 256;
 
+constexpr char kOnConfigure[] =
+    "configure() says what is wrong with a parameter by throwing viable::badInput(); anything else is to be mended in the "
+    "plugin.";
+
+// What a plugin is asked once, outside of ticks: asked here first, where a throw still names it.
+void askOnce(const CommandSource& plugin) {
+    plugin.space();
+}
+void askOnce(const NominalController& plugin) {
+    plugin.follows(MotionCommand::Space::Joint);
+    plugin.follows(MotionCommand::Space::Tool);
+}
+void askOnce(const SafetyFilter& plugin) {
+    plugin.promisesLimits();
+    plugin.recovers();
+}
+void askOnce(const RobustLoop&) {}
+void askOnce(const RealPlant&) {}
+
 template <class Interface>
 PluginPtr<Interface> makeHere(const PluginChoice& choice, const RunSetup& setup,
                               const std::string& title) {
     PluginPtr<Interface> plugin = PluginLoader::create<Interface>(choice.plugin);
+    PluginCall call(nullptr, kBeforeFirstTick);
     try {
         plugin->configure(setup, choice.parameters);
+        askOnce(*plugin);
     } catch (const Error&) {
         throw;
     } catch (const std::exception& e) {
         throw Error(ErrorKind::PluginFailed, title,
-                    std::string("threw while it was configured: ") + e.what());
+                    std::string("threw while it was configured: ") + e.what(), kOnConfigure);
     } catch (...) {
         throw Error(ErrorKind::PluginFailed, title,
-                    "threw something that is no std::exception while it was configured");
+                    "threw something that is no std::exception while it was configured",
+                    kOnConfigure);
     }
+    if (const char* change = call.undoArithmeticChange())
+        throw Error(ErrorKind::PluginFailed, title, formatArithmeticChange(change),
+                    kOnArithmeticChange);
     return plugin;
 }
 
@@ -54,10 +79,9 @@ public:
             const PluginCall call(watch, kBeforeFirstTick);
             return makeHere<Interface>(choice, setup, watch->title);
         }
-        watch->countsAllocations = false;  // they are the other process's
         try {
             return isolatePlugin<Interface>(
-                [&] { return makeHere<Interface>(choice, setup, watch->title); },
+                [&] { return makeHere<Interface>(choice, setup, watch->title); }, *watch,
                 isolation_->watchdog_s);
         } catch (const PluginFault& e) {
             throw Error(ErrorKind::PluginFailed, watch->title,
@@ -114,13 +138,19 @@ const PluginChoice* findCulprit(const CasePlan& plan, const FilterChain* chain, 
     return nullptr;
 }
 
+/** How ControlLoop begins to tell of a broken promise. */
+constexpr char kOwn[] = "it promises";
+
+/** True when the promise that was broken is that of a filter before the one that is to be named. */
+bool isOthersPromise(const FilterChain* chain, const std::string& message) {
+    return chain && chain->promising() >= 0 &&
+           chain->answerable() != static_cast<std::size_t>(chain->promising()) &&
+           message.rfind(kOwn, 0) == 0;
+}
+
 /** What a broken promise was, where a later filter of the chain broke that of an earlier one. */
 std::string nameThePromiser(std::string message, const CasePlan& plan, const FilterChain* chain) {
-    constexpr char kOwn[] = "it promises";
-    if (!chain || chain->promising() < 0 ||
-        chain->answerable() == static_cast<std::size_t>(chain->promising()) ||
-        message.rfind(kOwn, 0) != 0)
-        return message;
+    if (!isOthersPromise(chain, message)) return message;
     return "it changed what '" + plan.filters[chain->promising()].plugin.name +
            "' before it had decided, which promises" + message.substr(sizeof kOwn - 1);
 }
@@ -151,9 +181,12 @@ LogOpening makeOpening(const CasePlan& plan, MotionCommand::Space space) {
     for (const JointDescription& joint : plan.robot.joints)
         if (joint.type == JointType::Prismatic) sliding.push_back(joint.name);
     if (!sliding.empty()) opening.metadata[detail::kPrismaticJoints] = sliding.dump();
-    for (const PluginChoice* choice : listPlugins(plan)) {
-        std::string& libraries = opening.metadata[getName(choice->plugin.kind)];
-        libraries += (libraries.empty() ? "" : ":") + choice->plugin.library.string();
+    for (const PluginChoice* choice : listPlugins(plan))
+        opening.metadata[getName(choice->plugin.kind)] = choice->plugin.library.string();
+    if (plan.filters.size() > 1) {
+        nlohmann::json chain = nlohmann::json::array();
+        for (const PluginChoice& filter : plan.filters) chain.push_back(filter.plugin.library);
+        opening.metadata[getName(PluginKind::SafetyFilter)] = chain.dump();
     }
     opening.attachments.push_back(
         {"experiment.yaml", "application/yaml", writeConfig(plan.resolved)});
@@ -251,7 +284,9 @@ void checkStartViable(const CasePlan& plan) {
 }  // namespace
 
 ConfiguredCase::ConfiguredCase(RunSetup runSetup) : setup(std::move(runSetup)) {}
-ConfiguredCase::~ConfiguredCase() = default;
+ConfiguredCase::~ConfiguredCase() {
+    destroyPlugins(plugins);
+}
 
 std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolation* isolation) {
     RunSetup setup{plan.robot, plan.limits, plan.tick_s, plan.duration_s, plan.start, {}};
@@ -289,14 +324,11 @@ std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolat
 }
 
 CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
-    return runCase(plan, configureCase(plan), options);
-}
-
-CaseResult runCase(const CasePlan& plan, std::unique_ptr<ConfiguredCase> configured,
-                   const RunOptions& options) {
+    const std::unique_ptr<ConfiguredCase> configured = configureCase(plan, options.isolation);
     const bool promises = configured->plugins.filter->promisesLimits();
     const MotionCommand::Space space = configured->plugins.command->space();
-    ControlLoop loop(configured->setup, std::move(configured->plugins));
+    auto ownLoop = std::make_unique<ControlLoop>(configured->setup, std::move(configured->plugins));
+    ControlLoop& loop = *ownLoop;
 
     std::unique_ptr<Recorder> recorder;
     if (!options.log.empty())
@@ -365,8 +397,15 @@ CaseResult runCase(const CasePlan& plan, std::unique_ptr<ConfiguredCase> configu
             (result.stopReason == StopReason::FilterEnded ? " ended the case: " : " failed: ") +
             nameThePromiser(loop.stopMessage(), plan, configured->chain);
         result.stopRemedy = loop.stopRemedy();
+        if (isOthersPromise(configured->chain, loop.stopMessage()))
+            result.stopRemedy =
+                "The decision was not applied. Put the filter before the one that promises.";
     }
+    ownLoop.reset();  // some plugins have a last word
     for (const auto& watch : configured->watches) {
+        if (!watch->lastWords.empty())
+            result.warnings.push_back(watch->title + " failed while it was destroyed: " +
+                                      watch->lastWords);
         if (watch->allocatingTicks == 0) continue;
         result.warnings.push_back(
             watch->title + " takes memory from the heap in its tick (in " +

@@ -77,37 +77,14 @@ const char* findFault(const FilterDecision& d, const MotionState& nominal, const
 }
 
 // What the author of a plugin can do about its failures.
-constexpr char kOnThrow[] =
-    "A tick function must not throw: catch it in the plugin and return a status that says that there is no result.";
 constexpr char kOnValues[] =
     "Return one finite number per joint, or a status that says that there is none.";
-constexpr char kOnDecision[] =
-    "Fill the decision with holdJerk() or holdAcceleration(), which keep its parts together.";
 constexpr char kOnGivingUp[] = "It gives up by itself; its README says when it does.";
 constexpr char kOnPromise[] =
     "The decision was not applied. Mend the filter, or let promisesLimits() return false.";
 constexpr char kOnLimits[] =
     "Give limits for every joint, the lower below the upper, zero between those of velocity, acceleration and jerk; or use a "
     "filter that can change them, such as certified_braking.";
-
-/** Calls `reset`; whatever it throws becomes an Error that names the plugin. */
-template <class PluginType>
-void resetPlugin(PluginType& plugin, PluginKind kind, PluginWatch* watch,
-                 const MotionState& start) {
-    const std::string who =
-        watch ? watch->title : std::string("the ") + getName(kind) + " plugin";
-    const PluginCall mark(watch, kBeforeFirstTick);
-    try {
-        plugin.reset(start);
-    } catch (const PluginFault& e) {
-        throw Error(ErrorKind::PluginFailed, who, e.what(), e.remedy());
-    } catch (const std::exception& e) {
-        throw Error(ErrorKind::PluginFailed, who, std::string("threw in reset(): ") + e.what());
-    } catch (...) {
-        throw Error(ErrorKind::PluginFailed, who,
-                    "threw something that is no std::exception in reset()");
-    }
-}
 
 /** Why the arm is braked when a plugin of the kind fails. */
 StopReason getReason(PluginKind kind) {
@@ -127,6 +104,18 @@ StopReason getReason(PluginKind kind) {
 }
 
 }  // namespace
+
+void destroyPlugins(LoopPlugins& plugins) noexcept {
+    const auto destroy = [&](auto& plugin, PluginKind kind) {
+        const PluginCall call(plugins.watches[static_cast<std::size_t>(kind)], kAfterLastTick);
+        plugin.reset();
+    };
+    destroy(plugins.realPlant, PluginKind::RealPlant);
+    destroy(plugins.robustLoop, PluginKind::RobustLoop);
+    destroy(plugins.filter, PluginKind::SafetyFilter);
+    destroy(plugins.controller, PluginKind::NominalController);
+    destroy(plugins.command, PluginKind::CommandSource);
+}
 
 /** Splits a tick's time between its stages. */
 class StageTimer {
@@ -155,7 +144,9 @@ ControlLoop::ControlLoop(const RunSetup& setup, LoopPlugins plugins)
     reset();
 }
 
-ControlLoop::~ControlLoop() = default;
+ControlLoop::~ControlLoop() {
+    destroyPlugins(plugins_);
+}
 
 void ControlLoop::reset() {
     tickIndex_ = 0;
@@ -188,8 +179,8 @@ void ControlLoop::reset() {
     resetOne(plugins_.filter, PluginKind::SafetyFilter);
     resetOne(plugins_.robustLoop, PluginKind::RobustLoop);
     resetOne(plugins_.realPlant, PluginKind::RealPlant);
-    monitor_.reset(nominal_, limits_, setup_.tick_s, plugins_.filter->promisesLimits(),
-                   plugins_.filter->recovers());
+    promises_ = plugins_.filter->promisesLimits();
+    monitor_.reset(nominal_, limits_, setup_.tick_s, promises_, plugins_.filter->recovers());
 }
 
 double ControlLoop::time() const {
@@ -327,7 +318,7 @@ bool ControlLoop::takeDecision() {
     status_ = contain(PluginKind::SafetyFilter, FilterStatus::Faulted, [&] {
         return plugins_.filter->filter(nominal_, desiredTorque_, dynamics_, decision_);
     });
-    if (status_ == FilterStatus::Ended && !plugins_.filter->promisesLimits()) {
+    if (status_ == FilterStatus::Ended && !promises_) {
         beginStop(StopReason::FilterEnded, "it had no admissible choice and does not go on");
         return false;
     }
@@ -347,7 +338,7 @@ bool ControlLoop::takeDecision() {
 bool ControlLoop::passMonitor() {
     const StopMonitor::Finding& finding = monitor_.examine(nominal_, decision_);
     verdict_ = finding.verdict;
-    if (verdict_ != StopVerdict::NoStop || !plugins_.filter->promisesLimits()) {
+    if (verdict_ != StopVerdict::NoStop || !promises_) {
         monitor_.accept();
         return true;
     }

@@ -7,12 +7,26 @@ void FilterChain::add(PluginPtr<SafetyFilter> filter, PluginWatch* watch) {
     links_.push_back({std::move(filter), watch});
 }
 
-void FilterChain::reset(const MotionState& start) {
-    tick_ = kBeforeFirstTick;
-    for (answerable_ = 0; answerable_ < links_.size(); ++answerable_) {
-        const PluginCall call = mark(answerable_);
-        links_[answerable_].filter->reset(start);
+FilterChain::~FilterChain() {
+    for (Link& link : links_) {
+        const PluginCall call(link.watch, kAfterLastTick);
+        link.filter.reset();
     }
+}
+
+template <class Work>
+auto FilterChain::callLink(std::size_t index, const Work& work) {
+    answerable_ = index;
+    PluginCall call(links_[index].watch, tick_);
+    const auto result = work(*links_[index].filter);
+    if (const char* change = call.undoArithmeticChange())
+        throw PluginFault(formatArithmeticChange(change), kOnArithmeticChange);
+    return result;
+}
+
+void FilterChain::reset(const MotionState& start) {
+    for (const Link& link : links_)
+        resetPlugin(*link.filter, PluginKind::SafetyFilter, link.watch, start);
     answerable_ = 0;
     tick_ = 0;
 }
@@ -24,21 +38,19 @@ bool FilterChain::recovers() const {
 }
 
 bool FilterChain::changeLimits(const JointLimits& limits) {
-    for (std::size_t i = 0; i < links_.size(); ++i) {
-        answerable_ = i;
-        const PluginCall call = mark(i);
-        if (!links_[i].filter->changeLimits(limits)) return false;
-    }
+    for (std::size_t i = 0; i < links_.size(); ++i)
+        if (!callLink(i, [&](SafetyFilter& filter) { return filter.changeLimits(limits); }))
+            return false;
     return true;
 }
 
 void FilterChain::skipTicks(std::int64_t ticks) {
     tick_ += ticks;
-    for (std::size_t i = 0; i < links_.size(); ++i) {
-        answerable_ = i;
-        const PluginCall call = mark(i);
-        links_[i].filter->skipTicks(ticks);
-    }
+    for (std::size_t i = 0; i < links_.size(); ++i)
+        callLink(i, [&](SafetyFilter& filter) {
+            filter.skipTicks(ticks);
+            return true;
+        });
 }
 
 FilterStatus FilterChain::filter(const MotionState& nominal, const JointVector& torque,
@@ -48,18 +60,19 @@ FilterStatus FilterChain::filter(const MotionState& nominal, const JointVector& 
     FilterStatus status = FilterStatus::Passed;
     std::size_t standing = 0;
     for (std::size_t i = 0; i < links_.size(); ++i) {
-        answerable_ = i;
         candidate_.hasStops = false;
         candidate_.joints.fill({});
-        FilterStatus own;
-        {
-            const PluginCall call = mark(i);
-            own = links_[i].filter->filter(nominal, desired_, dynamics, candidate_);
-        }
+        const FilterStatus own = callLink(i, [&](SafetyFilter& filter) {
+            return filter.filter(nominal, desired_, dynamics, candidate_);
+        });
         if (own == FilterStatus::InvalidInput || own == FilterStatus::Faulted) return own;
-        if (own == FilterStatus::Ended)  // no end for a chain that promises
-            return promising_ < 0 ? own : FilterStatus::Faulted;
-        if (!isFinite(candidate_.torque, n)) return FilterStatus::Faulted;
+        if (own == FilterStatus::Ended) {
+            if (promising_ < 0) return own;
+            throw PluginFault("it ended the case, but a filter beside it promises all limits",
+                              "Choose its parameters so that it goes on where it has no choice.");
+        }
+        if (!isFinite(candidate_.torque, n))
+            throw PluginFault("its decision has the wrong size or is not finite", kOnDecision);
         const bool passed = own == FilterStatus::Passed;
         if (passed && promising_ >= 0 && static_cast<int>(i) > promising_) continue;
         if (passed && i > 0)

@@ -59,6 +59,8 @@ struct Mailbox {
     std::int64_t ticks = 0;
     int status = 0;
     bool answer = false;
+    std::int64_t ticksDone = 0;                              // by the plugin
+    std::int64_t allocatingTicks = 0, firstAllocation = -1;  // as in PluginWatch
     MotionState nominal;
     Dynamics dynamics;
     MotionCommand command;
@@ -109,7 +111,7 @@ std::string describeEnd(int status) {
 /** The plugin's own process, and the calls that go there. */
 class PluginProcess {
 public:
-    explicit PluginProcess(double watchdog_s) : watchdog_s_(watchdog_s) {
+    PluginProcess(PluginWatch& watch, double watchdog_s) : watch_(watch), watchdog_s_(watchdog_s) {
         void* memory = mmap(nullptr, sizeof(Mailbox), PROT_READ | PROT_WRITE,
                             MAP_SHARED | MAP_ANONYMOUS, -1, 0);
         if (memory == MAP_FAILED)
@@ -123,8 +125,8 @@ public:
             box_->what = Request::Quit;
             sem_post(&box_->request);
             watchdog_s_ = kFarewell_s;
-            if (!awaitReply().empty()) pid_ = -1;
-            if (pid_ > 0) waitpid(pid_, nullptr, 0);
+            watch_.lastWords = awaitReply();
+            if (watch_.lastWords.empty()) waitpid(pid_, nullptr, 0);
         }
         munmap(box_, sizeof(Mailbox));
     }
@@ -137,6 +139,9 @@ public:
     template <class Serve>
     void start(const Serve& serve) {
         std::fflush(nullptr);  // what is in the buffers now is ours to write
+        std::signal(
+            SIGCHLD,
+            SIG_DFL);  // who started us may have had it ignored; then nobody is told of a death
         const pid_t parent = getpid();
         pid_ = fork();
         if (pid_ < 0)
@@ -172,6 +177,8 @@ private:
             pid_ = -1;
             throw PluginFault(lost, kOnLoss);
         }
+        watch_.allocatingTicks = box_->allocatingTicks;
+        watch_.firstAllocation = box_->firstAllocation;
         if (box_->how == Reply::Done) return;
         box_->text[sizeof box_->text - 1] = '\0';
         const std::string text = box_->text;
@@ -191,33 +198,45 @@ private:
             const timespec deadline = calcDeadline(kLook_ns);
             if (sem_clockwait(&box_->reply, CLOCK_MONOTONIC, &deadline) == 0) return {};
             int status = 0;
-            if (waitpid(pid_, &status, WNOHANG) == pid_)
-                return sem_trywait(&box_->reply) == 0 && box_->what == Request::Quit
-                           ? std::string()
-                           : describeEnd(status);
+            const pid_t ended = waitpid(pid_, &status, WNOHANG);
+            if (ended == pid_) return describeEnd(status);
+            if (ended < 0) return "its process is gone";
             const double waited = std::chrono::duration<double>(Clock::now() - begin).count();
             if (waited < watchdog_s_) continue;
             kill(pid_, SIGKILL);
             waitpid(pid_, nullptr, 0);
             char text[128];
-            std::snprintf(text, sizeof text,
-                          "it did not come back for %g s; its process was ended", watchdog_s_);
+            std::snprintf(text, sizeof text, "it did not come back for %g s; its process was ended",
+                          watchdog_s_);
             return text;
         }
     }
 
     Mailbox* box_;
+    PluginWatch& watch_;
     pid_t pid_ = -1;
     double watchdog_s_;
 };
+
+bool isTick(Request what) {
+    return what == Request::Sample || what == Request::Compute || what == Request::Filter ||
+           what == Request::Advance;
+}
 
 /** The other side: runs the plugin's functions and writes down what they throw. */
 template <class Work>
 void answer(Mailbox& box, const Work& work) {
     PluginCall call(nullptr, kBeforeFirstTick);
     box.how = Reply::Done;
+    const std::int64_t before = countAllocations();
     try {
         work();
+        if (isTick(box.what)) {
+            const std::int64_t tick = box.ticksDone++;
+            if (tick >= kWarmUpTicks && countAllocations() != before) {
+                if (box.allocatingTicks++ == 0) box.firstAllocation = tick;
+            }
+        }
         if (const char* change = call.undoArithmeticChange()) {
             box.how = Reply::Faulted;
             std::snprintf(box.text, sizeof box.text, kArithmeticChange, change);
@@ -294,8 +313,9 @@ void serve(RealPlant& plugin, Mailbox& box) {
 template <class Interface>
 class Isolated : public Interface {
 public:
-    Isolated(const std::function<PluginPtr<Interface>()>& make, double watchdog_s)
-        : process_(watchdog_s) {
+    Isolated(const std::function<PluginPtr<Interface>()>& make, PluginWatch& watch,
+             double watchdog_s)
+        : process_(watch, watchdog_s) {
         process_.start([&make](Mailbox& box) { run(make, box); });
     }
     void configure(const RunSetup&, const Parameters&) override {}  // `make` did
@@ -372,8 +392,9 @@ private:
 
 class IsolatedController : public Isolated<NominalController> {
 public:
-    IsolatedController(const std::function<PluginPtr<NominalController>()>& make, double watchdog_s)
-        : Isolated(make, watchdog_s),
+    IsolatedController(const std::function<PluginPtr<NominalController>()>& make,
+                       PluginWatch& watch, double watchdog_s)
+        : Isolated(make, watch, watchdog_s),
           followsJoint_(box().followsJoint),
           followsTool_(box().followsTool) {}
     bool follows(MotionCommand::Space space) const override {
@@ -396,8 +417,9 @@ private:
 
 class IsolatedFilter : public Isolated<SafetyFilter> {
 public:
-    IsolatedFilter(const std::function<PluginPtr<SafetyFilter>()>& make, double watchdog_s)
-        : Isolated(make, watchdog_s), promises_(box().promises), recovers_(box().recovers) {}
+    IsolatedFilter(const std::function<PluginPtr<SafetyFilter>()>& make, PluginWatch& watch,
+                   double watchdog_s)
+        : Isolated(make, watch, watchdog_s), promises_(box().promises), recovers_(box().recovers) {}
     bool promisesLimits() const override { return promises_; }
     bool recovers() const override { return recovers_; }
     bool changeLimits(const JointLimits& limits) override {
@@ -501,19 +523,21 @@ struct StandIn<RealPlant> {
 
 template <class Interface>
 PluginPtr<Interface> isolatePlugin(const std::function<PluginPtr<Interface>()>& make,
-                                   double watchdog_s) {
-    Interface* plugin = new typename StandIn<Interface>::Type(make, watchdog_s);
+                                   PluginWatch& watch, double watchdog_s) {
+    Interface* plugin = new typename StandIn<Interface>::Type(make, watch, watchdog_s);
     return PluginPtr<Interface>(plugin,
                                 [](void* object) { delete static_cast<Interface*>(object); });
 }
 
 template PluginPtr<CommandSource> isolatePlugin(const std::function<PluginPtr<CommandSource>()>&,
-                                                double);
+                                                PluginWatch&, double);
 template PluginPtr<NominalController> isolatePlugin(
-    const std::function<PluginPtr<NominalController>()>&, double);
+    const std::function<PluginPtr<NominalController>()>&, PluginWatch&, double);
 template PluginPtr<SafetyFilter> isolatePlugin(const std::function<PluginPtr<SafetyFilter>()>&,
-                                               double);
-template PluginPtr<RobustLoop> isolatePlugin(const std::function<PluginPtr<RobustLoop>()>&, double);
-template PluginPtr<RealPlant> isolatePlugin(const std::function<PluginPtr<RealPlant>()>&, double);
+                                               PluginWatch&, double);
+template PluginPtr<RobustLoop> isolatePlugin(const std::function<PluginPtr<RobustLoop>()>&,
+                                             PluginWatch&, double);
+template PluginPtr<RealPlant> isolatePlugin(const std::function<PluginPtr<RealPlant>()>&,
+                                            PluginWatch&, double);
 
 }  // namespace viable

@@ -1,6 +1,6 @@
 #include "viable/plugin/PluginCall.h"
 
-#include <cfenv>
+#include <cstdio>
 
 #include "plugin/FloatingPointGuard.h"
 
@@ -52,6 +52,11 @@ void setAllocationCounter(AllocationCount count) {
     allocationCounter = count;
 }
 
+std::int64_t countAllocations() {
+    const AllocationCount count = allocationCounter.load(std::memory_order_relaxed);
+    return count ? count() : 0;
+}
+
 PluginCall::PluginCall(PluginWatch* watch, std::int64_t tick) noexcept
     : watch_(watch), tick_(tick), control_(FloatingPointGuard::readModes()) {
     if (!watch_) return;
@@ -62,8 +67,7 @@ PluginCall::PluginCall(PluginWatch* watch, std::int64_t tick) noexcept
         slot->watch.store(watch_, std::memory_order_release);
         slot->calls.fetch_add(1, std::memory_order_relaxed);
     }
-    if (const AllocationCount count = allocationCounter.load(std::memory_order_relaxed))
-        allocations_ = count();
+    allocations_ = countAllocations();
 }
 
 PluginCall::~PluginCall() {
@@ -73,18 +77,46 @@ PluginCall::~PluginCall() {
         slot->watch.store(outerWatch_, std::memory_order_release);
         slot->calls.fetch_add(1, std::memory_order_relaxed);
     }
-    const AllocationCount count = allocationCounter.load(std::memory_order_relaxed);
-    if (!count || !watch_->countsAllocations || tick_ < kWarmUpTicks || count() == allocations_) return;
+    if (tick_ < kWarmUpTicks || countAllocations() == allocations_) return;
     if (watch_->lastAllocation == tick_) return;  // in an earlier call of the same tick
     if (watch_->firstAllocation < 0) watch_->firstAllocation = tick_;
     watch_->lastAllocation = tick_;
     ++watch_->allocatingTicks;
 }
 
+std::string formatArithmeticChange(const char* change) {
+    char text[160];
+    std::snprintf(text, sizeof text, kArithmeticChange, change);
+    return text;
+}
+
 const char* PluginCall::undoArithmeticChange() noexcept {
     const char* change = FloatingPointGuard::findChange(control_);
     if (change) FloatingPointGuard::setModes(control_);
     return change;
+}
+
+void resetPlugin(Plugin& plugin, PluginKind kind, PluginWatch* watch, const MotionState& start) {
+    const std::string who = watch ? watch->title : std::string("the ") + getName(kind) + " plugin";
+    PluginCall call(watch, kBeforeFirstTick);
+    try {
+        plugin.reset(start);
+    } catch (const PluginFault& e) {
+        throw Error(ErrorKind::PluginFailed, who, e.what(), e.remedy());
+    } catch (const Error& e) {
+        if (!watch) throw;
+        throw Error(ErrorKind::PluginFailed, who, std::string("threw in reset(): ") + e.what(),
+                    kOnThrow);
+    } catch (const std::exception& e) {
+        throw Error(ErrorKind::PluginFailed, who, std::string("threw in reset(): ") + e.what(),
+                    kOnThrow);
+    } catch (...) {
+        throw Error(ErrorKind::PluginFailed, who,
+                    "threw something that is no std::exception in reset()", kOnThrow);
+    }
+    if (const char* change = call.undoArithmeticChange())
+        throw Error(ErrorKind::PluginFailed, who, formatArithmeticChange(change),
+                    kOnArithmeticChange);
 }
 
 }  // namespace viable

@@ -18,6 +18,7 @@
 #include <system_error>
 
 #include "plugin/FloatingPointGuard.h"
+#include "viable/plugin/PluginCall.h"
 
 // The build says where plugins are installed below the prefix.
 #ifndef VIABLE_INSTALL_LIBDIR
@@ -433,6 +434,8 @@ const PluginLibrary* loadTable(const fs::path& file) {
     bool hasSymbol = false;
     {
         FloatingPointGuard guard;
+        PluginWatch watch("the plugin library " + quoted(file.string()));
+        const PluginCall call(&watch, kBeforeFirstTick);  // its static objects are its first code
         handle = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
         if (handle == nullptr) {
             const char* text = dlerror();

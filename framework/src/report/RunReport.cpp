@@ -356,16 +356,16 @@ std::string getNow() {
     return text;
 }
 
-/** The names of the plugins of a kind from the libraries that the log names: .../viable_filter_tosbp.so, several with a
-colon between them. */
+/** The names of the plugins of a kind from the libraries that the log names: .../viable_filter_tosbp.so, or a JSON list. */
 std::string getPlugin(const std::map<std::string, std::string>& metadata, const char* kind,
                       const char* prefix) {
     const auto entry = metadata.find(kind);
     if (entry == metadata.end()) return "";
+    json libraries = json::parse(entry->second, nullptr, false);
+    if (!libraries.is_array()) libraries = json::array({entry->second});
     std::string names;
-    std::istringstream libraries(entry->second);
-    for (std::string library; std::getline(libraries, library, ':');) {
-        const std::string stem = fs::path(library).stem().string();
+    for (const json& library : libraries) {
+        const std::string stem = fs::path(library.is_string() ? library.get<std::string>() : "").stem().string();
         names += (names.empty() ? "" : " + ") +
                  (stem.rfind(prefix, 0) == 0 ? stem.substr(std::string(prefix).size()) : stem);
     }

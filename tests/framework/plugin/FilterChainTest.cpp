@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cfenv>
 #include <functional>
 #include <stdexcept>
 
@@ -18,7 +19,10 @@ public:
                  FilterStatus changed = FilterStatus::Modified)
         : change_(std::move(change)), promises_(promises), changed_(changed) {}
     void configure(const RunSetup&, const Parameters&) override {}
-    void reset(const MotionState&) override { ++resets; }
+    void reset(const MotionState&) override {
+        ++resets;
+        if (throwsInReset) throw std::runtime_error("no way back");
+    }
     bool promisesLimits() const override { return promises_; }
     bool recovers() const override { return recovery; }
     bool changeLimits(const JointLimits&) override {
@@ -46,7 +50,7 @@ public:
     JointVector seen;
     int resets = 0, limitChanges = 0;
     std::int64_t skipped = 0;
-    bool recovery = false, takesLimits = true;
+    bool recovery = false, takesLimits = true, throwsInReset = false;
 
 private:
     Change change_;
@@ -66,8 +70,20 @@ protected:
     Law& add(Law::Change change, bool promises = false,
              FilterStatus changed = FilterStatus::Modified) {
         auto* law = new Law(std::move(change), promises, changed);
-        chain_.add({law, [](void* p) { delete static_cast<SafetyFilter*>(p); }}, nullptr);
+        chain_.add(makePtr(law), nullptr);
         return *law;
+    }
+    static PluginPtr<SafetyFilter> makePtr(Law* law) {
+        return {law, [](void* p) { delete static_cast<SafetyFilter*>(p); }};
+    }
+    void expectFault(const std::string& text) {
+        try {
+            filter(2.0);
+            ADD_FAILURE();
+        } catch (const PluginFault& e) {
+            EXPECT_EQ(e.what(), text);
+            EXPECT_STRNE(e.remedy(), "");
+        }
     }
     FilterStatus filter(double acceleration) {
         return chain_.filter(nominal_, JointVector::Constant(1, acceleration), dynamics_,
@@ -153,16 +169,49 @@ TEST_F(Chain, AFilterThatThrowsIsTheOneToName) {
 
 TEST_F(Chain, NoNumberIsNotHandedOn) {
     add([](double) { return std::nan(""); });
-    add(pass);
-    EXPECT_EQ(filter(2.0), FilterStatus::Faulted);
+    const Law& never = add(pass);
+    expectFault("its decision has the wrong size or is not finite");
     EXPECT_EQ(chain_.answerable(), 0u);
+    EXPECT_EQ(never.seen.size(), 0);
+}
+
+TEST_F(Chain, AChangeOfArithmeticIsThatFiltersAndUndone) {
+    add([](double a) {
+        std::fesetround(FE_UPWARD);
+        return a;
+    });
+    const Law& never = add(pass, true);
+    expectFault(
+        "it changed the floating point arithmetic of the whole thread (the rounding mode; set "
+        "back)");
+    EXPECT_EQ(std::fegetround(), FE_TONEAREST);
+    EXPECT_EQ(chain_.answerable(), 0u);
+    EXPECT_EQ(never.seen.size(), 0);
 }
 
 TEST_F(Chain, EndedEndsAChainOnlyWhereNobodyPromises) {
     add(atMost(1.0), false, FilterStatus::Ended);
     EXPECT_EQ(filter(2.0), FilterStatus::Ended);
     add(pass, true);
-    EXPECT_EQ(filter(2.0), FilterStatus::Faulted);
+    expectFault("it ended the case, but a filter beside it promises all limits");
+    EXPECT_EQ(chain_.answerable(), 0u);
+}
+
+TEST_F(Chain, AThrowInResetNamesTheFilter) {
+    PluginWatch first("the first filter"), second("the second filter");
+    chain_.add(makePtr(new Law(pass)), &first);
+    auto* law = new Law(pass);
+    law->throwsInReset = true;
+    chain_.add(makePtr(law), &second);
+    try {
+        chain_.reset(nominal_);
+        ADD_FAILURE();
+    } catch (const Error& e) {
+        EXPECT_EQ(e.kind(), ErrorKind::PluginFailed);
+        EXPECT_EQ(std::string(e.what()).find("the second filter: threw in reset(): no way back. "),
+                  0u)
+            << e.what();
+    }
 }
 
 TEST_F(Chain, EverythingElseReachesAllFilters) {

@@ -31,10 +31,13 @@ template <class Interface, class Class>
 PluginPtr<Interface> makePtr(Class* plugin) {
     return {plugin, [](void* p) { delete static_cast<Interface*>(p); }};
 }
+/** A plugin of another process, told of to `watch`. */
+PluginWatch watch("the plugin");
 template <class Interface, class Class, class... Arguments>
 PluginPtr<Interface> isolate(double watchdog_s, Arguments... arguments) {
+    watch = PluginWatch("the plugin");
     return isolatePlugin<Interface>(
-        [=] { return makePtr<Interface>(new Class(arguments...)); }, watchdog_s);
+        [=] { return makePtr<Interface>(new Class(arguments...)); }, watch, watchdog_s);
 }
 
 /** Calls `action` and returns the text of the PluginFault that it throws. */
@@ -123,9 +126,12 @@ class Filter : public SafetyFilter {
 public:
     enum class What {
         Nothing, Segfault, Abort, Exit, Hang, Throw, ThrowInt, ThrowError, Rounding,
-        HugeVector, WildStatus, WildStop
+        HugeVector, WildStatus, CrashWhenDestroyed
     };
     explicit Filter(What what = What::Nothing) : what_(what) {}
+    ~Filter() override {
+        if (crashes_) std::abort();
+    }
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState&) override { ticks_ = 0; }
     bool promisesLimits() const override { return true; }
@@ -176,20 +182,23 @@ private:
             }
             case What::WildStatus:
                 return static_cast<FilterStatus>(99);
-            case What::WildStop:
+            case What::CrashWhenDestroyed:
+                crashes_ = true;
                 break;
         }
         return FilterStatus::Passed;
     }
     What what_;
     std::int64_t ticks_ = 0;
+    bool crashes_ = false;
 };
 using What = Filter::What;
 
 class IsolatedFilterTest : public ::testing::Test {
 protected:
     void make(What what) {
-        plugin_ = isolate<SafetyFilter, Filter>(kPatience_s, what);
+        plugin_.reset();  // its watch is used again
+        plugin_ = isolate<SafetyFilter, Filter>(what == What::Hang ? kPatience_s : 30.0, what);
         plugin_->reset(state(0.0));
         for (int i = 0; i < 2; ++i) ASSERT_EQ(tick(), FilterStatus::Returning);
     }
@@ -265,10 +274,23 @@ TEST_F(IsolatedFilterTest, WhatItThrowsIsThrownHereAndItLivesOn) {
 
 TEST_F(IsolatedFilterTest, AChangeOfArithmeticIsToldAndUndoneThere) {
     make(What::Rounding);
-    EXPECT_EQ(viable::faultOf([&] { tick(); }),
-              "it changed the floating point arithmetic of the whole thread (the rounding mode; "
-              "set back)");
-    EXPECT_EQ(std::fegetround(), FE_TONEAREST);
+    for (int i = 0; i < 2; ++i)  // had it not been set back, the second time would change nothing
+        EXPECT_EQ(viable::faultOf([&] { tick(); }),
+                  "it changed the floating point arithmetic of the whole thread (the rounding "
+                  "mode; set back)");
+}
+
+TEST_F(IsolatedFilterTest, ACrashInItsDestructorIsItsLastWord) {
+    make(What::CrashWhenDestroyed);
+    EXPECT_EQ(tick(), FilterStatus::Passed);
+    EXPECT_EQ(watch.lastWords, "");
+    plugin_.reset();
+    EXPECT_EQ(watch.lastWords, "its process died: signal 6 (Aborted)");
+}
+
+TEST_F(IsolatedFilterTest, ADeathIsSeenWhereTheLauncherIgnoredSigchld) {
+    signal(SIGCHLD, SIG_IGN);
+    EXPECT_EQ(faultOf(What::Segfault), "its process died: signal 11 (Segmentation fault)");
 }
 
 TEST_F(IsolatedFilterTest, ADamagedAnswerIsAFault) {
@@ -304,10 +326,12 @@ TEST_F(IsolatedFilterTest, NoProcessIsLeftBehind) {
 
 TEST(IsolatedPlugin, WhatFailsWhileItIsMadeIsThrownHere) {
     const auto failing = [](const std::function<void()>& fail) {
-        return isolatePlugin<SafetyFilter>([&]() -> PluginPtr<SafetyFilter> {
-            fail();
-            return {nullptr, nullptr};
-        });
+        return isolatePlugin<SafetyFilter>(
+            [&]() -> PluginPtr<SafetyFilter> {
+                fail();
+                return {nullptr, nullptr};
+            },
+            watch);
     };
     try {
         failing([] { throw Error(ErrorKind::PluginFailed, "x.so", "could not"); });

@@ -41,6 +41,8 @@ struct RunOptions {
     /** Becomes non-zero when the user wants the run to end: the arm is braked, the log finished.
      * May be null. */
     const std::atomic<int>* stopRequest = nullptr;
+    /** Not null: each plugin in a process of its own; the program must have one thread then. */
+    const Isolation* isolation = nullptr;
     /** Called now and then with the share done (0..1), from the running thread, between ticks. May
      * be empty. */
     std::function<void(double)> progress;
@@ -76,8 +78,6 @@ struct CaseResult {
 /** Runs a case to its end, or to the end of the stop that a failure or a request caused. Throws
 Error only before the first tick (configuration, log file). */
 CaseResult runCase(const CasePlan& plan, const RunOptions& options);
-CaseResult runCase(const CasePlan& plan, std::unique_ptr<ConfiguredCase> configured,
-                   const RunOptions& options);
 
 /** One line per case: worst use of each limit, ticks outside, empty ticks, tracking error, time per
  * tick. */

@@ -22,6 +22,9 @@ struct LoopPlugins {
     std::array<PluginWatch*, kPluginKindCount> watches{};
 };
 
+/** Destroys them one by one, each under its watch. */
+void destroyPlugins(LoopPlugins& plugins) noexcept;
+
 /** Why the arm was braked to a stop before the end of the run. */
 enum class StopReason : unsigned char {
     None,
@@ -130,6 +133,7 @@ private:
     StopVerdict verdict_ = StopVerdict::Safe;
     JointLimits limits_;
 
+    bool promises_ = false;  // the filter's word
     bool hasTorque_ = false;
     int missingCommands_ = 0;
     int missingTorques_ = 0;

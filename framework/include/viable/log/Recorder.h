@@ -38,7 +38,8 @@ public:
     LogStatus finish();
 
     /** For a signal handler of a program that is about to die: all recorders write what was handed over and finish their
-    logs. Returns when they have, or after `patience_s`: true when all logs are whole. No recorder takes rows afterwards. */
+    logs. Returns when they have, or after `patience_s`: true when all logs are whole. What is handed
+    over after that is lost. */
     static bool rescueAll(double patience_s) noexcept;
 
 private:

@@ -14,9 +14,14 @@ those behind the promising one only what they changed (Modified and the like): a
 the promised decision stays as it is, to the last bit. A filter whose decision a later one changed finds an arm that
 moved otherwise than it decided, which every filter must bear.
 Status: that of the decision that stands; Modified where that one passed what an earlier filter had changed.
-Real time and thread: as its filters. */
+Real time and thread: as its filters. Where one of them fails, a PluginFault is thrown: the host contains it. */
 class FilterChain : public SafetyFilter {
 public:
+    FilterChain() = default;
+    ~FilterChain() override;
+    FilterChain(const FilterChain&) = delete;
+    FilterChain& operator=(const FilterChain&) = delete;
+
     /** Appends a configured filter. @param watch  may be null; must outlive the chain */
     void add(PluginPtr<SafetyFilter> filter, PluginWatch* watch);
 
@@ -41,7 +46,9 @@ private:
         PluginPtr<SafetyFilter> filter;
         PluginWatch* watch;
     };
-    PluginCall mark(std::size_t index) { return {links_[index].watch, tick_}; }
+    /** Calls one filter under its watch. Throws PluginFault for what must not be handed on to the next. */
+    template <class Work>
+    auto callLink(std::size_t index, const Work& work);
 
     std::vector<Link> links_;
     int promising_ = -1;

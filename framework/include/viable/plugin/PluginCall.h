@@ -3,28 +3,46 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "viable/plugin/PluginLoader.h"
 
 namespace viable {
 
+/** What the host found out about a plugin, as the end of a sentence about it: its process crashed, ended itself, or was
+ended because it hung; it changed the thread's arithmetic; it handed on what is no decision. */
+class PluginFault : public std::runtime_error {
+public:
+    /** @param remedy  a literal: what the plugin's author can do */
+    PluginFault(const std::string& what, const char* remedy)
+        : std::runtime_error(what), remedy_(remedy) {}
+    const char* remedy() const { return remedy_; }
+
+private:
+    const char* remedy_;
+};
+
 /** One plugin of a run, as the host watches it. Must outlive the calls. */
 struct PluginWatch {
     explicit PluginWatch(const PluginInfo& plugin);
+    explicit PluginWatch(std::string whose) : title(std::move(whose)) {}
 
-    bool countsAllocations = true;
     std::string title;  ///< "the filter plugin 'tosbp' (/path/viable_filter_tosbp.so)"
     /** Ticks in which it took memory from the heap, after kWarmUpTicks; see setAllocationCounter. */
     std::int64_t allocatingTicks = 0;
     std::int64_t firstAllocation = -1, lastAllocation = -1;
+    std::string lastWords;  ///< how it failed while it was destroyed, as the end of a sentence
 };
 
 /** Ticks at the beginning in which memory may still be taken: libraries fill their caches in them. */
 inline constexpr std::int64_t kWarmUpTicks = 10;
 
-/** The tick of calls before the first one: made, configured, reset. */
+/** The tick of calls before the first one: loaded, made, configured, reset. */
 inline constexpr std::int64_t kBeforeFirstTick = -1;
+/** The tick of the call that destroys it. */
+inline constexpr std::int64_t kAfterLastTick = -2;
 
 /** What a thread does inside a plugin, readable by a signal handler and by other threads. */
 struct CallSlot {
@@ -44,10 +62,21 @@ const CallSlot* ownCallSlot();
 /** Where the program counts this thread's heap allocations: returns how many there were so far. Null: not counted. */
 using AllocationCount = std::int64_t (*)();
 void setAllocationCounter(AllocationCount count);
+/** What the counter says; 0 without one. */
+std::int64_t countAllocations();
 
 /** What to say of a change of arithmetic: a format for printf, its one %s from PluginCall::undoArithmeticChange(). */
 inline constexpr char kArithmeticChange[] =
     "it changed the floating point arithmetic of the whole thread (%s; set back)";
+std::string formatArithmeticChange(const char* change);
+
+// What the author of a plugin can do.
+inline constexpr char kOnThrow[] =
+    "reset() and the tick functions must not throw: catch it in the plugin and return a status "
+    "that says that there is "
+    "no result.";
+inline constexpr char kOnDecision[] =
+    "Fill the decision with holdJerk() or holdAcceleration(), which keep its parts together.";
 inline constexpr char kOnArithmeticChange[] =
     "Set the modes back before the function returns, and compile without -ffast-math.";
 
@@ -76,5 +105,9 @@ private:
     std::int64_t allocations_ = 0;
     std::uint64_t control_;
 };
+
+/** Calls reset(); whatever it throws, and a changed arithmetic, becomes an Error (PluginFailed) that names the plugin.
+@param watch  null: only its kind is named, and an Error that names it already passes */
+void resetPlugin(Plugin& plugin, PluginKind kind, PluginWatch* watch, const MotionState& start);
 
 }  // namespace viable
