@@ -1,4 +1,5 @@
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <sstream>
@@ -49,6 +50,17 @@ int main(int argc, char** argv) {
     viable::addRecoverCommand(app, exitCode);
     viable::addReportCommand(app, exitCode);
     viable::addNewCommand(app, exitCode);
+    if (argc > 1 && argv[1][0] != '-') {
+        std::vector<std::string> names;
+        for (const CLI::App* command : app.get_subcommands({})) names.push_back(command->get_name());
+        if (std::find(names.begin(), names.end(), argv[1]) == names.end()) {
+            const std::string closest = viable::findClosestName(argv[1], names);
+            std::fprintf(stderr, "viable: there is no command `%s`%s. `viable --help` shows them.\n",
+                         argv[1],
+                         closest.empty() ? "" : (", did you mean `" + closest + "`?").c_str());
+            return static_cast<int>(viable::ErrorKind::BadInput);
+        }
+    }
     viable::installCrashHandler({});  // before the first library is loaded
     try {
         app.parse(argc, argv);

@@ -69,11 +69,16 @@ void sayWho(const PluginWatch& watch, const char* what, std::int64_t tick) {
 
 [[noreturn]] void endAfterPlugin() {
     const bool whole = Recorder::rescueAll(kRescue_s);
-    if (*runFolder) {
-        say(whole ? "The logs in " : "Not every log could be finished in ");
+    if (*runFolder && whole) {
+        say("The logs in ");
         say(runFolder);
-        say(whole ? " end there and are whole: `viable report DIR` shows them. "
-                  : "; `viable recover LOG` saves them. ");
+        say(" end there and are whole; there is no summary. `viable report ");
+        say(runFolder);
+        say("` shows them. ");
+    } else if (*runFolder) {
+        say("Not every log in ");
+        say(runFolder);
+        say(" could be finished; `viable recover LOG` saves them. ");
     }
     say("With `viable run --isolate` such a plugin runs in a process of its own: the arm is "
         "braked, and the run gives "

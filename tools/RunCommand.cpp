@@ -285,6 +285,7 @@ int run(const RunArguments& arguments) {
         // 3 (promise) before 4 (plugin) before 5 (log): the smallest number is the gravest.
         const int own = results[i].exitCode();
         if (own != 0 && (code == 0 || own < code)) code = own;
+        std::fflush(stdout);  // both may go to one pipe
         if (own != 0 && !results[i].stopMessage.empty())
             std::fprintf(stderr, "viable: case %s %s\n%s%s", results[i].name.c_str(),
                          results[i].stopMessage.c_str(), results[i].stopRemedy.c_str(),

@@ -55,7 +55,10 @@ constexpr const char* kKeywords[] = {"alignas",       "alignof",     "and",
                                      "xor",           "xor_eq"};
 
 /** Names whose class, CMake project or test would meet one that is there already. */
-constexpr const char* kTaken[] = {"plugin_bench", "set_up", "setup", "tear_down", "test", "viable"};
+constexpr const char* kTaken[] = {"certified", "eigen", "false", "no",        "null", "off",
+                                  "on",        "plugin_bench", "set_up", "setup", "simbody_plant",
+                                  "std",       "tear_down", "test",   "testing", "true", "viable",
+                                  "yes"};
 
 template <std::size_t n>
 bool isAmong(const std::string& name, const char* const (&names)[n]) {

@@ -10,6 +10,9 @@ fail() { echo "package: $*" >&2; exit 1; }
 cpack -G DEB --config "$build/CPackConfig.cmake" -B "$work" >"$work/cpack.log" 2>&1 || { cat "$work/cpack.log" >&2; exit 1; }
 deb=$(echo "$work"/viable_*_"$(dpkg --print-architecture)".deb)
 [ -f "$deb" ] || fail "no package came out: $(ls "$work")"
+if command -v lintian >/dev/null; then
+  lintian --fail-on error,warning "$deb" || fail "lintian has complaints (above)"
+fi
 field() { dpkg-deb -f "$deb" "$1"; }
 for library in libc6 libstdc++6 libsimbody3.7 libyaml-cpp0.7 libzstd1 zlib1g; do
   [[ "$(field Depends)" == *"$library"* ]] || fail "Depends lacks $library: $(field Depends)"

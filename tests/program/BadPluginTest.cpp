@@ -112,15 +112,15 @@ INSTANTIATE_TEST_SUITE_P(
                 "failed: it threw: the filter lost its temper\nreset() and the tick functions must not throw",
                 "it threw: the filter lost its temper\nreset() and the tick functions must not throw"},
         Fixture{"nan_output",
-                "failed: its decision has the wrong size or is not finite\nFill the decision with "
-                "holdJerk()",
-                "its decision has the wrong size or is not finite\nFill the decision with "
-                "holdJerk()"},
+                "failed: its decision has the wrong size or is not finite\nReturn one finite "
+                "number per joint",
+                "its decision has the wrong size or is not finite\nReturn one finite "
+                "number per joint"},
         Fixture{"wrong_size",
-                "failed: its decision has the wrong size or is not finite\nFill the decision with "
-                "holdJerk()",
-                "its decision has the wrong size or is not finite\nFill the decision with "
-                "holdJerk()"}),
+                "failed: its decision has the wrong size or is not finite\nReturn one finite "
+                "number per joint",
+                "its decision has the wrong size or is not finite\nReturn one finite "
+                "number per joint"}),
     [](const auto& fixture) { return std::string(fixture.param.plugin); });
 
 TEST(Fault49, APluginThatTakesMemoryInItsTickIsToldOf) {

@@ -77,9 +77,9 @@ const char* findFault(const FilterDecision& d, const MotionState& nominal, const
 }
 
 // What the author of a plugin can do about its failures.
-constexpr char kOnValues[] =
-    "Return one finite number per joint, or a status that says that there is none.";
-constexpr char kOnGivingUp[] = "It gives up by itself; its README says when it does.";
+constexpr char kOnDecision[] =
+    "Fill the decision with holdJerk() or holdAcceleration(), which keep its parts together.";
+constexpr char kOnGivingUp[] = "It says so itself: its README tells when it does; if it is yours, look at its checks.";
 constexpr char kOnPromise[] =
     "The decision was not applied. Mend the filter, or let promisesLimits() return false.";
 constexpr char kOnLimits[] =
@@ -330,7 +330,11 @@ bool ControlLoop::takeDecision() {
                             : findFault(decision_, nominal_, dynamics_, setup_.tick_s, n_);
     const bool gaveUp = status_ == FilterStatus::Faulted || status_ == FilterStatus::Ended ||
                         status_ == FilterStatus::InvalidInput;
-    if (fault) beginStop(StopReason::FilterFailed, fault, gaveUp ? kOnGivingUp : kOnDecision);
+    if (fault)
+        beginStop(StopReason::FilterFailed, fault,
+                  gaveUp                          ? kOnGivingUp
+                  : isFinite(decision_.torque, n_) ? kOnDecision
+                                                  : kOnValues);
     return !fault && passMonitor();
 }
 

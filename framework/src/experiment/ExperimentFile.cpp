@@ -236,7 +236,9 @@ private:
         if (block.kind != ConfigNode::Kind::Map || !block.find("plugin"))
             throw badInput(
                 block.place(), "the block must name a plugin",
-                "Write `{plugin: NAME, ...parameters}`; `viable plugins` lists the names.");
+                "Write `{plugin: " +
+                    (block.kind == ConfigNode::Kind::Scalar ? block.text : std::string("NAME")) +
+                    ", ...parameters}`; `viable plugins` lists the names.");
         const ConfigNode& name = *block.find("plugin");
         const PluginInfo info = loader_.find(kind, toText(name), name.place(),
                                              std::filesystem::path(name.file).parent_path());

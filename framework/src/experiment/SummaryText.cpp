@@ -256,14 +256,29 @@ than 1 joint-second of that). filter: median time of a tick.
 )";
 }
 
+/** The joint whose real position used most of its limit; -1: there is no real arm, or no limit. */
+int findWorstRealJoint(const Summary& s) {
+    if (!s.hasRealPlant() || !hasLimit(s, LimitKind::Position)) return -1;
+    int worst = 0;
+    for (int i = 1; i < static_cast<int>(s.jointNames().size()); ++i)
+        if (s.realPosition(i).worstUse > s.realPosition(worst).worstUse) worst = i;
+    return worst;
+}
+
 std::string formatVerdict(const CaseResult& r) {
     std::string text;
     if (r.stopReason == StopReason::PromiseBroken)
         text = "promise broken, the arm was stopped; ";
     else if (r.stopReason != StopReason::None)
         text = "stopped early; ";
-    return text + formatVerdict(r.summary) + " (nominal arm; the filter promises " +
-           (r.promises ? "all" : "none") + ")";
+    text += formatVerdict(r.summary) + " (nominal arm; the filter promises " +
+            (r.promises ? "all" : "none") + ")";
+    const int worst = findWorstRealJoint(r.summary);
+    if (worst >= 0 && r.summary.realPosition(worst).worstUse > 1.0)
+        text += "; the real arm passed position limits (worst use " +
+                formatPercent(r.summary.realPosition(worst).worstUse) + " %, " +
+                r.summary.jointNames()[static_cast<std::size_t>(worst)] + ")";
+    return text;
 }
 
 std::string formatDetails(const CaseResult& r) {
@@ -284,11 +299,9 @@ std::string formatDetails(const CaseResult& r) {
         text += "  real-nominal  RMS / max per joint [mrad]";
         for (int i = 0; i < static_cast<int>(s.jointNames().size()); ++i)
             text += "  " + formatMrad(s.trackingRms(i)) + " / " + formatMrad(s.trackingMax(i));
-        int worst = 0;
-        for (int i = 1; i < static_cast<int>(s.jointNames().size()); ++i)
-            if (s.realPosition(i).worstUse > s.realPosition(worst).worstUse) worst = i;
+        const int worst = findWorstRealJoint(s);
         text += "\n  real arm      position: ";
-        text += hasLimit(s, LimitKind::Position)
+        text += worst >= 0
                     ? "worst use " + formatPercent(s.realPosition(worst).worstUse) + " % (" +
                           s.jointNames()[worst] + ")\n"
                     : "no limit\n";

@@ -72,7 +72,7 @@ FilterStatus FilterChain::filter(const MotionState& nominal, const JointVector& 
                               "Choose its parameters so that it goes on where it has no choice.");
         }
         if (!isFinite(candidate_.torque, n))
-            throw PluginFault("its decision has the wrong size or is not finite", kOnDecision);
+            throw PluginFault("its decision has the wrong size or is not finite", kOnValues);
         const bool passed = own == FilterStatus::Passed;
         if (passed && promising_ >= 0 && static_cast<int>(i) > promising_) continue;
         if (passed && i > 0)

@@ -423,9 +423,28 @@ ArithmeticOffenders& updOffenders() {
     return offenders;
 }
 
+/** Refuses a library that needs a sanitizer's runtime which this program has not: that runtime would end the program
+before the stamp could be read. */
+void checkSanitizer(const fs::path& file) {
+    struct Runtime {
+        std::uint32_t bit;
+        const char *symbol, *name;
+    };
+    constexpr Runtime kRuntimes[] = {{1u, "__asan_init", "AddressSanitizer"},
+                                     {2u, "__tsan_init", "ThreadSanitizer"}};
+    std::ifstream stream(file, std::ios::binary);
+    const std::string bytes{std::istreambuf_iterator<char>(stream), {}};
+    for (const Runtime& runtime : kRuntimes)
+        if (!(makeAbiStamp().sanitizer & runtime.bit) &&
+            bytes.find(std::string(runtime.symbol) + '\0') != std::string::npos)
+            throw Refusal{std::string("it is built with ") + runtime.name + ", this viable is not",
+                          "Build it without -fsanitize, or build viable with it, too"};
+}
+
 /** Loads the file (canonical path) and returns its checked table; throws Refusal. */
 const PluginLibrary* loadTable(const fs::path& file) {
     checkElf(file);
+    checkSanitizer(file);
 
     std::string change = updOffenders().find(file);
     std::string failure;
@@ -568,12 +587,14 @@ Error makeMiss(PluginKind kind, const std::string& request, const std::string& w
     const std::string closest = findClosestName(request, available);
     if (!closest.empty()) what += "; did you mean " + quoted(closest) + "?";
     if (!elsewhere.empty()) what += " (there is a " + elsewhere.front() + " of that name)";
-    what += available.empty() ? " No " + word + " plugin was found at all"
-                              : " Available: " + join(available, ", ");
+    what += closest.empty() || !elsewhere.empty() ? ". " : " ";
+    what += available.empty() ? "No " + word + " plugin was found at all"
+                              : "Available: " + join(available, ", ");
     what += ". Tried: " + (tried.empty() ? "no folder" : join(tried, ", "));
     return badInput(where, what,
-                    "Correct the name, give the path of a library, or add its folder to "
-                    "VIABLE_PLUGIN_PATH");
+                    std::string("Correct the name, give the path of a library, or add its folder "
+                                "to VIABLE_PLUGIN_PATH") +
+                        (std::getenv("VIABLE_PLUGIN_PATH") ? "" : ", which is not set here"));
 }
 
 }  // namespace

@@ -355,6 +355,8 @@ fs::path findRobot(const std::string& name, const std::vector<fs::path>& searchP
     for (const fs::path& folder : listRobots(searchPath))
         known.push_back(folder.filename().string());
     std::string remedy;
+    if (!isPath && fs::is_directory(name, failed))
+        remedy += "There is a folder of that name here: write `./" + name + "`. ";
     const std::string closest = findClosestName(fs::path(name).filename().string(), known);
     if (!closest.empty()) remedy += "Did you mean `" + closest + "`? ";
     remedy += known.empty() ? "No robot was found" : "There are " + joinNames(known);

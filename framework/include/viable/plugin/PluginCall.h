@@ -75,8 +75,9 @@ inline constexpr char kOnThrow[] =
     "reset() and the tick functions must not throw: catch it in the plugin and return a status "
     "that says that there is "
     "no result.";
-inline constexpr char kOnDecision[] =
-    "Fill the decision with holdJerk() or holdAcceleration(), which keep its parts together.";
+inline constexpr char kOnValues[] =
+    "Return one finite number per joint (look for a division by zero or a root of a negative "
+    "number), or a status that says that there is none.";
 inline constexpr char kOnArithmeticChange[] =
     "Set the modes back before the function returns, and compile without -ffast-math.";
 
