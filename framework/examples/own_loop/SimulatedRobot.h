@@ -7,14 +7,15 @@
 
 #include "viable/robot/RobotModel.h"
 
-/** YOURS GOES HERE: the driver of your robot, with the same three functions. This one simulates an arm with the
-description's friction and 1 kg at the tool that the guard knows nothing of, and sleeps like a real loop. */
+/** YOURS GOES HERE: the driver of your robot, with the same five functions. This one simulates an arm
+with the description's friction and a payload that the guard knows nothing of, and sleeps like a
+real loop. */
 class SimulatedRobot {
 public:
     /** @param isSimulatedTime  no sleeping; every thousandth tick comes five ticks late */
     SimulatedRobot(const viable::RobotDescription& robot, double tick_s, bool isSimulatedTime)
         : friction_(robot.actuation.friction),
-          model_(viable::withPayload(robot, 1.0, Eigen::Vector3d::Zero())),
+          model_(viable::withPayload(robot, calcPayload(robot), Eigen::Vector3d::Zero())),
           tick_s_(tick_s),
           isSimulatedTime_(isSimulatedTime),
           state_{robot.home, viable::JointVector::Zero(robot.size())} {
@@ -36,7 +37,20 @@ public:
     /** Sets the motor torques [Nm], which hold until the next call. */
     void drive(const viable::JointVector& torque) { torque_ = torque; }
 
+    /** Tells the brakes to close, which takes them a tenth of a second: the motors go on until then. */
+    void engageBrakes() { isBraking_ = true; }
+
+    /** The brakes are closed, and the motors may be switched off. */
+    bool brakesHold() const { return braked_s_ >= 0.1; }
+
 private:
+    /** [kg] A twentieth of the arm: 1 kg or so for arms of a man's size. */
+    static double calcPayload(const viable::RobotDescription& robot) {
+        double mass = 0.0;
+        for (const auto& joint : robot.joints) mass += joint.body.mass;
+        return 0.05 * mass;
+    }
+
     std::int64_t sleep() {
         const auto toNanoseconds = [](const timespec& t) {
             return static_cast<std::int64_t>(t.tv_sec) * 1'000'000'000 + t.tv_nsec;
@@ -58,6 +72,11 @@ private:
     }
 
     void move() {
+        if (isBraking_) braked_s_ += tick_s_;
+        if (brakesHold()) {
+            state_.qd.setZero();
+            return;
+        }
         constexpr int kSteps = 4;
         const double dt = tick_s_ / kSteps;
         for (int step = 0; step < kSteps; ++step) {
@@ -85,4 +104,6 @@ private:
     viable::Dynamics dynamics_;
     timespec next_{};
     std::int64_t ticks_ = 0;
+    bool isBraking_ = false;
+    double braked_s_ = 0.0;  // since engageBrakes()
 };

@@ -14,17 +14,18 @@ bool print(const Summary& summary, const TorqueGuard& guard, long long missed) {
          {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk}) {
         const int joint = summary.worstJoint(kind);
         const LimitRecord& worst = summary.limit(kind)[static_cast<std::size_t>(joint)];
-        std::printf("%-13s worst use %6.2f %% (joint %d), outside in %lld joint-ticks\n",
-                    getName(kind, LimitSide::Neither), 100.0 * worst.worstUse, joint,
+        std::printf("%-13s worst use %6.2f %% (%s), outside in %lld joint-ticks\n",
+                    getName(kind, LimitSide::Neither), 100.0 * worst.worstUse,
+                    summary.jointNames()[static_cast<std::size_t>(joint)].c_str(),
                     static_cast<long long>(summary.ticksOutside(kind)));
     }
     std::printf("real arm      at most %.1f mrad from the nominal one\n",
                 1000.0 * summary.trackingMax());
     std::printf("ticks         %lld, and %lld missed\n", static_cast<long long>(summary.ticks()),
                 missed);
-    if (guard.stopReason() != GuardStop::None)
+    if (guard.stopReason() != GuardStop::Requested)
         std::printf("stopped       %s\n", guard.stopMessage());
-    return !summary.anyLimitBroken() && guard.stopReason() == GuardStop::None;
+    return !summary.anyLimitBroken() && guard.stopReason() == GuardStop::Requested;
 }
 
 int main(int argc, char** argv) try {
@@ -34,6 +35,10 @@ int main(int argc, char** argv) try {
     }
     const RobotDescription robot = loadRobot(argv[1]);
     const double duration_s = std::atof(argv[2]);
+    if (!(duration_s > 0.0)) {
+        std::fprintf(stderr, "own_loop: SECONDS is `%s`, not a number above 0\n", argv[2]);
+        return 2;
+    }
     const bool isSimulatedTime = argc > 3 && std::strcmp(argv[3], "simulated_time") == 0;
 
     // [the loop]
@@ -44,9 +49,10 @@ int main(int argc, char** argv) try {
     guard.start(arm.read());
 
     long long missed = 0;
-    for (double t = 0.0; t < duration_s; t += tick_s) {
+    for (double t = 0.0; !arm.brakesHold(); t += tick_s) {
         const long long late = arm.waitForTick();  // ticks that the clock says have passed unseen
         guard.missTicks(late);
+        if (t >= duration_s) guard.requestStop();
 
         // A target far beyond the position limits, on the other side every 2 s.
         const double side = static_cast<int>(t / 2.0) % 2 == 0 ? 5.0 : -5.0;
@@ -59,7 +65,9 @@ int main(int argc, char** argv) try {
         };
         const GuardedTorque& motors = guard.step(arm.read(), law);  // throws and allocates nothing
         arm.drive(motors.torque);
-        if (motors.status == GuardStatus::Stopped || motors.status == GuardStatus::Failed) break;
+        const bool hasFailed = motors.status == GuardStatus::Failed;  // the torque is zero
+        if (hasFailed || motors.status == GuardStatus::Stopped) arm.engageBrakes();
+        if (hasFailed) break;  // else the motors hold the arm until the brakes do
 
         summary.add(guard.record());
         t += tick_s * static_cast<double>(late);

@@ -27,6 +27,9 @@ constexpr double kCounts = 2.0;
 /** A start faster than this is no arm's; the limits' own window is the same. [rad/s] */
 constexpr double kLargestStartSpeed = kLargestLimit;
 
+/** Below this speed a joint is as good as at rest, and dry friction holds it [rad/s, m/s]. */
+constexpr double kStandstill = 0.02;
+
 /** The sampled velocity loop of NRIC swings up from K_r dt = 2 x inertia on. */
 constexpr double kUnstable = 2.0;
 
@@ -77,6 +80,10 @@ void checkRobot(const RobotDescription& robot) {
     check("rotorInertia", robot.actuation.rotorInertia, 0.0, false);
     check("torqueLimit", robot.actuation.torqueLimit, std::numeric_limits<double>::min(), true);
     check("encoderCounts", robot.actuation.encoderCounts, 0.0, false);
+    check("friction.coulomb", robot.actuation.friction.coulomb, 0.0, false);
+    check("friction.viscous", robot.actuation.friction.viscous, 0.0, false);
+    check("friction.viscousVelocity", robot.actuation.friction.viscousVelocity,
+          std::numeric_limits<double>::min(), true);
 }
 
 void checkTick(double tick_s) {
@@ -152,17 +159,12 @@ void checkRobustGains(const NricOptions& gains, const JointMatrix& M, double tic
                        " or less, or give its rotor's inertia in RobotDescription::actuation.");
 }
 
-/** The robust loop that is none. */
-class NoRobustLoop : public RobustLoop {
-public:
-    void configure(const RunSetup&, const Parameters&) override {}
-    void reset(const MotionState&) override {}
-    TickStatus compute(const JointState&, const MotionState&, const JointVector& filterTorque,
-                       JointVector& torque) override {
-        torque.setZero(filterTorque.size());
-        return TickStatus::Ok;
-    }
-};
+/** What friction takes from a joint at speed `qd` by the robot's description [Nm]. */
+double calcFriction(const JointFriction& friction, int joint, double qd) {
+    const double speed = std::abs(qd);
+    return friction.coulomb[joint] * std::tanh(speed / kStandstill) -
+           friction.viscous[joint] * std::expm1(-speed / friction.viscousVelocity[joint]);
+}
 
 /** What gives no command: the law knows by itself what it wants. */
 class Silence : public CommandSource {
@@ -246,7 +248,7 @@ public:
 
     /** The reading of this tick, or what stands for it. */
     ReadingFault take(const JointState& reading, const MotionState& nominal) {
-        wasDriven_ = false;
+        wasDriven_ = hasReading_ = false;
         const ReadingFault fault = judge(reading, nominal);
         if (fault != ReadingFault::None || !isTrusted_) {
             // A jump is no news of where the joint is; without any reading it may move on.
@@ -254,6 +256,7 @@ public:
             standIn(nominal);
             return fault;
         }
+        hasReading_ = true;
         state_ = actual_ = reading;
         deviation_ = reading.q - nominal.q;
         for (int i = 0; i < n_; ++i)  // a joint far away is not to be pulled back all the harder
@@ -265,8 +268,11 @@ public:
     /** A tick without a reading. */
     void miss(const MotionState& nominal) {
         ++elapsed_;
+        hasReading_ = false;
         standIn(nominal);
     }
+    /** measured() is a reading of this tick, and nothing that stands for one. */
+    bool hasReading() const { return hasReading_; }
     /** From here on no reading is used. */
     void distrust() { isTrusted_ = false; }
 
@@ -299,7 +305,7 @@ private:
         }
         return ReadingFault::None;
     }
-    /** The last deviation goes on, so that the robust loop carries what it has been carrying. */
+    /** The last deviation goes on: nothing is known of a change. */
     void standIn(const MotionState& nominal) {
         state_.q = nominal.q + deviation_.cwiseMax(-largestDeviation_).cwiseMin(largestDeviation_);
         state_.qd = nominal.qd;
@@ -313,7 +319,58 @@ private:
     JointVector deviation_;  // of the last good reading from the nominal arm [rad]
     JointVector motors_;
     std::int64_t elapsed_ = 1;  // ticks since that reading
-    bool isTrusted_ = true, wasDriven_ = false;
+    bool isTrusted_ = true, wasDriven_ = false, hasReading_ = false;
+};
+
+/** Makes the real arm follow the nominal one: by Nric where there is a reading, else by what it last gave. */
+class TorqueGuard::Follower : public RobustLoop {
+public:
+    /** @param nric  configured; null: no torque at all */
+    Follower(const Arm& arm, const JointFriction& friction, Nric* nric)
+        : arm_(arm), friction_(friction), nric_(nric) {}
+
+    void configure(const RunSetup&, const Parameters&) override {}
+    void reset(const MotionState& start) override {
+        if (nric_) nric_->reset(start);
+        last_.setZero(start.q.size());
+        lastSpeed_.setZero(start.q.size());
+    }
+    TickStatus compute(const JointState& real, const MotionState& nominal,
+                       const JointVector& filterTorque, JointVector& torque) override {
+        if (!nric_ || !arm_.hasReading()) {
+            hold(nominal, torque);
+            return TickStatus::Ok;
+        }
+        const TickStatus status = nric_->compute(real, nominal, filterTorque, torque);
+        if (status == TickStatus::Ok) {
+            last_ = torque;
+            lastSpeed_ = nominal.qd;
+        }
+        return status;
+    }
+    void holdIntegral() {
+        if (nric_) nric_->holdIntegral();
+    }
+
+private:
+    /** The last torque, less what friction no longer takes now that the nominal joint is slower; never
+    more than that torque, nor to the other side of zero. Arm keeps the sum within the motors' limits. */
+    void hold(const MotionState& nominal, JointVector& torque) const {
+        torque = last_;
+        for (Eigen::Index i = 0; i < torque.size(); ++i) {
+            const int joint = static_cast<int>(i);
+            const double side = lastSpeed_[i] < 0.0 ? -1.0 : 1.0;
+            const double less = calcFriction(friction_, joint, lastSpeed_[i]) -
+                                calcFriction(friction_, joint, std::max(0.0, side * nominal.qd[i]));
+            torque[i] -= side * std::clamp(less, 0.0, std::max(0.0, side * last_[i]));
+        }
+    }
+
+    const Arm& arm_;
+    const JointFriction& friction_;
+    Nric* nric_;
+    JointVector last_;       // from the last reading
+    JointVector lastSpeed_;  // of the nominal arm then
 };
 
 struct TorqueGuard::Inside {
@@ -323,15 +380,19 @@ struct TorqueGuard::Inside {
         checkPositive(options.largestDeviation, "largestDeviation", robot);
         if (options.largestSpeed) checkPositive(*options.largestSpeed, "largestSpeed", robot);
         filter.configure(setup, options.filter);
-        if (options.robustLoop) robust.configure(setup, *options.robustLoop);
+        if (options.hasRobustLoop) {
+            if (!options.robustGains) options.robustGains = scaleNric(robot, setup.limits, tick_s);
+            nric.configure(setup, *options.robustGains);
+        } else {
+            options.robustGains.reset();
+        }
         const JointVector unlimited = JointVector::Constant(robot.size(), kInfinity);
         arm.begin(robot, tick_s, unlimited, unlimited);
         LoopPlugins plugins;
         plugins.command = lend<CommandSource>(silence);
         plugins.controller = lend<NominalController>(law);
         plugins.filter = lend<SafetyFilter>(filter);
-        plugins.robustLoop =
-            options.robustLoop ? lend<RobustLoop>(robust) : lend<RobustLoop>(noRobust);
+        plugins.robustLoop = lend<RobustLoop>(follower);
         plugins.realPlant = lend<RealPlant>(arm);
         loop.emplace(setup, std::move(plugins));
         output.torque.setZero(robot.size());
@@ -355,9 +416,9 @@ struct TorqueGuard::Inside {
     Silence silence;
     LawController law;
     CertifiedBrakingFilter filter;
-    Nric robust;
-    NoRobustLoop noRobust;
+    Nric nric;
     Arm arm;
+    Follower follower{arm, robot.actuation.friction, options.hasRobustLoop ? &nric : nullptr};
     std::optional<ControlLoop> loop;  // last: it uses all of the above
     TickRecord record;
     GuardedTorque output;
@@ -393,7 +454,8 @@ void TorqueGuard::Inside::start(const JointState& measured) {
                        "Give every link that moves a mass and an inertia, in its URDF or in "
                        "RobotDescription::joints.");
     setup.startTool = dynamics.tool;
-    if (options.robustLoop) checkRobustGains(*options.robustLoop, dynamics.M, setup.tick_s, robot);
+    if (options.robustGains)
+        checkRobustGains(*options.robustGains, dynamics.M, setup.tick_s, robot);
     JointVector speed(n);
     for (int i = 0; i < n; ++i) {
         const AxisLimits axis = setup.limits.axis(i);
@@ -422,11 +484,13 @@ void TorqueGuard::Inside::stop(GuardStop reason, StopReason loopReason,
 /** Takes the reading, and stops the arm for what it shows. */
 void TorqueGuard::Inside::look(const JointState& measured) noexcept {
     output.readingFault = arm.take(measured, loop->nominal());
-    char message[160];
+    char message[240];
     if (output.readingFault != ReadingFault::None) {
         if (++useless <= kMaxSubstitutedTicks) return;
         arm.distrust();
-        std::snprintf(message, sizeof message, "the last %d readings %s", useless,
+        std::snprintf(message, sizeof message,
+                      "the last %d readings %s; the arm is braked without any: engage the brakes",
+                      useless,
                       output.readingFault == ReadingFault::Malformed
                           ? "were of the wrong size or not finite"
                           : "jumped: they are not believed (see TorqueGuardOptions::largestSpeed)");
@@ -435,7 +499,9 @@ void TorqueGuard::Inside::look(const JointState& measured) noexcept {
     }
     useless = 0;
     const int far = arm.findFar();
-    if (far < 0 || ownReason == GuardStop::TooFar) return;
+    if (far < 0) return;
+    follower.holdIntegral();
+    if (ownReason == GuardStop::TooFar) return;
     std::snprintf(message, sizeof message,
                   "joint `%.60s` is %.3g from its nominal one, allowed is %.3g",
                   robot.joints[static_cast<std::size_t>(far)].name.c_str(), arm.deviation(far),
@@ -530,6 +596,9 @@ int TorqueGuard::size() const {
 }
 const JointLimits& TorqueGuard::limits() const {
     return inside_->setup.limits;
+}
+const std::optional<NricOptions>& TorqueGuard::robustGains() const {
+    return inside_->options.robustGains;
 }
 const MotionState& TorqueGuard::nominal() const {
     return inside_->loop->nominal();

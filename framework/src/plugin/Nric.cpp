@@ -1,10 +1,16 @@
 #include "viable/plugin/Nric.h"
 
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
+#include <random>
 #include <string>
+#include <vector>
 
 #include "core/NumberText.h"
 #include "viable/core/Error.h"
+#include "viable/robot/RobotModel.h"
 
 namespace viable {
 
@@ -28,7 +34,79 @@ JointVector takeGains(const PerJoint& gains, const char* name, int n) {
     return values;
 }
 
+/** Poses that scaleNric() looks at. */
+constexpr int kPoses = 1000;
+/** Largest eigenvalue of M^-1 K_r dt there; the sampled loop swings up from 2 on. */
+constexpr double kLargestMode = 1.0;
+/** However heavy the arm: what the paper's gains come to on a real Indy7, K_r, K_r K_p and K_r K_i
+[Nms/rad, Nm/rad, Nm/(rad s)]. Real arms have flexible joints. */
+constexpr double kStiffest = 600.0, kStiffestPosition = 600.0 * 20.0,
+                 kStiffestIntegral = 600.0 * 8.0;
+/** However light: those of experiments/panda_asymmetric_limits.yaml [1/s, 1/s^2]. */
+constexpr double kLargestKp = 100.0, kLargestKi = 100.0;
+/** K_p dt: the sampled position loop stays well below 1. */
+constexpr double kLargestKpTick = 0.1;
+/** K_i in terms of K_p x the slowest velocity loop, from where on the loop would be unstable. */
+constexpr double kIntegralShare = 0.25;
+
+/** Where a joint without a position limit is looked at: a turn to either side. */
+constexpr double kTurn = 3.14159265358979323846;
+
+/** M in poses within the limits: at the ends, at zero and anywhere between, in every mixture; a
+singular one often needs several joints at exactly zero. */
+std::vector<JointMatrix> sampleInertia(const RobotDescription& robot, const JointLimits& limits) {
+    const int n = robot.size();
+    RobotModel model(robot);
+    Dynamics dynamics;
+    std::mt19937 random(1);  // its numbers are the same everywhere
+    std::vector<JointMatrix> samples;
+    samples.reserve(kPoses);
+    JointVector q(n);
+    for (int k = 0; k < kPoses; ++k) {
+        for (int i = 0; i < n; ++i) {
+            const double lower = std::max(limits.position.lower[i], -kTurn);
+            const double upper = std::max(lower, std::min(limits.position.upper[i], kTurn));
+            const double places[] = {lower, upper, std::clamp(0.0, lower, upper),
+                                     0.5 * (lower + upper)};
+            const double share = static_cast<double>(random()) / 4294967295.0;
+            q[i] = k % 2 == 0 ? places[random() % 4] : lower + share * (upper - lower);
+        }
+        model.calcDynamics(q, JointVector::Zero(n), dynamics);
+        if (dynamics.M.allFinite() && dynamics.M.llt().info() == Eigen::Success)
+            samples.push_back(dynamics.M);
+    }
+    return samples;
+}
+
 }  // namespace
+
+NricOptions scaleNric(const RobotDescription& robot, const JointLimits& limits, double tick_s) {
+    const int n = robot.size();
+    const std::vector<JointMatrix> samples = sampleInertia(robot, limits);
+    if (samples.empty()) return {0.0, 0.0, 0.0};
+    JointVector least = samples.front().diagonal(), greatest = least;
+    for (const JointMatrix& M : samples) {
+        const JointMatrix inverse = M.llt().solve(JointMatrix(JointMatrix::Identity(n, n)));
+        least = least.cwiseMin(inverse.diagonal().cwiseInverse());
+        greatest = greatest.cwiseMax(M.diagonal());
+    }
+    const JointVector root = least.cwiseSqrt();
+    double largest = 0.0;
+    for (const JointMatrix& M : samples) {
+        const JointMatrix scaled = M.llt().matrixL().solve(JointMatrix(root.asDiagonal()));
+        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> modes(scaled.transpose() * scaled,
+                                                                   Eigen::EigenvaluesOnly);
+        largest = std::max(largest, modes.eigenvalues()[n - 1]);
+    }
+    JointVector kr = kLargestMode / tick_s / largest * least, kp(n), ki(n);
+    for (int i = 0; i < n; ++i) {
+        kr[i] = std::min(kr[i], kStiffest);
+        kp[i] = std::min({kLargestKp, kStiffestPosition / kr[i], kLargestKpTick / tick_s});
+        ki[i] = std::min(
+            {kLargestKi, kStiffestIntegral / kr[i], kIntegralShare * kp[i] * kr[i] / greatest[i]});
+    }
+    return {kr, kp, ki};
+}
 
 void Nric::configure(const RunSetup& setup, const Parameters& parameters) {
     configure(setup, NricOptions{parameters.jointNumbers("k_r"), parameters.jointNumbers("k_p"),
@@ -43,10 +121,12 @@ void Nric::configure(const RunSetup& setup, const NricOptions& options) {
     ki_ = takeGains(options.ki, "ki", n_);
     torqueLimit_ = setup.robot.actuation.torqueLimit;
     integral_.setZero(n_);
+    isIntegralHeld_ = false;
 }
 
 void Nric::reset(const MotionState&) {
     integral_.setZero(n_);
+    isIntegralHeld_ = false;
 }
 
 TickStatus Nric::compute(const JointState& real, const MotionState& nominal,
@@ -68,7 +148,7 @@ TickStatus Nric::compute(const JointState& real, const MotionState& nominal,
             if (total < -torqueLimit_[i]) return -torqueLimit_[i] - filterTorque[i];
             return robust;
         };
-        const double grown = integral_[i] + e * tick_s_;
+        const double grown = isIntegralHeld_ ? integral_[i] : integral_[i] + e * tick_s_;
         const double wanted = calcTorque(grown);
         const double possible = clampTotal(wanted);
         const bool saturated = possible != wanted;

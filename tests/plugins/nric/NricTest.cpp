@@ -154,6 +154,41 @@ TEST_F(NricTest, ResetForgetsTheIntegral) {
     EXPECT_EQ(compute(e, zero, zero), first);
 }
 
+TEST_F(NricTest, AHeldIntegralStandsStillUntilReset) {
+    configure("k_r: 100, k_p: 0, k_i: 10");
+    const JointVector e = constant(0.5), none = constant(0.0);
+    for (int k = 0; k < 10; ++k) compute(e, none, none);
+    loop_.holdIntegral();
+    for (int k = 0; k < 10; ++k)
+        EXPECT_NEAR(compute(e, none, none)[0], -100.0 * 10.0 * 0.005, 1e-12);
+    loop_.reset(arm_.start);
+    for (int k = 1; k < 10; ++k)
+        EXPECT_NEAR(compute(e, none, none)[0], -100.0 * 10.0 * 0.0005 * k, 1e-12);
+}
+
+TEST_F(NricTest, ScaledGainsAreThePapersOnTheHeavyJointsOfTheIndy7AndCarriedByTheOthers) {
+    const RobotDescription& robot = arm_.robot;
+    const NricOptions gains = scaleNric(robot, robot.limits, 0.001);
+    for (int i = 0; i < 3; ++i) {
+        EXPECT_EQ(gains.kr[i], 600.0);
+        EXPECT_EQ(gains.kp[i], 20.0);
+        EXPECT_EQ(gains.ki[i], 8.0);
+    }
+    for (int i = 3; i < n(); ++i) {
+        EXPECT_GT(gains.kr[i], 300.0);
+        EXPECT_LT(gains.kr[i], 600.0);
+        EXPECT_NEAR(gains.kr[i] * gains.kp[i], 12000.0, 1e-6);
+    }
+    // Ten times the tick carries a tenth.
+    const NricOptions slow = scaleNric(robot, robot.limits, 0.01);
+    for (int i = 0; i < n(); ++i) {
+        EXPECT_LT(slow.kr[i], 300.0);
+        if (i < 3) continue;
+        EXPECT_NEAR(slow.kr[i], 0.1 * gains.kr[i], 1e-9);
+        EXPECT_LE(slow.kp[i] * 0.01, 0.1 + 1e-12);
+    }
+}
+
 TEST_F(NricTest, RefusesWhatIsNotFiniteOrOfTheWrongSizeAndStaysAsItWas) {
     configure("");
     const JointVector zero = constant(0.0);

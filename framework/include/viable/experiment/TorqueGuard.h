@@ -17,17 +17,24 @@ namespace viable {
 
 /** What a TorqueGuard is to keep, and how. */
 struct TorqueGuardOptions {
-    /** Of the nominal arm; none: the robot's own. Position limits beyond 4 pi need robot.allowLargeAngles. */
+    /** Of the nominal arm; none: the robot's own. Position limits beyond 4 pi need
+    robot.allowLargeAngles. */
     std::optional<JointLimits> limits;
     CertifiedBrakingOptions filter;
-    /** Gains of the loop that makes the real arm follow the nominal one; none: the motors get the filter's torque alone. */
-    std::optional<NricOptions> robustLoop = NricOptions{};
-    /** Farthest that a joint may be from its nominal one before the arm is stopped [rad, prismatic: m]; > 0, infinite:
-    as far as it likes. The robust loop never pulls harder than for this deviation. */
+    /** The loop Nric makes the real arm follow the nominal one; false: the motors get the filter's
+    torque alone. */
+    bool hasRobustLoop = true;
+    /** Its gains; none: those of scaleNric(), which every pose within the limits can carry. */
+    std::optional<NricOptions> robustGains;
+    /** Farthest that a joint may be from its nominal one before the arm is stopped [rad, prismatic: m];
+    > 0, infinite: as far as it likes. A joint beyond it is pulled back as if it were this far (its
+    speed is damped as always), and from there on the integral of the robust loop stands still, until
+    start(): what blocks the arm is not pushed harder and harder. */
     PerJoint largestDeviation = 0.1;
-    /** A reading that says a joint is faster than this, or away from its nominal one by more than this speed explains
-    since the last reading, is not believed (two encoder counts are allowed on top) [rad/s, prismatic: m/s]; > 0.
-    None: twice the velocity limit, or twice the speed at the start where that is higher. */
+    /** A reading that says a joint is faster than this, or away from its nominal one by more than this
+    speed explains since the last reading, is not believed (two encoder counts are allowed on top)
+    [rad/s, prismatic: m/s]; > 0. None: twice the velocity limit, or twice the speed at the start where
+    that is higher. */
     std::optional<PerJoint> largestSpeed;
 };
 
@@ -37,10 +44,10 @@ enum class GuardStatus : unsigned char {
     Passed,      ///< the motion that the law wants is admissible, and done
     Limited,     ///< changed as little as needed to keep the limits
     Returning,   ///< still beyond a limit: approached as fast as jerk allows (`recovery`)
-    Waiting,  ///< the reading was of no use: the nominal arm brakes, and goes on with the next good one
-    Stopping,  ///< the nominal arm is being braked for good, within its limits; the law is not called any more
-    Stopped,  ///< at rest, and held there; engage the brakes, or start() again
-    Failed,   ///< numbers beyond all arithmetic; the torque is zero: engage the brakes
+    Waiting,   ///< a reading of no use: the nominal arm brakes, and goes on with the next good one
+    Stopping,  ///< the nominal arm is being braked for good; the law is not called any more
+    Stopped,   ///< the nominal arm is at rest: go on stepping until the brakes are engaged
+    Failed,    ///< numbers beyond all arithmetic; the torque is zero: engage the brakes
 };
 
 /** "not_started", "passed", ... */
@@ -49,9 +56,10 @@ const char* getName(GuardStatus status);
 /** Why the arm was stopped for good. */
 enum class GuardStop : unsigned char {
     None,
-    Requested,   ///< requestStop()
-    LawFailed,   ///< the torque law threw, or gave no usable torque for more than 10 ticks in a row
-    NoReadings,  ///< no usable reading for more than 10 ticks in a row; none is used from there on
+    Requested,  ///< requestStop()
+    LawFailed,  ///< the torque law threw, or gave no usable torque for more than 10 ticks in a row
+    NoReadings,  ///< none of use for more than 10 ticks in a row, and none is used from there on: the
+                 ///< real arm is braked blindly and not held in place, so engage the brakes at once
     TooFar,      ///< a joint was beyond `largestDeviation`
     TicksMissed,  ///< more than 1000 in a row
     FilterFailed  ///< the limits could not be kept: absurd limits, or an error of this library
@@ -88,20 +96,28 @@ struct GuardedTorque {
             tau_d = arm.M * (100.0 * (target - nominal.q) - 20.0 * nominal.qd) + arm.b;
         }).torque);
 
-Method: the very loop of experiments (ControlLoop) with the filter CertifiedBrakingFilter, the robust loop Nric, and the
-monitor of stops. The law moves a nominal arm, which has no friction and a known inertia, and whose limits are kept; the
-robust loop keeps the real arm next to it. A law is called from inside step(), and not between a begin() and an end(): so
-it always sees the state that its torque is for, no tick can be left half done, and what it throws is caught here.
-Guarantees: position, velocity, acceleration and jerk limits of the nominal arm, at every tick and between, whatever law,
-readings and missed ticks do (with `filter.recovery`: from the moment they are met); the real arm within `largestDeviation` of it, or the arm is stopped. Torques that are not finite
-or beyond the motors' limits never come out. A tick is `tick_s` long; what the clock says enters by missTicks() alone.
-Real time: step() and missTicks() allocate, lock, log and throw nothing (a throwing law costs what throwing costs); a step
-takes about 10 us for six joints on a PC. Constructor and start() are not for the loop.
+Method: the very loop of experiments (ControlLoop) with the filter CertifiedBrakingFilter, the robust
+loop Nric, and the monitor of stops. The law moves a nominal arm, which has no friction and a known
+inertia, and whose limits are kept; the robust loop keeps the real arm next to it. A law is called from
+inside step(), and not between a begin() and an end(): so it always sees the state that its torque is
+for, no tick can be left half done, and what it throws is caught here.
+Without a reading (bad, or a missed tick) the robust loop's integral stands still and its last torque is
+held, which carries a payload on. What it spent on friction, by the robot's description, goes as the
+nominal joint slows down: held, it would keep the real one moving. The torque never grows, but nothing
+ties the real arm to the nominal one meanwhile.
+Guarantees: position, velocity, acceleration and jerk limits of the nominal arm, at every tick and
+between, whatever law, readings and missed ticks do (with `filter.recovery`: from the moment they are
+met); as long as there are readings, the real arm within `largestDeviation` of it, or the arm is stopped.
+Torques that are not finite or beyond the motors' limits never come out. A tick is `tick_s` long; what
+the clock says enters by missTicks() alone.
+Real time: step() and missTicks() allocate, lock, log and throw nothing (a throwing law costs what
+throwing costs); a step takes about 10 us for six joints on a PC. Constructor and start() are not for
+the loop.
 Thread: one at a time; requestStop() from any, and from signal handlers. */
 class TorqueGuard {
 public:
-    /** Throws Error (BadInput), which says place, cause and remedy, for a robot that is not complete (as built in code), for
-    limits, gains or options that are of the wrong size or out of range at this tick.
+    /** Throws Error (BadInput), which says place, cause and remedy, for a robot that is not complete (as
+    built in code), for limits, gains or options of the wrong size or out of range at this tick.
     @param robot   from loadRobot(), or built in code
     @param tick_s  the period of your loop [s], 0.00001 to 0.1 */
     TorqueGuard(RobotDescription robot, double tick_s, TorqueGuardOptions options = {});
@@ -109,17 +125,20 @@ public:
     TorqueGuard(TorqueGuard&&) noexcept;
     TorqueGuard& operator=(TorqueGuard&&) noexcept;
 
-    /** From here on: the nominal arm is where the real one is. Before the first step(), and again after a stop.
-    Throws Error (BadInput) for a reading that is malformed, for a start from which no stop within the limits exists
-    (unless `filter.recovery`), and for robust gains that the sampled loop cannot carry in this pose. */
+    /** From here on: the nominal arm is where the real one is. Before the first step(), and again after
+    a stop. Throws Error (BadInput) for a reading that is malformed, for a start from which no stop
+    within the limits exists (unless `filter.recovery`), and for robust gains that the sampled loop
+    cannot carry in this pose. */
     void start(const JointState& measured);
 
     /** One tick.
-    @param measured  joint positions [rad, prismatic: m] and velocities [rad/s, m/s], read just now, one entry per joint
-                     (from a driver's array: `measured.q = Eigen::Map<const Eigen::VectorXd>(array, n)`)
-    @param law       called at most once, as law(const MotionState& nominal, const Dynamics& dynamics, JointVector& torque):
-                     writes tau_d [Nm], one finite entry per joint, from the state of the nominal arm and its dynamics
-                     there (see Dynamics). `torque` comes as NaN: what is forgotten counts as no torque.
+    @param measured  joint positions [rad, prismatic: m] and velocities [rad/s, m/s], read just now, one
+                     entry per joint (from a driver's array:
+                     `measured.q = Eigen::Map<const Eigen::VectorXd>(array, n)`)
+    @param law       called at most once, as law(const MotionState& nominal, const Dynamics& dynamics,
+                     JointVector& torque): writes tau_d [Nm], one finite entry per joint, from the state
+                     of the nominal arm and its dynamics there (see Dynamics). `torque` comes as NaN:
+                     what is forgotten counts as no torque.
     @return          valid until the next call */
     template <class Law>
     const GuardedTorque& step(const JointState& measured, Law&& law) noexcept {
@@ -131,9 +150,10 @@ public:
         return runStep(measured, LawCall{&call, &LawCall::run<decltype(call)>});
     }
 
-    /** `ticks` ticks passed without a step(), the motors holding the last torque: the nominal arm has followed its stop
-    meanwhile. Before the step() that comes late; 0 or less: nothing. After more than 1000 in a row (steps that
-    wait for a reading counted) the arm is stopped for good. About 7 us for each tick, until the arm is stopped. */
+    /** `ticks` ticks passed without a step(), the motors holding the last torque: the nominal arm has
+    followed its stop meanwhile, the integral of the robust loop has stood still. Before the step() that
+    comes late; 0 or less: nothing. After more than 1000 in a row (steps that wait for a reading counted)
+    the arm is stopped for good. About 7 us for each tick, until the arm is stopped. */
     void missTicks(std::int64_t ticks) noexcept;
 
     /** Brakes the arm for good, from the next step() on. A request before start() stops the arm after it. */
@@ -143,8 +163,10 @@ public:
     /** What was wrong, in a sentence; empty without a stop. Valid until start(). */
     const char* stopMessage() const;
 
-    int size() const;                    ///< joints
-    const JointLimits& limits() const;   ///< in force
+    int size() const;                   ///< joints
+    const JointLimits& limits() const;  ///< in force
+    /** In force; none without a robust loop. */
+    const std::optional<NricOptions>& robustGains() const;
     const MotionState& nominal() const;  ///< the nominal arm's state at the next tick
     /** The full account of the last step(), for viable::Summary and viable::Recorder (no command). */
     const TickRecord& record() const;
@@ -162,6 +184,7 @@ private:
     };
     class LawController;
     class Arm;
+    class Follower;
     struct Inside;
 
     const GuardedTorque& runStep(const JointState& measured, const LawCall& law) noexcept;
