@@ -120,6 +120,7 @@ void onExit() {
 }  // namespace
 
 void prepareThreadForCrash() {
+    if (VIABLE_PROGRAM_SANITIZED) return;  // sanitizers have signal stacks of their own
     alignas(16) static thread_local char memory[1 << 16];
     stack_t stack{};
     stack.ss_sp = memory;
