@@ -1,6 +1,5 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
@@ -22,9 +21,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array kPluginKinds = {PluginKind::CommandSource, PluginKind::NominalController,
-                                     PluginKind::SafetyFilter, PluginKind::RobustLoop,
-                                     PluginKind::RealPlant};
 constexpr const char* kUsage =
     "Write `viable new KIND NAME`; KIND is filter, controller, robust_loop, command, plant or "
     "robot.";

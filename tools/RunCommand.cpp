@@ -4,7 +4,6 @@
 #include <csignal>
 #include <cstdio>
 #include <ctime>
-#include <fstream>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -16,6 +15,7 @@
 #include "PluginTrouble.h"
 #include "Progress.h"
 #include "viable/core/Error.h"
+#include "viable/core/WholeFile.h"
 #include "viable/experiment/CaseRun.h"
 #include "viable/report/RunReport.h"
 
@@ -227,24 +227,6 @@ bool tryWriteReport(const fs::path& folder) {
     }
 }
 
-/** Writes a small file whole or not at all; returns an error text, empty when it was written. */
-std::string writeWhole(const fs::path& file, const std::string& text) {
-    const fs::path temporary = file.string() + ".part";
-    {
-        std::ofstream stream(temporary, std::ios::binary);
-        stream << text;
-        stream.close();
-        if (!stream) {
-            std::error_code ignored;
-            fs::remove(temporary, ignored);
-            return "cannot write " + file.string();
-        }
-    }
-    std::error_code error;
-    fs::rename(temporary, file, error);
-    return error ? "cannot write " + file.string() + ": " + error.message() : "";
-}
-
 int run(const RunArguments& arguments) {
     countPluginAllocations();
     std::optional<HangWatch> hangWatch;  // a thread; none may be there where processes are made
@@ -297,11 +279,11 @@ int run(const RunArguments& arguments) {
                 "went on; free space and run it again.\n",
                 results[i].name.c_str(), results[i].logError.c_str());
     }
-    const std::string lost =
-        writeWhole(folder / "summary.json", writeSummaryJson(experiment, results));
-    if (!lost.empty()) {
-        std::fprintf(stderr, "viable: %s\n", lost.c_str());
-        if (code == 0) code = static_cast<int>(ErrorKind::LogNotWritten);
+    try {
+        replaceFile(folder / "summary.json", writeSummaryJson(experiment, results));
+    } catch (const Error& e) {
+        std::fprintf(stderr, "viable: %s\n", e.what());
+        if (code == 0) code = e.exitCode();
     }
     if (stopSignal != 0)  // who stops a run wants it to end; the report would read all logs again
         std::printf("for a report: viable report %s\n", folder.c_str());

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
@@ -10,6 +11,13 @@
 #include "viable/robot/RobotModel.h"
 
 namespace viable {
+
+/** Reads a file of collected figures; skips the test where it is absent. For SetUp(). */
+inline void readFigures(const char* file, nlohmann::json& figures) {
+    if (!std::filesystem::exists(file))
+        GTEST_SKIP() << "the figures to compare with are not here: " << file;
+    std::ifstream(file) >> figures;
+}
 
 /** A row of a Denavit-Hartenberg table [m, rad]. */
 struct DhRow {

@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <random>
 
 #include "Figures.h"
@@ -17,9 +16,7 @@ constexpr const char* kFigures = VIABLE_SOURCE_DIR "/../shared/data/indy7_figure
 class Indy7Test : public ::testing::Test {
 protected:
     void SetUp() override {
-        if (!std::filesystem::exists(kFigures))
-            GTEST_SKIP() << "the figures to compare with are not here: " << kFigures;
-        std::ifstream(kFigures) >> figures_;
+        readFigures(kFigures, figures_);
     }
     Dynamics calc(const JointVector& q) {
         Dynamics dynamics;

@@ -1,8 +1,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <filesystem>
-#include <fstream>
 
 #include "Figures.h"
 #include "RandomStates.h"
@@ -111,9 +109,7 @@ TEST_F(PandaTest, FrictionIsTheOddPartOfThePublishedLaw) {
 class PandaFiguresTest : public PandaTest {
 protected:
     void SetUp() override {
-        if (!std::filesystem::exists(kFigures))
-            GTEST_SKIP() << "the figures to compare with are not here: " << kFigures;
-        std::ifstream(kFigures) >> figures_;
+        readFigures(kFigures, figures_);
     }
     const nlohmann::json& variant() const { return figures_["variants"]["fer"]; }
     nlohmann::json figures_;

@@ -1,7 +1,5 @@
 #include <gtest/gtest.h>
 
-#include <filesystem>
-#include <fstream>
 
 #include "Figures.h"
 #include "RandomStates.h"
@@ -84,9 +82,7 @@ TEST_F(Ur5eTest, TensorsAreTurnedWithTheCentresOfMass) {
 class Ur5eFiguresTest : public Ur5eTest {
 protected:
     void SetUp() override {
-        if (!std::filesystem::exists(kFigures))
-            GTEST_SKIP() << "the figures to compare with are not here: " << kFigures;
-        std::ifstream(kFigures) >> figures_;
+        readFigures(kFigures, figures_);
     }
     nlohmann::json figures_;
 };

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <string_view>
 #include <thread>
 
 #include "PathExtent.h"
@@ -138,21 +139,10 @@ const PluginChoice* findCulprit(const CasePlan& plan, const FilterChain* chain, 
     return nullptr;
 }
 
-/** How ControlLoop begins to tell of a broken promise. */
-constexpr char kOwn[] = "it promises";
-
 /** True when the promise that was broken is that of a filter before the one that is to be named. */
-bool isOthersPromise(const FilterChain* chain, const std::string& message) {
-    return chain && chain->promising() >= 0 &&
-           chain->answerable() != static_cast<std::size_t>(chain->promising()) &&
-           message.rfind(kOwn, 0) == 0;
-}
-
-/** What a broken promise was, where a later filter of the chain broke that of an earlier one. */
-std::string nameThePromiser(std::string message, const CasePlan& plan, const FilterChain* chain) {
-    if (!isOthersPromise(chain, message)) return message;
-    return "it changed what '" + plan.filters[chain->promising()].plugin.name +
-           "' before it had decided, which promises" + message.substr(sizeof kOwn - 1);
+bool isOthersPromise(const FilterChain* chain, StopReason reason) {
+    return reason == StopReason::PromiseBroken && chain &&
+           chain->answerable() != static_cast<std::size_t>(chain->promising());
 }
 
 std::string formatTime(double seconds) {
@@ -391,15 +381,19 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
                 "Lower the `count` in missed_ticks, or leave a tick between entries.";
     } else if (const PluginChoice* culprit =
                    findCulprit(plan, configured->chain, result.stopReason)) {
-        const PluginWatch watch(culprit->plugin);
-        result.stopMessage =
-            when + ": " + watch.title +
-            (result.stopReason == StopReason::FilterEnded ? " ended the case: " : " failed: ") +
-            nameThePromiser(loop.stopMessage(), plan, configured->chain);
+        constexpr std::string_view kSubject = "it ";  // as every message begins
+        std::string what = loop.stopMessage();
         result.stopRemedy = loop.stopRemedy();
-        if (isOthersPromise(configured->chain, loop.stopMessage()))
+        if (isOthersPromise(configured->chain, result.stopReason)) {
+            what = "it changed what '" + plan.filters[configured->chain->promising()].plugin.name +
+                   "' before it had decided, which " + what.substr(kSubject.size());
             result.stopRemedy =
                 "The decision was not applied. Put the filter before the one that promises.";
+        }
+        result.stopMessage =
+            when + ": " + PluginWatch(culprit->plugin).title +
+            (result.stopReason == StopReason::FilterEnded ? " ended the case: " : " failed: ") +
+            what;
     }
     ownLoop.reset();  // some plugins have a last word
     for (const auto& watch : configured->watches) {

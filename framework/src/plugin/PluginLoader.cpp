@@ -31,10 +31,6 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr PluginKind kAllKinds[] = {PluginKind::CommandSource, PluginKind::NominalController,
-                                    PluginKind::SafetyFilter, PluginKind::RobustLoop,
-                                    PluginKind::RealPlant};
-
 // Counts beyond these can only come from a damaged table.
 constexpr std::uint32_t kMaxEntries = 64;
 constexpr std::uint64_t kMaxParameters = 1024;
@@ -77,7 +73,7 @@ bool endsWith(const std::string& text, const std::string& end) {
 
 /** Splits viable_<kind>_<name>.so. */
 std::optional<LibraryName> parseFileName(const std::string& fileName) {
-    for (PluginKind kind : kAllKinds) {
+    for (PluginKind kind : kPluginKinds) {
         const std::string start = std::string("viable_") + getName(kind) + "_";
         if (startsWith(fileName, start) && endsWith(fileName, ".so") &&
             fileName.size() > start.size() + 3)

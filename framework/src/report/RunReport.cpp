@@ -15,6 +15,7 @@
 #include "report/Tracks.h"
 #include "viable/config/ConfigNode.h"
 #include "viable/core/Error.h"
+#include "viable/core/WholeFile.h"
 #include "viable/log/LogReader.h"
 
 namespace viable {
@@ -432,25 +433,6 @@ std::string escape(const std::string& text) {
     return safe;
 }
 
-void writeReplacing(const fs::path& file, const std::string& text) {
-    const fs::path temporary = file.string() + ".part";
-    std::error_code error;
-    {
-        std::ofstream stream(temporary, std::ios::binary);
-        stream << text;
-        stream.close();
-        if (!stream) {
-            fs::remove(temporary, error);
-            throw Error(ErrorKind::LogNotWritten, file.string(), "the report cannot be written",
-                        "Free space, or give the right to write there.");
-        }
-    }
-    fs::rename(temporary, file, error);
-    if (error)
-        throw Error(ErrorKind::LogNotWritten, file.string(),
-                    "cannot be replaced: " + error.message());
-}
-
 Error refuseSummary(const fs::path& folder) {
     return badInput((folder / "summary.json").string(), "this is no summary of a run",
                     "Run the experiment again, or remove the file: the report is then made from the "
@@ -545,7 +527,7 @@ fs::path composeReport(const fs::path& folder, const std::string& fileName, cons
     const fs::path file = folder / fileName;
     const std::string text =
         data.dump(-1, ' ', false, json::error_handler_t::replace);  // names may hold any bytes
-    writeReplacing(file, fillPage(pageText, page, escape(text), block.encode()));
+    replaceFile(file, fillPage(pageText, page, escape(text), block.encode()));
     return file;
 }
 

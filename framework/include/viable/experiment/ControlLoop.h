@@ -19,7 +19,7 @@ struct LoopPlugins {
     PluginPtr<RealPlant> realPlant{nullptr, nullptr};
     /** By PluginKind: who is called, for messages; null: nobody watches. Must outlive the loop. A chain of filters
     watches its own. */
-    std::array<PluginWatch*, kPluginKindCount> watches{};
+    std::array<PluginWatch*, kPluginKinds.size()> watches{};
 };
 
 /** Destroys them one by one, each under its watch. */

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -10,7 +11,10 @@
 
 namespace viable {
 
-inline constexpr std::size_t kPluginKindCount = 5;
+/** In the order of their numbers. */
+inline constexpr std::array kPluginKinds = {PluginKind::CommandSource, PluginKind::NominalController,
+                                            PluginKind::SafetyFilter, PluginKind::RobustLoop,
+                                            PluginKind::RealPlant};
 
 /** "command", "controller", "filter", "robust_loop", "plant": the words of file names and messages. */
 const char* getName(PluginKind kind);
