@@ -19,6 +19,8 @@ packages=(
   libassimp-dev                     # mesh files for the replay
   nodejs npm                        # bundles the page of reports
   libcli11-dev                      # command line
+  libsqlite3-dev                    # results of sweeps
+  libtbb-dev                        # runs of a sweep side by side
   libgtest-dev                      # tests
   libbenchmark-dev                  # benchmarks
 )
@@ -26,7 +28,8 @@ if [ "$target" = all ]; then
   packages+=(
     chromium                        # tests of the report
     python3-h5py python3-pandas     # tests of the HDF5 export
-    libmujoco-dev                   # tests of the robots: an independent engine to compare with
+    libmujoco-dev                   # the real plant `mujoco`; an independent engine to compare robots with
+    libopenmpi-dev openmpi-bin      # sweeps across machines
     python3-jsonschema python3-yaml # tests of the schema of experiment files
   )
 fi

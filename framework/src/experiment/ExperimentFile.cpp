@@ -173,6 +173,7 @@ public:
                     limits ? describePlace(*limits, "limits", name, overrides_)
                            : plan.robot.folder.string() + "/limits.yaml",
                     plan.robot.jointNames());
+        plan.realLimits = plan.limits;
         const ConfigNode* start = map_.find("start");
         plan.start = readStart(start, plan.robot);
         plan.startPlace =

@@ -12,6 +12,7 @@ enum class ErrorKind {
     PromiseBroken = 3,  ///< a filter that promises a limit broke it
     PluginFailed = 4,   ///< a plugin threw or returned nonsense during the run
     LogNotWritten = 5,  ///< the log could not be created or written to its end
+    TrackingLost = 6,   ///< the real arm left the bound around the nominal one and was braked
 };
 
 /** An error of loading or configuring, told in one paragraph: where, what, and what to do.

@@ -8,6 +8,7 @@
 #include "viable/config/ConfigNode.h"
 #include "viable/plugin/Parameters.h"
 #include "viable/plugin/PluginLoader.h"
+#include "viable/plugin/TrackingBound.h"
 #include "viable/robot/RobotDescription.h"
 
 namespace viable {
@@ -28,7 +29,11 @@ struct TickGap {
 struct CasePlan {
     std::string name;
     RobotDescription robot;
-    JointLimits limits;
+    JointLimits limits;  ///< of the nominal arm: what the filter keeps
+    /** Of the real arm: what the file says. Wider than `limits` by the bound under `hold_on: real`. */
+    JointLimits realLimits;
+    bool holdsOnReal = false;            ///< limits: {hold_on: real}
+    std::optional<TrackingBound> bound;  ///< present exactly when the file states a disturbance_set
     double tick_s = 0.0;
     double duration_s = 0.0;
     MotionState start;       ///< as written; configureCase() judges it

@@ -46,8 +46,7 @@ public:
     0 or not finite. */
     void configure(const RunSetup& setup, const NricOptions& options);
 
-    /** From the next compute() on the integral stands still, until reset(). */
-    void holdIntegral() { isIntegralHeld_ = true; }
+    void holdIntegral() override { isIntegralHeld_ = true; }
 
     void reset(const MotionState& start) override;
     TickStatus compute(const JointState& real, const MotionState& nominal,

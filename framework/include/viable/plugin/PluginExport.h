@@ -20,7 +20,7 @@ namespace viable {
 
 /** Raised whenever a class or struct in core/, config/, motion/, robot/ or plugin/ changes its layout or its
 virtual table: a test compares with the record of this version (tools/record_interface.sh writes it). */
-inline constexpr std::uint32_t kPluginInterfaceVersion = 3;
+inline constexpr std::uint32_t kPluginInterfaceVersion = 4;
 
 inline constexpr std::uint64_t kPluginMagic = 0x76696162'6c652031ull;  // "viable 1"
 

@@ -16,6 +16,10 @@ public:
     /** Holds the commanded motor torque [Nm] for one tick. `applied` becomes the torque that the
     motors really gave after their limits. On Faulted the state stays as it was. */
     virtual TickStatus advance(const JointVector& torque, JointVector& applied) = 0;
+
+    /** The torque that the surroundings put on each joint now, as sensors measure it [Nm]; null: the arm
+    has no such sensors. Valid after reset(). */
+    virtual const JointVector* externalTorque() const { return nullptr; }
 };
 
 }  // namespace viable

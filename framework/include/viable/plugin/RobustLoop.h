@@ -13,6 +13,10 @@ public:
     applies zero. */
     virtual TickStatus compute(const JointState& real, const MotionState& nominal,
                                const JointVector& filterTorque, JointVector& torque) = 0;
+
+    /** The arm does not follow and is being braked: from the next compute() on whatever sums up the error
+    stands still, until reset(). For loops without a sum there is nothing to do. */
+    virtual void holdIntegral() {}
 };
 
 }  // namespace viable
