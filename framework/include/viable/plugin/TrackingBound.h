@@ -33,8 +33,11 @@ struct TrackingBound {
     JointVector position;  ///< of |q_real - q_nominal|, the true one [rad]
     JointVector velocity;  ///< of its rate [rad/s]
     JointVector measured;  ///< of |e| as the encoders show it: where a run trips [rad]
-    JointVector torque;    ///< of |tau_c + tau_a|: what the motors must be able to give [Nm]
-    JointVector torqueStep;  ///< of the change of tau_a in a tick [Nm]
+    JointVector torque;    ///< of |tau_c + tau_a|, for moments [Nm]
+    JointVector lastingTorque;  ///< of what motion and disturbances need for longer than that [Nm]
+    JointVector motorTorque;  ///< what the motors can give [Nm]; see calcTrackingBound()
+    JointVector torqueStep;      ///< of the change of tau_a from tick to tick [Nm]
+    JointVector integralTorque;  ///< of K_r K_i |sum of e dt| [Nm]
 
     /** One source of error and what it adds to the position bound [rad]. */
     struct Part {
@@ -44,5 +47,25 @@ struct TrackingBound {
     };
     std::vector<Part> parts;
 };
+
+/** The bound for Nric with constant gains.
+
+Method: M edd = tau_a + w around the inertia of a pose; the sampled loop's peak gains (l1 norm of the impulse response,
+joint by joint, Desoer and Vidyasagar 1975) from w and from the readings to e and de. w is what is left of the equations
+of motion of both arms: friction, load, mass error, tilt, what the reading and the holding of a tick do, and terms in
+e and de (stiffness, Coriolis, inertia that has changed since), which make the bound a fixed point. The inertia that
+changes enters by parts, integral of K dM edd = - integral of (K dM)' de, so that only as much of it counts as the
+response is long. Coupling between joints is in all of it.
+Assumes: start at rest or moving with e = de = 0; the nominal arm within `limits`; no torque beyond the motors; neither
+Nric's rate nor its integral at their limits; rigid joints. Extremes over poses are those of a fixed sample within the
+position limits (192, gradients at 64, loops at 32): between them nothing is proven.
+@param limits  of the nominal arm; velocity and acceleration finite
+@param place   of the gains or the set, for messages
+Throws Error (BadInput) for unstable gains (with the largest stable ones), and where no bound exists. Does not judge the
+motors: with motorTorque below lastingTorque the real arm cannot follow; between that and torque it can, but nothing
+proves that no motor is ever at its limit. Takes some seconds; not for a loop. */
+TrackingBound calcTrackingBound(const RobotDescription& robot, const JointLimits& limits,
+                                double tick_s, const NricOptions& gains, const DisturbanceSet& set,
+                                const std::string& place = {});
 
 }  // namespace viable
