@@ -14,6 +14,7 @@ namespace viable {
 the exit code in `exitCode`. One file per subcommand. */
 void addRunCommand(CLI::App& app, int& exitCode);
 void addCheckCommand(CLI::App& app, int& exitCode);
+void addBoundCommand(CLI::App& app, int& exitCode);
 void addPluginsCommand(CLI::App& app, int& exitCode);
 void addSchemaCommand(CLI::App& app, int& exitCode);
 void addRobotsCommand(CLI::App& app, int& exitCode);

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <mutex>
 
 #include "config/ConfigText.h"
 #include "core/NumberText.h"
@@ -112,6 +114,81 @@ double readTick(const ConfigNode* node) {
     return toNumber(node ? *node : makeScalar(spec.defaultText), spec.range());
 }
 
+Parameters readDisturbances(const ConfigNode& block, int joints) {
+    if (const ConfigNode* plugin = block.find("plugin"))
+        throw badInput(plugin->place(), "disturbance_set is no plugin",
+                       "Write sizes: `disturbance_set: {friction_scale: 2, payload_kg: 3}`.");
+    std::vector<ParameterSpec> specs;
+    for (const detail::ExperimentKey& key : detail::disturbanceKeys()) specs.push_back(key.spec);
+    return readParameters(block, specs.data(), specs.size(), joints);
+}
+
+DisturbanceSet makeDisturbanceSet(const Parameters& p) {
+    DisturbanceSet set;
+    set.frictionScale = p.jointNumbers("friction_scale");
+    set.breakawayRatio = p.number("breakaway_ratio");
+    set.loadFriction = p.jointNumbers("load_friction");
+    set.massError = p.jointNumbers("mass_error");
+    set.payload_kg = p.number("payload_kg");
+    set.payloadOffset_m = p.number("payload_offset_m");
+    set.baseTilt_rad = p.number("base_tilt_rad");
+    set.torqueRipple_Nm = p.jointNumbers("torque_ripple_Nm");
+    set.externalTorque_Nm = p.jointNumbers("external_torque_Nm");
+    set.torqueLimitFactor = p.number("torque_limit_factor");
+    set.encoderNoise_rad = p.number("encoder_noise_rad");
+    set.exactEncoder = p.text("encoder") == "exact";
+    set.delayTicks = static_cast<int>(p.integer("delay_ticks"));
+    return set;
+}
+
+/** The bound for a case as far as it is read. It takes seconds and depends on little: the same inputs, of several cases
+or of the runs of a sweep, are computed once. */
+TrackingBound findBound(const CasePlan& plan, const Parameters& disturbances) {
+    const Parameters& loop = plan.robustLoop->parameters;
+    const NricOptions gains{loop.jointNumbers("k_r"), loop.jointNumbers("k_p"),
+                            loop.jointNumbers("k_i")};
+    const ConfigNode inputs =
+        makeMap({{"robot", makeScalar(std::filesystem::canonical(plan.robot.folder), true)},
+                 {"tick_s", makeNumber(plan.tick_s)},
+                 {"position", makeBounds(plan.realLimits.position)},
+                 {"velocity", makeBounds(plan.realLimits.velocity)},
+                 {"acceleration", makeBounds(plan.realLimits.acceleration)},
+                 {"jerk", makeBounds(plan.realLimits.jerk)},
+                 {"gains", makeMap({{"k_r", makeList(gains.kr.expand(plan.robot.size()))},
+                                    {"k_p", makeList(gains.kp.expand(plan.robot.size()))},
+                                    {"k_i", makeList(gains.ki.expand(plan.robot.size()))}})},
+                 {"disturbance_set", disturbances.resolved()}});
+    static std::mutex mutex;
+    static std::map<std::string, TrackingBound> known;
+    const std::lock_guard lock(mutex);  // held while it is computed: the others wait for the same
+    const std::string key = writeConfig(inputs);
+    const auto found = known.find(key);
+    if (found != known.end()) return found->second;
+    return known
+        .emplace(key, calcTrackingBound(plan.robot, plan.realLimits, plan.tick_s, gains,
+                                        makeDisturbanceSet(disturbances),
+                                        disturbances.resolved().place()))
+        .first->second;
+}
+
+/** `bounds` with `margin` less on each side. */
+JointBounds tighten(const JointBounds& bounds, const JointVector& margin, const char* quantity,
+                    const char* unit, const RobotDescription& robot, const std::string& place) {
+    for (int i = 0; i < robot.size(); ++i) {
+        const double range = bounds.upper[i] - bounds.lower[i];
+        if (2.0 * margin[i] < range) continue;
+        throw badInput(place,
+                       std::string("hold_on: real leaves the nominal ") +
+                           robot.joints[static_cast<std::size_t>(i)].name + " no " + quantity +
+                           ": its limits are " + detail::formatNumber(range) + " " + unit +
+                           " apart and the tracking bound takes " +
+                           detail::formatNumber(2.0 * margin[i]) + " " + unit,
+                       "`viable bound` shows what the bound consists of: widen the limits, raise the gains of "
+                       "the robust loop or state a smaller disturbance_set.");
+    }
+    return {bounds.lower + margin, bounds.upper - margin};
+}
+
 /** `missed_ticks: [{at_s: 3.0, count: 20}, ...]` */
 std::vector<TickGap> readMissedTicks(const ConfigNode& node, double tick_s, double duration_s) {
     if (node.kind != ConfigNode::Kind::List)
@@ -165,10 +242,20 @@ public:
         plan.duration_s = toNumber(map_.require("duration_s"), durations);
 
         const ConfigNode* limits = map_.find("limits");
-        if (limits) refuseMissingUnit(*limits, getNames(detail::limitKeys()));
         bool allowLargeAngles = plan.robot.allowLargeAngles;
-        plan.limits =
-            limits ? readLimits(*limits, plan.robot.limits, allowLargeAngles) : plan.robot.limits;
+        plan.limits = plan.robot.limits;
+        if (limits) {
+            refuseMissingUnit(*limits, getNames(detail::limitKeys()));
+            ConfigNode quantities = *limits;  // a robot's own limits have no hold_on
+            if (const ConfigNode* held = limits->find("hold_on")) {
+                plan.holdsOnReal = toChoice(*held, {"nominal", "real"}) == "real";
+                quantities.entries.erase(
+                    std::remove_if(quantities.entries.begin(), quantities.entries.end(),
+                                   [](const auto& entry) { return entry.first == "hold_on"; }),
+                    quantities.entries.end());
+            }
+            plan.limits = readLimits(quantities, plan.robot.limits, allowLargeAngles);
+        }
         checkLimits(plan.limits, plan.tick_s, allowLargeAngles,
                     limits ? describePlace(*limits, "limits", name, overrides_)
                            : plan.robot.folder.string() + "/limits.yaml",
@@ -201,11 +288,50 @@ public:
             plan.robustLoop = readPlugin(*robustLoop, PluginKind::RobustLoop, plan.robot.size());
             plan.realPlant = readPlugin(*realPlant, PluginKind::RealPlant, plan.robot.size());
         }
-        plan.resolved = resolve(plan, title, allowLargeAngles);
+        const ConfigNode* disturbances = map_.find("disturbance_set");
+        std::optional<Parameters> sizes;
+        if (disturbances) {
+            sizes = readDisturbances(*disturbances, plan.robot.size());
+            takeBound(plan, *sizes);
+        }
+        if (plan.holdsOnReal) {
+            const std::string place = describePlace(*limits, "limits", name, overrides_);
+            holdOnReal(plan, place);
+            checkLimits(plan.limits, plan.tick_s, allowLargeAngles, place, plan.robot.jointNames());
+        }
+        plan.resolved = resolve(plan, title, allowLargeAngles, sizes);
         return plan;
     }
 
 private:
+    /** Cases with another robust loop have no bound: nothing is known about it. */
+    static void takeBound(CasePlan& plan, const Parameters& disturbances) {
+        const std::string place = disturbances.resolved().place();
+        if (!plan.realPlant)
+            throw badInput(place, "there is a disturbance_set but no real_plant that it could disturb",
+                           "Add real_plant and robust_loop, or remove it.");
+        if (plan.robustLoop->plugin.name != "nric") return;
+        const JointVector& moving = plan.start.qd;
+        for (int i = 0; i < plan.robot.size(); ++i)
+            if (moving[i] != 0.0 || plan.start.qdd[i] != 0.0)
+                throw badInput(plan.startPlace,
+                               "the tracking bound is for arms that start at rest, and " +
+                                   plan.robot.joints[static_cast<std::size_t>(i)].name + " does not",
+                               "Start at rest, or remove the disturbance_set.");
+        plan.bound = findBound(plan, disturbances);
+    }
+
+    static void holdOnReal(CasePlan& plan, const std::string& place) {
+        if (!plan.bound)
+            throw badInput(place,
+                           "hold_on: real needs a tracking bound, and this case has none",
+                           "State a disturbance_set and use the robust loop nric.");
+        plan.limits.position = tighten(plan.realLimits.position, plan.bound->position, "range",
+                                       "rad", plan.robot, place);
+        plan.limits.velocity = tighten(plan.realLimits.velocity, plan.bound->velocity, "velocity",
+                                       "rad/s", plan.robot, place);
+    }
+
     /** One block, or a list of blocks and of names without parameters. */
     std::vector<PluginChoice> readFilters(const ConfigNode& node, int joints) const {
         std::vector<PluginChoice> filters;
@@ -267,11 +393,14 @@ private:
     }
 
     static ConfigNode resolve(const CasePlan& plan, const std::string& title,
-                              bool allowLargeAngles) {
-        ConfigNode limits = makeMap({{"position_rad", makeBounds(plan.limits.position)},
-                                     {"velocity_radps", makeBounds(plan.limits.velocity)},
-                                     {"acceleration_radps2", makeBounds(plan.limits.acceleration)},
-                                     {"jerk_radps3", makeBounds(plan.limits.jerk)}});
+                              bool allowLargeAngles,
+                              const std::optional<Parameters>& disturbances) {
+        const JointLimits& written = plan.realLimits;
+        ConfigNode limits = makeMap({{"position_rad", makeBounds(written.position)},
+                                     {"velocity_radps", makeBounds(written.velocity)},
+                                     {"acceleration_radps2", makeBounds(written.acceleration)},
+                                     {"jerk_radps3", makeBounds(written.jerk)}});
+        if (plan.holdsOnReal) limits.entries.emplace_back("hold_on", makeScalar("real"));
         if (allowLargeAngles) limits.entries.emplace_back("allow_large_angles", makeScalar("true"));
         ConfigNode node = makeMap(
             {{"schema", makeScalar("1")},
@@ -289,6 +418,8 @@ private:
             node.entries.emplace_back("robust_loop", resolve(*plan.robustLoop));
             node.entries.emplace_back("real_plant", resolve(*plan.realPlant));
         }
+        if (disturbances)
+            node.entries.emplace_back("disturbance_set", disturbances->resolved());
         if (!plan.missedTicks.empty())
             node.entries.emplace_back("missed_ticks",
                                       makeMissedTicks(plan.missedTicks, plan.tick_s));

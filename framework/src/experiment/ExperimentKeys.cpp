@@ -48,6 +48,9 @@ const std::vector<ExperimentKey>& experimentKeys() {
                   PluginKind::RobustLoop),
         makeBlock("real_plant", "", KeyForm::Plugin, "The real arm; only with robust_loop.",
                   PluginKind::RealPlant),
+        makeBlock("disturbance_set", "", KeyForm::Disturbances,
+                  "What the real arm may have that the nominal one has not: with it a bound on the tracking error is "
+                  "known, which trips the run when it is passed; with the robust loop nric."),
         makeBlock("missed_ticks", "", KeyForm::Gaps, "Ticks in which the computer comes too late."),
         makeTopOnly(parameter::text("cases", nullptr,
                                     "What differs; everything at the top is shared by all cases."),
@@ -68,6 +71,9 @@ const std::vector<ExperimentKey>& limitKeys() {
                    "x (that is -x to x) or {lower, upper}."),
         {parameter::flag("allow_large_angles", "false",
                          "Position limits beyond 4 pi are meant so, not degrees.")},
+        {parameter::choice("hold_on", "nominal|real", "nominal",
+                           "real: position and velocity limits are those of the real arm; the nominal one gets them "
+                           "tighter by the tracking bound of the disturbance_set.")},
     };
     return keys;
 }
@@ -87,6 +93,51 @@ const std::vector<ExperimentKey>& gapKeys() {
              .atLeast(0)},
         // Beyond what the loop bears in a row, so that its answer to that can be tried.
         {parameter::integer("count", nullptr, "How many ticks are missed.").atLeast(1).upTo(1e6)},
+    };
+    return keys;
+}
+
+const std::vector<ExperimentKey>& disturbanceKeys() {
+    // Defaults: those of DisturbanceSet.
+    static const std::vector<ExperimentKey> keys = {
+        {parameter::jointNumbers("friction_scale", "", "1.0",
+                                 "Largest factor on the robot's friction figures; 0: no friction.")
+             .atLeast(0)},
+        {parameter::number("breakaway_ratio", "", "1.0",
+                           "Largest friction at standstill over Coulomb friction.")
+             .atLeast(1)},
+        {parameter::jointNumbers("load_friction", "", "0.0",
+                                 "Largest friction per torque that the joint carries.")
+             .atLeast(0)
+             .below(1)},
+        {parameter::jointNumbers("mass_error", "", "0.0",
+                                 "Masses and inertias are within 1 - this and 1 + this of the model's.")
+             .atLeast(0)
+             .below(1)},
+        {parameter::number("payload_kg", "kg", "0.0", "Largest payload.").atLeast(0)},
+        {parameter::number("payload_offset_m", "m", "0.0",
+                           "Its farthest from the tool frame's origin.")
+             .atLeast(0)},
+        {parameter::number("base_tilt_rad", "rad", "0.0", "Largest tilt of the base.")
+             .atLeast(0)
+             .upTo(3.15)},
+        {parameter::jointNumbers("torque_ripple_Nm", "Nm", "0.0", "Largest torque ripple.")
+             .atLeast(0)},
+        {parameter::jointNumbers("external_torque_Nm", "Nm", "0.0",
+                                 "Largest torque of pushes that are not fed to the nominal arm.")
+             .atLeast(0)},
+        {parameter::number("torque_limit_factor", "", "1.0",
+                           "Least motor torque, as a share of the robot's figure.")
+             .above(0)
+             .orInfinite()},
+        {parameter::choice("encoder", "robot|exact", "robot",
+                           "robot: readings in whole counts; exact: the truth.")},
+        {parameter::number("encoder_noise_rad", "rad", "0.0",
+                           "Largest error of a reading besides its rounding.")
+             .atLeast(0)},
+        {parameter::integer("delay_ticks", "0", "Between the computed torque and the motors.")
+             .atLeast(0)
+             .upTo(20)},
     };
     return keys;
 }

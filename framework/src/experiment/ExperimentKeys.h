@@ -19,6 +19,7 @@ enum class KeyForm {
     Bounds,     ///< a joint quantity for both sides, or `{lower, upper}`
     Positions,  ///< the same, or `{center, half_range}`
     Start,      ///< a block of `startKeys()`
+    Disturbances,  ///< a block of `disturbanceKeys()`
     Gaps,       ///< a list of blocks of `gapKeys()`
     Plugin,     ///< `{plugin: NAME, parameters}`
     Plugins,    ///< the same, or a list of up to kMaxFilters such blocks or names, the first one first
@@ -35,9 +36,10 @@ struct ExperimentKey {
 };
 
 const std::vector<ExperimentKey>& experimentKeys();
-const std::vector<ExperimentKey>& limitKeys();  ///< what readLimits() knows
+const std::vector<ExperimentKey>& limitKeys();  ///< what readLimits() knows, and hold_on
 const std::vector<ExperimentKey>& startKeys();
 const std::vector<ExperimentKey>& gapKeys();
+const std::vector<ExperimentKey>& disturbanceKeys();
 
 /** The key called `name`; it must be there. */
 const ParameterSpec& getKey(const std::vector<ExperimentKey>& keys, const std::string& name);

@@ -112,6 +112,9 @@ Json makeKey(const ExperimentKey& key) {
         case KeyForm::Start:
             schema.update(makeObject(makeKeys(detail::startKeys())));
             return schema;
+        case KeyForm::Disturbances:
+            schema.update(makeObject(makeKeys(detail::disturbanceKeys())));
+            return schema;
         case KeyForm::Gaps: {
             Json gap = makeObject(makeKeys(detail::gapKeys()));
             for (const ExperimentKey& entry : detail::gapKeys())
