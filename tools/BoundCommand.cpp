@@ -60,6 +60,9 @@ void print(const CasePlan& plan) {
     });
     for (const TrackingBound::Part& part : parts)
         if (part.position.maxCoeff() > 0.0) printRow(part.source, part.position, 1e3);
+    std::printf("the same for the velocity [rad/s]\n");
+    for (const TrackingBound::Part& part : parts)
+        if (part.velocity.maxCoeff() > 0.0) printRow(part.source, part.velocity);
     std::printf("and how much torque that is [Nm]\n");
     for (const TrackingBound::Part& part : parts)
         if (part.torque.maxCoeff() > 0.0) printRow(part.source, part.torque);
@@ -93,7 +96,8 @@ nlohmann::json makeJson(const CasePlan& plan) {
     for (const TrackingBound::Part& part : b.parts)
         parts.push_back({{"source", part.source},
                          {"torque_Nm", list(part.torque)},
-                         {"position_rad", list(part.position)}});
+                         {"position_rad", list(part.position)},
+                         {"velocity_radps", list(part.velocity)}});
     return {{"case", plan.name},
             {"joints", plan.robot.jointNames()},
             {"position_rad", list(b.position)},

@@ -277,9 +277,9 @@ private:
         TrackingBound out;
         const JointVector zero = JointVector::Zero(n_);
         for (const Source& source : sources)
-            out.parts.push_back({source.name, source.torque.calcLargest(), zero});
-        out.parts.push_back({"encoder", zero, zero});
-        out.parts.push_back({"inertia that changes", zero, zero});
+            out.parts.push_back({source.name, source.torque.calcLargest(), zero, zero});
+        out.parts.push_back({"encoder", zero, zero, zero});
+        out.parts.push_back({"inertia that changes", zero, zero, zero});
         for (JointVector* v : {&out.position, &out.velocity, &out.torque, &out.torqueStep,
                                &out.integralTorque})
             *v = zero;
@@ -294,6 +294,8 @@ private:
                     total += part;
                     if (output == LoopOutput::Position)
                         out.parts[k].position = out.parts[k].position.cwiseMax(part);
+                    if (output == LoopOutput::Velocity)
+                        out.parts[k].velocity = out.parts[k].velocity.cwiseMax(part);
                 }
                 largest = largest.cwiseMax(total);
             };

@@ -39,11 +39,12 @@ struct TrackingBound {
     JointVector torqueStep;      ///< of the change of tau_a from tick to tick [Nm]
     JointVector integralTorque;  ///< of K_r K_i |sum of e dt| [Nm]
 
-    /** One source of error and what it adds to the position bound [rad]. */
+    /** One source of error and what it adds to the bounds. */
     struct Part {
         std::string source;
         JointVector torque;    ///< largest torque that it puts on each joint [Nm]
         JointVector position;  ///< [rad]
+        JointVector velocity;  ///< [rad/s]
     };
     std::vector<Part> parts;
 };
