@@ -264,9 +264,8 @@ int run(const RunArguments& arguments) {
     int code = 0;
     for (std::size_t i = 0; i < results.size(); ++i) {
         std::printf("%s\n", formatDetails(results[i]).c_str());
-        // 3 (promise) before 4 (plugin) before 5 (log): the smallest number is the gravest.
         const int own = results[i].exitCode();
-        if (own != 0 && (code == 0 || own < code)) code = own;
+        if (isGraver(own, code)) code = own;
         std::fflush(stdout);  // both may go to one pipe
         if (own != 0 && !results[i].stopMessage.empty())
             std::fprintf(stderr, "viable: case %s %s\n%s%s", results[i].name.c_str(),

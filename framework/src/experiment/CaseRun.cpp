@@ -39,7 +39,9 @@ void askOnce(const SafetyFilter& plugin) {
     plugin.recovers();
 }
 void askOnce(const RobustLoop&) {}
-void askOnce(const RealPlant&) {}
+void askOnce(const RealPlant& plugin) {
+    plugin.externalTorque();
+}
 
 template <class Interface>
 PluginPtr<Interface> makeHere(const PluginChoice& choice, const RunSetup& setup,
@@ -130,10 +132,12 @@ const PluginChoice* findCulprit(const CasePlan& plan, const FilterChain* chain, 
         case StopReason::RobustLoopFailed:
             return &*plan.robustLoop;
         case StopReason::PlantFailed:
+        case StopReason::SensorFailed:
             return &*plan.realPlant;
         case StopReason::None:
         case StopReason::Requested:
         case StopReason::TicksMissed:
+        case StopReason::TrackingLost:
             return nullptr;
     }
     return nullptr;
@@ -160,9 +164,18 @@ std::vector<const PluginChoice*> listPlugins(const CasePlan& plan) {
     return all;
 }
 
+/** JSON has no infinity: the file's words stand for it. */
+nlohmann::json listNumbers(const JointVector& values) {
+    nlohmann::json list = nlohmann::json::array();
+    for (const double x : values)
+        list.push_back(std::isfinite(x) ? nlohmann::json(x) : nlohmann::json(x > 0.0 ? ".inf" : "-.inf"));
+    return list;
+}
+
 LogOpening makeOpening(const CasePlan& plan, MotionCommand::Space space) {
     LogOpening opening;
-    opening.layout = {plan.robot.jointNames(), space, plan.realPlant.has_value()};
+    opening.layout = {plan.robot.jointNames(), space, plan.realPlant.has_value(),
+                      plan.feedsExternalTorque};
     opening.metadata = {
         {"case", plan.name},
         {"robot", std::filesystem::absolute(plan.robot.folder).lexically_normal().string()},
@@ -171,6 +184,19 @@ LogOpening makeOpening(const CasePlan& plan, MotionCommand::Space space) {
     for (const JointDescription& joint : plan.robot.joints)
         if (joint.type == JointType::Prismatic) sliding.push_back(joint.name);
     if (!sliding.empty()) opening.metadata[detail::kPrismaticJoints] = sliding.dump();
+    if (plan.holdsOnReal)
+        opening.metadata["real_limits"] =
+            nlohmann::json{{"position_lower", listNumbers(plan.realLimits.position.lower)},
+                           {"position_upper", listNumbers(plan.realLimits.position.upper)},
+                           {"velocity_lower", listNumbers(plan.realLimits.velocity.lower)},
+                           {"velocity_upper", listNumbers(plan.realLimits.velocity.upper)}}
+                .dump();
+    if (plan.bound)
+        opening.metadata["tracking_bound"] =
+            nlohmann::json{{"position_rad", listNumbers(plan.bound->position)},
+                           {"velocity_radps", listNumbers(plan.bound->velocity)},
+                           {"measured_rad", listNumbers(plan.bound->measured)}}
+                .dump();
     for (const PluginChoice* choice : listPlugins(plan))
         opening.metadata[getName(choice->plugin.kind)] = choice->plugin.library.string();
     if (plan.filters.size() > 1) {
@@ -299,6 +325,11 @@ std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolat
     if (plan.realPlant) {
         plugins.robustLoop = maker.makeWatched<RobustLoop>(*plan.robustLoop);
         plugins.realPlant = maker.makeWatched<RealPlant>(*plan.realPlant);
+        if (plan.feedsExternalTorque && !plugins.realPlant->externalTorque())
+            throw badInput(plan.externalTorquePlace,
+                           "the real plant " + plan.realPlant->plugin.name +
+                               " has no sensors for an external torque",
+                           "Use a plant that measures it, or `external_torque: ignored`.");
     }
     if (!plugins.controller->follows(plugins.command->space())) {
         const bool joint = plugins.command->space() == MotionCommand::Space::Joint;
@@ -317,7 +348,9 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
     const std::unique_ptr<ConfiguredCase> configured = configureCase(plan, options.isolation);
     const bool promises = configured->plugins.filter->promisesLimits();
     const MotionCommand::Space space = configured->plugins.command->space();
-    auto ownLoop = std::make_unique<ControlLoop>(configured->setup, std::move(configured->plugins));
+    auto ownLoop = std::make_unique<ControlLoop>(
+        configured->setup, std::move(configured->plugins),
+        RealArmOptions{plan.bound ? &*plan.bound : nullptr, plan.feedsExternalTorque});
     ControlLoop& loop = *ownLoop;
 
     std::unique_ptr<Recorder> recorder;
@@ -333,8 +366,14 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
     const auto begin = std::chrono::steady_clock::now();
     double recordTime_us = 0.0;
     TickRecord record;
+    // After a lost tracking the real arm may need longer than the nominal one.
+    std::int64_t settling = std::llround(kSettling_s / plan.tick_s);
+    const auto hasEnded = [&] {
+        if (!loop.hasStopped()) return false;
+        return loop.hasFailed() || !result.summary.trip() || settling-- <= 0;
+    };
     // A stop that has begun is led to its end, even beyond the duration.
-    for (std::int64_t k = 0; (k < ticks || loop.isStopping()) && !loop.hasStopped(); ++k) {
+    for (std::int64_t k = 0; (k < ticks || loop.isStopping()) && !hasEnded(); ++k) {
         if (options.stopRequest && options.stopRequest->load(std::memory_order_relaxed) != 0)
             loop.requestStop(StopReason::Requested, "the user asked for it");
         if (isMissed(plan.missedTicks, k))
@@ -374,8 +413,10 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
         "stopped at " + formatTime(result.stopTime_s) + " (tick " +
         std::to_string(std::llround(result.stopTime_s / plan.tick_s)) + ")";
     if (result.stopReason == StopReason::Requested ||
-        result.stopReason == StopReason::TicksMissed) {
+        result.stopReason == StopReason::TicksMissed ||
+        result.stopReason == StopReason::TrackingLost) {
         result.stopMessage = when + " because " + loop.stopMessage();
+        result.stopRemedy = loop.stopRemedy();
         if (result.stopReason == StopReason::TicksMissed)
             result.stopRemedy =
                 "Lower the `count` in missed_ticks, or leave a tick between entries.";
@@ -415,14 +456,33 @@ CaseResult::CaseResult(const CasePlan& plan)
       filter(plan.filterName()),
       robustLoop(plan.robustLoop ? plan.robustLoop->plugin.name : ""),
       realPlant(plan.realPlant ? plan.realPlant->plugin.name : ""),
-      summary(plan.robot.jointNames(), plan.limits, plan.realPlant.has_value()) {
+      holdsOnReal(plan.holdsOnReal),
+      summary(plan.robot.jointNames(), plan.limits, plan.realPlant.has_value(),
+              {plan.holdsOnReal ? std::optional(plan.realLimits) : std::nullopt, plan.bound,
+               plan.robot.actuation.torqueLimit}) {
     for (const PluginChoice* choice : listPlugins(plan))
         if (const ConfigNode* seed = choice->parameters.resolved().find("seed"))
             seeds[choice->plugin.name] = seed->text;
 }
 
+bool CaseResult::isRealPromiseBroken() const {
+    return holdsOnReal && promises && !summary.trip() && summary.anyRealLimitBroken();
+}
+
+bool isGraver(int a, int b) {
+    const auto rank = [](int code) {
+        constexpr ErrorKind order[] = {ErrorKind::PromiseBroken, ErrorKind::TrackingLost,
+                                       ErrorKind::PluginFailed, ErrorKind::LogNotWritten,
+                                       ErrorKind::BadInput};
+        return std::find(std::begin(order), std::end(order), static_cast<ErrorKind>(code)) - order;
+    };
+    return rank(a) < rank(b);
+}
+
 int CaseResult::exitCode() const {
-    if (stopReason == StopReason::PromiseBroken) return static_cast<int>(ErrorKind::PromiseBroken);
+    if (stopReason == StopReason::PromiseBroken || isRealPromiseBroken())
+        return static_cast<int>(ErrorKind::PromiseBroken);
+    if (summary.trip()) return static_cast<int>(ErrorKind::TrackingLost);
     const bool isWanted = stopReason == StopReason::None || stopReason == StopReason::Requested ||
                           stopReason == StopReason::FilterEnded;
     if (!isWanted)

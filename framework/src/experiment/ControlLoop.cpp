@@ -1,10 +1,13 @@
 #include "viable/experiment/ControlLoop.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <exception>
+#include <limits>
 
+#include "experiment/FarthestJoint.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -12,6 +15,8 @@ namespace viable {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+
+constexpr double kPi = 3.14159265358979323846;
 
 bool isUsable(const MotionCommand& command, int n) {
     if (command.space == MotionCommand::Space::Joint)
@@ -86,6 +91,12 @@ constexpr char kOnLimits[] =
     "Give limits for every joint, the lower below the upper, zero between those of velocity, acceleration and jerk; or use a "
     "filter that can change them, such as certified_braking.";
 
+constexpr char kOnJump[] =
+    "Check the encoder and its wiring: a wrap, a lost count, swapped channels. The robust loop was not given it.";
+constexpr char kOnLostTracking[] =
+    "Look what acted on the arm then: a push, a payload, a sensor that failed. What belongs to the task "
+    "belongs into `disturbance_set`, which widens the bound.";
+
 /** Why the arm is braked when a plugin of the kind fails. */
 StopReason getReason(PluginKind kind) {
     switch (kind) {
@@ -139,8 +150,14 @@ private:
     Clock::time_point begin_, last_;
 };
 
-ControlLoop::ControlLoop(const RunSetup& setup, LoopPlugins plugins)
-    : setup_(setup), plugins_(std::move(plugins)), model_(setup.robot), n_(setup.size()) {
+ControlLoop::ControlLoop(const RunSetup& setup, LoopPlugins plugins, const RealArmOptions& options)
+    : setup_(setup),
+      plugins_(std::move(plugins)),
+      options_(options),
+      model_(setup.robot),
+      n_(setup.size()) {
+    VIABLE_CHECK(!options_.bound || options_.bound->measured.size() == n_,
+                 "a tracking bound of another arm");
     reset();
 }
 
@@ -151,9 +168,12 @@ ControlLoop::~ControlLoop() {
 void ControlLoop::reset() {
     tickIndex_ = 0;
     nominal_ = setup_.start;
-    real_ = actual_ = {nominal_.q, nominal_.qd};
+    real_ = actual_ = believed_ = {nominal_.q, nominal_.qd};
+    isBelieving_ = true;
     hasTorque_ = false;
-    missingCommands_ = missingTorques_ = 0;
+    missingCommands_ = missingTorques_ = missingExternalTorques_ = 0;
+    isTrackingLost_ = isIntegralHeld_ = false;
+    externalTorque_.setZero(options_.feedsExternalTorque ? n_ : 0);
     substituted_ = 0;
     stopReason_ = StopReason::None;
     stopTime_ = 0.0;
@@ -162,6 +182,9 @@ void ControlLoop::reset() {
     stopBegun_ = ended_ = robustLoopFailed_ = false;
     missedInRow_ = 0;
     limits_ = setup_.limits;
+    largestJump_.setZero(n_);
+    deviation_.setZero(n_);
+    widenJumps();
     for (JointVector* v :
          {&desiredTorque_, &newTorque_, &robustTorque_, &motorTorque_, &appliedTorque_})
         v->setZero(n_);
@@ -229,7 +252,15 @@ Status ControlLoop::contain(PluginKind kind, Status faulted, const Call& call) n
     return status;
 }
 
-void ControlLoop::readPlant() {
+void ControlLoop::lookAtPlant() {
+    const JointVector before = real_.q;
+    readState();
+    if (options_.feedsExternalTorque) readExternalTorque();
+    checkTracking();
+    judgeReading(before);
+}
+
+void ControlLoop::readState() {
     const TickStatus status = contain(PluginKind::RealPlant, TickStatus::Faulted, [&] {
         const JointState& measured = plugins_.realPlant->measured();
         const JointState& actual = plugins_.realPlant->actual();
@@ -242,6 +273,93 @@ void ControlLoop::readPlant() {
     beginStop(StopReason::PlantFailed,
               "the state that it reports has the wrong size or is not finite", kOnValues);
     ended_ = true;
+}
+
+/** An unusable value is replaced by the last good one, for a while. */
+void ControlLoop::readExternalTorque() {
+    const TickStatus status = contain(PluginKind::RealPlant, TickStatus::Faulted, [&] {
+        const JointVector* torque = plugins_.realPlant->externalTorque();
+        if (!torque || !isBounded(*torque, n_)) return TickStatus::Faulted;
+        externalTorque_ = *torque;
+        return TickStatus::Ok;
+    });
+    if (status == TickStatus::Ok) {
+        missingExternalTorques_ = 0;
+        return;
+    }
+    if (++missingExternalTorques_ <= kMaxSubstitutedTicks) return;
+    externalTorque_.setZero();
+    beginStop(StopReason::SensorFailed,
+              "the external torque that it reports has the wrong size, is not finite or beyond 1e9",
+              kOnValues);
+}
+
+/** Brakes an arm that does not follow, and keeps the robust loop from pressing it harder and harder. */
+void ControlLoop::checkTracking() {
+    if (!options_.bound || isTrackingLost_ || ended_) return;
+    const JointVector error = real_.q - nominal_.q;
+    const int i = detail::findFarthestBeyond(error, options_.bound->measured);
+    if (i < 0) return;
+    isTrackingLost_ = true;
+    const JointDescription& joint = setup_.robot.joints[static_cast<std::size_t>(i)];
+    const char* const unit = joint.type == JointType::Prismatic ? "m" : "rad";
+    char message[sizeof stopMessage_];
+    std::snprintf(message, sizeof message,
+                  "%.60s was measured %.4g %s from its nominal place, beyond its bound of %.4g %s: what "
+                  "acts on the arm, or the sensor's error, has left the stated disturbance set",
+                  joint.name.c_str(), std::abs(error[i]), unit, options_.bound->measured[i], unit);
+    beginStop(StopReason::TrackingLost, message, kOnLostTracking);
+    holdIntegral();
+}
+
+void ControlLoop::holdIntegral() {
+    if (isIntegralHeld_) return;
+    isIntegralHeld_ = true;
+    contain(PluginKind::RobustLoop, TickStatus::Faulted, [&] {
+        plugins_.robustLoop->holdIntegral();
+        return TickStatus::Ok;
+    });
+}
+
+/** A reading that no motion explains is not believed, nor is any after it. */
+void ControlLoop::judgeReading(const JointVector& before) {
+    // The first reading may be anywhere: there is none before it.
+    if (options_.judgesReadings && isBelieving_ && tickIndex_ > 0 && !ended_) {
+        const JointVector jump = real_.q - before;
+        const int i = detail::findFarthestBeyond(jump, largestJump_);
+        if (i >= 0) {
+            isBelieving_ = false;
+            const JointDescription& joint = setup_.robot.joints[static_cast<std::size_t>(i)];
+            const char* const unit = joint.type == JointType::Prismatic ? "m" : "rad";
+            char message[sizeof stopMessage_];
+            std::snprintf(message, sizeof message,
+                          "the position that it reports of %.60s jumped by %.4g %s in a tick, in which %.4g "
+                          "%s would be more than any motion of it",
+                          joint.name.c_str(), std::abs(jump[i]), unit, largestJump_[i], unit);
+            beginStop(StopReason::SensorFailed, message, kOnJump);
+            holdIntegral();
+        }
+    }
+    if (isBelieving_) {
+        believed_ = real_;
+        deviation_ = real_.q - nominal_.q;
+    } else {
+        believed_ = {nominal_.q + deviation_, nominal_.qd};
+    }
+}
+
+/** Widens what counts as a motion by the velocity limits in force. */
+void ControlLoop::widenJumps() {
+    for (int i = 0; i < n_; ++i) {
+        const double speed = std::max({-limits_.velocity.lower[i], limits_.velocity.upper[i],
+                                       std::abs(setup_.start.qd[i])});
+        const double counts = setup_.robot.actuation.encoderCounts[i];
+        const bool slides =
+            setup_.robot.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic;
+        const double count = counts > 0.0 ? (slides ? 1.0 : 2.0 * kPi) / counts : 0.0;
+        largestJump_[i] = std::max(largestJump_[i],
+                                   kJumpSpeeds * speed * setup_.tick_s + kJumpCounts * count);
+    }
 }
 
 void ControlLoop::takeCommand(double t) {
@@ -301,6 +419,7 @@ void ControlLoop::takeLimits(double t) {
         return;
     }
     limits_ = *limits;
+    widenJumps();
     monitor_.changeLimits(limits_, nominal_);
 }
 
@@ -316,7 +435,10 @@ void ControlLoop::tellMissedTicks() {
 bool ControlLoop::takeDecision() {
     decision_.hasStops = false;  // a filter without a witness need not say so
     status_ = contain(PluginKind::SafetyFilter, FilterStatus::Faulted, [&] {
-        return plugins_.filter->filter(nominal_, desiredTorque_, dynamics_, decision_);
+        if (externalTorque_.size() == 0)
+            return plugins_.filter->filter(nominal_, desiredTorque_, dynamics_, decision_);
+        const JointVector wanted = desiredTorque_ + externalTorque_;
+        return plugins_.filter->filter(nominal_, wanted, dynamics_, decision_);
     });
     if (status_ == FilterStatus::Ended && !promises_) {
         beginStop(StopReason::FilterEnded, "it had no admissible choice and does not go on");
@@ -372,9 +494,11 @@ void ControlLoop::followStop() {
 }
 
 void ControlLoop::takeRobustTorque() {
+    motorTorque_ = decision_.torque;  // the motors' share of what moves the nominal arm
+    if (externalTorque_.size() > 0) motorTorque_ -= externalTorque_;
     if (!robustLoopFailed_) {
         const TickStatus status = contain(PluginKind::RobustLoop, TickStatus::Faulted, [&] {
-            return plugins_.robustLoop->compute(real_, nominal_, decision_.torque, robustTorque_);
+            return plugins_.robustLoop->compute(believed_, nominal_, motorTorque_, robustTorque_);
         });
         if (status == TickStatus::Ok && isBounded(robustTorque_, n_)) return;
         beginStop(StopReason::RobustLoopFailed,
@@ -386,7 +510,7 @@ void ControlLoop::takeRobustTorque() {
 }
 
 void ControlLoop::drivePlant() {
-    motorTorque_ = decision_.torque + robustTorque_;
+    motorTorque_ += robustTorque_;
     const TickStatus status = contain(PluginKind::RealPlant, TickStatus::Faulted, [&] {
         return plugins_.realPlant->advance(motorTorque_, appliedTorque_);
     });
@@ -409,10 +533,14 @@ void ControlLoop::fillRecord(TickRecord& record, bool decided) const {
     record.actual = actual_;
     record.desiredTorque = desiredTorque_;
     record.filterTorque = decision_.torque;
-    if (decided)
+    record.externalTorque = externalTorque_;
+    record.removedTorque.setZero(n_);
+    if (decided) {
         record.removedTorque = desiredTorque_ - decision_.torque;
-    else
-        record.removedTorque.setZero(n_);
+        if (externalTorque_.size() > 0) record.removedTorque += externalTorque_;
+    }
+    if (missingExternalTorques_ > 0)
+        record.externalTorque.setConstant(std::numeric_limits<double>::quiet_NaN());
     record.status = status_;
     record.joints = decision_.joints;
     for (int i = 0; i < n_; ++i) record.stops[i] = monitor_.stop(i);
@@ -441,7 +569,7 @@ void ControlLoop::finishTick(TickRecord& record, StageTimer& timer) {
 
 void ControlLoop::tick(TickRecord& record) noexcept {
     StageTimer timer(record);
-    if (plugins_.realPlant) readPlant();
+    if (plugins_.realPlant) lookAtPlant();
     timer.mark(Stage::Plant);
     if (!isStopping()) takeCommand(time());
     if (!isStopping()) tellMissedTicks();
@@ -466,7 +594,7 @@ void ControlLoop::missTick(TickRecord& record) noexcept {
     if (++missedInRow_ > kMaxMissedTicks)
         beginStop(StopReason::TicksMissed, "more than 1000 ticks in a row were missed");
     StageTimer timer(record);
-    if (plugins_.realPlant) readPlant();
+    if (plugins_.realPlant) lookAtPlant();
     timer.mark(Stage::Plant);
     model_.calcDynamics(nominal_.q, nominal_.qd, dynamics_);
     timer.mark(Stage::Dynamics);

@@ -299,6 +299,7 @@ public:
             holdOnReal(plan, place);
             checkLimits(plan.limits, plan.tick_s, allowLargeAngles, place, plan.robot.jointNames());
         }
+        if (const ConfigNode* node = map_.find("external_torque")) readExternalTorque(*node, plan);
         plan.resolved = resolve(plan, title, allowLargeAngles, sizes);
         return plan;
     }
@@ -330,6 +331,14 @@ private:
                                        "rad", plan.robot, place);
         plan.limits.velocity = tighten(plan.realLimits.velocity, plan.bound->velocity, "velocity",
                                        "rad/s", plan.robot, place);
+    }
+
+    static void readExternalTorque(const ConfigNode& node, CasePlan& plan) {
+        plan.feedsExternalTorque = toChoice(node, {"to_nominal", "ignored"}) == "to_nominal";
+        plan.externalTorquePlace = node.place();
+        if (plan.feedsExternalTorque && !plan.realPlant)
+            throw badInput(node.place(), "there is no real_plant that could measure an external torque",
+                           "Add `real_plant` and `robust_loop`, or remove external_torque.");
     }
 
     /** One block, or a list of blocks and of names without parameters. */
@@ -415,6 +424,8 @@ private:
              {"command", resolve(plan.command)},
              {"controller", resolve(plan.controller)}});
         if (plan.realPlant) {
+            if (plan.feedsExternalTorque)
+                node.entries.emplace_back("external_torque", makeScalar("to_nominal"));
             node.entries.emplace_back("robust_loop", resolve(*plan.robustLoop));
             node.entries.emplace_back("real_plant", resolve(*plan.realPlant));
         }

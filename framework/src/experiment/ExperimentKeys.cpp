@@ -51,6 +51,9 @@ const std::vector<ExperimentKey>& experimentKeys() {
         makeBlock("disturbance_set", "", KeyForm::Disturbances,
                   "What the real arm may have that the nominal one has not: with it a bound on the tracking error is "
                   "known, which trips the run when it is passed; with the robust loop nric."),
+        {parameter::choice("external_torque", "to_nominal|ignored", "ignored",
+                           "What the surroundings put on the real arm, as it measures it: moves the nominal "
+                           "arm, too, or is left to the robust loop; only with real_plant.")},
         makeBlock("missed_ticks", "", KeyForm::Gaps, "Ticks in which the computer comes too late."),
         makeTopOnly(parameter::text("cases", nullptr,
                                     "What differs; everything at the top is shared by all cases."),

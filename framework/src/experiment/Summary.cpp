@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "experiment/FarthestJoint.h"
+
 namespace viable {
 
 namespace {
@@ -45,10 +47,19 @@ double TimeHistogram::percentile(double p) const {
     return max_;
 }
 
-Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool hasRealPlant)
-    : jointNames_(std::move(jointNames)), bounds_(std::move(limits)), hasRealPlant_(hasRealPlant) {
+Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool hasRealPlant,
+                 RealArmReference reference)
+    : jointNames_(std::move(jointNames)),
+      bounds_(std::move(limits)),
+      hasRealPlant_(hasRealPlant),
+      reference_(std::move(reference)) {
     for (auto& records : limits_) records.resize(jointNames_.size());
-    realPosition_.resize(jointNames_.size());
+    for (int k = 0; k < 2; ++k) {
+        real_[k].resize(jointNames_.size());
+        realStop_[k].resize(jointNames_.size());
+        boundShare_[k].setZero(static_cast<int>(jointNames_.size()));
+    }
+    motors_.resize(jointNames_.size());
     acting_.resize(jointNames_.size());
     rests_.assign(jointNames_.size(), {kNan, kNan, 0.0});
     squaredError_.setZero(static_cast<int>(jointNames_.size()));
@@ -169,6 +180,57 @@ void Summary::addRest(int i, const TickRecord& record) {
     rested_s_ += tick_s_;
 }
 
+void Summary::addReal(const TickRecord& record) {
+    const JointLimits& limits = reference_.limits ? *reference_.limits : bounds_;
+    const JointVector& q = record.actual.q;
+    const JointVector& qd = record.actual.qd;
+    check(real_[0], LimitKind::Position, limits.position, q, record.time_s);
+    check(real_[1], LimitKind::Velocity, limits.velocity, qd, record.time_s);
+    realEndSpeed_ = qd.lpNorm<Eigen::Infinity>();
+    if (reference_.bound) {
+        const TrackingBound& bound = *reference_.bound;
+        const JointVector error = record.real.q - record.nominal.q;
+        const int lost = trip_ ? -1 : detail::findFarthestBeyond(error, bound.measured);
+        if (lost >= 0)
+            trip_ = {lost, record.time_s, std::abs(error[lost]), bound.measured[lost]};
+        const auto addShares = [](JointVector& shares, const JointVector& difference,
+                                  const JointVector& size) {
+            for (Eigen::Index i = 0; i < shares.size(); ++i)
+                if (difference[i] != 0.0)
+                    shares[i] = std::max(shares[i], std::abs(difference[i]) / size[i]);
+        };
+        addShares(boundShare_[0], q - record.nominal.q, bound.position);
+        addShares(boundShare_[1], qd - record.nominal.qd, bound.velocity);
+    }
+    if (trip_) {
+        check(realStop_[0], LimitKind::Position, limits.position, q, record.time_s);
+        check(realStop_[1], LimitKind::Velocity, limits.velocity, qd, record.time_s);
+    }
+    for (Eigen::Index i = 0; i < reference_.torqueLimit.size(); ++i) {
+        const double use = std::abs(record.motorTorque[i]) / reference_.torqueLimit[i];
+        MotorRecord& motor = motors_[static_cast<std::size_t>(i)];
+        if (use > motor.worstUse) {
+            motor.worstUse = use;
+            motor.worstTime_s = record.time_s;
+        }
+        if (use >= 1.0 - kOutsideShare) ++motor.ticksSaturated;
+    }
+    if (record.externalTorque.hasNaN()) ++externalTorqueMissing_;
+}
+
+bool Summary::anyRealLimitBroken() const {
+    for (const std::vector<LimitRecord>& records : real_)
+        for (const LimitRecord& record : records)
+            if (record.ticksOutside > 0) return true;
+    return false;
+}
+
+int Summary::worstBoundJoint() const {
+    Eigen::Index worst = 0;
+    boundShare_[0].maxCoeff(&worst);
+    return static_cast<int>(worst);
+}
+
 void Summary::add(const TickRecord& record) {
     const int n = static_cast<int>(jointNames_.size());
     if (ticks_ > 0) tick_s_ = record.time_s - lastTime_s_;
@@ -179,8 +241,7 @@ void Summary::add(const TickRecord& record) {
     const bool outside =
         check(limits_[3], LimitKind::Jerk, bounds_.jerk, record.nominal.jerk, record.time_s);
     broken_ |= outside && !isReturning_;
-    if (hasRealPlant_)
-        check(realPosition_, LimitKind::Position, bounds_.position, record.actual.q, record.time_s);
+    if (hasRealPlant_) addReal(record);
     for (int i = 0; i < n; ++i) {
         addIntervention(i, record);
         addCommand(i, record);

@@ -64,12 +64,67 @@ std::string writeSummaryJson(const Experiment& experiment, const std::vector<Cas
                     {"rms_rad", s.trackingRms(static_cast<int>(i))},
                     {"max_rad", s.trackingMax(static_cast<int>(i))}};
         }
+        json realLimits = nullptr, bound = nullptr, trip = nullptr, motors = nullptr;
+        const auto describeReal = [&](const std::vector<LimitRecord>& records) {
+            json joints = json::object();
+            for (std::size_t i = 0; i < s.jointNames().size(); ++i) {
+                const LimitRecord& limit = records[i];
+                joints[s.jointNames()[i]] = {
+                    {"worst_use", limit.exists ? number(limit.worstUse) : json(nullptr)},
+                    {"worst_time_s", limit.worstTime_s},
+                    {"worst_excess", number(limit.worstExcess)},
+                    {"ticks_outside", limit.ticksOutside}};
+            }
+            return joints;
+        };
+        if (s.hasRealPlant()) {
+            realLimits = json::object();
+            motors = json::object();
+            for (const LimitKind kind : {LimitKind::Position, LimitKind::Velocity})
+                realLimits[getName(kind, LimitSide::Neither)] = describeReal(s.realLimit(kind));
+            for (std::size_t i = 0; i < s.jointNames().size(); ++i) {
+                const MotorRecord& motor = s.motor(static_cast<int>(i));
+                motors[s.jointNames()[i]] = {{"worst_use", number(motor.worstUse)},
+                                             {"worst_time_s", motor.worstTime_s},
+                                             {"ticks_saturated", motor.ticksSaturated}};
+            }
+        }
+        if (const std::optional<TrackingBound>& b = s.reference().bound) {
+            json joints = json::object();
+            for (int i = 0; i < static_cast<int>(s.jointNames().size()); ++i)
+                joints[s.jointNames()[static_cast<std::size_t>(i)]] = {
+                    {"position_rad", number(b->position[i])},
+                    {"velocity_radps", number(b->velocity[i])},
+                    {"measured_rad", number(b->measured[i])},
+                    {"worst_position_share", number(s.boundShare(LimitKind::Position, i))},
+                    {"worst_velocity_share", number(s.boundShare(LimitKind::Velocity, i))}};
+            const int worst = s.worstBoundJoint();
+            bound = {{"worst_share", number(s.boundShare(LimitKind::Position, worst))},
+                     {"worst_joint", s.jointNames()[static_cast<std::size_t>(worst)]},
+                     {"joints", joints}};
+        }
+        if (s.trip()) {
+            bool isInside = true;
+            json stop = json::object();
+            for (const LimitKind kind : {LimitKind::Position, LimitKind::Velocity}) {
+                for (const LimitRecord& record : s.realStop(kind)) isInside &= record.ticksOutside == 0;
+                stop[getName(kind, LimitSide::Neither)] = describeReal(s.realStop(kind));
+            }
+            trip = {{"joint", s.jointNames()[static_cast<std::size_t>(s.trip()->joint)]},
+                    {"time_s", s.trip()->time_s},
+                    {"error_rad", s.trip()->error},
+                    {"bound_rad", s.trip()->bound},
+                    {"real_arm_inside", isInside},
+                    {"real_end_speed_radps", number(s.realEndSpeed())},
+                    {"real_limits", stop}};
+        }
         cases.push_back({{"name", r.name},
                          {"filter", r.filter},
                          {"robust_loop", r.robustLoop},
                          {"real_plant", r.realPlant},
                          {"seeds", r.seeds},
                          {"promises_limits", r.promises},
+                         {"holds_on_real", r.holdsOnReal},
                          {"limits_kept", !s.anyLimitBroken() && !s.endsOutside()},
                          {"ends_outside", s.endsOutside()},
                          {"simulated_s", r.simulated_s},
@@ -95,6 +150,12 @@ std::string writeSummaryJson(const Experiment& experiment, const std::vector<Cas
                          {"command_error_rms_rad", orNull(s.commandErrorRms())},
                          {"chatter", orNull(s.chatter())},
                          {"tracking", tracking},
+                         {"real_limits", realLimits},
+                         {"bound", bound},
+                         {"motors", motors},
+                         {"tripped", s.trip().has_value()},
+                         {"trip", trip},
+                         {"external_torque_missing_ticks", s.externalTorqueMissing()},
                          {"tick", times(s.tickTime())},
                          {"stages", stages},
                          {"verdict", formatVerdict(r)},

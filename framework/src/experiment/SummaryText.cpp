@@ -176,16 +176,120 @@ std::string formatChatter(const Summary& s) {
     return std::isnan(s.chatter()) ? "-" : format("%.3g", 100.0 * s.chatter());
 }
 
+constexpr LimitKind kRealKinds[] = {LimitKind::Position, LimitKind::Velocity};
+
+/** The joint with the largest `value`; -1: no joint has a limit. */
+int findWorst(const std::vector<LimitRecord>& records, double LimitRecord::*value) {
+    int worst = -1;
+    for (int i = 0; i < static_cast<int>(records.size()); ++i)
+        if (records[i].exists && (worst < 0 || records[i].*value > records[worst].*value)) worst = i;
+    return worst;
+}
+
+/** "position by 0.2 rad (joint3), velocity by ...": what the real arm passed; empty: nothing. */
+std::string formatRealExcesses(const Summary& s, const std::vector<LimitRecord>& (Summary::*limit)(LimitKind)
+                                                     const) {
+    std::string text;
+    for (const LimitKind kind : kRealKinds) {
+        const std::vector<LimitRecord>& records = (s.*limit)(kind);
+        const int worst = findWorst(records, &LimitRecord::worstExcess);
+        if (worst < 0 || records[worst].ticksOutside == 0) continue;
+        text += format("%s%s by %s %s (%s)", text.empty() ? "" : ", ", getName(kind, LimitSide::Neither),
+                       formatPlain(records[worst].worstExcess).c_str(), getUnit(kind),
+                       s.jointNames()[static_cast<std::size_t>(worst)].c_str());
+    }
+    return text;
+}
+
+/** What became of the real arm's limits, where there is something to tell. */
+std::string formatRealVerdict(const CaseResult& r) {
+    if (!r.summary.hasRealPlant()) return "";
+    const std::string passed = formatRealExcesses(r.summary, &Summary::realLimit);
+    if (!r.holdsOnReal) return passed.empty() ? "" : "; the real arm passed limits: " + passed;
+    return (passed.empty() ? "; the real arm kept its position and velocity limits"
+                           : "; the real arm passed its limits: " + passed) +
+           (r.promises ? " (promised as long as the disturbances are within their set; of its "
+                         "acceleration and jerk nothing is)"
+                       : " (of which the filter promises nothing)");
+}
+
+/** Below this a joint of the real arm has come to rest [rad/s]. */
+constexpr double kRealRest = 0.01;
+
+std::string formatTrip(const Summary& s) {
+    const TrackingTrip& trip = *s.trip();
+    std::string text = format(
+        "  tripped       at %.4f s: %s measured %.4g rad from its nominal place, bound %.4g rad; ",
+        trip.time_s, s.jointNames()[static_cast<std::size_t>(trip.joint)].c_str(), trip.error,
+        trip.bound);
+    const std::string passed = formatRealExcesses(s, &Summary::realStop);
+    text += passed.empty() ? "the real arm stayed inside its position and velocity limits"
+                           : "after it the real arm passed its limits: " + passed;
+    text += s.realEndSpeed() <= kRealRest
+                ? ", and has come to rest"
+                : format("; at the end it still moved, at %.3g rad/s", s.realEndSpeed());
+    return text + "\n";
+}
+
+/** The real arm against its limits, its bound and its motors. */
+std::string formatReal(const Summary& s) {
+    const auto name = [&](int joint) { return s.jointNames()[static_cast<std::size_t>(joint)].c_str(); };
+    const int n = static_cast<int>(s.jointNames().size());
+    std::string text;
+    for (const LimitKind kind : kRealKinds) {
+        const std::vector<LimitRecord>& records = s.realLimit(kind);
+        text += format(kind == LimitKind::Position ? "  real arm      %s: " : "                %s: ",
+                       getName(kind, LimitSide::Neither));
+        const int worst = findWorst(records, &LimitRecord::worstUse);
+        if (worst < 0) {
+            text += "no limit\n";
+            continue;
+        }
+        std::int64_t outside = 0;
+        for (const LimitRecord& record : records) outside += record.ticksOutside;
+        const int farthest = findWorst(records, &LimitRecord::worstExcess);
+        text += format("worst use %s %% (%s at %.3f s), outside in %lld joint-ticks, worst excess %s %s\n",
+                       formatPercent(records[worst].worstUse).c_str(), name(worst),
+                       records[worst].worstTime_s, static_cast<long long>(outside),
+                       formatDistance(records[farthest].worstExcess).c_str(), getUnit(kind));
+    }
+    if (s.reference().bound) {
+        text += "  bound used    position / velocity per joint [%]";
+        for (int i = 0; i < n; ++i)
+            text += "  " + formatPercent(s.boundShare(LimitKind::Position, i)) + " / " +
+                    formatPercent(s.boundShare(LimitKind::Velocity, i));
+        text += "\n";
+    }
+    if (s.reference().torqueLimit.size() == n && (s.reference().torqueLimit.array() < INFINITY).any()) {
+        std::int64_t saturated = 0;
+        text += "  motors        largest share of the torque limit per joint [%]";
+        for (int i = 0; i < n; ++i) {
+            text += "  " + formatPercent(s.motor(i).worstUse);
+            saturated += s.motor(i).ticksSaturated;
+        }
+        text += format(", saturated in %lld joint-ticks\n", static_cast<long long>(saturated));
+    }
+    if (s.externalTorqueMissing() > 0)
+        text += format("  external      %lld ticks without a usable external torque\n",
+                       static_cast<long long>(s.externalTorqueMissing()));
+    return text;
+}
+
 }  // namespace
 
 std::string formatComparison(const std::vector<CaseResult>& results) {
+    const bool anyBound = std::any_of(results.begin(), results.end(), [](const CaseResult& r) {
+        return r.summary.reference().bound.has_value();
+    });
+    const std::string column = anyBound ? format(" %8s", "of bound") : "";
+    const int width = static_cast<int>(19 + column.size());
     std::string text =
-        format("%-16s | %-35s | %-27s | %-19s | %s\n", "", "worst use of the limit [%]",
-               "ticks (outside: per joint)", "real - nominal", "tick [us]");
-    text += format("%-16s | %8s %8s %8s %8s | %8s %10s %7s | %9s %9s | %6s %6s\n", "case",
+        format("%-16s | %-35s | %-27s | %-*s | %s\n", "", "worst use of the limit [%]",
+               "ticks (outside: per joint)", width, "real - nominal", "tick [us]");
+    text += format("%-16s | %8s %8s %8s %8s | %8s %10s %7s | %9s %9s%s | %6s %6s\n", "case",
                    "position", "velocity", "accel.", "jerk", "outside", "infeasible", "changed",
-                   "RMS[mrad]", "max[mrad]", "median", "p99");
-    text += std::string(122, '-') + "\n";
+                   "RMS[mrad]", "max[mrad]", column.c_str(), "median", "p99");
+    text += std::string(122 + column.size(), '-') + "\n";
     for (const CaseResult& r : results) {
         const Summary& s = r.summary;
         std::int64_t outside = 0;
@@ -195,13 +299,17 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
                                      : "no limit";
         };
         const double modified = 100.0 * s.changedShare();
-        text += format("%-16s | %8s %8s %8s %8s | %8lld %10lld %5.1f %% | %9s %9s | %6.1f %6.1f\n",
+        std::string ofBound = anyBound ? format(" %8s", "-") : "";
+        if (s.reference().bound)
+            ofBound = format(" %6s %%", formatPercent(s.boundShare(LimitKind::Position,
+                                                                   s.worstBoundJoint())).c_str());
+        text += format("%-16s | %8s %8s %8s %8s | %8lld %10lld %5.1f %% | %9s %9s%s | %6.1f %6.1f\n",
                        r.name.c_str(), use(LimitKind::Position).c_str(),
                        use(LimitKind::Velocity).c_str(), use(LimitKind::Acceleration).c_str(),
                        use(LimitKind::Jerk).c_str(), static_cast<long long>(outside),
                        static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), modified,
                        s.hasRealPlant() ? formatMrad(s.trackingRms()).c_str() : "-",
-                       s.hasRealPlant() ? formatMrad(s.trackingMax()).c_str() : "-",
+                       s.hasRealPlant() ? formatMrad(s.trackingMax()).c_str() : "-", ofBound.c_str(),
                        s.tickTime().percentile(0.5), s.tickTime().percentile(0.99));
     }
     return text + kLegend;
@@ -256,29 +364,18 @@ than 1 joint-second of that). filter: median time of a tick.
 )";
 }
 
-/** The joint whose real position used most of its limit; -1: there is no real arm, or no limit. */
-int findWorstRealJoint(const Summary& s) {
-    if (!s.hasRealPlant() || !hasLimit(s, LimitKind::Position)) return -1;
-    int worst = 0;
-    for (int i = 1; i < static_cast<int>(s.jointNames().size()); ++i)
-        if (s.realPosition(i).worstUse > s.realPosition(worst).worstUse) worst = i;
-    return worst;
-}
-
 std::string formatVerdict(const CaseResult& r) {
     std::string text;
     if (r.stopReason == StopReason::PromiseBroken)
         text = "promise broken, the arm was stopped; ";
+    else if (r.isRealPromiseBroken())
+        text = "promise on the real arm broken; ";
+    else if (r.stopReason == StopReason::TrackingLost)
+        text = "tracking lost, the arm was stopped; ";
     else if (r.stopReason != StopReason::None)
         text = "stopped early; ";
-    text += formatVerdict(r.summary) + " (nominal arm; the filter promises " +
-            (r.promises ? "all" : "none") + ")";
-    const int worst = findWorstRealJoint(r.summary);
-    if (worst >= 0 && r.summary.realPosition(worst).worstUse > 1.0)
-        text += "; the real arm passed position limits (worst use " +
-                formatPercent(r.summary.realPosition(worst).worstUse) + " %, " +
-                r.summary.jointNames()[static_cast<std::size_t>(worst)] + ")";
-    return text;
+    return text + formatVerdict(r.summary) + " (nominal arm; the filter promises " +
+           (r.promises ? "all" : "none") + ")" + formatRealVerdict(r);
 }
 
 std::string formatDetails(const CaseResult& r) {
@@ -299,12 +396,8 @@ std::string formatDetails(const CaseResult& r) {
         text += "  real-nominal  RMS / max per joint [mrad]";
         for (int i = 0; i < static_cast<int>(s.jointNames().size()); ++i)
             text += "  " + formatMrad(s.trackingRms(i)) + " / " + formatMrad(s.trackingMax(i));
-        const int worst = findWorstRealJoint(s);
-        text += "\n  real arm      position: ";
-        text += worst >= 0
-                    ? "worst use " + formatPercent(s.realPosition(worst).worstUse) + " % (" +
-                          s.jointNames()[worst] + ")\n"
-                    : "no limit\n";
+        text += "\n" + formatReal(s);
+        if (s.trip()) text += formatTrip(s);
     }
     text += format("  tick          median %.1f us, p99 %.1f us, max %.1f us (median / p99:",
                    s.tickTime().percentile(0.5), s.tickTime().percentile(0.99), s.tickTime().max());

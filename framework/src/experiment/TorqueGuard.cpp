@@ -9,6 +9,7 @@
 #include <string>
 
 #include "core/NumberText.h"
+#include "experiment/FarthestJoint.h"
 #include "viable/core/Error.h"
 #include "viable/experiment/ControlLoop.h"
 
@@ -26,6 +27,9 @@ constexpr double kPi = 3.14159265358979323846;
 constexpr double kCounts = 2.0;
 /** A start faster than this is no arm's; the limits' own window is the same. [rad/s] */
 constexpr double kLargestStartSpeed = kLargestLimit;
+
+/** External torques beyond this are none [Nm]. */
+constexpr double kLargestExternalTorque = 1e9;
 
 /** Below this speed a joint is as good as at rest, and dry friction holds it [rad/s, m/s]. */
 constexpr double kStandstill = 0.02;
@@ -233,12 +237,14 @@ public:
     void reset(const MotionState& start) override {
         state_ = actual_ = {start.q, start.qd};
         deviation_.setZero(n_);
+        external_.setZero(n_);
         motors_.setZero(n_);
         elapsed_ = 1;
         isTrusted_ = true;
     }
     const JointState& measured() const override { return state_; }
     const JointState& actual() const override { return actual_; }
+    const JointVector* externalTorque() const override { return &external_; }
     TickStatus advance(const JointVector& torque, JointVector& applied) override {
         motors_ = torque.cwiseMax(-torqueLimit_).cwiseMin(torqueLimit_);
         wasDriven_ = true;
@@ -247,9 +253,13 @@ public:
     }
 
     /** The reading of this tick, or what stands for it. */
-    ReadingFault take(const JointState& reading, const MotionState& nominal) {
+    ReadingFault take(const JointState& reading, const JointVector* external,
+                      const MotionState& nominal) {
         wasDriven_ = hasReading_ = false;
-        const ReadingFault fault = judge(reading, nominal);
+        ReadingFault fault = judge(reading, nominal);
+        if (external && (!isFinite(*external, n_) ||
+                         external->lpNorm<Eigen::Infinity>() > kLargestExternalTorque))
+            fault = ReadingFault::Malformed;
         if (fault != ReadingFault::None || !isTrusted_) {
             // A jump is no news of where the joint is; without any reading it may move on.
             if (fault == ReadingFault::Malformed) ++elapsed_;
@@ -257,6 +267,10 @@ public:
             return fault;
         }
         hasReading_ = true;
+        if (external)
+            external_ = *external;
+        else
+            external_.setZero();
         state_ = actual_ = reading;
         deviation_ = reading.q - nominal.q;
         for (int i = 0; i < n_; ++i)  // a joint far away is not to be pulled back all the harder
@@ -274,20 +288,13 @@ public:
     /** measured() is a reading of this tick, and nothing that stands for one. */
     bool hasReading() const { return hasReading_; }
     /** From here on no reading is used. */
-    void distrust() { isTrusted_ = false; }
+    void distrust() {
+        isTrusted_ = false;
+        external_.setZero();
+    }
 
     /** The joint farthest beyond its largest deviation; -1: none is. */
-    int findFar() const {
-        int worst = -1;
-        double share = 1.0;
-        for (int i = 0; i < n_; ++i) {
-            const double used = std::abs(deviation_[i]) / largestDeviation_[i];
-            if (!(used > share)) continue;
-            worst = i;
-            share = used;
-        }
-        return worst;
-    }
+    int findFar() const { return detail::findFarthestBeyond(deviation_, largestDeviation_); }
     double deviation(int joint) const { return deviation_[joint]; }
 
     bool wasDriven() const { return wasDriven_; }
@@ -317,6 +324,7 @@ private:
     JointState state_;       // for the robust loop
     JointState actual_;      // as read, where it was of use
     JointVector deviation_;  // of the last good reading from the nominal arm [rad]
+    JointVector external_;   // of the last good reading [Nm]
     JointVector motors_;
     std::int64_t elapsed_ = 1;  // ticks since that reading
     bool isTrusted_ = true, wasDriven_ = false, hasReading_ = false;
@@ -348,7 +356,7 @@ public:
         }
         return status;
     }
-    void holdIntegral() {
+    void holdIntegral() override {
         if (nric_) nric_->holdIntegral();
     }
 
@@ -394,7 +402,7 @@ struct TorqueGuard::Inside {
         plugins.filter = lend<SafetyFilter>(filter);
         plugins.robustLoop = lend<RobustLoop>(follower);
         plugins.realPlant = lend<RealPlant>(arm);
-        loop.emplace(setup, std::move(plugins));
+        loop.emplace(setup, std::move(plugins), RealArmOptions{nullptr, true, false});
         output.torque.setZero(robot.size());
     }
 
@@ -406,7 +414,7 @@ struct TorqueGuard::Inside {
     }
 
     void start(const JointState& measured);
-    void look(const JointState& measured) noexcept;
+    void look(const JointState& measured, const JointVector* external) noexcept;
     void stop(GuardStop reason, StopReason loopReason, const char* message) noexcept;
     void answer() noexcept;
 
@@ -482,8 +490,8 @@ void TorqueGuard::Inside::stop(GuardStop reason, StopReason loopReason,
 }
 
 /** Takes the reading, and stops the arm for what it shows. */
-void TorqueGuard::Inside::look(const JointState& measured) noexcept {
-    output.readingFault = arm.take(measured, loop->nominal());
+void TorqueGuard::Inside::look(const JointState& measured, const JointVector* external) noexcept {
+    output.readingFault = arm.take(measured, external, loop->nominal());
     char message[240];
     if (output.readingFault != ReadingFault::None) {
         if (++useless <= kMaxSubstitutedTicks) return;
@@ -540,12 +548,13 @@ void TorqueGuard::start(const JointState& measured) {
     inside_->start(measured);
 }
 
-const GuardedTorque& TorqueGuard::runStep(const JointState& measured, const LawCall& law) noexcept {
+const GuardedTorque& TorqueGuard::runStep(const JointState& measured, const JointVector* external,
+                                          const LawCall& law) noexcept {
     Inside& in = *inside_;
     if (!in.isStarted) return in.output;
     if (in.stopRequest.exchange(false, std::memory_order_relaxed))
         in.stop(GuardStop::Requested, StopReason::Requested, "requestStop() was called");
-    in.look(measured);
+    in.look(measured, external);
     in.waits = in.output.readingFault != ReadingFault::None && !in.loop->isStopping();
     in.law.law = law;
     if (in.waits)

@@ -259,6 +259,11 @@ std::vector<LogChannel> declareChannels() {
          withRealPlant,
          {perJoint(
              "tau_Nm", [](auto& r) -> auto& { return r.motorTorque; })}},
+        {"external",
+         "External",
+         [](const LogLayout& l) { return l.hasExternalTorque; },
+         {perJoint(
+             "tau_Nm", [](auto& r) -> auto& { return r.externalTorque; })}},
         {"command",
          "JointCommand",
          [](const LogLayout& l) { return l.commandSpace == MotionCommand::Space::Joint; },

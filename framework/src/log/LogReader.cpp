@@ -428,6 +428,7 @@ struct LogReader::Impl {
                                                                     : MotionCommand::Space::Joint;
         }
         if (channel->name == "real") layout.hasRealPlant = true;
+        if (channel->name == "external") layout.hasExternalTorque = true;
         expected |= plan.bit;
         plans[id] = std::move(plan);
     }

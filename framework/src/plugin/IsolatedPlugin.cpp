@@ -40,6 +40,7 @@ enum class Request : int {
     ChangeLimits,
     SkipTicks,
     Filter,
+    HoldIntegral,
     ReadPlant,
     Advance,
 };
@@ -66,6 +67,7 @@ struct Mailbox {
     MotionCommand command;
     JointVector torque, torqueOut;
     JointState real, actual;
+    JointVector external;
     JointLimits limits;
     FilterDecision decision;
 
@@ -73,6 +75,7 @@ struct Mailbox {
     MotionCommand::Space space = MotionCommand::Space::Joint;
     bool followsJoint = false, followsTool = false;
     bool promises = false, recovers = false;
+    bool hasExternalTorque = false;
 };
 
 /** The size of a vector that another process wrote: copying one of a wrong size would write over memory. */
@@ -296,16 +299,27 @@ void serve(SafetyFilter& plugin, Mailbox& box) {
 
 void describe(RobustLoop&, Mailbox&) {}
 void serve(RobustLoop& plugin, Mailbox& box) {
-    box.status = static_cast<int>(plugin.compute(box.real, box.nominal, box.torque, box.torqueOut));
+    if (box.what == Request::HoldIntegral)
+        plugin.holdIntegral();
+    else
+        box.status =
+            static_cast<int>(plugin.compute(box.real, box.nominal, box.torque, box.torqueOut));
 }
 
-void describe(RealPlant&, Mailbox&) {}
+void describe(RealPlant& plugin, Mailbox& box) {
+    box.hasExternalTorque = plugin.externalTorque() != nullptr;
+}
 void serve(RealPlant& plugin, Mailbox& box) {
     if (box.what == Request::Advance) {
         box.status = static_cast<int>(plugin.advance(box.torque, box.torqueOut));
     } else {
         box.real = plugin.measured();
         box.actual = plugin.actual();
+        const JointVector* external = plugin.externalTorque();
+        if (external)
+            box.external = *external;
+        else
+            box.external.resize(0);
     }
 }
 
@@ -462,17 +476,23 @@ public:
         torque = box().torqueOut;
         return tickStatus();
     }
+    void holdIntegral() override { call(Request::HoldIntegral); }
 };
 
 class IsolatedPlant : public Isolated<RealPlant> {
 public:
-    using Isolated::Isolated;
+    IsolatedPlant(const std::function<PluginPtr<RealPlant>()>& make, PluginWatch& watch,
+                  double watchdog_s)
+        : Isolated(make, watch, watchdog_s), hasExternalTorque_(box().hasExternalTorque) {}
     void reset(const MotionState& start) override {
         Isolated::reset(start);
         read();
     }
     const JointState& measured() const override { return measured_; }
     const JointState& actual() const override { return actual_; }
+    const JointVector* externalTorque() const override {
+        return hasExternalTorque_ ? &external_ : nullptr;
+    }
     TickStatus advance(const JointVector& torque, JointVector& applied) override {
         box().torque = torque;
         call(Request::Advance);
@@ -492,8 +512,14 @@ private:
         } else {
             measured_ = actual_ = {};  // of no size, and refused for it
         }
+        if (isSound(box().external))
+            external_ = box().external;
+        else
+            external_.resize(0);  // likewise
     }
     JointState measured_, actual_;
+    JointVector external_;
+    bool hasExternalTorque_;
 };
 
 template <class Interface>

@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <random>
 #include <string>
 #include <vector>
@@ -16,21 +17,39 @@ namespace viable {
 
 namespace {
 
+/** The numbers of `n` joints. */
+JointVector expand(const PerJoint& values, const std::string& place, const char* what, int n) {
+    if (!values.fits(n))
+        throw badInput(place,
+                       std::to_string(values.count()) + " " + what + "; the robot has " +
+                           std::to_string(n) + " joints",
+                       "Give one number for all joints, or one each.");
+    return values.expand(n);
+}
+
 /** The gains of `n` joints, checked. */
 JointVector takeGains(const PerJoint& gains, const char* name, int n) {
     const std::string place = std::string("NricOptions::") + name;
-    if (!gains.fits(n))
-        throw badInput(place,
-                       std::to_string(gains.count()) + " gains; the robot has " +
-                           std::to_string(n) + " joints",
-                       "Give one number for all joints, or one each.");
-    const JointVector values = gains.expand(n);
+    const JointVector values = expand(gains, place, "gains", n);
     for (int i = 0; i < n; ++i)
         if (!(values[i] >= 0.0) || std::isinf(values[i]))
             throw badInput(place,
                            "the gain of joint " + std::to_string(i) + " is " +
                                detail::formatNumber(values[i]) + "; allowed is [0, inf)",
                            "Without the robust loop: leave it out.");
+    return values;
+}
+
+/** The bounds of `n` joints, checked. */
+JointVector takeBounds(const PerJoint& bounds, const char* name, int n) {
+    const std::string place = std::string("NricOptions::") + name;
+    const JointVector values = expand(bounds, place, "bounds", n);
+    for (int i = 0; i < n; ++i)
+        if (!(values[i] > 0.0))
+            throw badInput(place,
+                           "the bound of joint " + std::to_string(i) + " is " +
+                               detail::formatNumber(values[i]) + "; allowed is above 0, or infinity",
+                           "Without this bound: infinity.");
     return values;
 }
 
@@ -110,7 +129,9 @@ NricOptions scaleNric(const RobotDescription& robot, const JointLimits& limits, 
 
 void Nric::configure(const RunSetup& setup, const Parameters& parameters) {
     configure(setup, NricOptions{parameters.jointNumbers("k_r"), parameters.jointNumbers("k_p"),
-                                 parameters.jointNumbers("k_i")});
+                                 parameters.jointNumbers("k_i"),
+                                 parameters.jointNumbers("integral_limit_Nm"),
+                                 parameters.jointNumbers("torque_rate_Nmps")});
 }
 
 void Nric::configure(const RunSetup& setup, const NricOptions& options) {
@@ -120,13 +141,26 @@ void Nric::configure(const RunSetup& setup, const NricOptions& options) {
     kp_ = takeGains(options.kp, "kp", n_);
     ki_ = takeGains(options.ki, "ki", n_);
     torqueLimit_ = setup.robot.actuation.torqueLimit;
+    const JointVector integralTorque =
+        takeBounds(options.integralLimit, "integralLimit", n_).cwiseMin(torqueLimit_);
+    largestStep_ = takeBounds(options.torqueRate, "torqueRate", n_) * tick_s_;
+    largestIntegral_.resize(n_);
+    for (int i = 0; i < n_; ++i) {
+        const double gain = kr_[i] * ki_[i];
+        largestIntegral_[i] =
+            gain > 0.0 ? integralTorque[i] / gain : std::numeric_limits<double>::infinity();
+    }
+    clear();
+}
+
+void Nric::clear() {
     integral_.setZero(n_);
+    lastTorque_.setZero(n_);
     isIntegralHeld_ = false;
 }
 
 void Nric::reset(const MotionState&) {
-    integral_.setZero(n_);
-    isIntegralHeld_ = false;
+    clear();
 }
 
 TickStatus Nric::compute(const JointState& real, const MotionState& nominal,
@@ -148,19 +182,28 @@ TickStatus Nric::compute(const JointState& real, const MotionState& nominal,
             if (total < -torqueLimit_[i]) return -torqueLimit_[i] - filterTorque[i];
             return robust;
         };
-        const double grown = isIntegralHeld_ ? integral_[i] : integral_[i] + e * tick_s_;
+        const auto clampStep = [&](double robust) {
+            return std::clamp(robust, lastTorque_[i] - largestStep_[i],
+                              lastTorque_[i] + largestStep_[i]);
+        };
+        const auto cut = [&](double robust) { return clampTotal(clampStep(robust)); };
+        const double grown = isIntegralHeld_
+                                 ? integral_[i]
+                                 : std::clamp(integral_[i] + e * tick_s_, -largestIntegral_[i],
+                                              largestIntegral_[i]);
         const double wanted = calcTorque(grown);
-        const double possible = clampTotal(wanted);
-        const bool saturated = possible != wanted;
-        // Growing e pushes the torque towards -e: into the limit that cuts it, or away from it.
-        const bool pushesFurther = saturated && ((wanted < possible) == (e > 0.0));
+        const double possible = cut(wanted);
+        const bool isCut = possible != wanted;
+        // Growing e pushes the torque towards -e: into what cuts it, or away from it.
+        const bool pushesFurther = isCut && ((wanted < possible) == (e > 0.0));
         if (pushesFurther) {
-            torque[i] = clampTotal(calcTorque(integral_[i]));
+            torque[i] = cut(calcTorque(integral_[i]));
         } else {
             integral_[i] = grown;
             torque[i] = possible;
         }
     }
+    lastTorque_ = torque;
     return TickStatus::Ok;
 }
 

@@ -11,6 +11,15 @@ const ParameterSpec kParameters[] = {
     parameter::jointNumbers("k_p", "1/s", "20", "Weight of the position error.").atLeast(0),
     parameter::jointNumbers("k_i", "1/s^2", "8", "Weight of the integral of the position error.")
         .atLeast(0),
+    parameter::jointNumbers("integral_limit_Nm", "Nm", ".inf",
+                            "Largest torque of the integral, k_r k_i |integral|; the motor's limit "
+                            "where that is less.")
+        .above(0)
+        .orInfinite(),
+    parameter::jointNumbers("torque_rate_Nmps", "Nm/s", ".inf",
+                            "Fastest change of the loop's torque.")
+        .above(0)
+        .orInfinite(),
 };
 
 }  // namespace

@@ -57,7 +57,8 @@ struct TestLoop {
     explicit TestLoop(const std::string& yaml, const std::vector<std::string>& overrides = {})
         : experiment(readTestExperiment(yaml, overrides)),
           configured(configureCase(experiment.cases.front())),
-          loop(configured->setup, std::move(configured->plugins)) {}
+          loop(configured->setup, std::move(configured->plugins),
+               {nullptr, experiment.cases.front().feedsExternalTorque}) {}
     Experiment experiment;
     std::unique_ptr<ConfiguredCase> configured;
     ControlLoop loop;

@@ -916,5 +916,52 @@ TEST(TorqueGuard, TheLoopInTheReadmeIsThatOfTheExample) {
     EXPECT_CONTAINS(readText("README.md"), snippet + "```\n");
 }
 
+// A push of 30 Nm on an arm that would follow exactly: measured, the nominal arm yields to it and the motors give
+// way; the limits hold.
+TEST(TorqueGuard, AMeasuredPushMovesTheNominalArmWithinItsLimits) {
+    const RobotDescription robot = makeTwoLinkArm();
+    TorqueGuard guard(robot, kTick_s);
+    TorqueGuard calm(robot, kTick_s);
+    Summary summary(robot.jointNames(), guard.limits(), true);
+    const JointVector push = pair(30.0, -10.0);
+    guard.start(atHome(robot));
+    calm.start(atHome(robot));
+    double moved = 0.0;
+    for (int k = 0; k < 1500; ++k) {
+        const bool isPushed = k >= 100 && k < 1100;
+        const JointVector external = isPushed ? push : JointVector(pair(0.0, 0.0));
+        const GuardedTorque& out = guard.step(followExactly(guard), external, Spring{robot.home});
+        calm.step(followExactly(calm), Spring{robot.home});
+        ASSERT_NE(out.status, GuardStatus::Stopping);
+        const JointVector expected = (guard.record().filterTorque - external)
+                                         .cwiseMin(robot.actuation.torqueLimit)
+                                         .cwiseMax(-robot.actuation.torqueLimit);
+        ASSERT_LT((out.torque - expected).norm(), 1e-9);
+        summary.add(guard.record());
+        moved = std::max(moved, (guard.nominal().q - calm.nominal().q).cwiseAbs().maxCoeff());
+    }
+    EXPECT_GT(moved, 1e-2);
+    EXPECT_FALSE(summary.anyLimitBroken());
+}
+
+TEST(TorqueGuard, AnExternalTorqueOfNoUseMakesTheReadingUseless) {
+    const RobotDescription robot = makeTwoLinkArm();
+    for (const JointVector& bad : {pair(kNan, 0.0), pair(0.0, 1e300), JointVector(JointVector::Zero(3))}) {
+        TorqueGuard guard(robot, kTick_s);
+        guard.start(atHome(robot));
+        const Spring law{robot.home};
+        guard.step(followExactly(guard), pair(5.0, 0.0), law);
+        for (int k = 0; k < 10; ++k) {
+            const GuardedTorque& out = guard.step(followExactly(guard), bad, law);
+            ASSERT_EQ(out.status, GuardStatus::Waiting);
+            ASSERT_EQ(out.readingFault, ReadingFault::Malformed);
+            ASSERT_EQ(guard.record().externalTorque[0], 5.0);  // the last one stands
+        }
+        guard.step(followExactly(guard), bad, law);
+        EXPECT_EQ(guard.stopReason(), GuardStop::NoReadings);
+        EXPECT_EQ(guard.record().externalTorque[0], 0.0);
+    }
+}
+
 }  // namespace
 }  // namespace viable

@@ -34,13 +34,14 @@ struct RoundTrip {
     int joints;
     Space space;
     bool hasRealPlant;
+    bool hasExternalTorque = false;
 };
 
 class LogRoundTrip : public LogTestBase, public ::testing::WithParamInterface<RoundTrip> {};
 
 TEST_P(LogRoundTrip, EveryBitComesBack) {
-    const LogLayout layout =
-        makeLayout(GetParam().joints, GetParam().space, GetParam().hasRealPlant);
+    LogLayout layout = makeLayout(GetParam().joints, GetParam().space, GetParam().hasRealPlant);
+    layout.hasExternalTorque = GetParam().hasExternalTorque;
     const std::vector<TickRecord> records = makeRecords(layout, 731, 0.001, 11);
     LogWriter writer(path("run.mcap"), makeOpening(layout));
     for (const TickRecord& record : records) writer.append(record);
@@ -56,6 +57,10 @@ TEST_P(LogRoundTrip, EveryBitComesBack) {
     EXPECT_EQ(reader.layout().jointNames, layout.jointNames);
     EXPECT_EQ(reader.layout().commandSpace, layout.commandSpace);
     EXPECT_EQ(reader.layout().hasRealPlant, layout.hasRealPlant);
+    EXPECT_EQ(reader.layout().hasExternalTorque, layout.hasExternalTorque);
+    EXPECT_EQ(std::count_if(reader.columns().begin(), reader.columns().end(),
+                            [](const LogColumn& c) { return c.name().rfind("external.", 0) == 0; }),
+              layout.hasExternalTorque ? GetParam().joints : 0);
     EXPECT_EQ(reader.library().rfind("viable ", 0), 0u) << reader.library();
     EXPECT_EQ(reader.metadata(), makeOpening(layout).metadata);
     ASSERT_EQ(reader.attachments().size(), 1u);
@@ -75,6 +80,7 @@ TEST_P(LogRoundTrip, EveryBitComesBack) {
 INSTANTIATE_TEST_SUITE_P(Layouts, LogRoundTrip,
                          ::testing::Values(RoundTrip{6, Space::Joint, true},
                                            RoundTrip{6, Space::Tool, true},
+                                           RoundTrip{7, Space::Joint, true, true},
                                            RoundTrip{1, Space::Joint, false},
                                            RoundTrip{7, Space::Tool, false},
                                            RoundTrip{16, Space::Joint, true}));

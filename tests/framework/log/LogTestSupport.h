@@ -82,6 +82,7 @@ public:
             r.robustTorque = joints();
             r.motorTorque = joints();
         }
+        if (layout_.hasExternalTorque) r.externalTorque = joints();
         r.status = static_cast<FilterStatus>(random_() % 7);
         r.verdict = static_cast<StopVerdict>(random_() % 3);
         for (std::size_t j = 0; j < layout_.jointNames.size(); ++j) {
@@ -169,7 +170,7 @@ inline std::vector<std::uint64_t> getBits(const TickRecord& r, const LogLayout& 
     for (const JointVector* v : {&r.nominal.q, &r.nominal.qd, &r.nominal.qdd, &r.nominal.jerk,
                                  &r.real.q, &r.real.qd, &r.actual.q, &r.actual.qd, &r.desiredTorque,
                                  &r.filterTorque, &r.robustTorque, &r.motorTorque,
-                                 &r.removedTorque, &r.limits.position.lower,
+                                 &r.externalTorque, &r.removedTorque, &r.limits.position.lower,
                                  &r.limits.position.upper, &r.limits.velocity.lower,
                                  &r.limits.velocity.upper, &r.limits.acceleration.lower,
                                  &r.limits.acceleration.upper, &r.limits.jerk.lower,

@@ -351,12 +351,21 @@ public:
     TickStatus compute(const JointState& real, const MotionState& nominal,
                        const JointVector& filterTorque, JointVector& torque) override {
         torque = nominal.q - real.q + filterTorque;
+        if (isHeld_) torque *= 2.0;
         return TickStatus::Ok;
     }
+    void holdIntegral() override { isHeld_ = true; }
+
+private:
+    bool isHeld_ = false;
 };
 
 class Plant : public RealPlant {
 public:
+    explicit Plant(bool hasSensors = false) : hasSensors_(hasSensors) {}
+    const JointVector* externalTorque() const override {
+        return hasSensors_ ? &state_.q : nullptr;
+    }
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState& start) override { state_ = {start.q, start.qd}; }
     const JointState& measured() const override { return state_; }
@@ -369,6 +378,7 @@ public:
     }
 
 private:
+    bool hasSensors_;
     JointState state_;
 };
 
@@ -377,7 +387,11 @@ TEST(IsolatedPlugin, ARobustLoopAnswersAsItWouldHere) {
     JointVector torque;
     EXPECT_EQ(plugin->compute({vector(1.0), vector(0.0)}, state(3.0), vector(5.0), torque),
               TickStatus::Ok);
-    EXPECT_EQ(torque, JointVector(2.0 * JointVector::Ones(kJoints) + vector(5.0)));
+    const JointVector expected = 2.0 * JointVector::Ones(kJoints) + vector(5.0);
+    EXPECT_EQ(torque, expected);
+    plugin->holdIntegral();
+    plugin->compute({vector(1.0), vector(0.0)}, state(3.0), vector(5.0), torque);
+    EXPECT_EQ(torque, JointVector(2.0 * expected));
 }
 
 TEST(IsolatedPlugin, APlantAnswersAsItWouldHereAndItsLastStateOutlivesIt) {
@@ -391,6 +405,17 @@ TEST(IsolatedPlugin, APlantAnswersAsItWouldHereAndItsLastStateOutlivesIt) {
     EXPECT_EQ(faultOf([&] { plugin->advance(vector(20.0), applied); }),
               "its process died: signal 11 (Segmentation fault)");
     EXPECT_EQ(plugin->measured().q, JointVector(2.0 * vector(1.0)));
+    EXPECT_EQ(plugin->externalTorque(), nullptr);
+}
+
+TEST(IsolatedPlugin, APlantsExternalTorqueComesAlong) {
+    const auto plugin = isolate<RealPlant, Plant>(kDefaultWatchdog_s, true);
+    ASSERT_NE(plugin->externalTorque(), nullptr);  // before reset() only that there is one
+    plugin->reset(state(1.0));
+    EXPECT_EQ(*plugin->externalTorque(), vector(1.0));
+    JointVector applied;
+    EXPECT_EQ(plugin->advance(vector(1.0), applied), TickStatus::Ok);
+    EXPECT_EQ(*plugin->externalTorque(), JointVector(2.0 * vector(1.0)));
 }
 
 }  // namespace

@@ -74,6 +74,8 @@ TEST_F(NricTest, ThePluginHasTheDefaultsOfTheOptions) {
     EXPECT_EQ(parameters.jointNumbers("k_r"), options.kr.expand(n()));
     EXPECT_EQ(parameters.jointNumbers("k_p"), options.kp.expand(n()));
     EXPECT_EQ(parameters.jointNumbers("k_i"), options.ki.expand(n()));
+    EXPECT_EQ(parameters.jointNumbers("integral_limit_Nm"), options.integralLimit.expand(n()));
+    EXPECT_EQ(parameters.jointNumbers("torque_rate_Nmps"), options.torqueRate.expand(n()));
 }
 
 TEST_F(NricTest, OptionsInCodeAreChecked) {
@@ -89,6 +91,14 @@ TEST_F(NricTest, OptionsInCodeAreChecked) {
     }
     EXPECT_CONTAINS(complain({JointVector(JointVector::Constant(5, 600.0))}),
                     "NricOptions::kr: 5 gains; the robot has 6 joints");
+    for (const double bad : {-1.0, 0.0, kNan}) {
+        NricOptions options;
+        options.integralLimit = bad;
+        EXPECT_CONTAINS(complain(options), "NricOptions::integralLimit: the bound of joint 0 is");
+        options = {};
+        options.torqueRate = bad;
+        EXPECT_CONTAINS(complain(options), "NricOptions::torqueRate: the bound of joint 0 is");
+    }
 }
 
 TEST_F(NricTest, SumStaysWithinTheMotorLimits) {
@@ -164,6 +174,159 @@ TEST_F(NricTest, AHeldIntegralStandsStillUntilReset) {
     loop_.reset(arm_.start);
     for (int k = 1; k < 10; ++k)
         EXPECT_NEAR(compute(e, none, none)[0], -100.0 * 10.0 * 0.0005 * k, 1e-12);
+}
+
+TEST_F(NricTest, BoundsThatDoNotActChangeNoBit) {
+    arm_.robot.actuation.torqueLimit.setConstant(n(), 400.0);
+    configure("");
+    Nric bounded;
+    // In 2000 ticks of |e| <= 6e-3 the integral's torque stays below 600 x 8 x 0.012 = 58 Nm, and no step is
+    // larger than twice 600 x (0.1 + 20 x 0.006) + 58 = 380 Nm.
+    bounded.configure(arm_.setup(), arm_.read(PluginKind::RobustLoop, "nric",
+                                              "integral_limit_Nm: 60, torque_rate_Nmps: 380e3"));
+    bounded.reset(arm_.start);
+    std::mt19937 random(5);
+    for (int k = 0; k < 2000; ++k) {
+        const JointState real{arm_.start.q + makeRandomVector(n(), 0.004, random) + constant(0.002),
+                              arm_.start.qd + makeRandomVector(n(), 0.1, random)};
+        const JointVector filterTorque = makeRandomVector(n(), 300.0, random);
+        JointVector expected, torque;
+        ASSERT_EQ(loop_.compute(real, arm_.start, filterTorque, expected), TickStatus::Ok);
+        ASSERT_EQ(bounded.compute(real, arm_.start, filterTorque, torque), TickStatus::Ok);
+        ASSERT_EQ(torque, expected) << "tick " << k;
+    }
+}
+
+TEST_F(NricTest, TheIntegralEndsAtItsLimitAndAtTheMotorsAtTheLatest) {
+    const JointVector e = constant(0.01), none = constant(0.0);
+    for (const double side : {1.0, -1.0}) {
+        configure("k_r: 600, k_p: 20, k_i: [8, 8, 8, 0, 8, 8], integral_limit_Nm: [10, 20, .inf, 5, 30, 40]");
+        for (int k = 0; k < 1000; ++k) compute(side * e, none, none);
+        const JointVector torque = compute(none, none, none);
+        EXPECT_NEAR(torque[0], -side * 10.0, 1e-12);
+        EXPECT_NEAR(torque[1], -side * 20.0, 1e-12);
+        EXPECT_NEAR(torque[2], -side * 48.0, 1e-9);  // 600 x 8 x 0.01 rad s
+        EXPECT_EQ(torque[3], 0.0);
+        // It shrinks from there at once.
+        compute(-side * e, none, none);
+        EXPECT_NEAR(compute(none, none, none)[0], -side * (10.0 - 4800.0 * 0.01 * 0.001), 1e-9);
+    }
+    // A filter torque on the other side lets tau_a grow beyond the motor's limit, the integral not.
+    arm_.robot.actuation.torqueLimit.setConstant(n(), 50.0);
+    configure("k_r: 600, k_p: 0, k_i: 8");
+    for (int k = 0; k < 2000; ++k) compute(e, none, constant(50.0));
+    EXPECT_NEAR(compute(none, none, constant(50.0))[0], -50.0, 1e-9);
+}
+
+// The motor's limit goes before the rate: at it, tau_a follows tau_c.
+TEST_F(NricTest, TheTorqueChangesNoFasterThanItsRateOrTheFilterTorqueAtTheMotorsLimit) {
+    arm_.robot.actuation.torqueLimit.setConstant(n(), 100.0);
+    configure("torque_rate_Nmps: [2000, 2000, 2000, 5000, 5000, .inf]");
+    const double step[] = {2.0, 2.0, 2.0, 5.0, 5.0, kInf};
+    std::mt19937 random(6);
+    JointVector last = constant(0.0), lastFilterTorque = constant(0.0);
+    int atRate = 0, beyond = 0;
+    for (int k = 0; k < 5000; ++k) {
+        const JointVector filterTorque = makeRandomVector(n(), 100.0, random);
+        const JointVector torque = compute(makeRandomVector(n(), 0.05, random),
+                                           makeRandomVector(n(), 0.1, random), filterTorque);
+        for (int i = 0; i < n(); ++i) {
+            ASSERT_LE(std::abs(filterTorque[i] + torque[i]), 100.0 * (1.0 + 1e-14));
+            const double change = std::abs(torque[i] - last[i]);
+            const double allowed = std::max(step[i], std::abs(filterTorque[i] - lastFilterTorque[i]));
+            ASSERT_LE(change, allowed + 1e-12) << "tick " << k << ", joint " << i;
+            atRate += std::abs(change - step[i]) < 1e-12;
+            beyond += i < 5 && change > step[i] + 1e-9;
+        }
+        last = torque;
+        lastFilterTorque = filterTorque;
+    }
+    EXPECT_GT(atRate, 1000);
+    EXPECT_GT(beyond, 100);
+}
+
+TEST_F(NricTest, IsZeroWhereTheRealArmIsTheNominalOne) {
+    for (const char* bounds : {"", "integral_limit_Nm: 1, torque_rate_Nmps: 10"}) {
+        configure(bounds);
+        std::mt19937 random(7);
+        for (int k = 0; k < 1000; ++k) {
+            const MotionState nominal{makeRandomVector(n(), 3.0, random),
+                                      makeRandomVector(n(), 3.0, random), constant(0.0)};
+            JointVector torque;
+            ASSERT_EQ(loop_.compute({nominal.q, nominal.qd}, nominal,
+                                    makeRandomVector(n(), 100.0, random), torque),
+                      TickStatus::Ok);
+            ASSERT_LE(torque.lpNorm<Eigen::Infinity>(), 1e-9);
+        }
+    }
+}
+
+/** Joint 0 as a body of 3 kg m^2 that is held 5 mrad from its nominal place for 2 s, then let go for 3 s. */
+struct ReleasedJoint {
+    static constexpr double kInertia = 3.0, kOffset = 0.005;
+
+    double pressing = 0.0;      ///< largest torque while it was held [Nm]
+    double largestStep = 0.0;   ///< of the torque in a tick [Nm]
+    double overshoot = 0.0;     ///< [rad]
+    double lastSpeed = 0.0;     ///< [rad/s]
+
+    template <class Compute>
+    explicit ReleasedJoint(const Compute& compute) {
+        const double dt = 0.001;
+        double e = kOffset, speed = 0.0, last = 0.0;
+        for (int k = 0; k < 5000; ++k) {
+            const double torque = compute(e, speed);
+            largestStep = std::max(largestStep, std::abs(torque - last));
+            last = torque;
+            if (k < 2000) {
+                pressing = std::max(pressing, std::abs(torque));
+                continue;
+            }
+            e += dt * speed + 0.5 * dt * dt * torque / kInertia;
+            speed += dt * torque / kInertia;
+            overshoot = std::max(overshoot, -e);
+        }
+        lastSpeed = std::abs(speed);
+    }
+};
+
+// After the release  m e'' + K_r e' + K_r K_p e = d + delta,  d the integral's torque, |d| <= L, and delta what the rate
+// R takes away from the loop's answer. K_r > 4 m K_p: the impulse response is positive, its integral is
+// 1 / (K_r K_p) and its peak below 1 / K_r, so d moves e across zero by L / (K_r K_p) at most. With
+// T = K_r K_p e(0) + L, the torque that was pressed with, and R = K_r T / (2 m), delta lasts for
+// 2 (T / R - m / K_r) = 2 m / K_r, and its integral over time is (2/3) (K_r T / m - R)^3 m^2 / (K_r R)^2
+// = m T / (3 K_r) if e stands still; it moves by less than a quarter meanwhile, which a factor of 2 covers.
+TEST_F(NricTest, Fault18AJointThatWasHeldAndIsReleasedGetsNoJumpAndHardlyOvershoots) {
+    const auto release = [&](const std::string& bounds) {
+        configure("k_r: 600, k_p: 20, k_i: 8" + bounds);
+        return ReleasedJoint([&](double e, double speed) {
+            JointVector position = constant(0.0), velocity = constant(0.0);
+            position[0] = e;
+            velocity[0] = speed;
+            return compute(position, velocity, constant(0.0))[0];
+        });
+    };
+    const double m = ReleasedJoint::kInertia, limit = 20.0;
+    const double pressing = 600.0 * 20.0 * ReleasedJoint::kOffset + limit;  // 80 Nm
+    const double rate = 600.0 * pressing / (2.0 * m);                       // 8000 Nm/s
+    const double bound = limit / (600.0 * 20.0) + 2.0 * m * pressing / (3.0 * 600.0 * 600.0);
+    ASSERT_GT(600.0, 4.0 * m * 20.0);
+
+    const ReleasedJoint both = release(", integral_limit_Nm: 20, torque_rate_Nmps: 8000");
+    EXPECT_NEAR(both.pressing, pressing, 1e-9);
+    EXPECT_LE(both.largestStep, rate * 0.001 * (1.0 + 1e-12));
+    EXPECT_GT(both.largestStep, rate * 0.001 * (1.0 - 1e-12));  // it acted
+    EXPECT_LE(both.overshoot, bound);
+    EXPECT_GT(both.overshoot, 0.0);
+    EXPECT_LT(both.lastSpeed, 2e-3);
+
+    // Without: 2 s at 5 mrad are 48 Nm of integral, and it shows.
+    const ReleasedJoint free = release("");
+    EXPECT_NEAR(free.pressing, 60.0 + 600.0 * 8.0 * 0.01, 1e-6);
+    EXPECT_GT(free.largestStep, 2.0 * rate * 0.001);
+    EXPECT_GT(free.overshoot, 1.5 * bound);
+    std::printf("released: overshoot %.3g mrad (bound %.3g), free %.3g mrad\n", 1e3 * both.overshoot,
+                1e3 * bound, 1e3 * free.overshoot);
 }
 
 TEST_F(NricTest, ScaledGainsAreThePapersOnTheHeavyJointsOfTheIndy7AndCarriedByTheOthers) {

@@ -9,7 +9,7 @@ namespace viable {
 /** Why the program cannot go on; the value is the exit code of the command. */
 enum class ErrorKind {
     BadInput = 2,       ///< a file, an argument or a plugin library is not what it must be
-    PromiseBroken = 3,  ///< a filter that promises a limit broke it
+    PromiseBroken = 3,  ///< a limit that was promised was passed
     PluginFailed = 4,   ///< a plugin threw or returned nonsense during the run
     LogNotWritten = 5,  ///< the log could not be created or written to its end
     TrackingLost = 6,   ///< the real arm left the bound around the nominal one and was braked

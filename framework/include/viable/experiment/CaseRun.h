@@ -48,6 +48,9 @@ struct RunOptions {
     std::function<void(double)> progress;
 };
 
+/** How long a run goes on after a stop for lost tracking. */
+inline constexpr double kSettling_s = 0.5;
+
 /** What came of a run. */
 struct CaseResult {
     explicit CaseResult(const CasePlan& plan);
@@ -57,6 +60,8 @@ struct CaseResult {
     std::string robustLoop;  ///< empty: no real plant
     std::string realPlant;
     bool promises = false;                     ///< the filter guarantees every limit
+    /** Of that promise position and velocity are the real arm's, as long as the run does not trip. */
+    bool holdsOnReal = false;
     std::map<std::string, std::string> seeds;  ///< by plugin name
     Summary summary;
     double simulated_s = 0.0;
@@ -71,11 +76,18 @@ struct CaseResult {
     std::string logError;  ///< empty: every row was written
     std::int64_t logRows = 0;
 
-    /** 0, or the ErrorKind's number: broken promise before failed plugin before lost log. */
+    /** The promise on the real arm was broken: it passed a limit, and nothing had tripped. */
+    bool isRealPromiseBroken() const;
+    /** 0, or the ErrorKind's number: broken promise before lost tracking before failed plugin before lost
+    log. */
     int exitCode() const;
 };
 
-/** Runs a case to its end, or to the end of the stop that a failure or a request caused. Throws
+/** True when exit code `a` tells of something graver than `b`: 3, 6, 4, 5, 2, then 0. */
+bool isGraver(int a, int b);
+
+/** Runs a case to its end, or to the end of the stop that a failure or a request caused; after a lost tracking for
+kSettling_s more, until the real arm has come to rest, too. Throws
 Error only before the first tick (configuration, log file). */
 CaseResult runCase(const CasePlan& plan, const RunOptions& options);
 

@@ -6,6 +6,7 @@
 #include "viable/plugin/NominalPlant.h"
 #include "viable/plugin/PluginCall.h"
 #include "viable/plugin/PluginLoader.h"
+#include "viable/plugin/TrackingBound.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {
@@ -36,7 +37,11 @@ enum class StopReason : unsigned char {
     RobustLoopFailed,  ///< it threw or gave no usable torque
     PromiseBroken,  ///< a decision without a stop within the limits, from a filter that promises them
     TicksMissed,    ///< more than kMaxMissedTicks in a row were missed
+    TrackingLost,   ///< the real arm, as measured, left the bound around the nominal one
     PlantFailed,    ///< the real plant failed: the loop ends at once, there is nothing to brake
+    /** A measured position jumped farther than a joint can move, or there was no usable external torque for
+    more than kMaxSubstitutedTicks. */
+    SensorFailed,
 };
 
 /** How many ticks in a row a missing or unusable command or torque is replaced by the last good
@@ -45,6 +50,24 @@ inline constexpr int kMaxSubstitutedTicks = 10;
 
 /** How many ticks in a row may be missed before the arm is braked for good. */
 inline constexpr int kMaxMissedTicks = 1000;
+
+/** A measured position that changes in a tick by more than so many times what the joint's velocity limit allows, and
+by so many encoder counts on top, is no motion. */
+inline constexpr double kJumpSpeeds = 10.0, kJumpCounts = 8.0;
+
+/** What a loop with a real arm does besides making it follow. */
+struct RealArmOptions {
+    /** The arm is braked for good in the tick in which |q_measured - q_nominal| of a joint is beyond
+    `measured` of it; null: never. Must outlive the loop. */
+    const TrackingBound* bound = nullptr;
+    /** The external torque that the plant reports moves the nominal arm, too: the filter's desired torque is
+    tau_d + tau_ext, and the motors get tau_c - tau_ext + tau_a. The plant must have such sensors. */
+    bool feedsExternalTorque = false;
+    /** A measured position that jumps (kJumpSpeeds) brakes the arm, and from there on the robust loop gets
+    the nominal arm plus the last good deviation: a wrong reading must not become a torque. False: somebody
+    else judges the readings. */
+    bool judgesReadings = true;
+};
 
 class StageTimer;
 
@@ -60,7 +83,7 @@ Thread: tick() by one thread; requestStop() by that thread. */
 class ControlLoop {
 public:
     /** `setup` must outlive the loop (the plugins keep it, too). */
-    ControlLoop(const RunSetup& setup, LoopPlugins plugins);
+    ControlLoop(const RunSetup& setup, LoopPlugins plugins, const RealArmOptions& options = {});
     ~ControlLoop();
 
     /** Back to t = 0 at setup.start. */
@@ -83,6 +106,8 @@ public:
     /** True when a stop has come to its end, or could not be made. Further ticks hold the arm where it is: the nominal
     arm at exact rest, the robust loop at work. */
     bool hasStopped() const;
+    /** True when no stop can be made: the plant is gone, or the arithmetic is. */
+    bool hasFailed() const { return ended_; }
 
     StopReason stopReason() const { return stopReason_; }
     const char* stopMessage() const {
@@ -97,7 +122,13 @@ public:
 private:
     /** @param remedy  a literal */
     void beginStop(StopReason reason, const char* message, const char* remedy = "") noexcept;
-    void readPlant();
+    void lookAtPlant();
+    void readState();
+    void readExternalTorque();
+    void checkTracking();
+    void holdIntegral();
+    void judgeReading(const JointVector& before);
+    void widenJumps();
     void takeCommand(double t);
     void takeLimits(double t);
     void takeTorque();
@@ -118,6 +149,7 @@ private:
 
     const RunSetup& setup_;
     LoopPlugins plugins_;
+    const RealArmOptions options_;
     RobotModel model_;
     int n_;
 
@@ -127,6 +159,7 @@ private:
     Dynamics dynamics_;
     MotionCommand command_, newCommand_;
     JointVector desiredTorque_, newTorque_, robustTorque_, motorTorque_, appliedTorque_;
+    JointVector externalTorque_;  // that acts on the nominal arm; empty: none is fed to it
     FilterDecision decision_;
     FilterStatus status_ = FilterStatus::Passed;
     StopMonitor monitor_;
@@ -137,6 +170,12 @@ private:
     bool hasTorque_ = false;
     int missingCommands_ = 0;
     int missingTorques_ = 0;
+    int missingExternalTorques_ = 0;
+    JointVector largestJump_;  // [rad]
+    JointVector deviation_;    // of the last reading that was believed from the nominal arm [rad]
+    JointState believed_;      // what the robust loop gets of real_
+    bool isBelieving_ = true;
+    bool isTrackingLost_ = false, isIntegralHeld_ = false;
     std::int64_t substituted_ = 0;
     int missedInRow_ = 0;  // the filter has not been told of them yet
 

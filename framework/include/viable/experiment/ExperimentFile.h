@@ -34,6 +34,8 @@ struct CasePlan {
     JointLimits realLimits;
     bool holdsOnReal = false;            ///< limits: {hold_on: real}
     std::optional<TrackingBound> bound;  ///< present exactly when the file states a disturbance_set
+    bool feedsExternalTorque = false;    ///< external_torque: to_nominal
+    std::string externalTorquePlace;     ///< where, for messages
     double tick_s = 0.0;
     double duration_s = 0.0;
     MotionState start;       ///< as written; configureCase() judges it

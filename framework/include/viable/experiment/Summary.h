@@ -3,11 +3,13 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "viable/core/JointLimits.h"
 #include "viable/log/TickRecord.h"
+#include "viable/plugin/TrackingBound.h"
 
 namespace viable {
 
@@ -60,6 +62,29 @@ struct ExtremeRecord {
     double time_s = 0.0;
 };
 
+/** What the real arm (its true state, where the plant knows it) is measured against. */
+struct RealArmReference {
+    /** Its own limits, of which position and velocity count; none: the nominal arm's, as in force. */
+    std::optional<JointLimits> limits;
+    std::optional<TrackingBound> bound;
+    JointVector torqueLimit;  ///< of the motors [Nm]; empty: not looked at
+};
+
+/** When the real arm, as measured, was first farther from the nominal one than its bound. */
+struct TrackingTrip {
+    int joint = 0;
+    double time_s = 0.0;
+    double error = 0.0;  ///< |q_measured - q_nominal| [rad]
+    double bound = 0.0;  ///< [rad]
+};
+
+/** How one motor was used. */
+struct MotorRecord {
+    double worstUse = 0.0;     ///< largest share of its torque limit
+    double worstTime_s = 0.0;  ///< when
+    std::int64_t ticksSaturated = 0;
+};
+
 /** A value counts as outside its limit when it is beyond it by more than this share of the range (of the limit,
 where there is only one side), or not a number: rounding of a limit met exactly does not count. */
 inline constexpr double kOutsideShare = 1e-9;
@@ -67,7 +92,9 @@ inline constexpr double kOutsideShare = 1e-9;
 /** What a run came to, from its tick records alone (so a log gives the same summary again). */
 class Summary {
 public:
-    Summary(std::vector<std::string> jointNames, JointLimits limits, bool hasRealPlant);
+    /** @param reference  without a real plant: not looked at */
+    Summary(std::vector<std::string> jointNames, JointLimits limits, bool hasRealPlant,
+            RealArmReference reference = {});
 
     void add(const TickRecord& record);
     /** The state that the last tick led to, which no record holds. */
@@ -81,8 +108,6 @@ public:
     }
     /** The joint with the worst use, and the sum of ticks outside over the joints. */
     int worstJoint(LimitKind kind) const;
-    /** The same for the position of the real arm (its true one), which no filter promises anything about. */
-    const LimitRecord& realPosition(int joint) const { return realPosition_[joint]; }
     std::int64_t ticksOutside(LimitKind kind) const;
     /** A limit was passed while the arm was not being led back. */
     bool anyLimitBroken() const { return broken_; }
@@ -126,6 +151,26 @@ public:
     double trackingRms() const;           ///< over all joints
     double trackingMax() const;
 
+    const RealArmReference& reference() const { return reference_; }
+    /** The real arm's position or velocity against its limits, one entry per joint. */
+    const std::vector<LimitRecord>& realLimit(LimitKind kind) const { return real_[findReal(kind)]; }
+    /** The same from the trip on. */
+    const std::vector<LimitRecord>& realStop(LimitKind kind) const {
+        return realStop_[findReal(kind)];
+    }
+    /** The real arm passed a position or velocity limit, while the nominal one was not being led back. */
+    bool anyRealLimitBroken() const;
+    /** Largest share of the tracking bound that actual - nominal position or velocity used; 0 without a bound. */
+    double boundShare(LimitKind kind, int joint) const { return boundShare_[findReal(kind)][joint]; }
+    /** The joint whose position used the largest share of its bound. */
+    int worstBoundJoint() const;
+    const std::optional<TrackingTrip>& trip() const { return trip_; }
+    /** Fastest joint of the real arm in the last tick [rad/s]. */
+    double realEndSpeed() const { return realEndSpeed_; }
+    const MotorRecord& motor(int joint) const { return motors_[joint]; }
+    /** Ticks without a usable external torque. */
+    std::int64_t externalTorqueMissing() const { return externalTorqueMissing_; }
+
     const TimeHistogram& tickTime() const { return tickTime_; }
     const TimeHistogram& stageTime(Stage stage) const {
         return stageTimes_[static_cast<int>(stage)];
@@ -141,12 +186,20 @@ private:
     bool hasJointCommand(const TickRecord& record) const;
     void addCommand(int joint, const TickRecord& record);
     void addRest(int joint, const TickRecord& record);
+    void addReal(const TickRecord& record);
+    static std::size_t findReal(LimitKind kind) { return kind == LimitKind::Position ? 0 : 1; }
 
     std::vector<std::string> jointNames_;
     JointLimits bounds_;
     bool hasRealPlant_;
     std::array<std::vector<LimitRecord>, kQuantities> limits_;
-    std::vector<LimitRecord> realPosition_;
+    RealArmReference reference_;
+    std::array<std::vector<LimitRecord>, 2> real_, realStop_;  // position, velocity
+    std::array<JointVector, 2> boundShare_;                    // likewise
+    std::optional<TrackingTrip> trip_;
+    std::vector<MotorRecord> motors_;
+    double realEndSpeed_ = 0.0;
+    std::int64_t externalTorqueMissing_ = 0;
     std::array<std::int64_t, 8> statusTicks_{};  // by FilterStatus
     /** Of one joint: by kind and side, and what acted in the tick before. */
     struct Acting {

@@ -68,7 +68,7 @@ enum class GuardStop : unsigned char {
 /** What was wrong with a tick's reading. */
 enum class ReadingFault : unsigned char {
     None,
-    Malformed,  ///< wrong size or not finite
+    Malformed,  ///< wrong size or not finite, the external torque included
     Jumped,     ///< see TorqueGuardOptions::largestSpeed
 };
 
@@ -142,12 +142,16 @@ public:
     @return          valid until the next call */
     template <class Law>
     const GuardedTorque& step(const JointState& measured, Law&& law) noexcept {
-        static_assert(std::is_invocable_v<Law&, const MotionState&, const Dynamics&, JointVector&>,
-                      "a law is called as law(const MotionState& nominal, const Dynamics& "
-                      "dynamics, JointVector& torque)");
-        const auto call = [&law](const MotionState& nominal, const Dynamics& dynamics,
-                                 JointVector& torque) { law(nominal, dynamics, torque); };
-        return runStep(measured, LawCall{&call, &LawCall::run<decltype(call)>});
+        return callStep(measured, nullptr, law);
+    }
+    /** The same for an arm that measures what its surroundings put on it: that moves the nominal arm, too, so a
+    push is yielded to within all limits, and the robust loop does not work against it.
+    @param external  on each joint, read just now [Nm, prismatic: N]; not finite, beyond 1e9 or of the wrong
+                     size: the whole reading is of no use. Without a reading the last one stands. */
+    template <class Law>
+    const GuardedTorque& step(const JointState& measured, const JointVector& external,
+                              Law&& law) noexcept {
+        return callStep(measured, &external, law);
     }
 
     /** `ticks` ticks passed without a step(), the motors holding the last torque: the nominal arm has
@@ -187,7 +191,18 @@ private:
     class Follower;
     struct Inside;
 
-    const GuardedTorque& runStep(const JointState& measured, const LawCall& law) noexcept;
+    template <class Law>
+    const GuardedTorque& callStep(const JointState& measured, const JointVector* external,
+                                  Law& law) noexcept {
+        static_assert(std::is_invocable_v<Law&, const MotionState&, const Dynamics&, JointVector&>,
+                      "a law is called as law(const MotionState& nominal, const Dynamics& "
+                      "dynamics, JointVector& torque)");
+        const auto call = [&law](const MotionState& nominal, const Dynamics& dynamics,
+                                 JointVector& torque) { law(nominal, dynamics, torque); };
+        return runStep(measured, external, LawCall{&call, &LawCall::run<decltype(call)>});
+    }
+    const GuardedTorque& runStep(const JointState& measured, const JointVector* external,
+                                 const LawCall& law) noexcept;
 
     std::unique_ptr<Inside> inside_;
 };

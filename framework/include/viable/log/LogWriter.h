@@ -17,6 +17,7 @@ struct LogLayout {
     std::vector<std::string> jointNames;  ///< 1 to kMaxJoints
     MotionCommand::Space commandSpace = MotionCommand::Space::Joint;
     bool hasRealPlant = false;  ///< real, actual, robust and motor are logged only then
+    bool hasExternalTorque = false;  ///< TickRecord::externalTorque is there, and logged
 };
 
 /** A file carried inside a log. */

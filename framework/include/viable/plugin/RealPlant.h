@@ -18,7 +18,7 @@ public:
     virtual TickStatus advance(const JointVector& torque, JointVector& applied) = 0;
 
     /** The torque that the surroundings put on each joint now, as sensors measure it [Nm]; null: the arm
-    has no such sensors. Valid after reset(). */
+    has no such sensors, which configure() has settled. Its value is valid after reset(). */
     virtual const JointVector* externalTorque() const { return nullptr; }
 };
 
