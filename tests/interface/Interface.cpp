@@ -1,13 +1,14 @@
 // The plugin interface in one library: everything that crosses the border between host and plugin hangs on these types.
 // Its debug information is what abidw describes (tools/record_interface.sh).
+#include "viable/plugin/ArmHardware.h"
 #include "viable/plugin/PluginExport.h"
 
 extern "C" VIABLE_PLUGIN_VISIBLE void viable_interface(
     const viable::PluginLibrary*, viable::CommandSource*, viable::NominalController*,
     viable::SafetyFilter*, viable::RobustLoop*, viable::RealPlant*, viable::JerkIntervalFilter*,
-    viable::BrakingPolicyFilter*, viable::CertifiedBraking*);
+    viable::BrakingPolicyFilter*, viable::CertifiedBraking*, viable::ArmHardware*);
 
 void viable_interface(const viable::PluginLibrary*, viable::CommandSource*,
                       viable::NominalController*, viable::SafetyFilter*, viable::RobustLoop*,
                       viable::RealPlant*, viable::JerkIntervalFilter*, viable::BrakingPolicyFilter*,
-                      viable::CertifiedBraking*) {}
+                      viable::CertifiedBraking*, viable::ArmHardware*) {}

@@ -27,10 +27,6 @@ RobotDescription loadLinks(const std::filesystem::path& folder) {
     return robot;
 }
 
-std::filesystem::path getUrdf(const RobotDescription& robot) {
-    return robot.folder / (robot.name + ".urdf");
-}
-
 /** Largest differences over all states, relative as said at each. */
 struct Difference {
     double inertia = 0.0;      ///< |M_ij - M'_ij| / sqrt(M_ii M_jj)
@@ -109,14 +105,14 @@ class Mujoco : public ::testing::TestWithParam<std::filesystem::path> {};
 
 TEST_P(Mujoco, AgreesOnInertiaTorqueAndToolPose) {
     const RobotDescription robot = loadLinks(GetParam());
-    MujocoModel other(getUrdf(robot));
+    MujocoModel other(findUrdf(robot), robot.name);
     ASSERT_EQ(other.size(), robot.size());
     for (int i = 0; i < robot.size(); ++i)
         ASSERT_EQ(other.jointName(i), robot.jointNames()[static_cast<std::size_t>(i)]);
     const Difference read = compare(robot, other);
     print(robot, "as read", read);
     EXPECT_LE(read.largest(), kReadTolerance);
-    other.sharpenInertia(getUrdf(robot));
+    other.sharpenInertia();
     const Difference exact = compare(robot, other);
     print(robot, "exact tensors", exact);
     EXPECT_LE(exact.largest(), kTolerance);
@@ -126,8 +122,8 @@ TEST_P(Mujoco, AgreesOnInertiaTorqueAndToolPose) {
 sign. */
 TEST_P(Mujoco, NoticesAWrongFigure) {
     const RobotDescription robot = loadLinks(GetParam());
-    MujocoModel other(getUrdf(robot));
-    other.sharpenInertia(getUrdf(robot));
+    MujocoModel other(findUrdf(robot), robot.name);
+    other.sharpenInertia();
     for (std::size_t i = 0; i < robot.joints.size(); ++i) {
         const std::string& name = robot.joints[i].name;
         RobotDescription wrong = robot;

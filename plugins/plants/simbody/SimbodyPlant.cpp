@@ -11,41 +11,22 @@ namespace viable {
 
 namespace {
 
-const ParameterSpec kParameters[] = {
-    parameter::integer("substeps", "1", "Integration steps per tick.").atLeast(1).upTo(1000),
-    parameter::choice("friction", "robot|none", "robot",
-                      "Friction figures of the robot's actuation.yaml, or none."),
-    parameter::jointNumbers("friction_scale", "", "1.0",
-                            "Factor on all friction torques, Fc and Fv1.")
+constexpr ParameterSpec kGearParameters[] = {
+    parameter::jointNumbers(
+        "backlash_rad", "rad", "0.0",
+        "Width of the gap in each gear; where none has one, the gears are rigid.")
         .atLeast(0),
-    parameter::number(
-        "breakaway_ratio", "", "1.0",
-        "Stribeck: friction at standstill over Coulomb friction, Fs / Fc; 1 switches it "
-        "off.")
-        .atLeast(1),
-    parameter::number("stribeck_velocity_radps", "rad/s", "0.02",
-                      "vs: velocity over which that excess fades.")
+    parameter::jointNumbers("gear_stiffness_Nmprad", "Nm/rad", "1.0e4",
+                            "Of the gears where any has a gap.")
         .above(0),
-    parameter::number("payload_kg", "kg", "0.0",
-                      "Point mass at the tool that the nominal model does not know.")
-        .atLeast(0),
-    parameter::numbers("payload_offset_m", "m", 3, 3, "[0, 0, 0]",
-                       "Where it is, in the tool frame."),
-    parameter::jointNumbers("mass_factor", "", "1.0",
-                            "Real over nominal mass and inertia of the body behind each joint.")
-        .above(0),
-    parameter::number("torque_limit_factor", "", "1.0",
-                      "Motor torque available, as a share of the robot's figure.")
-        .above(0)
-        .orInfinite(),
-    parameter::choice("encoder", "robot|exact", "robot",
-                      "robot: positions in whole counts, velocity by their difference over a tick; "
-                      "exact: the truth."),
-    parameter::number("encoder_noise_rad", "rad", "0.0",
-                      "Standard deviation of the position reading.")
-        .atLeast(0),
-    parameter::integer("seed", "1", "Of the reading noise: same seed, same readings.").atLeast(0),
 };
+constexpr auto kParameters = joinParameters(kArmHardwareParameters, kGearParameters);
+
+/** Damping of a gear's spring, as a share of critical. */
+constexpr double kGearDamping = 0.1;
+/** Longest sub-step times the fastest frequency of rotors, springs and links; Runge-Kutta of order 4 is stable to
+2.8, and at 1 it still follows the oscillation. */
+constexpr double kGearStep = 1.0;
 
 /** Rounds for the viscous friction. Each lowers the (convex) function whose minimum is v+, and even
 the first takes energy out, so their number is a matter of accuracy only. */
@@ -68,121 +49,164 @@ JointMatrix invertLower(const JointMatrix& L) {
 
 }  // namespace
 
-double SimbodyPlant::FrictionLaw::calcDry(double v) const {
-    const double x = v / stribeckVelocity;
-    return coulomb + (breakaway - coulomb) * std::exp(-x * x);
-}
-
-double SimbodyPlant::FrictionLaw::calcDamping(double v) const {
-    const double x = std::abs(v) / viscousVelocity;
-    const double share = x > 0.0 ? -std::expm1(-x) / x : 1.0;
-    return viscous / viscousVelocity * share;
-}
-
 void SimbodyPlant::configure(const RunSetup& setup, const Parameters& parameters) {
     n_ = setup.size();
-    tick_s_ = setup.tick_s;
-    substeps_ = static_cast<int>(parameters.integer("substeps"));
-    substep_s_ = tick_s_ / substeps_;
-
-    RobotDescription robot = withScaledMasses(setup.robot, parameters.jointNumbers("mass_factor"));
-    const std::vector<double>& offset = parameters.numbers("payload_offset_m");
-    robot = withPayload(std::move(robot), parameters.number("payload_kg"),
-                        {offset[0], offset[1], offset[2]});
-    model_ = std::make_unique<RobotModel>(robot);
-
-    torqueLimit_ = robot.actuation.torqueLimit * parameters.number("torque_limit_factor");
-    hasFriction_ = parameters.text("friction") == "robot";
-    const JointFriction& figures = robot.actuation.friction;
-    const JointVector& scale = parameters.jointNumbers("friction_scale");
-    for (int i = 0; i < n_; ++i) {
-        friction_[i].coulomb = scale[i] * figures.coulomb[i];
-        friction_[i].breakaway = parameters.number("breakaway_ratio") * friction_[i].coulomb;
-        friction_[i].stribeckVelocity = parameters.number("stribeck_velocity_radps");
-        friction_[i].viscous = scale[i] * figures.viscous[i];
-        friction_[i].viscousVelocity = figures.viscousVelocity[i];
-    }
-
-    const bool exact = parameters.text("encoder") == "exact";
-    noise_ = parameters.number("encoder_noise_rad");
-    seed_ = static_cast<std::uint64_t>(parameters.integer("seed"));
-    exactVelocity_ = exact && noise_ == 0.0;
-    resolution_.setZero(n_);
-    for (int i = 0; i < n_; ++i)
-        if (!exact && robot.actuation.encoderCounts[i] > 0.0)
-            resolution_[i] = (robot.joints[i].type == JointType::Prismatic ? 1.0 : 2.0 * EIGEN_PI) /
-                             robot.actuation.encoderCounts[i];
+    hardware_.configure(setup, parameters);
+    halfGap_ = 0.5 * parameters.jointNumbers("backlash_rad");
+    hasGears_ = halfGap_.maxCoeff() > 0.0;
+    if (hasGears_)
+        configureGears(setup, parameters);
+    else
+        model_ = std::make_unique<RobotModel>(hardware_.robot());
     reset(setup.start);
 }
 
-void SimbodyPlant::reset(const MotionState& start) {
-    random_.seed(seed_);
-    dryFriction_.reset();
-    actual_.q = start.q;
-    actual_.qd = start.qd;
-    measured_ = actual_;
-    measure(actual_);
-    measured_.qd = start.qd;
-}
+void SimbodyPlant::configureGears(const RunSetup& setup, const Parameters& parameters) {
+    RobotDescription links = hardware_.robot();
+    rotorInertia_ = links.actuation.rotorInertia;
+    for (int i = 0; i < n_; ++i)
+        if (!(rotorInertia_[i] > 0.0))
+            throw badInput(
+                parameters.place("backlash_rad"),
+                "joint `" + links.joints[static_cast<std::size_t>(i)].name +
+                    "` has no rotor inertia, and backlash lies between rotor and link",
+                "Give rotor_inertia_kgm2 in the robot's actuation.yaml, or no backlash.");
+    links.actuation.rotorInertia.setZero(n_);
+    model_ = std::make_unique<RobotModel>(links);
+    stiffness_ = parameters.jointNumbers("gear_stiffness_Nmprad");
 
-double SimbodyPlant::drawNormal() {
-    // Box and Muller, with an own mapping to (0, 1]: the standard distributions differ between
-    // libraries.
-    const double unit = 0x1p-53;
-    const double u1 = (static_cast<double>(random_() >> 11) + 1.0) * unit;
-    const double u2 = static_cast<double>(random_() >> 11) * unit;
-    return std::sqrt(-2.0 * std::log(u1)) * std::cos(2.0 * EIGEN_PI * u2);
-}
-
-void SimbodyPlant::measure(const JointState& truth) {
-    for (int i = 0; i < n_; ++i) {
-        double reading = truth.q[i];
-        if (noise_ > 0.0) reading += noise_ * drawNormal();
-        if (resolution_[i] > 0.0) reading = resolution_[i] * std::round(reading / resolution_[i]);
-        measured_.qd[i] = exactVelocity_ ? truth.qd[i] : (reading - measured_.q[i]) / tick_s_;
-        measured_.q[i] = reading;
+    damping_.resize(n_);
+    for (int i = 0; i < n_; ++i) {  // by the lightest that swings on this spring
+        const JointVector alone = JointVector::Unit(n_, i);
+        const double inertia = 1.0 / (1.0 / rotorInertia_[i] + findFastestMode(links, alone));
+        damping_[i] = 2.0 * kGearDamping * std::sqrt(stiffness_[i] * inertia);
     }
+    const double fastest = std::sqrt(stiffness_.cwiseQuotient(rotorInertia_).maxCoeff() +
+                                     findFastestMode(links, stiffness_));
+    const double needed = std::ceil(setup.tick_s * fastest / kGearStep);
+    if (hardware_.substeps() < needed)
+        throw badInput(parameters.place("substeps"),
+                       std::to_string(hardware_.substeps()) +
+                           " is too few for backlash: rotors and links swing on the gears' springs "
+                           "with up to " +
+                           std::to_string(std::lround(fastest / (2.0 * EIGEN_PI))) + " Hz",
+                       "Write substeps: " + std::to_string(std::lround(needed)) +
+                           " or more, or a smaller gear_stiffness_Nmprad.");
+}
+
+void SimbodyPlant::reset(const MotionState& start) {
+    dryFriction_.reset();
+    link_ = rotor_ = {start.q, start.qd};
+    model_->calcDynamics(start.q, start.qd, dynamics_);
+    load_ = dynamics_.b;
+    zeroOffset_.setZero(n_);
+    if (hasGears_)  // the gears carry the arm from the start
+        for (int i = 0; i < n_; ++i)
+            zeroOffset_[i] = load_[i] / stiffness_[i] + std::copysign(halfGap_[i], load_[i]);
+    rotor_.q += zeroOffset_;
+    hardware_.reset({start.q, start.qd});
+}
+
+JointState SimbodyPlant::encoders() const {
+    return hasGears_ ? JointState{rotor_.q - zeroOffset_, rotor_.qd} : link_;
 }
 
 void SimbodyPlant::calcFriction(const JointMatrix& M, const JointVector& v,
                                 const JointVector& push) {
+    const double substep_s = hardware_.substep_s();
     JointVector dry(n_), damping(n_), after = v;
-    for (int i = 0; i < n_; ++i) dry[i] = friction_[i].calcDry(v[i]);
+    for (int i = 0; i < n_; ++i) dry[i] = hardware_.friction(i).calcDry(v[i], nextLoad_[i]);
     // Without dry friction v+ = A^-1 h target; with it v+ = A^-1 h (target - f), and f in [-F, F]
     // minimises |L^-1 (f - target)|^2, A = L L': its optimality conditions are the friction law.
     JointVector target = push;
-    target.noalias() += M.lazyProduct(v) / substep_s_;
+    target.noalias() += M.lazyProduct(v) / substep_s;
     const JointVector lower = -dry;
     for (int round = 0; round < kViscousRounds; ++round) {
         JointMatrix A = M;
         for (int i = 0; i < n_; ++i) {
-            damping[i] = friction_[i].calcDamping(after[i]);
-            A(i, i) += substep_s_ * damping[i];
+            damping[i] = hardware_.friction(i).calcDamping(after[i]);
+            A(i, i) += substep_s * damping[i];
         }
         const Eigen::LLT<JointMatrix> factor(A);
         dryFriction_.solve(invertLower(factor.matrixLLT()), target, lower, dry, frictionTorque_);
-        after = substep_s_ * (target - frictionTorque_);
+        after = substep_s * (target - frictionTorque_);
         factor.solveInPlace(after);
     }
     frictionTorque_ += damping.cwiseProduct(after);
 }
 
-bool SimbodyPlant::step(const JointVector& torque) {
-    const double h = substep_s_;
-    JointVector& q = next_.q;
-    JointVector& v = next_.qd;
+void SimbodyPlant::calcRotorFriction(const JointVector& v, const JointVector& push) {
+    const double h = hardware_.substep_s();
+    for (int i = 0; i < n_; ++i) {
+        const FrictionLaw& law = hardware_.friction(i);
+        const double momentum = rotorInertia_[i] * v[i] + h * push[i];
+        const double free = std::max(std::abs(momentum) - h * law.calcDry(v[i], nextLoad_[i]), 0.0);
+        double after = v[i];
+        for (int round = 0; round < kViscousRounds; ++round)
+            after = std::copysign(free / (rotorInertia_[i] + h * law.calcDamping(after)), momentum);
+        frictionTorque_[i] = (momentum - rotorInertia_[i] * after) / h;
+    }
+}
+
+JointVector SimbodyPlant::calcGearTorque(const TwoSides& s) const {
+    JointVector torque(n_);
+    for (int i = 0; i < n_; ++i) {
+        const double twist = s.rotor.q[i] - s.link.q[i];
+        const double beyond = std::abs(twist) - halfGap_[i];
+        const double side = std::copysign(1.0, twist);
+        const double rate = side * (s.rotor.qd[i] - s.link.qd[i]);
+        const double force = stiffness_[i] * beyond + damping_[i] * rate;
+        const bool pulls = halfGap_[i] > 0.0 && force < 0.0;  // without a gap both flanks touch
+        torque[i] = beyond > 0.0 && !pulls ? side * force : 0.0;
+    }
+    return torque;
+}
+
+void SimbodyPlant::holdBlocked(JointVector& torque) {
+    const int k = hardware_.blockedJoint();
+    if (k < 0) return;
+    dynamics_.M.row(k).setZero();
+    dynamics_.M.col(k).setZero();
+    dynamics_.M(k, k) = 1.0;
+    dynamics_.b[k] = 0.0;
+    torque[k] = 0.0;
+}
+
+bool SimbodyPlant::stopBlocked() {
+    const int k = hardware_.blockedJoint();
+    JointVector& v = next_.link.qd;
+    if (k < 0 || v[k] == 0.0) return true;
+    model_->calcDynamics(next_.link.q, v, dynamics_);
+    if (!isFinite(dynamics_, n_)) return false;
+    JointVector change = JointVector::Unit(n_, k);  // of the velocities by an impulse at joint k
+    const Eigen::LLT<JointMatrix> factor(dynamics_.M);
+    if (factor.info() != Eigen::Success) return false;
+    factor.solveInPlace(change);
+    v -= v[k] / change[k] * change;
+    v[k] = 0.0;
+    return true;
+}
+
+bool SimbodyPlant::step(const JointVector& motor) {
+    const double h = hardware_.substep_s();
+    JointVector& q = next_.link.q;
+    JointVector& v = next_.link.qd;
     JointVector k1v, k2v, k3v, k4v;
 
     model_->calcDynamics(q, v, dynamics_);
     if (!isFinite(dynamics_, n_)) return false;
+    JointVector torque = motor + hardware_.externalTorque();
+    holdBlocked(torque);
     frictionTorque_.setZero(n_);
-    if (hasFriction_) calcFriction(dynamics_.M, v, torque - dynamics_.b);
-    const JointVector net = torque - frictionTorque_;
+    if (hardware_.hasFriction()) calcFriction(dynamics_.M, v, torque - dynamics_.b);
+    nextLoad_ = motor - frictionTorque_;
+    JointVector net = torque - frictionTorque_;
 
     if (!calcForwardDynamics(dynamics_, net, k1v)) return false;
     const JointVector k2q = v + h / 2.0 * k1v;
     const auto accelerate = [&](const JointVector& atQ, const JointVector& atV, JointVector& out) {
         model_->calcDynamics(atQ, atV, dynamics_);
+        holdBlocked(net);
         return calcForwardDynamics(dynamics_, net, out);
     };
     if (!accelerate(q + h / 2.0 * v, k2q, k2v)) return false;
@@ -195,20 +219,59 @@ bool SimbodyPlant::step(const JointVector& torque) {
     return q.allFinite() && v.allFinite();
 }
 
+bool SimbodyPlant::stepWithGears(const JointVector& motor) {
+    const double h = hardware_.substep_s();
+    frictionTorque_.setZero(n_);
+    nextLoad_ = calcGearTorque(next_);
+    if (hardware_.hasFriction()) calcRotorFriction(next_.rotor.qd, motor - nextLoad_);
+
+    const auto calcRate = [&](const TwoSides& s, TwoSides& rate) {
+        const JointVector gear = calcGearTorque(s);
+        rate.rotor.q = s.rotor.qd;
+        rate.rotor.qd = (motor - frictionTorque_ - gear).cwiseQuotient(rotorInertia_);
+        rate.link.q = s.link.qd;
+        JointVector torque = gear + hardware_.externalTorque();
+        model_->calcDynamics(s.link.q, s.link.qd, dynamics_);
+        holdBlocked(torque);
+        return calcForwardDynamics(dynamics_, torque, rate.link.qd);
+    };
+    const auto move = [](const TwoSides& s, double time, const TwoSides& rate) {
+        return TwoSides{{s.link.q + time * rate.link.q, s.link.qd + time * rate.link.qd},
+                        {s.rotor.q + time * rate.rotor.q, s.rotor.qd + time * rate.rotor.qd}};
+    };
+    TwoSides k1, k2, k3, k4;
+    if (!calcRate(next_, k1) || !calcRate(move(next_, h / 2.0, k1), k2) ||
+        !calcRate(move(next_, h / 2.0, k2), k3) || !calcRate(move(next_, h, k3), k4))
+        return false;
+    next_ = move(next_, h / 6.0, k1);
+    next_ = move(next_, h / 3.0, k2);
+    next_ = move(next_, h / 3.0, k3);
+    next_ = move(next_, h / 6.0, k4);
+    return isFinite(next_.link, n_) && isFinite(next_.rotor, n_);
+}
+
 TickStatus SimbodyPlant::advance(const JointVector& torque, JointVector& applied) {
     if (!isFinite(torque, n_)) return TickStatus::InvalidInput;
-    applied = torque.cwiseMax(-torqueLimit_).cwiseMin(torqueLimit_);
-    next_ = actual_;
-    for (int i = 0; i < substeps_; ++i)
-        if (!step(applied)) return TickStatus::Faulted;
-    actual_ = next_;
-    measure(actual_);
+    hardware_.calcApplied(torque, applied);
+    next_ = {link_, rotor_};
+    nextLoad_ = load_;
+    if (!stopBlocked()) return TickStatus::Faulted;
+    for (int i = 0; i < hardware_.substeps(); ++i) {
+        const JointState& driven = hasGears_ ? next_.rotor : next_.link;
+        const JointVector motor = hardware_.calcMotorTorque(applied, driven.q);
+        if (!(hasGears_ ? stepWithGears(motor) : step(motor))) return TickStatus::Faulted;
+    }
+    link_ = next_.link;
+    rotor_ = next_.rotor;
+    load_ = nextLoad_;
+    hardware_.endTick(torque, encoders());
     return TickStatus::Ok;
 }
 
 }  // namespace viable
 
-VIABLE_PLUGIN(viable::RealPlant, viable::SimbodyPlant, "simbody",
-              "The arm in simulation: Simbody's multibody model with friction, payload, motor "
-              "limits and encoders.",
-              viable::kParameters)
+VIABLE_PLUGIN(
+    viable::RealPlant, viable::SimbodyPlant, "simbody",
+    "The arm in simulation: Simbody's multibody model with friction, payload, backlash, motors "
+    "and sensors.",
+    viable::kParameters)

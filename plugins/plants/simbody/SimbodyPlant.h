@@ -1,67 +1,71 @@
 #pragma once
 
 #include <memory>
-#include <random>
 
 #include "viable/motion/BoxQp.h"
+#include "viable/plugin/ArmHardware.h"
 #include "viable/plugin/RealPlant.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {
 
-/** The real arm in simulation: the nominal multibody model with joint friction, payload and mass
-error, motors that saturate, and encoders.
+/** The real arm in simulation: the nominal multibody model with payload and mass error, inside the hardware of an
+arm (ArmHardware: motors, friction, pushes, sensors), on request with backlash in its gears.
 
-Method: M(q) qdd + b(q, qd) + f(qd) = tau, with M and b by Simbody (RobotModel) and per joint
-    f(v) = F(v) sign v + Fv1 (1 - exp(-|v| / Fv2)) sign v,  F(v) = Fc + (Fs - Fc) exp(-(v / vs)^2)  [Nm]
-where sign 0 is any value in [-1, 1]: what it takes to stay at rest.
+Method: M(q) qdd + b(q, qd) + f(qd) = tau + tau_e, with M and b by Simbody (RobotModel), tau of the motors and tau_e of
+the surroundings, and the friction f of each joint as in FrictionLaw; its load is tau - f of the sub-step before, at
+first b.
 Each sub-step first finds the friction torque implicitly, from the velocity v+ that it leaves behind:
-M (v+ - v) / h = tau - b - f(v+), with F taken at v. For the dry parts that is a box QP (the dual of
+M (v+ - v) / h = tau + tau_e - b - f(v+), with F taken at v. For the dry parts that is a box QP (the dual of
 Moreau's time stepping, 1988), for the saturating viscous parts a few rounds with f = c v+, c = f(v) / v
 at the last v+. Then one Runge-Kutta step of order 4 is taken with that torque held. So a joint at rest
 under a load below Fs stays exactly there.
-Order: 4 without friction, 1 in the friction torque. Stable for any friction.
-Not modelled: joint elasticity, backlash, motor dynamics, mechanical end stops.
+A joint that blocks stops in an impulse, which the others feel, and stays by the torque that this takes.
+Backlash: rotor (with friction and encoder) and link are joined by a spring K and a damper with a gap between them:
+    J_r w' = tau - f(w) - tau_g,  M_link qdd + b = tau_g + tau_e,  tau_g = K d + D d'  [Nm]
+d: how far the rotor is beyond the half gap; the gear pushes and never pulls. The same Runge-Kutta step, f implicit in
+w. Without backlash the gears are rigid and none of this is calculated.
+Order: 4 without friction, 1 in the friction torque, 1 where a gap closes or opens. Stable for any friction.
+Not modelled: motor dynamics, mechanical end stops.
 Real time: no allocation, lock or throw after configure(). */
 class SimbodyPlant : public RealPlant {
 public:
+    /** Throws Error (BadInput) also for backlash with sub-steps too long for its springs, or without rotor inertia. */
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
-    const JointState& measured() const override { return measured_; }
-    const JointState& actual() const override { return actual_; }
+    const JointState& measured() const override { return hardware_.measured(); }
+    const JointState& actual() const override { return link_; }  ///< behind the gears
     TickStatus advance(const JointVector& torque, JointVector& applied) override;
+    const JointVector* externalTorque() const override { return &hardware_.externalTorque(); }
 
 private:
-    struct FrictionLaw {
-        double coulomb, breakaway, stribeckVelocity, viscous, viscousVelocity;
-        /** F: the most that dry friction can give at velocity v. */
-        double calcDry(double v) const;
-        /** The viscous torque over v, > 0 also at v = 0. [Nms/rad] */
-        double calcDamping(double v) const;
+    struct TwoSides {
+        JointState link, rotor;
     };
+    void configureGears(const RunSetup& setup, const Parameters& parameters);
     /** The friction torque over a sub-step from `v` when `push` = tau - b acts. */
     void calcFriction(const JointMatrix& M, const JointVector& v, const JointVector& push);
-    bool step(const JointVector& torque);
-    void measure(const JointState& before);
-    double drawNormal();
+    void calcRotorFriction(const JointVector& v, const JointVector& push);
+    JointVector calcGearTorque(const TwoSides& s) const;
+    /** Takes the blocked joint out of the equations: its acceleration is zero. */
+    void holdBlocked(JointVector& torque);
+    bool stopBlocked();
+    bool step(const JointVector& motor);
+    bool stepWithGears(const JointVector& motor);
+    JointState encoders() const;
 
     int n_ = 0;
-    double tick_s_ = 0.0;
-    double substep_s_ = 0.0;
-    int substeps_ = 1;
-    std::unique_ptr<RobotModel> model_;
+    ArmHardware hardware_;
+    std::unique_ptr<RobotModel> model_;  // with backlash without the rotors
     Dynamics dynamics_;
-    JointVector torqueLimit_;
-    FrictionLaw friction_[kMaxJoints];
-    bool hasFriction_ = false;
-    JointVector resolution_;  // of the encoder [rad]; 0: exact
-    bool exactVelocity_ = true;
-    double noise_ = 0.0;
-    std::uint64_t seed_ = 0;
-    std::mt19937_64 random_;
 
-    JointState actual_, measured_, next_;
-    JointVector frictionTorque_;
+    bool hasGears_ = false;
+    JointVector rotorInertia_, halfGap_, stiffness_, damping_;
+    JointVector zeroOffset_;  // rotor - link at the start: what the encoders were set by
+
+    JointState link_, rotor_;
+    TwoSides next_;
+    JointVector frictionTorque_, load_, nextLoad_;
     BoxQp dryFriction_;
 };
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -118,6 +119,20 @@ constexpr ParameterSpec rows(const char* name, const char* unit, int minCount, i
     return s;
 }
 }  // namespace parameter
+
+/** Declarations one after the other, as one table:
+    constexpr auto kParameters = joinParameters(kArmHardwareParameters, kOwnParameters); */
+template <std::size_t... Counts>
+constexpr std::array<ParameterSpec, (Counts + ...)> joinParameters(
+    const ParameterSpec (&... tables)[Counts]) {
+    std::array<ParameterSpec, (Counts + ...)> joined{};
+    std::size_t next = 0;
+    const auto append = [&](const ParameterSpec* table, std::size_t count) {
+        for (std::size_t i = 0; i < count; ++i) joined[next++] = table[i];
+    };
+    (append(tables, Counts), ...);
+    return joined;
+}
 
 /** The parameters of one plugin instance, checked and complete: every declared name has a value.
 Asking for a name that was not declared, or as another type, is a mistake in the plugin's code and

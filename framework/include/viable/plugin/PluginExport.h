@@ -224,6 +224,17 @@ PluginEntry makePluginEntry(const char* name, const char* summary,
             &detail::createPlugin<Interface, Class>,
             &detail::destroyPlugin<Interface>};
 }
+template <class Interface, class Class, std::size_t N>
+PluginEntry makePluginEntry(const char* name, const char* summary,
+                            const std::array<ParameterSpec, N>& parameters) {
+    return {detail::kindOf<Interface>(),
+            name,
+            summary,
+            parameters.data(),
+            N,
+            &detail::createPlugin<Interface, Class>,
+            &detail::destroyPlugin<Interface>};
+}
 template <class Interface, class Class>
 PluginEntry makePluginEntry(const char* name, const char* summary, std::nullptr_t) {
     return {detail::kindOf<Interface>(),
@@ -240,7 +251,7 @@ PluginEntry makePluginEntry(const char* name, const char* summary, std::nullptr_
 #define VIABLE_PLUGIN_VISIBLE __attribute__((visibility("default")))
 
 /** Makes the library a plugin: once per library, outside any namespace. `parameters` is an array of
-viable::ParameterSpec with static lifetime, or nullptr.
+viable::ParameterSpec with static lifetime (or what joinParameters() makes), or nullptr.
     VIABLE_PLUGIN(viable::SafetyFilter, TosbpFilter, "tosbp", "Keeps ...", kParameters) */
 #define VIABLE_PLUGIN(Interface, Class, name, summary, parameters)                          \
     extern "C" VIABLE_PLUGIN_VISIBLE const viable::PluginLibrary* viable_plugin_library() { \
