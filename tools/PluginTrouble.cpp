@@ -3,6 +3,7 @@
 #include <signal.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -33,8 +34,20 @@ constexpr int kCrashSignals[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
 char runFolder[4096] = "";
 std::atomic<bool> dying{false};
 
+// Where to speak, if not to the terminal (see tellCrashTo).
+char* sink = nullptr;
+std::size_t sinkLeft = 0;
+
 /** All that a signal handler may use to speak. */
 void say(const char* text) {
+    if (sink) {
+        const std::size_t size = std::min(std::strlen(text), sinkLeft);
+        std::memcpy(sink, text, size);
+        sink += size;
+        *sink = '\0';
+        sinkLeft -= size;
+        return;
+    }
     for (std::size_t left = std::strlen(text); left > 0;) {
         const ssize_t written = write(STDERR_FILENO, text, left);
         if (written <= 0) return;
@@ -56,7 +69,7 @@ void say(std::int64_t number) {
 
 /** "viable: the filter plugin 'x' (/path/x.so) <what> in its tick 12" */
 void sayWho(const PluginWatch& watch, const char* what, std::int64_t tick) {
-    say("\nviable: ");
+    if (!sink) say("\nviable: ");
     say(watch.title.c_str());
     say(what);
     if (tick < 0) {
@@ -68,6 +81,7 @@ void sayWho(const PluginWatch& watch, const char* what, std::int64_t tick) {
 }
 
 [[noreturn]] void endAfterPlugin() {
+    if (sink) _exit(static_cast<int>(ErrorKind::PluginFailed));
     const bool whole = Recorder::rescueAll(kRescue_s);
     if (*runFolder && whole) {
         say("The logs in ");
@@ -138,6 +152,11 @@ void installCrashHandler(const std::filesystem::path& folder) {
     for (int signal : kCrashSignals) sigaction(signal, &action, nullptr);
     static const bool once = std::atexit(onExit) == 0 && std::at_quick_exit(onExit) == 0;
     static_cast<void>(once);
+}
+
+void tellCrashTo(char* text, std::size_t capacity) {
+    sink = text;
+    sinkLeft = capacity - 1;
 }
 
 void countPluginAllocations() {

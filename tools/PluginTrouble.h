@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <thread>
@@ -17,6 +18,10 @@ void installCrashHandler(const std::filesystem::path& folder);
 
 /** Gives the calling thread a stack for signal handlers, so that even a plugin that has used up the stack is named. */
 void prepareThreadForCrash();
+
+/** From now on the crash handler writes what it has to say into `text`, and nothing to the terminal. The text may lie in
+memory that another process reads. */
+void tellCrashTo(char* text, std::size_t capacity);
 
 /** Has heap allocations inside plugins counted, where malloc can be replaced (see AllocationCounter). */
 void countPluginAllocations();

@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "Commands.h"
+#include "ExperimentArguments.h"
 #include "PluginTrouble.h"
 #include "Progress.h"
 #include "viable/core/Error.h"
@@ -45,6 +46,7 @@ struct RunArguments {
     std::string out;
     std::vector<std::string> cases;
     std::vector<std::string> overrides;
+    std::string draw;
     int jobs = 0;
     bool noReport = false;
     bool isolate = false;
@@ -88,27 +90,6 @@ fs::path makeRunFolder(const std::string& wanted, const fs::path& experiment) {
                         "Name another place with --out DIR.");
     }
     throw Error(ErrorKind::LogNotWritten, "runs", "too many runs in one second");
-}
-
-void selectCases(Experiment& experiment, const std::vector<std::string>& wanted) {
-    if (wanted.empty()) return;
-    std::vector<std::string> names;
-    for (const CasePlan& plan : experiment.cases) names.push_back(plan.name);
-    for (const std::string& name : wanted) {
-        if (std::find(names.begin(), names.end(), name) != names.end()) continue;
-        const std::string closest = findClosestName(name, names);
-        std::string all;
-        for (const std::string& other : names) all += (all.empty() ? "" : ", ") + other;
-        throw badInput("--case " + name, experiment.file.string() + " has no case of that name",
-                       (closest.empty() ? "" : "Did you mean '" + closest + "'? ") +
-                           "Its cases: " + all + ".");
-    }
-    experiment.cases.erase(std::remove_if(experiment.cases.begin(), experiment.cases.end(),
-                                          [&](const CasePlan& plan) {
-                                              return std::find(wanted.begin(), wanted.end(),
-                                                               plan.name) == wanted.end();
-                                          }),
-                           experiment.cases.end());
 }
 
 /** What became of the cases: results in the order of the file, and the first Error that kept one from
@@ -234,8 +215,8 @@ int run(const RunArguments& arguments) {
     if (!arguments.isolate)
         hangWatch.emplace(arguments.watchdog_s.value_or(kDefaultPatience_s), stopSignal);
     const PluginLoader loader(PluginLoader::makeDefaultSearchPath());
-    Experiment experiment = readExperiment(arguments.file, arguments.overrides, loader,
-                                           makeRobotSearchPath(arguments.file));
+    Experiment experiment =
+        readDrawnExperiment(arguments.file, arguments.overrides, arguments.draw, loader);
     selectCases(experiment, arguments.cases);
     for (const CasePlan& plan : experiment.cases)  // refuse everything before a file is made
         configureCase(plan, arguments.isolate ? &isolation : nullptr);
@@ -320,6 +301,8 @@ void addRunCommand(CLI::App& app, int& exitCode) {
     command
         ->add_option("--set", arguments->overrides, "key.path=value, replaces an entry of the file")
         ->allow_extra_args(false);
+    command->add_option("--draw", arguments->draw,
+                        "SEED:INDEX, the values of one run of `viable sweep`");
     command->add_option("--jobs", arguments->jobs, "Cases at a time (default: one per core)")
         ->check(CLI::Range(1, 256));
     command->add_flag("--no-report", arguments->noReport,

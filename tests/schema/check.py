@@ -186,6 +186,10 @@ for path, value in [
     ("cases", {"A+b-c_1": {"filter": {"plugin": "soft_cbf", "weight": 5}}, "B": {}}),
     ("controller.stiffness", ["10/2"]), ("controller.velocity_feedforward", False),
     ("command.interpolation", "hold"), ("command.points", [[0, "pi/4"], [1.5, "-.5e-1"]]),
+    ("real_plant.seed", "~integer(1, 9)"), ("real_plant.payload_kg", "~uniform(0, 2*pi)"),
+    ("real_plant.friction_scale", ["~normal(1, 0.1, 0.5, 2)"]), ("real_plant.friction", "~choice(robot, none)"),
+    ("limits", {"velocity_radps": {"lower": -1, "upper": "~log_uniform(1, 2)"}}),
+    ("controller.velocity_feedforward", "~choice(true, false)"),
     ("real_plant.seed", 12345678901234), ("real_plant.torque_limit_factor", math.inf),
 ]:
     judge(f"{path} = {value}", edited(path, value), True)
@@ -196,7 +200,8 @@ for path, value in [
     ("cases", [1]), ("cases", {"a b": {}}), ("cases", {"A": {"title": "x"}}), ("cases", {"A": {"fliter": {}}}),
     ("cases", {"A": 3}), ("tick_s", 0.2), ("tick_s", 1e-6), ("tick_s", "fast"), ("duration_s", -1), ("duration_s", 90000),
     ("duration_s", math.inf), ("duration_s", "2pi"), ("duration_s", "90deg"), ("duration_s", "1 2"), ("duration_s", "007.5"),
-    ("duration_s", "2**3"), ("duration_s", [1]), ("limits", {"position": 1}), ("limits", {"velocity_radps": -1}),
+    ("duration_s", "2**3"), ("duration_s", "~unifrom(1, 2)"), ("duration_s", "~uniform 1 2"),
+    ("real_plant.seed", "~gauss(1, 2)"), ("real_plant.friction", "~robot"), ("duration_s", [1]), ("limits", {"position": 1}), ("limits", {"velocity_radps": -1}),
     ("limits", {"velocity_radps": 0}), ("limits", {"position_rad": {"lower": -1, "center": 1}}),
     ("limits", {"velocity_radps": {"lower": 1, "upper": 2}}), ("limits", {"jerk_radps3": {"lower": -1, "upper": 0}}),
     ("limits", {"position_rad": {"center": math.inf, "half_range": 1}}),

@@ -359,6 +359,16 @@ private:
             fail(mark, frame.node.keyPath, "the file ends behind " + quoteText(key),
                  "Write entries as `key: value`; close every `[` with `]` and every `{` with `}`");
         }
+        if (at(end) != ':' && !frame.node.entries.empty()) {
+            // `{a: ~uniform(0, 1)}`: what stands behind the comma is taken for the next key.
+            const std::string& before = frame.node.entries.back().second.text;
+            if (!before.empty() && before[0] == '~' &&
+                std::count(before.begin(), before.end(), '(') >
+                    std::count(before.begin(), before.end(), ')'))
+                fail(mark, frame.node.entries.back().second.keyPath,
+                     "the draw " + quoteText(before) + " ends at its comma",
+                     detail::quoteDrawRemedy(before));
+        }
         if (at(end) != ':') {
             fail(mark, frame.node.keyPath, quoteText(key) + " stands where a key is expected",
                  "Write entries as `key: value`, on one line, with a blank after the colon");

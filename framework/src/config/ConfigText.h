@@ -32,6 +32,9 @@ ConfigNode parseYaml(const std::string& text, const std::string& fileName,
 /** Longest key path: bounds the memory that nested long keys can cause. [bytes] */
 inline constexpr std::size_t kMaxKeyPathBytes = 400;
 
+/** What to do about a draw whose text ends before its closing parenthesis; `begun` is that text. */
+std::string quoteDrawRemedy(const std::string& begun);
+
 /** The file name that stands for an assignment on the command line. */
 inline constexpr const char* kOverrideFile = "--set";
 

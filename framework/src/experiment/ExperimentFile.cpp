@@ -9,6 +9,7 @@
 #include "core/NumberText.h"
 #include "experiment/ExperimentKeys.h"
 #include "plugin/ParameterText.h"
+#include "viable/config/Draws.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -503,11 +504,28 @@ std::string CasePlan::filterName() const {
     return text;
 }
 
+ConfigNode readExperimentTree(const std::filesystem::path& file,
+                              const std::vector<std::string>& overrides) {
+    ConfigNode root = readConfigFile(file);
+    for (const std::string& assignment : overrides) applyOverride(root, assignment);
+    return root;
+}
+
 Experiment readExperiment(const std::filesystem::path& file,
                           const std::vector<std::string>& overrides, const PluginLoader& loader,
                           const std::vector<std::filesystem::path>& robotPath) {
-    ConfigNode root = readConfigFile(file);
-    for (const std::string& assignment : overrides) applyOverride(root, assignment);
+    return readExperiment(readExperimentTree(file, overrides), file, overrides, loader, robotPath);
+}
+
+Experiment readExperiment(const ConfigNode& root, const std::filesystem::path& file,
+                          const std::vector<std::string>& overrides, const PluginLoader& loader,
+                          const std::vector<std::filesystem::path>& robotPath) {
+    const std::vector<DrawnKey> draws = listDraws(root);
+    if (!draws.empty())
+        throw badInput(draws.front().place,
+                       "`~" + draws.front().distribution + "` is drawn anew for every run of a sweep",
+                       "`viable sweep " + file.string() +
+                           "` runs them; `--draw SEED:INDEX` takes the values of one of its runs");
 
     Experiment experiment;
     experiment.file = file;

@@ -19,6 +19,10 @@ constexpr const char* kExpressionPattern =
     R"(^[-+( \t]*(pi|((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?)[) \t]*)"
     R"(([-+*/][-+( \t]*(pi|((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?)[) \t]*)*$)";
 
+/** A value that is drawn anew for every run (see listDraws); the reader looks at what is inside. */
+constexpr const char* kDrawPattern =
+    R"(^~(uniform|log_uniform|normal|integer|choice)\(.*\)$)";
+
 std::string getText(const char* text) {
     return text ? text : "";
 }
@@ -107,9 +111,9 @@ void addBounds(Json& schema, const NumberRange& range) {
 Json makeNumberSchema(const NumberRange& range) {
     Json schema = {
         {"type", {"number", "string"}},
-        {"pattern", kExpressionPattern},
+        {"pattern", std::string("(") + kExpressionPattern + ")|(" + kDrawPattern + ")"},
         // What editors say instead of the pattern; unknown to the standard, which allows that.
-        {"patternErrorMessage", "Write a number or an expression such as 2*pi/3."}};
+        {"patternErrorMessage", "Write a number, an expression such as 2*pi/3, or a draw such as ~uniform(0, 1)."}};
     addBounds(schema, range);
     return schema;
 }
@@ -126,14 +130,14 @@ Json makeValueSchema(const ParameterSpec& spec) {
         case ParameterType::Number:
             return makeNumberSchema(spec.range());
         case ParameterType::Integer: {
-            Json schema = {{"type", "integer"}};
+            Json schema = {{"type", {"integer", "string"}}, {"pattern", kDrawPattern}};
             const std::int64_t least = getSmallest(spec), most = getLargest(spec);
             if (least != std::numeric_limits<std::int64_t>::min()) schema["minimum"] = least;
             if (most != std::numeric_limits<std::int64_t>::max()) schema["maximum"] = most;
             return schema;
         }
         case ParameterType::Flag:
-            return {{"type", "boolean"}};
+            return {{"type", {"boolean", "string"}}, {"pattern", kDrawPattern}};
         case ParameterType::Choice: {
             Json names = Json::array();
             for (const std::string& name : splitChoices(spec.choices)) {
@@ -142,7 +146,8 @@ Json makeValueSchema(const ParameterSpec& spec) {
                     Json::parse(name, nullptr, false);  // YAML reads `1`, `true` as such
                 if (!other.is_discarded()) names.push_back(other);
             }
-            return {{"enum", names}};
+            const Json drawn = {{"type", "string"}, {"pattern", kDrawPattern}};
+            return {{"anyOf", Json::array({{{"enum", names}}, drawn})}};
         }
         case ParameterType::Text:
         case ParameterType::File:

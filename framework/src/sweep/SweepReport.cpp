@@ -1,0 +1,156 @@
+#include <algorithm>
+#include <cstdio>
+#include <map>
+
+#include "core/NumberText.h"
+#include "viable/core/Error.h"
+#include "viable/core/WholeFile.h"
+#include "viable/sweep/SweepStore.h"
+
+namespace viable {
+
+namespace {
+
+/** Runs that are not ok are listed up to here; the table holds all. */
+constexpr int kListed = 10;
+
+std::size_t findColumn(const SweepPlan& plan, const std::string& name) {
+    for (std::size_t i = 0; i < plan.columns.size(); ++i)
+        if (plan.columns[i].name == name) return i;
+    throw badInput(plan.file, "the sweep has no column `" + name + "`", "Name a sweep's folder.");
+}
+
+std::string toText(const SweepValue& value) {
+    if (const auto* number = std::get_if<double>(&value)) return detail::formatNumber(*number);
+    if (const auto* whole = std::get_if<std::int64_t>(&value)) return std::to_string(*whole);
+    if (const auto* text = std::get_if<std::string>(&value)) return *text;
+    return {};
+}
+
+std::string quoteCsv(const std::string& text) {  // RFC 4180
+    if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
+    std::string quoted = "\"";
+    for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+    return quoted + '"';
+}
+
+bool isInCsv(const SweepColumn& column) {
+    return column.name != "replay" && column.name != "wall_s";
+}
+
+/** Of one case: a value and the run it belongs to. */
+using Figures = std::vector<std::pair<double, std::int64_t>>;
+
+std::string formatFigure(double value) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.4g", value);
+    return text;
+}
+
+int getWeight(std::int64_t code) {
+    switch (code) {
+        case 0:
+            return 0;
+        case static_cast<int>(ErrorKind::PromiseBroken):
+            return 4;
+        case static_cast<int>(ErrorKind::PluginFailed):
+            return 3;
+        case static_cast<int>(ErrorKind::TrackingLost):
+            return 2;
+        default:
+            return 1;
+    }
+}
+
+}  // namespace
+
+void writeSweepCsv(const SweepStore& store) {
+    const SweepPlan& plan = store.plan();
+    std::string text = "run,case";
+    for (const SweepColumn& column : plan.columns)
+        if (isInCsv(column)) text += "," + quoteCsv(column.name);
+    text += "\n";
+    store.forEach([&](const SweepRow& row) {
+        text += std::to_string(row.run) + "," + quoteCsv(row.caseName);
+        for (std::size_t i = 0; i < row.values.size(); ++i)
+            if (isInCsv(plan.columns[i])) text += "," + quoteCsv(toText(row.values[i]));
+        text += "\n";
+    });
+    replaceFile(store.folder() / "sweep.csv", text);
+}
+
+std::string formatSweepSummary(const SweepStore& store) {
+    const SweepPlan& plan = store.plan();
+    const std::size_t status = findColumn(plan, "status"), message = findColumn(plan, "message"),
+                      replay = findColumn(plan, "replay");
+    // Per case: how many ended how, and the figures of each result.
+    std::map<std::string, std::map<std::string, std::int64_t>> counts;
+    std::map<std::string, std::map<std::size_t, Figures>> figures;
+    std::string troubles;
+    std::int64_t troubled = 0;
+    store.forEach([&](const SweepRow& row) {
+        const std::string how = toText(row.values[status]);
+        ++counts[row.caseName][how];
+        for (std::size_t i = 0; i < plan.columns.size(); ++i) {
+            if (plan.columns[i].kind != SweepColumn::Kind::Result) continue;
+            if (const auto* number = std::get_if<double>(&row.values[i]))
+                figures[row.caseName][i].emplace_back(*number, row.run);
+            else if (const auto* whole = std::get_if<std::int64_t>(&row.values[i]))
+                figures[row.caseName][i].emplace_back(static_cast<double>(*whole), row.run);
+        }
+        if (how == getName(SweepStatus::Ok) || ++troubled > kListed) return;
+        const std::string said = toText(row.values[message]);
+        troubles += "run " + std::to_string(row.run) + ", case " + row.caseName + ": " + how +
+                    (said.empty() ? "" : ": " + said) + "\n    " + toText(row.values[replay]) + "\n";
+    });
+    std::string text;
+    for (const std::string& name : plan.cases) {
+        text += name + ":";
+        bool isFirst = true;
+        for (const auto& [how, count] : counts[name]) {
+            text += (isFirst ? " " : ", ") + std::to_string(count) + " " + how;
+            isFirst = false;
+        }
+        text += isFirst ? " no run\n" : "\n";
+        char line[200];
+        std::snprintf(line, sizeof line, "  %-38s %12s %12s %12s   %s\n", "", "min", "median", "max",
+                      "of run");
+        text += line;
+        for (auto& [column, values] : figures[name]) {
+            // Of equal ones the first run: the same text whatever the order they ended in.
+            const auto worst = std::max_element(
+                values.begin(), values.end(),
+                [](const auto& a, const auto& b) {
+                    return a.first != b.first ? a.first < b.first : a.second > b.second;
+                });
+            const auto [max, run] = *worst;
+            std::sort(values.begin(), values.end());
+            const std::size_t half = values.size() / 2;
+            const double median = values.size() % 2 == 1
+                                      ? values[half].first
+                                      : 0.5 * (values[half - 1].first + values[half].first);
+            std::snprintf(line, sizeof line, "  %-38.80s %12s %12s %12s   %lld\n",
+                          plan.columns[column].name.c_str(),
+                          formatFigure(values.front().first).c_str(), formatFigure(median).c_str(),
+                          formatFigure(max).c_str(), static_cast<long long>(run));
+            text += line;
+        }
+    }
+    if (troubled > 0)
+        text += std::to_string(troubled) + " not ok" +
+                (troubled > kListed ? ", the first " + std::to_string(kListed) : std::string()) +
+                ":\n" + troubles;
+    return text;
+}
+
+int findSweepExitCode(const SweepStore& store) {
+    const std::size_t code = findColumn(store.plan(), "exit_code");
+    std::int64_t gravest = 0;
+    store.forEach([&](const SweepRow& row) {
+        const auto* own = std::get_if<std::int64_t>(&row.values[code]);
+        if (own && getWeight(*own) > getWeight(gravest)) gravest = *own;
+    });
+    return static_cast<int>(gravest);
+}
+
+}  // namespace viable

@@ -1,0 +1,40 @@
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdlib>
+
+#include "BrokenPlugin.h"
+#include "viable/core/Error.h"
+
+namespace {
+
+/** Fails in the way that its parameter says, so that a sweep can draw who fails and how. */
+class Misbehaves : public broken::LateFilter {
+public:
+    void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override {
+        LateFilter::configure(setup, parameters);
+        how_ = parameters.text("how");
+        if (how_ == "refuses") throw viable::badInput("", "it does not want to");
+    }
+
+private:
+    __attribute__((no_sanitize_undefined)) void misbehave(viable::FilterDecision&) override {
+        if (how_ == "segfaults") *nowhere_ = 1;
+        if (how_ == "exits") std::exit(0);
+        if (how_ == "is_killed") raise(SIGKILL);  // as by the system when memory runs out
+        while (how_ == "hangs") usleep(1000);
+    }
+    std::string how_;
+    volatile int* nowhere_ = nullptr;
+};
+
+constexpr viable::ParameterSpec kParameters[] = {
+    broken::kAfterTicks,
+    viable::parameter::choice("how", "not|segfaults|exits|is_killed|hangs|refuses", "not",
+                              "What it does from then on."),
+};
+
+}  // namespace
+
+VIABLE_PLUGIN(viable::SafetyFilter, Misbehaves, "misbehaves",
+              "Does what its parameter says in the tick after the first after_ticks.", kParameters)

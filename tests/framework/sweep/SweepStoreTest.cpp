@@ -1,0 +1,207 @@
+#include "viable/sweep/SweepStore.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <sstream>
+
+#include "TemporaryFolder.h"
+#include "viable/core/Error.h"
+
+namespace viable {
+namespace {
+
+using Folder = test::TemporaryFolder;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/** Two cases, a draw, two results. */
+SweepPlan makePlan() {
+    using Kind = SweepColumn::Kind;
+    SweepPlan plan;
+    plan.title = "a \"sweep\"";
+    plan.file = "e.yaml";
+    plan.experiment = "schema: 1\n";
+    plan.fileHash = "abc";
+    plan.seed = 18446744073709551615u;
+    plan.runs = 10;
+    plan.cases = {"B", "A"};  // in this order, not by name
+    plan.joints = {"joint0"};
+    plan.columns = {{Kind::Status, "status", "", "How", ""},
+                    {Kind::Status, "exit_code", "", "Code", ""},
+                    {Kind::Status, "message", "", "What", ""},
+                    {Kind::Status, "replay", "", "Again", ""},
+                    {Kind::Status, "wall_s", "s", "Time", ""},
+                    {Kind::Draw, "draw.a.mass_kg", "kg", "a.mass_kg", "uniform(0, 1)"},
+                    {Kind::Result, "worst", "", "Worst", ""},
+                    {Kind::Result, "ticks", "", "Ticks", ""}};
+    return plan;
+}
+
+SweepRow makeRow(std::int64_t run, const std::string& name, double worst = 0.1,
+                 const std::string& status = "ok", std::int64_t code = 0) {
+    return {run,
+            name,
+            {status, code, std::string("it said \"no\",\nand left"), std::string("viable run x"),
+             0.25, 1.0 / 3.0, worst, std::int64_t{5}}};
+}
+
+std::string readFile(const std::filesystem::path& file) {
+    std::ifstream stream(file, std::ios::binary);
+    std::ostringstream text;
+    text << stream.rdbuf();
+    return text.str();
+}
+
+std::string findComplaint(const std::function<void()>& action) {
+    try {
+        action();
+    } catch (const Error& e) {
+        return e.what();
+    }
+    return {};
+}
+
+TEST(SweepRow, ComesBackFromItsBytes) {
+    SweepRow row = makeRow(1 << 20, "A", -kInfinity);
+    row.values[5] = {};
+    row.values[2] = std::string("zero \0 and \xc3\xa4", 11);
+    const std::string bytes = packRow(row);
+    const SweepRow same = unpackRow(bytes);
+    EXPECT_EQ(same.run, row.run);
+    EXPECT_EQ(same.caseName, row.caseName);
+    EXPECT_EQ(same.values, row.values);
+    for (std::size_t size = 0; size < bytes.size(); ++size)
+        EXPECT_THROW(unpackRow(bytes.substr(0, size)), std::runtime_error) << size;
+    EXPECT_THROW(unpackRow(bytes + "x"), std::runtime_error);
+}
+
+TEST(SweepStore, KeepsWhatItIsGiven) {
+    const Folder folder;
+    {
+        SweepStore store(folder / "s", makePlan());
+        store.add({makeRow(7, "A"), makeRow(7, "B", kInfinity)});
+        store.add({makeRow(2, "B"), makeRow(2, "A", 1e-300)});
+    }
+    const SweepStore store(folder / "s");
+    EXPECT_EQ(store.plan().title, "a \"sweep\"");
+    EXPECT_EQ(store.plan().seed, 18446744073709551615u);
+    EXPECT_EQ(store.plan().cases, makePlan().cases);
+    ASSERT_EQ(store.plan().columns.size(), 8u);
+    EXPECT_EQ(store.plan().columns[5].distribution, "uniform(0, 1)");
+    EXPECT_EQ(store.findRuns(), (std::vector<std::int64_t>{2, 7}));
+    std::vector<SweepRow> rows;
+    store.forEach([&](const SweepRow& row) { rows.push_back(row); });
+    ASSERT_EQ(rows.size(), 4u);
+    EXPECT_EQ(rows[0].caseName, "B") << "not in the order of the cases";
+    EXPECT_EQ(rows[1].values, makeRow(2, "A", 1e-300).values);
+    EXPECT_EQ(rows[2].values, makeRow(7, "B", kInfinity).values);
+}
+
+TEST(SweepStore, ARunIsAddedWholeOrNotAtAll) {
+    const Folder folder;
+    SweepStore store(folder / "s", makePlan());
+    store.add({makeRow(1, "A"), makeRow(1, "B")});
+    EXPECT_NE(findComplaint([&] { store.add({makeRow(2, "A"), makeRow(1, "A")}); }), "");
+    EXPECT_EQ(store.findRuns(), (std::vector<std::int64_t>{1}));
+    store.add({makeRow(2, "A"), makeRow(2, "B")});
+    EXPECT_EQ(store.findRuns(), (std::vector<std::int64_t>{1, 2}));
+}
+
+TEST(SweepStore, TakesMoreRunsButNoOtherSweep) {
+    const Folder folder;
+    SweepPlan plan = makePlan();
+    SweepStore(folder / "s", plan).add({makeRow(1, "A"), makeRow(1, "B")});
+    const auto complain = [&] { return findComplaint([&] { SweepStore(folder / "s", plan); }); };
+    plan.runs = 20;
+    EXPECT_EQ(complain(), "");
+    plan.runs = 5;
+    EXPECT_EQ(SweepStore(folder / "s", plan).plan().runs, 20);
+    plan.fileHash = "abd";
+    EXPECT_NE(complain().find("the experiment file, its overrides"), std::string::npos);
+    plan = makePlan();
+    plan.seed = 4;
+    EXPECT_NE(complain().find("its seed is 18446744073709551615, not 4"), std::string::npos);
+    plan = makePlan();
+    plan.cases = {"A"};
+    EXPECT_NE(complain().find("its cases are [\"B\",\"A\"]"), std::string::npos);
+    plan = makePlan();
+    plan.columns.pop_back();
+    EXPECT_NE(complain().find("its columns are others"), std::string::npos);
+    EXPECT_NE(complain().find("--out"), std::string::npos);
+}
+
+TEST(SweepStore, RefusesFoldersThatHoldSomethingElse) {
+    const Folder folder;
+    EXPECT_NE(findComplaint([&] { SweepStore(folder / "none"); }).find("there is no sweep.sqlite"),
+              std::string::npos);
+    std::filesystem::create_directory(folder / "a");
+    folder.write("a/x", "");
+    EXPECT_NE(findComplaint([&] { SweepStore(folder / "a", makePlan()); }).find("no sweep"),
+              std::string::npos);
+    std::filesystem::create_directory(folder / "b");
+    folder.write("b/sweep.sqlite", "this is text, and long enough to look like a file's header");
+    EXPECT_NE(findComplaint([&] { SweepStore(folder / "b", makePlan()); }), "");
+    EXPECT_NE(findComplaint([&] { SweepStore(folder / "b"); }), "");
+}
+
+TEST(SweepStore, HasOneWriter) {
+    const Folder folder;
+    const SweepStore store(folder / "s", makePlan());
+    EXPECT_NE(findComplaint([&] { SweepStore(folder / "s", makePlan()); })
+                  .find("another sweep is writing"),
+              std::string::npos);
+    EXPECT_EQ(SweepStore(folder / "s").findRuns().size(), 0u) << "readers are welcome";
+}
+
+TEST(SweepCsv, IsSortedQuotedAndWithoutTimes) {
+    const Folder folder;
+    SweepStore store(folder / "s", makePlan());
+    store.add({makeRow(3, "A", kInfinity), makeRow(3, "B")});
+    store.add({makeRow(0, "A"), makeRow(0, "B")});
+    writeSweepCsv(store);
+    const std::string text = readFile(folder / "s/sweep.csv");
+    EXPECT_EQ(text.substr(0, text.find('\n')),
+              "run,case,status,exit_code,message,draw.a.mass_kg,worst,ticks");
+    const std::string said = "\"it said \"\"no\"\",\nand left\"";
+    const std::string third = "0.3333333333333333";
+    EXPECT_EQ(text.substr(text.find('\n') + 1),
+              "0,B,ok,0," + said + "," + third + ",0.1,5\n" +  //
+                  "0,A,ok,0," + said + "," + third + ",0.1,5\n" +
+                  "3,B,ok,0," + said + "," + third + ",0.1,5\n" +
+                  "3,A,ok,0," + said + "," + third + ",inf,5\n");
+}
+
+TEST(SweepSummary, CountsMediansAndTroubles) {
+    const Folder folder;
+    SweepStore store(folder / "s", makePlan());
+    for (int run = 0; run < 4; ++run)
+        store.add({makeRow(run, "A", run == 2 ? 9.0 : run), makeRow(run, "B", 1.0)});
+    EXPECT_EQ(findSweepExitCode(store), 0);
+    store.add({makeRow(4, "A", 2.0, "tripped", 6), makeRow(4, "B")});
+    EXPECT_EQ(findSweepExitCode(store), 6);
+    store.add({makeRow(5, "A", 2.0, "crashed", 4), makeRow(5, "B")});
+    EXPECT_EQ(findSweepExitCode(store), 4);
+    store.add({makeRow(6, "A", 2.0, "promise_broken", 3), makeRow(6, "B")});
+    EXPECT_EQ(findSweepExitCode(store), 3);
+    store.add({makeRow(7, "A", 2.0, "failed", 2), makeRow(7, "B")});
+    EXPECT_EQ(findSweepExitCode(store), 3);
+    const std::string text = formatSweepSummary(store);
+    EXPECT_NE(text.find("A: 1 crashed, 1 failed, 4 ok, 1 promise_broken, 1 tripped"),
+              std::string::npos)
+        << text;
+    EXPECT_NE(text.find("B: 8 ok"), std::string::npos) << text;
+    std::istringstream lines(text.substr(text.find("A: 1")));
+    std::string line, name, min, median, max, run;
+    while (std::getline(lines, line) && line.find(" worst ") == std::string::npos) {
+    }
+    std::istringstream(line) >> name >> min >> median >> max >> run;
+    EXPECT_EQ(min + " " + median + " " + max + " " + run, "0 2 9 2") << text;
+    EXPECT_NE(text.find("4 not ok"), std::string::npos) << text;
+    EXPECT_NE(text.find("run 5, case A: crashed: it said"), std::string::npos) << text;
+    EXPECT_NE(text.find("    viable run x\n"), std::string::npos) << text;
+}
+
+}  // namespace
+}  // namespace viable

@@ -1,0 +1,75 @@
+#include "SweepPipe.h"
+
+#include <poll.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdint>
+#include <cstring>
+#include <utility>
+
+namespace viable {
+
+bool writeFrame(int pipe, const std::string& message) {
+    const std::uint64_t size = message.size();
+    std::string bytes(reinterpret_cast<const char*>(&size), sizeof size);
+    bytes += message;
+    for (std::size_t at = 0; at < bytes.size();) {
+        const ssize_t written = ::write(pipe, bytes.data() + at, bytes.size() - at);
+        if (written < 0 && errno == EINTR) continue;
+        if (written <= 0) return false;
+        at += static_cast<std::size_t>(written);
+    }
+    return true;
+}
+
+FrameReader::~FrameReader() {
+    if (pipe_ >= 0) ::close(pipe_);
+}
+
+FrameReader::FrameReader(FrameReader&& other) noexcept {
+    *this = std::move(other);
+}
+
+FrameReader& FrameReader::operator=(FrameReader&& other) noexcept {
+    std::swap(pipe_, other.pipe_);
+    std::swap(isClosed_, other.isClosed_);
+    std::swap(buffer_, other.buffer_);
+    std::swap(at_, other.at_);
+    return *this;
+}
+
+bool FrameReader::fill(int timeout_ms) {
+    pollfd wait{pipe_, POLLIN, 0};
+    if (isClosed_ || poll(&wait, 1, timeout_ms) <= 0) return false;
+    char bytes[1 << 16];
+    const ssize_t count = ::read(pipe_, bytes, sizeof bytes);
+    if (count < 0 && errno == EINTR) return false;
+    if (count <= 0) {
+        isClosed_ = true;
+        return false;
+    }
+    buffer_.erase(0, at_);
+    at_ = 0;
+    buffer_.append(bytes, static_cast<std::size_t>(count));
+    return true;
+}
+
+std::optional<std::string> FrameReader::take() {
+    std::uint64_t size = 0;
+    if (buffer_.size() - at_ < sizeof size) return {};
+    std::memcpy(&size, buffer_.data() + at_, sizeof size);
+    if (buffer_.size() - at_ - sizeof size < size) return {};
+    at_ += sizeof size + size;
+    return buffer_.substr(at_ - size, size);
+}
+
+std::optional<std::string> FrameReader::wait() {
+    for (;;) {
+        if (std::optional<std::string> message = take()) return message;
+        if (isClosed_) return {};
+        fill(-1);
+    }
+}
+
+}  // namespace viable
