@@ -28,7 +28,8 @@ void addNewCommand(CLI::App& app, int& exitCode);
 and beside the experiment's folder, the experiment's own folder where that is a robot's, then the installed ones. @param experiment  may be empty */
 std::vector<std::filesystem::path> makeRobotSearchPath(const std::filesystem::path& experiment);
 
-/** The page of reports, installed beside the program. */
+/** The page of a run's report, and that of a sweep's, installed beside the program. */
 std::filesystem::path findReportPage();
+std::filesystem::path findSweepPage();
 
 }  // namespace viable

@@ -20,6 +20,7 @@ packages=(
   nodejs npm                        # bundles the page of reports
   libcli11-dev                      # command line
   libsqlite3-dev                    # results of sweeps
+  libssl-dev                        # SHA-256 of what a sweep is of
   libtbb-dev                        # runs of a sweep side by side
   libgtest-dev                      # tests
   libbenchmark-dev                  # benchmarks

@@ -2,22 +2,26 @@
 //   node browser_test.mjs REPORT [--quick] [--only PATTERN] [--title TEXT] [--screenshots FOLDER]
 // --quick leaves out what depends on the page only, not on the data; --only runs the tests of whose names the pattern
 // is a part. --title: what the title must be.
-// The browser is /usr/bin/chromium or that of the variable CHROMIUM; playwright-core comes from tools/report or from the
-// folder of the variable VIABLE_REPORT_FOLDER. Without a browser the exit code is 77.
+// The browser: see browser.mjs.
 import assert from 'node:assert/strict';
-import { existsSync } from 'node:fs';
-import { mkdir, mkdtemp, readFile, rm, writeFile } from 'node:fs/promises';
-import { createRequire } from 'node:module';
-import { tmpdir } from 'node:os';
-import { join, resolve } from 'node:path';
-import { pathToFileURL } from 'node:url';
+import { mkdir, readFile } from 'node:fs/promises';
+import { join } from 'node:path';
 import { parseArgs } from 'node:util';
 import { gunzipSync } from 'node:zlib';
-
-const modules = process.env.VIABLE_REPORT_FOLDER
-  ? pathToFileURL(join(resolve(process.env.VIABLE_REPORT_FOLDER), 'package.json'))
-  : new URL('../../tools/report/package.json', import.meta.url);
-const { chromium } = createRequire(modules)('playwright-core');
+import {
+  ARGUMENTS,
+  browser,
+  chromium,
+  colouredPixels,
+  contentOf,
+  eventually,
+  EXECUTABLE,
+  finish,
+  open as openPage,
+  replaced,
+  runTests,
+  variant,
+} from './browser.mjs';
 
 const {
   positionals: [reportPath],
@@ -35,26 +39,10 @@ if (!reportPath) {
   console.error('usage: node browser_test.mjs REPORT [--quick] [--only PATTERN] [--title TEXT] [--screenshots FOLDER]');
   process.exit(2);
 }
-const EXECUTABLE = process.env.CHROMIUM ?? '/usr/bin/chromium';
-if (!existsSync(EXECUTABLE)) {
-  console.error(
-    `SKIPPED: there is no browser ${EXECUTABLE}. Install it (Debian: apt-get install chromium) or name one in CHROMIUM.`,
-  );
-  process.exit(77);
-}
-const ARGUMENTS = [
-  '--no-sandbox',
-  '--enable-unsafe-swiftshader',
-  '--use-gl=angle',
-  '--use-angle=swiftshader',
-  '--disable-gpu-compositing',
-]; // only the replay needs the slow software graphics
-const PATIENCE = 30_000; // this may be a slow machine that draws without a graphics card
 const HOSTILE = '<script>window.hacked=1</script><img src=x onerror="window.hacked=1">"\'`&amp;$&$1</title></style>';
 
 const html = await readFile(reportPath, 'utf8');
-const folder = await mkdtemp(join(tmpdir(), 'viable-report-'));
-const browser = await chromium.launch({ executablePath: EXECUTABLE, args: ARGUMENTS });
+const open = (path = reportPath, settings) => openPage(path, settings);
 const tests = [];
 /** A test of the page with the data of the run, and one of the page alone. */
 const test = (name, body) => {
@@ -64,10 +52,7 @@ const testOfPage = (name, body) => {
   if (!options.quick) test(name, body);
 };
 
-/** The content of a data script of the report, and the report with another one. */
-const scriptPattern = (id) => new RegExp(`(<script type="[a-z/]+" id="${id}">)([^<]*)(</script>)`);
-const content = (id) => html.match(scriptPattern(id))[2];
-const replaced = (page, id, text) => page.replace(scriptPattern(id), (_, start, __, end) => start + text + end);
+const content = (id) => contentOf(html, id);
 const description = JSON.parse(content('viable-data'));
 const jointCount = description.robot.joints.length;
 const hasScene = Boolean(description.scene) && description.cases.some((c) => c.replay);
@@ -75,7 +60,13 @@ const bytes = gunzipSync(Buffer.from(content('viable-binary'), 'base64'));
 const endOf = (c) => c.t0 + Math.min(c.buckets * c.step_s, c.rows * c.tick_s);
 const end = Math.max(...description.cases.map(endOf));
 const hasReal = description.cases.some((c) => c.joints.some(({ series }) => series.real_q));
-const QUANTITIES = ['position', 'velocity', 'acceleration', 'jerk', 'torque', ...(hasReal ? ['error'] : []), 'margin'];
+const hasBound = description.cases.some((c) => c.joints.some(({ series }) => series.bound_velocity !== undefined));
+const QUANTITIES = [
+  ...['position', 'velocity', 'acceleration', 'jerk', 'torque'],
+  ...(hasReal ? ['error'] : []),
+  ...(hasBound ? ['velocity_error'] : []),
+  'margin',
+];
 const LIMITED = QUANTITIES.slice(0, 4);
 const SERIES = {
   position: 'nominal_q',
@@ -84,67 +75,9 @@ const SERIES = {
   jerk: 'nominal_jerk',
   torque: 'tau_filter',
   error: 'real_q',
+  velocity_error: 'error_velocity',
   margin: 'margin',
 };
-
-/** Opens a page and watches over it: errors and requests are kept. */
-async function open(
-  path = reportPath,
-  {
-    width = 1280,
-    height = 900,
-    colorScheme = 'light',
-    ready = '#page:not([hidden])',
-    from = browser,
-    hasTouch = false,
-  } = {},
-) {
-  const page = await from.newPage({ viewport: { width, height }, colorScheme, hasTouch, acceptDownloads: true });
-  const own = pathToFileURL(resolve(path)).href;
-  page.problems = [];
-  page.on('console', (message) => {
-    if (message.type() === 'error') page.problems.push(`console: ${message.text()}`);
-  });
-  page.on('pageerror', (error) => page.problems.push(`error: ${error.message}`));
-  page.on('request', (request) => {
-    if (request.url() !== own && !request.url().startsWith('blob:'))
-      page.problems.push(`request: ${request.url().slice(0, 120)}`);
-  });
-  page.setDefaultTimeout(PATIENCE);
-  await page.goto(own);
-  await page.waitForSelector(ready);
-  return page;
-}
-
-async function variant(name, text) {
-  const path = join(folder, `${name}.html`);
-  await writeFile(path, text);
-  return path;
-}
-
-async function eventually(check, what) {
-  const deadline = Date.now() + PATIENCE;
-  for (;;) {
-    const value = await check();
-    if (value) return value;
-    assert.ok(Date.now() < deadline, `waited in vain: ${what}`);
-    await new Promise((wait) => setTimeout(wait, 100));
-  }
-}
-
-/** Pixels of a plot that are neither grey (axes, grid, text) nor empty. */
-const colouredPixels = (panel) =>
-  panel.evaluate((root) => {
-    const canvas = root.querySelector('canvas');
-    if (!canvas || canvas.width === 0) return 0;
-    const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
-    let count = 0;
-    for (let i = 0; i < data.length; i += 4) {
-      const [r, g, b, a] = data.subarray(i, i + 4);
-      if (a > 60 && Math.max(r, g, b) - Math.min(r, g, b) > 40) ++count;
-    }
-    return count;
-  });
 
 /** Pixels of a plot in a colour (0xrrggbb), nearly. */
 const pixelsOf = (panel, colour) =>
@@ -441,6 +374,37 @@ test('what coincides is seen in turns; twelve cases are told apart', async () =>
   assert.equal(await pressed(), Array(12).fill('true').join());
   assert.ok((await page.evaluate(() => document.documentElement.scrollWidth - innerWidth)) <= 0, 'too wide');
   assertQuiet(page);
+});
+
+testOfPage('the limits and the bound of the real joint are drawn, named and can be hidden', async () => {
+  // One case, so that its limits are common: the real joint's in red, beyond the nominal's; the band wide enough to see.
+  const path = await variant(
+    'real',
+    described((copy) => {
+      copy.cases = [copy.cases.find(({ joints }) => joints[0].series.bound_position !== undefined)];
+      for (const { series } of copy.cases[0].joints) series.bound_position = 0.3;
+    }),
+  );
+  const page = await open(path);
+  await reach(page, 'position');
+  const panel = page.locator('.panel[data-quantity=position]');
+  const red = () => pixelsOf(panel, 0xb3261e);
+  assert.ok((await red()) > 500, 'the limits of the real joint are drawn');
+  assert.match(await panel.locator('.legend').textContent(), /limit of nominal.*limit of real joint/);
+  const before = await panel.locator('.plot').screenshot();
+  const band = panel.locator('.chip', { hasText: 'bound' });
+  await band.click();
+  assert.equal(await band.getAttribute('aria-pressed'), 'false');
+  await eventually(
+    async () => (await differentPixels(before, await panel.locator('.plot').screenshot())) > 5000,
+    'the picture without the band',
+  );
+  await reach(page, 'error');
+  const [low, high] = await page
+    .locator('.panel[data-quantity=error]')
+    .evaluate((root) => root.dataset.range.split(' ').map(Number));
+  assert.ok(low < -300 && high > 300, `the bound of 300 mrad is in view: ${low} to ${high}`);
+  assert.deepEqual(page.problems, []);
 });
 
 testOfPage('it is quick', async () => {
@@ -837,7 +801,7 @@ testOfPage('damaged data is told in words', async () => {
     cut: [replaced(html, 'viable-binary', binary.slice(0, Math.floor(binary.length / 8) * 4)), /damaged or cut off/],
     garbage: [replaced(html, 'viable-binary', 'no base64 at all!'), /damaged or cut off/],
     json: [replaced(html, 'viable-data', content('viable-data').slice(0, -20)), /damaged/],
-    template: [replaced(replaced(html, 'viable-data', '@@VIABLE_' + 'DATA@@'), 'viable-binary', ''), /holds no run/],
+    template: [replaced(replaced(html, 'viable-data', '@@VIABLE_' + 'DATA@@'), 'viable-binary', ''), /holds no data/],
     future: [
       changed((data) => {
         data.format = 2;
@@ -953,22 +917,6 @@ async function takeScreenshots() {
   await phone.screenshot({ path: shot('phone') });
 }
 
-let failed = 0;
-for (const [index, { name, body }] of tests.entries()) {
-  const start = Date.now();
-  const label = () =>
-    `${String(index + 1).padStart(2)}/${tests.length} ${name} (${((Date.now() - start) / 1000).toFixed(1)} s)`;
-  try {
-    await body();
-    console.log(`PASS ${label()}`);
-  } catch (error) {
-    ++failed;
-    console.log(`FAIL ${label()}\n     ${String(error.message).replaceAll('\n', '\n     ')}`);
-  }
-  for (const context of browser.contexts()) await context.close();
-}
+await runTests(tests);
 if (options.screenshots) await takeScreenshots();
-await browser.close();
-await rm(folder, { recursive: true });
-console.log(failed === 0 ? `100% of ${tests.length} tests passed` : `${failed} of ${tests.length} tests failed`);
-process.exitCode = failed === 0 ? 0 : 1;
+await finish();

@@ -84,6 +84,9 @@ const SERIES = [
   'tau_filter',
   'tau_robust',
   'tau_motor',
+  'tau_external',
+  'error_true',
+  'error_velocity',
   'margin',
 ];
 const CENTRE = [0, -0.262, -1.571, 0, -1.309, 0];
@@ -91,6 +94,7 @@ const HALF_RANGE = [0.524, 0.262, 0.524, 0.262, 0.524, 1.047];
 const VELOCITY = (2 * Math.PI) / 3;
 const ACCELERATION = 4 * Math.PI;
 const JERK = 12 * Math.PI;
+const BOUND = { position: 0.02, velocity: 0.1 }; // how far the real arm may be from the nominal one
 const INERTIA = [3.2, 2.8, 1.4, 0.3, 0.12, 0.03];
 
 /** One joint through all ticks of a case. */
@@ -162,6 +166,9 @@ function simulateJoint(j, rows, perBucket, buckets, frames, stride, style) {
       real_qdd: a + 0.4 * Math.sin(333 * t),
       real_jerk: 133.2 * Math.cos(333 * t),
       error: realQ - q,
+      error_true: realQ - q + 1e-5 * Math.sin(97 * t),
+      error_velocity: 0.02 * Math.sin(211 * t),
+      tau_external: style.bound && t % 2 < 0.2 ? 3 : 0,
       tau_desired: inertia * wished + 12 * Math.sin(q + j) * inertia,
       tau_filter: filterTorque,
       tau_robust: robustTorque,
@@ -203,6 +210,7 @@ const STYLES = [
     name: 'C3',
     filter: 'certified_braking',
     robust: true,
+    bound: true,
     boundedJerk: true,
     promises: true,
     ok: true,
@@ -278,6 +286,7 @@ function makeCase(index) {
     }
     const series = Object.fromEntries(SERIES.map((name) => [name, binary.add(motion.series[name].values)]));
     if (!style.robust) series.tau_robust = null;
+    if (!style.bound) for (const name of ['tau_external', 'error_true', 'error_velocity']) delete series[name];
     const centre = CENTRE[j % 6];
     const half = HALF_RANGE[j % 6];
     const limits = {
@@ -288,6 +297,16 @@ function makeCase(index) {
     };
     for (const [name, [lower, upper]] of Object.entries(limits))
       Object.assign(series, { [`${name}_lower`]: lower, [`${name}_upper`]: upper });
+    if (style.bound)
+      Object.assign(series, {
+        bound_position: BOUND.position,
+        bound_velocity: BOUND.velocity,
+        bound_measured: 1.05 * BOUND.position,
+        real_position_lower: centre - half - BOUND.position,
+        real_position_upper: centre + half + BOUND.position,
+        real_velocity_lower: -VELOCITY - BOUND.velocity,
+        real_velocity_upper: VELOCITY + BOUND.velocity,
+      });
     if (j === 1)
       // a limit that changes in the run
       series.velocity_upper = binary.add(

@@ -1,7 +1,7 @@
 // Reports as a user gets them, in a browser:
-//   node report_test.mjs sample|run BUILD SOURCE
+//   node report_test.mjs sample|run|sweep BUILD SOURCE
 // sample: made-up data, all tests with 4 s, those of speed with 600 s. run: the program's own reports, of an experiment
-// that means harm and of the paper's Fig. 5.
+// that means harm and of the paper's Fig. 5. sweep: made-up sweeps, a large one, and small odd ones.
 import { spawnSync } from 'node:child_process';
 import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
@@ -9,8 +9,8 @@ import { join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 
 const [kind, build, source] = process.argv.slice(2);
-if (!['sample', 'run'].includes(kind) || !source) {
-  console.error('usage: node report_test.mjs sample|run BUILD SOURCE');
+if (!['sample', 'run', 'sweep'].includes(kind) || !source) {
+  console.error('usage: node report_test.mjs sample|run|sweep BUILD SOURCE');
   process.exit(2);
 }
 const folder = mkdtempSync(join(tmpdir(), 'viable-report-test-'));
@@ -72,6 +72,9 @@ if (kind === 'sample') {
   runScript('browser_test.mjs', short);
   runScript('make_sample.mjs', template, long, '--rows', '600000');
   runScript('browser_test.mjs', long, '--only', 'it is quick|a zoom in one');
+} else if (kind === 'sweep') {
+  runScript('statistics_test.mjs');
+  runScript('sweep_browser_test.mjs', join(build, 'share/viable/sweep_template.html'));
 } else {
   const file = join(folder, 'hostile.yaml');
   writeHostile(file);

@@ -2,6 +2,8 @@
 //   node screenshots.mjs REPORT PICTURE.png [--plots position,jerk] [--joint 0] [--cases S1,S4] [--from 0] [--to 8]
 //     [--height 130] [--title TEXT] [--width 760] [--scale 1.2] [--modules FOLDER]
 //   node screenshots.mjs REPORT PICTURE.png --replay TIME [--case NAME] [--deviation 10] [--height 420] ...
+//   node screenshots.mjs REPORT PICTURE.png --sweep RESULT [--scatters 3] ...: of a sweep, from the verdicts to the
+//     strongest dependences
 // FOLDER holds node_modules (default: this one). The pictures have few colours (--colours), which keeps them small.
 import { writeFile } from 'node:fs/promises';
 import { createRequire } from 'node:module';
@@ -24,6 +26,8 @@ const {
     to: text,
     title: text,
     replay: text,
+    sweep: text,
+    scatters: { ...text, default: '3' },
     case: text,
     deviation: { ...text, default: '1' },
     width: { ...text, default: '760' },
@@ -49,7 +53,7 @@ const context = await browser.newContext({
 });
 const page = await context.newPage();
 await page.goto(pathToFileURL(resolve(report)).href);
-await page.waitForFunction(() => window.viableReport);
+await page.waitForFunction(() => window.viableReport || window.viableSweep);
 
 /** A figure as the page saves it, with other plots, cases or times. */
 async function takeFigure() {
@@ -95,6 +99,20 @@ async function takeReplay() {
   const bars = page.locator('#toolbar, #transport');
   await bars.evaluateAll((all) => all.forEach((bar) => bar.style.setProperty('visibility', 'hidden')));
   return stage.screenshot();
+}
+
+/** The upper part of a sweep's report, for a result. */
+async function takeSweep() {
+  await page.getByLabel('Result', { exact: true }).selectOption(options.sweep);
+  const last = page.locator('.scatters figure').nth(Number(options.scatters) - 1);
+  const bottom = await last.evaluate((root) => root.getBoundingClientRect().bottom + scrollY);
+  await page.setViewportSize({ width: Number(options.width), height: Math.ceil(bottom + 12) });
+  await page.locator('#toolbar').evaluate((bar) => bar.style.setProperty('display', 'none'));
+  await page.waitForTimeout(1000); // for the pictures in the new size
+  const top = await page.locator('#head').evaluate((root) => root.getBoundingClientRect().top);
+  const end = await last.evaluate((root) => root.getBoundingClientRect().bottom);
+  const clip = { x: 0, y: Math.max(0, top - 8), width: Number(options.width), height: Math.ceil(end - top + 13) };
+  return page.screenshot({ clip });
 }
 
 /** The pixels of a PNG. */
@@ -189,8 +207,9 @@ function encode({ width, height, pixels }, palette) {
   ]);
 }
 
-const picture = await decode(options.replay === undefined ? await takeFigure() : await takeReplay());
-const png = encode(picture, makePalette(picture.pixels, Number(options.colours ?? (options.replay ? 160 : 64))));
+const take = options.sweep !== undefined ? takeSweep : options.replay !== undefined ? takeReplay : takeFigure;
+const picture = await decode(await take());
+const png = encode(picture, makePalette(picture.pixels, Number(options.colours ?? (take === takeFigure ? 64 : 160))));
 await writeFile(target, png);
 console.log(`${target}: ${picture.width} x ${picture.height}, ${(png.length / 1024).toFixed(0)} KB`);
 await browser.close();

@@ -57,7 +57,7 @@ std::string toBase64(const std::string& bytes) {
 
 nlohmann::json BinaryBlock::append(const void* data, std::size_t count, std::size_t size,
                                    const char* type) {
-    bytes_.resize((bytes_.size() + 3) / 4 * 4);
+    bytes_.resize((bytes_.size() + 7) / 8 * 8);
     const std::size_t at = bytes_.size();
     bytes_.append(static_cast<const char*>(data), count * size);
     return {{"at", at}, {"n", count}, {"type", type}};
@@ -65,6 +65,9 @@ nlohmann::json BinaryBlock::append(const void* data, std::size_t count, std::siz
 
 nlohmann::json BinaryBlock::add(const std::vector<float>& values) {
     return append(values.data(), values.size(), sizeof(float), "f32");
+}
+nlohmann::json BinaryBlock::add(const std::vector<double>& values) {
+    return append(values.data(), values.size(), sizeof(double), "f64");
 }
 nlohmann::json BinaryBlock::add(const std::vector<std::uint8_t>& values) {
     return append(values.data(), values.size(), 1, "u8");

@@ -7,11 +7,12 @@
 
 namespace viable::detail {
 
-/** Numbers beside a report's JSON: little-endian arrays, one after the other. */
+/** Numbers beside a report's JSON: little-endian arrays, each from a multiple of 8 bytes on. */
 class BinaryBlock {
 public:
     /** Appends an array; returns the reference {"at", "n", "type"} that stands in the JSON. */
     nlohmann::json add(const std::vector<float>& values);
+    nlohmann::json add(const std::vector<double>& values);
     nlohmann::json add(const std::vector<std::uint8_t>& values);
     nlohmann::json add(const std::vector<std::uint32_t>& values);
 

@@ -3,19 +3,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <ctime>
-#include <fstream>
 #include <limits>
-#include <sstream>
 
 #include "experiment/NumberFormat.h"
 #include "log/LogExportColumns.h"
 #include "report/BinaryBlock.h"
+#include "report/Page.h"
 #include "report/Scene.h"
 #include "report/Tracks.h"
 #include "viable/config/ConfigNode.h"
 #include "viable/core/Error.h"
-#include "viable/core/WholeFile.h"
 #include "viable/log/LogReader.h"
 
 namespace viable {
@@ -27,13 +24,6 @@ using detail::BinaryBlock;
 using nlohmann::json;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-
-std::string readWhole(const fs::path& file) {
-    std::ifstream stream(file, std::ios::binary);
-    std::ostringstream text;
-    text << stream.rdbuf();
-    return stream ? text.str() : std::string();
-}
 
 /** What is drawn of one joint over time: name in the page's data, and value in a row. */
 struct Quantity {
@@ -54,6 +44,11 @@ const Quantity kQuantities[] = {
     {"real_q", [](const TickRecord& r, int i) { return at(r.real.q, i); }, true},
     {"real_qd", [](const TickRecord& r, int i) { return at(r.real.qd, i); }, true},
     {"error", [](const TickRecord& r, int i) { return at(r.real.q, i) - at(r.nominal.q, i); }, true},
+    // The bound is one of the true arm; readings deviate by noise and rounding besides.
+    {"error_true", [](const TickRecord& r, int i) { return at(r.actual.q, i) - at(r.nominal.q, i); },
+     true},
+    {"error_velocity", [](const TickRecord& r, int i) { return at(r.actual.qd, i) - at(r.nominal.qd, i); },
+     true},
     {"tau_desired", [](const TickRecord& r, int i) { return at(r.desiredTorque, i); }, false},
     {"tau_filter", [](const TickRecord& r, int i) { return at(r.filterTorque, i); }, false},
     {"tau_robust", [](const TickRecord& r, int i) { return at(r.robustTorque, i); }, true},
@@ -77,7 +72,9 @@ const Quantity kQuantities[] = {
 constexpr std::size_t kQuantityCount = std::size(kQuantities);
 /** Differentiated once and twice from the measured velocity, as Fig. 9 of the paper shows them. */
 constexpr const char* kDerivatives[] = {"real_qdd", "real_jerk"};
-constexpr std::size_t kTracksPerJoint = kQuantityCount + std::size(kDerivatives);
+/** Columns that only some logs have, by name: what pushes the real arm from outside. */
+constexpr std::size_t kExternal = kQuantityCount + std::size(kDerivatives);
+constexpr std::size_t kTracksPerJoint = kExternal + 1;
 
 /** A limit's bit in the page: 1 position_lower, 2 position_upper, 4 velocity_lower, ... 128 jerk_upper; 0 none. */
 std::uint8_t toBit(const JointIntervention& joint) {
@@ -120,19 +117,58 @@ private:
     std::array<std::int64_t, 80> counts_{};  // from 0.1 us to 10 s
 };
 
+/** The columns external.<joint>.tau_Nm; none where the log has not all of them. */
+std::vector<const LogColumn*> findExternalTorque(const LogReader& reader) {
+    std::vector<const LogColumn*> columns;
+    for (const std::string& joint : reader.layout().jointNames)
+        for (const LogColumn& column : reader.columns())
+            if (column.name() == "external." + joint + ".tau_Nm") columns.push_back(&column);
+    if (columns.size() != reader.layout().jointNames.size()) columns.clear();
+    return columns;
+}
+
+/** Per joint what holds in the whole run and stands in the log's metadata: the limits of the real joint, when the
+nominal arm has tighter ones, and how far the real joint may be from the nominal one. Infinities are left out. */
+std::vector<json> readConstants(const LogReader& reader) {
+    struct Entry {
+        const char *entry, *key, *name;  // of the metadata, in its object, in the page
+    };
+    static constexpr Entry kEntries[] = {
+        {"real_limits", "position_lower", "real_position_lower"},
+        {"real_limits", "position_upper", "real_position_upper"},
+        {"real_limits", "velocity_lower", "real_velocity_lower"},
+        {"real_limits", "velocity_upper", "real_velocity_upper"},
+        {"tracking_bound", "position_rad", "bound_position"},
+        {"tracking_bound", "velocity_radps", "bound_velocity"},
+        {"tracking_bound", "measured_rad", "bound_measured"},
+    };
+    std::vector<json> joints(reader.layout().jointNames.size(), json::object());
+    for (const Entry& one : kEntries) {
+        const auto found = reader.metadata().find(one.entry);
+        if (found == reader.metadata().end()) continue;
+        const json all = json::parse(found->second, nullptr, false);
+        const json values = all.is_object() ? all.value(one.key, json()) : json();
+        for (std::size_t i = 0; i < joints.size() && values.is_array() && i < values.size(); ++i)
+            if (values[i].is_number()) joints[i][one.name] = values[i];
+    }
+    return joints;
+}
+
 /** Everything of one log that the page shows. */
 class CaseData {
 public:
-    CaseData(int joints, bool hasRealArm)
-        : n_(joints),
-          hasRealArm_(hasRealArm),
-          tracks_(static_cast<std::size_t>(joints) * kTracksPerJoint),
-          limits_(static_cast<std::size_t>(joints), detail::CodeTracks::Join::Union),
+    explicit CaseData(const LogReader& reader)
+        : n_(static_cast<int>(reader.layout().jointNames.size())),
+          hasRealArm_(reader.layout().hasRealPlant),
+          external_(findExternalTorque(reader)),
+          constants_(readConstants(reader)),
+          tracks_(reader.layout().jointNames.size() * kTracksPerJoint),
+          limits_(reader.layout().jointNames.size(), detail::CodeTracks::Join::Union),
           status_(1, detail::CodeTracks::Join::Largest),
-          nominal_(static_cast<std::size_t>(joints)),
-          real_(static_cast<std::size_t>(joints)),
-          values_(static_cast<std::size_t>(joints) * kTracksPerJoint, kNan),
-          actives_(static_cast<std::size_t>(joints)) {}
+          nominal_(reader.layout().jointNames.size()),
+          real_(reader.layout().jointNames.size()),
+          values_(reader.layout().jointNames.size() * kTracksPerJoint, kNan),
+          actives_(reader.layout().jointNames.size()) {}
 
     void add(const TickRecord& r) {
         if (rows_ == 0) firstTime_s_ = r.time_s;
@@ -147,6 +183,8 @@ public:
                                ? (at(r.real.qd, i) - at(lastVelocity_, i)) / tick_s_
                                : kNan;
             jerk = (acceleration - last) / tick_s_;  // not a number before the third row
+            if (!external_.empty())
+                values_[index(i, kExternal)] = external_[static_cast<std::size_t>(i)]->getNumber(r);
             actives_[static_cast<std::size_t>(i)] = toBit(r.joints[i]);
         }
         lastVelocity_ = r.real.qd;
@@ -162,15 +200,16 @@ public:
     json describe(BinaryBlock& block) const {
         json joints = json::array();
         for (int i = 0; i < n_; ++i) {
-            json series = json::object();
+            json series = constants_[static_cast<std::size_t>(i)];
             for (std::size_t k = 0; k < kQuantityCount; ++k)
-                series[kQuantities[k].name] = !kQuantities[k].needsRealArm || hasRealArm_
-                                                  ? describeSeries(index(i, k), block)
-                                                  : json(nullptr);
+                series[kQuantities[k].name] =
+                    isShown(kQuantities[k]) ? describeSeries(index(i, k), block) : json(nullptr);
             for (std::size_t k = 0; k < std::size(kDerivatives); ++k)
                 series[kDerivatives[k]] = hasRealArm_
                                               ? describeArray(index(i, kQuantityCount + k), block)
                                               : json(nullptr);
+            if (!external_.empty())
+                series["tau_external"] = describeArray(index(i, kExternal), block);
             joints.push_back({{"series", series},
                               {"active", block.add(limits_.codes(static_cast<std::size_t>(i)))}});
         }
@@ -191,6 +230,13 @@ public:
     }
 
 private:
+    /** What the true arm does wrong is of interest beside its bound. */
+    bool isShown(const Quantity& quantity) const {
+        if (std::string(quantity.name).rfind("error_", 0) == 0 &&
+            !constants_.at(0).contains("bound_position"))
+            return false;
+        return !quantity.needsRealArm || hasRealArm_;
+    }
     std::size_t index(int joint, std::size_t quantity) const {
         return static_cast<std::size_t>(joint) * kTracksPerJoint + quantity;
     }
@@ -228,6 +274,8 @@ private:
 
     int n_;
     bool hasRealArm_;
+    std::vector<const LogColumn*> external_;  // one per joint, or none
+    std::vector<json> constants_;             // of each joint
     detail::Tracks tracks_;
     detail::CodeTracks limits_, status_;
     detail::Samples nominal_, real_;
@@ -350,13 +398,6 @@ std::string joinFiles(const std::vector<std::string>& files) {
     return text;
 }
 
-std::string getNow() {
-    const std::time_t now = std::time(nullptr);
-    char text[32];
-    std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", std::gmtime(&now));
-    return text;
-}
-
 /** The names of the plugins of a kind from the libraries that the log names: .../viable_filter_tosbp.so, or a JSON list. */
 std::string getPlugin(const std::map<std::string, std::string>& metadata, const char* kind,
                       const char* prefix) {
@@ -374,8 +415,7 @@ std::string getPlugin(const std::map<std::string, std::string>& metadata, const 
 }
 
 json describeCase(const fs::path& log, LogReader& reader, const json& summary, BinaryBlock& block) {
-    CaseData data(static_cast<int>(reader.layout().jointNames.size()),
-                  reader.layout().hasRealPlant);
+    CaseData data(reader);
     TickRecord record;
     while (reader.read(record)) data.add(record);
     json one = data.describe(block);
@@ -403,36 +443,6 @@ json describeCase(const fs::path& log, LogReader& reader, const json& summary, B
     return one;
 }
 
-/** The page with its two blocks of data in place. */
-std::string fillPage(const std::string& page, const fs::path& file, const std::string& data,
-                     const std::string& binary) {
-    std::string text;
-    std::size_t done = 0;
-    for (const auto& [mark, content] :
-         {std::pair<std::string, const std::string&>{"@@VIABLE_DATA@@", data},
-          std::pair<std::string, const std::string&>{"@@VIABLE_BINARY@@", binary}}) {
-        const std::size_t place = page.find(mark, done);
-        if (place == std::string::npos)
-            throw badInput(file.string(), "this page has no place for the data (" + mark + ")",
-                           "Run tools/setup.sh again, or install viable again.");
-        text.append(page, done, place - done);
-        text += content;
-        done = place + mark.size();
-    }
-    return text.append(page, done, std::string::npos);
-}
-
-/** JSON as it may stand in a script element. */
-std::string escape(const std::string& text) {
-    std::string safe;
-    for (char c : text)
-        if (c == '<')
-            safe += "\\u003c";
-        else
-            safe += c;
-    return safe;
-}
-
 Error refuseSummary(const fs::path& folder) {
     return badInput((folder / "summary.json").string(), "this is no summary of a run",
                     "Run the experiment again, or remove the file: the report is then made from the "
@@ -441,7 +451,7 @@ Error refuseSummary(const fs::path& folder) {
 
 /** An empty object where there is no file. */
 json readSummary(const fs::path& folder) {
-    const std::string text = readWhole(folder / "summary.json");
+    const std::string text = detail::readWhole(folder / "summary.json");
     json summary = text.empty() ? json::object() : json::parse(text, nullptr, false);
     if (!summary.is_object()) throw refuseSummary(folder);
     return summary;
@@ -498,12 +508,10 @@ std::string findTitle(const std::vector<std::string>& files) {
 }
 
 /** Throws json::exception where the summary has another shape. */
-fs::path composeReport(const fs::path& folder, const std::string& fileName, const fs::path& page,
-                       const std::string& pageText, const Arm& arm, const json& summary) {
+fs::path composeReport(const fs::path& folder, const std::string& fileName, const detail::Page& page,
+                       const Arm& arm, const json& summary) {
     BinaryBlock block;
     json data = {{"format", 1},
-                 {"version", VIABLE_VERSION},
-                 {"created", getNow()},
                  {"file", summary.value("experiment", "")},
                  {"robot", nullptr},
                  {"scene", nullptr},
@@ -525,22 +533,17 @@ fs::path composeReport(const fs::path& folder, const std::string& fileName, cons
     const std::string title = summary.value("title", findTitle(yaml));
     data["title"] = title.empty() ? folder.filename().string() : title;
     const fs::path file = folder / fileName;
-    const std::string text =
-        data.dump(-1, ' ', false, json::error_handler_t::replace);  // names may hold any bytes
-    replaceFile(file, fillPage(pageText, page, escape(text), block.encode()));
+    page.write(file, std::move(data), block);
     return file;
 }
 
 }  // namespace
 
-std::vector<fs::path> writeReport(const fs::path& folder, const fs::path& page) {
+std::vector<fs::path> writeReport(const fs::path& folder, const fs::path& pageFile) {
     std::error_code failed;
     if (!fs::is_directory(folder, failed))
         throw badInput(folder.string(), "there is no such folder", "Name the folder of a run.");
-    const std::string pageText = readWhole(page);
-    if (pageText.empty())
-        throw badInput(page.string(), "the page of reports is missing",
-                       "Run tools/setup.sh again, or install viable again.");
+    const detail::Page page(pageFile);
     try {
         const fs::path run = fs::canonical(folder);
         const json summary = readSummary(run);
@@ -552,7 +555,7 @@ std::vector<fs::path> writeReport(const fs::path& folder, const fs::path& page) 
         for (const Arm& arm : groupByArm(logs)) {
             const std::string name =
                 reports.empty() ? "report.html" : "report_" + std::to_string(reports.size() + 1) + ".html";
-            reports.push_back(composeReport(run, name, page, pageText, arm, summary));
+            reports.push_back(composeReport(run, name, page, arm, summary));
         }
         return reports;
     } catch (const json::exception&) {

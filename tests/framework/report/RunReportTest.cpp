@@ -1,13 +1,11 @@
 #include "viable/report/RunReport.h"
 
 #include <gtest/gtest.h>
-#include <zlib.h>
 
 #include <cmath>
-#include <cstring>
-#include <nlohmann/json.hpp>
 
 #include "../experiment/CaseSupport.h"
+#include "ReportSupport.h"
 #include "viable/log/LogExport.h"
 #include "viable/log/LogReader.h"
 
@@ -16,82 +14,10 @@ namespace {
 
 using nlohmann::json;
 using test::catchError;
+using test::cutOut;
+using test::kPage;
+using test::ReadReport;
 using test::TemporaryFolder;
-
-const char* const kPage = "<page><data>@@VIABLE_DATA@@</data><binary>@@VIABLE_BINARY@@</binary>";
-
-std::string readText(const std::filesystem::path& file) {
-    std::ifstream stream(file, std::ios::binary);
-    return {std::istreambuf_iterator<char>(stream), {}};
-}
-
-std::string cutOut(const std::string& text, const std::string& from, const std::string& to) {
-    const std::size_t begin = text.find(from) + from.size();
-    return text.substr(begin, text.find(to, begin) - begin);
-}
-
-std::string fromBase64(const std::string& text) {
-    const std::string digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    std::string bytes;
-    unsigned bits = 0;
-    int count = 0;
-    for (char c : text) {
-        if (c == '=') break;
-        const std::size_t digit = digits.find(c);
-        if (digit == std::string::npos) throw std::runtime_error("this is not base64");
-        bits = bits << 6 | static_cast<unsigned>(digit);
-        if ((count += 6) >= 8) bytes += static_cast<char>(bits >> (count -= 8) & 0xff);
-    }
-    return bytes;
-}
-
-std::string gunzip(const std::string& bytes) {
-    z_stream stream{};
-    if (inflateInit2(&stream, 16 + MAX_WBITS) != Z_OK) throw std::runtime_error("zlib");
-    stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data()));
-    stream.avail_in = static_cast<uInt>(bytes.size());
-    std::string all;
-    int status = Z_OK;
-    while (status == Z_OK) {
-        char part[65536];
-        stream.next_out = reinterpret_cast<Bytef*>(part);
-        stream.avail_out = sizeof part;
-        status = inflate(&stream, Z_NO_FLUSH);
-        all.append(part, sizeof part - stream.avail_out);
-    }
-    inflateEnd(&stream);
-    EXPECT_EQ(status, Z_STREAM_END);
-    return all;
-}
-
-/** A report as a browser would take it apart. */
-struct ReadReport {
-    explicit ReadReport(const std::filesystem::path& file)
-        : text(readText(file)),
-          data(json::parse(cutOut(text, "<data>", "</data>"))),
-          bytes(gunzip(fromBase64(cutOut(text, "<binary>", "</binary>")))) {}
-
-    std::vector<float> numbers(const json& reference) const {
-        EXPECT_EQ(reference["type"], "f32");
-        std::vector<float> values(reference["n"].get<std::size_t>());
-        const std::size_t at = reference["at"];
-        EXPECT_EQ(at % 4, 0u);
-        if (at + 4 * values.size() > bytes.size()) throw std::runtime_error("beyond the block");
-        std::memcpy(values.data(), bytes.data() + at, 4 * values.size());
-        return values;
-    }
-    std::vector<std::uint8_t> codes(const json& reference) const {
-        EXPECT_EQ(reference["type"], "u8");
-        const std::size_t at = reference["at"], n = reference["n"];
-        if (at + n > bytes.size()) throw std::runtime_error("beyond the block");
-        return {bytes.begin() + static_cast<std::ptrdiff_t>(at),
-                bytes.begin() + static_cast<std::ptrdiff_t>(at + n)};
-    }
-
-    std::string text;
-    json data;
-    std::string bytes;
-};
 
 /** A folder as a run leaves it. */
 struct RunFolder {
@@ -234,6 +160,55 @@ TEST(RunReport, TheRealArmIsThereWithItsDerivatives) {
     const auto poses = report.numbers(one["replay"]["real"]);
     EXPECT_EQ(poses.size(), 6 * one["replay"]["n"].get<std::size_t>());
     EXPECT_EQ(poses[5], static_cast<float>(rows[0].real.q[5]));
+}
+
+/** A log of one joint with this metadata: nominal at rest, the true joint at 0.01 rad, 0.02 rad/s, read elsewhere. */
+json reportOf(const std::map<std::string, std::string>& metadata) {
+    const TemporaryFolder folder;
+    LogOpening opening;
+    opening.layout.jointNames = {"joint"};
+    opening.layout.hasRealPlant = true;
+    opening.metadata = metadata;
+    LogWriter log(folder / "A.mcap", opening);
+    TickRecord row;
+    row.nominal.q = row.nominal.qd = JointVector::Zero(1);
+    row.actual.q = JointVector::Constant(1, 0.01);
+    row.actual.qd = JointVector::Constant(1, 0.02);
+    row.real.q = row.real.qd = JointVector::Constant(1, 0.5);
+    for (int i = 0; i < 10; ++i) {
+        row.time_s = 1e-3 * i;
+        log.append(row);
+    }
+    log.finish();
+    const ReadReport report(writeReport(folder.path(), folder.write("page.html", kPage)).at(0));
+    json series = report.data["cases"][0]["joints"][0]["series"];
+    for (const char* name : {"error", "error_true", "error_velocity"})
+        if (series[name].is_object()) series[name] = report.numbers(series[name]);
+    return series;
+}
+
+TEST(RunReport, TheRealJointsLimitsAndTheBoundAreShownWhereTheLogHasThem) {
+    const json series = reportOf(
+        {{"real_limits", R"({"position_lower": [-1.5], "position_upper": [1.25], "velocity_lower": ["-.inf"],
+                             "velocity_upper": [".inf"]})"},
+         {"tracking_bound", R"({"position_rad": [0.03], "velocity_radps": [0.4], "measured_rad": [0.04]})"}});
+    EXPECT_EQ(series["real_position_lower"], -1.5);
+    EXPECT_EQ(series["real_position_upper"], 1.25);
+    EXPECT_FALSE(series.contains("real_velocity_lower"));  // endless: there is no limit to draw
+    EXPECT_FALSE(series.contains("real_velocity_upper"));
+    EXPECT_EQ(series["bound_position"], 0.03);
+    EXPECT_EQ(series["bound_velocity"], 0.4);
+    EXPECT_EQ(series["bound_measured"], 0.04);
+    ASSERT_EQ(series["error_velocity"].size(), 10u);
+    EXPECT_FLOAT_EQ(series["error_true"].at(9), 0.01f);  // the bound is one of the true arm
+    EXPECT_FLOAT_EQ(series["error"].at(9), 0.5f);
+    EXPECT_FLOAT_EQ(series["error_velocity"][9], 0.02f);
+
+    const json plain = reportOf({});
+    for (const char* name : {"real_position_lower", "bound_position", "bound_velocity", "tau_external"})
+        EXPECT_FALSE(plain.contains(name)) << name;
+    EXPECT_TRUE(plain["error_velocity"].is_null());
+    EXPECT_TRUE(plain["error_true"].is_null());
 }
 
 TEST(RunReport, TheArmIsDrawnFromTheRobotsFolder) {

@@ -1,10 +1,26 @@
 // A chart knows what to draw of a joint; where it is drawn (page, PNG, SVG) it does not know.
 import { duration, span } from './format.js';
+import { bandOf } from './quantities.js';
 import { caseColour, caseDash, colours } from './theme.js';
 import { drawLaneName } from './timeline.js';
-import { isDense, same, takeTurns, trace, widen } from './traces.js';
+import { band, isDense, same, takeTurns, trace, widen } from './traces.js';
 
 const LABEL_HEIGHT = 14; // of the text at a limit
+
+/** How limits are drawn: in force for the nominal arm, those of the real joint, and how large an error may be. */
+export const LIMIT_STYLES = {
+  limit: { width: 1.2, dash: [5, 4] },
+  real: { width: 1.8 },
+  bound: { width: 1.2, dash: [5, 4] },
+  trip: { width: 1, dash: [1, 3] },
+};
+const BEYOND = { limit: 'real', bound: 'trip' }; // which kind of limit lies farther out
+const LIMIT_NAMES = {
+  limit: (side) => `${side} limit`,
+  real: (side) => `${side} limit of the real joint`,
+  bound: () => 'bound',
+  trip: () => 'trips at',
+};
 
 /** Lines over time of one quantity of a joint, with its limits. */
 export class LineChart {
@@ -60,17 +76,32 @@ export class LineChart {
     return lines;
   }
 
-  /** The limits in force, equal ones of several cases once. */
+  /** What bounds the values of a case: the limits in force, those of the real joint, how large an error may be. */
+  *#limitsOf(c) {
+    const { limit, realLimit, bound, trip, isError } = this.quantity;
+    for (const [side, sign] of [
+      ['lower', -1],
+      ['upper', 1],
+    ]) {
+      if (limit) yield { side, value: c.samples(this.joint, `${limit}_${side}`), kind: 'limit' };
+      if (realLimit) yield { side, value: c.samples(this.joint, `${realLimit}_${side}`), kind: 'real' };
+      const reach = isError ? c.thousandths(this.joint, bound) : null;
+      if (reach !== null) yield { side, value: sign * reach, kind: 'bound' };
+      const measured = trip ? c.thousandths(this.joint, trip) : null;
+      if (measured !== null) yield { side, value: sign * measured, kind: 'trip' };
+    }
+  }
+
+  /** The limits, equal ones of several cases once. */
   #limitLines() {
     if (this.#limits) return this.#limits;
     const limits = [];
-    for (const side of this.quantity.limit ? ['lower', 'upper'] : [])
-      for (const c of this.state.cases) {
-        const value = c.samples(this.joint, `${this.quantity.limit}_${side}`);
+    for (const c of this.state.cases)
+      for (const { side, value, kind } of this.#limitsOf(c)) {
         if (value === null) continue;
-        const known = limits.find((limit) => limit.side === side && same(limit.value, value));
+        const known = limits.find((one) => one.side === side && one.kind === kind && same(one.value, value));
         if (known) known.cases.push(c);
-        else limits.push({ side, value, cases: [c] });
+        else limits.push({ side, value, kind, cases: [c] });
       }
     this.#limits = limits;
     return limits;
@@ -125,11 +156,27 @@ export class LineChart {
       const limits = this.#limitLines();
       for (const limit of limits) this.#drawForbidden(painter, frame, limit, palette);
       for (const limit of limits) this.#drawLimit(painter, frame, limit, palette);
+      this.#drawBands(painter, frame, palette);
       this.#drawLines(painter, frame, palette);
       if (sparse) return;
       for (const limit of limits) this.#drawLimitLabel(painter, frame, limit, palette);
       this.state.cases.filter((c) => c.stop).forEach((c, i) => this.#drawStop(painter, frame, c, i, palette));
     });
+  }
+
+  /** Where the real joint may be, around the nominal lines; only beside the real lines. */
+  #drawBands(painter, frame, palette) {
+    const { bound, isError, kinds } = this.quantity;
+    const [nominal, real] = kinds;
+    const hidden = (key) => this.state.hiddenKinds.has(key);
+    if (!bound || isError || !real || hidden(real.key) || hidden(bandOf(this.quantity))) return;
+    for (const c of this.state.cases) {
+      const reach = c.samples(this.joint, bound);
+      const samples = nominal.samples(c, this.joint);
+      if (reach === null || !samples) continue;
+      const colour = caseColour(c.index, palette);
+      painter.area((sink) => band(sink, samples, reach, frame), { colour, alpha: 0.16 });
+    }
   }
 
   #drawLines(painter, frame, palette) {
@@ -205,7 +252,8 @@ export class LineChart {
   }
 
   #limitColour(limit, palette) {
-    return this.#isCommon(limit) ? palette.limit : caseColour(limit.cases[0].index, palette);
+    if (!this.#isCommon(limit)) return caseColour(limit.cases[0].index, palette);
+    return limit.kind === 'real' ? palette.bad : palette.limit;
   }
 
   /** Where no case may be is tinted. */
@@ -229,7 +277,7 @@ export class LineChart {
   }
 
   #drawLimit(painter, frame, limit, palette) {
-    const style = { colour: this.#limitColour(limit, palette), width: 1.2, dash: [5, 4] };
+    const style = { colour: this.#limitColour(limit, palette), ...LIMIT_STYLES[limit.kind] };
     painter.line((sink) => {
       if (typeof limit.value !== 'number') trace(sink, limit.value, frame);
       else {
@@ -241,22 +289,22 @@ export class LineChart {
 
   /** At the right end, beyond the limit where there is room: there is the least to cover. */
   #drawLimitLabel(painter, frame, limit, palette) {
-    const { value, side } = limit;
+    const { value, side, kind } = limit;
     const isNumber = typeof value === 'number';
     const y = frame.toY(isNumber ? value : value.y.at(-1));
     const bottom = frame.top + frame.height;
     if (!(y >= frame.top && y <= bottom)) return;
     const outward = side === 'upper' ? -1 : 1;
-    const room = side === 'upper' ? y - frame.top : bottom - y;
-    const index = this.#limitLines()
-      .filter((other) => other.side === side)
-      .indexOf(limit);
+    const own = this.#limitLines().filter((other) => other.side === side);
+    const isInner = own.some((other) => other.kind === BEYOND[kind]); // beyond it there is another line
+    const room = isInner ? 0 : side === 'upper' ? y - frame.top : bottom - y;
+    const index = own.filter((other) => other.kind === kind).indexOf(limit);
     painter.text(
-      `${side} limit${isNumber ? ` ${String(Number(value.toPrecision(4))).replace('-', '−')} ${this.unit}` : ''}`,
+      `${LIMIT_NAMES[kind](side)}${isNumber ? ` ${String(Number(value.toPrecision(4))).replace('-', '−')} ${this.unit}` : ''}`,
       frame.left + frame.width - 5 - index * 140,
       y + (room >= LABEL_HEIGHT ? 1 : -1) * outward * 7.5,
       {
-        colour: this.#isCommon(limit) ? palette.muted : caseColour(limit.cases[0].index, palette),
+        colour: this.#isCommon(limit) && kind !== 'real' ? palette.muted : this.#limitColour(limit, palette),
         size: 10,
         align: 'right',
         halo: palette.surface,

@@ -2,7 +2,7 @@ import { caseStyle, el, icon, iconButton, swatch } from './dom.js';
 import { limitCharts, saveFigure } from './exporting.js';
 import { seconds } from './format.js';
 import { ALL_JOINTS } from './state.js';
-import { isDark, toggleTheme } from './theme.js';
+import { themeButton } from './theme_button.js';
 
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10];
 
@@ -103,19 +103,6 @@ function figureButtons(state) {
       onclick: () => saveFigure(state, { charts: limitCharts(state, state.joint), view: state.view }, format),
     });
   return el('span', { class: 'figure tools' }, 'Figure', button('png'), button('svg'));
-}
-
-function themeButton(state) {
-  const button = iconButton('moon', 'Dark colours', toggleTheme);
-  const update = () => {
-    const label = isDark() ? 'Light colours' : 'Dark colours';
-    button.replaceChildren(icon(isDark() ? 'sun' : 'moon'));
-    button.setAttribute('aria-label', label);
-    button.title = label;
-  };
-  state.on('theme', update);
-  update();
-  return button;
 }
 
 /** The bar at the foot of the page: play, scrubber, speed. */

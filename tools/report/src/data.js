@@ -1,9 +1,7 @@
 /*
  * The data of a report, as the C++ side writes it.
  *
- * The script `viable-data` is JSON, every `<` written as \u003c. The script `viable-binary` is base64 of a gzip stream
- * of little-endian arrays. An array reference is {"at": byteOffset, "n": elements, "type": "f32"|"u8"}, offsets
- * multiples of 4 (u32 is understood, too).
+ * Arrays are named by references ("ref") into the binary block, see blocks.js.
  *
  *   { "format": 1, "version": "0.1.0", "title": str, "created": "2026-11-21T12:00:00Z", "file": str,
  *     "yaml": str,                                                    the resolved experiment file
@@ -29,6 +27,11 @@
  *             "error" (real_q - nominal_q): ref | null, "nominal_q", "nominal_qd", "nominal_qdd", "nominal_jerk": ref, "real_q", "real_qd", "real_qdd",
  *             "real_jerk" (both differentiated from real_qd tick by tick): ref | null,
  *             "tau_desired", "tau_filter": ref, "tau_robust", "tau_motor": ref | null, "margin": ref,
+ *             "tau_external": ref (what pushes the real arm; not given: nothing known),
+ *             "error_true", "error_velocity" (of the true arm, not as measured): ref | null,
+ *             "real_position_lower", ..., "real_velocity_upper": num (limits of the real joint; not given: as the nominal's),
+ *             "bound_position", "bound_velocity": num (how far the true arm may be from nominal; not given: not known),
+ *             "bound_measured": num (the same of the readings: beyond it a run trips; not given: not known),
  *             "position_lower", "position_upper", "velocity_...", "acceleration_...", "jerk_...": ref | num | null },
  *           "active": ref u8, one per bucket: a bit for each limit that acted in it, LIMITS[i] the bit i - 1 } ],
  *         "status": ref u8, one per bucket, the worst in it: an index into STATUS,
@@ -39,6 +42,8 @@
  * t0 + (i + 0.75) * step. Where step_s == tick_s it has one value per bucket, drawn at t0 + i * step (jerk as steps).
  * A number that is not finite is NaN in an array.
  */
+
+import { DataError, need, needArray, readBlocks } from './blocks.js';
 
 const LIMITS = [
   'none',
@@ -63,11 +68,6 @@ export const STATUS = [
 /** The names of the limits that acted, of a bucket's bits. */
 export const limitsIn = (bits) => LIMITS.filter((_, i) => i > 0 && bits & (1 << (i - 1)));
 
-const ELEMENT = { f32: Float32Array, u8: Uint8Array, u32: Uint32Array };
-
-/** An error whose message is meant for the reader of the report. */
-export class DataError extends Error {}
-
 /**
  * Values at equal distances: y[i] belongs to x0 + i * dx. `pairs` tells that y holds least and largest per bucket.
  * @typedef {{x0: number, dx: number, y: Float32Array, pairs: boolean}} Samples
@@ -75,67 +75,14 @@ export class DataError extends Error {}
 
 /** Reads the two data scripts of the page. */
 export async function loadRun() {
-  const json = readJson(takeText('viable-data'));
-  const buffer = await unpack(takeText('viable-binary'));
-  return new Run(json, buffer);
-}
-
-/** The text of a script, which is emptied: it is not needed twice. */
-function takeText(id) {
-  const script = document.getElementById(id);
-  const text = script ? script.textContent.trim() : '';
-  if (text === '' || text.startsWith('@@'))
-    throw new DataError(
-      `This page holds no run: its ${id} is empty. ` + 'It is a template; the program writes the report.',
-    );
-  script.textContent = '';
-  return text;
-}
-
-function readJson(text) {
-  let json;
-  try {
-    json = JSON.parse(text);
-  } catch (error) {
-    throw new DataError(`The description of the run (viable-data) is damaged: ${error.message}.`);
-  }
-  if (json?.format !== 1) throw new DataError(`The data has format ${json?.format}; this page reads format 1.`);
-  return json;
-}
-
-/** base64 of a gzip stream to its bytes. */
-async function unpack(text) {
-  if (typeof DecompressionStream === 'undefined')
-    throw new DataError(
-      'This browser cannot unpack the data of the run ' +
-        '(it has no DecompressionStream). Any browser of 2023 or later can.',
-    );
-  try {
-    const clean = text.replace(/\s+/g, '');
-    const parts = [];
-    for (let at = 0; at < clean.length; at += 1 << 20) {
-      // a multiple of 4 characters
-      const characters = atob(clean.slice(at, at + (1 << 20)));
-      const bytes = new Uint8Array(characters.length);
-      for (let i = 0; i < bytes.length; ++i) bytes[i] = characters.charCodeAt(i);
-      parts.push(bytes);
-    }
-    const stream = new Blob(parts).stream().pipeThrough(new DecompressionStream('gzip'));
-    return await new Response(stream).arrayBuffer();
-  } catch (error) {
-    throw new DataError(
-      'The numbers of the run (viable-binary) are damaged or cut off. ' +
-        `Was the file copied whole? (${error.message || error.name})`,
-    );
-  }
+  return new Run(await readBlocks());
 }
 
 /** A run: what was experimented, on what robot, and the cases. */
 export class Run {
-  #buffer;
-
-  constructor(json, buffer) {
-    this.#buffer = buffer;
+  /** @param {import('./blocks.js').Blocks} blocks */
+  constructor({ json, array }) {
+    this.array = array;
     for (const key of ['title', 'version', 'created', 'file', 'yaml']) this[key] = String(json[key] ?? '');
     this.robot = need(json.robot, 'robot').name;
     this.joints = needArray(json.robot.joints, 'robot.joints').map(({ name, kind }) => ({
@@ -152,27 +99,6 @@ export class Run {
     this.tMax = Math.max(...this.cases.map((c) => c.end));
     if (!(this.tMax > this.tMin)) this.tMax = this.tMin + 1;
     this.frameStep = Math.min(...this.cases.map((c) => c.replay?.step ?? c.step));
-  }
-
-  /** The array that a reference names; `where` is for the message. */
-  array(reference, where, length = null) {
-    const { at, n, type } = need(reference, where);
-    const Type = ELEMENT[type];
-    if (!Type) throw new DataError(`${where}: unknown element type ${type}.`);
-    const size = Type.BYTES_PER_ELEMENT;
-    if (!(
-      Number.isInteger(at) &&
-      Number.isInteger(n) &&
-      at >= 0 &&
-      n >= 0 &&
-      at % size === 0 &&
-      at + n * size <= this.#buffer.byteLength
-    ))
-      throw new DataError(
-        `${where}: ${n} values at byte ${at} are not within the ${this.#buffer.byteLength} bytes of the data.`,
-      );
-    if (length !== null && n !== length) throw new DataError(`${where}: ${n} values, expected ${length}.`);
-    return new Type(this.#buffer, at, n);
   }
 }
 
@@ -236,12 +162,13 @@ export class Case {
     return samples;
   }
 
-  /** Real minus nominal position in thousandths, or null. @returns {Samples|null} */
-  trackingError(joint) {
-    const id = `${joint} error in thousandths`;
+  /** A series of a joint in thousandths. @returns {Samples|number|null} */
+  thousandths(joint, key) {
+    const id = `${joint} ${key} in thousandths`;
     if (!this.#cache.has(id)) {
-      const error = this.samples(joint, 'error');
-      this.#cache.set(id, error && typeof error !== 'number' ? { ...error, y: error.y.map((value) => 1000 * value) } : null);
+      const samples = this.samples(joint, key);
+      const scaled = typeof samples === 'number' ? 1000 * samples : samples;
+      this.#cache.set(id, scaled?.y ? { ...scaled, y: scaled.y.map((value) => 1000 * value) } : scaled);
     }
     return this.#cache.get(id);
   }
@@ -274,14 +201,4 @@ export class Case {
       real: real ? this.#run.array(real, `${where}.real`, length) : null,
     };
   }
-}
-
-function need(value, where) {
-  if (value === null || typeof value !== 'object') throw new DataError(`The data has no ${where}.`);
-  return value;
-}
-
-function needArray(value, where) {
-  if (!Array.isArray(value)) throw new DataError(`The data has no list ${where}.`);
-  return value;
 }

@@ -80,3 +80,12 @@ export const swatch = (caseIndex) =>
 
 /** The custom property by which the style sheet knows the colour of a case. */
 export const caseStyle = (caseIndex) => ({ '--case': `var(--case-${caseIndex % 8})` });
+
+/** Hands a file to the reader. */
+export function save(blob, name) {
+  const link = document.createElement('a');
+  link.href = URL.createObjectURL(blob);
+  link.download = name.replace(/[^\p{L}\p{N}._-]+/gu, '_').slice(-120);
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}

@@ -1,4 +1,5 @@
 import { LineChart } from './charts.js';
+import { save } from './dom.js';
 import { duration, powers, tick, ticks } from './format.js';
 import { CanvasPainter, SvgPainter, textWidth } from './painter.js';
 import { quantitiesOf } from './quantities.js';
@@ -40,15 +41,6 @@ async function makeFigure(state, figure, format) {
   context.scale(2, 2);
   drawFigure(new CanvasPainter(context), state, figure, layout);
   return new Promise((resolve) => canvas.toBlob(resolve, 'image/png'));
-}
-
-/** Hands a file to the reader. */
-export function save(blob, name) {
-  const link = document.createElement('a');
-  link.href = URL.createObjectURL(blob);
-  link.download = name.replace(/[^\p{L}\p{N}._-]+/gu, '_').slice(-120);
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
 /** The charts of the quantities with limits, or of those named, of a joint. */

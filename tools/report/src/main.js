@@ -1,5 +1,6 @@
+import { DataError } from './blocks.js';
 import { fillToolbar, fillTransport } from './controls.js';
-import { DataError, loadRun } from './data.js';
+import { loadRun } from './data.js';
 import { figureText } from './exporting.js';
 import { createHelp, listenToKeys } from './keyboard.js';
 import { createPlayer } from './player.js';

@@ -1,11 +1,11 @@
 import uPlot from 'uplot';
-import { HistogramChart, LineChart } from './charts.js';
+import { HistogramChart, LIMIT_STYLES, LineChart } from './charts.js';
 import { el, lineSample, swatch } from './dom.js';
 import { saveFigure } from './exporting.js';
 import { duration, number, powers, tick } from './format.js';
 import { listenToGestures } from './gestures.js';
 import { CanvasPainter, font } from './painter.js';
-import { quantitiesOf } from './quantities.js';
+import { anyHas, bandOf, quantitiesOf } from './quantities.js';
 import { ALL_JOINTS } from './state.js';
 import { colours } from './theme.js';
 import { LaneChart, legend } from './timeline.js';
@@ -519,7 +519,19 @@ export class PlotArea {
             this.heads.push(() => button.setAttribute('aria-pressed', String(!state.hiddenKinds.has(kind.key))));
             return button;
           });
-    if (quantity.limit) {
+    const hasBound = quantity.bound && anyHas(state.run, quantity.bound);
+    if (hasBound && !quantity.isError) {
+      const button = el('button', {
+        type: 'button',
+        class: 'chip',
+        text: '± bound',
+        title: 'A band around the nominal line: how far the real joint may be from it at most',
+        onclick: () => state.toggleKind(bandOf(quantity)),
+      });
+      this.heads.push(() => button.setAttribute('aria-pressed', String(!state.hiddenKinds.has(bandOf(quantity)))));
+      buttons.push(button);
+    }
+    if (quantity.limit || (quantity.isError && hasBound)) {
       const button = el('button', {
         type: 'button',
         class: 'chip',
@@ -531,7 +543,15 @@ export class PlotArea {
       });
       buttons.push(button);
     }
-    return el('span', { class: 'chips' }, ...buttons);
+    return el('span', { class: 'chips' }, ...buttons, this.#limitLegend(quantity));
+  }
+
+  /** Which line is whose limit, where the real joint has others than the nominal arm. */
+  #limitLegend({ realLimit }) {
+    const has = ['lower', 'upper'].some((side) => anyHas(this.state.run, `${realLimit}_${side}`));
+    if (!has) return null;
+    const item = (kind, name) => el('span', { class: 'legend-item hint' }, lineSample(LIMIT_STYLES[kind]), name);
+    return el('span', { class: 'legend' }, item('limit', 'limit of nominal'), item('real', 'limit of real joint'));
   }
 
   #updateHeads() {

@@ -3,6 +3,7 @@ const REAL = { width: 3, alpha: 0.38 };
 const NOMINAL = { width: 1.4 };
 
 const series = (key, label, style) => ({ key, label, style, samples: (c, joint) => c.samples(joint, key) });
+const thousandths = (key, label, style) => ({ key, label, style, samples: (c, joint) => c.thousandths(joint, key) });
 
 /**
  * @typedef {Object} Quantity
@@ -11,7 +12,12 @@ const series = (key, label, style) => ({ key, label, style, samples: (c, joint) 
  * @property {[string, string]} units of a joint that turns and of one that slides
  * @property {Array<{key: string, label: string, style: Object, samples: Function}>} kinds the lines per case, first on top
  * @property {string} [limit] the prefix of its limits
+ * @property {string} [realLimit] the prefix of the limits of the real joint, where the nominal arm has tighter ones
+ * @property {string} [bound] how far the real joint may be from the nominal one: a band around the first kind, or the
+ *   limit of an error
  * @property {boolean} [steps] held from tick to tick, where every tick is drawn
+ * @property {string} [trip] beyond which measured error a run is ended
+ * @property {boolean} [isError] a difference of real and nominal, in thousandths
  * @property {boolean} [zero] zero is always in view
  */
 
@@ -22,6 +28,8 @@ const QUANTITIES = [
     title: 'Position',
     units: ['rad', 'm'],
     limit: 'position',
+    realLimit: 'real_position',
+    bound: 'bound_position',
     kinds: [series('nominal_q', 'nominal', NOMINAL), series('real_q', 'real', REAL)],
   },
   {
@@ -29,6 +37,8 @@ const QUANTITIES = [
     title: 'Velocity',
     units: ['rad/s', 'm/s'],
     limit: 'velocity',
+    realLimit: 'real_velocity',
+    bound: 'bound_velocity',
     kinds: [series('nominal_qd', 'nominal', NOMINAL), series('real_qd', 'real', REAL)],
   },
   {
@@ -56,6 +66,7 @@ const QUANTITIES = [
       series('tau_desired', 'desired', { width: 1, dash: [2, 2], alpha: 0.8 }),
       series('tau_robust', 'robust', { width: 1, dash: [6, 3] }),
       series('tau_motor', 'motor', REAL),
+      series('tau_external', 'external push', { width: 1.6, dash: [1, 2] }),
     ],
   },
   {
@@ -63,7 +74,19 @@ const QUANTITIES = [
     title: 'Real minus nominal position',
     units: ['mrad', 'mm'],
     zero: true,
-    kinds: [{ key: 'error', label: 'error', style: NOMINAL, samples: (c, joint) => c.trackingError(joint) }],
+    bound: 'bound_position',
+    trip: 'bound_measured',
+    isError: true,
+    kinds: [thousandths('error_true', 'true', NOMINAL), thousandths('error', 'measured', REAL)],
+  },
+  {
+    id: 'velocity_error',
+    title: 'Real minus nominal velocity, true',
+    units: ['mrad/s', 'mm/s'],
+    zero: true,
+    bound: 'bound_velocity',
+    isError: true,
+    kinds: [thousandths('error_velocity', 'velocity error', NOMINAL)],
   },
   {
     id: 'margin',
@@ -81,6 +104,12 @@ export function quantitiesOf(run) {
     ({ kinds }) => kinds.length > 0,
   );
 }
+
+/** Whether any case has a constant of a joint, such as a bound. */
+export const anyHas = (run, key) => run.cases.some((c) => run.joints.some((_, j) => c.samples(j, key) !== null));
+
+/** The key by which the band around a quantity's nominal line is shown and hidden. */
+export const bandOf = ({ id }) => `${id}_band`;
 
 /** Lines that are not drawn until the reader asks for them. */
 export const HIDDEN_AT_FIRST = ['real_jerk', 'tau_robust', 'tau_motor'];

@@ -11,8 +11,7 @@ import {
 } from 'three';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 import { limitsIn } from './data.js';
-import { el, iconButton } from './dom.js';
-import { save } from './exporting.js';
+import { el, iconButton, save } from './dom.js';
 import { Arm, readShapes, Trail } from './scene.js';
 import { ALL_CASES } from './state.js';
 import { caseColour, colours, isDark, limitColour } from './theme.js';

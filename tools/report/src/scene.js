@@ -17,7 +17,7 @@ import {
   SRGBColorSpace,
   Vector3,
 } from 'three';
-import { DataError } from './data.js';
+import { DataError } from './blocks.js';
 
 /** The shapes of each link, made once for all arms: [geometry, position, orientation]. */
 export function readShapes(run) {

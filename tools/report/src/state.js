@@ -1,13 +1,14 @@
+import { Emitter } from './emitter.js';
+
 /**
  * What the reader has chosen. Every part of the page changes it here and hears of changes from here:
  * `cases` (which are shown), `joint`, `kinds` (which lines of a quantity), `view` (the time in view), `time` (the
  * scrubber), `hover` (the mouse over a plot), `focus` (the case that is pointed at), `play`, `speed`, `replay` (whose
  * arm, and how), `theme`.
  */
-export class State {
-  #listeners = new Map();
-
+export class State extends Emitter {
   constructor(run) {
+    super();
     this.run = run;
     this.shown = run.cases.map(() => true);
     this.joint = 0; // an index, or ALL_JOINTS
@@ -21,17 +22,6 @@ export class State {
     this.hiddenKinds = new Set(); // keys of series that are not drawn
     this.fitted = new Set(); // quantities whose y axis is fitted to all data, whatever the limits
     this.exaggeration = 1; // of the real arm's deviation in the replay
-  }
-
-  on(events, listener) {
-    for (const event of events.split(' ')) {
-      if (!this.#listeners.has(event)) this.#listeners.set(event, []);
-      this.#listeners.get(event).push(listener);
-    }
-  }
-
-  emit(event) {
-    for (const listener of this.#listeners.get(event) ?? []) listener();
   }
 
   /** The cases that are shown. */

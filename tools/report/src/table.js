@@ -239,7 +239,7 @@ export class JointTable {
       row.q.textContent = fixed(q, 3);
       row.mark.hidden = !Number.isFinite(part);
       row.mark.style.setProperty('left', `${(100 * Math.min(Math.max(part, 0), 1)).toFixed(1)}%`);
-      const error = middle(c.trackingError(j));
+      const error = middle(c.thousandths(j, 'error'));
       row.error.textContent = fixed(error, 2);
       const names = c.bucketAt(time) < 0 ? [] : limitsIn(c.active[j][c.bucketAt(time)]);
       row.acting.textContent = names.map((name) => name.replace('_', ' ')).join(', ');

@@ -161,6 +161,34 @@ export function trace(sink, samples, frame, stepped = false) {
   }
 }
 
+/** Goes round all that is at most `reach` from a series in view; a NaN leaves a gap. */
+export function band(sink, samples, reach, frame) {
+  const [first, last] = inView(samples, frame.xMin, frame.xMax);
+  const { x0, dx, y } = samples;
+  const { pixel = 1 } = frame;
+  let edge = []; // per pixel column, or per sample if these are fewer: x, lower and upper end
+  const close = () => {
+    edge.forEach(([x, , upper], i) => (i === 0 ? sink.moveTo(x, upper) : sink.lineTo(x, upper)));
+    for (const [x, lower] of edge.reverse()) sink.lineTo(x, lower);
+    edge = [];
+  };
+  for (let i = first; i <= last; ++i) {
+    if (y[i] !== y[i]) {
+      close();
+      continue;
+    }
+    const x = frame.toX(x0 + i * dx);
+    const lower = frame.toY(y[i] - reach);
+    const upper = frame.toY(y[i] + reach);
+    const column = edge.at(-1);
+    if (column && x - column[0] < pixel) {
+      column[1] = Math.max(column[1], lower);
+      column[2] = Math.min(column[2], upper);
+    } else edge.push([x, lower, upper]);
+  }
+  close();
+}
+
 /** True if two series (or constants) are the same. */
 export function same(a, b) {
   if (a === b) return true;
