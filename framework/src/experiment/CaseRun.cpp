@@ -297,6 +297,23 @@ void checkStartViable(const CasePlan& plan) {
     }
 }
 
+/** Refuses motors that cannot carry what motion and disturbances ask for in the long run. */
+void checkMotors(const CasePlan& plan) {
+    if (!plan.bound) return;
+    const TrackingBound& bound = *plan.bound;
+    for (int i = 0; i < plan.robot.size(); ++i) {
+        if (bound.lastingTorque[i] <= bound.motorTorque[i]) continue;
+        throw badInput(plan.boundPlace,
+                       "the motor of " + plan.robot.joints[static_cast<std::size_t>(i)].name +
+                           " gives " + detail::formatNumber(bound.motorTorque[i]) +
+                           " Nm; motion within the limits and these disturbances need up to " +
+                           detail::formatNumber(bound.lastingTorque[i]) +
+                           " Nm, so the real arm cannot follow",
+                       "`viable bound` shows what asks for it: state smaller disturbances, or lower the limits of "
+                       "acceleration and velocity.");
+    }
+}
+
 }  // namespace
 
 ConfiguredCase::ConfiguredCase(RunSetup runSetup) : setup(std::move(runSetup)) {}
@@ -322,6 +339,7 @@ std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolat
     }
     plugins.command = maker.makeWatched<CommandSource>(plan.command);
     plugins.controller = maker.makeWatched<NominalController>(plan.controller);
+    checkMotors(plan);
     if (plan.realPlant) {
         plugins.robustLoop = maker.makeWatched<RobustLoop>(*plan.robustLoop);
         plugins.realPlant = maker.makeWatched<RealPlant>(*plan.realPlant);
@@ -350,7 +368,8 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
     const MotionCommand::Space space = configured->plugins.command->space();
     auto ownLoop = std::make_unique<ControlLoop>(
         configured->setup, std::move(configured->plugins),
-        RealArmOptions{plan.bound ? &*plan.bound : nullptr, plan.feedsExternalTorque});
+        RealArmOptions{plan.bound ? &*plan.bound : nullptr, plan.feedsExternalTorque, true,
+                       plan.holdsOnReal});
     ControlLoop& loop = *ownLoop;
 
     std::unique_ptr<Recorder> recorder;

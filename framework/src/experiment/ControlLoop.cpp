@@ -87,6 +87,8 @@ constexpr char kOnDecision[] =
 constexpr char kOnGivingUp[] = "It says so itself: its README tells when it does; if it is yours, look at its checks.";
 constexpr char kOnPromise[] =
     "The decision was not applied. Mend the filter, or let promisesLimits() return false.";
+constexpr char kOnFixedLimits[] =
+    "Use `hold_on: nominal`, or a command that leaves the limits alone.";
 constexpr char kOnLimits[] =
     "Give limits for every joint, the lower below the upper, zero between those of velocity, acceleration and jerk; or use a "
     "filter that can change them, such as certified_braking.";
@@ -401,6 +403,12 @@ void ControlLoop::takeLimits(double t) {
         return TickStatus::Ok;
     });
     if (!limits) return;
+    if (options_.fixesLimits) {
+        beginStop(StopReason::CommandFailed,
+                  "it changed the limits, which hold_on: real has made tighter for the whole run",
+                  kOnFixedLimits);
+        return;
+    }
     if (!areUsable(*limits, n_, setup_.tick_s)) {
         beginStop(
             StopReason::CommandFailed,

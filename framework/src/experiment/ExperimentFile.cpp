@@ -321,6 +321,7 @@ private:
                                    plan.robot.joints[static_cast<std::size_t>(i)].name + " does not",
                                "Start at rest, or remove the disturbance_set.");
         plan.bound = findBound(plan, disturbances);
+        plan.boundPlace = place;
     }
 
     static void holdOnReal(CasePlan& plan, const std::string& place) {

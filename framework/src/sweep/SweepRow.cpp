@@ -59,6 +59,26 @@ SweepValue findLargest(const CaseResult& result, const Get& get) {
     return largest;
 }
 
+template <LimitKind kind>
+SweepValue getRealUse(const CasePlan&, const CaseResult& result) {
+    return findLargest(result, [&](int i) {
+        return result.summary.realLimit(kind)[static_cast<std::size_t>(i)].worstUse;
+    });
+}
+
+template <LimitKind kind>
+SweepValue getRealExcess(const CasePlan&, const CaseResult& result) {
+    return findLargest(result, [&](int i) {
+        return result.summary.realLimit(kind)[static_cast<std::size_t>(i)].worstExcess;
+    });
+}
+
+template <LimitKind kind>
+SweepValue getBoundShare(const CasePlan& plan, const CaseResult& result) {
+    if (!plan.bound) return {};
+    return findLargest(result, [&](int i) { return result.summary.boundShare(kind, i); });
+}
+
 /** The columns of results; one line makes one more. */
 const std::vector<ResultColumn>& resultColumns() {
     using R = const CaseResult&;
@@ -77,13 +97,13 @@ const std::vector<ResultColumn>& resultColumns() {
          getOutside<LimitKind::Acceleration>},
         {"ticks_outside.jerk", "", "Ticks outside a jerk limit", getOutside<LimitKind::Jerk>},
         {"real.worst_use.position", "", "Real arm: worst use of a position limit",
-         [](P, R r) {
-             return findLargest(r, [&](int i) { return r.summary.realPosition(i).worstUse; });
-         }},
+         getRealUse<LimitKind::Position>},
+        {"real.worst_use.velocity", "", "Real arm: worst use of a velocity limit",
+         getRealUse<LimitKind::Velocity>},
         {"real.worst_excess.position_rad", "rad", "Real arm: farthest beyond a position limit",
-         [](P, R r) {
-             return findLargest(r, [&](int i) { return r.summary.realPosition(i).worstExcess; });
-         }},
+         getRealExcess<LimitKind::Position>},
+        {"real.worst_excess.velocity_radps", "rad/s", "Real arm: farthest beyond a velocity limit",
+         getRealExcess<LimitKind::Velocity>},
         {"tracking.max_rad", "rad", "Largest distance of the real arm from the nominal one",
          [](P, R r) {
              return r.summary.hasRealPlant() ? SweepValue(r.summary.trackingMax()) : SweepValue();
@@ -93,10 +113,20 @@ const std::vector<ResultColumn>& resultColumns() {
              return r.summary.hasRealPlant() ? SweepValue(r.summary.trackingRms()) : SweepValue();
          }},
         {"bound.share", "", "Largest share of the tracking bound used",
-         [](P p, R r) {
-             if (!p.bound) return SweepValue();
-             return findLargest(
-                 r, [&](int i) { return r.summary.trackingMax(i) / p.bound->position[i]; });
+         getBoundShare<LimitKind::Position>},
+        {"bound.velocity_share", "", "Largest share of its rate's bound used",
+         getBoundShare<LimitKind::Velocity>},
+        {"motor.worst_use", "", "Largest share of a motor's torque used",
+         [](P, R r) {
+             return findLargest(r, [&](int i) { return r.summary.motor(i).worstUse; });
+         }},
+        {"motor.saturated_ticks", "", "Joint-ticks with a motor at its limit",
+         [](P, R r) {
+             std::int64_t ticks = 0;
+             if (!r.summary.hasRealPlant()) return SweepValue();
+             for (int i = 0; i < static_cast<int>(r.summary.jointNames().size()); ++i)
+                 ticks += r.summary.motor(i).ticksSaturated;
+             return SweepValue(ticks);
          }},
         {"infeasible_ticks", "", "Ticks without an admissible choice",
          [](P, R r) { return SweepValue(r.summary.ticksWith(FilterStatus::Infeasible)); }},

@@ -67,6 +67,9 @@ struct RealArmOptions {
     the nominal arm plus the last good deviation: a wrong reading must not become a torque. False: somebody
     else judges the readings. */
     bool judgesReadings = true;
+    /** The limits must stay as they are, since the real arm's were made from them: a command that changes them is
+    answered with a stop. */
+    bool fixesLimits = false;
 };
 
 class StageTimer;

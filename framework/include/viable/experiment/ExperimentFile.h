@@ -33,7 +33,8 @@ struct CasePlan {
     /** Of the real arm: what the file says. Wider than `limits` by the bound under `hold_on: real`. */
     JointLimits realLimits;
     bool holdsOnReal = false;            ///< limits: {hold_on: real}
-    std::optional<TrackingBound> bound;  ///< present exactly when the file states a disturbance_set
+    std::optional<TrackingBound> bound;  ///< present with a disturbance_set and the robust loop nric
+    std::string boundPlace;              ///< of the disturbance_set, for messages
     bool feedsExternalTorque = false;    ///< external_torque: to_nominal
     std::string externalTorquePlace;     ///< where, for messages
     double tick_s = 0.0;
