@@ -193,6 +193,8 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
     x.coriolis = x.gyroscopic = x.gradient;
     x.nominalTorque = zero;
     x.massError = x.payload = x.tilt = TorqueRange::within(zero);
+    if (set.payload_kg > 0.0)
+        x.payload = {JointVector::Constant(n, INFINITY), JointVector::Constant(n, -INFINITY)};
     x.massErrorRate = x.payloadRate = x.tiltRate = x.massErrorWeight = x.payloadWeight = zero;
 
     Arm nominal(robot);
@@ -291,8 +293,6 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
     }
     x.inertiaRange = none;
     for (std::size_t k = 0; k < heavy.size(); ++k) raise(x.inertiaRange, greatest[k] - least[k]);
-    x.payload.lower = x.payload.lower.cwiseMin(0.0);  // the payload may be none
-    x.payload.upper = x.payload.upper.cwiseMax(0.0);
     x.massError.lower = -x.massError.upper;
     x.tilt.lower = -x.tilt.upper;
     return x;

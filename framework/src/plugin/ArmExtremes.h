@@ -33,7 +33,9 @@ struct ArmExtremes {
     std::vector<Eigen::MatrixXd> gyroscopic;  ///< k: largest |d(C' - C)_ij/dv_k|
     Eigen::MatrixXd stiffness;                ///< largest |d(M qdd + b)_i / dq_j| [Nm/rad]
     JointVector nominalTorque;                ///< largest |M qdd + b| of the nominal arm [Nm]
-    TorqueRange massError, payload, tilt;     ///< what each takes from the torque that moves the arm
+    /** What each takes from the torque that moves the arm. The payload: the whole of it; a smaller one takes that share,
+    in a run always the same, and does less. */
+    TorqueRange massError, payload, tilt;
     JointVector massErrorRate, payloadRate, tiltRate;  ///< how fast at most [Nm/s]
     JointVector massErrorWeight, payloadWeight;        ///< in an arm at rest, at most [Nm]
 };
