@@ -171,7 +171,7 @@ void ControlLoop::reset() {
     tickIndex_ = 0;
     nominal_ = setup_.start;
     real_ = actual_ = believed_ = {nominal_.q, nominal_.qd};
-    isBelieving_ = true;
+    isBelieved_.fill(true);
     hasTorque_ = false;
     missingCommands_ = missingTorques_ = missingExternalTorques_ = 0;
     isTrackingLost_ = isIntegralHeld_ = false;
@@ -258,8 +258,8 @@ void ControlLoop::lookAtPlant() {
     const JointVector before = real_.q;
     readState();
     if (options_.feedsExternalTorque) readExternalTorque();
+    judgeReading(before);  // a jump says more than that the error is large
     checkTracking();
-    judgeReading(before);
 }
 
 void ControlLoop::readState() {
@@ -323,30 +323,33 @@ void ControlLoop::holdIntegral() {
     });
 }
 
-/** A reading that no motion explains is not believed, nor is any after it. */
+/** A joint's reading that no motion explains is not believed, nor is any after it; the other joints keep theirs. */
 void ControlLoop::judgeReading(const JointVector& before) {
     // The first reading may be anywhere: there is none before it.
-    if (options_.judgesReadings && isBelieving_ && tickIndex_ > 0 && !ended_) {
-        const JointVector jump = real_.q - before;
-        const int i = detail::findFarthestBeyond(jump, largestJump_);
-        if (i >= 0) {
-            isBelieving_ = false;
-            const JointDescription& joint = setup_.robot.joints[static_cast<std::size_t>(i)];
+    const bool judges = options_.judgesReadings && tickIndex_ > 0 && !ended_;
+    for (int i = 0; i < n_; ++i) {
+        const auto at = static_cast<std::size_t>(i);
+        const double jump = std::abs(real_.q[i] - before[i]);
+        if (judges && isBelieved_[at] && jump > largestJump_[i]) {
+            isBelieved_[at] = false;
+            const JointDescription& joint = setup_.robot.joints[at];
             const char* const unit = joint.type == JointType::Prismatic ? "m" : "rad";
             char message[sizeof stopMessage_];
             std::snprintf(message, sizeof message,
                           "the position that it reports of %.60s jumped by %.4g %s in a tick, in which %.4g "
                           "%s would be more than any motion of it",
-                          joint.name.c_str(), std::abs(jump[i]), unit, largestJump_[i], unit);
+                          joint.name.c_str(), jump, unit, largestJump_[i], unit);
             beginStop(StopReason::SensorFailed, message, kOnJump);
             holdIntegral();
         }
-    }
-    if (isBelieving_) {
-        believed_ = real_;
-        deviation_ = real_.q - nominal_.q;
-    } else {
-        believed_ = {nominal_.q + deviation_, nominal_.qd};
+        if (isBelieved_[at]) {
+            believed_.q[i] = real_.q[i];
+            believed_.qd[i] = real_.qd[i];
+            deviation_[i] = real_.q[i] - nominal_.q[i];
+        } else {
+            believed_.q[i] = nominal_.q[i] + deviation_[i];
+            believed_.qd[i] = nominal_.qd[i];
+        }
     }
 }
 

@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <random>
 #include <string>
 #include <vector>
 
 #include "core/NumberText.h"
+#include "plugin/ArmExtremes.h"
 #include "viable/core/Error.h"
 #include "viable/robot/RobotModel.h"
 
@@ -68,29 +68,13 @@ constexpr double kLargestKpTick = 0.1;
 /** K_i in terms of K_p x the slowest velocity loop, from where on the loop would be unstable. */
 constexpr double kIntegralShare = 0.25;
 
-/** Where a joint without a position limit is looked at: a turn to either side. */
-constexpr double kTurn = 3.14159265358979323846;
-
-/** M in poses within the limits: at the ends, at zero and anywhere between, in every mixture; a
-singular one often needs several joints at exactly zero. */
 std::vector<JointMatrix> sampleInertia(const RobotDescription& robot, const JointLimits& limits) {
-    const int n = robot.size();
     RobotModel model(robot);
     Dynamics dynamics;
-    std::mt19937 random(1);  // its numbers are the same everywhere
     std::vector<JointMatrix> samples;
     samples.reserve(kPoses);
-    JointVector q(n);
-    for (int k = 0; k < kPoses; ++k) {
-        for (int i = 0; i < n; ++i) {
-            const double lower = std::max(limits.position.lower[i], -kTurn);
-            const double upper = std::max(lower, std::min(limits.position.upper[i], kTurn));
-            const double places[] = {lower, upper, std::clamp(0.0, lower, upper),
-                                     0.5 * (lower + upper)};
-            const double share = static_cast<double>(random()) / 4294967295.0;
-            q[i] = k % 2 == 0 ? places[random() % 4] : lower + share * (upper - lower);
-        }
-        model.calcDynamics(q, JointVector::Zero(n), dynamics);
+    for (const JointVector& q : detail::samplePoses(limits, kPoses)) {
+        model.calcDynamics(q, JointVector::Zero(robot.size()), dynamics);
         if (dynamics.M.allFinite() && dynamics.M.llt().info() == Eigen::Success)
             samples.push_back(dynamics.M);
     }

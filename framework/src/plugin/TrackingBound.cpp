@@ -25,7 +25,7 @@ constexpr int kMaxRounds = 2000;
 /** A bound beyond this is none [rad, rad/s]. */
 constexpr double kLargestBound = 100.0;
 /** Stable gains are looked for down to this share. */
-constexpr double kLeastGain = 1e-4;
+constexpr double kLeastGain = 1e-4, kGainStep = 0.9;
 
 JointVector takeLargest(const JointBounds& bounds) {
     return bounds.lower.cwiseAbs().cwiseMax(bounds.upper.cwiseAbs());
@@ -149,9 +149,14 @@ private:
                            "a gain of the robust loop is 0: nothing brings that joint's error back",
                            "Give k_r, k_p and k_i above 0 for every joint.");
         if (calcWorstRadius(kr_) < 1.0) return;
-        double stable = kLeastGain, unstable = 1.0;
-        const bool any = calcWorstRadius(stable * kr_) < 1.0;
-        for (int i = 0; any && i < 20; ++i) {
+        // Too little is unstable as well, against k_i: so from above.
+        double stable = kGainStep, unstable = 1.0;
+        while (stable > kLeastGain && calcWorstRadius(stable * kr_) >= 1.0) {
+            unstable = stable;
+            stable *= kGainStep;
+        }
+        const bool any = stable > kLeastGain;
+        for (int i = 0; any && i < 12; ++i) {
             const double middle = std::sqrt(stable * unstable);
             (calcWorstRadius(middle * kr_) < 1.0 ? stable : unstable) = middle;
         }

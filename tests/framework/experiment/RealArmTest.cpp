@@ -27,6 +27,8 @@ TrackingBound makeBound(int n, double size) {
     TrackingBound bound;
     bound.position = bound.measured = JointVector::Constant(n, size);
     bound.velocity = JointVector::Constant(n, 100.0 * size);
+    bound.lastingTorque = JointVector::Zero(n);
+    bound.motorTorque = JointVector::Ones(n);
     return bound;
 }
 

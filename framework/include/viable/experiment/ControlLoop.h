@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+
 #include "viable/experiment/StopMonitor.h"
 #include "viable/log/TickRecord.h"
 #include "viable/plugin/IsolatedPlugin.h"
@@ -63,8 +65,8 @@ struct RealArmOptions {
     /** The external torque that the plant reports moves the nominal arm, too: the filter's desired torque is
     tau_d + tau_ext, and the motors get tau_c - tau_ext + tau_a. The plant must have such sensors. */
     bool feedsExternalTorque = false;
-    /** A measured position that jumps (kJumpSpeeds) brakes the arm, and from there on the robust loop gets
-    the nominal arm plus the last good deviation: a wrong reading must not become a torque. False: somebody
+    /** A measured position that jumps (kJumpSpeeds) brakes the arm, and from there on the robust loop gets of that
+    joint the nominal one plus the last good deviation: a wrong reading must not become a torque. False: somebody
     else judges the readings. */
     bool judgesReadings = true;
     /** The limits must stay as they are, since the real arm's were made from them: a command that changes them is
@@ -177,7 +179,7 @@ private:
     JointVector largestJump_;  // [rad]
     JointVector deviation_;    // of the last reading that was believed from the nominal arm [rad]
     JointState believed_;      // what the robust loop gets of real_
-    bool isBelieving_ = true;
+    std::array<bool, kMaxJoints> isBelieved_{};
     bool isTrackingLost_ = false, isIntegralHeld_ = false;
     std::int64_t substituted_ = 0;
     int missedInRow_ = 0;  // the filter has not been told of them yet
