@@ -11,13 +11,13 @@ namespace {
 using Eigen::MatrixXd;
 
 /** Ticks, and later strides, between two doublings of the stride. */
-constexpr int kStepsPerStride = 512;
+constexpr int kStepsPerStride = 256;
 constexpr int kStrideFactor = 4;
 /** Of the exponential over a tick, whose argument is far below 1 in any loop that is stable. */
 constexpr int kSeriesTerms = 24;
 /** The response is followed until a whole round adds no more than this share to any gain. */
 constexpr double kRemainder = 1e-6;
-constexpr int kMaxRounds = 12;  // 4^12 ticks: hours
+constexpr int kMaxRounds = 12;  // 256 x 4^12 ticks: months
 
 /** The loop as x' = A x + B n with x = (e, de, e_m before, sum of e_m dt, torques on their way), n the reading error;
 the tick's torque tau_a = C x + D n. */
