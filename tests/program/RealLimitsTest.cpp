@@ -75,7 +75,7 @@ TEST(Fault17, DisturbancesOutsideTheSetTripAndStopTheArm) {
 }
 
 TEST(Fault22, NoiseWithinTheSetIsBorneAndWrongReadingsStopTheArm) {
-    const CaseResult noisy = runReal({"disturbance_set.encoder_noise_rad=4e-6",
+    const CaseResult noisy = runReal({"disturbance_set.reading_error_rad=4e-6",
                                       "real_plant.encoder_noise_rad=1e-6"});
     EXPECT_EQ(noisy.exitCode(), 0) << noisy.stopMessage;
     EXPECT_LT(findShare(noisy), 1.0);

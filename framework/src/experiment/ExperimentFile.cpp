@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <future>
 #include <map>
 #include <mutex>
 
@@ -136,11 +137,13 @@ DisturbanceSet makeDisturbanceSet(const Parameters& p) {
     set.torqueRipple_Nm = p.jointNumbers("torque_ripple_Nm");
     set.externalTorque_Nm = p.jointNumbers("external_torque_Nm");
     set.torqueLimitFactor = p.number("torque_limit_factor");
-    set.encoderNoise_rad = p.number("encoder_noise_rad");
-    set.exactEncoder = p.text("encoder") == "exact";
+    set.readingError_rad = p.number("reading_error_rad");
     set.delayTicks = static_cast<int>(p.integer("delay_ticks"));
     return set;
 }
+
+/** Bounds that are remembered at a time. */
+constexpr std::size_t kMostKnownBounds = 64;
 
 /** The bound for a case as far as it is read. It takes seconds and depends on little: the same inputs, of several cases
 or of the runs of a sweep, are computed once. */
@@ -160,16 +163,28 @@ TrackingBound findBound(const CasePlan& plan, const Parameters& disturbances) {
                                     {"k_i", makeList(gains.ki.expand(plan.robot.size()))}})},
                  {"disturbance_set", disturbances.resolved()}});
     static std::mutex mutex;
-    static std::map<std::string, TrackingBound> known;
-    const std::lock_guard lock(mutex);  // held while it is computed: the others wait for the same
-    const std::string key = writeConfig(inputs);
-    const auto found = known.find(key);
-    if (found != known.end()) return found->second;
-    return known
-        .emplace(key, calcTrackingBound(plan.robot, plan.realLimits, plan.tick_s, gains,
-                                        makeDisturbanceSet(disturbances),
-                                        disturbances.resolved().place()))
-        .first->second;
+    static std::map<std::string, std::shared_future<TrackingBound>> known;
+    std::promise<TrackingBound> own;
+    std::shared_future<TrackingBound> result;
+    bool isOwn = false;
+    {
+        const std::lock_guard lock(mutex);
+        if (known.size() >= kMostKnownBounds) known.clear();  // a sweep that draws its disturbance_set
+        const auto [entry, isNew] = known.emplace(writeConfig(inputs), std::shared_future<TrackingBound>());
+        if (isNew) entry->second = own.get_future().share();
+        isOwn = isNew;
+        result = entry->second;
+    }
+    if (isOwn) {
+        try {
+            own.set_value(calcTrackingBound(plan.robot, plan.realLimits, plan.tick_s, gains,
+                                            makeDisturbanceSet(disturbances),
+                                            disturbances.resolved().place()));
+        } catch (...) {
+            own.set_exception(std::current_exception());
+        }
+    }
+    return result.get();  // the others wait for the same
 }
 
 /** `bounds` with `margin` less on each side. */
@@ -289,6 +304,7 @@ public:
             plan.robustLoop = readPlugin(*robustLoop, PluginKind::RobustLoop, plan.robot.size());
             plan.realPlant = readPlugin(*realPlant, PluginKind::RealPlant, plan.robot.size());
         }
+        if (const ConfigNode* node = map_.find("external_torque")) readExternalTorque(*node, plan);
         const ConfigNode* disturbances = map_.find("disturbance_set");
         std::optional<Parameters> sizes;
         if (disturbances) {
@@ -300,7 +316,6 @@ public:
             holdOnReal(plan, place);
             checkLimits(plan.limits, plan.tick_s, allowLargeAngles, place, plan.robot.jointNames());
         }
-        if (const ConfigNode* node = map_.find("external_torque")) readExternalTorque(*node, plan);
         plan.resolved = resolve(plan, title, allowLargeAngles, sizes);
         return plan;
     }
@@ -321,7 +336,39 @@ private:
                                    plan.robot.joints[static_cast<std::size_t>(i)].name + " does not",
                                "Start at rest, or remove the disturbance_set.");
         plan.bound = findBound(plan, disturbances);
+        checkAssumptions(plan, disturbances);
         plan.boundPlace = place;
+    }
+
+    /** Of the bound, on the robust loop's own limits and on pushes that are fed. */
+    static void checkAssumptions(const CasePlan& plan, const Parameters& disturbances) {
+        const Parameters& loop = plan.robustLoop->parameters;
+        const auto check = [&](const char* key, const char* unit, double factor,
+                               const JointVector& needed) {
+            const JointVector& given = loop.jointNumbers(key);
+            for (int i = 0; i < plan.robot.size(); ++i) {
+                if (std::isinf(given[i]) || factor * given[i] >= needed[i]) continue;
+                throw badInput(loop.place(key),
+                               "with " + detail::formatNumber(given[i]) + " " + unit + " at " +
+                                   plan.robot.joints[static_cast<std::size_t>(i)].name +
+                                   " the tracking bound does not hold: within the disturbance_set it takes up to " +
+                                   detail::formatNumber(needed[i] / factor) + " " + unit,
+                               "Raise it, leave it out, or remove the disturbance_set.");
+            }
+        };
+        check("integral_limit_Nm", "Nm", 1.0, plan.bound->integralTorque);
+        check("torque_rate_Nmps", "Nm/s", plan.tick_s, plan.bound->torqueStep);
+        const ConfigNode* encoder = plan.realPlant->parameters.resolved().find("encoder");
+        if (encoder && encoder->text == "exact")
+            throw badInput(plan.realPlant->parameters.place("encoder"),
+                           "the tracking bound is for encoders that tell positions in counts, and velocities as their "
+                           "difference; this plant's tells the truth",
+                           "Use `encoder: robot`, or remove the disturbance_set.");
+        if (plan.feedsExternalTorque && disturbances.integer("delay_ticks") > 0)
+            throw badInput(plan.externalTorquePlace,
+                           "pushes that are fed to the nominal arm reach the motors of the real one later, by the "
+                           "delay_ticks of the disturbance_set: no tracking bound covers that",
+                           "Use `external_torque: ignored` and state external_torque_Nm, or no delay.");
     }
 
     static void holdOnReal(CasePlan& plan, const std::string& place) {

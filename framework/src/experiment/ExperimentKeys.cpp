@@ -133,10 +133,9 @@ const std::vector<ExperimentKey>& disturbanceKeys() {
                            "Least motor torque, as a share of the robot's figure.")
              .above(0)
              .orInfinite()},
-        {parameter::choice("encoder", "robot|exact", "robot",
-                           "robot: readings in whole counts; exact: the truth.")},
-        {parameter::number("encoder_noise_rad", "rad", "0.0",
-                           "Largest error of a reading besides its rounding.")
+        {parameter::number("reading_error_rad", "rad", "0.0",
+                           "Largest error of a reading besides its rounding; of a plant with encoder_noise_rad (a "
+                           "standard deviation, cut at four) four times that.")
              .atLeast(0)},
         {parameter::integer("delay_ticks", "0", "Between the computed torque and the motors.")
              .atLeast(0)

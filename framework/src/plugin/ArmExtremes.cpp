@@ -21,8 +21,6 @@ constexpr int kLoopPoses = 32;
 constexpr int kGradientPoses = 64;
 /** Differences for gradients [rad, m]. */
 constexpr double kStep = 1e-5;
-/** Of a tilt, over half a turn. */
-constexpr int kTiltDirections = 6;
 constexpr double kPi = 3.14159265358979323846;
 
 /** The terms of M qdd + b at a pose. */
@@ -114,13 +112,14 @@ private:
     Dynamics dynamics_;
 };
 
-/** Places of a payload within its distance of the tool frame. */
+/** Corners of an octahedron around the ball of places that the payload may have: what grows with the distance in any
+direction is largest at one of them. */
 std::vector<Eigen::Vector3d> listPlaces(double distance) {
     std::vector<Eigen::Vector3d> places{Eigen::Vector3d::Zero()};
     if (distance > 0.0)
         for (int axis = 0; axis < 3; ++axis)
             for (double side : {-1.0, 1.0})
-                places.push_back(side * distance * Eigen::Vector3d::Unit(axis));
+                places.push_back(side * std::sqrt(3.0) * distance * Eigen::Vector3d::Unit(axis));
     return places;
 }
 
@@ -137,12 +136,42 @@ void raise(Matrix& largest, const Value& value) {
     largest = largest.cwiseMax(Matrix(value).cwiseAbs());
 }
 
-/** Of a vector of gravity's length at right angles to it, at an angle around it. */
-Eigen::Vector3d tiltGravity(const Eigen::Vector3d& gravity, double angle) {
-    const Eigen::Vector3d side = gravity.unitOrthogonal();
-    const Eigen::Vector3d other = gravity.normalized().cross(side);
-    return gravity.norm() * (std::cos(angle) * side + std::sin(angle) * other);
-}
+/** An arm under gravity of 1 m/s^2 along each of three directions: down and two sideways. */
+struct GravityArms {
+    std::vector<std::unique_ptr<Arm>> down, side, other;
+
+    void add(RobotDescription robot) {
+        const Eigen::Vector3d g = robot.gravity.norm() > 0.0 ? robot.gravity.normalized().eval()
+                                                             : Eigen::Vector3d(Eigen::Vector3d::UnitZ());
+        const auto make = [&](std::vector<std::unique_ptr<Arm>>& arms, const Eigen::Vector3d& along) {
+            robot.gravity = along;
+            arms.push_back(std::make_unique<Arm>(robot));
+        };
+        make(down, g);
+        make(side, g.unitOrthogonal());
+        make(other, g.cross(g.unitOrthogonal()));
+    }
+    /** The largest torque of a tilt of up to `tilt` [rad] in any direction, of arm `k`. */
+    JointVector calcTorque(std::size_t k, const JointVector& q, double gravity, double tilt) {
+        const JointVector x = side[k]->calcGravity(q), y = other[k]->calcGravity(q);
+        return combine(down[k]->calcGravity(q), x, y, gravity, tilt);
+    }
+    JointVector calcSlope(std::size_t k, const JointVector& q, const JointVector& moved, double gravity,
+                          double tilt) {
+        const JointVector z = down[k]->calcGravity(moved) - down[k]->calcGravity(q);
+        const JointVector x = side[k]->calcGravity(moved) - side[k]->calcGravity(q);
+        const JointVector y = other[k]->calcGravity(moved) - other[k]->calcGravity(q);
+        return combine(z, x, y, gravity, tilt);
+    }
+
+private:
+    static JointVector combine(const JointVector& z, const JointVector& x, const JointVector& y,
+                               double gravity, double tilt) {
+        const double sideways = tilt < 0.5 * kPi ? std::sin(tilt) : 1.0;
+        return gravity * (sideways * (x.cwiseAbs2() + y.cwiseAbs2()).cwiseSqrt() +
+                          (1.0 - std::cos(tilt)) * z.cwiseAbs());
+    }
+};
 
 /** The largest rate of the torque by which `arm` and `other` differ in motion; `here` is that difference. */
 JointVector calcRate(Arm& arm, Arm& other, const JointVector& q, const Terms& here,
@@ -165,8 +194,9 @@ std::vector<JointVector> samplePoses(const JointLimits& limits, int count) {
     std::vector<JointVector> poses(static_cast<std::size_t>(count), JointVector(n));
     for (int k = 0; k < count; ++k)
         for (int i = 0; i < n; ++i) {
-            const double lower = std::max(limits.position.lower[i], -kPi);
-            const double upper = std::max(lower, std::min(limits.position.upper[i], kPi));
+            double lower = limits.position.lower[i], upper = limits.position.upper[i];
+            if (std::isinf(lower)) lower = std::isinf(upper) ? -kPi : upper - 2.0 * kPi;
+            if (std::isinf(upper)) upper = lower + 2.0 * kPi;
             const double places[] = {lower, upper, std::clamp(0.0, lower, upper),
                                      0.5 * (lower + upper)};
             const double share = static_cast<double>(random()) / 4294967295.0;
@@ -202,7 +232,8 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
         set.payload_kg > 0.0 ? listPlaces(set.payloadOffset_m)
                              : std::vector<Eigen::Vector3d>{Eigen::Vector3d::Zero()};
     std::vector<std::pair<int, std::unique_ptr<Arm>>> doubled;  // the body behind that joint
-    std::vector<std::unique_ptr<Arm>> loaded, heavy;
+    std::vector<std::unique_ptr<Arm>> loaded;
+    std::vector<std::unique_ptr<Arm>> arms;  // the heaviest, the lightest, and the nominal one
     const JointVector error = set.massError.expand(n);
     for (int k = 0; k < n; ++k)
         if (error[k] > 0.0)
@@ -213,21 +244,20 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
         for (const Eigen::Vector3d& place : places)
             loaded.push_back(std::make_unique<Arm>(withPayload(robot, set.payload_kg, place)));
     for (const Eigen::Vector3d& place : places)
-        heavy.push_back(std::make_unique<Arm>(makeReal(robot, set, 1.0, place)));
+        arms.push_back(std::make_unique<Arm>(makeReal(robot, set, 1.0, place)));
     std::unique_ptr<Arm> light;
     if (set.payload_kg > 0.0 || error.maxCoeff() > 0.0)
         light = std::make_unique<Arm>(makeReal(robot, set, -1.0, places.front()));
-    std::vector<MatrixXd> least(heavy.size(), MatrixXd::Constant(n, n, INFINITY));
-    std::vector<MatrixXd> greatest(heavy.size(), MatrixXd::Constant(n, n, -INFINITY));
-    // A tilt moves gravity by 2 g sin(tilt / 2), mostly sideways; any direction is taken, of which these are samples.
-    std::vector<std::unique_ptr<Arm>> across;
-    const double tilted = 2.0 * std::sin(0.5 * set.baseTilt_rad);
-    if (set.baseTilt_rad > 0.0)
-        for (int k = 0; k < kTiltDirections; ++k) {
-            RobotDescription turned = makeReal(robot, set, 1.0, places.front());
-            turned.gravity = tiltGravity(robot.gravity, kPi * k / kTiltDirections);
-            across.push_back(std::make_unique<Arm>(turned));
-        }
+    if (light) arms.push_back(std::move(light));
+    arms.push_back(std::make_unique<Arm>(robot));
+    std::vector<MatrixXd> least(arms.size(), MatrixXd::Constant(n, n, INFINITY));
+    std::vector<MatrixXd> greatest(arms.size(), MatrixXd::Constant(n, n, -INFINITY));
+    GravityArms tilted;
+    if (set.baseTilt_rad > 0.0) {
+        for (const Eigen::Vector3d& place : places) tilted.add(makeReal(robot, set, 1.0, place));
+        tilted.add(makeReal(robot, set, -1.0, places.front()));
+    }
+    const double gravity = robot.gravity.norm();
 
     const std::vector<JointVector> poses = samplePoses(limits, kPoses);
     for (std::size_t pose = 0; pose < poses.size(); ++pose) {
@@ -255,26 +285,24 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
             if (takesGradient)
                 raise(x.payloadRate, calcRate(*arm, nominal, q, load, motion));
         }
-        for (const auto& arm : across) {
-            const JointVector pull = arm->calcGravity(q) * tilted;
-            raise(x.tilt.upper, pull);
+        for (std::size_t k = 0; k < tilted.down.size(); ++k) {
+            raise(x.tilt.upper, tilted.calcTorque(k, q, gravity, set.baseTilt_rad));
             if (!takesGradient) continue;
             JointVector rate = zero;
-            for (int j = 0; j < n; ++j) {
-                const JointVector moved = q + kStep * JointVector(JointVector::Unit(n, j));
+            for (int j = 0; j < n; ++j)
                 rate += motion.velocity[j] / kStep *
-                        JointVector((arm->calcGravity(moved) * tilted - pull).cwiseAbs());
-            }
+                        tilted.calcSlope(k, q, q + kStep * JointVector(JointVector::Unit(n, j)),
+                                         gravity, set.baseTilt_rad);
             raise(x.tiltRate, rate);
         }
-        if (light && pose < kLoopPoses) x.inertias.push_back(light->calcInertia(q));
-        for (std::size_t load = 0; load < heavy.size(); ++load) {
-            Arm& arm = *heavy[load];
+        for (std::size_t load = 0; load < arms.size(); ++load) {
+            Arm& arm = *arms[load];
             const JointMatrix M = arm.calcInertia(q);
             raise(x.inertia, M);
             least[load] = least[load].cwiseMin(MatrixXd(M));
             greatest[load] = greatest[load].cwiseMax(MatrixXd(M));
-            if (pose < kLoopPoses) x.inertias.push_back(M);
+            const bool isNominal = load + 1 == arms.size() && arms.size() > 1;
+            if (pose < kLoopPoses && !isNominal) x.inertias.push_back(M);
             if (!takesGradient) continue;
             const Terms here = arm.calcTerms(q);
             for (int k = 0; k < n; ++k) {
@@ -292,7 +320,7 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
         }
     }
     x.inertiaRange = none;
-    for (std::size_t k = 0; k < heavy.size(); ++k) raise(x.inertiaRange, greatest[k] - least[k]);
+    for (std::size_t k = 0; k < arms.size(); ++k) raise(x.inertiaRange, greatest[k] - least[k]);
     x.massError.lower = -x.massError.upper;
     x.tilt.lower = -x.tilt.upper;
     return x;

@@ -8,8 +8,8 @@
 namespace viable::detail {
 
 /** Poses within position limits: at the ends, at zero, in the middle and anywhere between, in every mixture (a singular
-pose often needs several joints at exactly zero). The same for the same arguments. Where a joint has no limit, a turn to
-either side. */
+pose often needs several joints at exactly zero). The same for the same arguments. Of a joint without limits a whole
+turn. */
 std::vector<JointVector> samplePoses(const JointLimits& limits, int count);
 
 /** Joint torques from lower to upper [Nm]. */
@@ -25,7 +25,7 @@ struct TorqueRange {
 all velocities and accelerations within limits. */
 struct ArmExtremes {
     std::vector<JointMatrix> inertias;        ///< of real arms, light and heavy ones [kg m^2]
-    Eigen::MatrixXd inertia;                  ///< largest |M_ij| of a real arm
+    Eigen::MatrixXd inertia;                  ///< largest |M_ij|, as all that follows of light, heavy and nominal arm
     Eigen::MatrixXd inertiaRange;             ///< largest change of M_ij from pose to pose
     std::vector<Eigen::MatrixXd> gradient;    ///< k: largest |dM_ij/dq_k| [kg m^2/rad]
     /** With C(q, v) of the Christoffel symbols, b - gravity = C(q, qd) qd. */

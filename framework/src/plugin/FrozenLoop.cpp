@@ -22,7 +22,9 @@ constexpr int kMaxRounds = 12;  // 256 x 4^12 ticks: months
 /** The loop as x' = A x + B n with x = (e, de, e_m before, sum of e_m dt, torques on their way), n the reading error;
 the tick's torque tau_a = C x + D n. */
 struct StateSpace {
-    MatrixXd A, B, C, D, integral;  // integral: the part of C from the sum
+    MatrixXd A, B, C, D;
+    MatrixXd integral;  // the part of C from the sum
+    MatrixXd step;      // C (A - I): how tau_a changes to the next tick
 };
 
 class Loop {
@@ -47,9 +49,7 @@ public:
 
     int size() const { return n_ * (4 + loop_.delayTicks); }
     const MatrixXd& inverse() const { return inverse_; }
-    /** de and e a tick after de = 1, and after a tick of torque 1. */
-    const MatrixXd& decay() const { return decay_; }
-    const MatrixXd& travel() const { return once_; }
+    /** de and e after a tick of torque 1. */
     MatrixXd push() const { return once_ * inverse_; }
     MatrixXd pushTravel() const { return twice_ * inverse_; }
 
@@ -61,6 +61,7 @@ public:
         MatrixXd ignored;
         const MatrixXd errors = MatrixXd::Identity(n_, n_);
         s.B = tick(MatrixXd::Zero(size(), n_), errors, s.D, ignored);
+        s.step = s.C * s.A - s.C;
         return s;
     }
 
@@ -71,8 +72,7 @@ private:
         const double h = loop_.tick_s;
         const MatrixXd e = x.middleRows(0, n_), v = x.middleRows(n_, n_);
         const MatrixXd read = e + error;
-        const MatrixXd rate =
-            loop_.exactVelocity ? v : MatrixXd((read - x.middleRows(2 * n_, n_)) / h);
+        const MatrixXd rate = (read - x.middleRows(2 * n_, n_)) / h;
         const MatrixXd sum = x.middleRows(3 * n_, n_) + h * read;
         const JointVector krki = loop_.kr.cwiseProduct(loop_.ki);
         integralTorque = -(krki.asDiagonal() * sum);
@@ -93,18 +93,18 @@ private:
     MatrixXd decay_, once_, twice_;
 };
 
-/** What states in columns show, `torqueBefore` a stride of ticks earlier. */
-LoopGains::PerOutput show(const StateSpace& s, const MatrixXd& x, int n,
-                          const MatrixXd& torqueBefore, double stride) {
+MatrixXd& at(LoopGains::PerOutput& values, LoopOutput output) {
+    return values[static_cast<std::size_t>(output)];
+}
+
+/** What states in columns show. */
+LoopGains::PerOutput show(const StateSpace& s, const MatrixXd& x, int n) {
     LoopGains::PerOutput out;
-    const auto at = [&](LoopOutput output) -> MatrixXd& {
-        return out[static_cast<std::size_t>(output)];
-    };
-    at(LoopOutput::Position) = x.middleRows(0, n);
-    at(LoopOutput::Velocity) = x.middleRows(n, n);
-    at(LoopOutput::Torque) = s.C * x;
-    at(LoopOutput::TorqueStep) = (at(LoopOutput::Torque) - torqueBefore) / stride;
-    at(LoopOutput::IntegralTorque) = s.integral * x;
+    at(out, LoopOutput::Position) = x.middleRows(0, n);
+    at(out, LoopOutput::Velocity) = x.middleRows(n, n);
+    at(out, LoopOutput::Torque) = s.C * x;
+    at(out, LoopOutput::TorqueStep) = s.step * x;
+    at(out, LoopOutput::IntegralTorque) = s.integral * x;
     return out;
 }
 
@@ -121,39 +121,36 @@ LoopGains calcGains(const FrozenLoop& loop) {
     const int n = static_cast<int>(loop.kr.size());
     const double h = loop.tick_s;
     LoopGains gains;
-    for (LoopGains::PerOutput* all : {&gains.torque, &gains.step, &gains.ramp, &gains.reading})
+    for (auto* all : {&gains.torque, &gains.step, &gains.ramp, &gains.reading})
         all->fill(MatrixXd::Zero(n, n));
 
-    // A unit impulse of torque leaves de = M^-1. `young` was hit just before the tick in question, `old` just after the
-    // one before: in between the response is nearly affine in its age, so that these two tell all.
-    MatrixXd young = MatrixXd::Zero(maker.size(), n), old = young;
-    young.middleRows(n, n) = maker.inverse();
-    old.middleRows(n, n) = maker.decay() * maker.inverse();
-    old.topRows(n) = maker.travel() * maker.inverse();
-    MatrixXd reading = s.B;
-    for (int k = 0; k < kLoopOutputs; ++k) {
-        const auto output = static_cast<LoopOutput>(k);
-        if (output == LoopOutput::Torque || output == LoopOutput::TorqueStep)
-            gains.reading[static_cast<std::size_t>(k)] = s.D.cwiseAbs();
-        if (output == LoopOutput::IntegralTorque)
-            gains.reading[static_cast<std::size_t>(k)] =
-                MatrixXd((loop.kr.cwiseProduct(loop.ki) * h).cwiseAbs().asDiagonal());
-    }
+    // A unit impulse of torque just before a tick leaves de = M^-1; one within the tick before a state nearly affine in
+    // its age, up to that a tick later: so the ticks tell all.
+    MatrixXd state = MatrixXd::Zero(maker.size(), n);
+    state.middleRows(n, n) = maker.inverse();
 
-    MatrixXd power = s.A;  // over a stride
-    MatrixXd youngTorque = MatrixXd::Zero(n, n), oldTorque = youngTorque, readingTorque = s.D;
+    // A reading error acts at once, then through the state that it leaves.
+    MatrixXd reading = s.B;
+    at(gains.reading, LoopOutput::Torque) = s.D.cwiseAbs();
+    at(gains.reading, LoopOutput::TorqueStep) = s.D.cwiseAbs() + (s.C * s.B - s.D).cwiseAbs();
+    at(gains.reading, LoopOutput::IntegralTorque) =
+        MatrixXd(JointVector(h * loop.kr.cwiseProduct(loop.ki)).asDiagonal());
+
     // Pushed by a constant torque of 1 from the start, which is part of the state.
+    MatrixXd power = s.A;  // over a stride
     const int size = maker.size();
+    MatrixXd push = MatrixXd::Zero(size, n);
+    push.topRows(n) = maker.pushTravel();
+    push.middleRows(n, n) = maker.push();
     MatrixXd pushedPower = MatrixXd::Identity(size + n, size + n);
     pushedPower.topLeftCorner(size, size) = s.A;
-    pushedPower.block(0, size, n, n) = maker.pushTravel();
-    pushedPower.block(n, size, n, n) = maker.push();
+    pushedPower.topRightCorner(size, n) = push;
     MatrixXd pushed = MatrixXd::Zero(size + n, n);
     pushed.bottomRows(n).setIdentity();
-    MatrixXd pushedTorque = MatrixXd::Zero(n, n);
     LoopGains::PerOutput goal;  // where that ends
     goal.fill(MatrixXd::Zero(n, n));
-    goal[static_cast<std::size_t>(LoopOutput::Torque)] = -MatrixXd::Identity(n, n);
+    at(goal, LoopOutput::Torque) = -MatrixXd::Identity(n, n);
+
     double age = 0.0, stride = 1.0;
     for (int round = 0; round < kMaxRounds; ++round) {
         const LoopGains::PerOutput before = gains.torque;
@@ -161,21 +158,14 @@ LoopGains calcGains(const FrozenLoop& loop) {
         LoopGains::Variation& variation = gains.variations.back();
         variation.total.fill(MatrixXd::Zero(n, n));
         variation.aged.fill(MatrixXd::Zero(n, n));
+        LoopGains::PerOutput begin = show(s, state, n);
         for (int step = 0; step < kStepsPerStride; ++step) {
-            const LoopGains::PerOutput begin = show(s, young, n, youngTorque, stride);
-            youngTorque = begin[static_cast<std::size_t>(LoopOutput::Torque)];
-            young = power * young;
-            const LoopGains::PerOutput next = show(s, young, n, youngTorque, stride);
-            const LoopGains::PerOutput end =
-                round == 0 ? show(s, old, n, oldTorque, stride) : next;
-            oldTorque = end[static_cast<std::size_t>(LoopOutput::Torque)];
-            if (round == 0) old = power * old;
-            const LoopGains::PerOutput noise = show(s, reading, n, readingTorque, stride);
-            readingTorque = noise[static_cast<std::size_t>(LoopOutput::Torque)];
+            state = power * state;
+            const LoopGains::PerOutput end = show(s, state, n);
+            const LoopGains::PerOutput noise = show(s, reading, n);
             reading = power * reading;
-            const LoopGains::PerOutput level =
-                show(s, pushed.topRows(size), n, pushedTorque, stride);
-            pushedTorque = level[static_cast<std::size_t>(LoopOutput::Torque)];
+            LoopGains::PerOutput level = show(s, pushed.topRows(size), n);
+            at(level, LoopOutput::TorqueStep) += s.C * push;
             pushed = pushedPower * pushed;
             age += stride * h;
             for (std::size_t k = 0; k < kLoopOutputs; ++k) {
@@ -183,11 +173,11 @@ LoopGains calcGains(const FrozenLoop& loop) {
                 gains.step[k] = gains.step[k].cwiseMax(level[k].cwiseAbs());
                 gains.ramp[k] += stride * h * (level[k] - goal[k]).cwiseAbs();
                 gains.reading[k] += stride * noise[k].cwiseAbs();
-                // Between two ticks the response may jump: a velocity that is read at once.
-                const MatrixXd change = (end[k] - begin[k]).cwiseAbs() + (next[k] - end[k]).cwiseAbs();
+                const MatrixXd change = (end[k] - begin[k]).cwiseAbs();
                 variation.total[k] += change;
                 variation.aged[k] += age * change;
             }
+            begin = end;
         }
         double grown = 0.0;
         for (std::size_t k = 0; k < kLoopOutputs; ++k)

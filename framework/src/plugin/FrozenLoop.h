@@ -16,8 +16,7 @@ struct FrozenLoop {
     JointVector damping;     ///< D, the arm's own [Nms/rad]
     JointVector kr, kp, ki;  ///< as NricOptions
     double tick_s = 0.0;
-    int delayTicks = 0;          ///< from tau_a to the motors
-    bool exactVelocity = false;  ///< de_m is the true rate, not a difference
+    int delayTicks = 0;  ///< from tau_a to the motors
 };
 
 /** What the loop is watched at, at the ticks. */

@@ -85,6 +85,7 @@ public:
             for (const JointMatrix& M : arm_.inertias)
                 views.back().gains.push_back(detail::calcGains(makeLoop(M, damping, kr_)));
         }
+        std::string worst;
         // |e|, |de| and the torque carried are bounded by themselves: iterated from zero upwards, the first fixed point
         // is a bound, for e and de start at zero and change steadily.
         for (int round = 0; round < kMaxRounds; ++round) {
@@ -96,16 +97,17 @@ public:
             e = bound.position;
             de = bound.velocity;
             load = bound.torque;
+            worst = findLargestPart(bound);
             if (!e.allFinite() || !de.allFinite() || e.maxCoeff() > kLargestBound ||
                 de.maxCoeff() > kLargestBound)
                 break;
             if (change <= kAgreement * std::max(1.0, de.maxCoeff())) return bound;
         }
         throw badInput(place_,
-                       "no bound exists: within these disturbances the arm's inertia and speed change the error "
-                       "faster than the gains of the robust loop answer",
-                       "Raise k_r (see `viable bound`), lower the velocity limits, or state a smaller "
-                       "disturbance_set.");
+                       "no bound exists: what the error itself causes grows faster than the gains of the robust loop "
+                       "answer it, most of all: " + worst,
+                       "Raise k_r towards the largest stable value, lower the limits of velocity and acceleration, or "
+                       "state a smaller disturbance_set.");
     }
 
 private:
@@ -116,6 +118,14 @@ private:
         JointVector damping;
         std::vector<LoopGains> gains;  // by inertia
     };
+
+    static std::string findLargestPart(const TrackingBound& bound) {
+        return std::max_element(bound.parts.begin(), bound.parts.end(),
+                                [](const auto& a, const auto& b) {
+                                    return a.velocity.sum() < b.velocity.sum();
+                                })
+            ->source;
+    }
 
     /** Both hold, so does the smaller one of each. */
     static void takeSmaller(const TrackingBound& other, TrackingBound& bound) {
@@ -132,10 +142,8 @@ private:
 
     FrozenLoop makeLoop(const JointMatrix& M, const JointVector& damping,
                         const JointVector& kr) const {
-        return {M, damping, kr, kp_, ki_, h_, set_.delayTicks, hasExactVelocity()};
+        return {M, damping, kr, kp_, ki_, h_, set_.delayTicks};
     }
-    bool hasExactVelocity() const { return set_.exactEncoder && set_.encoderNoise_rad == 0.0; }
-
     double calcWorstRadius(const JointVector& kr) const {
         double worst = 0.0;
         for (const JointMatrix& M : arm_.inertias)
@@ -204,7 +212,9 @@ private:
             const double share = -std::expm1(-speed / f.viscousVelocity[i]);
             dry[i] = set_.frictionScale[i] * f.coulomb[i] * set_.breakawayRatio;
             viscous[i] = set_.frictionScale[i] * f.viscous[i] * share;
-            onLoad[i] = set_.loadFriction[i] * set_.breakawayRatio * load[i];
+            // Of the torque that the gear carries, friction and ripple with it.
+            onLoad[i] = set_.loadFriction[i] *
+                        (load[i] + dry[i] + viscous[i] + set_.torqueRipple_Nm[i]);
             slipping[i] = view.damping[i] * de[i];
         }
         const JointVector jerkTorque = arm_.inertia * motion_.jerk;
@@ -223,7 +233,7 @@ private:
                    : Source{"viscous friction", TorqueRange::within(viscous),
                             2.0 * damping_.cwiseProduct(motion_.acceleration), JointVector::Zero(n_)},
             makeJumping("viscous friction off the nominal speed", slipping, false),
-            makeJumping("friction under load", onLoad),
+            makeJumping("friction under load", onLoad, false),  // its lasting part: see lastingTorque
             {"payload", arm_.payload, arm_.payloadRate, arm_.payloadWeight},
             {"mass error", arm_.massError, arm_.massErrorRate, arm_.massErrorWeight},
             {"tilted base", arm_.tilt, arm_.tiltRate, arm_.tilt.upper},
@@ -238,10 +248,10 @@ private:
 
     /** Half a count and the noise [rad]. */
     JointVector calcReadingError() const {
-        JointVector error = JointVector::Constant(n_, set_.encoderNoise_rad);
+        JointVector error = JointVector::Constant(n_, set_.readingError_rad);
         const JointVector& counts = robot_.actuation.encoderCounts;
         for (int i = 0; i < n_; ++i)
-            if (!set_.exactEncoder && counts[i] > 0.0)
+            if (counts[i] > 0.0)
                 error[i] += 0.5 *
                             (robot_.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic
                                  ? 1.0
@@ -252,7 +262,6 @@ private:
 
     /** The torque from reading the velocity as a difference, which shows it half a tick ago. */
     JointVector calcLateReading() const {
-        if (hasExactVelocity()) return JointVector::Zero(n_);
         return kr_.cwiseProduct(0.5 * h_ * motion_.acceleration + h_ * h_ / 6.0 * motion_.jerk);
     }
 
@@ -315,6 +324,7 @@ private:
         out.lastingTorque = arm_.nominalTorque;
         for (const Source& source : sources)
             if (source.lasts) out.lastingTorque += source.torque.calcLargest();
+        out.lastingTorque += set_.loadFriction.expand(n_).cwiseProduct(out.lastingTorque);
         out.torqueStep += 2.0 * late;
         out.motorTorque = set_.torqueLimitFactor * robot_.actuation.torqueLimit;
         return out;

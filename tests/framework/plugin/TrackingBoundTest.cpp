@@ -20,7 +20,6 @@ RobotDescription loadTestRobot(const char* name) {
 DisturbanceSet makeNone() {
     DisturbanceSet none;
     none.frictionScale = 0.0;
-    none.exactEncoder = true;
     return none;
 }
 
@@ -93,7 +92,6 @@ TEST(TrackingBound, IsReachedByTheWorstTorqueOnOneJoint) {
         for (const double kappa : {0.1, 0.4}) {
             const NricOptions gains{kappa * m / h, 20.0, 30.0};
             DisturbanceSet set = makeNone();
-            set.exactEncoder = false;
             set.delayTicks = delay;
             const double none =
                 calcTrackingBound(robot, makeSlow(robot), h, gains, set).position[0];
@@ -119,8 +117,7 @@ TEST(TrackingBound, UnstableGainsAreRefusedWithTheLargestStableOnes) {
                             .back());
     };
     std::string told;
-    DisturbanceSet read = makeNone();
-    read.exactEncoder = false;
+    const DisturbanceSet read = makeNone();
     try {
         calcTrackingBound(robot, makeSlow(robot), h, {3.0 * m / h, 20.0, 8.0}, read, "here");
         FAIL() << "accepted";
@@ -169,7 +166,7 @@ TEST(TrackingBound, GrowsWithEveryDisturbance) {
     expectLarger("external torque", [](auto& set) { set.externalTorque_Nm = 0.5; });
     expectLarger("tilted base", [](auto& set) { set.baseTilt_rad = 0.05; });
     expectLarger("held and late torque", [](auto& set) { set.delayTicks = 1; });
-    expectLarger("encoder", [](auto& set) { set.encoderNoise_rad = 1e-5; });
+    expectLarger("encoder", [](auto& set) { set.readingError_rad = 1e-5; });
 }
 
 TEST(TrackingBound, RefusesWhatHasNoBound) {

@@ -10,21 +10,21 @@
 namespace viable {
 
 /** What the real arm may have that the nominal one has not: the set of disturbances that a TrackingBound
-is for. All at once, in any combination, changing at any time within these sizes. Names and meaning are those
-of the parameters of the simulated plants. */
+is for. All at once, in any combination. Friction, ripple, pushes and reading errors change at any time within
+these sizes; masses, payload and tilt are constant in a run. Names as those of the simulated plants' parameters. */
 struct DisturbanceSet {
     PerJoint frictionScale = 1.0;  ///< largest factor on the robot's friction figures; 0: no friction
     double breakawayRatio = 1.0;   ///< largest Fs / Fc
     PerJoint loadFriction = 0.0;   ///< friction per torque that the joint carries []
     PerJoint massError = 0.0;      ///< mass_factor lies in [1 - massError, 1 + massError]
     double payload_kg = 0.0;       ///< largest
-    double payloadOffset_m = 0.0;  ///< farthest from the tool frame's origin
+    double payloadOffset_m = 0.0;  ///< farthest from the tool frame's origin, in any direction
     double baseTilt_rad = 0.0;     ///< largest angle of the base against the vertical
     PerJoint torqueRipple_Nm = 0.0;
     PerJoint externalTorque_Nm = 0.0;  ///< pushes that are not fed to the nominal arm
     double torqueLimitFactor = 1.0;    ///< least motor torque over the robot's figure
-    double encoderNoise_rad = 0.0;     ///< largest error of a reading besides its rounding to counts
-    bool exactEncoder = false;         ///< readings are not rounded
+    /** Largest error of a reading besides its rounding to counts; of the plants' encoder_noise_rad four times that. */
+    double readingError_rad = 0.0;
     int delayTicks = 0;                ///< between the computed torque and the motors
 };
 
@@ -57,7 +57,7 @@ of motion of both arms: friction, load, mass error, tilt, what the reading and t
 e and de (stiffness, Coriolis, inertia that has changed since), which make the bound a fixed point. The inertia that
 changes enters by parts, integral of K dM edd = - integral of (K dM)' de, so that only as much of it counts as the
 response is long. Coupling between joints is in all of it.
-Assumes: start at rest or moving with e = de = 0; the nominal arm within `limits`; no torque beyond the motors; neither
+Assumes: velocities read as the difference of two positions over a tick, positions in whole encoder counts; start at rest; the nominal arm within `limits`; no torque beyond the motors; neither
 Nric's rate nor its integral at their limits; rigid joints. Extremes over poses are those of a fixed sample within the
 position limits (192, gradients at 64, loops at 32): between them nothing is proven.
 @param limits  of the nominal arm; velocity and acceleration finite
