@@ -16,6 +16,7 @@
 #include "PluginTrouble.h"
 #include "Progress.h"
 #include "viable/core/Error.h"
+#include "viable/core/PrintableText.h"
 #include "viable/core/WholeFile.h"
 #include "viable/experiment/CaseRun.h"
 #include "viable/report/RunReport.h"
@@ -224,10 +225,7 @@ int run(const RunArguments& arguments) {
     installSignalHandlers();
     const fs::path folder = makeRunFolder(arguments.out, arguments.file);
     installCrashHandler(folder);
-    std::string title = experiment.title;  // a file from elsewhere must not command the terminal
-    for (char& c : title)
-        if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
-    std::printf("%s\n%s, %zu case%s, output in %s\n", title.c_str(),
+    std::printf("%s\n%s, %zu case%s, output in %s\n", makePrintable(experiment.title).c_str(),
                 arguments.file.c_str(), experiment.cases.size(),
                 experiment.cases.size() == 1 ? "" : "s", folder.c_str());
     std::fflush(stdout);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <chrono>
+#include <csignal>
 #include <cstdio>
 #include <memory>
 #include <thread>
@@ -12,6 +13,7 @@
 #include "SweepMpi.h"
 #include "SweepSupervisor.h"
 #include "viable/core/Error.h"
+#include "viable/core/PrintableText.h"
 
 namespace viable {
 
@@ -29,6 +31,7 @@ struct CommandArguments {
     std::string shard, out;
     std::vector<std::string> merge;
     double timeout_s = kDefaultTimeout_s;
+    bool again = false;
 };
 
 /** `--shard i/N`: the runs whose number leaves the rest i when divided by N. */
@@ -140,12 +143,6 @@ int finish(const SweepStore& store) {
     return findSweepExitCode(store);
 }
 
-std::string formatTitle(std::string title) {
-    for (char& c : title)
-        if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
-    return title;
-}
-
 int runSweep(const CommandArguments& arguments) {
     const int rank = findMpiRank();
     const Shard shard = readShard(arguments.shard);
@@ -158,19 +155,23 @@ int runSweep(const CommandArguments& arguments) {
         return 0;
     }
     SweepStore store(findFolder(arguments, shard), task.plan());
+    const std::int64_t lost = arguments.again ? store.removeLost() : 0;
     std::vector<std::int64_t> runs;
     const std::vector<std::int64_t> done = store.findRuns();
     for (std::int64_t run = shard.index; run < arguments.sweep.runs; run += shard.count)
         if (!std::binary_search(done.begin(), done.end(), run)) runs.push_back(run);
     const auto before = static_cast<std::int64_t>(done.size());
     std::printf("%s\n%s, seed %llu, %lld runs of %zu case%s%s, %s, output in %s\n",
-                formatTitle(task.plan().title).c_str(), arguments.sweep.file.c_str(),
+                makePrintable(task.plan().title).c_str(), arguments.sweep.file.c_str(),
                 static_cast<unsigned long long>(arguments.sweep.seed),
                 static_cast<long long>(arguments.sweep.runs), task.plan().cases.size(),
                 task.plan().cases.size() == 1 ? "" : "s",
                 shard.count > 1 ? (", shard " + arguments.shard).c_str() : "",
                 rank == 0 ? "ranks of mpirun" : (std::to_string(jobs) + " at a time").c_str(),
                 store.folder().c_str());
+    if (lost > 0)
+        std::printf("%lld runs that crashed or took too long are done again\n",
+                    static_cast<long long>(lost));
     if (before > 0)
         std::printf("%lld runs are there already, %zu to do\n", static_cast<long long>(before),
                     runs.size());
@@ -232,11 +233,12 @@ int mergeShards(const CommandArguments& arguments) {
         std::map<std::int64_t, std::vector<SweepRow>> own;
         shard.forEach([&](const SweepRow& row) { own[row.run].push_back(row); });
         for (auto& [run, rows] : own) {
+            if (rows.size() != plan.cases.size()) continue;  // it is missing: not all was stored
             const auto [known, isNew] = runs.try_emplace(run, rows, folder);
             const std::vector<SweepRow>& others = known->second.first;
             if (isNew) continue;
             for (std::size_t i = 0; i < rows.size(); ++i)
-                if (i >= others.size() || !areSame(plan, rows[i], others[i]))
+                if (rows[i].caseName != others[i].caseName || !areSame(plan, rows[i], others[i]))
                     throw badInput(folder, "its run " + std::to_string(run) +
                                                " is another than in " + known->second.second,
                                    "A run is the same wherever it is done: find out which folder is "
@@ -245,7 +247,7 @@ int mergeShards(const CommandArguments& arguments) {
     }
     for (const auto& entry : runs) whole.add(entry.second.first);
     const auto missing = plan.runs - static_cast<std::int64_t>(runs.size());
-    std::printf("%s\n%zu of %lld runs%s\n", formatTitle(plan.title).c_str(), runs.size(),
+    std::printf("%s\n%zu of %lld runs%s\n", makePrintable(plan.title).c_str(), runs.size(),
                 static_cast<long long>(plan.runs),
                 missing > 0 ? ": some are missing; `viable sweep` with --out of this folder does them"
                             : "");
@@ -253,6 +255,8 @@ int mergeShards(const CommandArguments& arguments) {
 }
 
 int runCommand(const CommandArguments& arguments) {
+    std::signal(SIGPIPE, SIG_IGN);  // a closed pipe is a write error, not a death
+    std::signal(SIGXFSZ, SIG_IGN);  // so is a file size limit
     if (!arguments.merge.empty()) {
         if (!arguments.sweep.file.empty())
             throw badInput("--merge", "FILE has no use here: the shards know theirs",
@@ -292,7 +296,10 @@ void addSweepCommand(CLI::App& app, int& exitCode) {
                      "Seconds that a case may take, or 20 times the median if that is more "
                      "(default: 120)")
         ->check(CLI::Range(0.01, 1e6));
-    command->add_option("--merge", arguments->merge, "Folders of shards to put together, into --out");
+    CLI::Option* again = command->add_flag(
+        "--again", arguments->again, "Do runs that crashed or took too long once more");
+    command->add_option("--merge", arguments->merge, "Folders of shards to put together, into --out")
+        ->excludes(again);
     command->callback([arguments, &exitCode] { exitCode = runCommand(*arguments); });
 }
 

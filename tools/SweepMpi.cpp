@@ -215,7 +215,6 @@ bool serveMpiRuns(const SweepTask& task, const std::vector<std::int64_t>& runs,
 
 void workForMpi(const SweepTask& task, int jobs, double timeout_s) {
     RunsProcess process = startRuns(task, jobs, timeout_s);
-    std::signal(SIGPIPE, SIG_IGN);
     Mpi mpi;
     const std::uint64_t count = static_cast<std::uint64_t>(jobs);
     const std::string want = kWant +

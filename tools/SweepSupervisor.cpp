@@ -70,7 +70,6 @@ const std::atomic<int>& catchStopSignals() {
     struct sigaction action {};
     action.sa_handler = onStopSignal;
     for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaction(signal, &action, nullptr);
-    std::signal(SIGPIPE, SIG_IGN);
     return stopSignal;
 }
 

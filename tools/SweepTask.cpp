@@ -8,7 +8,6 @@
 
 #include "Commands.h"
 #include "ExperimentArguments.h"
-#include "viable/config/Draws.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -36,6 +35,19 @@ std::string quoteArgument(const std::string& text) {
     std::string quoted = "'";
     for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
     return quoted + "'";
+}
+
+/** Without the places of plugin libraries, which differ from machine to machine: the plugins are named. */
+std::string hidePlaces(std::string message, const std::set<std::filesystem::path>& libraries) {
+    const auto replaceAll = [&](const std::string& what, const std::string& by) {
+        for (std::size_t at = 0; (at = message.find(what, at)) != std::string::npos; at += by.size())
+            message.replace(at, what.size(), by);
+    };
+    for (const std::filesystem::path& library : libraries) {
+        replaceAll(" (" + library.string() + ")", "");
+        replaceAll(library.string(), library.filename().string());
+    }
+    return message;
 }
 
 /** A draw in another case's block is none of this one. */
@@ -67,7 +79,9 @@ SweepTask::SweepTask(const SweepArguments& arguments)
     plan_.title = first.title;
     plan_.file = arguments.file;
     plan_.experiment = readText(arguments.file);
-    plan_.fileHash = calcSweepHash(plan_.experiment, arguments.overrides, first);
+    const SweepFiles files = findFiles(first, draws);
+    libraries_ = files.libraries;
+    plan_.fileHash = calcSweepHash(plan_.experiment, arguments.overrides, files);
     plan_.seed = arguments.seed;
     plan_.runs = arguments.runs;
     selectCases(first, arguments.cases);
@@ -85,9 +99,27 @@ SweepTask::SweepTask(const SweepArguments& arguments)
     plan_.columns = makeSweepColumns(keys, plan_.joints);
 }
 
-Experiment SweepTask::read(std::int64_t run, std::map<std::string, std::string>* draws) const {
+/** Of the first run, and of each alternative to what it has drawn. */
+SweepFiles SweepTask::findFiles(const Experiment& first, const std::vector<DrawnKey>& draws) const {
+    SweepFiles files = findSweepFiles(first);
+    for (const DrawnKey& draw : draws) {
+        if (!draw.isOfWords) continue;  // numbers choose no file
+        for (const std::string& alternative : draw.ends)
+            for (std::int64_t run = 0; run < kTriedRuns; ++run) {
+                try {
+                    files.add(findSweepFiles(read(run, nullptr, {{draw.keyPath, alternative}})));
+                    break;
+                } catch (const Error&) {  // does not go with what else is drawn: another run may
+                }
+            }
+    }
+    return files;
+}
+
+Experiment SweepTask::read(std::int64_t run, std::map<std::string, std::string>* draws,
+                           const std::map<std::string, std::string>& held) const {
     ConfigNode drawn = root_;
-    std::map<std::string, std::string> values = resolveDraws(drawn, {arguments_.seed, run});
+    std::map<std::string, std::string> values = resolveDraws(drawn, {arguments_.seed, run}, held);
     if (draws) *draws = std::move(values);
     return readExperiment(drawn, arguments_.file, arguments_.overrides, loader_, robotPath_);
 }
@@ -99,6 +131,7 @@ SweepRow SweepTask::makeRow(std::int64_t run, const std::string& name, SweepEnd 
                  std::to_string(arguments_.seed) + ":" + std::to_string(run) + " --case " + name;
     for (const std::string& assignment : arguments_.overrides)
         end.replay += " --set " + quoteArgument(assignment);
+    end.message = hidePlaces(end.message, libraries_);
     std::map<std::string, std::string> own;
     for (const auto& [keyPath, value] : draws)
         if (belongsTo(keyPath, name)) own[keyPath] = value;
@@ -151,6 +184,8 @@ SweepRow SweepTask::Run::runCase(std::size_t index, const std::atomic<int>& stop
         end.status = getSweepStatus(result);
         end.exitCode = result.exitCode();
         end.message = result.stopMessage;
+        if (const std::string breach = formatRealBreach(result); !breach.empty())
+            end.message += (end.message.empty() ? "" : "; ") + breach;
         return finish(&*plan, &result);
     } catch (const Error& e) {
         return fail(e.what(), e.exitCode());

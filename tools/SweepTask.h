@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "viable/config/Draws.h"
 #include "viable/sweep/SweepStore.h"
 
 namespace viable {
@@ -49,7 +50,9 @@ public:
                          const std::string& message) const;
 
 private:
-    Experiment read(std::int64_t run, std::map<std::string, std::string>* draws) const;
+    Experiment read(std::int64_t run, std::map<std::string, std::string>* draws,
+                    const std::map<std::string, std::string>& held = {}) const;
+    SweepFiles findFiles(const Experiment& first, const std::vector<DrawnKey>& draws) const;
     SweepRow makeRow(std::int64_t run, const std::string& name, SweepEnd end,
                      const std::map<std::string, std::string>& draws, const CasePlan* casePlan,
                      const CaseResult* result) const;
@@ -58,6 +61,7 @@ private:
     const PluginLoader loader_;
     const std::vector<std::filesystem::path> robotPath_;
     const ConfigNode root_;
+    std::set<std::filesystem::path> libraries_;  // of all plugins that may be drawn
     SweepPlan plan_;
 };
 

@@ -253,6 +253,7 @@ TEST_F(Fault76_Sweep, APluginThatFailsCostsItsOwnRunOnlyAndIsReplayed) {
         tables.push_back(readFile(folder_ / (std::string(jobs) + "/sweep.csv")));
     }
     EXPECT_EQ(tables[0], tables[1]);
+    EXPECT_EQ(tables[0].find(VIABLE_BINARY_DIR), std::string::npos) << tables[0];
     EXPECT_NE(o.out.find("good: 24 ok"), std::string::npos) << o.out;
 
     const std::map<std::string, std::pair<std::string, std::string>> expected = {
@@ -289,6 +290,28 @@ TEST_F(Fault76_Sweep, APluginThatFailsCostsItsOwnRunOnlyAndIsReplayed) {
         << readFile(folder_ / "again.err");
 }
 
+// A push beyond the stated set, too short for a trip: one of the two runs bears it.
+TEST_F(Sweep, ABrokenPromiseOnTheRealArmIsNotOk) {
+    const Outcome o = test::run(
+        {"sweep", "experiments/indy7_sweep.yaml", "--runs", "4", "--shard", "1/2", "--out",
+         folder_ / "s", "--set", "duration_s=3", "--set", "real_plant.push_Nm=[800,800,0,0,0,0]",
+         "--set", "real_plant.push_from_s=2", "--set", "real_plant.push_until_s=2.001"});
+    EXPECT_EQ(o.code, 3) << o.err;
+    std::map<std::string, int> ends;
+    const SweepStore store = open("s");
+    store.forEach([&](const SweepRow& row) {
+        const std::string status = get(store, row, "status"), code = get(store, row, "exit_code");
+        ++ends[status];
+        EXPECT_EQ(status == "ok", code == "0") << status << " with " << code;
+        if (status != "promise_broken") return;
+        EXPECT_EQ(code, "3");
+        EXPECT_EQ(get(store, row, "message").find("the real arm passed its limits: velocity by "), 0u);
+        EXPECT_NE(get(store, row, "message").find(" rad/s (joint"), std::string::npos);
+        EXPECT_NE(o.out.find(get(store, row, "replay")), std::string::npos) << o.out;
+    });
+    EXPECT_EQ(ends, (std::map<std::string, int>{{"ok", 1}, {"promise_broken", 1}})) << o.out;
+}
+
 TEST_F(Sweep, ChecksWhatItIsGiven) {
     const auto expectRefusal = [&](const std::vector<std::string>& more, const std::string& what) {
         const Outcome o = test::run(more);
@@ -306,9 +329,52 @@ TEST_F(Sweep, ChecksWhatItIsGiven) {
     expectRefusal(arguments(folder_ / "s", {"--runs", "2", "--seed", "3"}), "its seed is 1, not 3");
     expectRefusal(arguments(folder_ / "s", {"--runs", "2", "--set", "duration_s=0.2"}),
                   "the experiment file, its overrides");
+    expectRefusal(arguments(folder_ / "s", {"--runs", "1"}), "--runs 2 goes on with it");
     sweep("t", {"--runs", "2", "--seed", "3"});
     expectRefusal({"sweep", "--merge", folder_ / "s", folder_ / "t", "--out", folder_ / "m"},
                   "its seed is 1, not 3");
+}
+
+// Even one that no run has drawn yet.
+TEST_F(Sweep, APluginBuiltAnewBeginsAnotherSweep) {
+    const fs::path built = fs::path(VIABLE_PROGRAM).parent_path() / "plugins/viable_filter_tosbp.so";
+    const fs::path own = folder_ / built.filename();
+    fs::copy_file(built, own);
+    std::string choice = "--set=cases.A.filter.plugin=~choice(";
+    for (int i = 0; i < 20; ++i) choice += "tosbp, ";
+    choice += own.string() + ")";
+    sweep("s", {"--runs", "1", choice});
+    sweep("s", {"--runs", "1", choice});
+    std::ofstream(own, std::ios::app) << "x";
+    const Outcome o = test::run(arguments(folder_ / "s", {"--runs", "1", choice}));
+    EXPECT_EQ(o.code, 2) << o.out;
+    EXPECT_NE(o.err.find("a plugin or the program is another"), std::string::npos) << o.err;
+}
+
+TEST_F(Sweep, AgainDoesLostRunsOnceMore) {
+    if (kSanitized) GTEST_SKIP() << "sanitizers answer crashes themselves";
+    file_ = folder_.write("bad.yaml", kMisbehaving);
+    const std::vector<std::string> first =
+        arguments(folder_ / "s", {"--runs", "4", "--set", "cases.bad.filter.how=~choice(exits, exits)"});
+    EXPECT_EQ(test::run(first).code, 4);
+    Outcome o = test::run(first);
+    EXPECT_NE(o.out.find("4 runs are there already, 0 to do"), std::string::npos) << o.out;
+    std::vector<std::string> again = first;
+    again.push_back("--again");
+    o = test::run(again);
+    EXPECT_EQ(o.code, 4) << o.err;
+    EXPECT_NE(o.out.find("4 runs that crashed or took too long are done again"), std::string::npos)
+        << o.out;
+    EXPECT_EQ(open("s").findRuns().size(), 4u);
+}
+
+TEST_F(Sweep, AFileSizeLimitIsToldAndTheSweepGoesOnFromThere) {
+    const Outcome o = test::run(arguments(folder_ / "s", {"--runs", "8"}), [] {
+        const rlimit limit{40000, RLIM_INFINITY};
+        setrlimit(RLIMIT_FSIZE, &limit);
+    });
+    EXPECT_EQ(o.code, 5) << o.out << o.err;
+    sweep("s", {"--runs", "8"});
 }
 
 TEST_F(Sweep, CheckTriesRunsAndTheEndsOfTheirRanges) {

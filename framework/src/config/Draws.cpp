@@ -110,6 +110,7 @@ struct Distribution {
     double min = 0.0, max = 0.0;             ///< of a cut
     std::int64_t first = 0, last = 0;        ///< of whole numbers
     std::vector<std::string> choices;
+    bool isOfWords = false;                  ///< not all choices are numbers
 
     std::string draw(Stream stream) const {
         switch (kind) {
@@ -194,6 +195,8 @@ public:
             if (arguments.size() > kMostChoices)
                 fail("more than " + std::to_string(kMostChoices) + " choices", kForms);
             d.choices = arguments;
+            d.isOfWords = !evaluateAll(d.choices);
+            for (std::string& choice : d.choices) choice = unquote(choice);
             return d;
         }
         const bool mayBeCut = d.kind == Kind::Normal;
@@ -247,6 +250,33 @@ private:
         throw badInput(node_.place(), what, remedy);
     }
 
+    /** Expressions become their numbers; false, and nothing changed: not all are numbers. */
+    bool evaluateAll(std::vector<std::string>& texts) const {
+        std::vector<std::string> numbers;
+        for (const std::string& text : texts) {
+            std::int64_t whole = 0;
+            const char* const end = text.data() + text.size();
+            const auto read = std::from_chars(text.data(), end, whole);
+            try {
+                const double number = toNumber(makeNode(text));
+                // Whole ones as written: a large one has more digits than a double.
+                const bool isWhole = read.ec == std::errc() && read.ptr == end;
+                numbers.push_back(isWhole ? text : formatNumber(number));
+            } catch (const Error&) {
+                return false;
+            }
+        }
+        texts = std::move(numbers);
+        return true;
+    }
+
+    static bool isQuote(char c) { return c == '"' || c == '\''; }
+
+    static std::string unquote(const std::string& text) {
+        const bool isQuoted = text.size() >= 2 && isQuote(text.front()) && text.back() == text.front();
+        return isQuoted ? text.substr(1, text.size() - 2) : text;
+    }
+
     ConfigNode makeNode(const std::string& text) const {
         ConfigNode node = node_;
         node.text = text;
@@ -266,6 +296,14 @@ private:
         std::size_t i = open + 1;
         for (; i < text.size() && depth > 0; ++i) {
             const char c = text[i];
+            if (isQuote(c) && trim(parts.back()).empty()) {  // up to its end nothing has a meaning
+                const std::size_t end = text.find(c, i + 1);
+                if (end != std::string::npos) {
+                    parts.back() += text.substr(i, end - i + 1);
+                    i = end;
+                    continue;
+                }
+            }
             depth += c == '(' ? 1 : c == ')' ? -1 : 0;
             if (depth == 0) break;
             if (c == ',' && depth == 1)
@@ -329,7 +367,8 @@ DrawIndex parseDrawIndex(const std::string& text, const std::string& where) {
 std::vector<DrawnKey> listDraws(const ConfigNode& root) {
     std::vector<DrawnKey> keys;
     forEachDraw(root, [&](const ConfigNode& node, const Distribution& distribution) {
-        keys.push_back({node.keyPath, node.text.substr(1), node.place(), distribution.ends()});
+        keys.push_back({node.keyPath, node.text.substr(1), node.place(), distribution.ends(),
+                        distribution.isOfWords});
     });
     return keys;
 }

@@ -378,6 +378,11 @@ std::string formatVerdict(const CaseResult& r) {
            (r.promises ? "all" : "none") + ")" + formatRealVerdict(r);
 }
 
+std::string formatRealBreach(const CaseResult& r) {
+    if (!r.isRealPromiseBroken()) return "";
+    return "the real arm passed its limits: " + formatRealExcesses(r.summary, &Summary::realLimit);
+}
+
 std::string formatDetails(const CaseResult& r) {
     const Summary& s = r.summary;
     std::string text = r.name + ": filter " + r.filter;

@@ -63,33 +63,42 @@ std::vector<const PluginChoice*> listChoices(const CasePlan& plan) {
 
 }  // namespace
 
-std::string calcSweepHash(const std::string& text, const std::vector<std::string>& overrides,
-                          const Experiment& experiment) {
-    Hash hash;
-    hash.add("viable", VIABLE_VERSION);
-    hash.add("experiment", text);
-    for (const std::string& assignment : overrides) hash.add("--set", assignment);
-    std::set<fs::path> robots, files;
+SweepFiles findSweepFiles(const Experiment& experiment) {
+    SweepFiles files;
     for (const CasePlan& plan : experiment.cases) {
-        robots.insert(plan.robot.folder);
-        for (const PluginChoice* choice : listChoices(plan))
+        for (const fs::directory_entry& entry : fs::directory_iterator(plan.robot.folder)) {
+            const std::string kind = entry.path().extension().string();
+            if (kind == ".urdf" || kind == ".yaml") files.data.insert(entry.path());
+        }
+        for (const PluginChoice* choice : listChoices(plan)) {
+            files.libraries.insert(choice->plugin.library);
             for (std::uint64_t i = 0; i < choice->plugin.entry->parameterCount; ++i) {
                 const ParameterSpec& spec = choice->plugin.entry->parameters[i];
                 if (spec.type != ParameterType::File) continue;
                 const ConfigNode* file = choice->parameters.resolved().find(spec.name);
-                if (file && fs::is_regular_file(file->text)) files.insert(file->text);
+                if (file && fs::is_regular_file(file->text)) files.data.insert(file->text);
             }
-    }
-    // Robots by name, so that a folder may stand elsewhere on another machine.
-    for (const fs::path& robot : robots) {
-        std::set<fs::path> own;
-        for (const fs::directory_entry& entry : fs::directory_iterator(robot)) {
-            const std::string kind = entry.path().extension().string();
-            if (kind == ".urdf" || kind == ".yaml") own.insert(entry.path());
         }
-        for (const fs::path& file : own) hash.add(file.filename().string(), readWhole(file));
     }
-    for (const fs::path& file : files) hash.add(file.filename().string(), readWhole(file));
+    return files;
+}
+
+std::string calcSweepHash(const std::string& text, const std::vector<std::string>& overrides,
+                          const SweepFiles& files) {
+    // By name and content: the same files may lie elsewhere on another machine.
+    std::set<std::pair<std::string, std::string>> contents;
+    for (const std::set<fs::path>* some : {&files.data, &files.libraries})
+        for (const fs::path& file : *some) {
+            const std::string name = file.filename().string();
+            Hash own;
+            own.add(name, readWhole(file));
+            contents.emplace(name, own.take());
+        }
+    Hash hash;
+    hash.add("viable", VIABLE_VERSION);
+    hash.add("experiment", text);
+    for (const std::string& assignment : overrides) hash.add("--set", assignment);
+    for (const auto& [name, content] : contents) hash.add(name, content);
     return hash.take();
 }
 

@@ -4,6 +4,7 @@
 
 #include "core/NumberText.h"
 #include "viable/core/Error.h"
+#include "viable/core/PrintableText.h"
 #include "viable/core/WholeFile.h"
 #include "viable/sweep/SweepStore.h"
 
@@ -47,21 +48,6 @@ std::string formatFigure(double value) {
     return text;
 }
 
-int getWeight(std::int64_t code) {
-    switch (code) {
-        case 0:
-            return 0;
-        case static_cast<int>(ErrorKind::PromiseBroken):
-            return 4;
-        case static_cast<int>(ErrorKind::PluginFailed):
-            return 3;
-        case static_cast<int>(ErrorKind::TrackingLost):
-            return 2;
-        default:
-            return 1;
-    }
-}
-
 }  // namespace
 
 void writeSweepCsv(const SweepStore& store) {
@@ -100,15 +86,16 @@ std::string formatSweepSummary(const SweepStore& store) {
         }
         if (how == getName(SweepStatus::Ok) || ++troubled > kListed) return;
         const std::string said = toText(row.values[message]);
-        troubles += "run " + std::to_string(row.run) + ", case " + row.caseName + ": " + how +
-                    (said.empty() ? "" : ": " + said) + "\n    " + toText(row.values[replay]) + "\n";
+        troubles += makePrintable("run " + std::to_string(row.run) + ", case " + row.caseName +
+                                  ": " + how + (said.empty() ? "" : ": " + said)) +
+                    "\n    " + makePrintable(toText(row.values[replay])) + "\n";
     });
     std::string text;
     for (const std::string& name : plan.cases) {
-        text += name + ":";
+        text += makePrintable(name) + ":";
         bool isFirst = true;
         for (const auto& [how, count] : counts[name]) {
-            text += (isFirst ? " " : ", ") + std::to_string(count) + " " + how;
+            text += (isFirst ? " " : ", ") + std::to_string(count) + " " + makePrintable(how);
             isFirst = false;
         }
         text += isFirst ? " no run\n" : "\n";
@@ -130,7 +117,7 @@ std::string formatSweepSummary(const SweepStore& store) {
                                       ? values[half].first
                                       : 0.5 * (values[half - 1].first + values[half].first);
             std::snprintf(line, sizeof line, "  %-38.80s %12s %12s %12s   %lld\n",
-                          plan.columns[column].name.c_str(),
+                          makePrintable(plan.columns[column].name).c_str(),
                           formatFigure(values.front().first).c_str(), formatFigure(median).c_str(),
                           formatFigure(max).c_str(), static_cast<long long>(run));
             text += line;
@@ -145,12 +132,12 @@ std::string formatSweepSummary(const SweepStore& store) {
 
 int findSweepExitCode(const SweepStore& store) {
     const std::size_t code = findColumn(store.plan(), "exit_code");
-    std::int64_t gravest = 0;
+    int gravest = 0;
     store.forEach([&](const SweepRow& row) {
         const auto* own = std::get_if<std::int64_t>(&row.values[code]);
-        if (own && getWeight(*own) > getWeight(gravest)) gravest = *own;
+        if (own && isGraver(static_cast<int>(*own), gravest)) gravest = static_cast<int>(*own);
     });
-    return static_cast<int>(gravest);
+    return gravest;
 }
 
 }  // namespace viable

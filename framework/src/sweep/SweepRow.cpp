@@ -151,6 +151,22 @@ const std::vector<JointColumn>& jointColumns() {
 
 constexpr char kDrawPrefix[] = "draw.";
 
+/** SQL knows no upper and lower case in the names of columns: A to Z are a to z. */
+void checkNames(const std::vector<SweepColumn>& columns) {
+    std::map<std::string, std::string> names;
+    for (const SweepColumn& column : columns) {
+        std::string small = column.name;
+        for (char& c : small)
+            if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+        const auto [known, isNew] = names.try_emplace(small, column.name);
+        if (!isNew)
+            throw badInput("viable sweep",
+                           "the columns `" + known->second + "` and `" + column.name +
+                               "` would have one name, as a table knows no upper and lower case",
+                           "Rename a joint, a case or whatever makes them alike.");
+    }
+}
+
 /** The unit that a key carries behind its last `_`; see the ends of the keys of experiment files. */
 std::string findUnit(std::string key) {
     static const std::pair<const char*, const char*> units[] = {
@@ -245,9 +261,10 @@ const char* getName(SweepStatus status) {
 }
 
 SweepStatus getSweepStatus(const CaseResult& result) {
+    const int code = result.exitCode();
+    if (code == static_cast<int>(ErrorKind::PromiseBroken)) return SweepStatus::PromiseBroken;
+    if (code == static_cast<int>(ErrorKind::TrackingLost)) return SweepStatus::Tripped;
     if (result.stopReason == StopReason::None) return SweepStatus::Ok;
-    if (result.stopReason == StopReason::PromiseBroken) return SweepStatus::PromiseBroken;
-    if (result.exitCode() == static_cast<int>(ErrorKind::TrackingLost)) return SweepStatus::Tripped;
     if (result.stopReason == StopReason::FilterEnded ||
         result.stopReason == StopReason::TicksMissed ||
         result.stopReason == StopReason::Requested)
@@ -275,6 +292,7 @@ std::vector<SweepColumn> makeSweepColumns(
         for (const JointColumn& column : jointColumns())
             columns.push_back({Kind::Result, "tracking." + joint + "." + column.name, column.unit,
                                joint + ": " + column.label, ""});
+    checkNames(columns);
     return columns;
 }
 

@@ -143,6 +143,24 @@ struct SweepStore::Impl {
         return empty;
     }
 
+    /** Run, case and the plan's columns. */
+    std::string listColumns(const std::string& prefix) const {
+        std::string list = prefix + "run, " + prefix + "case_name";
+        for (const SweepColumn& column : plan.columns) list += ", " + prefix + quoteName(column.name);
+        return list;
+    }
+
+    /** SELECT of the runs that have a row of each case. */
+    std::string selectWhole() const {
+        return "SELECT run FROM runs GROUP BY run HAVING count(*) = " +
+               std::to_string(plan.cases.size());
+    }
+
+    /** Throws where a column is missing. With `runs.`, as a quoted name alone that is none would be a text. */
+    void checkTable() const {
+        sqlite3_finalize(prepare("SELECT " + listColumns("runs.") + " FROM runs"));
+    }
+
     void create() {
         run("BEGIN IMMEDIATE");
         run("CREATE TABLE meta(key TEXT PRIMARY KEY, value TEXT)");
@@ -234,21 +252,33 @@ SweepStore::SweepStore(const fs::path& folder, const SweepPlan& plan)
         throw badInput(folder.string(), "this folder already holds something that is no sweep",
                        "Name a new or empty folder.");
     impl_->open(SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
-    impl_->run("PRAGMA journal_mode=WAL");
-    impl_->run("PRAGMA synchronous=NORMAL");
-    if (impl_->isEmpty()) {
-        impl_->create();
-    } else {
+    const bool isNew = impl_->isEmpty();
+    if (!isNew) {  // looked at before anything is written: it may be somebody else's
         impl_->plan = impl_->readPlan();
         checkSame(plan, "the command");
+        const std::string begun = std::to_string(impl_->plan.runs);
+        if (plan.runs < impl_->plan.runs)
+            throw badInput(folder.string(),
+                           "this sweep was begun with " + begun + " runs, and " +
+                               std::to_string(plan.runs) + " are asked for now",
+                           "--runs " + begun + " goes on with it; another --out begins anew.");
+        impl_->checkTable();
+    }
+    impl_->run("PRAGMA journal_mode=WAL");
+    impl_->run("PRAGMA synchronous=NORMAL");
+    if (isNew) {
+        impl_->create();
+    } else {
         if (plan.runs > impl_->plan.runs) {
             impl_->run("UPDATE meta SET value='" + std::to_string(plan.runs) + "' WHERE key='runs'");
             impl_->plan.runs = plan.runs;
         }
+        impl_->run("DELETE FROM runs WHERE run NOT IN (" + impl_->selectWhole() + ")");
     }
     std::string places = "?, ?";
     for (std::size_t i = 0; i < impl_->plan.columns.size(); ++i) places += ", ?";
-    impl_->insert = impl_->prepare("INSERT INTO runs VALUES(" + places + ")");
+    impl_->insert =
+        impl_->prepare("INSERT INTO runs(" + impl_->listColumns("") + ") VALUES(" + places + ")");
 }
 
 SweepStore::SweepStore(const fs::path& folder) : impl_(std::make_unique<Impl>()) {
@@ -259,6 +289,7 @@ SweepStore::SweepStore(const fs::path& folder) : impl_(std::make_unique<Impl>())
                        "Name the folder of a sweep.");
     impl_->open(SQLITE_OPEN_READWRITE);
     impl_->plan = impl_->readPlan();
+    impl_->checkTable();
 }
 
 SweepStore::~SweepStore() = default;
@@ -279,7 +310,8 @@ void SweepStore::checkSame(const SweepPlan& other, const fs::path& where) const 
                        "Name another folder with --out, or give the command of that sweep.");
     };
     if (own.fileHash != other.fileHash)
-        refuse("the experiment file, its overrides, a robot's folder, a data file or the program is another");
+        refuse("the experiment file, its overrides, a robot's folder, a data file, a plugin or the program is "
+               "another");
     if (own.seed != other.seed)
         refuse("its seed is " + std::to_string(own.seed) + ", not " + std::to_string(other.seed));
     if (own.cases != other.cases) refuse("its cases are " + dump(own.cases));
@@ -318,10 +350,23 @@ void SweepStore::add(const std::vector<SweepRow>& rows) {
 
 std::vector<std::int64_t> SweepStore::findRuns() const {
     std::vector<std::int64_t> runs;
-    sqlite3_stmt* statement = impl_->prepare("SELECT DISTINCT run FROM runs ORDER BY run");
-    while (sqlite3_step(statement) == SQLITE_ROW) runs.push_back(sqlite3_column_int64(statement, 0));
+    sqlite3_stmt* statement = impl_->prepare(impl_->selectWhole() + " ORDER BY run");
+    int code = SQLITE_OK;
+    while ((code = sqlite3_step(statement)) == SQLITE_ROW)
+        runs.push_back(sqlite3_column_int64(statement, 0));
     sqlite3_finalize(statement);
+    if (code != SQLITE_DONE) impl_->fail("cannot be read");
     return runs;
+}
+
+std::int64_t SweepStore::removeLost() {
+    VIABLE_CHECK(impl_->insert != nullptr, "the store was opened to read");
+    const std::string lost = std::string("('") + viable::getName(SweepStatus::Crashed) + "', '" +
+                             viable::getName(SweepStatus::TimedOut) + "')";
+    const std::size_t before = findRuns().size();
+    impl_->run("DELETE FROM runs WHERE run IN (SELECT run FROM runs WHERE runs.status IN " + lost +
+               ")");
+    return static_cast<std::int64_t>(before - findRuns().size());
 }
 
 void SweepStore::begin() const {
@@ -329,7 +374,8 @@ void SweepStore::begin() const {
     std::string order;
     for (std::size_t i = 0; i < impl_->plan.cases.size(); ++i)
         order += " WHEN ?" + std::to_string(i + 1) + " THEN " + std::to_string(i);
-    impl_->select = impl_->prepare("SELECT * FROM runs ORDER BY run, CASE case_name" + order + " END");
+    impl_->select = impl_->prepare("SELECT " + impl_->listColumns("runs.") +
+                                    " FROM runs ORDER BY run, CASE case_name" + order + " END");
     for (std::size_t i = 0; i < impl_->plan.cases.size(); ++i)
         Impl::bindText(impl_->select, static_cast<int>(i + 1), impl_->plan.cases[i]);
 }

@@ -124,6 +124,16 @@ TEST(Draws, IntegersAndChoicesAreEquallyLikely) {
         EXPECT_NEAR(words[word], kDraws / 4, 3.3 * std::sqrt(kDraws * 0.25 * 0.75)) << word;
 }
 
+TEST(Draws, ChoicesOfNumbersAreNumbersAndQuotesKeepCommas) {
+    const auto keys = listDraws(parse("x: ~choice(15, pi*5, 9007199254740993)\n"
+                                      "y: ~choice(\"a, (b\", 'c', don't, 2*pi)\n"));
+    EXPECT_EQ(keys[0].ends,
+              (std::vector<std::string>{"15", "15.707963267948966", "9007199254740993"}));
+    EXPECT_FALSE(keys[0].isOfWords);
+    EXPECT_EQ(keys[1].ends, (std::vector<std::string>{"a, (b", "c", "don't", "2*pi"}));
+    EXPECT_TRUE(keys[1].isOfWords);
+}
+
 // Ends of the whole range: 2^54 values, none of them lost.
 TEST(Draws, WholeNumbersMayBeLarge) {
     for (const double x : draw("~integer(-9007199254740992, 9007199254740992)", 100))

@@ -1,6 +1,7 @@
 #include "viable/sweep/SweepStore.h"
 
 #include <gtest/gtest.h>
+#include <sqlite3.h>
 
 #include <cmath>
 #include <fstream>
@@ -52,6 +53,14 @@ std::string readFile(const std::filesystem::path& file) {
     std::ostringstream text;
     text << stream.rdbuf();
     return text.str();
+}
+
+void execute(const std::filesystem::path& file, const std::string& sql) {
+    sqlite3* base = nullptr;
+    ASSERT_EQ(sqlite3_open(file.c_str(), &base), SQLITE_OK);
+    EXPECT_EQ(sqlite3_exec(base, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK)
+        << sqlite3_errmsg(base);
+    sqlite3_close(base);
 }
 
 std::string findComplaint(const std::function<void()>& action) {
@@ -117,7 +126,10 @@ TEST(SweepStore, TakesMoreRunsButNoOtherSweep) {
     plan.runs = 20;
     EXPECT_EQ(complain(), "");
     plan.runs = 5;
-    EXPECT_EQ(SweepStore(folder / "s", plan).plan().runs, 20);
+    EXPECT_NE(complain().find("begun with 20 runs, and 5 are asked for now. --runs 20 goes on"),
+              std::string::npos)
+        << complain();
+    EXPECT_EQ(SweepStore(folder / "s").plan().runs, 20);
     plan.fileHash = "abd";
     EXPECT_NE(complain().find("the experiment file, its overrides"), std::string::npos);
     plan = makePlan();
@@ -141,9 +153,105 @@ TEST(SweepStore, RefusesFoldersThatHoldSomethingElse) {
     EXPECT_NE(findComplaint([&] { SweepStore(folder / "a", makePlan()); }).find("no sweep"),
               std::string::npos);
     std::filesystem::create_directory(folder / "b");
-    folder.write("b/sweep.sqlite", "this is text, and long enough to look like a file's header");
-    EXPECT_NE(findComplaint([&] { SweepStore(folder / "b", makePlan()); }), "");
-    EXPECT_NE(findComplaint([&] { SweepStore(folder / "b"); }), "");
+    const std::string words = "this is text, and long enough to look like a file's header";
+    folder.write("b/sweep.sqlite", words);
+    std::filesystem::create_directory(folder / "c");
+    execute(folder / "c/sweep.sqlite", "CREATE TABLE meta(other); CREATE TABLE runs(x)");
+    const std::string foreign = readFile(folder / "c/sweep.sqlite");
+    for (const char* name : {"b", "c"}) {
+        const auto isBadInput = [&](const std::function<void()>& open) {
+            try {
+                open();
+            } catch (const Error& e) {
+                return e.kind() == ErrorKind::BadInput;
+            }
+            return false;
+        };
+        EXPECT_TRUE(isBadInput([&] { SweepStore(folder / name, makePlan()); })) << name;
+        EXPECT_TRUE(isBadInput([&] { const SweepStore store(folder / name); })) << name;
+    }
+    EXPECT_EQ(readFile(folder / "b/sweep.sqlite"), words);
+    EXPECT_EQ(readFile(folder / "c/sweep.sqlite"), foreign);
+}
+
+TEST(SweepStore, BearsATableEditedElsewhere) {
+    const Folder folder;
+    SweepStore(folder / "s", makePlan()).add({makeRow(1, "A"), makeRow(1, "B")});
+    const std::filesystem::path file = folder / "s/sweep.sqlite";
+    execute(file, "ALTER TABLE runs ADD COLUMN note TEXT DEFAULT 'mine'");
+    {
+        SweepStore store(folder / "s", makePlan());
+        store.add({makeRow(2, "A"), makeRow(2, "B")});
+        store.forEach([&](const SweepRow& row) {
+            EXPECT_EQ(row.values, makeRow(row.run, row.caseName).values);
+        });
+    }
+    execute(file, "ALTER TABLE runs DROP COLUMN worst");
+    for (const bool writes : {false, true}) {
+        try {
+            if (writes)
+                SweepStore(folder / "s", makePlan());
+            else
+                const SweepStore store(folder / "s");
+            ADD_FAILURE() << writes;
+        } catch (const Error& e) {
+            EXPECT_EQ(e.kind(), ErrorKind::BadInput);
+            EXPECT_NE(std::string(e.what()).find("worst"), std::string::npos) << e.what();
+        }
+    }
+}
+
+TEST(SweepStore, ARunWithoutAllItsCasesIsDoneAgain) {
+    const Folder folder;
+    {
+        SweepStore store(folder / "s", makePlan());
+        store.add({makeRow(1, "A"), makeRow(1, "B")});
+        store.add({makeRow(2, "A"), makeRow(2, "B")});
+    }
+    execute(folder / "s/sweep.sqlite", "DELETE FROM runs WHERE run = 1 AND case_name = 'B'");
+    EXPECT_EQ(SweepStore(folder / "s").findRuns(), (std::vector<std::int64_t>{2}));
+    SweepStore store(folder / "s", makePlan());
+    store.add({makeRow(1, "A"), makeRow(1, "B")});
+    EXPECT_EQ(store.findRuns(), (std::vector<std::int64_t>{1, 2}));
+}
+
+TEST(SweepStore, LostRunsCanBeRemoved) {
+    const Folder folder;
+    SweepStore store(folder / "s", makePlan());
+    const char* const ends[] = {"ok", "crashed", "timed_out", "failed", "tripped", "promise_broken"};
+    for (int run = 0; run < 6; ++run)
+        store.add({makeRow(run, "A"), makeRow(run, "B", 0.1, ends[run], run)});
+    EXPECT_EQ(store.removeLost(), 2);
+    EXPECT_EQ(store.findRuns(), (std::vector<std::int64_t>{0, 3, 4, 5}));
+}
+
+TEST(SweepColumns, ThatDifferInCaseOnlyAreRefused) {
+    const std::string told = findComplaint(
+        [] { makeSweepColumns({{"cases.A.gain", "uniform(0, 1)"}, {"cases.a.gain", "uniform(0, 1)"}}, {}); });
+    EXPECT_NE(told.find("`draw.cases.A.gain` and `draw.cases.a.gain`"), std::string::npos) << told;
+    EXPECT_NE(findComplaint([] { makeSweepColumns({}, {"Elbow", "elbow"}); }).find("tracking.elbow"),
+              std::string::npos);
+}
+
+TEST(SweepHash, IsOfNamesAndContentsWhereverTheyLie) {
+    const Folder folder;
+    std::filesystem::create_directory(folder / "z");
+    const auto hash = [&](const std::string& a, const std::string& b, const std::string& library) {
+        SweepFiles files;
+        files.data = {folder / a, folder / b};
+        files.libraries = {folder / library};
+        return calcSweepHash("x", {}, files);
+    };
+    for (const char* file : {"a.csv", "z/a.csv"}) folder.write(file, "1");
+    for (const char* file : {"b.csv", "z/b.csv"}) folder.write(file, "2");
+    for (const char* file : {"p.so", "z/p.so"}) folder.write(file, "code");
+    const std::string one = hash("a.csv", "b.csv", "p.so");
+    EXPECT_EQ(hash("z/a.csv", "b.csv", "p.so"), one);
+    EXPECT_EQ(hash("a.csv", "z/b.csv", "z/p.so"), one);
+    folder.write("z/p.so", "other code");
+    EXPECT_NE(hash("a.csv", "b.csv", "z/p.so"), one);
+    folder.write("z/b.csv", "3");
+    EXPECT_NE(hash("a.csv", "z/b.csv", "p.so"), one);
 }
 
 TEST(SweepStore, HasOneWriter) {
@@ -182,7 +290,7 @@ TEST(SweepSummary, CountsMediansAndTroubles) {
     store.add({makeRow(4, "A", 2.0, "tripped", 6), makeRow(4, "B")});
     EXPECT_EQ(findSweepExitCode(store), 6);
     store.add({makeRow(5, "A", 2.0, "crashed", 4), makeRow(5, "B")});
-    EXPECT_EQ(findSweepExitCode(store), 4);
+    EXPECT_EQ(findSweepExitCode(store), 6);
     store.add({makeRow(6, "A", 2.0, "promise_broken", 3), makeRow(6, "B")});
     EXPECT_EQ(findSweepExitCode(store), 3);
     store.add({makeRow(7, "A", 2.0, "failed", 2), makeRow(7, "B")});
@@ -201,6 +309,19 @@ TEST(SweepSummary, CountsMediansAndTroubles) {
     EXPECT_NE(text.find("4 not ok"), std::string::npos) << text;
     EXPECT_NE(text.find("run 5, case A: crashed: it said"), std::string::npos) << text;
     EXPECT_NE(text.find("    viable run x\n"), std::string::npos) << text;
+}
+
+TEST(SweepSummary, CommandsNoTerminal) {
+    const Folder folder;
+    SweepStore store(folder / "s", makePlan());
+    SweepRow row = makeRow(0, "A", 0.1, "fai\033led", 2);
+    row.values[2] = std::string("\033[2J and \xc2\x9b and \xc3\xa4");
+    row.values[3] = std::string("viable\007");
+    store.add({row, makeRow(0, "B")});
+    const std::string text = formatSweepSummary(store);
+    EXPECT_NE(text.find("case A: fai?led: ?[2J and ? and \xc3\xa4\n    viable?\n"), std::string::npos)
+        << text;
+    for (const char c : text) EXPECT_TRUE(c == '\n' || static_cast<unsigned char>(c) >= 0x20);
 }
 
 }  // namespace

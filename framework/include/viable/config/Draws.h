@@ -24,7 +24,7 @@ DrawIndex parseDrawIndex(const std::string& text, const std::string& where);
     ~log_uniform(a, b)          its logarithm evenly; 0 < a
     ~normal(mean, sd)           with an optional cut: ~normal(mean, sd, min, max)
     ~integer(a, b)              a whole number, both ends included
-    ~choice(a, b, ...)          one of them: numbers, words, true, false
+    ~choice(a, b, ...)          one of them: numbers, or as written: words, true, false; one with commas in quotes
 
 Numbers may be expressions of pi, as everywhere. Between brackets and braces the commas need quotes around it all. */
 struct DrawnKey {
@@ -32,6 +32,7 @@ struct DrawnKey {
     std::string distribution;  ///< as written, without the `~`
     std::string place;         ///< for messages
     std::vector<std::string> ends;  ///< values at the ends of its range, all of a choice; none: no ends
+    bool isOfWords = false;         ///< a choice of which not all are numbers
 };
 
 /** All of a tree, in its order. Throws Error (BadInput) for one that is not written as above, and for one at a key

@@ -102,6 +102,9 @@ std::string formatRanking(const std::vector<CaseResult>& results);
 /** What became of the limits, in one line. */
 std::string formatVerdict(const CaseResult& result);
 
+/** "the real arm passed its limits: position by 0.1 rad (joint2)"; empty unless isRealPromiseBroken(). */
+std::string formatRealBreach(const CaseResult& result);
+
 /** The whole account of one case in about ten lines. */
 std::string formatDetails(const CaseResult& result);
 

@@ -34,6 +34,7 @@ struct SweepRow {
 enum class SweepStatus { Ok, Tripped, Stopped, PromiseBroken, Crashed, TimedOut, Failed };
 /** "ok", "tripped", "stopped", "promise_broken", "crashed", "timed_out", "failed". */
 const char* getName(SweepStatus status);
+/** Ok only where `viable run` ends with 0. */
 SweepStatus getSweepStatus(const CaseResult& result);
 
 /** What can be said of a case's end besides its figures. */
@@ -44,7 +45,8 @@ struct SweepEnd {
     double wall_s = 0.0;
 };
 
-/** All columns: the status ones first, then a column per draw, then the results.
+/** All columns: the status ones first, then a column per draw, then the results. Throws Error (BadInput) for names
+that differ in upper and lower case only.
 @param drawKeys  key path and distribution
 @param joints    of the robots of all cases */
 std::vector<SweepColumn> makeSweepColumns(

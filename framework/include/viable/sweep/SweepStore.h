@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -22,12 +23,24 @@ struct SweepPlan {
     std::vector<SweepColumn> columns;
 };
 
-/** SHA-256 over what decides the figures of a sweep besides seed and run: the file's text, the overrides, the files
-of the robots' folders, the data files that the plugins of `experiment` read, and the program's version. As hexadecimal digits.
-Throws Error (BadInput) where a file cannot be read.
-@param experiment  any run of it */
+/** The files besides its own that an experiment's figures depend on. */
+struct SweepFiles {
+    std::set<std::filesystem::path> data;       ///< *.urdf and *.yaml of the robots' folders, and what plugins read
+    std::set<std::filesystem::path> libraries;  ///< of the plugins
+
+    void add(const SweepFiles& other) {
+        data.insert(other.data.begin(), other.data.end());
+        libraries.insert(other.libraries.begin(), other.libraries.end());
+    }
+};
+SweepFiles findSweepFiles(const Experiment& experiment);
+
+/** SHA-256 over what decides the figures of a sweep besides seed and run: the file's text, the overrides, names and
+contents of `files`, wherever they lie, and the program's version. As hexadecimal digits. A robot's meshes are not in
+it: they decide no figure. Throws Error (BadInput) where a file cannot be read.
+@param files  of all that the draws may choose */
 std::string calcSweepHash(const std::string& text, const std::vector<std::string>& overrides,
-                          const Experiment& experiment);
+                          const SweepFiles& files);
 
 /** The results of a sweep: one SQLite file (write-ahead log) with a table `runs`, a row per run and case, and a table
 `meta` of texts: schema, title, file, experiment, file_hash, seed, runs, cases, joints, columns (the last three JSON). A run's
@@ -35,8 +48,8 @@ rows are added in one transaction, so a killed program loses no run that was add
 takes a lock on the folder. All functions throw Error (LogNotWritten; BadInput for a file that is no such store). */
 class SweepStore {
 public:
-    /** Opens DIR/sweep.sqlite, made if need be with its folder. One that is there must hold the same sweep; its number of
-    runs may differ and becomes the larger one. */
+    /** Opens DIR/sweep.sqlite, made if need be with its folder. One that is there must hold the same sweep, of no more runs
+    than now; a run in it of which a case is missing is removed. What is refused stays as it is. */
     SweepStore(const std::filesystem::path& folder, const SweepPlan& plan);
     /** Opens one that is there, to read. */
     explicit SweepStore(const std::filesystem::path& folder);
@@ -52,8 +65,10 @@ public:
 
     /** The rows of one run, all cases, at once. A row that is there already is an error. */
     void add(const std::vector<SweepRow>& rows);
-    /** Sorted numbers of the runs that are there. */
+    /** Sorted numbers of the runs that are there with all their cases. */
     std::vector<std::int64_t> findRuns() const;
+    /** Removes the runs of which a case crashed or took too long, so that they can be done again. Returns how many. */
+    std::int64_t removeLost();
     /** Calls `visit` with each row, sorted by run and case (in the plan's order). */
     template <class Visit>
     void forEach(const Visit& visit) const {
@@ -80,7 +95,7 @@ void writeSweepCsv(const SweepStore& store);
 belongs to, and how to replay the first runs that are not ok. */
 std::string formatSweepSummary(const SweepStore& store);
 
-/** The gravest exit code of all rows: 3 (promise) before 4 (plugin) before 6 (tracking) before the others; 0: all ok. */
+/** The gravest exit code of all rows, see isGraver(); 0: all ok. */
 int findSweepExitCode(const SweepStore& store);
 
 }  // namespace viable
