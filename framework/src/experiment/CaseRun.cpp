@@ -485,7 +485,7 @@ CaseResult::CaseResult(const CasePlan& plan)
 }
 
 bool CaseResult::isRealPromiseBroken() const {
-    return holdsOnReal && promises && !summary.trip() && summary.anyRealLimitBroken();
+    return holdsOnReal && promises && summary.anyRealLimitBroken();
 }
 
 bool isGraver(int a, int b) {

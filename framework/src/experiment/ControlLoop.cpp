@@ -9,6 +9,7 @@
 
 #include "experiment/FarthestJoint.h"
 #include "viable/core/Error.h"
+#include "viable/experiment/Summary.h"
 
 namespace viable {
 
@@ -99,6 +100,19 @@ constexpr char kOnLostTracking[] =
     "Look what acted on the arm then: a push, a payload, a sensor that failed. What belongs to the task "
     "belongs into `disturbance_set`, which widens the bound.";
 
+constexpr char kOnLeftLimits[] =
+    "The bound holds while the nominal arm keeps the limits: use a filter that promises them, such as "
+    "certified_braking.";
+
+bool areWithin(const JointBounds& bounds, const JointVector& values) {
+    for (Eigen::Index i = 0; i < values.size(); ++i) {
+        const double lower = bounds.lower[i], upper = bounds.upper[i];
+        const double tolerance = kOutsideShare * calcLimitScale(lower, upper);
+        if (!(values[i] >= lower - tolerance && values[i] <= upper + tolerance)) return false;
+    }
+    return true;
+}
+
 /** Why the arm is braked when a plugin of the kind fails. */
 StopReason getReason(PluginKind kind) {
     switch (kind) {
@@ -174,7 +188,7 @@ void ControlLoop::reset() {
     isBelieved_.fill(true);
     hasTorque_ = false;
     missingCommands_ = missingTorques_ = missingExternalTorques_ = 0;
-    isTrackingLost_ = isIntegralHeld_ = false;
+    isTrackingLost_ = isIntegralHeld_ = hasLeftLimits_ = false;
     externalTorque_.setZero(options_.feedsExternalTorque ? n_ : 0);
     substituted_ = 0;
     stopReason_ = StopReason::None;
@@ -299,6 +313,7 @@ void ControlLoop::readExternalTorque() {
 /** Brakes an arm that does not follow, and keeps the robust loop from pressing it harder and harder. */
 void ControlLoop::checkTracking() {
     if (!options_.bound || isTrackingLost_ || ended_) return;
+    watchNominal();
     const JointVector error = real_.q - nominal_.q;
     const int i = detail::findFarthestBeyond(error, options_.bound->measured);
     if (i < 0) return;
@@ -306,12 +321,29 @@ void ControlLoop::checkTracking() {
     const JointDescription& joint = setup_.robot.joints[static_cast<std::size_t>(i)];
     const char* const unit = joint.type == JointType::Prismatic ? "m" : "rad";
     char message[sizeof stopMessage_];
+    char cause[160] =
+        "what acts on the arm, or the sensor's error, has left the stated disturbance set";
+    if (hasLeftLimits_)
+        std::snprintf(cause, sizeof cause,
+                      "the nominal arm had left the limits that the bound is for, first at %.4f s",
+                      leftLimits_s_);
     std::snprintf(message, sizeof message,
-                  "%.60s was measured %.4g %s from its nominal place, beyond its bound of %.4g %s: what "
-                  "acts on the arm, or the sensor's error, has left the stated disturbance set",
-                  joint.name.c_str(), std::abs(error[i]), unit, options_.bound->measured[i], unit);
-    beginStop(StopReason::TrackingLost, message, kOnLostTracking);
+                  "%.60s was measured %.4g %s from its nominal place, beyond its bound of %.4g %s: %s",
+                  joint.name.c_str(), std::abs(error[i]), unit, options_.bound->measured[i], unit,
+                  cause);
+    beginStop(StopReason::TrackingLost, message, hasLeftLimits_ ? kOnLeftLimits : kOnLostTracking);
     holdIntegral();
+}
+
+/** Beyond the limits that it is for the bound says nothing, and a trip nothing of the disturbances. */
+void ControlLoop::watchNominal() {
+    if (hasLeftLimits_) return;
+    const JointLimits& limits = setup_.limits;
+    hasLeftLimits_ = !areWithin(limits.position, nominal_.q) ||
+                     !areWithin(limits.velocity, nominal_.qd) ||
+                     !areWithin(limits.acceleration, nominal_.qdd) ||
+                     !areWithin(limits.jerk, decision_.jerk);  // none before the first tick
+    leftLimits_s_ = time();
 }
 
 void ControlLoop::holdIntegral() {
@@ -353,7 +385,7 @@ void ControlLoop::judgeReading(const JointVector& before) {
     }
 }
 
-/** Widens what counts as a motion by the velocity limits in force. */
+/** Widens what counts as a motion by the velocity limits in force; see kJumpSpeeds. */
 void ControlLoop::widenJumps() {
     for (int i = 0; i < n_; ++i) {
         const double speed = std::max({-limits_.velocity.lower[i], limits_.velocity.upper[i],
@@ -362,8 +394,13 @@ void ControlLoop::widenJumps() {
         const bool slides =
             setup_.robot.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic;
         const double count = counts > 0.0 ? (slides ? 1.0 : 2.0 * kPi) / counts : 0.0;
-        largestJump_[i] = std::max(largestJump_[i],
-                                   kJumpSpeeds * speed * setup_.tick_s + kJumpCounts * count);
+        double noMotion = kJumpSpeeds * speed * setup_.tick_s + kJumpCounts * count;
+        if (const TrackingBound* bound = options_.bound)
+            noMotion = std::max(noMotion, (speed + bound->velocity[i]) * setup_.tick_s +
+                                              2.0 * (bound->measured[i] - bound->position[i]));
+        else
+            noMotion = std::max(noMotion, slides ? kLeastJump_m : kLeastJumpTurns * 2.0 * kPi);
+        largestJump_[i] = std::max(largestJump_[i], noMotion);
     }
 }
 

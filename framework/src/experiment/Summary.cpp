@@ -60,6 +60,7 @@ Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool h
         boundShare_[k].setZero(static_cast<int>(jointNames_.size()));
     }
     motors_.resize(jointNames_.size());
+    peaks_.resize(jointNames_.size());
     acting_.resize(jointNames_.size());
     rests_.assign(jointNames_.size(), {kNan, kNan, 0.0});
     squaredError_.setZero(static_cast<int>(jointNames_.size()));
@@ -206,22 +207,42 @@ void Summary::addReal(const TickRecord& record) {
         check(realStop_[0], LimitKind::Position, limits.position, q, record.time_s);
         check(realStop_[1], LimitKind::Velocity, limits.velocity, qd, record.time_s);
     }
-    for (Eigen::Index i = 0; i < reference_.torqueLimit.size(); ++i) {
-        const double use = std::abs(record.motorTorque[i]) / reference_.torqueLimit[i];
-        MotorRecord& motor = motors_[static_cast<std::size_t>(i)];
-        if (use > motor.worstUse) {
-            motor.worstUse = use;
-            motor.worstTime_s = record.time_s;
-        }
-        if (use >= 1.0 - kOutsideShare) ++motor.ticksSaturated;
-    }
+    for (int i = 0; i < reference_.torqueLimit.size(); ++i) addMotor(i, record);
     if (record.externalTorque.hasNaN()) ++externalTorqueMissing_;
 }
 
+/** The limit of a weaker motor is not known here. It shows as a torque that comes again to the last digit while more is
+asked for; a delay between asking and giving, which is not known either, moves a peak but does not cut it. */
+void Summary::addMotor(int i, const TickRecord& record) {
+    const auto at = static_cast<std::size_t>(i);
+    const double given = std::abs(record.motorTorque[i]);
+    double asked = record.filterTorque[i] + record.robustTorque[i];
+    if (record.externalTorque.size() > 0) asked -= record.externalTorque[i];
+    MotorRecord& motor = motors_[at];
+    const double use = given / reference_.torqueLimit[i];
+    if (use > motor.worstUse) {
+        motor.worstUse = use;
+        motor.worstTime_s = record.time_s;
+    }
+    Peak& peak = peaks_[at];
+    peak.asked = std::max(peak.asked, std::abs(asked));
+    if (given > peak.given * (1.0 + kOutsideShare)) {
+        peak.given = given;
+        peak.ticks = 0;
+    }
+    const bool isAtPeak = given >= peak.given * (1.0 - kOutsideShare);
+    if (isAtPeak) ++peak.ticks;
+    if (use >= 1.0 - kOutsideShare) ++peak.ticksAtLimit;
+    if (peak.ticksAtLimit > 0)
+        motor.ticksSaturated = peak.ticksAtLimit;
+    else if (isAtPeak)
+        motor.ticksSaturated = peak.asked > peak.given * (1.0 + kOutsideShare) ? peak.ticks : 0;
+}
+
 bool Summary::anyRealLimitBroken() const {
-    for (const std::vector<LimitRecord>& records : real_)
-        for (const LimitRecord& record : records)
-            if (record.ticksOutside > 0) return true;
+    for (std::size_t k = 0; k < real_.size(); ++k)
+        for (std::size_t i = 0; i < real_[k].size(); ++i)
+            if (real_[k][i].ticksOutside > realStop_[k][i].ticksOutside) return true;
     return false;
 }
 

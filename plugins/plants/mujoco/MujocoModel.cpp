@@ -5,6 +5,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <fstream>
+#include <mutex>
 #include <sstream>
 #include <stdexcept>
 
@@ -112,8 +113,11 @@ std::string findUrdf(const RobotDescription& robot) {
 
 MujocoModel::MujocoModel(const std::string& urdf, const std::string& source)
     : urdf_(urdf), source_(source) {
-    mju_user_error = throwError;
-    mju_user_warning = dropWarning;
+    static std::once_flag areHandlersSet;  // they are the process's, and cases run side by side
+    std::call_once(areHandlersSet, [] {
+        mju_user_error = throwError;
+        mju_user_warning = dropWarning;
+    });
 
     std::string xml = urdf;
     removeComments(xml);

@@ -274,7 +274,7 @@ TEST(RealArm, VelocityAndMotorsAreMeasuredInTheSummary) {
     r.limits = limits;
     r.nominal = {JointVector::Zero(1), JointVector::Zero(1), JointVector::Zero(1), JointVector::Zero(1)};
     r.real = r.actual = {JointVector::Zero(1), JointVector::Zero(1)};
-    r.removedTorque.setZero(1);
+    r.removedTorque = r.filterTorque = r.robustTorque = JointVector::Zero(1);
     for (const double torque : {10.0, -40.0, 40.0, 39.9}) {
         r.motorTorque.setConstant(1, torque);
         r.actual.qd.setConstant(1, 0.06 * torque);
@@ -290,6 +290,111 @@ TEST(RealArm, VelocityAndMotorsAreMeasuredInTheSummary) {
     EXPECT_NEAR(velocity.worstUse, 1.2, 1e-12);
     EXPECT_TRUE(s.anyRealLimitBroken());
     EXPECT_FALSE(s.anyLimitBroken());
+}
+
+/** Ticks in which a motor of 40 Nm counts as saturated: `asked` arrives `delay` ticks later, cut to `limit`. */
+std::int64_t countSaturated(const std::vector<double>& asked, double limit, std::size_t delay) {
+    RealArmReference reference;
+    reference.torqueLimit = JointVector::Constant(1, 40.0);
+    Summary s({"a"}, JointLimits::unlimited(1), true, reference);
+    TickRecord r;
+    r.limits = JointLimits::unlimited(1);
+    r.nominal = {JointVector::Zero(1), JointVector::Zero(1), JointVector::Zero(1), JointVector::Zero(1)};
+    r.real = r.actual = {JointVector::Zero(1), JointVector::Zero(1)};
+    r.removedTorque.setZero(1);
+    r.externalTorque = JointVector::Constant(1, 3.0);
+    r.filterTorque = JointVector::Constant(1, 1.5);
+    for (std::size_t k = 0; k < asked.size(); ++k) {
+        r.robustTorque = JointVector::Constant(1, asked[k] - 1.5 + 3.0);
+        const double arriving = asked[k < delay ? 0 : k - delay];
+        r.motorTorque = JointVector::Constant(1, std::max(-limit, std::min(arriving, limit)));
+        s.add(r);
+        r.time_s += 0.001;
+    }
+    return s.motor(0).ticksSaturated;
+}
+
+TEST(RealArm, AMotorThatIsWeakerThanItsFigureCountsAsSaturatedToo) {
+    const std::vector<double> asked = {0, 1, 5, 9, 6, 2, -3, -7, -4, -1, 0, 0};
+    for (const std::size_t delay : {0, 2}) {
+        EXPECT_EQ(countSaturated(asked, 2.0, delay), 7);  // 5 9 6 2, -3 -7 -4
+        EXPECT_EQ(countSaturated(asked, 6.5, delay), 2);  // 9, -7
+        EXPECT_EQ(countSaturated(asked, 9.5, delay), 0);
+    }
+    EXPECT_EQ(countSaturated({0, 1, 39, 39, 10}, 40.0, 1), 0);
+    EXPECT_EQ(countSaturated({0, 1, 40, 41, 10}, 40.0, 0), 2);
+    EXPECT_EQ(countSaturated({0, 1, 2}, 0.0, 0), 3);
+}
+
+TEST(RealPromise, ALimitThatWasPassedBeforeATripIsNotForgotten) {
+    for (const double beyond_s : {0.002, 0.005}) {
+        RealArmReference reference;
+        reference.limits = JointLimits::unlimited(1);
+        reference.limits->position = {JointVector::Constant(1, -1.0), JointVector::Constant(1, 1.0)};
+        reference.bound = makeBound(1, 0.1);
+        Summary s({"a"}, JointLimits::unlimited(1), true, reference);
+        TickRecord r;
+        r.limits = JointLimits::unlimited(1);
+        r.nominal = {JointVector::Ones(1), JointVector::Zero(1), JointVector::Zero(1), JointVector::Zero(1)};
+        r.removedTorque.setZero(1);
+        for (int k = 0; k < 10; ++k, r.time_s = 0.001 * k) {
+            r.real = {JointVector::Constant(1, k < 5 ? 1.0 : 1.2), JointVector::Zero(1)};
+            r.actual = {JointVector::Constant(1, k < 1e3 * beyond_s - 0.5 ? 1.0 : 1.01), JointVector::Zero(1)};
+            s.add(r);
+        }
+        ASSERT_TRUE(s.trip());
+        EXPECT_NEAR(s.trip()->time_s, 0.005, 1e-12);
+        const bool isBroken = beyond_s < 0.005;
+        EXPECT_EQ(s.anyRealLimitBroken(), isBroken);
+        Experiment e = readBounded(with({}), 0.1);
+        CaseResult result(e.cases.front());
+        result.holdsOnReal = result.promises = true;
+        result.stopReason = StopReason::TrackingLost;
+        result.summary = s;
+        EXPECT_EQ(result.isRealPromiseBroken(), isBroken);
+        EXPECT_EQ(result.exitCode(), isBroken ? 3 : 6);
+    }
+}
+
+// Noise within the disturbance set, and any up to a thousandth of a turn without one, is no jump.
+TEST(RealArm, AReadingWithinTheStatedErrorIsNoJump) {
+    const std::vector<std::string> slow = with({"limits.velocity_radps=0.005", "real_plant.offset_rad=0.002",
+                                                "real_plant.offset_at_s=0.7"});
+    const auto run = [](const Experiment& e) {
+        HeardCase c(e);
+        TickRecord record;
+        for (int k = 0; k < 720; ++k) c.loop->tick(record);
+        return c.loop->stopReason();
+    };
+    EXPECT_EQ(run(readTestExperiment(kTeleoperation, slow)), StopReason::None);
+    std::vector<std::string> larger = slow;
+    larger.push_back("real_plant.offset_rad=0.01");
+    EXPECT_EQ(run(readTestExperiment(kTeleoperation, larger)), StopReason::SensorFailed);
+    for (const double readingError : {0.0009, 0.0011}) {
+        Experiment e = readBounded(slow, 0.01);
+        e.cases.front().bound->velocity.setZero();
+        e.cases.front().bound->position.array() -= readingError;
+        EXPECT_EQ(run(e), readingError < 0.001 ? StopReason::SensorFailed : StopReason::None);
+    }
+    // A bound on the velocity that no limit knows: 4 rad/s for a tick.
+    Experiment e = readBounded(slow, 0.01);
+    e.cases.front().bound->velocity.setConstant(4.0);
+    EXPECT_EQ(run(e), StopReason::None);
+}
+
+TEST(Trip, OfANominalArmBeyondItsLimitsDoesNotBlameTheDisturbances) {
+    Experiment e = readBounded({"filter={plugin: pass_through}", "real_plant={plugin: pushed}",
+                                "limits.velocity_radps=0.005", "real_plant.offset_rad=0.02",
+                                "real_plant.offset_at_s=1.5"},
+                               0.01);
+    e.cases.front().bound->velocity.setConstant(100.0);
+    const CaseResult result = runCase(e.cases[0], {});
+    EXPECT_EQ(result.exitCode(), 6);
+    EXPECT_TRUE(result.summary.anyLimitBroken());
+    expectContains(result.stopMessage, {"from its nominal place, beyond its bound of 0.01 rad: the nominal arm had "
+                                        "left the limits that the bound is for, first at 0."});
+    EXPECT_EQ(result.stopMessage.find("disturbance set"), std::string::npos) << result.stopMessage;
+    expectContains(result.stopRemedy, {"certified_braking"});
 }
 
 // One-sample spike, wrap and swap all begin with a jump: nothing of it reaches the motors.

@@ -76,7 +76,7 @@ struct CaseResult {
     std::string logError;  ///< empty: every row was written
     std::int64_t logRows = 0;
 
-    /** The promise on the real arm was broken: it passed a limit, and nothing had tripped. */
+    /** The promise on the real arm was broken: it passed a limit before anything had tripped. */
     bool isRealPromiseBroken() const;
     /** 0, or the ErrorKind's number: broken promise before lost tracking before failed plugin before lost
     log. */

@@ -54,8 +54,13 @@ inline constexpr int kMaxSubstitutedTicks = 10;
 inline constexpr int kMaxMissedTicks = 1000;
 
 /** A measured position that changes in a tick by more than so many times what the joint's velocity limit allows, and
-by so many encoder counts on top, is no motion. */
+by so many encoder counts on top, is no motion. With a tracking bound what its disturbance set allows is no jump either:
+(velocity limit + bound.velocity) tick, and the error of both readings, 2 (bound.measured - bound.position). Without one
+the noise of the readings is unknown, so that a change up to kLeastJumpTurns (a tenth of a percent of a turn, 6.3 mrad)
+or kLeastJump_m is taken as noise: far beyond that of working encoders, far below a wrap, a lost index or a swapped
+channel. */
 inline constexpr double kJumpSpeeds = 10.0, kJumpCounts = 8.0;
+inline constexpr double kLeastJumpTurns = 1e-3, kLeastJump_m = 1e-3;
 
 /** What a loop with a real arm does besides making it follow. */
 struct RealArmOptions {
@@ -131,6 +136,7 @@ private:
     void readState();
     void readExternalTorque();
     void checkTracking();
+    void watchNominal();
     void holdIntegral();
     void judgeReading(const JointVector& before);
     void widenJumps();
@@ -181,6 +187,8 @@ private:
     JointState believed_;      // what the robust loop gets of real_
     std::array<bool, kMaxJoints> isBelieved_{};
     bool isTrackingLost_ = false, isIntegralHeld_ = false;
+    bool hasLeftLimits_ = false;  // the nominal arm, those that the bound is for
+    double leftLimits_s_ = 0.0;   // when first
     std::int64_t substituted_ = 0;
     int missedInRow_ = 0;  // the filter has not been told of them yet
 

@@ -78,10 +78,12 @@ struct TrackingTrip {
     double bound = 0.0;  ///< [rad]
 };
 
-/** How one motor was used. */
+/** How one motor was used. Its torque is that of the motor after its limit, without ripple. */
 struct MotorRecord {
-    double worstUse = 0.0;     ///< largest share of its torque limit
+    double worstUse = 0.0;     ///< largest share of the robot's torque limit
     double worstTime_s = 0.0;  ///< when
+    /** Ticks at the robot's limit or beyond. For a weaker motor, those at the largest torque that it ever gave, when
+    more was asked of it by the last of them: so it counts whatever its limit, and late commands do not. */
     std::int64_t ticksSaturated = 0;
 };
 
@@ -158,7 +160,8 @@ public:
     const std::vector<LimitRecord>& realStop(LimitKind kind) const {
         return realStop_[findReal(kind)];
     }
-    /** The real arm passed a position or velocity limit, while the nominal one was not being led back. */
+    /** The real arm passed a position or velocity limit before it tripped, if it did at all, and while the nominal
+    one was not being led back. */
     bool anyRealLimitBroken() const;
     /** Largest share of the tracking bound that actual - nominal position or velocity used; 0 without a bound. */
     double boundShare(LimitKind kind, int joint) const { return boundShare_[findReal(kind)][joint]; }
@@ -187,6 +190,7 @@ private:
     void addCommand(int joint, const TickRecord& record);
     void addRest(int joint, const TickRecord& record);
     void addReal(const TickRecord& record);
+    void addMotor(int joint, const TickRecord& record);
     static std::size_t findReal(LimitKind kind) { return kind == LimitKind::Position ? 0 : 1; }
 
     std::vector<std::string> jointNames_;
@@ -198,6 +202,13 @@ private:
     std::array<JointVector, 2> boundShare_;                    // likewise
     std::optional<TrackingTrip> trip_;
     std::vector<MotorRecord> motors_;
+    /** Of one motor, magnitudes [Nm]: the largest torque given, and its ticks; the largest asked for; ticks at the
+    robot's limit. */
+    struct Peak {
+        double given = 0.0, asked = 0.0;
+        std::int64_t ticks = 0, ticksAtLimit = 0;
+    };
+    std::vector<Peak> peaks_;
     double realEndSpeed_ = 0.0;
     std::int64_t externalTorqueMissing_ = 0;
     std::array<std::int64_t, 8> statusTicks_{};  // by FilterStatus

@@ -8,9 +8,9 @@ namespace viable {
 class RobustLoop : public Plugin {
 public:
     /** The torque tau_a [Nm] added to the filter's. `real` is the measured state, `nominal` the
-    nominal arm at the same instant, `filterTorque` is tau_c (the motors' limits are in
-    setup.robot.actuation). On Ok, `torque` has one finite entry per joint; otherwise the host
-    applies zero. */
+    nominal arm at the same instant. `filterTorque` is the motors' share of what moves the nominal arm: tau_c, and
+    tau_c - tau_ext where an external torque is fed to it (the motors' limits are in setup.robot.actuation). On Ok,
+    `torque` has one finite entry per joint; otherwise the host applies zero. */
     virtual TickStatus compute(const JointState& real, const MotionState& nominal,
                                const JointVector& filterTorque, JointVector& torque) = 0;
 
