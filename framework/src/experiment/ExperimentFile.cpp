@@ -262,6 +262,9 @@ public:
         plan.limits = plan.robot.limits;
         if (limits) {
             refuseMissingUnit(*limits, getNames(detail::limitKeys()));
+            ConfigMap known(*limits);
+            for (const detail::ExperimentKey& key : detail::limitKeys()) known.find(key.spec.name);
+            known.finish();
             ConfigNode quantities = *limits;  // a robot's own limits have no hold_on
             if (const ConfigNode* held = limits->find("hold_on")) {
                 plan.holdsOnReal = toChoice(*held, {"nominal", "real"}) == "real";

@@ -368,7 +368,7 @@ TEST(RealArm, AReadingWithinTheStatedErrorIsNoJump) {
     };
     EXPECT_EQ(run(readTestExperiment(kTeleoperation, slow)), StopReason::None);
     std::vector<std::string> larger = slow;
-    larger.push_back("real_plant.offset_rad=0.01");
+    larger.push_back("real_plant.offset_rad=3.0");
     EXPECT_EQ(run(readTestExperiment(kTeleoperation, larger)), StopReason::SensorFailed);
     for (const double readingError : {0.0009, 0.0011}) {
         Experiment e = readBounded(slow, 0.01);

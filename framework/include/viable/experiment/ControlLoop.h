@@ -56,11 +56,10 @@ inline constexpr int kMaxMissedTicks = 1000;
 /** A measured position that changes in a tick by more than so many times what the joint's velocity limit allows, and
 by so many encoder counts on top, is no motion. With a tracking bound what its disturbance set allows is no jump either:
 (velocity limit + bound.velocity) tick, and the error of both readings, 2 (bound.measured - bound.position). Without one
-the noise of the readings is unknown, so that a change up to kLeastJumpTurns (a tenth of a percent of a turn, 6.3 mrad)
-or kLeastJump_m is taken as noise: far beyond that of working encoders, far below a wrap, a lost index or a swapped
-channel. */
+nothing is known of the real arm, which may be falling or swinging up: a change up to kLeastJumpTurns or kLeastJump_m is
+taken as it is. That is thousands of rad/s at 1 kHz, and below a wrap by a turn. */
 inline constexpr double kJumpSpeeds = 10.0, kJumpCounts = 8.0;
-inline constexpr double kLeastJumpTurns = 1e-3, kLeastJump_m = 1e-3;
+inline constexpr double kLeastJumpTurns = 0.45, kLeastJump_m = 1.0;
 
 /** What a loop with a real arm does besides making it follow. */
 struct RealArmOptions {
