@@ -185,6 +185,7 @@ TEST(PluginLoader, ListsWhatIsThereAndSaysWhatWasRefused) {
                                                "filter create_throws_int",
                                                "filter hangs",
                                                "filter liar",
+                                               "filter misbehaves",
                                                "filter nan_output",
                                                "filter null_create",
                                                "filter overflows_stack",
@@ -201,7 +202,8 @@ TEST(PluginLoader, ListsWhatIsThereAndSaysWhatWasRefused) {
                                                "filter throws_when_asked",
                                                "filter wrong_size",
                                                "robust_loop throwing_robust",
-                                               "plant failing_plant"};
+                                               "plant failing_plant",
+                                               "plant pushed"};
     EXPECT_EQ(names, expected);
 
     std::map<std::string, std::string> reasons;
