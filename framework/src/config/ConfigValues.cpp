@@ -76,7 +76,7 @@ private:
             throw NoNumber{quoteText(text_.substr(at_)) + " is not expected here", remedy};
         }
         const bool followsValue = at_ > 0 && valueEnd_ > 0 && isOnlyBlanks(valueEnd_, at_);
-        const bool isGlued = valueEnd_ == at_;
+        const bool isGlued = valueEnd_ > 0 && valueEnd_ == at_;
         const std::string rest = text_.substr(at_);
         const std::string word = readWord();
         if (isGlued && word[0] == '_') {

@@ -206,12 +206,6 @@ std::vector<JointVector> samplePoses(const JointLimits& limits, int count) {
     return poses;
 }
 
-TorqueRange& TorqueRange::operator+=(const TorqueRange& other) {
-    lower += other.lower;
-    upper += other.upper;
-    return *this;
-}
-
 ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& limits,
                             const MotionSize& motion, const DisturbanceSet& set) {
     const int n = robot.size();
@@ -245,10 +239,8 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
             loaded.push_back(std::make_unique<Arm>(withPayload(robot, set.payload_kg, place)));
     for (const Eigen::Vector3d& place : places)
         arms.push_back(std::make_unique<Arm>(makeReal(robot, set, 1.0, place)));
-    std::unique_ptr<Arm> light;
     if (set.payload_kg > 0.0 || error.maxCoeff() > 0.0)
-        light = std::make_unique<Arm>(makeReal(robot, set, -1.0, places.front()));
-    if (light) arms.push_back(std::move(light));
+        arms.push_back(std::make_unique<Arm>(makeReal(robot, set, -1.0, places.front())));
     arms.push_back(std::make_unique<Arm>(robot));
     std::vector<MatrixXd> least(arms.size(), MatrixXd::Constant(n, n, INFINITY));
     std::vector<MatrixXd> greatest(arms.size(), MatrixXd::Constant(n, n, -INFINITY));

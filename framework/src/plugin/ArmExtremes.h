@@ -17,7 +17,6 @@ struct TorqueRange {
     JointVector lower, upper;
 
     static TorqueRange within(const JointVector& size) { return {-size, size}; }
-    TorqueRange& operator+=(const TorqueRange& other);
     JointVector calcLargest() const { return lower.cwiseAbs().cwiseMax(upper.cwiseAbs()); }
 };
 

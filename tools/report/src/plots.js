@@ -6,6 +6,7 @@ import { duration, number, powers, tick } from './format.js';
 import { listenToGestures } from './gestures.js';
 import { CanvasPainter, font } from './painter.js';
 import { anyHas, bandOf, quantitiesOf } from './quantities.js';
+import { schedule, unschedule } from './schedule.js';
 import { ALL_JOINTS } from './state.js';
 import { colours } from './theme.js';
 import { LaneChart, legend } from './timeline.js';
@@ -13,19 +14,6 @@ import { LaneChart, legend } from './timeline.js';
 const SYNC = 'viable-time';
 const AXIS_WIDTH = 60;
 const AXIS_HEIGHT = 22;
-
-/** Panels to be drawn before the next picture of the screen. */
-const waiting = new Set();
-
-function schedule(panel) {
-  if (waiting.size === 0)
-    requestAnimationFrame(() => {
-      const panels = [...waiting];
-      waiting.clear();
-      for (const each of panels) each.refresh();
-    });
-  waiting.add(panel);
-}
 
 /** One plot with its head (name, buttons), its read-out and the line of the scrubber. Draws only while it is visible. */
 class Panel {
@@ -358,7 +346,7 @@ class Panel {
 
   destroy() {
     this.#visible = false;
-    waiting.delete(this);
+    unschedule(this);
     this.#plot?.destroy();
     this.#plot = null;
   }

@@ -1,18 +1,6 @@
 import { el } from '../dom.js';
 import { CanvasPainter } from '../painter.js';
-
-/** Panels to be drawn before the next picture of the screen. */
-const waiting = new Set();
-
-function schedule(panel) {
-  if (waiting.size === 0)
-    requestAnimationFrame(() => {
-      const panels = [...waiting];
-      waiting.clear();
-      for (const each of panels) each.refresh();
-    });
-  waiting.add(panel);
-}
+import { schedule } from '../schedule.js';
 
 const observer = new IntersectionObserver(
   (entries) => {
