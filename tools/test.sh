@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Set-up, then all tests. Usage: tools/test.sh [PRESET] [more arguments of ctest]
 # PRESET: release (default), asan (memory and undefined behaviour; without the longest numerical ones), tsan (data races; only
-# the suites that have threads, without their longest tests of one thread).
+# the framework's suites that have threads, without their longest tests of one thread).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 preset=release
