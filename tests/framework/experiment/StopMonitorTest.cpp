@@ -292,11 +292,10 @@ TEST(StopMonitor, CostsLittleAndAllocatesNothing) {
                 std::chrono::steady_clock::now() - begin;
             best = std::min(best, time.count() / static_cast<double>(states.size()));
         }
-        if (testing::AllocationCounter::isAvailable()) {
-            EXPECT_EQ(counter.count(), 0);
-        }
         std::cout << (kind == 0 ? "with" : "without") << " a witness, six joints: " << best
                   << " us per decision\n";
+        if (!testing::AllocationCounter::isAvailable()) continue;  // a sanitizer's times say nothing either
+        EXPECT_EQ(counter.count(), 0);
         EXPECT_LT(best, 100.0);
     }
 }
