@@ -174,6 +174,51 @@ std::string joinNames(const std::vector<std::string>& names) {
     return text;
 }
 
+/** A key or an item of a YAML list; in quotes where it could be read as something else than text. */
+std::string formatKey(const std::string& name) {
+    const auto isPlain = [](unsigned char c) { return std::isalnum(c) != 0 || c == '_'; };
+    const bool isWord = !name.empty() && std::isalpha(static_cast<unsigned char>(name[0])) != 0 &&
+                        name.size() > 3 && std::all_of(name.begin(), name.end(), isPlain);
+    for (const char* special : {"true", "false", "null", kBlank})
+        if (name == special) return quoteForYaml(name);
+    return isWord ? name : quoteForYaml(name);  // short words may be `no`, `yes`, `off`
+}
+
+std::string formatPoint(const Eigen::Vector3d& p) {
+    return "[" + formatValue(p.x()) + ", " + formatValue(p.y()) + ", " + formatValue(p.z()) + "]";
+}
+
+/** `links` of collision.yaml: a blank where there is nothing to draft from. */
+std::string makeCapsules(const std::vector<DraftLink>& links) {
+    std::string text, bare;
+    for (const DraftLink& link : links) {
+        if (!link.lostMeshes.empty()) {
+            text += "\n  # not read: " + joinNames(link.lostMeshes) + "\n  " +
+                    formatKey(link.name) + ": " + kBlank;
+            continue;
+        }
+        if (link.capsules.empty()) {
+            bare += (bare.empty() ? "" : ", ") + formatName(link.name);
+            continue;
+        }
+        text += "\n  " + formatKey(link.name) + ":";
+        for (const DraftCapsule& c : link.capsules)
+            text += "\n    - {from: " + formatPoint(c.from) + ", to: " + formatPoint(c.to) +
+                    ", radius: " + formatValue(c.radius) + "}";
+    }
+    if (text.empty()) return std::string(" ") + kBlank;
+    return bare.empty() ? text : text + "\n  # without a shape in the URDF: " + bare;
+}
+
+/** `may_touch` of collision.yaml. */
+std::string makeContacts(const std::vector<DraftContact>& contacts) {
+    std::string text;
+    for (const DraftContact& contact : contacts)
+        text += "\n  - [" + formatKey(contact.first) + ", " + formatKey(contact.second) +
+                "]  # " + contact.reason;
+    return text.empty() ? " []" : text;
+}
+
 /** `limits` for the first run: its command needs ends of travel, also of joints that turn for ever. */
 std::string makeRunLimits(const std::vector<DraftJoint>& joints) {
     const auto isEndless = [](const DraftJoint& j) { return std::isinf(j.positionUpper); };
@@ -220,6 +265,8 @@ std::map<std::string, std::string> makeReplacements(const NewArguments& argument
                "`" +
                    joinNames(draft.meshes) + "`. Mind their licence."},
         {"RUN_LIMITS", makeRunLimits(draft.joints)},
+        {"CAPSULES", makeCapsules(draft.links)},
+        {"MAY_TOUCH", makeContacts(draft.contacts)},
     };
 }
 
@@ -273,7 +320,7 @@ void writeRobot(const NewArguments& arguments) {
     std::printf("viable: wrote %s:", target.c_str());
     for (const auto& file : files) std::printf(" %s", file.first.c_str());
     std::printf("\nTo be filled in (the comments in the files say how to find each):\n");
-    for (const char* name : {"limits.yaml", "actuation.yaml"})
+    for (const char* name : {"limits.yaml", "actuation.yaml", "collision.yaml"})
         printBlanks((target / name).string(), files[name]);
     if (!draft.meshes.empty())
         std::printf("To be drawn, %zu mesh file%s must lie in the folder: see its README.md\n",

@@ -184,7 +184,7 @@ SweepRow SweepTask::Run::runCase(std::size_t index, const std::atomic<int>& stop
         end.status = getSweepStatus(result);
         end.exitCode = result.exitCode();
         end.message = result.stopMessage;
-        if (const std::string breach = formatRealBreach(result); !breach.empty())
+        if (const std::string breach = formatBreach(result); !breach.empty())
             end.message += (end.message.empty() ? "" : "; ") + breach;
         return finish(&*plan, &result);
     } catch (const Error& e) {

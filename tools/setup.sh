@@ -16,13 +16,15 @@ packages=(
   nlohmann-json3-dev                # summary.json
   libzstd-dev zlib1g-dev            # log compression and CRC
   libhdf5-dev                       # export of logs as HDF5
+  liboctomap-dev                    # maps of what stands around the arm
   libassimp-dev                     # mesh files for the replay
   nodejs npm                        # bundles the page of reports
   libcli11-dev                      # command line
   libsqlite3-dev                    # results of sweeps
-  libssl-dev                        # SHA-256 of what a sweep is of
+  libssl-dev                        # SHA-256 of maps and of what a sweep is of
   libtbb-dev                        # runs of a sweep side by side
   libgtest-dev                      # tests
+  libdynamicedt3d-dev               # benchmarks: another distance field to compare with
   libbenchmark-dev                  # benchmarks
 )
 if [ "$target" = all ]; then

@@ -19,6 +19,8 @@ constexpr viable::ParameterSpec kParameters[] = {
     viable::parameter::flag("witness", "true", "Hands over its stops."),
     viable::parameter::flag("changes", "true", "Takes new limits, and brakes from then on."),
     viable::parameter::flag("recovers", "false", "Accepts any start."),
+    viable::parameter::integer("clearance_ticks", "0", "Tells of a clearance in so many ticks.")
+        .atLeast(0),
 };
 
 /** Moves every joint smoothly to and fro about its start, far from all limits, whatever the controller wants, and
@@ -33,6 +35,7 @@ public:
         hasWitness_ = parameters.flag("witness");
         changes_ = parameters.flag("changes");
         recovers_ = parameters.flag("recovers");
+        clearanceTicks_ = parameters.integer("clearance_ticks");
     }
     void reset(const viable::MotionState& start) override {
         Filter::reset(start);
@@ -42,6 +45,7 @@ public:
         for (int i = 0; i < start.q.size(); ++i)
             stops_[i].plan(start.qd[i], start.qdd[i], limits_.axis(i), tick_s_);
     }
+    bool promisesClearance() const override { return clearanceTicks_ > 0; }
     bool promisesLimits() const override { return true; }
     bool recovers() const override { return recovers_; }
     bool changeLimits(const viable::JointLimits& limits) override {
@@ -75,6 +79,10 @@ public:
         }
         if (lies) spoil(decision.stops[n - 1], expected_.qd[n - 1], expected_.qdd[n - 1], n - 1);
         decision.hasStops = hasWitness_;
+        if (ticks_ <= clearanceTicks_) {  // later it leaves the decision as it comes
+            decision.clearance = {true, 0.25, 0, 0, -1, {1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}};
+            decision.mapAge_s = 0.125;
+        }
         if (lies && lie_ == "torque") decision.torque[n - 1] += 1.0;
         if (lies && lie_ == "limit")
             decision.joints[n - 1].limit = static_cast<viable::LimitKind>(200);
@@ -130,7 +138,7 @@ private:
 
     viable::JointLimits limits_;
     std::string lie_;
-    std::int64_t afterTicks_ = 0;
+    std::int64_t afterTicks_ = 0, clearanceTicks_ = 0;
     bool hasWitness_ = true, changes_ = true, recovers_ = false, brakes_ = false;
     viable::JointVector middle_;
     viable::MotionState expected_;

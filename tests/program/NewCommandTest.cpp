@@ -5,6 +5,8 @@
 #include <algorithm>
 
 #include "Program.h"
+#include "viable/core/Error.h"
+#include "viable/robot/ArmGeometry.h"
 
 namespace viable {
 namespace {
@@ -208,8 +210,9 @@ TEST(NewRobot, IsRefusedBlankByBlankAndRunsWhenAllAreFilledIn) {
     ASSERT_EQ(made.code, 0) << made.err;
     EXPECT_EQ(made.err, "");
     EXPECT_EQ(listFiles(folder / "my_arm"),
-              (std::vector<std::string>{"README.md", "actuation.yaml", "first_run.yaml",
-                                        "limits.yaml", "my_arm.urdf"}));
+              (std::vector<std::string>{"README.md", "actuation.yaml", "collision.yaml",
+                                        "first_run.yaml", "limits.yaml", "my_arm.urdf"}));
+    expectContains(made.out, {"my_arm/collision.yaml:", ": links: TODO"});  // no shapes in there
     EXPECT_EQ(readFile(folder / "my_arm/my_arm.urdf"), kArm);
     const fs::path limits = folder / "my_arm/limits.yaml";
     const fs::path actuation = folder / "my_arm/actuation.yaml";
@@ -292,6 +295,52 @@ TEST(NewRobot, LeavesBlanksForWhatTheUrdfSaysWronglyAndWarns) {
     expectContains(describe(folder / "my_arm").err, {"tool_link: not filled in yet"});
     replaceAll(limits, "tool_link: TODO", "tool_link: \"TODO\"");  // in quotes it is a name
     expectContains(describe(folder / "my_arm").err, {"actuation.yaml", "not filled in yet"});
+}
+
+TEST(NewRobot, DraftsCapsulesThatAreReadBack) {
+    Folder folder;
+    std::string urdf = kArm;
+    const auto addShape = [&](const std::string& link, const std::string& geometry) {
+        const std::string from = "<link name=\"" + link + "\">";
+        ASSERT_NE(urdf.find(from), std::string::npos);
+        urdf.insert(urdf.find(from) + from.size(),
+                    "<collision><geometry>" + geometry + "</geometry></collision>");
+    };
+    addShape("a", "<sphere radius='0.1'/>");
+    addShape("b", "<box size='0.1 0.1 0.4'/>");
+    const std::string more =
+        "<joint name='left' type='fixed'><parent link='b'/><child link='no'/></joint><link "
+        "name='no'><collision><geometry><mesh filename='package://arm/tip.stl'/></geometry>"
+        "</collision></link></robot>";
+    urdf.replace(urdf.find("</robot>"), 8, more);
+    folder.write("some.urdf", urdf);
+    const Outcome made = makeNew(folder, {"robot", "my_arm", "--urdf", "some.urdf"});
+    ASSERT_EQ(made.code, 0) << made.err;
+    const fs::path file = folder / "my_arm/collision.yaml";
+    expectContains(readFile(file),
+                   {"What of my_arm can hit something", "  \"a\":\n    - {from: [0, 0, 0], to: [0, 0, 0], radius: 0.1001}",
+                    "  # not read: package://arm/tip.stl\n  \"no\": TODO", "# without a shape in the URDF: base",
+                    "  - [\"a\", \"b\"]  # next to each other"});
+    EXPECT_EQ(readFile(file).find('@'), std::string::npos);
+    expectContains(made.out, {"my_arm/collision.yaml:", ": \"no\": TODO"});
+
+    for (const char* blank : {"gear_ratio: ", "rotor_inertia_kgm2: ", "coulomb_Nm: ",
+                              "viscous_Nm: ", "viscous_velocity_radps: "})
+        replaceAll(folder / "my_arm/actuation.yaml", std::string(blank) + "TODO",
+                   std::string(blank) + "1");
+    replaceAll(folder / "my_arm/limits.yaml", "TODO", "10");
+    const RobotDescription robot = loadRobot(folder / "my_arm");
+    try {
+        loadArmGeometry(robot);
+        ADD_FAILURE() << "a blank was accepted";
+    } catch (const Error& error) {
+        expectContains(error.what(), {"collision.yaml:", "links.no: not filled in yet"});
+    }
+    replaceAll(file, "\"no\": TODO", "\"no\": [{from: [0, 0, 0], to: [0, 0, 1], radius: 0.1}]");
+    const ArmGeometry arm = loadArmGeometry(robot);
+    EXPECT_EQ(arm.links, (std::vector<std::string>{"a", "b", "no"}));
+    EXPECT_EQ(arm.capsules.size(), 3u);
+    EXPECT_EQ(arm.pairs, (std::vector<std::pair<int, int>>{{0, 2}}));  // b carries `no`
 }
 
 TEST(NewRobot, RefusesAUrdfThatCannotBeSimulated) {

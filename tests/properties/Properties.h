@@ -22,4 +22,8 @@ bool checkStops(const Options& options);
 /** The host's monitor never accuses the law, and always does when its decision is spoilt. */
 bool checkMonitor(const Options& options);
 
+/** Whole arms among random obstacles under hostile torques: nothing is ever touched, no torque beyond the motors', and
+neither along the stops. */
+bool checkObstacles(const Options& options);
+
 }  // namespace viable

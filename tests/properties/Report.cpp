@@ -45,6 +45,12 @@ void Run::fail(const char* what, double excess, int joint, const AxisState& s, c
     printRepeat();
 }
 
+void Run::fail(const char* what, double excess) {
+    if (++violations_ > 1) return;
+    std::printf("VIOLATION: %s by %.6g, arm %lld\n", what, excess, static_cast<long long>(arm_));
+    printRepeat();
+}
+
 void Run::expectShare(const char* name, std::int64_t count, std::int64_t of, double least) {
     const double share = of > 0 ? static_cast<double>(count) / static_cast<double>(of) : 0.0;
     const bool judged = options_.arm == 0 && arm_ >= kEnoughArms && of >= kEnoughCases;

@@ -31,6 +31,8 @@ public:
     /** Counts a violation; prints the first in full, with the call that repeats its arm. */
     void fail(const char* what, double excess, int joint, const AxisState& s, const AxisLimits& l,
               double tick_s);
+    /** The same without a joint to blame. */
+    void fail(const char* what, double excess);
     /** The call that repeats the present arm alone. */
     void printRepeat() const;
     std::int64_t violations() const { return violations_; }

@@ -7,7 +7,7 @@ import assert from 'node:assert/strict';
 import { mkdir, readFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { parseArgs } from 'node:util';
-import { gunzipSync } from 'node:zlib';
+import { gunzipSync, gzipSync } from 'node:zlib';
 import {
   ARGUMENTS,
   browser,
@@ -61,12 +61,15 @@ const endOf = (c) => c.t0 + Math.min(c.buckets * c.step_s, c.rows * c.tick_s);
 const end = Math.max(...description.cases.map(endOf));
 const hasReal = description.cases.some((c) => c.joints.some(({ series }) => series.real_q));
 const hasBound = description.cases.some((c) => c.joints.some(({ series }) => series.bound_velocity !== undefined));
+const hasClearance = description.cases.some((c) => c.clearance?.distance);
 const QUANTITIES = [
   ...['position', 'velocity', 'acceleration', 'jerk', 'torque'],
   ...(hasReal ? ['error'] : []),
   ...(hasBound ? ['velocity_error'] : []),
   'margin',
+  ...(hasClearance ? ['clearance'] : []),
 ];
+const OF_ARM = ['clearance']; // not of a joint
 const LIMITED = QUANTITIES.slice(0, 4);
 const SERIES = {
   position: 'nominal_q',
@@ -77,6 +80,7 @@ const SERIES = {
   error: 'real_q',
   velocity_error: 'error_velocity',
   margin: 'margin',
+  clearance: 'clearance',
 };
 
 /** Pixels of a plot in a colour (0xrrggbb), nearly. */
@@ -133,7 +137,7 @@ function hasNumbers(quantity) {
 
 /** Least and largest value of a series of the first joint in a case, or null. */
 function extremes(c, key) {
-  const reference = c.joints[0].series[key];
+  const reference = key === 'clearance' ? c.clearance?.distance : c.joints[0].series[key];
   if (typeof reference === 'number') return [reference, reference];
   const range = [Infinity, -Infinity];
   for (let i = 0; i < (reference?.n ?? 0); ++i) {
@@ -250,10 +254,10 @@ test('all joints side by side are drawn', async () => {
   if (jointCount < 2) return;
   const page = await open();
   await page.keyboard.press('a');
-  await eventually(
-    async () => (await page.locator('.panel.compact').count()) === (1 + QUANTITIES.length) * jointCount,
-    'small plots',
-  );
+  const count = (1 + QUANTITIES.filter((quantity) => !OF_ARM.includes(quantity)).length) * jointCount;
+  await eventually(async () => (await page.locator('.panel.compact').count()) === count, 'small plots');
+  for (const quantity of QUANTITIES.filter((one) => OF_ARM.includes(one)))
+    assert.equal(await page.locator(`.panel[data-quantity=${quantity}]`).count(), 1, quantity);
   const positions = page.locator('.panel[data-quantity=position]');
   for (let j = 0; j < jointCount; ++j) {
     await positions.nth(j).scrollIntoViewIfNeeded();
@@ -286,6 +290,155 @@ test('the replay shows the arm and follows the scrubber', async () => {
     );
   }
   assertQuiet(page);
+});
+
+/** The case whose arm the replay shows at first, where it keeps a clearance. */
+const near = description.cases.find((c) => c.promises && c.ok && c.clearance?.distance);
+const part = (page, name) => page.locator('#replay .chip', { hasText: name });
+const words = (page) => page.locator('.nearest-text').textContent();
+
+testOfPage('the replay shows obstacles, the stored stop and what is nearest; each can be hidden', async () => {
+  const page = await open(reportPath, { height: 1300 }); // nothing lies over the picture
+  const at = Number((0.32 * end).toFixed(3));
+  const whole = await showReplay(page, at);
+  const frame = Math.floor((at - near.t0) / near.replay.step_s + 1e-9);
+  const numbers = Array.from({ length: 11 }, (_, i) =>
+    bytes.readFloatLE(near.replay.nearest.at + 4 * (11 * frame + i)),
+  );
+  const distance = `${Number((1000 * numbers[0]).toPrecision(3))} mm`;
+  const { links, obstacles } = near.clearance;
+  assert.equal(
+    await words(page),
+    `${links[numbers[1]]} – ${obstacles[numbers[2]]}: ${distance}, stop in ${numbers[10].toFixed(2)} s`,
+  );
+  const label = page.locator('.nearest-label:visible');
+  assert.equal(await label.textContent(), distance);
+  const place = async () => {
+    const [box, around] = [await label.boundingBox(), await stage(page).boundingBox()];
+    return box.x > around.x && box.y > around.y && box.x < around.x + around.width && box.y < around.y + around.height;
+  };
+  assert.ok(await place(), 'the label is within the picture');
+  const [download] = await Promise.all([
+    page.waitForEvent('download'),
+    page.locator('#replay').getByRole('button', { name: 'PNG' }).click(),
+  ]);
+  assert.ok((await differentPixels(await readFile(await download.path()))) > 5000, 'an empty picture');
+  for (const [name, least] of [
+    ['obstacles', 5000],
+    ['stored stop', 300],
+    ['nearest points', 50],
+  ]) {
+    const button = part(page, name);
+    assert.equal(await button.getAttribute('aria-pressed'), 'true');
+    await button.click();
+    assert.equal(await button.getAttribute('aria-pressed'), 'false');
+    await eventually(
+      async () => (await differentPixels(whole, await stage(page).screenshot())) > least,
+      `the picture without ${name}`,
+    );
+    if (name === 'nearest points') {
+      assert.equal(await label.count(), 0);
+      assert.equal(await page.locator('.nearest-text').isVisible(), false);
+    }
+    await button.click();
+    await eventually(
+      async () => (await differentPixels(whole, await stage(page).screenshot())) === 0,
+      `the picture with ${name} again`,
+    );
+  }
+  await page.locator('.replay-head select').selectOption({ label: 'all shown cases' });
+  const lines = page.locator('.nearest-text p');
+  await eventually(async () => (await lines.count()) === 2, 'a line per case with a clearance');
+  assert.equal(await label.count(), 0, 'labels of several cases would lie on each other');
+  await page.locator('.replay-head select').selectOption({ label: description.cases[0].name });
+  await eventually(async () => !(await lines.first().isVisible()), 'nothing of a case without obstacles');
+  assertQuiet(page);
+});
+
+testOfPage('a moving sphere is where it is at the time of the scrubber', async () => {
+  const path = await variant(
+    'slow_ball',
+    described(({ environments: [{ obstacles }] }) => {
+      const ball = obstacles.find(({ type }) => type === 'moving_sphere');
+      ball.waypoints = ball.waypoints.map(([time, ...place]) => [2 * time, ...place]);
+    }),
+  );
+  const [own, slow] = [await open(), await open(path)];
+  const differ = async (at) => differentPixels(await showReplay(own, at), await showReplay(slow, at));
+  assert.equal(await differ(0), 0, 'both begin at the first waypoint');
+  assert.ok((await differ(0.2 * end)) > 300, 'the slower one is elsewhere');
+  assertQuiet(own);
+});
+
+testOfPage('what has no end or is far away does not move the camera', async () => {
+  const camera = (page) => page.evaluate(() => window.viableReport.replay.camera.position.toArray());
+  const path = await variant(
+    'near',
+    described(({ environments: [environment] }) => {
+      environment.obstacles = environment.obstacles.filter(({ type }) => type !== 'half_space');
+      environment.obstacles.find(({ type }) => type === 'map').centres.n -= 3; // the last cell is far away
+    }),
+  );
+  const [own, bare] = [await camera(await open()), await camera(await open(path))];
+  assert.ok(Math.hypot(...own.map((value, i) => value - bare[i])) < 1e-6, `${own} and ${bare}`);
+  const nothing = described((data) => (data.environments = []));
+  const alone = await camera(await open(await variant('no_surroundings', nothing)));
+  assert.ok(Math.hypot(...own) < 1.5 * Math.hypot(...alone), `${own} is farther away than ${alone}`);
+});
+
+testOfPage('a run without surroundings has nothing of them', async () => {
+  const path = await variant(
+    'empty_space',
+    described((data) => {
+      delete data.environments;
+      for (const c of data.cases) {
+        delete c.clearance;
+        for (const key of ['rest', 'nearest']) delete c.replay[key];
+      }
+    }),
+  );
+  const page = await open(path);
+  await showReplay(page, 0.1 * end);
+  assert.equal(await page.locator('#replay .chip').count(), 0);
+  assert.equal(await page.locator('.nearest-text').isVisible(), false);
+  assert.equal(await page.locator('.nearest-label').count(), 0);
+  assert.equal(await page.locator('.panel[data-quantity=clearance]').count(), 0);
+  assertQuiet(page);
+});
+
+testOfPage('a map that is lost is told; a clearance that nobody kept is not made up', async () => {
+  const damaged = Buffer.from(bytes);
+  for (const c of description.cases)
+    for (let i = 0; i < (c.clearance ? c.replay.n : 0); ++i) damaged.writeFloatLE(NaN, c.replay.nearest.at + 44 * i);
+  const note = 'The map is not drawn: there is no such file';
+  const text = described((data) => {
+    const [environment] = data.environments;
+    environment.note = note;
+    delete environment.obstacles.find(({ type }) => type === 'map').centres;
+    for (const c of data.cases) if (c.clearance) c.clearance.distance = null;
+  });
+  const page = await open(
+    await variant('lost', replaced(text, 'viable-binary', gzipSync(damaged).toString('base64'))),
+  );
+  await showReplay(page, 0.1 * end);
+  assert.equal(await page.locator('#replay [role=note]').textContent(), note);
+  assert.match(await words(page), /^stop in 0\.\d+ s$/);
+  assert.equal(await page.locator('.nearest-label:visible').count(), 0);
+  assert.equal(await part(page, 'nearest points').count(), 0);
+  assert.equal(await part(page, 'obstacles').count(), 1);
+  assert.equal(await page.locator('.panel[data-quantity=clearance]').count(), 0);
+  assertQuiet(page);
+});
+
+testOfPage('the plot of the clearance shows the safety distance and what is near it', async () => {
+  const page = await open();
+  await reach(page, 'clearance');
+  const { text } = await savedSvg(page, 'clearance');
+  assert.ok(text.includes('safety distance 20 mm'), 'no safety distance');
+  const [low, high] = await page
+    .locator('.panel[data-quantity=clearance]')
+    .evaluate((root) => root.dataset.range.split(' ').map(Number));
+  assert.ok(low < 20 && high > 100 && high < 300, `${low} to ${high} mm`);
 });
 
 test('limits are drawn, labelled and in view, whatever the data', async () => {
@@ -733,7 +886,13 @@ test('hostile names stay text', async () => {
   hostile.cases.forEach((c) => {
     spoil(c, 'name', 'filter', 'robust_loop', 'plant', 'verdict', 'details');
     c.stop = { time_s: 1, message: HOSTILE };
+    for (const key of c.clearance ? ['links', 'obstacles'] : [])
+      c.clearance[key] = c.clearance[key].map((name) => HOSTILE + name);
   });
+  for (const environment of hostile.environments ?? []) {
+    spoil(environment, 'note');
+    environment.obstacles.forEach((obstacle) => spoil(obstacle, 'name'));
+  }
   const path = await variant(
     'hostile',
     replaced(html, 'viable-data', JSON.stringify(hostile).replaceAll('<', '\\u003c')),

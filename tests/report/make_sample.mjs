@@ -107,6 +107,7 @@ function simulateJoint(j, rows, perBucket, buckets, frames, stride, style) {
   const modified = new Uint8Array(buckets);
   const nominal = new Float32Array(frames);
   const real = new Float32Array(frames);
+  const rest = new Float32Array(frames);
   const allowed = { velocity: VELOCITY, acceleration: ACCELERATION, jerk: JERK };
   let q = centre;
   let v = 0;
@@ -182,9 +183,10 @@ function simulateJoint(j, rows, perBucket, buckets, frames, stride, style) {
     if (row % stride === 0 && row / stride < frames) {
       nominal[row / stride] = q;
       real[row / stride] = realQ;
+      rest[row / stride] = q + 0.5 * v * stop;
     }
   }
-  return { series, active, modified, nominal, real };
+  return { series, active, modified, nominal, real, rest };
 }
 
 const STYLES = [
@@ -200,6 +202,7 @@ const STYLES = [
   {
     name: 'C2',
     filter: 'tosbp',
+    environment: true,
     robust: true,
     boundedJerk: true,
     promises: false,
@@ -209,6 +212,7 @@ const STYLES = [
   {
     name: 'C3',
     filter: 'certified_braking',
+    environment: true,
     robust: true,
     bound: true,
     boundedJerk: true,
@@ -264,6 +268,141 @@ const STYLES = [
   },
 ];
 
+/** xyz, rpy of the joints of an Indy7. */
+const FRAMES = [
+  [
+    [0, 0, 0.078],
+    [0, 0, 0],
+  ],
+  [
+    [0, -0.109, 0.222],
+    [Math.PI / 2, Math.PI / 2, 0],
+  ],
+  [
+    [-0.45, 0, -0.0305],
+    [0, 0, 0],
+  ],
+  [
+    [-0.267, 0, -0.075],
+    [-Math.PI / 2, 0, Math.PI / 2],
+  ],
+  [
+    [0, -0.114, 0.083],
+    [Math.PI / 2, Math.PI / 2, 0],
+  ],
+  [
+    [-0.168, 0, 0.069],
+    [-Math.PI / 2, 0, Math.PI / 2],
+  ],
+];
+const LINKS = Array.from({ length: JOINTS }, (_, j) => `link${j + 1}`);
+
+const SOLIDS = [
+  { name: 'table', type: 'box', size: [0.4, 0.9, 0.04], pose: pose([0.62, 0.05, 0.17]) },
+  { name: 'post', type: 'cylinder', radius: 0.05, length: 0.9, pose: pose([0.1, 0.55, 0.45]) },
+  { name: 'lamp', type: 'sphere', radius: 0.09, pose: pose([0.3, 0.35, 1.0]) },
+  { name: 'floor', type: 'half_space', pose: pose([0, 0, -0.004]) },
+];
+const BALL = {
+  name: 'ball',
+  type: 'moving_sphere',
+  radius: 0.07,
+  waypoints: [
+    [0, 0.72, -0.5, 0.35],
+    [1.5, 0.72, 0.5, 0.45],
+    [3, 0.72, -0.5, 0.35],
+  ],
+  repeats: true,
+};
+const OBSTACLES = [...SOLIDS.map(({ name }) => name), BALL.name, 'cell'];
+const SAFETY_DISTANCE = 0.02;
+const NEAREST = 11;
+
+function pose(xyz) {
+  return { xyz, quat: [1, 0, 0, 0] };
+}
+
+/** Every kind of obstacle; the map is a corner of walls, and far away, where no camera should go, a single cube. */
+function makeEnvironment() {
+  const edge = 0.05;
+  const centres = [];
+  for (let i = 0; i < 22; ++i)
+    for (let k = 0; k < 12; ++k)
+      if (i < 12 || k < 3 + (i % 4)) centres.push(-0.45, -0.55 + i * edge, k * edge + edge / 2);
+  centres.push(30, 30, 10);
+  const map = {
+    name: 'cell',
+    type: 'map',
+    pose: { xyz: [0, 0, 0], quat: [Math.cos(0.1), 0, 0, Math.sin(0.1)] },
+    edge_m: edge,
+    centres: binary.add(Float32Array.from(centres)),
+  };
+  return {
+    safety_distance_m: SAFETY_DISTANCE,
+    obstacles: [...SOLIDS, BALL, map],
+    note: '',
+  };
+}
+
+/** What the joints of an arm at rest are nearest to of table and ball, per frame. */
+function findNearest(rest, frames, step) {
+  const nearest = new Float32Array(NEAREST * frames);
+  for (let i = 0; i < frames; ++i) {
+    const time = i * step;
+    const [, ...from] = BALL.waypoints[0];
+    const [, ...to] = BALL.waypoints[1];
+    const share = 1 - Math.abs(((time % 3) / 1.5) - 1);
+    const ball = from.map((value, k) => value + share * (to[k] - value));
+    let best = [Infinity];
+    findJoints(rest.subarray(i * JOINTS, (i + 1) * JOINTS)).forEach((point, link) => {
+      const radius = 0.045;
+      const [{ size, pose: table }] = SOLIDS;
+      const onTable = point.map((value, k) =>
+        Math.min(Math.max(value, table.xyz[k] - size[k] / 2), table.xyz[k] + size[k] / 2),
+      );
+      for (const [obstacle, target, own] of [
+        [0, onTable, 0],
+        [SOLIDS.length, ball, BALL.radius],
+      ]) {
+        const way = target.map((value, k) => value - point[k]);
+        const length = Math.hypot(...way);
+        const at = (reach) => point.map((value, k) => value + (way[k] * reach) / length);
+        const distance = length - radius - own;
+        if (distance < best[0]) best = [distance, Math.min(link, JOINTS - 1), obstacle, -1, ...at(radius), ...at(length - own), 0.21];
+      }
+    });
+    nearest.set(best, NEAREST * i);
+  }
+  return nearest;
+}
+
+/** Where the joints' frames are, and a point of the tool. */
+function findJoints(q) {
+  let place = [0, 0, 0];
+  let turn = [1, 0, 0, 0];
+  const joints = Array.from(q, (angle, j) => {
+    const [xyz, rpy] = FRAMES[j % 6];
+    place = rotated(turn, xyz).map((value, k) => place[k] + value);
+    turn = product(product(turn, fromRpy(...rpy)), [Math.cos(angle / 2), 0, 0, Math.sin(angle / 2)]);
+    return place;
+  });
+  return [...joints, rotated(turn, [0, 0, 0.1]).map((value, k) => place[k] + value)];
+}
+
+function product([a, b, c, d], [e, f, g, h]) {
+  return [
+    a * e - b * f - c * g - d * h,
+    a * f + b * e + c * h - d * g,
+    a * g - b * h + c * e + d * f,
+    a * h + b * g - c * f + d * e,
+  ];
+}
+
+function rotated(turn, vector) {
+  const [w, ...axis] = turn;
+  return product(product(turn, [0, ...vector]), [w, ...axis.map((value) => -value)]).slice(1);
+}
+
 function makeCase(index) {
   const style = { ...STYLES[index % STYLES.length], phase: index };
   const rows = Math.round(ROWS * (style.stopAt ?? 1));
@@ -274,6 +413,7 @@ function makeCase(index) {
   const status = new Uint8Array(buckets);
   const nominal = new Float32Array(frames * JOINTS);
   const real = new Float32Array(frames * JOINTS);
+  const rest = new Float32Array(frames * JOINTS);
   const joints = [];
   for (let j = 0; j < JOINTS; ++j) {
     const motion = simulateJoint(j, rows, perBucket, buckets, frames, stride, style);
@@ -283,6 +423,7 @@ function makeCase(index) {
     for (let i = 0; i < frames; ++i) {
       nominal[i * JOINTS + j] = motion.nominal[i];
       real[i * JOINTS + j] = motion.real[i];
+      rest[i * JOINTS + j] = motion.rest[i];
     }
     const series = Object.fromEntries(SERIES.map((name) => [name, binary.add(motion.series[name].values)]));
     if (!style.robust) series.tau_robust = null;
@@ -328,7 +469,12 @@ function makeCase(index) {
           rows * 2e-4 * Math.exp(-(((Math.log10(edge) - 2.7) / 0.3) ** 2)),
       ),
     );
+  const nearest = style.environment ? findNearest(rest, frames, stride * TICK) : null;
+  const distance = new Series(buckets, perBucket);
+  if (nearest)
+    for (let row = 0; row < rows; ++row) distance.put(row, nearest[NEAREST * Math.floor(row / stride)]);
   return {
+    ...(nearest && { clearance: { environment: 0, links: LINKS, obstacles: OBSTACLES, distance: binary.add(distance.values) } }),
     name: style.name + (index >= STYLES.length ? `_${index}` : ''),
     filter: style.filter,
     robust_loop: style.robust ? 'nric' : 'none',
@@ -352,39 +498,18 @@ function makeCase(index) {
     joints,
     status: binary.add(status),
     tick_time: { edges_us: edges, counts },
-    replay: { step_s: stride * TICK, n: frames, nominal: binary.add(nominal), real: binary.add(real) },
+    replay: {
+      step_s: stride * TICK,
+      n: frames,
+      nominal: binary.add(nominal),
+      real: binary.add(real),
+      ...(nearest && { rest: binary.add(rest), nearest: binary.add(nearest) }),
+    },
   };
 }
 
 /** Frames of an Indy7, with a shape of every kind. */
 function makeScene() {
-  const frames = [
-    // xyz, rpy of the joints
-    [
-      [0, 0, 0.078],
-      [0, 0, 0],
-    ],
-    [
-      [0, -0.109, 0.222],
-      [Math.PI / 2, Math.PI / 2, 0],
-    ],
-    [
-      [-0.45, 0, -0.0305],
-      [0, 0, 0],
-    ],
-    [
-      [-0.267, 0, -0.075],
-      [-Math.PI / 2, 0, Math.PI / 2],
-    ],
-    [
-      [0, -0.114, 0.083],
-      [Math.PI / 2, Math.PI / 2, 0],
-    ],
-    [
-      [-0.168, 0, 0.069],
-      [-Math.PI / 2, 0, Math.PI / 2],
-    ],
-  ];
   const none = { xyz: [0, 0, 0], quat: [1, 0, 0, 0] };
   const links = [
     {
@@ -401,8 +526,8 @@ function makeScene() {
     },
   ];
   for (let j = 0; j < JOINTS; ++j) {
-    const [xyz, rpy] = frames[j % 6];
-    const next = frames[(j + 1) % 6][0];
+    const [xyz, rpy] = FRAMES[j % 6];
+    const next = FRAMES[(j + 1) % 6][0];
     const radius = [0.075, 0.065, 0.055, 0.05, 0.045, 0.04][j % 6];
     const shapes =
       j % 6 === 5
@@ -461,6 +586,7 @@ const data = {
     })),
   },
   scene: makeScene(),
+  environments: [makeEnvironment()],
   summary: {
     columns: [
       'case',

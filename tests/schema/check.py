@@ -113,6 +113,19 @@ compare_keys("top", "zzzzzzzz=1", properties)
 compare_keys("limits", "limits.zzzzzzzz=1", properties["limits"]["properties"])
 compare_keys("start", "start.zzzzzzzz=1", properties["start"]["properties"])
 compare_keys("missed_ticks", "missed_ticks=[{at_s: 0, count: 1, zzzzzzzz: 1}]", properties["missed_ticks"]["items"]["properties"])
+compare_keys("payload", "payload={zzzzzzzz: 1}", properties["payload"]["properties"])
+around = properties["environment"]["properties"]
+obstacle = around["obstacles"]["additionalProperties"]["properties"]
+compare_keys("environment", "environment.zzzzzzzz=1", around)
+open(os.path.join(folder.name, "e.bt"), "w").close()  # found, not read
+compare_keys("map", "environment.map={file: " + os.path.join(folder.name, "e.bt") + ", zzzzzzzz: 1}", around["map"]["properties"])
+compare_keys("waypoint", "environment.obstacles={ball: {sphere: 0.1, path: [{time_s: 0, xyz: [1, 0, 0], zzzzzzzz: 1}]}}",
+             obstacle["path"]["items"]["properties"])
+compare_keys("at", "environment.obstacles={ball: {sphere: 0.1, at: {xyz: [1, 0, 0], zzzzzzzz: 1}}}", obstacle["at"]["properties"])
+compare_keys("cylinder", "environment.obstacles={post: {cylinder: {radius: 1, length: 1, zzzzzzzz: 1}}}",
+             obstacle["cylinder"]["properties"])
+compare_keys("half_space", "environment.obstacles={floor: {half_space: {normal: [0, 0, 1], offset: 0, zzzzzzzz: 1}}}",
+             obstacle["half_space"]["properties"])
 bounds = {key: [form["properties"] for form in properties["limits"]["properties"][key]["anyOf"] if "properties" in form]
           for key in properties["limits"]["properties"] if key != "allow_large_angles"}
 compare_keys("bounds", "limits.velocity_radps={lower: -1, upper: 1, zzzzzzzz: 1}", bounds["velocity_radps"][0])
@@ -191,6 +204,14 @@ for path, value in [
     ("limits", {"velocity_radps": {"lower": -1, "upper": "~log_uniform(1, 2)"}}),
     ("controller.velocity_feedforward", "~choice(true, false)"),
     ("real_plant.seed", 12345678901234), ("real_plant.torque_limit_factor", math.inf),
+    ("payload", {"mass_kg": "3/2", "offset_m": [0, 0, "~uniform(0, 0.1)"]}), ("payload", {"mass_kg": 0}),
+    ("environment", {}), ("environment", {"safety_distance_m": 0, "field_cell_m": 0.05, "obstacles": {}}),
+    ("environment.obstacles", {"table": {"box": [1, 2, "pi/2"], "at": {"xyz": [5, 0, "~uniform(0, 1)"], "rpy": [0, 0, "pi/2"]}}}),
+    ("environment.obstacles", {"post": {"cylinder": {"radius": 0.1, "length": 1}, "at": {"xyz": [5, 0, 0]}},
+                               "floor": {"half_space": {"normal": [0, 0, 1], "offset": -1}}}),
+    ("environment.obstacles", {"ball": {"sphere": 0.1, "repeats": True,
+                                        "path": [{"time_s": 0, "xyz": [5, 0, 0]}, {"time_s": 1, "xyz": [5, 1, 0]},
+                                                 {"time_s": 2, "xyz": [5, 0, 0]}]}}),
 ]:
     judge(f"{path} = {value}", edited(path, value), True)
 
@@ -217,6 +238,18 @@ for path, value in [
     ("command.points", [[1]]), ("real_plant.seed", 1.5), ("real_plant.payload_offset_m", [0, 0]),
     ("real_plant.payload_offset_m", 0),
     ("command", {"plugin": "recorded_poses", "file": ["a"]}),
+    ("payload", 3), ("payload", {"mass_kg": -1}), ("payload", {"mass_kg": 1, "offset_m": [0, 0]}), ("payload", {"mass": 1}),
+    ("environment", 3), ("environment", {"safety_distance": 0.1}), ("environment", {"safety_distance_m": -0.1}),
+    ("environment", {"safety_distance_m": 2}), ("environment", {"field_cell_m": 0}), ("environment.obstacles", []),
+    ("environment.obstacles", {"table": {"box": [1, 2], "at": {"xyz": [5, 0, 0]}}}),
+    ("environment.obstacles", {"table": {"box": [1, 2, 0], "at": {"xyz": [5, 0, 0]}}}),
+    ("environment.obstacles", {"table": {"box": [1, 2, 1], "at": [5, 0, 0]}}),
+    ("environment.obstacles", {"table": {"bocks": [1, 2, 1], "at": {"xyz": [5, 0, 0]}}}),
+    ("environment.obstacles", {"ball": {"sphere": 0.1, "at": {"xyz": [5, 0, 1001]}}}),
+    ("environment.obstacles", {"ball": {"sphere": 0.1, "path": [{"time_s": 0}]}}),
+    ("environment.obstacles", {"ball": {"sphere": 0.1, "path": [{"time_s": -1, "xyz": [5, 0, 0]}]}}),
+    ("environment.obstacles", {"post": {"cylinder": 3, "at": {"xyz": [5, 0, 0]}}}),
+    ("environment.map", {"file": ["a"]}), ("environment.map", {"unknown": "maybe"}),
 ]:
     judge(f"{path} = {value}", edited(path, value), False)
 in_one_case = edited("filter")

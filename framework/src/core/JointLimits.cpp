@@ -152,20 +152,22 @@ void checkPosition(const LimitCheck& check, int joint, LimitSide side, double va
 }  // namespace
 
 const char* getName(LimitKind kind, LimitSide side) {
-    static const char* const names[5][3] = {
+    static const char* const names[kLimitKinds][3] = {
         {"none", "none", "none"},
         {"position_lower", "position", "position_upper"},
         {"velocity_lower", "velocity", "velocity_upper"},
         {"acceleration_lower", "acceleration", "acceleration_upper"},
         {"jerk_lower", "jerk", "jerk_upper"},
+        {"torque_lower", "torque", "torque_upper"},
+        {"clearance_lower", "clearance", "clearance_upper"},
     };
     const int row = static_cast<int>(kind);
     const int column = static_cast<int>(side) + 1;
-    return row < 5 && column >= 0 && column < 3 ? names[row][column] : "unknown";
+    return row < kLimitKinds && column >= 0 && column < 3 ? names[row][column] : "unknown";
 }
 
 const char* getUnit(LimitKind kind) {
-    static const char* const units[] = {"", "rad", "rad/s", "rad/s^2", "rad/s^3"};
+    static const char* const units[] = {"", "rad", "rad/s", "rad/s^2", "rad/s^3", "Nm", "m"};
     return units[static_cast<int>(kind)];
 }
 

@@ -9,11 +9,13 @@
 
 #include "PathExtent.h"
 #include "core/NumberText.h"
+#include "experiment/CollisionCounter.h"
 #include "log/LogExportColumns.h"
 #include "viable/core/Error.h"
 #include "viable/log/Recorder.h"
 #include "viable/motion/Braking.h"
 #include "viable/plugin/FilterChain.h"
+#include "viable/robot/ArmReach.h"
 
 namespace viable {
 
@@ -36,6 +38,7 @@ void askOnce(const NominalController& plugin) {
 }
 void askOnce(const SafetyFilter& plugin) {
     plugin.promisesLimits();
+    plugin.promisesClearance();
     plugin.recovers();
 }
 void askOnce(const RobustLoop&) {}
@@ -172,10 +175,11 @@ nlohmann::json listNumbers(const JointVector& values) {
     return list;
 }
 
-LogOpening makeOpening(const CasePlan& plan, MotionCommand::Space space) {
+LogOpening makeOpening(const CasePlan& plan, MotionCommand::Space space,
+                       const Surroundings* surroundings) {
     LogOpening opening;
     opening.layout = {plan.robot.jointNames(), space, plan.realPlant.has_value(),
-                      plan.feedsExternalTorque};
+                      plan.feedsExternalTorque, plan.environment.has_value()};
     opening.metadata = {
         {"case", plan.name},
         {"robot", std::filesystem::absolute(plan.robot.folder).lexically_normal().string()},
@@ -197,6 +201,14 @@ LogOpening makeOpening(const CasePlan& plan, MotionCommand::Space space) {
                            {"velocity_radps", listNumbers(plan.bound->velocity)},
                            {"measured_rad", listNumbers(plan.bound->measured)}}
                 .dump();
+    if (surroundings) {  // what the indices of the channel `clearance` stand for
+        nlohmann::json obstacles = nlohmann::json::array();
+        for (int i = 0; i < surroundings->size(); ++i) obstacles.push_back(surroundings->name(i));
+        opening.metadata["obstacles"] = obstacles.dump();
+        opening.metadata["links"] = nlohmann::json(plan.geometry->links).dump();
+        if (const OccupancyMap* map = surroundings->map())
+            opening.metadata["map_sha256"] = map->sha256();
+    }
     for (const PluginChoice* choice : listPlugins(plan))
         opening.metadata[getName(choice->plugin.kind)] = choice->plugin.library.string();
     if (plan.filters.size() > 1) {
@@ -314,6 +326,24 @@ void checkMotors(const CasePlan& plan) {
     }
 }
 
+/** A distance field tells distances up to here apart [m]: farther than any arm needs to stop. */
+constexpr double kFieldReach_m = 1.0;
+
+void addSurroundings(const CasePlan& plan, ConfiguredCase& configured) {
+    if (!plan.environment) return;
+    const Eigen::AlignedBox3d reach = calcReach(plan.robot, *plan.geometry, plan.limits);
+    if (plan.environment->map && !reach.sizes().allFinite())
+        throw badInput(plan.environment->map->place,
+                       "the arm has a sliding joint without position limits, so that the part of the map that it can "
+                       "reach has no end",
+                       "Give the joint position limits.");
+    configured.surroundings = std::make_shared<const Surroundings>(*plan.environment, reach.min(),
+                                                                   reach.max(), kFieldReach_m);
+    configured.feed = std::make_unique<SurroundingsFeed>(configured.surroundings);
+    configured.setup.surroundings = configured.feed.get();
+    configured.setup.geometry = &*plan.geometry;
+}
+
 }  // namespace
 
 ConfiguredCase::ConfiguredCase(RunSetup runSetup) : setup(std::move(runSetup)) {}
@@ -330,6 +360,7 @@ std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolat
         setup.startTool = dynamics.tool;
     }
     auto configured = std::make_unique<ConfiguredCase>(setup);
+    addSurroundings(plan, *configured);
     PluginMaker maker(*configured, isolation);
     LoopPlugins& plugins = configured->plugins;
     plugins.filter = maker.makeFilters(plan.filters);
@@ -365,6 +396,7 @@ std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolat
 CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
     const std::unique_ptr<ConfiguredCase> configured = configureCase(plan, options.isolation);
     const bool promises = configured->plugins.filter->promisesLimits();
+    const bool promisesClearance = configured->plugins.filter->promisesClearance();
     const MotionCommand::Space space = configured->plugins.command->space();
     auto ownLoop = std::make_unique<ControlLoop>(
         configured->setup, std::move(configured->plugins),
@@ -372,13 +404,16 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
                        plan.holdsOnReal});
     ControlLoop& loop = *ownLoop;
 
+    std::optional<detail::CollisionCounter> collisions;
+    if (plan.environment) collisions.emplace(plan);
     std::unique_ptr<Recorder> recorder;
     if (!options.log.empty())
-        recorder = std::make_unique<Recorder>(
-            std::make_unique<LogWriter>(options.log, makeOpening(plan, space)));
+        recorder = std::make_unique<Recorder>(std::make_unique<LogWriter>(
+            options.log, makeOpening(plan, space, configured->surroundings.get())));
 
     CaseResult result(plan);
     result.promises = promises;
+    result.promisesClearance = promisesClearance;
     result.log = options.log;
 
     const std::int64_t ticks = std::llround(plan.duration_s / plan.tick_s);
@@ -401,6 +436,7 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
             loop.tick(record);
         record.stage_us[static_cast<int>(Stage::Record)] = recordTime_us;
         result.summary.add(record);
+        if (collisions) collisions->add(record);
         if (recorder) {
             // Simulated time can wait for the disk. The time of the hand-over itself goes into the
             // next row.
@@ -417,6 +453,10 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
             options.progress(std::min(1.0, static_cast<double>(k) / static_cast<double>(ticks)));
     }
     result.summary.addEnd(loop.nominal(), loop.time());
+    if (collisions) {
+        collisions->addEnd(loop.nominal(), loop.time());
+        result.summary.setCollisions(collisions->collisions());
+    }
     if (options.progress) options.progress(1.0);
     result.simulated_s = loop.time();
     if (recorder) {
@@ -488,6 +528,11 @@ bool CaseResult::isRealPromiseBroken() const {
     return holdsOnReal && promises && summary.anyRealLimitBroken();
 }
 
+bool CaseResult::isClearancePromiseBroken() const {
+    return promisesClearance && summary.collisions() &&
+           summary.collisions()->nominal.ticksInCollision > 0;
+}
+
 bool isGraver(int a, int b) {
     const auto rank = [](int code) {
         constexpr ErrorKind order[] = {ErrorKind::PromiseBroken, ErrorKind::TrackingLost,
@@ -499,7 +544,8 @@ bool isGraver(int a, int b) {
 }
 
 int CaseResult::exitCode() const {
-    if (stopReason == StopReason::PromiseBroken || isRealPromiseBroken())
+    if (stopReason == StopReason::PromiseBroken || isRealPromiseBroken() ||
+        isClearancePromiseBroken())
         return static_cast<int>(ErrorKind::PromiseBroken);
     if (summary.trip()) return static_cast<int>(ErrorKind::TrackingLost);
     const bool isWanted = stopReason == StopReason::None || stopReason == StopReason::Requested ||

@@ -44,7 +44,7 @@ constexpr double kTorqueAgreement = 1e-6;
 bool areKnown(FilterStatus status, const FilterDecision& d, int n) {
     if (status > FilterStatus::Ended || d.held > HeldQuantity::Acceleration) return false;
     for (int i = 0; i < n; ++i)
-        if (d.joints[i].limit > LimitKind::Jerk || d.joints[i].side < LimitSide::Lower ||
+        if (d.joints[i].limit > LimitKind::Clearance || d.joints[i].side < LimitSide::Lower ||
             d.joints[i].side > LimitSide::Upper)
             return false;
     return true;
@@ -480,8 +480,15 @@ void ControlLoop::tellMissedTicks() {
     missedInRow_ = 0;
 }
 
+/** What a filter need not say of every decision is not that of the one before. */
+void ControlLoop::forgetRemarks() {
+    decision_.hasStops = false;
+    decision_.clearance = {};
+    decision_.mapAge_s = 0.0;
+}
+
 bool ControlLoop::takeDecision() {
-    decision_.hasStops = false;  // a filter without a witness need not say so
+    forgetRemarks();
     status_ = contain(PluginKind::SafetyFilter, FilterStatus::Faulted, [&] {
         if (externalTorque_.size() == 0)
             return plugins_.filter->filter(nominal_, desiredTorque_, dynamics_, decision_);
@@ -531,6 +538,7 @@ void ControlLoop::followStop() {
         nominal_.qd.setZero();
         nominal_.qdd.setZero();
     }
+    forgetRemarks();
     verdict_ = monitor_.followStop(nominal_, dynamics_, decision_).verdict;
     status_ = FilterStatus::StoppedByPlan;
     if (!findFault(decision_, nominal_, dynamics_, setup_.tick_s, n_)) return;
@@ -593,6 +601,8 @@ void ControlLoop::fillRecord(TickRecord& record, bool decided) const {
     record.joints = decision_.joints;
     for (int i = 0; i < n_; ++i) record.stops[i] = monitor_.stop(i);
     record.verdict = verdict_;
+    record.clearance = decision_.clearance;
+    record.mapAge_s = decision_.mapAge_s;
     record.limits = limits_;
     record.braking = isStopping();
     record.missed = missedInRow_ > 0;

@@ -2,12 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <future>
-#include <map>
-#include <mutex>
 
 #include "config/ConfigText.h"
+#include "core/Memo.h"
 #include "core/NumberText.h"
+#include "core/Sha256.h"
 #include "experiment/ExperimentKeys.h"
 #include "plugin/ParameterText.h"
 #include "viable/config/Draws.h"
@@ -116,13 +115,59 @@ double readTick(const ConfigNode* node) {
     return toNumber(node ? *node : makeScalar(spec.defaultText), spec.range());
 }
 
-Parameters readDisturbances(const ConfigNode& block, int joints) {
+/** Reads a block of sizes. @param example  what to write */
+Parameters readSizes(const ConfigNode& block, const char* name, const char* example,
+                     const std::vector<detail::ExperimentKey>& keys, int joints) {
     if (const ConfigNode* plugin = block.find("plugin"))
-        throw badInput(plugin->place(), "disturbance_set is no plugin",
-                       "Write sizes: `disturbance_set: {friction_scale: 2, payload_kg: 3}`.");
+        throw badInput(plugin->place(), std::string(name) + " is no plugin",
+                       std::string("Write sizes: `") + name + ": " + example + "`.");
+    ConfigMap known(block);  // readParameters() would offer `plugin`, too
     std::vector<ParameterSpec> specs;
-    for (const detail::ExperimentKey& key : detail::disturbanceKeys()) specs.push_back(key.spec);
+    for (const detail::ExperimentKey& key : keys) {
+        known.find(key.spec.name);
+        specs.push_back(key.spec);
+    }
+    known.finish();
     return readParameters(block, specs.data(), specs.size(), joints);
+}
+
+Parameters readDisturbances(const ConfigNode& block, int joints) {
+    return readSizes(block, "disturbance_set", "{friction_scale: 2, payload_kg: 3}",
+                     detail::disturbanceKeys(), joints);
+}
+
+Parameters readPayload(const ConfigNode& block, int joints) {
+    return readSizes(block, "payload", "{mass_kg: 1.5, offset_m: [0, 0, 0.1]}",
+                     detail::payloadKeys(), joints);
+}
+
+RobotDescription takePayload(RobotDescription robot, const Parameters& payload) {
+    const std::vector<double>& offset = payload.numbers("offset_m");
+    return withPayload(std::move(robot), payload.number("mass_kg"),
+                       {offset[0], offset[1], offset[2]});
+}
+
+/** The block as it must stand in a file of any folder. */
+ConfigNode resolveEnvironment(ConfigNode block, const Environment& environment) {
+    const auto fill = [&](const char* key, double value) {
+        if (!block.find(key)) block.entries.emplace_back(key, makeNumber(value));
+    };
+    fill("safety_distance_m", environment.safetyDistance_m);
+    fill("field_cell_m", environment.fieldCell_m);
+    ConfigNode* const map = environment.map ? block.find("map") : nullptr;
+    if (!map) return block;
+    const std::filesystem::path& file = environment.map->file;
+    const ConfigNode path = makeScalar(
+        (std::filesystem::canonical(std::filesystem::absolute(file).parent_path()) / file.filename())
+            .string(),
+        true);
+    const ConfigNode sha256 = makeScalar(environment.map->sha256, true);
+    for (const auto& [key, value] : {std::pair("file", path), std::pair("sha256", sha256)})
+        if (ConfigNode* const known = map->find(key))
+            *known = value;
+        else
+            map->entries.emplace_back(key, value);
+    return block;
 }
 
 DisturbanceSet makeDisturbanceSet(const Parameters& p) {
@@ -142,12 +187,13 @@ DisturbanceSet makeDisturbanceSet(const Parameters& p) {
     return set;
 }
 
-/** Bounds that are remembered at a time. */
+/** Bounds that are remembered at a time; a sweep may draw its disturbance_set. */
 constexpr std::size_t kMostKnownBounds = 64;
 
 /** The bound for a case as far as it is read. It takes seconds and depends on little: the same inputs, of several cases
 or of the runs of a sweep, are computed once. */
-TrackingBound findBound(const CasePlan& plan, const Parameters& disturbances) {
+TrackingBound findBound(const CasePlan& plan, const Parameters& disturbances,
+                        const std::optional<Parameters>& payload) {
     const Parameters& loop = plan.robustLoop->parameters;
     const NricOptions gains{loop.jointNumbers("k_r"), loop.jointNumbers("k_p"),
                             loop.jointNumbers("k_i")};
@@ -161,30 +207,14 @@ TrackingBound findBound(const CasePlan& plan, const Parameters& disturbances) {
                  {"gains", makeMap({{"k_r", makeList(gains.kr.expand(plan.robot.size()))},
                                     {"k_p", makeList(gains.kp.expand(plan.robot.size()))},
                                     {"k_i", makeList(gains.ki.expand(plan.robot.size()))}})},
+                 {"payload", payload ? payload->resolved() : ConfigNode()},
                  {"disturbance_set", disturbances.resolved()}});
-    static std::mutex mutex;
-    static std::map<std::string, std::shared_future<TrackingBound>> known;
-    std::promise<TrackingBound> own;
-    std::shared_future<TrackingBound> result;
-    bool isOwn = false;
-    {
-        const std::lock_guard lock(mutex);
-        if (known.size() >= kMostKnownBounds) known.clear();  // a sweep that draws its disturbance_set
-        const auto [entry, isNew] = known.emplace(writeConfig(inputs), std::shared_future<TrackingBound>());
-        if (isNew) entry->second = own.get_future().share();
-        isOwn = isNew;
-        result = entry->second;
-    }
-    if (isOwn) {
-        try {
-            own.set_value(calcTrackingBound(plan.robot, plan.realLimits, plan.tick_s, gains,
-                                            makeDisturbanceSet(disturbances),
-                                            disturbances.resolved().place()));
-        } catch (...) {
-            own.set_exception(std::current_exception());
-        }
-    }
-    return result.get();  // the others wait for the same
+    static detail::Memo<TrackingBound> known(kMostKnownBounds);
+    return known.get(writeConfig(inputs), [&] {
+        return calcTrackingBound(plan.robot, plan.realLimits, plan.tick_s, gains,
+                                 makeDisturbanceSet(disturbances),
+                                 disturbances.resolved().place());
+    });
 }
 
 /** `bounds` with `margin` less on each side. */
@@ -251,6 +281,11 @@ public:
         plan.name = name;
         const ConfigNode& robotNode = map_.require("robot");
         plan.robot = loadRobot(findRobot(toText(robotNode), robotPath_, robotNode.place()));
+        std::optional<Parameters> payload;
+        if (const ConfigNode* node = map_.find("payload")) {
+            payload = readPayload(*node, plan.robot.size());
+            plan.robot = takePayload(std::move(plan.robot), *payload);
+        }
         plan.tick_s = readTick(map_.find("tick_s"));
         NumberRange durations = detail::getKey(detail::experimentKeys(), "duration_s").range();
         durations.min = plan.tick_s;
@@ -286,6 +321,14 @@ public:
             start ? describePlace(*start, "start", name, overrides_) : map_.node().file;
         if (const ConfigNode* missed = map_.find("missed_ticks"))
             plan.missedTicks = readMissedTicks(*missed, plan.tick_s, plan.duration_s);
+        const ConfigNode* environment = map_.find("environment");
+        if (environment) {
+            plan.environment = readEnvironment(*environment);
+            // From here on it is this file, whoever reads it and when.
+            if (plan.environment->map && plan.environment->map->sha256.empty())
+                plan.environment->map->sha256 = detail::calcSha256(plan.environment->map->file);
+            plan.geometry = loadArmGeometry(plan.robot);
+        }
 
         plan.command =
             readPlugin(map_.require("command"), PluginKind::CommandSource, plan.robot.size());
@@ -312,7 +355,7 @@ public:
         std::optional<Parameters> sizes;
         if (disturbances) {
             sizes = readDisturbances(*disturbances, plan.robot.size());
-            takeBound(plan, *sizes);
+            takeBound(plan, *sizes, payload);
         }
         if (plan.holdsOnReal) {
             const std::string place = describePlace(*limits, "limits", name, overrides_);
@@ -320,12 +363,19 @@ public:
             checkLimits(plan.limits, plan.tick_s, allowLargeAngles, place, plan.robot.jointNames());
         }
         plan.resolved = resolve(plan, title, allowLargeAngles, sizes);
+        // Before the cases, which stand last.
+        const auto add = [&](const char* key, ConfigNode node) {
+            plan.resolved.entries.emplace(plan.resolved.entries.end() - 1, key, std::move(node));
+        };
+        if (payload) add("payload", payload->resolved());
+        if (environment) add("environment", resolveEnvironment(*environment, *plan.environment));
         return plan;
     }
 
 private:
     /** Cases with another robust loop have no bound: nothing is known about it. */
-    static void takeBound(CasePlan& plan, const Parameters& disturbances) {
+    static void takeBound(CasePlan& plan, const Parameters& disturbances,
+                          const std::optional<Parameters>& payload) {
         const std::string place = disturbances.resolved().place();
         if (!plan.realPlant)
             throw badInput(place, "there is a disturbance_set but no real_plant that it could disturb",
@@ -338,7 +388,7 @@ private:
                                "the tracking bound is for arms that start at rest, and " +
                                    plan.robot.joints[static_cast<std::size_t>(i)].name + " does not",
                                "Start at rest, or remove the disturbance_set.");
-        plan.bound = findBound(plan, disturbances);
+        plan.bound = findBound(plan, disturbances, payload);
         checkAssumptions(plan, disturbances);
         plan.boundPlace = place;
     }

@@ -11,12 +11,95 @@ ExperimentKey makeBlock(const char* name, const char* defaultText, KeyForm form,
     return {parameter::text(name, defaultText, help), form, kind};
 }
 
+ExperimentKey makeBlock(const char* name, const char* defaultText,
+                        const std::vector<ExperimentKey>& (*keys)(), const char* help,
+                        KeyForm form = KeyForm::Block) {
+    return {parameter::text(name, defaultText, help), form, PluginKind::CommandSource, false, keys};
+}
+
 ExperimentKey makeTopOnly(const ParameterSpec& spec, KeyForm form = KeyForm::Value) {
     return {spec, form, PluginKind::CommandSource, true};
 }
 
 ExperimentKey makeBounds(const char* name, const char* unit, KeyForm form, const char* help) {
     return {parameter::jointNumbers(name, unit, "", help).above(0).orInfinite(), form};
+}
+
+// --- parts of `environment`: what readEnvironment() knows, with its ranges
+
+ParameterSpec makePlace(const char* name, const char* help) {
+    return parameter::numbers(name, "m", 3, 3, nullptr, help).atLeast(-1000).upTo(1000);
+}
+
+ParameterSpec makeSize(const char* name, const char* defaultText, const char* help) {
+    return parameter::number(name, "m", defaultText, help).above(0).upTo(1000);
+}
+
+const std::vector<ExperimentKey>& poseKeys() {
+    static const std::vector<ExperimentKey> keys = {
+        {makePlace("xyz", "Origin in the robot's base frame.")},
+        {parameter::numbers("rpy", "rad", 3, 3, "[0, 0, 0]",
+                            "Roll, pitch and yaw as in a URDF: about x, then y, then z of the base frame.")
+             .atLeast(-100)
+             .upTo(100)},
+    };
+    return keys;
+}
+
+const std::vector<ExperimentKey>& cylinderKeys() {
+    static const std::vector<ExperimentKey> keys = {
+        {makeSize("radius", nullptr, "Of the cylinder.")},
+        {makeSize("length", nullptr, "Along its z axis.")},
+    };
+    return keys;
+}
+
+const std::vector<ExperimentKey>& halfSpaceKeys() {
+    static const std::vector<ExperimentKey> keys = {
+        {parameter::numbers("normal", "", 3, 3, nullptr, "Points to the free side.")
+             .atLeast(-1000)
+             .upTo(1000)},
+        {parameter::number("offset", "", nullptr,
+                           "A point x is on the surface where normal . x is this.")
+             .atLeast(-1000)
+             .upTo(1000)},
+    };
+    return keys;
+}
+
+const std::vector<ExperimentKey>& waypointKeys() {
+    static const std::vector<ExperimentKey> keys = {
+        {parameter::number("time_s", "s", nullptr, "Of the run; rising.").atLeast(0).upTo(1e6)},
+        {makePlace("xyz", "The centre then, base frame.")},
+    };
+    return keys;
+}
+
+const std::vector<ExperimentKey>& obstacleKeys() {
+    static const std::vector<ExperimentKey> keys = {
+        {parameter::numbers("box", "m", 3, 3, "", "Its edges along x, y and z.").above(0).upTo(1000)},
+        {makeSize("sphere", "", "Its radius.")},
+        makeBlock("cylinder", "", &cylinderKeys, "Its sizes."),
+        makeBlock("half_space", "", &halfSpaceKeys, "All that lies behind a plane is solid: a floor, a wall."),
+        makeBlock("at", "", &poseKeys, "The centre of a box, sphere or cylinder, and its turn."),
+        makeBlock("path", "", &waypointKeys,
+                  "Of a sphere that moves: straight and at constant speed from one waypoint to the next.",
+                  KeyForm::Blocks),
+        {parameter::flag("repeats", "false",
+                         "After its last waypoint, whose place is that of the first, the path begins anew.")},
+    };
+    return keys;
+}
+
+const std::vector<ExperimentKey>& mapKeys() {
+    static const std::vector<ExperimentKey> keys = {
+        {parameter::text("file", nullptr, "An OctoMap file, .bt or .ot, relative to this file.")},
+        {parameter::text("sha256", "", "Of the file; another file is refused.")},
+        makeBlock("at", "", &poseKeys, "Where the map's frame lies in the robot's base frame."),
+        {parameter::choice("unknown", "occupied|free", "occupied",
+                           "What cells count as that nothing is known of.")},
+    };
+    return keys;
 }
 
 }  // namespace
@@ -34,9 +117,15 @@ const std::vector<ExperimentKey>& experimentKeys() {
         {parameter::number("tick_s", "s", "0.001", "Length of a tick.")
              .atLeast(kShortestTick_s)
              .upTo(kLongestTick_s)},
-        makeBlock("limits", "", KeyForm::Limits,
+        makeBlock("payload", "", &payloadKeys,
+                  "A point mass fixed to the tool that the nominal arm knows: model, filter and real arm have it. "
+                  "A plant's own payload_kg comes on top of it."),
+        makeBlock("limits", "", &limitKeys,
                   "Limits over the robot's own; \"no limit\" is .inf."),
-        makeBlock("start", "", KeyForm::Start, "State at the start."),
+        makeBlock("start", "", &startKeys, "State at the start."),
+        makeBlock("environment", "", &environmentKeys,
+                  "What stands around the arm. With it, even empty ({}), the arm is also checked against itself; the "
+                  "robot needs a collision.yaml."),
         makeBlock("command", nullptr, KeyForm::Plugin, "What is asked for.",
                   PluginKind::CommandSource),
         makeBlock("controller", nullptr, KeyForm::Plugin, "The torque law that wants to get there.",
@@ -48,13 +137,14 @@ const std::vector<ExperimentKey>& experimentKeys() {
                   PluginKind::RobustLoop),
         makeBlock("real_plant", "", KeyForm::Plugin, "The real arm; only with robust_loop.",
                   PluginKind::RealPlant),
-        makeBlock("disturbance_set", "", KeyForm::Disturbances,
+        makeBlock("disturbance_set", "", &disturbanceKeys,
                   "What the real arm may have that the nominal one has not: with it a bound on the tracking error is "
                   "known, which trips the run when it is passed; with the robust loop nric."),
         {parameter::choice("external_torque", "to_nominal|ignored", "ignored",
                            "What the surroundings put on the real arm, as it measures it: moves the nominal "
                            "arm, too, or is left to the robust loop; only with real_plant.")},
-        makeBlock("missed_ticks", "", KeyForm::Gaps, "Ticks in which the computer comes too late."),
+        makeBlock("missed_ticks", "", &gapKeys, "Ticks in which the computer comes too late.",
+                  KeyForm::Blocks),
         makeTopOnly(parameter::text("cases", nullptr,
                                     "What differs; everything at the top is shared by all cases."),
                     KeyForm::Cases),
@@ -140,6 +230,33 @@ const std::vector<ExperimentKey>& disturbanceKeys() {
         {parameter::integer("delay_ticks", "0", "Between the computed torque and the motors.")
              .atLeast(0)
              .upTo(20)},
+    };
+    return keys;
+}
+
+const std::vector<ExperimentKey>& payloadKeys() {
+    static const std::vector<ExperimentKey> keys = {
+        {parameter::number("mass_kg", "kg", nullptr, "Its mass.").atLeast(0).upTo(1000)},
+        {parameter::numbers("offset_m", "m", 3, 3, "[0, 0, 0]",
+                            "Its place in the tool frame: x, y, z.")},
+    };
+    return keys;
+}
+
+const std::vector<ExperimentKey>& environmentKeys() {
+    // Defaults: those of Environment.
+    static const std::vector<ExperimentKey> keys = {
+        {parameter::number("safety_distance_m", "m", "0.02", "Least clearance that is to be kept.")
+             .atLeast(0)
+             .upTo(1)},
+        {parameter::number("field_cell_m", "m", "0.02",
+                           "Edge of the cells of the distance field around a map.")
+             .atLeast(0.001)
+             .upTo(1)},
+        makeBlock("obstacles", "", &obstacleKeys,
+                  "By name: one of box, sphere, cylinder and half_space, and where it is.",
+                  KeyForm::Named),
+        makeBlock("map", "", &mapKeys, "A map of occupied, free and unknown space."),
     };
     return keys;
 }

@@ -15,12 +15,11 @@ inline constexpr std::size_t kMaxFilters = 16;
 enum class KeyForm {
     Value,      ///< as `spec` says
     Cases,      ///< a map of names to blocks with the keys that differ
-    Limits,     ///< a block of `limitKeys()`
+    Block,      ///< a block with the keys of `keys`
+    Blocks,     ///< a list of such blocks
+    Named,      ///< a map of names to such blocks
     Bounds,     ///< a joint quantity for both sides, or `{lower, upper}`
     Positions,  ///< the same, or `{center, half_range}`
-    Start,      ///< a block of `startKeys()`
-    Disturbances,  ///< a block of `disturbanceKeys()`
-    Gaps,       ///< a list of blocks of `gapKeys()`
     Plugin,     ///< `{plugin: NAME, parameters}`
     Plugins,    ///< the same, or a list of up to kMaxFilters such blocks or names, the first one first
 };
@@ -33,6 +32,8 @@ struct ExperimentKey {
     KeyForm form = KeyForm::Value;
     PluginKind kind = PluginKind::CommandSource;  ///< of Plugin and Plugins
     bool isTopOnly = false;                       ///< must not stand in a case
+    /** Of Block, Blocks and Named: what stands in a block. */
+    const std::vector<ExperimentKey>& (*keys)() = nullptr;
 };
 
 const std::vector<ExperimentKey>& experimentKeys();
@@ -40,6 +41,8 @@ const std::vector<ExperimentKey>& limitKeys();  ///< what readLimits() knows, an
 const std::vector<ExperimentKey>& startKeys();
 const std::vector<ExperimentKey>& gapKeys();
 const std::vector<ExperimentKey>& disturbanceKeys();
+const std::vector<ExperimentKey>& payloadKeys();
+const std::vector<ExperimentKey>& environmentKeys();  ///< what readEnvironment() knows
 
 /** The key called `name`; it must be there. */
 const ParameterSpec& getKey(const std::vector<ExperimentKey>& keys, const std::string& name);

@@ -106,22 +106,20 @@ Json makeKey(const ExperimentKey& key) {
         case KeyForm::Bounds:
         case KeyForm::Positions:
             return makeBounds(key);
-        case KeyForm::Limits:
-            schema.update(makeObject(makeKeys(detail::limitKeys())));
+        case KeyForm::Block:  // none need be there: a case completes the block at the top
+            schema.update(makeObject(makeKeys(key.keys())));
             return schema;
-        case KeyForm::Start:
-            schema.update(makeObject(makeKeys(detail::startKeys())));
-            return schema;
-        case KeyForm::Disturbances:
-            schema.update(makeObject(makeKeys(detail::disturbanceKeys())));
-            return schema;
-        case KeyForm::Gaps: {
-            Json gap = makeObject(makeKeys(detail::gapKeys()));
-            for (const ExperimentKey& entry : detail::gapKeys())
-                gap["required"].push_back(entry.spec.name);
-            schema.update({{"type", "array"}, {"items", gap}});
+        case KeyForm::Blocks: {
+            Json item = makeObject(makeKeys(key.keys()));
+            for (const ExperimentKey& entry : key.keys())
+                if (!entry.spec.defaultText) item["required"].push_back(entry.spec.name);
+            schema.update({{"type", "array"}, {"items", item}});
             return schema;
         }
+        case KeyForm::Named:
+            schema.update({{"type", "object"},
+                           {"additionalProperties", makeObject(makeKeys(key.keys()))}});
+            return schema;
         case KeyForm::Plugin:
             schema["allOf"] = Json::array({makeReference(name)});
             return schema;

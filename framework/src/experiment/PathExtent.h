@@ -44,6 +44,7 @@ public:
         acceleration.include(a);
     }
 
+    double p() const { return p_; }
     double v() const { return v_; }
     double a() const { return a_; }
     /** False when the path left the range of numbers. */

@@ -14,6 +14,7 @@ namespace viable {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 /** A stop of more ticks has no end. */
 constexpr double kMaxStopTicks = 1e12;
@@ -278,13 +279,13 @@ void StopMonitor::judge(const MotionState& nominal, const FilterDecision& decisi
         if (judgesRates) judgeTickJerk(i, decision.jerk[i]);
         if (!followPlan(plan, i, path)) {
             keepFinding(Fault::Malformed, i, LimitKind::None, LimitSide::Neither, kInfinity, 1.0);
-            reports_[i] = {-kInfinity, kInfinity};
+            reports_[i] = {-kInfinity, kInfinity, kNan};
             continue;
         }
         judgeJoint(i, path, judgesRates, plan.held == HeldQuantity::Jerk);
         reports_[i] = {std::min(limits_[i].positionUpper - path.extent.position.upper,
                                 path.extent.position.lower - limits_[i].positionLower),
-                       path.stop_s};
+                       path.stop_s, path.extent.p()};
     }
 }
 

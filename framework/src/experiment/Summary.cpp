@@ -274,6 +274,7 @@ void Summary::add(const TickRecord& record) {
         }
     }
     addStops(record);
+    keepsClearance_ |= record.clearance.isKnown;
     ++ticks_;
     if (statusTicks_[static_cast<int>(record.status)]++ == 0 &&
         record.status == FilterStatus::Infeasible)
@@ -308,7 +309,7 @@ bool Summary::endsOutside() const {
 std::map<std::pair<std::string, std::string>, InterventionRecord> Summary::interventions() const {
     std::map<std::pair<std::string, std::string>, InterventionRecord> all;
     for (std::size_t i = 0; i < acting_.size(); ++i)
-        for (int k = 1; k <= kQuantities; ++k)
+        for (int k = 1; k < kLimitKinds; ++k)
             for (int side = 0; side < 2; ++side)
                 if (acting_[i].records[k][side].ticks > 0)
                     all[{jointNames_[i], getName(static_cast<LimitKind>(k),

@@ -118,6 +118,28 @@ std::string writeSummaryJson(const Experiment& experiment, const std::vector<Cas
                     {"real_end_speed_radps", number(s.realEndSpeed())},
                     {"real_limits", stop}};
         }
+        json collisions = nullptr;
+        if (s.collisions()) {
+            const auto describe = [&](const CollisionRecord& c) {
+                const auto name = [](const std::string& text) {
+                    return text.empty() ? json(nullptr) : json(text);
+                };
+                return json{{"least_clearance_m", number(c.leastClearance)},
+                            {"least_clearance_s", c.leastClearance_s},
+                            {"penetration_m", c.penetration()},
+                            {"link", name(c.link)},
+                            {"obstacle", name(c.obstacle)},
+                            {"other_link", name(c.otherLink)},
+                            {"ticks_in_collision", c.ticksInCollision},
+                            {"first_collision_s",
+                             c.firstCollision_s ? json(*c.firstCollision_s) : json(nullptr)},
+                            {"ticks_too_near", c.ticksTooNear}};
+            };
+            collisions = {{"safety_distance_m", s.collisions()->safetyDistance_m},
+                          {"nominal", describe(s.collisions()->nominal)},
+                          {"real", s.collisions()->real ? describe(*s.collisions()->real)
+                                                        : json(nullptr)}};
+        }
         cases.push_back({{"name", r.name},
                          {"filter", r.filter},
                          {"robust_loop", r.robustLoop},
@@ -125,6 +147,8 @@ std::string writeSummaryJson(const Experiment& experiment, const std::vector<Cas
                          {"seeds", r.seeds},
                          {"promises_limits", r.promises},
                          {"holds_on_real", r.holdsOnReal},
+                         {"keeps_clearance", s.keepsClearance()},
+                         {"collisions", collisions},
                          {"limits_kept", !s.anyLimitBroken() && !s.endsOutside()},
                          {"ends_outside", s.endsOutside()},
                          {"simulated_s", r.simulated_s},

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <cstdio>
 #include <tuple>
 
@@ -14,6 +15,7 @@ using detail::format;
 using detail::formatPercent;
 using detail::formatPlain;
 
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr LimitKind kKinds[] = {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration,
                                 LimitKind::Jerk};
 
@@ -26,6 +28,10 @@ Below: acted N times = in N episodes; joint-s = their seconds, summed over the j
 bound the joint's own choice. torque removed: desired minus filtered, whatever the cause (other joints' limits through
 coupling and the lag gamma, too). least margin: smallest distance to a position limit along a tick and the stop after it;
 negative: beyond. unviable ticks: no stop within the limits was found after them.
+)";
+
+const char* const kClearanceLegend =
+    R"(clearance: least distance of an arm from the obstacles and from itself in the whole run; negative: that deep inside.
 )";
 
 /** Milliradians in plain numbers as long as those are readable; "-" where there is no number. */
@@ -213,6 +219,55 @@ std::string formatRealVerdict(const CaseResult& r) {
                        : " (of which the filter promises nothing)");
 }
 
+/** "link4 12.3 mm deep in table (at 1.234 s)", "nearest 3.4 mm (link4 to link1 at 2.000 s)", "nothing within 1 m". */
+std::string formatNearest(const CollisionRecord& r) {
+    if (r.leastClearance == -kInfinity) return "a pose that is no number";
+    if (r.leastClearance == kInfinity) return format("nothing within %g m", kClearanceHorizon_m);
+    const std::string other = r.obstacle.empty() ? r.otherLink : r.obstacle;
+    if (r.ticksInCollision > 0)
+        return format("%s %s mm deep in %s (at %.3f s)", r.link.c_str(),
+                      formatPlain(1e3 * r.penetration()).c_str(), other.c_str(), r.leastClearance_s);
+    return format("nearest %s mm (%s to %s at %.3f s)", formatPlain(1e3 * r.leastClearance).c_str(),
+                  r.link.c_str(), other.c_str(), r.leastClearance_s);
+}
+
+/** Whether the arms touched anything, where there is an environment. */
+std::string formatCollisionVerdict(const Summary& s) {
+    if (!s.collisions()) return "";
+    std::string text;
+    const auto add = [&](const char* arm, const CollisionRecord& r) {
+        if (r.ticksInCollision > 0)
+            text += std::string("; the ") + arm + " arm collided: " + formatNearest(r);
+    };
+    add("nominal", s.collisions()->nominal);
+    if (s.collisions()->real) add("real", *s.collisions()->real);
+    return text.empty() ? "; no collision" : text;
+}
+
+std::string formatCollisions(const Summary& s) {
+    std::string text;
+    const auto add = [&](const char* label, const char* arm, const CollisionRecord& r) {
+        text += format("  %-13s %s: in collision in %lld ticks", label, arm,
+                       static_cast<long long>(r.ticksInCollision));
+        if (r.firstCollision_s) text += format(" (first at %.3f s)", *r.firstCollision_s);
+        text += ", " + formatNearest(r) +
+                format(", within the safety distance of %s mm in %lld ticks\n",
+                       formatPlain(1e3 * s.collisions()->safetyDistance_m).c_str(),
+                       static_cast<long long>(r.ticksTooNear));
+    };
+    add("clearance", "nominal", s.collisions()->nominal);
+    if (s.collisions()->real) add("", "real", *s.collisions()->real);
+    return text;
+}
+
+/** Millimetres for a table; "-" where there is nothing to tell. */
+std::string formatClearance(const CollisionRecord* r) {
+    if (!r) return "-";
+    if (r->leastClearance == -kInfinity) return "?";
+    if (r->leastClearance == kInfinity) return format("> %g", 1e3 * kClearanceHorizon_m);
+    return format("%.1f", 1e3 * r->leastClearance);
+}
+
 /** Below this a joint of the real arm has come to rest [rad/s]. */
 constexpr double kRealRest = 0.01;
 
@@ -281,15 +336,20 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
     const bool anyBound = std::any_of(results.begin(), results.end(), [](const CaseResult& r) {
         return r.summary.reference().bound.has_value();
     });
+    const bool anyEnvironment = std::any_of(results.begin(), results.end(), [](const CaseResult& r) {
+        return r.summary.collisions().has_value();
+    });
     const std::string column = anyBound ? format(" %8s", "of bound") : "";
+    const std::string clearance = anyEnvironment ? format(" %-19s |", "least clearance[mm]") : "";
+    const std::string clearanceArms = anyEnvironment ? format(" %9s %9s |", "nominal", "real") : "";
     const int width = static_cast<int>(19 + column.size());
     std::string text =
-        format("%-16s | %-35s | %-27s | %-*s | %s\n", "", "worst use of the limit [%]",
-               "ticks (outside: per joint)", width, "real - nominal", "tick [us]");
-    text += format("%-16s | %8s %8s %8s %8s | %8s %10s %7s | %9s %9s%s | %6s %6s\n", "case",
+        format("%-16s | %-35s | %-27s | %-*s |%s %s\n", "", "worst use of the limit [%]",
+               "ticks (outside: per joint)", width, "real - nominal", clearance.c_str(), "tick [us]");
+    text += format("%-16s | %8s %8s %8s %8s | %8s %10s %7s | %9s %9s%s |%s %6s %6s\n", "case",
                    "position", "velocity", "accel.", "jerk", "outside", "infeasible", "changed",
-                   "RMS[mrad]", "max[mrad]", column.c_str(), "median", "p99");
-    text += std::string(122 + column.size(), '-') + "\n";
+                   "RMS[mrad]", "max[mrad]", column.c_str(), clearanceArms.c_str(), "median", "p99");
+    text += std::string(122 + column.size() + clearance.size(), '-') + "\n";
     for (const CaseResult& r : results) {
         const Summary& s = r.summary;
         std::int64_t outside = 0;
@@ -303,16 +363,22 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
         if (s.reference().bound)
             ofBound = format(" %6s %%", formatPercent(s.boundShare(LimitKind::Position,
                                                                    s.worstBoundJoint())).c_str());
-        text += format("%-16s | %8s %8s %8s %8s | %8lld %10lld %5.1f %% | %9s %9s%s | %6.1f %6.1f\n",
+        std::string clearances;
+        if (anyEnvironment) {
+            const std::optional<Collisions>& c = s.collisions();
+            clearances = format(" %9s %9s |", formatClearance(c ? &c->nominal : nullptr).c_str(),
+                                formatClearance(c && c->real ? &*c->real : nullptr).c_str());
+        }
+        text += format("%-16s | %8s %8s %8s %8s | %8lld %10lld %5.1f %% | %9s %9s%s |%s %6.1f %6.1f\n",
                        r.name.c_str(), use(LimitKind::Position).c_str(),
                        use(LimitKind::Velocity).c_str(), use(LimitKind::Acceleration).c_str(),
                        use(LimitKind::Jerk).c_str(), static_cast<long long>(outside),
                        static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), modified,
                        s.hasRealPlant() ? formatMrad(s.trackingRms()).c_str() : "-",
                        s.hasRealPlant() ? formatMrad(s.trackingMax()).c_str() : "-", ofBound.c_str(),
-                       s.tickTime().percentile(0.5), s.tickTime().percentile(0.99));
+                       clearances.c_str(), s.tickTime().percentile(0.5), s.tickTime().percentile(0.99));
     }
-    return text + kLegend;
+    return text + kLegend + (anyEnvironment ? kClearanceLegend : "");
 }
 
 std::string formatRanking(const std::vector<CaseResult>& results) {
@@ -323,10 +389,13 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
         for (LimitKind kind : kKinds) outside += r.summary.ticksOutside(kind);
         return outside;
     };
+    const auto countCollisions = [](const CaseResult& r) {
+        return r.summary.collisions() ? r.summary.collisions()->nominal.ticksInCollision : 0;
+    };
     // What stopped early comes last, whatever it kept until then; no number comes after every number.
     const auto rank = [&](const CaseResult& r) {
         const double error = r.summary.commandErrorRms();
-        return std::make_tuple(r.stopReason != StopReason::None, countOutside(r),
+        return std::make_tuple(r.stopReason != StopReason::None, countCollisions(r), countOutside(r),
                                r.summary.ticksWith(FilterStatus::Infeasible), std::isnan(error),
                                std::isnan(error) ? 0.0 : error);
     };
@@ -340,6 +409,9 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
                    "outside and worst excess", "ticks", "rad", "ticks", "rad/s", "ticks",
                    "rad/s^2", "ticks", "rad/s^3", "choice", "changed", "[mrad]", "[%]", "[us]");
     text += std::string(141, '-') + "\n";
+    const bool anyEnvironment = std::any_of(results.begin(), results.end(), [](const CaseResult& r) {
+        return r.summary.collisions().has_value();
+    });
     int place = 0;
     for (const CaseResult* r : order) {
         const Summary& s = r->summary;
@@ -350,12 +422,15 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
                        static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)),
                        100.0 * s.changedShare(), formatMrad(s.commandErrorRms()).c_str(),
                        formatChatter(s).c_str(), s.stageTime(Stage::Filter).percentile(0.5));
-        if (r->stopReason != StopReason::None) {
-            text.pop_back();
-            text += format(" (stopped at %.3f s)\n", r->stopTime_s);
-        }
+        std::string remarks;
+        if (const std::int64_t ticks = countCollisions(*r); ticks > 0)
+            remarks += format(" (in collision in %lld ticks)", static_cast<long long>(ticks));
+        if (r->stopReason != StopReason::None)
+            remarks += format(" (stopped at %.3f s)", r->stopTime_s);
+        text.insert(text.size() - 1, remarks);
     }
     return text +
+           (anyEnvironment ? "Ranked by ticks of the nominal arm in collision, then by what follows. " : "") +
            R"(Ranked by joint-ticks outside, then ticks without an admissible choice, then command error; what stopped early is last.
 command: RMS distance of the nominal joints to the commanded positions, those moved to the nearest limit ("-": no joint
 command). chatter: RMS jerk of joints at rest whose command presses them against a position limit, in percent of the jerk
@@ -370,17 +445,29 @@ std::string formatVerdict(const CaseResult& r) {
         text = "promise broken, the arm was stopped; ";
     else if (r.isRealPromiseBroken())
         text = "promise on the real arm broken; ";
+    else if (r.isClearancePromiseBroken())
+        text = "promise broken, the arm collided; ";
     else if (r.stopReason == StopReason::TrackingLost)
         text = "tracking lost, the arm was stopped; ";
     else if (r.stopReason != StopReason::None)
         text = "stopped early; ";
     return text + formatVerdict(r.summary) + " (nominal arm; the filter promises " +
-           (r.promises ? "all" : "none") + ")" + formatRealVerdict(r);
+           (r.promises ? "all" : "none") +
+           (!r.summary.collisions()  ? ""
+            : r.promisesClearance    ? ", and clearances"
+                                     : ", no clearances") +
+           ")" + formatRealVerdict(r) +
+           formatCollisionVerdict(r.summary);
 }
 
-std::string formatRealBreach(const CaseResult& r) {
-    if (!r.isRealPromiseBroken()) return "";
-    return "the real arm passed its limits: " + formatRealExcesses(r.summary, &Summary::realLimit);
+std::string formatBreach(const CaseResult& r) {
+    std::string text;
+    if (r.isRealPromiseBroken())
+        text = "the real arm passed its limits: " + formatRealExcesses(r.summary, &Summary::realLimit);
+    if (r.isClearancePromiseBroken())
+        text += (text.empty() ? "" : "; ") + ("the nominal arm collided: " +
+                formatNearest(r.summary.collisions()->nominal));
+    return text;
 }
 
 std::string formatDetails(const CaseResult& r) {
@@ -393,6 +480,7 @@ std::string formatDetails(const CaseResult& r) {
     text += "  verdict       " + formatVerdict(r) + "\n";
     for (LimitKind kind : kKinds) text += formatLimit(s, kind);
     text += formatStatuses(s) + formatInterventions(s) + formatStops(s);
+    if (s.collisions()) text += formatCollisions(s);
     if (s.substitutedTicks() > 0)
         text += format(
             "  controller    %lld ticks without a usable torque, the last good one was used\n",

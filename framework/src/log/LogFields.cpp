@@ -120,7 +120,8 @@ LogField stageTime() {
 
 bool setLimit(TickRecord& record, int joint, std::string_view word) {
     for (const LimitKind kind : {LimitKind::None, LimitKind::Position, LimitKind::Velocity,
-                                 LimitKind::Acceleration, LimitKind::Jerk}) {
+                                 LimitKind::Acceleration, LimitKind::Jerk, LimitKind::Torque,
+                                 LimitKind::Clearance}) {
         for (const LimitSide side : {LimitSide::Neither, LimitSide::Lower, LimitSide::Upper}) {
             if (kind != LimitKind::None && side == LimitSide::Neither) continue;
             if (word != getName(kind, side)) continue;
@@ -175,6 +176,42 @@ std::vector<LogField> declareLimits() {
                 "jerk_lower_radps3", [](auto& r) -> auto& { return r.limits.jerk.lower; }),
             perJoint(
                 "jerk_upper_radps3", [](auto& r) -> auto& { return r.limits.jerk.upper; })};
+}
+
+template <int Clearance::*index>
+LogField clearanceIndex(const char* name) {
+    return integer(
+        name, [](const TickRecord& r) -> std::int64_t { return r.clearance.*index; },
+        [](TickRecord& r, std::int64_t value) {
+            r.clearance.*index = static_cast<int>(value);
+            return value >= -1 && value <= std::numeric_limits<int>::max();
+        });
+}
+
+/** Names of links and obstacles are in the metadata, see CaseRun. */
+std::vector<LogField> declareClearance() {
+    return {integer(
+                "known",
+                [](const TickRecord& r) -> std::int64_t { return r.clearance.isKnown ? 1 : 0; },
+                [](TickRecord& r, std::int64_t value) {
+                    r.clearance.isKnown = value == 1;
+                    return value == 0 || value == 1;
+                }),
+            numbers(
+                "distance_m", LogKind::Number, {},
+                [](auto& r, int) -> auto& { return r.clearance.distance; }),
+            clearanceIndex<&Clearance::link>("link"),
+            clearanceIndex<&Clearance::obstacle>("obstacle"),
+            clearanceIndex<&Clearance::otherLink>("other_link"),
+            numbers(
+                "on_arm_m", LogKind::Vector, {"on_arm.x_m", "on_arm.y_m", "on_arm.z_m"},
+                [](auto& r, int i) -> auto& { return r.clearance.onArm[i]; }),
+            numbers(
+                "on_obstacle_m", LogKind::Vector,
+                {"on_obstacle.x_m", "on_obstacle.y_m", "on_obstacle.z_m"},
+                [](auto& r, int i) -> auto& { return r.clearance.onObstacle[i]; }),
+            numbers(
+                "map_age_s", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.mapAge_s; })};
 }
 
 bool always(const LogLayout&) {
@@ -247,7 +284,12 @@ std::vector<LogChannel> declareChannels() {
           numbers(
               "stop_s", LogKind::JointNumber, {}, [](auto& r, int i) -> auto& {
                   return r.stops[static_cast<std::size_t>(i)].duration_s;
-              })}},
+              }),
+          numbers(
+              "rest_rad", LogKind::JointNumber, {},
+              [](auto& r, int i) -> auto& { return r.stops[static_cast<std::size_t>(i)].rest; })}},
+        {"clearance", "Clearance", [](const LogLayout& l) { return l.hasEnvironment; },
+         declareClearance()},
         {"limits", "Limits", always, declareLimits()},
         {"robust",
          "Robust",

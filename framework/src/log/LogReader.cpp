@@ -429,6 +429,7 @@ struct LogReader::Impl {
         }
         if (channel->name == "real") layout.hasRealPlant = true;
         if (channel->name == "external") layout.hasExternalTorque = true;
+        if (channel->name == "clearance") layout.hasEnvironment = true;
         expected |= plan.bit;
         plans[id] = std::move(plan);
     }

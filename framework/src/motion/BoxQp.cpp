@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "motion/QpBounds.h"
+
 namespace viable {
 
 namespace {
@@ -17,18 +19,6 @@ constexpr double kCorrectionTolerance = 1e-10;
 constexpr double kToleranceGrowth = 8.0;
 /** Rounds without a new least number of wrong joints after which they are exchanged one by one. */
 constexpr int kPatience = 3;
-
-double square(double x) {
-    return x * x;
-}
-
-/** The target inside the bounds; not finite counts as 0, a bound that is NaN as none. */
-double clamp(double target, double lower, double upper) {
-    double x = std::isfinite(target) ? target : 0.0;
-    if (x < lower) x = lower;
-    if (x > upper) x = upper;
-    return x;
-}
 
 /** What BoxQp::solve is asked for. `side` is the start and is left at the optimum's. */
 struct Task {
@@ -89,14 +79,14 @@ public:
             size_ = 0.0;
             for (int i = 0; i < n(); ++i) {
                 d_[i] -= z[i];
-                step += square(z[i]) * A_[i][i];
-                size_ += square(d_[i]) * A_[i][i];
+                step += detail::square(z[i]) * A_[i][i];
+                size_ += detail::square(d_[i]) * A_[i][i];
             }
             double change[kCapacity];
             multiplyA(z, change);
             for (int i = 0; i < n(); ++i) gradient_[i] -= change[i];
             if (!std::isfinite(size_)) return false;
-            if (step <= square(tolerance) * size_) return true;
+            if (step <= detail::square(tolerance) * size_) return true;
         }
         return false;
     }
@@ -107,18 +97,18 @@ public:
         if (side_[i] != 0) {
             const bool pullsAway =
                 side_[i] * gradient_[i] > 0.0 &&
-                square(gradient_[i]) > square(BoxQp::kGradientTolerance) * A_[i][i] * size_;
+                detail::square(gradient_[i]) > detail::square(BoxQp::kGradientTolerance) * A_[i][i] * size_;
             return pullsAway ? 0 : side_[i];
         }
         const double excess = calcExcess(i);
         if (!(excess > 0.0) ||
-            !(square(excess) * A_[i][i] > square(BoxQp::kBoundTolerance) * size_))
+            !(detail::square(excess) * A_[i][i] > detail::square(BoxQp::kBoundTolerance) * size_))
             return 0;
         return d_[i] < lo_[i] ? -1 : 1;
     }
 
     /** How far joint `i` is outside, as torque: squared, times A_ii. */
-    double calcWeightedExcess(int i) const { return square(calcExcess(i)) * A_[i][i]; }
+    double calcWeightedExcess(int i) const { return detail::square(calcExcess(i)) * A_[i][i]; }
 
     /** Moves free joint `joint` towards the bound that it violates, the held ones pressing on; the
     factors must be those of the present set. The joint arrives and is held (true), or another one's
@@ -245,7 +235,7 @@ void writeSolution(const BoxProblem<kSize>& problem, const Task& task) {
         const double value = task.side[i] < 0   ? lower
                              : task.side[i] > 0 ? upper
                                                 : task.target[i] + problem.d(i);
-        task.x[i] = clamp(value, lower, upper);
+        task.x[i] = detail::clampTarget(value, lower, upper);
     }
 }
 
@@ -322,7 +312,7 @@ BoxQp::Status BoxQp::solve(const JointMatrix& M, const JointVector& target,
     x.resize(n);
     bool inside = true, finite = true;
     for (int i = 0; i < n; ++i) {
-        x[i] = clamp(target[i], lower[i], upper[i]);
+        x[i] = detail::clampTarget(target[i], lower[i], upper[i]);
         inside &= x[i] == target[i];
         finite &= std::isfinite(target[i]);
     }

@@ -234,15 +234,15 @@ void BrakingCertificate::reset(const AxisState& state) {
     peakLower_ = limits_.velocityLower;
     peakUpper_ = limits_.velocityUpper;
     const Walk here(state);
-    if (!findStop(state, here.extremes(), stored_))
+    if (!planWithin(state, here.extremes(), stored_))
         stored_.plan(state.v, state.a, limits_, tick_s_);
     mayExceed_ = true;
     judge();
 }
 
 /** The stop of fewest ticks, or another close to it, that keeps the bounds. */
-bool BrakingCertificate::findStop(const AxisState& from, const PathExtremes& before,
-                                  GridStop& stop) const {
+bool BrakingCertificate::planWithin(const AxisState& from, const PathExtremes& before,
+                                    GridStop& stop) const {
     const auto fits = [&] { return keepsBounds(stop, from, before); };
     if (stop.plan(from.v, from.a, limits_, tick_s_) && fits()) return true;
     if (planLevelled(from, limits_, tick_s_, stop) && fits()) return true;
@@ -334,14 +334,14 @@ bool BrakingCertificate::isExpected(const AxisState& state) const {
            !differs(state.a, expected_.a, span(rounding_.accelerationUpper));
 }
 
-void BrakingCertificate::beginTick(const AxisState& state) {
+bool BrakingCertificate::beginTick(const AxisState& state) {
     if (knowsExpected_ && !isExpected(state)) {
         // Perhaps the stored stop went on for some ticks and nobody said so.
         for (int i = 0; i < kMaxFollowedTicks && !stored_.atRest() && !isExpected(state); ++i)
             followStored();
         if (!isExpected(state)) {
             reset(state);
-            return;
+            return false;
         }
     }
     state_ = state;
@@ -355,6 +355,7 @@ void BrakingCertificate::beginTick(const AxisState& state) {
         if (rest.plan(state.v, state.a, limits_, tick_s_)) stored_ = rest;
     }
     judge();
+    return true;
 }
 
 /** The tick itself: whether its path and the state after it keep this tick's bounds. */
@@ -414,6 +415,14 @@ bool BrakingCertificate::isAdmissible(double jerk) {
         (trial_.valid && jerk == trial_.jerk))
         return true;
     return certify(jerk, trial_);
+}
+
+bool BrakingCertificate::isAdmissible(double jerk, const GridStop& stop) {
+    bound_.valid = false;  // it may hold another stop after the same jerk
+    if (jerk != storedJerk()) return certify(jerk, stop, trial_);
+    GridStop tail = stored_;
+    tail.skip(1);
+    return tail == stop;
 }
 
 /** findBound() seen so that the bound is an upper one: of the jerks between `stored` and `jerk` the largest that is found
@@ -481,11 +490,25 @@ BrakingCertificate::Bound BrakingCertificate::findBound(double jerk) {
     return {bound_.valid ? bound_.jerk : stored, limit};
 }
 
+/** Null: the stored stop vouches for it, or nothing does. */
+const BrakingCertificate::Candidate* BrakingCertificate::findCandidate(double jerk) const {
+    if (jerk == storedJerk()) return nullptr;
+    return bound_.valid && jerk == bound_.jerk   ? &bound_
+           : trial_.valid && jerk == trial_.jerk ? &trial_
+                                                 : nullptr;
+}
+
+bool BrakingCertificate::findStop(double jerk, AxisState& after, GridStop& stop) const {
+    const Candidate* const candidate = findCandidate(jerk);
+    if (!candidate && jerk != storedJerk()) return false;
+    after = candidate ? candidate->after : advance(state_, jerk, tick_s_);
+    stop = candidate ? candidate->stop : stored_;
+    if (!candidate) stop.skip(1);
+    return true;
+}
+
 double BrakingCertificate::commit(double jerk) {
-    const Candidate* chosen = bound_.valid && jerk == bound_.jerk   ? &bound_
-                              : trial_.valid && jerk == trial_.jerk ? &trial_
-                                                                    : nullptr;
-    if (chosen && jerk != storedJerk()) {
+    if (const Candidate* const chosen = findCandidate(jerk)) {
         stored_ = chosen->stop;
         expected_ = chosen->after;
     } else {

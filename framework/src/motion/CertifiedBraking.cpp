@@ -48,7 +48,7 @@ void CertifiedBraking::restrict(int joint, double wanted) {
 }
 
 /** The jerks nearest to the target in torque, each vouched for by its joint. */
-void CertifiedBraking::settle(const JointMatrix& M, JointVector& chosen) {
+void CertifiedBraking::settle(const JointMatrix& M, const RowQp::Rows* rows, JointVector& chosen) {
     lower_.resize(n_);
     upper_.resize(n_);
     for (int round = 0; round < kMaxQpRounds; ++round) {
@@ -56,7 +56,10 @@ void CertifiedBraking::settle(const JointMatrix& M, JointVector& chosen) {
             lower_[i] = intervals_[i].lower;
             upper_[i] = intervals_[i].upper;
         }
-        qp_.solve(M, target_, lower_, upper_, chosen);
+        if (rows)
+            rowQp_.solve(M, target_, lower_, upper_, *rows, chosen);
+        else
+            qp_.solve(M, target_, lower_, upper_, chosen);
         bool admitted = true;
         for (int i = 0; i < n_; ++i) {
             if (intervals_[i].fixed || certificates_[i].isAdmissible(chosen[i])) continue;
@@ -70,25 +73,36 @@ void CertifiedBraking::settle(const JointMatrix& M, JointVector& chosen) {
             chosen[i] = certificates_[i].findBound(chosen[i]).jerk;
 }
 
-CertifiedBraking::Status CertifiedBraking::choose(const MotionState& state, const JointMatrix& M,
-                                                  const JointVector& desired, JointVector& chosen,
-                                                  std::array<ActingLimit, kMaxJoints>& acting) {
-    bool passes = true, returns = false;
+bool CertifiedBraking::beginTick(const MotionState& state) {
+    returns_ = isBounded_ = false;
+    bool keepsStops = true;
     for (int i = 0; i < n_; ++i) {
-        certificates_[i].beginTick({state.q[i], state.qd[i], state.qdd[i]});
-        acting[i] = {};
-        if (certificates_[i].findExcess().limit != LimitKind::None)
-            returns = true;
-        else if (passes)
-            passes = certificates_[i].isAdmissible(desired[i]);
+        keepsStops &= certificates_[i].beginTick({state.q[i], state.qd[i], state.qdd[i]});
+        returns_ |= certificates_[i].findExcess().limit != LimitKind::None;
     }
-    if (passes && !returns) {
-        chosen = desired;
-        for (int i = 0; i < n_; ++i) certificates_[i].commit(chosen[i]);
-        return Status::Passed;
-    }
+    return keepsStops;
+}
 
-    target_ = desired.cwiseMax(limits_.jerk.lower).cwiseMin(limits_.jerk.upper);
+bool CertifiedBraking::isAdmissible(const JointVector& jerks) {
+    for (int i = 0; i < n_; ++i)
+        if (!certificates_[i].isAdmissible(jerks[i])) return false;
+    return true;
+}
+
+bool CertifiedBraking::isAdmissible(const JointVector& jerks,
+                                    const std::array<GridStop, kMaxJoints>& stops) {
+    for (int i = 0; i < n_; ++i)
+        if (!certificates_[i].isAdmissible(jerks[i], stops[static_cast<std::size_t>(i)])) return false;
+    return true;
+}
+
+void CertifiedBraking::getStored(JointVector& jerks) const {
+    jerks.resize(n_);
+    for (int i = 0; i < n_; ++i) jerks[i] = certificates_[i].storedJerk();
+}
+
+/** What each joint may do, as far as the target asks for it. */
+void CertifiedBraking::bound() {
     for (int i = 0; i < n_; ++i) {
         BrakingCertificate& certificate = certificates_[i];
         Interval& interval = intervals_[i];
@@ -108,19 +122,46 @@ CertifiedBraking::Status CertifiedBraking::choose(const MotionState& state, cons
             restrict(i, target_[i]);
         }
     }
-    settle(M, chosen);
+    isBounded_ = true;
+}
 
+CertifiedBraking::Status CertifiedBraking::propose(const JointMatrix& M, const JointVector& desired,
+                                                   const RowQp::Rows* rows, JointVector& proposed) {
+    if (!rows && !returns_ && isAdmissible(desired)) {
+        proposed = desired;
+        return Status::Passed;
+    }
+    target_ = desired.cwiseMax(limits_.jerk.lower).cwiseMin(limits_.jerk.upper);
+    if (!isBounded_) bound();
+    settle(M, rows, proposed);
+    return returns_ ? Status::Returning : proposed == desired ? Status::Passed : Status::Modified;
+}
+
+void CertifiedBraking::commit(const JointVector& desired, JointVector& jerks,
+                              std::array<ActingLimit, kMaxJoints>& acting) {
     for (int i = 0; i < n_; ++i) {
         const Interval& interval = intervals_[i];
-        if (interval.fixed)
-            acting[i] = {certificates_[i].findExcess().limit, certificates_[i].findExcess().side};
-        else if (chosen[i] >= interval.upper && desired[i] > interval.upper)
-            acting[i] = {interval.upperLimit, LimitSide::Upper};
-        else if (chosen[i] <= interval.lower && desired[i] < interval.lower)
-            acting[i] = {interval.lowerLimit, LimitSide::Lower};
-        chosen[i] = certificates_[i].commit(chosen[i]);
+        acting[i] = {};
+        if (isBounded_) {  // else nothing was in the way of what is desired
+            if (interval.fixed)
+                acting[i] = {certificates_[i].findExcess().limit,
+                             certificates_[i].findExcess().side};
+            else if (jerks[i] >= interval.upper && desired[i] > interval.upper)
+                acting[i] = {interval.upperLimit, LimitSide::Upper};
+            else if (jerks[i] <= interval.lower && desired[i] < interval.lower)
+                acting[i] = {interval.lowerLimit, LimitSide::Lower};
+        }
+        jerks[i] = certificates_[i].commit(jerks[i]);
     }
-    return returns ? Status::Returning : chosen == desired ? Status::Passed : Status::Modified;
+}
+
+CertifiedBraking::Status CertifiedBraking::choose(const MotionState& state, const JointMatrix& M,
+                                                  const JointVector& desired, JointVector& chosen,
+                                                  std::array<ActingLimit, kMaxJoints>& acting) {
+    beginTick(state);
+    const Status status = propose(M, desired, nullptr, chosen);
+    commit(desired, chosen, acting);
+    return status;
 }
 
 }  // namespace viable

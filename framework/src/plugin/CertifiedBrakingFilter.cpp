@@ -93,7 +93,7 @@ void CertifiedBrakingFilter::configure(const RunSetup& setup,
                        "The sampled law is unstable from 2 on; choose gamma below 2 / tick_s.");
     if (!setup.limits.jerk.lower.allFinite() || !setup.limits.jerk.upper.allFinite())
         throw badInput(wording.recovery,
-                       "the filter certified_braking needs a finite jerk limit on every joint",
+                       "this filter needs a finite jerk limit on every joint",
                        wording.jerkRemedy);
     desiredJerk_.configure(options.gamma, tick_s_);
     braking_.configure(setup.limits, tick_s_, approach);
@@ -146,15 +146,21 @@ FilterStatus CertifiedBrakingFilter::filter(const MotionState& nominal, const Jo
     if (!calcForwardDynamics(dynamics, torque, desiredAcceleration_)) return FilterStatus::Faulted;
     desiredJerk_.calc(nominal.qdd, desiredAcceleration_, desired_);
 
-    std::array<CertifiedBraking::ActingLimit, kMaxJoints> acting;
-    const CertifiedBraking::Status status =
-        braking_.choose(nominal, dynamics.M, desired_, jerk_, acting);
+    const FilterStatus status = choose(nominal, dynamics, desired_, jerk_, decision.joints);
     holdJerk(nominal, dynamics, jerk_, tick_s_, decision);
     decision.hasStops = true;
-    for (int i = 0; i < n_; ++i) {
-        decision.joints[i] = {acting[i].limit, acting[i].side};
-        decision.stops[i] = braking_.stop(i);
-    }
+    for (int i = 0; i < n_; ++i) decision.stops[static_cast<std::size_t>(i)] = braking_.stop(i);
+    return status;
+}
+
+FilterStatus CertifiedBrakingFilter::choose(const MotionState& nominal, const Dynamics& dynamics,
+                                            const JointVector& desired, JointVector& jerk,
+                                            std::array<JointIntervention, kMaxJoints>& joints) {
+    std::array<CertifiedBraking::ActingLimit, kMaxJoints> acting;
+    const CertifiedBraking::Status status =
+        braking_.choose(nominal, dynamics.M, desired, jerk, acting);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(n_); ++i)
+        joints[i] = {acting[i].limit, acting[i].side};
     switch (status) {
         case CertifiedBraking::Status::Passed:
             return FilterStatus::Passed;

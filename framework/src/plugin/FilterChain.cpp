@@ -31,6 +31,10 @@ void FilterChain::reset(const MotionState& start) {
     tick_ = 0;
 }
 
+bool FilterChain::promisesClearance() const {
+    return promising_ >= 0 && links_[static_cast<std::size_t>(promising_)].filter->promisesClearance();
+}
+
 bool FilterChain::recovers() const {
     const std::size_t held =
         promising_ >= 0 ? static_cast<std::size_t>(promising_) : links_.size() - 1;
@@ -62,6 +66,8 @@ FilterStatus FilterChain::filter(const MotionState& nominal, const JointVector& 
     for (std::size_t i = 0; i < links_.size(); ++i) {
         candidate_.hasStops = false;
         candidate_.joints.fill({});
+        candidate_.clearance = {};
+        candidate_.mapAge_s = 0.0;
         const FilterStatus own = callLink(i, [&](SafetyFilter& filter) {
             return filter.filter(nominal, desired_, dynamics, candidate_);
         });
@@ -75,8 +81,13 @@ FilterStatus FilterChain::filter(const MotionState& nominal, const JointVector& 
             throw PluginFault("its decision has the wrong size or is not finite", kOnValues);
         const bool passed = own == FilterStatus::Passed;
         if (passed && promising_ >= 0 && static_cast<int>(i) > promising_) continue;
-        if (passed && i > 0)
+        if (passed && i > 0) {
             candidate_.joints = decision.joints;  // what held the joints back is what did before
+            if (!candidate_.clearance.isKnown) {  // and so is what was seen of the same motion
+                candidate_.clearance = decision.clearance;
+                candidate_.mapAge_s = decision.mapAge_s;
+            }
+        }
         if (!passed)
             status = own;
         else if (status != FilterStatus::Passed)

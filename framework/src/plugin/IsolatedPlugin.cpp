@@ -74,7 +74,7 @@ struct Mailbox {
     // What a plugin is asked once, after it was configured
     MotionCommand::Space space = MotionCommand::Space::Joint;
     bool followsJoint = false, followsTool = false;
-    bool promises = false, recovers = false;
+    bool promises = false, promisesClearance = false, recovers = false;
     bool hasExternalTorque = false;
 };
 
@@ -283,6 +283,7 @@ void serve(NominalController& plugin, Mailbox& box) {
 
 void describe(SafetyFilter& plugin, Mailbox& box) {
     box.promises = plugin.promisesLimits();
+    box.promisesClearance = plugin.promisesClearance();
     box.recovers = plugin.recovers();
 }
 void serve(SafetyFilter& plugin, Mailbox& box) {
@@ -433,8 +434,10 @@ class IsolatedFilter : public Isolated<SafetyFilter> {
 public:
     IsolatedFilter(const std::function<PluginPtr<SafetyFilter>()>& make, PluginWatch& watch,
                    double watchdog_s)
-        : Isolated(make, watch, watchdog_s), promises_(box().promises), recovers_(box().recovers) {}
+        : Isolated(make, watch, watchdog_s), promises_(box().promises),
+          promisesClearance_(box().promisesClearance), recovers_(box().recovers) {}
     bool promisesLimits() const override { return promises_; }
+    bool promisesClearance() const override { return promisesClearance_; }
     bool recovers() const override { return recovers_; }
     bool changeLimits(const JointLimits& limits) override {
         box().limits = limits;
@@ -460,7 +463,7 @@ public:
     }
 
 private:
-    bool promises_, recovers_;
+    bool promises_, promisesClearance_, recovers_;
 };
 
 class IsolatedRobustLoop : public Isolated<RobustLoop> {

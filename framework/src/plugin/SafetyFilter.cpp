@@ -24,6 +24,10 @@ const char* getName(FilterStatus status) {
     return "unknown";
 }
 
+bool SafetyFilter::promisesClearance() const {
+    return false;
+}
+
 bool SafetyFilter::recovers() const {
     return false;
 }

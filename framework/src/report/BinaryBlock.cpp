@@ -72,6 +72,9 @@ nlohmann::json BinaryBlock::add(const std::vector<double>& values) {
 nlohmann::json BinaryBlock::add(const std::vector<std::uint8_t>& values) {
     return append(values.data(), values.size(), 1, "u8");
 }
+nlohmann::json BinaryBlock::add(const std::vector<std::uint16_t>& values) {
+    return append(values.data(), values.size(), sizeof(std::uint16_t), "u16");
+}
 nlohmann::json BinaryBlock::add(const std::vector<std::uint32_t>& values) {
     return append(values.data(), values.size(), sizeof(std::uint32_t), "u32");
 }

@@ -14,6 +14,7 @@ public:
     nlohmann::json add(const std::vector<float>& values);
     nlohmann::json add(const std::vector<double>& values);
     nlohmann::json add(const std::vector<std::uint8_t>& values);
+    nlohmann::json add(const std::vector<std::uint16_t>& values);
     nlohmann::json add(const std::vector<std::uint32_t>& values);
 
     /** All of it, compressed (gzip) and as base64 text. */

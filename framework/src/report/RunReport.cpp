@@ -4,10 +4,12 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "experiment/NumberFormat.h"
 #include "log/LogExportColumns.h"
 #include "report/BinaryBlock.h"
+#include "report/Obstacles.h"
 #include "report/Page.h"
 #include "report/Scene.h"
 #include "report/Tracks.h"
@@ -76,16 +78,31 @@ constexpr const char* kDerivatives[] = {"real_qdd", "real_jerk"};
 constexpr std::size_t kExternal = kQuantityCount + std::size(kDerivatives);
 constexpr std::size_t kTracksPerJoint = kExternal + 1;
 
-/** A limit's bit in the page: 1 position_lower, 2 position_upper, 4 velocity_lower, ... 128 jerk_upper; 0 none. */
-std::uint8_t toBit(const JointIntervention& joint) {
+/** What the replay shows of a tick's clearance, in this order. */
+constexpr double (*kNearest[])(const TickRecord&) = {
+    [](const TickRecord& r) { return r.clearance.isKnown ? r.clearance.distance : kNan; },
+    [](const TickRecord& r) { return double(r.clearance.link); },
+    [](const TickRecord& r) { return double(r.clearance.obstacle); },
+    [](const TickRecord& r) { return double(r.clearance.otherLink); },
+    [](const TickRecord& r) { return r.clearance.onArm.x(); },
+    [](const TickRecord& r) { return r.clearance.onArm.y(); },
+    [](const TickRecord& r) { return r.clearance.onArm.z(); },
+    [](const TickRecord& r) { return r.clearance.onObstacle.x(); },
+    [](const TickRecord& r) { return r.clearance.onObstacle.y(); },
+    [](const TickRecord& r) { return r.clearance.onObstacle.z(); },
+};
+
+/** A limit's bit in the page: 1 position_lower, 2 position_upper, 4 velocity_lower, ... 128 jerk_upper, 256 torque_lower,
+512 torque_upper, 1024 clearance_lower; 0 none. */
+std::uint16_t toBit(const JointIntervention& joint) {
     if (joint.limit == LimitKind::None) return 0;
     const int place = 2 * (static_cast<int>(joint.limit) - 1) + (joint.side == LimitSide::Upper);
-    return static_cast<std::uint8_t>(1u << place);
+    return static_cast<std::uint16_t>(1u << place);
 }
 
 /** 0 passed, 1 modified, 2 stopped_by_plan, 3 returning, 4 infeasible, 5 invalid or faulted. */
-std::uint8_t toCode(FilterStatus status) {
-    return std::min<std::uint8_t>(static_cast<std::uint8_t>(status), 5);
+std::uint16_t toCode(FilterStatus status) {
+    return std::min<std::uint16_t>(static_cast<std::uint16_t>(status), 5);
 }
 
 /** Times on a logarithmic scale, ten bins a decade. */
@@ -154,6 +171,13 @@ std::vector<json> readConstants(const LogReader& reader) {
     return joints;
 }
 
+/** A list of names in the log's metadata; empty where there is none. */
+json readNames(const LogReader& reader, const char* key) {
+    const auto entry = reader.metadata().find(key);
+    json names = entry == reader.metadata().end() ? json() : json::parse(entry->second, nullptr, false);
+    return names.is_array() ? names : json::array();
+}
+
 /** Everything of one log that the page shows. */
 class CaseData {
 public:
@@ -162,12 +186,17 @@ public:
           hasRealArm_(reader.layout().hasRealPlant),
           external_(findExternalTorque(reader)),
           constants_(readConstants(reader)),
-          tracks_(reader.layout().jointNames.size() * kTracksPerJoint),
+          hasEnvironment_(reader.layout().hasEnvironment),
+          links_(readNames(reader, "links")),
+          obstacles_(readNames(reader, "obstacles")),
+          tracks_(reader.layout().jointNames.size() * kTracksPerJoint + 1),
           limits_(reader.layout().jointNames.size(), detail::CodeTracks::Join::Union),
           status_(1, detail::CodeTracks::Join::Largest),
           nominal_(reader.layout().jointNames.size()),
           real_(reader.layout().jointNames.size()),
-          values_(reader.layout().jointNames.size() * kTracksPerJoint, kNan),
+          rest_(reader.layout().jointNames.size()),
+          nearest_(std::size(kNearest) + 1),
+          values_(reader.layout().jointNames.size() * kTracksPerJoint + 1, kNan),
           actives_(reader.layout().jointNames.size()) {}
 
     void add(const TickRecord& r) {
@@ -188,6 +217,7 @@ public:
             actives_[static_cast<std::size_t>(i)] = toBit(r.joints[i]);
         }
         lastVelocity_ = r.real.qd;
+        if (hasEnvironment_) addClearance(r);
         tracks_.add(values_);
         limits_.add(actives_);
         status_.add({toCode(r.status)});
@@ -214,7 +244,7 @@ public:
                               {"active", block.add(limits_.codes(static_cast<std::size_t>(i)))}});
         }
         const double tick = tick_s_ > 0.0 ? tick_s_ : 1e-3;
-        return {{"rows", rows_},
+        json one = {{"rows", rows_},
                 {"tick_s", tick},
                 {"t0", firstTime_s_},
                 {"step_s", tick * static_cast<double>(tracks_.rowsPerBucket())},
@@ -227,6 +257,14 @@ public:
                   {"n", nominal_.count()},
                   {"nominal", block.add(nominal_.data())},
                   {"real", hasRealArm_ ? block.add(real_.data()) : json(nullptr)}}}};
+        if (!hasEnvironment_) return one;
+        one["replay"]["rest"] = block.add(rest_.data());
+        one["replay"]["nearest"] = block.add(nearest_.data());
+        one["clearance"] = {{"links", links_},
+                            {"obstacles", obstacles_},
+                            {"distance", describeClearance(block)},
+                            {"environment", nullptr}};
+        return one;
     }
 
 private:
@@ -240,10 +278,27 @@ private:
     std::size_t index(int joint, std::size_t quantity) const {
         return static_cast<std::size_t>(joint) * kTracksPerJoint + quantity;
     }
+    std::size_t clearanceTrack() const { return index(n_, 0); }
     void addPose(detail::Samples& samples, const JointVector& q) {
         pose_.resize(static_cast<std::size_t>(n_));
         for (int i = 0; i < n_; ++i) pose_[static_cast<std::size_t>(i)] = at(q, i);
         samples.add(pose_);
+    }
+    /** The clearance of a row, where the stop rests and how long it takes. */
+    void addClearance(const TickRecord& r) {
+        double duration_s = 0.0;
+        pose_.resize(static_cast<std::size_t>(n_));
+        for (int i = 0; i < n_; ++i) {
+            const TickRecord::Stop& stop = r.stops[static_cast<std::size_t>(i)];
+            pose_[static_cast<std::size_t>(i)] = stop.rest;
+            duration_s = std::max(duration_s, stop.duration_s);
+        }
+        rest_.add(pose_);
+        nearestRow_.clear();
+        for (const auto get : kNearest) nearestRow_.push_back(get(r));
+        nearestRow_.push_back(duration_s);
+        nearest_.add(nearestRow_);
+        values_[clearanceTrack()] = nearestRow_.front();
     }
     /** A number where the value never changes, null where there is none (no limit), else an array. */
     json describeSeries(std::size_t track, BinaryBlock& block) const {
@@ -259,6 +314,12 @@ private:
             least == largest)
             return least[0];
         return describeArray(track, block);
+    }
+    /** Null where no filter looked. */
+    json describeClearance(BinaryBlock& block) const {
+        const std::vector<float>& least = tracks_.least(clearanceTrack());
+        const bool isKnown = std::any_of(least.begin(), least.end(), [](float x) { return !std::isnan(x); });
+        return isKnown ? describeArray(clearanceTrack(), block) : json(nullptr);
     }
     json describeArray(std::size_t track, BinaryBlock& block) const {
         const std::vector<float>&least = tracks_.least(track), &largest = tracks_.largest(track);
@@ -276,11 +337,13 @@ private:
     bool hasRealArm_;
     std::vector<const LogColumn*> external_;  // one per joint, or none
     std::vector<json> constants_;             // of each joint
+    bool hasEnvironment_;
+    json links_, obstacles_;  // names
     detail::Tracks tracks_;
     detail::CodeTracks limits_, status_;
-    detail::Samples nominal_, real_;
-    std::vector<double> values_, pose_;
-    std::vector<std::uint8_t> actives_;
+    detail::Samples nominal_, real_, rest_, nearest_;
+    std::vector<double> values_, pose_, nearestRow_;
+    std::vector<std::uint16_t> actives_;
     TimeBins times_;
     JointVector lastVelocity_;
     std::int64_t rows_ = 0;
@@ -330,6 +393,7 @@ std::string getCase(const fs::path& log) {
 json describeTable(const json& summary, const std::vector<fs::path>& logs) {
     json rows = json::array();
     std::string missing;
+    bool hasEnvironment = false;
     for (const json& one : summary.value("cases", json::array())) {
         const std::string name = one.value("name", "");
         const bool hasLog = std::any_of(logs.begin(), logs.end(),
@@ -366,12 +430,20 @@ json describeTable(const json& summary, const std::vector<fs::path>& logs) {
                    chatter = one.value("chatter", json(nullptr));
         row.push_back(command.is_number() ? format("%.4g mrad", 1e3 * command.get<double>()) : "-");
         row.push_back(chatter.is_number() ? format("%.3g %%", 100.0 * chatter.get<double>()) : "-");
+        const json collisions = one.value("collisions", json(nullptr));
+        hasEnvironment |= collisions.is_object();
+        for (const char* arm : {"nominal", "real"}) {
+            const json record = collisions.is_object() ? collisions.value(arm, json(nullptr)) : json(nullptr);
+            row.push_back(record.is_object() ? std::to_string(record.at("ticks_in_collision").get<std::int64_t>()) : "-");
+            const json least = record.is_object() ? record.at("least_clearance_m") : json(nullptr);
+            row.push_back(least.is_number() ? format("%.3g mm", 1e3 * least.get<double>()) : "-");
+        }
         rows.push_back(row);
     }
     return {{"columns",
              {"case", "filter", "position", "velocity", "acceleration", "jerk", "outside",
               "infeasible", "changed", "real - nominal RMS", "real - nominal max", "command error",
-              "chatter"}},
+              "chatter", "collisions", "least clearance", "collisions, real", "least clearance, real"}},
             {"rows", rows},
             {"note",
              std::string("Worst use of each limit by the nominal arm. outside: joint-ticks beyond any limit; "
@@ -379,6 +451,9 @@ json describeTable(const json& summary, const std::vector<fs::path>& logs) {
              "without an admissible choice; changed: share of ticks that the filter changed; command error: RMS "
              "distance of the nominal joints to the commanded positions within the limits; chatter: RMS jerk of "
              "joints pressed against a position limit at rest, in percent of the jerk limit." +
+                 (hasEnvironment ? " collisions: ticks in which the arm touches an obstacle or itself; least clearance: "
+                                   "in the whole run, as found afterwards without the filter."
+                                 : "") +
                  (missing.empty() ? "" : missing + ".")}};
 }
 
@@ -414,6 +489,12 @@ std::string getPlugin(const std::map<std::string, std::string>& metadata, const 
     return names;
 }
 
+/** Whether the nominal arm of a case of the summary touched anything. */
+bool touched(const json& known) {
+    const json collisions = known.value("collisions", json(nullptr));
+    return collisions.is_object() && collisions.at("nominal").at("ticks_in_collision") > 0;
+}
+
 json describeCase(const fs::path& log, LogReader& reader, const json& summary, BinaryBlock& block) {
     CaseData data(reader);
     TickRecord record;
@@ -433,7 +514,7 @@ json describeCase(const fs::path& log, LogReader& reader, const json& summary, B
         if (known.value("name", "") != one["name"]) continue;
         one["promises"] = known.value("promises_limits", false);
         one["ok"] = known.value("limits_kept", false) && known.value("exit_code", 1) == 0 &&
-                    known.value("stop", "").empty() && reader.isComplete();
+                    known.value("stop", "").empty() && !touched(known) && reader.isComplete();
         one["verdict"] = (reader.isComplete() ? "" : std::string(noEnd) + "; ") +
                          known.value("verdict", "");
         one["details"] = known.value("account", "");
@@ -507,6 +588,36 @@ std::string findTitle(const std::vector<std::string>& files) {
     return "";
 }
 
+/** What stood around the arm in the cases, equal surroundings once. */
+class Environments {
+public:
+    /** The index of the surroundings of a log's case; null where it has none.
+    @param file  the resolved experiment file of the case */
+    json add(const LogReader& reader, const std::string& file, const fs::path& robot, BinaryBlock& block) {
+        try {
+            const ConfigNode root = parseConfig(file, "experiment.yaml");
+            const ConfigNode* environment = root.find("environment");
+            if (!environment) return nullptr;
+            const auto sha256 = reader.metadata().find("map_sha256");
+            const std::string map = sha256 == reader.metadata().end() ? "" : sha256->second;
+            const auto [known, isNew] = indices_.emplace(map + writeConfig(*environment), nullptr);
+            if (!isNew) return known->second;
+            json one = detail::describeEnvironment(*environment, map, robot, block);
+            if (one.is_null()) return nullptr;
+            known->second = list_.size();
+            list_.push_back(std::move(one));
+            return known->second;
+        } catch (const Error&) {
+            return nullptr;  // a report of a log of another version must not need its file
+        }
+    }
+    const json& list() const { return list_; }
+
+private:
+    std::map<std::string, json> indices_;  // by the map's and the block's text
+    json list_ = json::array();
+};
+
 /** Throws json::exception where the summary has another shape. */
 fs::path composeReport(const fs::path& folder, const std::string& fileName, const detail::Page& page,
                        const Arm& arm, const json& summary) {
@@ -518,6 +629,7 @@ fs::path composeReport(const fs::path& folder, const std::string& fileName, cons
                  {"summary", describeTable(summary, arm.logs)},
                  {"cases", json::array()}};
     std::vector<std::string> yaml;
+    Environments environments;
     for (const fs::path& log : arm.logs) {
         LogReader reader(log);
         if (data["robot"].is_null()) {
@@ -525,10 +637,15 @@ fs::path composeReport(const fs::path& folder, const std::string& fileName, cons
                              {"joints", describeJoints(reader)}};
             data["scene"] = detail::describeScene(arm.robot, block, data["robot"]["joints"]);
         }
-        for (const LogAttachment& attachment : reader.attachments())
-            if (attachment.name == "experiment.yaml") yaml.push_back(attachment.data);
-        data["cases"].push_back(describeCase(log, reader, summary, block));
+        json& one = data["cases"].emplace_back(describeCase(log, reader, summary, block));
+        for (const LogAttachment& attachment : reader.attachments()) {
+            if (attachment.name != "experiment.yaml") continue;
+            yaml.push_back(attachment.data);
+            if (one.contains("clearance"))
+                one["clearance"]["environment"] = environments.add(reader, attachment.data, arm.robot, block);
+        }
     }
+    if (!environments.list().empty()) data["environments"] = environments.list();
     data["yaml"] = joinFiles(yaml);
     const std::string title = summary.value("title", findTitle(yaml));
     data["title"] = title.empty() ? folder.filename().string() : title;

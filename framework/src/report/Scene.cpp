@@ -1,6 +1,7 @@
 #include "report/Scene.h"
 
-#include "report/MeshFile.h"
+#include "report/PoseJson.h"
+#include "robot/MeshFile.h"
 #include "viable/core/Error.h"
 #include "viable/robot/RobotShapes.h"
 
@@ -9,16 +10,6 @@ namespace viable::detail {
 namespace {
 
 using nlohmann::json;
-
-json toJson(const Eigen::Vector3d& v) {
-    return {v.x(), v.y(), v.z()};
-}
-
-json toJson(const Eigen::Isometry3d& pose) {
-    const Eigen::Quaterniond q(pose.linear());
-    return {{"xyz", toJson(Eigen::Vector3d(pose.translation()))},
-            {"quat", {q.w(), q.x(), q.y(), q.z()}}};
-}
 
 /** Null when a mesh cannot be read. */
 json describeShape(const LinkShape& shape, BinaryBlock& block) {

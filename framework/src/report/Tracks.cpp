@@ -50,9 +50,9 @@ void Tracks::joinNeighbours() {
     for (auto& values : largest_) halve(values, joinLargest);
 }
 
-void CodeTracks::add(const std::vector<std::uint8_t>& values) {
-    const auto join = [this](std::uint8_t a, std::uint8_t b) {
-        return join_ == Join::Union ? static_cast<std::uint8_t>(a | b) : std::max(a, b);
+void CodeTracks::add(const std::vector<std::uint16_t>& values) {
+    const auto join = [this](std::uint16_t a, std::uint16_t b) {
+        return join_ == Join::Union ? static_cast<std::uint16_t>(a | b) : std::max(a, b);
     };
     const bool begins = rowsInLast_ == 0;
     if (begins && !codes_.empty() && codes_.front().size() == Tracks::kMaxBuckets) {

@@ -34,11 +34,11 @@ class CodeTracks {
 public:
     enum class Join { Largest, Union };
     CodeTracks(std::size_t quantities, Join join) : codes_(quantities), join_(join) {}
-    void add(const std::vector<std::uint8_t>& values);
-    const std::vector<std::uint8_t>& codes(std::size_t quantity) const { return codes_[quantity]; }
+    void add(const std::vector<std::uint16_t>& values);
+    const std::vector<std::uint16_t>& codes(std::size_t quantity) const { return codes_[quantity]; }
 
 private:
-    std::vector<std::vector<std::uint8_t>> codes_;
+    std::vector<std::vector<std::uint16_t>> codes_;
     Join join_;
     std::int64_t rowsPerBucket_ = 1, rowsInLast_ = 0;
 };

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <limits>
 
-#include "robot/UrdfReader.h"
+#include "robot/CollisionDraft.h"
 
 namespace viable {
 
@@ -206,6 +206,7 @@ RobotDraft readRobotDraft(const std::filesystem::path& file) {
                 std::find(draft.meshes.begin(), draft.meshes.end(), shape.mesh) ==
                     draft.meshes.end())
                 draft.meshes.push_back(shape.mesh);
+    detail::draftCollision(robot, std::filesystem::absolute(file).parent_path(), draft);
     return draft;
 }
 

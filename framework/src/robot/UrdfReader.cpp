@@ -377,6 +377,7 @@ private:
         if (joint.limits) robot.effort[index] = joint.limits->effort;
         robot.joints.push_back(description);
         robot.jointPlaces.push_back(place);
+        robot.parentLinks.push_back(joint.parent_link_name);
         robot.links[joint.child_link_name] = {index, Eigen::Isometry3d::Identity()};
     }
 
@@ -416,32 +417,36 @@ private:
         }
     }
 
-    /** The link's visual elements, or where it has none its collision elements. They are for pictures: what has no sensible
-    size is left out. */
+    /** The link's visual and collision elements. What has no sensible size is left out. */
     static void addShapes(const urdf::Link& link, const UrdfRobot::LinkPlace& place,
                           UrdfRobot& robot) {
-        LinkShapes all;
-        all.link = link.name;
-        all.carrier = place.carrier;
-        all.placement = place.placement;
-        const auto add = [&](const urdf::GeometrySharedPtr& geometry, const urdf::Pose& origin) {
+        LinkShapes visual;
+        visual.link = link.name;
+        visual.carrier = place.carrier;
+        visual.placement = place.placement;
+        LinkShapes collision = visual;
+        const auto add = [](const urdf::GeometrySharedPtr& geometry, const urdf::Pose& origin,
+                            LinkShapes& to) {
             LinkShape shape;
             if (geometry && readShape(*geometry, shape)) {
                 shape.pose = toEigen(origin);
-                if (shape.pose.matrix().allFinite()) all.shapes.push_back(std::move(shape));
+                if (shape.pose.matrix().allFinite()) to.shapes.push_back(std::move(shape));
             }
         };
-        for (const auto& visual : link.visual_array) {
-            add(visual->geometry, visual->origin);
-            if (!visual->material) continue;
-            const urdf::Color& c = visual->material->color;
-            all.color = {c.r, c.g, c.b, c.a};
-            all.hasColor = true;
+        for (const auto& element : link.visual_array) {
+            add(element->geometry, element->origin, visual);
+            if (!element->material) continue;
+            const urdf::Color& c = element->material->color;
+            visual.color = {c.r, c.g, c.b, c.a};
+            visual.hasColor = true;
         }
-        if (all.shapes.empty())
-            for (const auto& collision : link.collision_array)
-                add(collision->geometry, collision->origin);
-        if (!all.shapes.empty()) robot.shapes[link.name] = std::move(all);
+        for (const auto& element : link.collision_array)
+            add(element->geometry, element->origin, collision);
+        if (visual.shapes.empty()) visual.shapes = collision.shapes;
+        if (collision.shapes.empty()) collision.shapes = visual.shapes;
+        if (visual.shapes.empty()) return;
+        robot.shapes[link.name] = std::move(visual);
+        robot.solids[link.name] = std::move(collision);
     }
 
     static bool readShape(const urdf::Geometry& geometry, LinkShape& shape) {

@@ -31,12 +31,14 @@ struct UrdfRobot {
 
     std::vector<JointDescription> joints;  ///< parents before children, in file order
     std::vector<std::string> jointPlaces;  ///< file:line:column of each joint, for messages
+    std::vector<std::string> parentLinks;  ///< the link that each joint hangs on
     JointBounds position;                  ///< infinite for continuous joints
     JointBounds velocity;                  ///< infinite for continuous joints without a limit
     JointVector effort;                    ///< as written [Nm], 0 where there is none
     std::map<std::string, LinkPlace> links;
     std::vector<Link> bodies;  ///< every link, in file order
-    std::map<std::string, LinkShapes> shapes;  ///< by link; those with a visual or collision element
+    std::map<std::string, LinkShapes> shapes;  ///< by link: its visual elements, else its collision ones
+    std::map<std::string, LinkShapes> solids;  ///< by link: its collision elements, else its visual ones
     std::vector<std::string> leafLinks;  ///< links that carry no joint, in file order
 };
 

@@ -1,12 +1,9 @@
-#include <openssl/evp.h>
-
 #include <algorithm>
-#include <array>
 #include <fstream>
-#include <memory>
 #include <set>
 #include <sstream>
 
+#include "core/Sha256.h"
 #include "viable/core/Error.h"
 #include "viable/sweep/SweepStore.h"
 
@@ -19,30 +16,16 @@ namespace fs = std::filesystem;
 /** SHA-256 over named pieces; the lengths keep their borders. */
 class Hash {
 public:
-    Hash() : context_(EVP_MD_CTX_new(), &EVP_MD_CTX_free) {
-        VIABLE_CHECK(context_ && EVP_DigestInit_ex(context_.get(), EVP_sha256(), nullptr) == 1,
-                     "libcrypto has SHA-256");
-    }
     void add(const std::string& name, const std::string& content) {
         for (const std::string* text : {&name, &content}) {
-            const std::string length = std::to_string(text->size()) + ":";
-            EVP_DigestUpdate(context_.get(), length.data(), length.size());
-            EVP_DigestUpdate(context_.get(), text->data(), text->size());
+            hash_.add(std::to_string(text->size()) + ":");
+            hash_.add(*text);
         }
     }
-    std::string take() {
-        std::array<unsigned char, EVP_MAX_MD_SIZE> bytes;
-        unsigned size = 0;
-        EVP_DigestFinal_ex(context_.get(), bytes.data(), &size);
-        std::string digits;
-        for (unsigned i = 0; i < size; ++i)
-            for (const int half : {bytes[i] >> 4, bytes[i] & 15})
-                digits += "0123456789abcdef"[half];
-        return digits;
-    }
+    std::string take() { return hash_.take(); }
 
 private:
-    std::unique_ptr<EVP_MD_CTX, void (*)(EVP_MD_CTX*)> context_;
+    detail::Sha256 hash_;
 };
 
 std::string readWhole(const fs::path& file) {
@@ -70,6 +53,8 @@ SweepFiles findSweepFiles(const Experiment& experiment) {
             const std::string kind = entry.path().extension().string();
             if (kind == ".urdf" || kind == ".yaml") files.data.insert(entry.path());
         }
+        if (plan.environment && plan.environment->map)
+            files.data.insert(plan.environment->map->file);
         for (const PluginChoice* choice : listChoices(plan)) {
             files.libraries.insert(choice->plugin.library);
             for (std::uint64_t i = 0; i < choice->plugin.entry->parameterCount; ++i) {

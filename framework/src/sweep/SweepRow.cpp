@@ -79,6 +79,29 @@ SweepValue getBoundShare(const CasePlan& plan, const CaseResult& result) {
     return findLargest(result, [&](int i) { return result.summary.boundShare(kind, i); });
 }
 
+/** What `get` says of the arm's collisions; nothing where it has no environment, or there is no such arm. */
+template <class Get>
+SweepValue getNominalCollision(const CaseResult& result, const Get& get) {
+    const std::optional<Collisions>& all = result.summary.collisions();
+    return all ? SweepValue(get(all->nominal)) : SweepValue();
+}
+template <class Get>
+SweepValue getRealCollision(const CaseResult& result, const Get& get) {
+    const std::optional<Collisions>& all = result.summary.collisions();
+    return all && all->real ? SweepValue(get(*all->real)) : SweepValue();
+}
+
+/** Within the horizon: a store holds finite numbers. */
+double getClearance(const CollisionRecord& record) {
+    return std::clamp(record.leastClearance, -kClearanceHorizon_m, kClearanceHorizon_m);
+}
+std::int64_t getCollisionTicks(const CollisionRecord& record) {
+    return record.ticksInCollision;
+}
+std::int64_t getNearTicks(const CollisionRecord& record) {
+    return record.ticksTooNear;
+}
+
 /** The columns of results; one line makes one more. */
 const std::vector<ResultColumn>& resultColumns() {
     using R = const CaseResult&;
@@ -128,6 +151,18 @@ const std::vector<ResultColumn>& resultColumns() {
                  ticks += r.summary.motor(i).ticksSaturated;
              return SweepValue(ticks);
          }},
+        {"collision.least_clearance_m", "m", "Least clearance",
+         [](P, R r) { return getNominalCollision(r, getClearance); }},
+        {"collision.ticks", "", "Ticks in collision",
+         [](P, R r) { return getNominalCollision(r, getCollisionTicks); }},
+        {"collision.ticks_too_near", "", "Ticks within the safety distance",
+         [](P, R r) { return getNominalCollision(r, getNearTicks); }},
+        {"real.collision.least_clearance_m", "m", "Real arm: least clearance",
+         [](P, R r) { return getRealCollision(r, getClearance); }},
+        {"real.collision.ticks", "", "Real arm: ticks in collision",
+         [](P, R r) { return getRealCollision(r, getCollisionTicks); }},
+        {"real.collision.ticks_too_near", "", "Real arm: ticks within the safety distance",
+         [](P, R r) { return getRealCollision(r, getNearTicks); }},
         {"infeasible_ticks", "", "Ticks without an admissible choice",
          [](P, R r) { return SweepValue(r.summary.ticksWith(FilterStatus::Infeasible)); }},
         {"tripped_at_s", "s", "When the real arm left the bound and was braked",

@@ -134,6 +134,7 @@ TEST(StopMonitor, AgreesWithThePathAtManyPoints) {
         ASSERT_NEAR(monitor.stop(0).margin, margin, 1e-6);
         ASSERT_NEAR(monitor.stop(0).duration_s,
                     static_cast<double>(d.stops[0].remainingTicks()) * kTick_s, 1e-12);
+        ASSERT_NEAR(monitor.stop(0).rest, x.at.p, 1e-12);
     }
     EXPECT_GT(safe, 300);
     EXPECT_GT(unsafe, 300);

@@ -226,6 +226,19 @@ const std::map<std::string, std::string> kUnits = {
     {"/filter/joint0/tau_removed_Nm", "Nm"},
     {"/filter/joint0/margin_rad", "rad"},
     {"/filter/joint0/stop_s", "s"},
+    {"/filter/joint0/rest_rad", "rad"},
+    {"/clearance/known", "1"},
+    {"/clearance/distance_m", "m"},
+    {"/clearance/link", "1"},
+    {"/clearance/obstacle", "1"},
+    {"/clearance/other_link", "1"},
+    {"/clearance/on_arm/x_m", "m"},
+    {"/clearance/on_arm/y_m", "m"},
+    {"/clearance/on_arm/z_m", "m"},
+    {"/clearance/on_obstacle/x_m", "m"},
+    {"/clearance/on_obstacle/y_m", "m"},
+    {"/clearance/on_obstacle/z_m", "m"},
+    {"/clearance/map_age_s", "s"},
     {"/limits/joint0/position_lower_rad", "rad"},
     {"/limits/joint0/position_upper_rad", "rad"},
     {"/limits/joint0/velocity_lower_radps", "rad/s"},
@@ -265,7 +278,8 @@ const std::map<std::string, std::string> kUnits = {
 };
 
 TEST_F(Hdf5ExportTest, EveryColumnHasItsPathAndUnit) {
-    const LogLayout layout = makeLayout(1, Space::Tool, true);
+    LogLayout layout = makeLayout(1, Space::Tool, true);
+    layout.hasEnvironment = true;
     writeBytes(path("run.mcap"),
                makeLog(makeOpening(layout), makeRecords(layout, 20, 0.001, 62)).bytes);
     exportHdf5(path("run.mcap"), path("run.h5"));
@@ -299,6 +313,7 @@ TEST_F(Hdf5ExportTest, JointsThatSlideHaveMetresAndNewtons) {
         {"/filter/lift/tau_removed_N", "N"},
         {"/filter/lift/margin_m", "m"},
         {"/filter/lift/stop_s", "s"},
+        {"/filter/lift/rest_m", "m"},
         {"/limits/lift/position_lower_m", "m"},
         {"/limits/lift/velocity_upper_mps", "m/s"},
         {"/limits/lift/acceleration_upper_mps2", "m/s^2"},
@@ -371,7 +386,8 @@ TEST_F(Hdf5ExportTest, TheOpeningBecomesAttributesOfTheRoot) {
 }
 
 TEST_F(Hdf5ExportTest, ALogWithoutRowsHasEveryColumnEmpty) {
-    const LogLayout layout = makeLayout(1, Space::Tool, true);
+    LogLayout layout = makeLayout(1, Space::Tool, true);
+    layout.hasEnvironment = true;
     writeBytes(path("run.mcap"), makeLog(makeOpening(layout), {}).bytes);
     exportHdf5(path("run.mcap"), path("run.h5"));
     const Hdf5File file(path("run.h5"));

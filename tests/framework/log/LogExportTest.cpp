@@ -80,6 +80,7 @@ TEST_F(LogExportTest, HasTheDocumentedColumns) {
               "real.joint0.q_rad,real.joint0.qd_radps,actual.joint0.q_rad,actual.joint0.qd_radps,"
               "desired.joint0.tau_Nm,filter.joint0.tau_Nm,filter.joint0.active,"
               "filter.joint0.tau_removed_Nm,filter.joint0.margin_rad,filter.joint0.stop_s,"
+              "filter.joint0.rest_rad,"
               "limits.joint0.position_lower_rad,limits.joint0.position_upper_rad,"
               "limits.joint0.velocity_lower_radps,limits.joint0.velocity_upper_radps,"
               "limits.joint0.acceleration_lower_radps2,limits.joint0.acceleration_upper_radps2,"
@@ -89,7 +90,7 @@ TEST_F(LogExportTest, HasTheDocumentedColumns) {
               "tick.missed,tick.stop,tick.substituted,tick.compute_us,tick.command_us,tick.dynamics_us,"
               "tick.controller_us,tick.filter_us,tick.robust_us,tick.plant_us,tick.record_us\n");
     const std::vector<LogColumn> columns = listColumns(layout);
-    EXPECT_EQ(columns.size(), 47u);
+    EXPECT_EQ(columns.size(), 48u);
     EXPECT_EQ(columns.front().name(), "time_s");
 }
 
@@ -151,6 +152,7 @@ TEST_F(LogExportTest, EveryNumberReadsBackBitEqual) {
                 expectNumber(at("motor." + joint + ".tau_Nm"), r.motorTorque[e]);
                 expectNumber(at("filter." + joint + ".margin_rad"), r.stops[j].margin);
                 expectNumber(at("filter." + joint + ".stop_s"), r.stops[j].duration_s);
+                expectNumber(at("filter." + joint + ".rest_rad"), r.stops[j].rest);
                 expectNumber(at("filter." + joint + ".tau_removed_Nm"), r.removedTorque[e]);
                 expectNumber(at("limits." + joint + ".acceleration_lower_radps2"),
                              r.limits.acceleration.lower[e]);

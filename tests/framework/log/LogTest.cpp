@@ -35,6 +35,7 @@ struct RoundTrip {
     Space space;
     bool hasRealPlant;
     bool hasExternalTorque = false;
+    bool hasEnvironment = false;
 };
 
 class LogRoundTrip : public LogTestBase, public ::testing::WithParamInterface<RoundTrip> {};
@@ -42,6 +43,7 @@ class LogRoundTrip : public LogTestBase, public ::testing::WithParamInterface<Ro
 TEST_P(LogRoundTrip, EveryBitComesBack) {
     LogLayout layout = makeLayout(GetParam().joints, GetParam().space, GetParam().hasRealPlant);
     layout.hasExternalTorque = GetParam().hasExternalTorque;
+    layout.hasEnvironment = GetParam().hasEnvironment;
     const std::vector<TickRecord> records = makeRecords(layout, 731, 0.001, 11);
     LogWriter writer(path("run.mcap"), makeOpening(layout));
     for (const TickRecord& record : records) writer.append(record);
@@ -58,9 +60,14 @@ TEST_P(LogRoundTrip, EveryBitComesBack) {
     EXPECT_EQ(reader.layout().commandSpace, layout.commandSpace);
     EXPECT_EQ(reader.layout().hasRealPlant, layout.hasRealPlant);
     EXPECT_EQ(reader.layout().hasExternalTorque, layout.hasExternalTorque);
-    EXPECT_EQ(std::count_if(reader.columns().begin(), reader.columns().end(),
-                            [](const LogColumn& c) { return c.name().rfind("external.", 0) == 0; }),
-              layout.hasExternalTorque ? GetParam().joints : 0);
+    EXPECT_EQ(reader.layout().hasEnvironment, layout.hasEnvironment);
+    const auto countColumns = [&](const std::string& channel) {
+        return std::count_if(
+            reader.columns().begin(), reader.columns().end(),
+            [&](const LogColumn& c) { return c.name().rfind(channel + ".", 0) == 0; });
+    };
+    EXPECT_EQ(countColumns("external"), layout.hasExternalTorque ? GetParam().joints : 0);
+    EXPECT_EQ(countColumns("clearance"), layout.hasEnvironment ? 12 : 0);
     EXPECT_EQ(reader.library().rfind("viable ", 0), 0u) << reader.library();
     EXPECT_EQ(reader.metadata(), makeOpening(layout).metadata);
     ASSERT_EQ(reader.attachments().size(), 1u);
@@ -81,6 +88,8 @@ INSTANTIATE_TEST_SUITE_P(Layouts, LogRoundTrip,
                          ::testing::Values(RoundTrip{6, Space::Joint, true},
                                            RoundTrip{6, Space::Tool, true},
                                            RoundTrip{7, Space::Joint, true, true},
+                                           RoundTrip{6, Space::Tool, false, false, true},
+                                           RoundTrip{7, Space::Joint, true, true, true},
                                            RoundTrip{1, Space::Joint, false},
                                            RoundTrip{7, Space::Tool, false},
                                            RoundTrip{16, Space::Joint, true}));
@@ -430,6 +439,29 @@ TEST_F(LogTest, OlderAndNewerFieldsAreFoundByName) {
         EXPECT_EQ(back[row].braking, row == 1);
         EXPECT_EQ(back[row].substituted, 0);
     }
+}
+
+TEST_F(LogTest, ALogFromBeforeObstaclesOpens) {
+    PlainMcap log;
+    log.channel(1, "/filter", "Filter",
+                "float64[] tau_nm\nstring[] active\nfloat64[] tau_removed_nm\nfloat64[] margin_rad\n"
+                "float64[] stop_s\n");
+    log.message(1, 0,
+                Cdr().put(2, 4).put(1.0).put(2.0).put(2, 4).put("none").put("jerk_upper").put(2, 4)
+                    .put(3.0).put(4.0).put(2, 4).put(5.0).put(6.0).put(2, 4).put(7.0).put(8.0).bytes);
+    writeBytes(path("old.mcap"), log.finish());
+    LogReader reader(path("old.mcap"));
+    EXPECT_FALSE(reader.layout().hasEnvironment);
+    for (const LogColumn& column : reader.columns())
+        EXPECT_FALSE(contains(column.name(), "rest_rad") || contains(column.name(), "clearance"))
+            << column.name();
+    TickRecord record;
+    ASSERT_TRUE(reader.read(record));
+    EXPECT_EQ(record.stops[1].margin, 6.0);
+    EXPECT_EQ(record.stops[1].duration_s, 8.0);
+    EXPECT_EQ(record.stops[1].rest, 0.0);
+    EXPECT_FALSE(record.clearance.isKnown);
+    EXPECT_FALSE(reader.read(record));
 }
 
 TEST_F(LogTest, WrongMessagesAreRefused) {

@@ -90,7 +90,17 @@ public:
             r.joints[j].side = r.joints[j].limit == LimitKind::None ? LimitSide::Neither
                                : random_() % 2 == 0                 ? LimitSide::Lower
                                                                     : LimitSide::Upper;
-            r.stops[j] = {number(), number()};
+            r.stops[j] = {number(), number(), number()};
+        }
+        if (layout_.hasEnvironment) {
+            Clearance& c = r.clearance;
+            c.isKnown = random_() % 2 == 0;
+            c.distance = number();
+            for (int* index : {&c.link, &c.obstacle, &c.otherLink})
+                *index = static_cast<int>(random_() % 9) - 1;
+            for (int i = 0; i < 3; ++i) c.onArm[i] = number();
+            for (int i = 0; i < 3; ++i) c.onObstacle[i] = number();
+            r.mapAge_s = number();
         }
         r.braking = random_() % 2 == 0;
         r.missed = random_() % 2 == 0;
@@ -184,7 +194,15 @@ inline std::vector<std::uint64_t> getBits(const TickRecord& r, const LogLayout& 
         bits.push_back(static_cast<std::uint64_t>(static_cast<int>(r.joints[j].side) + 1));
         add(r.stops[j].margin);
         add(r.stops[j].duration_s);
+        add(r.stops[j].rest);
     }
+    bits.push_back(r.clearance.isKnown ? 1 : 0);
+    add(r.clearance.distance);
+    for (const int index : {r.clearance.link, r.clearance.obstacle, r.clearance.otherLink})
+        bits.push_back(static_cast<std::uint64_t>(index + 1));
+    for (int i = 0; i < 3; ++i) add(r.clearance.onArm[i]);
+    for (int i = 0; i < 3; ++i) add(r.clearance.onObstacle[i]);
+    add(r.mapAge_s);
     bits.push_back(static_cast<std::uint64_t>(r.verdict));
     bits.push_back(r.braking ? 1 : 0);
     bits.push_back(r.missed ? 1 : 0);

@@ -38,6 +38,11 @@ public:
         JointVector chosen = wanted;
         for (double& a : chosen) a = change_(a);
         holdJerk(nominal, dynamics, 2.0 / kTick_s * (chosen - nominal.qdd), kTick_s, decision);
+        if (clearance > 0.0) {
+            decision.clearance.isKnown = true;
+            decision.clearance.distance = clearance;
+            decision.mapAge_s = 10.0 * clearance;
+        }
         if (chosen == wanted) {
             decision.torque = torque;
             return FilterStatus::Passed;
@@ -51,6 +56,7 @@ public:
     int resets = 0, limitChanges = 0;
     std::int64_t skipped = 0;
     bool recovery = false, takesLimits = true, throwsInReset = false;
+    double clearance = 0.0;  // that it tells of; 0: of none
 
 private:
     Change change_;
@@ -140,6 +146,22 @@ TEST_F(Chain, NoObjectionBehindThePromiseLeavesThePromisedDecisionWithItsStops) 
     EXPECT_EQ(filter(10.0), FilterStatus::Modified);
     EXPECT_TRUE(decision_.hasStops);
     EXPECT_EQ(chain_.answerable(), 0u);
+}
+
+TEST_F(Chain, AClearanceIsToldAsLongAsItIsThatOfTheMotionThatStands) {
+    Law& looking = add(atMost(4.0));
+    add(atMost(3.0));
+    looking.clearance = 0.5;
+    EXPECT_EQ(filter(2.0), FilterStatus::Passed);  // the second passes it
+    EXPECT_TRUE(decision_.clearance.isKnown);
+    EXPECT_EQ(decision_.clearance.distance, 0.5);
+    EXPECT_EQ(decision_.mapAge_s, 5.0);
+    EXPECT_EQ(filter(10.0), FilterStatus::Modified);  // the second changes it and has not looked
+    EXPECT_FALSE(decision_.clearance.isKnown);
+    EXPECT_EQ(decision_.mapAge_s, 0.0);
+    looking.clearance = 0.0;
+    EXPECT_EQ(filter(2.0), FilterStatus::Passed);
+    EXPECT_FALSE(decision_.clearance.isKnown);  // nothing of an earlier tick
 }
 
 TEST_F(Chain, AChangeBehindThePromiseStandsWithoutItsStopsAndIsAnsweredFor) {

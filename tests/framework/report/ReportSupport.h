@@ -81,7 +81,10 @@ struct ReadReport {
         return values;
     }
     std::vector<float> numbers(const json& reference) const { return array<float>(reference, "f32"); }
-    std::vector<std::uint8_t> codes(const json& reference) const {
+    std::vector<std::uint16_t> codes(const json& reference) const {
+        return array<std::uint16_t>(reference, "u16");
+    }
+    std::vector<std::uint8_t> letters(const json& reference) const {
         return array<std::uint8_t>(reference, "u8");
     }
 

@@ -62,7 +62,6 @@ TEST(RunReport, ShowsWhatIsInTheLogAndLosesNoPeak) {
         std::vector<double> largest(4, -INFINITY), least(4, INFINITY);
         double lastTime = 0.0, largestMargin = -INFINITY;
         std::int64_t rows = 0;
-        std::vector<std::uint8_t> worst;
         LogReader reader(run.path() / (one["name"].get<std::string>() + ".mcap"));
         for (TickRecord r; reader.read(r); ++rows) {
             const double values[] = {r.nominal.q[0], r.nominal.qd[0], r.nominal.qdd[0],
@@ -106,6 +105,40 @@ TEST(RunReport, ShowsWhatIsInTheLogAndLosesNoPeak) {
     EXPECT_EQ(report.data["cases"][0]["step_s"], 0.004);  // 20 s: four ticks a bucket
     EXPECT_EQ(report.data["cases"][0]["filter"], "pass_through");
     EXPECT_TRUE(report.data["cases"][0]["stop"].is_null());
+}
+
+TEST(RunReport, CollisionsAreCountedInTheTable) {
+    const RunFolder run(R"(schema: 1
+title: through a ball
+robot: single_joint
+duration_s: 1
+limits: {position_rad: pi, velocity_radps: 2*pi, acceleration_radps2: 3*pi, jerk_radps3: 40*pi}
+command: {plugin: waypoints, points: [[0, 1.5]], interpolation: hold}
+controller: {plugin: joint_pd, stiffness: 25, damping: 8}
+filter: {plugin: pass_through}
+cases:
+  free: {}
+  hits: {environment: {obstacles: {ball: {sphere: 0.1, at: {xyz: [0.6, 0.6, 0]}}}}}
+)");
+    const json data = run.report().data;
+    const json& table = data["summary"];
+    const auto at = [&](std::size_t row, const char* column) {
+        const auto found = std::find(table["columns"].begin(), table["columns"].end(), json(column));
+        return table["rows"][row].at(static_cast<std::size_t>(found - table["columns"].begin()));
+    };
+    const CollisionRecord& counted = run.results[1].summary.collisions()->nominal;
+    ASSERT_GT(counted.ticksInCollision, 0);
+    EXPECT_EQ(at(0, "collisions"), "-");
+    EXPECT_EQ(at(0, "least clearance"), "-");
+    EXPECT_EQ(at(1, "collisions"), std::to_string(counted.ticksInCollision));
+    EXPECT_NEAR(std::stod(at(1, "least clearance").get<std::string>()), 1e3 * counted.leastClearance,
+                1e-2 * std::abs(1e3 * counted.leastClearance));
+    EXPECT_EQ(at(1, "collisions, real"), "-");
+    EXPECT_EQ(data["cases"][1]["ok"], false);
+    EXPECT_NE(table["note"].get<std::string>().find("collisions: ticks in which"), std::string::npos);
+    // No filter looked at clearances: there is nothing to plot, but the ball is drawn.
+    EXPECT_TRUE(data["cases"][1]["clearance"]["distance"].is_null());
+    EXPECT_EQ(data["environments"][0]["obstacles"][0]["name"], "ball");
 }
 
 TEST(RunReport, TellsThatACaseWasEndedAndWhen) {
@@ -289,7 +322,7 @@ TEST(RunReport, ABucketShowsEveryLimitThatActedInIt) {
     const ReadReport report = run.report();
     const json& one = report.data["cases"][0];
     const auto shown = report.codes(one["joints"][0]["active"]);
-    std::vector<std::uint8_t> expected(shown.size(), 0);
+    std::vector<std::uint16_t> expected(shown.size(), 0);
     LogReader reader(run.path() / "free.mcap");
     const double step = one["step_s"];
     for (TickRecord r; reader.read(r);) {
@@ -297,10 +330,10 @@ TEST(RunReport, ABucketShowsEveryLimitThatActedInIt) {
         if (acted.limit == LimitKind::None) continue;
         const int bit = 2 * (static_cast<int>(acted.limit) - 1) + (acted.side == LimitSide::Upper);
         expected.at(static_cast<std::size_t>(r.time_s / step + 1e-6)) |=
-            static_cast<std::uint8_t>(1u << bit);
+            static_cast<std::uint16_t>(1u << bit);
     }
     EXPECT_EQ(shown, expected);
-    EXPECT_GT(std::count_if(shown.begin(), shown.end(), [](std::uint8_t x) { return x & (x - 1); }), 0)
+    EXPECT_GT(std::count_if(shown.begin(), shown.end(), [](std::uint16_t x) { return x & (x - 1); }), 0)
         << "no bucket with two limits: nothing was tested";
 }
 

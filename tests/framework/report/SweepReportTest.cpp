@@ -84,7 +84,7 @@ private:
 
 /** The words of a column, row by row; "(none)" where there is none. */
 std::vector<std::string> readWords(const ReadReport& report, const json& column) {
-    const auto text = report.codes(column["words"]);
+    const auto text = report.letters(column["words"]);
     std::vector<std::string> words(1), rows;
     for (std::uint8_t c : text)
         if (c == 0)

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <random>
 
 #include "RobotFolder.h"
 
@@ -159,6 +160,182 @@ TEST_F(RobotDraftTest, MeshesAreNamedOnce) {
         "ixy='0' ixz='0' iyz='0'/></inertial><visual><geometry>" +
         visual_ + "</geometry></visual></link>";
     EXPECT_EQ(read().meshes, std::vector<std::string>{"package://arm/link.stl"});
+}
+
+// ------------------------------------------------------------------------------------ collision
+
+double calcDistance(const Eigen::Vector3d& p, const DraftCapsule& c) {
+    const Eigen::Vector3d along = c.to - c.from;
+    const double length2 = along.squaredNorm();
+    const double t =
+        length2 == 0.0 ? 0.0 : std::clamp((p - c.from).dot(along) / length2, 0.0, 1.0);
+    return (p - c.from - t * along).norm() - c.radius;
+}
+
+double calcVolume(const DraftCapsule& c) {
+    return EIGEN_PI * c.radius * c.radius * ((c.to - c.from).norm() + 4.0 / 3.0 * c.radius);
+}
+
+/** The arm of RobotDraftTest with a collision element, at a slanted place, in front of its visual one. */
+class CapsuleTest : public RobotDraftTest {
+protected:
+    std::string collision_ = "<box size='0.3 0.2 0.1'/>";
+
+    DraftCapsule draft() {
+        visual_ = "<sphere radius='9'/></geometry></visual><collision><origin xyz='0.1 -0.2 0.3' "
+                  "rpy='0.4 -0.5 0.6'/><geometry>" +
+                  collision_ + "</geometry></collision><visual><geometry><sphere radius='9'/>";
+        for (const DraftLink& link : read().links)
+            if (link.name == "l" && link.capsules.size() == 1) return link.capsules[0];
+        throw std::runtime_error("not one capsule");
+    }
+    /** Where the collision element is. */
+    Eigen::Isometry3d pose() const {
+        return Eigen::Translation3d(0.1, -0.2, 0.3) *
+               Eigen::AngleAxisd(0.6, Eigen::Vector3d::UnitZ()) *
+               Eigen::AngleAxisd(-0.5, Eigen::Vector3d::UnitY()) *
+               Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitX());
+    }
+    /** `draw` gives points of the shape, in its own frame: all must be inside, and some at the surface. */
+    template <class Draw>
+    void expectContains(const DraftCapsule& capsule, const Draw& draw, double slack) {
+        double farthest = -1.0;
+        for (int i = 0; i < 20000; ++i)
+            farthest = std::max(farthest, calcDistance(pose() * draw(), capsule));
+        EXPECT_LE(farthest, 0.0);
+        EXPECT_GT(farthest, -slack) << "larger than it need be";
+    }
+    double between(double lower, double upper) {
+        return std::uniform_real_distribution<>(lower, upper)(random_);
+    }
+    std::mt19937_64 random_{1};
+};
+
+TEST_F(CapsuleTest, ABoxIsInside) {
+    for (const Eigen::Vector3d& size : {Eigen::Vector3d(0.3, 0.2, 0.1), {0.05, 0.05, 1.0}, {1, 1, 1}}) {
+        collision_ = "<box size='" + std::to_string(size.x()) + " " + std::to_string(size.y()) +
+                     " " + std::to_string(size.z()) + "'/>";
+        const DraftCapsule capsule = draft();
+        expectContains(capsule, [&] {
+            Eigen::Vector3d corner;
+            for (int k = 0; k < 3; ++k) corner[k] = 0.5 * size[k] * (between(0, 1) < 0.5 ? -1 : 1);
+            return corner;
+        }, 1e-3);
+        // No larger than the ball around the box.
+        EXPECT_LE(calcVolume(capsule), EIGEN_PI / 6 * std::pow(size.norm() + 1e-3, 3));
+    }
+}
+
+TEST_F(CapsuleTest, ACylinderIsInside) {
+    for (const auto& [radius, length] :
+         {std::pair(0.06, 0.4), std::pair(0.2, 0.02), std::pair(0.001, 0.5)}) {
+        collision_ = "<cylinder radius='" + std::to_string(radius) + "' length='" +
+                     std::to_string(length) + "'/>";
+        const DraftCapsule capsule = draft();
+        expectContains(capsule, [&, r = radius, l = length] {
+            const double angle = between(-4, 4);
+            return Eigen::Vector3d(r * std::cos(angle), r * std::sin(angle),
+                                   between(0, 1) < 0.5 ? -0.5 * l : 0.5 * l);
+        }, 0.01 * radius + 1e-3);
+    }
+    collision_ = "<cylinder radius='0.06' length='0.4'/>";  // a long one's capsule lies along it
+    const DraftCapsule capsule = draft();
+    const Eigen::Vector3d along = (capsule.to - capsule.from).normalized();
+    EXPECT_GT(std::abs(along.dot(pose().linear().col(2))), 0.999);
+    EXPECT_LT(capsule.radius, 0.07);
+}
+
+TEST_F(CapsuleTest, ASphereIsACapsuleWithoutLength) {
+    collision_ = "<sphere radius='0.12'/>";
+    const DraftCapsule capsule = draft();
+    EXPECT_EQ(capsule.from, capsule.to);
+    EXPECT_LE((capsule.from - pose().translation()).norm() + 0.12, capsule.radius);
+    EXPECT_LT(capsule.radius, 0.1203);
+}
+
+TEST_F(CapsuleTest, AMeshIsInside) {
+    for (int mesh = 0; mesh < 20; ++mesh) {
+        // A cloud of triangles, long, flat or round, off its own frame.
+        const Eigen::Vector3d size(between(0.01, 0.5), between(0.01, 0.5), between(0.01, 0.5));
+        std::vector<Eigen::Vector3d> points;
+        std::string text;
+        for (int i = 0; i < 300; ++i) {
+            points.emplace_back(size.x() * between(-1, 1) + 0.1, size.y() * between(-1, 1),
+                                size.z() * between(-1, 1) * between(0, 1));
+            text += "v";
+            for (const double x : points.back()) text += " " + std::to_string(x);
+            text += "\n";
+        }
+        for (int i = 0; i < 300; i += 3)
+            text += "f " + std::to_string(i + 1) + " " + std::to_string(i + 2) + " " +
+                    std::to_string(i + 3) + "\n";
+        std::ofstream(folder_.path() / "link.obj") << text;
+        collision_ = "<mesh filename='package://arm_description/link.obj' scale='1 2 1'/>";
+        std::size_t next = 0;
+        expectContains(draft(), [&] {
+            const Eigen::Vector3d& a = points[next++ % points.size()];
+            // Six decimals were written.
+            return Eigen::Vector3d(a.cwiseProduct(Eigen::Vector3d(1, 2, 1)) * (1.0 - 1e-5));
+        }, 2e-3);
+    }
+}
+
+TEST_F(CapsuleTest, AMeshThatIsNotThereIsTold) {
+    collision_ = "<mesh filename='package://arm_description/gone.stl'/>";
+    EXPECT_THROW(draft(), std::runtime_error);
+    const RobotDraft lost = read();
+    ASSERT_EQ(lost.links.size(), 2u);
+    EXPECT_EQ(lost.links[1].lostMeshes,
+              std::vector<std::string>{"package://arm_description/gone.stl"});
+    EXPECT_TRUE(lost.links[1].capsules.empty());
+}
+
+TEST_F(CapsuleTest, AMeshIsFoundInThePackageAroundTheUrdf) {
+    const std::filesystem::path package = folder_.path() / "source/arm_description";
+    std::filesystem::create_directories(package / "urdf");
+    std::filesystem::create_directories(package / "meshes");
+    std::ofstream(package / "meshes/link.obj") << "v 0 0 0\nv 1 0 0\nv 0 0.1 0\nf 1 2 3\n";
+    for (const char* name : {"package://arm_description/meshes/link.obj", "../meshes/link.obj"}) {
+        collision_ = std::string("<mesh filename='") + name + "'/>";
+        EXPECT_THROW(draft(), std::runtime_error);  // seen from elsewhere
+        std::filesystem::copy_file(folder_.path() / "arm.urdf", package / "urdf/arm.urdf",
+                                   std::filesystem::copy_options::overwrite_existing);
+        EXPECT_EQ(readRobotDraft(package / "urdf/arm.urdf").links.at(1).capsules.size(), 1u);
+    }
+}
+
+TEST(DraftContacts, AreNeighboursAndWhatIsNearInNearlyAllPoses) {
+    // A wrist so short that hand and fore arm overlap; the base is far from both.
+    const auto shape = [](const std::string& geometry) {
+        return "<collision><geometry>" + geometry + "</geometry></collision></link>";
+    };
+    const auto link = [&](const std::string& name, const std::string& geometry) {
+        std::string text = makeLink(name, 1.0, "0 0 0", "0 0 0", kSomeInertia);
+        RobotFolder::replace(text, "</link>", shape(geometry));
+        return text;
+    };
+    TemporaryFolder folder;
+    std::ofstream(folder.path() / "arm.urdf")
+        << "<robot name='arm'><link name='base'>" + shape("<sphere radius='0.1'/>") +
+               makeJoint("j1", "revolute", "base", "fore", "xyz='0 0 1'", "0 0 1") +
+               link("fore", "<sphere radius='0.1'/>") +
+               makeJoint("j2", "revolute", "fore", "wrist", "xyz='0 0 0.05'", "0 1 0") +
+               link("wrist", "<sphere radius='0.02'/>") +
+               makeJoint("j3", "revolute", "wrist", "hand", "xyz='0 0 0.05'", "1 0 0") +
+               link("hand", "<sphere radius='0.1'/>") +
+               makeJoint("f", "fixed", "hand", "tip", "xyz='0 0 1'", "0 0 1") +
+               "<link name='tip'/></robot>";
+    const RobotDraft draft = readRobotDraft(folder.path() / "arm.urdf");
+    std::vector<std::string> found;
+    for (const DraftContact& c : draft.contacts)
+        found.push_back(c.first + " " + c.second + ": " + c.reason);
+    EXPECT_EQ(found, (std::vector<std::string>{
+                         "base fore: next to each other", "fore wrist: next to each other",
+                         "wrist hand: next to each other",
+                         "fore hand: nearer than 2 cm in 100.0 % of 1000 random poses"}));
+    ASSERT_EQ(draft.links.size(), 5u);
+    EXPECT_TRUE(draft.links.back().capsules.empty());
+    EXPECT_TRUE(draft.links.back().lostMeshes.empty());
 }
 
 }  // namespace

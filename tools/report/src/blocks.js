@@ -1,10 +1,10 @@
 /*
  * The two data scripts of a page, as the C++ side writes them. `viable-data` is JSON, every `<` written as \u003c.
  * `viable-binary` is base64 of a gzip stream of little-endian arrays. An array reference in the JSON is
- * {"at": byteOffset, "n": elements, "type": "f32"|"f64"|"u8"|"u32"}, the offset a multiple of the element's size.
+ * {"at": byteOffset, "n": elements, "type": "f32"|"f64"|"u8"|"u16"|"u32"}, the offset a multiple of the element's size.
  */
 
-const ELEMENT = { f32: Float32Array, f64: Float64Array, u8: Uint8Array, u32: Uint32Array };
+const ELEMENT = { f32: Float32Array, f64: Float64Array, u8: Uint8Array, u16: Uint16Array, u32: Uint32Array };
 
 /** An error whose message is meant for the reader of the report. */
 export class DataError extends Error {}

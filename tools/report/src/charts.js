@@ -16,7 +16,7 @@ export const LIMIT_STYLES = {
 };
 const BEYOND = { limit: 'real', bound: 'trip' }; // which kind of limit lies farther out
 const LIMIT_NAMES = {
-  limit: (side) => `${side} limit`,
+  limit: (side, { limitName }) => limitName ?? `${side} limit`,
   real: (side) => `${side} limit of the real joint`,
   bound: () => 'bound',
   trip: () => 'trips at',
@@ -44,7 +44,7 @@ export class LineChart {
     return this.quantity.units[this.state.run.joints[this.joint].linear ? 1 : 0];
   }
   get jointName() {
-    return this.state.run.joints[this.joint].name;
+    return this.quantity.ofArm ? '' : this.state.run.joints[this.joint].name;
   }
 
   /** To be called when the joint or the shown cases are others. */
@@ -78,12 +78,13 @@ export class LineChart {
 
   /** What bounds the values of a case: the limits in force, those of the real joint, how large an error may be. */
   *#limitsOf(c) {
-    const { limit, realLimit, bound, trip, isError } = this.quantity;
+    const { limit, realLimit, bound, trip, isError, inThousandths } = this.quantity;
+    const read = (key) => (inThousandths ? c.thousandths(this.joint, key) : c.samples(this.joint, key));
     for (const [side, sign] of [
       ['lower', -1],
       ['upper', 1],
     ]) {
-      if (limit) yield { side, value: c.samples(this.joint, `${limit}_${side}`), kind: 'limit' };
+      if (limit) yield { side, value: read(`${limit}_${side}`), kind: 'limit' };
       if (realLimit) yield { side, value: c.samples(this.joint, `${realLimit}_${side}`), kind: 'real' };
       const reach = isError ? c.thousandths(this.joint, bound) : null;
       if (reach !== null) yield { side, value: sign * reach, kind: 'bound' };
@@ -120,7 +121,7 @@ export class LineChart {
         perCase.set(c, range);
         if (!this.#ways.has(c)) this.#ways.set(c, way);
       }
-    const data = this.quantity.zero ? [0, 0] : [Infinity, -Infinity];
+    const data = [Infinity, -Infinity];
     for (const [low, high] of perCase.values()) {
       data[0] = Math.min(data[0], low);
       data[1] = Math.max(data[1], high);
@@ -139,16 +140,23 @@ export class LineChart {
     return range;
   }
 
-  /** Limits and data; where data far beyond would flatten all the rest, the limits. */
-  #fit(data, limits) {
+  /** Limits and data; where data far beyond would flatten all the rest, the limits and what is near them. */
+  #fit(values, limits) {
+    const data = this.quantity.zero ? [Math.min(0, values[0]), Math.max(0, values[1])] : values;
     if (limits[0] > limits[1] || this.state.fitted.has(this.id)) return pad(data, 0.06);
+    if (limits[0] === limits[1]) return this.#fitToOne(values, data, limits[0]);
     const within = Math.max(limits[1] - limits[0], 1e-9);
     const far = data[1] - limits[1] > within || limits[0] - data[0] > within;
     if (far) return pad(limits, 0.3);
-    const reach = [Math.min(data[0], limits[0]), Math.max(data[1], limits[1])];
-    const [low, high] = pad(reach, 0.06);
-    const margin = 0.15 * (reach[1] - reach[0]); // for the text beyond a limit
-    return [Math.min(low, limits[0] - margin), Math.max(high, limits[1] + margin)];
+    return withLabels([Math.min(data[0], limits[0]), Math.max(data[1], limits[1])], limits);
+  }
+
+  /** A limit on one side, and the data that is several times as far from it as zero at most, if there is any. */
+  #fitToOne(values, data, limit) {
+    const within = 8 * Math.abs(limit) || Infinity;
+    const low = values[1] < limit - within ? data[0] : Math.max(data[0], limit - within);
+    const high = values[0] > limit + within ? data[1] : Math.min(data[1], limit + within);
+    return withLabels([Math.min(low, limit), Math.max(high, limit)], [limit, limit]);
   }
 
   draw(painter, frame, palette = colours, sparse = false) {
@@ -300,7 +308,7 @@ export class LineChart {
     const room = isInner ? 0 : side === 'upper' ? y - frame.top : bottom - y;
     const index = own.filter((other) => other.kind === kind).indexOf(limit);
     painter.text(
-      `${LIMIT_NAMES[kind](side)}${isNumber ? ` ${String(Number(value.toPrecision(4))).replace('-', '−')} ${this.unit}` : ''}`,
+      `${LIMIT_NAMES[kind](side, this.quantity)}${isNumber ? ` ${String(Number(value.toPrecision(4))).replace('-', '−')} ${this.unit}` : ''}`,
       frame.left + frame.width - 5 - index * 140,
       y + (room >= LABEL_HEIGHT ? 1 : -1) * outward * 7.5,
       {
@@ -333,7 +341,7 @@ export class LineChart {
   }
 
   get description() {
-    return `${this.title} of ${this.jointName} over time`;
+    return `${this.title}${this.jointName ? ` of ${this.jointName}` : ''} over time`;
   }
 }
 
@@ -451,6 +459,13 @@ export class HistogramChart {
   valueTitle = 'ticks';
   description = 'How many ticks took how long';
   jointName = '';
+}
+
+/** Room for what is to be seen, and for the text beyond limits. */
+function withLabels(reach, limits) {
+  const [low, high] = pad(reach, 0.06);
+  const margin = 0.15 * (reach[1] - reach[0]);
+  return [Math.min(low, limits[0] - margin), Math.max(high, limits[1] + margin)];
 }
 
 function pad([low, high], share) {

@@ -18,6 +18,13 @@
  *                   | { "type": "mesh", "positions": ref, "indices": ref | null, "pose" } ] } ] },
  *         link frame = parent frame * origin * motion(axis, q); z is up
  *         where no link has shapes, rods from joint to joint are drawn
+ *     "environments": [ {                                 what stands around the arm; not given: nothing
+ *         "safety_distance_m": num, "note": str (what could not be read), "obstacles": [ { "name": str }
+ *             & ( { "type": "box"|"cylinder"|"sphere", ... } as the shapes of links
+ *               | { "type": "half_space", "pose" } (solid below z = 0 of the pose)
+ *               | { "type": "moving_sphere", "radius", "waypoints": [[s, x, y, z]], "repeats": bool }
+ *               | { "type": "map", "pose", "edge_m": num, "centres": ref f32 3*cubes } (of what could not be read: no centres)
+ *             ) ] } ],
  *     "summary": { "columns": [str], "rows": [[str]], "note": str },
  *     "cases": [ {
  *         "name", "filter", "robust_loop", "plant", "promises": bool, "verdict": str, "ok": bool,
@@ -33,10 +40,16 @@
  *             "bound_position", "bound_velocity": num (how far the true arm may be from nominal; not given: not known),
  *             "bound_measured": num (the same of the readings: beyond it a run trips; not given: not known),
  *             "position_lower", "position_upper", "velocity_...", "acceleration_...", "jerk_...": ref | num | null },
- *           "active": ref u8, one per bucket: a bit for each limit that acted in it, LIMITS[i] the bit i - 1 } ],
- *         "status": ref u8, one per bucket, the worst in it: an index into STATUS,
+ *           "active": ref u16, one per bucket: a bit for each limit that acted in it, LIMITS[i] the bit i - 1 } ],
+ *         "status": ref u16, one per bucket, the worst in it: an index into STATUS,
  *         "tick_time": { "edges_us": [...], "counts": [...] },
- *         "replay": { "step_s": num, "n": int, "nominal": ref f32 n*joints, "real": ref | null } } ] }
+ *         "clearance" (not given: nothing stood around the arm): { "environment": int | null, "links", "obstacles": [str],
+ *           "distance": ref, like a series: from what is nearest on the way through the tick and the stop [m] | null
+ *           (no filter looked) },
+ *         "replay": { "step_s": num, "n": int, "nominal": ref f32 n*joints, "real": ref | null,
+ *           with a clearance "rest": ref f32 n*joints (where the stored stop ends; NaN: nowhere)
+ *           and "nearest": ref f32 n*11: distance [m] (NaN: unknown), link, obstacle (-1: the arm itself), other link, the
+ *           point on the arm xyz, the one on the obstacle xyz, duration of the stored stop [s] } } ] }
  *
  * A series has 2 * buckets values, least and largest per bucket, drawn at t0 + (i + 0.25) * step and
  * t0 + (i + 0.75) * step. Where step_s == tick_s it has one value per bucket, drawn at t0 + i * step (jerk as steps).
@@ -55,6 +68,9 @@ const LIMITS = [
   'acceleration_upper',
   'jerk_lower',
   'jerk_upper',
+  'torque_lower',
+  'torque_upper',
+  'clearance_lower',
 ];
 export const STATUS = [
   'passed',
@@ -64,6 +80,8 @@ export const STATUS = [
   'no admissible choice',
   'invalid or faulted',
 ];
+
+const NEAREST = 11; // numbers per frame of the replay
 
 /** The names of the limits that acted, of a bucket's bits. */
 export const limitsIn = (bits) => LIMITS.filter((_, i) => i > 0 && bits & (1 << (i - 1)));
@@ -92,6 +110,7 @@ export class Run {
     }));
     this.summary = json.summary ?? { columns: [], rows: [], note: '' };
     this.scene = json.scene ?? null;
+    this.environments = json.environments ? needArray(json.environments, 'environments') : [];
     this.cases = needArray(json.cases, 'cases').map((description, index) => new Case(this, description, index));
     if (this.cases.length === 0) throw new DataError('The run has no cases.');
     if (this.joints.length === 0) throw new DataError('The robot has no joints.');
@@ -106,6 +125,8 @@ export class Run {
 export class Case {
   #run;
   #joints;
+  #names;
+  #ofArm = {}; // series that are not a joint's, but the arm's
   #cache = new Map();
 
   constructor(run, json, index) {
@@ -136,16 +157,22 @@ export class Case {
       for (const key of Object.keys(need(joint.series, `${where}.joints[${j}].series`))) this.samples(j, key);
     });
     this.replay = json.replay ? this.#readReplay(json.replay, `${where}.replay`) : null;
+    /** What stood around the arm, or null. */
+    this.environment = run.environments[json.clearance?.environment] ?? null;
+    this.#names = { links: json.clearance?.links ?? [], obstacles: json.clearance?.obstacles ?? [] };
+    if (!json.clearance) return;
+    this.#ofArm = { clearance: json.clearance.distance, clearance_lower: this.environment?.safety_distance_m };
+    this.samples(0, 'clearance');
   }
 
   /**
-   * A series of a joint: samples, a number (a constant), or null where the case has none.
+   * A series of a joint, or of the whole arm: samples, a number (a constant), or null where the case has none.
    * @returns {Samples|number|null}
    */
   samples(joint, key) {
     const id = `${joint} ${key}`;
     if (this.#cache.has(id)) return this.#cache.get(id);
-    const reference = this.#joints[joint].series[key];
+    const reference = this.#joints[joint].series[key] ?? this.#ofArm[key];
     let samples = null;
     if (typeof reference === 'number') samples = reference;
     else if (reference) {
@@ -191,14 +218,40 @@ export class Case {
       : [y[bucket], y[bucket]];
   }
 
-  #readReplay({ step_s: step, n, nominal, real }, where) {
+  /**
+   * What the arm was nearest to at a time, by the frame of the replay before it, and how long the stored stop takes [s];
+   * null where nothing stood around it.
+   * @returns {null|{distance: number, link: string, other: string, onArm: number[], onObstacle: number[], stop: number}}
+   *   distance [m]; NaN: nobody looked, infinite: nothing is near, and there are no names or points
+   */
+  nearestAt(time) {
+    const { nearest, step, n } = this.replay ?? {};
+    if (!nearest || n === 0) return null;
+    const frame = Math.min(Math.max(Math.floor((time - this.t0) / step + 1e-9), 0), n - 1);
+    const [distance, link, obstacle, otherLink, ...others] = nearest.subarray(NEAREST * frame, NEAREST * (frame + 1));
+    const { links, obstacles } = this.#names;
+    const nameOf = (i) => String(links[i] ?? `link ${i}`);
+    return {
+      distance: link < 0 && distance > 0 ? Infinity : distance,
+      link: nameOf(link),
+      other: obstacle < 0 ? nameOf(otherLink) : String(obstacles[obstacle] ?? `obstacle ${obstacle}`),
+      onArm: others.slice(0, 3),
+      onObstacle: others.slice(3, 6),
+      stop: others[6],
+    };
+  }
+
+  #readReplay({ step_s: step, n, nominal, real, rest, nearest }, where) {
     const length = n * this.#run.joints.length;
     if (!(step > 0)) throw new DataError(`${where}: step_s must be positive.`);
+    const read = (reference, name, count) => (reference ? this.#run.array(reference, `${where}.${name}`, count) : null);
     return {
       step,
       n,
       nominal: this.#run.array(nominal, `${where}.nominal`, length),
-      real: real ? this.#run.array(real, `${where}.real`, length) : null,
+      real: read(real, 'real', length),
+      rest: read(rest, 'rest', length),
+      nearest: read(nearest, 'nearest', NEAREST * n),
     };
   }
 }

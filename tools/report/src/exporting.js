@@ -43,10 +43,10 @@ async function makeFigure(state, figure, format) {
   return new Promise((resolve) => canvas.toBlob(resolve, 'image/png'));
 }
 
-/** The charts of the quantities with limits, or of those named, of a joint. */
+/** The charts of the quantities with limits of joints, or of those named, of a joint. */
 export function limitCharts(state, joint, ids = null) {
   return quantitiesOf(state.run)
-    .filter(({ id, limit }) => (ids ? ids.includes(id) : limit))
+    .filter(({ id, limit, ofArm }) => (ids ? ids.includes(id) : limit && !ofArm))
     .map((quantity) => new LineChart(state, quantity, joint === ALL_JOINTS ? 0 : joint));
 }
 

@@ -432,10 +432,14 @@ export class PlotArea {
     const { state } = this;
     return [
       this.#add(new Panel(state, new LaneChart(state, joint), { head: this.#legend() })),
-      ...this.quantities.map((quantity) =>
-        this.#add(new Panel(state, new LineChart(state, quantity, joint), { head: this.#head(quantity) })),
-      ),
+      ...this.quantities.map((quantity) => this.#buildPanel(quantity, joint)),
     ];
+  }
+
+  #buildPanel(quantity, joint) {
+    return this.#add(
+      new Panel(this.state, new LineChart(this.state, quantity, joint), { head: this.#head(quantity) }),
+    );
   }
 
   #buildAll() {
@@ -454,11 +458,13 @@ export class PlotArea {
     return [
       group('Acting limits', this.#legend(), (j) => new LaneChart(state, j)),
       ...this.quantities.map((quantity) =>
-        group(
-          `${quantity.title} [${this.#units(quantity)}]`,
-          this.#head(quantity),
-          (j) => new LineChart(state, quantity, j),
-        ),
+        quantity.ofArm
+          ? this.#buildPanel(quantity, 0)
+          : group(
+              `${quantity.title} [${this.#units(quantity)}]`,
+              this.#head(quantity),
+              (j) => new LineChart(state, quantity, j),
+            ),
       ),
     ];
   }

@@ -18,6 +18,9 @@ const thousandths = (key, label, style) => ({ key, label, style, samples: (c, jo
  * @property {boolean} [steps] held from tick to tick, where every tick is drawn
  * @property {string} [trip] beyond which measured error a run is ended
  * @property {boolean} [isError] a difference of real and nominal, in thousandths
+ * @property {boolean} [ofArm] of the whole arm, the same for every joint
+ * @property {boolean} [inThousandths] its limits are told in thousandths of the data's unit
+ * @property {string} [limitName] what its limit is called
  * @property {boolean} [zero] zero is always in view
  */
 
@@ -94,6 +97,17 @@ const QUANTITIES = [
     units: ['rad', 'm'],
     zero: true,
     kinds: [series('margin', 'margin', NOMINAL)],
+  },
+  {
+    id: 'clearance',
+    title: 'Clearance on the way through tick and stop',
+    units: ['mm', 'mm'],
+    zero: true,
+    limit: 'clearance',
+    limitName: 'safety distance',
+    ofArm: true,
+    inThousandths: true,
+    kinds: [thousandths('clearance', 'clearance', NOMINAL)],
   },
 ];
 

@@ -11,14 +11,38 @@ import {
 } from 'three';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 import { limitsIn } from './data.js';
-import { el, iconButton, save } from './dom.js';
+import { caseStyle, el, iconButton, save } from './dom.js';
+import { fixed, number } from './format.js';
+import { CanvasPainter } from './painter.js';
 import { Arm, readShapes, Trail } from './scene.js';
 import { ALL_CASES } from './state.js';
+import { NearestLine, Surroundings } from './surroundings.js';
 import { caseColour, colours, isDark, limitColour } from './theme.js';
 
 const TRAIL_S = 2;
 const FIELD_OF_VIEW = 35;
 const EXAGGERATIONS = [1, 10, 50];
+/** What can be hidden, and the runs that have it. */
+const PARTS = [
+  {
+    id: 'obstacles',
+    label: 'obstacles',
+    title: 'What stands around the arm',
+    exists: (run) => run.environments.some(({ obstacles }) => obstacles.length > 0),
+  },
+  {
+    id: 'stop',
+    label: 'stored stop',
+    title: 'Pale: where the arm would come to rest if the stored stop began now',
+    exists: (run) => run.cases.some((c) => c.replay?.rest),
+  },
+  {
+    id: 'nearest',
+    label: 'nearest points',
+    title: 'Where the arm, on its way through the tick and the stop after it, comes nearest to anything',
+    exists: (run) => run.cases.some((c) => c.samples(0, 'clearance') !== null),
+  },
+];
 
 /** Builds the 3D replay, or says why there is none. The rest of the page does not depend on it. */
 export function createReplay(host, run, state) {
@@ -57,6 +81,10 @@ export function createReplay(host, run, state) {
         hasReal ? exaggeration(state) : null,
       ),
     );
+    const parts = PARTS.filter(({ exists }) => exists(run));
+    if (parts.length > 0) host.append(el('div', { class: 'chips' }, ...parts.map((part) => partButton(part, state))));
+    const notes = new Set(run.environments.map(({ note }) => note).filter(Boolean));
+    host.append(...[...notes].map((text) => el('p', { class: 'hint', role: 'note', text })));
     return replay;
   } catch (error) {
     stage.replaceChildren(
@@ -64,6 +92,24 @@ export function createReplay(host, run, state) {
     );
     return null;
   }
+}
+
+/** Shows and hides a part of the replay. */
+function partButton({ id, label, title }, state) {
+  const button = el(
+    'button',
+    { type: 'button', class: 'chip', title, onclick: () => state.togglePart(id) },
+    el('span', { class: `key ${id}`, 'aria-hidden': 'true' }),
+    label,
+  );
+  const update = () => {
+    button.setAttribute('aria-pressed', String(!state.hiddenParts.has(id)));
+    const colour = state.replayCase === ALL_CASES ? 'var(--muted)' : caseStyle(state.replayCase)['--case'];
+    button.style.setProperty('--case', colour); // of the arm's edge and of its stop
+  };
+  state.on('replay', update);
+  update();
+  return button;
 }
 
 /** How far the real arm is drawn from the nominal one: a thousandth of a radian is not seen. */
@@ -106,7 +152,8 @@ function caseChoice(run, state) {
 }
 
 class Replay {
-  #arms = new Map(); // case index to { nominal, real, trail }
+  #arms = new Map(); // case index to { nominal, real, trail, stop, line }
+  #surroundings = new Map(); // environment to Surroundings
   #visible = true;
   #frameAsked = false;
 
@@ -117,6 +164,7 @@ class Replay {
     this.shapes = readShapes(run);
     this.pose = new Float32Array(run.joints.length);
     this.realPose = new Float32Array(run.joints.length);
+    this.text = el('div', { class: 'nearest-text' });
 
     this.renderer = new WebGLRenderer({ antialias: true, alpha: true });
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
@@ -131,7 +179,7 @@ class Replay {
       delete stage.dataset.lost;
       this.#ask();
     });
-    stage.append(canvas);
+    stage.append(canvas, this.text);
 
     this.scene = new Scene();
     this.scene.add(new HemisphereLight(0xffffff, 0x8892a0, 2.1));
@@ -142,8 +190,8 @@ class Replay {
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.addEventListener('change', () => this.#ask());
 
+    this.#findBounds();
     this.#choose();
-    this.bounds = this.#findBounds();
     this.#paint();
     this.resetCamera();
 
@@ -169,14 +217,32 @@ class Replay {
   }
 
   #choose() {
-    for (const { nominal, real, trail } of this.#arms.values())
-      for (const object of [nominal.root, real?.root, trail.line]) if (object) object.visible = false;
+    for (const { root } of this.#surroundings.values()) root.visible = false;
+    for (const { nominal, real, trail, stop, line } of this.#arms.values()) {
+      for (const object of [nominal, real, trail, stop]) if (object) object.root.visible = false;
+      line?.hide();
+    }
     this.#cases.forEach((c, layer) => {
       const { nominal, real, trail } = this.#armOf(c);
       nominal.setLayer(layer);
-      for (const object of [nominal.root, real?.root, trail.line]) if (object) object.visible = true;
+      for (const object of [nominal, real, trail]) if (object) object.root.visible = true;
+      const surroundings = this.#surroundingsOf(c);
+      if (surroundings) surroundings.root.visible = !this.#isHidden('obstacles');
     });
     this.#ask();
+  }
+
+  #isHidden(part) {
+    return this.state.hiddenParts.has(part);
+  }
+
+  #surroundingsOf({ environment }) {
+    if (environment && !this.#surroundings.has(environment)) {
+      const surroundings = new Surroundings(this.run, environment, this.bounds);
+      this.scene.add(surroundings.root);
+      this.#surroundings.set(environment, surroundings);
+    }
+    return this.#surroundings.get(environment);
   }
 
   #armOf(c) {
@@ -184,9 +250,10 @@ class Replay {
       const nominal = new Arm(this.run, this.shapes);
       const real = c.replay.real ? new Arm(this.run, this.shapes, { outline: 0.008 * this.#size }) : null;
       const trail = new Trail();
-      this.scene.add(nominal.root, trail.line);
-      if (real) this.scene.add(real.root);
-      this.#arms.set(c.index, { nominal, real, trail });
+      const stop = c.replay.rest ? new Arm(this.run, this.shapes, { opacity: 0.34 }) : null;
+      const line = c.replay.nearest ? new NearestLine(this.stage, this.#size) : null;
+      for (const object of [nominal, real, trail, stop, line]) if (object) this.scene.add(object.root);
+      this.#arms.set(c.index, { nominal, real, trail, stop, line });
     }
     return this.#arms.get(c.index);
   }
@@ -196,7 +263,7 @@ class Replay {
     return this.run.scene.links.reduce((sum, { origin }) => sum + Math.hypot(...origin.xyz), 0) || 1;
   }
 
-  /** The ball that holds the arm in all its poses, nearly. */
+  /** The ball that holds the arm in all its poses, nearly, and what stands beside it. */
   #findBounds() {
     const c = this.#cases[0] ?? this.run.cases.find((each) => each.replay);
     const { nominal } = this.#armOf(c);
@@ -206,10 +273,12 @@ class Replay {
       nominal.root.updateMatrixWorld(true);
       box.expandByObject(nominal.root);
     }
-    const bounds = box.getBoundingSphere(new Sphere());
-    if (!(bounds.radius > 0)) bounds.radius = 1;
     this.ground = box.min.z;
-    return bounds;
+    this.bounds = box.getBoundingSphere(new Sphere());
+    if (!(this.bounds.radius > 0)) this.bounds.radius = 1;
+    const beside = box.clone().expandByScalar(0.25 * this.bounds.radius);
+    const surroundings = this.#surroundingsOf(c);
+    if (surroundings) box.union(surroundings.partOf(beside)).getBoundingSphere(this.bounds);
   }
 
   resetCamera() {
@@ -231,8 +300,10 @@ class Replay {
 
   #paint() {
     const several = this.#cases.length > 1;
-    for (const [index, { nominal, real, trail }] of this.#arms) {
+    for (const surroundings of this.#surroundings.values()) surroundings.paint(colours.obstacle);
+    for (const [index, { nominal, real, trail, stop }] of this.#arms) {
       const colour = caseColour(index);
+      stop?.paint(colour, colour);
       nominal.paint(several ? colour : null, isDark() ? '#b9c2cc' : '#c3cad2');
       real?.paint(colour, colour);
       trail.paint(colour);
@@ -265,8 +336,9 @@ class Replay {
   #draw() {
     this.#frameAsked = false;
     const { time } = this.state;
+    for (const surroundings of this.#surroundings.values()) surroundings.show(time);
     for (const c of this.#cases) {
-      const { nominal, real, trail } = this.#armOf(c);
+      const { nominal, real, trail, stop, line } = this.#armOf(c);
       const poseAt = (at) => {
         if (this.#read(c.replay.nominal, c, at, this.pose)) nominal.pose(this.pose);
       };
@@ -282,9 +354,43 @@ class Replay {
         const [name] = bucket < 0 ? [] : limitsIn(c.active[joint][bucket]);
         return name ? limitColour(name) : null;
       });
+      if (stop) {
+        stop.root.visible = !this.#isHidden('stop') && this.#readRest(c, time, this.realPose);
+        if (stop.root.visible) stop.pose(this.realPose);
+      }
+      line?.show(this.#isHidden('nearest') ? null : c.nearestAt(time));
+      line?.paint(isTooNear(c, time) ? colours.bad : colours.text);
     }
     this.renderer.render(this.scene, this.camera);
+    this.#write(time);
     this.stage.dataset.time = time.toFixed(4);
+  }
+
+  /** Tells in words what is nearest; the distance beside its line, where only one is drawn. */
+  #write(time) {
+    const cases = this.#cases.filter((c) => c.replay.nearest);
+    const { clientWidth: width, clientHeight: height } = this.stage;
+    for (const c of cases) {
+      const { line } = this.#armOf(c);
+      line.placeLabel(cases.length === 1 ? inMillimetres(c.nearestAt(time)) : '', this.camera, width, height);
+      line.label.classList.toggle('bad', isTooNear(c, time));
+    }
+    this.text.hidden = cases.length === 0 || this.#isHidden('nearest');
+    const texts = cases.map((c) => `${cases.length > 1 ? `${c.name}: ` : ''}${describe(c.nearestAt(time))}`);
+    if (this.text.textContent !== texts.join('')) this.text.replaceChildren(...texts.map((text) => el('p', { text })));
+  }
+
+  /** Where the stored stop ends, on straight lines through the frames; false where it ends nowhere. */
+  #readRest(c, time, pose) {
+    const { n, step, rest } = c.replay;
+    const at = Math.min(Math.max((time - c.t0) / step, 0), n - 1);
+    const frame = Math.min(Math.floor(at), Math.max(0, n - 2));
+    const next = Math.min(frame + 1, n - 1);
+    for (let j = 0; j < pose.length; ++j) {
+      const [from, to] = [rest[frame * pose.length + j], rest[next * pose.length + j]];
+      pose[j] = from + (at - frame) * (to - from);
+    }
+    return n > 0 && pose.every(Number.isFinite);
   }
 
   /** The joint positions at a time, on a smooth curve (Catmull-Rom) through the frames; false where there are none. */
@@ -304,8 +410,36 @@ class Replay {
 
   savePicture() {
     this.#draw();
-    this.renderer.domElement.toBlob((blob) =>
-      save(blob, `${this.run.title} replay ${this.state.time.toFixed(3)} s.png`),
-    );
+    const picture = document.createElement('canvas');
+    picture.width = this.renderer.domElement.width;
+    picture.height = this.renderer.domElement.height;
+    const context = picture.getContext('2d');
+    context.drawImage(this.renderer.domElement, 0, 0);
+    const ratio = picture.width / this.stage.clientWidth;
+    context.scale(ratio, ratio);
+    for (const label of this.stage.querySelectorAll('.nearest-label:not([hidden])'))
+      new CanvasPainter(context).text(label.textContent, label.offsetLeft + 8, label.offsetTop, {
+        colour: colours.text,
+        size: 12,
+        weight: 600,
+        halo: colours.surface,
+      });
+    picture.toBlob((blob) => save(blob, `${this.run.title} replay ${this.state.time.toFixed(3)} s.png`));
   }
 }
+
+const inMillimetres = (nearest) =>
+  Number.isFinite(nearest?.distance) ? `${number(1000 * nearest.distance, 3)} mm` : '';
+
+/** "link3 – table: 34 mm, stop in 0.21 s". */
+function describe(nearest) {
+  if (!nearest) return '';
+  const { distance, link, other, stop } = nearest;
+  const near = distance === Infinity ? 'nothing near' : `${link} – ${other}: ${inMillimetres(nearest)}`;
+  const texts = [Number.isFinite(stop) ? `stop in ${fixed(stop, 2)} s` : 'no stop'];
+  if (!Number.isNaN(distance)) texts.unshift(near);
+  return texts.join(', ');
+}
+
+/** Whether the arm comes nearer to anything than it should. */
+const isTooNear = (c, time) => c.nearestAt(time)?.distance < c.environment?.safety_distance_m;

@@ -56,7 +56,8 @@ function rod(from, to, radius) {
   return { geometry, position: from.clone().addScaledVector(along, 0.5), orientation };
 }
 
-function readShape(run, shape, where) {
+/** The geometry of a shape in the data, and where it is. */
+export function readShape(run, shape, where) {
   const { position, orientation } = readPose(shape.pose);
   switch (shape.type) {
     case 'capsule':
@@ -84,7 +85,7 @@ function readShape(run, shape, where) {
   }
 }
 
-function readPose(pose) {
+export function readPose(pose) {
   const [w, x, y, z] = pose?.quat ?? [1, 0, 0, 0];
   return { position: new Vector3(...(pose?.xyz ?? [0, 0, 0])), orientation: new Quaternion(x, y, z, w) };
 }
@@ -102,10 +103,11 @@ export class Arm {
   #tool;
 
   /**
-   * @param {{outline: number}} look more than 0: not the arm itself, but an outline of it so far [m] around; where
-   *   another arm lies in the same place, it is seen as its edge
+   * @param {{outline: number, opacity: number}} look outline more than 0: not the arm itself, but an outline of it so far
+   *   [m] around; where another arm lies in the same place, it is seen as its edge. opacity less than 1: one can look
+   *   through it, as through one body, and it yields to another arm in the same place
    */
-  constructor(run, shapes, { outline = 0 } = {}) {
+  constructor(run, shapes, { outline = 0, opacity = 1 } = {}) {
     this.root = new Group();
     this.#tool = findTool(run.scene);
     const { links } = run.scene;
@@ -120,11 +122,12 @@ export class Arm {
       const material = new MeshStandardMaterial(
         outline > 0 ? { roughness: 1, side: BackSide, emissiveIntensity: 0.6 } : { roughness: 0.62, metalness: 0.05 },
       );
+      if (opacity < 1) Object.assign(material, { opacity, ...BEHIND });
       for (const shape of shapes[i]) {
         const mesh = new Mesh(outline > 0 ? inflated(shape.geometry, outline) : shape.geometry, material);
         mesh.position.copy(shape.position);
         mesh.quaternion.copy(shape.orientation);
-        frame.add(mesh);
+        frame.add(...(opacity < 1 ? asOneBody(mesh, ORDER.stop) : [mesh]));
       }
       const axis = new Vector3(...(link.axis ?? [0, 0, 1])).normalize();
       return {
@@ -191,6 +194,26 @@ export class Arm {
   }
 }
 
+/** What one can look through, in the order of drawing: solids, arms at rest, maps, and what marks a place. */
+export const ORDER = { solid: 1, stop: 2, map: 4, mark: 6 };
+
+/** Yields to another surface in the same place. */
+const BEHIND = { polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 8 };
+
+/**
+ * A mesh of surfaces behind each other of which only the foremost is seen, however opaque it is: one pass finds it, one
+ * paints it. Every mesh of the body must be drawn with the same order.
+ */
+export function asOneBody(mesh, order) {
+  const depth = mesh.clone();
+  depth.material = mesh.material.clone(); // the same program: the same depths
+  Object.assign(depth.material, { transparent: true, colorWrite: false });
+  depth.renderOrder = order;
+  Object.assign(mesh.material, { transparent: true, depthWrite: false });
+  mesh.renderOrder = order + 1;
+  return [depth, mesh];
+}
+
 const hulls = new WeakMap();
 
 /** The surface, moved outwards. */
@@ -216,8 +239,8 @@ export class Trail {
   constructor() {
     const geometry = new BufferGeometry();
     geometry.setAttribute('position', new BufferAttribute(this.#points, 3).setUsage(DynamicDrawUsage));
-    this.line = new Line(geometry, new LineBasicMaterial({ transparent: true, opacity: 0.8 }));
-    this.line.frustumCulled = false;
+    this.root = new Line(geometry, new LineBasicMaterial({ transparent: true, opacity: 0.8 }));
+    this.root.frustumCulled = false;
   }
 
   /** Draws the way from one time to another; `poseAt` poses the arm, which is left at the last time. */
@@ -226,10 +249,10 @@ export class Trail {
       poseAt(from + ((to - from) * i) / (Trail.POINTS - 1));
       arm.toolPosition(this.#point).toArray(this.#points, 3 * i);
     }
-    this.line.geometry.attributes.position.needsUpdate = true;
+    this.root.geometry.attributes.position.needsUpdate = true;
   }
 
   paint(colour) {
-    this.line.material.color = new Color(colour);
+    this.root.material.color = new Color(colour);
   }
 }

@@ -22,6 +22,7 @@ export class State extends Emitter {
     this.hiddenKinds = new Set(); // keys of series that are not drawn
     this.fitted = new Set(); // quantities whose y axis is fitted to all data, whatever the limits
     this.exaggeration = 1; // of the real arm's deviation in the replay
+    this.hiddenParts = new Set(); // of the replay: obstacles, stop, nearest
   }
 
   /** The cases that are shown. */
@@ -124,6 +125,11 @@ export class State extends Emitter {
 
   setExaggeration(factor) {
     this.exaggeration = factor;
+    this.emit('replay');
+  }
+
+  togglePart(part) {
+    if (!this.hiddenParts.delete(part)) this.hiddenParts.add(part);
     this.emit('replay');
   }
 

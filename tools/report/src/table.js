@@ -107,6 +107,10 @@ const MEANINGS = {
   changed: 'Share of ticks that the filter changed',
   'command error': 'RMS distance of the nominal joints to the commanded positions within the limits',
   chatter: 'RMS jerk of joints pressed against a position limit at rest, in percent of the jerk limit',
+  collisions: 'Ticks in which the nominal arm touches an obstacle or itself',
+  'collisions, real': 'Ticks in which the real arm, as it truly was, touches an obstacle or itself',
+  'least clearance': 'Of the nominal arm in the whole run, from obstacles and from itself; negative: that deep inside',
+  'least clearance, real': 'Of the real arm, as it truly was, from obstacles and from itself; negative: that deep inside',
 };
 
 /** True if a column tells nothing: there is no value in it, or it is the first one again. */
@@ -114,11 +118,12 @@ function isNeedless(rows, column) {
   return rows.every((row) => /^\s*[-–—]?\s*$/.test(row[column] ?? '')) || rows.every((row) => row[column] === row[0]);
 }
 
-/** Whether a value of the table is bad news: a limit used beyond 100 %, ticks outside or without a choice. */
+/** Whether a value of the table is bad news: a limit used beyond 100 %, ticks outside, without a choice, in collision. */
 function isBad(column, text) {
   const value = parseFloat(text);
   if (/^(position|velocity|acceleration|jerk)$/.test(column)) return value > 100 || text === 'inf';
-  return /^(outside|infeasible)$/.test(column) && value > 0;
+  if (/^least clearance/.test(column)) return value < 0;
+  return /^(outside|infeasible|collisions|collisions, real)$/.test(column) && value > 0;
 }
 
 /** 499800 % instead of 4.998e+05 %. */

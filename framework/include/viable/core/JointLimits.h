@@ -8,7 +8,17 @@
 namespace viable {
 
 /** Which limit acts on a joint. The text names are those of the logs (see getName). */
-enum class LimitKind : unsigned char { None, Position, Velocity, Acceleration, Jerk };
+enum class LimitKind : unsigned char {
+    None,
+    Position,
+    Velocity,
+    Acceleration,
+    Jerk,
+    Torque,     ///< of the motors, now or along the stop
+    Clearance,  ///< from obstacles, or of the links from each other; acts as a lower limit
+};
+
+inline constexpr int kLimitKinds = static_cast<int>(LimitKind::Clearance) + 1;
 
 /** Which side of a limit acts. */
 enum class LimitSide : signed char { Lower = -1, Neither = 0, Upper = 1 };
@@ -21,7 +31,7 @@ or none, where the other way is open, at least 1 rad, rad/s, rad/s^2 or rad/s^3.
 to the range: limits may lie close together and far from zero. */
 double calcLimitScale(double lower, double upper);
 
-/** "rad", "rad/s", "rad/s^2", "rad/s^3"; empty for None. */
+/** "rad", "rad/s", "rad/s^2", "rad/s^3", "Nm", "m"; empty for None. */
 const char* getUnit(LimitKind kind);
 
 /** Lower and upper bound of one quantity for every joint. "No limit" is infinity. */

@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "viable/environment/Surroundings.h"
 #include "viable/experiment/ControlLoop.h"
 #include "viable/experiment/ExperimentFile.h"
 #include "viable/experiment/Summary.h"
@@ -25,6 +26,8 @@ struct ConfiguredCase {
     ~ConfiguredCase();
 
     RunSetup setup;
+    std::shared_ptr<const Surroundings> surroundings;  ///< at the start; null without an environment
+    std::unique_ptr<SurroundingsFeed> feed;            ///< of setup.surroundings
     std::vector<std::unique_ptr<PluginWatch>> watches;
     LoopPlugins plugins;
     const FilterChain* chain = nullptr;  ///< plugins.filter, where there are several
@@ -60,6 +63,7 @@ struct CaseResult {
     std::string robustLoop;  ///< empty: no real plant
     std::string realPlant;
     bool promises = false;                     ///< the filter guarantees every limit
+    bool promisesClearance = false;            ///< and that the nominal arm touches nothing
     /** Of that promise position and velocity are the real arm's, as long as the run does not trip. */
     bool holdsOnReal = false;
     std::map<std::string, std::string> seeds;  ///< by plugin name
@@ -78,6 +82,8 @@ struct CaseResult {
 
     /** The promise on the real arm was broken: it passed a limit before anything had tripped. */
     bool isRealPromiseBroken() const;
+    /** The nominal arm touched what it must not, under a filter that promises all limits and keeps a clearance. */
+    bool isClearancePromiseBroken() const;
     /** 0, or the ErrorKind's number: broken promise before lost tracking before failed plugin before lost
     log. */
     int exitCode() const;
@@ -102,8 +108,9 @@ std::string formatRanking(const std::vector<CaseResult>& results);
 /** What became of the limits, in one line. */
 std::string formatVerdict(const CaseResult& result);
 
-/** "the real arm passed its limits: position by 0.1 rad (joint2)"; empty unless isRealPromiseBroken(). */
-std::string formatRealBreach(const CaseResult& result);
+/** "the real arm passed its limits: position by 0.1 rad (joint2)", "the nominal arm collided: ...": the broken promises
+that show after a run only; empty: none. */
+std::string formatBreach(const CaseResult& result);
 
 /** The whole account of one case in about ten lines. */
 std::string formatDetails(const CaseResult& result);

@@ -143,6 +143,7 @@ private:
     void takeLimits(double t);
     void takeTorque();
     void tellMissedTicks();
+    void forgetRemarks();
     bool takeDecision();
     bool passMonitor();
     void followStop();

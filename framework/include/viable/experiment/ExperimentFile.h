@@ -6,9 +6,11 @@
 #include <vector>
 
 #include "viable/config/ConfigNode.h"
+#include "viable/environment/Environment.h"
 #include "viable/plugin/Parameters.h"
 #include "viable/plugin/PluginLoader.h"
 #include "viable/plugin/TrackingBound.h"
+#include "viable/robot/ArmGeometry.h"
 #include "viable/robot/RobotDescription.h"
 
 namespace viable {
@@ -28,7 +30,7 @@ struct TickGap {
 /** One case of an experiment, complete and checked: all that a run needs. */
 struct CasePlan {
     std::string name;
-    RobotDescription robot;
+    RobotDescription robot;  ///< with the payload that the nominal arm knows
     JointLimits limits;  ///< of the nominal arm: what the filter keeps
     /** Of the real arm: what the file says. Wider than `limits` by the bound under `hold_on: real`. */
     JointLimits realLimits;
@@ -42,6 +44,8 @@ struct CasePlan {
     MotionState start;       ///< as written; configureCase() judges it
     std::string startPlace;  ///< where, for messages
     std::vector<TickGap> missedTicks;
+    std::optional<Environment> environment;
+    std::optional<ArmGeometry> geometry;  ///< present exactly when environment is
     PluginChoice command, controller;
     std::vector<PluginChoice> filters;       ///< at least one; several run one after the other
     std::optional<PluginChoice> robustLoop;  ///< present exactly when realPlant is

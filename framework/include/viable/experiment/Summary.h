@@ -1,7 +1,9 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -87,11 +89,40 @@ struct MotorRecord {
     std::int64_t ticksSaturated = 0;
 };
 
+/** How near an arm came to what it must not touch: obstacles, and itself. Looked at in the rows and half-way between
+them; a tick counts with the poses after its beginning, the first one with that, too. */
+struct CollisionRecord {
+    /** Least distance in the whole run [m]; negative: that deep inside; infinity: nothing within
+    kClearanceHorizon_m; -infinity: a pose was no number. */
+    double leastClearance = std::numeric_limits<double>::infinity();
+    double leastClearance_s = 0.0;  ///< when
+    std::string link;               ///< what came nearest then
+    std::string obstacle;           ///< to what; empty: to the arm itself
+    std::string otherLink;          ///< which link of it; empty: to an obstacle
+    std::int64_t ticksInCollision = 0;
+    std::optional<double> firstCollision_s;
+    std::int64_t ticksTooNear = 0;  ///< within the safety distance
+
+    /** Deepest inside [m]; 0: never. */
+    double penetration() const { return std::max(0.0, -leastClearance); }
+};
+
+/** Clearances are looked for up to here [m], and two ways to compute one agree to this [m]. */
+inline constexpr double kClearanceHorizon_m = 1.0, kClearanceRounding_m = 1e-9;
+
+/** How the arms of a run fared in their environment. */
+struct Collisions {
+    double safetyDistance_m = 0.0;
+    CollisionRecord nominal;
+    std::optional<CollisionRecord> real;  ///< its true state, where the plant knows it
+};
+
 /** A value counts as outside its limit when it is beyond it by more than this share of the range (of the limit,
 where there is only one side), or not a number: rounding of a limit met exactly does not count. */
 inline constexpr double kOutsideShare = 1e-9;
 
-/** What a run came to, from its tick records alone (so a log gives the same summary again). */
+/** What a run came to, from its tick records alone (so a log gives the same summary again), but for the collisions,
+which somebody else counts. */
 class Summary {
 public:
     /** @param reference  without a real plant: not looked at */
@@ -101,6 +132,8 @@ public:
     void add(const TickRecord& record);
     /** The state that the last tick led to, which no record holds. */
     void addEnd(const MotionState& nominal, double time_s);
+
+    void setCollisions(Collisions collisions) { collisions_ = std::move(collisions); }
 
     static constexpr int kQuantities =
         4;  ///< position, velocity, acceleration, jerk: LimitKind 1..4
@@ -146,6 +179,11 @@ public:
     limit or beyond it, and for 0.5 s not moved by more than 0.1 % of the range. Not a number with less than one
     joint-second of it. */
     double chatter() const;
+
+    /** Of a run in an environment. */
+    const std::optional<Collisions>& collisions() const { return collisions_; }
+    /** The filter looked at clearances, in some tick. */
+    bool keepsClearance() const { return keepsClearance_; }
 
     bool hasRealPlant() const { return hasRealPlant_; }
     double trackingRms(int joint) const;  ///< of actual - nominal position [rad]
@@ -214,7 +252,7 @@ private:
     std::array<std::int64_t, 8> statusTicks_{};  // by FilterStatus
     /** Of one joint: by kind and side, and what acted in the tick before. */
     struct Acting {
-        std::array<std::array<InterventionRecord, 2>, kQuantities + 1> records;
+        std::array<std::array<InterventionRecord, 2>, kLimitKinds> records;
         JointIntervention last;
         std::int64_t episodeTicks = 0;
     };
@@ -235,6 +273,8 @@ private:
     double squaredCommandError_ = 0.0;
     std::int64_t commandTicks_ = 0;  // joint-ticks
     bool broken_ = false;
+    std::optional<Collisions> collisions_;
+    bool keepsClearance_ = false;
     std::int64_t ticks_ = 0;
     std::int64_t substituted_ = 0;
     JointVector squaredError_, largestError_;

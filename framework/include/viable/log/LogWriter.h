@@ -18,6 +18,7 @@ struct LogLayout {
     MotionCommand::Space commandSpace = MotionCommand::Space::Joint;
     bool hasRealPlant = false;  ///< real, actual, robust and motor are logged only then
     bool hasExternalTorque = false;  ///< TickRecord::externalTorque is there, and logged
+    bool hasEnvironment = false;     ///< TickRecord::clearance is logged only then
 };
 
 /** A file carried inside a log. */

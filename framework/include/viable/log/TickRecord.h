@@ -38,6 +38,7 @@ struct TickRecord {
         beyond; infinity: no limit. */
         double margin = 0.0;
         double duration_s = 0.0;  ///< until the joint would be at rest [s]
+        double rest = 0.0;        ///< where it would rest [rad]; not a number: nowhere
     };
 
     double time_s = 0.0;  ///< since the start of the run, >= 0
@@ -61,6 +62,8 @@ struct TickRecord {
     std::array<JointIntervention, kMaxJoints> joints{};  ///< which limit acts
     std::array<Stop, kMaxJoints> stops{};
     StopVerdict verdict = StopVerdict::Safe;
+    Clearance clearance;           ///< as the filter sees it, along the tick and the stop
+    double mapAge_s = 0.0;         ///< of the surroundings that the filter went by
     JointLimits limits;            ///< of the nominal plant, in force in this tick
     bool braking = false;          ///< the arm follows the host's own stop, not the command
     bool missed = false;           ///< command, controller and filter did not run in this tick

@@ -52,8 +52,8 @@ public:
     void skipTicks(std::int64_t ticks);
 
     /** The state of this tick. Where it is not what the last commit() led to, nor lies on the stored stop up to 1000
-    ticks later, the stop is planned anew from it, as reset() does. */
-    void beginTick(const AxisState& state);
+    ticks later, the stop is planned anew from it, as reset() does, and the answer is false. */
+    bool beginTick(const AxisState& state);
 
     /** The first limit that the stored stop passes by more than rounding, in the order acceleration,
     jerk, position, velocity; valid after reset() and beginTick(). */
@@ -73,6 +73,14 @@ public:
     storedJerk(). Bounded work: a few dozen plans. */
     Bound findBound(double jerk);
 
+    /** True when `stop` after `jerk` keeps the limits: a stop that was found in this tick, and that others than
+    the last isAdmissible() and findBound() may have replaced since. commit(jerk) then takes it. */
+    bool isAdmissible(double jerk, const GridStop& stop);
+
+    /** The stop that vouches for `jerk` and the state it begins from, at the end of this tick; false where none does:
+    `jerk` is neither storedJerk() nor that of the last isAdmissible() that was true, nor that of the last findBound(). */
+    bool findStop(double jerk, AxisState& after, GridStop& stop) const;
+
     /** The jerk of this tick is `jerk`. Returns what is really to be applied: `jerk` when it was vouched for,
     else storedJerk(). */
     double commit(double jerk);
@@ -89,7 +97,8 @@ private:
         GridStop stop;
     };
 
-    bool findStop(const AxisState& from, const PathExtremes& before, GridStop& stop) const;
+    bool planWithin(const AxisState& from, const PathExtremes& before, GridStop& stop) const;
+    const Candidate* findCandidate(double jerk) const;
     bool keepsBounds(const GridStop& stop, const AxisState& from, const PathExtremes& before) const;
     void judge();
     void followStored();

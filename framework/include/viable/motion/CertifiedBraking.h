@@ -2,6 +2,7 @@
 
 #include "viable/motion/BoxQp.h"
 #include "viable/motion/BrakingCertificate.h"
+#include "viable/motion/RowQp.h"
 
 namespace viable {
 
@@ -41,6 +42,29 @@ public:
     Status choose(const MotionState& state, const JointMatrix& M, const JointVector& desired,
                   JointVector& chosen, std::array<ActingLimit, kMaxJoints>& acting);
 
+    /** The same in parts, for whoever has a say on the arm as a whole: beginTick(), then propose() and isAdmissible()
+    any number of times, then one commit(). beginTick() is false when a joint was not where its stored stop had it, so that
+    its stop is another one now. */
+    bool beginTick(const MotionState& state);
+    /** Of the jerks that every joint admits those nearest to the desired ones in torque, and on the right side of
+    `rows` (may be null) where the box has such a place. */
+    Status propose(const JointMatrix& M, const JointVector& desired, const RowQp::Rows* rows,
+                   JointVector& proposed);
+    /** True when every joint admits its jerk; with these stops after them. */
+    bool isAdmissible(const JointVector& jerks);
+    bool isAdmissible(const JointVector& jerks, const std::array<GridStop, kMaxJoints>& stops);
+    /** What the stored stops would do in this tick: always admissible. */
+    void getStored(JointVector& jerks) const;
+    /** The stop that joint has after `jerk`, for which the last propose() or isAdmissible() vouched, or getStored();
+    see BrakingCertificate::findStop. */
+    bool findStop(int joint, double jerk, AxisState& after, GridStop& stop) const {
+        return certificates_[joint].findStop(jerk, after, stop);
+    }
+    /** The jerks of this tick, vouched for by the last propose() or isAdmissible(), or stored; what is really to be
+    applied comes back. @param acting  what holds each joint back from `desired` */
+    void commit(const JointVector& desired, JointVector& jerks,
+                std::array<ActingLimit, kMaxJoints>& acting);
+
     /** The stop from the state that the last choice leads to. */
     const GridStop& stop(int joint) const { return certificates_[joint].stop(); }
     /** The first limit that the joint's stored stop passes; of the start after reset(). */
@@ -53,14 +77,18 @@ private:
         LimitKind lowerLimit, upperLimit;
         bool fixed = false;
     };
+    void bound();
     void restrict(int joint, double wanted);
-    void settle(const JointMatrix& M, JointVector& chosen);
+    void settle(const JointMatrix& M, const RowQp::Rows* rows, JointVector& chosen);
 
     int n_ = 0;
     JointLimits limits_;
     std::array<BrakingCertificate, kMaxJoints> certificates_;
     std::array<Interval, kMaxJoints> intervals_;
+    bool returns_ = false;    // a stored stop passes a limit
+    bool isBounded_ = false;  // intervals_ are this tick's
     BoxQp qp_;
+    RowQp rowQp_;
     JointVector target_, lower_, upper_;
 };
 

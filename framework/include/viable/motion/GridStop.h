@@ -31,6 +31,15 @@ public:
     bool atRest() const { return tick_ >= totalTicks(); }
     std::int64_t remainingTicks() const { return totalTicks() - tick_; }
 
+    /** True when the same jerks are left to hold, in the same stretches. */
+    friend bool operator==(const GridStop& a, const GridStop& b) {
+        for (int i = 0; i < kStretches; ++i) {
+            const Stretch x = a.remaining(i), y = b.remaining(i);
+            if (x.ticks != y.ticks || (x.ticks > 0 && x.jerk != y.jerk)) return false;
+        }
+        return true;
+    }
+
     /** What is left of stretch `i`; its ticks are 0 when it has passed. */
     Stretch remaining(int i) const;
 

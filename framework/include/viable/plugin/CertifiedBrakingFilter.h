@@ -42,6 +42,17 @@ public:
     FilterStatus filter(const MotionState& nominal, const JointVector& torque,
                         const Dynamics& dynamics, FilterDecision& decision) override;
 
+protected:
+    /** What the law chooses in a tick: vouched for by every joint, and committed.
+    @param desired  [rad/s^3]
+    @param jerk     to be held
+    @param joints   what holds each joint back */
+    virtual FilterStatus choose(const MotionState& nominal, const Dynamics& dynamics,
+                                const JointVector& desired, JointVector& jerk,
+                                std::array<JointIntervention, kMaxJoints>& joints);
+
+    CertifiedBraking& braking() { return braking_; }
+
 private:
     struct Wording;
     void configure(const RunSetup& setup, const CertifiedBrakingOptions& options,

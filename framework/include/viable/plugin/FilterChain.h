@@ -35,6 +35,7 @@ public:
     void reset(const MotionState& start) override;
     bool promisesLimits() const override { return promising_ >= 0; }
     /** Of the filter that promises, or of the last. */
+    bool promisesClearance() const override;
     bool recovers() const override;
     bool changeLimits(const JointLimits& limits) override;
     void skipTicks(std::int64_t ticks) override;

@@ -12,6 +12,9 @@ namespace viable {
 inline constexpr double kShortestTick_s = 1e-5;
 inline constexpr double kLongestTick_s = 0.1;
 
+struct ArmGeometry;
+class SurroundingsFeed;
+
 /** What every plugin is told before the run. Lives as long as the plugin. */
 struct RunSetup {
     const RobotDescription& robot;
@@ -20,6 +23,10 @@ struct RunSetup {
     double duration_s = 0.0;
     MotionState start;  ///< nominal and real arm at t = 0, at rest or moving
     Pose startTool;     ///< tool pose there
+    /** What of the arm can hit something; null: not known, or not asked for. */
+    const ArmGeometry* geometry = nullptr;
+    /** What stands around it; null: nothing. One plugin of a run may take from it: the safety filter. */
+    SurroundingsFeed* surroundings = nullptr;
 
     int size() const { return robot.size(); }
 };

@@ -18,9 +18,9 @@
 
 namespace viable {
 
-/** Raised whenever a class or struct in core/, config/, motion/, robot/ or plugin/ changes its layout or its
+/** Raised whenever a class or struct in core/, config/, motion/, robot/, environment/ or plugin/ changes its layout or its
 virtual table: a test compares with the record of this version (tools/record_interface.sh writes it). */
-inline constexpr std::uint32_t kPluginInterfaceVersion = 4;
+inline constexpr std::uint32_t kPluginInterfaceVersion = 5;
 
 inline constexpr std::uint64_t kPluginMagic = 0x76696162'6c652031ull;  // "viable 1"
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 
 #include "viable/motion/GridStop.h"
 #include "viable/plugin/Plugin.h"
@@ -38,6 +39,17 @@ enum class HeldQuantity : unsigned char {
                    ///< integrator)
 };
 
+/** The place where the arm, on its way through a tick and the stop after it, comes nearest to what it must not touch. */
+struct Clearance {
+    bool isKnown = false;  ///< false: nobody has looked
+    double distance = std::numeric_limits<double>::infinity();  ///< [m]; negative: inside
+    int link = -1;                                     ///< index into ArmGeometry::links
+    int obstacle = -1;   ///< index into the Surroundings; -1: the arm itself, see otherLink
+    int otherLink = -1;  ///< of the arm itself
+    Eigen::Vector3d onArm = Eigen::Vector3d::Zero();       ///< nearest points, base frame [m]
+    Eigen::Vector3d onObstacle = Eigen::Vector3d::Zero();
+};
+
 /** A filter's answer; vectors have one entry per joint. Fill it with holdJerk() or
  * holdAcceleration(). */
 struct FilterDecision {
@@ -50,6 +62,8 @@ struct FilterDecision {
     filter that holds jerks and promises limits gives it; without it (hasStops false) the host looks for one. */
     std::array<GridStop, kMaxJoints> stops{};
     bool hasStops = false;
+    Clearance clearance;   ///< of a filter that keeps one
+    double mapAge_s = 0.0; ///< age of the surroundings that the filter went by
 };
 
 /** The decision to hold `jerk` for one tick: x_c = qdd + jerk dt / 2 and tau_c = M x_c + b.
@@ -70,6 +84,10 @@ public:
     run with exit code 3: a state from which no stop within the limits exists, or a limit passed. False for laws
     that merely try. */
     virtual bool promisesLimits() const = 0;
+
+    /** True when that promise includes that the nominal arm touches nothing of RunSetup::surroundings, as long as they
+    stay as they are but for known paths, nor itself. Valid after configure(). */
+    virtual bool promisesClearance() const;
 
     /** True when configure() accepted to lead the arm back from a start outside the limits, or inside but
     without a stop that stays there; the host refuses such a start otherwise. Valid after configure(). */

@@ -34,9 +34,9 @@ struct LinkShapes {
     bool hasColor = false;
 };
 
-/** The solids of a robot: from shapes.yaml in its folder where there is one (capsules per link), else from its URDF's
-visual elements, else from the collision elements. Mesh files are named, not read; a `package://` address is resolved to a
-file below the robot's folder, and left out where there is none. Empty when nothing is known.
+/** The solids of a robot: from its URDF's visual elements, else from the collision elements; where none of these can be
+drawn, the capsules of collision.yaml. Mesh files are named, not read; a `package://` address is resolved to a file below
+the robot's folder, and left out where there is none. Empty when nothing is known.
 Throws Error (BadInput) when a file is there and wrong. */
 std::vector<LinkShapes> loadShapes(const RobotDescription& robot);
 

@@ -25,7 +25,7 @@ struct SweepPlan {
 
 /** The files besides its own that an experiment's figures depend on. */
 struct SweepFiles {
-    std::set<std::filesystem::path> data;       ///< *.urdf and *.yaml of the robots' folders, and what plugins read
+    std::set<std::filesystem::path> data;       ///< *.urdf and *.yaml of the robots' folders, maps, and what plugins read
     std::set<std::filesystem::path> libraries;  ///< of the plugins
 
     void add(const SweepFiles& other) {

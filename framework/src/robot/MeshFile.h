@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -15,5 +16,8 @@ struct Mesh {
 
 /** Reads a mesh file of any usual format (STL, DAE, OBJ, ...) with assimp; empty when it cannot be read. */
 Mesh readMesh(const std::string& file, const Eigen::Vector3d& scale);
+
+/** The mesh file that a URDF names, looked for in and below the folder; empty when there is none. */
+std::filesystem::path findMesh(const std::string& name, const std::filesystem::path& folder);
 
 }  // namespace viable::detail

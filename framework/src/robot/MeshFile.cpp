@@ -1,4 +1,4 @@
-#include "report/MeshFile.h"
+#include "robot/MeshFile.h"
 
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
@@ -6,6 +6,8 @@
 #include <assimp/Importer.hpp>
 
 namespace viable::detail {
+
+namespace fs = std::filesystem;
 
 Mesh readMesh(const std::string& file, const Eigen::Vector3d& scale) {
     Assimp::Importer importer;
@@ -27,6 +29,25 @@ Mesh readMesh(const std::string& file, const Eigen::Vector3d& scale) {
                 mesh.indices.push_back(first + part.mFaces[f].mIndices[k]);
     }
     return mesh;
+}
+
+fs::path findMesh(const std::string& name, const fs::path& folder) {
+    std::string path = name;
+    for (const char* scheme : {"package://", "file://"})
+        if (path.rfind(scheme, 0) == 0) path = path.substr(std::string(scheme).size());
+    std::error_code failed;
+    for (fs::path rest = path; !rest.empty();) {
+        const fs::path file = folder / rest.relative_path();
+        const fs::path inside = fs::weakly_canonical(file, failed)
+                                    .lexically_relative(fs::weakly_canonical(folder, failed));
+        if (!inside.empty() && *inside.begin() != ".." && fs::is_regular_file(file, failed))
+            return file;
+        // package://NAME/meshes/x.stl: the package's own name is no folder here
+        fs::path shorter;
+        for (auto part = ++rest.begin(); part != rest.end(); ++part) shorter /= *part;
+        rest = shorter;
+    }
+    return {};
 }
 
 }  // namespace viable::detail

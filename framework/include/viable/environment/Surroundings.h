@@ -1,0 +1,120 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "viable/environment/DistanceField.h"
+
+namespace viable {
+
+/** What stands around an arm, ready for questions in a tick: solids in closed form, the map as a distance field, moving
+spheres by their paths. Immutable, so that one thread may ask while another makes the next one. */
+class Surroundings {
+public:
+    /** @param lower, upper  box that the arm can reach, base frame [m]: what the distance field covers
+        @param reach_m       distances beyond need not be told apart [m]
+    Reads the map file and makes its distance field, or takes them from Surroundings made before in this process, when
+    the file, its place and the box are the same: the last two maps stay in memory to the end of the process. Throws Error (BadInput). */
+    Surroundings(const Environment& environment, const Eigen::Vector3d& lower,
+                 const Eigen::Vector3d& upper, double reach_m);
+    ~Surroundings();
+    Surroundings(const Surroundings&) = delete;
+    Surroundings& operator=(const Surroundings&) = delete;
+
+    /** The obstacles by index: solids, then spheres, then the map. */
+    int size() const { return static_cast<int>(names_.size()); }
+    const std::string& name(int obstacle) const { return names_[static_cast<std::size_t>(obstacle)]; }
+    const Environment& environment() const { return environment_; }
+    /** Null without one. */
+    const OccupancyMap* map() const;
+
+    /** The nearest obstacle to a point. */
+    struct Nearest {
+        double distance = std::numeric_limits<double>::infinity();  ///< a lower bound [m]; negative inside
+        int obstacle = -1;
+        Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  ///< unit vector away from it
+    };
+
+    /** A lower bound of the distance of p (base frame) from all that is there at time t of the run or at any time after
+    [m]: a moving sphere counts with all that is left of its path, so that an arm at rest there will never be hit (all
+    of its path when t is no number). Solids and spheres: exact outside; inside a box or a cylinder as deep as the way
+    to the nearest face. The map: see DistanceField; outside of the box [lower, upper] nothing is known of it: -infinity.
+    A p that is no number: -infinity, of no obstacle. No obstacles at all: infinity. Real time. */
+    double calcDistance(const Eigen::Vector3d& p, double t) const;
+    /** The same, and which it is. */
+    Nearest findNearest(const Eigen::Vector3d& p, double t) const;
+
+private:
+    struct Shapes;
+    struct MapField;
+    static std::shared_ptr<const MapField> shareMapField(const MapChoice& choice,
+                                                         const Eigen::Vector3d& lower,
+                                                         const Eigen::Vector3d& upper,
+                                                         double cell_m, double reach_m);
+    template <bool kWithGradient>
+    Nearest findIn(const Eigen::Vector3d& p, double t) const;
+
+    Environment environment_;
+    std::vector<std::string> names_;
+    std::unique_ptr<const Shapes> shapes_;
+    std::shared_ptr<const MapField> mapField_;
+    const DistanceField* field_ = nullptr;  ///< of mapField_
+};
+
+/** Hands whole Surroundings from the thread that makes them to the one that uses them, without lock or wait on either
+side: the maker puts, the user takes the newest. One thread each.
+
+A triple buffer: of three slots the maker owns one, the user one, and the third, ready, lies between them under its
+index in one atomic. put() fills the maker's slot and exchanges it for the ready one, take() exchanges the user's for
+the ready one when that is new; each exchange releases what its side wrote and acquires what the other did. A slot
+that the user has given back comes into the maker's hands with a later put() and is emptied there: by its destructor
+and put() alone are Surroundings destroyed, up to one put() after the user left them. */
+class SurroundingsFeed {
+public:
+    /** @param first  not null */
+    explicit SurroundingsFeed(std::shared_ptr<const Surroundings> first, double stamp_s = 0.0);
+    SurroundingsFeed(const SurroundingsFeed&) = delete;
+    SurroundingsFeed& operator=(const SurroundingsFeed&) = delete;
+
+    /** The maker's thread: from the user's next take() on, these count. Old ones that nobody uses any more are
+    destroyed here, never in the user's thread.
+    @param next     not null
+    @param stamp_s  when what they show was seen, time of the run */
+    void put(std::shared_ptr<const Surroundings> next, double stamp_s);
+
+    /** For the one who is going to take(): false when there is one already. */
+    bool claim() { return !isClaimed_.exchange(true); }
+    /** By who claimed it: another may. */
+    void release() { isClaimed_ = false; }
+
+    /** What the user's thread sees until its next take(). */
+    struct View {
+        const Surroundings* surroundings = nullptr;  ///< never null
+        double stamp_s = 0.0;
+        std::int64_t version = 0;  ///< 0: the first; rises by one with each put()
+    };
+    /** The user's thread; real time. */
+    View take();
+
+private:
+    struct Slot {
+        std::shared_ptr<const Surroundings> surroundings;
+        double stamp_s = 0.0;
+        std::int64_t version = 0;
+    };
+    static constexpr unsigned kNew = 4;  ///< added to the index of a ready slot that the user has not seen
+
+    std::array<Slot, 3> slots_;
+    std::atomic<unsigned> ready_{0};
+    std::atomic<bool> isClaimed_{false};
+    unsigned written_ = 1;      ///< the maker's
+    std::int64_t version_ = 0;  ///< the maker's
+    alignas(64) unsigned used_ = 2;  ///< the user's
+};
+
+}  // namespace viable

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "viable/robot/RobotDescription.h"
+
+namespace viable {
+
+/** A capsule around a part of a link: all points within `radius` of the segment from a to b. */
+struct LinkCapsule {
+    int link = 0;        ///< index into ArmGeometry::links
+    int carrier = -1;    ///< joint whose moving frame it is fixed to; -1: the base
+    Eigen::Vector3d a = Eigen::Vector3d::Zero();  ///< in the carrier's frame [m]
+    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    double radius = 0.0;  ///< [m], > 0
+};
+
+/** What of an arm can hit something: capsules around its links, and which of them can hit each other. Obstacles count
+for what a joint moves; what the base carries stands where it stands. */
+struct ArmGeometry {
+    std::vector<std::string> links;  ///< those with capsules
+    std::vector<LinkCapsule> capsules;
+    /** Indices into `capsules`, first < second: pairs on links that must not touch. Pairs of links that the file
+    allows to touch, of one link, and of two links that no joint moves against each other are not there. */
+    std::vector<std::pair<int, int>> pairs;
+};
+
+/** Reads collision.yaml of a robot folder:
+
+    schema: 1
+    links:
+      link1: [{from: [x, y, z], to: [x, y, z], radius: r}, ...]     in the link's frame [m]
+    may_touch: [[link0, link1], ...]                                links that are next to each other
+
+Links are those of the URDF, also on fixed joints; those left out cannot hit anything.
+Throws Error (BadInput): no such file, a blank of `viable new robot` in it (each with the remedy), an unknown link, a
+size that is no number or not positive, a pair that stands there twice. */
+ArmGeometry loadArmGeometry(const RobotDescription& robot);
+
+}  // namespace viable

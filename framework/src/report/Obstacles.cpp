@@ -1,0 +1,198 @@
+#include "report/Obstacles.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+
+#include "report/PoseJson.h"
+#include "viable/core/Error.h"
+#include "viable/environment/OccupancyMap.h"
+#include "viable/robot/ArmReach.h"
+
+namespace viable::detail {
+
+namespace {
+
+using nlohmann::json;
+
+/** Which cubes of a grid are occupied, within a ball. The cubes are the smallest cells of an octree or such cubes of
+8, 64, ... of them that are nodes of it. */
+class OccupiedCubes {
+public:
+    /** @param edge_m  of the cubes: the map's resolution times a power of two */
+    OccupiedCubes(const Eigen::Vector3d& centre, double radius_m, double edge_m)
+        : centre_(centre),
+          radius_(radius_m),
+          edge_(edge_m),
+          first_(((centre.array() - radius_m) / edge_m).floor()),
+          count_(static_cast<int>(std::ceil(2.0 * radius_m / edge_m)) + 1),
+          occupied_(static_cast<std::size_t>(count_) * count_ * count_, false) {}
+
+    /** Every cube that the cell covers or touches from within. */
+    void add(const OccupancyMap::Cell& cell) {
+        constexpr double kRounding = 1e-6;  // of a cube: cells and cubes share their faces
+        std::array<int, 3> from, to;
+        for (std::size_t k = 0; k < 3; ++k) {
+            const double middle = cell.centre[static_cast<int>(k)], half = 0.5 * cell.edge;
+            const auto clip = [&](double index) {
+                return static_cast<int>(std::clamp(index - first_[static_cast<int>(k)], 0.0, double(count_)));
+            };
+            from[k] = clip(std::floor((middle - half) / edge_ + kRounding));
+            to[k] = clip(std::ceil((middle + half) / edge_ - kRounding));
+        }
+        for (int x = from[0]; x < to[0]; ++x)
+            for (int y = from[1]; y < to[1]; ++y)
+                for (int z = from[2]; z < to[2]; ++z)
+                    if ((calcCentre(x, y, z) - centre_).norm() <= radius_)
+                        occupied_[index(x, y, z)] = true;
+    }
+
+    /** The centres of those with a neighbour that is not occupied [m]. */
+    std::vector<Eigen::Vector3d> findSurface() const {
+        std::vector<Eigen::Vector3d> surface;
+        for (int x = 0; x < count_; ++x)
+            for (int y = 0; y < count_; ++y)
+                for (int z = 0; z < count_; ++z)
+                    if (isOccupied(x, y, z) && !isBuried(x, y, z))
+                        surface.push_back(calcCentre(x, y, z));
+        return surface;
+    }
+
+private:
+    std::size_t index(int x, int y, int z) const {
+        return (static_cast<std::size_t>(x) * count_ + y) * count_ + z;
+    }
+    bool isOccupied(int x, int y, int z) const {
+        const auto isWithin = [this](int i) { return i >= 0 && i < count_; };
+        return isWithin(x) && isWithin(y) && isWithin(z) && occupied_[index(x, y, z)];
+    }
+    bool isBuried(int x, int y, int z) const {
+        return isOccupied(x - 1, y, z) && isOccupied(x + 1, y, z) && isOccupied(x, y - 1, z) &&
+               isOccupied(x, y + 1, z) && isOccupied(x, y, z - 1) && isOccupied(x, y, z + 1);
+    }
+    Eigen::Vector3d calcCentre(int x, int y, int z) const {
+        return edge_ * (first_ + Eigen::Array3d(x, y, z) + 0.5).matrix();
+    }
+
+    Eigen::Vector3d centre_;
+    double radius_, edge_;
+    Eigen::Array3d first_;  // index of the first cube along each axis, counted from the map's origin
+    int count_;             // along each axis
+    std::vector<bool> occupied_;
+};
+
+/** A ball that holds what an arm can reach, base frame. */
+struct Ball {
+    Eigen::Vector3d centre;
+    double radius_m;
+};
+
+std::optional<Ball> findReach(const std::filesystem::path& robotFolder) try {
+    const RobotDescription robot = loadRobot(robotFolder);
+    const Eigen::AlignedBox3d reach = calcReach(robot, loadArmGeometry(robot), robot.limits);
+    if (!reach.sizes().allFinite()) return std::nullopt;  // it slides without end
+    return Ball{reach.center(), 0.5 * reach.sizes().maxCoeff()};
+} catch (const Error&) {
+    return std::nullopt;
+}
+
+json describeCells(const OccupancyMap& map, const Eigen::Isometry3d& pose, const Ball& reach,
+                   BinaryBlock& binary) {
+    constexpr double kMostAlongAnAxis = 256.0;  // 2 MB of bits
+    const Eigen::Vector3d centre = pose.inverse() * reach.centre;
+    const Eigen::Vector3d half = Eigen::Vector3d::Constant(reach.radius_m);
+    double edge = map.resolution();
+    while (2.0 * reach.radius_m > kMostAlongAnAxis * edge) edge *= 2.0;
+    std::vector<Eigen::Vector3d> surface;
+    for (;; edge *= 2.0) {
+        OccupiedCubes cubes(centre, reach.radius_m, edge);
+        map.forEachSolidCell(centre - half, centre + half, false,
+                             [&](const OccupancyMap::Cell& cell) { cubes.add(cell); });
+        surface = cubes.findSurface();
+        if (surface.size() <= kMaxDrawnCells) break;
+    }
+    std::vector<float> centres;
+    centres.reserve(3 * surface.size());
+    for (const Eigen::Vector3d& cube : surface)
+        for (int k = 0; k < 3; ++k) centres.push_back(static_cast<float>(cube[k]));
+    return {{"edge_m", edge}, {"centres", binary.add(centres)}};
+}
+
+json describeSolid(const Solid& solid) {
+    json one = {{"name", solid.name}, {"pose", toJson(solid.pose)}};
+    switch (solid.kind) {
+        case Solid::Kind::Box:
+            one["type"] = "box";
+            one["size"] = toJson(solid.size);
+            break;
+        case Solid::Kind::Sphere:
+            one["type"] = "sphere";
+            one["radius"] = solid.radius;
+            break;
+        case Solid::Kind::Cylinder:
+            one["type"] = "cylinder";
+            one["radius"] = solid.radius;
+            one["length"] = solid.length;
+            break;
+        case Solid::Kind::HalfSpace:
+            one["type"] = "half_space";
+            break;
+    }
+    return one;
+}
+
+json describeSphere(const MovingSphere& sphere) {
+    json waypoints = json::array();
+    for (const MovingSphere::Waypoint& at : sphere.waypoints)
+        waypoints.push_back({at.time_s, at.position.x(), at.position.y(), at.position.z()});
+    return {{"name", sphere.name},
+            {"type", "moving_sphere"},
+            {"radius", sphere.radius},
+            {"waypoints", waypoints},
+            {"repeats", sphere.repeats}};
+}
+
+/** The block without its map. */
+ConfigNode withoutMap(ConfigNode block) {
+    block.entries.erase(std::remove_if(block.entries.begin(), block.entries.end(),
+                                       [](const auto& entry) { return entry.first == "map"; }),
+                        block.entries.end());
+    return block;
+}
+
+}  // namespace
+
+json describeEnvironment(const ConfigNode& block, const std::string& mapSha256,
+                         const std::filesystem::path& robotFolder, BinaryBlock& binary) try {
+    std::string note;
+    Environment environment;
+    json cells;
+    try {
+        environment = readEnvironment(block);
+        if (environment.map) {
+            if (environment.map->sha256.empty()) environment.map->sha256 = mapSha256;
+            const OccupancyMap map(*environment.map);
+            if (const std::optional<Ball> reach = findReach(robotFolder))
+                cells = describeCells(map, environment.map->pose, *reach, binary);
+        }
+    } catch (const Error& error) {  // a report of an old log must not need the map
+        environment = readEnvironment(withoutMap(block));
+        note = std::string("The map is not drawn: ") + error.what();
+    }
+    json obstacles = json::array();
+    for (const Solid& solid : environment.solids) obstacles.push_back(describeSolid(solid));
+    for (const MovingSphere& sphere : environment.spheres) obstacles.push_back(describeSphere(sphere));
+    if (environment.map) {
+        json one = {{"name", environment.map->name}, {"type", "map"}, {"pose", toJson(environment.map->pose)}};
+        if (!cells.is_null()) one.update(cells);
+        obstacles.push_back(one);
+    }
+    return {{"safety_distance_m", environment.safetyDistance_m},
+            {"obstacles", obstacles},
+            {"note", note}};
+} catch (const Error&) {
+    return nullptr;
+}
+
+}  // namespace viable::detail

@@ -1,0 +1,206 @@
+#include "viable/robot/ArmRecursion.h"
+
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "RobotFolder.h"
+#include "viable/robot/RobotModel.h"
+#include "viable/testing/AllocationCounter.h"
+
+namespace viable {
+namespace {
+
+constexpr int kSamples = 1000;
+/** Both routes round in some 1e-15 of the largest term; what is asked for leaves room for light joints behind heavy
+ones. */
+constexpr double kRelative = 1e-10;
+
+/** A chain of kMaxJoints joints, every third of them prismatic, with two branches: the largest tree there may be. */
+void makeLargestTree(RobotFolder& folder) {
+    folder.urdf = "<robot name='arm'>\n<link name='l0'/>\n";
+    for (int i = 1; i <= kMaxJoints; ++i) {
+        const std::string parent = "l" + std::to_string(i == 6 || i == 12 ? 3 : i - 1);
+        const std::string child = "l" + std::to_string(i);
+        folder.urdf +=
+            makeJoint("j" + std::to_string(i), i % 3 == 0 ? "prismatic" : "revolute", parent, child,
+                      "xyz='0.1 0.0" + std::to_string(i) + " 0.05' rpy='0." + std::to_string(i) +
+                          " -0.7 1.1'",
+                      i % 4 == 0   ? "0 0 -1"
+                      : i % 4 == 1 ? "0 0 1"
+                                   : "1 -2 0.5") +
+            makeLink(child, 1.0 + 0.1 * i, "0.03 -0.02 0.04", "0.1 0.2 0.3", kSomeInertia);
+    }
+    folder.urdf += "</robot>\n";
+    folder.limits = std::string(kSomeLimits) + "tool_link: l16\n";
+}
+
+RobotDescription loadSample(const std::string& name) {
+    const std::filesystem::path shipped = std::filesystem::path(VIABLE_SOURCE_DIR "/robots") / name;
+    if (std::filesystem::exists(shipped)) return loadRobot(shipped);
+    RobotFolder folder;
+    if (name == "simple") makeSimpleArm(folder);
+    if (name == "slanted") makeSlantedArm(folder);
+    if (name == "branched") makeBranchedArm(folder);
+    if (name == "largest") makeLargestTree(folder);
+    RobotFolder::replace(folder.actuation, "rotor_inertia_kgm2: 0", "rotor_inertia_kgm2: 0.05");
+    RobotDescription robot = folder.load();
+    robot.gravity = {1.0, -2.0, -9.0};  // the base may hang on a slanted wall
+    return robot;
+}
+
+/** The same arm by Simbody. */
+class ArmRecursionTest : public ::testing::TestWithParam<std::string> {
+protected:
+    ArmRecursionTest()
+        : robot_(loadSample(GetParam())), n_(robot_.size()), model_(robot_), arm_(robot_) {}
+
+    JointVector draw(double bound) {
+        std::uniform_real_distribution<double> uniform(-bound, bound);
+        JointVector v(n_);
+        for (double& x : v) x = uniform(random_);
+        return v;
+    }
+    Dynamics calc(const JointVector& q, const JointVector& qd) {
+        Dynamics dynamics;
+        model_.calcDynamics(q, qd, dynamics);
+        return dynamics;
+    }
+
+    RobotDescription robot_;
+    int n_;
+    RobotModel model_;
+    ArmRecursion arm_;
+    ArmRecursion::Frames frames_;
+    std::mt19937_64 random_{20260607};
+};
+
+TEST_P(ArmRecursionTest, TorqueIsThatOfSimbody) {
+    JointVector tau;
+    for (int sample = 0; sample < kSamples; ++sample) {
+        const JointVector q = draw(3.0), qd = draw(3.0), qdd = draw(10.0);
+        const Dynamics d = calc(q, qd);
+        const JointVector inertial = d.M * qdd;
+        arm_.calcTorque(q, qd, qdd, tau);
+        ASSERT_EQ(tau.size(), n_);
+        // Joint by joint: a wrist's torque is not hidden behind a shoulder's.
+        for (int i = 0; i < n_; ++i)
+            ASSERT_NEAR(tau[i], inertial[i] + d.b[i],
+                        kRelative * (d.M.row(i).cwiseAbs().dot(qdd.cwiseAbs()) + std::abs(d.b[i]) +
+                                     std::abs(d.gravity[i])))
+                << sample << ", joint " << i;
+    }
+}
+
+TEST_P(ArmRecursionTest, InertiaIsThatOfSimbody) {
+    JointMatrix M;
+    for (int sample = 0; sample < kSamples; ++sample) {
+        const JointVector q = draw(3.0);
+        const Dynamics d = calc(q, JointVector::Zero(n_));
+        arm_.calcInertia(q, M);
+        ASSERT_EQ(M.rows(), n_);
+        ASSERT_EQ(M.cols(), n_);
+        for (int i = 0; i < n_; ++i)
+            for (int j = 0; j < n_; ++j)
+                ASSERT_NEAR(M(i, j), d.M(i, j), kRelative * std::sqrt(d.M(i, i) * d.M(j, j)))
+                    << sample << ": " << i << ", " << j;
+    }
+}
+
+TEST_P(ArmRecursionTest, InertiaIsTheSlopeOfTheTorque) {
+    JointMatrix M;
+    JointVector at, rest;
+    for (int sample = 0; sample < 50; ++sample) {
+        const JointVector q = draw(3.0), qd = draw(3.0);
+        arm_.calcInertia(q, M);
+        arm_.calcTorque(q, qd, JointVector::Zero(n_), rest);
+        for (int j = 0; j < n_; ++j) {
+            arm_.calcTorque(q, qd, JointVector::Unit(n_, j), at);
+            const double scale = rest.norm() + M.col(j).norm();
+            ASSERT_LT((at - rest - M.col(j)).norm(), 1e-12 * scale) << j;
+        }
+    }
+}
+
+TEST_P(ArmRecursionTest, FramesCarryTheToolAndItsJacobian) {
+    for (int sample = 0; sample < kSamples; ++sample) {
+        const JointVector q = draw(3.0);
+        const Dynamics d = calc(q, JointVector::Zero(n_));
+        arm_.calcFrames(q, frames_);
+        const auto carrier = static_cast<std::size_t>(robot_.toolParent);
+        const Eigen::Vector3d tool =
+            frames_.rotation[carrier] * robot_.toolPlacement.translation() +
+            frames_.origin[carrier];
+        ASSERT_LT((tool - d.tool.position).norm(), 1e-12);
+        const Eigen::Matrix3d turned = frames_.rotation[carrier] * robot_.toolPlacement.linear();
+        ASSERT_LT((turned - d.tool.orientation.toRotationMatrix()).norm(), 1e-12);
+        for (int i = 0; i < n_; ++i) {
+            const auto k = static_cast<std::size_t>(i);
+            const bool isMoved = arm_.moves(i, robot_.toolParent);
+            Eigen::Vector3d linear = frames_.axis[k], angular = Eigen::Vector3d::Zero();
+            if (!arm_.isPrismatic(i)) {
+                angular = frames_.axis[k];
+                linear = angular.cross(tool - frames_.origin[k]);
+            }
+            ASSERT_LT((d.J.col(i).head<3>() - isMoved * linear).norm(), 1e-12) << i;
+            ASSERT_LT((d.J.col(i).tail<3>() - isMoved * angular).norm(), 1e-12) << i;
+        }
+    }
+}
+
+TEST_P(ArmRecursionTest, TheTreeIsThatOfTheDescription) {
+    ASSERT_EQ(arm_.size(), n_);
+    for (int i = 0; i < n_; ++i) {
+        const JointDescription& joint = robot_.joints[static_cast<std::size_t>(i)];
+        EXPECT_EQ(arm_.parent(i), joint.parent);
+        EXPECT_EQ(arm_.isPrismatic(i), joint.type == JointType::Prismatic);
+        EXPECT_FALSE(arm_.moves(i, -1));
+        for (int carrier = 0; carrier < n_; ++carrier) {
+            bool isBefore = false;
+            for (int k = carrier; k >= 0; k = robot_.joints[static_cast<std::size_t>(k)].parent)
+                isBefore = isBefore || k == i;
+            EXPECT_EQ(arm_.moves(i, carrier), isBefore) << i << ", " << carrier;
+        }
+    }
+}
+
+TEST_P(ArmRecursionTest, Fault49_ATickAllocatesNothing) {
+    if (!testing::AllocationCounter::isAvailable())
+        GTEST_SKIP() << testing::AllocationCounter::whyNot();
+    JointVector q = draw(3.0), qd = draw(3.0), qdd = draw(3.0), tau;
+    JointMatrix M;
+    testing::AllocationCounter counter;  // from the very first call on
+    for (int i = 0; i < 100; ++i) {
+        q[0] += 1e-3;
+        arm_.calcFrames(q, frames_);
+        arm_.calcTorque(q, qd, qdd, tau);
+        arm_.calcInertia(q, M);
+    }
+    EXPECT_EQ(counter.count(), 0);
+}
+
+TEST_P(ArmRecursionTest, WhatIsNoNumberGivesNone) {
+    JointVector q = draw(3.0), tau;
+    JointMatrix M;
+    const JointVector qd = draw(3.0), qdd = draw(3.0);
+    for (const double bad :
+         {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+        JointVector spoilt = qdd;
+        spoilt[n_ - 1] = bad;
+        arm_.calcTorque(q, qd, spoilt, tau);
+        EXPECT_FALSE(std::isfinite(tau[n_ - 1]));
+        spoilt = q;
+        spoilt[0] = bad;
+        arm_.calcFrames(spoilt, frames_);
+        EXPECT_FALSE(frames_.rotation[0].allFinite() && frames_.origin[0].allFinite());
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(Arms, ArmRecursionTest,
+                         ::testing::Values("indy7", "panda", "ur5e", "planar_two_link",
+                                           "single_joint", "simple", "slanted", "branched",
+                                           "largest"),
+                         [](const auto& arm) { return arm.param; });
+
+}  // namespace
+}  // namespace viable

@@ -1,0 +1,450 @@
+#include "viable/plugin/WholeArmBrakingFilter.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdio>
+#include <optional>
+#include <random>
+#include <thread>
+
+#include "TestArm.h"
+#include "viable/environment/CollisionJudge.h"
+#include "viable/environment/Surroundings.h"
+#include "viable/motion/TripleIntegrator.h"
+#include "viable/plugin/NominalPlant.h"
+#include "viable/testing/AllocationCounter.h"
+
+namespace viable {
+namespace {
+
+constexpr double kTick_s = 1e-3;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kPi = 3.14159265358979323846;
+/** Accuracy of the judge and rounding [m]. */
+constexpr double kAllowed_m = 1e-8;
+
+Solid makeBox(const char* name, const Eigen::Vector3d& centre, const Eigen::Vector3d& size) {
+    Solid box;
+    box.name = name;
+    box.kind = Solid::Kind::Box;
+    box.pose.translation() = centre;
+    box.size = size;
+    return box;
+}
+
+/** Indy7 among obstacles, under the filter. */
+class ArmAmongObstacles {
+public:
+    explicit ArmAmongObstacles(const Environment& surroundings, WholeArmBrakingOptions options = {},
+                               RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"))
+        : environment(surroundings),
+          robot_(std::move(robot)),
+          geometry(loadArmGeometry(robot_)),
+          model_(robot_),
+          feed(makeSurroundings(surroundings)) {
+        const int n = robot_.size();
+        state.q = robot_.home;
+        state.qd.setZero(n);
+        state.qdd.setZero(n);
+        model_.calcDynamics(state.q, state.qd, dynamics);
+        setup_.emplace(RunSetup{robot_, robot_.limits, kTick_s, 60.0, state, dynamics.tool,
+                                &geometry, &feed});
+        options_ = options;
+    }
+
+    static std::shared_ptr<const Surroundings> makeSurroundings(const Environment& e) {
+        const Eigen::Vector3d far = Eigen::Vector3d::Constant(2.0);
+        return std::make_shared<Surroundings>(e, -far, far, 0.5);
+    }
+
+    void configure() {
+        filter.configure(*setup_, options_);
+        filter.reset(state);
+    }
+    const RobotDescription& robot() const { return robot_; }
+
+    /** Accelerations towards a pose; `stiffness` 1/s^2. */
+    FilterStatus goTo(const JointVector& goal, double stiffness = 100.0) {
+        return push(stiffness * (goal - state.q) - 2.0 * std::sqrt(stiffness) * state.qd);
+    }
+    FilterStatus push(const JointVector& qdd) {
+        JointVector torque;
+        calcInverseDynamics(dynamics, qdd, torque);
+        const FilterStatus status = filter.filter(state, torque, dynamics, decision);
+        if (status <= FilterStatus::Infeasible) {
+            advanceNominal(decision, kTick_s, state);
+            model_.calcDynamics(state.q, state.qd, dynamics);
+            t += kTick_s;
+        }
+        return status;
+    }
+    double judge() const {
+        if (!judge_) judge_ = std::make_unique<CollisionJudge>(robot_, geometry, environment);
+        return judge_->findContact(state.q, t, 0.5).distance;
+    }
+
+    Environment environment;
+
+private:
+    RobotDescription robot_;
+
+public:
+    ArmGeometry geometry;
+
+private:
+    RobotModel model_;
+    std::optional<RunSetup> setup_;
+    WholeArmBrakingOptions options_;
+    mutable std::unique_ptr<CollisionJudge> judge_;
+
+public:
+    SurroundingsFeed feed;
+    WholeArmBrakingFilter filter;
+    MotionState state;
+    Dynamics dynamics;
+    FilterDecision decision;
+    double t = 0.0;
+};
+
+JointVector turned(const JointVector& q, int joint, double angle) {
+    JointVector other = q;
+    other[joint] += angle;
+    return other;
+}
+
+/** A thin plate across the way of the arm when its base joint turns by `angle`. */
+Solid makePlate(double angle, double thickness) {
+    Solid plate = makeBox("plate", Eigen::Vector3d::Zero(), {2.0, thickness, 3.0});
+    plate.pose.linear() = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+    plate.pose.translation() = plate.pose.linear() * Eigen::Vector3d(-1.25, 0.0, 0.0);
+    return plate;
+}
+
+/** Which way the tool points at home, about the base axis. */
+double findHeading() {
+    ArmAmongObstacles arm(Environment{});
+    const Eigen::Vector3d p = arm.dynamics.tool.position;
+    return std::atan2(p.y(), p.x());
+}
+
+// A plate of a tenth of a millimetre: no look at the stop ever falls into it, and yet it is never passed, at any speed.
+TEST(WholeArmBraking, AThinPlateBetweenTwoLooksIsNotMissed) {
+    const double heading = findHeading();
+    for (const double angle : {0.6, 1.0, 1.5}) {
+        Environment environment;
+        environment.safetyDistance_m = 0.0;
+        Solid plate = makePlate(heading + angle + kPi, 1e-4);
+        environment.solids.push_back(plate);
+        ArmAmongObstacles arm(environment);
+        arm.configure();
+        const JointVector goal = turned(arm.robot().home, 0, 3.0);
+        double least = kInfinity;
+        for (int tick = 0; tick < 3000; ++tick) {
+            arm.goTo(goal, 400.0);
+            least = std::min(least, arm.judge());
+        }
+        EXPECT_GT(least, -kAllowed_m) << angle;
+        EXPECT_LT(least, 0.02) << "it never came near the plate";
+        EXPECT_LT(arm.state.q[0], arm.robot().home[0] + angle);
+    }
+}
+
+// Touching the safety distance, a command that leads away moves the arm in the next ticks.
+TEST(WholeArmBraking, MovingAwayIsPossibleAtOnce) {
+    const double heading = findHeading();
+    for (const double kAlpha : {kInfinity, 20.0}) {
+        Environment environment;
+        environment.safetyDistance_m = 0.03;
+        environment.solids.push_back(makePlate(heading + 0.8 + kPi, 0.02));
+        WholeArmBrakingOptions options;
+        options.joints.kAlpha = kAlpha;
+        ArmAmongObstacles arm(environment, options);
+        arm.configure();
+        for (int tick = 0; tick < 4000; ++tick) arm.goTo(turned(arm.robot().home, 0, 2.0));
+        const double touching = arm.judge();
+        EXPECT_LT(touching, 0.045);
+        EXPECT_GE(touching, 0.03 - kAllowed_m);
+        // Until it is a microradian away; and how long full jerk takes from the same state, were there no plate.
+        const double at = arm.state.q[0], fullJerk = arm.robot().limits.jerk.lower[0];
+        AxisState free{at, arm.state.qd[0], arm.state.qdd[0]};
+        int least = 0, delay = 0;
+        for (; !(free.p < at - 1e-6); ++least) free = advance(free, fullJerk, kTick_s);
+        for (; !(arm.state.q[0] < at - 1e-6) && delay < 200; ++delay) {
+            arm.goTo(arm.robot().home);
+            if (delay == 0) {
+                EXPECT_EQ(arm.decision.jerk[0], fullJerk);
+            }
+        }
+        std::printf("  k_alpha %g: %.1f mm from the plate, away by a microradian after %d ticks; at full jerk %d\n",
+                    kAlpha, 1e3 * touching, delay, least);
+        EXPECT_LE(delay, least + 2);
+        for (int tick = 0; tick < 4000; ++tick) arm.goTo(arm.robot().home);
+        EXPECT_NEAR(arm.state.q[0], arm.robot().home[0], 1e-3);
+    }
+}
+
+TEST(WholeArmBraking, WithoutAnythingAroundItIsCertifiedBrakingToTheLastBit) {
+    Environment nothing;
+    WholeArmBrakingOptions options;
+    options.joints.kAlpha = 50.0;
+    ArmAmongObstacles arm(nothing, options), plain(nothing, options);
+    arm.geometry.pairs.clear();
+    arm.configure();
+    CertifiedBrakingFilter filter;
+    const RunSetup setup{plain.robot(), plain.robot().limits, kTick_s, 60.0, plain.state,
+                         plain.dynamics.tool};
+    filter.configure(setup, options.joints);
+    std::mt19937 random(3);
+    std::uniform_real_distribution<double> share(-1.0, 1.0);
+    JointVector qdd = JointVector::Zero(6);
+    FilterDecision decision;
+    for (int tick = 0; tick < 1500; ++tick) {
+        if (tick % 150 == 0)
+            for (double& x : qdd) x = 6.0 * share(random);
+        JointVector torque;
+        calcInverseDynamics(arm.dynamics, qdd, torque);
+        filter.filter(arm.state, torque, arm.dynamics, decision);
+        ASSERT_EQ(arm.push(qdd) == FilterStatus::StoppedByPlan, false) << tick;
+        ASSERT_EQ(decision.jerk, arm.decision.jerk) << tick;
+    }
+}
+
+// Poses with room around them, drawn at random, each wanted from home by a controller that knows of nothing. How many of them
+// are reached, and how near the others come, steering and only stopping.
+TEST(WholeArmBraking, SteeringReachesMoreOfTheFreeSpaceThanStopping) {
+    Environment environment;
+    environment.solids.push_back(makeBox("table", {0.2, 0.0, -0.06}, {1.6, 1.2, 0.04}));
+    environment.solids.push_back(makeBox("wall", {0.8, 0.0, 0.6}, {0.1, 2.0, 1.4}));
+    environment.solids.push_back(makeBox("pillar", {0.35, 0.45, 0.7}, {0.1, 0.1, 1.6}));
+    environment.solids.push_back(makeBox("shelf", {0.5, -0.5, 0.55}, {0.5, 0.4, 0.03}));
+    constexpr int kGoals = 40, kTicksPerGoal = 6000;
+    constexpr double kReached_rad = 0.02;
+    constexpr double kStiffness = 6.0;  // stiffer ones overshoot for ever with these jerk limits
+    int reached[2] = {0, 0};
+    double missing[2] = {0.0, 0.0};
+    std::mt19937 random(11);
+    std::uniform_real_distribution<double> share(-1.0, 1.0);
+    ArmAmongObstacles drawn(environment);
+    for (int k = 0; k < kGoals;) {
+        JointVector goal(6);
+        for (int i = 0; i < 6; ++i) goal[i] = 2.0 * share(random);
+        drawn.state.q = goal;
+        if (drawn.judge() < 0.04) continue;
+        ++k;
+        for (const bool steers : {false, true}) {
+            WholeArmBrakingOptions options;
+            options.joints.kAlpha = 20.0;
+            options.steers = steers;
+            ArmAmongObstacles arm(environment, options);
+            arm.configure();
+            for (int tick = 0; tick < kTicksPerGoal; ++tick) arm.goTo(goal, kStiffness);
+            const double rest = (arm.state.q - goal).lpNorm<Eigen::Infinity>();
+            reached[steers] += rest < kReached_rad;
+            missing[steers] += rest / kGoals;
+            EXPECT_GE(arm.judge(), 0.02 - kAllowed_m);
+        }
+    }
+    std::printf("  of %d free poses (seed 11) %d are reached by stopping only, %d with steering; missing on average %.2f and "
+                "%.2f rad\n",
+                kGoals, reached[0], reached[1], missing[0], missing[1]);
+    EXPECT_GT(reached[1], reached[0]);
+    EXPECT_LT(missing[1], missing[0]);
+}
+
+// 7 kg and motors at 60 %: what certified braking alone does breaks the motors' limits, along stops and now.
+TEST(WholeArmBraking, MotorsBearEveryTickAndEveryStop) {
+    const RobotDescription loaded =
+        withPayload(loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"), 7.0, {0.0, 0.0, 0.05});
+    double use[2] = {0.0, 0.0};
+    for (const bool limitsTorque : {false, true}) {
+        WholeArmBrakingOptions options;
+        if (limitsTorque) options.torqueShare = 0.6;
+        ArmAmongObstacles arm(Environment{}, options, loaded);
+        arm.configure();
+        RobotModel model(loaded);
+        std::mt19937 random(5);
+        std::uniform_real_distribution<double> share(-1.0, 1.0);
+        JointVector goal = arm.robot().home;
+        for (int tick = 0; tick < 6000; ++tick) {
+            if (tick % 700 == 0)
+                for (int i = 0; i < 6; ++i) goal[i] = arm.robot().home[i] + 1.2 * share(random);
+            ASSERT_LE(arm.goTo(goal, 900.0), FilterStatus::Returning) << tick;
+            const auto see = [&](const JointVector& torque) {
+                const JointVector limit = loaded.actuation.torqueLimit;
+                use[limitsTorque] =
+                    std::max(use[limitsTorque], torque.cwiseAbs().cwiseQuotient(limit).maxCoeff());
+            };
+            see(arm.decision.torque);
+            if (tick % 40 != 0) continue;
+            MotionState s = arm.state;
+            std::array<GridStop, kMaxJoints> stops = arm.decision.stops;
+            for (int k = 0; k < 600; ++k) {
+                Dynamics dynamics;
+                model.calcDynamics(s.q, s.qd, dynamics);
+                JointVector jerk(6);
+                for (std::size_t i = 0; i < 6; ++i) jerk[static_cast<Eigen::Index>(i)] = stops[i].takeJerk();
+                FilterDecision next;
+                holdJerk(s, dynamics, jerk, kTick_s, next);
+                see(next.torque);
+                advanceNominal(next, kTick_s, s);
+            }
+        }
+    }
+    std::printf("  largest use of the motors' torque: %.3f without, %.3f with torque_share 0.6\n", use[0],
+                use[1]);
+    EXPECT_GT(use[0], 0.61);
+    EXPECT_LE(use[1], 0.6 * (1.0 + 1e-8));
+    EXPECT_GT(use[1], 0.55) << "the motors are hardly used";
+}
+
+// An obstacle appears around the arm while it moves: it brakes, there is always a decision, and it can move out.
+TEST(Fault60, AnObstacleThatAppearsInsideTheArmBrakesItAndLetsItOut) {
+    ArmAmongObstacles arm(Environment{});
+    arm.configure();
+    const JointVector there = turned(arm.robot().home, 0, 1.0);
+    for (int tick = 0; tick < 250; ++tick) arm.goTo(there);
+    ASSERT_GT(arm.state.qd[0], 0.3);
+    Environment sudden;
+    Solid ball;
+    ball.name = "ball";
+    ball.kind = Solid::Kind::Sphere;
+    ball.radius = 0.08;
+    ball.pose.translation() = arm.dynamics.tool.position;
+    sudden.solids.push_back(ball);
+    arm.feed.put(ArmAmongObstacles::makeSurroundings(sudden), arm.t);
+    arm.environment = sudden;  // for the judge
+    double reported = kInfinity, deepest = kInfinity;
+    for (int tick = 0; tick < 1500; ++tick) {
+        const FilterStatus status = arm.goTo(there);
+        ASSERT_TRUE(status == FilterStatus::StoppedByPlan || status == FilterStatus::Modified ||
+                    status == FilterStatus::Passed)
+            << tick;
+        const Clearance& clearance = arm.decision.clearance;
+        if (clearance.distance < 0.0) {
+            EXPECT_EQ(clearance.obstacle, 0) << tick;
+        }
+        reported = std::min(reported, clearance.distance);
+        deepest = std::min(deepest, arm.judge());
+    }
+    EXPECT_LT(reported, 0.0) << "it tells that it is in collision";
+    // It stands beyond the middle of the ball: the way out is onward.
+    const JointVector out = turned(arm.robot().home, 0, 1.8);
+    for (int tick = 0; tick < 3000; ++tick) {
+        arm.goTo(out);
+        ASSERT_GE(arm.judge(), deepest - 0.006) << tick;  // a look's guard, 5 mm, and what the field gives away
+    }
+    EXPECT_NEAR(arm.state.q[0], out[0], 2e-3) << "it does not get out";
+    EXPECT_GE(arm.judge(), sudden.safetyDistance_m);
+}
+
+TEST(Fault61, SurroundingsTooLongAgoStopTheArmUntilNewerOnesCome) {
+    WholeArmBrakingOptions options;
+    options.maxAge_s = 0.2;
+    ArmAmongObstacles arm(Environment{}, options);
+    arm.configure();
+    const JointVector there = turned(arm.robot().home, 0, 2.0);
+    for (int tick = 0; tick < 1000; ++tick) arm.goTo(there);
+    EXPECT_EQ(arm.state.qd.lpNorm<Eigen::Infinity>(), 0.0);
+    EXPECT_GT(arm.decision.mapAge_s, 0.9);
+    const double stoppedAt = arm.state.q[0];
+    for (int tick = 0; tick < 500; ++tick) {
+        if (tick % 100 == 0) arm.feed.put(ArmAmongObstacles::makeSurroundings({}), arm.t);
+        arm.goTo(there);
+        EXPECT_LE(arm.decision.mapAge_s, 0.2);
+    }
+    EXPECT_GT(arm.state.q[0], stoppedAt + 0.05);
+}
+
+// Whole surroundings are exchanged by another thread all the time, always the same: the arm moves as if nothing happened.
+TEST(Fault61, SurroundingsExchangedWhileTheArmMoves) {
+    Environment environment;
+    environment.solids.push_back(makePlate(findHeading() + 0.8 + kPi, 0.02));
+    ArmAmongObstacles quiet(environment), swapped(environment);
+    quiet.configure();
+    swapped.configure();
+    std::atomic<bool> ends{false};
+    std::atomic<int> puts{0};
+    std::thread maker([&] {
+        while (!ends) {
+            swapped.feed.put(ArmAmongObstacles::makeSurroundings(environment), 0.0);
+            ++puts;
+        }
+    });
+    const JointVector there = turned(quiet.robot().home, 0, 2.0);
+    double least = kInfinity;
+    for (int tick = 0; tick < 1500; ++tick) {
+        quiet.goTo(there);
+        swapped.goTo(there);
+        least = std::min(least, swapped.judge());
+    }
+    ends = true;
+    maker.join();
+    EXPECT_GT(puts, 10);
+    EXPECT_GE(least, environment.safetyDistance_m - kAllowed_m);
+    EXPECT_NEAR(quiet.state.q[0], swapped.state.q[0], 0.02);
+}
+
+TEST(WholeArmBraking, AStartTooNearIsRefusedWithLinkObstacleAndDistance) {
+    Environment environment;
+    ArmAmongObstacles free(environment);
+    environment.solids.push_back(makeBox("shelf", free.dynamics.tool.position, {0.05, 0.05, 0.05}));
+    ArmAmongObstacles arm(environment);
+    const std::string complaint = findComplaint([&] { arm.configure(); });
+    for (const char* part : {"link6", "shelf", "0.02", "recovery"})
+        EXPECT_NE(complaint.find(part), std::string::npos) << complaint;
+    WholeArmBrakingOptions options;
+    options.joints.recovery = true;
+    ArmAmongObstacles led(environment, options);
+    led.configure();
+    for (int tick = 0; tick < 3000; ++tick) led.goTo(turned(led.robot().home, 0, 1.0));
+    EXPECT_GE(led.judge(), 0.02 - kAllowed_m) << "it is led out";
+}
+
+TEST(WholeArmBraking, AllocatesNothingBesideObstacles) {
+    if (!testing::AllocationCounter::isAvailable())
+        GTEST_SKIP() << testing::AllocationCounter::whyNot();
+    Environment environment;
+    environment.solids.push_back(makePlate(findHeading() + 0.8 + kPi, 0.02));
+    environment.solids.push_back(makeBox("table", {0.0, 0.0, -0.1}, {2.0, 2.0, 0.1}));
+    WholeArmBrakingOptions options;
+    options.torqueShare = 0.6;
+    options.joints.kAlpha = 20.0;
+    options.joints.recovery = true;
+    ArmAmongObstacles arm(environment, options);
+    arm.configure();
+    std::mt19937 random(1);
+    std::uniform_real_distribution<double> share(-1.0, 1.0);
+    JointVector goal = arm.robot().home;
+    // New ones now and then, one of them in the arm's way: made before, put by another thread in a real loop.
+    Environment nearer = environment;
+    nearer.solids.push_back(makeBox("shelf", arm.dynamics.tool.position + Eigen::Vector3d(0.0, 0.1, 0.0), {0.1, 0.1, 0.1}));
+    const auto first = ArmAmongObstacles::makeSurroundings(environment), second = ArmAmongObstacles::makeSurroundings(nearer);
+    std::array<int, 8> with{};
+    testing::AllocationCounter counter;
+    for (int tick = 0; tick < 20000; ++tick) {
+        if (tick % 500 == 0)
+            for (int i = 0; i < 6; ++i) goal[i] = 2.0 * share(random);
+        if (tick % 3000 == 0) arm.feed.put(tick % 6000 == 0 ? first : second, arm.t);
+        ++with[static_cast<std::size_t>(arm.goTo(goal))];
+    }
+    EXPECT_EQ(counter.count(), 0);
+    EXPECT_GT(with[static_cast<std::size_t>(FilterStatus::Modified)], 5000);
+    EXPECT_GT(with[static_cast<std::size_t>(FilterStatus::StoppedByPlan)], 20);
+}
+
+TEST(WholeArmBraking, ThePluginHasTheDefaultsOfTheOptions) {
+    TestArm arm("indy7");
+    const Parameters parameters = arm.read(PluginKind::SafetyFilter, "whole_arm_braking", "");
+    const WholeArmBrakingOptions options;
+    EXPECT_EQ(parameters.number("k_alpha"), options.joints.kAlpha);
+    EXPECT_EQ(parameters.number("gamma"), options.joints.gamma);
+    EXPECT_EQ(parameters.flag("recovery"), options.joints.recovery);
+    EXPECT_EQ(parameters.number("torque_share"), options.torqueShare);
+    EXPECT_TRUE(parameters.jointNumbers("torque_rate_Nmps").array().isInf().all());
+    EXPECT_EQ(parameters.flag("steers"), options.steers);
+    EXPECT_EQ(parameters.number("max_age_s"), options.maxAge_s);
+}
+
+}  // namespace
+}  // namespace viable

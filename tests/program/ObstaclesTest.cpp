@@ -1,0 +1,157 @@
+#include <gtest/gtest.h>
+#include <octomap/OcTree.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+#include "Program.h"
+#include "ProjectExperiment.h"
+#include "viable/environment/CollisionJudge.h"
+#include "viable/motion/TripleIntegrator.h"
+
+// The experiment with obstacles, run by run, judged by somebody else: poses every tenth of a millisecond, each capsule against
+// each obstacle and each cell of the octree.
+
+namespace viable {
+namespace {
+
+constexpr double kTick_s = 1e-3;
+constexpr int kPosesPerTick = 10;
+/** Accuracy of the judge and rounding [m]. */
+constexpr double kAllowed_m = 1e-8;
+
+struct Judged {
+    CaseResult result;
+    std::int64_t poses = 0, inCollision = 0;
+    double least_m = std::numeric_limits<double>::infinity();
+};
+
+Judged runAndJudge(const ProjectExperiment& experiment, const std::string& name) {
+    const CasePlan* plan = nullptr;
+    for (const CasePlan& each : experiment.experiment().cases)
+        if (each.name == name) plan = &each;
+    const CollisionJudge judge(plan->robot, *plan->geometry, *plan->environment);
+    Judged judged{CaseResult(*plan)};
+    judged.result = experiment.run(name, [&](const TickRecord& r) {
+        for (int k = 0; k < kPosesPerTick; ++k) {
+            const double s = kTick_s * k / kPosesPerTick;
+            JointVector q = r.nominal.q;
+            for (Eigen::Index i = 0; i < q.size(); ++i)
+                q[i] = advance({r.nominal.q[i], r.nominal.qd[i], r.nominal.qdd[i]}, r.nominal.jerk[i], s).p;
+            const double distance = judge.findContact(q, r.time_s + s, 0.05).distance;
+            ++judged.poses;
+            judged.inCollision += distance < 0.0;
+            judged.least_m = std::min(judged.least_m, distance);
+        }
+    });
+    return judged;
+}
+
+/** Seeds tried: VIABLE_OBSTACLE_RUNS, or 20. */
+int getRuns() {
+    const char* const runs = std::getenv("VIABLE_OBSTACLE_RUNS");
+    return runs ? std::atoi(runs) : 20;
+}
+
+TEST(Obstacles, WithoutTheFilterTheArmCollidesAndWithItNever) {
+    int collided = 0;
+    double least = 1.0;
+    const int runs = getRuns();
+    for (int seed = 1; seed <= runs; ++seed) {
+        SCOPED_TRACE("command.seed=" + std::to_string(seed));
+        const ProjectExperiment experiment("indy7_obstacles",
+                                           {"command.seed=" + std::to_string(seed)});
+        const Judged judged = runAndJudge(experiment, "whole_arm");
+        EXPECT_EQ(judged.result.exitCode(), 0) << judged.result.stopMessage;
+        EXPECT_EQ(judged.result.summary.ticksWith(FilterStatus::Infeasible), 0);
+        EXPECT_EQ(judged.inCollision, 0);
+        EXPECT_GE(judged.least_m, 0.02 - kAllowed_m);
+        EXPECT_EQ(judged.result.summary.collisions()->nominal.ticksInCollision, 0);
+        EXPECT_EQ(judged.result.summary.collisions()->nominal.ticksTooNear, 0);
+        least = std::min(least, judged.least_m);
+        const CaseResult bare = experiment.run("joints_only");
+        collided += bare.summary.collisions()->nominal.ticksInCollision > 0;
+    }
+    std::printf("  %d runs of 20 s: without the filter %d collided; with it the least clearance is %.2f mm\n", runs,
+                collided, 1e3 * least);
+    EXPECT_GT(collided, runs / 2);
+    EXPECT_LT(least, 0.03) << "nothing was ever near";
+}
+
+// A wall of cells that nobody has but this test; alone, behind another filter, and with what the joints alone do.
+TEST(Obstacles, AMapOfCellsIsKeptClearOfByTheFilterAloneAndInAChain) {
+    const test::TemporaryFolder folder;
+    octomap::OcTree tree(0.05);
+    for (double y = -0.975; y < 1.0; y += 0.05)
+        for (double z = -0.475; z < 1.5; z += 0.05) tree.updateNode(0.675, y, z, true);
+    tree.prune();
+    ASSERT_TRUE(tree.writeBinary((folder / "wall.bt").string()));
+    const std::string environment =
+        "environment={safety_distance_m: 0.02, map: {file: '" + (folder / "wall.bt").string() +
+        "', unknown: free}}";
+    const auto calcLeast = [&](const std::string& filter) {
+        const ProjectExperiment experiment(
+            "indy7_obstacles", {environment, "duration_s=8", "cases={one: {filter: " + filter + "}}"});
+        const Judged judged = runAndJudge(experiment, "one");
+        EXPECT_EQ(judged.result.exitCode(), 0) << judged.result.stopMessage;
+        return judged.least_m;
+    };
+    EXPECT_LT(calcLeast("{plugin: certified_braking}"), 0.0);
+    const double alone = calcLeast("{plugin: whole_arm_braking}");
+    EXPECT_GE(alone, 0.02 - kAllowed_m);
+    EXPECT_LT(alone, 0.05);
+    EXPECT_GE(calcLeast("[tosbp, {plugin: whole_arm_braking, k_alpha: 20}]"), 0.02 - kAllowed_m);
+}
+
+TEST(Obstacles, FilesAreFoundBesideTheExperimentWhereverOneStands) {
+    const test::TemporaryFolder folder;
+    octomap::OcTree tree(0.05);
+    tree.updateNode(0.975, 0.025, 0.025, true);
+    ASSERT_TRUE(tree.writeBinary((folder / "cell.bt").string()));
+    std::ofstream(folder / "mine.yaml") << "schema: 1\ntitle: Mine\nrobot: " VIABLE_SOURCE_DIR
+                                           "/robots/indy7\nduration_s: 0.01\n"
+                                           "command: {plugin: generated_hand_motion}\n"
+                                           "controller: {plugin: task_space_pd}\n"
+                                           "environment: {map: {file: cell.bt, unknown: free}}\n"
+                                           "cases: {a: {filter: {plugin: whole_arm_braking}}}\n";
+    const auto inFolder = [&] {
+        if (chdir(folder.path().c_str()) != 0) _exit(99);
+    };
+    for (const std::string& file : {std::string("mine.yaml"), std::string("./mine.yaml"),
+                                    (folder / "mine.yaml").string()}) {
+        const test::Outcome o = test::Program({"check", file}, inFolder).wait();
+        EXPECT_EQ(o.code, 0) << o.err;
+    }
+    const test::Outcome o =
+        test::Program({"check", "mine.yaml", "--set", "environment.map.file=cell.bt"}, inFolder).wait();
+    EXPECT_EQ(o.code, 0) << o.err;
+}
+
+// A floor of a building, the arm in free space beside occupied cells, at two places of it.
+TEST(Obstacles, ARealMapWithUnknownSpaceOccupiedOrFree) {
+    const std::string map = VIABLE_SOURCE_DIR "/../shared/data/geb079.bt";
+    if (!std::filesystem::exists(map)) GTEST_SKIP() << "no " << map << " here";
+    for (const char* base : {"[-4.2, -0.88, -0.16]", "[-12, -0.68, -1.76]"})
+        for (const char* unknown : {"free", "occupied"}) {
+            SCOPED_TRACE(std::string(base) + " " + unknown);
+            const ProjectExperiment experiment(
+                "indy7_obstacles",
+                {"environment={safety_distance_m: 0.02, map: {file: '" + map +
+                     "', at: {xyz: " + base + "}, unknown: " + unknown + "}}",
+                 "duration_s=10"});
+            const Judged judged = runAndJudge(experiment, "whole_arm");
+            EXPECT_EQ(judged.result.exitCode(), 0) << judged.result.stopMessage;
+            EXPECT_EQ(judged.inCollision, 0);
+            EXPECT_GE(judged.least_m, 0.02 - kAllowed_m);
+            const CaseResult bare = experiment.run("joints_only");
+            const std::int64_t collided = bare.summary.collisions()->nominal.ticksInCollision;
+            std::printf("  map at %s, unknown %s: least clearance %.1f mm; without the filter %lld ticks in collision\n",
+                        base, unknown, 1e3 * judged.least_m, static_cast<long long>(collided));
+            EXPECT_GT(collided, 0);
+        }
+}
+
+}  // namespace
+}  // namespace viable

@@ -1,0 +1,203 @@
+import {
+  Box3,
+  BoxGeometry,
+  BufferGeometry,
+  DoubleSide,
+  EdgesGeometry,
+  Group,
+  InstancedMesh,
+  Line,
+  LineBasicMaterial,
+  LineSegments,
+  Matrix4,
+  Mesh,
+  MeshBasicMaterial,
+  MeshStandardMaterial,
+  PlaneGeometry,
+  SphereGeometry,
+  Vector3,
+} from 'three';
+import { el } from './dom.js';
+import { asOneBody, ORDER, readPose, readShape } from './scene.js';
+
+/** What stands around the arm, in three's scene. */
+export class Surroundings {
+  #moving = []; // functions of the time
+  #endless = new Set(); // objects that go on beyond what is drawn of them
+  #fills = [];
+  #lines = [];
+
+  /**
+   * @param {Object} environment of the data
+   * @param {import('three').Sphere} ball about what is looked at: half-spaces are drawn as far as it
+   */
+  constructor(run, environment, ball) {
+    this.root = new Group();
+    environment.obstacles.forEach((obstacle, i) => this.root.add(this.#make(run, obstacle, ball, `obstacles[${i}]`)));
+    this.show(run.tMin);
+  }
+
+  #make(run, obstacle, ball, where) {
+    switch (obstacle.type) {
+      case 'half_space':
+        return this.#makeHalfSpace(obstacle, ball);
+      case 'moving_sphere':
+        return this.#makeMovingSphere(obstacle);
+      case 'map':
+        return obstacle.centres ? this.#makeMap(run, obstacle, where) : new Group();
+      default: {
+        const { geometry, position, orientation } = readShape(run, obstacle, where);
+        const group = new Group();
+        group.position.copy(position);
+        group.quaternion.copy(orientation);
+        group.add(this.#fill(geometry, 0.42), this.#line(new LineSegments(new EdgesGeometry(geometry, 30)), 0.75));
+        return group;
+      }
+    }
+  }
+
+  /** A square of its face, as long as what is looked at and centred on it. */
+  #makeHalfSpace({ pose }, { center, radius }) {
+    const { position, orientation } = readPose(pose);
+    const up = new Vector3(0, 0, 1).applyQuaternion(orientation);
+    const group = new Group();
+    group.position.copy(center).addScaledVector(up, up.dot(position) - up.dot(center));
+    group.quaternion.copy(orientation);
+    const geometry = new PlaneGeometry(3 * radius, 3 * radius);
+    this.#endless.add(group);
+    const face = this.#fill(geometry, 0.16);
+    face.material.side = DoubleSide;
+    group.add(face, this.#line(new LineSegments(new EdgesGeometry(geometry)), 0.5));
+    return group;
+  }
+
+  /** The sphere where it is, and its way. */
+  #makeMovingSphere({ radius, waypoints, repeats }) {
+    const ball = this.#fill(new SphereGeometry(radius, 32, 20), 0.62);
+    this.#moving.push((time) => ball.position.copy(positionAt(waypoints, repeats, time)));
+    const way = new BufferGeometry().setFromPoints(waypoints.map(([, ...place]) => new Vector3(...place)));
+    return new Group().add(ball, this.#line(new Line(way), 0.55));
+  }
+
+  /** Cubes, with the arm seen through the foremost of them. */
+  #makeMap(run, { pose, edge_m: edge, centres: reference }, where) {
+    const centres = run.array(reference, `${where}.centres`);
+    const material = new MeshStandardMaterial({ roughness: 0.9, opacity: 0.5 });
+    const cubes = new InstancedMesh(new BoxGeometry(edge, edge, edge), material, centres.length / 3);
+    const place = new Matrix4();
+    for (let i = 0; i < cubes.count; ++i)
+      cubes.setMatrixAt(i, place.setPosition(centres[3 * i], centres[3 * i + 1], centres[3 * i + 2]));
+    const { position, orientation } = readPose(pose);
+    cubes.position.copy(position);
+    cubes.quaternion.copy(orientation);
+    const [depth, paint] = asOneBody(cubes, ORDER.map);
+    depth.instanceMatrix = paint.instanceMatrix;
+    this.#fills.push(material);
+    return new Group().add(depth, paint);
+  }
+
+  #fill(geometry, opacity) {
+    const material = new MeshStandardMaterial({ roughness: 0.9, transparent: true, opacity, depthWrite: false });
+    this.#fills.push(material);
+    const mesh = new Mesh(geometry, material);
+    mesh.renderOrder = ORDER.solid;
+    return mesh;
+  }
+
+  #line(line, opacity) {
+    line.material = new LineBasicMaterial({ transparent: true, opacity, depthWrite: false });
+    this.#lines.push(line.material);
+    line.renderOrder = ORDER.solid;
+    return line;
+  }
+
+  paint(colour) {
+    for (const material of [...this.#fills, ...this.#lines]) material.color.set(colour);
+  }
+
+  /** Moves what moves to where it is at a time. */
+  show(time) {
+    for (const move of this.#moving) move(time);
+  }
+
+  /** The part of a box [Box3] that obstacles are in that have an end. */
+  partOf(box) {
+    const part = new Box3();
+    for (const child of this.root.children) {
+      if (this.#endless.has(child)) continue;
+      const own = new Box3().setFromObject(child).intersect(box);
+      if (!own.isEmpty()) part.union(own);
+    }
+    return part;
+  }
+}
+
+/**
+ * The place of a sphere: straight from waypoint to waypoint. It waits at the first; from the last on it stays or begins
+ * anew.
+ */
+function positionAt(waypoints, repeats, time) {
+  const [first] = waypoints[0];
+  const [last] = waypoints.at(-1);
+  const period = last - first;
+  const t = repeats && period > 0 && time > last ? first + ((time - first) % period) : time;
+  const next = waypoints.findIndex(([at]) => at > t);
+  const placeOf = ([, ...place]) => new Vector3(...place);
+  if (next < 0) return placeOf(waypoints.at(-1));
+  if (next === 0) return placeOf(waypoints[0]);
+  const [from, to] = [waypoints[next - 1], waypoints[next]];
+  return placeOf(from).lerp(placeOf(to), (t - from[0]) / (to[0] - from[0]));
+}
+
+/** A line between the nearest points of arm and obstacle, with the distance beside it. */
+export class NearestLine {
+  #parts;
+  #middle = new Vector3();
+  #from = new Vector3();
+  #to = new Vector3();
+
+  /** @param {number} size of the arm [m] */
+  constructor(stage, size) {
+    this.label = el('span', { class: 'nearest-label', hidden: true });
+    stage.append(this.label);
+    this.material = new MeshBasicMaterial({ transparent: true, depthTest: false });
+    this.root = new Group();
+    const dot = new SphereGeometry(0.009 * size, 16, 12);
+    const rod = new BoxGeometry(1, 1, 1);
+    this.#parts = [dot, dot, rod].map((geometry) => new Mesh(geometry, this.material));
+    this.#parts[2].scale.setScalar(0.005 * size);
+    for (const part of this.#parts) part.renderOrder = ORDER.mark;
+    this.root.add(...this.#parts);
+  }
+
+  /** Puts it between the points of a clearance; hides it where there are none. */
+  show(nearest) {
+    this.root.visible = Number.isFinite(nearest?.distance);
+    if (!this.root.visible) return;
+    const [start, end, rod] = this.#parts;
+    start.position.copy(this.#from.fromArray(nearest.onArm));
+    end.position.copy(this.#to.fromArray(nearest.onObstacle));
+    rod.position.copy(this.#middle.addVectors(this.#from, this.#to).multiplyScalar(0.5));
+    rod.lookAt(this.#to);
+    rod.scale.z = this.#from.distanceTo(this.#to);
+  }
+
+  hide() {
+    this.root.visible = false;
+    this.label.hidden = true;
+  }
+
+  paint(colour) {
+    this.material.color.set(colour);
+  }
+
+  /** Puts the label beside the line as the camera sees it; without a text it is hidden. */
+  placeLabel(text, camera, width, height) {
+    const { x, y, z } = this.#middle.clone().project(camera);
+    this.label.hidden = !this.root.visible || !text || Math.abs(x) > 1 || Math.abs(y) > 1 || z > 1;
+    if (this.label.hidden) return;
+    this.label.textContent = text;
+    this.label.style.setProperty('left', `${((1 + x) / 2) * width}px`);
+    this.label.style.setProperty('top', `${((1 - y) / 2) * height}px`);
+  }
+}
