@@ -282,7 +282,7 @@ CollisionJudge::Contact CollisionJudge::findContact(const JointVector& q, double
         const auto first = static_cast<std::size_t>(i), second = static_cast<std::size_t>(j);
         const double distance = calcSegmentDistance(segments[first], segments[second]) -
                                 capsules[first].radius - capsules[second].radius;
-        if (distance < contact.distance)
+        if (!(distance >= contact.distance))  // what is no number is no clearance
             contact = {distance, capsules[first].link, -1, capsules[second].link};
     }
     std::vector<Eigen::Vector3d> centres;
@@ -291,14 +291,14 @@ CollisionJudge::Contact CollisionJudge::findContact(const JointVector& q, double
     for (std::size_t i = 0; i < capsules.size(); ++i) {
         if (capsules[i].carrier < 0) continue;  // what the base carries stands where it stands
         const auto take = [&](double distance, std::size_t obstacle) {
-            if (distance < contact.distance)
+            if (!(distance >= contact.distance))
                 contact = {distance, capsules[i].link, static_cast<int>(obstacle), -1};
         };
         const double radius = capsules[i].radius;
         const std::size_t solids = scene.environment.solids.size();
         // What is told to be no nearer than the cut-off is not: the difference of two sums is not zero by rounding.
         const auto takeBelow = [&](double distance, double cutoff, std::size_t obstacle) {
-            if (distance < cutoff) take(distance - radius, obstacle);
+            if (!(distance >= cutoff)) take(distance - radius, obstacle);
         };
         for (std::size_t k = 0; k < solids; ++k) {
             const double cutoff = contact.distance + radius;

@@ -238,7 +238,9 @@ const std::vector<ExperimentKey>& payloadKeys() {
     static const std::vector<ExperimentKey> keys = {
         {parameter::number("mass_kg", "kg", nullptr, "Its mass.").atLeast(0).upTo(1000)},
         {parameter::numbers("offset_m", "m", 3, 3, "[0, 0, 0]",
-                            "Its place in the tool frame: x, y, z.")},
+                            "Its place in the tool frame: x, y, z.")
+             .atLeast(-10)
+             .upTo(10)},
     };
     return keys;
 }

@@ -274,7 +274,6 @@ void Summary::add(const TickRecord& record) {
         }
     }
     addStops(record);
-    keepsClearance_ |= record.clearance.isKnown;
     ++ticks_;
     if (statusTicks_[static_cast<int>(record.status)]++ == 0 &&
         record.status == FilterStatus::Infeasible)

@@ -147,7 +147,7 @@ std::string writeSummaryJson(const Experiment& experiment, const std::vector<Cas
                          {"seeds", r.seeds},
                          {"promises_limits", r.promises},
                          {"holds_on_real", r.holdsOnReal},
-                         {"keeps_clearance", s.keepsClearance()},
+                         {"promises_clearance", r.promisesClearance},
                          {"collisions", collisions},
                          {"limits_kept", !s.anyLimitBroken() && !s.endsOutside()},
                          {"ends_outside", s.endsOutside()},

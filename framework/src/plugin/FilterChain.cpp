@@ -32,7 +32,8 @@ void FilterChain::reset(const MotionState& start) {
 }
 
 bool FilterChain::promisesClearance() const {
-    return promising_ >= 0 && links_[static_cast<std::size_t>(promising_)].filter->promisesClearance();
+    // What comes behind may change a decision within the limits, and nobody looks again what that may hit.
+    return promising_ + 1 == static_cast<int>(links_.size()) && links_.back().filter->promisesClearance();
 }
 
 bool FilterChain::recovers() const {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <optional>
 
+#include "core/NumberText.h"
 #include "report/PoseJson.h"
 #include "viable/core/Error.h"
 #include "viable/environment/OccupancyMap.h"
@@ -97,8 +98,10 @@ std::optional<Ball> findReach(const std::filesystem::path& robotFolder) try {
     return std::nullopt;
 }
 
-json describeCells(const OccupancyMap& map, const Eigen::Isometry3d& pose, const Ball& reach,
-                   BinaryBlock& binary) {
+/** The occupied cells, in cubes as large as it takes to draw them; `note` gets what the picture does not show. */
+json describeCells(const OccupancyMap& map, const MapChoice& choice, const Ball& reach,
+                   BinaryBlock& binary, std::string& note) {
+    const Eigen::Isometry3d& pose = choice.pose;
     constexpr double kMostAlongAnAxis = 256.0;  // 2 MB of bits
     const Eigen::Vector3d centre = pose.inverse() * reach.centre;
     const Eigen::Vector3d half = Eigen::Vector3d::Constant(reach.radius_m);
@@ -116,6 +119,11 @@ json describeCells(const OccupancyMap& map, const Eigen::Isometry3d& pose, const
     centres.reserve(3 * surface.size());
     for (const Eigen::Vector3d& cube : surface)
         for (int k = 0; k < 3; ++k) centres.push_back(static_cast<float>(cube[k]));
+    if (choice.unknown == UnknownSpace::Occupied)
+        note = "Space that the map does not know counts as solid and is not drawn.";
+    if (edge > map.resolution())
+        note += (note.empty() ? "" : " ") + ("The map's cells of " + formatNumber(map.resolution()) +
+                                             " m are drawn as cubes of " + formatNumber(edge) + " m.");
     return {{"edge_m", edge}, {"centres", binary.add(centres)}};
 }
 
@@ -174,7 +182,7 @@ json describeEnvironment(const ConfigNode& block, const std::string& mapSha256,
             if (environment.map->sha256.empty()) environment.map->sha256 = mapSha256;
             const OccupancyMap map(*environment.map);
             if (const std::optional<Ball> reach = findReach(robotFolder))
-                cells = describeCells(map, environment.map->pose, *reach, binary);
+                cells = describeCells(map, *environment.map, *reach, binary, note);
         }
     } catch (const Error& error) {  // a report of an old log must not need the map
         environment = readEnvironment(withoutMap(block));

@@ -489,10 +489,14 @@ std::string getPlugin(const std::map<std::string, std::string>& metadata, const 
     return names;
 }
 
-/** Whether the nominal arm of a case of the summary touched anything. */
+/** Whether an arm of a case of the summary touched anything, the nominal or the real one. */
 bool touched(const json& known) {
     const json collisions = known.value("collisions", json(nullptr));
-    return collisions.is_object() && collisions.at("nominal").at("ticks_in_collision") > 0;
+    if (!collisions.is_object()) return false;
+    for (const char* arm : {"nominal", "real"})
+        if (const json one = collisions.value(arm, json(nullptr)); one.is_object() && one.at("ticks_in_collision") > 0)
+            return true;
+    return false;
 }
 
 json describeCase(const fs::path& log, LogReader& reader, const json& summary, BinaryBlock& block) {

@@ -8,8 +8,10 @@ namespace viable::detail {
 
 namespace {
 
+constexpr double kFarthest_m = 1e3;  ///< no arm is larger
+
 Eigen::Vector3d toVector(const ConfigNode& node) {
-    const std::vector<double> x = toNumbers(node, 3, 3);
+    const std::vector<double> x = toNumbers(node, 3, 3, {-kFarthest_m, kFarthest_m});
     return {x[0], x[1], x[2]};
 }
 
@@ -22,6 +24,7 @@ LinkShape readCapsule(const ConfigNode& node) {
     NumberRange positive;
     positive.min = 0.0;
     positive.minIsOpen = true;
+    positive.max = kFarthest_m;
     shape.radius = toNumber(map.require("radius"), positive);
     map.finish();
     return shape;

@@ -1,5 +1,6 @@
 #include "robot/MeshFile.h"
 
+#include <assimp/config.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
@@ -11,6 +12,8 @@ namespace fs = std::filesystem;
 
 Mesh readMesh(const std::string& file, const Eigen::Vector3d& scale) {
     Assimp::Importer importer;
+    // As ROS reads meshes: a Collada file's own axes, whatever it calls up. Assimp would turn them.
+    importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);
     // PreTransformVertices: all nodes in the file's own frame.
     const aiScene* scene =
         importer.ReadFile(file, aiProcess_Triangulate | aiProcess_JoinIdenticalVertices |

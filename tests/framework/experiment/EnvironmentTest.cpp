@@ -164,6 +164,7 @@ TEST(Payload, NonsenseIsRefused) {
     expectContains(errorOf("{offset_m: [0, 0, 1]}"), {"payload", "`mass_kg` [kg] is missing"});
     expectContains(errorOf("{mass_kg: 1, offset_m: [0, 1]}"), {"payload.offset_m", "3"});
     expectContains(errorOf("{mass_kg: 1, mass: 2}"), {"payload.mass"});
+    expectContains(errorOf("{mass_kg: 1, offset_m: [1e200, 0, 0]}"), {"payload.offset_m", "[-10, 10]"});
     expectContains(errorOf("{plugin: nric}"), {"payload is no plugin", "mass_kg: 1.5"});
 }
 

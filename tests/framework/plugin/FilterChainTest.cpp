@@ -24,6 +24,7 @@ public:
         if (throwsInReset) throw std::runtime_error("no way back");
     }
     bool promisesLimits() const override { return promises_; }
+    bool promisesClearance() const override { return clearance > 0.0; }
     bool recovers() const override { return recovery; }
     bool changeLimits(const JointLimits&) override {
         ++limitChanges;
@@ -209,6 +210,14 @@ TEST_F(Chain, AChangeOfArithmeticIsThatFiltersAndUndone) {
     EXPECT_EQ(std::fegetround(), FE_TONEAREST);
     EXPECT_EQ(chain_.answerable(), 0u);
     EXPECT_EQ(never.seen.size(), 0);
+}
+
+TEST_F(Chain, PromisesClearanceOnlyWhenNothingComesBehind) {
+    add(pass, true).clearance = 0.1;
+    EXPECT_TRUE(chain_.promisesClearance());
+    add(pass);
+    EXPECT_FALSE(chain_.promisesClearance());
+    EXPECT_TRUE(chain_.promisesLimits());
 }
 
 TEST_F(Chain, EndedEndsAChainOnlyWhereNobodyPromises) {

@@ -286,9 +286,12 @@ TEST(SurroundingsReport, AMapThatIsLostOrAnotherOneByNowIsNotDrawnAndThePageSays
     ASSERT_TRUE(tree.writeBinary(file));
     std::filesystem::remove(folder / "A.mcap");
     const json found = reportWithMap(folder, "{file: " + file + "}");
-    EXPECT_EQ(found["note"], "");
+    EXPECT_EQ(found["note"], "Space that the map does not know counts as solid and is not drawn.");
     ASSERT_EQ(found["obstacles"].size(), 2u);
     EXPECT_EQ(found["obstacles"][1]["centres"]["n"], 3);
+
+    std::filesystem::remove(folder / "A.mcap");
+    EXPECT_EQ(reportWithMap(folder, "{file: " + file + ", unknown: free}")["note"], "");
 
     std::filesystem::remove(folder / "A.mcap");
     const json other = reportWithMap(folder, "{file: " + file + "}", std::string(64, 'a'));

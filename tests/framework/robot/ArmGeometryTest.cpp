@@ -109,6 +109,8 @@ TEST_F(ArmGeometryTest, WhatIsWrongIsRefusedByPlace) {
     expectFault(capsule("from: [0, 0, 0], to: [1, 0, .inf], radius: 1"), {"links.upper[0].to"});
     expectFault(capsule("from: [0, 0, 0], to: [1, 0, 0], radius: 0"), {"links.upper[0].radius"});
     expectFault(capsule("from: [0, 0, 0], to: [1, 0, 0], radius: -1"), {"links.upper[0].radius"});
+    expectFault(capsule("from: [1e200, 0, 0], to: [1, 0, 0], radius: 1"), {"links.upper[0].from"});
+    expectFault(capsule("from: [0, 0, 0], to: [1, 0, 0], radius: 1e9"), {"links.upper[0].radius"});
     expectFault(capsule("from: [0, 0, 0], to: [1, 0, 0]"), {"radius"});
     expectFault(capsule(good + ", lenght: 2"), {"lenght"});
     expectFault(with(all_, "3"), {"the pairs of links are a list"});

@@ -280,6 +280,26 @@ TEST_F(CapsuleTest, AMeshIsInside) {
     }
 }
 
+// A rod of 1 m along z, in a file that calls z up: it stays along z, as ROS reads it.
+TEST_F(CapsuleTest, AColladaFilesOwnAxesCount) {
+    for (const char* up : {"X_UP", "Y_UP", "Z_UP"}) {
+        std::ofstream(folder_.path() / "rod.dae")
+            << "<?xml version='1.0'?><COLLADA xmlns='http://www.collada.org/2005/11/COLLADASchema' version='1.4.1'>"
+               "<asset><unit name='meter' meter='1'/><up_axis>" << up << "</up_axis></asset>"
+               "<library_geometries><geometry id='g'><mesh><source id='p'><float_array id='a' count='12'>"
+               "0 0 0 0.01 0 0 0 0.01 0 0 0 1</float_array><technique_common><accessor source='#a' count='4' stride='3'>"
+               "<param name='X' type='float'/><param name='Y' type='float'/><param name='Z' type='float'/></accessor>"
+               "</technique_common></source><vertices id='v'><input semantic='POSITION' source='#p'/></vertices>"
+               "<triangles count='4'><input semantic='VERTEX' source='#v' offset='0'/>"
+               "<p>0 1 2 0 1 3 0 2 3 1 2 3</p></triangles></mesh></geometry></library_geometries>"
+               "<library_visual_scenes><visual_scene id='s'><node id='n'><instance_geometry url='#g'/></node>"
+               "</visual_scene></library_visual_scenes><scene><instance_visual_scene url='#s'/></scene></COLLADA>\n";
+        collision_ = "<mesh filename='package://arm_description/rod.dae'/>";
+        const DraftCapsule capsule = draft();
+        EXPECT_GT(std::abs((capsule.to - capsule.from).normalized().dot(pose().linear().col(2))), 0.999) << up;
+    }
+}
+
 TEST_F(CapsuleTest, AMeshThatIsNotThereIsTold) {
     collision_ = "<mesh filename='package://arm_description/gone.stl'/>";
     EXPECT_THROW(draft(), std::runtime_error);

@@ -9,7 +9,8 @@ namespace viable {
 
 /** Judges poses of an arm after the fact: does it touch anything, and by how much? Shares no arithmetic with the
 filters: exact distances between capsules, solids and the cells of the octree itself, without any field, and link poses
-from the robot's description one by one. Slower, and it allocates: not for a tick.
+from the robot's description one by one; what it has in common with them is the reader of the map and the tree in which
+its cells are found (its tests ask all cells, one after the other). Slower, and it allocates: not for a tick.
 
 A capsule's distance from a convex solid is the least signed distance along its segment, a convex function of one
 variable, less its radius; it is found by cutting planes to kAccuracy_m. Where they meet the distance is negative: how

@@ -19,7 +19,7 @@ public:
     /** @param lower, upper  box that the arm can reach, base frame [m]: what the distance field covers
         @param reach_m       distances beyond need not be told apart [m]
     Reads the map file and makes its distance field, or takes them from Surroundings made before in this process, when
-    the file, its place and the box are the same: the last two maps stay in memory to the end of the process. Throws Error (BadInput). */
+    the file, its place and the box are the same: two maps at most stay in memory to the end of the process. Throws Error (BadInput). */
     Surroundings(const Environment& environment, const Eigen::Vector3d& lower,
                  const Eigen::Vector3d& upper, double reach_m);
     ~Surroundings();

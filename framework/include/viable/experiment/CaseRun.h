@@ -82,7 +82,7 @@ struct CaseResult {
 
     /** The promise on the real arm was broken: it passed a limit before anything had tripped. */
     bool isRealPromiseBroken() const;
-    /** The nominal arm touched what it must not, under a filter that promises all limits and keeps a clearance. */
+    /** The nominal arm touched what it must not, under a filter that promises clearances. */
     bool isClearancePromiseBroken() const;
     /** 0, or the ErrorKind's number: broken promise before lost tracking before failed plugin before lost
     log. */

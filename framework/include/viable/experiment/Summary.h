@@ -182,8 +182,6 @@ public:
 
     /** Of a run in an environment. */
     const std::optional<Collisions>& collisions() const { return collisions_; }
-    /** The filter looked at clearances, in some tick. */
-    bool keepsClearance() const { return keepsClearance_; }
 
     bool hasRealPlant() const { return hasRealPlant_; }
     double trackingRms(int joint) const;  ///< of actual - nominal position [rad]
@@ -274,7 +272,6 @@ private:
     std::int64_t commandTicks_ = 0;  // joint-ticks
     bool broken_ = false;
     std::optional<Collisions> collisions_;
-    bool keepsClearance_ = false;
     std::int64_t ticks_ = 0;
     std::int64_t substituted_ = 0;
     JointVector squaredError_, largestError_;
