@@ -15,7 +15,6 @@ public:
     void set(const MotionState& start, const JointVector& jerk,
              const std::array<GridStop, kMaxJoints>& stops, double tick_s);
 
-    int size() const { return n_; }
     double duration() const { return duration_; }     ///< until the last joint rests [s]
     std::int64_t ticks() const { return ticks_; }     ///< the same, the first tick included
 

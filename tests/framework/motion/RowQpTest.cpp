@@ -5,7 +5,6 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <iostream>
 #include <limits>
 #include <memory>
@@ -23,19 +22,8 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr int kSanitizerFactor = 50;
-#else
-constexpr int kSanitizerFactor = 1;
-#endif
-
 using LongVector = NonNegativeLeastSquares<long double>::Vector;
 using LongMatrix = NonNegativeLeastSquares<long double>::Matrix;
-
-long readEnvironment(const char* name, long otherwise) {
-    const char* text = std::getenv(name);
-    return text ? std::strtol(text, nullptr, 10) : otherwise;
-}
 
 struct Problem {
     JointMatrix M;

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <random>
 
+#include "SlidingArm.h"
 #include "viable/environment/CollisionJudge.h"
 
 namespace viable {
@@ -27,13 +28,6 @@ struct Subject {
     RobotDescription robot;
     ArmGeometry geometry;
 };
-
-RobotDescription makeSlidingArm() {
-    RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/ur5e");
-    robot.joints[1].type = JointType::Prismatic;
-    robot.joints[3].type = JointType::Prismatic;
-    return robot;
-}
 
 /** Thin things, so that a look at one time has little chance to see them. */
 Environment drawThinThings(std::mt19937& random) {

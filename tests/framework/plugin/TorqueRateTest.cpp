@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <random>
 
+#include "SlidingArm.h"
 #include "viable/plugin/NominalPlant.h"
 #include "viable/robot/ArmRecursion.h"
 
@@ -12,14 +13,6 @@ namespace viable {
 namespace {
 
 constexpr double kTick_s = 1e-3;
-
-/** A sliding joint on a turning one on a sliding one, with an offset in every direction. */
-RobotDescription makeSlidingArm() {
-    RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/ur5e");
-    robot.joints[1].type = JointType::Prismatic;
-    robot.joints[3].type = JointType::Prismatic;
-    return robot;
-}
 
 // On random stops, from the edge of the limits and slower ones: the torque never changes faster than the bound, and the bound
 // is not absurdly large.
