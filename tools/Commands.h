@@ -22,6 +22,8 @@ void addRobotsCommand(CLI::App& app, int& exitCode);
 void addExportCommand(CLI::App& app, int& exitCode);
 void addRecoverCommand(CLI::App& app, int& exitCode);
 void addReportCommand(CLI::App& app, int& exitCode);
+void addVerifyCommand(CLI::App& app, int& exitCode);
+void addIdentifyCommand(CLI::App& app, int& exitCode);
 void addNewCommand(CLI::App& app, int& exitCode);
 
 /** Folders searched for robots: VIABLE_ROBOT_PATH (colon-separated), `robots` in the current folder

@@ -51,6 +51,8 @@ int main(int argc, char** argv) {
     viable::addExportCommand(app, exitCode);
     viable::addRecoverCommand(app, exitCode);
     viable::addReportCommand(app, exitCode);
+    viable::addVerifyCommand(app, exitCode);
+    viable::addIdentifyCommand(app, exitCode);
     viable::addNewCommand(app, exitCode);
     if (argc > 1 && argv[1][0] != '-') {
         std::vector<std::string> names;

@@ -15,6 +15,8 @@ packages=(
   liburdfdom-dev                    # robot descriptions (URDF)
   nlohmann-json3-dev                # summary.json
   libzstd-dev zlib1g-dev            # log compression and CRC
+  liblz4-dev                        # chunks of other people's MCAP files
+  libsuitesparse-dev                # LDL: banded systems of `viable verify`, normal equations of `viable identify`
   libhdf5-dev                       # export of logs as HDF5
   liboctomap-dev                    # maps of what stands around the arm
   libassimp-dev                     # mesh files for the replay

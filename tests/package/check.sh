@@ -14,7 +14,7 @@ if command -v lintian >/dev/null; then
   lintian --fail-on error,warning "$deb" || fail "lintian has complaints (above)"
 fi
 field() { dpkg-deb -f "$deb" "$1"; }
-for library in libc6 libstdc++6 libsimbody3.7 libyaml-cpp0.7 libzstd1 zlib1g; do
+for library in libc6 libstdc++6 libsimbody3.7 libyaml-cpp0.7 libzstd1 liblz4-1 libldl2 libamd2 zlib1g; do
   [[ "$(field Depends)" == *"$library"* ]] || fail "Depends lacks $library: $(field Depends)"
 done
 [[ "$(field Depends)" != *viable* ]] || fail "it depends on itself: $(field Depends)"

@@ -215,7 +215,7 @@ test('opens from a file without an error and without any other request', async (
   assert.equal(await page.locator('h1').textContent(), description.title || 'Run');
   if (options.title !== undefined) assert.equal(await page.locator('h1').textContent(), options.title);
   assert.equal(await page.locator('.verdict').count(), description.cases.length);
-  assert.equal(await page.locator('.summary tbody tr').count(), description.summary.rows.length);
+  assert.equal(await page.locator('#summary tbody tr').count(), description.summary.rows.length);
   for (const panel of await panels(page)) await panel.scrollIntoViewIfNeeded();
   await page.waitForTimeout(200);
   assert.equal(await page.locator('#message').isVisible(), false);
@@ -231,8 +231,8 @@ test('opens from a file without an error and without any other request', async (
 
 test('every plot is drawn', async () => {
   const page = await open();
-  const all = await panels(page);
-  assert.deepEqual(await page.locator('.panel').evaluateAll((list) => list.map((panel) => panel.dataset.quantity)), [
+  const all = await page.locator('#plots .panel').all();
+  assert.deepEqual(await page.locator('#plots .panel').evaluateAll((list) => list.map((panel) => panel.dataset.quantity)), [
     'interventions',
     ...QUANTITIES,
     'tick_time',
@@ -298,7 +298,7 @@ const part = (page, name) => page.locator('#replay .chip', { hasText: name });
 const words = (page) => page.locator('.nearest-text').textContent();
 
 testOfPage('the replay shows obstacles, the stored stop and what is nearest; each can be hidden', async () => {
-  const page = await open(reportPath, { height: 1300 }); // nothing lies over the picture
+  const page = await open(reportPath, { height: 2000 }); // nothing lies over the picture
   const at = Number((0.32 * end).toFixed(3));
   const whole = await showReplay(page, at);
   const frame = Math.floor((at - near.t0) / near.replay.step_s + 1e-9);
@@ -428,6 +428,152 @@ testOfPage('a map that is lost is told; a clearance that nobody kept is not made
   assert.equal(await part(page, 'obstacles').count(), 1);
   assert.equal(await page.locator('.panel[data-quantity=clearance]').count(), 0);
   assertQuiet(page);
+});
+
+const verified = description.cases.find((c) => c.verification?.verdict === 'broken');
+const section = (page) => page.locator('#verification');
+const verdictCell = (page, joint, column) =>
+  section(page).locator('tbody tr').nth(joint).locator('.verdict-cell').nth(column);
+const verdictRange = async (page) =>
+  (await section(page).locator('.panel').evaluate((root) => root.dataset.range)).split(' ').map(Number);
+
+async function openVerified(settings) {
+  const page = await open(reportPath, settings);
+  await section(page).locator('.group-head .chip', { hasText: verified.name }).click();
+  return page;
+}
+
+testOfPage('what was verified is told joint by joint, in words and marks', async () => {
+  const page = await openVerified();
+  assert.equal(await section(page).locator('h2').textContent(), 'Did the real arm keep its limits?');
+  assert.match(await section(page).locator('p.hint').first().textContent(), /99 % confidence.* by 10 % .* 50 ms/);
+  const choices = await section(page).locator('.group-head .chip').allTextContents();
+  assert.deepEqual(choices, ['C1 ?cannot tell', 'C3 ✗broken']);
+  const words = { held: '✓held', broken: '✗broken', cannot_tell: '?cannot tell', no_limit: '–no limit' };
+  const tones = new Set();
+  for (const [j, { limits, trouble, curves }] of verified.verification.joints.entries()) {
+    const row = section(page).locator('tbody tr').nth(j);
+    assert.equal(await row.locator('th').textContent(), description.robot.joints[j].name);
+    if (trouble) assert.equal(await row.locator('.trouble').textContent(), `? cannot tell: ${trouble}`);
+    assert.equal(await row.locator('.verdict-cell').count(), curves ? 4 : 0);
+    if (!curves) continue;
+    for (const [i, limit] of Object.values(limits).entries()) {
+      const text = await verdictCell(page, j, i).textContent();
+      assert.ok(text.startsWith(words[limit.verdict]), `${text} is not ${limit.verdict}`);
+      tones.add(
+        await verdictCell(page, j, i).locator('.judgement').evaluate((element) => getComputedStyle(element).color),
+      );
+      const label = await verdictCell(page, j, i).getAttribute('aria-label');
+      if (limit.broken) assert.match(label, /beyond the upper limit from [\d.]+ s on.* at least by .*rad\/s/);
+      if (limit.broken) assert.match(text, /[\d.]+ s, by ≥ [\d.]+ rad\/s/);
+      if (limit.verdict === 'held') assert.match(text, /seen from [\d.]+ % on/);
+      if (limit.verdict === 'cannot_tell') assert.match(text, /seen only from \d+ % on/);
+    }
+  }
+  assert.equal(tones.size, 4, [...tones].join());
+  assert.match(await section(page).locator('tbody tr').first().textContent(), /0.21 µrad0.79 µrad12 ms3/);
+  assertQuiet(page);
+});
+
+testOfPage('a verdict that is chosen, by mouse or keys, has its plot: band and limits, whatever the readings', async () => {
+  const page = await openVerified();
+  const panel = section(page).locator('.panel');
+  const heading = () => panel.locator('h3').textContent();
+  const pressed = section(page).locator('.verdict-cell[aria-pressed=true]');
+  await panel.scrollIntoViewIfNeeded();
+  await eventually(async () => (await colouredPixels(panel)) > 20, 'lines');
+  assert.equal(await heading(), 'joint2: velocity [rad/s]', 'at first the worst');
+  assert.match(await panel.locator('.facts').textContent(), /^Broken: beyond the upper limit/);
+  const { text: broken } = await savedSvg(page, 'verification');
+  assert.match(broken, /beyond, at least/);
+
+  await verdictCell(page, 0, 3).click();
+  assert.equal(await heading(), 'joint0: jerk [rad/s³]');
+  assert.equal(await pressed.count(), 1);
+  const { upper, lower } = verified.verification.joints[0].limits.jerk;
+  await eventually(async () => (await verdictRange(page))[1] > upper, 'the range of the jerk');
+  const [low, high] = await verdictRange(page);
+  assert.ok(low < lower && high < 2 * upper, `the readings flatten band and limits: ${low} to ${high}`);
+  assert.match(await panel.locator('.facts').textContent(), /differences of the readings from −1\d{4} /);
+  const { name, text } = await savedSvg(page, 'verification');
+  assert.match(name, /C3_joint0_jerk_verification\.svg$/);
+  for (const label of ['upper limit', 'lower limit', '99 % band', 'differences of readings'])
+    assert.ok(text.includes(label), label);
+
+  const before = await panel.locator('.plot').screenshot();
+  await panel.locator('.chip', { hasText: 'differences' }).click();
+  await eventually(
+    async () => (await differentPixels(before, await panel.locator('.plot').screenshot())) > 5000,
+    'the picture without the readings',
+  );
+
+  await verdictCell(page, 0, 3).focus();
+  const at = await time(page);
+  await page.keyboard.press('ArrowLeft');
+  assert.equal(await heading(), 'joint0: acceleration [rad/s²]');
+  for (const [joint, key] of [1, 2, 4].map((j) => [j, 'ArrowDown'])) {
+    await page.keyboard.press(key);
+    assert.equal(await heading(), `joint${joint}: acceleration [rad/s²]`, 'joint3 has no plot');
+  }
+  assert.equal(await pressed.evaluate((element) => element === document.activeElement), true);
+  assert.equal(await section(page).locator('.verdict-cell[tabindex="0"]').count(), 1, 'one stop of the Tab key');
+  assert.equal(await time(page), at, 'the scrubber stays');
+  assertQuiet(page);
+});
+
+testOfPage('the plot of a verdict shares the time in view and the scrubber', async () => {
+  const page = await openVerified();
+  await drag(page, 'verification', 0.3, 0.6);
+  const [from, to] = await eventually(async () => {
+    const view = await viewOf(page, 'verification');
+    return view[1] < 0.7 * end ? view : null;
+  }, 'a zoomed plot');
+  await reach(page, 'position');
+  await eventually(async () => (await viewOf(page, 'position')).join() === [from, to].join(), 'position zoomed, too');
+  await page.keyboard.press('0');
+  await reach(page, 'verification');
+  const box = await over(page, 'verification').boundingBox();
+  await page.mouse.click(box.x + 0.7 * box.width, box.y + 40);
+  await eventually(async () => Math.abs((await time(page)) - 0.7 * end) < 0.02 * end, 'the scrubber at 70 %');
+  await eventually(
+    async () => /band .*readings /.test(await section(page).locator('.readout').textContent()),
+    'the values there',
+  );
+  assertQuiet(page);
+});
+
+testOfPage('cases that were not verified have nothing of it; what cannot be shown is noted', async () => {
+  const note = 'C2.verify.json is not shown: it is about C1.mcap.';
+  const bare = (data) => {
+    for (const c of data.cases) delete c.verification;
+  };
+  const page = await open(await variant('not_verified', described(bare)));
+  assert.equal(await section(page).isVisible(), false);
+  assert.equal(await page.locator('.verdict-cell').count(), 0);
+  const noted = await open(
+    await variant(
+      'noted',
+      described((data) => {
+        bare(data);
+        data.cases[1].verification_note = note;
+      }),
+    ),
+  );
+  assert.equal(await section(noted).textContent(), note);
+  assert.equal(await section(noted).locator('[role=note]').isVisible(), true);
+  const one = await open(
+    await variant(
+      'one_verified',
+      described((data) => {
+        delete data.cases[0].verification;
+        for (const joint of data.cases[2].verification.joints) joint.curves = null;
+      }),
+    ),
+  );
+  assert.equal(await section(one).locator('button').count(), 0, 'nothing to choose');
+  assert.equal(await section(one).locator('.panel').count(), 0);
+  assert.match(await section(one).locator('.group-head').textContent(), /limits\?C3 ✗broken$/);
+  for (const each of [page, noted, one]) assertQuiet(each);
 });
 
 testOfPage('the plot of the clearance shows the safety distance and what is near it', async () => {
@@ -605,7 +751,7 @@ test('a click in a plot moves the scrubber and its line in all plots', async () 
   await page.mouse.click(box.x + 0.4 * box.width, box.y + 20);
   await eventually(async () => Math.abs((await time(page)) - 0.4 * end) < 0.01 * end, 'the scrubber at 40 %');
   const lines = await page
-    .locator('.scrub-line:visible')
+    .locator('#plots .scrub-line:visible')
     .evaluateAll((all) => all.map((line) => line.getBoundingClientRect().left));
   assert.ok(lines.length >= 2, `${lines.length} lines`);
   assert.ok(Math.max(...lines) - Math.min(...lines) < 1.5, `lines at ${lines}`);
@@ -751,6 +897,7 @@ testOfPage('the keyboard does it all', async () => {
   await press('k');
   assert.equal(await joint(), '0');
 
+  await reach(page, 'position');
   await press('+');
   await eventually(async () => (await viewOf(page, 'position'))[1] < 0.9 * end, 'zoomed by the keyboard');
   await press('0');
@@ -886,6 +1033,14 @@ test('hostile names stay text', async () => {
   hostile.cases.forEach((c) => {
     spoil(c, 'name', 'filter', 'robust_loop', 'plant', 'verdict', 'details');
     c.stop = { time_s: 1, message: HOSTILE };
+    if (c.verification) {
+      spoil(c.verification, 'signal');
+      c.verification_note = HOSTILE;
+      for (const joint of c.verification.joints) {
+        spoil(joint, 'unit', 'trouble');
+        for (const limit of Object.values(joint.limits)) spoil(limit, 'unit', 'verdict');
+      }
+    }
     for (const key of c.clearance ? ['links', 'obstacles'] : [])
       c.clearance[key] = c.clearance[key].map((name) => HOSTILE + name);
   });
@@ -984,6 +1139,12 @@ testOfPage('damaged data is told in words', async () => {
         data.cases[0].joints.pop();
       }),
       /joints/,
+    ],
+    verification: [
+      changed((data) => {
+        data.cases[0].verification.joints[0].curves.jerk.band.n -= 2;
+      }),
+      /verification.*curves.jerk.band.*values/,
     ],
   };
   for (const [name, [text, expected]] of Object.entries(cases)) {

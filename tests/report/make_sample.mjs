@@ -192,6 +192,7 @@ function simulateJoint(j, rows, perBucket, buckets, frames, stride, style) {
 const STYLES = [
   {
     name: 'C1',
+    verified: 'unclear',
     filter: 'acceleration_viability',
     robust: true,
     boundedJerk: false,
@@ -211,6 +212,7 @@ const STYLES = [
   },
   {
     name: 'C3',
+    verified: 'broken',
     filter: 'certified_braking',
     environment: true,
     robust: true,
@@ -415,6 +417,7 @@ function makeCase(index) {
   const real = new Float32Array(frames * JOINTS);
   const rest = new Float32Array(frames * JOINTS);
   const joints = [];
+  const judged = { motions: [], limits: [], buckets, step: perBucket * TICK, rows, breaks: style.verified === 'broken' };
   for (let j = 0; j < JOINTS; ++j) {
     const motion = simulateJoint(j, rows, perBucket, buckets, frames, stride, style);
     motion.modified.forEach((value, i) => {
@@ -436,6 +439,8 @@ function makeCase(index) {
       acceleration: [-ACCELERATION, ACCELERATION],
       jerk: [-JERK, JERK],
     };
+    judged.motions.push(motion);
+    judged.limits.push(limits);
     for (const [name, [lower, upper]] of Object.entries(limits))
       Object.assign(series, { [`${name}_lower`]: lower, [`${name}_upper`]: upper });
     if (style.bound)
@@ -475,6 +480,7 @@ function makeCase(index) {
     for (let row = 0; row < rows; ++row) distance.put(row, nearest[NEAREST * Math.floor(row / stride)]);
   return {
     ...(nearest && { clearance: { environment: 0, links: LINKS, obstacles: OBSTACLES, distance: binary.add(distance.values) } }),
+    ...(style.verified && { verification: makeVerification(judged) }),
     name: style.name + (index >= STYLES.length ? `_${index}` : ''),
     filter: style.filter,
     robust_loop: style.robust ? 'nric' : 'none',
@@ -505,6 +511,85 @@ function makeCase(index) {
       real: binary.add(real),
       ...(nearest && { rest: binary.add(rest), nearest: binary.add(nearest) }),
     },
+  };
+}
+
+const ORDERS = [
+  { name: 'position', key: 'nominal_q', unit: 'rad', raw: 3e-6, band: 6e-6 },
+  { name: 'velocity', key: 'nominal_qd', unit: 'rad/s', raw: 4e-3, band: 1e-3 },
+  { name: 'acceleration', key: 'nominal_qdd', unit: 'rad/s^2', raw: 7, band: 0.25 },
+  { name: 'jerk', key: 'nominal_jerk', unit: 'rad/s^3', raw: 13e3, band: 4 },
+];
+const MOST_LOOKS = 1500;
+
+/**
+ * What `viable verify` could have found: the second joint's readings are too noisy for its jerk, the third is too quick
+ * for a while, of the fourth nothing can be said, the sixth has no position limit.
+ */
+function makeVerification({ motions, limits, buckets, step, rows, breaks }) {
+  const factor = Math.ceil(buckets / MOST_LOOKS);
+  const n = Math.ceil(buckets / factor);
+  const end = rows * TICK;
+  let seed = 1;
+  const chance = () => (seed = (seed * 16807) % 2147483647) / 2147483647 - 0.5;
+  const joints = motions.map((motion, j) => {
+    const trouble = j === 3 ? 'its readings are all the same' : null;
+    const noise = j === 1 ? 40 : 1;
+    const found = {};
+    const curves = { t0: 0, step_s: factor * step, n };
+    ORDERS.forEach(({ name, key, unit, raw, band }, order) => {
+      const { values } = motion.series[key];
+      const perBucket = values.length / buckets;
+      const [lower, upper] = order === 0 && j === 5 ? [null, null] : limits[j][name];
+      const isBroken = breaks && j === 2 && name === 'velocity';
+      const pairs = { raw: new Float32Array(2 * n), mean: new Float32Array(2 * n), band: new Float32Array(2 * n) };
+      const highest = [Infinity, -Infinity];
+      for (let i = 0; i < n; ++i) {
+        const own = values.subarray(i * factor * perBucket, (i + 1) * factor * perBucket);
+        const bound = 1.2 * JERK;
+        let least = Math.max(Math.min(...own), order === 3 ? -bound : -Infinity);
+        let most = Math.min(Math.max(...own), order === 3 ? bound : Infinity);
+        const isPulse = isBroken && Math.abs(i / n - 0.42) < 0.012;
+        if (isPulse) [least, most] = [1.1 * upper, 1.12 * upper];
+        const half = noise * band * (1 + 0.3 * Math.sin(i / 40) + 20 * Math.exp(-Math.min(i, n - 1 - i)));
+        pairs.mean.set([least, most], 2 * i);
+        pairs.band.set(i === 0 ? [NaN, NaN] : [least - half, most + half], 2 * i);
+        pairs.raw.set([least - noise * raw * (0.7 + 0.6 * chance()), most + noise * raw * (0.7 + 0.6 * chance())], 2 * i);
+        if (least < highest[0]) highest[0] = least;
+        if (most > highest[1]) highest[1] = most;
+      }
+      const visible = 0.7 * noise * band;
+      const size = order === 0 && upper !== null ? (upper - lower) / 2 : upper;
+      const verdict = trouble
+        ? 'cannot_tell'
+        : upper === null
+          ? 'no_limit'
+          : isBroken
+            ? 'broken'
+            : visible < 0.1 * size
+              ? 'held'
+              : 'cannot_tell';
+      found[name] = {
+        ...{ verdict, unit, lower, upper, lowest: highest[0], highest: highest[1], deviation: (noise * band) / 5.5 },
+        ...{ judged: trouble ? 0 : 0.998, visible_excess: trouble ? null : visible, broken: null },
+      };
+      if (isBroken)
+        found[name].broken = {
+          ...{ side: 'upper', first_s: 0.41 * end, worst_s: 0.42 * end, excess: 0.12 * upper },
+          ...{ certain_excess: 0.12 * upper - band, duration_s: 0.024 * end },
+        };
+      curves[name] = Object.fromEntries(Object.entries(pairs).map(([kind, array]) => [kind, binary.add(array)]));
+    });
+    return {
+      ...{ unit: 'rad', trouble, noise: trouble ? null : noise * 2.1e-7, quantum: trouble || j === 1 ? null : 7.9e-7 },
+      ...{ window_s: trouble ? null : 0.012 * Math.sqrt(noise), left_out: trouble ? null : j === 0 ? 3 : 0 },
+      ...{ limits: found, curves: trouble ? null : curves },
+    };
+  });
+  const verdicts = joints.flatMap((joint) => Object.values(joint.limits).map(({ verdict }) => verdict));
+  return {
+    ...{ signal: 'real', verdict: verdicts.includes('broken') ? 'broken' : 'cannot_tell', confidence: 0.99, excess: 0.1 },
+    ...{ excess_duration_s: 0.05, begin_s: 0, end_s: end, samples: rows, joints },
   };
 }
 

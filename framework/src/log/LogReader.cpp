@@ -1,21 +1,13 @@
 #include "viable/log/LogReader.h"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-#include <zlib.h>
-#include <zstd.h>
-
 #include <algorithm>
-#include <cerrno>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
-#include <system_error>
 
 #include "LogFields.h"
 #include "Mcap.h"
+#include "McapFile.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -41,10 +33,9 @@ namespace {
 
 using namespace mcap;
 
-/** Largest chunk accepted, decompressed; the writer's own stay near 1 MiB. [bytes] */
-constexpr std::uint64_t kLargestAcceptedChunk = std::uint64_t{64} << 20;
-/** Largest record accepted: nothing of a log needs more, and a slip must not take all memory. */
-constexpr std::uint64_t kLargestRecord = std::uint64_t{256} << 20;
+constexpr char kRemedy[] =
+    "The log is damaged or was not written by this program; what stands before this byte could be "
+    "read";
 
 bool isTime(const LogChannel& channel, const LogField& field) {
     return channel.name == "tick" && field.name == "time_s";
@@ -80,11 +71,6 @@ std::vector<LogColumn> listColumns(const LogLayout& layout, const IsThere& isThe
         }
     }
     return columns;
-}
-
-std::uint32_t addToCrc(std::uint32_t crc, std::string_view bytes) {
-    return static_cast<std::uint32_t>(
-        crc32_z(crc, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
 }
 
 /** One field of a message as the file's schema declares it. */
@@ -155,12 +141,6 @@ std::vector<Step> parseSchema(std::string_view text, const LogChannel& channel) 
     return steps;
 }
 
-std::string quote(std::string_view text) {
-    std::string clean;
-    for (const char c : text.substr(0, 40)) clean += c >= ' ' && c < 0x7f ? c : '?';
-    return "`" + clean + "`";
-}
-
 }  // namespace
 
 std::vector<LogColumn> listColumns(const LogLayout& layout) {
@@ -170,210 +150,41 @@ std::vector<LogColumn> listColumns(const LogLayout& layout) {
 }
 
 struct LogReader::Impl {
-    explicit Impl(const std::filesystem::path& path) : file(path.string()) {
-        descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-        struct stat info {};
-        if (descriptor < 0 || ::fstat(descriptor, &info) != 0) {
-            const std::string reason = std::generic_category().message(errno);
-            closeFile();
-            throw badInput(file, "the log cannot be opened: " + reason, "Check the path");
-        }
-        try {
-            if (!S_ISREG(info.st_mode)) throw badInput(file, "not a file", "Give a log");
-            size = static_cast<std::uint64_t>(info.st_size);
-            findEnd();
-            readOpening();
-        } catch (...) {
-            closeFile();
-            throw;
-        }
-    }
-    ~Impl() { closeFile(); }
-
-    void closeFile() {
-        if (descriptor >= 0) ::close(descriptor);
-        descriptor = -1;
-    }
-
-    [[noreturn]] void fail(std::uint64_t offset, const std::string& reason) const {
-        throw badInput(file + ": byte " + std::to_string(offset), reason,
-                       "The log is damaged or was not written by this program; what stands "
-                       "before this byte could be read");
-    }
-
-    void readAt(std::uint64_t offset, std::uint64_t length, std::string& to) const {
-        to.resize(static_cast<std::size_t>(length));
-        std::size_t got = 0;
-        while (got < to.size()) {
-            const ssize_t taken =
-                ::pread(descriptor, &to[got], to.size() - got, static_cast<off_t>(offset + got));
-            if (taken < 0 && errno == EINTR) continue;
-            if (taken < 0) {
-                fail(offset + got, "cannot be read: " + std::generic_category().message(errno));
-            }
-            if (taken == 0) fail(offset + got, "the file has become shorter while it was read");
-            got += static_cast<std::size_t>(taken);
-        }
-    }
-
-    /** Looks for footer and closing magic; checks the summary's checksum. */
-    void findEnd() {
-        std::string bytes;
-        readAt(0, std::min<std::uint64_t>(size, kMagic.size()), bytes);
-        if (bytes != kMagic) {
-            throw badInput(file, size == 0 ? "the file is empty" : "not an MCAP file of version 0",
-                           "Give a log written by `viable run`");
-        }
-        dataEnd = size;
-        constexpr std::uint64_t kTail = kRecordHead + kFooterContent + kMagic.size();
-        if (size < kMagic.size() + kTail) return;
-        readAt(size - kTail, kTail, bytes);
-        if (std::string_view(bytes).substr(kTail - kMagic.size()) != kMagic) return;
-
-        const std::uint64_t footer = size - kTail;
-        ByteReader in(bytes);
-        const std::uint8_t footerOpcode = in.takeU8();
-        const std::uint64_t length = in.takeU64();
-        const std::uint64_t summary = in.takeU64();
-        in.takeU64();
-        const std::uint32_t footerCrc = in.takeU32();
-        if (footerOpcode != kFooter || length != kFooterContent)
-            fail(footer, "no footer before the end");
-        if (summary != 0 && (summary < kMagic.size() || summary > footer)) {
-            fail(footer, "the summary cannot begin at byte " + std::to_string(summary));
-        }
-        std::uint32_t crc = 0;
-        constexpr std::uint64_t kCovered = kRecordHead + 16;  // the footer up to its checksum
-        const std::uint64_t covered = footer + kCovered;
-        for (std::uint64_t at = summary == 0 ? footer : summary; at < covered;) {
-            const std::uint64_t block = std::min<std::uint64_t>(covered - at, 1 << 20);
-            readAt(at, block, bytes);
-            crc = addToCrc(crc, bytes);
-            at += block;
-        }
-        if (footerCrc != 0 && crc != footerCrc) fail(footer, "the summary's checksum differs");
-        isComplete = true;
-        dataEnd = summary == 0 ? footer : summary;
-    }
-
-    /** Reads the record at `position` into `content`; false: none is left. */
-    bool nextRecord() {
-        if (atEnd) return false;
-        recordOffset = position;
-        if (dataEnd - position < kRecordHead) return cutOff();
-        readAt(position, kRecordHead, head);
-        ByteReader in(head);
-        opcode = in.takeU8();
-        const std::uint64_t length = in.takeU64();
-        if (length > dataEnd - position - kRecordHead) return cutOff();
-        if (length > kLargestRecord) {
-            fail(position, "a record of " + std::to_string(length) + " bytes; at most " +
-                               std::to_string(kLargestRecord) + " are accepted");
-        }
-        readAt(position + kRecordHead, length, content);
-        position += kRecordHead + length;
-        return true;
-    }
-
-    bool cutOff() {
-        atEnd = true;
-        if (isComplete) fail(position, "a record runs past the end of the data");
-        return false;
-    }
-
-    void readOpening() {
-        position = kMagic.size();
-        if (!nextRecord()) fail(position, "the log ends within its opening and holds no rows");
-        if (opcode != kHeader) fail(recordOffset, "the first record is not a header");
-        within(recordOffset + kRecordHead, [&] {
-            ByteReader in(content);
-            in.takeString();
-            library = in.takeString();
-        });
-        addToDataCrc(kMagic);
-        addToDataCrc(head);
-        addToDataCrc(content);
-        // Up to the first record that can hold rows; that one is taken by read().
-        while (nextRecord()) {
-            if (opcode == kChunk || opcode == kMessage || opcode == kDataEnd) {
-                isPending = true;
-                break;
-            }
-            takeRecord();
-        }
+    explicit Impl(const std::filesystem::path& path) : file(path, kRemedy) {
+        while (file.nextOfOpening()) file.within([&] { takeRecord(); });
         if (layout.jointNames.empty()) {
-            fail(position, isComplete ? "the log has no channel of this program"
-                                      : "the log ends within its opening and holds no rows");
+            file.fail(file.isComplete() ? "the log has no channel of this program"
+                                        : "the log ends within its opening and holds no rows");
         }
         columns = listColumns(layout, [&](const LogChannel&, const LogField& field) {
             return fields.count(&field) != 0;
         });
     }
 
-    void addToDataCrc(std::string_view bytes) { dataCrc = addToCrc(dataCrc, bytes); }
-
-    /** Turns what is wrong with the bytes from `offset` on into an Error. */
-    template <class Call>
-    void within(std::uint64_t offset, const Call& call) const {
-        try {
-            call();
-        } catch (const BadBytes& e) {
-            fail(offset + e.offset, e.what());
-        }
-    }
-
-    void takeRecord() {
-        const std::uint64_t offset = recordOffset + kRecordHead;
-        if (opcode != kDataEnd) {
-            addToDataCrc(head);
-            addToDataCrc(content);
-        }
-        switch (opcode) {
+    /** True: with this record `row` is whole. */
+    bool takeRecord() {
+        const std::string_view content = file.content();
+        switch (file.opcode()) {
             case kSchema:
-                within(offset, [&] { takeSchema(content); });
+                takeSchema(content);
                 break;
             case kChannel:
-                within(offset, [&] { takeChannel(content); });
+                takeChannel(content);
                 break;
-            case kMetadata:
-                within(offset, [&] {
-                    ByteReader in(content);
-                    if (in.takeString() == "viable") metadata = in.takeMap();
-                });
+            case kMetadata: {
+                ByteReader in(content);
+                if (in.takeString() == "viable") metadata = in.takeMap();
                 break;
+            }
             case kAttachment:
-                within(offset, [&] { takeAttachment(); });
+                takeAttachment(content);
                 break;
-            case kChunk:
-                within(offset, [&] { takeChunk(); });
-                break;
-            case kMessage:  // outside a chunk: allowed, though never written by us
-                chunk = ByteWriter();
-                chunk.putU8(kMessage);
-                chunk.putU64(content.size());
-                chunk.bytes += content;
-                chunkOffset = recordOffset;
-                isChunkFileBytes = true;
-                reader = ByteReader(chunk.bytes);
-                break;
-            case kDataEnd:
-                within(offset, [&] {
-                    const std::uint32_t written = ByteReader(content).takeU32();
-                    if (written != 0 && written != dataCrc) {
-                        fail(recordOffset,
-                             "the checksum of all data differs: something before "
-                             "is damaged");
-                    }
-                });
-                atEnd = true;
-                hasDataEnd = true;
-                break;
-            case kHeader:
-            case kFooter:
-                fail(recordOffset, "a header or footer among the data");
+            case kMessage:
+                return takeMessage(content);
             default:  // indices, and what later versions of the format may bring
                 break;
         }
+        return false;
     }
 
     void takeSchema(std::string_view bytes) {
@@ -455,7 +266,7 @@ struct LogReader::Impl {
         layout.jointNames = names;
     }
 
-    void takeAttachment() {
+    void takeAttachment(std::string_view content) {
         ByteReader in(content);
         in.takeU64();
         in.takeU64();
@@ -465,69 +276,10 @@ struct LogReader::Impl {
         attachment.data = in.take(in.takeU64());
         const std::size_t covered = in.position();
         const std::uint32_t crc = in.takeU32();
-        if (crc != 0 && crc != addToCrc(0, std::string_view(content).substr(0, covered))) {
+        if (crc != 0 && crc != calcCrc(content.substr(0, covered))) {
             throw BadBytes(0, "the checksum of attachment " + quote(attachment.name) + " differs");
         }
         attachments.push_back(std::move(attachment));
-    }
-
-    void takeChunk() {
-        ByteReader in(content);
-        in.takeU64();
-        in.takeU64();
-        const std::uint64_t plain = in.takeU64();
-        const std::uint32_t crc = in.takeU32();
-        const std::string_view compression = in.takeString();
-        const std::string_view packed = in.take(in.takeU64());
-        if (plain > kLargestAcceptedChunk) {
-            throw BadBytes(16, "a chunk of " + std::to_string(plain) + " bytes; at most " +
-                                   std::to_string(kLargestAcceptedChunk) + " are accepted");
-        }
-        if (compression.empty()) {
-            chunk.bytes = packed;
-        } else if (compression == "zstd") {
-            chunk.bytes.resize(static_cast<std::size_t>(plain));
-            const std::size_t got = ZSTD_decompress(chunk.bytes.data(), chunk.bytes.size(),
-                                                    packed.data(), packed.size());
-            if (ZSTD_isError(got)) {
-                throw BadBytes(
-                    0, std::string("the chunk cannot be decompressed: ") + ZSTD_getErrorName(got));
-            }
-            chunk.bytes.resize(got);
-        } else {
-            throw BadBytes(0, "the chunk is compressed by " + quote(compression) +
-                                  "; this version reads `zstd` and none");
-        }
-        if (chunk.bytes.size() != plain) {
-            throw BadBytes(0, "the chunk has " + std::to_string(chunk.bytes.size()) +
-                                  " bytes instead of " + std::to_string(plain));
-        }
-        if (crc != 0 && crc != addToCrc(0, chunk.bytes)) {
-            throw BadBytes(0, "the chunk's checksum differs");
-        }
-        chunkOffset = recordOffset;
-        isChunkFileBytes = false;
-        reader = ByteReader(chunk.bytes);
-    }
-
-    /** Takes what is left of the chunk up to the end of a row; true: `row` is whole. */
-    bool takeRow() {
-        std::size_t recordStart = 0;
-        try {
-            while (reader.left() > 0) {
-                recordStart = reader.position();
-                const std::uint8_t kind = reader.takeU8();
-                const std::string_view record = reader.take(reader.takeU64());
-                if (kind == kSchema) takeSchema(record);
-                if (kind == kChannel) takeChannel(record);
-                if (kind == kMessage && takeMessage(record)) return true;
-            }
-        } catch (const BadBytes& e) {
-            if (isChunkFileBytes) fail(chunkOffset + recordStart + e.offset, e.what());
-            fail(chunkOffset,
-                 "in this chunk, record at byte " + std::to_string(recordStart) + ": " + e.what());
-        }
-        return false;
     }
 
     bool takeMessage(std::string_view record) {
@@ -614,20 +366,14 @@ struct LogReader::Impl {
     }
 
     bool read(TickRecord& record) {
-        for (;;) {
-            if (takeRow()) {
-                record = row;
-                return true;
-            }
-            if (isPending) {
-                isPending = false;
-            } else if (!nextRecord()) {
-                break;
-            }
-            takeRecord();
+        while (file.next()) {
+            bool isWhole = false;
+            file.within([&] { isWhole = takeRecord(); });
+            if (!isWhole) continue;
+            record = row;
+            return true;
         }
-        if (isComplete && !hasDataEnd) fail(position, "the data section has no end");
-        if (isComplete && seen != 0) fail(position, "the last row lacks a channel");
+        if (file.isComplete() && seen != 0) file.fail("the last row lacks a channel");
         return false;
     }
 
@@ -640,30 +386,9 @@ struct LogReader::Impl {
         std::vector<Step> steps;
     };
 
-    std::string file;
-    int descriptor = -1;
-    std::uint64_t size = 0;
-    std::uint64_t dataEnd = 0;  // where the data section ends at the latest
-    bool isComplete = false;
-
-    // The record at hand
-    std::uint64_t position = 0;
-    std::uint64_t recordOffset = 0;
-    std::uint8_t opcode = 0;
-    std::string head, content;
-    bool isPending = false;  // read, not yet taken
-    bool atEnd = false;
-    bool hasDataEnd = false;
-    std::uint32_t dataCrc = 0;
-
-    // The chunk at hand
-    ByteWriter chunk;
-    std::uint64_t chunkOffset = 0;
-    bool isChunkFileBytes = false;
-    ByteReader reader{std::string_view()};
+    McapFile file;
 
     LogLayout layout;
-    std::string library;
     std::map<std::string, std::string> metadata;
     std::vector<LogAttachment> attachments;
     std::vector<LogColumn> columns;
@@ -685,7 +410,7 @@ const LogLayout& LogReader::layout() const {
     return impl_->layout;
 }
 const std::string& LogReader::library() const {
-    return impl_->library;
+    return impl_->file.library();
 }
 const std::map<std::string, std::string>& LogReader::metadata() const {
     return impl_->metadata;
@@ -697,7 +422,7 @@ const std::vector<LogColumn>& LogReader::columns() const {
     return impl_->columns;
 }
 bool LogReader::isComplete() const {
-    return impl_->isComplete;
+    return impl_->file.isComplete();
 }
 bool LogReader::read(TickRecord& record) {
     return impl_->read(record);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <stdexcept>
 
 #include "experiment/NumberFormat.h"
 #include "log/LogExportColumns.h"
@@ -499,6 +500,138 @@ bool touched(const json& known) {
     return false;
 }
 
+/** What `viable verify` found out about a case, from CASE.verify.json beside its log. Only what is of the form that the
+page knows goes into it. Throws std::exception with the reason where the file is damaged or of something else. */
+class VerificationFile {
+public:
+    /** @param shift_s  time of the log's first row; the file's times count from there */
+    VerificationFile(const fs::path& file, double shift_s, BinaryBlock& block)
+        : file_(file), shift_s_(shift_s), block_(block) {}
+
+    json read(const std::string& caseName, const std::vector<std::string>& joints) const {
+        const json all = json::parse(detail::readWhole(file_), nullptr, false);
+        if (!all.is_object()) throw std::runtime_error("it is no JSON object, or cut off");
+        if (const json& schema = all.at("schema"); schema != 1)
+            throw std::runtime_error("it has schema " + schema.dump(-1, ' ', true, json::error_handler_t::replace) +
+                                     ", this version knows 1");
+        const std::string source = fs::path(all.at("log").get<std::string>()).filename().string();
+        if (getCase(source) != caseName) throw std::runtime_error("it is about " + source);
+        json one = {{"signal", all.value("signal", "real")},
+                    {"verdict", readVerdict(all)},
+                    {"confidence", all.at("confidence").get<double>()},
+                    {"excess", all.at("excess").get<double>()},
+                    {"excess_duration_s", all.at("excess_duration_s").get<double>()},
+                    {"begin_s", all.at("begin_s").get<double>() + shift_s_},
+                    {"end_s", all.at("end_s").get<double>() + shift_s_},
+                    {"samples", all.at("samples").get<std::int64_t>()},
+                    {"joints", json::array()}};
+        std::vector<std::string> names;
+        for (const json& joint : all.at("joints")) names.push_back(joint.at("name").get<std::string>());
+        if (names != joints) throw std::runtime_error("its joints are not those of the log");
+        for (const json& joint : all.at("joints")) one["joints"].push_back(readJoint(joint));
+        return one;
+    }
+
+private:
+    static constexpr const char* kJudged[] = {"position", "velocity", "acceleration", "jerk"};
+    static constexpr const char* kVerdicts[] = {"held", "broken", "cannot_tell", "no_limit"};
+    /** Lower and upper end of what is drawn: in the page, in the file. */
+    static constexpr const char* kCurves[][3] = {
+        {"raw", "raw_least", "raw_largest"}, {"mean", "mean_least", "mean_largest"}, {"band", "low", "high"}};
+
+    static std::string readVerdict(const json& from) {
+        const std::string word = from.at("verdict").get<std::string>();
+        if (std::find(std::begin(kVerdicts), std::end(kVerdicts), word) == std::end(kVerdicts))
+            throw std::runtime_error("it has an unknown verdict");
+        return word;
+    }
+    /** The numbers of these names, null where the file has null. */
+    static json readNumbers(const json& from, std::initializer_list<const char*> names) {
+        json numbers = json::object();
+        for (const char* name : names) {
+            const json& value = from.at(name);
+            numbers[name] = value.is_null() ? json(nullptr) : json(value.get<double>());
+        }
+        return numbers;
+    }
+    json readJoint(const json& from) const {
+        json one = readNumbers(from, {"noise", "quantum", "window_s", "left_out"});
+        one["unit"] = from.at("unit").get<std::string>();
+        const json& trouble = from.at("trouble");
+        one["trouble"] = trouble.is_null() ? json(nullptr) : json(trouble.get<std::string>());
+        for (const char* name : kJudged) one["limits"][name] = readLimit(from.at("limits").at(name));
+        const json& curves = from.at("curves");
+        one["curves"] = curves.is_null() ? json(nullptr) : readCurves(curves);
+        return one;
+    }
+    json readLimit(const json& from) const {
+        json one = readNumbers(
+            from, {"lower", "upper", "lowest", "highest", "deviation", "judged", "visible_excess"});
+        one["verdict"] = readVerdict(from);
+        one["unit"] = from.at("unit").get<std::string>();
+        one["broken"] = nullptr;
+        if (one["verdict"] != "broken") return one;
+        const json& broken = from.at("broken");
+        one["broken"] = {{"side", broken.at("side") == "upper" ? "upper" : "lower"},
+                         {"first_s", broken.at("first_s").get<double>() + shift_s_},
+                         {"worst_s", broken.at("worst_s").get<double>() + shift_s_},
+                         {"excess", broken.at("excess").get<double>()},
+                         {"certain_excess", broken.at("certain_excess").get<double>()},
+                         {"duration_s", broken.at("duration_s").get<double>()}};
+        return one;
+    }
+    json readCurves(const json& from) const {
+        const double step_s = from.at("step_s").get<double>();
+        const std::size_t n = from.at("n").get<std::size_t>();
+        if (!(step_s > 0.0) || n == 0) throw std::runtime_error("it has curves without times");
+        json all = {{"t0", from.at("t0").get<double>() + shift_s_}, {"step_s", step_s}, {"n", n}};
+        for (const char* quantity : kJudged)
+            for (const auto& [name, lower, upper] : kCurves)
+                all[quantity][name] = block_.add(
+                    joinPairs(from.at(quantity).at(lower), from.at(quantity).at(upper), n));
+        return all;
+    }
+    /** Two arrays of numbers in turns; null is not a number. */
+    static std::vector<float> joinPairs(const json& lower, const json& upper, std::size_t n) {
+        if (!lower.is_array() || !upper.is_array() || lower.size() != n || upper.size() != n)
+            throw std::runtime_error("it has curves that do not fit together");
+        std::vector<float> both;
+        both.reserve(2 * n);
+        for (std::size_t i = 0; i < n; ++i)
+            for (const json* end : {&lower[i], &upper[i]}) {
+                const double x = end->is_null() ? kNan : end->get<double>();
+                both.push_back(static_cast<float>(
+                    std::abs(x) <= static_cast<double>(std::numeric_limits<float>::max()) ? x : kNan));
+            }
+        return both;
+    }
+
+    fs::path file_;
+    double shift_s_;
+    BinaryBlock& block_;
+};
+
+/** Adds what `viable verify` left beside a case's log; where that cannot be used, a note why. */
+void addVerification(const fs::path& log, const LogReader& reader, json& one, BinaryBlock& block) {
+    const std::string name = getCase(log);
+    const fs::path file = log.parent_path() / (name + ".verify.json");
+    std::error_code failed;
+    if (!fs::exists(file, failed)) return;
+    const auto note = [&](const std::string& why) {
+        one["verification_note"] = file.filename().string() + " is not shown: " + why + ".";
+    };
+    try {
+        const VerificationFile verification(file, one.at("t0").get<double>(), block);
+        one["verification"] = verification.read(name, reader.layout().jointNames);
+    } catch (const json::exception& problem) {
+        const std::string text = problem.what();  // after the library's own number of the error
+        const std::size_t begin = text.find("] ");
+        note("it is damaged: " + (begin == std::string::npos ? text : text.substr(begin + 2)));
+    } catch (const std::exception& problem) {
+        note(problem.what());
+    }
+}
+
 json describeCase(const fs::path& log, LogReader& reader, const json& summary, BinaryBlock& block) {
     CaseData data(reader);
     TickRecord record;
@@ -525,6 +658,7 @@ json describeCase(const fs::path& log, LogReader& reader, const json& summary, B
         if (const std::string stop = known.value("stop", ""); !stop.empty())
             one["stop"] = {{"time_s", known.value("stop_time_s", 0.0)}, {"message", stop}};
     }
+    addVerification(log, reader, one, block);
     return one;
 }
 

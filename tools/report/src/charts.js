@@ -267,32 +267,13 @@ export class LineChart {
   /** Where no case may be is tinted. */
   #drawForbidden(painter, frame, limit, palette) {
     if (!this.#isCommon(limit)) return;
-    const { side, value } = limit;
-    const right = frame.left + frame.width;
-    const edge = side === 'upper' ? frame.top : frame.top + frame.height;
-    if (typeof value !== 'number' && value.y.some(Number.isNaN)) return; // not everywhere a limit
-    painter.area(
-      (sink) => {
-        if (typeof value === 'number') {
-          sink.moveTo(frame.left, frame.toY(value));
-          sink.lineTo(right, frame.toY(value));
-        } else trace(sink, value, frame);
-        sink.lineTo(right, edge);
-        sink.lineTo(frame.left, edge);
-      },
-      { colour: palette.bad, alpha: palette.forbidden },
-    );
+    if (typeof limit.value !== 'number' && limit.value.y.some(Number.isNaN)) return; // not everywhere a limit
+    drawBeyond(painter, frame, limit, palette);
   }
 
   #drawLimit(painter, frame, limit, palette) {
     const style = { colour: this.#limitColour(limit, palette), ...LIMIT_STYLES[limit.kind] };
-    painter.line((sink) => {
-      if (typeof limit.value !== 'number') trace(sink, limit.value, frame);
-      else {
-        sink.moveTo(frame.left, frame.toY(limit.value));
-        sink.lineTo(frame.left + frame.width, frame.toY(limit.value));
-      }
-    }, style);
+    painter.line((sink) => traceLimit(sink, limit.value, frame), style);
   }
 
   /** At the right end, beyond the limit where there is room: there is the least to cover. */
@@ -302,22 +283,16 @@ export class LineChart {
     const y = frame.toY(isNumber ? value : value.y.at(-1));
     const bottom = frame.top + frame.height;
     if (!(y >= frame.top && y <= bottom)) return;
-    const outward = side === 'upper' ? -1 : 1;
     const own = this.#limitLines().filter((other) => other.side === side);
     const isInner = own.some((other) => other.kind === BEYOND[kind]); // beyond it there is another line
-    const room = isInner ? 0 : side === 'upper' ? y - frame.top : bottom - y;
     const index = own.filter((other) => other.kind === kind).indexOf(limit);
-    painter.text(
-      `${LIMIT_NAMES[kind](side, this.quantity)}${isNumber ? ` ${String(Number(value.toPrecision(4))).replace('-', '−')} ${this.unit}` : ''}`,
-      frame.left + frame.width - 5 - index * 140,
-      y + (room >= LABEL_HEIGHT ? 1 : -1) * outward * 7.5,
-      {
-        colour: this.#isCommon(limit) && kind !== 'real' ? palette.muted : this.#limitColour(limit, palette),
-        size: 10,
-        align: 'right',
-        halo: palette.surface,
-      },
-    );
+    const name = LIMIT_NAMES[kind](side, this.quantity);
+    drawLabel(painter, frame, side, y, isNumber ? `${name} ${limitText(value, this.unit)}` : name, {
+      colour: this.#isCommon(limit) && kind !== 'real' ? palette.muted : this.#limitColour(limit, palette),
+      halo: palette.surface,
+      isInner,
+      shift: index * 140,
+    });
   }
 
   /** Per shown case the values at a time, kind by kind. */
@@ -461,14 +436,48 @@ export class HistogramChart {
   jointName = '';
 }
 
+/** A limit as its label tells it. */
+export const limitText = (value, unit) => `${String(Number(value.toPrecision(4))).replace('-', '−')} ${unit}`;
+
+/** The line of a limit: a number, or samples. */
+export function traceLimit(sink, value, frame) {
+  if (typeof value !== 'number') {
+    trace(sink, value, frame);
+    return;
+  }
+  sink.moveTo(frame.left, frame.toY(value));
+  sink.lineTo(frame.left + frame.width, frame.toY(value));
+}
+
+/** Tints what is beyond a limit. */
+export function drawBeyond(painter, frame, { side, value }, palette) {
+  const edge = side === 'upper' ? frame.top : frame.top + frame.height;
+  painter.area(
+    (sink) => {
+      traceLimit(sink, value, frame);
+      sink.lineTo(frame.left + frame.width, edge);
+      sink.lineTo(frame.left, edge);
+    },
+    { colour: palette.bad, alpha: palette.forbidden },
+  );
+}
+
+/** The label of a limit that is at y: at the right end, beyond it where there is room and nothing else (`isInner`). */
+export function drawLabel(painter, frame, side, y, text, { colour, halo, isInner = false, shift = 0 }) {
+  const outward = side === 'upper' ? -1 : 1;
+  const room = isInner ? 0 : side === 'upper' ? y - frame.top : frame.top + frame.height - y;
+  const x = frame.left + frame.width - 5 - shift;
+  painter.text(text, x, y + (room >= LABEL_HEIGHT ? 1 : -1) * outward * 7.5, { colour, size: 10, align: 'right', halo });
+}
+
 /** Room for what is to be seen, and for the text beyond limits. */
-function withLabels(reach, limits) {
+export function withLabels(reach, limits) {
   const [low, high] = pad(reach, 0.06);
   const margin = 0.15 * (reach[1] - reach[0]);
   return [Math.min(low, limits[0] - margin), Math.max(high, limits[1] + margin)];
 }
 
-function pad([low, high], share) {
+export function pad([low, high], share) {
   if (!(low <= high)) return [-1, 1];
   const margin = (high - low) * share || Math.abs(high) * 0.1 || 1;
   return [low - margin, high + margin];

@@ -46,6 +46,17 @@
  *         "clearance" (not given: nothing stood around the arm): { "environment": int | null, "links", "obstacles": [str],
  *           "distance": ref, like a series: from what is nearest on the way through the tick and the stop [m] | null
  *           (no filter looked) },
+ *         "verification_note": str (why what `viable verify` left is not shown; not given: nothing is in the way),
+ *         "verification" (what `viable verify` found out about the arm; not given: nothing): {
+ *           "signal": "real"|"nominal" (whose readings), "verdict": VERDICT, "confidence", "excess" (share of a limit that was looked
+ *           for), "excess_duration_s", "begin_s", "end_s", "samples": num, "joints": [ {
+ *             "unit": str, "trouble": str (why nothing can be said) | null, "noise", "quantum", "window_s", "left_out": num | null,
+ *             "limits": { "position", "velocity", "acceleration", "jerk": { "verdict": VERDICT, "unit": str, "lower", "upper",
+ *               "lowest", "highest", "deviation", "judged" (share of the time), "visible_excess" (null: none): num | null,
+ *               "broken": null | { "side": "lower"|"upper", "first_s", "worst_s", "excess", "certain_excess", "duration_s" } } },
+ *             "curves": null | { "t0", "step_s": num, "n": int, "position", ...: { "raw" (differences of the readings), "mean"
+ *               (the estimate), "band" (its edges): ref f32 2*n, least and largest in turns } } } ] },
+ *           VERDICT: "held"|"broken"|"cannot_tell"|"no_limit"
  *         "replay": { "step_s": num, "n": int, "nominal": ref f32 n*joints, "real": ref | null,
  *           with a clearance "rest": ref f32 n*joints (where the stored stop ends; NaN: nowhere)
  *           and "nearest": ref f32 n*11: distance [m] (NaN: unknown), link, obstacle (-1: the arm itself), other link, the
@@ -80,6 +91,9 @@ export const STATUS = [
   'no admissible choice',
   'invalid or faulted',
 ];
+
+/** What a verification judges, in the order of derivatives. */
+export const JUDGED = ['position', 'velocity', 'acceleration', 'jerk'];
 
 const NEAREST = 11; // numbers per frame of the replay
 
@@ -157,6 +171,9 @@ export class Case {
       for (const key of Object.keys(need(joint.series, `${where}.joints[${j}].series`))) this.samples(j, key);
     });
     this.replay = json.replay ? this.#readReplay(json.replay, `${where}.replay`) : null;
+    /** What `viable verify` found out, or null; why it is not shown, or an empty text. */
+    this.verification = json.verification ? readVerification(run, json.verification, `${where}.verification`) : null;
+    this.verificationNote = String(json.verification_note ?? '');
     /** What stood around the arm, or null. */
     this.environment = run.environments[json.clearance?.environment] ?? null;
     this.#names = { links: json.clearance?.links ?? [], obstacles: json.clearance?.obstacles ?? [] };
@@ -254,4 +271,38 @@ export class Case {
       nearest: read(nearest, 'nearest', NEAREST * n),
     };
   }
+}
+
+/** Its curves are samples: least and largest value per bucket, of a band its edges. */
+function readVerification(run, json, where) {
+  const joints = needArray(json.joints, `${where}.joints`).map((joint, j) => {
+    const limits = need(joint.limits, `${where}.joints[${j}].limits`);
+    for (const quantity of JUDGED) need(limits[quantity], `${where}.joints[${j}].limits.${quantity}`);
+    return { ...joint, curves: joint.curves ? readCurves(run, joint.curves, `${where}.joints[${j}].curves`) : null };
+  });
+  if (joints.length !== run.joints.length)
+    throw new DataError(`${where}: ${joints.length} joints, the robot has ${run.joints.length}.`);
+  return { ...json, joints };
+}
+
+function readCurves(run, { t0, step_s: step, n, ...quantities }, where) {
+  if (!(step > 0)) throw new DataError(`${where}: step_s must be positive.`);
+  const samples = (reference, name) => ({
+    x0: t0 + 0.25 * step,
+    dx: 0.5 * step,
+    y: run.array(reference, `${where}.${name}`, 2 * n),
+    pairs: true,
+  });
+  const curves = JUDGED.map((quantity) => {
+    const { raw, mean, band } = need(quantities[quantity], `${where}.${quantity}`);
+    return [
+      quantity,
+      {
+        raw: samples(raw, `${quantity}.raw`),
+        mean: samples(mean, `${quantity}.mean`),
+        band: samples(band, `${quantity}.band`),
+      },
+    ];
+  });
+  return Object.fromEntries(curves);
 }

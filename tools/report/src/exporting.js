@@ -22,7 +22,7 @@ const ROW = 18; // of the legend
 /** Saves a figure as `format` ("png" or "svg"). */
 export async function saveFigure(state, figure, format) {
   const [chart] = figure.charts;
-  const names = [state.run.title, chart.jointName, figure.charts.length > 1 ? 'limits' : chart.id];
+  const names = [state.run.title, chart.jointName, figure.charts.length > 1 ? 'limits' : (chart.fileName ?? chart.id)];
   save(await makeFigure(state, figure, format), `${names.filter(Boolean).join(' ')}.${format}`);
 }
 
@@ -107,9 +107,9 @@ function drawFigure(painter, state, { charts, view, width = WIDTH, title = null 
     painter.text(state.run.title, width - MARGIN.right, 16, { colour: palette.muted, size: 11, align: 'right' });
   rows.forEach((row, i) => {
     const y = HEAD + (i + 0.5) * ROW;
-    for (const { name, colour, dash, isLine, x } of row) {
-      if (isLine) painter.line((sink) => (sink.moveTo(x, y), sink.lineTo(x + 22, y)), { colour, dash, width: 2.2 });
-      else painter.rect(x + 5, y - 4, 12, 8, colour);
+    for (const { name, colour, dash, isLine, alpha = 1, x } of row) {
+      if (isLine) painter.line((sink) => (sink.moveTo(x, y), sink.lineTo(x + 22, y)), { colour, dash, alpha, width: 2.2 });
+      else painter.rect(x + 5, y - 4, 12, 8, colour, alpha);
       painter.text(name, x + 28, y, { colour: palette.text });
     }
   });
@@ -170,6 +170,7 @@ function drawPlot(painter, chart, place, view, { isLast }) {
 /** The cases, or for the acting limits what their colours mean. */
 function legendOf(state, chart) {
   const palette = printColours;
+  if (chart.legend) return chart.legend(palette);
   if (chart.id === 'interventions')
     return legend(state.run).map(({ name, code }) => ({
       name,

@@ -27,6 +27,15 @@ export function span([low, high], extent) {
   return a === b ? a : `${a}\u2009…\u2009${b}`;
 }
 
+/** A value with its unit, where that reads better in thousandths, millionths, ... of the unit: 0.21 µrad. */
+export function amount(value, unit, digits = 2) {
+  if (!Number.isFinite(value)) return '–';
+  const size = Math.abs(value);
+  const [prefix, factor] =
+    size >= 0.01 || size === 0 ? ['', 1] : size >= 1e-5 ? ['m', 1e3] : size >= 1e-8 ? ['µ', 1e6] : ['n', 1e9];
+  return `${number(value * factor, digits)} ${prefix}${unit}`;
+}
+
 /** How many decimals multiples of a number need: 1 for 2.5, 2 for 0.25. */
 function decimalsOf(increment) {
   const least = Math.max(0, -Math.floor(Math.log10(increment) + 1e-9));

@@ -10,6 +10,7 @@ import { createReplay } from './replay.js';
 import { State } from './state.js';
 import { fillDetails, fillHead, fillSummary, JointTable } from './table.js';
 import { initTheme } from './theme.js';
+import { Verification } from './verification.js';
 
 const part = (id) => document.getElementById(id);
 
@@ -43,6 +44,7 @@ async function start() {
   listenToKeys(state, openHelp);
   part('loading').hidden = true;
   part('page').hidden = false;
+  new Verification(part('verification'), state);
   new PlotArea(part('plots'), state);
   new JointTable(part('joints'), state);
   const replay = createReplay(part('replay'), run, state);

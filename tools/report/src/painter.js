@@ -113,7 +113,8 @@ export class SvgPainter {
   }
 
   area(build, { colour, alpha = 1 }) {
-    this.#parts.push(`<path d="${pathOf(build)}Z" fill="${colour}" fill-opacity="${alpha}"/>`);
+    const path = pathOf(build);
+    if (path) this.#parts.push(`<path d="${path}Z" fill="${colour}" fill-opacity="${alpha}"/>`);
   }
 
   rect(x, y, width, height, colour, alpha = 1) {

@@ -16,7 +16,7 @@ const AXIS_WIDTH = 60;
 const AXIS_HEIGHT = 22;
 
 /** One plot with its head (name, buttons), its read-out and the line of the scrubber. Draws only while it is visible. */
-class Panel {
+export class Panel {
   #plot = null;
   #stale = true;
   #visible = false;
@@ -62,6 +62,11 @@ class Panel {
     });
   }
 
+  /** The cases that it shows: the chart's own, else those that are shown everywhere. */
+  get #cases() {
+    return this.chart.cases ?? this.state.cases;
+  }
+
   #domain() {
     return this.shared ? this.state.view : this.chart.domain;
   }
@@ -78,7 +83,7 @@ class Panel {
     this.name.textContent = this.compact ? chart.jointName : `${chart.title}${chart.unit ? ` [${chart.unit}]` : ''}`;
     this.host.setAttribute(
       'aria-label',
-      `${chart.description}; cases ${this.state.cases.map((c) => c.name).join(', ') || 'none'}`,
+      `${chart.description}; cases ${this.#cases.map((c) => c.name).join(', ') || 'none'}`,
     );
     this.#fillReadout();
   }
@@ -303,17 +308,17 @@ class Panel {
   /** Room for a case's values: fixed, so that nothing moves when numbers get longer. */
   #cellWidth(withName) {
     if (this.compact) return this.chart.isLanes ? 130 : 120;
-    const name = withName ? Math.min(20, Math.max(0, ...this.state.cases.map((c) => c.name.length))) : 0;
+    const name = withName ? Math.min(20, Math.max(0, ...this.#cases.map((c) => c.name.length))) : 0;
     return 24 + 7.2 * name + (this.chart.isLanes ? 150 : 16 + 62 * (this.chart.kindCount ?? 1));
   }
 
   #fillReadout() {
-    this.cells = this.state.cases.map((c) => el('output', { 'aria-live': 'off', 'data-case': c.index }));
+    this.cells = this.#cases.map((c) => el('output', { 'aria-live': 'off', 'data-case': c.index }));
     this.readout.style.setProperty('--cell', `${this.#cellWidth(true)}px`);
     this.readout.style.setProperty('--short-cell', `${this.#cellWidth(false)}px`);
-    this.readout.classList.toggle('many', this.state.cases.length > 3);
+    this.readout.classList.toggle('many', this.#cases.length > 3);
     this.readout.replaceChildren(
-      ...this.state.cases.map((c, i) =>
+      ...this.#cases.map((c, i) =>
         el(
           'span',
           {

@@ -29,7 +29,7 @@ export function fillHead(host, run) {
 const columnsFor = (count) => Math.ceil(count / Math.ceil(count / 5));
 
 /** Units as people write them. */
-const pretty = (text) => text.replaceAll('/s^2', '/s²').replaceAll('/s^3', '/s³');
+export const pretty = (text) => text.replaceAll('/s^2', '/s²').replaceAll('/s^3', '/s³');
 
 /** What stopped a case. The message may tell the time itself. */
 function stopText({ time_s: time, message }) {

@@ -163,9 +163,23 @@ export function trace(sink, samples, frame, stepped = false) {
 
 /** Goes round all that is at most `reach` from a series in view; a NaN leaves a gap. */
 export function band(sink, samples, reach, frame) {
-  const [first, last] = inView(samples, frame.xMin, frame.xMax);
   const { x0, dx, y } = samples;
+  goRound(sink, inView(samples, frame.xMin, frame.xMax), (i) => [x0 + i * dx, y[i] - reach, y[i] + reach], frame);
+}
+
+/** Goes round all that is between the least and the largest values of a series of pairs. */
+export function envelope(sink, samples, frame) {
+  const { x0, dx, y } = samples;
+  const buckets = inView(samples, frame.xMin, frame.xMax).map((i) => i >> 1);
+  goRound(sink, buckets, (i) => [x0 + (2 * i + 0.5) * dx, y[2 * i], y[2 * i + 1]], frame);
+}
+
+/** Goes round what is between two lines; `at` gives time, lower and upper value of each index from first to last. */
+function goRound(sink, [first, last], at, frame) {
   const { pixel = 1 } = frame;
+  const top = frame.top - 20 * frame.height; // far outside is far enough
+  const bottom = frame.top + 21 * frame.height;
+  const toY = (value) => Math.min(Math.max(frame.toY(value), top), bottom);
   let edge = []; // per pixel column, or per sample if these are fewer: x, lower and upper end
   const close = () => {
     edge.forEach(([x, , upper], i) => (i === 0 ? sink.moveTo(x, upper) : sink.lineTo(x, upper)));
@@ -173,13 +187,14 @@ export function band(sink, samples, reach, frame) {
     edge = [];
   };
   for (let i = first; i <= last; ++i) {
-    if (y[i] !== y[i]) {
+    const [time, least, most] = at(i);
+    if (least !== least || most !== most) {
       close();
       continue;
     }
-    const x = frame.toX(x0 + i * dx);
-    const lower = frame.toY(y[i] - reach);
-    const upper = frame.toY(y[i] + reach);
+    const x = frame.toX(time);
+    const lower = toY(least);
+    const upper = toY(most);
     const column = edge.at(-1);
     if (column && x - column[0] < pixel) {
       column[1] = Math.max(column[1], lower);
