@@ -1,4 +1,5 @@
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <memory>
@@ -26,18 +27,12 @@ struct VerifyArguments {
     bool report = false;
 };
 
-std::string joinNames(const MotionRecord& record) {
-    std::string names;
-    for (const MotionRecord::Joint& joint : record.joints) names += (names.empty() ? "" : ", ") + joint.name;
-    return names;
-}
-
-/** Leaves the joints that the robot has; what it has in addition is told. */
-std::vector<AxisLimits> takeRobotLimits(const std::string& name, MotionRecord& record) {
+/** Leaves the joints that the robot has. @param missing  is given the robot's joints that the record lacks */
+std::vector<AxisLimits> takeRobotLimits(const std::string& name, MotionRecord& record, std::string& missing) {
     const RobotDescription robot = loadRobot(findRobot(name, makeRobotSearchPath({}), "--limits"));
     std::vector<AxisLimits> limits;
     std::vector<MotionRecord::Joint> joints;
-    std::string without, missing;
+    std::string without;
     const std::vector<std::string> names = robot.jointNames();
     for (MotionRecord::Joint& joint : record.joints) {
         const auto found = std::find(names.begin(), names.end(), joint.name);
@@ -68,24 +63,16 @@ std::vector<AxisLimits> takeRobotLimits(const std::string& name, MotionRecord& r
     if (!without.empty())
         std::fprintf(stderr, "viable: robot %s does not have these joints of the record, they are left out: %s\n",
                      robot.name.c_str(), without.c_str());
-    if (!missing.empty())
-        std::fprintf(stderr, "viable: these joints of robot %s are not in the record: %s\n", robot.name.c_str(),
-                     missing.c_str());
     record.joints = std::move(joints);
     return limits;
 }
 
-std::vector<AxisLimits> findLimits(const VerifyArguments& arguments, MotionRecord& record) {
-    if (!arguments.limits.empty()) return takeRobotLimits(arguments.limits, record);
+std::vector<AxisLimits> findLimits(const VerifyArguments& arguments, MotionRecord& record, std::string& missing) {
+    if (!arguments.limits.empty()) return takeRobotLimits(arguments.limits, record, missing);
     std::vector<AxisLimits> limits;
     for (std::size_t i = 0; i < record.joints.size(); ++i)
         limits.push_back((record.limits ? *record.limits : JointLimits::unlimited(1))
                              .axis(record.limits ? static_cast<int>(i) : 0));
-    if (!record.limits)
-        std::fprintf(stderr,
-                     "viable: %s names no limits: the motion is estimated, nothing is judged (`--limits ROBOT` names "
-                     "the robot whose limits count)\n",
-                     record.source.c_str());
     return limits;
 }
 
@@ -101,19 +88,34 @@ int verify(const VerifyArguments& arguments) {
     if (arguments.report && fs::path(arguments.file).extension() != ".mcap")
         throw badInput("--report", arguments.file + " is no log of a run",
                        "Only a run has a report; `--json FILE` writes the verdict of any record.");
+    if (!arguments.json.empty()) refuseExisting("--json", arguments.json);
     MotionRecord record = readMotionRecord(arguments.file, arguments.record);
-    const std::vector<AxisLimits> limits = findLimits(arguments, record);
+    if (record.isCutOff)
+        std::fprintf(stderr,
+                     "viable: %s has no end (the run was killed or is still going on): what it has is judged\n",
+                     record.source.c_str());
+    std::string missing;
+    const std::vector<AxisLimits> limits = findLimits(arguments, record, missing);
     const RecordVerdict verdict = judgeLimits(record, limits, arguments.judge);
     if (!arguments.json.empty()) replaceFile(arguments.json, writeJson(verdict, record));
     std::fputs(writeText(verdict).c_str(), stdout);
+    if (!missing.empty()) std::printf("not in the record, so not judged: %s\n", missing.c_str());
+    if (verdict.overall() == Finding::NoLimit)
+        std::printf("Nothing was judged: %s. `--limits ROBOT` names the robot whose limits count.\n",
+                    arguments.limits.empty() ? "the record names no limits" : "the robot has none");
     if (!arguments.json.empty()) std::printf("wrote %s\n", arguments.json.c_str());
     if (arguments.report) {
         const fs::path file = nameVerdictFile(arguments.file);
         replaceFile(file, writeJson(verdict, record));
         std::printf("wrote %s\n", file.c_str());
         const fs::path folder = fs::path(arguments.file).parent_path();
-        for (const fs::path& page : writeReport(folder.empty() ? "." : folder, findReportPage()))
-            std::printf("wrote %s\n", page.c_str());
+        try {
+            for (const fs::path& page : writeReport(folder.empty() ? "." : folder, findReportPage()))
+                std::printf("wrote %s\n", page.c_str());
+        } catch (const Error& e) {  // of another log in the folder, say: the verdict stands
+            std::fprintf(stderr, "viable: the report was not written: %s\n", e.what());
+            if (verdict.overall() == Finding::Held || verdict.overall() == Finding::NoLimit) return e.exitCode();
+        }
     }
     switch (verdict.overall()) {
         case Finding::Broken:
@@ -130,23 +132,23 @@ int verify(const VerifyArguments& arguments) {
 void addVerifyCommand(CLI::App& app, int& exitCode) {
     auto arguments = std::make_shared<VerifyArguments>();
     CLI::App* command = app.add_subcommand(
-        "verify", "Did the joints keep their limits? Judges noisy readings, with error bars. Exit code 0: held, 3: "
-                  "broken, 7: cannot be told");
+        "verify", "Did the joints keep their limits? Judges noisy readings, with error bars. Exit code 0: held, or "
+                  "no limit was named; 3: broken; 7: cannot be told; 2: bad input; 5: a file was not written");
     command->add_option("LOG", arguments->file, "Log of a case, another MCAP file with joint states, or CSV")->required();
     command->add_option("--limits", arguments->limits, "Robot whose limits count (default: those of the log)");
     command
         ->add_option("--signal", arguments->signal, "real: readings of the real arm (default), or nominal")
         ->check(CLI::IsMember({"real", "nominal"}));
     command->add_option("--columns", arguments->record.columns,
-                        "NAME:UNIT,...: columns of the CSV to use, with their units (s, ms; rad, deg, m, mm)");
+                        "NAME:UNIT,...: columns of the CSV to use, with their units (s, ms, us, ns; rad, deg; m, cm, mm)");
     command->add_option("--topic", arguments->record.topic, "Topic of the joint states, where the file has several");
     command->add_option("--confidence", arguments->judge.confidence,
                         "Probability that nothing is called broken that was held, in the whole record (0.99)");
     command->add_option("--excess", arguments->judge.excess,
                         "Share of a limit: an excess of this size must be visible for `held` (0.1)");
     command->add_option("--excess-duration", arguments->judge.excessDuration_s, "How long it lasts, in s (0.05)");
-    command->add_option("--json", arguments->json, "Write verdicts and curves to this file");
-    command->add_flag("--report", arguments->report, "Write the report of the run again, with the verdict in it");
+    command->add_option("--json", arguments->json, "Write verdicts and curves to this new file");
+    command->add_flag("--report", arguments->report, "Write the report of the run again, with the verdict (CASE.verify.json beside the log)");
     command->callback([arguments, &exitCode] {
         arguments->record.arm = arguments->signal == "nominal" ? LoggedArm::Nominal : LoggedArm::Real;
         exitCode = verify(*arguments);

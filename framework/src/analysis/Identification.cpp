@@ -480,9 +480,9 @@ void Estimator::reportResiduals(std::size_t i, int tests, JointIdentification& j
     }
     const bool isExplained =
         joint.explained >= kLeastExplained || joint.residualRms < kToldShare * scale;
-    joint.verdict = worst > kDoubtfulShare || !isExplained ? Verdict::Doubtful
-                    : worst > kToldShare                   ? Verdict::Approximate
-                                                           : Verdict::Adequate;
+    joint.verdict = worst > kDoubtfulShare || !isExplained ? ModelVerdict::Doubtful
+                    : worst > kToldShare                   ? ModelVerdict::Approximate
+                                                           : ModelVerdict::Adequate;
 }
 
 void Estimator::reportPayload(PayloadIdentification& payload) const {
@@ -576,15 +576,15 @@ const char* getName(FrictionForm form) {
     return "none";
 }
 
-const char* getName(Verdict verdict) {
+const char* getName(ModelVerdict verdict) {
     switch (verdict) {
-        case Verdict::Adequate:
+        case ModelVerdict::Adequate:
             return "adequate";
-        case Verdict::Approximate:
+        case ModelVerdict::Approximate:
             return "approximate";
-        case Verdict::Doubtful:
+        case ModelVerdict::Doubtful:
             return "doubtful";
-        case Verdict::NotIdentified:
+        case ModelVerdict::NotIdentified:
             break;
     }
     return "not identified";

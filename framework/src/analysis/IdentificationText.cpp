@@ -177,7 +177,7 @@ std::string writeFriction(const Identification& found, const std::string& oldSou
         if (!note.empty() || joint.form != FrictionForm::Saturating)
             text += "  # " + makePrintable(joint.name) + ": " + getName(joint.form) + "; " +
                     makePrintable(note) + "\n";
-        else if (joint.explained < 0.5 && joint.verdict == Verdict::Doubtful)
+        else if (joint.explained < 0.5 && joint.verdict == ModelVerdict::Doubtful)
             text += "  # " + makePrintable(joint.name) + ": explains only " +
                     format("%.0f", 100.0 * joint.explained) +
                     " % of what the rigid arm leaves open\n";
@@ -297,7 +297,7 @@ std::string writeText(const Identification& found) {
     for (const JointIdentification& joint : found.joints) {
         if (!joint.reason.empty()) text += makePrintable(joint.name) + ": " + joint.reason + "\n";
         if (joint.form == FrictionForm::None) continue;
-        if (joint.explained < 0.5 && joint.verdict == Verdict::Doubtful)
+        if (joint.explained < 0.5 && joint.verdict == ModelVerdict::Doubtful)
             text += makePrintable(joint.name) + ": explains only " +
                     format("%.0f", 100.0 * joint.explained) +
                     " % of the torque that the rigid arm leaves open\n";

@@ -35,13 +35,18 @@ normal distribution. From 1000 synthetic records (tests/framework/analysis), of 
 constexpr double kLongTail = 1.25;
 
 /** Half width of the band [deviations] that is left anywhere with the probability `error`, both sides together. */
-double findCritical(double arc, double error) {
+double findCritical(const SmoothedMotion& motion, double arc, double error) {
+    // Student's t with n degrees of freedom. The tail beyond c is at most K n / ((n - 1) c) (1 + c^2 / n)^((1 - n) / 2).
+    const double n = motion.freedom(), starts = static_cast<double>(motion.stretches().size());
+    const double K = std::exp(std::lgamma(0.5 * (n + 1.0)) - std::lgamma(0.5 * n)) / std::sqrt(M_PI * n);
     const auto calcError = [&](double c) {
-        return std::erfc(c / std::sqrt(2.0)) + arc / M_PI * std::exp(-0.5 * c * c);
+        const double decay = std::log1p(c * c / n);
+        const double tail = K * n / ((n - 1.0) * c) * std::exp(0.5 * (1.0 - n) * decay);
+        return 2.0 * starts * tail + arc / M_PI * std::exp(-0.5 * n * decay);
     };
-    double low = 0.0, high = 40.0;
-    for (int step = 0; step < 60; ++step) {
-        const double middle = 0.5 * (low + high);
+    double low = 1e-3, high = 1e4;
+    for (int step = 0; step < 80; ++step) {
+        const double middle = std::sqrt(low * high);
         (calcError(middle) > error ? low : high) = middle;
     }
     return kLongTail * high;
@@ -51,18 +56,20 @@ double findCritical(double arc, double error) {
 struct Walk {
     std::vector<double> times_s;
     std::vector<MotionEstimate> estimates;
+    std::vector<double> steps_s;  // that each stands for
 };
 
 Walk walkAlong(const SmoothedMotion& motion) {
     constexpr double kLooksPerWindow = 5.0;
-    const double span = motion.end_s() - motion.begin_s();
-    const auto looks = static_cast<std::size_t>(std::ceil(span / motion.window_s() * kLooksPerWindow));
     Walk walk;
-    walk.times_s.reserve(looks + 1);
-    walk.estimates.reserve(looks + 1);
-    for (std::size_t i = 0; i <= looks; ++i) {
-        walk.times_s.push_back(motion.begin_s() + span * static_cast<double>(i) / static_cast<double>(looks));
-        walk.estimates.push_back(motion.evaluate(walk.times_s.back()));
+    for (const auto& [begin_s, end_s] : motion.stretches()) {
+        const double span = end_s - begin_s;
+        const auto looks = static_cast<std::size_t>(std::ceil(span / motion.window_s() * kLooksPerWindow)) + 1;
+        for (std::size_t i = 0; i <= looks; ++i) {
+            walk.times_s.push_back(begin_s + span * static_cast<double>(i) / static_cast<double>(looks));
+            walk.estimates.push_back(motion.evaluate(walk.times_s.back()));
+            walk.steps_s.push_back(span / static_cast<double>(looks + 1));
+        }
     }
     return walk;
 }
@@ -77,9 +84,13 @@ std::vector<std::size_t> listJudged(const Walk& walk, std::size_t order, LimitVe
     std::nth_element(deviations.begin(), middle, deviations.end());
     verdict.deviation = *middle;
     std::vector<std::size_t> judged;
+    double judged_s = 0.0;
     for (std::size_t i = 0; i < walk.estimates.size(); ++i)
-        if (walk.estimates[i].deviation[order] <= kWideOpen * verdict.deviation) judged.push_back(i);
-    verdict.judged = static_cast<double>(judged.size()) / static_cast<double>(walk.estimates.size());
+        if (walk.estimates[i].deviation[order] <= kWideOpen * verdict.deviation) {
+            judged.push_back(i);
+            judged_s += walk.steps_s[i];
+        }
+    verdict.judged = judged_s / (walk.times_s.back() - walk.times_s.front());
     return judged;
 }
 
@@ -111,7 +122,6 @@ private:
 
 void findBreaks(const SmoothedMotion& motion, const Walk& walk, std::size_t order, double duration_s,
                 LimitVerdict& verdict) {
-    const double step_s = walk.times_s[1] - walk.times_s[0];
     verdict.lowest = kInfinity;
     verdict.highest = -kInfinity;
     Breaks breaks(verdict);
@@ -121,7 +131,7 @@ void findBreaks(const SmoothedMotion& motion, const Walk& walk, std::size_t orde
         verdict.lowest = std::min(verdict.lowest, mean);
         verdict.highest = std::max(verdict.highest, mean);
         if (breaks.look(walk.times_s[i], mean, verdict.critical * walk.estimates[i].deviation[order]))
-            verdict.duration_s += step_s;
+            verdict.duration_s += walk.steps_s[i];
     }
     double meansDuration_s = 0.0;
     for (const MeanEstimate& m : motion.calcMeans(static_cast<int>(order), duration_s)) {
@@ -167,6 +177,8 @@ double findVisibleExcess(const SmoothedMotion& motion, const Walk& walk, const s
     constexpr std::size_t kPlaces = 24;
     constexpr int kHalvings = 6;
     constexpr double kLargest = 1000.0;  // half widths of the band: beyond, it is not found at all
+    constexpr double kLeastReadings = 4.0;  // in the pulse: fewer are outliers as well
+    if (judged.empty() || duration_s < kLeastReadings * motion.interval_s()) return kInfinity;
     double visible = 0.0;
     for (std::size_t place = 0; place < kPlaces; ++place) {
         const std::size_t i = judged[(2 * place + 1) * judged.size() / (2 * kPlaces)];
@@ -176,7 +188,8 @@ double findVisibleExcess(const SmoothedMotion& motion, const Walk& walk, const s
         const auto sees = [&](double excess) {
             return isSeen(motion, order, verdict, sign, limit, walk.times_s[i], duration_s, excess);
         };
-        double high = std::max(visible, verdict.critical * e.deviation[order]), low = 0.5 * high;
+        double high = std::max({visible, verdict.critical * e.deviation[order], std::numeric_limits<double>::min()});
+        double low = 0.5 * high;
         const double largest = kLargest * verdict.critical * std::max(e.deviation[order], verdict.deviation);
         if (sees(high)) {
             if (high <= visible) continue;  // another place asks for more
@@ -196,10 +209,35 @@ double findVisibleExcess(const SmoothedMotion& motion, const Walk& walk, const s
     return visible;
 }
 
+/** A run of readings that were left out, if there is one in which the joint may have been beyond a limit; not a number:
+there is none. A motion that takes it by `distance` within its time, and back, needs derivatives of about these sizes. */
+double findHiding(const SmoothedMotion& motion, std::size_t order, const LimitVerdict& verdict) {
+    constexpr double kFactors[kMotionOrders] = {1.0, 2.0, 8.0, 32.0};
+    for (const OutlierRun& run : motion.outlierRuns()) {
+        if (run.count < 2) continue;  // one alone is shorter than what is looked for
+        const double length_s = run.end_s - run.begin_s + 2.0 * motion.interval_s();
+        const double change = kFactors[order] * run.distance / std::pow(length_s, static_cast<double>(order));
+        const double mean = motion.evaluate(0.5 * (run.begin_s + run.end_s)).mean[order];
+        if (mean + change > verdict.upper || mean - change < verdict.lower) return run.begin_s;
+    }
+    return std::numeric_limits<double>::quiet_NaN();
+}
+
+/** An angle that wraps looks like a joint that turns round within one sample. */
+void refuseWrapped(const MotionRecord& record, std::size_t place) {
+    constexpr double kTurn = 2.0 * M_PI, kNear = 0.3;  // [rad]
+    const std::vector<double>& q = record.joints[place].positions;
+    for (std::size_t i = 1; i + 1 < q.size(); ++i)
+        if (std::abs(std::abs(q[i] - q[i - 1]) - kTurn) < kNear && std::abs(q[i + 1] - q[i]) < kNear)
+            throw badInput("", "the readings jump by a turn at t = " + std::to_string(record.times_s[i]) +
+                                   " s: an angle that wraps",
+                           "Unwrap it before (add a turn wherever it jumps).");
+}
+
 void judgeJoint(const MotionRecord& record, std::size_t place, const std::array<Range, kMotionOrders>& ranges,
                 const JudgeOptions& options, JointVerdict& joint) {
-    joint.motion = smoothMotion(record.times_s, record.joints[place].positions,
-                                record.source + ": joint " + record.joints[place].name);
+    if (!joint.isPrismatic) refuseWrapped(record, place);
+    joint.motion = smoothMotion(record.times_s, record.joints[place].positions, "");
     const double error = (1.0 - options.confidence) / static_cast<double>(kMotionOrders * record.joints.size());
     const Walk walk = walkAlong(*joint.motion);
     for (std::size_t order = 0; order < kMotionOrders; ++order) {
@@ -209,8 +247,8 @@ void judgeJoint(const MotionRecord& record, std::size_t place, const std::array<
         verdict.upper = range.upper;
         // A mean is a difference of the derivative before, which moves on as quickly as that does.
         const int o = static_cast<int>(order);
-        verdict.critical = findCritical(joint.motion->calcArc(o), order == 0 ? error : 0.5 * error);
-        if (order > 0) verdict.criticalMean = findCritical(joint.motion->calcArc(o - 1), 0.5 * error);
+        verdict.critical = findCritical(*joint.motion, joint.motion->calcArc(o), order == 0 ? error : 0.5 * error);
+        if (order > 0) verdict.criticalMean = findCritical(*joint.motion, joint.motion->calcArc(o - 1), 0.5 * error);
         const std::vector<std::size_t> judged = listJudged(walk, order, verdict);
         findBreaks(*joint.motion, walk, order, options.excessDuration_s, verdict);
         if (!range.isFinite()) {
@@ -220,7 +258,10 @@ void judgeJoint(const MotionRecord& record, std::size_t place, const std::array<
         verdict.visibleExcess =
             findVisibleExcess(*joint.motion, walk, judged, order, verdict, options.excessDuration_s);
         if (verdict.finding == Finding::Broken) continue;
-        const bool tells = verdict.visibleExcess <= options.excess * range.size(o);
+        constexpr double kLeastJudged = 0.5;
+        verdict.hiding_s = findHiding(*joint.motion, order, verdict);
+        const bool tells = verdict.visibleExcess <= options.excess * range.size(o) && std::isnan(verdict.hiding_s) &&
+                           verdict.judged >= kLeastJudged;
         verdict.finding = tells ? Finding::Held : Finding::CannotTell;
     }
 }
@@ -257,11 +298,11 @@ RecordVerdict judgeLimits(const MotionRecord& record, const std::vector<AxisLimi
                           const JudgeOptions& options) {
     VIABLE_CHECK(limits.size() == record.joints.size(), "limits for each joint");
     if (!(options.confidence >= 0.5 && options.confidence < 1.0))
-        throw badInput("confidence", "it must lie in [0.5, 1)");
+        throw badInput("--confidence", "it must lie in [0.5, 1)", "0.99 is 99 %.");
     if (!(options.excess > 0.0 && std::isfinite(options.excess)))
-        throw badInput("excess", "it must be a number above 0");
+        throw badInput("--excess", "it must be a number above 0", "0.1 is 10 % of a limit.");
     if (!(options.excessDuration_s > 0.0 && std::isfinite(options.excessDuration_s)))
-        throw badInput("duration of the excess", "it must be a number above 0");
+        throw badInput("--excess-duration", "it must be a number above 0", "0.05 is 50 ms.");
     RecordVerdict all;
     all.options = options;
     all.source = record.source;
@@ -279,14 +320,21 @@ RecordVerdict judgeLimits(const MotionRecord& record, const std::vector<AxisLimi
         } catch (const Error& e) {
             joint.trouble = e.what();
             joint.motion.reset();
-            for (std::size_t order = 0; order < kMotionOrders; ++order)
-                if (ranges[order].isFinite()) joint.limits[order].finding = Finding::CannotTell;
-            if (troubles.empty()) troubles = joint.trouble;
+            for (std::size_t order = 0; order < kMotionOrders; ++order) {
+                LimitVerdict& limit = joint.limits[order];
+                limit = {};
+                limit.lower = ranges[order].lower;
+                limit.upper = ranges[order].upper;
+                limit.visibleExcess = kInfinity;
+                limit.deviation = limit.lowest = limit.highest = std::numeric_limits<double>::quiet_NaN();
+                if (ranges[order].isFinite()) limit.finding = Finding::CannotTell;
+            }
+            troubles += (troubles.empty() ? "" : " ") + joint.name + ": " + joint.trouble;
         }
         all.joints.push_back(std::move(joint));
     }
     if (std::none_of(all.joints.begin(), all.joints.end(), [](const JointVerdict& j) { return j.motion.has_value(); }))
-        throw badInput("", troubles);
+        throw badInput(record.source, "no joint can be judged: " + troubles);
     return all;
 }
 

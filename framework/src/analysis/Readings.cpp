@@ -49,13 +49,14 @@ double findQuantum(std::vector<double> values) {
 
 }  // namespace
 
-void Readings::clear() {
-    times_s.clear();
-    values.clear();
-    relative.clear();
-    isUsed.clear();
-    source.clear();
-    stretches.clear();
+Readings Readings::makeEmpty() const {
+    Readings empty;
+    empty.offset = offset;
+    empty.interval_s = interval_s;
+    empty.quantum = quantum;
+    empty.leastVariance = leastVariance;
+    empty.knownVariance = knownVariance;
+    return empty;
 }
 
 void Readings::addStretch(const Readings& other, std::size_t first, std::size_t end) {
@@ -71,53 +72,9 @@ void Readings::addStretch(const Readings& other, std::size_t first, std::size_t 
     append(source, other.source);
 }
 
-Readings takeReadings(const std::vector<double>& times_s, const std::vector<double>& values, const std::string& where) {
-    VIABLE_CHECK(times_s.size() == values.size(), "one reading per time");
-    Readings r;
-    for (std::size_t i = 0; i < values.size(); ++i) {
-        if (!std::isfinite(values[i])) continue;
-        if (r.values.empty()) r.offset = values[i];
-        r.times_s.push_back(times_s[i]);
-        r.values.push_back(values[i] - r.offset);
-        r.source.push_back(i);
-    }
-    const auto refuseShort = [&](std::size_t left, const char* what) {
-        if (left >= kLeastSamples) return;
-        throw badInput(where, std::to_string(left) + " readings" + what + ": at least " + std::to_string(kLeastSamples) +
-                                  " are needed to tell a jerk from noise");
-    };
-    refuseShort(r.values.size(), "");
-    if (std::all_of(r.values.begin(), r.values.end(), [](double v) { return v == 0.0; }))
-        throw badInput(where, "all readings are the same: the sensor is stuck, or the joint did not move",
-                       "Leave the joint out, or give a record in which it moves.");
-    std::vector<double> intervals(r.times_s.size() - 1);
-    for (std::size_t i = 0; i + 1 < r.times_s.size(); ++i) intervals[i] = r.times_s[i + 1] - r.times_s[i];
-    r.interval_s = takeMedian(intervals);
+namespace {
 
-    // Stretches between long gaps; what is too short to be one is left out.
-    r.relative.assign(r.values.size(), 1.0);
-    r.isUsed.assign(r.values.size(), 1);
-    Readings kept;
-    kept.offset = r.offset;
-    kept.interval_s = r.interval_s;
-    std::size_t first = 0;
-    const auto keep = [&](std::size_t end) {
-        if (end - first >= kLeastSamples) kept.addStretch(r, first, end);
-        first = end;
-    };
-    for (std::size_t i = 0; i + 1 < r.times_s.size(); ++i)
-        if (intervals[i] > kLongGap * r.interval_s) keep(i + 1);
-    keep(r.values.size());
-    refuseShort(kept.values.size(), " without a long gap between them");
-    kept.quantum = findQuantum(kept.values);
-    // Numbers themselves are rounded; what is below that is no noise.
-    const double size = std::abs(r.offset) + std::abs(*std::max_element(kept.values.begin(), kept.values.end(),
-                                                                          [](double a, double b) { return std::abs(a) < std::abs(b); }));
-    const double grain = std::max(kept.quantum, std::numeric_limits<double>::epsilon() * size);
-    kept.leastVariance = grain * grain / 12.0;
-    return kept;
-}
-
+/** Leaves out single readings far from a smooth curve through their neighbours. */
 void dropSpikes(Readings& r) {
     // Distance of a reading from the cubic through two neighbours on each side.
     std::vector<double> distances(r.values.size(), 0.0);
@@ -142,6 +99,92 @@ void dropSpikes(Readings& r) {
     for (std::size_t i = 2; i + 2 < distances.size(); ++i)
         if (distances[i] > limit && distances[i] >= distances[i - 1] && distances[i] >= distances[i + 1])
             r.isUsed[i] = 0;
+}
+
+/** What rounding does to the readings that are used. */
+void findGrain(Readings& r) {
+    std::vector<double> values;
+    for (std::size_t i = 0; i < r.values.size(); ++i)
+        if (r.isUsed[i]) values.push_back(r.values[i]);
+    // Without the outermost: one wild reading off the grid is not to hide it.
+    std::sort(values.begin(), values.end());
+    const auto outer = static_cast<std::ptrdiff_t>(std::max<std::size_t>(1, values.size() / 100));
+    values = std::vector<double>(values.begin() + outer, values.end() - outer);
+    r.quantum = findQuantum(values);
+    double size = std::abs(r.offset);
+    for (const double v : values) size = std::max(size, std::abs(v + r.offset));
+    // Numbers themselves are rounded; what is below that is no noise.
+    const double grain = std::max(r.quantum, std::numeric_limits<double>::epsilon() * size);
+    r.leastVariance = grain * grain / 12.0;
+}
+
+std::vector<double> listIntervals(const Readings& r) {
+    std::vector<double> intervals;
+    for (const auto& [first, end] : r.stretches)
+        for (std::size_t i = first; i + 1 < end; ++i) intervals.push_back(r.times_s[i + 1] - r.times_s[i]);
+    return intervals;
+}
+
+}  // namespace
+
+Readings takeReadings(const std::vector<double>& times_s, const std::vector<double>& values, const std::string& where) {
+    VIABLE_CHECK(times_s.size() == values.size(), "one reading per time");
+    Readings r;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+        if (!std::isfinite(values[i])) continue;
+        r.times_s.push_back(times_s[i]);
+        r.values.push_back(values[i]);
+        r.source.push_back(i);
+    }
+    const auto refuseShort = [&](std::size_t left, const char* what) {
+        if (left >= kLeastSamples) return;
+        throw badInput(where, std::to_string(left) + " readings" + what + ": at least " + std::to_string(kLeastSamples) +
+                                  " are needed to tell a jerk from noise");
+    };
+    refuseShort(r.values.size(), "");
+    r.offset = takeMedian(r.values);
+    for (double& v : r.values) v -= r.offset;
+    if (std::all_of(r.values.begin(), r.values.end(), [](double v) { return v == 0.0; }))
+        throw badInput(where, "all readings are the same: the sensor is stuck, or the joint did not move",
+                       "Leave the joint out, or give a record in which it moves.");
+    r.stretches.emplace_back(0, r.values.size());
+    const std::vector<double> intervals = listIntervals(r);
+    r.interval_s = takeMedian(intervals);
+
+    // Stretches between long gaps; what is too short to be one is left out.
+    r.relative.assign(r.values.size(), 1.0);
+    r.isUsed.assign(r.values.size(), 1);
+    Readings kept = r.makeEmpty();
+    std::size_t first = 0;
+    const auto keep = [&](std::size_t end) {
+        if (end - first >= kLeastSamples) kept.addStretch(r, first, end);
+        first = end;
+    };
+    for (std::size_t i = 0; i + 1 < r.times_s.size(); ++i)
+        if (intervals[i] > kLongGap * r.interval_s) keep(i + 1);
+    keep(r.values.size());
+    refuseShort(kept.values.size(), " without a long gap between them");
+    kept.interval_s = takeMedian(listIntervals(kept));
+    findGrain(kept);
+    dropSpikes(kept);
+    findGrain(kept);
+    return kept;
+}
+
+std::vector<std::size_t> dropBarrenStretches(Readings& readings) {
+    Readings kept = readings.makeEmpty();
+    std::vector<std::size_t> dropped;
+    for (const auto& [first, end] : readings.stretches) {
+        const auto begin = readings.isUsed.begin();
+        const auto used = std::count(begin + static_cast<std::ptrdiff_t>(first), begin + static_cast<std::ptrdiff_t>(end), 1);
+        if (static_cast<std::size_t>(used) >= kLeastSamples / 2)
+            kept.addStretch(readings, first, end);
+        else
+            dropped.insert(dropped.end(), readings.source.begin() + static_cast<std::ptrdiff_t>(first),
+                           readings.source.begin() + static_cast<std::ptrdiff_t>(end));
+    }
+    if (!dropped.empty() && !kept.values.empty()) readings = std::move(kept);
+    return dropped;
 }
 
 }  // namespace viable::detail

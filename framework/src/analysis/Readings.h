@@ -10,7 +10,7 @@ namespace viable::detail {
 /** The readings of one joint as the smoothing takes them. */
 struct Readings {
     std::vector<double> times_s;  ///< ascending
-    std::vector<double> values;   ///< less the first one
+    std::vector<double> values;   ///< less the median
     std::vector<double> relative; ///< variance of a reading's error over sigma^2
     std::vector<char> isUsed;     ///< not an outlier
     std::vector<std::size_t> source;  ///< place of each in the record
@@ -22,16 +22,17 @@ struct Readings {
 
     double knownVariance = 0.0;  ///< sigma^2, 0: to be estimated
 
-    /** Without readings; what holds for all of them stays. */
-    void clear();
+    /** Without readings, but with what holds for all of them. */
+    Readings makeEmpty() const;
     /** Readings [first, end) of another as one more stretch. */
     void addStretch(const Readings& other, std::size_t first, std::size_t end);
 };
 
-/** @throws Error (BadInput) where too few readings are left, or all are the same. */
+/** Throws Error (BadInput) where too few readings are left, or all are the same. Single readings far from a smooth curve
+through their neighbours are not used. */
 Readings takeReadings(const std::vector<double>& times_s, const std::vector<double>& values, const std::string& where);
 
-/** Leaves out single readings far from a smooth curve through their neighbours. */
-void dropSpikes(Readings& readings);
+/** Takes out stretches of which hardly a reading is used; @returns the places of their readings in the record. */
+std::vector<std::size_t> dropBarrenStretches(Readings& readings);
 
 }  // namespace viable::detail

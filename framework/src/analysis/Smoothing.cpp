@@ -233,7 +233,7 @@ public:
             const auto o = static_cast<std::size_t>(order);
             estimate.mean[o] = unit * h.dot(states(k));
             estimate.deviation[o] =
-                unit * std::sqrt(variance_ * std::max(0.0, h.dot(covariance * h) + bridge(order, order)));
+                calcDeviation(unit, h.dot(covariance * h) + bridge(order, order));
         }
         return estimate;
     }
@@ -276,8 +276,9 @@ public:
 
     std::vector<MeanEstimate> calcMeans(int order, double duration_s) const {
         std::vector<MeanEstimate> means;
-        const double fitting = std::floor(duration_s / step_s_) - 1.0;
-        if (fitting < 1.0 || order < 1) return means;
+        constexpr double kMostPieces = 64.0;  // longer means add nothing but time
+        const double fitting = std::min(std::floor(duration_s / step_s_) - 1.0, kMostPieces);
+        if (!(fitting >= 1.0) || order < 1) return means;
         const auto pieces = static_cast<std::size_t>(fitting);
         const double length_s = fitting * step_s_, unit = std::pow(step_s_, 1 - order) / length_s;
         const auto o = static_cast<std::size_t>(order - 1);
@@ -300,13 +301,17 @@ public:
                 const double variance =
                     system_.getInverse(a, a) + system_.getInverse(b, b) - 2.0 * covariance[order - 1];
                 means.push_back({knotTime(s, k), length_s, unit * (x_[b] - x_[a]),
-                                 unit * std::sqrt(variance_ * std::max(variance, 0.0))});
+                                 calcDeviation(unit, variance)});
             }
         }
         return means;
     }
 
 private:
+    /** Infinite where rounding has left nothing of it. */
+    double calcDeviation(double unit, double share) const {
+        return share > 0.0 ? unit * std::sqrt(variance_ * share) : std::numeric_limits<double>::infinity();
+    }
     struct Place {
         std::size_t knot;
         double u;
@@ -455,41 +460,64 @@ void normalise(Roughness& roughness) {
     for (double& f : roughness.factors) f *= std::exp(-mean);
 }
 
-/** Readings that the search for the best distance of the knots looks at, at most: pieces evenly spread over the record. */
-constexpr std::size_t kSearched = 32768, kSearchedPiece = 2048;
+/** Readings that the search for the best distance of the knots looks at, at most. */
+constexpr std::size_t kSearched = 16384, kSearchedPiece = 1024;
 
+/** Pieces of a long record: half of them evenly spread, half where the readings stray most from a straight line. */
 Readings takeSample(const Readings& readings) {
-    const std::size_t n = readings.values.size();
-    if (n <= kSearched) return readings;
-    Readings sample = readings;
-    sample.clear();
-    const std::size_t pieces = kSearched / kSearchedPiece;
-    for (std::size_t piece = 0; piece < pieces; ++piece) {
-        const std::size_t begin = (n - kSearchedPiece) / (pieces - 1) * piece;
-        for (const auto& [first, end] : readings.stretches) {
-            const std::size_t from = std::max(begin, first), to = std::min(begin + kSearchedPiece, end);
-            if (to >= from + kLeastSamples) sample.addStretch(readings, from, to);
+    if (readings.values.size() <= kSearched) return readings;
+    struct Candidate {
+        std::size_t first, end;
+        double straying;
+    };
+    std::vector<Candidate> candidates;
+    for (const auto& [first, end] : readings.stretches)
+        for (std::size_t from = first; from + kLeastSamples <= end; from += kSearchedPiece) {
+            const std::size_t to = std::min(from + kSearchedPiece, end);
+            if (to < from + kLeastSamples) break;
+            const double slope = (readings.values[to - 1] - readings.values[from]) /
+                                 (readings.times_s[to - 1] - readings.times_s[from]);
+            double straying = 0.0;
+            for (std::size_t i = from; i < to; ++i)
+                if (readings.isUsed[i])
+                    straying = std::max(straying, std::abs(readings.values[i] - readings.values[from] -
+                                                           slope * (readings.times_s[i] - readings.times_s[from])));
+            candidates.push_back({from, to, straying});
         }
-    }
+    constexpr std::size_t kPieces = kSearched / kSearchedPiece;
+    std::vector<char> isTaken(candidates.size(), 0);
+    for (std::size_t piece = 0; piece < kPieces / 2; ++piece)
+        isTaken[(2 * piece + 1) * candidates.size() / kPieces] = 1;
+    std::vector<std::size_t> order(candidates.size());
+    for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+    const auto middle = order.begin() + static_cast<std::ptrdiff_t>(std::min(kPieces / 2, order.size()));
+    std::partial_sort(order.begin(), middle, order.end(),
+                      [&](std::size_t a, std::size_t b) { return candidates[a].straying > candidates[b].straying; });
+    for (auto i = order.begin(); i != middle; ++i) isTaken[*i] = 1;
+    Readings sample = readings.makeEmpty();
+    for (std::size_t i = 0; i < candidates.size(); ++i)
+        if (isTaken[i]) sample.addStretch(readings, candidates[i].first, candidates[i].end);
     return sample;
 }
 
 /** The distance of the knots with the largest restricted likelihood: from coarse to fine in steps of 2^(1/2) until it
-falls for good, then a parabola's least point. */
-double findKnotStep(const Readings& readings, const Roughness& roughness, double coarsest_s) {
+falls for good, then a parabola's least point.
+@param patience  steps without a better one after which it has fallen for good */
+double findKnotStep(const Readings& readings, const Roughness& roughness, double coarsest_s, std::size_t patience) {
     constexpr double kRatio = 0.70710678118654752;
-    constexpr int kPatience = 8;  // steps without a better one
     const Readings sample = takeSample(readings);
     const auto ask = [&](double step_s) { return Fit(sample, step_s, roughness).objective(); };
     std::vector<double> steps, values;
     std::size_t best = 0;
-    for (double step_s = coarsest_s; step_s >= readings.interval_s / kKnotsPerReading; step_s *= kRatio) {
+    const double finest_s = readings.interval_s / kKnotsPerReading;
+    for (double step_s = std::max(coarsest_s, finest_s); step_s >= finest_s; step_s *= kRatio) {
         steps.push_back(step_s);
         values.push_back(ask(step_s));
         if (values.back() < values[best]) best = values.size() - 1;
-        if (values.size() > best + kPatience && std::isfinite(values[best])) break;
+        if (values.size() > best + patience && std::isfinite(values[best])) break;
     }
-    if (best == 0 || best + 1 >= values.size() || !std::isfinite(values[best - 1])) return steps.at(best);
+    if (best == 0 || best + 1 >= values.size() || !std::isfinite(values[best - 1]) || !std::isfinite(values[best + 1]))
+        return steps[best];
     const double left = values[best - 1], middle = values[best], right = values[best + 1];
     const double bend = left - 2.0 * middle + right;
     return steps[best] * std::pow(kRatio, bend > 0.0 ? 0.5 * (left - right) / bend : 0.0);
@@ -558,6 +586,34 @@ struct SmoothedMotion::Impl {
     std::optional<Fit> fit;
     Roughness roughness;
     std::vector<std::size_t> outliers;
+    std::vector<OutlierRun> runs;
+    double freedom = 0.0;
+
+    /** Once the fit is the last one. */
+    void findOutliers() {
+        double used = 0.0, taken = 0.0;
+        std::size_t last = 0;
+        fit->forEachReading([&](std::size_t i, double expected, double leverage, double) {
+            if (readings.isUsed[i]) {
+                used += 1.0;
+                taken += leverage / readings.relative[i];
+                return;
+            }
+            outliers.push_back(readings.source[i]);
+            const double distance = std::abs(readings.values[i] - expected);
+            if (runs.empty() || i != last + 1) runs.push_back({readings.times_s[i], readings.times_s[i], 0, 0.0});
+            OutlierRun& run = runs.back();
+            run.end_s = readings.times_s[i];
+            run.distance = std::max(run.distance, distance);
+            ++run.count;
+            last = i;
+        });
+        std::sort(outliers.begin(), outliers.end());
+        // Noise is known from what the motion leaves over; how smooth the motion is, from its windows.
+        double windows = 0.0;
+        for (const Stretch& s : fit->stretches()) windows += (s.end_s - s.begin_s) / (kKnotsPerWindow * fit->step_s());
+        freedom = std::max(2.0, std::min(used - taken, windows));
+    }
 };
 
 SmoothedMotion::SmoothedMotion(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -591,6 +647,20 @@ MotionEstimate SmoothedMotion::evaluate(double time_s) const {
 double SmoothedMotion::calcArc(int order) const {
     return impl_->fit->calcArc(order);
 }
+std::vector<std::pair<double, double>> SmoothedMotion::stretches() const {
+    std::vector<std::pair<double, double>> all;
+    for (const Stretch& s : impl_->fit->stretches()) all.emplace_back(s.begin_s, s.end_s);
+    return all;
+}
+const std::vector<OutlierRun>& SmoothedMotion::outlierRuns() const {
+    return impl_->runs;
+}
+double SmoothedMotion::freedom() const {
+    return impl_->freedom;
+}
+double SmoothedMotion::interval_s() const {
+    return impl_->readings.interval_s;
+}
 
 std::vector<MeanEstimate> SmoothedMotion::calcMeans(int order, double duration_s) const {
     return impl_->fit->calcMeans(order, duration_s);
@@ -602,8 +672,7 @@ SmoothedMotion::Tried SmoothedMotion::tryPulse(const MotionPulse& pulse) const {
     constexpr int kLooks = 7;          // at the plateau
     const Readings& all = impl_->readings;
     const double reach = pulse.reach_s() + kWindows * window_s();
-    Readings near = all;
-    near.clear();
+    Readings near = all.makeEmpty();
     for (const auto& [first, end] : all.stretches) {
         const auto begin = all.times_s.begin();
         const auto at = [&](std::size_t i) { return begin + static_cast<std::ptrdiff_t>(i); };
@@ -616,10 +685,10 @@ SmoothedMotion::Tried SmoothedMotion::tryPulse(const MotionPulse& pulse) const {
     near.knownVariance = impl_->fit->variance();
     for (std::size_t i = 0; i < near.values.size(); ++i) near.values[i] += pulse.calcPosition(near.times_s[i]);
     const double step_s = impl_->fit->step_s();
-    Roughness roughness = impl_->roughness;
+    Roughness roughness;
     std::optional<Fit> fit;
     for (int round = 0;; ++round) {
-        fit.emplace(near, step_s, roughness);
+        fit.emplace(near, step_s, round == 0 ? impl_->roughness : roughness);
         if (!fit->ok()) return tried;
         fit->finish();
         if (round == kRounds) break;
@@ -642,28 +711,33 @@ SmoothedMotion smoothMotion(const std::vector<double>& times_s, const std::vecto
     auto impl = std::make_unique<SmoothedMotion::Impl>();
     Readings& readings = impl->readings;
     readings = detail::takeReadings(times_s, values, where);
-    detail::dropSpikes(readings);
     Roughness& roughness = impl->roughness;
-    const auto fit = [&](double coarsest_s) {
-        impl->fit.emplace(readings, findKnotStep(readings, roughness, coarsest_s), roughness);
+    const auto fit = [&](double coarsest_s, std::size_t patience) {
+        impl->fit.emplace(readings, findKnotStep(readings, roughness, coarsest_s, patience), roughness);
         if (!impl->fit->ok())
             throw badInput(where, "the readings cannot be smoothed: their times or values differ too much in size");
         impl->fit->finish();
     };
-    constexpr int kWeightRounds = 6, kRoughnessRounds = 3;
     double longest_s = 0.0;
     for (const auto& [first, end] : readings.stretches)
         longest_s = std::max(longest_s, readings.times_s[end - 1] - readings.times_s[first]);
-    fit(longest_s / 4.0);
-    for (int round = 1; round < kWeightRounds && reweigh(readings, *impl->fit); ++round) fit(4.0 * impl->fit->step_s());
+    fit(longest_s / 4.0, 8);
+    const auto refit = [&] { fit(4.0 * impl->fit->step_s(), 4); };
+    const auto weighAgain = [&] {
+        const bool changed = reweigh(readings, *impl->fit);
+        const std::vector<std::size_t> dropped = detail::dropBarrenStretches(readings);
+        impl->outliers.insert(impl->outliers.end(), dropped.begin(), dropped.end());
+        return changed || !dropped.empty();
+    };
+    constexpr int kWeightRounds = 6, kRoughnessRounds = 3;
+    for (int round = 1; round < kWeightRounds && weighAgain(); ++round) refit();
     for (int round = 0; round < kRoughnessRounds; ++round) {
         roughness = refine(*impl->fit);
         normalise(roughness);
-        fit(4.0 * impl->fit->step_s());
-        reweigh(readings, *impl->fit);
+        if (round > 0) weighAgain();
+        refit();
     }
-    for (std::size_t i = 0; i < readings.isUsed.size(); ++i)
-        if (!readings.isUsed[i]) impl->outliers.push_back(readings.source[i]);
+    impl->findOutliers();
     return SmoothedMotion(std::move(impl));
 }
 

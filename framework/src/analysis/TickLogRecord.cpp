@@ -69,6 +69,7 @@ MotionRecord readTickLog(const std::filesystem::path& file, LoggedArm arm) {
         throw badInput(file.string(), "the log has no real arm", kNoRealArmRemedy);
 
     MotionRecord record;
+    record.isCutOff = !reader.isComplete();
     const std::string prefix = isReal ? "real." : "nominal.";
     const std::vector<ExportColumn> columns = nameExportColumns(reader, file.string());
     for (const std::string& name : reader.layout().jointNames) {

@@ -30,21 +30,33 @@ std::string writeShare(double excess, const LimitVerdict& limit, std::size_t ord
 }
 
 std::string writeVisible(const LimitVerdict& limit, std::size_t order, const std::string& unit) {
-    if (std::isinf(limit.visibleExcess)) return "no excess of that length would have been seen for certain";
     return "an excess from " + formatPlain(limit.visibleExcess) + " " + unit +
            writeShare(limit.visibleExcess, limit, order) + " on would have been seen";
 }
 
+std::string writeReason(const LimitVerdict& limit, std::size_t order, const std::string& unit) {
+    if (!std::isnan(limit.hiding_s))
+        return "readings left out at t = " + format("%.3f", limit.hiding_s) + " s may hide an excess";
+    if (std::isinf(limit.visibleExcess)) return "at this noise and rate no excess that lasts so long is sure to be seen";
+    if (limit.judged < 0.5) return "only " + formatPlain(100.0 * limit.judged) + " % of the time can be judged";
+    return "only " + writeVisible(limit, order, unit);
+}
+
+std::string writeRange(const LimitVerdict& limit) {
+    if (limit.finding == Finding::NoLimit) return "";
+    return ", limits " + formatPlain(limit.lower) + " .. " + formatPlain(limit.upper);
+}
+
 std::string writeLimit(const LimitVerdict& limit, std::size_t order, const std::string& unit) {
     const std::string seen = formatPlain(limit.lowest) + " .. " + formatPlain(limit.highest) + " " + unit +
-                             ", +- " + formatPlain(limit.critical * limit.deviation);
+                             ", +- " + formatPlain(limit.critical * limit.deviation) + writeRange(limit);
     switch (limit.finding) {
         case Finding::NoLimit:
             return "no limit     " + seen;
         case Finding::Held:
             return "held         " + seen + "; " + writeVisible(limit, order, unit);
         case Finding::CannotTell:
-            return "cannot tell  " + seen + "; only " + writeVisible(limit, order, unit);
+            return "cannot tell  " + seen + "; " + writeReason(limit, order, unit);
         case Finding::Broken:
             break;
     }
@@ -125,15 +137,17 @@ json describeCurves(const RecordVerdict& all, const MotionRecord& record, std::s
     };
     std::vector<Extremes> means(kMotionOrders, Extremes(n)), bands(kMotionOrders, Extremes(n));
     const double look_s = std::min(step_s / kLooksPerStretch, motion.window_s() / kLooksPerStretch);
-    const auto looks = static_cast<std::size_t>((motion.end_s() - motion.begin_s()) / look_s);
-    for (std::size_t i = 0; i <= looks; ++i) {
-        const double time_s = motion.begin_s() + look_s * static_cast<double>(i);
-        const MotionEstimate e = motion.evaluate(time_s);
-        for (std::size_t order = 0; order < kMotionOrders; ++order) {
-            const double half = all.joints[joint].limits[order].critical * e.deviation[order];
-            means[order].add(place(time_s), e.mean[order]);
-            bands[order].add(place(time_s), e.mean[order] - half);
-            bands[order].add(place(time_s), e.mean[order] + half);
+    for (const auto& [begin_s, end_s] : motion.stretches()) {
+        const auto looks = static_cast<std::size_t>((end_s - begin_s) / look_s);
+        for (std::size_t i = 0; i <= looks; ++i) {
+            const double time_s = begin_s + look_s * static_cast<double>(i);
+            const MotionEstimate e = motion.evaluate(time_s);
+            for (std::size_t order = 0; order < kMotionOrders; ++order) {
+                const double half = all.joints[joint].limits[order].critical * e.deviation[order];
+                means[order].add(place(time_s), e.mean[order]);
+                bands[order].add(place(time_s), e.mean[order] - half);
+                bands[order].add(place(time_s), e.mean[order] + half);
+            }
         }
     }
     json curves = {{"t0", all.begin_s}, {"step_s", step_s}, {"n", n}};
@@ -164,7 +178,7 @@ std::string writeText(const RecordVerdict& all) {
             if (joint.motion->quantum() > 0.0) text += ", in steps of " + formatPlain(joint.motion->quantum()) + " " + unit;
             text += "; motion quicker than " + formatPlain(1000.0 * joint.motion->window_s()) + " ms is not resolved";
             if (!joint.motion->outliers().empty())
-                text += "; " + std::to_string(joint.motion->outliers().size()) + " outliers left out";
+                text += "; " + std::to_string(joint.motion->outliers().size()) + " readings left out as outliers";
             text += "\n";
         } else {
             text += ": " + joint.trouble + "\n";

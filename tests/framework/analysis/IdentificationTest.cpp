@@ -146,8 +146,8 @@ TEST(Identification, FindsFrictionAndPayloadWithinItsIntervals) {
             EXPECT_TRUE(joint.coulomb.isKnown) << joint.reason << " seed " << experiment.seed;
             EXPECT_NEAR(joint.coulomb.value, truth.coulomb[i], 0.1 * truth.coulomb[i])
                 << experiment.seed;
-            wrongAlarms += joint.verdict != Verdict::Adequate;
-            EXPECT_NE(joint.verdict, Verdict::Doubtful) << writeText(found) << experiment.seed;
+            wrongAlarms += joint.verdict != ModelVerdict::Adequate;
+            EXPECT_NE(joint.verdict, ModelVerdict::Doubtful) << writeText(found) << experiment.seed;
             count(0, joint.coulomb, truth.coulomb[i]);
             if (joint.form != FrictionForm::Saturating) continue;
             count(1, joint.viscous, truth.viscous[i]);
@@ -249,7 +249,7 @@ TEST(Identification, KeepsTheFiguresOfAJointThatDoesNotMove) {
     const JointIdentification& still = found.joints[1];
     EXPECT_EQ(still.form, FrictionForm::None);
     EXPECT_EQ(still.reason, "it never moved");
-    EXPECT_EQ(still.verdict, Verdict::NotIdentified);
+    EXPECT_EQ(still.verdict, ModelVerdict::NotIdentified);
     EXPECT_FALSE(still.coulomb.isKnown);
     EXPECT_EQ(still.written, still.old);
     EXPECT_EQ(still.coulomb.reason, still.reason);
@@ -315,7 +315,7 @@ TEST(Identification, ChecksNameWhatTheLawLacks) {
     const Identification loaded = experiment.identify();
     for (const JointIdentification& joint : loaded.joints) {
         EXPECT_TRUE(findCheck(joint, "load friction").isFound) << writeText(loaded);
-        EXPECT_NE(joint.verdict, Verdict::Adequate);
+        EXPECT_NE(joint.verdict, ModelVerdict::Adequate);
     }
     EXPECT_NE(writeText(loaded).find("the residuals also show"), std::string::npos);
 
@@ -323,7 +323,7 @@ TEST(Identification, ChecksNameWhatTheLawLacks) {
         return (i == 0 ? 1.0 : 0.4) * std::copysign(std::exp(-v * v / 0.01), v);
     };
     for (const JointIdentification& joint : experiment.identify().joints)
-        EXPECT_NE(joint.verdict, Verdict::Adequate) << joint.name;
+        EXPECT_NE(joint.verdict, ModelVerdict::Adequate) << joint.name;
 
     experiment.extra = [](int i, double, double) { return i == 0 ? 0.5 : 0.0; };
     const Identification offset = experiment.identify();

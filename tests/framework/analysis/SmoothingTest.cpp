@@ -289,10 +289,13 @@ TEST(Smoothing, MeansOfTheJerkAreKnownBetterThanTheJerk) {
 TEST(Smoothing, OutliersAreFoundAndHarmless) {
     const Wave clean(1e-4);
     Wave wave = clean;
-    const std::vector<std::size_t> places = {100, 777, 778, 1500, 2222, 2990};
+    const std::vector<std::size_t> places = {100, 777, 778, 1500, 2222, 2990};  // two of them next to each other
     for (const std::size_t i : places) wave.readings[i] += i % 2 ? 0.01 : -0.5;
     const auto motion = smoothMotion(wave.times_s, wave.readings, "wave");
     EXPECT_EQ(motion.outliers(), places);
+    ASSERT_EQ(motion.outlierRuns().size(), 5u);
+    EXPECT_EQ(motion.outlierRuns()[1].count, 2);
+    EXPECT_NEAR(motion.outlierRuns()[0].distance, 0.5, 1e-3);
     const auto without = smoothMotion(clean.times_s, clean.readings, "wave");
     for (double t = 0.0; t < 2.999; t += 0.01)
         EXPECT_NEAR(motion.evaluate(t).mean[3], without.evaluate(t).mean[3], 3.0 * without.evaluate(t).deviation[3]) << t;
@@ -330,6 +333,38 @@ TEST(Smoothing, StepOfRoundedReadingsIsFound) {
     Wave wave(count, 200, 0.01);
     for (double& q : wave.readings) q = std::round(q / count) * count;
     EXPECT_NEAR(smoothMotion(wave.times_s, wave.readings, "wave").quantum(), count, 1e-3 * count);
+}
+
+TEST(Smoothing, WildReadingsAndPiecesDoNotSpoilTheRest) {
+    const double count = 2.0 * M_PI / 65536.0;
+    Wave wave(count);
+    for (double& q : wave.readings) q = std::round(q / count) * count;
+    const auto clean = smoothMotion(wave.times_s, wave.readings, "wave");
+    Wave first = wave, off = wave;
+    first.readings[0] = 1e9;
+    off.readings[500] += 7.3 * count;  // off the grid
+    off.readings[900] += 1.0 + 0.4 * count;
+    for (const Wave* one : {&first, &off}) {
+        const auto motion = smoothMotion(one->times_s, one->readings, "wave");
+        EXPECT_NEAR(motion.noise(), clean.noise(), 0.05 * clean.noise());
+        EXPECT_NEAR(motion.evaluate(1.5).mean[2], clean.evaluate(1.5).mean[2], clean.evaluate(1.5).deviation[2]);
+    }
+    EXPECT_NEAR(smoothMotion(first.times_s, first.readings, "wave").quantum(), count, 1e-3 * count);
+    // Far behind a gap, readings of nothing.
+    std::mt19937_64 random(9);
+    Wave behind = wave;
+    for (int i = 0; i < 25; ++i) {
+        behind.times_s.push_back(100.0 + 1e-3 * i);
+        behind.readings.push_back(std::uniform_real_distribution<double>(-3.0, 3.0)(random));
+    }
+    EXPECT_NO_THROW(smoothMotion(behind.times_s, behind.readings, "wave"));
+    // A burst, and groups that follow each other at quite another rate.
+    std::vector<double> times_s, readings;
+    for (int i = 0; i < 20; ++i) times_s.push_back(1e-6 * i);
+    for (int group = 1; group < 4; ++group)
+        for (int i = 0; i < 19; ++i) times_s.push_back(300.0 * group + i);
+    for (const double t : times_s) readings.push_back(std::sin(t) + 1e-3 * std::sin(1e7 * t));
+    EXPECT_NO_THROW(smoothMotion(times_s, readings, "wave"));
 }
 
 TEST(Smoothing, SaysWhatItCannotUse) {

@@ -63,7 +63,7 @@ struct ResidualCheck {
 };
 
 /** Does the law that was fitted describe the joint? */
-enum class Verdict : unsigned char {
+enum class ModelVerdict : unsigned char {
     NotIdentified,
     Adequate,     ///< what is left over is noise, or too small to matter
     Approximate,  ///< some of it is not, and is named; errors may be larger than they say
@@ -71,7 +71,7 @@ enum class Verdict : unsigned char {
 };
 
 /** "not identified", "adequate", ...: the words used in reports. */
-const char* getName(Verdict verdict);
+const char* getName(ModelVerdict verdict);
 
 /** What a record tells of one joint. Prismatic joints: [m], [N], [kg] in place of [rad], [Nm], [kg m^2]. */
 struct JointIdentification {
@@ -103,7 +103,7 @@ struct JointIdentification {
     double correlation =
         0.0;  ///< of the residuals of windows that follow each other without overlap
     std::vector<ResidualCheck> checks;
-    Verdict verdict = Verdict::NotIdentified;
+    ModelVerdict verdict = ModelVerdict::NotIdentified;
 };
 
 /** A point mass at the tool that the description does not have; below zero: it has too much. */

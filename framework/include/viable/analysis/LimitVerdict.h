@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -33,6 +34,9 @@ struct LimitVerdict {
     would. */
     double visibleExcess = 0.0;
     double lowest = 0.0, highest = 0.0;  ///< of the estimate
+    /** Readings that follow each other were left out here, in which the joint may have been beyond the limit; not a number:
+    nowhere. */
+    double hiding_s = std::numeric_limits<double>::quiet_NaN();
 
     // Of a broken limit:
     LimitSide side = LimitSide::Neither;
@@ -78,8 +82,8 @@ struct RecordVerdict {
 
 Method: each joint's motion is smoothed (smoothMotion). A limit is broken where the band mean -+ c deviation lies beyond
 it, or that of a mean over stretches of excessDuration_s (what exceeds a limit on average exceeds it somewhere); c makes
-a band hold everywhere at once (Sun and Loader 1994: 2 (1 - Phi(c)) + arc / pi exp(-c^2 / 2) is the error allowed, shared
-by all joints, quantities and both bands). What would have been seen is found by trying: pulses are added to the
+a band hold everywhere at once (Sun and Loader 1994, with Student's t: 2 P(t > c) + arc / pi (1 + c^2 / n)^(-n / 2) is the
+error allowed, shared by all joints, quantities and both bands). What would have been seen is found by trying: pulses are added to the
 record at many places and the estimate is made again.
 Assumes: the readings' errors are independent but for rounding; an encoder's periodic error, for one, is taken for
 motion.

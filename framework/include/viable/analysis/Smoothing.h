@@ -5,6 +5,7 @@
 #include <limits>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace viable {
@@ -16,6 +17,13 @@ inline constexpr int kMotionOrders = 4;
 struct MotionEstimate {
     std::array<double, kMotionOrders> mean{};
     std::array<double, kMotionOrders> deviation{};  ///< posterior standard deviation
+};
+
+/** Readings next to each other that were left out. */
+struct OutlierRun {
+    double begin_s = 0.0, end_s = 0.0;
+    int count = 0;
+    double distance = 0.0;  ///< of the farthest from the estimate [rad, m]
 };
 
 /** What is known of a derivative's mean over some time. Where it is beyond a limit, so is the derivative somewhere in
@@ -53,15 +61,22 @@ public:
     double window_s() const;  ///< motion that is quicker than this is smoothed away
     const std::vector<std::size_t>& outliers() const;  ///< readings that were left out, ascending
 
-    /** The estimate at a time within [begin_s(), end_s()] (beyond: at the nearer end). */
+    const std::vector<OutlierRun>& outlierRuns() const;  ///< the same, those that follow each other together
+    double interval_s() const;  ///< median distance of two readings
+    /** From how many independent numbers noise and smoothness are known: degrees of freedom of a band. */
+    double freedom() const;
+    /** Begin and end of each part of the record without a long gap; between them nothing is known. */
+    std::vector<std::pair<double, double>> stretches() const;
+
+    /** The estimate at a time within a stretch (elsewhere: at the end of the one before, or the first one's begin). */
     MotionEstimate evaluate(double time_s) const;
 
     /** How much there is to look at: the length of the path that the error of one derivative, over its deviation, takes
     on the unit sphere (Sun and Loader 1994). A band for the whole record follows from it. */
     double calcArc(int order) const;
 
-    /** Means of the order-th derivative (1 to 3) over all stretches of one length from knot to knot, the longest that
-    fits between any two times `duration_s` apart. None where the knots are too far apart for that, or at all of those
+    /** Means of the order-th derivative (1 to 3) over all times of one length from knot to knot, the longest (of 64 knots at
+    most) that fits between any two times `duration_s` apart. None where the knots are too far apart for that, or at all of those
     that lie on both sides of a long gap. */
     std::vector<MeanEstimate> calcMeans(int order, double duration_s) const;
 
