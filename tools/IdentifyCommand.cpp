@@ -22,9 +22,8 @@ struct IdentifyArguments {
     bool isSampled = false;
 };
 
-const std::map<std::string, PayloadModel> kPayloads = {{"none", PayloadModel::None},
-                                                       {"mass", PayloadModel::Mass},
-                                                       {"mass_and_centre", PayloadModel::MassAndCentre}};
+const std::map<std::string, PayloadModel> kPayloads = {
+    {"none", PayloadModel::None}, {"mass", PayloadModel::Mass}, {"mass_and_centre", PayloadModel::MassAndCentre}};
 
 /** The robot that was named, or that of the logs. */
 RobotDescription findNominal(const IdentifyArguments& arguments, const std::vector<MotionRecord>& records) {
@@ -50,7 +49,8 @@ int identifyLogs(const IdentifyArguments& arguments) {
     for (const std::string& file : arguments.files) {
         std::error_code failed;
         if (!seen.insert(std::filesystem::weakly_canonical(file, failed).string()).second)
-            throw badInput(file, "this log is named twice", "Its errors would look smaller than they are: name it once.");
+            throw badInput(file, "this log is named twice",
+                           "Its errors would look smaller than they are: name it once.");
         records.push_back(readMotionRecord(file, arguments.record));
     }
     const RobotDescription nominal = findNominal(arguments, records);
@@ -61,7 +61,8 @@ int identifyLogs(const IdentifyArguments& arguments) {
     std::fputs(writeText(found).c_str(), stdout);
     for (const JointIdentification& joint : found.joints)
         if (joint.coulomb.isKnown && joint.coulomb.upper < 0.0)
-            throw badInput(arguments.files.front(), "the friction of " + joint.name + " comes out below zero: it would drive the joint",
+            throw badInput(arguments.files.front(),
+                           "the friction of " + joint.name + " comes out below zero: it would drive the joint",
                            "Is the sign of the torques that of the positions, and are they the motors' torques at the "
                            "joints? No file was written.");
     if (!arguments.json.empty()) replaceFile(arguments.json, writeJson(found));
@@ -77,18 +78,25 @@ void addIdentifyCommand(CLI::App& app, int& exitCode) {
     auto arguments = std::make_shared<IdentifyArguments>();
     CLI::App* command = app.add_subcommand(
         "identify", "Joint friction and payload error of a real arm, from logs of its positions and torques");
-    command->add_option("LOG", arguments->files, "Logs with positions and torques: .mcap, or CSV with JOINT_rad and JOINT_Nm")->required();
+    command
+        ->add_option("LOG", arguments->files,
+                     "Logs with positions and torques: .mcap, or CSV with JOINT_rad and JOINT_Nm")
+        ->required();
     command->add_option("--robot", arguments->robot, "The robot as it is described (default: that of the logs)");
     command->add_option("--out", arguments->out, "Write a new actuation.yaml for the robot's folder");
     command->add_option("--json", arguments->json, "Write all figures, with 95 % intervals, to this new file");
-    command->add_option("--payload", arguments->payload, "none, mass or mass_and_centre (default): unknown mass at the tool")
+    command
+        ->add_option("--payload", arguments->payload,
+                     "none, mass or mass_and_centre (default): unknown mass at the tool")
         ->check(CLI::IsMember({"none", "mass", "mass_and_centre"}));
     command->add_flag("--body-masses", arguments->options.bodyMasses, "A factor on each body's mass, too");
     command->add_flag("--rotor-inertias", arguments->options.rotorInertias, "Errors of the rotors' inertias, too");
     command->add_flag("--torque-offsets", arguments->options.torqueOffsets, "A constant error of each torque, too");
-    command->add_flag("--sampled-torques", arguments->isSampled,
-                      "A torque is that at its time (default: it acts from its row to the next, as in logs of this program)");
-    command->add_option("--columns", arguments->record.columns, "NAME:UNIT,...: columns of the CSV to use, with their units");
+    command->add_flag(
+        "--sampled-torques", arguments->isSampled,
+        "A torque is that at its time (default: it acts from its row to the next, as in logs of this program)");
+    command->add_option("--columns", arguments->record.columns,
+                        "NAME:UNIT,...: columns of the CSV to use, with their units");
     command->add_option("--topic", arguments->record.topic, "Topic of the joint states, where the file has several");
     command->callback([arguments, &exitCode] { exitCode = identifyLogs(*arguments); });
 }

@@ -71,8 +71,8 @@ std::vector<AxisLimits> findLimits(const VerifyArguments& arguments, MotionRecor
     if (!arguments.limits.empty()) return takeRobotLimits(arguments.limits, record, missing);
     std::vector<AxisLimits> limits;
     for (std::size_t i = 0; i < record.joints.size(); ++i)
-        limits.push_back((record.limits ? *record.limits : JointLimits::unlimited(1))
-                             .axis(record.limits ? static_cast<int>(i) : 0));
+        limits.push_back(
+            (record.limits ? *record.limits : JointLimits::unlimited(1)).axis(record.limits ? static_cast<int>(i) : 0));
     return limits;
 }
 
@@ -91,8 +91,7 @@ int verify(const VerifyArguments& arguments) {
     if (!arguments.json.empty()) refuseExisting("--json", arguments.json);
     MotionRecord record = readMotionRecord(arguments.file, arguments.record);
     if (record.isCutOff)
-        std::fprintf(stderr,
-                     "viable: %s has no end (the run was killed or is still going on): what it has is judged\n",
+        std::fprintf(stderr, "viable: %s has no end (the run was killed or is still going on): what it has is judged\n",
                      record.source.c_str());
     std::string missing;
     const std::vector<AxisLimits> limits = findLimits(arguments, record, missing);
@@ -132,15 +131,17 @@ int verify(const VerifyArguments& arguments) {
 void addVerifyCommand(CLI::App& app, int& exitCode) {
     auto arguments = std::make_shared<VerifyArguments>();
     CLI::App* command = app.add_subcommand(
-        "verify", "Did the joints keep their limits? Judges noisy readings, with error bars. Exit code 0: held, or "
-                  "no limit was named; 3: broken; 7: cannot be told; 2: bad input; 5: a file was not written");
-    command->add_option("LOG", arguments->file, "Log of a case, another MCAP file with joint states, or CSV")->required();
+        "verify",
+        "Did the joints keep their limits? Judges noisy readings, with error bars. Exit code 0: held, or "
+        "no limit was named; 3: broken; 7: cannot be told; 2: bad input; 5: a file was not written");
+    command->add_option("LOG", arguments->file, "Log of a case, another MCAP file with joint states, or CSV")
+        ->required();
     command->add_option("--limits", arguments->limits, "Robot whose limits count (default: those of the log)");
-    command
-        ->add_option("--signal", arguments->signal, "real: readings of the real arm (default), or nominal")
+    command->add_option("--signal", arguments->signal, "real: readings of the real arm (default), or nominal")
         ->check(CLI::IsMember({"real", "nominal"}));
-    command->add_option("--columns", arguments->record.columns,
-                        "NAME:UNIT,...: columns of the CSV to use, with their units (s, ms, us, ns; rad, deg; m, cm, mm)");
+    command->add_option(
+        "--columns", arguments->record.columns,
+        "NAME:UNIT,...: columns of the CSV to use, with their units (s, ms, us, ns; rad, deg; m, cm, mm)");
     command->add_option("--topic", arguments->record.topic, "Topic of the joint states, where the file has several");
     command->add_option("--confidence", arguments->judge.confidence,
                         "Probability that nothing is called broken that was held, in the whole record (0.99)");
@@ -148,7 +149,8 @@ void addVerifyCommand(CLI::App& app, int& exitCode) {
                         "Share of a limit: an excess of this size must be visible for `held` (0.1)");
     command->add_option("--excess-duration", arguments->judge.excessDuration_s, "How long it lasts, in s (0.05)");
     command->add_option("--json", arguments->json, "Write verdicts and curves to this new file");
-    command->add_flag("--report", arguments->report, "Write the report of the run again, with the verdict (CASE.verify.json beside the log)");
+    command->add_flag("--report", arguments->report,
+                      "Write the report of the run again, with the verdict (CASE.verify.json beside the log)");
     command->callback([arguments, &exitCode] {
         arguments->record.arm = arguments->signal == "nominal" ? LoggedArm::Nominal : LoggedArm::Real;
         exitCode = verify(*arguments);

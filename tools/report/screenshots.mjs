@@ -4,6 +4,7 @@
 //   node screenshots.mjs REPORT PICTURE.png --replay TIME [--case NAME] [--deviation 10] [--height 420] ...
 //   node screenshots.mjs REPORT PICTURE.png --sweep RESULT [--scatters 3] ...: of a sweep, from the verdicts to the
 //     strongest dependences
+//   node screenshots.mjs REPORT PICTURE.png --verification [--from 4] [--to 6] ...: the section of `viable verify`
 // FOLDER holds node_modules (default: this one). The pictures have few colours (--colours), which keeps them small.
 import { writeFile } from 'node:fs/promises';
 import { createRequire } from 'node:module';
@@ -29,6 +30,7 @@ const {
     sweep: text,
     scatters: { ...text, default: '3' },
     case: text,
+    verification: { type: 'boolean', default: false },
     deviation: { ...text, default: '1' },
     width: { ...text, default: '760' },
     height: text,
@@ -113,6 +115,20 @@ async function takeSweep() {
   const end = await last.evaluate((root) => root.getBoundingClientRect().bottom);
   const clip = { x: 0, y: Math.max(0, top - 8), width: Number(options.width), height: Math.ceil(end - top + 13) };
   return page.screenshot({ clip });
+}
+
+/** The verdicts and the plot of the worst, over a part of the time. */
+async function takeVerification() {
+  await page.evaluate(
+    ({ from, to }) => {
+      if (from !== undefined) window.viableReport.state.setView(from, to);
+    },
+    { from: options.from && Number(options.from), to: options.to && Number(options.to) },
+  );
+  const bars = page.locator('#toolbar, #transport');
+  await bars.evaluateAll((all) => all.forEach((bar) => bar.style.setProperty('display', 'none')));
+  await page.waitForTimeout(1000); // for the plot
+  return page.locator('#verification').screenshot();
 }
 
 /** The pixels of a PNG. */
@@ -207,7 +223,7 @@ function encode({ width, height, pixels }, palette) {
   ]);
 }
 
-const take = options.sweep !== undefined ? takeSweep : options.replay !== undefined ? takeReplay : takeFigure;
+const take = options.verification ? takeVerification : options.sweep !== undefined ? takeSweep : options.replay !== undefined ? takeReplay : takeFigure;
 const picture = await decode(await take());
 const png = encode(picture, makePalette(picture.pixels, Number(options.colours ?? (take === takeFigure ? 64 : 160))));
 await writeFile(target, png);

@@ -13,14 +13,22 @@ namespace viable::detail {
 static_assert(sizeof(SuiteSparse_long) == sizeof(long), "LDL's long integers are this program's");
 
 BandedLdl::BandedLdl(std::size_t blocks)
-    : blocks_(blocks), matrix_(size() * kBand), inverse_(), columns_(size() + 1), factorColumns_(size() + 1),
-      parent_(size()), counts_(size()), flag_(size()), pattern_(size()), diagonal_(size()), work_(size()) {
+    : blocks_(blocks),
+      matrix_(size() * kBand),
+      inverse_(),
+      columns_(size() + 1),
+      factorColumns_(size() + 1),
+      parent_(size()),
+      counts_(size()),
+      flag_(size()),
+      pattern_(size()),
+      diagonal_(size()),
+      work_(size()) {
     // Column j of the upper triangle: the block before, and its own block down to the diagonal.
     rows_.reserve(size() * kBand);
     for (std::size_t j = 0; j < size(); ++j) {
         const std::size_t block = j / kBlock;
-        for (std::size_t i = block == 0 ? 0 : kBlock * (block - 1); i <= j; ++i)
-            rows_.push_back(static_cast<long>(i));
+        for (std::size_t i = block == 0 ? 0 : kBlock * (block - 1); i <= j; ++i) rows_.push_back(static_cast<long>(i));
         columns_[j + 1] = static_cast<long>(rows_.size());
     }
     values_.resize(rows_.size());
@@ -45,10 +53,10 @@ bool BandedLdl::factor() {
     for (std::size_t j = 0; j < size(); ++j)
         for (long k = columns_[j]; k < columns_[j + 1]; ++k)
             values_[static_cast<std::size_t>(k)] = upd(j, static_cast<std::size_t>(rows_[static_cast<std::size_t>(k)]));
-    const long done = ldl_l_numeric(static_cast<long>(size()), columns_.data(), rows_.data(), values_.data(),
-                                    factorColumns_.data(), parent_.data(), counts_.data(), factorRows_.data(),
-                                    factorValues_.data(), diagonal_.data(), work_.data(), pattern_.data(),
-                                    flag_.data(), nullptr, nullptr);
+    const long done =
+        ldl_l_numeric(static_cast<long>(size()), columns_.data(), rows_.data(), values_.data(), factorColumns_.data(),
+                      parent_.data(), counts_.data(), factorRows_.data(), factorValues_.data(), diagonal_.data(),
+                      work_.data(), pattern_.data(), flag_.data(), nullptr, nullptr);
     if (done != static_cast<long>(size())) return false;
     return std::all_of(diagonal_.begin(), diagonal_.end(), [](double d) { return d > 0.0 && std::isfinite(d); });
 }

@@ -46,8 +46,8 @@ private:
     }
 
     std::size_t blocks_;
-    std::vector<double> matrix_;   // lower band, by columns
-    std::vector<double> inverse_;  // likewise
+    std::vector<double> matrix_;        // lower band, by columns
+    std::vector<double> inverse_;       // likewise
     std::vector<long> columns_, rows_;  // the upper triangle's pattern, by columns: what LDL reads
     std::vector<double> values_;
     std::vector<long> factorColumns_, factorRows_, parent_, counts_, flag_, pattern_;

@@ -21,14 +21,12 @@ SparseLdl::SparseLdl(const Eigen::MatrixXd& pattern) : n_(static_cast<int>(patte
         columns.push_back(static_cast<int>(rows.size()));
     }
     order_.resize(n);
-    VIABLE_CHECK(
-        amd_order(n_, columns.data(), rows.data(), order_.data(), nullptr, nullptr) >= AMD_OK,
-        "an order of a square pattern");
+    VIABLE_CHECK(amd_order(n_, columns.data(), rows.data(), order_.data(), nullptr, nullptr) >= AMD_OK,
+                 "an order of a square pattern");
     columns_.assign(1, 0);
     for (int j = 0; j < n_; ++j) {
         for (int i = 0; i <= j; ++i)
-            if (i == j || pattern(order_[static_cast<std::size_t>(i)],
-                                  order_[static_cast<std::size_t>(j)]) != 0.0)
+            if (i == j || pattern(order_[static_cast<std::size_t>(i)], order_[static_cast<std::size_t>(j)]) != 0.0)
                 rows_.push_back(i);
         columns_.push_back(static_cast<int>(rows_.size()));
     }
@@ -36,8 +34,8 @@ SparseLdl::SparseLdl(const Eigen::MatrixXd& pattern) : n_(static_cast<int>(patte
     parent_.resize(n);
     counts_.resize(n);
     std::vector<int> flag(n);
-    ldl_symbolic(n_, columns_.data(), rows_.data(), factorColumns_.data(), parent_.data(),
-                 counts_.data(), flag.data(), nullptr, nullptr);
+    ldl_symbolic(n_, columns_.data(), rows_.data(), factorColumns_.data(), parent_.data(), counts_.data(), flag.data(),
+                 nullptr, nullptr);
     factorRows_.resize(static_cast<std::size_t>(factorColumns_.back()));
     factorValues_.resize(factorRows_.size());
     diagonal_.resize(n);
@@ -48,16 +46,13 @@ bool SparseLdl::factor(const Eigen::MatrixXd& matrix) {
     std::vector<double> values;
     for (std::size_t j = 0; j < n; ++j)
         for (int k = columns_[j]; k < columns_[j + 1]; ++k)
-            values.push_back(matrix(
-                order_[static_cast<std::size_t>(rows_[static_cast<std::size_t>(k)])], order_[j]));
+            values.push_back(matrix(order_[static_cast<std::size_t>(rows_[static_cast<std::size_t>(k)])], order_[j]));
     std::vector<double> work(n);
     std::vector<int> pattern(n), flag(n);
-    const int done =
-        ldl_numeric(n_, columns_.data(), rows_.data(), values.data(), factorColumns_.data(),
-                    parent_.data(), counts_.data(), factorRows_.data(), factorValues_.data(),
-                    diagonal_.data(), work.data(), pattern.data(), flag.data(), nullptr, nullptr);
-    return done == n_ &&
-           std::all_of(diagonal_.begin(), diagonal_.end(), [](double d) { return d > 0.0; });
+    const int done = ldl_numeric(n_, columns_.data(), rows_.data(), values.data(), factorColumns_.data(),
+                                 parent_.data(), counts_.data(), factorRows_.data(), factorValues_.data(),
+                                 diagonal_.data(), work.data(), pattern.data(), flag.data(), nullptr, nullptr);
+    return done == n_ && std::all_of(diagonal_.begin(), diagonal_.end(), [](double d) { return d > 0.0; });
 }
 
 Eigen::VectorXd SparseLdl::solve(const Eigen::VectorXd& right) const {
@@ -82,8 +77,8 @@ BlockRegression::BlockRegression(int parameters, int blocks, int extras)
       gradient_(static_cast<std::size_t>(blocks), Eigen::VectorXd::Zero(parameters)) {
     const auto count = static_cast<std::size_t>(blocks);
     for (int e = 0; e < extras; ++e)
-        extras_.push_back({Eigen::MatrixXd::Zero(parameters, blocks),
-                           std::vector<double>(count, 0.0), std::vector<double>(count, 0.0)});
+        extras_.push_back({Eigen::MatrixXd::Zero(parameters, blocks), std::vector<double>(count, 0.0),
+                           std::vector<double>(count, 0.0)});
 }
 
 void BlockRegression::add(int block, double weight, const SparseRow& row, double residual) {
@@ -96,11 +91,10 @@ void BlockRegression::add(int block, double weight, const SparseRow& row, double
     }
 }
 
-void BlockRegression::addExtra(int extra, double value, int block, double weight,
-                               const SparseRow& row, double residual) {
+void BlockRegression::addExtra(int extra, double value, int block, double weight, const SparseRow& row,
+                               double residual) {
     Extra& e = extras_[static_cast<std::size_t>(extra)];
-    for (std::size_t a = 0; a < row.index.size(); ++a)
-        e.cross(row.index[a], block) += weight * row.value[a] * value;
+    for (std::size_t a = 0; a < row.index.size(); ++a) e.cross(row.index[a], block) += weight * row.value[a] * value;
     e.squares[static_cast<std::size_t>(block)] += weight * value * value;
     e.with[static_cast<std::size_t>(block)] += weight * value * residual;
 }
@@ -114,8 +108,7 @@ BlockRegression::Solution BlockRegression::solve(bool withErrors) const {
     }
     // All columns at length 1: then the least that keeps an undetermined one at rest is the same for all.
     Eigen::VectorXd scale(n_);
-    for (int i = 0; i < n_; ++i)
-        scale[i] = normal(i, i) > 0.0 ? 1.0 / std::sqrt(normal(i, i)) : 1.0;
+    for (int i = 0; i < n_; ++i) scale[i] = normal(i, i) > 0.0 ? 1.0 / std::sqrt(normal(i, i)) : 1.0;
     // Far above the rounding of sums of many rows, far below kLeastInformation.
     constexpr double kRest = 1e-9;
     const auto makeScaled = [&](const Eigen::MatrixXd& m) -> Eigen::MatrixXd {
@@ -145,8 +138,8 @@ BlockRegression::Solution BlockRegression::solve(bool withErrors) const {
     solution.extraSquares.assign(count, 0.0);
     std::vector<Eigen::VectorXd> cross(count);
     std::vector<double> squares(count, 0.0), with(count, 0.0);
-    const auto calcFactor = [&](const Eigen::VectorXd& z, double zz, double zr,
-                                const Eigen::VectorXd& g, double& left) {
+    const auto calcFactor = [&](const Eigen::VectorXd& z, double zz, double zr, const Eigen::VectorXd& g,
+                                double& left) {
         const Eigen::VectorXd explained = solve(z);
         left = zz - z.dot(explained);
         return left > kLeastInformation * zz ? (zr - explained.dot(g)) / left : 0.0;
@@ -159,22 +152,20 @@ BlockRegression::Solution BlockRegression::solve(bool withErrors) const {
         }
         double left = 0.0;
         solution.extraFactor[e] = calcFactor(cross[e], squares[e], with[e], gradient, left);
-        solution.extraSquares[e] =
-            std::max(0.0, left) * solution.extraFactor[e] * solution.extraFactor[e];
+        solution.extraSquares[e] = std::max(0.0, left) * solution.extraFactor[e] * solution.extraFactor[e];
     }
 
     solution.deletions.resize(n_, blocks_);
     for (std::size_t b = 0; b < normal_.size(); ++b) {
         const int column = static_cast<int>(b);
-        VIABLE_CHECK(ldl.factor(makeScaled(normal - normal_[b])),
-                     "normal equations without a block have a factor");
+        VIABLE_CHECK(ldl.factor(makeScaled(normal - normal_[b])), "normal equations without a block have a factor");
         const Eigen::VectorXd rest = gradient - gradient_[b];
         solution.deletions.col(column) = solve(rest) - solution.step;
         for (std::size_t e = 0; e < count; ++e) {
             double left = 0.0;
-            const double without = calcFactor(cross[e] - extras_[e].cross.col(column),
-                                              squares[e] - extras_[e].squares[b],
-                                              with[e] - extras_[e].with[b], rest, left);
+            const double without =
+                calcFactor(cross[e] - extras_[e].cross.col(column), squares[e] - extras_[e].squares[b],
+                           with[e] - extras_[e].with[b], rest, left);
             const double change = without - solution.extraFactor[e];
             solution.extraError[e] += change * change;
         }

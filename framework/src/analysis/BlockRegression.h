@@ -43,8 +43,7 @@ public:
 
     void add(int block, double weight, const SparseRow& row, double residual);
     /** An equation's entry in an extra column; with the same arguments as add(). */
-    void addExtra(int extra, double value, int block, double weight, const SparseRow& row,
-                  double residual);
+    void addExtra(int extra, double value, int block, double weight, const SparseRow& row, double residual);
 
     struct Solution {
         Eigen::VectorXd step;              ///< of the parameters

@@ -54,8 +54,7 @@ struct Candidate {
 
 double averageSpeeds(const TorqueEquation& row, double (*law)(double, double), double scale) {
     double sum = 0.0;
-    for (std::size_t k = 0; k < row.speeds.size(); ++k)
-        sum += row.shares[k] * law(row.speeds[k], scale);
+    for (std::size_t k = 0; k < row.speeds.size(); ++k) sum += row.shares[k] * law(row.speeds[k], scale);
     return sum;
 }
 double calcHump(double v, double scale) {
@@ -71,26 +70,18 @@ double calcSpeedSquare(double v, double) {
 /** Laws that are not fitted. `load` is the torque that the gear carries [Nm]. */
 const Candidate kCandidates[] = {
     {"torque offset", [](const TorqueEquation&, double, double) { return 1.0; }},
-    {"Stribeck effect",
-     [](const TorqueEquation& row, double, double fastest) {
-         return row.sign * averageSpeeds(row, calcHump, 0.03 * fastest);
-     }},
-    {"Stribeck effect (wide)",
-     [](const TorqueEquation& row, double, double fastest) {
-         return row.sign * averageSpeeds(row, calcHump, 0.12 * fastest);
-     }},
-    {"load friction",
-     [](const TorqueEquation& row, double load, double) { return row.sign * std::abs(load); }},
+    {"Stribeck effect", [](const TorqueEquation& row, double,
+                           double fastest) { return row.sign * averageSpeeds(row, calcHump, 0.03 * fastest); }},
+    {"Stribeck effect (wide)", [](const TorqueEquation& row, double,
+                                  double fastest) { return row.sign * averageSpeeds(row, calcHump, 0.12 * fastest); }},
+    {"load friction", [](const TorqueEquation& row, double load, double) { return row.sign * std::abs(load); }},
     {"inertia error", [](const TorqueEquation& row, double, double) { return row.acceleration; }},
-    {"tilt of the base about y",
-     [](const TorqueEquation& row, double, double) { return row.tilt[0]; }},
-    {"tilt of the base about x",
-     [](const TorqueEquation& row, double, double) { return row.tilt[1]; }},
+    {"tilt of the base about y", [](const TorqueEquation& row, double, double) { return row.tilt[0]; }},
+    {"tilt of the base about x", [](const TorqueEquation& row, double, double) { return row.tilt[1]; }},
     {"mass error", [](const TorqueEquation& row, double, double) { return row.rigid; }},
-    {"speed squared", [](const TorqueEquation& row, double,
-                         double) { return row.sign * averageSpeeds(row, calcSpeedSquare, 1.0); }},
-    {"direction",
-     [](const TorqueEquation& row, double, double) { return averageSpeeds(row, calcSpeed, 1.0); }},
+    {"speed squared",
+     [](const TorqueEquation& row, double, double) { return row.sign * averageSpeeds(row, calcSpeedSquare, 1.0); }},
+    {"direction", [](const TorqueEquation& row, double, double) { return averageSpeeds(row, calcSpeed, 1.0); }},
 };
 
 constexpr int kCandidateCount = static_cast<int>(std::size(kCandidates));
@@ -131,8 +122,7 @@ double halfWidth(const IdentifiedFigure& figure) {
 /** The regression for one choice of what each joint's friction tells. */
 class Estimator {
 public:
-    Estimator(const RobotDescription& nominal, const TorqueEquations& equations,
-              const IdentificationOptions& options)
+    Estimator(const RobotDescription& nominal, const TorqueEquations& equations, const IdentificationOptions& options)
         : nominal_(nominal),
           equations_(equations),
           n_(static_cast<std::size_t>(nominal.size())),
@@ -158,10 +148,8 @@ public:
                 hold(i, "the records have no torques of it");
             else if (activity.largest == 0.0)
                 hold(i, "it never moved");
-            else if (static_cast<int>(fit_.rows(i).size()) < kLeastEquations ||
-                     blockCount_[i] < kLeastJointBlocks)
-                hold(i, "it moved too little: " +
-                            detail::formatNumber(std::round(100.0 * activity.moving_s) / 100.0) +
+            else if (static_cast<int>(fit_.rows(i).size()) < kLeastEquations || blockCount_[i] < kLeastJointBlocks)
+                hold(i, "it moved too little: " + detail::formatNumber(std::round(100.0 * activity.moving_s) / 100.0) +
                             " s in one direction or the other beyond the noise, at most " +
                             formatSpeed(i, activity.largest));
             else
@@ -174,12 +162,10 @@ public:
         // Each round takes at least one step down, and each joint has four.
         for (int round = 0; round < 4 * static_cast<int>(n_) + 8; ++round) {
             fit_.fit();
-            fit_.calcErrors(
-                kCandidateCount, [&](const TorqueEquation& row, double load, double* out) {
-                    for (const Candidate& candidate : kCandidates)
-                        *out++ = candidate.calc(row, load,
-                                                fit_.fastest(static_cast<std::size_t>(row.joint)));
-                });
+            fit_.calcErrors(kCandidateCount, [&](const TorqueEquation& row, double load, double* out) {
+                for (const Candidate& candidate : kCandidates)
+                    *out++ = candidate.calc(row, load, fit_.fastest(static_cast<std::size_t>(row.joint)));
+            });
             if (!takeBack()) return;
         }
     }
@@ -190,8 +176,7 @@ private:
     std::string formatSpeed(std::size_t i, double speed) const {
         char text[32];
         std::snprintf(text, sizeof text, "%.3g", speed);
-        return text +
-               std::string(nominal_.joints[i].type == JointType::Prismatic ? " m/s" : " rad/s");
+        return text + std::string(nominal_.joints[i].type == JointType::Prismatic ? " m/s" : " rad/s");
     }
 
     const JointFriction& old() const { return nominal_.actuation.friction; }
@@ -207,14 +192,11 @@ private:
     bool isDetermined(int place) const {
         return fit_.solution().information[place] > BlockRegression::kLeastInformation;
     }
-    double quantile(std::size_t joint) const {
-        return detail::calcStudentQuantile(kLevel, blockCount_[joint] - 1);
-    }
+    double quantile(std::size_t joint) const { return detail::calcStudentQuantile(kLevel, blockCount_[joint] - 1); }
     double quantile() const { return detail::calcStudentQuantile(kLevel, equations_.blocks - 1); }
     IdentifiedFigure figure(int place, double value, double q) const {
         if (place < 0) return {};
-        IdentifiedFigure f =
-            makeFigure(value, std::sqrt(std::max(0.0, fit_.covariance()(place, place))), q);
+        IdentifiedFigure f = makeFigure(value, std::sqrt(std::max(0.0, fit_.covariance()(place, place))), q);
         if (!isDetermined(place)) {
             f.isKnown = false;
             f.reason = "the motion does not tell it from other figures";
@@ -231,12 +213,11 @@ private:
     }
     bool isKnown(std::size_t i, const IdentifiedFigure& f, double factor) const {
         const double width = factor * halfWidth(f);
-        return f.isKnown && width <= std::max(kKnownShare * std::abs(factor * f.value),
-                                              kKnownFrictionShare * frictionScale(i));
+        return f.isKnown &&
+               width <= std::max(kKnownShare * std::abs(factor * f.value), kKnownFrictionShare * frictionScale(i));
     }
     bool isCoulombKnown(std::size_t i) const {
-        return isKnown(i, figure(layout().coulomb[i], values().friction[i].coulomb, quantile(i)),
-                       1.0);
+        return isKnown(i, figure(layout().coulomb[i], values().friction[i].coulomb, quantile(i)), 1.0);
     }
     bool isSlopeKnown(std::size_t i) const {
         const detail::Friction& law = values().friction[i];
@@ -251,17 +232,15 @@ private:
                 const double bend = values().friction[i].bend;
                 const IdentifiedFigure f = figure(layout().bend[i], bend, quantile(i));
                 const bool isInside = bend < 0.999 * TorqueFit::kMostBend / fit_.fastest(i);
-                if (isInside && f.isKnown && f.lower > 0.0 && isDetermined(layout().slope[i]) &&
-                    isCoulombKnown(i) && values().friction[i].slope > 0.0)
+                if (isInside && f.isKnown && f.lower > 0.0 && isDetermined(layout().slope[i]) && isCoulombKnown(i) &&
+                    values().friction[i].slope > 0.0)
                     return false;
                 const bool wasBent = old().viscous[static_cast<int>(i)] > 0.0;
-                const bool fits =
-                    !f.isKnown || (fit_.oldBend(i) >= f.lower && fit_.oldBend(i) <= f.upper);
-                choice_.forms[i] =
-                    wasBent && fits ? FrictionForm::KnownVelocity : FrictionForm::Line;
-                reasons_[i] = range + (f.isKnown && f.lower > 0.0
-                                           ? " do not tell the bend of the friction from its jump"
-                                           : " do not show that the friction saturates");
+                const bool fits = !f.isKnown || (fit_.oldBend(i) >= f.lower && fit_.oldBend(i) <= f.upper);
+                choice_.forms[i] = wasBent && fits ? FrictionForm::KnownVelocity : FrictionForm::Line;
+                reasons_[i] =
+                    range + (f.isKnown && f.lower > 0.0 ? " do not tell the bend of the friction from its jump"
+                                                        : " do not show that the friction saturates");
                 return true;
             }
             case FrictionForm::KnownVelocity:
@@ -273,8 +252,9 @@ private:
             case FrictionForm::CoulombOnly:
                 if (isCoulombKnown(i)) return false;
                 choice_.forms[i] = FrictionForm::None;
-                reasons_[i] = "the motion does not tell friction from other torques: " +
-                              std::to_string(fit_.rows(i).size()) + " equations with " + range;
+                reasons_[i] =
+                    "the motion does not tell friction from other torques: " + std::to_string(fit_.rows(i).size()) +
+                    " equations with " + range;
                 return true;
             case FrictionForm::None:
                 break;
@@ -296,19 +276,16 @@ private:
         if (layout().mass >= 0) {
             bool isCentreOpen = false;
             for (std::size_t k = 0; k < 3; ++k)
-                if (layout().moment[k] >= 0 && !isDetermined(layout().moment[k]))
-                    isCentreOpen = true;
+                if (layout().moment[k] >= 0 && !isDetermined(layout().moment[k])) isCentreOpen = true;
             if (isCentreOpen) {
                 const bool isMassOpen = !isDetermined(layout().mass);
                 for (std::size_t k = 0; k < 3; ++k)
-                    if (isMassOpen ||
-                        (layout().moment[k] >= 0 && !isDetermined(layout().moment[k])))
+                    if (isMassOpen || (layout().moment[k] >= 0 && !isDetermined(layout().moment[k])))
                         choice_.moment[k] = false;
                 payloadReason_ =
                     "the motion does not tell where the mass is in every direction of the tool "
                     "frame";
-                if (choice_.moment == std::array<bool, 3>{false, false, false})
-                    payload_ = PayloadModel::Mass;
+                if (choice_.moment == std::array<bool, 3>{false, false, false}) payload_ = PayloadModel::Mass;
                 changed = true;
             } else if (!isDetermined(layout().mass)) {
                 payload_ = PayloadModel::None;
@@ -319,10 +296,8 @@ private:
             }
         }
         for (std::size_t i = 0; i < n_; ++i) {
-            if (layout().rotor[i] >= 0 && !isDetermined(layout().rotor[i]))
-                choice_.rotor[i] = false, changed = true;
-            if (layout().offset[i] >= 0 && !isDetermined(layout().offset[i]))
-                choice_.offset[i] = false, changed = true;
+            if (layout().rotor[i] >= 0 && !isDetermined(layout().rotor[i])) choice_.rotor[i] = false, changed = true;
+            if (layout().offset[i] >= 0 && !isDetermined(layout().offset[i])) choice_.offset[i] = false, changed = true;
         }
         // Together they may be one: then it is the torques'.
         if (!isDelayKnown(layout().lag, values().lag))
@@ -330,11 +305,9 @@ private:
         else if (!isDelayKnown(layout().delay, values().delay))
             choice_.delay = false, changed = true;
         for (std::size_t b = 0; b < layout().bodies.size(); ++b)
-            if (layout().bodies[b] >= 0 && !isDetermined(layout().bodies[b]))
-                choice_.bodies[b] = false, changed = true;
+            if (layout().bodies[b] >= 0 && !isDetermined(layout().bodies[b])) choice_.bodies[b] = false, changed = true;
         if (changed) return true;  // what is left may be clearer without it
-        for (std::size_t i = 0; i < n_; ++i)
-            changed = (isFitted(i) && takeBackFriction(i)) || changed;
+        for (std::size_t i = 0; i < n_; ++i) changed = (isFitted(i) && takeBackFriction(i)) || changed;
         return changed;
     }
 
@@ -363,9 +336,7 @@ void Estimator::reportFriction(std::size_t i, JointIdentification& joint) const 
     joint.covariance.setZero();
     const auto leave = [&](IdentifiedFigure& f) { f.isKnown = false, f.reason = reasons_[i]; };
     if (!isFitted(i)) {
-        for (IdentifiedFigure* f :
-             {&joint.coulomb, &joint.viscous, &joint.viscousVelocity, &joint.slope})
-            leave(*f);
+        for (IdentifiedFigure* f : {&joint.coulomb, &joint.viscous, &joint.viscousVelocity, &joint.slope}) leave(*f);
         return;
     }
     const double q = quantile(i);
@@ -373,8 +344,7 @@ void Estimator::reportFriction(std::size_t i, JointIdentification& joint) const 
     const std::array<int, 3> places{layout().coulomb[i], layout().slope[i], layout().bend[i]};
     for (int a = 0; a < 3; ++a)
         for (int b = 0; b < 3; ++b) {
-            const int row = places[static_cast<std::size_t>(a)],
-                      column = places[static_cast<std::size_t>(b)];
+            const int row = places[static_cast<std::size_t>(a)], column = places[static_cast<std::size_t>(b)];
             if (row >= 0 && column >= 0) joint.covariance(a, b) = fit_.covariance()(row, column);
         }
     // What the shaking takes from the law's mean near rest, where coulomb and viscous share it.
@@ -395,19 +365,16 @@ void Estimator::reportFriction(std::size_t i, JointIdentification& joint) const 
         const Eigen::Vector2d slopes(-law.bend / (law.slope * law.slope), 1.0 / law.slope);
         const double inverse = law.bend / law.slope;
         const double variance = slopes.dot(joint.covariance.bottomRightCorner<2, 2>() * slopes);
-        joint.viscous = invert(makeFigure(
-            inverse, std::hypot(std::sqrt(std::max(0.0, variance)), shaken * inverse * inverse),
-            q));
+        joint.viscous =
+            invert(makeFigure(inverse, std::hypot(std::sqrt(std::max(0.0, variance)), shaken * inverse * inverse), q));
         joint.written[1] = joint.viscous.value;
         joint.written[2] = joint.viscousVelocity.value;
     } else if (choice_.forms[i] == FrictionForm::CoulombOnly) {
-        for (IdentifiedFigure* f : {&joint.viscous, &joint.viscousVelocity, &joint.slope})
-            leave(*f);
+        for (IdentifiedFigure* f : {&joint.viscous, &joint.viscousVelocity, &joint.slope}) leave(*f);
     } else {
         leave(joint.viscousVelocity);
         leave(joint.viscous);
-        const double velocity =
-            choice_.forms[i] == FrictionForm::Line ? kStraight * fit_.fastest(i) : joint.old[2];
+        const double velocity = choice_.forms[i] == FrictionForm::Line ? kStraight * fit_.fastest(i) : joint.old[2];
         const bool isNothing = joint.slope.upper * fit_.fastest(i) < nothing || law.slope <= 0.0;
         joint.written[1] = isNothing ? 0.0 : law.slope * velocity;
         joint.written[2] = isNothing ? joint.old[2] : velocity;
@@ -442,8 +409,7 @@ void Estimator::reportResiduals(std::size_t i, int tests, JointIdentification& j
     joint.explained = open > 0.0 ? 1.0 - squares / open : 0.0;
     joint.correlation = pairs > 0.0 ? product / pairs : 0.0;
     // Beside a joint's torque the friction of one without is nothing, and nothing is its share.
-    const double scale =
-        std::max(joint.frictionRms, kLeastFrictionShare * equations_.joints[i].torqueRms);
+    const double scale = std::max(joint.frictionRms, kLeastFrictionShare * equations_.joints[i].torqueRms);
     double worst = 0.0;
     const auto take = [&](ResidualCheck check, double least) {
         check.isFound = std::abs(check.t) > least && check.share > kToldShare;
@@ -453,15 +419,12 @@ void Estimator::reportResiduals(std::size_t i, int tests, JointIdentification& j
     // Every second window is apart from the last: half of the equations tell something new.
     const double normalAlarm = detail::calcNormalQuantile(1.0 - kAlarmLevel / tests);
     const double rho = std::clamp(joint.correlation, 0.0, 0.99);
-    const double independent =
-        0.5 * static_cast<double>(residuals.size()) * (1.0 - rho) / (1.0 + rho);
-    take({"residuals that last",
-          std::sqrt(std::max(0.0, joint.correlation)) * joint.residualRms / scale,
+    const double independent = 0.5 * static_cast<double>(residuals.size()) * (1.0 - rho) / (1.0 + rho);
+    take({"residuals that last", std::sqrt(std::max(0.0, joint.correlation)) * joint.residualRms / scale,
           joint.correlation * std::sqrt(0.5 * static_cast<double>(residuals.size())), false},
          normalAlarm);
     // A law of slow motion, say, is told by some of the blocks only.
-    const double alarm =
-        detail::calcStudentQuantile(1.0 - kAlarmLevel / tests, std::max(8, blockCount_[i] / 2));
+    const double alarm = detail::calcStudentQuantile(1.0 - kAlarmLevel / tests, std::max(8, blockCount_[i] / 2));
     for (std::size_t c = 0; c < std::size(kCandidates); ++c) {
         const std::size_t at = i * std::size(kCandidates) + c;
         ResidualCheck check;
@@ -478,8 +441,7 @@ void Estimator::reportResiduals(std::size_t i, int tests, JointIdentification& j
         if (std::abs(plain) > normalAlarm && std::abs(check.t) < alarm) check.t = plain;
         take(check, check.t == plain ? normalAlarm : alarm);
     }
-    const bool isExplained =
-        joint.explained >= kLeastExplained || joint.residualRms < kToldShare * scale;
+    const bool isExplained = joint.explained >= kLeastExplained || joint.residualRms < kToldShare * scale;
     joint.verdict = worst > kDoubtfulShare || !isExplained ? ModelVerdict::Doubtful
                     : worst > kToldShare                   ? ModelVerdict::Approximate
                                                            : ModelVerdict::Adequate;
@@ -490,8 +452,7 @@ void Estimator::reportPayload(PayloadIdentification& payload) const {
     payload.reason = payloadReason_;
     if (layout().mass < 0) {
         if (payload.reason.empty())
-            payload.reason =
-                payload_ == PayloadModel::None ? "not asked for" : "no joint's torques tell it";
+            payload.reason = payload_ == PayloadModel::None ? "not asked for" : "no joint's torques tell it";
         return;
     }
     const double q = quantile();
@@ -512,11 +473,9 @@ void Estimator::reportPayload(PayloadIdentification& payload) const {
         const double m = values().mass;
         const Eigen::Vector2d slopes(-moment / (m * m), 1.0 / m);
         Eigen::Matrix2d C;
-        C << fit_.covariance()(layout().mass, layout().mass),
-            fit_.covariance()(layout().mass, place), fit_.covariance()(place, layout().mass),
-            fit_.covariance()(place, place);
-        payload.centre[k] =
-            makeFigure(moment / m, std::sqrt(std::max(0.0, slopes.dot(C * slopes))), q);
+        C << fit_.covariance()(layout().mass, layout().mass), fit_.covariance()(layout().mass, place),
+            fit_.covariance()(place, layout().mass), fit_.covariance()(place, place);
+        payload.centre[k] = makeFigure(moment / m, std::sqrt(std::max(0.0, slopes.dot(C * slopes))), q);
     }
 }
 
@@ -539,8 +498,7 @@ Identification Estimator::report() const {
         joint.fastest = fit_.fastest(i);
         joint.slowest = joint.fastest;
         for (const TorqueEquation* row : fit_.rows(i))
-            joint.slowest =
-                std::min(joint.slowest, *std::min_element(row->speeds.begin(), row->speeds.end()));
+            joint.slowest = std::min(joint.slowest, *std::min_element(row->speeds.begin(), row->speeds.end()));
         reportFriction(i, joint);
         if (!isFitted(i)) continue;
         joint.equations = static_cast<int>(fit_.rows(i).size());
@@ -591,9 +549,8 @@ const char* getName(ModelVerdict verdict) {
 }
 
 bool Identification::anyFriction() const {
-    return std::any_of(joints.begin(), joints.end(), [](const JointIdentification& joint) {
-        return joint.form != FrictionForm::None;
-    });
+    return std::any_of(joints.begin(), joints.end(),
+                       [](const JointIdentification& joint) { return joint.form != FrictionForm::None; });
 }
 
 Identification identify(const RobotDescription& nominal, const std::vector<MotionRecord>& records,

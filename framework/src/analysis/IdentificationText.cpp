@@ -30,8 +30,7 @@ std::string formatFigure(double value, double deviation) {
     const int magnitude = static_cast<int>(std::floor(std::log10(std::abs(value))));
     int digits = 3;
     if (std::isfinite(deviation) && deviation > 0.0)
-        digits = std::clamp(2 + magnitude - static_cast<int>(std::floor(std::log10(deviation))),
-                            digits, kMostDigits);
+        digits = std::clamp(2 + magnitude - static_cast<int>(std::floor(std::log10(deviation))), digits, kMostDigits);
     if (magnitude < -4) return format("%.*e", digits - 1, value);
     return format("%.*f", std::max(0, digits - 1 - magnitude), value);
 }
@@ -53,8 +52,7 @@ std::string joinSources(const std::vector<std::string>& sources, std::size_t mos
     return text;
 }
 
-void addLine(std::string& text, const std::vector<std::string>& cells,
-             const std::vector<std::size_t>& widths) {
+void addLine(std::string& text, const std::vector<std::string>& cells, const std::vector<std::size_t>& widths) {
     std::string line;
     for (std::size_t c = 0; c < cells.size(); ++c) {
         line += cells[c];
@@ -89,27 +87,24 @@ std::string describeCheck(const ResidualCheck& check) {
 }
 
 std::string writePayload(const PayloadIdentification& payload) {
-    if (payload.model == PayloadModel::None)
-        return "payload error  not identified: " + payload.reason + "\n";
+    if (payload.model == PayloadModel::None) return "payload error  not identified: " + payload.reason + "\n";
     std::string text = "payload error  ";
     if (!payload.mass.isKnown) return text + "not identified: " + payload.mass.reason + "\n";
     text += formatWithError(payload.mass) + " kg at the tool";
     if (!payload.isFound())
-        return text + ": none is seen, 95 % between " + format("%.3g", payload.mass.lower) +
-               " and " + format("%.3g", payload.mass.upper) + " kg\n";
+        return text + ": none is seen, 95 % between " + format("%.3g", payload.mass.lower) + " and " +
+               format("%.3g", payload.mass.upper) + " kg\n";
     std::string offset;
     for (std::size_t k = 0; k < 3; ++k) {
         const IdentifiedFigure& c = payload.centre[k];
         const std::string place = c.isKnown ? formatFigure(c.value, c.deviation) : "0";
         offset += (k == 0 ? "" : ", ") + place;
-        text += std::string(k == 0 ? ", centre [m] " : ", ") +
-                (c.isKnown ? formatWithError(c) : "not known");
+        text += std::string(k == 0 ? ", centre [m] " : ", ") + (c.isKnown ? formatWithError(c) : "not known");
     }
     text += "\n";
     const std::string mass = formatFigure(payload.mass.value, payload.mass.deviation);
     if (payload.mass.value > 0.0)
-        text += "               tell an experiment: payload: {mass_kg: " + mass + ", offset_m: [" +
-                offset +
+        text += "               tell an experiment: payload: {mass_kg: " + mass + ", offset_m: [" + offset +
                 "]}, on top of what it says now; or add it to the tool's <inertial> in the URDF\n";
     else
         text +=
@@ -124,9 +119,7 @@ std::string writePayload(const PayloadIdentification& payload) {
 std::string readText(const std::filesystem::path& file) {
     std::ifstream stream(file, std::ios::binary);
     std::string text{std::istreambuf_iterator<char>(stream), {}};
-    if (!stream)
-        throw badInput(file.string(), "the file cannot be read",
-                       "It is part of the robot's folder.");
+    if (!stream) throw badInput(file.string(), "the file cannot be read", "It is part of the robot's folder.");
     return text;
 }
 
@@ -140,23 +133,17 @@ std::string writeList(const std::vector<std::string>& values) {
 std::string writeFriction(const Identification& found, const std::string& oldSource) {
     std::vector<std::string> figures[3], errors[3];
     for (const JointIdentification& joint : found.joints) {
-        const bool isNew[3] = {
-            joint.form != FrictionForm::None,
-            joint.form != FrictionForm::None && joint.form != FrictionForm::CoulombOnly,
-            joint.form == FrictionForm::Saturating || joint.written[2] != joint.old[2]};
-        const IdentifiedFigure* const known[3] = {&joint.coulomb, &joint.viscous,
-                                                  &joint.viscousVelocity};
+        const bool isNew[3] = {joint.form != FrictionForm::None,
+                               joint.form != FrictionForm::None && joint.form != FrictionForm::CoulombOnly,
+                               joint.form == FrictionForm::Saturating || joint.written[2] != joint.old[2]};
+        const IdentifiedFigure* const known[3] = {&joint.coulomb, &joint.viscous, &joint.viscousVelocity};
         for (std::size_t k = 0; k < 3; ++k) {
             double deviation = isNew[k] ? known[k]->deviation : 0.0;
-            if (k == 1 && joint.form == FrictionForm::Line)
-                deviation = joint.written[2] * joint.slope.deviation;
+            if (k == 1 && joint.form == FrictionForm::Line) deviation = joint.written[2] * joint.slope.deviation;
             const bool isStraight = k == 2 && joint.form == FrictionForm::Line && isNew[2];
-            figures[k].push_back(isNew[k]
-                                     ? formatFigure(joint.written[k], isStraight ? 0.0 : deviation)
-                                     : detail::formatNumber(joint.written[k]));
-            errors[k].push_back(!isNew[k]    ? "kept"
-                                : isStraight ? "straight"
-                                             : formatError(deviation));
+            figures[k].push_back(isNew[k] ? formatFigure(joint.written[k], isStraight ? 0.0 : deviation)
+                                          : detail::formatNumber(joint.written[k]));
+            errors[k].push_back(!isNew[k] ? "kept" : isStraight ? "straight" : formatError(deviation));
         }
     }
     const auto join = [](const std::vector<std::string>& words) {
@@ -167,30 +154,25 @@ std::string writeFriction(const Identification& found, const std::string& oldSou
     const char* const keys[3] = {"coulomb_Nm", "viscous_Nm", "viscous_velocity_radps"};
     std::string text = "friction:\n";
     for (std::size_t k = 0; k < 3; ++k)
-        text += std::string("  ") + keys[k] + ": " + writeList(figures[k]) +
-                "  # standard errors: " + join(errors[k]) + "\n";
+        text += std::string("  ") + keys[k] + ": " + writeList(figures[k]) + "  # standard errors: " + join(errors[k]) +
+                "\n";
     for (const JointIdentification& joint : found.joints) {
         std::string note = joint.reason;
         for (const ResidualCheck& check : joint.checks)
-            if (check.isFound)
-                note += (note.empty() ? "" : "; ") + ("also seen: " + describeCheck(check));
+            if (check.isFound) note += (note.empty() ? "" : "; ") + ("also seen: " + describeCheck(check));
         if (!note.empty() || joint.form != FrictionForm::Saturating)
-            text += "  # " + makePrintable(joint.name) + ": " + getName(joint.form) + "; " +
-                    makePrintable(note) + "\n";
+            text += "  # " + makePrintable(joint.name) + ": " + getName(joint.form) + "; " + makePrintable(note) + "\n";
         else if (joint.explained < 0.5 && joint.verdict == ModelVerdict::Doubtful)
-            text += "  # " + makePrintable(joint.name) + ": explains only " +
-                    format("%.0f", 100.0 * joint.explained) +
+            text += "  # " + makePrintable(joint.name) + ": explains only " + format("%.0f", 100.0 * joint.explained) +
                     " % of what the rigid arm leaves open\n";
     }
-    if (!oldSource.empty())
-        text += "  # what is kept comes from: " + makePrintable(oldSource) + "\n";
+    if (!oldSource.empty()) text += "  # what is kept comes from: " + makePrintable(oldSource) + "\n";
     constexpr std::size_t kMostSources = 8;
     ConfigNode source;
     source.kind = ConfigNode::Kind::Scalar;
     source.quoted = true;
-    source.text = std::string("identified by viable ") + VIABLE_VERSION + " from " +
-                  format("%.0f", found.duration_s) + " s of motion in " +
-                  joinSources(found.sources, kMostSources);
+    source.text = std::string("identified by viable ") + VIABLE_VERSION + " from " + format("%.0f", found.duration_s) +
+                  " s of motion in " + joinSources(found.sources, kMostSources);
     ConfigNode block;
     block.kind = ConfigNode::Kind::Map;
     block.entries.emplace_back("source", source);
@@ -211,12 +193,9 @@ std::vector<std::string> splitLines(const std::string& text) {
 /** The text with the lines of the root's `friction` replaced; empty where they cannot be told. */
 std::string replaceFriction(const std::string& text, const std::string& block) {
     const std::vector<std::string> lines = splitLines(text);
-    const auto isBlank = [](const std::string& line) {
-        return line.find_first_not_of(" \t\r\n") == std::string::npos;
-    };
-    const auto begin = std::find_if(lines.begin(), lines.end(), [](const std::string& line) {
-        return line.rfind("friction:", 0) == 0;
-    });
+    const auto isBlank = [](const std::string& line) { return line.find_first_not_of(" \t\r\n") == std::string::npos; };
+    const auto begin = std::find_if(lines.begin(), lines.end(),
+                                    [](const std::string& line) { return line.rfind("friction:", 0) == 0; });
     if (begin == lines.end()) return {};
     auto end = std::find_if(begin + 1, lines.end(), [&](const std::string& line) {
         return !isBlank(line) && std::string(" \t#}]").find(line[0]) == std::string::npos;
@@ -270,55 +249,47 @@ const char* getName(PayloadModel model) {
 }  // namespace
 
 std::string writeText(const Identification& found) {
-    std::string text = makePrintable(found.robot) + ": " + format("%.3g", found.duration_s) +
-                       " s of motion, " + std::to_string(found.equations) +
-                       " equations over windows of " + format("%.3g", found.window_s) +
-                       " s, errors from " + std::to_string(found.blocks) + " stretches of " +
-                       format("%.3g", found.block_s) + " s\n\n";
-    std::vector<std::vector<std::string>> rows{
-        {"joint", "friction", "coulomb [Nm]", "was", "viscous [Nm]", "was", "velocity [rad/s]",
-         "was", "residual [Nm]", "explained", "speeds [rad/s]", "verdict"}};
+    std::string text = makePrintable(found.robot) + ": " + format("%.3g", found.duration_s) + " s of motion, " +
+                       std::to_string(found.equations) + " equations over windows of " +
+                       format("%.3g", found.window_s) + " s, errors from " + std::to_string(found.blocks) +
+                       " stretches of " + format("%.3g", found.block_s) + " s\n\n";
+    std::vector<std::vector<std::string>> rows{{"joint", "friction", "coulomb [Nm]", "was", "viscous [Nm]", "was",
+                                                "velocity [rad/s]", "was", "residual [Nm]", "explained",
+                                                "speeds [rad/s]", "verdict"}};
     for (const JointIdentification& joint : found.joints) {
         const auto was = [&](std::size_t k) { return format("%.4g", joint.old[k]); };
         const bool isFitted = joint.form != FrictionForm::None;
-        rows.push_back(
-            {makePrintable(joint.name), getName(joint.form), formatWithError(joint.coulomb), was(0),
-             joint.form == FrictionForm::Line ? formatWithError(joint.slope) + " Nm s/rad"
-                                              : formatWithError(joint.viscous),
-             was(1), formatWithError(joint.viscousVelocity), was(2),
-             isFitted ? format("%.2g of %.3g", joint.residualRms, joint.frictionRms) : "-",
-             isFitted ? format("%.2f %%", 100.0 * joint.explained) : "-",
-             format("%.2g to %.3g", joint.slowest, joint.fastest), getName(joint.verdict)});
+        rows.push_back({makePrintable(joint.name), getName(joint.form), formatWithError(joint.coulomb), was(0),
+                        joint.form == FrictionForm::Line ? formatWithError(joint.slope) + " Nm s/rad"
+                                                         : formatWithError(joint.viscous),
+                        was(1), formatWithError(joint.viscousVelocity), was(2),
+                        isFitted ? format("%.2g of %.3g", joint.residualRms, joint.frictionRms) : "-",
+                        isFitted ? format("%.2f %%", 100.0 * joint.explained) : "-",
+                        format("%.2g to %.3g", joint.slowest, joint.fastest), getName(joint.verdict)});
     }
     text += writeTable(rows) + "\n";
-    const bool hasPrismatic =
-        std::any_of(found.joints.begin(), found.joints.end(),
-                    [](const JointIdentification& joint) { return joint.isPrismatic; });
+    const bool hasPrismatic = std::any_of(found.joints.begin(), found.joints.end(),
+                                          [](const JointIdentification& joint) { return joint.isPrismatic; });
     for (const JointIdentification& joint : found.joints) {
         if (!joint.reason.empty()) text += makePrintable(joint.name) + ": " + joint.reason + "\n";
         if (joint.form == FrictionForm::None) continue;
         if (joint.explained < 0.5 && joint.verdict == ModelVerdict::Doubtful)
-            text += makePrintable(joint.name) + ": explains only " +
-                    format("%.0f", 100.0 * joint.explained) +
+            text += makePrintable(joint.name) + ": explains only " + format("%.0f", 100.0 * joint.explained) +
                     " % of the torque that the rigid arm leaves open\n";
         std::string seen;
         for (const ResidualCheck& check : joint.checks)
             if (check.isFound) seen += (seen.empty() ? "" : ", ") + describeCheck(check);
-        if (!seen.empty())
-            text += makePrintable(joint.name) + ": the residuals also show " + seen + "\n";
+        if (!seen.empty()) text += makePrintable(joint.name) + ": the residuals also show " + seen + "\n";
         if (joint.rotorInertia.isKnown)
-            text += makePrintable(joint.name) + ": inertia error " +
-                    formatWithError(joint.rotorInertia) +
+            text += makePrintable(joint.name) + ": inertia error " + formatWithError(joint.rotorInertia) +
                     " kg m^2, reflected; over the gear ratio squared it belongs to "
                     "rotor_inertia_kgm2\n";
         if (joint.torqueOffset.isKnown)
-            text += makePrintable(joint.name) + ": torque offset " +
-                    formatWithError(joint.torqueOffset) + " Nm\n";
+            text += makePrintable(joint.name) + ": torque offset " + formatWithError(joint.torqueOffset) + " Nm\n";
     }
     const auto writeDelay = [&](const char* name, const IdentifiedFigure& delay) {
         if (delay.isKnown)
-            text += name + format("%.3g", 1e3 * delay.value) + " +- " +
-                    formatError(1e3 * delay.deviation) + " ms\n";
+            text += name + format("%.3g", 1e3 * delay.value) + " +- " + formatError(1e3 * delay.deviation) + " ms\n";
     };
     writeDelay("torque delay   ", found.torqueDelay);
     writeDelay("friction lag   ", found.frictionDelay);
@@ -338,17 +309,15 @@ std::string writeJson(const Identification& found) {
     for (const JointIdentification& joint : found.joints) {
         json checks = json::object();
         for (const ResidualCheck& check : joint.checks)
-            checks[check.name] = {{"share_of_friction", toJson(check.share)},
-                                  {"t", toJson(check.t)},
-                                  {"is_found", check.isFound}};
+            checks[check.name] = {
+                {"share_of_friction", toJson(check.share)}, {"t", toJson(check.t)}, {"is_found", check.isFound}};
         json covariance = json::array();
         for (int r = 0; r < 3; ++r)
-            covariance.push_back({toJson(joint.covariance(r, 0)), toJson(joint.covariance(r, 1)),
-                                  toJson(joint.covariance(r, 2))});
+            covariance.push_back(
+                {toJson(joint.covariance(r, 0)), toJson(joint.covariance(r, 1)), toJson(joint.covariance(r, 2))});
         const auto figures = [](const std::array<double, 3>& f) {
-            return json{{"coulomb_Nm", toJson(f[0])},
-                        {"viscous_Nm", toJson(f[1])},
-                        {"viscous_velocity_radps", toJson(f[2])}};
+            return json{
+                {"coulomb_Nm", toJson(f[0])}, {"viscous_Nm", toJson(f[1])}, {"viscous_velocity_radps", toJson(f[2])}};
         };
         json entry{{"form", getName(joint.form)},
                    {"reason", joint.reason},
@@ -404,20 +373,17 @@ std::string writeJson(const Identification& found) {
 }
 
 std::string writeActuation(const RobotDescription& nominal, const Identification& found) {
-    VIABLE_CHECK(static_cast<int>(found.joints.size()) == nominal.size(),
-                 "figures of this robot's joints");
+    VIABLE_CHECK(static_cast<int>(found.joints.size()) == nominal.size(), "figures of this robot's joints");
     const std::filesystem::path file = nominal.folder / "actuation.yaml";
     const std::string text = readText(file);
     ConfigNode root = parseConfig(text, file.string());
     const ConfigNode* const old = root.find("friction");
-    const ConfigNode* const source =
-        old && old->kind == ConfigNode::Kind::Map ? old->find("source") : nullptr;
-    const bool keepsSome =
-        std::any_of(found.joints.begin(), found.joints.end(), [](const JointIdentification& joint) {
-            return joint.form != FrictionForm::Saturating && joint.form != FrictionForm::Line;
-        });
-    const std::string block = writeFriction(
-        found, keepsSome && source && source->kind == ConfigNode::Kind::Scalar ? source->text : "");
+    const ConfigNode* const source = old && old->kind == ConfigNode::Kind::Map ? old->find("source") : nullptr;
+    const bool keepsSome = std::any_of(found.joints.begin(), found.joints.end(), [](const JointIdentification& joint) {
+        return joint.form != FrictionForm::Saturating && joint.form != FrictionForm::Line;
+    });
+    const std::string block =
+        writeFriction(found, keepsSome && source && source->kind == ConfigNode::Kind::Scalar ? source->text : "");
 
     const std::string edited = replaceFriction(text, block);
     if (!edited.empty()) {

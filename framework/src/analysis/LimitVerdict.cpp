@@ -164,8 +164,8 @@ bool isSeen(const SmoothedMotion& motion, std::size_t order, const LimitVerdict&
                  verdict.critical, tried.estimates[i].deviation[order]))
             return true;
     for (const MeanEstimate& m : tried.means) {
-        const double rise = motion.evaluate(m.begin_s + m.duration_s).mean[order - 1] -
-                            motion.evaluate(m.begin_s).mean[order - 1];
+        const double rise =
+            motion.evaluate(m.begin_s + m.duration_s).mean[order - 1] - motion.evaluate(m.begin_s).mean[order - 1];
         if (sees(m.mean, rise / m.duration_s, verdict.criticalMean, m.deviation)) return true;
     }
     return false;
@@ -176,7 +176,7 @@ double findVisibleExcess(const SmoothedMotion& motion, const Walk& walk, const s
                          std::size_t order, const LimitVerdict& verdict, double duration_s) {
     constexpr std::size_t kPlaces = 24;
     constexpr int kHalvings = 6;
-    constexpr double kLargest = 1000.0;  // half widths of the band: beyond, it is not found at all
+    constexpr double kLargest = 1000.0;     // half widths of the band: beyond, it is not found at all
     constexpr double kLeastReadings = 4.0;  // in the pulse: fewer are outliers as well
     if (judged.empty() || duration_s < kLeastReadings * motion.interval_s()) return kInfinity;
     double visible = 0.0;
@@ -229,9 +229,10 @@ void refuseWrapped(const MotionRecord& record, std::size_t place) {
     const std::vector<double>& q = record.joints[place].positions;
     for (std::size_t i = 1; i + 1 < q.size(); ++i)
         if (std::abs(std::abs(q[i] - q[i - 1]) - kTurn) < kNear && std::abs(q[i + 1] - q[i]) < kNear)
-            throw badInput("", "the readings jump by a turn at t = " + std::to_string(record.times_s[i]) +
-                                   " s: an angle that wraps",
-                           "Unwrap it before (add a turn wherever it jumps).");
+            throw badInput(
+                "",
+                "the readings jump by a turn at t = " + std::to_string(record.times_s[i]) + " s: an angle that wraps",
+                "Unwrap it before (add a turn wherever it jumps).");
 }
 
 void judgeJoint(const MotionRecord& record, std::size_t place, const std::array<Range, kMotionOrders>& ranges,

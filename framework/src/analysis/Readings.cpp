@@ -138,8 +138,8 @@ Readings takeReadings(const std::vector<double>& times_s, const std::vector<doub
     }
     const auto refuseShort = [&](std::size_t left, const char* what) {
         if (left >= kLeastSamples) return;
-        throw badInput(where, std::to_string(left) + " readings" + what + ": at least " + std::to_string(kLeastSamples) +
-                                  " are needed to tell a jerk from noise");
+        throw badInput(where, std::to_string(left) + " readings" + what + ": at least " +
+                                  std::to_string(kLeastSamples) + " are needed to tell a jerk from noise");
     };
     refuseShort(r.values.size(), "");
     r.offset = takeMedian(r.values);
@@ -176,7 +176,8 @@ std::vector<std::size_t> dropBarrenStretches(Readings& readings) {
     std::vector<std::size_t> dropped;
     for (const auto& [first, end] : readings.stretches) {
         const auto begin = readings.isUsed.begin();
-        const auto used = std::count(begin + static_cast<std::ptrdiff_t>(first), begin + static_cast<std::ptrdiff_t>(end), 1);
+        const auto used =
+            std::count(begin + static_cast<std::ptrdiff_t>(first), begin + static_cast<std::ptrdiff_t>(end), 1);
         if (static_cast<std::size_t>(used) >= kLeastSamples / 2)
             kept.addStretch(readings, first, end);
         else

@@ -9,14 +9,14 @@ namespace viable::detail {
 
 /** The readings of one joint as the smoothing takes them. */
 struct Readings {
-    std::vector<double> times_s;  ///< ascending
-    std::vector<double> values;   ///< less the median
-    std::vector<double> relative; ///< variance of a reading's error over sigma^2
-    std::vector<char> isUsed;     ///< not an outlier
-    std::vector<std::size_t> source;  ///< place of each in the record
+    std::vector<double> times_s;                                 ///< ascending
+    std::vector<double> values;                                  ///< less the median
+    std::vector<double> relative;                                ///< variance of a reading's error over sigma^2
+    std::vector<char> isUsed;                                    ///< not an outlier
+    std::vector<std::size_t> source;                             ///< place of each in the record
     std::vector<std::pair<std::size_t, std::size_t>> stretches;  ///< [first, end) between long gaps
-    double offset = 0.0;         ///< what was subtracted
-    double interval_s = 0.0;     ///< median distance of two readings
+    double offset = 0.0;                                         ///< what was subtracted
+    double interval_s = 0.0;                                     ///< median distance of two readings
     double quantum = 0.0;        ///< step that the values are rounded to; 0: none was found
     double leastVariance = 0.0;  ///< of a reading: what rounding alone gives
 

@@ -135,7 +135,7 @@ struct Roughness {
         std::size_t first;  ///< of its factors, step_s each
     };
     double step_s = 0.0;
-    std::vector<Part> parts;  ///< ascending; a stretch each
+    std::vector<Part> parts;      ///< ascending; a stretch each
     std::vector<double> factors;  ///< empty: 1 throughout
 
     double at(double time_s) const {
@@ -165,9 +165,12 @@ motion is the smoothing spline that penalises the integral of p''''^2 (Wahba 197
 class Fit {
 public:
     Fit(const Readings& readings, double knotStep_s, const Roughness& roughness)
-        : readings_(readings), step_s_(knotStep_s), stretches_(layKnots(readings, knotStep_s)),
+        : readings_(readings),
+          step_s_(knotStep_s),
+          stretches_(layKnots(readings, knotStep_s)),
           rho_(std::pow(kKnotsPerWindow, 8.0) * knotStep_s / readings.interval_s),
-          system_(stretches_.back().endKnot), factor_(stretches_.back().endKnot, 1.0) {
+          system_(stretches_.back().endKnot),
+          factor_(stretches_.back().endKnot, 1.0) {
         for (const Stretch& s : stretches_)
             for (std::size_t k = s.firstKnot; k + 1 < s.endKnot; ++k)
                 factor_[k] = roughness.at(knotTime(s, k) + 0.5 * step_s_);
@@ -218,9 +221,8 @@ public:
     }
 
     MotionEstimate evaluate(double time_s) const {
-        const auto after =
-            std::upper_bound(stretches_.begin() + 1, stretches_.end(), time_s,
-                             [](double t, const Stretch& s) { return t < s.begin_s; });
+        const auto after = std::upper_bound(stretches_.begin() + 1, stretches_.end(), time_s,
+                                            [](double t, const Stretch& s) { return t < s.begin_s; });
         const Stretch& s = *(after - 1);
         const Piece& piece = getPiece();
         const auto [k, u] = place(s, std::clamp(time_s, s.begin_s, s.end_s));
@@ -232,14 +234,13 @@ public:
             const Vector8 h = piece.calcRow(u, order);
             const auto o = static_cast<std::size_t>(order);
             estimate.mean[o] = unit * h.dot(states(k));
-            estimate.deviation[o] =
-                calcDeviation(unit, h.dot(covariance * h) + bridge(order, order));
+            estimate.deviation[o] = calcDeviation(unit, h.dot(covariance * h) + bridge(order, order));
         }
         return estimate;
     }
 
     struct RoughnessSlope {
-        Roughness here;  ///< of the fit: one factor per piece
+        Roughness here;                          ///< of the fit: one factor per piece
         std::vector<double> slope, information;  ///< of the log likelihood over the factor's logarithm, per piece
     };
     RoughnessSlope calcRoughnessSlope() const {
@@ -300,8 +301,7 @@ public:
                 const std::size_t a = 4 * k + o, b = 4 * (k + pieces) + o;
                 const double variance =
                     system_.getInverse(a, a) + system_.getInverse(b, b) - 2.0 * covariance[order - 1];
-                means.push_back({knotTime(s, k), length_s, unit * (x_[b] - x_[a]),
-                                 calcDeviation(unit, variance)});
+                means.push_back({knotTime(s, k), length_s, unit * (x_[b] - x_[a]), calcDeviation(unit, variance)});
             }
         }
         return means;
@@ -331,8 +331,7 @@ private:
         for (std::size_t i = 0; i < 8; ++i)
             for (std::size_t j = 0; j <= i; ++j)
                 covariance(static_cast<int>(i), static_cast<int>(j)) =
-                    covariance(static_cast<int>(j), static_cast<int>(i)) =
-                        system_.getInverse(4 * k + i, 4 * k + j);
+                    covariance(static_cast<int>(j), static_cast<int>(i)) = system_.getInverse(4 * k + i, 4 * k + j);
         return covariance;
     }
 
@@ -373,8 +372,8 @@ private:
 
         const double free = static_cast<double>(count) - 4.0 * static_cast<double>(stretches_.size());
         const double squares = calcSquares();
-        variance_ = readings_.knownVariance > 0.0 ? readings_.knownVariance
-                                                  : std::max(squares / free, readings_.leastVariance);
+        variance_ =
+            readings_.knownVariance > 0.0 ? readings_.knownVariance : std::max(squares / free, readings_.leastVariance);
         const double n = static_cast<double>(pieces);
         objective_ = free * std::log(variance_) + squares / variance_ + logNoise + system_.calcLogDeterminant() -
                      4.0 * n * std::log(rho_) + logRoughness + n * getPiece().logDeterminant +
@@ -405,8 +404,7 @@ private:
                 if (!readings_.isUsed[i]) continue;
                 const auto [k, u] = place(s, readings_.times_s[i]);
                 const Vector8 h = getPiece().calcPositionRow(u);
-                updStates(gradient, k) +=
-                    (readings_.values[i] - h.dot(states(k))) / readings_.relative[i] * h;
+                updStates(gradient, k) += (readings_.values[i] - h.dot(states(k))) / readings_.relative[i] * h;
             }
             for (std::size_t k = s.firstKnot; k + 1 < s.endKnot; ++k) {
                 const Eigen::Vector4d w = getPiece().innovation * states(k);
@@ -475,8 +473,8 @@ Readings takeSample(const Readings& readings) {
         for (std::size_t from = first; from + kLeastSamples <= end; from += kSearchedPiece) {
             const std::size_t to = std::min(from + kSearchedPiece, end);
             if (to < from + kLeastSamples) break;
-            const double slope = (readings.values[to - 1] - readings.values[from]) /
-                                 (readings.times_s[to - 1] - readings.times_s[from]);
+            const double slope =
+                (readings.values[to - 1] - readings.values[from]) / (readings.times_s[to - 1] - readings.times_s[from]);
             double straying = 0.0;
             for (std::size_t i = from; i < to; ++i)
                 if (readings.isUsed[i])
@@ -677,7 +675,8 @@ SmoothedMotion::Tried SmoothedMotion::tryPulse(const MotionPulse& pulse) const {
         const auto begin = all.times_s.begin();
         const auto at = [&](std::size_t i) { return begin + static_cast<std::ptrdiff_t>(i); };
         if (*at(first) > pulse.middle_s || *at(end - 1) < pulse.middle_s) continue;
-        near.addStretch(all, static_cast<std::size_t>(std::lower_bound(at(first), at(end), pulse.middle_s - reach) - begin),
+        near.addStretch(all,
+                        static_cast<std::size_t>(std::lower_bound(at(first), at(end), pulse.middle_s - reach) - begin),
                         static_cast<std::size_t>(std::lower_bound(at(first), at(end), pulse.middle_s + reach) - begin));
     }
     Tried tried;

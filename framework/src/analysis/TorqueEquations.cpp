@@ -35,8 +35,7 @@ constexpr int kLeastBlocks = 8;
 /** Joint torques of the nominal arm and of what may have to be added to it. */
 class TorqueBasis {
 public:
-    TorqueBasis(const RobotDescription& nominal, bool withPayload, bool withBodies)
-        : nominal_(nominal) {
+    TorqueBasis(const RobotDescription& nominal, bool withPayload, bool withBodies) : nominal_(nominal) {
         if (withPayload) {
             const Eigen::Matrix3d e = Eigen::Matrix3d::Identity();
             const Eigen::Vector3d places[kPayloadColumns] = {Eigen::Vector3d::Zero(),
@@ -49,11 +48,9 @@ public:
                                                              e.col(0) + e.col(1),
                                                              e.col(1) + e.col(2),
                                                              e.col(2) + e.col(0)};
-            for (const Eigen::Vector3d& place : places)
-                loaded_.emplace_back(viable::withPayload(nominal, 1.0, place));
+            for (const Eigen::Vector3d& place : places) loaded_.emplace_back(viable::withPayload(nominal, 1.0, place));
         }
-        for (const Eigen::Vector3d& side :
-             {Eigen::Vector3d::UnitX().eval(), Eigen::Vector3d::UnitY().eval()}) {
+        for (const Eigen::Vector3d& side : {Eigen::Vector3d::UnitX().eval(), Eigen::Vector3d::UnitY().eval()}) {
             RobotDescription tilted = nominal;
             tilted.gravity += side;
             tilted_.emplace_back(tilted);
@@ -81,8 +78,7 @@ public:
             }
             for (std::size_t i = 0; i < 3; ++i) {
                 const std::size_t j = (i + 1) % 3;
-                payload[7 + i] = t[7 + i] - t[0] - payload[1 + i] - payload[1 + j] -
-                                 payload[4 + i] - payload[4 + j];
+                payload[7 + i] = t[7 + i] - t[0] - payload[1 + i] - payload[1 + j] - payload[4 + i] - payload[4 + j];
             }
         }
         for (std::size_t i = 0; i < 2; ++i) {
@@ -126,12 +122,10 @@ private:
 struct Motion {
     const MotionRecord* record = nullptr;
     std::vector<const MotionRecord::Joint*> joints;
-    std::vector<std::array<std::vector<double>, 3>>
-        path;  ///< per joint q, qd, qdd at the record's times
+    std::vector<std::array<std::vector<double>, 3>> path;  ///< per joint q, qd, qdd at the record's times
     std::vector<std::vector<double>> velocityDeviation;
-    std::vector<double> shaking;  ///< velocity that the smoothed motion does not show [rad/s]
-    std::vector<double>
-        margin_s;  ///< around a reversal in which the smoothed motion is not the true one
+    std::vector<double> shaking;   ///< velocity that the smoothed motion does not show [rad/s]
+    std::vector<double> margin_s;  ///< around a reversal in which the smoothed motion is not the true one
     std::vector<char> startsAnew;  ///< a pause lies before this sample
     double interval_s = 0.0;
 };
@@ -150,37 +144,29 @@ void findJoints(const RobotDescription& nominal, Motion& motion) {
         there.push_back(joint.name);
         if (std::find(names.begin(), names.end(), joint.name) != names.end()) continue;
         const std::string closest = findClosestName(joint.name, names);
-        throw badInput(record.source,
-                       "the robot `" + nominal.name + "` has no joint `" + joint.name + "`",
-                       (closest.empty() ? "" : "Did you mean `" + closest + "`? ") +
-                           "Its joints are " + quoteNames(names) + ".");
+        throw badInput(
+            record.source, "the robot `" + nominal.name + "` has no joint `" + joint.name + "`",
+            (closest.empty() ? "" : "Did you mean `" + closest + "`? ") + "Its joints are " + quoteNames(names) + ".");
     }
     for (const std::string& name : names) {
         const auto place = std::find(there.begin(), there.end(), name);
         if (place == there.end())
             throw badInput(
-                record.source,
-                "the record has no joint `" + name + "` of the robot `" + nominal.name + "`",
-                "All joints move each other, so all positions are needed; it has " +
-                    quoteNames(there) + ".");
+                record.source, "the record has no joint `" + name + "` of the robot `" + nominal.name + "`",
+                "All joints move each other, so all positions are needed; it has " + quoteNames(there) + ".");
         motion.joints.push_back(&record.joints[static_cast<std::size_t>(place - there.begin())]);
     }
-    const auto hasTorques = [](const MotionRecord::Joint* joint) {
-        return !joint->torques.empty();
-    };
+    const auto hasTorques = [](const MotionRecord::Joint* joint) { return !joint->torques.empty(); };
     if (std::none_of(motion.joints.begin(), motion.joints.end(), hasTorques))
-        throw badInput(
-            record.source, "the record has no torques",
-            "Friction and masses are found from the torques of the motors at the joints.");
+        throw badInput(record.source, "the record has no torques",
+                       "Friction and masses are found from the torques of the motors at the joints.");
     const std::size_t n = record.times_s.size();
     if (n < kLeastSamples)
         throw badInput(record.source, "the record has " + std::to_string(n) + " rows",
-                       "It takes " + std::to_string(kLeastSamples) +
-                           " at the very least, and some 10 s of motion.");
+                       "It takes " + std::to_string(kLeastSamples) + " at the very least, and some 10 s of motion.");
     for (const MotionRecord::Joint* joint : motion.joints)
-        VIABLE_CHECK(
-            joint->positions.size() == n && (joint->torques.empty() || joint->torques.size() == n),
-            "one position and torque per time");
+        VIABLE_CHECK(joint->positions.size() == n && (joint->torques.empty() || joint->torques.size() == n),
+                     "one position and torque per time");
 }
 
 Motion takeMotion(const RobotDescription& nominal, const MotionRecord& record) {
@@ -226,10 +212,8 @@ std::vector<double> removeAverage(const std::vector<double>& values, std::size_t
     std::vector<double> sums(1, 0.0), rest;
     for (const double v : values) sums.push_back(sums.back() + v);
     for (std::size_t k = 0; k < values.size(); ++k) {
-        const std::size_t reach =
-            std::min({h, k, values.size() - 1 - k});  // a mean about its own middle
-        rest.push_back(values[k] - (sums[k + reach + 1] - sums[k - reach]) /
-                                       static_cast<double>(2 * reach + 1));
+        const std::size_t reach = std::min({h, k, values.size() - 1 - k});  // a mean about its own middle
+        rest.push_back(values[k] - (sums[k + reach + 1] - sums[k - reach]) / static_cast<double>(2 * reach + 1));
     }
     return rest;
 }
@@ -251,8 +235,7 @@ double calcShaking(const RobotDescription& nominal, const Motion& motion, std::s
             q[static_cast<int>(i)] = motion.path[i][0][pose * (times.size() - 1) / (kPoses - 1)];
         arm.calcInertia(q, M);
         const int at = static_cast<int>(joint);
-        inertia = std::min(inertia,
-                           1.0 / M.llt().solve(JointVector::Unit(nominal.size(), at).eval())[at]);
+        inertia = std::min(inertia, 1.0 / M.llt().solve(JointVector::Unit(nominal.size(), at).eval())[at]);
     }
     std::vector<double> impulse(1, 0.0);
     for (std::size_t k = 0; k + 1 < times.size(); ++k) {
@@ -260,10 +243,9 @@ double calcShaking(const RobotDescription& nominal, const Motion& motion, std::s
         impulse.push_back(impulse.back() + (std::isfinite(torques[k]) ? torques[k] * step : 0.0));
     }
     // Twice: once would leave the curvature of torques that change slowly.
-    const auto half =
-        static_cast<std::size_t>(std::ceil(0.5 * motion.margin_s[joint] / motion.interval_s));
-    std::vector<double> rest = removeAverage(removeAverage(impulse, std::max<std::size_t>(half, 1)),
-                                             std::max<std::size_t>(half, 1));
+    const auto half = static_cast<std::size_t>(std::ceil(0.5 * motion.margin_s[joint] / motion.interval_s));
+    std::vector<double> rest =
+        removeAverage(removeAverage(impulse, std::max<std::size_t>(half, 1)), std::max<std::size_t>(half, 1));
     for (double& x : rest) x = std::abs(x);
     const auto middle = rest.begin() + static_cast<std::ptrdiff_t>(rest.size() / 2);
     std::nth_element(rest.begin(), middle, rest.end());
@@ -283,17 +265,16 @@ struct Window {
 };
 
 /** Windows of one joint in one record, where its velocity has a sign. */
-std::vector<Window> layWindows(const Motion& motion, std::size_t joint, double window_s,
-                               double slow, JointActivity& activity, int& run) {
+std::vector<Window> layWindows(const Motion& motion, std::size_t joint, double window_s, double slow,
+                               JointActivity& activity, int& run) {
     std::vector<Window> windows;
     const std::vector<double>& times = motion.record->times_s;
     const MotionRecord::Joint& data = *motion.joints[joint];
     const std::vector<double>& velocity = motion.path[joint][1];
     const auto findSide = [&](std::size_t k) {
         const bool isRead = std::isfinite(data.positions[k]) && std::isfinite(data.torques[k]);
-        const double least = std::max(
-            slow,
-            kSureSign * std::hypot(motion.velocityDeviation[joint][k], motion.shaking[joint]));
+        const double least =
+            std::max(slow, kSureSign * std::hypot(motion.velocityDeviation[joint][k], motion.shaking[joint]));
         return !isRead || std::abs(velocity[k]) <= least ? 0 : velocity[k] > 0.0 ? 1 : -1;
     };
     for (std::size_t begin = 0; begin < times.size();) {
@@ -307,15 +288,13 @@ std::vector<Window> layWindows(const Motion& motion, std::size_t joint, double w
             while (last > first && times[last] > times[end - 1] - margin) --last;
             const double length = times[last] - times[first];
             if (length >= kShortWindow * window_s && last - first >= 4) {
-                const int halves =
-                    std::max(2, static_cast<int>(std::ceil(2.0 * length / window_s)));
+                const int halves = std::max(2, static_cast<int>(std::ceil(2.0 * length / window_s)));
                 const double half = length / halves;
                 const auto findSample = [&](int i) {
                     if (i == halves) return last;
-                    const auto at =
-                        std::lower_bound(times.begin() + static_cast<std::ptrdiff_t>(first),
-                                         times.begin() + static_cast<std::ptrdiff_t>(last),
-                                         times[first] + half * i - 0.25 * motion.interval_s);
+                    const auto at = std::lower_bound(times.begin() + static_cast<std::ptrdiff_t>(first),
+                                                     times.begin() + static_cast<std::ptrdiff_t>(last),
+                                                     times[first] + half * i - 0.25 * motion.interval_s);
                     return static_cast<std::size_t>(at - times.begin());
                 };
                 for (int i = 0; i + 2 <= halves; ++i) {
@@ -334,9 +313,7 @@ std::vector<Window> layWindows(const Motion& motion, std::size_t joint, double w
 /** The weight 1 - cos over a window, and its integral from the window's begin. */
 struct Bell {
     double begin_s, length_s;
-    double weigh(double t) const {
-        return (1.0 - std::cos(2.0 * M_PI * (t - begin_s) / length_s)) / length_s;
-    }
+    double weigh(double t) const { return (1.0 - std::cos(2.0 * M_PI * (t - begin_s) / length_s)) / length_s; }
     double integrate(double t) const {
         const double s = std::clamp((t - begin_s) / length_s, 0.0, 1.0);
         return s - std::sin(2.0 * M_PI * s) / (2.0 * M_PI);
@@ -344,8 +321,7 @@ struct Bell {
 };
 
 /** d/dt of the torque, by parts: the bell is zero at both ends. */
-double averageTorqueRate(const MotionRecord& record, const std::vector<double>& torques,
-                         const Window& w, bool isHeld) {
+double averageTorqueRate(const MotionRecord& record, const std::vector<double>& torques, const Window& w, bool isHeld) {
     const Bell bell{record.times_s[w.first], record.times_s[w.last] - record.times_s[w.first]};
     double sum = 0.0;
     for (std::size_t k = w.first; k < w.last; ++k) {
@@ -355,20 +331,19 @@ double averageTorqueRate(const MotionRecord& record, const std::vector<double>& 
     return sum;
 }
 
-double averageTorque(const MotionRecord& record, const std::vector<double>& torques,
-                     const Window& w, const std::vector<double>& shares, bool isHeld) {
+double averageTorque(const MotionRecord& record, const std::vector<double>& torques, const Window& w,
+                     const std::vector<double>& shares, bool isHeld) {
     const Bell bell{record.times_s[w.first], record.times_s[w.last] - record.times_s[w.first]};
     double sum = 0.0;
     for (std::size_t k = w.first; k < w.last; ++k)
-        sum += torques[k] *
-               (isHeld ? bell.integrate(record.times_s[k + 1]) - bell.integrate(record.times_s[k])
-                       : shares[k - w.first]);
+        sum += torques[k] * (isHeld ? bell.integrate(record.times_s[k + 1]) - bell.integrate(record.times_s[k])
+                                    : shares[k - w.first]);
     return sum;
 }
 
-void addEquations(const Motion& motion, const IdentificationOptions& options, int firstBlock,
-                  int blocks, const std::vector<double>& slow, TorqueBasis& basis,
-                  std::vector<std::vector<TorqueEquation>>& rows, TorqueEquations& all) {
+void addEquations(const Motion& motion, const IdentificationOptions& options, int firstBlock, int blocks,
+                  const std::vector<double>& slow, TorqueBasis& basis, std::vector<std::vector<TorqueEquation>>& rows,
+                  TorqueEquations& all) {
     const MotionRecord& record = *motion.record;
     const std::vector<double>& times = record.times_s;
     const std::size_t joints = motion.joints.size();
@@ -401,10 +376,8 @@ void addEquations(const Motion& motion, const IdentificationOptions& options, in
                 sum += row.shares.back();
             }
             for (double& share : row.shares) share /= sum;
-            row.torque = averageTorque(record, motion.joints[i]->torques, w, row.shares,
-                                       options.isTorqueHeld);
-            row.torqueRate =
-                averageTorqueRate(record, motion.joints[i]->torques, w, options.isTorqueHeld);
+            row.torque = averageTorque(record, motion.joints[i]->torques, w, row.shares, options.isTorqueHeld);
+            row.torqueRate = averageTorqueRate(record, motion.joints[i]->torques, w, options.isTorqueHeld);
             rows[i].push_back(std::move(row));
         }
     }
@@ -414,8 +387,7 @@ void addEquations(const Motion& motion, const IdentificationOptions& options, in
         bool isNeeded = false;
         for (std::size_t i = 0; i < joints; ++i) {
             while (active[i] < windows[i].size() && windows[i][active[i]].last < k) ++active[i];
-            isNeeded =
-                isNeeded || (active[i] < windows[i].size() && windows[i][active[i]].first <= k);
+            isNeeded = isNeeded || (active[i] < windows[i].size() && windows[i][active[i]].first <= k);
         }
         if (!isNeeded) continue;
         for (std::size_t i = 0; i < joints; ++i) {
@@ -427,36 +399,29 @@ void addEquations(const Motion& motion, const IdentificationOptions& options, in
         basis.realize(q, qd, qdd);
         for (std::size_t i = 0; i < joints; ++i) {
             const int at = static_cast<int>(i);
-            for (std::size_t a = active[i]; a < windows[i].size() && windows[i][a].first <= k;
-                 ++a) {
+            for (std::size_t a = active[i]; a < windows[i].size() && windows[i][a].first <= k; ++a) {
                 if (windows[i][a].last < k) continue;
                 TorqueEquation& row = rows[i][begin[i] + a];
                 const double share = row.shares[k - windows[i][a].first];
                 row.rigid += share * basis.rigid[at];
                 row.acceleration += share * qdd[at];
-                for (std::size_t side = 0; side < 2; ++side)
-                    row.tilt[side] += share * basis.tilt[side][at];
+                for (std::size_t side = 0; side < 2; ++side) row.tilt[side] += share * basis.tilt[side][at];
                 if (basis.hasPayload())
-                    for (std::size_t c = 0; c < kPayloadColumns; ++c)
-                        row.payload[c] += share * basis.payload[c][at];
+                    for (std::size_t c = 0; c < kPayloadColumns; ++c) row.payload[c] += share * basis.payload[c][at];
                 row.bodies.resize(basis.bodies.size(), 0.0);
-                for (std::size_t b = 0; b < basis.bodies.size(); ++b)
-                    row.bodies[b] += share * basis.bodies[b][at];
+                for (std::size_t b = 0; b < basis.bodies.size(); ++b) row.bodies[b] += share * basis.bodies[b][at];
             }
         }
     }
     for (std::size_t i = 0; i < joints; ++i)
-        for (std::size_t r = begin[i]; r < rows[i].size(); ++r)
-            rows[i][r].torque -= rows[i][r].rigid;
+        for (std::size_t r = begin[i]; r < rows[i].size(); ++r) rows[i][r].torque -= rows[i][r].rigid;
 }
 
 }  // namespace
 
-TorqueEquations makeTorqueEquations(const RobotDescription& nominal,
-                                    const std::vector<MotionRecord>& records,
+TorqueEquations makeTorqueEquations(const RobotDescription& nominal, const std::vector<MotionRecord>& records,
                                     const IdentificationOptions& options) {
-    if (records.empty())
-        throw badInput("", "there is no record to identify from", "Name one log or more.");
+    if (records.empty()) throw badInput("", "there is no record to identify from", "Name one log or more.");
     const auto joints = static_cast<std::size_t>(nominal.size());
     TorqueEquations all;
     all.joints.resize(joints);
@@ -466,8 +431,7 @@ TorqueEquations makeTorqueEquations(const RobotDescription& nominal,
     for (const MotionRecord& record : records) {
         motions.push_back(takeMotion(nominal, record));
         const Motion& motion = motions.back();
-        for (std::size_t i = 0; i < joints; ++i)
-            motions.back().shaking.push_back(calcShaking(nominal, motion, i));
+        for (std::size_t i = 0; i < joints; ++i) motions.back().shaking.push_back(calcShaking(nominal, motion, i));
         interval = std::max(interval, motion.interval_s);
         all.duration_s += record.times_s.back() - record.times_s.front();
         for (std::size_t i = 0; i < joints; ++i) {
@@ -487,8 +451,7 @@ TorqueEquations makeTorqueEquations(const RobotDescription& nominal,
     }
     all.window_s = options.window_s > 0.0
                        ? options.window_s
-                       : std::max({kLeastWindow_s, kWindowsPerSmoothing * smoothing,
-                                   kReadingsPerWindow * interval});
+                       : std::max({kLeastWindow_s, kWindowsPerSmoothing * smoothing, kReadingsPerWindow * interval});
     all.block_s = std::max(kWindowsPerBlock * all.window_s, all.duration_s / kMostBlocks);
     std::vector<int> blocks;
     int sum = 0;
@@ -501,8 +464,7 @@ TorqueEquations makeTorqueEquations(const RobotDescription& nominal,
         throw badInput(records.front().source,
                        "the records last " + formatNumber(std::round(1e3 * all.duration_s) / 1e3) +
                            " s together, which is too short to tell how sure the figures are",
-                       "It takes " +
-                           formatNumber(std::ceil(10.0 * kLeastBlocks * all.block_s) / 10.0) +
+                       "It takes " + formatNumber(std::ceil(10.0 * kLeastBlocks * all.block_s) / 10.0) +
                            " s at the very least; some 10 to 60 s of varied motion is good.");
 
     TorqueBasis basis(nominal, options.payload != PayloadModel::None, options.bodyMasses);

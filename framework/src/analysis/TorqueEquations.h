@@ -28,9 +28,8 @@ struct TorqueEquation {
     std::vector<double> bodies;                     ///< of each body of the nominal arm [Nm]
     /** Of the samples in the window; shares add up to 1. */
     std::vector<double> speeds, shares;
-    std::vector<double>
-        accelerations;     ///< of the speeds: below zero where the joint slows down [rad/s^2]
-    double shaking = 0.0;  ///< deviation of the velocity from the smoothed one [rad/s]
+    std::vector<double> accelerations;  ///< of the speeds: below zero where the joint slows down [rad/s^2]
+    double shaking = 0.0;               ///< deviation of the velocity from the smoothed one [rad/s]
 };
 
 struct JointActivity {
@@ -48,8 +47,7 @@ struct TorqueEquations {
 };
 
 /** Smooths the records and averages; errors as those of identify(). */
-TorqueEquations makeTorqueEquations(const RobotDescription& nominal,
-                                    const std::vector<MotionRecord>& records,
+TorqueEquations makeTorqueEquations(const RobotDescription& nominal, const std::vector<MotionRecord>& records,
                                     const IdentificationOptions& options);
 
 }  // namespace viable::detail

@@ -59,8 +59,7 @@ Averages average(const TorqueEquation& row, double bend, double lag, bool withSl
         const double v = row.speeds[k] - lag * row.accelerations[k] - shift, x = bend * v;
         const double bent = calcBend(x);
         a.viscous += row.shares[k] * v * bent;
-        a.rate +=
-            row.shares[k] * (1.0 - x * bent) * row.accelerations[k];  // exp(-x) = 1 - x calcBend(x)
+        a.rate += row.shares[k] * (1.0 - x * bent) * row.accelerations[k];  // exp(-x) = 1 - x calcBend(x)
         if (withSlope) a.bendSlope += row.shares[k] * v * v * calcBendSlope(x);
     }
     return a;
@@ -84,8 +83,7 @@ TorqueFit::TorqueFit(const RobotDescription& nominal, const TorqueEquations& equ
     for (const TorqueEquation& row : equations.rows) {
         const auto i = static_cast<std::size_t>(row.joint);
         rows_[i].push_back(&row);
-        fastest_[i] =
-            std::max(fastest_[i], *std::max_element(row.speeds.begin(), row.speeds.end()));
+        fastest_[i] = std::max(fastest_[i], *std::max_element(row.speeds.begin(), row.speeds.end()));
     }
 }
 
@@ -97,8 +95,7 @@ double TorqueFit::oldSlope(std::size_t i) const {
 }
 
 Averages TorqueFit::average(const TorqueEquation& row, bool withSlope) const {
-    return detail::average(row, values_.friction[static_cast<std::size_t>(row.joint)].bend,
-                           values_.lag, withSlope);
+    return detail::average(row, values_.friction[static_cast<std::size_t>(row.joint)].bend, values_.lag, withSlope);
 }
 
 // Over a grid of bends: from the best of them Gauss-Newton finds the bottom.
@@ -114,8 +111,7 @@ void TorqueFit::startFriction(std::size_t i, int extra) {
             const double root = std::sqrt(row.weight);
             A(r, 0) = root * row.sign;
             A(r, 1) = root * row.sign * detail::average(row, bend, 0.0, false).viscous;
-            for (int c = 0; c < extra; ++c)
-                A(r, 2 + c) = root * row.payload[static_cast<std::size_t>(c)];
+            for (int c = 0; c < extra; ++c) A(r, 2 + c) = root * row.payload[static_cast<std::size_t>(c)];
             y[r] = root * row.torque;
         }
         const Eigen::VectorXd x = A.colPivHouseholderQr().solve(y);
@@ -143,22 +139,20 @@ FitLayout TorqueFit::makeLayout() const {
         layout.rotor.push_back(place(isFitted(i) && choice.rotor[i]));
         layout.offset.push_back(place(isFitted(i) && choice.offset[i]));
     }
-    const bool any = std::any_of(choice.forms.begin(), choice.forms.end(),
-                                 [](FrictionForm f) { return f != FrictionForm::None; });
+    const bool any =
+        std::any_of(choice.forms.begin(), choice.forms.end(), [](FrictionForm f) { return f != FrictionForm::None; });
     layout.delay = place(any && choice.delay);
     layout.lag = place(any && choice.lag);
     layout.mass = place(any && choice.mass);
     for (std::size_t k = 0; k < 3; ++k) layout.moment[k] = place(any && choice.moment[k]);
-    for (std::size_t i = 0; i < choice.bodies.size(); ++i)
-        layout.bodies.push_back(place(any && choice.bodies[i]));
+    for (std::size_t i = 0; i < choice.bodies.size(); ++i) layout.bodies.push_back(place(any && choice.bodies[i]));
     return layout;
 }
 
 /** What the payload adds. Its second moments m c c' are those of a point, once it is sure that there is a mass. */
 double TorqueFit::calcPayload(const TorqueEquation& row, const FitValues& values) const {
     double torque = values.mass * row.payload[0];
-    for (int k = 0; k < 3; ++k)
-        torque += values.moment[k] * row.payload[static_cast<std::size_t>(1 + k)];
+    for (int k = 0; k < 3; ++k) torque += values.moment[k] * row.payload[static_cast<std::size_t>(1 + k)];
     if (isPoint_) torque += 0.5 * values.moment.dot(calcSecond(row, values));
     return torque;
 }
@@ -167,16 +161,14 @@ double TorqueFit::calcMasses(const TorqueEquation& row, const FitValues& values)
     for (std::size_t b = 0; b < row.bodies.size(); ++b) torque += values.bodies[b] * row.bodies[b];
     return torque;
 }
-double TorqueFit::calcResidual(const TorqueEquation& row, const FitValues& values,
-                               const Averages& a) const {
+double TorqueFit::calcResidual(const TorqueEquation& row, const FitValues& values, const Averages& a) const {
     const auto i = static_cast<std::size_t>(row.joint);
     const Friction& law = values.friction[i];
-    return row.torque - row.sign * (law.coulomb + law.slope * a.viscous) -
-           values.rotor[i] * row.acceleration - values.offset[i] - values.delay * row.torqueRate -
-           calcMasses(row, values);
+    return row.torque - row.sign * (law.coulomb + law.slope * a.viscous) - values.rotor[i] * row.acceleration -
+           values.offset[i] - values.delay * row.torqueRate - calcMasses(row, values);
 }
-SparseRow TorqueFit::makeRow(const TorqueEquation& row, const FitLayout& layout,
-                             const FitValues& values, const Averages& a) const {
+SparseRow TorqueFit::makeRow(const TorqueEquation& row, const FitLayout& layout, const FitValues& values,
+                             const Averages& a) const {
     const auto i = static_cast<std::size_t>(row.joint);
     SparseRow entries;
     const auto add = [&](int place, double value) {
@@ -191,29 +183,24 @@ SparseRow TorqueFit::makeRow(const TorqueEquation& row, const FitLayout& layout,
     add(layout.lag, -row.sign * values.friction[i].slope * a.rate);
     Eigen::Vector3d second = Eigen::Vector3d::Zero();
     if (isPoint_) second = calcSecond(row, values);
-    add(layout.mass,
-        row.payload[0] - (isPoint_ ? 0.5 * values.moment.dot(second) / values.mass : 0.0));
-    for (std::size_t k = 0; k < 3; ++k)
-        add(layout.moment[k], row.payload[1 + k] + second[static_cast<int>(k)]);
+    add(layout.mass, row.payload[0] - (isPoint_ ? 0.5 * values.moment.dot(second) / values.mass : 0.0));
+    for (std::size_t k = 0; k < 3; ++k) add(layout.moment[k], row.payload[1 + k] + second[static_cast<int>(k)]);
     for (std::size_t b = 0; b < row.bodies.size(); ++b) add(layout.bodies[b], row.bodies[b]);
     return entries;
 }
 
 /** Half the weighted sum of squares; with `regression`, its normal equations too. */
-double TorqueFit::assemble(const FitValues& values, const FitLayout& layout,
-                           BlockRegression* regression) const {
+double TorqueFit::assemble(const FitValues& values, const FitLayout& layout, BlockRegression* regression) const {
     double squares = 0.0;
     for (std::size_t i = 0; i < n_; ++i) {
         if (!isFitted(i)) continue;
         const bool isBent = layout.bend[i] >= 0;
         for (const TorqueEquation* row : rows_[i]) {
-            const Averages a =
-                detail::average(*row, values.friction[i].bend, values.lag, regression && isBent);
+            const Averages a = detail::average(*row, values.friction[i].bend, values.lag, regression && isBent);
             const double weight = row->weight / variance_[i];
             const double residual = calcResidual(*row, values, a);
             squares += weight * residual * residual;
-            if (regression)
-                regression->add(row->block, weight, makeRow(*row, layout, values, a), residual);
+            if (regression) regression->add(row->block, weight, makeRow(*row, layout, values, a), residual);
         }
     }
     return 0.5 * squares;
@@ -222,8 +209,7 @@ double TorqueFit::assemble(const FitValues& values, const FitLayout& layout,
 void TorqueFit::holdFixed() {
     for (std::size_t i = 0; i < n_; ++i) {
         Friction& law = values_.friction[i];
-        if (choice.forms[i] == FrictionForm::KnownVelocity ||
-            choice.forms[i] == FrictionForm::CoulombOnly)
+        if (choice.forms[i] == FrictionForm::KnownVelocity || choice.forms[i] == FrictionForm::CoulombOnly)
             law.bend = oldBend(i);
         if (choice.forms[i] == FrictionForm::CoulombOnly) law.slope = oldSlope(i);
         if (choice.forms[i] == FrictionForm::Line) law.bend = 0.0;
@@ -253,8 +239,8 @@ void TorqueFit::gaussNewton(const FitLayout& layout) {
             take(layout, step, share, next);
             for (std::size_t i = 0; i < n_; ++i)
                 if (layout.bend[i] >= 0)
-                    next.friction[i].bend = std::clamp(
-                        next.friction[i].bend, kLeastBend / fastest_[i], kMostBend / fastest_[i]);
+                    next.friction[i].bend =
+                        std::clamp(next.friction[i].bend, kLeastBend / fastest_[i], kMostBend / fastest_[i]);
             next.lag = std::clamp(next.lag, -equations_.window_s, equations_.window_s);
             after = assemble(next, layout, nullptr);
             if (after < before) break;
@@ -306,9 +292,8 @@ void TorqueFit::fit() {
     gaussNewton(layout);
 }
 
-void TorqueFit::calcErrors(
-    int extras,
-    const std::function<void(const TorqueEquation& row, double load, double* out)>& calcExtras) {
+void TorqueFit::calcErrors(int extras,
+                           const std::function<void(const TorqueEquation& row, double load, double* out)>& calcExtras) {
     layout_ = makeLayout();
     solution_ = {};
     covariance_.resize(0, 0);
@@ -324,9 +309,8 @@ void TorqueFit::calcErrors(
             regression.add(row->block, weight, entries, residual);
             calcExtras(*row, row->rigid + calcMasses(*row, values_), extra.data());
             for (int e = 0; e < extras; ++e)
-                regression.addExtra(static_cast<int>(i) * extras + e,
-                                    extra[static_cast<std::size_t>(e)], row->block, weight, entries,
-                                    residual);
+                regression.addExtra(static_cast<int>(i) * extras + e, extra[static_cast<std::size_t>(e)], row->block,
+                                    weight, entries, residual);
         }
     }
     solution_ = regression.solve(true);

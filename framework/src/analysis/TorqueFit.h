@@ -68,9 +68,8 @@ public:
     void fit();
     /** Standard errors after fit(), and what laws that were left out would explain.
     @param calcExtras  fills the values of `extras` such laws in an equation; `load` is the gear's torque [Nm] */
-    void calcErrors(
-        int extras,
-        const std::function<void(const TorqueEquation& row, double load, double* out)>& calcExtras);
+    void calcErrors(int extras,
+                    const std::function<void(const TorqueEquation& row, double load, double* out)>& calcExtras);
 
     const FitValues& values() const { return values_; }
     /** After calcErrors(); solution().extra... of a joint begin at joint * extras. */
@@ -80,12 +79,8 @@ public:
 
     bool isFitted(std::size_t joint) const { return choice.forms[joint] != FrictionForm::None; }
     const std::vector<const TorqueEquation*>& rows(std::size_t joint) const { return rows_[joint]; }
-    double fastest(std::size_t joint) const {
-        return fastest_[joint];
-    }  ///< speed in the equations [rad/s]
-    double variance(std::size_t joint) const {
-        return variance_[joint];
-    }  ///< of an equation of full length [Nm^2]
+    double fastest(std::size_t joint) const { return fastest_[joint]; }    ///< speed in the equations [rad/s]
+    double variance(std::size_t joint) const { return variance_[joint]; }  ///< of an equation of full length [Nm^2]
     Averages average(const TorqueEquation& row, bool withSlope = false) const;
     double calcResidual(const TorqueEquation& row, const Averages& averages) const {
         return calcResidual(row, values_, averages);
@@ -99,12 +94,10 @@ private:
     void holdFixed();
     double calcPayload(const TorqueEquation& row, const FitValues& values) const;
     double calcMasses(const TorqueEquation& row, const FitValues& values) const;
-    double calcResidual(const TorqueEquation& row, const FitValues& values,
-                        const Averages& averages) const;
+    double calcResidual(const TorqueEquation& row, const FitValues& values, const Averages& averages) const;
     SparseRow makeRow(const TorqueEquation& row, const FitLayout& layout, const FitValues& values,
                       const Averages& averages) const;
-    double assemble(const FitValues& values, const FitLayout& layout,
-                    BlockRegression* regression) const;
+    double assemble(const FitValues& values, const FitLayout& layout, BlockRegression* regression) const;
     void gaussNewton(const FitLayout& layout);
     void updateVariances();
     bool isMassSure(const FitLayout& layout) const;

@@ -25,7 +25,8 @@ std::string getUnit(bool isPrismatic, std::size_t order) {
 /** Of an excess, as share of the limit; empty where that means nothing. */
 std::string writeShare(double excess, const LimitVerdict& limit, std::size_t order) {
     double size = calcLimitScale(limit.lower, limit.upper);
-    if (order == 0 && std::isfinite(limit.lower) && std::isfinite(limit.upper)) size = 0.5 * (limit.upper - limit.lower);
+    if (order == 0 && std::isfinite(limit.lower) && std::isfinite(limit.upper))
+        size = 0.5 * (limit.upper - limit.lower);
     return " (" + formatPlain(100.0 * excess / size) + " %)";
 }
 
@@ -37,7 +38,8 @@ std::string writeVisible(const LimitVerdict& limit, std::size_t order, const std
 std::string writeReason(const LimitVerdict& limit, std::size_t order, const std::string& unit) {
     if (!std::isnan(limit.hiding_s))
         return "readings left out at t = " + format("%.3f", limit.hiding_s) + " s may hide an excess";
-    if (std::isinf(limit.visibleExcess)) return "at this noise and rate no excess that lasts so long is sure to be seen";
+    if (std::isinf(limit.visibleExcess))
+        return "at this noise and rate no excess that lasts so long is sure to be seen";
     if (limit.judged < 0.5) return "only " + formatPlain(100.0 * limit.judged) + " % of the time can be judged";
     return "only " + writeVisible(limit, order, unit);
 }
@@ -48,8 +50,8 @@ std::string writeRange(const LimitVerdict& limit) {
 }
 
 std::string writeLimit(const LimitVerdict& limit, std::size_t order, const std::string& unit) {
-    const std::string seen = formatPlain(limit.lowest) + " .. " + formatPlain(limit.highest) + " " + unit +
-                             ", +- " + formatPlain(limit.critical * limit.deviation) + writeRange(limit);
+    const std::string seen = formatPlain(limit.lowest) + " .. " + formatPlain(limit.highest) + " " + unit + ", +- " +
+                             formatPlain(limit.critical * limit.deviation) + writeRange(limit);
     switch (limit.finding) {
         case Finding::NoLimit:
             return "no limit     " + seen;
@@ -61,9 +63,9 @@ std::string writeLimit(const LimitVerdict& limit, std::size_t order, const std::
             break;
     }
     const double side = limit.side == LimitSide::Upper ? limit.upper : limit.lower;
-    return "BROKEN       at t = " + format("%.3f", limit.first_s) + " s; worst at t = " + format("%.3f", limit.worst_s) +
-           " s by " + formatPlain(limit.excess) + " " + unit + writeShare(limit.excess, limit, order) + ", at least " +
-           formatPlain(limit.certainExcess) + ", beyond the " +
+    return "BROKEN       at t = " + format("%.3f", limit.first_s) +
+           " s; worst at t = " + format("%.3f", limit.worst_s) + " s by " + formatPlain(limit.excess) + " " + unit +
+           writeShare(limit.excess, limit, order) + ", at least " + formatPlain(limit.certainExcess) + ", beyond the " +
            (limit.side == LimitSide::Upper ? "upper" : "lower") + " limit " + formatPlain(side) + "; for " +
            formatPlain(limit.duration_s) + " s in all";
 }
@@ -175,7 +177,8 @@ std::string writeText(const RecordVerdict& all) {
         if (joint.motion) {
             const std::string unit = getUnit(joint.isPrismatic, 0);
             text += ": noise of a reading " + formatPlain(joint.motion->noise()) + " " + unit;
-            if (joint.motion->quantum() > 0.0) text += ", in steps of " + formatPlain(joint.motion->quantum()) + " " + unit;
+            if (joint.motion->quantum() > 0.0)
+                text += ", in steps of " + formatPlain(joint.motion->quantum()) + " " + unit;
             text += "; motion quicker than " + formatPlain(1000.0 * joint.motion->window_s()) + " ms is not resolved";
             if (!joint.motion->outliers().empty())
                 text += "; " + std::to_string(joint.motion->outliers().size()) + " readings left out as outliers";
@@ -192,8 +195,8 @@ std::string writeText(const RecordVerdict& all) {
         }
     }
     const auto count = [&](Finding finding) { return std::to_string(counts[static_cast<std::size_t>(finding)]); };
-    text += "\n" + count(Finding::Held) + " held, " + count(Finding::Broken) + " broken, " + count(Finding::CannotTell) +
-            " cannot be told at this noise";
+    text += "\n" + count(Finding::Held) + " held, " + count(Finding::Broken) + " broken, " +
+            count(Finding::CannotTell) + " cannot be told at this noise";
     if (counts[0] > 0) text += ", " + count(Finding::NoLimit) + " without a limit";
     return text + "\n";
 }

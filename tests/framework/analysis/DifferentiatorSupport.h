@@ -49,7 +49,8 @@ public:
         const double unit = 6.0 / std::pow(half * interval_s_, 3.0);
         std::vector<double> jerk(size(), 0.0);
         for (std::size_t i = static_cast<std::size_t>(half); i + static_cast<std::size_t>(half) < size(); ++i)
-            for (int k = 0; k < n; ++k) jerk[i] += unit * solved(3, k) * values_[i + std::size_t(k) - std::size_t(half)];
+            for (int k = 0; k < n; ++k)
+                jerk[i] += unit * solved(3, k) * values_[i + std::size_t(k) - std::size_t(half)];
         return jerk;
     }
 

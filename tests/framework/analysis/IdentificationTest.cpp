@@ -36,8 +36,7 @@ struct Experiment {
 
     double calcFriction(int i, double v, double load) const {
         const JointFriction& f = really.actuation.friction;
-        const double size =
-            f.coulomb[i] + f.viscous[i] * -std::expm1(-std::abs(v) / f.viscousVelocity[i]);
+        const double size = f.coulomb[i] + f.viscous[i] * -std::expm1(-std::abs(v) / f.viscousVelocity[i]);
         return (v > 0.0 ? size : v < 0.0 ? -size : 0.0) + (extra ? extra(i, v, load) : 0.0);
     }
 
@@ -63,8 +62,7 @@ struct Experiment {
                 for (int s = 0; s < kSines; ++s) {
                     const double w = ratio[s] * speed[i] * (1.0 + 0.13 * i);
                     const double a = amplitude[i] * share[s];
-                    const double angle =
-                        w * t + phases[static_cast<std::size_t>(i)][static_cast<std::size_t>(s)];
+                    const double angle = w * t + phases[static_cast<std::size_t>(i)][static_cast<std::size_t>(s)];
                     q[i] += a * std::sin(angle);
                     qd[i] += a * w * std::cos(angle);
                     qdd[i] -= a * w * w * std::sin(angle);
@@ -82,8 +80,7 @@ struct Experiment {
                 MotionRecord::Joint& joint = record.joints[static_cast<std::size_t>(i)];
                 joint.name = robot.joints[static_cast<std::size_t>(i)].name;
                 joint.positions.push_back(std::round(at[i] / quantum) * quantum);
-                joint.torques.push_back(torque[i] + calcFriction(i, qd[i], torque[i]) +
-                                        torqueNoise * normal(random));
+                joint.torques.push_back(torque[i] + calcFriction(i, qd[i], torque[i]) + torqueNoise * normal(random));
             }
         }
         return record;
@@ -144,8 +141,7 @@ TEST(Identification, FindsFrictionAndPayloadWithinItsIntervals) {
         for (int i = 0; i < 2; ++i) {
             const JointIdentification& joint = found.joints[static_cast<std::size_t>(i)];
             EXPECT_TRUE(joint.coulomb.isKnown) << joint.reason << " seed " << experiment.seed;
-            EXPECT_NEAR(joint.coulomb.value, truth.coulomb[i], 0.1 * truth.coulomb[i])
-                << experiment.seed;
+            EXPECT_NEAR(joint.coulomb.value, truth.coulomb[i], 0.1 * truth.coulomb[i]) << experiment.seed;
             wrongAlarms += joint.verdict != ModelVerdict::Adequate;
             EXPECT_NE(joint.verdict, ModelVerdict::Doubtful) << writeText(found) << experiment.seed;
             count(0, joint.coulomb, truth.coulomb[i]);
@@ -158,8 +154,7 @@ TEST(Identification, FindsFrictionAndPayloadWithinItsIntervals) {
     EXPECT_LE(wrongAlarms, 2);  // of 40 joints
     const char* const names[] = {"coulomb", "viscous", "viscous velocity", "payload"};
     for (int kind = 0; kind < 4; ++kind) {
-        RecordProperty(names[kind],
-                       std::to_string(inside[kind]) + " of " + std::to_string(asked[kind]));
+        RecordProperty(names[kind], std::to_string(inside[kind]) + " of " + std::to_string(asked[kind]));
         EXPECT_GE(asked[kind], static_cast<int>(kSeeds) / 2) << names[kind];
         // 95 % intervals: fewer than 85 % of 20 to 40 come by chance once in fifty times.
         EXPECT_GE(inside[kind], 0.85 * asked[kind])
@@ -179,8 +174,7 @@ TEST(Identification, IsExactWithoutNoise) {
         ASSERT_EQ(joint.form, FrictionForm::Saturating) << joint.reason;
         EXPECT_NEAR(joint.coulomb.value, truth.coulomb[i], 1e-4 * truth.coulomb[i]);
         EXPECT_NEAR(joint.viscous.value, truth.viscous[i], 1e-3 * truth.viscous[i]);
-        EXPECT_NEAR(joint.viscousVelocity.value, truth.viscousVelocity[i],
-                    1e-3 * truth.viscousVelocity[i]);
+        EXPECT_NEAR(joint.viscousVelocity.value, truth.viscousVelocity[i], 1e-3 * truth.viscousVelocity[i]);
         EXPECT_GT(joint.explained, 0.9999);
     }
     EXPECT_NEAR(found.payload.mass.value, 0.3, 1e-4);
@@ -192,8 +186,7 @@ TEST(Identification, FindsAPayloadWhereverItIs) {
     makeSlantedArm(folder);  // prismatic joints too
     Experiment experiment(folder.load());
     const int n = experiment.robot.size();
-    experiment.robot.actuation.friction = {JointVector::Constant(n, 0.2),
-                                           JointVector::Constant(n, 0.4),
+    experiment.robot.actuation.friction = {JointVector::Constant(n, 0.2), JointVector::Constant(n, 0.4),
                                            JointVector::Constant(n, 0.5)};
     experiment.amplitude.setConstant(n, 0.4);
     const Eigen::Vector3d place(0.06, -0.03, 0.11);
@@ -207,8 +200,7 @@ TEST(Identification, FindsAPayloadWhereverItIs) {
         EXPECT_TRUE(found.payload.centre[static_cast<std::size_t>(k)].isKnown);
         EXPECT_NEAR(found.payload.centre[static_cast<std::size_t>(k)].value, place[k], 0.01) << k;
     }
-    EXPECT_NE(writeText(found).find("payload: {mass_kg: 0."), std::string::npos)
-        << writeText(found);
+    EXPECT_NE(writeText(found).find("payload: {mass_kg: 0."), std::string::npos) << writeText(found);
 
     experiment.really = experiment.robot;
     const Identification nothing = experiment.identify();
@@ -235,8 +227,7 @@ TEST(Identification, FindsMassesRotorsOffsetsAndDelaysWhenAsked) {
     ASSERT_EQ(found.bodyMasses.size(), 2u);
     EXPECT_NEAR(found.bodyMasses[1].value, 1.2, 0.01);
     for (int i = 0; i < 2; ++i)
-        EXPECT_NEAR(found.joints[static_cast<std::size_t>(i)].torqueOffset.value, offset[i], 0.02)
-            << i;
+        EXPECT_NEAR(found.joints[static_cast<std::size_t>(i)].torqueOffset.value, offset[i], 0.02) << i;
     // Sooner in the record than in the motion: the record's torque acts later.
     EXPECT_NEAR(found.torqueDelay.value, 0.003, 2e-4);
 }
@@ -253,8 +244,7 @@ TEST(Identification, KeepsTheFiguresOfAJointThatDoesNotMove) {
     EXPECT_FALSE(still.coulomb.isKnown);
     EXPECT_EQ(still.written, still.old);
     EXPECT_EQ(still.coulomb.reason, still.reason);
-    EXPECT_TRUE(nlohmann::json::parse(writeJson(found))["joints"][still.name]["coulomb_Nm"]["value"]
-                    .is_null());
+    EXPECT_TRUE(nlohmann::json::parse(writeJson(found))["joints"][still.name]["coulomb_Nm"]["value"].is_null());
 
     // Nor one that moves a few times, nor one without torques.
     experiment.amplitude[1] = 0.5;
@@ -265,8 +255,7 @@ TEST(Identification, KeepsTheFiguresOfAJointThatDoesNotMove) {
     options.isTorqueHeld = false;
     Identification few = identify(experiment.robot, {record}, options);
     EXPECT_EQ(few.joints[1].form, FrictionForm::None);
-    EXPECT_NE(few.joints[1].reason.find("it moved too little: "), std::string::npos)
-        << few.joints[1].reason;
+    EXPECT_NE(few.joints[1].reason.find("it moved too little: "), std::string::npos) << few.joints[1].reason;
     record = experiment.record();
     record.joints[1].torques.clear();
     few = identify(experiment.robot, {record}, options);
@@ -285,8 +274,7 @@ TEST(Identification, DoesNotInventTheBendOfSlowMotions) {
     for (const JointIdentification& joint : found.joints) {
         EXPECT_EQ(joint.form, FrictionForm::KnownVelocity) << joint.fastest;
         EXPECT_FALSE(joint.viscousVelocity.isKnown);
-        EXPECT_NE(joint.reason.find("do not show that the friction saturates"), std::string::npos)
-            << joint.reason;
+        EXPECT_NE(joint.reason.find("do not show that the friction saturates"), std::string::npos) << joint.reason;
         EXPECT_EQ(joint.written[2], joint.old[2]);
     }
 
@@ -309,9 +297,7 @@ TEST(Identification, DoesNotInventTheBendOfSlowMotions) {
 TEST(Identification, ChecksNameWhatTheLawLacks) {
     Experiment experiment(planar());
     experiment.torqueNoise = 0.02;
-    experiment.extra = [](int, double v, double load) {
-        return std::copysign(0.1 * std::abs(load), v);
-    };
+    experiment.extra = [](int, double v, double load) { return std::copysign(0.1 * std::abs(load), v); };
     const Identification loaded = experiment.identify();
     for (const JointIdentification& joint : loaded.joints) {
         EXPECT_TRUE(findCheck(joint, "load friction").isFound) << writeText(loaded);
@@ -330,11 +316,9 @@ TEST(Identification, ChecksNameWhatTheLawLacks) {
     EXPECT_TRUE(findCheck(offset.joints[0], "torque offset").isFound) << writeText(offset);
 
     experiment.extra = nullptr;
-    experiment.really.gravity =
-        Eigen::AngleAxisd(0.01, Eigen::Vector3d::UnitY()) * experiment.robot.gravity;
+    experiment.really.gravity = Eigen::AngleAxisd(0.01, Eigen::Vector3d::UnitY()) * experiment.robot.gravity;
     const Identification tilted = experiment.identify();
-    EXPECT_TRUE(findCheck(tilted.joints[0], "tilt of the base about y").isFound)
-        << writeText(tilted);
+    EXPECT_TRUE(findCheck(tilted.joints[0], "tilt of the base about y").isFound) << writeText(tilted);
 }
 
 TEST(Identification, AFrictionlessArmHasNone) {
@@ -344,8 +328,7 @@ TEST(Identification, AFrictionlessArmHasNone) {
     experiment.torqueNoise = 0.01;
     for (const JointIdentification& joint : experiment.identify().joints) {
         EXPECT_TRUE(joint.coulomb.isKnown) << joint.reason;
-        EXPECT_TRUE(holds(joint.coulomb, 0.0))
-            << joint.coulomb.value << " +- " << joint.coulomb.deviation;
+        EXPECT_TRUE(holds(joint.coulomb, 0.0)) << joint.coulomb.value << " +- " << joint.coulomb.deviation;
         EXPECT_LT(joint.written[0], 0.02);
         EXPECT_GE(joint.written[0], 0.0);
         EXPECT_GE(joint.written[1], 0.0);
@@ -359,8 +342,7 @@ TEST(Identification, SeveralRecordsCountTogether) {
     IdentificationOptions options;
     options.isTorqueHeld = false;
     std::vector<MotionRecord> records;
-    for (experiment.seed = 1; experiment.seed <= 3; ++experiment.seed)
-        records.push_back(experiment.record());
+    for (experiment.seed = 1; experiment.seed <= 3; ++experiment.seed) records.push_back(experiment.record());
     const Identification all = identify(experiment.robot, records, options);
     const Identification one = identify(experiment.robot, {records[0]}, options);
     EXPECT_NEAR(all.duration_s, 36.0, 0.1);
@@ -368,8 +350,7 @@ TEST(Identification, SeveralRecordsCountTogether) {
     EXPECT_LT(all.joints[0].coulomb.deviation, one.joints[0].coulomb.deviation);
     // The order of a record's joints does not matter.
     std::swap(records[0].joints[0], records[0].joints[1]);
-    EXPECT_EQ(identify(experiment.robot, {records[0]}, options).joints[0].coulomb.value,
-              one.joints[0].coulomb.value);
+    EXPECT_EQ(identify(experiment.robot, {records[0]}, options).joints[0].coulomb.value, one.joints[0].coulomb.value);
 }
 
 TEST(Identification, RefusesWhatItCannotUse) {
@@ -389,22 +370,18 @@ TEST(Identification, RefusesWhatItCannotUse) {
               "torques of the motors at the "
               "joints.");
     const std::string name = good.joints[0].name;
-    const std::string unknown =
-        refuseRecord([&](MotionRecord& r) { r.joints[0].name = name + "x"; });
-    EXPECT_NE(unknown.find("made-up seed 1: the robot `planar_two_link` has no joint `" + name +
-                           "x`. Did you mean `" + name),
-              std::string::npos)
+    const std::string unknown = refuseRecord([&](MotionRecord& r) { r.joints[0].name = name + "x"; });
+    EXPECT_NE(
+        unknown.find("made-up seed 1: the robot `planar_two_link` has no joint `" + name + "x`. Did you mean `" + name),
+        std::string::npos)
         << unknown;
     const std::string missing = refuseRecord([](MotionRecord& r) { r.joints.pop_back(); });
-    EXPECT_NE(missing.find("the record has no joint `" + good.joints[1].name + "`"),
-              std::string::npos)
-        << missing;
+    EXPECT_NE(missing.find("the record has no joint `" + good.joints[1].name + "`"), std::string::npos) << missing;
     const std::string brief = refuseRecord([](MotionRecord& r) {
         r.times_s.resize(300);
         for (auto& joint : r.joints) joint.positions.resize(300), joint.torques.resize(300);
     });
-    EXPECT_NE(brief.find("which is too short to tell how sure the figures are"), std::string::npos)
-        << brief;
+    EXPECT_NE(brief.find("which is too short to tell how sure the figures are"), std::string::npos) << brief;
 }
 
 TEST(Identification, ReadingsThatAreMissingDoNoHarm) {
@@ -421,8 +398,7 @@ TEST(Identification, ReadingsThatAreMissingDoNoHarm) {
     const Identification found = identify(experiment.robot, {record}, options);
     const JointFriction& truth = experiment.really.actuation.friction;
     for (int i = 0; i < 2; ++i)
-        EXPECT_NEAR(found.joints[static_cast<std::size_t>(i)].coulomb.value, truth.coulomb[i],
-                    0.02 * truth.coulomb[i]);
+        EXPECT_NEAR(found.joints[static_cast<std::size_t>(i)].coulomb.value, truth.coulomb[i], 0.02 * truth.coulomb[i]);
 }
 
 // -------------------------------------------------------------------------------- actuation.yaml
@@ -466,8 +442,7 @@ protected:
 
 TEST_F(ActuationFileTest, KeepsTheRestOfTheFile) {
     expectFigures(rewrite());
-    EXPECT_EQ(text_.find("schema: 1\n# the vendor's\ngear_ratio: [50, 80]   # turns\n"), 0u)
-        << text_;
+    EXPECT_EQ(text_.find("schema: 1\n# the vendor's\ngear_ratio: [50, 80]   # turns\n"), 0u) << text_;
     EXPECT_NE(text_.find("source: \"identified by viable "), std::string::npos) << text_;
     EXPECT_NE(text_.find("made-up seed 1"), std::string::npos);
     EXPECT_NE(text_.find("# standard errors: "), std::string::npos);
@@ -476,17 +451,14 @@ TEST_F(ActuationFileTest, KeepsTheRestOfTheFile) {
     // Once more: the same figures, and no text that grows.
     const std::string first = text_;
     RobotDescription again = loadRobot(folder_.path());
-    EXPECT_EQ(
-        writeActuation(again, found_).size() - text_.size(),
-        std::string("identified by viable 0.1.0 from 12 s of motion in made-up seed 1").size() -
-            std::string("a guess: mine").size());
+    EXPECT_EQ(writeActuation(again, found_).size() - text_.size(),
+              std::string("identified by viable 0.1.0 from 12 s of motion in made-up seed 1").size() -
+                  std::string("a guess: mine").size());
 }
 
 TEST_F(ActuationFileTest, TakesAnyLayout) {
-    const std::string rest =
-        "gear_ratio: [50, 80]\nrotor_inertia_kgm2: 1e-5\ntorque_limit_Nm: .inf\n";
-    const std::string flow =
-        "{coulomb_Nm: [0.61, 0.25], viscous_Nm: [1.5, 0.75], viscous_velocity_radps: [0.7, 0.9]}";
+    const std::string rest = "gear_ratio: [50, 80]\nrotor_inertia_kgm2: 1e-5\ntorque_limit_Nm: .inf\n";
+    const std::string flow = "{coulomb_Nm: [0.61, 0.25], viscous_Nm: [1.5, 0.75], viscous_velocity_radps: [0.7, 0.9]}";
     const std::string block =
         "friction:\n  coulomb_Nm: [0.61, 0.25]\n\n  # here\n  viscous_Nm:\n  - 1.5\n  - 0.75\n"
         "  viscous_velocity_radps: [0.7, 0.9]\n";
@@ -541,8 +513,7 @@ TEST_F(ActuationFileTest, WorksForTheRobotsThatAreThere) {
     for (const char* const name : {"single_joint", "planar_two_link", "indy7", "panda", "ur5e"}) {
         SCOPED_TRACE(name);
         const TemporaryFolder copy;
-        std::filesystem::copy(robotFolder(name), copy.path() / name,
-                              std::filesystem::copy_options::recursive);
+        std::filesystem::copy(robotFolder(name), copy.path() / name, std::filesystem::copy_options::recursive);
         const RobotDescription robot = loadRobot(copy.path() / name);
         Identification found;
         found.robot = name;

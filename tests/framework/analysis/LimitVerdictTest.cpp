@@ -76,8 +76,7 @@ TEST(LimitVerdict, IsRightOnAPopulationOfRecords) {
             ++could[order];
             found[order] += limit.finding == Finding::Broken;
         };
-        for (std::size_t order = 0; order < 3; ++order)
-            count(beyond.joints[0].limits[order], order, exceeded[order]);
+        for (std::size_t order = 0; order < 3; ++order) count(beyond.joints[0].limits[order], order, exceeded[order]);
         // Jerk: one piece of it is 10 % larger for 50 ms.
         const double margin_s = 0.1;
         if (one.motion.exceed(1.1, 0.05, margin_s, one.sensor.duration_s - margin_s, one.random)) {
@@ -91,8 +90,8 @@ TEST(LimitVerdict, IsRightOnAPopulationOfRecords) {
                 cleanButBroken);
     EXPECT_LE(cleanButBroken, records / 100);
     for (std::size_t order = 0; order < 4; ++order) {
-        std::printf("%s: held in %d; an excess of 10 %% for 50 ms found in %d of %d where it could be told\n", names[order],
-                    tells[order], found[order], could[order]);
+        std::printf("%s: held in %d; an excess of 10 %% for 50 ms found in %d of %d where it could be told\n",
+                    names[order], tells[order], found[order], could[order]);
         EXPECT_GE(found[order], 0.95 * could[order]) << names[order];
     }
     // Good sensors are rare among these; TellsTheJerkOfAGoodEncoder sees to it that jerk is told at all.
@@ -215,7 +214,8 @@ TEST(LimitVerdict, TooFewReadingsInAnExcessTellNothing) {
     const MotionRecord record = one.sensor.sample(one.motion, one.random);
     const auto verdict = judgeLimits(record, {makeLimits({4.0, 10.0, 50.0, 500.0})});
     for (const LimitVerdict& limit : verdict.joints[0].limits) EXPECT_EQ(limit.finding, Finding::CannotTell);
-    EXPECT_EQ(judgeLimits(record, {makeLimits({4.0, 10.0, 50.0, kInfinity})}, {0.99, 0.1, 0.2}).overall(), Finding::Held);
+    EXPECT_EQ(judgeLimits(record, {makeLimits({4.0, 10.0, 50.0, kInfinity})}, {0.99, 0.1, 0.2}).overall(),
+              Finding::Held);
 }
 
 TEST(LimitVerdict, GapsAreNotJudgedAndCostNothing) {

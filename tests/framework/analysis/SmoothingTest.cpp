@@ -273,8 +273,7 @@ TEST(Smoothing, MeansOfTheJerkAreKnownBetterThanTheJerk) {
         for (const MeanEstimate& m : motion.calcMeans(3, 0.15)) {
             if (m.begin_s < 0.3 || m.begin_s + m.duration_s > 1.7) continue;
             EXPECT_LE(m.duration_s, 0.15);
-            const double truth =
-                (Wave::truth(m.begin_s + m.duration_s)[2] - Wave::truth(m.begin_s)[2]) / m.duration_s;
+            const double truth = (Wave::truth(m.begin_s + m.duration_s)[2] - Wave::truth(m.begin_s)[2]) / m.duration_s;
             squares += std::pow((m.mean - truth) / m.deviation, 2.0);
             gain += motion.evaluate(m.begin_s).deviation[3] / m.deviation;
             ++n;
@@ -298,7 +297,8 @@ TEST(Smoothing, OutliersAreFoundAndHarmless) {
     EXPECT_NEAR(motion.outlierRuns()[0].distance, 0.5, 1e-3);
     const auto without = smoothMotion(clean.times_s, clean.readings, "wave");
     for (double t = 0.0; t < 2.999; t += 0.01)
-        EXPECT_NEAR(motion.evaluate(t).mean[3], without.evaluate(t).mean[3], 3.0 * without.evaluate(t).deviation[3]) << t;
+        EXPECT_NEAR(motion.evaluate(t).mean[3], without.evaluate(t).mean[3], 3.0 * without.evaluate(t).deviation[3])
+            << t;
 }
 
 TEST(Smoothing, BandOpensInAGap) {
@@ -380,9 +380,10 @@ TEST(Smoothing, SaysWhatItCannotUse) {
     // Groups of 12 with long gaps between them.
     std::vector<double> apart;
     for (int i = 0; i < 100; ++i) apart.push_back(0.001 * i + 1000.0 * (i / 12));
-    EXPECT_EQ(refuse(apart, wave.readings),
-              "file.csv: joint a: 0 readings without a long gap between them: at least 20 are needed to tell a jerk from "
-              "noise");
+    EXPECT_EQ(
+        refuse(apart, wave.readings),
+        "file.csv: joint a: 0 readings without a long gap between them: at least 20 are needed to tell a jerk from "
+        "noise");
 }
 
 TEST(Smoothing, NoReadingIsLostInTryingAPulse) {

@@ -113,7 +113,9 @@ struct Sensor {
     double duration_s = 5.0;
 
     MotionRecord sample(const JerkLimitedMotion& motion, std::mt19937_64& random) const {
-        const auto draw = [&](double from, double to) { return std::uniform_real_distribution<double>(from, to)(random); };
+        const auto draw = [&](double from, double to) {
+            return std::uniform_real_distribution<double>(from, to)(random);
+        };
         std::normal_distribution<double> normal;
         MotionRecord record;
         record.source = "synthetic";
@@ -143,7 +145,9 @@ struct SyntheticRecord {
     MotionRecord record;
 
     explicit SyntheticRecord(std::uint64_t seed) : random(seed), motion(0.0) {
-        const auto draw = [&](double from, double to) { return std::uniform_real_distribution<double>(from, to)(random); };
+        const auto draw = [&](double from, double to) {
+            return std::uniform_real_distribution<double>(from, to)(random);
+        };
         const auto drawLog = [&](double from, double to) { return std::exp(draw(std::log(from), std::log(to))); };
         jerk = drawLog(5.0, 200.0);
         const double acceleration = drawLog(2.0, 20.0), velocity = draw(0.5, 3.0);

@@ -20,7 +20,7 @@ enum class PayloadModel : unsigned char {
 
 struct IdentificationOptions {
     PayloadModel payload = PayloadModel::MassAndCentre;
-    bool bodyMasses = false;  ///< a factor on mass and inertia of the body behind each joint, too
+    bool bodyMasses = false;     ///< a factor on mass and inertia of the body behind each joint, too
     bool rotorInertias = false;  ///< an error of each joint's reflected rotor inertia, too
     bool torqueOffsets = false;  ///< a constant torque error of each joint, too
     /** A common delay of all torques' effect behind their times, and one of the friction behind the velocity, too: where
@@ -46,9 +46,9 @@ struct IdentifiedFigure {
 enum class FrictionForm : unsigned char {
     Saturating,     ///< all three figures
     KnownVelocity,  ///< coulomb and viscous, with the viscous velocity that the robot has
-    Line,  ///< coulomb and a slope: straight, where the robot's viscous velocity would bend it
-    CoulombOnly,  ///< with the robot's viscous figures
-    None,         ///< the robot's figures stay
+    Line,           ///< coulomb and a slope: straight, where the robot's viscous velocity would bend it
+    CoulombOnly,    ///< with the robot's viscous figures
+    None,           ///< the robot's figures stay
 };
 
 /** "saturating", "line", ...: the words used in reports. */
@@ -85,10 +85,9 @@ struct JointIdentification {
     IdentifiedFigure viscous;          ///< [Nm]
     IdentifiedFigure viscousVelocity;  ///< [rad/s]
     IdentifiedFigure slope;            ///< viscous / viscousVelocity, at rest [Nm s/rad]
-    Eigen::Matrix3d
-        covariance;  ///< of coulomb, slope and 1 / viscousVelocity; zero where not fitted
-    IdentifiedFigure rotorInertia;  ///< error of the description's, reflected [kg m^2]
-    IdentifiedFigure torqueOffset;  ///< [Nm]
+    Eigen::Matrix3d covariance;        ///< of coulomb, slope and 1 / viscousVelocity; zero where not fitted
+    IdentifiedFigure rotorInertia;     ///< error of the description's, reflected [kg m^2]
+    IdentifiedFigure torqueOffset;     ///< [Nm]
 
     std::array<double, 3> old{};      ///< coulomb, viscous, viscousVelocity of the description
     std::array<double, 3> written{};  ///< the same for actuation.yaml
@@ -99,9 +98,8 @@ struct JointIdentification {
     double slowest = 0.0, fastest = 0.0;  ///< speeds that were used [rad/s]
     double frictionRms = 0.0;             ///< of the friction that was found [Nm]
     double residualRms = 0.0;             ///< of the equations [Nm]
-    double explained = 0.0;  ///< share of the square of what the nominal rigid arm leaves open
-    double correlation =
-        0.0;  ///< of the residuals of windows that follow each other without overlap
+    double explained = 0.0;               ///< share of the square of what the nominal rigid arm leaves open
+    double correlation = 0.0;             ///< of the residuals of windows that follow each other without overlap
     std::vector<ResidualCheck> checks;
     ModelVerdict verdict = ModelVerdict::NotIdentified;
 };
@@ -112,8 +110,7 @@ struct PayloadIdentification {
     std::string reason;                       ///< why it is less than was asked for
     IdentifiedFigure mass;                    ///< [kg]
     std::array<IdentifiedFigure, 3> moment;   ///< mass times place, tool frame [kg m]
-    std::array<IdentifiedFigure, 3>
-        centre;  ///< place, tool frame [m]; unknown where the mass may be zero
+    std::array<IdentifiedFigure, 3> centre;   ///< place, tool frame [m]; unknown where the mass may be zero
     bool isFound() const { return mass.isKnown && (mass.lower > 0.0 || mass.upper < 0.0); }
 };
 

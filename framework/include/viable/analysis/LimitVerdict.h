@@ -40,18 +40,18 @@ struct LimitVerdict {
 
     // Of a broken limit:
     LimitSide side = LimitSide::Neither;
-    double first_s = 0.0;      ///< from here on the band lies beyond the limit
-    double worst_s = 0.0;      ///< where it lies farthest beyond
-    double excess = 0.0;       ///< by so much, as estimated there
+    double first_s = 0.0;        ///< from here on the band lies beyond the limit
+    double worst_s = 0.0;        ///< where it lies farthest beyond
+    double excess = 0.0;         ///< by so much, as estimated there
     double certainExcess = 0.0;  ///< and at least by so much
-    double duration_s = 0.0;   ///< the whole band lies beyond for so long in all
+    double duration_s = 0.0;     ///< the whole band lies beyond for so long in all
 };
 
 /** One joint: what its readings are like, and a verdict for position, velocity, acceleration and jerk. */
 struct JointVerdict {
     std::string name;
     bool isPrismatic = false;
-    std::string trouble;  ///< why nothing can be said of this joint; empty: nothing is in the way
+    std::string trouble;                   ///< why nothing can be said of this joint; empty: nothing is in the way
     std::optional<SmoothedMotion> motion;  ///< none where there is trouble
     std::array<LimitVerdict, kMotionOrders> limits;
 };

@@ -27,11 +27,11 @@ struct MotionRecord {
     its rows. */
     std::optional<JointLimits> limits;
     bool saysUnits = true;  ///< false: files of this kind do not tell whether a joint turns or slides
-    std::string robot;   ///< robot that the file names, for a log of this program its folder; empty: none
+    std::string robot;      ///< robot that the file names, for a log of this program its folder; empty: none
     LoggedArm arm = LoggedArm::Real;
     bool isCutOff = false;  ///< a log of this program without its end: what it has is here
-    std::string source;  ///< the file, for messages
-    std::string begin;   ///< stamp of the first sample as the file has it (an MCAP file's in s); times_s count from it
+    std::string source;     ///< the file, for messages
+    std::string begin;  ///< stamp of the first sample as the file has it (an MCAP file's in s); times_s count from it
 };
 
 /** Fewer samples hold no jerk and no noise. */

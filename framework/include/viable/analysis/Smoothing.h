@@ -36,10 +36,10 @@ struct MeanEstimate {
 /** A change of a motion: one of its derivatives is larger by `height` for `duration_s`; it rises and falls smoothly
 over `rise_s` beside that. */
 struct MotionPulse {
-    int order = 3;          ///< which derivative; 0: the position itself
+    int order = 3;  ///< which derivative; 0: the position itself
     double middle_s = 0.0;
     double duration_s = 0.0;
-    double rise_s = 0.0;    ///< at order 3 it may be 0: jerk may jump
+    double rise_s = 0.0;  ///< at order 3 it may be 0: jerk may jump
     double height = 0.0;
 
     double reach_s() const;  ///< it begins and ends so far from the middle
@@ -62,7 +62,7 @@ public:
     const std::vector<std::size_t>& outliers() const;  ///< readings that were left out, ascending
 
     const std::vector<OutlierRun>& outlierRuns() const;  ///< the same, those that follow each other together
-    double interval_s() const;  ///< median distance of two readings
+    double interval_s() const;                           ///< median distance of two readings
     /** From how many independent numbers noise and smoothness are known: degrees of freedom of a band. */
     double freedom() const;
     /** Begin and end of each part of the record without a long gap; between them nothing is known. */
@@ -82,9 +82,9 @@ public:
 
     /** What would have been estimated, had the motion had a pulse besides, with the same errors of the readings. */
     struct Tried {
-        std::vector<double> times_s;           ///< equally spaced, from the beginning to the end of the plateau
-        std::vector<MotionEstimate> estimates; ///< at these; none where too few readings are near
-        std::vector<MeanEstimate> means;       ///< as calcMeans(), those inside the plateau
+        std::vector<double> times_s;            ///< equally spaced, from the beginning to the end of the plateau
+        std::vector<MotionEstimate> estimates;  ///< at these; none where too few readings are near
+        std::vector<MeanEstimate> means;        ///< as calcMeans(), those inside the plateau
     };
     Tried tryPulse(const MotionPulse& pulse) const;
 
