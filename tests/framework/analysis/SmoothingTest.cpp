@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <ctime>
 #include <limits>
 
 #include "DifferentiatorSupport.h"
@@ -210,6 +211,25 @@ TEST(Smoothing, JerkIsNearerToTheTruthThanOfUsualDifferentiators) {
     EXPECT_GT(best(butterworths, pool), 1.5 * pool(own));
     EXPECT_GT(typical(idealPolynomials), typical(own));
     EXPECT_GT(typical(idealButterworths), typical(own));
+}
+
+TEST(Smoothing, TimeGrowsWithTheNumberOfSamples) {
+    std::vector<double> seconds;
+    for (const std::size_t n : {1000u, 10000u, 100000u, 1000000u}) {
+        Wave wave(2.4e-5, n);
+        for (double& q : wave.readings) q = std::round(q / 2.4e-5) * 2.4e-5;  // 18 bit
+        const std::clock_t begin = std::clock();
+        const auto motion = smoothMotion(wave.times_s, wave.readings, "wave");
+        const std::clock_t smoothed = std::clock();
+        double sum = 0.0;
+        for (const double t : wave.times_s) sum += motion.evaluate(t).deviation[3];  // a band at each sample
+        seconds.push_back(static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
+        std::printf("%8zu samples: %.3f s of one core, of it %.3f s for the bands at all samples\n", n, seconds.back(),
+                    static_cast<double>(std::clock() - smoothed) / CLOCKS_PER_SEC);
+        EXPECT_GT(sum, 0.0);
+    }
+    EXPECT_LT(seconds[3], 30.0 * seconds[2]);  // 10 times where nothing else runs
+    EXPECT_LT(seconds[3], 300.0 * seconds[1]);
 }
 
 TEST(Smoothing, FindsMotionAndNoiseOfAWave) {
