@@ -76,13 +76,6 @@ std::vector<AxisLimits> findLimits(const VerifyArguments& arguments, MotionRecor
     return limits;
 }
 
-/** CASE.verify.json beside CASE.mcap, or CASE.recovered.mcap. */
-fs::path nameVerdictFile(const fs::path& log) {
-    fs::path stem = log.stem();
-    if (stem.extension() == ".recovered") stem = stem.stem();
-    return log.parent_path() / (stem.string() + ".verify.json");
-}
-
 int verify(const VerifyArguments& arguments) {
     std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is a write error, not a death
     if (arguments.report && fs::path(arguments.file).extension() != ".mcap")
@@ -96,7 +89,8 @@ int verify(const VerifyArguments& arguments) {
     std::string missing;
     const std::vector<AxisLimits> limits = findLimits(arguments, record, missing);
     const RecordVerdict verdict = judgeLimits(record, limits, arguments.judge);
-    if (!arguments.json.empty()) replaceFile(arguments.json, writeJson(verdict, record));
+    const std::string json = arguments.json.empty() && !arguments.report ? "" : writeJson(verdict, record);
+    if (!arguments.json.empty()) replaceFile(arguments.json, json);
     std::fputs(writeText(verdict).c_str(), stdout);
     if (!missing.empty()) std::printf("not in the record, so not judged: %s\n", missing.c_str());
     if (verdict.overall() == Finding::NoLimit)
@@ -104,8 +98,8 @@ int verify(const VerifyArguments& arguments) {
                     arguments.limits.empty() ? "the record names no limits" : "the robot has none");
     if (!arguments.json.empty()) std::printf("wrote %s\n", arguments.json.c_str());
     if (arguments.report) {
-        const fs::path file = nameVerdictFile(arguments.file);
-        replaceFile(file, writeJson(verdict, record));
+        const fs::path file = nameVerificationFile(arguments.file);
+        replaceFile(file, json);
         std::printf("wrote %s\n", file.c_str());
         const fs::path folder = fs::path(arguments.file).parent_path();
         try {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "analysis/Median.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -15,11 +16,6 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /** The limits of one quantity of one joint. */
 struct Range {
     double lower, upper;
-    /** What shares of excess are of. */
-    double size(int order) const {
-        if (order == 0 && std::isfinite(lower) && std::isfinite(upper)) return 0.5 * (upper - lower);
-        return calcLimitScale(lower, upper);
-    }
     bool isFinite() const { return std::isfinite(lower) || std::isfinite(upper); }
 };
 
@@ -80,9 +76,7 @@ std::vector<std::size_t> listJudged(const Walk& walk, std::size_t order, LimitVe
     std::vector<double> deviations;
     deviations.reserve(walk.estimates.size());
     for (const MotionEstimate& e : walk.estimates) deviations.push_back(e.deviation[order]);
-    const auto middle = deviations.begin() + static_cast<std::ptrdiff_t>(deviations.size() / 2);
-    std::nth_element(deviations.begin(), middle, deviations.end());
-    verdict.deviation = *middle;
+    verdict.deviation = detail::calcMedian(std::move(deviations));
     std::vector<std::size_t> judged;
     double judged_s = 0.0;
     for (std::size_t i = 0; i < walk.estimates.size(); ++i)
@@ -261,13 +255,18 @@ void judgeJoint(const MotionRecord& record, std::size_t place, const std::array<
         if (verdict.finding == Finding::Broken) continue;
         constexpr double kLeastJudged = 0.5;
         verdict.hiding_s = findHiding(*joint.motion, order, verdict);
-        const bool tells = verdict.visibleExcess <= options.excess * range.size(o) && std::isnan(verdict.hiding_s) &&
+        const bool tells = verdict.visibleExcess <= options.excess * calcExcessScale(order, range.lower, range.upper) && std::isnan(verdict.hiding_s) &&
                            verdict.judged >= kLeastJudged;
         verdict.finding = tells ? Finding::Held : Finding::CannotTell;
     }
 }
 
 }  // namespace
+
+double calcExcessScale(std::size_t order, double lower, double upper) {
+    if (order == 0 && std::isfinite(lower) && std::isfinite(upper)) return 0.5 * (upper - lower);
+    return calcLimitScale(lower, upper);
+}
 
 const char* getName(Finding finding) {
     switch (finding) {

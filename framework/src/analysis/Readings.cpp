@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "analysis/Median.h"
 #include "viable/analysis/MotionRecord.h"
 #include "viable/core/Error.h"
 
@@ -14,12 +15,6 @@ namespace {
 
 /** Gaps longer than this many readings part the record. */
 constexpr double kLongGap = 256.0;
-
-double takeMedian(std::vector<double> values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
 
 /** The step that all distances of the values are multiples of, by Euclid's algorithm; 0 where there is none. */
 double findQuantum(std::vector<double> values) {
@@ -142,14 +137,14 @@ Readings takeReadings(const std::vector<double>& times_s, const std::vector<doub
                                   std::to_string(kLeastSamples) + " are needed to tell a jerk from noise");
     };
     refuseShort(r.values.size(), "");
-    r.offset = takeMedian(r.values);
+    r.offset = calcMedian(r.values);
     for (double& v : r.values) v -= r.offset;
     if (std::all_of(r.values.begin(), r.values.end(), [](double v) { return v == 0.0; }))
         throw badInput(where, "all readings are the same: the sensor is stuck, or the joint did not move",
                        "Leave the joint out, or give a record in which it moves.");
     r.stretches.emplace_back(0, r.values.size());
     const std::vector<double> intervals = listIntervals(r);
-    r.interval_s = takeMedian(intervals);
+    r.interval_s = calcMedian(intervals);
 
     // Stretches between long gaps; what is too short to be one is left out.
     r.relative.assign(r.values.size(), 1.0);
@@ -164,7 +159,7 @@ Readings takeReadings(const std::vector<double>& times_s, const std::vector<doub
         if (intervals[i] > kLongGap * r.interval_s) keep(i + 1);
     keep(r.values.size());
     refuseShort(kept.values.size(), " without a long gap between them");
-    kept.interval_s = takeMedian(listIntervals(kept));
+    kept.interval_s = calcMedian(listIntervals(kept));
     findGrain(kept);
     dropSpikes(kept);
     findGrain(kept);

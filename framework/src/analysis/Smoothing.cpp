@@ -113,7 +113,6 @@ struct Piece {
         }
         return powers.transpose() * monomials;
     }
-    Vector8 calcPositionRow(double u) const { return calcRow(u, 0); }
 
     /** Covariance of the path at u, both ends known, for density 1. */
     Matrix4 calcBridge(double u) const {
@@ -214,7 +213,7 @@ public:
         for (const Stretch& s : stretches_)
             for (std::size_t i = s.firstReading; i < s.endReading; ++i) {
                 const auto [k, u] = place(s, readings_.times_s[i]);
-                const Vector8 h = getPiece().calcPositionRow(u);
+                const Vector8 h = getPiece().calcRow(u, 0);
                 take(i, h.dot(states(k)), h.dot(calcPairCovariance(k) * h),
                      getPiece().calcRow(u, 1).dot(states(k)) / step_s_);
             }
@@ -350,7 +349,7 @@ private:
                     sum.setZero();
                     pair = k;
                 }
-                const Vector8 h = getPiece().calcPositionRow(u);
+                const Vector8 h = getPiece().calcRow(u, 0);
                 const double weight = 1.0 / readings_.relative[i];
                 sum.noalias() += (weight * h) * h.transpose();
                 updStates(x_, k) += weight * readings_.values[i] * h;
@@ -387,7 +386,7 @@ private:
             for (std::size_t i = s.firstReading; i < s.endReading; ++i) {
                 if (!readings_.isUsed[i]) continue;
                 const auto [k, u] = place(s, readings_.times_s[i]);
-                const double rest = readings_.values[i] - getPiece().calcPositionRow(u).dot(states(k));
+                const double rest = readings_.values[i] - getPiece().calcRow(u, 0).dot(states(k));
                 sum += rest * rest / readings_.relative[i];
             }
             for (std::size_t k = s.firstKnot; k + 1 < s.endKnot; ++k) {
@@ -403,7 +402,7 @@ private:
             for (std::size_t i = s.firstReading; i < s.endReading; ++i) {
                 if (!readings_.isUsed[i]) continue;
                 const auto [k, u] = place(s, readings_.times_s[i]);
-                const Vector8 h = getPiece().calcPositionRow(u);
+                const Vector8 h = getPiece().calcRow(u, 0);
                 updStates(gradient, k) += (readings_.values[i] - h.dot(states(k))) / readings_.relative[i] * h;
             }
             for (std::size_t k = s.firstKnot; k + 1 < s.endKnot; ++k) {

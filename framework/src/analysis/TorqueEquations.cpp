@@ -6,6 +6,7 @@
 #include <deque>
 #include <limits>
 
+#include "analysis/Median.h"
 #include "core/NumberText.h"
 #include "viable/analysis/Smoothing.h"
 #include "viable/core/Error.h"
@@ -176,9 +177,7 @@ Motion takeMotion(const RobotDescription& nominal, const MotionRecord& record) {
     const std::vector<double>& times = record.times_s;
     std::vector<double> intervals;
     for (std::size_t k = 1; k < times.size(); ++k) intervals.push_back(times[k] - times[k - 1]);
-    const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
-    std::nth_element(intervals.begin(), middle, intervals.end());
-    motion.interval_s = *middle;
+    motion.interval_s = calcMedian(std::move(intervals));
     motion.startsAnew.assign(times.size(), 0);
     for (std::size_t k = 1; k < times.size(); ++k)
         motion.startsAnew[k] = times[k] - times[k - 1] > kGap * motion.interval_s;
@@ -247,12 +246,10 @@ double calcShaking(const RobotDescription& nominal, const Motion& motion, std::s
     std::vector<double> rest =
         removeAverage(removeAverage(impulse, std::max<std::size_t>(half, 1)), std::max<std::size_t>(half, 1));
     for (double& x : rest) x = std::abs(x);
-    const auto middle = rest.begin() + static_cast<std::ptrdiff_t>(rest.size() / 2);
-    std::nth_element(rest.begin(), middle, rest.end());
     // The mean square, with jumps of the torque at reversals, which friction takes up, cut off.
     constexpr double kMedian = 0.6745,
                      kCut = 3.0;  // of the normal distribution's size; [deviations]
-    const double most = kCut * *middle / kMedian;
+    const double most = kCut * calcMedian(rest) / kMedian;
     double squares = 0.0;
     for (const double x : rest) squares += std::min(x, most) * std::min(x, most);
     return std::sqrt(squares / static_cast<double>(rest.size())) / inertia;

@@ -24,10 +24,7 @@ std::string getUnit(bool isPrismatic, std::size_t order) {
 
 /** Of an excess, as share of the limit; empty where that means nothing. */
 std::string writeShare(double excess, const LimitVerdict& limit, std::size_t order) {
-    double size = calcLimitScale(limit.lower, limit.upper);
-    if (order == 0 && std::isfinite(limit.lower) && std::isfinite(limit.upper))
-        size = 0.5 * (limit.upper - limit.lower);
-    return " (" + formatPlain(100.0 * excess / size) + " %)";
+    return " (" + formatPlain(100.0 * excess / calcExcessScale(order, limit.lower, limit.upper)) + " %)";
 }
 
 std::string writeVisible(const LimitVerdict& limit, std::size_t order, const std::string& unit) {

@@ -613,8 +613,7 @@ private:
 
 /** Adds what `viable verify` left beside a case's log; where that cannot be used, a note why. */
 void addVerification(const fs::path& log, const LogReader& reader, json& one, BinaryBlock& block) {
-    const std::string name = getCase(log);
-    const fs::path file = log.parent_path() / (name + ".verify.json");
+    const fs::path file = nameVerificationFile(log);
     std::error_code failed;
     if (!fs::exists(file, failed)) return;
     const auto note = [&](const std::string& why) {
@@ -622,7 +621,7 @@ void addVerification(const fs::path& log, const LogReader& reader, json& one, Bi
     };
     try {
         const VerificationFile verification(file, one.at("t0").get<double>(), block);
-        one["verification"] = verification.read(name, reader.layout().jointNames);
+        one["verification"] = verification.read(getCase(log), reader.layout().jointNames);
     } catch (const json::exception& problem) {
         const std::string text = problem.what();  // after the library's own number of the error
         const std::size_t begin = text.find("] ");
@@ -793,6 +792,10 @@ fs::path composeReport(const fs::path& folder, const std::string& fileName, cons
 }
 
 }  // namespace
+
+fs::path nameVerificationFile(const fs::path& log) {
+    return log.parent_path() / (getCase(log) + ".verify.json");
+}
 
 std::vector<fs::path> writeReport(const fs::path& folder, const fs::path& pageFile) {
     std::error_code failed;

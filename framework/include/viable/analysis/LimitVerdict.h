@@ -22,6 +22,9 @@ enum class Finding {
 /** "no_limit", "held", "broken", "cannot_tell": the words used in JSON. */
 const char* getName(Finding finding);
 
+/** What shares of an excess are of: half the range between the limits of a position (order 0), else calcLimitScale(). */
+double calcExcessScale(std::size_t order, double lower, double upper);
+
 /** What was found about one quantity of one joint. Units are the quantity's. */
 struct LimitVerdict {
     Finding finding = Finding::NoLimit;

@@ -15,4 +15,8 @@ log cannot be read, LogNotWritten when the report cannot be written. */
 std::vector<std::filesystem::path> writeReport(const std::filesystem::path& folder,
                                                const std::filesystem::path& page);
 
+/** Where writeReport() looks for what `viable verify` found out about a log: CASE.verify.json beside CASE.mcap or
+CASE.recovered.mcap. */
+std::filesystem::path nameVerificationFile(const std::filesystem::path& log);
+
 }  // namespace viable
