@@ -1,4 +1,5 @@
 #include "ArmMatrices.h"
+#include "Paths.h"
 
 #include <Eigen/QR>
 #include <cmath>
@@ -40,8 +41,7 @@ std::vector<JointMatrix> makeArmMatrices(int n, int count) {
         const Eigen::MatrixXd Q = Eigen::HouseholderQR<Eigen::MatrixXd>(draw).householderQ();
         // Eigenvalues from 10 kg m^2 (first joint) down to 0.01 kg m^2 (last).
         Eigen::VectorXd eigenvalues(n);
-        for (int i = 0; i < n; ++i)
-            eigenvalues[i] = 10.0 * std::pow(1e-3, n > 1 ? i / (n - 1.0) : 0);
+        for (int i = 0; i < n; ++i) eigenvalues[i] = 10.0 * std::pow(1e-3, n > 1 ? i / (n - 1.0) : 0);
         matrices.push_back(Q * eigenvalues.asDiagonal() * Q.transpose());
     }
     return matrices;

@@ -1,4 +1,5 @@
-#include "viable/robot/ArmRecursion.h"
+#include "Paths.h"
+#include "robot/ArmRecursion.h"
 
 #include <benchmark/benchmark.h>
 
@@ -74,8 +75,7 @@ double measure(Arm& arm, Work work) {
     for (int series = 0; series < kSeries; ++series) {
         const Clock::time_point begin = Clock::now();
         for (int k = 0; k < kStates; ++k) (arm.*work)();
-        fastest = std::min(fastest,
-                           std::chrono::duration<double, std::nano>(Clock::now() - begin).count());
+        fastest = std::min(fastest, std::chrono::duration<double, std::nano>(Clock::now() - begin).count());
     }
     return fastest / kStates;
 }
@@ -86,14 +86,11 @@ void run(benchmark::State& state, Work work) {
     state.counters["n"] = arm.robot.size();
     // Against Simbody's torque, by the same clock.
     if (work != &Arm::calcModelTorque)
-        state.counters["robot_model_over_this"] =
-            measure(arm, &Arm::calcModelTorque) / measure(arm, work);
+        state.counters["robot_model_over_this"] = measure(arm, &Arm::calcModelTorque) / measure(arm, work);
 }
 
 bool registerAll() {
-    const auto add = [](const char* name, Work work) {
-        benchmark::RegisterBenchmark(name, run, work);
-    };
+    const auto add = [](const char* name, Work work) { benchmark::RegisterBenchmark(name, run, work); };
     add("arm_recursion_torque/n:6", &Arm::calcTorque);
     add("arm_recursion_inertia/n:6", &Arm::calcInertia);
     add("arm_recursion_frames/n:6", &Arm::calcFrames);

@@ -34,10 +34,8 @@ public:
     void ReportRuns(const std::vector<Run>& runs) override {
         for (const Run& run : runs) {
             const auto n = run.counters.find("n");
-            if (run.error_occurred)
-                GetErrorStream() << run.benchmark_name() << ": " << run.error_message << "\n";
-            if (run.run_type != Run::RT_Iteration || run.error_occurred || n == run.counters.end())
-                continue;
+            if (run.error_occurred) GetErrorStream() << run.benchmark_name() << ": " << run.error_message << "\n";
+            if (run.run_type != Run::RT_Iteration || run.error_occurred || n == run.counters.end()) continue;
             const std::string name = run.run_name.function_name;
             order_[run.family_index] = name;
             Measurement& m = measurements_[name];
@@ -59,8 +57,7 @@ public:
             std::printf("%-44s %10.1f", name.c_str(), m.findFastest());
             for (const char* reference : {"cholesky_fixed/n:", "cholesky_joint_matrix/n:"})
                 printRatio(m, reference + std::to_string(m.n));
-            for (const auto& counter : m.counters)
-                std::printf("  %s=%.4g", counter.first.c_str(), counter.second);
+            for (const auto& counter : m.counters) std::printf("  %s=%.4g", counter.first.c_str(), counter.second);
             std::printf("\n");
         }
     }

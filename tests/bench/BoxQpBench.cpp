@@ -1,4 +1,4 @@
-#include "viable/motion/BoxQp.h"
+#include "viable/qp/BoxQp.h"
 
 #include <benchmark/benchmark.h>
 

@@ -15,8 +15,7 @@ constexpr int kProblems = 64;
 template <class Matrix, class Vector>
 void runCholesky(benchmark::State& state, int n) {
     std::vector<Matrix, Eigen::aligned_allocator<Matrix>> matrices;
-    for (const JointMatrix& M : makeArmMatrices(n, kProblems))
-        matrices.push_back(M.transpose() * M);
+    for (const JointMatrix& M : makeArmMatrices(n, kProblems)) matrices.push_back(M.transpose() * M);
     const Vector right = Vector::LinSpaced(n, 1.0, 2.0);
     size_t k = 0;
     for (auto _ : state) {
@@ -31,9 +30,8 @@ void runCholesky(benchmark::State& state, int n) {
 
 template <int N>
 void registerFixed() {
-    benchmark::RegisterBenchmark(
-        ("cholesky_fixed/n:" + std::to_string(N)).c_str(),
-        runCholesky<Eigen::Matrix<double, N, N>, Eigen::Matrix<double, N, 1>>, N);
+    benchmark::RegisterBenchmark(("cholesky_fixed/n:" + std::to_string(N)).c_str(),
+                                 runCholesky<Eigen::Matrix<double, N, N>, Eigen::Matrix<double, N, 1>>, N);
     benchmark::RegisterBenchmark(("cholesky_joint_matrix/n:" + std::to_string(N)).c_str(),
                                  runCholesky<JointMatrix, JointVector>, N);
 }

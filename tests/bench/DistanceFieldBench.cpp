@@ -37,13 +37,11 @@ struct Room {
                 for (double z = -0.78; z < 0.98; z += kCell_m)
                     if (!tree.search(x, y, z)) tree.updateNode(x, y, z, false, true);
             }
-        for (int i = 0; i < 500; ++i)
-            tree.updateNode(place(random), place(random), place(random), true, true);
+        for (int i = 0; i < 500; ++i) tree.updateNode(place(random), place(random), place(random), true, true);
         tree.updateInnerOccupancy();
         tree.prune();
         const std::filesystem::path file =
-            std::filesystem::temp_directory_path() /
-            ("viable-bench-" + std::to_string(getpid()) + ".bt");
+            std::filesystem::temp_directory_path() / ("viable-bench-" + std::to_string(getpid()) + ".bt");
         tree.writeBinary(file.string());
         choice.name = "map";
         choice.file = file;
@@ -58,8 +56,7 @@ struct Room {
             solid.size << 0.3, 0.2, 0.4;
             solid.radius = 0.1;
             solid.length = 0.5;
-            solid.pose.linear() =
-                Eigen::AngleAxisd(0.3 * i, Eigen::Vector3d::UnitX()).toRotationMatrix();
+            solid.pose.linear() = Eigen::AngleAxisd(0.3 * i, Eigen::Vector3d::UnitX()).toRotationMatrix();
             solid.pose.translation() << 0.7 * std::cos(i), 0.7 * std::sin(i), -0.1 * i;
             environment.solids.push_back(solid);
         }
@@ -80,14 +77,14 @@ struct Room {
     }
     DistanceField makeField() const {
         const Eigen::Vector3d corner = Eigen::Vector3d::Constant(kHalf_m);
-        return DistanceField(*map, UnknownSpace::Free, Eigen::Isometry3d::Identity(), -corner,
-                             corner, kCell_m, kReach_m, "bench");
+        return DistanceField(*map, UnknownSpace::Free, Eigen::Isometry3d::Identity(), -corner, corner, kCell_m,
+                             kReach_m, "bench");
     }
     std::unique_ptr<DynamicEDTOctomap> makeOther() {
         const float half = static_cast<float>(kHalf_m);
-        auto other = std::make_unique<DynamicEDTOctomap>(
-            static_cast<float>(kReach_m), &tree, octomap::point3d(-half, -half, -half),
-            octomap::point3d(half, half, half), false);
+        auto other = std::make_unique<DynamicEDTOctomap>(static_cast<float>(kReach_m), &tree,
+                                                         octomap::point3d(-half, -half, -half),
+                                                         octomap::point3d(half, half, half), false);
         other->update();
         return other;
     }
@@ -142,20 +139,15 @@ bool registerAll() {
         });
     });
     benchmark::RegisterBenchmark("surroundings_six_solids", [](benchmark::State& state) {
-        runQueries(state, [&](const Eigen::Vector3d& p) {
-            return getRoom().solidsOnly->calcDistance(p, 0.0);
-        });
+        runQueries(state, [&](const Eigen::Vector3d& p) { return getRoom().solidsOnly->calcDistance(p, 0.0); });
     });
     benchmark::RegisterBenchmark("surroundings_six_solids_map", [](benchmark::State& state) {
         const Surroundings& surroundings = *getRoom().withMap;
-        runQueries(state,
-                   [&](const Eigen::Vector3d& p) { return surroundings.calcDistance(p, 0.0); });
+        runQueries(state, [&](const Eigen::Vector3d& p) { return surroundings.calcDistance(p, 0.0); });
     });
     benchmark::RegisterBenchmark("surroundings_six_solids_map_nearest", [](benchmark::State& state) {
         const Surroundings& surroundings = *getRoom().withMap;
-        runQueries(state, [&](const Eigen::Vector3d& p) {
-            return surroundings.findNearest(p, 0.0).gradient.sum();
-        });
+        runQueries(state, [&](const Eigen::Vector3d& p) { return surroundings.findNearest(p, 0.0).gradient.sum(); });
     });
     benchmark::RegisterBenchmark("map_build_field", [](benchmark::State& state) {
         for (auto _ : state) benchmark::DoNotOptimize(getRoom().makeField().nodes());

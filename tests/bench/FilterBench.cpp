@@ -7,9 +7,10 @@
 #include <string>
 
 #include "ArmMatrices.h"
+#include "Paths.h"
 #include "viable/config/ConfigNode.h"
-#include "viable/plugin/NominalPlant.h"
-#include "viable/plugin/PluginLoader.h"
+#include "viable/host/PluginLoader.h"
+#include "viable/loop/NominalPlant.h"
 
 namespace viable {
 namespace {
@@ -32,8 +33,8 @@ public:
           setup_{robot_, makeLimits(n), kTick_s, 1.0, makeStart(n), {}},
           filter_(PluginLoader::create<SafetyFilter>(plugin_)) {
         const ConfigNode block = parseConfig("filter: {plugin: " + name + "}\n", "bench");
-        filter_->configure(setup_, readParameters(*block.find("filter"), plugin_.entry->parameters,
-                                                  plugin_.entry->parameterCount, n));
+        filter_->configure(
+            setup_, readParameters(*block.find("filter"), plugin_.entry->parameters, plugin_.entry->parameterCount, n));
         dynamics_.M = makeArmMatrices(n, 1).front();
         dynamics_.b.setZero(n);
         dynamics_.gravity.setZero(n);
@@ -48,8 +49,7 @@ public:
 
     FilterStatus step() {
         if (tick_ == states_.size()) rewind();
-        const FilterStatus status =
-            filter_->filter(states_[tick_], torques_[tick_], dynamics_, decision_);
+        const FilterStatus status = filter_->filter(states_[tick_], torques_[tick_], dynamics_, decision_);
         ++tick_;
         return status;
     }
@@ -72,12 +72,9 @@ private:
         const auto bounds = [n](double size) {
             return JointBounds{JointVector::Constant(n, -size), JointVector::Constant(n, size)};
         };
-        return {bounds(EIGEN_PI / 6), bounds(2 * EIGEN_PI / 3), bounds(4 * EIGEN_PI),
-                bounds(12 * EIGEN_PI)};
+        return {bounds(EIGEN_PI / 6), bounds(2 * EIGEN_PI / 3), bounds(4 * EIGEN_PI), bounds(12 * EIGEN_PI)};
     }
-    static MotionState makeStart(int n) {
-        return {JointVector::Zero(n), JointVector::Zero(n), JointVector::Zero(n)};
-    }
+    static MotionState makeStart(int n) { return {JointVector::Zero(n), JointVector::Zero(n), JointVector::Zero(n)}; }
 
     void record(Load load) {
         const int n = robot_.size();
@@ -87,13 +84,11 @@ private:
         for (int k = 0; k < kTicks; ++k) {
             for (int i = 0; i < n; ++i) {
                 const double t = k * kTick_s;
-                wanted[i] = load == Load::Free ? 0.2 * std::cos(3.0 * t)
-                                               : ((k / 700 + i) % 2 == 0 ? 1e3 : -1e3);
+                wanted[i] = load == Load::Free ? 0.2 * std::cos(3.0 * t) : ((k / 700 + i) % 2 == 0 ? 1e3 : -1e3);
             }
             states_.push_back(nominal);
             torques_.push_back(dynamics_.M.lazyProduct(wanted));
-            passed_ += filter_->filter(nominal, torques_.back(), dynamics_, decision_) ==
-                       FilterStatus::Passed;
+            passed_ += filter_->filter(nominal, torques_.back(), dynamics_, decision_) == FilterStatus::Passed;
             advanceNominal(decision_, kTick_s, nominal);
         }
         rewind();
@@ -150,8 +145,7 @@ void runFilter(benchmark::State& state, const std::string& name, int n, Load loa
 
 bool registerAll() {
     const auto add = [](const std::string& filter, int n, Load load) {
-        const std::string name =
-            filter + (load == Load::Free ? "_free" : "_limited") + "/n:" + std::to_string(n);
+        const std::string name = filter + (load == Load::Free ? "_free" : "_limited") + "/n:" + std::to_string(n);
         benchmark::RegisterBenchmark(name.c_str(), runFilter, filter, n, load);
     };
     for (const Load load : {Load::Free, Load::Limited}) {

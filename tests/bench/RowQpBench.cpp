@@ -1,4 +1,4 @@
-#include "viable/motion/RowQp.h"
+#include "viable/qp/RowQp.h"
 
 #include <benchmark/benchmark.h>
 
@@ -9,7 +9,7 @@
 
 #include "ArmMatrices.h"
 #include "LeastDistance.h"
-#include "viable/motion/BoxQp.h"
+#include "viable/qp/BoxQp.h"
 
 // RowQp beside what there is otherwise: the same problem without its rows by BoxQp (what the rows
 // cost), and with them by least distance programming (Lawson and Hanson 1974, on Eigen's QR; it
@@ -135,8 +135,7 @@ void runLeastDistance(benchmark::State& state, int n, int acting) {
 
 bool registerAll() {
     const auto add = [](const char* name, auto* run, int n, int acting) {
-        const std::string full = std::string(name) + "/n:" + std::to_string(n) +
-                                 "/rows:" + std::to_string(kRows) +
+        const std::string full = std::string(name) + "/n:" + std::to_string(n) + "/rows:" + std::to_string(kRows) +
                                  "/acting:" + std::to_string(acting);
         benchmark::RegisterBenchmark(full.c_str(), run, n, acting);
     };

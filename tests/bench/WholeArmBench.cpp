@@ -12,13 +12,14 @@
 #include <string>
 #include <vector>
 
+#include "Paths.h"
+#include "robot/ArmReach.h"
 #include "viable/environment/Surroundings.h"
-#include "viable/plugin/NominalPlant.h"
-#include "viable/plugin/WholeArmBrakingFilter.h"
-#include "viable/robot/ArmReach.h"
+#include "viable/filter/WholeArmBrakingFilter.h"
+#include "viable/loop/NominalPlant.h"
 #include "viable/robot/RobotModel.h"
 
-// The tick of the whole arm's filter on Indy7 (n = 6), in a workshop as a map with a distance field of a million nodes, stage by stage: the joints alone (certified braking), then with what each promise more costs. Random goals, most of
+// The tick of the whole arm's filter on Indy7 (n = 6), in a workshop as a map with a distance field of a million nodes, stage by stage: the joints alone (certified braking), then with what each guarantee more costs. Random goals, most of
 // them behind something. Times are those of single ticks: `p50`, `p99` and `max` of each tick's fastest of some replays, which
 // is the filter's own, and `p99_measured` of all, with what the machine does in between [us].
 
@@ -59,8 +60,8 @@ std::filesystem::path writeWorkshop() {
         tree.updateNode(-0.8 + 1.4 * place(random), 0.55 + 0.4 * place(random), place(random), true, true);
     tree.updateInnerOccupancy();
     tree.prune();
-    const std::filesystem::path file = std::filesystem::temp_directory_path() /
-                                       ("viable-workshop-" + std::to_string(getpid()) + ".bt");
+    const std::filesystem::path file =
+        std::filesystem::temp_directory_path() / ("viable-workshop-" + std::to_string(getpid()) + ".bt");
     tree.writeBinary(file.string());
     return file;
 }
@@ -101,8 +102,8 @@ public:
         MotionState state{robot_.home, JointVector::Zero(n), JointVector::Zero(n)};
         Dynamics dynamics;
         model.calcDynamics(state.q, state.qd, dynamics);
-        setup_.emplace(RunSetup{robot_, robot_.limits, kTick_s, kTicks * kTick_s, state, dynamics.tool,
-                                &geometry_, nullptr});
+        setup_.emplace(
+            RunSetup{robot_, robot_.limits, kTick_s, kTicks * kTick_s, state, dynamics.tool, &geometry_, nullptr});
         WholeArmBrakingOptions options;
         options.joints.kAlpha = 20.0;
         options.steers = stage.steers;
@@ -110,8 +111,8 @@ public:
         if (stage.hasSolids || stage.hasMap) {
             const std::filesystem::path file = writeWorkshop();
             const Eigen::AlignedBox3d reach = calcReach(robot_, geometry_, robot_.limits);
-            const auto surroundings = std::make_shared<Surroundings>(
-                makeEnvironment(stage, file), reach.min(), reach.max(), 1.0);
+            const auto surroundings =
+                std::make_shared<Surroundings>(makeEnvironment(stage, file), reach.min(), reach.max(), 1.0);
             std::filesystem::remove(file);
             nodes_ = (reach.sizes() / kFieldCell_m).prod();
             feed_ = std::make_unique<SurroundingsFeed>(surroundings);
@@ -135,8 +136,7 @@ public:
     }
     FilterStatus step() {
         if (tick_ == states_.size()) rewind();
-        const FilterStatus status =
-            filter_->filter(states_[tick_], torques_[tick_], dynamics_[tick_], decision_);
+        const FilterStatus status = filter_->filter(states_[tick_], torques_[tick_], dynamics_[tick_], decision_);
         ++tick_;
         return status;
     }
@@ -160,8 +160,7 @@ private:
             calcInverseDynamics(dynamics_.back(), wanted, torque);
             states_.push_back(state);
             torques_.push_back(torque);
-            stopped_ += filter_->filter(state, torque, dynamics_.back(), decision_) ==
-                        FilterStatus::StoppedByPlan;
+            stopped_ += filter_->filter(state, torque, dynamics_.back(), decision_) == FilterStatus::StoppedByPlan;
             advanceNominal(decision_, kTick_s, state);
         }
         rewind();

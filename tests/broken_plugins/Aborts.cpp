@@ -5,12 +5,10 @@
 namespace {
 
 class Aborts : public broken::LateFilter {
-    void misbehave(viable::FilterDecision&) override {
-        std::abort();
-    }
+    void misbehave(viable::FilterDecision&) override { std::abort(); }
 };
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::SafetyFilter, Aborts, "aborts",
-              "Calls abort() after the first after_ticks.", broken::kLateParameters)
+VIABLE_PLUGIN(viable::SafetyFilter, Aborts, "aborts", "Calls abort() after the first after_ticks.",
+              broken::kLateParameters)

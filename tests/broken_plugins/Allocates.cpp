@@ -6,9 +6,7 @@
 namespace {
 
 class Allocates : public broken::LateFilter {
-    void misbehave(viable::FilterDecision&) override {
-        kept_.emplace_back(new double(1.0));
-    }
+    void misbehave(viable::FilterDecision&) override { kept_.emplace_back(new double(1.0)); }
     std::vector<std::unique_ptr<double>> kept_;
 };
 

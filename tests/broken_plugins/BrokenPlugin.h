@@ -10,14 +10,11 @@ namespace broken {
 /** Passes the desired torque through, as the filter `pass_through` does. */
 class Filter : public viable::SafetyFilter {
 public:
-    void configure(const viable::RunSetup& setup, const viable::Parameters&) override {
-        tick_s_ = setup.tick_s;
-    }
+    void configure(const viable::RunSetup& setup, const viable::Parameters&) override { tick_s_ = setup.tick_s; }
     void reset(const viable::MotionState&) override { ticks_ = 0; }
-    bool promisesLimits() const override { return false; }
-    viable::FilterStatus filter(const viable::MotionState& nominal,
-                                const viable::JointVector& torque, const viable::Dynamics& dynamics,
-                                viable::FilterDecision& decision) override {
+    bool guaranteesLimits() const override { return false; }
+    viable::FilterStatus filter(const viable::MotionState& nominal, const viable::JointVector& torque,
+                                const viable::Dynamics& dynamics, viable::FilterDecision& decision) override {
         ++ticks_;
         const viable::JointVector desired = dynamics.M.llt().solve(torque - dynamics.b);
         viable::holdAcceleration(nominal, dynamics, desired, tick_s_, decision);
@@ -36,9 +33,8 @@ public:
         Filter::configure(setup, parameters);
         afterTicks_ = parameters.integer("after_ticks");
     }
-    viable::FilterStatus filter(const viable::MotionState& nominal,
-                                const viable::JointVector& torque, const viable::Dynamics& dynamics,
-                                viable::FilterDecision& decision) override {
+    viable::FilterStatus filter(const viable::MotionState& nominal, const viable::JointVector& torque,
+                                const viable::Dynamics& dynamics, viable::FilterDecision& decision) override {
         const viable::FilterStatus status = Filter::filter(nominal, torque, dynamics, decision);
         if (ticks_ > afterTicks_) misbehave(decision);
         return status;
@@ -58,8 +54,7 @@ public:
     void reset(const viable::MotionState&) override { ticks_ = 0; }
     bool follows(viable::MotionCommand::Space) const override { return true; }
     viable::TickStatus compute(const viable::MotionCommand&, const viable::MotionState&,
-                               const viable::Dynamics& dynamics,
-                               viable::JointVector& torque) override {
+                               const viable::Dynamics& dynamics, viable::JointVector& torque) override {
         ++ticks_;
         torque = dynamics.b;
         return viable::TickStatus::Ok;
@@ -93,21 +88,20 @@ private:
 
 /** Exports a healthy filter called `name` after the statements have spoiled its `library`, `entry`
 or `parameters`. Every call begins with the healthy table again. */
-#define VIABLE_BROKEN_TABLE(name, ...)                                                      \
-    extern "C" VIABLE_PLUGIN_VISIBLE const viable::PluginLibrary* viable_plugin_library() { \
-        static viable::ParameterSpec parameters[2];                                         \
-        parameters[0] = viable::parameter::number("gain", "1/s", "1", "First.");            \
-        parameters[1] = viable::parameter::choice("mode", "a|b", "a", "Second.");           \
-        static viable::PluginEntry entry;                                                   \
-        entry = viable::makePluginEntry<viable::SafetyFilter, broken::Filter>(              \
-            name, "A broken table.", parameters);                                           \
-        static viable::PluginLibrary library;                                               \
-        library = {viable::kPluginMagic,                                                    \
-                   sizeof(viable::PluginLibrary),                                           \
-                   viable::makeAbiStamp(),                                                  \
-                   sizeof(viable::PluginEntry),                                             \
-                   1,                                                                       \
-                   &entry};                                                                 \
-        __VA_ARGS__;                                                                        \
-        return &library;                                                                    \
+#define VIABLE_BROKEN_TABLE(name, ...)                                                                              \
+    extern "C" VIABLE_PLUGIN_VISIBLE const viable::PluginLibrary* viable_plugin_library() {                         \
+        static viable::ParameterSpec parameters[2];                                                                 \
+        parameters[0] = viable::parameter::number("gain", "1/s", "1", "First.");                                    \
+        parameters[1] = viable::parameter::choice("mode", "a|b", "a", "Second.");                                   \
+        static viable::PluginEntry entry;                                                                           \
+        entry = viable::makePluginEntry<viable::SafetyFilter, broken::Filter>(name, "A broken table.", parameters); \
+        static viable::PluginLibrary library;                                                                       \
+        library = {viable::kPluginMagic,                                                                            \
+                   sizeof(viable::PluginLibrary),                                                                   \
+                   viable::makeAbiStamp(),                                                                          \
+                   sizeof(viable::PluginEntry),                                                                     \
+                   1,                                                                                               \
+                   &entry};                                                                                         \
+        __VA_ARGS__;                                                                                                \
+        return &library;                                                                                            \
     }

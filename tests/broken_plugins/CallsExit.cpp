@@ -5,12 +5,10 @@
 namespace {
 
 class CallsExit : public broken::LateFilter {
-    void misbehave(viable::FilterDecision&) override {
-        std::exit(0);
-    }
+    void misbehave(viable::FilterDecision&) override { std::exit(0); }
 };
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::SafetyFilter, CallsExit, "calls_exit",
-              "Calls exit(0) after the first after_ticks.", broken::kLateParameters)
+VIABLE_PLUGIN(viable::SafetyFilter, CallsExit, "calls_exit", "Calls exit(0) after the first after_ticks.",
+              broken::kLateParameters)

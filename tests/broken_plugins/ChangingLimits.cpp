@@ -9,8 +9,7 @@
 namespace {
 
 constexpr viable::ParameterSpec kParameters[] = {
-    viable::parameter::number("size_rad", "rad", "0.5", "Set-points are so far from the start.")
-        .atLeast(0.0),
+    viable::parameter::number("size_rad", "rad", "0.5", "Set-points are so far from the start.").atLeast(0.0),
     viable::parameter::number("at_s", "s", ".inf", "When the limits change.").orInfinite(),
     viable::parameter::number("position_share", "1", "1", "New position range by the old one."),
     viable::parameter::number("rate_share", "1", "1", "The same for the other limits."),
@@ -30,10 +29,8 @@ public:
         const viable::JointVector middle = (limits_.position.lower + limits_.position.upper) / 2.0;
         for (viable::JointVector* side : {&limits_.position.lower, &limits_.position.upper})
             *side = middle + share * (*side - middle);
-        for (viable::JointBounds* bounds :
-             {&limits_.velocity, &limits_.acceleration, &limits_.jerk})
-            for (viable::JointVector* side : {&bounds->lower, &bounds->upper})
-                *side *= parameters.number("rate_share");
+        for (viable::JointBounds* bounds : {&limits_.velocity, &limits_.acceleration, &limits_.jerk})
+            for (viable::JointVector* side : {&bounds->lower, &bounds->upper}) *side *= parameters.number("rate_share");
         if (fault_ == "nan") limits_.velocity.upper[0] = std::numeric_limits<double>::quiet_NaN();
         if (fault_ == "size") limits_.jerk.lower.conservativeResize(setup.size() + 1);
     }
@@ -42,13 +39,11 @@ public:
         isGiven_ = false;
         random_.seed(7);
     }
-    viable::MotionCommand::Space space() const override {
-        return viable::MotionCommand::Space::Joint;
-    }
+    viable::MotionCommand::Space space() const override { return viable::MotionCommand::Space::Joint; }
     viable::TickStatus sample(double t, viable::MotionCommand& out) override {
         if (sleep_us_ > 0)
-            std::this_thread::sleep_for(std::chrono::microseconds(
-                std::uniform_int_distribution<int>(0, sleep_us_)(random_)));
+            std::this_thread::sleep_for(
+                std::chrono::microseconds(std::uniform_int_distribution<int>(0, sleep_us_)(random_)));
         out.space = viable::MotionCommand::Space::Joint;
         out.q = start_.array() + (std::fmod(t, 2.0) < 1.0 ? size_ : -size_);
         out.qd.setZero(start_.size());

@@ -12,4 +12,5 @@ class Contradicting : public broken::LateFilter {
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, Contradicting, "contradicting",
-              "Gives a jerk that does not belong to its acceleration in every tick after the first after_ticks.", broken::kLateParameters)
+              "Gives a jerk that does not belong to its acceleration in every tick after the first after_ticks.",
+              broken::kLateParameters)

@@ -10,5 +10,4 @@ struct Trap {
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::SafetyFilter, broken::Filter, "crashes_on_load",
-              "Aborts while it is loaded.", nullptr)
+VIABLE_PLUGIN(viable::SafetyFilter, broken::Filter, "crashes_on_load", "Aborts while it is loaded.", nullptr)

@@ -6,9 +6,8 @@ namespace {
 
 class ExtremeTorque : public broken::Controller {
 public:
-    viable::TickStatus compute(const viable::MotionCommand& command,
-                               const viable::MotionState& nominal, const viable::Dynamics& dynamics,
-                               viable::JointVector& torque) override {
+    viable::TickStatus compute(const viable::MotionCommand& command, const viable::MotionState& nominal,
+                               const viable::Dynamics& dynamics, viable::JointVector& torque) override {
         const viable::TickStatus status = Controller::compute(command, nominal, dynamics, torque);
         const double cycle[] = {1e300, -1e300, std::numeric_limits<double>::denorm_min(),
                                 -std::numeric_limits<double>::denorm_min()};
@@ -20,5 +19,4 @@ public:
 }  // namespace
 
 VIABLE_PLUGIN(viable::NominalController, ExtremeTorque, "extreme_torque",
-              "Cycles through +1e300, -1e300 and both smallest denormal numbers, tick by tick.",
-              nullptr)
+              "Cycles through +1e300, -1e300 and both smallest denormal numbers, tick by tick.", nullptr)

@@ -7,9 +7,8 @@
 namespace {
 
 constexpr viable::ParameterSpec kParameters[] = {
-    broken::kAfterTicks,
-    viable::parameter::choice("mode", "faulted|nan_state|wrong_size|throw_measured|throw_advance",
-                              "faulted", "How it fails.")};
+    broken::kAfterTicks, viable::parameter::choice("mode", "faulted|nan_state|wrong_size|throw_measured|throw_advance",
+                                                   "faulted", "How it fails.")};
 
 /** Stands still until it fails. */
 class FailingPlant : public viable::RealPlant {
@@ -23,13 +22,11 @@ public:
         state_ = {start.q, start.qd};
     }
     const viable::JointState& measured() const override {
-        if (mode_ == "throw_measured" && ticks_ > afterTicks_)
-            throw std::runtime_error("sensor lost");
+        if (mode_ == "throw_measured" && ticks_ > afterTicks_) throw std::runtime_error("sensor lost");
         return state_;
     }
     const viable::JointState& actual() const override { return state_; }
-    viable::TickStatus advance(const viable::JointVector& torque,
-                               viable::JointVector& applied) override {
+    viable::TickStatus advance(const viable::JointVector& torque, viable::JointVector& applied) override {
         applied = torque;
         if (++ticks_ <= afterTicks_) return viable::TickStatus::Ok;
         if (mode_ == "faulted") return viable::TickStatus::Faulted;
@@ -47,5 +44,5 @@ private:
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::RealPlant, FailingPlant, "failing_plant",
-              "Fails in a chosen way after `after_ticks`.", kParameters)
+VIABLE_PLUGIN(viable::RealPlant, FailingPlant, "failing_plant", "Fails in a chosen way after `after_ticks`.",
+              kParameters)

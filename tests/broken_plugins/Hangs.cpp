@@ -13,5 +13,5 @@ class Hangs : public broken::LateFilter {
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::SafetyFilter, Hangs, "hangs",
-              "Never comes back after the first after_ticks.", broken::kLateParameters)
+VIABLE_PLUGIN(viable::SafetyFilter, Hangs, "hangs", "Never comes back after the first after_ticks.",
+              broken::kLateParameters)

@@ -4,9 +4,9 @@ namespace {
 
 class Liar : public broken::Filter {
 public:
-    bool promisesLimits() const override { return true; }
+    bool guaranteesLimits() const override { return true; }
 };
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::SafetyFilter, Liar, "liar", "Promises every limit and keeps none.", nullptr)
+VIABLE_PLUGIN(viable::SafetyFilter, Liar, "liar", "Guarantees every limit and keeps none.", nullptr)

@@ -5,8 +5,7 @@
 namespace {
 
 constexpr viable::ParameterSpec kParameters[] = {
-    broken::kAfterTicks, broken::kTicks,
-    viable::parameter::choice("value", "nan|inf", "nan", "What it gives."),
+    broken::kAfterTicks, broken::kTicks, viable::parameter::choice("value", "nan|inf", "nan", "What it gives."),
     viable::parameter::integer("joint", "-1", "Only of this joint; -1: of all.").atLeast(-1)};
 
 class NanTorque : public broken::Controller {
@@ -17,9 +16,8 @@ public:
                                                    : std::numeric_limits<double>::infinity();
         joint_ = parameters.integer("joint");
     }
-    viable::TickStatus compute(const viable::MotionCommand& command,
-                               const viable::MotionState& nominal, const viable::Dynamics& dynamics,
-                               viable::JointVector& torque) override {
+    viable::TickStatus compute(const viable::MotionCommand& command, const viable::MotionState& nominal,
+                               const viable::Dynamics& dynamics, viable::JointVector& torque) override {
         const viable::TickStatus status = Controller::compute(command, nominal, dynamics, torque);
         if (!window_.contains(ticks_)) return status;
         if (joint_ < 0)
@@ -38,5 +36,4 @@ private:
 }  // namespace
 
 VIABLE_PLUGIN(viable::NominalController, NanTorque, "nan_torque",
-              "Says Ok and gives no number for `ticks` ticks after the first `after_ticks`.",
-              kParameters)
+              "Says Ok and gives no number for `ticks` ticks after the first `after_ticks`.", kParameters)

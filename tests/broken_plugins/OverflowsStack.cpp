@@ -3,9 +3,7 @@
 namespace {
 
 class OverflowsStack : public broken::LateFilter {
-    void misbehave(viable::FilterDecision&) override {
-        ticks_ += dig(ticks_);
-    }
+    void misbehave(viable::FilterDecision&) override { ticks_ += dig(ticks_); }
     static std::int64_t dig(std::int64_t depth) {
         volatile char room[4096];
         room[0] = static_cast<char>(depth);

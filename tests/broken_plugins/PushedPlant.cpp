@@ -56,9 +56,7 @@ public:
 
 private:
     std::int64_t toTick(double t) const { return std::llround(t / tick_s_); }
-    JointVector calcPush() const {
-        return tick_ >= push0_ && tick_ < push1_ ? push_ : JointVector(0.0 * push_);
-    }
+    JointVector calcPush() const { return tick_ >= push0_ && tick_ < push1_ ? push_ : JointVector(0.0 * push_); }
     void look() {
         measured_ = state_;
         if (tick_ >= offset0_) measured_.q += offset_;
@@ -81,5 +79,4 @@ private:
 }  // namespace
 
 VIABLE_PLUGIN(viable::RealPlant, PushedPlant, "pushed",
-              "The nominal arm's dynamics, pushed from outside, with readings that may be wrong.",
-              kParameters)
+              "The nominal arm's dynamics, pushed from outside, with readings that may be wrong.", kParameters)

@@ -5,9 +5,7 @@
 namespace {
 
 class RoundsInTick : public broken::LateFilter {
-    void misbehave(viable::FilterDecision&) override {
-        std::fesetround(FE_UPWARD);
-    }
+    void misbehave(viable::FilterDecision&) override { std::fesetround(FE_UPWARD); }
 };
 
 }  // namespace

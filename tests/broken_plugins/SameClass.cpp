@@ -18,8 +18,7 @@ double SameHelper::getValue() const {
 
 class SameFilter : public broken::Filter {
 public:
-    viable::FilterStatus filter(const viable::MotionState&, const viable::JointVector&,
-                                const viable::Dynamics&,
+    viable::FilterStatus filter(const viable::MotionState&, const viable::JointVector&, const viable::Dynamics&,
                                 viable::FilterDecision& decision) override {
         decision.torque.resize(2);
         decision.torque[0] = SameHelper().getValue();
@@ -28,5 +27,4 @@ public:
     }
 };
 
-VIABLE_PLUGIN(viable::SafetyFilter, SameFilter, VIABLE_SAME_CLASS_NAME, "Has a twin class.",
-              nullptr)
+VIABLE_PLUGIN(viable::SafetyFilter, SameFilter, VIABLE_SAME_CLASS_NAME, "Has a twin class.", nullptr)

@@ -13,9 +13,7 @@ public:
         ticks_ = 0;
         start_ = start.q;
     }
-    viable::MotionCommand::Space space() const override {
-        return viable::MotionCommand::Space::Joint;
-    }
+    viable::MotionCommand::Space space() const override { return viable::MotionCommand::Space::Joint; }
     viable::TickStatus sample(double, viable::MotionCommand& out) override {
         if (++ticks_ > afterTicks_) return viable::TickStatus::Faulted;
         out.space = viable::MotionCommand::Space::Joint;
@@ -31,5 +29,5 @@ private:
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::CommandSource, SilentCommand, "silent_command",
-              "Gives no command after the first `after_ticks`.", kParameters)
+VIABLE_PLUGIN(viable::CommandSource, SilentCommand, "silent_command", "Gives no command after the first `after_ticks`.",
+              kParameters)

@@ -5,10 +5,10 @@
 namespace {
 
 class ThrowsWhenAsked : public broken::Filter {
-    bool promisesLimits() const override { throw std::runtime_error("who knows"); }
+    bool guaranteesLimits() const override { throw std::runtime_error("who knows"); }
 };
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::SafetyFilter, ThrowsWhenAsked, "throws_when_asked",
-              "Throws when it is asked what it promises.", nullptr)
+VIABLE_PLUGIN(viable::SafetyFilter, ThrowsWhenAsked, "throws_when_asked", "Throws when it is asked what it guarantees.",
+              nullptr)

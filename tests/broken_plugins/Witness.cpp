@@ -7,14 +7,13 @@
 #include <stdexcept>
 #include <thread>
 
-#include "../support/WitnessPage.h"
 #include "BrokenPlugin.h"
+#include "WitnessPage.h"
 
 namespace {
 
-constexpr viable::ParameterSpec kParameters[] = {
-    viable::parameter::file("file", nullptr, "Of a WitnessPage's size."),
-    viable::parameter::flag("paced", "true", "In real time.")};
+constexpr viable::ParameterSpec kParameters[] = {viable::parameter::file("file", nullptr, "Of a WitnessPage's size."),
+                                                 viable::parameter::flag("paced", "true", "In real time.")};
 
 /** Set-points to and fro; says elsewhere than in the log how many ticks have begun, and when. */
 class Witness : public viable::CommandSource {
@@ -26,16 +25,13 @@ public:
         tick_ = std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 * setup.tick_s));
         paced_ = parameters.flag("paced");
         const int file = open(parameters.file("file").c_str(), O_RDWR | O_CLOEXEC);
-        void* memory = mmap(nullptr, sizeof(viable::test::WitnessPage), PROT_READ | PROT_WRITE,
-                            MAP_SHARED, file, 0);
+        void* memory = mmap(nullptr, sizeof(viable::test::WitnessPage), PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
         close(file);
         if (memory == MAP_FAILED) throw std::runtime_error("the witness has no page");
         page_ = static_cast<viable::test::WitnessPage*>(memory);
     }
     void reset(const viable::MotionState& start) override { start_ = start.q; }
-    viable::MotionCommand::Space space() const override {
-        return viable::MotionCommand::Space::Joint;
-    }
+    viable::MotionCommand::Space space() const override { return viable::MotionCommand::Space::Joint; }
     viable::TickStatus sample(double t, viable::MotionCommand& out) override {
         using Clock = std::chrono::steady_clock;
         if (paced_) {
@@ -43,8 +39,7 @@ public:
             // A little is caught up, not a long halt.
             next_ = std::max(next_, Clock::now() - 20 * tick_) + tick_;
         }
-        page_->begun_ns[ticks_ % page_->kKept] =
-            std::chrono::nanoseconds(Clock::now().time_since_epoch()).count();
+        page_->begun_ns[ticks_ % page_->kKept] = std::chrono::nanoseconds(Clock::now().time_since_epoch()).count();
         page_->ticks.store(static_cast<std::int64_t>(++ticks_), std::memory_order_release);
         out.space = viable::MotionCommand::Space::Joint;
         out.q = start_.array() + (static_cast<std::int64_t>(t) % 2 == 0 ? 0.3 : -0.3);
@@ -63,5 +58,4 @@ private:
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::CommandSource, Witness, "witness", "Counts the ticks in a file of its own.",
-              kParameters)
+VIABLE_PLUGIN(viable::CommandSource, Witness, "witness", "Counts the ticks in a file of its own.", kParameters)

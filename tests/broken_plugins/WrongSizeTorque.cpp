@@ -9,9 +9,8 @@ public:
     void configure(const viable::RunSetup&, const viable::Parameters& parameters) override {
         window_.configure(parameters);
     }
-    viable::TickStatus compute(const viable::MotionCommand& command,
-                               const viable::MotionState& nominal, const viable::Dynamics& dynamics,
-                               viable::JointVector& torque) override {
+    viable::TickStatus compute(const viable::MotionCommand& command, const viable::MotionState& nominal,
+                               const viable::Dynamics& dynamics, viable::JointVector& torque) override {
         const viable::TickStatus status = Controller::compute(command, nominal, dynamics, torque);
         if (window_.contains(ticks_)) torque.setZero(dynamics.b.size() + 1);
         return status;
@@ -23,7 +22,5 @@ private:
 
 }  // namespace
 
-VIABLE_PLUGIN(
-    viable::NominalController, WrongSizeTorque, "wrong_size_torque",
-    "Says Ok and gives one torque too many for `ticks` ticks after the first `after_ticks`.",
-    kParameters)
+VIABLE_PLUGIN(viable::NominalController, WrongSizeTorque, "wrong_size_torque",
+              "Says Ok and gives one torque too many for `ticks` ticks after the first `after_ticks`.", kParameters)

@@ -29,8 +29,8 @@
 #ifdef VIABLE_CONTRACT_PLUGIN_HEADER
 #include VIABLE_CONTRACT_PLUGIN_HEADER
 #endif
-#include "viable/plugin/NominalPlant.h"
-#include "viable/plugin/PluginLoader.h"
+#include "viable/host/PluginLoader.h"
+#include "viable/loop/NominalPlant.h"
 #include "viable/robot/RobotModel.h"
 #include "viable/testing/TwoLinkArm.h"
 
@@ -88,8 +88,7 @@ Inputs makeInputs(int tick, RobotModel& model) {
     in.real.q = in.nominal.q + pair(1e-3, -2e-3) * s;
     in.real.qd = in.nominal.qd + pair(1e-3, -2e-3) * (w * c);
     model.calcDynamics(in.nominal.q, in.nominal.qd, in.dynamics);
-    in.torque = in.dynamics.M * pair(3.0 * std::sin(5.0 * in.t), 4.0 * std::cos(3.0 * in.t)) +
-                in.dynamics.b;
+    in.torque = in.dynamics.M * pair(3.0 * std::sin(5.0 * in.t), 4.0 * std::cos(3.0 * in.t)) + in.dynamics.b;
     in.command.q = in.nominal.q + pair(0.05, -0.05);
     in.command.qd = in.nominal.qd;
     in.command.tool = in.dynamics.tool;
@@ -123,9 +122,8 @@ public:
         out.precision(12);
         for (int i = 0; i <= 600; ++i) {
             const double t = i * 0.01, angle = 0.2 * std::sin(t);
-            out << 1000.0 + t << ' ' << 0.05 * std::sin(2 * t) << ' ' << 0.03 * std::sin(3 * t)
-                << ' ' << 0.04 * (1 - std::cos(t)) << " 0 " << std::sin(angle / 2) << " 0 "
-                << std::cos(angle / 2) << '\n';
+            out << 1000.0 + t << ' ' << 0.05 * std::sin(2 * t) << ' ' << 0.03 * std::sin(3 * t) << ' '
+                << 0.04 * (1 - std::cos(t)) << " 0 " << std::sin(angle / 2) << " 0 " << std::cos(angle / 2) << '\n';
         }
     }
     ~Recording() {
@@ -148,15 +146,13 @@ Texts makeRequiredParameters(const PluginInfo& info) {
     std::istringstream lines(kContractParameters);
     for (std::string line; std::getline(lines, line);) {
         const std::size_t colon = line.find(": ");
-        if (colon == std::string::npos)
-            throw std::runtime_error("PARAMETERS: write 'name: value', not '" + line + "'");
+        if (colon == std::string::npos) throw std::runtime_error("PARAMETERS: write 'name: value', not '" + line + "'");
         values[line.substr(0, colon)] = line.substr(colon + 2);
     }
     return values;
 #else
     static const Recording recording;
-    if (plugin == "command waypoints")
-        return {{"points", "[[0, 0.3, -0.5], [1.5, 0.6, 0.1], [3, -0.2, -0.3]]"}};
+    if (plugin == "command waypoints") return {{"points", "[[0, 0.3, -0.5], [1.5, 0.6, 0.1], [3, -0.2, -0.3]]"}};
     if (plugin == "command recorded_poses") return {{"file", recording.file().string()}};
     return {};
 #endif
@@ -165,8 +161,8 @@ Texts makeRequiredParameters(const PluginInfo& info) {
 Parameters readBlock(const PluginInfo& info, const Texts& values) {
     std::string text = "plugin: " + info.name + "\n";
     for (const auto& [name, value] : values) text += name + ": " + value + "\n";
-    return readParameters(parseConfig(text, "contract.yaml"), info.entry->parameters,
-                          info.entry->parameterCount, kJoints);
+    return readParameters(parseConfig(text, "contract.yaml"), info.entry->parameters, info.entry->parameterCount,
+                          kJoints);
 }
 
 // --- Plugins of all kinds, driven alike ---------------------------------------------------------
@@ -203,8 +199,7 @@ struct Output {
     }
     bool hasSameBits(const Output& other) const {
         return outcome == other.outcome && count == other.count &&
-               std::memcmp(values.data(), other.values.data(),
-                           static_cast<std::size_t>(count) * sizeof(double)) == 0;
+               std::memcmp(values.data(), other.values.data(), static_cast<std::size_t>(count) * sizeof(double)) == 0;
     }
 };
 
@@ -332,34 +327,26 @@ public:
     std::vector<Slot> slots() const override {
         std::vector<Slot> slots = makeNominalSlots();
         append(slots, makeDynamicsSlots());
-        slots.push_back(
-            makeSlot("gravity", [](Inputs& in) -> JointVector& { return in.dynamics.gravity; }));
+        slots.push_back(makeSlot("gravity", [](Inputs& in) -> JointVector& { return in.dynamics.gravity; }));
         slots.push_back({"J", [](Inputs& in) { return addressesOf(in.dynamics.J); },
                          [](Inputs& in, int n) { in.dynamics.J.setConstant(6, n, 0.1); }});
         slots.push_back({"pose",
                          [](Inputs& in) {
                              std::vector<double*> all = addressesOf(in.dynamics.tool.position);
-                             for (double* x : addressesOf(in.dynamics.tool.orientation.coeffs()))
-                                 all.push_back(x);
+                             for (double* x : addressesOf(in.dynamics.tool.orientation.coeffs())) all.push_back(x);
                              return all;
                          },
                          {}});
         if (space_ == MotionCommand::Space::Joint) {
-            slots.push_back(
-                makeSlot("command.q", [](Inputs& in) -> JointVector& { return in.command.q; }));
-            slots.push_back(
-                makeSlot("command.qd", [](Inputs& in) -> JointVector& { return in.command.qd; }));
+            slots.push_back(makeSlot("command.q", [](Inputs& in) -> JointVector& { return in.command.q; }));
+            slots.push_back(makeSlot("command.qd", [](Inputs& in) -> JointVector& { return in.command.qd; }));
         } else {
-            slots.push_back({"command.tool.position",
-                             [](Inputs& in) { return addressesOf(in.command.tool.position); },
-                             {}});
             slots.push_back(
-                {"command.tool.orientation",
-                 [](Inputs& in) { return addressesOf(in.command.tool.orientation.coeffs()); },
-                 {}});
-            slots.push_back({"command.toolTwist",
-                             [](Inputs& in) { return addressesOf(in.command.toolTwist); },
+                {"command.tool.position", [](Inputs& in) { return addressesOf(in.command.tool.position); }, {}});
+            slots.push_back({"command.tool.orientation",
+                             [](Inputs& in) { return addressesOf(in.command.tool.orientation.coeffs()); },
                              {}});
+            slots.push_back({"command.toolTwist", [](Inputs& in) { return addressesOf(in.command.toolTwist); }, {}});
         }
         return slots;
     }
@@ -396,7 +383,7 @@ public:
         out.add(decision_.acceleration);
         out.add(decision_.jerk);
         for (std::size_t i = 0; decision_.hasStops && i < kJoints; ++i)
-            for (int k = 0; k < GridStop::kStretches; ++k) {
+            for (int k = 0; k < GridStop::kSegments; ++k) {
                 out.add(static_cast<double>(decision_.stops[i].remaining(k).ticks));
                 out.add(decision_.stops[i].remaining(k).jerk);
             }
@@ -443,8 +430,7 @@ private:
 
 class PlantSubject : public Subject {
 public:
-    PlantSubject(const PluginInfo& info, const RunSetup& setup)
-        : plugin_(makeConfigured<RealPlant>(info, setup)) {}
+    PlantSubject(const PluginInfo& info, const RunSetup& setup) : plugin_(makeConfigured<RealPlant>(info, setup)) {}
     void reset(const MotionState& start) override { plugin_->reset(start); }
     Output step(const Inputs& in) override {
         const JointState before = plugin_->actual();
@@ -507,8 +493,7 @@ std::vector<PluginInfo> findPlugins() {
 TEST(Plugins, NoLibraryIsRefused) {
     std::vector<RefusedLibrary> refused;
     findPlugins(refused);
-    for (const RefusedLibrary& library : refused)
-        ADD_FAILURE() << library.library << ": " << library.reason;
+    for (const RefusedLibrary& library : refused) ADD_FAILURE() << library.library << ": " << library.reason;
 }
 
 #ifdef VIABLE_CONTRACT_PLUGIN_HEADER
@@ -519,11 +504,9 @@ TEST(Plugins, TheOneToBeTestedIsThere) {
 TEST(Plugins, EveryKindIsThere) {
     std::set<PluginKind> kinds;
     for (const PluginInfo& info : findPlugins()) kinds.insert(info.kind);
-    for (PluginKind kind :
-         {PluginKind::CommandSource, PluginKind::NominalController, PluginKind::SafetyFilter,
-          PluginKind::RobustLoop, PluginKind::RealPlant})
-        EXPECT_EQ(kinds.count(kind), 1u)
-            << "no " << getName(kind) << " plugin in " << VIABLE_PLUGIN_DIR;
+    for (PluginKind kind : {PluginKind::CommandSource, PluginKind::NominalController, PluginKind::SafetyFilter,
+                            PluginKind::RobustLoop, PluginKind::RealPlant})
+        EXPECT_EQ(kinds.count(kind), 1u) << "no " << getName(kind) << " plugin in " << VIABLE_PLUGIN_DIR;
 }
 #endif
 
@@ -582,8 +565,7 @@ TEST_P(Contract, NeverPutsOutNanForNanOrInfinityIn) {
         ASSERT_GT(count, 0u) << slot.name;
         for (std::size_t entry = 0; entry < count; ++entry) {
             for (const double bad : {kNan, kInfinity, -kInfinity}) {
-                const std::string what =
-                    slot.name + "[" + std::to_string(entry) + "] = " + std::to_string(bad);
+                const std::string what = slot.name + "[" + std::to_string(entry) + "] = " + std::to_string(bad);
                 const std::unique_ptr<Subject> subject = make();
                 for (int tick = 0; tick < kGoodTicks; ++tick) run(*subject, tick);
                 Inputs in = prepare(*subject, kGoodTicks);
@@ -633,8 +615,7 @@ TEST_P(Contract, ResetTwiceIsResetOnce) {
     subject->reset(setup_.start);
     subject->reset(setup_.start);
     const std::vector<Output> second = runFromStart(*subject, 50);
-    for (std::size_t i = 0; i < first.size(); ++i)
-        ASSERT_TRUE(first[i].hasSameBits(second[i])) << "tick " << i;
+    for (std::size_t i = 0; i < first.size(); ++i) ASSERT_TRUE(first[i].hasSameBits(second[i])) << "tick " << i;
 }
 
 TEST_P(Contract, SameInputsGiveTheSameBits) {
@@ -695,13 +676,11 @@ std::vector<std::string> makeRefusedValues(const ParameterSpec& spec) {
     std::vector<std::string> numbers = {".nan", "text"};
     const bool isInteger = spec.type == ParameterType::Integer;
     if (std::isfinite(spec.min)) {
-        numbers.push_back(isInteger ? std::to_string(std::llround(std::ceil(spec.min)) - 1)
-                                    : beyond(spec.min, -1));
+        numbers.push_back(isInteger ? std::to_string(std::llround(std::ceil(spec.min)) - 1) : beyond(spec.min, -1));
         if (spec.minIsOpen) numbers.push_back(write(spec.min));
     }
     if (std::isfinite(spec.max)) {
-        numbers.push_back(isInteger ? std::to_string(std::llround(std::floor(spec.max)) + 1)
-                                    : beyond(spec.max, 1));
+        numbers.push_back(isInteger ? std::to_string(std::llround(std::floor(spec.max)) + 1) : beyond(spec.max, 1));
         if (spec.maxIsOpen) numbers.push_back(write(spec.max));
     }
     if (!spec.mayBeInfinite) numbers.push_back(".inf");
@@ -760,12 +739,11 @@ TEST_P(Contract, DefaultsParseAndReadBackAsTheyAre) {
                << "makeRequiredParameters() in this file.";
     }
     for (std::uint64_t i = 0; i < entry.parameterCount; ++i)
-        EXPECT_NE(parameters.resolved().find(entry.parameters[i].name), nullptr)
-            << entry.parameters[i].name;
+        EXPECT_NE(parameters.resolved().find(entry.parameters[i].name), nullptr) << entry.parameters[i].name;
     // The complete block, written out, is a block with the same values.
     const std::string text = writeConfig(parameters.resolved());
-    const Parameters again = readParameters(parseConfig(text, "resolved.yaml"), entry.parameters,
-                                            entry.parameterCount, kJoints);
+    const Parameters again =
+        readParameters(parseConfig(text, "resolved.yaml"), entry.parameters, entry.parameterCount, kJoints);
     EXPECT_EQ(writeConfig(again.resolved()), text);
 }
 
@@ -778,8 +756,7 @@ TEST_P(Contract, DeclaresParametersWithWordsForPeople) {
         std::string name = spec.name;
         if (const std::size_t unit = name.find("_Nm"); unit != std::string::npos)
             name.erase(unit, 3);  // the one unit with a capital
-        for (const char c : name)
-            EXPECT_TRUE(std::islower(c) || std::isdigit(c) || c == '_') << spec.name;
+        for (const char c : name) EXPECT_TRUE(std::islower(c) || std::isdigit(c) || c == '_') << spec.name;
     }
 }
 
@@ -810,8 +787,7 @@ TEST_P(Contract, RefusesUnknownAndMissingParameters) {
         readBlock(info(), values);
         ADD_FAILURE() << "an unknown parameter was accepted";
     } catch (const Error& error) {
-        EXPECT_NE(std::string(error.what()).find("no_such_parameter"), std::string::npos)
-            << error.what();
+        EXPECT_NE(std::string(error.what()).find("no_such_parameter"), std::string::npos) << error.what();
     }
     for (const auto& [name, value] : makeRequiredParameters(info())) {
         Texts fewer = makeRequiredParameters(info());

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Describes the plugin interface and compares it with the record, tests/interface/version_<N>.abi, or writes the record.
-# Usage: check.sh check|record LIBRARY   (LIBRARY: the target viable_interface; `record` is what tools/record_interface.sh does)
+# Usage: check.sh check|record LIBRARY   (LIBRARY: the target viable_interface; `record` is what tools/scripts/record_interface.sh does)
 set -euo pipefail
 mode=$1 library=$2
 here=$(cd "$(dirname "$0")" && pwd)
@@ -32,14 +32,14 @@ if [ "$mode" = record ]; then
 fi
 if [ "${records[*]}" != "$record" ]; then
   echo "interface: PluginExport.h says version $version, recorded is: ${records[*]##*/}." \
-    "Run tools/record_interface.sh and commit the record with the change." >&2
+    "Run tools/scripts/record_interface.sh and commit the record with the change." >&2
   exit 1
 fi
 if ! abidiff --harmless --suppressions "$here/foreign_types.ini" "$record" "$new"; then
   cat >&2 <<EOF
 interface: the layout or the virtual tables of the plugin interface differ from those recorded for version $version (above).
 A plugin built before would be loaded and misread memory. Raise kPluginInterfaceVersion in
-framework/include/viable/plugin/PluginExport.h, say so in CHANGELOG.md (Breaking), and run tools/record_interface.sh.
+framework/include/viable/plugin/PluginExport.h, say so in CHANGELOG.md (Breaking), and run tools/scripts/record_interface.sh.
 EOF
   exit 1
 fi

@@ -1,8 +1,9 @@
 // What a user reads when a plugin misbehaves in the run, with and without --isolate.
 #include <gtest/gtest.h>
 
+#include "Paths.h"
 #include "Program.h"
-#include "viable/log/LogReader.h"
+#include "log/LogReader.h"
 
 namespace viable {
 namespace {
@@ -36,8 +37,7 @@ int countRows(const std::filesystem::path& log) {
 
 void expectContains(const std::string& text, const std::vector<std::string>& parts) {
     for (const std::string& part : parts)
-        EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is missing in:\n"
-                                                      << text;
+        EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is missing in:\n" << text;
 }
 
 struct Fixture {
@@ -50,15 +50,19 @@ class BadPlugin : public ::testing::TestWithParam<Fixture> {
 protected:
     Outcome run(std::vector<std::string> more) {
         std::vector<std::string> arguments{
-            "run", folder_.write("e.yaml", kExperiment), "--out", folder_ / "run", "--no-report",
-            "--set", std::string("cases.A.filter={plugin: ") + GetParam().plugin +
-                         ", after_ticks: 100}"};
+            "run",
+            folder_.write("e.yaml", kExperiment),
+            "--out",
+            folder_ / "run",
+            "--no-report",
+            "--set",
+            std::string("cases.A.filter={plugin: ") + GetParam().plugin + ", after_ticks: 100}"};
         arguments.insert(arguments.end(), more.begin(), more.end());
         return test::run(arguments);
     }
     std::string who() const {
-        return std::string("the filter plugin '") + GetParam().plugin + "' (" VIABLE_BINARY_DIR
-               "/tests/broken_plugins/viable_filter_" + GetParam().plugin + ".so)";
+        return std::string("the filter plugin '") + GetParam().plugin +
+               "' (" VIABLE_BINARY_DIR "/tests/broken_plugins/viable_filter_" + GetParam().plugin + ".so)";
     }
     Folder folder_;
 };
@@ -66,8 +70,7 @@ protected:
 TEST_P(BadPlugin, IsolatedItIsNamedAndTheArmIsBraked) {
     const Outcome o = run({"--isolate", "--watchdog", "1"});
     EXPECT_EQ(o.code, 4) << o.err;
-    expectContains(o.err, {"stopped at 0.1000 s (tick 100): " + who() + " failed: ",
-                           GetParam().isolated, "\n"});
+    expectContains(o.err, {"stopped at 0.1000 s (tick 100): " + who() + " failed: ", GetParam().isolated, "\n"});
     const std::filesystem::path log = folder_ / "run/A.mcap";
     EXPECT_GT(countRows(log), 101);  // and its stop
     LogReader reader(log);
@@ -83,8 +86,7 @@ TEST_P(BadPlugin, IsolatedItIsNamedAndTheArmIsBraked) {
 TEST_P(BadPlugin, WithoutIsolationItIsNamedAndTheLogIsWhole) {
     const bool hangs = GetParam().plugin == std::string("hangs");
     if (kSanitized) GTEST_SKIP() << "sanitizers have crash handlers of their own";
-    const Outcome o = run(hangs ? std::vector<std::string>{"--watchdog", "1"}
-                                : std::vector<std::string>{});
+    const Outcome o = run(hangs ? std::vector<std::string>{"--watchdog", "1"} : std::vector<std::string>{});
     EXPECT_EQ(o.code, 4) << o.err;
     expectContains(o.err, {who(), GetParam().inProcess, "tick 100"});
     EXPECT_GE(countRows(folder_ / "run/A.mcap"), 100);
@@ -92,43 +94,42 @@ TEST_P(BadPlugin, WithoutIsolationItIsNamedAndTheLogIsWhole) {
 
 INSTANTIATE_TEST_SUITE_P(
     Fault44And47To50, BadPlugin,
-    ::testing::Values(
-        Fixture{"segfaults", "crashed in tick 100: signal 11 (Segmentation fault). The logs in ",
-                "its process died: signal 11 (Segmentation fault)\nMend the plugin"},
-        Fixture{"overflows_stack", "crashed in tick 100: signal 11 (Segmentation fault). The logs",
-                "its process died: signal 11 (Segmentation fault)\nMend the plugin"},
-        Fixture{"aborts", "crashed in tick 100: signal 6 (Aborted). The logs in ",
-                "its process died: signal 6 (Aborted)\nMend the plugin"},
-        Fixture{"calls_exit", "called exit() in tick 100. The logs in ",
-                "its process ended: it called exit(0)\nMend the plugin"},
-        Fixture{"hangs", " has not come back in tick 100. The logs in ",
-                "it did not come back for 1 s; its process was ended\nMend the plugin"},
-        Fixture{"rounds_in_tick",
-                "failed: it changed the floating point arithmetic of the whole thread (the "
-                "rounding mode; set back)\nSet the modes back",
-                "it changed the floating point arithmetic of the whole thread (the rounding mode; "
-                "set back)\nSet the modes back"},
-        Fixture{"throwing_tick",
-                "failed: it threw: the filter lost its temper\nreset() and the tick functions must not throw",
-                "it threw: the filter lost its temper\nreset() and the tick functions must not throw"},
-        Fixture{"nan_output",
-                "failed: its decision has the wrong size or is not finite\nReturn one finite "
-                "number per joint",
-                "its decision has the wrong size or is not finite\nReturn one finite "
-                "number per joint"},
-        Fixture{"wrong_size",
-                "failed: its decision has the wrong size or is not finite\nReturn one finite "
-                "number per joint",
-                "its decision has the wrong size or is not finite\nReturn one finite "
-                "number per joint"}),
+    ::testing::Values(Fixture{"segfaults", "crashed in tick 100: signal 11 (Segmentation fault). The logs in ",
+                              "its process died: signal 11 (Segmentation fault)\nMend the plugin"},
+                      Fixture{"overflows_stack", "crashed in tick 100: signal 11 (Segmentation fault). The logs",
+                              "its process died: signal 11 (Segmentation fault)\nMend the plugin"},
+                      Fixture{"aborts", "crashed in tick 100: signal 6 (Aborted). The logs in ",
+                              "its process died: signal 6 (Aborted)\nMend the plugin"},
+                      Fixture{"calls_exit", "called exit() in tick 100. The logs in ",
+                              "its process ended: it called exit(0)\nMend the plugin"},
+                      Fixture{"hangs", " has not come back in tick 100. The logs in ",
+                              "it did not come back for 1 s; its process was ended\nMend the plugin"},
+                      Fixture{"rounds_in_tick",
+                              "failed: it changed the floating point arithmetic of the whole thread (the "
+                              "rounding mode; set back)\nSet the modes back",
+                              "it changed the floating point arithmetic of the whole thread (the rounding mode; "
+                              "set back)\nSet the modes back"},
+                      Fixture{
+                          "throwing_tick",
+                          "failed: it threw: the filter lost its temper\nreset() and the tick functions must not throw",
+                          "it threw: the filter lost its temper\nreset() and the tick functions must not throw"},
+                      Fixture{"nan_output",
+                              "failed: its decision has the wrong size or is not finite\nReturn one finite "
+                              "number per joint",
+                              "its decision has the wrong size or is not finite\nReturn one finite "
+                              "number per joint"},
+                      Fixture{"wrong_size",
+                              "failed: its decision has the wrong size or is not finite\nReturn one finite "
+                              "number per joint",
+                              "its decision has the wrong size or is not finite\nReturn one finite "
+                              "number per joint"}),
     [](const auto& fixture) { return std::string(fixture.param.plugin); });
 
 TEST(Fault49, APluginThatTakesMemoryInItsTickIsToldOf) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out",
-                                 folder / "run", "--no-report", "--set",
-                                 "cases.A.filter={plugin: allocates, after_ticks: 100}"});
+    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--no-report",
+                                 "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"WARNING       the filter plugin 'allocates' (", "viable_filter_allocates.so",
                            "(in 400 ticks, first in tick 100)", "Take the memory in configure()"});
@@ -138,9 +139,8 @@ TEST(Fault49, APluginThatTakesMemoryInItsTickIsToldOf) {
 TEST(Fault49, NoPluginOfTheMainExperimentTakesMemoryInItsTick) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o =
-        test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run",
-                   "--no-report", "--set", "duration_s=2"});
+    const Outcome o = test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run", "--no-report",
+                                 "--set", "duration_s=2"});
     EXPECT_EQ(o.code, 0) << o.err;
     EXPECT_EQ(o.out.find("WARNING"), std::string::npos) << o.out;
 }
@@ -148,21 +148,17 @@ TEST(Fault49, NoPluginOfTheMainExperimentTakesMemoryInItsTick) {
 TEST(Fault49, AnIsolatedOneIsToldOfToo) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o =
-        test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run",
-                   "--no-report", "--isolate", "--set",
-                   "cases.A.filter={plugin: allocates, after_ticks: 100}"});
+    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--no-report",
+                                 "--isolate", "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
     EXPECT_EQ(o.code, 0) << o.err;
-    expectContains(o.out, {"WARNING       the filter plugin 'allocates' (",
-                           "(in 400 ticks, first in tick 100)"});
+    expectContains(o.out, {"WARNING       the filter plugin 'allocates' (", "(in 400 ticks, first in tick 100)"});
 }
 
 /** A run of the experiment with that filter. */
-Outcome runWith(const Folder& folder, const std::string& filter,
-                std::vector<std::string> more = {}) {
+Outcome runWith(const Folder& folder, const std::string& filter, std::vector<std::string> more = {}) {
     std::vector<std::string> arguments{
-        "run",     folder.write("e.yaml", kExperiment), "--out", folder / "run", "--no-report",
-        "--set",   "cases.A.filter=" + filter};
+        "run",   folder.write("e.yaml", kExperiment), "--out", folder / "run", "--no-report",
+        "--set", "cases.A.filter=" + filter};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return test::run(arguments);
 }
@@ -184,15 +180,12 @@ TEST(Fault44, AThrowOutsideOfTicksNamesThePlugin) {
         Folder folder;
         Outcome o = runWith(folder, "{plugin: throws_when_asked}", {how});
         EXPECT_EQ(o.code, 4) << how;
-        expectContains(o.err, {"the filter plugin 'throws_when_asked' (",
-                               "threw while it was configured: who knows"});
-        for (const char* filter :
-             {"{plugin: throws_in_reset}", "[certified_braking, throws_in_reset]"}) {
+        expectContains(o.err, {"the filter plugin 'throws_when_asked' (", "threw while it was configured: who knows"});
+        for (const char* filter : {"{plugin: throws_in_reset}", "[certified_braking, throws_in_reset]"}) {
             Folder other;
             o = runWith(other, filter, {how});
             EXPECT_EQ(o.code, 4) << how << filter;
-            expectContains(o.err, {"the filter plugin 'throws_in_reset' (",
-                                   "threw in reset(): no way back"});
+            expectContains(o.err, {"the filter plugin 'throws_in_reset' (", "threw in reset(): no way back"});
         }
     }
 }
@@ -202,8 +195,8 @@ TEST(Fault48, ACrashInADestructorNamesThePlugin) {
     Folder folder;
     Outcome o = runWith(folder, "{plugin: crashes_when_destroyed}");
     EXPECT_EQ(o.code, 4);
-    expectContains(o.err, {"the filter plugin 'crashes_when_destroyed' (",
-                           " crashed while it was destroyed: signal 6 (Aborted)"});
+    expectContains(
+        o.err, {"the filter plugin 'crashes_when_destroyed' (", " crashed while it was destroyed: signal 6 (Aborted)"});
     EXPECT_EQ(countRows(folder / "run/A.mcap"), 500);
     Folder other;
     o = runWith(other, "{plugin: crashes_when_destroyed}", {"--isolate"});
@@ -214,13 +207,11 @@ TEST(Fault48, ACrashInADestructorNamesThePlugin) {
 
 TEST(Fault48, ACrashWhileALibraryIsLoadedNamesIt) {
     if (kSanitized) GTEST_SKIP() << "sanitizers have crash handlers of their own";
-    const std::string library =
-        VIABLE_BINARY_DIR "/tests/broken_plugins/deadly/viable_filter_crashes_on_load.so";
+    const std::string library = VIABLE_BINARY_DIR "/tests/broken_plugins/deadly/viable_filter_crashes_on_load.so";
     Folder folder;
     const Outcome o = runWith(folder, "{plugin: \"" + library + "\"}");
     EXPECT_EQ(o.code, 4);
-    expectContains(o.err, {"the plugin library '" + library +
-                           "' crashed before the first tick: signal 6 (Aborted)"});
+    expectContains(o.err, {"the plugin library '" + library + "' crashed before the first tick: signal 6 (Aborted)"});
 }
 
 TEST(FilterChain, WhatAFilterOfAChainDoesWrongIsToldAsItsOwn) {
@@ -231,17 +222,16 @@ TEST(FilterChain, WhatAFilterOfAChainDoesWrongIsToldAsItsOwn) {
     Folder other;
     o = runWith(other, "[{plugin: nan_output, after_ticks: 100}, certified_braking]");
     EXPECT_EQ(o.code, 4);
-    expectContains(o.err, {"the filter plugin 'nan_output' (",
-                           "failed: its decision has the wrong size or is not finite"});
+    expectContains(o.err,
+                   {"the filter plugin 'nan_output' (", "failed: its decision has the wrong size or is not finite"});
 }
 
 TEST(Isolate, ARunIsTheSameToTheLastBit) {
     Folder folder;
     for (const char* how : {"--no-report", "--isolate"}) {
-        const Outcome o = test::run({"run", "experiments/indy7_teleoperation.yaml", "--out",
-                                     folder / how, "--case", "C3", "--set", "duration_s=2",
-                                     "--no-report", "--set",
-                                     "missed_ticks=[{at_s: 1, count: 5}]", how});
+        const Outcome o =
+            test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / how, "--case", "C3", "--set",
+                       "duration_s=2", "--no-report", "--set", "missed_ticks=[{at_s: 1, count: 5}]", how});
         ASSERT_EQ(o.code, 0) << o.err;
     }
     LogReader here(folder / "--no-report/C3.mcap"), there(folder / "--isolate/C3.mcap");
@@ -263,35 +253,33 @@ TEST(Isolate, ARunIsTheSameToTheLastBit) {
 
 TEST(Isolate, APluginThatDiesWhileItIsMadeIsBadNewsBeforeTheRun) {
     Folder folder;
-    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out",
-                                 folder / "run", "--isolate", "--set",
-                                 "cases.A.filter.plugin=create_throws"});
+    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--isolate",
+                                 "--set", "cases.A.filter.plugin=create_throws"});
     EXPECT_EQ(o.code, 4);
     expectContains(o.err, {"viable_filter_create_throws.so", "could not be made"});
     EXPECT_FALSE(std::filesystem::exists(folder / "run"));
 }
 
-TEST(FilterChain, ALawWithoutAPromiseBeforeOneThatPromisesKeepsAllLimits) {
+TEST(FilterChain, ALawWithoutAGuaranteeBeforeOneThatGuaranteesKeepsAllLimits) {
     Folder folder;
-    const Outcome o = test::run({"run", "experiments/indy7_teleoperation.yaml", "--out",
-                                 folder / "run", "--case", "C1", "--set", "duration_s=5",
-                                 "--no-report", "--set",
+    const Outcome o = test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run", "--case", "C1",
+                                 "--set", "duration_s=5", "--no-report", "--set",
                                  "cases.C1.filter=[acceleration_viability, certified_braking]"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"C1: filter acceleration_viability + certified_braking",
-                           "all limits kept (nominal arm; the filter promises all)"});
+                           "all limits kept (nominal arm; the filter guarantees all)"});
 }
 
-TEST(FilterChain, WhoBreaksAnEarlierPromiseIsNamedWithIt) {
+TEST(FilterChain, WhoBreaksAnEarlierGuaranteeIsNamedWithIt) {
     Folder folder;
-    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out",
-                                 folder / "run", "--no-report", "--set", "duration_s=5", "--set",
-                                 "limits={position_rad: 0.5}", "--set",
+    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--no-report",
+                                 "--set", "duration_s=5", "--set", "limits={position_rad: 0.5}", "--set",
                                  "cases.A.filter=[certified_braking, {plugin: rewrites}]"});
     EXPECT_EQ(o.code, 3) << o.err;
     expectContains(o.err, {"the filter plugin 'rewrites' (",
                            "failed: it changed what 'certified_braking' before it had decided, which "
-                           "promises all limits, but joint0", "Put the filter before the one"});
+                           "guarantees all limits, but joint0",
+                           "Put the filter before the one"});
 }
 
 }  // namespace

@@ -12,9 +12,9 @@
 
 #include "Program.h"
 #include "WitnessPage.h"
+#include "log/LogReader.h"
+#include "log/Recorder.h"
 #include "viable/core/Error.h"
-#include "viable/log/LogReader.h"
-#include "viable/log/Recorder.h"
 
 // Runs that are killed (kill -9) at random moments. How far the loop had come is told by a witness, a command
 // plugin that writes each tick's number and time into mapped memory, and so by nothing that takes part in logging.
@@ -106,13 +106,10 @@ public:
         const std::string file = folder_.write("e.yaml", kExperiment);
         std::vector<std::string> arguments{"run", file, "--out", folder_ / "run", "--jobs", "2"};
         for (const char* name : {"A", "B"})
-            witnesses_.push_back(
-                std::make_unique<Witness>(folder_ / (std::string(name) + ".witness")));
+            witnesses_.push_back(std::make_unique<Witness>(folder_ / (std::string(name) + ".witness")));
         for (const std::string& name : cases_) {
             arguments.insert(arguments.end(), {"--case", name});
-            if (!paced)
-                arguments.insert(arguments.end(),
-                                 {"--set", "cases." + name + ".command.paced=false"});
+            if (!paced) arguments.insert(arguments.end(), {"--set", "cases." + name + ".command.paced=false"});
         }
         program_ = std::make_unique<test::Program>(std::move(arguments));
     }
@@ -189,9 +186,7 @@ private:
         ASSERT_GE(lost, 0) << "rows that never were";
         if (rows == 0) ++tally.withoutRows;
         tally.worstLog_s = std::max(tally.worstLog_s, static_cast<double>(lost) * kTick_s);
-        if (lost > 0)
-            tally.worstWall_s =
-                std::max(tally.worstWall_s, witness.getSeconds(rows, witness.ticks() - 1));
+        if (lost > 0) tally.worstWall_s = std::max(tally.worstWall_s, witness.getSeconds(rows, witness.ticks() - 1));
     }
 
     test::TemporaryFolder folder_;
@@ -218,8 +213,7 @@ Tally killAtRandom(long count, int atOnce, bool paced) {
             const std::chrono::microseconds delay(microseconds(random));
             const bool fromStart = (tally.kills + i) % 5 == 0;
             const auto due = fromStart ? Clock::now() + delay : Clock::time_point::max();
-            runs.push_back({std::make_unique<KilledRun>(paced, std::vector<std::string>{"A", "B"}),
-                            delay, due});
+            runs.push_back({std::make_unique<KilledRun>(paced, std::vector<std::string>{"A", "B"}), delay, due});
         }
         for (std::size_t alive = runs.size(); alive > 0;) {
             for (Doomed& doomed : runs) {
@@ -268,8 +262,7 @@ TEST(Fault73_Kill, ALogCanBeReadFromTheMomentItHasAName) {
         KilledRun run(true, {"A"});
         while (!run.hasLog()) {
         }
-        const auto due =
-            Clock::now() + std::chrono::microseconds(random() % 2 == 0 ? 0 : random() % 500);
+        const auto due = Clock::now() + std::chrono::microseconds(random() % 2 == 0 ? 0 : random() % 500);
         while (Clock::now() < due) {
         }
         run.kill();

@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "Program.h"
-#include "viable/log/LogReader.h"
+#include "log/LogReader.h"
 
 // `viable export` and `viable recover`: exit codes, words and what lies in the folder afterwards. What they write is
 // tested in framework/log and log_readers.
@@ -34,8 +34,8 @@ class LogCommands : public testing::Test {
 protected:
     static void SetUpTestSuite() {
         const test::TemporaryFolder folder;
-        const Outcome o = test::run(
-            {"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--no-report"});
+        const Outcome o =
+            test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--no-report"});
         ASSERT_EQ(o.code, 0) << o.err;
         whole_ = readFile(folder / "run/A.mcap");
     }
@@ -85,8 +85,7 @@ TEST_F(LogCommands, RecoverWritesBesideTheLogOrWhereItIsTold) {
     Outcome o = test::run({"recover", path("cut.mcap")});
     EXPECT_EQ(o.code, 0) << o.err;
     EXPECT_EQ(o.err, "");
-    EXPECT_EQ(o.out, "wrote " + path("cut.recovered.mcap").string() + ": " + std::to_string(rows_) +
-                         " rows\n");
+    EXPECT_EQ(o.out, "wrote " + path("cut.recovered.mcap").string() + ": " + std::to_string(rows_) + " rows\n");
     EXPECT_TRUE(LogReader(path("cut.recovered.mcap")).isComplete());
     EXPECT_EQ(countRows(path("cut.recovered.mcap")), rows_);
 
@@ -104,8 +103,7 @@ TEST_F(LogCommands, AWholeLogIsOnlyCopiedWhenANewOneIsNamed) {
     EXPECT_TRUE(list() == before_);
     o = test::run({"recover", path("A.mcap"), "--out", path("B.mcap")});
     EXPECT_EQ(o.code, 0) << o.err;
-    EXPECT_EQ(o.out,
-              "wrote " + path("B.mcap").string() + ": 1000 rows; the old log was whole, too\n");
+    EXPECT_EQ(o.out, "wrote " + path("B.mcap").string() + ": 1000 rows; the old log was whole, too\n");
     EXPECT_TRUE(readFile(path("B.mcap")) == whole_);
 }
 
@@ -117,13 +115,11 @@ TEST_F(LogCommands, NothingIsOverwritten) {
         ": the file exists already and is never overwritten. Choose another name or move the old "
         "file away\n";
     for (const char* target : {"mine", "cut.mcap"})
-        expectRefused(2, path(target).string() + text,
-                      {"recover", path("cut.mcap"), "--out", path(target)});
+        expectRefused(2, path(target).string() + text, {"recover", path("cut.mcap"), "--out", path(target)});
     expectRefused(2, path("cut.recovered.mcap").string() + text, {"recover", path("cut.mcap")});
     for (const char* format : {"csv", "hdf5"})
         for (const char* target : {"mine", "A.mcap"})
-            expectRefused(2, path(target).string() + text,
-                          {"export", path("A.mcap"), "--to", format, path(target)});
+            expectRefused(2, path(target).string() + text, {"export", path("A.mcap"), "--to", format, path(target)});
 }
 
 TEST_F(LogCommands, WhatIsNoLogIsRefused) {
@@ -137,13 +133,10 @@ TEST_F(LogCommands, WhatIsNoLogIsRefused) {
         {"absent", ": the log cannot be opened: No such file or directory. Check the path\n"}};
     for (const auto& [name, text] : texts) {
         expectRefused(2, path(name).string() + text, {"recover", path(name)});
-        expectRefused(2, path(name).string() + text,
-                      {"export", path(name), "--to", "hdf5", path("new")});
-        expectRefused(2, path(name).string() + text,
-                      {"export", path(name), "--to", "csv", path("new")});
+        expectRefused(2, path(name).string() + text, {"export", path(name), "--to", "hdf5", path("new")});
+        expectRefused(2, path(name).string() + text, {"export", path(name), "--to", "csv", path("new")});
     }
-    expectRefused(2, folder_.path().string() + ": not a file. Give a log\n",
-                  {"recover", folder_.path()});
+    expectRefused(2, folder_.path().string() + ": not a file. Give a log\n", {"recover", folder_.path()});
     const Outcome o = test::run({"recover", path("head")});
     EXPECT_EQ(o.code, 2);
     EXPECT_NE(o.err.find("ends within its opening and holds no rows"), o.err.npos) << o.err;
@@ -171,8 +164,7 @@ TEST_F(LogCommands, ALogThatWasCutOffIsExportedWithAWord) {
 
 // SIGXFSZ has its default action, the end of the program, unless the command sees to it.
 TEST_F(LogCommands, Fault72_AFullDiskExitsWith5AndLeavesNothing) {
-    const std::string text =
-        path("new").string() + ": the file cannot be written: File too large" + kRemedy;
+    const std::string text = path("new").string() + ": the file cannot be written: File too large" + kRemedy;
     for (const rlim_t room : {rlim_t{1000}, rlim_t{30000}}) {
         const auto limitFiles = [room] {
             const rlimit limit{room, room};
@@ -180,16 +172,14 @@ TEST_F(LogCommands, Fault72_AFullDiskExitsWith5AndLeavesNothing) {
         };
         expectRefused(5, text, {"recover", path("cut.mcap"), "--out", path("new")}, limitFiles);
         for (const char* format : {"csv", "hdf5"})
-            expectRefused(5, text, {"export", path("A.mcap"), "--to", format, path("new")},
-                          limitFiles);
+            expectRefused(5, text, {"export", path("A.mcap"), "--to", format, path("new")}, limitFiles);
     }
 }
 
 TEST_F(LogCommands, Fault72_WhereNothingCanBeWrittenTheReasonIsSaid) {
-    const std::map<std::string, std::string> reasons = {
-        {path("absent/new"), "No such file or directory"},
-        {path("A.mcap") / "new", "Not a directory"},
-        {path(std::string(256, 'x')), "File name too long"}};
+    const std::map<std::string, std::string> reasons = {{path("absent/new"), "No such file or directory"},
+                                                        {path("A.mcap") / "new", "Not a directory"},
+                                                        {path(std::string(256, 'x')), "File name too long"}};
     for (const auto& [target, reason] : reasons) {
         const std::string text = target + ": the file cannot be written: " + reason + kRemedy;
         expectRefused(5, text, {"export", path("A.mcap"), "--to", "csv", target});

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "Paths.h"
 #include "Program.h"
 #include "viable/core/Error.h"
 #include "viable/robot/ArmGeometry.h"
@@ -27,13 +28,11 @@ Outcome makeNew(const Folder& folder, std::vector<std::string> arguments) {
 
 void expectContains(const std::string& text, const std::vector<std::string>& parts) {
     for (const std::string& part : parts)
-        EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is missing in:\n"
-                                                      << text;
+        EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is missing in:\n" << text;
 }
 
 /** Bad input, told with `parts`, and nothing written. */
-void expectRefused(const std::vector<std::string>& arguments,
-                   const std::vector<std::string>& parts) {
+void expectRefused(const std::vector<std::string>& arguments, const std::vector<std::string>& parts) {
     SCOPED_TRACE(arguments.empty() ? "" : arguments.back());
     Folder folder;
     const Outcome o = makeNew(folder, arguments);
@@ -44,8 +43,7 @@ void expectRefused(const std::vector<std::string>& arguments,
 
 std::vector<std::string> listFiles(const fs::path& folder) {
     std::vector<std::string> names;
-    for (const auto& entry : fs::directory_iterator(folder))
-        names.push_back(entry.path().filename());
+    for (const auto& entry : fs::directory_iterator(folder)) names.push_back(entry.path().filename());
     std::sort(names.begin(), names.end());
     return names;
 }
@@ -60,10 +58,9 @@ TEST(NewPlugin, EveryKindIsACompleteProjectWithoutPlaceholders) {
         std::string className = "My2nd" + std::string(kind);
         className[5] = static_cast<char>(std::toupper(className[5]));
         if (className == "My2ndRobust_loop") className = "My2ndRobustLoop";
-        EXPECT_EQ(
-            listFiles(folder / name),
-            (std::vector<std::string>{"CMakeLists.txt", className + ".cpp", className + ".h",
-                                      className + "Test.cpp", "README.md", "experiment.yaml"}));
+        EXPECT_EQ(listFiles(folder / name),
+                  (std::vector<std::string>{"CMakeLists.txt", className + ".cpp", className + ".h",
+                                            className + "Test.cpp", "README.md", "experiment.yaml"}));
         for (const std::string& file : listFiles(folder / name)) {
             const std::string text = readFile(folder / name / file);
             for (const char* mark : {"@NAME@", "@CLASS@", "@KIND@"})
@@ -82,15 +79,14 @@ TEST(NewPlugin, OfABuildTreeSaysThatItMustBeInstalled) {
     const Outcome o = makeNew(folder, {"filter", "my_filter", "--out", "some where"});
     ASSERT_EQ(o.code, 0) << o.err;
     EXPECT_TRUE(fs::exists(folder.path() / "some where/my_filter/MyFilter.cpp"));
-    expectContains(o.out, {"cmake --install " VIABLE_BINARY_DIR " --prefix ~/viable",
-                           "-DCMAKE_PREFIX_PATH=$HOME/viable",
-                           "~/viable/bin/viable run experiment.yaml", "cd 'some where/my_filter'"});
+    expectContains(o.out,
+                   {"cmake --install " VIABLE_BINARY_DIR " --prefix ~/viable", "-DCMAKE_PREFIX_PATH=$HOME/viable",
+                    "~/viable/bin/viable run experiment.yaml", "cd 'some where/my_filter'"});
 }
 
 TEST(NewPlugin, TheFolderHasTheRightsThatTheUserGivesNewFolders) {
     Folder folder;
-    ASSERT_EQ(
-        test::run({"new", "filter", "mine", "--out", folder.path()}, [] { umask(0027); }).code, 0);
+    ASSERT_EQ(test::run({"new", "filter", "mine", "--out", folder.path()}, [] { umask(0027); }).code, 0);
     EXPECT_EQ(static_cast<int>(fs::status(folder / "mine").permissions()), 0750);
 }
 
@@ -114,16 +110,13 @@ TEST(NewPlugin, RefusesNamesThatAreNotSnakeCaseAndSuggestsOne) {
 }
 
 TEST(NewPlugin, RefusesOtherNamesThatCannotWork) {
-    expectRefused({"filter", "class"},
-                  {"the name `class` is a keyword of C++", "Add a word to it: `class_filter`."});
+    expectRefused({"filter", "class"}, {"the name `class` is a keyword of C++", "Add a word to it: `class_filter`."});
     expectRefused({"plant", "test"}, {"the name `test` would clash", "`test_plant`"});
     expectRefused({"filter", std::string(80, 'x')}, {"has 80 letters; at most 60 are allowed"});
-    expectRefused({"filter", "laws/MyLaw"},
-                  {"the name `laws/MyLaw` is a path", "`my_law --out laws`"});
+    expectRefused({"filter", "laws/MyLaw"}, {"the name `laws/MyLaw` is a path", "`my_law --out laws`"});
     expectRefused({"filter", "../law/"}, {"is a path", "`law --out ..`"});
-    expectRefused({"filter", "certified_braking"},
-                  {"there is already a filter `certified_braking`: " VIABLE_PLUGIN_DIR,
-                   "such as `my_certified_braking`"});
+    expectRefused({"filter", "certified_braking"}, {"there is already a filter `certified_braking`: " VIABLE_PLUGIN_DIR,
+                                                    "such as `my_certified_braking`"});
     Folder folder;  // of another kind it is no clash
     EXPECT_EQ(makeNew(folder, {"command", "certified_braking"}).code, 0);
 }
@@ -146,10 +139,8 @@ TEST(NewPlugin, OverwritesNothingAndLeavesNothingBehind) {
     EXPECT_EQ(makeNew(folder, {"filter", "full"}).code, 2);
     expectContains(makeNew(folder, {"filter", "full"}).err,
                    {"full: this folder is not empty", "Nothing is overwritten"});
-    expectContains(makeNew(folder, {"filter", "file"}).err,
-                   {"file: there is already a file of that name"});
-    expectContains(makeNew(folder, {"filter", "link"}).err,
-                   {"link: there is already a file of that name"});
+    expectContains(makeNew(folder, {"filter", "file"}).err, {"file: there is already a file of that name"});
+    expectContains(makeNew(folder, {"filter", "link"}).err, {"link: there is already a file of that name"});
     expectContains(makeNew(folder, {"filter", "good", "--out", "file"}).err,
                    {"file: this cannot be written: Not a directory"});
     EXPECT_EQ(listFiles(folder.path()), (std::vector<std::string>{"file", "full", "link"}));
@@ -170,8 +161,7 @@ TEST(NewPlugin, WritesAllOrNothing) {
         setrlimit(RLIMIT_FSIZE, &most);
     });
     EXPECT_EQ(o.code, 2);
-    expectContains(o.err, {"new/folder/half/", "this cannot be written: File too large",
-                           "Nothing was left behind"});
+    expectContains(o.err, {"new/folder/half/", "this cannot be written: File too large", "Nothing was left behind"});
     EXPECT_TRUE(fs::is_empty(folder.path()));
 }
 
@@ -193,8 +183,7 @@ const char* const kArm = R"(<robot name="any">
 void replaceAll(const fs::path& file, const std::string& from, const std::string& to) {
     std::string text = readFile(file);
     ASSERT_NE(text.find(from), std::string::npos) << from;
-    for (std::size_t at = text.find(from); at != std::string::npos;
-         at = text.find(from, at + to.size()))
+    for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size()))
         text.replace(at, from.size(), to);
     std::ofstream(file, std::ios::binary) << text;
 }
@@ -205,30 +194,23 @@ Outcome describe(const fs::path& robot) {
 
 TEST(NewRobot, IsRefusedBlankByBlankAndRunsWhenAllAreFilledIn) {
     Folder folder;
-    const Outcome made =
-        makeNew(folder, {"robot", "my_arm", "--urdf", folder.write("some.urdf", kArm)});
+    const Outcome made = makeNew(folder, {"robot", "my_arm", "--urdf", folder.write("some.urdf", kArm)});
     ASSERT_EQ(made.code, 0) << made.err;
     EXPECT_EQ(made.err, "");
-    EXPECT_EQ(listFiles(folder / "my_arm"),
-              (std::vector<std::string>{"README.md", "actuation.yaml", "collision.yaml",
-                                        "first_run.yaml", "limits.yaml", "my_arm.urdf"}));
+    EXPECT_EQ(listFiles(folder / "my_arm"), (std::vector<std::string>{"README.md", "actuation.yaml", "collision.yaml",
+                                                                      "first_run.yaml", "limits.yaml", "my_arm.urdf"}));
     expectContains(made.out, {"my_arm/collision.yaml:", ": links: TODO"});  // no shapes in there
     EXPECT_EQ(readFile(folder / "my_arm/my_arm.urdf"), kArm);
     const fs::path limits = folder / "my_arm/limits.yaml";
     const fs::path actuation = folder / "my_arm/actuation.yaml";
-    expectContains(readFile(limits),
-                   {"lower: [-.inf, 0.5]", "upper: [.inf, 1.5]", "velocity_radps: [2, 3]",
-                    "home_rad: [0, 1]", "tool_link: \"b\"", "# Joints, in this order: turn, lift"});
+    expectContains(readFile(limits), {"lower: [-.inf, 0.5]", "upper: [.inf, 1.5]", "velocity_radps: [2, 3]",
+                                      "home_rad: [0, 1]", "tool_link: \"b\"", "# Joints, in this order: turn, lift"});
     expectContains(readFile(actuation), {"torque_limit_Nm: [30, 20]"});
 
     // Every blank that was listed is refused by its place, in turn.
     const std::vector<std::pair<fs::path, std::string>> blanks = {
-        {limits, "acceleration_radps2: "},
-        {limits, "jerk_radps3: "},
-        {actuation, "gear_ratio: "},
-        {actuation, "rotor_inertia_kgm2: "},
-        {actuation, "coulomb_Nm: "},
-        {actuation, "viscous_Nm: "},
+        {limits, "acceleration_radps2: "},      {limits, "jerk_radps3: "},   {actuation, "gear_ratio: "},
+        {actuation, "rotor_inertia_kgm2: "},    {actuation, "coulomb_Nm: "}, {actuation, "viscous_Nm: "},
         {actuation, "viscous_velocity_radps: "}};
     for (const auto& [file, key] : blanks) {
         SCOPED_TRACE(key);
@@ -237,10 +219,9 @@ TEST(NewRobot, IsRefusedBlankByBlankAndRunsWhenAllAreFilledIn) {
         std::string line;
         int number = 1;
         while (std::getline(lines, line) && line.find(key + "TODO") == std::string::npos) ++number;
-        const std::string place = file.string() + ":" + std::to_string(number) + ":" +
-                                  std::to_string(line.find("TODO") + 1) + ": ";
-        for (const Outcome& o : {describe(folder / "my_arm"),
-                                 test::run({"check", folder / "my_arm/first_run.yaml"})}) {
+        const std::string place =
+            file.string() + ":" + std::to_string(number) + ":" + std::to_string(line.find("TODO") + 1) + ": ";
+        for (const Outcome& o : {describe(folder / "my_arm"), test::run({"check", folder / "my_arm/first_run.yaml"})}) {
             EXPECT_EQ(o.code, 2);
             expectContains(o.err, {place, key.substr(0, key.size() - 2) + ": not filled in yet",
                                    "Write the value in place of TODO"});
@@ -251,15 +232,14 @@ TEST(NewRobot, IsRefusedBlankByBlankAndRunsWhenAllAreFilledIn) {
     const Outcome described = describe(folder / "my_arm");
     EXPECT_EQ(described.code, 0) << described.err;
     expectContains(described.out, {"my_arm: 2 joints, tool frame b", "-inf .. inf", "-12 .. 12"});
-    const Outcome ran = test::run({"run", folder / "my_arm/first_run.yaml", "--out", folder / "out",
-                                   "--set", "duration_s=5"});
+    const Outcome ran =
+        test::run({"run", folder / "my_arm/first_run.yaml", "--out", folder / "out", "--set", "duration_s=5"});
     EXPECT_EQ(ran.code, 0) << ran.err;
     expectContains(ran.out, {"First run of my_arm", "all limits kept"});
     // By name, from a folder that the environment names.
     const std::string path = folder.path();
-    EXPECT_EQ(test::run({"check", VIABLE_SOURCE_DIR "/experiments/arena_one_joint.yaml", "--set",
-                         "robot=my_arm", "--set", "limits.position_rad=1.4", "--set",
-                         "start.position_rad=[0, 1]"},
+    EXPECT_EQ(test::run({"check", VIABLE_SOURCE_DIR "/experiments/arena_one_joint.yaml", "--set", "robot=my_arm",
+                         "--set", "limits.position_rad=1.4", "--set", "start.position_rad=[0, 1]"},
                         [path] { setenv("VIABLE_ROBOT_PATH", path.c_str(), 1); })
                   .code,
               0);
@@ -278,14 +258,13 @@ TEST(NewRobot, LeavesBlanksForWhatTheUrdfSaysWronglyAndWarns) {
            "<link name='tip 1: x'><visual><geometry><mesh filename='package://arm/tip.stl'/>"
            "</geometry></visual></link><joint name='right' type='fixed'><parent link='b'/>"
            "<child link='TODO'/></joint><link name='TODO'/></robot>");
-    const Outcome made =
-        makeNew(folder, {"robot", "my_arm", "--urdf", folder.write("some.urdf", urdf)});
+    const Outcome made = makeNew(folder, {"robot", "my_arm", "--urdf", folder.write("some.urdf", urdf)});
     ASSERT_EQ(made.code, 0) << made.err;
     expectContains(made.err, {"warning: ", "some.urdf:7:1: joint `lift`: its velocity limit is 0",
                               "joint `lift`: its effort limit is 0 or missing",
                               "link `tip 1: x`: it is drawn but has no mass (no <inertial>)"});
-    expectContains(made.out, {"velocity_radps: [2, TODO]", "torque_limit_Nm: [30, TODO]",
-                              "tool_link: TODO", "1 mesh file must lie in the folder"});
+    expectContains(made.out, {"velocity_radps: [2, TODO]", "torque_limit_Nm: [30, TODO]", "tool_link: TODO",
+                              "1 mesh file must lie in the folder"});
     expectContains(readFile(folder / "my_arm/README.md"), {"package://arm/tip.stl"});
     const fs::path limits = folder / "my_arm/limits.yaml";
     expectContains(readFile(limits), {"The robot ends in several: tip 1: x, TODO"});
@@ -303,8 +282,7 @@ TEST(NewRobot, DraftsCapsulesThatAreReadBack) {
     const auto addShape = [&](const std::string& link, const std::string& geometry) {
         const std::string from = "<link name=\"" + link + "\">";
         ASSERT_NE(urdf.find(from), std::string::npos);
-        urdf.insert(urdf.find(from) + from.size(),
-                    "<collision><geometry>" + geometry + "</geometry></collision>");
+        urdf.insert(urdf.find(from) + from.size(), "<collision><geometry>" + geometry + "</geometry></collision>");
     };
     addShape("a", "<sphere radius='0.1'/>");
     addShape("b", "<box size='0.1 0.1 0.4'/>");
@@ -317,17 +295,16 @@ TEST(NewRobot, DraftsCapsulesThatAreReadBack) {
     const Outcome made = makeNew(folder, {"robot", "my_arm", "--urdf", "some.urdf"});
     ASSERT_EQ(made.code, 0) << made.err;
     const fs::path file = folder / "my_arm/collision.yaml";
-    expectContains(readFile(file),
-                   {"What of my_arm can hit something", "  \"a\":\n    - {from: [0, 0, 0], to: [0, 0, 0], radius: 0.1001}",
-                    "  # not read: package://arm/tip.stl\n  \"no\": TODO", "# without a shape in the URDF: base",
-                    "  - [\"a\", \"b\"]  # next to each other"});
+    expectContains(readFile(file), {"What of my_arm can hit something",
+                                    "  \"a\":\n    - {from: [0, 0, 0], to: [0, 0, 0], radius: 0.1001}",
+                                    "  # not read: package://arm/tip.stl\n  \"no\": TODO",
+                                    "# without a shape in the URDF: base", "  - [\"a\", \"b\"]  # next to each other"});
     EXPECT_EQ(readFile(file).find('@'), std::string::npos);
     expectContains(made.out, {"my_arm/collision.yaml:", ": \"no\": TODO"});
 
-    for (const char* blank : {"gear_ratio: ", "rotor_inertia_kgm2: ", "coulomb_Nm: ",
-                              "viscous_Nm: ", "viscous_velocity_radps: "})
-        replaceAll(folder / "my_arm/actuation.yaml", std::string(blank) + "TODO",
-                   std::string(blank) + "1");
+    for (const char* blank :
+         {"gear_ratio: ", "rotor_inertia_kgm2: ", "coulomb_Nm: ", "viscous_Nm: ", "viscous_velocity_radps: "})
+        replaceAll(folder / "my_arm/actuation.yaml", std::string(blank) + "TODO", std::string(blank) + "1");
     replaceAll(folder / "my_arm/limits.yaml", "TODO", "10");
     const RobotDescription robot = loadRobot(folder / "my_arm");
     try {
@@ -344,16 +321,14 @@ TEST(NewRobot, DraftsCapsulesThatAreReadBack) {
 }
 
 TEST(NewRobot, RefusesAUrdfThatCannotBeSimulated) {
-    const auto refuse = [](const std::string& from, const std::string& to,
-                           const std::vector<std::string>& parts) {
+    const auto refuse = [](const std::string& from, const std::string& to, const std::vector<std::string>& parts) {
         SCOPED_TRACE(to);
         std::string urdf = kArm;
         const std::size_t at = urdf.find(from);
         ASSERT_NE(at, std::string::npos);
         urdf.replace(at, from.size(), to);
         Folder folder;
-        const Outcome o =
-            makeNew(folder, {"robot", "my_arm", "--urdf", folder.write("some.urdf", urdf)});
+        const Outcome o = makeNew(folder, {"robot", "my_arm", "--urdf", folder.write("some.urdf", urdf)});
         EXPECT_EQ(o.code, 2);
         expectContains(o.err, parts);
         EXPECT_EQ(listFiles(folder.path()), std::vector<std::string>{"some.urdf"});
@@ -362,24 +337,19 @@ TEST(NewRobot, RefusesAUrdfThatCannotBeSimulated) {
     refuse(lift, "name=\"lift\" type=\"floating\"",
            {"some.urdf:7:1: ", "joint `lift` is of type floating", "replace it"});
     refuse(lift, "name=\"lift\" type=\"planar\"", {"joint `lift` is of type planar", "replace it"});
-    refuse(lift + ">", lift + "><mimic joint=\"turn\"/>",
-           {"joint `lift` mimics joint `turn`", "Make it fixed"});
-    refuse("</robot>",
-           "<joint name='loop' type='fixed'><parent link='base'/><child link='b'/></joint></robot>",
+    refuse(lift + ">", lift + "><mimic joint=\"turn\"/>", {"joint `lift` mimics joint `turn`", "Make it fixed"});
+    refuse("</robot>", "<joint name='loop' type='fixed'><parent link='base'/><child link='b'/></joint></robot>",
            {"link `b` is the child of two joints", "open the loop"});
     refuse("<link name=\"base\"/>", "<xacro:base/>", {"this is xacro input", "Run `xacro"});
     refuse(" velocity=\"3\"", "",
            {"some.urdf:7:1: ", "joint `lift` of type revolute has no `velocity` in its <limit>",
             "with 0 for an effort or a velocity that is not known"});
-    refuse(" effort=\"30\"", "",
-           {"some.urdf:3:1: ", "joint `turn` of type continuous has no `effort`"});
+    refuse(" effort=\"30\"", "", {"some.urdf:3:1: ", "joint `turn` of type continuous has no `effort`"});
     refuse("<limit lower=\"0.5\" upper=\"1.5\" effort=\"20\" velocity=\"3\"/>", "",
            {"joint `lift` of type revolute has no <limit>"});
     refuse("value=\"2\"", "value=\"-2\"", {"link `a`: the mass is -2"});
-    refuse("izz=\"0.01\"", "izz=\"0.1\"",
-           {"link `a`: the inertia tensor belongs to no body", "Correct <inertia>"});
-    refuse("izz=\"0.01\"", "izz=\"-0.01\"",
-           {"link `a`: the inertia tensor is not positive definite"});
+    refuse("izz=\"0.01\"", "izz=\"0.1\"", {"link `a`: the inertia tensor belongs to no body", "Correct <inertia>"});
+    refuse("izz=\"0.01\"", "izz=\"-0.01\"", {"link `a`: the inertia tensor is not positive definite"});
     refuse("<mass value=\"1\"/>", "<mass value=\"0\"/>", {"link `b`: there is an inertia without"});
 }
 
@@ -391,8 +361,7 @@ TEST(NewRobot, RefusesAnUnclearRequest) {
     expectRefused({"robot", "Arm", "--urdf", "x"}, {"`Arm` is not snake_case", "`arm`"});
     expectRefused({"robot", "indy7", "--urdf", VIABLE_SOURCE_DIR "/robots/indy7/indy7.urdf"},
                   {"there is already a robot `indy7`", "such as `my_indy7`"});
-    expectRefused({"robot", "arm", "--urdf", VIABLE_SOURCE_DIR "/CHANGELOG.md"},
-                  {"CHANGELOG.md", "this is not XML"});
+    expectRefused({"robot", "arm", "--urdf", VIABLE_SOURCE_DIR "/CHANGELOG.md"}, {"CHANGELOG.md", "this is not XML"});
 }
 
 }  // namespace

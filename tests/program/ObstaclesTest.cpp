@@ -6,10 +6,11 @@
 #include <filesystem>
 #include <fstream>
 
+#include "Paths.h"
 #include "Program.h"
 #include "ProjectExperiment.h"
-#include "viable/environment/CollisionJudge.h"
-#include "viable/motion/TripleIntegrator.h"
+#include "environment/CollisionJudge.h"
+#include "viable/core/TripleIntegrator.h"
 
 // The experiment with obstacles, run by run, judged by somebody else: poses every tenth of a millisecond, each capsule against
 // each obstacle and each cell of the octree.
@@ -61,8 +62,7 @@ TEST(Obstacles, WithoutTheFilterTheArmCollidesAndWithItNever) {
     const int runs = getRuns();
     for (int seed = 1; seed <= runs; ++seed) {
         SCOPED_TRACE("command.seed=" + std::to_string(seed));
-        const ProjectExperiment experiment("indy7_obstacles",
-                                           {"command.seed=" + std::to_string(seed)});
+        const ProjectExperiment experiment("indy7_obstacles", {"command.seed=" + std::to_string(seed)});
         const Judged judged = runAndJudge(experiment, "whole_arm");
         EXPECT_EQ(judged.result.exitCode(), 0) << judged.result.stopMessage;
         EXPECT_EQ(judged.result.summary.ticksWith(FilterStatus::Infeasible), 0);
@@ -89,11 +89,10 @@ TEST(Obstacles, AMapOfCellsIsKeptClearOfByTheFilterAloneAndInAChain) {
     tree.prune();
     ASSERT_TRUE(tree.writeBinary((folder / "wall.bt").string()));
     const std::string environment =
-        "environment={safety_distance_m: 0.02, map: {file: '" + (folder / "wall.bt").string() +
-        "', unknown: free}}";
+        "environment={safety_distance_m: 0.02, map: {file: '" + (folder / "wall.bt").string() + "', unknown: free}}";
     const auto calcLeast = [&](const std::string& filter) {
-        const ProjectExperiment experiment(
-            "indy7_obstacles", {environment, "duration_s=8", "cases={one: {filter: " + filter + "}}"});
+        const ProjectExperiment experiment("indy7_obstacles",
+                                           {environment, "duration_s=8", "cases={one: {filter: " + filter + "}}"});
         const Judged judged = runAndJudge(experiment, "one");
         EXPECT_EQ(judged.result.exitCode(), 0) << judged.result.stopMessage;
         return judged.least_m;
@@ -119,8 +118,8 @@ TEST(Obstacles, FilesAreFoundBesideTheExperimentWhereverOneStands) {
     const auto inFolder = [&] {
         if (chdir(folder.path().c_str()) != 0) _exit(99);
     };
-    for (const std::string& file : {std::string("mine.yaml"), std::string("./mine.yaml"),
-                                    (folder / "mine.yaml").string()}) {
+    for (const std::string& file :
+         {std::string("mine.yaml"), std::string("./mine.yaml"), (folder / "mine.yaml").string()}) {
         const test::Outcome o = test::Program({"check", file}, inFolder).wait();
         EXPECT_EQ(o.code, 0) << o.err;
     }
@@ -136,19 +135,19 @@ TEST(Obstacles, ARealMapWithUnknownSpaceOccupiedOrFree) {
     for (const char* base : {"[-4.2, -0.88, -0.16]", "[-12, -0.68, -1.76]"})
         for (const char* unknown : {"free", "occupied"}) {
             SCOPED_TRACE(std::string(base) + " " + unknown);
-            const ProjectExperiment experiment(
-                "indy7_obstacles",
-                {"environment={safety_distance_m: 0.02, map: {file: '" + map +
-                     "', at: {xyz: " + base + "}, unknown: " + unknown + "}}",
-                 "duration_s=10"});
+            const ProjectExperiment experiment("indy7_obstacles",
+                                               {"environment={safety_distance_m: 0.02, map: {file: '" + map +
+                                                    "', at: {xyz: " + base + "}, unknown: " + unknown + "}}",
+                                                "duration_s=10"});
             const Judged judged = runAndJudge(experiment, "whole_arm");
             EXPECT_EQ(judged.result.exitCode(), 0) << judged.result.stopMessage;
             EXPECT_EQ(judged.inCollision, 0);
             EXPECT_GE(judged.least_m, 0.02 - kAllowed_m);
             const CaseResult bare = experiment.run("joints_only");
             const std::int64_t collided = bare.summary.collisions()->nominal.ticksInCollision;
-            std::printf("  map at %s, unknown %s: least clearance %.1f mm; without the filter %lld ticks in collision\n",
-                        base, unknown, 1e3 * judged.least_m, static_cast<long long>(collided));
+            std::printf(
+                "  map at %s, unknown %s: least clearance %.1f mm; without the filter %lld ticks in collision\n", base,
+                unknown, 1e3 * judged.least_m, static_cast<long long>(collided));
             EXPECT_GT(collided, 0);
         }
 }

@@ -59,8 +59,7 @@ TEST(PaperFig5, S3HasNoAdmissibleJerkBeforeLongAndTheRunEndsThere) {
     char when[40];
     std::snprintf(when, sizeof when, "stopped at %.4f s", infeasible_s + 1e-3);
     EXPECT_NE(s3.stopMessage.find(when), std::string::npos) << s3.stopMessage;
-    for (const char* part : {"the filter plugin 'exponential_cbf' (",
-                             " ended the case: it had no admissible choice"})
+    for (const char* part : {"the filter plugin 'exponential_cbf' (", " ended the case: it had no admissible choice"})
         EXPECT_NE(s3.stopMessage.find(part), std::string::npos) << s3.stopMessage;
     EXPECT_NE(writeSummaryJson(figure.experiment(), {s3}).find(when), std::string::npos);
     EXPECT_LT(s3.simulated_s, 8.0);
@@ -79,7 +78,7 @@ TEST(PaperFig5, S4KeepsAllFourLimitsForTheEightSecondsOfTheFigure) {
 TEST(PaperFig5, CertifiedKeepsThemToo) {
     const CaseResult certified = Figure("paper_fig5").run("certified");
     print(certified);
-    EXPECT_TRUE(certified.promises);
+    EXPECT_TRUE(certified.guarantees);
     EXPECT_EQ(certified.exitCode(), 0);
     EXPECT_FALSE(certified.summary.anyLimitBroken());
     EXPECT_GT(getUse(certified, LimitKind::Position), 0.99);
@@ -100,8 +99,8 @@ Swing runFig6(const std::string& name, CaseResult& result) {
         swing.jerk = std::max(swing.jerk, std::abs(record.nominal.jerk[0]) / (4 * kPi));
     });
     print(result);
-    std::printf("  from 5 s on between pi %+.3g and pi %+.3g rad, jerk up to %.3g of its limit\n",
-                swing.lowest - kPi, swing.highest - kPi, swing.jerk);
+    std::printf("  from 5 s on between pi %+.3g and pi %+.3g rad, jerk up to %.3g of its limit\n", swing.lowest - kPi,
+                swing.highest - kPi, swing.jerk);
     return swing;
 }
 
@@ -135,9 +134,7 @@ TEST(PaperFig6, CertifiedStaysAtTheLimitWithoutChatter) {
 TEST(PaperFig8, C1BreaksTheJerkLimitOfTheFirstJointAndC2DoesNot) {
     const Figure figure("paper_fig8_fig9");
     const CaseResult c1 = figure.run("C1"), c2 = figure.run("C2");
-    const auto first = [](const CaseResult& r) -> const LimitRecord& {
-        return r.summary.limit(LimitKind::Jerk)[0];
-    };
+    const auto first = [](const CaseResult& r) -> const LimitRecord& { return r.summary.limit(LimitKind::Jerk)[0]; };
     print(c1);
     print(c2);
     std::printf("  first joint's jerk: C1 %.5g, C2 1%+.2g of the limit\n", first(c1).worstUse,
@@ -166,15 +163,16 @@ TEST(PaperFig9, UnderC2TheRealArmFollowsTheNominalOneAndItsDifferentiatedJerkIsN
         last[1] = r.real.qd;
         ++rows;
     });
-    std::printf("  velocity: error %.3g of the nominal RMS; jerk: real %.3g times the nominal RMS, "
-                "beyond the limit in %.3g of the ticks\n",
-                std::sqrt(velocityError / velocity), std::sqrt(realJerk / nominalJerk),
-                static_cast<double>(beyond) / static_cast<double>(rows));
+    std::printf(
+        "  velocity: error %.3g of the nominal RMS; jerk: real %.3g times the nominal RMS, "
+        "beyond the limit in %.3g of the ticks\n",
+        std::sqrt(velocityError / velocity), std::sqrt(realJerk / nominalJerk),
+        static_cast<double>(beyond) / static_cast<double>(rows));
     EXPECT_LT(velocityError, 0.05 * 0.05 * velocity);
     EXPECT_GT(realJerk, 10.0 * 10.0 * nominalJerk);
     EXPECT_GT(beyond, rows / 2);
-    std::printf("  real - nominal: %.3g mrad RMS, %.3g mrad at most\n",
-                1e3 * c2.summary.trackingRms(), 1e3 * c2.summary.trackingMax());
+    std::printf("  real - nominal: %.3g mrad RMS, %.3g mrad at most\n", 1e3 * c2.summary.trackingRms(),
+                1e3 * c2.summary.trackingMax());
     EXPECT_LT(c2.summary.trackingRms(), 5e-3);
     EXPECT_LT(c2.summary.trackingMax(), 20e-3);
 }
@@ -186,7 +184,7 @@ TEST(PaperFig8, CertifiedKeepsAllLimitsUnderTheSameHand) {
     EXPECT_EQ(certified.summary.ticksWith(FilterStatus::Infeasible), 0);
 }
 
-// Eight laws get the same commands, some of which rest beyond a limit; one promises to keep everything, and does.
+// Eight laws get the same commands, some of which rest beyond a limit; one guarantees to keep everything, and does.
 TEST(Arena, AllLawsRunOnTheSameCommandsAndTheCertifiedOneKeepsEverything) {
     for (const char* name : {"arena", "arena_one_joint"}) {
         const Figure figure(name);
@@ -207,8 +205,8 @@ TEST(Arena, AllLawsRunOnTheSameCommandsAndTheCertifiedOneKeepsEverything) {
             EXPECT_EQ(result.exitCode(), 0) << result.stopMessage;
             EXPECT_EQ(result.summary.ticks(), std::lround(plan.duration_s / plan.tick_s));
             EXPECT_GT(beyond, 1000);
-            EXPECT_EQ(result.promises, plan.name == "certified_braking");
-            if (result.promises) {
+            EXPECT_EQ(result.guarantees, plan.name == "certified_braking");
+            if (result.guarantees) {
                 EXPECT_FALSE(result.summary.anyLimitBroken());
                 EXPECT_EQ(result.summary.ticksWith(FilterStatus::Infeasible), 0);
             }

@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "Paths.h"
 #include "TemporaryFolder.h"
 
 namespace viable::test {
@@ -36,8 +37,7 @@ public:
         err_ = folder_ / "err";
         pid_ = fork();
         if (pid_ == 0) {
-            if (!freopen(out_.c_str(), "w", stdout) || !freopen(err_.c_str(), "w", stderr))
-                _exit(99);
+            if (!freopen(out_.c_str(), "w", stdout) || !freopen(err_.c_str(), "w", stderr)) _exit(99);
             if (chdir(VIABLE_SOURCE_DIR) != 0) _exit(99);
             setenv("VIABLE_PLUGIN_PATH", VIABLE_BINARY_DIR "/tests/broken_plugins", 1);
             if (prepare) prepare();
@@ -52,8 +52,7 @@ public:
     Outcome wait() {
         int status = 0;
         waitpid(pid_, &status, 0);
-        return {WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status), readFile(out_),
-                readFile(err_)};
+        return {WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status), readFile(out_), readFile(err_)};
     }
 
 private:

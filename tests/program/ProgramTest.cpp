@@ -5,8 +5,9 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "Paths.h"
 #include "Program.h"
-#include "viable/log/LogReader.h"
+#include "log/LogReader.h"
 
 namespace viable {
 namespace {
@@ -29,8 +30,7 @@ cases:
 
 void expectContains(const std::string& text, const std::vector<std::string>& parts) {
     for (const std::string& part : parts)
-        EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is missing in:\n"
-                                                      << text;
+        EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is missing in:\n" << text;
 }
 
 int countRows(const std::filesystem::path& log) {
@@ -46,29 +46,23 @@ TEST(Program, RunWritesLogsAndSummaryAndPrintsATable) {
     const std::string out = folder / "run";
     const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out", out});
     ASSERT_EQ(o.code, 0) << o.err;
-    expectContains(o.out, {"one joint", "worst use", "A: filter tosbp",
-                           "B: filter acceleration_viability", out});
+    expectContains(o.out, {"one joint", "worst use", "A: filter tosbp", "B: filter acceleration_viability", out});
     EXPECT_EQ(countRows(out + "/A.mcap"), 2000);
     const auto summary = nlohmann::json::parse(readFile(out + "/summary.json"));
     EXPECT_EQ(summary["cases"].size(), 2u);
     EXPECT_EQ(summary["cases"][0]["ticks"], 2000);
-    EXPECT_LE(summary["cases"][0]["limits"]["jerk"]["joint0"]["worst_use"].get<double>(),
-              1.0 + 1e-9);
+    EXPECT_LE(summary["cases"][0]["limits"]["jerk"]["joint0"]["worst_use"].get<double>(), 1.0 + 1e-9);
 }
 
 TEST(Program, TheLogCarriesTheResolvedExperimentAndRunsAgainFromIt) {
     Folder folder;
-    ASSERT_EQ(test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "one",
-                         "--case", "A"})
-                  .code,
-              0);
+    ASSERT_EQ(test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "one", "--case", "A"}).code, 0);
     LogReader first(folder / "one/A.mcap");
     std::string resolved;
     for (const LogAttachment& attachment : first.attachments())
         if (attachment.name == "experiment.yaml") resolved = attachment.data;
     ASSERT_FALSE(resolved.empty());
-    ASSERT_EQ(
-        test::run({"run", folder.write("again.yaml", resolved), "--out", folder / "two"}).code, 0);
+    ASSERT_EQ(test::run({"run", folder.write("again.yaml", resolved), "--out", folder / "two"}).code, 0);
     LogReader second(folder / "two/A.mcap");
     TickRecord a, b;
     while (first.read(a)) {
@@ -93,11 +87,10 @@ TEST(Program, TheExperimentFileOfTheReadmeRunsAsPrinted) {
     const std::size_t begin = readme.find("```yaml\n", section) + 8;
     const std::string yaml = readme.substr(begin, readme.find("```", begin) - begin);
     Folder folder;
-    const Outcome o = test::run(
-        {"run", folder.write("e.yaml", yaml), "--out", folder / "run", "--set", "duration_s=2"});
+    const Outcome o =
+        test::run({"run", folder.write("e.yaml", yaml), "--out", folder / "run", "--set", "duration_s=2"});
     EXPECT_EQ(o.code, 0) << o.err;
-    expectContains(o.out,
-                   {"My question", "certified: filter certified_braking", "paper: filter tosbp"});
+    expectContains(o.out, {"My question", "certified: filter certified_braking", "paper: filter tosbp"});
 }
 
 TEST(Program, EveryKeyOfAnExperimentFileStandsInTheReadme) {
@@ -135,8 +128,7 @@ TEST(Program, BadInputExitsWith2AndOneParagraph) {
     EXPECT_EQ(test::run({"run"}).code, 2);
     EXPECT_EQ(test::run({"rum"}).code, 2);
     EXPECT_EQ(test::run({"run", "nowhere.yaml"}).code, 2);
-    const Outcome wrongCase =
-        test::run({"run", folder.write("f.yaml", kExperiment), "--case", "a"});
+    const Outcome wrongCase = test::run({"run", folder.write("f.yaml", kExperiment), "--case", "a"});
     EXPECT_EQ(wrongCase.code, 2);
     expectContains(wrongCase.err, {"no case", "A, B"});
 }
@@ -154,12 +146,10 @@ TEST(Program, PluginsAndRobotsAreListedAndDescribed) {
     EXPECT_EQ(list.code, 0);
     expectContains(list.out, {"tosbp", "nric", "simbody", "generated_hand_motion", "joint_pd"});
     EXPECT_EQ(list.err, "");
-    const Outcome one =
-        test::run({"plugins", "--describe", "tosbp"}, [] { unsetenv("VIABLE_PLUGIN_PATH"); });
+    const Outcome one = test::run({"plugins", "--describe", "tosbp"}, [] { unsetenv("VIABLE_PLUGIN_PATH"); });
     EXPECT_EQ(one.code, 0);
     expectContains(one.out, {"k_alpha", "gamma", "1/s"});
-    const Outcome miss =
-        test::run({"plugins", "--describe", "tosbq"}, [] { unsetenv("VIABLE_PLUGIN_PATH"); });
+    const Outcome miss = test::run({"plugins", "--describe", "tosbq"}, [] { unsetenv("VIABLE_PLUGIN_PATH"); });
     EXPECT_EQ(miss.code, 2);
     expectContains(miss.err, {"tosbq", "Did you mean 'tosbp'"});
     const Outcome json = test::run({"plugins", "--json"});  // with the broken ones in the path
@@ -167,10 +157,10 @@ TEST(Program, PluginsAndRobotsAreListedAndDescribed) {
     const auto root = nlohmann::json::parse(json.out);
     EXPECT_GT(root["plugins"].size(), 18u);
     EXPECT_GT(root["refused"].size(), 10u);
-    const auto described = nlohmann::json::parse(
-        test::run({"plugins", "--describe", "certified_braking", "--json"}).out);
+    const auto described =
+        nlohmann::json::parse(test::run({"plugins", "--describe", "certified_braking", "--json"}).out);
     ASSERT_EQ(described["plugins"].size(), 1u);
-    EXPECT_EQ(described["plugins"][0]["promises_limits"], true);
+    EXPECT_EQ(described["plugins"][0]["guarantees_limits"], true);
     EXPECT_EQ(test::run({"plugins", "--markdown"}).code, 2);  // of one plugin only
     EXPECT_EQ(test::run({"plugins", "--describe", "tosbp", "--markdown", "--json"}).code, 2);
     const Outcome robots = test::run({"robots"});
@@ -181,58 +171,51 @@ TEST(Program, PluginsAndRobotsAreListedAndDescribed) {
 
 TEST(Program, ExportWritesCsvAndRefusesToOverwrite) {
     Folder folder;
-    ASSERT_EQ(test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run",
-                         "--case", "A"})
-                  .code,
-              0);
+    ASSERT_EQ(test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A"}).code, 0);
     const std::string csv = folder / "a.csv";
     ASSERT_EQ(test::run({"export", folder / "run/A.mcap", "--to", "csv", csv}).code, 0);
     const std::string text = readFile(csv);
     EXPECT_EQ(text.rfind("time_s,", 0), 0u);
     expectContains(text.substr(0, text.find('\n')),
-                   {"nominal.joint0.q_rad", "nominal.joint0.jerk_radps3", "filter.joint0.active",
-                    "tick.status"});
+                   {"nominal.joint0.q_rad", "nominal.joint0.jerk_radps3", "filter.joint0.active", "tick.status"});
     EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 2001);
     EXPECT_EQ(test::run({"export", folder / "run/A.mcap", "--to", "csv", csv}).code, 2);
     EXPECT_EQ(test::run({"export", folder / "run/A.mcap", "--to", "xls", folder / "b"}).code, 2);
-    EXPECT_EQ(test::run({"export", folder / "run/summary.json", "--to", "csv", folder / "b"}).code,
-              2);
+    EXPECT_EQ(test::run({"export", folder / "run/summary.json", "--to", "csv", folder / "b"}).code, 2);
 }
 
-TEST(Program, ABrokenPromiseExitsWith3AndSaysWhatBroke) {
+TEST(Program, ABrokenGuaranteeExitsWith3AndSaysWhatBroke) {
     Folder folder;
-    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out",
-                                 folder / "run", "--case", "A", "--set", "filter.plugin=liar"});
+    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A",
+                                 "--set", "filter.plugin=liar"});
     EXPECT_EQ(o.code, 3);
-    expectContains(o.err, {"case A", "'liar'", "promises all limits", "jerk"});
+    expectContains(o.err, {"case A", "'liar'", "guarantees all limits", "jerk"});
     expectContains(readFile(folder / "run/summary.json"), {"\"exit_code\": 3"});
 }
 
 TEST(Fault13, CheckRefusesAStartWithoutAStopInsideTheLimits) {
     Folder folder;
-    const Outcome o = test::run({"check", folder.write("e.yaml", kExperiment), "--set",
-                                 "start={position_rad: [3], velocity_radps: [2]}"});
+    const Outcome o = test::run(
+        {"check", folder.write("e.yaml", kExperiment), "--set", "start={position_rad: [3], velocity_radps: [2]}"});
     EXPECT_EQ(o.code, 2);
     expectContains(o.err, {"--set start", "joint0 is not viable", "upper position limit by"});
 }
 
 TEST(Fault25, MissedTicksAreRunAndCountedInTheSummary) {
     Folder folder;
-    const Outcome o =
-        test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case",
-                   "A", "--set", "missed_ticks=[{at_s: 0.5, count: 20}]"});
+    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A",
+                                 "--set", "missed_ticks=[{at_s: 0.5, count: 20}]"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"missed ticks 20", "least margin"});
     expectContains(readFile(folder / "run/summary.json"),
-                   {"\"missed_ticks\": 20", "\"unviable_ticks\": ", "\"returning_ticks\": 0",
+                   {"\"missed_ticks\": 20", "\"unviable_ticks\": ", "\"recovering_ticks\": 0",
                     "\"least_margin\": ", "\"tau_removed_max_Nm\": ", "\"episodes\": "});
 }
 
 TEST(Fault44, APluginThatThrowsInTheRunExitsWith4AndKeepsTheLog) {
     Folder folder;
-    const Outcome o =
-        test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case",
-                   "A", "--set", "filter.plugin=throwing_tick", "--set", "filter.after_ticks=500"});
+    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A",
+                                 "--set", "filter.plugin=throwing_tick", "--set", "filter.after_ticks=500"});
     EXPECT_EQ(o.code, 4);
     expectContains(o.err, {"case A", "stopped at 0.5000 s (tick 500)", "'throwing_tick'", "it threw"});
     EXPECT_GT(countRows(folder / "run/A.mcap"), 500);
@@ -245,9 +228,8 @@ TEST(Fault72, AFullDiskEndsTheLogNotTheRun) {
         const rlimit limit{60000, 60000};
         setrlimit(RLIMIT_FSIZE, &limit);
     };
-    const Outcome o = test::run(
-        {"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A"},
-        limitFiles);
+    const Outcome o =
+        test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A"}, limitFiles);
     EXPECT_EQ(o.code, 5);
     expectContains(o.err, {"case A", "log could not be written"});
     expectContains(o.out, {"LOG LOST", "2.000 s simulated"});
@@ -257,8 +239,7 @@ TEST(Fault72, AFullDiskEndsTheLogNotTheRun) {
 TEST(Fault72, AnUnwritableFolderIsRefusedBeforeTheRun) {
     Folder folder;
     folder.write("file", "");
-    const Outcome o =
-        test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "file/run"});
+    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "file/run"});
     EXPECT_EQ(o.code, 5);
     expectContains(o.err, {"cannot create the folder"});
 }
@@ -295,10 +276,9 @@ TEST(Fault74, RunsStartedInTheSameSecondGetFoldersOfTheirOwn) {
 
 /** Starts a long run, waits for its log to grow, and sends `signals` in turn. */
 Outcome runAndSignal(const Folder& folder, const std::vector<int>& signals, double& seconds) {
-    test::Program program({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run",
-                           "--case", "A", "--set", "duration_s=80000"});
-    while (!std::filesystem::exists(folder / "run/A.mcap") ||
-           std::filesystem::file_size(folder / "run/A.mcap") < 50000)
+    test::Program program({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A", "--set",
+                           "duration_s=80000"});
+    while (!std::filesystem::exists(folder / "run/A.mcap") || std::filesystem::file_size(folder / "run/A.mcap") < 50000)
         std::this_thread::sleep_for(std::chrono::milliseconds(10));
     const auto begin = std::chrono::steady_clock::now();
     for (int s : signals) kill(program.pid(), s);
@@ -335,9 +315,8 @@ TEST(Fault75, ASecondSignalForcesTheEnd) {
 
 TEST(Fault75, AClosedPipeDoesNotKillTheRun) {
     Folder folder;
-    const std::string command = std::string(VIABLE_PROGRAM) + " run " +
-                                folder.write("e.yaml", kExperiment) + " --out " +
-                                (folder / "run").string() + " | true";
+    const std::string command = std::string(VIABLE_PROGRAM) + " run " + folder.write("e.yaml", kExperiment) +
+                                " --out " + (folder / "run").string() + " | true";
     setenv("VIABLE_ROBOT_PATH", VIABLE_SOURCE_DIR "/robots", 1);
     ASSERT_EQ(std::system(command.c_str()), 0);
     EXPECT_EQ(countRows(folder / "run/A.mcap"), 2000);

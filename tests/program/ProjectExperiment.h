@@ -8,26 +8,24 @@
 #include <string>
 #include <vector>
 
+#include "Paths.h"
 #include "TemporaryFolder.h"
-#include "viable/experiment/CaseRun.h"
-#include "viable/log/LogReader.h"
+#include "experiment/CaseRun.h"
+#include "log/LogReader.h"
 
 namespace viable {
 
 /** An experiment of the project. */
 class ProjectExperiment {
 public:
-    explicit ProjectExperiment(const std::string& name,
-                               const std::vector<std::string>& overrides = {})
+    explicit ProjectExperiment(const std::string& name, const std::vector<std::string>& overrides = {})
         : experiment_(readExperiment(VIABLE_SOURCE_DIR "/experiments/" + name + ".yaml", overrides,
-                                     PluginLoader({VIABLE_PLUGIN_DIR}),
-                                     {VIABLE_SOURCE_DIR "/robots"})) {}
+                                     PluginLoader({VIABLE_PLUGIN_DIR}), {VIABLE_SOURCE_DIR "/robots"})) {}
 
     const Experiment& experiment() const { return experiment_; }
 
     /** Runs a case; `see` gets every row of its log. */
-    CaseResult run(const std::string& name,
-                   const std::function<void(const TickRecord&)>& see = {}) const {
+    CaseResult run(const std::string& name, const std::function<void(const TickRecord&)>& see = {}) const {
         for (const CasePlan& plan : experiment_.cases) {
             if (plan.name != name) continue;
             RunOptions options;
@@ -55,8 +53,7 @@ inline double getUse(const CaseResult& r, LimitKind kind) {
 
 inline std::int64_t countOutside(const CaseResult& r) {
     std::int64_t outside = 0;
-    for (const LimitKind kind :
-         {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk})
+    for (const LimitKind kind : {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk})
         outside += r.summary.ticksOutside(kind);
     return outside;
 }

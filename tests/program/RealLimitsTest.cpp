@@ -59,8 +59,7 @@ TEST(Fault17, DisturbancesOutsideTheSetTripAndStopTheArm) {
         {"friction times ten", {"real_plant.friction_scale=10"}},
         {"friction times six that breaks away at twice that",
          {"real_plant.friction_scale=6", "real_plant.breakaway_ratio=2"}},
-        {"joint held", {"real_plant.blocked_joint=1", "real_plant.blocked_from_s=1",
-                        "real_plant.blocked_until_s=3"}},
+        {"joint held", {"real_plant.blocked_joint=1", "real_plant.blocked_from_s=1", "real_plant.blocked_until_s=3"}},
         {"motors at a third", {"real_plant.torque_limit_factor=0.3"}},
     };
     for (const Beyond& beyond : cases) {
@@ -75,14 +74,12 @@ TEST(Fault17, DisturbancesOutsideTheSetTripAndStopTheArm) {
 }
 
 TEST(Fault22, NoiseWithinTheSetIsBorneAndWrongReadingsStopTheArm) {
-    const CaseResult noisy = runReal({"disturbance_set.reading_error_rad=4e-6",
-                                      "real_plant.encoder_noise_rad=1e-6"});
+    const CaseResult noisy = runReal({"disturbance_set.reading_error_rad=4e-6", "real_plant.encoder_noise_rad=1e-6"});
     EXPECT_EQ(noisy.exitCode(), 0) << noisy.stopMessage;
     EXPECT_LT(findShare(noisy), 1.0);
     for (const char* fault : {"bias", "sign", "spike", "wrap"}) {
-        const CaseResult result =
-            runReal({std::string("real_plant.sensor_fault=") + fault,
-                     "real_plant.sensor_fault_from_s=1", "real_plant.sensor_fault_rad=0.05"});
+        const CaseResult result = runReal({std::string("real_plant.sensor_fault=") + fault,
+                                           "real_plant.sensor_fault_from_s=1", "real_plant.sensor_fault_rad=0.05"});
         EXPECT_EQ(result.stopReason, StopReason::SensorFailed) << fault;
         EXPECT_EQ(result.exitCode(), 6) << fault << ": beyond the bound, too";
         EXPECT_NEAR(result.stopTime_s, 1.0, 2e-3) << fault;
@@ -118,8 +115,7 @@ TEST(RealLimits, TwoHundredDrawsWithinTheSetKeepTheLimitsOfTheRealArm) {
     const test::TemporaryFolder folder;
     const auto out = folder.path() / "sweep";
     const test::Outcome outcome =
-        test::Program({"sweep", "experiments/indy7_sweep.yaml", "--runs", "200", "--seed", "1", "--out",
-                       out.string()})
+        test::Program({"sweep", "experiments/indy7_sweep.yaml", "--runs", "200", "--seed", "1", "--out", out.string()})
             .wait();
     ASSERT_EQ(outcome.code, 0) << outcome.out << outcome.err;
     const std::string table = test::readFile(out / "sweep.csv");
@@ -131,8 +127,8 @@ TEST(RealLimits, TwoHundredDrawsWithinTheSetKeepTheLimitsOfTheRealArm) {
     const double position = findLargest("real.worst_use.position");
     const double velocity = findLargest("real.worst_use.velocity");
     const double share = findLargest("bound.share");
-    std::printf("  real arm: position %.4f, velocity %.4f of the limits; %.3f of the bound\n", position,
-                velocity, share);
+    std::printf("  real arm: position %.4f, velocity %.4f of the limits; %.3f of the bound\n", position, velocity,
+                share);
     EXPECT_LE(position, 1.0);
     EXPECT_LE(velocity, 1.0);
     EXPECT_LT(share, 1.0);
@@ -141,14 +137,12 @@ TEST(RealLimits, TwoHundredDrawsWithinTheSetKeepTheLimitsOfTheRealArm) {
 }
 
 TEST(BoundCommand, ShowsTheBoundAndWhatItConsistsOf) {
-    const test::Outcome told =
-        test::Program({"bound", "experiments/indy7_real_limits.yaml"}).wait();
+    const test::Outcome told = test::Program({"bound", "experiments/indy7_real_limits.yaml"}).wait();
     ASSERT_EQ(told.code, 0) << told.err;
-    for (const char* part : {"position [mrad]", "velocity [rad/s]", "payload", "dry friction",
-                             "the motors give", "share of the position range [%]"})
+    for (const char* part : {"position [mrad]", "velocity [rad/s]", "payload", "dry friction", "the motors give",
+                             "share of the position range [%]"})
         EXPECT_NE(told.out.find(part), std::string::npos) << part << "\n" << told.out;
-    const test::Outcome json =
-        test::Program({"bound", "experiments/indy7_real_limits.yaml", "--json"}).wait();
+    const test::Outcome json = test::Program({"bound", "experiments/indy7_real_limits.yaml", "--json"}).wait();
     const nlohmann::json all = nlohmann::json::parse(json.out);
     ASSERT_EQ(all.size(), 1u);
     EXPECT_EQ(all[0]["position_rad"].size(), 6u);

@@ -10,10 +10,10 @@
 namespace viable {
 namespace {
 
-/** What certified braking promises: nothing outside, always a choice, to the end. */
+/** What certified braking guarantees: nothing outside, always a choice, to the end. */
 void expectKept(const CaseResult& result, std::int64_t ticks) {
     print(result);
-    EXPECT_TRUE(result.promises);
+    EXPECT_TRUE(result.guarantees);
     EXPECT_EQ(result.summary.ticks(), ticks);
     EXPECT_EQ(countOutside(result), 0);
     EXPECT_FALSE(result.summary.anyLimitBroken());
@@ -22,8 +22,7 @@ void expectKept(const CaseResult& result, std::int64_t ticks) {
 }
 
 void expectReached(const CaseResult& result) {
-    for (const LimitKind kind :
-         {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk})
+    for (const LimitKind kind : {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk})
         EXPECT_GT(getUse(result, kind), 0.999) << static_cast<int>(kind);
 }
 
@@ -34,8 +33,7 @@ double getWorstExcess(const TickRecord& record, const JointLimits& limits) {
     const auto add = [&](const JointVector& value, const auto& range) {
         for (int i = 0; i < value.size(); ++i) {
             const double width = range.upper[i] - range.lower[i];
-            worst = std::max(
-                {worst, (value[i] - range.upper[i]) / width, (range.lower[i] - value[i]) / width});
+            worst = std::max({worst, (value[i] - range.upper[i]) / width, (range.lower[i] - value[i]) / width});
         }
     };
     add(record.nominal.q, limits.position);
@@ -51,8 +49,7 @@ TEST(PandaExperiment, KeepsTheVendorsLimitsAlsoThoseOnOneSideOfZero) {
     constexpr int kElbow = 3, kWrist = 5;
     ASSERT_LT(limits.position.upper[kElbow], 0.0);
     ASSERT_GT(limits.position.upper[kWrist], 100.0 * -limits.position.lower[kWrist]);
-    double excess = -1.0, highestElbow = -10.0, lowestElbow = 10.0, lowestWrist = 10.0,
-           highestWrist = -10.0;
+    double excess = -1.0, highestElbow = -10.0, lowestElbow = 10.0, lowestWrist = 10.0, highestWrist = -10.0;
     std::int64_t elbowBeyond = 0, wristBeyond = 0;
     const CaseResult result = experiment.run("certified", [&](const TickRecord& record) {
         excess = std::max(excess, getWorstExcess(record, limits));
@@ -69,8 +66,8 @@ TEST(PandaExperiment, KeepsTheVendorsLimitsAlsoThoseOnOneSideOfZero) {
         "  worst excess %.3g of the range; joint4 from %.6f to %.6f, joint6 from %.6f to %.6f rad; "
         "told to pass the "
         "limit near zero in %lld and %lld ticks\n",
-        excess, lowestElbow, highestElbow, lowestWrist, highestWrist,
-        static_cast<long long>(elbowBeyond), static_cast<long long>(wristBeyond));
+        excess, lowestElbow, highestElbow, lowestWrist, highestWrist, static_cast<long long>(elbowBeyond),
+        static_cast<long long>(wristBeyond));
     EXPECT_LE(excess, 1e-12);
     EXPECT_GT(elbowBeyond, 1000);
     EXPECT_GT(wristBeyond, 1000);
@@ -84,8 +81,7 @@ TEST(PandaExperiment, KeepsTheVendorsLimitsAlsoThoseOnOneSideOfZero) {
 TEST(PandaExperiment, TosbpKeepsTheJerkLimitAndAtTheCertifiedLawsGainNotTheOthers) {
     const CaseResult slow = ProjectExperiment("panda_asymmetric_limits").run("tosbp");
     const CaseResult fast =
-        ProjectExperiment("panda_asymmetric_limits", {"cases.tosbp.filter.k_alpha=20"})
-            .run("tosbp");
+        ProjectExperiment("panda_asymmetric_limits", {"cases.tosbp.filter.k_alpha=20"}).run("tosbp");
     print(slow);
     print(fast);
     EXPECT_EQ(countOutside(slow), 0);
@@ -104,8 +100,7 @@ TEST(PandaExperiment, ItsOwnGainsHoldTheRealArmAndTheDefaultOnesDoNot) {
     const char* const name = "panda_asymmetric_limits";
     const CaseResult own = ProjectExperiment(name).run("certified");
     const CaseResult normal =
-        ProjectExperiment(name, {"robust_loop.k_r=600", "robust_loop.k_p=20", "robust_loop.k_i=8"})
-            .run("certified");
+        ProjectExperiment(name, {"robust_loop.k_r=600", "robust_loop.k_p=20", "robust_loop.k_i=8"}).run("certified");
     const CaseResult without = ProjectExperiment(name).run("without_nric");
     for (const CaseResult* result : {&own, &normal, &without}) {
         printTracking(*result);
@@ -147,8 +142,7 @@ TEST(PlanarTwoLinkExperiment, TheFilterKeepsWhatIsPassedWithoutIt) {
     const CaseResult certified = experiment.run("certified");
     const CaseResult without = experiment.run("without_nric");
     print(unfiltered);
-    for (const LimitKind kind :
-         {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk})
+    for (const LimitKind kind : {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk})
         EXPECT_GT(getUse(unfiltered, kind), 1.1) << static_cast<int>(kind);
     EXPECT_EQ(unfiltered.exitCode(), 0);
     expectKept(certified, 12000);
@@ -166,15 +160,13 @@ class DemandingCommands : public ::testing::TestWithParam<const char*> {};
 TEST_P(DemandingCommands, CertifiedBrakingKeepsEveryLimit) {
     for (const int seed : {101, 102, 103, 104}) {
         std::printf("  seed %d\n", seed);
-        const ProjectExperiment experiment(
-            GetParam(),
-            {"command={plugin: random_steps, seed: " + std::to_string(seed) +
-                 ", shortest_s: 0.02, longest_s: 1.5, beyond_share: 0.5, beyond_rad: 1}",
-             "duration_s=60", "controller.stiffness=400", "controller.damping=20"});
+        const ProjectExperiment experiment(GetParam(),
+                                           {"command={plugin: random_steps, seed: " + std::to_string(seed) +
+                                                ", shortest_s: 0.02, longest_s: 1.5, beyond_share: 0.5, beyond_rad: 1}",
+                                            "duration_s=60", "controller.stiffness=400", "controller.damping=20"});
         double excess = -1.0;
         const CaseResult result = experiment.run("certified", [&](const TickRecord& record) {
-            excess =
-                std::max(excess, getWorstExcess(record, experiment.experiment().cases[0].limits));
+            excess = std::max(excess, getWorstExcess(record, experiment.experiment().cases[0].limits));
         });
         expectKept(result, 60000);
         expectReached(result);
@@ -182,8 +174,7 @@ TEST_P(DemandingCommands, CertifiedBrakingKeepsEveryLimit) {
     }
 }
 
-INSTANTIATE_TEST_SUITE_P(Robots, DemandingCommands,
-                         ::testing::Values("panda_asymmetric_limits", "ur5e_unknown_tool"),
+INSTANTIATE_TEST_SUITE_P(Robots, DemandingCommands, ::testing::Values("panda_asymmetric_limits", "ur5e_unknown_tool"),
                          [](const auto& robot) { return std::string(robot.param); });
 
 }  // namespace

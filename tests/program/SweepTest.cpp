@@ -9,8 +9,9 @@
 #include <set>
 #include <thread>
 
+#include "Paths.h"
 #include "Program.h"
-#include "viable/sweep/SweepStore.h"
+#include "sweep/SweepStore.h"
 
 namespace viable {
 namespace {
@@ -74,7 +75,9 @@ protected:
         EXPECT_EQ(o.code, 0) << o.out << o.err;
         return readFile(folder_ / (out + "/sweep.csv"));
     }
-    SweepStore open(const std::string& out) const { return SweepStore(folder_ / out); }
+    SweepStore open(const std::string& out) const {
+        return SweepStore(folder_ / out);
+    }
     std::int64_t countRuns(const std::string& out) const {
         if (!fs::exists(folder_ / (out + "/sweep.sqlite"))) return 0;
         try {
@@ -97,8 +100,7 @@ protected:
 };
 
 std::vector<pid_t> findChildren(pid_t pid) {
-    std::ifstream stream("/proc/" + std::to_string(pid) + "/task/" + std::to_string(pid) +
-                         "/children");
+    std::ifstream stream("/proc/" + std::to_string(pid) + "/task/" + std::to_string(pid) + "/children");
     std::vector<pid_t> children;
     for (pid_t child; stream >> child;) children.push_back(child);
     return children;
@@ -109,8 +111,7 @@ std::string get(const SweepStore& store, const SweepRow& row, const std::string&
     for (std::size_t i = 0; i < columns.size(); ++i) {
         if (columns[i].name != column) continue;
         if (const auto* text = std::get_if<std::string>(&row.values[i])) return *text;
-        if (const auto* whole = std::get_if<std::int64_t>(&row.values[i]))
-            return std::to_string(*whole);
+        if (const auto* whole = std::get_if<std::int64_t>(&row.values[i])) return std::to_string(*whole);
         return "";
     }
     ADD_FAILURE() << "no column " << column;
@@ -153,10 +154,11 @@ TEST_F(Fault77_Sweep, IsTheSameInRanksOfMpi) {
         std::system("command -v mpirun >/dev/null") != 0)
         GTEST_SKIP() << "built without Open MPI";
     const std::string one = sweep("one", {"--runs", "24", "--jobs", "1"});
-    const std::string command =
-        "cd '" VIABLE_SOURCE_DIR "' && timeout 60 mpirun --allow-run-as-root --oversubscribe "
-        "--mca btl self,vader -n 3 '" VIABLE_PROGRAM "' sweep '" + file_ + "' --runs 24 --out '" +
-        (folder_ / "mpi").string() + "' >'" + (folder_ / "mpi.out").string() + "' 2>&1";
+    const std::string command = "cd '" VIABLE_SOURCE_DIR
+                                "' && timeout 60 mpirun --allow-run-as-root --oversubscribe "
+                                "--mca btl self,vader -n 3 '" VIABLE_PROGRAM "' sweep '" +
+                                file_ + "' --runs 24 --out '" + (folder_ / "mpi").string() + "' >'" +
+                                (folder_ / "mpi.out").string() + "' 2>&1";
     EXPECT_EQ(std::system(command.c_str()), 0) << readFile(folder_ / "mpi.out");
     EXPECT_EQ(readFile(folder_ / "mpi/sweep.csv"), one);
 }
@@ -166,20 +168,19 @@ TEST_F(Fault77_Sweep, ARunAloneIsTheRunOfTheSweep) {
     const SweepStore store = open("s");
     store.forEach([&](const SweepRow& row) {
         if (row.run != 4) return;
-        EXPECT_EQ(get(store, row, "replay"), "viable run " + file_ + " --draw 1:4 --case " +
-                                                 row.caseName + " --set controller.damping=4");
+        EXPECT_EQ(get(store, row, "replay"),
+                  "viable run " + file_ + " --draw 1:4 --case " + row.caseName + " --set controller.damping=4");
         const std::string out = folder_ / ("r" + row.caseName);
         std::string command = get(store, row, "replay");
         command.replace(0, 6, VIABLE_PROGRAM);
-        ASSERT_EQ(std::system(("cd " VIABLE_SOURCE_DIR " && " + command + " --no-report --out " + out +
-                               " >/dev/null 2>&1")
-                                  .c_str()),
-                  0)
+        ASSERT_EQ(
+            std::system(
+                ("cd " VIABLE_SOURCE_DIR " && " + command + " --no-report --out " + out + " >/dev/null 2>&1").c_str()),
+            0)
             << command;
         const auto summary = nlohmann::json::parse(readFile(out + "/summary.json"));
         const auto& own = summary["cases"][0];
-        EXPECT_EQ(getNumber(store, row, "tracking.max_rad"), own.at("tracking").at("max_rad"))
-            << own.dump(1);
+        EXPECT_EQ(getNumber(store, row, "tracking.max_rad"), own.at("tracking").at("max_rad")) << own.dump(1);
     });
 }
 
@@ -213,18 +214,13 @@ TEST_F(Fault76_Sweep, KilledInTheMiddleLosesNoRun) {
         for (const pid_t child : children)
             EXPECT_TRUE(waitFor([&] { return ::kill(child, 0) != 0; })) << "the child lives on";
         if (signal == SIGINT) {
-            EXPECT_NE(ended.err.find("The same command goes on from there"), std::string::npos)
-                << ended.err;
+            EXPECT_NE(ended.err.find("The same command goes on from there"), std::string::npos) << ended.err;
         }
         std::map<std::string, double> walls_s;
-        const auto name = [](const SweepRow& row) {
-            return std::to_string(row.run) + row.caseName;
-        };
+        const auto name = [](const SweepRow& row) { return std::to_string(row.run) + row.caseName; };
         {
             const SweepStore store = open(out);
-            store.forEach([&](const SweepRow& row) {
-                walls_s[name(row)] = getNumber(store, row, "wall_s");
-            });
+            store.forEach([&](const SweepRow& row) { walls_s[name(row)] = getNumber(store, row, "wall_s"); });
         }
         EXPECT_GE(walls_s.size(), 10u);
         EXPECT_LT(walls_s.size(), 120u) << "killed too late to show anything";
@@ -273,29 +269,26 @@ TEST_F(Fault76_Sweep, APluginThatFailsCostsItsOwnRunOnlyAndIsReplayed) {
         seen.insert(how);
         const auto& [status, message] = expected.at(how);
         EXPECT_EQ(get(store, row, "status"), status) << how << ", run " << row.run;
-        EXPECT_NE(get(store, row, "message").find(message), std::string::npos)
-            << get(store, row, "message");
+        EXPECT_NE(get(store, row, "message").find(message), std::string::npos) << get(store, row, "message");
         if (how == "segfaults" && replay.empty()) replay = get(store, row, "replay");
     });
     EXPECT_EQ(seen.size(), expected.size()) << "the seed draws not every way to fail";
     EXPECT_NE(o.out.find(replay), std::string::npos) << o.out;
     replay.replace(0, 6, "VIABLE_PLUGIN_PATH=" VIABLE_BINARY_DIR "/tests/broken_plugins " VIABLE_PROGRAM);
     const int code = std::system(("cd " VIABLE_SOURCE_DIR " && " + replay + " --no-report --out " +
-                                  (folder_ / "again").string() + " >/dev/null 2>" +
-                                  (folder_ / "again.err").string())
+                                  (folder_ / "again").string() + " >/dev/null 2>" + (folder_ / "again.err").string())
                                      .c_str());
     EXPECT_EQ(WEXITSTATUS(code), 4);
-    EXPECT_NE(readFile(folder_ / "again.err").find("crashed in tick 10: signal 11"),
-              std::string::npos)
+    EXPECT_NE(readFile(folder_ / "again.err").find("crashed in tick 10: signal 11"), std::string::npos)
         << readFile(folder_ / "again.err");
 }
 
 // A push beyond the stated set, too short for a trip: one of the two runs bears it.
-TEST_F(Sweep, ABrokenPromiseOnTheRealArmIsNotOk) {
-    const Outcome o = test::run(
-        {"sweep", "experiments/indy7_sweep.yaml", "--runs", "4", "--shard", "1/2", "--out",
-         folder_ / "s", "--set", "duration_s=3", "--set", "real_plant.push_Nm=[800,800,0,0,0,0]",
-         "--set", "real_plant.push_from_s=2", "--set", "real_plant.push_until_s=2.001"});
+TEST_F(Sweep, ABrokenGuaranteeOnTheRealArmIsNotOk) {
+    const Outcome o =
+        test::run({"sweep", "experiments/indy7_sweep.yaml", "--runs", "4", "--shard", "1/2", "--out", folder_ / "s",
+                   "--set", "duration_s=3", "--set", "real_plant.push_Nm=[800,800,0,0,0,0]", "--set",
+                   "real_plant.push_from_s=2", "--set", "real_plant.push_until_s=2.001"});
     EXPECT_EQ(o.code, 3) << o.err;
     std::map<std::string, int> ends;
     const SweepStore store = open("s");
@@ -303,13 +296,13 @@ TEST_F(Sweep, ABrokenPromiseOnTheRealArmIsNotOk) {
         const std::string status = get(store, row, "status"), code = get(store, row, "exit_code");
         ++ends[status];
         EXPECT_EQ(status == "ok", code == "0") << status << " with " << code;
-        if (status != "promise_broken") return;
+        if (status != "guarantee_broken") return;
         EXPECT_EQ(code, "3");
         EXPECT_EQ(get(store, row, "message").find("the real arm passed its limits: velocity by "), 0u);
         EXPECT_NE(get(store, row, "message").find(" rad/s (joint"), std::string::npos);
         EXPECT_NE(o.out.find(get(store, row, "replay")), std::string::npos) << o.out;
     });
-    EXPECT_EQ(ends, (std::map<std::string, int>{{"ok", 1}, {"promise_broken", 1}})) << o.out;
+    EXPECT_EQ(ends, (std::map<std::string, int>{{"ok", 1}, {"guarantee_broken", 1}})) << o.out;
 }
 
 TEST_F(Sweep, ChecksWhatItIsGiven) {
@@ -331,8 +324,7 @@ TEST_F(Sweep, ChecksWhatItIsGiven) {
                   "the experiment file, its overrides");
     expectRefusal(arguments(folder_ / "s", {"--runs", "1"}), "--runs 2 goes on with it");
     sweep("t", {"--runs", "2", "--seed", "3"});
-    expectRefusal({"sweep", "--merge", folder_ / "s", folder_ / "t", "--out", folder_ / "m"},
-                  "its seed is 1, not 3");
+    expectRefusal({"sweep", "--merge", folder_ / "s", folder_ / "t", "--out", folder_ / "m"}, "its seed is 1, not 3");
 }
 
 // Even one that no run has drawn yet.
@@ -363,8 +355,7 @@ TEST_F(Sweep, AgainDoesLostRunsOnceMore) {
     again.push_back("--again");
     o = test::run(again);
     EXPECT_EQ(o.code, 4) << o.err;
-    EXPECT_NE(o.out.find("4 runs that crashed or took too long are done again"), std::string::npos)
-        << o.out;
+    EXPECT_NE(o.out.find("4 runs that crashed or took too long are done again"), std::string::npos) << o.out;
     EXPECT_EQ(open("s").findRuns().size(), 4u);
 }
 
@@ -380,13 +371,10 @@ TEST_F(Sweep, AFileSizeLimitIsToldAndTheSweepGoesOnFromThere) {
 TEST_F(Sweep, CheckTriesRunsAndTheEndsOfTheirRanges) {
     const Outcome o = test::run({"check", file_});
     EXPECT_EQ(o.code, 0) << o.err;
-    EXPECT_NE(o.out.find("5 values drawn; 10 runs and 10 ends of their ranges tried"),
-              std::string::npos)
-        << o.out;
+    EXPECT_NE(o.out.find("5 values drawn; 10 runs and 10 ends of their ranges tried"), std::string::npos) << o.out;
     // None of the ten runs has drawn it.
-    const Outcome bad =
-        test::run({"check", file_, "--set",
-                   "tick_s=~choice(0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 7)"});
+    const Outcome bad = test::run(
+        {"check", file_, "--set", "tick_s=~choice(0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 7)"});
     EXPECT_EQ(bad.code, 2) << bad.out;
     EXPECT_NE(bad.err.find("tick_s"), std::string::npos) << bad.err;
     EXPECT_EQ(test::run({"check", file_, "--draw", "9:4"}).code, 0);

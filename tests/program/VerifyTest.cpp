@@ -4,8 +4,9 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "Paths.h"
 #include "Program.h"
-#include "viable/log/LogReader.h"
+#include "log/LogReader.h"
 
 // `viable verify` and `viable identify` from outside: exit codes, words, files, and what they say against what a
 // simulation knows.

@@ -86,8 +86,7 @@ DrawnLimits drawLimits(Random& random, double tick_s) {
 
 DrawnLimits drawChange(Random& random, const DrawnLimits& before, double tick_s) {
     AxisLimits l = before.finite;
-    const double v = random.logUniform(0.3, 3.0), a = random.logUniform(0.3, 3.0),
-                 j = random.logUniform(0.5, 2.0);
+    const double v = random.logUniform(0.3, 3.0), a = random.logUniform(0.3, 3.0), j = random.logUniform(0.5, 2.0);
     l.velocityLower *= v, l.velocityUpper *= v;
     l.accelerationLower *= a, l.accelerationUpper *= a;
     l.jerkLower *= j, l.jerkUpper *= j;
@@ -105,8 +104,7 @@ DrawnLimits drawChange(Random& random, const DrawnLimits& before, double tick_s)
     }
     for (double AxisLimits::*side :
          {&AxisLimits::positionLower, &AxisLimits::positionUpper, &AxisLimits::velocityLower,
-          &AxisLimits::velocityUpper, &AxisLimits::accelerationLower,
-          &AxisLimits::accelerationUpper})
+          &AxisLimits::velocityUpper, &AxisLimits::accelerationLower, &AxisLimits::accelerationUpper})
         if (std::isinf(before.limits.*side)) changed.limits.*side = before.limits.*side;
     return changed;
 }
@@ -130,8 +128,7 @@ double Adversary::want(std::int64_t tick, double last, double stored) {
         case Greedy:
             return tick / 2000 % 2 ? -1e300 : 1e300;
         case SineAtLimit:
-            return scale(2.0 *
-                         std::sin(6.283185307 * static_cast<double>(tick) / period_ + phase_));
+            return scale(2.0 * std::sin(6.283185307 * static_cast<double>(tick) / period_ + phase_));
         case AtTheCorner:  // what was granted, a hair more; or the stop, a hair less
             return random_.chance(0.5) ? std::nextafter(last, value_ * INFINITY)
                                        : std::nextafter(stored, -value_ * INFINITY);
@@ -204,8 +201,7 @@ void Arm::changeLimits(Random& random) {
 
 CertifiedBraking::Status Arm::choose(std::int64_t tick) {
     for (int i = 0; i < n; ++i)
-        wanted[i] = std::clamp(adversaries[i].want(tick, chosen[i], braking.stop(i).nextJerk()),
-                               -1e300, 1e300);
+        wanted[i] = std::clamp(adversaries[i].want(tick, chosen[i], braking.stop(i).nextJerk()), -1e300, 1e300);
     return choose();
 }
 

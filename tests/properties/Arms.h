@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "Random.h"
-#include "viable/motion/CertifiedBraking.h"
+#include "viable/braking/CertifiedBraking.h"
 
 namespace viable {
 
@@ -27,16 +27,7 @@ double drawTick(Random& random);
 /** Wants of a joint that try to make it leave its limits. */
 class Adversary {
 public:
-    enum Kind {
-        HeldRandom,
-        BangBang,
-        TwoTickBang,
-        Greedy,
-        SineAtLimit,
-        AtTheCorner,
-        Noise,
-        kKinds
-    };
+    enum Kind { HeldRandom, BangBang, TwoTickBang, Greedy, SineAtLimit, AtTheCorner, Noise, kKinds };
 
     Adversary(Random& random, const AxisLimits& limits);
 
@@ -46,9 +37,7 @@ public:
     Kind kind() const { return kind_; }
 
 private:
-    double scale(double x) const {
-        return x > 0.0 ? x * limits_.jerkUpper : -x * limits_.jerkLower;
-    }
+    double scale(double x) const { return x > 0.0 ? x * limits_.jerkUpper : -x * limits_.jerkLower; }
 
     Random& random_;
     AxisLimits limits_;

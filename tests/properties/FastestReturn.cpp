@@ -2,7 +2,7 @@
 
 #include <limits>
 
-#include "viable/motion/Braking.h"
+#include "viable/braking/Braking.h"
 
 namespace viable {
 
@@ -69,8 +69,7 @@ double followFastestStop(PathRange& path, const AxisLimits& l) {
     return before + stop.T1 + stop.T2 + stop.T3;
 }
 
-FastestReturn::FastestReturn(const AxisState& s, const AxisLimits& stopLimits, const AxisLimits& l,
-                             double tick_s)
+FastestReturn::FastestReturn(const AxisState& s, const AxisLimits& stopLimits, const AxisLimits& l, double tick_s)
     : stop(s) {
     seconds = followFastestStop(stop, stopLimits);
     const Real end = stop.endPosition();
@@ -79,9 +78,7 @@ FastestReturn::FastestReturn(const AxisState& s, const AxisLimits& stopLimits, c
     else if (end < l.positionLower)
         seconds += static_cast<double>(calcMoveTime(l.positionLower - end, l));
     const double v = static_cast<double>(stop.v.size()), a = static_cast<double>(stop.a.size());
-    const double J = std::max(
-                     {-l.jerkLower, l.jerkUpper, -stopLimits.jerkLower, stopLimits.jerkUpper}),
-                 dt = tick_s;
+    const double J = std::max({-l.jerkLower, l.jerkUpper, -stopLimits.jerkLower, stopLimits.jerkUpper}), dt = tick_s;
     tickTravel[0] = dt * (v + dt * (a / 2.0 + dt * J / 6.0));
     tickTravel[1] = dt * (a + dt * J / 2.0);
     tickTravel[2] = dt * J;

@@ -13,8 +13,7 @@ double followFastestStop(PathRange& path, const AxisLimits& limits);
 where that ends beyond a position limit, from rest to rest back to the limit, as fast as all limits allow. */
 struct FastestReturn {
     /** @param stopLimits  of jerk and acceleration during the stop: `limits`, or those before a change */
-    FastestReturn(const AxisState& s, const AxisLimits& stopLimits, const AxisLimits& limits,
-                  double tick_s);
+    FastestReturn(const AxisState& s, const AxisLimits& stopLimits, const AxisLimits& limits, double tick_s);
 
     PathRange stop;
     double seconds;  ///< until it is at rest within the limits

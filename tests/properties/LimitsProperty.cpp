@@ -37,19 +37,17 @@ struct Uses {
 
     void see(const PathRange& tick, double jerk, const DrawnLimits& l) {
         const double range = l.finite.positionUpper - l.finite.positionLower;
-        const auto seeSides = [](bool& use, const Range& x, double lower, double upper,
-                                 double unusedLower, double unusedUpper) {
+        const auto seeSides = [](bool& use, const Range& x, double lower, double upper, double unusedLower,
+                                 double unusedUpper) {
             use |= x.largest >= upper - unusedUpper || x.least <= lower + unusedLower;
         };
         const AxisLimits &s = l.limits, &f = l.finite;
-        seeSides(used[Position], tick.p, s.positionLower, s.positionUpper, kUnused * range,
-                 kUnused * range);
-        seeSides(used[Velocity], tick.v, s.velocityLower, s.velocityUpper,
-                 -kUnused * f.velocityLower, kUnused * f.velocityUpper);
-        seeSides(used[Acceleration], tick.a, s.accelerationLower, s.accelerationUpper,
-                 -kUnused * f.accelerationLower, kUnused * f.accelerationUpper);
-        seeSides(used[Jerk], {jerk, jerk}, s.jerkLower, s.jerkUpper, -kUnused * f.jerkLower,
-                 kUnused * f.jerkUpper);
+        seeSides(used[Position], tick.p, s.positionLower, s.positionUpper, kUnused * range, kUnused * range);
+        seeSides(used[Velocity], tick.v, s.velocityLower, s.velocityUpper, -kUnused * f.velocityLower,
+                 kUnused * f.velocityUpper);
+        seeSides(used[Acceleration], tick.a, s.accelerationLower, s.accelerationUpper, -kUnused * f.accelerationLower,
+                 kUnused * f.accelerationUpper);
+        seeSides(used[Jerk], {jerk, jerk}, s.jerkLower, s.jerkUpper, -kUnused * f.jerkLower, kUnused * f.jerkUpper);
     }
 };
 
@@ -124,14 +122,12 @@ private:
     void missTicks(int missed) {
         Arm& arm = *arm_;
         const double t = missed * arm.tick_s;
-        for (auto& sizes : sizes_)
-            sizes[0] = std::max(sizes[0], kCarried * t * (sizes[1] + t * sizes[2] / 2.0));
+        for (auto& sizes : sizes_) sizes[0] = std::max(sizes[0], kCarried * t * (sizes[1] + t * sizes[2] / 2.0));
         std::vector<GridStop> stops;
         for (int i = 0; i < arm.n; ++i) stops.push_back(arm.braking.stop(i));
         for (int m = 0; m < missed; ++m) {
             for (int i = 0; i < arm.n; ++i) arm.chosen[i] = stops[i].takeJerk();
-            for (int i = 0; i < arm.n; ++i)
-                checkTick(i, "a limit is passed in a missed tick (relative)");
+            for (int i = 0; i < arm.n; ++i) checkTick(i, "a limit is passed in a missed tick (relative)");
             arm.move();
         }
         arm.braking.skipTicks(missed);
@@ -150,8 +146,7 @@ private:
         if (followsStop) {  // it is always admissible, but for what rounding left at its end
             for (int i = 0; i < arm.n; ++i) {
                 arm.wanted[i] = arm.braking.stop(i).nextJerk();
-                isAdmissible &= !arm.braking.stop(i).atRest() ||
-                                (arm.state.qd[i] == 0.0 && arm.state.qdd[i] == 0.0);
+                isAdmissible &= !arm.braking.stop(i).atRest() || (arm.state.qd[i] == 0.0 && arm.state.qdd[i] == 0.0);
             }
             status = arm.choose();
         } else {
@@ -160,18 +155,16 @@ private:
         const bool passed = status == CertifiedBraking::Status::Passed;
         ++ticks_;
         passed_ += passed && !followsStop;
-        if (status == CertifiedBraking::Status::Returning) checkNoneIsLost();
+        if (status == CertifiedBraking::Status::Recovering) checkNoneIsLost();
         if ((isAdmissible || passed) && arm.chosen != arm.wanted)
-            fail("an admissible jerk was changed [rad/s^3]",
-                 (arm.chosen - arm.wanted).lpNorm<Eigen::Infinity>(), 0);
+            fail("an admissible jerk was changed [rad/s^3]", (arm.chosen - arm.wanted).lpNorm<Eigen::Infinity>(), 0);
         for (int i = 0; i < arm.n; ++i) {
             const PathRange tick = checkTick(i, "a limit is passed (relative)");
             if (hasBarrier) checkBarrier(i, tick);
             checkNotStuck(i);
             uses_[i].see(tick, arm.chosen[i], arm.now[i]);
             const AxisLimits& typical = arm.now[i].finite;
-            moving_ +=
-                tick.v.size() > kMotion * std::min(-typical.velocityLower, typical.velocityUpper);
+            moving_ += tick.v.size() > kMotion * std::min(-typical.velocityLower, typical.velocityUpper);
         }
         arm.move();
     }
@@ -181,12 +174,11 @@ private:
             const PassedLimit& excess = arm_->braking.findExcess(i);
             if (excess.limit == LimitKind::None) continue;
             if (excess.limit != LimitKind::Jerk && excess.excess <= calcRounding(i, excess.limit)) {
-                ++returningForRounding_;
+                ++recoveringForRounding_;
                 continue;
             }
             char what[80];
-            std::snprintf(what, sizeof what, "a stop was lost: it passes %s",
-                          getName(excess.limit, excess.side));
+            std::snprintf(what, sizeof what, "a stop was lost: it passes %s", getName(excess.limit, excess.side));
             fail(what, excess.excess, i);
         }
     }
@@ -194,10 +186,8 @@ private:
     double calcRounding(int i, LimitKind limit) const {
         const AxisLimits l = arm_->limits.axis(i);
         const auto& sizes = sizes_[i];
-        if (limit == LimitKind::Position)
-            return kAllowed * calcSize(l.positionLower, l.positionUpper, sizes[0]);
-        if (limit == LimitKind::Velocity)
-            return kAllowed * calcSize(l.velocityLower, l.velocityUpper, sizes[1]);
+        if (limit == LimitKind::Position) return kAllowed * calcSize(l.positionLower, l.positionUpper, sizes[0]);
+        if (limit == LimitKind::Velocity) return kAllowed * calcSize(l.velocityLower, l.velocityUpper, sizes[1]);
         return kAllowed * calcSize(l.accelerationLower, l.accelerationUpper, sizes[2]);
     }
 
@@ -206,16 +196,14 @@ private:
         const AxisLimits l = arm.limits.axis(i);
         const PathRange tick = walkTick(arm.at(i), arm.chosen[i], arm.tick_s);
         auto& sizes = sizes_[i];
-        const auto see = [&](Quantity quantity, const Range& x, double lower, double upper,
-                             double seen) {
+        const auto see = [&](Quantity quantity, const Range& x, double lower, double upper, double seen) {
             Real beyond = std::max(x.largest - upper, lower - x.least);
             if (beyond != 0) beyond /= calcSize(lower, upper, seen);
             worst_.beyond[quantity] = std::max(worst_.beyond[quantity], beyond);
             if (!(beyond <= kAllowed)) fail(what, static_cast<double>(beyond), i);
         };
         const Range* ranges[] = {&tick.p, &tick.v, &tick.a};
-        for (int q = 0; q < 3; ++q)
-            sizes[q] = std::max(sizes[q], static_cast<double>(ranges[q]->size()));
+        for (int q = 0; q < 3; ++q) sizes[q] = std::max(sizes[q], static_cast<double>(ranges[q]->size()));
         see(Position, tick.p, l.positionLower, l.positionUpper, sizes[0]);
         see(Velocity, tick.v, l.velocityLower, l.velocityUpper, sizes[1]);
         see(Acceleration, tick.a, l.accelerationLower, l.accelerationUpper, sizes[2]);
@@ -237,8 +225,7 @@ private:
         const bool rests = arm_->chosen[i] == 0.0 && arm_->braking.stop(i).atRest();
         stuck_[i] = rests ? stuck_[i] + 1 : 0;
         longestStuck_ = std::max(longestStuck_, stuck_[i]);
-        if (stuck_[i] > kMostStuck)
-            fail("a joint does not move though it could [ticks]", stuck_[i], i);
+        if (stuck_[i] > kMostStuck) fail("a joint does not move though it could [ticks]", stuck_[i], i);
     }
 
     /** P - reach+ >= (1 - share) (P - reach), on every side, of position and velocity. Where the stop goes on it must not
@@ -251,15 +238,14 @@ private:
         path.include(walkStop(end, arm.braking.stop(i), arm.tick_s));
         const bool goesOn = arm.chosen[i] == before.jerk;
         const Range after = goesOn ? path.v : Reach::calcPeaks(end, l, arm.tick_s);
-        seeBarrier(i, "the barrier of a position limit is passed (relative)", before.path.p, path.p,
-                   l.positionLower, l.positionUpper, path.p.size(), goesOn);
-        seeBarrier(i, "the barrier of a velocity limit is passed (relative)",
-                   goesOn ? before.path.v : before.peaks, after, l.velocityLower, l.velocityUpper,
-                   path.v.size(), goesOn);
+        seeBarrier(i, "the barrier of a position limit is passed (relative)", before.path.p, path.p, l.positionLower,
+                   l.positionUpper, path.p.size(), goesOn);
+        seeBarrier(i, "the barrier of a velocity limit is passed (relative)", goesOn ? before.path.v : before.peaks,
+                   after, l.velocityLower, l.velocityUpper, path.v.size(), goesOn);
     }
 
-    void seeBarrier(int i, const char* what, const Range& before, const Range& after, double lower,
-                    double upper, Real seen, bool goesOn) {
+    void seeBarrier(int i, const char* what, const Range& before, const Range& after, double lower, double upper,
+                    Real seen, bool goesOn) {
         const Real rest = goesOn ? 1 : 1 - Real(arm_->approach);
         const double size = calcSize(lower, upper, static_cast<double>(seen));
         const auto seeSide = [&](double limit, Real roomBefore, Real roomAfter) {
@@ -282,16 +268,14 @@ private:
 
     void report() {
         run_.print();
-        std::printf("  missed ticks %lld; worst beyond a limit (relative):",
-                    static_cast<long long>(skipped_));
+        std::printf("  missed ticks %lld; worst beyond a limit (relative):", static_cast<long long>(skipped_));
         for (int q = 0; q < kQuantities; ++q)
             std::printf(" %s %.2Lg%s", kNames[q], worst_.beyond[q], q < Jerk ? "," : "");
         std::printf("; beyond the barrier %.2Lg\n", barrier_);
-        std::printf("  longest rest of a joint that was to move where there is room: %d ticks\n",
-                    longestStuck_);
-        if (returningForRounding_ > 0)
-            std::printf("  joints reported as returning for no more than rounding %lld times\n",
-                        static_cast<long long>(returningForRounding_));
+        std::printf("  longest rest of a joint that was to move where there is room: %d ticks\n", longestStuck_);
+        if (recoveringForRounding_ > 0)
+            std::printf("  joints reported as recovering for no more than rounding %lld times\n",
+                        static_cast<long long>(recoveringForRounding_));
         run_.expectShare("joint steps in motion", moving_, run_.steps(), kLeastMotion);
         run_.expectShare("ticks passed unchanged", passed_, ticks_, kLeastPassed);
         run_.expectShare("barriers at which a joint was held back", held_, barriers_, kLeastHeld);
@@ -312,7 +296,7 @@ private:
     Real barrier_ = -1;
     int longestStuck_ = 0;
     std::int64_t ticks_ = 0, passed_ = 0, skipped_ = 0, moving_ = 0, barriers_ = 0, held_ = 0,
-                 returningForRounding_ = 0;
+                 recoveringForRounding_ = 0;
     std::int64_t pushed_[kQuantities] = {}, usedUp_[kQuantities] = {};
 };
 

@@ -5,7 +5,7 @@
 
 #include "Arms.h"
 #include "Properties.h"
-#include "viable/experiment/StopMonitor.h"
+#include "loop/StopMonitor.h"
 
 namespace viable {
 
@@ -45,9 +45,7 @@ struct Story {
     bool startsAnywhere, changesLimits, missesTicks;
 
     explicit Story(Random& random)
-        : startsAnywhere(random.chance(0.4)),
-          changesLimits(random.chance(0.4)),
-          missesTicks(random.chance(0.6)) {}
+        : startsAnywhere(random.chance(0.4)), changesLimits(random.chance(0.4)), missesTicks(random.chance(0.6)) {}
 };
 
 /** "position both at zero, velocity one, acceleration none" */
@@ -55,8 +53,8 @@ std::string describe(const AxisLimits& l) {
     const char* place = l.positionLower == 0.0 || l.positionUpper == 0.0   ? " at zero"
                         : isFar(l.positionLower) || isFar(l.positionUpper) ? " far from zero"
                                                                            : "";
-    return std::string("position ") + countSides(l.positionLower, l.positionUpper) + place +
-           ", velocity " + countSides(l.velocityLower, l.velocityUpper) + ", acceleration " +
+    return std::string("position ") + countSides(l.positionLower, l.positionUpper) + place + ", velocity " +
+           countSides(l.velocityLower, l.velocityUpper) + ", acceleration " +
            countSides(l.accelerationLower, l.accelerationUpper);
 }
 
@@ -86,8 +84,7 @@ private:
         const int ticks = random.integer(300, 3000);
         int left = random.integer(20, 500), k = 0;
         for (; k < ticks && !accused_; ++k) {
-            if (k > 0 && story.missesTicks && random.chance(0.003))
-                followStop(random.integer(1, 1000));
+            if (k > 0 && story.missesTicks && random.chance(0.003)) followStop(random.integer(1, 1000));
             if (story.changesLimits && --left == 0) {
                 arm.changeLimits(random);
                 monitor_.changeLimits(arm.limits, arm.state);
@@ -153,13 +150,13 @@ private:
 
     /** False where the last tick of the stop does next to nothing. */
     static bool cutShort(GridStop& stop, const AxisLimits& l) {
-        std::array<GridStop::Stretch, GridStop::kStretches> stretches;
-        for (int k = 0; k < GridStop::kStretches; ++k) stretches[k] = stop.remaining(k);
-        for (int k = GridStop::kStretches - 1; k >= 0; --k) {
-            if (stretches[k].ticks == 0) continue;
-            --stretches[k].ticks;
-            stop.set(stretches);
-            return std::abs(stretches[k].jerk) > 0.1 * std::min(-l.jerkLower, l.jerkUpper);
+        std::array<GridStop::Segment, GridStop::kSegments> segments;
+        for (int k = 0; k < GridStop::kSegments; ++k) segments[k] = stop.remaining(k);
+        for (int k = GridStop::kSegments - 1; k >= 0; --k) {
+            if (segments[k].ticks == 0) continue;
+            --segments[k].ticks;
+            stop.set(segments);
+            return std::abs(segments[k].jerk) > 0.1 * std::min(-l.jerkLower, l.jerkUpper);
         }
         return false;
     }
@@ -172,11 +169,11 @@ private:
         const AxisLimits l = arm_->limits.axis(i);
         char what[512];
         monitor_.describe(finding, "the joint", what, sizeof what);
-        run_.fail((std::string("the monitor accuses the law: ") + what).c_str(), finding.excess, i,
-                  arm_->at(i), l, arm_->tick_s);
-        Accusations& accusations = accusations_[std::string(getName(finding.fault)) + " " +
-                                                viable::getName(finding.limit, LimitSide::Neither) +
-                                                "; limits: " + describe(l)];
+        run_.fail((std::string("the monitor accuses the law: ") + what).c_str(), finding.excess, i, arm_->at(i), l,
+                  arm_->tick_s);
+        Accusations& accusations =
+            accusations_[std::string(getName(finding.fault)) + " " +
+                         viable::getName(finding.limit, LimitSide::Neither) + "; limits: " + describe(l)];
         if (accusations.arms++ == 0) accusations.firstArm = run_.arm();
         accusations.worst = std::max(accusations.worst, finding.excess);
         accusations.startedAnywhere += story_->startsAnywhere;
@@ -186,18 +183,15 @@ private:
 
     void report() {
         run_.print();
-        std::printf("  ticks found safe %lld, returning %lld, without a stop %lld; missed %lld\n",
+        std::printf("  ticks found safe %lld, recovering %lld, without a stop %lld; missed %lld\n",
                     static_cast<long long>(verdicts_[0]), static_cast<long long>(verdicts_[1]),
                     static_cast<long long>(verdicts_[2]), static_cast<long long>(missed_));
         std::printf("  spoilt decisions %lld\n", static_cast<long long>(spoilt_));
-        std::vector<std::pair<std::string, Accusations>> classes(accusations_.begin(),
-                                                                 accusations_.end());
-        std::stable_sort(classes.begin(), classes.end(), [](const auto& a, const auto& b) {
-            return a.second.arms > b.second.arms;
-        });
+        std::vector<std::pair<std::string, Accusations>> classes(accusations_.begin(), accusations_.end());
+        std::stable_sort(classes.begin(), classes.end(),
+                         [](const auto& a, const auto& b) { return a.second.arms > b.second.arms; });
         if (classes.size() > kMostClasses) {
-            std::printf("  classes of accusations %d, the most frequent:\n",
-                        static_cast<int>(classes.size()));
+            std::printf("  classes of accusations %d, the most frequent:\n", static_cast<int>(classes.size()));
             classes.resize(kMostClasses);
         }
         for (const auto& [name, c] : classes)

@@ -4,13 +4,14 @@
 #include <memory>
 #include <optional>
 
+#include "Paths.h"
 #include "Properties.h"
 #include "Random.h"
+#include "environment/CollisionJudge.h"
 #include "viable/core/Error.h"
-#include "viable/environment/CollisionJudge.h"
 #include "viable/environment/Surroundings.h"
-#include "viable/plugin/NominalPlant.h"
-#include "viable/plugin/WholeArmBrakingFilter.h"
+#include "viable/filter/WholeArmBrakingFilter.h"
+#include "viable/loop/NominalPlant.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {
@@ -52,8 +53,7 @@ Eigen::Vector3d drawDirection(Random& random) {
 Eigen::Isometry3d drawPose(Random& random, double reach) {
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
     pose.translation() = random.uniform(0.25, 1.0) * reach * drawDirection(random);
-    pose.linear() =
-        Eigen::AngleAxisd(random.uniform(0.0, kPi), drawDirection(random)).toRotationMatrix();
+    pose.linear() = Eigen::AngleAxisd(random.uniform(0.0, kPi), drawDirection(random)).toRotationMatrix();
     return pose;
 }
 
@@ -76,13 +76,12 @@ public:
                 start_.q[i] = random.uniform(std::max(d.limits.position.lower[i], -kPi),
                                              std::min(d.limits.position.upper[i], kPi));
         robot.model.calcDynamics(start_.q, start_.qd, dynamics_);
-        options_.joints.kAlpha = random.chance(0.5) ? std::numeric_limits<double>::infinity()
-                                                    : random.logUniform(2.0, 500.0);
+        options_.joints.kAlpha =
+            random.chance(0.5) ? std::numeric_limits<double>::infinity() : random.logUniform(2.0, 500.0);
         options_.joints.gamma = random.logUniform(5.0, 500.0);
         options_.steers = random.chance(0.8);
         if (random.chance(0.5)) options_.torqueShare = random.uniform(0.4, 1.0);
-        if (random.chance(0.1))
-            options_.torqueRate = random.uniform(3.0, 30.0) * d.actuation.torqueLimit;
+        if (random.chance(0.1)) options_.torqueRate = random.uniform(3.0, 30.0) * d.actuation.torqueLimit;
         if (random.chance(0.3)) {
             const double size = random.logUniform(0.01, 1.0);
             for (int i = 0; i < n; ++i) {
@@ -100,8 +99,8 @@ public:
         surroundings_ = std::make_shared<Surroundings>(environment_, -far, far, 0.5);
         feed_ = std::make_unique<SurroundingsFeed>(surroundings_);
         const RobotDescription& d = robot_.description;
-        setup_.emplace(RunSetup{d, d.limits, kTick_s, kTicksPerArm * kTick_s, start_, dynamics_.tool,
-                                &robot_.geometry, feed_.get()});
+        setup_.emplace(RunSetup{d, d.limits, kTick_s, kTicksPerArm * kTick_s, start_, dynamics_.tool, &robot_.geometry,
+                                feed_.get()});
         try {
             filter_.configure(*setup_, options_);
         } catch (const Error&) {
@@ -169,9 +168,9 @@ private:
                 break;
             default:
                 solid.kind = Solid::Kind::HalfSpace;
-                solid.pose.linear() = Eigen::Quaterniond::FromTwoVectors(
-                                          Eigen::Vector3d::UnitZ(), -solid.pose.translation())
-                                          .toRotationMatrix();
+                solid.pose.linear() =
+                    Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), -solid.pose.translation())
+                        .toRotationMatrix();
                 break;
         }
         return solid;
@@ -200,8 +199,7 @@ private:
             mode_ = random_.integer(0, 3);
             ticksLeft_ = static_cast<int>(random_.logUniform(1.0, 1500.0));
             goal_.resize(n);
-            for (int i = 0; i < n; ++i)
-                goal_[i] = mode_ == 1 ? random_.uniform(-3.0, 3.0) : random_.uniform(-1.0, 1.0);
+            for (int i = 0; i < n; ++i) goal_[i] = mode_ == 1 ? random_.uniform(-3.0, 3.0) : random_.uniform(-1.0, 1.0);
             stiffness_ = random_.logUniform(5.0, 2000.0);
         }
         JointVector wanted(n);
@@ -226,8 +224,7 @@ private:
     Finding judgeTick(const MotionState& from, const JointVector& jerk, double t) {
         least_ = kHorizon_m;
         const Finding finding = judgePose(from.q, t);
-        if (finding.what || least_ > environment_.safetyDistance_m + kFarthestInTick_m)
-            return finding;
+        if (finding.what || least_ > environment_.safetyDistance_m + kFarthestInTick_m) return finding;
         for (int k = 1; k < kDensePoses; ++k) {
             const double s = kTick_s * k / kDensePoses;
             JointVector q(from.q.size());
@@ -261,8 +258,7 @@ private:
         for (Eigen::Index i = 0; knowsTorque_ && i < options_.torqueRate.size(); ++i) {
             const double change = std::abs(torque[i] - lastTorque_[i]);
             const double most = options_.torqueRate[i] * kTick_s;
-            if (change > most * (1.0 + kAllowedTorque) + 1e-7)
-                finding = {"torque changes too fast", change - most};
+            if (change > most * (1.0 + kAllowedTorque) + 1e-7) finding = {"torque changes too fast", change - most};
         }
         lastTorque_ = torque;
         knowsTorque_ = true;
@@ -306,8 +302,7 @@ private:
     Finding judgeLimits() const {
         const JointLimits& l = robot_.description.limits;
         const auto beyond = [](const JointVector& x, const JointBounds& b) {
-            const double excess =
-                std::max((x - b.upper).maxCoeff(), (b.lower - x).maxCoeff());
+            const double excess = std::max((x - b.upper).maxCoeff(), (b.lower - x).maxCoeff());
             return excess > kAllowedLimit ? excess : 0.0;
         };
         if (const double e = beyond(state_.q, l.position); e > 0.0) return {"position", e};

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "viable/motion/GridStop.h"
-#include "viable/motion/TripleIntegrator.h"
+#include "viable/braking/GridStop.h"
+#include "viable/core/TripleIntegrator.h"
 
 namespace viable {
 
@@ -28,8 +28,7 @@ struct Range {
 the ends included. The checker's own: long double, on its own formulas. */
 class PathRange {
 public:
-    explicit PathRange(const AxisState& s)
-        : p(start(s.p)), v(start(s.v)), a(start(s.a)), p_(s.p), v_(s.v), a_(s.a) {}
+    explicit PathRange(const AxisState& s) : p(start(s.p)), v(start(s.v)), a(start(s.a)), p_(s.p), v_(s.v), a_(s.a) {}
 
     void hold(Real jerk, Real seconds) {
         const auto position = [&](Real x) { return p_ + x * (v_ + x * (a_ / 2 + x * jerk / 6)); };
@@ -52,9 +51,9 @@ public:
     }
 
     void follow(const GridStop& stop, double tick_s) {
-        for (int i = 0; i < GridStop::kStretches; ++i) {
-            const GridStop::Stretch stretch = stop.remaining(i);
-            if (stretch.ticks > 0) hold(stretch.jerk, Real(stretch.ticks) * tick_s);
+        for (int i = 0; i < GridStop::kSegments; ++i) {
+            const GridStop::Segment segment = stop.remaining(i);
+            if (segment.ticks > 0) hold(segment.jerk, Real(segment.ticks) * tick_s);
         }
     }
 
@@ -66,9 +65,7 @@ public:
     }
 
     Real endPosition() const { return p_; }
-    AxisState end() const {
-        return {static_cast<double>(p_), static_cast<double>(v_), static_cast<double>(a_)};
-    }
+    AxisState end() const { return {static_cast<double>(p_), static_cast<double>(v_), static_cast<double>(a_)}; }
 
     Range p, v, a;
 

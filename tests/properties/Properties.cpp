@@ -34,8 +34,7 @@ bool readNumber(const std::string& text, Integer least, Integer& number) {
 }
 
 template <class Integer>
-void addNumber(CLI::App& app, const char* name, Integer least, Integer& number, const char* help,
-               const char* allowed) {
+void addNumber(CLI::App& app, const char* name, Integer least, Integer& number, const char* help, const char* allowed) {
     app.add_option_function<std::string>(
            name,
            [=, &number](const std::string& text) {
@@ -54,20 +53,15 @@ int main(int argc, char** argv) {
     using namespace viable;
     CLI::App app{"Property tests of certified braking"};
     const std::pair<const char*, bool (*)(const Options&)> properties[] = {
-        {"limits", checkLimits},
-        {"recovery", checkRecovery},
-        {"changing_limits", checkChangingLimits},
-        {"stops", checkStops},
-        {"monitor", checkMonitor},
-        {"obstacles", checkObstacles}};
+        {"limits", checkLimits}, {"recovery", checkRecovery}, {"changing_limits", checkChangingLimits},
+        {"stops", checkStops},   {"monitor", checkMonitor},   {"obstacles", checkObstacles}};
     std::vector<std::string> names;
     for (const auto& property : properties) names.push_back(property.first);
     std::string name;
     Options options;
     app.add_option("property", name)->required()->check(CLI::IsMember(names));
-    addNumber<std::int64_t>(
-        app, "--steps", 1, options.steps, "Joint steps (joints times ticks)",
-        "a whole number of joint steps from 1 to 9223372036854775807, such as 5000000 or 5e6");
+    addNumber<std::int64_t>(app, "--steps", 1, options.steps, "Joint steps (joints times ticks)",
+                            "a whole number of joint steps from 1 to 9223372036854775807, such as 5000000 or 5e6");
     addNumber<std::uint64_t>(app, "--seed", 0, options.seed, "Seed of everything random",
                              "a whole number from 0 to 18446744073709551615");
     addNumber<std::int64_t>(app, "--arm", 1, options.arm, "This arm alone, as a violation names it",

@@ -17,9 +17,7 @@ public:
         std::seed_seq words{low(seed), high(seed), low(number), high(number)};
         engine_.seed(words);
     }
-    double uniform(double a, double b) {
-        return std::uniform_real_distribution<double>(a, b)(engine_);
-    }
+    double uniform(double a, double b) { return std::uniform_real_distribution<double>(a, b)(engine_); }
     double logUniform(double a, double b) { return std::exp(uniform(std::log(a), std::log(b))); }
     int integer(int a, int b) { return std::uniform_int_distribution<int>(a, b)(engine_); }
     bool chance(double p) { return uniform(0.0, 1.0) < p; }

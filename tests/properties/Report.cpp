@@ -33,15 +33,14 @@ void Run::printRepeat() const {
                 static_cast<unsigned long long>(options_.seed), static_cast<long long>(arm_));
 }
 
-void Run::fail(const char* what, double excess, int joint, const AxisState& s, const AxisLimits& l,
-               double tick_s) {
+void Run::fail(const char* what, double excess, int joint, const AxisState& s, const AxisLimits& l, double tick_s) {
     if (++violations_ > 1) return;
-    std::printf("VIOLATION: %s by %.6g, arm %lld, joint %d, tick %g s\n", what, excess,
-                static_cast<long long>(arm_), joint, tick_s);
+    std::printf("VIOLATION: %s by %.6g, arm %lld, joint %d, tick %g s\n", what, excess, static_cast<long long>(arm_),
+                joint, tick_s);
     std::printf("  state p %.17g v %.17g a %.17g\n", s.p, s.v, s.a);
-    std::printf("  limits p [%.17g, %.17g] v [%.17g, %.17g] a [%.17g, %.17g] j [%.17g, %.17g]\n",
-                l.positionLower, l.positionUpper, l.velocityLower, l.velocityUpper,
-                l.accelerationLower, l.accelerationUpper, l.jerkLower, l.jerkUpper);
+    std::printf("  limits p [%.17g, %.17g] v [%.17g, %.17g] a [%.17g, %.17g] j [%.17g, %.17g]\n", l.positionLower,
+                l.positionUpper, l.velocityLower, l.velocityUpper, l.accelerationLower, l.accelerationUpper,
+                l.jerkLower, l.jerkUpper);
     printRepeat();
 }
 
@@ -58,23 +57,19 @@ void Run::expectShare(const char* name, std::int64_t count, std::int64_t of, dou
                 judged ? "" : " (too few to judge)");
     if (!judged || share >= least) return;
     ++shortfalls_;
-    std::printf("TOO FEW: %s: %.3g %%, expected at least %.3g %%\n", name, 100.0 * share,
-                100.0 * least);
+    std::printf("TOO FEW: %s: %.3g %%, expected at least %.3g %%\n", name, 100.0 * share, 100.0 * least);
 }
 
 void Run::print() const {
     std::printf("%s: seed %llu, %lld joint steps on %lld arms, %lld violations\n", property_,
                 static_cast<unsigned long long>(options_.seed), static_cast<long long>(done_),
-                static_cast<long long>(options_.arm > 0 ? 1 : arm_),
-                static_cast<long long>(violations_));
+                static_cast<long long>(options_.arm > 0 ? 1 : arm_), static_cast<long long>(violations_));
 }
 
 void Figures::print(const char* name) {
     if (all_.empty()) return;
     std::sort(all_.begin(), all_.end());
-    const auto at = [&](double p) {
-        return all_[static_cast<std::size_t>(p * static_cast<double>(all_.size() - 1))];
-    };
+    const auto at = [&](double p) { return all_[static_cast<std::size_t>(p * static_cast<double>(all_.size() - 1))]; };
     std::printf("  %-52s median %.4g, 99 %% %.4g, worst %.4g\n", name, at(0.5), at(0.99), at(1.0));
 }
 

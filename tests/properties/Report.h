@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "viable/core/JointLimits.h"
-#include "viable/motion/TripleIntegrator.h"
+#include "viable/core/TripleIntegrator.h"
 
 namespace viable {
 
@@ -29,8 +29,7 @@ public:
     std::int64_t steps() const { return done_; }
 
     /** Counts a violation; prints the first in full, with the call that repeats its arm. */
-    void fail(const char* what, double excess, int joint, const AxisState& s, const AxisLimits& l,
-              double tick_s);
+    void fail(const char* what, double excess, int joint, const AxisState& s, const AxisLimits& l, double tick_s);
     /** The same without a joint to blame. */
     void fail(const char* what, double excess);
     /** The call that repeats the present arm alone. */

@@ -45,15 +45,13 @@ Real calcBeyond(const Range& x, const Sides& limit) {
 struct Way {
     /** @param earlier  limits by which the joint may have planned its stop: while it has not come back from one change
         of limits, those before it, too */
-    Way(const AxisState& s, const AxisLimits& l, const std::vector<AxisLimits>& earlier,
-        double tick_s)
+    Way(const AxisState& s, const AxisLimits& l, const std::vector<AxisLimits>& earlier, double tick_s)
         : fastest(s, l, l, tick_s), taken(s) {
         for (const AxisLimits& before : earlier) {
             const FastestReturn old(s, before, l, tick_s);
             fastest.stop.include(old.stop);
             fastest.seconds = std::max(fastest.seconds, old.seconds);
-            for (int q = 0; q < 3; ++q)
-                fastest.tickTravel[q] = std::max(fastest.tickTravel[q], old.tickTravel[q]);
+            for (int q = 0; q < 3; ++q) fastest.tickTravel[q] = std::max(fastest.tickTravel[q], old.tickTravel[q]);
         }
         allowed_s = kMostTimes * fastest.seconds + kMoreTicks * tick_s;
     }
@@ -61,17 +59,14 @@ struct Way {
     FastestReturn fastest;
     PathRange taken;
     double allowed_s;
-    double last_s =
-        0.0;  ///< when a limit was passed for the last time, by the motion or by its stop
+    double last_s = 0.0;  ///< when a limit was passed for the last time, by the motion or by its stop
     bool isBack = false;
-    Real farther[3] = {-INFINITY, -INFINITY,
-                       -INFINITY};  ///< than the fastest stop [ticks of travel]
+    Real farther[3] = {-INFINITY, -INFINITY, -INFINITY};  ///< than the fastest stop [ticks of travel]
 };
 
 class ReturnProperty {
 public:
-    ReturnProperty(const char* name, const Options& options, bool changes)
-        : run_(name, options), changes_(changes) {}
+    ReturnProperty(const char* name, const Options& options, bool changes) : run_(name, options), changes_(changes) {}
 
     bool check() {
         while (run_.nextArm()) followArm();
@@ -106,8 +101,7 @@ private:
     int calcWait() const {
         double longest_s = 0.0;
         for (const Way& way : ways_) longest_s = std::max(longest_s, way.allowed_s);
-        return static_cast<int>(
-            std::clamp(longest_s / arm_->tick_s + 50.0, 300.0, double(kLongestWait)));
+        return static_cast<int>(std::clamp(longest_s / arm_->tick_s + 50.0, 300.0, double(kLongestWait)));
     }
 
     void begin() {
@@ -128,15 +122,14 @@ private:
 
     void remember() {
         before_.clear();
-        for (int i = 0; i < arm_->n; ++i)
-            before_.push_back(walkStop(arm_->at(i), arm_->braking.stop(i), arm_->tick_s));
+        for (int i = 0; i < arm_->n; ++i) before_.push_back(walkStop(arm_->at(i), arm_->braking.stop(i), arm_->tick_s));
     }
 
     void takeTick(int k) {
         Arm& arm = *arm_;
         std::vector<GridStop> stops;
         for (int i = 0; i < arm.n; ++i) stops.push_back(arm.braking.stop(i));
-        returning_ += arm.choose(k) == CertifiedBraking::Status::Returning;
+        recovering_ += arm.choose(k) == CertifiedBraking::Status::Recovering;
         ++elapsed_;
         for (int i = 0; i < arm.n; ++i) checkJoint(i, stops[i]);
         arm.move();
@@ -159,13 +152,12 @@ private:
         if (!isAllowed(arm.chosen[i]) && arm.chosen[i] != stopBefore.nextJerk())
             fail("a jerk beyond its limit [rad/s^3]", arm.chosen[i], i);
         bool beyond = !isAllowed(arm.chosen[i]);
-        for (int k = 0; k < GridStop::kStretches; ++k)
+        for (int k = 0; k < GridStop::kSegments; ++k)
             beyond |= stop.remaining(k).ticks > 0 && !isAllowed(stop.remaining(k).jerk);
 
         for (int q = 0; q < 3; ++q) {
             const Sides limit = getSides(l, q);
-            const Real seen =
-                std::max(getRange(way.taken, q).size(), getRange(before_[i], q).size());
+            const Real seen = std::max(getRange(way.taken, q).size(), getRange(before_[i], q).size());
             const Real size = calcSize(limit.lower, limit.upper, static_cast<double>(seen));
             const Real rounding = kAllowed * size;
             beyond |= calcBeyond(getRange(path, q), limit) > rounding;
@@ -181,8 +173,7 @@ private:
 
     /** Nothing passes a limit farther than the stop of one tick before would have. */
     void checkNotWorse(int i, int q, const Range& path, const Sides& limit, Real rounding) {
-        static const char* const whats[] = {"position gets worse", "velocity gets worse",
-                                            "acceleration gets worse"};
+        static const char* const whats[] = {"position gets worse", "velocity gets worse", "acceleration gets worse"};
         const Range& old = getRange(before_[i], q);
         const Sides bound{std::min(limit.lower, static_cast<double>(old.least)),
                           std::max(limit.upper, static_cast<double>(old.largest))};
@@ -192,10 +183,9 @@ private:
 
     /** Nothing passes a limit much farther than the fastest stop does. */
     void checkExcursion(int i, int q, const Range& tick, const Sides& limit, Real rounding) {
-        static const char* const whats[] = {
-            "position farther than the fastest stop needs [ticks of travel]",
-            "velocity farther than the fastest stop needs [ticks of travel]",
-            "acceleration farther than the fastest stop needs [ticks of travel]"};
+        static const char* const whats[] = {"position farther than the fastest stop needs [ticks of travel]",
+                                            "velocity farther than the fastest stop needs [ticks of travel]",
+                                            "acceleration farther than the fastest stop needs [ticks of travel]"};
         Way& way = ways_[i];
         const FastestReturn& fastest = way.fastest;
         const Range& reference = getRange(fastest.stop, q);
@@ -237,14 +227,12 @@ private:
 
     void report() {
         run_.print();
-        std::printf("  ticks on the way back %lld\n", static_cast<long long>(returning_));
-        std::printf(
-            "  worst excess: position %.3g rad, velocity %.3g rad/s, acceleration %.3g rad/s^2\n",
-            worst_[0], worst_[1], worst_[2]);
+        std::printf("  ticks on the way back %lld\n", static_cast<long long>(recovering_));
+        std::printf("  worst excess: position %.3g rad, velocity %.3g rad/s, acceleration %.3g rad/s^2\n", worst_[0],
+                    worst_[1], worst_[2]);
         for (int q = 0; q < 3; ++q) {
             char name[80];
-            std::snprintf(name, sizeof name, "%s excess beyond the fastest stop's [ticks]",
-                          kNames[q]);
+            std::snprintf(name, sizeof name, "%s excess beyond the fastest stop's [ticks]", kNames[q]);
             farther_[q].print(name);
         }
         std::printf("  ways back waited for %lld (of them outside at first %lld), cut short %lld\n",
@@ -263,7 +251,7 @@ private:
     int elapsed_ = 0;                ///< [ticks] of these ways
     double worst_[3] = {-1.0, -1.0, -1.0};
     Figures farther_[3], times_, ticks_;
-    std::int64_t returning_ = 0, waited_ = 0, cameBack_ = 0, cutShort_ = 0;
+    std::int64_t recovering_ = 0, waited_ = 0, cameBack_ = 0, cutShort_ = 0;
 };
 
 }  // namespace

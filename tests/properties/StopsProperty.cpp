@@ -3,8 +3,8 @@
 #include "Arms.h"
 #include "FastestReturn.h"
 #include "Properties.h"
-#include "viable/motion/Braking.h"
-#include "viable/motion/BrakingCertificate.h"
+#include "viable/braking/Braking.h"
+#include "viable/braking/BrakingCertificate.h"
 
 namespace viable {
 
@@ -16,8 +16,8 @@ constexpr double kMostWithout = 5e-4;
 constexpr double kEdge = 1.2;
 
 bool isInside(const PathRange& path, const AxisLimits& l) {
-    return path.p.largest <= l.positionUpper && path.p.least >= l.positionLower &&
-           path.v.largest <= l.velocityUpper && path.v.least >= l.velocityLower;
+    return path.p.largest <= l.positionUpper && path.p.least >= l.positionLower && path.v.largest <= l.velocityUpper &&
+           path.v.least >= l.velocityLower;
 }
 
 class StopsProperty {
@@ -74,18 +74,17 @@ private:
     }
 
     /** Between the fastest stop and the limit that was the obstacle, in what one tick adds. */
-    static double calcRoom(const AxisState& s, const PathRange& fastest, LimitKind limit,
-                           const AxisLimits& l, double dt) {
+    static double calcRoom(const AxisState& s, const PathRange& fastest, LimitKind limit, const AxisLimits& l,
+                           double dt) {
         const double J = std::max(-l.jerkLower, l.jerkUpper);
         if (limit == LimitKind::Position) {
             const double travel = dt * (std::abs(s.v) + dt * (std::abs(s.a) / 2.0 + dt * J / 6.0));
-            return static_cast<double>(std::min(l.positionUpper - fastest.p.largest,
-                                                fastest.p.least - l.positionLower)) /
+            return static_cast<double>(
+                       std::min(l.positionUpper - fastest.p.largest, fastest.p.least - l.positionLower)) /
                    travel;
         }
         const double peak = calcVelocityPeak(s.v, s.a, l);
-        return std::min(l.velocityUpper - peak, peak - l.velocityLower) /
-               (std::abs(s.a) * dt + J * dt * dt / 2.0);
+        return std::min(l.velocityUpper - peak, peak - l.velocityLower) / (std::abs(s.a) * dt + J * dt * dt / 2.0);
     }
 
     Run run_;

@@ -293,7 +293,7 @@ test('the replay shows the arm and follows the scrubber', async () => {
 });
 
 /** The case whose arm the replay shows at first, where it keeps a clearance. */
-const near = description.cases.find((c) => c.promises && c.ok && c.clearance?.distance);
+const near = description.cases.find((c) => c.guarantees && c.ok && c.clearance?.distance);
 const part = (page, name) => page.locator('#replay .chip', { hasText: name });
 const words = (page) => page.locator('.nearest-text').textContent();
 
@@ -630,7 +630,7 @@ test('what coincides is seen in turns; twelve cases are told apart', async () =>
   const path = await variant(
     'twelve',
     described((data) => {
-      const calm = data.cases.find((c) => c.promises) ?? data.cases[0];
+      const calm = data.cases.find((c) => c.guarantees) ?? data.cases[0];
       data.cases = Array.from({ length: 12 }, (_, i) => ({
         ...structuredClone(i < 8 ? calm : data.cases[i % data.cases.length]),
         name: `case ${i}`,

@@ -3,8 +3,9 @@
 #include <cmath>
 
 #include "Figures.h"
+#include "Paths.h"
+#include "robot/RobotShapes.h"
 #include "viable/robot/ArmGeometry.h"
-#include "viable/robot/RobotShapes.h"
 
 namespace viable {
 namespace {
@@ -39,16 +40,14 @@ double findLeast(const Function& f) {
     return f(0.5 * (lower + upper));
 }
 
-double calcGap(const LinkCapsule& a, const LinkCapsule& b,
-               const std::vector<Eigen::Isometry3d>& poses) {
+double calcGap(const LinkCapsule& a, const LinkCapsule& b, const std::vector<Eigen::Isometry3d>& poses) {
     const auto place = [&](const LinkCapsule& c, const Eigen::Vector3d& p) -> Eigen::Vector3d {
         return c.carrier < 0 ? p : poses[static_cast<std::size_t>(c.carrier)] * p;
     };
     const Eigen::Vector3d a0 = place(a, a.a), a1 = place(a, a.b);
     const Eigen::Vector3d b0 = place(b, b.a), b1 = place(b, b.b);
     return findLeast([&](double s) {
-               return findLeast(
-                   [&](double t) { return (a0 + s * (a1 - a0) - b0 - t * (b1 - b0)).norm(); });
+               return findLeast([&](double t) { return (a0 + s * (a1 - a0) - b0 - t * (b1 - b0)).norm(); });
            }) -
            a.radius - b.radius;
 }
@@ -64,16 +63,16 @@ TEST_P(CollisionFileTest, NothingIsNearAtHome) {
     for (const auto& [i, j] : arm_.pairs) {
         const LinkCapsule& a = arm_.capsules[static_cast<std::size_t>(i)];
         const LinkCapsule& b = arm_.capsules[static_cast<std::size_t>(j)];
-        EXPECT_GE(calcGap(a, b, home), 0.02) << arm_.links[static_cast<std::size_t>(a.link)] << ", "
-                                             << arm_.links[static_cast<std::size_t>(b.link)];
+        EXPECT_GE(calcGap(a, b, home), 0.02)
+            << arm_.links[static_cast<std::size_t>(a.link)] << ", " << arm_.links[static_cast<std::size_t>(b.link)];
     }
 }
 
 TEST_P(CollisionFileTest, EveryJointMovesACapsule) {
     for (int i = 0; i < robot_.size(); ++i)
-        EXPECT_TRUE(std::any_of(arm_.capsules.begin(), arm_.capsules.end(),
-                                [&](const LinkCapsule& c) { return c.carrier == i; }))
-            << robot_.joints[static_cast<std::size_t>(i)].name;
+        EXPECT_TRUE(std::any_of(arm_.capsules.begin(), arm_.capsules.end(), [&](const LinkCapsule& c) {
+            return c.carrier == i;
+        })) << robot_.joints[static_cast<std::size_t>(i)].name;
 }
 
 /** Points all over the cylinders of the URDF are inside of a capsule of the same link. */
@@ -87,8 +86,7 @@ TEST_P(CollisionFileTest, TheCapsulesContainWhatIsDrawn) {
                 const double angle = k * 2.399963, z = (k % 21 - 10) / 20.0;
                 const Eigen::Vector3d p =
                     link.placement * (shape.pose * Eigen::Vector3d(shape.radius * std::cos(angle),
-                                                                   shape.radius * std::sin(angle),
-                                                                   z * shape.length));
+                                                                   shape.radius * std::sin(angle), z * shape.length));
                 double nearest = 1.0;
                 for (const LinkCapsule& c : arm_.capsules)
                     if (arm_.links[static_cast<std::size_t>(c.link)] == link.link)
@@ -105,8 +103,7 @@ TEST_P(CollisionFileTest, TheCapsulesContainWhatIsDrawn) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Robots, CollisionFileTest,
-                         ::testing::Values("indy7", "panda", "ur5e", "planar_two_link",
-                                           "single_joint"),
+                         ::testing::Values("indy7", "panda", "ur5e", "planar_two_link", "single_joint"),
                          [](const auto& arm) { return arm.param; });
 
 TEST(Indy7Collision, CapsulesAreTheCollectedOnes) {
@@ -137,10 +134,9 @@ TEST(Indy7Collision, OnlyNeighboursMayTouch) {
     const int count = static_cast<int>(arm.capsules.size());
     for (int i = 0; i < count; ++i)
         for (int j = i + 1; j < count; ++j) {
-            const int apart = arm.capsules[static_cast<std::size_t>(j)].link -
-                              arm.capsules[static_cast<std::size_t>(i)].link;
-            EXPECT_EQ(std::count(arm.pairs.begin(), arm.pairs.end(), std::pair(i, j)),
-                      apart > 1 ? 1 : 0);
+            const int apart =
+                arm.capsules[static_cast<std::size_t>(j)].link - arm.capsules[static_cast<std::size_t>(i)].link;
+            EXPECT_EQ(std::count(arm.pairs.begin(), arm.pairs.end(), std::pair(i, j)), apart > 1 ? 1 : 0);
         }
 }
 

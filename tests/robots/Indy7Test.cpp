@@ -5,6 +5,7 @@
 #include <random>
 
 #include "Figures.h"
+#include "Paths.h"
 
 namespace viable {
 namespace {
@@ -15,9 +16,7 @@ constexpr const char* kFigures = VIABLE_SOURCE_DIR "/../shared/data/indy7_figure
 /** robots/indy7 against published and logged figures. */
 class Indy7Test : public ::testing::Test {
 protected:
-    void SetUp() override {
-        readFigures(kFigures, figures_);
-    }
+    void SetUp() override { readFigures(kFigures, figures_); }
     Dynamics calc(const JointVector& q) {
         Dynamics dynamics;
         model_.calcDynamics(q, JointVector::Zero(6), dynamics);
@@ -53,11 +52,9 @@ TEST_F(Indy7Test, ToolPoseFollowsTheDenavitHartenbergTable) {
             q[i] = uniform(random);
             const nlohmann::json& row = figures_["dh_modified_craig"]["rows"][i];
             const auto figure = [&](const char* key) { return row[key].get<double>(); };
-            chain.rotate(
-                Eigen::AngleAxisd(figure("alpha_deg") * kDegree, Eigen::Vector3d::UnitX()));
+            chain.rotate(Eigen::AngleAxisd(figure("alpha_deg") * kDegree, Eigen::Vector3d::UnitX()));
             chain.translate(Eigen::Vector3d(figure("a"), 0.0, 0.0));
-            chain.rotate(
-                Eigen::AngleAxisd(figure("theta0_deg") * kDegree + q[i], Eigen::Vector3d::UnitZ()));
+            chain.rotate(Eigen::AngleAxisd(figure("theta0_deg") * kDegree + q[i], Eigen::Vector3d::UnitZ()));
             chain.translate(Eigen::Vector3d(0.0, 0.0, figure("d")));
         }
         const Pose tool = calc(q).tool;
@@ -69,8 +66,7 @@ TEST_F(Indy7Test, ToolPoseFollowsTheDenavitHartenbergTable) {
 TEST_F(Indy7Test, GravityTorqueIsTheHoldingTorqueThatTheControllerLogged) {
     const JointVector gravity = calc(toVector(log()["q_deg"], kDegree)).gravity;
     const JointVector logged = toVector(log()["holding_torque_logged_nm"]);
-    for (int i = 1; i <= 3; ++i)
-        EXPECT_NEAR(gravity[i], logged[i], std::max(0.3, 0.04 * std::abs(logged[i]))) << i;
+    for (int i = 1; i <= 3; ++i) EXPECT_NEAR(gravity[i], logged[i], std::max(0.3, 0.04 * std::abs(logged[i]))) << i;
 }
 
 TEST_F(Indy7Test, InertiaAndGravityAreThoseOfTheCorrectedTensors) {
@@ -87,8 +83,7 @@ TEST_F(Indy7Test, InertiaAndGravityAreThoseOfTheCorrectedTensors) {
         for (int i = 0; i < 6; ++i) {
             EXPECT_NEAR(d.gravity[i], gravity[i], printed + rounding) << i;
             const JointVector row = toVector(check["mass_matrix_corrected_tensors"][i]);
-            for (int j = 0; j < 6; ++j)
-                EXPECT_NEAR(d.M(i, j), row[j], printed + rounding) << i << " " << j;
+            for (int j = 0; j < 6; ++j) EXPECT_NEAR(d.M(i, j), row[j], printed + rounding) << i << " " << j;
         }
     }
 }
@@ -169,8 +164,7 @@ TEST(Robots, AllLoadWithUsableLimits) {
     ASSERT_GE(folders.size(), 5u);
     for (const auto& folder : folders) {
         const RobotDescription robot = loadRobot(folder);
-        EXPECT_NO_THROW(checkLimits(robot.limits, 0.001, robot.allowLargeAngles, folder.string(),
-                                    robot.jointNames()));
+        EXPECT_NO_THROW(checkLimits(robot.limits, 0.001, robot.allowLargeAngles, folder.string(), robot.jointNames()));
         EXPECT_TRUE(std::filesystem::exists(folder / "README.md")) << folder;
     }
 }

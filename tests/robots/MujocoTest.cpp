@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "MujocoModel.h"
+#include "Paths.h"
 #include "RandomStates.h"
 #include "viable/robot/RobotModel.h"
 
@@ -58,9 +59,8 @@ Difference compare(const RobotDescription& robot, MujocoModel& other) {
         model.calcDynamics(state.q, state.qd, ours);
         for (int i = 0; i < n; ++i)
             for (int j = 0; j < n; ++j)
-                worst.inertia =
-                    std::max(worst.inertia, std::abs(ours.M(i, j) - theirs.M(i, j)) /
-                                                std::sqrt(theirs.M(i, i) * theirs.M(j, j)));
+                worst.inertia = std::max(worst.inertia, std::abs(ours.M(i, j) - theirs.M(i, j)) /
+                                                            std::sqrt(theirs.M(i, i) * theirs.M(j, j)));
         bias = bias.cwiseMax((ours.b - theirs.b).cwiseAbs());
         gravity = gravity.cwiseMax((ours.gravity - theirs.gravity).cwiseAbs());
         largestBias = largestBias.cwiseMax(theirs.b.cwiseAbs());
@@ -68,16 +68,15 @@ Difference compare(const RobotDescription& robot, MujocoModel& other) {
         position = std::max(position, (ours.tool.position - theirs.tool.position).norm());
         farthest = std::max(farthest, theirs.tool.position.norm());
         // By matrices: q and -q are one orientation.
-        worst.orientation = std::max(worst.orientation, (ours.tool.orientation.toRotationMatrix() -
-                                                         theirs.tool.orientation.toRotationMatrix())
-                                                                .norm() /
-                                                            std::sqrt(2.0));
+        worst.orientation =
+            std::max(worst.orientation,
+                     (ours.tool.orientation.toRotationMatrix() - theirs.tool.orientation.toRotationMatrix()).norm() /
+                         std::sqrt(2.0));
     }
     for (int i = 0; i < n; ++i) {
         worst.bias = std::max(worst.bias, divide(bias[i], largestBias[i]));
         // A joint with a vertical axis: what is left of gravity there is rounding of the joint's whole torque.
-        worst.gravity = std::max(worst.gravity,
-                                 divide(gravity[i], std::max(largestGravity[i], largestBias[i])));
+        worst.gravity = std::max(worst.gravity, divide(gravity[i], std::max(largestGravity[i], largestBias[i])));
     }
     worst.position = divide(position, farthest);
     return worst;
@@ -87,8 +86,8 @@ void print(const RobotDescription& robot, const char* what, const Difference& d)
     std::printf(
         "  %s, %s, %d states, seed %llu: M %.1e, b %.1e, gravity %.1e, position %.1e, orientation "
         "%.1e\n",
-        robot.name.c_str(), what, kStates, static_cast<unsigned long long>(kSeed), d.inertia,
-        d.bias, d.gravity, d.position, d.orientation);
+        robot.name.c_str(), what, kStates, static_cast<unsigned long long>(kSeed), d.inertia, d.bias, d.gravity,
+        d.position, d.orientation);
 }
 
 /** Whether a wrong description differs from MuJoCo's, or is not even accepted (a product of inertia with the wrong sign may
@@ -133,17 +132,14 @@ TEST_P(Mujoco, NoticesAWrongFigure) {
         wrong.joints[i].body.com.x() += 1e-4;
         EXPECT_TRUE(isNoticed(wrong, other)) << name << ": centre of mass";
         wrong = robot;
-        wrong.joints[i].placement.rotate(
-            Eigen::AngleAxisd(1e-6, Eigen::Vector3d::Ones().normalized()));
+        wrong.joints[i].placement.rotate(Eigen::AngleAxisd(1e-6, Eigen::Vector3d::Ones().normalized()));
         EXPECT_TRUE(isNoticed(wrong, other)) << name << ": placement";
-        if (i == 0)
-            continue;  // the first body turns about one axis only: most of its products play no role
+        if (i == 0) continue;  // the first body turns about one axis only: most of its products play no role
         for (int row = 0; row < 3; ++row)
             for (int column = row + 1; column < 3; ++column) {
                 wrong = robot;
                 double& product = wrong.joints[i].body.inertia(row, column);
-                if (std::abs(product) < 1e-12)
-                    continue;  // none, but for the rounding of a turned frame
+                if (std::abs(product) < 1e-12) continue;  // none, but for the rounding of a turned frame
                 product = -product;
                 wrong.joints[i].body.inertia(column, row) = product;
                 EXPECT_TRUE(isNoticed(wrong, other)) << name << ": product " << row << column;
@@ -155,8 +151,7 @@ std::string getName(const ::testing::TestParamInfo<std::filesystem::path>& info)
     return info.param.filename().string();
 }
 
-INSTANTIATE_TEST_SUITE_P(Robots, Mujoco,
-                         ::testing::ValuesIn(listRobots({VIABLE_SOURCE_DIR "/robots"})), getName);
+INSTANTIATE_TEST_SUITE_P(Robots, Mujoco, ::testing::ValuesIn(listRobots({VIABLE_SOURCE_DIR "/robots"})), getName);
 
 }  // namespace
 }  // namespace viable

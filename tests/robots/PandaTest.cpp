@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "Figures.h"
+#include "Paths.h"
 #include "RandomStates.h"
 
 namespace viable {
@@ -26,10 +27,8 @@ protected:
 /** frankaemika/docs, source/control-parameters-joint-panda.csv */
 TEST_F(PandaTest, HasTheDocumentedLimits) {
     const JointLimits& limits = robot_.limits;
-    EXPECT_EQ(limits.position.lower,
-              seven(-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973));
-    EXPECT_EQ(limits.position.upper,
-              seven(2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973));
+    EXPECT_EQ(limits.position.lower, seven(-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973));
+    EXPECT_EQ(limits.position.upper, seven(2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973));
     EXPECT_EQ(limits.velocity.upper, seven(2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61));
     EXPECT_EQ(limits.acceleration.upper, seven(15, 7.5, 10, 12.5, 15, 20, 20));
     EXPECT_EQ(limits.jerk.upper, seven(7500, 3750, 5000, 6250, 7500, 10000, 10000));
@@ -40,10 +39,8 @@ TEST_F(PandaTest, HasTheDocumentedLimits) {
 }
 
 TEST_F(PandaTest, StartsAtTheVendorsReadyPoseWithinItsLimits) {
-    EXPECT_LT(
-        (robot_.home - seven(0, -EIGEN_PI / 4, 0, -3 * EIGEN_PI / 4, 0, EIGEN_PI / 2, EIGEN_PI / 4))
-            .norm(),
-        1e-15);
+    EXPECT_LT((robot_.home - seven(0, -EIGEN_PI / 4, 0, -3 * EIGEN_PI / 4, 0, EIGEN_PI / 2, EIGEN_PI / 4)).norm(),
+              1e-15);
     EXPECT_TRUE((robot_.home.array() > robot_.limits.position.lower.array()).all());
     EXPECT_TRUE((robot_.home.array() < robot_.limits.position.upper.array()).all());
     EXPECT_EQ(robot_.toolLink, "link8");
@@ -52,14 +49,9 @@ TEST_F(PandaTest, StartsAtTheVendorsReadyPoseWithinItsLimits) {
 /** frankaemika/docs, source/dh-parameters.csv (modified, after Craig), flange. */
 TEST_F(PandaTest, ToolPoseFollowsTheDenavitHartenbergTable) {
     const double quarter = EIGEN_PI / 2;
-    const DhRow table[] = {{0, 0.333, 0},
-                           {0, 0, -quarter},
-                           {0, 0.316, quarter},
-                           {0.0825, 0, quarter},
-                           {-0.0825, 0.384, -quarter},
-                           {0, 0, quarter},
-                           {0.088, 0, quarter},
-                           {0, 0.107, 0}};
+    const DhRow table[] = {
+        {0, 0.333, 0},   {0, 0, -quarter},    {0, 0.316, quarter}, {0.0825, 0, quarter}, {-0.0825, 0.384, -quarter},
+        {0, 0, quarter}, {0.088, 0, quarter}, {0, 0.107, 0}};
     RandomStates states(robot_, 7);
     for (int sample = 0; sample < 200; ++sample) {
         const JointVector q = states.draw().q;
@@ -81,14 +73,12 @@ middle from zero velocity. */
 TEST_F(PandaTest, FrictionIsTheOddPartOfThePublishedLaw) {
     const JointVector FI1 = seven(0.54615, 0.87224, 0.64068, 1.2794, 0.83904, 0.30301, 0.56489);
     const JointVector FI2 = seven(5.1181, 9.0657, 10.136, 5.5903, 8.3469, 17.133, 10.336);
-    const JointVector FI3 =
-        seven(0.039533, 0.025882, -0.04607, 0.036194, 0.026226, -0.021047, 0.0035526);
+    const JointVector FI3 = seven(0.039533, 0.025882, -0.04607, 0.036194, 0.026226, -0.021047, 0.0035526);
     const JointFriction& friction = robot_.actuation.friction;
     EXPECT_EQ(friction.coulomb, JointVector::Zero(7));
     for (int i = 0; i < 7; ++i) {
         const auto published = [&](double qd) {
-            return FI1[i] / (1 + std::exp(-FI2[i] * (qd + FI3[i]))) -
-                   FI1[i] / (1 + std::exp(-FI2[i] * FI3[i]));
+            return FI1[i] / (1 + std::exp(-FI2[i] * (qd + FI3[i]))) - FI1[i] / (1 + std::exp(-FI2[i] * FI3[i]));
         };
         const auto ours = [&](double qd) {
             return friction.viscous[i] * (1 - std::exp(-qd / friction.viscousVelocity[i]));
@@ -99,8 +89,7 @@ TEST_F(PandaTest, FrictionIsTheOddPartOfThePublishedLaw) {
             EXPECT_NEAR(ours(qd), odd, 0.2 * FI1[i] / 2) << i << " at " << qd;
         }
         EXPECT_NEAR(ours(2.0), (published(2.0) - published(-2.0)) / 2, 0.01 * FI1[i] / 2) << i;
-        EXPECT_NEAR(friction.viscous[i] / friction.viscousVelocity[i], FI1[i] * FI2[i] / 4,
-                    1e-3 * FI1[i] * FI2[i])
+        EXPECT_NEAR(friction.viscous[i] / friction.viscousVelocity[i], FI1[i] * FI2[i] / 4, 1e-3 * FI1[i] * FI2[i])
             << i;
     }
 }
@@ -108,9 +97,7 @@ TEST_F(PandaTest, FrictionIsTheOddPartOfThePublishedLaw) {
 /** Against the collected figures, where they are. */
 class PandaFiguresTest : public PandaTest {
 protected:
-    void SetUp() override {
-        readFigures(kFigures, figures_);
-    }
+    void SetUp() override { readFigures(kFigures, figures_); }
     const nlohmann::json& variant() const { return figures_["variants"]["fer"]; }
     nlohmann::json figures_;
 };

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "Paths.h"
 #include "RandomStates.h"
 #include "viable/robot/RobotModel.h"
 
@@ -56,10 +57,8 @@ TEST(PlanarTwoLink, IsTheTextbooksArm) {
         ASSERT_LT((ours.b - theirs.b).cwiseAbs().maxCoeff(), 1e-13);              // of 24 Nm
         ASSERT_LT((ours.tool.position - theirs.tool.position).norm(), 1e-14);
         ASSERT_LT((ours.J - theirs.J).cwiseAbs().maxCoeff(), 1e-14);
-        const Eigen::Quaterniond turned(
-            Eigen::AngleAxisd(-state.q.sum(), Eigen::Vector3d::UnitY()));
-        ASSERT_LT((ours.tool.orientation.toRotationMatrix() - turned.toRotationMatrix()).norm(),
-                  1e-14);
+        const Eigen::Quaterniond turned(Eigen::AngleAxisd(-state.q.sum(), Eigen::Vector3d::UnitY()));
+        ASSERT_LT((ours.tool.orientation.toRotationMatrix() - turned.toRotationMatrix()).norm(), 1e-14);
     }
 }
 

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
-
 #include "Figures.h"
+#include "Paths.h"
 #include "RandomStates.h"
 
 namespace viable {
@@ -70,8 +70,7 @@ TEST_F(Ur5eTest, TensorsAreTurnedWithTheCentresOfMass) {
     };
     for (const Published& link : published) {
         const BodyInertia& body = robot_.joints[static_cast<std::size_t>(link.joint)].body;
-        const Eigen::Matrix3d R =
-            Eigen::AngleAxisd(link.roll, Eigen::Vector3d::UnitX()).toRotationMatrix();
+        const Eigen::Matrix3d R = Eigen::AngleAxisd(link.roll, Eigen::Vector3d::UnitX()).toRotationMatrix();
         EXPECT_LT((R * link.com - body.com).norm(), 1e-16) << link.joint;
         const Eigen::Matrix3d inModel = R.transpose() * body.inertia * R;
         EXPECT_LT((inModel.diagonal() - link.moments).norm(), 1e-16) << link.joint;
@@ -81,9 +80,7 @@ TEST_F(Ur5eTest, TensorsAreTurnedWithTheCentresOfMass) {
 /** Against the collected figures, where they are. */
 class Ur5eFiguresTest : public Ur5eTest {
 protected:
-    void SetUp() override {
-        readFigures(kFigures, figures_);
-    }
+    void SetUp() override { readFigures(kFigures, figures_); }
     nlohmann::json figures_;
 };
 

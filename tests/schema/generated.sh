@@ -5,10 +5,10 @@ build=$1 source=$2
 copy=$(mktemp -d)
 trap 'rm -rf "$copy"' EXIT
 cp -r "$source/plugins" "$source/experiments" "$copy"
-"$source/tools/generate_docs.sh" "$build" "$copy"
+"$source/tools/scripts/generate_docs.sh" "$build" "$copy"
 for folder in plugins experiments; do
   diff -r "$source/$folder" "$copy/$folder" || {
-    echo "generated: these files (< as they are, > as the declarations say) are out of date: run tools/generate_docs.sh" >&2
+    echo "generated: these files (< as they are, > as the declarations say) are out of date: run tools/scripts/generate_docs.sh" >&2
     exit 1
   }
 done

@@ -7,10 +7,11 @@
 #include <filesystem>
 #include <string>
 
+#include "Paths.h"
 #include "viable/core/Error.h"
-#include "viable/motion/RotationVector.h"
+#include "viable/core/RotationVector.h"
+#include "viable/host/PluginLoader.h"
 #include "viable/plugin/PluginExport.h"
-#include "viable/plugin/PluginLoader.h"
 
 /** The descriptor of the plugin that is linked into this test. */
 extern "C" const viable::PluginLibrary* viable_plugin_library();
@@ -18,8 +19,7 @@ extern "C" const viable::PluginLibrary* viable_plugin_library();
 namespace viable {
 
 /** For EXPECT_PRED_FORMAT2: `text` contains `part`. */
-inline ::testing::AssertionResult says(const char*, const char*, const std::string& text,
-                                       const std::string& part) {
+inline ::testing::AssertionResult says(const char*, const char*, const std::string& text, const std::string& part) {
     if (text.find(part) != std::string::npos) return ::testing::AssertionSuccess();
     return ::testing::AssertionFailure() << "missing: " << part << "\nin: " << text;
 }
@@ -37,9 +37,7 @@ public:
         tool.orientation = Eigen::Quaterniond(0.5, -0.5, 0.1, 0.7).normalized();
     }
 
-    RunSetup setup() const {
-        return {robot_, JointLimits::unlimited(3), 0.001, duration_s, start, tool};
-    }
+    RunSetup setup() const { return {robot_, JointLimits::unlimited(3), 0.001, duration_s, start, tool}; }
 
     /** Parameters from the inside of a flow map: `points: [[0, 1, 2, 3]], repeat_s: 2`. */
     Parameters read(const std::string& text) const {
@@ -48,9 +46,7 @@ public:
         return readParameters(*root.find("command"), entry.parameters, entry.parameterCount, 3);
     }
 
-    void configure(CommandSource& source, const std::string& text) const {
-        source.configure(setup(), read(text));
-    }
+    void configure(CommandSource& source, const std::string& text) const { source.configure(setup(), read(text)); }
 
     /** What configure() complains about; empty when it does not. */
     template <class Source>

@@ -2,8 +2,8 @@
 
 #include <memory>
 
-#include "viable/testing/AllocationCounter.h"
 #include "TestArm.h"
+#include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 
@@ -40,12 +40,10 @@ public:
     }
 
     /** One answer of a fresh filter on a joint of unit mass. @param push  desired acceleration */
-    FilterStatus decide(const std::string& parameters, const AxisState& s, double push,
-                        FilterDecision& decision) {
+    FilterStatus decide(const std::string& parameters, const AxisState& s, double push, FilterDecision& decision) {
         const MotionState state{JointVector::Constant(1, s.p), JointVector::Constant(1, s.v),
                                 JointVector::Constant(1, s.a)};
-        return make(parameters)
-            ->filter(state, JointVector::Constant(1, push), makeUnitDynamics(1), decision);
+        return make(parameters)->filter(state, JointVector::Constant(1, push), makeUnitDynamics(1), decision);
     }
 
     /** From the start. @param wanted  the desired accelerations in a tick; @param check  sees the state before each
@@ -81,25 +79,21 @@ public:
     }
     template <class Wanted>
     LawOutcome run(const std::string& parameters, double duration_s, Wanted wanted) {
-        return run(parameters, duration_s, wanted,
-                   [](const MotionState&, const FilterDecision&, const Filter&) {});
+        return run(parameters, duration_s, wanted, [](const MotionState&, const FilterDecision&, const Filter&) {});
     }
     /** Pushed about (see PushingCommand). */
-    LawOutcome push(const std::string& parameters, double duration_s, double size, bool bangBang,
-                    unsigned seed) {
+    LawOutcome push(const std::string& parameters, double duration_s, double size, bool bangBang, unsigned seed) {
         PushingCommand command(arm.size(), size, bangBang, seed);
         return run(parameters, duration_s, [&](const MotionState&) { return command.next(); });
     }
     /** The paper's (24) with (26): qdd_d = 5 (q_d - q) - qd, one joint. @param target  q_d at a time */
     template <class Target, class Check>
-    LawOutcome follow(const std::string& parameters, double duration_s, Target target,
-                      Check check) {
+    LawOutcome follow(const std::string& parameters, double duration_s, Target target, Check check) {
         int k = 0;
         return run(
             parameters, duration_s,
             [&](const MotionState& s) {
-                return JointVector(
-                    5.0 * (JointVector::Constant(1, target(k++ * arm.tick_s)) - s.q) - s.qd);
+                return JointVector(5.0 * (JointVector::Constant(1, target(k++ * arm.tick_s)) - s.q) - s.qd);
             },
             check);
     }
@@ -120,12 +114,10 @@ public:
     not. */
     void drawLimits(std::mt19937& random) {
         const auto draw = [&](double low, double high) {  // evenly in the logarithm
-            return std::exp(
-                std::uniform_real_distribution<double>(std::log(low), std::log(high))(random));
+            return std::exp(std::uniform_real_distribution<double>(std::log(low), std::log(high))(random));
         };
         do {
-            const double A = draw(1.0, 30.0), J = draw(10.0, 1000.0),
-                         V = draw(0.1, 4.0) * A * A / J;
+            const double A = draw(1.0, 30.0), J = draw(10.0, 1000.0), V = draw(0.1, 4.0) * A * A / J;
             const auto set = [&](JointBounds& bounds, double size) {
                 bounds.upper[0] = size * draw(0.5, 1.0);
                 bounds.lower[0] = -size * draw(0.5, 1.0);
@@ -145,9 +137,8 @@ private:
 template <class Filter>
 void expectSameAsLibrary(const std::string& name) {
     TestArm arm("indy7");
-    const auto plugin =
-        PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, name));
-    EXPECT_FALSE(plugin->promisesLimits());
+    const auto plugin = PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, name));
+    EXPECT_FALSE(plugin->guaranteesLimits());
     Filter own;
     FilterDecision decisions[2];
     FilterStatus statuses[2];
@@ -156,8 +147,7 @@ void expectSameAsLibrary(const std::string& name) {
     for (SafetyFilter* filter : {plugin.get(), static_cast<SafetyFilter*>(&own)}) {
         filter->configure(arm.setup(), arm.read(PluginKind::SafetyFilter, name, ""));
         filter->reset(arm.start);
-        statuses[k] =
-            filter->filter(arm.start, JointVector::LinSpaced(6, 5.0, 50.0), dynamics, decisions[k]);
+        statuses[k] = filter->filter(arm.start, JointVector::LinSpaced(6, 5.0, 50.0), dynamics, decisions[k]);
         ++k;
     }
     EXPECT_EQ(statuses[0], statuses[1]);

@@ -23,8 +23,8 @@ public:
             const Vector gain = E_.transpose() * (f_ - E_ * u_);
             int best = -1;
             for (int k = 0; k < E_.cols(); ++k)
-                if (!contains(passive_, k) && !contains(refused, k) &&
-                    gain[k] > least * E_.col(k).norm() && (best < 0 || gain[k] > gain[best]))
+                if (!contains(passive_, k) && !contains(refused, k) && gain[k] > least * E_.col(k).norm() &&
+                    (best < 0 || gain[k] > gain[best]))
                     best = k;
             if (best < 0) return;
             if (admit(best))
@@ -44,8 +44,7 @@ private:
 
     Eigen::ColPivHouseholderQR<Matrix> factorPassive() const {
         Matrix columns(E_.rows(), passive_.size());
-        for (size_t j = 0; j < passive_.size(); ++j)
-            columns.col(j) = E_.col(passive_[j]).normalized();
+        for (size_t j = 0; j < passive_.size(); ++j) columns.col(j) = E_.col(passive_[j]).normalized();
         Eigen::ColPivHouseholderQR<Matrix> qr(columns);
         qr.setThreshold(1e3 * std::numeric_limits<Scalar>::epsilon());
         return qr;
@@ -79,8 +78,7 @@ private:
                 }
             }
             for (int j = 0; j < s.size(); ++j)
-                u_[passive_[j]] =
-                    std::max<Scalar>(0, u_[passive_[j]] + step * (s[j] - u_[passive_[j]]));
+                u_[passive_[j]] = std::max<Scalar>(0, u_[passive_[j]] + step * (s[j] - u_[passive_[j]]));
             u_[passive_[leaving]] = 0;
             passive_.erase(passive_.begin() + leaving);
             if (passive_.empty()) return true;

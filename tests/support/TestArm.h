@@ -8,9 +8,10 @@
 #include <random>
 #include <string>
 
+#include "Paths.h"
 #include "viable/core/Error.h"
-#include "viable/plugin/NominalPlant.h"
-#include "viable/plugin/PluginLoader.h"
+#include "viable/host/PluginLoader.h"
+#include "viable/loop/NominalPlant.h"
 #include "viable/robot/RobotDescription.h"
 #include "viable/robot/RobotModel.h"
 
@@ -41,9 +42,7 @@ public:
 
     int size() const { return robot.size(); }
 
-    RunSetup setup() {
-        return {robot, limits, tick_s, 30.0, start, calcDynamics(start.q, start.qd).tool};
-    }
+    RunSetup setup() { return {robot, limits, tick_s, 30.0, start, calcDynamics(start.q, start.qd).tool}; }
 
     /** Of the robot as it was loaded, or since the last rebuildModel(). */
     Dynamics calcDynamics(const JointVector& q, const JointVector& qd) {
@@ -62,8 +61,7 @@ public:
     Parameters read(PluginKind kind, const std::string& name, const std::string& text) const {
         const PluginInfo info = findPlugin(kind, name);
         const ConfigNode root = parseConfig("plugin_block: {" + text + "}\n", "experiment.yaml");
-        return readParameters(*root.find("plugin_block"), info.entry->parameters,
-                              info.entry->parameterCount, size());
+        return readParameters(*root.find("plugin_block"), info.entry->parameters, info.entry->parameterCount, size());
     }
 
     RobotDescription robot;
@@ -116,8 +114,7 @@ struct LimitExcess {
     double jerk = 0.0;
 
     /** @param after  the nominal state at the end of the tick */
-    void observe(const FilterDecision& decision, const MotionState& after,
-                 const JointLimits& limits) {
+    void observe(const FilterDecision& decision, const MotionState& after, const JointLimits& limits) {
         for (int i = 0; i < limits.size(); ++i) {
             const AxisLimits l = limits.axis(i);
             keep(position, after.q[i] - l.positionUpper);
@@ -145,8 +142,7 @@ private:
 ticks, then takes another; `bangBang` only the two extremes. */
 class PushingCommand {
 public:
-    PushingCommand(int n, double size, bool bangBang, unsigned seed)
-        : size_(size), bangBang_(bangBang), random_(seed) {
+    PushingCommand(int n, double size, bool bangBang, unsigned seed) : size_(size), bangBang_(bangBang), random_(seed) {
         value_.setZero(n);
         left_.setZero(n);
     }

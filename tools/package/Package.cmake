@@ -1,4 +1,4 @@
-# The Debian package (tools/package.sh): program, library, plugins, robots, experiments, templates, headers and CMake files
+# The Debian package (tools/scripts/package.sh): program, library, plugins, robots, experiments, templates, headers and CMake files
 # in one, for the Debian it was built on: a plugin must meet the same compiler and Eigen as the program.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME viable)

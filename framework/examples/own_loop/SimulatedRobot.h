@@ -86,8 +86,7 @@ private:
                 const double v = state_.qd[i];
                 driving[i] -=
                     friction_.coulomb[i] * std::tanh(v / 0.02) +
-                    friction_.viscous[i] *
-                        std::copysign(-std::expm1(-std::abs(v) / friction_.viscousVelocity[i]), v);
+                    friction_.viscous[i] * std::copysign(-std::expm1(-std::abs(v) / friction_.viscousVelocity[i]), v);
             }
             viable::calcForwardDynamics(dynamics_, driving, acceleration);
             state_.qd += dt * acceleration;

@@ -3,28 +3,23 @@
 #include <cstring>
 
 #include "SimulatedRobot.h"
-#include "viable/experiment/Summary.h"
-#include "viable/experiment/TorqueGuard.h"
+#include "viable/loop/TorqueGuard.h"
+#include "viable/summary/Summary.h"
 
 using namespace viable;
 
 /** What came of it: the nominal arm's worst use of each limit, and how far the real one was from it. */
 bool print(const Summary& summary, const TorqueGuard& guard, long long missed) {
-    for (const LimitKind kind :
-         {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk}) {
+    for (const LimitKind kind : {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk}) {
         const int joint = summary.worstJoint(kind);
         const LimitRecord& worst = summary.limit(kind)[static_cast<std::size_t>(joint)];
-        std::printf("%-13s worst use %6.2f %% (%s), outside in %lld joint-ticks\n",
-                    getName(kind, LimitSide::Neither), 100.0 * worst.worstUse,
-                    summary.jointNames()[static_cast<std::size_t>(joint)].c_str(),
+        std::printf("%-13s worst use %6.2f %% (%s), outside in %lld joint-ticks\n", getName(kind, LimitSide::Neither),
+                    100.0 * worst.worstUse, summary.jointNames()[static_cast<std::size_t>(joint)].c_str(),
                     static_cast<long long>(summary.ticksOutside(kind)));
     }
-    std::printf("real arm      at most %.1f mrad from the nominal one\n",
-                1000.0 * summary.trackingMax());
-    std::printf("ticks         %lld, and %lld missed\n", static_cast<long long>(summary.ticks()),
-                missed);
-    if (guard.stopReason() != GuardStop::Requested)
-        std::printf("stopped       %s\n", guard.stopMessage());
+    std::printf("real arm      at most %.1f mrad from the nominal one\n", 1000.0 * summary.trackingMax());
+    std::printf("ticks         %lld, and %lld missed\n", static_cast<long long>(summary.ticks()), missed);
+    if (guard.stopReason() != GuardStop::Requested) std::printf("stopped       %s\n", guard.stopMessage());
     return !summary.anyLimitBroken() && guard.stopReason() == GuardStop::Requested;
 }
 
@@ -44,7 +39,7 @@ int main(int argc, char** argv) try {
     // [the loop]
     const double tick_s = 0.001;
     SimulatedRobot arm(robot, tick_s, isSimulatedTime);  // yours goes here
-    TorqueGuard guard(robot, tick_s);  // throws viable::Error: place, cause, remedy
+    TorqueGuard guard(robot, tick_s);                    // throws viable::Error: place, cause, remedy
     Summary summary(robot.jointNames(), guard.limits(), true);
     guard.start(arm.read());
 
@@ -59,8 +54,7 @@ int main(int argc, char** argv) try {
         const JointVector target = robot.home + JointVector::Constant(robot.size(), side);
 
         // Any torque law: here inverse dynamics with a spring and a damper, on the nominal arm.
-        const auto law = [&](const MotionState& nominal, const Dynamics& dynamics,
-                             JointVector& tau_d) {
+        const auto law = [&](const MotionState& nominal, const Dynamics& dynamics, JointVector& tau_d) {
             tau_d = dynamics.M * (100.0 * (target - nominal.q) - 20.0 * nominal.qd) + dynamics.b;
         };
         const GuardedTorque& motors = guard.step(arm.read(), law);  // throws and allocates nothing

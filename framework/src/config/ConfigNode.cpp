@@ -37,10 +37,8 @@ std::vector<Step> splitPath(const std::string& path, const std::string& where) {
         std::vector<int> indices;
         while (!key.empty() && key.back() == ']') {
             const std::size_t open = key.rfind('[');
-            const std::string digits =
-                open == std::string::npos ? "" : key.substr(open + 1, key.size() - open - 2);
-            if (digits.empty() || digits.size() > 6 ||
-                digits.find_first_not_of("0123456789") != std::string::npos) {
+            const std::string digits = open == std::string::npos ? "" : key.substr(open + 1, key.size() - open - 2);
+            if (digits.empty() || digits.size() > 6 || digits.find_first_not_of("0123456789") != std::string::npos) {
                 throw badInput(where, "the key path has a wrong index in " + quoteText(key),
                                "Write `[0]` for the first entry of a list");
             }
@@ -128,25 +126,20 @@ void applyOverride(ConfigNode& root, const std::string& assignment) {
     const std::string path = assignment.substr(0, equals);
     const std::string valueText = assignment.substr(equals + 1);
     if (path.size() > detail::kMaxKeyPathBytes) {
-        throw badInput(
-            argument,
-            "the key path is longer than " + std::to_string(detail::kMaxKeyPathBytes) + " bytes",
-            "Check the argument");
+        throw badInput(argument, "the key path is longer than " + std::to_string(detail::kMaxKeyPathBytes) + " bytes",
+                       "Check the argument");
     }
     const std::vector<Step> steps = splitPath(path, argument);
     if (valueText.find_first_not_of(" \t\r\n") == std::string::npos) {
-        throw badInput(argument, "the assignment has no value",
-                       "Write a value behind the `=`; empty text is `\"\"`");
+        throw badInput(argument, "the assignment has no value", "Write a value behind the `=`; empty text is `\"\"`");
     }
     if (steps.size() > static_cast<std::size_t>(kMaxConfigDepth)) {
-        throw badInput(argument,
-                       "the key path is deeper than " + std::to_string(kMaxConfigDepth) + " levels",
+        throw badInput(argument, "the key path is deeper than " + std::to_string(kMaxConfigDepth) + " levels",
                        "Check the argument");
     }
     ConfigNode value;
     try {
-        value = detail::parseYaml(valueText, detail::kOverrideFile, path,
-                                  static_cast<int>(steps.size()), false);
+        value = detail::parseYaml(valueText, detail::kOverrideFile, path, static_cast<int>(steps.size()), false);
     } catch (const Error& error) {
         throw badInput(argument, std::string("the value cannot be read: ") + error.what());
     }
@@ -159,19 +152,18 @@ void applyOverride(ConfigNode& root, const std::string& assignment) {
         const Step& step = steps[existing];
         ConfigNode* next = nullptr;
         if (step.index >= 0) {
-            if (node->kind != ConfigNode::Kind::List ||
-                step.index >= static_cast<int>(node->items.size())) {
+            if (node->kind != ConfigNode::Kind::List || step.index >= static_cast<int>(node->items.size())) {
                 throw badInput(argument,
-                               node->place() + " is " + describeNode(*node) +
-                                   ", so there is no entry [" + std::to_string(step.index) + "]",
+                               node->place() + " is " + describeNode(*node) + ", so there is no entry [" +
+                                   std::to_string(step.index) + "]",
                                "Name an entry that exists, or set the whole list");
             }
             next = &node->items[static_cast<std::size_t>(step.index)];
         } else {
             if (node->kind != ConfigNode::Kind::Map && node->kind != ConfigNode::Kind::Empty) {
                 throw badInput(argument,
-                               node->place() + " is " + describeNode(*node) +
-                                   ", so there is no entry " + quoteText(step.key) + " in it",
+                               node->place() + " is " + describeNode(*node) + ", so there is no entry " +
+                                   quoteText(step.key) + " in it",
                                "Check the key path");
             }
             next = node->find(step.key);
@@ -187,14 +179,12 @@ void applyOverride(ConfigNode& root, const std::string& assignment) {
     }
 
     if (existing == steps.size()) {
-        const bool isPlugin =
-            steps.back().key == "plugin" && (value.kind != node->kind || value.text != node->text);
+        const bool isPlugin = steps.back().key == "plugin" && (value.kind != node->kind || value.text != node->text);
         if (isPlugin) {
             ConfigNode* block = &root;
             for (std::size_t i = 0; i + 1 < steps.size(); ++i) {
-                block = steps[i].index >= 0
-                            ? &block->items[static_cast<std::size_t>(steps[i].index)]
-                            : block->find(steps[i].key);
+                block = steps[i].index >= 0 ? &block->items[static_cast<std::size_t>(steps[i].index)]
+                                            : block->find(steps[i].key);
             }
             block->entries.clear();
             block->entries.emplace_back("plugin", std::move(value));
@@ -221,8 +211,7 @@ ConfigNode overlay(const ConfigNode& base, const ConfigNode& top) {
     if (base.kind != ConfigNode::Kind::Map || top.kind != ConfigNode::Kind::Map) return top;
     const ConfigNode* basePlugin = base.find("plugin");
     const ConfigNode* topPlugin = top.find("plugin");
-    if (basePlugin && topPlugin &&
-        (basePlugin->kind != topPlugin->kind || basePlugin->text != topPlugin->text)) {
+    if (basePlugin && topPlugin && (basePlugin->kind != topPlugin->kind || basePlugin->text != topPlugin->text)) {
         return top;
     }
     ConfigNode merged = base;
@@ -257,8 +246,7 @@ const ConfigNode* ConfigMap::find(const std::string& key) {
 const ConfigNode& ConfigMap::require(const std::string& key) {
     const ConfigNode* value = find(key);
     if (!value) {
-        throw badInput(node_.place(), "the key " + quoteText(key) + " is missing",
-                       "Add `" + key + ": ...` here");
+        throw badInput(node_.place(), "the key " + quoteText(key) + " is missing", "Add `" + key + ": ...` here");
     }
     return *value;
 }

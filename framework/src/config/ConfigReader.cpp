@@ -130,23 +130,19 @@ std::string cleanText(const std::string& raw, const std::string& fileName) {
                            "file is no configuration");
         }
         if (isIndentation && byte == '\t') {
-            throw badInput(formatPlace(fileName, at), "a tab stands in the indentation",
-                           "Indent with blanks only");
+            throw badInput(formatPlace(fileName, at), "a tab stands in the indentation", "Indent with blanks only");
         }
         if (byte == '[' || byte == '{') ++openBrackets;
         if ((byte == ']' || byte == '}') && openBrackets > 0) --openBrackets;
         if (openBrackets > kMaxOpenBrackets) {
             throw badInput(
-                formatPlace(fileName, at),
-                "more than " + std::to_string(kMaxOpenBrackets) + " brackets are open here",
-                "At most " + std::to_string(kMaxConfigDepth) +
-                    " maps and lists may stand inside each other");
+                formatPlace(fileName, at), "more than " + std::to_string(kMaxOpenBrackets) + " brackets are open here",
+                "At most " + std::to_string(kMaxConfigDepth) + " maps and lists may stand inside each other");
         }
         if (byte == ',' && ++commas > kMaxConfigNodes) {
-            throw badInput(
-                formatPlace(fileName, at),
-                "more than " + std::to_string(kMaxConfigNodes) + " list entries stand before here",
-                "Keep recorded data in files of their own");
+            throw badInput(formatPlace(fileName, at),
+                           "more than " + std::to_string(kMaxConfigNodes) + " list entries stand before here",
+                           "Keep recorded data in files of their own");
         }
         text.append(raw, i, size);
         i += size;
@@ -167,8 +163,8 @@ not contain. It looks at the text itself where yaml-cpp 0.7 is silent: keys with
 that are never closed, the lone tag `!`. */
 class TreeBuilder : public YAML::EventHandler {
 public:
-    TreeBuilder(const std::string& text, const std::string& fileName, const std::string& keyPath,
-                int depth, bool isWholeFile)
+    TreeBuilder(const std::string& text, const std::string& fileName, const std::string& keyPath, int depth,
+                bool isWholeFile)
         : text_(text),
           fileName_(fileName),
           rootPath_(keyPath),
@@ -228,8 +224,7 @@ public:
         const std::size_t end = findScalarEnd(mark, value);
         // Lines that YAML joins would let `1` above ` -2` pass for the number -1.
         if (tag == "?" && text_.compare(findOffset(mark), value.size(), value) != 0) {
-            fail(mark, findPath(),
-                 "the value " + quoteText(value) + " goes over several lines without quotes",
+            fail(mark, findPath(), "the value " + quoteText(value) + " goes over several lines without quotes",
                  "Check the indentation and the commas; put long text in quotes or behind `|`");
         }
         if (value.find('\0') != std::string::npos) {
@@ -271,12 +266,12 @@ private:
     }
     char at(std::size_t offset) const { return offset < text_.size() ? text_[offset] : '\0'; }
 
-    [[noreturn]] void failAt(std::size_t offset, const std::string& keyPath,
-                             const std::string& what, const std::string& remedy) {
+    [[noreturn]] void failAt(std::size_t offset, const std::string& keyPath, const std::string& what,
+                             const std::string& remedy) {
         throw badInput(formatPlace(fileName_, finder_.find(offset), keyPath), what, remedy);
     }
-    [[noreturn]] void fail(const YAML::Mark& mark, const std::string& keyPath,
-                           const std::string& what, const std::string& remedy) {
+    [[noreturn]] void fail(const YAML::Mark& mark, const std::string& keyPath, const std::string& what,
+                           const std::string& remedy) {
         failAt(findOffset(mark), keyPath, what, remedy);
     }
     [[noreturn]] void failAnchor(const YAML::Mark& mark) {
@@ -300,8 +295,7 @@ private:
     void countNode(const YAML::Mark& mark) {
         if (++nodes_ > kMaxConfigNodes) {
             fail(mark, findPath(),
-                 "more than " + std::to_string(kMaxConfigNodes) +
-                     " keys and values stand in the file",
+                 "more than " + std::to_string(kMaxConfigNodes) + " keys and values stand in the file",
                  "Keep recorded data in files of their own");
         }
     }
@@ -325,32 +319,28 @@ private:
     }
 
     bool isKeyExpected() const {
-        return !stack_.empty() && stack_.back().node.kind == ConfigNode::Kind::Map &&
-               !stack_.back().hasKey;
+        return !stack_.empty() && stack_.back().node.kind == ConfigNode::Kind::Map && !stack_.back().hasKey;
     }
 
     void takeKey(const YAML::Mark& mark, const std::string& key, std::size_t end) {
         Frame& frame = stack_.back();
         const std::string path = joinKeyPath(frame.node.keyPath, key);
         if (key == "<<") {
-            fail(mark, frame.node.keyPath, "a merge key (`<<`) is not allowed",
-                 "Write the entries out");
+            fail(mark, frame.node.keyPath, "a merge key (`<<`) is not allowed", "Write the entries out");
         }
         if (key.empty()) {
             fail(mark, frame.node.keyPath, "a key is empty", "Write entries as `key: value`");
         }
         for (const char c : key) {
             if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) {
-                fail(mark, frame.node.keyPath,
-                     "the key " + quoteText(key) + " holds a control character",
+                fail(mark, frame.node.keyPath, "the key " + quoteText(key) + " holds a control character",
                      "Use letters, digits and `_`");
             }
         }
         if (path.size() > detail::kMaxKeyPathBytes) {
             fail(mark, frame.node.keyPath,
-                 "the key " + quoteText(key) + " makes a key path of " +
-                     std::to_string(path.size()) + " bytes; at most " +
-                     std::to_string(detail::kMaxKeyPathBytes) + " are allowed",
+                 "the key " + quoteText(key) + " makes a key path of " + std::to_string(path.size()) +
+                     " bytes; at most " + std::to_string(detail::kMaxKeyPathBytes) + " are allowed",
                  "Use shorter keys");
         }
         while (at(end) == ' ' || at(end) == '\t') ++end;
@@ -363,11 +353,9 @@ private:
             // `{a: ~uniform(0, 1)}`: what stands behind the comma is taken for the next key.
             const std::string& before = frame.node.entries.back().second.text;
             if (!before.empty() && before[0] == '~' &&
-                std::count(before.begin(), before.end(), '(') >
-                    std::count(before.begin(), before.end(), ')'))
+                std::count(before.begin(), before.end(), '(') > std::count(before.begin(), before.end(), ')'))
                 fail(mark, frame.node.entries.back().second.keyPath,
-                     "the draw " + quoteText(before) + " ends at its comma",
-                     detail::quoteDrawRemedy(before));
+                     "the draw " + quoteText(before) + " ends at its comma", detail::quoteDrawRemedy(before));
         }
         if (at(end) != ':') {
             fail(mark, frame.node.keyPath, quoteText(key) + " stands where a key is expected",
@@ -377,9 +365,8 @@ private:
         const auto [known, isNew] = frame.keyLines.emplace(key, position.line);
         if (!isNew) {
             fail(mark, path,
-                 "the key " + quoteText(key) + " stands twice: on line " +
-                     std::to_string(known->second) + " and on line " +
-                     std::to_string(position.line),
+                 "the key " + quoteText(key) + " stands twice: on line " + std::to_string(known->second) +
+                     " and on line " + std::to_string(position.line),
                  "Remove one of the two");
         }
         frame.key = key;
@@ -400,8 +387,7 @@ private:
     void checkRoot(const YAML::Mark& mark, const std::string& found) {
         if (!stack_.empty() || !isWholeFile_) return;
         if (found == "nothing") {
-            throw badInput(fileName_, "is empty: there is no entry in it",
-                           "Write entries as `key: value`");
+            throw badInput(fileName_, "is empty: there is no entry in it", "Write entries as `key: value`");
         }
         fail(mark, {}, "the file must be a map of entries; found " + found,
              "Write entries as `key: value`, with a blank after the colon");
@@ -421,16 +407,14 @@ private:
         return node;
     }
 
-    void open(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
-              ConfigNode::Kind kind) {
+    void open(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor, ConfigNode::Kind kind) {
         refuseProperties(mark, tag, anchor);
         countNode(mark);
         if (isKeyExpected()) failKey(mark);
         if (kind == ConfigNode::Kind::List) checkRoot(mark, "a list");
         if (outerDepth_ + static_cast<int>(stack_.size()) >= kMaxConfigDepth) {
             fail(mark, findPath(),
-                 "more than " + std::to_string(kMaxConfigDepth) +
-                     " maps and lists stand inside each other",
+                 "more than " + std::to_string(kMaxConfigDepth) + " maps and lists stand inside each other",
                  "Make the structure flatter");
         }
         Frame frame;
@@ -492,23 +476,18 @@ Error explain(const YAML::Exception& problem, const std::string& where) {
         {YAML::ErrorMsg::FLOW_END, "a closing bracket has no opening one", "Remove it"},
         {YAML::ErrorMsg::MAP_VALUE, "a colon stands where none can stand",
          "Check the indentation of this line and the one before; put text with a colon in quotes"},
-        {YAML::ErrorMsg::MAP_KEY, "a `?` stands where none can stand",
-         "Put text that begins with ? in quotes"},
+        {YAML::ErrorMsg::MAP_KEY, "a `?` stands where none can stand", "Put text that begins with ? in quotes"},
         {YAML::ErrorMsg::BLOCK_ENTRY, "a list entry (`- `) stands where none can stand",
          "Begin the list on the line below its key, or write it as `[a, b]`"},
         {YAML::ErrorMsg::EOF_IN_SCALAR, "a quote is never closed", "Write the closing quote"},
-        {YAML::ErrorMsg::DOC_IN_SCALAR, "a line `---` or `...` stands inside quoted text",
-         "Write the closing quote"},
-        {YAML::ErrorMsg::TAB_IN_INDENTATION, "a tab stands in the indentation",
-         "Indent with blanks only"},
+        {YAML::ErrorMsg::DOC_IN_SCALAR, "a line `---` or `...` stands inside quoted text", "Write the closing quote"},
+        {YAML::ErrorMsg::TAB_IN_INDENTATION, "a tab stands in the indentation", "Indent with blanks only"},
         {YAML::ErrorMsg::UNKNOWN_TOKEN, "this character cannot begin a value",
          "Put text that begins with @, % or a backquote in quotes"},
         {YAML::ErrorMsg::UNKNOWN_ANCHOR, "an alias (`*name`) is not allowed",
          "Write the value out; text that begins with * goes in quotes"},
-        {YAML::ErrorMsg::ALIAS_NOT_FOUND, "a value begins with `*`",
-         "Put text that begins with * in quotes"},
-        {YAML::ErrorMsg::ANCHOR_NOT_FOUND, "a value begins with `&`",
-         "Put text that begins with & in quotes"},
+        {YAML::ErrorMsg::ALIAS_NOT_FOUND, "a value begins with `*`", "Put text that begins with * in quotes"},
+        {YAML::ErrorMsg::ANCHOR_NOT_FOUND, "a value begins with `&`", "Put text that begins with & in quotes"},
     };
     for (const Explanation& explanation : explanations) {
         if (problem.msg == explanation.message) {
@@ -521,8 +500,8 @@ Error explain(const YAML::Exception& problem, const std::string& where) {
 
 }  // namespace
 
-ConfigNode detail::parseYaml(const std::string& raw, const std::string& fileName,
-                             const std::string& keyPath, int depth, bool isWholeFile) {
+ConfigNode detail::parseYaml(const std::string& raw, const std::string& fileName, const std::string& keyPath, int depth,
+                             bool isWholeFile) {
     const std::string text = cleanText(raw, fileName);
     TreeBuilder builder(text, fileName, keyPath, depth, isWholeFile);
     try {
@@ -536,8 +515,7 @@ ConfigNode detail::parseYaml(const std::string& raw, const std::string& fileName
         throw explain(problem, formatPlace(fileName, at, keyPath));
     }
     if (!builder.hasDocument()) {
-        throw badInput(fileName, "is empty: there is no entry in it",
-                       "Write entries as `key: value`");
+        throw badInput(fileName, "is empty: there is no entry in it", "Write entries as `key: value`");
     }
     return builder.takeRoot();
 }
@@ -568,18 +546,16 @@ ConfigNode readConfigFile(const std::filesystem::path& file) {
     const std::uintmax_t size = fs::file_size(file, code);
     if (!code && size > kMaxConfigBytes) {
         throw badInput(name,
-                       "holds " + std::to_string(size) + " bytes, more than the " +
-                           std::to_string(kMaxConfigBytes) + " that a configuration may have",
+                       "holds " + std::to_string(size) + " bytes, more than the " + std::to_string(kMaxConfigBytes) +
+                           " that a configuration may have",
                        "Keep recorded data in files of their own and name them in the "
                        "configuration");
     }
 
     const auto fail = [&](int number) {
-        throw badInput(name, std::string("cannot be read: ") + std::strerror(number),
-                       "Check its permissions");
+        throw badInput(name, std::string("cannot be read: ") + std::strerror(number), "Check its permissions");
     };
-    const std::unique_ptr<std::FILE, int (*)(std::FILE*)> stream(std::fopen(file.c_str(), "rb"),
-                                                                 &std::fclose);
+    const std::unique_ptr<std::FILE, int (*)(std::FILE*)> stream(std::fopen(file.c_str(), "rb"), &std::fclose);
     if (!stream) fail(errno);
     // The file may grow after its size was asked for: never take more than one byte too many.
     std::string text(kMaxConfigBytes + 1, '\0');

@@ -26,8 +26,8 @@ std::string joinKeyPath(const std::string& parent, const std::string& key);
 /** One YAML value of any kind. Places are those of `fileName`; key paths begin with `keyPath`;
 `depth` is how many maps and lists already stand around the value.
 @param isWholeFile  the root must be a map, as in a configuration file */
-ConfigNode parseYaml(const std::string& text, const std::string& fileName,
-                     const std::string& keyPath, int depth, bool isWholeFile);
+ConfigNode parseYaml(const std::string& text, const std::string& fileName, const std::string& keyPath, int depth,
+                     bool isWholeFile);
 
 /** Longest key path: bounds the memory that nested long keys can cause. [bytes] */
 inline constexpr std::size_t kMaxKeyPathBytes = 400;

@@ -28,8 +28,7 @@ bool isDigit(char c) {
     return c >= '0' && c <= '9';
 }
 bool isLetter(char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' ||
-           (static_cast<unsigned char>(c) & 0x80) != 0;
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' || (static_cast<unsigned char>(c) & 0x80) != 0;
 }
 
 /** Why a text is no number; becomes an Error where the place is known. */
@@ -46,8 +45,7 @@ public:
 
     double calc() {
         if (text_.size() > kMaxExpressionBytes) {
-            throw NoNumber{"it is longer than " + std::to_string(kMaxExpressionBytes) + " bytes",
-                           kNumberRemedy};
+            throw NoNumber{"it is longer than " + std::to_string(kMaxExpressionBytes) + " bytes", kNumberRemedy};
         }
         const double value = calcSum();
         if (peek() != '\0') failUnexpected();
@@ -156,9 +154,9 @@ private:
 
     double calcFactor() {
         if (++depth_ > kMaxExpressionDepth) {
-            throw NoNumber{"it has more than " + std::to_string(kMaxExpressionDepth) +
-                               " signs and parentheses inside each other",
-                           kNumberRemedy};
+            throw NoNumber{
+                "it has more than " + std::to_string(kMaxExpressionDepth) + " signs and parentheses inside each other",
+                kNumberRemedy};
         }
         double value = 0.0;
         const char c = peek();
@@ -217,8 +215,7 @@ private:
         }
         valueEnd_ = at_;
         if (hasLeadingZero) {
-            throw NoNumber{"it begins with a zero, which some read as octal",
-                           "Write the number without leading zeros"};
+            throw NoNumber{"it begins with a zero, which some read as octal", "Write the number without leading zeros"};
         }
         double value = 0.0;
         const char* first = text_.data() + begin;
@@ -229,8 +226,7 @@ private:
             // only through its exponent, whose sign says at which end.
             const std::string literal(first, last);
             const std::size_t exponent = literal.find_first_of("eE");
-            const bool isSmall =
-                exponent != std::string::npos && literal.compare(exponent + 1, 1, "-") == 0;
+            const bool isSmall = exponent != std::string::npos && literal.compare(exponent + 1, 1, "-") == 0;
             value = isSmall ? 0.0 : std::numeric_limits<double>::infinity();
         }
         return check(value, isZero);
@@ -249,14 +245,12 @@ bool isOneOf(const std::string& text, std::initializer_list<const char*> words) 
 /** The value without its range. */
 double calcNumber(const ConfigNode& node, bool mayBeInfinite) {
     if (node.kind != ConfigNode::Kind::Scalar) {
-        throw badInput(node.place(), "must be a number; it is " + describeNode(node),
-                       kNumberRemedy);
+        throw badInput(node.place(), "must be a number; it is " + describeNode(node), kNumberRemedy);
     }
     const std::string& text = node.text;
     const std::string shown = quoteText(text);
     if (node.quoted) {
-        throw badInput(node.place(), "must be a number; " + shown + " in quotes is text",
-                       "Remove the quotes");
+        throw badInput(node.place(), "must be a number; " + shown + " in quotes is text", "Remove the quotes");
     }
     refuseBlank(node);
     // std::string's own letters: no locale.
@@ -264,19 +258,16 @@ double calcNumber(const ConfigNode& node, bool mayBeInfinite) {
     for (char& c : lower) {
         if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
     }
-    const std::string unsignedText =
-        !lower.empty() && (lower[0] == '-' || lower[0] == '+') ? lower.substr(1) : lower;
+    const std::string unsignedText = !lower.empty() && (lower[0] == '-' || lower[0] == '+') ? lower.substr(1) : lower;
     if (isOneOf(unsignedText, {".nan", "nan"})) {
         throw badInput(node.place(), shown + " is not a number", kNumberRemedy);
     }
     if (isOneOf(unsignedText, {".inf", "inf", "infinity"})) {
         if (!mayBeInfinite) {
-            throw badInput(node.place(), shown + " is not allowed: the value must be finite",
-                           kNumberRemedy);
+            throw badInput(node.place(), shown + " is not allowed: the value must be finite", kNumberRemedy);
         }
         if (unsignedText != ".inf") {
-            throw badInput(node.place(), shown + " is not a number",
-                           "Write `.inf` or `-.inf` for \"no limit\"");
+            throw badInput(node.place(), shown + " is not a number", "Write `.inf` or `-.inf` for \"no limit\"");
         }
         const double infinity = std::numeric_limits<double>::infinity();
         return lower[0] == '-' ? -infinity : infinity;
@@ -321,8 +312,7 @@ double toNumber(const ConfigNode& node, const NumberRange& range) {
     const double value = calcNumber(node, range.mayBeInfinite);
     if (!range.contains(value)) {
         const std::string number = formatNumber(value);
-        const std::string shown =
-            number == node.text ? number : quoteText(node.text) + " = " + number;
+        const std::string shown = number == node.text ? number : quoteText(node.text) + " = " + number;
         throw badInput(node.place(), shown + " is out of range; allowed is " + range.text(),
                        "Choose a value inside the range");
     }
@@ -330,8 +320,7 @@ double toNumber(const ConfigNode& node, const NumberRange& range) {
 }
 
 std::int64_t toInteger(const ConfigNode& node, std::int64_t min, std::int64_t max) {
-    const std::string allowed =
-        "a whole number in [" + std::to_string(min) + ", " + std::to_string(max) + "]";
+    const std::string allowed = "a whole number in [" + std::to_string(min) + ", " + std::to_string(max) + "]";
     const std::string remedy = "Write digits only, without point, exponent or leading zeros";
     if (node.kind != ConfigNode::Kind::Scalar || node.quoted) {
         throw badInput(node.place(), "must be " + allowed + "; it is " + describeNode(node),
@@ -339,8 +328,7 @@ std::int64_t toInteger(const ConfigNode& node, std::int64_t min, std::int64_t ma
     }
     const std::string& text = node.text;
     const std::string digits = !text.empty() && text[0] == '-' ? text.substr(1) : text;
-    const bool isWhole =
-        !digits.empty() && digits.find_first_not_of("0123456789") == std::string::npos;
+    const bool isWhole = !digits.empty() && digits.find_first_not_of("0123456789") == std::string::npos;
     if (!isWhole || (digits.size() > 1 && digits[0] == '0')) {
         throw badInput(node.place(), quoteText(text) + " is not " + allowed, remedy);
     }
@@ -364,9 +352,9 @@ bool toFlag(const ConfigNode& node) {
 
 void refuseBlank(const ConfigNode& node) {
     if (node.kind == ConfigNode::Kind::Scalar && !node.quoted && node.text == kBlank)
-        throw badInput(node.place(), "not filled in yet",
-                       std::string("Write the value in place of ") + kBlank +
-                           "; the comment beside it says how to find it");
+        throw badInput(
+            node.place(), "not filled in yet",
+            std::string("Write the value in place of ") + kBlank + "; the comment beside it says how to find it");
 }
 
 std::string toText(const ConfigNode& node) {
@@ -385,13 +373,11 @@ std::string toChoice(const ConfigNode& node, const std::vector<std::string>& cho
         names += (names.empty() ? "`" : ", `") + choice + "`";
     }
     const std::string closest = findClosestName(text, choices);
-    throw badInput(
-        node.place(), quoteText(text) + " is not one of the choices",
-        (closest.empty() ? "" : "Did you mean `" + closest + "`? ") + ("Choices: " + names));
+    throw badInput(node.place(), quoteText(text) + " is not one of the choices",
+                   (closest.empty() ? "" : "Did you mean `" + closest + "`? ") + ("Choices: " + names));
 }
 
-std::vector<double> toNumbers(const ConfigNode& node, int minCount, int maxCount,
-                              const NumberRange& range) {
+std::vector<double> toNumbers(const ConfigNode& node, int minCount, int maxCount, const NumberRange& range) {
     const std::string wanted = "a list of " + formatCount(minCount, maxCount);
     if (node.kind != ConfigNode::Kind::List) {
         throw badInput(node.place(), "must be " + wanted + "; it is " + describeNode(node),
@@ -416,8 +402,7 @@ JointVector toJointVector(const ConfigNode& node, int n, const NumberRange& rang
     if (node.kind != ConfigNode::Kind::List || static_cast<int>(node.items.size()) != n) {
         throw badInput(node.place(),
                        "must be a list of " + formatCount(n, n) +
-                           ", one per joint, or a single number for all; it is " +
-                           describeNode(node),
+                           ", one per joint, or a single number for all; it is " + describeNode(node),
                        "Write " + formatCount(n, n) + " in brackets, or a single one");
     }
     JointVector values(n);

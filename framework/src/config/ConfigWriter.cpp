@@ -39,10 +39,9 @@ bool isLetterOrDigit(char c) {
 }
 
 std::string writeKey(const std::string& key) {
-    const bool isPlain =
-        !isNull(key) && isLetterOrDigit(key[0]) && std::all_of(key.begin(), key.end(), [](char c) {
-            return isLetterOrDigit(c) || c == '-' || c == '.';
-        });
+    const bool isPlain = !isNull(key) && isLetterOrDigit(key[0]) && std::all_of(key.begin(), key.end(), [](char c) {
+        return isLetterOrDigit(c) || c == '-' || c == '.';
+    });
     return isPlain ? key : quote(key);
 }
 

@@ -1,4 +1,4 @@
-#include "viable/config/Draws.h"
+#include "config/Draws.h"
 
 #include <algorithm>
 #include <charconv>
@@ -29,8 +29,7 @@ const char kForms[] =
 enum class Kind { Uniform, LogUniform, Normal, Integer, Choice };
 
 const std::vector<std::string>& kindNames() {
-    static const std::vector<std::string> names = {"uniform", "log_uniform", "normal", "integer",
-                                                   "choice"};
+    static const std::vector<std::string> names = {"uniform", "log_uniform", "normal", "integer", "choice"};
     return names;
 }
 
@@ -76,8 +75,7 @@ std::uint64_t hashText(const std::string& text) {  // FNV-1a, 64 bits
 class Stream {
 public:
     Stream(const DrawIndex& index, const std::string& keyPath)
-        : state_(mix(mix(mix(index.seed + kGolden) + static_cast<std::uint64_t>(index.run)) +
-                     hashText(keyPath))) {}
+        : state_(mix(mix(mix(index.seed + kGolden) + static_cast<std::uint64_t>(index.run)) + hashText(keyPath))) {}
 
     std::uint64_t next() { return mix(state_ += kGolden); }
     /** Evenly in (0, 1): never the ends. */
@@ -107,10 +105,10 @@ struct Distribution {
     Kind kind = Kind::Uniform;
     double a = 0.0, b = 0.0;  ///< the ends; mean and standard deviation of a normal one
     bool isCut = false;
-    double min = 0.0, max = 0.0;             ///< of a cut
-    std::int64_t first = 0, last = 0;        ///< of whole numbers
+    double min = 0.0, max = 0.0;       ///< of a cut
+    std::int64_t first = 0, last = 0;  ///< of whole numbers
     std::vector<std::string> choices;
-    bool isOfWords = false;                  ///< not all choices are numbers
+    bool isOfWords = false;  ///< not all choices are numbers
 
     std::string draw(Stream stream) const {
         switch (kind) {
@@ -192,8 +190,7 @@ public:
         Distribution d;
         d.kind = static_cast<Kind>(name - names.begin());
         if (d.kind == Kind::Choice) {
-            if (arguments.size() > kMostChoices)
-                fail("more than " + std::to_string(kMostChoices) + " choices", kForms);
+            if (arguments.size() > kMostChoices) fail("more than " + std::to_string(kMostChoices) + " choices", kForms);
             d.choices = arguments;
             d.isOfWords = !evaluateAll(d.choices);
             for (std::string& choice : d.choices) choice = unquote(choice);
@@ -220,8 +217,7 @@ public:
                 fail("the first end of " + quoteText(node_.text) + " is not below the second",
                      "Write the smaller number first");
             if (d.kind == Kind::LogUniform && !(d.a > 0.0))
-                fail(quoteText(node_.text) + " begins at " + formatNumber(d.a) +
-                         ", which has no logarithm",
+                fail(quoteText(node_.text) + " begins at " + formatNumber(d.a) + ", which has no logarithm",
                      "Both ends of ~log_uniform(a, b) must be above 0");
             return d;
         }
@@ -237,8 +233,8 @@ public:
                  "Write ~normal(mean, sd, min, max)");
         const auto share = [&](double x) { return 0.5 * std::erfc((d.a - x) / d.b / kSqrt2); };
         // The share above for the upper tail, where both shares below round to 1.
-        const double kept = d.min > d.a ? share(2.0 * d.a - d.min) - share(2.0 * d.a - d.max)
-                                        : share(d.max) - share(d.min);
+        const double kept =
+            d.min > d.a ? share(2.0 * d.a - d.min) - share(2.0 * d.a - d.max) : share(d.max) - share(d.min);
         if (!(kept >= kLeastShare))
             fail("the cut of " + quoteText(node_.text) + " keeps less than a thousandth of it",
                  "Move the cut to where the distribution is");
@@ -289,8 +285,7 @@ private:
         const std::string& text = node_.text;
         const std::string shown = quoteText(text);
         const std::size_t open = word_.size() + 1;
-        if (open >= text.size() || text[open] != '(')
-            fail(shown + " has no parentheses", kForms);
+        if (open >= text.size() || text[open] != '(') fail(shown + " has no parentheses", kForms);
         std::vector<std::string> parts(1);
         int depth = 1;
         std::size_t i = open + 1;
@@ -311,11 +306,9 @@ private:
             else
                 parts.back() += c;
         }
-        if (depth > 0)
-            fail(shown + " has no closing parenthesis", detail::quoteDrawRemedy(text));
+        if (depth > 0) fail(shown + " has no closing parenthesis", detail::quoteDrawRemedy(text));
         if (!trim(text.substr(i + 1)).empty())
-            fail("there is more behind the draw in " + shown,
-                 "A draw stands alone; put factors into its numbers");
+            fail("there is more behind the draw in " + shown, "A draw stands alone; put factors into its numbers");
         for (std::string& part : parts) {
             part = trim(part);
             if (part.empty()) fail(shown + " has an empty place between its commas", kForms);
@@ -348,8 +341,7 @@ void forEachDraw(Node& node, const Visit& visit) {
 
 std::string detail::quoteDrawRemedy(const std::string& begun) {
     const std::string name = begun.substr(0, begun.find('('));
-    return "Between [ ] or { } a draw needs quotes because of its commas, such as '" + name +
-           "(1, 2)'";
+    return "Between [ ] or { } a draw needs quotes because of its commas, such as '" + name + "(1, 2)'";
 }
 
 DrawIndex parseDrawIndex(const std::string& text, const std::string& where) {
@@ -367,8 +359,7 @@ DrawIndex parseDrawIndex(const std::string& text, const std::string& where) {
 std::vector<DrawnKey> listDraws(const ConfigNode& root) {
     std::vector<DrawnKey> keys;
     forEachDraw(root, [&](const ConfigNode& node, const Distribution& distribution) {
-        keys.push_back({node.keyPath, node.text.substr(1), node.place(), distribution.ends(),
-                        distribution.isOfWords});
+        keys.push_back({node.keyPath, node.text.substr(1), node.place(), distribution.ends(), distribution.isOfWords});
     });
     return keys;
 }
@@ -378,8 +369,7 @@ std::map<std::string, std::string> resolveDraws(ConfigNode& root, const DrawInde
     std::map<std::string, std::string> values;
     forEachDraw(root, [&](ConfigNode& node, const Distribution& distribution) {
         const auto known = held.find(node.keyPath);
-        node.text = known != held.end() ? known->second
-                                        : distribution.draw(Stream(index, node.keyPath));
+        node.text = known != held.end() ? known->second : distribution.draw(Stream(index, node.keyPath));
         node.quoted = !detail::isPlainText(node.text);
         values[node.keyPath] = node.text;
     });

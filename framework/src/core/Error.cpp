@@ -31,8 +31,7 @@ std::size_t calcEditDistance(const std::string& a, const std::string& b) {
 
 }  // namespace
 
-Error::Error(ErrorKind kind, const std::string& where, const std::string& what,
-             const std::string& remedy)
+Error::Error(ErrorKind kind, const std::string& where, const std::string& what, const std::string& remedy)
     : std::runtime_error(compose(where, what, remedy)), kind_(kind) {}
 
 Error badInput(const std::string& where, const std::string& what, const std::string& remedy) {
@@ -56,8 +55,8 @@ std::string findClosestName(const std::string& name, const std::vector<std::stri
 namespace detail {
 
 void failCheck(const char* condition, const char* file, int line, const char* text) {
-    std::fprintf(stderr, "viable: internal error at %s:%d: %s (%s). Please report this.\n", file,
-                 line, text, condition);
+    std::fprintf(stderr, "viable: internal error at %s:%d: %s (%s). Please report this.\n", file, line, text,
+                 condition);
     std::abort();
 }
 

@@ -36,8 +36,7 @@ bool isRamp(double value, double rate) {
 /** An angle of ordinary size, or no limit. */
 bool isPosition(LimitSide side, double value) {
     return value == getUnlimited(side) ||
-           (std::isfinite(value) && std::fpclassify(value) != FP_SUBNORMAL &&
-            std::abs(value) <= kLargestLimit);
+           (std::isfinite(value) && std::fpclassify(value) != FP_SUBNORMAL && std::abs(value) <= kLargestLimit);
 }
 
 /** One side's limits of velocity, acceleration and jerk. */
@@ -62,19 +61,16 @@ double calcNeededRange(double jerk, double tick_s) {
 }
 
 bool isUsable(const AxisLimits& axis, double tick_s) {
-    if (!isPosition(LimitSide::Lower, axis.positionLower) ||
-        !isPosition(LimitSide::Upper, axis.positionUpper) ||
+    if (!isPosition(LimitSide::Lower, axis.positionLower) || !isPosition(LimitSide::Upper, axis.positionUpper) ||
         axis.positionLower >= axis.positionUpper)
         return false;
     const double jerk = getLargerJerk(axis);
     for (const SideLimits& s : listSides(axis))
-        if (!isRate(s.side, s.velocity) || !isRate(s.side, s.acceleration) ||
-            !isRate(s.side, s.jerk) || !isRamp(s.acceleration, s.jerk) ||
-            !isRamp(s.velocity, s.acceleration) ||
+        if (!isRate(s.side, s.velocity) || !isRate(s.side, s.acceleration) || !isRate(s.side, s.jerk) ||
+            !isRamp(s.acceleration, s.jerk) || !isRamp(s.velocity, s.acceleration) ||
             (!std::isinf(jerk) && std::abs(s.acceleration) < jerk * tick_s))
             return false;
-    return std::isinf(jerk) ||
-           axis.positionUpper - axis.positionLower >= calcNeededRange(jerk, tick_s);
+    return std::isinf(jerk) || axis.positionUpper - axis.positionLower >= calcNeededRange(jerk, tick_s);
 }
 
 /** Remarks of one set of limits, all with the same beginning. */
@@ -85,8 +81,7 @@ public:
 
     std::string nameJoint(int joint) const {
         const auto i = static_cast<std::size_t>(joint);
-        return i < jointNames_.size() ? "joint `" + jointNames_[i] + "`"
-                                      : "joint " + std::to_string(joint);
+        return i < jointNames_.size() ? "joint `" + jointNames_[i] + "`" : "joint " + std::to_string(joint);
     }
 
     [[noreturn]] void fail(int joint, const std::string& what, const std::string& remedy) const {
@@ -94,33 +89,27 @@ public:
     }
 
     /** One signed velocity, acceleration or jerk limit. */
-    void checkRate(int joint, LimitKind kind, LimitSide side, double value,
-                   const char* unit) const {
+    void checkRate(int joint, LimitKind kind, LimitSide side, double value, const char* unit) const {
         if (isRate(side, value)) return;
         const std::string smallest = formatNumber(kSmallestLimit);
         const std::string largest = formatNumber(kLargestLimit);
-        const std::string allowed = side == LimitSide::Upper
-                                        ? "[" + smallest + ", " + largest + "] or .inf"
-                                        : "[-" + largest + ", -" + smallest + "] or -.inf";
+        const std::string allowed = side == LimitSide::Upper ? "[" + smallest + ", " + largest + "] or .inf"
+                                                             : "[-" + largest + ", -" + smallest + "] or -.inf";
         fail(joint,
-             std::string(getName(kind, side)) + " is " + formatNumber(value) + " " + unit +
-                 "; allowed is " + allowed,
-             side == LimitSide::Upper
-                 ? "An upper limit is positive, so that the joint can start and stop; check its "
-                   "unit and exponent"
-                 : "A lower limit is negative, so that the joint can start and stop; check its "
-                   "unit and exponent");
+             std::string(getName(kind, side)) + " is " + formatNumber(value) + " " + unit + "; allowed is " + allowed,
+             side == LimitSide::Upper ? "An upper limit is positive, so that the joint can start and stop; check its "
+                                        "unit and exponent"
+                                      : "A lower limit is negative, so that the joint can start and stop; check its "
+                                        "unit and exponent");
     }
 
     /** The time that one limit takes to use up the next: A/J or V/A. */
-    void checkRamp(int joint, LimitSide side, LimitKind kind, double value, LimitKind rateKind,
-                   double rate) const {
+    void checkRamp(int joint, LimitSide side, LimitKind kind, double value, LimitKind rateKind, double rate) const {
         if (isRamp(value, rate)) return;
         fail(joint,
-             std::string(getName(kind, side)) + " " + formatNumber(value) + " divided by " +
-                 getName(rateKind, side) + " " + formatNumber(rate) + " is " +
-                 formatNumber(value / rate) + " s; allowed is [" + formatNumber(kShortestRamp_s) +
-                 ", " + formatNumber(kLongestRamp_s) + "] s",
+             std::string(getName(kind, side)) + " " + formatNumber(value) + " divided by " + getName(rateKind, side) +
+                 " " + formatNumber(rate) + " is " + formatNumber(value / rate) + " s; allowed is [" +
+                 formatNumber(kShortestRamp_s) + ", " + formatNumber(kLongestRamp_s) + "] s",
              "One of the two would have no effect: check their units and exponents");
     }
 
@@ -129,10 +118,8 @@ private:
     const std::vector<std::string>& jointNames_;
 };
 
-void checkPosition(const LimitCheck& check, int joint, LimitSide side, double value,
-                   bool allowLargeAngles) {
-    const std::string shown =
-        std::string(getName(LimitKind::Position, side)) + " is " + formatNumber(value) + " rad";
+void checkPosition(const LimitCheck& check, int joint, LimitSide side, double value, bool allowLargeAngles) {
+    const std::string shown = std::string(getName(LimitKind::Position, side)) + " is " + formatNumber(value) + " rad";
     if (value == getUnlimited(side)) return;
     if (!isPosition(side, value)) {
         const std::string largest = formatNumber(kLargestLimit);
@@ -172,9 +159,8 @@ const char* getUnit(LimitKind kind) {
 }
 
 AxisLimits JointLimits::axis(int joint) const {
-    return {position.lower[joint], position.upper[joint],     velocity.lower[joint],
-            velocity.upper[joint], acceleration.lower[joint], acceleration.upper[joint],
-            jerk.lower[joint],     jerk.upper[joint]};
+    return {position.lower[joint],     position.upper[joint],     velocity.lower[joint], velocity.upper[joint],
+            acceleration.lower[joint], acceleration.upper[joint], jerk.lower[joint],     jerk.upper[joint]};
 }
 
 double calcLimitScale(double lower, double upper) {
@@ -185,13 +171,12 @@ double calcLimitScale(double lower, double upper) {
 
 JointLimits JointLimits::unlimited(int n) {
     VIABLE_CHECK(n >= 0 && n <= kMaxJoints, "the number of joints is beyond the capacity");
-    const JointBounds none{JointVector::Constant(n, -kInfinity),
-                           JointVector::Constant(n, kInfinity)};
+    const JointBounds none{JointVector::Constant(n, -kInfinity), JointVector::Constant(n, kInfinity)};
     return {none, none, none, none};
 }
 
-void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles,
-                 const std::string& where, const std::vector<std::string>& jointNames) {
+void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles, const std::string& where,
+                 const std::vector<std::string>& jointNames) {
     const struct {
         LimitKind kind;
         const JointBounds& bounds;
@@ -204,9 +189,8 @@ void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles
         const auto checkSize = [&](LimitSide side, const JointVector& values) {
             if (values.size() == n) return;
             throw badInput(where,
-                           std::string(getName(group.kind, side)) + " has " +
-                               std::to_string(values.size()) + " numbers; allowed is " +
-                               std::to_string(n) + ", one per joint",
+                           std::string(getName(group.kind, side)) + " has " + std::to_string(values.size()) +
+                               " numbers; allowed is " + std::to_string(n) + ", one per joint",
                            "Write one number per joint, or a single one for all");
         };
         checkSize(LimitSide::Lower, group.bounds.lower);
@@ -224,9 +208,8 @@ void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles
         checkPosition(check, i, LimitSide::Upper, axis.positionUpper, allowLargeAngles);
         if (axis.positionLower >= axis.positionUpper) {
             check.fail(i,
-                       "position_lower is " + formatNumber(axis.positionLower) +
-                           " rad and position_upper is " + formatNumber(axis.positionUpper) +
-                           " rad; allowed is lower < upper",
+                       "position_lower is " + formatNumber(axis.positionLower) + " rad and position_upper is " +
+                           formatNumber(axis.positionUpper) + " rad; allowed is lower < upper",
                        "Swap the two or check their signs");
         }
         const std::array<SideLimits, 2> sides = listSides(axis);
@@ -236,10 +219,8 @@ void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles
             check.checkRate(i, LimitKind::Jerk, s.side, s.jerk, "rad/s^3");
         }
         for (const SideLimits& s : sides) {
-            check.checkRamp(i, s.side, LimitKind::Acceleration, s.acceleration, LimitKind::Jerk,
-                            s.jerk);
-            check.checkRamp(i, s.side, LimitKind::Velocity, s.velocity, LimitKind::Acceleration,
-                            s.acceleration);
+            check.checkRamp(i, s.side, LimitKind::Acceleration, s.acceleration, LimitKind::Jerk, s.jerk);
+            check.checkRamp(i, s.side, LimitKind::Velocity, s.velocity, LimitKind::Acceleration, s.acceleration);
         }
 
         const double jerk = getLargerJerk(axis);
@@ -248,11 +229,9 @@ void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles
         for (const SideLimits& s : sides) {
             if (std::abs(s.acceleration) >= needed) continue;
             check.fail(i,
-                       std::string(getName(LimitKind::Acceleration, s.side)) + " is " +
-                           formatNumber(s.acceleration) + " rad/s^2; allowed is at least " +
-                           formatNumber(needed) + " rad/s^2, which one tick of " +
-                           formatNumber(tick_s) + " s at a jerk of " + formatNumber(jerk) +
-                           " rad/s^3 reaches",
+                       std::string(getName(LimitKind::Acceleration, s.side)) + " is " + formatNumber(s.acceleration) +
+                           " rad/s^2; allowed is at least " + formatNumber(needed) + " rad/s^2, which one tick of " +
+                           formatNumber(tick_s) + " s at a jerk of " + formatNumber(jerk) + " rad/s^3 reaches",
                        "A braking step would not fit the time grid: lower the jerk limit, raise "
                        "the acceleration limit, or shorten the tick");
         }
@@ -260,9 +239,8 @@ void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles
         const double stop = calcNeededRange(jerk, tick_s);
         if (range < stop) {
             check.fail(i,
-                       "position_lower " + formatNumber(axis.positionLower) +
-                           " rad to position_upper " + formatNumber(axis.positionUpper) +
-                           " rad is a range of " + formatNumber(range) +
+                       "position_lower " + formatNumber(axis.positionLower) + " rad to position_upper " +
+                           formatNumber(axis.positionUpper) + " rad is a range of " + formatNumber(range) +
                            " rad; allowed is at least " + formatNumber(stop) +
                            " rad, which one tick of jerk and its stop need",
                        "Widen the position range, lower the jerk limit, or shorten the tick");
@@ -271,8 +249,7 @@ void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles
 }
 
 bool areUsable(const JointLimits& limits, int n, double tick_s) noexcept {
-    for (const JointBounds* bounds :
-         {&limits.position, &limits.velocity, &limits.acceleration, &limits.jerk})
+    for (const JointBounds* bounds : {&limits.position, &limits.velocity, &limits.acceleration, &limits.jerk})
         if (bounds->lower.size() != n || bounds->upper.size() != n) return false;
     if (!(tick_s > 0.0) || !std::isfinite(tick_s)) return false;
     for (int i = 0; i < n; ++i)

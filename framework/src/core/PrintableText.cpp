@@ -1,4 +1,4 @@
-#include "viable/core/PrintableText.h"
+#include "core/PrintableText.h"
 
 namespace viable {
 
@@ -9,8 +9,7 @@ std::string makePrintable(std::string text) {
             text[i] = ' ';
         } else if (byte < 0x20 || byte == 0x7f) {
             text[i] = '?';
-        } else if (byte == 0xc2 && i + 1 < text.size() &&
-                   static_cast<unsigned char>(text[i + 1]) >= 0x80 &&
+        } else if (byte == 0xc2 && i + 1 < text.size() && static_cast<unsigned char>(text[i + 1]) >= 0x80 &&
                    static_cast<unsigned char>(text[i + 1]) < 0xa0) {
             text.replace(i, 2, "?");
         }

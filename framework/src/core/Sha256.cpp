@@ -18,9 +18,8 @@ struct Sha256::Context {
 };
 
 Sha256::Sha256() : context_(std::make_unique<Context>()) {
-    VIABLE_CHECK(
-        context_->digest && EVP_DigestInit_ex(context_->digest, EVP_sha256(), nullptr) == 1,
-        "libcrypto has SHA-256");
+    VIABLE_CHECK(context_->digest && EVP_DigestInit_ex(context_->digest, EVP_sha256(), nullptr) == 1,
+                 "libcrypto has SHA-256");
 }
 
 Sha256::~Sha256() = default;

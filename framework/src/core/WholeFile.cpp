@@ -1,4 +1,4 @@
-#include "viable/core/WholeFile.h"
+#include "core/WholeFile.h"
 
 #include <fstream>
 #include <system_error>
@@ -10,8 +10,7 @@ namespace viable {
 void replaceFile(const std::filesystem::path& file, const std::string& text) {
     std::error_code error;
     if (std::filesystem::exists(file, error) && !std::filesystem::is_regular_file(file, error))
-        throw Error(ErrorKind::LogNotWritten, file.string(), "this is no file that could be replaced",
-                    "Name a file.");
+        throw Error(ErrorKind::LogNotWritten, file.string(), "this is no file that could be replaced", "Name a file.");
     const std::filesystem::path temporary = file.string() + ".part";
     {
         std::ofstream stream(temporary, std::ios::binary);
@@ -24,9 +23,7 @@ void replaceFile(const std::filesystem::path& file, const std::string& text) {
         }
     }
     std::filesystem::rename(temporary, file, error);
-    if (error)
-        throw Error(ErrorKind::LogNotWritten, file.string(),
-                    "cannot be replaced: " + error.message());
+    if (error) throw Error(ErrorKind::LogNotWritten, file.string(), "cannot be replaced: " + error.message());
 }
 
 void refuseExisting(const std::string& option, const std::filesystem::path& file) {

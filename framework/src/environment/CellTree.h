@@ -28,8 +28,7 @@ public:
 
     /** The squared distance of a point from the nearest cube [m^2], or `squared` when none is nearer than that.
     @param nearest  index of a cube to begin with, for points beside each other, or kNone; that of the nearest after */
-    double findSquaredDistance(const Eigen::Vector3d& point, double squared,
-                               std::size_t& nearest) const {
+    double findSquaredDistance(const Eigen::Vector3d& point, double squared, std::size_t& nearest) const {
         if (nodes_.empty()) return squared;
         if (nearest != kNone) squared = std::min(squared, calcSquared(cells_[nearest], point));
         findInNode(0, calcSquared(nodes_[0].box, point), point, squared, nearest);
@@ -94,13 +93,9 @@ private:
             int axis;
             centres.sizes().maxCoeff(&axis);
             const std::size_t middle = begin + (end - begin) / 2;
-            const auto at = [&](std::size_t i) {
-                return cells_.begin() + static_cast<std::ptrdiff_t>(i);
-            };
+            const auto at = [&](std::size_t i) { return cells_.begin() + static_cast<std::ptrdiff_t>(i); };
             std::nth_element(at(begin), at(middle), at(end),
-                             [axis](const auto& a, const auto& b) {
-                                 return a.centre[axis] < b.centre[axis];
-                             });
+                             [axis](const auto& a, const auto& b) { return a.centre[axis] < b.centre[axis]; });
             build(begin, middle);
             right = build(middle, end);
         }
@@ -109,8 +104,8 @@ private:
     }
 
     template <class Visit>
-    void visitNode(std::size_t index, double gap, const Eigen::AlignedBox3d& box,
-                   const double& best, Visit& visit) const {
+    void visitNode(std::size_t index, double gap, const Eigen::AlignedBox3d& box, const double& best,
+                   Visit& visit) const {
         if (gap > 0.0 && gap >= best) return;  // where they overlap the cubes may be nearer than any gap
         const Node& node = nodes_[index];
         if (node.right == 0) {

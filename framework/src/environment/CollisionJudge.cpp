@@ -1,4 +1,4 @@
-#include "viable/environment/CollisionJudge.h"
+#include "environment/CollisionJudge.h"
 
 #include <cmath>
 #include <limits>
@@ -30,8 +30,8 @@ double findLeast(const Function& function, double cutoff) {
     double least = std::min(atLeft.value, atRight.value);
     constexpr int kMostRounds = 200;  // two bisect once: 1e-30 of the segment
     for (int round = 0; round < kMostRounds; ++round) {
-        double s = left + (atRight.value - atLeft.value - atRight.slope * (right - left)) /
-                              (atLeft.slope - atRight.slope);
+        double s =
+            left + (atRight.value - atLeft.value - atRight.slope * (right - left)) / (atLeft.slope - atRight.slope);
         s = std::min(std::max(s, left), right);
         const double bound = atLeft.value + atLeft.slope * (s - left);
         if (bound >= cutoff || least - bound <= 0.5 * CollisionJudge::kAccuracy_m) break;
@@ -82,13 +82,11 @@ double calcCylinderDistance(const Segment& segment, double radius, double half, 
             const Eigen::Vector3d p = segment.a + s * along;
             const double offAxis = std::hypot(p.x(), p.y());
             const Sample side{offAxis - radius,
-                              offAxis > 0.0 ? (p.x() * along.x() + p.y() * along.y()) / offAxis
-                                            : 0.0};
+                              offAxis > 0.0 ? (p.x() * along.x() + p.y() * along.y()) / offAxis : 0.0};
             const Sample end{std::abs(p.z()) - half, p.z() < 0.0 ? -along.z() : along.z()};
             if (side.value > 0.0 && end.value > 0.0) {
                 const double distance = std::hypot(side.value, end.value);
-                return {distance,
-                        (side.value * side.slope + end.value * end.slope) / distance};
+                return {distance, (side.value * side.slope + end.value * end.slope) / distance};
             }
             return side.value > end.value ? side : end;
         },
@@ -106,9 +104,8 @@ double calcPointDistance(const Segment& segment, const Eigen::Vector3d& point) {
 /** An end of one is nearest, or the place where the lines come nearest: projected once more, which keeps the accuracy
 for lines that are nearly parallel. */
 double calcSegmentDistance(const Segment& first, const Segment& second) {
-    double least = std::min(
-        std::min(calcPointDistance(first, second.a), calcPointDistance(first, second.b)),
-        std::min(calcPointDistance(second, first.a), calcPointDistance(second, first.b)));
+    double least = std::min(std::min(calcPointDistance(first, second.a), calcPointDistance(first, second.b)),
+                            std::min(calcPointDistance(second, first.a), calcPointDistance(second, first.b)));
     const Eigen::Vector3d u = first.b - first.a, v = second.b - second.a;
     const Eigen::Vector3d n = u.cross(v);
     const double s = (second.a - first.a).cross(v).dot(n) / n.squaredNorm();
@@ -152,15 +149,12 @@ double CollisionJudge::Scene::calcArmReach() const {
         const JointBounds& position = robot.limits.position;
         const auto index = static_cast<Eigen::Index>(j);
         constexpr double kLongestStroke_m = 10.0;  // farther out cells are looked up one by one
-        reach[j] += std::min(std::max(std::abs(position.lower[index]),
-                                      std::abs(position.upper[index])),
-                             kLongestStroke_m);
+        reach[j] +=
+            std::min(std::max(std::abs(position.lower[index]), std::abs(position.upper[index])), kLongestStroke_m);
     }
     double most = 0.0;
     for (const LinkCapsule& capsule : geometry.capsules)
-        most = std::max(most, (capsule.carrier < 0
-                                   ? 0.0
-                                   : reach[static_cast<std::size_t>(capsule.carrier)]) +
+        most = std::max(most, (capsule.carrier < 0 ? 0.0 : reach[static_cast<std::size_t>(capsule.carrier)]) +
                                   std::max(capsule.a.norm(), capsule.b.norm()) + capsule.radius);
     return most;
 }
@@ -172,8 +166,7 @@ void CollisionJudge::Scene::readMap() {
     covered = calcArmReach() + kMostHorizon_m;
     const Eigen::Vector3d centre = toMap.translation();
     std::vector<OccupancyMap::Cell> found;
-    map->forEachSolidCell(centre.array() - covered, centre.array() + covered,
-                          choice.unknown == UnknownSpace::Occupied,
+    map->forEachSolidCell(centre.array() - covered, centre.array() + covered, choice.unknown == UnknownSpace::Occupied,
                           [&](const OccupancyMap::Cell& cell) { found.push_back(cell); });
     cells = detail::CellTree(std::move(found));
 }
@@ -209,13 +202,11 @@ std::vector<Segment> CollisionJudge::Scene::placeCapsules(const JointVector& q) 
 }
 
 /** Of a segment; `cutoff` or more when it is not below that. */
-double CollisionJudge::Scene::calcSolidDistance(std::size_t index, const Segment& segment,
-                                                double cutoff) const {
+double CollisionJudge::Scene::calcSolidDistance(std::size_t index, const Segment& segment, double cutoff) const {
     const Solid& solid = environment.solids[index];
-    const double around = solid.kind == Solid::Kind::Box ? 0.5 * solid.size.norm()
-                                                         : std::hypot(solid.radius, 0.5 * solid.length);
-    if (solid.kind != Solid::Kind::HalfSpace &&
-        calcPointDistance(segment, solid.pose.translation()) - around >= cutoff)
+    const double around =
+        solid.kind == Solid::Kind::Box ? 0.5 * solid.size.norm() : std::hypot(solid.radius, 0.5 * solid.length);
+    if (solid.kind != Solid::Kind::HalfSpace && calcPointDistance(segment, solid.pose.translation()) - around >= cutoff)
         return cutoff;
     const Segment local{toSolid[index] * segment.a, toSolid[index] * segment.b};
     switch (solid.kind) {
@@ -239,17 +230,13 @@ double CollisionJudge::Scene::calcMapDistance(const Segment& segment, double cut
     const auto look = [&](const OccupancyMap::Cell& cell) {
         const Segment fromCell{local.a - cell.centre, local.b - cell.centre};
         constexpr double kHalfDiagonal = 0.8660254037844387;
-        if (calcPointDistance(fromCell, Eigen::Vector3d::Zero()) - kHalfDiagonal * cell.edge >=
-            best)
-            return;
-        best = std::min(
-            best, calcBoxDistance(fromCell, Eigen::Vector3d::Constant(0.5 * cell.edge), best));
+        if (calcPointDistance(fromCell, Eigen::Vector3d::Zero()) - kHalfDiagonal * cell.edge >= best) return;
+        best = std::min(best, calcBoxDistance(fromCell, Eigen::Vector3d::Constant(0.5 * cell.edge), best));
     };
     if (std::max(segment.a.norm(), segment.b.norm()) + std::max(cutoff, 0.0) <= covered)
         cells.visitNear(box, best, look);
     else  // a prismatic joint far out
-        map->forEachSolidCell(box.min().array() - std::max(cutoff, 0.0),
-                              box.max().array() + std::max(cutoff, 0.0),
+        map->forEachSolidCell(box.min().array() - std::max(cutoff, 0.0), box.max().array() + std::max(cutoff, 0.0),
                               environment.map->unknown == UnknownSpace::Occupied, look);
     return best;
 }
@@ -266,8 +253,7 @@ CollisionJudge::CollisionJudge(const RobotDescription& robot, const ArmGeometry&
 
 CollisionJudge::~CollisionJudge() = default;
 
-CollisionJudge::Contact CollisionJudge::findContact(const JointVector& q, double t,
-                                                    double horizon) const {
+CollisionJudge::Contact CollisionJudge::findContact(const JointVector& q, double t, double horizon) const {
     const Scene& scene = *scene_;
     Contact contact;
     if (!isFinite(q, scene.robot.size())) {
@@ -280,19 +266,17 @@ CollisionJudge::Contact CollisionJudge::findContact(const JointVector& q, double
 
     for (const auto& [i, j] : scene.geometry.pairs) {
         const auto first = static_cast<std::size_t>(i), second = static_cast<std::size_t>(j);
-        const double distance = calcSegmentDistance(segments[first], segments[second]) -
-                                capsules[first].radius - capsules[second].radius;
+        const double distance =
+            calcSegmentDistance(segments[first], segments[second]) - capsules[first].radius - capsules[second].radius;
         if (!(distance >= contact.distance))  // what is no number is no clearance
             contact = {distance, capsules[first].link, -1, capsules[second].link};
     }
     std::vector<Eigen::Vector3d> centres;
-    for (const MovingSphere& sphere : scene.environment.spheres)
-        centres.push_back(sphere.calcCentre(t));
+    for (const MovingSphere& sphere : scene.environment.spheres) centres.push_back(sphere.calcCentre(t));
     for (std::size_t i = 0; i < capsules.size(); ++i) {
         if (capsules[i].carrier < 0) continue;  // what the base carries stands where it stands
         const auto take = [&](double distance, std::size_t obstacle) {
-            if (!(distance >= contact.distance))
-                contact = {distance, capsules[i].link, static_cast<int>(obstacle), -1};
+            if (!(distance >= contact.distance)) contact = {distance, capsules[i].link, static_cast<int>(obstacle), -1};
         };
         const double radius = capsules[i].radius;
         const std::size_t solids = scene.environment.solids.size();
@@ -305,9 +289,7 @@ CollisionJudge::Contact CollisionJudge::findContact(const JointVector& q, double
             takeBelow(scene.calcSolidDistance(k, segments[i], cutoff), cutoff, k);
         }
         for (std::size_t k = 0; k < centres.size(); ++k)
-            take(calcPointDistance(segments[i], centres[k]) - scene.environment.spheres[k].radius -
-                     radius,
-                 solids + k);
+            take(calcPointDistance(segments[i], centres[k]) - scene.environment.spheres[k].radius - radius, solids + k);
         if (scene.map) {
             const double cutoff = contact.distance + radius;
             takeBelow(scene.calcMapDistance(segments[i], cutoff), cutoff, solids + centres.size());

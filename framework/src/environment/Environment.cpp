@@ -47,15 +47,14 @@ Eigen::Isometry3d readHalfSpace(const ConfigNode& node) {
     const Eigen::Vector3d normal = toVector(normalNode, {-1e3, 1e3});
     const double length = normal.norm();
     if (!(std::abs(length - 1.0) < 1e-3))
-        throw badInput(normalNode.place(),
-                       "the normal of a half-space has length " + detail::formatNumber(length) +
-                           ", allowed is 1",
-                       "Name the unit vector that points to the free side, such as [0, 0, 1]: then `offset` is in metres.");
+        throw badInput(
+            normalNode.place(),
+            "the normal of a half-space has length " + detail::formatNumber(length) + ", allowed is 1",
+            "Name the unit vector that points to the free side, such as [0, 0, 1]: then `offset` is in metres.");
     const double offset = toNumber(map.require("offset"), kPlace);
     map.finish();
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-    pose.linear() = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), normal)
-                        .toRotationMatrix();
+    pose.linear() = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), normal).toRotationMatrix();
     pose.translation() = (offset / length) * (normal / length);
     return pose;
 }
@@ -67,8 +66,7 @@ MovingSphere readMovingSphere(const std::string& name, double radius, const Conf
     sphere.radius = radius;
     sphere.repeats = repeats && toFlag(*repeats);
     if (path.kind != ConfigNode::Kind::List || path.items.empty())
-        throw badInput(path.place(), "a path is a list of places and times",
-                       "Write a list of {time_s, xyz}.");
+        throw badInput(path.place(), "a path is a list of places and times", "Write a list of {time_s, xyz}.");
     for (const ConfigNode& item : path.items) {
         ConfigMap map(item);
         MovingSphere::Waypoint waypoint;
@@ -78,8 +76,7 @@ MovingSphere readMovingSphere(const std::string& name, double radius, const Conf
         map.finish();
         if (!sphere.waypoints.empty() && waypoint.time_s <= sphere.waypoints.back().time_s)
             throw badInput(time.place(),
-                           "the time " + detail::formatNumber(waypoint.time_s) +
-                               " s is not after the one before (" +
+                           "the time " + detail::formatNumber(waypoint.time_s) + " s is not after the one before (" +
                                detail::formatNumber(sphere.waypoints.back().time_s) + " s)",
                            "Times of a path rise.");
         sphere.waypoints.push_back(waypoint);
@@ -88,8 +85,7 @@ MovingSphere readMovingSphere(const std::string& name, double radius, const Conf
         throw badInput(repeats->place(), "a path of one place cannot repeat",
                        "Leave `repeats` out or name more places.");
     if (sphere.repeats && sphere.waypoints.front().position != sphere.waypoints.back().position)
-        throw badInput(path.items.back().place(),
-                       "the sphere would jump: a path that repeats ends where it begins",
+        throw badInput(path.items.back().place(), "the sphere would jump: a path that repeats ends where it begins",
                        "Add the first place again as the last one.");
     return sphere;
 }
@@ -100,12 +96,12 @@ void readObstacle(const std::string& name, const ConfigNode& node, Environment& 
     const ConfigNode* ball = map.find("sphere");
     const ConfigNode* cylinder = map.find("cylinder");
     const ConfigNode* halfSpace = map.find("half_space");
-    const int shapes = (box != nullptr) + (ball != nullptr) + (cylinder != nullptr) +
-                       (halfSpace != nullptr);
+    const int shapes = (box != nullptr) + (ball != nullptr) + (cylinder != nullptr) + (halfSpace != nullptr);
     if (shapes > 1)
-        throw badInput(node.place(), "an obstacle with " + std::to_string(shapes) + " shapes",
-                       "Make it as many obstacles. A case adds to the block at the top: give what differs there another "
-                       "name, or leave it out at the top.");
+        throw badInput(
+            node.place(), "an obstacle with " + std::to_string(shapes) + " shapes",
+            "Make it as many obstacles. A case adds to the block at the top: give what differs there another "
+            "name, or leave it out at the top.");
     Solid solid;
     solid.name = name;
     if (box) {
@@ -149,8 +145,7 @@ void readObstacle(const std::string& name, const ConfigNode& node, Environment& 
 
 fs::path findMapFile(const ConfigNode& node) {
     const std::string text = toText(node);
-    const fs::path folder =
-        node.file == detail::kOverrideFile ? fs::path() : fs::path(node.file).parent_path();
+    const fs::path folder = node.file == detail::kOverrideFile ? fs::path() : fs::path(node.file).parent_path();
     const fs::path file = folder / text;
     if (file.extension() != ".bt" && file.extension() != ".ot")
         throw badInput(node.place(), detail::quoteText(text) + " is no map that can be read",
@@ -159,8 +154,9 @@ fs::path findMapFile(const ConfigNode& node) {
     if (fs::exists(file, failed) && !fs::is_regular_file(file, failed))
         throw badInput(node.place(), file.string() + " is a folder or a device", "Name a file.");
     if (!fs::is_regular_file(file, failed))
-        throw badInput(node.place(), "there is no file " + file.string(),
-                       "Relative paths start in the folder of the file that names them; those of --set in the current one.");
+        throw badInput(
+            node.place(), "there is no file " + file.string(),
+            "Relative paths start in the folder of the file that names them; those of --set in the current one.");
     return file;
 }
 
@@ -172,15 +168,13 @@ MapChoice readMap(const ConfigNode& node) {
     choice.file = findMapFile(map.require("file"));
     if (const ConfigNode* at = map.find("at")) choice.pose = readPose(*at);
     if (const ConfigNode* unknown = map.find("unknown"))
-        choice.unknown = toChoice(*unknown, {"occupied", "free"}) == "free"
-                             ? UnknownSpace::Free
-                             : UnknownSpace::Occupied;
+        choice.unknown =
+            toChoice(*unknown, {"occupied", "free"}) == "free" ? UnknownSpace::Free : UnknownSpace::Occupied;
     if (const ConfigNode* sha256 = map.find("sha256")) {
         choice.sha256 = toText(*sha256);
         for (char& digit : choice.sha256)
             if (digit >= 'A' && digit <= 'F') digit = static_cast<char>(digit - 'A' + 'a');
-        if (choice.sha256.size() != 64 ||
-            choice.sha256.find_first_not_of("0123456789abcdef") != std::string::npos)
+        if (choice.sha256.size() != 64 || choice.sha256.find_first_not_of("0123456789abcdef") != std::string::npos)
             throw badInput(sha256->place(), "no SHA-256",
                            "It has 64 digits, 0-9 and a-f, in quotes; `sha256sum FILE` prints it.");
     }
@@ -198,8 +192,7 @@ Eigen::Vector3d MovingSphere::calcCentre(double t) const {
     for (std::size_t i = 1; i < waypoints.size(); ++i) {
         const Waypoint &from = waypoints[i - 1], &to = waypoints[i];
         if (t < to.time_s)
-            return from.position + (t - from.time_s) / (to.time_s - from.time_s) *
-                                       (to.position - from.position);
+            return from.position + (t - from.time_s) / (to.time_s - from.time_s) * (to.position - from.position);
     }
     return last.position;
 }
@@ -217,16 +210,14 @@ Environment readEnvironment(const ConfigNode& block) {
     Environment environment;
     if (const ConfigNode* distance = map.find("safety_distance_m"))
         environment.safetyDistance_m = toNumber(*distance, {0.0, 1.0});
-    if (const ConfigNode* cell = map.find("field_cell_m"))
-        environment.fieldCell_m = toNumber(*cell, {0.001, 1.0});
+    if (const ConfigNode* cell = map.find("field_cell_m")) environment.fieldCell_m = toNumber(*cell, {0.001, 1.0});
     if (const ConfigNode* obstacles = map.find("obstacles")) {
         if (obstacles->kind != ConfigNode::Kind::Map)
             throw badInput(obstacles->place(), "obstacles are entries with a name each",
                            "Write `obstacles: {table: {box: ...}, ...}`.");
         for (const auto& [name, node] : obstacles->entries) {
             if (name == "map")
-                throw badInput(node.place(), "'map' is the name of the map",
-                               "Give the obstacle another name.");
+                throw badInput(node.place(), "'map' is the name of the map", "Give the obstacle another name.");
             readObstacle(name, node, environment);
         }
     }

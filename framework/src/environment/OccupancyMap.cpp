@@ -36,10 +36,10 @@ std::string readBytes(const fs::path& file) {
     const std::uintmax_t size = isFile ? fs::file_size(file, failed) : 0;
     if (!isFile || failed) throw badInput(file.string(), "cannot be read", "Name a map file.");
     if (size > OccupancyMap::kMaxBytes)
-        throw badInput(file.string(),
-                       "the map has " + std::to_string(size) + " bytes, more than " +
-                           std::to_string(OccupancyMap::kMaxBytes),
-                       "Cut the map to the room around the arm, or make its cells larger.");
+        throw badInput(
+            file.string(),
+            "the map has " + std::to_string(size) + " bytes, more than " + std::to_string(OccupancyMap::kMaxBytes),
+            "Cut the map to the room around the arm, or make its cells larger.");
     std::ifstream stream(file, std::ios::binary);
     std::string bytes(size, '\0');
     stream.read(bytes.data(), static_cast<std::streamsize>(size));
@@ -68,48 +68,43 @@ Header readHeader(std::string_view bytes, const std::string& place) {
     const auto takeLine = [&]() -> std::string_view {
         constexpr std::size_t kLongest = 1000;
         const std::size_t length = bytes.substr(position, kLongest).find('\n');
-        if (length == std::string_view::npos)
-            throw badInput(place, "the header of the map is cut off", kRemedy);
+        if (length == std::string_view::npos) throw badInput(place, "the header of the map is cut off", kRemedy);
         const std::string_view line = bytes.substr(position, length);
         position += length + 1;
         return line;
     };
     const auto quote = [](std::string_view text) { return detail::quoteText(std::string(text)); };
-    const std::string_view first =
-        bytes.size() < kBinaryHeader.size() ? std::string_view() : takeLine();
+    const std::string_view first = bytes.size() < kBinaryHeader.size() ? std::string_view() : takeLine();
     header.isBinary = first == kBinaryHeader;
     if (!header.isBinary && first != kFullHeader)
-        throw badInput(place, "is no OctoMap file: it does not begin with `" +
-                                  std::string(kFullHeader) + "` or `" +
-                                  std::string(kBinaryHeader) + "`",
+        throw badInput(place,
+                       "is no OctoMap file: it does not begin with `" + std::string(kFullHeader) + "` or `" +
+                           std::string(kBinaryHeader) + "`",
                        "Name a .bt or .ot file of OctoMap 1.6 or later.");
     bool hasId = false, hasSize = false, hasResolution = false;
     for (std::string_view line = takeLine(); line != "data"; line = takeLine()) {
         if (!line.empty() && line[0] == '#') continue;
         const std::size_t space = line.find(' ');
         const std::string_view key = line.substr(0, space);
-        const std::string_view value =
-            space == std::string_view::npos ? std::string_view() : line.substr(space + 1);
+        const std::string_view value = space == std::string_view::npos ? std::string_view() : line.substr(space + 1);
         if (key == "id" && !hasId) {
             hasId = true;
             if (value != "OcTree")
-                throw badInput(place, "a map of the kind " + quote(value),
-                               "Convert it to the kind OcTree.");
+                throw badInput(place, "a map of the kind " + quote(value), "Convert it to the kind OcTree.");
         } else if (key == "size" && !hasSize) {
             hasSize = true;
             if (!readNumber(value, header.nodes) || header.nodes > OccupancyMap::kMaxNodes)
-                throw badInput(place, "the map's number of nodes is " + quote(value) +
-                                          ", allowed: 0 to " +
-                                          std::to_string(OccupancyMap::kMaxNodes),
+                throw badInput(place,
+                               "the map's number of nodes is " + quote(value) + ", allowed: 0 to " +
+                                   std::to_string(OccupancyMap::kMaxNodes),
                                kRemedy);
         } else if (key == "res" && !hasResolution) {
             hasResolution = true;
             if (!readNumber(value, header.resolution) ||
-                !(header.resolution >= kLeastResolution_m &&
-                  header.resolution <= kMostResolution_m))
+                !(header.resolution >= kLeastResolution_m && header.resolution <= kMostResolution_m))
                 throw badInput(place,
-                               "the map's resolution is " + quote(value) + " m, allowed: " +
-                                   detail::formatNumber(kLeastResolution_m) + " to " +
+                               "the map's resolution is " + quote(value) +
+                                   " m, allowed: " + detail::formatNumber(kLeastResolution_m) + " to " +
                                    detail::formatNumber(kMostResolution_m),
                                kRemedy);
         } else {
@@ -135,11 +130,9 @@ public:
             header_.isBinary ? scanBinary(0) : scanFull(0);
         }
         if (nodes_ != header_.nodes)
-            fail("its header says " + std::to_string(header_.nodes) + " nodes, it has " +
-                 std::to_string(nodes_));
+            fail("its header says " + std::to_string(header_.nodes) + " nodes, it has " + std::to_string(nodes_));
         if (position_ != body_.size())
-            fail("it has " + std::to_string(body_.size() - position_) +
-                 " bytes more than its nodes take");
+            fail("it has " + std::to_string(body_.size() - position_) + " bytes more than its nodes take");
     }
 
 private:
@@ -154,8 +147,7 @@ private:
     void addNode(int depth) {
         if (depth > kDepth) fail("its tree is deeper than " + std::to_string(kDepth) + " levels");
         if (++nodes_ > header_.nodes)
-            fail("it has more nodes than the " + std::to_string(header_.nodes) +
-                 " of its header");
+            fail("it has more nodes than the " + std::to_string(header_.nodes) + " of its header");
     }
 
     /** A node with children has an array of eight pointers beside it. */
@@ -169,8 +161,8 @@ private:
     @param depth  of the node whose children these are */
     void scanBinary(int depth) {
         const char* bytes = take(2);
-        const unsigned kinds = static_cast<unsigned char>(bytes[0]) |
-                               static_cast<unsigned>(static_cast<unsigned char>(bytes[1])) << 8;
+        const unsigned kinds =
+            static_cast<unsigned char>(bytes[0]) | static_cast<unsigned>(static_cast<unsigned char>(bytes[1])) << 8;
         if (kinds == 0) fail("a node that is said to have children has none");
         addInner();
         for (int i = 0; i < 8; ++i)
@@ -214,8 +206,7 @@ public:
 struct Bounds {
     Eigen::Vector3d lower, upper;
     bool touches(const Eigen::Vector3d& centre, double half) const {
-        return (centre.array() + half >= lower.array()).all() &&
-               (centre.array() - half <= upper.array()).all();
+        return (centre.array() + half >= lower.array()).all() && (centre.array() - half <= upper.array()).all();
     }
 };
 
@@ -228,9 +219,8 @@ struct OccupancyMap::Tree {
     std::string sha256;
 
     /** @param node  null: nothing is known of the cube */
-    void visit(const octomap::OcTreeNode* node, const Eigen::Vector3d& centre, double half,
-               const Bounds& bounds, bool withUnknown,
-               const std::function<void(const Cell&)>& visitor) const {
+    void visit(const octomap::OcTreeNode* node, const Eigen::Vector3d& centre, double half, const Bounds& bounds,
+               bool withUnknown, const std::function<void(const Cell&)>& visitor) const {
         if (!bounds.touches(centre, half)) return;
         if (!node || !octree.nodeHasChildren(node)) {
             if (node ? octree.isNodeOccupied(node) : withUnknown) visitor({centre, 2.0 * half});
@@ -239,10 +229,9 @@ struct OccupancyMap::Tree {
         for (unsigned i = 0; i < 8; ++i) {
             const bool isThere = octree.nodeChildExists(node, i);
             if (!isThere && !withUnknown) continue;
-            const Eigen::Vector3d side(i & 1u ? 1.0 : -1.0, i & 2u ? 1.0 : -1.0,
-                                       i & 4u ? 1.0 : -1.0);
-            visit(isThere ? octree.getNodeChild(node, i) : nullptr, centre + 0.5 * half * side,
-                  0.5 * half, bounds, withUnknown, visitor);
+            const Eigen::Vector3d side(i & 1u ? 1.0 : -1.0, i & 2u ? 1.0 : -1.0, i & 4u ? 1.0 : -1.0);
+            visit(isThere ? octree.getNodeChild(node, i) : nullptr, centre + 0.5 * half * side, 0.5 * half, bounds,
+                  withUnknown, visitor);
         }
     }
 };
@@ -255,8 +244,8 @@ OccupancyMap::OccupancyMap(const MapChoice& choice) {
     const std::string sha256 = hash.take();
     if (!choice.sha256.empty() && choice.sha256 != sha256)
         throw badInput(choice.place,
-                       "the file " + place + " is not the one that was meant: its SHA-256 is " +
-                           sha256 + ", stated is " + choice.sha256,
+                       "the file " + place + " is not the one that was meant: its SHA-256 is " + sha256 +
+                           ", stated is " + choice.sha256,
                        "Get the right file, or state its SHA-256.");
     const Header header = readHeader(bytes, place);
     if (header.isBinary != (choice.file.extension() == ".bt"))
@@ -296,8 +285,7 @@ OccupancyMap::Occupancy OccupancyMap::getOccupancy(const Eigen::Vector3d& point)
     const Eigen::Array3d cell = (point.array() / resolution()).floor();
     if (!((cell >= -kHalf).all() && (cell < kHalf).all())) return Occupancy::Unknown;  // NaN, too
     octomap::OcTreeKey key;
-    for (int k = 0; k < 3; ++k)
-        key[static_cast<unsigned>(k)] = static_cast<octomap::key_type>(cell[k] + kHalf);
+    for (int k = 0; k < 3; ++k) key[static_cast<unsigned>(k)] = static_cast<octomap::key_type>(cell[k] + kHalf);
     const octomap::OcTreeNode* node = tree_->octree.search(key);
     if (!node) return Occupancy::Unknown;
     return tree_->octree.isNodeOccupied(node) ? Occupancy::Occupied : Occupancy::Free;
@@ -306,8 +294,7 @@ OccupancyMap::Occupancy OccupancyMap::getOccupancy(const Eigen::Vector3d& point)
 /** Cubes of the size of the tree's from the middle in any direction. */
 constexpr double kMostCubes = 1e3;
 
-void OccupancyMap::forEachSolidCell(const Eigen::Vector3d& lower, const Eigen::Vector3d& upper,
-                                    bool withUnknown,
+void OccupancyMap::forEachSolidCell(const Eigen::Vector3d& lower, const Eigen::Vector3d& upper, bool withUnknown,
                                     const std::function<void(const Cell&)>& visit) const {
     VIABLE_CHECK(lower.allFinite() && upper.allFinite(), "the box has an extent");
     const Bounds bounds{lower, upper};
@@ -329,8 +316,7 @@ void OccupancyMap::forEachSolidCell(const Eigen::Vector3d& lower, const Eigen::V
         for (double y = first[1]; y <= last[1]; ++y)
             for (double z = first[2]; z <= last[2]; ++z) {
                 const Eigen::Vector3d index(x, y, z);
-                tree_->visit(index.isZero(0.0) ? root : nullptr, 2.0 * half * index, half, bounds,
-                             true, visit);
+                tree_->visit(index.isZero(0.0) ? root : nullptr, 2.0 * half * index, half, bounds, true, visit);
             }
 }
 

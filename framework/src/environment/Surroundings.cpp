@@ -59,10 +59,9 @@ struct Surroundings::Shapes {
 };
 
 struct Surroundings::MapField {
-    MapField(const MapChoice& choice, const Eigen::Vector3d& lower, const Eigen::Vector3d& upper,
-             double cell_m, double reach_m)
-        : map(choice),
-          field(map, choice.unknown, choice.pose, lower, upper, cell_m, reach_m, choice.place) {}
+    MapField(const MapChoice& choice, const Eigen::Vector3d& lower, const Eigen::Vector3d& upper, double cell_m,
+             double reach_m)
+        : map(choice), field(map, choice.unknown, choice.pose, lower, upper, cell_m, reach_m, choice.place) {}
 
     OccupancyMap map;
     DistanceField field;
@@ -80,15 +79,15 @@ void Surroundings::Shapes::add(const Solid& solid, int obstacle) {
     const Eigen::Vector3d z = solid.pose.linear().col(2);
     switch (solid.kind) {
         case Solid::Kind::Box:
-            boxes.push_back({solid.pose.linear().transpose(), centre, 0.5 * solid.size,
-                             0.5 * solid.size.norm(), obstacle});
+            boxes.push_back(
+                {solid.pose.linear().transpose(), centre, 0.5 * solid.size, 0.5 * solid.size.norm(), obstacle});
             break;
         case Solid::Kind::Sphere:
             spheres.push_back({centre, solid.radius, obstacle});
             break;
         case Solid::Kind::Cylinder:
-            cylinders.push_back({centre, z, solid.radius, 0.5 * solid.length,
-                                 std::hypot(solid.radius, 0.5 * solid.length), obstacle});
+            cylinders.push_back(
+                {centre, z, solid.radius, 0.5 * solid.length, std::hypot(solid.radius, 0.5 * solid.length), obstacle});
             break;
         case Solid::Kind::HalfSpace:
             halfSpaces.push_back({z, z.dot(centre), obstacle});
@@ -120,8 +119,8 @@ void Surroundings::Shapes::add(const MovingSphere& sphere, int obstacle) {
     paths.push_back(std::move(path));
 }
 
-Surroundings::Surroundings(const Environment& environment, const Eigen::Vector3d& lower,
-                           const Eigen::Vector3d& upper, double reach_m)
+Surroundings::Surroundings(const Environment& environment, const Eigen::Vector3d& lower, const Eigen::Vector3d& upper,
+                           double reach_m)
     : environment_(environment), names_(environment.obstacleNames()) {
     int obstacle = 0;
     auto shapes = std::make_unique<Shapes>();
@@ -143,9 +142,10 @@ const OccupancyMap* Surroundings::map() const {
     return mapField_ ? &mapField_->map : nullptr;
 }
 
-std::shared_ptr<const Surroundings::MapField> Surroundings::shareMapField(
-    const MapChoice& choice, const Eigen::Vector3d& lower, const Eigen::Vector3d& upper,
-    double cell_m, double reach_m) {
+std::shared_ptr<const Surroundings::MapField> Surroundings::shareMapField(const MapChoice& choice,
+                                                                          const Eigen::Vector3d& lower,
+                                                                          const Eigen::Vector3d& upper, double cell_m,
+                                                                          double reach_m) {
     std::ostringstream key;
     std::error_code noFile;  // the reader complains
     key << choice.file << '\n'
@@ -158,9 +158,8 @@ std::shared_ptr<const Surroundings::MapField> Surroundings::shareMapField(
         << upper << '\n'
         << cell_m << ' ' << reach_m;
     static detail::Memo<std::shared_ptr<const MapField>> known(kMostKnownFields);
-    return known.get(key.str(), [&] {
-        return std::make_shared<const MapField>(choice, lower, upper, cell_m, reach_m);
-    });
+    return known.get(key.str(),
+                     [&] { return std::make_shared<const MapField>(choice, lower, upper, cell_m, reach_m); });
 }
 
 namespace {
@@ -228,10 +227,9 @@ Surroundings::Nearest Surroundings::findIn(const Eigen::Vector3d& p, double t) c
         const double offAxis = across.norm();
         const double beyondSide = offAxis - solid.radius;
         const double beyondEnd = std::abs(along) - solid.half;
-        const double distance =
-            beyondSide > 0.0 && beyondEnd > 0.0
-                ? std::sqrt(beyondSide * beyondSide + beyondEnd * beyondEnd)
-                : std::max(beyondSide, beyondEnd);
+        const double distance = beyondSide > 0.0 && beyondEnd > 0.0
+                                    ? std::sqrt(beyondSide * beyondSide + beyondEnd * beyondEnd)
+                                    : std::max(beyondSide, beyondEnd);
         if (distance >= best) continue;
         best = distance;
         nearest.obstacle = solid.obstacle;

@@ -1,4 +1,4 @@
-#include "viable/experiment/CaseRun.h"
+#include "experiment/CaseRun.h"
 
 #include <algorithm>
 #include <chrono>
@@ -7,15 +7,15 @@
 #include <string_view>
 #include <thread>
 
-#include "PathExtent.h"
 #include "core/NumberText.h"
-#include "experiment/CollisionCounter.h"
+#include "filter/FilterChain.h"
 #include "log/LogExportColumns.h"
+#include "log/Recorder.h"
+#include "loop/PathExtent.h"
+#include "robot/ArmReach.h"
+#include "summary/CollisionCounter.h"
+#include "viable/braking/Braking.h"
 #include "viable/core/Error.h"
-#include "viable/log/Recorder.h"
-#include "viable/motion/Braking.h"
-#include "viable/plugin/FilterChain.h"
-#include "viable/robot/ArmReach.h"
 
 namespace viable {
 
@@ -25,7 +25,8 @@ namespace {
 constexpr std::int64_t kProgressTicks = 256;
 
 constexpr char kOnConfigure[] =
-    "configure() says what is wrong with a parameter by throwing viable::badInput(); anything else is to be mended in the "
+    "configure() says what is wrong with a parameter by throwing viable::badInput(); anything else is to be mended in "
+    "the "
     "plugin.";
 
 // What a plugin is asked once, outside of ticks: asked here first, where a throw still names it.
@@ -37,8 +38,8 @@ void askOnce(const NominalController& plugin) {
     plugin.follows(MotionCommand::Space::Tool);
 }
 void askOnce(const SafetyFilter& plugin) {
-    plugin.promisesLimits();
-    plugin.promisesClearance();
+    plugin.guaranteesLimits();
+    plugin.guaranteesClearance();
     plugin.recovers();
 }
 void askOnce(const RobustLoop&) {}
@@ -47,8 +48,7 @@ void askOnce(const RealPlant& plugin) {
 }
 
 template <class Interface>
-PluginPtr<Interface> makeHere(const PluginChoice& choice, const RunSetup& setup,
-                              const std::string& title) {
+PluginPtr<Interface> makeHere(const PluginChoice& choice, const RunSetup& setup, const std::string& title) {
     PluginPtr<Interface> plugin = PluginLoader::create<Interface>(choice.plugin);
     PluginCall call(nullptr, kBeforeFirstTick);
     try {
@@ -57,16 +57,14 @@ PluginPtr<Interface> makeHere(const PluginChoice& choice, const RunSetup& setup,
     } catch (const Error&) {
         throw;
     } catch (const std::exception& e) {
-        throw Error(ErrorKind::PluginFailed, title,
-                    std::string("threw while it was configured: ") + e.what(), kOnConfigure);
+        throw Error(ErrorKind::PluginFailed, title, std::string("threw while it was configured: ") + e.what(),
+                    kOnConfigure);
     } catch (...) {
-        throw Error(ErrorKind::PluginFailed, title,
-                    "threw something that is no std::exception while it was configured",
+        throw Error(ErrorKind::PluginFailed, title, "threw something that is no std::exception while it was configured",
                     kOnConfigure);
     }
     if (const char* change = call.undoArithmeticChange())
-        throw Error(ErrorKind::PluginFailed, title, formatArithmeticChange(change),
-                    kOnArithmeticChange);
+        throw Error(ErrorKind::PluginFailed, title, formatArithmeticChange(change), kOnArithmeticChange);
     return plugin;
 }
 
@@ -86,13 +84,11 @@ public:
             return makeHere<Interface>(choice, setup, watch->title);
         }
         try {
-            return isolatePlugin<Interface>(
-                [&] { return makeHere<Interface>(choice, setup, watch->title); }, *watch,
-                isolation_->watchdog_s);
+            return isolatePlugin<Interface>([&] { return makeHere<Interface>(choice, setup, watch->title); }, *watch,
+                                            isolation_->watchdog_s);
         } catch (const PluginFault& e) {
             throw Error(ErrorKind::PluginFailed, watch->title,
-                        std::string("could not be made and configured: ") + e.what(),
-                        e.remedy());
+                        std::string("could not be made and configured: ") + e.what(), e.remedy());
         }
     }
 
@@ -130,7 +126,7 @@ const PluginChoice* findCulprit(const CasePlan& plan, const FilterChain* chain, 
             return &plan.controller;
         case StopReason::FilterFailed:
         case StopReason::FilterEnded:
-        case StopReason::PromiseBroken:
+        case StopReason::GuaranteeBroken:
             return &plan.filters[chain ? chain->answerable() : 0];
         case StopReason::RobustLoopFailed:
             return &*plan.robustLoop;
@@ -146,10 +142,10 @@ const PluginChoice* findCulprit(const CasePlan& plan, const FilterChain* chain, 
     return nullptr;
 }
 
-/** True when the promise that was broken is that of a filter before the one that is to be named. */
-bool isOthersPromise(const FilterChain* chain, StopReason reason) {
-    return reason == StopReason::PromiseBroken && chain &&
-           chain->answerable() != static_cast<std::size_t>(chain->promising());
+/** True when the guarantee that was broken is that of a filter before the one that is to be named. */
+bool isOthersGuarantee(const FilterChain* chain, StopReason reason) {
+    return reason == StopReason::GuaranteeBroken && chain &&
+           chain->answerable() != static_cast<std::size_t>(chain->guaranteeing());
 }
 
 std::string formatTime(double seconds) {
@@ -175,15 +171,13 @@ nlohmann::json listNumbers(const JointVector& values) {
     return list;
 }
 
-LogOpening makeOpening(const CasePlan& plan, MotionCommand::Space space,
-                       const Surroundings* surroundings) {
+LogOpening makeOpening(const CasePlan& plan, MotionCommand::Space space, const Surroundings* surroundings) {
     LogOpening opening;
-    opening.layout = {plan.robot.jointNames(), space, plan.realPlant.has_value(),
-                      plan.feedsExternalTorque, plan.environment.has_value()};
-    opening.metadata = {
-        {"case", plan.name},
-        {"robot", std::filesystem::absolute(plan.robot.folder).lexically_normal().string()},
-        {"version", VIABLE_VERSION}};
+    opening.layout = {plan.robot.jointNames(), space, plan.realPlant.has_value(), plan.feedsExternalTorque,
+                      plan.environment.has_value()};
+    opening.metadata = {{"case", plan.name},
+                        {"robot", std::filesystem::absolute(plan.robot.folder).lexically_normal().string()},
+                        {"version", VIABLE_VERSION}};
     nlohmann::json sliding = nlohmann::json::array();
     for (const JointDescription& joint : plan.robot.joints)
         if (joint.type == JointType::Prismatic) sliding.push_back(joint.name);
@@ -196,18 +190,17 @@ LogOpening makeOpening(const CasePlan& plan, MotionCommand::Space space,
                            {"velocity_upper", listNumbers(plan.realLimits.velocity.upper)}}
                 .dump();
     if (plan.bound)
-        opening.metadata["tracking_bound"] =
-            nlohmann::json{{"position_rad", listNumbers(plan.bound->position)},
-                           {"velocity_radps", listNumbers(plan.bound->velocity)},
-                           {"measured_rad", listNumbers(plan.bound->measured)}}
-                .dump();
+        opening.metadata["tracking_bound"] = nlohmann::json{
+            {"position_rad", listNumbers(plan.bound->position)},
+            {"velocity_radps", listNumbers(plan.bound->velocity)},
+            {"measured_rad",
+             listNumbers(plan.bound->measured)}}.dump();
     if (surroundings) {  // what the indices of the channel `clearance` stand for
         nlohmann::json obstacles = nlohmann::json::array();
         for (int i = 0; i < surroundings->size(); ++i) obstacles.push_back(surroundings->name(i));
         opening.metadata["obstacles"] = obstacles.dump();
         opening.metadata["links"] = nlohmann::json(plan.geometry->links).dump();
-        if (const OccupancyMap* map = surroundings->map())
-            opening.metadata["map_sha256"] = map->sha256();
+        if (const OccupancyMap* map = surroundings->map()) opening.metadata["map_sha256"] = map->sha256();
     }
     for (const PluginChoice* choice : listPlugins(plan))
         opening.metadata[getName(choice->plugin.kind)] = choice->plugin.library.string();
@@ -216,15 +209,13 @@ LogOpening makeOpening(const CasePlan& plan, MotionCommand::Space space,
         for (const PluginChoice& filter : plan.filters) chain.push_back(filter.plugin.library);
         opening.metadata[getName(PluginKind::SafetyFilter)] = chain.dump();
     }
-    opening.attachments.push_back(
-        {"experiment.yaml", "application/yaml", writeConfig(plan.resolved)});
+    opening.attachments.push_back({"experiment.yaml", "application/yaml", writeConfig(plan.resolved)});
     return opening;
 }
 
 bool isMissed(const std::vector<TickGap>& gaps, std::int64_t tick) {
-    return std::any_of(gaps.begin(), gaps.end(), [&](const TickGap& gap) {
-        return tick >= gap.begin && tick - gap.begin < gap.count;
-    });
+    return std::any_of(gaps.begin(), gaps.end(),
+                       [&](const TickGap& gap) { return tick >= gap.begin && tick - gap.begin < gap.count; });
 }
 
 /** A path is followed to this share of what counts as rounding. */
@@ -256,16 +247,14 @@ void checkStartInside(const CasePlan& plan) {
             const bool below = value[i] < bounds.lower[i];
             if (!below && value[i] <= bounds.upper[i]) continue;
             const double bound = below ? bounds.lower[i] : bounds.upper[i];
-            throw badInput(
-                plan.startPlace,
-                std::string("the start ") + getName(kind, LimitSide::Neither) + " of " +
-                    plan.robot.joints[i].name + " is " + detail::formatNumber(value[i]) + " " +
-                    getUnit(kind) + ", outside its " + (below ? "lower" : "upper") + " limit " +
-                    detail::formatNumber(bound) + " by " +
-                    detail::formatNumber(std::abs(value[i] - bound)),
-                std::string("Start inside the limits (`start: {") + getStartKey(kind).key +
-                    ": [...]}`; without it " + getStartKey(kind).otherwise +
-                    "), widen the limits, " + kRecoveryRemedy);
+            throw badInput(plan.startPlace,
+                           std::string("the start ") + getName(kind, LimitSide::Neither) + " of " +
+                               plan.robot.joints[i].name + " is " + detail::formatNumber(value[i]) + " " +
+                               getUnit(kind) + ", outside its " + (below ? "lower" : "upper") + " limit " +
+                               detail::formatNumber(bound) + " by " + detail::formatNumber(std::abs(value[i] - bound)),
+                           std::string("Start inside the limits (`start: {") + getStartKey(kind).key +
+                               ": [...]}`; without it " + getStartKey(kind).otherwise + "), widen the limits, " +
+                               kRecoveryRemedy);
         }
     };
     check(LimitKind::Position, plan.start.q, plan.limits.position);
@@ -280,27 +269,23 @@ void checkStartViable(const CasePlan& plan) {
         if (std::isinf(axis.jerkLower) || std::isinf(axis.jerkUpper)) continue;
         const double v = plan.start.qd[i], a = plan.start.qdd[i];
         const StationaryStop stop = calcStationaryStop(v, a, axis);
-        const double allowedP =
-            kMonitorShare * calcLimitScale(axis.positionLower, axis.positionUpper);
-        const double allowedV =
-            kMonitorShare * calcLimitScale(axis.velocityLower, axis.velocityUpper);
-        detail::PathExtent path(
-            plan.start.q[i], v, a,
-            {axis.positionLower, axis.positionUpper, allowedP, kPathResolution * allowedP},
-            {axis.velocityLower, axis.velocityUpper, allowedV, kPathResolution * allowedV});
+        const double allowedP = kMonitorShare * calcLimitScale(axis.positionLower, axis.positionUpper);
+        const double allowedV = kMonitorShare * calcLimitScale(axis.velocityLower, axis.velocityUpper);
+        detail::PathExtent path(plan.start.q[i], v, a,
+                                {axis.positionLower, axis.positionUpper, allowedP, kPathResolution * allowedP},
+                                {axis.velocityLower, axis.velocityUpper, allowedV, kPathResolution * allowedV});
         path.follow(stop.jerk, stop.T1);
         path.follow(0.0, stop.T2);
         path.follow(stop.side == LimitSide::Upper ? axis.jerkUpper : axis.jerkLower, stop.T3);
         const double peak = calcVelocityPeak(v, a, axis);
         const auto check = [&](LimitKind kind, const char* side, double excess, double allowed) {
             if (!(excess > allowed)) return;
-            throw badInput(
-                plan.startPlace,
-                "the start of " + plan.robot.joints[i].name +
-                    " is not viable: its fastest stop passes the " + side + " " +
-                    getName(kind, LimitSide::Neither) + " limit by " +
-                    detail::formatNumber(excess) + " " + getUnit(kind),
-                std::string("Change `start`: at rest or further inside; ") + kRecoveryRemedy);
+            throw badInput(plan.startPlace,
+                           "the start of " + plan.robot.joints[i].name +
+                               " is not viable: its fastest stop passes the " + side + " " +
+                               getName(kind, LimitSide::Neither) + " limit by " + detail::formatNumber(excess) + " " +
+                               getUnit(kind),
+                           std::string("Change `start`: at rest or further inside; ") + kRecoveryRemedy);
         };
         check(LimitKind::Position, "upper", path.position.upper - axis.positionUpper, allowedP);
         check(LimitKind::Position, "lower", axis.positionLower - path.position.lower, allowedP);
@@ -316,11 +301,10 @@ void checkMotors(const CasePlan& plan) {
     for (int i = 0; i < plan.robot.size(); ++i) {
         if (bound.lastingTorque[i] <= bound.motorTorque[i]) continue;
         throw badInput(plan.boundPlace,
-                       "the motor of " + plan.robot.joints[static_cast<std::size_t>(i)].name +
-                           " gives " + detail::formatNumber(bound.motorTorque[i]) +
+                       "the motor of " + plan.robot.joints[static_cast<std::size_t>(i)].name + " gives " +
+                           detail::formatNumber(bound.motorTorque[i]) +
                            " Nm; motion within the limits and these disturbances need up to " +
-                           detail::formatNumber(bound.lastingTorque[i]) +
-                           " Nm, so the real arm cannot follow",
+                           detail::formatNumber(bound.lastingTorque[i]) + " Nm, so the real arm cannot follow",
                        "`viable bound` shows what asks for it: state smaller disturbances, or lower the limits of "
                        "acceleration and velocity.");
     }
@@ -337,8 +321,8 @@ void addSurroundings(const CasePlan& plan, ConfiguredCase& configured) {
                        "the arm has a sliding joint without position limits, so that the part of the map that it can "
                        "reach has no end",
                        "Give the joint position limits.");
-    configured.surroundings = std::make_shared<const Surroundings>(*plan.environment, reach.min(),
-                                                                   reach.max(), kFieldReach_m);
+    configured.surroundings =
+        std::make_shared<const Surroundings>(*plan.environment, reach.min(), reach.max(), kFieldReach_m);
     configured.feed = std::make_unique<SurroundingsFeed>(configured.surroundings);
     configured.setup.surroundings = configured.feed.get();
     configured.setup.geometry = &*plan.geometry;
@@ -376,44 +360,40 @@ std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolat
         plugins.realPlant = maker.makeWatched<RealPlant>(*plan.realPlant);
         if (plan.feedsExternalTorque && !plugins.realPlant->externalTorque())
             throw badInput(plan.externalTorquePlace,
-                           "the real plant " + plan.realPlant->plugin.name +
-                               " has no sensors for an external torque",
+                           "the real plant " + plan.realPlant->plugin.name + " has no sensors for an external torque",
                            "Use a plant that measures it, or `external_torque: ignored`.");
     }
     if (!plugins.controller->follows(plugins.command->space())) {
         const bool joint = plugins.command->space() == MotionCommand::Space::Joint;
-        throw badInput(
-            plan.controller.parameters.resolved().place(),
-            "the controller " + plan.controller.plugin.name + " cannot follow the command " +
-                plan.command.plugin.name + ", which gives " +
-                (joint ? "joint positions" : "tool poses"),
-            joint ? "Use the controller joint_pd, or a command such as generated_hand_motion."
-                  : "Use the controller task_space_pd, or a command such as waypoints.");
+        throw badInput(plan.controller.parameters.resolved().place(),
+                       "the controller " + plan.controller.plugin.name + " cannot follow the command " +
+                           plan.command.plugin.name + ", which gives " + (joint ? "joint positions" : "tool poses"),
+                       joint ? "Use the controller joint_pd, or a command such as generated_hand_motion."
+                             : "Use the controller task_space_pd, or a command such as waypoints.");
     }
     return configured;
 }
 
 CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
     const std::unique_ptr<ConfiguredCase> configured = configureCase(plan, options.isolation);
-    const bool promises = configured->plugins.filter->promisesLimits();
-    const bool promisesClearance = configured->plugins.filter->promisesClearance();
+    const bool guarantees = configured->plugins.filter->guaranteesLimits();
+    const bool guaranteesClearance = configured->plugins.filter->guaranteesClearance();
     const MotionCommand::Space space = configured->plugins.command->space();
     auto ownLoop = std::make_unique<ControlLoop>(
         configured->setup, std::move(configured->plugins),
-        RealArmOptions{plan.bound ? &*plan.bound : nullptr, plan.feedsExternalTorque, true,
-                       plan.holdsOnReal});
+        RealArmOptions{plan.bound ? &*plan.bound : nullptr, plan.feedsExternalTorque, true, plan.holdsOnReal});
     ControlLoop& loop = *ownLoop;
 
     std::optional<detail::CollisionCounter> collisions;
     if (plan.environment) collisions.emplace(plan);
     std::unique_ptr<Recorder> recorder;
     if (!options.log.empty())
-        recorder = std::make_unique<Recorder>(std::make_unique<LogWriter>(
-            options.log, makeOpening(plan, space, configured->surroundings.get())));
+        recorder = std::make_unique<Recorder>(
+            std::make_unique<LogWriter>(options.log, makeOpening(plan, space, configured->surroundings.get())));
 
     CaseResult result(plan);
-    result.promises = promises;
-    result.promisesClearance = promisesClearance;
+    result.guarantees = guarantees;
+    result.guaranteesClearance = guaranteesClearance;
     result.log = options.log;
 
     const std::int64_t ticks = std::llround(plan.duration_s / plan.tick_s);
@@ -446,8 +426,7 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
                 before = std::chrono::steady_clock::now();
             }
             recordTime_us =
-                std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - before)
-                    .count();
+                std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - before).count();
         }
         if (options.progress && k % kProgressTicks == 0)
             options.progress(std::min(1.0, static_cast<double>(k) / static_cast<double>(ticks)));
@@ -468,43 +447,34 @@ CaseResult runCase(const CasePlan& plan, const RunOptions& options) {
 
     result.stopReason = loop.stopReason();
     result.stopTime_s = loop.stopTime();
-    const std::string when =
-        "stopped at " + formatTime(result.stopTime_s) + " (tick " +
-        std::to_string(std::llround(result.stopTime_s / plan.tick_s)) + ")";
-    if (result.stopReason == StopReason::Requested ||
-        result.stopReason == StopReason::TicksMissed ||
+    const std::string when = "stopped at " + formatTime(result.stopTime_s) + " (tick " +
+                             std::to_string(std::llround(result.stopTime_s / plan.tick_s)) + ")";
+    if (result.stopReason == StopReason::Requested || result.stopReason == StopReason::TicksMissed ||
         result.stopReason == StopReason::TrackingLost) {
         result.stopMessage = when + " because " + loop.stopMessage();
         result.stopRemedy = loop.stopRemedy();
         if (result.stopReason == StopReason::TicksMissed)
-            result.stopRemedy =
-                "Lower the `count` in missed_ticks, or leave a tick between entries.";
-    } else if (const PluginChoice* culprit =
-                   findCulprit(plan, configured->chain, result.stopReason)) {
+            result.stopRemedy = "Lower the `count` in missed_ticks, or leave a tick between entries.";
+    } else if (const PluginChoice* culprit = findCulprit(plan, configured->chain, result.stopReason)) {
         constexpr std::string_view kSubject = "it ";  // as every message begins
         std::string what = loop.stopMessage();
         result.stopRemedy = loop.stopRemedy();
-        if (isOthersPromise(configured->chain, result.stopReason)) {
-            what = "it changed what '" + plan.filters[configured->chain->promising()].plugin.name +
+        if (isOthersGuarantee(configured->chain, result.stopReason)) {
+            what = "it changed what '" + plan.filters[configured->chain->guaranteeing()].plugin.name +
                    "' before it had decided, which " + what.substr(kSubject.size());
-            result.stopRemedy =
-                "The decision was not applied. Put the filter before the one that promises.";
+            result.stopRemedy = "The decision was not applied. Put the filter before the one that guarantees.";
         }
-        result.stopMessage =
-            when + ": " + PluginWatch(culprit->plugin).title +
-            (result.stopReason == StopReason::FilterEnded ? " ended the case: " : " failed: ") +
-            what;
+        result.stopMessage = when + ": " + PluginWatch(culprit->plugin).title +
+                             (result.stopReason == StopReason::FilterEnded ? " ended the case: " : " failed: ") + what;
     }
     ownLoop.reset();  // some plugins have a last word
     for (const auto& watch : configured->watches) {
         if (!watch->lastWords.empty())
-            result.warnings.push_back(watch->title + " failed while it was destroyed: " +
-                                      watch->lastWords);
+            result.warnings.push_back(watch->title + " failed while it was destroyed: " + watch->lastWords);
         if (watch->allocatingTicks == 0) continue;
         result.warnings.push_back(
-            watch->title + " takes memory from the heap in its tick (in " +
-            std::to_string(watch->allocatingTicks) + " ticks, first in tick " +
-            std::to_string(watch->firstAllocation) +
+            watch->title + " takes memory from the heap in its tick (in " + std::to_string(watch->allocatingTicks) +
+            " ticks, first in tick " + std::to_string(watch->firstAllocation) +
             "): in a real-time loop such a tick may come too late. Take the memory in configure().");
     }
     return result;
@@ -524,34 +494,30 @@ CaseResult::CaseResult(const CasePlan& plan)
             seeds[choice->plugin.name] = seed->text;
 }
 
-bool CaseResult::isRealPromiseBroken() const {
-    return holdsOnReal && promises && summary.anyRealLimitBroken();
+bool CaseResult::isRealGuaranteeBroken() const {
+    return holdsOnReal && guarantees && summary.anyRealLimitBroken();
 }
 
-bool CaseResult::isClearancePromiseBroken() const {
-    return promisesClearance && summary.collisions() &&
-           summary.collisions()->nominal.ticksInCollision > 0;
+bool CaseResult::isClearanceGuaranteeBroken() const {
+    return guaranteesClearance && summary.collisions() && summary.collisions()->nominal.ticksInCollision > 0;
 }
 
 bool isGraver(int a, int b) {
     const auto rank = [](int code) {
-        constexpr ErrorKind order[] = {ErrorKind::PromiseBroken, ErrorKind::TrackingLost,
-                                       ErrorKind::PluginFailed, ErrorKind::LogNotWritten,
-                                       ErrorKind::BadInput};
+        constexpr ErrorKind order[] = {ErrorKind::GuaranteeBroken, ErrorKind::TrackingLost, ErrorKind::PluginFailed,
+                                       ErrorKind::LogNotWritten, ErrorKind::BadInput};
         return std::find(std::begin(order), std::end(order), static_cast<ErrorKind>(code)) - order;
     };
     return rank(a) < rank(b);
 }
 
 int CaseResult::exitCode() const {
-    if (stopReason == StopReason::PromiseBroken || isRealPromiseBroken() ||
-        isClearancePromiseBroken())
-        return static_cast<int>(ErrorKind::PromiseBroken);
+    if (stopReason == StopReason::GuaranteeBroken || isRealGuaranteeBroken() || isClearanceGuaranteeBroken())
+        return static_cast<int>(ErrorKind::GuaranteeBroken);
     if (summary.trip()) return static_cast<int>(ErrorKind::TrackingLost);
-    const bool isWanted = stopReason == StopReason::None || stopReason == StopReason::Requested ||
-                          stopReason == StopReason::FilterEnded;
-    if (!isWanted)
-        return static_cast<int>(ErrorKind::PluginFailed);
+    const bool isWanted =
+        stopReason == StopReason::None || stopReason == StopReason::Requested || stopReason == StopReason::FilterEnded;
+    if (!isWanted) return static_cast<int>(ErrorKind::PluginFailed);
     if (!logError.empty()) return static_cast<int>(ErrorKind::LogNotWritten);
     return 0;
 }

@@ -1,15 +1,15 @@
-#include "viable/experiment/ExperimentFile.h"
+#include "experiment/ExperimentFile.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "config/ConfigText.h"
+#include "config/Draws.h"
 #include "core/Memo.h"
 #include "core/NumberText.h"
 #include "core/Sha256.h"
 #include "experiment/ExperimentKeys.h"
 #include "plugin/ParameterText.h"
-#include "viable/config/Draws.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -71,22 +71,21 @@ void refuseMissingUnit(const ConfigNode& block, const std::vector<std::string>& 
 /** True for `root` itself and for what stands in it. */
 bool isWithin(const std::string& keyPath, const std::string& root) {
     return keyPath.compare(0, root.size(), root) == 0 &&
-           (keyPath.size() == root.size() || keyPath[root.size()] == '.' ||
-            keyPath[root.size()] == '[');
+           (keyPath.size() == root.size() || keyPath[root.size()] == '.' || keyPath[root.size()] == '[');
 }
 
 /** The place of a case's block for complaints about its values together: the assignments of the command line that
 reach into it, if any, and the file's. */
-std::string describePlace(const ConfigNode& block, const std::string& key,
-                          const std::string& caseName, const std::vector<std::string>& overrides) {
+std::string describePlace(const ConfigNode& block, const std::string& key, const std::string& caseName,
+                          const std::vector<std::string>& overrides) {
     std::string text;
     for (const std::string& assignment : overrides) {
         const std::string path = assignment.substr(0, assignment.find('='));
         const std::string own = "cases." + caseName;
         if (!isWithin(path, key) && !isWithin(path, own + "." + key) && path != own) continue;
         const std::string shown = detail::quoteText(assignment);  // without its quotes
-        text += (text.empty() ? "" : ", ") + std::string(detail::kOverrideFile) + " " +
-                shown.substr(1, shown.size() - 2);
+        text +=
+            (text.empty() ? "" : ", ") + std::string(detail::kOverrideFile) + " " + shown.substr(1, shown.size() - 2);
     }
     if (text.empty()) return block.place();
     return block.file == detail::kOverrideFile ? text : text + " (over " + block.place() + ")";
@@ -99,12 +98,9 @@ MotionState readStart(const ConfigNode* block, const RobotDescription& robot) {
     start.qdd.setZero(robot.size());
     if (!block) return start;
     ConfigMap map(*block);
-    if (const ConfigNode* node = map.find("position_rad"))
-        start.q = toJointVector(*node, robot.size());
-    if (const ConfigNode* node = map.find("velocity_radps"))
-        start.qd = toJointVector(*node, robot.size());
-    if (const ConfigNode* node = map.find("acceleration_radps2"))
-        start.qdd = toJointVector(*node, robot.size());
+    if (const ConfigNode* node = map.find("position_rad")) start.q = toJointVector(*node, robot.size());
+    if (const ConfigNode* node = map.find("velocity_radps")) start.qd = toJointVector(*node, robot.size());
+    if (const ConfigNode* node = map.find("acceleration_radps2")) start.qdd = toJointVector(*node, robot.size());
     refuseMissingUnit(*block, getNames(detail::startKeys()));
     map.finish();
     return start;
@@ -132,19 +128,16 @@ Parameters readSizes(const ConfigNode& block, const char* name, const char* exam
 }
 
 Parameters readDisturbances(const ConfigNode& block, int joints) {
-    return readSizes(block, "disturbance_set", "{friction_scale: 2, payload_kg: 3}",
-                     detail::disturbanceKeys(), joints);
+    return readSizes(block, "disturbance_set", "{friction_scale: 2, payload_kg: 3}", detail::disturbanceKeys(), joints);
 }
 
 Parameters readPayload(const ConfigNode& block, int joints) {
-    return readSizes(block, "payload", "{mass_kg: 1.5, offset_m: [0, 0, 0.1]}",
-                     detail::payloadKeys(), joints);
+    return readSizes(block, "payload", "{mass_kg: 1.5, offset_m: [0, 0, 0.1]}", detail::payloadKeys(), joints);
 }
 
 RobotDescription takePayload(RobotDescription robot, const Parameters& payload) {
     const std::vector<double>& offset = payload.numbers("offset_m");
-    return withPayload(std::move(robot), payload.number("mass_kg"),
-                       {offset[0], offset[1], offset[2]});
+    return withPayload(std::move(robot), payload.number("mass_kg"), {offset[0], offset[1], offset[2]});
 }
 
 /** The block as it must stand in a file of any folder. */
@@ -158,9 +151,7 @@ ConfigNode resolveEnvironment(ConfigNode block, const Environment& environment) 
     if (!map) return block;
     const std::filesystem::path& file = environment.map->file;
     const ConfigNode path = makeScalar(
-        (std::filesystem::canonical(std::filesystem::absolute(file).parent_path()) / file.filename())
-            .string(),
-        true);
+        (std::filesystem::canonical(std::filesystem::absolute(file).parent_path()) / file.filename()).string(), true);
     const ConfigNode sha256 = makeScalar(environment.map->sha256, true);
     for (const auto& [key, value] : {std::pair("file", path), std::pair("sha256", sha256)})
         if (ConfigNode* const known = map->find(key))
@@ -195,39 +186,35 @@ or of the runs of a sweep, are computed once. */
 TrackingBound findBound(const CasePlan& plan, const Parameters& disturbances,
                         const std::optional<Parameters>& payload) {
     const Parameters& loop = plan.robustLoop->parameters;
-    const NricOptions gains{loop.jointNumbers("k_r"), loop.jointNumbers("k_p"),
-                            loop.jointNumbers("k_i")};
-    const ConfigNode inputs =
-        makeMap({{"robot", makeScalar(std::filesystem::canonical(plan.robot.folder), true)},
-                 {"tick_s", makeNumber(plan.tick_s)},
-                 {"position", makeBounds(plan.realLimits.position)},
-                 {"velocity", makeBounds(plan.realLimits.velocity)},
-                 {"acceleration", makeBounds(plan.realLimits.acceleration)},
-                 {"jerk", makeBounds(plan.realLimits.jerk)},
-                 {"gains", makeMap({{"k_r", makeList(gains.kr.expand(plan.robot.size()))},
-                                    {"k_p", makeList(gains.kp.expand(plan.robot.size()))},
-                                    {"k_i", makeList(gains.ki.expand(plan.robot.size()))}})},
-                 {"payload", payload ? payload->resolved() : ConfigNode()},
-                 {"disturbance_set", disturbances.resolved()}});
+    const NricOptions gains{loop.jointNumbers("k_r"), loop.jointNumbers("k_p"), loop.jointNumbers("k_i")};
+    const ConfigNode inputs = makeMap({{"robot", makeScalar(std::filesystem::canonical(plan.robot.folder), true)},
+                                       {"tick_s", makeNumber(plan.tick_s)},
+                                       {"position", makeBounds(plan.realLimits.position)},
+                                       {"velocity", makeBounds(plan.realLimits.velocity)},
+                                       {"acceleration", makeBounds(plan.realLimits.acceleration)},
+                                       {"jerk", makeBounds(plan.realLimits.jerk)},
+                                       {"gains", makeMap({{"k_r", makeList(gains.kr.expand(plan.robot.size()))},
+                                                          {"k_p", makeList(gains.kp.expand(plan.robot.size()))},
+                                                          {"k_i", makeList(gains.ki.expand(plan.robot.size()))}})},
+                                       {"payload", payload ? payload->resolved() : ConfigNode()},
+                                       {"disturbance_set", disturbances.resolved()}});
     static detail::Memo<TrackingBound> known(kMostKnownBounds);
     return known.get(writeConfig(inputs), [&] {
-        return calcTrackingBound(plan.robot, plan.realLimits, plan.tick_s, gains,
-                                 makeDisturbanceSet(disturbances),
+        return calcTrackingBound(plan.robot, plan.realLimits, plan.tick_s, gains, makeDisturbanceSet(disturbances),
                                  disturbances.resolved().place());
     });
 }
 
 /** `bounds` with `margin` less on each side. */
-JointBounds tighten(const JointBounds& bounds, const JointVector& margin, const char* quantity,
-                    const char* unit, const RobotDescription& robot, const std::string& place) {
+JointBounds tighten(const JointBounds& bounds, const JointVector& margin, const char* quantity, const char* unit,
+                    const RobotDescription& robot, const std::string& place) {
     for (int i = 0; i < robot.size(); ++i) {
         const double range = bounds.upper[i] - bounds.lower[i];
         if (2.0 * margin[i] < range) continue;
         throw badInput(place,
                        std::string("hold_on: real leaves the nominal ") +
-                           robot.joints[static_cast<std::size_t>(i)].name + " no " + quantity +
-                           ": its limits are " + detail::formatNumber(range) + " " + unit +
-                           " apart and the tracking bound takes " +
+                           robot.joints[static_cast<std::size_t>(i)].name + " no " + quantity + ": its limits are " +
+                           detail::formatNumber(range) + " " + unit + " apart and the tracking bound takes " +
                            detail::formatNumber(2.0 * margin[i]) + " " + unit,
                        "`viable bound` shows what the bound consists of: widen the limits, raise the gains of "
                        "the robust loop or state a smaller disturbance_set.");
@@ -267,8 +254,7 @@ ConfigNode makeMissedTicks(const std::vector<TickGap>& gaps, double tick_s) {
 /** Reads one case: `node` is the file's root overlaid by the case. */
 class CaseReader {
 public:
-    CaseReader(const ConfigNode& node, const PluginLoader& loader,
-               const std::vector<std::filesystem::path>& robotPath,
+    CaseReader(const ConfigNode& node, const PluginLoader& loader, const std::vector<std::filesystem::path>& robotPath,
                const std::vector<std::string>& overrides)
         : map_(node), loader_(loader), robotPath_(robotPath), overrides_(overrides) {
         // Unknown keys first: a misspelt key explains a missing one.
@@ -303,22 +289,20 @@ public:
             ConfigNode quantities = *limits;  // a robot's own limits have no hold_on
             if (const ConfigNode* held = limits->find("hold_on")) {
                 plan.holdsOnReal = toChoice(*held, {"nominal", "real"}) == "real";
-                quantities.entries.erase(
-                    std::remove_if(quantities.entries.begin(), quantities.entries.end(),
-                                   [](const auto& entry) { return entry.first == "hold_on"; }),
-                    quantities.entries.end());
+                quantities.entries.erase(std::remove_if(quantities.entries.begin(), quantities.entries.end(),
+                                                        [](const auto& entry) { return entry.first == "hold_on"; }),
+                                         quantities.entries.end());
             }
             plan.limits = readLimits(quantities, plan.robot.limits, allowLargeAngles);
         }
-        checkLimits(plan.limits, plan.tick_s, allowLargeAngles,
-                    limits ? describePlace(*limits, "limits", name, overrides_)
-                           : plan.robot.folder.string() + "/limits.yaml",
-                    plan.robot.jointNames());
+        checkLimits(
+            plan.limits, plan.tick_s, allowLargeAngles,
+            limits ? describePlace(*limits, "limits", name, overrides_) : plan.robot.folder.string() + "/limits.yaml",
+            plan.robot.jointNames());
         plan.realLimits = plan.limits;
         const ConfigNode* start = map_.find("start");
         plan.start = readStart(start, plan.robot);
-        plan.startPlace =
-            start ? describePlace(*start, "start", name, overrides_) : map_.node().file;
+        plan.startPlace = start ? describePlace(*start, "start", name, overrides_) : map_.node().file;
         if (const ConfigNode* missed = map_.find("missed_ticks"))
             plan.missedTicks = readMissedTicks(*missed, plan.tick_s, plan.duration_s);
         const ConfigNode* environment = map_.find("environment");
@@ -330,22 +314,18 @@ public:
             plan.geometry = loadArmGeometry(plan.robot);
         }
 
-        plan.command =
-            readPlugin(map_.require("command"), PluginKind::CommandSource, plan.robot.size());
-        plan.controller = readPlugin(map_.require("controller"), PluginKind::NominalController,
-                                     plan.robot.size());
+        plan.command = readPlugin(map_.require("command"), PluginKind::CommandSource, plan.robot.size());
+        plan.controller = readPlugin(map_.require("controller"), PluginKind::NominalController, plan.robot.size());
         plan.filters = readFilters(map_.require("filter"), plan.robot.size());
         const ConfigNode* robustLoop = map_.find("robust_loop");
         const ConfigNode* realPlant = map_.find("real_plant");
         if (robustLoop && !realPlant)
-            throw badInput(robustLoop->place(),
-                           "there is a robust_loop but no real_plant for it to act on",
+            throw badInput(robustLoop->place(), "there is a robust_loop but no real_plant for it to act on",
                            "Add `real_plant: {plugin: simbody}` or remove robust_loop.");
         if (realPlant && !robustLoop)
-            throw badInput(
-                realPlant->place(), "there is a real_plant but no robust_loop",
-                "Add `robust_loop: {plugin: nric}`, or `robust_loop: {plugin: none}` to run the "
-                "real arm on the filter's torque alone.");
+            throw badInput(realPlant->place(), "there is a real_plant but no robust_loop",
+                           "Add `robust_loop: {plugin: nric}`, or `robust_loop: {plugin: none}` to run the "
+                           "real arm on the filter's torque alone.");
         if (realPlant) {
             plan.robustLoop = readPlugin(*robustLoop, PluginKind::RobustLoop, plan.robot.size());
             plan.realPlant = readPlugin(*realPlant, PluginKind::RealPlant, plan.robot.size());
@@ -374,8 +354,7 @@ public:
 
 private:
     /** Cases with another robust loop have no bound: nothing is known about it. */
-    static void takeBound(CasePlan& plan, const Parameters& disturbances,
-                          const std::optional<Parameters>& payload) {
+    static void takeBound(CasePlan& plan, const Parameters& disturbances, const std::optional<Parameters>& payload) {
         const std::string place = disturbances.resolved().place();
         if (!plan.realPlant)
             throw badInput(place, "there is a disturbance_set but no real_plant that it could disturb",
@@ -396,8 +375,7 @@ private:
     /** Of the bound, on the robust loop's own limits and on pushes that are fed. */
     static void checkAssumptions(const CasePlan& plan, const Parameters& disturbances) {
         const Parameters& loop = plan.robustLoop->parameters;
-        const auto check = [&](const char* key, const char* unit, double factor,
-                               const JointVector& needed) {
+        const auto check = [&](const char* key, const char* unit, double factor, const JointVector& needed) {
             const JointVector& given = loop.jointNumbers(key);
             for (int i = 0; i < plan.robot.size(); ++i) {
                 if (std::isinf(given[i]) || factor * given[i] >= needed[i]) continue;
@@ -426,13 +404,12 @@ private:
 
     static void holdOnReal(CasePlan& plan, const std::string& place) {
         if (!plan.bound)
-            throw badInput(place,
-                           "hold_on: real needs a tracking bound, and this case has none",
+            throw badInput(place, "hold_on: real needs a tracking bound, and this case has none",
                            "State a disturbance_set and use the robust loop nric.");
-        plan.limits.position = tighten(plan.realLimits.position, plan.bound->position, "range",
-                                       "rad", plan.robot, place);
-        plan.limits.velocity = tighten(plan.realLimits.velocity, plan.bound->velocity, "velocity",
-                                       "rad/s", plan.robot, place);
+        plan.limits.position =
+            tighten(plan.realLimits.position, plan.bound->position, "range", "rad", plan.robot, place);
+        plan.limits.velocity =
+            tighten(plan.realLimits.velocity, plan.bound->velocity, "velocity", "rad/s", plan.robot, place);
     }
 
     static void readExternalTorque(const ConfigNode& node, CasePlan& plan) {
@@ -474,14 +451,12 @@ private:
         if (block.kind != ConfigNode::Kind::Map || !block.find("plugin"))
             throw badInput(
                 block.place(), "the block must name a plugin",
-                "Write `{plugin: " +
-                    (block.kind == ConfigNode::Kind::Scalar ? block.text : std::string("NAME")) +
+                "Write `{plugin: " + (block.kind == ConfigNode::Kind::Scalar ? block.text : std::string("NAME")) +
                     ", ...parameters}`; `viable plugins` lists the names.");
         const ConfigNode& name = *block.find("plugin");
-        const PluginInfo info = loader_.find(kind, toText(name), name.place(),
-                                             std::filesystem::path(name.file).parent_path());
-        return {info,
-                readParameters(block, info.entry->parameters, info.entry->parameterCount, joints)};
+        const PluginInfo info =
+            loader_.find(kind, toText(name), name.place(), std::filesystem::path(name.file).parent_path());
+        return {info, readParameters(block, info.entry->parameters, info.entry->parameterCount, joints)};
     }
 
     /** The block as it must stand in a file of any folder. */
@@ -503,8 +478,7 @@ private:
         return list;
     }
 
-    static ConfigNode resolve(const CasePlan& plan, const std::string& title,
-                              bool allowLargeAngles,
+    static ConfigNode resolve(const CasePlan& plan, const std::string& title, bool allowLargeAngles,
                               const std::optional<Parameters>& disturbances) {
         const JointLimits& written = plan.realLimits;
         ConfigNode limits = makeMap({{"position_rad", makeBounds(written.position)},
@@ -513,31 +487,26 @@ private:
                                      {"jerk_radps3", makeBounds(written.jerk)}});
         if (plan.holdsOnReal) limits.entries.emplace_back("hold_on", makeScalar("real"));
         if (allowLargeAngles) limits.entries.emplace_back("allow_large_angles", makeScalar("true"));
-        ConfigNode node = makeMap(
-            {{"schema", makeScalar("1")},
-             {"title", makeScalar(title, true)},
-             {"robot", makeScalar(std::filesystem::canonical(plan.robot.folder).string(), true)},
-             {"duration_s", makeNumber(plan.duration_s)},
-             {"tick_s", makeNumber(plan.tick_s)},
-             {"start", makeMap({{"position_rad", makeList(plan.start.q)},
-                                {"velocity_radps", makeList(plan.start.qd)},
-                                {"acceleration_radps2", makeList(plan.start.qdd)}})},
-             {"limits", limits},
-             {"command", resolve(plan.command)},
-             {"controller", resolve(plan.controller)}});
+        ConfigNode node = makeMap({{"schema", makeScalar("1")},
+                                   {"title", makeScalar(title, true)},
+                                   {"robot", makeScalar(std::filesystem::canonical(plan.robot.folder).string(), true)},
+                                   {"duration_s", makeNumber(plan.duration_s)},
+                                   {"tick_s", makeNumber(plan.tick_s)},
+                                   {"start", makeMap({{"position_rad", makeList(plan.start.q)},
+                                                      {"velocity_radps", makeList(plan.start.qd)},
+                                                      {"acceleration_radps2", makeList(plan.start.qdd)}})},
+                                   {"limits", limits},
+                                   {"command", resolve(plan.command)},
+                                   {"controller", resolve(plan.controller)}});
         if (plan.realPlant) {
-            if (plan.feedsExternalTorque)
-                node.entries.emplace_back("external_torque", makeScalar("to_nominal"));
+            if (plan.feedsExternalTorque) node.entries.emplace_back("external_torque", makeScalar("to_nominal"));
             node.entries.emplace_back("robust_loop", resolve(*plan.robustLoop));
             node.entries.emplace_back("real_plant", resolve(*plan.realPlant));
         }
-        if (disturbances)
-            node.entries.emplace_back("disturbance_set", disturbances->resolved());
+        if (disturbances) node.entries.emplace_back("disturbance_set", disturbances->resolved());
         if (!plan.missedTicks.empty())
-            node.entries.emplace_back("missed_ticks",
-                                      makeMissedTicks(plan.missedTicks, plan.tick_s));
-        node.entries.emplace_back(
-            "cases", makeMap({{plan.name, makeMap({{"filter", resolve(plan.filters)}})}}));
+            node.entries.emplace_back("missed_ticks", makeMissedTicks(plan.missedTicks, plan.tick_s));
+        node.entries.emplace_back("cases", makeMap({{plan.name, makeMap({{"filter", resolve(plan.filters)}})}}));
         return node;
     }
 
@@ -549,14 +518,12 @@ private:
 
 /** Case names become file names. */
 void checkCaseName(const std::string& name, const ConfigNode& node) {
-    const bool plain = !name.empty() && name.size() <= 64 &&
-                       std::all_of(name.begin(), name.end(), [](unsigned char c) {
-                           return std::isalnum(c) || c == '_' || c == '-' || c == '+';
-                       });
+    const bool plain = !name.empty() && name.size() <= 64 && std::all_of(name.begin(), name.end(), [](unsigned char c) {
+        return std::isalnum(c) || c == '_' || c == '-' || c == '+';
+    });
     if (!plain)
-        throw badInput(
-            node.place(), "'" + name + "' cannot be the name of a case",
-            "Use 1 to 64 letters, digits, '_', '-' or '+': the name becomes a file name.");
+        throw badInput(node.place(), "'" + name + "' cannot be the name of a case",
+                       "Use 1 to 64 letters, digits, '_', '-' or '+': the name becomes a file name.");
 }
 
 /** Refuses what no case would ever see: a key at the top that every case replaces. */
@@ -568,15 +535,13 @@ void checkUse(const ConfigNode& shared, const ConfigNode& cases) {
             const ConfigNode* replacement = own.find(key);
             const ConfigNode* mine = node.find("plugin");
             const ConfigNode* theirs = replacement ? replacement->find("plugin") : nullptr;
-            used |= !replacement || (node.kind == ConfigNode::Kind::Map &&
-                                     replacement->kind == ConfigNode::Kind::Map &&
+            used |= !replacement || (node.kind == ConfigNode::Kind::Map && replacement->kind == ConfigNode::Kind::Map &&
                                      (!mine || !theirs || mine->text == theirs->text));
         }
         if (!used)
-            throw badInput(node.place(),
-                           "no case uses this: every case has a `" + key + "` of its own",
-                           "Remove it, or set it in the case: `cases." +
-                               cases.entries.front().first + "." + key + "`.");
+            throw badInput(
+                node.place(), "no case uses this: every case has a `" + key + "` of its own",
+                "Remove it, or set it in the case: `cases." + cases.entries.front().first + "." + key + "`.");
     }
 }
 
@@ -592,29 +557,25 @@ void checkCaseIsInFile(const std::string& name, const ConfigNode& node, const Co
     }
     const std::string closest = findClosestName(name, names);
     throw badInput(node.place(), "there is no case '" + name + "'",
-                   (closest.empty() ? "" : "Did you mean '" + closest + "'? ") +
-                       "The file's cases: " + all + ".");
+                   (closest.empty() ? "" : "Did you mean '" + closest + "'? ") + "The file's cases: " + all + ".");
 }
 
 }  // namespace
 
 std::string CasePlan::filterName() const {
     std::string text;
-    for (const PluginChoice& filter : filters)
-        text += (text.empty() ? "" : " + ") + filter.plugin.name;
+    for (const PluginChoice& filter : filters) text += (text.empty() ? "" : " + ") + filter.plugin.name;
     return text;
 }
 
-ConfigNode readExperimentTree(const std::filesystem::path& file,
-                              const std::vector<std::string>& overrides) {
+ConfigNode readExperimentTree(const std::filesystem::path& file, const std::vector<std::string>& overrides) {
     ConfigNode root = readConfigFile(file);
     for (const std::string& assignment : overrides) applyOverride(root, assignment);
     return root;
 }
 
-Experiment readExperiment(const std::filesystem::path& file,
-                          const std::vector<std::string>& overrides, const PluginLoader& loader,
-                          const std::vector<std::filesystem::path>& robotPath) {
+Experiment readExperiment(const std::filesystem::path& file, const std::vector<std::string>& overrides,
+                          const PluginLoader& loader, const std::vector<std::filesystem::path>& robotPath) {
     return readExperiment(readExperimentTree(file, overrides), file, overrides, loader, robotPath);
 }
 
@@ -623,10 +584,9 @@ Experiment readExperiment(const ConfigNode& root, const std::filesystem::path& f
                           const std::vector<std::filesystem::path>& robotPath) {
     const std::vector<DrawnKey> draws = listDraws(root);
     if (!draws.empty())
-        throw badInput(draws.front().place,
-                       "`~" + draws.front().distribution + "` is drawn anew for every run of a sweep",
-                       "`viable sweep " + file.string() +
-                           "` runs them; `--draw SEED:INDEX` takes the values of one of its runs");
+        throw badInput(
+            draws.front().place, "`~" + draws.front().distribution + "` is drawn anew for every run of a sweep",
+            "`viable sweep " + file.string() + "` runs them; `--draw SEED:INDEX` takes the values of one of its runs");
 
     Experiment experiment;
     experiment.file = file;
@@ -658,11 +618,9 @@ Experiment readExperiment(const ConfigNode& root, const std::filesystem::path& f
         for (const detail::ExperimentKey& key : detail::experimentKeys())
             if (const ConfigNode* misplaced = key.isTopOnly ? own.find(key.spec.name) : nullptr)
                 throw badInput(misplaced->place(),
-                               "'" + std::string(key.spec.name) +
-                                   "' belongs to the top of the file, not to a case");
+                               "'" + std::string(key.spec.name) + "' belongs to the top of the file, not to a case");
         const ConfigNode merged = overlay(shared, own);
-        experiment.cases.push_back(
-            CaseReader(merged, loader, robotPath, overrides).read(name, experiment.title));
+        experiment.cases.push_back(CaseReader(merged, loader, robotPath, overrides).read(name, experiment.title));
     }
     return experiment;
 }

@@ -11,9 +11,8 @@ ExperimentKey makeBlock(const char* name, const char* defaultText, KeyForm form,
     return {parameter::text(name, defaultText, help), form, kind};
 }
 
-ExperimentKey makeBlock(const char* name, const char* defaultText,
-                        const std::vector<ExperimentKey>& (*keys)(), const char* help,
-                        KeyForm form = KeyForm::Block) {
+ExperimentKey makeBlock(const char* name, const char* defaultText, const std::vector<ExperimentKey>& (*keys)(),
+                        const char* help, KeyForm form = KeyForm::Block) {
     return {parameter::text(name, defaultText, help), form, PluginKind::CommandSource, false, keys};
 }
 
@@ -56,11 +55,8 @@ const std::vector<ExperimentKey>& cylinderKeys() {
 
 const std::vector<ExperimentKey>& halfSpaceKeys() {
     static const std::vector<ExperimentKey> keys = {
-        {parameter::numbers("normal", "", 3, 3, nullptr, "Points to the free side.")
-             .atLeast(-1000)
-             .upTo(1000)},
-        {parameter::number("offset", "", nullptr,
-                           "A point x is on the surface where normal . x is this.")
+        {parameter::numbers("normal", "", 3, 3, nullptr, "Points to the free side.").atLeast(-1000).upTo(1000)},
+        {parameter::number("offset", "", nullptr, "A point x is on the surface where normal . x is this.")
              .atLeast(-1000)
              .upTo(1000)},
     };
@@ -96,8 +92,7 @@ const std::vector<ExperimentKey>& mapKeys() {
         {parameter::text("file", nullptr, "An OctoMap file, .bt or .ot, relative to this file.")},
         {parameter::text("sha256", "", "Of the file; another file is refused.")},
         makeBlock("at", "", &poseKeys, "Where the map's frame lies in the robot's base frame."),
-        {parameter::choice("unknown", "occupied|free", "occupied",
-                           "What cells count as that nothing is known of.")},
+        {parameter::choice("unknown", "occupied|free", "occupied", "What cells count as that nothing is known of.")},
     };
     return keys;
 }
@@ -106,47 +101,36 @@ const std::vector<ExperimentKey>& mapKeys() {
 
 const std::vector<ExperimentKey>& experimentKeys() {
     static const std::vector<ExperimentKey> keys = {
-        makeTopOnly(parameter::integer("schema", nullptr, "Version of the file format.")
-                        .atLeast(1)
-                        .upTo(1)),
+        makeTopOnly(parameter::integer("schema", nullptr, "Version of the file format.").atLeast(1).upTo(1)),
         makeTopOnly(parameter::text("title", nullptr, "The question, shown in reports.")),
         {parameter::text("robot", nullptr, "A folder in robots/, or a path.")},
         {parameter::number("duration_s", "s", nullptr, "Length of the run; at least one tick.")
              .above(0)
              .upTo(24.0 * 3600.0)},
-        {parameter::number("tick_s", "s", "0.001", "Length of a tick.")
-             .atLeast(kShortestTick_s)
-             .upTo(kLongestTick_s)},
+        {parameter::number("tick_s", "s", "0.001", "Length of a tick.").atLeast(kShortestTick_s).upTo(kLongestTick_s)},
         makeBlock("payload", "", &payloadKeys,
                   "A point mass fixed to the tool that the nominal arm knows: model, filter and real arm have it. "
                   "A plant's own payload_kg comes on top of it."),
-        makeBlock("limits", "", &limitKeys,
-                  "Limits over the robot's own; \"no limit\" is .inf."),
+        makeBlock("limits", "", &limitKeys, "Limits over the robot's own; \"no limit\" is .inf."),
         makeBlock("start", "", &startKeys, "State at the start."),
         makeBlock("environment", "", &environmentKeys,
                   "What stands around the arm. With it, even empty ({}), the arm is also checked against itself; the "
                   "robot needs a collision.yaml."),
-        makeBlock("command", nullptr, KeyForm::Plugin, "What is asked for.",
-                  PluginKind::CommandSource),
+        makeBlock("command", nullptr, KeyForm::Plugin, "What is asked for.", PluginKind::CommandSource),
         makeBlock("controller", nullptr, KeyForm::Plugin, "The torque law that wants to get there.",
                   PluginKind::NominalController),
-        makeBlock("filter", nullptr, KeyForm::Plugins, "What keeps the limits.",
-                  PluginKind::SafetyFilter),
+        makeBlock("filter", nullptr, KeyForm::Plugins, "What keeps the limits.", PluginKind::SafetyFilter),
         makeBlock("robust_loop", "", KeyForm::Plugin,
-                  "What keeps the real arm next to the nominal one; only with real_plant.",
-                  PluginKind::RobustLoop),
-        makeBlock("real_plant", "", KeyForm::Plugin, "The real arm; only with robust_loop.",
-                  PluginKind::RealPlant),
+                  "What keeps the real arm next to the nominal one; only with real_plant.", PluginKind::RobustLoop),
+        makeBlock("real_plant", "", KeyForm::Plugin, "The real arm; only with robust_loop.", PluginKind::RealPlant),
         makeBlock("disturbance_set", "", &disturbanceKeys,
                   "What the real arm may have that the nominal one has not: with it a bound on the tracking error is "
                   "known, which trips the run when it is passed; with the robust loop nric."),
         {parameter::choice("external_torque", "to_nominal|ignored", "ignored",
                            "What the surroundings put on the real arm, as it measures it: moves the nominal "
                            "arm, too, or is left to the robust loop; only with real_plant.")},
-        makeBlock("missed_ticks", "", &gapKeys, "Ticks in which the computer comes too late.",
-                  KeyForm::Blocks),
-        makeTopOnly(parameter::text("cases", nullptr,
-                                    "What differs; everything at the top is shared by all cases."),
+        makeBlock("missed_ticks", "", &gapKeys, "Ticks in which the computer comes too late.", KeyForm::Blocks),
+        makeTopOnly(parameter::text("cases", nullptr, "What differs; everything at the top is shared by all cases."),
                     KeyForm::Cases),
     };
     return keys;
@@ -156,14 +140,10 @@ const std::vector<ExperimentKey>& limitKeys() {
     static const std::vector<ExperimentKey> keys = {
         makeBounds("position_rad", "rad", KeyForm::Positions,
                    "x (that is -x to x), {lower, upper} or {center, half_range}."),
-        makeBounds("velocity_radps", "rad/s", KeyForm::Bounds,
-                   "x (that is -x to x) or {lower, upper}."),
-        makeBounds("acceleration_radps2", "rad/s^2", KeyForm::Bounds,
-                   "x (that is -x to x) or {lower, upper}."),
-        makeBounds("jerk_radps3", "rad/s^3", KeyForm::Bounds,
-                   "x (that is -x to x) or {lower, upper}."),
-        {parameter::flag("allow_large_angles", "false",
-                         "Position limits beyond 4 pi are meant so, not degrees.")},
+        makeBounds("velocity_radps", "rad/s", KeyForm::Bounds, "x (that is -x to x) or {lower, upper}."),
+        makeBounds("acceleration_radps2", "rad/s^2", KeyForm::Bounds, "x (that is -x to x) or {lower, upper}."),
+        makeBounds("jerk_radps3", "rad/s^3", KeyForm::Bounds, "x (that is -x to x) or {lower, upper}."),
+        {parameter::flag("allow_large_angles", "false", "Position limits beyond 4 pi are meant so, not degrees.")},
         {parameter::choice("hold_on", "nominal|real", "nominal",
                            "real: position and velocity limits are those of the real arm; the nominal one gets them "
                            "tighter by the tracking bound of the disturbance_set.")},
@@ -182,8 +162,7 @@ const std::vector<ExperimentKey>& startKeys() {
 
 const std::vector<ExperimentKey>& gapKeys() {
     static const std::vector<ExperimentKey> keys = {
-        {parameter::number("at_s", "s", nullptr, "Time of the first missed tick, within the run.")
-             .atLeast(0)},
+        {parameter::number("at_s", "s", nullptr, "Time of the first missed tick, within the run.").atLeast(0)},
         // Beyond what the loop bears in a row, so that its answer to that can be tried.
         {parameter::integer("count", nullptr, "How many ticks are missed.").atLeast(1).upTo(1e6)},
     };
@@ -196,11 +175,9 @@ const std::vector<ExperimentKey>& disturbanceKeys() {
         {parameter::jointNumbers("friction_scale", "", "1.0",
                                  "Largest factor on the robot's friction figures; 0: no friction.")
              .atLeast(0)},
-        {parameter::number("breakaway_ratio", "", "1.0",
-                           "Largest friction at standstill over Coulomb friction.")
+        {parameter::number("breakaway_ratio", "", "1.0", "Largest friction at standstill over Coulomb friction.")
              .atLeast(1)},
-        {parameter::jointNumbers("load_friction", "", "0.0",
-                                 "Largest friction per torque that the joint carries.")
+        {parameter::jointNumbers("load_friction", "", "0.0", "Largest friction per torque that the joint carries.")
              .atLeast(0)
              .below(1)},
         {parameter::jointNumbers("mass_error", "", "0.0",
@@ -208,28 +185,20 @@ const std::vector<ExperimentKey>& disturbanceKeys() {
              .atLeast(0)
              .below(1)},
         {parameter::number("payload_kg", "kg", "0.0", "Largest payload.").atLeast(0)},
-        {parameter::number("payload_offset_m", "m", "0.0",
-                           "Its farthest from the tool frame's origin.")
-             .atLeast(0)},
-        {parameter::number("base_tilt_rad", "rad", "0.0", "Largest tilt of the base.")
-             .atLeast(0)
-             .upTo(3.15)},
-        {parameter::jointNumbers("torque_ripple_Nm", "Nm", "0.0", "Largest torque ripple.")
-             .atLeast(0)},
+        {parameter::number("payload_offset_m", "m", "0.0", "Its farthest from the tool frame's origin.").atLeast(0)},
+        {parameter::number("base_tilt_rad", "rad", "0.0", "Largest tilt of the base.").atLeast(0).upTo(3.15)},
+        {parameter::jointNumbers("torque_ripple_Nm", "Nm", "0.0", "Largest torque ripple.").atLeast(0)},
         {parameter::jointNumbers("external_torque_Nm", "Nm", "0.0",
                                  "Largest torque of pushes that are not fed to the nominal arm.")
              .atLeast(0)},
-        {parameter::number("torque_limit_factor", "", "1.0",
-                           "Least motor torque, as a share of the robot's figure.")
+        {parameter::number("torque_limit_factor", "", "1.0", "Least motor torque, as a share of the robot's figure.")
              .above(0)
              .orInfinite()},
         {parameter::number("reading_error_rad", "rad", "0.0",
                            "Largest error of a reading besides its rounding; of a plant with encoder_noise_rad (a "
                            "standard deviation, cut at four) four times that.")
              .atLeast(0)},
-        {parameter::integer("delay_ticks", "0", "Between the computed torque and the motors.")
-             .atLeast(0)
-             .upTo(20)},
+        {parameter::integer("delay_ticks", "0", "Between the computed torque and the motors.").atLeast(0).upTo(20)},
     };
     return keys;
 }
@@ -237,8 +206,7 @@ const std::vector<ExperimentKey>& disturbanceKeys() {
 const std::vector<ExperimentKey>& payloadKeys() {
     static const std::vector<ExperimentKey> keys = {
         {parameter::number("mass_kg", "kg", nullptr, "Its mass.").atLeast(0).upTo(1000)},
-        {parameter::numbers("offset_m", "m", 3, 3, "[0, 0, 0]",
-                            "Its place in the tool frame: x, y, z.")
+        {parameter::numbers("offset_m", "m", 3, 3, "[0, 0, 0]", "Its place in the tool frame: x, y, z.")
              .atLeast(-10)
              .upTo(10)},
     };
@@ -248,16 +216,12 @@ const std::vector<ExperimentKey>& payloadKeys() {
 const std::vector<ExperimentKey>& environmentKeys() {
     // Defaults: those of Environment.
     static const std::vector<ExperimentKey> keys = {
-        {parameter::number("safety_distance_m", "m", "0.02", "Least clearance that is to be kept.")
-             .atLeast(0)
-             .upTo(1)},
-        {parameter::number("field_cell_m", "m", "0.02",
-                           "Edge of the cells of the distance field around a map.")
+        {parameter::number("safety_distance_m", "m", "0.02", "Least clearance that is to be kept.").atLeast(0).upTo(1)},
+        {parameter::number("field_cell_m", "m", "0.02", "Edge of the cells of the distance field around a map.")
              .atLeast(0.001)
              .upTo(1)},
         makeBlock("obstacles", "", &obstacleKeys,
-                  "By name: one of box, sphere, cylinder and half_space, and where it is.",
-                  KeyForm::Named),
+                  "By name: one of box, sphere, cylinder and half_space, and where it is.", KeyForm::Named),
         makeBlock("map", "", &mapKeys, "A map of occupied, free and unknown space."),
     };
     return keys;

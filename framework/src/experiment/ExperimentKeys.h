@@ -27,8 +27,7 @@ enum class KeyForm {
 /** One key of an experiment file, declared once: the reader takes the names and the ranges from here, the JSON Schema
 everything. A required one (without default) must stand at the top or in every case. */
 struct ExperimentKey {
-    ParameterSpec
-        spec;  ///< an empty default: none, and not required; the type counts for Value only
+    ParameterSpec spec;  ///< an empty default: none, and not required; the type counts for Value only
     KeyForm form = KeyForm::Value;
     PluginKind kind = PluginKind::CommandSource;  ///< of Plugin and Plugins
     bool isTopOnly = false;                       ///< must not stand in a case

@@ -1,4 +1,4 @@
-#include "viable/experiment/ExperimentSchema.h"
+#include "experiment/ExperimentSchema.h"
 
 #include <algorithm>
 #include <map>
@@ -38,13 +38,12 @@ Json makeBounds(const ExperimentKey& key) {
     const ParameterSpec any = parameter::jointNumbers("", "", "", "");
     const ParameterSpec side = any.orInfinite();
     const bool isPosition = key.form == KeyForm::Positions;
-    Json forms =
-        Json::array({makeJointNumbers(key.spec),
-                     makeObject({{"lower", makeJointNumbers(isPosition ? side : side.below(0))},
-                                 {"upper", makeJointNumbers(isPosition ? side : side.above(0))}})});
+    Json forms = Json::array(
+        {makeJointNumbers(key.spec), makeObject({{"lower", makeJointNumbers(isPosition ? side : side.below(0))},
+                                                 {"upper", makeJointNumbers(isPosition ? side : side.above(0))}})});
     if (isPosition)
-        forms.push_back(makeObject(
-            {{"center", makeJointNumbers(any)}, {"half_range", makeJointNumbers(side.above(0))}}));
+        forms.push_back(
+            makeObject({{"center", makeJointNumbers(any)}, {"half_range", makeJointNumbers(side.above(0))}}));
     return {{"description", detail::makeSchema(key.spec)["description"]}, {"anyOf", forms}};
 }
 
@@ -70,8 +69,7 @@ Json makePluginBlock(PluginKind kind, const std::vector<PluginInfo>& plugins) {
         for (const auto& [name, schema] : parameters["properties"].items()) {
             if (name == "plugin") continue;
             Json& variants = anyones[name];
-            if (std::find(variants.begin(), variants.end(), schema) == variants.end())
-                variants.push_back(schema);
+            if (std::find(variants.begin(), variants.end(), schema) == variants.end()) variants.push_back(schema);
         }
     }
     names.push_back({{"type", "string"},
@@ -117,15 +115,13 @@ Json makeKey(const ExperimentKey& key) {
             return schema;
         }
         case KeyForm::Named:
-            schema.update({{"type", "object"},
-                           {"additionalProperties", makeObject(makeKeys(key.keys()))}});
+            schema.update({{"type", "object"}, {"additionalProperties", makeObject(makeKeys(key.keys()))}});
             return schema;
         case KeyForm::Plugin:
             schema["allOf"] = Json::array({makeReference(name)});
             return schema;
         case KeyForm::Plugins: {
-            const Json block = {
-                {"allOf", Json::array({makeReference(name), {{"required", {"plugin"}}}})}};
+            const Json block = {{"allOf", Json::array({makeReference(name), {{"required", {"plugin"}}}})}};
             const Json justName = makeReference(name + "/properties/plugin");
             const Json list = {{"type", "array"},
                                {"items", {{"anyOf", Json::array({block, justName})}}},
@@ -148,9 +144,7 @@ Json makeKey(const ExperimentKey& key) {
 Json makePresence(const std::string& name) {
     const Json here = {{"required", {name}}};
     Json inCases = {{"type", "object"}, {"required", {name}}};
-    return {
-        {"anyOf",
-         Json::array({here, {{"properties", {{"cases", {{"additionalProperties", inCases}}}}}}})}};
+    return {{"anyOf", Json::array({here, {{"properties", {{"cases", {{"additionalProperties", inCases}}}}}}})}};
 }
 
 }  // namespace
@@ -170,8 +164,7 @@ std::string makeExperimentSchema(const std::vector<PluginInfo>& plugins) {
     ofCase["type"] = {"object", "null"};
     definitions["case"] = ofCase;
 
-    Json root = {{"$schema", "http://json-schema.org/draft-07/schema#"},
-                 {"title", "Experiment file of viable"}};
+    Json root = {{"$schema", "http://json-schema.org/draft-07/schema#"}, {"title", "Experiment file of viable"}};
     root.update(makeObject(makeKeys(detail::experimentKeys())));
     root["required"] = required;
     root["allOf"] = presence;

@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
+#include "core/PendingFile.h"
 #include "log/Hdf5ExportDriver.h"
+#include "log/LogExport.h"
 #include "log/LogExportColumns.h"
-#include "log/PendingFile.h"
-#include "viable/log/LogExport.h"
-#include "viable/log/LogReader.h"
+#include "log/LogReader.h"
 
 namespace viable {
 
@@ -76,26 +76,23 @@ private:
 };
 
 /** An attribute of any length: its values lie outside of the object's header. */
-void setAttribute(hid_t object, const std::string& name, hid_t type, hid_t space,
-                  const void* values, const detail::PendingFile& file) {
+void setAttribute(hid_t object, const std::string& name, hid_t type, hid_t space, const void* values,
+                  const detail::PendingFile& file) {
     const Handle creation(require(H5Pcreate(H5P_ATTRIBUTE_CREATE), file), H5Pclose);
     require(H5Pset_char_encoding(creation.id(), H5T_CSET_UTF8), file);
-    const Handle attribute(
-        require(H5Acreate2(object, name.c_str(), type, space, creation.id(), H5P_DEFAULT), file),
-        H5Aclose);
+    const Handle attribute(require(H5Acreate2(object, name.c_str(), type, space, creation.id(), H5P_DEFAULT), file),
+                           H5Aclose);
     require(H5Awrite(attribute.id(), type, values), file);
 }
 
 /** The attribute `name`: one text, or a list of texts. */
-void setTexts(hid_t object, const std::string& name, const std::vector<std::string>& texts,
-              bool isList, const detail::PendingFile& file) {
+void setTexts(hid_t object, const std::string& name, const std::vector<std::string>& texts, bool isList,
+              const detail::PendingFile& file) {
     const Handle type(require(H5Tcopy(H5T_C_S1), file), H5Tclose);
     require(H5Tset_size(type.id(), H5T_VARIABLE), file);
     require(H5Tset_cset(type.id(), H5T_CSET_UTF8), file);
     const hsize_t count = texts.size();
-    const Handle space(
-        require(isList ? H5Screate_simple(1, &count, nullptr) : H5Screate(H5S_SCALAR), file),
-        H5Sclose);
+    const Handle space(require(isList ? H5Screate_simple(1, &count, nullptr) : H5Screate(H5S_SCALAR), file), H5Sclose);
     std::vector<const char*> values;
     for (const std::string& text : texts) values.push_back(text.c_str());
     values.push_back(nullptr);  // the library wants an address even for an empty list
@@ -103,8 +100,7 @@ void setTexts(hid_t object, const std::string& name, const std::vector<std::stri
 }
 
 /** The attribute `name` with bytes that are no text. */
-void setBytes(hid_t object, const std::string& name, const std::string& bytes,
-              const detail::PendingFile& file) {
+void setBytes(hid_t object, const std::string& name, const std::string& bytes, const detail::PendingFile& file) {
     const Handle type(require(H5Tvlen_create(H5T_NATIVE_UINT8), file), H5Tclose);
     const Handle space(require(H5Screate(H5S_SCALAR), file), H5Sclose);
     const hvl_t value{bytes.size(), const_cast<char*>(bytes.data())};
@@ -125,8 +121,7 @@ void writeOpening(hid_t root, const LogReader& reader, const detail::PendingFile
     };
     set("library", reader.library());
     for (const auto& [key, value] : reader.metadata()) set(key, value);
-    for (const LogAttachment& attachment : reader.attachments())
-        set(attachment.name, attachment.data);
+    for (const LogAttachment& attachment : reader.attachments()) set(attachment.name, attachment.data);
 }
 
 /** The words of a column that have a number of their own in every file, in that order. */
@@ -136,14 +131,12 @@ std::vector<std::string> listWords(const std::string& column) {
         for (int status = 0; status <= static_cast<int>(FilterStatus::Ended); ++status)
             words.emplace_back(getName(static_cast<FilterStatus>(status)));
     const std::string active = ".active";
-    if (column.size() <= active.size() ||
-        column.compare(column.size() - active.size(), active.size(), active) != 0)
+    if (column.size() <= active.size() || column.compare(column.size() - active.size(), active.size(), active) != 0)
         return words;
     words.emplace_back(getName(LimitKind::None, LimitSide::Neither));
-    for (LimitKind kind : {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration,
-                           LimitKind::Jerk, LimitKind::Torque, LimitKind::Clearance})
-        for (LimitSide side : {LimitSide::Lower, LimitSide::Upper})
-            words.emplace_back(getName(kind, side));
+    for (LimitKind kind : {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk,
+                           LimitKind::Torque, LimitKind::Clearance})
+        for (LimitSide side : {LimitSide::Lower, LimitSide::Upper}) words.emplace_back(getName(kind, side));
     return words;
 }
 
@@ -163,14 +156,11 @@ public:
         require(H5Pset_chunk_cache(access.id(), 1, kBlockRows * sizeof(double), 1.0), target);
         const Handle links(require(H5Pcreate(H5P_LINK_CREATE), target), H5Pclose);
         require(H5Pset_create_intermediate_group(links.id(), 1), target);
-        const hid_t type = column_.isText()      ? H5T_STD_U8LE
-                           : column_.isInteger() ? H5T_STD_I64LE
-                                                 : H5T_IEEE_F64LE;
-        set_ =
-            std::make_unique<Handle>(require(H5Dcreate2(file, column.path.c_str(), type, space.id(),
-                                                        links.id(), creation.id(), access.id()),
-                                             target),
-                                     H5Dclose);
+        const hid_t type = column_.isText() ? H5T_STD_U8LE : column_.isInteger() ? H5T_STD_I64LE : H5T_IEEE_F64LE;
+        set_ = std::make_unique<Handle>(
+            require(H5Dcreate2(file, column.path.c_str(), type, space.id(), links.id(), creation.id(), access.id()),
+                    target),
+            H5Dclose);
         setTexts(set_->id(), "column", {column.name}, false, target);
         if (!column_.isText()) setTexts(set_->id(), "units", {column.unit}, false, target);
     }
@@ -209,12 +199,9 @@ private:
         const hsize_t count = values.size(), size = written_ + count;
         require(H5Dset_extent(set_->id(), &size), target_);
         const Handle space(require(H5Dget_space(set_->id()), target_), H5Sclose);
-        require(
-            H5Sselect_hyperslab(space.id(), H5S_SELECT_SET, &written_, nullptr, &count, nullptr),
-            target_);
+        require(H5Sselect_hyperslab(space.id(), H5S_SELECT_SET, &written_, nullptr, &count, nullptr), target_);
         const Handle memory(require(H5Screate_simple(1, &count, nullptr), target_), H5Sclose);
-        require(H5Dwrite(set_->id(), type, memory.id(), space.id(), H5P_DEFAULT, values.data()),
-                target_);
+        require(H5Dwrite(set_->id(), type, memory.id(), space.id(), H5P_DEFAULT, values.data()), target_);
         written_ = size;
         values.clear();
     }
@@ -230,14 +217,13 @@ private:
 };
 
 /** Writes the whole file; the driver keeps its first error in `error` and is silent about it. */
-void writeHdf5(LogReader& reader, const std::vector<detail::ExportColumn>& named,
-               const detail::PendingFile& pending, int& error) {
+void writeHdf5(LogReader& reader, const std::vector<detail::ExportColumn>& named, const detail::PendingFile& pending,
+               int& error) {
     const detail::Hdf5Target target{pending.descriptor(), &error};
     const Handle driver(require(detail::registerHdf5Driver(), pending), H5FDunregister);
     const Handle access(require(H5Pcreate(H5P_FILE_ACCESS), pending), H5Pclose);
     require(H5Pset_driver(access.id(), driver.id(), &target), pending);
-    Handle file(require(H5Fcreate("log", H5F_ACC_TRUNC, H5P_DEFAULT, access.id()), pending),
-                H5Fclose);
+    Handle file(require(H5Fcreate("log", H5F_ACC_TRUNC, H5P_DEFAULT, access.id()), pending), H5Fclose);
     {
         const Handle root(require(H5Gopen2(file.id(), "/", H5P_DEFAULT), pending), H5Gclose);
         writeOpening(root.id(), reader, pending);
@@ -259,8 +245,7 @@ void writeHdf5(LogReader& reader, const std::vector<detail::ExportColumn>& named
 
 void exportHdf5(const std::filesystem::path& log, const std::filesystem::path& hdf5) {
     LogReader reader(log);
-    const std::vector<detail::ExportColumn> columns =
-        detail::nameExportColumns(reader, log.string());
+    const std::vector<detail::ExportColumn> columns = detail::nameExportColumns(reader, log.string());
     detail::PendingFile pending(hdf5);
     const QuietLibrary quiet;
     int error = 0;

@@ -61,8 +61,7 @@ haddr_t getWritten(const H5FD_t* file, H5FD_mem_t) {
 herr_t read(H5FD_t* handle, H5FD_mem_t, hid_t, haddr_t at, std::size_t size, void* to) {
     char* next = static_cast<char*>(to);
     while (size > 0) {
-        const ssize_t taken =
-            ::pread(get(handle).target.descriptor, next, size, static_cast<off_t>(at));
+        const ssize_t taken = ::pread(get(handle).target.descriptor, next, size, static_cast<off_t>(at));
         if (taken < 0 && errno == EINTR) continue;
         if (taken < 0) return -1;
         if (taken == 0) {  // beyond the end: zeros, as the library expects
@@ -97,8 +96,7 @@ herr_t write(H5FD_t* handle, H5FD_mem_t, hid_t, haddr_t at, std::size_t size, co
 herr_t truncate(H5FD_t* handle, hid_t, hbool_t) {
     File& file = get(handle);
     if (file.written == file.allocated) return 0;
-    if (*file.target.error == 0 &&
-        ::ftruncate(file.target.descriptor, static_cast<off_t>(file.allocated)) != 0)
+    if (*file.target.error == 0 && ::ftruncate(file.target.descriptor, static_cast<off_t>(file.allocated)) != 0)
         *file.target.error = errno;
     file.written = file.allocated;
     return 0;

@@ -1,12 +1,12 @@
-#include "viable/log/LogExport.h"
+#include "log/LogExport.h"
 
 #include <charconv>
 #include <string>
 #include <string_view>
 
+#include "core/PendingFile.h"
 #include "log/LogExportColumns.h"
-#include "log/PendingFile.h"
-#include "viable/log/LogReader.h"
+#include "log/LogReader.h"
 
 namespace viable {
 
@@ -38,8 +38,7 @@ void appendNumber(std::string& line, Number value) {
 
 void exportCsv(const std::filesystem::path& log, const std::filesystem::path& csv) {
     LogReader reader(log);
-    const std::vector<detail::ExportColumn> columns =
-        detail::nameExportColumns(reader, log.string());
+    const std::vector<detail::ExportColumn> columns = detail::nameExportColumns(reader, log.string());
     detail::PendingFile file(csv);
     std::string text;
     for (const detail::ExportColumn& column : columns) {

@@ -33,8 +33,7 @@ std::vector<std::string> readPrismaticJoints(const LogReader& reader, const std:
     const std::vector<std::string>& joints = reader.layout().jointNames;
     const bool isList =
         json.is_array() && std::all_of(json.begin(), json.end(), [&](const nlohmann::json& j) {
-            return j.is_string() &&
-                   std::find(joints.begin(), joints.end(), j.get<std::string>()) != joints.end();
+            return j.is_string() && std::find(joints.begin(), joints.end(), j.get<std::string>()) != joints.end();
         });
     if (!isList)
         throw badInput(log,
@@ -50,9 +49,8 @@ ExportColumn nameColumn(const LogColumn& column, const std::vector<std::string>&
     if (first != std::string::npos) named.path[first + 1] = named.path[last + 1] = '/';
     if (column.isText()) return named;
     const bool slides =
-        first != last &&
-        std::find(prismaticJoints.begin(), prismaticJoints.end(),
-                  named.name.substr(first + 1, last - first - 1)) != prismaticJoints.end();
+        first != last && std::find(prismaticJoints.begin(), prismaticJoints.end(),
+                                   named.name.substr(first + 1, last - first - 1)) != prismaticJoints.end();
     const std::size_t suffix = named.name.rfind('_') + 1;
     if (suffix == 0 || (last != std::string::npos && suffix < last)) return named;
     for (const Unit& unit : kUnits) {
@@ -72,8 +70,7 @@ ExportColumn nameColumn(const LogColumn& column, const std::vector<std::string>&
 std::vector<ExportColumn> nameExportColumns(const LogReader& reader, const std::string& log) {
     const std::vector<std::string> prismaticJoints = readPrismaticJoints(reader, log);
     std::vector<ExportColumn> columns;
-    for (const LogColumn& column : reader.columns())
-        columns.push_back(nameColumn(column, prismaticJoints));
+    for (const LogColumn& column : reader.columns()) columns.push_back(nameColumn(column, prismaticJoints));
     return columns;
 }
 

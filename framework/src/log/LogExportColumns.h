@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "viable/log/LogReader.h"
+#include "log/LogReader.h"
 
 namespace viable::detail {
 

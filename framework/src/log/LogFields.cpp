@@ -1,4 +1,4 @@
-#include "LogFields.h"
+#include "log/LogFields.h"
 
 #include <limits>
 
@@ -28,8 +28,8 @@ const char* getName(StopVerdict verdict) {
     switch (verdict) {
         case StopVerdict::Safe:
             return "safe";
-        case StopVerdict::Returning:
-            return "returning";
+        case StopVerdict::Recovering:
+            return "recovering";
         case StopVerdict::NoStop:
             return "no_stop";
     }
@@ -103,8 +103,7 @@ LogField text(const char* name, LogKind kind, const char* (*get)(const TickRecor
     return field;
 }
 
-LogField integer(const char* name, std::int64_t (*get)(const TickRecord&),
-                 bool (*set)(TickRecord&, std::int64_t)) {
+LogField integer(const char* name, std::int64_t (*get)(const TickRecord&), bool (*set)(TickRecord&, std::int64_t)) {
     LogField field{name, LogKind::Integer, {}};
     field.integer = get;
     field.setInteger = set;
@@ -119,9 +118,8 @@ LogField stageTime() {
 }
 
 bool setLimit(TickRecord& record, int joint, std::string_view word) {
-    for (const LimitKind kind : {LimitKind::None, LimitKind::Position, LimitKind::Velocity,
-                                 LimitKind::Acceleration, LimitKind::Jerk, LimitKind::Torque,
-                                 LimitKind::Clearance}) {
+    for (const LimitKind kind : {LimitKind::None, LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration,
+                                 LimitKind::Jerk, LimitKind::Torque, LimitKind::Clearance}) {
         for (const LimitSide side : {LimitSide::Neither, LimitSide::Lower, LimitSide::Upper}) {
             if (kind != LimitKind::None && side == LimitSide::Neither) continue;
             if (word != getName(kind, side)) continue;
@@ -136,9 +134,8 @@ bool setLimit(TickRecord& record, int joint, std::string_view word) {
 
 bool setStatus(TickRecord& record, int, std::string_view word) {
     for (const FilterStatus status :
-         {FilterStatus::Passed, FilterStatus::Modified, FilterStatus::StoppedByPlan,
-          FilterStatus::Returning, FilterStatus::Infeasible, FilterStatus::InvalidInput,
-          FilterStatus::Faulted, FilterStatus::Ended}) {
+         {FilterStatus::Passed, FilterStatus::Modified, FilterStatus::StoppedByPlan, FilterStatus::Recovering,
+          FilterStatus::Infeasible, FilterStatus::InvalidInput, FilterStatus::Faulted, FilterStatus::Ended}) {
         if (word != getName(status)) continue;
         record.status = status;
         return true;
@@ -147,8 +144,7 @@ bool setStatus(TickRecord& record, int, std::string_view word) {
 }
 
 bool setVerdict(TickRecord& record, int, std::string_view word) {
-    for (const StopVerdict verdict :
-         {StopVerdict::Safe, StopVerdict::Returning, StopVerdict::NoStop}) {
+    for (const StopVerdict verdict : {StopVerdict::Safe, StopVerdict::Recovering, StopVerdict::NoStop}) {
         if (word != getName(verdict)) continue;
         record.verdict = verdict;
         return true;
@@ -167,11 +163,9 @@ std::vector<LogField> declareLimits() {
             perJoint(
                 "velocity_upper_radps", [](auto& r) -> auto& { return r.limits.velocity.upper; }),
             perJoint(
-                "acceleration_lower_radps2",
-                [](auto& r) -> auto& { return r.limits.acceleration.lower; }),
+                "acceleration_lower_radps2", [](auto& r) -> auto& { return r.limits.acceleration.lower; }),
             perJoint(
-                "acceleration_upper_radps2",
-                [](auto& r) -> auto& { return r.limits.acceleration.upper; }),
+                "acceleration_upper_radps2", [](auto& r) -> auto& { return r.limits.acceleration.upper; }),
             perJoint(
                 "jerk_lower_radps3", [](auto& r) -> auto& { return r.limits.jerk.lower; }),
             perJoint(
@@ -191,15 +185,13 @@ LogField clearanceIndex(const char* name) {
 /** Names of links and obstacles are in the metadata, see CaseRun. */
 std::vector<LogField> declareClearance() {
     return {integer(
-                "known",
-                [](const TickRecord& r) -> std::int64_t { return r.clearance.isKnown ? 1 : 0; },
+                "known", [](const TickRecord& r) -> std::int64_t { return r.clearance.isKnown ? 1 : 0; },
                 [](TickRecord& r, std::int64_t value) {
                     r.clearance.isKnown = value == 1;
                     return value == 0 || value == 1;
                 }),
             numbers(
-                "distance_m", LogKind::Number, {},
-                [](auto& r, int) -> auto& { return r.clearance.distance; }),
+                "distance_m", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.clearance.distance; }),
             clearanceIndex<&Clearance::link>("link"),
             clearanceIndex<&Clearance::obstacle>("obstacle"),
             clearanceIndex<&Clearance::otherLink>("other_link"),
@@ -207,8 +199,7 @@ std::vector<LogField> declareClearance() {
                 "on_arm_m", LogKind::Vector, {"on_arm.x_m", "on_arm.y_m", "on_arm.z_m"},
                 [](auto& r, int i) -> auto& { return r.clearance.onArm[i]; }),
             numbers(
-                "on_obstacle_m", LogKind::Vector,
-                {"on_obstacle.x_m", "on_obstacle.y_m", "on_obstacle.z_m"},
+                "on_obstacle_m", LogKind::Vector, {"on_obstacle.x_m", "on_obstacle.y_m", "on_obstacle.z_m"},
                 [](auto& r, int i) -> auto& { return r.clearance.onObstacle[i]; }),
             numbers(
                 "map_age_s", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.mapAge_s; })};
@@ -240,8 +231,7 @@ std::vector<LogChannel> declareChannels() {
           perJoint(
               "jerk_radps3", [](auto& r) -> auto& { return r.nominal.jerk; }),
           numbers(
-              "tool_position_m", LogKind::Vector, position,
-              [](auto& r, int i) -> auto& { return r.tool.position[i]; }),
+              "tool_position_m", LogKind::Vector, position, [](auto& r, int i) -> auto& { return r.tool.position[i]; }),
           numbers(
               "tool_orientation_xyzw", LogKind::Vector, orientation,
               [](auto& r, int i) -> auto& { return r.tool.orientation.coeffs()[i]; })}},
@@ -282,14 +272,12 @@ std::vector<LogChannel> declareChannels() {
               "margin_rad", LogKind::JointNumber, {},
               [](auto& r, int i) -> auto& { return r.stops[static_cast<std::size_t>(i)].margin; }),
           numbers(
-              "stop_s", LogKind::JointNumber, {}, [](auto& r, int i) -> auto& {
-                  return r.stops[static_cast<std::size_t>(i)].duration_s;
-              }),
+              "stop_s", LogKind::JointNumber, {},
+              [](auto& r, int i) -> auto& { return r.stops[static_cast<std::size_t>(i)].duration_s; }),
           numbers(
               "rest_rad", LogKind::JointNumber, {},
               [](auto& r, int i) -> auto& { return r.stops[static_cast<std::size_t>(i)].rest; })}},
-        {"clearance", "Clearance", [](const LogLayout& l) { return l.hasEnvironment; },
-         declareClearance()},
+        {"clearance", "Clearance", [](const LogLayout& l) { return l.hasEnvironment; }, declareClearance()},
         {"limits", "Limits", always, declareLimits()},
         {"robust",
          "Robust",
@@ -334,8 +322,7 @@ std::vector<LogChannel> declareChannels() {
          {numbers(
               "time_s", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.time_s; }),
           text(
-              "status", LogKind::Name, [](const TickRecord& r, int) { return getName(r.status); },
-              setStatus),
+              "status", LogKind::Name, [](const TickRecord& r, int) { return getName(r.status); }, setStatus),
           integer(
               "braking", [](const TickRecord& r) -> std::int64_t { return r.braking ? 1 : 0; },
               [](TickRecord& r, std::int64_t value) {
@@ -349,8 +336,7 @@ std::vector<LogChannel> declareChannels() {
                   return value == 0 || value == 1;
               }),
           text(
-              "stop", LogKind::Name, [](const TickRecord& r, int) { return getName(r.verdict); },
-              setVerdict),
+              "stop", LogKind::Name, [](const TickRecord& r, int) { return getName(r.verdict); }, setVerdict),
           integer(
               "substituted", [](const TickRecord& r) { return r.substituted; },
               [](TickRecord& r, std::int64_t value) {
@@ -358,10 +344,9 @@ std::vector<LogChannel> declareChannels() {
                   return value >= 0;
               }),
           numbers(
-              "compute_us", LogKind::Number, {},
-              [](auto& r, int) -> auto& { return r.compute_us; }),
-          stageTime<0>(), stageTime<1>(), stageTime<2>(), stageTime<3>(), stageTime<4>(),
-          stageTime<5>(), stageTime<6>()}},
+              "compute_us", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.compute_us; }),
+          stageTime<0>(), stageTime<1>(), stageTime<2>(), stageTime<3>(), stageTime<4>(), stageTime<5>(),
+          stageTime<6>()}},
     };
 }
 

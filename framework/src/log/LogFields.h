@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "viable/log/LogWriter.h"
+#include "log/LogWriter.h"
 
 namespace viable {
 

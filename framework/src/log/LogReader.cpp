@@ -1,13 +1,13 @@
-#include "viable/log/LogReader.h"
+#include "log/LogReader.h"
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 
-#include "LogFields.h"
-#include "Mcap.h"
-#include "McapFile.h"
+#include "log/LogFields.h"
+#include "log/Mcap.h"
+#include "log/McapFile.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -19,8 +19,7 @@ bool LogColumn::isInteger() const {
     return field_->kind == LogKind::Integer;
 }
 double LogColumn::getNumber(const TickRecord& record) const {
-    return isInteger() ? static_cast<double>(field_->integer(record))
-                       : field_->getNumber(record, index_);
+    return isInteger() ? static_cast<double>(field_->integer(record)) : field_->getNumber(record, index_);
 }
 std::int64_t LogColumn::getInteger(const TickRecord& record) const {
     return field_->integer(record);
@@ -62,8 +61,7 @@ std::vector<LogColumn> listColumns(const LogLayout& layout, const IsThere& isThe
             if (field.isPerJoint() || isTime(channel, field) || !isThere(channel, field)) continue;
             if (field.kind == LogKind::Vector) {
                 for (std::size_t i = 0; i < field.elements.size(); ++i) {
-                    columns.emplace_back(channel.name + "." + field.elements[i], field,
-                                         static_cast<int>(i));
+                    columns.emplace_back(channel.name + "." + field.elements[i], field, static_cast<int>(i));
                 }
             } else {
                 columns.emplace_back(channel.name + "." + field.name, field, 0);
@@ -83,9 +81,8 @@ struct Step {
 
 std::optional<std::size_t> findSize(const std::string& type) {
     static const std::map<std::string, std::size_t> sizes = {
-        {"bool", 1},   {"byte", 1},    {"char", 1},    {"int8", 1},   {"uint8", 1},
-        {"int16", 2},  {"uint16", 2},  {"int32", 4},   {"uint32", 4}, {"int64", 8},
-        {"uint64", 8}, {"float32", 4}, {"float64", 8}, {"string", 0}};
+        {"bool", 1},  {"byte", 1},   {"char", 1},  {"int8", 1},   {"uint8", 1},   {"int16", 2},   {"uint16", 2},
+        {"int32", 4}, {"uint32", 4}, {"int64", 8}, {"uint64", 8}, {"float32", 4}, {"float64", 8}, {"string", 0}};
     const auto found = sizes.find(type);
     if (found == sizes.end()) return std::nullopt;
     return found->second;
@@ -131,8 +128,8 @@ std::vector<Step> parseSchema(std::string_view text, const LogChannel& channel) 
         for (const LogField& field : channel.fields) {
             if (field.getSchemaName() != name) continue;
             if (field.getSchemaType() != type) {
-                throw std::runtime_error("gives `" + name + "` the type `" + type +
-                                         "`; this version reads `" + field.getSchemaType() + "`");
+                throw std::runtime_error("gives `" + name + "` the type `" + type + "`; this version reads `" +
+                                         field.getSchemaType() + "`");
             }
             step.field = &field;
         }
@@ -144,9 +141,7 @@ std::vector<Step> parseSchema(std::string_view text, const LogChannel& channel) 
 }  // namespace
 
 std::vector<LogColumn> listColumns(const LogLayout& layout) {
-    return listColumns(layout, [&](const LogChannel& channel, const LogField&) {
-        return channel.isLogged(layout);
-    });
+    return listColumns(layout, [&](const LogChannel& channel, const LogField&) { return channel.isLogged(layout); });
 }
 
 struct LogReader::Impl {
@@ -156,9 +151,8 @@ struct LogReader::Impl {
             file.fail(file.isComplete() ? "the log has no channel of this program"
                                         : "the log ends within its opening and holds no rows");
         }
-        columns = listColumns(layout, [&](const LogChannel&, const LogField& field) {
-            return fields.count(&field) != 0;
-        });
+        columns =
+            listColumns(layout, [&](const LogChannel&, const LogField& field) { return fields.count(&field) != 0; });
     }
 
     /** True: with this record `row` is whole. */
@@ -210,14 +204,12 @@ struct LogReader::Impl {
         const auto schema = schemas.find(schemaId);
         const std::vector<LogChannel>& all = getLogChannels();
         const auto channel = std::find_if(all.begin(), all.end(), [&](const LogChannel& c) {
-            return schema != schemas.end() && c.getTopic() == topic &&
-                   c.getSchema() == schema->second.name;
+            return schema != schemas.end() && c.getTopic() == topic && c.getSchema() == schema->second.name;
         });
         if (channel == all.end()) return;  // somebody else's
         if (encoding != "cdr" || schema->second.encoding != "ros2msg") {
-            throw BadBytes(0, "channel " + quote(topic) + " is encoded as " + quote(encoding) +
-                                  " with a schema in " + quote(schema->second.encoding) +
-                                  "; this version reads `cdr` with `ros2msg`");
+            throw BadBytes(0, "channel " + quote(topic) + " is encoded as " + quote(encoding) + " with a schema in " +
+                                  quote(schema->second.encoding) + "; this version reads `cdr` with `ros2msg`");
         }
         Plan plan;
         plan.bit = std::uint32_t{1} << (channel - all.begin());
@@ -235,8 +227,8 @@ struct LogReader::Impl {
             if (step.field != nullptr) fields.insert(step.field);
         }
         if (channel->name == "command") {
-            layout.commandSpace = channel->message == "ToolCommand" ? MotionCommand::Space::Tool
-                                                                    : MotionCommand::Space::Joint;
+            layout.commandSpace =
+                channel->message == "ToolCommand" ? MotionCommand::Space::Tool : MotionCommand::Space::Joint;
         }
         if (channel->name == "real") layout.hasRealPlant = true;
         if (channel->name == "external") layout.hasExternalTorque = true;
@@ -245,23 +237,20 @@ struct LogReader::Impl {
         plans[id] = std::move(plan);
     }
 
-    void takeJointNames(const std::string& topic,
-                        const std::map<std::string, std::string>& entries) {
+    void takeJointNames(const std::string& topic, const std::map<std::string, std::string>& entries) {
         const auto entry = entries.find("joint_names");
-        const nlohmann::json json = nlohmann::json::parse(
-            entry == entries.end() ? std::string() : entry->second, nullptr, false);
-        const bool isList = json.is_array() && !json.empty() &&
-                            json.size() <= static_cast<std::size_t>(kMaxJoints) &&
-                            std::all_of(json.begin(), json.end(),
-                                        [](const nlohmann::json& j) { return j.is_string(); });
+        const nlohmann::json json =
+            nlohmann::json::parse(entry == entries.end() ? std::string() : entry->second, nullptr, false);
+        const bool isList =
+            json.is_array() && !json.empty() && json.size() <= static_cast<std::size_t>(kMaxJoints) &&
+            std::all_of(json.begin(), json.end(), [](const nlohmann::json& j) { return j.is_string(); });
         if (!isList) {
-            throw BadBytes(0, "channel " + quote(topic) + " does not name 1 to " +
-                                  std::to_string(kMaxJoints) + " joints");
+            throw BadBytes(0,
+                           "channel " + quote(topic) + " does not name 1 to " + std::to_string(kMaxJoints) + " joints");
         }
         const auto names = json.get<std::vector<std::string>>();
         if (!layout.jointNames.empty() && names != layout.jointNames) {
-            throw BadBytes(0,
-                           "channel " + quote(topic) + " names other joints than the one before");
+            throw BadBytes(0, "channel " + quote(topic) + " names other joints than the one before");
         }
         layout.jointNames = names;
     }
@@ -301,8 +290,7 @@ struct LogReader::Impl {
             throw BadBytes(0, "row " + std::to_string(rowSequence) + " lacks a channel");
         }
         if (in.take(kCdrLittleEndian.size()) != kCdrLittleEndian) {
-            throw BadBytes(0, "a message of channel " + quote(plan.channel->getTopic()) +
-                                  " is not little-endian CDR");
+            throw BadBytes(0, "a message of channel " + quote(plan.channel->getTopic()) + " is not little-endian CDR");
         }
         ByteReader body(in.take(in.left()));
         for (const Step& step : plan.steps) decode(step, body);
@@ -329,9 +317,8 @@ struct LogReader::Impl {
         }
         const LogField& field = *step.field;
         if (field.isPerJoint() && count != layout.jointNames.size()) {
-            throw BadBytes(0, "`" + field.name + "` has " + std::to_string(count) +
-                                  " entries for " + std::to_string(layout.jointNames.size()) +
-                                  " joints");
+            throw BadBytes(0, "`" + field.name + "` has " + std::to_string(count) + " entries for " +
+                                  std::to_string(layout.jointNames.size()) + " joints");
         }
         const int n = static_cast<int>(count);
         if (field.isText()) {

@@ -1,9 +1,9 @@
 #include <optional>
 
-#include "log/PendingFile.h"
-#include "viable/log/LogExport.h"
-#include "viable/log/LogReader.h"
-#include "viable/log/LogWriter.h"
+#include "core/PendingFile.h"
+#include "log/LogExport.h"
+#include "log/LogReader.h"
+#include "log/LogWriter.h"
 
 namespace viable {
 
@@ -12,8 +12,7 @@ namespace {
 /** Log bytes into a file that is whole, and gets its name, only when the writer says so. */
 class PendingSink : public LogSink {
 public:
-    PendingSink(detail::PendingFile& file, std::optional<Error>& failure)
-        : file_(file), failure_(failure) {}
+    PendingSink(detail::PendingFile& file, std::optional<Error>& failure) : file_(file), failure_(failure) {}
     bool write(const void* data, std::size_t size, std::string& error) override {
         try {
             file_.write({static_cast<const char*>(data), size});
@@ -44,8 +43,7 @@ std::uint64_t recoverLog(const std::filesystem::path& log, const std::filesystem
     writer.finish();
     if (failure) throw *failure;
     if (!writer.status().ok())
-        throw Error(ErrorKind::LogNotWritten, whole.string(), writer.status().error,
-                    "Free memory and try again");
+        throw Error(ErrorKind::LogNotWritten, whole.string(), writer.status().error, "Free memory and try again");
     // Columns that are missing would come out as if somebody had logged zeros.
     if (reader.columns().size() < listColumns(reader.layout()).size()) {
         if (writer.status().rows == 0)

@@ -1,4 +1,4 @@
-#include "viable/log/LogWriter.h"
+#include "log/LogWriter.h"
 
 #include <unistd.h>
 #include <zlib.h>
@@ -11,9 +11,9 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
-#include "LogFields.h"
-#include "Mcap.h"
-#include "PendingFile.h"
+#include "core/PendingFile.h"
+#include "log/LogFields.h"
+#include "log/Mcap.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -27,8 +27,7 @@ std::string describe(int code) {
 }
 
 std::uint32_t addToCrc(std::uint32_t crc, std::string_view bytes) {
-    return static_cast<std::uint32_t>(
-        crc32_z(crc, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
+    return static_cast<std::uint32_t>(crc32_z(crc, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
 }
 
 constexpr char kTaken[] = "the log exists already and is never overwritten";
@@ -108,17 +107,14 @@ std::unique_ptr<LogSink> createLogFile(const std::filesystem::path& file) {
     const int descriptor = detail::openBeside(file, part);
     if (descriptor >= 0) return std::make_unique<FileSink>(descriptor, part, file);
     if (errno == EEXIST) throw takenName(file);
-    throw Error(ErrorKind::LogNotWritten, file.string(),
-                "the log cannot be created: " + describe(errno),
+    throw Error(ErrorKind::LogNotWritten, file.string(), "the log cannot be created: " + describe(errno),
                 "Choose a folder that exists and may be written to");
 }
 
 struct LogWriter::Impl {
-    Impl(std::unique_ptr<LogSink> target, const LogOpening& opening)
-        : sink(std::move(target)), layout(opening.layout) {
+    Impl(std::unique_ptr<LogSink> target, const LogOpening& opening) : sink(std::move(target)), layout(opening.layout) {
         const auto n = layout.jointNames.size();
-        VIABLE_CHECK(n >= 1 && n <= static_cast<std::size_t>(kMaxJoints),
-                     "a log has 1 to 16 joints");
+        VIABLE_CHECK(n >= 1 && n <= static_cast<std::size_t>(kMaxJoints), "a log has 1 to 16 joints");
         for (const LogChannel& channel : getLogChannels()) {
             if (channel.isLogged(layout)) channels.push_back(&channel);
         }
@@ -165,8 +161,7 @@ struct LogWriter::Impl {
 
     void putChannels(ByteWriter& out) const {
         const std::string names =
-            nlohmann::json(layout.jointNames)
-                .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+            nlohmann::json(layout.jointNames).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
         for (std::size_t i = 0; i < channels.size(); ++i) {
             const std::size_t record = out.begin(kChannel);
             out.putU16(static_cast<std::uint16_t>(i));
@@ -205,8 +200,8 @@ struct LogWriter::Impl {
             out.bytes += attachment.data;
             out.putU32(addToCrc(0, std::string_view(out.bytes).substr(record)));
             out.end(record);
-            attachments.push_back({offset, out.bytes.size() - offset, attachment.data.size(),
-                                   attachment.name, attachment.mediaType});
+            attachments.push_back(
+                {offset, out.bytes.size() - offset, attachment.data.size(), attachment.name, attachment.mediaType});
         }
         putSchemas(out);
         putChannels(out);
@@ -242,11 +237,9 @@ struct LogWriter::Impl {
     void append(const TickRecord& record) {
         // NaN and negative times become 0: the log's clock only sorts the messages.
         const double ns = record.time_s * 1e9;
-        const std::uint64_t time =
-            ns > 0.0 && ns < 9e18 ? static_cast<std::uint64_t>(std::llround(ns)) : 0;
-        if (chunkRows > 0 &&
-            (time >= chunkFirst + static_cast<std::uint64_t>(kLongestChunk_s * 1e9) ||
-             time < chunkFirst || chunk.bytes.size() >= kLargestChunk)) {
+        const std::uint64_t time = ns > 0.0 && ns < 9e18 ? static_cast<std::uint64_t>(std::llround(ns)) : 0;
+        if (chunkRows > 0 && (time >= chunkFirst + static_cast<std::uint64_t>(kLongestChunk_s * 1e9) ||
+                              time < chunkFirst || chunk.bytes.size() >= kLargestChunk)) {
             writeChunk();
         }
         if (chunkRows == 0) {
@@ -273,8 +266,8 @@ struct LogWriter::Impl {
     void writeChunk() {
         if (chunkRows == 0) return;
         packed.resize(ZSTD_compressBound(chunk.bytes.size()));
-        const std::size_t size = ZSTD_compress2(compressor.get(), packed.data(), packed.size(),
-                                                chunk.bytes.data(), chunk.bytes.size());
+        const std::size_t size =
+            ZSTD_compress2(compressor.get(), packed.data(), packed.size(), chunk.bytes.data(), chunk.bytes.size());
         if (ZSTD_isError(size)) throw std::runtime_error(ZSTD_getErrorName(size));
 
         ByteWriter& out = outgoing;
@@ -438,7 +431,7 @@ struct LogWriter::Impl {
     LogStatus status;
     bool finished = false;
 
-    ByteWriter chunk;  // messages not yet written
+    ByteWriter chunk;                                                           // messages not yet written
     std::vector<std::vector<std::pair<std::uint64_t, std::uint64_t>>> indices;  // time, offset
     std::uint64_t chunkFirst = 0, chunkStart = 0, chunkEnd = 0;                 // [ns]
     std::uint64_t chunkRows = 0;

@@ -71,9 +71,7 @@ public:
         putU32(0);
         return bytes.size();
     }
-    void endLength32(std::size_t content) {
-        patch(content - 4, static_cast<std::uint32_t>(bytes.size() - content));
-    }
+    void endLength32(std::size_t content) { patch(content - 4, static_cast<std::uint32_t>(bytes.size() - content)); }
 
     /** CDR aligns to the value's size, counted from `origin`. */
     void align(std::size_t origin, std::size_t size) {
@@ -113,8 +111,8 @@ public:
 
     std::string_view take(std::uint64_t size) {
         if (size > left()) {
-            throw BadBytes(position_, "needs " + std::to_string(size) + " bytes where only " +
-                                          std::to_string(left()) + " are left");
+            throw BadBytes(position_, "needs " + std::to_string(size) + " bytes where only " + std::to_string(left()) +
+                                          " are left");
         }
         const std::string_view taken = bytes_.substr(position_, static_cast<std::size_t>(size));
         position_ += taken.size();
@@ -151,8 +149,7 @@ private:
         const std::string_view raw = take(sizeof(T));
         T v = 0;
         for (std::size_t i = 0; i < sizeof(T); ++i) {
-            v = static_cast<T>(
-                v | static_cast<T>(static_cast<T>(static_cast<unsigned char>(raw[i])) << (8 * i)));
+            v = static_cast<T>(v | static_cast<T>(static_cast<T>(static_cast<unsigned char>(raw[i])) << (8 * i)));
         }
         return v;
     }

@@ -1,4 +1,4 @@
-#include "McapFile.h"
+#include "log/McapFile.h"
 
 #include <fcntl.h>
 #include <lz4frame.h>

@@ -5,12 +5,12 @@
 #include <string>
 #include <string_view>
 
-#include "Mcap.h"
+#include "log/Mcap.h"
 
 namespace viable::mcap {
 
 /** Walks the records of an MCAP file, finished or cut off: a file without its end gives every whole chunk that it has.
-Checksums are checked; no length in the file is believed before it is checked. Chunks are opened on the way (none, zstd,
+Checksums are checked; no length in the file is trusted before it is checked. Chunks are opened on the way (none, zstd,
 lz4), so that their records come like those outside.
 
 Every failure is an Error (BadInput) with the file, the byte offset and the reason. */

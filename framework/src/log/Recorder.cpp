@@ -1,4 +1,4 @@
-#include "viable/log/Recorder.h"
+#include "log/Recorder.h"
 
 #include <signal.h>
 
@@ -59,8 +59,7 @@ bool Recorder::append(const TickRecord& record) noexcept {
 void Recorder::drain() {
     for (;;) {
         // Looked at first: what was appended before the stop is seen by the next load.
-        const bool stop = stop_.load(std::memory_order_acquire) ||
-                          rescue.load(std::memory_order_acquire);
+        const bool stop = stop_.load(std::memory_order_acquire) || rescue.load(std::memory_order_acquire);
         const std::size_t written = written_.load(std::memory_order_acquire);
         std::size_t read = read_.load(std::memory_order_relaxed);
         if (read == written) {

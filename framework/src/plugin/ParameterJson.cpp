@@ -20,8 +20,7 @@ constexpr const char* kExpressionPattern =
     R"(([-+*/][-+( \t]*(pi|((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?)[) \t]*)*$)";
 
 /** A value that is drawn anew for every run (see listDraws); the reader looks at what is inside. */
-constexpr const char* kDrawPattern =
-    R"(^~(uniform|log_uniform|normal|integer|choice)\(.*\)$)";
+constexpr const char* kDrawPattern = R"(^~(uniform|log_uniform|normal|integer|choice)\(.*\)$)";
 
 std::string getText(const char* text) {
     return text ? text : "";
@@ -52,8 +51,8 @@ const char* getTypeWord(ParameterType type) {
 }
 
 bool isNumeric(ParameterType type) {
-    return type == ParameterType::Number || type == ParameterType::JointNumbers ||
-           type == ParameterType::Numbers || type == ParameterType::Rows;
+    return type == ParameterType::Number || type == ParameterType::JointNumbers || type == ParameterType::Numbers ||
+           type == ParameterType::Rows;
 }
 
 bool isList(ParameterType type) {
@@ -98,10 +97,8 @@ void addBounds(Json& schema, const NumberRange& range) {
             makeBound(std::min(range.max, kLargestDouble));
     // A finite bound, and yet "no limit" beyond it.
     Json either = Json::array({bounds});
-    if (!std::isinf(range.max) && range.contains(kInfinity))
-        either.push_back({{"exclusiveMinimum", kLargestDouble}});
-    if (!std::isinf(range.min) && range.contains(-kInfinity))
-        either.push_back({{"exclusiveMaximum", -kLargestDouble}});
+    if (!std::isinf(range.max) && range.contains(kInfinity)) either.push_back({{"exclusiveMinimum", kLargestDouble}});
+    if (!std::isinf(range.min) && range.contains(-kInfinity)) either.push_back({{"exclusiveMaximum", -kLargestDouble}});
     if (either.size() > 1)
         schema["anyOf"] = either;
     else
@@ -142,8 +139,7 @@ Json makeValueSchema(const ParameterSpec& spec) {
             Json names = Json::array();
             for (const std::string& name : splitChoices(spec.choices)) {
                 names.push_back(name);
-                const Json other =
-                    Json::parse(name, nullptr, false);  // YAML reads `1`, `true` as such
+                const Json other = Json::parse(name, nullptr, false);  // YAML reads `1`, `true` as such
                 if (!other.is_discarded()) names.push_back(other);
             }
             const Json drawn = {{"type", "string"}, {"pattern", kDrawPattern}};
@@ -163,9 +159,8 @@ Json makeValueSchema(const ParameterSpec& spec) {
         case ParameterType::Numbers:
             return makeListSchema(makeNumberSchema(spec.range()), spec.minCount, spec.maxCount);
         case ParameterType::Rows:
-            return makeListSchema(
-                makeListSchema(makeNumberSchema(spec.range()), spec.minCount, spec.maxCount), 0,
-                std::numeric_limits<int>::max());
+            return makeListSchema(makeListSchema(makeNumberSchema(spec.range()), spec.minCount, spec.maxCount), 0,
+                                  std::numeric_limits<int>::max());
     }
     return Json::object();  // an unknown type is the reader's to refuse
 }
@@ -204,12 +199,9 @@ Json makeJsonDefault(const ParameterSpec& spec) {
 }
 
 Json describeAsJson(const ParameterSpec& spec) {
-    Json json = {{"name", getText(spec.name)},
-                 {"type", getTypeWord(spec.type)},
-                 {"unit", getText(spec.unit)},
-                 {"required", !spec.defaultText},
-                 {"default", makeJsonDefault(spec)},
-                 {"per_joint", spec.type == ParameterType::JointNumbers}};
+    Json json = {{"name", getText(spec.name)},       {"type", getTypeWord(spec.type)},
+                 {"unit", getText(spec.unit)},       {"required", !spec.defaultText},
+                 {"default", makeJsonDefault(spec)}, {"per_joint", spec.type == ParameterType::JointNumbers}};
     if (isNumeric(spec.type))
         json["range"] = {{"min", makeJsonNumber(spec.min)},
                          {"min_is_open", spec.minIsOpen || std::isinf(spec.min)},

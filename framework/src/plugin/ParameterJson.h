@@ -6,8 +6,7 @@
 
 namespace viable::detail {
 
-using Json =
-    nlohmann::ordered_json;  // a reader finds the keys in the order in which they are explained
+using Json = nlohmann::ordered_json;  // a reader finds the keys in the order in which they are explained
 
 /** A number; infinity, which JSON does not have, as the text of an experiment file: ".inf", "-.inf". */
 Json makeJsonNumber(double value);

@@ -85,13 +85,11 @@ bool hasText(const char* text) {
 }
 
 bool isTextual(ParameterType type) {
-    return type == ParameterType::Text || type == ParameterType::Choice ||
-           type == ParameterType::File;
+    return type == ParameterType::Text || type == ParameterType::Choice || type == ParameterType::File;
 }
 
 std::string nameWithUnit(const ParameterSpec& spec) {
-    return "`" + std::string(spec.name) + "`" +
-           (hasText(spec.unit) ? " [" + std::string(spec.unit) + "]" : "");
+    return "`" + std::string(spec.name) + "`" + (hasText(spec.unit) ? " [" + std::string(spec.unit) + "]" : "");
 }
 
 /** The declared default as a node, as if it stood in the block. */
@@ -125,36 +123,30 @@ std::string describePlace(const ConfigNode& block) {
 }
 
 /** @param folderOf  node whose file's folder a relative path starts in */
-std::filesystem::path toFile(const ConfigNode& node, const ConfigNode& folderOf,
-                             const ParameterSpec& spec) {
+std::filesystem::path toFile(const ConfigNode& node, const ConfigNode& folderOf, const ParameterSpec& spec) {
     namespace fs = std::filesystem;
     const std::string text = toText(node);
     if (text.empty()) {
         if (spec.defaultText && !*spec.defaultText) return {};
         throw badInput(node.place(), "the name of a file is empty", "Name an existing file");
     }
-    const fs::path folder =
-        folderOf.file == detail::kOverrideFile ? fs::path() : fs::path(folderOf.file).parent_path();
+    const fs::path folder = folderOf.file == detail::kOverrideFile ? fs::path() : fs::path(folderOf.file).parent_path();
     std::error_code code;
     const fs::path path = fs::absolute(folder / text, code);
     const std::string shown = "the file " + quoteText(text) + " (" + path.string() + ")";
     const fs::file_status status = fs::status(path, code);
     if (status.type() == fs::file_type::not_found) {
         const bool isLink = fs::is_symlink(fs::symlink_status(path, code));
-        throw badInput(
-            node.place(),
-            shown + (isLink ? " is a symbolic link to a missing file" : " does not exist"),
-            folderOf.file == detail::kOverrideFile
-                ? "Relative paths of --set start in the current folder"
-                : "Relative paths start in the folder of the file that names them");
+        throw badInput(node.place(), shown + (isLink ? " is a symbolic link to a missing file" : " does not exist"),
+                       folderOf.file == detail::kOverrideFile
+                           ? "Relative paths of --set start in the current folder"
+                           : "Relative paths start in the folder of the file that names them");
     }
     if (!fs::status_known(status)) {
-        throw badInput(node.place(), shown + " cannot be looked at: " + code.message(),
-                       "Check its permissions");
+        throw badInput(node.place(), shown + " cannot be looked at: " + code.message(), "Check its permissions");
     }
     if (!fs::is_regular_file(status)) {
-        throw badInput(node.place(),
-                       shown + (fs::is_directory(status) ? " is a folder" : " is no regular file"),
+        throw badInput(node.place(), shown + (fs::is_directory(status) ? " is a folder" : " is no regular file"),
                        "Name a file");
     }
     return path;
@@ -162,8 +154,7 @@ std::filesystem::path toFile(const ConfigNode& node, const ConfigNode& folderOf,
 
 std::vector<std::vector<double>> toRows(const ConfigNode& node, const ParameterSpec& spec) {
     if (node.kind != ConfigNode::Kind::List) {
-        throw badInput(node.place(),
-                       "must be a list of lists of numbers; it is " + detail::describeNode(node),
+        throw badInput(node.place(), "must be a list of lists of numbers; it is " + detail::describeNode(node),
                        "Write rows in brackets, such as `[[1, 2], [3, 4]]`");
     }
     std::vector<std::vector<double>> rows;
@@ -233,15 +224,14 @@ template <class T>
 const T& Parameters::get(const char* name) const {
     const auto entry = values_.find(name);
     if (entry == values_.end()) {
-        failPlugin(resolved_.place(), "the plugin asks for the parameter `" + std::string(name) +
-                                          "`, which it does not declare");
+        failPlugin(resolved_.place(),
+                   "the plugin asks for the parameter `" + std::string(name) + "`, which it does not declare");
     }
     if (const T* value = std::get_if<T>(&entry->second)) return *value;
-    const char* declared = std::visit(
-        [](const auto& v) { return getValueName<std::decay_t<decltype(v)>>(); }, entry->second);
-    failPlugin(resolved_.place(), "the plugin asks for the parameter `" + std::string(name) +
-                                      "` as " + getValueName<T>() + ", but declares it as " +
-                                      declared);
+    const char* declared =
+        std::visit([](const auto& v) { return getValueName<std::decay_t<decltype(v)>>(); }, entry->second);
+    failPlugin(resolved_.place(), "the plugin asks for the parameter `" + std::string(name) + "` as " +
+                                      getValueName<T>() + ", but declares it as " + declared);
 }
 
 double Parameters::number(const char* name) const {
@@ -272,14 +262,13 @@ const std::vector<std::vector<double>>& Parameters::rows(const char* name) const
 const std::string& Parameters::place(const char* name) const {
     const auto entry = places_.find(name);
     if (entry == places_.end()) {
-        failPlugin(resolved_.place(), "the plugin asks for the place of the parameter `" +
-                                          std::string(name) + "`, which it does not declare");
+        failPlugin(resolved_.place(), "the plugin asks for the place of the parameter `" + std::string(name) +
+                                          "`, which it does not declare");
     }
     return entry->second;
 }
 
-Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, std::size_t count,
-                          int jointCount) {
+Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, std::size_t count, int jointCount) {
     ConfigMap map(block);
     checkSpecs(specs, count, block.place());
     const ConfigNode* plugin = map.find("plugin");
@@ -306,9 +295,9 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
                 isChosenByOverride(block)
                     ? detail::kOverrideFile + (" " + detail::joinKeyPath(block.keyPath, key)) + "="
                     : key + ": ";
-            throw badInput(describePlace(block), nameWithUnit(spec) + " is missing: " + help,
-                           "Add `" + entry + "...` (" + getTypeName(spec.type) + ")" +
-                               (isChosenByOverride(block) ? "" : " here"));
+            throw badInput(
+                describePlace(block), nameWithUnit(spec) + " is missing: " + help,
+                "Add `" + entry + "...` (" + getTypeName(spec.type) + ")" + (isChosenByOverride(block) ? "" : " here"));
         }
         ConfigNode node = written ? *written : makeDefault(spec, block);
         Parameters::Value value;
@@ -341,11 +330,10 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
                 value = toRows(node, spec);
                 break;
             default:
-                failPlugin(block.place(), "the plugin declares the parameter `" +
-                                              std::string(spec.name) + "` with an unknown type");
+                failPlugin(block.place(),
+                           "the plugin declares the parameter `" + std::string(spec.name) + "` with an unknown type");
         }
-        if (spec.type ==
-            ParameterType::File) {  // the resolved block must mean the same from any folder
+        if (spec.type == ParameterType::File) {  // the resolved block must mean the same from any folder
             node.text = std::get<std::filesystem::path>(value).string();
             node.quoted = true;
         }
@@ -374,8 +362,7 @@ std::string describeParameters(const ParameterSpec* specs, std::size_t count) {
                 break;
             }
             case ParameterType::Integer:
-                text += " in [" + std::to_string(getSmallest(spec)) + ", " +
-                        std::to_string(getLargest(spec)) + "]";
+                text += " in [" + std::to_string(getSmallest(spec)) + ", " + std::to_string(getLargest(spec)) + "]";
                 break;
             case ParameterType::Numbers:
             case ParameterType::Rows:

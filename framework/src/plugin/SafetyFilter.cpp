@@ -10,8 +10,8 @@ const char* getName(FilterStatus status) {
             return "modified";
         case FilterStatus::StoppedByPlan:
             return "stopped_by_plan";
-        case FilterStatus::Returning:
-            return "returning";
+        case FilterStatus::Recovering:
+            return "recovering";
         case FilterStatus::Infeasible:
             return "infeasible";
         case FilterStatus::InvalidInput:
@@ -24,7 +24,7 @@ const char* getName(FilterStatus status) {
     return "unknown";
 }
 
-bool SafetyFilter::promisesClearance() const {
+bool SafetyFilter::guaranteesClearance() const {
     return false;
 }
 
@@ -51,16 +51,16 @@ void calcTorque(const Dynamics& dynamics, FilterDecision& decision) {
 // The argument is copied into the decision first: a caller may pass a vector of the decision
 // itself.
 
-void holdJerk(const MotionState& nominal, const Dynamics& dynamics, const JointVector& jerk,
-              double tick_s, FilterDecision& decision) {
+void holdJerk(const MotionState& nominal, const Dynamics& dynamics, const JointVector& jerk, double tick_s,
+              FilterDecision& decision) {
     decision.held = HeldQuantity::Jerk;
     decision.jerk = jerk;
     decision.acceleration = nominal.qdd + (0.5 * tick_s) * decision.jerk;
     calcTorque(dynamics, decision);
 }
 
-void holdAcceleration(const MotionState& nominal, const Dynamics& dynamics,
-                      const JointVector& acceleration, double tick_s, FilterDecision& decision) {
+void holdAcceleration(const MotionState& nominal, const Dynamics& dynamics, const JointVector& acceleration,
+                      double tick_s, FilterDecision& decision) {
     decision.held = HeldQuantity::Acceleration;
     decision.acceleration = acceleration;
     decision.jerk = (decision.acceleration - nominal.qdd) / tick_s;

@@ -55,8 +55,7 @@ std::string toBase64(const std::string& bytes) {
 
 }  // namespace
 
-nlohmann::json BinaryBlock::append(const void* data, std::size_t count, std::size_t size,
-                                   const char* type) {
+nlohmann::json BinaryBlock::append(const void* data, std::size_t count, std::size_t size, const char* type) {
     bytes_.resize((bytes_.size() + 7) / 8 * 8);
     const std::size_t at = bytes_.size();
     bytes_.append(static_cast<const char*>(data), count * size);

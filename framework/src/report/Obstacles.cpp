@@ -7,9 +7,9 @@
 
 #include "core/NumberText.h"
 #include "report/PoseJson.h"
+#include "robot/ArmReach.h"
 #include "viable/core/Error.h"
 #include "viable/environment/OccupancyMap.h"
-#include "viable/robot/ArmReach.h"
 
 namespace viable::detail {
 
@@ -45,8 +45,7 @@ public:
         for (int x = from[0]; x < to[0]; ++x)
             for (int y = from[1]; y < to[1]; ++y)
                 for (int z = from[2]; z < to[2]; ++z)
-                    if ((calcCentre(x, y, z) - centre_).norm() <= radius_)
-                        occupied_[index(x, y, z)] = true;
+                    if ((calcCentre(x, y, z) - centre_).norm() <= radius_) occupied_[index(x, y, z)] = true;
     }
 
     /** The centres of those with a neighbour that is not occupied [m]. */
@@ -55,15 +54,12 @@ public:
         for (int x = 0; x < count_; ++x)
             for (int y = 0; y < count_; ++y)
                 for (int z = 0; z < count_; ++z)
-                    if (isOccupied(x, y, z) && !isBuried(x, y, z))
-                        surface.push_back(calcCentre(x, y, z));
+                    if (isOccupied(x, y, z) && !isBuried(x, y, z)) surface.push_back(calcCentre(x, y, z));
         return surface;
     }
 
 private:
-    std::size_t index(int x, int y, int z) const {
-        return (static_cast<std::size_t>(x) * count_ + y) * count_ + z;
-    }
+    std::size_t index(int x, int y, int z) const { return (static_cast<std::size_t>(x) * count_ + y) * count_ + z; }
     bool isOccupied(int x, int y, int z) const {
         const auto isWithin = [this](int i) { return i >= 0 && i < count_; };
         return isWithin(x) && isWithin(y) && isWithin(z) && occupied_[index(x, y, z)];
@@ -99,8 +95,8 @@ std::optional<Ball> findReach(const std::filesystem::path& robotFolder) try {
 }
 
 /** The occupied cells, in cubes as large as it takes to draw them; `note` gets what the picture does not show. */
-json describeCells(const OccupancyMap& map, const MapChoice& choice, const Ball& reach,
-                   BinaryBlock& binary, std::string& note) {
+json describeCells(const OccupancyMap& map, const MapChoice& choice, const Ball& reach, BinaryBlock& binary,
+                   std::string& note) {
     const Eigen::Isometry3d& pose = choice.pose;
     constexpr double kMostAlongAnAxis = 256.0;  // 2 MB of bits
     const Eigen::Vector3d centre = pose.inverse() * reach.centre;
@@ -196,9 +192,7 @@ json describeEnvironment(const ConfigNode& block, const std::string& mapSha256,
         if (!cells.is_null()) one.update(cells);
         obstacles.push_back(one);
     }
-    return {{"safety_distance_m", environment.safetyDistance_m},
-            {"obstacles", obstacles},
-            {"note", note}};
+    return {{"safety_distance_m", environment.safetyDistance_m}, {"obstacles", obstacles}, {"note", note}};
 } catch (const Error&) {
     return nullptr;
 }

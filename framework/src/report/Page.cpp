@@ -4,8 +4,8 @@
 #include <fstream>
 #include <sstream>
 
+#include "core/WholeFile.h"
 #include "viable/core/Error.h"
-#include "viable/core/WholeFile.h"
 
 namespace viable::detail {
 
@@ -22,13 +22,11 @@ std::string getNow() {
 }
 
 /** The page with its two blocks of data in place. */
-std::string fill(const std::string& page, const fs::path& file, const std::string& data,
-                 const std::string& binary) {
+std::string fill(const std::string& page, const fs::path& file, const std::string& data, const std::string& binary) {
     std::string text;
     std::size_t done = 0;
-    for (const auto& [mark, content] :
-         {std::pair<std::string, const std::string&>{"@@VIABLE_DATA@@", data},
-          std::pair<std::string, const std::string&>{"@@VIABLE_BINARY@@", binary}}) {
+    for (const auto& [mark, content] : {std::pair<std::string, const std::string&>{"@@VIABLE_DATA@@", data},
+                                        std::pair<std::string, const std::string&>{"@@VIABLE_BINARY@@", binary}}) {
         const std::size_t place = page.find(mark, done);
         if (place == std::string::npos)
             throw badInput(file.string(), "this page has no place for the data (" + mark + ")",
@@ -69,8 +67,7 @@ Page::Page(const fs::path& file) : file_(file), text_(readWhole(file)) {
 void Page::write(const fs::path& target, json data, const BinaryBlock& block) const {
     data["version"] = VIABLE_VERSION;
     data["created"] = getNow();
-    const std::string text =
-        data.dump(-1, ' ', false, json::error_handler_t::replace);  // names may hold any bytes
+    const std::string text = data.dump(-1, ' ', false, json::error_handler_t::replace);  // names may hold any bytes
     replaceFile(target, fill(text_, file_, escape(text), block.encode()));
 }
 

@@ -1,4 +1,4 @@
-#include "viable/report/RunReport.h"
+#include "report/RunReport.h"
 
 #include <algorithm>
 #include <array>
@@ -7,8 +7,9 @@
 #include <map>
 #include <stdexcept>
 
-#include "experiment/NumberFormat.h"
+#include "core/NumberFormat.h"
 #include "log/LogExportColumns.h"
+#include "log/LogReader.h"
 #include "report/BinaryBlock.h"
 #include "report/Obstacles.h"
 #include "report/Page.h"
@@ -16,7 +17,6 @@
 #include "report/Tracks.h"
 #include "viable/config/ConfigNode.h"
 #include "viable/core/Error.h"
-#include "viable/log/LogReader.h"
 
 namespace viable {
 
@@ -48,27 +48,19 @@ const Quantity kQuantities[] = {
     {"real_qd", [](const TickRecord& r, int i) { return at(r.real.qd, i); }, true},
     {"error", [](const TickRecord& r, int i) { return at(r.real.q, i) - at(r.nominal.q, i); }, true},
     // The bound is one of the true arm; readings deviate by noise and rounding besides.
-    {"error_true", [](const TickRecord& r, int i) { return at(r.actual.q, i) - at(r.nominal.q, i); },
-     true},
-    {"error_velocity", [](const TickRecord& r, int i) { return at(r.actual.qd, i) - at(r.nominal.qd, i); },
-     true},
+    {"error_true", [](const TickRecord& r, int i) { return at(r.actual.q, i) - at(r.nominal.q, i); }, true},
+    {"error_velocity", [](const TickRecord& r, int i) { return at(r.actual.qd, i) - at(r.nominal.qd, i); }, true},
     {"tau_desired", [](const TickRecord& r, int i) { return at(r.desiredTorque, i); }, false},
     {"tau_filter", [](const TickRecord& r, int i) { return at(r.filterTorque, i); }, false},
     {"tau_robust", [](const TickRecord& r, int i) { return at(r.robustTorque, i); }, true},
     {"tau_motor", [](const TickRecord& r, int i) { return at(r.motorTorque, i); }, true},
     {"margin", [](const TickRecord& r, int i) { return r.stops[i].margin; }, false},
-    {"position_lower", [](const TickRecord& r, int i) { return at(r.limits.position.lower, i); },
-     false},
-    {"position_upper", [](const TickRecord& r, int i) { return at(r.limits.position.upper, i); },
-     false},
-    {"velocity_lower", [](const TickRecord& r, int i) { return at(r.limits.velocity.lower, i); },
-     false},
-    {"velocity_upper", [](const TickRecord& r, int i) { return at(r.limits.velocity.upper, i); },
-     false},
-    {"acceleration_lower",
-     [](const TickRecord& r, int i) { return at(r.limits.acceleration.lower, i); }, false},
-    {"acceleration_upper",
-     [](const TickRecord& r, int i) { return at(r.limits.acceleration.upper, i); }, false},
+    {"position_lower", [](const TickRecord& r, int i) { return at(r.limits.position.lower, i); }, false},
+    {"position_upper", [](const TickRecord& r, int i) { return at(r.limits.position.upper, i); }, false},
+    {"velocity_lower", [](const TickRecord& r, int i) { return at(r.limits.velocity.lower, i); }, false},
+    {"velocity_upper", [](const TickRecord& r, int i) { return at(r.limits.velocity.upper, i); }, false},
+    {"acceleration_lower", [](const TickRecord& r, int i) { return at(r.limits.acceleration.lower, i); }, false},
+    {"acceleration_upper", [](const TickRecord& r, int i) { return at(r.limits.acceleration.upper, i); }, false},
     {"jerk_lower", [](const TickRecord& r, int i) { return at(r.limits.jerk.lower, i); }, false},
     {"jerk_upper", [](const TickRecord& r, int i) { return at(r.limits.jerk.upper, i); }, false},
 };
@@ -101,7 +93,7 @@ std::uint16_t toBit(const JointIntervention& joint) {
     return static_cast<std::uint16_t>(1u << place);
 }
 
-/** 0 passed, 1 modified, 2 stopped_by_plan, 3 returning, 4 infeasible, 5 invalid or faulted. */
+/** 0 passed, 1 modified, 2 stopped_by_plan, 3 recovering, 4 infeasible, 5 invalid or faulted. */
 std::uint16_t toCode(FilterStatus status) {
     return std::min<std::uint16_t>(static_cast<std::uint16_t>(status), 5);
 }
@@ -129,9 +121,7 @@ public:
 
 private:
     static constexpr double kPerDecade = 10.0;
-    static double edge(std::ptrdiff_t bin) {
-        return std::pow(10.0, static_cast<double>(bin) / kPerDecade - 1.0);
-    }
+    static double edge(std::ptrdiff_t bin) { return std::pow(10.0, static_cast<double>(bin) / kPerDecade - 1.0); }
     std::array<std::int64_t, 80> counts_{};  // from 0.1 us to 10 s
 };
 
@@ -204,17 +194,12 @@ public:
         if (rows_ == 0) firstTime_s_ = r.time_s;
         if (rows_ == 1) tick_s_ = r.time_s - firstTime_s_;
         for (int i = 0; i < n_; ++i) {
-            for (std::size_t k = 0; k < kQuantityCount; ++k)
-                values_[index(i, k)] = kQuantities[k].get(r, i);
-            double &acceleration = values_[index(i, kQuantityCount)],
-                   &jerk = values_[index(i, kQuantityCount + 1)];
+            for (std::size_t k = 0; k < kQuantityCount; ++k) values_[index(i, k)] = kQuantities[k].get(r, i);
+            double &acceleration = values_[index(i, kQuantityCount)], &jerk = values_[index(i, kQuantityCount + 1)];
             const double last = acceleration;
-            acceleration = rows_ > 0 && tick_s_ > 0.0
-                               ? (at(r.real.qd, i) - at(lastVelocity_, i)) / tick_s_
-                               : kNan;
+            acceleration = rows_ > 0 && tick_s_ > 0.0 ? (at(r.real.qd, i) - at(lastVelocity_, i)) / tick_s_ : kNan;
             jerk = (acceleration - last) / tick_s_;  // not a number before the third row
-            if (!external_.empty())
-                values_[index(i, kExternal)] = external_[static_cast<std::size_t>(i)]->getNumber(r);
+            if (!external_.empty()) values_[index(i, kExternal)] = external_[static_cast<std::size_t>(i)]->getNumber(r);
             actives_[static_cast<std::size_t>(i)] = toBit(r.joints[i]);
         }
         lastVelocity_ = r.real.qd;
@@ -236,28 +221,25 @@ public:
                 series[kQuantities[k].name] =
                     isShown(kQuantities[k]) ? describeSeries(index(i, k), block) : json(nullptr);
             for (std::size_t k = 0; k < std::size(kDerivatives); ++k)
-                series[kDerivatives[k]] = hasRealArm_
-                                              ? describeArray(index(i, kQuantityCount + k), block)
-                                              : json(nullptr);
-            if (!external_.empty())
-                series["tau_external"] = describeArray(index(i, kExternal), block);
-            joints.push_back({{"series", series},
-                              {"active", block.add(limits_.codes(static_cast<std::size_t>(i)))}});
+                series[kDerivatives[k]] =
+                    hasRealArm_ ? describeArray(index(i, kQuantityCount + k), block) : json(nullptr);
+            if (!external_.empty()) series["tau_external"] = describeArray(index(i, kExternal), block);
+            joints.push_back({{"series", series}, {"active", block.add(limits_.codes(static_cast<std::size_t>(i)))}});
         }
         const double tick = tick_s_ > 0.0 ? tick_s_ : 1e-3;
         json one = {{"rows", rows_},
-                {"tick_s", tick},
-                {"t0", firstTime_s_},
-                {"step_s", tick * static_cast<double>(tracks_.rowsPerBucket())},
-                {"buckets", tracks_.buckets()},
-                {"joints", joints},
-                {"status", block.add(status_.codes(0))},
-                {"tick_time", times_.describe()},
-                {"replay",
-                 {{"step_s", tick * static_cast<double>(nominal_.rowsPerSample())},
-                  {"n", nominal_.count()},
-                  {"nominal", block.add(nominal_.data())},
-                  {"real", hasRealArm_ ? block.add(real_.data()) : json(nullptr)}}}};
+                    {"tick_s", tick},
+                    {"t0", firstTime_s_},
+                    {"step_s", tick * static_cast<double>(tracks_.rowsPerBucket())},
+                    {"buckets", tracks_.buckets()},
+                    {"joints", joints},
+                    {"status", block.add(status_.codes(0))},
+                    {"tick_time", times_.describe()},
+                    {"replay",
+                     {{"step_s", tick * static_cast<double>(nominal_.rowsPerSample())},
+                      {"n", nominal_.count()},
+                      {"nominal", block.add(nominal_.data())},
+                      {"real", hasRealArm_ ? block.add(real_.data()) : json(nullptr)}}}};
         if (!hasEnvironment_) return one;
         one["replay"]["rest"] = block.add(rest_.data());
         one["replay"]["nearest"] = block.add(nearest_.data());
@@ -271,8 +253,7 @@ public:
 private:
     /** What the true arm does wrong is of interest beside its bound. */
     bool isShown(const Quantity& quantity) const {
-        if (std::string(quantity.name).rfind("error_", 0) == 0 &&
-            !constants_.at(0).contains("bound_position"))
+        if (std::string(quantity.name).rfind("error_", 0) == 0 && !constants_.at(0).contains("bound_position"))
             return false;
         return !quantity.needsRealArm || hasRealArm_;
     }
@@ -304,14 +285,11 @@ private:
     /** A number where the value never changes, null where there is none (no limit), else an array. */
     json describeSeries(std::size_t track, BinaryBlock& block) const {
         const std::vector<float>&least = tracks_.least(track), &largest = tracks_.largest(track);
-        const bool isNumber =
-            std::any_of(least.begin(), least.end(), [](float x) { return !std::isnan(x); });
+        const bool isNumber = std::any_of(least.begin(), least.end(), [](float x) { return !std::isnan(x); });
         const std::string name = kQuantities[track % kTracksPerJoint].name;
-        const bool isLimit =
-            name.find("_lower") != std::string::npos || name.find("_upper") != std::string::npos;
+        const bool isLimit = name.find("_lower") != std::string::npos || name.find("_upper") != std::string::npos;
         if (isLimit && !isNumber) return nullptr;
-        if (isLimit &&
-            std::all_of(least.begin(), least.end(), [&](float x) { return x == least[0]; }) &&
+        if (isLimit && std::all_of(least.begin(), least.end(), [&](float x) { return x == least[0]; }) &&
             least == largest)
             return least[0];
         return describeArray(track, block);
@@ -365,8 +343,7 @@ std::vector<fs::path> listLogs(const fs::path& folder, const json& summary) {
     std::vector<fs::path> others;
     for (const fs::directory_entry& entry : fs::directory_iterator(folder, failed)) {
         const fs::path& log = entry.path();
-        if (log.extension() != ".mcap" || std::find(logs.begin(), logs.end(), log) != logs.end())
-            continue;
+        if (log.extension() != ".mcap" || std::find(logs.begin(), logs.end(), log) != logs.end()) continue;
         // Of a log that was recovered only the whole one is shown.
         if (log.stem().extension() != ".recovered" &&
             fs::exists(fs::path(log).replace_extension(".recovered.mcap"), failed))
@@ -397,8 +374,8 @@ json describeTable(const json& summary, const std::vector<fs::path>& logs) {
     bool hasEnvironment = false;
     for (const json& one : summary.value("cases", json::array())) {
         const std::string name = one.value("name", "");
-        const bool hasLog = std::any_of(logs.begin(), logs.end(),
-                                        [&](const fs::path& log) { return getCase(log) == name; });
+        const bool hasLog =
+            std::any_of(logs.begin(), logs.end(), [&](const fs::path& log) { return getCase(log) == name; });
         if (!hasLog) missing += (missing.empty() ? " Without a log here: " : ", ") + name;
         json row = json::array({one.value("name", ""), one.value("filter", "")});
         for (const char* quantity : {"position", "velocity", "acceleration", "jerk"}) {
@@ -410,9 +387,7 @@ json describeTable(const json& summary, const std::vector<fs::path>& logs) {
                 isEndless |= use.is_string();
                 if (use.is_number()) worst = std::max(worst, use.get<double>());
             }
-            row.push_back(!exists     ? "no limit"
-                          : isEndless ? "inf"
-                                      : detail::formatPercent(worst) + " %");
+            row.push_back(!exists ? "no limit" : isEndless ? "inf" : detail::formatPercent(worst) + " %");
         }
         std::int64_t outside = 0;
         for (const auto& quantity : one.at("limits").items())
@@ -423,10 +398,8 @@ json describeTable(const json& summary, const std::vector<fs::path>& logs) {
         const double changed = one.value("changed_share", kNan);
         row.push_back(std::isnan(changed) ? "-" : format("%.1f %%", 100.0 * changed));
         const json& tracking = one.contains("tracking") ? one["tracking"] : json(nullptr);
-        row.push_back(
-            tracking.is_object() ? format("%.3g mrad", 1e3 * tracking.value("rms_rad", 0.0)) : "-");
-        row.push_back(
-            tracking.is_object() ? format("%.3g mrad", 1e3 * tracking.value("max_rad", 0.0)) : "-");
+        row.push_back(tracking.is_object() ? format("%.3g mrad", 1e3 * tracking.value("rms_rad", 0.0)) : "-");
+        row.push_back(tracking.is_object() ? format("%.3g mrad", 1e3 * tracking.value("max_rad", 0.0)) : "-");
         const json command = one.value("command_error_rms_rad", json(nullptr)),
                    chatter = one.value("chatter", json(nullptr));
         row.push_back(command.is_number() ? format("%.4g mrad", 1e3 * command.get<double>()) : "-");
@@ -435,27 +408,29 @@ json describeTable(const json& summary, const std::vector<fs::path>& logs) {
         hasEnvironment |= collisions.is_object();
         for (const char* arm : {"nominal", "real"}) {
             const json record = collisions.is_object() ? collisions.value(arm, json(nullptr)) : json(nullptr);
-            row.push_back(record.is_object() ? std::to_string(record.at("ticks_in_collision").get<std::int64_t>()) : "-");
+            row.push_back(record.is_object() ? std::to_string(record.at("ticks_in_collision").get<std::int64_t>())
+                                             : "-");
             const json least = record.is_object() ? record.at("least_clearance_m") : json(nullptr);
             row.push_back(least.is_number() ? format("%.3g mm", 1e3 * least.get<double>()) : "-");
         }
         rows.push_back(row);
     }
-    return {{"columns",
-             {"case", "filter", "position", "velocity", "acceleration", "jerk", "outside",
-              "infeasible", "changed", "real - nominal RMS", "real - nominal max", "command error",
-              "chatter", "collisions", "least clearance", "collisions, real", "least clearance, real"}},
-            {"rows", rows},
-            {"note",
-             std::string("Worst use of each limit by the nominal arm. outside: joint-ticks beyond any limit; "
-             "infeasible: ticks ") +
+    return {
+        {"columns",
+         {"case", "filter", "position", "velocity", "acceleration", "jerk", "outside", "infeasible", "changed",
+          "real - nominal RMS", "real - nominal max", "command error", "chatter", "collisions", "least clearance",
+          "collisions, real", "least clearance, real"}},
+        {"rows", rows},
+        {"note",
+         std::string("Worst use of each limit by the nominal arm. outside: joint-ticks beyond any limit; "
+                     "infeasible: ticks ") +
              "without an admissible choice; changed: share of ticks that the filter changed; command error: RMS "
              "distance of the nominal joints to the commanded positions within the limits; chatter: RMS jerk of "
              "joints pressed against a position limit at rest, in percent of the jerk limit." +
-                 (hasEnvironment ? " collisions: ticks in which the arm touches an obstacle or itself; least clearance: "
-                                   "in the whole run, as found afterwards without the filter."
-                                 : "") +
-                 (missing.empty() ? "" : missing + ".")}};
+             (hasEnvironment ? " collisions: ticks in which the arm touches an obstacle or itself; least clearance: "
+                               "in the whole run, as found afterwards without the filter."
+                             : "") +
+             (missing.empty() ? "" : missing + ".")}};
 }
 
 /** The cases' resolved files in one: what stands before the cases once, as far as it is the same. */
@@ -475,8 +450,7 @@ std::string joinFiles(const std::vector<std::string>& files) {
 }
 
 /** The names of the plugins of a kind from the libraries that the log names: .../viable_filter_tosbp.so, or a JSON list. */
-std::string getPlugin(const std::map<std::string, std::string>& metadata, const char* kind,
-                      const char* prefix) {
+std::string getPlugin(const std::map<std::string, std::string>& metadata, const char* kind, const char* prefix) {
     const auto entry = metadata.find(kind);
     if (entry == metadata.end()) return "";
     json libraries = json::parse(entry->second, nullptr, false);
@@ -565,8 +539,7 @@ private:
         return one;
     }
     json readLimit(const json& from) const {
-        json one = readNumbers(
-            from, {"lower", "upper", "lowest", "highest", "deviation", "judged", "visible_excess"});
+        json one = readNumbers(from, {"lower", "upper", "lowest", "highest", "deviation", "judged", "visible_excess"});
         one["verdict"] = readVerdict(from);
         one["unit"] = from.at("unit").get<std::string>();
         one["broken"] = nullptr;
@@ -587,8 +560,8 @@ private:
         json all = {{"t0", from.at("t0").get<double>() + shift_s_}, {"step_s", step_s}, {"n", n}};
         for (const char* quantity : kJudged)
             for (const auto& [name, lower, upper] : kCurves)
-                all[quantity][name] = block_.add(
-                    joinPairs(from.at(quantity).at(lower), from.at(quantity).at(upper), n));
+                all[quantity][name] =
+                    block_.add(joinPairs(from.at(quantity).at(lower), from.at(quantity).at(upper), n));
         return all;
     }
     /** Two arrays of numbers in turns; null is not a number. */
@@ -640,7 +613,7 @@ json describeCase(const fs::path& log, LogReader& reader, const json& summary, B
     one["filter"] = getPlugin(reader.metadata(), "filter", "viable_filter_");
     one["robust_loop"] = getPlugin(reader.metadata(), "robust_loop", "viable_robust_loop_");
     one["plant"] = getPlugin(reader.metadata(), "plant", "viable_plant_");
-    one["promises"] = false;
+    one["guarantees"] = false;
     const char* const noEnd = "the log has no end: the run was killed or goes on";
     one["verdict"] = reader.isComplete() ? "there is no summary of this case" : noEnd;
     one["ok"] = false;
@@ -648,11 +621,10 @@ json describeCase(const fs::path& log, LogReader& reader, const json& summary, B
     one["details"] = "";
     for (const json& known : summary.value("cases", json::array())) {
         if (known.value("name", "") != one["name"]) continue;
-        one["promises"] = known.value("promises_limits", false);
+        one["guarantees"] = known.value("guarantees_limits", false);
         one["ok"] = known.value("limits_kept", false) && known.value("exit_code", 1) == 0 &&
                     known.value("stop", "").empty() && !touched(known) && reader.isComplete();
-        one["verdict"] = (reader.isComplete() ? "" : std::string(noEnd) + "; ") +
-                         known.value("verdict", "");
+        one["verdict"] = (reader.isComplete() ? "" : std::string(noEnd) + "; ") + known.value("verdict", "");
         one["details"] = known.value("account", "");
         if (const std::string stop = known.value("stop", ""); !stop.empty())
             one["stop"] = {{"time_s", known.value("stop_time_s", 0.0)}, {"message", stop}};
@@ -689,9 +661,8 @@ std::vector<Arm> groupByArm(const std::vector<fs::path>& logs) {
         const auto entry = reader.metadata().find("robot");
         const std::string robot = entry == reader.metadata().end() ? "" : entry->second;
         const std::vector<std::string>& joints = reader.layout().jointNames;
-        const auto same = std::find_if(arms.begin(), arms.end(), [&](const Arm& arm) {
-            return arm.robot == robot && arm.joints == joints;
-        });
+        const auto same = std::find_if(arms.begin(), arms.end(),
+                                       [&](const Arm& arm) { return arm.robot == robot && arm.joints == joints; });
         if (same == arms.end())
             arms.push_back({robot, joints, {log}});
         else
@@ -703,8 +674,7 @@ std::vector<Arm> groupByArm(const std::vector<fs::path>& logs) {
 /** The joints as the page wants them; which of them slide is in the log. */
 json describeJoints(const LogReader& reader) {
     json sliding = json::array();
-    if (const auto entry = reader.metadata().find(detail::kPrismaticJoints);
-        entry != reader.metadata().end())
+    if (const auto entry = reader.metadata().find(detail::kPrismaticJoints); entry != reader.metadata().end())
         sliding = json::parse(entry->second, nullptr, false);
     json joints = json::array();
     for (const std::string& name : reader.layout().jointNames) {
@@ -756,22 +726,17 @@ private:
 };
 
 /** Throws json::exception where the summary has another shape. */
-fs::path composeReport(const fs::path& folder, const std::string& fileName, const detail::Page& page,
-                       const Arm& arm, const json& summary) {
+fs::path composeReport(const fs::path& folder, const std::string& fileName, const detail::Page& page, const Arm& arm,
+                       const json& summary) {
     BinaryBlock block;
-    json data = {{"format", 1},
-                 {"file", summary.value("experiment", "")},
-                 {"robot", nullptr},
-                 {"scene", nullptr},
-                 {"summary", describeTable(summary, arm.logs)},
-                 {"cases", json::array()}};
+    json data = {{"format", 1},      {"file", summary.value("experiment", "")},     {"robot", nullptr},
+                 {"scene", nullptr}, {"summary", describeTable(summary, arm.logs)}, {"cases", json::array()}};
     std::vector<std::string> yaml;
     Environments environments;
     for (const fs::path& log : arm.logs) {
         LogReader reader(log);
         if (data["robot"].is_null()) {
-            data["robot"] = {{"name", fs::path(arm.robot).filename().string()},
-                             {"joints", describeJoints(reader)}};
+            data["robot"] = {{"name", fs::path(arm.robot).filename().string()}, {"joints", describeJoints(reader)}};
             data["scene"] = detail::describeScene(arm.robot, block, data["robot"]["joints"]);
         }
         json& one = data["cases"].emplace_back(describeCase(log, reader, summary, block));
@@ -807,8 +772,7 @@ std::vector<fs::path> writeReport(const fs::path& folder, const fs::path& pageFi
         const json summary = readSummary(run);
         const std::vector<fs::path> logs = listLogs(run, summary);
         if (logs.empty())
-            throw badInput(folder.string(), "there is no log (.mcap) in this folder",
-                           "Name the folder of a run.");
+            throw badInput(folder.string(), "there is no log (.mcap) in this folder", "Name the folder of a run.");
         std::vector<fs::path> reports;
         for (const Arm& arm : groupByArm(logs)) {
             const std::string name =

@@ -2,8 +2,8 @@
 
 #include "report/PoseJson.h"
 #include "robot/MeshFile.h"
+#include "robot/RobotShapes.h"
 #include "viable/core/Error.h"
-#include "viable/robot/RobotShapes.h"
 
 namespace viable::detail {
 
@@ -15,19 +15,15 @@ using nlohmann::json;
 json describeShape(const LinkShape& shape, BinaryBlock& block) {
     switch (shape.kind) {
         case LinkShape::Kind::Capsule:
-            return {{"type", "capsule"},
-                    {"from", toJson(shape.from)},
-                    {"to", toJson(shape.to)},
-                    {"radius", shape.radius}};
+            return {
+                {"type", "capsule"}, {"from", toJson(shape.from)}, {"to", toJson(shape.to)}, {"radius", shape.radius}};
         case LinkShape::Kind::Sphere:
             return {{"type", "sphere"}, {"radius", shape.radius}, {"pose", toJson(shape.pose)}};
         case LinkShape::Kind::Box:
             return {{"type", "box"}, {"size", toJson(shape.size)}, {"pose", toJson(shape.pose)}};
         case LinkShape::Kind::Cylinder:
-            return {{"type", "cylinder"},
-                    {"radius", shape.radius},
-                    {"length", shape.length},
-                    {"pose", toJson(shape.pose)}};
+            return {
+                {"type", "cylinder"}, {"radius", shape.radius}, {"length", shape.length}, {"pose", toJson(shape.pose)}};
         case LinkShape::Kind::Mesh: {
             const Mesh mesh = readMesh(shape.mesh, shape.size);
             if (mesh.positions.empty()) return nullptr;
@@ -42,10 +38,8 @@ json describeShape(const LinkShape& shape, BinaryBlock& block) {
 
 json makeLink(const std::string& name, int parent, int joint, const Eigen::Isometry3d& origin,
               const Eigen::Vector3d& axis) {
-    return {{"name", name},         {"parent", parent},
-            {"joint", joint},       {"origin", toJson(origin)},
-            {"axis", toJson(axis)}, {"shapes", json::array()},
-            {"color", nullptr}};
+    return {{"name", name},         {"parent", parent},        {"joint", joint},  {"origin", toJson(origin)},
+            {"axis", toJson(axis)}, {"shapes", json::array()}, {"color", nullptr}};
 }
 
 const char* getName(JointType type) {
@@ -73,24 +67,21 @@ json describeScene(const std::filesystem::path& robotFolder, BinaryBlock& block,
     }
     if (robot.size() != static_cast<int>(joints.size())) return nullptr;  // another robot by now
     for (int i = 0; i < robot.size(); ++i)
-        joints[static_cast<std::size_t>(i)]["kind"] =
-            getName(robot.joints[static_cast<std::size_t>(i)].type);
+        joints[static_cast<std::size_t>(i)]["kind"] = getName(robot.joints[static_cast<std::size_t>(i)].type);
     const Eigen::Vector3d z = Eigen::Vector3d::UnitZ();
     json links = json::array();
     // The base, then the moving frame of joint i as link i + 1, then what has shapes.
     links.push_back(makeLink("base", -1, -1, Eigen::Isometry3d::Identity(), z));
     for (int i = 0; i < robot.size(); ++i) {
         const JointDescription& joint = robot.joints[static_cast<std::size_t>(i)];
-        links.push_back(
-            makeLink(joint.childLink, joint.parent + 1, i, joint.placement, joint.axis));
+        links.push_back(makeLink(joint.childLink, joint.parent + 1, i, joint.placement, joint.axis));
     }
     const std::size_t tool = links.size();
     links.push_back(makeLink(robot.toolLink, robot.toolParent + 1, -1, robot.toolPlacement, z));
     for (const LinkShapes& link : shapes) {
         json described = makeLink(link.link, link.carrier + 1, -1, link.placement, z);
         for (const LinkShape& shape : link.shapes)
-            if (json one = describeShape(shape, block); !one.is_null())
-                described["shapes"].push_back(std::move(one));
+            if (json one = describeShape(shape, block); !one.is_null()) described["shapes"].push_back(std::move(one));
         if (link.hasColor) described["color"] = link.color;
         links.push_back(std::move(described));
     }

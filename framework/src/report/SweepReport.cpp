@@ -1,4 +1,4 @@
-#include "viable/report/SweepReport.h"
+#include "report/SweepReport.h"
 
 #include <sqlite3.h>
 
@@ -34,8 +34,7 @@ Error refuseHalfWritten(const fs::path& store, const std::string& what) {
 /** A query and its rows. */
 class Query {
 public:
-    Query(sqlite3* database, const fs::path& store, const std::string& text)
-        : database_(database), store_(store) {
+    Query(sqlite3* database, const fs::path& store, const std::string& text) : database_(database), store_(store) {
         sqlite3_stmt* statement = nullptr;
         check(sqlite3_prepare_v2(database, text.c_str(), -1, &statement, nullptr));
         statement_.reset(statement);
@@ -72,8 +71,7 @@ class Store {
 public:
     explicit Store(const fs::path& file) : file_(file) {
         sqlite3* database = nullptr;
-        const int status =
-            sqlite3_open_v2(file.c_str(), &database, SQLITE_OPEN_READONLY, nullptr);
+        const int status = sqlite3_open_v2(file.c_str(), &database, SQLITE_OPEN_READONLY, nullptr);
         database_.reset(database);
         if (status != SQLITE_OK)
             throw badInput(file.string(),
@@ -111,14 +109,12 @@ public:
     }
     const std::string& text(const std::string& key) const {
         const auto entry = values_.find(key);
-        if (entry == values_.end())
-            throw refuseHalfWritten(store_.file(), "its table meta has no " + key);
+        if (entry == values_.end()) throw refuseHalfWritten(store_.file(), "its table meta has no " + key);
         return entry->second;
     }
     json list(const std::string& key) const {
         json value = json::parse(text(key), nullptr, false);
-        if (!value.is_array())
-            throw refuseHalfWritten(store_.file(), key + " in its table meta is no list");
+        if (!value.is_array()) throw refuseHalfWritten(store_.file(), key + " in its table meta is no list");
         return value;
     }
 
@@ -163,8 +159,7 @@ public:
         for (std::size_t i = 0; i < numbers_.size(); ++i)
             if (numbers_[i] == numbers_[i]) codes_[i] = codeOf(formatExactly(numbers_[i]));
         std::vector<std::uint8_t> text;
-        for (const std::string& word : words_)
-            text.insert(text.end(), word.c_str(), word.c_str() + word.size() + 1);
+        for (const std::string& word : words_) text.insert(text.end(), word.c_str(), word.c_str() + word.size() + 1);
         return {{"words", block.add(text)}, {"codes", block.add(codes_)}};
     }
 
@@ -195,17 +190,16 @@ void describeRuns(const Store& store, json columns, json& data, BinaryBlock& blo
     std::vector<std::uint32_t> runs, cases;
     std::map<std::string, std::uint32_t> caseIndices;
     for (const json& name : data["cases"])
-        if (name.is_string())
-            caseIndices.emplace(name, static_cast<std::uint32_t>(caseIndices.size()));
+        if (name.is_string()) caseIndices.emplace(name, static_cast<std::uint32_t>(caseIndices.size()));
     if (caseIndices.size() != data["cases"].size())
         throw refuseHalfWritten(store.file(), "cases in its table meta is no list of names");
-    for (Query row = store.query("SELECT runs.run, runs.case_name" + names +
-                                 " FROM runs ORDER BY runs.run, runs.case_name");
+    for (Query row =
+             store.query("SELECT runs.run, runs.case_name" + names + " FROM runs ORDER BY runs.run, runs.case_name");
          row.next();) {
         const auto known = caseIndices.find(row.text(1));
         if (known == caseIndices.end())
-            throw refuseHalfWritten(store.file(), "a run of the case \"" + row.text(1) +
-                                                      "\", which its table meta does not name");
+            throw refuseHalfWritten(store.file(),
+                                    "a run of the case \"" + row.text(1) + "\", which its table meta does not name");
         runs.push_back(static_cast<std::uint32_t>(row.integer(0)));
         cases.push_back(known->second);
         for (std::size_t i = 0; i < values.size(); ++i) values[i].add(row, static_cast<int>(i) + 2);
@@ -230,8 +224,7 @@ fs::path writeSweepReport(const fs::path& folder, const fs::path& pageFile) {
     const Meta meta(store);
     BinaryBlock block;
     json data = {{"format", 1}, {"cases", meta.list("cases")}, {"joints", meta.list("joints")}};
-    for (const char* key : {"title", "file", "experiment", "file_hash", "seed", "runs"})
-        data[key] = meta.text(key);
+    for (const char* key : {"title", "file", "experiment", "file_hash", "seed", "runs"}) data[key] = meta.text(key);
     data["writer"] = meta.writer();
     describeRuns(store, meta.list("columns"), data, block);
     const fs::path report = folder / "report.html";

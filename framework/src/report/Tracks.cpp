@@ -18,8 +18,7 @@ float joinLargest(float a, float b) {
 
 template <class T, class Join>
 void halve(std::vector<T>& values, Join join) {
-    for (std::size_t i = 0; 2 * i + 1 < values.size(); ++i)
-        values[i] = join(values[2 * i], values[2 * i + 1]);
+    for (std::size_t i = 0; 2 * i + 1 < values.size(); ++i) values[i] = join(values[2 * i], values[2 * i + 1]);
     values.resize(values.size() / 2);
 }
 

@@ -30,16 +30,16 @@ ArmGeometry loadArmGeometry(const RobotDescription& robot) {
                        "`viable new robot NAME --urdf " + (robot.folder / urdfName).string() +
                            "` drafts one from the shapes of the URDF; copy it from there, or "
                            "write it as robots/README.md says.");
-    const detail::CollisionFile read = detail::readCollisionFile(
-        file, detail::readUrdf(robot.folder / urdfName), detail::Blanks::Refuse);
+    const detail::CollisionFile read =
+        detail::readCollisionFile(file, detail::readUrdf(robot.folder / urdfName), detail::Blanks::Refuse);
 
     ArmGeometry geometry;
     for (const LinkShapes& link : read.links) {
         const int index = static_cast<int>(geometry.links.size());
         geometry.links.push_back(link.link);
         for (const LinkShape& shape : link.shapes)
-            geometry.capsules.push_back({index, link.carrier, link.placement * shape.from,
-                                         link.placement * shape.to, shape.radius});
+            geometry.capsules.push_back(
+                {index, link.carrier, link.placement * shape.from, link.placement * shape.to, shape.radius});
     }
     const int count = static_cast<int>(geometry.capsules.size());
     for (int i = 0; i < count; ++i) {

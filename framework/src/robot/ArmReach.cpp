@@ -1,12 +1,11 @@
-#include "viable/robot/ArmReach.h"
+#include "robot/ArmReach.h"
 
 #include <algorithm>
 #include <cmath>
 
 namespace viable {
 
-Eigen::AlignedBox3d calcReach(const RobotDescription& robot, const ArmGeometry& geometry,
-                              const JointLimits& limits) {
+Eigen::AlignedBox3d calcReach(const RobotDescription& robot, const ArmGeometry& geometry, const JointLimits& limits) {
     Eigen::AlignedBox3d box(Eigen::Vector3d::Zero().eval());
     for (const LinkCapsule& capsule : geometry.capsules) {
         if (capsule.carrier < 0) continue;
@@ -15,8 +14,7 @@ Eigen::AlignedBox3d calcReach(const RobotDescription& robot, const ArmGeometry& 
         for (int i = capsule.carrier; i >= 0;) {
             const JointDescription& joint = robot.joints[static_cast<std::size_t>(i)];
             if (joint.type == JointType::Prismatic)
-                distance += std::max(std::abs(limits.position.lower[i]),
-                                     std::abs(limits.position.upper[i]));
+                distance += std::max(std::abs(limits.position.lower[i]), std::abs(limits.position.upper[i]));
             const Eigen::Vector3d origin = joint.placement.translation();
             i = joint.parent;
             if (i >= 0) {

@@ -1,4 +1,4 @@
-#include "viable/robot/ArmRecursion.h"
+#include "robot/ArmRecursion.h"
 
 #include <cmath>
 
@@ -82,8 +82,7 @@ Matrix3d makeCross(const Vector3d& v) {
 
 }  // namespace
 
-ArmRecursion::ArmRecursion(const RobotDescription& robot)
-    : n_(robot.size()), gravity_(robot.gravity) {
+ArmRecursion::ArmRecursion(const RobotDescription& robot) : n_(robot.size()), gravity_(robot.gravity) {
     VIABLE_CHECK(n_ >= 1 && n_ <= kMaxJoints, "a robot has 1 to kMaxJoints joints");
     VIABLE_CHECK(robot.actuation.rotorInertia.size() == n_, "one rotor inertia per joint");
     std::array<Matrix3d, kMaxJoints> axisFrame;
@@ -104,8 +103,7 @@ ArmRecursion::ArmRecursion(const RobotDescription& robot)
 
         Matrix3d& own = axisFrame[index(i)];
         own = makeAxisFrame(from.axis);
-        const Matrix3d before =
-            from.parent < 0 ? Matrix3d::Identity() : axisFrame[index(from.parent)];
+        const Matrix3d before = from.parent < 0 ? Matrix3d::Identity() : axisFrame[index(from.parent)];
         Joint& joint = joints_[index(i)];
         joint.rotation = before.transpose() * placed * own;
         joint.origin = before.transpose() * placement.origin;
@@ -116,8 +114,7 @@ ArmRecursion::ArmRecursion(const RobotDescription& robot)
         const Vector3d com = own.transpose() * from.body.com;
         const Matrix3d inertia = own.transpose() * from.body.inertia * own;
         joint.moment = joint.mass * com;
-        joint.second = 0.5 * inertia.trace() * Matrix3d::Identity() - inertia +
-                       joint.mass * com * com.transpose();
+        joint.second = 0.5 * inertia.trace() * Matrix3d::Identity() - inertia + joint.mass * com * com.transpose();
     }
     // From the tips inwards: mass on a revolute joint's axis moves with the link before it.
     for (int i = n_ - 1; i >= 0; --i) {
@@ -129,8 +126,7 @@ ArmRecursion::ArmRecursion(const RobotDescription& robot)
             const Vector3d e = joint.rotation.col(2);
             before.mass += joint.mass;
             before.moment += joint.mass * p + joint.moment.z() * e;
-            before.second +=
-                joint.mass * p * p.transpose() + joint.second(2, 2) * e * e.transpose();
+            before.second += joint.mass * p * p.transpose() + joint.second(2, 2) * e * e.transpose();
             before.second += joint.moment.z() * (p * e.transpose() + e * p.transpose());
         }
         joint.mass = joint.moment.z() = joint.second(2, 2) = 0.0;
@@ -169,8 +165,7 @@ void ArmRecursion::calcFrames(const JointVector& q, Frames& frames) const {
 
 void ArmRecursion::calcTorque(const JointVector& q, const JointVector& qd, const JointVector& qdd,
                               JointVector& tau) const {
-    VIABLE_CHECK(q.size() == n_ && qd.size() == n_ && qdd.size() == n_,
-                 "q, qd and qdd have one entry per joint");
+    VIABLE_CHECK(q.size() == n_ && qd.size() == n_ && qdd.size() == n_, "q, qd and qdd have one entry per joint");
     struct Motion {
         Angle angle;
         Triple<Pair> spin;            // angular velocity, angular acceleration
@@ -216,16 +211,15 @@ void ArmRecursion::calcTorque(const JointVector& q, const JointVector& qd, const
             a.z += qdd[i];
             const Swing U(spin);
             const double m = joint.mass;
-            loads[index(i)] = {
-                Pair{m * a.x + U.xx * h.x() + U.xy * h.y() + U.xz * h.z(),
-                     h.y() * a.z - h.z() * a.y + U.zx * E(0, 1) + U.zy * E(1, 1) + U.zz * E(2, 1) -
-                         U.yx * E(0, 2) - U.yy * E(1, 2) - U.yz * E(2, 2)},
-                Pair{m * a.y + U.yx * h.x() + U.yy * h.y() + U.yz * h.z(),
-                     h.z() * a.x - h.x() * a.z + U.xx * E(0, 2) + U.xy * E(1, 2) + U.xz * E(2, 2) -
-                         U.zx * E(0, 0) - U.zy * E(1, 0) - U.zz * E(2, 0)},
-                Pair{m * a.z + U.zx * h.x() + U.zy * h.y() + U.zz * h.z(),
-                     h.x() * a.y - h.y() * a.x + U.yx * E(0, 0) + U.yy * E(1, 0) + U.yz * E(2, 0) -
-                         U.xx * E(0, 1) - U.xy * E(1, 1) - U.xz * E(2, 1)}};
+            loads[index(i)] = {Pair{m * a.x + U.xx * h.x() + U.xy * h.y() + U.xz * h.z(),
+                                    h.y() * a.z - h.z() * a.y + U.zx * E(0, 1) + U.zy * E(1, 1) + U.zz * E(2, 1) -
+                                        U.yx * E(0, 2) - U.yy * E(1, 2) - U.yz * E(2, 2)},
+                               Pair{m * a.y + U.yx * h.x() + U.yy * h.y() + U.yz * h.z(),
+                                    h.z() * a.x - h.x() * a.z + U.xx * E(0, 2) + U.xy * E(1, 2) + U.xz * E(2, 2) -
+                                        U.zx * E(0, 0) - U.zy * E(1, 0) - U.zz * E(2, 0)},
+                               Pair{m * a.z + U.zx * h.x() + U.zy * h.y() + U.zz * h.z(),
+                                    h.x() * a.y - h.y() * a.x + U.yx * E(0, 0) + U.yy * E(1, 0) + U.yz * E(2, 0) -
+                                        U.xx * E(0, 1) - U.xy * E(1, 1) - U.xz * E(2, 1)}};
             motion.swing = U;
         } else {
             const double wx = spin.x[0], wy = spin.y[0];
@@ -234,16 +228,13 @@ void ArmRecursion::calcTorque(const JointVector& q, const JointVector& qd, const
             spin.z += Pair{qd[i], qdd[i]};
             const Swing U(spin);
             // As above, where mass, h.z and E.zz of a revolute joint's link are zero.
-            loads[index(i)] = {
-                Pair{U.xx * h.x() + U.xy * h.y(), h.y() * a.z + U.zx * E(0, 1) + U.zy * E(1, 1) +
-                                                      U.zz * E(2, 1) - U.yx * E(0, 2) -
-                                                      U.yy * E(1, 2)},
-                Pair{U.yx * h.x() + U.yy * h.y(), -h.x() * a.z + U.xx * E(0, 2) + U.xy * E(1, 2) -
-                                                      U.zx * E(0, 0) - U.zy * E(1, 0) -
-                                                      U.zz * E(2, 0)},
-                Pair{U.zx * h.x() + U.zy * h.y(),
-                     h.x() * a.y - h.y() * a.x + U.yx * E(0, 0) + U.yy * E(1, 0) + U.yz * E(2, 0) -
-                         U.xx * E(0, 1) - U.xy * E(1, 1) - U.xz * E(2, 1)}};
+            loads[index(i)] = {Pair{U.xx * h.x() + U.xy * h.y(), h.y() * a.z + U.zx * E(0, 1) + U.zy * E(1, 1) +
+                                                                     U.zz * E(2, 1) - U.yx * E(0, 2) - U.yy * E(1, 2)},
+                               Pair{U.yx * h.x() + U.yy * h.y(), -h.x() * a.z + U.xx * E(0, 2) + U.xy * E(1, 2) -
+                                                                     U.zx * E(0, 0) - U.zy * E(1, 0) - U.zz * E(2, 0)},
+                               Pair{U.zx * h.x() + U.zy * h.y(), h.x() * a.y - h.y() * a.x + U.yx * E(0, 0) +
+                                                                     U.yy * E(1, 0) + U.yz * E(2, 0) - U.xx * E(0, 1) -
+                                                                     U.xy * E(1, 1) - U.xz * E(2, 1)}};
             motion.swing = U;
         }
         motion.spin = spin;

@@ -7,9 +7,9 @@
 #include <limits>
 #include <random>
 
+#include "robot/ArmRecursion.h"
 #include "robot/MeshFile.h"
 #include "robot/Segments.h"
-#include "viable/robot/ArmRecursion.h"
 
 namespace viable::detail {
 
@@ -80,8 +80,7 @@ DraftCapsule fitAlong(const Vector3d& direction, const std::vector<Vector3d>& po
     for (const Vector3d& p : points) flat.emplace_back(p.dot(x), p.dot(y));
     const Eigen::Vector2d centre = findCircle(flat);
     double narrowest2 = kThinnest * kThinnest;
-    for (const Eigen::Vector2d& p : flat)
-        narrowest2 = std::max(narrowest2, (p - centre).squaredNorm());
+    for (const Eigen::Vector2d& p : flat) narrowest2 = std::max(narrowest2, (p - centre).squaredNorm());
 
     // Wider ones may be shorter, because their caps are too.
     DraftCapsule best;
@@ -90,8 +89,7 @@ DraftCapsule fitAlong(const Vector3d& direction, const std::vector<Vector3d>& po
         const double radius = std::sqrt(narrowest2) * (1.0 + static_cast<double>(k) / kRadii);
         double first = std::numeric_limits<double>::infinity(), last = -first;
         for (std::size_t i = 0; i < points.size(); ++i) {
-            const double cap =
-                std::sqrt(std::max(0.0, radius * radius - (flat[i] - centre).squaredNorm()));
+            const double cap = std::sqrt(std::max(0.0, radius * radius - (flat[i] - centre).squaredNorm()));
             const double t = points[i].dot(direction);
             first = std::min(first, t + cap);
             last = std::max(last, t - cap);
@@ -113,8 +111,7 @@ DraftCapsule fitCapsule(const std::vector<Vector3d>& points, const Eigen::Matrix
     for (const Vector3d& p : points) mean += p / static_cast<double>(points.size());
     Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
     for (const Vector3d& p : points) spread += (p - mean) * (p - mean).transpose();
-    const Eigen::Matrix3d principal =
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvectors();
+    const Eigen::Matrix3d principal = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvectors();
     DraftCapsule best;
     double smallest = std::numeric_limits<double>::infinity();
     const auto consider = [&](const DraftCapsule& capsule) {
@@ -135,8 +132,7 @@ DraftCapsule fitCapsule(const std::vector<Vector3d>& points, const Eigen::Matrix
     best.from = best.from.unaryExpr(&roundTo);
     best.to = best.to.unaryExpr(&roundTo);
     double radius = kThinnest;
-    for (const Vector3d& p : points)
-        radius = std::max(radius, calcPointDistance(p, best.from, best.to));
+    for (const Vector3d& p : points) radius = std::max(radius, calcPointDistance(p, best.from, best.to));
     best.radius = roundUp(radius);
     return best;
 }
@@ -152,8 +148,7 @@ fs::path findMeshOfDraft(const std::string& name, const fs::path& folder) {
     const fs::path path = name.substr(scheme.size());
     if (path.empty()) return {};
     const fs::path package = *path.begin();
-    for (fs::path at = fs::weakly_canonical(folder, failed); at.has_relative_path();
-         at = at.parent_path())
+    for (fs::path at = fs::weakly_canonical(folder, failed); at.has_relative_path(); at = at.parent_path())
         if (at.filename() == package && fs::is_regular_file(at.parent_path() / path, failed))
             return at.parent_path() / path;
     return {};
@@ -168,16 +163,15 @@ std::vector<Vector3d> listCorners(const LinkShape& shape, const fs::path& folder
             break;
         case LinkShape::Kind::Box:
             for (int k = 0; k < 8; ++k)
-                corners.push_back(0.5 * shape.size.cwiseProduct(Vector3d(
-                                            k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1)));
+                corners.push_back(0.5 *
+                                  shape.size.cwiseProduct(Vector3d(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1)));
             break;
         case LinkShape::Kind::Cylinder: {
             const double outside = shape.radius / std::cos(EIGEN_PI / kCorners);
             for (int k = 0; k < kCorners; ++k) {
                 const double angle = 2.0 * EIGEN_PI * k / kCorners;
                 for (const double z : {-0.5, 0.5})
-                    corners.emplace_back(outside * std::cos(angle), outside * std::sin(angle),
-                                         z * shape.length);
+                    corners.emplace_back(outside * std::cos(angle), outside * std::sin(angle), z * shape.length);
             }
             break;
         }
@@ -186,8 +180,7 @@ std::vector<Vector3d> listCorners(const LinkShape& shape, const fs::path& folder
             if (file.empty()) break;
             const Mesh mesh = readMesh(file.string(), shape.size);
             for (std::size_t i = 0; i + 2 < mesh.positions.size(); i += 3)
-                corners.emplace_back(mesh.positions[i], mesh.positions[i + 1],
-                                     mesh.positions[i + 2]);
+                corners.emplace_back(mesh.positions[i], mesh.positions[i + 1], mesh.positions[i + 2]);
             break;
         }
         case LinkShape::Kind::Capsule:
@@ -204,8 +197,8 @@ DraftLink draftLink(const UrdfRobot& robot, const std::string& name, const fs::p
     if (found == robot.solids.end()) return link;
     for (const LinkShape& shape : found->second.shapes) {
         const std::vector<Vector3d> corners = listCorners(shape, folder);
-        const bool isFinite = std::all_of(corners.begin(), corners.end(),
-                                          [](const Vector3d& p) { return p.allFinite(); });
+        const bool isFinite =
+            std::all_of(corners.begin(), corners.end(), [](const Vector3d& p) { return p.allFinite(); });
         if (corners.empty() || !isFinite) {
             link.lostMeshes.push_back(shape.mesh);
             continue;
@@ -234,10 +227,8 @@ JointVector drawPose(const std::vector<DraftJoint>& joints, std::mt19937_64& ran
     for (int i = 0; i < q.size(); ++i) {
         const DraftJoint& joint = joints[static_cast<std::size_t>(i)];
         // Where there is no limit, or none that can be meant: a full turn, or a metre to either side.
-        const double reach =
-            joint.type == JointType::Prismatic ? 1.0 : static_cast<double>(EIGEN_PI);
-        const bool isKnown =
-            std::isfinite(joint.positionLower) && std::isfinite(joint.positionUpper);
+        const double reach = joint.type == JointType::Prismatic ? 1.0 : static_cast<double>(EIGEN_PI);
+        const bool isKnown = std::isfinite(joint.positionLower) && std::isfinite(joint.positionUpper);
         const double lower = isKnown ? joint.positionLower : -reach;
         const double upper = isKnown ? joint.positionUpper : reach;
         q[i] = lower + static_cast<double>(random() >> 11) * 0x1p-53 * (upper - lower);
@@ -252,8 +243,7 @@ struct Placed {
 };
 
 /** Capsules of each link in the base frame. */
-std::vector<std::vector<Placed>> placeCapsules(const UrdfRobot& robot,
-                                               const std::vector<DraftLink>& links,
+std::vector<std::vector<Placed>> placeCapsules(const UrdfRobot& robot, const std::vector<DraftLink>& links,
                                                const ArmRecursion::Frames& frames) {
     std::vector<std::vector<Placed>> placed(links.size());
     for (std::size_t k = 0; k < links.size(); ++k) {
@@ -265,8 +255,7 @@ std::vector<std::vector<Placed>> placeCapsules(const UrdfRobot& robot,
             carrier.translation() = frames.origin[static_cast<std::size_t>(place.carrier)];
             pose = carrier * pose;
         }
-        for (const DraftCapsule& c : links[k].capsules)
-            placed[k].push_back({pose * c.from, pose * c.to, c.radius});
+        for (const DraftCapsule& c : links[k].capsules) placed[k].push_back({pose * c.from, pose * c.to, c.radius});
     }
     return placed;
 }
@@ -281,8 +270,7 @@ bool areNear(const std::vector<Placed>& one, const std::vector<Placed>& other) {
 }  // namespace
 
 void draftCollision(const UrdfRobot& robot, const fs::path& folder, RobotDraft& draft) {
-    for (const UrdfRobot::Link& link : robot.bodies)
-        draft.links.push_back(draftLink(robot, link.name, folder));
+    for (const UrdfRobot::Link& link : robot.bodies) draft.links.push_back(draftLink(robot, link.name, folder));
 
     struct Pair {
         std::size_t first, second;
@@ -317,10 +305,9 @@ void draftCollision(const UrdfRobot& robot, const fs::path& folder, RobotDraft& 
         const double share = static_cast<double>(pair.nearPoses) / kPoses;
         if (share <= kNearlyAlways) continue;
         char reason[100];
-        std::snprintf(reason, sizeof reason, "nearer than %g cm in %.1f %% of %d random poses",
-                      100.0 * kNear, 100.0 * share, kPoses);
-        draft.contacts.push_back(
-            {draft.links[pair.first].name, draft.links[pair.second].name, reason});
+        std::snprintf(reason, sizeof reason, "nearer than %g cm in %.1f %% of %d random poses", 100.0 * kNear,
+                      100.0 * share, kPoses);
+        draft.contacts.push_back({draft.links[pair.first].name, draft.links[pair.second].name, reason});
     }
 }
 

@@ -2,8 +2,8 @@
 
 #include <filesystem>
 
+#include "robot/RobotDraft.h"
 #include "robot/UrdfReader.h"
-#include "viable/robot/RobotDraft.h"
 
 namespace viable::detail {
 

@@ -66,18 +66,16 @@ private:
             for (const ConfigNode& item : capsules.items) link.shapes.push_back(readCapsule(item));
             count += link.shapes.size();
             if (count > kMaxCapsules)
-                throw badInput(
-                    capsules.place(),
-                    "the robot has more than " + std::to_string(kMaxCapsules) + " capsules",
-                    "All pairs of them are looked at in every tick: use fewer and "
-                    "larger ones.");
+                throw badInput(capsules.place(),
+                               "the robot has more than " + std::to_string(kMaxCapsules) + " capsules",
+                               "All pairs of them are looked at in every tick: use fewer and "
+                               "larger ones.");
         }
     }
 
     void readPairs(const ConfigNode& node, CollisionFile& file) const {
         if (node.kind != ConfigNode::Kind::List)
-            throw badInput(node.place(), "the pairs of links are a list",
-                           "Write a list of [link, link], or [].");
+            throw badInput(node.place(), "the pairs of links are a list", "Write a list of [link, link], or [].");
         for (const ConfigNode& item : node.items) {
             if (item.kind != ConfigNode::Kind::List || item.items.size() != 2)
                 throw badInput(item.place(), "this is not a pair of links", "Write [link, link].");
@@ -89,10 +87,9 @@ private:
                                "A link may touch itself anyway: remove the pair.");
             if (pair.second < pair.first) std::swap(pair.first, pair.second);
             if (std::find(file.mayTouch.begin(), file.mayTouch.end(), pair) != file.mayTouch.end())
-                throw badInput(
-                    item.place(),
-                    "the links `" + pair.first + "` and `" + pair.second + "` are paired twice",
-                    "Remove one of the two.");
+                throw badInput(item.place(),
+                               "the links `" + pair.first + "` and `" + pair.second + "` are paired twice",
+                               "Remove one of the two.");
             file.mayTouch.push_back(std::move(pair));
         }
     }
@@ -103,9 +100,8 @@ private:
         std::vector<std::string> names;
         for (const auto& link : urdf_.links) names.push_back(link.first);
         const std::string closest = findClosestName(name, names);
-        throw badInput(
-            node.place(), "the robot has no link `" + name + "`",
-            closest.empty() ? "Name a link of the URDF." : "Did you mean `" + closest + "`?");
+        throw badInput(node.place(), "the robot has no link `" + name + "`",
+                       closest.empty() ? "Name a link of the URDF." : "Did you mean `" + closest + "`?");
     }
 
     bool skipsBlank(const ConfigNode& node) const {
@@ -119,8 +115,7 @@ private:
 
 }  // namespace
 
-CollisionFile readCollisionFile(const std::filesystem::path& file, const UrdfRobot& urdf,
-                                Blanks blanks) {
+CollisionFile readCollisionFile(const std::filesystem::path& file, const UrdfRobot& urdf, Blanks blanks) {
     const ConfigNode root = readConfigFile(file);
     return Reader(urdf, blanks).read(root);
 }

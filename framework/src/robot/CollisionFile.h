@@ -17,7 +17,7 @@ inline constexpr int kMaxCapsules = 256;
 
 /** collision.yaml as written. */
 struct CollisionFile {
-    std::vector<LinkShapes> links;  ///< capsules, in the links' own frames; in file order
+    std::vector<LinkShapes> links;                              ///< capsules, in the links' own frames; in file order
     std::vector<std::pair<std::string, std::string>> mayTouch;  ///< links
 };
 
@@ -25,7 +25,6 @@ struct CollisionFile {
 enum class Blanks : unsigned char { Refuse, LeaveOut };
 
 /** Throws Error (BadInput) with the place of what is wrong. */
-CollisionFile readCollisionFile(const std::filesystem::path& file, const UrdfRobot& urdf,
-                                Blanks blanks);
+CollisionFile readCollisionFile(const std::filesystem::path& file, const UrdfRobot& urdf, Blanks blanks);
 
 }  // namespace viable::detail

@@ -7,9 +7,8 @@
 namespace viable {
 
 bool isFinite(const Dynamics& d, int n) {
-    return d.M.rows() == n && d.M.cols() == n && d.J.cols() == n && isFinite(d.b, n) &&
-           isFinite(d.gravity, n) && d.M.allFinite() && d.J.allFinite() &&
-           d.tool.position.allFinite() && d.tool.orientation.coeffs().allFinite();
+    return d.M.rows() == n && d.M.cols() == n && d.J.cols() == n && isFinite(d.b, n) && isFinite(d.gravity, n) &&
+           d.M.allFinite() && d.J.allFinite() && d.tool.position.allFinite() && d.tool.orientation.coeffs().allFinite();
 }
 
 bool calcForwardDynamics(const Dynamics& dynamics, const JointVector& torque, JointVector& qdd) {

@@ -28,19 +28,17 @@ BodyInertia mergeBodies(const BodyInertia& a, const BodyInertia& b) {
     BodyInertia sum;
     sum.mass = a.mass + b.mass;
     sum.com = (a.mass * a.com + b.mass * b.com) / sum.mass;
-    sum.inertia = a.inertia + a.mass * calcPointInertia(a.com - sum.com) + b.inertia +
-                  b.mass * calcPointInertia(b.com - sum.com);
+    sum.inertia =
+        a.inertia + a.mass * calcPointInertia(a.com - sum.com) + b.inertia + b.mass * calcPointInertia(b.com - sum.com);
     return sum;
 }
 
 std::string findInertiaFault(const Eigen::Matrix3d& inertia, bool mustTurn) {
     const Eigen::Vector3d moments =
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inertia, Eigen::EigenvaluesOnly)
-            .eigenvalues();
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inertia, Eigen::EigenvaluesOnly).eigenvalues();
     const double tolerance = kMomentTolerance * moments.cwiseAbs().sum();
     const std::string shown = "its principal moments are " + formatNumber(moments[0]) + ", " +
-                              formatNumber(moments[1]) + " and " + formatNumber(moments[2]) +
-                              " kg m^2";
+                              formatNumber(moments[1]) + " and " + formatNumber(moments[2]) + " kg m^2";
     if (moments[0] < -tolerance || (mustTurn && moments[0] <= tolerance))
         return "the inertia tensor is not positive definite: " + shown;
     if (moments[2] > moments[0] + moments[1] + tolerance)

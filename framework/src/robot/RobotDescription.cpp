@@ -30,8 +30,7 @@ constexpr double kMaxInertiaCondition = 1e7;
 constexpr int kConditionPoses = 200;
 constexpr std::uint64_t kConditionSeed = 1;
 
-const char* const kFolderContents =
-    "A robot folder NAME holds NAME.urdf, limits.yaml and actuation.yaml.";
+const char* const kFolderContents = "A robot folder NAME holds NAME.urdf, limits.yaml and actuation.yaml.";
 
 // ---------------------------------------------------------------------------------------- files
 
@@ -53,8 +52,7 @@ fs::path requireFile(const fs::path& folder, const std::string& name, const std:
     const fs::file_status target = fs::status(file, failed);
     if (target.type() == fs::file_type::not_found)
         throw badInput(file.string(),
-                       "this is a link to " + fs::read_symlink(file, failed).string() +
-                           ", which does not exist",
+                       "this is a link to " + fs::read_symlink(file, failed).string() + ", which does not exist",
                        "Replace the link by the file itself.");
     if (target.type() == fs::file_type::directory)
         throw badInput(file.string(), "this is a folder, not a file", kFolderContents);
@@ -62,10 +60,8 @@ fs::path requireFile(const fs::path& folder, const std::string& name, const std:
         throw badInput(file.string(), "this is not a plain file that can be read", kFolderContents);
     const fs::path real = fs::canonical(file, failed);
     const fs::path home = fs::canonical(folder, failed);
-    if (failed ||
-        std::mismatch(home.begin(), home.end(), real.begin(), real.end()).first != home.end())
-        throw badInput(file.string(),
-                       "this is a link to " + real.string() + ", outside the robot's folder",
+    if (failed || std::mismatch(home.begin(), home.end(), real.begin(), real.end()).first != home.end())
+        throw badInput(file.string(), "this is a link to " + real.string() + ", outside the robot's folder",
                        "Copy the file into the folder, so that the folder is the whole robot.");
     return file;
 }
@@ -76,8 +72,7 @@ std::string suggestUrdf(const fs::path& folder, const std::string& name) {
     std::set<std::string> candidates;
     for (const fs::directory_entry& entry : fs::directory_iterator(folder, failed)) {
         const std::string extension = entry.path().extension().string();
-        if (extension == ".urdf" || extension == ".xacro")
-            candidates.insert(entry.path().filename().string());
+        if (extension == ".urdf" || extension == ".xacro") candidates.insert(entry.path().filename().string());
     }
     if (candidates.empty()) return kFolderContents;
     const std::string& found = *candidates.begin();
@@ -138,38 +133,34 @@ JointLimits takeLimits(ConfigMap& map, JointLimits limits, bool& allowLargeAngle
 
 /** Limits that leave no range, with the place where they were written. */
 void checkRanges(const RobotDescription& robot, const UrdfRobot& urdf, const ConfigMap& map) {
-    const auto check = [&](const JointBounds& bounds, const char* key, const char* quantity,
-                           const char* unit, bool mustHoldZero) {
+    const auto check = [&](const JointBounds& bounds, const char* key, const char* quantity, const char* unit,
+                           bool mustHoldZero) {
         const ConfigNode* own = map.node().find(key);
         for (int i = 0; i < robot.size(); ++i) {
             const double lower = bounds.lower[i], upper = bounds.upper[i];
             if (lower < upper && (!mustHoldZero || (lower < 0.0 && upper > 0.0))) continue;
             throw badInput(own ? own->place() : urdf.jointPlaces[i],
-                           std::string("the ") + quantity + " limits of joint `" +
-                               robot.joints[i].name + "` are " + formatNumber(lower) + " to " +
-                               formatNumber(upper) + " " + unit + ", which leaves no range",
+                           std::string("the ") + quantity + " limits of joint `" + robot.joints[i].name + "` are " +
+                               formatNumber(lower) + " to " + formatNumber(upper) + " " + unit +
+                               ", which leaves no range",
                            own ? "The lower limit must be below the upper one."
-                               : std::string("Correct <limit> in the URDF, or give ") + key +
-                                     " in limits.yaml.");
+                               : std::string("Correct <limit> in the URDF, or give ") + key + " in limits.yaml.");
         }
     };
     check(robot.limits.position, "position_rad", "position", "rad", false);
     check(robot.limits.velocity, "velocity_radps", "velocity", "rad/s", true);
 }
 
-void readTool(const ConfigNode* node, const UrdfRobot& urdf, const std::string& where,
-              RobotDescription& robot) {
+void readTool(const ConfigNode* node, const UrdfRobot& urdf, const std::string& where, RobotDescription& robot) {
     if (node) {
         refuseBlank(*node);
         robot.toolLink = toText(*node);
     } else if (urdf.leafLinks.size() == 1) {
         robot.toolLink = urdf.leafLinks.front();
     } else {
-        throw badInput(where,
-                       "the key `tool_link` is missing, and the robot ends in several links: " +
-                           joinNames(urdf.leafLinks),
-                       "Name the link that is the tool frame, such as `tool_link: " +
-                           urdf.leafLinks.front() + "`.");
+        throw badInput(
+            where, "the key `tool_link` is missing, and the robot ends in several links: " + joinNames(urdf.leafLinks),
+            "Name the link that is the tool frame, such as `tool_link: " + urdf.leafLinks.front() + "`.");
     }
     const std::string place = node ? node->place() : where;
     const auto link = urdf.links.find(robot.toolLink);
@@ -177,9 +168,9 @@ void readTool(const ConfigNode* node, const UrdfRobot& urdf, const std::string& 
         std::vector<std::string> names;
         for (const auto& entry : urdf.links) names.push_back(entry.first);
         const std::string closest = findClosestName(robot.toolLink, names);
-        throw badInput(place, "the robot has no link `" + robot.toolLink + "`",
-                       (closest.empty() ? "" : "Did you mean `" + closest + "`? ") +
-                           "Its links are " + joinNames(names) + ".");
+        throw badInput(
+            place, "the robot has no link `" + robot.toolLink + "`",
+            (closest.empty() ? "" : "Did you mean `" + closest + "`? ") + "Its links are " + joinNames(names) + ".");
     }
     if (link->second.carrier < 0)
         throw badInput(place, "the tool link `" + robot.toolLink + "` is fixed to the base",
@@ -212,12 +203,10 @@ void readLimitsFile(const fs::path& file, const UrdfRobot& urdf, RobotDescriptio
     checkRanges(robot, urdf, map);
     for (int i = 0; i < n; ++i) {
         const AxisLimits limits = robot.limits.axis(i);
-        if (robot.home[i] >= limits.positionLower && robot.home[i] <= limits.positionUpper)
-            continue;
+        if (robot.home[i] >= limits.positionLower && robot.home[i] <= limits.positionUpper) continue;
         throw badInput(home.place(),
-                       "the home position of joint `" + robot.joints[i].name + "` is " +
-                           formatNumber(robot.home[i]) + " rad; its limits are [" +
-                           formatNumber(limits.positionLower) + ", " +
+                       "the home position of joint `" + robot.joints[i].name + "` is " + formatNumber(robot.home[i]) +
+                           " rad; its limits are [" + formatNumber(limits.positionLower) + ", " +
                            formatNumber(limits.positionUpper) + "] rad",
                        "Choose a home pose inside the position limits.");
     }
@@ -241,14 +230,12 @@ void readActuationFile(const fs::path& file, int n, Actuation& actuation) {
     actuation.torqueLimit = toJointVector(map.require("torque_limit_Nm"), n, positiveOrInfinite);
     actuation.encoderCounts.setZero(n);
     if (const ConfigNode* counts = map.find("encoder_counts_per_motor_turn"))
-        actuation.encoderCounts =
-            toJointVector(*counts, n, notNegative).cwiseProduct(actuation.gearRatio);
+        actuation.encoderCounts = toJointVector(*counts, n, notNegative).cwiseProduct(actuation.gearRatio);
 
     ConfigMap friction(map.require("friction"));
     actuation.friction.coulomb = toJointVector(friction.require("coulomb_Nm"), n, notNegative);
     actuation.friction.viscous = toJointVector(friction.require("viscous_Nm"), n, notNegative);
-    actuation.friction.viscousVelocity =
-        toJointVector(friction.require("viscous_velocity_radps"), n, positive);
+    actuation.friction.viscousVelocity = toJointVector(friction.require("viscous_velocity_radps"), n, positive);
     if (const ConfigNode* source = friction.find("source")) toText(*source);
     friction.finish();
     map.finish();
@@ -267,8 +254,7 @@ void checkCondition(const RobotDescription& robot, const std::string& where) {
     for (int sample = 0; sample < kConditionPoses; ++sample) {
         for (int i = 0; i < n; ++i) {
             // Where there is no limit: a full turn, or a metre to either side.
-            const double reach =
-                robot.joints[i].type == JointType::Prismatic ? 1.0 : static_cast<double>(EIGEN_PI);
+            const double reach = robot.joints[i].type == JointType::Prismatic ? 1.0 : static_cast<double>(EIGEN_PI);
             double lower = robot.limits.position.lower[i];
             double upper = robot.limits.position.upper[i];
             if (std::isinf(lower)) lower = std::isinf(upper) ? -reach : upper - 2.0 * reach;
@@ -288,9 +274,8 @@ void checkCondition(const RobotDescription& robot, const std::string& where) {
         throw badInput(where,
                        "the inertia matrix is too near to singular: at a pose inside the limits "
                        "its eigenvalues reach from " +
-                           formatNumber(smallest) + " (mainly joint `" + lightName + "`) to " +
-                           formatNumber(largest) + " kg m^2 (mainly joint `" +
-                           robot.joints[heavy].name + "`); allowed is a ratio of " +
+                           formatNumber(smallest) + " (mainly joint `" + lightName + "`) to " + formatNumber(largest) +
+                           " kg m^2 (mainly joint `" + robot.joints[heavy].name + "`); allowed is a ratio of " +
                            formatNumber(kMaxInertiaCondition),
                        "Give the links that joint `" + lightName +
                            "` moves their true mass and inertia, or the joint its rotor inertia "
@@ -335,8 +320,7 @@ RobotDescription loadRobot(const fs::path& folder) {
     return robot;
 }
 
-fs::path findRobot(const std::string& name, const std::vector<fs::path>& searchPath,
-                   const std::string& where) {
+fs::path findRobot(const std::string& name, const std::vector<fs::path>& searchPath, const std::string& where) {
     std::error_code failed;
     const bool isPath = name.find('/') != std::string::npos;
     std::string what;
@@ -352,8 +336,7 @@ fs::path findRobot(const std::string& name, const std::vector<fs::path>& searchP
     }
 
     std::vector<std::string> known;
-    for (const fs::path& folder : listRobots(searchPath))
-        known.push_back(folder.filename().string());
+    for (const fs::path& folder : listRobots(searchPath)) known.push_back(folder.filename().string());
     std::string remedy;
     if (!isPath && fs::is_directory(name, failed))
         remedy += "There is a folder of that name here: write `./" + name + "`. ";
@@ -374,8 +357,7 @@ std::vector<fs::path> listRobots(const std::vector<fs::path>& searchPath) {
     for (const fs::path& folder : searchPath) {
         std::error_code failed;
         std::vector<fs::path> here;
-        for (fs::directory_iterator entry(folder, failed), end; !failed && entry != end;
-             entry.increment(failed))
+        for (fs::directory_iterator entry(folder, failed), end; !failed && entry != end; entry.increment(failed))
             if (isRobotFolder(entry->path())) here.push_back(entry->path());
         std::sort(here.begin(), here.end());
         for (const fs::path& robot : here)
@@ -391,8 +373,7 @@ JointLimits readLimits(const ConfigNode& block, const JointLimits& base, bool& a
     return limits;
 }
 
-RobotDescription withPayload(RobotDescription robot, double mass_kg,
-                             const Eigen::Vector3d& offset) {
+RobotDescription withPayload(RobotDescription robot, double mass_kg, const Eigen::Vector3d& offset) {
     if (!(mass_kg >= 0.0) || std::isinf(mass_kg) || !offset.allFinite())
         throw badInput("", "a payload of " + formatNumber(mass_kg) + " kg is not possible",
                        "A payload has a mass of zero or more and a finite place.");
@@ -408,9 +389,7 @@ RobotDescription withScaledMasses(RobotDescription robot, const JointVector& fac
     VIABLE_CHECK(factor.size() == robot.size(), "one mass factor per joint");
     for (int i = 0; i < robot.size(); ++i) {
         if (!(factor[i] > 0.0) || std::isinf(factor[i]))
-            throw badInput("",
-                           "the mass factor of joint `" + robot.joints[i].name + "` is " +
-                               formatNumber(factor[i]),
+            throw badInput("", "the mass factor of joint `" + robot.joints[i].name + "` is " + formatNumber(factor[i]),
                            "A mass factor is positive and finite.");
         robot.joints[i].body.mass *= factor[i];
         robot.joints[i].body.inertia *= factor[i];

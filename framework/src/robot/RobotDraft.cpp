@@ -1,4 +1,4 @@
-#include "viable/robot/RobotDraft.h"
+#include "robot/RobotDraft.h"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -56,8 +56,7 @@ DraftJoint draftJoint(const UrdfRobot& robot, int i, std::vector<std::string>& w
     joint.positionUpper = robot.position.upper[i];
     joint.velocity = robot.velocity.upper[i];
     joint.effort = robot.effort[i];
-    const std::string who =
-        place(robot.jointPlaces[static_cast<std::size_t>(i)], "joint", joint.name);
+    const std::string who = place(robot.jointPlaces[static_cast<std::size_t>(i)], "joint", joint.name);
     const auto blank = [&](const std::string& what, const std::string& key) {
         warnings.push_back(who + what + "; " + key + " is left to be filled in.");
     };
@@ -80,9 +79,8 @@ DraftJoint draftJoint(const UrdfRobot& robot, int i, std::vector<std::string>& w
             joint.home = 0.5 * (joint.positionLower + joint.positionUpper);
     }
     if (!(joint.velocity > 0.0) || !std::isfinite(joint.velocity)) {
-        blank(joint.velocity > 0.0
-                  ? "it has no velocity limit"
-                  : "its velocity limit is " + show(joint.velocity) + ", so it could not move",
+        blank(joint.velocity > 0.0 ? "it has no velocity limit"
+                                   : "its velocity limit is " + show(joint.velocity) + ", so it could not move",
               "velocity_radps");
         joint.velocity = kNan;
     }
@@ -98,8 +96,7 @@ DraftJoint draftJoint(const UrdfRobot& robot, int i, std::vector<std::string>& w
 // ---------------------------------------------------------------------------------------- links
 
 /** Distance from `center` to the farthest corner of what is drawn of a link. Meshes are not read. [m] */
-double calcShapeReach(const UrdfRobot& robot, const std::string& link,
-                      const Eigen::Vector3d& center) {
+double calcShapeReach(const UrdfRobot& robot, const std::string& link, const Eigen::Vector3d& center) {
     const auto found = robot.shapes.find(link);
     double reach = 0.0;
     if (found == robot.shapes.end()) return reach;
@@ -125,29 +122,24 @@ double calcShapeReach(const UrdfRobot& robot, const std::string& link,
 }
 
 /** Distance from `center` to the farthest joint or corner of a link. [m] */
-double calcReach(const UrdfRobot& robot, const UrdfRobot::Link& link,
-                 const Eigen::Vector3d& center) {
+double calcReach(const UrdfRobot& robot, const UrdfRobot::Link& link, const Eigen::Vector3d& center) {
     double reach = calcShapeReach(robot, link.name, center);
-    for (const Eigen::Vector3d& joint : link.joints)
-        reach = std::max(reach, (joint - center).norm());
+    for (const Eigen::Vector3d& joint : link.joints) reach = std::max(reach, (joint - center).norm());
     return reach;
 }
 
-void reviewInertia(const UrdfRobot& robot, const UrdfRobot::Link& link,
-                   std::vector<std::string>& warnings) {
+void reviewInertia(const UrdfRobot& robot, const UrdfRobot::Link& link, std::vector<std::string>& warnings) {
     const std::string who = place(link.place, "link", link.name);
     const BodyInertia& body = link.body;
     if (body.mass == 0.0) {
         if (robot.shapes.count(link.name))
-            warnings.push_back(who + "it is drawn but has no mass" +
-                               (link.hasInertial ? "" : " (no <inertial>)") +
+            warnings.push_back(who + "it is drawn but has no mass" + (link.hasInertial ? "" : " (no <inertial>)") +
                                ", so it weighs nothing in the simulation. Give it its mass and "
                                "inertia, unless another link has them already.");
         return;
     }
     if (body.mass > kHeaviestLink)
-        warnings.push_back(who + "its mass is " + show(body.mass) +
-                           " kg. URDF takes kilograms; are these grams?");
+        warnings.push_back(who + "its mass is " + show(body.mass) + " kg. URDF takes kilograms; are these grams?");
 
     const Eigen::Vector3d origin = Eigen::Vector3d::Zero();
     const double distance = body.com.norm();
@@ -155,37 +147,32 @@ void reviewInertia(const UrdfRobot& robot, const UrdfRobot::Link& link,
     const bool isFar = distance > kFarCenter * known;
     if (isFar)
         warnings.push_back(who + "its centre of mass is " + show(distance) +
-                           " m from the link's origin, while nothing else of it is farther than " +
-                           show(known) +
+                           " m from the link's origin, while nothing else of it is farther than " + show(known) +
                            " m. URDF takes metres; correct <origin> in its <inertial> (is it in "
                            "millimetres, or seen from another frame?).");
 
     const Eigen::Vector3d moments =
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(body.inertia, Eigen::EigenvaluesOnly)
-            .eigenvalues();
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(body.inertia, Eigen::EigenvaluesOnly).eigenvalues();
     if (moments[0] <= kZeroMoment * moments[2]) {
         warnings.push_back(who +
-                           (moments[2] > 0.0
-                                ? "its smallest principal moment of inertia is zero, as of a rod "
-                                  "without thickness"
-                                : "it has a mass but no inertia, as a point has") +
+                           (moments[2] > 0.0 ? "its smallest principal moment of inertia is zero, as of a rod "
+                                               "without thickness"
+                                             : "it has a mass but no inertia, as a point has") +
                            ". Correct <inertia>: every real body has three positive moments.");
         if (!(moments[2] > 0.0)) return;
     }
     const double gyration = std::sqrt(moments[2] / body.mass);
     const double size = std::max(isFar ? 0.0 : distance, calcReach(robot, link, body.com));
-    const std::string compared = "for its mass of " + show(body.mass) +
-                                 " kg: the radius of gyration is " + show(gyration) + " m, ";
+    const std::string compared =
+        "for its mass of " + show(body.mass) + " kg: the radius of gyration is " + show(gyration) + " m, ";
     const char* const units = " URDF takes kg m^2 about the centre of mass; ";
     if (gyration > kLargeGyration * std::max(size, kAssumedSize))
-        warnings.push_back(who + "its inertia is too large " + compared +
-                           "but the link reaches only " + show(std::max(size, kAssumedSize)) +
-                           " m from there." + units +
+        warnings.push_back(who + "its inertia is too large " + compared + "but the link reaches only " +
+                           show(std::max(size, kAssumedSize)) + " m from there." + units +
                            "is it in kg mm^2 or g m^2, about another point, or a placeholder?");
     else if (gyration < kSmallGyration * size)
-        warnings.push_back(who + "its inertia is too small " + compared + "but the link reaches " +
-                           show(size) + " m from there." + units +
-                           "is it in t m^2, or a placeholder?");
+        warnings.push_back(who + "its inertia is too small " + compared + "but the link reaches " + show(size) +
+                           " m from there." + units + "is it in t m^2, or a placeholder?");
 }
 
 }  // namespace
@@ -203,8 +190,7 @@ RobotDraft readRobotDraft(const std::filesystem::path& file) {
     for (const auto& [name, link] : robot.shapes)
         for (const LinkShape& shape : link.shapes)
             if (shape.kind == LinkShape::Kind::Mesh &&
-                std::find(draft.meshes.begin(), draft.meshes.end(), shape.mesh) ==
-                    draft.meshes.end())
+                std::find(draft.meshes.begin(), draft.meshes.end(), shape.mesh) == draft.meshes.end())
                 draft.meshes.push_back(shape.mesh);
     detail::draftCollision(robot, std::filesystem::absolute(file).parent_path(), draft);
     return draft;

@@ -21,8 +21,7 @@ SimTK::Vec3 toSimbody(const Vector3d& v) {
 
 SimTK::Transform toSimbody(const Eigen::Isometry3d& x) {
     const Matrix3d R = x.linear();
-    const SimTK::Mat33 copy(R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1), R(1, 2), R(2, 0), R(2, 1),
-                            R(2, 2));
+    const SimTK::Mat33 copy(R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1), R(1, 2), R(2, 0), R(2, 1), R(2, 2));
     const bool isOrthonormal = true;  // as it stands: re-orthonormalising would only add rounding
     return {SimTK::Rotation(copy, isOrthonormal), toSimbody(Vector3d(x.translation()))};
 }
@@ -42,16 +41,14 @@ Matrix3d toEigen(const SimTK::Rotation& R) {
 /** Simbody wants the tensor about the body's origin. */
 SimTK::MassProperties makeMassProperties(const BodyInertia& body) {
     const Matrix3d I = body.inertia + body.mass * calcPointInertia(body.com);
-    return {body.mass, toSimbody(body.com),
-            SimTK::Inertia(I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2), I(1, 2))};
+    return {body.mass, toSimbody(body.com), SimTK::Inertia(I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2), I(1, 2))};
 }
 
 /** A rotation that takes z to `axis`; exactly none for z itself. */
 Eigen::Isometry3d makeAxisFrame(const Vector3d& axis) {
     Eigen::Isometry3d frame = Eigen::Isometry3d::Identity();
     if (axis != Vector3d::UnitZ())
-        frame.linear() =
-            Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis).toRotationMatrix();
+        frame.linear() = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis).toRotationMatrix();
     return frame;
 }
 
@@ -121,22 +118,19 @@ struct RobotModel::Simulation {
         for (int i = 0; i < n; ++i) {
             const JointDescription& from = robot.joints[i];
             VIABLE_CHECK(from.parent >= -1 && from.parent < i, "parents come before children");
-            SimTK::MobilizedBody& parent = from.parent < 0
-                                               ? matter.updGround()
-                                               : matter.updMobilizedBody(joints[from.parent].index);
+            SimTK::MobilizedBody& parent =
+                from.parent < 0 ? matter.updGround() : matter.updMobilizedBody(joints[from.parent].index);
             // Simbody's pins turn about z and its sliders move along x.
             const bool isPrismatic = from.type == JointType::Prismatic;
             Eigen::Isometry3d axisFrame = makeAxisFrame(from.axis);
-            if (isPrismatic)
-                axisFrame.rotate(Eigen::AngleAxisd(-EIGEN_PI / 2.0, Vector3d::UnitY()));
+            if (isPrismatic) axisFrame.rotate(Eigen::AngleAxisd(-EIGEN_PI / 2.0, Vector3d::UnitY()));
             const SimTK::Transform inParent = toSimbody(from.placement * axisFrame);
             const SimTK::Transform inBody = toSimbody(axisFrame);
             const SimTK::Body::Rigid body(makeMassProperties(from.body));
             Joint& joint = joints[i];
-            joint.index = isPrismatic ? SimTK::MobilizedBody::Slider(parent, inParent, body, inBody)
-                                            .getMobilizedBodyIndex()
-                                      : SimTK::MobilizedBody::Pin(parent, inParent, body, inBody)
-                                            .getMobilizedBodyIndex();
+            joint.index = isPrismatic
+                              ? SimTK::MobilizedBody::Slider(parent, inParent, body, inBody).getMobilizedBodyIndex()
+                              : SimTK::MobilizedBody::Pin(parent, inParent, body, inBody).getMobilizedBodyIndex();
             joint.body = &matter.getMobilizedBody(joint.index);
             joint.parent = from.parent;
             joint.isPrismatic = isPrismatic;
@@ -165,8 +159,7 @@ struct RobotModel::Simulation {
     void calcDynamics(const JointVector& q, const JointVector& qd, Dynamics& out);
 };
 
-void RobotModel::Simulation::calcDynamics(const JointVector& q, const JointVector& qd,
-                                          Dynamics& out) {
+void RobotModel::Simulation::calcDynamics(const JointVector& q, const JointVector& qd, Dynamics& out) {
     setState(q, qd);
     system.realize(state, SimTK::Stage::Velocity);
 
@@ -190,14 +183,12 @@ void RobotModel::Simulation::calcDynamics(const JointVector& q, const JointVecto
         const Vector3d arm = R * joint.com;  // from the body's origin
         const Vector3d com = origin + arm;
         const Matrix3d comInertia = R * joint.comInertia * R.transpose();
-        composite[i] = {joint.mass, joint.mass * com,
-                        comInertia + joint.mass * calcPointInertia(com)};
+        composite[i] = {joint.mass, joint.mass * com, comInertia + joint.mass * calcPointInertia(com)};
 
         const SimTK::SpatialVec& coriolis = matter.getTotalCoriolisAcceleration(state, joint.index);
         const Vector3d omega = toEigen(joint.body->getBodyAngularVelocity(state));
         const Vector3d alpha = toEigen(coriolis[0]);
-        const Vector3d comAcceleration =
-            toEigen(coriolis[1]) + alpha.cross(arm) + omega.cross(omega.cross(arm));
+        const Vector3d comAcceleration = toEigen(coriolis[1]) + alpha.cross(arm) + omega.cross(omega.cross(arm));
         const Vector3d force = joint.mass * comAcceleration;
         bias[i] = {comInertia * alpha + omega.cross(comInertia * omega) + com.cross(force), force};
     }
@@ -209,15 +200,13 @@ void RobotModel::Simulation::calcDynamics(const JointVector& q, const JointVecto
     for (int j = n - 1; j >= 0; --j) {
         const CompositeInertia& carried = composite[j];
         const Spatial& s = axis[j];
-        out.gravity[j] =
-            -(s.angular.dot(carried.moment.cross(gravity)) + carried.mass * s.linear.dot(gravity));
+        out.gravity[j] = -(s.angular.dot(carried.moment.cross(gravity)) + carried.mass * s.linear.dot(gravity));
         out.b[j] = s.angular.dot(bias[j].angular) + s.linear.dot(bias[j].linear) + out.gravity[j];
 
         const Spatial momentum{carried.inertia * s.angular + carried.moment.cross(s.linear),
                                carried.mass * s.linear + s.angular.cross(carried.moment)};
         for (int i = j; i >= 0; i = joints[i].parent) {
-            const double entry =
-                axis[i].angular.dot(momentum.angular) + axis[i].linear.dot(momentum.linear);
+            const double entry = axis[i].angular.dot(momentum.angular) + axis[i].linear.dot(momentum.linear);
             out.M(i, j) = entry;
             out.M(j, i) = entry;
         }
@@ -243,8 +232,7 @@ void RobotModel::Simulation::calcDynamics(const JointVector& q, const JointVecto
     }
 }
 
-RobotModel::RobotModel(const RobotDescription& robot)
-    : simulation_(std::make_unique<Simulation>(robot)) {}
+RobotModel::RobotModel(const RobotDescription& robot) : simulation_(std::make_unique<Simulation>(robot)) {}
 RobotModel::~RobotModel() = default;
 RobotModel::RobotModel(RobotModel&&) noexcept = default;
 RobotModel& RobotModel::operator=(RobotModel&&) noexcept = default;
@@ -270,8 +258,7 @@ double RobotModel::calcEnergy(const JointVector& q, const JointVector& qd) {
     return energy;
 }
 
-JointVector RobotModel::calcLinkForwardDynamics(const JointVector& q, const JointVector& qd,
-                                                const JointVector& tau) {
+JointVector RobotModel::calcLinkForwardDynamics(const JointVector& q, const JointVector& qd, const JointVector& tau) {
     Simulation& s = *simulation_;
     VIABLE_CHECK(tau.size() == s.n, "tau has one entry per joint");
     SimTK::State state = s.state;  // leaves the applied torques out of the tick's own state

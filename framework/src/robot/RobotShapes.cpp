@@ -1,4 +1,4 @@
-#include "viable/robot/RobotShapes.h"
+#include "robot/RobotShapes.h"
 
 #include "robot/CollisionFile.h"
 #include "robot/MeshFile.h"

@@ -6,8 +6,7 @@
 namespace viable::detail {
 
 /** Distance of point p from the segment from a to b. */
-inline double calcPointDistance(const Eigen::Vector3d& p, const Eigen::Vector3d& a,
-                                const Eigen::Vector3d& b) {
+inline double calcPointDistance(const Eigen::Vector3d& p, const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
     const Eigen::Vector3d along = b - a;
     const double length2 = along.squaredNorm();
     const double t = length2 > 0.0 ? std::clamp((p - a).dot(along) / length2, 0.0, 1.0) : 0.0;
@@ -16,9 +15,8 @@ inline double calcPointDistance(const Eigen::Vector3d& p, const Eigen::Vector3d&
 
 /** The nearest points of the segments from a to b and from c to d, `onFirst` and `onSecond` (Ericson, Real-Time Collision
 Detection, 2005, 5.1.9). */
-inline void findNearestPoints(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
-                              const Eigen::Vector3d& c, const Eigen::Vector3d& d,
-                              Eigen::Vector3d& onFirst, Eigen::Vector3d& onSecond) {
+inline void findNearestPoints(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c,
+                              const Eigen::Vector3d& d, Eigen::Vector3d& onFirst, Eigen::Vector3d& onSecond) {
     const Eigen::Vector3d u = b - a, v = d - c, w = a - c;
     const double uu = u.squaredNorm(), vv = v.squaredNorm(), uv = u.dot(v);
     const double uw = u.dot(w), vw = v.dot(w);
@@ -35,8 +33,8 @@ inline void findNearestPoints(const Eigen::Vector3d& a, const Eigen::Vector3d& b
 }
 
 /** Distance between the segments from a to b and from c to d. */
-inline double calcSegmentDistance(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
-                                  const Eigen::Vector3d& c, const Eigen::Vector3d& d) {
+inline double calcSegmentDistance(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c,
+                                  const Eigen::Vector3d& d) {
     Eigen::Vector3d onFirst, onSecond;
     findNearestPoints(a, b, c, d, onFirst, onSecond);
     return (onFirst - onSecond).norm();

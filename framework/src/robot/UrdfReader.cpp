@@ -61,15 +61,14 @@ std::string readText(const std::filesystem::path& file) {
     std::error_code failed;
     const std::uintmax_t size = std::filesystem::file_size(file, failed);
     if (!failed && size > kMaxUrdfBytes)
-        throw badInput(file.string(),
-                       "the file has " + std::to_string(size) + " bytes; at most " +
-                           std::to_string(kMaxUrdfBytes) + " are read",
-                       "A URDF names its meshes, it does not contain them; check the file.");
+        throw badInput(
+            file.string(),
+            "the file has " + std::to_string(size) + " bytes; at most " + std::to_string(kMaxUrdfBytes) + " are read",
+            "A URDF names its meshes, it does not contain them; check the file.");
     std::ifstream stream(file, std::ios::binary);
     std::ostringstream text;
     if (stream) text << stream.rdbuf();
-    if (!stream || failed)
-        throw badInput(file.string(), "the file cannot be read", "Check its permissions.");
+    if (!stream || failed) throw badInput(file.string(), "the file cannot be read", "Check its permissions.");
     return text.str();
 }
 
@@ -95,10 +94,8 @@ void checkText(const std::string& text, const std::string& file) {
         const std::size_t end = text.find('>', i);
         if (end == std::string::npos || text[end - 1] != '/') ++depth;
         if (depth > kMaxUrdfDepth)
-            throw badInput(
-                file,
-                "the elements are nested deeper than " + std::to_string(kMaxUrdfDepth) + " levels",
-                "Check that every element is closed.");
+            throw badInput(file, "the elements are nested deeper than " + std::to_string(kMaxUrdfDepth) + " levels",
+                           "Check that every element is closed.");
     }
 }
 
@@ -117,15 +114,12 @@ struct Entry {
 void refuseXacro(const TiXmlElement& element, const std::string& file) {
     bool isXacro = element.ValueStr().compare(0, 6, "xacro:") == 0;
     for (const TiXmlAttribute* a = element.FirstAttribute(); a && !isXacro; a = a->Next())
-        isXacro = a->ValueStr().find("${") != std::string::npos ||
-                  a->ValueStr().find("$(") != std::string::npos;
+        isXacro = a->ValueStr().find("${") != std::string::npos || a->ValueStr().find("$(") != std::string::npos;
     if (isXacro)
-        throw badInput(
-            file + ":" + std::to_string(element.Row()) + ":" + std::to_string(element.Column()),
-            "this is xacro input, not URDF: <" + element.ValueStr() + "> still has to be expanded",
-            "Run `xacro INPUT.xacro > NAME.urdf` and use its output.");
-    for (const TiXmlElement* child = element.FirstChildElement(); child;
-         child = child->NextSiblingElement())
+        throw badInput(file + ":" + std::to_string(element.Row()) + ":" + std::to_string(element.Column()),
+                       "this is xacro input, not URDF: <" + element.ValueStr() + "> still has to be expanded",
+                       "Run `xacro INPUT.xacro > NAME.urdf` and use its output.");
+    for (const TiXmlElement* child = element.FirstChildElement(); child; child = child->NextSiblingElement())
         refuseXacro(*child, file);
 }
 
@@ -138,22 +132,19 @@ struct Outline {
         TiXmlDocument document;
         document.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
         if (document.Error())
-            throw badInput(document.ErrorRow() > 0
-                               ? file + ":" + std::to_string(document.ErrorRow()) + ":" +
-                                     std::to_string(document.ErrorCol())
-                               : file,
+            throw badInput(document.ErrorRow() > 0 ? file + ":" + std::to_string(document.ErrorRow()) + ":" +
+                                                         std::to_string(document.ErrorCol())
+                                                   : file,
                            "this is not XML: " + withoutPeriod(document.ErrorDesc()),
                            "Check that the file is complete and every element is closed.");
         const TiXmlElement* root = document.RootElement();
         if (!root || root->ValueStr() != "robot")
             throw badInput(file,
-                           "the file's root is " +
-                               (root ? "<" + root->ValueStr() + ">" : std::string("missing")) +
+                           "the file's root is " + (root ? "<" + root->ValueStr() + ">" : std::string("missing")) +
                                ", not <robot>",
                            "Only URDF is read; convert other formats (SDF, MJCF) first.");
         refuseXacro(*root, file);
-        for (const TiXmlElement* e = root->FirstChildElement("joint"); e;
-             e = e->NextSiblingElement("joint"))
+        for (const TiXmlElement* e = root->FirstChildElement("joint"); e; e = e->NextSiblingElement("joint"))
             checkLimit(*e, file);
         list(*root, "joint", file, joints);
         list(*root, "link", file, links);
@@ -177,27 +168,21 @@ private:
         std::string missing;
         if (!limit && (type == "revolute" || type == "prismatic")) missing = "<limit>";
         for (const char* attribute : {"effort", "velocity"})
-            if (limit && !limit->Attribute(attribute))
-                missing = std::string("`") + attribute + "` in its <limit>";
+            if (limit && !limit->Attribute(attribute)) missing = std::string("`") + attribute + "` in its <limit>";
         if (missing.empty()) return;
-        throw badInput(
-            file + ":" + std::to_string(joint.Row()) + ":" + std::to_string(joint.Column()),
-            "joint " + quote(get("name")) + " of type " + type + " has no " + missing,
-            "Write <limit lower=\"..\" upper=\"..\" effort=\"..\" velocity=\"..\"/>, with 0 "
-            "for an effort or a velocity that is not known: limits.yaml and "
-            "actuation.yaml give it then.");
+        throw badInput(file + ":" + std::to_string(joint.Row()) + ":" + std::to_string(joint.Column()),
+                       "joint " + quote(get("name")) + " of type " + type + " has no " + missing,
+                       "Write <limit lower=\"..\" upper=\"..\" effort=\"..\" velocity=\"..\"/>, with 0 "
+                       "for an effort or a velocity that is not known: limits.yaml and "
+                       "actuation.yaml give it then.");
     }
 
-    static void list(const TiXmlElement& root, const char* tag, const std::string& file,
-                     std::vector<Entry>& entries) {
-        for (const TiXmlElement* e = root.FirstChildElement(tag); e;
-             e = e->NextSiblingElement(tag)) {
+    static void list(const TiXmlElement& root, const char* tag, const std::string& file, std::vector<Entry>& entries) {
+        for (const TiXmlElement* e = root.FirstChildElement(tag); e; e = e->NextSiblingElement(tag)) {
             const char* name = e->Attribute("name");
-            const std::string place =
-                file + ":" + std::to_string(e->Row()) + ":" + std::to_string(e->Column());
+            const std::string place = file + ":" + std::to_string(e->Row()) + ":" + std::to_string(e->Column());
             if (!name || !*name)
-                throw badInput(place, "the " + std::string(tag) + " has no name",
-                               "Add the attribute `name`.");
+                throw badInput(place, "the " + std::string(tag) + " has no name", "Add the attribute `name`.");
             entries.push_back({name, place});
         }
     }
@@ -234,17 +219,14 @@ public:
             if (!addFirst(waiting, robot, true) && !addFirst(waiting, robot, false)) {
                 const urdf::Joint& joint = *model_->getJoint(waiting.front()->name);
                 throw badInput(waiting.front()->place,
-                               "joint " + quote(joint.name) + " hangs on link " +
-                                   quote(joint.parent_link_name) +
-                                   ", which is not connected to the base link " +
-                                   quote(model_->getRoot()->name),
+                               "joint " + quote(joint.name) + " hangs on link " + quote(joint.parent_link_name) +
+                                   ", which is not connected to the base link " + quote(model_->getRoot()->name),
                                "An arm is a tree of links: open the loop.");
             }
         }
         addBodies(robot);
         for (const Entry& link : outline_.links)
-            if (model_->getLink(link.name)->child_joints.empty())
-                robot.leafLinks.push_back(link.name);
+            if (model_->getLink(link.name)->child_joints.empty()) robot.leafLinks.push_back(link.name);
         return robot;
     }
 
@@ -266,12 +248,8 @@ private:
         return model;
     }
 
-    std::string jointPlace(const std::string& name) const {
-        return Outline::place(outline_.joints, name);
-    }
-    std::string linkPlace(const std::string& name) const {
-        return Outline::place(outline_.links, name);
-    }
+    std::string jointPlace(const std::string& name) const { return Outline::place(outline_.joints, name); }
+    std::string linkPlace(const std::string& name) const { return Outline::place(outline_.links, name); }
 
     void checkTree() const {
         std::map<std::string, std::string> parentJoint;
@@ -280,9 +258,8 @@ private:
             const auto [other, isNew] = parentJoint.emplace(joint.child_link_name, joint.name);
             if (!isNew)
                 throw badInput(entry.place,
-                               "link " + quote(joint.child_link_name) +
-                                   " is the child of two joints, " + quote(other->second) +
-                                   " and " + quote(joint.name),
+                               "link " + quote(joint.child_link_name) + " is the child of two joints, " +
+                                   quote(other->second) + " and " + quote(joint.name),
                                "An arm is a tree of links: open the loop.");
         }
     }
@@ -312,9 +289,9 @@ private:
                     throw refuse("is of an unknown type", kinds);
             }
             if (joint.mimic)
-                throw refuse("mimics joint " + quote(joint.mimic->joint_name) +
-                                 ", but coupled joints are not supported",
-                             "Make it fixed, or remove <mimic> to drive it by itself.");
+                throw refuse(
+                    "mimics joint " + quote(joint.mimic->joint_name) + ", but coupled joints are not supported",
+                    "Make it fixed, or remove <mimic> to drive it by itself.");
             ++n;
         }
         if (n == 0)
@@ -341,10 +318,8 @@ private:
         return false;
     }
 
-    void add(const urdf::Joint& joint, const std::string& place, const UrdfRobot::LinkPlace& parent,
-             UrdfRobot& robot) {
-        const Eigen::Isometry3d placement =
-            parent.placement * toEigen(joint.parent_to_joint_origin_transform);
+    void add(const urdf::Joint& joint, const std::string& place, const UrdfRobot::LinkPlace& parent, UrdfRobot& robot) {
+        const Eigen::Isometry3d placement = parent.placement * toEigen(joint.parent_to_joint_origin_transform);
         if (!placement.matrix().allFinite())
             throw badInput(place, "the origin of joint " + quote(joint.name) + " is not finite",
                            "Correct its xyz and rpy.");
@@ -394,8 +369,7 @@ private:
             itself.place = entry.place;
             itself.carrier = place->second.carrier;
             for (const auto& joint : link.child_joints)
-                itself.joints.push_back(
-                    toEigen(joint->parent_to_joint_origin_transform).translation());
+                itself.joints.push_back(toEigen(joint->parent_to_joint_origin_transform).translation());
             if (!link.inertial || itself.carrier < 0) continue;
             itself.hasInertial = true;
             itself.body = readInertial(link);
@@ -404,8 +378,7 @@ private:
         }
         for (const JointDescription& joint : robot.joints) {
             const std::string where = linkPlace(joint.childLink);
-            const std::string what =
-                "link " + quote(joint.childLink) + ", moved by joint " + quote(joint.name) + ", ";
+            const std::string what = "link " + quote(joint.childLink) + ", moved by joint " + quote(joint.name) + ", ";
             if (joint.body.mass <= 0.0)
                 throw badInput(where, what + "has no mass",
                                "Give it an <inertial> element with mass and inertia, or make "
@@ -418,15 +391,13 @@ private:
     }
 
     /** The link's visual and collision elements. What has no sensible size is left out. */
-    static void addShapes(const urdf::Link& link, const UrdfRobot::LinkPlace& place,
-                          UrdfRobot& robot) {
+    static void addShapes(const urdf::Link& link, const UrdfRobot::LinkPlace& place, UrdfRobot& robot) {
         LinkShapes visual;
         visual.link = link.name;
         visual.carrier = place.carrier;
         visual.placement = place.placement;
         LinkShapes collision = visual;
-        const auto add = [](const urdf::GeometrySharedPtr& geometry, const urdf::Pose& origin,
-                            LinkShapes& to) {
+        const auto add = [](const urdf::GeometrySharedPtr& geometry, const urdf::Pose& origin, LinkShapes& to) {
             LinkShape shape;
             if (geometry && readShape(*geometry, shape)) {
                 shape.pose = toEigen(origin);
@@ -440,8 +411,7 @@ private:
             visual.color = {c.r, c.g, c.b, c.a};
             visual.hasColor = true;
         }
-        for (const auto& element : link.collision_array)
-            add(element->geometry, element->origin, collision);
+        for (const auto& element : link.collision_array) add(element->geometry, element->origin, collision);
         if (visual.shapes.empty()) visual.shapes = collision.shapes;
         if (collision.shapes.empty()) collision.shapes = visual.shapes;
         if (visual.shapes.empty()) return;
@@ -484,8 +454,7 @@ private:
         const urdf::Inertial& from = *link.inertial;
         BodyInertia body;
         body.mass = from.mass;
-        body.inertia << from.ixx, from.ixy, from.ixz, from.ixy, from.iyy, from.iyz, from.ixz,
-            from.iyz, from.izz;
+        body.inertia << from.ixx, from.ixy, from.ixz, from.ixy, from.iyy, from.iyz, from.ixz, from.iyz, from.izz;
         const Eigen::Isometry3d origin = toEigen(from.origin);
         const std::string where = linkPlace(link.name);
         const std::string name = "link " + quote(link.name) + ": ";

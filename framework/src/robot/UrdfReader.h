@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "viable/robot/RobotShapes.h"
+#include "robot/RobotShapes.h"
 
 namespace viable::detail {
 
@@ -21,12 +21,11 @@ struct UrdfRobot {
     /** A link as written, before links on fixed joints are merged. */
     struct Link {
         std::string name;
-        std::string place;         ///< file:line:column, for messages
-        int carrier = -1;          ///< joint index, -1: the base
-        bool hasInertial = false;  ///< without it `body` has no mass
-        BodyInertia body;          ///< in the link's frame
-        std::vector<Eigen::Vector3d>
-            joints;  ///< origins of the joints that hang on it, in its frame [m]
+        std::string place;                    ///< file:line:column, for messages
+        int carrier = -1;                     ///< joint index, -1: the base
+        bool hasInertial = false;             ///< without it `body` has no mass
+        BodyInertia body;                     ///< in the link's frame
+        std::vector<Eigen::Vector3d> joints;  ///< origins of the joints that hang on it, in its frame [m]
     };
 
     std::vector<JointDescription> joints;  ///< parents before children, in file order
@@ -36,10 +35,10 @@ struct UrdfRobot {
     JointBounds velocity;                  ///< infinite for continuous joints without a limit
     JointVector effort;                    ///< as written [Nm], 0 where there is none
     std::map<std::string, LinkPlace> links;
-    std::vector<Link> bodies;  ///< every link, in file order
+    std::vector<Link> bodies;                  ///< every link, in file order
     std::map<std::string, LinkShapes> shapes;  ///< by link: its visual elements, else its collision ones
     std::map<std::string, LinkShapes> solids;  ///< by link: its collision elements, else its visual ones
-    std::vector<std::string> leafLinks;  ///< links that carry no joint, in file order
+    std::vector<std::string> leafLinks;        ///< links that carry no joint, in file order
 };
 
 /** Largest URDF file and deepest nesting accepted: the XML reader works by recursion. */

@@ -4,8 +4,8 @@
 #include <sstream>
 
 #include "core/Sha256.h"
+#include "sweep/SweepStore.h"
 #include "viable/core/Error.h"
-#include "viable/sweep/SweepStore.h"
 
 namespace viable {
 
@@ -53,8 +53,7 @@ SweepFiles findSweepFiles(const Experiment& experiment) {
             const std::string kind = entry.path().extension().string();
             if (kind == ".urdf" || kind == ".yaml") files.data.insert(entry.path());
         }
-        if (plan.environment && plan.environment->map)
-            files.data.insert(plan.environment->map->file);
+        if (plan.environment && plan.environment->map) files.data.insert(plan.environment->map->file);
         for (const PluginChoice* choice : listChoices(plan)) {
             files.libraries.insert(choice->plugin.library);
             for (std::uint64_t i = 0; i < choice->plugin.entry->parameterCount; ++i) {
@@ -68,8 +67,7 @@ SweepFiles findSweepFiles(const Experiment& experiment) {
     return files;
 }
 
-std::string calcSweepHash(const std::string& text, const std::vector<std::string>& overrides,
-                          const SweepFiles& files) {
+std::string calcSweepHash(const std::string& text, const std::vector<std::string>& overrides, const SweepFiles& files) {
     // By name and content: the same files may lie elsewhere on another machine.
     std::set<std::pair<std::string, std::string>> contents;
     for (const std::set<fs::path>* some : {&files.data, &files.libraries})

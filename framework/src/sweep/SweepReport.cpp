@@ -3,10 +3,10 @@
 #include <map>
 
 #include "core/NumberText.h"
+#include "core/PrintableText.h"
+#include "core/WholeFile.h"
+#include "sweep/SweepStore.h"
 #include "viable/core/Error.h"
-#include "viable/core/PrintableText.h"
-#include "viable/core/WholeFile.h"
-#include "viable/sweep/SweepStore.h"
 
 namespace viable {
 
@@ -86,8 +86,8 @@ std::string formatSweepSummary(const SweepStore& store) {
         }
         if (how == getName(SweepStatus::Ok) || ++troubled > kListed) return;
         const std::string said = toText(row.values[message]);
-        troubles += makePrintable("run " + std::to_string(row.run) + ", case " + row.caseName +
-                                  ": " + how + (said.empty() ? "" : ": " + said)) +
+        troubles += makePrintable("run " + std::to_string(row.run) + ", case " + row.caseName + ": " + how +
+                                  (said.empty() ? "" : ": " + said)) +
                     "\n    " + makePrintable(toText(row.values[replay])) + "\n";
     });
     std::string text;
@@ -100,33 +100,27 @@ std::string formatSweepSummary(const SweepStore& store) {
         }
         text += isFirst ? " no run\n" : "\n";
         char line[200];
-        std::snprintf(line, sizeof line, "  %-38s %12s %12s %12s   %s\n", "", "min", "median", "max",
-                      "of run");
+        std::snprintf(line, sizeof line, "  %-38s %12s %12s %12s   %s\n", "", "min", "median", "max", "of run");
         text += line;
         for (auto& [column, values] : figures[name]) {
             // Of equal ones the first run: the same text whatever the order they ended in.
-            const auto worst = std::max_element(
-                values.begin(), values.end(),
-                [](const auto& a, const auto& b) {
-                    return a.first != b.first ? a.first < b.first : a.second > b.second;
-                });
+            const auto worst = std::max_element(values.begin(), values.end(), [](const auto& a, const auto& b) {
+                return a.first != b.first ? a.first < b.first : a.second > b.second;
+            });
             const auto [max, run] = *worst;
             std::sort(values.begin(), values.end());
             const std::size_t half = values.size() / 2;
-            const double median = values.size() % 2 == 1
-                                      ? values[half].first
-                                      : 0.5 * (values[half - 1].first + values[half].first);
+            const double median =
+                values.size() % 2 == 1 ? values[half].first : 0.5 * (values[half - 1].first + values[half].first);
             std::snprintf(line, sizeof line, "  %-38.80s %12s %12s %12s   %lld\n",
-                          makePrintable(plan.columns[column].name).c_str(),
-                          formatFigure(values.front().first).c_str(), formatFigure(median).c_str(),
-                          formatFigure(max).c_str(), static_cast<long long>(run));
+                          makePrintable(plan.columns[column].name).c_str(), formatFigure(values.front().first).c_str(),
+                          formatFigure(median).c_str(), formatFigure(max).c_str(), static_cast<long long>(run));
             text += line;
         }
     }
     if (troubled > 0)
         text += std::to_string(troubled) + " not ok" +
-                (troubled > kListed ? ", the first " + std::to_string(kListed) : std::string()) +
-                ":\n" + troubles;
+                (troubled > kListed ? ", the first " + std::to_string(kListed) : std::string()) + ":\n" + troubles;
     return text;
 }
 

@@ -1,4 +1,4 @@
-#include "viable/sweep/SweepRow.h"
+#include "sweep/SweepRow.h"
 
 #include <algorithm>
 #include <charconv>
@@ -54,23 +54,20 @@ template <class Get>
 SweepValue findLargest(const CaseResult& result, const Get& get) {
     if (!result.summary.hasRealPlant()) return {};
     double largest = 0.0;
-    for (int i = 0; i < static_cast<int>(result.summary.jointNames().size()); ++i)
-        largest = std::max(largest, get(i));
+    for (int i = 0; i < static_cast<int>(result.summary.jointNames().size()); ++i) largest = std::max(largest, get(i));
     return largest;
 }
 
 template <LimitKind kind>
 SweepValue getRealUse(const CasePlan&, const CaseResult& result) {
-    return findLargest(result, [&](int i) {
-        return result.summary.realLimit(kind)[static_cast<std::size_t>(i)].worstUse;
-    });
+    return findLargest(result,
+                       [&](int i) { return result.summary.realLimit(kind)[static_cast<std::size_t>(i)].worstUse; });
 }
 
 template <LimitKind kind>
 SweepValue getRealExcess(const CasePlan&, const CaseResult& result) {
-    return findLargest(result, [&](int i) {
-        return result.summary.realLimit(kind)[static_cast<std::size_t>(i)].worstExcess;
-    });
+    return findLargest(result,
+                       [&](int i) { return result.summary.realLimit(kind)[static_cast<std::size_t>(i)].worstExcess; });
 }
 
 template <LimitKind kind>
@@ -109,40 +106,26 @@ const std::vector<ResultColumn>& resultColumns() {
     static const std::vector<ResultColumn> columns = {
         {"worst_use.position", "", "Worst use of a position limit", getUse<LimitKind::Position>},
         {"worst_use.velocity", "", "Worst use of a velocity limit", getUse<LimitKind::Velocity>},
-        {"worst_use.acceleration", "", "Worst use of an acceleration limit",
-         getUse<LimitKind::Acceleration>},
+        {"worst_use.acceleration", "", "Worst use of an acceleration limit", getUse<LimitKind::Acceleration>},
         {"worst_use.jerk", "", "Worst use of a jerk limit", getUse<LimitKind::Jerk>},
-        {"ticks_outside.position", "", "Ticks outside a position limit",
-         getOutside<LimitKind::Position>},
-        {"ticks_outside.velocity", "", "Ticks outside a velocity limit",
-         getOutside<LimitKind::Velocity>},
-        {"ticks_outside.acceleration", "", "Ticks outside an acceleration limit",
-         getOutside<LimitKind::Acceleration>},
+        {"ticks_outside.position", "", "Ticks outside a position limit", getOutside<LimitKind::Position>},
+        {"ticks_outside.velocity", "", "Ticks outside a velocity limit", getOutside<LimitKind::Velocity>},
+        {"ticks_outside.acceleration", "", "Ticks outside an acceleration limit", getOutside<LimitKind::Acceleration>},
         {"ticks_outside.jerk", "", "Ticks outside a jerk limit", getOutside<LimitKind::Jerk>},
-        {"real.worst_use.position", "", "Real arm: worst use of a position limit",
-         getRealUse<LimitKind::Position>},
-        {"real.worst_use.velocity", "", "Real arm: worst use of a velocity limit",
-         getRealUse<LimitKind::Velocity>},
+        {"real.worst_use.position", "", "Real arm: worst use of a position limit", getRealUse<LimitKind::Position>},
+        {"real.worst_use.velocity", "", "Real arm: worst use of a velocity limit", getRealUse<LimitKind::Velocity>},
         {"real.worst_excess.position_rad", "rad", "Real arm: farthest beyond a position limit",
          getRealExcess<LimitKind::Position>},
         {"real.worst_excess.velocity_radps", "rad/s", "Real arm: farthest beyond a velocity limit",
          getRealExcess<LimitKind::Velocity>},
         {"tracking.max_rad", "rad", "Largest distance of the real arm from the nominal one",
-         [](P, R r) {
-             return r.summary.hasRealPlant() ? SweepValue(r.summary.trackingMax()) : SweepValue();
-         }},
+         [](P, R r) { return r.summary.hasRealPlant() ? SweepValue(r.summary.trackingMax()) : SweepValue(); }},
         {"tracking.rms_rad", "rad", "RMS distance of the real arm from the nominal one",
-         [](P, R r) {
-             return r.summary.hasRealPlant() ? SweepValue(r.summary.trackingRms()) : SweepValue();
-         }},
-        {"bound.share", "", "Largest share of the tracking bound used",
-         getBoundShare<LimitKind::Position>},
-        {"bound.velocity_share", "", "Largest share of its rate's bound used",
-         getBoundShare<LimitKind::Velocity>},
+         [](P, R r) { return r.summary.hasRealPlant() ? SweepValue(r.summary.trackingRms()) : SweepValue(); }},
+        {"bound.share", "", "Largest share of the tracking bound used", getBoundShare<LimitKind::Position>},
+        {"bound.velocity_share", "", "Largest share of its rate's bound used", getBoundShare<LimitKind::Velocity>},
         {"motor.worst_use", "", "Largest share of a motor's torque used",
-         [](P, R r) {
-             return findLargest(r, [&](int i) { return r.summary.motor(i).worstUse; });
-         }},
+         [](P, R r) { return findLargest(r, [&](int i) { return r.summary.motor(i).worstUse; }); }},
         {"motor.saturated_ticks", "", "Joint-ticks with a motor at its limit",
          [](P, R r) {
              std::int64_t ticks = 0;
@@ -153,8 +136,7 @@ const std::vector<ResultColumn>& resultColumns() {
          }},
         {"collision.least_clearance_m", "m", "Least clearance",
          [](P, R r) { return getNominalCollision(r, getClearance); }},
-        {"collision.ticks", "", "Ticks in collision",
-         [](P, R r) { return getNominalCollision(r, getCollisionTicks); }},
+        {"collision.ticks", "", "Ticks in collision", [](P, R r) { return getNominalCollision(r, getCollisionTicks); }},
         {"collision.ticks_too_near", "", "Ticks within the safety distance",
          [](P, R r) { return getNominalCollision(r, getNearTicks); }},
         {"real.collision.least_clearance_m", "m", "Real arm: least clearance",
@@ -166,10 +148,7 @@ const std::vector<ResultColumn>& resultColumns() {
         {"infeasible_ticks", "", "Ticks without an admissible choice",
          [](P, R r) { return SweepValue(r.summary.ticksWith(FilterStatus::Infeasible)); }},
         {"tripped_at_s", "s", "When the real arm left the bound and was braked",
-         [](P, R r) {
-             return getSweepStatus(r) == SweepStatus::Tripped ? SweepValue(r.stopTime_s)
-                                                              : SweepValue();
-         }},
+         [](P, R r) { return getSweepStatus(r) == SweepStatus::Tripped ? SweepValue(r.stopTime_s) : SweepValue(); }},
         {"simulated_s", "s", "Length of the run", [](P, R r) { return SweepValue(r.simulated_s); }},
     };
     return columns;
@@ -205,10 +184,9 @@ void checkNames(const std::vector<SweepColumn>& columns) {
 /** The unit that a key carries behind its last `_`; see the ends of the keys of experiment files. */
 std::string findUnit(std::string key) {
     static const std::pair<const char*, const char*> units[] = {
-        {"s", "s"},          {"rad", "rad"},      {"radps", "rad/s"}, {"radps2", "rad/s^2"},
-        {"radps3", "rad/s^3"}, {"m", "m"},        {"mps", "m/s"},     {"kg", "kg"},
-        {"Nm", "Nm"},        {"N", "N"},          {"Nmps", "Nm/s"},   {"Hz", "Hz"},
-        {"kgm2", "kg m^2"},
+        {"s", "s"},       {"rad", "rad"}, {"radps", "rad/s"}, {"radps2", "rad/s^2"}, {"radps3", "rad/s^3"},
+        {"m", "m"},       {"mps", "m/s"}, {"kg", "kg"},       {"Nm", "Nm"},          {"N", "N"},
+        {"Nmps", "Nm/s"}, {"Hz", "Hz"},   {"kgm2", "kg m^2"},
     };
     key.resize(std::min(key.size(), key.find('[', key.rfind('.') + 1)));
     const std::size_t last = key.rfind('_');
@@ -283,8 +261,8 @@ const char* getName(SweepStatus status) {
             return "tripped";
         case SweepStatus::Stopped:
             return "stopped";
-        case SweepStatus::PromiseBroken:
-            return "promise_broken";
+        case SweepStatus::GuaranteeBroken:
+            return "guarantee_broken";
         case SweepStatus::Crashed:
             return "crashed";
         case SweepStatus::TimedOut:
@@ -297,19 +275,17 @@ const char* getName(SweepStatus status) {
 
 SweepStatus getSweepStatus(const CaseResult& result) {
     const int code = result.exitCode();
-    if (code == static_cast<int>(ErrorKind::PromiseBroken)) return SweepStatus::PromiseBroken;
+    if (code == static_cast<int>(ErrorKind::GuaranteeBroken)) return SweepStatus::GuaranteeBroken;
     if (code == static_cast<int>(ErrorKind::TrackingLost)) return SweepStatus::Tripped;
     if (result.stopReason == StopReason::None) return SweepStatus::Ok;
-    if (result.stopReason == StopReason::FilterEnded ||
-        result.stopReason == StopReason::TicksMissed ||
+    if (result.stopReason == StopReason::FilterEnded || result.stopReason == StopReason::TicksMissed ||
         result.stopReason == StopReason::Requested)
         return SweepStatus::Stopped;
     return SweepStatus::Failed;
 }
 
-std::vector<SweepColumn> makeSweepColumns(
-    const std::vector<std::pair<std::string, std::string>>& drawKeys,
-    const std::vector<std::string>& joints) {
+std::vector<SweepColumn> makeSweepColumns(const std::vector<std::pair<std::string, std::string>>& drawKeys,
+                                          const std::vector<std::string>& joints) {
     using Kind = SweepColumn::Kind;
     std::vector<SweepColumn> columns = {
         {Kind::Status, "status", "", "How it ended", ""},
@@ -319,21 +295,19 @@ std::vector<SweepColumn> makeSweepColumns(
         {Kind::Status, "wall_s", "s", "Time it took", ""},
     };
     for (const auto& [keyPath, distribution] : drawKeys)
-        columns.push_back(
-            {Kind::Draw, kDrawPrefix + keyPath, findUnit(keyPath), keyPath, distribution});
+        columns.push_back({Kind::Draw, kDrawPrefix + keyPath, findUnit(keyPath), keyPath, distribution});
     for (const ResultColumn& column : resultColumns())
         columns.push_back({Kind::Result, column.name, column.unit, column.label, ""});
     for (const std::string& joint : joints)
         for (const JointColumn& column : jointColumns())
-            columns.push_back({Kind::Result, "tracking." + joint + "." + column.name, column.unit,
-                               joint + ": " + column.label, ""});
+            columns.push_back(
+                {Kind::Result, "tracking." + joint + "." + column.name, column.unit, joint + ": " + column.label, ""});
     checkNames(columns);
     return columns;
 }
 
-SweepRow makeSweepRow(const std::vector<SweepColumn>& columns, std::int64_t run,
-                      const std::string& caseName, const SweepEnd& end,
-                      const std::map<std::string, std::string>& draws, const CasePlan* plan,
+SweepRow makeSweepRow(const std::vector<SweepColumn>& columns, std::int64_t run, const std::string& caseName,
+                      const SweepEnd& end, const std::map<std::string, std::string>& draws, const CasePlan* plan,
                       const CaseResult* result) {
     std::map<std::string, SweepValue> values = {
         {"status", std::string(getName(end.status))},
@@ -344,20 +318,17 @@ SweepRow makeSweepRow(const std::vector<SweepColumn>& columns, std::int64_t run,
     };
     for (const auto& [keyPath, text] : draws) values[kDrawPrefix + keyPath] = makeValue(text);
     if (plan && result) {
-        for (const ResultColumn& column : resultColumns())
-            values[column.name] = column.get(*plan, *result);
+        for (const ResultColumn& column : resultColumns()) values[column.name] = column.get(*plan, *result);
         const std::vector<std::string>& joints = result->summary.jointNames();
         for (std::size_t i = 0; i < joints.size() && result->summary.hasRealPlant(); ++i)
             for (const JointColumn& column : jointColumns())
-                values["tracking." + joints[i] + "." + column.name] =
-                    column.get(*result, static_cast<int>(i));
+                values["tracking." + joints[i] + "." + column.name] = column.get(*result, static_cast<int>(i));
     }
     SweepRow row{run, caseName, {}};
     for (const SweepColumn& column : columns) {
         SweepValue& value = values[column.name];
         // SQL and CSV know no NaN: it is a figure that is not there.
-        if (const double* number = std::get_if<double>(&value); number && std::isnan(*number))
-            value = {};
+        if (const double* number = std::get_if<double>(&value); number && std::isnan(*number)) value = {};
         row.values.push_back(std::move(value));
     }
     return row;

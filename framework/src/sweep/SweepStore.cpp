@@ -1,4 +1,4 @@
-#include "viable/sweep/SweepStore.h"
+#include "sweep/SweepStore.h"
 
 #include <fcntl.h>
 #include <sqlite3.h>
@@ -43,8 +43,7 @@ const char* getName(SweepColumn::Kind kind) {
 
 /** Text columns are TEXT. The rest keeps what it is given: a draw is a number or a word. */
 std::string getSqlType(const SweepColumn& column) {
-    const bool isText =
-        column.name == "status" || column.name == "message" || column.name == "replay";
+    const bool isText = column.name == "status" || column.name == "message" || column.name == "replay";
     return isText ? " TEXT" : "";
 }
 
@@ -55,10 +54,8 @@ std::string dump(const Json& json) {
 Json makeJson(const std::vector<SweepColumn>& columns) {
     Json list = Json::array();
     for (const SweepColumn& column : columns) {
-        Json entry = {{"name", column.name},
-                      {"kind", getName(column.kind)},
-                      {"unit", column.unit},
-                      {"label", column.label}};
+        Json entry = {
+            {"name", column.name}, {"kind", getName(column.kind)}, {"unit", column.unit}, {"label", column.label}};
         if (column.kind == SweepColumn::Kind::Draw) entry["distribution"] = column.distribution;
         list.push_back(std::move(entry));
     }
@@ -114,15 +111,13 @@ struct SweepStore::Impl {
     }
 
     void run(const std::string& sql) const {
-        if (sqlite3_exec(base, sql.c_str(), nullptr, nullptr, nullptr) != SQLITE_OK)
-            fail("cannot be written");
+        if (sqlite3_exec(base, sql.c_str(), nullptr, nullptr, nullptr) != SQLITE_OK) fail("cannot be written");
     }
 
     sqlite3_stmt* prepare(const std::string& sql) const {
         sqlite3_stmt* statement = nullptr;
         if (sqlite3_prepare_v2(base, sql.c_str(), -1, &statement, nullptr) != SQLITE_OK)
-            throw badInput(file.string(),
-                           std::string("this is no table of a sweep: ") + sqlite3_errmsg(base),
+            throw badInput(file.string(), std::string("this is no table of a sweep: ") + sqlite3_errmsg(base),
                            "Name the folder of a sweep.");
         return statement;
     }
@@ -137,8 +132,7 @@ struct SweepStore::Impl {
 
     bool isEmpty() const {
         sqlite3_stmt* statement = prepare("SELECT count(*) FROM sqlite_master");
-        const bool empty =
-            sqlite3_step(statement) == SQLITE_ROW && sqlite3_column_int64(statement, 0) == 0;
+        const bool empty = sqlite3_step(statement) == SQLITE_ROW && sqlite3_column_int64(statement, 0) == 0;
         sqlite3_finalize(statement);
         return empty;
     }
@@ -152,23 +146,18 @@ struct SweepStore::Impl {
 
     /** SELECT of the runs that have a row of each case. */
     std::string selectWhole() const {
-        return "SELECT run FROM runs GROUP BY run HAVING count(*) = " +
-               std::to_string(plan.cases.size());
+        return "SELECT run FROM runs GROUP BY run HAVING count(*) = " + std::to_string(plan.cases.size());
     }
 
     /** Throws where a column is missing. With `runs.`, as a quoted name alone that is none would be a text. */
-    void checkTable() const {
-        sqlite3_finalize(prepare("SELECT " + listColumns("runs.") + " FROM runs"));
-    }
+    void checkTable() const { sqlite3_finalize(prepare("SELECT " + listColumns("runs.") + " FROM runs")); }
 
     void create() {
         run("BEGIN IMMEDIATE");
         run("CREATE TABLE meta(key TEXT PRIMARY KEY, value TEXT)");
         std::string columns;
-        for (const SweepColumn& column : plan.columns)
-            columns += ", " + quoteName(column.name) + getSqlType(column);
-        run("CREATE TABLE runs(run INTEGER, case_name TEXT" + columns +
-            ", PRIMARY KEY(run, case_name))");
+        for (const SweepColumn& column : plan.columns) columns += ", " + quoteName(column.name) + getSqlType(column);
+        run("CREATE TABLE runs(run INTEGER, case_name TEXT" + columns + ", PRIMARY KEY(run, case_name))");
         sqlite3_stmt* statement = prepare("INSERT INTO meta VALUES(?, ?)");
         const std::pair<const char*, std::string> entries[] = {
             {"schema", kSchema},
@@ -192,8 +181,7 @@ struct SweepStore::Impl {
     }
 
     static void bindText(sqlite3_stmt* statement, int at, const std::string& text) {
-        sqlite3_bind_text(statement, at, text.data(), static_cast<int>(text.size()),
-                          SQLITE_TRANSIENT);
+        sqlite3_bind_text(statement, at, text.data(), static_cast<int>(text.size()), SQLITE_TRANSIENT);
     }
 
     void step(sqlite3_stmt* statement) const {
@@ -208,8 +196,7 @@ struct SweepStore::Impl {
         while (sqlite3_step(statement) == SQLITE_ROW) meta[getText(statement, 0)] = getText(statement, 1);
         sqlite3_finalize(statement);
         if (meta["schema"] != kSchema)
-            throw badInput(file.string(),
-                           "its schema is '" + meta["schema"] + "', this program reads " + kSchema,
+            throw badInput(file.string(), "its schema is '" + meta["schema"] + "', this program reads " + kSchema,
                            "Use the version of viable that made it.");
         try {
             SweepPlan read;
@@ -231,22 +218,19 @@ struct SweepStore::Impl {
 
     static std::string getText(sqlite3_stmt* statement, int at) {
         const auto* text = reinterpret_cast<const char*>(sqlite3_column_text(statement, at));
-        return text ? std::string(text, static_cast<std::size_t>(sqlite3_column_bytes(statement, at)))
-                    : std::string();
+        return text ? std::string(text, static_cast<std::size_t>(sqlite3_column_bytes(statement, at))) : std::string();
     }
-
 };
 
-SweepStore::SweepStore(const fs::path& folder, const SweepPlan& plan)
-    : impl_(std::make_unique<Impl>()) {
+SweepStore::SweepStore(const fs::path& folder, const SweepPlan& plan) : impl_(std::make_unique<Impl>()) {
     impl_->folder = folder;
     impl_->file = folder / kFile;
     impl_->plan = plan;
     std::error_code error;
     fs::create_directories(folder, error);
     if (error)
-        throw Error(ErrorKind::LogNotWritten, folder.string(),
-                    "cannot create the folder: " + error.message(), "Name another place with --out.");
+        throw Error(ErrorKind::LogNotWritten, folder.string(), "cannot create the folder: " + error.message(),
+                    "Name another place with --out.");
     impl_->takeLock();
     if (!fs::exists(impl_->file) && !fs::is_empty(folder, error))
         throw badInput(folder.string(), "this folder already holds something that is no sweep",
@@ -258,10 +242,10 @@ SweepStore::SweepStore(const fs::path& folder, const SweepPlan& plan)
         checkSame(plan, "the command");
         const std::string begun = std::to_string(impl_->plan.runs);
         if (plan.runs < impl_->plan.runs)
-            throw badInput(folder.string(),
-                           "this sweep was begun with " + begun + " runs, and " +
-                               std::to_string(plan.runs) + " are asked for now",
-                           "--runs " + begun + " goes on with it; another --out begins anew.");
+            throw badInput(
+                folder.string(),
+                "this sweep was begun with " + begun + " runs, and " + std::to_string(plan.runs) + " are asked for now",
+                "--runs " + begun + " goes on with it; another --out begins anew.");
         impl_->checkTable();
     }
     impl_->run("PRAGMA journal_mode=WAL");
@@ -277,16 +261,14 @@ SweepStore::SweepStore(const fs::path& folder, const SweepPlan& plan)
     }
     std::string places = "?, ?";
     for (std::size_t i = 0; i < impl_->plan.columns.size(); ++i) places += ", ?";
-    impl_->insert =
-        impl_->prepare("INSERT INTO runs(" + impl_->listColumns("") + ") VALUES(" + places + ")");
+    impl_->insert = impl_->prepare("INSERT INTO runs(" + impl_->listColumns("") + ") VALUES(" + places + ")");
 }
 
 SweepStore::SweepStore(const fs::path& folder) : impl_(std::make_unique<Impl>()) {
     impl_->folder = folder;
     impl_->file = folder / kFile;
     if (!fs::exists(impl_->file))
-        throw badInput(folder.string(), "there is no " + std::string(kFile) + " in it",
-                       "Name the folder of a sweep.");
+        throw badInput(folder.string(), "there is no " + std::string(kFile) + " in it", "Name the folder of a sweep.");
     impl_->open(SQLITE_OPEN_READWRITE);
     impl_->plan = impl_->readPlan();
     impl_->checkTable();
@@ -305,13 +287,13 @@ const fs::path& SweepStore::folder() const {
 void SweepStore::checkSame(const SweepPlan& other, const fs::path& where) const {
     const SweepPlan& own = plan();
     const auto refuse = [&](const std::string& what) {
-        throw badInput(folder().string(),
-                       "this folder holds another sweep than " + where.string() + ": " + what,
+        throw badInput(folder().string(), "this folder holds another sweep than " + where.string() + ": " + what,
                        "Name another folder with --out, or give the command of that sweep.");
     };
     if (own.fileHash != other.fileHash)
-        refuse("the experiment file, its overrides, a robot's folder, a data file, a plugin or the program is "
-               "another");
+        refuse(
+            "the experiment file, its overrides, a robot's folder, a data file, a plugin or the program is "
+            "another");
     if (own.seed != other.seed)
         refuse("its seed is " + std::to_string(own.seed) + ", not " + std::to_string(other.seed));
     if (own.cases != other.cases) refuse("its cases are " + dump(own.cases));
@@ -323,8 +305,7 @@ void SweepStore::add(const std::vector<SweepRow>& rows) {
     impl_->run("BEGIN IMMEDIATE");
     try {
         for (const SweepRow& row : rows) {
-            VIABLE_CHECK(row.values.size() == impl_->plan.columns.size(),
-                         "a row has a value per column");
+            VIABLE_CHECK(row.values.size() == impl_->plan.columns.size(), "a row has a value per column");
             sqlite3_bind_int64(impl_->insert, 1, row.run);
             Impl::bindText(impl_->insert, 2, row.caseName);
             int at = 3;
@@ -352,8 +333,7 @@ std::vector<std::int64_t> SweepStore::findRuns() const {
     std::vector<std::int64_t> runs;
     sqlite3_stmt* statement = impl_->prepare(impl_->selectWhole() + " ORDER BY run");
     int code = SQLITE_OK;
-    while ((code = sqlite3_step(statement)) == SQLITE_ROW)
-        runs.push_back(sqlite3_column_int64(statement, 0));
+    while ((code = sqlite3_step(statement)) == SQLITE_ROW) runs.push_back(sqlite3_column_int64(statement, 0));
     sqlite3_finalize(statement);
     if (code != SQLITE_DONE) impl_->fail("cannot be read");
     return runs;
@@ -364,8 +344,7 @@ std::int64_t SweepStore::removeLost() {
     const std::string lost = std::string("('") + viable::getName(SweepStatus::Crashed) + "', '" +
                              viable::getName(SweepStatus::TimedOut) + "')";
     const std::size_t before = findRuns().size();
-    impl_->run("DELETE FROM runs WHERE run IN (SELECT run FROM runs WHERE runs.status IN " + lost +
-               ")");
+    impl_->run("DELETE FROM runs WHERE run IN (SELECT run FROM runs WHERE runs.status IN " + lost + ")");
     return static_cast<std::int64_t>(before - findRuns().size());
 }
 
@@ -374,8 +353,8 @@ void SweepStore::begin() const {
     std::string order;
     for (std::size_t i = 0; i < impl_->plan.cases.size(); ++i)
         order += " WHEN ?" + std::to_string(i + 1) + " THEN " + std::to_string(i);
-    impl_->select = impl_->prepare("SELECT " + impl_->listColumns("runs.") +
-                                    " FROM runs ORDER BY run, CASE case_name" + order + " END");
+    impl_->select = impl_->prepare("SELECT " + impl_->listColumns("runs.") + " FROM runs ORDER BY run, CASE case_name" +
+                                   order + " END");
     for (std::size_t i = 0; i < impl_->plan.cases.size(); ++i)
         Impl::bindText(impl_->select, static_cast<int>(i + 1), impl_->plan.cases[i]);
 }

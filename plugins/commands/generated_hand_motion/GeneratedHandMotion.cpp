@@ -6,8 +6,8 @@
 #include <random>
 
 #include "viable/core/Error.h"
-#include "viable/motion/MinimumJerk.h"
-#include "viable/motion/RotationVector.h"
+#include "viable/core/MinimumJerk.h"
+#include "viable/core/RotationVector.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {
@@ -23,17 +23,10 @@ const ParameterSpec kParameters[] = {
                        "Targets lie this far from the start at most, along each base axis.")
         .atLeast(0)
         .upTo(10),
-    parameter::number("rotation_rad", "rad", "0.5", "Targets are turned by at most this angle.")
-        .atLeast(0)
-        .upTo(3),
-    parameter::number("fastest_s", "s", "0.5", "Shortest time of one reach.")
-        .atLeast(0.05)
-        .upTo(100),
-    parameter::number("slowest_s", "s", "1.4", "Longest time drawn for one reach.")
-        .atLeast(0.05)
-        .upTo(100),
-    parameter::number("top_speed_mps", "m/s", "1.5",
-                      "A reach that would be faster than this takes longer.")
+    parameter::number("rotation_rad", "rad", "0.5", "Targets are turned by at most this angle.").atLeast(0).upTo(3),
+    parameter::number("fastest_s", "s", "0.5", "Shortest time of one reach.").atLeast(0.05).upTo(100),
+    parameter::number("slowest_s", "s", "1.4", "Longest time drawn for one reach.").atLeast(0.05).upTo(100),
+    parameter::number("top_speed_mps", "m/s", "1.5", "A reach that would be faster than this takes longer.")
         .above(0)
         .orInfinite(),
     parameter::number("pause_s", "s", "0.3", "Longest pause after a reach.").atLeast(0).upTo(100),
@@ -42,8 +35,7 @@ const ParameterSpec kParameters[] = {
                       "second.")
         .atLeast(0)
         .upTo(0.1),
-    parameter::number("tremor_rad", "rad", "0.0005",
-                      "Largest rotation by tremor about each base axis.")
+    parameter::number("tremor_rad", "rad", "0.0005", "Largest rotation by tremor about each base axis.")
         .atLeast(0)
         .upTo(0.1),
 };
@@ -52,8 +44,7 @@ const ParameterSpec kParameters[] = {
 class Draw {
 public:
     Draw(std::uint64_t seed, std::uint64_t stream) {
-        std::seed_seq words{static_cast<std::uint32_t>(seed),
-                            static_cast<std::uint32_t>(seed >> 32),
+        std::seed_seq words{static_cast<std::uint32_t>(seed), static_cast<std::uint32_t>(seed >> 32),
                             static_cast<std::uint32_t>(stream)};
         engine_.seed(words);
     }
@@ -87,18 +78,14 @@ void GeneratedHandMotion::configure(const RunSetup& setup, const Parameters& par
     const double pause = parameters.number("pause_s");
     char message[160];
     if (slowest < fastest) {
-        std::snprintf(message, sizeof message, "slowest_s = %g s is shorter than fastest_s = %g s",
-                      slowest, fastest);
-        throw badInput(parameters.place("slowest_s"), message,
-                       "Give a time that is not shorter than fastest_s");
+        std::snprintf(message, sizeof message, "slowest_s = %g s is shorter than fastest_s = %g s", slowest, fastest);
+        throw badInput(parameters.place("slowest_s"), message, "Give a time that is not shorter than fastest_s");
     }
     const double end = setup.duration_s + kMargin_s;
     if (!(end / fastest <= kMostReaches)) {
-        std::snprintf(message, sizeof message,
-                      "a run of %g s may need more than %g reaches of fastest_s = %g s",
+        std::snprintf(message, sizeof message, "a run of %g s may need more than %g reaches of fastest_s = %g s",
                       setup.duration_s, kMostReaches, fastest);
-        throw badInput(parameters.place("fastest_s"), message,
-                       "Make the run shorter or fastest_s longer");
+        throw badInput(parameters.place("fastest_s"), message, "Make the run shorter or fastest_s longer");
     }
 
     // Two streams, so that more reaches never change the tremor, nor the tremor the reaches.
@@ -133,8 +120,8 @@ void GeneratedHandMotion::reset(const MotionState&) {}  // sample() keeps no mem
 
 TickStatus GeneratedHandMotion::sample(double t, MotionCommand& out) {
     if (!(t >= 0.0) || !std::isfinite(t)) return TickStatus::InvalidInput;
-    const auto next = std::upper_bound(reaches_.begin(), reaches_.end(), t,
-                                       [](double s, const Reach& r) { return s < r.begin_s; });
+    const auto next =
+        std::upper_bound(reaches_.begin(), reaches_.end(), t, [](double s, const Reach& r) { return s < r.begin_s; });
     const Reach& reach = *(next - 1);  // the first begins at 0
     const MinimumJerk share = calcMinimumJerk((t - reach.begin_s) / reach.duration_s);
     Vector6 offset = reach.from + share.value * reach.way;
@@ -163,5 +150,4 @@ TickStatus GeneratedHandMotion::sample(double t, MotionCommand& out) {
 }  // namespace viable
 
 VIABLE_PLUGIN(viable::CommandSource, viable::GeneratedHandMotion, "generated_hand_motion",
-              "An operator's hand reaching around the start pose, made from a seed.",
-              viable::kParameters)
+              "An operator's hand reaching around the start pose, made from a seed.", viable::kParameters)

@@ -16,21 +16,16 @@ constexpr double kMostSteps = 1e6;  // per joint: 16 MB
 
 const ParameterSpec kParameters[] = {
     parameter::integer("seed", "1", "Another number is another sequence.").atLeast(0),
-    parameter::number("shortest_s", "s", "0.5",
-                      "Shortest time that a set-point is held; times are drawn evenly.")
+    parameter::number("shortest_s", "s", "0.5", "Shortest time that a set-point is held; times are drawn evenly.")
         .atLeast(0.001)
         .upTo(1000),
-    parameter::number("longest_s", "s", "3.0", "Longest time that a set-point is held.")
-        .atLeast(0.001)
-        .upTo(1000),
+    parameter::number("longest_s", "s", "3.0", "Longest time that a set-point is held.").atLeast(0.001).upTo(1000),
     parameter::number("beyond_share", "", "0.3",
                       "Share of the set-points that lie beyond a limit, either side alike; the "
                       "others are drawn evenly between the limits.")
         .atLeast(0)
         .upTo(1),
-    parameter::number("beyond_rad", "rad", "0.5", "How far beyond a limit at most, drawn evenly.")
-        .atLeast(0)
-        .upTo(100),
+    parameter::number("beyond_rad", "rad", "0.5", "How far beyond a limit at most, drawn evenly.").atLeast(0).upTo(100),
 };
 
 }  // namespace
@@ -43,18 +38,14 @@ void RandomSteps::configure(const RunSetup& setup, const Parameters& parameters)
     const double beyond = parameters.number("beyond_rad");
     char message[200];
     if (longest < shortest) {
-        std::snprintf(message, sizeof message, "longest_s = %g s is shorter than shortest_s = %g s",
-                      longest, shortest);
-        throw badInput(parameters.place("longest_s"), message,
-                       "Give a time that is not shorter than shortest_s");
+        std::snprintf(message, sizeof message, "longest_s = %g s is shorter than shortest_s = %g s", longest, shortest);
+        throw badInput(parameters.place("longest_s"), message, "Give a time that is not shorter than shortest_s");
     }
     const double end = setup.duration_s + kMargin_s;
     if (!(end / shortest <= kMostSteps)) {
-        std::snprintf(message, sizeof message,
-                      "a run of %g s may need more than %g steps of shortest_s = %g s",
+        std::snprintf(message, sizeof message, "a run of %g s may need more than %g steps of shortest_s = %g s",
                       setup.duration_s, kMostSteps, shortest);
-        throw badInput(parameters.place("shortest_s"), message,
-                       "Make the run shorter or shortest_s longer");
+        throw badInput(parameters.place("shortest_s"), message, "Make the run shorter or shortest_s longer");
     }
     joints_.assign(static_cast<std::size_t>(setup.size()), {});
     for (int i = 0; i < setup.size(); ++i) {
@@ -65,8 +56,8 @@ void RandomSteps::configure(const RunSetup& setup, const Parameters& parameters)
                                setup.robot.joints[static_cast<std::size_t>(i)].name,
                            "Set limits.position_rad, or use the command waypoints.");
         // The standard's engine is the same with every library, its distributions are not.
-        std::seed_seq words{static_cast<std::uint32_t>(seed),
-                            static_cast<std::uint32_t>(seed >> 32), static_cast<std::uint32_t>(i)};
+        std::seed_seq words{static_cast<std::uint32_t>(seed), static_cast<std::uint32_t>(seed >> 32),
+                            static_cast<std::uint32_t>(i)};
         std::mt19937_64 engine(words);
         const auto draw = [&](double low, double high) {
             return low + static_cast<double>(engine() >> 11) * 0x1p-53 * (high - low);
@@ -92,9 +83,8 @@ TickStatus RandomSteps::sample(double t, MotionCommand& out) {
     out.qd.setZero(n);
     for (Eigen::Index i = 0; i < n; ++i) {
         const std::vector<Step>& steps = joints_[static_cast<std::size_t>(i)];
-        const auto next =
-            std::upper_bound(steps.begin(), steps.end(), t,
-                             [](double s, const Step& step) { return s < step.begin_s; });
+        const auto next = std::upper_bound(steps.begin(), steps.end(), t,
+                                           [](double s, const Step& step) { return s < step.begin_s; });
         out.q[i] = (next - 1)->position;
     }
     return TickStatus::Ok;
@@ -102,7 +92,6 @@ TickStatus RandomSteps::sample(double t, MotionCommand& out) {
 
 }  // namespace viable
 
-VIABLE_PLUGIN(
-    viable::CommandSource, viable::RandomSteps, "random_steps",
-    "Random joint set-points held for random times, some beyond the limits, made from a seed.",
-    viable::kParameters)
+VIABLE_PLUGIN(viable::CommandSource, viable::RandomSteps, "random_steps",
+              "Random joint set-points held for random times, some beyond the limits, made from a seed.",
+              viable::kParameters)

@@ -9,15 +9,14 @@
 #include <string_view>
 
 #include "viable/core/Error.h"
-#include "viable/motion/RotationVector.h"
+#include "viable/core/RotationVector.h"
 
 namespace viable {
 
 namespace {
 
 constexpr std::size_t kLongestLine = 4096;
-constexpr std::array<const char*, 8> kColumns = {"time_s", "x_m", "y_m", "z_m",
-                                                 "qx",     "qy",  "qz",  "qw"};
+constexpr std::array<const char*, 8> kColumns = {"time_s", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"};
 
 template <class... Args>
 std::string print(const char* format, Args... args) {
@@ -57,8 +56,7 @@ double toDouble(std::string_view text, const std::string& where, const std::stri
     const auto result = std::from_chars(digits.data(), digits.data() + digits.size(), value);
     const std::string shown(text.substr(0, 40));
     if (result.ec != std::errc() || result.ptr != digits.data() + digits.size())
-        throw badInput(where, "'" + shown + "' is not a number (column " + column + ")",
-                       "Correct or remove this line");
+        throw badInput(where, "'" + shown + "' is not a number (column " + column + ")", "Correct or remove this line");
     if (!std::isfinite(value))
         throw badInput(where, "'" + shown + "' is not finite (column " + column + ")",
                        "Remove the lines in which tracking was lost");
@@ -66,64 +64,56 @@ double toDouble(std::string_view text, const std::string& where, const std::stri
 }
 
 // For each of kColumns its place in the header line.
-std::array<std::size_t, 8> findColumns(const std::vector<std::string_view>& header,
-                                       const std::string& where) {
+std::array<std::size_t, 8> findColumns(const std::vector<std::string_view>& header, const std::string& where) {
     std::vector<std::string> names(header.begin(), header.end());
     std::array<std::size_t, 8> places{};
     for (std::size_t c = 0; c < kColumns.size(); ++c) {
         const auto found = std::find(names.begin(), names.end(), kColumns[c]);
         if (found == names.end()) {
             const std::string closest = findClosestName(kColumns[c], names);
-            throw badInput(
-                where,
-                std::string("there is no column '") + kColumns[c] + "'" +
-                    (closest.empty() ? "" : "; the closest is '" + closest + "'"),
-                "The first line must name the columns time_s,x_m,y_m,z_m,qx,qy,qz,qw, in "
-                "any order");
+            throw badInput(where,
+                           std::string("there is no column '") + kColumns[c] + "'" +
+                               (closest.empty() ? "" : "; the closest is '" + closest + "'"),
+                           "The first line must name the columns time_s,x_m,y_m,z_m,qx,qy,qz,qw, in "
+                           "any order");
         }
         if (std::find(found + 1, names.end(), kColumns[c]) != names.end())
-            throw badInput(where,
-                           std::string("the column '") + kColumns[c] + "' stands there twice",
+            throw badInput(where, std::string("the column '") + kColumns[c] + "' stands there twice",
                            "Name each column once");
         places[c] = static_cast<std::size_t>(found - names.begin());
     }
     return places;
 }
 
-void checkStep(const TimedPose& last, int lastLine, double lastStamp, const TimedPose& now,
-               double stamp, const std::string& where, const RecordingChecks& checks) {
+void checkStep(const TimedPose& last, int lastLine, double lastStamp, const TimedPose& now, double stamp,
+               const std::string& where, const RecordingChecks& checks) {
     const double step = now.time_s - last.time_s;
     if (!(step > 0.0))
         throw badInput(where,
-                       print("time stamp %.9f s is not later than %.9f s on line %d", stamp,
-                             lastStamp, lastLine),
+                       print("time stamp %.9f s is not later than %.9f s on line %d", stamp, lastStamp, lastLine),
                        "Sort the recording and remove samples with the same stamp");
     if (step > checks.maxGap_s)
         throw badInput(where,
-                       print("gap of %.6g s since line %d, but max_gap_s is %g s", step, lastLine,
-                             checks.maxGap_s),
+                       print("gap of %.6g s since line %d, but max_gap_s is %g s", step, lastLine, checks.maxGap_s),
                        "Use a part of the recording without this gap, raise max_gap_s, or convert "
                        "the stamps if they are not in seconds");
     const double speed = (now.position - last.position).norm() / step;
     if (speed > kTopSpeed_mps)
-        throw badInput(where,
-                       print("moves at %.4g m/s from line %d to here, faster than %g m/s", speed,
-                             lastLine, kTopSpeed_mps),
-                       "Positions are in metres and stamps in seconds; remove samples in which the "
-                       "tracker jumped");
+        throw badInput(
+            where, print("moves at %.4g m/s from line %d to here, faster than %g m/s", speed, lastLine, kTopSpeed_mps),
+            "Positions are in metres and stamps in seconds; remove samples in which the "
+            "tracker jumped");
     const double turn = calcRotationVector(now.orientation * last.orientation.conjugate()).norm();
     if (turn > kTopStep_rad)
-        throw badInput(where,
-                       print("turns by %.4g rad from line %d to here, more than %.4g rad", turn,
-                             lastLine, kTopStep_rad),
-                       "Quaternions are written qx qy qz qw; remove samples in which the tracker "
-                       "jumped");
+        throw badInput(
+            where, print("turns by %.4g rad from line %d to here, more than %.4g rad", turn, lastLine, kTopStep_rad),
+            "Quaternions are written qx qy qz qw; remove samples in which the tracker "
+            "jumped");
 }
 
 }  // namespace
 
-std::vector<TimedPose> readPoseRecording(const std::filesystem::path& file,
-                                         const RecordingChecks& checks) {
+std::vector<TimedPose> readPoseRecording(const std::filesystem::path& file, const RecordingChecks& checks) {
     std::error_code failure;
     if (!std::filesystem::is_regular_file(file, failure))
         throw badInput(file.string(), "is not a file", "Give the file of a recording");
@@ -161,40 +151,31 @@ std::vector<TimedPose> readPoseRecording(const std::filesystem::path& file,
         split(text, isCsv, fields);
         if (fields.size() != columnCount)
             throw badInput(where, print("%zu columns instead of %zu", fields.size(), columnCount),
-                           isCsv
-                               ? "Every line needs as many values as the first line has names"
-                               : "A line is 'timestamp tx ty tz qx qy qz qw', separated by blanks");
+                           isCsv ? "Every line needs as many values as the first line has names"
+                                 : "A line is 'timestamp tx ty tz qx qy qz qw', separated by blanks");
         std::array<double, 8> v{};
-        for (std::size_t c = 0; c < kColumns.size(); ++c)
-            v[c] = toDouble(fields[columns[c]], where, kColumns[c]);
+        for (std::size_t c = 0; c < kColumns.size(); ++c) v[c] = toDouble(fields[columns[c]], where, kColumns[c]);
 
         if (samples.empty()) origin = v[0];
         TimedPose now{v[0] - origin, {v[1], v[2], v[3]}, {v[7], v[4], v[5], v[6]}};
         const double norm = now.orientation.norm();
         if (!(std::abs(norm - 1.0) <= kUnitTolerance))
-            throw badInput(
-                where,
-                print("the quaternion has length %.6g instead of 1 (+-%g)", norm, kUnitTolerance),
-                "Quaternions are written qx qy qz qw; remove lines in which tracking was "
-                "lost");
+            throw badInput(where, print("the quaternion has length %.6g instead of 1 (+-%g)", norm, kUnitTolerance),
+                           "Quaternions are written qx qy qz qw; remove lines in which tracking was "
+                           "lost");
         now.orientation.normalize();
-        if (!samples.empty())
-            checkStep(samples.back(), lastNumber, lastStamp, now, v[0], where, checks);
+        if (!samples.empty()) checkStep(samples.back(), lastNumber, lastStamp, now, v[0], where, checks);
         if (samples.size() == kMostSamples)
-            throw badInput(where, print("more than %zu samples", kMostSamples),
-                           "Cut the recording");
+            throw badInput(where, print("more than %zu samples", kMostSamples), "Cut the recording");
         samples.push_back(now);
         lastStamp = v[0];
         lastNumber = number;
     }
-    if (stream.bad())
-        throw badInput(file.string(), "could not be read to its end", "Check the disk");
+    if (stream.bad()) throw badInput(file.string(), "could not be read to its end", "Check the disk");
     if (samples.size() < kFewestSamples)
-        throw badInput(
-            file.string(),
-            print("%zu samples, but at least %zu are needed", samples.size(), kFewestSamples),
-            "A line is 'timestamp tx ty tz qx qy qz qw', or CSV with a line of column "
-            "names");
+        throw badInput(file.string(), print("%zu samples, but at least %zu are needed", samples.size(), kFewestSamples),
+                       "A line is 'timestamp tx ty tz qx qy qz qw', or CSV with a line of column "
+                       "names");
     return samples;
 }
 
@@ -214,8 +195,7 @@ std::vector<TimedPose> smooth(const std::vector<TimedPose>& samples, double sigm
             const double weight = std::exp(-0.5 * d * d / (sigma_s * sigma_s));
             Vector6 y;
             y.head<3>() = samples[j].position - centre.position;
-            y.tail<3>() =
-                calcRotationVector(samples[j].orientation * centre.orientation.conjugate());
+            y.tail<3>() = calcRotationVector(samples[j].orientation * centre.orientation.conjugate());
             s0 += weight;
             s1 += weight * d;
             s2 += weight * d * d;

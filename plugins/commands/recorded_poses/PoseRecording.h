@@ -38,8 +38,7 @@ seconds from any origin; the result begins at 0.
 Throws Error (BadInput) with file and line for a wrong number of columns, numbers that are none or
 not finite, quaternions that are not unit, stamps that do not increase, gaps, and steps that no hand
 makes; with the file for fewer than kFewestSamples samples. */
-std::vector<TimedPose> readPoseRecording(const std::filesystem::path& file,
-                                         const RecordingChecks& checks);
+std::vector<TimedPose> readPoseRecording(const std::filesystem::path& file, const RecordingChecks& checks);
 
 /** The samples with noise taken out: at each one, the value there of the straight line (for
 orientations: in the tangent space) that fits its neighbours best, weighted by a Gaussian with

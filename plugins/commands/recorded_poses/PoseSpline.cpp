@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "viable/core/Error.h"
-#include "viable/motion/RotationVector.h"
+#include "viable/core/RotationVector.h"
 
 namespace viable {
 
@@ -15,8 +15,7 @@ void PoseSpline::fit(const std::vector<TimedPose>& samples) {
     for (std::size_t i = 0; i + 1 < n; ++i) {
         const double h = samples[i + 1].time_s - samples[i].time_s;
         mean[i].head<3>() = (samples[i + 1].position - samples[i].position) / h;
-        mean[i].tail<3>() =
-            calcRotationVector(samples[i + 1].orientation * samples[i].orientation.conjugate()) / h;
+        mean[i].tail<3>() = calcRotationVector(samples[i + 1].orientation * samples[i].orientation.conjugate()) / h;
     }
     at.front() = mean.front();
     at.back() = mean.back();
@@ -40,23 +39,23 @@ void PoseSpline::fit(const std::vector<TimedPose>& samples) {
         piece.q0 = a.orientation;
         piece.w1 = piece.length / 3.0 * at[i].tail<3>();
         piece.w3 = piece.length / 3.0 * at[i + 1].tail<3>();
-        piece.w2 = calcRotationVector(calcRotation(-piece.w3) * b.orientation *
-                                      a.orientation.conjugate() * calcRotation(-piece.w1));
+        piece.w2 = calcRotationVector(calcRotation(-piece.w3) * b.orientation * a.orientation.conjugate() *
+                                      calcRotation(-piece.w1));
     }
     duration_ = samples.back().time_s;
 }
 
 void PoseSpline::calc(double time, Pose& pose, Vector6& twist) const {
-    const auto next = std::upper_bound(pieces_.begin(), pieces_.end(), time,
-                                       [](double t, const Piece& p) { return t < p.begin; });
+    const auto next =
+        std::upper_bound(pieces_.begin(), pieces_.end(), time, [](double t, const Piece& p) { return t < p.begin; });
     const Piece& piece = next == pieces_.begin() ? *next : *(next - 1);
     const double u = std::clamp((time - piece.begin) / piece.length, 0.0, 1.0);
     const double u2 = u * u, u3 = u2 * u;
 
-    pose.position = piece.p0 + (3.0 * u2 - 2.0 * u3) * (piece.p1 - piece.p0) +
-                    (u - 2.0 * u2 + u3) * piece.v0 + (u3 - u2) * piece.v1;
-    twist.head<3>() = (6.0 * (u - u2) * (piece.p1 - piece.p0) +
-                       (1.0 - 4.0 * u + 3.0 * u2) * piece.v0 + (3.0 * u2 - 2.0 * u) * piece.v1) /
+    pose.position = piece.p0 + (3.0 * u2 - 2.0 * u3) * (piece.p1 - piece.p0) + (u - 2.0 * u2 + u3) * piece.v0 +
+                    (u3 - u2) * piece.v1;
+    twist.head<3>() = (6.0 * (u - u2) * (piece.p1 - piece.p0) + (1.0 - 4.0 * u + 3.0 * u2) * piece.v0 +
+                       (3.0 * u2 - 2.0 * u) * piece.v1) /
                       piece.length;
 
     const double b1 = u * (3.0 - u * (3.0 - u)), b1Rate = 3.0 * (1.0 - u) * (1.0 - u);

@@ -5,8 +5,8 @@
 #include <cstdio>
 
 #include "viable/core/Error.h"
-#include "viable/motion/MinimumJerk.h"
-#include "viable/motion/RotationVector.h"
+#include "viable/core/MinimumJerk.h"
+#include "viable/core/RotationVector.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {
@@ -20,29 +20,21 @@ constexpr double kHalfTurnMargin_rad = 0.1;
 constexpr double kPi = 3.14159265358979323846;
 
 const ParameterSpec kParameters[] = {
-    parameter::file(
-        "file", nullptr,
-        "Recording: TUM trajectory (`timestamp tx ty tz qx qy qz qw`), or CSV whose first line "
-        "names `time_s,x_m,y_m,z_m,qx,qy,qz,qw` in any order; `#` begins a comment line."),
-    parameter::number("start_s", "s", "0", "The motion begins this far into the recording.")
-        .atLeast(0),
-    parameter::number("scale", "", "1", "Displacements are multiplied by this.")
-        .atLeast(0)
-        .upTo(100),
-    parameter::number("rotation_scale", "", "1", "Rotation vectors are multiplied by this.")
-        .atLeast(0)
-        .upTo(2),
+    parameter::file("file", nullptr,
+                    "Recording: TUM trajectory (`timestamp tx ty tz qx qy qz qw`), or CSV whose first line "
+                    "names `time_s,x_m,y_m,z_m,qx,qy,qz,qw` in any order; `#` begins a comment line."),
+    parameter::number("start_s", "s", "0", "The motion begins this far into the recording.").atLeast(0),
+    parameter::number("scale", "", "1", "Displacements are multiplied by this.").atLeast(0).upTo(100),
+    parameter::number("rotation_scale", "", "1", "Rotation vectors are multiplied by this.").atLeast(0).upTo(2),
     parameter::numbers("axes", "", 9, 9, "[1, 0, 0, 0, 1, 0, 0, 0, 1]",
                        "Rotation matrix, row by row, from the recording's to the base's axes."),
     parameter::number("clutch_s", "s", "1",
                       "Playing speeds up from standstill, and slows down at the end, within this "
                       "time.")
         .above(0),
-    parameter::choice("at_end", "hold|reverse", "reverse",
-                      "At the end of the recording: stay, or run back and forth."),
-    parameter::number(
-        "smoothing_s", "s", "0.02",
-        "Standard deviation of the zero-phase Gaussian that takes noise out; 0: none.")
+    parameter::choice("at_end", "hold|reverse", "reverse", "At the end of the recording: stay, or run back and forth."),
+    parameter::number("smoothing_s", "s", "0.02",
+                      "Standard deviation of the zero-phase Gaussian that takes noise out; 0: none.")
         .atLeast(0)
         .upTo(0.5),
     parameter::number("max_gap_s", "s", "0.2", "Longest time between two samples.").above(0),
@@ -52,8 +44,7 @@ Eigen::Matrix3d readAxes(const Parameters& parameters) {
     const std::vector<double>& rows = parameters.numbers("axes");
     Eigen::Matrix3d axes;
     for (int i = 0; i < 9; ++i) axes(i / 3, i % 3) = rows[static_cast<std::size_t>(i)];
-    const double deviation =
-        (axes * axes.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+    const double deviation = (axes * axes.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
     const double determinant = axes.determinant();
     if (!(deviation <= kAxesTolerance) || determinant < 0.0) {
         char message[200];
@@ -95,8 +86,7 @@ std::vector<TimedPose> makeRelative(const std::vector<TimedPose>& samples, std::
             }
             turn = calcRotation(rotationScale * r);
         }
-        result.push_back(
-            {now.time_s - origin.time_s, scale * axes * (now.position - origin.position), turn});
+        result.push_back({now.time_s - origin.time_s, scale * axes * (now.position - origin.position), turn});
     }
     return result;
 }
@@ -109,14 +99,13 @@ void RecordedPoses::configure(const RunSetup& setup, const Parameters& parameter
     reverses_ = parameters.text("at_end") == "reverse";
     const std::filesystem::path& file = parameters.file("file");
     const std::vector<TimedPose> samples =
-        smooth(readPoseRecording(file, {parameters.number("max_gap_s")}),
-               parameters.number("smoothing_s"));
+        smooth(readPoseRecording(file, {parameters.number("max_gap_s")}), parameters.number("smoothing_s"));
 
     const double start = parameters.number("start_s");
-    const auto first = static_cast<std::size_t>(
-        std::lower_bound(samples.begin(), samples.end(), start,
-                         [](const TimedPose& s, double t) { return s.time_s < t; }) -
-        samples.begin());
+    const auto first =
+        static_cast<std::size_t>(std::lower_bound(samples.begin(), samples.end(), start,
+                                                  [](const TimedPose& s, double t) { return s.time_s < t; }) -
+                                 samples.begin());
     char message[200];
     if (first + kFewestSamples > samples.size()) {
         std::snprintf(message, sizeof message,
@@ -128,8 +117,8 @@ void RecordedPoses::configure(const RunSetup& setup, const Parameters& parameter
     spline_.fit(makeRelative(samples, first, parameters));
     if (clutch_s_ > spline_.duration()) {
         std::snprintf(message, sizeof message,
-                      "clutch_s = %g s is longer than the part of the recording in use, %.6g s",
-                      clutch_s_, spline_.duration());
+                      "clutch_s = %g s is longer than the part of the recording in use, %.6g s", clutch_s_,
+                      spline_.duration());
         throw badInput(parameters.place("clutch_s"), message,
                        "Give a shorter time or a longer part of " + file.string());
     }

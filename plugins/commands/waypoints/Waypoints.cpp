@@ -5,7 +5,7 @@
 #include <cstdio>
 
 #include "viable/core/Error.h"
-#include "viable/motion/MinimumJerk.h"
+#include "viable/core/MinimumJerk.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {
@@ -17,19 +17,14 @@ namespace {
 constexpr double kTimeTolerance_s = 1e-9;
 
 const ParameterSpec kParameters[] = {
-    parameter::rows(
-        "points", "s, rad", 2, kMaxJoints + 1, nullptr,
-        "One row per point: its time, then one position per joint; times increase, the first is 0 "
-        "or later."),
-    parameter::choice(
-        "interpolation", "hold|linear|smooth", "smooth",
-        "Between points: jump at the next point, run straight, or a quintic at rest at "
-        "every point."),
-    parameter::number("repeat_s", "s", "0",
-                      "The sequence starts again after this time; 0: it runs once.")
-        .atLeast(0),
-    parameter::flag("relative_to_start", "false",
-                    "Positions are added to the arm's joint positions at the start."),
+    parameter::rows("points", "s, rad", 2, kMaxJoints + 1, nullptr,
+                    "One row per point: its time, then one position per joint; times increase, the first is 0 "
+                    "or later."),
+    parameter::choice("interpolation", "hold|linear|smooth", "smooth",
+                      "Between points: jump at the next point, run straight, or a quintic at rest at "
+                      "every point."),
+    parameter::number("repeat_s", "s", "0", "The sequence starts again after this time; 0: it runs once.").atLeast(0),
+    parameter::flag("relative_to_start", "false", "Positions are added to the arm's joint positions at the start."),
 };
 
 std::string text(double value) {
@@ -58,19 +53,17 @@ void Waypoints::configure(const RunSetup& setup, const Parameters& parameters) {
     for (std::size_t i = 0; i < rows.size(); ++i) {
         const std::vector<double>& row = rows[i];
         if (static_cast<int>(row.size()) != n_ + 1)
-            throw badInput(findRowPlace(parameters, i),
-                           "the row has " + std::to_string(row.size()) + " numbers, but it needs " +
-                               std::to_string(n_ + 1),
-                           "Write the time, then one position for each of the " +
-                               std::to_string(n_) + " joints of " + setup.robot.name);
+            throw badInput(
+                findRowPlace(parameters, i),
+                "the row has " + std::to_string(row.size()) + " numbers, but it needs " + std::to_string(n_ + 1),
+                "Write the time, then one position for each of the " + std::to_string(n_) + " joints of " +
+                    setup.robot.name);
         if (row[0] < 0.0)
             throw badInput(findRowPlace(parameters, i),
-                           "the time " + text(row[0]) + " s is before the start of the run",
-                           "Times begin at 0");
+                           "the time " + text(row[0]) + " s is before the start of the run", "Times begin at 0");
         if (i > 0 && !(row[0] > times_.back()))
             throw badInput(findRowPlace(parameters, i),
-                           "the time " + text(row[0]) +
-                               " s is not later than that of the row before, " +
+                           "the time " + text(row[0]) + " s is not later than that of the row before, " +
                                text(times_.back()) + " s",
                            "Times must increase from row to row");
         times_.push_back(row[0]);
@@ -84,12 +77,11 @@ void Waypoints::configure(const RunSetup& setup, const Parameters& parameters) {
     repeat_s_ = parameters.number("repeat_s");
     if (repeat_s_ > 0.0) {
         if (repeat_s_ < times_.back())
-            throw badInput(parameters.place("repeat_s"),
-                           "repeat_s = " + text(repeat_s_) + " s ends before the last point at " +
-                               text(times_.back()) + " s",
-                           "Give at least the time of the last point, or 0 to run once");
-        if (interpolation_ != Interpolation::Hold &&
-            repeat_s_ + times_.front() - times_.back() <= kTimeTolerance_s &&
+            throw badInput(
+                parameters.place("repeat_s"),
+                "repeat_s = " + text(repeat_s_) + " s ends before the last point at " + text(times_.back()) + " s",
+                "Give at least the time of the last point, or 0 to run once");
+        if (interpolation_ != Interpolation::Hold && repeat_s_ + times_.front() - times_.back() <= kTimeTolerance_s &&
             points_.front() != points_.back())
             throw badInput(parameters.place("repeat_s"),
                            "the next round begins where the last point is (" + text(times_.back()) +

@@ -7,12 +7,10 @@ namespace viable {
 namespace {
 
 const ParameterSpec kParameters[] = {
-    parameter::jointNumbers("stiffness", "1/s^2", "5.0", "k_p: acceleration per position error.")
-        .atLeast(0),
+    parameter::jointNumbers("stiffness", "1/s^2", "5.0", "k_p: acceleration per position error.").atLeast(0),
     parameter::jointNumbers("damping", "1/s", "1.0", "k_d: deceleration per velocity.").atLeast(0),
-    parameter::flag(
-        "velocity_feedforward", "false",
-        "Damp the difference to the commanded velocity instead of the velocity itself."),
+    parameter::flag("velocity_feedforward", "false",
+                    "Damp the difference to the commanded velocity instead of the velocity itself."),
 };
 
 }  // namespace
@@ -26,13 +24,13 @@ void JointPd::configure(const RunSetup& setup, const Parameters& parameters) {
 
 void JointPd::reset(const MotionState&) {}
 
-TickStatus JointPd::compute(const MotionCommand& command, const MotionState& nominal,
-                            const Dynamics& dynamics, JointVector& torque) {
-    if (command.space != MotionCommand::Space::Joint || !isFinite(command.q, n_) ||
-        !isFinite(command.qd, n_) || !isFinite(nominal, n_) || !isFinite(dynamics, n_))
+TickStatus JointPd::compute(const MotionCommand& command, const MotionState& nominal, const Dynamics& dynamics,
+                            JointVector& torque) {
+    if (command.space != MotionCommand::Space::Joint || !isFinite(command.q, n_) || !isFinite(command.qd, n_) ||
+        !isFinite(nominal, n_) || !isFinite(dynamics, n_))
         return TickStatus::InvalidInput;
-    acceleration_ = stiffness_.cwiseProduct(command.q - nominal.q) -
-                    damping_.cwiseProduct(nominal.qd - feedforward_ * command.qd);
+    acceleration_ =
+        stiffness_.cwiseProduct(command.q - nominal.q) - damping_.cwiseProduct(nominal.qd - feedforward_ * command.qd);
     calcInverseDynamics(dynamics, acceleration_, torque);
     return TickStatus::Ok;
 }
@@ -40,5 +38,4 @@ TickStatus JointPd::compute(const MotionCommand& command, const MotionState& nom
 }  // namespace viable
 
 VIABLE_PLUGIN(viable::NominalController, viable::JointPd, "joint_pd",
-              "Joint-space PD with inverse dynamics (the paper's simulations).",
-              viable::kParameters)
+              "Joint-space PD with inverse dynamics (the paper's simulations).", viable::kParameters)

@@ -18,12 +18,10 @@ const ParameterSpec kParameters[] = {
                        "D: three linear, three angular entries, base frame axes.")
         .atLeast(0),
     parameter::flag("gravity_compensation", "true", "Add the arm's gravity torque."),
-    parameter::number(
-        "singular_threshold", "", "0.01",
-        "w0: manipulability sqrt(det J J^T) below which joint damping is added; 0 never.")
+    parameter::number("singular_threshold", "", "0.01",
+                      "w0: manipulability sqrt(det J J^T) below which joint damping is added; 0 never.")
         .atLeast(0),
-    parameter::number("singular_damping", "1/s", "20.0",
-                      "c: rate of that damping at the singular pose itself.")
+    parameter::number("singular_damping", "1/s", "20.0", "c: rate of that damping at the singular pose itself.")
         .atLeast(0),
 };
 
@@ -67,8 +65,8 @@ Eigen::Vector3d TaskSpacePd::calcOrientationError(const Eigen::Quaterniond& desi
     return factor * error.vec();
 }
 
-TickStatus TaskSpacePd::compute(const MotionCommand& command, const MotionState& nominal,
-                                const Dynamics& dynamics, JointVector& torque) {
+TickStatus TaskSpacePd::compute(const MotionCommand& command, const MotionState& nominal, const Dynamics& dynamics,
+                                JointVector& torque) {
     const double norm = command.tool.orientation.norm();
     if (command.space != MotionCommand::Space::Tool || !command.tool.position.allFinite() ||
         !(norm > 0.5 && norm < 2.0) || !command.toolTwist.allFinite() || !isFinite(nominal, n_) ||
@@ -77,20 +75,17 @@ TickStatus TaskSpacePd::compute(const MotionCommand& command, const MotionState&
 
     Vector6 error;
     error.head<3>() = command.tool.position - dynamics.tool.position;
-    error.tail<3>() =
-        calcOrientationError(command.tool.orientation.normalized(), dynamics.tool.orientation);
+    error.tail<3>() = calcOrientationError(command.tool.orientation.normalized(), dynamics.tool.orientation);
     Vector6 twist;
     twist.noalias() = dynamics.J.lazyProduct(nominal.qd);
-    const Vector6 wrench =
-        stiffness_.cwiseProduct(error) + damping_.cwiseProduct(command.toolTwist - twist);
+    const Vector6 wrench = stiffness_.cwiseProduct(error) + damping_.cwiseProduct(command.toolTwist - twist);
 
     torque = gravityShare_ * dynamics.gravity;
     torque.noalias() += dynamics.J.transpose().lazyProduct(wrench);
     if (singularThreshold_ > 0.0) {
         const double distance = 1.0 - calcManipulability(dynamics.J) / singularThreshold_;
         if (distance > 0.0)
-            torque -= singularDamping_ * distance * distance *
-                      dynamics.M.diagonal().cwiseProduct(nominal.qd);
+            torque -= singularDamping_ * distance * distance * dynamics.M.diagonal().cwiseProduct(nominal.qd);
     }
     return TickStatus::Ok;
 }
@@ -98,5 +93,4 @@ TickStatus TaskSpacePd::compute(const MotionCommand& command, const MotionState&
 }  // namespace viable
 
 VIABLE_PLUGIN(viable::NominalController, viable::TaskSpacePd, "task_space_pd",
-              "Task-space spring and damper at the tool (the paper's teleoperation).",
-              viable::kParameters)
+              "Task-space spring and damper at the tool (the paper's teleoperation).", viable::kParameters)

@@ -19,15 +19,12 @@ class TaskSpacePd : public NominalController {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
-    bool follows(MotionCommand::Space space) const override {
-        return space == MotionCommand::Space::Tool;
-    }
-    TickStatus compute(const MotionCommand& command, const MotionState& nominal,
-                       const Dynamics& dynamics, JointVector& torque) override;
+    bool follows(MotionCommand::Space space) const override { return space == MotionCommand::Space::Tool; }
+    TickStatus compute(const MotionCommand& command, const MotionState& nominal, const Dynamics& dynamics,
+                       JointVector& torque) override;
 
 private:
-    Eigen::Vector3d calcOrientationError(const Eigen::Quaterniond& desired,
-                                         const Eigen::Quaterniond& present);
+    Eigen::Vector3d calcOrientationError(const Eigen::Quaterniond& desired, const Eigen::Quaterniond& present);
 
     int n_ = 0;
     Vector6 stiffness_, damping_;

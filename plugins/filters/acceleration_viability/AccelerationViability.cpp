@@ -24,15 +24,13 @@ void AccelerationViability::configure(const RunSetup& setup, const Parameters& p
     kAlpha_ = parameters.number("k_alpha");
     limits_ = setup.limits;
     if (kAlpha_ * tick_s_ > 1.0)
-        throw badInput(
-            parameters.place("k_alpha"),
-            "k_alpha * tick_s is " + std::to_string(kAlpha_ * tick_s_) + ", allowed (0, 1]",
-            "Choose k_alpha at most 1 / tick_s.");
+        throw badInput(parameters.place("k_alpha"),
+                       "k_alpha * tick_s is " + std::to_string(kAlpha_ * tick_s_) + ", allowed (0, 1]",
+                       "Choose k_alpha at most 1 / tick_s.");
     if (!limits_.acceleration.lower.allFinite() || !limits_.acceleration.upper.allFinite())
-        throw badInput(
-            parameters.place("k_alpha"),
-            "the filter acceleration_viability needs a finite acceleration limit on every joint",
-            "Set limits.acceleration_radps2.");
+        throw badInput(parameters.place("k_alpha"),
+                       "the filter acceleration_viability needs a finite acceleration limit on every joint",
+                       "Set limits.acceleration_radps2.");
     choice_.configure(limits_.acceleration);
 }
 
@@ -40,8 +38,7 @@ void AccelerationViability::reset(const MotionState&) {
     choice_.reset();
 }
 
-AccelerationViability::Bound AccelerationViability::calcUpperBound(double v, double toLimit,
-                                                                   double V, double A,
+AccelerationViability::Bound AccelerationViability::calcUpperBound(double v, double toLimit, double V, double A,
                                                                    double Ad) const {
     Bound bound{A, LimitKind::Acceleration};
     const double velocityBound = (V - v) / tick_s_;
@@ -49,10 +46,9 @@ AccelerationViability::Bound AccelerationViability::calcUpperBound(double v, dou
     if (v > 0.0) {
         const double h = toLimit - v * v / (2.0 * Ad);
         // alpha(h) / v only where it restricts: v may be tiny and h may have passed zero.
-        const double positionBound = h <= 0.0 ? -Ad
-                                     : kAlpha_ * h >= v * (A / Ad + 1.0)
-                                         ? A
-                                         : Ad * (kAlpha_ * h / v - 1.0);
+        const double positionBound = h <= 0.0                            ? -Ad
+                                     : kAlpha_ * h >= v * (A / Ad + 1.0) ? A
+                                                                         : Ad * (kAlpha_ * h / v - 1.0);
         if (positionBound < bound.value) bound = {positionBound, LimitKind::Position};
     } else if (toLimit <= 0.0) {
         // (16) says nothing for v <= 0, but a tick that begins so may end with v > 0. At the limit
@@ -65,8 +61,7 @@ AccelerationViability::Bound AccelerationViability::calcUpperBound(double v, dou
 
 FilterStatus AccelerationViability::filter(const MotionState& nominal, const JointVector& torque,
                                            const Dynamics& dynamics, FilterDecision& decision) {
-    if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_))
-        return FilterStatus::InvalidInput;
+    if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_)) return FilterStatus::InvalidInput;
     if (!calcForwardDynamics(dynamics, torque, desired_)) return FilterStatus::Faulted;
 
     bool infeasible = false;
@@ -85,8 +80,7 @@ FilterStatus AccelerationViability::filter(const MotionState& nominal, const Joi
             intervals[i].collapse(v > 0.0 ? intervals[i].lower : intervals[i].upper);
         }
     }
-    const FilterStatus status =
-        choice_.choose(dynamics.M, desired_, intervals, acceleration_, decision.joints);
+    const FilterStatus status = choice_.choose(dynamics.M, desired_, intervals, acceleration_, decision.joints);
     holdAcceleration(nominal, dynamics, acceleration_, tick_s_, decision);
     if (infeasible) return FilterStatus::Infeasible;
     if (status == FilterStatus::Passed) decision.torque = torque;

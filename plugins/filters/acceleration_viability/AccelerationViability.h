@@ -1,6 +1,6 @@
 #pragma once
 
-#include "viable/plugin/IntervalChoice.h"
+#include "viable/filter/IntervalChoice.h"
 
 namespace viable {
 
@@ -23,9 +23,9 @@ class AccelerationViability : public SafetyFilter {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
-    bool promisesLimits() const override { return false; }
-    FilterStatus filter(const MotionState& nominal, const JointVector& torque,
-                        const Dynamics& dynamics, FilterDecision& decision) override;
+    bool guaranteesLimits() const override { return false; }
+    FilterStatus filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
+                        FilterDecision& decision) override;
 
 private:
     /** An end of one joint's interval and the limit that put it there. */

@@ -1,4 +1,4 @@
-#include "viable/plugin/CertifiedBrakingFilter.h"
+#include "viable/filter/CertifiedBrakingFilter.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace {
@@ -12,19 +12,16 @@ const ParameterSpec kParameters[] = {
                       "Infinite: as fast as the limits allow.")
         .above(0)
         .orInfinite(),
-    parameter::number(
-        "gamma", "1/s", "20.0",
-        "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
+    parameter::number("gamma", "1/s", "20.0",
+                      "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
         .above(0),
-    parameter::flag(
-        "recovery", "false",
-        "Accept a start outside the limits, or one that must leave them, and lead the arm back."),
+    parameter::flag("recovery", "false",
+                    "Accept a start outside the limits, or one that must leave them, and lead the arm back."),
 };
 
 }  // namespace
 
-VIABLE_PLUGIN(
-    viable::SafetyFilter, viable::CertifiedBrakingFilter, "certified_braking",
-    "Keeps position, velocity, acceleration and jerk limits in sampled time, always: every tick "
-    "holds a checked stop.",
-    kParameters)
+VIABLE_PLUGIN(viable::SafetyFilter, viable::CertifiedBrakingFilter, "certified_braking",
+              "Keeps position, velocity, acceleration and jerk limits in sampled time, always: every tick "
+              "holds a checked stop.",
+              kParameters)

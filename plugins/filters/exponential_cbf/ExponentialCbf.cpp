@@ -1,7 +1,7 @@
 #include "ExponentialCbf.h"
 
-#include "viable/motion/Braking.h"
-#include "viable/motion/ExponentialBarrier.h"
+#include "viable/braking/Braking.h"
+#include "viable/braking/ExponentialBarrier.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {
@@ -9,18 +9,15 @@ namespace viable {
 namespace {
 
 const ParameterSpec kParameters[] = {
-    parameter::number(
-        "k_alpha", "1/s", "5.0",
-        "Every pole of every barrier lies at -k_alpha; k_alpha * tick_s must not exceed 1.")
+    parameter::number("k_alpha", "1/s", "5.0",
+                      "Every pole of every barrier lies at -k_alpha; k_alpha * tick_s must not exceed 1.")
         .above(0),
-    parameter::number(
-        "gamma", "1/s", "20.0",
-        "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
+    parameter::number("gamma", "1/s", "20.0",
+                      "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
         .above(0),
-    parameter::choice(
-        "on_infeasible", "stop|brake", "stop",
-        "At the first tick without an admissible jerk: end the run there, or brake in each "
-        "such tick, count it and go on."),
+    parameter::choice("on_infeasible", "stop|brake", "stop",
+                      "At the first tick without an admissible jerk: end the run there, or brake in each "
+                      "such tick, count it and go on."),
 };
 
 }  // namespace
@@ -47,8 +44,8 @@ JerkIntervalFilter::Rows ExponentialCbf::calcRows(const AxisState& s, const Axis
     return finishRows(jerk, calcStationaryStop(s.v, s.a, l).jerk, s, l);
 }
 
-FilterStatus ExponentialCbf::filter(const MotionState& nominal, const JointVector& torque,
-                                    const Dynamics& dynamics, FilterDecision& decision) {
+FilterStatus ExponentialCbf::filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
+                                    FilterDecision& decision) {
     if (hasEnded_) return FilterStatus::Ended;
     const FilterStatus status = JerkIntervalFilter::filter(nominal, torque, dynamics, decision);
     hasEnded_ = stops_ && status == FilterStatus::Infeasible;
@@ -57,8 +54,7 @@ FilterStatus ExponentialCbf::filter(const MotionState& nominal, const JointVecto
 
 }  // namespace viable
 
-VIABLE_PLUGIN(
-    viable::SafetyFilter, viable::ExponentialCbf, "exponential_cbf",
-    "Exponential control barrier functions, each limit by itself (the paper's S3); soon has no "
-    "admissible jerk.",
-    viable::kParameters)
+VIABLE_PLUGIN(viable::SafetyFilter, viable::ExponentialCbf, "exponential_cbf",
+              "Exponential control barrier functions, each limit by itself (the paper's S3); soon has no "
+              "admissible jerk.",
+              viable::kParameters)

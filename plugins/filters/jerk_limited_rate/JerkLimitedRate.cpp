@@ -11,11 +11,10 @@ void JerkLimitedRate::configure(const RunSetup& setup, const Parameters& paramet
     limits_ = setup.limits;
     for (const JointBounds* bounds : {&limits_.acceleration, &limits_.jerk})
         if (!bounds->lower.allFinite() || !bounds->upper.allFinite())
-            throw badInput(
-                parameters.resolved().place(),
-                "the filter jerk_limited_rate needs finite acceleration and jerk limits on "
-                "every joint",
-                "Set limits.acceleration_radps2 and limits.jerk_radps3.");
+            throw badInput(parameters.resolved().place(),
+                           "the filter jerk_limited_rate needs finite acceleration and jerk limits on "
+                           "every joint",
+                           "Set limits.acceleration_radps2 and limits.jerk_radps3.");
 }
 
 void JerkLimitedRate::reset(const MotionState&) {}  // v and a are the nominal arm's
@@ -43,16 +42,14 @@ double JerkLimitedRate::calcAcceleration(double v, double a, double desired, con
     return x;
 }
 
-FilterStatus JerkLimitedRate::filter(const MotionState& nominal, const JointVector& torque,
-                                     const Dynamics& dynamics, FilterDecision& decision) {
-    if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_))
-        return FilterStatus::InvalidInput;
+FilterStatus JerkLimitedRate::filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
+                                     FilterDecision& decision) {
+    if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_)) return FilterStatus::InvalidInput;
     if (!calcForwardDynamics(dynamics, torque, desired_)) return FilterStatus::Faulted;
     acceleration_.resize(n_);
     for (int i = 0; i < n_; ++i)
-        acceleration_[i] =
-            calcAcceleration(nominal.qd[i], nominal.qdd[i], desired_[i], limits_.axis(i),
-                             decision.joints[static_cast<std::size_t>(i)]);
+        acceleration_[i] = calcAcceleration(nominal.qd[i], nominal.qdd[i], desired_[i], limits_.axis(i),
+                                            decision.joints[static_cast<std::size_t>(i)]);
     holdAcceleration(nominal, dynamics, acceleration_, tick_s_, decision);
     if (acceleration_ != desired_) return FilterStatus::Modified;
     decision.torque = torque;  // not M (M^-1 (tau - b)) + b, which differs in the last bits
@@ -61,7 +58,5 @@ FilterStatus JerkLimitedRate::filter(const MotionState& nominal, const JointVect
 
 }  // namespace viable
 
-VIABLE_PLUGIN(
-    viable::SafetyFilter, viable::JerkLimitedRate, "jerk_limited_rate",
-    "The velocity rate limiter of robot vendors: velocity, acceleration and jerk, no position.",
-    nullptr)
+VIABLE_PLUGIN(viable::SafetyFilter, viable::JerkLimitedRate, "jerk_limited_rate",
+              "The velocity rate limiter of robot vendors: velocity, acceleration and jerk, no position.", nullptr)

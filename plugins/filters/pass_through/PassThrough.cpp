@@ -11,10 +11,9 @@ void PassThrough::configure(const RunSetup& setup, const Parameters&) {
 
 void PassThrough::reset(const MotionState&) {}
 
-FilterStatus PassThrough::filter(const MotionState& nominal, const JointVector& torque,
-                                 const Dynamics& dynamics, FilterDecision& decision) {
-    if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_))
-        return FilterStatus::InvalidInput;
+FilterStatus PassThrough::filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
+                                 FilterDecision& decision) {
+    if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_)) return FilterStatus::InvalidInput;
     if (!calcForwardDynamics(dynamics, torque, acceleration_)) return FilterStatus::Faulted;
     holdAcceleration(nominal, dynamics, acceleration_, tick_s_, decision);
     decision.torque = torque;  // not M (M^-1 (tau - b)) + b, which differs in the last bits

@@ -6,16 +6,16 @@ namespace viable {
 
 /** Leaves the torque alone: what the controller would do without any limit.
 
-Promises nothing. The nominal arm moves with the acceleration of the desired torque, held for a
+Guarantees nothing. The nominal arm moves with the acceleration of the desired torque, held for a
 tick.
 Real time: no allocation, lock or throw after configure(). */
 class PassThrough : public SafetyFilter {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
-    bool promisesLimits() const override { return false; }
-    FilterStatus filter(const MotionState& nominal, const JointVector& torque,
-                        const Dynamics& dynamics, FilterDecision& decision) override;
+    bool guaranteesLimits() const override { return false; }
+    FilterStatus filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
+                        FilterDecision& decision) override;
 
 private:
     int n_ = 0;

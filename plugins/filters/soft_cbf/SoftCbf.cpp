@@ -10,17 +10,14 @@ namespace viable {
 namespace {
 
 const ParameterSpec kParameters[] = {
-    parameter::number(
-        "k_alpha", "1/s", "5.0",
-        "Every pole of every barrier lies at -k_alpha; k_alpha * tick_s must not exceed 1.")
+    parameter::number("k_alpha", "1/s", "5.0",
+                      "Every pole of every barrier lies at -k_alpha; k_alpha * tick_s must not exceed 1.")
         .above(0),
-    parameter::number(
-        "gamma", "1/s", "20.0",
-        "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
+    parameter::number("gamma", "1/s", "20.0",
+                      "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
         .above(0),
-    parameter::number(
-        "weight", "", "1000",
-        "w: how many times more missing a row costs than missing the desired jerk as far.")
+    parameter::number("weight", "", "1000",
+                      "w: how many times more missing a row costs than missing the desired jerk as far.")
         .above(0)
         .upTo(1e6),
 };
@@ -122,8 +119,7 @@ void SoftCbf::searchLine(const JointMatrix& M, JointVector& jerk) {
         for (int i = 0; i < n; ++i) {
             const double x = jerk[i] + share * step_[i];
             const Violated violated = findViolated(i, x);
-            sum +=
-                weight_ * size_[i] * size_[i] * (violated.count * x - violated.bounds) * step_[i];
+            sum += weight_ * size_[i] * size_[i] * (violated.count * x - violated.bounds) * step_[i];
         }
         return sum;
     };
@@ -162,8 +158,7 @@ JointIntervention SoftCbf::findIntervention(int joint, double desired, double je
     if (jerk == desired) return {};
     const LimitSide side = jerk < desired ? LimitSide::Upper : LimitSide::Lower;
     const JointBounds& box = limits().jerk;
-    if (side == LimitSide::Upper ? jerk >= box.upper[joint] : jerk <= box.lower[joint])
-        return {LimitKind::Jerk, side};
+    if (side == LimitSide::Upper ? jerk >= box.upper[joint] : jerk <= box.lower[joint]) return {LimitKind::Jerk, side};
     const ExponentialBarrierRows& rows = rows_[static_cast<std::size_t>(joint)];
     JointIntervention found;
     double worst = 0.0;
@@ -176,9 +171,8 @@ JointIntervention SoftCbf::findIntervention(int joint, double desired, double je
     return found;
 }
 
-FilterStatus SoftCbf::chooseJerk(const MotionState& nominal, const Dynamics& dynamics,
-                                 const JointVector& desired, JointVector& jerk,
-                                 std::array<JointIntervention, kMaxJoints>& joints) {
+FilterStatus SoftCbf::chooseJerk(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired,
+                                 JointVector& jerk, std::array<JointIntervention, kMaxJoints>& joints) {
     const int n = static_cast<int>(desired.size());
     bool infeasible = false;
     for (int i = 0; i < n; ++i) {
@@ -190,15 +184,13 @@ FilterStatus SoftCbf::chooseJerk(const MotionState& nominal, const Dynamics& dyn
     target_ = desired.cwiseMax(limits().jerk.lower).cwiseMin(limits().jerk.upper);
     jerk = target_;
     minimise(dynamics.M, jerk);
-    for (int i = 0; i < n; ++i)
-        joints[static_cast<std::size_t>(i)] = findIntervention(i, desired[i], jerk[i]);
+    for (int i = 0; i < n; ++i) joints[static_cast<std::size_t>(i)] = findIntervention(i, desired[i], jerk[i]);
     if (infeasible) return FilterStatus::Infeasible;
     return jerk == desired ? FilterStatus::Passed : FilterStatus::Modified;
 }
 
 }  // namespace viable
 
-VIABLE_PLUGIN(
-    viable::SafetyFilter, viable::SoftCbf, "soft_cbf",
-    "Exponential control barrier functions with a slack on every row: always a jerk, no row exact.",
-    viable::kParameters)
+VIABLE_PLUGIN(viable::SafetyFilter, viable::SoftCbf, "soft_cbf",
+              "Exponential control barrier functions with a slack on every row: always a jerk, no row exact.",
+              viable::kParameters)

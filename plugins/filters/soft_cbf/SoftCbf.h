@@ -1,8 +1,8 @@
 #pragma once
 
-#include "viable/motion/BoxQp.h"
-#include "viable/motion/ExponentialBarrier.h"
-#include "viable/plugin/JerkIntervalFilter.h"
+#include "viable/braking/ExponentialBarrier.h"
+#include "viable/filter/JerkIntervalFilter.h"
+#include "viable/qp/BoxQp.h"
 
 namespace viable {
 
@@ -41,9 +41,8 @@ private:
     };
 
     Rows calcRows(const AxisState& state, const AxisLimits& limits) const override;
-    FilterStatus chooseJerk(const MotionState& nominal, const Dynamics& dynamics,
-                            const JointVector& desired, JointVector& jerk,
-                            std::array<JointIntervention, kMaxJoints>& joints) override;
+    FilterStatus chooseJerk(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired,
+                            JointVector& jerk, std::array<JointIntervention, kMaxJoints>& joints) override;
     Violated findViolated(int joint, double jerk) const;
     bool minimisePiece(const JointMatrix& M, const JointVector& at);
     bool isSamePiece(const JointVector& a, const JointVector& b) const;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "viable/plugin/BrakingPolicyFilter.h"
+#include "viable/filter/BrakingPolicyFilter.h"
 
 namespace viable {
 

@@ -3,8 +3,8 @@
 #include <limits>
 #include <string>
 
+#include "viable/braking/Braking.h"
 #include "viable/core/Error.h"
-#include "viable/motion/Braking.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {
@@ -14,22 +14,17 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 const ParameterSpec kParameters[] = {
-    parameter::number(
-        "xi", "rad/s", "1.0",
-        "Largest velocity towards a limit at the influence distance; xi * tick_s at most "
-        "influence_rad - safety_rad.")
+    parameter::number("xi", "rad/s", "1.0",
+                      "Largest velocity towards a limit at the influence distance; xi * tick_s at most "
+                      "influence_rad - safety_rad.")
         .above(0),
-    parameter::number("influence_rad", "rad", "0.2",
-                      "d_i: distance from a limit where damping begins.")
-        .above(0),
-    parameter::number(
-        "safety_rad", "rad", "0.02",
-        "d_s: distance from a limit where no velocity towards it is left; at most half "
-        "of the range.")
+    parameter::number("influence_rad", "rad", "0.2", "d_i: distance from a limit where damping begins.").above(0),
+    parameter::number("safety_rad", "rad", "0.02",
+                      "d_s: distance from a limit where no velocity towards it is left; at most half "
+                      "of the range.")
         .atLeast(0),
-    parameter::number(
-        "gamma", "1/s", "20.0",
-        "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
+    parameter::number("gamma", "1/s", "20.0",
+                      "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
         .above(0),
 };
 
@@ -46,17 +41,15 @@ void VelocityDamper::configure(const RunSetup& setup, const Parameters& paramete
                            " is not larger than safety_rad = " + std::to_string(safety_rad_),
                        "Let damping begin before it ends.");
     if (xi_ * setup.tick_s > width)
-        throw badInput(
-            parameters.place("xi"),
-            "xi * tick_s is " + std::to_string(xi_ * setup.tick_s) +
-                " rad, allowed (0, influence_rad - safety_rad = " + std::to_string(width) + "]",
-            "The sampled law overshoots beyond that; choose a smaller xi or a wider zone.");
+        throw badInput(parameters.place("xi"),
+                       "xi * tick_s is " + std::to_string(xi_ * setup.tick_s) +
+                           " rad, allowed (0, influence_rad - safety_rad = " + std::to_string(width) + "]",
+                       "The sampled law overshoots beyond that; choose a smaller xi or a wider zone.");
     for (int i = 0; i < setup.size(); ++i) {
         const AxisLimits axis = setup.limits.axis(i);
         if (axis.positionUpper - axis.positionLower < 2.0 * safety_rad_)
             throw badInput(parameters.place("safety_rad"),
-                           "the safety distances of " +
-                               setup.robot.joints[static_cast<std::size_t>(i)].name +
+                           "the safety distances of " + setup.robot.joints[static_cast<std::size_t>(i)].name +
                                " leave it no place: its range is " +
                                std::to_string(axis.positionUpper - axis.positionLower) + " rad",
                            "Choose safety_rad at most half of the range.");
@@ -71,17 +64,12 @@ double VelocityDamper::calcDampedVelocity(double toLimit) const {
 }
 
 JerkIntervalFilter::Rows VelocityDamper::calcRows(const AxisState& s, const AxisLimits& l) const {
-    JointInterval velocity{l.velocityLower, l.velocityUpper, LimitKind::Velocity,
-                           LimitKind::Velocity};
+    JointInterval velocity{l.velocityLower, l.velocityUpper, LimitKind::Velocity, LimitKind::Velocity};
     // Far beyond a limit the damper asks for more speed back than the velocity limit allows: as much as it allows.
-    velocity.restrictLower(std::min(l.velocityUpper, -calcDampedVelocity(s.p - l.positionLower)),
-                           LimitKind::Position);
-    velocity.restrictUpper(std::max(l.velocityLower, calcDampedVelocity(l.positionUpper - s.p)),
-                           LimitKind::Position);
+    velocity.restrictLower(std::min(l.velocityUpper, -calcDampedVelocity(s.p - l.positionLower)), LimitKind::Position);
+    velocity.restrictUpper(std::max(l.velocityLower, calcDampedVelocity(l.positionUpper - s.p)), LimitKind::Position);
     // v+ <= bound as a bound on the jerk.
-    const auto toJerk = [&](double bound) {
-        return (bound - s.v - s.a * tick_s()) * 2.0 / (tick_s() * tick_s());
-    };
+    const auto toJerk = [&](double bound) { return (bound - s.v - s.a * tick_s()) * 2.0 / (tick_s() * tick_s()); };
     const double lower = toJerk(velocity.lower), upper = toJerk(velocity.upper);
     JointInterval jerk = calcHardLimits(s, l);
     const bool isTooFast = upper < jerk.lower;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "viable/plugin/JerkIntervalFilter.h"
+#include "viable/filter/JerkIntervalFilter.h"
 
 namespace viable {
 

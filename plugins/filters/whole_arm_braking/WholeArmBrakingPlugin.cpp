@@ -1,5 +1,5 @@
+#include "viable/filter/WholeArmBrakingFilter.h"
 #include "viable/plugin/PluginExport.h"
-#include "viable/plugin/WholeArmBrakingFilter.h"
 
 namespace {
 
@@ -12,9 +12,8 @@ const ParameterSpec kParameters[] = {
                       "obstacle; k_alpha * tick_s must not exceed 1. Infinite: as fast as the limits allow.")
         .above(0)
         .orInfinite(),
-    parameter::number(
-        "gamma", "1/s", "20.0",
-        "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
+    parameter::number("gamma", "1/s", "20.0",
+                      "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
         .above(0),
     parameter::flag("recovery", "false",
                     "Accept a start outside the limits or too near to something, and lead the arm back."),

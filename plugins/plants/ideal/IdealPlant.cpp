@@ -7,8 +7,7 @@ namespace viable {
 namespace {
 
 constexpr ParameterSpec kParameters[] = {
-    parameter::choice("held", "jerk|acceleration", "jerk",
-                      "What the filter's decisions hold over a tick."),
+    parameter::choice("held", "jerk|acceleration", "jerk", "What the filter's decisions hold over a tick."),
 };
 
 }  // namespace
@@ -17,8 +16,7 @@ void IdealPlant::configure(const RunSetup& setup, const Parameters& parameters) 
     n_ = setup.size();
     tick_s_ = setup.tick_s;
     model_ = std::make_unique<RobotModel>(setup.robot);
-    decision_.held =
-        parameters.text("held") == "jerk" ? HeldQuantity::Jerk : HeldQuantity::Acceleration;
+    decision_.held = parameters.text("held") == "jerk" ? HeldQuantity::Jerk : HeldQuantity::Acceleration;
     external_.setZero(n_);
     reset(setup.start);
 }
@@ -44,7 +42,6 @@ TickStatus IdealPlant::advance(const JointVector& torque, JointVector& applied) 
 
 }  // namespace viable
 
-VIABLE_PLUGIN(
-    viable::RealPlant, viable::IdealPlant, "ideal",
-    "The nominal arm in the place of the real one: no friction, no error, nothing to correct.",
-    viable::kParameters)
+VIABLE_PLUGIN(viable::RealPlant, viable::IdealPlant, "ideal",
+              "The nominal arm in the place of the real one: no friction, no error, nothing to correct.",
+              viable::kParameters)

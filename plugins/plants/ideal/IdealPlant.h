@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "viable/plugin/NominalPlant.h"
+#include "viable/loop/NominalPlant.h"
 #include "viable/plugin/RealPlant.h"
 #include "viable/robot/RobotModel.h"
 

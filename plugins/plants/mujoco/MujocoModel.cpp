@@ -74,26 +74,23 @@ std::string writeUrdf(const RobotDescription& robot) {
     for (const JointDescription& joint : robot.joints) {
         const BodyInertia& body = joint.body;
         const Eigen::Matrix3d& I = body.inertia;
-        text << "<link name=\"" << joint.childLink << "\"><inertial><origin xyz=\""
-             << writeNumbers(body.com) << "\"/><mass value=\"" << body.mass << "\"/><inertia ixx=\""
-             << I(0, 0) << "\" ixy=\"" << I(0, 1) << "\" ixz=\"" << I(0, 2) << "\" iyy=\""
-             << I(1, 1) << "\" iyz=\"" << I(1, 2) << "\" izz=\"" << I(2, 2)
+        text << "<link name=\"" << joint.childLink << "\"><inertial><origin xyz=\"" << writeNumbers(body.com)
+             << "\"/><mass value=\"" << body.mass << "\"/><inertia ixx=\"" << I(0, 0) << "\" ixy=\"" << I(0, 1)
+             << "\" ixz=\"" << I(0, 2) << "\" iyy=\"" << I(1, 1) << "\" iyz=\"" << I(1, 2) << "\" izz=\"" << I(2, 2)
              << "\"/></inertial></link>";
         const std::string parent =
-            joint.parent < 0 ? "base of all joints"
-                             : robot.joints[static_cast<std::size_t>(joint.parent)].childLink;
+            joint.parent < 0 ? "base of all joints" : robot.joints[static_cast<std::size_t>(joint.parent)].childLink;
         text << "<joint name=\"" << joint.name << "\" type=\""
              << (joint.type == JointType::Prismatic ? "prismatic" : "continuous") << "\">"
-             << writeOrigin(joint.placement) << "<parent link=\"" << parent << "\"/><child link=\""
-             << joint.childLink << "\"/><axis xyz=\"" << writeNumbers(joint.axis)
+             << writeOrigin(joint.placement) << "<parent link=\"" << parent << "\"/><child link=\"" << joint.childLink
+             << "\"/><axis xyz=\"" << writeNumbers(joint.axis)
              << "\"/><limit lower=\"-1\" upper=\"1\" effort=\"1\" velocity=\"1\"/></joint>";
     }
     const std::string& carrier = robot.joints[static_cast<std::size_t>(robot.toolParent)].childLink;
     if (robot.toolLink != carrier)
-        text << "<link name=\"" << robot.toolLink
-             << "\"/><joint name=\"tool of all joints\" type=\"fixed\">"
-             << writeOrigin(robot.toolPlacement) << "<parent link=\"" << carrier
-             << "\"/><child link=\"" << robot.toolLink << "\"/></joint>";
+        text << "<link name=\"" << robot.toolLink << "\"/><joint name=\"tool of all joints\" type=\"fixed\">"
+             << writeOrigin(robot.toolPlacement) << "<parent link=\"" << carrier << "\"/><child link=\""
+             << robot.toolLink << "\"/></joint>";
     text << "</robot>";
     return text.str();
 }
@@ -111,8 +108,7 @@ std::string findUrdf(const RobotDescription& robot) {
     return text.str();
 }
 
-MujocoModel::MujocoModel(const std::string& urdf, const std::string& source)
-    : urdf_(urdf), source_(source) {
+MujocoModel::MujocoModel(const std::string& urdf, const std::string& source) : urdf_(urdf), source_(source) {
     static std::once_flag areHandlersSet;  // they are the process's, and cases run side by side
     std::call_once(areHandlersSet, [] {
         mju_user_error = throwError;
@@ -121,16 +117,14 @@ MujocoModel::MujocoModel(const std::string& urdf, const std::string& source)
 
     std::string xml = urdf;
     removeComments(xml);
-    for (const char* const ignored : {"visual", "collision", "mujoco"})
-        removeElements(xml, ignored);
+    for (const char* const ignored : {"visual", "collision", "mujoco"}) removeElements(xml, ignored);
     // Links behind fixed joints stay bodies, so that the tool's pose can be asked for; masses come from <inertial> only.
     const std::size_t robot = xml.find("<robot");
     const std::size_t root = robot == std::string::npos ? robot : xml.find('>', robot);
     if (root == std::string::npos) throw std::runtime_error(source + " holds no <robot>");
-    xml.insert(root + 1,
-               std::string("<mujoco><compiler fusestatic=\"false\" discardvisual=\"true\" "
-                           "inertiafromgeom=\"false\"/>") +
-                   kSizes + "</mujoco>");
+    xml.insert(root + 1, std::string("<mujoco><compiler fusestatic=\"false\" discardvisual=\"true\" "
+                                     "inertiafromgeom=\"false\"/>") +
+                             kSizes + "</mujoco>");
 
     const char* const name = "robot.urdf";
     const auto files = std::make_unique<mjVFS>();
@@ -156,12 +150,10 @@ void MujocoModel::sharpenInertia() {
     if (!links) throw std::runtime_error("urdfdom refuses " + source_);
     for (const auto& [name, link] : links->links_) {
         const int body = mj_name2id(model_.get(), mjOBJ_BODY, name.c_str());
-        if (body < 0 || !link->inertial)
-            continue;  // the root is part of MuJoCo's world, the tool has no mass
+        if (body < 0 || !link->inertial) continue;  // the root is part of MuJoCo's world, the tool has no mass
         const urdf::Inertial& from = *link->inertial;
         Eigen::Matrix3d tensor;
-        tensor << from.ixx, from.ixy, from.ixz, from.ixy, from.iyy, from.iyz, from.ixz, from.iyz,
-            from.izz;
+        tensor << from.ixx, from.ixy, from.ixz, from.ixy, from.iyy, from.iyz, from.ixz, from.iyz, from.izz;
         const urdf::Rotation& r = from.origin.rotation;
         const Eigen::Matrix3d placed = Eigen::Quaterniond(r.w, r.x, r.y, r.z).toRotationMatrix();
         setTensor(body, placed * tensor * placed.transpose());
@@ -192,8 +184,7 @@ void MujocoModel::addPointMass(const std::string& link, double mass, const Eigen
     Eigen::Matrix3d tensor = axes * principal.asDiagonal() * axes.transpose();
     // Two bodies about their common centre of mass: the reduced mass at their distance.
     const Eigen::Vector3d d = place - com;
-    tensor += carried * mass / (carried + mass) *
-              (d.squaredNorm() * Eigen::Matrix3d::Identity() - d * d.transpose());
+    tensor += carried * mass / (carried + mass) * (d.squaredNorm() * Eigen::Matrix3d::Identity() - d * d.transpose());
     com += mass / (carried + mass) * d;
     carried += mass;
     setTensor(body, tensor);

@@ -29,8 +29,7 @@ void MujocoPlant::configure(const RunSetup& setup, const Parameters& parameters)
     n_ = setup.size();
     hardware_.configure(setup, parameters);
     const RobotDescription& robot = hardware_.robot();
-    const std::string source =
-        robot.folder.empty() ? robot.name : (robot.folder / (robot.name + ".urdf")).string();
+    const std::string source = robot.folder.empty() ? robot.name : (robot.folder / (robot.name + ".urdf")).string();
     const std::string urdf = findUrdf(setup.robot);  // the nominal one: masses are changed below
     try {
         mujoco_ = std::make_unique<MujocoModel>(urdf, source);
@@ -38,14 +37,12 @@ void MujocoPlant::configure(const RunSetup& setup, const Parameters& parameters)
         findJoints(source);
         scaleMasses(parameters.jointNumbers("mass_factor"));
         const std::vector<double>& offset = parameters.numbers("payload_offset_m");
-        mujoco_->addPointMass(robot.toolLink, parameters.number("payload_kg"),
-                              {offset[0], offset[1], offset[2]});
+        mujoco_->addPointMass(robot.toolLink, parameters.number("payload_kg"), {offset[0], offset[1], offset[2]});
     } catch (const Error&) {
         throw;
     } catch (const std::exception& e) {
-        throw badInput(
-            source, e.what(),
-            "MuJoCo must be able to read the URDF, too; the plant simbody does without it.");
+        throw badInput(source, e.what(),
+                       "MuJoCo must be able to read the URDF, too; the plant simbody does without it.");
     }
     mjModel& m = mujoco_->model();
     for (int i = 0; i < n_; ++i) m.dof_armature[dof_[i]] = robot.actuation.rotorInertia[i];
@@ -68,9 +65,8 @@ void MujocoPlant::findJoints(const std::string& source) {
         const int joint = mj_name2id(&m, mjOBJ_JOINT, name.c_str());
         if (joint < 0 || m.nv != n_ || m.nq != n_)
             throw badInput(source,
-                           "MuJoCo finds " + std::to_string(m.njnt) + " joints with " +
-                               std::to_string(m.nv) + " degrees of freedom" +
-                               (joint < 0 ? " and no `" + name + "`" : "") + "; there are " +
+                           "MuJoCo finds " + std::to_string(m.njnt) + " joints with " + std::to_string(m.nv) +
+                               " degrees of freedom" + (joint < 0 ? " and no `" + name + "`" : "") + "; there are " +
                                std::to_string(n_),
                            "Use the plant simbody for this robot.");
         dof_[static_cast<std::size_t>(i)] = m.jnt_dofadr[joint];
@@ -155,13 +151,12 @@ void MujocoPlant::step(const JointVector& applied) {
         const bool rubs = hardware_.hasFriction();
         m.dof_damping[k] = rubs ? law.calcDamping(state.qd[i]) : 0.0;
         m.dof_frictionloss[k] = i == hardware_.blockedJoint() ? kBlockingTorque
-                                : rubs ? law.calcDry(state.qd[i], nextLoad_[i])
-                                       : 0.0;
+                                : rubs                        ? law.calcDry(state.qd[i], nextLoad_[i])
+                                                              : 0.0;
     }
     mj_forward(&m, &d);
     mj_RungeKutta(&m, &d, 4);
-    for (int i = 0; i < n_; ++i)
-        nextLoad_[i] = motor[i] + d.qfrc_constraint[dof_[i]] + d.qfrc_passive[dof_[i]];
+    for (int i = 0; i < n_; ++i) nextLoad_[i] = motor[i] + d.qfrc_constraint[dof_[i]] + d.qfrc_passive[dof_[i]];
 }
 
 TickStatus MujocoPlant::advance(const JointVector& torque, JointVector& applied) {

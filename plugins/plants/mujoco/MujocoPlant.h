@@ -4,8 +4,8 @@
 #include <memory>
 
 #include "MujocoModel.h"
-#include "viable/plugin/ArmHardware.h"
 #include "viable/plugin/RealPlant.h"
+#include "viable/simulation/ArmHardware.h"
 
 namespace viable {
 

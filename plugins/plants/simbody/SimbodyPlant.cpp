@@ -12,13 +12,10 @@ namespace viable {
 namespace {
 
 constexpr ParameterSpec kGearParameters[] = {
-    parameter::jointNumbers(
-        "backlash_rad", "rad", "0.0",
-        "Width of the gap in each gear; where none has one, the gears are rigid.")
+    parameter::jointNumbers("backlash_rad", "rad", "0.0",
+                            "Width of the gap in each gear; where none has one, the gears are rigid.")
         .atLeast(0),
-    parameter::jointNumbers("gear_stiffness_Nmprad", "Nm/rad", "1.0e4",
-                            "Of the gears where any has a gap.")
-        .above(0),
+    parameter::jointNumbers("gear_stiffness_Nmprad", "Nm/rad", "1.0e4", "Of the gears where any has a gap.").above(0),
 };
 constexpr auto kParameters = joinParameters(kArmHardwareParameters, kGearParameters);
 
@@ -66,11 +63,10 @@ void SimbodyPlant::configureGears(const RunSetup& setup, const Parameters& param
     rotorInertia_ = links.actuation.rotorInertia;
     for (int i = 0; i < n_; ++i)
         if (!(rotorInertia_[i] > 0.0))
-            throw badInput(
-                parameters.place("backlash_rad"),
-                "joint `" + links.joints[static_cast<std::size_t>(i)].name +
-                    "` has no rotor inertia, and backlash lies between rotor and link",
-                "Give rotor_inertia_kgm2 in the robot's actuation.yaml, or no backlash.");
+            throw badInput(parameters.place("backlash_rad"),
+                           "joint `" + links.joints[static_cast<std::size_t>(i)].name +
+                               "` has no rotor inertia, and backlash lies between rotor and link",
+                           "Give rotor_inertia_kgm2 in the robot's actuation.yaml, or no backlash.");
     links.actuation.rotorInertia.setZero(n_);
     model_ = std::make_unique<RobotModel>(links);
     stiffness_ = parameters.jointNumbers("gear_stiffness_Nmprad");
@@ -81,17 +77,17 @@ void SimbodyPlant::configureGears(const RunSetup& setup, const Parameters& param
         const double inertia = 1.0 / (1.0 / rotorInertia_[i] + findFastestMode(links, alone));
         damping_[i] = 2.0 * kGearDamping * std::sqrt(stiffness_[i] * inertia);
     }
-    const double fastest = std::sqrt(stiffness_.cwiseQuotient(rotorInertia_).maxCoeff() +
-                                     findFastestMode(links, stiffness_));
+    const double fastest =
+        std::sqrt(stiffness_.cwiseQuotient(rotorInertia_).maxCoeff() + findFastestMode(links, stiffness_));
     const double needed = std::ceil(setup.tick_s * fastest / kGearStep);
     if (hardware_.substeps() < needed)
-        throw badInput(parameters.place("substeps"),
-                       std::to_string(hardware_.substeps()) +
-                           " is too few for backlash: rotors and links swing on the gears' springs "
-                           "with up to " +
-                           std::to_string(std::lround(fastest / (2.0 * EIGEN_PI))) + " Hz",
-                       "Write substeps: " + std::to_string(std::lround(needed)) +
-                           " or more, or a smaller gear_stiffness_Nmprad.");
+        throw badInput(
+            parameters.place("substeps"),
+            std::to_string(hardware_.substeps()) +
+                " is too few for backlash: rotors and links swing on the gears' springs "
+                "with up to " +
+                std::to_string(std::lround(fastest / (2.0 * EIGEN_PI))) + " Hz",
+            "Write substeps: " + std::to_string(std::lround(needed)) + " or more, or a smaller gear_stiffness_Nmprad.");
 }
 
 void SimbodyPlant::reset(const MotionState& start) {
@@ -101,8 +97,7 @@ void SimbodyPlant::reset(const MotionState& start) {
     load_ = dynamics_.b;
     zeroOffset_.setZero(n_);
     if (hasGears_)  // the gears carry the arm from the start
-        for (int i = 0; i < n_; ++i)
-            zeroOffset_[i] = load_[i] / stiffness_[i] + std::copysign(halfGap_[i], load_[i]);
+        for (int i = 0; i < n_; ++i) zeroOffset_[i] = load_[i] / stiffness_[i] + std::copysign(halfGap_[i], load_[i]);
     rotor_.q += zeroOffset_;
     hardware_.reset({start.q, start.qd});
 }
@@ -111,8 +106,7 @@ JointState SimbodyPlant::encoders() const {
     return hasGears_ ? JointState{rotor_.q - zeroOffset_, rotor_.qd} : link_;
 }
 
-void SimbodyPlant::calcFriction(const JointMatrix& M, const JointVector& v,
-                                const JointVector& push) {
+void SimbodyPlant::calcFriction(const JointMatrix& M, const JointVector& v, const JointVector& push) {
     const double substep_s = hardware_.substep_s();
     JointVector dry(n_), damping(n_), after = v;
     for (int i = 0; i < n_; ++i) dry[i] = hardware_.friction(i).calcDry(v[i], nextLoad_[i]);
@@ -240,8 +234,8 @@ bool SimbodyPlant::stepWithGears(const JointVector& motor) {
                         {s.rotor.q + time * rate.rotor.q, s.rotor.qd + time * rate.rotor.qd}};
     };
     TwoSides k1, k2, k3, k4;
-    if (!calcRate(next_, k1) || !calcRate(move(next_, h / 2.0, k1), k2) ||
-        !calcRate(move(next_, h / 2.0, k2), k3) || !calcRate(move(next_, h, k3), k4))
+    if (!calcRate(next_, k1) || !calcRate(move(next_, h / 2.0, k1), k2) || !calcRate(move(next_, h / 2.0, k2), k3) ||
+        !calcRate(move(next_, h, k3), k4))
         return false;
     next_ = move(next_, h / 6.0, k1);
     next_ = move(next_, h / 3.0, k2);
@@ -270,8 +264,7 @@ TickStatus SimbodyPlant::advance(const JointVector& torque, JointVector& applied
 
 }  // namespace viable
 
-VIABLE_PLUGIN(
-    viable::RealPlant, viable::SimbodyPlant, "simbody",
-    "The arm in simulation: Simbody's multibody model with friction, payload, backlash, motors "
-    "and sensors.",
-    viable::kParameters)
+VIABLE_PLUGIN(viable::RealPlant, viable::SimbodyPlant, "simbody",
+              "The arm in simulation: Simbody's multibody model with friction, payload, backlash, motors "
+              "and sensors.",
+              viable::kParameters)

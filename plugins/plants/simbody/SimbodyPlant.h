@@ -2,10 +2,10 @@
 
 #include <memory>
 
-#include "viable/motion/BoxQp.h"
-#include "viable/plugin/ArmHardware.h"
 #include "viable/plugin/RealPlant.h"
+#include "viable/qp/BoxQp.h"
 #include "viable/robot/RobotModel.h"
+#include "viable/simulation/ArmHardware.h"
 
 namespace viable {
 

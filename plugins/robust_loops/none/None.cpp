@@ -10,10 +10,9 @@ void None::configure(const RunSetup& setup, const Parameters&) {
 
 void None::reset(const MotionState&) {}
 
-TickStatus None::compute(const JointState& real, const MotionState& nominal,
-                         const JointVector& filterTorque, JointVector& torque) {
-    if (!isFinite(real, n_) || !isFinite(nominal, n_) || !isFinite(filterTorque, n_))
-        return TickStatus::InvalidInput;
+TickStatus None::compute(const JointState& real, const MotionState& nominal, const JointVector& filterTorque,
+                         JointVector& torque) {
+    if (!isFinite(real, n_) || !isFinite(nominal, n_) || !isFinite(filterTorque, n_)) return TickStatus::InvalidInput;
     torque.setZero(n_);
     return TickStatus::Ok;
 }

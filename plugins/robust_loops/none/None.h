@@ -9,8 +9,8 @@ class None : public RobustLoop {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
-    TickStatus compute(const JointState& real, const MotionState& nominal,
-                       const JointVector& filterTorque, JointVector& torque) override;
+    TickStatus compute(const JointState& real, const MotionState& nominal, const JointVector& filterTorque,
+                       JointVector& torque) override;
 
 private:
     int n_ = 0;

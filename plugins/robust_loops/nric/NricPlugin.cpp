@@ -1,5 +1,5 @@
-#include "viable/plugin/Nric.h"
 #include "viable/plugin/PluginExport.h"
+#include "viable/tracking/Nric.h"
 
 namespace {
 
@@ -9,15 +9,13 @@ using namespace viable;
 const ParameterSpec kParameters[] = {
     parameter::jointNumbers("k_r", "Nms/rad", "600", "Gain on the whole error term.").atLeast(0),
     parameter::jointNumbers("k_p", "1/s", "20", "Weight of the position error.").atLeast(0),
-    parameter::jointNumbers("k_i", "1/s^2", "8", "Weight of the integral of the position error.")
-        .atLeast(0),
+    parameter::jointNumbers("k_i", "1/s^2", "8", "Weight of the integral of the position error.").atLeast(0),
     parameter::jointNumbers("integral_limit_Nm", "Nm", ".inf",
                             "Largest torque of the integral, k_r k_i |integral|; the motor's limit "
                             "where that is less.")
         .above(0)
         .orInfinite(),
-    parameter::jointNumbers("torque_rate_Nmps", "Nm/s", ".inf",
-                            "Fastest change of the loop's torque.")
+    parameter::jointNumbers("torque_rate_Nmps", "Nm/s", ".inf", "Fastest change of the loop's torque.")
         .above(0)
         .orInfinite(),
 };
@@ -25,5 +23,4 @@ const ParameterSpec kParameters[] = {
 }  // namespace
 
 VIABLE_PLUGIN(viable::RobustLoop, viable::Nric, "nric",
-              "Nonlinear robust internal-loop compensator: the real arm follows the nominal one.",
-              kParameters)
+              "Nonlinear robust internal-loop compensator: the real arm follows the nominal one.", kParameters)

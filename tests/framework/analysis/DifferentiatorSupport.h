@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "viable/analysis/MotionRecord.h"
+#include "analysis/records/MotionRecord.h"
 
 namespace viable::test {
 

@@ -1,4 +1,5 @@
-#include "viable/analysis/Identification.h"
+#include "Paths.h"
+#include "analysis/identification/Identification.h"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "../robot/RobotFolder.h"
-#include "viable/robot/ArmRecursion.h"
+#include "RobotFolder.h"
+#include "robot/ArmRecursion.h"
 
 namespace viable {
 namespace {
@@ -23,7 +24,7 @@ struct Experiment {
         speed = JointVector::Constant(robot.size(), 2.2);
     }
 
-    RobotDescription robot;   ///< what is believed
+    RobotDescription robot;   ///< what is assumed
     RobotDescription really;  ///< the arm that moves
     JointVector amplitude;    ///< [rad]
     JointVector speed;        ///< slowest of the three sines [rad/s]
@@ -125,7 +126,7 @@ TEST(Identification, FindsFrictionAndPayloadWithinItsIntervals) {
     constexpr unsigned kFirstSeed = 100, kSeeds = 20;
     Experiment experiment(planar());
     experiment.really = withPayload(experiment.robot, 0.3, {0.05, 0.0, 0.0});
-    experiment.robot.actuation.friction.coulomb *= 0.5;  // what is believed is no help
+    experiment.robot.actuation.friction.coulomb *= 0.5;  // what is assumed is no help
     experiment.robot.actuation.friction.viscous *= 3.0;
     experiment.torqueNoise = 0.1;
     const JointFriction& truth = experiment.really.actuation.friction;

@@ -1,4 +1,4 @@
-#include "viable/analysis/LimitVerdict.h"
+#include "analysis/smoothing/LimitVerdict.h"
 
 #include <gtest/gtest.h>
 
@@ -34,7 +34,7 @@ std::array<double, 4> findTouched(const SyntheticRecord& one) {
     return largest;
 }
 
-/** Limits that one stretch of 50 ms exceeds by 10 %, as nothing longer does. */
+/** Limits that one segment of 50 ms exceeds by 10 %, as nothing longer does. */
 std::array<double, 4> findExceeded(const SyntheticRecord& one, const std::array<double, 4>& touched) {
     constexpr double kStep_s = 1e-3;
     std::vector<std::array<double, 4>> samples;
@@ -45,10 +45,10 @@ std::array<double, 4> findExceeded(const SyntheticRecord& one, const std::array<
         double low = 0.0, high = touched[order];
         for (int step = 0; step < 40; ++step) {
             const double level = 0.5 * (low + high);
-            double stretch_s = 0.0, longest_s = 0.0;
+            double segment_s = 0.0, longest_s = 0.0;
             for (const auto& x : samples) {
-                stretch_s = std::abs(x[order]) >= level ? stretch_s + kStep_s : 0.0;
-                longest_s = std::max(longest_s, stretch_s);
+                segment_s = std::abs(x[order]) >= level ? segment_s + kStep_s : 0.0;
+                longest_s = std::max(longest_s, segment_s);
             }
             (longest_s >= 0.05 ? low : high) = level;
         }

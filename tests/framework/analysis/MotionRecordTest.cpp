@@ -1,4 +1,4 @@
-#include "viable/analysis/MotionRecord.h"
+#include "analysis/records/MotionRecord.h"
 
 #include <zlib.h>
 
@@ -6,8 +6,8 @@
 #include <functional>
 #include <limits>
 
-#include "../log/LogTestSupport.h"
-#include "viable/log/LogExport.h"
+#include "LogTestSupport.h"
+#include "log/LogExport.h"
 
 namespace viable {
 namespace {

@@ -1,4 +1,4 @@
-#include "viable/analysis/Smoothing.h"
+#include "analysis/smoothing/Smoothing.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 
 #include "DifferentiatorSupport.h"
 #include "SyntheticRecord.h"
-#include "analysis/BandedLdl.h"
+#include "analysis/smoothing/BandedLdl.h"
 #include "viable/core/Error.h"
 
 // Is what the smoothing says true, and is its error what it says it is?

@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "viable/analysis/MotionRecord.h"
+#include "analysis/records/MotionRecord.h"
 
 namespace viable::test {
 

@@ -106,8 +106,7 @@ TEST(ConfigOverlay, MapsMergeEntryByEntryAndTheRestIsReplaced) {
         "a: 1\nb: [1, 2, 3]\nfilter: {plugin: tosbp, gamma: 20, k: 5}\nloop: {plugin: nric, k: "
         "1}\n",
         "base");
-    const ConfigNode top =
-        parseConfig("b: [4]\nfilter: {gamma: 7}\nloop: {plugin: other}\nextra: {x: 1}\n", "top");
+    const ConfigNode top = parseConfig("b: [4]\nfilter: {gamma: 7}\nloop: {plugin: other}\nextra: {x: 1}\n", "top");
     const ConfigNode merged = overlay(base, top);
     EXPECT_EQ(merged.find("a")->place(), "base:1:4: a");
     ASSERT_EQ(merged.find("b")->items.size(), 1u);
@@ -120,10 +119,7 @@ TEST(ConfigOverlay, MapsMergeEntryByEntryAndTheRestIsReplaced) {
     EXPECT_EQ(merged.find("extra")->find("x")->text, "1");
     EXPECT_TRUE(isSameTree(overlay(base, parseConfig("{}", "t")), base));
     EXPECT_EQ(overlay(base, parseConfig("filter: none\n", "t")).find("filter")->text, "none");
-    EXPECT_EQ(overlay(base, parseConfig("filter: {plugin: tosbp, x: 1}\n", "t"))
-                  .find("filter")
-                  ->entries.size(),
-              4u);
+    EXPECT_EQ(overlay(base, parseConfig("filter: {plugin: tosbp, x: 1}\n", "t")).find("filter")->entries.size(), 4u);
 }
 
 TEST(ConfigMapTest, Fault02_UnknownKeyNamesTheClosestKnownOne) {
@@ -132,9 +128,9 @@ TEST(ConfigMapTest, Fault02_UnknownKeyNamesTheClosestKnownOne) {
     EXPECT_EQ(map.require("gamma").text, "1");
     EXPECT_EQ(map.find("k_alpha"), nullptr);
     EXPECT_EQ(map.find("dt"), nullptr);
-    expectContains(catchBadInput([&] { map.finish(); }),
-                   {"f:2:10: k_alhpa", "`k_alhpa` is unknown", "Did you mean `k_alpha`?",
-                    "Known keys: `gamma`, `k_alpha`, `dt`"});
+    expectContains(
+        catchBadInput([&] { map.finish(); }),
+        {"f:2:10: k_alhpa", "`k_alhpa` is unknown", "Did you mean `k_alpha`?", "Known keys: `gamma`, `k_alpha`, `dt`"});
     EXPECT_NE(map.find("k_alhpa"), nullptr);
     EXPECT_NO_THROW(map.finish());
 }
@@ -161,12 +157,10 @@ TEST(ConfigMapTest, Fault02_EveryOneLetterSlipIsFound) {
 TEST(ConfigMapTest, MissingKeyAndWrongKind) {
     const ConfigNode root = parseConfig("a: {b: 1}\nc: 3\nd:\n", "f");
     ConfigMap map(*root.find("a"));
-    expectContains(catchBadInput([&] { map.require("dt"); }),
-                   {"f:1:4: a", "`dt` is missing", "Add `dt: ...`"});
+    expectContains(catchBadInput([&] { map.require("dt"); }), {"f:1:4: a", "`dt` is missing", "Add `dt: ...`"});
     expectContains(catchBadInput([&] { ConfigMap scalar(*root.find("c")); }),
                    {"f:2:4: c", "must be a map of entries; it is the single value `3`"});
-    expectContains(catchBadInput([&] { ConfigMap empty(*root.find("d")); }),
-                   {"f:3:1: d", "it is empty"});
+    expectContains(catchBadInput([&] { ConfigMap empty(*root.find("d")); }), {"f:3:1: d", "it is empty"});
 }
 
 }  // namespace

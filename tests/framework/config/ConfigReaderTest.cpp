@@ -60,8 +60,7 @@ TEST(ConfigReader, KeepsKindTextQuotesAndPlace) {
     EXPECT_EQ(pose.items[2].place(), "file.yaml:12:32: command.waypoints[1].pose[2]");
     EXPECT_EQ(command.find("waypoints")->items[2].find("q_rad")->items[1].text, "pi/2");
 
-    EXPECT_EQ(root.find("cases")->find("C2")->find("filter")->find("gamma")->keyPath,
-              "cases.C2.filter.gamma");
+    EXPECT_EQ(root.find("cases")->find("C2")->find("filter")->find("gamma")->keyPath, "cases.C2.filter.gamma");
     EXPECT_EQ(root.find("empty_list")->kind, ConfigNode::Kind::List);
     EXPECT_EQ(root.find("empty_map")->kind, ConfigNode::Kind::Map);
     EXPECT_EQ(root.find("absent"), nullptr);
@@ -152,9 +151,7 @@ TEST(ConfigReader, SaysInPlainWordsWhatIsWrongWithTheSyntax) {
 
 TEST(ConfigReader, Fault01_FileMissingEmptyOrNotAFile) {
     const TemporaryFolder folder;
-    const auto read = [](const std::filesystem::path& file) {
-        return catchBadInput([&] { readConfigFile(file); });
-    };
+    const auto read = [](const std::filesystem::path& file) { return catchBadInput([&] { readConfigFile(file); }); };
     const std::string missing = (folder.path() / "missing.yaml").string();
     expectContains(read(missing), {missing, "does not exist"});
     expectContains(read(folder.path() / "a" / "b.yaml"), {"does not exist"});
@@ -162,8 +159,7 @@ TEST(ConfigReader, Fault01_FileMissingEmptyOrNotAFile) {
     expectContains(read("/dev/null"), {"/dev/null", "not a regular file"});
     std::filesystem::create_symlink("nowhere", folder.path() / "link.yaml");
     expectContains(read(folder.path() / "link.yaml"), {"link.yaml", "symbolic link"});
-    for (const char* text :
-         {"", "\n\n", "# nothing\n", "---\n", "~\n", "\xEF\xBB\xBF", "--- \n...\n"}) {
+    for (const char* text : {"", "\n\n", "# nothing\n", "---\n", "~\n", "\xEF\xBB\xBF", "--- \n...\n"}) {
         SCOPED_TRACE(text);
         const std::filesystem::path file = folder.write("empty.yaml", text);
         expectContains(read(file), {"empty.yaml", "is empty", "`key: value`"});
@@ -273,8 +269,7 @@ TEST(ConfigReader, Fault01_BinaryIsRefusedWithThePlaceOfItsFirstByte) {
         SCOPED_TRACE(text);
         expectContains(catchBadInput([&, &t = text] { parseConfig(t, "f"); }), message);
     }
-    EXPECT_EQ(parseConfig("a: \xF0\x9F\x98\x80 \xC2\xB5\n", "f").find("a")->text,
-              "\xF0\x9F\x98\x80 \xC2\xB5");
+    EXPECT_EQ(parseConfig("a: \xF0\x9F\x98\x80 \xC2\xB5\n", "f").find("a")->text, "\xF0\x9F\x98\x80 \xC2\xB5");
 }
 
 TEST(ConfigReader, Fault03_DuplicateKeyNamesBothLines) {
@@ -282,8 +277,7 @@ TEST(ConfigReader, Fault03_DuplicateKeyNamesBothLines) {
                    {"f:3:1: dt", "`dt` stands twice", "line 1", "line 3", "Remove one"});
     expectContains(catchBadInput([] { parseConfig("a:\n  b: 1\n  \"b\": 2\n", "f"); }),
                    {"f:3:3: a.b", "line 2", "line 3"});
-    expectContains(catchBadInput([] { parseConfig("a: {b: 1, c: 2, b: 1}\n", "f"); }),
-                   {"f:1:17: a.b", "stands twice"});
+    expectContains(catchBadInput([] { parseConfig("a: {b: 1, c: 2, b: 1}\n", "f"); }), {"f:1:17: a.b", "stands twice"});
     EXPECT_NO_THROW(parseConfig("a: {x: 1}\nb: {x: 1}\n", "f"));
 }
 
@@ -298,8 +292,7 @@ TEST(ConfigReader, Fault09_AliasBombAndSelfAlias) {
     std::string text;
     EXPECT_LT(measure_ms([&] { text = catchBadInput([&] { parseConfig(bomb, "f"); }); }), 100.0);
     expectContains(text, {"f:1:5: a0", "anchor"});
-    EXPECT_LT(measure_ms([&] { text = catchBadInput([] { parseConfig("a: &a [*a]\n", "f"); }); }),
-              100.0);
+    EXPECT_LT(measure_ms([&] { text = catchBadInput([] { parseConfig("a: &a [*a]\n", "f"); }); }), 100.0);
     expectContains(text, {"f:1:4: a", "anchor"});
 }
 
@@ -316,15 +309,12 @@ TEST(ConfigReader, Fault09_DepthOf100000) {
     for (const std::string& bomb : bombs) {
         SCOPED_TRACE(bomb.substr(0, 20));
         std::string text;
-        EXPECT_LT(measure_ms([&] { text = catchBadInput([&] { parseConfig(bomb, "f"); }); }),
-                  100.0);
+        EXPECT_LT(measure_ms([&] { text = catchBadInput([&] { parseConfig(bomb, "f"); }); }), 100.0);
         EXPECT_EQ(text.compare(0, 2, "f:"), 0) << text;
     }
-    const std::string deepest =
-        "a: " + repeat("[", kMaxConfigDepth - 1) + repeat("]", kMaxConfigDepth - 1) + "\n";
+    const std::string deepest = "a: " + repeat("[", kMaxConfigDepth - 1) + repeat("]", kMaxConfigDepth - 1) + "\n";
     EXPECT_NO_THROW(parseConfig(deepest, "f"));
-    const std::string tooDeep =
-        "a: " + repeat("[", kMaxConfigDepth) + repeat("]", kMaxConfigDepth) + "\n";
+    const std::string tooDeep = "a: " + repeat("[", kMaxConfigDepth) + repeat("]", kMaxConfigDepth) + "\n";
     expectContains(catchBadInput([&] { parseConfig(tooDeep, "f"); }),
                    {"f:1:35: a[0][0]", "more than 32 maps and lists"});
 }
@@ -340,8 +330,7 @@ TEST(ConfigReader, Fault09_TooManyNodes) {
                    {"f:1:", "more than 50000 list entries"});
     std::string keys;
     for (int i = 0; i < 60000; ++i) keys += "k" + std::to_string(i) + ": 1\n";
-    expectContains(catchBadInput([&] { parseConfig(keys, "f"); }),
-                   {"f:25000:", "more than 50000 keys and values"});
+    expectContains(catchBadInput([&] { parseConfig(keys, "f"); }), {"f:25000:", "more than 50000 keys and values"});
 }
 
 TEST(ConfigReader, Fault09_LongKeysCannotMultiply) {
@@ -349,9 +338,8 @@ TEST(ConfigReader, Fault09_LongKeysCannotMultiply) {
     expectContains(catchBadInput([&] { parseConfig(key + ": 1\n", "f"); }),
                    {"f:1:1", "key path of 1000 bytes", "at most 400"});
     const std::string part(150, 'k');
-    expectContains(
-        catchBadInput([&] { parseConfig(part + ": {" + part + ": {" + part + ": 1}}\n", "f"); }),
-        {"key path of 452 bytes"});
+    expectContains(catchBadInput([&] { parseConfig(part + ": {" + part + ": {" + part + ": 1}}\n", "f"); }),
+                   {"key path of 452 bytes"});
 }
 
 TEST(ConfigReader, Fault09_FileOfOneGigabyte) {
@@ -370,11 +358,9 @@ TEST(ConfigReader, Fault09_FileOfOneGigabyte) {
 }
 
 TEST(ConfigReader, Fault10_SecondDocument) {
-    for (const char* text :
-         {"a: 1\n---\nb: 2\n", "a: 1\n---\n", "a: 1\n---\na: 1\n", "---\na: 1\n--- {b: 2}\n"}) {
+    for (const char* text : {"a: 1\n---\nb: 2\n", "a: 1\n---\n", "a: 1\n---\na: 1\n", "---\na: 1\n--- {b: 2}\n"}) {
         SCOPED_TRACE(text);
-        expectContains(catchBadInput([&] { parseConfig(text, "f"); }),
-                       {"a second document begins here", "`---`"});
+        expectContains(catchBadInput([&] { parseConfig(text, "f"); }), {"a second document begins here", "`---`"});
     }
     expectContains(catchBadInput([&] { parseConfig("a: 1\n...\nb: 2\n", "f"); }), {"f:3:1"});
     EXPECT_TRUE(isSameTree(parseConfig("---\na: 1\n...\n", "f"), parseConfig("a: 1\n", "f")));
@@ -407,9 +393,8 @@ TEST(ConfigWriter, WritesWhatIsReadBackToTheSameTree) {
     const std::string text = writeConfig(root);
     EXPECT_TRUE(isSameTree(parseConfig(text, "g"), root)) << text;
     expectContains(text, {"title: \"Unilateral teleoperation: Indy7\"\n", "duration_s: 30.0\n",
-                          "  velocity_radps: 2*pi/3\n", "acceleration_radps2: [1, 2.5, -3e-2]\n",
-                          "last: (1+2)*3\n", "empty_list: []\n", "nothing: ~\n",
-                          "    - name: last\n      q_rad: [1, pi/2]\n"});
+                          "  velocity_radps: 2*pi/3\n", "acceleration_radps2: [1, 2.5, -3e-2]\n", "last: (1+2)*3\n",
+                          "empty_list: []\n", "nothing: ~\n", "    - name: last\n      q_rad: [1, pi/2]\n"});
 }
 
 TEST(ConfigWriter, QuotesOnlyWhatNeedsIt) {
@@ -489,9 +474,8 @@ TEST(ConfigWriter, QuotesOnlyWhatNeedsIt) {
             const ConfigNode back = parseConfig(written, "f");
             ASSERT_EQ(back.entries.size(), 3u) << written;
             ASSERT_EQ(back.find("list")->items.size(), 2u) << written;
-            for (const ConfigNode* node :
-                 {back.find("value"), &back.find("list")->items[1], &back.find("outer")->items[1],
-                  &back.find("outer")->items[2].items[0]}) {
+            for (const ConfigNode* node : {back.find("value"), &back.find("list")->items[1],
+                                           &back.find("outer")->items[1], &back.find("outer")->items[2].items[0]}) {
                 EXPECT_EQ(node->kind, ConfigNode::Kind::Scalar) << written;
                 EXPECT_EQ(node->text, text) << written;
                 EXPECT_TRUE(node->quoted || !quoted) << written;
@@ -499,13 +483,12 @@ TEST(ConfigWriter, QuotesOnlyWhatNeedsIt) {
             EXPECT_TRUE(isSameTree(back, parseConfig(writeConfig(back), "f"))) << written;
         }
     }
-    EXPECT_EQ(writeConfig(parseConfig("a: 2*pi/3\nb: [-.inf, 1]\n", "f")),
-              "a: 2*pi/3\nb: [-.inf, 1]\n");
+    EXPECT_EQ(writeConfig(parseConfig("a: 2*pi/3\nb: [-.inf, 1]\n", "f")), "a: 2*pi/3\nb: [-.inf, 1]\n");
 }
 
 TEST(ConfigWriter, QuotesKeys) {
-    for (const char* key : {"a b", "~", "null", "- a", "a: b", "#a", "\xEF\xBB\xBFk", "a\\b",
-                            "a\"b", "[a]", "-", "a,b", "true", "\xC3\xA9"}) {
+    for (const char* key : {"a b", "~", "null", "- a", "a: b", "#a", "\xEF\xBB\xBFk", "a\\b", "a\"b", "[a]", "-", "a,b",
+                            "true", "\xC3\xA9"}) {
         SCOPED_TRACE(key);
         ConfigNode value;
         value.kind = ConfigNode::Kind::Scalar;
@@ -551,20 +534,18 @@ TEST(ConfigWriter, RandomTreesSurviveWritingAndReading) {
         const std::string text = writeConfig(root);
         const ConfigNode once = parseConfig(text, "f");
         // Writing may have had to add quotes; content and structure are the same.
-        const std::function<bool(const ConfigNode&, const ConfigNode&)> isSame =
-            [&](const ConfigNode& a, const ConfigNode& b) {
-                bool same = a.kind == b.kind && a.text == b.text &&
-                            a.items.size() == b.items.size() &&
-                            a.entries.size() == b.entries.size();
-                for (std::size_t k = 0; same && k < a.items.size(); ++k) {
-                    same = isSame(a.items[k], b.items[k]);
-                }
-                for (std::size_t k = 0; same && k < a.entries.size(); ++k) {
-                    same = a.entries[k].first == b.entries[k].first &&
-                           isSame(a.entries[k].second, b.entries[k].second);
-                }
-                return same;
-            };
+        const std::function<bool(const ConfigNode&, const ConfigNode&)> isSame = [&](const ConfigNode& a,
+                                                                                     const ConfigNode& b) {
+            bool same = a.kind == b.kind && a.text == b.text && a.items.size() == b.items.size() &&
+                        a.entries.size() == b.entries.size();
+            for (std::size_t k = 0; same && k < a.items.size(); ++k) {
+                same = isSame(a.items[k], b.items[k]);
+            }
+            for (std::size_t k = 0; same && k < a.entries.size(); ++k) {
+                same = a.entries[k].first == b.entries[k].first && isSame(a.entries[k].second, b.entries[k].second);
+            }
+            return same;
+        };
         ASSERT_TRUE(isSame(root, once)) << text;
         ASSERT_TRUE(isSameTree(once, parseConfig(writeConfig(once), "f"))) << text;
     }

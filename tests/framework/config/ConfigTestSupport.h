@@ -37,8 +37,7 @@ inline void expectContains(const std::string& text, const std::vector<std::strin
 }
 
 /** Every leaf of a tree in file order: key path and content. */
-inline void listLeaves(const ConfigNode& node,
-                       std::vector<std::pair<std::string, std::string>>& leaves) {
+inline void listLeaves(const ConfigNode& node, std::vector<std::pair<std::string, std::string>>& leaves) {
     if (node.kind == ConfigNode::Kind::Scalar) {
         leaves.emplace_back(node.keyPath, (node.quoted ? "text " : "plain ") + node.text);
     } else if (node.items.empty() && node.entries.empty()) {
@@ -64,8 +63,7 @@ inline bool isSameTree(const ConfigNode& a, const ConfigNode& b) {
         if (!isSameTree(a.items[i], b.items[i])) return false;
     }
     for (std::size_t i = 0; i < a.entries.size(); ++i) {
-        if (a.entries[i].first != b.entries[i].first ||
-            !isSameTree(a.entries[i].second, b.entries[i].second)) {
+        if (a.entries[i].first != b.entries[i].first || !isSameTree(a.entries[i].second, b.entries[i].second)) {
             return false;
         }
     }
@@ -78,8 +76,7 @@ inline double measure_ms(const std::function<void()>& action) {
     for (int i = 0; i < 3; ++i) {
         const auto start = std::chrono::steady_clock::now();
         action();
-        const std::chrono::duration<double, std::milli> time =
-            std::chrono::steady_clock::now() - start;
+        const std::chrono::duration<double, std::milli> time = std::chrono::steady_clock::now() - start;
         best = std::min(best, time.count());
     }
     return best;
@@ -89,8 +86,7 @@ inline double measure_ms(const std::function<void()>& action) {
 class TemporaryFolder {
 public:
     TemporaryFolder() {
-        std::string pattern =
-            (std::filesystem::temp_directory_path() / "viable_test_XXXXXX").string();
+        std::string pattern = (std::filesystem::temp_directory_path() / "viable_test_XXXXXX").string();
         if (!mkdtemp(pattern.data())) throw std::runtime_error("no temporary folder");
         path_ = pattern;
     }

@@ -22,10 +22,8 @@ std::string refuseNumber(const std::string& text, const NumberRange& range = {})
 }
 
 TEST(ConfigValues, ABlankIsToldAsNotFilledIn) {
-    expectContains(refuseNumber("TODO"),
-                   {"f:1:4: v: not filled in yet", "Write the value in place of TODO"});
-    expectContains(catchBadInput([] { toJointVector(makeValue("TODO"), 3); }),
-                   {"f:1:4: v: not filled in yet"});
+    expectContains(refuseNumber("TODO"), {"f:1:4: v: not filled in yet", "Write the value in place of TODO"});
+    expectContains(catchBadInput([] { toJointVector(makeValue("TODO"), 3); }), {"f:1:4: v: not filled in yet"});
     expectContains(catchBadInput([] { toJointVector(makeValue("[1, TODO, 3]"), 3); }),
                    {"f:1:8: v[1]: not filled in yet"});
     expectContains(refuseNumber("todo"), {"`todo` is not a number"});
@@ -130,13 +128,13 @@ TEST(ConfigValues, Fault04_NotFiniteUnderflowOverflowAndLeadingZeros) {
         SCOPED_TRACE(text);
         expectContains(refuseNumber(text), {"f:1:4: v", text, "must be finite"});
     }
-    for (const char* text : {"1e-400", "-1e-400", "0.001e-400", "123456e-999999999", "1e-310",
-                             "5e-324", "1e-200*1e-200", "1e-200/1e200", "1e-300/1e300"}) {
+    for (const char* text : {"1e-400", "-1e-400", "0.001e-400", "123456e-999999999", "1e-310", "5e-324",
+                             "1e-200*1e-200", "1e-200/1e200", "1e-300/1e300"}) {
         SCOPED_TRACE(text);
         expectContains(refuseNumber(text), {"too small for a double"});
     }
-    for (const char* text : {"1e400", "-1e400", "0.1e400", "1e999999999", "1e200*1e200",
-                             "1e200/1e-200", "1.7e308+1.7e308"}) {
+    for (const char* text :
+         {"1e400", "-1e400", "0.1e400", "1e999999999", "1e200*1e200", "1e200/1e-200", "1.7e308+1.7e308"}) {
         SCOPED_TRACE(text);
         expectContains(refuseNumber(text), {"too large for a double"});
     }
@@ -167,8 +165,7 @@ TEST(ConfigValues, Fault04_InfinityOnlyWhereItMeansNoLimit) {
     const NumberRange lower{-kInfinity, 0.0, false, true, true};
     EXPECT_EQ(readNumber("-.inf", lower), -kInfinity);
     expectContains(refuseNumber(".inf", lower), {"(-inf, 0) or -.inf"});
-    EXPECT_EQ((NumberRange{-kInfinity, kInfinity, false, false, true}).text(),
-              "(-inf, inf), .inf or -.inf");
+    EXPECT_EQ((NumberRange{-kInfinity, kInfinity, false, false, true}).text(), "(-inf, inf), .inf or -.inf");
 }
 
 TEST(ConfigValues, RangesNameValueAndBounds) {
@@ -191,8 +188,7 @@ TEST(ConfigValues, Integers) {
     EXPECT_EQ(toInteger(makeValue("-42"), -100, 100), -42);
     EXPECT_EQ(toInteger(makeValue("9223372036854775807"), 0, INT64_MAX), INT64_MAX);
     EXPECT_EQ(toInteger(makeValue("-9223372036854775808"), INT64_MIN, 0), INT64_MIN);
-    for (const char* text :
-         {"3.0", "1e3", "pi", "+3", "0x10", "1_000", "3 s", "--3", "-a", "2*3"}) {
+    for (const char* text : {"3.0", "1e3", "pi", "+3", "0x10", "1_000", "3 s", "--3", "-a", "2*3"}) {
         SCOPED_TRACE(text);
         expectContains(catchBadInput([&] { toInteger(makeValue(text), 0, 100); }),
                        {"f:1:4: v", text, "a whole number in [0, 100]", "digits only"});
@@ -211,8 +207,7 @@ TEST(ConfigValues, FlagsTextsAndChoices) {
     EXPECT_FALSE(toFlag(makeValue("false")));
     for (const char* text : {"yes", "no", "on", "True", "FALSE", "1", "0", "'true'", "[]"}) {
         SCOPED_TRACE(text);
-        expectContains(catchBadInput([&] { toFlag(makeValue(text)); }),
-                       {"f:1:4: v", "must be `true` or `false`"});
+        expectContains(catchBadInput([&] { toFlag(makeValue(text)); }), {"f:1:4: v", "must be `true` or `false`"});
     }
     EXPECT_EQ(toText(makeValue("010")), "010");
     EXPECT_EQ(toText(makeValue("''")), "");
@@ -220,8 +215,7 @@ TEST(ConfigValues, FlagsTextsAndChoices) {
     const std::vector<std::string> choices = {"rectangular", "triangular"};
     EXPECT_EQ(toChoice(makeValue("triangular"), choices), "triangular");
     expectContains(catchBadInput([&] { toChoice(makeValue("triangulr"), choices); }),
-                   {"f:1:4: v", "`triangulr`", "Did you mean `triangular`?",
-                    "Choices: `rectangular`, `triangular`"});
+                   {"f:1:4: v", "`triangulr`", "Did you mean `triangular`?", "Choices: `rectangular`, `triangular`"});
     const std::string far = catchBadInput([&] { toChoice(makeValue("x"), choices); });
     EXPECT_EQ(far.find("Did you mean"), std::string::npos) << far;
 }
@@ -231,14 +225,12 @@ TEST(ConfigValues, Fault05_WrongSizeAndScalarForList) {
     EXPECT_EQ(toNumbers(makeValue("[]"), 0, 3), std::vector<double>{});
     expectContains(catchBadInput([] { toNumbers(makeValue("[1, 2]"), 3, 3); }),
                    {"f:1:4: v", "must be a list of 3 numbers; it is a list of 2"});
-    expectContains(catchBadInput([] { toNumbers(makeValue("[1, 2, 3]"), 1, 2); }),
-                   {"1 to 2 numbers", "a list of 3"});
+    expectContains(catchBadInput([] { toNumbers(makeValue("[1, 2, 3]"), 1, 2); }), {"1 to 2 numbers", "a list of 3"});
     expectContains(catchBadInput([] { toNumbers(makeValue("3"), 3, 3); }),
                    {"must be a list of 3 numbers; it is the single value `3`", "brackets"});
     expectContains(catchBadInput([] { toNumbers(makeValue("[1, [2], 3]"), 3, 3); }),
                    {"f:1:8: v[1]", "must be a number; it is a list of 1"});
-    expectContains(catchBadInput([] { toNumbers(makeValue("[1,, 3]"), 3, 3); }),
-                   {"v[1]", "it is empty"});
+    expectContains(catchBadInput([] { toNumbers(makeValue("[1,, 3]"), 3, 3); }), {"v[1]", "it is empty"});
 
     EXPECT_EQ(toJointVector(makeValue("2*pi"), 7), JointVector::Constant(7, 2 * kPi));
     const JointVector values = toJointVector(makeValue("[1, 2, 3]"), 3);
@@ -259,8 +251,7 @@ TEST(ConfigValues, Fault05_WrongSizeAndScalarForList) {
 TEST(ConfigValues, Fault05_UnitInTheValue) {
     for (const char* text : {"3 rad", "3rad", "2*pi rad/s", "(1+2) Nm", "pi rad", "0.5m"}) {
         SCOPED_TRACE(text);
-        expectContains(refuseNumber(text),
-                       {"follows the number", "Write the number alone: the unit is in the key"});
+        expectContains(refuseNumber(text), {"follows the number", "Write the number alone: the unit is in the key"});
     }
     for (const char* text : {"90 deg", "90deg", "90 degrees", "90\xC2\xB0"}) {
         SCOPED_TRACE(text);

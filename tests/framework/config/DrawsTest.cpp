@@ -1,4 +1,4 @@
-#include "viable/config/Draws.h"
+#include "config/Draws.h"
 
 #include <gtest/gtest.h>
 
@@ -37,8 +37,8 @@ double calcDistance(std::vector<double> values, const std::function<double(doubl
     const double n = static_cast<double>(values.size());
     for (std::size_t i = 0; i < values.size(); ++i) {
         const double p = law(values[i]);
-        worst = std::max({worst, std::abs(p - static_cast<double>(i) / n),
-                          std::abs(p - static_cast<double>(i + 1) / n)});
+        worst =
+            std::max({worst, std::abs(p - static_cast<double>(i) / n), std::abs(p - static_cast<double>(i + 1) / n)});
     }
     return worst;
 }
@@ -82,14 +82,12 @@ void expectSays(const std::string& text, const std::vector<std::string>& parts) 
 
 TEST(Draws, FollowTheirDistributions) {
     const double pi = 3.14159265358979323846;
-    EXPECT_LE(calcDistance(draw("~uniform(-pi/2, 3*(1+1))", kDraws),
-                           [&](double x) { return (x + pi / 2) / (6 + pi / 2); }),
+    EXPECT_LE(
+        calcDistance(draw("~uniform(-pi/2, 3*(1+1))", kDraws), [&](double x) { return (x + pi / 2) / (6 + pi / 2); }),
+        kBound);
+    EXPECT_LE(calcDistance(draw("~log_uniform(0.01, 100)", kDraws), [](double x) { return (std::log10(x) + 2) / 4; }),
               kBound);
-    EXPECT_LE(calcDistance(draw("~log_uniform(0.01, 100)", kDraws),
-                           [](double x) { return (std::log10(x) + 2) / 4; }),
-              kBound);
-    EXPECT_LE(calcDistance(draw("~normal(3, 0.5)", kDraws),
-                           [](double x) { return calcNormal((x - 3) / 0.5); }),
+    EXPECT_LE(calcDistance(draw("~normal(3, 0.5)", kDraws), [](double x) { return calcNormal((x - 3) / 0.5); }),
               kBound);
     const double low = calcNormal(-1), high = calcNormal(2);
     EXPECT_LE(calcDistance(draw("~normal(3, 0.5, 2.5, 4)", kDraws),
@@ -99,10 +97,8 @@ TEST(Draws, FollowTheirDistributions) {
 
 TEST(Draws, KeepTheirRange) {
     for (const double x : draw("~uniform(2, 3)", kDraws)) EXPECT_TRUE(x >= 2 && x <= 3) << x;
-    for (const double x : draw("~log_uniform(1e-300, 1e300)", kDraws))
-        EXPECT_TRUE(x >= 1e-300 && x <= 1e300) << x;
-    for (const double x : draw("~normal(0, 1, 1.5, 1.6)", kDraws))
-        EXPECT_TRUE(x >= 1.5 && x <= 1.6) << x;
+    for (const double x : draw("~log_uniform(1e-300, 1e300)", kDraws)) EXPECT_TRUE(x >= 1e-300 && x <= 1e300) << x;
+    for (const double x : draw("~normal(0, 1, 1.5, 1.6)", kDraws)) EXPECT_TRUE(x >= 1.5 && x <= 1.6) << x;
 }
 
 TEST(Draws, IntegersAndChoicesAreEquallyLikely) {
@@ -125,10 +121,10 @@ TEST(Draws, IntegersAndChoicesAreEquallyLikely) {
 }
 
 TEST(Draws, ChoicesOfNumbersAreNumbersAndQuotesKeepCommas) {
-    const auto keys = listDraws(parse("x: ~choice(15, pi*5, 9007199254740993)\n"
-                                      "y: ~choice(\"a, (b\", 'c', don't, 2*pi)\n"));
-    EXPECT_EQ(keys[0].ends,
-              (std::vector<std::string>{"15", "15.707963267948966", "9007199254740993"}));
+    const auto keys =
+        listDraws(parse("x: ~choice(15, pi*5, 9007199254740993)\n"
+                        "y: ~choice(\"a, (b\", 'c', don't, 2*pi)\n"));
+    EXPECT_EQ(keys[0].ends, (std::vector<std::string>{"15", "15.707963267948966", "9007199254740993"}));
     EXPECT_FALSE(keys[0].isOfWords);
     EXPECT_EQ(keys[1].ends, (std::vector<std::string>{"a, (b", "c", "don't", "2*pi"}));
     EXPECT_TRUE(keys[1].isOfWords);
@@ -136,8 +132,7 @@ TEST(Draws, ChoicesOfNumbersAreNumbersAndQuotesKeepCommas) {
 
 // Ends of the whole range: 2^54 values, none of them lost.
 TEST(Draws, WholeNumbersMayBeLarge) {
-    for (const double x : draw("~integer(-9007199254740992, 9007199254740992)", 100))
-        EXPECT_EQ(x, std::floor(x));
+    for (const double x : draw("~integer(-9007199254740992, 9007199254740992)", 100)) EXPECT_EQ(x, std::floor(x));
     EXPECT_EQ(draw("~integer(7, 7)", 1).front(), 7.0);
 }
 
@@ -172,9 +167,10 @@ TEST(Draws, AreTheShortestTextOfTheirNumber) {
 }
 
 TEST(Draws, AreListedWithTheirEnds) {
-    const auto keys = listDraws(parse("a: ~uniform(0, pi)\nb: [1, '~normal(0, 1)']\n"
-                                      "c: {d: '~normal(0, 1, -2, 2)', e: '~choice(x, y)'}\n"
-                                      "f: ~integer(1, 9)\ng: ~/file\nh: ~\ni: ~someone/uniform(1)\n"));
+    const auto keys =
+        listDraws(parse("a: ~uniform(0, pi)\nb: [1, '~normal(0, 1)']\n"
+                        "c: {d: '~normal(0, 1, -2, 2)', e: '~choice(x, y)'}\n"
+                        "f: ~integer(1, 9)\ng: ~/file\nh: ~\ni: ~someone/uniform(1)\n"));
     ASSERT_EQ(keys.size(), 5u);
     EXPECT_EQ(keys[0].keyPath, "a");
     EXPECT_EQ(keys[0].distribution, "uniform(0, pi)");

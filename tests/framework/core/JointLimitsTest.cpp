@@ -45,9 +45,8 @@ struct Group {
     const char* name;
     JointBounds JointLimits::*bounds;
 };
-const Group kRates[] = {{"velocity", &JointLimits::velocity},
-                        {"acceleration", &JointLimits::acceleration},
-                        {"jerk", &JointLimits::jerk}};
+const Group kRates[] = {
+    {"velocity", &JointLimits::velocity}, {"acceleration", &JointLimits::acceleration}, {"jerk", &JointLimits::jerk}};
 
 TEST(JointLimits, Names) {
     EXPECT_STREQ(getName(LimitKind::None, LimitSide::Neither), "none");
@@ -62,8 +61,7 @@ TEST(JointLimits, Names) {
 TEST(JointLimits, AxisTakesBothSidesOfOneJoint) {
     JointLimits limits = JointLimits::unlimited(3);
     double number = 1.0;
-    for (JointBounds* bounds :
-         {&limits.position, &limits.velocity, &limits.acceleration, &limits.jerk}) {
+    for (JointBounds* bounds : {&limits.position, &limits.velocity, &limits.acceleration, &limits.jerk}) {
         bounds->lower[1] = -number++;
         bounds->upper[1] = number++;
     }
@@ -98,8 +96,8 @@ TEST(JointLimits, UsableLimitsPass) {
 TEST(JointLimits, Fault05_SizesMustAgree) {
     JointLimits limits = makeLimits();
     limits.jerk.upper = JointVector::Constant(2, 1.0);
-    expectContains(refuse(limits), {"f.yaml:3:9: limits", "jerk_upper has 2 numbers; allowed is 3",
-                                    "one number per joint"});
+    expectContains(refuse(limits),
+                   {"f.yaml:3:9: limits", "jerk_upper has 2 numbers; allowed is 3", "one number per joint"});
     limits = makeLimits();
     limits.position.upper = JointVector::Constant(4, 1.0);
     expectContains(refuse(limits), {"position_upper has 4 numbers; allowed is 3"});
@@ -109,8 +107,8 @@ TEST(JointLimits, Fault05_DegreesNeedTheFlag) {
     JointLimits limits = makeLimits();
     limits.position.upper[1] = 170.0;
     expectContains(refuse(limits), {"f.yaml:3:9: limits: joint `elbow`: position_upper is 170 rad",
-                                    "allowed is [-12.566370614359172, 12.566370614359172]",
-                                    "`170*pi/180`", "`allow_large_angles: true`"});
+                                    "allowed is [-12.566370614359172, 12.566370614359172]", "`170*pi/180`",
+                                    "`allow_large_angles: true`"});
     EXPECT_NO_THROW(checkLimits(limits, 1e-3, true, "f", kNames));
     limits = makeLimits();
     limits.position.lower[2] = -13.0;
@@ -128,17 +126,15 @@ TEST(JointLimits, Fault06_EveryRateLimitOfEveryJointAndSide) {
         for (int joint = 0; joint < 3; ++joint) {
             for (const double value : bad) {
                 SCOPED_TRACE(std::string(group.name) + " " + std::to_string(value));
-                const std::string name =
-                    "joint `" + kNames[static_cast<std::size_t>(joint)] + "`: " + group.name;
+                const std::string name = "joint `" + kNames[static_cast<std::size_t>(joint)] + "`: " + group.name;
                 JointLimits limits = makeLimits();
                 (limits.*group.bounds).upper[joint] = value;
                 expectContains(refuse(limits), {"f.yaml:3:9: limits: " + name + "_upper is ",
                                                 "allowed is [1e-06, 1e+07] or .inf", "positive"});
                 limits = makeLimits();
                 (limits.*group.bounds).lower[joint] = -value;
-                expectContains(refuse(limits),
-                               {"f.yaml:3:9: limits: " + name + "_lower is ",
-                                "allowed is [-1e+07, -1e-06] or -.inf", "negative"});
+                expectContains(refuse(limits), {"f.yaml:3:9: limits: " + name + "_lower is ",
+                                                "allowed is [-1e+07, -1e-06] or -.inf", "negative"});
             }
         }
     }
@@ -152,9 +148,8 @@ TEST(JointLimits, Fault06_PositionInvertedEqualOrNonsense) {
         const std::string name = "joint `" + kNames[static_cast<std::size_t>(joint)] + "`: ";
         JointLimits limits = makeLimits();
         std::swap(limits.position.lower[joint], limits.position.upper[joint]);
-        expectContains(refuse(limits),
-                       {name, "position_lower is 3.141592653589793 rad",
-                        "position_upper is -3.141592653589793 rad", "allowed is lower < upper"});
+        expectContains(refuse(limits), {name, "position_lower is 3.141592653589793 rad",
+                                        "position_upper is -3.141592653589793 rad", "allowed is lower < upper"});
         limits = makeLimits();
         limits.position.lower[joint] = limits.position.upper[joint] = 1.0;
         expectContains(refuse(limits), {name, "allowed is lower < upper"});
@@ -176,20 +171,17 @@ TEST(JointLimits, Fault06_RatioWindows) {
     limits.jerk = makeBounds(9.9e6);
     limits.velocity = makeBounds(1e-3);
     // A/J is 1.01e-10 s: shorter than any tick can resolve.
-    expectContains(refuse(limits, 1e-12),
-                   {"joint `shoulder`: acceleration_lower -0.001 divided by jerk_lower -9900000",
-                    "1.0101", "s; allowed is [1e-06, 10000] s"});
+    expectContains(refuse(limits, 1e-12), {"joint `shoulder`: acceleration_lower -0.001 divided by jerk_lower -9900000",
+                                           "1.0101", "s; allowed is [1e-06, 10000] s"});
     limits = makeLimits();
     limits.acceleration.upper[1] = 5e6;
     limits.jerk.upper[1] = 1.0;
-    expectContains(refuse(limits),
-                   {"joint `elbow`: acceleration_upper 5e+06 divided by jerk_upper", "is 5e+06 s"});
+    expectContains(refuse(limits), {"joint `elbow`: acceleration_upper 5e+06 divided by jerk_upper", "is 5e+06 s"});
     limits = makeLimits();
     limits.velocity.lower[2] = -1e6;
     limits.acceleration.lower[2] = -0.1;
-    expectContains(
-        refuse(limits),
-        {"joint `wrist`: velocity_lower -1e+06 divided by acceleration_lower -0.1", "is 1e+07 s"});
+    expectContains(refuse(limits),
+                   {"joint `wrist`: velocity_lower -1e+06 divided by acceleration_lower -0.1", "is 1e+07 s"});
     limits.velocity.lower[2] = -999.0;  // 9990 s: inside
     EXPECT_NO_THROW(checkLimits(limits, 1e-3, false, "f", kNames));
 }
@@ -199,10 +191,9 @@ TEST(JointLimits, Fault07_AccelerationBelowOneTickOfJerk) {
     // A / J = 1/3 s for the paper's limits: that tick just fits, a longer one does not.
     limits.position = JointLimits::unlimited(3).position;
     EXPECT_NO_THROW(checkLimits(limits, 0.333, false, "f", kNames));
-    expectContains(
-        refuse(limits, 0.34),
-        {"joint `shoulder`: acceleration_lower is -12.566370614359172 rad/s^2",
-         "allowed is at least 12.81769802664635", "one tick of 0.34 s", "shorten the tick"});
+    expectContains(refuse(limits, 0.34),
+                   {"joint `shoulder`: acceleration_lower is -12.566370614359172 rad/s^2",
+                    "allowed is at least 12.81769802664635", "one tick of 0.34 s", "shorten the tick"});
     limits = makeLimits();
     limits.acceleration.upper[1] = 0.03;  // jerk 37.7 * 1e-3 s = 0.0377
     expectContains(refuse(limits), {"joint `elbow`: acceleration_upper is 0.03 rad/s^2"});
@@ -210,8 +201,7 @@ TEST(JointLimits, Fault07_AccelerationBelowOneTickOfJerk) {
     limits = makeLimits();
     limits.jerk.lower[2] = -1e5;
     limits.acceleration.lower[2] = -1e3;
-    expectContains(refuse(limits),
-                   {"joint `wrist`: acceleration_upper is 12.566370614359172", "at least 100 "});
+    expectContains(refuse(limits), {"joint `wrist`: acceleration_upper is 12.566370614359172", "at least 100 "});
 }
 
 TEST(JointLimits, Fault07_PositionRangeBelowOneStop) {
@@ -222,8 +212,8 @@ TEST(JointLimits, Fault07_PositionRangeBelowOneStop) {
     limits.position.upper[1] = 0.5 + 1.01 * stop;
     EXPECT_NO_THROW(checkLimits(limits, 1e-3, false, "f", kNames));
     limits.position.upper[1] = 0.5 + 0.99 * stop;
-    expectContains(refuse(limits), {"joint `elbow`: position_lower 0.5 rad to position_upper",
-                                    "is a range of", "allowed is at least", "Widen"});
+    expectContains(refuse(limits), {"joint `elbow`: position_lower 0.5 rad to position_upper", "is a range of",
+                                    "allowed is at least", "Widen"});
 }
 
 TEST(JointLimits, Fault08_TickOfNoUse) {
@@ -243,12 +233,11 @@ bool isAccepted(const JointLimits& limits, double tick_s) {
 }
 
 TEST(JointLimits, AreUsableSaysWhatCheckLimitsSays) {
-    const double values[] = {0.0,  1e-320, 1e-7,      1e-6,
-                             1e-3, 1.0,    12 * kPi,  1e7,
-                             1e8,  -1.0,   kInfinity, std::numeric_limits<double>::quiet_NaN()};
+    const double values[] = {0.0,      1e-320, 1e-7, 1e-6, 1e-3,      1.0,
+                             12 * kPi, 1e7,    1e8,  -1.0, kInfinity, std::numeric_limits<double>::quiet_NaN()};
     int accepted = 0, refused = 0;
-    for (JointBounds JointLimits::*bounds : {&JointLimits::position, &JointLimits::velocity,
-                                             &JointLimits::acceleration, &JointLimits::jerk})
+    for (JointBounds JointLimits::*bounds :
+         {&JointLimits::position, &JointLimits::velocity, &JointLimits::acceleration, &JointLimits::jerk})
         for (JointVector JointBounds::*side : {&JointBounds::lower, &JointBounds::upper})
             for (double value : values)
                 for (double tick_s : {1e-3, 0.1, 1.0, 0.0}) {

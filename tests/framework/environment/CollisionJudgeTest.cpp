@@ -1,4 +1,5 @@
-#include "viable/environment/CollisionJudge.h"
+#include "Paths.h"
+#include "environment/CollisionJudge.h"
 
 #include <chrono>
 #include <cmath>
@@ -70,10 +71,8 @@ struct Stick {
         capsule.radius = radius;
         geometry.capsules = {capsule};
     }
-    CollisionJudge::Contact judge(const Environment& environment, double horizon = 1.0,
-                                  double t = 0.0) const {
-        return CollisionJudge(robot, geometry, environment)
-            .findContact(JointVector::Zero(1), t, horizon);
+    CollisionJudge::Contact judge(const Environment& environment, double horizon = 1.0, double t = 0.0) const {
+        return CollisionJudge(robot, geometry, environment).findContact(JointVector::Zero(1), t, horizon);
     }
     RobotDescription robot;
     ArmGeometry geometry;
@@ -99,8 +98,8 @@ TEST(CollisionJudge, DistancesFromSolidsAreExact) {
     std::mt19937 random(1);
     std::uniform_real_distribution<double> place(-0.6, 0.6), size(0.02, 0.5);
     const auto draw = [&] { return Eigen::Vector3d(place(random), place(random), place(random)); };
-    for (const Solid::Kind kind : {Solid::Kind::Box, Solid::Kind::Sphere, Solid::Kind::Cylinder,
-                                   Solid::Kind::HalfSpace}) {
+    for (const Solid::Kind kind :
+         {Solid::Kind::Box, Solid::Kind::Sphere, Solid::Kind::Cylinder, Solid::Kind::HalfSpace}) {
         int apart = 0, deep = 0;
         for (int trial = 0; trial < 2000; ++trial) {
             Environment environment;
@@ -111,15 +110,13 @@ TEST(CollisionJudge, DistancesFromSolidsAreExact) {
             solid.radius = 0.5 * size(random);
             solid.length = size(random);
             if (trial % 4 != 0)  // else edges are parallel
-                solid.pose.linear() =
-                    Eigen::AngleAxisd(place(random) * 5, draw().normalized()).toRotationMatrix();
+                solid.pose.linear() = Eigen::AngleAxisd(place(random) * 5, draw().normalized()).toRotationMatrix();
             solid.pose.translation() = draw();
             const Eigen::Vector3d a = draw();
             const Eigen::Vector3d b =
                 trial % 8 == 0 ? Eigen::Vector3d(a + 0.3 * Eigen::Vector3d::Unit(trial / 8 % 3)) : draw();
             const double radius = 0.05;
-            const double truth = findLeast(
-                [&](double s) { return calcPointDistance(solid, a + s * (b - a)); });
+            const double truth = findLeast([&](double s) { return calcPointDistance(solid, a + s * (b - a)); });
             const CollisionJudge::Contact found = Stick(a, b, radius).judge(environment);
             if (truth - radius >= 1.0) {
                 EXPECT_EQ(found.link, -1);
@@ -151,8 +148,8 @@ TEST(CollisionJudge, PairsOfCapsulesAreExact) {
         other.a = draw();
         other.b = draw();
         const Eigen::Vector3d along = stick.geometry.capsules[0].b - stick.geometry.capsules[0].a;
-        if (trial % 5 == 0) other.b = other.a;                      // a sphere
-        if (trial % 5 == 1) other.b = other.a + 0.7 * along;        // parallel
+        if (trial % 5 == 0) other.b = other.a;                          // a sphere
+        if (trial % 5 == 1) other.b = other.a + 0.7 * along;            // parallel
         if (trial % 5 == 2) other.b = other.a + along + 1e-9 * draw();  // nearly so
         stick.geometry.links.push_back("other");
         stick.geometry.capsules.push_back(other);
@@ -160,8 +157,7 @@ TEST(CollisionJudge, PairsOfCapsulesAreExact) {
         const LinkCapsule& first = stick.geometry.capsules[0];
         const double truth = findLeast([&](double s) {
             const Eigen::Vector3d p = first.a + s * along;
-            return findLeast(
-                [&](double t) { return (p - other.a - t * (other.b - other.a)).norm(); });
+            return findLeast([&](double t) { return (p - other.a - t * (other.b - other.a)).norm(); });
         });
         const CollisionJudge::Contact found = stick.judge({});
         ASSERT_NEAR(found.distance, std::min(1.0, truth - 0.06), 1e-8) << trial;
@@ -223,8 +219,8 @@ TEST(CollisionJudge, WhatIsFarIsNeverTheNearest) {
     const ArmGeometry geometry = loadArmGeometry(robot);
     const CollisionJudge alone(robot, geometry, Environment{});
     Environment environment;
-    for (const Solid::Kind kind : {Solid::Kind::Box, Solid::Kind::Sphere, Solid::Kind::Cylinder,
-                                   Solid::Kind::HalfSpace}) {
+    for (const Solid::Kind kind :
+         {Solid::Kind::Box, Solid::Kind::Sphere, Solid::Kind::Cylinder, Solid::Kind::HalfSpace}) {
         Solid solid;
         solid.kind = kind;
         solid.size.setConstant(0.1);
@@ -298,8 +294,7 @@ TEST(CollisionJudge, Fault58_CellsOfTheMapAreExactAndUnknownOnesCountWhenAsked) 
         map.forEachSolidCell({-3, -3, -3}, {3, 3, 3}, unknown == UnknownSpace::Occupied,
                              [&](const OccupancyMap::Cell& cell) {
                                  Solid solid;
-                                 solid.pose = scene.environment.map->pose *
-                                              Eigen::Translation3d(cell.centre);
+                                 solid.pose = scene.environment.map->pose * Eigen::Translation3d(cell.centre);
                                  solid.size.setConstant(cell.edge);
                                  cells.push_back(solid);
                              });
@@ -312,9 +307,7 @@ TEST(CollisionJudge, Fault58_CellsOfTheMapAreExactAndUnknownOnesCountWhenAsked) 
             double truth = 2.0;
             for (const Solid& cell : cells) {
                 if (calcPointDistance(cell, a) - (b - a).norm() > truth) continue;
-                truth = std::min(truth, findLeast([&](double s) {
-                                     return calcPointDistance(cell, a + s * (b - a));
-                                 }));
+                truth = std::min(truth, findLeast([&](double s) { return calcPointDistance(cell, a + s * (b - a)); }));
             }
             const CollisionJudge::Contact found = Stick(a, b, 0.03).judge(scene.environment);
             EXPECT_EQ(found.obstacle, 0);
@@ -359,16 +352,17 @@ TEST(CollisionJudge, IsFastEnoughForEveryTickOfARun) {
         environment.solids.push_back(solid);
     }
     for (const bool withMap : {false, true}) {
-        if (!withMap) environment.map.reset();
-        else environment.map = scene.environment.map;
+        if (!withMap)
+            environment.map.reset();
+        else
+            environment.map = scene.environment.map;
         const CollisionJudge judge(arm.robot, arm.geometry, environment);
         constexpr int kPoses = 2000;
         double sum = 0.0;
         const auto begin = std::chrono::steady_clock::now();
         for (int i = 0; i < kPoses; ++i) sum += judge.findContact(arm.draw(random), 0.0, 0.1).distance;
         const double each_us =
-            std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() * 1e6 /
-            kPoses;
+            std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() * 1e6 / kPoses;
         std::printf("%.1f us for a pose, ten solids%s\n", each_us, withMap ? " and a map" : "");
         EXPECT_LT(each_us, 2000.0);  // sanitizers and other load; about 10 us alone
         EXPECT_TRUE(std::isfinite(sum));

@@ -1,3 +1,4 @@
+#include "Paths.h"
 #include "viable/environment/DistanceField.h"
 
 #include <chrono>
@@ -19,8 +20,8 @@ OccupancyMap makeMap(octomap::OcTree tree) {
     return OccupancyMap(chooseMap(folder / "map.bt"));
 }
 
-std::vector<OccupancyMap::Cell> listCells(const OccupancyMap& map, bool withUnknown,
-                                          const Eigen::Vector3d& middle, double reach) {
+std::vector<OccupancyMap::Cell> listCells(const OccupancyMap& map, bool withUnknown, const Eigen::Vector3d& middle,
+                                          double reach) {
     std::vector<OccupancyMap::Cell> cells;
     map.forEachSolidCell(middle.array() - reach, middle.array() + reach, withUnknown,
                          [&](const OccupancyMap::Cell& cell) { cells.push_back(cell); });
@@ -30,12 +31,11 @@ std::vector<OccupancyMap::Cell> listCells(const OccupancyMap& map, bool withUnkn
 double calcTrueDistance(const std::vector<OccupancyMap::Cell>& cells, const Eigen::Vector3d& p) {
     double least = std::numeric_limits<double>::infinity();
     for (const OccupancyMap::Cell& cell : cells)
-        least = std::min(least, test::calcBoxDistance(p - cell.centre,
-                                                      Eigen::Vector3d::Constant(0.5 * cell.edge)));
+        least = std::min(least, test::calcBoxDistance(p - cell.centre, Eigen::Vector3d::Constant(0.5 * cell.edge)));
     return least;
 }
 
-/** The field's promise [cells]. */
+/** The field's guarantee [cells]. */
 const double kMostShort = std::sqrt(3.0);
 
 /** Most that the field is above and below the truth at random points, half of them close to corners and faces of
@@ -44,8 +44,8 @@ struct FieldError {
     double above = -std::numeric_limits<double>::infinity(), below = 0.0, mean = 0.0;
 };
 FieldError measure(const DistanceField& field, const std::vector<OccupancyMap::Cell>& cells,
-               const Eigen::Isometry3d& pose, const Eigen::Vector3d& lower,
-               const Eigen::Vector3d& upper, double reach, int points, unsigned seed) {
+                   const Eigen::Isometry3d& pose, const Eigen::Vector3d& lower, const Eigen::Vector3d& upper,
+                   double reach, int points, unsigned seed) {
     std::mt19937 random(seed);
     std::uniform_real_distribution<double> unit(0.0, 1.0);
     const auto draw = [&] { return Eigen::Vector3d(unit(random), unit(random), unit(random)); };
@@ -57,8 +57,8 @@ FieldError measure(const DistanceField& field, const std::vector<OccupancyMap::C
             const OccupancyMap::Cell& cell = cells[random() % cells.size()];
             Eigen::Vector3d corner;
             for (int k = 0; k < 3; ++k) corner[k] = random() % 2 ? 0.5 : -0.5;
-            p = pose * Eigen::Vector3d(cell.centre + cell.edge * corner +
-                                       0.05 * (draw() - Eigen::Vector3d::Constant(0.5)));
+            p = pose *
+                Eigen::Vector3d(cell.centre + cell.edge * corner + 0.05 * (draw() - Eigen::Vector3d::Constant(0.5)));
             if (((p - lower).array() < 0.0).any() || ((upper - p).array() < 0.0).any()) continue;
         }
         const double truth = calcTrueDistance(cells, pose.inverse() * p);
@@ -77,15 +77,14 @@ TEST(DistanceField, NeverAboveTheTruthAndNotFarBelow) {
         for (const double cell : {0.01, 0.02, 0.05}) {
             const OccupancyMap map = makeMap(test::makeRandomTree(0.04, 60, 0.5, 21));
             const double reach = 0.3;
-            const DistanceField field(map, UnknownSpace::Free, pose, lower, upper, cell, reach,
-                                      "here");
+            const DistanceField field(map, UnknownSpace::Free, pose, lower, upper, cell, reach, "here");
             const auto cells = listCells(map, false, Eigen::Vector3d::Zero(), 2.0);
             const FieldError error = measure(field, cells, pose, lower, upper, reach, 20000, 4);
             EXPECT_LE(error.above, 1e-12) << cell;
             EXPECT_LE(error.below, kMostShort * cell) << cell;
             EXPECT_LE(error.mean, 0.25 * cell) << cell;
-            std::printf("cell %.3f m: short by %.2f cells at most, %.2f on average\n", cell,
-                        error.below / cell, error.mean / cell);
+            std::printf("cell %.3f m: short by %.2f cells at most, %.2f on average\n", cell, error.below / cell,
+                        error.mean / cell);
         }
 }
 
@@ -103,8 +102,7 @@ TEST(DistanceField, OneCellIsSeenFromEverywhere) {
         const DistanceField field(map, UnknownSpace::Free, pose, lower, upper, 0.05, 0.5, "here");
         const auto cells = listCells(map, false, Eigen::Vector3d::Zero(), 1.0);
         ASSERT_EQ(cells.size(), 1u);
-        const FieldError error = measure(field, cells, pose, lower, upper, 0.5, 4000,
-                                     static_cast<unsigned>(trial));
+        const FieldError error = measure(field, cells, pose, lower, upper, 0.5, 4000, static_cast<unsigned>(trial));
         EXPECT_LE(error.above, 1e-12);
     }
 }
@@ -114,8 +112,8 @@ TEST(DistanceField, WhatIsSolidBeyondTheBoxCounts) {
     tree.updateNode(0.375, 0.025, 0.025, true);  // [0.35, 0.4]
     const OccupancyMap map = makeMap(tree);
     const Eigen::Vector3d corner(0.1, 0.1, 0.1);
-    const DistanceField field(map, UnknownSpace::Free, Eigen::Isometry3d::Identity(), -corner,
-                              corner, 0.01, 0.4, "here");
+    const DistanceField field(map, UnknownSpace::Free, Eigen::Isometry3d::Identity(), -corner, corner, 0.01, 0.4,
+                              "here");
     const double found = field.calcDistance({0.1, 0.025, 0.025});
     EXPECT_LE(found, 0.25);
     EXPECT_GE(found, 0.249);
@@ -146,8 +144,8 @@ TEST(DistanceField, Fault59_NoNumberAndFarPlacesAreNeverFree) {
     octomap::OcTree tree(0.1);
     const OccupancyMap map = makeMap(tree);
     const Eigen::Vector3d corner(0.5, 0.5, 0.5);
-    const DistanceField field(map, UnknownSpace::Free, Eigen::Isometry3d::Identity(), -corner,
-                              corner, 0.05, 0.2, "here");
+    const DistanceField field(map, UnknownSpace::Free, Eigen::Isometry3d::Identity(), -corner, corner, 0.05, 0.2,
+                              "here");
     EXPECT_EQ(field.calcDistance(corner), 0.2);
     EXPECT_EQ(field.calcDistance(-corner), 0.2);
     const double infinity = std::numeric_limits<double>::infinity();
@@ -164,8 +162,7 @@ TEST(DistanceField, Fault59_NoNumberAndFarPlacesAreNeverFree) {
 TEST(DistanceField, GradientIsTheDirectionOfTheDistance) {
     const OccupancyMap map = makeMap(test::makeRandomTree(0.04, 30, 0.5, 22));
     const Eigen::Vector3d lower(-0.4, -0.4, -0.4), upper(0.4, 0.4, 0.4);
-    const DistanceField field(map, UnknownSpace::Free, test::makeOddPose(), lower, upper, 0.02, 0.5,
-                              "here");
+    const DistanceField field(map, UnknownSpace::Free, test::makeOddPose(), lower, upper, 0.02, 0.5, "here");
     std::mt19937 random(6);
     std::uniform_real_distribution<double> place(-0.39, 0.39);
     int compared = 0;
@@ -194,14 +191,12 @@ TEST(DistanceField, GradientIsTheDirectionOfTheDistance) {
 TEST(DistanceField, IsContinuousAcrossTheGrid) {
     const OccupancyMap map = makeMap(test::makeRandomTree(0.04, 30, 0.5, 23));
     const Eigen::Vector3d corner(0.4, 0.4, 0.4);
-    const DistanceField field(map, UnknownSpace::Free, test::makeOddPose(), -corner, corner, 0.02,
-                              0.5, "here");
+    const DistanceField field(map, UnknownSpace::Free, test::makeOddPose(), -corner, corner, 0.02, 0.5, "here");
     std::mt19937 random(7);
     std::uniform_real_distribution<double> place(-0.39, 0.39);
     for (int i = 0; i < 300; ++i) {
         const Eigen::Vector3d from(place(random), place(random), place(random));
-        const Eigen::Vector3d step =
-            1e-5 * Eigen::Vector3d(place(random), place(random), place(random)).normalized();
+        const Eigen::Vector3d step = 1e-5 * Eigen::Vector3d(place(random), place(random), place(random)).normalized();
         double last = field.calcDistance(from);
         for (int k = 1; k < 1000; ++k) {
             const Eigen::Vector3d p = from + k * step;
@@ -219,8 +214,8 @@ TEST(DistanceField, TooManyCellsAreRefusedWithTheirPlace) {
     const OccupancyMap map = makeMap(tree);
     const Eigen::Vector3d corner(5, 5, 5);
     try {
-        const DistanceField field(map, UnknownSpace::Free, Eigen::Isometry3d::Identity(), -corner,
-                                  corner, 0.01, 0.5, "e.yaml:3:4: environment.map");
+        const DistanceField field(map, UnknownSpace::Free, Eigen::Isometry3d::Identity(), -corner, corner, 0.01, 0.5,
+                                  "e.yaml:3:4: environment.map");
         ADD_FAILURE() << "accepted";
     } catch (const Error& e) {
         const std::string text = e.what();
@@ -234,20 +229,17 @@ TEST(DistanceField, AQueryAllocatesNothing) {
     if (!AllocationCounter::isAvailable()) GTEST_SKIP() << AllocationCounter::whyNot();
     const OccupancyMap map = makeMap(test::makeRandomTree(0.04, 30, 0.5, 22));
     const Eigen::Vector3d corner(0.4, 0.4, 0.4);
-    const DistanceField field(map, UnknownSpace::Free, test::makeOddPose(), -corner, corner, 0.02,
-                              0.5, "here");
+    const DistanceField field(map, UnknownSpace::Free, test::makeOddPose(), -corner, corner, 0.02, 0.5, "here");
     Eigen::Vector3d gradient;
     double sum = 0.0;
     AllocationCounter counter;
-    for (int i = 0; i < 1000; ++i)
-        sum += field.calcDistance({0.0007 * i - 0.35, 0.1, -0.2}, gradient);
+    for (int i = 0; i < 1000; ++i) sum += field.calcDistance({0.0007 * i - 0.35, 0.1, -0.2}, gradient);
     EXPECT_EQ(counter.count(), 0);
     EXPECT_TRUE(std::isfinite(sum));
 }
 
 TEST(DistanceField, RealBuilding) {
-    const std::filesystem::path file =
-        std::filesystem::path(VIABLE_SOURCE_DIR) / "../shared/data/geb079.bt";
+    const std::filesystem::path file = std::filesystem::path(VIABLE_SOURCE_DIR) / "../shared/data/geb079.bt";
     if (!std::filesystem::exists(file)) GTEST_SKIP() << "no " << file;
     auto begin = std::chrono::steady_clock::now();
     const auto took = [&] {

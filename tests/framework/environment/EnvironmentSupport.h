@@ -39,8 +39,7 @@ inline octomap::OcTree makeRandomTree(double resolution, int count, double reach
     octomap::OcTree tree(resolution);
     std::mt19937 random(seed);
     std::uniform_real_distribution<double> place(-reach, reach);
-    for (int i = 0; i < 2 * count; ++i)
-        tree.updateNode(place(random), place(random), place(random), i % 2 == 0, true);
+    for (int i = 0; i < 2 * count; ++i) tree.updateNode(place(random), place(random), place(random), i % 2 == 0, true);
     tree.updateInnerOccupancy();
     tree.prune();
     return tree;
@@ -70,8 +69,7 @@ inline double calcBoxDistance(const Eigen::Vector3d& fromCentre, const Eigen::Ve
 inline Eigen::Isometry3d makeOddPose() {
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
     pose.translation() << 0.31, -0.27, 0.113;
-    pose.linear() =
-        Eigen::AngleAxisd(0.7, Eigen::Vector3d(0.3, -0.5, 0.81).normalized()).toRotationMatrix();
+    pose.linear() = Eigen::AngleAxisd(0.7, Eigen::Vector3d(0.3, -0.5, 0.81).normalized()).toRotationMatrix();
     return pose;
 }
 

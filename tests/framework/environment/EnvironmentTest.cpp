@@ -64,9 +64,9 @@ TEST(ReadEnvironment, NothingSaidIsUnknownOccupied) {
 }
 
 TEST(ReadEnvironment, RepeatedPathsBeginAnew) {
-    const Environment environment =
-        read("  obstacles: {v: {sphere: 0.1, repeats: true, path: [{time_s: 1, xyz: [0, 0, 0]}, "
-             "{time_s: 2, xyz: [1, 0, 0]}, {time_s: 3, xyz: [0, 0, 0]}]}}\n");
+    const Environment environment = read(
+        "  obstacles: {v: {sphere: 0.1, repeats: true, path: [{time_s: 1, xyz: [0, 0, 0]}, "
+        "{time_s: 2, xyz: [1, 0, 0]}, {time_s: 3, xyz: [0, 0, 0]}]}}\n");
     const MovingSphere& sphere = environment.spheres.at(0);
     EXPECT_EQ(sphere.calcCentre(0.3).x(), 0.0);
     EXPECT_DOUBLE_EQ(sphere.calcCentre(1.5).x(), 0.5);
@@ -96,7 +96,8 @@ TEST(ReadEnvironment, FaultsAreNamedWithTheirPlace) {
         {"  obstacles: {a: {box: [1, 1, 1], path: [{time_s: 0, xyz: [0, 0, 0]}]}}\n", "Only spheres move"},
         {"  obstacles: {a: {sphere: 1, path: [{time_s: 0, xyz: [0, 0, 0]}, {time_s: 0, xyz: [1, 0, 0]}]}}\n",
          "the time 0 s is not after the one before (0 s)"},
-        {"  obstacles: {a: {sphere: 1, repeats: true, path: [{time_s: 0, xyz: [0, 0, 0]}, {time_s: 1, xyz: [1, 0, 0]}]}}\n",
+        {"  obstacles: {a: {sphere: 1, repeats: true, path: [{time_s: 0, xyz: [0, 0, 0]}, {time_s: 1, xyz: [1, 0, "
+         "0]}]}}\n",
          "the sphere would jump"},
         {"  obstacles: {a: {sphere: 1, repeats: true, path: [{time_s: 0, xyz: [0, 0, 0]}]}}\n",
          "a path of one place cannot repeat"},
@@ -115,8 +116,7 @@ TEST(ReadEnvironment, FaultsAreNamedWithTheirPlace) {
         } catch (const Error& e) {
             EXPECT_EQ(e.kind(), ErrorKind::BadInput);
             EXPECT_NE(std::string(e.what()).find(part), std::string::npos) << e.what();
-            EXPECT_NE(std::string(e.what()).find("experiment.yaml:2:"), std::string::npos)
-                << e.what();
+            EXPECT_NE(std::string(e.what()).find("experiment.yaml:2:"), std::string::npos) << e.what();
         }
     }
 }
@@ -125,9 +125,7 @@ TEST(ReadEnvironment, MapsAreToldByTheirHash) {
     test::TemporaryFolder folder;
     folder.write("m.bt", "");
     for (const char* sha256 : {"abc", "\"\"", "0"})
-        EXPECT_THROW(
-            read(std::string("  map: {file: m.bt, sha256: ") + sha256 + "}\n", folder / "e.yaml"),
-            Error);
+        EXPECT_THROW(read(std::string("  map: {file: m.bt, sha256: ") + sha256 + "}\n", folder / "e.yaml"), Error);
 }
 
 }  // namespace

@@ -19,9 +19,7 @@ struct MapFiles {
         binary = test::writeBinary(tree);
         full = test::writeFull(tree);
     }
-    const std::string& bytes(const std::string& extension) const {
-        return extension == ".bt" ? binary : full;
-    }
+    const std::string& bytes(const std::string& extension) const { return extension == ".bt" ? binary : full; }
     std::string findFault(const std::string& extension, const std::string& content,
                           const std::string& sha256 = "") const {
         const std::filesystem::path file = folder / ("map" + extension);
@@ -48,10 +46,9 @@ TEST(OccupancyMap, SaysOfEveryPlaceWhatOctoMapSays) {
             const Eigen::Vector3d p(place(random), place(random), place(random));
             const octomap::OcTreeNode* node = files.tree.search(p.x(), p.y(), p.z());
             const auto occupancy = map.getOccupancy(p);
-            ASSERT_EQ(occupancy, !node ? OccupancyMap::Occupancy::Unknown
-                                 : files.tree.isNodeOccupied(node)
-                                     ? OccupancyMap::Occupancy::Occupied
-                                     : OccupancyMap::Occupancy::Free);
+            ASSERT_EQ(occupancy, !node                             ? OccupancyMap::Occupancy::Unknown
+                                 : files.tree.isNodeOccupied(node) ? OccupancyMap::Occupancy::Occupied
+                                                                   : OccupancyMap::Occupancy::Free);
             ++(!node ? unknown : occupancy == OccupancyMap::Occupancy::Occupied ? solid : free);
         }
         EXPECT_GT(solid, 100);
@@ -64,8 +61,7 @@ TEST(OccupancyMap, EmptyMapKnowsNothing) {
     MapFiles files;
     octomap::OcTree nothing(0.1);
     for (const std::string extension : {".bt", ".ot"}) {
-        const std::string bytes =
-            extension == ".bt" ? test::writeBinary(nothing) : test::writeFull(nothing);
+        const std::string bytes = extension == ".bt" ? test::writeBinary(nothing) : test::writeFull(nothing);
         ASSERT_EQ(files.findFault(extension, bytes), "");
         const OccupancyMap map(chooseMap(files.folder / ("map" + extension)));
         EXPECT_EQ(map.getOccupancy({0, 0, 0}), OccupancyMap::Occupancy::Unknown);
@@ -84,8 +80,7 @@ TEST(OccupancyMap, Fault53_54_CutAnywhereIsRefused) {
         EXPECT_GT(tried, 400);
         EXPECT_NE(files.findFault(extension, bytes.substr(0, bytes.size() - 1)).find("it is cut off"),
                   std::string::npos);
-        EXPECT_NE(files.findFault(extension, bytes + "x").find("1 bytes more"),
-                  std::string::npos);
+        EXPECT_NE(files.findFault(extension, bytes + "x").find("1 bytes more"), std::string::npos);
     }
 }
 
@@ -94,8 +89,7 @@ TEST(OccupancyMap, Fault55_FlippedBytesAreRefusedByTheHash) {
     for (const std::string extension : {".bt", ".ot"}) {
         const std::string& bytes = files.bytes(extension);
         ASSERT_EQ(files.findFault(extension, bytes), "");
-        const std::string sha256 =
-            OccupancyMap(chooseMap(files.folder / ("map" + extension))).sha256();
+        const std::string sha256 = OccupancyMap(chooseMap(files.folder / ("map" + extension))).sha256();
         ASSERT_EQ(files.findFault(extension, bytes, sha256), "");
         std::mt19937 random(9);
         int withHash = 0, without = 0;
@@ -108,8 +102,8 @@ TEST(OccupancyMap, Fault55_FlippedBytesAreRefusedByTheHash) {
             }
             without += !files.findFault(extension, changed).empty();
             const std::string fault = files.findFault(extension, changed, sha256);
-            withHash += fault.find("experiment.yaml:7:3") != std::string::npos &&
-                        fault.find(sha256) != std::string::npos;
+            withHash +=
+                fault.find("experiment.yaml:7:3") != std::string::npos && fault.find(sha256) != std::string::npos;
         }
         EXPECT_EQ(withHash, 200) << extension;
         RecordProperty("refused_without_hash" + extension, without);
@@ -121,16 +115,14 @@ TEST(OccupancyMap, Fault56_RecursionBombIsRefusedAtOnce) {
     std::string bomb;
     for (int i = 0; i < 100000; ++i) bomb += std::string("\x03\x00", 2);
     const auto begin = std::chrono::steady_clock::now();
-    const std::string fault = files.findFault(
-        ".bt", "# Octomap OcTree binary file\nid OcTree\nsize 100001\nres 0.1\ndata\n" + bomb);
+    const std::string fault =
+        files.findFault(".bt", "# Octomap OcTree binary file\nid OcTree\nsize 100001\nres 0.1\ndata\n" + bomb);
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
     EXPECT_NE(fault.find("deeper than 16 levels"), std::string::npos) << fault;
     EXPECT_LT(took.count(), 1.0);
     std::string deep;
     for (int i = 0; i < 40000; ++i) deep += std::string("\0\0\0\0\x01", 5);
-    EXPECT_NE(files.findFault(".ot",
-                              "# Octomap OcTree file\nid OcTree\nsize 40001\nres 0.1\ndata\n" +
-                                  deep)
+    EXPECT_NE(files.findFault(".ot", "# Octomap OcTree file\nid OcTree\nsize 40001\nres 0.1\ndata\n" + deep)
                   .find("deeper than 16 levels"),
               std::string::npos);
 }
@@ -145,12 +137,9 @@ TEST(OccupancyMap, Fault57_ResolutionAndHeaderAreChecked) {
     const std::string good = "id OcTree\nsize " + size + "\nres 0.05\n";
     ASSERT_EQ(files.findFault(".bt", make(good)), "");
     ASSERT_EQ(files.findFault(".bt", make("# a comment\n" + good)), "");
-    for (const std::string res : {"nan", "0", "-0.1", "1e-300", "inf", "1e300", "0.05x", "", "11",
-                                  "0.0009"}) {
-        const std::string fault =
-            files.findFault(".bt", make("id OcTree\nsize " + size + "\nres " + res + "\n"));
-        EXPECT_NE(fault.find("the map's resolution is `" + res + "` m, allowed: 0.001 to 10"),
-                  std::string::npos)
+    for (const std::string res : {"nan", "0", "-0.1", "1e-300", "inf", "1e300", "0.05x", "", "11", "0.0009"}) {
+        const std::string fault = files.findFault(".bt", make("id OcTree\nsize " + size + "\nres " + res + "\n"));
+        EXPECT_NE(fault.find("the map's resolution is `" + res + "` m, allowed: 0.001 to 10"), std::string::npos)
             << res << ": " << fault;
     }
     const std::vector<std::pair<std::string, std::string>> wrong = {
@@ -166,11 +155,9 @@ TEST(OccupancyMap, Fault57_ResolutionAndHeaderAreChecked) {
         const std::string fault = files.findFault(".bt", make(lines));
         EXPECT_NE(fault.find(part), std::string::npos) << fault;
     }
-    EXPECT_NE(files.findFault(".bt", "solid mesh\n").find("is no OctoMap file"),
-              std::string::npos);
+    EXPECT_NE(files.findFault(".bt", "solid mesh\n").find("is no OctoMap file"), std::string::npos);
     EXPECT_NE(files.findFault(".ot", files.binary).find("different kinds"), std::string::npos);
-    EXPECT_NE(findMapFault(chooseMap(files.folder / "none.bt")).find("cannot be read"),
-              std::string::npos);
+    EXPECT_NE(findMapFault(chooseMap(files.folder / "none.bt")).find("cannot be read"), std::string::npos);
     EXPECT_NE(findMapFault(chooseMap("/dev/zero")).find("cannot be read"), std::string::npos);
 }
 
@@ -178,8 +165,7 @@ TEST(OccupancyMap, LogOddsThatAreNoNumberAreRefused) {
     MapFiles files;
     std::string bytes = files.full;
     const float nan = std::numeric_limits<float>::quiet_NaN();
-    bytes.replace(bytes.find("\ndata\n") + 6, sizeof nan,
-                  std::string(reinterpret_cast<const char*>(&nan), sizeof nan));
+    bytes.replace(bytes.find("\ndata\n") + 6, sizeof nan, std::string(reinterpret_cast<const char*>(&nan), sizeof nan));
     EXPECT_NE(files.findFault(".ot", bytes).find("log odds"), std::string::npos);
 }
 
@@ -190,15 +176,12 @@ TEST(OccupancyMap, Fault58_UnknownSpaceCountsWhereAskedFor) {
     const Eigen::Vector3d lower(-0.72, -0.51, -0.33), upper(0.47, 0.71, 0.68);
     for (const bool withUnknown : {false, true}) {
         std::vector<OccupancyMap::Cell> cells;
-        map.forEachSolidCell(lower, upper, withUnknown,
-                             [&](const OccupancyMap::Cell& cell) { cells.push_back(cell); });
+        map.forEachSolidCell(lower, upper, withUnknown, [&](const OccupancyMap::Cell& cell) { cells.push_back(cell); });
         std::mt19937 random(3);
         std::uniform_real_distribution<double> place(0.0, 1.0);
         for (int i = 0; i < 3000; ++i) {
             const Eigen::Vector3d p =
-                lower + (upper - lower)
-                            .cwiseProduct(
-                                Eigen::Vector3d(place(random), place(random), place(random)));
+                lower + (upper - lower).cwiseProduct(Eigen::Vector3d(place(random), place(random), place(random)));
             int within = 0;
             for (const OccupancyMap::Cell& cell : cells)
                 within += ((p - cell.centre).cwiseAbs().array() <= 0.5 * cell.edge).all();
@@ -215,13 +198,11 @@ TEST(OccupancyMap, Fault58_SpaceBeyondTheTreeIsUnknown) {
     store(files.folder / "map.bt", files.binary);
     const OccupancyMap map(chooseMap(files.folder / "map.bt"));
     const double edge = 65536 * 0.05;
-    for (const Eigen::Vector3d& middle :
-         {Eigen::Vector3d(0.5 * edge, 0.0, 0.0), Eigen::Vector3d(1e6, 1e6, -1e6)}) {
+    for (const Eigen::Vector3d& middle : {Eigen::Vector3d(0.5 * edge, 0.0, 0.0), Eigen::Vector3d(1e6, 1e6, -1e6)}) {
         double volume = 0.0;
         const Eigen::Vector3d lower = middle.array() - 1.0, upper = middle.array() + 1.0;
         map.forEachSolidCell(lower, upper, true, [&](const OccupancyMap::Cell& cell) {
-            const Eigen::Vector3d overlap = upper.cwiseMin(
-                                                Eigen::Vector3d(cell.centre.array() + 0.5 * cell.edge)) -
+            const Eigen::Vector3d overlap = upper.cwiseMin(Eigen::Vector3d(cell.centre.array() + 0.5 * cell.edge)) -
                                             lower.cwiseMax(Eigen::Vector3d(cell.centre.array() - 0.5 * cell.edge));
             volume += overlap.cwiseMax(0.0).prod();
         });

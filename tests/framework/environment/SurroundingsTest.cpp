@@ -22,10 +22,9 @@ Environment makeSolids() {
         return solid;
     };
     Environment environment;
-    environment.solids = {make("table", Solid::Kind::Box, {0.4, 0, 0}),
-                          make("ball", Solid::Kind::Sphere, {-0.6, 0.3, 0}),
-                          make("post", Solid::Kind::Cylinder, {0, -0.5, 0.2}),
-                          make("floor", Solid::Kind::HalfSpace, {0, 0, -0.9})};
+    environment.solids = {
+        make("table", Solid::Kind::Box, {0.4, 0, 0}), make("ball", Solid::Kind::Sphere, {-0.6, 0.3, 0}),
+        make("post", Solid::Kind::Cylinder, {0, -0.5, 0.2}), make("floor", Solid::Kind::HalfSpace, {0, 0, -0.9})};
     environment.solids[0].size << 0.5, 0.3, 0.1;
     environment.solids[1].radius = 0.15;
     environment.solids[2].radius = 0.1;
@@ -74,8 +73,7 @@ TEST(Surroundings, DistancesOfSolidsAreExactOutside) {
         double least = std::numeric_limits<double>::infinity();
         int which = -1;
         for (int i = 0; i < 4; ++i) {
-            const double distance =
-                (p - findNearestPoint(environment.solids[static_cast<std::size_t>(i)], p)).norm();
+            const double distance = (p - findNearestPoint(environment.solids[static_cast<std::size_t>(i)], p)).norm();
             if (distance < least) {
                 least = distance;
                 which = i;
@@ -91,8 +89,7 @@ TEST(Surroundings, DistancesOfSolidsAreExactOutside) {
         ASSERT_NEAR(found.distance, least, 1e-12);
         ASSERT_EQ(found.obstacle, which);
         ++nearest[static_cast<std::size_t>(which)];
-        const Eigen::Vector3d point =
-            findNearestPoint(environment.solids[static_cast<std::size_t>(which)], p);
+        const Eigen::Vector3d point = findNearestPoint(environment.solids[static_cast<std::size_t>(which)], p);
         if (least > 1e-4) {
             ASSERT_LE((found.gradient - (p - point) / least).norm(), 1e-8);
         }
@@ -114,10 +111,8 @@ TEST(Surroundings, InsideTheDistanceIsTheWayToTheNearestFace) {
             ++inside;
             ASSERT_NEAR(found.gradient.norm(), 1.0, 1e-12);
             // Along the gradient by the depth: the surface. A little less: still inside.
-            ASSERT_NEAR(surroundings.calcDistance(p - found.distance * found.gradient, 0.0), 0.0,
-                        1e-12);
-            ASSERT_LT(surroundings.calcDistance(p - 0.99 * found.distance * found.gradient, 0.0),
-                      0.0);
+            ASSERT_NEAR(surroundings.calcDistance(p - found.distance * found.gradient, 0.0), 0.0, 1e-12);
+            ASSERT_LT(surroundings.calcDistance(p - 0.99 * found.distance * found.gradient, 0.0), 0.0);
         }
         EXPECT_GT(inside, 20) << i;
     }
@@ -139,8 +134,8 @@ MovingSphere makeVisitor(bool repeats) {
     sphere.name = "visitor";
     sphere.radius = 0.08;
     sphere.repeats = repeats;
-    sphere.waypoints = {{0.5, {0.5, 0, 0}}, {1.0, {0, 0.5, 0.2}}, {1.7, {0, 0.5, 0.2}},
-                        {2.5, {-0.4, -0.1, 0.3}}, {4.0, {0.5, 0, 0}}};
+    sphere.waypoints = {
+        {0.5, {0.5, 0, 0}}, {1.0, {0, 0.5, 0.2}}, {1.7, {0, 0.5, 0.2}}, {2.5, {-0.4, -0.1, 0.3}}, {4.0, {0.5, 0, 0}}};
     if (!repeats) sphere.waypoints.pop_back();
     return sphere;
 }
@@ -164,8 +159,8 @@ TEST(Surroundings, Fault60_MovingSpheresCountWithAllThatIsLeftOfTheirPath) {
                 EXPECT_GE(found.distance, least - 0.08 - 2e-3) << t;  // between the samples
                 EXPECT_EQ(found.obstacle, 0);
                 const Eigen::Vector3d step = 1e-6 * found.gradient;
-                EXPECT_NEAR((surroundings.calcDistance(p + step, t) -
-                             surroundings.calcDistance(p - step, t)) / 2e-6, 1.0, 1e-3);
+                EXPECT_NEAR((surroundings.calcDistance(p + step, t) - surroundings.calcDistance(p - step, t)) / 2e-6,
+                            1.0, 1e-3);
             }
         }
         for (const Eigen::Vector3d& p : drawPlaces(20, 0.8, 4))  // no time: all of the path

@@ -4,9 +4,10 @@
 #include <nlohmann/json.hpp>
 
 #include "CaseSupport.h"
-#include "viable/log/LogReader.h"
+#include "Paths.h"
+#include "log/LogReader.h"
+#include "sweep/SweepRow.h"
 #include "viable/robot/RobotModel.h"
-#include "viable/sweep/SweepRow.h"
 
 namespace viable {
 namespace {
@@ -34,8 +35,7 @@ double calcDistanceFromWall(double q) {
     return 0.5 - std::max(0.0, kRod * std::sin(q)) - kRadius;
 }
 
-std::vector<std::string> with(std::vector<std::string> overrides,
-                              const std::vector<std::string>& more) {
+std::vector<std::string> with(std::vector<std::string> overrides, const std::vector<std::string>& more) {
     overrides.insert(overrides.end(), more.begin(), more.end());
     return overrides;
 }
@@ -60,9 +60,8 @@ TEST(EnvironmentKeys, AreReadAndStandInTheResolvedFile) {
 )");
     const PluginLoader loader = makeTestLoader();
     const std::vector<std::filesystem::path> robots = {VIABLE_SOURCE_DIR "/robots"};
-    const CasePlan plan = readExperiment(file, {"environment.obstacles.table.box=[1, 2, 3]"},
-                                         loader, robots)
-                              .cases.front();
+    const CasePlan plan =
+        readExperiment(file, {"environment.obstacles.table.box=[1, 2, 3]"}, loader, robots).cases.front();
     ASSERT_TRUE(plan.environment && plan.geometry);
     EXPECT_EQ(plan.environment->safetyDistance_m, 0.05);
     ASSERT_EQ(plan.environment->solids.size(), 1u);
@@ -76,8 +75,7 @@ TEST(EnvironmentKeys, AreReadAndStandInTheResolvedFile) {
     ASSERT_TRUE(again.environment && again.environment->map);
     EXPECT_EQ(again.environment->map->unknown, UnknownSpace::Free);
     EXPECT_EQ(again.environment->spheres.at(0).waypoints.at(1).position.x(), 2.0);
-    EXPECT_EQ(again.environment->solids[0].pose.translation().y(),
-              plan.environment->solids[0].pose.translation().y());
+    EXPECT_EQ(again.environment->solids[0].pose.translation().y(), plan.environment->solids[0].pose.translation().y());
 }
 
 TEST(EnvironmentKeys, ACaseMayHaveItsOwnAndAnEmptyOneIsOne) {
@@ -121,8 +119,7 @@ TEST(EnvironmentKeys, PluginsAreToldOfArmAndSurroundings) {
 }
 
 TEST(Payload, IsOneThatTheModelKnows) {
-    const Experiment e = readTestExperiment(
-        kOneJoint, {"payload={mass_kg: 2, offset_m: [0.5, 0, 0]}"});
+    const Experiment e = readTestExperiment(kOneJoint, {"payload={mass_kg: 2, offset_m: [0.5, 0, 0]}"});
     RobotModel model(e.cases[0].robot);
     Dynamics dynamics;
     model.calcDynamics(JointVector::Zero(1), JointVector::Zero(1), dynamics);
@@ -134,9 +131,9 @@ TEST(Payload, IsOneThatTheModelKnows) {
 
 TEST(Payload, ThePlantsOwnComesOnTop) {
     const auto calcError = [](const std::string& nominal, const std::string& plant) {
-        const Experiment e = readTestExperiment(
-            kOneJoint, {"payload.mass_kg=" + nominal, "robust_loop={plugin: none}",
-                        "real_plant={plugin: simbody, encoder: exact, payload_kg: " + plant + "}"});
+        const Experiment e =
+            readTestExperiment(kOneJoint, {"payload.mass_kg=" + nominal, "robust_loop={plugin: none}",
+                                           "real_plant={plugin: simbody, encoder: exact, payload_kg: " + plant + "}"});
         return runCase(e.cases[0], {}).summary.trackingMax();
     };
     // The same torque on an arm that is as heavy as its model says, and on one that is not.
@@ -211,13 +208,12 @@ TEST(Collisions, AnArmThatDrivesIntoAWallIsCounted) {
     EXPECT_EQ(nominal.otherLink, "");
     EXPECT_FALSE(result.summary.collisions()->real);
 
-    EXPECT_EQ(result.exitCode(), 0);  // nothing was promised
+    EXPECT_EQ(result.exitCode(), 0);  // nothing was guaranteed
     expectContains(formatVerdict(result), {"; the nominal arm collided: link1 ", " mm deep in wall"});
-    expectContains(formatDetails(result), {"clearance     nominal: in collision in " +
-                                           std::to_string(touching) + " ticks (first at "});
+    expectContains(formatDetails(result),
+                   {"clearance     nominal: in collision in " + std::to_string(touching) + " ticks (first at "});
     expectContains(formatComparison({result}), {"least clearance[mm]", "nominal", "real", "negative: that deep"});
-    const nlohmann::json json =
-        nlohmann::json::parse(writeSummaryJson(e, {result}))["cases"][0]["collisions"];
+    const nlohmann::json json = nlohmann::json::parse(writeSummaryJson(e, {result}))["cases"][0]["collisions"];
     EXPECT_EQ(json["nominal"]["ticks_in_collision"], touching);
     EXPECT_EQ(json["nominal"]["ticks_too_near"], near);
     EXPECT_EQ(json["nominal"]["penetration_m"], nominal.penetration());
@@ -231,8 +227,7 @@ TEST(Collisions, WithoutAnEnvironmentNothingIsSaidOfThem) {
     const CaseResult result = runCase(e.cases[0], {});
     EXPECT_FALSE(result.summary.collisions());
     for (const std::string& text : {formatComparison({result}), formatDetails(result)})
-        for (const char* word : {"clearance", "collision"})
-            EXPECT_EQ(text.find(word), std::string::npos) << text;
+        for (const char* word : {"clearance", "collision"}) EXPECT_EQ(text.find(word), std::string::npos) << text;
     EXPECT_TRUE(nlohmann::json::parse(writeSummaryJson(e, {result}))["cases"][0]["collisions"].is_null());
 }
 
@@ -240,8 +235,7 @@ TEST(Collisions, NothingNearIsNoCollision) {
     const Experiment e = readTestExperiment(
         kOneJoint, {"duration_s=0.1", "environment={obstacles: {ball: {sphere: 1, at: {xyz: [9, 0, 0]}}}}"});
     const CaseResult result = runCase(e.cases[0], {});
-    EXPECT_EQ(result.summary.collisions()->nominal.leastClearance,
-              std::numeric_limits<double>::infinity());
+    EXPECT_EQ(result.summary.collisions()->nominal.leastClearance, std::numeric_limits<double>::infinity());
     expectContains(formatDetails(result), {"; no collision\n", "nominal: in collision in 0 ticks, nothing within 1 m"});
     expectContains(formatComparison({result}), {"> 1000"});
 }
@@ -252,9 +246,9 @@ std::vector<std::string> atRest(const std::string& obstacles) {
 }
 
 TEST(Collisions, AMovingSphereIsJudgedWhereItIsThen) {
-    const Experiment e = readTestExperiment(
-        kOneJoint, atRest("{ball: {sphere: 0.1, path: [{time_s: 0, xyz: [0.5, -1, 0]}, "
-                          "{time_s: 2, xyz: [0.5, 1, 0]}]}}"));
+    const Experiment e =
+        readTestExperiment(kOneJoint, atRest("{ball: {sphere: 0.1, path: [{time_s: 0, xyz: [0.5, -1, 0]}, "
+                                             "{time_s: 2, xyz: [0.5, 1, 0]}]}}"));
     const CaseResult result = runCase(e.cases[0], {});
     const CollisionRecord& nominal = result.summary.collisions()->nominal;
     // At 1 m/s it touches while its centre is within 0.12 m of the rod's axis, and is near within 0.14 m.
@@ -269,10 +263,9 @@ TEST(Collisions, AMovingSphereIsJudgedWhereItIsThen) {
 TEST(Collisions, WhatPassesBetweenTwoRowsIsSeen) {
     // 20 m/s, half-way between two rows 0.02 s apart: at the rows 0.2 m away.
     const Experiment e = readTestExperiment(
-        kOneJoint,
-        with(atRest("{ball: {sphere: 0.1, path: [{time_s: 0.4, xyz: [0.5, -0.2, 0]}, {time_s: 0.42, "
-                    "xyz: [0.5, 0.2, 0]}]}}"),
-             {"tick_s=0.02", "filter={plugin: pass_through}"}));
+        kOneJoint, with(atRest("{ball: {sphere: 0.1, path: [{time_s: 0.4, xyz: [0.5, -0.2, 0]}, {time_s: 0.42, "
+                               "xyz: [0.5, 0.2, 0]}]}}"),
+                        {"tick_s=0.02", "filter={plugin: pass_through}"}));
     const CollisionRecord nominal = runCase(e.cases[0], {}).summary.collisions()->nominal;
     EXPECT_EQ(nominal.ticksInCollision, 1);
     EXPECT_NEAR(*nominal.firstCollision_s, 0.41, 1e-9);
@@ -282,10 +275,9 @@ TEST(Collisions, WhatPassesBetweenTwoRowsIsSeen) {
 TEST(Collisions, TheRealArmIsJudgedWhereItReallyIs) {
     // The nominal arm rests 0.1 m from the wall; the real one, which nothing holds, is pushed into it.
     const Experiment e = readTestExperiment(
-        kOneJoint,
-        {"command.points=[[0, 0]]", "duration_s=0.5", "robust_loop={plugin: none}",
-         "environment={obstacles: {wall: {half_space: {normal: [0, -1, 0], offset: -0.12}}}}",
-         "real_plant={plugin: simbody, push_Nm: 4, push_from_s: 0, push_until_s: 1}"});
+        kOneJoint, {"command.points=[[0, 0]]", "duration_s=0.5", "robust_loop={plugin: none}",
+                    "environment={obstacles: {wall: {half_space: {normal: [0, -1, 0], offset: -0.12}}}}",
+                    "real_plant={plugin: simbody, push_Nm: 4, push_from_s: 0, push_until_s: 1}"});
     const CaseResult result = runCase(e.cases[0], {});
     const Collisions& collisions = *result.summary.collisions();
     EXPECT_EQ(collisions.nominal.ticksInCollision, 0);
@@ -317,18 +309,18 @@ TEST(Collisions, TheRealArmIsJudgedWhereItReallyIs) {
         EXPECT_TRUE(std::holds_alternative<std::monostate>(find(empty, name))) << name;
 }
 
-/** A filter that promises all limits and swings the rod a little to and fro, beside a ball. */
+/** A filter that guarantees all limits and swings the rod a little to and fro, beside a ball. */
 std::vector<std::string> swing(const std::string& ball, const std::string& clearanceTicks) {
     return {"environment={obstacles: {ball: {sphere: 0.1, at: {xyz: " + ball + "}}}}",
-            "filter={plugin: promising, clearance_ticks: " + clearanceTicks + "}", "duration_s=1"};
+            "filter={plugin: guaranteeing, clearance_ticks: " + clearanceTicks + "}", "duration_s=1"};
 }
 
-TEST(Collisions, UnderAPromiseAndAClearanceTheyBreakThePromise) {
+TEST(Collisions, UnderAGuaranteeAndAClearanceTheyBreakTheGuarantee) {
     struct {
         const char *ball, *clearanceTicks;
         bool isBroken;
     } const runs[] = {{"[0.8, 0.13, 0]", "1000000", true},
-                      {"[0.8, 0.13, 0]", "0", false},  // it keeps no clearance and promises none
+                      {"[0.8, 0.13, 0]", "0", false},  // it keeps no clearance and guarantees none
                       {"[0.8, 0.50, 0]", "1000000", false}};
     for (const auto& run : runs) {
         SCOPED_TRACE(std::string(run.ball) + ", " + run.clearanceTicks);
@@ -336,15 +328,14 @@ TEST(Collisions, UnderAPromiseAndAClearanceTheyBreakThePromise) {
         const CaseResult result = runCase(e.cases[0], {});
         const bool collides = result.summary.collisions()->nominal.ticksInCollision > 0;
         EXPECT_EQ(collides, std::string(run.ball) == "[0.8, 0.13, 0]");
-        EXPECT_TRUE(result.promises);
-        EXPECT_EQ(result.isClearancePromiseBroken(), run.isBroken);
+        EXPECT_TRUE(result.guarantees);
+        EXPECT_EQ(result.isClearanceGuaranteeBroken(), run.isBroken);
         EXPECT_EQ(result.exitCode(), run.isBroken ? 3 : 0);
-        EXPECT_EQ(getSweepStatus(result),
-                  run.isBroken ? SweepStatus::PromiseBroken : SweepStatus::Ok);
+        EXPECT_EQ(getSweepStatus(result), run.isBroken ? SweepStatus::GuaranteeBroken : SweepStatus::Ok);
         EXPECT_EQ(formatBreach(result).empty(), !run.isBroken);
         if (!run.isBroken) continue;
         expectContains(formatBreach(result), {"the nominal arm collided: link1 ", "deep in ball"});
-        expectContains(formatVerdict(result), {"promise broken, the arm collided; all limits kept"});
+        expectContains(formatVerdict(result), {"guarantee broken, the arm collided; all limits kept"});
     }
 }
 
@@ -352,9 +343,8 @@ TEST(ClearanceLog, HoldsWhatTheFilterSaysAndNothingStale) {
     const TemporaryFolder folder;
     RunOptions options;
     options.log = folder / "run.mcap";
-    const Experiment e =
-        readTestExperiment(kOneJoint, with(swing("[0.8, 0.5, 0]", "300"),
-                                           {"missed_ticks=[{at_s: 0.1, count: 50}]", "duration_s=0.5"}));
+    const Experiment e = readTestExperiment(
+        kOneJoint, with(swing("[0.8, 0.5, 0]", "300"), {"missed_ticks=[{at_s: 0.1, count: 50}]", "duration_s=0.5"}));
     runCase(e.cases[0], options);
     const std::vector<TickRecord> rows = readLog(options.log);
     ASSERT_EQ(rows.size(), 500u);
@@ -399,9 +389,8 @@ TEST(StopRest, IsWhereTheArmComesToRest) {
         const double rest = record.stops[0].rest;
         EXPECT_GT(std::abs(rest - t.loop.nominal().q[0]), 1e-3);  // it moves
         t.loop.requestStop(StopReason::Requested, "test");
-        test::runUntilStopped(t.loop, record, 5000, [&](const TickRecord& r) {
-            ASSERT_NEAR(r.stops[0].rest, rest, 1e-9);
-        });
+        test::runUntilStopped(t.loop, record, 5000,
+                              [&](const TickRecord& r) { ASSERT_NEAR(r.stops[0].rest, rest, 1e-9); });
         EXPECT_NEAR(t.loop.nominal().q[0], rest, 1e-9);
     }
 }

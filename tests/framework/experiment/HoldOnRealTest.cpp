@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "CaseSupport.h"
+#include "Paths.h"
 #include "viable/config/ConfigNode.h"
 
 // limits: {hold_on: real} and disturbance_set in experiment files.
@@ -28,8 +29,7 @@ std::vector<std::string> with(std::vector<std::string> overrides) {
 
 TEST(HoldOnReal, TightensPositionAndVelocityByTheBoundAndNothingElse) {
     const CasePlan onNominal = readTestExperiment(kTeleoperation, kReal).cases.front();
-    const CasePlan onReal =
-        readTestExperiment(kTeleoperation, with({"limits.hold_on=real"})).cases.front();
+    const CasePlan onReal = readTestExperiment(kTeleoperation, with({"limits.hold_on=real"})).cases.front();
     ASSERT_TRUE(onNominal.bound && onReal.bound);
     EXPECT_FALSE(onNominal.holdsOnReal);
     EXPECT_TRUE(onReal.holdsOnReal);
@@ -47,13 +47,11 @@ TEST(HoldOnReal, TightensPositionAndVelocityByTheBoundAndNothingElse) {
 
 // The log's copy of the experiment says what the file said, and gives the same case again.
 TEST(HoldOnReal, TheResolvedFileKeepsTheLimitsOfTheRealArm) {
-    const CasePlan plan =
-        readTestExperiment(kTeleoperation, with({"limits.hold_on=real"})).cases.front();
+    const CasePlan plan = readTestExperiment(kTeleoperation, with({"limits.hold_on=real"})).cases.front();
     const test::TemporaryFolder folder;
     const std::filesystem::path file = folder.path() / "again.yaml";
     std::ofstream(file) << writeConfig(plan.resolved);
-    const CasePlan again =
-        readExperiment(file, {}, PluginLoader({VIABLE_PLUGIN_DIR}), {}).cases.front();
+    const CasePlan again = readExperiment(file, {}, PluginLoader({VIABLE_PLUGIN_DIR}), {}).cases.front();
     EXPECT_TRUE(again.holdsOnReal);
     EXPECT_EQ(again.limits.position.lower, plan.limits.position.lower);
     EXPECT_EQ(again.realLimits.velocity.upper, plan.realLimits.velocity.upper);
@@ -61,19 +59,16 @@ TEST(HoldOnReal, TheResolvedFileKeepsTheLimitsOfTheRealArm) {
 
 TEST(HoldOnReal, WithoutABoundItIsRefused) {
     EXPECT_NE(catchError([] {
-                  readTestExperiment(kTeleoperation,
-                                     {"limits.hold_on=real", "real_plant={plugin: simbody}",
-                                      "robust_loop={plugin: nric}"});
+                  readTestExperiment(kTeleoperation, {"limits.hold_on=real", "real_plant={plugin: simbody}",
+                                                      "robust_loop={plugin: nric}"});
               }).find("hold_on: real needs a tracking bound, and this case has none"),
               std::string::npos);
     EXPECT_NE(catchError([] {
-                  readTestExperiment(kTeleoperation,
-                                     with({"limits.hold_on=real", "robust_loop={plugin: none}"}));
+                  readTestExperiment(kTeleoperation, with({"limits.hold_on=real", "robust_loop={plugin: none}"}));
               }).find("State a disturbance_set and use the robust loop nric."),
               std::string::npos);
     EXPECT_NE(catchError([] {
-                  readTestExperiment(kTeleoperation,
-                                     with({"limits.hold_on=real", "limits.velocity_radps=0.02"}));
+                  readTestExperiment(kTeleoperation, with({"limits.hold_on=real", "limits.velocity_radps=0.02"}));
               }).find("leaves the nominal joint"),
               std::string::npos);
 }
@@ -82,21 +77,16 @@ TEST(DisturbanceSet, WhatIsWrongInItIsToldWithItsPlace) {
     const auto tell = [](const std::string& override) {
         return catchError([&] { readTestExperiment(kTeleoperation, with({override})); });
     };
-    EXPECT_NE(tell("disturbance_set.payload_kg=-1").find("disturbance_set.payload_kg"),
-              std::string::npos);
+    EXPECT_NE(tell("disturbance_set.payload_kg=-1").find("disturbance_set.payload_kg"), std::string::npos);
     EXPECT_NE(tell("disturbance_set.payload=1").find("payload_kg"), std::string::npos);
-    EXPECT_NE(tell("disturbance_set={plugin: nric}").find("disturbance_set is no plugin"),
-              std::string::npos);
-    EXPECT_NE(tell("start.velocity_radps=[0.1, 0, 0, 0, 0, 0]").find("start at rest, and joint0"),
-              std::string::npos);
-    EXPECT_NE(tell("robust_loop.k_r=6000").find("the robust loop is unstable with k_r = 6000"),
-              std::string::npos);
+    EXPECT_NE(tell("disturbance_set={plugin: nric}").find("disturbance_set is no plugin"), std::string::npos);
+    EXPECT_NE(tell("start.velocity_radps=[0.1, 0, 0, 0, 0, 0]").find("start at rest, and joint0"), std::string::npos);
+    EXPECT_NE(tell("robust_loop.k_r=6000").find("the robust loop is unstable with k_r = 6000"), std::string::npos);
 }
 
 // Not before the run: `viable bound` still shows what asks for so much.
 TEST(DisturbanceSet, MotorsThatAreTooWeakForItAreRefused) {
-    const Experiment e =
-        readTestExperiment(kTeleoperation, with({"disturbance_set.torque_limit_factor=0.3"}));
+    const Experiment e = readTestExperiment(kTeleoperation, with({"disturbance_set.torque_limit_factor=0.3"}));
     ASSERT_TRUE(e.cases.front().bound);
     const std::string told = catchError([&] { configureCase(e.cases.front()); });
     EXPECT_NE(told.find("disturbance_set: the motor of joint1 gives 129"), std::string::npos) << told;

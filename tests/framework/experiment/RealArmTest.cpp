@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "CaseSupport.h"
-#include "viable/log/LogReader.h"
+#include "log/LogReader.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {
@@ -15,8 +15,7 @@ using test::readTestExperiment;
 using test::TemporaryFolder;
 
 /** The arm without any loss, so that it follows the nominal one to some 1e-6 rad. */
-const std::vector<std::string> kIdeal = {"filter={plugin: certified_braking}",
-                                         "real_plant={plugin: pushed}"};
+const std::vector<std::string> kIdeal = {"filter={plugin: certified_braking}", "real_plant={plugin: pushed}"};
 
 std::vector<std::string> with(std::vector<std::string> overrides) {
     overrides.insert(overrides.begin(), kIdeal.begin(), kIdeal.end());
@@ -40,22 +39,19 @@ Experiment readBounded(const std::vector<std::string>& overrides, double size) {
 
 void expectContains(const std::string& text, const std::vector<std::string>& parts) {
     for (const std::string& part : parts)
-        EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is missing in:\n"
-                                                      << text;
+        EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is missing in:\n" << text;
 }
 
 /** Nric, listened to. */
 class HeardLoop : public RobustLoop {
 public:
-    void configure(const RunSetup& setup, const Parameters& parameters) override {
-        nric_.configure(setup, parameters);
-    }
+    void configure(const RunSetup& setup, const Parameters& parameters) override { nric_.configure(setup, parameters); }
     void reset(const MotionState& start) override {
         nric_.reset(start);
         holds = 0;
     }
-    TickStatus compute(const JointState& measured, const MotionState& nominal,
-                       const JointVector& filterTorque, JointVector& torque) override {
+    TickStatus compute(const JointState& measured, const MotionState& nominal, const JointVector& filterTorque,
+                       JointVector& torque) override {
         real = measured;
         given = filterTorque;
         return nric_.compute(measured, nominal, filterTorque, torque);
@@ -81,8 +77,7 @@ struct HeardCase {
         configured->plugins.robustLoop = PluginPtr<RobustLoop>(&heard, [](void*) {});
         loop = std::make_unique<ControlLoop>(
             configured->setup, std::move(configured->plugins),
-            RealArmOptions{plan().bound ? &*plan().bound : nullptr, plan().feedsExternalTorque,
-                           judgesReadings});
+            RealArmOptions{plan().bound ? &*plan().bound : nullptr, plan().feedsExternalTorque, judgesReadings});
     }
     const CasePlan& plan() const { return experiment.cases.front(); }
 
@@ -94,8 +89,7 @@ struct HeardCase {
 
 TEST(Trip, InTheTickInWhichAReadingIsBeyondItsBoundAndOnlyThen) {
     for (const double bound : {0.0101, 0.0099}) {
-        HeardCase c(readBounded(with({"real_plant.offset_rad=[0, 0, 0.01, 0, 0.005, 0]",
-                                      "real_plant.offset_at_s=0.7"}),
+        HeardCase c(readBounded(with({"real_plant.offset_rad=[0, 0, 0.01, 0, 0.005, 0]", "real_plant.offset_at_s=0.7"}),
                                 bound));
         const bool trips = bound < 0.01;
         const JointBounds& limits = c.plan().limits.position;
@@ -121,7 +115,8 @@ TEST(Trip, InTheTickInWhichAReadingIsBeyondItsBoundAndOnlyThen) {
         EXPECT_NEAR(c.loop->stopTime(), 0.7, 1e-12);
         expectContains(c.loop->stopMessage(),
                        {"joint2 was measured 0.01 rad from its nominal place, beyond its bound of "
-                        "0.0099 rad", "has left the stated disturbance set"});
+                        "0.0099 rad",
+                        "has left the stated disturbance set"});
         expectContains(c.loop->stopRemedy(), {"`disturbance_set`"});
         c.loop->reset();
         EXPECT_FALSE(c.loop->isStopping());
@@ -147,8 +142,7 @@ TEST(Trip, AlsoInAMissedTickAndOverARequestedStop) {
 }
 
 TEST(Trip, WithoutABoundThereIsNone) {
-    HeardCase c(readTestExperiment(kTeleoperation,
-                                   with({"real_plant.offset_rad=0.01", "real_plant.offset_at_s=0.5"})));
+    HeardCase c(readTestExperiment(kTeleoperation, with({"real_plant.offset_rad=0.01", "real_plant.offset_at_s=0.5"})));
     TickRecord record;
     for (int k = 0; k < 1000; ++k) c.loop->tick(record);
     EXPECT_EQ(c.loop->stopReason(), StopReason::None);
@@ -157,9 +151,9 @@ TEST(Trip, WithoutABoundThereIsNone) {
 
 // Fault16: 12 kg at the tool, where the robust loop is given too little torque to carry them.
 TEST(Fault16, ATripEndsTheRunWith6AndTellsWhatBecameOfTheRealArm) {
-    Experiment e = readBounded({"filter={plugin: certified_braking}", "robust_loop={plugin: nric, k_r: 20}",
-                                "real_plant.payload_kg=12"},
-                               0.02);
+    Experiment e = readBounded(
+        {"filter={plugin: certified_braking}", "robust_loop={plugin: nric, k_r: 20}", "real_plant.payload_kg=12"},
+        0.02);
     const TemporaryFolder folder;
     RunOptions options;
     options.log = folder.path() / "A.mcap";
@@ -174,13 +168,12 @@ TEST(Fault16, ATripEndsTheRunWith6AndTellsWhatBecameOfTheRealArm) {
     EXPECT_FALSE(result.summary.anyLimitBroken());
     expectContains(formatDetails(result),
                    {"tracking lost, the arm was stopped; all limits kept (nominal arm", "  tripped       at 0.",
-                    " rad from its nominal place, bound 0.02 rad; ", "STOPPED       stopped at 0.",
-                    " because joint", "bound used    position / velocity per joint [%]", "real arm      position: worst use ",
+                    " rad from its nominal place, bound 0.02 rad; ", "STOPPED       stopped at 0.", " because joint",
+                    "bound used    position / velocity per joint [%]", "real arm      position: worst use ",
                     "\n                velocity: worst use ", "motors        largest share of the torque limit"});
     expectContains(formatComparison({result}), {"max[mrad] of bound |"});
 
-    const nlohmann::json json =
-        nlohmann::json::parse(writeSummaryJson({}, {result}))["cases"][0];
+    const nlohmann::json json = nlohmann::json::parse(writeSummaryJson({}, {result}))["cases"][0];
     EXPECT_EQ(json["tripped"], true);
     EXPECT_EQ(json["trip"]["joint"], result.summary.jointNames()[static_cast<std::size_t>(trip.joint)]);
     EXPECT_EQ(json["trip"]["time_s"], trip.time_s);
@@ -217,7 +210,7 @@ TEST(Trip, TheGravestExitCodeCounts) {
         for (int k = 0; k < 5; ++k) EXPECT_EQ(isGraver(order[i], order[k]), i < k);
 }
 
-TEST(RealPromise, APassedLimitOfTheRealArmWithoutATripEndsTheRunWith3) {
+TEST(RealGuarantee, APassedLimitOfTheRealArmWithoutATripEndsTheRunWith3) {
     for (const double widening : {0.05, -0.05}) {
         Experiment e = readBounded(with({}), 0.01);
         CasePlan& plan = e.cases.front();
@@ -233,34 +226,31 @@ TEST(RealPromise, APassedLimitOfTheRealArmWithoutATripEndsTheRunWith3) {
         const CaseResult result = runCase(plan, options);
         EXPECT_EQ(result.stopReason, StopReason::None) << result.stopMessage;
         const bool breaks = widening < 0.0;
-        EXPECT_EQ(result.isRealPromiseBroken(), breaks);
+        EXPECT_EQ(result.isRealGuaranteeBroken(), breaks);
         EXPECT_EQ(result.exitCode(), breaks ? 3 : 0);
         const std::string verdict = formatVerdict(result);
         if (breaks)
-            expectContains(verdict, {"promise on the real arm broken; all limits kept (nominal arm",
+            expectContains(verdict, {"guarantee on the real arm broken; all limits kept (nominal arm",
                                      "; the real arm passed its limits: position by 0."});
         else
-            expectContains(verdict, {"; the real arm kept its position and velocity limits (promised"});
+            expectContains(verdict, {"; the real arm kept its position and velocity limits (guaranteed"});
         expectContains(verdict, {"of its acceleration and jerk nothing is)"});
-        const nlohmann::json json =
-            nlohmann::json::parse(writeSummaryJson({}, {result}))["cases"][0];
+        const nlohmann::json json = nlohmann::json::parse(writeSummaryJson({}, {result}))["cases"][0];
         EXPECT_EQ(json["holds_on_real"], true);
         EXPECT_EQ(json["tripped"], false);
         EXPECT_TRUE(json["trip"].is_null());
         std::int64_t outside = 0;
-        for (const auto& joint : json["real_limits"]["position"])
-            outside += joint["ticks_outside"].get<std::int64_t>();
+        for (const auto& joint : json["real_limits"]["position"]) outside += joint["ticks_outside"].get<std::int64_t>();
         EXPECT_EQ(outside > 0, breaks);
-        const nlohmann::json metadata =
-            nlohmann::json::parse(LogReader(options.log).metadata().at("real_limits"));
+        const nlohmann::json metadata = nlohmann::json::parse(LogReader(options.log).metadata().at("real_limits"));
         EXPECT_EQ(metadata["position_lower"][0], plan.realLimits.position.lower[0]);
         EXPECT_EQ(metadata["velocity_upper"][5], ".inf");
         EXPECT_EQ(metadata["velocity_lower"][5], plan.realLimits.velocity.lower[5]);
 
-        CaseResult other = result;  // a filter that promises nothing breaks no promise
-        other.promises = false;
+        CaseResult other = result;  // a filter that guarantees nothing breaks no guarantee
+        other.guarantees = false;
         EXPECT_EQ(other.exitCode(), 0);
-        expectContains(formatVerdict(other), {"of which the filter promises nothing"});
+        expectContains(formatVerdict(other), {"of which the filter guarantees nothing"});
     }
 }
 
@@ -326,7 +316,7 @@ TEST(RealArm, AMotorThatIsWeakerThanItsFigureCountsAsSaturatedToo) {
     EXPECT_EQ(countSaturated({0, 1, 2}, 0.0, 0), 3);
 }
 
-TEST(RealPromise, ALimitThatWasPassedBeforeATripIsNotForgotten) {
+TEST(RealGuarantee, ALimitThatWasPassedBeforeATripIsNotForgotten) {
     for (const double beyond_s : {0.002, 0.005}) {
         RealArmReference reference;
         reference.limits = JointLimits::unlimited(1);
@@ -348,18 +338,18 @@ TEST(RealPromise, ALimitThatWasPassedBeforeATripIsNotForgotten) {
         EXPECT_EQ(s.anyRealLimitBroken(), isBroken);
         Experiment e = readBounded(with({}), 0.1);
         CaseResult result(e.cases.front());
-        result.holdsOnReal = result.promises = true;
+        result.holdsOnReal = result.guarantees = true;
         result.stopReason = StopReason::TrackingLost;
         result.summary = s;
-        EXPECT_EQ(result.isRealPromiseBroken(), isBroken);
+        EXPECT_EQ(result.isRealGuaranteeBroken(), isBroken);
         EXPECT_EQ(result.exitCode(), isBroken ? 3 : 6);
     }
 }
 
 // Noise within the disturbance set, and any up to a thousandth of a turn without one, is no jump.
 TEST(RealArm, AReadingWithinTheStatedErrorIsNoJump) {
-    const std::vector<std::string> slow = with({"limits.velocity_radps=0.005", "real_plant.offset_rad=0.002",
-                                                "real_plant.offset_at_s=0.7"});
+    const std::vector<std::string> slow =
+        with({"limits.velocity_radps=0.005", "real_plant.offset_rad=0.002", "real_plant.offset_at_s=0.7"});
     const auto run = [](const Experiment& e) {
         HeardCase c(e);
         TickRecord record;
@@ -383,10 +373,10 @@ TEST(RealArm, AReadingWithinTheStatedErrorIsNoJump) {
 }
 
 TEST(Trip, OfANominalArmBeyondItsLimitsDoesNotBlameTheDisturbances) {
-    Experiment e = readBounded({"filter={plugin: pass_through}", "real_plant={plugin: pushed}",
-                                "limits.velocity_radps=0.005", "real_plant.offset_rad=0.02",
-                                "real_plant.offset_at_s=1.5"},
-                               0.01);
+    Experiment e =
+        readBounded({"filter={plugin: pass_through}", "real_plant={plugin: pushed}", "limits.velocity_radps=0.005",
+                     "real_plant.offset_rad=0.02", "real_plant.offset_at_s=1.5"},
+                    0.01);
     e.cases.front().bound->velocity.setConstant(100.0);
     const CaseResult result = runCase(e.cases[0], {});
     EXPECT_EQ(result.exitCode(), 6);
@@ -400,8 +390,7 @@ TEST(Trip, OfANominalArmBeyondItsLimitsDoesNotBlameTheDisturbances) {
 // One-sample spike, wrap and swap all begin with a jump: nothing of it reaches the motors.
 TEST(Fault23, AnEncoderWrapBrakesTheArmAndBecomesNoTorque) {
     const Experiment e = readTestExperiment(
-        kTeleoperation,
-        with({"real_plant.offset_rad=[0, 2*pi, 0, 0, 0, 0]", "real_plant.offset_at_s=0.7"}));
+        kTeleoperation, with({"real_plant.offset_rad=[0, 2*pi, 0, 0, 0, 0]", "real_plant.offset_at_s=0.7"}));
     HeardCase c(e);
     TickRecord record;
     double before = 0.0, largest = 0.0;
@@ -434,9 +423,9 @@ const char* const kPush = "real_plant.push_Nm=[30, -30, 30, 10, 10, 10]";
 TEST(ExternalTorque, APushMovesTheNominalArmWithinItsLimitsAndWindsNothingUp) {
     double largest[2], error[2], moved[2];
     for (const bool feeds : {false, true}) {
-        Experiment e = readTestExperiment(
-            kTeleoperation, with({kPush, "real_plant.push_at_s=0.5",
-                                  std::string("external_torque=") + (feeds ? "to_nominal" : "ignored")}));
+        Experiment e = readTestExperiment(kTeleoperation,
+                                          with({kPush, "real_plant.push_at_s=0.5",
+                                                std::string("external_torque=") + (feeds ? "to_nominal" : "ignored")}));
         ASSERT_EQ(e.cases[0].feedsExternalTorque, feeds);
         HeardCase c(e);
         HeardCase undisturbed(readTestExperiment(kTeleoperation, with({})));
@@ -449,15 +438,14 @@ TEST(ExternalTorque, APushMovesTheNominalArmWithinItsLimitsAndWindsNothingUp) {
             summary.add(record);
             ASSERT_EQ(record.externalTorque.size(), feeds ? 6 : 0);
             largest[feeds] = std::max(largest[feeds], record.robustTorque.cwiseAbs().maxCoeff());
-            error[feeds] =
-                std::max(error[feeds], (record.actual.q - record.nominal.q).cwiseAbs().maxCoeff());
-            moved[feeds] =
-                std::max(moved[feeds], (record.nominal.q - other.nominal.q).cwiseAbs().maxCoeff());
+            error[feeds] = std::max(error[feeds], (record.actual.q - record.nominal.q).cwiseAbs().maxCoeff());
+            moved[feeds] = std::max(moved[feeds], (record.nominal.q - other.nominal.q).cwiseAbs().maxCoeff());
             if (!feeds) continue;
             ASSERT_EQ(record.externalTorque[1], k >= 500 && k < 1500 ? -30.0 : 0.0);
             ASSERT_EQ(c.heard.given, JointVector(record.filterTorque - record.externalTorque));
-            ASSERT_LT((record.removedTorque - (record.desiredTorque + record.externalTorque -
-                                               record.filterTorque)).norm(), 1e-9);
+            ASSERT_LT(
+                (record.removedTorque - (record.desiredTorque + record.externalTorque - record.filterTorque)).norm(),
+                1e-9);
         }
         EXPECT_EQ(c.loop->stopReason(), StopReason::None) << c.loop->stopMessage();
         EXPECT_FALSE(summary.anyLimitBroken());
@@ -476,16 +464,14 @@ TEST(ExternalTorque, ABadReadingIsReplacedByTheLastGoodOneForTenTicksThenTheArmI
     for (const char* fault : {"nan", "huge", "size"})
         for (const int ticks : {10, 11}) {
             const Experiment e = readTestExperiment(
-                kTeleoperation,
-                with({kPush, "external_torque=to_nominal", "real_plant.push_s=5",
-                      std::string("real_plant.fault=") + fault, "real_plant.fault_at_s=0.4",
-                      "real_plant.fault_ticks=" + std::to_string(ticks)}));
+                kTeleoperation, with({kPush, "external_torque=to_nominal", "real_plant.push_s=5",
+                                      std::string("real_plant.fault=") + fault, "real_plant.fault_at_s=0.4",
+                                      "real_plant.fault_ticks=" + std::to_string(ticks)}));
             const CaseResult result = runCase(e.cases[0], {});
             SCOPED_TRACE(std::string(fault) + ", " + std::to_string(ticks));
             EXPECT_FALSE(result.summary.anyLimitBroken());
             EXPECT_EQ(result.summary.externalTorqueMissing(), ticks);
-            expectContains(formatDetails(result),
-                           {std::to_string(ticks) + " ticks without a usable external torque"});
+            expectContains(formatDetails(result), {std::to_string(ticks) + " ticks without a usable external torque"});
             EXPECT_EQ(result.exitCode(), ticks > 10 ? 4 : 0);
             EXPECT_EQ(result.stopReason, ticks > 10 ? StopReason::SensorFailed : StopReason::None);
             if (ticks <= 10) {
@@ -498,14 +484,12 @@ TEST(ExternalTorque, ABadReadingIsReplacedByTheLastGoodOneForTenTicksThenTheArmI
 }
 
 TEST(ExternalTorque, WhatCannotMeasureItIsRefused) {
-    const Experiment none = readTestExperiment(
-        kTeleoperation, {"external_torque=to_nominal", "real_plant={plugin: failing_plant}"});
+    const Experiment none =
+        readTestExperiment(kTeleoperation, {"external_torque=to_nominal", "real_plant={plugin: failing_plant}"});
     expectContains(catchError([&] { configureCase(none.cases[0]); }),
                    {"external_torque", "the real plant failing_plant has no sensors for an external torque",
                     "external_torque: ignored"});
-    expectContains(catchError([&] {
-                       readTestExperiment(test::kOneJoint, {"external_torque=to_nominal"});
-                   }),
+    expectContains(catchError([&] { readTestExperiment(test::kOneJoint, {"external_torque=to_nominal"}); }),
                    {"there is no real_plant that could measure an external torque"});
     expectContains(catchError([&] { readTestExperiment(kTeleoperation, {"external_torque=to_nominl"}); }),
                    {"to_nominal"});
@@ -517,9 +501,9 @@ TEST(ExternalTorque, WhatCannotMeasureItIsRefused) {
 
 TEST(RealArm, ATickWithBoundAndExternalTorqueAllocatesNothing) {
     if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
-    HeardCase c(readBounded(with({kPush, "external_torque=to_nominal", "real_plant.offset_rad=0.01",
-                                  "real_plant.offset_at_s=1.9"}),
-                            0.005));
+    HeardCase c(readBounded(
+        with({kPush, "external_torque=to_nominal", "real_plant.offset_rad=0.01", "real_plant.offset_at_s=1.9"}),
+        0.005));
     TickRecord record;
     for (int k = 0; k < 100; ++k) c.loop->tick(record);
     const testing::AllocationCounter counter;

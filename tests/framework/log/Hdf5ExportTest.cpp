@@ -6,7 +6,7 @@
 #include <map>
 
 #include "LogTestSupport.h"
-#include "viable/log/LogExport.h"
+#include "log/LogExport.h"
 
 namespace viable {
 namespace {
@@ -29,8 +29,7 @@ protected:
 /** An HDF5 file, read by the library. Everything is closed again at the end. */
 class Hdf5File {
 public:
-    explicit Hdf5File(const std::filesystem::path& file)
-        : id_(H5Fopen(file.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT)) {
+    explicit Hdf5File(const std::filesystem::path& file) : id_(H5Fopen(file.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT)) {
         EXPECT_GE(id_, 0);
     }
     ~Hdf5File() { EXPECT_GE(H5Fclose(id_), 0); }
@@ -89,8 +88,7 @@ public:
     std::vector<std::string> readTexts(const std::string& object, const std::string& name) const {
         EXPECT_TRUE(hasAttribute(object, name)) << object << " " << name;
         if (!hasAttribute(object, name)) return {};
-        const hid_t attribute =
-            H5Aopen_by_name(id_, object.c_str(), name.c_str(), H5P_DEFAULT, H5P_DEFAULT);
+        const hid_t attribute = H5Aopen_by_name(id_, object.c_str(), name.c_str(), H5P_DEFAULT, H5P_DEFAULT);
         const hid_t type = H5Aget_type(attribute), space = H5Aget_space(attribute);
         EXPECT_GT(H5Tis_variable_str(type), 0) << name;
         EXPECT_EQ(H5Tget_cset(type), H5T_CSET_UTF8) << name;
@@ -132,8 +130,7 @@ private:
 /** What the library holds open, and the process. */
 std::pair<long, long> countOpen() {
     const std::filesystem::directory_iterator files("/proc/self/fd");
-    return {H5Fget_obj_count(H5F_OBJ_ALL, H5F_OBJ_ALL),
-            std::distance(files, std::filesystem::directory_iterator())};
+    return {H5Fget_obj_count(H5F_OBJ_ALL, H5F_OBJ_ALL), std::distance(files, std::filesystem::directory_iterator())};
 }
 
 bool areEqual(double a, double b) {
@@ -160,29 +157,24 @@ TEST_F(Hdf5ExportTest, EveryValueOfEveryColumnComesBack) {
         expectNumbers("/time_s", [](const TickRecord& r) { return r.time_s; });
         for (int j = 0; j < 3; ++j) {
             const std::string joint = layout.jointNames[static_cast<std::size_t>(j)];
-            expectNumbers("/nominal/" + joint + "/q_rad",
-                          [&](const TickRecord& r) { return r.nominal.q[j]; });
-            expectNumbers("/filter/" + joint + "/margin_rad", [&](const TickRecord& r) {
-                return r.stops[static_cast<std::size_t>(j)].margin;
-            });
+            expectNumbers("/nominal/" + joint + "/q_rad", [&](const TickRecord& r) { return r.nominal.q[j]; });
+            expectNumbers("/filter/" + joint + "/margin_rad",
+                          [&](const TickRecord& r) { return r.stops[static_cast<std::size_t>(j)].margin; });
             expectNumbers("/limits/" + joint + "/jerk_upper_radps3",
                           [&](const TickRecord& r) { return r.limits.jerk.upper[j]; });
         }
         expectNumbers("/nominal/tool/x_m", [](const TickRecord& r) { return r.tool.position[0]; });
-        expectNumbers("/tick/filter_us", [](const TickRecord& r) {
-            return r.stage_us[static_cast<int>(Stage::Filter)];
-        });
+        expectNumbers("/tick/filter_us",
+                      [](const TickRecord& r) { return r.stage_us[static_cast<int>(Stage::Filter)]; });
         if (space == Space::Tool)
-            expectNumbers("/command/tool/wz_radps",
-                          [](const TickRecord& r) { return r.command.toolTwist[5]; });
+            expectNumbers("/command/tool/wz_radps", [](const TickRecord& r) { return r.command.toolTwist[5]; });
         // And all, against the columns of the reader.
         LogReader reader(path("run.mcap"));
         EXPECT_EQ(file.listDatasets().size(), reader.columns().size());
         for (const LogColumn& column : reader.columns()) {
             SCOPED_TRACE(column.name());
             std::string name = "/" + column.name();
-            if (const std::size_t first = name.find('.'); first != name.npos)
-                name[first] = name[name.rfind('.')] = '/';
+            if (const std::size_t first = name.find('.'); first != name.npos) name[first] = name[name.rfind('.')] = '/';
             EXPECT_EQ(file.readText(name, "column"), column.name());
             if (column.isText()) {
                 const std::vector<std::string> words = file.readWords(name);
@@ -280,8 +272,7 @@ const std::map<std::string, std::string> kUnits = {
 TEST_F(Hdf5ExportTest, EveryColumnHasItsPathAndUnit) {
     LogLayout layout = makeLayout(1, Space::Tool, true);
     layout.hasEnvironment = true;
-    writeBytes(path("run.mcap"),
-               makeLog(makeOpening(layout), makeRecords(layout, 20, 0.001, 62)).bytes);
+    writeBytes(path("run.mcap"), makeLog(makeOpening(layout), makeRecords(layout, 20, 0.001, 62)).bytes);
     exportHdf5(path("run.mcap"), path("run.h5"));
     const Hdf5File file(path("run.h5"));
     std::vector<std::string> paths;
@@ -304,26 +295,25 @@ TEST_F(Hdf5ExportTest, JointsThatSlideHaveMetresAndNewtons) {
     writeBytes(path("run.mcap"), makeLog(opening, records).bytes);
     exportHdf5(path("run.mcap"), path("run.h5"));
     const Hdf5File file(path("run.h5"));
-    const std::map<std::string, std::string> lift = {
-        {"/nominal/lift/q_m", "m"},
-        {"/nominal/lift/qd_mps", "m/s"},
-        {"/nominal/lift/qdd_mps2", "m/s^2"},
-        {"/nominal/lift/jerk_mps3", "m/s^3"},
-        {"/filter/lift/tau_N", "N"},
-        {"/filter/lift/tau_removed_N", "N"},
-        {"/filter/lift/margin_m", "m"},
-        {"/filter/lift/stop_s", "s"},
-        {"/filter/lift/rest_m", "m"},
-        {"/limits/lift/position_lower_m", "m"},
-        {"/limits/lift/velocity_upper_mps", "m/s"},
-        {"/limits/lift/acceleration_upper_mps2", "m/s^2"},
-        {"/limits/lift/jerk_lower_mps3", "m/s^3"},
-        {"/command/lift/q_m", "m"},
-        {"/motor/lift/tau_N", "N"},
-        {"/nominal/turn/q_rad", "rad"},
-        {"/nominal/turn/jerk_radps3", "rad/s^3"},
-        {"/filter/turn/tau_Nm", "Nm"},
-        {"/nominal/tool/x_m", "m"}};
+    const std::map<std::string, std::string> lift = {{"/nominal/lift/q_m", "m"},
+                                                     {"/nominal/lift/qd_mps", "m/s"},
+                                                     {"/nominal/lift/qdd_mps2", "m/s^2"},
+                                                     {"/nominal/lift/jerk_mps3", "m/s^3"},
+                                                     {"/filter/lift/tau_N", "N"},
+                                                     {"/filter/lift/tau_removed_N", "N"},
+                                                     {"/filter/lift/margin_m", "m"},
+                                                     {"/filter/lift/stop_s", "s"},
+                                                     {"/filter/lift/rest_m", "m"},
+                                                     {"/limits/lift/position_lower_m", "m"},
+                                                     {"/limits/lift/velocity_upper_mps", "m/s"},
+                                                     {"/limits/lift/acceleration_upper_mps2", "m/s^2"},
+                                                     {"/limits/lift/jerk_lower_mps3", "m/s^3"},
+                                                     {"/command/lift/q_m", "m"},
+                                                     {"/motor/lift/tau_N", "N"},
+                                                     {"/nominal/turn/q_rad", "rad"},
+                                                     {"/nominal/turn/jerk_radps3", "rad/s^3"},
+                                                     {"/filter/turn/tau_Nm", "Nm"},
+                                                     {"/nominal/tool/x_m", "m"}};
     for (const auto& [name, unit] : lift) EXPECT_EQ(file.readText(name, "units"), unit) << name;
     const std::vector<std::string> paths = file.listDatasets();
     for (const std::string& name : paths)
@@ -358,8 +348,7 @@ TEST_F(Hdf5ExportTest, JointsThatSlideHaveMetresAndNewtons) {
         check([&] { exportHdf5(path("bad.mcap"), path("bad.h5")); });
         check([&] { exportCsv(path("bad.mcap"), path("bad.csv")); });
     }
-    EXPECT_EQ(listFolder(),
-              (std::vector<std::string>{"bad.mcap", "run.csv", "run.h5", "run.mcap"}));
+    EXPECT_EQ(listFolder(), (std::vector<std::string>{"bad.mcap", "run.csv", "run.h5", "run.mcap"}));
 }
 
 TEST_F(Hdf5ExportTest, TheOpeningBecomesAttributesOfTheRoot) {
@@ -406,8 +395,7 @@ TEST_F(Hdf5ExportTest, ALogThatWasCutOffGivesItsRows) {
     const Hdf5File file(path("cut.h5"));
     const std::vector<double> torque = file.readNumbers("/filter/joint1/tau_Nm");
     ASSERT_EQ(torque.size(), 300u);
-    for (std::size_t i = 0; i < torque.size(); ++i)
-        ASSERT_TRUE(areEqual(torque[i], records[i].filterTorque[1]));
+    for (std::size_t i = 0; i < torque.size(); ++i) ASSERT_TRUE(areEqual(torque[i], records[i].filterTorque[1]));
 }
 
 TEST_F(Hdf5ExportTest, NothingIsOverwrittenAndNothingIsLeft) {
@@ -416,11 +404,10 @@ TEST_F(Hdf5ExportTest, NothingIsOverwrittenAndNothingIsLeft) {
     writeBytes(path("run.mcap"), log.bytes);
     writeBytes(path("run.h5"), "mine");
     for (const char* target : {"run.h5", "run.mcap"})
-        EXPECT_EQ(
-            catchError(ErrorKind::BadInput, [&] { exportHdf5(path("run.mcap"), path(target)); }),
-            path(target).string() +
-                ": the file exists already and is never overwritten. Choose another name or move "
-                "the old file away");
+        EXPECT_EQ(catchError(ErrorKind::BadInput, [&] { exportHdf5(path("run.mcap"), path(target)); }),
+                  path(target).string() +
+                      ": the file exists already and is never overwritten. Choose another name or move "
+                      "the old file away");
     EXPECT_EQ(readBytes(path("run.h5")), "mine");
     EXPECT_EQ(readBytes(path("run.mcap")), log.bytes);
 
@@ -430,8 +417,7 @@ TEST_F(Hdf5ExportTest, NothingIsOverwrittenAndNothingIsLeft) {
     writeBytes(path("empty.mcap"), "");
     const auto open = countOpen();
     for (const char* bad : {"bad.mcap", "empty.mcap", "absent.mcap"}) {
-        const std::string text =
-            catchError(ErrorKind::BadInput, [&] { exportHdf5(path(bad), path("bad.h5")); });
+        const std::string text = catchError(ErrorKind::BadInput, [&] { exportHdf5(path(bad), path("bad.h5")); });
         EXPECT_EQ(text.rfind(path(bad).string() + ": ", 0), 0u) << text;
     }
     const std::filesystem::path absent = path("absent") / "run.h5";
@@ -440,14 +426,12 @@ TEST_F(Hdf5ExportTest, NothingIsOverwrittenAndNothingIsLeft) {
                   ": the file cannot be written: No such file or directory. Choose a "
                   "folder that exists, may be written to and has room");
     EXPECT_EQ(countOpen(), open);
-    EXPECT_EQ(listFolder(),
-              (std::vector<std::string>{"bad.mcap", "empty.mcap", "run.h5", "run.mcap"}));
+    EXPECT_EQ(listFolder(), (std::vector<std::string>{"bad.mcap", "empty.mcap", "run.h5", "run.mcap"}));
 }
 
 TEST_F(Hdf5ExportTest, Fault72_AFullDiskLeavesNothing) {
     const LogLayout layout = makeLayout(6, Space::Joint, true);
-    writeBytes(path("run.mcap"),
-               makeLog(makeOpening(layout), makeRecords(layout, 4500, 0.001, 66)).bytes);
+    writeBytes(path("run.mcap"), makeLog(makeOpening(layout), makeRecords(layout, 4500, 0.001, 66)).bytes);
     exportHdf5(path("run.mcap"), path("whole.h5"));
     const auto size = static_cast<rlim_t>(std::filesystem::file_size(path("whole.h5")));
     std::filesystem::remove(path("whole.h5"));
@@ -458,15 +442,14 @@ TEST_F(Hdf5ExportTest, Fault72_AFullDiskLeavesNothing) {
     H5E_auto2_t print = nullptr, printAfter = nullptr;
     void *data = nullptr, *dataAfter = nullptr;
     H5Eget_auto2(H5E_DEFAULT, &print, &data);
-    for (const rlim_t room :
-         {rlim_t{1}, rlim_t{2000}, size / 10, size / 2, size - 5000, size - 1}) {
+    for (const rlim_t room : {rlim_t{1}, rlim_t{2000}, size / 10, size / 2, size - 5000, size - 1}) {
         SCOPED_TRACE("room for " + std::to_string(room) + " bytes of " + std::to_string(size));
         rlimit small = before;
         small.rlim_cur = room;
         ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &small), 0);
         ::testing::internal::CaptureStderr();
-        const std::string text = catchError(ErrorKind::LogNotWritten,
-                                            [&] { exportHdf5(path("run.mcap"), path("full.h5")); });
+        const std::string text =
+            catchError(ErrorKind::LogNotWritten, [&] { exportHdf5(path("run.mcap"), path("full.h5")); });
         EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
         ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
         EXPECT_EQ(text, path("full.h5").string() +

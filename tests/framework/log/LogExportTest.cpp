@@ -1,4 +1,4 @@
-#include "viable/log/LogExport.h"
+#include "log/LogExport.h"
 
 #include <sys/resource.h>
 
@@ -154,14 +154,12 @@ TEST_F(LogExportTest, EveryNumberReadsBackBitEqual) {
                 expectNumber(at("filter." + joint + ".stop_s"), r.stops[j].duration_s);
                 expectNumber(at("filter." + joint + ".rest_rad"), r.stops[j].rest);
                 expectNumber(at("filter." + joint + ".tau_removed_Nm"), r.removedTorque[e]);
-                expectNumber(at("limits." + joint + ".acceleration_lower_radps2"),
-                             r.limits.acceleration.lower[e]);
+                expectNumber(at("limits." + joint + ".acceleration_lower_radps2"), r.limits.acceleration.lower[e]);
                 expectNumber(at("limits." + joint + ".jerk_upper_radps3"), r.limits.jerk.upper[e]);
                 if (r.stops[j].margin == std::numeric_limits<double>::infinity()) {
                     EXPECT_EQ(at("filter." + joint + ".margin_rad"), "inf");
                 }
-                EXPECT_EQ(at("filter." + joint + ".active"),
-                          getName(r.joints[j].limit, r.joints[j].side));
+                EXPECT_EQ(at("filter." + joint + ".active"), getName(r.joints[j].limit, r.joints[j].side));
                 if (space == Space::Joint) {
                     expectNumber(at("command." + joint + ".q_rad"), r.command.q[e]);
                     expectNumber(at("command." + joint + ".qd_radps"), r.command.qd[e]);
@@ -201,22 +199,20 @@ TEST_F(LogExportTest, NothingIsOverwrittenAndNothingIsLeft) {
     const WrittenLog log = makeLog(makeOpening(layout), makeRecords(layout, 4000, 0.001, 43));
     writeBytes(path("run.mcap"), log.bytes);
     writeBytes(path("run.csv"), "mine");
-    EXPECT_EQ(
-        catchError(ErrorKind::BadInput, [&] { exportCsv(path("run.mcap"), path("run.csv")); }),
-        path("run.csv").string() +
-            ": the file exists already and is never overwritten. Choose another name or move "
-            "the old file away");
+    EXPECT_EQ(catchError(ErrorKind::BadInput, [&] { exportCsv(path("run.mcap"), path("run.csv")); }),
+              path("run.csv").string() +
+                  ": the file exists already and is never overwritten. Choose another name or move "
+                  "the old file away");
     EXPECT_EQ(readBytes(path("run.csv")), "mine");
 
     std::string damaged = log.bytes;
     damaged[log.writes[30] + 200] = static_cast<char>(damaged[log.writes[30] + 200] ^ 4);
     writeBytes(path("bad.mcap"), damaged);
-    EXPECT_NE(catchError(ErrorKind::BadInput, [&] { exportCsv(path("bad.mcap"), path("bad.csv")); })
-                  .find("bad.mcap: byte "),
-              std::string::npos);
+    EXPECT_NE(
+        catchError(ErrorKind::BadInput, [&] { exportCsv(path("bad.mcap"), path("bad.csv")); }).find("bad.mcap: byte "),
+        std::string::npos);
 
-    EXPECT_NE(catchError(ErrorKind::LogNotWritten,
-                         [&] { exportCsv(path("run.mcap"), path("absent/run.csv")); })
+    EXPECT_NE(catchError(ErrorKind::LogNotWritten, [&] { exportCsv(path("run.mcap"), path("absent/run.csv")); })
                   .find("absent/run.csv: the file cannot be written: No such file"),
               std::string::npos);
 
@@ -227,13 +223,11 @@ TEST_F(LogExportTest, NothingIsOverwrittenAndNothingIsLeft) {
     small.rlim_cur = 1'500'000;
     const auto oldHandler = std::signal(SIGXFSZ, SIG_IGN);
     ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &small), 0);
-    const std::string text = catchError(ErrorKind::LogNotWritten,
-                                        [&] { exportCsv(path("run.mcap"), path("full.csv")); });
+    const std::string text =
+        catchError(ErrorKind::LogNotWritten, [&] { exportCsv(path("run.mcap"), path("full.csv")); });
     ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
     std::signal(SIGXFSZ, oldHandler);
-    EXPECT_NE(text.find("full.csv: the file cannot be written: File too large"),
-              std::string::npos)
-        << text;
+    EXPECT_NE(text.find("full.csv: the file cannot be written: File too large"), std::string::npos) << text;
     EXPECT_EQ(listFolder(), (std::vector<std::string>{"bad.mcap", "run.csv", "run.mcap"}));
 }
 

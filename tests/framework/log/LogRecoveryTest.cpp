@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "LogTestSupport.h"
-#include "viable/log/LogExport.h"
+#include "log/LogExport.h"
 
 namespace viable {
 namespace {
@@ -57,8 +57,8 @@ unsigned getSeed(unsigned otherwise) {
 TEST_F(LogRecoveryTest, Fault73_CutOffAnywhereBecomesAWholeLogOfItsRows) {
     std::mt19937_64 random(getSeed(731));
     for (const bool hasRealPlant : {true, false}) {
-        const LogLayout layout = makeLayout(
-            hasRealPlant ? 6 : 2, hasRealPlant ? Space::Joint : Space::Tool, hasRealPlant);
+        const LogLayout layout =
+            makeLayout(hasRealPlant ? 6 : 2, hasRealPlant ? Space::Joint : Space::Tool, hasRealPlant);
         const std::vector<TickRecord> records = makeRecords(layout, 730, 0.001, 51);
         const WrittenLog log = makeLog(makeOpening(layout), records);
         writeBytes(path("original"), log.bytes);
@@ -75,18 +75,16 @@ TEST_F(LogRecoveryTest, Fault73_CutOffAnywhereBecomesAWholeLogOfItsRows) {
         for (int i = 0; i < 80; ++i) places.push_back(random() % log.bytes.size());
         int recovered = 0;
         for (const std::size_t place : places) {
-            SCOPED_TRACE("cut at byte " + std::to_string(place) + " of " +
-                         std::to_string(log.bytes.size()));
+            SCOPED_TRACE("cut at byte " + std::to_string(place) + " of " + std::to_string(log.bytes.size()));
             const std::string bytes = log.bytes.substr(0, place);
             if (place < log.writes[1]) {  // in the opening
                 writeBytes(path("cut.mcap"), bytes);
                 std::filesystem::remove(path("whole.mcap"));
-                const std::string text = catchError(
-                    ErrorKind::BadInput, [&] { recoverLog(path("cut.mcap"), path("whole.mcap")); });
+                const std::string text =
+                    catchError(ErrorKind::BadInput, [&] { recoverLog(path("cut.mcap"), path("whole.mcap")); });
                 EXPECT_EQ(text.rfind(path("cut.mcap").string() + ": ", 0), 0u) << text;
                 EXPECT_TRUE(text.find("within its opening and holds no rows") != text.npos ||
-                            text.find("the file is empty") != text.npos ||
-                            text.find("not an MCAP file") != text.npos)
+                            text.find("the file is empty") != text.npos || text.find("not an MCAP file") != text.npos)
                     << text;
                 EXPECT_EQ(listFolder(), std::vector<std::string>{"cut.mcap"});
                 continue;
@@ -105,8 +103,7 @@ TEST_F(LogRecoveryTest, Fault73_CutOffAnywhereBecomesAWholeLogOfItsRows) {
             for (std::size_t i = 0; i < back.size(); ++i)
                 ASSERT_EQ(getBits(back[i], layout), getBits(rows[i], layout)) << "row " << i;
             // Index, statistics, attachments, checksums: all as if the run had ended there.
-            const std::vector<TickRecord> first(records.begin(),
-                                                records.begin() + static_cast<long>(left));
+            const std::vector<TickRecord> first(records.begin(), records.begin() + static_cast<long>(left));
             ASSERT_EQ(whole, makeLog(makeOpening(layout), first).bytes);
             ++recovered;
         }
@@ -156,11 +153,10 @@ TEST_F(LogRecoveryTest, NothingIsOverwritten) {
     std::filesystem::create_symlink(path("cut.mcap"), path("link"));
     const std::vector<std::string> before = listFolder();
     for (const char* target : {"mine.mcap", "cut.mcap", "folder", "dangling", "link"}) {
-        EXPECT_EQ(
-            catchError(ErrorKind::BadInput, [&] { recoverLog(path("cut.mcap"), path(target)); }),
-            path(target).string() +
-                ": the file exists already and is never overwritten. Choose another name or move "
-                "the old file away");
+        EXPECT_EQ(catchError(ErrorKind::BadInput, [&] { recoverLog(path("cut.mcap"), path(target)); }),
+                  path(target).string() +
+                      ": the file exists already and is never overwritten. Choose another name or move "
+                      "the old file away");
     }
     EXPECT_EQ(readBytes(path("mine.mcap")), "mine");
     EXPECT_EQ(readBytes(path("cut.mcap")), bytes);
@@ -202,14 +198,14 @@ TEST_F(LogRecoveryTest, Fault72_AFullDiskLeavesNothing) {
     ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
     const auto oldHandler = std::signal(SIGXFSZ, SIG_IGN);
     // Full in the opening, at a chunk's border, in a chunk, in the summary, before the last byte.
-    for (const std::size_t room : {std::size_t{1}, log.writes[1], log.writes[4] + 1000,
-                                   log.writes.back(), log.bytes.size() - 1}) {
+    for (const std::size_t room :
+         {std::size_t{1}, log.writes[1], log.writes[4] + 1000, log.writes.back(), log.bytes.size() - 1}) {
         SCOPED_TRACE("room for " + std::to_string(room) + " bytes");
         rlimit small = before;
         small.rlim_cur = room;
         ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &small), 0);
-        const std::string text = catchError(
-            ErrorKind::LogNotWritten, [&] { recoverLog(path("cut.mcap"), path("full.mcap")); });
+        const std::string text =
+            catchError(ErrorKind::LogNotWritten, [&] { recoverLog(path("cut.mcap"), path("full.mcap")); });
         ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
         EXPECT_EQ(text, path("full.mcap").string() +
                             ": the file cannot be written: File too large. Choose a folder that "
@@ -249,8 +245,7 @@ TEST_F(LogRecoveryTest, WhereNothingCanBeWrittenTheReasonIsSaid) {
     ASSERT_EQ(::chmod(hidden.c_str(), isRoot ? 0700 : 0000), 0);
     if (isRoot) ::setfsuid(65534);
     for (const std::filesystem::path& folder : {locked, hidden})
-        EXPECT_EQ(getText(folder / "whole.mcap"),
-                  expected(folder / "whole.mcap", "Permission denied"));
+        EXPECT_EQ(getText(folder / "whole.mcap"), expected(folder / "whole.mcap", "Permission denied"));
     if (isRoot) ::setfsuid(0);
     ASSERT_EQ(::chmod(hidden.c_str(), 0755), 0);
     EXPECT_EQ(listFolder(), (std::vector<std::string>{"cut.mcap", "file", "hidden", "locked"}));
@@ -271,14 +266,12 @@ TEST_F(LogRecoveryTest, WhatIsNoLogIsRefused) {
     const auto getText = [&](const char* log) {
         return catchError(ErrorKind::BadInput, [&] { recoverLog(path(log), path("whole.mcap")); });
     };
-    EXPECT_EQ(getText("empty"),
-              path("empty").string() + ": the file is empty. Give a log written by `viable run`");
+    EXPECT_EQ(getText("empty"), path("empty").string() + ": the file is empty. Give a log written by `viable run`");
     EXPECT_EQ(getText("text"), path("text").string() +
                                    ": not an MCAP file of version 0. "
                                    "Give a log written by `viable run`");
     EXPECT_EQ(getText("absent"),
-              path("absent").string() +
-                  ": the log cannot be opened: No such file or directory. Check the path");
+              path("absent").string() + ": the log cannot be opened: No such file or directory. Check the path");
     EXPECT_EQ(catchError(ErrorKind::BadInput, [&] { recoverLog(folder_, path("whole.mcap")); }),
               folder_.string() + ": not a file. Give a log");
     EXPECT_EQ(listFolder(), (std::vector<std::string>{"empty", "text"}));
@@ -290,8 +283,8 @@ TEST_F(LogRecoveryTest, DamageIsNotHidden) {
     std::string bytes = log.bytes.substr(0, log.writes.back() - 5);
     bytes[log.writes[3] + 300] = static_cast<char>(bytes[log.writes[3] + 300] ^ 1);
     writeBytes(path("damaged.mcap"), bytes);
-    const std::string text = catchError(
-        ErrorKind::BadInput, [&] { recoverLog(path("damaged.mcap"), path("whole.mcap")); });
+    const std::string text =
+        catchError(ErrorKind::BadInput, [&] { recoverLog(path("damaged.mcap"), path("whole.mcap")); });
     EXPECT_EQ(text.rfind(path("damaged.mcap").string() + ": byte ", 0), 0u) << text;
     EXPECT_EQ(listFolder(), std::vector<std::string>{"damaged.mcap"});
 }

@@ -62,9 +62,8 @@ TEST_P(LogRoundTrip, EveryBitComesBack) {
     EXPECT_EQ(reader.layout().hasExternalTorque, layout.hasExternalTorque);
     EXPECT_EQ(reader.layout().hasEnvironment, layout.hasEnvironment);
     const auto countColumns = [&](const std::string& channel) {
-        return std::count_if(
-            reader.columns().begin(), reader.columns().end(),
-            [&](const LogColumn& c) { return c.name().rfind(channel + ".", 0) == 0; });
+        return std::count_if(reader.columns().begin(), reader.columns().end(),
+                             [&](const LogColumn& c) { return c.name().rfind(channel + ".", 0) == 0; });
     };
     EXPECT_EQ(countColumns("external"), layout.hasExternalTorque ? GetParam().joints : 0);
     EXPECT_EQ(countColumns("clearance"), layout.hasEnvironment ? 12 : 0);
@@ -85,20 +84,17 @@ TEST_P(LogRoundTrip, EveryBitComesBack) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Layouts, LogRoundTrip,
-                         ::testing::Values(RoundTrip{6, Space::Joint, true},
-                                           RoundTrip{6, Space::Tool, true},
+                         ::testing::Values(RoundTrip{6, Space::Joint, true}, RoundTrip{6, Space::Tool, true},
                                            RoundTrip{7, Space::Joint, true, true},
                                            RoundTrip{6, Space::Tool, false, false, true},
                                            RoundTrip{7, Space::Joint, true, true, true},
-                                           RoundTrip{1, Space::Joint, false},
-                                           RoundTrip{7, Space::Tool, false},
+                                           RoundTrip{1, Space::Joint, false}, RoundTrip{7, Space::Tool, false},
                                            RoundTrip{16, Space::Joint, true}));
 
 TEST_F(LogTest, SameRunGivesTheSameBytes) {
     const LogLayout layout = makeLayout(6, Space::Joint, true);
     const std::vector<TickRecord> records = makeRecords(layout, 300, 0.001, 3);
-    EXPECT_EQ(makeLog(makeOpening(layout), records).bytes,
-              makeLog(makeOpening(layout), records).bytes);
+    EXPECT_EQ(makeLog(makeOpening(layout), records).bytes, makeLog(makeOpening(layout), records).bytes);
 }
 
 TEST_F(LogTest, EmptyRunIsAWholeLog) {
@@ -199,8 +195,8 @@ TEST_F(LogTest, Fault73_CutOffAnywhereGivesEveryWholeChunk) {
 TEST_F(LogTest, Fault73_KilledProgramLosesAtMostOneChunk) {
     const LogLayout layout = makeLayout(6, Space::Joint, true);
     const std::vector<TickRecord> records = makeRecords(layout, 500, 0.001, 2);
-    void* const shared = ::mmap(nullptr, sizeof(std::atomic<std::int64_t>), PROT_READ | PROT_WRITE,
-                                MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    void* const shared =
+        ::mmap(nullptr, sizeof(std::atomic<std::int64_t>), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     ASSERT_NE(shared, MAP_FAILED);
     auto* const appended = new (shared) std::atomic<std::int64_t>(0);
     std::mt19937_64 random(9);
@@ -350,18 +346,17 @@ public:
     void record(int opcode, const std::string& content) {
         bytes_ += static_cast<char>(opcode) + integer(content.size(), 8) + content;
     }
-    void channel(int id, const std::string& topic, const std::string& message,
-                 const std::string& schema, const std::string& joints = R"(["a","b"])") {
-        record(0x03, integer(static_cast<std::uint64_t>(id), 2) + string("viable/msg/" + message) +
-                         string("ros2msg") + string(schema));
+    void channel(int id, const std::string& topic, const std::string& message, const std::string& schema,
+                 const std::string& joints = R"(["a","b"])") {
+        record(0x03, integer(static_cast<std::uint64_t>(id), 2) + string("viable/msg/" + message) + string("ros2msg") +
+                         string(schema));
         const std::string entries = string("joint_names") + string(joints);
-        record(0x04, integer(static_cast<std::uint64_t>(id), 2) +
-                         integer(static_cast<std::uint64_t>(id), 2) + string(topic) +
-                         string("cdr") + string(entries));
+        record(0x04, integer(static_cast<std::uint64_t>(id), 2) + integer(static_cast<std::uint64_t>(id), 2) +
+                         string(topic) + string("cdr") + string(entries));
     }
     void message(int id, std::uint32_t sequence, const std::string& cdr) {
-        record(0x05, integer(static_cast<std::uint64_t>(id), 2) + integer(sequence, 4) +
-                         integer(0, 8) + integer(0, 8) + std::string("\0\1\0\0", 4) + cdr);
+        record(0x05, integer(static_cast<std::uint64_t>(id), 2) + integer(sequence, 4) + integer(0, 8) + integer(0, 8) +
+                         std::string("\0\1\0\0", 4) + cdr);
     }
     std::string finish() const {
         std::string all = bytes_;
@@ -398,10 +393,9 @@ public:
 TEST_F(LogTest, OlderAndNewerFieldsAreFoundByName) {
     PlainMcap log;
     // Fields in another order, some missing, some unknown; one whole channel unknown.
-    log.channel(
-        5, "/nominal", "Nominal",
-        "# a comment\nuint8 KIND=3\nuint8 kind\nfloat64[] qd_radps # [rad/s]\n"
-        "string[] notes\nuint16[3] codes\nfloat64[] q_rad\nfloat32[<=4] extra\nbool last\n");
+    log.channel(5, "/nominal", "Nominal",
+                "# a comment\nuint8 KIND=3\nuint8 kind\nfloat64[] qd_radps # [rad/s]\n"
+                "string[] notes\nuint16[3] codes\nfloat64[] q_rad\nfloat32[<=4] extra\nbool last\n");
     log.channel(7, "/weather", "Weather", "geometry_msgs/Pose pose\n");
     log.channel(6, "/tick", "Tick", "int64 braking\nstring status\nfloat64 time_s");
     for (std::uint32_t row = 0; row < 3; ++row) {
@@ -424,9 +418,8 @@ TEST_F(LogTest, OlderAndNewerFieldsAreFoundByName) {
     EXPECT_EQ(reader.layout().jointNames, (std::vector<std::string>{"a", "b"}));
     std::vector<std::string> names;
     for (const LogColumn& column : reader.columns()) names.push_back(column.name());
-    EXPECT_EQ(names, (std::vector<std::string>{"time_s", "nominal.a.q_rad", "nominal.a.qd_radps",
-                                               "nominal.b.q_rad", "nominal.b.qd_radps",
-                                               "tick.status", "tick.braking"}));
+    EXPECT_EQ(names, (std::vector<std::string>{"time_s", "nominal.a.q_rad", "nominal.a.qd_radps", "nominal.b.q_rad",
+                                               "nominal.b.qd_radps", "tick.status", "tick.braking"}));
     const std::vector<TickRecord> back = readAll(reader);
     ASSERT_EQ(back.size(), 3u);
     for (std::size_t row = 0; row < 3; ++row) {
@@ -447,14 +440,28 @@ TEST_F(LogTest, ALogFromBeforeObstaclesOpens) {
                 "float64[] tau_nm\nstring[] active\nfloat64[] tau_removed_nm\nfloat64[] margin_rad\n"
                 "float64[] stop_s\n");
     log.message(1, 0,
-                Cdr().put(2, 4).put(1.0).put(2.0).put(2, 4).put("none").put("jerk_upper").put(2, 4)
-                    .put(3.0).put(4.0).put(2, 4).put(5.0).put(6.0).put(2, 4).put(7.0).put(8.0).bytes);
+                Cdr()
+                    .put(2, 4)
+                    .put(1.0)
+                    .put(2.0)
+                    .put(2, 4)
+                    .put("none")
+                    .put("jerk_upper")
+                    .put(2, 4)
+                    .put(3.0)
+                    .put(4.0)
+                    .put(2, 4)
+                    .put(5.0)
+                    .put(6.0)
+                    .put(2, 4)
+                    .put(7.0)
+                    .put(8.0)
+                    .bytes);
     writeBytes(path("old.mcap"), log.finish());
     LogReader reader(path("old.mcap"));
     EXPECT_FALSE(reader.layout().hasEnvironment);
     for (const LogColumn& column : reader.columns())
-        EXPECT_FALSE(contains(column.name(), "rest_rad") || contains(column.name(), "clearance"))
-            << column.name();
+        EXPECT_FALSE(contains(column.name(), "rest_rad") || contains(column.name(), "clearance")) << column.name();
     TickRecord record;
     ASSERT_TRUE(reader.read(record));
     EXPECT_EQ(record.stops[1].margin, 6.0);
@@ -481,20 +488,17 @@ TEST_F(LogTest, WrongMessagesAreRefused) {
     EXPECT_TRUE(contains(read("float32[] tau_nm\n", joints, {}),
                          "gives `tau_nm` the type `float32[]`; this version reads `float64[]`"));
     EXPECT_TRUE(contains(read("Pose tau_nm\n", joints, {}), "has the type `Pose`, unknown here"));
-    EXPECT_TRUE(
-        contains(read("float64[] tau_nm\nfloat64[] tau_nm\n", joints, {}), "names `tau_nm` twice"));
+    EXPECT_TRUE(contains(read("float64[] tau_nm\nfloat64[] tau_nm\n", joints, {}), "names `tau_nm` twice"));
     EXPECT_TRUE(contains(read("float64[]\n", joints, {}), "a line without a name"));
-    for (const char* bad : {"", "[]", "[1]", "{}", "[\"a\"", "\"a\"",
-                            R"(["","","","","","","","","","","","","","","","",""])"}) {
-        EXPECT_TRUE(contains(read(good, bad, {}), "`/desired` does not name 1 to 16 joints"))
-            << bad;
+    for (const char* bad :
+         {"", "[]", "[1]", "{}", "[\"a\"", "\"a\"", R"(["","","","","","","","","","","","","","","","",""])"}) {
+        EXPECT_TRUE(contains(read(good, bad, {}), "`/desired` does not name 1 to 16 joints")) << bad;
     }
     EXPECT_TRUE(contains(read(good, joints, {{0, Cdr().put(3, 4).put(1.).put(2.).put(3.).bytes}}),
                          "`tau_Nm` has 3 entries for 2 joints"));
-    EXPECT_TRUE(contains(read(good, joints, {{0, Cdr().put(2, 4).put(1.).bytes}}),
-                         "needs 8 bytes where only 0 are left"));
-    EXPECT_TRUE(contains(read(good, joints, {{0, Cdr().put(0xffffffff, 4).bytes}}),
-                         "has 4294967295 entries"));
+    EXPECT_TRUE(
+        contains(read(good, joints, {{0, Cdr().put(2, 4).put(1.).bytes}}), "needs 8 bytes where only 0 are left"));
+    EXPECT_TRUE(contains(read(good, joints, {{0, Cdr().put(0xffffffff, 4).bytes}}), "has 4294967295 entries"));
 
     PlainMcap log;
     log.channel(1, "/tick", "Tick", "string status\nint64 braking\n");
@@ -550,8 +554,7 @@ TEST_F(LogTest, Fault74_ASecondRunIntoOneFileIsRefused) {
     const LogOpening opening = makeOpening(makeLayout(1, Space::Joint, false));
     LogWriter first(path("run.mcap"), opening);
     const std::string before = readBytes(path("run.mcap"));
-    const std::string text =
-        catchError(ErrorKind::BadInput, [&] { LogWriter second(path("run.mcap"), opening); });
+    const std::string text = catchError(ErrorKind::BadInput, [&] { LogWriter second(path("run.mcap"), opening); });
     EXPECT_EQ(text, path("run.mcap").string() +
                         ": the log exists already and is never overwritten. Choose another folder "
                         "or move the old log away");
@@ -562,8 +565,7 @@ TEST_F(LogTest, Fault74_ASecondRunIntoOneFileIsRefused) {
     std::filesystem::create_symlink(path("nowhere"), path("link.mcap"));
     catchError(ErrorKind::BadInput, [&] { LogWriter second(path("link.mcap"), opening); });
     EXPECT_FALSE(std::filesystem::exists(path("nowhere")));
-    EXPECT_TRUE(contains(catchError(ErrorKind::LogNotWritten,
-                                    [&] { LogWriter w(path("absent/run.mcap"), opening); }),
+    EXPECT_TRUE(contains(catchError(ErrorKind::LogNotWritten, [&] { LogWriter w(path("absent/run.mcap"), opening); }),
                          "cannot be created: No such file or directory"));
 }
 

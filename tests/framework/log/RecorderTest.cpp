@@ -1,4 +1,4 @@
-#include "viable/log/Recorder.h"
+#include "log/Recorder.h"
 
 #include <fcntl.h>
 #include <sys/resource.h>
@@ -10,8 +10,8 @@
 #include <cstdlib>
 #include <thread>
 
-#include "viable/testing/AllocationCounter.h"
 #include "LogTestSupport.h"
+#include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {
@@ -50,8 +50,7 @@ public:
 TEST_F(RecorderTest, ASlowWriterLosesNothing) {
     const std::vector<TickRecord> records = makeRecords(layout_, 5000, 0.001, 31);
     WrittenLog log;
-    Recorder recorder(
-        std::make_unique<LogWriter>(std::make_unique<SlowSink>(log), makeOpening(layout_)), 16);
+    Recorder recorder(std::make_unique<LogWriter>(std::make_unique<SlowSink>(log), makeOpening(layout_)), 16);
     EXPECT_GT(appendAll(recorder, records), 0);
     const LogStatus status = recorder.finish();
     EXPECT_TRUE(status.ok()) << status.error;
@@ -111,9 +110,7 @@ TEST_F(RecorderTest, AFullRingSaysSoAndLosesNothing) {
     const std::vector<TickRecord> records = makeRecords(layout_, 6, 0.2, 33);
     WrittenLog log;
     Gate gate;
-    Recorder recorder(
-        std::make_unique<LogWriter>(std::make_unique<GatedSink>(log, gate), makeOpening(layout_)),
-        4);
+    Recorder recorder(std::make_unique<LogWriter>(std::make_unique<GatedSink>(log, gate), makeOpening(layout_)), 4);
     ASSERT_TRUE(recorder.append(records[0]));
     ASSERT_TRUE(recorder.append(records[1]));
     while (!gate.isReached) std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -215,9 +212,8 @@ TEST_F(RecorderTest, Fault72_DiskFullDoesNotStopTheRun) {
     const WrittenLog whole = makeLog(makeOpening(layout_), records);
     // Full in the opening, in each part of a run, within the end.
     for (const std::size_t room :
-         {std::size_t{0}, std::size_t{100}, whole.writes[1], whole.writes[1] + 1,
-          whole.writes[7] + 5000, whole.writes.back() - 1, whole.writes.back(),
-          whole.bytes.size() - 1}) {
+         {std::size_t{0}, std::size_t{100}, whole.writes[1], whole.writes[1] + 1, whole.writes[7] + 5000,
+          whole.writes.back() - 1, whole.writes.back(), whole.bytes.size() - 1}) {
         SCOPED_TRACE("room for " + std::to_string(room) + " bytes");
         WrittenLog log;
         auto sink = std::make_unique<FullDiskSink>(log, room);
@@ -279,8 +275,7 @@ public:
 
 TEST_F(RecorderTest, Fault72_AnErrorOnClosingIsNotLost) {
     WrittenLog log;
-    Recorder recorder(
-        std::make_unique<LogWriter>(std::make_unique<UnclosableSink>(log), makeOpening(layout_)));
+    Recorder recorder(std::make_unique<LogWriter>(std::make_unique<UnclosableSink>(log), makeOpening(layout_)));
     appendAll(recorder, makeRecords(layout_, 10, 0.001, 1));
     EXPECT_EQ(recorder.finish().error, "Input/output error");
 }

@@ -10,8 +10,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "host/PluginDescription.h"
 #include "viable/core/Error.h"
-#include "viable/plugin/PluginDescription.h"
 
 namespace viable {
 namespace {
@@ -127,9 +127,9 @@ TEST(Parameters, ResolvedBlockIsCompleteAndReadsBackToTheSame) {
 TEST(Parameters, MissingRequiredParameterIsExplained) {
     const ParameterSpec specs[] = {
         parameter::number("k_alpha", "1/s", nullptr, "Rate of approach to a limit.").above(0)};
-    expectContains(refuse([&] { readParameters(makeBlock("{plugin: x}"), specs, 1, 3); }),
-                   {"f.yaml:1:8: block: `k_alpha` [1/s] is missing: Rate of approach to a limit.",
-                    "Add `k_alpha: ...`"});
+    expectContains(
+        refuse([&] { readParameters(makeBlock("{plugin: x}"), specs, 1, 3); }),
+        {"f.yaml:1:8: block: `k_alpha` [1/s] is missing: Rate of approach to a limit.", "Add `k_alpha: ...`"});
     EXPECT_EQ(readParameters(makeBlock("{k_alpha: 5}"), specs, 1, 3).number("k_alpha"), 5.0);
 }
 
@@ -139,8 +139,8 @@ TEST(Parameters, Fault02_UnknownKeysNameTheClosest) {
         std::string slip = name;
         slip.erase(1, 1);
         expectContains(refuseBlock("{plugin: x, " + slip + ": 1}"),
-                       {"block." + slip, "`" + slip + "` is unknown",
-                        "Did you mean `" + name + "`?", "Known keys: `plugin`, `gamma`"});
+                       {"block." + slip, "`" + slip + "` is unknown", "Did you mean `" + name + "`?",
+                        "Known keys: `plugin`, `gamma`"});
     }
     expectContains(refuseBlock("{plugni: x}"), {"Did you mean `plugin`?"});
     expectContains(refuseBlock("3"), {"f.yaml:1:8: block", "must be a map"});
@@ -148,8 +148,7 @@ TEST(Parameters, Fault02_UnknownKeysNameTheClosest) {
 }
 
 TEST(Parameters, Fault04_Fault05_WrongValuesNamePlaceValueAndRange) {
-    expectContains(refuseBlock("{gamma: 0}"),
-                   {"f.yaml:1:16: block.gamma: 0 is out of range; allowed is (0, 1000]"});
+    expectContains(refuseBlock("{gamma: 0}"), {"f.yaml:1:16: block.gamma: 0 is out of range; allowed is (0, 1000]"});
     expectContains(refuseBlock("{gamma: 1001}"), {"1001 is out of range"});
     expectContains(refuseBlock("{gamma: .inf}"), {"must be finite"});
     expectContains(refuseBlock("{gamma: .nan}"), {"is not a number"});
@@ -166,17 +165,14 @@ TEST(Parameters, Fault04_Fault05_WrongValuesNamePlaceValueAndRange) {
     expectContains(refuseBlock("{stiffness: [1, -2, 3]}"), {"block.stiffness[1]: -2 is out of"});
     expectContains(refuseBlock("{axis: 1}"), {"must be a list of 3 numbers"});
     expectContains(refuseBlock("{waypoints: 1}"), {"must be a list of lists of numbers"});
-    expectContains(refuseBlock("{waypoints: [1, 2]}"),
-                   {"block.waypoints[0]", "must be a list of 2 to 3 numbers"});
+    expectContains(refuseBlock("{waypoints: [1, 2]}"), {"block.waypoints[0]", "must be a list of 2 to 3 numbers"});
     expectContains(refuseBlock("{waypoints: [[1, 2], [1]]}"), {"block.waypoints[1]"});
 }
 
 TEST(Parameters, RangeOfIntegersFollowsOpenAndFractionalBounds) {
     const ParameterSpec specs[] = {parameter::integer("n", nullptr, "Count.").above(0).below(5),
                                    parameter::integer("m", "1", "Count.").atLeast(0.5).upTo(2.5)};
-    const auto readCount = [&](const std::string& text) {
-        return readParameters(makeBlock(text), specs, 2, 3);
-    };
+    const auto readCount = [&](const std::string& text) { return readParameters(makeBlock(text), specs, 2, 3); };
     EXPECT_EQ(readCount("{n: 1}").integer("n"), 1);
     EXPECT_EQ(readCount("{n: 4, m: 2}").integer("m"), 2);
     expectContains(refuse([&] { readCount("{n: 0}"); }), {"[1, 4]"});
@@ -185,8 +181,7 @@ TEST(Parameters, RangeOfIntegersFollowsOpenAndFractionalBounds) {
 }
 
 TEST(Parameters, DefaultThatDoesNotFitSaysSo) {
-    const ParameterSpec specs[] = {
-        parameter::jointNumbers("gain", "", "[1, 2, 3, 4, 5, 6]", "Gain.")};
+    const ParameterSpec specs[] = {parameter::jointNumbers("gain", "", "[1, 2, 3, 4, 5, 6]", "Gain.")};
     EXPECT_EQ(readParameters(makeBlock("{}"), specs, 1, 6).jointNumbers("gain")[5], 6.0);
     expectContains(refuse([&] { readParameters(makeBlock("{}"), specs, 1, 7); }),
                    {"default of gain: block.gain", "list of 7 numbers", "it is a list of 6"});
@@ -208,12 +203,10 @@ TEST(Parameters, FilesStartInTheFolderOfTheFileThatNamesThem) {
     const fs::path path = readFile("../maps/floor.bt").file("map");
     EXPECT_TRUE(path.is_absolute());
     EXPECT_TRUE(fs::equivalent(path, folder.path / "maps" / "floor.bt"));
-    EXPECT_EQ(readFile((folder.path / "maps/floor.bt").string()).file("map"),
-              folder.path / "maps/floor.bt");
+    EXPECT_EQ(readFile((folder.path / "maps/floor.bt").string()).file("map"), folder.path / "maps/floor.bt");
     fs::create_symlink("../maps/floor.bt", folder.path / "experiments" / "link.bt");
     EXPECT_TRUE(fs::equivalent(readFile("link.bt").file("map"), path));
-    EXPECT_EQ(readFile("link.bt").resolved().find("map")->text,
-              (folder.path / "experiments" / "link.bt").string());
+    EXPECT_EQ(readFile("link.bt").resolved().find("map")->text, (folder.path / "experiments" / "link.bt").string());
     EXPECT_TRUE(readFile("''").file("map").empty());
 
     // From the command line: the current folder.
@@ -237,15 +230,13 @@ TEST(Parameters, Fault11_FileMissingFolderOrDanglingLink) {
     const Folder folder;
     const std::string experiment = (folder.path / "e.yaml").string();
     const auto refuseFile = [&](const std::string& name) {
-        return refuse([&] {
-            readParameters(makeBlock("{map: " + name + "}", experiment), kSpecs, kCount, 3);
-        });
+        return refuse([&] { readParameters(makeBlock("{map: " + name + "}", experiment), kSpecs, kCount, 3); });
     };
     fs::create_directories(folder.path / "sub");
     fs::create_symlink("nowhere", folder.path / "dangling.bt");
     expectContains(refuseFile("missing.bt"),
-                   {"e.yaml:1:14: block.map", "`missing.bt`", (folder.path / "missing.bt").string(),
-                    "does not exist", "folder of the file that names them"});
+                   {"e.yaml:1:14: block.map", "`missing.bt`", (folder.path / "missing.bt").string(), "does not exist",
+                    "folder of the file that names them"});
     expectContains(refuseFile("../../../missing.bt"), {"does not exist"});
     expectContains(refuseFile("sub"), {"is a folder"});
     expectContains(refuseFile("dangling.bt"), {"symbolic link to a missing file"});
@@ -263,26 +254,23 @@ TEST(Parameters, MistakesOfThePluginAreItsOwn) {
     expectContains(refuse([&] { p.integer("gamma"); }, ErrorKind::PluginFailed),
                    {"`gamma` as Integer, but declares it as Number"});
     expectContains(refuse([&] { p.place("x"); }, ErrorKind::PluginFailed), {"`x`"});
-    const ParameterSpec twice[] = {parameter::flag("a", "true", ""),
-                                   parameter::flag("a", "true", "")};
-    expectContains(
-        refuse([&] { readParameters(makeBlock("{}"), twice, 2, 3); }, ErrorKind::PluginFailed),
-        {"`a` twice"});
+    const ParameterSpec twice[] = {parameter::flag("a", "true", ""), parameter::flag("a", "true", "")};
+    expectContains(refuse([&] { readParameters(makeBlock("{}"), twice, 2, 3); }, ErrorKind::PluginFailed),
+                   {"`a` twice"});
     const ParameterSpec reserved[] = {parameter::text("plugin", "x", "")};
-    expectContains(
-        refuse([&] { readParameters(makeBlock("{}"), reserved, 1, 3); }, ErrorKind::PluginFailed),
-        {"named `plugin`"});
+    expectContains(refuse([&] { readParameters(makeBlock("{}"), reserved, 1, 3); }, ErrorKind::PluginFailed),
+                   {"named `plugin`"});
 }
 
 TEST(Parameters, DescriptionShowsEveryDeclaration) {
     const std::string text = describeParameters(kSpecs, kCount);
-    expectContains(text, {"gamma [1/s]: number in (0, 1000]; default 20\n",
-                          "force_limit_N [N]: number in (0, inf) or .inf; default .inf\n",
-                          "seed: whole number in [0, 9223372036854775807]; default 7\n",
-                          "window: choice of hann, box; default box\n", "map: file; default \"\"\n",
-                          "waypoints [rad]: list of lists of numbers (2 to 3 per row)",
-                          "axis: list of numbers (3) in (-inf, inf); default [0, 0, 1]\n",
-                          "How fast the jerk follows."});
+    expectContains(
+        text,
+        {"gamma [1/s]: number in (0, 1000]; default 20\n",
+         "force_limit_N [N]: number in (0, inf) or .inf; default .inf\n",
+         "seed: whole number in [0, 9223372036854775807]; default 7\n", "window: choice of hann, box; default box\n",
+         "map: file; default \"\"\n", "waypoints [rad]: list of lists of numbers (2 to 3 per row)",
+         "axis: list of numbers (3) in (-inf, inf); default [0, 0, 1]\n", "How fast the jerk follows."});
     const ParameterSpec required[] = {parameter::file("poses", nullptr, "Recorded motion.")};
     EXPECT_EQ(describeParameters(required, 1), "  poses: file; required\n      Recorded motion.\n");
     EXPECT_EQ(describeParameters(nullptr, 0), "  (no parameters)\n");
@@ -313,22 +301,18 @@ TEST(Parameters, MarkdownHasOneRowPerDeclaration) {
 
 TEST(PluginDescription, JsonHoldsTheWholeDeclarationOfEveryType) {
     PluginEntry entry{PluginKind::RobustLoop, "x", "s", kSpecs, kCount, nullptr, nullptr};
-    const std::vector<PluginInfo> plugins = {
-        {PluginKind::RobustLoop, "x", "Sum\xff.", "/x.so", &entry}};
-    const nlohmann::json root =
-        nlohmann::json::parse(describePluginsAsJson(plugins, {{"/y.so", "broken"}}, true));
-    EXPECT_EQ(root["refused"],
-              nlohmann::json::parse(R"([{"library": "/y.so", "reason": "broken"}])"));
+    const std::vector<PluginInfo> plugins = {{PluginKind::RobustLoop, "x", "Sum\xff.", "/x.so", &entry}};
+    const nlohmann::json root = nlohmann::json::parse(describePluginsAsJson(plugins, {{"/y.so", "broken"}}, true));
+    EXPECT_EQ(root["refused"], nlohmann::json::parse(R"([{"library": "/y.so", "reason": "broken"}])"));
     const nlohmann::json& plugin = root["plugins"][0];
     EXPECT_EQ(plugin["kind"], "robust_loop");
     EXPECT_EQ(plugin["library"], "/x.so");
-    EXPECT_EQ(plugin["summary"], "Sum\xef\xbf\xbd.");  // a byte that is no UTF-8 is replaced
-    EXPECT_FALSE(plugin.contains("promises_limits"));  // of filters only
+    EXPECT_EQ(plugin["summary"], "Sum\xef\xbf\xbd.");    // a byte that is no UTF-8 is replaced
+    EXPECT_FALSE(plugin.contains("guarantees_limits"));  // of filters only
     std::map<std::string, nlohmann::json> p;
     for (const nlohmann::json& parameter : plugin["parameters"]) p[parameter["name"]] = parameter;
     ASSERT_EQ(p.size(), kCount);
-    EXPECT_EQ(p["gamma"],
-              nlohmann::json::parse(R"({"name": "gamma", "type": "number", "unit": "1/s",
+    EXPECT_EQ(p["gamma"], nlohmann::json::parse(R"({"name": "gamma", "type": "number", "unit": "1/s",
         "required": false, "default": 20.0, "per_joint": false, "help": "How fast the jerk follows.",
         "range": {"min": 0.0, "min_is_open": true, "max": 1000.0, "max_is_open": false, "may_be_infinite": false}})"));
     EXPECT_EQ(p["force_limit_N"]["default"], ".inf");
@@ -347,8 +331,7 @@ TEST(PluginDescription, JsonHoldsTheWholeDeclarationOfEveryType) {
     EXPECT_EQ(p["waypoints"]["min_count"], 2);
     EXPECT_EQ(p["waypoints"]["max_count"], 3);
 
-    const ParameterSpec any =
-        parameter::numbers("n", "", 1, std::numeric_limits<int>::max(), nullptr, "");
+    const ParameterSpec any = parameter::numbers("n", "", 1, std::numeric_limits<int>::max(), nullptr, "");
     entry.parameters = &any;
     entry.parameterCount = 1;
     const auto list = nlohmann::json::parse(describePluginsAsJson(plugins, {}, true));

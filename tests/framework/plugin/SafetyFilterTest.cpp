@@ -61,8 +61,7 @@ TEST(SafetyFilter, HoldJerkGivesTheMeanAccelerationAndItsTorque) {
             // The mean over the tick of qdd + jerk t, as the mean of its two ends.
             const double end = arm.nominal.qdd[i] + jerk[i] * kTick_s;
             EXPECT_NEAR(decision.acceleration[i], (arm.nominal.qdd[i] + end) / 2, 1e-13);
-            EXPECT_NEAR(decision.torque[i], calcTorque(arm.dynamics, decision.acceleration, i),
-                        1e-11);
+            EXPECT_NEAR(decision.torque[i], calcTorque(arm.dynamics, decision.acceleration, i), 1e-11);
         }
     }
 }

@@ -75,18 +75,13 @@ struct ReadReport {
         std::vector<Number> values(reference["n"].get<std::size_t>());
         const std::size_t at = reference["at"];
         EXPECT_EQ(at % sizeof(Number), 0u);
-        if (at + sizeof(Number) * values.size() > bytes.size())
-            throw std::runtime_error("beyond the block");
+        if (at + sizeof(Number) * values.size() > bytes.size()) throw std::runtime_error("beyond the block");
         std::memcpy(values.data(), bytes.data() + at, sizeof(Number) * values.size());
         return values;
     }
     std::vector<float> numbers(const json& reference) const { return array<float>(reference, "f32"); }
-    std::vector<std::uint16_t> codes(const json& reference) const {
-        return array<std::uint16_t>(reference, "u16");
-    }
-    std::vector<std::uint8_t> letters(const json& reference) const {
-        return array<std::uint8_t>(reference, "u8");
-    }
+    std::vector<std::uint16_t> codes(const json& reference) const { return array<std::uint16_t>(reference, "u16"); }
+    std::vector<std::uint8_t> letters(const json& reference) const { return array<std::uint8_t>(reference, "u8"); }
 
     std::string text;
     json data;

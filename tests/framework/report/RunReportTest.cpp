@@ -1,13 +1,13 @@
-#include "viable/report/RunReport.h"
+#include "report/RunReport.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "../experiment/CaseSupport.h"
+#include "CaseSupport.h"
 #include "ReportSupport.h"
-#include "viable/log/LogExport.h"
-#include "viable/log/LogReader.h"
+#include "log/LogExport.h"
+#include "log/LogReader.h"
 
 namespace viable {
 namespace {
@@ -64,8 +64,7 @@ TEST(RunReport, ShowsWhatIsInTheLogAndLosesNoPeak) {
         std::int64_t rows = 0;
         LogReader reader(run.path() / (one["name"].get<std::string>() + ".mcap"));
         for (TickRecord r; reader.read(r); ++rows) {
-            const double values[] = {r.nominal.q[0], r.nominal.qd[0], r.nominal.qdd[0],
-                                     r.nominal.jerk[0]};
+            const double values[] = {r.nominal.q[0], r.nominal.qd[0], r.nominal.qdd[0], r.nominal.jerk[0]};
             for (std::size_t k = 0; k < 4; ++k) {
                 largest[k] = std::max(largest[k], values[k]);
                 least[k] = std::min(least[k], values[k]);
@@ -84,14 +83,11 @@ TEST(RunReport, ShowsWhatIsInTheLogAndLosesNoPeak) {
         for (std::size_t k = 0; k < 4; ++k) {
             const std::vector<float> values = report.numbers(series[names[k]]);
             ASSERT_EQ(values.size(), (arePairs ? 2 : 1) * buckets) << names[k];
-            EXPECT_EQ(*std::max_element(values.begin(), values.end()),
-                      static_cast<float>(largest[k]));
-            EXPECT_EQ(*std::min_element(values.begin(), values.end()),
-                      static_cast<float>(least[k]));
+            EXPECT_EQ(*std::max_element(values.begin(), values.end()), static_cast<float>(largest[k]));
+            EXPECT_EQ(*std::min_element(values.begin(), values.end()), static_cast<float>(least[k]));
         }
         const std::vector<float> margin = report.numbers(series["margin"]);
-        EXPECT_EQ(*std::max_element(margin.begin(), margin.end()),
-                  static_cast<float>(largestMargin));
+        EXPECT_EQ(*std::max_element(margin.begin(), margin.end()), static_cast<float>(largestMargin));
         EXPECT_FLOAT_EQ(series["position_upper"], M_PI);
         EXPECT_FLOAT_EQ(series["jerk_lower"], -4 * M_PI);
         EXPECT_TRUE(series["real_q"].is_null());
@@ -145,12 +141,9 @@ TEST(RunReport, TellsThatACaseWasEndedAndWhen) {
     const RunFolder run(kTwoCases);
     const json one = run.report().data["cases"][1];
     EXPECT_NEAR(one["stop"]["time_s"], 0.671, 1e-9);
-    EXPECT_NE(one["stop"]["message"].get<std::string>().find("no admissible choice"),
-              std::string::npos);
-    EXPECT_NE(one["verdict"].get<std::string>().find("limits broken: position"),
-              std::string::npos);
-    EXPECT_NE(one["details"].get<std::string>().find("infeasible 1 (first at 0.670 s)"),
-              std::string::npos);
+    EXPECT_NE(one["stop"]["message"].get<std::string>().find("no admissible choice"), std::string::npos);
+    EXPECT_NE(one["verdict"].get<std::string>().find("limits broken: position"), std::string::npos);
+    EXPECT_NE(one["details"].get<std::string>().find("infeasible 1 (first at 0.670 s)"), std::string::npos);
 }
 
 TEST(RunReport, AHostileTitleStaysText) {
@@ -221,10 +214,10 @@ json reportOf(const std::map<std::string, std::string>& metadata) {
 }
 
 TEST(RunReport, TheRealJointsLimitsAndTheBoundAreShownWhereTheLogHasThem) {
-    const json series = reportOf(
-        {{"real_limits", R"({"position_lower": [-1.5], "position_upper": [1.25], "velocity_lower": ["-.inf"],
+    const json series =
+        reportOf({{"real_limits", R"({"position_lower": [-1.5], "position_upper": [1.25], "velocity_lower": ["-.inf"],
                              "velocity_upper": [".inf"]})"},
-         {"tracking_bound", R"({"position_rad": [0.03], "velocity_radps": [0.4], "measured_rad": [0.04]})"}});
+                  {"tracking_bound", R"({"position_rad": [0.03], "velocity_radps": [0.4], "measured_rad": [0.04]})"}});
     EXPECT_EQ(series["real_position_lower"], -1.5);
     EXPECT_EQ(series["real_position_upper"], 1.25);
     EXPECT_FALSE(series.contains("real_velocity_lower"));  // endless: there is no limit to draw
@@ -329,8 +322,7 @@ TEST(RunReport, ABucketShowsEveryLimitThatActedInIt) {
         const JointIntervention& acted = r.joints[0];
         if (acted.limit == LimitKind::None) continue;
         const int bit = 2 * (static_cast<int>(acted.limit) - 1) + (acted.side == LimitSide::Upper);
-        expected.at(static_cast<std::size_t>(r.time_s / step + 1e-6)) |=
-            static_cast<std::uint16_t>(1u << bit);
+        expected.at(static_cast<std::size_t>(r.time_s / step + 1e-6)) |= static_cast<std::uint16_t>(1u << bit);
     }
     EXPECT_EQ(shown, expected);
     EXPECT_GT(std::count_if(shown.begin(), shown.end(), [](std::uint16_t x) { return x & (x - 1); }), 0)
@@ -340,23 +332,19 @@ TEST(RunReport, ABucketShowsEveryLimitThatActedInIt) {
 TEST(RunReport, SaysWhatIsWrongWithTheFolderOrThePage) {
     const TemporaryFolder folder;
     const auto page = folder.write("page.html", kPage);
-    EXPECT_NE(catchError([&] { writeReport(folder / "absent", page); }).find("no such folder"),
-              std::string::npos);
-    EXPECT_NE(catchError([&] { writeReport(folder.path(), page); }).find("no log (.mcap)"),
-              std::string::npos);
+    EXPECT_NE(catchError([&] { writeReport(folder / "absent", page); }).find("no such folder"), std::string::npos);
+    EXPECT_NE(catchError([&] { writeReport(folder.path(), page); }).find("no log (.mcap)"), std::string::npos);
     folder.write("A.mcap", "this is no log");
-    EXPECT_NE(catchError([&] { writeReport(folder.path(), page); }).find("A.mcap"),
-              std::string::npos);
+    EXPECT_NE(catchError([&] { writeReport(folder.path(), page); }).find("A.mcap"), std::string::npos);
     folder.write("summary.json", "[1, 2");
     EXPECT_NE(catchError([&] { writeReport(folder.path(), page); }).find("this is no summary of a run"),
               std::string::npos);
-    EXPECT_NE(catchError([&] { writeReport(folder.path(), folder / "absent.html"); })
-                  .find("the page of reports is missing"),
-              std::string::npos);
+    EXPECT_NE(
+        catchError([&] { writeReport(folder.path(), folder / "absent.html"); }).find("the page of reports is missing"),
+        std::string::npos);
     const RunFolder run(test::kOneJoint);
     const auto empty = folder.write("empty.html", "<html></html>");
-    EXPECT_NE(catchError([&] { writeReport(run.path(), empty); }).find("has no place for the data"),
-              std::string::npos);
+    EXPECT_NE(catchError([&] { writeReport(run.path(), empty); }).find("has no place for the data"), std::string::npos);
     EXPECT_FALSE(std::filesystem::exists(run.path() / "report.html"));
 }
 
@@ -365,8 +353,7 @@ TEST(RunReport, SummaryOfAnotherShapeIsRefusedNotAMisreading) {
     for (const char* text : {R"({"cases": 3})", R"({"cases": [5]})", R"({"cases": [{"name": 7}]})",
                              R"({"cases": [{"name": "A"}]})", R"({"title": 1, "cases": []})"}) {
         std::ofstream(run.path() / "summary.json") << text;
-        EXPECT_NE(catchError([&] { run.report(); }).find("this is no summary of a run"), std::string::npos)
-            << text;
+        EXPECT_NE(catchError([&] { run.report(); }).find("this is no summary of a run"), std::string::npos) << text;
     }
 }
 

@@ -5,12 +5,13 @@
 #include <random>
 #include <set>
 
-#include "../experiment/CaseSupport.h"
+#include "CaseSupport.h"
+#include "Paths.h"
 #include "ReportSupport.h"
+#include "log/LogWriter.h"
+#include "report/RunReport.h"
+#include "robot/ArmReach.h"
 #include "viable/environment/OccupancyMap.h"
-#include "viable/log/LogWriter.h"
-#include "viable/report/RunReport.h"
-#include "viable/robot/ArmReach.h"
 
 namespace viable {
 namespace {
@@ -25,8 +26,8 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 /** A log of ten rows of an Indy7 among these surroundings; row k has a clearance of k mm, but of row 3 nobody knows it
 and in row 4 nothing is near. */
-void writeLog(const std::filesystem::path& file, const std::string& environment,
-              const std::string& mapSha256 = "", bool looks = true) {
+void writeLog(const std::filesystem::path& file, const std::string& environment, const std::string& mapSha256 = "",
+              bool looks = true) {
     LogOpening opening;
     for (int i = 0; i < 6; ++i) opening.layout.jointNames.push_back("joint" + std::to_string(i));
     opening.layout.hasEnvironment = !environment.empty();
@@ -34,15 +35,14 @@ void writeLog(const std::filesystem::path& file, const std::string& environment,
                         {"links", R"(["foot", "shoulder", "elbow"])"},
                         {"obstacles", R"(["table", "rod"])"}};
     if (!mapSha256.empty()) opening.metadata["map_sha256"] = mapSha256;
-    opening.attachments.push_back({"experiment.yaml", "application/yaml",
-                                   "schema: 1\n" + environment + "cases:\n  A: {}\n"});
+    opening.attachments.push_back(
+        {"experiment.yaml", "application/yaml", "schema: 1\n" + environment + "cases:\n  A: {}\n"});
     LogWriter log(file, opening);
     TickRecord row;
     row.nominal.q = row.nominal.qd = JointVector::Zero(6);
     for (int k = 0; k < 10; ++k) {
         row.time_s = 1e-3 * k;
-        for (int i = 0; i < 6; ++i)
-            row.stops[static_cast<std::size_t>(i)] = {0.1, 0.01 * (k + i), 0.5 * i + k};
+        for (int i = 0; i < 6; ++i) row.stops[static_cast<std::size_t>(i)] = {0.1, 0.01 * (k + i), 0.5 * i + k};
         row.clearance = {};
         row.clearance.isKnown = looks && k != 3;
         if (k != 4) row.clearance.distance = 1e-3 * k;

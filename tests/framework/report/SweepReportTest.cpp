@@ -1,4 +1,4 @@
-#include "viable/report/SweepReport.h"
+#include "report/SweepReport.h"
 
 #include <gtest/gtest.h>
 #include <sqlite3.h>
@@ -6,7 +6,7 @@
 #include <cmath>
 #include <set>
 
-#include "../experiment/CaseSupport.h"
+#include "CaseSupport.h"
 #include "ReportSupport.h"
 
 namespace viable {
@@ -23,8 +23,7 @@ class SmallSweep {
 public:
     SmallSweep() {
         page_ = folder_.write("page.html", kPage);
-        if (sqlite3_open((folder_ / kSweepStore).c_str(), &store_) != SQLITE_OK)
-            throw std::runtime_error("no store");
+        if (sqlite3_open((folder_ / kSweepStore).c_str(), &store_) != SQLITE_OK) throw std::runtime_error("no store");
         run("PRAGMA journal_mode=WAL");
     }
     ~SmallSweep() { sqlite3_close(store_); }
@@ -38,21 +37,25 @@ public:
         throw std::runtime_error(sql + ": " + text);
     }
     void setMeta(const std::string& key, std::string value) const {
-        for (std::size_t at = 0; (at = value.find('\'', at)) != std::string::npos; at += 2)
-            value.insert(at, 1, '\'');
+        for (std::size_t at = 0; (at = value.find('\'', at)) != std::string::npos; at += 2) value.insert(at, 1, '\'');
         run("INSERT OR REPLACE INTO meta VALUES('" + key + "','" + value + "')");
     }
     /** The tables, and what a sweep knows before its first run. */
     void create() const {
         run("CREATE TABLE meta(key TEXT PRIMARY KEY, value TEXT)");
-        const json columns = {
-            {{"name", "draw.real_plant.payload_kg"}, {"kind", "draw"}, {"unit", "kg"},
-             {"label", "payload"}, {"distribution", "uniform from 0 to 1"}},
-            {{"name", "draw.a \"quoted\" key"}, {"kind", "draw"}, {"unit", ""}, {"label", ""},
-             {"distribution", "one of sine, 2"}},
-            {{"name", "bound.share"}, {"kind", "result"}, {"unit", ""}, {"label", "share"}},
-            {{"name", "status"}, {"kind", "status"}, {"unit", ""}, {"label", ""}},
-            {{"name", "replay"}, {"kind", "status"}, {"unit", ""}, {"label", ""}}};
+        const json columns = {{{"name", "draw.real_plant.payload_kg"},
+                               {"kind", "draw"},
+                               {"unit", "kg"},
+                               {"label", "payload"},
+                               {"distribution", "uniform from 0 to 1"}},
+                              {{"name", "draw.a \"quoted\" key"},
+                               {"kind", "draw"},
+                               {"unit", ""},
+                               {"label", ""},
+                               {"distribution", "one of sine, 2"}},
+                              {{"name", "bound.share"}, {"kind", "result"}, {"unit", ""}, {"label", "share"}},
+                              {{"name", "status"}, {"kind", "status"}, {"unit", ""}, {"label", ""}},
+                              {{"name", "replay"}, {"kind", "status"}, {"unit", ""}, {"label", ""}}};
         std::string names;
         for (const json& column : columns) {
             const std::string name = column["name"];
@@ -60,13 +63,18 @@ public:
             for (char c : name) names += c == '"' ? "\"\"" : std::string(1, c);
             names += '"';
         }
-        run("CREATE TABLE runs(run INTEGER, case_name TEXT" + names +
-            ", PRIMARY KEY(run, case_name))");
-        for (const auto& [key, value] : std::map<std::string, std::string>{
-                 {"schema", "1"}, {"title", "it's </script> a sweep"}, {"file", "sweep.yaml"},
-                 {"experiment", "schema: 1\n"}, {"file_hash", "abc"}, {"seed", "42"}, {"runs", "3"},
-                 {"version", "9.9"}, {"cases", R"(["B", "A"])"}, {"joints", R"(["joint0"])"},
-                 {"columns", columns.dump()}})
+        run("CREATE TABLE runs(run INTEGER, case_name TEXT" + names + ", PRIMARY KEY(run, case_name))");
+        for (const auto& [key, value] : std::map<std::string, std::string>{{"schema", "1"},
+                                                                           {"title", "it's </script> a sweep"},
+                                                                           {"file", "sweep.yaml"},
+                                                                           {"experiment", "schema: 1\n"},
+                                                                           {"file_hash", "abc"},
+                                                                           {"seed", "42"},
+                                                                           {"runs", "3"},
+                                                                           {"version", "9.9"},
+                                                                           {"cases", R"(["B", "A"])"},
+                                                                           {"joints", R"(["joint0"])"},
+                                                                           {"columns", columns.dump()}})
             setMeta(key, value);
     }
     void add(const std::string& row) const { run("INSERT INTO runs VALUES(" + row + ")"); }
@@ -110,15 +118,12 @@ TEST(SweepReport, HoldsEveryValueOfTheStoreInFull) {
     EXPECT_EQ(report.data["cases"], json({"B", "A"}));
     EXPECT_EQ(report.data["rows"], 3);
     // Sorted by run and case, whatever the order of writing; cases by their place in the list.
-    EXPECT_EQ(report.array<std::uint32_t>(report.data["run"], "u32"),
-              (std::vector<std::uint32_t>{0, 0, 1}));
-    EXPECT_EQ(report.array<std::uint32_t>(report.data["case"], "u32"),
-              (std::vector<std::uint32_t>{1, 0, 1}));
+    EXPECT_EQ(report.array<std::uint32_t>(report.data["run"], "u32"), (std::vector<std::uint32_t>{0, 0, 1}));
+    EXPECT_EQ(report.array<std::uint32_t>(report.data["case"], "u32"), (std::vector<std::uint32_t>{1, 0, 1}));
     const json& columns = report.data["columns"];
     EXPECT_EQ(columns[0]["unit"], "kg");
     EXPECT_EQ(columns[0]["distribution"], "uniform from 0 to 1");
-    EXPECT_EQ(report.array<double>(columns[0]["numbers"], "f64"),
-              (std::vector<double>{1e-300, 0.2, 0.1}));
+    EXPECT_EQ(report.array<double>(columns[0]["numbers"], "f64"), (std::vector<double>{1e-300, 0.2, 0.1}));
     EXPECT_EQ(readWords(report, columns[1]), (std::vector<std::string>{"ünï", "2.5", "sine"}));
     const auto shares = report.array<double>(columns[2]["numbers"], "f64");
     EXPECT_EQ(shares[0], INFINITY);
@@ -154,8 +159,7 @@ TEST(SweepReport, WhatAKilledSweepLeftIsShown) {
     sweep.add("0, 'A', 0.1, 'x', 0.5, 'ok', 'r'");
     const TemporaryFolder left;  // store and write-ahead log as they lie on the disk, nobody at them
     for (const char* end : {"", "-wal"})
-        std::filesystem::copy(sweep.path() / (std::string(kSweepStore) + end),
-                              left / (std::string(kSweepStore) + end));
+        std::filesystem::copy(sweep.path() / (std::string(kSweepStore) + end), left / (std::string(kSweepStore) + end));
     const auto page = left.write("page.html", kPage);
     EXPECT_EQ(ReadReport(writeSweepReport(left.path(), page)).data["rows"], 1);
 }
@@ -167,10 +171,11 @@ TEST(SweepReport, RefusesWhatIsNoWholeStore) {
         EXPECT_NE(catchError([&] { writeSweepReport(folder.path(), page); }).find("there is no store (sweep.sqlite)"),
                   std::string::npos);
         folder.write(kSweepStore, "this is no database, however long the text may become here");
-        EXPECT_NE(catchError([&] { writeSweepReport(folder.path(), page); }).find("no SQLite file"),
-                  std::string::npos);
+        EXPECT_NE(catchError([&] { writeSweepReport(folder.path(), page); }).find("no SQLite file"), std::string::npos);
         folder.write(kSweepStore, "");
-        EXPECT_NE(catchError([&] { writeSweepReport(folder.path(), page); }).find("half-written or damaged: no such table: meta"),
+        EXPECT_NE(catchError([&] {
+                      writeSweepReport(folder.path(), page);
+                  }).find("half-written or damaged: no such table: meta"),
                   std::string::npos);
         EXPECT_FALSE(std::filesystem::exists(folder / "report.html"));
     }
@@ -195,8 +200,7 @@ TEST(SweepReport, RefusesWhatIsNoWholeStore) {
         sweep.create();
         sweep.add("0, 'A', 0.1, 'x', 0.5, 'ok', 'r'");
         sweep.run(damage.sql);
-        EXPECT_NE(sweep.refusal().find(damage.message), std::string::npos)
-            << damage.sql << ": " << sweep.refusal();
+        EXPECT_NE(sweep.refusal().find(damage.message), std::string::npos) << damage.sql << ": " << sweep.refusal();
         EXPECT_FALSE(std::filesystem::exists(sweep.path() / "report.html")) << damage.sql;
     }
 }

@@ -4,8 +4,8 @@
 
 #include "ReportSupport.h"
 #include "TemporaryFolder.h"
-#include "viable/log/LogWriter.h"
-#include "viable/report/RunReport.h"
+#include "log/LogWriter.h"
+#include "report/RunReport.h"
 
 namespace viable {
 namespace {
@@ -64,21 +64,32 @@ json makeVerification() {
     const json curve = {{"raw_least", {-1, nullptr, 1}}, {"raw_largest", {0, nullptr, 2}},
                         {"mean_least", {-0.5, 0, 1}},    {"mean_largest", {-0.25, 0.5, 1.25}},
                         {"low", {nullptr, -0.5, 0.5}},   {"high", {nullptr, 1, 1e300}}};
-    json joint = {{"name", "joint"},      {"unit", "rad"},    {"trouble", nullptr}, {"noise", 2.1e-7},
-                  {"quantum", nullptr},   {"window_s", 0.012}, {"left_out", 3},
+    json joint = {{"name", "joint"},
+                  {"unit", "rad"},
+                  {"trouble", nullptr},
+                  {"noise", 2.1e-7},
+                  {"quantum", nullptr},
+                  {"window_s", 0.012},
+                  {"left_out", 3},
                   {"limits",
                    {{"position", limit("held", "rad", 0.5, 1e-5)},
                     {"velocity", limit("broken", "rad/s", 2.0, 1e-3)},
                     {"acceleration", limit("no_limit", "rad/s^2", nullptr, nullptr)},
                     {"jerk", limit("cannot_tell", "rad/s^3", 30.0, nullptr)}}},
                   {"curves",
-                   {{"t0", 0.0}, {"step_s", 0.004}, {"n", 3}, {"position", curve}, {"velocity", curve},
-                    {"acceleration", curve}, {"jerk", curve}}}};
-    joint["limits"]["velocity"]["broken"] = {{"side", "upper"}, {"first_s", 0.001}, {"worst_s", 0.003},
-                                             {"excess", 0.5}, {"certain_excess", 0.25}, {"duration_s", 0.002}};
-    return {{"schema", 1},     {"log", "A.mcap"},          {"signal", "real"}, {"confidence", 0.99},
-            {"excess", 0.1},   {"excess_duration_s", 0.05}, {"verdict", "broken"}, {"begin_s", 0},
-            {"end_s", 0.009},  {"samples", 10},            {"joints", {joint}}};
+                   {{"t0", 0.0},
+                    {"step_s", 0.004},
+                    {"n", 3},
+                    {"position", curve},
+                    {"velocity", curve},
+                    {"acceleration", curve},
+                    {"jerk", curve}}}};
+    joint["limits"]["velocity"]["broken"] = {{"side", "upper"}, {"first_s", 0.001},       {"worst_s", 0.003},
+                                             {"excess", 0.5},   {"certain_excess", 0.25}, {"duration_s", 0.002}};
+    return {{"schema", 1},         {"log", "A.mcap"},  {"signal", "real"},
+            {"confidence", 0.99},  {"excess", 0.1},    {"excess_duration_s", 0.05},
+            {"verdict", "broken"}, {"begin_s", 0},     {"end_s", 0.009},
+            {"samples", 10},       {"joints", {joint}}};
 }
 
 TEST(VerificationReport, WhatVerifyFoundIsShownWithTheCaseThatItIsAbout) {
@@ -199,8 +210,8 @@ TEST(VerificationReport, ADamagedOrForeignFileIsLeftOutAndTheNoteSaysWhy) {
         EXPECT_EQ(one["rows"], 10);
         EXPECT_FALSE(one.contains("verification")) << text.substr(0, 200);
         ASSERT_TRUE(one.contains("verification_note")) << why;
-        EXPECT_EQ(one["verification_note"].get<std::string>().rfind("A.verify.json is not shown: " + std::string(why), 0),
-                  0u)
+        EXPECT_EQ(
+            one["verification_note"].get<std::string>().rfind("A.verify.json is not shown: " + std::string(why), 0), 0u)
             << one["verification_note"] << " instead of " << why;
     }
 }

@@ -10,10 +10,10 @@ class ArmGeometryTest : public ::testing::Test {
 protected:
     ArmGeometryTest() {
         makeSimpleArm(folder_);
-        RobotFolder::replace(folder_.urdf, "</robot>",
-                             makeJoint("mount", "fixed", "upper", "plate",
-                                       "xyz='0.1 0 0' rpy='0 0 1.5707963267948966'", "0 0 1") +
-                                 "<link name='plate'/></robot>");
+        RobotFolder::replace(
+            folder_.urdf, "</robot>",
+            makeJoint("mount", "fixed", "upper", "plate", "xyz='0.1 0 0' rpy='0 0 1.5707963267948966'", "0 0 1") +
+                "<link name='plate'/></robot>");
         folder_.limits += "tool_link: fore\n";
         robot_ = folder_.load();
     }
@@ -69,12 +69,9 @@ TEST_F(ArmGeometryTest, CapsulesStandInTheFramesOfTheirCarriers) {
 TEST_F(ArmGeometryTest, PairsAreThoseThatAJointMovesAndThatMayNotTouch) {
     using Pairs = std::vector<std::pair<int, int>>;
     // Neither of one link, nor upper with the plate that is fixed to it.
-    EXPECT_EQ(load(with(all_)).pairs,
-              (Pairs{{0, 1}, {0, 2}, {0, 3}, {0, 4}, {1, 4}, {2, 4}, {3, 4}}));
-    EXPECT_EQ(load(with(all_, "[[upper, base], [fore, plate]]")).pairs,
-              (Pairs{{0, 3}, {0, 4}, {1, 4}, {2, 4}}));
-    EXPECT_TRUE(load("schema: 1\nlinks: {fore: [{from: [0, 0, 0], to: [1, 0, 0], radius: 1}]}\n")
-                    .pairs.empty());
+    EXPECT_EQ(load(with(all_)).pairs, (Pairs{{0, 1}, {0, 2}, {0, 3}, {0, 4}, {1, 4}, {2, 4}, {3, 4}}));
+    EXPECT_EQ(load(with(all_, "[[upper, base], [fore, plate]]")).pairs, (Pairs{{0, 3}, {0, 4}, {1, 4}, {2, 4}}));
+    EXPECT_TRUE(load("schema: 1\nlinks: {fore: [{from: [0, 0, 0], to: [1, 0, 0], radius: 1}]}\n").pairs.empty());
 }
 
 TEST_F(ArmGeometryTest, AMissingFileIsToldWithHowToGetOne) {
@@ -83,8 +80,8 @@ TEST_F(ArmGeometryTest, AMissingFileIsToldWithHowToGetOne) {
         ADD_FAILURE() << "nothing was missed";
     } catch (const Error& error) {
         const std::string what = error.what();
-        for (const char* part : {"the robot has no collision.yaml", "viable new robot NAME --urdf ",
-                                 "arm.urdf", "robots/README.md"})
+        for (const char* part :
+             {"the robot has no collision.yaml", "viable new robot NAME --urdf ", "arm.urdf", "robots/README.md"})
             EXPECT_NE(what.find(part), std::string::npos) << what;
     }
 }

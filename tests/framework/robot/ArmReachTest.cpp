@@ -1,4 +1,4 @@
-#include "viable/robot/ArmReach.h"
+#include "robot/ArmReach.h"
 
 #include <gtest/gtest.h>
 
@@ -10,8 +10,7 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-JointDescription makeJoint(int parent, JointType type, const Eigen::Vector3d& origin,
-                           const Eigen::Vector3d& axis) {
+JointDescription makeJoint(int parent, JointType type, const Eigen::Vector3d& origin, const Eigen::Vector3d& axis) {
     JointDescription joint;
     joint.parent = parent;
     joint.type = type;
@@ -81,12 +80,11 @@ TEST(ArmReach, NoPoseWithinTheLimitsLeavesTheBox) {
         }
     }
     // The first branch: from its joint at (0.1, -0.2, 0.3) two offsets, a travel of up to 0.4 m, the capsule's far end.
-    const double ball = Eigen::Vector3d(0.3, 0.1, 0.2).norm() + 0.4 +
-                        Eigen::Vector3d(0, 0.2, -0.3).norm() +
+    const double ball = Eigen::Vector3d(0.3, 0.1, 0.2).norm() + 0.4 + Eigen::Vector3d(0, 0.2, -0.3).norm() +
                         Eigen::Vector3d(0.2, 0.3, 0.1).norm() + 0.05;
     EXPECT_NEAR(box.max().y(), -0.2 + ball, 1e-12);
     EXPECT_LT(farthest, ball);
-    EXPECT_GT(farthest, 0.4 * ball);  // poses that stretch the arm were among them
+    EXPECT_GT(farthest, 0.4 * ball);                            // poses that segment the arm were among them
     EXPECT_NEAR(box.min().x(), -2.0 - 0.4 - 0.1 - 0.5, 1e-12);  // the cart, its size, its travel
 }
 

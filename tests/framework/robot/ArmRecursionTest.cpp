@@ -1,4 +1,5 @@
-#include "viable/robot/ArmRecursion.h"
+#include "Paths.h"
+#include "robot/ArmRecursion.h"
 
 #include <cmath>
 #include <limits>
@@ -24,8 +25,7 @@ void makeLargestTree(RobotFolder& folder) {
         const std::string child = "l" + std::to_string(i);
         folder.urdf +=
             makeJoint("j" + std::to_string(i), i % 3 == 0 ? "prismatic" : "revolute", parent, child,
-                      "xyz='0.1 0.0" + std::to_string(i) + " 0.05' rpy='0." + std::to_string(i) +
-                          " -0.7 1.1'",
+                      "xyz='0.1 0.0" + std::to_string(i) + " 0.05' rpy='0." + std::to_string(i) + " -0.7 1.1'",
                       i % 4 == 0   ? "0 0 -1"
                       : i % 4 == 1 ? "0 0 1"
                                    : "1 -2 0.5") +
@@ -52,8 +52,7 @@ RobotDescription loadSample(const std::string& name) {
 /** The same arm by Simbody. */
 class ArmRecursionTest : public ::testing::TestWithParam<std::string> {
 protected:
-    ArmRecursionTest()
-        : robot_(loadSample(GetParam())), n_(robot_.size()), model_(robot_), arm_(robot_) {}
+    ArmRecursionTest() : robot_(loadSample(GetParam())), n_(robot_.size()), model_(robot_), arm_(robot_) {}
 
     JointVector draw(double bound) {
         std::uniform_real_distribution<double> uniform(-bound, bound);
@@ -85,9 +84,9 @@ TEST_P(ArmRecursionTest, TorqueIsThatOfSimbody) {
         ASSERT_EQ(tau.size(), n_);
         // Joint by joint: a wrist's torque is not hidden behind a shoulder's.
         for (int i = 0; i < n_; ++i)
-            ASSERT_NEAR(tau[i], inertial[i] + d.b[i],
-                        kRelative * (d.M.row(i).cwiseAbs().dot(qdd.cwiseAbs()) + std::abs(d.b[i]) +
-                                     std::abs(d.gravity[i])))
+            ASSERT_NEAR(
+                tau[i], inertial[i] + d.b[i],
+                kRelative * (d.M.row(i).cwiseAbs().dot(qdd.cwiseAbs()) + std::abs(d.b[i]) + std::abs(d.gravity[i])))
                 << sample << ", joint " << i;
     }
 }
@@ -129,8 +128,7 @@ TEST_P(ArmRecursionTest, FramesCarryTheToolAndItsJacobian) {
         arm_.calcFrames(q, frames_);
         const auto carrier = static_cast<std::size_t>(robot_.toolParent);
         const Eigen::Vector3d tool =
-            frames_.rotation[carrier] * robot_.toolPlacement.translation() +
-            frames_.origin[carrier];
+            frames_.rotation[carrier] * robot_.toolPlacement.translation() + frames_.origin[carrier];
         ASSERT_LT((tool - d.tool.position).norm(), 1e-12);
         const Eigen::Matrix3d turned = frames_.rotation[carrier] * robot_.toolPlacement.linear();
         ASSERT_LT((turned - d.tool.orientation.toRotationMatrix()).norm(), 1e-12);
@@ -165,8 +163,7 @@ TEST_P(ArmRecursionTest, TheTreeIsThatOfTheDescription) {
 }
 
 TEST_P(ArmRecursionTest, Fault49_ATickAllocatesNothing) {
-    if (!testing::AllocationCounter::isAvailable())
-        GTEST_SKIP() << testing::AllocationCounter::whyNot();
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     JointVector q = draw(3.0), qd = draw(3.0), qdd = draw(3.0), tau;
     JointMatrix M;
     testing::AllocationCounter counter;  // from the very first call on
@@ -183,8 +180,7 @@ TEST_P(ArmRecursionTest, WhatIsNoNumberGivesNone) {
     JointVector q = draw(3.0), tau;
     JointMatrix M;
     const JointVector qd = draw(3.0), qdd = draw(3.0);
-    for (const double bad :
-         {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
         JointVector spoilt = qdd;
         spoilt[n_ - 1] = bad;
         arm_.calcTorque(q, qd, spoilt, tau);
@@ -197,9 +193,8 @@ TEST_P(ArmRecursionTest, WhatIsNoNumberGivesNone) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Arms, ArmRecursionTest,
-                         ::testing::Values("indy7", "panda", "ur5e", "planar_two_link",
-                                           "single_joint", "simple", "slanted", "branched",
-                                           "largest"),
+                         ::testing::Values("indy7", "panda", "ur5e", "planar_two_link", "single_joint", "simple",
+                                           "slanted", "branched", "largest"),
                          [](const auto& arm) { return arm.param; });
 
 }  // namespace

@@ -44,10 +44,9 @@ TEST_F(FindRobotTest, AMissTellsWhatThereIs) {
     make("first", "indy7");
     make("second", "panda");
     const std::string fault = findFault("indi7");
-    for (const std::string& part :
-         {std::string("file.yaml:3:8: robot: there is no robot called `indi7`"),
-          std::string("Did you mean `indy7`?"), std::string("There are `indy7`, `panda`"),
-          first_.string(), second_.string(), std::string("absent (no such folder)")})
+    for (const std::string& part : {std::string("file.yaml:3:8: robot: there is no robot called `indi7`"),
+                                    std::string("Did you mean `indy7`?"), std::string("There are `indy7`, `panda`"),
+                                    first_.string(), second_.string(), std::string("absent (no such folder)")})
         EXPECT_NE(fault.find(part), std::string::npos) << part << "\nin: " << fault;
 }
 

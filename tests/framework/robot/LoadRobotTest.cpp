@@ -22,9 +22,7 @@ using ::testing::internal::GetCapturedStderr;
 class LoadRobotTest : public ::testing::Test {
 protected:
     LoadRobotTest() { makeSimpleArm(folder_); }
-    void change(const std::string& from, const std::string& to) {
-        RobotFolder::replace(folder_.urdf, from, to);
-    }
+    void change(const std::string& from, const std::string& to) { RobotFolder::replace(folder_.urdf, from, to); }
     std::string findFault() { return folder_.writeAndFindFault(); }
     std::string findLimitsFault(const std::string& limits) {
         folder_.limits = limits;
@@ -80,15 +78,13 @@ TEST_F(LoadRobotTest, ReadsWhatTheFilesSay) {
 TEST_F(LoadRobotTest, FixedLinksBelongToTheBodyThatCarriesThem) {
     // A dumb-bell: the carrier and a ball half a metre ahead, turned so that its y axis is along z.
     const char* const ball = "ixx='0.01' iyy='0.02' izz='0.025' ixy='0' ixz='0' iyz='0'";
-    folder_.urdf =
-        "<robot name='arm'><link name='base'/>" +
-        makeJoint("spin", "continuous", "base", "bar", "xyz='0 0 0' rpy='0 0 0'", "0 0 2") +
-        makeLink("bar", 1.0, "0 0 0", "0 0 0", ball) +
-        makeJoint("weld", "fixed", "bar", "ball", "xyz='0.5 0 0' rpy='1.5707963267948966 0 0'",
-                  "0 0 1") +
-        makeLink("ball", 3.0, "0 0 0", "0 0 0", ball) +
-        makeJoint("tip", "fixed", "ball", "tcp", "xyz='0 0.1 0' rpy='0 0 0'", "0 0 1") +
-        "<link name='tcp'/></robot>";
+    folder_.urdf = "<robot name='arm'><link name='base'/>" +
+                   makeJoint("spin", "continuous", "base", "bar", "xyz='0 0 0' rpy='0 0 0'", "0 0 2") +
+                   makeLink("bar", 1.0, "0 0 0", "0 0 0", ball) +
+                   makeJoint("weld", "fixed", "bar", "ball", "xyz='0.5 0 0' rpy='1.5707963267948966 0 0'", "0 0 1") +
+                   makeLink("ball", 3.0, "0 0 0", "0 0 0", ball) +
+                   makeJoint("tip", "fixed", "ball", "tcp", "xyz='0 0.1 0' rpy='0 0 0'", "0 0 1") +
+                   "<link name='tcp'/></robot>";
     const RobotDescription robot = folder_.load();
     ASSERT_EQ(robot.size(), 1);
     const BodyInertia& body = robot.joints[0].body;
@@ -138,10 +134,9 @@ TEST_F(LoadRobotTest, LimitsWithoutARangeAreNamed) {
     EXPECT_NO_THROW(folder_.load()) << "limits.yaml replaces them";
     change("lower='2' upper='-2' velocity='3'", "lower='-2' upper='2' velocity='0'");
     EXPECT_PARTS(findFault(), "velocity limits of joint `elbow` are", "velocity_radps");
-    EXPECT_PARTS(
-        findLimitsFault(std::string(kSomeLimits) + "velocity_radps: 1\n"
-                                                   "position_rad: {lower: 1, upper: -1}\n"),
-        "limits.yaml:6:15: position_rad", "are 1 to -1 rad", "must be below the upper");
+    EXPECT_PARTS(findLimitsFault(std::string(kSomeLimits) + "velocity_radps: 1\n"
+                                                            "position_rad: {lower: 1, upper: -1}\n"),
+                 "limits.yaml:6:15: position_rad", "are 1 to -1 rad", "must be below the upper");
 }
 
 TEST_F(LoadRobotTest, BodiesThatCannotExistAreNamed) {
@@ -150,10 +145,8 @@ TEST_F(LoadRobotTest, BodiesThatCannotExistAreNamed) {
     EXPECT_PARTS(findFault(), "arm.urdf:6:1: ", "link `fore`: the mass is -1");
     change("<mass value='-1'/>", "<mass value='0'/>");
     EXPECT_PARTS(findFault(), "link `fore`: there is an inertia without a mass");
-    folder_.urdf = folder_.urdf.substr(0, folder_.urdf.find("<link name='fore'")) +
-                   "<link name='fore'/>\n</robot>";
-    EXPECT_PARTS(findFault(), "arm.urdf:6:1: ", "link `fore`, moved by joint `elbow`, has no mass",
-                 "<inertial>");
+    folder_.urdf = folder_.urdf.substr(0, folder_.urdf.find("<link name='fore'")) + "<link name='fore'/>\n</robot>";
+    EXPECT_PARTS(findFault(), "arm.urdf:6:1: ", "link `fore`, moved by joint `elbow`, has no mass", "<inertial>");
 }
 
 TEST_F(LoadRobotTest, InertiasThatCannotExistAreNamed) {
@@ -164,13 +157,12 @@ TEST_F(LoadRobotTest, InertiasThatCannotExistAreNamed) {
         return findFault();
     };
     EXPECT_PARTS(tryInertia("ixx='1' iyy='1' izz='2.1' ixy='0' ixz='0' iyz='0'"),
-                 "link `fore`: the inertia tensor belongs to no body",
-                 "principal moments are 1, 1 and 2.1", "above the sum of the other two",
-                 "centre of mass");
+                 "link `fore`: the inertia tensor belongs to no body", "principal moments are 1, 1 and 2.1",
+                 "above the sum of the other two", "centre of mass");
     EXPECT_PARTS(tryInertia("ixx='1' iyy='1' izz='1' ixy='1.5' ixz='0' iyz='0'"),
                  "link `fore`: the inertia tensor is not positive definite");
-    EXPECT_PARTS(tryInertia("ixx='1' iyy='1' izz='0' ixy='0' ixz='0' iyz='0'"),
-                 "link `fore`, moved by joint `elbow`", "not positive definite");
+    EXPECT_PARTS(tryInertia("ixx='1' iyy='1' izz='0' ixy='0' ixz='0' iyz='0'"), "link `fore`, moved by joint `elbow`",
+                 "not positive definite");
     EXPECT_PARTS(tryInertia("ixx='nan' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'"), "arm.urdf");
 }
 
@@ -178,11 +170,8 @@ TEST_F(LoadRobotTest, TreesThatAreNoneAreRefused) {
     change("<parent link='upper'/>", "<parent link='ghost'/>");
     EXPECT_PARTS(findFault(), "arm.urdf", "ghost", "not found");
     makeSimpleArm(folder_);
-    change("</robot>",
-           makeJoint("loop", "revolute", "base", "fore", "xyz='0 0 0' rpy='0 0 0'", "0 0 1") +
-               "</robot>");
-    EXPECT_PARTS(findFault(), "link `fore` is the child of two joints, `elbow` and `loop`",
-                 "open the loop");
+    change("</robot>", makeJoint("loop", "revolute", "base", "fore", "xyz='0 0 0' rpy='0 0 0'", "0 0 1") + "</robot>");
+    EXPECT_PARTS(findFault(), "link `fore` is the child of two joints, `elbow` and `loop`", "open the loop");
     folder_.urdf = "<robot name='arm'><link name='base'/></robot>";
     EXPECT_PARTS(findFault(), "has no moving joint");
     makeSimpleArm(folder_);
@@ -209,8 +198,7 @@ TEST_F(LoadRobotTest, OtherFormatsAreToldApart) {
     folder_.urdf =
         "<robot name='arm' xmlns:xacro='http://ros.org/wiki/xacro'>\n"
         "<xacro:include filename='other.xacro'/></robot>";
-    EXPECT_PARTS(findFault(), "arm.urdf:2:1: ", "this is xacro input", "<xacro:include>",
-                 "Run `xacro");
+    EXPECT_PARTS(findFault(), "arm.urdf:2:1: ", "this is xacro input", "<xacro:include>", "Run `xacro");
     makeSimpleArm(folder_);
     change("xyz='0.4 0 0'", "xyz='${length} 0 0'");
     EXPECT_PARTS(findFault(), "arm.urdf:5:", "this is xacro input");
@@ -241,28 +229,22 @@ TEST_F(LoadRobotTest, Fault01_BrokenUrdfIsRefusedQuietly) {
 }
 
 TEST_F(LoadRobotTest, Fault02_UnknownKeysAreRefused) {
-    EXPECT_PARTS(findLimitsFault(std::string(kSomeLimits) + "velocity_radp: 1\n"),
-                 "limits.yaml:5:", "velocity_radp", "Did you mean `velocity_radps`?");
-    EXPECT_PARTS(findLimitsFault(std::string(kSomeLimits) + "velocity_radps: {lowr: 1}\n"),
-                 "limits.yaml:5:", "lower");
+    EXPECT_PARTS(findLimitsFault(std::string(kSomeLimits) + "velocity_radp: 1\n"), "limits.yaml:5:", "velocity_radp",
+                 "Did you mean `velocity_radps`?");
+    EXPECT_PARTS(findLimitsFault(std::string(kSomeLimits) + "velocity_radps: {lowr: 1}\n"), "limits.yaml:5:", "lower");
     EXPECT_PARTS(findLimitsFault("schema: 2\nhome_rad: 0\n"), "limits.yaml:1:9: schema");
     makeSimpleArm(folder_);
-    EXPECT_PARTS(findActuationFault("gear_ratio: 1", "gear_ratio: 1\ngears: 2"),
-                 "actuation.yaml:3:", "gears");
-    EXPECT_PARTS(findActuationFault("coulomb_Nm: 0", "coulomb_Nm: 0, stiction_Nm: 1"),
-                 "friction.stiction_Nm");
+    EXPECT_PARTS(findActuationFault("gear_ratio: 1", "gear_ratio: 1\ngears: 2"), "actuation.yaml:3:", "gears");
+    EXPECT_PARTS(findActuationFault("coulomb_Nm: 0", "coulomb_Nm: 0, stiction_Nm: 1"), "friction.stiction_Nm");
 }
 
 TEST_F(LoadRobotTest, MissingKeysAreNamed) {
-    EXPECT_PARTS(findLimitsFault("schema: 1\nacceleration_radps2: 1\njerk_radps3: 1\n"),
-                 "limits.yaml", "`home_rad` is missing");
-    EXPECT_PARTS(findLimitsFault("schema: 1\nhome_rad: 0\njerk_radps3: 1\n"),
-                 "`acceleration_radps2` is missing");
-    EXPECT_PARTS(findLimitsFault("schema: 1\nhome_rad: 0\nacceleration_radps2: 1\n"),
-                 "`jerk_radps3` is missing");
+    EXPECT_PARTS(findLimitsFault("schema: 1\nacceleration_radps2: 1\njerk_radps3: 1\n"), "limits.yaml",
+                 "`home_rad` is missing");
+    EXPECT_PARTS(findLimitsFault("schema: 1\nhome_rad: 0\njerk_radps3: 1\n"), "`acceleration_radps2` is missing");
+    EXPECT_PARTS(findLimitsFault("schema: 1\nhome_rad: 0\nacceleration_radps2: 1\n"), "`jerk_radps3` is missing");
     makeSimpleArm(folder_);
-    EXPECT_PARTS(findActuationFault("rotor_inertia_kgm2: 0\n", ""),
-                 "`rotor_inertia_kgm2` is missing");
+    EXPECT_PARTS(findActuationFault("rotor_inertia_kgm2: 0\n", ""), "`rotor_inertia_kgm2` is missing");
     EXPECT_PARTS(findActuationFault("torque_limit_Nm: .inf\n", ""), "`torque_limit_Nm` is missing");
 }
 
@@ -271,22 +253,21 @@ TEST_F(LoadRobotTest, Fault05_WrongSizesAreRefused) {
                                  "jerk_radps3: 1\n"),
                  "limits.yaml:2:11: home_rad", "a list of 2");
     makeSimpleArm(folder_);
-    EXPECT_PARTS(findActuationFault("gear_ratio: 1", "gear_ratio: [1, 1, 1]"),
-                 "actuation.yaml:2:13: gear_ratio");
+    EXPECT_PARTS(findActuationFault("gear_ratio: 1", "gear_ratio: [1, 1, 1]"), "actuation.yaml:2:13: gear_ratio");
 }
 
 TEST_F(LoadRobotTest, ValuesOutOfRangeAreRefused) {
     EXPECT_PARTS(findActuationFault("gear_ratio: 1", "gear_ratio: 0"), "gear_ratio", "(0, inf)");
-    EXPECT_PARTS(findActuationFault("rotor_inertia_kgm2: 0", "rotor_inertia_kgm2: -1e-5"),
-                 "rotor_inertia_kgm2", "[0, inf)");
-    EXPECT_PARTS(findActuationFault("torque_limit_Nm: .inf", "torque_limit_Nm: [10, 0]"),
-                 "torque_limit_Nm[1]", "(0, inf) or .inf");
+    EXPECT_PARTS(findActuationFault("rotor_inertia_kgm2: 0", "rotor_inertia_kgm2: -1e-5"), "rotor_inertia_kgm2",
+                 "[0, inf)");
+    EXPECT_PARTS(findActuationFault("torque_limit_Nm: .inf", "torque_limit_Nm: [10, 0]"), "torque_limit_Nm[1]",
+                 "(0, inf) or .inf");
     EXPECT_PARTS(findActuationFault("coulomb_Nm: 0", "coulomb_Nm: -1"), "friction.coulomb_Nm");
     EXPECT_PARTS(findActuationFault("viscous_Nm: 0", "viscous_Nm: .inf"), "friction.viscous_Nm");
-    EXPECT_PARTS(findActuationFault("velocity_radps: 1", "velocity_radps: 0"),
-                 "friction.viscous_velocity_radps", "(0, inf)");
-    EXPECT_PARTS(findLimitsFault(std::string(kSomeLimits) + "velocity_radps: -1\n"),
-                 "limits.yaml:5:17: velocity_radps", "(0, inf) or .inf");
+    EXPECT_PARTS(findActuationFault("velocity_radps: 1", "velocity_radps: 0"), "friction.viscous_velocity_radps",
+                 "(0, inf)");
+    EXPECT_PARTS(findLimitsFault(std::string(kSomeLimits) + "velocity_radps: -1\n"), "limits.yaml:5:17: velocity_radps",
+                 "(0, inf) or .inf");
     EXPECT_PARTS(findLimitsFault("schema: 1\nhome_rad: [0, 2.5]\nacceleration_radps2: 1\n"
                                  "jerk_radps3: 1\n"),
                  "limits.yaml:2:11: home_rad", "joint `elbow` is 2.5 rad", "[-2, 2] rad");
@@ -294,12 +275,11 @@ TEST_F(LoadRobotTest, ValuesOutOfRangeAreRefused) {
 
 TEST_F(LoadRobotTest, TheToolMustBeClear) {
     makeBranchedArm(folder_);
-    EXPECT_PARTS(findLimitsFault(kSomeLimits), "`tool_link` is missing",
-                 "several links: `l2`, `r1`", "`tool_link: l2`");
-    EXPECT_PARTS(findLimitsFault(std::string(kSomeLimits) + "tool_link: truk\n"),
-                 "limits.yaml:5:12: tool_link", "no link `truk`", "Did you mean `trunk`?");
-    EXPECT_PARTS(findLimitsFault(std::string(kSomeLimits) + "tool_link: base\n"),
-                 "`base` is fixed to the base");
+    EXPECT_PARTS(findLimitsFault(kSomeLimits), "`tool_link` is missing", "several links: `l2`, `r1`",
+                 "`tool_link: l2`");
+    EXPECT_PARTS(findLimitsFault(std::string(kSomeLimits) + "tool_link: truk\n"), "limits.yaml:5:12: tool_link",
+                 "no link `truk`", "Did you mean `trunk`?");
+    EXPECT_PARTS(findLimitsFault(std::string(kSomeLimits) + "tool_link: base\n"), "`base` is fixed to the base");
     folder_.limits = std::string(kSomeLimits) + "tool_link: trunk\n";
     EXPECT_EQ(folder_.load().toolParent, 0) << "any moving link will do";
 }
@@ -314,8 +294,7 @@ TEST_F(LoadRobotTest, Fault11_MissingFilesAreNamed) {
                      "NAME.urdf, limits.yaml and actuation.yaml");
     }
     folder_.put("robot.urdf", folder_.urdf);
-    EXPECT_PARTS(folder_.findFault(), "the file arm.urdf is missing", "There is robot.urdf",
-                 "the folder's name");
+    EXPECT_PARTS(folder_.findFault(), "the file arm.urdf is missing", "There is robot.urdf", "the folder's name");
     fs::rename(path / "robot.urdf", path / "arm.urdf.xacro");
     EXPECT_PARTS(folder_.findFault(), "arm.urdf is missing", "`xacro arm.urdf.xacro > arm.urdf`");
     fs::remove_all(path);
@@ -365,11 +344,9 @@ TEST_F(LoadRobotTest, Fault21_ArmsThatAreNearlySingularAreRefused) {
         std::snprintf(mass, sizeof mass, "%.3e", scale);
         std::snprintf(moment, sizeof moment, "%.3e", scale * 1e-3);
         const std::string m = moment;
-        change("</robot>", makeJoint("wrist", "revolute", "fore", "hand",
-                                     "xyz='0.3 0 0' rpy='0 0 0'", "1 0 0") +
-                               "<link name='hand'><inertial><mass value='" + mass +
-                               "'/><inertia ixx='" + m + "' iyy='" + m + "' izz='" + m +
-                               "' ixy='0' ixz='0' iyz='0'/></inertial></link></robot>");
+        change("</robot>", makeJoint("wrist", "revolute", "fore", "hand", "xyz='0.3 0 0' rpy='0 0 0'", "1 0 0") +
+                               "<link name='hand'><inertial><mass value='" + mass + "'/><inertia ixx='" + m +
+                               "' iyy='" + m + "' izz='" + m + "' ixy='0' ixz='0' iyz='0'/></inertial></link></robot>");
         folder_.write();
     };
     tryLightHand(1e-9);

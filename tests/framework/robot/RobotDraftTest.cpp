@@ -1,4 +1,5 @@
-#include "viable/robot/RobotDraft.h"
+#include "Paths.h"
+#include "robot/RobotDraft.h"
 
 #include <cmath>
 #include <limits>
@@ -23,9 +24,9 @@ protected:
     RobotDraft read() const {
         const std::filesystem::path file = folder_.path() / "arm.urdf";
         std::ofstream(file) << "<robot name='arm'>\n<link name='base'/>\n<joint name='j' " << joint_
-                            << "><parent link='base'/><child link='l'/><axis xyz='0 0 1'/><limit "
-                            << limit_ << "/></joint>\n<link name='l'><inertial><origin xyz='"
-                            << com_ << "'/><mass value='" << mass_ << "'/><inertia " << inertia_
+                            << "><parent link='base'/><child link='l'/><axis xyz='0 0 1'/><limit " << limit_
+                            << "/></joint>\n<link name='l'><inertial><origin xyz='" << com_ << "'/><mass value='"
+                            << mass_ << "'/><inertia " << inertia_
                             << "/></inertial><visual><origin xyz='0.2 0 0' rpy='0 1.57 0'/>"
                             << "<geometry>" << visual_ << "</geometry></visual></link>\n"
                             << more_ << "</robot>\n";
@@ -43,9 +44,7 @@ protected:
         for (const std::string& part : parts)
             EXPECT_NE(text.find(part), std::string::npos) << "no: " << part << "\nin: " << text;
     }
-    void expectLink(const std::vector<std::string>& parts) const {
-        expectWarning("4:1: link `l`: ", parts);
-    }
+    void expectLink(const std::vector<std::string>& parts) const { expectWarning("4:1: link `l`: ", parts); }
 
     TemporaryFolder folder_;
 };
@@ -114,8 +113,7 @@ TEST_F(RobotDraftTest, LimitsThatCannotBeMeantAreLeftBlank) {
 
 TEST_F(RobotDraftTest, InertiasOfAnotherUnitAreTold) {
     inertia_ = "ixx='3000' iyy='20000' izz='20000' ixy='0' ixz='0' iyz='0'";  // kg mm^2
-    expectLink({"its inertia is too large for its mass of 2 kg", "radius of gyration is 100 m",
-                "is it in kg mm^2"});
+    expectLink({"its inertia is too large for its mass of 2 kg", "radius of gyration is 100 m", "is it in kg mm^2"});
     inertia_ = "ixx='3' iyy='20' izz='20' ixy='0' ixz='0' iyz='0'";  // g m^2
     expectLink({"its inertia is too large", "radius of gyration is 3.16 m"});
     inertia_ = "ixx='3e-6' iyy='2e-5' izz='2e-5' ixy='0' ixz='0' iyz='0'";  // t m^2
@@ -133,9 +131,7 @@ TEST_F(RobotDraftTest, MassesInGramsAndCentresInMillimetresAreTold) {
     com_ = "200 0 0";
     const RobotDraft draft = read();
     ASSERT_FALSE(draft.warnings.empty());
-    EXPECT_NE(
-        draft.warnings[0].find("link `l`: its centre of mass is 200 m from the link's origin"),
-        std::string::npos)
+    EXPECT_NE(draft.warnings[0].find("link `l`: its centre of mass is 200 m from the link's origin"), std::string::npos)
         << draft.warnings[0];
 }
 
@@ -167,8 +163,7 @@ TEST_F(RobotDraftTest, MeshesAreNamedOnce) {
 double calcDistance(const Eigen::Vector3d& p, const DraftCapsule& c) {
     const Eigen::Vector3d along = c.to - c.from;
     const double length2 = along.squaredNorm();
-    const double t =
-        length2 == 0.0 ? 0.0 : std::clamp((p - c.from).dot(along) / length2, 0.0, 1.0);
+    const double t = length2 == 0.0 ? 0.0 : std::clamp((p - c.from).dot(along) / length2, 0.0, 1.0);
     return (p - c.from - t * along).norm() - c.radius;
 }
 
@@ -182,61 +177,61 @@ protected:
     std::string collision_ = "<box size='0.3 0.2 0.1'/>";
 
     DraftCapsule draft() {
-        visual_ = "<sphere radius='9'/></geometry></visual><collision><origin xyz='0.1 -0.2 0.3' "
-                  "rpy='0.4 -0.5 0.6'/><geometry>" +
-                  collision_ + "</geometry></collision><visual><geometry><sphere radius='9'/>";
+        visual_ =
+            "<sphere radius='9'/></geometry></visual><collision><origin xyz='0.1 -0.2 0.3' "
+            "rpy='0.4 -0.5 0.6'/><geometry>" +
+            collision_ + "</geometry></collision><visual><geometry><sphere radius='9'/>";
         for (const DraftLink& link : read().links)
             if (link.name == "l" && link.capsules.size() == 1) return link.capsules[0];
         throw std::runtime_error("not one capsule");
     }
     /** Where the collision element is. */
     Eigen::Isometry3d pose() const {
-        return Eigen::Translation3d(0.1, -0.2, 0.3) *
-               Eigen::AngleAxisd(0.6, Eigen::Vector3d::UnitZ()) *
-               Eigen::AngleAxisd(-0.5, Eigen::Vector3d::UnitY()) *
-               Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitX());
+        return Eigen::Translation3d(0.1, -0.2, 0.3) * Eigen::AngleAxisd(0.6, Eigen::Vector3d::UnitZ()) *
+               Eigen::AngleAxisd(-0.5, Eigen::Vector3d::UnitY()) * Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitX());
     }
     /** `draw` gives points of the shape, in its own frame: all must be inside, and some at the surface. */
     template <class Draw>
     void expectContains(const DraftCapsule& capsule, const Draw& draw, double slack) {
         double farthest = -1.0;
-        for (int i = 0; i < 20000; ++i)
-            farthest = std::max(farthest, calcDistance(pose() * draw(), capsule));
+        for (int i = 0; i < 20000; ++i) farthest = std::max(farthest, calcDistance(pose() * draw(), capsule));
         EXPECT_LE(farthest, 0.0);
         EXPECT_GT(farthest, -slack) << "larger than it need be";
     }
-    double between(double lower, double upper) {
-        return std::uniform_real_distribution<>(lower, upper)(random_);
-    }
+    double between(double lower, double upper) { return std::uniform_real_distribution<>(lower, upper)(random_); }
     std::mt19937_64 random_{1};
 };
 
 TEST_F(CapsuleTest, ABoxIsInside) {
     for (const Eigen::Vector3d& size : {Eigen::Vector3d(0.3, 0.2, 0.1), {0.05, 0.05, 1.0}, {1, 1, 1}}) {
-        collision_ = "<box size='" + std::to_string(size.x()) + " " + std::to_string(size.y()) +
-                     " " + std::to_string(size.z()) + "'/>";
+        collision_ = "<box size='" + std::to_string(size.x()) + " " + std::to_string(size.y()) + " " +
+                     std::to_string(size.z()) + "'/>";
         const DraftCapsule capsule = draft();
-        expectContains(capsule, [&] {
-            Eigen::Vector3d corner;
-            for (int k = 0; k < 3; ++k) corner[k] = 0.5 * size[k] * (between(0, 1) < 0.5 ? -1 : 1);
-            return corner;
-        }, 1e-3);
+        expectContains(
+            capsule,
+            [&] {
+                Eigen::Vector3d corner;
+                for (int k = 0; k < 3; ++k) corner[k] = 0.5 * size[k] * (between(0, 1) < 0.5 ? -1 : 1);
+                return corner;
+            },
+            1e-3);
         // No larger than the ball around the box.
         EXPECT_LE(calcVolume(capsule), EIGEN_PI / 6 * std::pow(size.norm() + 1e-3, 3));
     }
 }
 
 TEST_F(CapsuleTest, ACylinderIsInside) {
-    for (const auto& [radius, length] :
-         {std::pair(0.06, 0.4), std::pair(0.2, 0.02), std::pair(0.001, 0.5)}) {
-        collision_ = "<cylinder radius='" + std::to_string(radius) + "' length='" +
-                     std::to_string(length) + "'/>";
+    for (const auto& [radius, length] : {std::pair(0.06, 0.4), std::pair(0.2, 0.02), std::pair(0.001, 0.5)}) {
+        collision_ = "<cylinder radius='" + std::to_string(radius) + "' length='" + std::to_string(length) + "'/>";
         const DraftCapsule capsule = draft();
-        expectContains(capsule, [&, r = radius, l = length] {
-            const double angle = between(-4, 4);
-            return Eigen::Vector3d(r * std::cos(angle), r * std::sin(angle),
-                                   between(0, 1) < 0.5 ? -0.5 * l : 0.5 * l);
-        }, 0.01 * radius + 1e-3);
+        expectContains(
+            capsule,
+            [&, r = radius, l = length] {
+                const double angle = between(-4, 4);
+                return Eigen::Vector3d(r * std::cos(angle), r * std::sin(angle),
+                                       between(0, 1) < 0.5 ? -0.5 * l : 0.5 * l);
+            },
+            0.01 * radius + 1e-3);
     }
     collision_ = "<cylinder radius='0.06' length='0.4'/>";  // a long one's capsule lies along it
     const DraftCapsule capsule = draft();
@@ -267,16 +262,18 @@ TEST_F(CapsuleTest, AMeshIsInside) {
             text += "\n";
         }
         for (int i = 0; i < 300; i += 3)
-            text += "f " + std::to_string(i + 1) + " " + std::to_string(i + 2) + " " +
-                    std::to_string(i + 3) + "\n";
+            text += "f " + std::to_string(i + 1) + " " + std::to_string(i + 2) + " " + std::to_string(i + 3) + "\n";
         std::ofstream(folder_.path() / "link.obj") << text;
         collision_ = "<mesh filename='package://arm_description/link.obj' scale='1 2 1'/>";
         std::size_t next = 0;
-        expectContains(draft(), [&] {
-            const Eigen::Vector3d& a = points[next++ % points.size()];
-            // Six decimals were written.
-            return Eigen::Vector3d(a.cwiseProduct(Eigen::Vector3d(1, 2, 1)) * (1.0 - 1e-5));
-        }, 2e-3);
+        expectContains(
+            draft(),
+            [&] {
+                const Eigen::Vector3d& a = points[next++ % points.size()];
+                // Six decimals were written.
+                return Eigen::Vector3d(a.cwiseProduct(Eigen::Vector3d(1, 2, 1)) * (1.0 - 1e-5));
+            },
+            2e-3);
     }
 }
 
@@ -285,9 +282,12 @@ TEST_F(CapsuleTest, AColladaFilesOwnAxesCount) {
     for (const char* up : {"X_UP", "Y_UP", "Z_UP"}) {
         std::ofstream(folder_.path() / "rod.dae")
             << "<?xml version='1.0'?><COLLADA xmlns='http://www.collada.org/2005/11/COLLADASchema' version='1.4.1'>"
-               "<asset><unit name='meter' meter='1'/><up_axis>" << up << "</up_axis></asset>"
+               "<asset><unit name='meter' meter='1'/><up_axis>"
+            << up
+            << "</up_axis></asset>"
                "<library_geometries><geometry id='g'><mesh><source id='p'><float_array id='a' count='12'>"
-               "0 0 0 0.01 0 0 0 0.01 0 0 0 1</float_array><technique_common><accessor source='#a' count='4' stride='3'>"
+               "0 0 0 0.01 0 0 0 0.01 0 0 0 1</float_array><technique_common><accessor source='#a' count='4' "
+               "stride='3'>"
                "<param name='X' type='float'/><param name='Y' type='float'/><param name='Z' type='float'/></accessor>"
                "</technique_common></source><vertices id='v'><input semantic='POSITION' source='#p'/></vertices>"
                "<triangles count='4'><input semantic='VERTEX' source='#v' offset='0'/>"
@@ -305,8 +305,7 @@ TEST_F(CapsuleTest, AMeshThatIsNotThereIsTold) {
     EXPECT_THROW(draft(), std::runtime_error);
     const RobotDraft lost = read();
     ASSERT_EQ(lost.links.size(), 2u);
-    EXPECT_EQ(lost.links[1].lostMeshes,
-              std::vector<std::string>{"package://arm_description/gone.stl"});
+    EXPECT_EQ(lost.links[1].lostMeshes, std::vector<std::string>{"package://arm_description/gone.stl"});
     EXPECT_TRUE(lost.links[1].capsules.empty());
 }
 
@@ -342,17 +341,14 @@ TEST(DraftContacts, AreNeighboursAndWhatIsNearInNearlyAllPoses) {
                makeJoint("j2", "revolute", "fore", "wrist", "xyz='0 0 0.05'", "0 1 0") +
                link("wrist", "<sphere radius='0.02'/>") +
                makeJoint("j3", "revolute", "wrist", "hand", "xyz='0 0 0.05'", "1 0 0") +
-               link("hand", "<sphere radius='0.1'/>") +
-               makeJoint("f", "fixed", "hand", "tip", "xyz='0 0 1'", "0 0 1") +
+               link("hand", "<sphere radius='0.1'/>") + makeJoint("f", "fixed", "hand", "tip", "xyz='0 0 1'", "0 0 1") +
                "<link name='tip'/></robot>";
     const RobotDraft draft = readRobotDraft(folder.path() / "arm.urdf");
     std::vector<std::string> found;
-    for (const DraftContact& c : draft.contacts)
-        found.push_back(c.first + " " + c.second + ": " + c.reason);
-    EXPECT_EQ(found, (std::vector<std::string>{
-                         "base fore: next to each other", "fore wrist: next to each other",
-                         "wrist hand: next to each other",
-                         "fore hand: nearer than 2 cm in 100.0 % of 1000 random poses"}));
+    for (const DraftContact& c : draft.contacts) found.push_back(c.first + " " + c.second + ": " + c.reason);
+    EXPECT_EQ(found, (std::vector<std::string>{"base fore: next to each other", "fore wrist: next to each other",
+                                               "wrist hand: next to each other",
+                                               "fore hand: nearer than 2 cm in 100.0 % of 1000 random poses"}));
     ASSERT_EQ(draft.links.size(), 5u);
     EXPECT_TRUE(draft.links.back().capsules.empty());
     EXPECT_TRUE(draft.links.back().lostMeshes.empty());

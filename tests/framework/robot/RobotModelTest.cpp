@@ -1,3 +1,4 @@
+#include "Paths.h"
 #include "viable/robot/RobotModel.h"
 
 #include <Eigen/Cholesky>
@@ -6,21 +7,19 @@
 #include <limits>
 #include <random>
 
-#include "viable/testing/AllocationCounter.h"
 #include "RobotFolder.h"
+#include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {
 
 RobotDescription loadSample(const std::string& name) {
-    if (name == "indy7" || name == "single_joint")
-        return loadRobot(VIABLE_SOURCE_DIR "/robots/" + name);
+    if (name == "indy7" || name == "single_joint") return loadRobot(VIABLE_SOURCE_DIR "/robots/" + name);
     RobotFolder folder;
     if (name == "simple") makeSimpleArm(folder);
     if (name == "slanted") makeSlantedArm(folder);
     if (name == "branched") makeBranchedArm(folder);
-    folder.actuation.replace(folder.actuation.find("rotor_inertia_kgm2: 0"), 21,
-                             "rotor_inertia_kgm2: 0.05");
+    folder.actuation.replace(folder.actuation.find("rotor_inertia_kgm2: 0"), 21, "rotor_inertia_kgm2: 0.05");
     return folder.load();
 }
 
@@ -93,14 +92,12 @@ TEST_P(RobotModelTest, VelocityTorqueIsMadeOfTheDerivativesOfM) {
     for (int sample = 0; sample < 20; ++sample) {
         const JointVector q = draw(3.0), qd = draw(3.0);
         std::vector<JointMatrix> slope(n_);
-        for (int k = 0; k < n_; ++k)
-            slope[k] = (calc(shift(q, k, h), qd).M - calc(shift(q, k, -h), qd).M) / (2.0 * h);
+        for (int k = 0; k < n_; ++k) slope[k] = (calc(shift(q, k, h), qd).M - calc(shift(q, k, -h), qd).M) / (2.0 * h);
         const Dynamics d = calc(q, qd);
         for (int i = 0; i < n_; ++i) {
             double christoffel = 0.0;
             for (int j = 0; j < n_; ++j)
-                for (int k = 0; k < n_; ++k)
-                    christoffel += (slope[k](i, j) - 0.5 * slope[i](j, k)) * qd[j] * qd[k];
+                for (int k = 0; k < n_; ++k) christoffel += (slope[k](i, j) - 0.5 * slope[i](j, k)) * qd[j] * qd[k];
             ASSERT_NEAR(d.b[i] - d.gravity[i], christoffel, 1e-7) << i;
         }
     }
@@ -113,9 +110,8 @@ TEST_P(RobotModelTest, GravityIsTheSlopeOfThePotential) {
         const JointVector q = draw(3.0);
         const Dynamics d = calc(q, draw(3.0));
         for (int i = 0; i < n_; ++i) {
-            const double slope = (model_.calcEnergy(shift(q, i, h), rest) -
-                                  model_.calcEnergy(shift(q, i, -h), rest)) /
-                                 (2.0 * h);
+            const double slope =
+                (model_.calcEnergy(shift(q, i, h), rest) - model_.calcEnergy(shift(q, i, -h), rest)) / (2.0 * h);
             ASSERT_NEAR(d.gravity[i], slope, 1e-7) << i;
         }
     }
@@ -245,8 +241,7 @@ TEST_P(RobotModelTest, Fault49_ATickAllocatesNothing) {
 }
 
 TEST_P(RobotModelTest, NumbersThatAreNotFiniteComeBackAsSuchWithoutAnException) {
-    for (const double bad :
-         {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
         for (int joint = 0; joint < n_; ++joint) {
             const JointVector zero = JointVector::Zero(n_);
             JointVector wrong = zero;
@@ -262,13 +257,11 @@ TEST_P(RobotModelTest, NumbersThatAreNotFiniteComeBackAsSuchWithoutAnException) 
         }
     }
     Dynamics d;
-    EXPECT_NO_THROW(model_.calcDynamics(JointVector::Constant(n_, 1e300),
-                                        JointVector::Constant(n_, -1e300), d));
+    EXPECT_NO_THROW(model_.calcDynamics(JointVector::Constant(n_, 1e300), JointVector::Constant(n_, -1e300), d));
 }
 
 INSTANTIATE_TEST_SUITE_P(Arms, RobotModelTest,
-                         ::testing::Values("indy7", "single_joint", "simple", "slanted",
-                                           "branched"),
+                         ::testing::Values("indy7", "single_joint", "simple", "slanted", "branched"),
                          [](const auto& arm) { return arm.param; });
 
 TEST(RobotModel, CartWithPendulumAsInTheTextbook) {
@@ -279,8 +272,7 @@ TEST(RobotModel, CartWithPendulumAsInTheTextbook) {
         makeJoint("rail", "prismatic", "base", "cart", "xyz='0 0 0' rpy='0 0 0'", "1 0 0") +
         makeLink("cart", cart, "0 0 0", "0 0 0", kSomeInertia) +
         makeJoint("pivot", "revolute", "cart", "bob", "xyz='0 0 0' rpy='0 0 0'", "0 1 0") +
-        makeLink("bob", bob, "0 0 -0.4", "0 0 0",
-                 "ixx='0.01' iyy='0.01' izz='0.01' ixy='0' ixz='0' iyz='0'") +
+        makeLink("bob", bob, "0 0 -0.4", "0 0 0", "ixx='0.01' iyy='0.01' izz='0.01' ixy='0' ixz='0' iyz='0'") +
         "</robot>";
     folder.limits = kSomeLimits;
     RobotModel model(folder.load());

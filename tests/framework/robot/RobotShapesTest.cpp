@@ -1,4 +1,4 @@
-#include "viable/robot/RobotShapes.h"
+#include "robot/RobotShapes.h"
 
 #include "RobotFolder.h"
 
@@ -10,8 +10,7 @@ struct ShapedArm {
     explicit ShapedArm(const std::string& geometry) {
         makeSimpleArm(folder);
         RobotFolder::replace(folder.urdf, "<link name='upper'>",
-                             "<link name='upper'><visual><origin xyz='0.1 0.2 0.3' rpy='0 0 0'/><geometry>" +
-                                 geometry +
+                             "<link name='upper'><visual><origin xyz='0.1 0.2 0.3' rpy='0 0 0'/><geometry>" + geometry +
                                  "</geometry><material name='red'><color rgba='1 0 0 0.5'/></material></visual>");
     }
     std::vector<LinkShapes> load() const { return loadShapes(folder.load()); }

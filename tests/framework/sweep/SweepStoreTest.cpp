@@ -1,4 +1,4 @@
-#include "viable/sweep/SweepStore.h"
+#include "sweep/SweepStore.h"
 
 #include <gtest/gtest.h>
 #include <sqlite3.h>
@@ -29,23 +29,20 @@ SweepPlan makePlan() {
     plan.runs = 10;
     plan.cases = {"B", "A"};  // in this order, not by name
     plan.joints = {"joint0"};
-    plan.columns = {{Kind::Status, "status", "", "How", ""},
-                    {Kind::Status, "exit_code", "", "Code", ""},
-                    {Kind::Status, "message", "", "What", ""},
-                    {Kind::Status, "replay", "", "Again", ""},
-                    {Kind::Status, "wall_s", "s", "Time", ""},
-                    {Kind::Draw, "draw.a.mass_kg", "kg", "a.mass_kg", "uniform(0, 1)"},
-                    {Kind::Result, "worst", "", "Worst", ""},
-                    {Kind::Result, "ticks", "", "Ticks", ""}};
+    plan.columns = {
+        {Kind::Status, "status", "", "How", ""},   {Kind::Status, "exit_code", "", "Code", ""},
+        {Kind::Status, "message", "", "What", ""}, {Kind::Status, "replay", "", "Again", ""},
+        {Kind::Status, "wall_s", "s", "Time", ""}, {Kind::Draw, "draw.a.mass_kg", "kg", "a.mass_kg", "uniform(0, 1)"},
+        {Kind::Result, "worst", "", "Worst", ""},  {Kind::Result, "ticks", "", "Ticks", ""}};
     return plan;
 }
 
-SweepRow makeRow(std::int64_t run, const std::string& name, double worst = 0.1,
-                 const std::string& status = "ok", std::int64_t code = 0) {
+SweepRow makeRow(std::int64_t run, const std::string& name, double worst = 0.1, const std::string& status = "ok",
+                 std::int64_t code = 0) {
     return {run,
             name,
-            {status, code, std::string("it said \"no\",\nand left"), std::string("viable run x"),
-             0.25, 1.0 / 3.0, worst, std::int64_t{5}}};
+            {status, code, std::string("it said \"no\",\nand left"), std::string("viable run x"), 0.25, 1.0 / 3.0,
+             worst, std::int64_t{5}}};
 }
 
 std::string readFile(const std::filesystem::path& file) {
@@ -58,8 +55,7 @@ std::string readFile(const std::filesystem::path& file) {
 void execute(const std::filesystem::path& file, const std::string& sql) {
     sqlite3* base = nullptr;
     ASSERT_EQ(sqlite3_open(file.c_str(), &base), SQLITE_OK);
-    EXPECT_EQ(sqlite3_exec(base, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK)
-        << sqlite3_errmsg(base);
+    EXPECT_EQ(sqlite3_exec(base, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(base);
     sqlite3_close(base);
 }
 
@@ -126,8 +122,7 @@ TEST(SweepStore, TakesMoreRunsButNoOtherSweep) {
     plan.runs = 20;
     EXPECT_EQ(complain(), "");
     plan.runs = 5;
-    EXPECT_NE(complain().find("begun with 20 runs, and 5 are asked for now. --runs 20 goes on"),
-              std::string::npos)
+    EXPECT_NE(complain().find("begun with 20 runs, and 5 are asked for now. --runs 20 goes on"), std::string::npos)
         << complain();
     EXPECT_EQ(SweepStore(folder / "s").plan().runs, 20);
     plan.fileHash = "abd";
@@ -146,12 +141,10 @@ TEST(SweepStore, TakesMoreRunsButNoOtherSweep) {
 
 TEST(SweepStore, RefusesFoldersThatHoldSomethingElse) {
     const Folder folder;
-    EXPECT_NE(findComplaint([&] { SweepStore(folder / "none"); }).find("there is no sweep.sqlite"),
-              std::string::npos);
+    EXPECT_NE(findComplaint([&] { SweepStore(folder / "none"); }).find("there is no sweep.sqlite"), std::string::npos);
     std::filesystem::create_directory(folder / "a");
     folder.write("a/x", "");
-    EXPECT_NE(findComplaint([&] { SweepStore(folder / "a", makePlan()); }).find("no sweep"),
-              std::string::npos);
+    EXPECT_NE(findComplaint([&] { SweepStore(folder / "a", makePlan()); }).find("no sweep"), std::string::npos);
     std::filesystem::create_directory(folder / "b");
     const std::string words = "this is text, and long enough to look like a file's header";
     folder.write("b/sweep.sqlite", words);
@@ -182,9 +175,7 @@ TEST(SweepStore, BearsATableEditedElsewhere) {
     {
         SweepStore store(folder / "s", makePlan());
         store.add({makeRow(2, "A"), makeRow(2, "B")});
-        store.forEach([&](const SweepRow& row) {
-            EXPECT_EQ(row.values, makeRow(row.run, row.caseName).values);
-        });
+        store.forEach([&](const SweepRow& row) { EXPECT_EQ(row.values, makeRow(row.run, row.caseName).values); });
     }
     execute(file, "ALTER TABLE runs DROP COLUMN worst");
     for (const bool writes : {false, true}) {
@@ -218,18 +209,20 @@ TEST(SweepStore, ARunWithoutAllItsCasesIsDoneAgain) {
 TEST(SweepStore, LostRunsCanBeRemoved) {
     const Folder folder;
     SweepStore store(folder / "s", makePlan());
-    const char* const ends[] = {"ok", "crashed", "timed_out", "failed", "tripped", "promise_broken"};
-    for (int run = 0; run < 6; ++run)
-        store.add({makeRow(run, "A"), makeRow(run, "B", 0.1, ends[run], run)});
+    const char* const ends[] = {"ok", "crashed", "timed_out", "failed", "tripped", "guarantee_broken"};
+    for (int run = 0; run < 6; ++run) store.add({makeRow(run, "A"), makeRow(run, "B", 0.1, ends[run], run)});
     EXPECT_EQ(store.removeLost(), 2);
     EXPECT_EQ(store.findRuns(), (std::vector<std::int64_t>{0, 3, 4, 5}));
 }
 
 TEST(SweepColumns, ThatDifferInCaseOnlyAreRefused) {
-    const std::string told = findComplaint(
-        [] { makeSweepColumns({{"cases.A.gain", "uniform(0, 1)"}, {"cases.a.gain", "uniform(0, 1)"}}, {}); });
+    const std::string told = findComplaint([] {
+        makeSweepColumns({{"cases.A.gain", "uniform(0, 1)"}, {"cases.a.gain", "uniform(0, 1)"}}, {});
+    });
     EXPECT_NE(told.find("`draw.cases.A.gain` and `draw.cases.a.gain`"), std::string::npos) << told;
-    EXPECT_NE(findComplaint([] { makeSweepColumns({}, {"Elbow", "elbow"}); }).find("tracking.elbow"),
+    EXPECT_NE(findComplaint([] {
+                  makeSweepColumns({}, {"Elbow", "elbow"});
+              }).find("tracking.elbow"),
               std::string::npos);
 }
 
@@ -257,8 +250,7 @@ TEST(SweepHash, IsOfNamesAndContentsWhereverTheyLie) {
 TEST(SweepStore, HasOneWriter) {
     const Folder folder;
     const SweepStore store(folder / "s", makePlan());
-    EXPECT_NE(findComplaint([&] { SweepStore(folder / "s", makePlan()); })
-                  .find("another sweep is writing"),
+    EXPECT_NE(findComplaint([&] { SweepStore(folder / "s", makePlan()); }).find("another sweep is writing"),
               std::string::npos);
     EXPECT_EQ(SweepStore(folder / "s").findRuns().size(), 0u) << "readers are welcome";
 }
@@ -270,35 +262,30 @@ TEST(SweepCsv, IsSortedQuotedAndWithoutTimes) {
     store.add({makeRow(0, "A"), makeRow(0, "B")});
     writeSweepCsv(store);
     const std::string text = readFile(folder / "s/sweep.csv");
-    EXPECT_EQ(text.substr(0, text.find('\n')),
-              "run,case,status,exit_code,message,draw.a.mass_kg,worst,ticks");
+    EXPECT_EQ(text.substr(0, text.find('\n')), "run,case,status,exit_code,message,draw.a.mass_kg,worst,ticks");
     const std::string said = "\"it said \"\"no\"\",\nand left\"";
     const std::string third = "0.3333333333333333";
     EXPECT_EQ(text.substr(text.find('\n') + 1),
               "0,B,ok,0," + said + "," + third + ",0.1,5\n" +  //
-                  "0,A,ok,0," + said + "," + third + ",0.1,5\n" +
-                  "3,B,ok,0," + said + "," + third + ",0.1,5\n" +
+                  "0,A,ok,0," + said + "," + third + ",0.1,5\n" + "3,B,ok,0," + said + "," + third + ",0.1,5\n" +
                   "3,A,ok,0," + said + "," + third + ",inf,5\n");
 }
 
 TEST(SweepSummary, CountsMediansAndTroubles) {
     const Folder folder;
     SweepStore store(folder / "s", makePlan());
-    for (int run = 0; run < 4; ++run)
-        store.add({makeRow(run, "A", run == 2 ? 9.0 : run), makeRow(run, "B", 1.0)});
+    for (int run = 0; run < 4; ++run) store.add({makeRow(run, "A", run == 2 ? 9.0 : run), makeRow(run, "B", 1.0)});
     EXPECT_EQ(findSweepExitCode(store), 0);
     store.add({makeRow(4, "A", 2.0, "tripped", 6), makeRow(4, "B")});
     EXPECT_EQ(findSweepExitCode(store), 6);
     store.add({makeRow(5, "A", 2.0, "crashed", 4), makeRow(5, "B")});
     EXPECT_EQ(findSweepExitCode(store), 6);
-    store.add({makeRow(6, "A", 2.0, "promise_broken", 3), makeRow(6, "B")});
+    store.add({makeRow(6, "A", 2.0, "guarantee_broken", 3), makeRow(6, "B")});
     EXPECT_EQ(findSweepExitCode(store), 3);
     store.add({makeRow(7, "A", 2.0, "failed", 2), makeRow(7, "B")});
     EXPECT_EQ(findSweepExitCode(store), 3);
     const std::string text = formatSweepSummary(store);
-    EXPECT_NE(text.find("A: 1 crashed, 1 failed, 4 ok, 1 promise_broken, 1 tripped"),
-              std::string::npos)
-        << text;
+    EXPECT_NE(text.find("A: 1 crashed, 1 failed, 4 ok, 1 guarantee_broken, 1 tripped"), std::string::npos) << text;
     EXPECT_NE(text.find("B: 8 ok"), std::string::npos) << text;
     std::istringstream lines(text.substr(text.find("A: 1")));
     std::string line, name, min, median, max, run;
@@ -319,8 +306,7 @@ TEST(SweepSummary, CommandsNoTerminal) {
     row.values[3] = std::string("viable\007");
     store.add({row, makeRow(0, "B")});
     const std::string text = formatSweepSummary(store);
-    EXPECT_NE(text.find("case A: fai?led: ?[2J and ? and \xc3\xa4\n    viable?\n"), std::string::npos)
-        << text;
+    EXPECT_NE(text.find("case A: fai?led: ?[2J and ? and \xc3\xa4\n    viable?\n"), std::string::npos) << text;
     for (const char c : text) EXPECT_TRUE(c == '\n' || static_cast<unsigned char>(c) >= 0x20);
 }
 

@@ -53,8 +53,8 @@ protected:
     /** Lets desired accelerations push the nominal arm about, from rest at the home pose.
     @param dynamicsOf  the dynamics at a state */
     template <class DynamicsOf>
-    static Outcome run(TestArm& arm, const std::string& parameters, double duration_s,
-                       PushingCommand push, DynamicsOf dynamicsOf) {
+    static Outcome run(TestArm& arm, const std::string& parameters, double duration_s, PushingCommand push,
+                       DynamicsOf dynamicsOf) {
         AccelerationViability filter;
         filter.configure(arm.setup(), read(arm, parameters));
         filter.reset(arm.start);
@@ -92,9 +92,8 @@ TEST_F(AccelerationViabilityTest, SingleJointStaysInsideButForTheJerk) {
     const Dynamics unit = makeUnitDynamics(1);
     for (const bool bangBang : {false, true}) {
         for (unsigned seed = 1; seed <= 20; ++seed) {
-            const Outcome outcome =
-                run(arm, "k_alpha: 5", 20.0, PushingCommand(1, 30.0, bangBang, seed),
-                    [&](const MotionState&) -> const Dynamics& { return unit; });
+            const Outcome outcome = run(arm, "k_alpha: 5", 20.0, PushingCommand(1, 30.0, bangBang, seed),
+                                        [&](const MotionState&) -> const Dynamics& { return unit; });
             SCOPED_TRACE("seed " + std::to_string(seed));
             expectHeld(outcome, arm.limits, arm.tick_s);
             EXPECT_GT(outcome.excess.jerk, 10.0);  // times the limit, at the least
@@ -139,8 +138,7 @@ TEST_F(AccelerationViabilityTest, PushingForEverDoesNotCreepThroughTheLimit) {
             excess.observe(decision, state, arm.limits);
             if (tick == 10000) stood = state.q[0];
         }
-        ASSERT_LE(excess.position, calcOvershootBound(arm.limits, arm.tick_s) + 1e-12)
-            << "start " << k;
+        ASSERT_LE(excess.position, calcOvershootBound(arm.limits, arm.tick_s) + 1e-12) << "start " << k;
         ASSERT_NEAR(state.q[0], stood, 1e-4);
         ASSERT_GT(side * state.q[0], kPi - 1e-3);  // and the range is used to its end
     }
@@ -149,8 +147,7 @@ TEST_F(AccelerationViabilityTest, PushingForEverDoesNotCreepThroughTheLimit) {
 TEST_F(AccelerationViabilityTest, RandomLimitsIncludingOnesThatATickCrossesAreHeld) {
     std::mt19937 random(12);
     const auto draw = [&](double low, double high) {  // evenly in the logarithm
-        return std::exp(
-            std::uniform_real_distribution<double>(std::log(low), std::log(high))(random));
+        return std::exp(std::uniform_real_distribution<double>(std::log(low), std::log(high))(random));
     };
     TestArm arm("single_joint");
     const Dynamics unit = makeUnitDynamics(1);
@@ -178,9 +175,8 @@ TEST_F(AccelerationViabilityTest, OvershootShrinksWithTheSquareOfTheTick) {
         TestArm arm("single_joint", i == 0 ? 0.01 : 0.001);
         const Dynamics unit = makeUnitDynamics(1);
         for (unsigned seed = 1; seed <= 10; ++seed) {
-            const Outcome outcome =
-                run(arm, "k_alpha: 5", 20.0, PushingCommand(1, 30.0, true, seed),
-                    [&](const MotionState&) -> const Dynamics& { return unit; });
+            const Outcome outcome = run(arm, "k_alpha: 5", 20.0, PushingCommand(1, 30.0, true, seed),
+                                        [&](const MotionState&) -> const Dynamics& { return unit; });
             worst[i] = std::max(worst[i], outcome.excess.position);
             EXPECT_LE(outcome.excess.position, calcOvershootBound(arm.limits, arm.tick_s) + 1e-12);
         }
@@ -207,8 +203,7 @@ TEST_F(AccelerationViabilityTest, AdmissibleTorquePassesBitForBit) {
             ASSERT_EQ(filter.filter(state, torque, dynamics, decision), FilterStatus::Passed);
             ASSERT_EQ(decision.torque, torque);
             EXPECT_EQ(decision.held, HeldQuantity::Acceleration);
-            for (int i = 0; i < arm.size(); ++i)
-                EXPECT_EQ(decision.joints[i].limit, LimitKind::None);
+            for (int i = 0; i < arm.size(); ++i) EXPECT_EQ(decision.joints[i].limit, LimitKind::None);
         }
     }
 }
@@ -225,8 +220,7 @@ TEST_F(AccelerationViabilityTest, SaysWhichLimitActs) {
         state.q[0] = q;
         state.qd[0] = qd;
         FilterDecision decision;
-        EXPECT_EQ(filter.filter(state, JointVector::Constant(1, push), unit, decision),
-                  FilterStatus::Modified);
+        EXPECT_EQ(filter.filter(state, JointVector::Constant(1, push), unit, decision), FilterStatus::Modified);
         return decision;
     };
     FilterDecision d = decide(0.0, 0.0, 100.0);
@@ -280,14 +274,12 @@ TEST_F(AccelerationViabilityTest, RefusesWhatIsNotFiniteOrOfTheWrongSize) {
     for (const double bad : {kNan, kInf, -kInf}) {
         JointVector badTorque = torque;
         badTorque[3] = bad;
-        EXPECT_EQ(filter.filter(arm.start, badTorque, dynamics, decision),
-                  FilterStatus::InvalidInput);
+        EXPECT_EQ(filter.filter(arm.start, badTorque, dynamics, decision), FilterStatus::InvalidInput);
         MotionState badState = arm.start;
         badState.q[5] = bad;
         EXPECT_EQ(filter.filter(badState, torque, dynamics, decision), FilterStatus::InvalidInput);
     }
-    EXPECT_EQ(filter.filter(arm.start, JointVector::Zero(5), dynamics, decision),
-              FilterStatus::InvalidInput);
+    EXPECT_EQ(filter.filter(arm.start, JointVector::Zero(5), dynamics, decision), FilterStatus::InvalidInput);
     EXPECT_EQ(decision.torque.size(), 0);
 }
 
@@ -299,14 +291,14 @@ TEST_F(AccelerationViabilityTest, Fault29HugeAndTinyTorquesKeepTheLimits) {
     MotionState state = arm.start;
     LimitExcess excess;
     FilterDecision decision;
-    const double sizes[] = {1e300, std::numeric_limits<double>::max(),
-                            std::numeric_limits<double>::denorm_min(), 1e150};
+    const double sizes[] = {1e300, std::numeric_limits<double>::max(), std::numeric_limits<double>::denorm_min(),
+                            1e150};
     std::mt19937 random(6);
     for (int k = 0; k < 20000; ++k) {
         JointVector torque(arm.size());
         for (int i = 0; i < arm.size(); ++i)
-            torque[i] = sizes[(k / 1000 + i) % 4] * ((k + i) % 2 ? 1.0 : -1.0) *
-                        ((k / 500) % 2 && random() % 2 ? -1.0 : 1.0);
+            torque[i] =
+                sizes[(k / 1000 + i) % 4] * ((k + i) % 2 ? 1.0 : -1.0) * ((k / 500) % 2 && random() % 2 ? -1.0 : 1.0);
         const FilterStatus status = filter.filter(state, torque, arm.calcDynamics(state), decision);
         ASSERT_TRUE(status == FilterStatus::Modified || status == FilterStatus::Passed)
             << getName(status) << " in tick " << k;
@@ -329,9 +321,9 @@ TEST_F(AccelerationViabilityTest, ResetGivesTheSameAnswersAgain) {
 
 TEST_F(AccelerationViabilityTest, LoadsAsALibrary) {
     TestArm arm("indy7");
-    const auto plugin = PluginLoader::create<SafetyFilter>(
-        findPlugin(PluginKind::SafetyFilter, "acceleration_viability"));
-    EXPECT_FALSE(plugin->promisesLimits());
+    const auto plugin =
+        PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, "acceleration_viability"));
+    EXPECT_FALSE(plugin->guaranteesLimits());
     AccelerationViability own;
     for (SafetyFilter* filter : {plugin.get(), static_cast<SafetyFilter*>(&own)}) {
         filter->configure(arm.setup(), read(arm, ""));

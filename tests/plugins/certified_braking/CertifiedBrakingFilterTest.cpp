@@ -1,12 +1,12 @@
-#include "viable/plugin/CertifiedBrakingFilter.h"
+#include "viable/filter/CertifiedBrakingFilter.h"
 
 #include <gtest/gtest.h>
 
 #include <cstdio>
 #include <vector>
 
-#include "viable/testing/AllocationCounter.h"
 #include "TestArm.h"
+#include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {
@@ -34,9 +34,7 @@ double getWorst(const LimitExcess& e) {
 
 /** Limits (30) of the paper's robot. */
 void setPaperLimits(TestArm& arm) {
-    const auto both = [](double x) {
-        return JointBounds{JointVector::Constant(6, -x), JointVector::Constant(6, x)};
-    };
+    const auto both = [](double x) { return JointBounds{JointVector::Constant(6, -x), JointVector::Constant(6, x)}; };
     arm.limits.velocity = both(2 * kPi / 3);
     arm.limits.acceleration = both(4 * kPi);
     arm.limits.jerk = both(12 * kPi);
@@ -61,9 +59,7 @@ public:
     SafetyFilter& filter() { return *filter_; }
     const Dynamics& dynamics() const { return dynamics_; }
 
-    FilterStatus decide(const JointVector& torque) {
-        return filter_->filter(state, torque, dynamics_, decision);
-    }
+    FilterStatus decide(const JointVector& torque) { return filter_->filter(state, torque, dynamics_, decision); }
     /** The decision is carried out; looked at at its quarters. */
     void move() {
         for (int i = 1; i <= 4; ++i) {
@@ -139,16 +135,15 @@ TEST(CertifiedBraking, Figure6RestsOnThePositionLimitWithoutChatter) {
                 TestArm arm("single_joint", tick_s);
                 if (asymmetric) setAsymmetric(arm);
                 FilteredArm run(arm, "gamma: 100");
-                const double jerk = runTenSeconds(
-                    run, tick_s, [&](const MotionState& s) { return calcPaperTorque(s, target); });
-                std::printf("  target %.3g, tick %.1g ms: jerk at rest %.2g of J, overshoot %.2g\n",
-                            target, tick_s * 1e3, jerk, run.excess.position);
+                const double jerk =
+                    runTenSeconds(run, tick_s, [&](const MotionState& s) { return calcPaperTorque(s, target); });
+                std::printf("  target %.3g, tick %.1g ms: jerk at rest %.2g of J, overshoot %.2g\n", target,
+                            tick_s * 1e3, jerk, run.excess.position);
                 EXPECT_LT(jerk, 1e-3);
                 EXPECT_LT(run.excess.position, 1e-12);
                 EXPECT_LE(getWorst(run.excess), kAllowed);
-                EXPECT_NEAR(
-                    run.state.q[0],
-                    target > 0 ? arm.limits.position.upper[0] : arm.limits.position.lower[0], 1e-6);
+                EXPECT_NEAR(run.state.q[0], target > 0 ? arm.limits.position.upper[0] : arm.limits.position.lower[0],
+                            1e-6);
             }
 }
 
@@ -158,18 +153,15 @@ TEST(CertifiedBraking, RidesTheVelocityLimitWithoutChatter) {
             for (const double push : {100.0, -100.0}) {
                 TestArm arm("single_joint", tick_s);
                 if (asymmetric) setAsymmetric(arm);
-                arm.limits.position = {JointVector::Constant(1, -kInf),
-                                       JointVector::Constant(1, kInf)};
+                arm.limits.position = {JointVector::Constant(1, -kInf), JointVector::Constant(1, kInf)};
                 FilteredArm run(arm, "gamma: 100");
-                const double jerk = runTenSeconds(run, tick_s, [&](const MotionState&) {
-                    return JointVector::Constant(1, push);
-                });
-                std::printf("  push %.3g, tick %.1g ms: jerk at V %.2g of J, overshoot %.2g\n",
-                            push, tick_s * 1e3, jerk, run.excess.velocity);
+                const double jerk =
+                    runTenSeconds(run, tick_s, [&](const MotionState&) { return JointVector::Constant(1, push); });
+                std::printf("  push %.3g, tick %.1g ms: jerk at V %.2g of J, overshoot %.2g\n", push, tick_s * 1e3,
+                            jerk, run.excess.velocity);
                 EXPECT_LT(jerk, 1e-3);
                 EXPECT_LT(run.excess.velocity, 1e-12);
-                EXPECT_NEAR(run.state.qd[0],
-                            push > 0 ? arm.limits.velocity.upper[0] : arm.limits.velocity.lower[0],
+                EXPECT_NEAR(run.state.qd[0], push > 0 ? arm.limits.velocity.upper[0] : arm.limits.velocity.lower[0],
                             1e-8);
             }
 }
@@ -193,8 +185,8 @@ TEST(CertifiedBraking, Figure5TracksNoWorseThanTosbp) {
     for (const int seconds : {8, 20}) {
         const double certified = calcFigure5Error("certified_braking", "gamma: 100", seconds);
         const double tosbp = calcFigure5Error("tosbp", "gamma: 100, k_alpha: 5", seconds);
-        std::printf("  RMS distance to the target in %d s: certified %.4f rad, tosbp %.4f rad\n",
-                    seconds, certified, tosbp);
+        std::printf("  RMS distance to the target in %d s: certified %.4f rad, tosbp %.4f rad\n", seconds, certified,
+                    tosbp);
         const std::string length = std::to_string(seconds) + "s";
         RecordProperty("certified_rad_" + length, std::to_string(certified));
         RecordProperty("tosbp_rad_" + length, std::to_string(tosbp));
@@ -219,15 +211,13 @@ TEST(CertifiedBraking, AdmissibleDesiredJerkPassesBitForBit) {
             state.qdd = makeRandomVector(arm.size(), 0.3, random);
             const Dynamics dynamics = arm.calcDynamics(state);
             JointVector torque, desired;
-            calcInverseDynamics(dynamics, state.qdd + makeRandomVector(arm.size(), 0.3, random),
-                                torque);
+            calcInverseDynamics(dynamics, state.qdd + makeRandomVector(arm.size(), 0.3, random), torque);
             ASSERT_TRUE(calcForwardDynamics(dynamics, torque, desired));
             FilterDecision decision;
             filter.reset(state);
             ASSERT_EQ(filter.filter(state, torque, dynamics, decision), FilterStatus::Passed);
             ASSERT_EQ(decision.jerk, JointVector(-20.0 * (state.qdd - desired)));
-            for (int i = 0; i < arm.size(); ++i)
-                ASSERT_EQ(decision.joints[i].limit, LimitKind::None);
+            for (int i = 0; i < arm.size(); ++i) ASSERT_EQ(decision.joints[i].limit, LimitKind::None);
         }
     }
 }
@@ -279,8 +269,7 @@ TEST(CertifiedBraking, AllocatesNothingInAMillionTicks) {
     constexpr int kTicks = 1000000;
     for (int k = 0; k < kTicks; ++k) {
         const bool quiet = k / 2000 % 2;  // two seconds each
-        const JointVector aim =
-            quiet ? JointVector(-2.0 * (state.q - arm.start.q) - 3.0 * state.qd) : push.next();
+        const JointVector aim = quiet ? JointVector(-2.0 * (state.q - arm.start.q) - 3.0 * state.qd) : push.next();
         calcInverseDynamics(dynamics, aim, torque);
         const testing::AllocationCounter counter;
         const FilterStatus status = filter.filter(state, torque, dynamics, decision);
@@ -378,8 +367,7 @@ struct Extent {
         for (int i = 1; i <= 4; ++i) {
             const AxisState x = advance(s, jerk, tick_s * i / 4.0);
             least = {std::min(least.p, x.p), std::min(least.v, x.v), std::min(least.a, x.a)};
-            largest = {std::max(largest.p, x.p), std::max(largest.v, x.v),
-                       std::max(largest.a, x.a)};
+            largest = {std::max(largest.p, x.p), std::max(largest.v, x.v), std::max(largest.a, x.a)};
         }
     }
     void follow(AxisState s, GridStop stop, double tick_s) {
@@ -410,7 +398,7 @@ JointLimits widen(JointLimits limits, const std::vector<Extent>& extents) {
     return limits;
 }
 
-/** How many ticks were Returning. From the start to there nothing passes a limit farther than the
+/** How many ticks were Recovering. From the start to there nothing passes a limit farther than the
 stop from the start does; from then on all limits hold. */
 int expectReturn(TestArm& arm, double push, int ticks) {
     FilteredArm run(arm, "recovery: true");
@@ -424,17 +412,17 @@ int expectReturn(TestArm& arm, double push, int ticks) {
         stops.back().follow(s, stop, arm.tick_s);
     }
     run.limits = widen(arm.limits, stops);
-    int returning = 0;
+    int recovering = 0;
     bool met = false;
     for (int k = 0; k < ticks; ++k) {
         JointVector torque;
         calcInverseDynamics(run.dynamics(), JointVector::Constant(arm.size(), push), torque);
         const FilterStatus status = run.decide(torque);
-        EXPECT_LE(status, FilterStatus::Returning);
+        EXPECT_LE(status, FilterStatus::Recovering);
         if (met) {
-            EXPECT_NE(status, FilterStatus::Returning) << "tick " << k << ": again";
-        } else if (status == FilterStatus::Returning) {
-            ++returning;
+            EXPECT_NE(status, FilterStatus::Recovering) << "tick " << k << ": again";
+        } else if (status == FilterStatus::Recovering) {
+            ++recovering;
         } else {
             met = true;
             EXPECT_LE(getWorst(run.excess), kAllowed) << "worse than the stop from the start";
@@ -445,7 +433,7 @@ int expectReturn(TestArm& arm, double push, int ticks) {
     }
     EXPECT_TRUE(met) << "a limit is still not met";
     EXPECT_LE(getWorst(run.excess), kAllowed);
-    return returning;
+    return recovering;
 }
 
 TEST(Fault12, StartsOutsideAreRefusedByJointSideAndDistance) {
@@ -457,10 +445,9 @@ TEST(Fault12, StartsOutsideAreRefusedByJointSideAndDistance) {
                     JointVector MotionState::*quantity;
                     JointBounds JointLimits::*bounds;
                     const char* unit;
-                } faces[] = {
-                    {"position", &MotionState::q, &JointLimits::position, " rad"},
-                    {"velocity", &MotionState::qd, &JointLimits::velocity, " rad"},
-                    {"acceleration", &MotionState::qdd, &JointLimits::acceleration, " rad/s^2"}};
+                } faces[] = {{"position", &MotionState::q, &JointLimits::position, " rad"},
+                             {"velocity", &MotionState::qd, &JointLimits::velocity, " rad"},
+                             {"acceleration", &MotionState::qdd, &JointLimits::acceleration, " rad/s^2"}};
                 for (const auto& face : faces) {
                     TestArm arm("indy7");
                     setPaperLimits(arm);
@@ -495,17 +482,14 @@ TEST(Fault12, WithRecoveryTheArmIsLedBackFromAroundEveryFace) {
                         TestArm arm("single_joint", tick_s);
                         setAsymmetric(arm);
                         const auto place = [](const JointBounds& b, double share) {
-                            return JointVector::Constant(
-                                1, share > 0 ? share * b.upper[0] : -share * b.lower[0]);
+                            return JointVector::Constant(1, share > 0 ? share * b.upper[0] : -share * b.lower[0]);
                         };
                         arm.start.q = place(arm.limits.position, p);
                         arm.start.qd = place(arm.limits.velocity, v);
                         arm.start.qdd = place(arm.limits.acceleration, a);
-                        SCOPED_TRACE("p " + std::to_string(p) + " v " + std::to_string(v) + " a " +
-                                     std::to_string(a) + " push " + std::to_string(push) +
-                                     " tick " + std::to_string(tick_s));
-                        longest =
-                            std::max(longest, expectReturn(arm, push, std::lround(20.0 / tick_s)));
+                        SCOPED_TRACE("p " + std::to_string(p) + " v " + std::to_string(v) + " a " + std::to_string(a) +
+                                     " push " + std::to_string(push) + " tick " + std::to_string(tick_s));
+                        longest = std::max(longest, expectReturn(arm, push, std::lround(20.0 / tick_s)));
                         if (HasFailure()) return;
                         ++starts;
                     }
@@ -517,8 +501,7 @@ TEST(Fault12, WithRecoveryAnArmOutsideInAllJointsIsLedBack) {
     TestArm arm("indy7");
     setPaperLimits(arm);
     for (int i = 0; i < 6; ++i) {
-        arm.start.q[i] =
-            i % 2 ? arm.limits.position.upper[i] + 0.1 * i : arm.limits.position.lower[i] - 0.1;
+        arm.start.q[i] = i % 2 ? arm.limits.position.upper[i] + 0.1 * i : arm.limits.position.lower[i] - 0.1;
         arm.start.qd[i] = i % 3 ? 0.5 : -0.5;
         arm.start.qdd[i] = i < 3 ? 15.0 : -15.0;
     }
@@ -539,8 +522,7 @@ TEST(Fault13, InsideButUnviableStartsAreRefusedByDistance) {
     const double t = (11.0 - root) / J;
     const double beyond = 0.3 * t - 11.0 * t * t / 2 + J * t * t * t / 6 - 1e-3;
     EXPECT_NEAR(beyond, 3.2e-3, 1e-4);
-    const double named =
-        std::strtod(complaint.c_str() + complaint.find("position_upper by ") + 18, nullptr);
+    const double named = std::strtod(complaint.c_str() + complaint.find("position_upper by ") + 18, nullptr);
     EXPECT_NEAR(named, beyond, 0.02 * beyond);
     EXPECT_CONTAINS(complaint, " rad");
     EXPECT_GT(expectReturn(arm, 50.0, 3000), 0);
@@ -579,28 +561,22 @@ TEST(Fault28, WhatIsNotFiniteOrOfTheWrongSizeIsRefusedAndLeavesNoTrace) {
             for (const double bad : {kNan, kInf, -kInf}) {
                 JointVector torque = dynamics.gravity;
                 torque[3] = bad;
-                EXPECT_EQ(filter.filter(arm.start, torque, dynamics, decision),
+                EXPECT_EQ(filter.filter(arm.start, torque, dynamics, decision), FilterStatus::InvalidInput);
+                EXPECT_EQ(filter.filter(arm.start, JointVector::Constant(6, bad), dynamics, decision),
                           FilterStatus::InvalidInput);
-                EXPECT_EQ(
-                    filter.filter(arm.start, JointVector::Constant(6, bad), dynamics, decision),
-                    FilterStatus::InvalidInput);
                 MotionState state = arm.start;
                 state.qdd[5] = bad;
-                EXPECT_EQ(filter.filter(state, dynamics.gravity, dynamics, decision),
-                          FilterStatus::InvalidInput);
+                EXPECT_EQ(filter.filter(state, dynamics.gravity, dynamics, decision), FilterStatus::InvalidInput);
                 Dynamics broken = dynamics;
                 broken.M(2, 1) = bad;
-                EXPECT_EQ(filter.filter(arm.start, dynamics.gravity, broken, decision),
-                          FilterStatus::InvalidInput);
+                EXPECT_EQ(filter.filter(arm.start, dynamics.gravity, broken, decision), FilterStatus::InvalidInput);
             }
-            EXPECT_EQ(filter.filter(arm.start, JointVector::Zero(5), dynamics, decision),
-                      FilterStatus::InvalidInput);
+            EXPECT_EQ(filter.filter(arm.start, JointVector::Zero(5), dynamics, decision), FilterStatus::InvalidInput);
             EXPECT_EQ(decision.torque, JointVector::Constant(6, 123.25));
             EXPECT_EQ(decision.jerk, JointVector::Constant(6, 123.25));
             EXPECT_FALSE(decision.hasStops);
         }
-        filter.filter(arm.start, dynamics.gravity + JointVector::Constant(6, 0.01), dynamics,
-                      decision);
+        filter.filter(arm.start, dynamics.gravity + JointVector::Constant(6, 0.01), dynamics, decision);
         return decision;
     };
     EXPECT_EQ(play(true).jerk, play(false).jerk);
@@ -612,7 +588,7 @@ TEST(Fault28, ANaNTickIsAMissedTickAndTheNextGoesOn) {
         setPaperLimits(arm);
         FilteredArm run(arm, "recovery: true");
         PushingCommand push(6, 40.0, true, 28);
-        int missed = 0, returning = 0, modified = 0;
+        int missed = 0, recovering = 0, modified = 0;
         for (int k = 0; k < 20000; ++k) {
             const JointVector& aim = push.next();
             if (k % 7 == 3 || k % 500 > 480) {
@@ -625,21 +601,21 @@ TEST(Fault28, ANaNTickIsAMissedTickAndTheNextGoesOn) {
                 continue;
             }
             const FilterStatus status = run.push(aim);
-            ASSERT_LE(status, FilterStatus::Returning);
-            returning += status == FilterStatus::Returning;
+            ASSERT_LE(status, FilterStatus::Recovering);
+            recovering += status == FilterStatus::Recovering;
             modified += status == FilterStatus::Modified;
         }
-        std::printf("  %s: %d ticks missed, %d modified, %d returning, worst %.2g\n",
-                    told ? "told" : "not told", missed, modified, returning, getWorst(run.excess));
-        EXPECT_EQ(returning, 0);
+        std::printf("  %s: %d ticks missed, %d modified, %d recovering, worst %.2g\n", told ? "told" : "not told",
+                    missed, modified, recovering, getWorst(run.excess));
+        EXPECT_EQ(recovering, 0);
         EXPECT_GT(modified, 5000);
         EXPECT_LE(getWorst(run.excess), kAllowed);
     }
 }
 
 TEST(Fault29, HugeTinyAndAlternatingTorquesKeepTheLimits) {
-    const double sizes[] = {1e300, std::numeric_limits<double>::max(),
-                            std::numeric_limits<double>::denorm_min(), 1e150};
+    const double sizes[] = {1e300, std::numeric_limits<double>::max(), std::numeric_limits<double>::denorm_min(),
+                            1e150};
     for (const char* parameters : {"gamma: 1999", "gamma: 20, k_alpha: 5"}) {
         TestArm arm("indy7");
         std::mt19937 random(6);
@@ -660,10 +636,9 @@ TEST(Fault30, SetPointJumpsThroughJointPdKeepTheLimits) {
     for (const char* robot : {"single_joint", "indy7"})
         for (const double jump : {2.0 * kPi, 1e6}) {
             TestArm arm(robot);
-            const auto controller = PluginLoader::create<NominalController>(
-                findPlugin(PluginKind::NominalController, "joint_pd"));
-            controller->configure(arm.setup(),
-                                  arm.read(PluginKind::NominalController, "joint_pd", ""));
+            const auto controller =
+                PluginLoader::create<NominalController>(findPlugin(PluginKind::NominalController, "joint_pd"));
+            controller->configure(arm.setup(), arm.read(PluginKind::NominalController, "joint_pd", ""));
             controller->reset(arm.start);
             FilteredArm run(arm, "gamma: 100");
             int modified = 0;
@@ -673,8 +648,7 @@ TEST(Fault30, SetPointJumpsThroughJointPdKeepTheLimits) {
                 command.q = arm.robot.home + JointVector::Constant(arm.size(), side * jump);
                 command.qd.setZero(arm.size());
                 JointVector torque;
-                ASSERT_EQ(controller->compute(command, run.state, run.dynamics(), torque),
-                          TickStatus::Ok);
+                ASSERT_EQ(controller->compute(command, run.state, run.dynamics(), torque), TickStatus::Ok);
                 const FilterStatus status = run.tick(torque);
                 ASSERT_LE(status, FilterStatus::Modified);
                 modified += status == FilterStatus::Modified;
@@ -753,8 +727,7 @@ TEST(Fault35, AfterAMassMatrixThatIsOfNoUseTheNextTickIsRight) {
     JointMatrix singular = good.M;
     singular.row(4).setZero();
     singular.col(4).setZero();
-    for (const JointMatrix& M : {zero, negative, singular})
-        EXPECT_EQ(play(&M, FilterStatus::Faulted), right);
+    for (const JointMatrix& M : {zero, negative, singular}) EXPECT_EQ(play(&M, FilterStatus::Faulted), right);
     const JointMatrix nan = JointMatrix::Constant(6, 6, kNan);
     EXPECT_EQ(play(&nan, FilterStatus::InvalidInput), right);
 }
@@ -762,9 +735,8 @@ TEST(Fault35, AfterAMassMatrixThatIsOfNoUseTheNextTickIsRight) {
 // --- Limits that change ---------------------------------------------------------------------------
 
 /** New limits while the arm moves: never beyond what the stop of that moment would have reached, and
-met after a while. Returns how many ticks were Returning. */
-int expectChange(FilteredArm& run, const TestArm& arm, PushingCommand& push,
-                 const JointLimits& limits) {
+met after a while. Returns how many ticks were Recovering. */
+int expectChange(FilteredArm& run, const TestArm& arm, PushingCommand& push, const JointLimits& limits) {
     std::vector<Extent> stops;
     for (int i = 0; i < arm.size(); ++i) {
         const AxisState s = getAxis(run.state, i);
@@ -777,16 +749,16 @@ int expectChange(FilteredArm& run, const TestArm& arm, PushingCommand& push,
     const JointBounds jerk{limits.jerk.lower.cwiseMin(arm.limits.jerk.lower),
                            limits.jerk.upper.cwiseMax(arm.limits.jerk.upper)};
     run.limits.jerk = jerk;
-    int returning = 0;
+    int recovering = 0;
     bool met = false;
     for (int k = 0; k < 4000 && !::testing::Test::HasFailure(); ++k) {
         JointVector torque;
         calcInverseDynamics(run.dynamics(), push.next(), torque);
         const FilterStatus status = run.decide(torque);
-        EXPECT_LE(status, FilterStatus::Returning);
-        if (status == FilterStatus::Returning) {
+        EXPECT_LE(status, FilterStatus::Recovering);
+        if (status == FilterStatus::Recovering) {
             EXPECT_FALSE(met) << "tick " << k << ": again";
-            ++returning;
+            ++recovering;
         } else if (!met) {
             met = true;
             EXPECT_LE(getWorst(run.excess), kAllowed);
@@ -796,7 +768,7 @@ int expectChange(FilteredArm& run, const TestArm& arm, PushingCommand& push,
     }
     EXPECT_TRUE(met) << "a limit is still not met";
     EXPECT_LE(getWorst(run.excess), kAllowed);
-    return returning;
+    return recovering;
 }
 
 TEST(CertifiedBraking, LimitsThatChangeWhileMovingAreMetWithoutEverGettingWorse) {
@@ -813,24 +785,23 @@ TEST(CertifiedBraking, LimitsThatChangeWhileMovingAreMetWithoutEverGettingWorse)
         setPaperLimits(arm);
         FilteredArm run(arm, "gamma: 400");
         PushingCommand push(6, 40.0, true, 3);
-        int returning = 0;
+        int recovering = 0;
         for (int round = 0; round < 6; ++round) {
             const int ticks = 300 + 137 * round;
-            for (int k = 0; k < ticks; ++k)
-                ASSERT_LE(run.push(push.next()), FilterStatus::Modified);
+            for (int k = 0; k < ticks; ++k) ASSERT_LE(run.push(push.next()), FilterStatus::Modified);
             JointLimits narrow = arm.limits;
             JointBounds& b = narrow.*kind.bounds;
             const JointVector center = 0.5 * (b.lower + b.upper);
             b.lower = center + kind.shrink * (b.lower - center);
             b.upper = center + kind.shrink * (b.upper - center);
             SCOPED_TRACE(std::string(kind.name) + ", round " + std::to_string(round));
-            returning += expectChange(run, arm, push, narrow);
+            recovering += expectChange(run, arm, push, narrow);
             // Growing asks for nothing: no tick on the way back.
             EXPECT_EQ(expectChange(run, arm, push, arm.limits), 0);
             ASSERT_FALSE(HasFailure());
         }
-        std::printf("  %s: %d ticks on the way back in 6 changes\n", kind.name, returning);
-        EXPECT_GT(returning, 0);
+        std::printf("  %s: %d ticks on the way back in 6 changes\n", kind.name, recovering);
+        EXPECT_GT(recovering, 0);
     }
 }
 
@@ -845,20 +816,18 @@ TEST(CertifiedBraking, ResetGivesTheSameAnswersAgain) {
 
 TEST(CertifiedBraking, LoadsAsALibrary) {
     TestArm arm("indy7");
-    const auto plugin = PluginLoader::create<SafetyFilter>(
-        findPlugin(PluginKind::SafetyFilter, "certified_braking"));
+    const auto plugin = PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, "certified_braking"));
     CertifiedBrakingFilter own;
     for (SafetyFilter* filter : {plugin.get(), static_cast<SafetyFilter*>(&own)}) {
         filter->configure(arm.setup(), read(arm, ""));
         filter->reset(arm.start);
-        EXPECT_TRUE(filter->promisesLimits());
+        EXPECT_TRUE(filter->guaranteesLimits());
         EXPECT_FALSE(filter->recovers());
     }
     const Dynamics dynamics = arm.calcDynamics(arm.start);
     const JointVector torque = JointVector::LinSpaced(6, 5.0, 50.0);
     FilterDecision a, b;
-    EXPECT_EQ(plugin->filter(arm.start, torque, dynamics, a),
-              own.filter(arm.start, torque, dynamics, b));
+    EXPECT_EQ(plugin->filter(arm.start, torque, dynamics, a), own.filter(arm.start, torque, dynamics, b));
     EXPECT_EQ(a.jerk, b.jerk);
     EXPECT_EQ(a.torque, b.torque);
 }

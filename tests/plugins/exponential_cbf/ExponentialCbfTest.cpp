@@ -5,7 +5,7 @@
 #include <cstdio>
 
 #include "LawBench.h"
-#include "viable/motion/ExponentialBarrier.h"
+#include "viable/braking/ExponentialBarrier.h"
 
 namespace viable {
 namespace {
@@ -23,13 +23,10 @@ std::string papers(const char* onInfeasible) {
 
 /** (d/dt + k)^m h at the beginning, m = 3, 2, 1 for position, velocity, acceleration, by differences along the motion
 under a jerk. @param sign  +1: upper limit, -1: lower */
-double calcCondition(LimitKind kind, const AxisState& s, double jerk, double limit, double sign,
-                     double k) {
+double calcCondition(LimitKind kind, const AxisState& s, double jerk, double limit, double sign, double k) {
     const auto h = [&](double t) {
         const AxisState x = advance(s, jerk, t);
-        const double value = kind == LimitKind::Position   ? x.p
-                             : kind == LimitKind::Velocity ? x.v
-                                                           : x.a;
+        const double value = kind == LimitKind::Position ? x.p : kind == LimitKind::Velocity ? x.v : x.a;
         return sign * (limit - value);
     };
     const double d = 1e-2;  // exact for cubics, but for rounding
@@ -51,14 +48,8 @@ TEST(ExponentialBarrier, RowsAreWhereTheBarrierConditionIsZero) {
     std::uniform_real_distribution<double> number(-3.0, 3.0), limit(0.5, 4.0), pole(0.5, 20.0);
     for (int i = 0; i < 2000; ++i) {
         const AxisState s{number(random), number(random), number(random)};
-        const AxisLimits l{-limit(random),
-                           limit(random),
-                           -limit(random),
-                           limit(random),
-                           -limit(random),
-                           limit(random),
-                           -10,
-                           10};
+        const AxisLimits l{
+            -limit(random), limit(random), -limit(random), limit(random), -limit(random), limit(random), -10, 10};
         const double k = pole(random);
         const ExponentialBarrierRows rows = calcExponentialBarrierRows(s, l, k);
         const double lower[] = {l.positionLower, l.velocityLower, l.accelerationLower};
@@ -67,13 +58,11 @@ TEST(ExponentialBarrier, RowsAreWhereTheBarrierConditionIsZero) {
             const LimitKind kind = ExponentialBarrierRows::kLimits[r];
             const double size = 1e-7 * (1.0 + k * k * k);
             const double j = rows.upper[r];
-            ASSERT_NEAR(calcCondition(kind, s, j, upper[r], 1.0, k), 0.0,
-                        size + 1e-7 * std::abs(j));
+            ASSERT_NEAR(calcCondition(kind, s, j, upper[r], 1.0, k), 0.0, size + 1e-7 * std::abs(j));
             ASSERT_GT(calcCondition(kind, s, j - 1.0, upper[r], 1.0, k),
                       0.5);  // below is admissible
             const double i2 = rows.lower[r];
-            ASSERT_NEAR(calcCondition(kind, s, i2, lower[r], -1.0, k), 0.0,
-                        size + 1e-7 * std::abs(i2));
+            ASSERT_NEAR(calcCondition(kind, s, i2, lower[r], -1.0, k), 0.0, size + 1e-7 * std::abs(i2));
             ASSERT_GT(calcCondition(kind, s, i2 + 1.0, lower[r], -1.0, k), 0.5);
         }
     }
@@ -146,8 +135,7 @@ TEST(ExponentialCbf, StopsAtTheFirstTickWithoutAJerkAndStartsAgainAfterAReset) {
     const auto filter = bench.make(papers("stop"));
     const Dynamics unit = makeUnitDynamics(1);
     const auto state = [](double p, double v, double a) {
-        return MotionState{JointVector::Constant(1, p), JointVector::Constant(1, v),
-                           JointVector::Constant(1, a)};
+        return MotionState{JointVector::Constant(1, p), JointVector::Constant(1, v), JointVector::Constant(1, a)};
     };
     const JointVector push = JointVector::Constant(1, 100.0);
     FilterDecision decision;
@@ -155,8 +143,7 @@ TEST(ExponentialCbf, StopsAtTheFirstTickWithoutAJerkAndStartsAgainAfterAReset) {
     EXPECT_EQ(filter->filter(state(3, 2, 0), push, unit, decision), FilterStatus::Infeasible);
     EXPECT_EQ(decision.jerk[0], -4 * kPi);
     const JointVector before = decision.torque;
-    for (int k = 0; k < 3; ++k)
-        EXPECT_EQ(filter->filter(state(0, 0, 0), push, unit, decision), FilterStatus::Ended);
+    for (int k = 0; k < 3; ++k) EXPECT_EQ(filter->filter(state(0, 0, 0), push, unit, decision), FilterStatus::Ended);
     EXPECT_EQ(decision.torque, before);
     filter->reset(state(0, 0, 0));
     EXPECT_EQ(filter->filter(state(0, 0, 0), push, unit, decision), FilterStatus::Modified);
@@ -165,8 +152,7 @@ TEST(ExponentialCbf, StopsAtTheFirstTickWithoutAJerkAndStartsAgainAfterAReset) {
     EXPECT_EQ(goesOn->filter(state(3, 2, 0), push, unit, decision), FilterStatus::Infeasible);
     EXPECT_EQ(goesOn->filter(state(0, 0, 0), push, unit, decision), FilterStatus::Modified);
     // Braking as far as the acceleration limit lets it.
-    EXPECT_EQ(goesOn->filter(state(2, 5, -3 * kPi + 0.001), push, unit, decision),
-              FilterStatus::Infeasible);
+    EXPECT_EQ(goesOn->filter(state(2, 5, -3 * kPi + 0.001), push, unit, decision), FilterStatus::Infeasible);
     EXPECT_NEAR(decision.jerk[0], -1.0, 1e-9);
 }
 
@@ -208,9 +194,8 @@ TEST(ExponentialCbf, JerkAndAccelerationHoldEvenWhereItHasNoAnswer) {
         ticks += outcome.ticks;
         infeasible += outcome.infeasible;
     }
-    std::printf(
-        "  worst excess: %.2g rad, %.2g of the velocity limit; %.2g %% of the ticks infeasible\n",
-        worstPosition, worstVelocity, 100.0 * infeasible / ticks);
+    std::printf("  worst excess: %.2g rad, %.2g of the velocity limit; %.2g %% of the ticks infeasible\n",
+                worstPosition, worstVelocity, 100.0 * infeasible / ticks);
     EXPECT_GT(infeasible, 0);
 
     Bench six("indy7", "exponential_cbf");

@@ -2,21 +2,18 @@
 
 #include <random>
 
-#include "viable/testing/AllocationCounter.h"
 #include "CommandBench.h"
+#include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {
 
 TEST(GeneratedHandMotion, ComplainsAboutNumbersThatDoNotFit) {
     const CommandBench bench;
-    auto complaint = [&](const char* text) {
-        return bench.findComplaint<GeneratedHandMotion>(text);
-    };
+    auto complaint = [&](const char* text) { return bench.findComplaint<GeneratedHandMotion>(text); };
     const std::string text = complaint("fastest_s: 2, slowest_s: 1");
     EXPECT_PRED_FORMAT2(says, text, "experiment.yaml:1:");
-    EXPECT_PRED_FORMAT2(says, text,
-                        "command.slowest_s: slowest_s = 1 s is shorter than fastest_s = 2 s");
+    EXPECT_PRED_FORMAT2(says, text, "command.slowest_s: slowest_s = 1 s is shorter than fastest_s = 2 s");
     EXPECT_PRED_FORMAT2(says, complaint("reach_m: [0.1, 0.2]"), "reach_m");
     EXPECT_PRED_FORMAT2(says, complaint("reach_m: [0.1, 0.2, -0.1]"), "reach_m");
     EXPECT_PRED_FORMAT2(says, complaint("rotation_rad: 4"), "rotation_rad");
@@ -82,8 +79,7 @@ TEST(GeneratedHandMotion, RestsInPausesAndKeepsTheReachPerAxis) {
     for (int k = 0; k < 60000; ++k) {
         const MotionCommand now = sampleAt(source, k * 1e-3);
         for (int axis = 0; axis < 3; ++axis)
-            largest[axis] = std::max(largest[axis],
-                                     std::abs(now.tool.position[axis] - bench.tool.position[axis]));
+            largest[axis] = std::max(largest[axis], std::abs(now.tool.position[axis] - bench.tool.position[axis]));
         if (now.toolTwist.isZero(0.0)) ++ticksAtRest;
     }
     EXPECT_GT(largest[0], 0.07);
@@ -104,8 +100,7 @@ TEST(GeneratedHandMotion, TremorIsBoundedAndBetween8And12Hertz) {
     int crossings = 0;
     double last = 0.0;
     for (int k = 0; k < 20000; ++k) {
-        const Eigen::Vector3d offset =
-            sampleAt(source, k * 1e-3).tool.position - bench.tool.position;
+        const Eigen::Vector3d offset = sampleAt(source, k * 1e-3).tool.position - bench.tool.position;
         largest = std::max(largest, offset.cwiseAbs().maxCoeff());
         if (k < 200) early = std::max(early, offset.cwiseAbs().maxCoeff());
         if (k >= 1000 && offset.x() * last < 0.0) ++crossings;
@@ -131,11 +126,8 @@ TEST(GeneratedHandMotion, IsAFunctionOfSeedAndTimeAlone) {
     for (double t = 0.0; t < 30.0; t += 0.0123) {
         const MotionCommand command = sampleAt(first, t);
         expectSame(command, sampleAt(inLongRun, t));
-        difference =
-            std::max(difference, (command.tool.position - sampleAt(other, t).tool.position).norm());
-        EXPECT_LE((command.tool.position - sampleAt(withoutTremor, t).tool.position)
-                      .cwiseAbs()
-                      .maxCoeff(),
+        difference = std::max(difference, (command.tool.position - sampleAt(other, t).tool.position).norm());
+        EXPECT_LE((command.tool.position - sampleAt(withoutTremor, t).tool.position).cwiseAbs().maxCoeff(),
                   0.0001 + 1e-12);
     }
     EXPECT_GT(difference, 0.1);
@@ -176,8 +168,7 @@ TEST(GeneratedHandMotion, RefusesTimesThatAreNone) {
     GeneratedHandMotion source;
     bench.configure(source, "");
     MotionCommand command;
-    for (double t : {-1.0, std::nan(""), HUGE_VAL})
-        EXPECT_EQ(source.sample(t, command), TickStatus::InvalidInput);
+    for (double t : {-1.0, std::nan(""), HUGE_VAL}) EXPECT_EQ(source.sample(t, command), TickStatus::InvalidInput);
     EXPECT_EQ(command.tool.position, Eigen::Vector3d::Zero());  // not written
 }
 

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "../../framework/experiment/CaseSupport.h"
+#include "CaseSupport.h"
 #include "TestArm.h"
 
 namespace viable {
@@ -10,8 +10,8 @@ namespace {
 
 /** The largest correction of NRIC over 10 s of the hand motion [Nm]. */
 double findLargestCorrection(const std::string& filter, const std::string& plant) {
-    test::TestLoop loop(test::kTeleoperation, {"duration_s=10", "filter={plugin: " + filter + "}",
-                                               "real_plant={" + plant + "}"});
+    test::TestLoop loop(test::kTeleoperation,
+                        {"duration_s=10", "filter={plugin: " + filter + "}", "real_plant={" + plant + "}"});
     TickRecord record;
     double largest = 0.0;
     for (int tick = 0; tick < 10000; ++tick) {
@@ -27,10 +27,8 @@ constexpr double kSilence = 1e-9;
 
 TEST(IdealPlant, NricStaysSilent) {
     const double jerk = findLargestCorrection("certified_braking", "plugin: ideal");
-    const double acceleration =
-        findLargestCorrection("acceleration_viability", "plugin: ideal, held: acceleration");
-    std::printf("  |tau_a| at most %.1e Nm (jerk held), %.1e Nm (acceleration held)\n", jerk,
-                acceleration);
+    const double acceleration = findLargestCorrection("acceleration_viability", "plugin: ideal, held: acceleration");
+    std::printf("  |tau_a| at most %.1e Nm (jerk held), %.1e Nm (acceleration held)\n", jerk, acceleration);
     EXPECT_LE(jerk, kSilence);
     EXPECT_LE(acceleration, kSilence);
 }
@@ -38,12 +36,10 @@ TEST(IdealPlant, NricStaysSilent) {
 // The figure above means something: an arm without friction that is integrated as arms are, and one that takes the
 // torque for another quantity, make NRIC speak.
 TEST(IdealPlant, OtherPlantsAreHeard) {
-    const double simbody = findLargestCorrection("certified_braking",
-                                                 "plugin: simbody, friction: none, encoder: exact");
-    const double wrong =
-        findLargestCorrection("certified_braking", "plugin: ideal, held: acceleration");
-    std::printf("  |tau_a| at most %.1e Nm (simbody without friction), %.1e Nm (wrong quantity)\n",
-                simbody, wrong);
+    const double simbody =
+        findLargestCorrection("certified_braking", "plugin: simbody, friction: none, encoder: exact");
+    const double wrong = findLargestCorrection("certified_braking", "plugin: ideal, held: acceleration");
+    std::printf("  |tau_a| at most %.1e Nm (simbody without friction), %.1e Nm (wrong quantity)\n", simbody, wrong);
     EXPECT_GT(simbody, 1e3 * kSilence);
     EXPECT_GT(wrong, 1e3 * kSilence);
 }

@@ -39,8 +39,7 @@ TEST(JerkLimitedRate, IsThePublishedRule) {
         FilterDecision d;
         const FilterStatus status = bench.decide("", s, desired, d);
         ASSERT_EQ(d.held, HeldQuantity::Acceleration);
-        ASSERT_NEAR(s.v + d.acceleration[0] * dt,
-                    limitVelocity(s.v + desired * dt, s.v, s.a, V, A, J), 1e-13);
+        ASSERT_NEAR(s.v + d.acceleration[0] * dt, limitVelocity(s.v + desired * dt, s.v, s.a, V, A, J), 1e-13);
         EXPECT_NEAR(d.jerk[0], (d.acceleration[0] - s.a) / dt, 1e-9);
         EXPECT_EQ(status == FilterStatus::Passed, d.acceleration[0] == desired);
         EXPECT_EQ(status == FilterStatus::Passed, d.joints[0].limit == LimitKind::None);
@@ -49,8 +48,7 @@ TEST(JerkLimitedRate, IsThePublishedRule) {
         }
         ++limits[static_cast<int>(d.joints[0].limit)];
     }
-    for (const LimitKind kind :
-         {LimitKind::None, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk})
+    for (const LimitKind kind : {LimitKind::None, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk})
         EXPECT_GT(limits[static_cast<int>(kind)], 10) << getName(kind, LimitSide::Upper);
     EXPECT_EQ(limits[static_cast<int>(LimitKind::Position)], 0);
 }
@@ -87,8 +85,7 @@ TEST(JerkLimitedRate, TheSameOnTheArmAndThePositionIsNotItsBusiness) {
 TEST(JerkLimitedRate, ApproachesAVelocityLimitWithoutPassingIt) {
     Bench bench("single_joint", "jerk_limited_rate");
     bench.arm.limits.position = {JointVector::Constant(1, -kInf), JointVector::Constant(1, kInf)};
-    const LawOutcome outcome =
-        bench.run("", 10.0, [](const MotionState&) { return JointVector::Constant(1, 100.0); });
+    const LawOutcome outcome = bench.run("", 10.0, [](const MotionState&) { return JointVector::Constant(1, 100.0); });
     EXPECT_EQ(outcome.excess.velocity, 0.0);
     EXPECT_NEAR(outcome.end.qd[0], 2 * kPi, 1e-4);
 }

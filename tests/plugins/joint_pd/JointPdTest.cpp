@@ -19,14 +19,13 @@ protected:
 
     void configure(const std::string& text) {
         controller_ = JointPd();
-        controller_.configure(arm_.setup(),
-                              arm_.read(PluginKind::NominalController, "joint_pd", text));
+        controller_.configure(arm_.setup(), arm_.read(PluginKind::NominalController, "joint_pd", text));
         controller_.reset(arm_.start);
     }
 
     void drawInputs() {
-        state_ = {arm_.robot.home + makeRandomVector(n(), 0.8, random_),
-                  makeRandomVector(n(), 2.0, random_), makeRandomVector(n(), 10.0, random_)};
+        state_ = {arm_.robot.home + makeRandomVector(n(), 0.8, random_), makeRandomVector(n(), 2.0, random_),
+                  makeRandomVector(n(), 10.0, random_)};
         command_.space = MotionCommand::Space::Joint;
         command_.q = arm_.robot.home + makeRandomVector(n(), 0.8, random_);
         command_.qd = makeRandomVector(n(), 2.0, random_);
@@ -67,10 +66,7 @@ TEST_P(JointPdTest, FeedforwardDampsTheDifferenceOfVelocities) {
         drawInputs();
         const JointVector qdd = calcResult(arm_.calcDynamics(state_));
         for (int i = 0; i < n(); ++i)
-            EXPECT_NEAR(
-                qdd[i],
-                40.0 * (command_.q[i] - state_.q[i]) + 12.0 * (command_.qd[i] - state_.qd[i]),
-                1e-8);
+            EXPECT_NEAR(qdd[i], 40.0 * (command_.q[i] - state_.q[i]) + 12.0 * (command_.qd[i] - state_.qd[i]), 1e-8);
     }
 }
 
@@ -100,8 +96,7 @@ TEST_P(JointPdTest, EachJointMayHaveItsOwnGains) {
     const Dynamics unit = makeUnitDynamics(n());
     ASSERT_EQ(controller_.compute(command_, state_, unit, torque), TickStatus::Ok);
     for (int i = 0; i < n(); ++i)
-        EXPECT_NEAR(torque[i], (10 + i) * (command_.q[i] - state_.q[i]) - (3 + i) * state_.qd[i],
-                    1e-12);
+        EXPECT_NEAR(torque[i], (10 + i) * (command_.q[i] - state_.q[i]) - (3 + i) * state_.qd[i], 1e-12);
 }
 
 TEST_P(JointPdTest, RefusesToolSpaceAndWhatIsNotFinite) {
@@ -137,8 +132,7 @@ TEST_P(JointPdTest, RefusesNegativeGains) {
 
 TEST_P(JointPdTest, LoadsAsALibrary) {
     configure("");
-    const auto plugin = PluginLoader::create<NominalController>(
-        findPlugin(PluginKind::NominalController, "joint_pd"));
+    const auto plugin = PluginLoader::create<NominalController>(findPlugin(PluginKind::NominalController, "joint_pd"));
     plugin->configure(arm_.setup(), arm_.read(PluginKind::NominalController, "joint_pd", ""));
     plugin->reset(arm_.start);
     drawInputs();

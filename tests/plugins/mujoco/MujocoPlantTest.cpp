@@ -4,7 +4,7 @@
 
 #include <filesystem>
 
-#include "../../framework/experiment/CaseSupport.h"
+#include "CaseSupport.h"
 #include "TestArm.h"
 #include "viable/testing/AllocationCounter.h"
 #include "viable/testing/TwoLinkArm.h"
@@ -86,16 +86,14 @@ double playBack(TestArm& arm, const Recording& recording, const std::string& tex
 TEST(MujocoPlant, MovesAsSimbodyDoesUnderTheSameTorques) {
     TestArm arm("indy7");
     hang(arm);
-    const std::string text =
-        "friction: none, encoder: exact, substeps: 2, torque_limit_factor: .inf";
+    const std::string text = "friction: none, encoder: exact, substeps: 2, torque_limit_factor: .inf";
     const std::string loaded = text +
                                ", payload_kg: 2, payload_offset_m: [0.02, 0.03, 0.1], mass_factor: "
                                "[1, 1.1, 0.9, 1.2, 1, 1.3], base_tilt_rad: [0.1, -0.2]";
     for (const std::string& set : {text, loaded}) {
         const Recording recording = recordSines(arm, set);
         double way = 0.0;
-        for (const JointState& s : recording.states)
-            way = std::max(way, (s.q - arm.start.q).lpNorm<Eigen::Infinity>());
+        for (const JointState& s : recording.states) way = std::max(way, (s.q - arm.start.q).lpNorm<Eigen::Infinity>());
         ASSERT_GT(way, 0.4);
         const double worst = playBack(arm, recording, set);
         std::printf("  largest difference over 10 s of open loop: %.1e rad\n", worst);
@@ -109,8 +107,7 @@ TEST(MujocoPlant, FrictionBrakesAsInSimbody) {
     TestArm arm("indy7");
     arm.start.qd.setConstant(0.8);
     const std::string text = "encoder: exact, breakaway_ratio: 1.3, load_friction: 0.1";
-    const PlantPtr mujoco = makePlant(arm, "mujoco", text),
-                   simbody = makePlant(arm, "simbody", text);
+    const PlantPtr mujoco = makePlant(arm, "mujoco", text), simbody = makePlant(arm, "simbody", text);
     const JointVector gravity = arm.calcDynamics(arm.start).gravity;
     double worst = 0.0;
     for (int tick = 0; tick < 300; ++tick) {
@@ -126,8 +123,7 @@ TEST(MujocoPlant, FrictionBrakesAsInSimbody) {
 
 TEST(MujocoPlant, Fault17JointAtRestUnderLoadCreepsWhereSimbodysStays) {
     TestArm arm("indy7");
-    const JointVector torque =
-        arm.calcDynamics(arm.start).gravity + 0.9 * arm.robot.actuation.friction.coulomb;
+    const JointVector torque = arm.calcDynamics(arm.start).gravity + 0.9 * arm.robot.actuation.friction.coulomb;
     const PlantPtr plant = makePlant(arm, "mujoco", "encoder: exact");
     for (int tick = 0; tick < 5000; ++tick) advance(*plant, torque);
     const double creep = calcDistance(plant->actual(), {arm.start.q, arm.start.qd}) / 5.0;
@@ -135,23 +131,20 @@ TEST(MujocoPlant, Fault17JointAtRestUnderLoadCreepsWhereSimbodysStays) {
     EXPECT_LE(creep, 1e-5);
     EXPECT_GT(creep, 0.0);
     const PlantPtr loose = makePlant(arm, "mujoco", "encoder: exact");
-    const JointVector more =
-        arm.calcDynamics(arm.start).gravity + 1.1 * arm.robot.actuation.friction.coulomb;
+    const JointVector more = arm.calcDynamics(arm.start).gravity + 1.1 * arm.robot.actuation.friction.coulomb;
     for (int tick = 0; tick < 500; ++tick) advance(*loose, more);
     for (int i = 0; i < 6; ++i) EXPECT_GT(std::abs(loose->actual().q[i] - arm.start.q[i]), 1e-3);
 }
 
 TEST(MujocoPlant, Fault17TenfoldFrictionNeedsAndGetsEnoughSteps) {
     TestArm arm("indy7");
-    const std::string complaint =
-        findComplaint([&] { makePlant(arm, "mujoco", "friction_scale: 40"); });
+    const std::string complaint = findComplaint([&] { makePlant(arm, "mujoco", "friction_scale: 40"); });
     EXPECT_CONTAINS(complaint, "too few for the viscous friction");
     EXPECT_CONTAINS(complaint, "Write substeps:");
     const PlantPtr plant = makePlant(arm, "mujoco", "friction_scale: 10, encoder: exact");
     std::mt19937 random(5);
     for (int tick = 0; tick < 1000; ++tick) {
-        advance(*plant,
-                makeRandomVector(6, 1.0, random).cwiseProduct(arm.robot.actuation.torqueLimit));
+        advance(*plant, makeRandomVector(6, 1.0, random).cwiseProduct(arm.robot.actuation.torqueLimit));
         ASSERT_TRUE(isFinite(plant->actual(), 6));
     }
     EXPECT_LE(plant->actual().qd.lpNorm<Eigen::Infinity>(), 0.5);
@@ -163,8 +156,7 @@ TEST(MujocoPlant, Fault18BlockedJointStopsAndTheOthersMoveAsInSimbody) {
     const std::string text =
         "friction: none, encoder: exact, blocked_joint: 2, blocked_from_s: 0.1, blocked_until_s: "
         "0.3";
-    const PlantPtr mujoco = makePlant(arm, "mujoco", text),
-                   simbody = makePlant(arm, "simbody", text);
+    const PlantPtr mujoco = makePlant(arm, "mujoco", text), simbody = makePlant(arm, "simbody", text);
     const JointVector gravity = arm.calcDynamics(arm.start).gravity;
     double where = 0.0;
     for (int tick = 0; tick < 400; ++tick) {
@@ -186,8 +178,7 @@ struct Tracking {
 
 Tracking follow(const std::string& plant) {
     test::TestLoop loop(test::kTeleoperation,
-                        {"filter={plugin: certified_braking}",
-                         "real_plant={plugin: " + plant + ", payload_kg: 3}"});
+                        {"filter={plugin: certified_braking}", "real_plant={plugin: " + plant + ", payload_kg: 3}"});
     TickRecord record;
     Tracking tracking;
     constexpr int kTicks = 8000;
@@ -204,8 +195,8 @@ Tracking follow(const std::string& plant) {
 
 TEST(MujocoPlant, NricTracksAsWithSimbody) {
     const Tracking simbody = follow("simbody"), mujoco = follow("mujoco");
-    std::printf("  |e| with 3 kg: largest %.3e (simbody), %.3e (mujoco) rad; rms %.3e, %.3e rad\n",
-                simbody.largest, mujoco.largest, simbody.mean, mujoco.mean);
+    std::printf("  |e| with 3 kg: largest %.3e (simbody), %.3e (mujoco) rad; rms %.3e, %.3e rad\n", simbody.largest,
+                mujoco.largest, simbody.mean, mujoco.mean);
     EXPECT_NEAR(mujoco.largest / simbody.largest, 1.0, 0.02);
     EXPECT_NEAR(mujoco.mean / simbody.mean, 1.0, 0.02);
 }
@@ -236,10 +227,8 @@ TEST(MujocoPlant, TakesBranchesSlidersAndDescriptionsWithoutAFolder) {
     robot.home = 0.2 * ones;
     arm.start = {robot.home, 0.3 * ones, 0.0 * ones};
     arm.rebuildModel();
-    const std::string text =
-        "friction: none, encoder: exact, substeps: 4, payload_kg: 1, mass_factor: [1, 1.5, 0.7]";
-    const PlantPtr mujoco = makePlant(arm, "mujoco", text),
-                   simbody = makePlant(arm, "simbody", text);
+    const std::string text = "friction: none, encoder: exact, substeps: 4, payload_kg: 1, mass_factor: [1, 1.5, 0.7]";
+    const PlantPtr mujoco = makePlant(arm, "mujoco", text), simbody = makePlant(arm, "simbody", text);
     for (int tick = 0; tick < 500; ++tick) {
         const JointVector torque = 3.0 * ones;
         advance(*mujoco, torque);
@@ -263,8 +252,7 @@ TEST(MujocoPlant, MujocosErrorsDoNotEndTheProcessAndItsWarningsLeaveNoFile) {
 }
 
 TEST(MujocoPlant, AdvanceAllocatesNothing) {
-    if (!testing::AllocationCounter::isAvailable())
-        GTEST_SKIP() << testing::AllocationCounter::whyNot();
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     TestArm arm("indy7");
     const PlantPtr plant = makePlant(arm, "mujoco",
                                      "friction_scale: 2, breakaway_ratio: 1.5, load_friction: 0.1, "

@@ -66,8 +66,7 @@ TEST_F(NoneTest, LoadsAsALibrary) {
 }
 
 TEST_F(NoneTest, HasNoParameters) {
-    EXPECT_CONTAINS(findComplaint([&] { arm_.read(PluginKind::RobustLoop, "none", "k_r: 600"); }),
-                    "k_r");
+    EXPECT_CONTAINS(findComplaint([&] { arm_.read(PluginKind::RobustLoop, "none", "k_r: 600"); }), "k_r");
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "viable/plugin/Nric.h"
+#include "viable/tracking/Nric.h"
 
 #include <gtest/gtest.h>
 
@@ -24,8 +24,7 @@ protected:
     }
 
     /** The answer to the position error e and the velocity error de. */
-    JointVector compute(const JointVector& e, const JointVector& de,
-                        const JointVector& filterTorque) {
+    JointVector compute(const JointVector& e, const JointVector& de, const JointVector& filterTorque) {
         const JointState real{arm_.start.q + e, arm_.start.qd + de};
         JointVector torque;
         EXPECT_EQ(loop_.compute(real, arm_.start, filterTorque, torque), TickStatus::Ok);
@@ -39,8 +38,7 @@ protected:
 
 // Formula (7), joint by joint, with the integral as a plain sum in higher precision.
 TEST_F(NricTest, FollowsFormula7WithAGainOfItsOwnForEachJoint) {
-    const double kr[] = {600, 500, 400, 30, 20, 10}, kp[] = {20, 19, 18, 0, 16, 15},
-                 ki[] = {8, 7, 6, 5, 0, 3};
+    const double kr[] = {600, 500, 400, 30, 20, 10}, kp[] = {20, 19, 18, 0, 16, 15}, ki[] = {8, 7, 6, 5, 0, 3};
     configure(
         "k_r: [600, 500, 400, 30, 20, 10], k_p: [20, 19, 18, 0, 16, 15], "
         "k_i: [8, 7, 6, 5, 0, 3]");
@@ -64,8 +62,7 @@ TEST_F(NricTest, DefaultsAreThoseOfThePaper) {
     configure("");
     const JointVector e = constant(0.001), de = constant(0.01);
     const JointVector torque = compute(e, de, constant(0.0));
-    for (int i = 0; i < n(); ++i)
-        EXPECT_NEAR(torque[i], -600.0 * (0.01 + 20.0 * 0.001 + 8.0 * 1e-6), 1e-9);
+    for (int i = 0; i < n(); ++i) EXPECT_NEAR(torque[i], -600.0 * (0.01 + 20.0 * 0.001 + 8.0 * 1e-6), 1e-9);
 }
 
 TEST_F(NricTest, ThePluginHasTheDefaultsOfTheOptions) {
@@ -109,8 +106,8 @@ TEST_F(NricTest, SumStaysWithinTheMotorLimits) {
     int saturated = 0;
     for (int k = 0; k < 5000; ++k) {
         const JointVector filterTorque = makeRandomVector(n(), 1.0, random).cwiseProduct(limit);
-        const JointVector torque = compute(makeRandomVector(n(), 0.05, random),
-                                           makeRandomVector(n(), 0.1, random), filterTorque);
+        const JointVector torque =
+            compute(makeRandomVector(n(), 0.05, random), makeRandomVector(n(), 0.1, random), filterTorque);
         for (int i = 0; i < n(); ++i) {
             const double total = std::abs(filterTorque[i] + torque[i]);
             ASSERT_LE(total, limit[i] * (1.0 + 1e-14));
@@ -135,8 +132,7 @@ TEST_F(NricTest, Fault17IntegralIsHeldWhileSaturatedAndReleasedAtOnce) {
         EXPECT_LE(released.lpNorm<Eigen::Infinity>(), 1e-12);
         const double e = -0.001 * side;
         const JointVector back = compute(constant(e), constant(0.0), constant(0.0));
-        for (int i = 0; i < n(); ++i)
-            EXPECT_NEAR(back[i], -600.0 * (20.0 * e + 8.0 * e * 0.001), 1e-9);
+        for (int i = 0; i < n(); ++i) EXPECT_NEAR(back[i], -600.0 * (20.0 * e + 8.0 * e * 0.001), 1e-9);
     }
 }
 
@@ -169,11 +165,9 @@ TEST_F(NricTest, AHeldIntegralStandsStillUntilReset) {
     const JointVector e = constant(0.5), none = constant(0.0);
     for (int k = 0; k < 10; ++k) compute(e, none, none);
     loop_.holdIntegral();
-    for (int k = 0; k < 10; ++k)
-        EXPECT_NEAR(compute(e, none, none)[0], -100.0 * 10.0 * 0.005, 1e-12);
+    for (int k = 0; k < 10; ++k) EXPECT_NEAR(compute(e, none, none)[0], -100.0 * 10.0 * 0.005, 1e-12);
     loop_.reset(arm_.start);
-    for (int k = 1; k < 10; ++k)
-        EXPECT_NEAR(compute(e, none, none)[0], -100.0 * 10.0 * 0.0005 * k, 1e-12);
+    for (int k = 1; k < 10; ++k) EXPECT_NEAR(compute(e, none, none)[0], -100.0 * 10.0 * 0.0005 * k, 1e-12);
 }
 
 TEST_F(NricTest, BoundsThatDoNotActChangeNoBit) {
@@ -182,8 +176,8 @@ TEST_F(NricTest, BoundsThatDoNotActChangeNoBit) {
     Nric bounded;
     // In 2000 ticks of |e| <= 6e-3 the integral's torque stays below 600 x 8 x 0.012 = 58 Nm, and no step is
     // larger than twice 600 x (0.1 + 20 x 0.006) + 58 = 380 Nm.
-    bounded.configure(arm_.setup(), arm_.read(PluginKind::RobustLoop, "nric",
-                                              "integral_limit_Nm: 60, torque_rate_Nmps: 380e3"));
+    bounded.configure(arm_.setup(),
+                      arm_.read(PluginKind::RobustLoop, "nric", "integral_limit_Nm: 60, torque_rate_Nmps: 380e3"));
     bounded.reset(arm_.start);
     std::mt19937 random(5);
     for (int k = 0; k < 2000; ++k) {
@@ -228,8 +222,8 @@ TEST_F(NricTest, TheTorqueChangesNoFasterThanItsRateOrTheFilterTorqueAtTheMotors
     int atRate = 0, beyond = 0;
     for (int k = 0; k < 5000; ++k) {
         const JointVector filterTorque = makeRandomVector(n(), 100.0, random);
-        const JointVector torque = compute(makeRandomVector(n(), 0.05, random),
-                                           makeRandomVector(n(), 0.1, random), filterTorque);
+        const JointVector torque =
+            compute(makeRandomVector(n(), 0.05, random), makeRandomVector(n(), 0.1, random), filterTorque);
         for (int i = 0; i < n(); ++i) {
             ASSERT_LE(std::abs(filterTorque[i] + torque[i]), 100.0 * (1.0 + 1e-14));
             const double change = std::abs(torque[i] - last[i]);
@@ -250,11 +244,10 @@ TEST_F(NricTest, IsZeroWhereTheRealArmIsTheNominalOne) {
         configure(bounds);
         std::mt19937 random(7);
         for (int k = 0; k < 1000; ++k) {
-            const MotionState nominal{makeRandomVector(n(), 3.0, random),
-                                      makeRandomVector(n(), 3.0, random), constant(0.0)};
+            const MotionState nominal{makeRandomVector(n(), 3.0, random), makeRandomVector(n(), 3.0, random),
+                                      constant(0.0)};
             JointVector torque;
-            ASSERT_EQ(loop_.compute({nominal.q, nominal.qd}, nominal,
-                                    makeRandomVector(n(), 100.0, random), torque),
+            ASSERT_EQ(loop_.compute({nominal.q, nominal.qd}, nominal, makeRandomVector(n(), 100.0, random), torque),
                       TickStatus::Ok);
             ASSERT_LE(torque.lpNorm<Eigen::Infinity>(), 1e-9);
         }
@@ -265,10 +258,10 @@ TEST_F(NricTest, IsZeroWhereTheRealArmIsTheNominalOne) {
 struct ReleasedJoint {
     static constexpr double kInertia = 3.0, kOffset = 0.005;
 
-    double pressing = 0.0;      ///< largest torque while it was held [Nm]
-    double largestStep = 0.0;   ///< of the torque in a tick [Nm]
-    double overshoot = 0.0;     ///< [rad]
-    double lastSpeed = 0.0;     ///< [rad/s]
+    double pressing = 0.0;     ///< largest torque while it was held [Nm]
+    double largestStep = 0.0;  ///< of the torque in a tick [Nm]
+    double overshoot = 0.0;    ///< [rad]
+    double lastSpeed = 0.0;    ///< [rad/s]
 
     template <class Compute>
     explicit ReleasedJoint(const Compute& compute) {
@@ -325,8 +318,8 @@ TEST_F(NricTest, Fault18AJointThatWasHeldAndIsReleasedGetsNoJumpAndHardlyOversho
     EXPECT_NEAR(free.pressing, 60.0 + 600.0 * 8.0 * 0.01, 1e-6);
     EXPECT_GT(free.largestStep, 2.0 * rate * 0.001);
     EXPECT_GT(free.overshoot, 1.5 * bound);
-    std::printf("released: overshoot %.3g mrad (bound %.3g), free %.3g mrad\n", 1e3 * both.overshoot,
-                1e3 * bound, 1e3 * free.overshoot);
+    std::printf("released: overshoot %.3g mrad (bound %.3g), free %.3g mrad\n", 1e3 * both.overshoot, 1e3 * bound,
+                1e3 * free.overshoot);
 }
 
 TEST_F(NricTest, ScaledGainsAreThePapersOnTheHeavyJointsOfTheIndy7AndCarriedByTheOthers) {
@@ -368,8 +361,7 @@ TEST_F(NricTest, RefusesWhatIsNotFiniteOrOfTheWrongSizeAndStaysAsItWas) {
         EXPECT_EQ(loop_.compute(real, badNominal, zero, torque), TickStatus::InvalidInput);
         EXPECT_EQ(loop_.compute(real, arm_.start, constant(bad), torque), TickStatus::InvalidInput);
     }
-    EXPECT_EQ(loop_.compute(real, arm_.start, JointVector::Zero(n() - 1), torque),
-              TickStatus::InvalidInput);
+    EXPECT_EQ(loop_.compute(real, arm_.start, JointVector::Zero(n() - 1), torque), TickStatus::InvalidInput);
     EXPECT_EQ(torque, constant(7.0));
 
     const JointVector second = compute(e, zero, zero);
@@ -388,8 +380,7 @@ TEST_F(NricTest, RefusesNegativeGainsAndListsOfTheWrongLength) {
 
 TEST_F(NricTest, LoadsAsALibrary) {
     configure("");
-    const auto plugin =
-        PluginLoader::create<RobustLoop>(findPlugin(PluginKind::RobustLoop, "nric"));
+    const auto plugin = PluginLoader::create<RobustLoop>(findPlugin(PluginKind::RobustLoop, "nric"));
     plugin->configure(arm_.setup(), arm_.read(PluginKind::RobustLoop, "nric", ""));
     plugin->reset(arm_.start);
     const JointState real{arm_.start.q + constant(0.01), arm_.start.qd};

@@ -72,10 +72,8 @@ TEST_P(PassThroughTest, AccelerationAgreesWithSimbodysForwardDynamics) {
         const MotionState state = makeRandomState(arm_, random_);
         const JointVector torque = makeRandomVector(arm_.size(), 50.0, random_);
         FilterDecision decision;
-        ASSERT_EQ(filter_.filter(state, torque, arm_.calcDynamics(state), decision),
-                  FilterStatus::Passed);
-        const JointVector expected =
-            arm_.model().calcLinkForwardDynamics(state.q, state.qd, torque);
+        ASSERT_EQ(filter_.filter(state, torque, arm_.calcDynamics(state), decision), FilterStatus::Passed);
+        const JointVector expected = arm_.model().calcLinkForwardDynamics(state.q, state.qd, torque);
         EXPECT_LE((decision.acceleration - expected).lpNorm<Eigen::Infinity>(),
                   1e-8 * (1.0 + expected.lpNorm<Eigen::Infinity>()));
     }
@@ -87,8 +85,7 @@ TEST_P(PassThroughTest, RefusesWhatIsNotFiniteOrOfTheWrongSize) {
     const JointVector torque = JointVector::Ones(arm_.size());
     FilterDecision decision;
     decision.torque.setConstant(arm_.size(), 7.0);
-    const auto expectRefused = [&](const MotionState& s, const JointVector& tau,
-                                   const Dynamics& d) {
+    const auto expectRefused = [&](const MotionState& s, const JointVector& tau, const Dynamics& d) {
         EXPECT_EQ(filter_.filter(s, tau, d, decision), FilterStatus::InvalidInput);
         EXPECT_EQ(decision.torque, JointVector::Constant(arm_.size(), 7.0));
         EXPECT_EQ(decision.acceleration.size(), 0);
@@ -119,8 +116,8 @@ TEST_P(PassThroughTest, Fault29HugeTorqueNeverBecomesAnInfiniteAcceleration) {
     dynamics.M *= 1e-3;
     for (const double size : {1e300, std::numeric_limits<double>::max()}) {
         FilterDecision decision;
-        const FilterStatus status = filter_.filter(
-            arm_.start, JointVector::Constant(arm_.size(), size), dynamics, decision);
+        const FilterStatus status =
+            filter_.filter(arm_.start, JointVector::Constant(arm_.size(), size), dynamics, decision);
         EXPECT_EQ(status, FilterStatus::Passed);
         EXPECT_TRUE(decision.acceleration.allFinite());
         EXPECT_LE(decision.acceleration.cwiseAbs().maxCoeff(), kLargestAcceleration);
@@ -128,9 +125,8 @@ TEST_P(PassThroughTest, Fault29HugeTorqueNeverBecomesAnInfiniteAcceleration) {
 }
 
 TEST_P(PassThroughTest, LoadsAsALibrary) {
-    const auto plugin =
-        PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, "pass_through"));
-    EXPECT_FALSE(plugin->promisesLimits());
+    const auto plugin = PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, "pass_through"));
+    EXPECT_FALSE(plugin->guaranteesLimits());
     plugin->configure(arm_.setup(), arm_.read(PluginKind::SafetyFilter, "pass_through", ""));
     plugin->reset(arm_.start);
     const MotionState state = makeRandomState(arm_, random_);

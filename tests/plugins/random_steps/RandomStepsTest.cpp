@@ -2,8 +2,8 @@
 
 #include <set>
 
-#include "viable/testing/AllocationCounter.h"
 #include "CommandBench.h"
+#include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {
@@ -35,8 +35,7 @@ std::string findComplaint(const CommandBench& bench, const std::string& text) {
 
 TEST(RandomSteps, HoldsPositionsForTimesInTheRangeAndGoesBeyondTheLimitsAsOftenAsAsked) {
     const CommandBench bench(3000.0);
-    Source source(bench,
-                  "seed: 3, shortest_s: 0.5, longest_s: 3, beyond_share: 0.3, beyond_rad: 0.5");
+    Source source(bench, "seed: 3, shortest_s: 0.5, longest_s: 3, beyond_share: 0.3, beyond_rad: 0.5");
     EXPECT_EQ(source.space(), MotionCommand::Space::Joint);
     const RunSetup setup = makeSetup(bench);
     int steps[3] = {}, below[3] = {}, above[3] = {}, together = 0;
@@ -55,8 +54,7 @@ TEST(RandomSteps, HoldsPositionsForTimesInTheRangeAndGoesBeyondTheLimitsAsOftenA
                 longest = std::max(longest, t - since[i]);
             }
             since[i] = t;
-            const double lower = setup.limits.position.lower[i],
-                         upper = setup.limits.position.upper[i];
+            const double lower = setup.limits.position.lower[i], upper = setup.limits.position.upper[i];
             ASSERT_GE(now.q[i], lower - 0.5);
             ASSERT_LE(now.q[i], upper + 0.5);
             below[i] += now.q[i] < lower;
@@ -84,8 +82,7 @@ TEST(RandomSteps, SameSeedSameStepsWhateverTheOrderOfTheQuestions) {
     for (int k = 0; k < 3000; ++k) expectSame(sampleAt(one, k * 0.01), sampleAt(two, k * 0.01));
     two.reset(bench.start);
     for (int k = 2999; k >= 0; --k) expectSame(sampleAt(one, k * 0.01), sampleAt(two, k * 0.01));
-    for (int k = 0; k < 3000; ++k)
-        differs |= sampleAt(one, k * 0.01).q != sampleAt(other, k * 0.01).q;
+    for (int k = 0; k < 3000; ++k) differs |= sampleAt(one, k * 0.01).q != sampleAt(other, k * 0.01).q;
     EXPECT_TRUE(differs);
     // A longer run begins in the same way.
     const CommandBench longer(300.0);
@@ -108,8 +105,7 @@ TEST(RandomSteps, AllInsideOrAllBeyond) {
     const RunSetup setup = makeSetup(bench);
     for (int k = 0; k < 3000; ++k)
         for (int i = 0; i < 3; ++i) {
-            const double lower = setup.limits.position.lower[i],
-                         upper = setup.limits.position.upper[i];
+            const double lower = setup.limits.position.lower[i], upper = setup.limits.position.upper[i];
             const double q = sampleAt(inside, k * 0.01).q[i], x = sampleAt(beyond, k * 0.01).q[i];
             ASSERT_TRUE(q >= lower && q <= upper) << q;
             ASSERT_TRUE(x <= lower || x >= upper) << x;
@@ -120,8 +116,7 @@ TEST(RandomSteps, ComplainsAboutTimesAndLimitsThatCannotBe) {
     const CommandBench bench;
     EXPECT_PRED_FORMAT2(says, findComplaint(bench, "shortest_s: 2, longest_s: 1"),
                         "command.longest_s: longest_s = 1 s is shorter than shortest_s = 2 s");
-    EXPECT_PRED_FORMAT2(says, findComplaint(CommandBench(1e6), "shortest_s: 0.001"),
-                        "more than 1e+06 steps");
+    EXPECT_PRED_FORMAT2(says, findComplaint(CommandBench(1e6), "shortest_s: 0.001"), "more than 1e+06 steps");
     EXPECT_PRED_FORMAT2(says, findComplaint(bench, "beyond_share: 1.1"), "beyond_share");
     RandomSteps source;
     try {

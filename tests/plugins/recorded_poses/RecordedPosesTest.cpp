@@ -1,3 +1,4 @@
+#include "Paths.h"
 #include "RecordedPoses.h"
 
 #include <cstdio>
@@ -5,8 +6,8 @@
 #include <functional>
 #include <random>
 
-#include "viable/testing/AllocationCounter.h"
 #include "CommandBench.h"
+#include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {
@@ -22,8 +23,7 @@ class RecordedPosesTest : public ::testing::Test {
 protected:
     RecordedPosesTest() {
         const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
-        folder_ = std::filesystem::path(::testing::TempDir()) /
-                  ("viable_recorded_poses_" + std::string(info->name()));
+        folder_ = std::filesystem::path(::testing::TempDir()) / ("viable_recorded_poses_" + std::string(info->name()));
         std::filesystem::create_directories(folder_);
     }
     ~RecordedPosesTest() override { std::filesystem::remove_all(folder_); }
@@ -36,15 +36,15 @@ protected:
 
     static std::string line(double t, const Pose& pose) {
         char buffer[256];
-        std::snprintf(buffer, sizeof buffer, "%.9f %.12f %.12f %.12f %.12f %.12f %.12f %.12f\n", t,
-                      pose.position.x(), pose.position.y(), pose.position.z(), pose.orientation.x(),
-                      pose.orientation.y(), pose.orientation.z(), pose.orientation.w());
+        std::snprintf(buffer, sizeof buffer, "%.9f %.12f %.12f %.12f %.12f %.12f %.12f %.12f\n", t, pose.position.x(),
+                      pose.position.y(), pose.position.z(), pose.orientation.x(), pose.orientation.y(),
+                      pose.orientation.z(), pose.orientation.w());
         return buffer;
     }
 
     // Stamps at about 60 Hz, uneven, from an epoch as cameras have it.
-    static std::string record(const std::function<Pose(double)>& motion, double duration,
-                              double epoch = 1.3e9, unsigned seed = 1) {
+    static std::string record(const std::function<Pose(double)>& motion, double duration, double epoch = 1.3e9,
+                              unsigned seed = 1) {
         std::mt19937 random(seed);
         std::uniform_real_distribution<double> step(0.010, 0.025);
         std::string text = "# time x y z qx qy qz qw\n";
@@ -97,8 +97,7 @@ TEST_F(RecordedPosesTest, AcceptsWhatRecordersWrite) {
     for (char c : std::string(kGood)) crlf += c == '\n' ? "\r\n" : std::string(1, c);
     EXPECT_EQ(findComplaint(crlf, kShortClutch), "");
     EXPECT_EQ(findComplaint("\xEF\xBB\xBF" + std::string(kGood), kShortClutch), "");
-    EXPECT_EQ(findComplaint(replaced(kGood, "10.02 0.1 0", "  10.02\t+1e-1   0 "), kShortClutch),
-              "");
+    EXPECT_EQ(findComplaint(replaced(kGood, "10.02 0.1 0", "  10.02\t+1e-1   0 "), kShortClutch), "");
     std::string noLastNewline = kGood;
     noLastNewline.pop_back();
     EXPECT_EQ(findComplaint(noLastNewline, kShortClutch), "");
@@ -113,16 +112,13 @@ TEST_F(RecordedPosesTest, ComplainsAboutALineWithItsNumber) {
     std::string text = complaint(second, "10.02 0.1 0 0 0 0 1");
     EXPECT_PRED_FORMAT2(says, text, "poses.txt:3: 7 columns instead of 8");
     EXPECT_PRED_FORMAT2(says, text, "timestamp tx ty tz qx qy qz qw");
-    EXPECT_PRED_FORMAT2(says, complaint(second, "10.02 0.1 0 0 0 0 0 1 7"),
-                        "poses.txt:3: 9 columns instead of 8");
+    EXPECT_PRED_FORMAT2(says, complaint(second, "10.02 0.1 0 0 0 0 0 1 7"), "poses.txt:3: 9 columns instead of 8");
     EXPECT_PRED_FORMAT2(says, complaint(second, "10.02 0.1m 0 0 0 0 0 1"),
                         "poses.txt:3: '0.1m' is not a number (column x_m)");
     EXPECT_PRED_FORMAT2(says, complaint(second, "10.02 0.1 0 nan 0 0 0 1"),
                         "poses.txt:3: 'nan' is not finite (column z_m)");
-    EXPECT_PRED_FORMAT2(says, complaint(second, "10.02 0.1 0 0 0 inf 0 1"),
-                        "'inf' is not finite (column qy)");
-    EXPECT_PRED_FORMAT2(says, complaint(second, "10.02 1e999 0 0 0 0 0 1"),
-                        "'1e999' is not a number");
+    EXPECT_PRED_FORMAT2(says, complaint(second, "10.02 0.1 0 0 0 inf 0 1"), "'inf' is not finite (column qy)");
+    EXPECT_PRED_FORMAT2(says, complaint(second, "10.02 1e999 0 0 0 0 0 1"), "'1e999' is not a number");
     EXPECT_PRED_FORMAT2(says, complaint(second, "10.02 0,1 0 0 0 0 0 1"), "'0,1' is not a number");
     EXPECT_PRED_FORMAT2(says, complaint(second, "10.02 0.1 0 0 0 0 0 0"),
                         "poses.txt:3: the quaternion has length 0 instead of 1 (+-0.01)");
@@ -146,14 +142,10 @@ TEST_F(RecordedPosesTest, ComplainsAboutStampsGapsAndSteps) {
                         "poses.txt:6: time stamp 10.030000000 s is "
                         "not later than 10.040000000 s on line 4");
     text = complaint("10.08", "10.38");
-    EXPECT_PRED_FORMAT2(says, text,
-                        "poses.txt:7: gap of 0.32 s since line 6, but max_gap_s is 0.2 s");
-    EXPECT_EQ(findComplaint(replaced(kGood, "10.08", "10.38"),
-                            std::string(kShortClutch) + ", max_gap_s: 0.4"),
-              "");
+    EXPECT_PRED_FORMAT2(says, text, "poses.txt:7: gap of 0.32 s since line 6, but max_gap_s is 0.2 s");
+    EXPECT_EQ(findComplaint(replaced(kGood, "10.08", "10.38"), std::string(kShortClutch) + ", max_gap_s: 0.4"), "");
     // Stamps in nanoseconds, positions in millimetres, quaternions with w first.
-    EXPECT_PRED_FORMAT2(says,
-                        findComplaint("10000000000 0 0 0 0 0 0 1\n10020000000 0 0 0 0 0 0 1\n"),
+    EXPECT_PRED_FORMAT2(says, findComplaint("10000000000 0 0 0 0 0 0 1\n10020000000 0 0 0 0 0 0 1\n"),
                         "convert the stamps if they are not in seconds");
     text = complaint("10.02 0.1", "10.02 100");
     EXPECT_PRED_FORMAT2(says, text,
@@ -167,23 +159,19 @@ TEST_F(RecordedPosesTest, ComplainsAboutStampsGapsAndSteps) {
 
 TEST_F(RecordedPosesTest, ComplainsAboutWholeRecordings) {
     EXPECT_PRED_FORMAT2(says, findComplaint("# nothing\n"), "poses.txt: 0 samples, but at least 4");
-    EXPECT_PRED_FORMAT2(says,
-                        findComplaint("0 0 0 0 0 0 0 1\n0.1 0 0 0 0 0 0 1\n0.2 0 0 0 0 0 0 1\n"),
+    EXPECT_PRED_FORMAT2(says, findComplaint("0 0 0 0 0 0 0 1\n0.1 0 0 0 0 0 0 1\n0.2 0 0 0 0 0 0 1\n"),
                         "poses.txt: 3 samples, but at least 4 are needed");
-    EXPECT_PRED_FORMAT2(says,
-                        bench_.findComplaint<RecordedPoses>("file: '" + folder_.string() + "'"),
+    EXPECT_PRED_FORMAT2(says, bench_.findComplaint<RecordedPoses>("file: '" + folder_.string() + "'"),
                         folder_.string());
-    EXPECT_PRED_FORMAT2(
-        says, bench_.findComplaint<RecordedPoses>("file: '" + folder_.string() + "/none.txt'"),
-        "none.txt");
+    EXPECT_PRED_FORMAT2(says, bench_.findComplaint<RecordedPoses>("file: '" + folder_.string() + "/none.txt'"),
+                        "none.txt");
     EXPECT_NE(bench_.findComplaint<RecordedPoses>("start_s: 1"), "");  // file is required
 }
 
 TEST_F(RecordedPosesTest, ComplainsAboutParametersThatDoNotFitTheRecording) {
     std::string text = findComplaint(kGood, ", clutch_s: 0.01, start_s: 0.03");
     EXPECT_PRED_FORMAT2(says, text, "experiment.yaml:1:");
-    EXPECT_PRED_FORMAT2(
-        says, text, "command.start_s: start_s = 0.03 s leaves 3 samples of a recording of 0.08 s");
+    EXPECT_PRED_FORMAT2(says, text, "command.start_s: start_s = 0.03 s leaves 3 samples of a recording of 0.08 s");
     EXPECT_PRED_FORMAT2(says, findComplaint(kGood, ", start_s: 100"), "leaves 0 samples");
     EXPECT_PRED_FORMAT2(says, findComplaint(kGood, ""),
                         "command: clutch_s = 1 s is longer than the part of the recording in use, "
@@ -230,10 +218,8 @@ TEST_F(RecordedPosesTest, ReadsCsvByColumnNames) {
 
     EXPECT_PRED_FORMAT2(says, findComplaint(replaced(csv, "x_m", "x_mm")),
                         "poses.txt:1: there is no column 'x_m'; the closest is 'x_mm'");
-    EXPECT_PRED_FORMAT2(says, findComplaint(replaced(csv, "button", "qw")),
-                        "the column 'qw' stands there twice");
-    EXPECT_PRED_FORMAT2(says, findComplaint(replaced(csv, ", 3 ,0.2", ",0.2")),
-                        "poses.txt:4: 8 columns instead of 9");
+    EXPECT_PRED_FORMAT2(says, findComplaint(replaced(csv, "button", "qw")), "the column 'qw' stands there twice");
+    EXPECT_PRED_FORMAT2(says, findComplaint(replaced(csv, ", 3 ,0.2", ",0.2")), "poses.txt:4: 8 columns instead of 9");
     EXPECT_PRED_FORMAT2(says, findComplaint(replaced(csv, ", 10.04,", ",,")),
                         "poses.txt:4: '' is not a number (column time_s)");
 }
@@ -257,19 +243,11 @@ TEST_F(RecordedPosesTest, FollowsTheRecordedMotionBetweenItsSamples) {
         const Pose recorded = hand(t - 0.25);  // half the clutch behind
         const double h = 1e-6;
         const Pose before = hand(t - 0.25 - h), after = hand(t - 0.25 + h);
-        EXPECT_LE(
-            (now.tool.position - bench_.tool.position - recorded.position + first.position).norm(),
-            2e-6)
-            << t;
+        EXPECT_LE((now.tool.position - bench_.tool.position - recorded.position + first.position).norm(), 2e-6) << t;
         const Eigen::Quaterniond turn = recorded.orientation * first.orientation.conjugate();
-        EXPECT_LE(
-            calcRotationVector(turn * bench_.tool.orientation * now.tool.orientation.conjugate())
-                .norm(),
-            1e-5)
+        EXPECT_LE(calcRotationVector(turn * bench_.tool.orientation * now.tool.orientation.conjugate()).norm(), 1e-5)
             << t;
-        EXPECT_LE((now.toolTwist.head<3>() - (after.position - before.position) / (2 * h)).norm(),
-                  1e-3)
-            << t;
+        EXPECT_LE((now.toolTwist.head<3>() - (after.position - before.position) / (2 * h)).norm(), 1e-3) << t;
         EXPECT_LE((now.toolTwist.tail<3>() - calcTurn(before, after) / (2 * h)).norm(), 3e-3) << t;
     }
 }
@@ -291,12 +269,8 @@ TEST_F(RecordedPosesTest, MapsAxesAndScales) {
                   1.0, kPrecise)),
               axes);
     const MotionCommand now = sampleAt(source, 0.55);  // 0.5 s into the recording
-    EXPECT_LE(
-        (now.tool.position - bench_.tool.position - 0.5 * 0.5 * Eigen::Vector3d(0.4, -0.1, -0.2))
-            .norm(),
-        1e-9);
-    EXPECT_LE((calcTurn(bench_.tool, now.tool) - Eigen::Vector3d(0.25 * 0.5 * 0.8, 0, 0)).norm(),
-              1e-9);
+    EXPECT_LE((now.tool.position - bench_.tool.position - 0.5 * 0.5 * Eigen::Vector3d(0.4, -0.1, -0.2)).norm(), 1e-9);
+    EXPECT_LE((calcTurn(bench_.tool, now.tool) - Eigen::Vector3d(0.25 * 0.5 * 0.8, 0, 0)).norm(), 1e-9);
     Vector6 twist;
     twist << 0.2, -0.05, -0.1, 0.2, 0.0, 0.0;
     EXPECT_LE((now.toolTwist - twist).norm(), 1e-7);
@@ -352,9 +326,7 @@ TEST_F(RecordedPosesTest, TurnsAllTheWayRound) {
               ", clutch_s: 0.5");
     expectSmoothMotion(source, 15.0, 1.0);
     for (double t = 0.6; t < 14.0; t += 0.1)
-        EXPECT_LE((sampleAt(source, t).toolTwist.tail<3>() - Eigen::Vector3d(0, 0.6, 0.8)).norm(),
-                  1e-6)
-            << t;
+        EXPECT_LE((sampleAt(source, t).toolTwist.tail<3>() - Eigen::Vector3d(0, 0.6, 0.8)).norm(), 1e-6) << t;
 }
 
 TEST_F(RecordedPosesTest, SmoothingTakesNoiseOutWithoutDelay) {
@@ -363,8 +335,7 @@ TEST_F(RecordedPosesTest, SmoothingTakesNoiseOutWithoutDelay) {
     const auto noisy = [&](double t) {
         Pose pose = hand(t);
         for (int axis = 0; axis < 3; ++axis) pose.position[axis] += noise(random);
-        pose.orientation =
-            calcRotation({noise(random), noise(random), noise(random)}) * pose.orientation;
+        pose.orientation = calcRotation({noise(random), noise(random), noise(random)}) * pose.orientation;
         return pose;
     };
     const std::string recording = write(record(noisy, 10.0));
@@ -389,8 +360,7 @@ TEST_F(RecordedPosesTest, SmoothingTakesNoiseOutWithoutDelay) {
 }
 
 TEST_F(RecordedPosesTest, FollowsAMotionCaptureRecording) {
-    if (!std::filesystem::exists(kFreiburg))
-        GTEST_SKIP() << "the recording " << kFreiburg << " is not there";
+    if (!std::filesystem::exists(kFreiburg)) GTEST_SKIP() << "the recording " << kFreiburg << " is not there";
     RecordedPoses source;
     configure(source, kFreiburg, ", axes: [0, 0, 1, -1, 0, 0, 0, -1, 0]");
     // 30 s of recording forth, and the beginning of the way back. Acceleration changes from sample
@@ -418,8 +388,7 @@ TEST_F(RecordedPosesTest, RefusesTimesThatAreNone) {
     RecordedPoses source;
     configure(source, write(record(hand, 4.0)), "");
     MotionCommand command;
-    for (double t : {-1.0, std::nan(""), HUGE_VAL})
-        EXPECT_EQ(source.sample(t, command), TickStatus::InvalidInput);
+    for (double t : {-1.0, std::nan(""), HUGE_VAL}) EXPECT_EQ(source.sample(t, command), TickStatus::InvalidInput);
     EXPECT_EQ(command.tool.position, Eigen::Vector3d::Zero());  // not written
 }
 

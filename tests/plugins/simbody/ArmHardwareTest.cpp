@@ -55,11 +55,9 @@ TEST(ArmHardware, CommandsArriveAfterWholeTicksAndTheFirstOneAtOnce) {
 TEST(ArmHardware, RippleHasItsPeriodsPerTurnAndItsAmplitude) {
     TestArm arm("indy7");
     ArmHardware hardware;
-    hardware.configure(
-        arm.setup(),
-        arm.read(
-            PluginKind::RealPlant, "simbody",
-            "torque_ripple_Nm: [1, 2, 0, 3, 0, 4], torque_ripple_per_turn: [0, 7, 0, 0, 0, 0]"));
+    hardware.configure(arm.setup(),
+                       arm.read(PluginKind::RealPlant, "simbody",
+                                "torque_ripple_Nm: [1, 2, 0, 3, 0, 4], torque_ripple_per_turn: [0, 7, 0, 0, 0, 0]"));
     const JointVector amplitude = (JointVector(6) << 1, 2, 0, 3, 0, 4).finished();
     const JointVector zero = JointVector::Zero(6);
     JointVector largest = zero;
@@ -78,8 +76,7 @@ TEST(ArmHardware, TiltedBaseTurnsGravity) {
     RobotDescription tilted = arm.robot;
     // By hand: first about x, then about the new y; what was down leans by the angles.
     const double a = 0.2, b = -0.1;
-    tilted.gravity =
-        -9.81 * Eigen::Vector3d(-std::cos(a) * std::sin(b), std::sin(a), std::cos(a) * std::cos(b));
+    tilted.gravity = -9.81 * Eigen::Vector3d(-std::cos(a) * std::sin(b), std::sin(a), std::cos(a) * std::cos(b));
     RobotModel model(tilted);
     Dynamics d;
     model.calcDynamics(arm.start.q, arm.start.qd, d);
@@ -115,8 +112,7 @@ TEST(ArmHardware, PushActsInItsWindowAndIsReported) {
     TestArm arm("single_joint");  // unit inertia
     Driven plant(arm, std::string(kBare) + ", push_Nm: 2, push_from_s: 0.1, push_until_s: 0.3");
     for (int tick = 0; tick < 500; ++tick) {
-        ASSERT_EQ((*plant.plant.externalTorque())[0], tick >= 100 && tick < 300 ? 2.0 : 0.0)
-            << tick;
+        ASSERT_EQ((*plant.plant.externalTorque())[0], tick >= 100 && tick < 300 ? 2.0 : 0.0) << tick;
         plant.advance(one(0.0));
     }
     EXPECT_NEAR(plant.actual().qd[0], 0.4, 1e-9);
@@ -161,11 +157,10 @@ struct Readings {
 };
 
 Readings readWith(TestArm& arm, const std::string& fault, const std::string& encoder) {
-    Driven faulty(
-        arm, "friction: none, encoder: " + encoder +
-                 ", sensor_fault_joint: 1, sensor_fault_from_s: 0.1, sensor_fault_until_s: 0.2, "
-                 "sensor_fault_rad: 0.017, sensor_fault: " +
-                 fault);
+    Driven faulty(arm, "friction: none, encoder: " + encoder +
+                           ", sensor_fault_joint: 1, sensor_fault_from_s: 0.1, sensor_fault_until_s: 0.2, "
+                           "sensor_fault_rad: 0.017, sensor_fault: " +
+                           fault);
     Driven healthy(arm, "friction: none, encoder: " + encoder);
     Readings readings;
     for (int tick = 0; tick <= 300; ++tick) {
@@ -189,8 +184,7 @@ TEST(ArmHardware, Fault22AFaultyChannelReadsWhatItShouldInItsWindowOnly) {
         {"stuck", [](const Readings& r, int) { return r.healthy[99].q[1]; }},
         {"bias", [](const Readings& r, int k) { return r.healthy[k].q[1] + 0.017; }},
         {"sign", [](const Readings& r, int k) { return -r.healthy[k].q[1]; }},
-        {"spike",
-         [](const Readings& r, int k) { return r.healthy[k].q[1] + (k == 100 ? 0.017 : 0.0); }},
+        {"spike", [](const Readings& r, int k) { return r.healthy[k].q[1] + (k == 100 ? 0.017 : 0.0); }},
         {"swap", [](const Readings& r, int k) { return r.healthy[k].q[2]; }},
         {"wrap", [](const Readings& r, int k) { return r.healthy[k].q[1] + 2.0 * kPi; }},
     };
@@ -203,8 +197,7 @@ TEST(ArmHardware, Fault22AFaultyChannelReadsWhatItShouldInItsWindowOnly) {
                 ASSERT_EQ(r.faulty[k].q[1], expected) << c.name << ", tick " << k;
                 ASSERT_EQ(r.faulty[k].q[5], r.healthy[k].q[5]);
                 if (encoder == "robot" && k > 0) {  // the drive takes differences of what it reads
-                    ASSERT_EQ(r.faulty[k].qd[1],
-                              (r.faulty[k].q[1] - r.faulty[k - 1].q[1]) / arm.tick_s);
+                    ASSERT_EQ(r.faulty[k].qd[1], (r.faulty[k].q[1] - r.faulty[k - 1].q[1]) / arm.tick_s);
                 }
             }
         }
@@ -213,10 +206,8 @@ TEST(ArmHardware, Fault22AFaultyChannelReadsWhatItShouldInItsWindowOnly) {
     EXPECT_TRUE(std::isnan(r.faulty[100].q[1]) && std::isnan(r.faulty[100].qd[1]));
     EXPECT_TRUE(std::isfinite(r.faulty[100].q[0]));
     EXPECT_TRUE(std::isfinite(r.faulty[200].q[1]));
-    EXPECT_CONTAINS(complain(arm, "sensor_fault: swap, sensor_fault_joint: 5"),
-                    "swapped with the next one");
-    EXPECT_CONTAINS(complain(arm, "sensor_fault: stuck, sensor_fault_joint: 6"),
-                    "joints are 0 to 5");
+    EXPECT_CONTAINS(complain(arm, "sensor_fault: swap, sensor_fault_joint: 5"), "swapped with the next one");
+    EXPECT_CONTAINS(complain(arm, "sensor_fault: stuck, sensor_fault_joint: 6"), "joints are 0 to 5");
 }
 
 TEST(ArmHardware, Fault23WrapIsAJumpOfOneTurnThereAndBack) {
@@ -231,8 +222,8 @@ TEST(ArmHardware, Fault22NoiseIsCutAtFourStandardDeviations) {
     TestArm arm("single_joint");
     const double noise = 1e-4;
     ArmHardware hardware;
-    hardware.configure(arm.setup(), arm.read(PluginKind::RealPlant, "simbody",
-                                             "encoder: exact, encoder_noise_rad: 1.0e-4, seed: 3"));
+    hardware.configure(
+        arm.setup(), arm.read(PluginKind::RealPlant, "simbody", "encoder: exact, encoder_noise_rad: 1.0e-4, seed: 3"));
     const JointState still{one(0.0), one(0.0)};
     hardware.reset(still);
     double largest = 0.0;
@@ -249,8 +240,7 @@ TEST(ArmHardware, Fault22NoiseIsCutAtFourStandardDeviations) {
 }
 
 TEST(ArmHardware, AdvanceAllocatesNothingWithEverythingOn) {
-    if (!testing::AllocationCounter::isAvailable())
-        GTEST_SKIP() << testing::AllocationCounter::whyNot();
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     TestArm arm("indy7");
     for (const std::string gears : {"", ", backlash_rad: 1.0e-3, substeps: 20"}) {
         Driven plant(arm,

@@ -6,8 +6,8 @@
 #include <limits>
 #include <vector>
 
-#include "viable/testing/AllocationCounter.h"
 #include "TestArm.h"
+#include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {
@@ -48,8 +48,7 @@ private:
 
 /** tau = M qdd + b integrated with 20 steps of Runge-Kutta per ms, the acceleration by Simbody's
 own forward dynamics (so only for arms without rotors). */
-JointState integrateLinks(TestArm& arm, JointState s, const JointVector& torque,
-                          double duration_s) {
+JointState integrateLinks(TestArm& arm, JointState s, const JointVector& torque, double duration_s) {
     const double h = 5e-5;
     const auto accelerate = [&](const JointVector& q, const JointVector& qd) {
         return arm.model().calcLinkForwardDynamics(q, qd, torque);
@@ -85,8 +84,7 @@ TEST(SimbodyPlant, FollowsTheMultibodyModel) {
     for (int k = 0; k < 3; ++k) {
         arm.start.q = arm.robot.home + makeRandomVector(6, 0.5, random);
         arm.start.qd = makeRandomVector(6, 1.0, random);
-        const JointVector torque =
-            arm.calcDynamics(arm.start).gravity + makeRandomVector(6, 0.05, random);
+        const JointVector torque = arm.calcDynamics(arm.start).gravity + makeRandomVector(6, 0.05, random);
         Plant plant(arm, kIdeal);
         plant.advance(torque, 0.1);
         const JointState expected = integrateLinks(arm, {arm.start.q, arm.start.qd}, torque, 0.1);
@@ -108,9 +106,7 @@ TEST(SimbodyPlant, EnergyIsConservedWithoutFrictionAndTorque) {
         double worst = 0.0;
         for (int tick = 0; tick < 2000; ++tick) {
             plant.advance(JointVector::Zero(6));
-            worst = std::max(
-                worst,
-                std::abs(arm.model().calcEnergy(plant.actual().q, plant.actual().qd) - before));
+            worst = std::max(worst, std::abs(arm.model().calcEnergy(plant.actual().q, plant.actual().qd) - before));
         }
         EXPECT_LE(worst, 1e-7 * std::abs(before));
         EXPECT_GT((plant.actual().q - arm.start.q).norm(), 0.5);  // it fell and swung
@@ -167,7 +163,7 @@ TEST(SimbodyPlant, Fault17BreakawayNeedsMoreThanSlidingDoes) {
     Plant loose(arm, text);
     loose.advance(JointVector::Constant(1, 3.1), 0.2);
     EXPECT_GT(loose.actual().q[0], 1e-3);
-    loose.advance(JointVector::Constant(1, 2.9), 5.0);  // moving, the same 2.9 keep it moving
+    loose.advance(JointVector::Constant(1, 2.9), 5.0);         // moving, the same 2.9 keep it moving
     const double expected = -0.5 * std::log(1.0 - 0.9 / 5.0);  // 2 + 5 (1 - exp(-v / 0.5)) = 2.9
     EXPECT_NEAR(loose.actual().qd[0], expected, 1e-3 * expected);
 }
@@ -213,9 +209,8 @@ TEST(SimbodyPlant, FrictionNeverFeedsEnergy) {
         const char* text;
         double scale;
     };
-    for (const Case& c :
-         {Case{"encoder: exact", 1.0}, Case{"encoder: exact, friction_scale: 10", 10.0},
-          Case{"encoder: exact, breakaway_ratio: 2", 2.0}}) {
+    for (const Case& c : {Case{"encoder: exact", 1.0}, Case{"encoder: exact, friction_scale: 10", 10.0},
+                          Case{"encoder: exact, breakaway_ratio: 2", 2.0}}) {
         std::mt19937 random(4);
         arm.start.qd = makeRandomVector(6, 1.0, random);
         Plant plant(arm, c.text);
@@ -224,8 +219,8 @@ TEST(SimbodyPlant, FrictionNeverFeedsEnergy) {
         int sliding = 0;
         for (int tick = 0; tick < 5000; ++tick) {
             if (tick % 50 == 0)
-                torque = arm.calcDynamics(plant.actual().q, plant.actual().qd).gravity +
-                         makeRandomVector(6, 60.0, random);
+                torque =
+                    arm.calcDynamics(plant.actual().q, plant.actual().qd).gravity + makeRandomVector(6, 60.0, random);
             const JointState before = plant.actual();
             const JointVector applied = plant.advance(torque);
             const JointState& after = plant.actual();
@@ -287,12 +282,10 @@ TEST(SimbodyPlant, Fault17TenfoldFrictionIsStableWithTheDefaultSteps) {
         Plant plant(arm, "encoder: exact, friction_scale: 10");
         double fastest = 0.0;
         for (int tick = 0; tick < 3000; ++tick) {
-            const JointVector torque =
-                makeRandomVector(6, 1.0, random).cwiseProduct(arm.robot.actuation.torqueLimit);
+            const JointVector torque = makeRandomVector(6, 1.0, random).cwiseProduct(arm.robot.actuation.torqueLimit);
             plant.advance(torque);
             ASSERT_TRUE(isFinite(plant.actual(), 6)) << "tick " << tick;
-            if (tick > 1000)
-                fastest = std::max(fastest, plant.actual().qd.lpNorm<Eigen::Infinity>());
+            if (tick > 1000) fastest = std::max(fastest, plant.actual().qd.lpNorm<Eigen::Infinity>());
         }
         // A tick of full torque on the lightest joint (0.5 kg m^2 with its rotor) gives 0.2 rad/s.
         EXPECT_LE(fastest, 0.5);
@@ -304,8 +297,7 @@ TEST(SimbodyPlant, Fault17TenfoldFrictionIsStableWithTheDefaultSteps) {
 TEST(SimbodyPlant, Fault16PayloadChangesTheTorqueThatHoldsTheArm) {
     TestArm arm("indy7");
     const JointVector nominal = arm.calcDynamics(arm.start).gravity;
-    const std::string text =
-        std::string(kIdeal) + ", payload_kg: 2.0, payload_offset_m: [0, 0.05, 0.1]";
+    const std::string text = std::string(kIdeal) + ", payload_kg: 2.0, payload_offset_m: [0, 0.05, 0.1]";
     Plant falling(arm, text);
     falling.advance(nominal, 0.2);
     EXPECT_GT((falling.actual().q - arm.start.q).lpNorm<Eigen::Infinity>(), 1e-2);
@@ -468,8 +460,7 @@ TEST(SimbodyPlant, MotionThatOverflowsIsFaultedAndTheStateStays) {
     JointState last = before;
     for (int k = 0; k < 10 && status == TickStatus::Ok; ++k) {
         last = plant.actual();
-        status = plant.plant().advance(JointVector::Constant(1, std::numeric_limits<double>::max()),
-                                       applied);
+        status = plant.plant().advance(JointVector::Constant(1, std::numeric_limits<double>::max()), applied);
     }
     EXPECT_TRUE(isFinite(plant.actual(), 1));
     EXPECT_TRUE(isFinite(plant.measured(), 1));
@@ -518,8 +509,7 @@ TEST(SimbodyPlant, RefusesParametersOutsideTheirRange) {
 
 TEST(SimbodyPlant, LoadsAsALibrary) {
     TestArm arm("indy7");
-    const auto plugin =
-        PluginLoader::create<RealPlant>(findPlugin(PluginKind::RealPlant, "simbody"));
+    const auto plugin = PluginLoader::create<RealPlant>(findPlugin(PluginKind::RealPlant, "simbody"));
     plugin->configure(arm.setup(), arm.read(PluginKind::RealPlant, "simbody", "seed: 3"));
     plugin->reset(arm.start);
     Plant own(arm, "seed: 3");

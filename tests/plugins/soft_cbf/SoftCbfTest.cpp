@@ -93,12 +93,9 @@ TEST(SoftCbf, TakesTheCheapestJerkInTheBox) {
         JointVector torque, desired;
         calcInverseDynamics(dynamics, wanted, torque);
         ASSERT_TRUE(calcForwardDynamics(dynamics, torque, desired));
-        cost.target = (20.0 * (desired - s.qdd))
-                          .cwiseMax(arm.limits.jerk.lower)
-                          .cwiseMin(arm.limits.jerk.upper);
+        cost.target = (20.0 * (desired - s.qdd)).cwiseMax(arm.limits.jerk.lower).cwiseMin(arm.limits.jerk.upper);
         for (int i = 0; i < 6; ++i)
-            cost.rows.push_back(
-                calcExponentialBarrierRows({s.q[i], s.qd[i], s.qdd[i]}, arm.limits.axis(i), 5.0));
+            cost.rows.push_back(calcExponentialBarrierRows({s.q[i], s.qd[i], s.qdd[i]}, arm.limits.axis(i), 5.0));
         FilterDecision d;
         const FilterStatus status = filter->filter(s, torque, dynamics, d);
         modified += status == FilterStatus::Modified;
@@ -107,8 +104,7 @@ TEST(SoftCbf, TakesTheCheapestJerkInTheBox) {
         rounds += filter->rounds();
         // Optimal: the slope is zero inside, and points outwards on a bound of the box.
         for (int i = 0; i < 6; ++i) {
-            const double x = d.jerk[i], lower = arm.limits.jerk.lower[i],
-                         upper = arm.limits.jerk.upper[i];
+            const double x = d.jerk[i], lower = arm.limits.jerk.lower[i], upper = arm.limits.jerk.upper[i];
             ASSERT_GE(x, lower);
             ASSERT_LE(x, upper);
             const double slope = cost.calcSlope(d.jerk, i);
@@ -121,8 +117,8 @@ TEST(SoftCbf, TakesTheCheapestJerkInTheBox) {
             violated += cost.miss(i, x) != 0.0;
         }
     }
-    std::printf("  %d problems: %.2g rounds each, at most %d; optimal to %.1g of the size\n",
-                problems, static_cast<double>(rounds) / problems, most, worst);
+    std::printf("  %d problems: %.2g rounds each, at most %d; optimal to %.1g of the size\n", problems,
+                static_cast<double>(rounds) / problems, most, worst);
     EXPECT_LT(most, SoftCbf::kMaxRounds);
     EXPECT_LE(worst, 1e-9);
     EXPECT_GT(modified + infeasible, problems / 2);
@@ -150,8 +146,7 @@ TEST(SoftCbf, SaysInfeasibleWhereTheRowsHaveNoSolution) {
     int infeasible = 0;
     for (int k = 0; k < 3000; ++k) {
         const AxisState s{kPi * unit(random), 2 * kPi * unit(random), 3 * kPi * unit(random)};
-        const ExponentialBarrierRows rows =
-            calcExponentialBarrierRows(s, bench.arm.limits.axis(0), 5.0);
+        const ExponentialBarrierRows rows = calcExponentialBarrierRows(s, bench.arm.limits.axis(0), 5.0);
         double lower = -4 * kPi, upper = 4 * kPi;
         for (std::size_t r = 0; r < 3; ++r) {
             lower = std::max(lower, rows.lower[r]);
@@ -202,8 +197,8 @@ TEST(SoftCbf, JerkHoldsAndThereIsAlwaysAnAnswer) {
     EXPECT_LE(outcome.excess.jerk, 1e-9);
     EXPECT_EQ(outcome.allocations, 0);
     EXPECT_LT(most, SoftCbf::kMaxRounds);
-    std::printf("  arm: %.2g rad, %.2g, %.2g, at most %d rounds\n", outcome.excess.position,
-                outcome.excess.velocity, outcome.excess.acceleration, most);
+    std::printf("  arm: %.2g rad, %.2g, %.2g, at most %d rounds\n", outcome.excess.position, outcome.excess.velocity,
+                outcome.excess.acceleration, most);
 }
 
 TEST(SoftCbf, Fault08GainsAndLimitsThatDoNotFitAreRefused) {

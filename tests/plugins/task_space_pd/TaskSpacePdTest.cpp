@@ -19,8 +19,7 @@ class TaskSpacePdTest : public ::testing::Test {
 protected:
     void configure(const std::string& text) { configure(controller_, text); }
     void configure(NominalController& controller, const std::string& text) {
-        controller.configure(arm_.setup(),
-                             arm_.read(PluginKind::NominalController, "task_space_pd", text));
+        controller.configure(arm_.setup(), arm_.read(PluginKind::NominalController, "task_space_pd", text));
         controller.reset(arm_.start);
     }
 
@@ -42,8 +41,7 @@ protected:
         command.space = MotionCommand::Space::Tool;
         const Eigen::Vector3d turn = makeRandomVector(3, 0.8, random_);
         command.tool.position = near.position + Eigen::Vector3d(makeRandomVector(3, 0.3, random_));
-        command.tool.orientation =
-            Eigen::AngleAxisd(turn.norm(), turn.normalized()) * near.orientation;
+        command.tool.orientation = Eigen::AngleAxisd(turn.norm(), turn.normalized()) * near.orientation;
         command.toolTwist = makeRandomVector(6, 1.0, random_);
         return command;
     }
@@ -57,11 +55,9 @@ protected:
     JointVector compute(const MotionCommand& command, const MotionState& state) {
         return compute(controller_, command, state);
     }
-    JointVector compute(NominalController& controller, const MotionCommand& command,
-                        const MotionState& state) {
+    JointVector compute(NominalController& controller, const MotionCommand& command, const MotionState& state) {
         JointVector torque;
-        EXPECT_EQ(controller.compute(command, state, arm_.calcDynamics(state), torque),
-                  TickStatus::Ok);
+        EXPECT_EQ(controller.compute(command, state, arm_.calcDynamics(state), torque), TickStatus::Ok);
         return torque;
     }
 
@@ -91,19 +87,16 @@ protected:
             JointVector ahead = q, behind = q;
             ahead[i] += h;
             behind[i] -= h;
-            gravity[i] =
-                (arm_.model().calcEnergy(ahead, rest) - arm_.model().calcEnergy(behind, rest)) /
-                (2 * h);
+            gravity[i] = (arm_.model().calcEnergy(ahead, rest) - arm_.model().calcEnergy(behind, rest)) / (2 * h);
         }
         return gravity;
     }
 
     /** K e + D de with rotation matrices instead of quaternions. */
-    Vector6 calcWrench(const MotionCommand& command, const MotionState& state,
-                       const Eigen::MatrixXd& J) {
+    Vector6 calcWrench(const MotionCommand& command, const MotionState& state, const Eigen::MatrixXd& J) {
         const Pose tool = arm_.calcDynamics(state).tool;
-        const Eigen::Matrix3d turn = command.tool.orientation.toRotationMatrix() *
-                                     tool.orientation.toRotationMatrix().transpose();
+        const Eigen::Matrix3d turn =
+            command.tool.orientation.toRotationMatrix() * tool.orientation.toRotationMatrix().transpose();
         const Eigen::AngleAxisd axis(turn);
         Vector6 e, K, D;
         e << command.tool.position - tool.position, axis.angle() * axis.axis();
@@ -126,8 +119,7 @@ TEST_F(TaskSpacePdTest, TorqueIsEquation27PlusGravity) {
         controller_.reset(state);
         const JointVector torque = compute(command, state);
         const Eigen::MatrixXd J = differentiatePose(state.q);
-        const Eigen::VectorXd expected =
-            J.transpose() * calcWrench(command, state, J) + differentiateEnergy(state.q);
+        const Eigen::VectorXd expected = J.transpose() * calcWrench(command, state, J) + differentiateEnergy(state.q);
         EXPECT_LE((torque - expected).lpNorm<Eigen::Infinity>(), 2e-6) << "state " << k;
     }
 }
@@ -160,8 +152,7 @@ TEST_F(TaskSpacePdTest, EachAxisHasItsOwnStiffnessAndDamping) {
         if (axis < 3)
             command.tool.position[axis] += 0.05;
         else
-            command.tool.orientation =
-                Eigen::AngleAxisd(0.05, Eigen::Vector3d::Unit(axis - 3)) * d.tool.orientation;
+            command.tool.orientation = Eigen::AngleAxisd(0.05, Eigen::Vector3d::Unit(axis - 3)) * d.tool.orientation;
         controller_.reset(state);
         const JointVector expected = K[axis] * 0.05 * d.J.row(axis).transpose();
         EXPECT_LE((compute(command, state) - expected).lpNorm<Eigen::Infinity>(), 1e-9);
@@ -176,8 +167,7 @@ TEST_F(TaskSpacePdTest, SignOfTheCommandedQuaternionDoesNotMatter) {
     const Pose tool = arm_.calcDynamics(state).tool;
     for (int k = 0; k < 700; ++k) {  // up to 7/5 pi, so also beyond half a turn
         MotionCommand command = holdAt(tool);
-        command.tool.orientation =
-            Eigen::AngleAxisd(2 * kPi * k / 1000, Eigen::Vector3d::UnitX()) * tool.orientation;
+        command.tool.orientation = Eigen::AngleAxisd(2 * kPi * k / 1000, Eigen::Vector3d::UnitX()) * tool.orientation;
         const JointVector expected = compute(controller_, command, state);
         if (k % 2) command.tool.orientation.coeffs() *= -1.0;
         ASSERT_EQ(compute(other, command, state), expected) << "step " << k;
@@ -194,8 +184,7 @@ TEST_F(TaskSpacePdTest, TorqueIsContinuousThroughHalfATurn) {
     JointVector last = compute(holdAt(tool), state);
     const double step = 1e-3;
     // |J^T K axis| step: what a step of the command can do to the torque, J within the norm here.
-    const double bound =
-        1.01 * 160.0 * step * Eigen::MatrixXd(arm_.calcDynamics(state).J).operatorNorm();
+    const double bound = 1.01 * 160.0 * step * Eigen::MatrixXd(arm_.calcDynamics(state).J).operatorNorm();
     int jumps = 0;
     for (double angle = step; angle < 4 * kPi; angle += step) {
         MotionCommand command = holdAt(tool);
@@ -218,8 +207,7 @@ TEST_F(TaskSpacePdTest, TorqueIsContinuousThroughHalfATurn) {
     }
     for (int k = 0; k < 1000; ++k) {
         MotionCommand command = holdAt(tool);
-        command.tool.orientation =
-            Eigen::AngleAxisd(kPi + (k % 2 ? 0.4 : -0.4) * step, axis) * tool.orientation;
+        command.tool.orientation = Eigen::AngleAxisd(kPi + (k % 2 ? 0.4 : -0.4) * step, axis) * tool.orientation;
         const JointVector torque = compute(command, state);
         ASSERT_LE((torque - last).norm(), bound);
         last = torque;
@@ -251,9 +239,7 @@ TEST_F(TaskSpacePdTest, ArmFollowsTwoTurnsOfTheCommandWithoutAJump) {
         state.qd += 1e-3 * qdd;
         state.q += 1e-3 * state.qd;
         turned = angle;
-        ASSERT_LE(
-            Eigen::AngleAxisd(command.tool.orientation * d.tool.orientation.conjugate()).angle(),
-            0.3);
+        ASSERT_LE(Eigen::AngleAxisd(command.tool.orientation * d.tool.orientation.conjugate()).angle(), 0.3);
     }
     EXPECT_GT(turned, 12.5);
     EXPECT_NEAR(state.q[5] - arm_.start.q[5], 4 * kPi, 0.5);
@@ -312,8 +298,7 @@ TEST_F(TaskSpacePdTest, Fault20SetPointBeyondReachGivesBoundedAcceleration) {
     EXPECT_LT(fastest, 50.0);
     EXPECT_LT(strongest, 5000.0);
     EXPECT_LT(state.qd.lpNorm<Eigen::Infinity>(), 1.0);  // and comes to rest again
-    std::printf("  manipulability down to %.2g, at most %.3g rad/s and %.3g rad/s^2\n", smallest,
-                fastest, strongest);
+    std::printf("  manipulability down to %.2g, at most %.3g rad/s and %.3g rad/s^2\n", smallest, fastest, strongest);
 }
 
 TEST_F(TaskSpacePdTest, WorksForAnArmWithOneJoint) {
@@ -370,14 +355,13 @@ TEST_F(TaskSpacePdTest, RefusesJointSpaceAndWhatIsNotFinite) {
 TEST_F(TaskSpacePdTest, RefusesGainsOutsideTheirRange) {
     EXPECT_CONTAINS(findComplaint([&] { configure("stiffness: [1, 2, 3]"); }), "stiffness");
     EXPECT_CONTAINS(findComplaint([&] { configure("damping: [1, 1, 1, 1, 1, -1]"); }), "-1");
-    EXPECT_CONTAINS(findComplaint([&] { configure("singular_threshold: -0.1"); }),
-                    "singular_threshold");
+    EXPECT_CONTAINS(findComplaint([&] { configure("singular_threshold: -0.1"); }), "singular_threshold");
 }
 
 TEST_F(TaskSpacePdTest, LoadsAsALibrary) {
     configure("");
-    const auto plugin = PluginLoader::create<NominalController>(
-        findPlugin(PluginKind::NominalController, "task_space_pd"));
+    const auto plugin =
+        PluginLoader::create<NominalController>(findPlugin(PluginKind::NominalController, "task_space_pd"));
     configure(*plugin, "");
     const MotionState state = drawState();
     const MotionCommand command = drawCommand(arm_.calcDynamics(state).tool);

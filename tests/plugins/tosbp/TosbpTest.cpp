@@ -34,8 +34,7 @@ struct Outcome {
 /** Runs the nominal arm from its start. @param torqueOf  the desired torque in a tick, from the
 state; @param dynamicsOf  the dynamics at a state */
 template <class TorqueOf, class DynamicsOf>
-Outcome run(TestArm& arm, const std::string& parameters, double duration_s, TorqueOf torqueOf,
-            DynamicsOf dynamicsOf) {
+Outcome run(TestArm& arm, const std::string& parameters, double duration_s, TorqueOf torqueOf, DynamicsOf dynamicsOf) {
     Tosbp filter;
     filter.configure(arm.setup(), read(arm, parameters));
     filter.reset(arm.start);
@@ -100,8 +99,7 @@ double drawLogarithmic(double low, double high, std::mt19937& random) {
 (types I and IV). */
 void drawLimits(JointLimits& limits, bool above, bool symmetric, std::mt19937& random) {
     const double A = drawLogarithmic(1.0, 30.0, random), J = drawLogarithmic(10.0, 1000.0, random);
-    const double share =
-        above ? drawLogarithmic(1.05, 4.0, random) : drawLogarithmic(0.1, 0.95, random);
+    const double share = above ? drawLogarithmic(1.05, 4.0, random) : drawLogarithmic(0.1, 0.95, random);
     const double V = share * A * A / J;
     const double way = V * V / A + V * A / J;
     const auto setBoth = [&](JointBounds& bounds, double size) {
@@ -125,8 +123,7 @@ TEST(Tosbp, SingleJointUnderRandomLimitsOnBothSidesOfTheCruiseLine) {
         drawLimits(arm.limits, k % 2 == 0, (k / 2) % 2 == 0, random);
         PushingCommand push(1, 3.0 * calcLargest(arm.limits.acceleration), (k / 4) % 2 == 0, k);
         const Outcome outcome = run(
-            arm, "k_alpha: 5, gamma: 20", 20.0,
-            [&](const MotionState&, const Dynamics&) { return push.next(); },
+            arm, "k_alpha: 5, gamma: 20", 20.0, [&](const MotionState&, const Dynamics&) { return push.next(); },
             [&](const MotionState&) -> const Dynamics& { return unit; });
         SCOPED_TRACE("limits " + std::to_string(k));
         expectHeld(outcome, arm.limits, arm.tick_s);
@@ -137,8 +134,8 @@ TEST(Tosbp, SingleJointUnderRandomLimitsOnBothSidesOfTheCruiseLine) {
         ticks += outcome.ticks;
         infeasible += outcome.infeasible;
     }
-    std::printf("  worst excess: %.2g rad, %.2g of the velocity limit; %ld of %ld ticks empty\n",
-                worstPosition, worstVelocity, infeasible, ticks);
+    std::printf("  worst excess: %.2g rad, %.2g of the velocity limit; %ld of %ld ticks empty\n", worstPosition,
+                worstVelocity, infeasible, ticks);
     EXPECT_LE(worstPosition, 2e-3);
     EXPECT_LE(worstVelocity, 0.03);
     EXPECT_GT(infeasible, 0);  // the rows do contradict each other, and the filter says so
@@ -149,10 +146,8 @@ TEST(Tosbp, ArmUnderThePapersLimits) {
     for (const bool bangBang : {false, true}) {
         TestArm arm("indy7");
         // (30): the limits of the teleoperation experiment.
-        arm.limits.velocity = {JointVector::Constant(6, -2 * kPi / 3),
-                               JointVector::Constant(6, 2 * kPi / 3)};
-        arm.limits.acceleration = {JointVector::Constant(6, -4 * kPi),
-                                   JointVector::Constant(6, 4 * kPi)};
+        arm.limits.velocity = {JointVector::Constant(6, -2 * kPi / 3), JointVector::Constant(6, 2 * kPi / 3)};
+        arm.limits.acceleration = {JointVector::Constant(6, -4 * kPi), JointVector::Constant(6, 4 * kPi)};
         arm.limits.jerk = {JointVector::Constant(6, -12 * kPi), JointVector::Constant(6, 12 * kPi)};
         JointVector range(6);
         range << kPi / 6, kPi / 12, kPi / 6, kPi / 12, kPi / 6, kPi / 3;
@@ -173,8 +168,7 @@ TEST(Tosbp, ArmUnderThePapersLimits) {
         expectHeld(outcome, arm.limits, arm.tick_s);
         EXPECT_GT(outcome.modified, 1000);
         std::printf("  worst excess: %.2g rad, %.2g of the velocity limit; %d of %d ticks empty\n",
-                    outcome.excess.position, outcome.excess.velocity, outcome.infeasible,
-                    outcome.ticks);
+                    outcome.excess.position, outcome.excess.velocity, outcome.infeasible, outcome.ticks);
     }
 }
 
@@ -226,8 +220,7 @@ S4 runS4(double tick_s) {
         const double v = s.qd[0], a = s.qdd[0];
         if (v + a * std::abs(a) / (2.0 * J) > 0.0) {
             const double a1 = std::sqrt(a * a / 2.0 + J * v), T1 = (a + a1) / J, T3 = a1 / J;
-            const double stop =
-                s.q[0] + v * T1 + a * T1 * T1 / 2 - J * T1 * T1 * T1 / 6 + J * T3 * T3 * T3 / 6;
+            const double stop = s.q[0] + v * T1 + a * T1 * T1 / 2 - J * T1 * T1 * T1 / 6 + J * T3 * T3 * T3 / 6;
             const double h = kPi - stop, dpdv = T1 + T3 / 2, dpda = T1 * (T1 / 2 + T3 / 2);
             if (h < -1e-12) {
                 ++result.ticksPastStop;
@@ -289,8 +282,7 @@ TEST(Tosbp, AdmissibleDesiredJerkPassesBitForBit) {
             JointVector first, second, desired[2];
             const JointVector aim = state.qdd + makeRandomVector(arm.size(), 0.3, random);
             calcInverseDynamics(dynamics, aim, first);
-            calcInverseDynamics(dynamics, aim + makeRandomVector(arm.size(), 0.004, random),
-                                second);
+            calcInverseDynamics(dynamics, aim + makeRandomVector(arm.size(), 0.004, random), second);
             ASSERT_TRUE(calcForwardDynamics(dynamics, first, desired[0]));
             ASSERT_TRUE(calcForwardDynamics(dynamics, second, desired[1]));
             FilterDecision decision;
@@ -299,8 +291,8 @@ TEST(Tosbp, AdmissibleDesiredJerkPassesBitForBit) {
             ASSERT_EQ(filter.filter(state, first, dynamics, decision), FilterStatus::Passed);
             ASSERT_EQ(decision.jerk, JointVector(-20.0 * (state.qdd - desired[0])));
             ASSERT_EQ(filter.filter(state, second, dynamics, decision), FilterStatus::Passed);
-            ASSERT_EQ(decision.jerk, JointVector((desired[1] - desired[0]) / arm.tick_s -
-                                                 20.0 * (state.qdd - desired[1])));
+            ASSERT_EQ(decision.jerk,
+                      JointVector((desired[1] - desired[0]) / arm.tick_s - 20.0 * (state.qdd - desired[1])));
             for (int i = 0; i < arm.size(); ++i) {
                 EXPECT_EQ(decision.joints[i].limit, LimitKind::None);
             }
@@ -375,23 +367,18 @@ TEST(Tosbp, RefusesWhatIsNotFiniteOrOfTheWrongSizeAndStaysAsItWas) {
             for (const double bad : {kNan, kInf, -kInf}) {
                 JointVector torque = dynamics.gravity;
                 torque[3] = bad;
-                EXPECT_EQ(filter.filter(arm.start, torque, dynamics, decision),
-                          FilterStatus::InvalidInput);
+                EXPECT_EQ(filter.filter(arm.start, torque, dynamics, decision), FilterStatus::InvalidInput);
                 MotionState state = arm.start;
                 state.qdd[5] = bad;
-                EXPECT_EQ(filter.filter(state, dynamics.gravity, dynamics, decision),
-                          FilterStatus::InvalidInput);
+                EXPECT_EQ(filter.filter(state, dynamics.gravity, dynamics, decision), FilterStatus::InvalidInput);
             }
-            EXPECT_EQ(filter.filter(arm.start, JointVector::Zero(5), dynamics, decision),
-                      FilterStatus::InvalidInput);
+            EXPECT_EQ(filter.filter(arm.start, JointVector::Zero(5), dynamics, decision), FilterStatus::InvalidInput);
             Dynamics indefinite = dynamics;
             indefinite.M *= -1.0;
-            EXPECT_EQ(filter.filter(arm.start, dynamics.gravity, indefinite, decision),
-                      FilterStatus::Faulted);
+            EXPECT_EQ(filter.filter(arm.start, dynamics.gravity, indefinite, decision), FilterStatus::Faulted);
             EXPECT_EQ(decision.torque, before);
         }
-        filter.filter(arm.start, dynamics.gravity + JointVector::Constant(6, 0.01), dynamics,
-                      decision);
+        filter.filter(arm.start, dynamics.gravity + JointVector::Constant(6, 0.01), dynamics, decision);
         return decision;
     };
     EXPECT_EQ(play(true).jerk, play(false).jerk);
@@ -399,8 +386,8 @@ TEST(Tosbp, RefusesWhatIsNotFiniteOrOfTheWrongSizeAndStaysAsItWas) {
 
 TEST(Tosbp, Fault29HugeTinyAndAlternatingTorquesKeepTheLimits) {
     TestArm arm("indy7");
-    const double sizes[] = {1e300, std::numeric_limits<double>::max(),
-                            std::numeric_limits<double>::denorm_min(), 1e150};
+    const double sizes[] = {1e300, std::numeric_limits<double>::max(), std::numeric_limits<double>::denorm_min(),
+                            1e150};
     std::mt19937 random(6);
     int k = 0;
     Dynamics dynamics;
@@ -425,10 +412,9 @@ TEST(Tosbp, Fault30SetPointJumpsThroughJointPdKeepTheLimits) {
     for (const char* robot : {"single_joint", "indy7"}) {
         for (const double jump : {2.0 * kPi, 1e6}) {
             TestArm arm(robot);
-            const auto controller = PluginLoader::create<NominalController>(
-                findPlugin(PluginKind::NominalController, "joint_pd"));
-            controller->configure(arm.setup(),
-                                  arm.read(PluginKind::NominalController, "joint_pd", ""));
+            const auto controller =
+                PluginLoader::create<NominalController>(findPlugin(PluginKind::NominalController, "joint_pd"));
+            controller->configure(arm.setup(), arm.read(PluginKind::NominalController, "joint_pd", ""));
             controller->reset(arm.start);
             int k = 0;
             Dynamics dynamics;
@@ -462,9 +448,8 @@ TEST(Tosbp, ResetGivesTheSameAnswersAgain) {
 
 TEST(Tosbp, LoadsAsALibrary) {
     TestArm arm("indy7");
-    const auto plugin =
-        PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, "tosbp"));
-    EXPECT_FALSE(plugin->promisesLimits());
+    const auto plugin = PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, "tosbp"));
+    EXPECT_FALSE(plugin->guaranteesLimits());
     Tosbp own;
     for (SafetyFilter* filter : {plugin.get(), static_cast<SafetyFilter*>(&own)}) {
         filter->configure(arm.setup(), read(arm, ""));
@@ -473,8 +458,7 @@ TEST(Tosbp, LoadsAsALibrary) {
     const Dynamics dynamics = arm.calcDynamics(arm.start);
     const JointVector torque = JointVector::LinSpaced(6, 5.0, 50.0);
     FilterDecision a, b;
-    EXPECT_EQ(plugin->filter(arm.start, torque, dynamics, a),
-              own.filter(arm.start, torque, dynamics, b));
+    EXPECT_EQ(plugin->filter(arm.start, torque, dynamics, a), own.filter(arm.start, torque, dynamics, b));
     EXPECT_EQ(a.jerk, b.jerk);
     EXPECT_EQ(a.torque, b.torque);
 }

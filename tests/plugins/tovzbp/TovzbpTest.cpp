@@ -47,8 +47,7 @@ TEST(Tovzbp, PositionRowIsTheBarrierOfTheVelocityZeroingStop) {
         if (da < 1e-3) continue;
         const double expected = (k * h - v - dv * a) / da;
         FilterDecision decision;
-        const FilterStatus status =
-            bench.decide("k_alpha: 5, gamma: 100", {p, v, a}, 1e3, decision);
+        const FilterStatus status = bench.decide("k_alpha: 5, gamma: 100", {p, v, a}, 1e3, decision);
         if (decision.joints[0].limit != LimitKind::Position) continue;  // another row is tighter
         EXPECT_EQ(status, FilterStatus::Modified);
         EXPECT_EQ(decision.joints[0].side, LimitSide::Upper);
@@ -106,9 +105,8 @@ TEST(Tovzbp, JerkAndAccelerationHoldUnderRandomLimits) {
         ticks += outcome.ticks;
         infeasible += outcome.infeasible;
     }
-    std::printf(
-        "  worst excess: %.2g rad, %.2g of the velocity limit; %.2g %% of the ticks infeasible\n",
-        worstPosition, worstVelocity, 100.0 * infeasible / ticks);
+    std::printf("  worst excess: %.2g rad, %.2g of the velocity limit; %.2g %% of the ticks infeasible\n",
+                worstPosition, worstVelocity, 100.0 * infeasible / ticks);
     EXPECT_GT(infeasible, 0);
 }
 
@@ -120,15 +118,13 @@ TEST(Tovzbp, JerkAndAccelerationHoldOnTheArm) {
     EXPECT_LE(outcome.excess.acceleration, 1e-9);
     EXPECT_EQ(outcome.allocations, 0);
     std::printf("  worst excess: %.2g rad, %.2g of the velocity limit; %d of %d ticks infeasible\n",
-                outcome.excess.position, outcome.excess.velocity, outcome.infeasible,
-                outcome.ticks);
+                outcome.excess.position, outcome.excess.velocity, outcome.infeasible, outcome.ticks);
 }
 
 TEST(Tovzbp, AStopBehindTheLimitIsInfeasibleAndBrakes) {
     Bench bench("single_joint", "tovzbp");
     FilterDecision decision;
-    EXPECT_EQ(bench.decide("gamma: 100", {kPi - 0.01, 1.0, 0.0}, 100.0, decision),
-              FilterStatus::Infeasible);
+    EXPECT_EQ(bench.decide("gamma: 100", {kPi - 0.01, 1.0, 0.0}, 100.0, decision), FilterStatus::Infeasible);
     EXPECT_EQ(decision.jerk[0], -4 * kPi);
     // As far as the acceleration limit lets it.
     EXPECT_EQ(bench.decide("gamma: 100", {kPi - 0.01, 1.0, -3 * kPi + 0.001}, 100.0, decision),
@@ -142,8 +138,7 @@ TEST(Tovzbp, Fault08GainsAndLimitsThatDoNotFitAreRefused) {
     EXPECT_CONTAINS(bench.findConfigureComplaint("gamma: 200"), "gamma * tick_s is 2.0");
     EXPECT_EQ(bench.findConfigureComplaint("k_alpha: 100, gamma: 199"), "");
     bench.arm.limits.jerk.lower[0] = -kInf;
-    EXPECT_CONTAINS(bench.findConfigureComplaint(""),
-                    "the filter tovzbp needs a finite jerk limit");
+    EXPECT_CONTAINS(bench.findConfigureComplaint(""), "the filter tovzbp needs a finite jerk limit");
 }
 
 TEST(Tovzbp, LoadsAsALibrary) {

@@ -71,8 +71,7 @@ TEST(VelocityDamper, WhereTheVelocityCannotBeHadItBrakesAndSaysSo) {
     EXPECT_EQ(bench.decide(kZone, {-kPi + 0.1, -3.0, 0.0}, 0.0, d), FilterStatus::Infeasible);
     EXPECT_EQ(d.jerk[0], 4 * kPi);
     // As far as the acceleration limit lets it.
-    EXPECT_EQ(bench.decide(kZone, {kPi - 0.1, 5.0, -3 * kPi + 0.001}, 0.0, d),
-              FilterStatus::Infeasible);
+    EXPECT_EQ(bench.decide(kZone, {kPi - 0.1, 5.0, -3 * kPi + 0.001}, 0.0, d), FilterStatus::Infeasible);
     EXPECT_NEAR(d.jerk[0], -1.0, 1e-9);
     // Braking so hard that the velocity would fall below the allowed one before a = 0: it lets go in time.
     EXPECT_EQ(bench.decide(kZone, {kPi - 0.1, 2.0, -3 * kPi}, 0.0, d), FilterStatus::Infeasible);
@@ -84,8 +83,7 @@ TEST(VelocityDamper, WhereTheVelocityCannotBeHadItBrakesAndSaysSo) {
     EXPECT_EQ(d.jerk[0], 4 * kPi);
     // Too fast away from a limit that has been passed far: the velocity limit counts.
     for (const double side : {1.0, -1.0}) {
-        EXPECT_EQ(bench.decide(kZone, {side * 10.0, -side * 15.0, 0.0}, 0.0, d),
-                  FilterStatus::Infeasible);
+        EXPECT_EQ(bench.decide(kZone, {side * 10.0, -side * 15.0, 0.0}, 0.0, d), FilterStatus::Infeasible);
         EXPECT_EQ(d.jerk[0], side * 4 * kPi);
     }
 }
@@ -114,13 +112,11 @@ TEST(VelocityDamper, JerkAndAccelerationHoldAndNothingElse) {
     long ticks = 0, infeasible = 0;
     for (unsigned k = 0; k < 200; ++k) {
         bench.drawLimits(random);
-        const double range =
-            bench.arm.limits.position.upper[0] - bench.arm.limits.position.lower[0];
+        const double range = bench.arm.limits.position.upper[0] - bench.arm.limits.position.lower[0];
         const double size = 3.0 * bench.arm.limits.acceleration.upper[0];
         char zone[120];
         std::snprintf(zone, sizeof zone, "xi: %g, influence_rad: %g, safety_rad: %g",
-                      bench.arm.limits.velocity.upper[0] / 2, 0.3 * range + 0.01 * size,
-                      0.02 * range);
+                      bench.arm.limits.velocity.upper[0] / 2, 0.3 * range + 0.01 * size, 0.02 * range);
         const LawOutcome outcome = bench.push(zone, 20.0, size, k % 2 == 0, k);
         SCOPED_TRACE("limits " + std::to_string(k));
         EXPECT_LE(outcome.excess.jerk, 1e-9);
@@ -132,18 +128,16 @@ TEST(VelocityDamper, JerkAndAccelerationHoldAndNothingElse) {
         ticks += outcome.ticks;
         infeasible += outcome.infeasible;
     }
-    std::printf(
-        "  worst excess: %.2g rad, %.2g of the velocity limit; %.2g %% of the ticks infeasible\n",
-        worstPosition, worstVelocity, 100.0 * infeasible / ticks);
+    std::printf("  worst excess: %.2g rad, %.2g of the velocity limit; %.2g %% of the ticks infeasible\n",
+                worstPosition, worstVelocity, 100.0 * infeasible / ticks);
     Bench six("indy7", "velocity_damper");
     six.setPapersArmLimits();
     const LawOutcome outcome = six.push("", 10.0, 40.0, true, 8);
     EXPECT_LE(outcome.excess.jerk, 1e-9);
     EXPECT_LE(outcome.excess.acceleration, 1e-9);
     EXPECT_EQ(outcome.allocations, 0);
-    std::printf("  arm: %.2g rad, %.2g of the velocity limit; %d of %d ticks infeasible\n",
-                outcome.excess.position, outcome.excess.velocity, outcome.infeasible,
-                outcome.ticks);
+    std::printf("  arm: %.2g rad, %.2g of the velocity limit; %d of %d ticks infeasible\n", outcome.excess.position,
+                outcome.excess.velocity, outcome.infeasible, outcome.ticks);
 }
 
 TEST(VelocityDamper, Fault08ZonesGainsAndLimitsThatDoNotFitAreRefused) {

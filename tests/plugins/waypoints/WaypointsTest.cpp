@@ -1,7 +1,7 @@
 #include "Waypoints.h"
 
-#include "viable/testing/AllocationCounter.h"
 #include "CommandBench.h"
+#include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {
@@ -50,10 +50,8 @@ TEST(Waypoints, ComplainsAboutAPeriodThatCannotBe) {
     EXPECT_EQ(complaint("repeat_s: 2.0"), "");  // 0.5 s are left for the way back
 
     const std::string jump = "points: [[0, 0, 0, 0], [1, 1, 1, 1]], repeat_s: 1, interpolation: ";
-    EXPECT_PRED_FORMAT2(says, bench.findComplaint<Waypoints>(jump + "smooth"),
-                        "first and last point differ");
-    EXPECT_PRED_FORMAT2(says, bench.findComplaint<Waypoints>(jump + "linear"),
-                        "choose interpolation: hold");
+    EXPECT_PRED_FORMAT2(says, bench.findComplaint<Waypoints>(jump + "smooth"), "first and last point differ");
+    EXPECT_PRED_FORMAT2(says, bench.findComplaint<Waypoints>(jump + "linear"), "choose interpolation: hold");
     EXPECT_EQ(bench.findComplaint<Waypoints>(jump + "hold"), "");
 }
 
@@ -63,9 +61,8 @@ TEST(Waypoints, HoldJumpsAtThePoints) {
     bench.configure(source, kThreePoints + std::string(", interpolation: hold"));
     EXPECT_EQ(source.space(), MotionCommand::Space::Joint);
     const std::pair<double, JointVector> expected[] = {
-        {0.0, joints(0, 1, 2)},   {0.499, joints(0, 1, 2)}, {0.5, joints(0, 1, 2)},
-        {0.999, joints(0, 1, 2)}, {1.0, joints(1, 0, -2)},  {1.999, joints(1, 0, -2)},
-        {2.0, joints(3, 0.5, 0)}, {1e6, joints(3, 0.5, 0)},
+        {0.0, joints(0, 1, 2)},  {0.499, joints(0, 1, 2)},  {0.5, joints(0, 1, 2)},   {0.999, joints(0, 1, 2)},
+        {1.0, joints(1, 0, -2)}, {1.999, joints(1, 0, -2)}, {2.0, joints(3, 0.5, 0)}, {1e6, joints(3, 0.5, 0)},
     };
     for (const auto& [t, q] : expected) {
         const MotionCommand command = sampleAt(source, t);
@@ -109,8 +106,7 @@ TEST(Waypoints, SmoothIsAtRestInEveryPointAndContinuousBetween) {
     const CommandBench bench;
     Waypoints source;
     bench.configure(source, kThreePoints + std::string(", interpolation: smooth, repeat_s: 3"));
-    for (double t : {0.5, 1.0, 2.0, 3.5, 4.0, 5.0})
-        EXPECT_LE(sampleAt(source, t).qd.norm(), 1e-12) << t;
+    for (double t : {0.5, 1.0, 2.0, 3.5, 4.0, 5.0}) EXPECT_LE(sampleAt(source, t).qd.norm(), 1e-12) << t;
     EXPECT_LE((sampleAt(source, 1.0).q - joints(1, 0, -2)).norm(), 1e-12);
     EXPECT_LE((sampleAt(source, 5.0).q - joints(3, 0.5, 0)).norm(), 1e-12);
 
@@ -135,11 +131,9 @@ TEST(Waypoints, RepeatsWithItsPeriod) {
         bench.configure(source, kThreePoints + std::string(", repeat_s: 3, interpolation: ") + how);
         for (double t = 0.5; t < 3.4; t += 0.0137)
             for (int round = 1; round < 4; ++round) {
-                EXPECT_LE((sampleAt(source, t).q - sampleAt(source, t + 3.0 * round).q).norm(),
-                          1e-9)
+                EXPECT_LE((sampleAt(source, t).q - sampleAt(source, t + 3.0 * round).q).norm(), 1e-9)
                     << how << " " << t;
-                EXPECT_LE((sampleAt(source, t).qd - sampleAt(source, t + 3.0 * round).qd).norm(),
-                          1e-9)
+                EXPECT_LE((sampleAt(source, t).qd - sampleAt(source, t + 3.0 * round).qd).norm(), 1e-9)
                     << how << " " << t;
             }
         EXPECT_EQ(sampleAt(source, 0.1).q, joints(0, 1, 2));  // first round: waits there
@@ -172,8 +166,7 @@ TEST(Waypoints, RefusesTimesThatAreNone) {
     Waypoints source;
     bench.configure(source, kThreePoints);
     MotionCommand command;
-    for (double t : {-1.0, std::nan(""), HUGE_VAL})
-        EXPECT_EQ(source.sample(t, command), TickStatus::InvalidInput);
+    for (double t : {-1.0, std::nan(""), HUGE_VAL}) EXPECT_EQ(source.sample(t, command), TickStatus::InvalidInput);
     EXPECT_EQ(command.q.size(), 0);  // not written
     EXPECT_EQ(source.sample(1.0, command), TickStatus::Ok);
 }
@@ -199,8 +192,7 @@ TEST(Waypoints, GivesTheSameThroughTheLoaderAndAfterAReset) {
     bench.configure(*loaded, kThreePoints);
     bench.configure(linked, kThreePoints);
     for (int round = 0; round < 2; ++round) {
-        for (double t = 0.0; t < 2.5; t += 0.01)
-            expectSame(sampleAt(*loaded, t), sampleAt(linked, t));
+        for (double t = 0.0; t < 2.5; t += 0.01) expectSame(sampleAt(*loaded, t), sampleAt(linked, t));
         loaded->reset(bench.start);
     }
 }

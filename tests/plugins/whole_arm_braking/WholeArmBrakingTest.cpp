@@ -1,4 +1,5 @@
-#include "viable/plugin/WholeArmBrakingFilter.h"
+#include "Paths.h"
+#include "viable/filter/WholeArmBrakingFilter.h"
 
 #include <gtest/gtest.h>
 
@@ -9,10 +10,10 @@
 #include <thread>
 
 #include "TestArm.h"
-#include "viable/environment/CollisionJudge.h"
+#include "environment/CollisionJudge.h"
+#include "viable/core/TripleIntegrator.h"
 #include "viable/environment/Surroundings.h"
-#include "viable/motion/TripleIntegrator.h"
-#include "viable/plugin/NominalPlant.h"
+#include "viable/loop/NominalPlant.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {
@@ -48,8 +49,7 @@ public:
         state.qd.setZero(n);
         state.qdd.setZero(n);
         model_.calcDynamics(state.q, state.qd, dynamics);
-        setup_.emplace(RunSetup{robot_, robot_.limits, kTick_s, 60.0, state, dynamics.tool,
-                                &geometry, &feed});
+        setup_.emplace(RunSetup{robot_, robot_.limits, kTick_s, 60.0, state, dynamics.tool, &geometry, &feed});
         options_ = options;
     }
 
@@ -192,8 +192,7 @@ TEST(WholeArmBraking, WithoutAnythingAroundItIsCertifiedBrakingToTheLastBit) {
     arm.geometry.pairs.clear();
     arm.configure();
     CertifiedBrakingFilter filter;
-    const RunSetup setup{plain.robot(), plain.robot().limits, kTick_s, 60.0, plain.state,
-                         plain.dynamics.tool};
+    const RunSetup setup{plain.robot(), plain.robot().limits, kTick_s, 60.0, plain.state, plain.dynamics.tool};
     filter.configure(setup, options.joints);
     std::mt19937 random(3);
     std::uniform_real_distribution<double> share(-1.0, 1.0);
@@ -245,17 +244,17 @@ TEST(WholeArmBraking, SteeringReachesMoreOfTheFreeSpaceThanStopping) {
             EXPECT_GE(arm.judge(), 0.02 - kAllowed_m);
         }
     }
-    std::printf("  of %d free poses (seed 11) %d are reached by stopping only, %d with steering; missing on average %.2f and "
-                "%.2f rad\n",
-                kGoals, reached[0], reached[1], missing[0], missing[1]);
+    std::printf(
+        "  of %d free poses (seed 11) %d are reached by stopping only, %d with steering; missing on average %.2f and "
+        "%.2f rad\n",
+        kGoals, reached[0], reached[1], missing[0], missing[1]);
     EXPECT_GT(reached[1], reached[0]);
     EXPECT_LT(missing[1], missing[0]);
 }
 
 // 7 kg and motors at 60 %: what certified braking alone does breaks the motors' limits, along stops and now.
 TEST(WholeArmBraking, MotorsBearEveryTickAndEveryStop) {
-    const RobotDescription loaded =
-        withPayload(loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"), 7.0, {0.0, 0.0, 0.05});
+    const RobotDescription loaded = withPayload(loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"), 7.0, {0.0, 0.0, 0.05});
     double use[2] = {0.0, 0.0};
     for (const bool limitsTorque : {false, true}) {
         WholeArmBrakingOptions options;
@@ -269,11 +268,10 @@ TEST(WholeArmBraking, MotorsBearEveryTickAndEveryStop) {
         for (int tick = 0; tick < 6000; ++tick) {
             if (tick % 700 == 0)
                 for (int i = 0; i < 6; ++i) goal[i] = arm.robot().home[i] + 1.2 * share(random);
-            ASSERT_LE(arm.goTo(goal, 900.0), FilterStatus::Returning) << tick;
+            ASSERT_LE(arm.goTo(goal, 900.0), FilterStatus::Recovering) << tick;
             const auto see = [&](const JointVector& torque) {
                 const JointVector limit = loaded.actuation.torqueLimit;
-                use[limitsTorque] =
-                    std::max(use[limitsTorque], torque.cwiseAbs().cwiseQuotient(limit).maxCoeff());
+                use[limitsTorque] = std::max(use[limitsTorque], torque.cwiseAbs().cwiseQuotient(limit).maxCoeff());
             };
             see(arm.decision.torque);
             if (tick % 40 != 0) continue;
@@ -291,8 +289,7 @@ TEST(WholeArmBraking, MotorsBearEveryTickAndEveryStop) {
             }
         }
     }
-    std::printf("  largest use of the motors' torque: %.3f without, %.3f with torque_share 0.6\n", use[0],
-                use[1]);
+    std::printf("  largest use of the motors' torque: %.3f without, %.3f with torque_share 0.6\n", use[0], use[1]);
     EXPECT_GT(use[0], 0.61);
     EXPECT_LE(use[1], 0.6 * (1.0 + 1e-8));
     EXPECT_GT(use[1], 0.55) << "the motors are hardly used";
@@ -402,8 +399,7 @@ TEST(WholeArmBraking, AStartTooNearIsRefusedWithLinkObstacleAndDistance) {
 }
 
 TEST(WholeArmBraking, AllocatesNothingBesideObstacles) {
-    if (!testing::AllocationCounter::isAvailable())
-        GTEST_SKIP() << testing::AllocationCounter::whyNot();
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     Environment environment;
     environment.solids.push_back(makePlate(findHeading() + 0.8 + kPi, 0.02));
     environment.solids.push_back(makeBox("table", {0.0, 0.0, -0.1}, {2.0, 2.0, 0.1}));
@@ -418,8 +414,10 @@ TEST(WholeArmBraking, AllocatesNothingBesideObstacles) {
     JointVector goal = arm.robot().home;
     // New ones now and then, one of them in the arm's way: made before, put by another thread in a real loop.
     Environment nearer = environment;
-    nearer.solids.push_back(makeBox("shelf", arm.dynamics.tool.position + Eigen::Vector3d(0.0, 0.1, 0.0), {0.1, 0.1, 0.1}));
-    const auto first = ArmAmongObstacles::makeSurroundings(environment), second = ArmAmongObstacles::makeSurroundings(nearer);
+    nearer.solids.push_back(
+        makeBox("shelf", arm.dynamics.tool.position + Eigen::Vector3d(0.0, 0.1, 0.0), {0.1, 0.1, 0.1}));
+    const auto first = ArmAmongObstacles::makeSurroundings(environment),
+               second = ArmAmongObstacles::makeSurroundings(nearer);
     std::array<int, 8> with{};
     testing::AllocationCounter counter;
     for (int tick = 0; tick < 20000; ++tick) {

@@ -59,11 +59,11 @@ export class LineChart {
 
   /**
    * The series to draw, the last on top: those of the first kind, of these what the reader points at, else the calmest,
-   * of equally calm ones what promises to keep the limits.
+   * of equally calm ones what guarantees to keep the limits.
    */
   #lines() {
     const calmness = (c) => -Math.round(Math.log2((this.#ways.get(c) ?? 0) + 1e-9));
-    const rank = (c) => [c.index === this.state.focus, calmness(c), c.promises];
+    const rank = (c) => [c.index === this.state.focus, calmness(c), c.guarantees];
     const cases = this.state.cases
       .map((c) => ({ c, rank: rank(c) }))
       .sort((a, b) => a.rank.map((value, i) => value - b.rank[i]).find((difference) => difference !== 0) ?? 0);

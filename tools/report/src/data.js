@@ -27,7 +27,7 @@
  *             ) ] } ],
  *     "summary": { "columns": [str], "rows": [[str]], "note": str },
  *     "cases": [ {
- *         "name", "filter", "robust_loop", "plant", "promises": bool, "verdict": str, "ok": bool,
+ *         "name", "filter", "robust_loop", "plant", "guarantees": bool, "verdict": str, "ok": bool,
  *         "stop": null | { "time_s", "message" }, "details": str (monospace text),
  *         "rows": int, "tick_s": num, "t0": 0, "step_s": num, "buckets": int,
  *         "joints": [ { "series": {
@@ -87,7 +87,7 @@ export const STATUS = [
   'passed',
   'modified',
   'stopped by plan',
-  'returning',
+  'recovering',
   'no admissible choice',
   'invalid or faulted',
 ];
@@ -149,7 +149,7 @@ export class Case {
     this.index = index;
     for (const key of ['name', 'filter', 'robust_loop', 'plant', 'verdict', 'details'])
       this[key] = String(json[key] ?? '');
-    this.promises = Boolean(json.promises);
+    this.guarantees = Boolean(json.guarantees);
     this.ok = Boolean(json.ok);
     this.stop = json.stop ?? null;
     this.rows = json.rows;

@@ -142,8 +142,8 @@ export class State extends Emitter {
 export const ALL_JOINTS = -1;
 export const ALL_CASES = -1;
 
-/** The arm to look at first: of a case that kept its promise, if there is one. */
+/** The arm to look at first: of a case that kept its guarantee, if there is one. */
 function defaultReplayCase(run) {
-  const good = run.cases.find((c) => c.promises && c.ok && c.replay);
+  const good = run.cases.find((c) => c.guarantees && c.ok && c.replay);
   return (good ?? run.cases.find((c) => c.replay) ?? run.cases[0]).index;
 }

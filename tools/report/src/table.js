@@ -37,9 +37,9 @@ function stopText({ time_s: time, message }) {
 }
 
 function verdict(c) {
-  const kind = c.ok ? 'ok' : c.promises ? 'bad' : 'warn';
+  const kind = c.ok ? 'ok' : c.guarantees ? 'bad' : 'warn';
   const mark = { ok: '✓', bad: '✗', warn: '!' }[kind];
-  const promise = c.promises ? 'promises its limits' : 'promises nothing';
+  const guarantee = c.guarantees ? 'guarantees its limits' : 'guarantees nothing';
   const parts = [c.filter, c.robust_loop, c.plant].filter(Boolean).join(' · ');
   return el(
     'li',
@@ -49,7 +49,7 @@ function verdict(c) {
       'div',
       { class: 'verdict-text' },
       el('span', { class: 'mark', 'aria-hidden': 'true', text: mark }),
-      el('span', { text: pretty(c.verdict), title: `The filter ${promise}.` }),
+      el('span', { text: pretty(c.verdict), title: `The filter ${guarantee}.` }),
     ),
     el('div', { class: 'verdict-parts', text: parts, title: `filter · robust loop · plant: ${parts}` }),
     c.stop ? el('div', { class: 'verdict-stop', text: stopText(c.stop) }) : null,

@@ -8,9 +8,9 @@ namespace {
 
 using viable::testing::PluginBench;
 
-TEST(@CLASS@, CarriesGravityAtTheCommandedPlace) {
+TEST(@CLASS @, CarriesGravityAtTheCommandedPlace) {
     PluginBench bench;
-    @CLASS@ controller;
+    @CLASS @controller;
     bench.configure(controller);
     viable::JointVector torque;
     EXPECT_EQ(controller.compute(bench.command(bench.state().q), bench.state(), bench.dynamics(), torque),
@@ -18,9 +18,9 @@ TEST(@CLASS@, CarriesGravityAtTheCommandedPlace) {
     EXPECT_EQ(torque, bench.dynamics().gravity);
 }
 
-TEST(@CLASS@, PullsTowardsTheCommand) {
+TEST(@CLASS @, PullsTowardsTheCommand) {
     PluginBench bench;
-    @CLASS@ controller;
+    @CLASS @controller;
     bench.configure(controller, "stiffness: 50");
     viable::JointVector torque, q = bench.state().q;
     q[0] += 0.1;

@@ -6,14 +6,12 @@ namespace {
 
 // Declared once: parsing, range errors and `viable plugins --describe @NAME@` come from this table.
 const viable::ParameterSpec kParameters[] = {
-    viable::parameter::number("share", "", "1", "Share of the acceleration limits that may be used.")
-        .above(0)
-        .upTo(1),
+    viable::parameter::number("share", "", "1", "Share of the acceleration limits that may be used.").above(0).upTo(1),
 };
 
 }  // namespace
 
-void @CLASS@::configure(const viable::RunSetup& setup, const viable::Parameters& parameters) {
+void @CLASS @ ::configure(const viable::RunSetup& setup, const viable::Parameters& parameters) {
     n_ = setup.size();
     tick_s_ = setup.tick_s;
     const double share = parameters.number("share");
@@ -21,12 +19,10 @@ void @CLASS@::configure(const viable::RunSetup& setup, const viable::Parameters&
     upper_ = share * setup.limits.acceleration.upper;
 }
 
-void @CLASS@::reset(const viable::MotionState&) {}  // nothing is remembered from tick to tick
+void @CLASS @ ::reset(const viable::MotionState&) {}  // nothing is remembered from tick to tick
 
-viable::FilterStatus @CLASS@::filter(const viable::MotionState& nominal,
-                                     const viable::JointVector& torque,
-                                     const viable::Dynamics& dynamics,
-                                     viable::FilterDecision& decision) {
+viable::FilterStatus @CLASS @ ::filter(const viable::MotionState& nominal, const viable::JointVector& torque,
+                                       const viable::Dynamics& dynamics, viable::FilterDecision& decision) {
     using viable::isFinite;
     if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_))
         return viable::FilterStatus::InvalidInput;
@@ -38,9 +34,8 @@ viable::FilterStatus @CLASS@::filter(const viable::MotionState& nominal,
         const bool tooHigh = acceleration[i] > upper_[i], tooLow = acceleration[i] < lower_[i];
         if (!tooHigh && !tooLow) continue;
         acceleration[i] = tooHigh ? upper_[i] : lower_[i];
-        decision.joints[static_cast<std::size_t>(i)] = {
-            viable::LimitKind::Acceleration,
-            tooHigh ? viable::LimitSide::Upper : viable::LimitSide::Lower};
+        decision.joints[static_cast<std::size_t>(i)] = {viable::LimitKind::Acceleration,
+                                                        tooHigh ? viable::LimitSide::Upper : viable::LimitSide::Lower};
         status = viable::FilterStatus::Modified;
     }
     holdAcceleration(nominal, dynamics, acceleration, tick_s_, decision);
@@ -48,5 +43,4 @@ viable::FilterStatus @CLASS@::filter(const viable::MotionState& nominal,
     return status;
 }
 
-VIABLE_PLUGIN(viable::SafetyFilter, @CLASS@, "@NAME@", "Clamps the acceleration of each joint.",
-              kParameters)
+VIABLE_PLUGIN(viable::SafetyFilter, @CLASS @, "@NAME@", "Clamps the acceleration of each joint.", kParameters)

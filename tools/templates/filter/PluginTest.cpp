@@ -8,9 +8,9 @@ namespace {
 
 using viable::testing::PluginBench;
 
-TEST(@CLASS@, AnAccelerationBeyondTheLimitIsClamped) {
+TEST(@CLASS @, AnAccelerationBeyondTheLimitIsClamped) {
     PluginBench bench;
-    @CLASS@ filter;
+    @CLASS @filter;
     bench.configure(filter, "share: 0.5");
     const viable::JointVector wanted = 10.0 * bench.setup().limits.acceleration.upper;
     viable::FilterDecision decision;
@@ -20,15 +20,13 @@ TEST(@CLASS@, AnAccelerationBeyondTheLimitIsClamped) {
         EXPECT_DOUBLE_EQ(decision.acceleration[i], 0.5 * bench.setup().limits.acceleration.upper[i]);
 }
 
-TEST(@CLASS@, WhatIsAdmissibleIsNotTouched) {
+TEST(@CLASS @, WhatIsAdmissibleIsNotTouched) {
     PluginBench bench;
-    @CLASS@ filter;
+    @CLASS @filter;
     bench.configure(filter);
-    const viable::JointVector torque =
-        bench.calcTorque(0.1 * bench.setup().limits.acceleration.upper);
+    const viable::JointVector torque = bench.calcTorque(0.1 * bench.setup().limits.acceleration.upper);
     viable::FilterDecision decision;
-    EXPECT_EQ(filter.filter(bench.state(), torque, bench.dynamics(), decision),
-              viable::FilterStatus::Passed);
+    EXPECT_EQ(filter.filter(bench.state(), torque, bench.dynamics(), decision), viable::FilterStatus::Passed);
     EXPECT_EQ(decision.torque, torque);
 }
 

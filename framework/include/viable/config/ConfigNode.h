@@ -20,9 +20,9 @@ struct ConfigNode {
     enum class Kind { Empty, Scalar, List, Map };
 
     Kind kind = Kind::Empty;
-    std::string text;     ///< of a Scalar, as written (without quotes)
-    bool quoted = false;  ///< the Scalar stood in quotes, or must when written: never a number
-    std::vector<ConfigNode> items;                            ///< of a List
+    std::string text;               ///< of a Scalar, as written (without quotes)
+    bool quoted = false;            ///< the Scalar stood in quotes, or must when written: never a number
+    std::vector<ConfigNode> items;  ///< of a List
     std::vector<std::pair<std::string, ConfigNode>> entries;  ///< of a Map, in file order
 
     std::string file;     ///< as given by the user; "--set" for an override
@@ -94,8 +94,7 @@ std::string toText(const ConfigNode& node);
 /** One of `choices`; a miss names the closest and all. */
 std::string toChoice(const ConfigNode& node, const std::vector<std::string>& choices);
 /** A list of between minCount and maxCount numbers. */
-std::vector<double> toNumbers(const ConfigNode& node, int minCount, int maxCount,
-                              const NumberRange& range = {});
+std::vector<double> toNumbers(const ConfigNode& node, int minCount, int maxCount, const NumberRange& range = {});
 /** A list with exactly n numbers, or a single number that stands for all n joints. */
 JointVector toJointVector(const ConfigNode& node, int n, const NumberRange& range = {});
 

@@ -8,11 +8,11 @@ namespace viable {
 
 /** Why the program cannot go on; the value is the exit code of the command. */
 enum class ErrorKind {
-    BadInput = 2,       ///< a file, an argument or a plugin library is not what it must be
-    PromiseBroken = 3,  ///< a limit that was promised was passed
-    PluginFailed = 4,   ///< a plugin threw or returned nonsense during the run
-    LogNotWritten = 5,  ///< the log could not be created or written to its end
-    TrackingLost = 6,   ///< the real arm left the bound around the nominal one and was braked
+    BadInput = 2,         ///< a file, an argument or a plugin library is not what it must be
+    GuaranteeBroken = 3,  ///< a limit that was guaranteed was passed
+    PluginFailed = 4,     ///< a plugin threw or returned nonsense during the run
+    LogNotWritten = 5,    ///< the log could not be created or written to its end
+    TrackingLost = 6,     ///< the real arm left the bound around the nominal one and was braked
 };
 
 /** An error of loading or configuring, told in one paragraph: where, what, and what to do.
@@ -22,8 +22,7 @@ public:
     /** @param where   place: `file:line:column: key.path`, a library's path, or empty
         @param what    what is wrong, with the value and the allowed range
         @param remedy  what the user can do about it; a sentence, may be empty */
-    Error(ErrorKind kind, const std::string& where, const std::string& what,
-          const std::string& remedy = {});
+    Error(ErrorKind kind, const std::string& where, const std::string& what, const std::string& remedy = {});
 
     ErrorKind kind() const { return kind_; }
     int exitCode() const { return static_cast<int>(kind_); }

@@ -84,8 +84,8 @@ dt), and a position range that holds one tick of jerk and its stop (8 J dt^3). J
 side's; an unlimited jerk has neither condition. The message names joint, limit, side, value and
 allowed range.
 @param where  place of the limits, for the message  */
-void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles,
-                 const std::string& where, const std::vector<std::string>& jointNames);
+void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles, const std::string& where,
+                 const std::vector<std::string>& jointNames);
 
 /** True when checkLimits() would accept the limits of n joints, large angles allowed. Real time: no allocation,
 no throw. */

@@ -13,8 +13,7 @@ inline constexpr int kMaxJoints = 16;
 using JointVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxJoints, 1>;
 
 /** One number per pair of joints, joints x joints, fixed in-object capacity. */
-using JointMatrix =
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxJoints, kMaxJoints>;
+using JointMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxJoints, kMaxJoints>;
 
 /** 6 x joints: rows 0..2 linear velocity [m/s], rows 3..5 angular velocity [rad/s], base frame. */
 using ToolJacobian = Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, kMaxJoints>;

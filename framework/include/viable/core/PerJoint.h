@@ -15,9 +15,7 @@ public:
     /** Of a joint; fits() with the number of joints. */
     double operator[](int joint) const { return values_[values_.size() == 1 ? 0 : joint]; }
     /** One entry for each of n joints; fits(n). */
-    JointVector expand(int n) const {
-        return values_.size() == 1 ? JointVector::Constant(n, values_[0]) : values_;
-    }
+    JointVector expand(int n) const { return values_.size() == 1 ? JointVector::Constant(n, values_[0]) : values_; }
     int count() const { return static_cast<int>(values_.size()); }
 
 private:

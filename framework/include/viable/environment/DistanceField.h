@@ -30,8 +30,8 @@ public:
     Throws Error (BadInput) at `place` when the box would have more than kMaxNodes nodes. About half a second for a
     million nodes; 4 bytes each. */
     DistanceField(const OccupancyMap& map, UnknownSpace unknown, const Eigen::Isometry3d& pose,
-                  const Eigen::Vector3d& lower, const Eigen::Vector3d& upper, double cell_m,
-                  double reach_m, const std::string& place);
+                  const Eigen::Vector3d& lower, const Eigen::Vector3d& upper, double cell_m, double reach_m,
+                  const std::string& place);
 
     static constexpr std::int64_t kMaxNodes = 16'000'000;
 

@@ -27,7 +27,7 @@ struct Solid {
 the first it waits there; after the last it stays, or begins anew. */
 struct MovingSphere {
     struct Waypoint {
-        double time_s = 0.0;  ///< rising
+        double time_s = 0.0;                                 ///< rising
         Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< base frame [m]
     };
     std::string name;

@@ -36,8 +36,8 @@ public:
     static constexpr std::uint64_t kMaxNodes = 50'000'000;
     static constexpr std::uint64_t kMaxMemoryBytes = 1u << 30;  ///< of the tree that the file becomes
 
-    double resolution() const;         ///< edge of the smallest cells [m]
-    const std::string& sha256() const; ///< of the file, hexadecimal
+    double resolution() const;          ///< edge of the smallest cells [m]
+    const std::string& sha256() const;  ///< of the file, hexadecimal
 
     enum class Occupancy : unsigned char { Free, Occupied, Unknown };
     /** Of a point in the map frame; Unknown outside of the map and for what is no number. */

@@ -20,8 +20,8 @@ public:
         @param reach_m       distances beyond need not be told apart [m]
     Reads the map file and makes its distance field, or takes them from Surroundings made before in this process, when
     the file, its place and the box are the same: two maps at most stay in memory to the end of the process. Throws Error (BadInput). */
-    Surroundings(const Environment& environment, const Eigen::Vector3d& lower,
-                 const Eigen::Vector3d& upper, double reach_m);
+    Surroundings(const Environment& environment, const Eigen::Vector3d& lower, const Eigen::Vector3d& upper,
+                 double reach_m);
     ~Surroundings();
     Surroundings(const Surroundings&) = delete;
     Surroundings& operator=(const Surroundings&) = delete;
@@ -52,10 +52,8 @@ public:
 private:
     struct Shapes;
     struct MapField;
-    static std::shared_ptr<const MapField> shareMapField(const MapChoice& choice,
-                                                         const Eigen::Vector3d& lower,
-                                                         const Eigen::Vector3d& upper,
-                                                         double cell_m, double reach_m);
+    static std::shared_ptr<const MapField> shareMapField(const MapChoice& choice, const Eigen::Vector3d& lower,
+                                                         const Eigen::Vector3d& upper, double cell_m, double reach_m);
     template <bool kWithGradient>
     Nearest findIn(const Eigen::Vector3d& p, double t) const;
 
@@ -112,8 +110,8 @@ private:
     std::array<Slot, 3> slots_;
     std::atomic<unsigned> ready_{0};
     std::atomic<bool> isClaimed_{false};
-    unsigned written_ = 1;      ///< the maker's
-    std::int64_t version_ = 0;  ///< the maker's
+    unsigned written_ = 1;           ///< the maker's
+    std::int64_t version_ = 0;       ///< the maker's
     alignas(64) unsigned used_ = 2;  ///< the user's
 };
 

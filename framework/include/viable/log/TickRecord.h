@@ -14,9 +14,9 @@ inline constexpr int kStageCount = 7;
 
 /** What the host's monitor found when it followed a decision and the stop after it. */
 enum class StopVerdict : unsigned char {
-    Safe,       ///< tick and stop stay within the limits and end at rest
-    Returning,  ///< beyond a limit, but not further than the stop before
-    NoStop,     ///< no stop within the limits was found
+    Safe,        ///< tick and stop stay within the limits and end at rest
+    Recovering,  ///< beyond a limit, but not further than the stop before
+    NoStop,      ///< no stop within the limits was found
 };
 
 /** Everything of one tick: the state at `time_s`, what was decided there and what acts from this
@@ -76,7 +76,7 @@ struct TickRecord {
 /** "command", "dynamics", ...: the words used in logs. */
 const char* getName(Stage stage);
 
-/** "safe", "returning", "no_stop": the words used in logs. */
+/** "safe", "recovering", "no_stop": the words used in logs. */
 const char* getName(StopVerdict verdict);
 
 }  // namespace viable

@@ -13,8 +13,8 @@ public:
     /** The torque tau_d [Nm] that it would like, without regard to limits. On Ok, `torque` has one
     finite entry per joint. The host substitutes the last good torque for kMaxSubstitutedTicks ticks
     otherwise, then brakes. */
-    virtual TickStatus compute(const MotionCommand& command, const MotionState& nominal,
-                               const Dynamics& dynamics, JointVector& torque) = 0;
+    virtual TickStatus compute(const MotionCommand& command, const MotionState& nominal, const Dynamics& dynamics,
+                               JointVector& torque) = 0;
 };
 
 }  // namespace viable

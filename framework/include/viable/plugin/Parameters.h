@@ -78,8 +78,7 @@ struct ParameterSpec {
 };
 
 namespace parameter {
-constexpr ParameterSpec number(const char* name, const char* unit, const char* defaultText,
-                               const char* help) {
+constexpr ParameterSpec number(const char* name, const char* unit, const char* defaultText, const char* help) {
     return {name, unit, ParameterType::Number, defaultText, help};
 }
 constexpr ParameterSpec integer(const char* name, const char* defaultText, const char* help) {
@@ -88,8 +87,7 @@ constexpr ParameterSpec integer(const char* name, const char* defaultText, const
 constexpr ParameterSpec flag(const char* name, const char* defaultText, const char* help) {
     return {name, "", ParameterType::Flag, defaultText, help};
 }
-constexpr ParameterSpec choice(const char* name, const char* choices, const char* defaultText,
-                               const char* help) {
+constexpr ParameterSpec choice(const char* name, const char* choices, const char* defaultText, const char* help) {
     ParameterSpec s{name, "", ParameterType::Choice, defaultText, help};
     s.choices = choices;
     return s;
@@ -100,19 +98,18 @@ constexpr ParameterSpec text(const char* name, const char* defaultText, const ch
 constexpr ParameterSpec file(const char* name, const char* defaultText, const char* help) {
     return {name, "", ParameterType::File, defaultText, help};
 }
-constexpr ParameterSpec jointNumbers(const char* name, const char* unit, const char* defaultText,
-                                     const char* help) {
+constexpr ParameterSpec jointNumbers(const char* name, const char* unit, const char* defaultText, const char* help) {
     return {name, unit, ParameterType::JointNumbers, defaultText, help};
 }
-constexpr ParameterSpec numbers(const char* name, const char* unit, int minCount, int maxCount,
-                                const char* defaultText, const char* help) {
+constexpr ParameterSpec numbers(const char* name, const char* unit, int minCount, int maxCount, const char* defaultText,
+                                const char* help) {
     ParameterSpec s{name, unit, ParameterType::Numbers, defaultText, help};
     s.minCount = minCount;
     s.maxCount = maxCount;
     return s;
 }
-constexpr ParameterSpec rows(const char* name, const char* unit, int minCount, int maxCount,
-                             const char* defaultText, const char* help) {
+constexpr ParameterSpec rows(const char* name, const char* unit, int minCount, int maxCount, const char* defaultText,
+                             const char* help) {
     ParameterSpec s{name, unit, ParameterType::Rows, defaultText, help};
     s.minCount = minCount;
     s.maxCount = maxCount;
@@ -123,8 +120,7 @@ constexpr ParameterSpec rows(const char* name, const char* unit, int minCount, i
 /** Declarations one after the other, as one table:
     constexpr auto kParameters = joinParameters(kArmHardwareParameters, kOwnParameters); */
 template <std::size_t... Counts>
-constexpr std::array<ParameterSpec, (Counts + ...)> joinParameters(
-    const ParameterSpec (&... tables)[Counts]) {
+constexpr std::array<ParameterSpec, (Counts + ...)> joinParameters(const ParameterSpec (&... tables)[Counts]) {
     std::array<ParameterSpec, (Counts + ...)> joined{};
     std::size_t next = 0;
     const auto append = [&](const ParameterSpec* table, std::size_t count) {
@@ -157,8 +153,8 @@ public:
 
 private:
     friend Parameters readParameters(const ConfigNode&, const ParameterSpec*, std::size_t, int);
-    using Value = std::variant<double, std::int64_t, bool, std::string, std::filesystem::path,
-                               JointVector, std::vector<double>, std::vector<std::vector<double>>>;
+    using Value = std::variant<double, std::int64_t, bool, std::string, std::filesystem::path, JointVector,
+                               std::vector<double>, std::vector<std::vector<double>>>;
     template <class T>
     const T& get(const char* name) const;
 
@@ -171,8 +167,7 @@ private:
 parameters are resolved against the folder of the file in which they were written (for overrides
 from the command line: the current folder) and must exist. Throws Error (BadInput) with place, value
 and range. */
-Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, std::size_t count,
-                          int jointCount);
+Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, std::size_t count, int jointCount);
 
 /** The declaration as lines of text for `viable plugins --describe`. */
 std::string describeParameters(const ParameterSpec* specs, std::size_t count);

@@ -6,11 +6,11 @@
 #include <exception>
 #include <type_traits>
 
-#include "viable/motion/CertifiedBraking.h"
-#include "viable/motion/DesiredJerk.h"
-#include "viable/plugin/BrakingPolicyFilter.h"
+#include "viable/braking/CertifiedBraking.h"
+#include "viable/braking/DesiredJerk.h"
+#include "viable/filter/BrakingPolicyFilter.h"
+#include "viable/filter/IntervalChoice.h"
 #include "viable/plugin/CommandSource.h"
-#include "viable/plugin/IntervalChoice.h"
 #include "viable/plugin/NominalController.h"
 #include "viable/plugin/RealPlant.h"
 #include "viable/plugin/RobustLoop.h"
@@ -19,18 +19,12 @@
 namespace viable {
 
 /** Raised whenever a class or struct in core/, config/, motion/, robot/, environment/ or plugin/ changes its layout or its
-virtual table: a test compares with the record of this version (tools/record_interface.sh writes it). */
+virtual table: a test compares with the record of this version (tools/scripts/record_interface.sh writes it). */
 inline constexpr std::uint32_t kPluginInterfaceVersion = 5;
 
 inline constexpr std::uint64_t kPluginMagic = 0x76696162'6c652031ull;  // "viable 1"
 
-enum class PluginKind : std::uint32_t {
-    CommandSource,
-    NominalController,
-    SafetyFilter,
-    RobustLoop,
-    RealPlant
-};
+enum class PluginKind : std::uint32_t { CommandSource, NominalController, SafetyFilter, RobustLoop, RealPlant };
 
 /** Everything that must be equal on both sides before a C++ object may cross the border.
 Fixed-width integers only, so that it can be read by a host of any build. */
@@ -51,10 +45,10 @@ struct AbiStamp {
     std::uint32_t desiredJerkSize;
     std::uint32_t gridStopSize;
     std::uint32_t intervalChoiceSize;
-    std::uint32_t certificateSize;  ///< BrakingCertificate
-    std::uint32_t brakingSize;      ///< CertifiedBraking
+    std::uint32_t certificateSize;   ///< BrakingCertificate
+    std::uint32_t brakingSize;       ///< CertifiedBraking
     std::uint32_t policyFilterSize;  ///< BrakingPolicyFilter, with JerkIntervalFilter
-    std::uint32_t rowMajor;         ///< EIGEN_DEFAULT_TO_ROW_MAJOR
+    std::uint32_t rowMajor;          ///< EIGEN_DEFAULT_TO_ROW_MAJOR
     std::uint32_t parameterSpecSize;
     std::uint32_t compiler;  ///< 1 gcc, 2 clang, 0 other
     std::uint32_t compilerMajor;
@@ -189,15 +183,13 @@ constexpr PluginKind kindOf() {
 
 template <class Interface, class Class>
 void* createPlugin(char* message, std::size_t messageSize) {
-    static_assert(std::is_base_of_v<Interface, Class>,
-                  "the class does not implement the interface");
+    static_assert(std::is_base_of_v<Interface, Class>, "the class does not implement the interface");
     try {
         return static_cast<Interface*>(new Class);
     } catch (const std::exception& e) {
         std::snprintf(message, messageSize, "its constructor threw: %s", e.what());
     } catch (...) {
-        std::snprintf(message, messageSize,
-                      "its constructor threw something that is no std::exception");
+        std::snprintf(message, messageSize, "its constructor threw something that is no std::exception");
     }
     return nullptr;
 }
@@ -214,35 +206,19 @@ void destroyPlugin(void* plugin) {
 
 /** The entry for `Class`, which implements `Interface`. */
 template <class Interface, class Class, std::size_t N>
-PluginEntry makePluginEntry(const char* name, const char* summary,
-                            const ParameterSpec (&parameters)[N]) {
-    return {detail::kindOf<Interface>(),
-            name,
-            summary,
-            parameters,
-            N,
-            &detail::createPlugin<Interface, Class>,
+PluginEntry makePluginEntry(const char* name, const char* summary, const ParameterSpec (&parameters)[N]) {
+    return {detail::kindOf<Interface>(),      name, summary, parameters, N, &detail::createPlugin<Interface, Class>,
             &detail::destroyPlugin<Interface>};
 }
 template <class Interface, class Class, std::size_t N>
-PluginEntry makePluginEntry(const char* name, const char* summary,
-                            const std::array<ParameterSpec, N>& parameters) {
-    return {detail::kindOf<Interface>(),
-            name,
-            summary,
-            parameters.data(),
-            N,
-            &detail::createPlugin<Interface, Class>,
-            &detail::destroyPlugin<Interface>};
+PluginEntry makePluginEntry(const char* name, const char* summary, const std::array<ParameterSpec, N>& parameters) {
+    return {
+        detail::kindOf<Interface>(),      name, summary, parameters.data(), N, &detail::createPlugin<Interface, Class>,
+        &detail::destroyPlugin<Interface>};
 }
 template <class Interface, class Class>
 PluginEntry makePluginEntry(const char* name, const char* summary, std::nullptr_t) {
-    return {detail::kindOf<Interface>(),
-            name,
-            summary,
-            nullptr,
-            0,
-            &detail::createPlugin<Interface, Class>,
+    return {detail::kindOf<Interface>(),      name, summary, nullptr, 0, &detail::createPlugin<Interface, Class>,
             &detail::destroyPlugin<Interface>};
 }
 
@@ -253,15 +229,14 @@ PluginEntry makePluginEntry(const char* name, const char* summary, std::nullptr_
 /** Makes the library a plugin: once per library, outside any namespace. `parameters` is an array of
 viable::ParameterSpec with static lifetime (or what joinParameters() makes), or nullptr.
     VIABLE_PLUGIN(viable::SafetyFilter, TosbpFilter, "tosbp", "Keeps ...", kParameters) */
-#define VIABLE_PLUGIN(Interface, Class, name, summary, parameters)                          \
-    extern "C" VIABLE_PLUGIN_VISIBLE const viable::PluginLibrary* viable_plugin_library() { \
-        static const viable::PluginEntry entry =                                            \
-            viable::makePluginEntry<Interface, Class>(name, summary, parameters);           \
-        static const viable::PluginLibrary library = {viable::kPluginMagic,                 \
-                                                      sizeof(viable::PluginLibrary),        \
-                                                      viable::makeAbiStamp(),               \
-                                                      sizeof(viable::PluginEntry),          \
-                                                      1,                                    \
-                                                      &entry};                              \
-        return &library;                                                                    \
+#define VIABLE_PLUGIN(Interface, Class, name, summary, parameters)                                                     \
+    extern "C" VIABLE_PLUGIN_VISIBLE const viable::PluginLibrary* viable_plugin_library() {                            \
+        static const viable::PluginEntry entry = viable::makePluginEntry<Interface, Class>(name, summary, parameters); \
+        static const viable::PluginLibrary library = {viable::kPluginMagic,                                            \
+                                                      sizeof(viable::PluginLibrary),                                   \
+                                                      viable::makeAbiStamp(),                                          \
+                                                      sizeof(viable::PluginEntry),                                     \
+                                                      1,                                                               \
+                                                      &entry};                                                         \
+        return &library;                                                                                               \
     }

@@ -11,8 +11,8 @@ public:
     nominal arm at the same instant. `filterTorque` is the motors' share of what moves the nominal arm: tau_c, and
     tau_c - tau_ext where an external torque is fed to it (the motors' limits are in setup.robot.actuation). On Ok,
     `torque` has one finite entry per joint; otherwise the host applies zero. */
-    virtual TickStatus compute(const JointState& real, const MotionState& nominal,
-                               const JointVector& filterTorque, JointVector& torque) = 0;
+    virtual TickStatus compute(const JointState& real, const MotionState& nominal, const JointVector& filterTorque,
+                               JointVector& torque) = 0;
 
     /** The arm does not follow and is being braked: from the next compute() on whatever sums up the error
     stands still, until reset(). For loops without a sum there is nothing to do. */

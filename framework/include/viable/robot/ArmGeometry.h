@@ -10,8 +10,8 @@ namespace viable {
 
 /** A capsule around a part of a link: all points within `radius` of the segment from a to b. */
 struct LinkCapsule {
-    int link = 0;        ///< index into ArmGeometry::links
-    int carrier = -1;    ///< joint whose moving frame it is fixed to; -1: the base
+    int link = 0;                                 ///< index into ArmGeometry::links
+    int carrier = -1;                             ///< joint whose moving frame it is fixed to; -1: the base
     Eigen::Vector3d a = Eigen::Vector3d::Zero();  ///< in the carrier's frame [m]
     Eigen::Vector3d b = Eigen::Vector3d::Zero();
     double radius = 0.0;  ///< [m], > 0

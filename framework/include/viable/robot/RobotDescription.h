@@ -72,8 +72,7 @@ RobotDescription loadRobot(const std::filesystem::path& folder);
 /** The folder of a robot called `name` (or a path to one), looked up in `searchPath` in order; a
 miss lists the robots there are, the closest name and every folder tried.
 @param where  who asked, for the message */
-std::filesystem::path findRobot(const std::string& name,
-                                const std::vector<std::filesystem::path>& searchPath,
+std::filesystem::path findRobot(const std::string& name, const std::vector<std::filesystem::path>& searchPath,
                                 const std::string& where);
 
 /** All robots in the search path, first folder of a name first. */

@@ -32,8 +32,7 @@ public:
 
     /** Simbody's own forward dynamics of the links: qdd from tau, WITHOUT rotor inertia. A second
     opinion for tests; allocates, so never call it in a tick. */
-    JointVector calcLinkForwardDynamics(const JointVector& q, const JointVector& qd,
-                                        const JointVector& tau);
+    JointVector calcLinkForwardDynamics(const JointVector& q, const JointVector& qd, const JointVector& tau);
 
 private:
     struct Simulation;

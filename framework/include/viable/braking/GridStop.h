@@ -1,0 +1,60 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "viable/core/JointLimits.h"
+
+namespace viable {
+
+/** A stop of one joint on the time grid: up to six segments of whole ticks with constant jerk,
+ending at v = 0 and a = 0 up to rounding. Taking its jerks one by one, tick by tick, stops the
+joint. Plain data, so that a filter can hand its stop to the host. */
+class GridStop {
+public:
+    static constexpr int kSegments = 6;
+    struct Segment {
+        std::int64_t ticks = 0;
+        double jerk = 0.0;  ///< [rad/s^3]
+    };
+
+    /** Plans the stop from (v, a) that takes the fewest ticks, or nearly so. Every phase of the stationary
+    stop is brought to whole ticks and the jerks are solved anew, so that acceleration and jerk limits hold.
+    When (v, a) lies so far outside the acceleration limit that no such plan is found, the stop brings `a` to zero
+    first at full jerk. Returns false in that case. Jerk limits finite. No allocation; bounded work. */
+    bool plan(double v, double a, const AxisLimits& limits, double tick_s);
+
+    /** The stop that consists of these segments; negative numbers of ticks count as none, and more than
+    1e12 as that many. */
+    void set(const std::array<Segment, kSegments>& segments);
+
+    bool atRest() const { return tick_ >= totalTicks(); }
+    std::int64_t remainingTicks() const { return totalTicks() - tick_; }
+
+    /** True when the same jerks are left to hold, in the same segments. */
+    friend bool operator==(const GridStop& a, const GridStop& b) {
+        for (int i = 0; i < kSegments; ++i) {
+            const Segment x = a.remaining(i), y = b.remaining(i);
+            if (x.ticks != y.ticks || (x.ticks > 0 && x.jerk != y.jerk)) return false;
+        }
+        return true;
+    }
+
+    /** What is left of segment `i`; its ticks are 0 when it has passed. */
+    Segment remaining(int i) const;
+
+    /** The jerk to hold in the next tick; 0 when the stop has ended. */
+    double nextJerk() const;
+    /** nextJerk(), and one tick further. */
+    double takeJerk();
+    /** Goes on by `ticks` >= 0 ticks, at most to the end. */
+    void skip(std::int64_t ticks);
+
+private:
+    std::int64_t totalTicks() const;
+
+    std::array<Segment, kSegments> segments_{};
+    std::int64_t tick_ = 0;
+};
+
+}  // namespace viable

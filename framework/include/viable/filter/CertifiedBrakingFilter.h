@@ -1,0 +1,68 @@
+#pragma once
+
+#include <limits>
+
+#include "viable/braking/CertifiedBraking.h"
+#include "viable/braking/DesiredJerk.h"
+#include "viable/plugin/SafetyFilter.h"
+
+namespace viable {
+
+/** The gains of CertifiedBrakingFilter. The plugin's parameters have the same defaults (a test compares them). */
+struct CertifiedBrakingOptions {
+    /** How fast a limit may be approached [1/s]: in (0, 1 / tick_s]; infinite: as fast as the limits allow. */
+    double kAlpha = std::numeric_limits<double>::infinity();
+    /** How fast the acceleration follows the desired one [1/s]: in (0, 2 / tick_s). */
+    double gamma = 20.0;
+    /** Accept a start outside the limits, or one that must leave them, and lead the arm back. */
+    bool recovery = false;
+};
+
+/** Keeps position, velocity, acceleration and jerk limits in sampled time, always: a jerk is taken only
+if a stop within the limits exists on the time grid after it; otherwise the stop found before goes on.
+The law is CertifiedBraking; here stand its parameters and the desired jerk (paper, eq. 14).
+
+Guarantees: every limit, at every tick and between, for any input and any missed ticks; a desired jerk
+that is admissible is taken bit for bit. With `recovery` also from starts that break a limit: nothing gets
+worse then, and the limits hold from the moment they are met.
+Real time: no allocation, lock or throw after configure(). */
+class CertifiedBrakingFilter : public SafetyFilter {
+public:
+    /** Reads `k_alpha`, `gamma` and `recovery`. */
+    void configure(const RunSetup& setup, const Parameters& parameters) override;
+    /** The same without an experiment file. Throws Error (BadInput) for gains that the tick cannot carry or that are no
+    numbers, for a jerk limit that is not finite and, without `recovery`, for a start that has no stop within the limits. */
+    void configure(const RunSetup& setup, const CertifiedBrakingOptions& options);
+
+    void reset(const MotionState& start) override;
+    bool guaranteesLimits() const override { return true; }
+    bool recovers() const override { return recovery_; }
+    bool changeLimits(const JointLimits& limits) override;
+    void skipTicks(std::int64_t ticks) override;
+    FilterStatus filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
+                        FilterDecision& decision) override;
+
+protected:
+    /** What the law chooses in a tick: vouched for by every joint, and committed.
+    @param desired  [rad/s^3]
+    @param jerk     to be held
+    @param joints   what holds each joint back */
+    virtual FilterStatus choose(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired,
+                                JointVector& jerk, std::array<JointIntervention, kMaxJoints>& joints);
+
+    CertifiedBraking& braking() { return braking_; }
+
+private:
+    struct Wording;
+    void configure(const RunSetup& setup, const CertifiedBrakingOptions& options, const Wording& wording);
+    void checkStart(const RunSetup& setup, const Wording& wording) const;
+
+    int n_ = 0;
+    double tick_s_ = 0.0;
+    bool recovery_ = false;
+    DesiredJerk desiredJerk_;
+    CertifiedBraking braking_;
+    JointVector desiredAcceleration_, desired_, jerk_;
+};
+
+}  // namespace viable

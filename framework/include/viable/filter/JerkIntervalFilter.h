@@ -1,0 +1,68 @@
+#pragma once
+
+#include "viable/braking/DesiredJerk.h"
+#include "viable/core/TripleIntegrator.h"
+#include "viable/filter/IntervalChoice.h"
+
+namespace viable {
+
+/** The tick of a limit law that leaves each joint an interval of jerks and guarantees nothing. A law adds its
+intervals.
+
+Method: desired jerk u_d by (14) with the difference quotient of Remark 1; then the jerk nearest to it in
+torque, min |M (j - u_d)|^2 (13), that lies in every joint's interval. Where a joint's rows have no common
+solution the tick is Infeasible and the joint takes the one jerk that its law names for that case.
+Real time: no allocation, lock or throw after configure(). */
+class JerkIntervalFilter : public SafetyFilter {
+public:
+    /** Reads `gamma` (gamma dt < 2) [1/s]; needs a finite jerk limit on every joint. */
+    void configure(const RunSetup& setup, const Parameters& parameters) override;
+    void reset(const MotionState& start) override;
+    bool guaranteesLimits() const override { return false; }
+    /** The difference quotient of (14) does not reach across missed ticks. */
+    void skipTicks(std::int64_t ticks) override;
+    FilterStatus filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
+                        FilterDecision& decision) override;
+
+protected:
+    /** The admissible jerks of one joint in one tick. */
+    struct Rows {
+        JointInterval jerk;  ///< a single one where the rows had no solution
+        bool empty;          ///< they had none
+    };
+
+    /** @param name  the plugin's, for messages; must outlive the filter */
+    explicit JerkIntervalFilter(const char* name) : name_(name) {}
+
+    /** `k_alpha`, which must not exceed 1 / tick_s: a law that may use up more than all that is left in one tick is
+    none. [1/s] */
+    static double readKAlpha(const RunSetup& setup, const Parameters& parameters);
+
+    /** What jerk and acceleration limits leave: -J <= j <= J and -A <= a + j dt <= A (in place of 22). */
+    JointInterval calcHardLimits(const AxisState& state, const AxisLimits& limits) const;
+
+    /** The law's answer from its interval; where that is empty, `braking` as far as acceleration and, before it, jerk
+    limits let it. */
+    Rows finishRows(const JointInterval& jerk, double braking, const AxisState& state, const AxisLimits& limits) const;
+
+    /** Chooses `jerk` for all joints and says what acted. `desired` is u_d. Infeasible when any rows were empty. */
+    virtual FilterStatus chooseJerk(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired,
+                                    JointVector& jerk, std::array<JointIntervention, kMaxJoints>& joints);
+
+    double tick_s() const { return tick_s_; }
+    const JointLimits& limits() const { return limits_; }
+
+private:
+    /** The law: one joint's rows, at the beginning of a tick. */
+    virtual Rows calcRows(const AxisState& state, const AxisLimits& limits) const = 0;
+
+    const char* name_;
+    int n_ = 0;
+    double tick_s_ = 0.0;
+    JointLimits limits_;
+    DesiredJerk desiredJerk_;
+    IntervalChoice choice_;
+    JointVector desiredAcceleration_, desired_, jerk_;
+};
+
+}  // namespace viable

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <memory>
+
+#include "viable/filter/CertifiedBrakingFilter.h"
+
+namespace viable {
+
+/** What WholeArmBrakingFilter keeps besides the joint limits. The plugin's parameters have the same defaults (a test
+compares them). */
+struct WholeArmBrakingOptions {
+    CertifiedBrakingOptions joints;
+    /** Share of the motors' torque limits (RobotDescription::actuation) that the nominal torque may use; infinite: torque is
+    not limited. What is left is for the robust loop. */
+    double torqueShare = std::numeric_limits<double>::infinity();
+    JointVector torqueRate;  ///< largest change of the torque [Nm/s]; infinite, or empty: not limited
+    /** Look for jerks that lead around an obstacle or along a torque limit. False: only brake before it. */
+    bool steers = true;
+    /** Surroundings that were seen longer ago are not relied on: the arm follows its stop until newer ones come [s]. */
+    double maxAge_s = std::numeric_limits<double>::infinity();
+};
+
+/** Certified braking of the whole arm: a jerk is taken only if the stops that all joints have after it, run together, keep
+the joint limits, the safety distance from what stands around (RunSetup::surroundings) and of the links from each other
+(RunSetup::geometry), and the motors' torques. Otherwise the stop that was checked a tick before goes on, which does. So
+there is always a choice, for any surroundings.
+
+Where the nearest admissible jerks are wanted, obstacles and torques along the stop become rows of a small QP, to first
+order; its solution is checked like any other and drawn back towards the stored stop where it fails.
+Surroundings that change during the run may lie in the way of the stored stop. Then nothing may come nearer than that stop
+does, by more than 5 mm and as measured by the balls that cover the capsules: the arm brakes, and moving away stays possible.
+Where a new map tells nothing the stored stop goes on.
+
+Guarantees: as CertifiedBrakingFilter for joint limits. In surroundings that do not change but for moving spheres on their
+known paths: the safety distance at every tick, between ticks and along every stored stop; torque limits in every tick of
+the run and of every stored stop. A chain of filters that changes what this one decided takes these guarantees on itself.
+Real time: bounded work (kMaxDistances and kMaxTorques of the check); no allocation, lock or throw after configure(). */
+class WholeArmBrakingFilter : public CertifiedBrakingFilter {
+public:
+    WholeArmBrakingFilter();
+    ~WholeArmBrakingFilter() override;
+
+    void configure(const RunSetup& setup, const Parameters& parameters) override;
+    /** The same without an experiment file. Throws Error (BadInput) as CertifiedBrakingFilter does, and without `recovery`
+    for a start too near to something or with a stop that needs more torque than there is. */
+    void configure(const RunSetup& setup, const WholeArmBrakingOptions& options);
+
+    void reset(const MotionState& start) override;
+    void skipTicks(std::int64_t ticks) override;
+    bool guaranteesClearance() const override;
+    FilterStatus filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
+                        FilterDecision& decision) override;
+
+protected:
+    FilterStatus choose(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired,
+                        JointVector& jerk, std::array<JointIntervention, kMaxJoints>& joints) override;
+
+private:
+    struct Law;
+    void checkStart(const RunSetup& setup, const std::string& place) const;
+    void steer(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired);
+    void prepare(const RunSetup& setup, const WholeArmBrakingOptions& options, const std::string& place);
+    std::unique_ptr<Law> law_;
+};
+
+}  // namespace viable

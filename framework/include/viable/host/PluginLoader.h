@@ -1,0 +1,82 @@
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "viable/core/Error.h"
+#include "viable/plugin/PluginExport.h"
+
+namespace viable {
+
+/** In the order of their numbers. */
+inline constexpr std::array kPluginKinds = {PluginKind::CommandSource, PluginKind::NominalController,
+                                            PluginKind::SafetyFilter, PluginKind::RobustLoop, PluginKind::RealPlant};
+
+/** "command", "controller", "filter", "robust_loop", "plant": the words of file names and messages. */
+const char* getName(PluginKind kind);
+
+/** A plugin library that has passed every check. The library is never unloaded. */
+struct PluginInfo {
+    PluginKind kind;
+    std::string name;
+    std::string summary;
+    std::filesystem::path library;
+    const PluginEntry* entry;
+};
+
+/** A plugin of kind `Interface`; destroying it calls the library's own destroy function. */
+template <class Interface>
+using PluginPtr = std::unique_ptr<Interface, void (*)(void*)>;
+
+/** A library that was found by its name and refused. */
+struct RefusedLibrary {
+    std::filesystem::path library;
+    std::string reason;
+};
+
+/** Finds plugin libraries by kind and name, checks them, makes plugins.
+
+A library's file is called viable_<kind>_<name>.so. Search: a path if the request is one (it
+contains a slash or ends in .so; relative to the folder of the file that asks), else every folder of
+the search path. Two files for one name are an error that names both; so is a file whose descriptor
+says another kind or name. Loaded with RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE; the descriptor's
+magic, size and ABI stamp are compared before any C++ object crosses, and a difference is said in
+words. */
+class PluginLoader {
+public:
+    explicit PluginLoader(std::vector<std::filesystem::path> searchPath);
+
+    /** VIABLE_PLUGIN_PATH (colon-separated, absolute), then beside the program (`plugins` in its
+    folder), then the install folder (../lib/viable/plugins from the program). Folders that do not
+    exist are kept: messages name every place tried. */
+    static std::vector<std::filesystem::path> makeDefaultSearchPath();
+
+    /** @param request  name or path, as written
+        @param where    who asks (`file:line:column: key`), for the message
+        @param folder   a relative path is relative to this */
+    PluginInfo find(PluginKind kind, const std::string& request, const std::string& where,
+                    const std::filesystem::path& folder) const;
+
+    /** A new, unconfigured plugin. Throws Error when its create function fails. */
+    template <class Interface>
+    static PluginPtr<Interface> create(const PluginInfo& info) {
+        VIABLE_CHECK(info.kind == detail::kindOf<Interface>(), "plugin asked for as another kind");
+        return PluginPtr<Interface>(static_cast<Interface*>(createObject(info)), info.entry->destroy);
+    }
+
+    /** Everything in the search path, sorted by kind and name; files that were refused go to
+     * `refused`. */
+    std::vector<PluginInfo> list(std::vector<RefusedLibrary>& refused) const;
+
+    const std::vector<std::filesystem::path>& searchPath() const { return searchPath_; }
+
+private:
+    static void* createObject(const PluginInfo& info);
+
+    std::vector<std::filesystem::path> searchPath_;
+};
+
+}  // namespace viable

@@ -1,0 +1,207 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <type_traits>
+
+#include "viable/core/Error.h"
+#include "viable/core/PerJoint.h"
+#include "viable/filter/CertifiedBrakingFilter.h"
+#include "viable/log/TickRecord.h"
+#include "viable/robot/RobotDescription.h"
+#include "viable/tracking/Nric.h"
+
+namespace viable {
+
+/** What a TorqueGuard is to keep, and how. */
+struct TorqueGuardOptions {
+    /** Of the nominal arm; none: the robot's own. Position limits beyond 4 pi need
+    robot.allowLargeAngles. */
+    std::optional<JointLimits> limits;
+    CertifiedBrakingOptions filter;
+    /** The loop Nric makes the real arm follow the nominal one; false: the motors get the filter's
+    torque alone. */
+    bool hasRobustLoop = true;
+    /** Its gains; none: those of scaleNric(), which every pose within the limits can carry. */
+    std::optional<NricOptions> robustGains;
+    /** Farthest that a joint may be from its nominal one before the arm is stopped [rad, prismatic: m];
+    > 0, infinite: as far as it likes. A joint beyond it is pulled back as if it were this far (its
+    speed is damped as always), and from there on the integral of the robust loop stands still, until
+    start(): what blocks the arm is not pushed harder and harder. */
+    PerJoint largestDeviation = 0.1;
+    /** A reading that says a joint is faster than this, or away from its nominal one by more than this
+    speed explains since the last reading, is not taken as plausible (two encoder counts are allowed on top)
+    [rad/s, prismatic: m/s]; > 0. None: twice the velocity limit, or twice the speed at the start where
+    that is higher. */
+    std::optional<PerJoint> largestSpeed;
+};
+
+/** What a tick came to. */
+enum class GuardStatus : unsigned char {
+    NotStarted,  ///< start() has not been called, or has thrown; the torque is zero
+    Passed,      ///< the motion that the law wants is admissible, and done
+    Limited,     ///< changed as little as needed to keep the limits
+    Recovering,  ///< still beyond a limit: approached as fast as jerk allows (`recovery`)
+    Waiting,     ///< a reading of no use: the nominal arm brakes, and goes on with the next good one
+    Stopping,    ///< the nominal arm is being braked for good; the law is not called any more
+    Stopped,     ///< the nominal arm is at rest: go on stepping until the brakes are engaged
+    Failed,      ///< numbers beyond all arithmetic; the torque is zero: engage the brakes
+};
+
+/** "not_started", "passed", ... */
+const char* getName(GuardStatus status);
+
+/** Why the arm was stopped for good. */
+enum class GuardStop : unsigned char {
+    None,
+    Requested,    ///< requestStop()
+    LawFailed,    ///< the torque law threw, or gave no usable torque for more than 10 ticks in a row
+    NoReadings,   ///< none of use for more than 10 ticks in a row, and none is used from there on: the
+                  ///< real arm is braked blindly and not held in place, so engage the brakes at once
+    TooFar,       ///< a joint was beyond `largestDeviation`
+    TicksMissed,  ///< more than 1000 in a row
+    FilterFailed  ///< the limits could not be kept: absurd limits, or an error of this library
+};
+
+/** What was wrong with a tick's reading. */
+enum class ReadingFault : unsigned char {
+    None,
+    Malformed,  ///< wrong size or not finite, the external torque included
+    Jumped,     ///< see TorqueGuardOptions::largestSpeed
+};
+
+/** The answer to one tick; vectors have one entry per joint. */
+struct GuardedTorque {
+    /** For the motors until the next tick [Nm, prismatic: N]; always finite and within robot.actuation.torqueLimit. */
+    JointVector torque;
+    GuardStatus status = GuardStatus::NotStarted;
+    /** Which limit holds each joint back. */
+    std::array<JointIntervention, kMaxJoints> acting{};
+    /** Where it is not None, the nominal arm plus the last good deviation stood in for the reading. */
+    ReadingFault readingFault = ReadingFault::None;
+    /** The law's torque was of no use: the last good one was taken, before that gravity compensation. */
+    bool lawFailed = false;
+    /** A motor is at its torque limit: the real arm may fall behind. */
+    bool motorsSaturated = false;
+};
+
+/** Joint limits up to jerk inside your own control loop: your torque law in, motor torque out.
+
+    TorqueGuard guard(loadRobot("robots/indy7"), 0.001);
+    guard.start(readings());
+    in every tick:
+        motors(guard.step(readings(), [&](const MotionState& nominal, const Dynamics& arm, JointVector& tau_d) {
+            tau_d = arm.M * (100.0 * (target - nominal.q) - 20.0 * nominal.qd) + arm.b;
+        }).torque);
+
+Method: the very loop of experiments (ControlLoop) with the filter CertifiedBrakingFilter, the robust
+loop Nric, and the monitor of stops. The law moves a nominal arm, which has no friction and a known
+inertia, and whose limits are kept; the robust loop keeps the real arm next to it. A law is called from
+inside step(), and not between a begin() and an end(): so it always sees the state that its torque is
+for, no tick can be left half done, and what it throws is caught here.
+Without a reading (bad, or a missed tick) the robust loop's integral stands still and its last torque is
+held, which carries a payload on. What it spent on friction, by the robot's description, goes as the
+nominal joint slows down: held, it would keep the real one moving. The torque never grows, but nothing
+ties the real arm to the nominal one meanwhile.
+Guarantees: position, velocity, acceleration and jerk limits of the nominal arm, at every tick and
+between, whatever law, readings and missed ticks do (with `filter.recovery`: from the moment they are
+met); as long as there are readings, the real arm within `largestDeviation` of it, or the arm is stopped.
+Torques that are not finite or beyond the motors' limits never come out. A tick is `tick_s` long; what
+the clock says enters by missTicks() alone.
+Real time: step() and missTicks() allocate, lock, log and throw nothing (a throwing law costs what
+throwing costs); a step takes about 10 us for six joints on a PC. Constructor and start() are not for
+the loop.
+Thread: one at a time; requestStop() from any, and from signal handlers. */
+class TorqueGuard {
+public:
+    /** Throws Error (BadInput), which says place, cause and remedy, for a robot that is not complete (as
+    built in code), for limits, gains or options of the wrong size or out of range at this tick.
+    @param robot   from loadRobot(), or built in code
+    @param tick_s  the period of your loop [s], 0.00001 to 0.1 */
+    TorqueGuard(RobotDescription robot, double tick_s, TorqueGuardOptions options = {});
+    ~TorqueGuard();
+    TorqueGuard(TorqueGuard&&) noexcept;
+    TorqueGuard& operator=(TorqueGuard&&) noexcept;
+
+    /** From here on: the nominal arm is where the real one is. Before the first step(), and again after
+    a stop. Throws Error (BadInput) for a reading that is malformed, for a start from which no stop
+    within the limits exists (unless `filter.recovery`), and for robust gains that the sampled loop
+    cannot carry in this pose. */
+    void start(const JointState& measured);
+
+    /** One tick.
+    @param measured  joint positions [rad, prismatic: m] and velocities [rad/s, m/s], read just now, one
+                     entry per joint (from a driver's array:
+                     `measured.q = Eigen::Map<const Eigen::VectorXd>(array, n)`)
+    @param law       called at most once, as law(const MotionState& nominal, const Dynamics& dynamics,
+                     JointVector& torque): writes tau_d [Nm], one finite entry per joint, from the state
+                     of the nominal arm and its dynamics there (see Dynamics). `torque` comes as NaN:
+                     what is forgotten counts as no torque.
+    @return          valid until the next call */
+    template <class Law>
+    const GuardedTorque& step(const JointState& measured, Law&& law) noexcept {
+        return callStep(measured, nullptr, law);
+    }
+    /** The same for an arm that measures what its surroundings put on it: that moves the nominal arm, too, so a
+    push is yielded to within all limits, and the robust loop does not work against it.
+    @param external  on each joint, read just now [Nm, prismatic: N]; not finite, beyond 1e9 or of the wrong
+                     size: the whole reading is of no use. Without a reading the last one stands. */
+    template <class Law>
+    const GuardedTorque& step(const JointState& measured, const JointVector& external, Law&& law) noexcept {
+        return callStep(measured, &external, law);
+    }
+
+    /** `ticks` ticks passed without a step(), the motors holding the last torque: the nominal arm has
+    followed its stop meanwhile, the integral of the robust loop has stood still. Before the step() that
+    comes late; 0 or less: nothing. After more than 1000 in a row (steps that wait for a reading counted)
+    the arm is stopped for good. About 7 us for each tick, until the arm is stopped. */
+    void missTicks(std::int64_t ticks) noexcept;
+
+    /** Brakes the arm for good, from the next step() on. A request before start() stops the arm after it. */
+    void requestStop() noexcept;
+
+    GuardStop stopReason() const;
+    /** What was wrong, in a sentence; empty without a stop. Valid until start(). */
+    const char* stopMessage() const;
+
+    int size() const;                   ///< joints
+    const JointLimits& limits() const;  ///< in force
+    /** In force; none without a robust loop. */
+    const std::optional<NricOptions>& robustGains() const;
+    const MotionState& nominal() const;  ///< the nominal arm's state at the next tick
+    /** The full account of the last step(), for viable::Summary and viable::Recorder (no command). */
+    const TickRecord& record() const;
+
+private:
+    /** A law without its type. */
+    struct LawCall {
+        const void* law;
+        void (*call)(const void*, const MotionState&, const Dynamics&, JointVector&);
+        template <class Call>
+        static void run(const void* law, const MotionState& nominal, const Dynamics& dynamics, JointVector& torque) {
+            (*static_cast<const Call*>(law))(nominal, dynamics, torque);
+        }
+    };
+    class LawController;
+    class Arm;
+    class Follower;
+    struct Inside;
+
+    template <class Law>
+    const GuardedTorque& callStep(const JointState& measured, const JointVector* external, Law& law) noexcept {
+        static_assert(std::is_invocable_v<Law&, const MotionState&, const Dynamics&, JointVector&>,
+                      "a law is called as law(const MotionState& nominal, const Dynamics& "
+                      "dynamics, JointVector& torque)");
+        const auto call = [&law](const MotionState& nominal, const Dynamics& dynamics, JointVector& torque) {
+            law(nominal, dynamics, torque);
+        };
+        return runStep(measured, external, LawCall{&call, &LawCall::run<decltype(call)>});
+    }
+    const GuardedTorque& runStep(const JointState& measured, const JointVector* external, const LawCall& law) noexcept;
+
+    std::unique_ptr<Inside> inside_;
+};
+
+}  // namespace viable

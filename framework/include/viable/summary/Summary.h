@@ -1,0 +1,273 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "viable/core/JointLimits.h"
+#include "viable/log/TickRecord.h"
+#include "viable/tracking/TrackingBound.h"
+
+namespace viable {
+
+/** Counts times in bins of 3 % width between 10 ns and 10 s; fixed memory, no allocation after
+ * construction. */
+class TimeHistogram {
+public:
+    TimeHistogram();
+    void add(double us);
+    std::int64_t count() const { return count_; }
+    double max() const { return max_; }
+    /** The time [us] that a share `p` (0..1) of all counted ones does not exceed, to the bin's 3 %;
+    0 when nothing was counted. */
+    double percentile(double p) const;
+
+private:
+    std::vector<std::int64_t> bins_;
+    std::int64_t count_ = 0;
+    double max_ = 0.0;
+};
+
+/** How one limit fared on one joint. */
+struct LimitRecord {
+    bool exists = false;       ///< a side was finite in some tick
+    double worstUse = 0.0;     ///< largest share of the limit used, in any tick; 1 is the limit itself
+    double worstTime_s = 0.0;  ///< when
+    double worstExcess = 0.0;  ///< farthest beyond either side, in the limit's unit
+    std::int64_t ticksOutside = 0;
+    /** The same two while the arm was led back (StopVerdict::Recovering), which breaks no guarantee. */
+    std::int64_t ticksRecovering = 0;
+    double worstRecovering = 0.0;
+    double lastExcess = 0.0;  ///< how far outside at the end; 0 inside
+};
+
+/** What one side of one limit did to one joint. An episode is a row of ticks without a gap. */
+struct InterventionRecord {
+    std::int64_t ticks = 0;
+    std::int64_t episodes = 0;
+    std::int64_t longestTicks = 0;
+    double largestTorque = 0.0;  ///< |tau_d - tau_c| while it acted [Nm]
+    double squaredTorque = 0.0;  ///< sum over the ticks [Nm^2]
+
+    double torqueRms() const;  ///< [Nm]
+};
+
+/** An extreme and where it was. */
+struct ExtremeRecord {
+    double value = 0.0;
+    int joint = 0;
+    double time_s = 0.0;
+};
+
+/** What the real arm (its true state, where the plant knows it) is measured against. */
+struct RealArmReference {
+    /** Its own limits, of which position and velocity count; none: the nominal arm's, as in force. */
+    std::optional<JointLimits> limits;
+    std::optional<TrackingBound> bound;
+    JointVector torqueLimit;  ///< of the motors [Nm]; empty: not looked at
+};
+
+/** When the real arm, as measured, was first farther from the nominal one than its bound. */
+struct TrackingTrip {
+    int joint = 0;
+    double time_s = 0.0;
+    double error = 0.0;  ///< |q_measured - q_nominal| [rad]
+    double bound = 0.0;  ///< [rad]
+};
+
+/** How one motor was used. Its torque is that of the motor after its limit, without ripple. */
+struct MotorRecord {
+    double worstUse = 0.0;     ///< largest share of the robot's torque limit
+    double worstTime_s = 0.0;  ///< when
+    /** Ticks at the robot's limit or beyond. For a weaker motor, those at the largest torque that it ever gave, when
+    more was asked of it by the last of them: so it counts whatever its limit, and late commands do not. */
+    std::int64_t ticksSaturated = 0;
+};
+
+/** How near an arm came to what it must not touch: obstacles, and itself. Looked at in the rows and half-way between
+them; a tick counts with the poses after its beginning, the first one with that, too. */
+struct CollisionRecord {
+    /** Least distance in the whole run [m]; negative: that deep inside; infinity: nothing within
+    kClearanceHorizon_m; -infinity: a pose was no number. */
+    double leastClearance = std::numeric_limits<double>::infinity();
+    double leastClearance_s = 0.0;  ///< when
+    std::string link;               ///< what came nearest then
+    std::string obstacle;           ///< to what; empty: to the arm itself
+    std::string otherLink;          ///< which link of it; empty: to an obstacle
+    std::int64_t ticksInCollision = 0;
+    std::optional<double> firstCollision_s;
+    std::int64_t ticksTooNear = 0;  ///< within the safety distance
+
+    /** Deepest inside [m]; 0: never. */
+    double penetration() const { return std::max(0.0, -leastClearance); }
+};
+
+/** Clearances are looked for up to here [m], and two ways to compute one agree to this [m]. */
+inline constexpr double kClearanceHorizon_m = 1.0, kClearanceRounding_m = 1e-9;
+
+/** How the arms of a run fared in their environment. */
+struct Collisions {
+    double safetyDistance_m = 0.0;
+    CollisionRecord nominal;
+    std::optional<CollisionRecord> real;  ///< its true state, where the plant knows it
+};
+
+/** A value counts as outside its limit when it is beyond it by more than this share of the range (of the limit,
+where there is only one side), or not a number: rounding of a limit met exactly does not count. */
+inline constexpr double kOutsideShare = 1e-9;
+
+/** What a run came to, from its tick records alone (so a log gives the same summary again), but for the collisions,
+which somebody else counts. */
+class Summary {
+public:
+    /** @param reference  without a real plant: not looked at */
+    Summary(std::vector<std::string> jointNames, JointLimits limits, bool hasRealPlant,
+            RealArmReference reference = {});
+
+    void add(const TickRecord& record);
+    /** The state that the last tick led to, which no record holds. */
+    void addEnd(const MotionState& nominal, double time_s);
+
+    void setCollisions(Collisions collisions) { collisions_ = std::move(collisions); }
+
+    static constexpr int kQuantities = 4;  ///< position, velocity, acceleration, jerk: LimitKind 1..4
+    /** Per quantity (LimitKind Position..Jerk), one entry per joint. */
+    const std::vector<LimitRecord>& limit(LimitKind kind) const { return limits_[static_cast<int>(kind) - 1]; }
+    /** The joint with the worst use, and the sum of ticks outside over the joints. */
+    int worstJoint(LimitKind kind) const;
+    std::int64_t ticksOutside(LimitKind kind) const;
+    /** A limit was passed while the arm was not being led back. */
+    bool anyLimitBroken() const { return broken_; }
+    /** The last tick or the state after it is still beyond a limit. */
+    bool endsOutside() const;
+
+    std::int64_t ticks() const { return ticks_; }
+    std::int64_t ticksWith(FilterStatus status) const { return statusTicks_[static_cast<int>(status)]; }
+    /** When a tick first had no admissible choice; meaningless without such ticks. */
+    double firstInfeasible_s() const { return firstInfeasible_s_; }
+    double changedShare() const;  ///< of the ticks: the filter changed the motion
+    std::int64_t substitutedTicks() const { return substituted_; }
+    /** What acted, by joint and limit name, such as {"joint0", "jerk_upper"}. */
+    std::map<std::pair<std::string, std::string>, InterventionRecord> interventions() const;
+
+    double tick_s() const { return tick_s_; }  ///< between two rows; 0 with fewer than two
+    std::int64_t missedTicks() const { return missed_; }
+    /** Ticks whose decision led to a state from which no stop within the limits was found; of a filter that
+    guarantees limits no such decision is applied. */
+    std::int64_t unviableTicks() const { return unviable_; }
+    double firstUnviable_s() const { return firstUnviable_s_; }
+    std::int64_t recoveringTicks() const { return recovering_; }
+    /** Least margin of a tick and its stop to a position limit [rad]; infinity without such limits. */
+    const ExtremeRecord& worstMargin() const { return worstMargin_; }
+    const ExtremeRecord& longestStop() const { return longestStop_; }  ///< [s]
+
+    /** RMS over ticks and joints of nominal - commanded position, the command moved into the position limits [rad].
+    Not a number without joint commands. */
+    double commandErrorRms() const;
+    /** RMS jerk of joints that a joint command presses against a position limit at rest, as a share of the jerk limit.
+    Pressed: commanded to the limit or beyond, by the same command for 0.5 s. At rest: within 5 % of the range of that
+    limit or beyond it, and for 0.5 s not moved by more than 0.1 % of the range. Not a number with less than one
+    joint-second of it. */
+    double chatter() const;
+
+    /** Of a run in an environment. */
+    const std::optional<Collisions>& collisions() const { return collisions_; }
+
+    bool hasRealPlant() const { return hasRealPlant_; }
+    double trackingRms(int joint) const;  ///< of actual - nominal position [rad]
+    double trackingMax(int joint) const;  ///< [rad]
+    double trackingRms() const;           ///< over all joints
+    double trackingMax() const;
+
+    const RealArmReference& reference() const { return reference_; }
+    /** The real arm's position or velocity against its limits, one entry per joint. */
+    const std::vector<LimitRecord>& realLimit(LimitKind kind) const { return real_[findReal(kind)]; }
+    /** The same from the trip on. */
+    const std::vector<LimitRecord>& realStop(LimitKind kind) const { return realStop_[findReal(kind)]; }
+    /** The real arm passed a position or velocity limit before it tripped, if it did at all, and while the nominal
+    one was not being led back. */
+    bool anyRealLimitBroken() const;
+    /** Largest share of the tracking bound that actual - nominal position or velocity used; 0 without a bound. */
+    double boundShare(LimitKind kind, int joint) const { return boundShare_[findReal(kind)][joint]; }
+    /** The joint whose position used the largest share of its bound. */
+    int worstBoundJoint() const;
+    const std::optional<TrackingTrip>& trip() const { return trip_; }
+    /** Fastest joint of the real arm in the last tick [rad/s]. */
+    double realEndSpeed() const { return realEndSpeed_; }
+    const MotorRecord& motor(int joint) const { return motors_[joint]; }
+    /** Ticks without a usable external torque. */
+    std::int64_t externalTorqueMissing() const { return externalTorqueMissing_; }
+
+    const TimeHistogram& tickTime() const { return tickTime_; }
+    const TimeHistogram& stageTime(Stage stage) const { return stageTimes_[static_cast<int>(stage)]; }
+    const std::vector<std::string>& jointNames() const { return jointNames_; }
+
+private:
+    /** Adds `values` at a time to `records`; true when any is outside. */
+    bool check(std::vector<LimitRecord>& records, LimitKind kind, const JointBounds& bounds, const JointVector& values,
+               double time_s) const;
+    void addIntervention(int joint, const TickRecord& record);
+    void addStops(const TickRecord& record);
+    bool hasJointCommand(const TickRecord& record) const;
+    void addCommand(int joint, const TickRecord& record);
+    void addRest(int joint, const TickRecord& record);
+    void addReal(const TickRecord& record);
+    void addMotor(int joint, const TickRecord& record);
+    static std::size_t findReal(LimitKind kind) { return kind == LimitKind::Position ? 0 : 1; }
+
+    std::vector<std::string> jointNames_;
+    JointLimits bounds_;
+    bool hasRealPlant_;
+    std::array<std::vector<LimitRecord>, kQuantities> limits_;
+    RealArmReference reference_;
+    std::array<std::vector<LimitRecord>, 2> real_, realStop_;  // position, velocity
+    std::array<JointVector, 2> boundShare_;                    // likewise
+    std::optional<TrackingTrip> trip_;
+    std::vector<MotorRecord> motors_;
+    /** Of one motor, magnitudes [Nm]: the largest torque given, and its ticks; the largest asked for; ticks at the
+    robot's limit. */
+    struct Peak {
+        double given = 0.0, asked = 0.0;
+        std::int64_t ticks = 0, ticksAtLimit = 0;
+    };
+    std::vector<Peak> peaks_;
+    double realEndSpeed_ = 0.0;
+    std::int64_t externalTorqueMissing_ = 0;
+    std::array<std::int64_t, 8> statusTicks_{};  // by FilterStatus
+    /** Of one joint: by kind and side, and what acted in the tick before. */
+    struct Acting {
+        std::array<std::array<InterventionRecord, 2>, kLimitKinds> records;
+        JointIntervention last;
+        std::int64_t episodeTicks = 0;
+    };
+    std::vector<Acting> acting_;
+    bool isRecovering_ = false;  // in the last tick
+    double tick_s_ = 0.0, lastTime_s_ = 0.0;
+    std::int64_t missed_ = 0, unviable_ = 0, recovering_ = 0;
+    double firstUnviable_s_ = 0.0, firstInfeasible_s_ = 0.0;
+    ExtremeRecord worstMargin_, longestStop_;
+    /** Where a joint came to rest and when; not a number before the first tick. */
+    struct Rest {
+        double q, target, since_s;
+    };
+    std::vector<Rest> rests_;
+    double squaredRestJerk_ = 0.0;  // of jerk / limit
+    double rested_s_ = 0.0;
+    std::int64_t restTicks_ = 0;  // joint-ticks
+    double squaredCommandError_ = 0.0;
+    std::int64_t commandTicks_ = 0;  // joint-ticks
+    bool broken_ = false;
+    std::optional<Collisions> collisions_;
+    std::int64_t ticks_ = 0;
+    std::int64_t substituted_ = 0;
+    JointVector squaredError_, largestError_;
+    TimeHistogram tickTime_;
+    std::array<TimeHistogram, kStageCount> stageTimes_;
+};
+
+}  // namespace viable

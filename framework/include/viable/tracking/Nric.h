@@ -1,0 +1,81 @@
+#pragma once
+
+#include <limits>
+
+#include "viable/core/PerJoint.h"
+#include "viable/plugin/RobustLoop.h"
+#include "viable/robot/RobotDescription.h"
+
+namespace viable {
+
+/** Gains and bounds of Nric: one number for all joints, or one each. The plugin's parameters have the same
+defaults (a test compares them): the gains, each >= 0, are the paper's for the Indy7. */
+struct NricOptions {
+    PerJoint kr = 600.0;  ///< on the whole error term [Nms/rad]
+    PerJoint kp = 20.0;   ///< weight of the position error [1/s]
+    PerJoint ki = 8.0;    ///< weight of the integral of the position error [1/s^2]
+    /** Largest torque of the integral part, K_r K_i |integral| [Nm, prismatic: N]; > 0. The motor's torque
+    limit where that is less. */
+    PerJoint integralLimit = std::numeric_limits<double>::infinity();
+    /** Fastest change of tau_a [Nm/s, prismatic: N/s]; > 0. */
+    PerJoint torqueRate = std::numeric_limits<double>::infinity();
+};
+
+/** Gains that the arm can carry in every pose within its position limits.
+
+Method: sampled, the loop's velocity error is v+ = (I - M^-1 K_r dt) v, which swings up once an
+eigenvalue of M(q)^-1 K_r dt passes 2. So K_r = s diag(d), with d_i the least inertia that joint i
+moves with the other joints free, min over q of 1 / (M(q)^-1)_ii, and s such that the largest of those
+eigenvalues over all poses is 1, half of what is stable; a payload adds inertia, so it adds to the
+distance. K_p = 100 1/s and K_i = 100 1/s^2 (experiments/panda_asymmetric_limits.yaml), but K_p dt
+<= 0.1, and K_i <= K_p / 4 x the slowest velocity loop, min over q of K_r / M_ii(q). And never
+stiffer than the paper's 600, 20 and 8 on the Indy7: K_r <= 600, K_r K_p <= 600 x 20, K_r K_i <= 600 x 8.
+Assumes: inertias as described. The poses are a fixed sample of 1000, at corners and in between.
+@param tick_s  > 0
+@return        one gain per joint; finite, and zero for an arm without a usable inertia matrix
+Not for a loop: it takes some 10 ms. */
+NricOptions scaleNric(const RobotDescription& robot, const JointLimits& limits, double tick_s);
+
+/** Pulls the real arm onto the nominal one (nonlinear robust internal-loop compensator, NRIC).
+
+Method: tau_a = -K_r (de + K_p e + K_i integral of e dt),  e = q_real - q_nominal  (paper, eq. 7)
+with one gain of each per joint. The integral's torque K_r K_i |integral| ends at integralLimit, at the
+motor's torque limit at the latest. tau_a changes by torqueRate x tick per tick at most, from zero at the
+start. The sum tau_c + tau_a is kept inside the motor's torque limit. While the last two cut the torque,
+the integral does not grow further against them (it may shrink). Where nothing is cut, tau_a is that of
+eq. 7 to the last bit.
+Assumes: K_r dt < 2 x (joint inertia incl. the reflected rotor), else the sampled velocity loop is
+unstable. A torqueRate below K_r T / (2 x inertia) slows the loop down: a joint that was held while the
+loop pressed with T [Nm] then overshoots, far below it swings up.
+Guarantees: |tau_c + tau_a| within the motor limits wherever |tau_c| is; |integral| as above; in a tick
+tau_a changes by no more than the larger of torqueRate x tick and, at the motor's limit, the change of
+tau_c; zero as long as e and de are.
+Real time: no allocation, lock or throw after configure(). */
+class Nric : public RobustLoop {
+public:
+    /** Reads `k_r`, `k_p`, `k_i`, `integral_limit_Nm` and `torque_rate_Nmps`. */
+    void configure(const RunSetup& setup, const Parameters& parameters) override;
+    /** The same without an experiment file. Throws Error (BadInput) for options of the wrong number, gains
+    below 0 or not finite, and bounds that are not above 0. */
+    void configure(const RunSetup& setup, const NricOptions& options);
+
+    void holdIntegral() override { isIntegralHeld_ = true; }
+
+    void reset(const MotionState& start) override;
+    TickStatus compute(const JointState& real, const MotionState& nominal, const JointVector& filterTorque,
+                       JointVector& torque) override;
+
+private:
+    void clear();
+
+    int n_ = 0;
+    double tick_s_ = 0.0;
+    JointVector kr_, kp_, ki_, torqueLimit_;
+    JointVector largestIntegral_;  // [rad s]
+    JointVector largestStep_;      // of the torque in a tick [Nm]
+    JointVector integral_;         // of e [rad s]
+    JointVector lastTorque_;       // tau_a of the tick before [Nm]
+    bool isIntegralHeld_ = false;
+};
+
+}  // namespace viable

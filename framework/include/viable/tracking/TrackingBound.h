@@ -1,0 +1,71 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "viable/core/PerJoint.h"
+#include "viable/robot/RobotDescription.h"
+#include "viable/tracking/Nric.h"
+
+namespace viable {
+
+/** What the real arm may have that the nominal one has not: the set of disturbances that a TrackingBound
+is for. All at once, in any combination. Friction, ripple, pushes and reading errors change at any time within
+these sizes; masses, payload and tilt are constant in a run. Names as those of the simulated plants' parameters. */
+struct DisturbanceSet {
+    PerJoint frictionScale = 1.0;  ///< largest factor on the robot's friction figures; 0: no friction
+    double breakawayRatio = 1.0;   ///< largest Fs / Fc
+    PerJoint loadFriction = 0.0;   ///< friction per torque that the joint carries []
+    PerJoint massError = 0.0;      ///< mass_factor lies in [1 - massError, 1 + massError]
+    double payload_kg = 0.0;       ///< largest
+    double payloadOffset_m = 0.0;  ///< farthest from the tool frame's origin, in any direction
+    double baseTilt_rad = 0.0;     ///< largest angle of the base against the vertical
+    PerJoint torqueRipple_Nm = 0.0;
+    PerJoint externalTorque_Nm = 0.0;  ///< pushes that are not fed to the nominal arm
+    double torqueLimitFactor = 1.0;    ///< least motor torque over the robot's figure
+    /** Largest error of a reading besides its rounding to counts; of the plants' encoder_noise_rad four times that. */
+    double readingError_rad = 0.0;
+    int delayTicks = 0;  ///< between the computed torque and the motors
+};
+
+/** How far the real arm can get from the nominal one at a tick, within a disturbance set. */
+struct TrackingBound {
+    JointVector position;        ///< of |q_real - q_nominal|, the true one [rad]
+    JointVector velocity;        ///< of its rate [rad/s]
+    JointVector measured;        ///< of |e| as the encoders show it: where a run trips [rad]
+    JointVector torque;          ///< of |tau_c + tau_a|, for moments [Nm]
+    JointVector lastingTorque;   ///< of what motion and disturbances need for longer than that [Nm]
+    JointVector motorTorque;     ///< what the motors can give [Nm]; see calcTrackingBound()
+    JointVector torqueStep;      ///< of the change of tau_a from tick to tick [Nm]
+    JointVector integralTorque;  ///< of K_r K_i |sum of e dt| [Nm]
+
+    /** One source of error and what it adds to the bounds. */
+    struct Part {
+        std::string source;
+        JointVector torque;    ///< largest torque that it puts on each joint [Nm]
+        JointVector position;  ///< [rad]
+        JointVector velocity;  ///< [rad/s]
+    };
+    std::vector<Part> parts;
+};
+
+/** The bound for Nric with constant gains.
+
+Method: M edd = tau_a + w around the inertia of a pose; the sampled loop's peak gains (l1 norm of the impulse response,
+joint by joint, Desoer and Vidyasagar 1975) from w and from the readings to e and de. w is what is left of the equations
+of motion of both arms: friction, load, mass error, tilt, what the reading and the holding of a tick do, and terms in
+e and de (stiffness, Coriolis, inertia that has changed since), which make the bound a fixed point. The inertia that
+changes enters by parts, integral of K dM edd = - integral of (K dM)' de, so that only as much of it counts as the
+response is long. Coupling between joints is in all of it.
+Assumes: velocities read as the difference of two positions over a tick, positions in whole encoder counts; start at rest; the nominal arm within `limits`; no torque beyond the motors; neither
+Nric's rate nor its integral at their limits; rigid joints. Extremes over poses are those of a fixed sample within the
+position limits (192, gradients at 64, loops at 32): between them nothing is proven.
+@param limits  of the nominal arm; velocity and acceleration finite
+@param place   of the gains or the set, for messages
+Throws Error (BadInput) for unstable gains (with the largest stable ones), and where no bound exists. Does not judge the
+motors: with motorTorque below lastingTorque the real arm cannot follow; between that and torque it can, but nothing
+proves that no motor is ever at its limit. Takes some seconds; not for a loop. */
+TrackingBound calcTrackingBound(const RobotDescription& robot, const JointLimits& limits, double tick_s,
+                                const NricOptions& gains, const DisturbanceSet& set, const std::string& place = {});
+
+}  // namespace viable

@@ -1,0 +1,148 @@
+#include "clearance/ArmPath.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace viable::detail {
+
+void ArmPath::set(const MotionState& start, const JointVector& jerk, const std::array<GridStop, kMaxJoints>& stops,
+                  double tick_s) {
+    n_ = static_cast<int>(start.q.size());
+    tick_s_ = tick_s;
+    ticks_ = 1;
+    for (int i = 0; i < n_; ++i) {
+        Joint& joint = joints_[static_cast<std::size_t>(i)];
+        AxisState state{start.q[i], start.qd[i], start.qdd[i]};
+        std::int64_t tick = 0;
+        double travel = 0.0;
+        joint.pieces = 0;
+        const auto append = [&](std::int64_t ticks, double held) {
+            const auto k = static_cast<std::size_t>(joint.pieces++);
+            const double t = static_cast<double>(ticks) * tick_s;
+            joint.begin_s[k] = static_cast<double>(tick) * tick_s;
+            joint.beginTick[k] = tick;
+            joint.jerk[k] = held;
+            joint.state[k] = state;
+            joint.travel[k] = travel;
+            const AxisState end = advance(state, held, t);
+            travel += calcPieceTravel(state, held, t, end);
+            state = end;
+            tick += ticks;
+        };
+        append(1, jerk[i]);
+        for (int k = 0; k < GridStop::kSegments; ++k) {
+            const GridStop::Segment segment = stops[static_cast<std::size_t>(i)].remaining(k);
+            if (segment.ticks > 0) append(segment.ticks, segment.jerk);
+        }
+        ticks_ = std::max(ticks_, tick);
+        state.v = state.a = 0.0;  // up to rounding they are
+        const auto last = static_cast<std::size_t>(joint.pieces++);
+        joint.begin_s[last] = static_cast<double>(tick) * tick_s;
+        joint.beginTick[last] = tick;
+        joint.jerk[last] = 0.0;
+        joint.state[last] = state;
+        joint.travel[last] = travel;
+    }
+    duration_ = static_cast<double>(ticks_) * tick_s;
+}
+
+int ArmPath::Joint::find(double t) const {
+    int k = pieces - 1;
+    while (k > 0 && begin_s[static_cast<std::size_t>(k)] > t) --k;
+    return k;
+}
+
+void ArmPath::calcPositions(double t, JointVector& q) const {
+    q.resize(n_);
+    for (int i = 0; i < n_; ++i) {
+        const Joint& joint = joints_[static_cast<std::size_t>(i)];
+        const auto k = static_cast<std::size_t>(joint.find(t));
+        q[i] = advance(joint.state[k], joint.jerk[k], t - joint.begin_s[k]).p;
+    }
+}
+
+double ArmPath::calcAcceleration(int i, double t) const {
+    const Joint& joint = joints_[static_cast<std::size_t>(i)];
+    const auto k = static_cast<std::size_t>(joint.find(t));
+    return joint.state[k].a + joint.jerk[k] * (t - joint.begin_s[k]);
+}
+
+void ArmPath::calcTick(std::int64_t tick, JointVector& q, JointVector& qd, JointVector& meanQdd) const {
+    q.resize(n_);
+    qd.resize(n_);
+    meanQdd.resize(n_);
+    for (int i = 0; i < n_; ++i) {
+        const Joint& joint = joints_[static_cast<std::size_t>(i)];
+        int at = joint.pieces - 1;
+        while (at > 0 && joint.beginTick[static_cast<std::size_t>(at)] > tick) --at;
+        const auto k = static_cast<std::size_t>(at);
+        const AxisState s =
+            advance(joint.state[k], joint.jerk[k], static_cast<double>(tick - joint.beginTick[k]) * tick_s_);
+        q[i] = s.p;
+        qd[i] = s.v;
+        meanQdd[i] = s.a + joint.jerk[k] * tick_s_ / 2.0;
+    }
+}
+
+/** The integral of |v| over `t`, when `end` comes: pieces between the zeros of v. */
+double ArmPath::calcPieceTravel(const AxisState& s, double jerk, double t, const AxisState& end) {
+    // Where v and its change towards the end have one sign there is no zero between.
+    const double turn = s.v * s.a, atEnd = end.v * end.a;
+    if (s.v * end.v > 0.0 && (turn >= 0.0 || atEnd <= 0.0)) return std::abs(end.p - s.p);
+    double zeros[2];
+    int count = 0;
+    const double discriminant = s.a * s.a - 2.0 * jerk * s.v;
+    if (discriminant > 0.0) {
+        const double q = -(s.a + std::copysign(std::sqrt(discriminant), s.a));
+        if (jerk != 0.0) zeros[count++] = q / jerk;
+        if (q != 0.0) zeros[count++] = 2.0 * s.v / q;
+        if (count == 2 && zeros[0] > zeros[1]) std::swap(zeros[0], zeros[1]);
+    }
+    double travel = 0.0, p = s.p;
+    for (int k = 0; k < count; ++k) {
+        if (!(zeros[k] > 0.0 && zeros[k] < t)) continue;
+        const double next = advance(s, jerk, zeros[k]).p;
+        travel += std::abs(next - p);
+        p = next;
+    }
+    return travel + std::abs(end.p - p);
+}
+
+void ArmPath::calcPositions(double t, JointVector& q, JointVector& travel) const {
+    q.resize(n_);
+    travel.resize(n_);
+    for (int i = 0; i < n_; ++i) {
+        const Joint& joint = joints_[static_cast<std::size_t>(i)];
+        const auto k = static_cast<std::size_t>(joint.find(t));
+        const double since = t - joint.begin_s[k];
+        const AxisState end = advance(joint.state[k], joint.jerk[k], since);
+        q[i] = end.p;
+        travel[i] = joint.travel[k] + calcPieceTravel(joint.state[k], joint.jerk[k], since, end);
+    }
+}
+
+void ArmPath::calcExtremes(Extremes& extremes) const {
+    for (JointVector* v :
+         {&extremes.position, &extremes.velocity, &extremes.acceleration, &extremes.jerk, &extremes.travel})
+        v->setZero(n_);
+    for (int i = 0; i < n_; ++i) {
+        const Joint& joint = joints_[static_cast<std::size_t>(i)];
+        for (int piece = 0; piece < joint.pieces; ++piece) {
+            const auto k = static_cast<std::size_t>(piece);
+            const AxisState& s = joint.state[k];
+            const auto see = [](double& most, double x) { most = std::max(most, std::abs(x)); };
+            see(extremes.velocity[i], s.v);
+            see(extremes.acceleration[i], s.a);
+            see(extremes.jerk[i], joint.jerk[k]);
+            const double turn = joint.jerk[k] != 0.0 ? -s.a / joint.jerk[k] : -1.0;
+            if (piece + 1 < joint.pieces && turn > 0.0 && turn < joint.begin_s[k + 1] - joint.begin_s[k])
+                see(extremes.velocity[i], s.v - s.a * s.a / (2.0 * joint.jerk[k]));
+        }
+        const auto last = static_cast<std::size_t>(joint.pieces - 1);
+        // Nowhere farther from the start than all of the travel.
+        extremes.travel[i] = joint.travel[last];
+        extremes.position[i] = std::abs(joint.state[0].p) + joint.travel[last];
+    }
+}
+
+}  // namespace viable::detail

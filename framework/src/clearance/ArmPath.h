@@ -1,0 +1,56 @@
+#pragma once
+
+#include <array>
+
+#include "viable/braking/GridStop.h"
+#include "viable/core/TripleIntegrator.h"
+
+namespace viable::detail {
+
+/** The way of all joints together through a tick and the stops after it, for looks at any time. Time 0 is the beginning of
+the tick; after its own stop a joint rests. Real time. */
+class ArmPath {
+public:
+    /** @param stops  of every joint, from the end of the tick on */
+    void set(const MotionState& start, const JointVector& jerk, const std::array<GridStop, kMaxJoints>& stops,
+             double tick_s);
+
+    double duration() const { return duration_; }  ///< until the last joint rests [s]
+    std::int64_t ticks() const { return ticks_; }  ///< the same, the first tick included
+
+    /** Time in [0, duration()]. */
+    void calcPositions(double t, JointVector& q) const;
+    double calcAcceleration(int joint, double t) const;  ///< [rad/s^2]
+
+    /** State at the beginning of a tick, and the mean acceleration in it: what the torque of that tick is made of.
+    @param tick  in [0, ticks()]; from ticks() on all joints rest */
+    void calcTick(std::int64_t tick, JointVector& q, JointVector& qd, JointVector& meanQdd) const;
+
+    /** Positions, and how far each joint has moved until then, to and fro added up [rad]: the integral of |qd|. */
+    void calcPositions(double t, JointVector& q, JointVector& travel) const;
+
+    /** Largest |position|, |qd|, |qdd| and |jerk| along the path, and all its travel. */
+    struct Extremes {
+        JointVector position, velocity, acceleration, jerk, travel;
+    };
+    void calcExtremes(Extremes& extremes) const;
+
+private:
+    static constexpr int kPieces = GridStop::kSegments + 1;
+    /** A joint's segments, each with the state and the travel it begins with; the last one is rest. */
+    struct Joint {
+        int pieces = 0;
+        std::array<double, kPieces + 1> begin_s{}, jerk{}, travel{};
+        std::array<std::int64_t, kPieces + 1> beginTick{};
+        std::array<AxisState, kPieces + 1> state;
+        int find(double t) const;
+    };
+    static double calcPieceTravel(const AxisState& s, double jerk, double t, const AxisState& end);
+
+    int n_ = 0;
+    double tick_s_ = 0.0, duration_ = 0.0;
+    std::int64_t ticks_ = 0;
+    std::array<Joint, kMaxJoints> joints_;
+};
+
+}  // namespace viable::detail

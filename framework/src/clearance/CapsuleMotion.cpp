@@ -1,0 +1,112 @@
+#include "clearance/CapsuleMotion.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace viable::detail {
+
+namespace {
+
+Eigen::Vector3d calcPlace(const ArmRecursion::Frames& frames, int carrier, const Eigen::Vector3d& p) {
+    if (carrier < 0) return p;
+    const auto at = static_cast<std::size_t>(carrier);
+    return frames.origin[at] + frames.rotation[at] * p;
+}
+
+}  // namespace
+
+CapsuleMotion::CapsuleMotion(const RobotDescription& robot, std::vector<LinkCapsule> capsules,
+                             std::vector<double> radii)
+    : n_(robot.size()),
+      arm_(robot),
+      capsules_(std::move(capsules)),
+      radii_(std::move(radii)),
+      offsets_(n_),
+      levers_(capsules_.size(), JointVector::Zero(n_)) {
+    for (int i = 0; i < n_; ++i) offsets_[i] = robot.joints[static_cast<std::size_t>(i)].placement.translation().norm();
+}
+
+CapsuleMotion::Pose CapsuleMotion::makePose() const {
+    Pose pose;
+    pose.segments.resize(capsules_.size());
+    return pose;
+}
+
+void CapsuleMotion::calcPose(const JointVector& q, Pose& pose) const {
+    arm_.calcFrames(q, pose.frames);
+    for (std::size_t k = 0; k < capsules_.size(); ++k) {
+        const LinkCapsule& capsule = capsules_[k];
+        pose.segments[k] = {calcPlace(pose.frames, capsule.carrier, capsule.a),
+                            calcPlace(pose.frames, capsule.carrier, capsule.b)};
+    }
+}
+
+int CapsuleMotion::findCommonCarrier(int first, int second) const {
+    int carrier = capsules_[static_cast<std::size_t>(first)].carrier;
+    const int other = capsules_[static_cast<std::size_t>(second)].carrier;
+    while (carrier >= 0 && !arm_.moves(carrier, other)) carrier = arm_.parent(carrier);
+    return carrier;
+}
+
+void CapsuleMotion::setPath(const ArmPath::Extremes& extremes, const Pose& begin) {
+    extremes_ = extremes;
+    for (std::size_t k = 0; k < capsules_.size(); ++k) setLever(static_cast<int>(k), begin);
+}
+
+/** Of a joint's axis no point of the capsule is farther than now and what the joints further out add on the way, nor
+farther than the arm between them is long. */
+void CapsuleMotion::setLever(int index, const Pose& begin) {
+    const auto k = static_cast<std::size_t>(index);
+    const LinkCapsule& capsule = capsules_[k];
+    const Segment& segment = begin.segments[k];
+    JointVector& lever = levers_[k];
+    double length = std::max(capsule.a.norm(), capsule.b.norm()) + radii_[k], outward = 0.0;
+    for (int i = capsule.carrier; i >= 0; i = arm_.parent(i)) {
+        const auto at = static_cast<std::size_t>(i);
+        if (arm_.isPrismatic(i)) {
+            lever[i] = 1.0;
+            length += extremes_.position[i];
+        } else {
+            const Eigen::Vector3d& axis = begin.frames.axis[at];
+            const Eigen::Vector3d& origin = begin.frames.origin[at];
+            const double now = std::sqrt(
+                std::max(axis.cross(segment.a - origin).squaredNorm(), axis.cross(segment.b - origin).squaredNorm()));
+            lever[i] = std::min(length, now + radii_[k] + outward);
+        }
+        outward += lever[i] * extremes_.travel[i];
+        length += offsets_[i];
+    }
+}
+
+/** By d2p/dq_i dq_j = axis_i x (axis_j x (p - origin_j)), j the outer one, axis_i x axis_j where j slides and 0 where i
+does. */
+double CapsuleMotion::calcBend(int capsule, int base) const {
+    const int carrier = capsules_[static_cast<std::size_t>(capsule)].carrier;
+    const JointVector& lever = levers_[static_cast<std::size_t>(capsule)];
+    double bend = 0.0, turning = 0.0;  // of the joints further in
+    for (int i = carrier; i != base; i = arm_.parent(i))
+        if (!arm_.isPrismatic(i)) turning += extremes_.velocity[i];
+    for (int j = carrier; j != base; j = arm_.parent(j)) {
+        const double own = arm_.isPrismatic(j) ? 0.0 : extremes_.velocity[j];
+        turning -= own;
+        bend += lever[j] * (extremes_.acceleration[j] + extremes_.velocity[j] * (own + 2.0 * std::max(0.0, turning)));
+    }
+    return bend;
+}
+
+double CapsuleMotion::calcReach(int capsule, int base, double bend, const Pose& a, const Pose& b, double h_s) const {
+    const auto k = static_cast<std::size_t>(capsule);
+    if (capsules_[k].carrier == base) return 0.0;
+    const Segment &was = a.segments[k], &is = b.segments[k];
+    Eigen::Vector3d first = is.a - was.a, second = is.b - was.b;
+    if (base >= 0) {
+        const auto at = static_cast<std::size_t>(base);
+        const Eigen::Matrix3d back = a.frames.rotation[at] * b.frames.rotation[at].transpose();
+        first = back * (is.a - b.frames.origin[at]) - (was.a - a.frames.origin[at]);
+        second = back * (is.b - b.frames.origin[at]) - (was.b - a.frames.origin[at]);
+    }
+    return std::sqrt(std::max(first.squaredNorm(), second.squaredNorm())) + h_s * h_s / 4.0 * bend;
+}
+
+}  // namespace viable::detail

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <vector>
+
+#include "clearance/ArmPath.h"
+#include "robot/ArmRecursion.h"
+#include "viable/robot/ArmGeometry.h"
+
+namespace viable::detail {
+
+/** How far the points of an arm's capsules can move along a path: bounds that hold at every time of it. Real time after
+construction. */
+class CapsuleMotion {
+public:
+    /** A capsule's segment, base frame [m]. */
+    struct Segment {
+        Eigen::Vector3d a, b;
+    };
+    struct Pose {
+        ArmRecursion::Frames frames;
+        std::vector<Segment> segments;  ///< of each capsule
+    };
+
+    /** @param radii  of what belongs to each capsule, around its segment [m] */
+    CapsuleMotion(const RobotDescription& robot, std::vector<LinkCapsule> capsules, std::vector<double> radii);
+
+    Pose makePose() const;
+    /** @param pose  from makePose() */
+    void calcPose(const JointVector& q, Pose& pose) const;
+    /** The outermost joint that carries both capsules; -1: none does. */
+    int findCommonCarrier(int first, int second) const;
+
+    /** The path that the rest is about. */
+    void setPath(const ArmPath::Extremes& extremes, const Pose& begin);
+
+    /** Farthest that points of the capsule are from each joint's axis; 1 for a sliding joint, 0 for one that does not move
+    it [m]. Times the joint's travel: how far it moves them. */
+    const JointVector& lever(int capsule) const { return levers_[static_cast<std::size_t>(capsule)]; }
+    /** Largest acceleration of the capsule's points as seen from what the joint `base` (-1: nothing) carries [m/s^2].
+    `base` is -1 or carries the capsule. */
+    double calcBend(int capsule, int base) const;
+    /** For all points p of the capsule's segment and times t between a and b, h apart, as seen from `base`:
+    |p(t) - p(a)| + |p(b) - p(t)| is no more than this [m]: the way from p(a) to p(b), and h^2/8 of `bend`, by which p(t) can
+    be off it, twice.
+    @param bend  of calcBend(capsule, base) */
+    double calcReach(int capsule, int base, double bend, const Pose& a, const Pose& b, double h_s) const;
+
+private:
+    void setLever(int capsule, const Pose& begin);
+
+    int n_;
+    ArmRecursion arm_;
+    std::vector<LinkCapsule> capsules_;
+    std::vector<double> radii_;
+    JointVector offsets_;  ///< of each joint's frame from its parent's, not slid [m]
+    ArmPath::Extremes extremes_;
+    std::vector<JointVector> levers_;
+};
+
+}  // namespace viable::detail

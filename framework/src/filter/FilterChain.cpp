@@ -1,0 +1,101 @@
+#include "filter/FilterChain.h"
+
+namespace viable {
+
+void FilterChain::add(PluginPtr<SafetyFilter> filter, PluginWatch* watch) {
+    if (filter->guaranteesLimits()) guaranteeing_ = static_cast<int>(links_.size());
+    links_.push_back({std::move(filter), watch});
+}
+
+FilterChain::~FilterChain() {
+    for (Link& link : links_) {
+        const PluginCall call(link.watch, kAfterLastTick);
+        link.filter.reset();
+    }
+}
+
+template <class Work>
+auto FilterChain::callLink(std::size_t index, const Work& work) {
+    answerable_ = index;
+    PluginCall call(links_[index].watch, tick_);
+    const auto result = work(*links_[index].filter);
+    if (const char* change = call.undoArithmeticChange())
+        throw PluginFault(formatArithmeticChange(change), kOnArithmeticChange);
+    return result;
+}
+
+void FilterChain::reset(const MotionState& start) {
+    for (const Link& link : links_) resetPlugin(*link.filter, PluginKind::SafetyFilter, link.watch, start);
+    answerable_ = 0;
+    tick_ = 0;
+}
+
+bool FilterChain::guaranteesClearance() const {
+    // What comes behind may change a decision within the limits, and nobody looks again what that may hit.
+    return guaranteeing_ + 1 == static_cast<int>(links_.size()) && links_.back().filter->guaranteesClearance();
+}
+
+bool FilterChain::recovers() const {
+    const std::size_t held = guaranteeing_ >= 0 ? static_cast<std::size_t>(guaranteeing_) : links_.size() - 1;
+    return links_[held].filter->recovers();
+}
+
+bool FilterChain::changeLimits(const JointLimits& limits) {
+    for (std::size_t i = 0; i < links_.size(); ++i)
+        if (!callLink(i, [&](SafetyFilter& filter) { return filter.changeLimits(limits); })) return false;
+    return true;
+}
+
+void FilterChain::skipTicks(std::int64_t ticks) {
+    tick_ += ticks;
+    for (std::size_t i = 0; i < links_.size(); ++i)
+        callLink(i, [&](SafetyFilter& filter) {
+            filter.skipTicks(ticks);
+            return true;
+        });
+}
+
+FilterStatus FilterChain::filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
+                                 FilterDecision& decision) {
+    const auto n = static_cast<int>(torque.size());
+    desired_ = torque;
+    FilterStatus status = FilterStatus::Passed;
+    std::size_t standing = 0;
+    for (std::size_t i = 0; i < links_.size(); ++i) {
+        candidate_.hasStops = false;
+        candidate_.joints.fill({});
+        candidate_.clearance = {};
+        candidate_.mapAge_s = 0.0;
+        const FilterStatus own =
+            callLink(i, [&](SafetyFilter& filter) { return filter.filter(nominal, desired_, dynamics, candidate_); });
+        if (own == FilterStatus::InvalidInput || own == FilterStatus::Faulted) return own;
+        if (own == FilterStatus::Ended) {
+            if (guaranteeing_ < 0) return own;
+            throw PluginFault("it ended the case, but a filter beside it guarantees all limits",
+                              "Choose its parameters so that it goes on where it has no choice.");
+        }
+        if (!isFinite(candidate_.torque, n))
+            throw PluginFault("its decision has the wrong size or is not finite", kOnValues);
+        const bool passed = own == FilterStatus::Passed;
+        if (passed && guaranteeing_ >= 0 && static_cast<int>(i) > guaranteeing_) continue;
+        if (passed && i > 0) {
+            candidate_.joints = decision.joints;  // what held the joints back is what did before
+            if (!candidate_.clearance.isKnown) {  // and so is what was seen of the same motion
+                candidate_.clearance = decision.clearance;
+                candidate_.mapAge_s = decision.mapAge_s;
+            }
+        }
+        if (!passed)
+            status = own;
+        else if (status != FilterStatus::Passed)
+            status = FilterStatus::Modified;
+        decision = candidate_;
+        desired_ = decision.torque;
+        standing = i;
+    }
+    answerable_ = standing;
+    ++tick_;
+    return status;
+}
+
+}  // namespace viable

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <vector>
+
+#include "host/PluginCall.h"
+#include "viable/plugin/SafetyFilter.h"
+
+namespace viable {
+
+/** Several filters in a row as one: each is for the next what the controller is for the first.
+
+The guarantee is that of the last filter that makes one. What stands in the end is the decision of the last filter; of
+those behind the guaranteeing one only what they changed (Modified and the like): a Passed from there is no objection, and
+the guaranteed decision stays as it is, to the last bit. A filter whose decision a later one changed finds an arm that
+moved otherwise than it decided, which every filter must bear.
+Status: that of the decision that stands; Modified where that one passed what an earlier filter had changed.
+Real time and thread: as its filters. Where one of them fails, a PluginFault is thrown: the host contains it. */
+class FilterChain : public SafetyFilter {
+public:
+    FilterChain() = default;
+    ~FilterChain() override;
+    FilterChain(const FilterChain&) = delete;
+    FilterChain& operator=(const FilterChain&) = delete;
+
+    /** Appends a configured filter. @param watch  may be null; must outlive the chain */
+    void add(PluginPtr<SafetyFilter> filter, PluginWatch* watch);
+
+    /** Which filter to name when the chain fails: the one that was called last, or, after a decision, the one whose
+    decision it is. */
+    std::size_t answerable() const { return answerable_; }
+    /** The one whose guarantee is the chain's; -1: none guarantees. */
+    int guaranteeing() const { return guaranteeing_; }
+
+    void configure(const RunSetup&, const Parameters&) override {}  // its filters are, before add()
+    void reset(const MotionState& start) override;
+    bool guaranteesLimits() const override { return guaranteeing_ >= 0; }
+    /** Of the filter that guarantees, or of the last. */
+    bool guaranteesClearance() const override;
+    bool recovers() const override;
+    bool changeLimits(const JointLimits& limits) override;
+    void skipTicks(std::int64_t ticks) override;
+    FilterStatus filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
+                        FilterDecision& decision) override;
+
+private:
+    struct Link {
+        PluginPtr<SafetyFilter> filter;
+        PluginWatch* watch;
+    };
+    /** Calls one filter under its watch. Throws PluginFault for what must not be handed on to the next. */
+    template <class Work>
+    auto callLink(std::size_t index, const Work& work);
+
+    std::vector<Link> links_;
+    int guaranteeing_ = -1;
+    std::size_t answerable_ = 0;
+    std::int64_t tick_ = kBeforeFirstTick;
+    FilterDecision candidate_;
+    JointVector desired_;
+};
+
+}  // namespace viable

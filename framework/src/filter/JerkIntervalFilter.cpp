@@ -1,0 +1,87 @@
+#include "viable/filter/JerkIntervalFilter.h"
+
+#include <algorithm>
+#include <string>
+
+#include "viable/core/Error.h"
+
+namespace viable {
+
+void JerkIntervalFilter::configure(const RunSetup& setup, const Parameters& parameters) {
+    n_ = setup.size();
+    tick_s_ = setup.tick_s;
+    limits_ = setup.limits;
+    const double gamma = parameters.number("gamma");
+    if (gamma * tick_s_ >= 2.0)
+        throw badInput(parameters.place("gamma"),
+                       "gamma * tick_s is " + std::to_string(gamma * tick_s_) + ", allowed (0, 2)",
+                       "The sampled law is unstable from 2 on; choose gamma below 2 / tick_s.");
+    if (!limits_.jerk.lower.allFinite() || !limits_.jerk.upper.allFinite())
+        throw badInput(parameters.place("gamma"),
+                       std::string("the filter ") + name_ + " needs a finite jerk limit on every joint",
+                       "Set limits.jerk_radps3.");
+    desiredJerk_.configure(gamma, tick_s_);
+    choice_.configure(limits_.jerk);
+}
+
+void JerkIntervalFilter::reset(const MotionState&) {
+    desiredJerk_.reset();
+    choice_.reset();
+}
+
+double JerkIntervalFilter::readKAlpha(const RunSetup& setup, const Parameters& parameters) {
+    const double kAlpha = parameters.number("k_alpha");
+    if (kAlpha * setup.tick_s > 1.0)
+        throw badInput(parameters.place("k_alpha"),
+                       "k_alpha * tick_s is " + std::to_string(kAlpha * setup.tick_s) + ", allowed (0, 1]",
+                       "Choose k_alpha at most 1 / tick_s.");
+    return kAlpha;
+}
+
+JointInterval JerkIntervalFilter::calcHardLimits(const AxisState& s, const AxisLimits& l) const {
+    JointInterval jerk{l.jerkLower, l.jerkUpper, LimitKind::Jerk, LimitKind::Jerk};
+    jerk.restrictLower((l.accelerationLower - s.a) / tick_s_, LimitKind::Acceleration);
+    jerk.restrictUpper((l.accelerationUpper - s.a) / tick_s_, LimitKind::Acceleration);
+    return jerk;
+}
+
+JerkIntervalFilter::Rows JerkIntervalFilter::finishRows(const JointInterval& jerk, double braking, const AxisState& s,
+                                                        const AxisLimits& l) const {
+    Rows rows{jerk, jerk.isEmpty()};
+    if (rows.empty) {
+        const double accelerated =
+            std::min(std::max(braking, (l.accelerationLower - s.a) / tick_s_), (l.accelerationUpper - s.a) / tick_s_);
+        rows.jerk.collapse(std::min(std::max(accelerated, l.jerkLower), l.jerkUpper));
+    }
+    return rows;
+}
+
+FilterStatus JerkIntervalFilter::chooseJerk(const MotionState& nominal, const Dynamics& dynamics,
+                                            const JointVector& desired, JointVector& jerk,
+                                            std::array<JointIntervention, kMaxJoints>& joints) {
+    bool infeasible = false;
+    std::array<JointInterval, kMaxJoints> intervals{};
+    for (int i = 0; i < n_; ++i) {
+        const Rows rows = calcRows({nominal.q[i], nominal.qd[i], nominal.qdd[i]}, limits_.axis(i));
+        infeasible |= rows.empty;
+        intervals[i] = rows.jerk;
+    }
+    const FilterStatus status = choice_.choose(dynamics.M, desired, intervals, jerk, joints);
+    return infeasible ? FilterStatus::Infeasible : status;
+}
+
+void JerkIntervalFilter::skipTicks(std::int64_t) {
+    desiredJerk_.reset();
+}
+
+FilterStatus JerkIntervalFilter::filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
+                                        FilterDecision& decision) {
+    if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_)) return FilterStatus::InvalidInput;
+    if (!calcForwardDynamics(dynamics, torque, desiredAcceleration_)) return FilterStatus::Faulted;
+    desiredJerk_.calc(nominal.qdd, desiredAcceleration_, desired_);
+    const FilterStatus status = chooseJerk(nominal, dynamics, desired_, jerk_, decision.joints);
+    holdJerk(nominal, dynamics, jerk_, tick_s_, decision);
+    return status;
+}
+
+}  // namespace viable

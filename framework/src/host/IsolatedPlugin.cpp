@@ -1,0 +1,546 @@
+#include "host/IsolatedPlugin.h"
+
+#include <semaphore.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <ctime>
+#include <new>
+#include <system_error>
+
+#include "host/PluginCall.h"
+
+namespace viable {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/** Between two looks whether the process still lives. */
+constexpr long kLook_ns = 10'000'000;
+/** How long a process may take to end by itself when it is no longer needed. */
+constexpr double kFarewell_s = 1.0;
+
+constexpr char kOnLoss[] = "Mend the plugin: without --isolate, `gdb --args viable run ...` shows the line.";
+
+enum class Request : int {
+    Quit,
+    Reset,
+    Sample,
+    SampleLimits,
+    Compute,
+    ChangeLimits,
+    SkipTicks,
+    Filter,
+    HoldIntegral,
+    ReadPlant,
+    Advance,
+};
+
+enum class Reply : int { Done, Threw, ThrewError, Faulted };
+
+/** What both processes see. The objects hold all their numbers inside themselves, and a fork leaves them at the same
+address in both. */
+struct Mailbox {
+    sem_t request, reply;
+    Request what = Request::Quit;
+    Reply how = Reply::Done;
+    int errorKind = 0;
+    char text[2048] = "";
+
+    double time = 0.0;
+    std::int64_t ticks = 0;
+    int status = 0;
+    bool answer = false;
+    std::int64_t ticksDone = 0;                              // by the plugin
+    std::int64_t allocatingTicks = 0, firstAllocation = -1;  // as in PluginWatch
+    MotionState nominal;
+    Dynamics dynamics;
+    MotionCommand command;
+    JointVector torque, torqueOut;
+    JointState real, actual;
+    JointVector external;
+    JointLimits limits;
+    FilterDecision decision;
+
+    // What a plugin is asked once, after it was configured
+    MotionCommand::Space space = MotionCommand::Space::Joint;
+    bool followsJoint = false, followsTool = false;
+    bool guarantees = false, guaranteesClearance = false, recovers = false;
+    bool hasExternalTorque = false;
+};
+
+/** The size of a vector that another process wrote: copying one of a wrong size would write over memory. */
+bool isSound(const JointVector& v) {
+    return v.size() >= 0 && v.size() <= kMaxJoints;
+}
+bool isSound(const JointState& s) {
+    return isSound(s.q) && isSound(s.qd);
+}
+bool isSound(const JointBounds& b) {
+    return isSound(b.lower) && isSound(b.upper);
+}
+bool isSound(const JointLimits& l) {
+    return isSound(l.position) && isSound(l.velocity) && isSound(l.acceleration) && isSound(l.jerk);
+}
+
+timespec calcDeadline(long nanoseconds) {
+    timespec deadline;
+    clock_gettime(CLOCK_MONOTONIC, &deadline);
+    deadline.tv_nsec += nanoseconds;
+    deadline.tv_sec += deadline.tv_nsec / 1'000'000'000;
+    deadline.tv_nsec %= 1'000'000'000;
+    return deadline;
+}
+
+std::string describeEnd(int status) {
+    if (WIFSIGNALED(status)) {
+        const int signal = WTERMSIG(status);
+        const char* name = strsignal(signal);
+        return "its process died: signal " + std::to_string(signal) + " (" + (name ? name : "unknown") + ")";
+    }
+    return "its process ended: it called exit(" + std::to_string(WEXITSTATUS(status)) + ")";
+}
+
+/** The plugin's own process, and the calls that go there. */
+class PluginProcess {
+public:
+    PluginProcess(PluginWatch& watch, double watchdog_s) : watch_(watch), watchdog_s_(watchdog_s) {
+        void* memory = mmap(nullptr, sizeof(Mailbox), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+        if (memory == MAP_FAILED) throw std::system_error(errno, std::generic_category(), "no memory to share");
+        box_ = new (memory) Mailbox;
+        sem_init(&box_->request, 1, 0);
+        sem_init(&box_->reply, 1, 0);
+    }
+    ~PluginProcess() {
+        if (pid_ > 0) {
+            box_->what = Request::Quit;
+            sem_post(&box_->request);
+            watchdog_s_ = kFarewell_s;
+            watch_.lastWords = awaitReply();
+            if (watch_.lastWords.empty()) waitpid(pid_, nullptr, 0);
+        }
+        munmap(box_, sizeof(Mailbox));
+    }
+    PluginProcess(const PluginProcess&) = delete;
+    PluginProcess& operator=(const PluginProcess&) = delete;
+
+    Mailbox& box() { return *box_; }
+
+    /** Starts the process: `serve` runs there and never returns. Waits for its first reply. */
+    template <class Serve>
+    void start(const Serve& serve) {
+        std::fflush(nullptr);  // what is in the buffers now is ours to write
+        std::signal(SIGCHLD,
+                    SIG_DFL);  // who started us may have had it ignored; then nobody is told of a death
+        const pid_t parent = getpid();
+        pid_ = fork();
+        if (pid_ < 0)
+            throw std::system_error(errno, std::generic_category(), "a process for the plugin could not be made");
+        if (pid_ == 0) {
+            prctl(PR_SET_PDEATHSIG, SIGKILL);
+            if (getppid() != parent) _exit(0);
+            for (int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, SIG_IGN);  // the host decides when to end
+            for (int signal : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT})
+                std::signal(signal, SIG_DFL);  // the host tells of it
+            serve(*box_);
+            std::fflush(nullptr);
+            sem_post(&box_->reply);
+            _exit(0);
+        }
+        finishCall();
+    }
+
+    /** One call: the mailbox's inputs are written, its outputs are there afterwards. Throws PluginFault. */
+    void call(Request what) {
+        if (pid_ <= 0) throw PluginFault("its process is gone", kOnLoss);
+        box_->what = what;
+        sem_post(&box_->request);
+        finishCall();
+    }
+
+private:
+    void finishCall() {
+        const std::string lost = awaitReply();
+        if (!lost.empty()) {
+            pid_ = -1;
+            throw PluginFault(lost, kOnLoss);
+        }
+        watch_.allocatingTicks = box_->allocatingTicks;
+        watch_.firstAllocation = box_->firstAllocation;
+        if (box_->how == Reply::Done) return;
+        box_->text[sizeof box_->text - 1] = '\0';
+        const std::string text = box_->text;
+        if (box_->how == Reply::Faulted) throw PluginFault(text, kOnArithmeticChange);
+        if (box_->how == Reply::ThrewError)
+            throw Error(box_->errorKind == static_cast<int>(ErrorKind::BadInput) ? ErrorKind::BadInput
+                                                                                 : ErrorKind::PluginFailed,
+                        "", text);
+        throw std::runtime_error(text);
+    }
+
+    /** Empty: there is a reply. Otherwise why there will be none; the process is gone then. */
+    std::string awaitReply() {
+        const Clock::time_point begin = Clock::now();
+        for (;;) {
+            const timespec deadline = calcDeadline(kLook_ns);
+            if (sem_clockwait(&box_->reply, CLOCK_MONOTONIC, &deadline) == 0) return {};
+            int status = 0;
+            const pid_t ended = waitpid(pid_, &status, WNOHANG);
+            if (ended == pid_) return describeEnd(status);
+            if (ended < 0) return "its process is gone";
+            const double waited = std::chrono::duration<double>(Clock::now() - begin).count();
+            if (waited < watchdog_s_) continue;
+            kill(pid_, SIGKILL);
+            waitpid(pid_, nullptr, 0);
+            char text[128];
+            std::snprintf(text, sizeof text, "it did not come back for %g s; its process was ended", watchdog_s_);
+            return text;
+        }
+    }
+
+    Mailbox* box_;
+    PluginWatch& watch_;
+    pid_t pid_ = -1;
+    double watchdog_s_;
+};
+
+bool isTick(Request what) {
+    return what == Request::Sample || what == Request::Compute || what == Request::Filter || what == Request::Advance;
+}
+
+/** The other side: runs the plugin's functions and writes down what they throw. */
+template <class Work>
+void answer(Mailbox& box, const Work& work) {
+    PluginCall call(nullptr, kBeforeFirstTick);
+    box.how = Reply::Done;
+    const std::int64_t before = countAllocations();
+    try {
+        work();
+        if (isTick(box.what)) {
+            const std::int64_t tick = box.ticksDone++;
+            if (tick >= kWarmUpTicks && countAllocations() != before) {
+                if (box.allocatingTicks++ == 0) box.firstAllocation = tick;
+            }
+        }
+        if (const char* change = call.undoArithmeticChange()) {
+            box.how = Reply::Faulted;
+            std::snprintf(box.text, sizeof box.text, kArithmeticChange, change);
+        }
+    } catch (const Error& e) {
+        box.how = Reply::ThrewError;
+        box.errorKind = e.exitCode();
+        std::snprintf(box.text, sizeof box.text, "%s", e.what());
+    } catch (const std::exception& e) {
+        box.how = Reply::Threw;
+        std::snprintf(box.text, sizeof box.text, "%s", e.what());
+    } catch (...) {
+        box.how = Reply::Threw;
+        std::snprintf(box.text, sizeof box.text, "something that is no std::exception");
+    }
+}
+
+// What a plugin is asked once, and its calls, per kind.
+
+void describe(CommandSource& plugin, Mailbox& box) {
+    box.space = plugin.space();
+}
+void serve(CommandSource& plugin, Mailbox& box) {
+    if (box.what == Request::Sample) {
+        box.status = static_cast<int>(plugin.sample(box.time, box.command));
+    } else {
+        const JointLimits* limits = plugin.sampleLimits(box.time);
+        box.answer = limits != nullptr;
+        if (limits) box.limits = *limits;
+    }
+}
+
+void describe(NominalController& plugin, Mailbox& box) {
+    box.followsJoint = plugin.follows(MotionCommand::Space::Joint);
+    box.followsTool = plugin.follows(MotionCommand::Space::Tool);
+}
+void serve(NominalController& plugin, Mailbox& box) {
+    box.status = static_cast<int>(plugin.compute(box.command, box.nominal, box.dynamics, box.torqueOut));
+}
+
+void describe(SafetyFilter& plugin, Mailbox& box) {
+    box.guarantees = plugin.guaranteesLimits();
+    box.guaranteesClearance = plugin.guaranteesClearance();
+    box.recovers = plugin.recovers();
+}
+void serve(SafetyFilter& plugin, Mailbox& box) {
+    if (box.what == Request::Filter) {
+        box.decision.hasStops = false;
+        box.status = static_cast<int>(plugin.filter(box.nominal, box.torque, box.dynamics, box.decision));
+    } else if (box.what == Request::ChangeLimits) {
+        box.answer = plugin.changeLimits(box.limits);
+    } else {
+        plugin.skipTicks(box.ticks);
+    }
+}
+
+void describe(RobustLoop&, Mailbox&) {}
+void serve(RobustLoop& plugin, Mailbox& box) {
+    if (box.what == Request::HoldIntegral)
+        plugin.holdIntegral();
+    else
+        box.status = static_cast<int>(plugin.compute(box.real, box.nominal, box.torque, box.torqueOut));
+}
+
+void describe(RealPlant& plugin, Mailbox& box) {
+    box.hasExternalTorque = plugin.externalTorque() != nullptr;
+}
+void serve(RealPlant& plugin, Mailbox& box) {
+    if (box.what == Request::Advance) {
+        box.status = static_cast<int>(plugin.advance(box.torque, box.torqueOut));
+    } else {
+        box.real = plugin.measured();
+        box.actual = plugin.actual();
+        const JointVector* external = plugin.externalTorque();
+        if (external)
+            box.external = *external;
+        else
+            box.external.resize(0);
+    }
+}
+
+/** What the five stand-ins have in common. */
+template <class Interface>
+class Isolated : public Interface {
+public:
+    Isolated(const std::function<PluginPtr<Interface>()>& make, PluginWatch& watch, double watchdog_s)
+        : process_(watch, watchdog_s) {
+        process_.start([&make](Mailbox& box) { run(make, box); });
+    }
+    void configure(const RunSetup&, const Parameters&) override {}  // `make` did
+    void reset(const MotionState& start) override {
+        box().nominal = start;
+        process_.call(Request::Reset);
+    }
+
+protected:
+    Mailbox& box() { return process_.box(); }
+    void call(Request what) { process_.call(what); }
+    /** The plugin's word on its tick; what is none of the enum's words is a fault. */
+    TickStatus tickStatus() {
+        return box().status >= 0 && box().status <= static_cast<int>(TickStatus::Faulted)
+                   ? static_cast<TickStatus>(box().status)
+                   : TickStatus::Faulted;
+    }
+
+private:
+    /** The life of the other process. */
+    static void run(const std::function<PluginPtr<Interface>()>& make, Mailbox& box) {
+        PluginPtr<Interface> plugin(nullptr, nullptr);
+        answer(box, [&] {
+            plugin = make();
+            describe(*plugin, box);
+        });
+        for (;;) {
+            sem_post(&box.reply);
+            while (sem_wait(&box.request) != 0) {
+            }  // interrupted
+            if (box.what == Request::Quit) break;
+            answer(box, [&] {
+                if (box.what == Request::Reset)
+                    plugin->reset(box.nominal);
+                else
+                    serve(*plugin, box);
+            });
+        }
+        plugin.reset();
+    }
+
+    PluginProcess process_;
+};
+
+class IsolatedCommandSource : public Isolated<CommandSource> {
+public:
+    using Isolated::Isolated;
+    MotionCommand::Space space() const override { return const_cast<IsolatedCommandSource*>(this)->box().space; }
+    TickStatus sample(double t, MotionCommand& out) override {
+        box().time = t;
+        call(Request::Sample);
+        const MotionCommand& command = box().command;
+        if (!isSound(command.q) || !isSound(command.qd)) return TickStatus::Faulted;
+        out = command;
+        return tickStatus();
+    }
+    const JointLimits* sampleLimits(double t) override {
+        box().time = t;
+        call(Request::SampleLimits);
+        if (!box().answer) return nullptr;
+        if (!isSound(box().limits)) {
+            limits_ = {};  // of no size, and refused for it
+        } else {
+            limits_ = box().limits;
+        }
+        return &limits_;
+    }
+
+private:
+    JointLimits limits_;
+};
+
+class IsolatedController : public Isolated<NominalController> {
+public:
+    IsolatedController(const std::function<PluginPtr<NominalController>()>& make, PluginWatch& watch, double watchdog_s)
+        : Isolated(make, watch, watchdog_s), followsJoint_(box().followsJoint), followsTool_(box().followsTool) {}
+    bool follows(MotionCommand::Space space) const override {
+        return space == MotionCommand::Space::Joint ? followsJoint_ : followsTool_;
+    }
+    TickStatus compute(const MotionCommand& command, const MotionState& nominal, const Dynamics& dynamics,
+                       JointVector& torque) override {
+        box().command = command;
+        box().nominal = nominal;
+        box().dynamics = dynamics;
+        call(Request::Compute);
+        if (!isSound(box().torqueOut)) return TickStatus::Faulted;
+        torque = box().torqueOut;
+        return tickStatus();
+    }
+
+private:
+    bool followsJoint_, followsTool_;
+};
+
+class IsolatedFilter : public Isolated<SafetyFilter> {
+public:
+    IsolatedFilter(const std::function<PluginPtr<SafetyFilter>()>& make, PluginWatch& watch, double watchdog_s)
+        : Isolated(make, watch, watchdog_s),
+          guarantees_(box().guarantees),
+          guaranteesClearance_(box().guaranteesClearance),
+          recovers_(box().recovers) {}
+    bool guaranteesLimits() const override { return guarantees_; }
+    bool guaranteesClearance() const override { return guaranteesClearance_; }
+    bool recovers() const override { return recovers_; }
+    bool changeLimits(const JointLimits& limits) override {
+        box().limits = limits;
+        call(Request::ChangeLimits);
+        return box().answer;
+    }
+    void skipTicks(std::int64_t ticks) override {
+        box().ticks = ticks;
+        call(Request::SkipTicks);
+    }
+    FilterStatus filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
+                        FilterDecision& decision) override {
+        box().nominal = nominal;
+        box().torque = torque;
+        box().dynamics = dynamics;
+        call(Request::Filter);
+        const FilterDecision& made = box().decision;
+        if (!isSound(made.torque) || !isSound(made.acceleration) || !isSound(made.jerk) || box().status < 0 ||
+            box().status > static_cast<int>(FilterStatus::Ended))
+            return FilterStatus::Faulted;
+        decision = made;
+        return static_cast<FilterStatus>(box().status);
+    }
+
+private:
+    bool guarantees_, guaranteesClearance_, recovers_;
+};
+
+class IsolatedRobustLoop : public Isolated<RobustLoop> {
+public:
+    using Isolated::Isolated;
+    TickStatus compute(const JointState& real, const MotionState& nominal, const JointVector& filterTorque,
+                       JointVector& torque) override {
+        box().real = real;
+        box().nominal = nominal;
+        box().torque = filterTorque;
+        call(Request::Compute);
+        if (!isSound(box().torqueOut)) return TickStatus::Faulted;
+        torque = box().torqueOut;
+        return tickStatus();
+    }
+    void holdIntegral() override { call(Request::HoldIntegral); }
+};
+
+class IsolatedPlant : public Isolated<RealPlant> {
+public:
+    IsolatedPlant(const std::function<PluginPtr<RealPlant>()>& make, PluginWatch& watch, double watchdog_s)
+        : Isolated(make, watch, watchdog_s), hasExternalTorque_(box().hasExternalTorque) {}
+    void reset(const MotionState& start) override {
+        Isolated::reset(start);
+        read();
+    }
+    const JointState& measured() const override { return measured_; }
+    const JointState& actual() const override { return actual_; }
+    const JointVector* externalTorque() const override { return hasExternalTorque_ ? &external_ : nullptr; }
+    TickStatus advance(const JointVector& torque, JointVector& applied) override {
+        box().torque = torque;
+        call(Request::Advance);
+        const TickStatus status = tickStatus();
+        if (!isSound(box().torqueOut)) return TickStatus::Faulted;
+        applied = box().torqueOut;
+        read();
+        return status;
+    }
+
+private:
+    void read() {
+        call(Request::ReadPlant);
+        if (isSound(box().real) && isSound(box().actual)) {
+            measured_ = box().real;
+            actual_ = box().actual;
+        } else {
+            measured_ = actual_ = {};  // of no size, and refused for it
+        }
+        if (isSound(box().external))
+            external_ = box().external;
+        else
+            external_.resize(0);  // likewise
+    }
+    JointState measured_, actual_;
+    JointVector external_;
+    bool hasExternalTorque_;
+};
+
+template <class Interface>
+struct StandIn;
+template <>
+struct StandIn<CommandSource> {
+    using Type = IsolatedCommandSource;
+};
+template <>
+struct StandIn<NominalController> {
+    using Type = IsolatedController;
+};
+template <>
+struct StandIn<SafetyFilter> {
+    using Type = IsolatedFilter;
+};
+template <>
+struct StandIn<RobustLoop> {
+    using Type = IsolatedRobustLoop;
+};
+template <>
+struct StandIn<RealPlant> {
+    using Type = IsolatedPlant;
+};
+
+}  // namespace
+
+template <class Interface>
+PluginPtr<Interface> isolatePlugin(const std::function<PluginPtr<Interface>()>& make, PluginWatch& watch,
+                                   double watchdog_s) {
+    Interface* plugin = new typename StandIn<Interface>::Type(make, watch, watchdog_s);
+    return PluginPtr<Interface>(plugin, [](void* object) { delete static_cast<Interface*>(object); });
+}
+
+template PluginPtr<CommandSource> isolatePlugin(const std::function<PluginPtr<CommandSource>()>&, PluginWatch&, double);
+template PluginPtr<NominalController> isolatePlugin(const std::function<PluginPtr<NominalController>()>&, PluginWatch&,
+                                                    double);
+template PluginPtr<SafetyFilter> isolatePlugin(const std::function<PluginPtr<SafetyFilter>()>&, PluginWatch&, double);
+template PluginPtr<RobustLoop> isolatePlugin(const std::function<PluginPtr<RobustLoop>()>&, PluginWatch&, double);
+template PluginPtr<RealPlant> isolatePlugin(const std::function<PluginPtr<RealPlant>()>&, PluginWatch&, double);
+
+}  // namespace viable

@@ -1,0 +1,118 @@
+#include "host/PluginCall.h"
+
+#include <cstdio>
+
+#include "host/FloatingPointGuard.h"
+
+namespace viable {
+
+namespace {
+
+std::array<CallSlot, 256> slots;
+std::atomic<AllocationCount> allocationCounter{nullptr};
+
+/** A thread's hold on its slot. */
+struct SlotOwner {
+    CallSlot* slot = nullptr;
+    bool asked = false;
+    ~SlotOwner() {
+        if (slot) slot->taken.store(false, std::memory_order_release);
+    }
+};
+thread_local SlotOwner owner;
+// Beside the owner, without a destructor: a signal handler may read it at any time.
+thread_local CallSlot* ownSlot = nullptr;
+
+CallSlot* takeSlot() {
+    if (owner.asked) return ownSlot;
+    owner.asked = true;
+    for (CallSlot& slot : slots) {
+        if (slot.taken.exchange(true, std::memory_order_acq_rel)) continue;
+        owner.slot = ownSlot = &slot;
+        break;
+    }
+    return ownSlot;
+}
+
+}  // namespace
+
+PluginWatch::PluginWatch(const PluginInfo& plugin)
+    : title(std::string("the ") + getName(plugin.kind) + " plugin '" + plugin.name + "' (" + plugin.library.string() +
+            ")") {}
+
+const std::array<CallSlot, 256>& callSlots() {
+    return slots;
+}
+
+const CallSlot* ownCallSlot() {
+    return ownSlot;
+}
+
+void setAllocationCounter(AllocationCount count) {
+    allocationCounter = count;
+}
+
+std::int64_t countAllocations() {
+    const AllocationCount count = allocationCounter.load(std::memory_order_relaxed);
+    return count ? count() : 0;
+}
+
+PluginCall::PluginCall(PluginWatch* watch, std::int64_t tick) noexcept
+    : watch_(watch), tick_(tick), control_(FloatingPointGuard::readModes()) {
+    if (!watch_) return;
+    if (CallSlot* slot = takeSlot()) {
+        outerWatch_ = slot->watch.load(std::memory_order_relaxed);
+        outerTick_ = slot->tick.load(std::memory_order_relaxed);
+        slot->tick.store(tick, std::memory_order_relaxed);
+        slot->watch.store(watch_, std::memory_order_release);
+        slot->calls.fetch_add(1, std::memory_order_relaxed);
+    }
+    allocations_ = countAllocations();
+}
+
+PluginCall::~PluginCall() {
+    if (!watch_) return;
+    if (CallSlot* slot = ownSlot) {
+        slot->tick.store(outerTick_, std::memory_order_relaxed);
+        slot->watch.store(outerWatch_, std::memory_order_release);
+        slot->calls.fetch_add(1, std::memory_order_relaxed);
+    }
+    if (tick_ < kWarmUpTicks || countAllocations() == allocations_) return;
+    if (watch_->lastAllocation == tick_) return;  // in an earlier call of the same tick
+    if (watch_->firstAllocation < 0) watch_->firstAllocation = tick_;
+    watch_->lastAllocation = tick_;
+    ++watch_->allocatingTicks;
+}
+
+std::string formatArithmeticChange(const char* change) {
+    char text[160];
+    std::snprintf(text, sizeof text, kArithmeticChange, change);
+    return text;
+}
+
+const char* PluginCall::undoArithmeticChange() noexcept {
+    const char* change = FloatingPointGuard::findChange(control_);
+    if (change) FloatingPointGuard::setModes(control_);
+    return change;
+}
+
+void resetPlugin(Plugin& plugin, PluginKind kind, PluginWatch* watch, const MotionState& start) {
+    const std::string who = watch ? watch->title : std::string("the ") + getName(kind) + " plugin";
+    PluginCall call(watch, kBeforeFirstTick);
+    try {
+        plugin.reset(start);
+    } catch (const PluginFault& e) {
+        throw Error(ErrorKind::PluginFailed, who, e.what(), e.remedy());
+    } catch (const Error& e) {
+        if (!watch) throw;
+        throw Error(ErrorKind::PluginFailed, who, std::string("threw in reset(): ") + e.what(), kOnThrow);
+    } catch (const std::exception& e) {
+        throw Error(ErrorKind::PluginFailed, who, std::string("threw in reset(): ") + e.what(), kOnThrow);
+    } catch (...) {
+        throw Error(ErrorKind::PluginFailed, who, "threw something that is no std::exception in reset()", kOnThrow);
+    }
+    if (const char* change = call.undoArithmeticChange())
+        throw Error(ErrorKind::PluginFailed, who, formatArithmeticChange(change), kOnArithmeticChange);
+}
+
+}  // namespace viable

@@ -1,0 +1,634 @@
+#include "loop/ControlLoop.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <exception>
+#include <limits>
+
+#include "core/FarthestJoint.h"
+#include "viable/core/Error.h"
+#include "viable/summary/Summary.h"
+
+namespace viable {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr double kPi = 3.14159265358979323846;
+
+bool isUsable(const MotionCommand& command, int n) {
+    if (command.space == MotionCommand::Space::Joint) return isFinite(command.q, n) && isFinite(command.qd, n);
+    return command.tool.position.allFinite() && command.tool.orientation.coeffs().allFinite() &&
+           command.toolTwist.allFinite();
+}
+
+/** Accelerations [rad/s^2] and torques [Nm] beyond this are no arm's: a few ticks later the arithmetic itself
+would overflow. */
+constexpr double kLargestDecision = 1e9;
+/** A decision's jerk and acceleration may differ by rounding only; relative. */
+constexpr double kAgreement = 1e-9;
+
+bool isBounded(const JointVector& v, int n) {
+    return isFinite(v, n) && v.lpNorm<Eigen::Infinity>() <= kLargestDecision;
+}
+
+/** A decision's torque and what its acceleration needs, too; relative. Solving for the acceleration of a given torque
+may cost some digits where M is ill-conditioned. */
+constexpr double kTorqueAgreement = 1e-6;
+
+/** What the plugin wrote is one of the words that the log and the summary know. */
+bool areKnown(FilterStatus status, const FilterDecision& d, int n) {
+    if (status > FilterStatus::Ended || d.held > HeldQuantity::Acceleration) return false;
+    for (int i = 0; i < n; ++i)
+        if (d.joints[i].limit > LimitKind::Clearance || d.joints[i].side < LimitSide::Lower ||
+            d.joints[i].side > LimitSide::Upper)
+            return false;
+    return true;
+}
+
+/** The torque moves the nominal arm as the decision says. */
+bool agreesWithMotion(const FilterDecision& d, const Dynamics& dynamics, int n) {
+    for (int i = 0; i < n; ++i) {
+        double needed = dynamics.b[i], size = 1.0 + std::abs(dynamics.b[i]);
+        for (int k = 0; k < n; ++k) {
+            needed += dynamics.M(i, k) * d.acceleration[k];
+            size += std::abs(dynamics.M(i, k) * d.acceleration[k]);
+        }
+        if (!(std::abs(d.torque[i] - needed) <= kTorqueAgreement * size)) return false;
+    }
+    return true;
+}
+
+/** What is wrong with a decision, or null. */
+const char* findFault(const FilterDecision& d, const MotionState& nominal, const Dynamics& dynamics, double tick_s,
+                      int n) {
+    if (!isFinite(d.torque, n) || !isFinite(d.acceleration, n) || !isFinite(d.jerk, n))
+        return "its decision has the wrong size or is not finite";
+    if (!isBounded(d.torque, n) || !isBounded(d.acceleration, n) || !isBounded(d.jerk * tick_s, n))
+        return "its decision is beyond 1e9";
+    const double share = d.held == HeldQuantity::Jerk ? 0.5 : 1.0;
+    for (int i = 0; i < n; ++i) {
+        const double reached = nominal.qdd[i] + share * tick_s * d.jerk[i];
+        const double scale = 1.0 + std::abs(d.acceleration[i]) + std::abs(nominal.qdd[i]);
+        if (std::abs(reached - d.acceleration[i]) > kAgreement * scale)
+            return "the jerk and the acceleration of its decision contradict each other";
+    }
+    if (!agreesWithMotion(d, dynamics, n))
+        return "the torque of its decision is not the one that its acceleration needs";
+    return nullptr;
+}
+
+// What the author of a plugin can do about its failures.
+constexpr char kOnDecision[] =
+    "Fill the decision with holdJerk() or holdAcceleration(), which keep its parts together.";
+constexpr char kOnGivingUp[] = "It says so itself: its README tells when it does; if it is yours, look at its checks.";
+constexpr char kOnGuarantee[] =
+    "The decision was not applied. Mend the filter, or let guaranteesLimits() return false.";
+constexpr char kOnFixedLimits[] = "Use `hold_on: nominal`, or a command that leaves the limits alone.";
+constexpr char kOnLimits[] =
+    "Give limits for every joint, the lower below the upper, zero between those of velocity, acceleration and jerk; or "
+    "use a "
+    "filter that can change them, such as certified_braking.";
+
+constexpr char kOnJump[] =
+    "Check the encoder and its wiring: a wrap, a lost count, swapped channels. The robust loop was not given it.";
+constexpr char kOnLostTracking[] =
+    "Look what acted on the arm then: a push, a payload, a sensor that failed. What belongs to the task "
+    "belongs into `disturbance_set`, which widens the bound.";
+
+constexpr char kOnLeftLimits[] =
+    "The bound holds while the nominal arm keeps the limits: use a filter that guarantees them, such as "
+    "certified_braking.";
+
+bool areWithin(const JointBounds& bounds, const JointVector& values) {
+    for (Eigen::Index i = 0; i < values.size(); ++i) {
+        const double lower = bounds.lower[i], upper = bounds.upper[i];
+        const double tolerance = kOutsideShare * calcLimitScale(lower, upper);
+        if (!(values[i] >= lower - tolerance && values[i] <= upper + tolerance)) return false;
+    }
+    return true;
+}
+
+/** Why the arm is braked when a plugin of the kind fails. */
+StopReason getReason(PluginKind kind) {
+    switch (kind) {
+        case PluginKind::CommandSource:
+            return StopReason::CommandFailed;
+        case PluginKind::NominalController:
+            return StopReason::ControllerFailed;
+        case PluginKind::SafetyFilter:
+            return StopReason::FilterFailed;
+        case PluginKind::RobustLoop:
+            return StopReason::RobustLoopFailed;
+        case PluginKind::RealPlant:
+            return StopReason::PlantFailed;
+    }
+    return StopReason::None;
+}
+
+}  // namespace
+
+void destroyPlugins(LoopPlugins& plugins) noexcept {
+    const auto destroy = [&](auto& plugin, PluginKind kind) {
+        const PluginCall call(plugins.watches[static_cast<std::size_t>(kind)], kAfterLastTick);
+        plugin.reset();
+    };
+    destroy(plugins.realPlant, PluginKind::RealPlant);
+    destroy(plugins.robustLoop, PluginKind::RobustLoop);
+    destroy(plugins.filter, PluginKind::SafetyFilter);
+    destroy(plugins.controller, PluginKind::NominalController);
+    destroy(plugins.command, PluginKind::CommandSource);
+}
+
+/** Splits a tick's time between its stages. */
+class StageTimer {
+public:
+    explicit StageTimer(TickRecord& record) : record_(record), begin_(Clock::now()), last_(begin_) {
+        for (int i = 0; i < kStageCount; ++i) record_.stage_us[i] = 0.0;
+    }
+    void mark(Stage stage) {
+        const Clock::time_point now = Clock::now();
+        record_.stage_us[static_cast<int>(stage)] += std::chrono::duration<double, std::micro>(now - last_).count();
+        last_ = now;
+    }
+    void finish() { record_.compute_us = std::chrono::duration<double, std::micro>(Clock::now() - begin_).count(); }
+
+private:
+    TickRecord& record_;
+    Clock::time_point begin_, last_;
+};
+
+ControlLoop::ControlLoop(const RunSetup& setup, LoopPlugins plugins, const RealArmOptions& options)
+    : setup_(setup), plugins_(std::move(plugins)), options_(options), model_(setup.robot), n_(setup.size()) {
+    VIABLE_CHECK(!options_.bound || options_.bound->measured.size() == n_, "a tracking bound of another arm");
+    reset();
+}
+
+ControlLoop::~ControlLoop() {
+    destroyPlugins(plugins_);
+}
+
+void ControlLoop::reset() {
+    tickIndex_ = 0;
+    nominal_ = setup_.start;
+    real_ = actual_ = plausible_ = {nominal_.q, nominal_.qd};
+    isPlausible_.fill(true);
+    hasTorque_ = false;
+    missingCommands_ = missingTorques_ = missingExternalTorques_ = 0;
+    isTrackingLost_ = isIntegralHeld_ = hasLeftLimits_ = false;
+    externalTorque_.setZero(options_.feedsExternalTorque ? n_ : 0);
+    substituted_ = 0;
+    stopReason_ = StopReason::None;
+    stopTime_ = 0.0;
+    stopMessage_[0] = '\0';
+    stopRemedy_ = "";
+    stopBegun_ = ended_ = robustLoopFailed_ = false;
+    missedInRow_ = 0;
+    limits_ = setup_.limits;
+    largestJump_.setZero(n_);
+    deviation_.setZero(n_);
+    widenJumps();
+    for (JointVector* v : {&desiredTorque_, &newTorque_, &robustTorque_, &motorTorque_, &appliedTorque_})
+        v->setZero(n_);
+    decision_ = {};
+    command_ = {};
+    command_.q = setup_.start.q;
+    command_.qd.setZero(n_);
+    command_.tool = setup_.startTool;
+    command_.space = plugins_.command->space();
+    const auto resetOne = [&](auto& plugin, PluginKind kind) {
+        if (plugin) resetPlugin(*plugin, kind, findWatch(kind), nominal_);
+    };
+    resetOne(plugins_.command, PluginKind::CommandSource);
+    resetOne(plugins_.controller, PluginKind::NominalController);
+    resetOne(plugins_.filter, PluginKind::SafetyFilter);
+    resetOne(plugins_.robustLoop, PluginKind::RobustLoop);
+    resetOne(plugins_.realPlant, PluginKind::RealPlant);
+    guarantees_ = plugins_.filter->guaranteesLimits();
+    monitor_.reset(nominal_, limits_, setup_.tick_s, guarantees_, plugins_.filter->recovers());
+}
+
+double ControlLoop::time() const {
+    return static_cast<double>(tickIndex_) * setup_.tick_s;
+}
+
+bool ControlLoop::hasStopped() const {
+    return ended_ || (stopBegun_ && monitor_.atRest(nominal_));
+}
+
+void ControlLoop::beginStop(StopReason reason, const char* message, const char* remedy) noexcept {
+    if (stopReason_ != StopReason::None && !(stopReason_ == StopReason::Requested && reason != StopReason::Requested))
+        return;
+    stopReason_ = reason;
+    stopTime_ = time();
+    std::snprintf(stopMessage_, sizeof stopMessage_, "%s", message);
+    stopRemedy_ = remedy;
+}
+
+template <class Status, class Call>
+Status ControlLoop::contain(PluginKind kind, Status faulted, const Call& call) noexcept {
+    PluginCall mark(findWatch(kind), tickIndex_);
+    char message[sizeof stopMessage_] = "";
+    const char* remedy = kOnThrow;
+    Status status = faulted;
+    try {
+        status = call();
+    } catch (const PluginFault& e) {
+        std::snprintf(message, sizeof message, "%s", e.what());
+        remedy = e.remedy();
+    } catch (const std::exception& e) {
+        std::snprintf(message, sizeof message, "it threw: %s", e.what());
+    } catch (...) {
+        std::snprintf(message, sizeof message, "it threw something that is no std::exception");
+    }
+    if (const char* change = mark.undoArithmeticChange(); change && !*message) {
+        std::snprintf(message, sizeof message, kArithmeticChange, change);
+        remedy = kOnArithmeticChange;
+        status = faulted;
+    }
+    if (*message) {
+        mark.forgetAllocations();
+        beginStop(getReason(kind), message, remedy);
+    }
+    return status;
+}
+
+void ControlLoop::lookAtPlant() {
+    const JointVector before = real_.q;
+    readState();
+    if (options_.feedsExternalTorque) readExternalTorque();
+    judgeReading(before);  // a jump says more than that the error is large
+    checkTracking();
+}
+
+void ControlLoop::readState() {
+    const TickStatus status = contain(PluginKind::RealPlant, TickStatus::Faulted, [&] {
+        const JointState& measured = plugins_.realPlant->measured();
+        const JointState& actual = plugins_.realPlant->actual();
+        if (!isFinite(measured, n_) || !isFinite(actual, n_)) return TickStatus::Faulted;
+        real_ = measured;
+        actual_ = actual;
+        return TickStatus::Ok;
+    });
+    if (status == TickStatus::Ok) return;
+    beginStop(StopReason::PlantFailed, "the state that it reports has the wrong size or is not finite", kOnValues);
+    ended_ = true;
+}
+
+/** An unusable value is replaced by the last good one, for a while. */
+void ControlLoop::readExternalTorque() {
+    const TickStatus status = contain(PluginKind::RealPlant, TickStatus::Faulted, [&] {
+        const JointVector* torque = plugins_.realPlant->externalTorque();
+        if (!torque || !isBounded(*torque, n_)) return TickStatus::Faulted;
+        externalTorque_ = *torque;
+        return TickStatus::Ok;
+    });
+    if (status == TickStatus::Ok) {
+        missingExternalTorques_ = 0;
+        return;
+    }
+    if (++missingExternalTorques_ <= kMaxSubstitutedTicks) return;
+    externalTorque_.setZero();
+    beginStop(StopReason::SensorFailed,
+              "the external torque that it reports has the wrong size, is not finite or beyond 1e9", kOnValues);
+}
+
+/** Brakes an arm that does not follow, and keeps the robust loop from pressing it harder and harder. */
+void ControlLoop::checkTracking() {
+    if (!options_.bound || isTrackingLost_ || ended_) return;
+    watchNominal();
+    const JointVector error = real_.q - nominal_.q;
+    const int i = detail::findFarthestBeyond(error, options_.bound->measured);
+    if (i < 0) return;
+    isTrackingLost_ = true;
+    const JointDescription& joint = setup_.robot.joints[static_cast<std::size_t>(i)];
+    const char* const unit = joint.type == JointType::Prismatic ? "m" : "rad";
+    char message[sizeof stopMessage_];
+    char cause[160] = "what acts on the arm, or the sensor's error, has left the stated disturbance set";
+    if (hasLeftLimits_)
+        std::snprintf(cause, sizeof cause, "the nominal arm had left the limits that the bound is for, first at %.4f s",
+                      leftLimits_s_);
+    std::snprintf(message, sizeof message,
+                  "%.60s was measured %.4g %s from its nominal place, beyond its bound of %.4g %s: %s",
+                  joint.name.c_str(), std::abs(error[i]), unit, options_.bound->measured[i], unit, cause);
+    beginStop(StopReason::TrackingLost, message, hasLeftLimits_ ? kOnLeftLimits : kOnLostTracking);
+    holdIntegral();
+}
+
+/** Beyond the limits that it is for the bound says nothing, and a trip nothing of the disturbances. */
+void ControlLoop::watchNominal() {
+    if (hasLeftLimits_) return;
+    const JointLimits& limits = setup_.limits;
+    hasLeftLimits_ = !areWithin(limits.position, nominal_.q) || !areWithin(limits.velocity, nominal_.qd) ||
+                     !areWithin(limits.acceleration, nominal_.qdd) ||
+                     !areWithin(limits.jerk, decision_.jerk);  // none before the first tick
+    leftLimits_s_ = time();
+}
+
+void ControlLoop::holdIntegral() {
+    if (isIntegralHeld_) return;
+    isIntegralHeld_ = true;
+    contain(PluginKind::RobustLoop, TickStatus::Faulted, [&] {
+        plugins_.robustLoop->holdIntegral();
+        return TickStatus::Ok;
+    });
+}
+
+/** A joint's reading that no motion explains is not taken as plausible, nor is any after it; the other joints keep theirs. */
+void ControlLoop::judgeReading(const JointVector& before) {
+    // The first reading may be anywhere: there is none before it.
+    const bool judges = options_.judgesReadings && tickIndex_ > 0 && !ended_;
+    for (int i = 0; i < n_; ++i) {
+        const auto at = static_cast<std::size_t>(i);
+        const double jump = std::abs(real_.q[i] - before[i]);
+        if (judges && isPlausible_[at] && jump > largestJump_[i]) {
+            isPlausible_[at] = false;
+            const JointDescription& joint = setup_.robot.joints[at];
+            const char* const unit = joint.type == JointType::Prismatic ? "m" : "rad";
+            char message[sizeof stopMessage_];
+            std::snprintf(message, sizeof message,
+                          "the position that it reports of %.60s jumped by %.4g %s in a tick, in which %.4g "
+                          "%s would be more than any motion of it",
+                          joint.name.c_str(), jump, unit, largestJump_[i], unit);
+            beginStop(StopReason::SensorFailed, message, kOnJump);
+            holdIntegral();
+        }
+        if (isPlausible_[at]) {
+            plausible_.q[i] = real_.q[i];
+            plausible_.qd[i] = real_.qd[i];
+            deviation_[i] = real_.q[i] - nominal_.q[i];
+        } else {
+            plausible_.q[i] = nominal_.q[i] + deviation_[i];
+            plausible_.qd[i] = nominal_.qd[i];
+        }
+    }
+}
+
+/** Widens what counts as a motion by the velocity limits in force; see kJumpSpeeds. */
+void ControlLoop::widenJumps() {
+    for (int i = 0; i < n_; ++i) {
+        const double speed =
+            std::max({-limits_.velocity.lower[i], limits_.velocity.upper[i], std::abs(setup_.start.qd[i])});
+        const double counts = setup_.robot.actuation.encoderCounts[i];
+        const bool slides = setup_.robot.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic;
+        const double count = counts > 0.0 ? (slides ? 1.0 : 2.0 * kPi) / counts : 0.0;
+        double noMotion = kJumpSpeeds * speed * setup_.tick_s + kJumpCounts * count;
+        if (const TrackingBound* bound = options_.bound)
+            noMotion = std::max(noMotion, (speed + bound->velocity[i]) * setup_.tick_s +
+                                              2.0 * (bound->measured[i] - bound->position[i]));
+        else
+            noMotion = std::max(noMotion, slides ? kLeastJump_m : kLeastJumpTurns * 2.0 * kPi);
+        largestJump_[i] = std::max(largestJump_[i], noMotion);
+    }
+}
+
+void ControlLoop::takeCommand(double t) {
+    const TickStatus status = contain(PluginKind::CommandSource, TickStatus::Faulted,
+                                      [&] { return plugins_.command->sample(t, newCommand_); });
+    if (status == TickStatus::Ok && newCommand_.space == command_.space && isUsable(newCommand_, n_)) {
+        command_ = newCommand_;
+        missingCommands_ = 0;
+        return;
+    }
+    if (++missingCommands_ > kMaxSubstitutedTicks)
+        beginStop(StopReason::CommandFailed, "it gave no usable command (wrong size, not finite or not Ok)", kOnValues);
+}
+
+void ControlLoop::takeTorque() {
+    const TickStatus status = contain(PluginKind::NominalController, TickStatus::Faulted, [&] {
+        return plugins_.controller->compute(command_, nominal_, dynamics_, newTorque_);
+    });
+    if (status == TickStatus::Ok && isFinite(newTorque_, n_)) {
+        desiredTorque_ = newTorque_;
+        hasTorque_ = true;
+        missingTorques_ = 0;
+        return;
+    }
+    // Before the first good torque, gravity compensation is the harmless stand-in.
+    if (!hasTorque_) desiredTorque_ = dynamics_.gravity;
+    ++substituted_;
+    if (++missingTorques_ > kMaxSubstitutedTicks)
+        beginStop(StopReason::ControllerFailed, "it gave no usable torque (wrong size, not finite or not Ok)",
+                  kOnValues);
+}
+
+void ControlLoop::takeLimits(double t) {
+    const JointLimits* limits = nullptr;
+    contain(PluginKind::CommandSource, TickStatus::Faulted, [&] {
+        limits = plugins_.command->sampleLimits(t);
+        return TickStatus::Ok;
+    });
+    if (!limits) return;
+    if (options_.fixesLimits) {
+        beginStop(StopReason::CommandFailed,
+                  "it changed the limits, which hold_on: real has made tighter for the whole run", kOnFixedLimits);
+        return;
+    }
+    if (!areUsable(*limits, n_, setup_.tick_s)) {
+        beginStop(StopReason::CommandFailed,
+                  "the limits that it gave are not usable at this tick (size, sign, order or window)", kOnLimits);
+        return;
+    }
+    const FilterStatus status = contain(PluginKind::SafetyFilter, FilterStatus::Faulted, [&] {
+        return plugins_.filter->changeLimits(*limits) ? FilterStatus::Passed : FilterStatus::Faulted;
+    });
+    if (status == FilterStatus::Faulted) {
+        beginStop(StopReason::FilterFailed, "the command changed the limits, and it cannot change its own during a run",
+                  kOnLimits);
+        return;
+    }
+    limits_ = *limits;
+    widenJumps();
+    monitor_.changeLimits(limits_, nominal_);
+}
+
+void ControlLoop::tellMissedTicks() {
+    if (missedInRow_ == 0) return;
+    contain(PluginKind::SafetyFilter, FilterStatus::Faulted, [&] {
+        plugins_.filter->skipTicks(missedInRow_);
+        return FilterStatus::Passed;
+    });
+    missedInRow_ = 0;
+}
+
+/** What a filter need not say of every decision is not that of the one before. */
+void ControlLoop::forgetRemarks() {
+    decision_.hasStops = false;
+    decision_.clearance = {};
+    decision_.mapAge_s = 0.0;
+}
+
+bool ControlLoop::takeDecision() {
+    forgetRemarks();
+    status_ = contain(PluginKind::SafetyFilter, FilterStatus::Faulted, [&] {
+        if (externalTorque_.size() == 0) return plugins_.filter->filter(nominal_, desiredTorque_, dynamics_, decision_);
+        const JointVector wanted = desiredTorque_ + externalTorque_;
+        return plugins_.filter->filter(nominal_, wanted, dynamics_, decision_);
+    });
+    if (status_ == FilterStatus::Ended && !guarantees_) {
+        beginStop(StopReason::FilterEnded, "it had no admissible choice and does not go on");
+        return false;
+    }
+    const char* fault = status_ == FilterStatus::Faulted        ? "it reported that it cannot go on"
+                        : status_ == FilterStatus::Ended        ? "it guarantees all limits, but ended the case"
+                        : status_ == FilterStatus::InvalidInput ? "it refused its input as invalid"
+                        : !areKnown(status_, decision_, n_)
+                            ? "its status or an acting limit is none of the words there are"
+                            : findFault(decision_, nominal_, dynamics_, setup_.tick_s, n_);
+    const bool gaveUp =
+        status_ == FilterStatus::Faulted || status_ == FilterStatus::Ended || status_ == FilterStatus::InvalidInput;
+    if (fault)
+        beginStop(StopReason::FilterFailed, fault,
+                  gaveUp                           ? kOnGivingUp
+                  : isFinite(decision_.torque, n_) ? kOnDecision
+                                                   : kOnValues);
+    return !fault && passMonitor();
+}
+
+/** False: the decision must not be applied. */
+bool ControlLoop::passMonitor() {
+    const StopMonitor::Finding& finding = monitor_.examine(nominal_, decision_);
+    verdict_ = finding.verdict;
+    if (verdict_ != StopVerdict::NoStop || !guarantees_) {
+        monitor_.accept();
+        return true;
+    }
+    char what[256];
+    monitor_.describe(finding, setup_.robot.joints[static_cast<std::size_t>(finding.joint)].name.c_str(), what,
+                      sizeof what);
+    char message[sizeof stopMessage_];
+    std::snprintf(message, sizeof message, "it guarantees all limits, but %s", what);
+    beginStop(StopReason::GuaranteeBroken, message, kOnGuarantee);
+    return false;
+}
+
+void ControlLoop::followStop() {
+    if (hasStopped()) {  // what rounding has left of the motion must not carry the arm away
+        nominal_.qd.setZero();
+        nominal_.qdd.setZero();
+    }
+    forgetRemarks();
+    verdict_ = monitor_.followStop(nominal_, dynamics_, decision_).verdict;
+    status_ = FilterStatus::StoppedByPlan;
+    if (!findFault(decision_, nominal_, dynamics_, setup_.tick_s, n_)) return;
+    beginStop(StopReason::FilterFailed, "the nominal state has left the range of numbers");
+    decision_.torque.setZero(n_);  // the nominal state itself is beyond all arithmetic
+    decision_.acceleration.setZero(n_);
+    decision_.jerk.setZero(n_);
+    ended_ = true;
+}
+
+void ControlLoop::takeRobustTorque() {
+    motorTorque_ = decision_.torque;  // the motors' share of what moves the nominal arm
+    if (externalTorque_.size() > 0) motorTorque_ -= externalTorque_;
+    if (!robustLoopFailed_) {
+        const TickStatus status = contain(PluginKind::RobustLoop, TickStatus::Faulted, [&] {
+            return plugins_.robustLoop->compute(plausible_, nominal_, motorTorque_, robustTorque_);
+        });
+        if (status == TickStatus::Ok && isBounded(robustTorque_, n_)) return;
+        beginStop(StopReason::RobustLoopFailed,
+                  "it gave no usable torque (wrong size, not finite, beyond 1e9 or not Ok)", kOnValues);
+        robustLoopFailed_ = true;
+    }
+    robustTorque_.setZero(n_);
+}
+
+void ControlLoop::drivePlant() {
+    motorTorque_ += robustTorque_;
+    const TickStatus status = contain(PluginKind::RealPlant, TickStatus::Faulted,
+                                      [&] { return plugins_.realPlant->advance(motorTorque_, appliedTorque_); });
+    if (status == TickStatus::Ok && isFinite(appliedTorque_, n_)) return;
+    beginStop(StopReason::PlantFailed, "it could not advance (its state would not be finite)", kOnGivingUp);
+    appliedTorque_.setZero(n_);
+    ended_ = true;
+}
+
+void ControlLoop::fillRecord(TickRecord& record, bool decided) const {
+    record.time_s = time();
+    record.command = command_;
+    record.nominal.q = nominal_.q;
+    record.nominal.qd = nominal_.qd;
+    record.nominal.qdd = nominal_.qdd;
+    record.nominal.jerk = decision_.jerk;
+    record.tool = dynamics_.tool;
+    record.real = real_;
+    record.actual = actual_;
+    record.desiredTorque = desiredTorque_;
+    record.filterTorque = decision_.torque;
+    record.externalTorque = externalTorque_;
+    record.removedTorque.setZero(n_);
+    if (decided) {
+        record.removedTorque = desiredTorque_ - decision_.torque;
+        if (externalTorque_.size() > 0) record.removedTorque += externalTorque_;
+    }
+    if (missingExternalTorques_ > 0) record.externalTorque.setConstant(std::numeric_limits<double>::quiet_NaN());
+    record.status = status_;
+    record.joints = decision_.joints;
+    for (int i = 0; i < n_; ++i) record.stops[i] = monitor_.stop(i);
+    record.verdict = verdict_;
+    record.clearance = decision_.clearance;
+    record.mapAge_s = decision_.mapAge_s;
+    record.limits = limits_;
+    record.braking = isStopping();
+    record.missed = missedInRow_ > 0;
+    record.substituted = substituted_;
+}
+
+/** The tick's decision stands: what fails from here on brakes the arm from the next tick on. */
+void ControlLoop::finishTick(TickRecord& record, StageTimer& timer) {
+    if (plugins_.realPlant && !ended_) {
+        takeRobustTorque();
+        timer.mark(Stage::Robust);
+        drivePlant();
+        timer.mark(Stage::Plant);
+    }
+    record.robustTorque = robustTorque_;
+    record.motorTorque = appliedTorque_;
+
+    advanceNominal(decision_, setup_.tick_s, nominal_);
+    ++tickIndex_;
+    timer.finish();
+}
+
+void ControlLoop::tick(TickRecord& record) noexcept {
+    StageTimer timer(record);
+    if (plugins_.realPlant) lookAtPlant();
+    timer.mark(Stage::Plant);
+    if (!isStopping()) takeCommand(time());
+    if (!isStopping()) tellMissedTicks();
+    if (!isStopping()) takeLimits(time());
+    timer.mark(Stage::Command);
+    model_.calcDynamics(nominal_.q, nominal_.qd, dynamics_);
+    timer.mark(Stage::Dynamics);
+    if (!isStopping()) takeTorque();
+    timer.mark(Stage::Controller);
+    const bool decided = !isStopping() && takeDecision();
+    if (!decided) {
+        stopBegun_ = true;
+        followStop();
+    }
+    missedInRow_ = 0;
+    timer.mark(Stage::Filter);
+    fillRecord(record, decided);
+    finishTick(record, timer);
+}
+
+void ControlLoop::missTick(TickRecord& record) noexcept {
+    if (++missedInRow_ > kMaxMissedTicks)
+        beginStop(StopReason::TicksMissed, "more than 1000 ticks in a row were missed");
+    StageTimer timer(record);
+    if (plugins_.realPlant) lookAtPlant();
+    timer.mark(Stage::Plant);
+    model_.calcDynamics(nominal_.q, nominal_.qd, dynamics_);
+    timer.mark(Stage::Dynamics);
+    stopBegun_ = isStopping();
+    followStop();
+    timer.mark(Stage::Filter);
+    fillRecord(record, false);
+    finishTick(record, timer);
+}
+
+}  // namespace viable

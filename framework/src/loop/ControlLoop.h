@@ -1,0 +1,198 @@
+#pragma once
+
+#include <array>
+
+#include "host/IsolatedPlugin.h"
+#include "host/PluginCall.h"
+#include "loop/StopMonitor.h"
+#include "viable/host/PluginLoader.h"
+#include "viable/log/TickRecord.h"
+#include "viable/loop/NominalPlant.h"
+#include "viable/robot/RobotModel.h"
+#include "viable/tracking/TrackingBound.h"
+
+namespace viable {
+
+/** The plugins of a loop, configured. Robust loop and real plant may be null, both or none. */
+struct LoopPlugins {
+    PluginPtr<CommandSource> command{nullptr, nullptr};
+    PluginPtr<NominalController> controller{nullptr, nullptr};
+    PluginPtr<SafetyFilter> filter{nullptr, nullptr};
+    PluginPtr<RobustLoop> robustLoop{nullptr, nullptr};
+    PluginPtr<RealPlant> realPlant{nullptr, nullptr};
+    /** By PluginKind: who is called, for messages; null: nobody watches. Must outlive the loop. A chain of filters
+    watches its own. */
+    std::array<PluginWatch*, kPluginKinds.size()> watches{};
+};
+
+/** Destroys them one by one, each under its watch. */
+void destroyPlugins(LoopPlugins& plugins) noexcept;
+
+/** Why the arm was braked to a stop before the end of the run. */
+enum class StopReason : unsigned char {
+    None,
+    Requested,         ///< by the user (a signal)
+    CommandFailed,     ///< no usable command for more than kMaxSubstitutedTicks, or it threw
+    ControllerFailed,  ///< no usable torque for more than kMaxSubstitutedTicks, or it threw
+    FilterFailed,      ///< no usable decision, or it threw
+    FilterEnded,       ///< it ended the run itself after a tick without an admissible choice
+    RobustLoopFailed,  ///< it threw or gave no usable torque
+    GuaranteeBroken,   ///< a decision without a stop within the limits, from a filter that guarantees them
+    TicksMissed,       ///< more than kMaxMissedTicks in a row were missed
+    TrackingLost,      ///< the real arm, as measured, left the bound around the nominal one
+    PlantFailed,       ///< the real plant failed: the loop ends at once, there is nothing to brake
+    /** A measured position jumped farther than a joint can move, or there was no usable external torque for
+    more than kMaxSubstitutedTicks. */
+    SensorFailed,
+};
+
+/** How many ticks in a row a missing or unusable command or torque is replaced by the last good
+ * one. */
+inline constexpr int kMaxSubstitutedTicks = 10;
+
+/** How many ticks in a row may be missed before the arm is braked for good. */
+inline constexpr int kMaxMissedTicks = 1000;
+
+/** A measured position that changes in a tick by more than so many times what the joint's velocity limit allows, and
+by so many encoder counts on top, is no motion. With a tracking bound what its disturbance set allows is no jump either:
+(velocity limit + bound.velocity) tick, and the error of both readings, 2 (bound.measured - bound.position). Without one
+nothing is known of the real arm, which may be falling or swinging up: a change up to kLeastJumpTurns or kLeastJump_m is
+taken as it is. That is thousands of rad/s at 1 kHz, and below a wrap by a turn. */
+inline constexpr double kJumpSpeeds = 10.0, kJumpCounts = 8.0;
+inline constexpr double kLeastJumpTurns = 0.45, kLeastJump_m = 1.0;
+
+/** What a loop with a real arm does besides making it follow. */
+struct RealArmOptions {
+    /** The arm is braked for good in the tick in which |q_measured - q_nominal| of a joint is beyond
+    `measured` of it; null: never. Must outlive the loop. */
+    const TrackingBound* bound = nullptr;
+    /** The external torque that the plant reports moves the nominal arm, too: the filter's desired torque is
+    tau_d + tau_ext, and the motors get tau_c - tau_ext + tau_a. The plant must have such sensors. */
+    bool feedsExternalTorque = false;
+    /** A measured position that jumps (kJumpSpeeds) brakes the arm, and from there on the robust loop gets of that
+    joint the nominal one plus the last good deviation: a wrong reading must not become a torque. False: somebody
+    else judges the readings. */
+    bool judgesReadings = true;
+    /** The limits must stay as they are, since the real arm's were made from them: a command that changes them is
+    answered with a stop. */
+    bool fixesLimits = false;
+};
+
+class StageTimer;
+
+/** The tick: command, dynamics, controller, filter, monitor, nominal plant, robust loop, real plant.
+
+Guarantees: no torque that is not finite or beyond 1e9 Nm reaches a plant; the nominal arm advances by exactly
+the configured tick. A plugin that throws or returns nonsense is answered with a stop of the nominal arm, which
+the real arm follows: the stop that the monitor holds ready (see StopMonitor). Where that one was found safe, all
+limits hold to the end; a decision of a filter that guarantees limits is only ever applied when it was. Otherwise the
+stop keeps acceleration and jerk limits and knows nothing of the others.
+Real time: tick() allocates, locks, throws and logs nothing as long as the plugins keep to that too.
+Thread: tick() by one thread; requestStop() by that thread. */
+class ControlLoop {
+public:
+    /** `setup` must outlive the loop (the plugins keep it, too). */
+    ControlLoop(const RunSetup& setup, LoopPlugins plugins, const RealArmOptions& options = {});
+    ~ControlLoop();
+
+    /** Back to t = 0 at setup.start. */
+    void reset();
+
+    /** One tick; `record` becomes its full account (state at its beginning, torques during it). */
+    void tick(TickRecord& record) noexcept;
+
+    /** A tick whose time passed before command, controller and filter could run: the nominal arm follows the stop
+    held ready; robust loop and plant go on. */
+    void missTick(TickRecord& record) noexcept;
+
+    /** Brakes the nominal arm from the next tick on. The first reason stays, unless it was Requested and a
+    failure follows. */
+    void requestStop(StopReason reason, const char* message) noexcept { beginStop(reason, message); }
+
+    bool isStopping() const { return stopReason_ != StopReason::None; }
+    /** True when a stop has come to its end, or could not be made. Further ticks hold the arm where it is: the nominal
+    arm at exact rest, the robust loop at work. */
+    bool hasStopped() const;
+    /** True when no stop can be made: the plant is gone, or the arithmetic is. */
+    bool hasFailed() const { return ended_; }
+
+    StopReason stopReason() const { return stopReason_; }
+    const char* stopMessage() const { return stopMessage_; }  ///< what the plugin said, or what was wrong
+    const char* stopRemedy() const { return stopRemedy_; }    ///< a sentence; may be empty
+    double stopTime() const { return stopTime_; }             ///< [s]
+    double time() const;                                      ///< of the next tick [s]
+
+    const MotionState& nominal() const { return nominal_; }  ///< at time()
+
+private:
+    /** @param remedy  a literal */
+    void beginStop(StopReason reason, const char* message, const char* remedy = "") noexcept;
+    void lookAtPlant();
+    void readState();
+    void readExternalTorque();
+    void checkTracking();
+    void watchNominal();
+    void holdIntegral();
+    void judgeReading(const JointVector& before);
+    void widenJumps();
+    void takeCommand(double t);
+    void takeLimits(double t);
+    void takeTorque();
+    void tellMissedTicks();
+    void forgetRemarks();
+    bool takeDecision();
+    bool passMonitor();
+    void followStop();
+    void fillRecord(TickRecord& record, bool decided) const;
+    void finishTick(TickRecord& record, StageTimer& timer);
+    void takeRobustTorque();
+    void drivePlant();
+    /** Runs `call`, the work of a plugin of that kind; an exception becomes `faulted` and its text the stop message. */
+    template <class Status, class Call>
+    Status contain(PluginKind kind, Status faulted, const Call& call) noexcept;
+    PluginWatch* findWatch(PluginKind kind) const { return plugins_.watches[static_cast<std::size_t>(kind)]; }
+
+    const RunSetup& setup_;
+    LoopPlugins plugins_;
+    const RealArmOptions options_;
+    RobotModel model_;
+    int n_;
+
+    std::int64_t tickIndex_ = 0;
+    MotionState nominal_;
+    JointState real_, actual_;
+    Dynamics dynamics_;
+    MotionCommand command_, newCommand_;
+    JointVector desiredTorque_, newTorque_, robustTorque_, motorTorque_, appliedTorque_;
+    JointVector externalTorque_;  // that acts on the nominal arm; empty: none is fed to it
+    FilterDecision decision_;
+    FilterStatus status_ = FilterStatus::Passed;
+    StopMonitor monitor_;
+    StopVerdict verdict_ = StopVerdict::Safe;
+    JointLimits limits_;
+
+    bool guarantees_ = false;  // the filter's word
+    bool hasTorque_ = false;
+    int missingCommands_ = 0;
+    int missingTorques_ = 0;
+    int missingExternalTorques_ = 0;
+    JointVector largestJump_;  // [rad]
+    JointVector deviation_;    // of the last reading that was taken as plausible from the nominal arm [rad]
+    JointState plausible_;     // what the robust loop gets of real_
+    std::array<bool, kMaxJoints> isPlausible_{};
+    bool isTrackingLost_ = false, isIntegralHeld_ = false;
+    bool hasLeftLimits_ = false;  // the nominal arm, those that the bound is for
+    double leftLimits_s_ = 0.0;   // when first
+    std::int64_t substituted_ = 0;
+    int missedInRow_ = 0;  // the filter has not been told of them yet
+
+    StopReason stopReason_ = StopReason::None;
+    double stopTime_ = 0.0;
+    char stopMessage_[512] = "";
+    const char* stopRemedy_ = "";
+    bool stopBegun_ = false;  // a tick of the stop has been taken
+    bool ended_ = false;      // no stop is possible: the plant is gone or the arithmetic is
+    bool robustLoopFailed_ = false;
+};
+
+}  // namespace viable

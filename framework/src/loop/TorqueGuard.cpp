@@ -1,0 +1,601 @@
+#include "viable/loop/TorqueGuard.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+#include "core/FarthestJoint.h"
+#include "core/NumberText.h"
+#include "loop/ControlLoop.h"
+#include "viable/core/Error.h"
+
+namespace viable {
+
+namespace {
+
+using detail::formatNumber;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kPi = 3.14159265358979323846;
+
+/** A reading may be off by so many encoder counts. */
+constexpr double kCounts = 2.0;
+/** A start faster than this is no arm's; the limits' own window is the same. [rad/s] */
+constexpr double kLargestStartSpeed = kLargestLimit;
+
+/** External torques beyond this are none [Nm]. */
+constexpr double kLargestExternalTorque = 1e9;
+
+/** Below this speed a joint is as good as at rest, and dry friction holds it [rad/s, m/s]. */
+constexpr double kStandstill = 0.02;
+
+/** The sampled velocity loop of NRIC swings up from K_r dt = 2 x inertia on. */
+constexpr double kUnstable = 2.0;
+
+static_assert(kMaxSubstitutedTicks == 10 && kMaxMissedTicks == 1000, "the header says so");
+
+const char* const kPlace = "TorqueGuard";
+
+Error complain(const std::string& what, const std::string& remedy) {
+    return badInput(kPlace, what, remedy);
+}
+
+std::string quote(const RobotDescription& robot, int joint) {
+    return "joint `" + robot.joints[static_cast<std::size_t>(joint)].name + "`";
+}
+
+/** Refuses a description that was not built to its end; loadRobot() gives none such. */
+void checkRobot(const RobotDescription& robot) {
+    const std::string n = std::to_string(robot.joints.size());
+    if (robot.joints.empty() || robot.joints.size() > static_cast<std::size_t>(kMaxJoints))
+        throw complain("the robot has " + n + " joints; allowed is 1 to " + std::to_string(kMaxJoints),
+                       "Load it by loadRobot(), or fill RobotDescription::joints.");
+    for (int i = 0; i < robot.size(); ++i)
+        if (robot.joints[static_cast<std::size_t>(i)].parent < -1 ||
+            robot.joints[static_cast<std::size_t>(i)].parent >= i)
+            throw complain(quote(robot, i) + " has joint " +
+                               std::to_string(robot.joints[static_cast<std::size_t>(i)].parent) +
+                               " as its parent; allowed is -1 to " + std::to_string(i - 1),
+                           "List parents before children; the base is -1.");
+    if (robot.toolParent < -1 || robot.toolParent >= robot.size())
+        throw complain("toolParent is " + std::to_string(robot.toolParent) + "; allowed is -1 to " +
+                           std::to_string(robot.size() - 1),
+                       "Set the joint that carries the tool.");
+    const auto check = [&](const char* name, const JointVector& values, double smallest, bool mayBeInfinite) {
+        if (values.size() != robot.size())
+            throw complain(std::string("actuation.") + name + " has " + std::to_string(values.size()) +
+                               " entries; the robot has " + n + " joints",
+                           "Give one entry per joint.");
+        for (int i = 0; i < robot.size(); ++i)
+            if (!(values[i] >= smallest) || (std::isinf(values[i]) && !mayBeInfinite))
+                throw complain(std::string("actuation.") + name + " of " + quote(robot, i) + " is " +
+                                   formatNumber(values[i]) + "; allowed is " +
+                                   (smallest > 0.0 ? "above 0" : "0 and more"),
+                               "Check the number.");
+    };
+    check("rotorInertia", robot.actuation.rotorInertia, 0.0, false);
+    check("torqueLimit", robot.actuation.torqueLimit, std::numeric_limits<double>::min(), true);
+    check("encoderCounts", robot.actuation.encoderCounts, 0.0, false);
+    check("friction.coulomb", robot.actuation.friction.coulomb, 0.0, false);
+    check("friction.viscous", robot.actuation.friction.viscous, 0.0, false);
+    check("friction.viscousVelocity", robot.actuation.friction.viscousVelocity, std::numeric_limits<double>::min(),
+          true);
+}
+
+void checkTick(double tick_s) {
+    if (tick_s >= kShortestTick_s && tick_s <= kLongestTick_s) return;
+    throw complain("the tick is " + formatNumber(tick_s) + " s; allowed is [" + formatNumber(kShortestTick_s) + ", " +
+                       formatNumber(kLongestTick_s) + "] s",
+                   "Give the period of the loop in seconds: 0.001 at 1 kHz.");
+}
+
+/** The robot's own limits, or those of the options; checked. */
+const JointLimits& takeLimits(const RobotDescription& robot, double tick_s, const std::optional<JointLimits>& own) {
+    const JointLimits& limits = own ? *own : robot.limits;
+    const std::string place =
+        std::string(kPlace) + (own ? ": TorqueGuardOptions::limits" : ": RobotDescription::limits");
+    if (limits.size() != robot.size())
+        throw badInput(place,
+                       "the limits are those of " + std::to_string(limits.size()) + " joints; the robot has " +
+                           std::to_string(robot.size()),
+                       "Give each bound one number per joint; infinity where there is none.");
+    checkLimits(limits, tick_s, robot.allowLargeAngles, place, robot.jointNames());
+    return limits;
+}
+
+void checkPositive(const PerJoint& values, const char* name, const RobotDescription& robot) {
+    const std::string place = std::string("TorqueGuardOptions::") + name;
+    if (!values.fits(robot.size()))
+        throw badInput(
+            place,
+            std::to_string(values.count()) + " numbers; the robot has " + std::to_string(robot.size()) + " joints",
+            "Give one number for all joints, or one each.");
+    for (int i = 0; i < robot.size(); ++i)
+        if (!(values[i] > 0.0))
+            throw badInput(place,
+                           formatNumber(values[i]) + " for " + quote(robot, i) + "; allowed is above 0, or infinity",
+                           "Without this check: infinity.");
+}
+
+/** At rest amid the position limits: a state that nobody can refuse, for checking all the rest. */
+MotionState makeRest(const JointLimits& limits) {
+    const int n = limits.size();
+    MotionState rest{JointVector::Zero(n), JointVector::Zero(n), JointVector::Zero(n)};
+    for (int i = 0; i < n; ++i) {
+        const double lower = limits.position.lower[i], upper = limits.position.upper[i];
+        const bool hasLower = std::isfinite(lower), hasUpper = std::isfinite(upper);
+        rest.q[i] = hasLower && hasUpper ? 0.5 * (lower + upper)
+                    : hasLower           ? std::max(0.0, lower + 1.0)
+                    : hasUpper           ? std::min(0.0, upper - 1.0)
+                                         : 0.0;
+    }
+    return rest;
+}
+
+/** Refuses gains of the robust loop with which the sampled velocity loop of the arm, v+ = v - M^-1 K_r dt v, swings up. */
+void checkRobustGains(const NricOptions& gains, const JointMatrix& M, double tick_s, const RobotDescription& robot) {
+    const int n = robot.size();
+    const JointVector root = gains.kr.expand(n).cwiseSqrt();
+    const JointMatrix scaled = M.llt().matrixL().solve(JointMatrix(root.asDiagonal()));
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> modes(scaled.transpose() * scaled);
+    const double fastest = modes.eigenvalues()[n - 1] * tick_s;
+    if (fastest < kUnstable) return;
+    Eigen::Index worst = 0;
+    modes.eigenvectors().col(n - 1).cwiseAbs().maxCoeff(&worst);
+    const int joint = static_cast<int>(worst);
+    throw badInput("NricOptions::kr",
+                   "in this pose kr * tick_s is " + formatNumber(fastest) + " times the inertia that " +
+                       quote(robot, joint) + " moves; allowed is below 2, where the sampled loop starts to swing up",
+                   "Lower kr of that joint from " + formatNumber(gains.kr[joint]) + " to " +
+                       formatNumber(gains.kr[joint] / fastest) +
+                       " or less, or give its rotor's inertia in RobotDescription::actuation.");
+}
+
+/** What friction takes from a joint at speed `qd` by the robot's description [Nm]. */
+double calcFriction(const JointFriction& friction, int joint, double qd) {
+    const double speed = std::abs(qd);
+    return friction.coulomb[joint] * std::tanh(speed / kStandstill) -
+           friction.viscous[joint] * std::expm1(-speed / friction.viscousVelocity[joint]);
+}
+
+/** What gives no command: the law knows by itself what it wants. */
+class Silence : public CommandSource {
+public:
+    void configure(const RunSetup&, const Parameters&) override {}
+    void reset(const MotionState&) override {}
+    MotionCommand::Space space() const override { return MotionCommand::Space::Tool; }
+    TickStatus sample(double, MotionCommand& out) override {
+        out.space = MotionCommand::Space::Tool;
+        return TickStatus::Ok;
+    }
+};
+
+/** For a loop that does not own its plugins. */
+template <class Interface>
+PluginPtr<Interface> lend(Interface& plugin) {
+    return PluginPtr<Interface>(&plugin, [](void*) {});
+}
+
+}  // namespace
+
+const char* getName(GuardStatus status) {
+    static const char* const names[] = {"not_started", "passed",   "limited", "recovering",
+                                        "waiting",     "stopping", "stopped", "failed"};
+    const auto i = static_cast<std::size_t>(status);
+    return i < std::size(names) ? names[i] : "unknown";
+}
+
+/** The user's law as a controller. */
+class TorqueGuard::LawController : public NominalController {
+public:
+    void configure(const RunSetup&, const Parameters&) override {}
+    void reset(const MotionState&) override {}
+    bool follows(MotionCommand::Space) const override { return true; }
+    TickStatus compute(const MotionCommand&, const MotionState& nominal, const Dynamics& dynamics,
+                       JointVector& torque) override {
+        torque.setConstant(nominal.q.size(), kNan);  // what the law does not write is no torque
+        law.call(law.law, nominal, dynamics, torque);
+        return TickStatus::Ok;
+    }
+
+    LawCall law{};
+};
+
+/** The user's arm as a plant: what it reads, and what its motors get. */
+class TorqueGuard::Arm : public RealPlant {
+public:
+    /** From a start on; one entry per joint. @param deviation, speed  see TorqueGuardOptions */
+    void begin(const RobotDescription& robot, double tick_s, const JointVector& deviation, const JointVector& speed) {
+        n_ = robot.size();
+        largestDeviation_ = deviation;
+        torqueLimit_ = robot.actuation.torqueLimit;
+        largestSpeed_ = speed;
+        for (int i = 0; i < n_; ++i) {
+            const double counts = robot.actuation.encoderCounts[i];
+            const bool slides = robot.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic;
+            if (counts > 0.0) largestSpeed_[i] += kCounts * (slides ? 1.0 : 2.0 * kPi) / counts / tick_s;
+        }
+        largestStep_ = largestSpeed_ * tick_s;
+    }
+
+    void configure(const RunSetup&, const Parameters&) override {}
+    void reset(const MotionState& start) override {
+        state_ = actual_ = {start.q, start.qd};
+        deviation_.setZero(n_);
+        external_.setZero(n_);
+        motors_.setZero(n_);
+        elapsed_ = 1;
+        isTrusted_ = true;
+    }
+    const JointState& measured() const override { return state_; }
+    const JointState& actual() const override { return actual_; }
+    const JointVector* externalTorque() const override { return &external_; }
+    TickStatus advance(const JointVector& torque, JointVector& applied) override {
+        motors_ = torque.cwiseMax(-torqueLimit_).cwiseMin(torqueLimit_);
+        wasDriven_ = true;
+        applied = motors_;
+        return TickStatus::Ok;
+    }
+
+    /** The reading of this tick, or what stands for it. */
+    ReadingFault take(const JointState& reading, const JointVector* external, const MotionState& nominal) {
+        wasDriven_ = hasReading_ = false;
+        ReadingFault fault = judge(reading, nominal);
+        if (external && (!isFinite(*external, n_) || external->lpNorm<Eigen::Infinity>() > kLargestExternalTorque))
+            fault = ReadingFault::Malformed;
+        if (fault != ReadingFault::None || !isTrusted_) {
+            // A jump is no news of where the joint is; without any reading it may move on.
+            if (fault == ReadingFault::Malformed) ++elapsed_;
+            standIn(nominal);
+            return fault;
+        }
+        hasReading_ = true;
+        if (external)
+            external_ = *external;
+        else
+            external_.setZero();
+        state_ = actual_ = reading;
+        deviation_ = reading.q - nominal.q;
+        for (int i = 0; i < n_; ++i)  // a joint far away is not to be pulled back all the harder
+            if (std::abs(deviation_[i]) > largestDeviation_[i])
+                state_.q[i] = nominal.q[i] + std::copysign(largestDeviation_[i], deviation_[i]);
+        elapsed_ = 1;
+        return fault;
+    }
+    /** A tick without a reading. */
+    void miss(const MotionState& nominal) {
+        ++elapsed_;
+        hasReading_ = false;
+        standIn(nominal);
+    }
+    /** measured() is a reading of this tick, and nothing that stands for one. */
+    bool hasReading() const { return hasReading_; }
+    /** From here on no reading is used. */
+    void distrust() {
+        isTrusted_ = false;
+        external_.setZero();
+    }
+
+    /** The joint farthest beyond its largest deviation; -1: none is. */
+    int findFar() const { return detail::findFarthestBeyond(deviation_, largestDeviation_); }
+    double deviation(int joint) const { return deviation_[joint]; }
+
+    bool wasDriven() const { return wasDriven_; }
+    const JointVector& motors() const { return motors_; }
+    bool isSaturated() const { return (motors_.cwiseAbs().array() >= torqueLimit_.array()).any(); }
+
+private:
+    ReadingFault judge(const JointState& reading, const MotionState& nominal) const {
+        if (!isFinite(reading, n_)) return ReadingFault::Malformed;
+        for (int i = 0; i < n_; ++i) {
+            const double step = reading.q[i] - nominal.q[i] - deviation_[i];
+            if (std::abs(reading.qd[i]) > largestSpeed_[i] ||
+                std::abs(step) > largestStep_[i] * static_cast<double>(elapsed_))
+                return ReadingFault::Jumped;
+        }
+        return ReadingFault::None;
+    }
+    /** The last deviation goes on: nothing is known of a change. */
+    void standIn(const MotionState& nominal) {
+        state_.q = nominal.q + deviation_.cwiseMax(-largestDeviation_).cwiseMin(largestDeviation_);
+        state_.qd = nominal.qd;
+        actual_ = state_;
+    }
+
+    int n_ = 0;
+    JointVector torqueLimit_, largestDeviation_, largestSpeed_, largestStep_;
+    JointState state_;       // for the robust loop
+    JointState actual_;      // as read, where it was of use
+    JointVector deviation_;  // of the last good reading from the nominal arm [rad]
+    JointVector external_;   // of the last good reading [Nm]
+    JointVector motors_;
+    std::int64_t elapsed_ = 1;  // ticks since that reading
+    bool isTrusted_ = true, wasDriven_ = false, hasReading_ = false;
+};
+
+/** Makes the real arm follow the nominal one: by Nric where there is a reading, else by what it last gave. */
+class TorqueGuard::Follower : public RobustLoop {
+public:
+    /** @param nric  configured; null: no torque at all */
+    Follower(const Arm& arm, const JointFriction& friction, Nric* nric) : arm_(arm), friction_(friction), nric_(nric) {}
+
+    void configure(const RunSetup&, const Parameters&) override {}
+    void reset(const MotionState& start) override {
+        if (nric_) nric_->reset(start);
+        last_.setZero(start.q.size());
+        lastSpeed_.setZero(start.q.size());
+    }
+    TickStatus compute(const JointState& real, const MotionState& nominal, const JointVector& filterTorque,
+                       JointVector& torque) override {
+        if (!nric_ || !arm_.hasReading()) {
+            hold(nominal, torque);
+            return TickStatus::Ok;
+        }
+        const TickStatus status = nric_->compute(real, nominal, filterTorque, torque);
+        if (status == TickStatus::Ok) {
+            last_ = torque;
+            lastSpeed_ = nominal.qd;
+        }
+        return status;
+    }
+    void holdIntegral() override {
+        if (nric_) nric_->holdIntegral();
+    }
+
+private:
+    /** The last torque, less what friction no longer takes now that the nominal joint is slower; never
+    more than that torque, nor to the other side of zero. Arm keeps the sum within the motors' limits. */
+    void hold(const MotionState& nominal, JointVector& torque) const {
+        torque = last_;
+        for (Eigen::Index i = 0; i < torque.size(); ++i) {
+            const int joint = static_cast<int>(i);
+            const double side = lastSpeed_[i] < 0.0 ? -1.0 : 1.0;
+            const double less = calcFriction(friction_, joint, lastSpeed_[i]) -
+                                calcFriction(friction_, joint, std::max(0.0, side * nominal.qd[i]));
+            torque[i] -= side * std::clamp(less, 0.0, std::max(0.0, side * last_[i]));
+        }
+    }
+
+    const Arm& arm_;
+    const JointFriction& friction_;
+    Nric* nric_;
+    JointVector last_;       // from the last reading
+    JointVector lastSpeed_;  // of the nominal arm then
+};
+
+struct TorqueGuard::Inside {
+    Inside(RobotDescription description, double tick_s, TorqueGuardOptions given)
+        : robot(std::move(description)), options(std::move(given)), setup(makeSetup(tick_s)) {
+        options.limits.reset();  // setup has them
+        checkPositive(options.largestDeviation, "largestDeviation", robot);
+        if (options.largestSpeed) checkPositive(*options.largestSpeed, "largestSpeed", robot);
+        filter.configure(setup, options.filter);
+        if (options.hasRobustLoop) {
+            if (!options.robustGains) options.robustGains = scaleNric(robot, setup.limits, tick_s);
+            nric.configure(setup, *options.robustGains);
+        } else {
+            options.robustGains.reset();
+        }
+        const JointVector unlimited = JointVector::Constant(robot.size(), kInfinity);
+        arm.begin(robot, tick_s, unlimited, unlimited);
+        LoopPlugins plugins;
+        plugins.command = lend<CommandSource>(silence);
+        plugins.controller = lend<NominalController>(law);
+        plugins.filter = lend<SafetyFilter>(filter);
+        plugins.robustLoop = lend<RobustLoop>(follower);
+        plugins.realPlant = lend<RealPlant>(arm);
+        loop.emplace(setup, std::move(plugins), RealArmOptions{nullptr, true, false});
+        output.torque.setZero(robot.size());
+    }
+
+    RunSetup makeSetup(double tick_s) const {
+        checkRobot(robot);
+        checkTick(tick_s);
+        const JointLimits& limits = takeLimits(robot, tick_s, options.limits);
+        return {robot, limits, tick_s, kInfinity, makeRest(limits), {}};
+    }
+
+    void start(const JointState& measured);
+    void look(const JointState& measured, const JointVector* external) noexcept;
+    void stop(GuardStop reason, StopReason loopReason, const char* message) noexcept;
+    void answer() noexcept;
+
+    const RobotDescription robot;
+    TorqueGuardOptions options;
+    RunSetup setup;
+    Silence silence;
+    LawController law;
+    CertifiedBrakingFilter filter;
+    Nric nric;
+    Arm arm;
+    Follower follower{arm, robot.actuation.friction, options.hasRobustLoop ? &nric : nullptr};
+    std::optional<ControlLoop> loop;  // last: it uses all of the above
+    TickRecord record;
+    GuardedTorque output;
+    std::atomic<bool> stopRequest{false};
+    static_assert(std::atomic<bool>::is_always_lock_free, "signal handlers may set it");
+    GuardStop ownReason = GuardStop::None;  // where the loop's own word says less
+    int useless = 0;                        // readings in a row
+    std::int64_t substituted = 0;           // torques, up to the step before
+    bool isStarted = false, waits = false;
+};
+
+void TorqueGuard::Inside::start(const JointState& measured) {
+    isStarted = false;
+    output = {};
+    output.torque.setZero(robot.size());
+    const int n = robot.size();
+    if (!isFinite(measured, n))
+        throw badInput("TorqueGuard::start",
+                       "the reading has " + std::to_string(measured.q.size()) + " positions and " +
+                           std::to_string(measured.qd.size()) + " velocities for " + std::to_string(n) +
+                           " joints, or a number that is not finite",
+                       "Start with a good reading of all joints.");
+    if (measured.qd.lpNorm<Eigen::Infinity>() > kLargestStartSpeed ||
+        measured.q.lpNorm<Eigen::Infinity>() > kLargestLimit)
+        throw badInput("TorqueGuard::start", "the reading is beyond 1e7 rad or rad/s", "Check its unit.");
+    setup.start = {measured.q, measured.qd, JointVector::Zero(n)};
+    filter.configure(setup, options.filter);  // refuses what cannot be kept
+    Dynamics dynamics;
+    RobotModel(robot).calcDynamics(measured.q, measured.qd, dynamics);
+    if (!isFinite(dynamics, n) || dynamics.M.llt().info() != Eigen::Success)
+        throw badInput("TorqueGuard::start", "the robot's inertia matrix is not positive definite",
+                       "Give every link that moves a mass and an inertia, in its URDF or in "
+                       "RobotDescription::joints.");
+    setup.startTool = dynamics.tool;
+    if (options.robustGains) checkRobustGains(*options.robustGains, dynamics.M, setup.tick_s, robot);
+    JointVector speed(n);
+    for (int i = 0; i < n; ++i) {
+        const AxisLimits axis = setup.limits.axis(i);
+        speed[i] = options.largestSpeed
+                       ? (*options.largestSpeed)[i]
+                       : 2.0 * std::max({-axis.velocityLower, axis.velocityUpper, std::abs(measured.qd[i])});
+    }
+    arm.begin(robot, setup.tick_s, options.largestDeviation.expand(n), speed);
+    loop->reset();
+    record = {};
+    ownReason = GuardStop::None;
+    useless = 0;
+    substituted = 0;
+    waits = false;
+    isStarted = true;
+}
+
+void TorqueGuard::Inside::stop(GuardStop reason, StopReason loopReason, const char* message) noexcept {
+    const bool isFirst =
+        !loop->isStopping() || (loop->stopReason() == StopReason::Requested && loopReason != StopReason::Requested);
+    if (isFirst) ownReason = reason;
+    loop->requestStop(loopReason, message);
+}
+
+/** Takes the reading, and stops the arm for what it shows. */
+void TorqueGuard::Inside::look(const JointState& measured, const JointVector* external) noexcept {
+    output.readingFault = arm.take(measured, external, loop->nominal());
+    char message[240];
+    if (output.readingFault != ReadingFault::None) {
+        if (++useless <= kMaxSubstitutedTicks) return;
+        arm.distrust();
+        std::snprintf(message, sizeof message,
+                      "the last %d readings %s; the arm is braked without any: engage the brakes", useless,
+                      output.readingFault == ReadingFault::Malformed
+                          ? "were of the wrong size or not finite"
+                          : "jumped: they are not taken as plausible (see TorqueGuardOptions::largestSpeed)");
+        stop(GuardStop::NoReadings, StopReason::PlantFailed, message);
+        return;
+    }
+    useless = 0;
+    const int far = arm.findFar();
+    if (far < 0) return;
+    follower.holdIntegral();
+    if (ownReason == GuardStop::TooFar) return;
+    std::snprintf(message, sizeof message, "joint `%.60s` is %.3g from its nominal one, allowed is %.3g",
+                  robot.joints[static_cast<std::size_t>(far)].name.c_str(), arm.deviation(far),
+                  options.largestDeviation[far]);
+    stop(GuardStop::TooFar, StopReason::PlantFailed, message);
+}
+
+/** From what the loop has done. */
+void TorqueGuard::Inside::answer() noexcept {
+    output.acting = record.joints;
+    output.lawFailed = record.substituted > substituted;
+    substituted = record.substituted;
+    if (!arm.wasDriven()) {  // neither filter nor stop gave numbers
+        output.torque.setZero(robot.size());
+        output.motorsSaturated = false;
+        output.status = GuardStatus::Failed;
+        return;
+    }
+    output.torque = arm.motors();
+    output.motorsSaturated = arm.isSaturated();
+    output.status = loop->hasStopped()                          ? GuardStatus::Stopped
+                    : record.braking                            ? GuardStatus::Stopping
+                    : waits                                     ? GuardStatus::Waiting
+                    : record.status == FilterStatus::Passed     ? GuardStatus::Passed
+                    : record.status == FilterStatus::Recovering ? GuardStatus::Recovering
+                                                                : GuardStatus::Limited;
+}
+
+TorqueGuard::TorqueGuard(RobotDescription robot, double tick_s, TorqueGuardOptions options)
+    : inside_(std::make_unique<Inside>(std::move(robot), tick_s, std::move(options))) {}
+TorqueGuard::~TorqueGuard() = default;
+TorqueGuard::TorqueGuard(TorqueGuard&&) noexcept = default;
+TorqueGuard& TorqueGuard::operator=(TorqueGuard&&) noexcept = default;
+
+void TorqueGuard::start(const JointState& measured) {
+    inside_->start(measured);
+}
+
+const GuardedTorque& TorqueGuard::runStep(const JointState& measured, const JointVector* external,
+                                          const LawCall& law) noexcept {
+    Inside& in = *inside_;
+    if (!in.isStarted) return in.output;
+    if (in.stopRequest.exchange(false, std::memory_order_relaxed))
+        in.stop(GuardStop::Requested, StopReason::Requested, "requestStop() was called");
+    in.look(measured, external);
+    in.waits = in.output.readingFault != ReadingFault::None && !in.loop->isStopping();
+    in.law.law = law;
+    if (in.waits)
+        in.loop->missTick(in.record);
+    else
+        in.loop->tick(in.record);
+    in.law.law = {};
+    in.answer();
+    return in.output;
+}
+
+void TorqueGuard::missTicks(std::int64_t ticks) noexcept {
+    Inside& in = *inside_;
+    if (!in.isStarted) return;
+    TickRecord missed;  // record() stays that of the last step
+    for (; ticks > 0 && !in.loop->hasStopped(); --ticks) {
+        in.arm.miss(in.loop->nominal());
+        in.loop->missTick(missed);
+    }
+}
+
+void TorqueGuard::requestStop() noexcept {
+    inside_->stopRequest.store(true, std::memory_order_relaxed);
+}
+
+GuardStop TorqueGuard::stopReason() const {
+    switch (inside_->loop->stopReason()) {
+        case StopReason::None:
+            return GuardStop::None;
+        case StopReason::Requested:
+            return GuardStop::Requested;
+        case StopReason::ControllerFailed:
+            return GuardStop::LawFailed;
+        case StopReason::TicksMissed:
+            return GuardStop::TicksMissed;
+        case StopReason::PlantFailed:
+            return inside_->ownReason;
+        default:
+            return GuardStop::FilterFailed;
+    }
+}
+
+const char* TorqueGuard::stopMessage() const {
+    return inside_->loop->stopMessage();
+}
+int TorqueGuard::size() const {
+    return inside_->robot.size();
+}
+const JointLimits& TorqueGuard::limits() const {
+    return inside_->setup.limits;
+}
+const std::optional<NricOptions>& TorqueGuard::robustGains() const {
+    return inside_->options.robustGains;
+}
+const MotionState& TorqueGuard::nominal() const {
+    return inside_->loop->nominal();
+}
+const TickRecord& TorqueGuard::record() const {
+    return inside_->record;
+}
+
+}  // namespace viable

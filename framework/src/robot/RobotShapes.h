@@ -1,0 +1,41 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+#include <string>
+#include <vector>
+
+#include "viable/robot/RobotDescription.h"
+
+namespace viable {
+
+/** One solid of a link, for pictures. */
+struct LinkShape {
+    enum class Kind : unsigned char { Capsule, Sphere, Box, Cylinder, Mesh };
+    Kind kind = Kind::Capsule;
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  ///< in the link's frame; capsules: identity
+    Eigen::Vector3d from = Eigen::Vector3d::Zero();          ///< Capsule: ends of its axis [m]
+    Eigen::Vector3d to = Eigen::Vector3d::Zero();
+    Eigen::Vector3d size = Eigen::Vector3d::Ones();  ///< Box: edges [m]; Mesh: scale
+    double radius = 0.0;                             ///< [m]
+    double length = 0.0;                             ///< Cylinder, along z [m]
+    std::string mesh;                                ///< file, as the URDF names it
+};
+
+/** What one link looks like. */
+struct LinkShapes {
+    std::string link;
+    int carrier = -1;                                             ///< joint that moves the link, -1: none
+    Eigen::Isometry3d placement = Eigen::Isometry3d::Identity();  ///< link frame in the joint's moving frame
+    std::vector<LinkShape> shapes;
+    std::array<double, 4> color{};  ///< red, green, blue, opacity, 0 to 1
+    bool hasColor = false;
+};
+
+/** The solids of a robot: from its URDF's visual elements, else from the collision elements; where none of these can be
+drawn, the capsules of collision.yaml. Mesh files are named, not read; a `package://` address is resolved to a file below
+the robot's folder, and left out where there is none. Empty when nothing is known.
+Throws Error (BadInput) when a file is there and wrong. */
+std::vector<LinkShapes> loadShapes(const RobotDescription& robot);
+
+}  // namespace viable

@@ -1,0 +1,129 @@
+#include "viable/simulation/ArmHardware.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+#include "viable/core/Error.h"
+#include "viable/robot/RobotModel.h"
+
+namespace viable {
+
+double FrictionLaw::calcDry(double v, double load) const {
+    const double x = v / stribeckVelocity;
+    return coulomb + (breakaway - coulomb) * std::exp(-x * x) + loadShare * std::abs(load);
+}
+
+double FrictionLaw::calcDamping(double v) const {
+    const double x = std::abs(v) / viscousVelocity;
+    const double share = x > 0.0 ? -std::expm1(-x) / x : 1.0;
+    return viscous / viscousVelocity * share;
+}
+
+void ArmHardware::configure(const RunSetup& setup, const Parameters& parameters) {
+    n_ = setup.size();
+    substeps_ = static_cast<int>(parameters.integer("substeps"));
+    substep_s_ = setup.tick_s / substeps_;
+
+    robot_ = withScaledMasses(setup.robot, parameters.jointNumbers("mass_factor"));
+    const std::vector<double>& offset = parameters.numbers("payload_offset_m");
+    robot_ = withPayload(std::move(robot_), parameters.number("payload_kg"), {offset[0], offset[1], offset[2]});
+    const std::vector<double>& tilt = parameters.numbers("base_tilt_rad");
+    const Eigen::Matrix3d base =
+        (Eigen::AngleAxisd(tilt[0], Eigen::Vector3d::UnitX()) * Eigen::AngleAxisd(tilt[1], Eigen::Vector3d::UnitY()))
+            .toRotationMatrix();
+    if (tilt[0] != 0.0 || tilt[1] != 0.0) robot_.gravity = base.transpose() * setup.robot.gravity;
+
+    const Actuation& actuation = robot_.actuation;
+    torqueLimit_ = actuation.torqueLimit * parameters.number("torque_limit_factor");
+    ripple_ = parameters.jointNumbers("torque_ripple_Nm");
+    ripplePerRad_ = parameters.jointNumbers("torque_ripple_per_turn");
+    for (int i = 0; i < n_; ++i) {
+        // Twice per turn of the wave generator: Kennedy and Desai, "Modeling and control of the Mitsubishi
+        // PA-10 robot arm harmonic drive system", IEEE/ASME Trans. Mechatronics 10 (2005).
+        if (ripplePerRad_[i] == 0.0) ripplePerRad_[i] = 2.0 * actuation.gearRatio[i];
+        if (robot_.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic) ripplePerRad_[i] *= 2.0 * EIGEN_PI;
+    }
+
+    hasFriction_ = parameters.text("friction") == "robot";
+    const JointVector& scale = parameters.jointNumbers("friction_scale");
+    for (int i = 0; i < n_; ++i) {
+        FrictionLaw& law = friction_[static_cast<std::size_t>(i)];
+        law.coulomb = scale[i] * actuation.friction.coulomb[i];
+        law.breakaway = parameters.number("breakaway_ratio") * law.coulomb;
+        law.stribeckVelocity = parameters.number("stribeck_velocity_radps");
+        law.loadShare = parameters.jointNumbers("load_friction")[i];
+        law.viscous = scale[i] * actuation.friction.viscous[i];
+        law.viscousVelocity = actuation.friction.viscousVelocity[i];
+    }
+
+    push_ = parameters.jointNumbers("push_Nm");
+    pushTicks_ = TickWindow::read(parameters, "push_from_s", "push_until_s", setup.tick_s);
+    blockedJoint_ = static_cast<int>(parameters.integer("blocked_joint"));
+    if (blockedJoint_ >= n_)
+        throw badInput(parameters.place("blocked_joint"),
+                       "there is no joint " + std::to_string(blockedJoint_) + "; the robot's joints are 0 to " +
+                           std::to_string(n_ - 1),
+                       "Joints are counted from 0; -1 blocks none.");
+    blockedTicks_ = TickWindow::read(parameters, "blocked_from_s", "blocked_until_s", setup.tick_s);
+    delay_ = static_cast<int>(parameters.integer("delay_ticks"));
+    sensors_.configure(robot_, setup.tick_s, parameters);
+}
+
+void ArmHardware::reset(const JointState& start) {
+    tick_ = 0;
+    oldest_ = 0;
+    takePush();
+    sensors_.reset(start);
+}
+
+void ArmHardware::calcApplied(const JointVector& command, JointVector& applied) const {
+    const bool isUnderWay = delay_ > 0 && tick_ > 0;
+    const JointVector& arriving = isUnderWay ? sent_[static_cast<std::size_t>(oldest_)] : command;
+    applied = arriving.cwiseMax(-torqueLimit_).cwiseMin(torqueLimit_);
+}
+
+JointVector ArmHardware::calcMotorTorque(const JointVector& applied, const JointVector& q) const {
+    JointVector torque = applied;
+    for (int i = 0; i < n_; ++i)
+        if (ripple_[i] > 0.0) torque[i] += ripple_[i] * std::sin(ripplePerRad_[i] * q[i]);
+    return torque;
+}
+
+void ArmHardware::endTick(const JointVector& command, const JointState& encoders) {
+    if (delay_ > 0) {
+        if (tick_ == 0) std::fill(sent_.begin(), sent_.begin() + delay_, command);
+        sent_[static_cast<std::size_t>(oldest_)] = command;
+        oldest_ = (oldest_ + 1) % delay_;
+    }
+    ++tick_;
+    takePush();
+    sensors_.read(encoders);
+}
+
+double findFastestMode(const RobotDescription& robot, const JointVector& weight) {
+    constexpr int kPoses = 200;
+    constexpr double kTurn = EIGEN_PI;  // to either side, where a joint has no limits
+    const int n = robot.size();
+    std::mt19937 random(1);  // its numbers are the same everywhere
+    RobotModel model(robot);
+    Dynamics dynamics;
+    JointVector q(n);
+    const JointVector root = weight.cwiseSqrt();
+    double fastest = 0.0;
+    for (int k = 0; k < kPoses; ++k) {
+        for (int i = 0; i < n; ++i) {
+            const double lower = std::max(robot.limits.position.lower[i], -kTurn);
+            const double upper = std::min(robot.limits.position.upper[i], kTurn);
+            q[i] = lower + (upper - lower) * (static_cast<double>(random()) / 4294967295.0);
+        }
+        model.calcDynamics(q, JointVector::Zero(n), dynamics);
+        const JointMatrix half = dynamics.M.llt().matrixL().solve(JointMatrix(root.asDiagonal()));
+        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> modes(half.transpose() * half, Eigen::EigenvaluesOnly);
+        fastest = std::max(fastest, modes.eigenvalues()[n - 1]);
+    }
+    return fastest;
+}
+
+}  // namespace viable

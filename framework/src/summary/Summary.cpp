@@ -1,0 +1,339 @@
+#include "viable/summary/Summary.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/FarthestJoint.h"
+
+namespace viable {
+
+namespace {
+
+constexpr double kShortest_us = 0.01;
+constexpr double kLongest_us = 1e7;
+constexpr double kBinWidth = 0.03;  // relative
+
+// What counts as rest near a limit, see Summary::chatter().
+constexpr double kNearShare = 0.05, kRestShare = 1e-3, kRest_s = 0.5, kLeastRest_s = 1.0;
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+int findBin(double us) {
+    const double x = std::log(std::max(us, kShortest_us) / kShortest_us) / std::log1p(kBinWidth);
+    return static_cast<int>(std::min(x, 1e6));
+}
+
+const int kBins = findBin(kLongest_us) + 1;
+
+}  // namespace
+
+TimeHistogram::TimeHistogram() : bins_(kBins, 0) {}
+
+void TimeHistogram::add(double us) {
+    ++bins_[std::min(findBin(us), kBins - 1)];
+    ++count_;
+    max_ = std::max(max_, us);
+}
+
+double TimeHistogram::percentile(double p) const {
+    if (count_ == 0) return 0.0;
+    const double wanted = p * static_cast<double>(count_);
+    std::int64_t seen = 0;
+    for (int i = 0; i < kBins; ++i) {
+        seen += bins_[i];
+        if (static_cast<double>(seen) >= wanted && bins_[i] > 0)
+            return std::min(max_, kShortest_us * std::pow(1.0 + kBinWidth, i + 0.5));
+    }
+    return max_;
+}
+
+Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool hasRealPlant, RealArmReference reference)
+    : jointNames_(std::move(jointNames)),
+      bounds_(std::move(limits)),
+      hasRealPlant_(hasRealPlant),
+      reference_(std::move(reference)) {
+    for (auto& records : limits_) records.resize(jointNames_.size());
+    for (int k = 0; k < 2; ++k) {
+        real_[k].resize(jointNames_.size());
+        realStop_[k].resize(jointNames_.size());
+        boundShare_[k].setZero(static_cast<int>(jointNames_.size()));
+    }
+    motors_.resize(jointNames_.size());
+    peaks_.resize(jointNames_.size());
+    acting_.resize(jointNames_.size());
+    rests_.assign(jointNames_.size(), {kNan, kNan, 0.0});
+    squaredError_.setZero(static_cast<int>(jointNames_.size()));
+    largestError_.setZero(static_cast<int>(jointNames_.size()));
+    worstMargin_.value = std::numeric_limits<double>::infinity();
+}
+
+double InterventionRecord::torqueRms() const {
+    return ticks ? std::sqrt(squaredTorque / static_cast<double>(ticks)) : 0.0;
+}
+
+bool Summary::check(std::vector<LimitRecord>& records, LimitKind kind, const JointBounds& bounds,
+                    const JointVector& values, double time_s) const {
+    bool outside = false;
+    for (int i = 0; i < static_cast<int>(records.size()); ++i) {
+        const double lower = bounds.lower[i], upper = bounds.upper[i], x = values[i];
+        const bool bothFinite = std::isfinite(lower) && std::isfinite(upper);
+        const double scale = calcLimitScale(lower, upper);
+        const double tolerance = kOutsideShare * scale;
+        const double excess = std::isnan(x) ? INFINITY : std::max({0.0, lower - x, x - upper});
+        // Positions are measured from the middle of their range, the rest from zero. A position with a limit
+        // on one side only has no share of it that could be used: it is inside or beyond.
+        double use = 0.0;
+        if (kind != LimitKind::Position) {
+            const double limit = x >= 0.0 ? upper : lower;
+            use = std::isfinite(limit) && limit != 0.0 ? x / limit : 0.0;
+        } else if (bothFinite && upper > lower) {
+            use = std::abs(2.0 * x - lower - upper) / (upper - lower);
+        }
+        if (excess > tolerance) use = std::max(use, 1.0 + 2.0 * kOutsideShare);
+        if (std::isnan(x)) use = INFINITY;
+        LimitRecord& record = records[i];
+        record.exists |= std::isfinite(lower) || std::isfinite(upper);
+        record.lastExcess = excess > tolerance ? excess : 0.0;
+        outside |= excess > tolerance;
+        if (use > record.worstUse) {
+            record.worstUse = use;
+            record.worstTime_s = time_s;
+        }
+        if (isRecovering_ && excess > tolerance) {
+            ++record.ticksRecovering;
+            record.worstRecovering = std::max(record.worstRecovering, excess);
+            continue;
+        }
+        record.worstExcess = std::max(record.worstExcess, excess);
+        if (excess > tolerance) ++record.ticksOutside;
+    }
+    return outside;
+}
+
+void Summary::addEnd(const MotionState& nominal, double time_s) {
+    bool outside = check(limits_[0], LimitKind::Position, bounds_.position, nominal.q, time_s);
+    outside |= check(limits_[1], LimitKind::Velocity, bounds_.velocity, nominal.qd, time_s);
+    outside |= check(limits_[2], LimitKind::Acceleration, bounds_.acceleration, nominal.qdd, time_s);
+    broken_ |= outside && !isRecovering_;
+}
+
+void Summary::addIntervention(int i, const TickRecord& record) {
+    const JointIntervention& joint = record.joints[static_cast<std::size_t>(i)];
+    Acting& acting = acting_[static_cast<std::size_t>(i)];
+    const bool goesOn = joint.limit == acting.last.limit && joint.side == acting.last.side;
+    acting.episodeTicks = goesOn ? acting.episodeTicks + 1 : 1;
+    acting.last = joint;
+    if (joint.limit == LimitKind::None) return;
+    InterventionRecord& r =
+        acting.records[static_cast<std::size_t>(joint.limit)][joint.side == LimitSide::Upper ? 1 : 0];
+    const double torque = std::abs(record.removedTorque[i]);
+    ++r.ticks;
+    if (!goesOn) ++r.episodes;
+    r.longestTicks = std::max(r.longestTicks, acting.episodeTicks);
+    r.largestTorque = std::max(r.largestTorque, torque);
+    r.squaredTorque += torque * torque;
+}
+
+void Summary::addStops(const TickRecord& record) {
+    if (record.missed) ++missed_;
+    if (record.verdict == StopVerdict::Recovering) ++recovering_;
+    if (record.verdict == StopVerdict::NoStop && unviable_++ == 0) firstUnviable_s_ = record.time_s;
+    for (int i = 0; i < static_cast<int>(jointNames_.size()); ++i) {
+        const TickRecord::Stop& stop = record.stops[static_cast<std::size_t>(i)];
+        if (stop.margin < worstMargin_.value) worstMargin_ = {stop.margin, i, record.time_s};
+        if (stop.duration_s > longestStop_.value) longestStop_ = {stop.duration_s, i, record.time_s};
+    }
+}
+
+bool Summary::hasJointCommand(const TickRecord& record) const {
+    return record.command.space == MotionCommand::Space::Joint &&
+           record.command.q.size() == static_cast<Eigen::Index>(jointNames_.size());
+}
+
+void Summary::addCommand(int i, const TickRecord& record) {
+    if (!hasJointCommand(record)) return;
+    const double target = std::max(bounds_.position.lower[i], std::min(record.command.q[i], bounds_.position.upper[i]));
+    const double e = record.nominal.q[i] - target;
+    squaredCommandError_ += e * e;
+    ++commandTicks_;
+}
+
+void Summary::addRest(int i, const TickRecord& record) {
+    const double lower = bounds_.position.lower[i], upper = bounds_.position.upper[i];
+    const double q = record.nominal.q[i], range = upper - lower;
+    const double jerkLimit = std::max(-bounds_.jerk.lower[i], bounds_.jerk.upper[i]);
+    Rest& rest = rests_[static_cast<std::size_t>(i)];
+    if (!hasJointCommand(record) || !std::isfinite(range) || !std::isfinite(jerkLimit)) return;
+    const double near = kNearShare * range, target = record.command.q[i];
+    if (!(std::abs(q - rest.q) <= 0.5 * kRestShare * range) || target != rest.target) rest = {q, target, record.time_s};
+    const bool isPressed = (target <= lower && q - lower <= near) || (target >= upper && upper - q <= near);
+    if (!isPressed || record.time_s - rest.since_s < kRest_s) return;
+    const double share = record.nominal.jerk[i] / jerkLimit;
+    squaredRestJerk_ += share * share;
+    ++restTicks_;
+    rested_s_ += tick_s_;
+}
+
+void Summary::addReal(const TickRecord& record) {
+    const JointLimits& limits = reference_.limits ? *reference_.limits : bounds_;
+    const JointVector& q = record.actual.q;
+    const JointVector& qd = record.actual.qd;
+    check(real_[0], LimitKind::Position, limits.position, q, record.time_s);
+    check(real_[1], LimitKind::Velocity, limits.velocity, qd, record.time_s);
+    realEndSpeed_ = qd.lpNorm<Eigen::Infinity>();
+    if (reference_.bound) {
+        const TrackingBound& bound = *reference_.bound;
+        const JointVector error = record.real.q - record.nominal.q;
+        const int lost = trip_ ? -1 : detail::findFarthestBeyond(error, bound.measured);
+        if (lost >= 0) trip_ = {lost, record.time_s, std::abs(error[lost]), bound.measured[lost]};
+        const auto addShares = [](JointVector& shares, const JointVector& difference, const JointVector& size) {
+            for (Eigen::Index i = 0; i < shares.size(); ++i)
+                if (difference[i] != 0.0) shares[i] = std::max(shares[i], std::abs(difference[i]) / size[i]);
+        };
+        addShares(boundShare_[0], q - record.nominal.q, bound.position);
+        addShares(boundShare_[1], qd - record.nominal.qd, bound.velocity);
+    }
+    if (trip_) {
+        check(realStop_[0], LimitKind::Position, limits.position, q, record.time_s);
+        check(realStop_[1], LimitKind::Velocity, limits.velocity, qd, record.time_s);
+    }
+    for (int i = 0; i < reference_.torqueLimit.size(); ++i) addMotor(i, record);
+    if (record.externalTorque.hasNaN()) ++externalTorqueMissing_;
+}
+
+/** The limit of a weaker motor is not known here. It shows as a torque that comes again to the last digit while more is
+asked for; a delay between asking and giving, which is not known either, moves a peak but does not cut it. */
+void Summary::addMotor(int i, const TickRecord& record) {
+    const auto at = static_cast<std::size_t>(i);
+    const double given = std::abs(record.motorTorque[i]);
+    double asked = record.filterTorque[i] + record.robustTorque[i];
+    if (record.externalTorque.size() > 0) asked -= record.externalTorque[i];
+    MotorRecord& motor = motors_[at];
+    const double use = given / reference_.torqueLimit[i];
+    if (use > motor.worstUse) {
+        motor.worstUse = use;
+        motor.worstTime_s = record.time_s;
+    }
+    Peak& peak = peaks_[at];
+    peak.asked = std::max(peak.asked, std::abs(asked));
+    if (given > peak.given * (1.0 + kOutsideShare)) {
+        peak.given = given;
+        peak.ticks = 0;
+    }
+    const bool isAtPeak = given >= peak.given * (1.0 - kOutsideShare);
+    if (isAtPeak) ++peak.ticks;
+    if (use >= 1.0 - kOutsideShare) ++peak.ticksAtLimit;
+    if (peak.ticksAtLimit > 0)
+        motor.ticksSaturated = peak.ticksAtLimit;
+    else if (isAtPeak)
+        motor.ticksSaturated = peak.asked > peak.given * (1.0 + kOutsideShare) ? peak.ticks : 0;
+}
+
+bool Summary::anyRealLimitBroken() const {
+    for (std::size_t k = 0; k < real_.size(); ++k)
+        for (std::size_t i = 0; i < real_[k].size(); ++i)
+            if (real_[k][i].ticksOutside > realStop_[k][i].ticksOutside) return true;
+    return false;
+}
+
+int Summary::worstBoundJoint() const {
+    Eigen::Index worst = 0;
+    boundShare_[0].maxCoeff(&worst);
+    return static_cast<int>(worst);
+}
+
+void Summary::add(const TickRecord& record) {
+    const int n = static_cast<int>(jointNames_.size());
+    if (ticks_ > 0) tick_s_ = record.time_s - lastTime_s_;
+    lastTime_s_ = record.time_s;
+    bounds_ = record.limits;
+    isRecovering_ = record.verdict == StopVerdict::Recovering;
+    addEnd({record.nominal.q, record.nominal.qd, record.nominal.qdd}, record.time_s);
+    const bool outside = check(limits_[3], LimitKind::Jerk, bounds_.jerk, record.nominal.jerk, record.time_s);
+    broken_ |= outside && !isRecovering_;
+    if (hasRealPlant_) addReal(record);
+    for (int i = 0; i < n; ++i) {
+        addIntervention(i, record);
+        addCommand(i, record);
+        addRest(i, record);
+        if (hasRealPlant_) {
+            const double e = record.actual.q[i] - record.nominal.q[i];
+            squaredError_[i] += e * e;
+            largestError_[i] = std::max(largestError_[i], std::abs(e));
+        }
+    }
+    addStops(record);
+    ++ticks_;
+    if (statusTicks_[static_cast<int>(record.status)]++ == 0 && record.status == FilterStatus::Infeasible)
+        firstInfeasible_s_ = record.time_s;
+    substituted_ = record.substituted;
+    tickTime_.add(record.compute_us);
+    for (int s = 0; s < kStageCount; ++s) stageTimes_[s].add(record.stage_us[s]);
+}
+
+int Summary::worstJoint(LimitKind kind) const {
+    const std::vector<LimitRecord>& records = limit(kind);
+    return static_cast<int>(
+        std::max_element(records.begin(), records.end(),
+                         [](const LimitRecord& a, const LimitRecord& b) { return a.worstUse < b.worstUse; }) -
+        records.begin());
+}
+
+std::int64_t Summary::ticksOutside(LimitKind kind) const {
+    std::int64_t sum = 0;
+    for (const LimitRecord& record : limit(kind)) sum += record.ticksOutside;
+    return sum;
+}
+
+bool Summary::endsOutside() const {
+    for (const std::vector<LimitRecord>& records : limits_)
+        for (const LimitRecord& record : records)
+            if (record.lastExcess > 0.0) return true;
+    return false;
+}
+
+std::map<std::pair<std::string, std::string>, InterventionRecord> Summary::interventions() const {
+    std::map<std::pair<std::string, std::string>, InterventionRecord> all;
+    for (std::size_t i = 0; i < acting_.size(); ++i)
+        for (int k = 1; k < kLimitKinds; ++k)
+            for (int side = 0; side < 2; ++side)
+                if (acting_[i].records[k][side].ticks > 0)
+                    all[{jointNames_[i],
+                         getName(static_cast<LimitKind>(k), side ? LimitSide::Upper : LimitSide::Lower)}] =
+                        acting_[i].records[k][side];
+    return all;
+}
+
+double Summary::changedShare() const {
+    if (ticks_ == 0) return 0.0;
+    const std::int64_t changed =
+        ticksWith(FilterStatus::Modified) + ticksWith(FilterStatus::Infeasible) + ticksWith(FilterStatus::Recovering);
+    return static_cast<double>(changed) / static_cast<double>(ticks_);
+}
+
+double Summary::commandErrorRms() const {
+    return commandTicks_ ? std::sqrt(squaredCommandError_ / static_cast<double>(commandTicks_)) : kNan;
+}
+
+double Summary::chatter() const {
+    return rested_s_ >= kLeastRest_s - 0.5 * tick_s_ ? std::sqrt(squaredRestJerk_ / static_cast<double>(restTicks_))
+                                                     : kNan;
+}
+
+double Summary::trackingRms(int joint) const {
+    return ticks_ ? std::sqrt(squaredError_[joint] / static_cast<double>(ticks_)) : 0.0;
+}
+
+double Summary::trackingMax(int joint) const {
+    return largestError_[joint];
+}
+
+double Summary::trackingRms() const {
+    return ticks_ ? std::sqrt(squaredError_.mean() / static_cast<double>(ticks_)) : 0.0;
+}
+
+double Summary::trackingMax() const {
+    return largestError_.maxCoeff();
+}
+
+}  // namespace viable

@@ -1,0 +1,483 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <tuple>
+
+#include "core/NumberFormat.h"
+#include "experiment/CaseRun.h"
+
+namespace viable {
+
+namespace {
+
+using detail::format;
+using detail::formatPercent;
+using detail::formatPlain;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr LimitKind kKinds[] = {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk};
+
+/** Explains the words of the table and of the lines below it. */
+const char* const kLegend =
+    R"(worst use: largest share of a limit that the nominal arm used, in any tick. outside: joint-ticks beyond a limit, those
+on the way back to it (recovering) not counted. infeasible: ticks in which the filter had no admissible choice. changed:
+ticks in which the filter changed the motion. Times are this machine's, not real-time.
+Below: acted N times = in N episodes; joint-s = their seconds, summed over the joints; the limit named is the one that
+bound the joint's own choice. torque removed: desired minus filtered, whatever the cause (other joints' limits through
+coupling and the lag gamma, too). least margin: smallest distance to a position limit along a tick and the stop after it;
+negative: beyond. unviable ticks: no stop within the limits was found after them.
+)";
+
+const char* const kClearanceLegend =
+    R"(clearance: least distance of an arm from the obstacles and from itself in the whole run; negative: that deep inside.
+)";
+
+/** Milliradians in plain numbers as long as those are readable; "-" where there is no number. */
+std::string formatMrad(double rad) {
+    if (std::isnan(rad)) return "-";
+    return format(std::abs(rad) < 10.0 ? "%.4g" : "%.3e", 1e3 * rad);
+}
+
+/** A distance to a limit; rounding is no distance. */
+std::string formatDistance(double distance) {
+    constexpr double kRounding = 1e-12;
+    return formatPlain(std::abs(distance) < kRounding ? 0.0 : distance);
+}
+
+bool hasLimit(const Summary& s, LimitKind kind) {
+    const std::vector<LimitRecord>& records = s.limit(kind);
+    return std::any_of(records.begin(), records.end(), [](const LimitRecord& record) { return record.exists; });
+}
+
+/** The largest `value` of any joint's record of a limit. */
+double findWorst(const Summary& s, LimitKind kind, double LimitRecord::*value) {
+    double worst = 0.0;
+    for (const LimitRecord& record : s.limit(kind)) worst = std::max(worst, record.*value);
+    return worst;
+}
+
+/** ", position by 0.2 rad, velocity by ...": every quantity whose worst `value` is not zero. */
+std::string formatExcesses(const Summary& s, double LimitRecord::*value) {
+    std::string text;
+    for (LimitKind kind : kKinds)
+        if (const double worst = findWorst(s, kind, value); worst > 0.0)
+            text +=
+                format(", %s by %s %s", getName(kind, LimitSide::Neither), formatPlain(worst).c_str(), getUnit(kind));
+    return text;
+}
+
+/** What became of the limits, and of ticks in which the arm was led back to them. */
+std::string formatVerdict(const Summary& s) {
+    std::string text;
+    if (s.anyLimitBroken()) {
+        const char* joiner = "limits broken: ";
+        for (LimitKind kind : kKinds) {
+            if (s.ticksOutside(kind) == 0) continue;
+            text += joiner + format("%s by %s %s", getName(kind, LimitSide::Neither),
+                                    formatPlain(findWorst(s, kind, &LimitRecord::worstExcess)).c_str(), getUnit(kind));
+            joiner = ", ";
+        }
+    } else if (s.endsOutside()) {
+        text = "not back within its limits at the end" + formatExcesses(s, &LimitRecord::lastExcess);
+    } else {
+        text = "all limits kept";
+    }
+    if (s.recoveringTicks() == 0) return text;
+    text += s.anyLimitBroken() || s.endsOutside() ? ";" : " but for";
+    return text +
+           format(" %lld of %lld ticks on the way back", static_cast<long long>(s.recoveringTicks()),
+                  static_cast<long long>(s.ticks())) +
+           formatExcesses(s, &LimitRecord::worstRecovering);
+}
+
+std::string formatLimit(const Summary& s, LimitKind kind) {
+    std::string text = format("  %-13s ", getName(kind, LimitSide::Neither));
+    if (!hasLimit(s, kind)) return text + "no limit\n";
+    const int joint = s.worstJoint(kind);
+    const LimitRecord& worst = s.limit(kind)[joint];
+    text += format("worst use %9s %% (%s at %.3f s), outside in %lld joint-ticks, worst excess %s %s",
+                   formatPercent(worst.worstUse).c_str(), s.jointNames()[joint].c_str(), worst.worstTime_s,
+                   static_cast<long long>(s.ticksOutside(kind)),
+                   formatDistance(findWorst(s, kind, &LimitRecord::worstExcess)).c_str(), getUnit(kind));
+    std::int64_t recovering = 0;
+    for (const LimitRecord& record : s.limit(kind)) recovering += record.ticksRecovering;
+    if (recovering > 0)
+        text += format("; on the way back outside in %lld, worst excess %.3g %s", static_cast<long long>(recovering),
+                       findWorst(s, kind, &LimitRecord::worstRecovering), getUnit(kind));
+    return text + "\n";
+}
+
+std::string formatStatuses(const Summary& s) {
+    std::string text = "  filter        ";
+    const char* joiner = "";
+    for (FilterStatus status : {FilterStatus::Passed, FilterStatus::Modified, FilterStatus::Infeasible,
+                                FilterStatus::StoppedByPlan, FilterStatus::Recovering}) {
+        text += joiner + format("%s %lld", getName(status), static_cast<long long>(s.ticksWith(status)));
+        if (status == FilterStatus::Infeasible && s.ticksWith(status) > 0)
+            text += format(" (first at %.3f s)", s.firstInfeasible_s());
+        joiner = ", ";
+    }
+    return text + format(" of %lld ticks\n", static_cast<long long>(s.ticks()));
+}
+
+/** One line per limit, all joints together. */
+std::string formatInterventions(const Summary& s) {
+    std::map<std::string, InterventionRecord> byLimit;
+    for (const auto& [key, record] : s.interventions()) {
+        InterventionRecord& sum = byLimit[key.second];
+        sum.ticks += record.ticks;
+        sum.episodes += record.episodes;
+        sum.longestTicks = std::max(sum.longestTicks, record.longestTicks);
+        sum.largestTorque = std::max(sum.largestTorque, record.largestTorque);
+        sum.squaredTorque += record.squaredTorque;
+    }
+    std::string text;
+    for (const auto& [name, sum] : byLimit)
+        text += format(
+            "  %-20s acted %lld times, %.3f joint-s, longest %.3f s, torque removed max %.3g, RMS "
+            "%.3g Nm\n",
+            name.c_str(), static_cast<long long>(sum.episodes), static_cast<double>(sum.ticks) * s.tick_s(),
+            static_cast<double>(sum.longestTicks) * s.tick_s(), sum.largestTorque, sum.torqueRms());
+    return text;
+}
+
+std::string formatStops(const Summary& s) {
+    std::string text = "  stops         ";
+    if (std::isfinite(s.worstMargin().value))
+        text += format("least margin %s rad (%s at %.3f s), ", formatDistance(s.worstMargin().value).c_str(),
+                       s.jointNames()[static_cast<std::size_t>(s.worstMargin().joint)].c_str(), s.worstMargin().time_s);
+    text += format("longest %.3f s (%s at %.3f s)", s.longestStop().value,
+                   s.jointNames()[static_cast<std::size_t>(s.longestStop().joint)].c_str(), s.longestStop().time_s);
+    if (s.unviableTicks() > 0)
+        text += format(", unviable ticks %lld (first at %.3f s)", static_cast<long long>(s.unviableTicks()),
+                       s.firstUnviable_s());
+    if (s.missedTicks() > 0) text += format(", missed ticks %lld", static_cast<long long>(s.missedTicks()));
+    return text + "\n";
+}
+
+/** Ticks outside a limit and the worst excess; below a tick outside it is rounding. */
+std::string formatOutside(const Summary& s, LimitKind kind) {
+    const auto ticks = static_cast<long long>(s.ticksOutside(kind));
+    const double excess = ticks > 0 ? findWorst(s, kind, &LimitRecord::worstExcess) : 0.0;
+    return format(excess == 0.0 ? "%7lld%9.0f" : "%7lld%9.2g", ticks, excess);
+}
+
+std::string formatChatter(const Summary& s) {
+    return std::isnan(s.chatter()) ? "-" : format("%.3g", 100.0 * s.chatter());
+}
+
+constexpr LimitKind kRealKinds[] = {LimitKind::Position, LimitKind::Velocity};
+
+/** The joint with the largest `value`; -1: no joint has a limit. */
+int findWorst(const std::vector<LimitRecord>& records, double LimitRecord::*value) {
+    int worst = -1;
+    for (int i = 0; i < static_cast<int>(records.size()); ++i)
+        if (records[i].exists && (worst < 0 || records[i].*value > records[worst].*value)) worst = i;
+    return worst;
+}
+
+/** "position by 0.2 rad (joint3), velocity by ...": what the real arm passed; empty: nothing. */
+std::string formatRealExcesses(const Summary& s, const std::vector<LimitRecord>& (Summary::*limit)(LimitKind) const) {
+    std::string text;
+    for (const LimitKind kind : kRealKinds) {
+        const std::vector<LimitRecord>& records = (s.*limit)(kind);
+        const int worst = findWorst(records, &LimitRecord::worstExcess);
+        if (worst < 0 || records[worst].ticksOutside == 0) continue;
+        text += format("%s%s by %s %s (%s)", text.empty() ? "" : ", ", getName(kind, LimitSide::Neither),
+                       formatPlain(records[worst].worstExcess).c_str(), getUnit(kind),
+                       s.jointNames()[static_cast<std::size_t>(worst)].c_str());
+    }
+    return text;
+}
+
+/** What became of the real arm's limits, where there is something to tell. */
+std::string formatRealVerdict(const CaseResult& r) {
+    if (!r.summary.hasRealPlant()) return "";
+    const std::string passed = formatRealExcesses(r.summary, &Summary::realLimit);
+    if (!r.holdsOnReal) return passed.empty() ? "" : "; the real arm passed limits: " + passed;
+    return (passed.empty() ? "; the real arm kept its position and velocity limits"
+                           : "; the real arm passed its limits: " + passed) +
+           (r.guarantees ? " (guaranteed as long as the disturbances are within their set; of its "
+                           "acceleration and jerk nothing is)"
+                         : " (of which the filter guarantees nothing)");
+}
+
+/** "link4 12.3 mm deep in table (at 1.234 s)", "nearest 3.4 mm (link4 to link1 at 2.000 s)", "nothing within 1 m". */
+std::string formatNearest(const CollisionRecord& r) {
+    if (r.leastClearance == -kInfinity) return "a pose that is no number";
+    if (r.leastClearance == kInfinity) return format("nothing within %g m", kClearanceHorizon_m);
+    const std::string other = r.obstacle.empty() ? r.otherLink : r.obstacle;
+    if (r.ticksInCollision > 0)
+        return format("%s %s mm deep in %s (at %.3f s)", r.link.c_str(), formatPlain(1e3 * r.penetration()).c_str(),
+                      other.c_str(), r.leastClearance_s);
+    return format("nearest %s mm (%s to %s at %.3f s)", formatPlain(1e3 * r.leastClearance).c_str(), r.link.c_str(),
+                  other.c_str(), r.leastClearance_s);
+}
+
+/** Whether the arms touched anything, where there is an environment. */
+std::string formatCollisionVerdict(const Summary& s) {
+    if (!s.collisions()) return "";
+    std::string text;
+    const auto add = [&](const char* arm, const CollisionRecord& r) {
+        if (r.ticksInCollision > 0) text += std::string("; the ") + arm + " arm collided: " + formatNearest(r);
+    };
+    add("nominal", s.collisions()->nominal);
+    if (s.collisions()->real) add("real", *s.collisions()->real);
+    return text.empty() ? "; no collision" : text;
+}
+
+std::string formatCollisions(const Summary& s) {
+    std::string text;
+    const auto add = [&](const char* label, const char* arm, const CollisionRecord& r) {
+        text +=
+            format("  %-13s %s: in collision in %lld ticks", label, arm, static_cast<long long>(r.ticksInCollision));
+        if (r.firstCollision_s) text += format(" (first at %.3f s)", *r.firstCollision_s);
+        text +=
+            ", " + formatNearest(r) +
+            format(", within the safety distance of %s mm in %lld ticks\n",
+                   formatPlain(1e3 * s.collisions()->safetyDistance_m).c_str(), static_cast<long long>(r.ticksTooNear));
+    };
+    add("clearance", "nominal", s.collisions()->nominal);
+    if (s.collisions()->real) add("", "real", *s.collisions()->real);
+    return text;
+}
+
+/** Millimetres for a table; "-" where there is nothing to tell. */
+std::string formatClearance(const CollisionRecord* r) {
+    if (!r) return "-";
+    if (r->leastClearance == -kInfinity) return "?";
+    if (r->leastClearance == kInfinity) return format("> %g", 1e3 * kClearanceHorizon_m);
+    return format("%.1f", 1e3 * r->leastClearance);
+}
+
+/** Below this a joint of the real arm has come to rest [rad/s]. */
+constexpr double kRealRest = 0.01;
+
+std::string formatTrip(const Summary& s) {
+    const TrackingTrip& trip = *s.trip();
+    std::string text =
+        format("  tripped       at %.4f s: %s measured %.4g rad from its nominal place, bound %.4g rad; ", trip.time_s,
+               s.jointNames()[static_cast<std::size_t>(trip.joint)].c_str(), trip.error, trip.bound);
+    const std::string passed = formatRealExcesses(s, &Summary::realStop);
+    text += passed.empty() ? "the real arm stayed inside its position and velocity limits"
+                           : "after it the real arm passed its limits: " + passed;
+    text += s.realEndSpeed() <= kRealRest ? ", and has come to rest"
+                                          : format("; at the end it still moved, at %.3g rad/s", s.realEndSpeed());
+    return text + "\n";
+}
+
+/** The real arm against its limits, its bound and its motors. */
+std::string formatReal(const Summary& s) {
+    const auto name = [&](int joint) { return s.jointNames()[static_cast<std::size_t>(joint)].c_str(); };
+    const int n = static_cast<int>(s.jointNames().size());
+    std::string text;
+    for (const LimitKind kind : kRealKinds) {
+        const std::vector<LimitRecord>& records = s.realLimit(kind);
+        text += format(kind == LimitKind::Position ? "  real arm      %s: " : "                %s: ",
+                       getName(kind, LimitSide::Neither));
+        const int worst = findWorst(records, &LimitRecord::worstUse);
+        if (worst < 0) {
+            text += "no limit\n";
+            continue;
+        }
+        std::int64_t outside = 0;
+        for (const LimitRecord& record : records) outside += record.ticksOutside;
+        const int farthest = findWorst(records, &LimitRecord::worstExcess);
+        text += format("worst use %s %% (%s at %.3f s), outside in %lld joint-ticks, worst excess %s %s\n",
+                       formatPercent(records[worst].worstUse).c_str(), name(worst), records[worst].worstTime_s,
+                       static_cast<long long>(outside), formatDistance(records[farthest].worstExcess).c_str(),
+                       getUnit(kind));
+    }
+    if (s.reference().bound) {
+        text += "  bound used    position / velocity per joint [%]";
+        for (int i = 0; i < n; ++i)
+            text += "  " + formatPercent(s.boundShare(LimitKind::Position, i)) + " / " +
+                    formatPercent(s.boundShare(LimitKind::Velocity, i));
+        text += "\n";
+    }
+    if (s.reference().torqueLimit.size() == n && (s.reference().torqueLimit.array() < INFINITY).any()) {
+        std::int64_t saturated = 0;
+        text += "  motors        largest share of the torque limit per joint [%]";
+        for (int i = 0; i < n; ++i) {
+            text += "  " + formatPercent(s.motor(i).worstUse);
+            saturated += s.motor(i).ticksSaturated;
+        }
+        text += format(", saturated in %lld joint-ticks\n", static_cast<long long>(saturated));
+    }
+    if (s.externalTorqueMissing() > 0)
+        text += format("  external      %lld ticks without a usable external torque\n",
+                       static_cast<long long>(s.externalTorqueMissing()));
+    return text;
+}
+
+}  // namespace
+
+std::string formatComparison(const std::vector<CaseResult>& results) {
+    const bool anyBound = std::any_of(results.begin(), results.end(),
+                                      [](const CaseResult& r) { return r.summary.reference().bound.has_value(); });
+    const bool anyEnvironment = std::any_of(results.begin(), results.end(),
+                                            [](const CaseResult& r) { return r.summary.collisions().has_value(); });
+    const std::string column = anyBound ? format(" %8s", "of bound") : "";
+    const std::string clearance = anyEnvironment ? format(" %-19s |", "least clearance[mm]") : "";
+    const std::string clearanceArms = anyEnvironment ? format(" %9s %9s |", "nominal", "real") : "";
+    const int width = static_cast<int>(19 + column.size());
+    std::string text = format("%-16s | %-35s | %-27s | %-*s |%s %s\n", "", "worst use of the limit [%]",
+                              "ticks (outside: per joint)", width, "real - nominal", clearance.c_str(), "tick [us]");
+    text += format("%-16s | %8s %8s %8s %8s | %8s %10s %7s | %9s %9s%s |%s %6s %6s\n", "case", "position", "velocity",
+                   "accel.", "jerk", "outside", "infeasible", "changed", "RMS[mrad]", "max[mrad]", column.c_str(),
+                   clearanceArms.c_str(), "median", "p99");
+    text += std::string(122 + column.size() + clearance.size(), '-') + "\n";
+    for (const CaseResult& r : results) {
+        const Summary& s = r.summary;
+        std::int64_t outside = 0;
+        for (LimitKind kind : kKinds) outside += s.ticksOutside(kind);
+        const auto use = [&](LimitKind kind) {
+            return hasLimit(s, kind) ? formatPercent(s.limit(kind)[s.worstJoint(kind)].worstUse) : "no limit";
+        };
+        const double modified = 100.0 * s.changedShare();
+        std::string ofBound = anyBound ? format(" %8s", "-") : "";
+        if (s.reference().bound)
+            ofBound = format(" %6s %%", formatPercent(s.boundShare(LimitKind::Position, s.worstBoundJoint())).c_str());
+        std::string clearances;
+        if (anyEnvironment) {
+            const std::optional<Collisions>& c = s.collisions();
+            clearances = format(" %9s %9s |", formatClearance(c ? &c->nominal : nullptr).c_str(),
+                                formatClearance(c && c->real ? &*c->real : nullptr).c_str());
+        }
+        text += format("%-16s | %8s %8s %8s %8s | %8lld %10lld %5.1f %% | %9s %9s%s |%s %6.1f %6.1f\n", r.name.c_str(),
+                       use(LimitKind::Position).c_str(), use(LimitKind::Velocity).c_str(),
+                       use(LimitKind::Acceleration).c_str(), use(LimitKind::Jerk).c_str(),
+                       static_cast<long long>(outside), static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)),
+                       modified, s.hasRealPlant() ? formatMrad(s.trackingRms()).c_str() : "-",
+                       s.hasRealPlant() ? formatMrad(s.trackingMax()).c_str() : "-", ofBound.c_str(),
+                       clearances.c_str(), s.tickTime().percentile(0.5), s.tickTime().percentile(0.99));
+    }
+    return text + kLegend + (anyEnvironment ? kClearanceLegend : "");
+}
+
+std::string formatRanking(const std::vector<CaseResult>& results) {
+    std::vector<const CaseResult*> order;
+    for (const CaseResult& r : results) order.push_back(&r);
+    const auto countOutside = [](const CaseResult& r) {
+        std::int64_t outside = 0;
+        for (LimitKind kind : kKinds) outside += r.summary.ticksOutside(kind);
+        return outside;
+    };
+    const auto countCollisions = [](const CaseResult& r) {
+        return r.summary.collisions() ? r.summary.collisions()->nominal.ticksInCollision : 0;
+    };
+    // What stopped early comes last, whatever it kept until then; no number comes after every number.
+    const auto rank = [&](const CaseResult& r) {
+        const double error = r.summary.commandErrorRms();
+        return std::make_tuple(r.stopReason != StopReason::None, countCollisions(r), countOutside(r),
+                               r.summary.ticksWith(FilterStatus::Infeasible), std::isnan(error),
+                               std::isnan(error) ? 0.0 : error);
+    };
+    const auto isBetter = [&](const CaseResult* a, const CaseResult* b) { return rank(*a) < rank(*b); };
+    std::stable_sort(order.begin(), order.end(), isBetter);
+    std::string text = format("%-25s |%16s |%16s |%16s |%16s | %6s | %7s | %7s | %7s | %s\n", "ranking: joint-ticks",
+                              "position", "velocity", "acceleration", "jerk", "no", "", "command", "chatter", "filter");
+    text += format("%-25s |%7s%9s |%7s%9s |%7s%9s |%7s%9s | %6s | %7s | %7s | %7s | %s\n", "outside and worst excess",
+                   "ticks", "rad", "ticks", "rad/s", "ticks", "rad/s^2", "ticks", "rad/s^3", "choice", "changed",
+                   "[mrad]", "[%]", "[us]");
+    text += std::string(141, '-') + "\n";
+    const bool anyEnvironment = std::any_of(results.begin(), results.end(),
+                                            [](const CaseResult& r) { return r.summary.collisions().has_value(); });
+    int place = 0;
+    for (const CaseResult* r : order) {
+        const Summary& s = r->summary;
+        text += format("%2d %-22s |", ++place, r->name.c_str());
+        for (LimitKind kind : kKinds) text += formatOutside(s, kind) + " |";
+        text += format(" %6lld | %5.1f %% | %7s | %7s | %.1f\n",
+                       static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), 100.0 * s.changedShare(),
+                       formatMrad(s.commandErrorRms()).c_str(), formatChatter(s).c_str(),
+                       s.stageTime(Stage::Filter).percentile(0.5));
+        std::string remarks;
+        if (const std::int64_t ticks = countCollisions(*r); ticks > 0)
+            remarks += format(" (in collision in %lld ticks)", static_cast<long long>(ticks));
+        if (r->stopReason != StopReason::None) remarks += format(" (stopped at %.3f s)", r->stopTime_s);
+        text.insert(text.size() - 1, remarks);
+    }
+    return text + (anyEnvironment ? "Ranked by ticks of the nominal arm in collision, then by what follows. " : "") +
+           R"(Ranked by joint-ticks outside, then ticks without an admissible choice, then command error; what stopped early is last.
+command: RMS distance of the nominal joints to the commanded positions, those moved to the nearest limit ("-": no joint
+command). chatter: RMS jerk of joints at rest whose command presses them against a position limit, in percent of the jerk
+limit; at rest: within 5 % of the range of the limit, and for 0.5 s not moved by more than 0.1 % of the range ("-": less
+than 1 joint-second of that). filter: median time of a tick.
+)";
+}
+
+std::string formatVerdict(const CaseResult& r) {
+    std::string text;
+    if (r.stopReason == StopReason::GuaranteeBroken)
+        text = "guarantee broken, the arm was stopped; ";
+    else if (r.isRealGuaranteeBroken())
+        text = "guarantee on the real arm broken; ";
+    else if (r.isClearanceGuaranteeBroken())
+        text = "guarantee broken, the arm collided; ";
+    else if (r.stopReason == StopReason::TrackingLost)
+        text = "tracking lost, the arm was stopped; ";
+    else if (r.stopReason != StopReason::None)
+        text = "stopped early; ";
+    return text + formatVerdict(r.summary) + " (nominal arm; the filter guarantees " + (r.guarantees ? "all" : "none") +
+           (!r.summary.collisions() ? ""
+            : r.guaranteesClearance ? ", and clearances"
+                                    : ", no clearances") +
+           ")" + formatRealVerdict(r) + formatCollisionVerdict(r.summary);
+}
+
+std::string formatBreach(const CaseResult& r) {
+    std::string text;
+    if (r.isRealGuaranteeBroken())
+        text = "the real arm passed its limits: " + formatRealExcesses(r.summary, &Summary::realLimit);
+    if (r.isClearanceGuaranteeBroken())
+        text += (text.empty() ? "" : "; ") +
+                ("the nominal arm collided: " + formatNearest(r.summary.collisions()->nominal));
+    return text;
+}
+
+std::string formatDetails(const CaseResult& r) {
+    const Summary& s = r.summary;
+    std::string text = r.name + ": filter " + r.filter;
+    if (!r.realPlant.empty()) text += ", robust loop " + r.robustLoop + ", real plant " + r.realPlant;
+    text += format("; %.3f s simulated in %.2f s (%.0f times real time)\n", r.simulated_s, r.wall_s,
+                   r.wall_s > 0.0 ? r.simulated_s / r.wall_s : 0.0);
+    text += "  verdict       " + formatVerdict(r) + "\n";
+    for (LimitKind kind : kKinds) text += formatLimit(s, kind);
+    text += formatStatuses(s) + formatInterventions(s) + formatStops(s);
+    if (s.collisions()) text += formatCollisions(s);
+    if (s.substitutedTicks() > 0)
+        text += format("  controller    %lld ticks without a usable torque, the last good one was used\n",
+                       static_cast<long long>(s.substitutedTicks()));
+    if (s.hasRealPlant()) {
+        text += "  real-nominal  RMS / max per joint [mrad]";
+        for (int i = 0; i < static_cast<int>(s.jointNames().size()); ++i)
+            text += "  " + formatMrad(s.trackingRms(i)) + " / " + formatMrad(s.trackingMax(i));
+        text += "\n" + formatReal(s);
+        if (s.trip()) text += formatTrip(s);
+    }
+    text +=
+        format("  tick          median %.1f us, p99 %.1f us, max %.1f us (median / p99:", s.tickTime().percentile(0.5),
+               s.tickTime().percentile(0.99), s.tickTime().max());
+    for (int i = 0; i < kStageCount; ++i) {
+        const TimeHistogram& h = s.stageTime(static_cast<Stage>(i));
+        text += format("%s %s %.1f / %.1f", i ? "," : "", getName(static_cast<Stage>(i)), h.percentile(0.5),
+                       h.percentile(0.99));
+    }
+    text += ")\n";
+    if (!r.seeds.empty()) {
+        text += "  seeds        ";
+        for (const auto& [plugin, seed] : r.seeds) text += " " + plugin + " " + seed;
+        text += "\n";
+    }
+    if (!r.log.empty())
+        text += format("  log           %s (%lld rows)\n", r.log.c_str(), static_cast<long long>(r.logRows));
+    for (const std::string& warning : r.warnings) text += "  WARNING       " + warning + "\n";
+    if (!r.stopMessage.empty())
+        text += "  STOPPED       " + r.stopMessage + (r.stopRemedy.empty() ? "" : ". " + r.stopRemedy) + "\n";
+    if (!r.logError.empty()) text += "  LOG LOST      " + r.logError + "\n";
+    return text;
+}
+
+}  // namespace viable

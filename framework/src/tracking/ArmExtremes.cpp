@@ -1,0 +1,307 @@
+#include "tracking/ArmExtremes.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <random>
+
+#include "viable/robot/RobotModel.h"
+
+namespace viable::detail {
+
+namespace {
+
+using Eigen::MatrixXd;
+
+constexpr int kPoses = 192;
+/** Of those, the poses around which the loop is looked at. */
+constexpr int kLoopPoses = 32;
+/** Those where gradients are taken: they cost most. */
+constexpr int kGradientPoses = 64;
+/** Differences for gradients [rad, m]. */
+constexpr double kStep = 1e-5;
+constexpr double kPi = 3.14159265358979323846;
+
+/** The terms of M qdd + b at a pose. */
+struct Terms {
+    JointMatrix M;
+    JointVector gravity;
+    std::vector<MatrixXd> c;  // i: upper triangle, b_i - gravity_i = sum over j <= k of c_jk qd_j qd_k
+
+    Terms operator-(const Terms& other) const {
+        Terms d{M - other.M, gravity - other.gravity, c};
+        for (std::size_t i = 0; i < c.size(); ++i) d.c[i] -= other.c[i];
+        return d;
+    }
+    /** dC/dv_k, C_ij = sum over k of the Christoffel symbols of the first kind times v_k. */
+    MatrixXd calcChristoffel(int k) const {
+        const auto n = static_cast<int>(c.size());
+        MatrixXd C(n, n);
+        for (int i = 0; i < n; ++i)
+            for (int j = 0; j < n; ++j) {
+                const MatrixXd& own = c[static_cast<std::size_t>(i)];
+                C(i, j) = j == k ? own(j, j) : 0.5 * own(std::min(j, k), std::max(j, k));
+            }
+        return C;
+    }
+    /** The largest |M qdd + centrifugal and Coriolis torque|. */
+    JointVector calcMotionTorque(const MotionSize& size) const {
+        JointVector sum = M.cwiseAbs() * size.acceleration;
+        for (Eigen::Index i = 0; i < sum.size(); ++i)
+            sum[i] += size.velocity.dot(c[static_cast<std::size_t>(i)].cwiseAbs() * size.velocity);
+        return sum;
+    }
+    /** With gravity. */
+    JointVector calcTorque(const MotionSize& size) const {
+        return calcMotionTorque(size) + JointVector(gravity.cwiseAbs());
+    }
+    /** The largest rate of M qdd + b while the arm stays in the pose. */
+    JointVector calcRate(const MotionSize& size) const {
+        JointVector sum = M.cwiseAbs() * size.jerk;
+        for (Eigen::Index i = 0; i < sum.size(); ++i) {
+            const MatrixXd own = c[static_cast<std::size_t>(i)].cwiseAbs();
+            sum[i] += size.velocity.dot((own + own.transpose()) * size.acceleration);
+        }
+        return sum;
+    }
+};
+
+class Arm {
+public:
+    explicit Arm(const RobotDescription& robot) : model_(robot), n_(robot.size()) {}
+
+    Terms calcTerms(const JointVector& q) {
+        Terms t;
+        const JointVector still = JointVector::Zero(n_);
+        const auto calcSpin = [&](const JointVector& qd) -> JointVector {
+            model_.calcDynamics(q, qd, dynamics_);
+            return dynamics_.b - t.gravity;
+        };
+        model_.calcDynamics(q, still, dynamics_);
+        t.M = dynamics_.M;
+        t.gravity = dynamics_.gravity;
+        t.c.assign(static_cast<std::size_t>(n_), MatrixXd::Zero(n_, n_));
+        for (int j = 0; j < n_; ++j) {
+            const JointVector own = calcSpin(JointVector::Unit(n_, j));
+            for (int i = 0; i < n_; ++i) t.c[static_cast<std::size_t>(i)](j, j) = own[i];
+        }
+        for (int j = 0; j < n_; ++j)
+            for (int k = j + 1; k < n_; ++k) {
+                const JointVector both = calcSpin(JointVector::Unit(n_, j) + JointVector::Unit(n_, k));
+                for (int i = 0; i < n_; ++i) {
+                    MatrixXd& c = t.c[static_cast<std::size_t>(i)];
+                    c(j, k) = both[i] - c(j, j) - c(k, k);
+                }
+            }
+        return t;
+    }
+    JointMatrix calcInertia(const JointVector& q) {
+        model_.calcDynamics(q, JointVector::Zero(n_), dynamics_);
+        return dynamics_.M;
+    }
+    JointVector calcGravity(const JointVector& q) {
+        model_.calcDynamics(q, JointVector::Zero(n_), dynamics_);
+        return dynamics_.gravity;
+    }
+
+private:
+    RobotModel model_;
+    int n_;
+    Dynamics dynamics_;
+};
+
+/** Corners of an octahedron around the ball of places that the payload may have: what grows with the distance in any
+direction is largest at one of them. */
+std::vector<Eigen::Vector3d> listPlaces(double distance) {
+    std::vector<Eigen::Vector3d> places{Eigen::Vector3d::Zero()};
+    if (distance > 0.0)
+        for (int axis = 0; axis < 3; ++axis)
+            for (double side : {-1.0, 1.0})
+                places.push_back(side * std::sqrt(3.0) * distance * Eigen::Vector3d::Unit(axis));
+    return places;
+}
+
+RobotDescription makeReal(const RobotDescription& robot, const DisturbanceSet& set, double side,
+                          const Eigen::Vector3d& place) {
+    const JointVector error = set.massError.expand(robot.size());
+    RobotDescription real = withScaledMasses(robot, JointVector::Ones(robot.size()) + side * error);
+    return side > 0.0 ? withPayload(std::move(real), set.payload_kg, place) : real;
+}
+
+template <class Matrix, class Value>
+void raise(Matrix& largest, const Value& value) {
+    largest = largest.cwiseMax(Matrix(value).cwiseAbs());
+}
+
+/** An arm under gravity of 1 m/s^2 along each of three directions: down and two sideways. */
+struct GravityArms {
+    std::vector<std::unique_ptr<Arm>> down, side, other;
+
+    void add(RobotDescription robot) {
+        const Eigen::Vector3d g =
+            robot.gravity.norm() > 0.0 ? robot.gravity.normalized().eval() : Eigen::Vector3d(Eigen::Vector3d::UnitZ());
+        const auto make = [&](std::vector<std::unique_ptr<Arm>>& arms, const Eigen::Vector3d& along) {
+            robot.gravity = along;
+            arms.push_back(std::make_unique<Arm>(robot));
+        };
+        make(down, g);
+        make(side, g.unitOrthogonal());
+        make(other, g.cross(g.unitOrthogonal()));
+    }
+    /** The largest torque of a tilt of up to `tilt` [rad] in any direction, of arm `k`. */
+    JointVector calcTorque(std::size_t k, const JointVector& q, double gravity, double tilt) {
+        const JointVector x = side[k]->calcGravity(q), y = other[k]->calcGravity(q);
+        return combine(down[k]->calcGravity(q), x, y, gravity, tilt);
+    }
+    JointVector calcSlope(std::size_t k, const JointVector& q, const JointVector& moved, double gravity, double tilt) {
+        const JointVector z = down[k]->calcGravity(moved) - down[k]->calcGravity(q);
+        const JointVector x = side[k]->calcGravity(moved) - side[k]->calcGravity(q);
+        const JointVector y = other[k]->calcGravity(moved) - other[k]->calcGravity(q);
+        return combine(z, x, y, gravity, tilt);
+    }
+
+private:
+    static JointVector combine(const JointVector& z, const JointVector& x, const JointVector& y, double gravity,
+                               double tilt) {
+        const double sideways = tilt < 0.5 * kPi ? std::sin(tilt) : 1.0;
+        return gravity *
+               (sideways * (x.cwiseAbs2() + y.cwiseAbs2()).cwiseSqrt() + (1.0 - std::cos(tilt)) * z.cwiseAbs());
+    }
+};
+
+/** The largest rate of the torque by which `arm` and `other` differ in motion; `here` is that difference. */
+JointVector calcRate(Arm& arm, Arm& other, const JointVector& q, const Terms& here, const MotionSize& motion) {
+    const auto n = static_cast<int>(q.size());
+    JointVector rate = here.calcRate(motion);
+    for (int j = 0; j < n; ++j) {
+        const JointVector moved = q + kStep * JointVector(JointVector::Unit(n, j));
+        const Terms there = arm.calcTerms(moved) - other.calcTerms(moved);
+        rate += motion.velocity[j] / kStep * (there - here).calcTorque(motion);
+    }
+    return rate;
+}
+
+}  // namespace
+
+std::vector<JointVector> samplePoses(const JointLimits& limits, int count) {
+    const int n = limits.size();
+    std::mt19937 random(1);  // its numbers are the same everywhere
+    std::vector<JointVector> poses(static_cast<std::size_t>(count), JointVector(n));
+    for (int k = 0; k < count; ++k)
+        for (int i = 0; i < n; ++i) {
+            double lower = limits.position.lower[i], upper = limits.position.upper[i];
+            if (std::isinf(lower)) lower = std::isinf(upper) ? -kPi : upper - 2.0 * kPi;
+            if (std::isinf(upper)) upper = lower + 2.0 * kPi;
+            const double places[] = {lower, upper, std::clamp(0.0, lower, upper), 0.5 * (lower + upper)};
+            const double share = static_cast<double>(random()) / 4294967295.0;
+            poses[static_cast<std::size_t>(k)][i] = k % 2 == 0 ? places[random() % 4] : lower + share * (upper - lower);
+        }
+    return poses;
+}
+
+ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& limits, const MotionSize& motion,
+                            const DisturbanceSet& set) {
+    const int n = robot.size();
+    const MatrixXd none = MatrixXd::Zero(n, n);
+    const JointVector zero = JointVector::Zero(n);
+    ArmExtremes x;
+    x.inertia = x.stiffness = none;
+    x.gradient.assign(static_cast<std::size_t>(n), none);
+    x.coriolis = x.gyroscopic = x.gradient;
+    x.nominalTorque = zero;
+    x.massError = x.payload = x.tilt = TorqueRange::within(zero);
+    if (set.payload_kg > 0.0) x.payload = {JointVector::Constant(n, INFINITY), JointVector::Constant(n, -INFINITY)};
+    x.massErrorRate = x.payloadRate = x.tiltRate = x.massErrorWeight = x.payloadWeight = zero;
+
+    Arm nominal(robot);
+    const std::vector<Eigen::Vector3d> places =
+        set.payload_kg > 0.0 ? listPlaces(set.payloadOffset_m) : std::vector<Eigen::Vector3d>{Eigen::Vector3d::Zero()};
+    std::vector<std::pair<int, std::unique_ptr<Arm>>> doubled;  // the body behind that joint
+    std::vector<std::unique_ptr<Arm>> loaded;
+    std::vector<std::unique_ptr<Arm>> arms;  // the heaviest, the lightest, and the nominal one
+    const JointVector error = set.massError.expand(n);
+    for (int k = 0; k < n; ++k)
+        if (error[k] > 0.0)
+            doubled.emplace_back(k, std::make_unique<Arm>(withScaledMasses(
+                                        robot, JointVector::Ones(n) + JointVector(JointVector::Unit(n, k)))));
+    if (set.payload_kg > 0.0)
+        for (const Eigen::Vector3d& place : places)
+            loaded.push_back(std::make_unique<Arm>(withPayload(robot, set.payload_kg, place)));
+    for (const Eigen::Vector3d& place : places) arms.push_back(std::make_unique<Arm>(makeReal(robot, set, 1.0, place)));
+    if (set.payload_kg > 0.0 || error.maxCoeff() > 0.0)
+        arms.push_back(std::make_unique<Arm>(makeReal(robot, set, -1.0, places.front())));
+    arms.push_back(std::make_unique<Arm>(robot));
+    std::vector<MatrixXd> least(arms.size(), MatrixXd::Constant(n, n, INFINITY));
+    std::vector<MatrixXd> greatest(arms.size(), MatrixXd::Constant(n, n, -INFINITY));
+    GravityArms tilted;
+    if (set.baseTilt_rad > 0.0) {
+        for (const Eigen::Vector3d& place : places) tilted.add(makeReal(robot, set, 1.0, place));
+        tilted.add(makeReal(robot, set, -1.0, places.front()));
+    }
+    const double gravity = robot.gravity.norm();
+
+    const std::vector<JointVector> poses = samplePoses(limits, kPoses);
+    for (std::size_t pose = 0; pose < poses.size(); ++pose) {
+        const JointVector& q = poses[pose];
+        const Terms own = nominal.calcTerms(q);
+        x.nominalTorque = x.nominalTorque.cwiseMax(own.calcTorque(motion));
+        const bool takesGradient = pose < kGradientPoses;
+        JointVector massTorque = zero, massRate = zero, massWeight = zero;
+        for (const auto& [joint, arm] : doubled) {
+            const Terms body = arm->calcTerms(q) - own;
+            massTorque += error[joint] * body.calcTorque(motion);
+            massWeight += error[joint] * body.gravity.cwiseAbs();
+            if (takesGradient) massRate += error[joint] * calcRate(*arm, nominal, q, body, motion);
+        }
+        raise(x.massError.upper, massTorque);
+        raise(x.massErrorRate, massRate);
+        raise(x.massErrorWeight, massWeight);
+        for (const auto& arm : loaded) {
+            const Terms load = arm->calcTerms(q) - own;
+            const JointVector torque = load.calcMotionTorque(motion);
+            raise(x.payloadWeight, load.gravity);
+            x.payload.lower = x.payload.lower.cwiseMin(-load.gravity - torque);
+            x.payload.upper = x.payload.upper.cwiseMax(-load.gravity + torque);
+            if (takesGradient) raise(x.payloadRate, calcRate(*arm, nominal, q, load, motion));
+        }
+        for (std::size_t k = 0; k < tilted.down.size(); ++k) {
+            raise(x.tilt.upper, tilted.calcTorque(k, q, gravity, set.baseTilt_rad));
+            if (!takesGradient) continue;
+            JointVector rate = zero;
+            for (int j = 0; j < n; ++j)
+                rate +=
+                    motion.velocity[j] / kStep *
+                    tilted.calcSlope(k, q, q + kStep * JointVector(JointVector::Unit(n, j)), gravity, set.baseTilt_rad);
+            raise(x.tiltRate, rate);
+        }
+        for (std::size_t load = 0; load < arms.size(); ++load) {
+            Arm& arm = *arms[load];
+            const JointMatrix M = arm.calcInertia(q);
+            raise(x.inertia, M);
+            least[load] = least[load].cwiseMin(MatrixXd(M));
+            greatest[load] = greatest[load].cwiseMax(MatrixXd(M));
+            const bool isNominal = load + 1 == arms.size() && arms.size() > 1;
+            if (pose < kLoopPoses && !isNominal) x.inertias.push_back(M);
+            if (!takesGradient) continue;
+            const Terms here = arm.calcTerms(q);
+            for (int k = 0; k < n; ++k) {
+                const MatrixXd C = here.calcChristoffel(k);
+                raise(x.coriolis[static_cast<std::size_t>(k)], C);
+                raise(x.gyroscopic[static_cast<std::size_t>(k)], C.transpose() - C);
+            }
+            for (int j = 0; j < n; ++j) {
+                const Terms change = arm.calcTerms(q + kStep * JointVector(JointVector::Unit(n, j))) - here;
+                raise(x.gradient[static_cast<std::size_t>(j)], change.M / kStep);
+                x.stiffness.col(j) = x.stiffness.col(j).cwiseMax(Eigen::VectorXd(change.calcTorque(motion) / kStep));
+            }
+        }
+    }
+    x.inertiaRange = none;
+    for (std::size_t k = 0; k < arms.size(); ++k) raise(x.inertiaRange, greatest[k] - least[k]);
+    x.massError.lower = -x.massError.upper;
+    x.tilt.lower = -x.tilt.upper;
+    return x;
+}
+
+}  // namespace viable::detail

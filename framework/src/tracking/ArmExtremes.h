@@ -1,0 +1,50 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "viable/tracking/TrackingBound.h"
+
+namespace viable::detail {
+
+/** Poses within position limits: at the ends, at zero, in the middle and anywhere between, in every mixture (a singular
+pose often needs several joints at exactly zero). The same for the same arguments. Of a joint without limits a whole
+turn. */
+std::vector<JointVector> samplePoses(const JointLimits& limits, int count);
+
+/** Joint torques from lower to upper [Nm]. */
+struct TorqueRange {
+    JointVector lower, upper;
+
+    static TorqueRange within(const JointVector& size) { return {-size, size}; }
+    JointVector calcLargest() const { return lower.cwiseAbs().cwiseMax(upper.cwiseAbs()); }
+};
+
+/** Sizes of what appears in the equations of motion of nominal and real arm, over a sample of poses and, in closed form,
+all velocities and accelerations within limits. */
+struct ArmExtremes {
+    std::vector<JointMatrix> inertias;      ///< of real arms, light and heavy ones [kg m^2]
+    Eigen::MatrixXd inertia;                ///< largest |M_ij|, as all that follows of light, heavy and nominal arm
+    Eigen::MatrixXd inertiaRange;           ///< largest change of M_ij from pose to pose
+    std::vector<Eigen::MatrixXd> gradient;  ///< k: largest |dM_ij/dq_k| [kg m^2/rad]
+    /** With C(q, v) of the Christoffel symbols, b - gravity = C(q, qd) qd. */
+    std::vector<Eigen::MatrixXd> coriolis;    ///< k: largest |dC_ij/dv_k|
+    std::vector<Eigen::MatrixXd> gyroscopic;  ///< k: largest |d(C' - C)_ij/dv_k|
+    Eigen::MatrixXd stiffness;                ///< largest |d(M qdd + b)_i / dq_j| [Nm/rad]
+    JointVector nominalTorque;                ///< largest |M qdd + b| of the nominal arm [Nm]
+    /** What each takes from the torque that moves the arm. The payload: the whole of it; a smaller one takes that share,
+    in a run always the same, and does less. */
+    TorqueRange massError, payload, tilt;
+    JointVector massErrorRate, payloadRate, tiltRate;  ///< how fast at most [Nm/s]
+    JointVector massErrorWeight, payloadWeight;        ///< in an arm at rest, at most [Nm]
+};
+
+/** The largest velocity, acceleration and jerk of each joint, finite. */
+struct MotionSize {
+    JointVector velocity, acceleration, jerk;
+};
+
+ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& limits, const MotionSize& motion,
+                            const DisturbanceSet& set);
+
+}  // namespace viable::detail

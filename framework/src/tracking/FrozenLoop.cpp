@@ -1,0 +1,193 @@
+#include "tracking/FrozenLoop.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+
+namespace viable::detail {
+
+namespace {
+
+using Eigen::MatrixXd;
+
+/** Ticks, and later strides, between two doublings of the stride. */
+constexpr int kStepsPerStride = 256;
+constexpr int kStrideFactor = 4;
+/** Of the exponential over a tick, whose argument is far below 1 in any loop that is stable. */
+constexpr int kSeriesTerms = 24;
+/** The response is followed until a whole round adds no more than this share to any gain. */
+constexpr double kRemainder = 1e-6;
+constexpr int kMaxRounds = 12;  // 256 x 4^12 ticks: months
+
+/** The loop as x' = A x + B n with x = (e, de, e_m before, sum of e_m dt, torques on their way), n the reading error;
+the tick's torque tau_a = C x + D n. */
+struct StateSpace {
+    MatrixXd A, B, C, D;
+    MatrixXd integral;  // the part of C from the sum
+    MatrixXd step;      // C (A - I): how tau_a changes to the next tick
+};
+
+class Loop {
+public:
+    explicit Loop(const FrozenLoop& loop)
+        : loop_(loop),
+          n_(static_cast<int>(loop.kr.size())),
+          inverse_(MatrixXd(loop.inertia).llt().solve(MatrixXd::Identity(n_, n_))) {
+        // Over a tick v' = -M^-1 D v + M^-1 tau: the series of the exponential, its integral and that one's.
+        const MatrixXd slowing = -loop.tick_s * inverse_ * MatrixXd(loop.damping.asDiagonal());
+        MatrixXd term = MatrixXd::Identity(n_, n_);
+        decay_ = once_ = twice_ = MatrixXd::Zero(n_, n_);
+        for (int k = 0; k < kSeriesTerms; ++k) {
+            decay_ += term;
+            once_ += term / (k + 1.0);
+            twice_ += term / ((k + 1.0) * (k + 2.0));
+            term = term * slowing / (k + 1.0);
+        }
+        once_ *= loop.tick_s;
+        twice_ *= loop.tick_s * loop.tick_s;
+    }
+
+    int size() const { return n_ * (4 + loop_.delayTicks); }
+    const MatrixXd& inverse() const { return inverse_; }
+    /** de and e after a tick of torque 1. */
+    MatrixXd push() const { return once_ * inverse_; }
+    MatrixXd pushTravel() const { return twice_ * inverse_; }
+
+    StateSpace make() const {
+        StateSpace s;
+        const MatrixXd states = MatrixXd::Identity(size(), size());
+        const MatrixXd none = MatrixXd::Zero(n_, size());
+        s.A = tick(states, none, s.C, s.integral);
+        MatrixXd ignored;
+        const MatrixXd errors = MatrixXd::Identity(n_, n_);
+        s.B = tick(MatrixXd::Zero(size(), n_), errors, s.D, ignored);
+        s.step = s.C * s.A - s.C;
+        return s;
+    }
+
+private:
+    /** Columns are independent states. */
+    MatrixXd tick(const MatrixXd& x, const MatrixXd& error, MatrixXd& torque, MatrixXd& integralTorque) const {
+        const double h = loop_.tick_s;
+        const MatrixXd e = x.middleRows(0, n_), v = x.middleRows(n_, n_);
+        const MatrixXd read = e + error;
+        const MatrixXd rate = (read - x.middleRows(2 * n_, n_)) / h;
+        const MatrixXd sum = x.middleRows(3 * n_, n_) + h * read;
+        const JointVector krki = loop_.kr.cwiseProduct(loop_.ki);
+        integralTorque = -(krki.asDiagonal() * sum);
+        const MatrixXd weighted = rate + loop_.kp.asDiagonal() * read;
+        torque = integralTorque - loop_.kr.asDiagonal() * weighted;
+        const int d = loop_.delayTicks;
+        const MatrixXd acting = d == 0 ? torque : MatrixXd(x.middleRows(4 * n_, n_));
+        const MatrixXd a = inverse_ * acting;
+        MatrixXd next(x.rows(), x.cols());
+        next << e + once_ * v + twice_ * a, decay_ * v + once_ * a, read, sum, x.bottomRows(d > 0 ? (d - 1) * n_ : 0),
+            d > 0 ? torque : MatrixXd(0, x.cols());
+        return next;
+    }
+
+    const FrozenLoop& loop_;
+    int n_;
+    MatrixXd inverse_;
+    MatrixXd decay_, once_, twice_;
+};
+
+MatrixXd& at(LoopGains::PerOutput& values, LoopOutput output) {
+    return values[static_cast<std::size_t>(output)];
+}
+
+/** What states in columns show. */
+LoopGains::PerOutput show(const StateSpace& s, const MatrixXd& x, int n) {
+    LoopGains::PerOutput out;
+    at(out, LoopOutput::Position) = x.middleRows(0, n);
+    at(out, LoopOutput::Velocity) = x.middleRows(n, n);
+    at(out, LoopOutput::Torque) = s.C * x;
+    at(out, LoopOutput::TorqueStep) = s.step * x;
+    at(out, LoopOutput::IntegralTorque) = s.integral * x;
+    return out;
+}
+
+}  // namespace
+
+double calcSpectralRadius(const FrozenLoop& loop) {
+    const Eigen::EigenSolver<MatrixXd> modes(Loop(loop).make().A, false);
+    return modes.eigenvalues().cwiseAbs().maxCoeff();
+}
+
+LoopGains calcGains(const FrozenLoop& loop) {
+    const Loop maker(loop);
+    const StateSpace s = maker.make();
+    const int n = static_cast<int>(loop.kr.size());
+    const double h = loop.tick_s;
+    LoopGains gains;
+    for (auto* all : {&gains.torque, &gains.step, &gains.ramp, &gains.reading}) all->fill(MatrixXd::Zero(n, n));
+
+    // A unit impulse of torque just before a tick leaves de = M^-1; one within the tick before a state nearly affine in
+    // its age, up to that a tick later: so the ticks tell all.
+    MatrixXd state = MatrixXd::Zero(maker.size(), n);
+    state.middleRows(n, n) = maker.inverse();
+
+    // A reading error acts at once, then through the state that it leaves.
+    MatrixXd reading = s.B;
+    at(gains.reading, LoopOutput::Torque) = s.D.cwiseAbs();
+    at(gains.reading, LoopOutput::TorqueStep) = s.D.cwiseAbs() + (s.C * s.B - s.D).cwiseAbs();
+    at(gains.reading, LoopOutput::IntegralTorque) =
+        MatrixXd(JointVector(h * loop.kr.cwiseProduct(loop.ki)).asDiagonal());
+
+    // Pushed by a constant torque of 1 from the start, which is part of the state.
+    MatrixXd power = s.A;  // over a stride
+    const int size = maker.size();
+    MatrixXd push = MatrixXd::Zero(size, n);
+    push.topRows(n) = maker.pushTravel();
+    push.middleRows(n, n) = maker.push();
+    MatrixXd pushedPower = MatrixXd::Identity(size + n, size + n);
+    pushedPower.topLeftCorner(size, size) = s.A;
+    pushedPower.topRightCorner(size, n) = push;
+    MatrixXd pushed = MatrixXd::Zero(size + n, n);
+    pushed.bottomRows(n).setIdentity();
+    LoopGains::PerOutput goal;  // where that ends
+    goal.fill(MatrixXd::Zero(n, n));
+    at(goal, LoopOutput::Torque) = -MatrixXd::Identity(n, n);
+
+    double age = 0.0, stride = 1.0;
+    for (int round = 0; round < kMaxRounds; ++round) {
+        const LoopGains::PerOutput before = gains.torque;
+        gains.variations.emplace_back();
+        LoopGains::Variation& variation = gains.variations.back();
+        variation.total.fill(MatrixXd::Zero(n, n));
+        variation.aged.fill(MatrixXd::Zero(n, n));
+        LoopGains::PerOutput begin = show(s, state, n);
+        for (int step = 0; step < kStepsPerStride; ++step) {
+            state = power * state;
+            const LoopGains::PerOutput end = show(s, state, n);
+            const LoopGains::PerOutput noise = show(s, reading, n);
+            reading = power * reading;
+            LoopGains::PerOutput level = show(s, pushed.topRows(size), n);
+            at(level, LoopOutput::TorqueStep) += s.C * push;
+            pushed = pushedPower * pushed;
+            age += stride * h;
+            for (std::size_t k = 0; k < kLoopOutputs; ++k) {
+                gains.torque[k] += stride * h / 2.0 * (begin[k].cwiseAbs() + end[k].cwiseAbs());
+                gains.step[k] = gains.step[k].cwiseMax(level[k].cwiseAbs());
+                gains.ramp[k] += stride * h * (level[k] - goal[k]).cwiseAbs();
+                gains.reading[k] += stride * noise[k].cwiseAbs();
+                const MatrixXd change = (end[k] - begin[k]).cwiseAbs();
+                variation.total[k] += change;
+                variation.aged[k] += age * change;
+            }
+            begin = end;
+        }
+        double grown = 0.0;
+        for (std::size_t k = 0; k < kLoopOutputs; ++k)
+            grown = std::max(grown, 1.0 - before[k].maxCoeff() / gains.torque[k].maxCoeff());
+        if (grown < kRemainder) break;
+        for (int i = 1; i < kStrideFactor; i *= 2) {
+            power = power * power;
+            pushedPower = pushedPower * pushedPower;
+        }
+        stride *= kStrideFactor;
+    }
+    return gains;
+}
+
+}  // namespace viable::detail

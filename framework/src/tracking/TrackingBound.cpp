@@ -1,0 +1,349 @@
+#include "viable/tracking/TrackingBound.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/NumberText.h"
+#include "tracking/ArmExtremes.h"
+#include "tracking/FrozenLoop.h"
+#include "viable/core/Error.h"
+
+namespace viable {
+
+namespace {
+
+using detail::ArmExtremes;
+using detail::FrozenLoop;
+using detail::LoopGains;
+using detail::LoopOutput;
+using detail::TorqueRange;
+using Eigen::MatrixXd;
+
+/** Of the fixed point; far below what the sample of poses leaves open. */
+constexpr double kAgreement = 1e-9;
+constexpr int kMaxRounds = 2000;
+/** A bound beyond this is none [rad, rad/s]. */
+constexpr double kLargestBound = 100.0;
+/** Stable gains are looked for down to this share. */
+constexpr double kLeastGain = 1e-4, kGainStep = 0.9;
+
+JointVector takeLargest(const JointBounds& bounds) {
+    return bounds.lower.cwiseAbs().cwiseMax(bounds.upper.cwiseAbs());
+}
+
+const MatrixXd& at(const LoopGains::PerOutput& gains, LoopOutput output) {
+    return gains[static_cast<std::size_t>(output)];
+}
+
+std::string list(const JointVector& values) {
+    std::string text;
+    for (double value : values) {
+        char number[32];
+        std::snprintf(number, sizeof number, "%.4g", value);
+        text += (text.empty() ? "" : ", ") + std::string(number);
+    }
+    return values.size() == 1 ? text : "[" + text + "]";
+}
+
+/** All that the bound is made of. */
+class BoundMaker {
+public:
+    BoundMaker(const RobotDescription& robot, const JointLimits& limits, double tick_s, const NricOptions& gains,
+               const DisturbanceSet& set, const std::string& place)
+        : robot_(robot),
+          n_(robot.size()),
+          h_(tick_s),
+          set_(set),
+          place_(place),
+          kr_(gains.kr.expand(n_)),
+          kp_(gains.kp.expand(n_)),
+          ki_(gains.ki.expand(n_)),
+          motion_{takeLargest(limits.velocity), takeLargest(limits.acceleration), takeLargest(limits.jerk)} {
+        for (int i = 0; i < n_; ++i) {
+            if (std::isfinite(motion_.velocity[i]) && std::isfinite(motion_.acceleration[i])) continue;
+            throw badInput(place,
+                           "joint " + robot.joints[static_cast<std::size_t>(i)].name +
+                               " has no limit on velocity or acceleration: no bound without them",
+                           "Give both in `limits`.");
+        }
+        // A jerk without limit: from one end of the acceleration to the other in a tick.
+        motion_.jerk = motion_.jerk.cwiseMin(2.0 / h_ * motion_.acceleration);
+        arm_ = detail::findArmExtremes(robot, limits, motion_, set);
+        const JointFriction& f = robot.actuation.friction;
+        damping_ = 0.5 * set.frictionScale.expand(n_).cwiseProduct(f.viscous.cwiseQuotient(f.viscousVelocity));
+    }
+
+    TrackingBound make() {
+        checkStability();
+        JointVector e = JointVector::Zero(n_), de = e, load = e;
+        const JointVector none = JointVector::Zero(n_);
+        std::vector<View> views;
+        for (const JointVector& damping : {none, damping_}) {
+            if (!views.empty() && damping_.maxCoeff() == 0.0) break;
+            views.push_back({damping, {}});
+            for (const JointMatrix& M : arm_.inertias)
+                views.back().gains.push_back(detail::calcGains(makeLoop(M, damping, kr_)));
+        }
+        std::string worst;
+        // |e|, |de| and the torque carried are bounded by themselves: iterated from zero upwards, the first fixed point
+        // is a bound, for e and de start at zero and change steadily.
+        for (int round = 0; round < kMaxRounds; ++round) {
+            TrackingBound bound = evaluate(views.front(), e, de, load);
+            for (std::size_t k = 1; k < views.size(); ++k) takeSmaller(evaluate(views[k], e, de, load), bound);
+            const double change =
+                std::max((bound.position - e).cwiseAbs().maxCoeff(), (bound.velocity - de).cwiseAbs().maxCoeff());
+            e = bound.position;
+            de = bound.velocity;
+            load = bound.torque;
+            worst = findLargestPart(bound);
+            if (!e.allFinite() || !de.allFinite() || e.maxCoeff() > kLargestBound || de.maxCoeff() > kLargestBound)
+                break;
+            if (change <= kAgreement * std::max(1.0, de.maxCoeff())) return bound;
+        }
+        throw badInput(place_,
+                       "no bound exists: what the error itself causes grows faster than the gains of the robust loop "
+                       "answer it, most of all: " +
+                           worst,
+                       "Raise k_r towards the largest stable value, lower the limits of velocity and acceleration, or "
+                       "state a smaller disturbance_set.");
+    }
+
+private:
+    /** Viscous friction either is a torque like the others (`damping` zero), or is taken at the nominal velocity, where
+    it cannot jump, and what the error of the velocity adds to it is the arm's damping, give or take as much. Which
+    bound is the smaller depends on how much friction there is. */
+    struct View {
+        JointVector damping;
+        std::vector<LoopGains> gains;  // by inertia
+    };
+
+    static std::string findLargestPart(const TrackingBound& bound) {
+        return std::max_element(bound.parts.begin(), bound.parts.end(),
+                                [](const auto& a, const auto& b) { return a.velocity.sum() < b.velocity.sum(); })
+            ->source;
+    }
+
+    /** Both hold, so does the smaller one of each. */
+    static void takeSmaller(const TrackingBound& other, TrackingBound& bound) {
+        const auto take = [](const JointVector& from, JointVector& to) { to = to.cwiseMin(from); };
+        if (other.position.sum() < bound.position.sum()) bound.parts = other.parts;
+        take(other.position, bound.position);
+        take(other.velocity, bound.velocity);
+        take(other.measured, bound.measured);
+        take(other.torque, bound.torque);
+        take(other.lastingTorque, bound.lastingTorque);
+        take(other.torqueStep, bound.torqueStep);
+        take(other.integralTorque, bound.integralTorque);
+    }
+
+    FrozenLoop makeLoop(const JointMatrix& M, const JointVector& damping, const JointVector& kr) const {
+        return {M, damping, kr, kp_, ki_, h_, set_.delayTicks};
+    }
+    double calcWorstRadius(const JointVector& kr) const {
+        double worst = 0.0;
+        for (const JointMatrix& M : arm_.inertias)
+            worst = std::max(worst, detail::calcSpectralRadius(makeLoop(M, JointVector::Zero(n_), kr)));
+        return worst;
+    }
+
+    void checkStability() const {
+        if (kr_.cwiseProduct(kp_).cwiseProduct(ki_).minCoeff() <= 0.0)
+            throw badInput(place_, "a gain of the robust loop is 0: nothing brings that joint's error back",
+                           "Give k_r, k_p and k_i above 0 for every joint.");
+        if (calcWorstRadius(kr_) < 1.0) return;
+        // Too little is unstable as well, against k_i: so from above.
+        double stable = kGainStep, unstable = 1.0;
+        while (stable > kLeastGain && calcWorstRadius(stable * kr_) >= 1.0) {
+            unstable = stable;
+            stable *= kGainStep;
+        }
+        const bool any = stable > kLeastGain;
+        for (int i = 0; any && i < 12; ++i) {
+            const double middle = std::sqrt(stable * unstable);
+            (calcWorstRadius(middle * kr_) < 1.0 ? stable : unstable) = middle;
+        }
+        const bool equal = kr_.minCoeff() == kr_.maxCoeff();
+        throw badInput(place_,
+                       "the robust loop is unstable with k_r = " + list(equal ? kr_.head(1) : kr_) + " at a tick of " +
+                           detail::formatNumber(h_) + " s" +
+                           (set_.delayTicks > 0 ? " and a delay of " + std::to_string(set_.delayTicks) + " ticks" : ""),
+                       any ? "The largest stable value, the other gains kept, is " +
+                                 list(stable * (equal ? JointVector(kr_.head(1)) : kr_)) + "; take half of it."
+                           : "k_p and k_i are too large at this tick, too: lower them.");
+    }
+
+    /** The sum of v_k times part k. */
+    MatrixXd sum(const std::vector<MatrixXd>& parts, const JointVector& v) const {
+        MatrixXd total = MatrixXd::Zero(n_, n_);
+        for (int k = 0; k < n_; ++k) total += v[k] * parts[static_cast<std::size_t>(k)];
+        return total;
+    }
+
+    struct Source {
+        const char* name;
+        TorqueRange torque;
+        JointVector rate;   ///< largest [Nm/s]; infinity: it may jump
+        JointVector start;  ///< largest in an arm at rest [Nm]
+        bool lasts = true;  ///< more than a moment
+    };
+
+    Source makeJumping(const char* name, const JointVector& size, bool lasts = true) const {
+        return {name, TorqueRange::within(size), JointVector::Constant(n_, INFINITY), size, lasts};
+    }
+
+    /** The torques that do not depend on the error, with those that its size bounds. */
+    std::vector<Source> listSources(const View& view, const JointVector& e, const JointVector& de,
+                                    const JointVector& load) const {
+        const JointVector fastest = motion_.velocity + de;
+        const JointFriction& f = robot_.actuation.friction;
+        const bool isFree = view.damping.maxCoeff() == 0.0;
+        JointVector dry(n_), viscous(n_), onLoad(n_), slipping(n_);
+        for (int i = 0; i < n_; ++i) {
+            const double speed = isFree ? fastest[i] : motion_.velocity[i];
+            const double share = -std::expm1(-speed / f.viscousVelocity[i]);
+            dry[i] = set_.frictionScale[i] * f.coulomb[i] * set_.breakawayRatio;
+            viscous[i] = set_.frictionScale[i] * f.viscous[i] * share;
+            // Of the torque that the gear carries, friction and ripple with it.
+            onLoad[i] = set_.loadFriction[i] * (load[i] + dry[i] + viscous[i] + set_.torqueRipple_Nm[i]);
+            slipping[i] = view.damping[i] * de[i];
+        }
+        const JointVector jerkTorque = arm_.inertia * motion_.jerk;
+        const JointVector rest =
+            arm_.stiffness * motion_.velocity + 2.0 * sum(arm_.coriolis, motion_.velocity) * motion_.acceleration;
+        // tau_c is held for a tick and is, within it, off what the nominal arm needs; and it arrives late.
+        const JointVector held = h_ * (0.5 * jerkTorque + rest) + set_.delayTicks * h_ * (jerkTorque + rest);
+        // d(M de)/dt leaves dM/dt de = (C + C') de, the velocities' part of b takes C(qd + qd_nominal) de.
+        const JointVector ofError = arm_.stiffness * e + (sum(arm_.gyroscopic, fastest) + sum(arm_.coriolis, de)) * de;
+        return {
+            makeJumping("dry friction", dry),
+            isFree ? makeJumping("viscous friction", viscous)
+                   : Source{"viscous friction", TorqueRange::within(viscous),
+                            2.0 * damping_.cwiseProduct(motion_.acceleration), JointVector::Zero(n_)},
+            makeJumping("viscous friction off the nominal speed", slipping, false),
+            makeJumping("friction under load", onLoad, false),  // its lasting part: see lastingTorque
+            {"payload", arm_.payload, arm_.payloadRate, arm_.payloadWeight},
+            {"mass error", arm_.massError, arm_.massErrorRate, arm_.massErrorWeight},
+            {"tilted base", arm_.tilt, arm_.tiltRate, arm_.tilt.upper},
+            makeJumping("torque ripple", set_.torqueRipple_Nm.expand(n_)),
+            makeJumping("external torque", set_.externalTorque_Nm.expand(n_)),
+            makeJumping(set_.delayTicks > 0 ? "held and late torque" : "torque held for a tick", held, false),
+            makeJumping("velocity read half a tick late", calcLateReading(), false),
+            makeJumping("dynamics off the nominal pose and speed", ofError, false),
+        };
+    }
+
+    /** Half a count and the noise [rad]. */
+    JointVector calcReadingError() const {
+        JointVector error = JointVector::Constant(n_, set_.readingError_rad);
+        const JointVector& counts = robot_.actuation.encoderCounts;
+        for (int i = 0; i < n_; ++i)
+            if (counts[i] > 0.0)
+                error[i] +=
+                    0.5 *
+                    (robot_.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic ? 1.0 : 2.0 * EIGEN_PI) /
+                    counts[i];
+        return error;
+    }
+
+    /** The torque from reading the velocity as a difference, which shows it half a tick ago. */
+    JointVector calcLateReading() const {
+        return kr_.cwiseProduct(0.5 * h_ * motion_.acceleration + h_ * h_ / 6.0 * motion_.jerk);
+    }
+
+    /** What de does through an inertia that was another in the past. */
+    MatrixXd calcDrift(const LoopGains& gains, LoopOutput output, const MatrixXd& inertiaRate) const {
+        MatrixXd drift = MatrixXd::Zero(n_, n_);
+        for (const LoopGains::Variation& span : gains.variations)
+            for (int i = 0; i < n_; ++i)
+                for (int k = 0; k < n_; ++k) {
+                    const double total = at(span.total, output)(i, k);
+                    const double aged = at(span.aged, output)(i, k);
+                    for (int j = 0; j < n_; ++j)
+                        drift(i, j) += std::min(aged * inertiaRate(k, j), total * arm_.inertiaRange(k, j));
+                }
+        return drift;
+    }
+
+    /** The bounds that follow when e, de and the torque keep to those given. */
+    TrackingBound evaluate(const View& view, const JointVector& e, const JointVector& de,
+                           const JointVector& load) const {
+        const JointVector fastest = motion_.velocity + de;
+        const std::vector<Source> sources = listSources(view, e, de, load);
+        const MatrixXd inertiaRate = sum(arm_.gradient, fastest);
+        const JointVector reading = calcReadingError(), late = calcLateReading();
+        TrackingBound out;
+        const JointVector zero = JointVector::Zero(n_);
+        for (const Source& source : sources)
+            out.parts.push_back({source.name, source.torque.calcLargest(), zero, zero});
+        out.parts.push_back({"encoder", zero, zero, zero});
+        out.parts.push_back({"inertia that changes", zero, zero, zero});
+        for (JointVector* v : {&out.position, &out.velocity, &out.torque, &out.torqueStep, &out.integralTorque})
+            *v = zero;
+        for (const LoopGains& g : view.gains) {
+            const auto raise = [&](JointVector& largest, LoopOutput output) {
+                JointVector total = zero;
+                for (std::size_t k = 0; k < out.parts.size(); ++k) {
+                    const JointVector part = k < sources.size() ? calcEffect(g, output, sources[k])
+                                             : k == sources.size()
+                                                 ? JointVector(at(g.reading, output) * reading)
+                                                 : JointVector(calcDrift(g, output, inertiaRate) * de);
+                    total += part;
+                    if (output == LoopOutput::Position) out.parts[k].position = out.parts[k].position.cwiseMax(part);
+                    if (output == LoopOutput::Velocity) out.parts[k].velocity = out.parts[k].velocity.cwiseMax(part);
+                }
+                largest = largest.cwiseMax(total);
+            };
+            raise(out.position, LoopOutput::Position);
+            raise(out.velocity, LoopOutput::Velocity);
+            raise(out.torque, LoopOutput::Torque);
+            raise(out.torqueStep, LoopOutput::TorqueStep);
+            raise(out.integralTorque, LoopOutput::IntegralTorque);
+        }
+        out.measured = out.position + reading;
+        out.torque += arm_.nominalTorque + late;
+        out.lastingTorque = arm_.nominalTorque;
+        for (const Source& source : sources)
+            if (source.lasts) out.lastingTorque += source.torque.calcLargest();
+        out.lastingTorque += set_.loadFriction.expand(n_).cwiseProduct(out.lastingTorque);
+        out.torqueStep += 2.0 * late;
+        out.motorTorque = set_.torqueLimitFactor * robot_.actuation.torqueLimit;
+        return out;
+    }
+
+    /** The largest output that a source causes: as a torque that takes any course within its range, or as one that is
+    somewhere in it at the start and then goes no faster than it can. */
+    JointVector calcEffect(const LoopGains& g, LoopOutput output, const Source& source) const {
+        JointVector effect = JointVector::Zero(n_);
+        for (int i = 0; i < n_; ++i)
+            for (int j = 0; j < n_; ++j) {
+                const double middle = 0.5 * std::abs(source.torque.lower[j] + source.torque.upper[j]);
+                const double half = 0.5 * (source.torque.upper[j] - source.torque.lower[j]);
+                const double size = middle + half;
+                const double free = at(g.step, output)(i, j) * middle + at(g.torque, output)(i, j) * half;
+                double slow = at(g.ramp, output)(i, j) * source.rate[j];
+                slow += at(g.step, output)(i, j) * source.start[j];
+                if (output == LoopOutput::Torque && i == j) slow += size;  // tau_a goes to -w
+                effect[i] += std::isinf(source.rate[j]) ? free : std::min(free, slow);
+            }
+        return effect;
+    }
+
+    const RobotDescription& robot_;
+    int n_;
+    double h_;
+    const DisturbanceSet& set_;
+    const std::string& place_;
+    JointVector kr_, kp_, ki_;
+    detail::MotionSize motion_;
+    JointVector damping_;  // of the viscous friction, half of the most that it can be [Nms/rad]
+    ArmExtremes arm_;
+};
+
+}  // namespace
+
+TrackingBound calcTrackingBound(const RobotDescription& robot, const JointLimits& limits, double tick_s,
+                                const NricOptions& gains, const DisturbanceSet& set, const std::string& place) {
+    return BoundMaker(robot, limits, tick_s, gains, set, place).make();
+}
+
+}  // namespace viable

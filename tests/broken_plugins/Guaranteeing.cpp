@@ -1,0 +1,143 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "BrokenPlugin.h"
+#include "viable/loop/NominalPlant.h"
+
+namespace {
+
+using viable::kMaxJoints;
+
+constexpr viable::ParameterSpec kParameters[] = {
+    viable::parameter::choice("lie",
+                              "none|jerk|creep|moving|outside|stop_jerk|nan|negative|endless|torque|limit|side|status",
+                              "none", "What is wrong after `after_ticks`: the decision, or the witness handed over."),
+    broken::kAfterTicks,
+    viable::parameter::flag("witness", "true", "Hands over its stops."),
+    viable::parameter::flag("changes", "true", "Takes new limits, and brakes from then on."),
+    viable::parameter::flag("recovers", "false", "Accepts any start."),
+    viable::parameter::integer("clearance_ticks", "0", "Tells of a clearance in so many ticks.").atLeast(0),
+};
+
+/** Moves every joint smoothly to and fro about its start, far from all limits, whatever the controller wants, and
+guarantees all limits; honest but for `lie`. */
+class Guaranteeing : public broken::Filter {
+public:
+    void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override {
+        Filter::configure(setup, parameters);
+        limits_ = setup.limits;
+        lie_ = parameters.text("lie");
+        afterTicks_ = parameters.integer("after_ticks");
+        hasSuppliedStops_ = parameters.flag("witness");
+        changes_ = parameters.flag("changes");
+        recovers_ = parameters.flag("recovers");
+        clearanceTicks_ = parameters.integer("clearance_ticks");
+    }
+    void reset(const viable::MotionState& start) override {
+        Filter::reset(start);
+        middle_ = start.q;
+        expected_ = start;
+        brakes_ = false;
+        for (int i = 0; i < start.q.size(); ++i) stops_[i].plan(start.qd[i], start.qdd[i], limits_.axis(i), tick_s_);
+    }
+    bool guaranteesClearance() const override { return clearanceTicks_ > 0; }
+    bool guaranteesLimits() const override { return true; }
+    bool recovers() const override { return recovers_; }
+    bool changeLimits(const viable::JointLimits& limits) override {
+        limits_ = limits;
+        brakes_ = true;
+        return changes_;
+    }
+    void skipTicks(std::int64_t ticks) override {
+        ticks_ += ticks;
+        for (std::int64_t k = 0; k < ticks; ++k) follow(expected_);
+    }
+    viable::FilterStatus filter(const viable::MotionState& nominal, const viable::JointVector&,
+                                const viable::Dynamics& dynamics, viable::FilterDecision& decision) override {
+        ++ticks_;
+        // Whoever tells the filter of missed ticks must have followed its stops in them.
+        if (hasSuppliedStops_ && (nominal.q - expected_.q).lpNorm<Eigen::Infinity>() > 1e-9)
+            return viable::FilterStatus::Faulted;
+        const int n = static_cast<int>(nominal.q.size());
+        const bool lies = lie_ != "none" && ticks_ > afterTicks_;
+        viable::JointVector jerk(n);
+        for (int i = 0; i < n; ++i) jerk[i] = brakes_ ? stops_[i].takeJerk() : calcJerk(nominal, i, lies);
+        viable::holdJerk(nominal, dynamics, jerk, tick_s_, decision);
+        expected_ = nominal;
+        viable::advanceNominal(decision, tick_s_, expected_);
+        for (int i = 0; i < n; ++i) {
+            if (!brakes_) stops_[i].plan(expected_.qd[i], expected_.qdd[i], limits_.axis(i), tick_s_);
+            decision.stops[i] = stops_[i];
+        }
+        if (lies) spoil(decision.stops[n - 1], expected_.qd[n - 1], expected_.qdd[n - 1], n - 1);
+        decision.hasStops = hasSuppliedStops_;
+        if (ticks_ <= clearanceTicks_) {  // later it leaves the decision as it comes
+            decision.clearance = {true, 0.25, 0, 0, -1, {1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}};
+            decision.mapAge_s = 0.125;
+        }
+        if (lies && lie_ == "torque") decision.torque[n - 1] += 1.0;
+        if (lies && lie_ == "limit") decision.joints[n - 1].limit = static_cast<viable::LimitKind>(200);
+        if (lies && lie_ == "side") decision.joints[n - 1].side = static_cast<viable::LimitSide>(-7);
+        if (lies && lie_ == "status") return static_cast<viable::FilterStatus>(250);
+        return brakes_ ? viable::FilterStatus::Recovering : viable::FilterStatus::Modified;
+    }
+
+private:
+    double calcJerk(const viable::MotionState& s, int i, bool lies) const {
+        const viable::AxisLimits axis = limits_.axis(i);
+        if (lies && lie_ == "jerk") return ticks_ % 2 ? 1e6 : -1e6;
+        double jerk;
+        if (lies && lie_ == "creep") {
+            jerk = -12.0 * (s.qd[i] - 0.4) - 7.0 * s.qdd[i];
+        } else {
+            const double aim = middle_[i] + (std::fmod(ticks_ * tick_s_, 2.0) < 1.0 ? 0.1 : -0.1);
+            jerk = 8.0 * (aim - s.q[i]) - 12.0 * s.qd[i] - 6.0 * s.qdd[i];  // three poles at -2
+        }
+        return std::clamp(jerk, axis.jerkLower / 2.0, axis.jerkUpper / 2.0);
+    }
+    void spoil(viable::GridStop& stop, double v, double a, int i) const {
+        viable::AxisLimits axis = limits_.axis(i);
+        if (lie_ == "moving") {
+            stop.set({});
+        } else if (lie_ == "outside") {
+            // Acceleration to zero, on for ten minutes, and to rest: nothing but positions are beyond.
+            constexpr std::int64_t kRamp = 1000;
+            const double ramp_s = kRamp * tick_s_;
+            const double cruise = v + a * ramp_s / 2.0;
+            const double jerk = cruise / (ramp_s * ramp_s);
+            stop.set({{{kRamp, -a / ramp_s}, {600 * kRamp, 0.0}, {kRamp, -jerk}, {kRamp, jerk}}});
+        } else if (lie_ == "stop_jerk") {
+            axis.jerkLower *= 100.0;
+            axis.jerkUpper *= 100.0;
+            stop.plan(v, a, axis, tick_s_);
+        } else if (lie_ == "nan") {
+            stop.set({{{10, std::numeric_limits<double>::quiet_NaN()}, {}, {}, {}}});
+        } else if (lie_ == "negative") {
+            stop.set({{{-5, axis.jerkLower}, {}, {}, {}}});
+        } else if (lie_ == "endless") {
+            constexpr std::int64_t kLong = std::int64_t{1} << 62;
+            stop.set({{{kLong, 0.0}, {kLong, 0.0}}});
+        }
+    }
+    void follow(viable::MotionState& state) {
+        viable::FilterDecision decision;
+        decision.jerk.resize(state.q.size());
+        for (int i = 0; i < state.q.size(); ++i) decision.jerk[i] = stops_[i].takeJerk();
+        viable::advanceNominal(decision, tick_s_, state);
+    }
+
+    viable::JointLimits limits_;
+    std::string lie_;
+    std::int64_t afterTicks_ = 0, clearanceTicks_ = 0;
+    bool hasSuppliedStops_ = true, changes_ = true, recovers_ = false, brakes_ = false;
+    viable::JointVector middle_;
+    viable::MotionState expected_;
+    std::array<viable::GridStop, kMaxJoints> stops_;
+};
+
+}  // namespace
+
+VIABLE_PLUGIN(viable::SafetyFilter, Guaranteeing, "guaranteeing",
+              "Guarantees every limit and keeps them, but for one lie.", kParameters)

@@ -1,0 +1,207 @@
+#include "Paths.h"
+#include "clearance/ArmStopCheck.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <random>
+
+#include "SlidingArm.h"
+#include "environment/CollisionJudge.h"
+
+namespace viable {
+namespace {
+
+using detail::ArmPath;
+using detail::ArmStopCheck;
+
+constexpr double kTick_s = 1e-3;
+/** From here on clearances need not be told apart, by the check and by the judge [m]. */
+constexpr double kAhead_m = 0.1, kHorizon_m = 0.3;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+struct Subject {
+    explicit Subject(RobotDescription r) : robot(std::move(r)), geometry(loadArmGeometry(robot)) {
+        // Joints far out: what is looked at are bounds along paths, wherever they lead.
+        robot.limits.position = {JointVector::Constant(robot.size(), -9.0), JointVector::Constant(robot.size(), 9.0)};
+    }
+    RobotDescription robot;
+    ArmGeometry geometry;
+};
+
+/** Thin things, so that a look at one time has little chance to see them. */
+Environment drawThinThings(std::mt19937& random) {
+    std::uniform_real_distribution<double> share(-1.0, 1.0);
+    Environment environment;
+    environment.safetyDistance_m = 0.0;
+    for (int k = 0; k < 3; ++k) {
+        Solid solid;
+        solid.name = "thing" + std::to_string(k);
+        solid.kind = k == 0 ? Solid::Kind::Sphere : Solid::Kind::Box;
+        solid.radius = 0.003;
+        solid.size << 0.5 + 0.4 * share(random), 0.5 + 0.4 * share(random), 1e-4;
+        solid.pose.translation() << 0.8 * share(random), 0.8 * share(random), 0.4 + 0.6 * share(random);
+        solid.pose.linear() =
+            Eigen::AngleAxisd(3.0 * share(random),
+                              Eigen::Vector3d(share(random), share(random), share(random)).normalized())
+                .toRotationMatrix();
+        environment.solids.push_back(solid);
+    }
+    return environment;
+}
+
+ArmPath drawPath(int n, std::mt19937& random, double size) {
+    std::uniform_real_distribution<double> share(-1.0, 1.0);
+    const AxisLimits limits{-9.0, 9.0, -3.0, 3.0, -12.0, 12.0, -40.0, 40.0};
+    MotionState s;
+    for (JointVector* v : {&s.q, &s.qd, &s.qdd}) v->setZero(n);
+    JointVector jerk(n);
+    std::array<GridStop, kMaxJoints> stops;
+    for (int i = 0; i < n; ++i) {
+        s.q[i] = 1.5 * share(random);
+        s.qd[i] = 3.0 * size * share(random);
+        s.qdd[i] = 10.0 * size * share(random);
+        jerk[i] = 40.0 * share(random);
+        const AxisState after = advance({s.q[i], s.qd[i], s.qdd[i]}, jerk[i], kTick_s);
+        stops[static_cast<std::size_t>(i)].plan(after.v, after.a, limits, kTick_s);
+    }
+    ArmPath path;
+    path.set(s, jerk, stops, kTick_s);
+    return path;
+}
+
+// What is proven between looks, against the judge at a few thousand poses of the same path: never too much, and not far off.
+TEST(ArmStopCheck, WhatIsProvenBetweenLooksHoldsAtEveryPose) {
+    std::mt19937 random(1);
+    for (const RobotDescription& robot : {loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"),
+                                          loadRobot(VIABLE_SOURCE_DIR "/robots/panda"), makeSlidingArm()}) {
+        const Subject subject(robot);
+        const int n = subject.robot.size();
+        const JointVector none = JointVector::Constant(n, kInfinity);
+        ArmStopCheck check(subject.robot, &subject.geometry, {none, none}, kTick_s);
+        ArmStopCheck::Result result = check.makeResult();
+        const auto elements = static_cast<std::size_t>(check.elements());
+        ArmStopCheck::Demands demands;
+        demands.floor.assign(elements, 0.0);
+        demands.least.assign(elements, ArmStopCheck::kGuard_m);
+        demands.ahead.assign(elements, kAhead_m);
+        double tooMuch = -kInfinity, sum = 0.0;
+        constexpr int kPaths = 300;
+        int clear = 0, refused = 0, near = 0;
+        for (int round = 0; round < kPaths; ++round) {
+            const Environment environment = drawThinThings(random);
+            const Eigen::Vector3d far = Eigen::Vector3d::Constant(3.0);
+            const Surroundings surroundings(environment, -far, far, 1.0);
+            check.setSurroundings(&surroundings);
+            const ArmPath path = drawPath(n, random, round % 3 == 0 ? 1.0 : round % 3 == 1 ? 0.3 : 0.03);
+            check.beginTick();
+            check.examine(path, 0.0, demands, JointVector::Zero(n), false, result);
+            const double proven = *std::min_element(result.proven.begin(), result.proven.end());
+            const CollisionJudge judge(subject.robot, subject.geometry, environment);
+            double least = kInfinity;
+            JointVector q;
+            constexpr int kPoses = 2000;
+            for (int k = 0; k <= kPoses; ++k) {
+                path.calcPositions(path.duration() * k / kPoses, q);
+                least = std::min(least, judge.findContact(q, 0.0, kHorizon_m).distance);
+            }
+            // Of what is too near only that is told; and what is farther than `ahead` need not be told apart.
+            if (least < kHorizon_m) tooMuch = std::max(tooMuch, proven - std::max(least, 0.0));
+            if (least < 3.0 * ArmStopCheck::kGuard_m) continue;
+            refused += !result.isClear;
+            if (!result.isClear) continue;
+            ++clear;
+            if (least >= kAhead_m) continue;
+            ++near;
+            sum += least - proven;
+        }
+        std::printf(
+            "  %s: proven less than seen by %.1f mm on average of %d near paths; never more (%.1g m); %d paths that "
+            "are clear "
+            "by 15 mm taken, %d refused\n",
+            subject.robot.name.c_str(), 1e3 * sum / near, near, tooMuch, clear, refused);
+        EXPECT_LE(tooMuch, 1e-9);
+        EXPECT_GT(near, 15);
+        EXPECT_LT(sum / near, 0.015);
+        EXPECT_LT(refused, clear / 4);
+    }
+}
+
+// One joint moves out and comes back, and where it turns there is a ball of a millimetre: at the beginning and the end of the
+// path, and at most looks between, there is room.
+TEST(ArmStopCheck, ABallWhereTheArmTurnsIsNotMissed) {
+    const Subject subject(loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"));
+    const int n = subject.robot.size();
+    ArmGeometry alone = subject.geometry;
+    alone.pairs.clear();
+    const JointVector none = JointVector::Constant(n, kInfinity);
+    ArmStopCheck check(subject.robot, &alone, {none, none}, kTick_s);
+    ArmStopCheck::Result result = check.makeResult();
+    const ArmRecursion arm(subject.robot);
+    const LinkCapsule& tip = alone.capsules.back();
+    std::mt19937 random(1);
+    std::uniform_real_distribution<double> share(-1.0, 1.0);
+    const AxisLimits limits{-9.0, 9.0, -3.0, 3.0, -12.0, 12.0, -40.0, 40.0};
+    int hits = 0;
+    for (int round = 0; round < 200; ++round) {
+        MotionState s;
+        for (JointVector* v : {&s.q, &s.qd, &s.qdd}) v->setZero(n);
+        for (double& q : s.q) q = 1.5 * share(random);
+        const int moved = round % 3;
+        s.qd[moved] = 0.8 + 0.15 * share(random);
+        s.qdd[moved] = -12.0;
+        std::array<GridStop, kMaxJoints> stops;
+        for (int i = 0; i < n; ++i) {
+            const AxisState after = advance({s.q[i], s.qd[i], s.qdd[i]}, 0.0, kTick_s);
+            stops[static_cast<std::size_t>(i)].plan(after.v, after.a, limits, kTick_s);
+        }
+        ArmPath path;
+        path.set(s, JointVector::Zero(n), stops, kTick_s);
+        // The ball stands 2 mm in the way of the last capsule's end, where the joint turns.
+        constexpr int kPoses = 1000;
+        JointVector q, turned = s.q;
+        for (int k = 0; k <= kPoses; ++k) {
+            path.calcPositions(path.duration() * k / kPoses, q);
+            if (q[moved] > turned[moved]) turned = q;
+        }
+        ArmRecursion::Frames frames;
+        arm.calcFrames(turned, frames);
+        const auto carrier = static_cast<std::size_t>(tip.carrier), joint = static_cast<std::size_t>(moved);
+        const Eigen::Vector3d end = frames.origin[carrier] + frames.rotation[carrier] * tip.b;
+        const Eigen::Vector3d ahead = frames.axis[joint].cross(end - frames.origin[joint]).normalized();
+        Environment environment;
+        environment.safetyDistance_m = 0.0;
+        Solid ball;
+        ball.name = "ball";
+        ball.kind = Solid::Kind::Sphere;
+        ball.radius = 1e-3;
+        ball.pose.translation() = end + (tip.radius + ball.radius - 0.002) * ahead;
+        environment.solids.push_back(ball);
+        const CollisionJudge judge(subject.robot, alone, environment);
+        double least = kInfinity;
+        for (int k = 0; k <= kPoses; ++k) {
+            path.calcPositions(path.duration() * k / kPoses, q);
+            least = std::min(least, judge.findContact(q, 0.0, kHorizon_m).distance);
+        }
+        const auto isFree = [&](const JointVector& pose) {
+            return judge.findContact(pose, 0.0, kHorizon_m).distance > 1.04 * ArmStopCheck::kGuard_m;
+        };
+        if (!(least < 0.0 && isFree(s.q) && isFree(q))) continue;
+        ++hits;
+        const Eigen::Vector3d far = Eigen::Vector3d::Constant(3.0);
+        const Surroundings surroundings(environment, -far, far, 1.0);
+        check.setSurroundings(&surroundings);
+        check.beginTick();
+        const auto elements = static_cast<std::size_t>(check.elements());
+        ArmStopCheck::Demands demands;
+        demands.floor.assign(elements, 0.0);
+        demands.least.assign(elements, ArmStopCheck::kGuard_m);
+        demands.ahead.assign(elements, ArmStopCheck::kGuard_m);
+        check.examine(path, 0.0, demands, JointVector::Zero(n), false, result);
+        EXPECT_FALSE(result.isClear) << round;
+    }
+    EXPECT_GT(hits, 100);
+}
+
+}  // namespace
+}  // namespace viable

@@ -1,0 +1,16 @@
+#pragma once
+
+#include "Paths.h"
+#include "viable/robot/RobotDescription.h"
+
+namespace viable {
+
+/** A sliding joint on a turning one on a sliding one, with an offset in every direction. */
+inline RobotDescription makeSlidingArm() {
+    RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/ur5e");
+    robot.joints[1].type = JointType::Prismatic;
+    robot.joints[3].type = JointType::Prismatic;
+    return robot;
+}
+
+}  // namespace viable

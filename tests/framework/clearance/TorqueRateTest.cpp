@@ -1,0 +1,71 @@
+#include "Paths.h"
+#include "clearance/TorqueRate.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <random>
+
+#include "SlidingArm.h"
+#include "robot/ArmRecursion.h"
+#include "viable/loop/NominalPlant.h"
+
+namespace viable {
+namespace {
+
+constexpr double kTick_s = 1e-3;
+
+// On random stops, from the edge of the limits and slower ones: the torque never changes faster than the bound, and the bound
+// is not absurdly large.
+TEST(TorqueRate, IsNeverExceededFromTickToTick) {
+    std::mt19937 random(1);
+    std::uniform_real_distribution<double> share(-1.0, 1.0);
+    for (const RobotDescription& robot :
+         {loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"), loadRobot(VIABLE_SOURCE_DIR "/robots/panda"),
+          withPayload(loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"), 7.0, {0.0, 0.0, 0.1}), makeSlidingArm()}) {
+        const int n = robot.size();
+        const ArmRecursion arm(robot);
+        const detail::TorqueRate rate(robot);
+        double largestUse = 0.0, ticks = 0.0, skipped = 0.0;
+        for (int round = 0; round < 300; ++round) {
+            const double size = round % 3 == 0 ? 1.0 : round % 3 == 1 ? 0.3 : 0.02;
+            MotionState s;
+            for (JointVector* v : {&s.q, &s.qd, &s.qdd}) v->setZero(n);
+            JointVector jerk(n);
+            std::array<GridStop, kMaxJoints> stops;
+            for (int i = 0; i < n; ++i) {
+                const AxisLimits l{-3.0, 3.0, -2.5, 2.5, -12.0, 12.0, -40.0, 40.0};
+                s.q[i] = 3.0 * share(random);
+                s.qd[i] = 2.5 * size * share(random);
+                s.qdd[i] = 12.0 * size * share(random);
+                jerk[i] = 40.0 * share(random);
+                const AxisState after = advance({s.q[i], s.qd[i], s.qdd[i]}, jerk[i], kTick_s);
+                stops[static_cast<std::size_t>(i)].plan(after.v, after.a, l, kTick_s);
+            }
+            detail::ArmPath path;
+            path.set(s, jerk, stops, kTick_s);
+            detail::ArmPath::Extremes extremes;
+            path.calcExtremes(extremes);
+            JointVector bound, q, qd, qdd, tau, before;
+            rate.calcBound(extremes, bound);
+            for (std::int64_t tick = 0; tick <= path.ticks(); ++tick) {
+                path.calcTick(tick, q, qd, qdd);
+                arm.calcTorque(q, qd, qdd, tau);
+                if (tick > 0) {
+                    const JointVector use = ((tau - before) / kTick_s).cwiseAbs().cwiseQuotient(bound);
+                    largestUse = std::max(largestUse, use.maxCoeff());
+                    ticks += 1.0;
+                    skipped += (0.2 * robot.actuation.torqueLimit).cwiseQuotient(bound * kTick_s).minCoeff();
+                }
+                before = tau;
+            }
+        }
+        std::printf("  %s: at most %.3f of the bound; %.1f ticks to a fifth of the motors' torque\n",
+                    robot.name.c_str(), largestUse, skipped / ticks);
+        EXPECT_LE(largestUse, 1.0);
+        EXPECT_GT(largestUse, 0.1);
+    }
+}
+
+}  // namespace
+}  // namespace viable

@@ -1,0 +1,275 @@
+#include "loop/ControlLoop.h"
+
+#include <gtest/gtest.h>
+
+#include "CaseSupport.h"
+#include "viable/testing/AllocationCounter.h"
+
+namespace viable {
+namespace {
+
+using test::allFinite;
+using test::kOneJoint;
+using test::kTeleoperation;
+using test::runUntilStopped;
+using test::TestLoop;
+
+TEST(ControlLoop, TheNominalArmAdvancesByExactlyTheConfiguredTick) {
+    TestLoop t(kOneJoint);
+    TickRecord last, now;
+    t.loop.tick(last);
+    for (int k = 1; k < 2000; ++k) {
+        t.loop.tick(now);
+        ASSERT_EQ(now.time_s, k * 0.001);
+        const double dt = 0.001, j = last.nominal.jerk[0];
+        ASSERT_DOUBLE_EQ(now.nominal.qdd[0], last.nominal.qdd[0] + j * dt);
+        ASSERT_NEAR(now.nominal.qd[0], last.nominal.qd[0] + last.nominal.qdd[0] * dt + j * dt * dt / 2, 1e-15);
+        last = now;
+    }
+}
+
+TEST(ControlLoop, ResetGivesTheSameRunAgainBitForBit) {
+    TestLoop t(kTeleoperation);
+    std::vector<TickRecord> first(500);
+    for (TickRecord& record : first) t.loop.tick(record);
+    t.loop.reset();
+    for (const TickRecord& before : first) {
+        TickRecord now;
+        t.loop.tick(now);
+        ASSERT_EQ(now.nominal.q, before.nominal.q);
+        ASSERT_EQ(now.motorTorque, before.motorTorque);
+        ASSERT_EQ(now.real.q, before.real.q);
+        ASSERT_EQ(now.time_s, before.time_s);
+    }
+}
+
+TEST(ControlLoop, TenThousandTicksAllocateNothing) {
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
+    for (const char* filter : {"tosbp", "acceleration_viability", "pass_through"}) {
+        TestLoop t(kTeleoperation, {"duration_s=12", std::string("filter.plugin=") + filter});
+        TickRecord record;
+        for (int k = 0; k < 100; ++k) t.loop.tick(record);
+        const testing::AllocationCounter counter;
+        for (int k = 0; k < 10000; ++k) t.loop.tick(record);
+        EXPECT_EQ(counter.count(), 0) << filter;
+    }
+}
+
+TEST(ControlLoop, TheTorqueOfADecisionGivesItsAccelerationInSimbodysForwardDynamics) {
+    TestLoop t(kTeleoperation);
+    const RobotDescription& robot = t.experiment.cases[0].robot;
+    RobotModel model(robot);
+    TickRecord record;
+    for (int k = 0; k < 2000; ++k) {
+        t.loop.tick(record);
+        if (k % 50) continue;
+        // x_c, the mean acceleration over the tick; the rotors' share of tau_c does not reach the
+        // links.
+        const JointVector x = record.nominal.qdd + record.nominal.jerk * 0.0005;
+        const JointVector link = record.filterTorque - robot.actuation.rotorInertia.cwiseProduct(x);
+        const JointVector qdd = model.calcLinkForwardDynamics(record.nominal.q, record.nominal.qd, link);
+        ASSERT_LT((qdd - x).cwiseAbs().maxCoeff(), 1e-9 * (1.0 + x.cwiseAbs().maxCoeff())) << "tick " << k;
+    }
+}
+
+TEST(ControlLoop, StopOnRequestEndsAtRestWithinJerkAndAcceleration) {
+    TestLoop t(kTeleoperation, {"duration_s=10"});
+    TickRecord record;
+    for (int k = 0; k < 1500; ++k) t.loop.tick(record);
+    ASSERT_GT(record.nominal.qd.cwiseAbs().maxCoeff(), 0.01);
+    t.loop.requestStop(StopReason::Requested, "test");
+    t.loop.requestStop(StopReason::Requested, "later");  // the first request stays
+    int ticks = 0;
+    while (!t.loop.hasStopped()) {
+        t.loop.tick(record);
+        ASSERT_EQ(record.status, FilterStatus::StoppedByPlan);
+        ASSERT_TRUE(record.braking);
+        ASSERT_LE(record.nominal.jerk.cwiseAbs().maxCoeff(), 12 * EIGEN_PI * (1 + 1e-9));
+        ASSERT_LE(record.nominal.qdd.cwiseAbs().maxCoeff(), 4 * EIGEN_PI * (1 + 1e-9));
+        ASSERT_LT(++ticks, 2000);
+    }
+    EXPECT_EQ(t.loop.stopReason(), StopReason::Requested);
+    EXPECT_STREQ(t.loop.stopMessage(), "test");
+    t.loop.tick(record);
+    EXPECT_LT(record.nominal.qd.cwiseAbs().maxCoeff(), 1e-9);
+    EXPECT_LT(record.nominal.qdd.cwiseAbs().maxCoeff(), 1e-9);
+}
+
+TEST(ControlLoop, AFailureDuringARequestedStopIsNotHidden) {
+    TestLoop t(kTeleoperation, {"robust_loop={plugin: throwing_robust, after_ticks: 510}"});
+    TickRecord record;
+    for (int k = 0; k < 500; ++k) t.loop.tick(record);
+    t.loop.requestStop(StopReason::Requested, "test");
+    while (!t.loop.hasStopped()) t.loop.tick(record);
+    EXPECT_EQ(t.loop.stopReason(), StopReason::RobustLoopFailed);
+}
+
+TEST(ControlLoop, StopUnderAFilterThatHoldsAccelerationsKeepsItsPositionLimits) {
+    TestLoop t(kTeleoperation, {"filter.plugin=acceleration_viability", "duration_s=10"});
+    const JointBounds& bounds = t.experiment.cases[0].limits.position;
+    for (int begin = 200; begin < 5000; begin += 97) {
+        t.loop.reset();
+        TickRecord record;
+        for (int k = 0; k < begin; ++k) t.loop.tick(record);
+        t.loop.requestStop(StopReason::Requested, "test");
+        int ticks = 0;
+        while (!t.loop.hasStopped()) {
+            t.loop.tick(record);
+            ASSERT_LT(++ticks, 2000);
+        }
+        const JointVector& q = t.loop.nominal().q;
+        for (int i = 0; i < q.size(); ++i) {
+            ASSERT_GE(q[i], bounds.lower[i] - 2e-5) << "begun in tick " << begin;
+            ASSERT_LE(q[i], bounds.upper[i] + 2e-5) << "begun in tick " << begin;
+        }
+        ASSERT_LT(t.loop.nominal().qd.cwiseAbs().maxCoeff(), 1e-9);
+    }
+}
+
+TEST(Fault28, AFewTicksOfNanAreSubstitutedAndCounted) {
+    TestLoop t(kOneJoint, {"controller.plugin=nan_torque", "controller.after_ticks=200", "controller.ticks=10"});
+    TickRecord record;
+    JointVector before;
+    for (int k = 0; k < 1000; ++k) {
+        t.loop.tick(record);
+        ASSERT_TRUE(allFinite(record)) << "tick " << k;
+        if (k == 199) before = record.desiredTorque;
+        if (k >= 200 && k < 210) {
+            ASSERT_EQ(record.desiredTorque, before);
+        }
+    }
+    EXPECT_EQ(record.substituted, kMaxSubstitutedTicks);
+    EXPECT_EQ(t.loop.stopReason(), StopReason::None);
+}
+
+TEST(Fault28, MoreTicksOfNanBrakeTheArm) {
+    TestLoop t(kOneJoint, {"controller.plugin=nan_torque", "controller.after_ticks=200", "controller.ticks=100000"});
+    TickRecord record;
+    ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record));
+    EXPECT_EQ(t.loop.stopReason(), StopReason::ControllerFailed);
+    EXPECT_NEAR(t.loop.stopTime(), 0.210, 1e-9);
+    EXPECT_NE(std::string(t.loop.stopMessage()).find("no usable torque"), std::string::npos);
+    EXPECT_LT(record.nominal.qd.cwiseAbs().maxCoeff(), 0.05);
+}
+
+TEST(Fault29, HugeAndTinyTorquesStayFiniteAndInsideTheJerkLimit) {
+    for (const char* filter : {"tosbp", "acceleration_viability"}) {
+        TestLoop t(kOneJoint, {"controller.plugin=extreme_torque", std::string("filter.plugin=") + filter});
+        TickRecord record;
+        Summary summary({"joint0"}, t.experiment.cases[0].limits, false);
+        for (int k = 0; k < 5000; ++k) {
+            t.loop.tick(record);
+            ASSERT_TRUE(allFinite(record)) << filter << " tick " << k;
+            summary.add(record);
+        }
+        EXPECT_EQ(t.loop.stopReason(), StopReason::None) << filter;
+        EXPECT_EQ(summary.ticksOutside(LimitKind::Acceleration), 0) << filter;
+        if (std::string(filter) == "tosbp") {
+            EXPECT_EQ(summary.ticksOutside(LimitKind::Jerk), 0);
+        }
+        EXPECT_LT(summary.limit(LimitKind::Position)[0].worstUse, 1.001) << filter;
+        EXPECT_LT(summary.limit(LimitKind::Velocity)[0].worstUse, 1.001) << filter;
+    }
+}
+
+TEST(Fault29, HugeTorquesThroughAFilterThatLetsThemPassBrakeTheArm) {
+    TestLoop t(kTeleoperation, {"controller.plugin=extreme_torque", "filter.plugin=pass_through"});
+    TickRecord record;
+    ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record));
+    EXPECT_EQ(t.loop.stopReason(), StopReason::FilterFailed);
+    EXPECT_NE(std::string(t.loop.stopMessage()).find("beyond 1e9"), std::string::npos);
+}
+
+TEST(Fault30, JumpingSetPointsKeepTheLimits) {
+    TestLoop t(kOneJoint, {"command.plugin=jumping_setpoint"});
+    TickRecord record;
+    Summary summary({"joint0"}, t.experiment.cases[0].limits, false);
+    for (int k = 0; k < 10000; ++k) {
+        t.loop.tick(record);
+        ASSERT_TRUE(allFinite(record));
+        summary.add(record);
+    }
+    EXPECT_EQ(summary.ticksOutside(LimitKind::Jerk), 0);
+    EXPECT_EQ(summary.ticksOutside(LimitKind::Acceleration), 0);
+    EXPECT_LT(summary.limit(LimitKind::Position)[0].worstUse, 1.001);
+    EXPECT_LT(summary.limit(LimitKind::Velocity)[0].worstUse, 1.001);
+}
+
+TEST(Fault32, AWrongSizedTorqueIsSubstitutedThenBraked) {
+    TestLoop few(kOneJoint, {"controller.plugin=wrong_size_torque", "controller.after_ticks=0", "controller.ticks=5"});
+    TickRecord record;
+    for (int k = 0; k < 100; ++k) few.loop.tick(record);
+    EXPECT_EQ(few.loop.stopReason(), StopReason::None);
+    EXPECT_EQ(record.substituted, 5);
+
+    TestLoop many(kOneJoint,
+                  {"controller.plugin=wrong_size_torque", "controller.after_ticks=0", "controller.ticks=1000"});
+    for (int k = 0; k < 100 && !many.loop.hasStopped(); ++k) many.loop.tick(record);
+    EXPECT_EQ(many.loop.stopReason(), StopReason::ControllerFailed);
+}
+
+TEST(Fault32, AWrongSizedDecisionStopsTheArmAtOnce) {
+    TestLoop t(kOneJoint, {"filter.plugin=wrong_size", "filter.after_ticks=100"});
+    TickRecord record;
+    ASSERT_NO_FATAL_FAILURE(
+        runUntilStopped(t.loop, record, 5000, [](const TickRecord& r) { ASSERT_EQ(r.filterTorque.size(), 1); }));
+    EXPECT_EQ(t.loop.stopReason(), StopReason::FilterFailed);
+    EXPECT_NEAR(t.loop.stopTime(), 0.1, 1e-9);
+}
+
+TEST(Fault44, AFilterThatThrowsInATickIsContained) {
+    TestLoop t(kOneJoint, {"filter.plugin=throwing_tick", "filter.after_ticks=300"});
+    TickRecord record;
+    ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record));
+    EXPECT_EQ(t.loop.stopReason(), StopReason::FilterFailed);
+    EXPECT_EQ(std::string(t.loop.stopMessage()).rfind("it threw: ", 0), 0u) << t.loop.stopMessage();
+}
+
+TEST(Fault44, ARobustLoopThatThrowsIsContainedAndTheArmComesToRest) {
+    TestLoop t(kTeleoperation, {"robust_loop={plugin: throwing_robust, after_ticks: 900}"});
+    TickRecord record;
+    ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record));
+    EXPECT_EQ(t.loop.stopReason(), StopReason::RobustLoopFailed);
+    EXPECT_LT(t.loop.nominal().qd.cwiseAbs().maxCoeff(), 1e-9);
+    EXPECT_LT(t.loop.nominal().qdd.cwiseAbs().maxCoeff(), 1e-9);
+}
+
+TEST(Fault44, APlantThatFailsEndsTheLoopAtOnce) {
+    for (const char* mode : {"faulted", "nan_state", "wrong_size", "throw_measured", "throw_advance"}) {
+        TestLoop t(kTeleoperation,
+                   {std::string("real_plant={plugin: failing_plant, after_ticks: 100, mode: ") + mode + "}"});
+        TickRecord record;
+        SCOPED_TRACE(mode);
+        ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record, 103, [](const TickRecord& r) {
+            ASSERT_TRUE(r.real.q.allFinite() && r.actual.q.allFinite());
+        }));
+        EXPECT_EQ(t.loop.stopReason(), StopReason::PlantFailed) << mode;
+    }
+}
+
+TEST(Fault44, ACommandThatFallsSilentBrakesTheArm) {
+    TestLoop t(kOneJoint, {"command={plugin: silent_command, after_ticks: 100}"});
+    TickRecord record;
+    ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record));
+    EXPECT_EQ(t.loop.stopReason(), StopReason::CommandFailed);
+    EXPECT_NEAR(t.loop.stopTime(), 0.110, 1e-9);
+}
+
+TEST(Fault51, AJerkThatContradictsItsAccelerationIsRefused) {
+    TestLoop t(kOneJoint, {"filter={plugin: contradicting, after_ticks: 20}"});
+    TickRecord record;
+    ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record));
+    EXPECT_EQ(t.loop.stopReason(), StopReason::FilterFailed);
+    EXPECT_NE(std::string(t.loop.stopMessage()).find("contradict"), std::string::npos);
+}
+
+TEST(Fault51, NanFromAFilterNeverReachesPlantOrLog) {
+    TestLoop t(kOneJoint, {"filter.plugin=nan_output", "filter.after_ticks=50"});
+    TickRecord record;
+    ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record));
+    EXPECT_EQ(t.loop.stopReason(), StopReason::FilterFailed);
+    EXPECT_NE(std::string(t.loop.stopMessage()).find("not finite"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace viable

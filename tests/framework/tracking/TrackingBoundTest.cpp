@@ -1,0 +1,180 @@
+#include "Paths.h"
+#include "viable/tracking/TrackingBound.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <vector>
+
+#include "viable/core/Error.h"
+
+namespace viable {
+namespace {
+
+RobotDescription loadTestRobot(const char* name) {
+    return loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + name);
+}
+
+/** Nothing disturbs: sums start from here. */
+DisturbanceSet makeNone() {
+    DisturbanceSet none;
+    none.frictionScale = 0.0;
+    return none;
+}
+
+/** The loop of one joint of inertia m, written down a second time: nominal at rest, torque `w(k)` within tick k. */
+class OneJoint {
+public:
+    OneJoint(double m, double kr, double kp, double ki, double h, int delay)
+        : m_(m), kr_(kr), kp_(kp), ki_(ki), h_(h), late_(static_cast<std::size_t>(delay), 0.0) {}
+    /** e at the ticks 0 .. ticks. */
+    std::vector<double> run(int ticks, const std::function<double(int)>& w) {
+        double e = 0.0, de = 0.0, before = 0.0, sum = 0.0;
+        std::vector<double> queue = late_, errors{e};
+        for (int k = 0; k < ticks; ++k) {
+            sum += e * h_;
+            queue.push_back(-kr_ * ((e - before) / h_ + kp_ * e + ki_ * sum));
+            const double a = (queue.front() + w(k)) / m_;
+            queue.erase(queue.begin());
+            before = e;
+            e += h_ * de + 0.5 * h_ * h_ * a;
+            de += h_ * a;
+            errors.push_back(e);
+        }
+        return errors;
+    }
+
+private:
+    double m_, kr_, kp_, ki_, h_;
+    std::vector<double> late_;
+};
+
+/** The error that the worst of all torques up to 1 Nm, constant within ticks, has caused after `ticks`. */
+double findWorst(OneJoint loop, int ticks) {
+    const std::vector<double> impulse = loop.run(ticks, [](int k) { return k == 0 ? 1.0 : 0.0; });
+    return loop.run(ticks, [&](int k) { return impulse[static_cast<std::size_t>(ticks - k)] < 0.0 ? -1.0 : 1.0; })
+        .back();
+}
+
+double findMass(const RobotDescription& robot) {
+    const BodyInertia& body = robot.joints[0].body;
+    const Eigen::Vector3d axis = robot.joints[0].axis;
+    return robot.actuation.rotorInertia[0] +
+           (robot.joints[0].type == JointType::Prismatic
+                ? body.mass
+                : axis.dot(body.inertia * axis) + body.mass * axis.cross(body.com).squaredNorm());
+}
+
+/** A joint that nothing but the disturbance moves: slow limits. */
+JointLimits makeSlow(const RobotDescription& robot) {
+    JointLimits limits = robot.limits;
+    const int n = robot.size();
+    const auto set = [&](JointBounds& bounds, double size) {
+        bounds = {JointVector::Constant(n, -size), JointVector::Constant(n, size)};
+    };
+    set(limits.velocity, 1e-3);
+    set(limits.acceleration, 1e-3);
+    set(limits.jerk, 1e-3);
+    return limits;
+}
+
+// The peak gain is the largest error that any torque can cause: no bigger, and nearly reached by the worst one.
+TEST(TrackingBound, IsReachedByTheWorstTorqueOnOneJoint) {
+    const RobotDescription robot = loadTestRobot("single_joint");
+    const double m = findMass(robot), h = 1e-3, force = 3.0;
+    for (const int delay : {0, 2})
+        for (const double kappa : {0.1, 0.4}) {
+            const NricOptions gains{kappa * m / h, 20.0, 30.0};
+            DisturbanceSet set = makeNone();
+            set.delayTicks = delay;
+            const double none = calcTrackingBound(robot, makeSlow(robot), h, gains, set).position[0];
+            set.externalTorque_Nm = force;
+            const double bound = calcTrackingBound(robot, makeSlow(robot), h, gains, set).position[0];
+            const double worst = force * findWorst(OneJoint(m, kappa * m / h, 20.0, 30.0, h, delay), 8000);
+            std::printf("  k_r dt / m %.1f, delay %d: bound %.6g, worst torque %.6g rad\n", kappa, delay, bound - none,
+                        worst);
+            EXPECT_LE(worst, bound);
+            EXPECT_GT(worst, 0.99 * (bound - none));
+        }
+}
+
+// One number for gains that diverge, found by the program itself, against the loop written down here.
+TEST(TrackingBound, UnstableGainsAreRefusedWithTheLargestStableOnes) {
+    const RobotDescription robot = loadTestRobot("single_joint");
+    const double m = findMass(robot), h = 1e-3;
+    const auto reach = [&](double kr) {
+        return std::abs(OneJoint(m, kr, 20.0, 8.0, h, 0).run(4000, [](int k) { return k == 0 ? 1.0 : 0.0; }).back());
+    };
+    std::string told;
+    const DisturbanceSet read = makeNone();
+    try {
+        calcTrackingBound(robot, makeSlow(robot), h, {3.0 * m / h, 20.0, 8.0}, read, "here");
+        FAIL() << "accepted";
+    } catch (const Error& e) {
+        told = e.what();
+    }
+    EXPECT_EQ(told.find("here: the robust loop is unstable with k_r = "), 0u) << told;
+    const std::string before = "the other gains kept, is ";
+    ASSERT_NE(told.find(before), std::string::npos) << told;
+    const double stable = std::stod(told.substr(told.find(before) + before.size()));
+    EXPECT_LT(reach(0.99 * stable), 1e-3);
+    EXPECT_GT(reach(1.02 * stable), 1.0);
+    EXPECT_NO_THROW(calcTrackingBound(robot, makeSlow(robot), h, {0.98 * stable, 20.0, 8.0}, read));
+}
+
+// Each disturbance makes the bound larger, and the parts name it.
+TEST(TrackingBound, GrowsWithEveryDisturbance) {
+    const RobotDescription robot = loadTestRobot("planar_two_link");
+    JointLimits limits = robot.limits;
+    limits.velocity = {JointVector::Constant(2, -0.3), JointVector::Constant(2, 0.3)};
+    limits.acceleration = {JointVector::Constant(2, -1.0), JointVector::Constant(2, 1.0)};
+    NricOptions gains = scaleNric(robot, limits, 1e-3);
+    gains.kr = JointVector(0.5 * gains.kr.expand(2));  // room for a delay
+    const TrackingBound none = calcTrackingBound(robot, limits, 1e-3, gains, makeNone());
+    const auto expectLarger = [&](const char* source, const std::function<void(DisturbanceSet&)>& add) {
+        DisturbanceSet set = makeNone();
+        add(set);
+        const TrackingBound bound = calcTrackingBound(robot, limits, 1e-3, gains, set);
+        EXPECT_GT(bound.position.minCoeff(), none.position.minCoeff()) << source;
+        EXPECT_GT(bound.position.sum(), 1.001 * none.position.sum()) << source;
+        EXPECT_GT(bound.velocity.sum(), none.velocity.sum()) << source;
+        bool named = false;
+        for (const TrackingBound::Part& part : bound.parts)
+            named |= part.source.find(source) == 0 && part.position.maxCoeff() > 0.0;
+        EXPECT_TRUE(named) << source;
+        EXPECT_TRUE(((bound.measured - bound.position).array() >= 0.0).all());
+    };
+    expectLarger("payload", [](auto& set) { set.payload_kg = 0.2; });
+    expectLarger("payload", [](auto& set) {
+        set.payload_kg = 0.2;
+        set.payloadOffset_m = 0.1;
+    });
+    expectLarger("mass error", [](auto& set) { set.massError = 0.05; });
+    expectLarger("torque ripple", [](auto& set) { set.torqueRipple_Nm = 0.5; });
+    expectLarger("external torque", [](auto& set) { set.externalTorque_Nm = 0.5; });
+    expectLarger("tilted base", [](auto& set) { set.baseTilt_rad = 0.05; });
+    expectLarger("held and late torque", [](auto& set) { set.delayTicks = 1; });
+    expectLarger("encoder", [](auto& set) { set.readingError_rad = 1e-5; });
+}
+
+TEST(TrackingBound, RefusesWhatHasNoBound) {
+    const RobotDescription robot = loadTestRobot("single_joint");
+    const auto expectRefused = [&](const JointLimits& limits, const NricOptions& gains, const DisturbanceSet& set,
+                                   const char* what) {
+        try {
+            calcTrackingBound(robot, limits, 1e-3, gains, set, "here");
+            ADD_FAILURE() << "accepted: " << what;
+        } catch (const Error& e) {
+            EXPECT_NE(std::string(e.what()).find(what), std::string::npos) << e.what();
+        }
+    };
+    JointLimits open = makeSlow(robot);
+    open.velocity.upper.setConstant(INFINITY);
+    expectRefused(open, {100.0, 20.0, 8.0}, makeNone(), "no limit on velocity or acceleration");
+    expectRefused(makeSlow(robot), {100.0, 20.0, 0.0}, makeNone(), "a gain of the robust loop is 0");
+}
+
+}  // namespace
+}  // namespace viable

@@ -1,0 +1,99 @@
+#pragma once
+
+#include <gtest/gtest.h>
+#include <string>
+
+#include "Paths.h"
+#include "TemporaryFolder.h"
+#include "experiment/CaseRun.h"
+#include "viable/core/Error.h"
+
+namespace viable::test {
+
+/** The real plugins and those that misbehave. */
+inline PluginLoader makeTestLoader() {
+    return PluginLoader({VIABLE_PLUGIN_DIR, VIABLE_BINARY_DIR "/tests/broken_plugins"});
+}
+
+inline Experiment readTestExperiment(const std::string& yaml, const std::vector<std::string>& overrides = {}) {
+    const TemporaryFolder folder;
+    const PluginLoader loader = makeTestLoader();
+    return readExperiment(folder.write("test.yaml", yaml), overrides, loader, {VIABLE_SOURCE_DIR "/robots"});
+}
+
+/** One joint that is sent to and fro within its limits; keys can be overridden. */
+inline const char* const kOneJoint = R"(schema: 1
+title: one joint
+robot: single_joint
+duration_s: 2
+tick_s: 0.001
+command: {plugin: waypoints, points: [[0, 1], [1, -1]], repeat_s: 2}
+controller: {plugin: joint_pd}
+filter: {plugin: tosbp, gamma: 100}
+cases: {A: {}}
+)";
+
+/** The main experiment's arm, short. */
+inline const char* const kTeleoperation = R"(schema: 1
+title: arm
+robot: indy7
+duration_s: 2
+limits:
+  position_rad: {center: [0, -pi/12, -pi/2, 0, -5*pi/12, 0], half_range: [pi/6, pi/12, pi/6, pi/12, pi/6, pi/3]}
+  velocity_radps: 2*pi/3
+  acceleration_radps2: 4*pi
+  jerk_radps3: 12*pi
+command: {plugin: generated_hand_motion, seed: 1}
+controller: {plugin: task_space_pd}
+filter: {plugin: tosbp}
+robust_loop: {plugin: nric}
+real_plant: {plugin: simbody, payload_kg: 1.0}
+cases: {A: {}}
+)";
+
+/** A configured loop for the first case of an experiment. */
+struct TestLoop {
+    explicit TestLoop(const std::string& yaml, const std::vector<std::string>& overrides = {})
+        : experiment(readTestExperiment(yaml, overrides)),
+          configured(configureCase(experiment.cases.front())),
+          loop(configured->setup, std::move(configured->plugins),
+               {nullptr, experiment.cases.front().feedsExternalTorque}) {}
+    Experiment experiment;
+    std::unique_ptr<ConfiguredCase> configured;
+    ControlLoop loop;
+};
+
+/** Runs `action` and returns the text of the Error that it throws; fails when it throws none. */
+template <class Action>
+std::string catchError(const Action& action, ErrorKind kind = ErrorKind::BadInput) {
+    try {
+        action();
+    } catch (const Error& e) {
+        EXPECT_EQ(e.kind(), kind) << e.what();
+        return e.what();
+    }
+    ADD_FAILURE() << "no error was thrown";
+    return {};
+}
+
+inline bool allFinite(const TickRecord& r) {
+    return r.nominal.q.allFinite() && r.nominal.qd.allFinite() && r.nominal.qdd.allFinite() &&
+           r.nominal.jerk.allFinite() && r.desiredTorque.allFinite() && r.filterTorque.allFinite() &&
+           r.robustTorque.allFinite() && r.motorTorque.allFinite();
+}
+
+/** Ticks until the loop has stopped, in at most `most` ticks, every record finite; `check` sees each record. */
+template <class Check>
+void runUntilStopped(ControlLoop& loop, TickRecord& record, int most, const Check& check) {
+    for (int ticks = 1; !loop.hasStopped(); ++ticks) {
+        loop.tick(record);
+        ASSERT_TRUE(allFinite(record));
+        check(record);
+        ASSERT_LT(ticks, most);
+    }
+}
+inline void runUntilStopped(ControlLoop& loop, TickRecord& record) {
+    runUntilStopped(loop, record, 5000, [](const TickRecord&) {});
+}
+
+}  // namespace viable::test

@@ -1,0 +1,285 @@
+#pragma once
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "log/LogReader.h"
+#include "log/LogWriter.h"
+#include "viable/core/Error.h"
+
+namespace viable::test {
+
+/** A folder of its own for each test, gone afterwards. */
+class LogTestBase : public ::testing::Test {
+protected:
+    void SetUp() override {
+        std::string name = (std::filesystem::temp_directory_path() / "viable-log-XXXXXX").string();
+        ASSERT_NE(::mkdtemp(name.data()), nullptr);
+        folder_ = name;
+    }
+    void TearDown() override { std::filesystem::remove_all(folder_); }
+
+    std::filesystem::path path(const std::string& name) const { return folder_ / name; }
+
+    std::filesystem::path folder_;
+};
+
+inline std::string readBytes(const std::filesystem::path& file) {
+    std::ifstream in(file, std::ios::binary);
+    return std::string(std::istreambuf_iterator<char>(in), {});
+}
+
+inline void writeBytes(const std::filesystem::path& file, const std::string& bytes) {
+    std::ofstream(file, std::ios::binary) << bytes;
+}
+
+inline LogLayout makeLayout(int joints, MotionCommand::Space space, bool hasRealPlant) {
+    LogLayout layout;
+    for (int j = 0; j < joints; ++j) layout.jointNames.push_back("joint" + std::to_string(j));
+    layout.commandSpace = space;
+    layout.hasRealPlant = hasRealPlant;
+    return layout;
+}
+
+/** Records whose numbers are any bit patterns, the special ones among them. */
+class RecordMaker {
+public:
+    RecordMaker(const LogLayout& layout, unsigned seed) : layout_(layout), random_(seed) {}
+
+    TickRecord make(double time_s) {
+        TickRecord r;
+        r.time_s = time_s;
+        r.nominal = {joints(), joints(), joints(), joints()};
+        for (int i = 0; i < 3; ++i) r.tool.position[i] = number();
+        for (int i = 0; i < 4; ++i) r.tool.orientation.coeffs()[i] = number();
+        r.command.space = layout_.commandSpace;
+        if (layout_.commandSpace == MotionCommand::Space::Joint) {
+            r.command.q = joints();
+            r.command.qd = joints();
+        } else {
+            for (int i = 0; i < 3; ++i) r.command.tool.position[i] = number();
+            for (int i = 0; i < 4; ++i) r.command.tool.orientation.coeffs()[i] = number();
+            for (int i = 0; i < 6; ++i) r.command.toolTwist[i] = number();
+        }
+        r.desiredTorque = joints();
+        r.filterTorque = joints();
+        r.removedTorque = joints();
+        for (JointBounds* bounds : {&r.limits.position, &r.limits.velocity, &r.limits.acceleration, &r.limits.jerk})
+            *bounds = {joints(), joints()};
+        if (layout_.hasRealPlant) {
+            r.real = {joints(), joints()};
+            r.actual = {joints(), joints()};
+            r.robustTorque = joints();
+            r.motorTorque = joints();
+        }
+        if (layout_.hasExternalTorque) r.externalTorque = joints();
+        r.status = static_cast<FilterStatus>(random_() % 7);
+        r.verdict = static_cast<StopVerdict>(random_() % 3);
+        for (std::size_t j = 0; j < layout_.jointNames.size(); ++j) {
+            r.joints[j].limit = static_cast<LimitKind>(random_() % 5);
+            r.joints[j].side = r.joints[j].limit == LimitKind::None ? LimitSide::Neither
+                               : random_() % 2 == 0                 ? LimitSide::Lower
+                                                                    : LimitSide::Upper;
+            r.stops[j] = {number(), number(), number()};
+        }
+        if (layout_.hasEnvironment) {
+            Clearance& c = r.clearance;
+            c.isKnown = random_() % 2 == 0;
+            c.distance = number();
+            for (int* index : {&c.link, &c.obstacle, &c.otherLink}) *index = static_cast<int>(random_() % 9) - 1;
+            for (int i = 0; i < 3; ++i) c.onArm[i] = number();
+            for (int i = 0; i < 3; ++i) c.onObstacle[i] = number();
+            r.mapAge_s = number();
+        }
+        r.braking = random_() % 2 == 0;
+        r.missed = random_() % 2 == 0;
+        r.substituted = static_cast<std::int64_t>(random_() >> 1);
+        r.compute_us = number();
+        for (double& us : r.stage_us) us = number();
+        return r;
+    }
+
+private:
+    double number() {
+        using Limits = std::numeric_limits<double>;
+        switch (random_() % 12) {
+            case 0:
+                return Limits::infinity();
+            case 1:
+                return -Limits::infinity();
+            case 2:
+                return -0.0;
+            case 3:
+                return Limits::denorm_min();
+            case 4:
+                return Limits::max();
+            case 5:
+                return Limits::quiet_NaN();
+            default: {
+                const std::uint64_t bits = random_();
+                double v;
+                std::memcpy(&v, &bits, sizeof(v));
+                return std::isnan(v) ? 0.1 : v;
+            }
+        }
+    }
+    JointVector joints() {
+        JointVector v(static_cast<Eigen::Index>(layout_.jointNames.size()));
+        for (Eigen::Index j = 0; j < v.size(); ++j) v[j] = number();
+        return v;
+    }
+
+    LogLayout layout_;
+    std::mt19937_64 random_;
+};
+
+inline std::vector<TickRecord> makeRecords(const LogLayout& layout, int count, double tick_s, unsigned seed) {
+    RecordMaker maker(layout, seed);
+    std::vector<TickRecord> records;
+    for (int i = 0; i < count; ++i) records.push_back(maker.make(i * tick_s));
+    return records;
+}
+
+/** All numbers of a record in a fixed order, as bits; the words as numbers. Written by hand, not
+from the log's own table. */
+inline std::vector<std::uint64_t> getBits(const TickRecord& r, const LogLayout& layout) {
+    std::vector<std::uint64_t> bits;
+    const auto add = [&](double v) {
+        std::uint64_t b;
+        std::memcpy(&b, &v, sizeof(b));
+        bits.push_back(b);
+    };
+    const auto addVector = [&](const JointVector& v) {
+        bits.push_back(static_cast<std::uint64_t>(v.size()));
+        for (Eigen::Index j = 0; j < v.size(); ++j) add(v[j]);
+    };
+    const auto addPose = [&](const Pose& pose) {
+        for (int i = 0; i < 3; ++i) add(pose.position[i]);
+        add(pose.orientation.w());
+        add(pose.orientation.x());
+        add(pose.orientation.y());
+        add(pose.orientation.z());
+    };
+    add(r.time_s);
+    addVector(r.command.q);
+    addVector(r.command.qd);
+    addPose(r.command.tool);
+    for (int i = 0; i < 6; ++i) add(r.command.toolTwist[i]);
+    for (const JointVector* v : {&r.nominal.q,
+                                 &r.nominal.qd,
+                                 &r.nominal.qdd,
+                                 &r.nominal.jerk,
+                                 &r.real.q,
+                                 &r.real.qd,
+                                 &r.actual.q,
+                                 &r.actual.qd,
+                                 &r.desiredTorque,
+                                 &r.filterTorque,
+                                 &r.robustTorque,
+                                 &r.motorTorque,
+                                 &r.externalTorque,
+                                 &r.removedTorque,
+                                 &r.limits.position.lower,
+                                 &r.limits.position.upper,
+                                 &r.limits.velocity.lower,
+                                 &r.limits.velocity.upper,
+                                 &r.limits.acceleration.lower,
+                                 &r.limits.acceleration.upper,
+                                 &r.limits.jerk.lower,
+                                 &r.limits.jerk.upper}) {
+        addVector(*v);
+    }
+    addPose(r.tool);
+    bits.push_back(static_cast<std::uint64_t>(r.status));
+    for (std::size_t j = 0; j < layout.jointNames.size(); ++j) {
+        bits.push_back(static_cast<std::uint64_t>(r.joints[j].limit));
+        bits.push_back(static_cast<std::uint64_t>(static_cast<int>(r.joints[j].side) + 1));
+        add(r.stops[j].margin);
+        add(r.stops[j].duration_s);
+        add(r.stops[j].rest);
+    }
+    bits.push_back(r.clearance.isKnown ? 1 : 0);
+    add(r.clearance.distance);
+    for (const int index : {r.clearance.link, r.clearance.obstacle, r.clearance.otherLink})
+        bits.push_back(static_cast<std::uint64_t>(index + 1));
+    for (int i = 0; i < 3; ++i) add(r.clearance.onArm[i]);
+    for (int i = 0; i < 3; ++i) add(r.clearance.onObstacle[i]);
+    add(r.mapAge_s);
+    bits.push_back(static_cast<std::uint64_t>(r.verdict));
+    bits.push_back(r.braking ? 1 : 0);
+    bits.push_back(r.missed ? 1 : 0);
+    bits.push_back(static_cast<std::uint64_t>(r.substituted));
+    add(r.compute_us);
+    for (const double us : r.stage_us) add(us);
+    return bits;
+}
+
+inline LogOpening makeOpening(const LogLayout& layout) {
+    LogOpening opening;
+    opening.layout = layout;
+    opening.metadata = {{"seed", "7"}, {"title", "a question"}};
+    opening.attachments = {{"experiment.yaml", "application/yaml", "schema: 1\nrobot: indy7\n"}};
+    return opening;
+}
+
+/** Keeps the bytes of a log and where each write began. */
+struct WrittenLog {
+    std::string bytes;
+    std::vector<std::size_t> writes;
+};
+
+class MemorySink : public LogSink {
+public:
+    explicit MemorySink(WrittenLog& log) : log_(log) {}
+    bool write(const void* data, std::size_t size, std::string&) override {
+        log_.writes.push_back(log_.bytes.size());
+        log_.bytes.append(static_cast<const char*>(data), size);
+        return true;
+    }
+    bool close(std::string&) override { return true; }
+
+private:
+    WrittenLog& log_;
+};
+
+inline WrittenLog makeLog(const LogOpening& opening, const std::vector<TickRecord>& records) {
+    WrittenLog log;
+    LogWriter writer(std::make_unique<MemorySink>(log), opening);
+    for (const TickRecord& record : records) writer.append(record);
+    writer.finish();
+    EXPECT_TRUE(writer.status().ok()) << writer.status().error;
+    EXPECT_EQ(writer.status().rows, records.size());
+    EXPECT_EQ(writer.status().bytes, log.bytes.size());
+    return log;
+}
+
+inline std::vector<TickRecord> readAll(LogReader& reader) {
+    std::vector<TickRecord> records;
+    TickRecord record;
+    while (reader.read(record)) records.push_back(record);
+    return records;
+}
+
+/** The text of the Error that `call` throws; its kind is checked, too. */
+template <class Call>
+std::string catchError(ErrorKind kind, const Call& call) {
+    try {
+        call();
+    } catch (const Error& e) {
+        EXPECT_EQ(e.kind(), kind) << e.what();
+        return e.what();
+    }
+    ADD_FAILURE() << "nothing was thrown";
+    return {};
+}
+
+}  // namespace viable::test

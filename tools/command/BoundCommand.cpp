@@ -1,0 +1,153 @@
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "Commands.h"
+#include "experiment/ExperimentFile.h"
+#include "viable/core/Error.h"
+
+namespace viable {
+
+namespace {
+
+struct BoundArguments {
+    std::string file;
+    std::vector<std::string> overrides;
+    std::string caseName;
+    bool json = false;
+};
+
+constexpr int kNameWidth = 40, kNumberWidth = 11;
+
+void printRow(const std::string& name, const JointVector& values, double factor = 1.0) {
+    std::printf("  %-*s", kNameWidth, name.c_str());
+    for (double value : values) {
+        char text[32] = "-";
+        if (std::isfinite(value)) std::snprintf(text, sizeof text, "%.3g", factor * value);
+        std::printf("%*s", kNumberWidth, text);
+    }
+    std::printf("\n");
+}
+
+void print(const CasePlan& plan) {
+    const TrackingBound& bound = *plan.bound;
+    const int n = plan.robot.size();
+    std::printf("%s: how far the real arm can be from the nominal one, within the disturbance_set\n",
+                plan.name.c_str());
+    std::printf("  %-*s", kNameWidth, "");
+    for (const JointDescription& joint : plan.robot.joints)
+        std::printf("%*.*s", kNumberWidth, kNumberWidth - 1, joint.name.c_str());
+    std::printf("\n");
+    printRow("position [mrad]", bound.position, 1e3);
+    printRow("velocity [rad/s]", bound.velocity);
+    JointVector ofPosition(n), ofVelocity(n);
+    for (int i = 0; i < n; ++i) {
+        const auto share = [&](const JointBounds& limits, double size) {
+            return 2.0 * size / (limits.upper[i] - limits.lower[i]);
+        };
+        ofPosition[i] = share(plan.realLimits.position, bound.position[i]);
+        ofVelocity[i] = share(plan.realLimits.velocity, bound.velocity[i]);
+    }
+    printRow("share of the position range [%]", ofPosition, 1e2);
+    printRow("share of the velocity range [%]", ofVelocity, 1e2);
+    std::printf("where the position bound comes from, largest first [mrad]\n");
+    std::vector<TrackingBound::Part> parts = bound.parts;
+    std::stable_sort(parts.begin(), parts.end(),
+                     [](const auto& a, const auto& b) { return a.position.sum() > b.position.sum(); });
+    for (const TrackingBound::Part& part : parts)
+        if (part.position.maxCoeff() > 0.0) printRow(part.source, part.position, 1e3);
+    std::printf("the same for the velocity [rad/s]\n");
+    for (const TrackingBound::Part& part : parts)
+        if (part.velocity.maxCoeff() > 0.0) printRow(part.source, part.velocity);
+    std::printf("and how much torque that is [Nm]\n");
+    for (const TrackingBound::Part& part : parts)
+        if (part.torque.maxCoeff() > 0.0) printRow(part.source, part.torque);
+    std::printf("torque that it takes [Nm]\n");
+    printRow("lasting", bound.lastingTorque);
+    printRow("for moments, at most", bound.torque);
+    printRow("the motors give", bound.motorTorque);
+    printRow("robust torque, change per tick", bound.torqueStep);
+    printRow("of its integral", bound.integralTorque);
+    std::string tight;
+    for (int i = 0; i < n; ++i)
+        if (bound.torque[i] > bound.motorTorque[i])
+            tight += (tight.empty() ? "" : ", ") + plan.robot.joints[static_cast<std::size_t>(i)].name;
+    if (!tight.empty())
+        std::printf(
+            "The bound is for motors that are never at their limit. For moments the worst of all disturbances asks "
+            "more "
+            "of them (%s): runs count the ticks in which that happened.\n",
+            tight.c_str());
+    std::printf("\n");
+}
+
+nlohmann::json makeJson(const CasePlan& plan) {
+    using nlohmann::json;
+    const auto list = [](const JointVector& values) {
+        json array = json::array();
+        for (double x : values) array.push_back(std::isfinite(x) ? json(x) : json("inf"));
+        return array;
+    };
+    const TrackingBound& b = *plan.bound;
+    json parts = json::array();
+    for (const TrackingBound::Part& part : b.parts)
+        parts.push_back({{"source", part.source},
+                         {"torque_Nm", list(part.torque)},
+                         {"position_rad", list(part.position)},
+                         {"velocity_radps", list(part.velocity)}});
+    return {{"case", plan.name},
+            {"joints", plan.robot.jointNames()},
+            {"position_rad", list(b.position)},
+            {"velocity_radps", list(b.velocity)},
+            {"trip_rad", list(b.measured)},
+            {"lasting_torque_Nm", list(b.lastingTorque)},
+            {"momentary_torque_Nm", list(b.torque)},
+            {"motor_torque_Nm", list(b.motorTorque)},
+            {"robust_torque_step_Nm", list(b.torqueStep)},
+            {"integral_torque_Nm", list(b.integralTorque)},
+            {"parts", parts}};
+}
+
+int run(const BoundArguments& arguments) {
+    const PluginLoader loader(PluginLoader::makeDefaultSearchPath());
+    const Experiment experiment =
+        readExperiment(arguments.file, arguments.overrides, loader, makeRobotSearchPath(arguments.file));
+    nlohmann::json all = nlohmann::json::array();
+    bool any = false, found = arguments.caseName.empty();
+    for (const CasePlan& plan : experiment.cases) {
+        if (!arguments.caseName.empty() && plan.name != arguments.caseName) continue;
+        found = true;
+        if (!plan.bound) continue;
+        any = true;
+        if (arguments.json)
+            all.push_back(makeJson(plan));
+        else
+            print(plan);
+    }
+    if (!found) throw badInput("--case", "there is no case '" + arguments.caseName + "' in " + arguments.file);
+    if (!any)
+        throw badInput(arguments.file,
+                       "no case has a tracking bound: it takes a disturbance_set and the robust loop nric",
+                       "Add for example `disturbance_set: {friction_scale: 2, payload_kg: 3}`.");
+    if (arguments.json) std::printf("%s\n", all.dump(1).c_str());
+    return 0;
+}
+
+}  // namespace
+
+void addBoundCommand(CLI::App& app, int& exitCode) {
+    auto arguments = std::make_shared<BoundArguments>();
+    CLI::App* command =
+        app.add_subcommand("bound", "How far the real arm can be from the nominal one, and what that consists of");
+    command->add_option("FILE", arguments->file, "Experiment file with a disturbance_set")->required();
+    command->add_option("--case", arguments->caseName, "Only this case");
+    command->add_option("--set", arguments->overrides, "key.path=value, replaces an entry of the file")
+        ->allow_extra_args(false);
+    command->add_flag("--json", arguments->json, "For programs");
+    command->callback([arguments, &exitCode] { exitCode = run(*arguments); });
+}
+
+}  // namespace viable

@@ -1,0 +1,42 @@
+#include "ExperimentArguments.h"
+
+#include <algorithm>
+
+#include "Commands.h"
+#include "config/Draws.h"
+#include "viable/core/Error.h"
+
+namespace viable {
+
+Experiment readDrawnExperiment(const std::string& file, const std::vector<std::string>& overrides,
+                               const std::string& draw, const PluginLoader& loader) {
+    ConfigNode root = readExperimentTree(file, overrides);
+    if (!draw.empty()) {
+        const DrawIndex index = parseDrawIndex(draw, "--draw");
+        if (resolveDraws(root, index).empty())
+            throw badInput("--draw " + draw, file + " has no value that is drawn",
+                           "Leave --draw out, or write a value such as ~uniform(0, 1)");
+    }
+    return readExperiment(root, file, overrides, loader, makeRobotSearchPath(file));
+}
+
+void selectCases(Experiment& experiment, const std::vector<std::string>& wanted) {
+    if (wanted.empty()) return;
+    std::vector<std::string> names;
+    for (const CasePlan& plan : experiment.cases) names.push_back(plan.name);
+    for (const std::string& name : wanted) {
+        if (std::find(names.begin(), names.end(), name) != names.end()) continue;
+        const std::string closest = findClosestName(name, names);
+        std::string all;
+        for (const std::string& other : names) all += (all.empty() ? "" : ", ") + other;
+        throw badInput("--case " + name, experiment.file.string() + " has no case of that name",
+                       (closest.empty() ? "" : "Did you mean '" + closest + "'? ") + "Its cases: " + all + ".");
+    }
+    experiment.cases.erase(std::remove_if(experiment.cases.begin(), experiment.cases.end(),
+                                          [&](const CasePlan& plan) {
+                                              return std::find(wanted.begin(), wanted.end(), plan.name) == wanted.end();
+                                          }),
+                           experiment.cases.end());
+}
+
+}  // namespace viable

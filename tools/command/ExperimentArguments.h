@@ -1,0 +1,18 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "experiment/ExperimentFile.h"
+
+namespace viable {
+
+/** The experiment of a command line, with the values of one run where they are drawn. Throws Error (BadInput).
+@param draw  "SEED:INDEX", or empty */
+Experiment readDrawnExperiment(const std::string& file, const std::vector<std::string>& overrides,
+                               const std::string& draw, const PluginLoader& loader);
+
+/** Keeps the cases called `wanted`, all where it is empty. Throws Error (BadInput) for one that is not there. */
+void selectCases(Experiment& experiment, const std::vector<std::string>& wanted);
+
+}  // namespace viable

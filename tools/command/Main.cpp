@@ -1,0 +1,83 @@
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <sstream>
+
+#include "Commands.h"
+#include "PluginTrouble.h"
+#include "viable/core/Error.h"
+
+namespace viable {
+
+std::vector<std::filesystem::path> makeRobotSearchPath(const std::filesystem::path& experiment) {
+    namespace fs = std::filesystem;
+    std::vector<fs::path> path;
+    if (const char* variable = std::getenv("VIABLE_ROBOT_PATH")) {
+        std::istringstream folders(variable);
+        for (std::string folder; std::getline(folders, folder, ':');)
+            if (!folder.empty()) path.push_back(folder);
+    }
+    path.push_back("robots");
+    std::error_code error;
+    if (!experiment.empty()) {
+        path.push_back(experiment.parent_path() / ".." / "robots");
+        const fs::path own = fs::absolute(experiment).lexically_normal().parent_path();
+        if (fs::exists(own / (own.filename().string() + ".urdf"), error)) path.push_back(own.parent_path());
+    }
+    const fs::path program = fs::read_symlink("/proc/self/exe", error);
+    if (!error) path.push_back(program.parent_path() / ".." / "share" / "viable" / "robots");
+    return path;
+}
+
+}  // namespace viable
+
+int main(int argc, char** argv) {
+    CLI::App app{"viable - joint limits up to jerk for torque-controlled manipulators", "viable"};
+    app.set_version_flag("--version", std::string("viable ") + VIABLE_VERSION);
+    app.require_subcommand(1);
+    app.failure_message([](const CLI::App*, const CLI::Error& e) {
+        return std::string("viable: ") + e.what() + ". `viable --help` shows the commands.\n";
+    });
+    int exitCode = 0;
+    viable::addRunCommand(app, exitCode);
+    viable::addSweepCommand(app, exitCode);
+    viable::addCheckCommand(app, exitCode);
+    viable::addBoundCommand(app, exitCode);
+    viable::addPluginsCommand(app, exitCode);
+    viable::addSchemaCommand(app, exitCode);
+    viable::addRobotsCommand(app, exitCode);
+    viable::addExportCommand(app, exitCode);
+    viable::addRecoverCommand(app, exitCode);
+    viable::addReportCommand(app, exitCode);
+    viable::addVerifyCommand(app, exitCode);
+    viable::addIdentifyCommand(app, exitCode);
+    viable::addNewCommand(app, exitCode);
+    if (argc > 1 && argv[1][0] != '-') {
+        std::vector<std::string> names;
+        for (const CLI::App* command : app.get_subcommands({})) names.push_back(command->get_name());
+        if (std::find(names.begin(), names.end(), argv[1]) == names.end()) {
+            const std::string closest = viable::findClosestName(argv[1], names);
+            std::fprintf(stderr, "viable: there is no command `%s`%s. `viable --help` shows them.\n", argv[1],
+                         closest.empty() ? "" : (", did you mean `" + closest + "`?").c_str());
+            return static_cast<int>(viable::ErrorKind::BadInput);
+        }
+    }
+    viable::installCrashHandler({});  // before the first library is loaded
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::ParseError& e) {
+        return app.exit(e) == 0 ? 0 : static_cast<int>(viable::ErrorKind::BadInput);
+    } catch (const viable::Error& e) {
+        std::fprintf(stderr, "viable: %s\n", e.what());
+        return e.exitCode();
+    } catch (const std::exception& e) {
+        std::fprintf(stderr, "viable: unexpected: %s. Please report this.\n", e.what());
+        return 70;
+    }
+    if (std::fflush(stdout) != 0 || std::ferror(stdout)) {
+        std::fprintf(stderr, "viable: the output could not be written (disk full or pipe closed)\n");
+        if (exitCode == 0) exitCode = static_cast<int>(viable::ErrorKind::LogNotWritten);
+    }
+    return exitCode;
+}

@@ -1,0 +1,209 @@
+#include "PluginTrouble.h"
+
+#include <signal.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+
+#include "host/PluginCall.h"
+#include "log/Recorder.h"
+#include "viable/core/Error.h"
+#include "viable/testing/AllocationCounter.h"
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define VIABLE_PROGRAM_SANITIZED 1
+#else
+#define VIABLE_PROGRAM_SANITIZED 0
+#endif
+
+namespace viable {
+
+namespace {
+
+/** How long a dying program waits for its logs. */
+constexpr double kRescue_s = 3.0;
+/** How long a plugin may stay in one call before the user is told. */
+constexpr std::chrono::seconds kHang{10};
+constexpr std::chrono::milliseconds kLook{50};
+
+constexpr int kCrashSignals[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
+
+char runFolder[4096] = "";
+std::atomic<bool> dying{false};
+
+// Where to speak, if not to the terminal (see tellCrashTo).
+char* sink = nullptr;
+std::size_t sinkLeft = 0;
+
+/** All that a signal handler may use to speak. */
+void say(const char* text) {
+    if (sink) {
+        const std::size_t size = std::min(std::strlen(text), sinkLeft);
+        std::memcpy(sink, text, size);
+        sink += size;
+        *sink = '\0';
+        sinkLeft -= size;
+        return;
+    }
+    for (std::size_t left = std::strlen(text); left > 0;) {
+        const ssize_t written = write(STDERR_FILENO, text, left);
+        if (written <= 0) return;
+        text += written;
+        left -= static_cast<std::size_t>(written);
+    }
+}
+
+void say(std::int64_t number) {
+    char digits[24];
+    char* begin = digits + sizeof digits - 1;
+    *begin = '\0';
+    do {
+        *--begin = static_cast<char>('0' + number % 10);
+        number /= 10;
+    } while (number > 0);
+    say(begin);
+}
+
+/** "viable: the filter plugin 'x' (/path/x.so) <what> in its tick 12" */
+void sayWho(const PluginWatch& watch, const char* what, std::int64_t tick) {
+    if (!sink) say("\nviable: ");
+    say(watch.title.c_str());
+    say(what);
+    if (tick < 0) {
+        say(tick == kAfterLastTick ? " while it was destroyed" : " before the first tick");
+    } else {
+        say(" in tick ");
+        say(tick);
+    }
+}
+
+[[noreturn]] void endAfterPlugin() {
+    if (sink) _exit(static_cast<int>(ErrorKind::PluginFailed));
+    const bool whole = Recorder::rescueAll(kRescue_s);
+    if (*runFolder && whole) {
+        say("The logs in ");
+        say(runFolder);
+        say(" end there and are whole; there is no summary. `viable report ");
+        say(runFolder);
+        say("` shows them. ");
+    } else if (*runFolder) {
+        say("Not every log in ");
+        say(runFolder);
+        say(" could be finished; `viable recover LOG` saves them. ");
+    }
+    say("With `viable run --isolate` such a plugin runs in a process of its own: the arm is "
+        "braked, and the run gives "
+        "its account; `gdb --args viable run ...` shows the line.\n");
+    _exit(static_cast<int>(ErrorKind::PluginFailed));
+}
+
+void onCrash(int signal) {
+    if (dying.exchange(true)) {
+        // A second thread, or the handler itself: the first one's account is enough.
+        for (;;) pause();
+    }
+    const CallSlot* slot = ownCallSlot();
+    const PluginWatch* watch = slot ? slot->watch.load() : nullptr;
+    const char* name = sigdescr_np(signal);
+    if (!watch) {
+        ::signal(signal, SIG_DFL);
+        raise(signal);
+        return;
+    }
+    sayWho(*watch, " crashed", slot->tick.load());
+    say(": signal ");
+    say(signal);
+    say(" (");
+    say(name ? name : "unknown");
+    say("). ");
+    endAfterPlugin();
+}
+
+void onExit() {
+    const CallSlot* slot = ownCallSlot();
+    const PluginWatch* watch = slot ? slot->watch.load() : nullptr;
+    if (!watch || dying.exchange(true)) return;
+    sayWho(*watch, " called exit()", slot->tick.load());
+    say(". ");
+    endAfterPlugin();
+}
+
+}  // namespace
+
+void prepareThreadForCrash() {
+    if (VIABLE_PROGRAM_SANITIZED) return;  // sanitizers have signal stacks of their own
+    alignas(16) static thread_local char memory[1 << 16];
+    stack_t stack{};
+    stack.ss_sp = memory;
+    stack.ss_size = sizeof memory;
+    sigaltstack(&stack, nullptr);
+}
+
+void installCrashHandler(const std::filesystem::path& folder) {
+    if (VIABLE_PROGRAM_SANITIZED) return;
+    std::snprintf(runFolder, sizeof runFolder, "%s", folder.c_str());
+    prepareThreadForCrash();
+    struct sigaction action {};
+    action.sa_handler = onCrash;
+    action.sa_flags = SA_ONSTACK;
+    for (int signal : kCrashSignals) sigaction(signal, &action, nullptr);
+    static const bool once = std::atexit(onExit) == 0 && std::at_quick_exit(onExit) == 0;
+    static_cast<void>(once);
+}
+
+void tellCrashTo(char* text, std::size_t capacity) {
+    sink = text;
+    sinkLeft = capacity - 1;
+}
+
+void countPluginAllocations() {
+    if (testing::AllocationCounter::isAvailable())
+        setAllocationCounter([] { return testing::AllocationCounter::total(); });
+}
+
+HangWatch::HangWatch(double patience_s, const std::atomic<int>& endRequested)
+    : patience_(patience_s), endRequested_(endRequested), seen_(callSlots().size()) {
+    thread_ = std::thread([this] {
+        while (!done_) {
+            std::this_thread::sleep_for(kLook);
+            look();
+        }
+    });
+}
+
+HangWatch::~HangWatch() {
+    done_ = true;
+    thread_.join();
+}
+
+void HangWatch::look() {
+    const auto now = std::chrono::steady_clock::now();
+    for (std::size_t i = 0; i < seen_.size(); ++i) {
+        const CallSlot& slot = callSlots()[i];
+        const std::uint64_t calls = slot.calls.load();
+        const PluginWatch* watch = slot.watch.load();
+        if (calls != seen_[i].calls || !watch) {
+            seen_[i] = {calls, now, false};
+            continue;
+        }
+        const std::chrono::duration<double> waited = now - seen_[i].since;
+        const std::int64_t tick = slot.tick.load();
+        const bool isOver = waited > patience_ && tick >= 0;
+        if ((isOver || (endRequested_ != 0 && waited > kHang)) && !dying.exchange(true)) {
+            sayWho(*watch, " has not come back", tick);
+            say(". ");
+            endAfterPlugin();
+        }
+        if (waited < kHang || seen_[i].told) continue;
+        seen_[i].told = true;
+        sayWho(*watch, " has not come back", tick);
+        say(" for 10 s. Ctrl-C ends the program; `viable run --isolate` ends such a plugin by "
+            "itself and brakes the "
+            "arm.\n");
+    }
+}
+
+}  // namespace viable

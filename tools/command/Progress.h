@@ -1,0 +1,30 @@
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <string>
+#include <vector>
+
+namespace viable {
+
+/** Shows how far several cases are: one bar per line on a terminal, redrawn in place; otherwise a
+plain line every few seconds. Honours NO_COLOR. One drawing thread; the shares are set from any
+thread. */
+class Progress {
+public:
+    explicit Progress(std::vector<std::string> names);
+
+    void set(std::size_t index, double share) { shares_[index].store(share, std::memory_order_relaxed); }
+    /** Draws when it is time to; call it every 100 ms or so. */
+    void draw(bool last = false);
+
+private:
+    std::vector<std::string> names_;
+    std::vector<std::atomic<double>> shares_;
+    bool terminal_;
+    bool color_;
+    bool drawn_ = false;
+    std::chrono::steady_clock::time_point begin_, lastDrawn_;
+};
+
+}  // namespace viable

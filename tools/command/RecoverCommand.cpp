@@ -1,0 +1,44 @@
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
+#include <memory>
+
+#include "Commands.h"
+#include "log/LogExport.h"
+#include "log/LogReader.h"
+
+namespace viable {
+
+namespace {
+
+struct RecoverArguments {
+    std::string log, out;
+};
+
+}  // namespace
+
+void addRecoverCommand(CLI::App& app, int& exitCode) {
+    auto arguments = std::make_shared<RecoverArguments>();
+    CLI::App* command = app.add_subcommand("recover", "Make a whole log of one that was cut off (the run was killed)");
+    command->add_option("LOG", arguments->log, "Log of a case (.mcap)")->required();
+    command->add_option("--out", arguments->out, "New log (default: LOG with .recovered.mcap)");
+    command->callback([arguments, &exitCode] {
+        exitCode = 0;
+        std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is a write error, not a death
+        LogReader reader(arguments->log);
+        const bool isWhole = reader.isComplete();
+        if (isWhole && arguments->out.empty()) {
+            for (TickRecord record; reader.read(record);) {  // refuses what is damaged
+            }
+            std::printf("%s is whole: nothing to recover\n", arguments->log.c_str());
+            return;
+        }
+        std::filesystem::path out = arguments->out;
+        if (out.empty()) out = std::filesystem::path(arguments->log).replace_extension(".recovered.mcap");
+        const std::uint64_t rows = recoverLog(arguments->log, out);
+        std::printf("wrote %s: %llu rows%s\n", out.c_str(), static_cast<unsigned long long>(rows),
+                    isWhole ? "; the old log was whole, too" : "");
+    });
+}
+
+}  // namespace viable

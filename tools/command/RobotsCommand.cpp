@@ -1,0 +1,62 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+
+#include "Commands.h"
+#include "viable/core/Error.h"
+#include "viable/robot/RobotDescription.h"
+
+namespace viable {
+
+namespace {
+
+void describe(const RobotDescription& robot) {
+    std::printf("%s: %d joints, tool frame %s, folder %s\n", robot.name.c_str(), robot.size(), robot.toolLink.c_str(),
+                robot.folder.c_str());
+    std::printf("%-16s %-22s %-20s %-20s %-20s %-9s %-10s\n", "joint", "position [rad]", "velocity [rad/s]",
+                "accel. [rad/s^2]", "jerk [rad/s^3]", "home", "motor [Nm]");
+    for (int i = 0; i < robot.size(); ++i) {
+        const AxisLimits l = robot.limits.axis(i);
+        const auto range = [](double lower, double upper) {
+            char text[40];
+            std::snprintf(text, sizeof text, "%.4g .. %.4g", lower, upper);
+            return std::string(text);
+        };
+        std::printf("%-16s %-22s %-20s %-20s %-20s %-9.4g %-10.4g\n", robot.joints[i].name.c_str(),
+                    range(l.positionLower, l.positionUpper).c_str(), range(l.velocityLower, l.velocityUpper).c_str(),
+                    range(l.accelerationLower, l.accelerationUpper).c_str(), range(l.jerkLower, l.jerkUpper).c_str(),
+                    robot.home[i], robot.actuation.torqueLimit[i]);
+    }
+}
+
+}  // namespace
+
+void addRobotsCommand(CLI::App& app, int& exitCode) {
+    auto name = std::make_shared<std::string>();
+    CLI::App* command = app.add_subcommand("robots", "List the robots, or describe one");
+    command->add_option("--describe", *name, "Name or folder of a robot: print its limits");
+    command->callback([name, &exitCode] {
+        const auto path = makeRobotSearchPath({});
+        exitCode = 0;
+        if (!name->empty()) {
+            describe(loadRobot(findRobot(*name, path, "--describe")));
+            return;
+        }
+        const auto folders = listRobots(path);
+        for (const auto& folder : folders) {
+            try {
+                const RobotDescription robot = loadRobot(folder);
+                std::printf("%-16s %d joints  %s\n", robot.name.c_str(), robot.size(), folder.c_str());
+            } catch (const Error& e) {
+                std::fprintf(stderr, "viable: refused %s: %s\n", folder.c_str(), e.what());
+            }
+        }
+        if (folders.empty()) {
+            std::string tried;
+            for (const auto& folder : path) tried += "\n  " + folder.string();
+            throw badInput("", "no robot was found; these folders were searched:" + tried, "Set VIABLE_ROBOT_PATH.");
+        }
+    });
+}
+
+}  // namespace viable

@@ -1,0 +1,298 @@
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <ctime>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <system_error>
+#include <thread>
+
+#include "Commands.h"
+#include "ExperimentArguments.h"
+#include "PluginTrouble.h"
+#include "Progress.h"
+#include "core/PrintableText.h"
+#include "core/WholeFile.h"
+#include "experiment/CaseRun.h"
+#include "report/RunReport.h"
+#include "viable/core/Error.h"
+
+namespace viable {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+std::atomic<int> stopSignal{0};
+
+/** First signal: brake, finish the logs, end. Second: end at once. */
+void onSignal(int signal) {
+    if (stopSignal.exchange(signal) != 0) _exit(128 + signal);
+}
+
+void installSignalHandlers() {
+    struct sigaction action {};
+    action.sa_handler = onSignal;
+    for (int signal : {SIGINT, SIGTERM, SIGHUP}) sigaction(signal, &action, nullptr);
+    std::signal(SIGPIPE, SIG_IGN);  // a closed pipe is a write error, not a death
+    std::signal(SIGXFSZ, SIG_IGN);  // so is a file size limit
+}
+
+struct RunArguments {
+    std::string file;
+    std::string out;
+    std::vector<std::string> cases;
+    std::vector<std::string> overrides;
+    std::string draw;
+    int jobs = 0;
+    bool noReport = false;
+    bool isolate = false;
+    std::optional<double> watchdog_s;
+};
+
+/** Makes the folder of a run; it must be new, so that nothing is ever overwritten. */
+fs::path makeRunFolder(const std::string& wanted, const fs::path& experiment) {
+    std::error_code error;
+    if (!wanted.empty()) {
+        const fs::path folder = wanted;
+        const fs::file_status status = fs::status(folder, error);
+        if (fs::exists(status) && !fs::is_directory(status))
+            throw badInput("--out " + wanted, "this is not a folder", "Name a new or empty folder.");
+        if (fs::exists(status) && !fs::is_empty(folder, error))
+            throw badInput("--out " + wanted, "this folder already holds something",
+                           "Name a new or empty folder; a run never overwrites another.");
+        error.clear();
+        fs::create_directories(folder, error);
+        if (error)
+            throw Error(ErrorKind::LogNotWritten, "--out " + wanted, "cannot create the folder: " + error.message(),
+                        "Name another place.");
+        return folder;
+    }
+    char stamp[32];
+    const std::time_t now = std::time(nullptr);
+    std::strftime(stamp, sizeof stamp, "%Y%m%d-%H%M%S", std::localtime(&now));
+    fs::create_directories("runs", error);
+    if (error)
+        throw Error(ErrorKind::LogNotWritten, (fs::current_path() / "runs").string(),
+                    "cannot create the folder: " + error.message(), "Name another place with --out DIR.");
+    for (int i = 1; i < 1000; ++i) {
+        const fs::path folder =
+            fs::path("runs") / (experiment.stem().string() + "-" + stamp + (i > 1 ? "-" + std::to_string(i) : ""));
+        if (fs::create_directory(folder, error)) return folder;
+        if (error)
+            throw Error(ErrorKind::LogNotWritten, folder.string(), "cannot create the folder: " + error.message(),
+                        "Name another place with --out DIR.");
+    }
+    throw Error(ErrorKind::LogNotWritten, "runs", "too many runs in one second");
+}
+
+/** What became of the cases: results in the order of the file, and the first Error that kept one from
+starting. */
+struct CaseOutcomes {
+    std::vector<CaseResult> results;
+    std::exception_ptr failure;
+};
+
+/** Runs the cases of an experiment. After a failure or a signal no further case is begun. */
+class CaseRunner {
+public:
+    CaseRunner(const Experiment& experiment, fs::path folder)
+        : experiment_(experiment),
+          folder_(std::move(folder)),
+          progress_(listNames(experiment)),
+          results_(experiment.cases.size()) {}
+
+    /** `jobs` at a time. */
+    CaseOutcomes runAtOnce(int jobs) {
+        std::atomic<int> running{0};
+        const auto work = [&] {
+            prepareThreadForCrash();
+            while (runNext(nullptr, false)) {
+            }
+            --running;
+        };
+        std::vector<std::thread> workers;
+        for (int job = 0; job < jobs; ++job) {
+            ++running;
+            try {
+                workers.emplace_back(work);
+            } catch (const std::system_error&) {
+                // Fewer threads do it too; none is the caller's own turn.
+                --running;
+                if (workers.empty()) {
+                    ++running;
+                    work();
+                }
+                break;
+            }
+        }
+        while (running > 0) {
+            std::this_thread::sleep_for(std::chrono::milliseconds(50));
+            progress_.draw();
+        }
+        for (std::thread& worker : workers) worker.join();
+        return collect();
+    }
+
+    /** One after the other, in this thread: the plugins' processes are made while there is no other. */
+    CaseOutcomes runIsolated(const Isolation& isolation) {
+        while (runNext(&isolation, true)) {
+        }
+        return collect();
+    }
+
+private:
+    static std::vector<std::string> listNames(const Experiment& experiment) {
+        std::vector<std::string> names;
+        for (const CasePlan& plan : experiment.cases) names.push_back(plan.name);
+        return names;
+    }
+
+    /** False: there is none. */
+    bool runNext(const Isolation* isolation, bool draws) {
+        const std::size_t i = stopSignal == 0 ? next_++ : results_.size();
+        if (i >= results_.size()) return false;
+        RunOptions options;
+        options.log = folder_ / (experiment_.cases[i].name + ".mcap");
+        options.stopRequest = &stopSignal;
+        options.isolation = isolation;
+        options.progress = [this, i, draws](double share) {
+            progress_.set(i, share);
+            if (draws) progress_.draw();
+        };
+        try {
+            results_[i].emplace(runCase(experiment_.cases[i], options));
+        } catch (...) {
+            const std::lock_guard lock(failureMutex_);
+            if (!failure_) failure_ = std::current_exception();
+            next_ = results_.size();
+        }
+        return true;
+    }
+
+    CaseOutcomes collect() {
+        progress_.draw(true);
+        CaseOutcomes outcomes;
+        outcomes.failure = failure_;
+        for (auto& result : results_)
+            if (result) outcomes.results.push_back(std::move(*result));
+        return outcomes;
+    }
+
+    const Experiment& experiment_;
+    const fs::path folder_;
+    Progress progress_;
+    std::vector<std::optional<CaseResult>> results_;
+    std::atomic<std::size_t> next_{0};
+    std::mutex failureMutex_;
+    std::exception_ptr failure_;
+};
+
+/** Writes the report of a run; its loss does not undo the run. Returns false when there is none. */
+bool tryWriteReport(const fs::path& folder) {
+    try {
+        for (const fs::path& report : writeReport(folder, findReportPage()))
+            std::printf("report: %s\n", report.c_str());
+        return true;
+    } catch (const std::exception& e) {
+        std::fprintf(stderr, "viable: the report was not written: %s\nMend the cause, then run: viable report %s\n",
+                     e.what(), folder.c_str());
+        return false;
+    }
+}
+
+int run(const RunArguments& arguments) {
+    countPluginAllocations();
+    std::optional<HangWatch> hangWatch;  // a thread; none may be there where processes are made
+    const Isolation isolation{arguments.watchdog_s.value_or(kDefaultWatchdog_s)};
+    if (!arguments.isolate) hangWatch.emplace(arguments.watchdog_s.value_or(kDefaultPatience_s), stopSignal);
+    const PluginLoader loader(PluginLoader::makeDefaultSearchPath());
+    Experiment experiment = readDrawnExperiment(arguments.file, arguments.overrides, arguments.draw, loader);
+    selectCases(experiment, arguments.cases);
+    for (const CasePlan& plan : experiment.cases)  // refuse everything before a file is made
+        configureCase(plan, arguments.isolate ? &isolation : nullptr);
+
+    installSignalHandlers();
+    const fs::path folder = makeRunFolder(arguments.out, arguments.file);
+    installCrashHandler(folder);
+    std::printf("%s\n%s, %zu case%s, output in %s\n", makePrintable(experiment.title).c_str(), arguments.file.c_str(),
+                experiment.cases.size(), experiment.cases.size() == 1 ? "" : "s", folder.c_str());
+    std::fflush(stdout);
+    int jobs = arguments.jobs > 0 ? arguments.jobs : static_cast<int>(std::thread::hardware_concurrency());
+    jobs = std::max(1, std::min(jobs, static_cast<int>(experiment.cases.size())));
+    CaseRunner runner(experiment, folder);
+    const auto [results, failure] = arguments.isolate ? runner.runIsolated(isolation) : runner.runAtOnce(jobs);
+
+    std::printf("\n%s\n", formatComparison(results).c_str());
+    std::set<std::string> laws;
+    for (const CaseResult& result : results) laws.insert(result.filter);
+    if (laws.size() > 1) std::printf("%s\n", formatRanking(results).c_str());
+    int code = 0;
+    for (std::size_t i = 0; i < results.size(); ++i) {
+        std::printf("%s\n", formatDetails(results[i]).c_str());
+        const int own = results[i].exitCode();
+        if (isGraver(own, code)) code = own;
+        std::fflush(stdout);  // both may go to one pipe
+        if (own != 0 && !results[i].stopMessage.empty())
+            std::fprintf(stderr, "viable: case %s %s\n%s%s", results[i].name.c_str(), results[i].stopMessage.c_str(),
+                         results[i].stopRemedy.c_str(), results[i].stopRemedy.empty() ? "" : "\n");
+        if (!results[i].logError.empty())
+            std::fprintf(stderr,
+                         "viable: case %s: the log could not be written to its end: %s. The run itself "
+                         "went on; free space and run it again.\n",
+                         results[i].name.c_str(), results[i].logError.c_str());
+    }
+    try {
+        replaceFile(folder / "summary.json", writeSummaryJson(experiment, results));
+    } catch (const Error& e) {
+        std::fprintf(stderr, "viable: %s\n", e.what());
+        if (code == 0) code = e.exitCode();
+    }
+    if (stopSignal != 0)  // who stops a run wants it to end; the report would read all logs again
+        std::printf("for a report: viable report %s\n", folder.c_str());
+    else if (!arguments.noReport && !results.empty() && !tryWriteReport(folder) && code == 0)
+        code = static_cast<int>(ErrorKind::LogNotWritten);
+    if (failure) std::rethrow_exception(failure);
+    for (const CasePlan& plan : experiment.cases)
+        if (std::none_of(results.begin(), results.end(), [&](const CaseResult& r) { return r.name == plan.name; }))
+            std::printf("%s: not run\n", plan.name.c_str());
+    const bool anyStopped = std::any_of(results.begin(), results.end(),
+                                        [](const CaseResult& r) { return r.stopReason == StopReason::Requested; });
+    if (const int signal = stopSignal.load(); signal != 0 && (anyStopped || results.size() < experiment.cases.size())) {
+        std::fprintf(stderr, "viable: ended early by signal %d; every running arm was braked to rest\n", signal);
+        if (code == 0) code = 128 + signal;
+    }
+    return code;
+}
+
+}  // namespace
+
+void addRunCommand(CLI::App& app, int& exitCode) {
+    auto arguments = std::make_shared<RunArguments>();
+    CLI::App* command = app.add_subcommand("run", "Run an experiment: every case, with log and summary");
+    command->add_option("FILE", arguments->file, "Experiment file")->required();
+    command->add_option("--out", arguments->out, "Folder for logs, summary and report (default: a new one in ./runs)");
+    command->add_option("--case", arguments->cases, "Only this case (may be repeated)")->allow_extra_args(false);
+    command->add_option("--set", arguments->overrides, "key.path=value, replaces an entry of the file")
+        ->allow_extra_args(false);
+    command->add_option("--draw", arguments->draw, "SEED:INDEX, the values of one run of `viable sweep`");
+    command->add_option("--jobs", arguments->jobs, "Cases at a time (default: one per core)")
+        ->check(CLI::Range(1, 256));
+    command->add_flag("--no-report", arguments->noReport,
+                      "Logs and summary only; `viable report DIR` writes the report later");
+    command->add_flag("--isolate", arguments->isolate,
+                      "Each plugin in a process of its own: one that crashes, hangs or exits is "
+                      "named, and the arm is braked (slower, one case at a time)");
+    command
+        ->add_option("--watchdog", arguments->watchdog_s,
+                     "Seconds that a plugin may take for one call: with --isolate the arm is then "
+                     "braked (default: 5), without it the program ends (default: 60)")
+        ->check(CLI::Range(0.01, 3600.0));
+    command->callback([arguments, &exitCode] { exitCode = run(*arguments); });
+}
+
+}  // namespace viable
