@@ -20,7 +20,7 @@ struct PassedLimit {
 };
 
 /** Which jerks one joint may choose so that it can always still stop within its limits, on the time
-grid and without exception (MATH: certified braking).
+grid and without exception (framework/MATH.md, section 4).
 
 The joint always holds a certificate: a stop on the grid from its present state, whose whole path was
 checked in closed form. A jerk is admissible exactly when such a stop exists from the state that it
