@@ -17,8 +17,8 @@ solid point nearest to p have the mean f(p)^2 + v, and no node's own f^2 is larg
     f(p) >= sqrt(max(0, Q - v))
 
 everywhere (Jensen's inequality), continuously, and with equality where the nodes share their nearest point. A node's
-distance is at least f(p) minus the node's distance from p, so the bound is too small by at most sqrt(3) h; measured among
-random cubes: 1.0 h at worst (in gaps), 0.05 to 0.15 h on average. A brush fire algorithm such as dynamicEDT3D gives
+distance is at least f(p) minus the node's distance from p, so the bound is too small by at most sqrt(3) h; measured
+among random cubes: 1.0 h at worst (in gaps), 0.05 to 0.15 h on average. A brush fire algorithm such as dynamicEDT3D gives
 distances between cells, not from their content, and some are too large (18 of 2.6 million cells, by up to 0.02 cells),
 which a lower bound must not be. */
 class DistanceField {

@@ -35,8 +35,8 @@ struct ArmGeometry {
     may_touch: [[link0, link1], ...]                                links that are next to each other
 
 Links are those of the URDF, also on fixed joints; links that are left out cannot collide.
-Throws Error (BadInput): missing file, a placeholder of `viable new robot` in it (each with the remedy), an unknown link,
-a size that is NaN or not positive, a duplicate pair. */
+Throws Error (BadInput): missing file, a placeholder of `viable new robot` in it (each with the remedy), an unknown
+link, a size that is NaN or not positive, a duplicate pair. */
 ArmGeometry loadArmGeometry(const RobotDescription& robot);
 
 }  // namespace viable
