@@ -9,11 +9,10 @@ extern "C" VIABLE_PLUGIN_VISIBLE void viable_interface(const viable::PluginLibra
                                                        viable::NominalController*, viable::SafetyFilter*,
                                                        viable::RobustLoop*, viable::RealPlant*,
                                                        viable::JerkIntervalFilter*, viable::BrakingPolicyFilter*,
-                                                       viable::CertifiedBraking*, viable::ArmHardware*,
-                                                       viable::SurroundingsFeed*, const viable::Surroundings*,
-                                                       const viable::ArmGeometry*);
+                                                       viable::ArmHardware*, viable::SurroundingsFeed*,
+                                                       const viable::Surroundings*, const viable::ArmGeometry*);
 
 void viable_interface(const viable::PluginLibrary*, viable::CommandSource*, viable::NominalController*,
                       viable::SafetyFilter*, viable::RobustLoop*, viable::RealPlant*, viable::JerkIntervalFilter*,
-                      viable::BrakingPolicyFilter*, viable::CertifiedBraking*, viable::ArmHardware*,
-                      viable::SurroundingsFeed*, const viable::Surroundings*, const viable::ArmGeometry*) {}
+                      viable::BrakingPolicyFilter*, viable::ArmHardware*, viable::SurroundingsFeed*,
+                      const viable::Surroundings*, const viable::ArmGeometry*) {}

@@ -241,8 +241,6 @@ std::vector<std::string> describeDifferences(const AbiStamp& theirs, const AbiSt
     compare(&AbiStamp::desiredJerkSize, "size of DesiredJerk in bytes", rebuild);
     compare(&AbiStamp::gridStopSize, "size of GridStop in bytes", rebuild);
     compare(&AbiStamp::intervalChoiceSize, "size of IntervalChoice in bytes", rebuild);
-    compare(&AbiStamp::certificateSize, "size of BrakingCertificate in bytes", rebuild);
-    compare(&AbiStamp::brakingSize, "size of CertifiedBraking in bytes", rebuild);
     compare(&AbiStamp::policyFilterSize, "size of BrakingPolicyFilter in bytes", rebuild);
     compare(&AbiStamp::rowMajor, "storage order (EIGEN_DEFAULT_TO_ROW_MAJOR)", sameEigen);
     if (theirs.compiler != ours.compiler)

@@ -6,7 +6,6 @@
 #include <exception>
 #include <type_traits>
 
-#include "viable/braking/CertifiedBraking.h"
 #include "viable/braking/DesiredJerk.h"
 #include "viable/filter/BrakingPolicyFilter.h"
 #include "viable/filter/IntervalChoice.h"
@@ -45,8 +44,6 @@ struct AbiStamp {
     std::uint32_t desiredJerkSize;
     std::uint32_t gridStopSize;
     std::uint32_t intervalChoiceSize;
-    std::uint32_t certificateSize;   ///< BrakingCertificate
-    std::uint32_t brakingSize;       ///< CertifiedBraking
     std::uint32_t policyFilterSize;  ///< BrakingPolicyFilter, with JerkIntervalFilter
     std::uint32_t rowMajor;          ///< EIGEN_DEFAULT_TO_ROW_MAJOR
     std::uint32_t parameterSpecSize;
@@ -126,8 +123,6 @@ inline AbiStamp makeAbiStamp() {
     s.desiredJerkSize = sizeof(DesiredJerk);
     s.gridStopSize = sizeof(GridStop);
     s.intervalChoiceSize = sizeof(IntervalChoice);
-    s.certificateSize = sizeof(BrakingCertificate);
-    s.brakingSize = sizeof(CertifiedBraking);
     s.policyFilterSize = sizeof(BrakingPolicyFilter);
 #ifdef EIGEN_DEFAULT_TO_ROW_MAJOR
     s.rowMajor = 1;

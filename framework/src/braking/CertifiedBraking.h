@@ -1,8 +1,8 @@
 #pragma once
 
-#include "viable/braking/BrakingCertificate.h"
+#include "braking/BrakingCertificate.h"
+#include "qp/RowQp.h"
 #include "viable/qp/BoxQp.h"
-#include "viable/qp/RowQp.h"
 
 namespace viable {
 
