@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "Effort.h"
 #include "Paths.h"
 #include "Program.h"
 #include "ProjectExperiment.h"
@@ -50,16 +51,10 @@ Judged runAndJudge(const ProjectExperiment& experiment, const std::string& name)
     return judged;
 }
 
-/** Seeds tried: VIABLE_OBSTACLE_RUNS, or 20. */
-int getRuns() {
-    const char* const runs = std::getenv("VIABLE_OBSTACLE_RUNS");
-    return runs ? std::atoi(runs) : 20;
-}
-
 TEST(Obstacles, WithoutTheFilterTheArmCollidesAndWithItNever) {
     int collided = 0;
     double least = 1.0;
-    const int runs = getRuns();
+    const int runs = test::countOf(20);
     for (int seed = 1; seed <= runs; ++seed) {
         SCOPED_TRACE("command.seed=" + std::to_string(seed));
         const ProjectExperiment experiment("indy7_obstacles", {"command.seed=" + std::to_string(seed)});

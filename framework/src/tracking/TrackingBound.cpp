@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "core/NumberText.h"
 #include "tracking/ArmExtremes.h"

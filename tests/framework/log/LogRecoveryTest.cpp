@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <thread>
 
+#include "Effort.h"
 #include "LogTestSupport.h"
 #include "log/LogExport.h"
 
@@ -48,8 +49,7 @@ protected:
 };
 
 unsigned getSeed(unsigned otherwise) {
-    const char* text = std::getenv("VIABLE_SEED");
-    const unsigned seed = text ? static_cast<unsigned>(std::strtoul(text, nullptr, 10)) : otherwise;
+    const auto seed = static_cast<unsigned>(test::getSeed(otherwise));
     std::printf("VIABLE_SEED=%u\n", seed);
     return seed;
 }
