@@ -125,8 +125,7 @@ Experiment SweepTask::read(std::int64_t run, std::map<std::string, std::string>*
 }
 
 SweepRow SweepTask::makeRow(std::int64_t run, const std::string& name, SweepEnd end,
-                            const std::map<std::string, std::string>& draws, const CasePlan* casePlan,
-                            const CaseResult* result) const {
+                            const std::map<std::string, std::string>& draws, const CaseResult* result) const {
     end.replay = "viable run " + quoteArgument(arguments_.file) + " --draw " + std::to_string(arguments_.seed) + ":" +
                  std::to_string(run) + " --case " + name;
     for (const std::string& assignment : arguments_.overrides) end.replay += " --set " + quoteArgument(assignment);
@@ -134,7 +133,7 @@ SweepRow SweepTask::makeRow(std::int64_t run, const std::string& name, SweepEnd 
     std::map<std::string, std::string> own;
     for (const auto& [keyPath, value] : draws)
         if (belongsTo(keyPath, name)) own[keyPath] = value;
-    return makeSweepRow(plan_.columns, run, name, end, own, casePlan, result);
+    return makeSweepRow(plan_.columns, run, name, end, own, result);
 }
 
 SweepRow SweepTask::makeLostRow(std::int64_t run, std::size_t index, SweepStatus status,
@@ -145,7 +144,7 @@ SweepRow SweepTask::makeLostRow(std::int64_t run, std::size_t index, SweepStatus
     end.exitCode = static_cast<int>(ErrorKind::PluginFailed);
     end.message = message;
     end.wall_s = kNan;
-    return makeRow(run, plan_.cases[index], end, resolveDraws(drawn, {arguments_.seed, run}), nullptr, nullptr);
+    return makeRow(run, plan_.cases[index], end, resolveDraws(drawn, {arguments_.seed, run}), nullptr);
 }
 
 SweepTask::Run::Run(const SweepTask& task, std::int64_t run) : task_(task), run_(run) {
@@ -161,15 +160,15 @@ SweepRow SweepTask::Run::runCase(std::size_t index, const std::atomic<int>& stop
     const std::string& name = task_.plan_.cases[index];
     SweepEnd end;
     const auto begin = std::chrono::steady_clock::now();
-    const auto finish = [&](const CasePlan* plan, const CaseResult* result) {
+    const auto finish = [&](const CaseResult* result) {
         end.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-        return task_.makeRow(run_, name, end, draws_, plan, result);
+        return task_.makeRow(run_, name, end, draws_, result);
     };
     const auto fail = [&](const std::string& message, int exitCode) {
         end.status = SweepStatus::Failed;
         end.message = message;
         end.exitCode = exitCode;
-        return finish(nullptr, nullptr);
+        return finish(nullptr);
     };
     if (!failure_.empty()) return fail(failure_, exitCode_);
     const auto plan = std::find_if(experiment_.cases.begin(), experiment_.cases.end(),
@@ -183,7 +182,7 @@ SweepRow SweepTask::Run::runCase(std::size_t index, const std::atomic<int>& stop
         end.message = result.stopMessage;
         if (const std::string breach = formatBreach(result); !breach.empty())
             end.message += (end.message.empty() ? "" : "; ") + breach;
-        return finish(&*plan, &result);
+        return finish(&result);
     } catch (const Error& e) {
         return fail(e.what(), e.exitCode());
     } catch (const std::exception& e) {
