@@ -4,12 +4,12 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <fstream>
 #include <memory>
 #include <sstream>
 
 #include "Commands.h"
 #include "Scaffold.h"
+#include "core/WholeFile.h"
 #include "robot/RobotDraft.h"
 #include "viable/config/ConfigNode.h"
 #include "viable/core/Error.h"
@@ -265,14 +265,6 @@ void printBlanks(const std::string& file, const std::string& text) {
     }
 }
 
-std::string readWhole(const fs::path& file) {
-    std::ifstream stream(file, std::ios::binary);
-    std::ostringstream text;
-    text << stream.rdbuf();
-    if (!stream) throw badInput(file.string(), "the file cannot be read", "Check its permissions.");
-    return text.str();
-}
-
 void writeRobot(const NewArguments& arguments) {
     checkNewName(arguments.name, "robot", false);
     if (arguments.urdf.empty())
@@ -294,7 +286,9 @@ void writeRobot(const NewArguments& arguments) {
     checkNewFolder(target);
     const RobotDraft draft = readRobotDraft(arguments.urdf);
     FolderFiles files = fillTemplate(getTemplates() / "robot", makeReplacements(arguments, draft));
-    files[arguments.name + ".urdf"] = readWhole(arguments.urdf);
+    const std::optional<std::string> urdf = readWhole(arguments.urdf);
+    if (!urdf) throw badInput(arguments.urdf, "the file cannot be read", "Check its permissions.");
+    files[arguments.name + ".urdf"] = *urdf;
     writeNewFolder(target, files);
 
     for (const std::string& warning : draft.warnings) std::fprintf(stderr, "viable: warning: %s\n", warning.c_str());

@@ -3,11 +3,10 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <fstream>
-#include <sstream>
 
 #include "command/Commands.h"
 #include "command/ExperimentArguments.h"
+#include "core/WholeFile.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -17,13 +16,6 @@ namespace {
 /** Runs of which one at least must be well configured: they say which joints there are. */
 constexpr std::int64_t kTriedRuns = 10;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-
-std::string readText(const std::string& file) {
-    std::ifstream stream(file, std::ios::binary);
-    std::ostringstream text;
-    text << stream.rdbuf();
-    return text.str();
-}
 
 /** For a shell. */
 std::string quoteArgument(const std::string& text) {
@@ -78,7 +70,7 @@ SweepTask::SweepTask(const SweepArguments& arguments)
     }
     plan_.title = first.title;
     plan_.file = arguments.file;
-    plan_.experiment = readText(arguments.file);
+    plan_.experiment = readWhole(arguments.file).value_or("");
     const SweepFiles files = findFiles(first, draws);
     libraries_ = files.libraries;
     plan_.fileHash = calcSweepHash(plan_.experiment, arguments.overrides, files);

@@ -4,7 +4,7 @@
 #include <string>
 #include <string_view>
 
-#include "core/PendingFile.h"
+#include "core/WholeFile.h"
 #include "log/LogExportColumns.h"
 #include "log/LogReader.h"
 
@@ -39,7 +39,7 @@ void appendNumber(std::string& line, Number value) {
 void exportCsv(const std::filesystem::path& log, const std::filesystem::path& csv) {
     LogReader reader(log);
     const std::vector<detail::ExportColumn> columns = detail::nameExportColumns(reader, log.string());
-    detail::PendingFile file(csv);
+    detail::WholeFile file(csv);
     std::string text;
     for (const detail::ExportColumn& column : columns) {
         if (!text.empty()) text += ',';

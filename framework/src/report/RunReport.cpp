@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "core/NumberFormat.h"
+#include "core/WholeFile.h"
 #include "log/LogMetadata.h"
 #include "log/LogReader.h"
 #include "report/BinaryBlock.h"
@@ -469,7 +470,7 @@ public:
         : file_(file), shift_s_(shift_s), block_(block) {}
 
     json read(const std::string& caseName, const std::vector<std::string>& joints) const {
-        const json all = json::parse(detail::readWhole(file_), nullptr, false);
+        const json all = json::parse(readWhole(file_).value_or(""), nullptr, false);
         if (!all.is_object()) throw std::runtime_error("it is no JSON object, or cut off");
         if (const json& schema = all.at("schema"); schema != 1)
             throw std::runtime_error("it has schema " + schema.dump(-1, ' ', true, json::error_handler_t::replace) +
@@ -628,7 +629,7 @@ Error refuseSummary(const fs::path& folder) {
 
 /** An empty object where there is no file. */
 json readSummary(const fs::path& folder) {
-    const std::string text = detail::readWhole(folder / "summary.json");
+    const std::string text = readWhole(folder / "summary.json").value_or("");
     json summary = text.empty() ? json::object() : json::parse(text, nullptr, false);
     if (!summary.is_object()) throw refuseSummary(folder);
     return summary;
