@@ -1,6 +1,5 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -9,6 +8,7 @@
 
 #include "Commands.h"
 #include "Scaffold.h"
+#include "core/Text.h"
 #include "core/WholeFile.h"
 #include "robot/RobotDraft.h"
 #include "viable/config/ConfigNode.h"
@@ -40,18 +40,6 @@ fs::path getTemplates() {
     return (getProgram().parent_path() / ".." / "share" / "viable" / "templates").lexically_normal();
 }
 
-/** `text` for a shell, in quotes only where it needs them. */
-std::string quoteForShell(const std::string& text) {
-    const auto isPlain = [](char c) {
-        return std::isalnum(static_cast<unsigned char>(c)) != 0 ||
-               std::string("_-./+=:,@").find(c) != std::string::npos;
-    };
-    if (!text.empty() && std::all_of(text.begin(), text.end(), isPlain)) return text;
-    std::string quoted = "'";
-    for (const char c : text) quoted += c == '\'' ? "'\\''" : std::string(1, c);
-    return quoted + "'";
-}
-
 /** How the user starts this program: `viable` where the PATH leads to it. */
 std::string getProgramWord() {
     const fs::path program = getProgram();
@@ -60,15 +48,16 @@ std::string getProgramWord() {
         std::error_code failed;
         for (std::string folder; std::getline(folders, folder, ':');)
             if (fs::exists(fs::path(folder) / "viable", failed))
-                return fs::equivalent(fs::path(folder) / "viable", program, failed) ? "viable"
-                                                                                    : quoteForShell(program.string());
+                return fs::equivalent(fs::path(folder) / "viable", program, failed)
+                           ? "viable"
+                           : detail::quoteForShell(program.string());
     }
-    return quoteForShell(program.string());
+    return detail::quoteForShell(program.string());
 }
 
 /** The path as a user in the current folder would write it. */
 std::string showPath(const fs::path& path) {
-    return quoteForShell(path.string());
+    return detail::quoteForShell(path.string());
 }
 
 // -------------------------------------------------------------------------------------- plugins
@@ -134,8 +123,7 @@ void writePlugin(PluginKind kind, const NewArguments& arguments) {
 std::string formatValue(double value) {
     if (std::isnan(value)) return kBlank;
     if (std::isinf(value)) return value > 0.0 ? ".inf" : "-.inf";
-    char text[32];
-    return std::string(text, std::to_chars(text, text + sizeof text, value).ptr);
+    return detail::formatNumber(value);
 }
 
 template <class Get>
@@ -162,7 +150,7 @@ std::string quoteForYaml(const std::string& text) {
 
 std::string joinNames(const std::vector<std::string>& names) {
     std::string text;
-    for (const std::string& name : names) text += (text.empty() ? "" : ", ") + formatName(name);
+    for (const std::string& name : names) detail::addItem(text, formatName(name));
     return text;
 }
 
@@ -189,7 +177,7 @@ std::string makeCapsules(const std::vector<DraftLink>& links) {
             continue;
         }
         if (link.capsules.empty()) {
-            bare += (bare.empty() ? "" : ", ") + formatName(link.name);
+            detail::addItem(bare, formatName(link.name));
             continue;
         }
         text += "\n  " + formatKey(link.name) + ":";

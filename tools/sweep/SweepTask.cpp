@@ -6,6 +6,7 @@
 
 #include "command/Commands.h"
 #include "command/ExperimentArguments.h"
+#include "core/Text.h"
 #include "core/WholeFile.h"
 #include "viable/core/Error.h"
 
@@ -16,18 +17,6 @@ namespace {
 /** Runs of which one at least must be well configured: they say which joints there are. */
 constexpr std::int64_t kTriedRuns = 10;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-
-/** For a shell. */
-std::string quoteArgument(const std::string& text) {
-    const bool isPlain = !text.empty() && std::all_of(text.begin(), text.end(), [](unsigned char c) {
-        return std::isalnum(c) ||
-               (c != '\0' && std::string("_-+=./:,@%").find(static_cast<char>(c)) != std::string::npos);
-    });
-    if (isPlain) return text;
-    std::string quoted = "'";
-    for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
-    return quoted + "'";
-}
 
 /** Without the places of plugin libraries, which differ from machine to machine: the plugins are named. */
 std::string hidePlaces(std::string message, const std::set<std::filesystem::path>& libraries) {
@@ -118,9 +107,10 @@ Experiment SweepTask::read(std::int64_t run, std::map<std::string, std::string>*
 
 SweepRow SweepTask::makeRow(std::int64_t run, const std::string& name, SweepEnd end,
                             const std::map<std::string, std::string>& draws, const CaseResult* result) const {
-    end.replay = "viable run " + quoteArgument(arguments_.file) + " --draw " + std::to_string(arguments_.seed) + ":" +
-                 std::to_string(run) + " --case " + name;
-    for (const std::string& assignment : arguments_.overrides) end.replay += " --set " + quoteArgument(assignment);
+    end.replay = "viable run " + detail::quoteForShell(arguments_.file) + " --draw " + std::to_string(arguments_.seed) +
+                 ":" + std::to_string(run) + " --case " + name;
+    for (const std::string& assignment : arguments_.overrides)
+        end.replay += " --set " + detail::quoteForShell(assignment);
     end.message = hidePlaces(end.message, libraries_);
     std::map<std::string, std::string> own;
     for (const auto& [keyPath, value] : draws)

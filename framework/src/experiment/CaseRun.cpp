@@ -6,7 +6,7 @@
 #include <string_view>
 #include <thread>
 
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "filter/FilterChain.h"
 #include "log/LogMetadata.h"
 #include "log/Recorder.h"

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "clearance/ArmStopCheck.h"
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "viable/core/Error.h"
 
 namespace viable {

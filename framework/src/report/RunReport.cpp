@@ -7,7 +7,7 @@
 #include <map>
 #include <stdexcept>
 
-#include "core/NumberFormat.h"
+#include "core/Text.h"
 #include "core/WholeFile.h"
 #include "log/LogMetadata.h"
 #include "log/LogReader.h"
@@ -25,6 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using detail::BinaryBlock;
+using detail::format;
 using nlohmann::json;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -344,12 +345,6 @@ std::vector<fs::path> listLogs(const fs::path& folder, const json& summary) {
     return logs;
 }
 
-std::string format(const char* pattern, double x) {
-    char text[64];
-    std::snprintf(text, sizeof text, pattern, x);
-    return text;
-}
-
 /** The case of a log: X.mcap, or X.recovered.mcap. */
 std::string getCase(const fs::path& log) {
     const fs::path stem = log.stem();
@@ -446,7 +441,7 @@ std::string getPlugin(const LogMetadata& metadata, const std::string& kind) {
     std::string names;
     for (const std::string& library : entry->second) {
         const std::string stem = fs::path(library).stem().string();
-        names += (names.empty() ? "" : " + ") + (stem.rfind(prefix, 0) == 0 ? stem.substr(prefix.size()) : stem);
+        detail::addItem(names, stem.rfind(prefix, 0) == 0 ? stem.substr(prefix.size()) : stem, " + ");
     }
     return names;
 }

@@ -3,7 +3,7 @@
 #include <limits>
 
 #include "analysis/records/RecordReaders.h"
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "log/LogMetadata.h"
 #include "log/LogReader.h"
 
