@@ -21,8 +21,8 @@ void refuseExisting(const std::string& option, const std::filesystem::path& file
 
 namespace detail {
 
-/** Makes and opens a new file beside `target` and tells its `name`. -1 and errno when that fails; EEXIST, unless it is to
-be replaced: there is something at `target`. */
+/** Makes and opens a new file beside `target` and tells its `name`. -1 and errno when that fails; EEXIST, unless it is
+to be replaced: there is something at `target`. */
 int openBeside(const std::filesystem::path& target, std::filesystem::path& name, bool isReplacing = false);
 
 /** Gives the file `from` the name `to`, which nothing has yet. Returns 0 or an errno; EEXIST: something has it. */
@@ -31,9 +31,9 @@ int giveName(const std::filesystem::path& from, const std::filesystem::path& to)
 /** Returns 0 or an errno. */
 int writeAll(int descriptor, std::string_view bytes);
 
-/** A file beside `target` that takes its name at the end, or disappears: whoever looks finds all of it or nothing. No older
-file is overwritten, or (replacing) one that is there until then. Every failure is an Error: BadInput when `target` exists,
-else LogNotWritten. */
+/** A file beside `target` that takes its name at the end, or disappears: whoever looks finds all of it or nothing. An
+older file is not overwritten, or (replacing) stays until then. Every failure is an Error: BadInput when `target`
+exists, else LogNotWritten. */
 class WholeFile {
 public:
     explicit WholeFile(const std::filesystem::path& target, bool isReplacing = false);

@@ -11,8 +11,8 @@ namespace viable {
 
 class LogReader;
 
-/** What a log's metadata say of its run. In the file they are texts by name: only the functions below know the names and
-what stands in the texts. */
+/** What a log's metadata say of its run. In the file they are texts by name: only the functions below know the names
+and what stands in the texts. */
 struct LogMetadata {
     std::string caseName, version;
     std::string robot;                         ///< its folder

@@ -91,7 +91,7 @@ public:
         add("time_s", [get](S s) { return (s.*get)().time_s; });
     }
 
-    /** Of each joint's limits. @param column  without the kind at its end  @param unitEnds  of the kinds; empty: no unit */
+    /** Of each joint's limits. @param column  without the kind at its end  @param unitEnds  of the kinds; or no unit */
     template <class Get>
     void addLimits(const std::vector<LimitRecord>& (Summary::*records)(LimitKind) const, std::size_t kinds,
                    const std::string& key, const Get& get, const std::string& column = "",
