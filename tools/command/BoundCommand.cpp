@@ -6,6 +6,8 @@
 #include <nlohmann/json.hpp>
 
 #include "Commands.h"
+#include "core/JsonNumber.h"
+#include "core/Text.h"
 #include "experiment/ExperimentFile.h"
 #include "viable/core/Error.h"
 
@@ -25,9 +27,8 @@ constexpr int kNameWidth = 40, kNumberWidth = 11;
 void printRow(const std::string& name, const JointVector& values, double factor = 1.0) {
     std::printf("  %-*s", kNameWidth, name.c_str());
     for (double value : values) {
-        char text[32] = "-";
-        if (std::isfinite(value)) std::snprintf(text, sizeof text, "%.3g", factor * value);
-        std::printf("%*s", kNumberWidth, text);
+        const std::string text = std::isfinite(value) ? detail::format("%.3g", factor * value) : "-";
+        std::printf("%*s", kNumberWidth, text.c_str());
     }
     std::printf("\n");
 }
@@ -74,7 +75,7 @@ void print(const CasePlan& plan) {
     std::string tight;
     for (int i = 0; i < n; ++i)
         if (bound.torque[i] > bound.motorTorque[i])
-            tight += (tight.empty() ? "" : ", ") + plan.robot.joints[static_cast<std::size_t>(i)].name;
+            detail::addItem(tight, plan.robot.joints[static_cast<std::size_t>(i)].name);
     if (!tight.empty())
         std::printf(
             "The bound is for motors that are never at their limit. For moments the worst of all disturbances asks "
@@ -88,7 +89,7 @@ nlohmann::json makeJson(const CasePlan& plan) {
     using nlohmann::json;
     const auto list = [](const JointVector& values) {
         json array = json::array();
-        for (double x : values) array.push_back(std::isfinite(x) ? json(x) : json("inf"));
+        for (double x : values) array.push_back(detail::makeNumberOrWord(x));
         return array;
     };
     const TrackingBound& b = *plan.bound;

@@ -15,7 +15,7 @@
 #include "ExperimentArguments.h"
 #include "PluginTrouble.h"
 #include "Progress.h"
-#include "core/PrintableText.h"
+#include "core/Text.h"
 #include "core/WholeFile.h"
 #include "experiment/CaseRun.h"
 #include "report/RunReport.h"

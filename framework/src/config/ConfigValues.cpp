@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "config/ConfigText.h"
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "viable/config/ConfigNode.h"
 #include "viable/core/Error.h"
 

@@ -3,13 +3,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <string_view>
 #include <thread>
 
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "filter/FilterChain.h"
-#include "log/LogExportColumns.h"
+#include "log/LogMetadata.h"
 #include "log/Recorder.h"
 #include "loop/PathExtent.h"
 #include "robot/ArmReach.h"
@@ -163,52 +162,27 @@ std::vector<const PluginChoice*> listPlugins(const CasePlan& plan) {
     return all;
 }
 
-/** JSON has no infinity: the file's words stand for it. */
-nlohmann::json listNumbers(const JointVector& values) {
-    nlohmann::json list = nlohmann::json::array();
-    for (const double x : values)
-        list.push_back(std::isfinite(x) ? nlohmann::json(x) : nlohmann::json(x > 0.0 ? ".inf" : "-.inf"));
-    return list;
-}
-
 LogOpening makeOpening(const CasePlan& plan, MotionCommand::Space space, const Surroundings* surroundings) {
     LogOpening opening;
     opening.layout = {plan.robot.jointNames(), space, plan.realPlant.has_value(), plan.feedsExternalTorque,
                       plan.environment.has_value()};
-    opening.metadata = {{"case", plan.name},
-                        {"robot", std::filesystem::absolute(plan.robot.folder).lexically_normal().string()},
-                        {"version", VIABLE_VERSION}};
-    nlohmann::json sliding = nlohmann::json::array();
+    LogMetadata metadata;
+    metadata.caseName = plan.name;
+    metadata.version = VIABLE_VERSION;
+    metadata.robot = std::filesystem::absolute(plan.robot.folder).lexically_normal().string();
     for (const JointDescription& joint : plan.robot.joints)
-        if (joint.type == JointType::Prismatic) sliding.push_back(joint.name);
-    if (!sliding.empty()) opening.metadata[detail::kPrismaticJoints] = sliding.dump();
-    if (plan.holdsOnReal)
-        opening.metadata["real_limits"] =
-            nlohmann::json{{"position_lower", listNumbers(plan.realLimits.position.lower)},
-                           {"position_upper", listNumbers(plan.realLimits.position.upper)},
-                           {"velocity_lower", listNumbers(plan.realLimits.velocity.lower)},
-                           {"velocity_upper", listNumbers(plan.realLimits.velocity.upper)}}
-                .dump();
-    if (plan.bound)
-        opening.metadata["tracking_bound"] = nlohmann::json{
-            {"position_rad", listNumbers(plan.bound->position)},
-            {"velocity_radps", listNumbers(plan.bound->velocity)},
-            {"measured_rad",
-             listNumbers(plan.bound->measured)}}.dump();
-    if (surroundings) {  // what the indices of the channel `clearance` stand for
-        nlohmann::json obstacles = nlohmann::json::array();
-        for (int i = 0; i < surroundings->size(); ++i) obstacles.push_back(surroundings->name(i));
-        opening.metadata["obstacles"] = obstacles.dump();
-        opening.metadata["links"] = nlohmann::json(plan.geometry->links).dump();
-        if (const OccupancyMap* map = surroundings->map()) opening.metadata["map_sha256"] = map->sha256();
+        if (joint.type == JointType::Prismatic) metadata.prismaticJoints.push_back(joint.name);
+    if (plan.holdsOnReal) metadata.realLimits = plan.realLimits;
+    if (plan.bound) metadata.bound = {plan.bound->position, plan.bound->velocity, plan.bound->measured};
+    if (surroundings) {
+        metadata.obstacles.emplace();
+        for (int i = 0; i < surroundings->size(); ++i) metadata.obstacles->push_back(surroundings->name(i));
+        metadata.links = plan.geometry->links;
+        if (const OccupancyMap* map = surroundings->map()) metadata.mapSha256 = map->sha256();
     }
     for (const PluginChoice* choice : listPlugins(plan))
-        opening.metadata[getName(choice->plugin.kind)] = choice->plugin.library.string();
-    if (plan.filters.size() > 1) {
-        nlohmann::json chain = nlohmann::json::array();
-        for (const PluginChoice& filter : plan.filters) chain.push_back(filter.plugin.library);
-        opening.metadata[getName(PluginKind::SafetyFilter)] = chain.dump();
-    }
+        metadata.libraries[getName(choice->plugin.kind)].push_back(choice->plugin.library.string());
+    opening.metadata = writeLogMetadata(std::move(metadata));
     opening.attachments.push_back({"experiment.yaml", "application/yaml", writeConfig(plan.resolved)});
     return opening;
 }

@@ -6,8 +6,8 @@
 #include "config/ConfigText.h"
 #include "config/Draws.h"
 #include "core/Memo.h"
-#include "core/NumberText.h"
 #include "core/Sha256.h"
+#include "core/Text.h"
 #include "experiment/ExperimentKeys.h"
 #include "plugin/ParameterText.h"
 #include "viable/core/Error.h"
@@ -84,8 +84,7 @@ std::string describePlace(const ConfigNode& block, const std::string& key, const
         const std::string own = "cases." + caseName;
         if (!isWithin(path, key) && !isWithin(path, own + "." + key) && path != own) continue;
         const std::string shown = detail::quoteText(assignment);  // without its quotes
-        text +=
-            (text.empty() ? "" : ", ") + std::string(detail::kOverrideFile) + " " + shown.substr(1, shown.size() - 2);
+        detail::addItem(text, std::string(detail::kOverrideFile) + " " + shown.substr(1, shown.size() - 2));
     }
     if (text.empty()) return block.place();
     return block.file == detail::kOverrideFile ? text : text + " (over " + block.place() + ")";
@@ -549,22 +548,19 @@ void checkUse(const ConfigNode& shared, const ConfigNode& cases) {
 void checkCaseIsInFile(const std::string& name, const ConfigNode& node, const ConfigNode& cases) {
     if (node.kind != ConfigNode::Kind::Map || node.file == cases.file) return;
     std::vector<std::string> names;
-    std::string all;
-    for (const auto& [other, itsNode] : cases.entries) {
-        if (itsNode.file != cases.file) continue;
-        names.push_back(other);
-        all += (all.empty() ? "" : ", ") + other;
-    }
+    for (const auto& [other, itsNode] : cases.entries)
+        if (itsNode.file == cases.file) names.push_back(other);
     const std::string closest = findClosestName(name, names);
-    throw badInput(node.place(), "there is no case '" + name + "'",
-                   (closest.empty() ? "" : "Did you mean '" + closest + "'? ") + "The file's cases: " + all + ".");
+    throw badInput(
+        node.place(), "there is no case '" + name + "'",
+        (closest.empty() ? "" : "Did you mean '" + closest + "'? ") + "The file's cases: " + detail::join(names) + ".");
 }
 
 }  // namespace
 
 std::string CasePlan::filterName() const {
     std::string text;
-    for (const PluginChoice& filter : filters) text += (text.empty() ? "" : " + ") + filter.plugin.name;
+    for (const PluginChoice& filter : filters) detail::addItem(text, filter.plugin.name, " + ");
     return text;
 }
 

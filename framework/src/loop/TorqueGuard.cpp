@@ -9,7 +9,7 @@
 #include <string>
 
 #include "core/FarthestJoint.h"
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "loop/ControlLoop.h"
 #include "viable/core/Error.h"
 

@@ -7,7 +7,7 @@
 #include <random>
 #include <set>
 
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "robot/RigidBody.h"
 #include "robot/UrdfReader.h"
 #include "viable/core/Error.h"

@@ -1,9 +1,8 @@
 #include <algorithm>
-#include <fstream>
 #include <set>
-#include <sstream>
 
 #include "core/Sha256.h"
+#include "core/WholeFile.h"
 #include "sweep/SweepStore.h"
 #include "viable/core/Error.h"
 
@@ -28,12 +27,9 @@ private:
     detail::Sha256 hash_;
 };
 
-std::string readWhole(const fs::path& file) {
-    std::ifstream stream(file, std::ios::binary);
-    std::ostringstream text;
-    text << stream.rdbuf();
-    if (!stream) throw badInput(file.string(), "cannot be read", "Check its permissions.");
-    return text.str();
+std::string readFile(const fs::path& file) {
+    if (std::optional<std::string> text = readWhole(file)) return *std::move(text);
+    throw badInput(file.string(), "cannot be read", "Check its permissions.");
 }
 
 std::vector<const PluginChoice*> listChoices(const CasePlan& plan) {
@@ -74,7 +70,7 @@ std::string calcSweepHash(const std::string& text, const std::vector<std::string
         for (const fs::path& file : *some) {
             const std::string name = file.filename().string();
             Hash own;
-            own.add(name, readWhole(file));
+            own.add(name, readFile(file));
             contents.emplace(name, own.take());
         }
     Hash hash;

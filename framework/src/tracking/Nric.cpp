@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "tracking/ArmExtremes.h"
 #include "viable/core/Error.h"
 #include "viable/robot/RobotModel.h"

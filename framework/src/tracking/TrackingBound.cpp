@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "tracking/ArmExtremes.h"
 #include "tracking/FrozenLoop.h"
 #include "viable/core/Error.h"
@@ -38,11 +38,7 @@ const MatrixXd& at(const LoopGains::PerOutput& gains, LoopOutput output) {
 
 std::string list(const JointVector& values) {
     std::string text;
-    for (double value : values) {
-        char number[32];
-        std::snprintf(number, sizeof number, "%.4g", value);
-        text += (text.empty() ? "" : ", ") + std::string(number);
-    }
+    for (double value : values) detail::addItem(text, detail::format("%.4g", value));
     return values.size() == 1 ? text : "[" + text + "]";
 }
 

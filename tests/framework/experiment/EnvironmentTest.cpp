@@ -291,10 +291,10 @@ TEST(Collisions, TheRealArmIsJudgedWhereItReallyIs) {
     expectContains(formatDetails(result), {"real: in collision in "});
 
     const std::vector<SweepColumn> columns = makeSweepColumns({}, {"joint0"});
-    const SweepRow row = makeSweepRow(columns, 0, "A", {}, {}, &e.cases[0], &result);
+    const SweepRow row = makeSweepRow(columns, 0, "A", {}, {}, &result);
     const Experiment bare = readTestExperiment(kOneJoint, {"duration_s=0.1"});
     const CaseResult bareResult = runCase(bare.cases[0], {});
-    const SweepRow empty = makeSweepRow(columns, 0, "A", {}, {}, &bare.cases[0], &bareResult);
+    const SweepRow empty = makeSweepRow(columns, 0, "A", {}, {}, &bareResult);
     const auto find = [&](const SweepRow& of, const std::string& name) {
         for (std::size_t i = 0; i < columns.size(); ++i)
             if (columns[i].name == name) return of.values[i];

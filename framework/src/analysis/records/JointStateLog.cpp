@@ -6,6 +6,7 @@
 #include <set>
 
 #include "analysis/records/RecordReaders.h"
+#include "core/Text.h"
 #include "log/McapFile.h"
 
 namespace viable::detail {
@@ -92,7 +93,7 @@ std::string formatStamp(std::int64_t ns) {
 
 std::string list(const std::set<std::string>& names) {
     std::string text;
-    for (const std::string& name : names) text += (text.empty() ? "" : ", ") + quote(name);
+    for (const std::string& name : names) detail::addItem(text, quote(name));
     return text.empty() ? "none" : text;
 }
 
