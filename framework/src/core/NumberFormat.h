@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <string>
 
-#include "viable/summary/Summary.h"
+#include "viable/core/JointLimits.h"
 
 namespace viable::detail {
 

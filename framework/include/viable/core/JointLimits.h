@@ -31,6 +31,10 @@ or none, where the other way is open, at least 1 rad, rad/s, rad/s^2 or rad/s^3.
 to the range: limits may lie close together and far from zero. */
 double calcLimitScale(double lower, double upper);
 
+/** A value counts as outside its limit when it is beyond it by more than this share of calcLimitScale(), or not a number:
+rounding of a limit met exactly does not count. */
+inline constexpr double kOutsideShare = 1e-9;
+
 /** "rad", "rad/s", "rad/s^2", "rad/s^3", "Nm", "m"; empty for None. */
 const char* getUnit(LimitKind kind);
 
