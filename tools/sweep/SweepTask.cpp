@@ -8,6 +8,7 @@
 
 #include "command/Commands.h"
 #include "command/ExperimentArguments.h"
+#include "experiment/CaseRun.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -71,7 +72,10 @@ SweepTask::SweepTask(const SweepArguments& arguments)
     Experiment first;
     for (std::int64_t run = 0; first.cases.empty(); ++run) {
         try {
-            first = read(run, nullptr);
+            Experiment tried = read(run, nullptr);
+            for (const CasePlan& plan : tried.cases)
+                if (plan.disturbances) configureTracking(plan);  // its bound is known to every run then
+            first = std::move(tried);
         } catch (const Error&) {
             if (run + 1 == kTriedRuns || run + 1 >= arguments.runs) throw;
         }
@@ -177,7 +181,7 @@ SweepRow SweepTask::Run::runCase(std::size_t index, const std::atomic<int>& stop
     try {
         RunOptions options;
         options.stopRequest = &stop;
-        const CaseResult result = viable::runCase(*plan, options);
+        const CaseResult result = viable::runCase(configureCase(*plan), options);
         end.status = getSweepStatus(result);
         end.exitCode = result.exitCode();
         end.message = result.stopMessage;

@@ -1,11 +1,12 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "experiment/CaseRun.h"
+#include "summary/CaseResult.h"
 
 namespace viable {
 
-std::string writeSummaryJson(const Experiment& experiment, const std::vector<CaseResult>& results) {
+std::string writeSummaryJson(const std::string& title, const std::filesystem::path& experiment,
+                             const std::vector<CaseResult>& results) {
     using nlohmann::json;
     const auto number = [](double x) { return std::isfinite(x) ? json(x) : json(x > 0 ? "inf" : "-inf"); };
     const auto orNull = [](double x) { return std::isnan(x) ? json(nullptr) : json(x); };
@@ -179,8 +180,8 @@ std::string writeSummaryJson(const Experiment& experiment, const std::vector<Cas
                          {"exit_code", r.exitCode()}});
     }
     const json all = {{"schema", 1},
-                      {"title", experiment.title},
-                      {"experiment", experiment.file.string()},
+                      {"title", title},
+                      {"experiment", experiment.string()},
                       {"version", VIABLE_VERSION},
                       {"cases", cases}};
     return all.dump(2, ' ', false, json::error_handler_t::replace) + "\n";

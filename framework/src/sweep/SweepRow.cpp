@@ -71,8 +71,8 @@ SweepValue getRealExcess(const CasePlan&, const CaseResult& result) {
 }
 
 template <LimitKind kind>
-SweepValue getBoundShare(const CasePlan& plan, const CaseResult& result) {
-    if (!plan.bound) return {};
+SweepValue getBoundShare(const CasePlan&, const CaseResult& result) {
+    if (!result.summary.reference().bound) return {};
     return findLargest(result, [&](int i) { return result.summary.boundShare(kind, i); });
 }
 
