@@ -26,8 +26,8 @@ constexpr double kAllowed_m = 1e-8;
 
 struct Judged {
     CaseResult result;
-    std::int64_t poses = 0, inCollision = 0;
-    double least_m = std::numeric_limits<double>::infinity();
+    std::int64_t poses, inCollision;
+    double least_m;
 };
 
 Judged runAndJudge(const ProjectExperiment& experiment, const std::string& name) {
@@ -35,20 +35,21 @@ Judged runAndJudge(const ProjectExperiment& experiment, const std::string& name)
     for (const CasePlan& each : experiment.experiment().cases)
         if (each.name == name) plan = &each;
     const CollisionJudge judge(plan->robot, *plan->geometry, *plan->environment);
-    Judged judged{CaseResult(*plan)};
-    judged.result = experiment.run(name, [&](const TickRecord& r) {
+    std::int64_t poses = 0, inCollision = 0;
+    double least_m = std::numeric_limits<double>::infinity();
+    CaseResult result = experiment.run(name, [&](const TickRecord& r) {
         for (int k = 0; k < kPosesPerTick; ++k) {
             const double s = kTick_s * k / kPosesPerTick;
             JointVector q = r.nominal.q;
             for (Eigen::Index i = 0; i < q.size(); ++i)
                 q[i] = advance({r.nominal.q[i], r.nominal.qd[i], r.nominal.qdd[i]}, r.nominal.jerk[i], s).p;
             const double distance = judge.findContact(q, r.time_s + s, 0.05).distance;
-            ++judged.poses;
-            judged.inCollision += distance < 0.0;
-            judged.least_m = std::min(judged.least_m, distance);
+            ++poses;
+            inCollision += distance < 0.0;
+            least_m = std::min(least_m, distance);
         }
     });
-    return judged;
+    return {std::move(result), poses, inCollision, least_m};
 }
 
 TEST(Obstacles, WithoutTheFilterTheArmCollidesAndWithItNever) {

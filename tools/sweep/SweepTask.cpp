@@ -8,6 +8,7 @@
 #include "command/ExperimentArguments.h"
 #include "core/Text.h"
 #include "core/WholeFile.h"
+#include "experiment/CaseRun.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -52,7 +53,10 @@ SweepTask::SweepTask(const SweepArguments& arguments)
     Experiment first;
     for (std::int64_t run = 0; first.cases.empty(); ++run) {
         try {
-            first = read(run, nullptr);
+            Experiment tried = read(run, nullptr);
+            for (const CasePlan& plan : tried.cases)
+                if (plan.disturbances) configureTracking(plan);  // its bound is known to every run then
+            first = std::move(tried);
         } catch (const Error&) {
             if (run + 1 == kTriedRuns || run + 1 >= arguments.runs) throw;
         }
@@ -158,7 +162,7 @@ SweepRow SweepTask::Run::runCase(std::size_t index, const std::atomic<int>& stop
     try {
         RunOptions options;
         options.stopRequest = &stop;
-        const CaseResult result = viable::runCase(*plan, options);
+        const CaseResult result = viable::runCase(configureCase(*plan), options);
         end.status = getSweepStatus(result);
         end.exitCode = result.exitCode();
         end.message = result.stopMessage;

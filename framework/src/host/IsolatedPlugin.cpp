@@ -74,7 +74,9 @@ struct Mailbox {
     MotionCommand::Space space = MotionCommand::Space::Joint;
     bool followsJoint = false, followsTool = false;
     bool guarantees = false, guaranteesClearance = false, recovers = false;
-    bool hasExternalTorque = false;
+    bool hasExternalTorque = false, hasErrorLoop = false;
+    LinearErrorLoop errorLoop;
+    Encoder encoder = Encoder::Counts;
 };
 
 /** The size of a vector that another process wrote: copying one of a wrong size would write over memory. */
@@ -89,6 +91,10 @@ bool isSound(const JointBounds& b) {
 }
 bool isSound(const JointLimits& l) {
     return isSound(l.position) && isSound(l.velocity) && isSound(l.acceleration) && isSound(l.jerk);
+}
+
+bool isSound(const LinearErrorLoop& l) {
+    return isSound(l.kr) && isSound(l.kp) && isSound(l.ki) && isSound(l.integralLimit) && isSound(l.torqueRate);
 }
 
 timespec calcDeadline(long nanoseconds) {
@@ -286,7 +292,11 @@ void serve(SafetyFilter& plugin, Mailbox& box) {
     }
 }
 
-void describe(RobustLoop&, Mailbox&) {}
+void describe(RobustLoop& plugin, Mailbox& box) {
+    const LinearErrorLoop* loop = plugin.errorLoop();
+    box.hasErrorLoop = loop != nullptr;
+    if (loop) box.errorLoop = *loop;
+}
 void serve(RobustLoop& plugin, Mailbox& box) {
     if (box.what == Request::HoldIntegral)
         plugin.holdIntegral();
@@ -296,6 +306,7 @@ void serve(RobustLoop& plugin, Mailbox& box) {
 
 void describe(RealPlant& plugin, Mailbox& box) {
     box.hasExternalTorque = plugin.externalTorque() != nullptr;
+    box.encoder = plugin.encoder();
 }
 void serve(RealPlant& plugin, Mailbox& box) {
     if (box.what == Request::Advance) {
@@ -450,7 +461,10 @@ private:
 
 class IsolatedRobustLoop : public Isolated<RobustLoop> {
 public:
-    using Isolated::Isolated;
+    IsolatedRobustLoop(const std::function<PluginPtr<RobustLoop>()>& make, PluginWatch& watch, double watchdog_s)
+        : Isolated(make, watch, watchdog_s), hasErrorLoop_(box().hasErrorLoop) {
+        if (hasErrorLoop_ && isSound(box().errorLoop)) errorLoop_ = box().errorLoop;
+    }
     TickStatus compute(const JointState& real, const MotionState& nominal, const JointVector& filterTorque,
                        JointVector& torque) override {
         box().real = real;
@@ -462,12 +476,17 @@ public:
         return tickStatus();
     }
     void holdIntegral() override { call(Request::HoldIntegral); }
+    const LinearErrorLoop* errorLoop() const override { return hasErrorLoop_ ? &errorLoop_ : nullptr; }
+
+private:
+    bool hasErrorLoop_;
+    LinearErrorLoop errorLoop_;  // of no size where the other process wrote nonsense, and refused for it
 };
 
 class IsolatedPlant : public Isolated<RealPlant> {
 public:
     IsolatedPlant(const std::function<PluginPtr<RealPlant>()>& make, PluginWatch& watch, double watchdog_s)
-        : Isolated(make, watch, watchdog_s), hasExternalTorque_(box().hasExternalTorque) {}
+        : Isolated(make, watch, watchdog_s), hasExternalTorque_(box().hasExternalTorque), encoder_(box().encoder) {}
     void reset(const MotionState& start) override {
         Isolated::reset(start);
         read();
@@ -475,6 +494,7 @@ public:
     const JointState& measured() const override { return measured_; }
     const JointState& actual() const override { return actual_; }
     const JointVector* externalTorque() const override { return hasExternalTorque_ ? &external_ : nullptr; }
+    Encoder encoder() const override { return encoder_; }
     TickStatus advance(const JointVector& torque, JointVector& applied) override {
         box().torque = torque;
         call(Request::Advance);
@@ -502,6 +522,7 @@ private:
     JointState measured_, actual_;
     JointVector external_;
     bool hasExternalTorque_;
+    Encoder encoder_;
 };
 
 template <class Interface>

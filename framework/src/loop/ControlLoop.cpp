@@ -9,7 +9,6 @@
 
 #include "core/FarthestJoint.h"
 #include "viable/core/Error.h"
-#include "viable/summary/Summary.h"
 
 namespace viable {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "experiment/CaseRun.h"
+#include "summary/CaseResult.h"
 
 namespace viable {
 

@@ -63,12 +63,13 @@ json describe(const CaseResult& r) {
 
 }  // namespace
 
-std::string writeSummaryJson(const Experiment& experiment, const std::vector<CaseResult>& results) {
+std::string writeSummaryJson(const std::string& title, const std::filesystem::path& experiment,
+                             const std::vector<CaseResult>& results) {
     json cases = json::array();
     for (const CaseResult& result : results) cases.push_back(describe(result));
     const json all = {{"schema", 1},
-                      {"title", experiment.title},
-                      {"experiment", experiment.file.string()},
+                      {"title", title},
+                      {"experiment", experiment.string()},
                       {"version", VIABLE_VERSION},
                       {"cases", cases}};
     return all.dump(2, ' ', false, json::error_handler_t::replace) + "\n";

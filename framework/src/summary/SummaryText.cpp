@@ -5,7 +5,7 @@
 #include <tuple>
 
 #include "core/Text.h"
-#include "experiment/CaseRun.h"
+#include "summary/CaseResult.h"
 
 namespace viable {
 

@@ -32,14 +32,6 @@ std::string readFile(const fs::path& file) {
     throw badInput(file.string(), "cannot be read", "Check its permissions.");
 }
 
-std::vector<const PluginChoice*> listChoices(const CasePlan& plan) {
-    std::vector<const PluginChoice*> choices = {&plan.command, &plan.controller};
-    for (const PluginChoice& filter : plan.filters) choices.push_back(&filter);
-    if (plan.robustLoop) choices.push_back(&*plan.robustLoop);
-    if (plan.realPlant) choices.push_back(&*plan.realPlant);
-    return choices;
-}
-
 }  // namespace
 
 SweepFiles findSweepFiles(const Experiment& experiment) {
@@ -50,7 +42,7 @@ SweepFiles findSweepFiles(const Experiment& experiment) {
             if (kind == ".urdf" || kind == ".yaml") files.data.insert(entry.path());
         }
         if (plan.environment && plan.environment->map) files.data.insert(plan.environment->map->file);
-        for (const PluginChoice* choice : listChoices(plan)) {
+        for (const PluginChoice* choice : plan.plugins()) {
             files.libraries.insert(choice->plugin.library);
             for (std::uint64_t i = 0; i < choice->plugin.entry->parameterCount; ++i) {
                 const ParameterSpec& spec = choice->plugin.entry->parameters[i];

@@ -5,7 +5,8 @@
 #include <variant>
 #include <vector>
 
-#include "experiment/CaseRun.h"
+#include "experiment/CasePlan.h"
+#include "summary/CaseResult.h"
 
 namespace viable {
 

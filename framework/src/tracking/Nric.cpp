@@ -115,15 +115,14 @@ void Nric::configure(const RunSetup& setup, const Parameters& parameters) {
 void Nric::configure(const RunSetup& setup, const NricOptions& options) {
     n_ = setup.size();
     tick_s_ = setup.tick_s;
-    kr_ = takeGains(options.kr, "kr", n_);
-    kp_ = takeGains(options.kp, "kp", n_);
-    ki_ = takeGains(options.ki, "ki", n_);
+    law_ = {takeGains(options.kr, "kr", n_), takeGains(options.kp, "kp", n_), takeGains(options.ki, "ki", n_),
+            takeBounds(options.integralLimit, "integralLimit", n_), takeBounds(options.torqueRate, "torqueRate", n_)};
     torqueLimit_ = setup.robot.actuation.torqueLimit;
-    const JointVector integralTorque = takeBounds(options.integralLimit, "integralLimit", n_).cwiseMin(torqueLimit_);
-    largestStep_ = takeBounds(options.torqueRate, "torqueRate", n_) * tick_s_;
+    const JointVector integralTorque = law_.integralLimit.cwiseMin(torqueLimit_);
+    largestStep_ = law_.torqueRate * tick_s_;
     largestIntegral_.resize(n_);
     for (int i = 0; i < n_; ++i) {
-        const double gain = kr_[i] * ki_[i];
+        const double gain = law_.kr[i] * law_.ki[i];
         largestIntegral_[i] = gain > 0.0 ? integralTorque[i] / gain : std::numeric_limits<double>::infinity();
     }
     clear();
@@ -146,7 +145,9 @@ TickStatus Nric::compute(const JointState& real, const MotionState& nominal, con
     for (int i = 0; i < n_; ++i) {
         const double e = real.q[i] - nominal.q[i];
         const double de = real.qd[i] - nominal.qd[i];
-        const auto calcTorque = [&](double integral) { return -kr_[i] * (de + kp_[i] * e + ki_[i] * integral); };
+        const auto calcTorque = [&](double integral) {
+            return -law_.kr[i] * (de + law_.kp[i] * e + law_.ki[i] * integral);
+        };
         const auto clampTotal = [&](double robust) {
             // Unchanged to the last bit where the limit does not act: a rounded
             // difference would look like saturation.

@@ -4,6 +4,12 @@
 
 namespace viable {
 
+/** How the joint sensors of an arm tell what they read. */
+enum class Encoder : unsigned char {
+    Counts,  ///< positions in whole counts, velocities as their difference over a tick
+    Exact,   ///< the truth
+};
+
 /** The arm that is really there, or an engine that stands for it. */
 class RealPlant : public Plugin {
 public:
@@ -20,6 +26,9 @@ public:
     /** The torque that the surroundings put on each joint now, as sensors measure it [Nm]; null: the arm
     has no such sensors, which configure() has settled. Its value is valid after reset(). */
     virtual const JointVector* externalTorque() const { return nullptr; }
+
+    /** How measured() is read. Valid after configure(). */
+    virtual Encoder encoder() const { return Encoder::Counts; }
 };
 
 }  // namespace viable

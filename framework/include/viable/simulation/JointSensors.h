@@ -5,6 +5,7 @@
 
 #include "viable/core/JointTypes.h"
 #include "viable/plugin/Parameters.h"
+#include "viable/plugin/RealPlant.h"
 #include "viable/robot/RobotDescription.h"
 
 namespace viable {
@@ -43,6 +44,8 @@ public:
     void read(const JointState& truth);
 
     const JointState& measured() const { return measured_; }
+    /** As the parameter `encoder` says. */
+    Encoder encoder() const { return encoder_; }
 
 private:
     enum class Fault { None, Stuck, Bias, Sign, Spike, Swap, Wrap, Nan };
@@ -53,6 +56,7 @@ private:
 
     int n_ = 0;
     double tick_s_ = 0.0;
+    Encoder encoder_ = Encoder::Counts;
     JointVector resolution_;  // [rad]; 0: exact
     bool isVelocityExact_ = true;
     double noise_ = 0.0;
