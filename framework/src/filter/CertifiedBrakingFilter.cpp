@@ -125,14 +125,13 @@ void CertifiedBrakingFilter::skipTicks(std::int64_t ticks) {
     braking_.skipTicks(ticks);
 }
 
-FilterStatus CertifiedBrakingFilter::filter(const MotionState& nominal, const JointVector& torque,
-                                            const Dynamics& dynamics, FilterDecision& decision) {
-    if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_)) return FilterStatus::InvalidInput;
-    if (!calcForwardDynamics(dynamics, torque, desiredAcceleration_)) return FilterStatus::Faulted;
-    desiredJerk_.calc(nominal.qdd, desiredAcceleration_, desired_);
+FilterStatus CertifiedBrakingFilter::filter(const FilterInput& input, FilterDecision& decision) {
+    if (!isFinite(input, n_)) return FilterStatus::InvalidInput;
+    if (!calcForwardDynamics(input.dynamics, input.torque, desiredAcceleration_)) return FilterStatus::Faulted;
+    desiredJerk_.calc(input.nominal.qdd, desiredAcceleration_, input.accelerationRate, desired_);
 
-    const FilterStatus status = choose(nominal, dynamics, desired_, jerk_, decision.joints);
-    holdJerk(nominal, dynamics, jerk_, tick_s_, decision);
+    const FilterStatus status = choose(input.nominal, input.dynamics, desired_, jerk_, decision.joints);
+    decision.holdJerk(jerk_);
     decision.hasStops = true;
     for (int i = 0; i < n_; ++i) decision.stops[static_cast<std::size_t>(i)] = braking_.stop(i);
     return status;
@@ -141,18 +140,7 @@ FilterStatus CertifiedBrakingFilter::filter(const MotionState& nominal, const Jo
 FilterStatus CertifiedBrakingFilter::choose(const MotionState& nominal, const Dynamics& dynamics,
                                             const JointVector& desired, JointVector& jerk,
                                             std::array<JointIntervention, kMaxJoints>& joints) {
-    std::array<CertifiedBraking::ActingLimit, kMaxJoints> acting;
-    const CertifiedBraking::Status status = braking_.choose(nominal, dynamics.M, desired, jerk, acting);
-    for (std::size_t i = 0; i < static_cast<std::size_t>(n_); ++i) joints[i] = {acting[i].limit, acting[i].side};
-    switch (status) {
-        case CertifiedBraking::Status::Passed:
-            return FilterStatus::Passed;
-        case CertifiedBraking::Status::Modified:
-            return FilterStatus::Modified;
-        case CertifiedBraking::Status::Recovering:
-            return FilterStatus::Recovering;
-    }
-    return FilterStatus::Faulted;
+    return braking_.choose(nominal, dynamics.M, desired, jerk, joints);
 }
 
 }  // namespace viable

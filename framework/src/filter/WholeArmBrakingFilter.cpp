@@ -84,6 +84,7 @@ struct WholeArmBrakingFilter::Law {
     std::int64_t ticksOnPath = 0;
     Stops stops, bestStops;
     RowQp::Rows rows;
+    HeldMotion motion;  // of the last decision
     JointVector lastTorque, storedJerk, proposed, steered, bestJerk;
     bool hasBest = false;
     Clearance nearest;
@@ -271,13 +272,13 @@ void WholeArmBrakingFilter::skipTicks(std::int64_t ticks) {
     law_->check.calcTorque(law_->keptPath, law_->ticksOnPath - 1, law_->lastTorque);
 }
 
-FilterStatus WholeArmBrakingFilter::filter(const MotionState& nominal, const JointVector& torque,
-                                           const Dynamics& dynamics, FilterDecision& decision) {
-    const FilterStatus status = CertifiedBrakingFilter::filter(nominal, torque, dynamics, decision);
+FilterStatus WholeArmBrakingFilter::filter(const FilterInput& input, FilterDecision& decision) {
+    const FilterStatus status = CertifiedBrakingFilter::filter(input, decision);
     if (status == FilterStatus::InvalidInput || status == FilterStatus::Faulted) return status;
     decision.clearance = law_->nearest;
     decision.mapAge_s = law_->feed ? law_->time() - law_->view.stamp_s : 0.0;
-    law_->lastTorque = decision.torque;
+    calcHeldMotion(input, status, decision, law_->tick_s, law_->motion);
+    law_->lastTorque = law_->motion.torque;
     ++law_->tick;
     ++law_->ticksOnPath;
     return status;
@@ -296,7 +297,7 @@ FilterStatus WholeArmBrakingFilter::choose(const MotionState& nominal, const Dyn
     law.raiseDemands(law.stored);
     law.hasBest = false;
 
-    const CertifiedBraking::Status status = braking.propose(dynamics.M, desired, nullptr, law.proposed);
+    const FilterStatus status = braking.propose(dynamics.M, desired, nullptr, law.proposed);
     LimitKind reason = law.isStale() ? LimitKind::Clearance : LimitKind::None;
     if (!law.isStale()) {
         if (law.isGood(nominal, law.proposed, braking, law.options.steers)) law.keepBest(law.proposed);
@@ -323,17 +324,15 @@ FilterStatus WholeArmBrakingFilter::choose(const MotionState& nominal, const Dyn
             law.ticksOnPath = 0;
         }
     }
-    std::array<CertifiedBraking::ActingLimit, kMaxJoints> acting;
-    braking.commit(desired, jerk, acting);
+    braking.commit(desired, jerk, joints);
     for (std::size_t i = 0; i < static_cast<std::size_t>(jerk.size()); ++i) {
         const auto at = static_cast<Eigen::Index>(i);
-        joints[i] = {acting[i].limit, acting[i].side};
         if (jerk[at] == law.proposed[at] || reason == LimitKind::None) continue;
         const bool isUpper = reason == LimitKind::Torque && jerk[at] < law.proposed[at];
         joints[i] = {reason, isUpper ? LimitSide::Upper : LimitSide::Lower};
     }
     if (!takesBest) return FilterStatus::StoppedByPlan;
-    if (status == CertifiedBraking::Status::Recovering) return FilterStatus::Recovering;
+    if (status == FilterStatus::Recovering) return FilterStatus::Recovering;
     return jerk == desired ? FilterStatus::Passed : FilterStatus::Modified;
 }
 

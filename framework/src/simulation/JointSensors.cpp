@@ -42,6 +42,7 @@ void JointSensors::configure(const RobotDescription& robot, double tick_s, const
     n_ = robot.size();
     tick_s_ = tick_s;
     const bool exact = parameters.text("encoder") == "exact";
+    encoder_ = exact ? Encoder::Exact : Encoder::Counts;
     noise_ = parameters.number("encoder_noise_rad");
     seed_ = static_cast<std::uint64_t>(parameters.integer("seed"));
     isVelocityExact_ = exact && noise_ == 0.0;

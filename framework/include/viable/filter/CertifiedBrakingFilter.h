@@ -39,8 +39,7 @@ public:
     bool recovers() const override { return recovery_; }
     bool changeLimits(const JointLimits& limits) override;
     void skipTicks(std::int64_t ticks) override;
-    FilterStatus filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
-                        FilterDecision& decision) override;
+    FilterStatus filter(const FilterInput& input, FilterDecision& decision) override;
 
 protected:
     /** What the law chooses in a tick: vouched for by every joint, and committed.

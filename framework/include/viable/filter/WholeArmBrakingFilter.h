@@ -48,8 +48,7 @@ public:
     void reset(const MotionState& start) override;
     void skipTicks(std::int64_t ticks) override;
     bool guaranteesClearance() const override;
-    FilterStatus filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
-                        FilterDecision& decision) override;
+    FilterStatus filter(const FilterInput& input, FilterDecision& decision) override;
 
 protected:
     FilterStatus choose(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired,

@@ -4,6 +4,16 @@
 
 namespace viable {
 
+/** The law tau_a = -k_r (de + k_p e + k_i integral of e dt) on e = q_real - q_nominal, with one number per joint: what a
+tracking bound follows from (calcTrackingBound). */
+struct LinearErrorLoop {
+    JointVector kr;             ///< [Nms/rad]
+    JointVector kp;             ///< [1/s]
+    JointVector ki;             ///< [1/s^2]
+    JointVector integralLimit;  ///< of k_r k_i |integral| [Nm]; infinite: none
+    JointVector torqueRate;     ///< of the change of tau_a [Nm/s]; infinite: none
+};
+
 /** Makes the real arm follow the nominal one in spite of friction, payload and model error. */
 class RobustLoop : public Plugin {
 public:
@@ -17,6 +27,10 @@ public:
     /** The arm does not follow and is being braked: from the next compute() on whatever sums up the error
     stands still, until reset(). For loops without a sum there is nothing to do. */
     virtual void holdIntegral() {}
+
+    /** The linear law that it is, as long as neither of the law's limits nor a motor's acts; null: it is none, and no
+    tracking bound is known for it. Valid after configure(). */
+    virtual const LinearErrorLoop* errorLoop() const { return nullptr; }
 };
 
 }  // namespace viable

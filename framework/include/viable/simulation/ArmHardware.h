@@ -63,6 +63,7 @@ public:
     /** The tick is over. @param encoders  the true state on the side of the encoders */
     void endTick(const JointVector& command, const JointState& encoders);
     const JointState& measured() const { return sensors_.measured(); }
+    Encoder encoder() const { return sensors_.encoder(); }
 
 private:
     void takePush() { external_ = pushTicks_.contains(tick_) ? push_ : JointVector::Zero(n_); }

@@ -43,6 +43,7 @@ public:
     void read(const JointState& truth);
 
     const JointState& measured() const { return measured_; }
+    Encoder encoder() const { return encoder_; }
 
 private:
     enum class Fault { None, Stuck, Bias, Sign, Spike, Swap, Wrap, Nan };
@@ -54,6 +55,7 @@ private:
     int n_ = 0;
     double tick_s_ = 0.0;
     JointVector resolution_;  // [rad]; 0: exact
+    Encoder encoder_ = Encoder::Counts;
     bool isVelocityExact_ = true;
     double noise_ = 0.0;
     std::uint64_t seed_ = 0;
