@@ -1,6 +1,5 @@
 // The plugin interface in one library: everything that crosses the border between host and plugin hangs on these types.
 // Its debug information is what abidw describes (tools/scripts/record_interface.sh).
-#include "viable/braking/CertifiedBraking.h"
 #include "viable/environment/Surroundings.h"
 #include "viable/filter/BrakingPolicyFilter.h"
 #include "viable/plugin/PluginExport.h"
@@ -11,11 +10,10 @@ extern "C" VIABLE_PLUGIN_VISIBLE void viable_interface(const viable::PluginLibra
                                                        viable::NominalController*, viable::SafetyFilter*,
                                                        viable::RobustLoop*, viable::RealPlant*,
                                                        viable::JerkIntervalFilter*, viable::BrakingPolicyFilter*,
-                                                       viable::CertifiedBraking*, viable::ArmHardware*,
-                                                       viable::SurroundingsFeed*, const viable::Surroundings*,
-                                                       const viable::ArmGeometry*);
+                                                       viable::ArmHardware*, viable::SurroundingsFeed*,
+                                                       const viable::Surroundings*, const viable::ArmGeometry*);
 
 void viable_interface(const viable::PluginLibrary*, viable::CommandSource*, viable::NominalController*,
                       viable::SafetyFilter*, viable::RobustLoop*, viable::RealPlant*, viable::JerkIntervalFilter*,
-                      viable::BrakingPolicyFilter*, viable::CertifiedBraking*, viable::ArmHardware*,
-                      viable::SurroundingsFeed*, const viable::Surroundings*, const viable::ArmGeometry*) {}
+                      viable::BrakingPolicyFilter*, viable::ArmHardware*, viable::SurroundingsFeed*,
+                      const viable::Surroundings*, const viable::ArmGeometry*) {}

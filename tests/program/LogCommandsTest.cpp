@@ -99,11 +99,11 @@ TEST_F(LogCommands, RecoverWritesBesideTheLogOrWhereItIsTold) {
 TEST_F(LogCommands, AWholeLogIsOnlyCopiedWhenANewOneIsNamed) {
     Outcome o = test::run({"recover", path("A.mcap")});
     EXPECT_EQ(o.code, 0) << o.err;
-    EXPECT_EQ(o.out, path("A.mcap").string() + " is whole: nothing to recover\n");
+    EXPECT_EQ(o.out, path("A.mcap").string() + " is complete: nothing to recover\n");
     EXPECT_TRUE(list() == before_);
     o = test::run({"recover", path("A.mcap"), "--out", path("B.mcap")});
     EXPECT_EQ(o.code, 0) << o.err;
-    EXPECT_EQ(o.out, "wrote " + path("B.mcap").string() + ": 1000 rows; the old log was whole, too\n");
+    EXPECT_EQ(o.out, "wrote " + path("B.mcap").string() + ": 1000 rows; the old log was complete\n");
     EXPECT_TRUE(readFile(path("B.mcap")) == whole_);
 }
 
@@ -142,7 +142,7 @@ TEST_F(LogCommands, WhatIsNoLogIsRefused) {
     EXPECT_NE(o.err.find("ends within its opening and holds no rows"), o.err.npos) << o.err;
     EXPECT_TRUE(list() == before_);
     expectRefused(2,
-                  "--to: 'xls' is no format this program writes. Use `--to csv FILE` or `--to hdf5 "
+                  "--to: 'xls' is not a format that viable writes. Use `--to csv FILE` or `--to hdf5 "
                   "FILE`.\n",
                   {"export", path("A.mcap"), "--to", "xls", path("new")});
 }
@@ -152,7 +152,7 @@ TEST_F(LogCommands, ALogThatWasCutOffIsExportedWithAWord) {
         const Outcome o = test::run({"export", path("cut.mcap"), "--to", format, path(format)});
         EXPECT_EQ(o.code, 0) << o.err;
         EXPECT_EQ(o.err, "viable: " + path("cut.mcap").string() +
-                             " has no end (the run was killed or is still going on): every whole "
+                             " has no end (the run was killed or is still running): every complete "
                              "block of it is exported\n");
         EXPECT_EQ(o.out, "wrote " + path(format).string() + "\n");
     }

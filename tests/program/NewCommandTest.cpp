@@ -122,10 +122,10 @@ TEST(NewPlugin, RefusesOtherNamesThatCannotWork) {
 }
 
 TEST(NewPlugin, RefusesAnUnclearRequest) {
-    expectRefused({}, {"it is not said what is to be made", "KIND is filter, controller"});
+    expectRefused({}, {"the kind is missing", "KIND is filter, controller"});
     expectRefused({"filtre", "x"}, {"there is no kind `filtre`", "Did you mean `filter`?"});
-    expectRefused({"filter"}, {"it has no name", "`viable new filter NAME`"});
-    expectRefused({"filter", ""}, {"it has no name"});
+    expectRefused({"filter"}, {"the name is missing", "`viable new filter NAME`"});
+    expectRefused({"filter", ""}, {"the name is missing"});
     expectRefused({"filter", "x", "--urdf", "a.urdf"}, {"--urdf is for robots only"});
     expectRefused({"filter", "x", "y"}, {"not expected: y"});
 }
@@ -355,7 +355,7 @@ TEST(NewRobot, RefusesAUrdfThatCannotBeSimulated) {
 
 TEST(NewRobot, RefusesAnUnclearRequest) {
     expectRefused({"robot", "arm"}, {"the robot's URDF is missing", "Add --urdf FILE.urdf"});
-    expectRefused({"robot"}, {"it has no name", "`viable new robot NAME --urdf FILE`"});
+    expectRefused({"robot"}, {"the name is missing", "`viable new robot NAME --urdf FILE`"});
     expectRefused({"robot", "arm", "--urdf", "none.urdf"}, {"there is no file none.urdf"});
     expectRefused({"robot", "arm", "--urdf", "/"}, {"/ is not a file"});
     expectRefused({"robot", "Arm", "--urdf", "x"}, {"`Arm` is not snake_case", "`arm`"});

@@ -80,8 +80,8 @@ TEST(Program, CheckReportsEveryCaseWithoutARun) {
     expectContains(o.out, {"A: robot single_joint", "B: robot", "ok"});
 }
 
-TEST(Program, TheExperimentFileOfTheReadmeRunsAsPrinted) {
-    const std::string readme = readFile(VIABLE_SOURCE_DIR "/README.md");
+TEST(Program, TheExperimentFileOfItsReadmeRunsAsPrinted) {
+    const std::string readme = readFile(VIABLE_SOURCE_DIR "/experiments/README.md");
     const std::size_t section = readme.find("## An experiment file");
     ASSERT_NE(section, std::string::npos);
     const std::size_t begin = readme.find("```yaml\n", section) + 8;
@@ -94,7 +94,7 @@ TEST(Program, TheExperimentFileOfTheReadmeRunsAsPrinted) {
 }
 
 TEST(Program, EveryKeyOfAnExperimentFileStandsInTheReadme) {
-    const std::string readme = readFile(VIABLE_SOURCE_DIR "/README.md");
+    const std::string readme = readFile(VIABLE_SOURCE_DIR "/experiments/README.md");
     const std::string section = readme.substr(readme.find("## An experiment file"));
     Folder folder;
     const std::string file = folder.write("e.yaml", kExperiment);
@@ -110,7 +110,7 @@ TEST(Program, EveryKeyOfAnExperimentFileStandsInTheReadme) {
             EXPECT_TRUE(section.find("`" + key + "`") != std::string::npos ||
                         section.find("." + key + "`") != std::string::npos ||
                         section.find("`" + key + ".") != std::string::npos)
-                << "the README lacks " << key;
+                << "experiments/README.md lacks " << key;
             at = end + 1;
             ++keys;
         }

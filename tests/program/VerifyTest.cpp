@@ -161,7 +161,7 @@ TEST_F(Verify, BadInputIsRefusedWithPlaceAndRemedy) {
     refuse(constant, "all readings are the same");
     refuse(makeCsv("time_s,elbow_rad"), "no joint of this record is one of robot indy7: elbow", {"--limits", "indy7"});
     refuse(makeCsv("time_s,joint0_m"), "its readings are in m", {"--limits", "indy7"});
-    refuse(makeCsv("time_s,joint0_rad"), "no log of a run", {"--report"});
+    refuse(makeCsv("time_s,joint0_rad"), "not a log of a run", {"--report"});
     refuse(makeCsv("time_s,joint0_rad"), "--confidence: it must lie in [0.5, 1)", {"--confidence", "2"});
     refuse(makeCsv("time_s,joint0_rad"), "never overwritten", {"--json", folder_->write("here.json", "mine")});
     EXPECT_EQ(readFile(*folder_ / "here.json"), "mine");

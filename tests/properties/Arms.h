@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "Random.h"
-#include "viable/braking/CertifiedBraking.h"
+#include "braking/CertifiedBraking.h"
 
 namespace viable {
 

@@ -3,8 +3,8 @@
 #include "Arms.h"
 #include "FastestReturn.h"
 #include "Properties.h"
+#include "braking/BrakingCertificate.h"
 #include "viable/braking/Braking.h"
-#include "viable/braking/BrakingCertificate.h"
 
 namespace viable {
 

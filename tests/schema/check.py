@@ -70,9 +70,9 @@ cases: {A: {}}
 
 # ---------------------------------------------------------------- what is in the project
 
-with open(os.path.join(SOURCE, "README.md")) as file:
+with open(os.path.join(SOURCE, "experiments/README.md")) as file:
     section = file.read().split("## An experiment file")[1]
-examples = {"README.md": section.split("```yaml\n")[1].split("```")[0]}
+examples = {"experiments/README.md": section.split("```yaml\n")[1].split("```")[0]}
 for path in glob.glob(SOURCE + "/experiments/*.yaml") + glob.glob(SOURCE + "/tools/templates/*/experiment.yaml"):
     with open(path) as file:
         # A template's plugin is not there yet: as one that is named by its path.

@@ -27,13 +27,13 @@ void addExportCommand(CLI::App& app, int& exitCode) {
     command->callback([arguments, &exitCode] {
         const std::string& format = arguments->target[0];
         if (format != "csv" && format != "hdf5")
-            throw badInput("--to", "'" + format + "' is no format this program writes",
+            throw badInput("--to", "'" + format + "' is not a format that viable writes",
                            "Use `--to csv FILE` or `--to hdf5 FILE`.");
         std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is a write error, not a death
         if (!LogReader(arguments->log).isComplete())
             std::fprintf(stderr,
-                         "viable: %s has no end (the run was killed or is still going on): "
-                         "every whole block of it is exported\n",
+                         "viable: %s has no end (the run was killed or is still running): "
+                         "every complete block of it is exported\n",
                          arguments->log.c_str());
         if (format == "csv")
             exportCsv(arguments->log, arguments->target[1]);

@@ -31,9 +31,9 @@ RobotDescription findNominal(const IdentifyArguments& arguments, const std::vect
     if (name.empty())
         for (const MotionRecord& record : records) {
             if (record.robot.empty())
-                throw badInput(record.source, "it does not name its robot", "Name it: `--robot NAME`.");
+                throw badInput(record.source, "the file does not name its robot", "Name it: `--robot NAME`.");
             if (!name.empty() && record.robot != name)
-                throw badInput(record.source, "it is of robot " + record.robot + ", the one before of " + name,
+                throw badInput(record.source, "it is a log of robot " + record.robot + ", the previous one of " + name,
                                "Give logs of one robot, or name it: `--robot NAME`.");
             name = record.robot;
         }
@@ -62,7 +62,7 @@ int identifyLogs(const IdentifyArguments& arguments) {
     for (const JointIdentification& joint : found.joints)
         if (joint.coulomb.isKnown && joint.coulomb.upper < 0.0)
             throw badInput(arguments.files.front(),
-                           "the friction of " + joint.name + " comes out below zero: it would drive the joint",
+                           "the friction of " + joint.name + " is estimated below zero: it would drive the joint",
                            "Is the sign of the torques that of the positions, and are they the motors' torques at the "
                            "joints? No file was written.");
     if (!arguments.json.empty()) replaceFile(arguments.json, writeJson(found));
@@ -82,7 +82,7 @@ void addIdentifyCommand(CLI::App& app, int& exitCode) {
         ->add_option("LOG", arguments->files,
                      "Logs with positions and torques: .mcap, or CSV with JOINT_rad and JOINT_Nm")
         ->required();
-    command->add_option("--robot", arguments->robot, "The robot as it is described (default: that of the logs)");
+    command->add_option("--robot", arguments->robot, "Robot whose description is used (default: that of the logs)");
     command->add_option("--out", arguments->out, "Write a new actuation.yaml for the robot's folder");
     command->add_option("--json", arguments->json, "Write all figures, with 95 % intervals, to this new file");
     command
@@ -94,7 +94,7 @@ void addIdentifyCommand(CLI::App& app, int& exitCode) {
     command->add_flag("--torque-offsets", arguments->options.torqueOffsets, "A constant error of each torque, too");
     command->add_flag(
         "--sampled-torques", arguments->isSampled,
-        "A torque is that at its time (default: it acts from its row to the next, as in logs of this program)");
+        "A torque is a sample at its time (default: it is held from its row to the next, as in logs of viable)");
     command->add_option("--columns", arguments->record.columns,
                         "NAME:UNIT,...: columns of the CSV to use, with their units");
     command->add_option("--topic", arguments->record.topic, "Topic of the joint states, where the file has several");

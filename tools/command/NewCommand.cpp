@@ -209,14 +209,14 @@ std::string makeContacts(const std::vector<DraftContact>& contacts) {
     return text.empty() ? " []" : text;
 }
 
-/** `limits` for the first run: its command needs ends of travel, also of joints that turn for ever. */
+/** `limits` for the first run: its command needs ends of travel, also of joints without limits. */
 std::string makeRunLimits(const std::vector<DraftJoint>& joints) {
     const auto isEndless = [](const DraftJoint& j) { return std::isinf(j.positionUpper); };
     if (std::none_of(joints.begin(), joints.end(), isEndless)) return {};
     const auto lower = [&](const DraftJoint& j) { return isEndless(j) ? j.home - M_PI : j.positionLower; };
     const auto upper = [&](const DraftJoint& j) { return isEndless(j) ? j.home + M_PI : j.positionUpper; };
-    return "# random_steps takes its positions from the range of each joint; those that turn for "
-           "ever get one here.\nlimits:\n  position_rad:\n    lower: " +
+    return "# random_steps takes its positions from the range of each joint; those "
+           "without limits get one here.\nlimits:\n  position_rad:\n    lower: " +
            formatList(joints, lower) + "\n    upper: " + formatList(joints, upper) + "\n";
 }
 
@@ -239,14 +239,14 @@ std::map<std::string, std::string> makeReplacements(const NewArguments& argument
         {"HOME", list(&DraftJoint::home)},
         {"TOOL", hasOneTool ? quoteForYaml(draft.toolLinks.front()) : std::string(kBlank)},
         {"TOOL_CHOICE",
-         hasOneTool ? "Any moving link may be." : "The robot ends in several: " + joinNames(draft.toolLinks)},
+         hasOneTool ? "Any moving link is possible." : "The robot ends in several: " + joinNames(draft.toolLinks)},
         {"MESHES", draft.meshes.empty()
                        ? "The URDF names no meshes; the report draws its boxes, cylinders and spheres."
                        : "Pictures: the report draws a mesh when its file lies in this folder or below, "
                          "under "
                          "the end of the path by which the URDF names it, such as `meshes/`. The URDF names "
                          "`" +
-                             joinNames(draft.meshes) + "`. Mind their licence."},
+                             joinNames(draft.meshes) + "`. Check their licence."},
         {"RUN_LIMITS", makeRunLimits(draft.joints)},
         {"CAPSULES", makeCapsules(draft.links)},
         {"MAY_TOUCH", makeContacts(draft.contacts)},
@@ -304,8 +304,8 @@ void writeRobot(const NewArguments& arguments) {
     for (const char* name : {"limits.yaml", "actuation.yaml", "collision.yaml"})
         printBlanks((target / name).string(), files[name]);
     if (!draft.meshes.empty())
-        std::printf("To be drawn, %zu mesh file%s must lie in the folder: see its README.md\n", draft.meshes.size(),
-                    draft.meshes.size() == 1 ? "" : "s");
+        std::printf("To draw the robot, the report needs %zu mesh file%s in the folder: see its README.md\n",
+                    draft.meshes.size(), draft.meshes.size() == 1 ? "" : "s");
     const bool hasFolder = arguments.out.find('/') != std::string::npos || target.is_absolute();
     const std::string path = (hasFolder ? "" : "./") + target.string();
     const std::string program = getProgramWord();
@@ -316,7 +316,7 @@ void writeRobot(const NewArguments& arguments) {
 void writeNew(const NewArguments& arguments) {
     std::vector<std::string> kinds = {"robot"};
     for (const PluginKind kind : kPluginKinds) kinds.emplace_back(getName(kind));
-    if (arguments.kind.empty()) throw badInput("new", "it is not said what is to be made", kUsage);
+    if (arguments.kind.empty()) throw badInput("new", "the kind is missing", kUsage);
     if (std::find(kinds.begin(), kinds.end(), arguments.kind) == kinds.end()) {
         const std::string closest = findClosestName(arguments.kind, kinds);
         throw badInput("new", "there is no kind `" + arguments.kind + "`",
@@ -324,7 +324,7 @@ void writeNew(const NewArguments& arguments) {
     }
     if (arguments.name.empty())
         throw badInput(
-            "new " + arguments.kind, "it has no name",
+            "new " + arguments.kind, "the name is missing",
             "Write `viable new " + arguments.kind + " NAME" + (arguments.kind == "robot" ? " --urdf FILE`." : "`."));
     if (arguments.kind == "robot") return writeRobot(arguments);
     if (!arguments.urdf.empty())
@@ -345,7 +345,7 @@ void addNewCommand(CLI::App& app, int& exitCode) {
     command->add_option("NAME", arguments->name, "Name in snake_case; the folder gets it, too");
     command->add_option("--urdf", arguments->urdf, "Robots: the URDF file to begin from");
     command->add_option("--out", arguments->out,
-                        "Folder in which the new folder is made, made itself where it is missing "
+                        "Folder for the new folder; created where it is missing "
                         "(default: the current one)");
     command->callback([arguments, &exitCode] {
         writeNew(*arguments);

@@ -19,7 +19,7 @@ struct RecoverArguments {
 
 void addRecoverCommand(CLI::App& app, int& exitCode) {
     auto arguments = std::make_shared<RecoverArguments>();
-    CLI::App* command = app.add_subcommand("recover", "Make a whole log of one that was cut off (the run was killed)");
+    CLI::App* command = app.add_subcommand("recover", "Complete a log that was cut off (the run was killed)");
     command->add_option("LOG", arguments->log, "Log of a case (.mcap)")->required();
     command->add_option("--out", arguments->out, "New log (default: LOG with .recovered.mcap)");
     command->callback([arguments, &exitCode] {
@@ -30,14 +30,14 @@ void addRecoverCommand(CLI::App& app, int& exitCode) {
         if (isWhole && arguments->out.empty()) {
             for (TickRecord record; reader.read(record);) {  // refuses what is damaged
             }
-            std::printf("%s is whole: nothing to recover\n", arguments->log.c_str());
+            std::printf("%s is complete: nothing to recover\n", arguments->log.c_str());
             return;
         }
         std::filesystem::path out = arguments->out;
         if (out.empty()) out = std::filesystem::path(arguments->log).replace_extension(".recovered.mcap");
         const std::uint64_t rows = recoverLog(arguments->log, out);
         std::printf("wrote %s: %llu rows%s\n", out.c_str(), static_cast<unsigned long long>(rows),
-                    isWhole ? "; the old log was whole, too" : "");
+                    isWhole ? "; the old log was complete" : "");
     });
 }
 

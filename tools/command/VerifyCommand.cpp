@@ -61,7 +61,7 @@ std::vector<AxisLimits> takeRobotLimits(const std::string& name, MotionRecord& r
         if (std::none_of(joints.begin(), joints.end(), [&](const auto& joint) { return joint.name == one; }))
             missing += (missing.empty() ? "" : ", ") + one;
     if (!without.empty())
-        std::fprintf(stderr, "viable: robot %s does not have these joints of the record, they are left out: %s\n",
+        std::fprintf(stderr, "viable: robot %s does not have these joints of the record, which are left out: %s\n",
                      robot.name.c_str(), without.c_str());
     record.joints = std::move(joints);
     return limits;
@@ -79,12 +79,13 @@ std::vector<AxisLimits> findLimits(const VerifyArguments& arguments, MotionRecor
 int verify(const VerifyArguments& arguments) {
     std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is a write error, not a death
     if (arguments.report && fs::path(arguments.file).extension() != ".mcap")
-        throw badInput("--report", arguments.file + " is no log of a run",
+        throw badInput("--report", arguments.file + " is not a log of a run",
                        "Only a run has a report; `--json FILE` writes the verdict of any record.");
     if (!arguments.json.empty()) refuseExisting("--json", arguments.json);
     MotionRecord record = readMotionRecord(arguments.file, arguments.record);
     if (record.isCutOff)
-        std::fprintf(stderr, "viable: %s has no end (the run was killed or is still going on): what it has is judged\n",
+        std::fprintf(stderr,
+                     "viable: %s has no end (the run was killed or is still running): its rows so far are judged\n",
                      record.source.c_str());
     std::string missing;
     const std::vector<AxisLimits> limits = findLimits(arguments, record, missing);
@@ -138,7 +139,7 @@ void addVerifyCommand(CLI::App& app, int& exitCode) {
         "NAME:UNIT,...: columns of the CSV to use, with their units (s, ms, us, ns; rad, deg; m, cm, mm)");
     command->add_option("--topic", arguments->record.topic, "Topic of the joint states, where the file has several");
     command->add_option("--confidence", arguments->judge.confidence,
-                        "Probability that nothing is called broken that was held, in the whole record (0.99)");
+                        "Probability that no limit that was held is called broken, in the whole record (0.99)");
     command->add_option("--excess", arguments->judge.excess,
                         "Share of a limit: an excess of this size must be visible for `held` (0.1)");
     command->add_option("--excess-duration", arguments->judge.excessDuration_s, "How long it lasts, in s (0.05)");

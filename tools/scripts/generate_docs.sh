@@ -4,7 +4,7 @@
 # Usage: tools/scripts/generate_docs.sh [BUILD_DIR [TREE]]   BUILD_DIR: build/release (default), built before; TREE: the project
 # (default), or a copy of its plugins and experiments folders.
 set -euo pipefail
-project=$(cd "$(dirname "$0")/.." && pwd)
+project=$(cd "$(dirname "$0")/../.." && pwd)
 build=${1:-$project/build/release}
 tree=${2:-$project}
 viable=$build/bin/viable

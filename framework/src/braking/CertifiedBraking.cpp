@@ -1,4 +1,4 @@
-#include "viable/braking/CertifiedBraking.h"
+#include "braking/CertifiedBraking.h"
 
 #include <algorithm>
 

@@ -30,7 +30,7 @@ inline std::int64_t roundDownToTicks(double seconds, double tick_s) {
     return toPhaseTicks(seconds / tick_s + 1e-9);
 }
 
-/** A stop in three phases of whole ticks (MATH: grid plan): acceleration goes to a1, stays there, goes
+/** A stop in three phases of whole ticks (MATH 4, grid plan): acceleration goes to a1, stays there, goes
 back to zero, and velocity reaches zero with it. Phases 1 and 3 have at least one tick. */
 struct GridPhases {
     std::int64_t n1 = 1, n2 = 0, n3 = 1;

@@ -5,8 +5,8 @@
 #include <cstdio>
 #include <limits>
 
+#include "braking/BrakingCertificate.h"
 #include "loop/PathExtent.h"
-#include "viable/braking/BrakingCertificate.h"
 #include "viable/loop/NominalPlant.h"
 
 namespace viable {

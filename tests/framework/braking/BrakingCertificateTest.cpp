@@ -1,4 +1,4 @@
-#include "viable/braking/BrakingCertificate.h"
+#include "braking/BrakingCertificate.h"
 
 #include <gtest/gtest.h>
 

@@ -83,7 +83,7 @@ TEST(ArmStopCheck, WhatIsProvenBetweenLooksHoldsAtEveryPose) {
         const auto elements = static_cast<std::size_t>(check.elements());
         ArmStopCheck::Demands demands;
         demands.floor.assign(elements, 0.0);
-        demands.least.assign(elements, ArmStopCheck::kGuard_m);
+        demands.least.assign(elements, detail::bisection::kGuard_m);
         demands.ahead.assign(elements, kAhead_m);
         double tooMuch = -kInfinity, sum = 0.0;
         constexpr int kPaths = 300;
@@ -107,7 +107,7 @@ TEST(ArmStopCheck, WhatIsProvenBetweenLooksHoldsAtEveryPose) {
             }
             // Of what is too near only that is told; and what is farther than `ahead` need not be told apart.
             if (least < kHorizon_m) tooMuch = std::max(tooMuch, proven - std::max(least, 0.0));
-            if (least < 3.0 * ArmStopCheck::kGuard_m) continue;
+            if (least < 3.0 * detail::bisection::kGuard_m) continue;
             refused += !result.isClear;
             if (!result.isClear) continue;
             ++clear;
@@ -184,7 +184,7 @@ TEST(ArmStopCheck, ABallWhereTheArmTurnsIsNotMissed) {
             least = std::min(least, judge.findContact(q, 0.0, kHorizon_m).distance);
         }
         const auto isFree = [&](const JointVector& pose) {
-            return judge.findContact(pose, 0.0, kHorizon_m).distance > 1.04 * ArmStopCheck::kGuard_m;
+            return judge.findContact(pose, 0.0, kHorizon_m).distance > 1.04 * detail::bisection::kGuard_m;
         };
         if (!(least < 0.0 && isFree(s.q) && isFree(q))) continue;
         ++hits;
@@ -195,8 +195,8 @@ TEST(ArmStopCheck, ABallWhereTheArmTurnsIsNotMissed) {
         const auto elements = static_cast<std::size_t>(check.elements());
         ArmStopCheck::Demands demands;
         demands.floor.assign(elements, 0.0);
-        demands.least.assign(elements, ArmStopCheck::kGuard_m);
-        demands.ahead.assign(elements, ArmStopCheck::kGuard_m);
+        demands.least.assign(elements, detail::bisection::kGuard_m);
+        demands.ahead.assign(elements, detail::bisection::kGuard_m);
         check.examine(path, 0.0, demands, JointVector::Zero(n), false, result);
         EXPECT_FALSE(result.isClear) << round;
     }

@@ -864,7 +864,7 @@ TEST(TorqueGuard, TheLoopInTheReadmeIsThatOfTheExample) {
     std::istringstream lines(example.substr(begin, end - begin));
     std::string snippet = "```cpp\n";
     for (std::string line; std::getline(lines, line);) snippet += (line.size() > 4 ? line.substr(4) : "") + "\n";
-    EXPECT_CONTAINS(readText("README.md"), snippet + "```\n");
+    EXPECT_CONTAINS(readText("framework/README.md"), snippet + "```\n");
 }
 
 // A push of 30 Nm on an arm that would follow exactly: measured, the nominal arm yields to it and the motors give

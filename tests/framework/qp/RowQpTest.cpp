@@ -1,4 +1,4 @@
-#include "viable/qp/RowQp.h"
+#include "qp/RowQp.h"
 
 #include <gtest/gtest.h>
 

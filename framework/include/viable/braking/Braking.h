@@ -4,19 +4,19 @@
 
 namespace viable {
 
-/** The paper's types of a braking trajectory (Tables I and II), told apart by
+/** The paper's types of a braking trajectory (Tables I and II), distinguished by
 sigma = v + a |a| / (2 J), J being the jerk that brings `a` to zero. */
 enum class BrakingType : unsigned char {
-    I,    ///< sigma < 0, at the acceleration limit for a time
+    I,    ///< sigma < 0, with a phase at the acceleration limit
     II,   ///< sigma < 0
     III,  ///< sigma >= 0
-    IV    ///< sigma >= 0, at the acceleration limit for a time
+    IV    ///< sigma >= 0, with a phase at the acceleration limit
 };
 
 /** What both braking policies have in common: jerk towards the braking acceleration for T1, none for
 T2. */
 struct BrakingStop {
-    /** Upper: types III and IV, which end at the largest position still reached and so bound the
+    /** Upper: types III and IV, which end at the largest position that is reached and so bound the
     upper position limit; Lower: the mirror image, types I and II. */
     LimitSide side = LimitSide::Upper;
     bool cruises = false;       ///< types I and IV: the acceleration limit is reached, T2 >= 0
@@ -33,15 +33,15 @@ struct BrakingStop {
     }
 };
 
-/** Stationary policy (paper, Table I): the fastest jerk- and acceleration-limited way of one joint to
-v = 0 and a = 0. The third phase brings acceleration back to zero. */
+/** Stationary policy (paper, Table I): the fastest motion of one joint to v = 0 and a = 0 within jerk
+and acceleration limits. The third phase brings acceleration back to zero. */
 struct StationaryStop : BrakingStop {
     double T3 = 0.0;  ///< [s]
 };
 
 /** Velocity-zeroing policy (paper, Table II with T2 = |v1| / A): to v = 0 with `a` free, which for
-type III with v >= 0 is the fastest way there. A joint that moves against its side (v < 0, sigma >= 0)
-first turns round: the stop is at the second zero of its velocity, where its position is largest. */
+type III with v >= 0 is the fastest motion to v = 0. A joint that moves away from its side (v < 0, sigma >= 0)
+first reverses: the stop is at the second zero of its velocity, where its position is largest. */
 struct VelocityZeroingStop : BrakingStop {
     double endAcceleration = 0.0;  ///< where v = 0 [rad/s^2]; braking: <= 0 for Upper
 };
@@ -54,15 +54,15 @@ throw. */
 StationaryStop calcStationaryStop(double v, double a, const AxisLimits& limits);
 
 /** The velocity-zeroing stop; arguments as for calcStationaryStop. Its displacement is continuous
-from type to type on the same side, but JUMPS on sigma = 0 for a != 0: on one side of that curve the
-joint passes v = 0 braking as hard as it can, on the other it ends there with a = 0. */
+between types on the same side, but JUMPS on sigma = 0 for a != 0: on one side of that curve the
+joint passes v = 0 with full deceleration, on the other it ends there with a = 0. */
 VelocityZeroingStop calcVelocityZeroingStop(double v, double a, const AxisLimits& limits);
 
-/** The velocity-zeroing stop of a joint that moves towards `side` (Upper: v >= 0, Lower: v <= 0) or turns that way:
-the fastest way to v = 0 even where sigma, which looks ahead to a = 0, has the other sign. */
+/** The velocity-zeroing stop of a joint that moves towards `side` (Upper: v >= 0, Lower: v <= 0) or begins to:
+the fastest motion to v = 0 even where sigma, which belongs to a = 0, has the other sign. */
 VelocityZeroingStop calcVelocityZeroingStop(double v, double a, const AxisLimits& limits, LimitSide side);
 
-/** The velocity at which acceleration reaches zero when it is brought there at full jerk: the
+/** The velocity at which acceleration reaches zero under full jerk: the
 velocity peak for a > 0, the dip for a < 0, `v` itself for a = 0. It is sigma (see BrakingType). */
 double calcVelocityPeak(double v, double a, const AxisLimits& limits);
 

@@ -8,7 +8,7 @@
 namespace viable {
 
 /** A stop of one joint on the time grid: up to six segments of whole ticks with constant jerk,
-ending at v = 0 and a = 0 up to rounding. Taking its jerks one by one, tick by tick, stops the
+ending at v = 0 and a = 0 up to rounding. Holding its jerks tick by tick stops the
 joint. Plain data, so that a filter can hand its stop to the host. */
 class GridStop {
 public:
@@ -19,19 +19,19 @@ public:
     };
 
     /** Plans the stop from (v, a) that takes the fewest ticks, or nearly so. Every phase of the stationary
-    stop is brought to whole ticks and the jerks are solved anew, so that acceleration and jerk limits hold.
+    stop is rounded to whole ticks and the jerks are solved for again, so that acceleration and jerk limits hold.
     When (v, a) lies so far outside the acceleration limit that no such plan is found, the stop brings `a` to zero
     first at full jerk. Returns false in that case. Jerk limits finite. No allocation; bounded work. */
     bool plan(double v, double a, const AxisLimits& limits, double tick_s);
 
-    /** The stop that consists of these segments; negative numbers of ticks count as none, and more than
-    1e12 as that many. */
+    /** The stop that consists of these segments; a negative number of ticks counts as 0, more than
+    1e12 as 1e12. */
     void set(const std::array<Segment, kSegments>& segments);
 
     bool atRest() const { return tick_ >= totalTicks(); }
     std::int64_t remainingTicks() const { return totalTicks() - tick_; }
 
-    /** True when the same jerks are left to hold, in the same segments. */
+    /** True when the remaining segments have the same jerks and ticks. */
     friend bool operator==(const GridStop& a, const GridStop& b) {
         for (int i = 0; i < kSegments; ++i) {
             const Segment x = a.remaining(i), y = b.remaining(i);
@@ -40,14 +40,14 @@ public:
         return true;
     }
 
-    /** What is left of segment `i`; its ticks are 0 when it has passed. */
+    /** The rest of segment `i`; its ticks are 0 when it has passed. */
     Segment remaining(int i) const;
 
     /** The jerk to hold in the next tick; 0 when the stop has ended. */
     double nextJerk() const;
-    /** nextJerk(), and one tick further. */
+    /** Returns nextJerk() and advances by one tick. */
     double takeJerk();
-    /** Goes on by `ticks` >= 0 ticks, at most to the end. */
+    /** Advances by `ticks` >= 0 ticks, at most to the end. */
     void skip(std::int64_t ticks);
 
 private:

@@ -11,17 +11,17 @@
 
 namespace viable {
 
-/** A piece of a YAML file as it was written, with its place, so that every later complaint can
+/** A part of a YAML file as it was written, with its place, so that every later message can
 name file, line, column and key path.
 
 The reader is strict where YAML is lax: duplicate keys, anchors, aliases, merge keys, tags, several
-documents in one file and non-text keys are errors; nothing is ever half-read. */
+documents in one file and non-text keys are errors; no file is read partly. */
 struct ConfigNode {
     enum class Kind { Empty, Scalar, List, Map };
 
     Kind kind = Kind::Empty;
     std::string text;               ///< of a Scalar, as written (without quotes)
-    bool quoted = false;            ///< the Scalar stood in quotes, or must when written: never a number
+    bool quoted = false;            ///< the Scalar was in quotes, or must be when written: never a number
     std::vector<ConfigNode> items;  ///< of a List
     std::vector<std::pair<std::string, ConfigNode>> entries;  ///< of a Map, in file order
 
@@ -37,8 +37,8 @@ struct ConfigNode {
     ConfigNode* find(const std::string& key);
 };
 
-/** Bounds of the work that a configuration file may cause: any file within or beyond them is read
-or refused in about 0.1 s. Nodes are keys and values together. */
+/** Bounds of the work that a configuration file may cause: any file is read or refused in about
+0.1 s. Nodes are keys and values together. */
 inline constexpr std::uintmax_t kMaxConfigBytes = 1u << 20;
 inline constexpr int kMaxConfigNodes = 50000;
 inline constexpr int kMaxConfigDepth = 32;
@@ -55,18 +55,18 @@ ConfigNode parseConfig(const std::string& text, const std::string& fileName);
 std::string writeConfig(const ConfigNode& node);
 
 /** Replaces or adds one entry: `assignment` is `key.path=value`, value in YAML (`3`, `[1, 2]`,
-`{plugin: nric}`, `text`); `key[2]` is an existing entry of a list. Missing maps on the way are
-made. Setting the `plugin` of a block to another plugin drops that block's other entries, which
-belonged to the plugin before. */
+`{plugin: nric}`, `text`); `key[2]` is an existing entry of a list. Missing maps on the path are
+created. Setting the `plugin` of a block to another plugin drops the block's other entries, which
+were those of the previous plugin. */
 void applyOverride(ConfigNode& root, const std::string& assignment);
 
 /** `base` overlaid by `top`: maps entry by entry, anything else replaced as a whole; a block whose
 `plugin` differs is replaced as a whole too. Places and key paths stay those of the files. */
 ConfigNode overlay(const ConfigNode& base, const ConfigNode& top);
 
-/** What stands in a file made by `viable new` where the user has to write a value. */
+/** The placeholder in a file made by `viable new` where the user has to write a value. */
 inline constexpr const char* kBlank = "TODO";
-/** Throws when `node` is such a blank. toNumber does this by itself. */
+/** Throws when `node` is such a placeholder. toNumber calls it. */
 void refuseBlank(const ConfigNode& node);
 
 /** Allowed numbers. */
@@ -98,7 +98,7 @@ std::vector<double> toNumbers(const ConfigNode& node, int minCount, int maxCount
 /** A list with exactly n numbers, or a single number that stands for all n joints. */
 JointVector toJointVector(const ConfigNode& node, int n, const NumberRange& range = {});
 
-/** Takes the entries of a map one by one and refuses what nobody took. */
+/** Reads the entries of a map one by one and refuses those that were never asked for. */
 class ConfigMap {
 public:
     /** Throws unless `node` is a Map. The node must outlive this object. */
@@ -110,7 +110,7 @@ public:
     const ConfigNode& require(const std::string& key);
     const ConfigNode& node() const { return node_; }
 
-    /** Throws when the map holds a key that nobody asked for, with the closest known key. */
+    /** Throws when the map has a key that was never asked for; names the closest known key. */
     void finish() const;
 
 private:

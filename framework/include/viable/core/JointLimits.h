@@ -35,8 +35,8 @@ const char* getName(LimitKind kind, LimitSide side);
 /** "lower", "upper"; empty for Neither. */
 const char* getName(LimitSide side);
 
-/** The length that tolerances on one joint's limits are shares of: the size of the larger one; with a limit on one side
-or none, where the other way is open, at least 1 rad, rad/s, rad/s^2 or rad/s^3. Rounding is relative to this size, not
+/** The scale of tolerances on one joint's limits: the size of the larger limit; where one side or both are unlimited,
+at least 1 rad, rad/s, rad/s^2 or rad/s^3. Rounding is relative to this size, not
 to the range: limits may lie close together and far from zero. */
 double calcLimitScale(double lower, double upper);
 
@@ -58,7 +58,7 @@ struct AxisLimits {
 };
 
 /** Position, velocity, acceleration and jerk limits of all joints; each side of each joint has its
-own. Velocity, acceleration and jerk limits contain zero in their inside, so that every joint can
+own. Velocity, acceleration and jerk limits contain zero in their interior, so that every joint can
 stop and start. */
 struct JointLimits {
     JointBounds position;      // [rad]
@@ -73,8 +73,8 @@ struct JointLimits {
     static JointLimits unlimited(int n);
 };
 
-/** Smallest and largest finite velocity, acceleration or jerk limit accepted: outside this window a
-number is a slip of the unit or of the exponent. [rad/s, rad/s^2, rad/s^3] */
+/** Smallest and largest finite velocity, acceleration or jerk limit accepted: a number outside this
+window is a mistake in the unit or in the exponent. [rad/s, rad/s^2, rad/s^3] */
 inline constexpr double kSmallestLimit = 1e-6;
 inline constexpr double kLargestLimit = 1e7;
 

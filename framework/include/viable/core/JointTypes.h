@@ -5,8 +5,8 @@
 
 namespace viable {
 
-/** Most joints that a robot may have. Vectors below carry this capacity inside the object, so that
-changing their size never touches the heap. */
+/** Maximum number of joints of a robot. The vectors below have this capacity inside the object, so that
+changing their size never uses the heap. */
 inline constexpr int kMaxJoints = 16;
 
 /** One number per joint: run-time size (the number of joints), fixed in-object capacity. */

@@ -2,16 +2,16 @@
 
 namespace viable {
 
-/** Share of the way and its slope in normalised time. */
+/** Share of the distance covered and its slope in normalised time. */
 struct MinimumJerk {
     double value;  ///< 0 .. 1
     double slope;  ///< d value / d u, 0 .. kMinimumJerkPeakSlope
 };
 
-/** Largest slope, in the middle of the way: peak speed = this * distance / duration. */
+/** Largest slope, at half the distance: peak speed = this * distance / duration. */
 inline constexpr double kMinimumJerkPeakSlope = 1.875;
 
-/** The way from 0 to 1 in u = 0 .. 1 that minimises the integral of the squared jerk, at rest with
+/** The motion from 0 to 1 in u = 0 .. 1 that minimises the integral of the squared jerk, at rest with
 zero acceleration at both ends: 10 u^3 - 15 u^4 + 6 u^5 (Flash and Hogan 1985, "The coordination of
 arm movements"). Outside 0 .. 1: at rest at the nearer end. */
 inline MinimumJerk calcMinimumJerk(double u) {

@@ -15,16 +15,16 @@ struct Solid {
     enum class Kind : unsigned char { Box, Sphere, Cylinder, HalfSpace };
     std::string name;
     Kind kind = Kind::Box;
-    /** Box, Sphere, Cylinder: frame at the centre (a cylinder lies along z). HalfSpace: what lies below z = 0 of it
-    is solid. */
+    /** Box, Sphere, Cylinder: frame at the centre (a cylinder lies along z). HalfSpace: the part below z = 0 of
+    the frame is solid. */
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
     Eigen::Vector3d size = Eigen::Vector3d::Zero();  ///< Box: edges [m]
     double radius = 0.0;                             ///< Sphere, Cylinder [m]
     double length = 0.0;                             ///< Cylinder [m]
 };
 
-/** A sphere on a path that is known beforehand: straight and at constant speed from one waypoint to the next. Before
-the first it waits there; after the last it stays, or begins anew. */
+/** A sphere on a known path: straight and at constant speed from one waypoint to the next. Before the time of
+the first waypoint it rests there; after the last it rests, or repeats the path. */
 struct MovingSphere {
     struct Waypoint {
         double time_s = 0.0;                                 ///< rising
@@ -32,40 +32,40 @@ struct MovingSphere {
     };
     std::string name;
     double radius = 0.0;              ///< [m]
-    std::vector<Waypoint> waypoints;  ///< at least one; with `repeats` the last one's place is the first one's
+    std::vector<Waypoint> waypoints;  ///< at least one; with `repeats` the last position is the first
     bool repeats = false;
 
     /** The centre at time t [s] of the run. */
     Eigen::Vector3d calcCentre(double t) const;
 };
 
-/** What counts for cells that a map says nothing about. */
+/** How cells count that a map has no information about. */
 enum class UnknownSpace : unsigned char { Occupied, Free };
 
 /** An OctoMap file and where its frame lies in the robot's base frame. */
 struct MapChoice {
     std::string name;
     std::filesystem::path file;  ///< .bt or .ot
-    std::string sha256;          ///< of the file, hexadecimal; empty: not stated, not compared
-    std::string place;           ///< where it was named, for messages
+    std::string sha256;          ///< of the file, hexadecimal; empty: not compared
+    std::string place;           ///< where the file was named, for messages
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
     UnknownSpace unknown = UnknownSpace::Occupied;
 };
 
-/** What stands around an arm, as an experiment file says it (`environment:`). Plain data. */
+/** The surroundings of an arm, as in an experiment file (`environment:`). Plain data. */
 struct Environment {
     std::vector<Solid> solids;
     std::vector<MovingSphere> spheres;
     std::optional<MapChoice> map;
-    double safetyDistance_m = 0.02;  ///< least clearance that is to be kept
+    double safetyDistance_m = 0.02;  ///< smallest clearance that must be kept
     double fieldCell_m = 0.02;       ///< spacing of the nodes of the distance field around a map
 
-    /** The names by the indices that the rest of the program uses: solids, then spheres, then the map. */
+    /** The names in the order of their indices elsewhere: solids, then spheres, then the map. */
     std::vector<std::string> obstacleNames() const;
 };
 
 /** Reads an `environment` block. Throws Error (BadInput) with the place: unknown shapes or keys, sizes that are not
-positive, waypoints out of order, names given twice. The map file is found, not read. */
+positive, waypoints out of order, names given twice. The map file must exist; it is not read. */
 Environment readEnvironment(const ConfigNode& block);
 
 }  // namespace viable

@@ -12,14 +12,14 @@
 
 namespace viable {
 
-/** What stands around an arm, ready for questions in a tick: solids in closed form, the map as a distance field, moving
-spheres by their paths. Immutable, so that one thread may ask while another makes the next one. */
+/** The surroundings of an arm, prepared for queries in a tick: solids in closed form, the map as a distance field,
+moving spheres by their paths. Immutable, so that one thread may query while another prepares the next one. */
 class Surroundings {
 public:
-    /** @param lower, upper  box that the arm can reach, base frame [m]: what the distance field covers
-        @param reach_m       distances beyond need not be told apart [m]
-    Reads the map file and makes its distance field, or takes them from Surroundings made before in this process, when
-    the file, its place and the box are the same: two maps at most stay in memory to the end of the process. Throws Error (BadInput). */
+    /** @param lower, upper  box that the arm can reach, base frame [m]: covered by the distance field
+        @param reach_m       larger distances need not be distinguished [m]
+    Reads the map file and makes its distance field, or shares those of earlier Surroundings of this process when
+    file, pose and box are the same: at most two maps stay in memory until the process ends. Throws Error (BadInput). */
     Surroundings(const Environment& environment, const Eigen::Vector3d& lower, const Eigen::Vector3d& upper,
                  double reach_m);
     ~Surroundings();
@@ -40,13 +40,13 @@ public:
         Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  ///< unit vector away from it
     };
 
-    /** A lower bound of the distance of p (base frame) from all that is there at time t of the run or at any time after
-    [m]: a moving sphere counts with all that is left of its path, so that an arm at rest there will never be hit (all
-    of its path when t is no number). Solids and spheres: exact outside; inside a box or a cylinder as deep as the way
-    to the nearest face. The map: see DistanceField; outside of the box [lower, upper] nothing is known of it: -infinity.
-    A p that is no number: -infinity, of no obstacle. No obstacles at all: infinity. Real time. */
+    /** A lower bound of the distance of p (base frame) from all obstacles at time t of the run and at any later time
+    [m]: a moving sphere counts with the whole rest of its path, so that an arm at rest there will never be hit (with
+    its whole path when t is NaN). Solids and spheres: exact outside; inside a box or a cylinder minus the distance
+    to the nearest face. The map: see DistanceField; -infinity outside of the box [lower, upper].
+    -infinity, of no obstacle, when p is NaN. Infinity without obstacles. Real time. */
     double calcDistance(const Eigen::Vector3d& p, double t) const;
-    /** The same, and which it is. */
+    /** The same, with the obstacle and the gradient. */
     Nearest findNearest(const Eigen::Vector3d& p, double t) const;
 
 private:
@@ -64,14 +64,14 @@ private:
     const DistanceField* field_ = nullptr;  ///< of mapField_
 };
 
-/** Hands whole Surroundings from the thread that makes them to the one that uses them, without lock or wait on either
-side: the maker puts, the user takes the newest. One thread each.
+/** Hands complete Surroundings from the thread that makes them to the thread that uses them, without lock or wait on
+either side: the maker puts, the user takes the newest. One thread each.
 
 A triple buffer: of three slots the maker owns one, the user one, and the third, ready, lies between them under its
 index in one atomic. put() fills the maker's slot and exchanges it for the ready one, take() exchanges the user's for
 the ready one when that is new; each exchange releases what its side wrote and acquires what the other did. A slot
-that the user has given back comes into the maker's hands with a later put() and is emptied there: by its destructor
-and put() alone are Surroundings destroyed, up to one put() after the user left them. */
+that the user has given back is emptied by the maker in a later put(): Surroundings are destroyed by put() and the
+destructor only, up to one put() after the user left them. */
 class SurroundingsFeed {
 public:
     /** @param first  not null */
@@ -79,18 +79,18 @@ public:
     SurroundingsFeed(const SurroundingsFeed&) = delete;
     SurroundingsFeed& operator=(const SurroundingsFeed&) = delete;
 
-    /** The maker's thread: from the user's next take() on, these count. Old ones that nobody uses any more are
+    /** The maker's thread: the user's next take() returns these. Old ones that are no longer used are
     destroyed here, never in the user's thread.
     @param next     not null
-    @param stamp_s  when what they show was seen, time of the run */
+    @param stamp_s  time of the observation, in the time of the run */
     void put(std::shared_ptr<const Surroundings> next, double stamp_s);
 
-    /** For the one who is going to take(): false when there is one already. */
+    /** Reserves take() for the caller; false when it is reserved already. */
     bool claim() { return !isClaimed_.exchange(true); }
-    /** By who claimed it: another may. */
+    /** Ends the caller's reservation. */
     void release() { isClaimed_ = false; }
 
-    /** What the user's thread sees until its next take(). */
+    /** The view of the user's thread until its next take(). */
     struct View {
         const Surroundings* surroundings = nullptr;  ///< never null
         double stamp_s = 0.0;

@@ -1,9 +1,8 @@
 #pragma once
 
 #include <limits>
+#include <memory>
 
-#include "viable/braking/CertifiedBraking.h"
-#include "viable/braking/DesiredJerk.h"
 #include "viable/plugin/SafetyFilter.h"
 
 namespace viable {
@@ -28,6 +27,9 @@ worse then, and the limits hold from the moment they are met.
 Real time: no allocation, lock or throw after configure(). */
 class CertifiedBrakingFilter : public SafetyFilter {
 public:
+    CertifiedBrakingFilter();
+    ~CertifiedBrakingFilter() override;
+
     /** Reads `k_alpha`, `gamma` and `recovery`. */
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     /** The same without an experiment file. Throws Error (BadInput) for gains that the tick cannot carry or that are no
@@ -36,32 +38,14 @@ public:
 
     void reset(const MotionState& start) override;
     bool guaranteesLimits() const override { return true; }
-    bool recovers() const override { return recovery_; }
+    bool recovers() const override;
     bool changeLimits(const JointLimits& limits) override;
     void skipTicks(std::int64_t ticks) override;
     FilterStatus filter(const FilterInput& input, FilterDecision& decision) override;
 
-protected:
-    /** What the law chooses in a tick: vouched for by every joint, and committed.
-    @param desired  [rad/s^3]
-    @param jerk     to be held
-    @param joints   what holds each joint back */
-    virtual FilterStatus choose(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired,
-                                JointVector& jerk, std::array<JointIntervention, kMaxJoints>& joints);
-
-    CertifiedBraking& braking() { return braking_; }
-
 private:
-    struct Wording;
-    void configure(const RunSetup& setup, const CertifiedBrakingOptions& options, const Wording& wording);
-    void checkStart(const RunSetup& setup, const Wording& wording) const;
-
-    int n_ = 0;
-    double tick_s_ = 0.0;
-    bool recovery_ = false;
-    DesiredJerk desiredJerk_;
-    CertifiedBraking braking_;
-    JointVector desiredAcceleration_, desired_, jerk_;
+    struct Impl;
+    std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace viable

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 
 #include "viable/filter/CertifiedBrakingFilter.h"
 
@@ -34,8 +35,8 @@ Where a new map tells nothing the stored stop goes on.
 Guarantees: as CertifiedBrakingFilter for joint limits. In surroundings that do not change but for moving spheres on their
 known paths: the safety distance at every tick, between ticks and along every stored stop; torque limits in every tick of
 the run and of every stored stop. A chain of filters that changes what this one decided takes these guarantees on itself.
-Real time: bounded work (kMaxDistances and kMaxTorques of the check); no allocation, lock or throw after configure(). */
-class WholeArmBrakingFilter : public CertifiedBrakingFilter {
+Real time: bounded work (ArmStopCheck::kMaxDistances and TorqueScan::kMaxTorques); no allocation, lock or throw after configure(). */
+class WholeArmBrakingFilter : public SafetyFilter {
 public:
     WholeArmBrakingFilter();
     ~WholeArmBrakingFilter() override;
@@ -46,20 +47,17 @@ public:
     void configure(const RunSetup& setup, const WholeArmBrakingOptions& options);
 
     void reset(const MotionState& start) override;
-    void skipTicks(std::int64_t ticks) override;
+    bool guaranteesLimits() const override { return true; }
     bool guaranteesClearance() const override;
+    bool recovers() const override;
+    bool changeLimits(const JointLimits& limits) override;
+    void skipTicks(std::int64_t ticks) override;
     FilterStatus filter(const FilterInput& input, FilterDecision& decision) override;
 
-protected:
-    FilterStatus choose(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired,
-                        JointVector& jerk, std::array<JointIntervention, kMaxJoints>& joints) override;
-
 private:
-    struct Law;
-    void checkStart(const RunSetup& setup, const std::string& place) const;
-    void steer(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired);
     void prepare(const RunSetup& setup, const WholeArmBrakingOptions& options, const std::string& place);
-    std::unique_ptr<Law> law_;
+    struct Impl;
+    std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace viable

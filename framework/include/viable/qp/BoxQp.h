@@ -11,36 +11,36 @@ namespace viable {
     minimise |M (x - target)|^2   subject to   lower <= x <= upper                 (paper, eq. 13)
 
 Method: block principal pivoting (Judice and Pires 1994), started from the joints that stood on a
-bound in the last call: a round solves for the joints that are free, then exchanges every joint that
-is outside its bounds or pulls away from its bound. Where their number stops falling, a dual active
-set method (Goldfarb and Idnani 1983, for bounds only) goes on from there, one joint after the
+bound in the last call: a round solves for the free joints, then exchanges every joint that
+is outside its bounds or whose gradient points away from its bound. Where their number stops falling, a dual
+active set method (Goldfarb and Idnani 1983, for bounds only) continues from there, one joint after the
 other. A round factors the normal equations of the free joints and corrects the solution with
 residuals of M itself (corrected seminormal equations, Bjorck 1987).
 Assumes: M invertible with a condition number below about 1e7 (M'M: 1e14), target finite, bounds
 finite or infinite. Where lower > upper, by rounding, the upper one counts for both.
 Guarantees: the result lies in the box exactly; where the target does, the result is the target bit
-for bit. A target that is not finite counts as 0, so the result is a number whatever comes in,
+for bit. A target that is not finite counts as 0, so the result is never NaN, and it is finite
 unless a bound forces it to be infinite.
 Real time: no allocation, lock or throw; at most kMaxRoundsPerJoint n rounds, each a little more
 than one Cholesky solve.
 */
 class BoxQp {
 public:
-    /** Of random and adversarial problems with n = 1..16 none took more than half of it; an arm whose
-    active set is that of the tick before takes one round. */
+    /** Random and adversarial problems with n = 1..16 took at most half of it; an arm whose
+    active set is that of the previous tick takes one round. */
     static constexpr int kMaxRoundsPerJoint = 12;
 
     enum class Status : unsigned char {
         TargetInside,  ///< the target is admissible: nothing was solved
         Solved,        ///< optimal; KKT residual below 1e-9, scaled (see kBoundTolerance)
-        Clamped        ///< the target, cut off at the bounds: an input is not finite, M singular or
+        Clamped        ///< the target, clamped to the bounds: an input is not finite, M singular or
                        ///< too ill-conditioned, or kMaxRoundsPerJoint n reached
     };
 
     /** With s_i = |column i of M| and D^2 = sum (s_i (x_i - target_i))^2: a free joint may be outside by
     kBoundTolerance D / s_i (and is then put on the bound), and the gradient of a joint on a bound may
     point inwards by kGradientTolerance D s_i. The second is the rounding error of a gradient: a joint
-    wrongly held errs by it times the condition number of M'M. */
+    that is held by mistake is wrong by it times the condition number of M'M. */
     static constexpr double kBoundTolerance = 1e-11;
     static constexpr double kGradientTolerance = 1e-14;
 
@@ -49,7 +49,7 @@ public:
     Status solve(const JointMatrix& M, const JointVector& target, const JointVector& lower, const JointVector& upper,
                  JointVector& x);
 
-    /** Forgets the free set of the last call. */
+    /** Clears the set of free joints of the last call. */
     void reset() { side_.fill(0); }
 
     int rounds() const { return rounds_; }  ///< of the last call

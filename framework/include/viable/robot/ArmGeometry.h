@@ -17,13 +17,13 @@ struct LinkCapsule {
     double radius = 0.0;  ///< [m], > 0
 };
 
-/** What of an arm can hit something: capsules around its links, and which of them can hit each other. Obstacles count
-for what a joint moves; what the base carries stands where it stands. */
+/** The parts of an arm that can collide: capsules around its links, and which of them can collide with each other.
+Obstacles are checked for links that a joint moves, not for those fixed to the base. */
 struct ArmGeometry {
     std::vector<std::string> links;  ///< those with capsules
     std::vector<LinkCapsule> capsules;
     /** Indices into `capsules`, first < second: pairs on links that must not touch. Pairs of links that the file
-    allows to touch, of one link, and of two links that no joint moves against each other are not there. */
+    allows to touch, of one link, and of two links without a joint between them are left out. */
     std::vector<std::pair<int, int>> pairs;
 };
 
@@ -34,9 +34,9 @@ struct ArmGeometry {
       link1: [{from: [x, y, z], to: [x, y, z], radius: r}, ...]     in the link's frame [m]
     may_touch: [[link0, link1], ...]                                links that are next to each other
 
-Links are those of the URDF, also on fixed joints; those left out cannot hit anything.
-Throws Error (BadInput): no such file, a blank of `viable new robot` in it (each with the remedy), an unknown link, a
-size that is no number or not positive, a pair that stands there twice. */
+Links are those of the URDF, also on fixed joints; links that are left out cannot collide.
+Throws Error (BadInput): missing file, a placeholder of `viable new robot` in it (each with the remedy), an unknown
+link, a size that is NaN or not positive, a duplicate pair. */
 ArmGeometry loadArmGeometry(const RobotDescription& robot);
 
 }  // namespace viable

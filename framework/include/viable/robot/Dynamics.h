@@ -4,7 +4,7 @@
 
 namespace viable {
 
-/** What one tick needs to know of the rigid-body dynamics at (q, qd):
+/** The rigid-body dynamics at (q, qd), for one tick:
     tau = M(q) qdd + b(q, qd)                                                      (paper, eq. 1)
 M and b describe the nominal arm with its reflected rotor inertias and without friction. */
 struct Dynamics {
@@ -18,13 +18,13 @@ struct Dynamics {
 /** True when every member belongs to n joints and is finite. */
 bool isFinite(const Dynamics& dynamics, int n);
 
-/** Torques and accelerations beyond this are cut off, so that no torque, however absurd, overflows what is computed from
-them [Nm, rad/s^2]. */
+/** Torques and accelerations are clamped to this, so that no torque overflows what is computed from
+it [Nm, rad/s^2]. */
 inline constexpr double kLargestAcceleration = 1e100;
 
 /** The acceleration that `torque` causes: qdd = M^-1 (tau - b), by Cholesky, at most kLargestAcceleration. No
 allocation.
-Returns false, `qdd` of no use, when M is not positive definite or an input is not finite. */
+Returns false, with an unusable `qdd`, when M is not positive definite or an input is not finite. */
 bool calcForwardDynamics(const Dynamics& dynamics, const JointVector& torque, JointVector& qdd);
 
 /** The torque that causes `qdd`: tau = M qdd + b. No allocation. */

@@ -69,13 +69,13 @@ struct RobotDescription {
 /** Reads a robot folder; throws Error (BadInput) with file and place. */
 RobotDescription loadRobot(const std::filesystem::path& folder);
 
-/** The folder of a robot called `name` (or a path to one), looked up in `searchPath` in order; a
-miss lists the robots there are, the closest name and every folder tried.
-@param where  who asked, for the message */
+/** The folder of a robot called `name` (or a path to one), searched in `searchPath` in order. The error lists
+the known robots, the closest name and every folder searched.
+@param where  the place that names it, for the message */
 std::filesystem::path findRobot(const std::string& name, const std::vector<std::filesystem::path>& searchPath,
                                 const std::string& where);
 
-/** All robots in the search path, first folder of a name first. */
+/** All robots in the search path; of two with one name the first. */
 std::vector<std::filesystem::path> listRobots(const std::vector<std::filesystem::path>& searchPath);
 
 /** Reads a `limits` block over `base`: each of position_rad, velocity_radps, acceleration_radps2

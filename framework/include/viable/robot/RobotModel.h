@@ -30,8 +30,8 @@ public:
      * origin). */
     double calcEnergy(const JointVector& q, const JointVector& qd);
 
-    /** Simbody's own forward dynamics of the links: qdd from tau, WITHOUT rotor inertia. A second
-    opinion for tests; allocates, so never call it in a tick. */
+    /** Simbody's own forward dynamics of the links: qdd from tau, WITHOUT rotor inertia. An independent
+    result for tests; allocates, so never call it in a tick. */
     JointVector calcLinkForwardDynamics(const JointVector& q, const JointVector& qd, const JointVector& tau);
 
 private:

@@ -4,8 +4,8 @@
 
 namespace viable::testing {
 
-/** Counts the heap allocations (malloc, calloc, realloc, new, ...) of the thread that made it, from
-its construction on. Link AllocationCounter.cpp (installed in share/viable/contract) into the program to have it; where malloc
+/** Counts the heap allocations (malloc, calloc, realloc, new, ...) of the thread that constructed it, from
+then on. To use it, link AllocationCounter.cpp (installed in share/viable/contract) into the program; where malloc
 cannot be replaced (sanitizers, another C library than glibc) it is not available and counts
 nothing:
 

@@ -11,7 +11,7 @@ extern "C" const viable::PluginLibrary* viable_plugin_library();
 
 namespace viable::testing {
 
-/** What a test needs to configure the plugin that is linked into it and to call its tick once: the two-link arm at rest in
+/** Configures the plugin that is linked into a test, and supplies the inputs of one tick: the two-link arm at rest in
 its home pose, 1 ms per tick. Must outlive the plugin. */
 class PluginBench {
 public:

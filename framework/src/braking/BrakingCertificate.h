@@ -5,36 +5,36 @@
 
 namespace viable {
 
-/** Least and largest position [rad], velocity [rad/s] and acceleration [rad/s^2] along a path. */
+/** Smallest and largest position [rad], velocity [rad/s] and acceleration [rad/s^2] along a path. */
 struct PathExtremes {
     double positionLower, positionUpper;
     double velocityLower, velocityUpper;
     double accelerationLower, accelerationUpper;
 };
 
-/** A limit that is passed, and how far. `limit` None: none is. */
+/** A limit that is passed, and by how much. `limit` None: no limit is passed. */
 struct PassedLimit {
     LimitKind limit = LimitKind::None;
     LimitSide side = LimitSide::Neither;
     double excess = 0.0;  ///< in the limit's unit, > 0
 };
 
-/** Which jerks one joint may choose so that it can always still stop within its limits, on the time
-grid and without exception (MATH: certified braking).
+/** Decides which jerks one joint may take so that a stop within its limits always exists, on the time
+grid and without exception (framework/MATH.md, section 4).
 
-The joint always holds a certificate: a stop on the grid from its present state, whose whole path was
+The joint always holds a certificate: a backup stop on the grid from its present state, whose complete path was
 checked in closed form. A jerk is admissible exactly when such a stop exists from the state that it
-leads to. Otherwise the stored stop goes on, and what is left of it is the new certificate. The stored
-stop's next jerk is therefore always a choice: no state, limit or input leaves none.
+leads to. Otherwise the joint follows the backup stop, and the rest of it is the new certificate. The next jerk
+of the backup stop is therefore always admissible: the choice is never empty, for any state, limit or input.
 
 Use in each tick: beginTick(state); any number of isAdmissible() and findBound(); commit(jerk) with a
-jerk for which one of them vouched, or storedJerk().
+jerk that one of them certified, or storedJerk().
 
-Limits that the stored stop cannot meet (a start outside, limits that have shrunk) do not empty the
-choice either: until they are met, nothing may pass them farther than the stored stop does (see
-findExcess), so that every tick brings the joint nearer or leaves it where it is.
+Limits that the backup stop cannot meet (a start outside, limits that have shrunk) do not empty the
+choice either: until they are met, no choice may pass them farther than the backup stop does (see
+findExcess), so that the excess never grows.
 
-Assumes: jerk limits finite; velocity, acceleration and jerk limits contain zero in their inside.
+Assumes: jerk limits finite; velocity, acceleration and jerk limits contain zero in their interior.
 Real time: no allocation, lock or throw; bounded work. */
 class BrakingCertificate {
 public:
@@ -45,17 +45,17 @@ public:
     /** Plans the stop from `state`. It keeps the limits if any grid plan is found that does. */
     void reset(const AxisState& state);
 
-    /** New limits from now on; the stored stop stays until a better one is found. */
+    /** New limits from now on; the backup stop stays until a better one is found. */
     void changeLimits(const AxisLimits& limits);
 
-    /** The joint followed the stored stop for so many ticks without being asked. */
+    /** The joint followed the backup stop for so many ticks without a choice. */
     void skipTicks(std::int64_t ticks);
 
-    /** The state of this tick. Where it is not what the last commit() led to, nor lies on the stored stop up to 1000
-    ticks later, the stop is planned anew from it, as reset() does, and the answer is false. */
+    /** The state of this tick. False when it is neither the state that the last commit() led to nor on the backup stop
+    up to 1000 ticks later: the stop is then planned anew from it, as by reset(). */
     bool beginTick(const AxisState& state);
 
-    /** The first limit that the stored stop passes by more than rounding, in the order acceleration,
+    /** The first limit that the backup stop passes by more than rounding, in the order acceleration,
     jerk, position, velocity; valid after reset() and beginTick(). */
     const PassedLimit& findExcess() const { return excess_; }
 
@@ -65,23 +65,24 @@ public:
     bool isAdmissible(double jerk);
 
     struct Bound {
-        double jerk;      ///< admissible, from storedJerk() on towards the one asked for [rad/s^3]
-        LimitKind limit;  ///< what stands there
+        double jerk;      ///< admissible, between storedJerk() and the one asked for [rad/s^3]
+        LimitKind limit;  ///< that acts there
     };
-    /** The farthest admissible jerk that is found on the way from storedJerk() towards `jerk`, which
-    may be any finite number; where rounding has carried the stored stop over a limit by a hair, it may lie short of
+    /** The admissible jerk nearest to `jerk` that is found between storedJerk() and `jerk`, which
+    may be any finite number. Where rounding has carried the backup stop slightly over a limit, it may lie before
     storedJerk(). Bounded work: a few dozen plans. */
     Bound findBound(double jerk);
 
-    /** True when `stop` after `jerk` keeps the limits: a stop that was found in this tick, and that others than
-    the last isAdmissible() and findBound() may have replaced since. commit(jerk) then takes it. */
+    /** True when `stop` after `jerk` keeps the limits; for a stop that was found earlier in this tick and may have been
+    replaced since. commit(jerk) then takes it. */
     bool isAdmissible(double jerk, const GridStop& stop);
 
-    /** The stop that vouches for `jerk` and the state it begins from, at the end of this tick; false where none does:
-    `jerk` is neither storedJerk() nor that of the last isAdmissible() that was true, nor that of the last findBound(). */
+    /** The stop that certifies `jerk` and the state it begins from, at the end of this tick; false where none does:
+    `jerk` is neither storedJerk() nor that of the last isAdmissible() that was true, nor that of
+    the last findBound(). */
     bool findStop(double jerk, AxisState& after, GridStop& stop) const;
 
-    /** The jerk of this tick is `jerk`. Returns what is really to be applied: `jerk` when it was vouched for,
+    /** The jerk of this tick is `jerk`. Returns the jerk to apply: `jerk` when it was certified,
     else storedJerk(). */
     double commit(double jerk);
 
@@ -109,17 +110,17 @@ private:
     void findBest(double jerk, double stored, bool mirrored, LimitKind& limit, Candidate& candidate) const;
 
     AxisLimits limits_{};
-    AxisLimits rounding_{};  ///< what counts as rounding beyond a limit, positive numbers
-    AxisLimits allowed_{};   ///< the same for this tick: where rounding has added up, that much
-    AxisLimits bounds_{};    ///< of this tick: the limits; the barrier; or the stored stop's extremes
+    AxisLimits rounding_{};  ///< threshold for rounding beyond a limit, positive numbers
+    AxisLimits allowed_{};   ///< the same for this tick: where rounding has accumulated, that much
+    AxisLimits bounds_{};    ///< of this tick: the limits; the barrier; or the backup stop's extremes
     double peakLower_ = 0.0, peakUpper_ = 0.0;  ///< bounds of the velocity peak in this tick
     double tick_s_ = 0.0;
     double approach_ = 1.0;
 
     AxisState state_, expected_;
     bool knowsExpected_ = false;
-    bool mayExceed_ = false;  ///< the stored stop may pass a limit: to be judged anew
-    bool drifts_ = false;     ///< it does so by rounding that has added up
+    bool mayExceed_ = false;  ///< the backup stop may pass a limit: to be checked again
+    bool drifts_ = false;     ///< it does so by accumulated rounding
     GridStop stored_;
     PassedLimit excess_;
     Candidate trial_, bound_;

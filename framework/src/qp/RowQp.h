@@ -6,7 +6,7 @@
 
 namespace viable {
 
-/** Finds the jerk in a box, on one side of some planes, that is nearest to a desired one, measured
+/** Finds the jerk in a box and on the allowed side of some planes that is nearest to a desired one, measured
 in torque:
 
     minimise |M (x - target)|^2   subject to   lower <= x <= upper,   row_k . x >= bound_k
@@ -14,19 +14,19 @@ in torque:
 Method: dual active set (Goldfarb and Idnani 1983) from the unconstrained minimum, x = target;
 orthogonal updates of the factors, so that adding and dropping a constraint costs O(n^2). M itself
 is factored, and the result is corrected with residuals of M and the rows. Rows are scaled, so their
-size does not count. Where nearly parallel rows defeat that, it is tried once more leaving out what
-kRowTolerance allows to.
+size has no effect. Where nearly parallel rows make it fail, it is tried once more without the rows that
+kRowTolerance allows to leave out.
 Assumes: M invertible with a condition number below about 1e7; everything finite but the box's
 bounds, which may be infinite. Where lower > upper, by rounding, the upper one counts for both. A
-row of zeros asks nothing where its bound is <= 0 and the impossible where it is > 0. Rows that
-contradict each other by less than kRowTolerance count as kept.
-Guarantees: the result lies in the box exactly, whatever comes in, and is finite unless a bound
-forces it not to be. Of 1e5 problems that have a solution, a quarter of them degenerate (copies,
-slabs of no thickness, many rows through one point, angles down to 1e-4), none failed; with angles
-down to rounding and M of condition up to 1e7, half a per cent is given up as Failed or wrongly
+row of zeros always holds where its bound is <= 0 and never where it is > 0. Rows that
+contradict each other by less than kRowTolerance count as satisfied.
+Guarantees: the result lies in the box exactly for any input, and is finite unless a bound
+forces it to be infinite. Of 1e5 problems that have a solution, a quarter of them degenerate (duplicates,
+slabs without thickness, many rows through one point, angles down to 1e-4), none failed; with angles
+down to rounding and M of condition up to 1e7, 0.5 % end as Failed or are wrongly
 called Infeasible.
-Real time: no allocation, lock or throw; at most kMaxIterations steps (worst seen where rows are not
-parallel but for rounding: 152, with n = 16 and 48 rows). Keeps nothing from call to call. */
+Real time: no allocation, lock or throw; at most kMaxIterations steps (maximum seen where rows are not
+parallel to rounding: 152, with n = 16 and 48 rows). Has no state between calls. */
 class RowQp {
 public:
     static constexpr int kMaxRows = 48;
@@ -39,16 +39,16 @@ public:
         std::array<double, kMaxRows> bound{};
 
         void clear() { count = 0; }
-        /** False: no room. */
+        /** False when kMaxRows is reached. */
         bool add(const JointVector& row, double least);
     };
 
     enum class Status : unsigned char {
         TargetInside,  ///< the target is admissible: nothing was solved
         Solved,        ///< optimal; rows hold to kRowTolerance sum_i |row_i| (|x_i| + |target_i|)
-        Infeasible,    ///< no x keeps box and rows; x: where the method was, cut off at the box
+        Infeasible,    ///< no x satisfies box and rows; x: the last iterate, clamped to the box
         Failed         ///< an input is not finite or of another size, M singular, or kMaxIterations
-                       ///< reached; x: the target (0 where it is not finite), cut off at the box
+                       ///< reached; x: the target (0 where it is not finite), clamped to the box
     };
     static constexpr double kRowTolerance = 1e-9;
 

@@ -1,0 +1,120 @@
+#include "clearance/ElementDistance.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "robot/Segments.h"
+
+namespace viable::detail {
+
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+/** Distance of neighbouring balls over their capsule's radius: the balls are then 3 % larger than the capsule. Long thin
+capsules have kMaxGaps and fatter balls. */
+constexpr double kBallSpacing = 0.5;
+constexpr int kMaxGaps = 15;
+
+}  // namespace
+
+ElementDistance::ElementDistance(std::vector<LinkCapsule> capsules)
+    : capsules_(std::move(capsules)), covers_(makeCovers(capsules_)) {}
+
+std::vector<ElementDistance::Cover> ElementDistance::makeCovers(const std::vector<LinkCapsule>& capsules) {
+    std::vector<Cover> covers;
+    for (const LinkCapsule& capsule : capsules) {
+        Cover cover;
+        const double length = (capsule.b - capsule.a).norm();
+        const double wanted = std::ceil(length / (kBallSpacing * capsule.radius));
+        cover.gaps = static_cast<int>(std::min<double>(wanted, kMaxGaps));
+        cover.spacing = cover.gaps > 0 ? length / cover.gaps : 0.0;
+        cover.radius = std::hypot(capsule.radius, cover.spacing / 2.0);
+        cover.reach = length / 2.0 + cover.radius;
+        covers.push_back(cover);
+    }
+    return covers;
+}
+
+std::vector<double> ElementDistance::getRadii() const {
+    std::vector<double> radii;
+    for (const Cover& cover : covers_) radii.push_back(cover.radius);
+    return radii;
+}
+
+ElementDistance::Rough ElementDistance::calcRough(const ArmElement& element, const CapsuleMotion::Pose& pose) const {
+    const Cover& first = covers_[static_cast<std::size_t>(element.first)];
+    const CapsuleMotion::Segment& segment = pose.segments[static_cast<std::size_t>(element.first)];
+    const Eigen::Vector3d middle = (segment.a + segment.b) / 2.0;
+    if (!element.isPair()) {
+        const double ofMiddle = surroundings_->calcDistance(middle, time_s_);
+        return {ofMiddle - first.reach, ofMiddle};
+    }
+    const Cover& second = covers_[static_cast<std::size_t>(element.second)];
+    const CapsuleMotion::Segment& other = pose.segments[static_cast<std::size_t>(element.second)];
+    return {(middle - (other.a + other.b) / 2.0).norm() - first.reach - second.reach, kInfinity};
+}
+
+double ElementDistance::calc(const ArmElement& element, const CapsuleMotion::Pose& pose, double ofMiddle, int sample,
+                             Place& nearest, int& distances) const {
+    if (!element.isPair())
+        return calcToSurroundings(element.first, pose.segments[static_cast<std::size_t>(element.first)], ofMiddle,
+                                  sample, nearest, distances);
+    --distances;
+    return calcBetween(element, pose, sample, nearest);
+}
+
+double ElementDistance::calcToSurroundings(int capsule, const CapsuleMotion::Segment& segment, double ofMiddle,
+                                           int sample, Place& nearest, int& distances) const {
+    const Cover& cover = covers_[static_cast<std::size_t>(capsule)];
+    const int last = cover.gaps;
+    const Eigen::Vector3d along = last > 0 ? Eigen::Vector3d((segment.b - segment.a) / last) : Eigen::Vector3d::Zero();
+    double least = kInfinity;
+    Eigen::Vector3d where = Eigen::Vector3d::Zero();
+    const auto ask = [&](int k) {
+        const Eigen::Vector3d p = segment.a + k * along;
+        const double distance = surroundings_->calcDistance(p, time_s_);
+        --distances;
+        if (!(distance >= least)) {
+            least = distance;
+            where = p;
+        }
+        return distance;
+    };
+    // From the nearer end to the other: no point is nearer than another's distance less the way between them.
+    const double ofFirst = ask(0), ofLast = last > 0 ? ask(last) : ofFirst;
+    const int step = ofFirst <= ofLast ? 1 : -1;
+    double known = std::min(ofFirst, ofLast);
+    for (int k = step > 0 ? 1 : last - 1, at = k - step; k > 0 && k < last; k += step) {
+        const double bound =
+            std::max({known - std::abs(k - at) * cover.spacing, ofMiddle - std::abs(k - 0.5 * last) * cover.spacing,
+                      std::max(ofFirst, ofLast) - (step > 0 ? last - k : k) * cover.spacing});
+        if (bound >= least) continue;
+        known = ask(k);
+        at = k;
+    }
+    const double clearance = least - cover.radius;
+    if (!(clearance < nearest.distance)) return clearance;
+    const Surroundings::Nearest found = surroundings_->findNearest(where, time_s_);
+    nearest = {clearance, sample, found.obstacle, found.gradient, where - cover.radius * found.gradient, where};
+    if (std::isfinite(found.distance)) nearest.onSecond -= found.distance * found.gradient;
+    return clearance;
+}
+
+double ElementDistance::calcBetween(const ArmElement& element, const CapsuleMotion::Pose& pose, int sample,
+                                    Place& nearest) const {
+    const auto first = static_cast<std::size_t>(element.first), second = static_cast<std::size_t>(element.second);
+    const LinkCapsule &a = capsules_[first], &b = capsules_[second];
+    Eigen::Vector3d onA, onB;
+    findNearestPoints(pose.segments[first].a, pose.segments[first].b, pose.segments[second].a, pose.segments[second].b,
+                      onA, onB);
+    const Eigen::Vector3d apart = onA - onB;
+    const double distance = apart.norm();
+    const double clearance = distance - a.radius - b.radius;
+    if (!(clearance < nearest.distance)) return clearance;
+    const Eigen::Vector3d direction = distance > 0.0 ? Eigen::Vector3d(apart / distance) : Eigen::Vector3d::Zero();
+    nearest = {clearance, sample, -1, direction, onA - a.radius * direction, onB + b.radius * direction};
+    return clearance;
+}
+
+}  // namespace viable::detail

@@ -1,0 +1,87 @@
+#include "clearance/SteeringRows.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace viable::detail {
+
+namespace {
+
+/** How far a joint is with the tick's jerk at a later time, where two stops of it do not tell, in tick^3: by the shortest
+stops from rest. */
+constexpr double kLeastSlope = 2.0;
+
+/** row . u >= bound, scaled to length 1. A row of zeros asks nothing: nothing that the arm does now changes it. */
+void add(const JointVector& row, double bound, RowQp::Rows& rows) {
+    const double size = row.norm();
+    if (size > 0.0) rows.add(row / size, bound / size);
+}
+
+}  // namespace
+
+SteeringRows::SteeringRows(const RobotDescription& robot, std::vector<LinkCapsule> capsules,
+                           const TorqueScan::Limits& limits, double tick_s)
+    : n_(robot.size()), arm_(robot), capsules_(std::move(capsules)), limits_(limits), tick_s_(tick_s) {}
+
+/** c + sum_i gradient . (dp/dq_i) (dq_i/du_i) (u_i - jerk_i) >= bound, all at the nearest place; dq_i/du_i by the
+difference of the two paths there. */
+void SteeringRows::addClearance(const ElementDistance::Place& place, const ArmElement& element,
+                                const ArmRecursion::Frames& frames, double t_s, double bound, const StopPair& stops,
+                                RowQp::Rows& rows) const {
+    JointVector here, there;
+    stops.path.calcPositions(t_s, here);
+    stops.other.calcPositions(std::min(t_s, stops.other.duration()), there);
+    const auto getCarrier = [&](int capsule) {
+        return capsule < 0 ? -1 : capsules_[static_cast<std::size_t>(capsule)].carrier;
+    };
+    const int first = getCarrier(element.first), second = getCarrier(element.second);
+    JointVector row = JointVector::Zero(n_);
+    for (int i = 0; i < n_; ++i) {
+        const auto at = static_cast<std::size_t>(i);
+        const auto calcMotion = [&](int carrier, const Eigen::Vector3d& p) -> double {
+            if (carrier < 0 || !arm_.moves(i, carrier)) return 0.0;
+            const Eigen::Vector3d& axis = frames.axis[at];
+            return place.gradient.dot(arm_.isPrismatic(i) ? axis : axis.cross(p - frames.origin[at]));
+        };
+        const double motion = calcMotion(first, place.onFirst) - calcMotion(second, place.onSecond);
+        const double slope = (here[i] - there[i]) / (stops.jerk[i] - stops.otherJerk[i]);
+        row[i] = motion * (std::isfinite(slope) && slope > 0.0 ? slope : kLeastSlope * tick_s_ * tick_s_ * tick_s_);
+    }
+    add(row, bound - place.distance + row.dot(stops.jerk), rows);
+}
+
+void SteeringRows::addTorque(const TorqueScan::Fault& fault, double torqueUse, const StopPair& stops,
+                             RowQp::Rows& rows) const {
+    const double t = static_cast<double>(fault.tick) * tick_s_;
+    const double middle = t + tick_s_ / 2.0;  // the torque of a tick is that of its mean acceleration
+    JointVector q;
+    stops.path.calcPositions(t, q);
+    JointMatrix M;
+    arm_.calcInertia(q, M);
+    JointVector row = JointVector::Zero(n_);
+    for (int i = 0; i < n_; ++i) {
+        const double here = stops.path.calcAcceleration(i, middle);
+        const double there = stops.other.calcAcceleration(i, middle);
+        const double slope = (here - there) / (stops.jerk[i] - stops.otherJerk[i]);
+        row[i] = M(fault.joint, i) * (std::isfinite(slope) ? slope : tick_s_ / 2.0);
+    }
+    if (fault.torque > 0.0) row = -row;
+    const double missing = std::abs(fault.torque) - torqueUse * limits_.torque[fault.joint];
+    add(row, missing + row.dot(stops.jerk), rows);
+}
+
+void SteeringRows::addTick(const Dynamics& dynamics, const JointVector& qdd, double torqueUse,
+                           const JointVector& lastTorque, RowQp::Rows& rows) const {
+    for (int i = 0; i < n_; ++i) {
+        const double change = torqueUse * limits_.rate[i] * tick_s_;
+        const double upper = std::min(torqueUse * limits_.torque[i], lastTorque[i] + change);
+        const double lower = std::max(-torqueUse * limits_.torque[i], lastTorque[i] - change);
+        const JointVector row = dynamics.M.row(i).transpose() * (tick_s_ / 2.0);
+        const double rest = dynamics.M.row(i).dot(qdd) + dynamics.b[i];
+        if (std::isfinite(lower)) add(row, lower - rest, rows);
+        if (std::isfinite(upper)) add(-row, rest - upper, rows);
+    }
+}
+
+}  // namespace viable::detail

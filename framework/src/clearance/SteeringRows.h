@@ -1,0 +1,49 @@
+#pragma once
+
+#include <vector>
+
+#include "clearance/ArmElement.h"
+#include "clearance/ElementDistance.h"
+#include "clearance/TorqueScan.h"
+#include "qp/RowQp.h"
+#include "viable/robot/Dynamics.h"
+
+namespace viable::detail {
+
+/** Two stops from the same state, the first one looked at: how a stop moves with the jerk of its tick is their difference. */
+struct StopPair {
+    const ArmPath& path;
+    const JointVector& jerk;
+    const ArmPath& other;
+    const JointVector& otherJerk;
+};
+
+/** Inequalities row . u >= bound for the jerks u of a tick that lead a stop away from obstacles and back within torque
+limits, to first order, as rows for RowQp: velocity dampers (Faverjon and Tournassoud, A local based approach for path
+planning of manipulators with a high number of degrees of freedom, ICRA 1987) taken along the stop instead of at the present
+pose. They only propose: what they lead to is checked like any other jerk. Rows have length 1. Real time. */
+class SteeringRows {
+public:
+    SteeringRows(const RobotDescription& robot, std::vector<LinkCapsule> capsules, const TorqueScan::Limits& limits,
+                 double tick_s);
+
+    /** Keeps the clearance at a place at `bound` or more.
+    @param frames  of the arm there, at time t_s of the path */
+    void addClearance(const ElementDistance::Place& place, const ArmElement& element,
+                      const ArmRecursion::Frames& frames, double t_s, double bound, const StopPair& stops,
+                      RowQp::Rows& rows) const;
+    /** Brings a torque of the stop back to `torqueUse` of its limit, by the accelerations there. */
+    void addTorque(const TorqueScan::Fault& fault, double torqueUse, const StopPair& stops, RowQp::Rows& rows) const;
+    /** Keeps the torque of the tick itself, M (qdd + u dt / 2) + b, within its limits; exact. */
+    void addTick(const Dynamics& dynamics, const JointVector& qdd, double torqueUse, const JointVector& lastTorque,
+                 RowQp::Rows& rows) const;
+
+private:
+    int n_;
+    ArmRecursion arm_;
+    std::vector<LinkCapsule> capsules_;
+    TorqueScan::Limits limits_;
+    double tick_s_;
+};
+
+}  // namespace viable::detail

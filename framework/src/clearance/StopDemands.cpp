@@ -1,0 +1,53 @@
+#include "clearance/StopDemands.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace viable::detail {
+
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+/** Farther than so much beyond its least clearance nothing is steered away from [m]. */
+constexpr double kInfluence_m = 0.1;
+
+}  // namespace
+
+StopDemands::StopDemands(int elements, double share) : share_(share) {
+    for (ArmStopCheck::Demands* d : {&demands_, &measures_})
+        for (std::vector<double>* v : {&d->floor, &d->least, &d->ahead})
+            v->assign(static_cast<std::size_t>(elements), -kInfinity);
+    measures_.torqueUse = kInfinity;
+    demands_.beginsAbove = true;
+}
+
+const ArmStopCheck::Demands& StopDemands::measure() {
+    std::fill(measures_.floor.begin(), measures_.floor.end(), required_m_);
+    std::fill(measures_.ahead.begin(), measures_.ahead.end(), aim());
+    return measures_;
+}
+
+void StopDemands::begin(const ArmStopCheck::Result& stored) {
+    demands_.torqueUse = std::max(1.0, stored.torqueUse);
+    for (std::size_t e = 0; e < stored.seen.size(); ++e) {
+        // Where a map tells nothing (-infinity) nothing less is asked: the stored stop goes on until it does.
+        const bool isKept = !(stored.seen[e] < required_m_) || std::isinf(stored.seen[e]);
+        demands_.floor[e] = isKept ? required_m_ : stored.seen[e] - bisection::kGuard_m;
+        demands_.least[e] = std::isinf(stored.seen[e]) ? aim() : std::min(aim(), stored.seen[e]);
+    }
+}
+
+void StopDemands::raise(const ArmStopCheck::Result& kept) {
+    for (std::size_t e = 0; e < kept.seen.size(); ++e) {
+        demands_.floor[e] = std::max(demands_.floor[e], std::min(required_m_, kept.seen[e] - bisection::kGuard_m));
+        demands_.least[e] = std::max(demands_.least[e], std::min(aim(), kept.seen[e]));
+        const double room = std::clamp(kept.seen[e] - demands_.least[e], 0.0, kInfluence_m);
+        demands_.ahead[e] = demands_.least[e] + (1.0 - share_) * room;
+    }
+}
+
+void StopDemands::lowerTorqueUse(double use) {
+    demands_.torqueUse = std::max(1.0, std::min(demands_.torqueUse, use));
+}
+
+}  // namespace viable::detail

@@ -1,0 +1,36 @@
+#pragma once
+
+#include "clearance/ArmStopCheck.h"
+
+namespace viable::detail {
+
+/** What the next stop must keep, as it follows from what the stored stop keeps: the safety distance, or where that is lost
+(surroundings that changed, a start too near) to come no nearer. Real time after construction. */
+class StopDemands {
+public:
+    /** @param share  in (0, 1]: of the clearance left, how much one tick may use up: a discrete barrier */
+    StopDemands(int elements, double share);
+
+    void setRequired(double distance_m) { required_m_ = distance_m; }
+    double required() const { return required_m_; }  ///< safety distance [m]
+
+    /** For a look at the stored stop alone: what it keeps is measured. */
+    const ArmStopCheck::Demands& measure();
+    /** Begins anew from what the stored stop was measured to keep. */
+    void begin(const ArmStopCheck::Result& stored);
+    /** What has become better stays so; and how near the next stop may come of what is left. */
+    void raise(const ArmStopCheck::Result& kept);
+    /** The torque that the stop taken now uses: the next one may use no more. */
+    void lowerTorqueUse(double use);
+
+    /** Of every jerk that is taken. */
+    const ArmStopCheck::Demands& get() const { return demands_; }
+
+private:
+    double aim() const { return required_m_ + bisection::kGuard_m; }
+
+    double share_, required_m_ = 0.0;
+    ArmStopCheck::Demands demands_, measures_;
+};
+
+}  // namespace viable::detail

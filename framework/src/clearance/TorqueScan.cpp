@@ -1,0 +1,70 @@
+#include "clearance/TorqueScan.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace viable::detail {
+
+namespace {
+
+/** A torque that differs by less is the same: rounding, as a share of its limit. */
+constexpr double kRounding = 1e-9;
+
+}  // namespace
+
+TorqueScan::TorqueScan(const RobotDescription& robot, const Limits& limits, double tick_s)
+    : n_(robot.size()),
+      limits_(limits),
+      tick_s_(tick_s),
+      arm_(robot),
+      torqueRate_(robot),
+      limitsTorque_(!limits.torque.array().isInf().all()),
+      limitsRate_(!limits.rate.array().isInf().all()) {
+    for (JointVector* v : {&position_, &velocity_, &acceleration_, &torque_, &torqueBefore_, &rate_}) v->setZero(n_);
+}
+
+void TorqueScan::calcTorque(const ArmPath& path, std::int64_t tick, JointVector& torque) {
+    path.calcTick(tick, position_, velocity_, acceleration_);
+    arm_.calcTorque(position_, velocity_, acceleration_, torque);
+}
+
+TorqueScan::Result TorqueScan::scan(const ArmPath& path, const ArmPath::Extremes& extremes, double torqueUse,
+                                    const JointVector& lastTorque) {
+    Result result;
+    faultCount_ = 0;
+    if (!limitsTorque_ && !limitsRate_) return result;
+    torqueRate_.calcBound(extremes, rate_);
+    // Where the torque cannot change faster than allowed nobody need look at its changes.
+    const bool looksAtChanges = limitsRate_ && !(rate_.array() <= limits_.rate.array()).all();
+    const bool measures = std::isinf(torqueUse);
+    torqueBefore_ = lastTorque;
+    const std::int64_t last = path.ticks();
+    for (std::int64_t tick = 0;;) {
+        if (--left_ < 0) {
+            result.bearsTorque = false;
+            return result;
+        }
+        calcTorque(path, tick, torque_);
+        const double most = (measures ? std::max(1.0, result.torqueUse) : torqueUse) + kRounding;
+        double free = static_cast<double>(last);
+        for (int i = 0; i < n_; ++i) {
+            const double limit = limits_.torque[i];
+            const double use = std::abs(torque_[i]) / limit;
+            const double change = looksAtChanges || tick == 0
+                                      ? std::abs(torque_[i] - torqueBefore_[i]) / (limits_.rate[i] * tick_s_)
+                                      : 0.0;
+            result.torqueUse = std::max({result.torqueUse, use, change});
+            free = std::min(free, (most * limit - std::abs(torque_[i])) / (rate_[i] * tick_s_));
+            if (measures || (use <= most && change <= most)) continue;
+            result.bearsTorque = false;
+            if (use > most && faultCount_ < static_cast<int>(faults_.size()))
+                faults_[static_cast<std::size_t>(faultCount_++)] = {tick, i, torque_[i]};
+        }
+        if (!result.bearsTorque || tick >= last) return result;
+        torqueBefore_ = torque_;
+        const bool maySkip = !looksAtChanges && free >= 1.0;
+        tick = std::min(last, tick + (maySkip ? static_cast<std::int64_t>(free) : 1));
+    }
+}
+
+}  // namespace viable::detail

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "clearance/ArmPath.h"
+#include "clearance/TorqueRate.h"
+#include "robot/ArmRecursion.h"
+
+namespace viable::detail {
+
+/** Looks whether the torque along a path stays within its limits, tick by tick. How many ticks may be left out follows from
+the bound of TorqueRate and from what is missing to the limit. Real time after construction, bounded work. */
+class TorqueScan {
+public:
+    struct Limits {
+        JointVector torque;  ///< [Nm]; infinite: none
+        JointVector rate;    ///< [Nm/s]; infinite: none
+    };
+    /** A joint's torque beyond its limit at a tick of the path. */
+    struct Fault {
+        std::int64_t tick = 0;
+        int joint = 0;
+        double torque = 0.0;  ///< beyond the limit of its sign [Nm]
+    };
+    /** Torques computed in a tick, at most; beyond them nothing that needs another is proven. */
+    static constexpr int kMaxTorques = 1500;
+
+    TorqueScan(const RobotDescription& robot, const Limits& limits, double tick_s);
+
+    /** kMaxTorques may be computed until the next call. */
+    void beginTick() { left_ = kMaxTorques; }
+
+    struct Result {
+        bool bearsTorque = true;  ///< within `torqueUse` of the limits; when it is only measured: all of it was
+        double torqueUse = 0.0;   ///< largest |tau| / limit or |change| / limit seen
+    };
+    /** @param extremes    of the path
+        @param torqueUse   the most that torque may use of its limits; infinite: it is only measured
+        @param lastTorque  of the tick before the path's first */
+    Result scan(const ArmPath& path, const ArmPath::Extremes& extremes, double torqueUse,
+                const JointVector& lastTorque);
+
+    /** Found by the last scan(), the first ones. */
+    int faultCount() const { return faultCount_; }
+    const Fault& fault(int k) const { return faults_[static_cast<std::size_t>(k)]; }
+
+    /** The torque of a tick of a path. */
+    void calcTorque(const ArmPath& path, std::int64_t tick, JointVector& torque);
+
+private:
+    int n_;
+    Limits limits_;
+    double tick_s_;
+    ArmRecursion arm_;
+    TorqueRate torqueRate_;
+    bool limitsTorque_, limitsRate_;
+    int left_ = kMaxTorques;
+    std::array<Fault, 4> faults_;
+    int faultCount_ = 0;
+    JointVector position_, velocity_, acceleration_, torque_, torqueBefore_, rate_;
+};
+
+}  // namespace viable::detail

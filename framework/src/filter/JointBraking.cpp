@@ -1,0 +1,140 @@
+#include "filter/JointBraking.h"
+
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+#include "viable/core/Error.h"
+
+namespace viable::detail {
+
+namespace {
+
+/** Beyond a limit by less is rounding; relative to the limit. */
+constexpr double kRounding = 1e-12;
+
+std::string formatNumber(double value, const char* pattern = "%g") {
+    char text[32];
+    std::snprintf(text, sizeof text, pattern, value);
+    return text;
+}
+
+/** What of a joint's start is itself beyond a limit, and the keys that say so. */
+struct Outside {
+    std::string what, keys;  // empty: nothing is
+};
+
+Outside findOutside(const RunSetup& setup, int joint) {
+    Outside outside;
+    const auto check = [&](LimitKind kind, double value, const JointBounds& bounds, const char* key) {
+        const bool below = value < bounds.lower[joint];
+        const double bound = below ? bounds.lower[joint] : bounds.upper[joint];
+        const double excess = below ? bound - value : value - bound;
+        if (!(excess > kRounding * std::abs(bound))) return;
+        const std::string unit = std::string(" ") + getUnit(kind);
+        outside.what += (outside.what.empty() ? "" : ", ") + std::string(getName(kind, LimitSide::Neither)) + " " +
+                        formatNumber(value) + unit + " is beyond " +
+                        getName(kind, below ? LimitSide::Lower : LimitSide::Upper) + " by " +
+                        formatNumber(excess, "%.3g") + unit + " (limit " + formatNumber(bound) + unit + ")";
+        outside.keys += (outside.keys.empty() ? "`start." : ", `start.") + std::string(key) + "`";
+    };
+    check(LimitKind::Position, setup.start.q[joint], setup.limits.position, "position_rad");
+    check(LimitKind::Velocity, setup.start.qd[joint], setup.limits.velocity, "velocity_radps");
+    check(LimitKind::Acceleration, setup.start.qdd[joint], setup.limits.acceleration, "acceleration_radps2");
+    return outside;
+}
+
+}  // namespace
+
+/** How messages speak to whoever configures: by an experiment file, or in code. */
+struct JointBraking::Wording {
+    std::string kAlpha, gamma, recovery;  // places
+    std::string infinity, jerkRemedy, recoveryRemedy;
+    bool namesKeys;  // of the start
+};
+
+void JointBraking::configure(const RunSetup& setup, const Parameters& parameters) {
+    configure(
+        setup,
+        CertifiedBrakingOptions{parameters.number("k_alpha"), parameters.number("gamma"), parameters.flag("recovery")},
+        {parameters.place("k_alpha"), parameters.place("gamma"), parameters.place("recovery"), ".inf",
+         "Set limits.jerk_radps3.", "or set `recovery: true` here, which leads the arm back.", true});
+}
+
+void JointBraking::configure(const RunSetup& setup, const CertifiedBrakingOptions& options) {
+    const std::string place = "CertifiedBrakingOptions::";
+    configure(setup, options,
+              {place + "kAlpha", place + "gamma", place + "recovery", "infinity",
+               "Give JointLimits::jerk a number for every joint and side.",
+               "or set CertifiedBrakingOptions::recovery, which leads the arm back.", false});
+}
+
+void JointBraking::configure(const RunSetup& setup, const CertifiedBrakingOptions& options, const Wording& wording) {
+    n_ = setup.size();
+    tick_s_ = setup.tick_s;
+    recovery_ = options.recovery;
+    const double approach = std::isinf(options.kAlpha) && options.kAlpha > 0.0 ? 1.0 : options.kAlpha * tick_s_;
+    const double follow = options.gamma * tick_s_;
+    if (!(approach > 0.0 && approach <= 1.0))
+        throw badInput(wording.kAlpha, "k_alpha * tick_s is " + formatNumber(approach) + ", allowed (0, 1]",
+                       "Choose k_alpha at most 1 / tick_s, or " + wording.infinity + ".");
+    if (!(follow > 0.0 && follow < 2.0))
+        throw badInput(wording.gamma, "gamma * tick_s is " + formatNumber(follow, "%#.3g") + ", allowed (0, 2)",
+                       "The sampled law is unstable from 2 on; choose gamma below 2 / tick_s.");
+    if (!setup.limits.jerk.lower.allFinite() || !setup.limits.jerk.upper.allFinite())
+        throw badInput(wording.recovery, "this filter needs a finite jerk limit on every joint", wording.jerkRemedy);
+    desiredJerk_.configure(options.gamma, tick_s_);
+    braking_.configure(setup.limits, tick_s_, approach);
+    reset(setup.start);
+    if (!recovery_) checkStart(setup, wording);
+}
+
+void JointBraking::checkStart(const RunSetup& setup, const Wording& wording) const {
+    for (int i = 0; i < n_; ++i) {
+        const PassedLimit& excess = braking_.findExcess(i);
+        if (excess.limit == LimitKind::None) continue;
+        const std::string who = "the start of " + setup.robot.joints[i].name + " is ";
+        const Outside outside = findOutside(setup, i);
+        if (!outside.what.empty())
+            throw badInput(wording.recovery, who + "outside its limits: " + outside.what,
+                           (wording.namesKeys ? "Change " + outside.keys : "Start inside the limits") + ", " +
+                               wording.recoveryRemedy);
+        throw badInput(wording.recovery,
+                       who + "not viable: its stop would pass the limit " + getName(excess.limit, excess.side) +
+                           " by " + formatNumber(excess.excess, "%.3g") + " " + getUnit(excess.limit),
+                       (wording.namesKeys ? "Change `start` (at rest, or further inside the limits), "
+                                          : "Start at rest, or further inside the limits, ") +
+                           wording.recoveryRemedy);
+    }
+}
+
+void JointBraking::reset(const MotionState& start) {
+    desiredJerk_.reset();
+    braking_.reset(start);
+}
+
+bool JointBraking::changeLimits(const JointLimits& limits) {
+    if (!limits.jerk.lower.allFinite() || !limits.jerk.upper.allFinite()) return false;
+    braking_.changeLimits(limits);
+    return true;
+}
+
+void JointBraking::skipTicks(std::int64_t ticks) {
+    desiredJerk_.reset();  // the difference quotient would span the gap
+    braking_.skipTicks(ticks);
+}
+
+FilterStatus JointBraking::findDesired(const FilterInput& input) {
+    if (!isFinite(input, n_)) return FilterStatus::InvalidInput;
+    if (!calcForwardDynamics(input.dynamics, input.torque, desiredAcceleration_)) return FilterStatus::Faulted;
+    desiredJerk_.calc(input.nominal.qdd, desiredAcceleration_, input.accelerationRate, desired_);
+    return FilterStatus::Passed;
+}
+
+void JointBraking::decide(const JointVector& jerk, FilterDecision& decision) const {
+    decision.holdJerk(jerk);
+    decision.hasStops = true;
+    for (int i = 0; i < n_; ++i) decision.stops[static_cast<std::size_t>(i)] = braking_.stop(i);
+}
+
+}  // namespace viable::detail

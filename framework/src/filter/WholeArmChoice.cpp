@@ -1,0 +1,234 @@
+#include "filter/WholeArmChoice.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+#include <utility>
+
+#include "core/NumberText.h"
+#include "viable/core/Error.h"
+
+namespace viable::detail {
+
+namespace {
+
+/** What rounding may take from a clearance [m]. */
+constexpr double kRounding_m = 1e-8;
+/** QPs with rows in a tick, and points tried on the way back to the stored stop. */
+constexpr int kSteeringRounds = 2, kRetreats = 3;
+
+/** For messages: four digits. */
+std::string formatShort(double value) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.4g", value);
+    return text;
+}
+
+}  // namespace
+
+WholeArmChoice::WholeArmChoice(const RunSetup& setup, const WholeArmBrakingOptions& options,
+                               const TorqueScan::Limits& limits, CertifiedBraking& braking)
+    : options_(options),
+      tick_s_(setup.tick_s),
+      feed_(setup.surroundings),
+      braking_(braking),
+      check_(setup.robot, setup.geometry, limits, setup.tick_s),
+      demands_(check_.elements(), std::isinf(options.joints.kAlpha) ? 1.0 : options.joints.kAlpha * setup.tick_s),
+      stored_(check_.makeResult()),
+      best_(check_.makeResult()),
+      trial_(check_.makeResult()) {}
+
+WholeArmChoice::~WholeArmChoice() {
+    if (feed_) feed_->release();
+}
+
+void WholeArmChoice::reset(const MotionState& start) {
+    tick_ = 0;
+    takeSurroundings();
+    check_.beginTick();
+    braking_.beginTick(start);
+    setStoredPath(start);
+    check_.calcTorque(storedPath_, 0, lastTorque_);
+    examineStored(start);
+    keptPath_ = storedPath_;
+    ticksOnPath_ = 0;
+}
+
+void WholeArmChoice::skipTicks(std::int64_t ticks) {
+    tick_ += ticks;
+    ticksOnPath_ += ticks;
+    // The torque that was applied last is the stop's.
+    check_.calcTorque(keptPath_, ticksOnPath_ - 1, lastTorque_);
+}
+
+void WholeArmChoice::endTick(const FilterInput& input, const FilterDecision& decision) {
+    HeldMotion motion;
+    calcHeldMotion(input, FilterStatus::Modified, decision, tick_s_, motion);
+    lastTorque_ = motion.torque;
+    ++tick_;
+    ++ticksOnPath_;
+}
+
+void WholeArmChoice::takeSurroundings() {
+    if (!feed_) return;
+    const SurroundingsFeed::View now = feed_->take();
+    if (now.surroundings == view_.surroundings && now.version == view_.version) return;
+    view_ = now;
+    demands_.setRequired(view_.surroundings->environment().safetyDistance_m);
+    check_.setSurroundings(view_.surroundings);
+    isNew_ = true;
+}
+
+void WholeArmChoice::findStops(const JointVector& jerk) {
+    AxisState after;
+    for (int i = 0; i < static_cast<int>(jerk.size()); ++i)
+        braking_.findStop(i, jerk[i], after, stops_[static_cast<std::size_t>(i)]);
+}
+
+void WholeArmChoice::setStoredPath(const MotionState& state) {
+    braking_.getStored(storedJerk_);
+    findStops(storedJerk_);
+    storedPath_.set(state, storedJerk_, stops_, tick_s_);
+}
+
+/** What the stored stop keeps, and with it what is asked of any other. */
+void WholeArmChoice::examineStored(const MotionState& state) {
+    setStoredPath(state);
+    check_.examine(storedPath_, time(), demands_.measure(), lastTorque_, false, stored_);
+    nearest_ = stored_.nearest;
+    demands_.begin(stored_);
+    isNew_ = false;
+}
+
+/** `jerk` is vouched for by every joint; is its whole stop? `wantsRows`: if not, all that is wrong is to be known. */
+bool WholeArmChoice::isGood(const MotionState& state, const JointVector& jerk, bool wantsRows) {
+    findStops(jerk);
+    path_.set(state, jerk, stops_, tick_s_);
+    check_.examine(path_, time(), demands_.get(), lastTorque_, !wantsRows, trial_);
+    return trial_.isClear && trial_.bearsTorque;
+}
+
+void WholeArmChoice::keepBest(const JointVector& jerk) {
+    bestJerk_ = jerk;
+    bestStops_ = stops_;
+    hasBest_ = true;
+    std::swap(best_, trial_);
+}
+
+FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired,
+                                    JointVector& jerk, std::array<JointIntervention, kMaxJoints>& joints) {
+    isNew_ |= !braking_.beginTick(nominal);
+    check_.beginTick();
+    takeSurroundings();
+    const bool isExamined = isNew_;
+    if (isExamined) examineStored(nominal);
+    demands_.raise(stored_);
+    hasBest_ = false;
+
+    const FilterStatus status = braking_.propose(dynamics.M, desired, nullptr, proposed_);
+    LimitKind reason = isStale() ? LimitKind::Clearance : LimitKind::None;
+    if (!isStale()) {
+        if (isGood(nominal, proposed_, options_.steers)) keepBest(proposed_);
+        const ArmStopCheck::Result& first = hasBest_ ? best_ : trial_;
+        if (!hasBest_ || !first.isAhead) {
+            reason = first.isClear && !first.bearsTorque ? LimitKind::Torque : LimitKind::Clearance;
+            setStoredPath(nominal);
+            steer(nominal, dynamics, desired);
+        }
+    }
+    // Whatever was tried last, the joints must vouch for what is taken, with the very stops that were looked at.
+    const bool takesBest = hasBest_ && braking_.isAdmissible(bestJerk_, bestStops_);
+    if (takesBest) {
+        jerk = bestJerk_;
+        std::swap(stored_, best_);
+        nearest_ = stored_.nearest;
+        demands_.lowerTorqueUse(stored_.torqueUse);
+        keptPath_.set(nominal, jerk, bestStops_, tick_s_);
+        ticksOnPath_ = 0;
+    } else {
+        braking_.getStored(jerk);
+        if (isExamined) {
+            keptPath_ = storedPath_;
+            ticksOnPath_ = 0;
+        }
+    }
+    braking_.commit(desired, jerk, joints);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(jerk.size()); ++i) {
+        const auto at = static_cast<Eigen::Index>(i);
+        if (jerk[at] == proposed_[at] || reason == LimitKind::None) continue;
+        const bool isUpper = reason == LimitKind::Torque && jerk[at] < proposed_[at];
+        joints[i] = {reason, isUpper ? LimitSide::Upper : LimitSide::Lower};
+    }
+    if (!takesBest) return FilterStatus::StoppedByPlan;
+    if (status == FilterStatus::Recovering) return FilterStatus::Recovering;
+    return jerk == desired ? FilterStatus::Passed : FilterStatus::Modified;
+}
+
+/** Looks for jerks near the desired ones that are good, or better ones than those proposed; then on the way from them back
+to the stored stop. */
+void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired) {
+    JointVector from = proposed_;  // what was looked at last
+    if (options_.steers) {
+        rows_.clear();
+        for (int round = 0; round < kSteeringRounds; ++round) {
+            check_.addRows(from, storedPath_, storedJerk_, demands_.get(), rows_);
+            if (round == 0) check_.addTickRows(dynamics, nominal.qdd, demands_.get().torqueUse, lastTorque_, rows_);
+            braking_.propose(dynamics.M, desired, &rows_, steered_);
+            if (steered_ == from) break;
+            from = steered_;
+            if (!isGood(nominal, from, round + 1 < kSteeringRounds)) continue;
+            keepBest(from);
+            if (best_.isAhead) return;
+        }
+    }
+    for (int k = 0; k < kRetreats && !hasBest_; ++k) {
+        from = (from + storedJerk_) / 2.0;
+        if (braking_.isAdmissible(from) && isGood(nominal, from, false)) keepBest(from);
+    }
+}
+
+void WholeArmChoice::checkStart(const RunSetup& setup, const std::string& place) const {
+    constexpr char kWay[] = "or set `recovery: true`, which leads the arm away.";
+    const ArmStopCheck::Result& start = stored_;
+    int worst = -1;
+    for (int e = 0; e < check_.elements(); ++e) {
+        const auto at = static_cast<std::size_t>(e);
+        if (start.proven[at] >= demands_.required() - kRounding_m) continue;
+        if (worst < 0 || start.seen[at] < start.seen[static_cast<std::size_t>(worst)]) worst = e;
+    }
+    if (worst >= 0) {
+        const Clearance near = check_.getNearest(worst);
+        const auto getLink = [&](int link) { return setup.geometry->links[static_cast<std::size_t>(link)]; };
+        const std::string who = getLink(near.link), required = formatNumber(demands_.required());
+        std::string other = near.otherLink >= 0  ? getLink(near.otherLink)
+                            : near.obstacle >= 0 ? view_.surroundings->name(near.obstacle)
+                                                 : "what is around";
+        const Environment& around = view_.surroundings ? view_.surroundings->environment() : Environment{};
+        const int sphere = near.obstacle - static_cast<int>(around.solids.size());
+        if (near.otherLink < 0 && sphere >= 0 && sphere < static_cast<int>(around.spheres.size()))
+            other += " (a moving sphere counts with all that is left of its path)";
+        if (start.seen[static_cast<std::size_t>(worst)] < demands_.required())
+            throw badInput(
+                place,
+                "the start, or the stop from there, brings " + who + " to " + formatShort(near.distance) + " m from " +
+                    other + "; at least " + required + " m is to be kept",
+                std::string(
+                    "Change `start`, the obstacle or `safety_distance_m` (links: `may_touch` in collision.yaml), ") +
+                    kWay);
+        throw badInput(place,
+                       "the stop from the start is too fast beside " + other + ", or too much is near, to prove that " +
+                           who + " keeps " + required + " m from it",
+                       std::string("Start slower or farther away, ") + kWay);
+    }
+    if (!start.bearsTorque || start.torqueUse > 1.0)
+        throw badInput(
+            place,
+            "the start, or the stop from there, needs " + formatShort(100.0 * start.torqueUse) +
+                " % of the torque that may be used" + (start.bearsTorque ? "" : ", as far as it was looked at"),
+            std::string(
+                "Change `start` (at rest, the arm less far out), the payload, `torque_share` or `torque_rate_Nmps`, ") +
+                kWay);
+}
+
+}  // namespace viable::detail

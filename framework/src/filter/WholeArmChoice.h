@@ -1,0 +1,82 @@
+#pragma once
+
+#include <array>
+
+#include "braking/CertifiedBraking.h"
+#include "clearance/ArmStopCheck.h"
+#include "clearance/StopDemands.h"
+#include "viable/filter/WholeArmBrakingFilter.h"
+
+namespace viable::detail {
+
+/** Chooses the jerk of a tick for the arm as a whole, on top of what its joints admit each: the stops after it, run together,
+must pass ArmStopCheck. Else it steers (see SteeringRows) or draws back towards the stored stop, which did pass.
+
+Real time after construction. */
+class WholeArmChoice {
+public:
+    /** @param braking  of the joints, configured; must outlive this
+    Takes setup.surroundings, which its maker has claimed, until its end. */
+    WholeArmChoice(const RunSetup& setup, const WholeArmBrakingOptions& options, const TorqueScan::Limits& limits,
+                   CertifiedBraking& braking);
+    ~WholeArmChoice();
+    WholeArmChoice(const WholeArmChoice&) = delete;
+    WholeArmChoice& operator=(const WholeArmChoice&) = delete;
+
+    /** The braking was reset to the same state; it has begun a tick then. */
+    void reset(const MotionState& start);
+    void skipTicks(std::int64_t ticks);
+
+    /** What is chosen in a tick: admitted by every joint, and committed.
+    @param desired  [rad/s^3]
+    @param jerk     to be held
+    @param joints   what holds each joint back */
+    FilterStatus choose(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired,
+                        JointVector& jerk, std::array<JointIntervention, kMaxJoints>& joints);
+    /** After choose(). @param decision  to hold its jerk */
+    void endTick(const FilterInput& input, const FilterDecision& decision);
+
+    const Clearance& nearest() const { return nearest_; }  ///< along the stop that was chosen
+    double mapAge_s() const { return feed_ ? time() - view_.stamp_s : 0.0; }
+    bool hasSurroundings() const { return feed_ != nullptr; }
+
+    /** Throws Error (BadInput) where the stop from the start, just reset to, comes too near to something or needs more torque
+    than there is. */
+    void checkStart(const RunSetup& setup, const std::string& place) const;
+
+private:
+    using Stops = std::array<GridStop, kMaxJoints>;
+
+    double time() const { return static_cast<double>(tick_) * tick_s_; }
+    bool isStale() const { return feed_ && !(time() - view_.stamp_s <= options_.maxAge_s); }
+    void takeSurroundings();
+    void findStops(const JointVector& jerk);
+    void setStoredPath(const MotionState& state);
+    void examineStored(const MotionState& state);
+    bool isGood(const MotionState& state, const JointVector& jerk, bool wantsRows);
+    void keepBest(const JointVector& jerk);
+    void steer(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired);
+
+    const WholeArmBrakingOptions options_;
+    const double tick_s_;
+    SurroundingsFeed* const feed_;
+    CertifiedBraking& braking_;
+    ArmStopCheck check_;
+    SurroundingsFeed::View view_;
+    bool isNew_ = true;  ///< the stored stop has not been looked at, or not in these surroundings
+    std::int64_t tick_ = 0;
+
+    StopDemands demands_;
+    ArmStopCheck::Result stored_, best_, trial_;
+    ArmPath path_, storedPath_;
+    /** The path that the arm is on since it was chosen, and how far. */
+    ArmPath keptPath_;
+    std::int64_t ticksOnPath_ = 0;
+    Stops stops_, bestStops_;
+    RowQp::Rows rows_;
+    JointVector lastTorque_, storedJerk_, proposed_, steered_, bestJerk_;
+    bool hasBest_ = false;
+    Clearance nearest_;
+};
+
+}  // namespace viable::detail
