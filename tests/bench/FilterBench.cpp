@@ -49,7 +49,7 @@ public:
 
     FilterStatus step() {
         if (tick_ == states_.size()) rewind();
-        const FilterStatus status = filter_->filter(states_[tick_], torques_[tick_], dynamics_, decision_);
+        const FilterStatus status = filter_->filter({states_[tick_], torques_[tick_], dynamics_}, decision_);
         ++tick_;
         return status;
     }
@@ -88,7 +88,7 @@ private:
             }
             states_.push_back(nominal);
             torques_.push_back(dynamics_.M.lazyProduct(wanted));
-            passed_ += filter_->filter(nominal, torques_.back(), dynamics_, decision_) == FilterStatus::Passed;
+            passed_ += filter_->filter({nominal, torques_.back(), dynamics_}, decision_) == FilterStatus::Passed;
             advanceNominal(decision_, kTick_s, nominal);
         }
         rewind();

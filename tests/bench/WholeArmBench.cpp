@@ -136,7 +136,7 @@ public:
     }
     FilterStatus step() {
         if (tick_ == states_.size()) rewind();
-        const FilterStatus status = filter_->filter(states_[tick_], torques_[tick_], dynamics_[tick_], decision_);
+        const FilterStatus status = filter_->filter({states_[tick_], torques_[tick_], dynamics_[tick_]}, decision_);
         ++tick_;
         return status;
     }
@@ -160,7 +160,7 @@ private:
             calcInverseDynamics(dynamics_.back(), wanted, torque);
             states_.push_back(state);
             torques_.push_back(torque);
-            stopped_ += filter_->filter(state, torque, dynamics_.back(), decision_) == FilterStatus::StoppedByPlan;
+            stopped_ += filter_->filter({state, torque, dynamics_.back()}, decision_) == FilterStatus::StoppedByPlan;
             advanceNominal(decision_, kTick_s, state);
         }
         rewind();

@@ -13,11 +13,10 @@ public:
     void configure(const viable::RunSetup& setup, const viable::Parameters&) override { tick_s_ = setup.tick_s; }
     void reset(const viable::MotionState&) override { ticks_ = 0; }
     bool guaranteesLimits() const override { return false; }
-    viable::FilterStatus filter(const viable::MotionState& nominal, const viable::JointVector& torque,
-                                const viable::Dynamics& dynamics, viable::FilterDecision& decision) override {
+    viable::FilterStatus filter(const viable::FilterInput& input, viable::FilterDecision& decision) override {
         ++ticks_;
-        const viable::JointVector desired = dynamics.M.llt().solve(torque - dynamics.b);
-        viable::holdAcceleration(nominal, dynamics, desired, tick_s_, decision);
+        const viable::JointVector desired = input.dynamics.M.llt().solve(input.torque - input.dynamics.b);
+        decision.holdAcceleration(desired);
         return viable::FilterStatus::Passed;
     }
 
@@ -33,9 +32,8 @@ public:
         Filter::configure(setup, parameters);
         afterTicks_ = parameters.integer("after_ticks");
     }
-    viable::FilterStatus filter(const viable::MotionState& nominal, const viable::JointVector& torque,
-                                const viable::Dynamics& dynamics, viable::FilterDecision& decision) override {
-        const viable::FilterStatus status = Filter::filter(nominal, torque, dynamics, decision);
+    viable::FilterStatus filter(const viable::FilterInput& input, viable::FilterDecision& decision) override {
+        const viable::FilterStatus status = Filter::filter(input, decision);
         if (ticks_ > afterTicks_) misbehave(decision);
         return status;
     }
@@ -53,10 +51,9 @@ public:
     void configure(const viable::RunSetup&, const viable::Parameters&) override {}
     void reset(const viable::MotionState&) override { ticks_ = 0; }
     bool follows(viable::MotionCommand::Space) const override { return true; }
-    viable::TickStatus compute(const viable::MotionCommand&, const viable::MotionState&,
-                               const viable::Dynamics& dynamics, viable::JointVector& torque) override {
+    viable::TickStatus compute(const viable::ControllerInput& input, viable::ControllerOutput& output) override {
         ++ticks_;
-        torque = dynamics.b;
+        output.torque = input.dynamics.b;
         return viable::TickStatus::Ok;
     }
 

@@ -6,12 +6,11 @@ namespace {
 
 class ExtremeTorque : public broken::Controller {
 public:
-    viable::TickStatus compute(const viable::MotionCommand& command, const viable::MotionState& nominal,
-                               const viable::Dynamics& dynamics, viable::JointVector& torque) override {
-        const viable::TickStatus status = Controller::compute(command, nominal, dynamics, torque);
+    viable::TickStatus compute(const viable::ControllerInput& input, viable::ControllerOutput& output) override {
+        const viable::TickStatus status = Controller::compute(input, output);
         const double cycle[] = {1e300, -1e300, std::numeric_limits<double>::denorm_min(),
                                 -std::numeric_limits<double>::denorm_min()};
-        torque.setConstant(cycle[(ticks_ - 1) % 4]);
+        output.torque.setConstant(cycle[(ticks_ - 1) % 4]);
         return status;
     }
 };

@@ -11,8 +11,7 @@ namespace {
 using viable::kMaxJoints;
 
 constexpr viable::ParameterSpec kParameters[] = {
-    viable::parameter::choice("lie",
-                              "none|jerk|creep|moving|outside|stop_jerk|nan|negative|endless|torque|limit|side|status",
+    viable::parameter::choice("lie", "none|jerk|creep|moving|outside|stop_jerk|nan|negative|endless|limit|side|status",
                               "none", "What is wrong after `after_ticks`: the decision, or the witness handed over."),
     broken::kAfterTicks,
     viable::parameter::flag("witness", "true", "Hands over its stops."),
@@ -54,9 +53,9 @@ public:
         ticks_ += ticks;
         for (std::int64_t k = 0; k < ticks; ++k) follow(expected_);
     }
-    viable::FilterStatus filter(const viable::MotionState& nominal, const viable::JointVector&,
-                                const viable::Dynamics& dynamics, viable::FilterDecision& decision) override {
+    viable::FilterStatus filter(const viable::FilterInput& input, viable::FilterDecision& decision) override {
         ++ticks_;
+        const viable::MotionState& nominal = input.nominal;
         // Whoever tells the filter of missed ticks must have followed its stops in them.
         if (hasSuppliedStops_ && (nominal.q - expected_.q).lpNorm<Eigen::Infinity>() > 1e-9)
             return viable::FilterStatus::Faulted;
@@ -64,7 +63,7 @@ public:
         const bool lies = lie_ != "none" && ticks_ > afterTicks_;
         viable::JointVector jerk(n);
         for (int i = 0; i < n; ++i) jerk[i] = brakes_ ? stops_[i].takeJerk() : calcJerk(nominal, i, lies);
-        viable::holdJerk(nominal, dynamics, jerk, tick_s_, decision);
+        decision.holdJerk(jerk);
         expected_ = nominal;
         viable::advanceNominal(decision, tick_s_, expected_);
         for (int i = 0; i < n; ++i) {
@@ -77,7 +76,6 @@ public:
             decision.clearance = {true, 0.25, 0, 0, -1, {1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}};
             decision.mapAge_s = 0.125;
         }
-        if (lies && lie_ == "torque") decision.torque[n - 1] += 1.0;
         if (lies && lie_ == "limit") decision.joints[n - 1].limit = static_cast<viable::LimitKind>(200);
         if (lies && lie_ == "side") decision.joints[n - 1].side = static_cast<viable::LimitSide>(-7);
         if (lies && lie_ == "status") return static_cast<viable::FilterStatus>(250);
@@ -123,8 +121,8 @@ private:
     }
     void follow(viable::MotionState& state) {
         viable::FilterDecision decision;
-        decision.jerk.resize(state.q.size());
-        for (int i = 0; i < state.q.size(); ++i) decision.jerk[i] = stops_[i].takeJerk();
+        decision.value.resize(state.q.size());
+        for (int i = 0; i < state.q.size(); ++i) decision.value[i] = stops_[i].takeJerk();
         viable::advanceNominal(decision, tick_s_, state);
     }
 

@@ -6,10 +6,7 @@ namespace {
 
 class NanOutput : public broken::LateFilter {
     void misbehave(viable::FilterDecision& decision) override {
-        const double nan = std::numeric_limits<double>::quiet_NaN();
-        decision.torque.setConstant(nan);
-        decision.acceleration.setConstant(nan);
-        decision.jerk.setConstant(nan);
+        decision.value.setConstant(std::numeric_limits<double>::quiet_NaN());
     }
 };
 

@@ -16,14 +16,13 @@ public:
                                                    : std::numeric_limits<double>::infinity();
         joint_ = parameters.integer("joint");
     }
-    viable::TickStatus compute(const viable::MotionCommand& command, const viable::MotionState& nominal,
-                               const viable::Dynamics& dynamics, viable::JointVector& torque) override {
-        const viable::TickStatus status = Controller::compute(command, nominal, dynamics, torque);
+    viable::TickStatus compute(const viable::ControllerInput& input, viable::ControllerOutput& output) override {
+        const viable::TickStatus status = Controller::compute(input, output);
         if (!window_.contains(ticks_)) return status;
         if (joint_ < 0)
-            torque.setConstant(value_);
+            output.torque.setConstant(value_);
         else
-            torque[joint_] = value_;
+            output.torque[joint_] = value_;
         return status;
     }
 

@@ -5,10 +5,8 @@ namespace {
 /** Speeds up for ever, whatever it is given. */
 class Rewrites : public broken::Filter {
 public:
-    viable::FilterStatus filter(const viable::MotionState& nominal, const viable::JointVector&,
-                                const viable::Dynamics& dynamics, viable::FilterDecision& decision) override {
-        const auto n = nominal.q.size();
-        viable::holdJerk(nominal, dynamics, viable::JointVector::Constant(n, 1.0), tick_s_, decision);
+    viable::FilterStatus filter(const viable::FilterInput& input, viable::FilterDecision& decision) override {
+        decision.holdJerk(viable::JointVector::Constant(input.nominal.q.size(), 1.0));
         return viable::FilterStatus::Modified;
     }
 };

@@ -18,11 +18,10 @@ double SameHelper::getValue() const {
 
 class SameFilter : public broken::Filter {
 public:
-    viable::FilterStatus filter(const viable::MotionState&, const viable::JointVector&, const viable::Dynamics&,
-                                viable::FilterDecision& decision) override {
-        decision.torque.resize(2);
-        decision.torque[0] = SameHelper().getValue();
-        decision.torque[1] = SameHelper::updShared();
+    viable::FilterStatus filter(const viable::FilterInput&, viable::FilterDecision& decision) override {
+        decision.value.resize(2);
+        decision.value[0] = SameHelper().getValue();
+        decision.value[1] = SameHelper::updShared();
         return viable::FilterStatus::Passed;
     }
 };

@@ -48,9 +48,10 @@ public:
     IntThrowingFilter() { throw 7; }
 };
 
+// Every field but the first, the version, which alone is told where it differs.
 void changeEveryField(viable::AbiStamp& stamp) {
     auto* fields = reinterpret_cast<std::uint32_t*>(&stamp);
-    for (std::size_t i = 0; i < sizeof stamp / sizeof *fields; ++i) fields[i] += 1;
+    for (std::size_t i = 1; i < sizeof stamp / sizeof *fields; ++i) fields[i] += 1;
 }
 
 struct Fault {
@@ -66,8 +67,8 @@ const Fault kFaults[] = {
     {"other_everything", [](Table& t) { changeEveryField(t.library.stamp); }},
     {"other_entry_size", [](Table& t) { t.library.entrySize += 8; }},
     // the shorter table of an older interface, the longer one of a later one, one that ends before its version
-    {"short_table", [](Table& t) { t.library.size -= 8, t.library.stamp.interfaceVersion = 0; }},
-    {"long_table", [](Table& t) { t.library.size += 8, t.library.stamp.interfaceVersion = 7; }},
+    {"short_table", [](Table& t) { t.library.size -= 8; }},
+    {"long_table", [](Table& t) { t.library.size += 8; }},
     {"tiny_table", [](Table& t) { t.library.size = 12; }},
     {"null_table", [](Table& t) { t.shown = nullptr; }},
     {"table_throws", [](Table&) { throw std::runtime_error("no table today"); }},

@@ -3,12 +3,7 @@
 namespace {
 
 class WrongSize : public broken::LateFilter {
-    void misbehave(viable::FilterDecision& decision) override {
-        const Eigen::Index size = decision.torque.size() - 1;
-        decision.torque.setZero(size);
-        decision.acceleration.setZero(size);
-        decision.jerk.setZero(size);
-    }
+    void misbehave(viable::FilterDecision& decision) override { decision.value.setZero(decision.value.size() - 1); }
 };
 
 }  // namespace

@@ -9,10 +9,9 @@ public:
     void configure(const viable::RunSetup&, const viable::Parameters& parameters) override {
         window_.configure(parameters);
     }
-    viable::TickStatus compute(const viable::MotionCommand& command, const viable::MotionState& nominal,
-                               const viable::Dynamics& dynamics, viable::JointVector& torque) override {
-        const viable::TickStatus status = Controller::compute(command, nominal, dynamics, torque);
-        if (window_.contains(ticks_)) torque.setZero(dynamics.b.size() + 1);
+    viable::TickStatus compute(const viable::ControllerInput& input, viable::ControllerOutput& output) override {
+        const viable::TickStatus status = Controller::compute(input, output);
+        if (window_.contains(ticks_)) output.torque.setZero(input.dynamics.b.size() + 1);
         return status;
     }
 

@@ -313,10 +313,11 @@ public:
     void reset(const MotionState& start) override { plugin_->reset(start); }
     void close(Inputs& in) override { in.command.space = space_; }
     Output step(const Inputs& in) override {
-        JointVector torque = JointVector::Constant(kJoints, kUntouched);
+        ControllerOutput output{JointVector::Constant(kJoints, kUntouched), {}, false};
         Output out;
-        out.outcome = toOutcome(plugin_->compute(in.command, in.nominal, in.dynamics, torque));
-        out.add(torque);
+        out.outcome = toOutcome(plugin_->compute({in.command, in.nominal, in.dynamics}, output));
+        out.add(output.torque);
+        if (output.hasAccelerationRate) out.add(output.accelerationRate);
         return out;
     }
     std::vector<Slot> slots() const override {
@@ -366,17 +367,14 @@ public:
     }
     Output step(const Inputs& in) override {
         decision_ = FilterDecision();
-        decision_.torque.setConstant(kJoints, kUntouched);
-        decision_.acceleration.setConstant(kJoints, kUntouched);
-        decision_.jerk.setConstant(kJoints, kUntouched);
-        const FilterStatus status = plugin_->filter(in.nominal, in.torque, in.dynamics, decision_);
+        decision_.value.setConstant(kJoints, kUntouched);
+        const FilterStatus status = plugin_->filter({in.nominal, in.torque, in.dynamics}, decision_);
         Output out;
         out.outcome = status == FilterStatus::InvalidInput ? Outcome::InvalidInput
                       : status == FilterStatus::Faulted    ? Outcome::Faulted
                                                            : Outcome::Usable;
-        out.add(decision_.torque);
-        out.add(decision_.acceleration);
-        out.add(decision_.jerk);
+        out.add(decision_.value);
+        out.add(static_cast<double>(decision_.held));
         for (std::size_t i = 0; decision_.hasStops && i < kJoints; ++i)
             for (int k = 0; k < GridStop::kSegments; ++k) {
                 out.add(static_cast<double>(decision_.stops[i].remaining(k).ticks));

@@ -199,13 +199,13 @@ void Arm::changeLimits(Random& random) {
     braking.changeLimits(limits);
 }
 
-CertifiedBraking::Status Arm::choose(std::int64_t tick) {
+FilterStatus Arm::choose(std::int64_t tick) {
     for (int i = 0; i < n; ++i)
         wanted[i] = std::clamp(adversaries[i].want(tick, chosen[i], braking.stop(i).nextJerk()), -1e300, 1e300);
     return choose();
 }
 
-CertifiedBraking::Status Arm::choose() {
+FilterStatus Arm::choose() {
     return braking.choose(state, M, wanted, chosen, acting);
 }
 

@@ -56,9 +56,9 @@ public:
     void changeLimits(Random& random);
 
     /** One choice of the law, as the adversaries want it; the state stays. */
-    CertifiedBraking::Status choose(std::int64_t tick);
+    FilterStatus choose(std::int64_t tick);
     /** The same for `wanted` as it is. */
-    CertifiedBraking::Status choose();
+    FilterStatus choose();
     /** Follows `chosen` for a tick. */
     void move();
 
@@ -75,7 +75,7 @@ public:
     CertifiedBraking braking;
     std::vector<Adversary> adversaries;
     JointVector wanted, chosen;
-    std::array<CertifiedBraking::ActingLimit, kMaxJoints> acting;
+    std::array<JointIntervention, kMaxJoints> acting;
 
 private:
     void setLimits(int joint, const DrawnLimits& drawnLimits);

@@ -142,7 +142,7 @@ private:
             before_.emplace_back(arm.at(i), arm.braking.stop(i), arm.limits.axis(i), arm.tick_s);
 
         bool isAdmissible = followsStop;
-        CertifiedBraking::Status status;
+        FilterStatus status;
         if (followsStop) {  // it is always admissible, but for what rounding left at its end
             for (int i = 0; i < arm.n; ++i) {
                 arm.wanted[i] = arm.braking.stop(i).nextJerk();
@@ -152,10 +152,10 @@ private:
         } else {
             status = arm.choose(k);
         }
-        const bool passed = status == CertifiedBraking::Status::Passed;
+        const bool passed = status == FilterStatus::Passed;
         ++ticks_;
         passed_ += passed && !followsStop;
-        if (status == CertifiedBraking::Status::Recovering) checkNoneIsLost();
+        if (status == FilterStatus::Recovering) checkNoneIsLost();
         if ((isAdmissible || passed) && arm.chosen != arm.wanted)
             fail("an admissible jerk was changed [rad/s^3]", (arm.chosen - arm.wanted).lpNorm<Eigen::Infinity>(), 0);
         for (int i = 0; i < arm.n; ++i) {

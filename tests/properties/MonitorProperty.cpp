@@ -100,8 +100,8 @@ private:
     void followStop(int ticks) {
         Arm& arm = *arm_;
         for (int m = 0; m < ticks && !accused_; ++m) {
-            judge(monitor_.followStop(arm.state, dynamics_, decision_));
-            arm.chosen = decision_.jerk;
+            judge(monitor_.followStop(arm.state, decision_));
+            arm.chosen = decision_.value;
             arm.move();
         }
         arm.braking.skipTicks(ticks);
@@ -111,8 +111,7 @@ private:
     void takeTick(Random& random, int k) {
         Arm& arm = *arm_;
         arm.choose(k);
-        decision_.held = HeldQuantity::Jerk;
-        holdJerk(arm.state, dynamics_, arm.chosen, arm.tick_s, decision_);
+        decision_.holdJerk(arm.chosen);
         decision_.hasStops = true;
         for (int i = 0; i < arm.n; ++i) decision_.stops[i] = arm.braking.stop(i);
         const StopMonitor::Finding& finding = monitor_.examine(arm.state, decision_);
@@ -137,7 +136,7 @@ private:
             const bool upwards = arm.chosen[i] > 0.0;
             JointVector jerk = arm.chosen;
             jerk[i] = (upwards ? l.jerkUpper : l.jerkLower) * (1.0 + kSpoilt);
-            holdJerk(arm.state, dynamics_, jerk, arm.tick_s, spoilt);
+            spoilt.holdJerk(jerk);
         } else if (!cutShort(spoilt.stops[i], l)) {
             return;
         }

@@ -125,7 +125,7 @@ public:
         if (number > 0 && random_.chance(misses_)) return miss(t);
         robot_.model.calcDynamics(state_.q, state_.qd, dynamics_);
         push();
-        const FilterStatus status = filter_.filter(state_, torque_, dynamics_, decision_);
+        const FilterStatus status = filter_.filter({state_, torque_, dynamics_}, decision_);
         if (status == FilterStatus::Passed)
             ++passed;
         else if (status == FilterStatus::Modified)
@@ -134,9 +134,10 @@ public:
             ++stopped;
         else
             return {"no decision", 1.0};
-        Finding finding = judgeTorque(decision_.torque);
-        if (!finding.what) finding = judgeTorqueChange(decision_.torque);
-        if (!finding.what) finding = judgeTick(state_, decision_.jerk, t);
+        const JointVector motors = findTorque(state_, dynamics_, decision_);
+        Finding finding = judgeTorque(motors);
+        if (!finding.what) finding = judgeTorqueChange(motors);
+        if (!finding.what) finding = judgeTick(state_, decision_.value, t);
         near += least_ < environment_.safetyDistance_m + 0.02;
         if (!finding.what && random_.integer(1, kTicksPerStop) == 1) finding = judgeStop(t);
         advanceNominal(decision_, kTick_s, state_);
@@ -243,14 +244,21 @@ private:
             jerk[i] = decision_.stops[static_cast<std::size_t>(i)].takeJerk();
         robot_.model.calcDynamics(state_.q, state_.qd, dynamics_);
         const std::array<GridStop, kMaxJoints> stops = decision_.stops;
-        holdJerk(state_, dynamics_, jerk, kTick_s, decision_);
+        decision_.holdJerk(jerk);
         decision_.stops = stops;
         filter_.skipTicks(1);
-        Finding finding = judgeTorque(decision_.torque);
-        if (!finding.what) finding = judgeTorqueChange(decision_.torque);
+        const JointVector motors = findTorque(state_, dynamics_, decision_);
+        Finding finding = judgeTorque(motors);
+        if (!finding.what) finding = judgeTorqueChange(motors);
         if (!finding.what) finding = judgeTick(state_, jerk, t);
         advanceNominal(decision_, kTick_s, state_);
         return finding.what ? finding : judgeLimits();
+    }
+
+    static JointVector findTorque(const MotionState& state, const Dynamics& dynamics, const FilterDecision& decision) {
+        HeldMotion motion;
+        calcHeldMotion({state, dynamics.gravity, dynamics}, FilterStatus::Modified, decision, kTick_s, motion);
+        return motion.torque;
     }
 
     Finding judgeTorqueChange(const JointVector& torque) {
@@ -291,8 +299,8 @@ private:
             }
             Dynamics dynamics;
             robot_.model.calcDynamics(s.q, s.qd, dynamics);
-            holdJerk(s, dynamics, jerk, kTick_s, next);
-            if (const Finding finding = judgeTorque(next.torque); finding.what) return finding;
+            next.holdJerk(jerk);
+            if (const Finding finding = judgeTorque(findTorque(s, dynamics, next)); finding.what) return finding;
             if (const Finding finding = judgeTick(s, jerk, t); finding.what) return finding;
             advanceNominal(next, kTick_s, s);
         }

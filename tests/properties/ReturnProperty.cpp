@@ -129,7 +129,7 @@ private:
         Arm& arm = *arm_;
         std::vector<GridStop> stops;
         for (int i = 0; i < arm.n; ++i) stops.push_back(arm.braking.stop(i));
-        recovering_ += arm.choose(k) == CertifiedBraking::Status::Recovering;
+        recovering_ += arm.choose(k) == FilterStatus::Recovering;
         ++elapsed_;
         for (int i = 0; i < arm.n; ++i) checkJoint(i, stops[i]);
         arm.move();

@@ -43,7 +43,7 @@ public:
     FilterStatus decide(const std::string& parameters, const AxisState& s, double push, FilterDecision& decision) {
         const MotionState state{JointVector::Constant(1, s.p), JointVector::Constant(1, s.v),
                                 JointVector::Constant(1, s.a)};
-        return make(parameters)->filter(state, JointVector::Constant(1, push), makeUnitDynamics(1), decision);
+        return make(parameters)->filter({state, JointVector::Constant(1, push), makeUnitDynamics(1)}, decision);
     }
 
     /** From the start. @param wanted  the desired accelerations in a tick; @param check  sees the state before each
@@ -61,18 +61,19 @@ public:
             if (arm.size() > 1) arm.model().calcDynamics(state.q, state.qd, dynamics);
             calcInverseDynamics(dynamics, wanted(state), torque);
             const testing::AllocationCounter counter;
-            const FilterStatus status = filter->filter(state, torque, dynamics, decision);
+            const FilterStatus status = filter->filter({state, torque, dynamics}, decision);
             outcome.allocations += counter.count();
             EXPECT_LE(status, FilterStatus::Infeasible) << "tick " << k;
-            EXPECT_TRUE(isFinite(decision.torque, arm.size())) << "tick " << k;
+            EXPECT_TRUE(isFinite(decision.value, arm.size())) << "tick " << k;
             if (::testing::Test::HasFailure()) break;
             outcome.passed += status == FilterStatus::Passed;
             outcome.modified += status == FilterStatus::Modified;
             if (status == FilterStatus::Infeasible && outcome.infeasible++ == 0)
                 outcome.firstInfeasible_s = k * arm.tick_s;
             check(state, decision, *filter);
+            const JointVector jerk = calcJerk(decision, state.qdd, arm.tick_s);
             advanceNominal(decision, arm.tick_s, state);
-            outcome.excess.observe(decision, state, arm.limits);
+            outcome.excess.observe(jerk, state, arm.limits);
         }
         outcome.end = state;
         return outcome;
@@ -147,12 +148,12 @@ void expectSameAsLibrary(const std::string& name) {
     for (SafetyFilter* filter : {plugin.get(), static_cast<SafetyFilter*>(&own)}) {
         filter->configure(arm.setup(), arm.read(PluginKind::SafetyFilter, name, ""));
         filter->reset(arm.start);
-        statuses[k] = filter->filter(arm.start, JointVector::LinSpaced(6, 5.0, 50.0), dynamics, decisions[k]);
+        statuses[k] = filter->filter({arm.start, JointVector::LinSpaced(6, 5.0, 50.0), dynamics}, decisions[k]);
         ++k;
     }
     EXPECT_EQ(statuses[0], statuses[1]);
-    EXPECT_EQ(decisions[0].torque, decisions[1].torque);
-    EXPECT_EQ(decisions[0].jerk, decisions[1].jerk);
+    EXPECT_EQ(decisions[0].held, decisions[1].held);
+    EXPECT_EQ(decisions[0].value, decisions[1].value);
 }
 
 }  // namespace viable

@@ -105,6 +105,19 @@ inline Dynamics makeUnitDynamics(int n) {
     return dynamics;
 }
 
+/** The jerk of a decision for a tick that begins with the acceleration `qdd`. */
+inline JointVector calcJerk(const FilterDecision& decision, const JointVector& qdd, double tick_s) {
+    return decision.held == HeldQuantity::Jerk ? decision.value : JointVector((decision.value - qdd) / tick_s);
+}
+
+/** The torque that the host makes of a decision. */
+inline JointVector calcTorque(const FilterInput& input, FilterStatus status, const FilterDecision& decision,
+                              double tick_s = 1e-3) {
+    HeldMotion motion;
+    calcHeldMotion(input, status, decision, tick_s, motion);
+    return motion.torque;
+}
+
 /** How far outside each limit a nominal motion came, largest over joints and ticks; 0: never.
 Velocity, acceleration and jerk relative to max(1, limit); position in rad. */
 struct LimitExcess {
@@ -114,14 +127,14 @@ struct LimitExcess {
     double jerk = 0.0;
 
     /** @param after  the nominal state at the end of the tick */
-    void observe(const FilterDecision& decision, const MotionState& after, const JointLimits& limits) {
+    void observe(const JointVector& heldJerk, const MotionState& after, const JointLimits& limits) {
         for (int i = 0; i < limits.size(); ++i) {
             const AxisLimits l = limits.axis(i);
             keep(position, after.q[i] - l.positionUpper);
             keep(position, l.positionLower - after.q[i]);
             keepRelative(velocity, after.qd[i], l.velocityLower, l.velocityUpper);
             keepRelative(acceleration, after.qdd[i], l.accelerationLower, l.accelerationUpper);
-            keepRelative(jerk, decision.jerk[i], l.jerkLower, l.jerkUpper);
+            keepRelative(jerk, heldJerk[i], l.jerkLower, l.jerkUpper);
         }
     }
 
@@ -177,7 +190,7 @@ inline void expectSameAnswersAfterReset(SafetyFilter& filter, TestArm& arm) {
             const Dynamics dynamics = arm.calcDynamics(state);
             JointVector torque;
             calcInverseDynamics(dynamics, push.next(), torque);
-            filter.filter(state, torque, dynamics, decision);
+            filter.filter({state, torque, dynamics}, decision);
             advanceNominal(decision, arm.tick_s, state);
         }
         return state;

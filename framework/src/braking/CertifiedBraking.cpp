@@ -122,20 +122,20 @@ void CertifiedBraking::bound() {
     isBounded_ = true;
 }
 
-CertifiedBraking::Status CertifiedBraking::propose(const JointMatrix& M, const JointVector& desired,
-                                                   const RowQp::Rows* rows, JointVector& proposed) {
+FilterStatus CertifiedBraking::propose(const JointMatrix& M, const JointVector& desired, const RowQp::Rows* rows,
+                                       JointVector& proposed) {
     if (!rows && !returns_ && isAdmissible(desired)) {
         proposed = desired;
-        return Status::Passed;
+        return FilterStatus::Passed;
     }
     target_ = desired.cwiseMax(limits_.jerk.lower).cwiseMin(limits_.jerk.upper);
     if (!isBounded_) bound();
     settle(M, rows, proposed);
-    return returns_ ? Status::Recovering : proposed == desired ? Status::Passed : Status::Modified;
+    return returns_ ? FilterStatus::Recovering : proposed == desired ? FilterStatus::Passed : FilterStatus::Modified;
 }
 
 void CertifiedBraking::commit(const JointVector& desired, JointVector& jerks,
-                              std::array<ActingLimit, kMaxJoints>& acting) {
+                              std::array<JointIntervention, kMaxJoints>& acting) {
     for (int i = 0; i < n_; ++i) {
         const Interval& interval = intervals_[i];
         acting[i] = {};
@@ -151,11 +151,10 @@ void CertifiedBraking::commit(const JointVector& desired, JointVector& jerks,
     }
 }
 
-CertifiedBraking::Status CertifiedBraking::choose(const MotionState& state, const JointMatrix& M,
-                                                  const JointVector& desired, JointVector& chosen,
-                                                  std::array<ActingLimit, kMaxJoints>& acting) {
+FilterStatus CertifiedBraking::choose(const MotionState& state, const JointMatrix& M, const JointVector& desired,
+                                      JointVector& chosen, std::array<JointIntervention, kMaxJoints>& acting) {
     beginTick(state);
-    const Status status = propose(M, desired, nullptr, chosen);
+    const FilterStatus status = propose(M, desired, nullptr, chosen);
     commit(desired, chosen, acting);
     return status;
 }

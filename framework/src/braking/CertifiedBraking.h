@@ -2,6 +2,7 @@
 
 #include "braking/BrakingCertificate.h"
 #include "qp/RowQp.h"
+#include "viable/core/FilterStatus.h"
 #include "viable/qp/BoxQp.h"
 
 namespace viable {
@@ -17,17 +18,6 @@ and for any input; a desired jerk that all joints admit is taken bit for bit.
 Real time: no allocation, lock or throw; bounded work. */
 class CertifiedBraking {
 public:
-    enum class Status : unsigned char {
-        Passed,      ///< `chosen` is `desired`
-        Modified,    ///< changed so that the limits hold
-        Recovering,  ///< the backup stop of a joint passes a limit: that joint returns as fast as
-                     ///< jerk allows, without passing any limit farther
-    };
-    struct ActingLimit {
-        LimitKind limit = LimitKind::None;
-        LimitSide side = LimitSide::Neither;
-    };
-
     /** @param limits    jerk limits finite (see checkLimits)
         @param approach  see BrakingCertificate::configure  */
     void configure(const JointLimits& limits, double tick_s, double approach);
@@ -38,9 +28,11 @@ public:
     /** One tick.
         @param desired  finite [rad/s^3]
         @param chosen   the jerk to hold for this tick; the stops are those after it
-        @param acting   what holds each joint back */
-    Status choose(const MotionState& state, const JointMatrix& M, const JointVector& desired, JointVector& chosen,
-                  std::array<ActingLimit, kMaxJoints>& acting);
+        @param acting   what holds each joint back
+        @return Passed: `chosen` is `desired`; Modified; Recovering: the backup stop of a joint passes a limit, and that
+                joint returns as fast as jerk allows, without passing any limit farther */
+    FilterStatus choose(const MotionState& state, const JointMatrix& M, const JointVector& desired, JointVector& chosen,
+                        std::array<JointIntervention, kMaxJoints>& acting);
 
     /** The same in parts, for filters with conditions on the whole arm: beginTick(), then propose() and isAdmissible()
     any number of times, then one commit(). beginTick() is false when a joint was not where its backup stop led, so that
@@ -48,7 +40,7 @@ public:
     bool beginTick(const MotionState& state);
     /** The admissible jerks nearest to the desired ones in torque, and on the allowed side of `rows` (may be null)
     where the box has such a point. */
-    Status propose(const JointMatrix& M, const JointVector& desired, const RowQp::Rows* rows, JointVector& proposed);
+    FilterStatus propose(const JointMatrix& M, const JointVector& desired, const RowQp::Rows* rows, JointVector& proposed);
     /** True when every joint admits its jerk; with these stops after them. */
     bool isAdmissible(const JointVector& jerks);
     bool isAdmissible(const JointVector& jerks, const std::array<GridStop, kMaxJoints>& stops);
@@ -61,7 +53,7 @@ public:
     }
     /** The jerks of this tick, certified by the last propose() or isAdmissible(), or stored; on return those to
     apply. @param acting  what holds each joint back from `desired` */
-    void commit(const JointVector& desired, JointVector& jerks, std::array<ActingLimit, kMaxJoints>& acting);
+    void commit(const JointVector& desired, JointVector& jerks, std::array<JointIntervention, kMaxJoints>& acting);
 
     /** The stop from the state that the last choice leads to. */
     const GridStop& stop(int joint) const { return certificates_[joint].stop(); }

@@ -8,10 +8,13 @@ void DesiredJerk::configure(double gamma, double tick_s) {
     reset();
 }
 
-void DesiredJerk::calc(const JointVector& qdd, const JointVector& desired, JointVector& jerk) {
+void DesiredJerk::calc(const JointVector& qdd, const JointVector& desired, const JointVector* rate, JointVector& jerk) {
     if (!hasLast_) last_ = desired;
     hasLast_ = true;
-    jerk = (desired - last_) / tick_s_ - gamma_ * (qdd - desired);
+    if (rate)
+        jerk = *rate - gamma_ * (qdd - desired);
+    else
+        jerk = (desired - last_) / tick_s_ - gamma_ * (qdd - desired);
     last_ = desired;
 }
 

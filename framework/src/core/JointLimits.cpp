@@ -153,6 +153,10 @@ const char* getName(LimitKind kind, LimitSide side) {
     return row < kLimitKinds && column >= 0 && column < 3 ? names[row][column] : "unknown";
 }
 
+const char* getName(LimitSide side) {
+    return side == LimitSide::Lower ? "lower" : side == LimitSide::Upper ? "upper" : "";
+}
+
 const char* getUnit(LimitKind kind) {
     static const char* const units[] = {"", "rad", "rad/s", "rad/s^2", "rad/s^3", "Nm", "m"};
     return units[static_cast<int>(kind)];

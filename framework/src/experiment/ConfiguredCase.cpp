@@ -91,7 +91,7 @@ public:
 
     PluginPtr<SafetyFilter> makeFilters(const std::vector<PluginChoice>& choices) {
         if (choices.size() == 1) return makeWatched<SafetyFilter>(choices.front());
-        auto chain = std::make_unique<FilterChain>();
+        auto chain = std::make_unique<FilterChain>(configured_.setup.tick_s);
         for (const PluginChoice& choice : choices) {
             PluginPtr<SafetyFilter> filter = make<SafetyFilter>(choice);
             chain->add(std::move(filter), configured_.watches.back().get());

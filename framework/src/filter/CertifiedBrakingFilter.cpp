@@ -36,26 +36,13 @@ void CertifiedBrakingFilter::skipTicks(std::int64_t ticks) {
     impl_->joints.skipTicks(ticks);
 }
 
-FilterStatus CertifiedBrakingFilter::filter(const MotionState& nominal, const JointVector& torque,
-                                            const Dynamics& dynamics, FilterDecision& decision) {
+FilterStatus CertifiedBrakingFilter::filter(const FilterInput& input, FilterDecision& decision) {
     detail::JointBraking& law = impl_->joints;
-    const FilterStatus input = law.findDesired(nominal, torque, dynamics);
-    if (input != FilterStatus::Passed) return input;
-    std::array<CertifiedBraking::ActingLimit, kMaxJoints> acting;
-    const CertifiedBraking::Status status =
-        law.braking().choose(nominal, dynamics.M, law.desired(), impl_->jerk, acting);
-    for (std::size_t i = 0; i < static_cast<std::size_t>(impl_->jerk.size()); ++i)
-        decision.joints[i] = {acting[i].limit, acting[i].side};
-    law.decide(nominal, dynamics, impl_->jerk, decision);
-    switch (status) {
-        case CertifiedBraking::Status::Passed:
-            return FilterStatus::Passed;
-        case CertifiedBraking::Status::Modified:
-            return FilterStatus::Modified;
-        case CertifiedBraking::Status::Recovering:
-            return FilterStatus::Recovering;
-    }
-    return FilterStatus::Faulted;
+    if (const FilterStatus found = law.findDesired(input); found != FilterStatus::Passed) return found;
+    const FilterStatus status =
+        law.braking().choose(input.nominal, input.dynamics.M, law.desired(), impl_->jerk, decision.joints);
+    law.decide(impl_->jerk, decision);
+    return status;
 }
 
 }  // namespace viable

@@ -55,10 +55,11 @@ void FilterChain::skipTicks(std::int64_t ticks) {
         });
 }
 
-FilterStatus FilterChain::filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
-                                 FilterDecision& decision) {
-    const auto n = static_cast<int>(torque.size());
-    desired_ = torque;
+FilterStatus FilterChain::filter(const FilterInput& input, FilterDecision& decision) {
+    const auto n = static_cast<int>(input.torque.size());
+    desired_ = input.torque;
+    // Of the controller's torque: it says nothing of what a filter has changed.
+    const JointVector* rate = input.accelerationRate;
     FilterStatus status = FilterStatus::Passed;
     std::size_t standing = 0;
     for (std::size_t i = 0; i < links_.size(); ++i) {
@@ -66,17 +67,17 @@ FilterStatus FilterChain::filter(const MotionState& nominal, const JointVector& 
         candidate_.joints.fill({});
         candidate_.clearance = {};
         candidate_.mapAge_s = 0.0;
-        const FilterStatus own =
-            callLink(i, [&](SafetyFilter& filter) { return filter.filter(nominal, desired_, dynamics, candidate_); });
-        if (own == FilterStatus::InvalidInput || own == FilterStatus::Faulted) return own;
-        if (own == FilterStatus::Ended) {
-            if (guaranteeing_ < 0) return own;
+        const FilterInput own{input.nominal, desired_, input.dynamics, rate};
+        const FilterStatus answer = callLink(i, [&](SafetyFilter& filter) { return filter.filter(own, candidate_); });
+        if (answer == FilterStatus::InvalidInput || answer == FilterStatus::Faulted) return answer;
+        if (answer == FilterStatus::Ended) {
+            if (guaranteeing_ < 0) return answer;
             throw PluginFault("it ended the case, but a filter beside it guarantees all limits",
                               "Choose its parameters so that it goes on where it has no choice.");
         }
-        if (!isFinite(candidate_.torque, n))
+        if (!isFinite(candidate_.value, n))
             throw PluginFault("its decision has the wrong size or is not finite", kOnValues);
-        const bool passed = own == FilterStatus::Passed;
+        const bool passed = answer == FilterStatus::Passed;
         if (passed && guaranteeing_ >= 0 && static_cast<int>(i) > guaranteeing_) continue;
         if (passed && i > 0) {
             candidate_.joints = decision.joints;  // what held the joints back is what did before
@@ -86,11 +87,13 @@ FilterStatus FilterChain::filter(const MotionState& nominal, const JointVector& 
             }
         }
         if (!passed)
-            status = own;
+            status = answer;
         else if (status != FilterStatus::Passed)
             status = FilterStatus::Modified;
         decision = candidate_;
-        desired_ = decision.torque;
+        calcHeldMotion(own, answer, decision, tick_s_, motion_);
+        if (motion_.torque != desired_) rate = nullptr;
+        desired_ = motion_.torque;
         standing = i;
     }
     answerable_ = standing;

@@ -17,7 +17,7 @@ Status: that of the decision that stands; Modified where that one passed what an
 Real time and thread: as its filters. Where one of them fails, a PluginFault is thrown: the host contains it. */
 class FilterChain : public SafetyFilter {
 public:
-    FilterChain() = default;
+    explicit FilterChain(double tick_s) : tick_s_(tick_s) {}
     ~FilterChain() override;
     FilterChain(const FilterChain&) = delete;
     FilterChain& operator=(const FilterChain&) = delete;
@@ -39,8 +39,7 @@ public:
     bool recovers() const override;
     bool changeLimits(const JointLimits& limits) override;
     void skipTicks(std::int64_t ticks) override;
-    FilterStatus filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
-                        FilterDecision& decision) override;
+    FilterStatus filter(const FilterInput& input, FilterDecision& decision) override;
 
 private:
     struct Link {
@@ -54,8 +53,10 @@ private:
     std::vector<Link> links_;
     int guaranteeing_ = -1;
     std::size_t answerable_ = 0;
+    const double tick_s_;
     std::int64_t tick_ = kBeforeFirstTick;
     FilterDecision candidate_;
+    HeldMotion motion_;
     JointVector desired_;
 };
 

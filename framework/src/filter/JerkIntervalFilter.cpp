@@ -74,13 +74,12 @@ void JerkIntervalFilter::skipTicks(std::int64_t) {
     desiredJerk_.reset();
 }
 
-FilterStatus JerkIntervalFilter::filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
-                                        FilterDecision& decision) {
-    if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_)) return FilterStatus::InvalidInput;
-    if (!calcForwardDynamics(dynamics, torque, desiredAcceleration_)) return FilterStatus::Faulted;
-    desiredJerk_.calc(nominal.qdd, desiredAcceleration_, desired_);
-    const FilterStatus status = chooseJerk(nominal, dynamics, desired_, jerk_, decision.joints);
-    holdJerk(nominal, dynamics, jerk_, tick_s_, decision);
+FilterStatus JerkIntervalFilter::filter(const FilterInput& input, FilterDecision& decision) {
+    if (!isFinite(input, n_)) return FilterStatus::InvalidInput;
+    if (!calcForwardDynamics(input.dynamics, input.torque, desiredAcceleration_)) return FilterStatus::Faulted;
+    desiredJerk_.calc(input.nominal.qdd, desiredAcceleration_, input.accelerationRate, desired_);
+    const FilterStatus status = chooseJerk(input.nominal, input.dynamics, desired_, jerk_, decision.joints);
+    decision.holdJerk(jerk_);
     return status;
 }
 

@@ -124,17 +124,15 @@ void JointBraking::skipTicks(std::int64_t ticks) {
     braking_.skipTicks(ticks);
 }
 
-FilterStatus JointBraking::findDesired(const MotionState& nominal, const JointVector& torque,
-                                       const Dynamics& dynamics) {
-    if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_)) return FilterStatus::InvalidInput;
-    if (!calcForwardDynamics(dynamics, torque, desiredAcceleration_)) return FilterStatus::Faulted;
-    desiredJerk_.calc(nominal.qdd, desiredAcceleration_, desired_);
+FilterStatus JointBraking::findDesired(const FilterInput& input) {
+    if (!isFinite(input, n_)) return FilterStatus::InvalidInput;
+    if (!calcForwardDynamics(input.dynamics, input.torque, desiredAcceleration_)) return FilterStatus::Faulted;
+    desiredJerk_.calc(input.nominal.qdd, desiredAcceleration_, input.accelerationRate, desired_);
     return FilterStatus::Passed;
 }
 
-void JointBraking::decide(const MotionState& nominal, const Dynamics& dynamics, const JointVector& jerk,
-                          FilterDecision& decision) const {
-    holdJerk(nominal, dynamics, jerk, tick_s_, decision);
+void JointBraking::decide(const JointVector& jerk, FilterDecision& decision) const {
+    decision.holdJerk(jerk);
     decision.hasStops = true;
     for (int i = 0; i < n_; ++i) decision.stops[static_cast<std::size_t>(i)] = braking_.stop(i);
 }

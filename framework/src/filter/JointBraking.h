@@ -22,11 +22,10 @@ public:
     CertifiedBraking& braking() { return braking_; }
 
     /** Before anything is chosen in a tick: Passed, and desired() is known; else what filter() answers. */
-    FilterStatus findDesired(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics);
+    FilterStatus findDesired(const FilterInput& input);
     const JointVector& desired() const { return desired_; }  ///< [rad/s^3]
     /** The decision to hold a jerk that was committed. */
-    void decide(const MotionState& nominal, const Dynamics& dynamics, const JointVector& jerk,
-                FilterDecision& decision) const;
+    void decide(const JointVector& jerk, FilterDecision& decision) const;
 
 private:
     struct Wording;

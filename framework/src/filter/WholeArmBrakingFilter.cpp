@@ -83,17 +83,15 @@ void WholeArmBrakingFilter::skipTicks(std::int64_t ticks) {
     impl_->arm->skipTicks(ticks);
 }
 
-FilterStatus WholeArmBrakingFilter::filter(const MotionState& nominal, const JointVector& torque,
-                                           const Dynamics& dynamics, FilterDecision& decision) {
+FilterStatus WholeArmBrakingFilter::filter(const FilterInput& input, FilterDecision& decision) {
     detail::JointBraking& law = impl_->joints;
     detail::WholeArmChoice& arm = *impl_->arm;
-    const FilterStatus input = law.findDesired(nominal, torque, dynamics);
-    if (input != FilterStatus::Passed) return input;
-    const FilterStatus status = arm.choose(nominal, dynamics, law.desired(), impl_->jerk, decision.joints);
-    law.decide(nominal, dynamics, impl_->jerk, decision);
+    if (const FilterStatus found = law.findDesired(input); found != FilterStatus::Passed) return found;
+    const FilterStatus status = arm.choose(input.nominal, input.dynamics, law.desired(), impl_->jerk, decision.joints);
+    law.decide(impl_->jerk, decision);
     decision.clearance = arm.nearest();
     decision.mapAge_s = arm.mapAge_s();
-    arm.endTick(decision.torque);
+    arm.endTick(input, decision);
     return status;
 }
 

@@ -62,8 +62,10 @@ void WholeArmChoice::skipTicks(std::int64_t ticks) {
     check_.calcTorque(keptPath_, ticksOnPath_ - 1, lastTorque_);
 }
 
-void WholeArmChoice::endTick(const JointVector& torque) {
-    lastTorque_ = torque;
+void WholeArmChoice::endTick(const FilterInput& input, const FilterDecision& decision) {
+    HeldMotion motion;
+    calcHeldMotion(input, FilterStatus::Modified, decision, tick_s_, motion);
+    lastTorque_ = motion.torque;
     ++tick_;
     ++ticksOnPath_;
 }
@@ -124,7 +126,7 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
     demands_.raise(stored_);
     hasBest_ = false;
 
-    const CertifiedBraking::Status status = braking_.propose(dynamics.M, desired, nullptr, proposed_);
+    const FilterStatus status = braking_.propose(dynamics.M, desired, nullptr, proposed_);
     LimitKind reason = isStale() ? LimitKind::Clearance : LimitKind::None;
     if (!isStale()) {
         if (isGood(nominal, proposed_, options_.steers)) keepBest(proposed_);
@@ -151,17 +153,15 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
             ticksOnPath_ = 0;
         }
     }
-    std::array<CertifiedBraking::ActingLimit, kMaxJoints> acting;
-    braking_.commit(desired, jerk, acting);
+    braking_.commit(desired, jerk, joints);
     for (std::size_t i = 0; i < static_cast<std::size_t>(jerk.size()); ++i) {
         const auto at = static_cast<Eigen::Index>(i);
-        joints[i] = {acting[i].limit, acting[i].side};
         if (jerk[at] == proposed_[at] || reason == LimitKind::None) continue;
         const bool isUpper = reason == LimitKind::Torque && jerk[at] < proposed_[at];
         joints[i] = {reason, isUpper ? LimitSide::Upper : LimitSide::Lower};
     }
     if (!takesBest) return FilterStatus::StoppedByPlan;
-    if (status == CertifiedBraking::Status::Recovering) return FilterStatus::Recovering;
+    if (status == FilterStatus::Recovering) return FilterStatus::Recovering;
     return jerk == desired ? FilterStatus::Passed : FilterStatus::Modified;
 }
 

@@ -33,8 +33,8 @@ public:
     @param joints   what holds each joint back */
     FilterStatus choose(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired,
                         JointVector& jerk, std::array<JointIntervention, kMaxJoints>& joints);
-    /** After choose(). @param torque  that the arm gets in this tick */
-    void endTick(const JointVector& torque);
+    /** After choose(). @param decision  to hold its jerk */
+    void endTick(const FilterInput& input, const FilterDecision& decision);
 
     const Clearance& nearest() const { return nearest_; }  ///< along the stop that was chosen
     double mapAge_s() const { return feed_ ? time() - view_.stamp_s : 0.0; }

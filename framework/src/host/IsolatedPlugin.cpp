@@ -42,6 +42,7 @@ enum class Request : int {
     HoldIntegral,
     ReadPlant,
     Advance,
+    AwaitPlant,
 };
 
 enum class Reply : int { Done, Threw, ThrewError, Faulted };
@@ -56,7 +57,8 @@ struct Mailbox {
     char text[2048] = "";
 
     double time = 0.0;
-    std::int64_t ticks = 0;
+    Tick tick;
+    std::int64_t ticks = 0;  // to skip, or passed
     int status = 0;
     bool answer = false;
     std::int64_t ticksDone = 0;                              // by the plugin
@@ -64,7 +66,9 @@ struct Mailbox {
     MotionState nominal;
     Dynamics dynamics;
     MotionCommand command;
-    JointVector torque, torqueOut;
+    JointVector torque, torqueOut, accelerationRate;
+    bool hasAccelerationRate = false;
+    ControllerOutput wanted;
     JointState real, actual;
     JointVector external;
     JointLimits limits;
@@ -74,8 +78,8 @@ struct Mailbox {
     MotionCommand::Space space = MotionCommand::Space::Joint;
     bool followsJoint = false, followsTool = false;
     bool guarantees = false, guaranteesClearance = false, recovers = false;
-    bool hasExternalTorque = false, hasErrorLoop = false;
     LinearErrorLoop errorLoop;
+    bool hasErrorLoop = false, hasExternalTorque = false, hasClock = false;
     Encoder encoder = Encoder::Counts;
 };
 
@@ -273,7 +277,7 @@ void describe(NominalController& plugin, Mailbox& box) {
     box.followsTool = plugin.follows(MotionCommand::Space::Tool);
 }
 void serve(NominalController& plugin, Mailbox& box) {
-    box.status = static_cast<int>(plugin.compute(box.command, box.nominal, box.dynamics, box.torqueOut));
+    box.status = static_cast<int>(plugin.compute({box.command, box.nominal, box.dynamics, box.tick}, box.wanted));
 }
 
 void describe(SafetyFilter& plugin, Mailbox& box) {
@@ -284,7 +288,9 @@ void describe(SafetyFilter& plugin, Mailbox& box) {
 void serve(SafetyFilter& plugin, Mailbox& box) {
     if (box.what == Request::Filter) {
         box.decision.hasStops = false;
-        box.status = static_cast<int>(plugin.filter(box.nominal, box.torque, box.dynamics, box.decision));
+        box.status = static_cast<int>(plugin.filter(
+            {box.nominal, box.torque, box.dynamics, box.hasAccelerationRate ? &box.accelerationRate : nullptr},
+            box.decision));
     } else if (box.what == Request::ChangeLimits) {
         box.answer = plugin.changeLimits(box.limits);
     } else {
@@ -306,11 +312,14 @@ void serve(RobustLoop& plugin, Mailbox& box) {
 
 void describe(RealPlant& plugin, Mailbox& box) {
     box.hasExternalTorque = plugin.externalTorque() != nullptr;
+    box.hasClock = plugin.hasClock();
     box.encoder = plugin.encoder();
 }
 void serve(RealPlant& plugin, Mailbox& box) {
     if (box.what == Request::Advance) {
         box.status = static_cast<int>(plugin.advance(box.torque, box.torqueOut));
+    } else if (box.what == Request::AwaitPlant) {
+        box.status = static_cast<int>(plugin.read(box.ticks));
     } else {
         box.real = plugin.measured();
         box.actual = plugin.actual();
@@ -407,14 +416,16 @@ public:
     bool follows(MotionCommand::Space space) const override {
         return space == MotionCommand::Space::Joint ? followsJoint_ : followsTool_;
     }
-    TickStatus compute(const MotionCommand& command, const MotionState& nominal, const Dynamics& dynamics,
-                       JointVector& torque) override {
-        box().command = command;
-        box().nominal = nominal;
-        box().dynamics = dynamics;
+    TickStatus compute(const ControllerInput& input, ControllerOutput& output) override {
+        box().command = input.command;
+        box().nominal = input.nominal;
+        box().dynamics = input.dynamics;
+        box().tick = input.tick;
+        box().wanted.hasAccelerationRate = false;
         call(Request::Compute);
-        if (!isSound(box().torqueOut)) return TickStatus::Faulted;
-        torque = box().torqueOut;
+        const ControllerOutput& wanted = box().wanted;
+        if (!isSound(wanted.torque) || !isSound(wanted.accelerationRate)) return TickStatus::Faulted;
+        output = wanted;
         return tickStatus();
     }
 
@@ -441,15 +452,15 @@ public:
         box().ticks = ticks;
         call(Request::SkipTicks);
     }
-    FilterStatus filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
-                        FilterDecision& decision) override {
-        box().nominal = nominal;
-        box().torque = torque;
-        box().dynamics = dynamics;
+    FilterStatus filter(const FilterInput& input, FilterDecision& decision) override {
+        box().nominal = input.nominal;
+        box().torque = input.torque;
+        box().dynamics = input.dynamics;
+        box().hasAccelerationRate = input.accelerationRate != nullptr;
+        if (input.accelerationRate) box().accelerationRate = *input.accelerationRate;
         call(Request::Filter);
         const FilterDecision& made = box().decision;
-        if (!isSound(made.torque) || !isSound(made.acceleration) || !isSound(made.jerk) || box().status < 0 ||
-            box().status > static_cast<int>(FilterStatus::Ended))
+        if (!isSound(made.value) || box().status < 0 || box().status > static_cast<int>(FilterStatus::Ended))
             return FilterStatus::Faulted;
         decision = made;
         return static_cast<FilterStatus>(box().status);
@@ -486,10 +497,22 @@ private:
 class IsolatedPlant : public Isolated<RealPlant> {
 public:
     IsolatedPlant(const std::function<PluginPtr<RealPlant>()>& make, PluginWatch& watch, double watchdog_s)
-        : Isolated(make, watch, watchdog_s), hasExternalTorque_(box().hasExternalTorque), encoder_(box().encoder) {}
+        : Isolated(make, watch, watchdog_s),
+          hasExternalTorque_(box().hasExternalTorque),
+          hasClock_(box().hasClock),
+          encoder_(box().encoder) {}
+    Encoder encoder() const override { return encoder_; }
+    bool hasClock() const override { return hasClock_; }
+    TickStatus read(std::int64_t& ticksPassed) override {
+        call(Request::AwaitPlant);
+        ticksPassed = box().ticks;
+        const TickStatus status = tickStatus();
+        fetchState();
+        return status;
+    }
     void reset(const MotionState& start) override {
         Isolated::reset(start);
-        read();
+        fetchState();
     }
     const JointState& measured() const override { return measured_; }
     const JointState& actual() const override { return actual_; }
@@ -501,12 +524,12 @@ public:
         const TickStatus status = tickStatus();
         if (!isSound(box().torqueOut)) return TickStatus::Faulted;
         applied = box().torqueOut;
-        read();
+        fetchState();
         return status;
     }
 
 private:
-    void read() {
+    void fetchState() {
         call(Request::ReadPlant);
         if (isSound(box().real) && isSound(box().actual)) {
             measured_ = box().real;
@@ -521,7 +544,7 @@ private:
     }
     JointState measured_, actual_;
     JointVector external_;
-    bool hasExternalTorque_;
+    bool hasExternalTorque_, hasClock_;
     Encoder encoder_;
 };
 

@@ -1,5 +1,6 @@
 #include "viable/host/PluginLoader.h"
 
+#include <cxxabi.h>
 #include <dlfcn.h>
 #include <elf.h>
 #include <link.h>
@@ -13,6 +14,7 @@
 #include <cstring>
 #include <fstream>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <system_error>
@@ -219,26 +221,9 @@ std::vector<std::string> describeDifferences(const AbiStamp& theirs, const AbiSt
         " definitions";
     const char* sameCompiler = "build it with the compiler that built viable";
 
-    compare(&AbiStamp::interfaceVersion, "plugin interface version", rebuild);
     compare(&AbiStamp::pointerSize, "pointer size in bytes", "build it for this machine");
     compare(&AbiStamp::eigenMaxAlignBytes, "Eigen alignment (EIGEN_MAX_ALIGN_BYTES)", sameEigen);
     compare(&AbiStamp::eigenVersion, "Eigen version (world * 10000 + major * 100 + minor)", sameEigen);
-    compare(&AbiStamp::jointVectorSize, "size of a JointVector in bytes", sameEigen);
-    compare(&AbiStamp::dynamicsSize, "size of Dynamics in bytes", rebuild);
-    compare(&AbiStamp::decisionSize, "size of a FilterDecision in bytes", rebuild);
-    compare(&AbiStamp::parameterSpecSize, "size of a ParameterSpec in bytes", rebuild);
-    compare(&AbiStamp::libstdcxxDebug, "_GLIBCXX_DEBUG setting (it changes the sizes that follow)",
-            "build it with the same _GLIBCXX_DEBUG setting as viable");
-    compare(&AbiStamp::runSetupSize, "size of a RunSetup in bytes", rebuild);
-    compare(&AbiStamp::robotSize, "size of a RobotDescription in bytes", rebuild);
-    compare(&AbiStamp::commandSize, "size of a MotionCommand in bytes", rebuild);
-    compare(&AbiStamp::parametersSize, "size of Parameters in bytes", rebuild);
-    compare(&AbiStamp::configSize, "size of a ConfigNode in bytes", rebuild);
-    compare(&AbiStamp::boxQpSize, "size of BoxQp in bytes", rebuild);
-    compare(&AbiStamp::desiredJerkSize, "size of DesiredJerk in bytes", rebuild);
-    compare(&AbiStamp::gridStopSize, "size of GridStop in bytes", rebuild);
-    compare(&AbiStamp::intervalChoiceSize, "size of IntervalChoice in bytes", rebuild);
-    compare(&AbiStamp::policyFilterSize, "size of BrakingPolicyFilter in bytes", rebuild);
     compare(&AbiStamp::rowMajor, "storage order (EIGEN_DEFAULT_TO_ROW_MAJOR)", sameEigen);
     if (theirs.compiler != ours.compiler)
         found.push_back("it was built with " + getCompilerName(theirs.compiler) + ", viable with " +
@@ -249,6 +234,8 @@ std::vector<std::string> describeDifferences(const AbiStamp& theirs, const AbiSt
             "build it with the same _GLIBCXX_USE_CXX11_ABI as viable");
     compare(&AbiStamp::cxxStandard, "C++ standard (__cplusplus / 100)",
             "build it with the same CMAKE_CXX_STANDARD as viable");
+    compare(&AbiStamp::libstdcxxDebug, "_GLIBCXX_DEBUG setting",
+            "build it with the same _GLIBCXX_DEBUG setting as viable");
     if (theirs.ndebug != ours.ndebug)
         found.push_back(std::string("it was built ") + (theirs.ndebug ? "with" : "without") + " NDEBUG, viable " +
                         (ours.ndebug ? "with" : "without") +
@@ -260,6 +247,7 @@ std::vector<std::string> describeDifferences(const AbiStamp& theirs, const AbiSt
     if (theirs.sanitizer != ours.sanitizer)
         found.push_back("it was built " + getSanitizerName(theirs.sanitizer) + ", viable " +
                         getSanitizerName(ours.sanitizer) + ": build both with the same -fsanitize option");
+    compare(&AbiStamp::layout, "hash over the layout of shared types", rebuild);
     return found;
 }
 
@@ -320,17 +308,16 @@ void checkTable(const PluginLibrary* library) {
                           "): it is no viable plugin, or one of another generation",
                       rebuild};
     }
-    if (library->size != sizeof(PluginLibrary)) {
-        const std::size_t versionEnd = offsetof(PluginLibrary, stamp) + sizeof library->stamp.interfaceVersion;
-        const std::string version = library->size < versionEnd
-                                        ? ""
-                                        : "; its plugin interface version is " +
-                                              std::to_string(library->stamp.interfaceVersion) + ", viable's " +
-                                              std::to_string(kPluginInterfaceVersion);
-        throw Refusal{"its table has " + std::to_string(library->size) + " bytes, viable's " +
-                          std::to_string(sizeof(PluginLibrary)) + version,
+    // The version stands in the same place in every version; all behind it may have moved.
+    constexpr std::size_t kVersionEnd = offsetof(PluginLibrary, stamp) + sizeof(std::uint32_t);
+    if (library->size >= kVersionEnd && library->stamp.interfaceVersion != kPluginInterfaceVersion)
+        throw Refusal{"its plugin interface version is " + std::to_string(library->stamp.interfaceVersion) +
+                          ", viable's " + std::to_string(kPluginInterfaceVersion),
                       rebuild};
-    }
+    if (library->size != sizeof(PluginLibrary))
+        throw Refusal{"its table has " + std::to_string(library->size) + " bytes, viable's " +
+                          std::to_string(sizeof(PluginLibrary)),
+                      rebuild};
     const std::vector<std::string> differences = describeDifferences(library->stamp, makeAbiStamp());
     if (!differences.empty()) throw Refusal{join(differences, "; "), ""};
     if (library->entrySize != sizeof(PluginEntry))
@@ -404,6 +391,26 @@ void checkSanitizer(const fs::path& file) {
                           "Build it without -fsanitize, or build viable with it, too"};
 }
 
+/** @param text  of the dynamic linker, which loaded nothing */
+[[noreturn]] void refuseUnlinked(const std::string& text) {
+    constexpr char kUndefined[] = "undefined symbol: ";
+    const std::size_t at = text.find(kUndefined);
+    if (at == std::string::npos) throw Refusal{"the dynamic linker says: " + text, ""};
+    const std::size_t begin = at + sizeof kUndefined - 1;
+    const std::string symbol = text.substr(begin, text.find_first_of(" \t,", begin) - begin);
+    int status = 0;
+    const std::unique_ptr<char, void (*)(void*)> demangled(
+        abi::__cxa_demangle(symbol.c_str(), nullptr, nullptr, &status), std::free);
+    // What a plugin of another interface version asks for may not exist any more; its table cannot be seen then.
+    if (status == 0 && startsWith(demangled.get(), "viable::"))
+        throw Refusal{"it was built for another viable: this one, of plugin interface version " +
+                          std::to_string(kPluginInterfaceVersion) + ", has no " + demangled.get(),
+                      "Build it again with the headers of this viable"};
+    throw Refusal{"the dynamic linker says: " + text,
+                  "Link the plugin to the library that defines this symbol, or build it "
+                  "again with the headers of this viable"};
+}
+
 /** Loads the file (canonical path) and returns its checked table; throws Refusal. */
 const PluginLibrary* loadTable(const fs::path& file) {
     checkElf(file);
@@ -439,12 +446,7 @@ const PluginLibrary* loadTable(const fs::path& file) {
             if (!change.empty()) updOffenders().add(file, change);
         }
     }
-    if (handle == nullptr)
-        throw Refusal{"the dynamic linker says: " + failure,
-                      failure.find("undefined symbol") == std::string::npos
-                          ? ""
-                          : "Link the plugin to the library that defines this symbol, or build it "
-                            "again with the headers of this viable"};
+    if (handle == nullptr) refuseUnlinked(failure);
     if (!change.empty())
         throw Refusal{
             "it changed the floating point arithmetic of the whole thread when it was "

@@ -27,16 +27,9 @@ bool isUsable(const MotionCommand& command, int n) {
 /** Accelerations [rad/s^2] and torques [Nm] beyond this are no arm's: a few ticks later the arithmetic itself
 would overflow. */
 constexpr double kLargestDecision = 1e9;
-/** A decision's jerk and acceleration may differ by rounding only; relative. */
-constexpr double kAgreement = 1e-9;
-
 bool isBounded(const JointVector& v, int n) {
     return isFinite(v, n) && v.lpNorm<Eigen::Infinity>() <= kLargestDecision;
 }
-
-/** A decision's torque and what its acceleration needs, too; relative. Solving for the acceleration of a given torque
-may cost some digits where M is ill-conditioned. */
-constexpr double kTorqueAgreement = 1e-6;
 
 /** What the plugin wrote is one of the words that the log and the summary know. */
 bool areKnown(FilterStatus status, const FilterDecision& d, int n) {
@@ -48,41 +41,15 @@ bool areKnown(FilterStatus status, const FilterDecision& d, int n) {
     return true;
 }
 
-/** The torque moves the nominal arm as the decision says. */
-bool agreesWithMotion(const FilterDecision& d, const Dynamics& dynamics, int n) {
-    for (int i = 0; i < n; ++i) {
-        double needed = dynamics.b[i], size = 1.0 + std::abs(dynamics.b[i]);
-        for (int k = 0; k < n; ++k) {
-            needed += dynamics.M(i, k) * d.acceleration[k];
-            size += std::abs(dynamics.M(i, k) * d.acceleration[k]);
-        }
-        if (!(std::abs(d.torque[i] - needed) <= kTorqueAgreement * size)) return false;
-    }
-    return true;
-}
-
-/** What is wrong with a decision, or null. */
-const char* findFault(const FilterDecision& d, const MotionState& nominal, const Dynamics& dynamics, double tick_s,
-                      int n) {
-    if (!isFinite(d.torque, n) || !isFinite(d.acceleration, n) || !isFinite(d.jerk, n))
-        return "its decision has the wrong size or is not finite";
-    if (!isBounded(d.torque, n) || !isBounded(d.acceleration, n) || !isBounded(d.jerk * tick_s, n))
+/** What is wrong with a decision and the motion that it gives, or null. */
+const char* findFault(const FilterDecision& d, const HeldMotion& motion, double tick_s, int n) {
+    if (!isFinite(d.value, n)) return "its decision has the wrong size or is not finite";
+    if (!isBounded(motion.torque, n) || !isBounded(motion.acceleration, n) || !isBounded(motion.jerk * tick_s, n))
         return "its decision is beyond 1e9";
-    const double share = d.held == HeldQuantity::Jerk ? 0.5 : 1.0;
-    for (int i = 0; i < n; ++i) {
-        const double reached = nominal.qdd[i] + share * tick_s * d.jerk[i];
-        const double scale = 1.0 + std::abs(d.acceleration[i]) + std::abs(nominal.qdd[i]);
-        if (std::abs(reached - d.acceleration[i]) > kAgreement * scale)
-            return "the jerk and the acceleration of its decision contradict each other";
-    }
-    if (!agreesWithMotion(d, dynamics, n))
-        return "the torque of its decision is not the one that its acceleration needs";
     return nullptr;
 }
 
 // What the author of a plugin can do about its failures.
-constexpr char kOnDecision[] =
-    "Fill the decision with holdJerk() or holdAcceleration(), which keep its parts together.";
 constexpr char kOnGivingUp[] = "It says so itself: its README tells when it does; if it is yours, look at its checks.";
 constexpr char kOnGuarantee[] =
     "The decision was not applied. Mend the filter, or let guaranteesLimits() return false.";
@@ -190,9 +157,14 @@ void ControlLoop::reset() {
     largestJump_.setZero(n_);
     deviation_.setZero(n_);
     widenJumps();
-    for (JointVector* v : {&desiredTorque_, &newTorque_, &robustTorque_, &motorTorque_, &appliedTorque_})
-        v->setZero(n_);
+    for (JointVector* v : {&desiredTorque_, &robustTorque_, &motorTorque_, &appliedTorque_}) v->setZero(n_);
+    output_ = {};
     decision_ = {};
+    motion_ = {};
+    ticksToMiss_ = 0;
+    ticksSinceReading_ = 1;
+    isRead_ = false;
+    hasClock_ = plugins_.realPlant && plugins_.realPlant->hasClock();
     command_ = {};
     command_.q = setup_.start.q;
     command_.qd.setZero(n_);
@@ -323,7 +295,7 @@ void ControlLoop::watchNominal() {
     const JointLimits& limits = setup_.limits;
     hasLeftLimits_ = !areWithin(limits.position, nominal_.q) || !areWithin(limits.velocity, nominal_.qd) ||
                      !areWithin(limits.acceleration, nominal_.qdd) ||
-                     !areWithin(limits.jerk, decision_.jerk);  // none before the first tick
+                     !areWithin(limits.jerk, motion_.jerk);  // none before the first tick
     leftLimits_s_ = time();
 }
 
@@ -343,7 +315,7 @@ void ControlLoop::judgeReading(const JointVector& before) {
     for (int i = 0; i < n_; ++i) {
         const auto at = static_cast<std::size_t>(i);
         const double jump = std::abs(real_.q[i] - before[i]);
-        if (judges && isPlausible_[at] && jump > largestJump_[i]) {
+        if (judges && isPlausible_[at] && jump > largestJump_[i] * static_cast<double>(ticksSinceReading_)) {
             isPlausible_[at] = false;
             const JointDescription& joint = setup_.robot.joints[at];
             const char* const unit = joint.type == JointType::Prismatic ? "m" : "rad";
@@ -396,16 +368,19 @@ void ControlLoop::takeCommand(double t) {
         beginStop(StopReason::CommandFailed, "it gave no usable command (wrong size, not finite or not Ok)", kOnValues);
 }
 
-void ControlLoop::takeTorque() {
+void ControlLoop::takeTorque(std::int64_t missed) {
+    output_.hasAccelerationRate = false;
     const TickStatus status = contain(PluginKind::NominalController, TickStatus::Faulted, [&] {
-        return plugins_.controller->compute(command_, nominal_, dynamics_, newTorque_);
+        return plugins_.controller->compute({command_, nominal_, dynamics_, {time(), missed}}, output_);
     });
-    if (status == TickStatus::Ok && isFinite(newTorque_, n_)) {
-        desiredTorque_ = newTorque_;
+    if (status == TickStatus::Ok && isFinite(output_.torque, n_) &&
+        (!output_.hasAccelerationRate || isFinite(output_.accelerationRate, n_))) {
+        desiredTorque_ = output_.torque;
         hasTorque_ = true;
         missingTorques_ = 0;
         return;
     }
+    output_.hasAccelerationRate = false;  // it is not that of the torque that stands in
     // Before the first good torque, gravity compensation is the harmless stand-in.
     if (!hasTorque_) desiredTorque_ = dynamics_.gravity;
     ++substituted_;
@@ -462,28 +437,28 @@ void ControlLoop::forgetRemarks() {
 
 bool ControlLoop::takeDecision() {
     forgetRemarks();
-    status_ = contain(PluginKind::SafetyFilter, FilterStatus::Faulted, [&] {
-        if (externalTorque_.size() == 0) return plugins_.filter->filter(nominal_, desiredTorque_, dynamics_, decision_);
-        const JointVector wanted = desiredTorque_ + externalTorque_;
-        return plugins_.filter->filter(nominal_, wanted, dynamics_, decision_);
-    });
+    const bool isPushed = externalTorque_.size() > 0;
+    wantedTorque_ = desiredTorque_;
+    if (isPushed) wantedTorque_ += externalTorque_;
+    // How a push changes nobody knows.
+    const bool hasRate = output_.hasAccelerationRate && !isPushed;
+    const FilterInput input{nominal_, wantedTorque_, dynamics_, hasRate ? &output_.accelerationRate : nullptr};
+    status_ = contain(PluginKind::SafetyFilter, FilterStatus::Faulted,
+                      [&] { return plugins_.filter->filter(input, decision_); });
     if (status_ == FilterStatus::Ended && !guarantees_) {
         beginStop(StopReason::FilterEnded, "it had no admissible choice and does not go on");
         return false;
     }
+    if (isFinite(decision_.value, n_)) calcHeldMotion(input, status_, decision_, setup_.tick_s, motion_);
     const char* fault = status_ == FilterStatus::Faulted        ? "it reported that it cannot go on"
                         : status_ == FilterStatus::Ended        ? "it guarantees all limits, but ended the case"
                         : status_ == FilterStatus::InvalidInput ? "it refused its input as invalid"
                         : !areKnown(status_, decision_, n_)
                             ? "its status or an acting limit is none of the words there are"
-                            : findFault(decision_, nominal_, dynamics_, setup_.tick_s, n_);
+                            : findFault(decision_, motion_, setup_.tick_s, n_);
     const bool gaveUp =
         status_ == FilterStatus::Faulted || status_ == FilterStatus::Ended || status_ == FilterStatus::InvalidInput;
-    if (fault)
-        beginStop(StopReason::FilterFailed, fault,
-                  gaveUp                           ? kOnGivingUp
-                  : isFinite(decision_.torque, n_) ? kOnDecision
-                                                   : kOnValues);
+    if (fault) beginStop(StopReason::FilterFailed, fault, gaveUp ? kOnGivingUp : kOnValues);
     return !fault && passMonitor();
 }
 
@@ -510,18 +485,18 @@ void ControlLoop::followStop() {
         nominal_.qdd.setZero();
     }
     forgetRemarks();
-    verdict_ = monitor_.followStop(nominal_, dynamics_, decision_).verdict;
+    verdict_ = monitor_.followStop(nominal_, decision_).verdict;
     status_ = FilterStatus::StoppedByPlan;
-    if (!findFault(decision_, nominal_, dynamics_, setup_.tick_s, n_)) return;
+    calcHeldMotion({nominal_, desiredTorque_, dynamics_}, status_, decision_, setup_.tick_s, motion_);
+    if (!findFault(decision_, motion_, setup_.tick_s, n_)) return;
     beginStop(StopReason::FilterFailed, "the nominal state has left the range of numbers");
-    decision_.torque.setZero(n_);  // the nominal state itself is beyond all arithmetic
-    decision_.acceleration.setZero(n_);
-    decision_.jerk.setZero(n_);
+    // The nominal state itself is beyond all arithmetic.
+    for (JointVector* v : {&decision_.value, &motion_.jerk, &motion_.acceleration, &motion_.torque}) v->setZero(n_);
     ended_ = true;
 }
 
 void ControlLoop::takeRobustTorque() {
-    motorTorque_ = decision_.torque;  // the motors' share of what moves the nominal arm
+    motorTorque_ = motion_.torque;  // the motors' share of what moves the nominal arm
     if (externalTorque_.size() > 0) motorTorque_ -= externalTorque_;
     if (!robustLoopFailed_) {
         const TickStatus status = contain(PluginKind::RobustLoop, TickStatus::Faulted, [&] {
@@ -551,16 +526,16 @@ void ControlLoop::fillRecord(TickRecord& record, bool decided) const {
     record.nominal.q = nominal_.q;
     record.nominal.qd = nominal_.qd;
     record.nominal.qdd = nominal_.qdd;
-    record.nominal.jerk = decision_.jerk;
+    record.nominal.jerk = motion_.jerk;
     record.tool = dynamics_.tool;
     record.real = real_;
     record.actual = actual_;
     record.desiredTorque = desiredTorque_;
-    record.filterTorque = decision_.torque;
+    record.filterTorque = motion_.torque;
     record.externalTorque = externalTorque_;
     record.removedTorque.setZero(n_);
     if (decided) {
-        record.removedTorque = desiredTorque_ - decision_.torque;
+        record.removedTorque = desiredTorque_ - motion_.torque;
         if (externalTorque_.size() > 0) record.removedTorque += externalTorque_;
     }
     if (missingExternalTorques_ > 0) record.externalTorque.setConstant(std::numeric_limits<double>::quiet_NaN());
@@ -577,8 +552,8 @@ void ControlLoop::fillRecord(TickRecord& record, bool decided) const {
 }
 
 /** The tick's decision stands: what fails from here on brakes the arm from the next tick on. */
-void ControlLoop::finishTick(TickRecord& record, StageTimer& timer) {
-    if (plugins_.realPlant && !ended_) {
+void ControlLoop::finishTick(TickRecord& record, StageTimer& timer, bool drives) {
+    if (plugins_.realPlant && !ended_ && drives) {
         takeRobustTorque();
         timer.mark(Stage::Robust);
         drivePlant();
@@ -592,17 +567,39 @@ void ControlLoop::finishTick(TickRecord& record, StageTimer& timer) {
     timer.finish();
 }
 
+/** Of a plant with a clock: what its ticks say, and how many of them were missed. */
+void ControlLoop::awaitPlant() {
+    std::int64_t passed = 0;
+    const TickStatus status =
+        contain(PluginKind::RealPlant, TickStatus::Faulted, [&] { return plugins_.realPlant->read(passed); });
+    if (status == TickStatus::Ok && passed >= 1) {
+        ticksSinceReading_ = passed;
+        ticksToMiss_ = passed - 1;
+        return;
+    }
+    beginStop(StopReason::PlantFailed, "its clock gave no tick (not Ok, or less than one tick passed)", kOnGivingUp);
+    ended_ = true;
+}
+
 void ControlLoop::tick(TickRecord& record) noexcept {
+    if (hasClock_ && ticksToMiss_ == 0 && !isRead_ && !ended_) awaitPlant();
+    isRead_ = ticksToMiss_ > 0;  // the reading is for the tick after those
+    if (ticksToMiss_ > 0) {
+        --ticksToMiss_;
+        passTick(record, false);
+        return;
+    }
     StageTimer timer(record);
     if (plugins_.realPlant) lookAtPlant();
     timer.mark(Stage::Plant);
+    const std::int64_t missed = missedInRow_;
     if (!isStopping()) takeCommand(time());
     if (!isStopping()) tellMissedTicks();
     if (!isStopping()) takeLimits(time());
     timer.mark(Stage::Command);
     model_.calcDynamics(nominal_.q, nominal_.qd, dynamics_);
     timer.mark(Stage::Dynamics);
-    if (!isStopping()) takeTorque();
+    if (!isStopping()) takeTorque(missed);
     timer.mark(Stage::Controller);
     const bool decided = !isStopping() && takeDecision();
     if (!decided) {
@@ -612,14 +609,19 @@ void ControlLoop::tick(TickRecord& record) noexcept {
     missedInRow_ = 0;
     timer.mark(Stage::Filter);
     fillRecord(record, decided);
-    finishTick(record, timer);
+    finishTick(record, timer, true);
 }
 
 void ControlLoop::missTick(TickRecord& record) noexcept {
+    passTick(record, true);
+}
+
+/** A tick without command, controller and filter. @param hasPlant  the plant is still to be read and driven in it */
+void ControlLoop::passTick(TickRecord& record, bool hasPlant) noexcept {
     if (++missedInRow_ > kMaxMissedTicks)
         beginStop(StopReason::TicksMissed, "more than 1000 ticks in a row were missed");
     StageTimer timer(record);
-    if (plugins_.realPlant) lookAtPlant();
+    if (plugins_.realPlant && hasPlant) lookAtPlant();
     timer.mark(Stage::Plant);
     model_.calcDynamics(nominal_.q, nominal_.qd, dynamics_);
     timer.mark(Stage::Dynamics);
@@ -627,7 +629,7 @@ void ControlLoop::missTick(TickRecord& record) noexcept {
     followStop();
     timer.mark(Stage::Filter);
     fillRecord(record, false);
-    finishTick(record, timer);
+    finishTick(record, timer, hasPlant);
 }
 
 }  // namespace viable

@@ -98,7 +98,9 @@ public:
     /** Back to t = 0 at setup.start. */
     void reset();
 
-    /** One tick; `record` becomes its full account (state at its beginning, torques during it). */
+    /** One tick; `record` becomes its full account (state at its beginning, torques during it). A plant with a clock is
+    waited for; ticks of it that were missed come first, one per call: as missTick(), but the motors have held the last
+    torque, and there is no reading. */
     void tick(TickRecord& record) noexcept;
 
     /** A tick whose time passed before command, controller and filter could run: the nominal arm follows the stop
@@ -137,14 +139,17 @@ private:
     void widenJumps();
     void takeCommand(double t);
     void takeLimits(double t);
-    void takeTorque();
+    /** @param missed  ticks before this one */
+    void takeTorque(std::int64_t missed);
     void tellMissedTicks();
     void forgetRemarks();
     bool takeDecision();
     bool passMonitor();
     void followStop();
     void fillRecord(TickRecord& record, bool decided) const;
-    void finishTick(TickRecord& record, StageTimer& timer);
+    void finishTick(TickRecord& record, StageTimer& timer, bool drives);
+    void awaitPlant();
+    void passTick(TickRecord& record, bool hasPlant) noexcept;
     void takeRobustTorque();
     void drivePlant();
     /** Runs `call`, the work of a plugin of that kind; an exception becomes `faulted` and its text the stop message. */
@@ -163,9 +168,11 @@ private:
     JointState real_, actual_;
     Dynamics dynamics_;
     MotionCommand command_, newCommand_;
-    JointVector desiredTorque_, newTorque_, robustTorque_, motorTorque_, appliedTorque_;
+    ControllerOutput output_;
+    JointVector desiredTorque_, wantedTorque_, robustTorque_, motorTorque_, appliedTorque_;
     JointVector externalTorque_;  // that acts on the nominal arm; empty: none is fed to it
     FilterDecision decision_;
+    HeldMotion motion_;  // of decision_
     FilterStatus status_ = FilterStatus::Passed;
     StopMonitor monitor_;
     StopVerdict verdict_ = StopVerdict::Safe;
@@ -184,7 +191,11 @@ private:
     bool hasLeftLimits_ = false;  // the nominal arm, those that the bound is for
     double leftLimits_s_ = 0.0;   // when first
     std::int64_t substituted_ = 0;
-    int missedInRow_ = 0;  // the filter has not been told of them yet
+    bool hasClock_ = false;               // the plant
+    bool isRead_ = false;                 // the plant's clock, for a tick that is still to come
+    std::int64_t ticksToMiss_ = 0;        // of the plant's clock, already passed
+    std::int64_t ticksSinceReading_ = 1;  // between the present reading and the one before
+    int missedInRow_ = 0;                 // the filter has not been told of them yet
 
     StopReason stopReason_ = StopReason::None;
     double stopTime_ = 0.0;

@@ -259,11 +259,13 @@ void StopMonitor::judge(const MotionState& nominal, const FilterDecision& decisi
     fails_.fill(false);
     const bool holdsJerk = decision.held == HeldQuantity::Jerk;
     for (int i = 0; i < n_; ++i) {
-        Path path = beginPath(nominal.q[i], nominal.qd[i], holdsJerk ? nominal.qdd[i] : decision.acceleration[i], i);
-        path.extent.follow(holdsJerk ? decision.jerk[i] : 0.0, tick_s_);
-        path.jerk.include(decision.jerk[i]);
+        const double value = decision.value[i];
+        const double jerk = holdsJerk ? value : (value - nominal.qdd[i]) / tick_s_;
+        Path path = beginPath(nominal.q[i], nominal.qd[i], holdsJerk ? nominal.qdd[i] : value, i);
+        path.extent.follow(holdsJerk ? jerk : 0.0, tick_s_);
+        path.jerk.include(jerk);
         const bool judgesRates = holdsJerk || guaranteed_;
-        if (judgesRates) judgeTickJerk(i, decision.jerk[i]);
+        if (judgesRates) judgeTickJerk(i, jerk);
         if (!followPlan(plan, i, path)) {
             keepFinding(Fault::Malformed, i, LimitKind::None, LimitSide::Neither, kInfinity, 1.0);
             reports_[i] = {-kInfinity, kInfinity, kNan};
@@ -361,16 +363,13 @@ void StopMonitor::accept() {
     watchReturn();
 }
 
-const StopMonitor::Finding& StopMonitor::followStop(const MotionState& nominal, const Dynamics& dynamics,
-                                                    FilterDecision& decision) {
-    JointVector choice(n_);
+const StopMonitor::Finding& StopMonitor::followStop(const MotionState& nominal, FilterDecision& decision) {
+    decision.held = ready_.held;
+    decision.value.resize(n_);
     for (int i = 0; i < n_; ++i)
-        choice[i] = ready_.held == HeldQuantity::Jerk ? takeJerk(ready_.joints[i])
-                                                      : calcBrakingAcceleration(nominal.qd[i], limits_[i], tick_s_);
-    if (ready_.held == HeldQuantity::Jerk)
-        holdJerk(nominal, dynamics, choice, tick_s_, decision);
-    else
-        holdAcceleration(nominal, dynamics, choice, tick_s_, decision);
+        decision.value[i] = ready_.held == HeldQuantity::Jerk
+                                ? takeJerk(ready_.joints[i])
+                                : calcBrakingAcceleration(nominal.qd[i], limits_[i], tick_s_);
     decision.joints.fill({});
     decision.hasStops = false;
     next_ = nominal;
@@ -389,7 +388,7 @@ bool StopMonitor::atRest(const MotionState& nominal) const {
 }
 
 void StopMonitor::describe(const Finding& finding, const char* jointName, char* text, std::size_t size) const {
-    const char* side = finding.side == LimitSide::Upper ? "upper" : "lower";
+    const char* side = getName(finding.side);
     const char* quantity = getName(finding.limit, LimitSide::Neither);
     switch (finding.fault) {
         case Fault::None:

@@ -61,7 +61,7 @@ public:
     void accept();
 
     /** Replaces a decision by the next tick of the stop held ready. */
-    const Finding& followStop(const MotionState& nominal, const Dynamics& dynamics, FilterDecision& decision);
+    const Finding& followStop(const MotionState& nominal, FilterDecision& decision);
     /** True when the stop held ready, followed to here, has come to its end. */
     bool atRest(const MotionState& nominal) const;
 

@@ -196,10 +196,9 @@ public:
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState&) override {}
     bool follows(MotionCommand::Space) const override { return true; }
-    TickStatus compute(const MotionCommand&, const MotionState& nominal, const Dynamics& dynamics,
-                       JointVector& torque) override {
-        torque.setConstant(nominal.q.size(), kNan);  // what the law does not write is no torque
-        law.call(law.law, nominal, dynamics, torque);
+    TickStatus compute(const ControllerInput& input, ControllerOutput& output) override {
+        output.torque.setConstant(input.nominal.q.size(), kNan);  // what the law does not write is no torque
+        law.call(law.law, input.nominal, input.dynamics, output.torque);
         return TickStatus::Ok;
     }
 

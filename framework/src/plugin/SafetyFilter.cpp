@@ -1,28 +1,8 @@
 #include "viable/plugin/SafetyFilter.h"
 
-namespace viable {
+#include <cmath>
 
-const char* getName(FilterStatus status) {
-    switch (status) {
-        case FilterStatus::Passed:
-            return "passed";
-        case FilterStatus::Modified:
-            return "modified";
-        case FilterStatus::StoppedByPlan:
-            return "stopped_by_plan";
-        case FilterStatus::Recovering:
-            return "recovering";
-        case FilterStatus::Infeasible:
-            return "infeasible";
-        case FilterStatus::InvalidInput:
-            return "invalid_input";
-        case FilterStatus::Ended:
-            return "ended";
-        case FilterStatus::Faulted:
-            return "faulted";
-    }
-    return "unknown";
-}
+namespace viable {
 
 bool SafetyFilter::guaranteesClearance() const {
     return false;
@@ -38,33 +18,45 @@ bool SafetyFilter::changeLimits(const JointLimits&) {
 
 void SafetyFilter::skipTicks(std::int64_t) {}
 
+bool isFinite(const FilterInput& input, int n) {
+    return isFinite(input.nominal, n) && isFinite(input.torque, n) && isFinite(input.dynamics, n) &&
+           (!input.accelerationRate || isFinite(*input.accelerationRate, n));
+}
+
 namespace {
 
-// lazyProduct: Eigen's blocked product may take scratch memory, this one never does.
-void calcTorque(const Dynamics& dynamics, FilterDecision& decision) {
-    decision.torque = dynamics.M.lazyProduct(decision.acceleration);
-    decision.torque += dynamics.b;
+/** Rounding of M M^-1 (tau_d - b) + b, relative to its terms; where M is ill-conditioned some digits are lost. */
+constexpr double kTorqueRounding = 1e-6;
+
+/** True when `needed` = M x + b is the torque `desired` but for rounding. */
+bool isSameTorque(const JointVector& needed, const JointVector& desired, const Dynamics& dynamics,
+                  const JointVector& x) {
+    for (Eigen::Index i = 0; i < needed.size(); ++i) {
+        double size = 1.0 + std::abs(dynamics.b[i]);
+        for (Eigen::Index k = 0; k < needed.size(); ++k) size += std::abs(dynamics.M(i, k) * x[k]);
+        if (!(std::abs(desired[i] - needed[i]) <= kTorqueRounding * size)) return false;
+    }
+    return true;
 }
 
 }  // namespace
 
-// The argument is copied into the decision first: a caller may pass a vector of the decision
-// itself.
-
-void holdJerk(const MotionState& nominal, const Dynamics& dynamics, const JointVector& jerk, double tick_s,
-              FilterDecision& decision) {
-    decision.held = HeldQuantity::Jerk;
-    decision.jerk = jerk;
-    decision.acceleration = nominal.qdd + (0.5 * tick_s) * decision.jerk;
-    calcTorque(dynamics, decision);
-}
-
-void holdAcceleration(const MotionState& nominal, const Dynamics& dynamics, const JointVector& acceleration,
-                      double tick_s, FilterDecision& decision) {
-    decision.held = HeldQuantity::Acceleration;
-    decision.acceleration = acceleration;
-    decision.jerk = (decision.acceleration - nominal.qdd) / tick_s;
-    calcTorque(dynamics, decision);
+void calcHeldMotion(const FilterInput& input, FilterStatus status, const FilterDecision& decision, double tick_s,
+                    HeldMotion& motion) {
+    const bool holdsJerk = decision.held == HeldQuantity::Jerk;
+    if (holdsJerk) {
+        motion.jerk = decision.value;
+        motion.acceleration = input.nominal.qdd + (0.5 * tick_s) * motion.jerk;
+    } else {
+        motion.acceleration = decision.value;
+        motion.jerk = (motion.acceleration - input.nominal.qdd) / tick_s;
+    }
+    // lazyProduct: Eigen's blocked product may take scratch memory, this one never does.
+    motion.torque = input.dynamics.M.lazyProduct(motion.acceleration);
+    motion.torque += input.dynamics.b;
+    if (!holdsJerk && status == FilterStatus::Passed &&
+        isSameTorque(motion.torque, input.torque, input.dynamics, motion.acceleration))
+        motion.torque = input.torque;
 }
 
 }  // namespace viable

@@ -115,14 +115,14 @@ void Nric::configure(const RunSetup& setup, const Parameters& parameters) {
 void Nric::configure(const RunSetup& setup, const NricOptions& options) {
     n_ = setup.size();
     tick_s_ = setup.tick_s;
-    law_ = {takeGains(options.kr, "kr", n_), takeGains(options.kp, "kp", n_), takeGains(options.ki, "ki", n_),
-            takeBounds(options.integralLimit, "integralLimit", n_), takeBounds(options.torqueRate, "torqueRate", n_)};
+    loop_ = {takeGains(options.kr, "kr", n_), takeGains(options.kp, "kp", n_), takeGains(options.ki, "ki", n_),
+             takeBounds(options.integralLimit, "integralLimit", n_), takeBounds(options.torqueRate, "torqueRate", n_)};
     torqueLimit_ = setup.robot.actuation.torqueLimit;
-    const JointVector integralTorque = law_.integralLimit.cwiseMin(torqueLimit_);
-    largestStep_ = law_.torqueRate * tick_s_;
+    const JointVector integralTorque = loop_.integralLimit.cwiseMin(torqueLimit_);
+    largestStep_ = loop_.torqueRate * tick_s_;
     largestIntegral_.resize(n_);
     for (int i = 0; i < n_; ++i) {
-        const double gain = law_.kr[i] * law_.ki[i];
+        const double gain = loop_.kr[i] * loop_.ki[i];
         largestIntegral_[i] = gain > 0.0 ? integralTorque[i] / gain : std::numeric_limits<double>::infinity();
     }
     clear();
@@ -143,11 +143,10 @@ TickStatus Nric::compute(const JointState& real, const MotionState& nominal, con
     if (!isFinite(real, n_) || !isFinite(nominal, n_) || !isFinite(filterTorque, n_)) return TickStatus::InvalidInput;
     torque.resize(n_);
     for (int i = 0; i < n_; ++i) {
+        const double kr = loop_.kr[i], kp = loop_.kp[i], ki = loop_.ki[i];
         const double e = real.q[i] - nominal.q[i];
         const double de = real.qd[i] - nominal.qd[i];
-        const auto calcTorque = [&](double integral) {
-            return -law_.kr[i] * (de + law_.kp[i] * e + law_.ki[i] * integral);
-        };
+        const auto calcTorque = [&](double integral) { return -kr * (de + kp * e + ki * integral); };
         const auto clampTotal = [&](double robust) {
             // Unchanged to the last bit where the limit does not act: a rounded
             // difference would look like saturation.

@@ -24,14 +24,14 @@ void JointPd::configure(const RunSetup& setup, const Parameters& parameters) {
 
 void JointPd::reset(const MotionState&) {}
 
-TickStatus JointPd::compute(const MotionCommand& command, const MotionState& nominal, const Dynamics& dynamics,
-                            JointVector& torque) {
+TickStatus JointPd::compute(const ControllerInput& input, ControllerOutput& output) {
+    const auto& [command, nominal, dynamics, tick] = input;
     if (command.space != MotionCommand::Space::Joint || !isFinite(command.q, n_) || !isFinite(command.qd, n_) ||
         !isFinite(nominal, n_) || !isFinite(dynamics, n_))
         return TickStatus::InvalidInput;
     acceleration_ =
         stiffness_.cwiseProduct(command.q - nominal.q) - damping_.cwiseProduct(nominal.qd - feedforward_ * command.qd);
-    calcInverseDynamics(dynamics, acceleration_, torque);
+    calcInverseDynamics(dynamics, acceleration_, output.torque);
     return TickStatus::Ok;
 }
 

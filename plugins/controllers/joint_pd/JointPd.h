@@ -14,8 +14,7 @@ public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
     bool follows(MotionCommand::Space space) const override { return space == MotionCommand::Space::Joint; }
-    TickStatus compute(const MotionCommand& command, const MotionState& nominal, const Dynamics& dynamics,
-                       JointVector& torque) override;
+    TickStatus compute(const ControllerInput& input, ControllerOutput& output) override;
 
 private:
     int n_ = 0;

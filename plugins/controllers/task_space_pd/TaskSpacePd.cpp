@@ -65,8 +65,8 @@ Eigen::Vector3d TaskSpacePd::calcOrientationError(const Eigen::Quaterniond& desi
     return factor * error.vec();
 }
 
-TickStatus TaskSpacePd::compute(const MotionCommand& command, const MotionState& nominal, const Dynamics& dynamics,
-                                JointVector& torque) {
+TickStatus TaskSpacePd::compute(const ControllerInput& input, ControllerOutput& output) {
+    const auto& [command, nominal, dynamics, tick] = input;
     const double norm = command.tool.orientation.norm();
     if (command.space != MotionCommand::Space::Tool || !command.tool.position.allFinite() ||
         !(norm > 0.5 && norm < 2.0) || !command.toolTwist.allFinite() || !isFinite(nominal, n_) ||
@@ -80,6 +80,7 @@ TickStatus TaskSpacePd::compute(const MotionCommand& command, const MotionState&
     twist.noalias() = dynamics.J.lazyProduct(nominal.qd);
     const Vector6 wrench = stiffness_.cwiseProduct(error) + damping_.cwiseProduct(command.toolTwist - twist);
 
+    JointVector& torque = output.torque;
     torque = gravityShare_ * dynamics.gravity;
     torque.noalias() += dynamics.J.transpose().lazyProduct(wrench);
     if (singularThreshold_ > 0.0) {

@@ -20,8 +20,7 @@ public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
     bool follows(MotionCommand::Space space) const override { return space == MotionCommand::Space::Tool; }
-    TickStatus compute(const MotionCommand& command, const MotionState& nominal, const Dynamics& dynamics,
-                       JointVector& torque) override;
+    TickStatus compute(const ControllerInput& input, ControllerOutput& output) override;
 
 private:
     Eigen::Vector3d calcOrientationError(const Eigen::Quaterniond& desired, const Eigen::Quaterniond& present);

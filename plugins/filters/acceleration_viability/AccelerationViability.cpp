@@ -59,16 +59,15 @@ AccelerationViability::Bound AccelerationViability::calcUpperBound(double v, dou
     return bound;
 }
 
-FilterStatus AccelerationViability::filter(const MotionState& nominal, const JointVector& torque,
-                                           const Dynamics& dynamics, FilterDecision& decision) {
-    if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_)) return FilterStatus::InvalidInput;
-    if (!calcForwardDynamics(dynamics, torque, desired_)) return FilterStatus::Faulted;
+FilterStatus AccelerationViability::filter(const FilterInput& input, FilterDecision& decision) {
+    if (!isFinite(input, n_)) return FilterStatus::InvalidInput;
+    if (!calcForwardDynamics(input.dynamics, input.torque, desired_)) return FilterStatus::Faulted;
 
     bool infeasible = false;
     std::array<JointInterval, kMaxJoints> intervals;
     for (int i = 0; i < n_; ++i) {
         const AxisLimits l = limits_.axis(i);
-        const double q = nominal.q[i], v = nominal.qd[i];
+        const double q = input.nominal.q[i], v = input.nominal.qd[i];
         const double A = l.accelerationUpper, B = -l.accelerationLower;
         const Bound upper = calcUpperBound(v, l.positionUpper - q, l.velocityUpper, A, B);
         const Bound lower = calcUpperBound(-v, q - l.positionLower, -l.velocityLower, B, A);
@@ -80,11 +79,9 @@ FilterStatus AccelerationViability::filter(const MotionState& nominal, const Joi
             intervals[i].collapse(v > 0.0 ? intervals[i].lower : intervals[i].upper);
         }
     }
-    const FilterStatus status = choice_.choose(dynamics.M, desired_, intervals, acceleration_, decision.joints);
-    holdAcceleration(nominal, dynamics, acceleration_, tick_s_, decision);
-    if (infeasible) return FilterStatus::Infeasible;
-    if (status == FilterStatus::Passed) decision.torque = torque;
-    return status;
+    const FilterStatus status = choice_.choose(input.dynamics.M, desired_, intervals, acceleration_, decision.joints);
+    decision.holdAcceleration(acceleration_);
+    return infeasible ? FilterStatus::Infeasible : status;
 }
 
 }  // namespace viable

@@ -24,8 +24,7 @@ public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
     bool guaranteesLimits() const override { return false; }
-    FilterStatus filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
-                        FilterDecision& decision) override;
+    FilterStatus filter(const FilterInput& input, FilterDecision& decision) override;
 
 private:
     /** An end of one joint's interval and the limit that put it there. */

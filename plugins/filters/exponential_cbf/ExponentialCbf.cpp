@@ -44,10 +44,9 @@ JerkIntervalFilter::Rows ExponentialCbf::calcRows(const AxisState& s, const Axis
     return finishRows(jerk, calcStationaryStop(s.v, s.a, l).jerk, s, l);
 }
 
-FilterStatus ExponentialCbf::filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
-                                    FilterDecision& decision) {
+FilterStatus ExponentialCbf::filter(const FilterInput& input, FilterDecision& decision) {
     if (hasEnded_) return FilterStatus::Ended;
-    const FilterStatus status = JerkIntervalFilter::filter(nominal, torque, dynamics, decision);
+    const FilterStatus status = JerkIntervalFilter::filter(input, decision);
     hasEnded_ = stops_ && status == FilterStatus::Infeasible;
     return status;
 }

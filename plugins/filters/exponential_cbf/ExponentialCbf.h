@@ -25,8 +25,7 @@ public:
     ExponentialCbf() : JerkIntervalFilter("exponential_cbf") {}
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
-    FilterStatus filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
-                        FilterDecision& decision) override;
+    FilterStatus filter(const FilterInput& input, FilterDecision& decision) override;
 
 private:
     Rows calcRows(const AxisState& state, const AxisLimits& limits) const override;

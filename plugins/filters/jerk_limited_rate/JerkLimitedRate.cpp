@@ -42,18 +42,15 @@ double JerkLimitedRate::calcAcceleration(double v, double a, double desired, con
     return x;
 }
 
-FilterStatus JerkLimitedRate::filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
-                                     FilterDecision& decision) {
-    if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_)) return FilterStatus::InvalidInput;
-    if (!calcForwardDynamics(dynamics, torque, desired_)) return FilterStatus::Faulted;
+FilterStatus JerkLimitedRate::filter(const FilterInput& input, FilterDecision& decision) {
+    if (!isFinite(input, n_)) return FilterStatus::InvalidInput;
+    if (!calcForwardDynamics(input.dynamics, input.torque, desired_)) return FilterStatus::Faulted;
     acceleration_.resize(n_);
     for (int i = 0; i < n_; ++i)
-        acceleration_[i] = calcAcceleration(nominal.qd[i], nominal.qdd[i], desired_[i], limits_.axis(i),
+        acceleration_[i] = calcAcceleration(input.nominal.qd[i], input.nominal.qdd[i], desired_[i], limits_.axis(i),
                                             decision.joints[static_cast<std::size_t>(i)]);
-    holdAcceleration(nominal, dynamics, acceleration_, tick_s_, decision);
-    if (acceleration_ != desired_) return FilterStatus::Modified;
-    decision.torque = torque;  // not M (M^-1 (tau - b)) + b, which differs in the last bits
-    return FilterStatus::Passed;
+    decision.holdAcceleration(acceleration_);
+    return acceleration_ == desired_ ? FilterStatus::Passed : FilterStatus::Modified;
 }
 
 }  // namespace viable

@@ -6,17 +6,14 @@ namespace viable {
 
 void PassThrough::configure(const RunSetup& setup, const Parameters&) {
     n_ = setup.size();
-    tick_s_ = setup.tick_s;
 }
 
 void PassThrough::reset(const MotionState&) {}
 
-FilterStatus PassThrough::filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
-                                 FilterDecision& decision) {
-    if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_)) return FilterStatus::InvalidInput;
-    if (!calcForwardDynamics(dynamics, torque, acceleration_)) return FilterStatus::Faulted;
-    holdAcceleration(nominal, dynamics, acceleration_, tick_s_, decision);
-    decision.torque = torque;  // not M (M^-1 (tau - b)) + b, which differs in the last bits
+FilterStatus PassThrough::filter(const FilterInput& input, FilterDecision& decision) {
+    if (!isFinite(input, n_)) return FilterStatus::InvalidInput;
+    if (!calcForwardDynamics(input.dynamics, input.torque, acceleration_)) return FilterStatus::Faulted;
+    decision.holdAcceleration(acceleration_);
     decision.joints.fill({});
     return FilterStatus::Passed;
 }

@@ -14,12 +14,10 @@ public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
     bool guaranteesLimits() const override { return false; }
-    FilterStatus filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
-                        FilterDecision& decision) override;
+    FilterStatus filter(const FilterInput& input, FilterDecision& decision) override;
 
 private:
     int n_ = 0;
-    double tick_s_ = 0.0;
     JointVector acceleration_;
 };
 

@@ -29,8 +29,8 @@ void IdealPlant::reset(const MotionState& start) {
 TickStatus IdealPlant::advance(const JointVector& torque, JointVector& applied) {
     if (!isFinite(torque, n_)) return TickStatus::InvalidInput;
     model_->calcDynamics(motion_.q, motion_.qd, dynamics_);
-    if (!calcForwardDynamics(dynamics_, torque, decision_.acceleration)) return TickStatus::Faulted;
-    decision_.jerk = 2.0 / tick_s_ * (decision_.acceleration - motion_.qdd);
+    if (!calcForwardDynamics(dynamics_, torque, decision_.value)) return TickStatus::Faulted;
+    if (decision_.held == HeldQuantity::Jerk) decision_.value = 2.0 / tick_s_ * (decision_.value - motion_.qdd);
     MotionState next = motion_;
     advanceNominal(decision_, tick_s_, next);
     if (!isFinite(next, n_)) return TickStatus::Faulted;

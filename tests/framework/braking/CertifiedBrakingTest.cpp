@@ -10,7 +10,7 @@
 namespace viable {
 namespace {
 
-using Status = CertifiedBraking::Status;
+using Status = FilterStatus;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kTick_s = 1e-3;
@@ -43,22 +43,22 @@ struct Arm {
     JointMatrix M = makeInertia();
     CertifiedBraking braking;
     MotionState state;
-    FilterDecision decision;  ///< its jerk is the law's choice
-    std::array<CertifiedBraking::ActingLimit, kMaxJoints> acting;
+    FilterDecision decision;  ///< the law's choice
+    std::array<JointIntervention, kMaxJoints> acting;
     LimitExcess excess;
 
     explicit Arm(double approach = 1.0) {
         state.q = makeVector(0.0, 0.1, 0.2);
         state.qd.setZero(3);
         state.qdd.setZero(3);
-        decision.jerk.setZero(3);
+        decision.value.setZero(3);
         braking.configure(limits, kTick_s, approach);
         braking.reset(state);
     }
 
     /** One tick, and what it led to at its quarters. */
     Status tick(const JointVector& desired) {
-        const Status status = braking.choose(state, M, desired, decision.jerk, acting);
+        const Status status = braking.choose(state, M, desired, decision.value, acting);
         move();
         return status;
     }
@@ -68,7 +68,7 @@ struct Arm {
         std::array<GridStop, 3> stops;
         for (int i = 0; i < 3; ++i) stops[i] = braking.stop(i);
         for (int k = 0; k < ticks; ++k) {
-            for (int i = 0; i < 3; ++i) decision.jerk[i] = stops[i].takeJerk();
+            for (int i = 0; i < 3; ++i) decision.value[i] = stops[i].takeJerk();
             move();
         }
         braking.skipTicks(ticks);
@@ -81,7 +81,7 @@ private:
         for (int i = 1; i <= 4; ++i) {
             MotionState within = state;
             advanceNominal(decision, kTick_s * i / 4.0, within);
-            excess.observe(decision, within, limits);
+            excess.observe(decision.value, within, limits);
         }
         advanceNominal(decision, kTick_s, state);
     }
@@ -97,7 +97,7 @@ TEST(CertifiedBraking, WhatAllJointsAdmitIsTakenBitForBit) {
         JointVector desired(3);
         for (int i = 0; i < 3; ++i) desired[i] = -0.1 * std::pow(w[i], 3) * std::cos(w[i] * (k + 0.5) * kTick_s);
         ASSERT_EQ(arm.tick(desired), Status::Passed) << "tick " << k;
-        ASSERT_EQ(arm.decision.jerk, desired);
+        ASSERT_EQ(arm.decision.value, desired);
         for (int i = 0; i < 3; ++i) ASSERT_EQ(arm.acting[i].limit, LimitKind::None);
     }
 }
@@ -135,7 +135,7 @@ TEST(Fault25, SkippedTicksRunTheStoredStopsAndThenOperationResumes) {
                 }
             }
             ASSERT_NE(arm.tick(push.next()), Status::Recovering) << missed << " missed, tick " << k;
-            moved += arm.decision.jerk.norm() > 1.0;
+            moved += arm.decision.value.norm() > 1.0;
         }
         EXPECT_LE(arm.getWorst(), kAllowed) << missed << " missed";
         EXPECT_GT(gaps, 200);
@@ -152,7 +152,7 @@ TEST(Fault25, HoldingTheLastJerkInsteadWouldBreakTheLimits) {
         if (k % 100 == 99)
             for (int i = 0; i < 20; ++i) {
                 advanceNominal(arm.decision, kTick_s, arm.state);
-                arm.excess.observe(arm.decision, arm.state, arm.limits);
+                arm.excess.observe(arm.decision.value, arm.state, arm.limits);
             }
     }
     EXPECT_GT(arm.getWorst(), 1e-3);
@@ -169,7 +169,7 @@ TEST(Fault33, AllJointsOnTheirLimitsByAHairStillChoose) {
             arm.braking.reset(arm.state);
             for (int k = 0; k < 2000; ++k) {
                 arm.tick(JointVector::Constant(3, side * (k / 500 % 2 ? -1e3 : 1e3)));
-                ASSERT_TRUE(arm.decision.jerk.allFinite());
+                ASSERT_TRUE(arm.decision.value.allFinite());
             }
             EXPECT_LE(arm.getWorst(), kAllowed);
         }
@@ -192,7 +192,7 @@ TEST(Fault34, AMatrixThatTheSolverCannotUseLeavesACheckedChoice) {
         PushingCommand push(3, 300.0, false, 34);
         for (int k = 0; k < 5000; ++k) {
             ASSERT_NE(arm.tick(push.next()), Status::Recovering) << bad;
-            ASSERT_TRUE(arm.decision.jerk.allFinite()) << bad;
+            ASSERT_TRUE(arm.decision.value.allFinite()) << bad;
         }
         EXPECT_LE(arm.getWorst(), kAllowed) << bad;
     }
@@ -211,7 +211,7 @@ TEST(Fault35, AfterAFailedSolveTheNextTickIsRight) {
         failed.state = good.state = elsewhere;
         EXPECT_EQ(failed.tick(push), Status::Modified);
         good.tick(push);
-        for (int i = 0; i < 3; ++i) EXPECT_NEAR(failed.decision.jerk[i], good.decision.jerk[i], 1e-9) << bad;
+        for (int i = 0; i < 3; ++i) EXPECT_NEAR(failed.decision.value[i], good.decision.value[i], 1e-9) << bad;
     }
 }
 

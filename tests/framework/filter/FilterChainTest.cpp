@@ -30,29 +30,27 @@ public:
         return takesLimits;
     }
     void skipTicks(std::int64_t ticks) override { skipped += ticks; }
-    FilterStatus filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
-                        FilterDecision& decision) override {
-        seen = torque;
+    FilterStatus filter(const FilterInput& input, FilterDecision& decision) override {
+        seen = input.torque;
+        seesRate = input.accelerationRate != nullptr;
         JointVector wanted;
-        calcForwardDynamics(dynamics, torque, wanted);
+        calcForwardDynamics(input.dynamics, input.torque, wanted);
         JointVector chosen = wanted;
         for (double& a : chosen) a = change_(a);
-        holdJerk(nominal, dynamics, 2.0 / kTick_s * (chosen - nominal.qdd), kTick_s, decision);
+        decision.holdJerk(2.0 / kTick_s * (chosen - input.nominal.qdd));
         if (clearance > 0.0) {
             decision.clearance.isKnown = true;
             decision.clearance.distance = clearance;
             decision.mapAge_s = 10.0 * clearance;
         }
-        if (chosen == wanted) {
-            decision.torque = torque;
-            return FilterStatus::Passed;
-        }
+        if (chosen == wanted) return FilterStatus::Passed;
         decision.joints[0] = {LimitKind::Jerk, LimitSide::Upper};
         decision.hasStops = guarantees_;
         return changed_;
     }
 
     JointVector seen;
+    bool seesRate = false;
     int resets = 0, limitChanges = 0;
     std::int64_t skipped = 0;
     bool recovery = false, takesLimits = true, throwsInReset = false;
@@ -91,11 +89,14 @@ protected:
         }
     }
     FilterStatus filter(double acceleration) {
-        return chain_.filter(nominal_, JointVector::Constant(1, acceleration), dynamics_, decision_);
+        return chain_.filter({nominal_, JointVector::Constant(1, acceleration), dynamics_}, decision_);
     }
     static JointVector zero() { return JointVector::Zero(1); }
 
-    FilterChain chain_;
+    /** That the decision in force reaches, on the mean. */
+    double acceleration() const { return 0.5 * kTick_s * decision_.value[0]; }
+
+    FilterChain chain_{kTick_s};
     MotionState nominal_{zero(), zero(), zero()};
     Dynamics dynamics_{JointMatrix::Identity(1, 1), zero(), zero(), {}, {}};
     FilterDecision decision_;
@@ -107,18 +108,31 @@ TEST_F(Chain, EachFilterIsTheNextOnesController) {
     EXPECT_EQ(filter(10.0), FilterStatus::Modified);
     EXPECT_EQ(first.seen[0], 10.0);
     EXPECT_EQ(second.seen[0], 5.0);
-    EXPECT_EQ(decision_.acceleration[0], 3.0);
+    EXPECT_EQ(acceleration(), 3.0);
     EXPECT_EQ(chain_.answerable(), 1u);
+}
+
+TEST_F(Chain, TheRateOfTheDesiredAccelerationGoesNoFurtherThanTheDesiredTorque) {
+    const Law& first = add(atMost(5.0));
+    const Law& second = add(pass);
+    const JointVector rate = JointVector::Constant(1, 7.0);
+    for (const double wanted : {4.0, 10.0}) {
+        chain_.filter({nominal_, JointVector::Constant(1, wanted), dynamics_, &rate}, decision_);
+        EXPECT_TRUE(first.seesRate);
+        EXPECT_EQ(second.seesRate, wanted < 5.0);
+    }
+    EXPECT_EQ(filter(4.0), FilterStatus::Passed);
+    EXPECT_FALSE(first.seesRate || second.seesRate);
 }
 
 TEST_F(Chain, WhatAnEarlierFilterChangedCountsAsModifiedThoughTheLastOnePasses) {
     add(atMost(5.0), false, FilterStatus::Infeasible);
     add(pass);
     EXPECT_EQ(filter(1.0), FilterStatus::Passed);
-    EXPECT_EQ(decision_.torque[0], 1.0);
+    EXPECT_EQ(acceleration(), 1.0);
     EXPECT_EQ(decision_.joints[0].limit, LimitKind::None);
     EXPECT_EQ(filter(10.0), FilterStatus::Modified);
-    EXPECT_EQ(decision_.acceleration[0], 5.0);
+    EXPECT_EQ(acceleration(), 5.0);
     EXPECT_EQ(decision_.joints[0].limit, LimitKind::Jerk);  // still told
 }
 
@@ -166,7 +180,7 @@ TEST_F(Chain, AChangeBehindTheGuaranteeStandsWithoutItsStopsAndIsAnsweredFor) {
     add(atMost(4.0), true);
     add(atMost(2.0));
     EXPECT_EQ(filter(10.0), FilterStatus::Modified);
-    EXPECT_EQ(decision_.acceleration[0], 2.0);
+    EXPECT_EQ(acceleration(), 2.0);
     EXPECT_FALSE(decision_.hasStops);
     EXPECT_EQ(chain_.answerable(), 1u);
 }

@@ -97,9 +97,11 @@ public:
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState&) override {}
     bool follows(MotionCommand::Space space) const override { return space == MotionCommand::Space::Joint; }
-    TickStatus compute(const MotionCommand& command, const MotionState& nominal, const Dynamics& dynamics,
-                       JointVector& torque) override {
-        torque = dynamics.M * (command.q - nominal.q) + dynamics.b;
+    TickStatus compute(const ControllerInput& input, ControllerOutput& output) override {
+        const auto& [command, nominal, dynamics, tick] = input;
+        output.torque = dynamics.M * (command.q - nominal.q) + dynamics.b;
+        output.hasAccelerationRate = tick.missed > 0;
+        output.accelerationRate = vector(tick.time_s);
         return TickStatus::Ok;
     }
 };
@@ -113,9 +115,13 @@ TEST(IsolatedPlugin, AControllerAnswersAsItWouldHere) {
     Dynamics dynamics;
     dynamics.M = 2.0 * JointMatrix::Identity(kJoints, kJoints);
     dynamics.b = vector(1.0);
-    JointVector torque;
-    EXPECT_EQ(plugin->compute(command, state(2.0), dynamics, torque), TickStatus::Ok);
-    EXPECT_EQ(torque, JointVector(6.0 * JointVector::Ones(kJoints) + vector(1.0)));
+    ControllerOutput output;
+    EXPECT_EQ(plugin->compute({command, state(2.0), dynamics, {0.5, 3}}, output), TickStatus::Ok);
+    EXPECT_EQ(output.torque, JointVector(6.0 * JointVector::Ones(kJoints) + vector(1.0)));
+    ASSERT_TRUE(output.hasAccelerationRate);
+    EXPECT_EQ(output.accelerationRate, vector(0.5));
+    EXPECT_EQ(plugin->compute({command, state(2.0), dynamics, {0.75, 0}}, output), TickStatus::Ok);
+    EXPECT_FALSE(output.hasAccelerationRate);
 }
 
 /** Does `what` in its third tick. */
@@ -145,12 +151,10 @@ public:
     bool recovers() const override { return true; }
     bool changeLimits(const JointLimits& limits) override { return limits.jerk.upper[0] > 0.0; }
     void skipTicks(std::int64_t ticks) override { ticks_ += ticks; }
-    FilterStatus filter(const MotionState& nominal, const JointVector& torque, const Dynamics&,
-                        FilterDecision& decision) override {
+    FilterStatus filter(const FilterInput& input, FilterDecision& decision) override {
         ++ticks_;
-        decision.torque = torque;
-        decision.acceleration = nominal.qdd;
-        decision.jerk = vector(static_cast<double>(ticks_));
+        decision.holdJerk(vector(static_cast<double>(ticks_)));
+        if (input.accelerationRate) decision.holdAcceleration(input.torque + *input.accelerationRate);
         decision.joints[1] = {LimitKind::Velocity, LimitSide::Lower};
         decision.hasStops = true;
         return ticks_ < 3 ? FilterStatus::Recovering : misbehave(decision);
@@ -182,9 +186,9 @@ private:
             case What::HugeVector: {
                 // What a stray write makes of a vector's size.
                 std::array<Eigen::Index, sizeof(JointVector) / sizeof(Eigen::Index)> words;
-                std::memcpy(&words, static_cast<void*>(&decision.jerk), sizeof(JointVector));
+                std::memcpy(&words, static_cast<void*>(&decision.value), sizeof(JointVector));
                 for (Eigen::Index& word : words) word = 100000;
-                std::memcpy(static_cast<void*>(&decision.jerk), &words, sizeof(JointVector));
+                std::memcpy(static_cast<void*>(&decision.value), &words, sizeof(JointVector));
                 break;
             }
             case What::WildStatus:
@@ -209,7 +213,7 @@ protected:
         plugin_->reset(state(0.0));
         for (int i = 0; i < 2; ++i) ASSERT_EQ(tick(), FilterStatus::Recovering);
     }
-    FilterStatus tick() { return plugin_->filter(state(0.0), vector(7.0), dynamics_, decision_); }
+    FilterStatus tick() { return plugin_->filter({state(0.0), vector(7.0), dynamics_}, decision_); }
     std::string faultOf(What what) {
         make(what);
         const std::string text = viable::faultOf([&] { tick(); });
@@ -226,9 +230,8 @@ TEST_F(IsolatedFilterTest, AnswersAsItWouldHere) {
     make(What::Nothing);
     EXPECT_TRUE(plugin_->guaranteesLimits());
     EXPECT_TRUE(plugin_->recovers());
-    EXPECT_EQ(decision_.torque, vector(7.0));
-    EXPECT_EQ(decision_.acceleration, vector(20.0));
-    EXPECT_EQ(decision_.jerk, vector(2.0));
+    EXPECT_EQ(decision_.held, HeldQuantity::Jerk);
+    EXPECT_EQ(decision_.value, vector(2.0));
     EXPECT_EQ(decision_.joints[1].limit, LimitKind::Velocity);
     EXPECT_TRUE(decision_.hasStops);
     JointLimits limits;
@@ -238,10 +241,14 @@ TEST_F(IsolatedFilterTest, AnswersAsItWouldHere) {
     EXPECT_FALSE(plugin_->changeLimits(limits));
     plugin_->skipTicks(5);
     EXPECT_EQ(tick(), FilterStatus::Passed);
-    EXPECT_EQ(decision_.jerk, vector(8.0));
+    EXPECT_EQ(decision_.value, vector(8.0));
     plugin_->reset(state(0.0));
     EXPECT_EQ(tick(), FilterStatus::Recovering);
-    EXPECT_EQ(decision_.jerk, vector(1.0));
+    EXPECT_EQ(decision_.value, vector(1.0));
+    const JointVector rate = vector(3.0);
+    plugin_->filter({state(0.0), vector(7.0), dynamics_, &rate}, decision_);
+    EXPECT_EQ(decision_.held, HeldQuantity::Acceleration);
+    EXPECT_EQ(decision_.value, JointVector(vector(7.0) + rate));
 }
 
 TEST_F(IsolatedFilterTest, ADeathIsTold) {
@@ -304,7 +311,7 @@ TEST_F(IsolatedFilterTest, ADamagedAnswerIsAFault) {
     make(What::HugeVector);
     const FilterDecision before = decision_;
     EXPECT_EQ(tick(), FilterStatus::Faulted);
-    EXPECT_EQ(decision_.jerk, before.jerk);
+    EXPECT_EQ(decision_.value, before.value);
     make(What::WildStatus);
     EXPECT_EQ(tick(), FilterStatus::Faulted);
 }
@@ -361,8 +368,10 @@ public:
         return TickStatus::Ok;
     }
     void holdIntegral() override { isHeld_ = true; }
+    const LinearErrorLoop* errorLoop() const override { return &law_; }
 
 private:
+    LinearErrorLoop law_{vector(1.0), vector(2.0), vector(3.0), vector(4.0), vector(5.0)};
     bool isHeld_ = false;
 };
 
@@ -370,6 +379,13 @@ class Plant : public RealPlant {
 public:
     explicit Plant(bool hasSensors = false) : hasSensors_(hasSensors) {}
     const JointVector* externalTorque() const override { return hasSensors_ ? &state_.q : nullptr; }
+    Encoder encoder() const override { return hasSensors_ ? Encoder::Counts : Encoder::Exact; }
+    bool hasClock() const override { return hasSensors_; }
+    TickStatus read(std::int64_t& ticksPassed) override {
+        ticksPassed = 4;
+        state_.qd = vector(4.0);
+        return TickStatus::Ok;
+    }
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState& start) override { state_ = {start.q, start.qd}; }
     const JointState& measured() const override { return state_; }
@@ -395,6 +411,10 @@ TEST(IsolatedPlugin, ARobustLoopAnswersAsItWouldHere) {
     plugin->holdIntegral();
     plugin->compute({vector(1.0), vector(0.0)}, state(3.0), vector(5.0), torque);
     EXPECT_EQ(torque, JointVector(2.0 * expected));
+    const LinearErrorLoop* law = plugin->errorLoop();
+    ASSERT_NE(law, nullptr);
+    EXPECT_EQ(law->kr, vector(1.0));
+    EXPECT_EQ(law->torqueRate, vector(5.0));
 }
 
 TEST(IsolatedPlugin, APlantAnswersAsItWouldHereAndItsLastStateOutlivesIt) {
@@ -409,6 +429,19 @@ TEST(IsolatedPlugin, APlantAnswersAsItWouldHereAndItsLastStateOutlivesIt) {
               "its process died: signal 11 (Segmentation fault)");
     EXPECT_EQ(plugin->measured().q, JointVector(2.0 * vector(1.0)));
     EXPECT_EQ(plugin->externalTorque(), nullptr);
+    EXPECT_FALSE(plugin->hasClock());
+    EXPECT_EQ(plugin->encoder(), Encoder::Exact);
+}
+
+TEST(IsolatedPlugin, APlantsClockIsHeardFromHere) {
+    const auto plugin = isolate<RealPlant, Plant>(kDefaultWatchdog_s, true);
+    EXPECT_TRUE(plugin->hasClock());
+    EXPECT_EQ(plugin->encoder(), Encoder::Counts);
+    plugin->reset(state(1.0));
+    std::int64_t passed = 0;
+    EXPECT_EQ(plugin->read(passed), TickStatus::Ok);
+    EXPECT_EQ(passed, 4);
+    EXPECT_EQ(plugin->measured().qd, vector(4.0));
 }
 
 TEST(IsolatedPlugin, APlantsExternalTorqueComesAlong) {

@@ -101,9 +101,8 @@ TEST(Fault37, AFilterThatHoldsAccelerationsIsHeldToItsWordOnJerk) {
     EXPECT_NE(std::string(t.loop.stopMessage()).find("jerk limit"), std::string::npos);
 }
 
-TEST(Fault37, DecisionsThatContradictThemselvesAreNotApplied) {
+TEST(Fault37, DecisionsInUnknownWordsAreNotApplied) {
     const std::pair<const char*, const char*> lies[] = {
-        {"torque", "the torque of its decision is not the one that its acceleration needs"},
         {"limit", "its status or an acting limit is none of the words there are"},
         {"side", "its status or an acting limit is none of the words there are"},
         {"status", "its status or an acting limit is none of the words there are"}};

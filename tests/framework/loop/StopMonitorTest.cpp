@@ -30,18 +30,13 @@ MotionState makeState(double q, double qd, double qdd, int n = 1) {
 
 FilterDecision makeJerk(const MotionState& s, double jerk) {
     FilterDecision d;
-    d.jerk = JointVector::Constant(s.q.size(), jerk);
-    d.acceleration = s.qdd + 0.5 * kTick_s * d.jerk;
-    d.torque.setZero(s.q.size());
+    d.holdJerk(JointVector::Constant(s.q.size(), jerk));
     return d;
 }
 
 FilterDecision makeAcceleration(const MotionState& s, double x) {
     FilterDecision d;
-    d.held = HeldQuantity::Acceleration;
-    d.acceleration = JointVector::Constant(s.q.size(), x);
-    d.jerk = (d.acceleration - s.qdd) / kTick_s;
-    d.torque.setZero(s.q.size());
+    d.holdAcceleration(JointVector::Constant(s.q.size(), x));
     return d;
 }
 
@@ -78,7 +73,7 @@ struct Sampled {
 Sampled samplePath(const MotionState& s, const FilterDecision& d) {
     Sampled sampled;
     sampled.at = {s.q[0], s.qd[0], s.qdd[0]};
-    sampled.follow(d.jerk[0], kTick_s);
+    sampled.follow(d.value[0], kTick_s);
     for (int k = 0; k < GridStop::kSegments; ++k)
         if (d.stops[0].remaining(k).ticks > 0)
             sampled.follow(d.stops[0].remaining(k).jerk, static_cast<double>(d.stops[0].remaining(k).ticks) * kTick_s);
@@ -222,10 +217,10 @@ TEST(StopMonitor, LimitsThatShrinkAreReplacedByTheStopHeldReady) {
     dynamics.b.setZero(1);
     double last = kInfinity;
     for (int k = 0; k < 2000 && !monitor.atRest(now); ++k) {
-        ASSERT_EQ(monitor.followStop(now, dynamics, d).verdict, StopVerdict::Recovering);
+        ASSERT_EQ(monitor.followStop(now, d).verdict, StopVerdict::Recovering);
         ASSERT_LE(-monitor.stop(0).margin, last + 1e-12);
         last = -monitor.stop(0).margin;
-        const AxisState to = advance({now.q[0], now.qd[0], now.qdd[0]}, d.jerk[0], kTick_s);
+        const AxisState to = advance({now.q[0], now.qd[0], now.qdd[0]}, d.value[0], kTick_s);
         now = makeState(to.p, to.v, to.a);
     }
     EXPECT_TRUE(monitor.atRest(now));

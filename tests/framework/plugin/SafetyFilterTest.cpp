@@ -48,83 +48,96 @@ TEST(SafetyFilter, NamesOfStatusesAreThoseOfTheLogs) {
     EXPECT_STREQ(getName(FilterStatus::Ended), "ended");
 }
 
-TEST(SafetyFilter, HoldJerkGivesTheMeanAccelerationAndItsTorque) {
+/** What the host makes of a decision about that arm. */
+HeldMotion calcMotion(const Arm& arm, const FilterDecision& decision, FilterStatus status = FilterStatus::Modified,
+                      const JointVector& torque = {}) {
+    HeldMotion motion;
+    calcHeldMotion({arm.nominal, torque, arm.dynamics}, status, decision, kTick_s, motion);
+    return motion;
+}
+
+TEST(SafetyFilter, AHeldJerkGivesTheMeanAccelerationAndItsTorque) {
     std::mt19937 random(1);
     for (int n = 1; n <= kMaxJoints; ++n) {
         const Arm arm = makeRandomArm(n, random);
         const JointVector jerk = makeRandom(n, 40, random);
         FilterDecision decision;
-        holdJerk(arm.nominal, arm.dynamics, jerk, kTick_s, decision);
+        decision.holdJerk(jerk);
         EXPECT_EQ(decision.held, HeldQuantity::Jerk);
-        EXPECT_EQ(decision.jerk, jerk);
+        const HeldMotion motion = calcMotion(arm, decision);
+        EXPECT_EQ(motion.jerk, jerk);
         for (int i = 0; i < n; ++i) {
             // The mean over the tick of qdd + jerk t, as the mean of its two ends.
             const double end = arm.nominal.qdd[i] + jerk[i] * kTick_s;
-            EXPECT_NEAR(decision.acceleration[i], (arm.nominal.qdd[i] + end) / 2, 1e-13);
-            EXPECT_NEAR(decision.torque[i], calcTorque(arm.dynamics, decision.acceleration, i), 1e-11);
+            EXPECT_NEAR(motion.acceleration[i], (arm.nominal.qdd[i] + end) / 2, 1e-13);
+            EXPECT_NEAR(motion.torque[i], calcTorque(arm.dynamics, motion.acceleration, i), 1e-11);
         }
     }
 }
 
-TEST(SafetyFilter, HoldAccelerationGivesTheJerkThatLeadsThereInOneTick) {
+TEST(SafetyFilter, AHeldAccelerationGivesTheJerkThatLeadsThereInOneTick) {
     std::mt19937 random(2);
     for (int n = 1; n <= kMaxJoints; ++n) {
         const Arm arm = makeRandomArm(n, random);
         const JointVector acceleration = makeRandom(n, 12, random);
         FilterDecision decision;
-        holdAcceleration(arm.nominal, arm.dynamics, acceleration, kTick_s, decision);
+        decision.holdAcceleration(acceleration);
         EXPECT_EQ(decision.held, HeldQuantity::Acceleration);
-        EXPECT_EQ(decision.acceleration, acceleration);
+        const HeldMotion motion = calcMotion(arm, decision);
+        EXPECT_EQ(motion.acceleration, acceleration);
         for (int i = 0; i < n; ++i) {
-            EXPECT_NEAR(arm.nominal.qdd[i] + decision.jerk[i] * kTick_s, acceleration[i], 1e-12);
-            EXPECT_NEAR(decision.torque[i], calcTorque(arm.dynamics, acceleration, i), 1e-11);
+            EXPECT_NEAR(arm.nominal.qdd[i] + motion.jerk[i] * kTick_s, acceleration[i], 1e-12);
+            EXPECT_NEAR(motion.torque[i], calcTorque(arm.dynamics, acceleration, i), 1e-11);
         }
     }
 }
 
-TEST(SafetyFilter, HoldingTheDesiredAccelerationGivesTheDesiredTorqueBack) {
+TEST(SafetyFilter, ThePassedTorqueIsTheDesiredOneToTheLastBit) {
     std::mt19937 random(3);
+    int differs = 0;
+    for (int trial = 0; trial < 100; ++trial) {
+        const Arm arm = makeRandomArm(6, random);
+        const JointVector torque = makeRandom(6, 100, random);
+        FilterDecision decision;
+        decision.holdAcceleration(arm.dynamics.M.llt().solve(torque - arm.dynamics.b));
+        EXPECT_EQ(calcMotion(arm, decision, FilterStatus::Passed, torque).torque, torque);
+        const JointVector computed = calcMotion(arm, decision, FilterStatus::Modified, torque).torque;
+        EXPECT_LT((computed - torque).cwiseAbs().maxCoeff(), 1e-10);
+        differs += computed != torque;
+    }
+    EXPECT_GT(differs, 0);  // else this says nothing
+}
+
+TEST(SafetyFilter, AWrongPassedDoesNotPartTheTorqueFromTheMotion) {
+    std::mt19937 random(4);
     const Arm arm = makeRandomArm(6, random);
     const JointVector torque = makeRandom(6, 100, random);
-    const JointVector desired = arm.dynamics.M.llt().solve(torque - arm.dynamics.b);
     FilterDecision decision;
-    holdAcceleration(arm.nominal, arm.dynamics, desired, kTick_s, decision);
-    EXPECT_LT((decision.torque - torque).cwiseAbs().maxCoeff(), 1e-10);
+    decision.holdAcceleration(makeRandom(6, 12, random));
+    EXPECT_EQ(calcMotion(arm, decision, FilterStatus::Passed, torque).torque, calcMotion(arm, decision).torque);
+    decision.holdJerk(makeRandom(6, 40, random));
+    EXPECT_EQ(calcMotion(arm, decision, FilterStatus::Passed, torque).torque, calcMotion(arm, decision).torque);
 }
 
-TEST(SafetyFilter, ArgumentsMayBePartsOfTheDecision) {
-    std::mt19937 random(4);
-    const Arm arm = makeRandomArm(4, random);
-    const JointVector input = makeRandom(4, 5, random);
-    FilterDecision expected, decision;
-
-    holdJerk(arm.nominal, arm.dynamics, input, kTick_s, expected);
-    for (JointVector FilterDecision::*part :
-         {&FilterDecision::torque, &FilterDecision::acceleration, &FilterDecision::jerk}) {
-        decision.*part = input;
-        holdJerk(arm.nominal, arm.dynamics, decision.*part, kTick_s, decision);
-        EXPECT_EQ(decision.torque, expected.torque);
-        EXPECT_EQ(decision.jerk, expected.jerk);
-    }
-    holdAcceleration(arm.nominal, arm.dynamics, input, kTick_s, expected);
-    for (JointVector FilterDecision::*part :
-         {&FilterDecision::torque, &FilterDecision::acceleration, &FilterDecision::jerk}) {
-        decision.*part = input;
-        holdAcceleration(arm.nominal, arm.dynamics, decision.*part, kTick_s, decision);
-        EXPECT_EQ(decision.torque, expected.torque);
-        EXPECT_EQ(decision.jerk, expected.jerk);
-    }
-}
-
-TEST(SafetyFilter, InterventionsAreLeftAsTheyAre) {
+TEST(SafetyFilter, HoldingLeavesInterventionsAsTheyAre) {
     std::mt19937 random(5);
-    const Arm arm = makeRandomArm(2, random);
     FilterDecision decision;
     decision.joints[1] = {LimitKind::Velocity, LimitSide::Upper};
-    holdJerk(arm.nominal, arm.dynamics, makeRandom(2, 1, random), kTick_s, decision);
+    decision.holdJerk(makeRandom(2, 1, random));
     EXPECT_EQ(decision.joints[0].limit, LimitKind::None);
     EXPECT_EQ(decision.joints[1].limit, LimitKind::Velocity);
     EXPECT_EQ(decision.joints[1].side, LimitSide::Upper);
+}
+
+TEST(SafetyFilter, InputsAreCheckedInEveryPart) {
+    std::mt19937 random(6);
+    const Arm arm = makeRandomArm(3, random);
+    const JointVector good = makeRandom(3, 1, random), wrongSize = makeRandom(2, 1, random);
+    EXPECT_TRUE(isFinite(FilterInput{arm.nominal, good, arm.dynamics, nullptr}, 3));
+    EXPECT_TRUE(isFinite(FilterInput{arm.nominal, good, arm.dynamics, &good}, 3));
+    EXPECT_FALSE(isFinite(FilterInput{arm.nominal, wrongSize, arm.dynamics, &good}, 3));
+    EXPECT_FALSE(isFinite(FilterInput{arm.nominal, good, arm.dynamics, &wrongSize}, 3));
+    EXPECT_FALSE(isFinite(FilterInput{arm.nominal, good, arm.dynamics, &good}, 2));
 }
 
 }  // namespace

@@ -59,13 +59,13 @@ public:
     SafetyFilter& filter() { return *filter_; }
     const Dynamics& dynamics() const { return dynamics_; }
 
-    FilterStatus decide(const JointVector& torque) { return filter_->filter(state, torque, dynamics_, decision); }
+    FilterStatus decide(const JointVector& torque) { return filter_->filter({state, torque, dynamics_}, decision); }
     /** The decision is carried out; looked at at its quarters. */
     void move() {
         for (int i = 1; i <= 4; ++i) {
             MotionState within = state;
             advanceNominal(decision, arm_.tick_s * i / 4.0, within);
-            excess.observe(decision, within, limits);
+            excess.observe(decision.value, within, limits);
         }
         advanceNominal(decision, arm_.tick_s, state);
         realizeDynamics();
@@ -83,7 +83,7 @@ public:
     }
     /** A tick without a decision: the stops of the last one go on. */
     void miss() {
-        for (int i = 0; i < arm_.size(); ++i) decision.jerk[i] = decision.stops[i].takeJerk();
+        for (int i = 0; i < arm_.size(); ++i) decision.value[i] = decision.stops[i].takeJerk();
         move();
     }
 
@@ -115,7 +115,7 @@ double runTenSeconds(FilteredArm& run, double tick_s, TorqueOf torqueOf) {
     double jerk = 0.0;
     for (int k = 0; k < ticks; ++k) {
         EXPECT_LE(run.tick(torqueOf(run.state)), FilterStatus::Modified) << "tick " << k;
-        if (2 * k >= ticks) jerk = std::max(jerk, std::abs(run.decision.jerk[0]));
+        if (2 * k >= ticks) jerk = std::max(jerk, std::abs(run.decision.value[0]));
     }
     return jerk / std::min(run.limits.jerk.upper[0], -run.limits.jerk.lower[0]);
 }
@@ -215,8 +215,8 @@ TEST(CertifiedBraking, AdmissibleDesiredJerkPassesBitForBit) {
             ASSERT_TRUE(calcForwardDynamics(dynamics, torque, desired));
             FilterDecision decision;
             filter.reset(state);
-            ASSERT_EQ(filter.filter(state, torque, dynamics, decision), FilterStatus::Passed);
-            ASSERT_EQ(decision.jerk, JointVector(-20.0 * (state.qdd - desired)));
+            ASSERT_EQ(filter.filter({state, torque, dynamics}, decision), FilterStatus::Passed);
+            ASSERT_EQ(decision.value, JointVector(-20.0 * (state.qdd - desired)));
             for (int i = 0; i < arm.size(); ++i) ASSERT_EQ(decision.joints[i].limit, LimitKind::None);
         }
     }
@@ -241,9 +241,9 @@ TEST(CertifiedBraking, HandsOverStopsThatEndAtRestWithinTheLimits) {
         };
         int ticks = 0;
         for (; !ends() && ticks < 5000; ++ticks) {
-            for (int i = 0; i < 6; ++i) stop.jerk[i] = stop.stops[i].takeJerk();
+            for (int i = 0; i < 6; ++i) stop.value[i] = stop.stops[i].takeJerk();
             advanceNominal(stop, arm.tick_s, s);
-            excess.observe(stop, s, arm.limits);
+            excess.observe(stop.value, s, arm.limits);
         }
         ASSERT_LT(ticks, 5000);
         ASSERT_LE(getWorst(excess), kAllowed) << "tick " << k;
@@ -272,7 +272,7 @@ TEST(CertifiedBraking, AllocatesNothingInAMillionTicks) {
         const JointVector aim = quiet ? JointVector(-2.0 * (state.q - arm.start.q) - 3.0 * state.qd) : push.next();
         calcInverseDynamics(dynamics, aim, torque);
         const testing::AllocationCounter counter;
-        const FilterStatus status = filter.filter(state, torque, dynamics, decision);
+        const FilterStatus status = filter.filter({state, torque, dynamics}, decision);
         allocations += counter.count();
         ASSERT_LE(status, FilterStatus::Modified);
         limited += status == FilterStatus::Modified;
@@ -555,28 +555,26 @@ TEST(Fault28, WhatIsNotFiniteOrOfTheWrongSizeIsRefusedAndLeavesNoTrace) {
         filter.configure(arm.setup(), read(arm, ""));
         filter.reset(arm.start);
         FilterDecision decision;
-        decision.torque.setConstant(6, 123.25);
-        decision.jerk.setConstant(6, 123.25);
+        decision.value.setConstant(6, 123.25);
         if (disturbed) {
             for (const double bad : {kNan, kInf, -kInf}) {
                 JointVector torque = dynamics.gravity;
                 torque[3] = bad;
-                EXPECT_EQ(filter.filter(arm.start, torque, dynamics, decision), FilterStatus::InvalidInput);
-                EXPECT_EQ(filter.filter(arm.start, JointVector::Constant(6, bad), dynamics, decision),
+                EXPECT_EQ(filter.filter({arm.start, torque, dynamics}, decision), FilterStatus::InvalidInput);
+                EXPECT_EQ(filter.filter({arm.start, JointVector::Constant(6, bad), dynamics}, decision),
                           FilterStatus::InvalidInput);
                 MotionState state = arm.start;
                 state.qdd[5] = bad;
-                EXPECT_EQ(filter.filter(state, dynamics.gravity, dynamics, decision), FilterStatus::InvalidInput);
+                EXPECT_EQ(filter.filter({state, dynamics.gravity, dynamics}, decision), FilterStatus::InvalidInput);
                 Dynamics broken = dynamics;
                 broken.M(2, 1) = bad;
-                EXPECT_EQ(filter.filter(arm.start, dynamics.gravity, broken, decision), FilterStatus::InvalidInput);
+                EXPECT_EQ(filter.filter({arm.start, dynamics.gravity, broken}, decision), FilterStatus::InvalidInput);
             }
-            EXPECT_EQ(filter.filter(arm.start, JointVector::Zero(5), dynamics, decision), FilterStatus::InvalidInput);
-            EXPECT_EQ(decision.torque, JointVector::Constant(6, 123.25));
-            EXPECT_EQ(decision.jerk, JointVector::Constant(6, 123.25));
+            EXPECT_EQ(filter.filter({arm.start, JointVector::Zero(5), dynamics}, decision), FilterStatus::InvalidInput);
+            EXPECT_EQ(decision.value, JointVector::Constant(6, 123.25));
             EXPECT_FALSE(decision.hasStops);
         }
-        filter.filter(arm.start, dynamics.gravity + JointVector::Constant(6, 0.01), dynamics, decision);
+        filter.filter({arm.start, dynamics.gravity + JointVector::Constant(6, 0.01), dynamics}, decision);
         return decision;
     };
     EXPECT_EQ(play(true).jerk, play(false).jerk);
@@ -626,7 +624,7 @@ TEST(Fault29, HugeTinyAndAlternatingTorquesKeepTheLimits) {
                 torque[i] = sizes[(k / 1000 + i) % 4] * ((k + i) % 2 ? 1.0 : -1.0) *
                             ((k / 500) % 2 && random() % 2 ? -1.0 : 1.0);
             ASSERT_LE(run.tick(torque), FilterStatus::Modified) << "tick " << k;
-            ASSERT_TRUE(isFinite(run.decision.torque, 6));
+            ASSERT_TRUE(isFinite(run.decision.value, 6));
         }
         EXPECT_LE(getWorst(run.excess), kAllowed);
     }
@@ -648,7 +646,7 @@ TEST(Fault30, SetPointJumpsThroughJointPdKeepTheLimits) {
                 command.q = arm.robot.home + JointVector::Constant(arm.size(), side * jump);
                 command.qd.setZero(arm.size());
                 JointVector torque;
-                ASSERT_EQ(controller->compute(command, run.state, run.dynamics(), torque), TickStatus::Ok);
+                ASSERT_EQ(controller->compute({command, run.state, run.dynamics()}, torque), TickStatus::Ok);
                 const FilterStatus status = run.tick(torque);
                 ASSERT_LE(status, FilterStatus::Modified);
                 modified += status == FilterStatus::Modified;
@@ -695,9 +693,9 @@ TEST(Fault34, AnIllConditionedMassMatrixStillGivesACheckedDecision) {
     dynamics.M = v * v.transpose() + 1e-12 * JointMatrix::Identity(6, 6);
     PushingCommand push(6, 40.0, true, 34);
     for (int k = 0; k < 5000; ++k) {
-        ASSERT_LE(filter.filter(state, push.next(), dynamics, decision), FilterStatus::Modified);
+        ASSERT_LE(filter.filter({state, push.next(), dynamics}, decision), FilterStatus::Modified);
         advanceNominal(decision, arm.tick_s, state);
-        excess.observe(decision, state, arm.limits);
+        excess.observe(decision.value, state, arm.limits);
     }
     EXPECT_LE(getWorst(excess), kAllowed);
 }
@@ -714,13 +712,13 @@ TEST(Fault35, AfterAMassMatrixThatIsOfNoUseTheNextTickIsRight) {
         if (M) {
             Dynamics bad = good;
             bad.M = *M;
-            EXPECT_EQ(filter.filter(arm.start, good.gravity, bad, decision), expected);
-            EXPECT_EQ(decision.jerk.size(), 0);
+            EXPECT_EQ(filter.filter({arm.start, good.gravity, bad}, decision), expected);
+            EXPECT_EQ(decision.value.size(), 0);
         }
         JointVector torque;
         calcInverseDynamics(good, JointVector::Constant(6, 40.0), torque);
-        EXPECT_EQ(filter.filter(arm.start, torque, good, decision), FilterStatus::Modified);
-        return decision.jerk;
+        EXPECT_EQ(filter.filter({arm.start, torque, good}, decision), FilterStatus::Modified);
+        return decision.value;
     };
     const JointVector right = play(nullptr, FilterStatus::Passed);
     const JointMatrix zero = JointMatrix::Zero(6, 6), negative = -good.M;
@@ -827,9 +825,9 @@ TEST(CertifiedBraking, LoadsAsALibrary) {
     const Dynamics dynamics = arm.calcDynamics(arm.start);
     const JointVector torque = JointVector::LinSpaced(6, 5.0, 50.0);
     FilterDecision a, b;
-    EXPECT_EQ(plugin->filter(arm.start, torque, dynamics, a), own.filter(arm.start, torque, dynamics, b));
-    EXPECT_EQ(a.jerk, b.jerk);
-    EXPECT_EQ(a.torque, b.torque);
+    EXPECT_EQ(plugin->filter({arm.start, torque, dynamics}, a), own.filter({arm.start, torque, dynamics}, b));
+    EXPECT_EQ(a.held, b.held);
+    EXPECT_EQ(a.value, b.value);
 }
 
 }  // namespace

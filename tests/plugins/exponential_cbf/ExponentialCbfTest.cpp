@@ -84,20 +84,20 @@ TEST(ExponentialCbf, TakesTheTightestRowAndSaysWhich) {
     };
     FilterDecision d = decide({0, 0, 0}, 1e3);
     EXPECT_EQ(d.joints[0].limit, LimitKind::Jerk);
-    EXPECT_EQ(d.jerk[0], J);
+    EXPECT_EQ(d.value[0], J);
     d = decide({-3, -1, A - 1}, 1e3);
     EXPECT_EQ(d.joints[0].limit, LimitKind::Acceleration);
-    EXPECT_NEAR(d.jerk[0], k * 1.0, 1e-12);
+    EXPECT_NEAR(d.value[0], k * 1.0, 1e-12);
     d = decide({-3, V - 0.5, 0.5}, 1e3);
     EXPECT_EQ(d.joints[0].limit, LimitKind::Velocity);
-    EXPECT_NEAR(d.jerk[0], k * k * 0.5 - 2 * k * 0.5, 1e-12);
+    EXPECT_NEAR(d.value[0], k * k * 0.5 - 2 * k * 0.5, 1e-12);
     d = decide({P - 0.1, 0.1, 0.2}, 1e3);
     EXPECT_EQ(d.joints[0].limit, LimitKind::Position);
     EXPECT_EQ(d.joints[0].side, LimitSide::Upper);
-    EXPECT_NEAR(d.jerk[0], 125 * 0.1 - 75 * 0.1 - 15 * 0.2, 1e-12);
+    EXPECT_NEAR(d.value[0], 125 * 0.1 - 75 * 0.1 - 15 * 0.2, 1e-12);
     d = decide({-P + 0.1, -0.1, -0.2}, -1e3);
     EXPECT_EQ(d.joints[0].side, LimitSide::Lower);
-    EXPECT_NEAR(d.jerk[0], -(125 * 0.1 - 75 * 0.1 - 15 * 0.2), 1e-12);
+    EXPECT_NEAR(d.value[0], -(125 * 0.1 - 75 * 0.1 - 15 * 0.2), 1e-12);
 }
 
 /** The paper's S3 (26), Fig. 5. */
@@ -117,7 +117,7 @@ TEST(ExponentialCbf, S3IsInfeasibleBeforeItsFirstSecondIsOver) {
                              const double row = 125 * (kPi - s.q[0]) - 75 * s.qd[0] - 15 * s.qdd[0];
                              if (wasFeasible && row < -4 * kPi) {
                                  wasFeasible = false;
-                                 EXPECT_EQ(d.jerk[0], -4 * kPi);
+                                 EXPECT_EQ(d.value[0], -4 * kPi);
                              } else if (wasFeasible) {
                                  untilThen += tick_s;
                              }
@@ -139,21 +139,21 @@ TEST(ExponentialCbf, StopsAtTheFirstTickWithoutAJerkAndStartsAgainAfterAReset) {
     };
     const JointVector push = JointVector::Constant(1, 100.0);
     FilterDecision decision;
-    EXPECT_EQ(filter->filter(state(0, 0, 0), push, unit, decision), FilterStatus::Modified);
-    EXPECT_EQ(filter->filter(state(3, 2, 0), push, unit, decision), FilterStatus::Infeasible);
-    EXPECT_EQ(decision.jerk[0], -4 * kPi);
-    const JointVector before = decision.torque;
-    for (int k = 0; k < 3; ++k) EXPECT_EQ(filter->filter(state(0, 0, 0), push, unit, decision), FilterStatus::Ended);
-    EXPECT_EQ(decision.torque, before);
+    EXPECT_EQ(filter->filter({state(0, 0, 0), push, unit}, decision), FilterStatus::Modified);
+    EXPECT_EQ(filter->filter({state(3, 2, 0), push, unit}, decision), FilterStatus::Infeasible);
+    EXPECT_EQ(decision.value[0], -4 * kPi);
+    const JointVector before = decision.value;
+    for (int k = 0; k < 3; ++k) EXPECT_EQ(filter->filter({state(0, 0, 0), push, unit}, decision), FilterStatus::Ended);
+    EXPECT_EQ(decision.value, before);
     filter->reset(state(0, 0, 0));
-    EXPECT_EQ(filter->filter(state(0, 0, 0), push, unit, decision), FilterStatus::Modified);
+    EXPECT_EQ(filter->filter({state(0, 0, 0), push, unit}, decision), FilterStatus::Modified);
 
     const auto goesOn = bench.make(papers("brake"));
-    EXPECT_EQ(goesOn->filter(state(3, 2, 0), push, unit, decision), FilterStatus::Infeasible);
-    EXPECT_EQ(goesOn->filter(state(0, 0, 0), push, unit, decision), FilterStatus::Modified);
+    EXPECT_EQ(goesOn->filter({state(3, 2, 0), push, unit}, decision), FilterStatus::Infeasible);
+    EXPECT_EQ(goesOn->filter({state(0, 0, 0), push, unit}, decision), FilterStatus::Modified);
     // Braking as far as the acceleration limit lets it.
-    EXPECT_EQ(goesOn->filter(state(2, 5, -3 * kPi + 0.001), push, unit, decision), FilterStatus::Infeasible);
-    EXPECT_NEAR(decision.jerk[0], -1.0, 1e-9);
+    EXPECT_EQ(goesOn->filter({state(2, 5, -3 * kPi + 0.001), push, unit}, decision), FilterStatus::Infeasible);
+    EXPECT_NEAR(decision.value[0], -1.0, 1e-9);
 }
 
 // What the law is good for: where neither jerk nor acceleration is scarce, a limit by itself is kept.

@@ -34,9 +34,9 @@ protected:
     /** The acceleration that the controller's torque causes. Without rotors Simbody's own forward
     dynamics says it, which shares nothing with the M and b that the controller used. */
     JointVector calcResult(const Dynamics& dynamics) {
-        JointVector torque;
-        EXPECT_EQ(controller_.compute(command_, state_, dynamics, torque), TickStatus::Ok);
-        return arm_.model().calcLinkForwardDynamics(state_.q, state_.qd, torque);
+        ControllerOutput output;
+        EXPECT_EQ(controller_.compute({command_, state_, dynamics}, output), TickStatus::Ok);
+        return arm_.model().calcLinkForwardDynamics(state_.q, state_.qd, output.torque);
     }
 
     TestArm arm_;
@@ -74,13 +74,13 @@ TEST_P(JointPdTest, RotorInertiaIsPartOfTheInverseDynamics) {
     configure("");
     drawInputs();
     const Dynamics dynamics = arm_.calcDynamics(state_);
-    JointVector torque;
-    ASSERT_EQ(controller_.compute(command_, state_, dynamics, torque), TickStatus::Ok);
+    ControllerOutput output;
+    ASSERT_EQ(controller_.compute({command_, state_, dynamics}, output), TickStatus::Ok);
     for (int i = 0; i < n(); ++i) {
         double expected = dynamics.b[i];
         for (int k = 0; k < n(); ++k)
             expected += dynamics.M(i, k) * (5.0 * (command_.q[k] - state_.q[k]) - state_.qd[k]);
-        EXPECT_NEAR(torque[i], expected, 1e-10 * (1.0 + std::abs(expected)));
+        EXPECT_NEAR(output.torque[i], expected, 1e-10 * (1.0 + std::abs(expected)));
     }
 }
 
@@ -92,11 +92,11 @@ TEST_P(JointPdTest, EachJointMayHaveItsOwnGains) {
     }
     configure("stiffness: [" + stiffness + "], damping: [" + damping + "]");
     drawInputs();
-    JointVector torque;
+    ControllerOutput output;
     const Dynamics unit = makeUnitDynamics(n());
-    ASSERT_EQ(controller_.compute(command_, state_, unit, torque), TickStatus::Ok);
+    ASSERT_EQ(controller_.compute({command_, state_, unit}, output), TickStatus::Ok);
     for (int i = 0; i < n(); ++i)
-        EXPECT_NEAR(torque[i], (10 + i) * (command_.q[i] - state_.q[i]) - (3 + i) * state_.qd[i], 1e-12);
+        EXPECT_NEAR(output.torque[i], (10 + i) * (command_.q[i] - state_.q[i]) - (3 + i) * state_.qd[i], 1e-12);
 }
 
 TEST_P(JointPdTest, RefusesToolSpaceAndWhatIsNotFinite) {
@@ -105,10 +105,10 @@ TEST_P(JointPdTest, RefusesToolSpaceAndWhatIsNotFinite) {
     EXPECT_FALSE(controller_.follows(MotionCommand::Space::Tool));
     drawInputs();
     const Dynamics dynamics = arm_.calcDynamics(state_);
-    JointVector torque = JointVector::Constant(n(), 7.0);
+    ControllerOutput output{JointVector::Constant(n(), 7.0), {}, false};
     const auto expectRefused = [&](const MotionCommand& command, const MotionState& state) {
-        EXPECT_EQ(controller_.compute(command, state, dynamics, torque), TickStatus::InvalidInput);
-        EXPECT_EQ(torque, JointVector::Constant(n(), 7.0));
+        EXPECT_EQ(controller_.compute({command, state, dynamics}, output), TickStatus::InvalidInput);
+        EXPECT_EQ(output.torque, JointVector::Constant(n(), 7.0));
     };
     MotionCommand bad = command_;
     bad.space = MotionCommand::Space::Tool;
@@ -137,10 +137,11 @@ TEST_P(JointPdTest, LoadsAsALibrary) {
     plugin->reset(arm_.start);
     drawInputs();
     const Dynamics dynamics = arm_.calcDynamics(state_);
-    JointVector loaded, own;
-    ASSERT_EQ(plugin->compute(command_, state_, dynamics, loaded), TickStatus::Ok);
-    ASSERT_EQ(controller_.compute(command_, state_, dynamics, own), TickStatus::Ok);
-    EXPECT_EQ(loaded, own);
+    ControllerOutput loaded, own;
+    ASSERT_EQ(plugin->compute({command_, state_, dynamics}, loaded), TickStatus::Ok);
+    ASSERT_EQ(controller_.compute({command_, state_, dynamics}, own), TickStatus::Ok);
+    EXPECT_EQ(loaded.torque, own.torque);
+    EXPECT_FALSE(loaded.hasAccelerationRate);
 }
 
 INSTANTIATE_TEST_SUITE_P(Robots, JointPdTest, ::testing::Values("single_joint", "indy7"));

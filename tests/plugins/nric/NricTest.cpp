@@ -378,6 +378,17 @@ TEST_F(NricTest, RefusesNegativeGainsAndListsOfTheWrongLength) {
     EXPECT_CONTAINS(findComplaint([&] { configure("k_i: [1, 2]"); }), "k_i");
 }
 
+TEST_F(NricTest, TellsTheLinearLawThatATrackingBoundFollowsFrom) {
+    configure("k_r: 30, k_p: 4, k_i: 2, integral_limit_Nm: 7");
+    const LinearErrorLoop* loop = loop_.errorLoop();
+    ASSERT_NE(loop, nullptr);
+    EXPECT_EQ(loop->kr, constant(30.0));
+    EXPECT_EQ(loop->kp, constant(4.0));
+    EXPECT_EQ(loop->ki, constant(2.0));
+    EXPECT_EQ(loop->integralLimit, constant(7.0));
+    EXPECT_EQ(loop->torqueRate, constant(std::numeric_limits<double>::infinity()));
+}
+
 TEST_F(NricTest, LoadsAsALibrary) {
     configure("");
     const auto plugin = PluginLoader::create<RobustLoop>(findPlugin(PluginKind::RobustLoop, "nric"));

@@ -23,16 +23,16 @@ TEST(SoftCbf, OneJointOneRowIsTheWeightedMean) {
     for (const double w : {0.5, 10.0, 1000.0, 1e6}) {
         FilterDecision d;
         EXPECT_EQ(bench.decide("weight: " + std::to_string(w), s, 0.3, d), FilterStatus::Modified);
-        EXPECT_NEAR(d.jerk[0], (target + w * bound) / (1 + w), 1e-9) << w;
+        EXPECT_NEAR(d.value[0], (target + w * bound) / (1 + w), 1e-9) << w;
         EXPECT_EQ(d.joints[0].limit, LimitKind::Position);
         EXPECT_EQ(d.joints[0].side, LimitSide::Upper);
         // The target is cut off at the jerk limit first.
         bench.decide("weight: " + std::to_string(w), s, 1e6, d);
-        EXPECT_NEAR(d.jerk[0], (4 * kPi + w * bound) / (1 + w), 1e-9) << w;
+        EXPECT_NEAR(d.value[0], (4 * kPi + w * bound) / (1 + w), 1e-9) << w;
     }
     FilterDecision d;  // inside all rows: bit for bit
     EXPECT_EQ(bench.decide("", {kPi - 0.1, 0.1, 0.2}, 0.21, d), FilterStatus::Passed);
-    EXPECT_EQ(d.jerk[0], -20.0 * (0.2 - 0.21));
+    EXPECT_EQ(d.value[0], -20.0 * (0.2 - 0.21));
     EXPECT_EQ(d.joints[0].limit, LimitKind::None);
 }
 
@@ -45,7 +45,7 @@ TEST(SoftCbf, RowsThatContradictEachOtherShareTheMiss) {
     ASSERT_LT(upper, lower);
     FilterDecision d;
     EXPECT_EQ(bench.decide("weight: 1000", s, -3 * kPi, d), FilterStatus::Infeasible);
-    EXPECT_NEAR(d.jerk[0], (0.0 + 1000 * (upper + lower)) / 2001, 1e-9);
+    EXPECT_NEAR(d.value[0], (0.0 + 1000 * (upper + lower)) / 2001, 1e-9);
 }
 
 /** The cost of a jerk, summed up as it is written in the header; of joint `i` its slope. */
@@ -97,17 +97,17 @@ TEST(SoftCbf, TakesTheCheapestJerkInTheBox) {
         for (int i = 0; i < 6; ++i)
             cost.rows.push_back(calcExponentialBarrierRows({s.q[i], s.qd[i], s.qdd[i]}, arm.limits.axis(i), 5.0));
         FilterDecision d;
-        const FilterStatus status = filter->filter(s, torque, dynamics, d);
+        const FilterStatus status = filter->filter({s, torque, dynamics}, d);
         modified += status == FilterStatus::Modified;
         infeasible += status == FilterStatus::Infeasible;
         most = std::max(most, filter->rounds());
         rounds += filter->rounds();
         // Optimal: the slope is zero inside, and points outwards on a bound of the box.
         for (int i = 0; i < 6; ++i) {
-            const double x = d.jerk[i], lower = arm.limits.jerk.lower[i], upper = arm.limits.jerk.upper[i];
+            const double x = d.value[i], lower = arm.limits.jerk.lower[i], upper = arm.limits.jerk.upper[i];
             ASSERT_GE(x, lower);
             ASSERT_LE(x, upper);
-            const double slope = cost.calcSlope(d.jerk, i);
+            const double slope = cost.calcSlope(d.value, i);
             const double size = (1.0 + weight) * cost.M.col(i).squaredNorm() * upper;
             const double error = x == lower   ? std::max(0.0, -slope)
                                  : x == upper ? std::max(0.0, slope)
@@ -134,7 +134,7 @@ TEST(SoftCbf, MissesARowByOneOverTheWeight) {
     for (const double w : {1e2, 1e3, 1e4, 1e5}) {
         FilterDecision d;
         bench.decide("weight: " + std::to_string(w), s, 100.0, d);
-        EXPECT_NEAR((d.jerk[0] - bound) * (1 + w), 4 * kPi - bound, 1e-6);
+        EXPECT_NEAR((d.value[0] - bound) * (1 + w), 4 * kPi - bound, 1e-6);
     }
 }
 
@@ -155,7 +155,7 @@ TEST(SoftCbf, SaysInfeasibleWhereTheRowsHaveNoSolution) {
         FilterDecision d;
         const FilterStatus status = bench.decide("", s, 10.0 * unit(random), d);
         EXPECT_EQ(status == FilterStatus::Infeasible, lower > upper);
-        EXPECT_LE(std::abs(d.jerk[0]), 4 * kPi);
+        EXPECT_LE(std::abs(d.value[0]), 4 * kPi);
         infeasible += lower > upper;
     }
     EXPECT_GT(infeasible, 500);

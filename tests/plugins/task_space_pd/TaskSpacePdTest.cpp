@@ -56,9 +56,9 @@ protected:
         return compute(controller_, command, state);
     }
     JointVector compute(NominalController& controller, const MotionCommand& command, const MotionState& state) {
-        JointVector torque;
-        EXPECT_EQ(controller.compute(command, state, arm_.calcDynamics(state), torque), TickStatus::Ok);
-        return torque;
+        ControllerOutput output;
+        EXPECT_EQ(controller.compute({command, state, arm_.calcDynamics(state)}, output), TickStatus::Ok);
+        return output.torque;
     }
 
     /** J by central differences of the tool pose, column by column. */
@@ -222,7 +222,9 @@ TEST_F(TaskSpacePdTest, ArmFollowsTwoTurnsOfTheCommandWithoutAJump) {
     const Pose start = d.tool;
     const Eigen::Vector3d axis = d.J.col(5).tail<3>().normalized();  // of the last joint
     const double rate = 2.0;                                         // [rad/s]
-    JointVector torque, last, qdd;
+    ControllerOutput output;
+    const JointVector& torque = output.torque;
+    JointVector last, qdd;
     double turned = 0.0;
     for (int k = 0; k * 1e-3 < 4 * kPi / rate; ++k) {
         const double angle = rate * k * 1e-3;
@@ -230,7 +232,7 @@ TEST_F(TaskSpacePdTest, ArmFollowsTwoTurnsOfTheCommandWithoutAJump) {
         command.tool.orientation = Eigen::AngleAxisd(angle, axis) * start.orientation;
         command.toolTwist.tail<3>() = rate * axis;
         d = arm_.calcDynamics(state);
-        ASSERT_EQ(controller_.compute(command, state, d, torque), TickStatus::Ok);
+        ASSERT_EQ(controller_.compute({command, state, d}, output), TickStatus::Ok);
         if (k > 0) {
             ASSERT_LE((torque - last).norm(), 2.0) << "tick " << k;  // a flip would be 1000 Nm
         }
@@ -279,13 +281,15 @@ TEST_F(TaskSpacePdTest, Fault20SetPointBeyondReachGivesBoundedAcceleration) {
     MotionState state = arm_.start;
     Dynamics d = arm_.calcDynamics(state);
     MotionCommand command = holdAt(d.tool);
-    JointVector torque, qdd;
+    ControllerOutput output;
+    const JointVector& torque = output.torque;
+    JointVector qdd;
     double fastest = 0.0, strongest = 0.0, smallest = 1.0;
     for (int k = 0; k < 20000; ++k) {
         const double side = (k / 5000) % 2 ? -1.0 : 1.0;
         command.tool.position = Eigen::Vector3d(side * 1.5, 0.3, 0.8);
         d = arm_.calcDynamics(state);
-        ASSERT_EQ(controller_.compute(command, state, d, torque), TickStatus::Ok);
+        ASSERT_EQ(controller_.compute({command, state, d}, output), TickStatus::Ok);
         ASSERT_TRUE(torque.allFinite()) << "tick " << k;
         ASSERT_TRUE(calcForwardDynamics(d, torque, qdd));
         strongest = std::max(strongest, qdd.lpNorm<Eigen::Infinity>());
@@ -309,9 +313,9 @@ TEST_F(TaskSpacePdTest, WorksForAnArmWithOneJoint) {
     const Dynamics d = arm.calcDynamics(arm.start);
     MotionCommand command = holdAt(d.tool);
     command.tool.position += Eigen::Vector3d(0, 0.1, 0);  // tangential: the tool is 1 m out
-    JointVector torque;
-    ASSERT_EQ(controller.compute(command, arm.start, d, torque), TickStatus::Ok);
-    EXPECT_NEAR(torque[0], 60.0, 1e-9);
+    ControllerOutput output;
+    ASSERT_EQ(controller.compute({command, arm.start, d}, output), TickStatus::Ok);
+    EXPECT_NEAR(output.torque[0], 60.0, 1e-9);
 }
 
 TEST_F(TaskSpacePdTest, RefusesJointSpaceAndWhatIsNotFinite) {
@@ -320,10 +324,10 @@ TEST_F(TaskSpacePdTest, RefusesJointSpaceAndWhatIsNotFinite) {
     EXPECT_FALSE(controller_.follows(MotionCommand::Space::Joint));
     const Dynamics d = arm_.calcDynamics(arm_.start);
     const MotionCommand good = holdAt(d.tool);
-    JointVector torque = JointVector::Constant(6, 7.0);
+    ControllerOutput output{JointVector::Constant(6, 7.0), {}, false};
     const auto expectRefused = [&](const MotionCommand& command, const MotionState& state) {
-        EXPECT_EQ(controller_.compute(command, state, d, torque), TickStatus::InvalidInput);
-        EXPECT_EQ(torque, JointVector::Constant(6, 7.0));
+        EXPECT_EQ(controller_.compute({command, state, d}, output), TickStatus::InvalidInput);
+        EXPECT_EQ(output.torque, JointVector::Constant(6, 7.0));
     };
     MotionCommand bad = good;
     bad.space = MotionCommand::Space::Joint;

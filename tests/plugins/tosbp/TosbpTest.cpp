@@ -45,20 +45,20 @@ Outcome run(TestArm& arm, const std::string& parameters, double duration_s, Torq
     for (int k = 0; k < outcome.ticks; ++k) {
         const Dynamics& dynamics = dynamicsOf(state);
         const JointVector torque = torqueOf(state, dynamics);
-        const FilterStatus status = filter.filter(state, torque, dynamics, decision);
+        const FilterStatus status = filter.filter({state, torque, dynamics}, decision);
         outcome.infeasible += status == FilterStatus::Infeasible;
         outcome.modified += status == FilterStatus::Modified;
         outcome.passed += status == FilterStatus::Passed;
         EXPECT_LE(status, FilterStatus::Infeasible) << "tick " << k;
         EXPECT_EQ(decision.held, HeldQuantity::Jerk);
-        EXPECT_TRUE(isFinite(decision.torque, arm.size())) << "tick " << k;
+        EXPECT_TRUE(isFinite(decision.value, arm.size())) << "tick " << k;
         if (status == FilterStatus::Infeasible)  // braking, inside the jerk limits
             for (int i = 0; i < arm.size(); ++i) {
-                EXPECT_GE(decision.jerk[i], arm.limits.jerk.lower[i]);
-                EXPECT_LE(decision.jerk[i], arm.limits.jerk.upper[i]);
+                EXPECT_GE(decision.value[i], arm.limits.jerk.lower[i]);
+                EXPECT_LE(decision.value[i], arm.limits.jerk.upper[i]);
             }
         advanceNominal(decision, arm.tick_s, state);
-        outcome.excess.observe(decision, state, arm.limits);
+        outcome.excess.observe(decision.value, state, arm.limits);
         if (::testing::Test::HasFailure()) break;
     }
     return outcome;
@@ -211,7 +211,7 @@ S4 runS4(double tick_s) {
     double last = 0.0;
     for (int k = 0; k < result.outcome.ticks; ++k) {
         const JointVector torque = JointVector::Constant(1, 5.0 * (2.0 * kPi - s.q[0]) - s.qd[0]);
-        const FilterStatus status = filter.filter(s, torque, unit, d);
+        const FilterStatus status = filter.filter({s, torque, unit}, d);
         EXPECT_LE(status, FilterStatus::Infeasible);
         result.outcome.infeasible += status == FilterStatus::Infeasible;
 
@@ -224,16 +224,16 @@ S4 runS4(double tick_s) {
             const double h = kPi - stop, dpdv = T1 + T3 / 2, dpda = T1 * (T1 / 2 + T3 / 2);
             if (h < -1e-12) {
                 ++result.ticksPastStop;
-                result.brakesThere += d.jerk[0] == -J;
+                result.brakesThere += d.value[0] == -J;
                 if (result.firstPastStop_s < 0.0) result.firstPastStop_s = k * tick_s;
                 const double row = (5.0 * h - v - dpdv * a) / dpda;
                 if (row < -J && result.firstBrokenRow_s < 0.0) result.firstBrokenRow_s = k * tick_s;
             }
         }
-        result.signChanges += d.jerk[0] * last < 0.0;
-        last = d.jerk[0];
+        result.signChanges += d.value[0] * last < 0.0;
+        last = d.value[0];
         advanceNominal(d, tick_s, s);
-        result.outcome.excess.observe(d, s, arm.limits);
+        result.outcome.excess.observe(d.value, s, arm.limits);
     }
     EXPECT_NEAR(s.q[0], kPi, 1e-3);  // it is at the limit and stays there (Fig. 6)
     return result;
@@ -288,10 +288,10 @@ TEST(Tosbp, AdmissibleDesiredJerkPassesBitForBit) {
             FilterDecision decision;
             filter.reset(state);
             // In the first tick there is no quotient yet, in the second there is one (14).
-            ASSERT_EQ(filter.filter(state, first, dynamics, decision), FilterStatus::Passed);
-            ASSERT_EQ(decision.jerk, JointVector(-20.0 * (state.qdd - desired[0])));
-            ASSERT_EQ(filter.filter(state, second, dynamics, decision), FilterStatus::Passed);
-            ASSERT_EQ(decision.jerk,
+            ASSERT_EQ(filter.filter({state, first, dynamics}, decision), FilterStatus::Passed);
+            ASSERT_EQ(decision.value, JointVector(-20.0 * (state.qdd - desired[0])));
+            ASSERT_EQ(filter.filter({state, second, dynamics}, decision), FilterStatus::Passed);
+            ASSERT_EQ(decision.value,
                       JointVector((desired[1] - desired[0]) / arm.tick_s - 20.0 * (state.qdd - desired[1])));
             for (int i = 0; i < arm.size(); ++i) {
                 EXPECT_EQ(decision.joints[i].limit, LimitKind::None);
@@ -312,7 +312,7 @@ TEST(Tosbp, SaysWhichLimitActs) {
         state.qdd[0] = qdd;
         filter.reset(state);
         FilterDecision decision;
-        filter.filter(state, JointVector::Constant(1, push), unit, decision);
+        filter.filter({state, JointVector::Constant(1, push), unit}, decision);
         return decision.joints[0];
     };
     EXPECT_EQ(decide(0, 0, 0, 0.1).limit, LimitKind::None);
@@ -361,27 +361,27 @@ TEST(Tosbp, RefusesWhatIsNotFiniteOrOfTheWrongSizeAndStaysAsItWas) {
         filter.configure(arm.setup(), read(arm, ""));
         filter.reset(arm.start);
         FilterDecision decision;
-        filter.filter(arm.start, dynamics.gravity, dynamics, decision);
+        filter.filter({arm.start, dynamics.gravity, dynamics}, decision);
         if (disturbed) {
-            const JointVector before = decision.torque;
+            const JointVector before = decision.value;
             for (const double bad : {kNan, kInf, -kInf}) {
                 JointVector torque = dynamics.gravity;
                 torque[3] = bad;
-                EXPECT_EQ(filter.filter(arm.start, torque, dynamics, decision), FilterStatus::InvalidInput);
+                EXPECT_EQ(filter.filter({arm.start, torque, dynamics}, decision), FilterStatus::InvalidInput);
                 MotionState state = arm.start;
                 state.qdd[5] = bad;
-                EXPECT_EQ(filter.filter(state, dynamics.gravity, dynamics, decision), FilterStatus::InvalidInput);
+                EXPECT_EQ(filter.filter({state, dynamics.gravity, dynamics}, decision), FilterStatus::InvalidInput);
             }
-            EXPECT_EQ(filter.filter(arm.start, JointVector::Zero(5), dynamics, decision), FilterStatus::InvalidInput);
+            EXPECT_EQ(filter.filter({arm.start, JointVector::Zero(5), dynamics}, decision), FilterStatus::InvalidInput);
             Dynamics indefinite = dynamics;
             indefinite.M *= -1.0;
-            EXPECT_EQ(filter.filter(arm.start, dynamics.gravity, indefinite, decision), FilterStatus::Faulted);
-            EXPECT_EQ(decision.torque, before);
+            EXPECT_EQ(filter.filter({arm.start, dynamics.gravity, indefinite}, decision), FilterStatus::Faulted);
+            EXPECT_EQ(decision.value, before);
         }
-        filter.filter(arm.start, dynamics.gravity + JointVector::Constant(6, 0.01), dynamics, decision);
+        filter.filter({arm.start, dynamics.gravity + JointVector::Constant(6, 0.01), dynamics}, decision);
         return decision;
     };
-    EXPECT_EQ(play(true).jerk, play(false).jerk);
+    EXPECT_EQ(play(true).value, play(false).value);
 }
 
 TEST(Tosbp, Fault29HugeTinyAndAlternatingTorquesKeepTheLimits) {
@@ -425,9 +425,9 @@ TEST(Tosbp, Fault30SetPointJumpsThroughJointPdKeepTheLimits) {
                     const double side = (k++ / 2000) % 2 ? -1.0 : 1.0;
                     command.q = arm.robot.home + JointVector::Constant(arm.size(), side * jump);
                     command.qd.setZero(arm.size());
-                    JointVector torque;
-                    EXPECT_EQ(controller->compute(command, s, d, torque), TickStatus::Ok);
-                    return torque;
+                    ControllerOutput output;
+                    EXPECT_EQ(controller->compute({command, s, d}, output), TickStatus::Ok);
+                    return output.torque;
                 },
                 [&](const MotionState& s) -> const Dynamics& {
                     arm.model().calcDynamics(s.q, s.qd, dynamics);
@@ -458,9 +458,9 @@ TEST(Tosbp, LoadsAsALibrary) {
     const Dynamics dynamics = arm.calcDynamics(arm.start);
     const JointVector torque = JointVector::LinSpaced(6, 5.0, 50.0);
     FilterDecision a, b;
-    EXPECT_EQ(plugin->filter(arm.start, torque, dynamics, a), own.filter(arm.start, torque, dynamics, b));
-    EXPECT_EQ(a.jerk, b.jerk);
-    EXPECT_EQ(a.torque, b.torque);
+    EXPECT_EQ(plugin->filter({arm.start, torque, dynamics}, a), own.filter({arm.start, torque, dynamics}, b));
+    EXPECT_EQ(a.held, b.held);
+    EXPECT_EQ(a.value, b.value);
 }
 
 }  // namespace

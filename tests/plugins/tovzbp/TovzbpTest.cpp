@@ -51,13 +51,13 @@ TEST(Tovzbp, PositionRowIsTheBarrierOfTheVelocityZeroingStop) {
         if (decision.joints[0].limit != LimitKind::Position) continue;  // another row is tighter
         EXPECT_EQ(status, FilterStatus::Modified);
         EXPECT_EQ(decision.joints[0].side, LimitSide::Upper);
-        ASSERT_NEAR(decision.jerk[0], expected, 1e-5 * (J + std::abs(expected))) << v << " " << a;
+        ASSERT_NEAR(decision.value[0], expected, 1e-5 * (J + std::abs(expected))) << v << " " << a;
         ++compared;
         cruising += v + a * a / (2 * J) > A * A / (2 * J);
         coasting += v + a * std::abs(a) / (2 * J) < 0.0;
         // And the mirror image.
         bench.decide("k_alpha: 5, gamma: 100", {-p, -v, -a}, -1e3, decision);
-        ASSERT_NEAR(decision.jerk[0], -expected, 1e-5 * (J + std::abs(expected)));
+        ASSERT_NEAR(decision.value[0], -expected, 1e-5 * (J + std::abs(expected)));
         EXPECT_EQ(decision.joints[0].side, LimitSide::Lower);
     }
     EXPECT_GT(compared, 500);
@@ -125,11 +125,11 @@ TEST(Tovzbp, AStopBehindTheLimitIsInfeasibleAndBrakes) {
     Bench bench("single_joint", "tovzbp");
     FilterDecision decision;
     EXPECT_EQ(bench.decide("gamma: 100", {kPi - 0.01, 1.0, 0.0}, 100.0, decision), FilterStatus::Infeasible);
-    EXPECT_EQ(decision.jerk[0], -4 * kPi);
+    EXPECT_EQ(decision.value[0], -4 * kPi);
     // As far as the acceleration limit lets it.
     EXPECT_EQ(bench.decide("gamma: 100", {kPi - 0.01, 1.0, -3 * kPi + 0.001}, 100.0, decision),
               FilterStatus::Infeasible);
-    EXPECT_NEAR(decision.jerk[0], -1.0, 1e-9);
+    EXPECT_NEAR(decision.value[0], -1.0, 1e-9);
 }
 
 TEST(Tovzbp, Fault08GainsAndLimitsThatDoNotFitAreRefused) {

@@ -19,7 +19,7 @@ const char* const kZone = "xi: 0.8, influence_rad: 0.3, safety_rad: 0.05, gamma:
 
 /** v+ of a decision. */
 double calcNext(const AxisState& s, const FilterDecision& d) {
-    return s.v + s.a * dt + d.jerk[0] * dt * dt / 2;
+    return s.v + s.a * dt + d.value[0] * dt * dt / 2;
 }
 
 TEST(VelocityDamper, VelocityAfterTheTickIsThatOfTheDamper) {
@@ -34,7 +34,7 @@ TEST(VelocityDamper, VelocityAfterTheTickIsThatOfTheDamper) {
         const AxisState s{kPi - d, allowed - a * dt - jerk * dt * dt / 2, a};
         FilterDecision decision;
         ASSERT_EQ(bench.decide(kZone, s, 1e3, decision), FilterStatus::Modified);
-        EXPECT_NEAR(decision.jerk[0], jerk, 1e-6);
+        EXPECT_NEAR(decision.value[0], jerk, 1e-6);
         EXPECT_NEAR(calcNext(s, decision), allowed, 1e-12);
         EXPECT_EQ(decision.joints[0].limit, LimitKind::Position);
         EXPECT_EQ(decision.joints[0].side, LimitSide::Upper);
@@ -53,10 +53,10 @@ TEST(VelocityDamper, OutsideTheZoneOnlyTheOtherLimitsAct) {
     EXPECT_EQ(bench.decide(kZone, {kPi - 0.299, 2.0, 0.0}, 0.0, d), FilterStatus::Infeasible);
     bench.decide(kZone, {0, 0, 0}, 1e3, d);
     EXPECT_EQ(d.joints[0].limit, LimitKind::Jerk);
-    EXPECT_EQ(d.jerk[0], 4 * kPi);
+    EXPECT_EQ(d.value[0], 4 * kPi);
     bench.decide(kZone, {0, 0, 3 * kPi - 0.002}, 1e3, d);
     EXPECT_EQ(d.joints[0].limit, LimitKind::Acceleration);
-    EXPECT_NEAR(d.jerk[0], 2.0, 1e-9);
+    EXPECT_NEAR(d.value[0], 2.0, 1e-9);
     const AxisState fast{0, 2 * kPi - 0.001 - 1e-6, 1.0};
     bench.decide(kZone, fast, 1e3, d);
     EXPECT_EQ(d.joints[0].limit, LimitKind::Velocity);
@@ -67,24 +67,24 @@ TEST(VelocityDamper, WhereTheVelocityCannotBeHadItBrakesAndSaysSo) {
     Bench bench("single_joint", "velocity_damper");
     FilterDecision d;
     EXPECT_EQ(bench.decide(kZone, {kPi - 0.1, 3.0, 0.0}, 0.0, d), FilterStatus::Infeasible);
-    EXPECT_EQ(d.jerk[0], -4 * kPi);
+    EXPECT_EQ(d.value[0], -4 * kPi);
     EXPECT_EQ(bench.decide(kZone, {-kPi + 0.1, -3.0, 0.0}, 0.0, d), FilterStatus::Infeasible);
-    EXPECT_EQ(d.jerk[0], 4 * kPi);
+    EXPECT_EQ(d.value[0], 4 * kPi);
     // As far as the acceleration limit lets it.
     EXPECT_EQ(bench.decide(kZone, {kPi - 0.1, 5.0, -3 * kPi + 0.001}, 0.0, d), FilterStatus::Infeasible);
-    EXPECT_NEAR(d.jerk[0], -1.0, 1e-9);
+    EXPECT_NEAR(d.value[0], -1.0, 1e-9);
     // Braking so hard that the velocity would fall below the allowed one before a = 0: it lets go in time.
     EXPECT_EQ(bench.decide(kZone, {kPi - 0.1, 2.0, -3 * kPi}, 0.0, d), FilterStatus::Infeasible);
-    EXPECT_EQ(d.jerk[0], 4 * kPi);
+    EXPECT_EQ(d.value[0], 4 * kPi);
     // At rest inside the safety distance: led away, at either limit.
     EXPECT_EQ(bench.decide(kZone, {kPi - 0.01, 0.0, 0.0}, 0.0, d), FilterStatus::Infeasible);
-    EXPECT_EQ(d.jerk[0], -4 * kPi);
+    EXPECT_EQ(d.value[0], -4 * kPi);
     EXPECT_EQ(bench.decide(kZone, {-kPi + 0.01, 0.0, 0.0}, 0.0, d), FilterStatus::Infeasible);
-    EXPECT_EQ(d.jerk[0], 4 * kPi);
+    EXPECT_EQ(d.value[0], 4 * kPi);
     // Too fast away from a limit that has been passed far: the velocity limit counts.
     for (const double side : {1.0, -1.0}) {
         EXPECT_EQ(bench.decide(kZone, {side * 10.0, -side * 15.0, 0.0}, 0.0, d), FilterStatus::Infeasible);
-        EXPECT_EQ(d.jerk[0], side * 4 * kPi);
+        EXPECT_EQ(d.value[0], side * 4 * kPi);
     }
 }
 

@@ -71,7 +71,7 @@ public:
     FilterStatus push(const JointVector& qdd) {
         JointVector torque;
         calcInverseDynamics(dynamics, qdd, torque);
-        const FilterStatus status = filter.filter(state, torque, dynamics, decision);
+        const FilterStatus status = filter.filter({state, torque, dynamics}, decision);
         if (status <= FilterStatus::Infeasible) {
             advanceNominal(decision, kTick_s, state);
             model_.calcDynamics(state.q, state.qd, dynamics);
@@ -173,7 +173,7 @@ TEST(WholeArmBraking, MovingAwayIsPossibleAtOnce) {
         for (; !(arm.state.q[0] < at - 1e-6) && delay < 200; ++delay) {
             arm.goTo(arm.robot().home);
             if (delay == 0) {
-                EXPECT_EQ(arm.decision.jerk[0], fullJerk);
+                EXPECT_EQ(arm.decision.value[0], fullJerk);
             }
         }
         std::printf("  k_alpha %g: %.1f mm from the plate, away by a microradian after %d ticks; at full jerk %d\n",
@@ -203,9 +203,9 @@ TEST(WholeArmBraking, WithoutAnythingAroundItIsCertifiedBrakingToTheLastBit) {
             for (double& x : qdd) x = 6.0 * share(random);
         JointVector torque;
         calcInverseDynamics(arm.dynamics, qdd, torque);
-        filter.filter(arm.state, torque, arm.dynamics, decision);
+        filter.filter({arm.state, torque, arm.dynamics}, decision);
         ASSERT_EQ(arm.push(qdd) == FilterStatus::StoppedByPlan, false) << tick;
-        ASSERT_EQ(decision.jerk, arm.decision.jerk) << tick;
+        ASSERT_EQ(decision.value, arm.decision.value) << tick;
     }
 }
 
@@ -283,8 +283,8 @@ TEST(WholeArmBraking, MotorsBearEveryTickAndEveryStop) {
                 JointVector jerk(6);
                 for (std::size_t i = 0; i < 6; ++i) jerk[static_cast<Eigen::Index>(i)] = stops[i].takeJerk();
                 FilterDecision next;
-                holdJerk(s, dynamics, jerk, kTick_s, next);
-                see(next.torque);
+                next.holdJerk(jerk);
+                see(calcTorque({s, dynamics.gravity, dynamics}, FilterStatus::Modified, next));
                 advanceNominal(next, kTick_s, s);
             }
         }

@@ -14,17 +14,17 @@ const viable::ParameterSpec kParameters[] = {
 
 }  // namespace
 
-void @CLASS @ ::configure(const viable::RunSetup& setup, const viable::Parameters& parameters) {
+void @CLASS@::configure(const viable::RunSetup& setup, const viable::Parameters& parameters) {
     amplitude_ = parameters.jointNumbers("amplitude_rad");
     angularFrequency_ = 2.0 * M_PI * parameters.number("frequency_hz");
     start_ = setup.start.q;
 }
 
-void @CLASS @ ::reset(const viable::MotionState& start) {
+void @CLASS@::reset(const viable::MotionState& start) {
     start_ = start.q;
 }
 
-viable::TickStatus @CLASS @ ::sample(double t, viable::MotionCommand& out) {
+viable::TickStatus @CLASS@::sample(double t, viable::MotionCommand& out) {
     if (!std::isfinite(t)) return viable::TickStatus::InvalidInput;
     const double w = angularFrequency_;
     out.space = viable::MotionCommand::Space::Joint;
@@ -33,4 +33,4 @@ viable::TickStatus @CLASS @ ::sample(double t, viable::MotionCommand& out) {
     return viable::TickStatus::Ok;
 }
 
-VIABLE_PLUGIN(viable::CommandSource, @CLASS @, "@NAME@", "Swings every joint about its start.", kParameters)
+VIABLE_PLUGIN(viable::CommandSource, @CLASS@, "@NAME@", "Swings every joint about its start.", kParameters)

@@ -5,7 +5,7 @@
 /** Swings every joint about its start by a sine: the starting point for a command source of your own.
 
 Method: q(t) = q_start + A (1 - cos(2 pi f t)) / 2; qd is its exact derivative. It may ask for more than the limits allow. */
-class @CLASS @ : public viable::CommandSource {
+class @CLASS@ : public viable::CommandSource {
 public:
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override;
     void reset(const viable::MotionState& start) override;

@@ -8,9 +8,9 @@ namespace {
 
 using viable::testing::PluginBench;
 
-TEST(@CLASS @, BeginsAtTheStartAndSwingsAsFarAsItWasTold) {
+TEST(@CLASS@, BeginsAtTheStartAndSwingsAsFarAsItWasTold) {
     PluginBench bench;
-    @CLASS @command;
+    @CLASS@ command;
     bench.configure(command, "amplitude_rad: 0.4, frequency_hz: 1");
     viable::MotionCommand out;
     EXPECT_EQ(command.sample(0.0, out), viable::TickStatus::Ok);
@@ -20,9 +20,9 @@ TEST(@CLASS @, BeginsAtTheStartAndSwingsAsFarAsItWasTold) {
     EXPECT_NEAR(out.q[0] - bench.state().q[0], 0.4, 1e-12);
 }
 
-TEST(@CLASS @, ItsVelocityIsTheDerivativeOfItsPosition) {
+TEST(@CLASS@, ItsVelocityIsTheDerivativeOfItsPosition) {
     PluginBench bench;
-    @CLASS @command;
+    @CLASS@ command;
     bench.configure(command);
     viable::MotionCommand before, now, after;
     for (double t = 0.1; t < 2.0; t += 0.1) {

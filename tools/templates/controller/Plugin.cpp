@@ -12,23 +12,24 @@ const viable::ParameterSpec kParameters[] = {
 
 }  // namespace
 
-void @CLASS @ ::configure(const viable::RunSetup& setup, const viable::Parameters& parameters) {
+void @CLASS@::configure(const viable::RunSetup& setup, const viable::Parameters& parameters) {
     n_ = setup.size();
     stiffness_ = parameters.jointNumbers("stiffness");
     damping_ = parameters.jointNumbers("damping");
 }
 
-void @CLASS @ ::reset(const viable::MotionState&) {}  // nothing is remembered from tick to tick
+void @CLASS@::reset(const viable::MotionState&) {}  // nothing is remembered from tick to tick
 
-viable::TickStatus @CLASS @ ::compute(const viable::MotionCommand& command, const viable::MotionState& nominal,
-                                      const viable::Dynamics& dynamics, viable::JointVector& torque) {
+viable::TickStatus @CLASS@::compute(const viable::ControllerInput& input, viable::ControllerOutput& output) {
     using viable::isFinite;
+    const auto& [command, nominal, dynamics, tick] = input;
     if (command.space != viable::MotionCommand::Space::Joint || !isFinite(command.q, n_) || !isFinite(nominal, n_) ||
         !isFinite(dynamics, n_))
         return viable::TickStatus::InvalidInput;
-    torque = dynamics.gravity + stiffness_.cwiseProduct(command.q - nominal.q) - damping_.cwiseProduct(nominal.qd);
+    output.torque =
+        dynamics.gravity + stiffness_.cwiseProduct(command.q - nominal.q) - damping_.cwiseProduct(nominal.qd);
     return viable::TickStatus::Ok;
 }
 
-VIABLE_PLUGIN(viable::NominalController, @CLASS @, "@NAME@", "Spring and damper at each joint, with gravity carried.",
+VIABLE_PLUGIN(viable::NominalController, @CLASS@, "@NAME@", "Spring and damper at each joint, with gravity carried.",
               kParameters)

@@ -5,15 +5,14 @@
 /** Spring and damper at each joint, with gravity carried: the starting point for a controller of your own.
 
 Method: tau_d = g(q) + K (q_command - q) - D qd. It need not know of any limit; the filter does. */
-class @CLASS @ : public viable::NominalController {
+class @CLASS@ : public viable::NominalController {
 public:
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override;
     void reset(const viable::MotionState& start) override;
     bool follows(viable::MotionCommand::Space space) const override {
         return space == viable::MotionCommand::Space::Joint;
     }
-    viable::TickStatus compute(const viable::MotionCommand& command, const viable::MotionState& nominal,
-                               const viable::Dynamics& dynamics, viable::JointVector& torque) override;
+    viable::TickStatus compute(const viable::ControllerInput& input, viable::ControllerOutput& output) override;
 
 private:
     int n_ = 0;

@@ -8,24 +8,25 @@ namespace {
 
 using viable::testing::PluginBench;
 
-TEST(@CLASS @, CarriesGravityAtTheCommandedPlace) {
+TEST(@CLASS@, CarriesGravityAtTheCommandedPlace) {
     PluginBench bench;
-    @CLASS @controller;
+    @CLASS@ controller;
     bench.configure(controller);
-    viable::JointVector torque;
-    EXPECT_EQ(controller.compute(bench.command(bench.state().q), bench.state(), bench.dynamics(), torque),
+    viable::ControllerOutput output;
+    EXPECT_EQ(controller.compute({bench.command(bench.state().q), bench.state(), bench.dynamics()}, output),
               viable::TickStatus::Ok);
-    EXPECT_EQ(torque, bench.dynamics().gravity);
+    EXPECT_EQ(output.torque, bench.dynamics().gravity);
 }
 
-TEST(@CLASS @, PullsTowardsTheCommand) {
+TEST(@CLASS@, PullsTowardsTheCommand) {
     PluginBench bench;
-    @CLASS @controller;
+    @CLASS@ controller;
     bench.configure(controller, "stiffness: 50");
-    viable::JointVector torque, q = bench.state().q;
+    viable::ControllerOutput output;
+    viable::JointVector q = bench.state().q;
     q[0] += 0.1;
-    controller.compute(bench.command(q), bench.state(), bench.dynamics(), torque);
-    EXPECT_NEAR(torque[0] - bench.dynamics().gravity[0], 5.0, 1e-12);
+    controller.compute({bench.command(q), bench.state(), bench.dynamics()}, output);
+    EXPECT_NEAR(output.torque[0] - bench.dynamics().gravity[0], 5.0, 1e-12);
 }
 
 }  // namespace

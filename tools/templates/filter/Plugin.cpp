@@ -11,23 +11,19 @@ const viable::ParameterSpec kParameters[] = {
 
 }  // namespace
 
-void @CLASS @ ::configure(const viable::RunSetup& setup, const viable::Parameters& parameters) {
+void @CLASS@::configure(const viable::RunSetup& setup, const viable::Parameters& parameters) {
     n_ = setup.size();
-    tick_s_ = setup.tick_s;
     const double share = parameters.number("share");
     lower_ = share * setup.limits.acceleration.lower;
     upper_ = share * setup.limits.acceleration.upper;
 }
 
-void @CLASS @ ::reset(const viable::MotionState&) {}  // nothing is remembered from tick to tick
+void @CLASS@::reset(const viable::MotionState&) {}  // nothing is remembered from tick to tick
 
-viable::FilterStatus @CLASS @ ::filter(const viable::MotionState& nominal, const viable::JointVector& torque,
-                                       const viable::Dynamics& dynamics, viable::FilterDecision& decision) {
-    using viable::isFinite;
-    if (!isFinite(nominal, n_) || !isFinite(torque, n_) || !isFinite(dynamics, n_))
-        return viable::FilterStatus::InvalidInput;
+viable::FilterStatus @CLASS@::filter(const viable::FilterInput& input, viable::FilterDecision& decision) {
+    if (!isFinite(input, n_)) return viable::FilterStatus::InvalidInput;
     viable::JointVector acceleration;
-    if (!calcForwardDynamics(dynamics, torque, acceleration)) return viable::FilterStatus::Faulted;
+    if (!calcForwardDynamics(input.dynamics, input.torque, acceleration)) return viable::FilterStatus::Faulted;
     viable::FilterStatus status = viable::FilterStatus::Passed;
     decision.joints.fill({});
     for (int i = 0; i < n_; ++i) {
@@ -38,9 +34,8 @@ viable::FilterStatus @CLASS @ ::filter(const viable::MotionState& nominal, const
                                                         tooHigh ? viable::LimitSide::Upper : viable::LimitSide::Lower};
         status = viable::FilterStatus::Modified;
     }
-    holdAcceleration(nominal, dynamics, acceleration, tick_s_, decision);
-    if (status == viable::FilterStatus::Passed) decision.torque = torque;  // to the last bit
+    decision.holdAcceleration(acceleration);
     return status;
 }
 
-VIABLE_PLUGIN(viable::SafetyFilter, @CLASS @, "@NAME@", "Clamps the acceleration of each joint.", kParameters)
+VIABLE_PLUGIN(viable::SafetyFilter, @CLASS@, "@NAME@", "Clamps the acceleration of each joint.", kParameters)

@@ -6,19 +6,17 @@
 
 Method: the desired torque's acceleration M^-1 (tau_d - b), each joint clamped to its limits.
 Guarantees: acceleration limits. Position, velocity and jerk are not looked at.
-A law with one interval of jerks per joint is written with less: derive from viable/plugin/JerkIntervalFilter.h. */
-class @CLASS @ : public viable::SafetyFilter {
+A law with one interval of jerks per joint is written with less: derive from viable/filter/JerkIntervalFilter.h. */
+class @CLASS@ : public viable::SafetyFilter {
 public:
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override;
     void reset(const viable::MotionState& start) override;
     bool guaranteesLimits() const override {
         return false;
     }
-    viable::FilterStatus filter(const viable::MotionState& nominal, const viable::JointVector& torque,
-                                const viable::Dynamics& dynamics, viable::FilterDecision& decision) override;
+    viable::FilterStatus filter(const viable::FilterInput& input, viable::FilterDecision& decision) override;
 
 private:
     int n_ = 0;
-    double tick_s_ = 0.0;
     viable::JointVector lower_, upper_;  // [rad/s^2]
 };

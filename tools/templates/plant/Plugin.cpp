@@ -11,7 +11,7 @@ const viable::ParameterSpec kParameters[] = {
 
 }  // namespace
 
-void @CLASS @ ::configure(const viable::RunSetup& setup, const viable::Parameters& parameters) {
+void @CLASS@::configure(const viable::RunSetup& setup, const viable::Parameters& parameters) {
     n_ = setup.size();
     tick_s_ = setup.tick_s;
     friction_ = parameters.jointNumbers("friction");
@@ -20,11 +20,11 @@ void @CLASS @ ::configure(const viable::RunSetup& setup, const viable::Parameter
     state_ = {setup.start.q, setup.start.qd};
 }
 
-void @CLASS @ ::reset(const viable::MotionState& start) {
+void @CLASS@::reset(const viable::MotionState& start) {
     state_ = {start.q, start.qd};
 }
 
-viable::TickStatus @CLASS @ ::advance(const viable::JointVector& torque, viable::JointVector& applied) {
+viable::TickStatus @CLASS@::advance(const viable::JointVector& torque, viable::JointVector& applied) {
     if (!viable::isFinite(torque, n_)) return viable::TickStatus::InvalidInput;
     model_->calcDynamics(state_.q, state_.qd, dynamics_);
     const viable::JointVector motors = torque.cwiseMax(-torqueLimit_).cwiseMin(torqueLimit_);
@@ -39,4 +39,4 @@ viable::TickStatus @CLASS @ ::advance(const viable::JointVector& torque, viable:
     return viable::TickStatus::Ok;
 }
 
-VIABLE_PLUGIN(viable::RealPlant, @CLASS @, "@NAME@", "The robot's rigid-body model with viscous friction.", kParameters)
+VIABLE_PLUGIN(viable::RealPlant, @CLASS@, "@NAME@", "The robot's rigid-body model with viscous friction.", kParameters)

@@ -10,7 +10,7 @@ engine or the driver of a real arm.
 
 Method: qdd = M^-1 (tau - b - d qd), velocity first, then position (semi-implicit Euler), one step per tick.
 Assumes: ideal motors within the robot's torque limits, ideal sensors. */
-class @CLASS @ : public viable::RealPlant {
+class @CLASS@ : public viable::RealPlant {
 public:
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override;
     void reset(const viable::MotionState& start) override;

@@ -8,9 +8,9 @@ namespace {
 
 using viable::testing::PluginBench;
 
-TEST(@CLASS @, StaysWhereGravityIsCarried) {
+TEST(@CLASS@, StaysWhereGravityIsCarried) {
     PluginBench bench;
-    @CLASS @plant;
+    @CLASS@ plant;
     bench.configure(plant);
     viable::JointVector applied;
     for (int tick = 0; tick < 1000; ++tick)
@@ -18,9 +18,9 @@ TEST(@CLASS @, StaysWhereGravityIsCarried) {
     for (int i = 0; i < bench.size(); ++i) EXPECT_NEAR(plant.actual().q[i], bench.state().q[i], 1e-9);
 }
 
-TEST(@CLASS @, TheMotorsGiveNoMoreThanTheyHave) {
+TEST(@CLASS@, TheMotorsGiveNoMoreThanTheyHave) {
     PluginBench bench;
-    @CLASS @plant;
+    @CLASS@ plant;
     bench.configure(plant);
     viable::JointVector applied;
     plant.advance(viable::JointVector::Constant(bench.size(), 1e6), applied);

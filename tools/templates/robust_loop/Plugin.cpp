@@ -12,15 +12,15 @@ const viable::ParameterSpec kParameters[] = {
 
 }  // namespace
 
-void @CLASS @ ::configure(const viable::RunSetup& setup, const viable::Parameters& parameters) {
+void @CLASS@::configure(const viable::RunSetup& setup, const viable::Parameters& parameters) {
     n_ = setup.size();
     stiffness_ = parameters.jointNumbers("stiffness");
     damping_ = parameters.jointNumbers("damping");
 }
 
-void @CLASS @ ::reset(const viable::MotionState&) {}  // nothing is remembered from tick to tick
+void @CLASS@::reset(const viable::MotionState&) {}  // nothing is remembered from tick to tick
 
-viable::TickStatus @CLASS @ ::compute(const viable::JointState& real, const viable::MotionState& nominal,
+viable::TickStatus @CLASS@::compute(const viable::JointState& real, const viable::MotionState& nominal,
                                       const viable::JointVector& filterTorque, viable::JointVector& torque) {
     using viable::isFinite;
     if (!isFinite(real, n_) || !isFinite(nominal, n_) || !isFinite(filterTorque, n_))
@@ -29,5 +29,5 @@ viable::TickStatus @CLASS @ ::compute(const viable::JointState& real, const viab
     return viable::TickStatus::Ok;
 }
 
-VIABLE_PLUGIN(viable::RobustLoop, @CLASS @, "@NAME@", "Spring and damper between the real joint and the nominal one.",
+VIABLE_PLUGIN(viable::RobustLoop, @CLASS@, "@NAME@", "Spring and damper between the real joint and the nominal one.",
               kParameters)

@@ -6,7 +6,7 @@
 
 Method: tau_a = K (q_nominal - q_real) + D (qd_nominal - qd_real). Without an integral part a constant disturbance
 leaves an error behind. */
-class @CLASS @ : public viable::RobustLoop {
+class @CLASS@ : public viable::RobustLoop {
 public:
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override;
     void reset(const viable::MotionState& start) override;

@@ -8,9 +8,9 @@ namespace {
 
 using viable::testing::PluginBench;
 
-TEST(@CLASS @, IsSilentWhereTheRealArmIsTheNominalOne) {
+TEST(@CLASS@, IsSilentWhereTheRealArmIsTheNominalOne) {
     PluginBench bench;
-    @CLASS @loop;
+    @CLASS@ loop;
     bench.configure(loop);
     viable::JointVector torque;
     EXPECT_EQ(loop.compute({bench.state().q, bench.state().qd}, bench.state(), bench.dynamics().gravity, torque),
@@ -18,9 +18,9 @@ TEST(@CLASS @, IsSilentWhereTheRealArmIsTheNominalOne) {
     EXPECT_TRUE(torque.isZero(0.0));
 }
 
-TEST(@CLASS @, PullsTheRealJointToTheNominalOne) {
+TEST(@CLASS@, PullsTheRealJointToTheNominalOne) {
     PluginBench bench;
-    @CLASS @loop;
+    @CLASS@ loop;
     bench.configure(loop, "stiffness: 200");
     viable::JointState real{bench.state().q, bench.state().qd};
     real.q[1] -= 0.01;

@@ -6,8 +6,9 @@ namespace viable {
 
 /** Turns the controller's desired acceleration into the jerk that leads to it:
 
-    u_d = (qdd_d - last qdd_d) / dt - gamma (qdd - qdd_d)      (paper, eq. 14, Remark 1)
+    u_d = d qdd_d / dt - gamma (qdd - qdd_d)      (paper, eq. 14)
 
+with (qdd_d - last qdd_d) / dt for the derivative where it is not known (Remark 1).
 With that jerk qdd approaches qdd_d exponentially (Prop. 1); sampled, this needs gamma dt < 2. Where
 the set-point jumps the quotient is very large: IntervalChoice clamps it near the jerk
 limits.
@@ -20,8 +21,8 @@ public:
     /** Clears the last desired acceleration: the next quotient is zero. */
     void reset() { hasLast_ = false; }
 
-    /** The desired jerk [rad/s^3]; all vectors of one size. */
-    void calc(const JointVector& qdd, const JointVector& desired, JointVector& jerk);
+    /** The desired jerk [rad/s^3]; all vectors of one size. @param rate  d qdd_d / dt [rad/s^3]; null: not known */
+    void calc(const JointVector& qdd, const JointVector& desired, const JointVector* rate, JointVector& jerk);
 
 private:
     double gamma_ = 0.0;

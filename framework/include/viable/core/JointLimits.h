@@ -23,8 +23,17 @@ inline constexpr int kLimitKinds = static_cast<int>(LimitKind::Clearance) + 1;
 /** Which side of a limit acts. */
 enum class LimitSide : signed char { Lower = -1, Neither = 0, Upper = 1 };
 
+/** Which limit holds one joint back. */
+struct JointIntervention {
+    LimitKind limit = LimitKind::None;
+    LimitSide side = LimitSide::Neither;
+};
+
 /** "none", "position_lower", "jerk_upper", ...: the words used in logs and summaries. */
 const char* getName(LimitKind kind, LimitSide side);
+
+/** "lower", "upper"; empty for Neither. */
+const char* getName(LimitSide side);
 
 /** The scale of tolerances on one joint's limits: the size of the larger limit; where one side or both are unlimited,
 at least 1 rad, rad/s, rad/s^2 or rad/s^3. Rounding is relative to this size, not

@@ -21,8 +21,7 @@ public:
     bool guaranteesLimits() const override { return false; }
     /** The difference quotient of (14) does not reach across missed ticks. */
     void skipTicks(std::int64_t ticks) override;
-    FilterStatus filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
-                        FilterDecision& decision) override;
+    FilterStatus filter(const FilterInput& input, FilterDecision& decision) override;
 
 protected:
     /** The admissible jerks of one joint in one tick. */

@@ -52,8 +52,7 @@ public:
     bool recovers() const override;
     bool changeLimits(const JointLimits& limits) override;
     void skipTicks(std::int64_t ticks) override;
-    FilterStatus filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
-                        FilterDecision& decision) override;
+    FilterStatus filter(const FilterInput& input, FilterDecision& decision) override;
 
 private:
     void prepare(const RunSetup& setup, const WholeArmBrakingOptions& options, const std::string& place);

@@ -4,17 +4,32 @@
 
 namespace viable {
 
+/** What a controller is given in a tick. */
+struct ControllerInput {
+    const MotionCommand& command;
+    const MotionState& nominal;  ///< the nominal arm's state
+    const Dynamics& dynamics;    ///< there
+    Tick tick;
+};
+
+/** What a controller asks for in a tick; vectors have one finite entry per joint. */
+struct ControllerOutput {
+    JointVector torque;  ///< tau_d [Nm]
+    /** The time derivative of the acceleration that `torque` gives, M^-1 (tau_d - b), by the controller's own law
+    [rad/s^3]. A filter then takes it in place of a difference quotient (paper, eq. 14 and Remark 1). */
+    JointVector accelerationRate;
+    bool hasAccelerationRate = false;  ///< false at every call: for controllers that do not know it
+};
+
 /** Any torque controller; it sees the nominal arm, not the real one. */
 class NominalController : public Plugin {
 public:
     /** Can it follow commands in this space? Asked before the run. */
     virtual bool follows(MotionCommand::Space space) const = 0;
 
-    /** The torque tau_d [Nm] that it would like, without regard to limits. On Ok, `torque` has one
-    finite entry per joint. The host substitutes the last good torque for kMaxSubstitutedTicks ticks
-    otherwise, then brakes. */
-    virtual TickStatus compute(const MotionCommand& command, const MotionState& nominal, const Dynamics& dynamics,
-                               JointVector& torque) = 0;
+    /** The torque that it would like, without regard to limits. The host substitutes the last good torque for
+    kMaxSubstitutedTicks ticks where the status is not Ok or the output not usable, then brakes. */
+    virtual TickStatus compute(const ControllerInput& input, ControllerOutput& output) = 0;
 };
 
 }  // namespace viable

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+
 #include "viable/core/JointLimits.h"
 #include "viable/core/JointTypes.h"
 #include "viable/plugin/Parameters.h"
@@ -39,6 +41,12 @@ enum class TickStatus : unsigned char {
     Ok,
     InvalidInput,  ///< an input had the wrong size or was not finite; the output was not written
     Faulted,       ///< the plugin cannot go on
+};
+
+/** When a tick is. */
+struct Tick {
+    double time_s = 0.0;      ///< since reset(); a whole number of RunSetup::tick_s
+    std::int64_t missed = 0;  ///< ticks in a row just before this one in which nobody was asked for anything
 };
 
 /** What the five kinds of plugin have in common.

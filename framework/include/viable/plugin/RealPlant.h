@@ -4,10 +4,10 @@
 
 namespace viable {
 
-/** How the joint sensors of an arm tell what they read. */
+/** What joint sensors tell. */
 enum class Encoder : unsigned char {
     Counts,  ///< positions in whole counts, velocities as their difference over a tick
-    Exact,   ///< the truth
+    Exact,   ///< the true state (a simulation)
 };
 
 /** The arm that is really there, or an engine that stands for it. */
@@ -27,8 +27,21 @@ public:
     has no such sensors, which configure() has settled. Its value is valid after reset(). */
     virtual const JointVector* externalTorque() const { return nullptr; }
 
-    /** How measured() is read. Valid after configure(). */
+    /** Valid after configure(). */
     virtual Encoder encoder() const { return Encoder::Counts; }
+
+    /** True: a clock of the plant's own makes the ticks, as a robot's packets do, and read() is called. Valid after
+    configure(). */
+    virtual bool hasClock() const { return false; }
+
+    /** With a clock only, once per tick and before measured(): waits for the plant's next tick, and measured() is the
+    state there. `ticksPassed`: ticks of its clock since the last read() or reset(), at least 1. Of those beyond 1
+    the host takes each as a missed tick, in which the motors have held the last torque. Anything but Ok: the plant
+    is gone, and the run ends. */
+    virtual TickStatus read(std::int64_t& ticksPassed) {
+        ticksPassed = 1;
+        return TickStatus::Ok;
+    }
 };
 
 }  // namespace viable

@@ -4,14 +4,14 @@
 
 namespace viable {
 
-/** A robust loop whose law is tau_a = -k_r (de + k_p e + k_i integral of e dt), e = q_real - q_nominal, with constant
-gains: what a bound on the tracking error follows from. One entry per joint. */
+/** The law tau_a = -k_r (de + k_p e + k_i integral of e dt) on e = q_real - q_nominal, with one number per joint: what a
+tracking bound follows from (calcTrackingBound). */
 struct LinearErrorLoop {
     JointVector kr;             ///< [Nms/rad]
     JointVector kp;             ///< [1/s]
     JointVector ki;             ///< [1/s^2]
-    JointVector integralLimit;  ///< largest k_r k_i |integral| that it allows [Nm]; infinite: none of its own
-    JointVector torqueRate;     ///< fastest change of tau_a [Nm/s]; infinite: none
+    JointVector integralLimit;  ///< of k_r k_i |integral| [Nm]; infinite: none
+    JointVector torqueRate;     ///< of the change of tau_a [Nm/s]; infinite: none
 };
 
 /** Makes the real arm follow the nominal one in spite of friction, payload and model error. */
@@ -28,8 +28,8 @@ public:
     stands still, until reset(). For loops without a sum there is nothing to do. */
     virtual void holdIntegral() {}
 
-    /** The law, where it is linear in the error; null: no tracking bound follows from this loop. Valid after
-    configure(), and constant from there on. */
+    /** The linear law that it is, as long as neither of the law's limits nor a motor's acts; null: it is none, and no
+    tracking bound is known for it. Valid after configure(). */
     virtual const LinearErrorLoop* errorLoop() const { return nullptr; }
 };
 

@@ -4,39 +4,15 @@
 #include <limits>
 
 #include "viable/braking/GridStop.h"
+#include "viable/core/FilterStatus.h"
 #include "viable/plugin/Plugin.h"
 
 namespace viable {
 
-/** What a filter did to the desired torque. */
-enum class FilterStatus : unsigned char {
-    Passed,         ///< what the controller wants is admissible and is done as it is; apply
-    Modified,       ///< changed to keep the limits; apply
-    StoppedByPlan,  ///< a stored stop is being followed; apply
-    Recovering,     ///< a limit cannot be met yet (recovery, or limits that have shrunk): it is approached as
-                    ///< fast as jerk allows and nothing gets worse on the way; apply
-    Infeasible,     ///< no admissible choice existed; the braking fallback is in the decision; apply
-    InvalidInput,   ///< input of wrong size or not finite; decision not written, do not apply
-    Faulted,        ///< the filter cannot go on; decision not written, do not apply
-    /** The filter has no admissible choice left and ends the case here, as its user asked it to; decision not written, do not
-    apply. The arm is braked; a result and no failure, unless the filter guarantees limits. */
-    Ended,
-};
-
-/** "passed", "modified", ... as in logs. */
-const char* getName(FilterStatus status);
-
-/** Which limit holds one joint back. */
-struct JointIntervention {
-    LimitKind limit = LimitKind::None;
-    LimitSide side = LimitSide::Neither;
-};
-
 /** How the nominal plant moves during the coming tick. */
 enum class HeldQuantity : unsigned char {
-    Jerk,          ///< `jerk` is held: acceleration is continuous (triple integrator)
-    Acceleration,  ///< `acceleration` is held: acceleration jumps from tick to tick (double
-                   ///< integrator)
+    Jerk,          ///< acceleration is continuous (triple integrator)
+    Acceleration,  ///< acceleration jumps from tick to tick (double integrator)
 };
 
 /** The place where the arm, on its way through a tick and the stop after it, comes nearest to what it must not touch. */
@@ -50,13 +26,24 @@ struct Clearance {
     Eigen::Vector3d onObstacle = Eigen::Vector3d::Zero();
 };
 
-/** A filter's answer; vectors have one entry per joint. Fill it with holdJerk() or
- * holdAcceleration(). */
+/** What a filter is given in a tick. The host sees to it that all of it is finite and of the right size. */
+struct FilterInput {
+    const MotionState& nominal;  ///< the nominal arm's state
+    const JointVector& torque;   ///< tau_d [Nm]
+    const Dynamics& dynamics;    ///< there
+    /** d/dt of the desired acceleration M^-1 (tau_d - b) [rad/s^3], for (14); null: not known, and a difference
+    quotient takes its place. */
+    const JointVector* accelerationRate = nullptr;
+};
+
+/** True when every part is finite and sized for n joints. */
+bool isFinite(const FilterInput& input, int n);
+
+/** A filter's answer: one quantity, held over the coming tick. What torque, mean acceleration and jerk that makes is for
+the host to compute (see calcHeldMotion). */
 struct FilterDecision {
     HeldQuantity held = HeldQuantity::Jerk;
-    JointVector torque;        ///< tau_c = M x_c + b, or tau_d itself where nothing was changed [Nm]
-    JointVector acceleration;  ///< x_c: mean nominal acceleration over the tick [rad/s^2]
-    JointVector jerk;          ///< nominal jerk over the tick [rad/s^3]
+    JointVector value;  ///< of the held quantity, one entry per joint [rad/s^3 or rad/s^2]
     std::array<JointIntervention, kMaxJoints> joints{};
     /** A stop of every joint from the state that this decision leads to: the proof that limits can be kept. A
     filter that holds jerks and guarantees limits gives it; without it (hasStops false) the host looks for one. */
@@ -64,17 +51,29 @@ struct FilterDecision {
     bool hasStops = false;
     Clearance clearance;    ///< of a filter that keeps one
     double mapAge_s = 0.0;  ///< age of the surroundings that the filter went by
+
+    // All else is left as it is.
+    void holdJerk(const JointVector& jerk) {
+        held = HeldQuantity::Jerk;
+        value = jerk;
+    }
+    void holdAcceleration(const JointVector& acceleration) {
+        held = HeldQuantity::Acceleration;
+        value = acceleration;
+    }
 };
 
-/** The decision to hold `jerk` for one tick: x_c = qdd + jerk dt / 2 and tau_c = M x_c + b.
-Interventions are left as they are. */
-void holdJerk(const MotionState& nominal, const Dynamics& dynamics, const JointVector& jerk, double tick_s,
-              FilterDecision& decision);
+/** What a decision makes of a tick; vectors have one entry per joint. */
+struct HeldMotion {
+    JointVector jerk;          ///< the one held, or (acceleration - qdd) / dt [rad/s^3]
+    JointVector acceleration;  ///< x_c: the one held, or its mean qdd + jerk dt / 2 [rad/s^2]
+    JointVector torque;        ///< tau_c = M x_c + b [Nm]
+};
 
-/** The decision to hold `acceleration` for one tick: tau_c = M x_c + b; the jerk is the difference
-quotient (acceleration - qdd) / dt. */
-void holdAcceleration(const MotionState& nominal, const Dynamics& dynamics, const JointVector& acceleration,
-                      double tick_s, FilterDecision& decision);
+/** The motion that the value of `decision` gives. Where an acceleration is held, `status` is Passed and the torque is
+tau_d but for rounding, it is tau_d to the last bit. No allocation, no throw. */
+void calcHeldMotion(const FilterInput& input, FilterStatus status, const FilterDecision& decision, double tick_s,
+                    HeldMotion& motion);
 
 /** Changes the desired torque so that limits of the nominal arm hold. */
 class SafetyFilter : public Plugin {
@@ -103,10 +102,8 @@ public:
     The next call continues from there. Real time. */
     virtual void skipTicks(std::int64_t ticks);
 
-    /** One tick. `nominal` is the nominal arm's state and `dynamics` belongs to it; `torque` is
-    tau_d, finite and of the right size. See FilterStatus for what the host does with `decision`. */
-    virtual FilterStatus filter(const MotionState& nominal, const JointVector& torque, const Dynamics& dynamics,
-                                FilterDecision& decision) = 0;
+    /** One tick. See FilterStatus for what the host does with `decision`. */
+    virtual FilterStatus filter(const FilterInput& input, FilterDecision& decision) = 0;
 };
 
 }  // namespace viable

@@ -56,8 +56,8 @@ private:
 
     int n_ = 0;
     double tick_s_ = 0.0;
-    Encoder encoder_ = Encoder::Counts;
     JointVector resolution_;  // [rad]; 0: exact
+    Encoder encoder_ = Encoder::Counts;
     bool isVelocityExact_ = true;
     double noise_ = 0.0;
     std::uint64_t seed_ = 0;

@@ -60,7 +60,7 @@ public:
     void configure(const RunSetup& setup, const NricOptions& options);
 
     void holdIntegral() override { isIntegralHeld_ = true; }
-    const LinearErrorLoop* errorLoop() const override { return &law_; }
+    const LinearErrorLoop* errorLoop() const override { return &loop_; }
 
     void reset(const MotionState& start) override;
     TickStatus compute(const JointState& real, const MotionState& nominal, const JointVector& filterTorque,
@@ -71,7 +71,7 @@ private:
 
     int n_ = 0;
     double tick_s_ = 0.0;
-    LinearErrorLoop law_;
+    LinearErrorLoop loop_;
     JointVector torqueLimit_;
     JointVector largestIntegral_;  // [rad s]
     JointVector largestStep_;      // of the torque in a tick [Nm]
