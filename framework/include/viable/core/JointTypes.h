@@ -3,6 +3,8 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "viable/core/Numbers.h"
+
 namespace viable {
 
 /** Most joints that a robot may have. Vectors below carry this capacity inside the object, so that
