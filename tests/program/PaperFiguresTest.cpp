@@ -10,8 +10,6 @@
 namespace viable {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 using Figure = ProjectExperiment;
 
 TEST(PaperFig5, S1LeavesPositionAndAccelerationLimits) {

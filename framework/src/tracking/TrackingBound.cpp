@@ -232,13 +232,7 @@ private:
     /** Half a count and the noise [rad]. */
     JointVector calcReadingError() const {
         JointVector error = JointVector::Constant(n_, set_.readingError_rad);
-        const JointVector& counts = robot_.actuation.encoderCounts;
-        for (int i = 0; i < n_; ++i)
-            if (counts[i] > 0.0)
-                error[i] +=
-                    0.5 *
-                    (robot_.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic ? 1.0 : 2.0 * EIGEN_PI) /
-                    counts[i];
+        for (int i = 0; i < n_; ++i) error[i] += 0.5 * robot_.encoderStep(i);
         return error;
     }
 

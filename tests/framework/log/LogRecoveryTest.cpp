@@ -22,14 +22,6 @@ using Space = MotionCommand::Space;
 
 class LogRecoveryTest : public LogTestBase {
 protected:
-    std::vector<std::string> listFolder() const {
-        std::vector<std::string> names;
-        for (const auto& entry : std::filesystem::directory_iterator(folder_))
-            names.push_back(entry.path().filename().string());
-        std::sort(names.begin(), names.end());
-        return names;
-    }
-
     /** Recovers `bytes`, which must stay as they are, and returns the new log's bytes. */
     std::string recover(const std::string& bytes, std::uint64_t expectedRows) {
         writeBytes(path("cut.mcap"), bytes);

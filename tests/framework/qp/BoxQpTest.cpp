@@ -245,7 +245,7 @@ void calcJerkBounds(const AxisState& s, const AxisLimits& l, double dt, double& 
 }
 
 TEST(BoxQp, ErrorInAClosedLoopStaysBelowOneMillionth) {
-    constexpr double kPi = EIGEN_PI, kTick_s = 1e-3;
+    constexpr double kTick_s = 1e-3;
     constexpr double A = 4.0 * kPi, J = 12.0 * kPi;
     const RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/indy7");
     RobotModel model(robot);

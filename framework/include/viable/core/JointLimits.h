@@ -89,7 +89,7 @@ inline constexpr double kLongestRamp_s = 1e4;
 
 /** Position limits beyond this many radians need `allow_large_angles`: they are usually degrees.
 kLargestLimit bounds them in any case. */
-inline constexpr double kLargestAngle_rad = 4.0 * 3.14159265358979323846;
+inline constexpr double kLargestAngle_rad = 4.0 * kPi;
 
 /** Throws Error (BadInput) unless every joint's limits are usable at the given tick: ordered, of
 the right sign, inside the windows above, an acceleration range of at least one tick of jerk (A >= J
