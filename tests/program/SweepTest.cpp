@@ -214,7 +214,7 @@ TEST_F(Fault76_Sweep, KilledInTheMiddleLosesNoRun) {
         for (const pid_t child : children)
             EXPECT_TRUE(waitFor([&] { return ::kill(child, 0) != 0; })) << "the child lives on";
         if (signal == SIGINT) {
-            EXPECT_NE(ended.err.find("The same command goes on from there"), std::string::npos) << ended.err;
+            EXPECT_NE(ended.err.find("The same command continues from there"), std::string::npos) << ended.err;
         }
         std::map<std::string, double> walls_s;
         const auto name = [](const SweepRow& row) { return std::to_string(row.run) + row.caseName; };

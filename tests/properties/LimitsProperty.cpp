@@ -59,7 +59,7 @@ bool exists(const AxisLimits& l, int quantity) {
     return std::isfinite(sides[quantity][0]) || std::isfinite(sides[quantity][1]);
 }
 
-/** What the barrier is about: where the stop held ready brings a joint, and the velocity that full jerk, bringing
+/** What the barrier is about: where the backup stop brings a joint, and the velocity that full jerk, bringing
 acceleration to zero, leads to, half a tick of acceleration more for the grid. */
 struct Reach {
     Reach(const AxisState& s, const GridStop& stop, const AxisLimits& l, double tick_s)

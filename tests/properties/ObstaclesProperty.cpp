@@ -367,7 +367,7 @@ bool checkObstacles(const Options& options) {
     run.expectShare("ticks within 2 cm of the safety distance", near, ticks, 0.05);
     run.expectShare("ticks as desired", passed, ticks, 0.002);
     run.expectShare("ticks missed", missed, ticks, 0.001);
-    std::printf("  ticks on a stored stop: %.3g %%\n",
+    std::printf("  ticks on a backup stop: %.3g %%\n",
                 100.0 * static_cast<double>(stopped) / static_cast<double>(ticks));
     return run.isGood();
 }

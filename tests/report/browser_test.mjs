@@ -297,7 +297,7 @@ const near = description.cases.find((c) => c.guarantees && c.ok && c.clearance?.
 const part = (page, name) => page.locator('#replay .chip', { hasText: name });
 const words = (page) => page.locator('.nearest-text').textContent();
 
-testOfPage('the replay shows obstacles, the stored stop and what is nearest; each can be hidden', async () => {
+testOfPage('the replay shows obstacles, the backup stop and what is nearest; each can be hidden', async () => {
   const page = await open(reportPath, { height: 2000 }); // nothing lies over the picture
   const at = Number((0.32 * end).toFixed(3));
   const whole = await showReplay(page, at);
@@ -325,7 +325,7 @@ testOfPage('the replay shows obstacles, the stored stop and what is nearest; eac
   assert.ok((await differentPixels(await readFile(await download.path()))) > 5000, 'an empty picture');
   for (const [name, least] of [
     ['obstacles', 5000],
-    ['stored stop', 300],
+    ['backup stop', 300],
     ['nearest points', 50],
   ]) {
     const button = part(page, name);

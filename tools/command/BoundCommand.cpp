@@ -132,7 +132,7 @@ int run(const BoundArguments& arguments) {
     if (!found) throw badInput("--case", "there is no case '" + arguments.caseName + "' in " + arguments.file);
     if (!any)
         throw badInput(arguments.file,
-                       "no case has a tracking bound: it takes a disturbance_set and the robust loop nric",
+                       "no case has a tracking bound: it needs a disturbance_set and the robust loop nric",
                        "Add for example `disturbance_set: {friction_scale: 2, payload_kg: 3}`.");
     if (arguments.json) std::printf("%s\n", all.dump(1).c_str());
     return 0;

@@ -86,7 +86,7 @@ void sayWho(const PluginWatch& watch, const char* what, std::int64_t tick) {
     if (*runFolder && whole) {
         say("The logs in ");
         say(runFolder);
-        say(" end there and are whole; there is no summary. `viable report ");
+        say(" end there and are complete; there is no summary. `viable report ");
         say(runFolder);
         say("` shows them. ");
     } else if (*runFolder) {

@@ -201,7 +201,7 @@ bool tryWriteReport(const fs::path& folder) {
             std::printf("report: %s\n", report.c_str());
         return true;
     } catch (const std::exception& e) {
-        std::fprintf(stderr, "viable: the report was not written: %s\nMend the cause, then run: viable report %s\n",
+        std::fprintf(stderr, "viable: the report was not written: %s\nRemove the cause, then run: viable report %s\n",
                      e.what(), folder.c_str());
         return false;
     }
@@ -246,8 +246,8 @@ int run(const RunArguments& arguments) {
                          results[i].stopRemedy.c_str(), results[i].stopRemedy.empty() ? "" : "\n");
         if (!results[i].logError.empty())
             std::fprintf(stderr,
-                         "viable: case %s: the log could not be written to its end: %s. The run itself "
-                         "went on; free space and run it again.\n",
+                         "viable: case %s: the log could not be written to its end: %s. The run itself continued; free "
+                         "space and run it again.\n",
                          results[i].name.c_str(), results[i].logError.c_str());
     }
     try {

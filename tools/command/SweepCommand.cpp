@@ -187,8 +187,8 @@ int runSweep(const CommandArguments& arguments) {
     progress.draw(true);
     if (!isWhole) {
         std::fprintf(stderr,
-                     "viable: ended early by signal %d; %lld of %lld runs are stored in %s. The same "
-                     "command goes on from there.\n",
+                     "viable: ended early by signal %d; %lld of %lld runs are stored in %s. The same command continues "
+                     "from there.\n",
                      stop.load(), static_cast<long long>(progress.done()),
                      static_cast<long long>(before + static_cast<std::int64_t>(runs.size())), store.folder().c_str());
         return 128 + stop.load();
@@ -247,7 +247,7 @@ int runCommand(const CommandArguments& arguments) {
     std::signal(SIGXFSZ, SIG_IGN);  // so is a file size limit
     if (!arguments.merge.empty()) {
         if (!arguments.sweep.file.empty())
-            throw badInput("--merge", "FILE has no use here: the shards know theirs",
+            throw badInput("--merge", "FILE is not used here: the shards name theirs",
                            "Write `viable sweep --merge DIR... --out DIR`.");
         return mergeShards(arguments);
     }

@@ -219,7 +219,7 @@ void workForMpi(const SweepTask& task, int jobs, double timeout_s) {
             if (!said)
                 throw Error(ErrorKind::PluginFailed, "rank " + std::to_string(mpi.rank()),
                             "the process that watches over its runs has died",
-                            "What rank 0 has stored is whole; give the same command again.");
+                            "What rank 0 has stored is complete; give the same command again.");
             if ((*said)[0] == kDone) break;
             mpi.send(0, *said);
         }

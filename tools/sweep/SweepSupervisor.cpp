@@ -309,7 +309,7 @@ bool SweepSupervisor::run(const std::vector<std::int64_t>& runs) {
         if (suspects.empty() && !listOpen().empty() && ++idleDeaths_ >= kMostIdleDeaths)
             throw Error(ErrorKind::PluginFailed, "viable sweep",
                         "the process of the runs dies before it has begun one: " + describeDeath(status),
-                        "What was stored before is whole.");
+                        "What was stored before is complete.");
         for (const std::int64_t run : suspects)
             if (!tryAlone(run)) return false;
     }

@@ -22,7 +22,7 @@ constexpr double kRounding = 1e-13;
 constexpr double kDrift = 1e-11;
 /** A state differs from the expected one when it does by more than this, relative to the state and the limits. */
 constexpr double kSameState = 1e-9;
-/** So many ticks of a stored stop are followed one by one; of more the state is taken as it comes. */
+/** So many ticks of a backup stop are followed one by one; of more the state is taken as it comes. */
 constexpr int kMaxFollowedTicks = 1000;
 constexpr int kRepairRounds = 6;
 constexpr int kRestRounds = 12;
@@ -246,7 +246,7 @@ bool BrakingCertificate::planWithin(const AxisState& from, const PathExtremes& b
         });
 }
 
-/** Which limits the stored stop passes from this state on, and the bounds that follow from it. */
+/** Which limits the backup stop passes from this state on, and the bounds that follow from it. */
 void BrakingCertificate::judge() {
     excess_ = {};
     bounds_ = limits_;
@@ -323,7 +323,7 @@ bool BrakingCertificate::isExpected(const AxisState& state) const {
 
 bool BrakingCertificate::beginTick(const AxisState& state) {
     if (knowsExpected_ && !isExpected(state)) {
-        // Perhaps the stored stop went on for some ticks and nobody said so.
+        // Perhaps the backup stop went on for some ticks and nobody said so.
         for (int i = 0; i < kMaxFollowedTicks && !stored_.atRest() && !isExpected(state); ++i) followStored();
         if (!isExpected(state)) {
             reset(state);
@@ -471,7 +471,7 @@ BrakingCertificate::Bound BrakingCertificate::findBound(double jerk) {
     return {bound_.valid ? bound_.jerk : stored, limit};
 }
 
-/** Null: the stored stop vouches for it, or nothing does. */
+/** Null: the backup stop certifies it, or nothing does. */
 const BrakingCertificate::Candidate* BrakingCertificate::findCandidate(double jerk) const {
     if (jerk == storedJerk()) return nullptr;
     return bound_.valid && jerk == bound_.jerk ? &bound_ : trial_.valid && jerk == trial_.jerk ? &trial_ : nullptr;

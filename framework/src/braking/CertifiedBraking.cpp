@@ -47,7 +47,7 @@ void CertifiedBraking::restrict(int joint, double wanted) {
     }
 }
 
-/** The jerks nearest to the target in torque, each vouched for by its joint. */
+/** The jerks nearest to the target in torque, each certified by its joint. */
 void CertifiedBraking::settle(const JointMatrix& M, const RowQp::Rows* rows, JointVector& chosen) {
     lower_.resize(n_);
     upper_.resize(n_);

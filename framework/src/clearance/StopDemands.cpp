@@ -30,7 +30,7 @@ const ArmStopCheck::Demands& StopDemands::measure() {
 void StopDemands::begin(const ArmStopCheck::Result& stored) {
     demands_.torqueUse = std::max(1.0, stored.torqueUse);
     for (std::size_t e = 0; e < stored.seen.size(); ++e) {
-        // Where a map tells nothing (-infinity) nothing less is asked: the stored stop goes on until it does.
+        // Where a map tells nothing (-infinity) nothing less is asked: the backup stop goes on until it does.
         const bool isKept = !(stored.seen[e] < required_m_) || std::isinf(stored.seen[e]);
         demands_.floor[e] = isKept ? required_m_ : stored.seen[e] - bisection::kGuard_m;
         demands_.least[e] = std::isinf(stored.seen[e]) ? aim() : std::min(aim(), stored.seen[e]);

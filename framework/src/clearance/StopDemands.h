@@ -4,7 +4,7 @@
 
 namespace viable::detail {
 
-/** What the next stop must keep, as it follows from what the stored stop keeps: the safety distance, or where that is lost
+/** What the next stop must keep, as it follows from what the backup stop keeps: the safety distance, or where that is lost
 (surroundings that changed, a start too near) to come no nearer. Real time after construction. */
 class StopDemands {
 public:
@@ -14,9 +14,9 @@ public:
     void setRequired(double distance_m) { required_m_ = distance_m; }
     double required() const { return required_m_; }  ///< safety distance [m]
 
-    /** For a look at the stored stop alone: what it keeps is measured. */
+    /** For a look at the backup stop alone: what it keeps is measured. */
     const ArmStopCheck::Demands& measure();
-    /** Begins anew from what the stored stop was measured to keep. */
+    /** Begins anew from what the backup stop was measured to keep. */
     void begin(const ArmStopCheck::Result& stored);
     /** What has become better stays so; and how near the next stop may come of what is left. */
     void raise(const ArmStopCheck::Result& kept);

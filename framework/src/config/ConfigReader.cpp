@@ -116,7 +116,7 @@ std::string cleanText(const std::string& raw, const std::string& fileName) {
         const std::size_t size = findCharacterSize(raw, i);
         if (size == 0) {
             throw badInput(formatPlace(fileName, at), "is not UTF-8 text",
-                           "Save the file as UTF-8; a binary file is no configuration");
+                           "Save the file as UTF-8; a binary file is not a configuration");
         }
         if (byte == '\r' && i + 1 < raw.size() && raw[i + 1] == '\n') {
             ++i;
@@ -125,9 +125,9 @@ std::string cleanText(const std::string& raw, const std::string& fileName) {
         if ((byte < 0x20 && byte != '\n' && byte != '\t') || byte == 0x7F) {
             char code[8];
             std::snprintf(code, sizeof(code), "0x%02x", byte);
-            throw badInput(formatPlace(fileName, at), std::string("holds the control byte ") + code,
-                           "Only text is allowed, with lines that end in LF or CR LF; a binary "
-                           "file is no configuration");
+            throw badInput(
+                formatPlace(fileName, at), std::string("holds the control byte ") + code,
+                "Only text is allowed, with lines that end in LF or CR LF; a binary file is not a configuration");
         }
         if (isIndentation && byte == '\t') {
             throw badInput(formatPlace(fileName, at), "a tab stands in the indentation", "Indent with blanks only");

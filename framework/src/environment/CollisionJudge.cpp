@@ -268,7 +268,7 @@ CollisionJudge::Contact CollisionJudge::findContact(const JointVector& q, double
         const auto first = static_cast<std::size_t>(i), second = static_cast<std::size_t>(j);
         const double distance =
             calcSegmentDistance(segments[first], segments[second]) - capsules[first].radius - capsules[second].radius;
-        if (!(distance >= contact.distance))  // what is no number is no clearance
+        if (!(distance >= contact.distance))  // what is NaN is no clearance
             contact = {distance, capsules[first].link, -1, capsules[second].link};
     }
     std::vector<Eigen::Vector3d> centres;

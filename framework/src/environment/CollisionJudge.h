@@ -35,7 +35,7 @@ public:
         int otherLink = -1;
     };
     /** The nearest contact at pose q at time t of the run, moving spheres where they are then. Exact up to `horizon`
-    [m], at most kMostHorizon_m; beyond it the distance is the horizon and the link -1. A q that is no number:
+    [m], at most kMostHorizon_m; beyond it the distance is the horizon and the link -1. A q that is NaN:
     -infinity, link -1. */
     Contact findContact(const JointVector& q, double t, double horizon) const;
 

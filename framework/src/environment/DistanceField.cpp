@@ -61,7 +61,7 @@ template <bool kWithGradient>
 double DistanceField::calc(const Eigen::Vector3d& p, Eigen::Vector3d* gradient) const {
     if constexpr (kWithGradient) gradient->setZero();
     if (!((p.array() >= lower_.array()).all() && (p.array() <= upper_.array()).all()))
-        return -std::numeric_limits<double>::infinity();  // what is no number, too
+        return -std::numeric_limits<double>::infinity();  // what is NaN, too
     const Eigen::Vector3d place = (p - lower_) * perCell_;
     const int i = std::min(static_cast<int>(place.x()), nx_ - 2);
     const int j = std::min(static_cast<int>(place.y()), ny_ - 2);

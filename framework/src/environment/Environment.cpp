@@ -130,7 +130,7 @@ void readObstacle(const std::string& name, const ConfigNode& node, Environment& 
         solid.pose = readHalfSpace(*halfSpace);
     }
     if (shapes == 1 && !ball && map.find("path"))
-        throw badInput(node.place(), "an obstacle with a path that is no sphere", "Only spheres move.");
+        throw badInput(node.place(), "an obstacle with a path that is not a sphere", "Only spheres move.");
     if (!halfSpace) {
         const ConfigNode* at = map.find("at");
         map.finish();  // an unknown shape is named, not missed
@@ -148,7 +148,7 @@ fs::path findMapFile(const ConfigNode& node) {
     const fs::path folder = node.file == detail::kOverrideFile ? fs::path() : fs::path(node.file).parent_path();
     const fs::path file = folder / text;
     if (file.extension() != ".bt" && file.extension() != ".ot")
-        throw badInput(node.place(), detail::quoteText(text) + " is no map that can be read",
+        throw badInput(node.place(), detail::quoteText(text) + " is not a map that can be read",
                        "Name an OctoMap file, .bt or .ot.");
     std::error_code failed;
     if (fs::exists(file, failed) && !fs::is_regular_file(file, failed))

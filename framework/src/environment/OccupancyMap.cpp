@@ -78,7 +78,7 @@ Header readHeader(std::string_view bytes, const std::string& place) {
     header.isBinary = first == kBinaryHeader;
     if (!header.isBinary && first != kFullHeader)
         throw badInput(place,
-                       "is no OctoMap file: it does not begin with `" + std::string(kFullHeader) + "` or `" +
+                       "is not an OctoMap file: it does not begin with `" + std::string(kFullHeader) + "` or `" +
                            std::string(kBinaryHeader) + "`",
                        "Name a .bt or .ot file of OctoMap 1.6 or later.");
     bool hasId = false, hasSize = false, hasResolution = false;
@@ -175,8 +175,8 @@ private:
     void scanFull(int depth) {
         float logOdds;
         std::memcpy(&logOdds, take(sizeof logOdds), sizeof logOdds);
-        // OctoMap takes what is no number for free.
-        if (!std::isfinite(logOdds)) fail("the log odds of a node are no finite number");
+        // OctoMap takes what is NaN for free.
+        if (!std::isfinite(logOdds)) fail("the log odds of a node are not finite");
         const unsigned children = static_cast<unsigned char>(*take(1));
         if (children != 0) addInner();
         for (int i = 0; i < 8; ++i)

@@ -12,7 +12,7 @@ namespace viable {
 namespace {
 
 constexpr char kOnConfigure[] =
-    "configure() says what is wrong with a parameter by throwing viable::badInput(); anything else is to be mended in "
+    "configure() says what is wrong with a parameter by throwing viable::badInput(); anything else must be fixed in "
     "the plugin.";
 
 // What a plugin is asked once, outside of ticks: asked here first, where a throw still names it.
@@ -49,8 +49,8 @@ PluginPtr<Interface> makeHere(const PluginChoice& choice, const RunSetup& setup,
         throw Error(ErrorKind::PluginFailed, title, std::string("threw while it was configured: ") + e.what(),
                     kOnConfigure);
     } catch (...) {
-        throw Error(ErrorKind::PluginFailed, title, "threw something that is no std::exception while it was configured",
-                    kOnConfigure);
+        throw Error(ErrorKind::PluginFailed, title,
+                    "threw something other than a std::exception while it was configured", kOnConfigure);
     }
     if (const char* change = call.undoArithmeticChange())
         throw Error(ErrorKind::PluginFailed, title, formatArithmeticChange(change), kOnArithmeticChange);

@@ -77,12 +77,12 @@ const std::vector<ExperimentKey>& obstacleKeys() {
         {makeSize("sphere", "", "Its radius.")},
         makeBlock("cylinder", "", &cylinderKeys, "Its sizes."),
         makeBlock("half_space", "", &halfSpaceKeys, "All that lies behind a plane is solid: a floor, a wall."),
-        makeBlock("at", "", &poseKeys, "The centre of a box, sphere or cylinder, and its turn."),
+        makeBlock("at", "", &poseKeys, "The centre of a box, sphere or cylinder, and its orientation."),
         makeBlock("path", "", &waypointKeys,
                   "Of a sphere that moves: straight and at constant speed from one waypoint to the next.",
                   KeyForm::Blocks),
         {parameter::flag("repeats", "false",
-                         "After its last waypoint, whose place is that of the first, the path begins anew.")},
+                         "After its last waypoint, which is at the place of the first, the path starts again.")},
     };
     return keys;
 }
@@ -92,7 +92,7 @@ const std::vector<ExperimentKey>& mapKeys() {
         {parameter::text("file", nullptr, "An OctoMap file, .bt or .ot, relative to this file.")},
         {parameter::text("sha256", "", "Of the file; another file is refused.")},
         makeBlock("at", "", &poseKeys, "Where the map's frame lies in the robot's base frame."),
-        {parameter::choice("unknown", "occupied|free", "occupied", "What cells count as that nothing is known of.")},
+        {parameter::choice("unknown", "occupied|free", "occupied", "How cells without information count.")},
     };
     return keys;
 }
@@ -113,23 +113,24 @@ const std::vector<ExperimentKey>& experimentKeys() {
                   "A plant's own payload_kg comes on top of it."),
         makeBlock("limits", "", &limitKeys, "Limits over the robot's own; \"no limit\" is .inf."),
         makeBlock("start", "", &startKeys, "State at the start."),
-        makeBlock("environment", "", &environmentKeys,
-                  "What stands around the arm. With it, even empty ({}), the arm is also checked against itself; the "
-                  "robot needs a collision.yaml."),
+        makeBlock(
+            "environment", "", &environmentKeys,
+            "The surroundings of the arm. With them, even empty ({}), the arm is also checked against itself; the "
+            "robot needs a collision.yaml."),
         makeBlock("command", nullptr, KeyForm::Plugin, "What is asked for.", PluginKind::CommandSource),
-        makeBlock("controller", nullptr, KeyForm::Plugin, "The torque law that wants to get there.",
+        makeBlock("controller", nullptr, KeyForm::Plugin, "The torque law that follows the command.",
                   PluginKind::NominalController),
         makeBlock("filter", nullptr, KeyForm::Plugins, "What keeps the limits.", PluginKind::SafetyFilter),
         makeBlock("robust_loop", "", KeyForm::Plugin,
                   "What keeps the real arm next to the nominal one; only with real_plant.", PluginKind::RobustLoop),
         makeBlock("real_plant", "", KeyForm::Plugin, "The real arm; only with robust_loop.", PluginKind::RealPlant),
         makeBlock("disturbance_set", "", &disturbanceKeys,
-                  "What the real arm may have that the nominal one has not: with it a bound on the tracking error is "
-                  "known, which trips the run when it is passed; with the robust loop nric."),
+                  "Disturbances of the real arm that the nominal one does not have. They give a bound on the tracking "
+                  "error; a run trips when it is passed. Needs the robust loop nric."),
         {parameter::choice("external_torque", "to_nominal|ignored", "ignored",
                            "What the surroundings put on the real arm, as it measures it: moves the nominal "
                            "arm, too, or is left to the robust loop; only with real_plant.")},
-        makeBlock("missed_ticks", "", &gapKeys, "Ticks in which the computer comes too late.", KeyForm::Blocks),
+        makeBlock("missed_ticks", "", &gapKeys, "Ticks in which the computer is too late.", KeyForm::Blocks),
         makeTopOnly(parameter::text("cases", nullptr, "What differs; everything at the top is shared by all cases."),
                     KeyForm::Cases),
     };
@@ -143,7 +144,7 @@ const std::vector<ExperimentKey>& limitKeys() {
         makeBounds("velocity_radps", "rad/s", KeyForm::Bounds, "x (that is -x to x) or {lower, upper}."),
         makeBounds("acceleration_radps2", "rad/s^2", KeyForm::Bounds, "x (that is -x to x) or {lower, upper}."),
         makeBounds("jerk_radps3", "rad/s^3", KeyForm::Bounds, "x (that is -x to x) or {lower, upper}."),
-        {parameter::flag("allow_large_angles", "false", "Position limits beyond 4 pi are meant so, not degrees.")},
+        {parameter::flag("allow_large_angles", "false", "Position limits beyond 4 pi are intended, not degrees.")},
         {parameter::choice("hold_on", "nominal|real", "nominal",
                            "real: position and velocity limits are those of the real arm; the nominal one gets them "
                            "tighter by the tracking bound of the disturbance_set.")},
@@ -185,13 +186,14 @@ const std::vector<ExperimentKey>& disturbanceKeys() {
              .atLeast(0)
              .below(1)},
         {parameter::number("payload_kg", "kg", "0.0", "Largest payload.").atLeast(0)},
-        {parameter::number("payload_offset_m", "m", "0.0", "Its farthest from the tool frame's origin.").atLeast(0)},
+        {parameter::number("payload_offset_m", "m", "0.0", "Its largest distance from the tool frame's origin.")
+             .atLeast(0)},
         {parameter::number("base_tilt_rad", "rad", "0.0", "Largest tilt of the base.").atLeast(0).upTo(3.15)},
         {parameter::jointNumbers("torque_ripple_Nm", "Nm", "0.0", "Largest torque ripple.").atLeast(0)},
         {parameter::jointNumbers("external_torque_Nm", "Nm", "0.0",
                                  "Largest torque of pushes that are not fed to the nominal arm.")
              .atLeast(0)},
-        {parameter::number("torque_limit_factor", "", "1.0", "Least motor torque, as a share of the robot's figure.")
+        {parameter::number("torque_limit_factor", "", "1.0", "Smallest motor torque, as a share of the robot's figure.")
              .above(0)
              .orInfinite()},
         {parameter::number("reading_error_rad", "rad", "0.0",
@@ -216,7 +218,9 @@ const std::vector<ExperimentKey>& payloadKeys() {
 const std::vector<ExperimentKey>& environmentKeys() {
     // Defaults: those of Environment.
     static const std::vector<ExperimentKey> keys = {
-        {parameter::number("safety_distance_m", "m", "0.02", "Least clearance that is to be kept.").atLeast(0).upTo(1)},
+        {parameter::number("safety_distance_m", "m", "0.02", "Smallest clearance that must be kept.")
+             .atLeast(0)
+             .upTo(1)},
         {parameter::number("field_cell_m", "m", "0.02", "Edge of the cells of the distance field around a map.")
              .atLeast(0.001)
              .upTo(1)},

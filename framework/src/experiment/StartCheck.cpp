@@ -12,11 +12,11 @@ namespace viable::detail {
 
 namespace {
 
-/** A path is followed to this share of what counts as rounding. */
+/** A path is followed to this share of the threshold for rounding. */
 constexpr double kPathResolution = 1.0 / 16.0;
 
 constexpr const char* kRecoveryRemedy =
-    "or use the filter certified_braking with `recovery: true`, which leads the arm back.";
+    "or use the filter certified_braking with `recovery: true`, which recovers from such a start.";
 
 /** The key of a quantity in the file's `start`, and what stands there without it. */
 struct StartKey {

@@ -73,7 +73,7 @@ FilterStatus FilterChain::filter(const FilterInput& input, FilterDecision& decis
         if (answer == FilterStatus::Ended) {
             if (guaranteeing_ < 0) return answer;
             throw PluginFault("it ended the case, but a filter beside it guarantees all limits",
-                              "Choose its parameters so that it goes on where it has no choice.");
+                              "Choose its parameters so that it continues where it has no choice.");
         }
         if (!isFinite(candidate_.value, n))
             throw PluginFault("its decision has the wrong size or is not finite", kOnValues);

@@ -58,7 +58,7 @@ void JointBraking::configure(const RunSetup& setup, const Parameters& parameters
         setup,
         CertifiedBrakingOptions{parameters.number("k_alpha"), parameters.number("gamma"), parameters.flag("recovery")},
         {parameters.place("k_alpha"), parameters.place("gamma"), parameters.place("recovery"), ".inf",
-         "Set limits.jerk_radps3.", "or set `recovery: true` here, which leads the arm back.", true});
+         "Set limits.jerk_radps3.", "or set `recovery: true` here, which recovers from such a start.", true});
 }
 
 void JointBraking::configure(const RunSetup& setup, const CertifiedBrakingOptions& options) {
@@ -66,7 +66,7 @@ void JointBraking::configure(const RunSetup& setup, const CertifiedBrakingOption
     configure(setup, options,
               {place + "kAlpha", place + "gamma", place + "recovery", "infinity",
                "Give JointLimits::jerk a number for every joint and side.",
-               "or set CertifiedBrakingOptions::recovery, which leads the arm back.", false});
+               "or set CertifiedBrakingOptions::recovery, which recovers from such a start.", false});
 }
 
 void JointBraking::configure(const RunSetup& setup, const CertifiedBrakingOptions& options, const Wording& wording) {

@@ -40,7 +40,7 @@ void WholeArmBrakingFilter::prepare(const RunSetup& setup, const WholeArmBraking
                                     const std::string& place) {
     const int n = setup.size();
     if (setup.surroundings && !setup.geometry)
-        throw badInput(place, "there are surroundings, but nobody has said what of the arm can hit them",
+        throw badInput(place, "there are surroundings, but the parts of the arm that can collide are not described",
                        "Set RunSetup::geometry (see loadArmGeometry).");
     if (options.torqueRate.size() != 0 && options.torqueRate.size() != n)
         throw badInput(place,

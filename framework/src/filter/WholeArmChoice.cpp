@@ -15,7 +15,7 @@ namespace {
 
 /** What rounding may take from a clearance [m]. */
 constexpr double kRounding_m = 1e-8;
-/** QPs with rows in a tick, and points tried on the way back to the stored stop. */
+/** QPs with rows in a tick, and points tried on the way back to the backup stop. */
 constexpr int kSteeringRounds = 2, kRetreats = 3;
 
 /** For messages: four digits. */
@@ -92,7 +92,7 @@ void WholeArmChoice::setStoredPath(const MotionState& state) {
     storedPath_.set(state, storedJerk_, stops_, tick_s_);
 }
 
-/** What the stored stop keeps, and with it what is asked of any other. */
+/** What the backup stop keeps, and with it what is asked of any other. */
 void WholeArmChoice::examineStored(const MotionState& state) {
     setStoredPath(state);
     check_.examine(storedPath_, time(), demands_.measure(), lastTorque_, false, stored_);
@@ -101,7 +101,7 @@ void WholeArmChoice::examineStored(const MotionState& state) {
     isNew_ = false;
 }
 
-/** `jerk` is vouched for by every joint; is its whole stop? `wantsRows`: if not, all that is wrong is to be known. */
+/** `jerk` is certified by every joint; is its whole stop? `wantsRows`: if not, all that is wrong is to be known. */
 bool WholeArmChoice::isGood(const MotionState& state, const JointVector& jerk, bool wantsRows) {
     findStops(jerk);
     path_.set(state, jerk, stops_, tick_s_);
@@ -137,7 +137,7 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
             steer(nominal, dynamics, desired);
         }
     }
-    // Whatever was tried last, the joints must vouch for what is taken, with the very stops that were looked at.
+    // Whatever was tried last, the joints must certify what is taken, with the very stops that were looked at.
     const bool takesBest = hasBest_ && braking_.isAdmissible(bestJerk_, bestStops_);
     if (takesBest) {
         jerk = bestJerk_;
@@ -166,7 +166,7 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
 }
 
 /** Looks for jerks near the desired ones that are good, or better ones than those proposed; then on the way from them back
-to the stored stop. */
+to the backup stop. */
 void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired) {
     JointVector from = proposed_;  // what was looked at last
     if (options_.steers) {
@@ -189,7 +189,7 @@ void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics,
 }
 
 void WholeArmChoice::checkStart(const RunSetup& setup, const std::string& place) const {
-    constexpr char kWay[] = "or set `recovery: true`, which leads the arm away.";
+    constexpr char kWay[] = "or set `recovery: true`, which moves the arm away.";
     const ArmStopCheck::Result& start = stored_;
     int worst = -1;
     for (int e = 0; e < check_.elements(); ++e) {

@@ -10,7 +10,7 @@
 namespace viable::detail {
 
 /** Chooses the jerk of a tick for the arm as a whole, on top of what its joints admit each: the stops after it, run together,
-must pass ArmStopCheck. Else it steers (see SteeringRows) or draws back towards the stored stop, which did pass.
+must pass ArmStopCheck. Else it steers (see SteeringRows) or draws back towards the backup stop, which did pass.
 
 Real time after construction. */
 class WholeArmChoice {
@@ -63,7 +63,7 @@ private:
     CertifiedBraking& braking_;
     ArmStopCheck check_;
     SurroundingsFeed::View view_;
-    bool isNew_ = true;  ///< the stored stop has not been looked at, or not in these surroundings
+    bool isNew_ = true;  ///< the backup stop has not been looked at, or not in these surroundings
     std::int64_t tick_ = 0;
 
     StopDemands demands_;

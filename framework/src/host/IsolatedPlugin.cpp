@@ -23,7 +23,7 @@ constexpr long kLook_ns = 10'000'000;
 /** How long a process may take to end by itself when it is no longer needed. */
 constexpr double kFarewell_s = 1.0;
 
-constexpr char kOnLoss[] = "Mend the plugin: without --isolate, `gdb --args viable run ...` shows the line.";
+constexpr char kOnLoss[] = "Fix the plugin: without --isolate, `gdb --args viable run ...` shows the line.";
 
 enum class Request : int {
     Quit,
@@ -192,7 +192,7 @@ private:
             kill(pid_, SIGKILL);
             waitpid(pid_, nullptr, 0);
             char text[128];
-            std::snprintf(text, sizeof text, "it did not come back for %g s; its process was ended", watchdog_s_);
+            std::snprintf(text, sizeof text, "it did not return for %g s; its process was ended", watchdog_s_);
             return text;
         }
     }
@@ -234,7 +234,7 @@ void answer(Mailbox& box, const Work& work) {
         std::snprintf(box.text, sizeof box.text, "%s", e.what());
     } catch (...) {
         box.how = Reply::Threw;
-        std::snprintf(box.text, sizeof box.text, "something that is no std::exception");
+        std::snprintf(box.text, sizeof box.text, "something other than a std::exception");
     }
 }
 

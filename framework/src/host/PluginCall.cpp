@@ -109,7 +109,7 @@ void resetPlugin(Plugin& plugin, PluginKind kind, PluginWatch* watch, const Moti
     } catch (const std::exception& e) {
         throw Error(ErrorKind::PluginFailed, who, std::string("threw in reset(): ") + e.what(), kOnThrow);
     } catch (...) {
-        throw Error(ErrorKind::PluginFailed, who, "threw something that is no std::exception in reset()", kOnThrow);
+        throw Error(ErrorKind::PluginFailed, who, "threw something other than a std::exception in reset()", kOnThrow);
     }
     if (const char* change = call.undoArithmeticChange())
         throw Error(ErrorKind::PluginFailed, who, formatArithmeticChange(change), kOnArithmeticChange);

@@ -305,7 +305,7 @@ void checkTable(const PluginLibrary* library) {
         std::snprintf(numbers, sizeof numbers, "%016llx instead of %016llx",
                       static_cast<unsigned long long>(library->magic), static_cast<unsigned long long>(kPluginMagic));
         throw Refusal{std::string("its table does not begin with viable's magic number (") + numbers +
-                          "): it is no viable plugin, or one of another generation",
+                          "): it is not a viable plugin, or one of another generation",
                       rebuild};
     }
     // The version stands in the same place in every version; all behind it may have moved.
@@ -436,9 +436,7 @@ const PluginLibrary* loadTable(const fs::path& file) {
             } catch (const std::exception& e) {
                 failure = std::string(kPluginSymbol) + "() threw: " + e.what();
             } catch (...) {
-                failure = std::string(kPluginSymbol) +
-                          "() threw something that is no "
-                          "std::exception";
+                failure = std::string(kPluginSymbol) + "() threw something other than a std::exception";
             }
         }
         if (change.empty()) {
@@ -455,7 +453,7 @@ const PluginLibrary* loadTable(const fs::path& file) {
             "Compile and link it without -ffast-math and -Ofast, and change no floating "
             "point mode in static objects"};
     if (!hasSymbol)
-        throw Refusal{std::string("it has no function ") + kPluginSymbol + "(), so it is no viable plugin",
+        throw Refusal{std::string("it has no function ") + kPluginSymbol + "(), so it is not a viable plugin",
                       "Add VIABLE_PLUGIN(...) to one of its source files"};
     if (!failure.empty()) throw Refusal{failure, "Use VIABLE_PLUGIN() to export the plugin"};
     checkTable(library);
@@ -684,7 +682,7 @@ void* PluginLoader::createObject(const PluginInfo& info) {
         } catch (const std::exception& e) {
             failure = std::string("its create function threw: ") + e.what();
         } catch (...) {
-            failure = "its create function threw something that is no std::exception";
+            failure = "its create function threw something other than a std::exception";
         }
         change = guard.describeChange();
     }

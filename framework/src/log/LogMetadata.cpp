@@ -82,7 +82,7 @@ std::optional<Names> readNames(const std::string& text) {
 
 void LogMetadata::refuseDamaged(const std::string& name, const std::string& log) const {
     if (const auto entry = damaged.find(name); entry != damaged.end())
-        throw badInput(log, "its metadata `" + name + "` " + entry->second, "The log was not written by this program");
+        throw badInput(log, "its metadata `" + name + "` " + entry->second, "The log was not written by viable");
 }
 
 std::map<std::string, std::string> writeLogMetadata(LogMetadata metadata) {

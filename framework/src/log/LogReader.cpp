@@ -33,7 +33,7 @@ namespace {
 using namespace mcap;
 
 constexpr char kRemedy[] =
-    "The log is damaged or was not written by this program; what stands before this byte could be "
+    "The log is damaged or was not written by viable; what stands before this byte could be "
     "read";
 
 bool isTime(const LogChannel& channel, const LogField& field) {

@@ -48,9 +48,8 @@ const char* findFault(const FilterDecision& d, const HeldMotion& motion, double 
 }
 
 // What the author of a plugin can do about its failures.
-constexpr char kOnGivingUp[] = "It says so itself: its README tells when it does; if it is yours, look at its checks.";
-constexpr char kOnGuarantee[] =
-    "The decision was not applied. Mend the filter, or let guaranteesLimits() return false.";
+constexpr char kOnGivingUp[] = "The plugin reports this itself: see its README, or its checks if it is yours.";
+constexpr char kOnGuarantee[] = "The decision was not applied. Fix the filter, or let guaranteesLimits() return false.";
 constexpr char kOnFixedLimits[] = "Use `hold_on: nominal`, or a command that leaves the limits alone.";
 constexpr char kOnLimits[] =
     "Give limits for every joint, the lower below the upper, zero between those of velocity, acceleration and jerk; or "
@@ -60,8 +59,8 @@ constexpr char kOnLimits[] =
 constexpr char kOnJump[] =
     "Check the encoder and its wiring: a wrap, a lost count, swapped channels. The robust loop was not given it.";
 constexpr char kOnLostTracking[] =
-    "Look what acted on the arm then: a push, a payload, a sensor that failed. What belongs to the task "
-    "belongs into `disturbance_set`, which widens the bound.";
+    "Find what acted on the arm then: a push, a payload, a failed sensor. State what belongs to the task in "
+    "`disturbance_set`, which widens the bound.";
 
 constexpr char kOnLeftLimits[] =
     "The bound holds while the nominal arm keeps the limits: use a filter that guarantees them, such as "
@@ -211,7 +210,7 @@ Status ControlLoop::contain(PluginKind kind, Status faulted, const Call& call) n
     } catch (const std::exception& e) {
         std::snprintf(message, sizeof message, "it threw: %s", e.what());
     } catch (...) {
-        std::snprintf(message, sizeof message, "it threw something that is no std::exception");
+        std::snprintf(message, sizeof message, "it threw something other than a std::exception");
     }
     if (const char* change = mark.undoArithmeticChange(); change && !*message) {
         std::snprintf(message, sizeof message, kArithmeticChange, change);
@@ -427,16 +426,15 @@ bool ControlLoop::takeDecision() {
     status_ = contain(PluginKind::SafetyFilter, FilterStatus::Faulted,
                       [&] { return plugins_.filter->filter(input, decision_); });
     if (status_ == FilterStatus::Ended && !guarantees_) {
-        beginStop(StopReason::FilterEnded, "it had no admissible choice and does not go on");
+        beginStop(StopReason::FilterEnded, "it had no admissible choice and does not continue");
         return false;
     }
     if (isFinite(decision_.value, n_)) calcHeldMotion(input, status_, decision_, setup_.tick_s, motion_);
     const char* fault = status_ == FilterStatus::Faulted        ? "it reported that it cannot go on"
                         : status_ == FilterStatus::Ended        ? "it guarantees all limits, but ended the case"
                         : status_ == FilterStatus::InvalidInput ? "it refused its input as invalid"
-                        : !areKnown(status_, decision_, n_)
-                            ? "its status or an acting limit is none of the words there are"
-                            : findFault(decision_, motion_, setup_.tick_s, n_);
+                        : !areKnown(status_, decision_, n_)     ? "its status or an acting limit is not a known value"
+                                                                : findFault(decision_, motion_, setup_.tick_s, n_);
     const bool gaveUp =
         status_ == FilterStatus::Faulted || status_ == FilterStatus::Ended || status_ == FilterStatus::InvalidInput;
     if (fault) beginStop(StopReason::FilterFailed, fault, gaveUp ? kOnGivingUp : kOnValues);
@@ -470,7 +468,7 @@ void ControlLoop::followStop() {
     status_ = FilterStatus::StoppedByPlan;
     calcHeldMotion({nominal_, desiredTorque_, dynamics_}, status_, decision_, setup_.tick_s, motion_);
     if (!findFault(decision_, motion_, setup_.tick_s, n_)) return;
-    beginStop(StopReason::FilterFailed, "the nominal state has left the range of numbers");
+    beginStop(StopReason::FilterFailed, "the nominal state has diverged");
     // The nominal state itself is beyond all arithmetic.
     for (JointVector* v : {&decision_.value, &motion_.jerk, &motion_.acceleration, &motion_.torque}) v->setZero(n_);
     ended_ = true;

@@ -24,7 +24,7 @@ constexpr double kRest = 1e-12;
 the log and nothing more, positions to this multiple. */
 constexpr double kResolution = 1.0 / 16.0;
 constexpr double kMarginResolution = 1e4;
-/** A joint on its way back that comes no nearer for so long does not come back. [s] */
+/** A recovering joint that comes no nearer for so long will not return. [s] */
 constexpr double kPatience_s = 1.0;
 
 double calcTolerance(double lower, double upper) {
@@ -118,7 +118,7 @@ void StopMonitor::changeLimits(const JointLimits& limits, const MotionState& nom
     }
 }
 
-/** Bounds of a joint: its limits or, where the stop held ready passes them, that stop's extremes, but no wider than
+/** Bounds of a joint: its limits or, where the backup stop passes them, that stop's extremes, but no wider than
 `before`. */
 void StopMonitor::loosenBounds(const MotionState& nominal, int i, const AxisLimits& before) {
     const AxisLimits reached = calcBounds(nominal, i);

@@ -8,7 +8,7 @@
 namespace viable {
 
 /** Share of a limit's size (see calcLimitScale) by which a path may pass the limit: ten times what rounding adds up to
-under a certificate, and a tenth of what counts as outside (see kOutsideShare), so that nothing the monitor lets pass is
+under a certificate, and a tenth of the threshold for outside (see kOutsideShare), so that nothing the monitor lets pass is
 reported as a limit broken. A stop's last velocity and acceleration may differ from zero by as much. Where a path goes far
 beyond its limits, the share is of its extremes. */
 inline constexpr double kMonitorShare = 1e-10;
@@ -22,7 +22,7 @@ it is: the acceleration limit against the velocity until the joint rests; its ac
 Its margins inside the limits are right to 1e-6 of the limit's size.
 Method: independent of the filters' mathematics; position and velocity are bounded along the whole path by the
 control points of their polynomials (see PathExtent).
-Never worse: where the stop held ready is itself beyond a limit (a start led back, limits that have shrunk), its own
+Never worse: where the backup stop is itself beyond a limit (a recovering start, limits that have shrunk), its own
 extreme takes the limit's place, per joint, quantity and side, and moves inwards tick by tick. A joint that stays there
 for a second without coming nearer has no stop.
 Real time: no allocation, lock or throw. */
@@ -31,9 +31,9 @@ public:
     enum class Fault : unsigned char {
         None,
         Limit,      ///< a limit (or the extreme in its place) is passed by `excess`
-        Stays,      ///< `excess` beyond a limit, on the way back to it for long, and no nearer
+        Stays,      ///< `excess` beyond a limit, recovering for long, and no nearer
         Moving,     ///< the stop ends with velocity or acceleration `excess`, not at rest
-        Malformed,  ///< the stop holds what is no number, or has no end
+        Malformed,  ///< the stop holds what is NaN, or has no end
     };
 
     /** What is wrong; of several wrongs the tick's own jerk, else the largest, measured by the limit's range. */
@@ -57,12 +57,12 @@ public:
 
     /** Follows a finite decision of the right size from the state `nominal`. */
     const Finding& examine(const MotionState& nominal, const FilterDecision& decision);
-    /** The stop found by the last examine() is now the one held ready. */
+    /** The stop found by the last examine() is now the backup stop. */
     void accept();
 
-    /** Replaces a decision by the next tick of the stop held ready. */
+    /** Replaces a decision by the next tick of the backup stop. */
     const Finding& followStop(const MotionState& nominal, FilterDecision& decision);
-    /** True when the stop held ready, followed to here, has come to its end. */
+    /** True when the backup stop, followed to here, has come to its end. */
     bool atRest(const MotionState& nominal) const;
 
     /** Of the last examine() or followStop(). */
@@ -78,7 +78,7 @@ private:
         HeldQuantity held = HeldQuantity::Jerk;
         std::array<Segments, kMaxJoints> joints{};
     };
-    /** Per quantity: what counts as rounding. */
+    /** Per quantity: the threshold for rounding. */
     struct Tolerances {
         double position, velocity, acceleration, jerk;
     };
@@ -102,7 +102,7 @@ private:
     void judgeTickJerk(int joint, double jerk);
     void judgeJoint(int joint, const Path& path, bool judgesRates, bool judgesRest);
     void keepFinding(Fault fault, int joint, LimitKind limit, LimitSide side, double excess, double tolerance);
-    /** The extremes of the stop held ready, from `from` on, as bounds where they are beyond the limits. */
+    /** The extremes of the backup stop, from `from` on, as bounds where they are beyond the limits. */
     AxisLimits calcBounds(const MotionState& from, int joint) const;
     void loosenBounds(const MotionState& nominal, int joint, const AxisLimits& before);
     void tightenBounds();

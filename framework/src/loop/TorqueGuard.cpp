@@ -32,7 +32,7 @@ constexpr double kLargestExternalTorque = 1e9;
 /** Below this speed a joint is as good as at rest, and dry friction holds it [rad/s, m/s]. */
 constexpr double kStandstill = 0.02;
 
-/** The sampled velocity loop of NRIC swings up from K_r dt = 2 x inertia on. */
+/** The sampled velocity loop of NRIC becomes unstable from K_r dt = 2 x inertia on. */
 constexpr double kUnstable = 2.0;
 
 static_assert(kMaxSubstitutedTicks == 10 && kMaxMissedTicks == 1000, "the header says so");
@@ -135,7 +135,7 @@ MotionState makeRest(const JointLimits& limits) {
     return rest;
 }
 
-/** Refuses gains of the robust loop with which the sampled velocity loop of the arm, v+ = v - M^-1 K_r dt v, swings up. */
+/** Refuses gains of the robust loop with which the sampled velocity loop of the arm, v+ = v - M^-1 K_r dt v, becomes unstable. */
 void checkRobustGains(const NricOptions& gains, const JointMatrix& M, double tick_s, const RobotDescription& robot) {
     const int n = robot.size();
     const auto modes = detail::findModes(M, gains.kr.expand(n), Eigen::ComputeEigenvectors);
@@ -146,7 +146,8 @@ void checkRobustGains(const NricOptions& gains, const JointMatrix& M, double tic
     const int joint = static_cast<int>(worst);
     throw badInput("NricOptions::kr",
                    "in this pose kr * tick_s is " + formatNumber(fastest) + " times the inertia that " +
-                       quote(robot, joint) + " moves; allowed is below 2, where the sampled loop starts to swing up",
+                       quote(robot, joint) +
+                       " moves; allowed is below 2, where the sampled loop starts to become unstable",
                    "Lower kr of that joint from " + formatNumber(gains.kr[joint]) + " to " +
                        formatNumber(gains.kr[joint] / fastest) +
                        " or less, or give its rotor's inertia in RobotDescription::actuation.");

@@ -27,7 +27,7 @@ std::string fill(const std::string& page, const fs::path& file, const std::strin
                                         std::pair<std::string, const std::string&>{"@@VIABLE_BINARY@@", binary}}) {
         const std::size_t place = page.find(mark, done);
         if (place == std::string::npos)
-            throw badInput(file.string(), "this page has no place for the data (" + mark + ")",
+            throw badInput(file.string(), "this page has no placeholder for the data (" + mark + ")",
                            "Run tools/setup.sh again, or install viable again.");
         text.append(page, done, place - done);
         text += content;

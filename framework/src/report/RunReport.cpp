@@ -466,7 +466,7 @@ public:
 
     json read(const std::string& caseName, const std::vector<std::string>& joints) const {
         const json all = json::parse(readWhole(file_).value_or(""), nullptr, false);
-        if (!all.is_object()) throw std::runtime_error("it is no JSON object, or cut off");
+        if (!all.is_object()) throw std::runtime_error("it is not a JSON object, or cut off");
         if (const json& schema = all.at("schema"); schema != 1)
             throw std::runtime_error("it has schema " + schema.dump(-1, ' ', true, json::error_handler_t::replace) +
                                      ", this version knows 1");
@@ -597,7 +597,7 @@ json describeCase(const fs::path& log, LogReader& reader, const json& summary, B
     one["robust_loop"] = getPlugin(metadata, "robust_loop");
     one["plant"] = getPlugin(metadata, "plant");
     one["guarantees"] = false;
-    const char* const noEnd = "the log has no end: the run was killed or goes on";
+    const char* const noEnd = "the log has no end: the run was killed or is still running";
     one["verdict"] = reader.isComplete() ? "there is no summary of this case" : noEnd;
     one["ok"] = false;
     one["stop"] = nullptr;
@@ -617,7 +617,7 @@ json describeCase(const fs::path& log, LogReader& reader, const json& summary, B
 }
 
 Error refuseSummary(const fs::path& folder) {
-    return badInput((folder / "summary.json").string(), "this is no summary of a run",
+    return badInput((folder / "summary.json").string(), "this is not a summary of a run",
                     "Run the experiment again, or remove the file: the report is then made from the "
                     "logs alone.");
 }

@@ -78,7 +78,7 @@ public:
             throw badInput(file.string(),
                            std::string("the store of the sweep cannot be opened: ") +
                                (database ? sqlite3_errmsg(database) : "no memory"),
-                           "Mend the cause, or name the folder of another sweep.");
+                           "Remove the cause, or name the folder of another sweep.");
         constexpr int kPatience_ms = 5000;
         sqlite3_busy_timeout(database, kPatience_ms);
         query("BEGIN").next();  // all that follows sees the same state

@@ -14,7 +14,7 @@ Method: recursive Newton-Euler (Luh, Walker and Paul, J. Dyn. Sys. Meas. Control
 composite rigid bodies for M (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6). A link enters by its mass and
 the first and second moments of it; what a link has on the axis of its own revolute joint is booked on the link before,
 which moves it just as well (base parameters: Gautier and Khalil, IEEE Trans. Robotics and Automation 6, 1990).
-Real time: no allocation, lock or throw; an input that is no number gives results that are none.
+Real time: no allocation, lock or throw; an input that is NaN gives results that are none.
 Thread: immutable after construction; any number of threads. */
 class ArmRecursion {
 public:

@@ -21,17 +21,17 @@ constexpr LimitKind kKinds[] = {LimitKind::Position, LimitKind::Velocity, LimitK
 
 /** Explains the words of the table and of the lines below it. */
 const char* const kLegend =
-    R"(worst use: largest share of a limit that the nominal arm used, in any tick. outside: joint-ticks beyond a limit, those
-on the way back to it (recovering) not counted. infeasible: ticks in which the filter had no admissible choice. changed:
+    R"(worst use: largest share of a limit that the nominal arm used, in any tick. outside: joint-ticks beyond a limit, not
+counting those while recovering. infeasible: ticks in which the filter had no admissible choice. changed:
 ticks in which the filter changed the motion. Times are this machine's, not real-time.
 Below: acted N times = in N episodes; joint-s = their seconds, summed over the joints; the limit named is the one that
 bound the joint's own choice. torque removed: desired minus filtered, whatever the cause (other joints' limits through
 coupling and the lag gamma, too). least margin: smallest distance to a position limit along a tick and the stop after it;
-negative: beyond. unviable ticks: no stop within the limits was found after them.
+negative: beyond. unviable ticks: the state after them was not viable (no stop within the limits was found).
 )";
 
 const char* const kClearanceLegend =
-    R"(clearance: least distance of an arm from the obstacles and from itself in the whole run; negative: that deep inside.
+    R"(clearance: smallest distance of an arm from the obstacles and from itself in the whole run; negative: that deep inside.
 )";
 
 /** Milliradians in plain numbers as long as those are readable; "-" where there is no number. */
@@ -77,7 +77,7 @@ std::string formatExcesses(const Summary& s, double LimitRecord::*value) {
     return text;
 }
 
-/** What became of the limits, and of ticks in which the arm was led back to them. */
+/** What became of the limits, and of ticks in which the arm was recovering. */
 std::string formatVerdict(const Summary& s) {
     std::string text;
     if (s.anyLimitBroken()) {
@@ -93,7 +93,7 @@ std::string formatVerdict(const Summary& s) {
     if (s.recoveringTicks() == 0) return text;
     text += s.anyLimitBroken() || s.endsOutside() ? ";" : " but for";
     return text +
-           format(" %lld of %lld ticks on the way back", static_cast<long long>(s.recoveringTicks()),
+           format(" %lld of %lld ticks recovering", static_cast<long long>(s.recoveringTicks()),
                   static_cast<long long>(s.ticks())) +
            formatExcesses(s, &LimitRecord::worstRecovering);
 }
@@ -110,7 +110,7 @@ std::string formatLimit(const Summary& s, LimitKind kind) {
     std::int64_t recovering = 0;
     for (const LimitRecord& record : s.limit(kind)) recovering += record.ticksRecovering;
     if (recovering > 0)
-        text += format("; on the way back outside in %lld, worst excess %.3g %s", static_cast<long long>(recovering),
+        text += format("; while recovering outside in %lld, worst excess %.3g %s", static_cast<long long>(recovering),
                        findWorst(s, kind, &LimitRecord::worstRecovering), getUnit(kind));
     return text + "\n";
 }
@@ -209,7 +209,7 @@ std::string formatRealVerdict(const CaseResult& r) {
 
 /** "link4 12.3 mm deep in table (at 1.234 s)", "nearest 3.4 mm (link4 to link1 at 2.000 s)", "nothing within 1 m". */
 std::string formatNearest(const CollisionRecord& r) {
-    if (r.leastClearance == -kInfinity) return "a pose that is no number";
+    if (r.leastClearance == -kInfinity) return "a pose that is NaN";
     if (r.leastClearance == kInfinity) return format("nothing within %g m", kClearanceHorizon_m);
     const std::string other = r.obstacle.empty() ? r.otherLink : r.obstacle;
     if (r.ticksInCollision > 0)
@@ -401,7 +401,7 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
         text.insert(text.size() - 1, remarks);
     }
     return text + (anyEnvironment ? "Ranked by ticks of the nominal arm in collision, then by what follows. " : "") +
-           R"(Ranked by joint-ticks outside, then ticks without an admissible choice, then command error; what stopped early is last.
+           R"(Ranked by joint-ticks outside, then ticks without an admissible choice, then command error; cases that stopped early come last.
 command: RMS distance of the nominal joints to the commanded positions, those moved to the nearest limit ("-": no joint
 command). chatter: RMS jerk of joints at rest whose command presses them against a position limit, in percent of the jerk
 limit; at rest: within 5 % of the range of the limit, and for 0.5 s not moved by more than 0.1 % of the range ("-": less

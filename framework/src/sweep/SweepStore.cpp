@@ -94,7 +94,7 @@ struct SweepStore::Impl {
     [[noreturn]] void fail(const std::string& what) const {
         throw Error(ErrorKind::LogNotWritten, file.string(),
                     what + ": " + (base ? sqlite3_errmsg(base) : "out of memory"),
-                    "What was stored before is whole; mend the cause and give the same command "
+                    "What was stored before is complete; remove the cause and give the same command "
                     "again.");
     }
 
@@ -112,7 +112,7 @@ struct SweepStore::Impl {
     sqlite3_stmt* prepare(const std::string& sql) const {
         sqlite3_stmt* statement = nullptr;
         if (sqlite3_prepare_v2(base, sql.c_str(), -1, &statement, nullptr) != SQLITE_OK)
-            throw badInput(file.string(), std::string("this is no table of a sweep: ") + sqlite3_errmsg(base),
+            throw badInput(file.string(), std::string("this is not a table of a sweep: ") + sqlite3_errmsg(base),
                            "Name the folder of a sweep.");
         return statement;
     }
@@ -229,7 +229,7 @@ SweepStore::SweepStore(const fs::path& folder, const SweepPlan& plan) : impl_(st
                     "Name another place with --out.");
     impl_->takeLock();
     if (!fs::exists(impl_->file) && !fs::is_empty(folder, error))
-        throw badInput(folder.string(), "this folder already holds something that is no sweep",
+        throw badInput(folder.string(), "this folder already holds something that is not a sweep",
                        "Name a new or empty folder.");
     impl_->open(SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
     const bool isNew = impl_->isEmpty();
@@ -241,7 +241,7 @@ SweepStore::SweepStore(const fs::path& folder, const SweepPlan& plan) : impl_(st
             throw badInput(
                 folder.string(),
                 "this sweep was begun with " + begun + " runs, and " + std::to_string(plan.runs) + " are asked for now",
-                "--runs " + begun + " goes on with it; another --out begins anew.");
+                "--runs " + begun + " continues it; another --out begins a new one.");
         impl_->checkTable();
     }
     impl_->run("PRAGMA journal_mode=WAL");

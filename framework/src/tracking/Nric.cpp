@@ -53,7 +53,7 @@ JointVector takeBounds(const PerJoint& bounds, const char* name, int n) {
 
 /** Poses that scaleNric() looks at. */
 constexpr int kPoses = 1000;
-/** Largest eigenvalue of M^-1 K_r dt there; the sampled loop swings up from 2 on. */
+/** Largest eigenvalue of M^-1 K_r dt there; the sampled loop becomes unstable from 2 on. */
 constexpr double kLargestMode = 1.0;
 /** However heavy the arm: what the paper's gains come to on a real Indy7, K_r, K_r K_p and K_r K_i
 [Nms/rad, Nm/rad, Nm/(rad s)]. Real arms have flexible joints. */

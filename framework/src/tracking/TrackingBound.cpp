@@ -98,8 +98,8 @@ public:
             if (change <= kAgreement * std::max(1.0, de.maxCoeff())) return bound;
         }
         throw badInput(place_,
-                       "no bound exists: what the error itself causes grows faster than the gains of the robust loop "
-                       "answer it, most of all: " +
+                       "no bound exists: the disturbance that the error itself causes grows faster than the robust "
+                       "loop reduces it, mainly: " +
                            worst,
                        "Raise k_r towards the largest stable value, lower the limits of velocity and acceleration, or "
                        "state a smaller disturbance_set.");
@@ -145,7 +145,7 @@ private:
 
     void checkStability() const {
         if (kr_.cwiseProduct(kp_).cwiseProduct(ki_).minCoeff() <= 0.0)
-            throw badInput(place_, "a gain of the robust loop is 0: nothing brings that joint's error back",
+            throw badInput(place_, "a gain of the robust loop is 0: nothing reduces that joint's error",
                            "Give k_r, k_p and k_i above 0 for every joint.");
         if (calcWorstRadius(kr_) < 1.0) return;
         // Too little is unstable as well, against k_i: so from above.

@@ -16,7 +16,7 @@ const ParameterSpec kParameters[] = {
                       "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
         .above(0),
     parameter::flag("recovery", "false",
-                    "Accept a start outside the limits, or one that must leave them, and lead the arm back."),
+                    "Accept a start outside the limits, or one that must leave them, and return within the limits."),
 };
 
 }  // namespace

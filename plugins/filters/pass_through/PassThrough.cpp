@@ -21,4 +21,4 @@ FilterStatus PassThrough::filter(const FilterInput& input, FilterDecision& decis
 }  // namespace viable
 
 VIABLE_PLUGIN(viable::SafetyFilter, viable::PassThrough, "pass_through",
-              "Leaves the desired torque as it is: no limit is kept.", nullptr)
+              "Does not change the desired torque: no limit is kept.", nullptr)

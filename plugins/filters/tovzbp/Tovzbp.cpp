@@ -27,6 +27,6 @@ BrakingStop Tovzbp::calcStop(double v, double a, const AxisLimits& limits) const
 }  // namespace viable
 
 VIABLE_PLUGIN(viable::SafetyFilter, viable::Tovzbp, "tovzbp",
-              "Tries to keep all limits by the time-optimal velocity-zeroing braking policy, which swings "
-              "at a position limit (the paper's S5).",
+              "Tries to keep all limits by the time-optimal velocity-zeroing braking policy, which oscillates at a "
+              "position limit (the paper's S5).",
               viable::kParameters)

@@ -39,7 +39,7 @@ void VelocityDamper::configure(const RunSetup& setup, const Parameters& paramete
         throw badInput(parameters.place("influence_rad"),
                        "influence_rad = " + std::to_string(influence_rad_) +
                            " is not larger than safety_rad = " + std::to_string(safety_rad_),
-                       "Let damping begin before it ends.");
+                       "Choose influence_rad above safety_rad.");
     if (xi_ * setup.tick_s > width)
         throw badInput(parameters.place("xi"),
                        "xi * tick_s is " + std::to_string(xi_ * setup.tick_s) +
@@ -50,7 +50,7 @@ void VelocityDamper::configure(const RunSetup& setup, const Parameters& paramete
         if (axis.positionUpper - axis.positionLower < 2.0 * safety_rad_)
             throw badInput(parameters.place("safety_rad"),
                            "the safety distances of " + setup.robot.joints[static_cast<std::size_t>(i)].name +
-                               " leave it no place: its range is " +
+                               " leave no room: its range is " +
                                std::to_string(axis.positionUpper - axis.positionLower) + " rad",
                            "Choose safety_rad at most half of the range.");
     }

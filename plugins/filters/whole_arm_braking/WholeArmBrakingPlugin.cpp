@@ -16,7 +16,7 @@ const ParameterSpec kParameters[] = {
                       "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
         .above(0),
     parameter::flag("recovery", "false",
-                    "Accept a start outside the limits or too near to something, and lead the arm back."),
+                    "Accept a start outside the limits or too near to something, and return within the limits."),
     parameter::number("torque_share", "", ".inf",
                       "Share of the motors' torque limits that the nominal torque may use, now and along "
                       "the stop. Infinite: torque is not limited.")
@@ -31,7 +31,7 @@ const ParameterSpec kParameters[] = {
                     "Look for jerks that lead around an obstacle or along a torque limit; false: only "
                     "brake before it."),
     parameter::number("max_age_s", "s", ".inf",
-                      "Surroundings that were seen longer ago are not relied on: the arm stops until "
+                      "Older surroundings are not used: the arm stops until "
                       "newer ones come. Those of an experiment file were seen at its start.")
         .above(0)
         .orInfinite(),

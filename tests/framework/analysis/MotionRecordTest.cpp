@@ -245,7 +245,7 @@ TEST_F(CsvMotionRecordTest, BadLinesAreNamedWithTheirPlace) {
     // Behind the beginning, which decides on the kind of the file.
     expectRefused(
         makeCsv("time_s,a_rad", 3000, [](int k) { return makeLine(k) + std::string(k == 2500 ? 1 : 0, '\0'); }),
-        "record:2502: the line has a zero byte: this is no text");
+        "record:2502: the line has a zero byte: this is not text");
     expectRefused(makeCsv("time_s;a_rad", 30, [](int k) { return std::to_string(k) + ";1,5"; }),
                   "record:2:3: `1,5` is not a number. Write numbers with a decimal point");
 }
@@ -309,7 +309,7 @@ TEST_F(CsvMotionRecordTest, BadListsOfColumnsAreRefused) {
     expect("timestamp:s,", "--columns: `` is not");
     expect(":s", "--columns: `:s` is not");
     expect("timestmp:s,tx:m",
-           "record:3: --columns names `timestmp`, which is no column of the header. Did you mean `timestamp`?");
+           "record:3: --columns names `timestmp`, which is not a column of the header. Did you mean `timestamp`?");
     expect("tx:m", "no column is the time");
     expect("timestamp:s", "no column is the position of a joint");
     expect("timestamp:s,tx:s", "two columns are times");
@@ -701,7 +701,7 @@ TEST_F(JointStateMotionRecordTest, AFileWithoutJointStatesNamesWhatItHas) {
     file.channel(1, 9, "/cmd_vel");
     file.message(1, 1, "whatever");
     expectRefused(file.finish(),
-                  "neither a log of this program nor a file with messages of sensor_msgs/JointState; its "
+                  "neither a log of viable nor a file with messages of sensor_msgs/JointState; its "
                   "schemas: `geometry_msgs/msg/Twist`, `sensor_msgs/msg/JointState`");
     StateFile json;
     json.channel(8, 3, "/joint_states", "json");

@@ -106,7 +106,7 @@ TEST(ReadEnvironment, FaultsAreNamedWithTheirPlace) {
         {"  obstacle: {}\n", "Did you mean"},
         {"  safety_distance_m: -0.1\n", "safety_distance_m"},
         {"  field_cell_m: 0\n", "field_cell_m"},
-        {"  map: {file: building.stl}\n", "is no map that can be read"},
+        {"  map: {file: building.stl}\n", "is not a map that can be read"},
         {"  map: {file: none.bt}\n", "there is no file"},
         {"  map: {unknown: free}\n", "file"}};
     for (const auto& [text, part] : wrong) {

@@ -155,7 +155,7 @@ TEST(OccupancyMap, Fault57_ResolutionAndHeaderAreChecked) {
         const std::string fault = files.findFault(".bt", make(lines));
         EXPECT_NE(fault.find(part), std::string::npos) << fault;
     }
-    EXPECT_NE(files.findFault(".bt", "solid mesh\n").find("is no OctoMap file"), std::string::npos);
+    EXPECT_NE(files.findFault(".bt", "solid mesh\n").find("is not an OctoMap file"), std::string::npos);
     EXPECT_NE(files.findFault(".ot", files.binary).find("different kinds"), std::string::npos);
     EXPECT_NE(findMapFault(chooseMap(files.folder / "none.bt")).find("cannot be read"), std::string::npos);
     EXPECT_NE(findMapFault(chooseMap("/dev/zero")).find("cannot be read"), std::string::npos);

@@ -259,7 +259,7 @@ TEST_F(IsolatedFilterTest, ADeathIsTold) {
 
 TEST_F(IsolatedFilterTest, AHangIsEndedByTheWatchdog) {
     const auto begin = std::chrono::steady_clock::now();
-    EXPECT_EQ(faultOf(What::Hang), "it did not come back for 0.3 s; its process was ended");
+    EXPECT_EQ(faultOf(What::Hang), "it did not return for 0.3 s; its process was ended");
     const std::chrono::duration<double> waited = std::chrono::steady_clock::now() - begin;
     EXPECT_GE(waited.count(), kPatience_s);
 }

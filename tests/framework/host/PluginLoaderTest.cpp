@@ -402,7 +402,7 @@ TEST(PluginLoader, Fault39_UnreadableHeaderFieldsDoNotCrash) {
 
 TEST(PluginLoader, Fault40_MissingPluginSymbol) {
     const std::string message = findBroken("no_symbol");
-    EXPECT_TRUE(holds(message, "it has no function viable_plugin_library(), so it is no viable plugin"));
+    EXPECT_TRUE(holds(message, "it has no function viable_plugin_library(), so it is not a viable plugin"));
     EXPECT_TRUE(holds(message, "VIABLE_PLUGIN"));
 }
 
@@ -557,10 +557,10 @@ TEST(PluginLoader, Fault44_ThrowingInitIsAnErrorWithTheLibrarysWords) {
                       "device at port 7"));
     EXPECT_TRUE(holds(makeMessage("constructor_throws"), "viable_filter_constructor_throws.so: "));
     EXPECT_TRUE(
-        holds(makeMessage("constructor_throws_int"), "its constructor threw something that is no std::exception"));
+        holds(makeMessage("constructor_throws_int"), "its constructor threw something other than a std::exception"));
     EXPECT_TRUE(holds(makeMessage("create_throws"), "its create function threw: thrown across the border"));
     EXPECT_TRUE(
-        holds(makeMessage("create_throws_int"), "its create function threw something that is no std::exception"));
+        holds(makeMessage("create_throws_int"), "its create function threw something other than a std::exception"));
     EXPECT_TRUE(
         holds(makeMessage("null_create"), "the filter 'null_create' could not be made: the device is not plugged in"));
     EXPECT_TRUE(holds(makeMessage("silent_create"), "could not be made: it gives no reason"));

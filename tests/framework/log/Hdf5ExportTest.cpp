@@ -334,7 +334,7 @@ TEST_F(Hdf5ExportTest, JointsThatSlideHaveMetresAndNewtons) {
                       path("bad.mcap").string() +
                           ": its metadata `prismatic_joints` are no JSON list of joints of this "
                           "log: " +
-                          wrong + ". The log was not written by this program");
+                          wrong + ". The log was not written by viable");
         };
         check([&] { exportHdf5(path("bad.mcap"), path("bad.h5")); });
         check([&] { exportCsv(path("bad.mcap"), path("bad.csv")); });

@@ -103,9 +103,9 @@ TEST(Fault37, AFilterThatHoldsAccelerationsIsHeldToItsWordOnJerk) {
 
 TEST(Fault37, DecisionsInUnknownWordsAreNotApplied) {
     const std::pair<const char*, const char*> lies[] = {
-        {"limit", "its status or an acting limit is none of the words there are"},
-        {"side", "its status or an acting limit is none of the words there are"},
-        {"status", "its status or an acting limit is none of the words there are"}};
+        {"limit", "its status or an acting limit is not a known value"},
+        {"side", "its status or an acting limit is not a known value"},
+        {"status", "its status or an acting limit is not a known value"}};
     for (const char* arm : {kOneJoint, kTeleoperation})
         for (const auto& [lie, message] : lies) {
             SCOPED_TRACE(std::string(lie) + " on " + arm);

@@ -309,7 +309,7 @@ TEST(TorqueGuard, WhatALawThrowsStopsTheArmWithinItsLimits) {
         EXPECT_TRUE(out.lawFailed);
         EXPECT_EQ(arm.guard.stopReason(), GuardStop::LawFailed);
         EXPECT_CONTAINS(arm.guard.stopMessage(),
-                        isException ? "it threw: the solver has lost its way" : "no std::exception");
+                        isException ? "it threw: the solver has lost its way" : "other than a std::exception");
         EXPECT_GT(runUntilStopped(arm.guard, arm.robot, law), 100);
         EXPECT_EQ(calls, 1);
     }

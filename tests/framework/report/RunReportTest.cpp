@@ -337,7 +337,7 @@ TEST(RunReport, SaysWhatIsWrongWithTheFolderOrThePage) {
     folder.write("A.mcap", "this is no log");
     EXPECT_NE(catchError([&] { writeReport(folder.path(), page); }).find("A.mcap"), std::string::npos);
     folder.write("summary.json", "[1, 2");
-    EXPECT_NE(catchError([&] { writeReport(folder.path(), page); }).find("this is no summary of a run"),
+    EXPECT_NE(catchError([&] { writeReport(folder.path(), page); }).find("this is not a summary of a run"),
               std::string::npos);
     EXPECT_NE(
         catchError([&] { writeReport(folder.path(), folder / "absent.html"); }).find("the page of reports is missing"),
@@ -353,7 +353,7 @@ TEST(RunReport, SummaryOfAnotherShapeIsRefusedNotAMisreading) {
     for (const char* text : {R"({"cases": 3})", R"({"cases": [5]})", R"({"cases": [{"name": 7}]})",
                              R"({"cases": [{"name": "A"}]})", R"({"title": 1, "cases": []})"}) {
         std::ofstream(run.path() / "summary.json") << text;
-        EXPECT_NE(catchError([&] { run.report(); }).find("this is no summary of a run"), std::string::npos) << text;
+        EXPECT_NE(catchError([&] { run.report(); }).find("this is not a summary of a run"), std::string::npos) << text;
     }
 }
 

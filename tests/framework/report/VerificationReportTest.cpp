@@ -177,9 +177,9 @@ TEST(VerificationReport, ADamagedOrForeignFileIsLeftOutAndTheNoteSaysWhy) {
     };
     const std::string whole = good.dump(1);
     const std::pair<std::string, const char*> files[] = {
-        {"", "it is no JSON object, or cut off"},
-        {whole.substr(0, whole.size() / 2), "it is no JSON object, or cut off"},
-        {"[1, 2]", "it is no JSON object, or cut off"},
+        {"", "it is not a JSON object, or cut off"},
+        {whole.substr(0, whole.size() / 2), "it is not a JSON object, or cut off"},
+        {"[1, 2]", "it is not a JSON object, or cut off"},
         {"{}", "it is damaged: key 'schema' not found"},
         {changed("/schema", 2), "it has schema 2, this version knows 1"},
         {changed("/schema", "1"), "it has schema \"1\", this version knows 1"},

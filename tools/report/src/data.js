@@ -58,9 +58,9 @@
  *               (the estimate), "band" (its edges): ref f32 2*n, least and largest in turns } } } ] },
  *           VERDICT: "held"|"broken"|"cannot_tell"|"no_limit"
  *         "replay": { "step_s": num, "n": int, "nominal": ref f32 n*joints, "real": ref | null,
- *           with a clearance "rest": ref f32 n*joints (where the stored stop ends; NaN: nowhere)
+ *           with a clearance "rest": ref f32 n*joints (where the backup stop ends; NaN: nowhere)
  *           and "nearest": ref f32 n*11: distance [m] (NaN: unknown), link, obstacle (-1: the arm itself), other link, the
- *           point on the arm xyz, the one on the obstacle xyz, duration of the stored stop [s] } } ] }
+ *           point on the arm xyz, the one on the obstacle xyz, duration of the backup stop [s] } } ] }
  *
  * A series has 2 * buckets values, least and largest per bucket, drawn at t0 + (i + 0.25) * step and
  * t0 + (i + 0.75) * step. Where step_s == tick_s it has one value per bucket, drawn at t0 + i * step (jerk as steps).
@@ -236,7 +236,7 @@ export class Case {
   }
 
   /**
-   * What the arm was nearest to at a time, by the frame of the replay before it, and how long the stored stop takes [s];
+   * What the arm was nearest to at a time, by the frame of the replay before it, and how long the backup stop takes [s];
    * null where nothing stood around it.
    * @returns {null|{distance: number, link: string, other: string, onArm: number[], onObstacle: number[], stop: number}}
    *   distance [m]; NaN: nobody looked, infinite: nothing is near, and there are no names or points

@@ -93,7 +93,7 @@ const QUANTITIES = [
   },
   {
     id: 'margin',
-    title: 'Margin of the stored stop',
+    title: 'Margin of the backup stop',
     units: ['rad', 'm'],
     zero: true,
     kinds: [series('margin', 'margin', NOMINAL)],

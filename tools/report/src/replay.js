@@ -32,8 +32,8 @@ const PARTS = [
   },
   {
     id: 'stop',
-    label: 'stored stop',
-    title: 'Pale: where the arm would come to rest if the stored stop began now',
+    label: 'backup stop',
+    title: 'Pale: where the arm would come to rest if the backup stop began now',
     exists: (run) => run.cases.some((c) => c.replay?.rest),
   },
   {
@@ -380,7 +380,7 @@ class Replay {
     if (this.text.textContent !== texts.join('')) this.text.replaceChildren(...texts.map((text) => el('p', { text })));
   }
 
-  /** Where the stored stop ends, on straight lines through the frames; false where it ends nowhere. */
+  /** Where the backup stop ends, on straight lines through the frames; false where it ends nowhere. */
   #readRest(c, time, pose) {
     const { n, step, rest } = c.replay;
     const at = Math.min(Math.max((time - c.t0) / step, 0), n - 1);

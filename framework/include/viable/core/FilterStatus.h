@@ -6,7 +6,7 @@ namespace viable {
 enum class FilterStatus : unsigned char {
     Passed,         ///< what the controller wants is admissible and is done as it is; apply
     Modified,       ///< changed to keep the limits; apply
-    StoppedByPlan,  ///< a stored stop is being followed; apply
+    StoppedByPlan,  ///< a backup stop is being followed; apply
     Recovering,     ///< a limit cannot be met yet (recovery, or limits that have shrunk): it is approached as
                     ///< fast as jerk allows and nothing gets worse on the way; apply
     Infeasible,     ///< no admissible choice existed; the braking fallback is in the decision; apply

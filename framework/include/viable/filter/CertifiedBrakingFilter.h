@@ -13,12 +13,12 @@ struct CertifiedBrakingOptions {
     double kAlpha = std::numeric_limits<double>::infinity();
     /** How fast the acceleration follows the desired one [1/s]: in (0, 2 / tick_s). */
     double gamma = 20.0;
-    /** Accept a start outside the limits, or one that must leave them, and lead the arm back. */
+    /** Accept a start outside the limits, or one that must leave them, and return within the limits. */
     bool recovery = false;
 };
 
 /** Keeps position, velocity, acceleration and jerk limits in sampled time, always: a jerk is taken only
-if a stop within the limits exists on the time grid after it; otherwise the stop found before goes on.
+if a stop within the limits exists on the time grid after it; otherwise the arm follows the backup stop.
 The law is CertifiedBraking; here stand its parameters and the desired jerk (paper, eq. 14).
 
 Guarantees: every limit, at every tick and between, for any input and any missed ticks; a desired jerk

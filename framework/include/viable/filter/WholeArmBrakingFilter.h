@@ -17,7 +17,7 @@ struct WholeArmBrakingOptions {
     JointVector torqueRate;  ///< largest change of the torque [Nm/s]; infinite, or empty: not limited
     /** Look for jerks that lead around an obstacle or along a torque limit. False: only brake before it. */
     bool steers = true;
-    /** Surroundings that were seen longer ago are not relied on: the arm follows its stop until newer ones come [s]. */
+    /** Older surroundings are not used: the arm follows its stop until newer ones come [s]. */
     double maxAge_s = std::numeric_limits<double>::infinity();
 };
 
@@ -27,14 +27,14 @@ the joint limits, the safety distance from what stands around (RunSetup::surroun
 there is always a choice, for any surroundings.
 
 Where the nearest admissible jerks are wanted, obstacles and torques along the stop become rows of a small QP, to first
-order; its solution is checked like any other and drawn back towards the stored stop where it fails.
-Surroundings that change during the run may lie in the way of the stored stop. Then nothing may come nearer than that stop
+order; its solution is checked like any other and drawn back towards the backup stop where it fails.
+Surroundings that change during the run may lie in the way of the backup stop. Then nothing may come nearer than that stop
 does, by more than 5 mm and as measured by the balls that cover the capsules: the arm brakes, and moving away stays possible.
-Where a new map tells nothing the stored stop goes on.
+Where a new map has no information the arm follows the backup stop.
 
 Guarantees: as CertifiedBrakingFilter for joint limits. In surroundings that do not change but for moving spheres on their
-known paths: the safety distance at every tick, between ticks and along every stored stop; torque limits in every tick of
-the run and of every stored stop. A chain of filters that changes what this one decided takes these guarantees on itself.
+known paths: the safety distance at every tick, between ticks and along every backup stop; torque limits in every tick of
+the run and of every backup stop. A chain of filters that changes what this one decided takes these guarantees on itself.
 Real time: bounded work (ArmStopCheck::kMaxDistances and TorqueScan::kMaxTorques); no allocation, lock or throw after configure(). */
 class WholeArmBrakingFilter : public SafetyFilter {
 public:

@@ -53,7 +53,7 @@ struct TickRecord {
     JointVector robustTorque;   ///< tau_a, the robust loop's [Nm]
     JointVector motorTorque;    ///< what the motors gave [Nm]
     /** tau_ext, the surroundings', as measured, where it moves the nominal arm [Nm]; else empty. Not a number:
-    the reading was of no use, and the last good one acted (after 10 such ticks none). */
+    the reading was unusable, and the last good one acted (after 10 such ticks none). */
     JointVector externalTorque;
     /** tau_d + tau_ext - tau_c [Nm]; zero in ticks without a controller's torque (a stop of the host's). */
     JointVector removedTorque;

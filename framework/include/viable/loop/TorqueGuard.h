@@ -44,7 +44,7 @@ enum class GuardStatus : unsigned char {
     Passed,      ///< the motion that the law wants is admissible, and done
     Limited,     ///< changed as little as needed to keep the limits
     Recovering,  ///< still beyond a limit: approached as fast as jerk allows (`recovery`)
-    Waiting,     ///< a reading of no use: the nominal arm brakes, and goes on with the next good one
+    Waiting,     ///< an unusable reading: the nominal arm brakes, and goes on with the next good one
     Stopping,    ///< the nominal arm is being braked for good; the law is not called any more
     Stopped,     ///< the nominal arm is at rest: go on stepping until the brakes are engaged
     Failed,      ///< numbers beyond all arithmetic; the torque is zero: engage the brakes
@@ -84,7 +84,7 @@ struct GuardedTorque {
     std::array<JointIntervention, kMaxJoints> acting{};
     /** Where it is not None, the nominal arm plus the last good deviation stood in for the reading. */
     ReadingFault readingFault = ReadingFault::None;
-    /** The law's torque was of no use: the last good one was taken, before that gravity compensation. */
+    /** The law's torque was unusable: the last good one was taken, before that gravity compensation. */
     bool lawFailed = false;
     /** A motor is at its torque limit: the real arm may fall behind. */
     bool motorsSaturated = false;
@@ -150,7 +150,7 @@ public:
     /** The same for an arm that measures what its surroundings put on it: that moves the nominal arm, too, so a
     push is yielded to within all limits, and the robust loop does not work against it.
     @param external  on each joint, read just now [Nm, prismatic: N]; not finite, beyond 1e9 or of the wrong
-                     size: the whole reading is of no use. Without a reading the last one stands. */
+                     size: the whole reading is unusable. Without a reading the last one stands. */
     template <class Law>
     const GuardedTorque& step(const JointState& measured, const JointVector& external, Law&& law) noexcept {
         return callStep(measured, &external, law);

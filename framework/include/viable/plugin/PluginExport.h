@@ -167,7 +167,7 @@ void* createPlugin(char* message, std::size_t messageSize) {
     } catch (const std::exception& e) {
         std::snprintf(message, messageSize, "its constructor threw: %s", e.what());
     } catch (...) {
-        std::snprintf(message, messageSize, "its constructor threw something that is no std::exception");
+        std::snprintf(message, messageSize, "its constructor threw something other than a std::exception");
     }
     return nullptr;
 }

@@ -88,7 +88,7 @@ public:
     stay as they are but for known paths, nor itself. Valid after configure(). */
     virtual bool guaranteesClearance() const;
 
-    /** True when configure() accepted to lead the arm back from a start outside the limits, or inside but
+    /** True when configure() accepted to recover from a start outside the limits, or inside but
     without a stop that stays there; the host refuses such a start otherwise. Valid after configure(). */
     virtual bool recovers() const;
 

@@ -19,7 +19,7 @@ struct FrictionLaw {
     double viscous = 0.0;           ///< Fv1 [Nm]
     double viscousVelocity = 1.0;   ///< Fv2 [rad/s]
 
-    /** F: the most that dry friction can give at velocity `v` with `load` [Nm] on the gear. */
+    /** F: the largest dry friction at velocity `v` with `load` [Nm] on the gear. */
     double calcDry(double v, double load) const;
     /** The viscous torque over v, > 0 also at v = 0. [Nms/rad] */
     double calcDamping(double v) const;
@@ -149,7 +149,7 @@ inline constexpr ParameterSpec kArmHardwareParameters[] = {
     parameter::choice("sensor_fault", "none|stuck|bias|sign|spike|swap|wrap|nan", "none",
                       "What goes wrong with one position reading: it stays, is offset, negated, "
                       "offset once, exchanged "
-                      "with the next joint's, a turn too large, or no number."),
+                      "with the next joint's, a turn too large, or NaN."),
     parameter::integer("sensor_fault_joint", "0", "At which joint, counted from 0.").atLeast(0).upTo(kMaxJoints - 1),
     parameter::number("sensor_fault_from_s", "s", "0.0", "From when.").atLeast(0),
     parameter::number("sensor_fault_until_s", "s", ".inf", "To when.").atLeast(0).orInfinite(),

@@ -40,7 +40,7 @@ struct LimitRecord {
     double worstTime_s = 0.0;  ///< when
     double worstExcess = 0.0;  ///< farthest beyond either side, in the limit's unit
     std::int64_t ticksOutside = 0;
-    /** The same two while the arm was led back (StopVerdict::Recovering), which breaks no guarantee. */
+    /** The same two while the arm was recovering (StopVerdict::Recovering), which breaks no guarantee. */
     std::int64_t ticksRecovering = 0;
     double worstRecovering = 0.0;
     double lastExcess = 0.0;  ///< how far outside at the end; 0 inside
@@ -137,7 +137,7 @@ public:
     /** The joint with the worst use, and the sum of ticks outside over the joints. */
     int worstJoint(LimitKind kind) const;
     std::int64_t ticksOutside(LimitKind kind) const;
-    /** A limit was passed while the arm was not being led back. */
+    /** A limit was passed while the arm was not recovering. */
     bool anyLimitBroken() const { return broken_; }
     /** The last tick or the state after it is still beyond a limit. */
     bool endsOutside() const;
@@ -186,7 +186,7 @@ public:
     /** The same from the trip on. */
     const std::vector<LimitRecord>& realStop(LimitKind kind) const { return realStop_[findReal(kind)]; }
     /** The real arm passed a position or velocity limit before it tripped, if it did at all, and while the nominal
-    one was not being led back. */
+    one was not recovering. */
     bool anyRealLimitBroken() const;
     /** Largest share of the tracking bound that actual - nominal position or velocity used; 0 without a bound. */
     double boundShare(LimitKind kind, int joint) const { return boundShare_[findReal(kind)][joint]; }

@@ -23,7 +23,7 @@ struct NricOptions {
 
 /** Gains that the arm can carry in every pose within its position limits.
 
-Method: sampled, the loop's velocity error is v+ = (I - M^-1 K_r dt) v, which swings up once an
+Method: sampled, the loop's velocity error is v+ = (I - M^-1 K_r dt) v, which becomes unstable once an
 eigenvalue of M(q)^-1 K_r dt passes 2. So K_r = s diag(d), with d_i the least inertia that joint i
 moves with the other joints free, min over q of 1 / (M(q)^-1)_ii, and s such that the largest of those
 eigenvalues over all poses is 1, half of what is stable; a payload adds inertia, so it adds to the
@@ -46,7 +46,7 @@ the integral does not grow further against them (it may shrink). Where nothing i
 eq. 7 to the last bit.
 Assumes: K_r dt < 2 x (joint inertia incl. the reflected rotor), else the sampled velocity loop is
 unstable. A torqueRate below K_r T / (2 x inertia) slows the loop down: a joint that was held while the
-loop pressed with T [Nm] then overshoots, far below it swings up.
+loop pressed with T [Nm] then overshoots, far below it becomes unstable.
 Guarantees: |tau_c + tau_a| within the motor limits wherever |tau_c| is; |integral| as above; in a tick
 tau_a changes by no more than the larger of torqueRate x tick and, at the motor's limit, the change of
 tau_c; zero as long as e and de are.

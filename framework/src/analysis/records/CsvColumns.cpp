@@ -192,7 +192,7 @@ CsvPlan planByList(const std::vector<std::string>& header, std::string_view text
         if (found == header.end()) {
             const std::string close = findClosestName(name, header);
             throw badInput(
-                where, "--columns names " + quoteText(name) + ", which is no column of the header",
+                where, "--columns names " + quoteText(name) + ", which is not a column of the header",
                 close.empty() ? "Names must be those of the header" : "Did you mean " + quoteText(close) + "?");
         }
         if (std::find(found + 1, header.end(), name) != header.end())

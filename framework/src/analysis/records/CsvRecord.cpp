@@ -63,7 +63,7 @@ public:
         if (number_ == 1 && text_.substr(0, kByteOrderMark.size()) == kByteOrderMark)
             text_.remove_prefix(kByteOrderMark.size());
         if (text_.find('\0') != std::string_view::npos)
-            throw badInput(line().place(), "the line has a zero byte: this is no text", "Remove what is not text");
+            throw badInput(line().place(), "the line has a zero byte: this is not text", "Remove what is not text");
         return true;
     }
 

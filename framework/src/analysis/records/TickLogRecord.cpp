@@ -19,7 +19,7 @@ bool areSame(const JointBounds& a, const JointBounds& b) {
     return areSame(a.lower, b.lower) && areSame(a.upper, b.upper);
 }
 
-/** False also for limits that hold something that is no number. */
+/** False also for limits that hold something that is NaN. */
 bool areSame(const JointLimits& a, const JointLimits& b) {
     return areSame(a.position, b.position) && areSame(a.velocity, b.velocity) &&
            areSame(a.acceleration, b.acceleration) && areSame(a.jerk, b.jerk);
@@ -61,7 +61,7 @@ MotionRecord readTickLog(const std::filesystem::path& file, LoggedArm arm) {
     for (std::size_t count = 1; reader.read(row); ++count) {
         const std::string where = file.string() + ": row " + std::to_string(count);
         if (!std::isfinite(row.time_s))
-            throw badInput(where, "its time is not a finite number", "The log was not written by this program");
+            throw badInput(where, "its time is not a finite number", "The log was not written by viable");
         if (record.times_s.empty()) {
             first_s = row.time_s;
             record.begin = formatNumber(first_s);
