@@ -9,7 +9,7 @@
 #include <memory>
 #include <thread>
 
-#include "Commands.h"
+#include "command/Commands.h"
 #include "core/Text.h"
 #include "sweep/SweepMpi.h"
 #include "sweep/SweepSupervisor.h"
