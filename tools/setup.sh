@@ -9,6 +9,7 @@ target=${2:-all}
 
 packages=(
   g++ cmake ninja-build pkg-config  # compiler and build
+  mold                              # a faster linker
   libsimbody-dev                    # multibody dynamics
   libeigen3-dev                     # vectors and matrices
   libyaml-cpp-dev                   # YAML events for the strict configuration reader
@@ -27,8 +28,10 @@ packages=(
   libtbb-dev                        # runs of a sweep side by side
   libgtest-dev                      # tests
   libdynamicedt3d-dev               # benchmarks: another distance field to compare with
-  libbenchmark-dev                  # benchmarks
 )
+if [ "$target" = viable_bench ]; then
+  packages+=(libbenchmark-dev)      # benchmarks
+fi
 if [ "$target" = all ]; then
   packages+=(
     chromium                        # tests of the report
@@ -36,6 +39,7 @@ if [ "$target" = all ]; then
     libmujoco-dev                   # the real plant `mujoco`; an independent engine to compare robots with
     libopenmpi-dev openmpi-bin      # sweeps across machines
     python3-jsonschema python3-yaml # tests of the schema of experiment files
+    clang-format                    # the formatter whose opinion counts: tests/structure/format.sh
   )
 fi
 if [ "$target" = all ] || [ "$target" = viable_interface ]; then

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Set-up, then all tests. Usage: tools/test.sh [PRESET] [more arguments of ctest]
-# PRESET: release (default), asan (memory and undefined behaviour; without the longest numerical ones), tsan (data races; only
-# the framework's suites that have threads, without their longest tests of one thread).
+# PRESET: release (default), asan (memory and undefined behaviour, with less effort and without the tests labelled "long"),
+# tsan (data races: one program of what has threads). tests/README.md says what runs where, and how to try harder.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 preset=release
@@ -11,8 +11,8 @@ if [ $# -gt 0 ] && [[ "$1" != -* ]]; then
 fi
 target=all
 if [ "$preset" = tsan ]; then
-  target=viable_threaded_tests
+  target=threads_test
 fi
 tools/setup.sh "$preset" "$target"
 echo "test: running all tests of preset $preset"
-exec ctest --preset "$preset" -j "$(nproc)" "$@"
+exec ctest --preset "$preset" -j "$(nproc)" --no-label-summary "$@"

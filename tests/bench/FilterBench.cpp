@@ -1,13 +1,12 @@
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
-#include <limits>
 #include <string>
 
 #include "ArmMatrices.h"
 #include "Paths.h"
+#include "TickTimes.h"
 #include "viable/config/ConfigNode.h"
 #include "viable/host/PluginLoader.h"
 #include "viable/loop/NominalPlant.h"
@@ -106,30 +105,10 @@ private:
     int passed_ = 0;
 };
 
+/** The 99.9th percentile over the median. */
 double calcTailRatio(std::vector<double> times) {
     std::sort(times.begin(), times.end());
     return times[times.size() * 999 / 1000] / times[times.size() / 2];
-}
-
-/** The 99.9th percentile over the median of single ticks: of all, with what the machine does in between, and of each
-tick's fastest replay, which is the filter's own. */
-struct Tail {
-    double measured, own;
-};
-Tail measureTail(FilterLoop& loop) {
-    using Clock = std::chrono::steady_clock;
-    constexpr int kReplays = 20;
-    std::vector<double> all, fastest(kTicks, std::numeric_limits<double>::infinity());
-    for (int replay = 0; replay < kReplays; ++replay) {
-        loop.rewind();
-        for (double& tick : fastest) {
-            const Clock::time_point begin = Clock::now();
-            loop.step();
-            all.push_back(std::chrono::duration<double>(Clock::now() - begin).count());
-            tick = std::min(tick, all.back());
-        }
-    }
-    return {calcTailRatio(all), calcTailRatio(fastest)};
 }
 
 void runFilter(benchmark::State& state, const std::string& name, int n, Load load) {
@@ -138,9 +117,10 @@ void runFilter(benchmark::State& state, const std::string& name, int n, Load loa
     state.counters["n"] = n;
     state.counters["passed"] = loop.passedShare();
     if (n != 6) return;
-    const Tail tail = measureTail(loop);
-    state.counters["p999_over_median"] = tail.measured;
-    state.counters["p999_over_median_own"] = tail.own;
+    constexpr int kReplays = 20;
+    const TickTimes times = TickTimes::measure(loop, kTicks, kReplays);
+    state.counters["p999_over_median"] = calcTailRatio(times.all);
+    state.counters["p999_over_median_own"] = calcTailRatio(times.fastest);
 }
 
 bool registerAll() {

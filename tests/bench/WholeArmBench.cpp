@@ -3,9 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 #include <filesystem>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <random>
@@ -13,6 +11,7 @@
 #include <vector>
 
 #include "Paths.h"
+#include "TickTimes.h"
 #include "robot/ArmReach.h"
 #include "viable/environment/Surroundings.h"
 #include "viable/filter/WholeArmBrakingFilter.h"
@@ -188,22 +187,12 @@ double findPercentile(std::vector<double> times, double share) {
 void runWholeArm(benchmark::State& state, const Stage& stage) {
     WholeArmLoop loop(stage);
     for (auto _ : state) benchmark::DoNotOptimize(loop.step());
-    using Clock = std::chrono::steady_clock;
-    std::vector<double> all, fastest(kTicks, std::numeric_limits<double>::infinity());
-    for (int replay = 0; replay < kReplays; ++replay) {
-        loop.rewind();
-        for (double& tick : fastest) {
-            const Clock::time_point begin = Clock::now();
-            loop.step();
-            all.push_back(std::chrono::duration<double, std::micro>(Clock::now() - begin).count());
-            tick = std::min(tick, all.back());
-        }
-    }
+    const TickTimes times = TickTimes::measure(loop, kTicks, kReplays);
     state.counters["n"] = 6;
-    state.counters["p50"] = findPercentile(fastest, 0.5);
-    state.counters["p99"] = findPercentile(fastest, 0.99);
-    state.counters["max"] = findPercentile(fastest, 1.0);
-    state.counters["p99_measured"] = findPercentile(all, 0.99);
+    state.counters["p50"] = findPercentile(times.fastest, 0.5);
+    state.counters["p99"] = findPercentile(times.fastest, 0.99);
+    state.counters["max"] = findPercentile(times.fastest, 1.0);
+    state.counters["p99_measured"] = findPercentile(times.all, 0.99);
     state.counters["stopped"] = loop.stoppedShare();
     if (loop.nodes() > 0.0 && stage.hasMap) state.counters["field_nodes"] = loop.nodes();
 }

@@ -82,23 +82,3 @@ private:
 };
 
 }  // namespace broken
-
-/** Exports a healthy filter called `name` after the statements have spoiled its `library`, `entry`
-or `parameters`. Every call begins with the healthy table again. */
-#define VIABLE_BROKEN_TABLE(name, ...)                                                                              \
-    extern "C" VIABLE_PLUGIN_VISIBLE const viable::PluginLibrary* viable_plugin_library() {                         \
-        static viable::ParameterSpec parameters[2];                                                                 \
-        parameters[0] = viable::parameter::number("gain", "1/s", "1", "First.");                                    \
-        parameters[1] = viable::parameter::choice("mode", "a|b", "a", "Second.");                                   \
-        static viable::PluginEntry entry;                                                                           \
-        entry = viable::makePluginEntry<viable::SafetyFilter, broken::Filter>(name, "A broken table.", parameters); \
-        static viable::PluginLibrary library;                                                                       \
-        library = {viable::kPluginMagic,                                                                            \
-                   sizeof(viable::PluginLibrary),                                                                   \
-                   viable::makeAbiStamp(),                                                                          \
-                   sizeof(viable::PluginEntry),                                                                     \
-                   1,                                                                                               \
-                   &entry};                                                                                         \
-        __VA_ARGS__;                                                                                                \
-        return &library;                                                                                            \
-    }

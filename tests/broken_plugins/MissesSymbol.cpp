@@ -5,4 +5,13 @@ namespace viable {
 void functionOfAnOlderVersion(int);
 }
 
-VIABLE_BROKEN_TABLE("misses_symbol", viable::functionOfAnOlderVersion(1))
+namespace {
+
+class MissesSymbol : public broken::Filter {
+public:
+    MissesSymbol() { viable::functionOfAnOlderVersion(1); }
+};
+
+}  // namespace
+
+VIABLE_PLUGIN(viable::SafetyFilter, MissesSymbol, "misses_symbol", "Asks for a function that is not there.", nullptr)

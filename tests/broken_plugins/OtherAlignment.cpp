@@ -2,4 +2,4 @@
 #define EIGEN_MAX_ALIGN_BYTES 64
 #include "BrokenPlugin.h"
 
-VIABLE_BROKEN_TABLE("other_alignment", )
+VIABLE_PLUGIN(viable::SafetyFilter, broken::Filter, "other_alignment", "Built otherwise.", nullptr)

@@ -4,4 +4,4 @@
 #endif
 #include "BrokenPlugin.h"
 
-VIABLE_BROKEN_TABLE("other_ndebug", )
+VIABLE_PLUGIN(viable::SafetyFilter, broken::Filter, "other_ndebug", "Built otherwise.", nullptr)

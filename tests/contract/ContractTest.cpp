@@ -1,8 +1,7 @@
 // The rules of Plugin.h and of the five interfaces, through the loader. Two uses: in this project for every plugin that
 // is found beside the program, and from outside, by viable_add_plugin_test(), for one plugin. A new plugin is
 // tested here without a line of code, unless it has parameters without defaults: see makeRequiredParameters().
-// VIABLE_PLUGIN_DIR says where the libraries are; from outside, ContractPlugin.h (made by viable_add_plugin_test) names the
-// plugin in kContractPlugin, such as "filter my_filter", and its required parameters, a line each, in kContractParameters.
+// The suite is compiled once; the program that links it defines kContractPlugin: where the libraries are, which to test.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -25,13 +24,11 @@
 #include <string>
 #include <vector>
 
-#include "viable/testing/AllocationCounter.h"
-#ifdef VIABLE_CONTRACT_PLUGIN_HEADER
-#include VIABLE_CONTRACT_PLUGIN_HEADER
-#endif
 #include "viable/host/PluginLoader.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/robot/RobotModel.h"
+#include "viable/testing/AllocationCounter.h"
+#include "viable/testing/ContractPlugin.h"
 #include "viable/testing/TwoLinkArm.h"
 
 namespace viable {
@@ -140,22 +137,20 @@ using Texts = std::map<std::string, std::string>;
 
 /** Values for parameters that have no default. */
 Texts makeRequiredParameters(const PluginInfo& info) {
-    const std::string plugin = std::string(getName(info.kind)) + " " + info.name;
-#ifdef VIABLE_CONTRACT_PLUGIN_HEADER
     Texts values;
-    std::istringstream lines(kContractParameters);
+    if (*testing::kContractPlugin.plugin == '\0') {  // the plugins of this project
+        static const Recording recording;
+        const std::string plugin = std::string(getName(info.kind)) + " " + info.name;
+        if (plugin == "command waypoints") return {{"points", "[[0, 0.3, -0.5], [1.5, 0.6, 0.1], [3, -0.2, -0.3]]"}};
+        if (plugin == "command recorded_poses") return {{"file", recording.file().string()}};
+    }
+    std::istringstream lines(testing::kContractPlugin.parameters);
     for (std::string line; std::getline(lines, line);) {
         const std::size_t colon = line.find(": ");
         if (colon == std::string::npos) throw std::runtime_error("PARAMETERS: write 'name: value', not '" + line + "'");
         values[line.substr(0, colon)] = line.substr(colon + 2);
     }
     return values;
-#else
-    static const Recording recording;
-    if (plugin == "command waypoints") return {{"points", "[[0, 0.3, -0.5], [1.5, 0.6, 0.1], [3, -0.2, -0.3]]"}};
-    if (plugin == "command recorded_poses") return {{"file", recording.file().string()}};
-    return {};
-#endif
 }
 
 Parameters readBlock(const PluginInfo& info, const Texts& values) {
@@ -473,13 +468,12 @@ std::unique_ptr<Subject> makeSubject(const PluginInfo& info, const RunSetup& set
 // --- The suite ----------------------------------------------------------------------------------
 
 std::vector<PluginInfo> findPlugins(std::vector<RefusedLibrary>& refused) {
-    std::vector<PluginInfo> plugins = PluginLoader({VIABLE_PLUGIN_DIR}).list(refused);
-#ifdef VIABLE_CONTRACT_PLUGIN_HEADER
-    const auto isOther = [](const PluginInfo& info) {
-        return std::string(getName(info.kind)) + " " + info.name != kContractPlugin;
+    std::vector<PluginInfo> plugins = PluginLoader({testing::kContractPlugin.folder}).list(refused);
+    const std::string only = testing::kContractPlugin.plugin;
+    const auto isOther = [&](const PluginInfo& info) {
+        return !only.empty() && std::string(getName(info.kind)) + " " + info.name != only;
     };
     plugins.erase(std::remove_if(plugins.begin(), plugins.end(), isOther), plugins.end());
-#endif
     return plugins;
 }
 
@@ -494,19 +488,18 @@ TEST(Plugins, NoLibraryIsRefused) {
     for (const RefusedLibrary& library : refused) ADD_FAILURE() << library.library << ": " << library.reason;
 }
 
-#ifdef VIABLE_CONTRACT_PLUGIN_HEADER
-TEST(Plugins, TheOneToBeTestedIsThere) {
-    EXPECT_EQ(findPlugins().size(), 1u) << "no " << kContractPlugin << " in " << VIABLE_PLUGIN_DIR;
-}
-#else
-TEST(Plugins, EveryKindIsThere) {
+TEST(Plugins, WhatIsToBeTestedIsThere) {
+    const testing::ContractPlugin& tested = testing::kContractPlugin;
+    if (*tested.plugin != '\0') {
+        EXPECT_EQ(findPlugins().size(), 1u) << "no " << tested.plugin << " in " << tested.folder;
+        return;
+    }
     std::set<PluginKind> kinds;
     for (const PluginInfo& info : findPlugins()) kinds.insert(info.kind);
     for (PluginKind kind : {PluginKind::CommandSource, PluginKind::NominalController, PluginKind::SafetyFilter,
                             PluginKind::RobustLoop, PluginKind::RealPlant})
-        EXPECT_EQ(kinds.count(kind), 1u) << "no " << getName(kind) << " plugin in " << VIABLE_PLUGIN_DIR;
+        EXPECT_EQ(kinds.count(kind), 1u) << "no " << getName(kind) << " plugin in " << tested.folder;
 }
-#endif
 
 class Contract : public ::testing::TestWithParam<PluginInfo> {
 protected:

@@ -10,6 +10,7 @@
 #include <random>
 #include <thread>
 
+#include "Effort.h"
 #include "Program.h"
 #include "WitnessPage.h"
 #include "log/LogReader.h"
@@ -18,7 +19,7 @@
 
 // Runs that are killed (kill -9) at random moments. How far the loop had come is told by a witness, a command
 // plugin that writes each tick's number and time into mapped memory, and so by nothing that takes part in logging.
-// VIABLE_KILLS: how many (50); VIABLE_SEED: of their moments.
+// VIABLE_SEED: of the moments of the kills.
 
 namespace viable {
 namespace {
@@ -44,13 +45,8 @@ cases:
   B: {robot: indy7, command: {plugin: witness, file: B.witness}}
 )";
 
-long getNumber(const char* variable, long otherwise) {
-    const char* text = std::getenv(variable);
-    return text ? std::strtol(text, nullptr, 10) : otherwise;
-}
-
 std::mt19937_64 makeRandom() {
-    const long seed = getNumber("VIABLE_SEED", static_cast<long>(std::random_device()()));
+    const long seed = test::getSeed(static_cast<long>(std::random_device()()));
     std::printf("VIABLE_SEED=%ld\n", seed);
     std::fflush(stdout);  // or every child that is forked says it again
     return std::mt19937_64(static_cast<std::uint64_t>(seed));
@@ -237,7 +233,7 @@ Tally killAtRandom(long count, int atOnce, bool paced) {
 // A run in real time, as with a robot, measured in the log's time (which is the clock's unless the machine is too
 // busy for a tick per millisecond).
 TEST(Fault73_Kill, ARunInRealTimeLosesAtMostTwoTenthsOfASecond) {
-    const Tally tally = killAtRandom(getNumber("VIABLE_KILLS", 50), kAtOnce, true);
+    const Tally tally = killAtRandom(test::countOf(50), kAtOnce, true);
     tally.print("real time");
     EXPECT_GE(tally.logs, tally.kills * 4 / 5);
     EXPECT_LE(tally.worstLog_s, kMostLost_s);
@@ -246,7 +242,7 @@ TEST(Fault73_Kill, ARunInRealTimeLosesAtMostTwoTenthsOfASecond) {
 // A simulation is faster than the log's time: up to a ring of rows waits in the recorder besides the chunk. What is
 // lost of the clock is printed; it is hundredths of a second where the writing thread gets its turn.
 TEST(Fault73_Kill, AFastRunLosesAtMostTheRecordersRingAndAChunk) {
-    const Tally tally = killAtRandom((getNumber("VIABLE_KILLS", 50) + 4) / 5, 1, false);
+    const Tally tally = killAtRandom(test::countOf(10), 1, false);
     tally.print("as fast as it goes");
     EXPECT_GE(tally.logs, tally.kills * 4 / 5);
     constexpr double kMostTicks = kRecorderCapacity + kLongestChunk_s / kTick_s + 2;
@@ -257,7 +253,7 @@ TEST(Fault73_Kill, AFastRunLosesAtMostTheRecordersRingAndAChunk) {
 TEST(Fault73_Kill, ALogCanBeReadFromTheMomentItHasAName) {
     std::mt19937_64 random = makeRandom();
     Tally tally;
-    const long count = (getNumber("VIABLE_KILLS", 50) + 1) / 2;
+    const long count = test::countOf(25);
     while (tally.kills < count) {
         KilledRun run(true, {"A"});
         while (!run.hasLog()) {

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "Effort.h"
 #include "Paths.h"
 #include "Program.h"
 #include "ProjectExperiment.h"
@@ -25,8 +26,8 @@ constexpr double kAllowed_m = 1e-8;
 
 struct Judged {
     CaseResult result;
-    std::int64_t poses = 0, inCollision = 0;
-    double least_m = std::numeric_limits<double>::infinity();
+    std::int64_t poses, inCollision;
+    double least_m;
 };
 
 Judged runAndJudge(const ProjectExperiment& experiment, const std::string& name) {
@@ -34,32 +35,27 @@ Judged runAndJudge(const ProjectExperiment& experiment, const std::string& name)
     for (const CasePlan& each : experiment.experiment().cases)
         if (each.name == name) plan = &each;
     const CollisionJudge judge(plan->robot, *plan->geometry, *plan->environment);
-    Judged judged{CaseResult(*plan)};
-    judged.result = experiment.run(name, [&](const TickRecord& r) {
+    std::int64_t poses = 0, inCollision = 0;
+    double least_m = std::numeric_limits<double>::infinity();
+    CaseResult result = experiment.run(name, [&](const TickRecord& r) {
         for (int k = 0; k < kPosesPerTick; ++k) {
             const double s = kTick_s * k / kPosesPerTick;
             JointVector q = r.nominal.q;
             for (Eigen::Index i = 0; i < q.size(); ++i)
                 q[i] = advance({r.nominal.q[i], r.nominal.qd[i], r.nominal.qdd[i]}, r.nominal.jerk[i], s).p;
             const double distance = judge.findContact(q, r.time_s + s, 0.05).distance;
-            ++judged.poses;
-            judged.inCollision += distance < 0.0;
-            judged.least_m = std::min(judged.least_m, distance);
+            ++poses;
+            inCollision += distance < 0.0;
+            least_m = std::min(least_m, distance);
         }
     });
-    return judged;
-}
-
-/** Seeds tried: VIABLE_OBSTACLE_RUNS, or 20. */
-int getRuns() {
-    const char* const runs = std::getenv("VIABLE_OBSTACLE_RUNS");
-    return runs ? std::atoi(runs) : 20;
+    return {std::move(result), poses, inCollision, least_m};
 }
 
 TEST(Obstacles, WithoutTheFilterTheArmCollidesAndWithItNever) {
     int collided = 0;
     double least = 1.0;
-    const int runs = getRuns();
+    const int runs = test::countOf(20);
     for (int seed = 1; seed <= runs; ++seed) {
         SCOPED_TRACE("command.seed=" + std::to_string(seed));
         const ProjectExperiment experiment("indy7_obstacles", {"command.seed=" + std::to_string(seed)});

@@ -11,6 +11,7 @@
 #include "Paths.h"
 #include "TemporaryFolder.h"
 #include "experiment/CaseRun.h"
+#include "experiment/ExperimentFile.h"
 #include "log/LogReader.h"
 
 namespace viable {
@@ -30,7 +31,7 @@ public:
             if (plan.name != name) continue;
             RunOptions options;
             if (see) options.log = folder_.path() / (name + ".mcap");
-            const CaseResult result = runCase(plan, options);
+            const CaseResult result = runCase(configureCase(plan), options);
             EXPECT_EQ(result.logError, "");
             if (see) {
                 LogReader reader(options.log);

@@ -29,7 +29,6 @@ constexpr int kTicksPerStop = 200;
 /** The judge's accuracy and rounding of poses [m]; rounding of torques, as a share of their limits. */
 constexpr double kAllowed_m = 1e-8, kAllowedTorque = 1e-8, kAllowedLimit = 1e-9;
 constexpr double kHorizon_m = 0.15;
-constexpr double kPi = 3.14159265358979323846;
 
 /** Robots, their models and capsules, read once. */
 struct Robot {

@@ -6,6 +6,7 @@
 #include "Paths.h"
 #include "TemporaryFolder.h"
 #include "experiment/CaseRun.h"
+#include "experiment/ExperimentFile.h"
 #include "viable/core/Error.h"
 
 namespace viable::test {

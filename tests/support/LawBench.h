@@ -101,13 +101,12 @@ public:
 
     /** The limits of the teleoperation experiment (30), for the robot indy7. */
     void setPapersArmLimits() {
-        const double pi = 3.14159265358979323846;
         const auto both = [](const JointVector& size) { return JointBounds{-size, size}; };
-        arm.limits.velocity = both(JointVector::Constant(6, 2 * pi / 3));
-        arm.limits.acceleration = both(JointVector::Constant(6, 4 * pi));
-        arm.limits.jerk = both(JointVector::Constant(6, 12 * pi));
+        arm.limits.velocity = both(JointVector::Constant(6, 2 * kPi / 3));
+        arm.limits.acceleration = both(JointVector::Constant(6, 4 * kPi));
+        arm.limits.jerk = both(JointVector::Constant(6, 12 * kPi));
         JointVector range(6);
-        range << pi / 6, pi / 12, pi / 6, pi / 12, pi / 6, pi / 3;
+        range << kPi / 6, kPi / 12, kPi / 6, kPi / 12, kPi / 6, kPi / 3;
         arm.limits.position = {arm.robot.home - range, arm.robot.home + range};
     }
 
@@ -133,6 +132,50 @@ public:
 private:
     std::string name_;
 };
+
+/** A single joint under 200 sets of limits drawn at random, pushed about: jerk and acceleration hold, and nothing is
+allocated. Returns the number of ticks without an admissible answer.
+@param parameters  gives those of the filter for the bench's limits; @param holdsAcceleration  false: it need not hold */
+template <class Filter, class MakeParameters>
+long expectRatesHeldUnderRandomLimits(const std::string& name, unsigned seed, const MakeParameters& parameters,
+                                      bool holdsAcceleration = true) {
+    LawBench<Filter> bench("single_joint", name);
+    std::mt19937 random(seed);
+    LimitExcess worst;
+    long ticks = 0, infeasible = 0;
+    for (unsigned k = 0; k < 200 && !::testing::Test::HasFailure(); ++k) {
+        bench.drawLimits(random);
+        const double size = 3.0 * bench.arm.limits.acceleration.upper[0];
+        const LawOutcome outcome = bench.push(parameters(bench.arm.limits), 20.0, size, k % 2 == 0, k);
+        SCOPED_TRACE("limits " + std::to_string(k));
+        EXPECT_LE(outcome.excess.jerk, 1e-9);
+        if (holdsAcceleration) EXPECT_LE(outcome.excess.acceleration, 1e-9);
+        EXPECT_EQ(outcome.allocations, 0);
+        worst.position = std::max(worst.position, outcome.excess.position);
+        worst.velocity = std::max(worst.velocity, outcome.excess.velocity);
+        worst.acceleration = std::max(worst.acceleration, outcome.excess.acceleration);
+        ticks += outcome.ticks;
+        infeasible += outcome.infeasible;
+    }
+    std::printf(
+        "  worst excess: %.2g rad, %.2g of the velocity, %.2g of the acceleration limit; %.2g %% of the ticks "
+        "infeasible\n",
+        worst.position, worst.velocity, worst.acceleration, 100.0 * infeasible / ticks);
+    return infeasible;
+}
+
+/** The same for an Indy7 with the paper's limits, once. */
+template <class Filter>
+void expectRatesHeldOnTheArm(const std::string& name, const std::string& parameters) {
+    LawBench<Filter> bench("indy7", name);
+    bench.setPapersArmLimits();
+    const LawOutcome outcome = bench.push(parameters, 10.0, 40.0, true, 8);
+    EXPECT_LE(outcome.excess.jerk, 1e-9);
+    EXPECT_LE(outcome.excess.acceleration, 1e-9);
+    EXPECT_EQ(outcome.allocations, 0);
+    std::printf("  arm: %.2g rad, %.2g of the velocity limit; %d of %d ticks infeasible\n", outcome.excess.position,
+                outcome.excess.velocity, outcome.infeasible, outcome.ticks);
+}
 
 /** The library's own object gives the same answers as the class linked into the test. */
 template <class Filter>

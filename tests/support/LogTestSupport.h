@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -12,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "TemporaryFolder.h"
 #include "log/LogReader.h"
 #include "log/LogWriter.h"
 #include "viable/core/Error.h"
@@ -21,16 +23,18 @@ namespace viable::test {
 /** A folder of its own for each test, gone afterwards. */
 class LogTestBase : public ::testing::Test {
 protected:
-    void SetUp() override {
-        std::string name = (std::filesystem::temp_directory_path() / "viable-log-XXXXXX").string();
-        ASSERT_NE(::mkdtemp(name.data()), nullptr);
-        folder_ = name;
-    }
-    void TearDown() override { std::filesystem::remove_all(folder_); }
-
     std::filesystem::path path(const std::string& name) const { return folder_ / name; }
+    /** The names in it, sorted. */
+    std::vector<std::string> listFolder() const {
+        std::vector<std::string> names;
+        for (const auto& entry : std::filesystem::directory_iterator(folder_))
+            names.push_back(entry.path().filename().string());
+        std::sort(names.begin(), names.end());
+        return names;
+    }
 
-    std::filesystem::path folder_;
+    const TemporaryFolder temporary_;
+    const std::filesystem::path folder_ = temporary_.path();
 };
 
 inline std::string readBytes(const std::filesystem::path& file) {

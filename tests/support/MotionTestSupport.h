@@ -2,29 +2,16 @@
 
 #include <Eigen/Dense>
 #include <cmath>
-#include <cstdlib>
 #include <limits>
 #include <random>
 
+#include "Effort.h"
 #include "viable/core/JointLimits.h"
 #include "viable/core/JointTypes.h"
 
 namespace viable {
 
 inline constexpr double kInf = std::numeric_limits<double>::infinity();
-
-/** How much less is tried under a sanitizer. */
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-inline constexpr int kSanitizerFactor = 50;
-#else
-inline constexpr int kSanitizerFactor = 1;
-#endif
-
-/** A number from the environment, for long runs by hand. */
-inline long readEnvironment(const char* name, long otherwise) {
-    const char* text = std::getenv(name);
-    return text ? std::strtol(text, nullptr, 10) : otherwise;
-}
 
 /** Acceleration limits -Ad..Au [rad/s^2] and jerk limits -Jd..Ju [rad/s^3], no others. */
 inline AxisLimits makeLimits(double Ad, double Au, double Jd, double Ju) {

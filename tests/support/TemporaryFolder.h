@@ -16,7 +16,7 @@ public:
     TemporaryFolder() {
         std::string pattern = (std::filesystem::temp_directory_path() / "viable-XXXXXX").string();
         if (!mkdtemp(pattern.data())) throw std::runtime_error("no temporary folder");
-        path_ = pattern;
+        path_ = std::filesystem::canonical(pattern);
     }
     ~TemporaryFolder() {
         std::error_code ignored;
@@ -29,6 +29,7 @@ public:
     std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
     /** Writes a file into it and returns the file's path. */
     std::string write(const std::string& name, const std::string& text) const {
+        std::filesystem::create_directories((path_ / name).parent_path());
         std::ofstream(path_ / name, std::ios::binary) << text;
         return path_ / name;
     }

@@ -179,6 +179,57 @@ private:
     JointVector value_, left_;
 };
 
+/** Huge, tiny and alternating torques [Nm], 20000 ticks of them. */
+class AbsurdTorques {
+public:
+    static constexpr int kTicks = 20000;
+    explicit AbsurdTorques(int n) : torque_(n) {}
+
+    const JointVector& next() {
+        const double sizes[] = {1e300, std::numeric_limits<double>::max(), std::numeric_limits<double>::denorm_min(),
+                                1e150};
+        for (int i = 0; i < torque_.size(); ++i)
+            torque_[i] = sizes[(tick_ / 1000 + i) % 4] * ((tick_ + i) % 2 ? 1.0 : -1.0) *
+                         ((tick_ / 500) % 2 && random_() % 2 ? -1.0 : 1.0);
+        ++tick_;
+        return torque_;
+    }
+
+private:
+    std::mt19937 random_{6};
+    int tick_ = 0;
+    JointVector torque_;
+};
+
+/** The torques of joint_pd for set points that jump from one side of the home pose to the other every two seconds. */
+class JumpingSetPoint {
+public:
+    /** @param size  [rad] */
+    JumpingSetPoint(TestArm& arm, double size)
+        : home_(arm.robot.home),
+          size_(size),
+          controller_(PluginLoader::create<NominalController>(findPlugin(PluginKind::NominalController, "joint_pd"))) {
+        controller_->configure(arm.setup(), arm.read(PluginKind::NominalController, "joint_pd", ""));
+        controller_->reset(arm.start);
+    }
+
+    JointVector next(const MotionState& nominal, const Dynamics& dynamics) {
+        MotionCommand command;
+        const double side = (tick_++ / 2000) % 2 ? -1.0 : 1.0;
+        command.q = home_ + JointVector::Constant(home_.size(), side * size_);
+        command.qd.setZero(home_.size());
+        ControllerOutput output;
+        EXPECT_EQ(controller_->compute({command, nominal, dynamics}, output), TickStatus::Ok);
+        return output.torque;
+    }
+
+private:
+    JointVector home_;
+    double size_;
+    int tick_ = 0;
+    PluginPtr<NominalController> controller_;
+};
+
 /** After reset() a configured filter answers 2000 pushing ticks as it did before. */
 inline void expectSameAnswersAfterReset(SafetyFilter& filter, TestArm& arm) {
     const auto play = [&] {

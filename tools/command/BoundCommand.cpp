@@ -6,6 +6,9 @@
 #include <nlohmann/json.hpp>
 
 #include "Commands.h"
+#include "core/JsonNumber.h"
+#include "core/Text.h"
+#include "experiment/ConfiguredCase.h"
 #include "experiment/ExperimentFile.h"
 #include "viable/core/Error.h"
 
@@ -25,15 +28,13 @@ constexpr int kNameWidth = 40, kNumberWidth = 11;
 void printRow(const std::string& name, const JointVector& values, double factor = 1.0) {
     std::printf("  %-*s", kNameWidth, name.c_str());
     for (double value : values) {
-        char text[32] = "-";
-        if (std::isfinite(value)) std::snprintf(text, sizeof text, "%.3g", factor * value);
-        std::printf("%*s", kNumberWidth, text);
+        const std::string text = std::isfinite(value) ? detail::format("%.3g", factor * value) : "-";
+        std::printf("%*s", kNumberWidth, text.c_str());
     }
     std::printf("\n");
 }
 
-void print(const CasePlan& plan) {
-    const TrackingBound& bound = *plan.bound;
+void print(const CasePlan& plan, const TrackingBound& bound) {
     const int n = plan.robot.size();
     std::printf("%s: how far the real arm can be from the nominal one, within the disturbance_set\n",
                 plan.name.c_str());
@@ -48,8 +49,8 @@ void print(const CasePlan& plan) {
         const auto share = [&](const JointBounds& limits, double size) {
             return 2.0 * size / (limits.upper[i] - limits.lower[i]);
         };
-        ofPosition[i] = share(plan.realLimits.position, bound.position[i]);
-        ofVelocity[i] = share(plan.realLimits.velocity, bound.velocity[i]);
+        ofPosition[i] = share(plan.limits.position, bound.position[i]);
+        ofVelocity[i] = share(plan.limits.velocity, bound.velocity[i]);
     }
     printRow("share of the position range [%]", ofPosition, 1e2);
     printRow("share of the velocity range [%]", ofVelocity, 1e2);
@@ -74,7 +75,7 @@ void print(const CasePlan& plan) {
     std::string tight;
     for (int i = 0; i < n; ++i)
         if (bound.torque[i] > bound.motorTorque[i])
-            tight += (tight.empty() ? "" : ", ") + plan.robot.joints[static_cast<std::size_t>(i)].name;
+            detail::addItem(tight, plan.robot.joints[static_cast<std::size_t>(i)].name);
     if (!tight.empty())
         std::printf(
             "The bound is for motors that are never at their limit. For moments the worst of all disturbances asks "
@@ -84,14 +85,13 @@ void print(const CasePlan& plan) {
     std::printf("\n");
 }
 
-nlohmann::json makeJson(const CasePlan& plan) {
+nlohmann::json makeJson(const CasePlan& plan, const TrackingBound& b) {
     using nlohmann::json;
     const auto list = [](const JointVector& values) {
         json array = json::array();
-        for (double x : values) array.push_back(std::isfinite(x) ? json(x) : json("inf"));
+        for (double x : values) array.push_back(detail::makeNumberOrWord(x));
         return array;
     };
-    const TrackingBound& b = *plan.bound;
     json parts = json::array();
     for (const TrackingBound::Part& part : b.parts)
         parts.push_back({{"source", part.source},
@@ -120,12 +120,14 @@ int run(const BoundArguments& arguments) {
     for (const CasePlan& plan : experiment.cases) {
         if (!arguments.caseName.empty() && plan.name != arguments.caseName) continue;
         found = true;
-        if (!plan.bound) continue;
+        if (!plan.disturbances) continue;
+        const std::optional<TrackingBound> bound = configureTracking(plan)->bound;
+        if (!bound) continue;
         any = true;
         if (arguments.json)
-            all.push_back(makeJson(plan));
+            all.push_back(makeJson(plan, *bound));
         else
-            print(plan);
+            print(plan, *bound);
     }
     if (!found) throw badInput("--case", "there is no case '" + arguments.caseName + "' in " + arguments.file);
     if (!any)

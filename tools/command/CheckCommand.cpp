@@ -5,7 +5,7 @@
 #include "Commands.h"
 #include "ExperimentArguments.h"
 #include "config/Draws.h"
-#include "experiment/CaseRun.h"
+#include "experiment/ConfiguredCase.h"
 #include "viable/core/Error.h"
 
 namespace viable {

@@ -4,6 +4,7 @@
 
 #include "Commands.h"
 #include "config/Draws.h"
+#include "core/Text.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -27,10 +28,9 @@ void selectCases(Experiment& experiment, const std::vector<std::string>& wanted)
     for (const std::string& name : wanted) {
         if (std::find(names.begin(), names.end(), name) != names.end()) continue;
         const std::string closest = findClosestName(name, names);
-        std::string all;
-        for (const std::string& other : names) all += (all.empty() ? "" : ", ") + other;
-        throw badInput("--case " + name, experiment.file.string() + " has no case of that name",
-                       (closest.empty() ? "" : "Did you mean '" + closest + "'? ") + "Its cases: " + all + ".");
+        throw badInput(
+            "--case " + name, experiment.file.string() + " has no case of that name",
+            (closest.empty() ? "" : "Did you mean '" + closest + "'? ") + "Its cases: " + detail::join(names) + ".");
     }
     experiment.cases.erase(std::remove_if(experiment.cases.begin(), experiment.cases.end(),
                                           [&](const CasePlan& plan) {

@@ -1,15 +1,15 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <fstream>
 #include <memory>
 #include <sstream>
 
 #include "Commands.h"
 #include "Scaffold.h"
+#include "core/Text.h"
+#include "core/WholeFile.h"
 #include "robot/RobotDraft.h"
 #include "viable/config/ConfigNode.h"
 #include "viable/core/Error.h"
@@ -40,18 +40,6 @@ fs::path getTemplates() {
     return (getProgram().parent_path() / ".." / "share" / "viable" / "templates").lexically_normal();
 }
 
-/** `text` for a shell, in quotes only where it needs them. */
-std::string quoteForShell(const std::string& text) {
-    const auto isPlain = [](char c) {
-        return std::isalnum(static_cast<unsigned char>(c)) != 0 ||
-               std::string("_-./+=:,@").find(c) != std::string::npos;
-    };
-    if (!text.empty() && std::all_of(text.begin(), text.end(), isPlain)) return text;
-    std::string quoted = "'";
-    for (const char c : text) quoted += c == '\'' ? "'\\''" : std::string(1, c);
-    return quoted + "'";
-}
-
 /** How the user starts this program: `viable` where the PATH leads to it. */
 std::string getProgramWord() {
     const fs::path program = getProgram();
@@ -60,15 +48,16 @@ std::string getProgramWord() {
         std::error_code failed;
         for (std::string folder; std::getline(folders, folder, ':');)
             if (fs::exists(fs::path(folder) / "viable", failed))
-                return fs::equivalent(fs::path(folder) / "viable", program, failed) ? "viable"
-                                                                                    : quoteForShell(program.string());
+                return fs::equivalent(fs::path(folder) / "viable", program, failed)
+                           ? "viable"
+                           : detail::quoteForShell(program.string());
     }
-    return quoteForShell(program.string());
+    return detail::quoteForShell(program.string());
 }
 
 /** The path as a user in the current folder would write it. */
 std::string showPath(const fs::path& path) {
-    return quoteForShell(path.string());
+    return detail::quoteForShell(path.string());
 }
 
 // -------------------------------------------------------------------------------------- plugins
@@ -134,8 +123,7 @@ void writePlugin(PluginKind kind, const NewArguments& arguments) {
 std::string formatValue(double value) {
     if (std::isnan(value)) return kBlank;
     if (std::isinf(value)) return value > 0.0 ? ".inf" : "-.inf";
-    char text[32];
-    return std::string(text, std::to_chars(text, text + sizeof text, value).ptr);
+    return detail::formatNumber(value);
 }
 
 template <class Get>
@@ -162,7 +150,7 @@ std::string quoteForYaml(const std::string& text) {
 
 std::string joinNames(const std::vector<std::string>& names) {
     std::string text;
-    for (const std::string& name : names) text += (text.empty() ? "" : ", ") + formatName(name);
+    for (const std::string& name : names) detail::addItem(text, formatName(name));
     return text;
 }
 
@@ -189,7 +177,7 @@ std::string makeCapsules(const std::vector<DraftLink>& links) {
             continue;
         }
         if (link.capsules.empty()) {
-            bare += (bare.empty() ? "" : ", ") + formatName(link.name);
+            detail::addItem(bare, formatName(link.name));
             continue;
         }
         text += "\n  " + formatKey(link.name) + ":";
@@ -265,14 +253,6 @@ void printBlanks(const std::string& file, const std::string& text) {
     }
 }
 
-std::string readWhole(const fs::path& file) {
-    std::ifstream stream(file, std::ios::binary);
-    std::ostringstream text;
-    text << stream.rdbuf();
-    if (!stream) throw badInput(file.string(), "the file cannot be read", "Check its permissions.");
-    return text.str();
-}
-
 void writeRobot(const NewArguments& arguments) {
     checkNewName(arguments.name, "robot", false);
     if (arguments.urdf.empty())
@@ -294,7 +274,9 @@ void writeRobot(const NewArguments& arguments) {
     checkNewFolder(target);
     const RobotDraft draft = readRobotDraft(arguments.urdf);
     FolderFiles files = fillTemplate(getTemplates() / "robot", makeReplacements(arguments, draft));
-    files[arguments.name + ".urdf"] = readWhole(arguments.urdf);
+    const std::optional<std::string> urdf = readWhole(arguments.urdf);
+    if (!urdf) throw badInput(arguments.urdf, "the file cannot be read", "Check its permissions.");
+    files[arguments.name + ".urdf"] = *urdf;
     writeNewFolder(target, files);
 
     for (const std::string& warning : draft.warnings) std::fprintf(stderr, "viable: warning: %s\n", warning.c_str());

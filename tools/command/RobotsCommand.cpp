@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "Commands.h"
+#include "core/Text.h"
 #include "viable/core/Error.h"
 #include "viable/robot/RobotDescription.h"
 
@@ -17,11 +18,7 @@ void describe(const RobotDescription& robot) {
                 "accel. [rad/s^2]", "jerk [rad/s^3]", "home", "motor [Nm]");
     for (int i = 0; i < robot.size(); ++i) {
         const AxisLimits l = robot.limits.axis(i);
-        const auto range = [](double lower, double upper) {
-            char text[40];
-            std::snprintf(text, sizeof text, "%.4g .. %.4g", lower, upper);
-            return std::string(text);
-        };
+        const auto range = [](double lower, double upper) { return detail::format("%.4g .. %.4g", lower, upper); };
         std::printf("%-16s %-22s %-20s %-20s %-20s %-9.4g %-10.4g\n", robot.joints[i].name.c_str(),
                     range(l.positionLower, l.positionUpper).c_str(), range(l.velocityLower, l.velocityUpper).c_str(),
                     range(l.accelerationLower, l.accelerationUpper).c_str(), range(l.jerkLower, l.jerkUpper).c_str(),

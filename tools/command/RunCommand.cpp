@@ -15,7 +15,7 @@
 #include "ExperimentArguments.h"
 #include "PluginTrouble.h"
 #include "Progress.h"
-#include "core/PrintableText.h"
+#include "core/Text.h"
 #include "core/WholeFile.h"
 #include "experiment/CaseRun.h"
 #include "report/RunReport.h"
@@ -38,6 +38,10 @@ void installSignalHandlers() {
     struct sigaction action {};
     action.sa_handler = onSignal;
     for (int signal : {SIGINT, SIGTERM, SIGHUP}) sigaction(signal, &action, nullptr);
+}
+
+/** For this process and those of isolated plugins, which are made later. */
+void ignoreWriteSignals() {
     std::signal(SIGPIPE, SIG_IGN);  // a closed pipe is a write error, not a death
     std::signal(SIGXFSZ, SIG_IGN);  // so is a file size limit
 }
@@ -97,21 +101,20 @@ struct CaseOutcomes {
     std::exception_ptr failure;
 };
 
-/** Runs the cases of an experiment. After a failure or a signal no further case is begun. */
+using ConfiguredCases = std::vector<std::unique_ptr<ConfiguredCase>>;
+
+/** Runs configured cases. After a failure or a signal no further case is begun. */
 class CaseRunner {
 public:
-    CaseRunner(const Experiment& experiment, fs::path folder)
-        : experiment_(experiment),
-          folder_(std::move(folder)),
-          progress_(listNames(experiment)),
-          results_(experiment.cases.size()) {}
+    CaseRunner(ConfiguredCases cases, fs::path folder)
+        : cases_(std::move(cases)), folder_(std::move(folder)), progress_(listNames(cases_)), results_(cases_.size()) {}
 
     /** `jobs` at a time. */
     CaseOutcomes runAtOnce(int jobs) {
         std::atomic<int> running{0};
         const auto work = [&] {
             prepareThreadForCrash();
-            while (runNext(nullptr, false)) {
+            while (runNext(false)) {
             }
             --running;
         };
@@ -138,34 +141,33 @@ public:
         return collect();
     }
 
-    /** One after the other, in this thread: the plugins' processes are made while there is no other. */
-    CaseOutcomes runIsolated(const Isolation& isolation) {
-        while (runNext(&isolation, true)) {
+    /** One after the other, in this thread: the plugins' processes end with the thread that made them. */
+    CaseOutcomes runHere() {
+        while (runNext(true)) {
         }
         return collect();
     }
 
 private:
-    static std::vector<std::string> listNames(const Experiment& experiment) {
+    static std::vector<std::string> listNames(const ConfiguredCases& cases) {
         std::vector<std::string> names;
-        for (const CasePlan& plan : experiment.cases) names.push_back(plan.name);
+        for (const auto& configured : cases) names.push_back(configured->plan.name);
         return names;
     }
 
     /** False: there is none. */
-    bool runNext(const Isolation* isolation, bool draws) {
+    bool runNext(bool draws) {
         const std::size_t i = stopSignal == 0 ? next_++ : results_.size();
         if (i >= results_.size()) return false;
         RunOptions options;
-        options.log = folder_ / (experiment_.cases[i].name + ".mcap");
+        options.log = folder_ / (cases_[i]->plan.name + ".mcap");
         options.stopRequest = &stopSignal;
-        options.isolation = isolation;
         options.progress = [this, i, draws](double share) {
             progress_.set(i, share);
             if (draws) progress_.draw();
         };
         try {
-            results_[i].emplace(runCase(experiment_.cases[i], options));
+            results_[i].emplace(runCase(std::move(cases_[i]), options));
         } catch (...) {
             const std::lock_guard lock(failureMutex_);
             if (!failure_) failure_ = std::current_exception();
@@ -183,7 +185,7 @@ private:
         return outcomes;
     }
 
-    const Experiment& experiment_;
+    ConfiguredCases cases_;  // null: begun
     const fs::path folder_;
     Progress progress_;
     std::vector<std::optional<CaseResult>> results_;
@@ -213,8 +215,10 @@ int run(const RunArguments& arguments) {
     const PluginLoader loader(PluginLoader::makeDefaultSearchPath());
     Experiment experiment = readDrawnExperiment(arguments.file, arguments.overrides, arguments.draw, loader);
     selectCases(experiment, arguments.cases);
-    for (const CasePlan& plan : experiment.cases)  // refuse everything before a file is made
-        configureCase(plan, arguments.isolate ? &isolation : nullptr);
+    ignoreWriteSignals();
+    ConfiguredCases cases;  // refuse everything before a file is made
+    for (const CasePlan& plan : experiment.cases)
+        cases.push_back(configureCase(plan, arguments.isolate ? &isolation : nullptr));
 
     installSignalHandlers();
     const fs::path folder = makeRunFolder(arguments.out, arguments.file);
@@ -224,8 +228,8 @@ int run(const RunArguments& arguments) {
     std::fflush(stdout);
     int jobs = arguments.jobs > 0 ? arguments.jobs : static_cast<int>(std::thread::hardware_concurrency());
     jobs = std::max(1, std::min(jobs, static_cast<int>(experiment.cases.size())));
-    CaseRunner runner(experiment, folder);
-    const auto [results, failure] = arguments.isolate ? runner.runIsolated(isolation) : runner.runAtOnce(jobs);
+    CaseRunner runner(std::move(cases), folder);
+    const auto [results, failure] = arguments.isolate ? runner.runHere() : runner.runAtOnce(jobs);
 
     std::printf("\n%s\n", formatComparison(results).c_str());
     std::set<std::string> laws;
@@ -247,7 +251,7 @@ int run(const RunArguments& arguments) {
                          results[i].name.c_str(), results[i].logError.c_str());
     }
     try {
-        replaceFile(folder / "summary.json", writeSummaryJson(experiment, results));
+        replaceFile(folder / "summary.json", writeSummaryJson(experiment.title, experiment.file, results));
     } catch (const Error& e) {
         std::fprintf(stderr, "viable: %s\n", e.what());
         if (code == 0) code = e.exitCode();

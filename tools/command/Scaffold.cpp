@@ -9,9 +9,9 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
-#include <sstream>
 #include <vector>
 
+#include "core/WholeFile.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -102,11 +102,8 @@ std::string quote(const std::string& name) {
 }
 
 std::string readTemplate(const fs::path& file) {
-    std::ifstream stream(file, std::ios::binary);
-    std::ostringstream text;
-    text << stream.rdbuf();
-    if (!stream) throw badInput(file.string(), "this template cannot be read", "Install viable again.");
-    return text.str();
+    if (std::optional<std::string> text = readWhole(file)) return *std::move(text);
+    throw badInput(file.string(), "this template cannot be read", "Install viable again.");
 }
 
 void replaceAll(std::string& text, const std::map<std::string, std::string>& replacements) {

@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "Commands.h"
-#include "core/PrintableText.h"
+#include "core/Text.h"
 #include "sweep/SweepMpi.h"
 #include "sweep/SweepSupervisor.h"
 #include "viable/core/Error.h"

@@ -6,6 +6,7 @@
 
 #include "Commands.h"
 #include "analysis/smoothing/LimitVerdict.h"
+#include "core/Text.h"
 #include "core/WholeFile.h"
 #include "report/RunReport.h"
 #include "viable/core/Error.h"
@@ -37,7 +38,7 @@ std::vector<AxisLimits> takeRobotLimits(const std::string& name, MotionRecord& r
     for (MotionRecord::Joint& joint : record.joints) {
         const auto found = std::find(names.begin(), names.end(), joint.name);
         if (found == names.end()) {
-            without += (without.empty() ? "" : ", ") + joint.name;
+            detail::addItem(without, joint.name);
             continue;
         }
         const auto place = static_cast<int>(found - names.begin());
@@ -51,15 +52,12 @@ std::vector<AxisLimits> takeRobotLimits(const std::string& name, MotionRecord& r
         limits.push_back(robot.limits.axis(place));
         joints.push_back(std::move(joint));
     }
-    if (joints.empty()) {
-        std::string all;
-        for (const std::string& one : names) all += (all.empty() ? "" : ", ") + one;
+    if (joints.empty())
         throw badInput(record.source, "no joint of this record is one of robot " + robot.name + ": " + without,
-                       "Its joints are " + all + "; name the record's columns so.");
-    }
+                       "Its joints are " + detail::join(names) + "; name the record's columns so.");
     for (const std::string& one : names)
         if (std::none_of(joints.begin(), joints.end(), [&](const auto& joint) { return joint.name == one; }))
-            missing += (missing.empty() ? "" : ", ") + one;
+            detail::addItem(missing, one);
     if (!without.empty())
         std::fprintf(stderr, "viable: robot %s does not have these joints of the record, which are left out: %s\n",
                      robot.name.c_str(), without.c_str());

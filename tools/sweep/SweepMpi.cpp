@@ -2,7 +2,6 @@
 
 #include <dlfcn.h>
 #include <fcntl.h>
-#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -16,6 +15,7 @@
 #include <system_error>
 
 #include "SweepPipe.h"
+#include "core/ChildProcess.h"
 #include "sweep/mpi/MpiModule.h"
 #include "viable/core/Error.h"
 
@@ -138,14 +138,9 @@ RunsProcess startRuns(const SweepTask& task, int jobs, double timeout_s) {
     int down[2], up[2];
     if (pipe2(down, O_CLOEXEC) != 0 || pipe2(up, O_CLOEXEC) != 0)
         throw std::system_error(errno, std::generic_category(), "no pipe for the runs");
-    std::fflush(nullptr);
-    const pid_t parent = getpid();
     RunsProcess process;
-    process.pid = fork();
-    if (process.pid < 0) throw std::system_error(errno, std::generic_category(), "no process for the runs");
+    process.pid = detail::forkChild("for the runs");
     if (process.pid == 0) {
-        prctl(PR_SET_PDEATHSIG, SIGKILL);
-        if (getppid() != parent) _exit(0);
         ::close(down[1]);
         ::close(up[0]);
         FrameReader from(down[0]);

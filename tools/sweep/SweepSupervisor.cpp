@@ -2,8 +2,6 @@
 
 #include <fcntl.h>
 #include <signal.h>
-#include <sys/mman.h>
-#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <tbb/blocked_range.h>
 #include <tbb/global_control.h>
@@ -17,7 +15,6 @@
 #include <csignal>
 #include <cstdio>
 #include <mutex>
-#include <new>
 #include <optional>
 #include <set>
 #include <system_error>
@@ -56,9 +53,7 @@ std::string describeDeath(int status) {
     if (WIFEXITED(status)) return "its process ended by itself with code " + std::to_string(WEXITSTATUS(status));
     const int signal = WTERMSIG(status);
     if (signal == SIGKILL) return "its process was killed (signal 9), as the system does when memory runs out";
-    const char* name = sigdescr_np(signal);
-    return "its process was ended by signal " + std::to_string(signal) + " (" + (name ? name : "unknown") +
-           "), outside of any plugin's code";
+    return "its process was ended by " + detail::describeSignal(signal) + ", outside of any plugin's code";
 }
 
 }  // namespace
@@ -93,14 +88,8 @@ public:
         int ends[2];
         if (pipe2(ends, O_CLOEXEC) != 0)
             throw std::system_error(errno, std::generic_category(), "no pipe for a process");
-        std::fflush(nullptr);  // what is in the buffers now is ours to write
-        std::signal(SIGCHLD, SIG_DFL);
-        const pid_t parent = getpid();
-        pid_ = fork();
-        if (pid_ < 0) throw std::system_error(errno, std::generic_category(), "no process for the runs");
+        pid_ = detail::forkChild("for the runs");
         if (pid_ == 0) {
-            prctl(PR_SET_PDEATHSIG, SIGKILL);
-            if (getppid() != parent) _exit(0);
             ::close(ends[0]);
             owner.work(jobs, threads, ends[1]);
         }
@@ -182,16 +171,10 @@ SweepSupervisor::SweepSupervisor(const SweepTask& task, int jobs, double timeout
       timeout_s_(timeout_s),
       stop_(stop),
       afterFork_(std::move(afterFork)),
-      limit_s_(timeout_s) {
-    void* memory = mmap(nullptr, sizeof(Shared), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-    if (memory == MAP_FAILED)
-        throw std::system_error(errno, std::generic_category(), "no memory to share with a process");
-    shared_ = new (memory) Shared;
-}
+      shared_(detail::makeSharedObject<Shared>()),
+      limit_s_(timeout_s) {}
 
-SweepSupervisor::~SweepSupervisor() {
-    munmap(shared_, sizeof(Shared));
-}
+SweepSupervisor::~SweepSupervisor() = default;
 
 /** The whole life of a process. */
 void SweepSupervisor::work(const std::vector<Job>& jobs, int threads, int pipe) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "SweepTask.h"
+#include "core/ChildProcess.h"
 
 namespace viable {
 
@@ -53,7 +54,7 @@ private:
     const double timeout_s_;
     const std::atomic<int>& stop_;
     const std::function<void()> afterFork_;
-    Shared* shared_;
+    const detail::SharedObject<Shared> shared_;
     std::vector<Job> open_;                      ///< what is asked for and not settled, in order
     std::map<std::int64_t, std::size_t> where_;  ///< of a run in open_
     std::vector<double> walls_s_;

@@ -3,11 +3,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <fstream>
-#include <sstream>
 
 #include "command/Commands.h"
 #include "command/ExperimentArguments.h"
+#include "core/Text.h"
+#include "core/WholeFile.h"
+#include "experiment/CaseRun.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -17,25 +18,6 @@ namespace {
 /** Runs of which one at least must be well configured: they say which joints there are. */
 constexpr std::int64_t kTriedRuns = 10;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-
-std::string readText(const std::string& file) {
-    std::ifstream stream(file, std::ios::binary);
-    std::ostringstream text;
-    text << stream.rdbuf();
-    return text.str();
-}
-
-/** For a shell. */
-std::string quoteArgument(const std::string& text) {
-    const bool isPlain = !text.empty() && std::all_of(text.begin(), text.end(), [](unsigned char c) {
-        return std::isalnum(c) ||
-               (c != '\0' && std::string("_-+=./:,@%").find(static_cast<char>(c)) != std::string::npos);
-    });
-    if (isPlain) return text;
-    std::string quoted = "'";
-    for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
-    return quoted + "'";
-}
 
 /** Without the places of plugin libraries, which differ from machine to machine: the plugins are named. */
 std::string hidePlaces(std::string message, const std::set<std::filesystem::path>& libraries) {
@@ -71,14 +53,17 @@ SweepTask::SweepTask(const SweepArguments& arguments)
     Experiment first;
     for (std::int64_t run = 0; first.cases.empty(); ++run) {
         try {
-            first = read(run, nullptr);
+            Experiment tried = read(run, nullptr);
+            for (const CasePlan& plan : tried.cases)
+                if (plan.disturbances) configureTracking(plan);  // its bound is known to every run then
+            first = std::move(tried);
         } catch (const Error&) {
             if (run + 1 == kTriedRuns || run + 1 >= arguments.runs) throw;
         }
     }
     plan_.title = first.title;
     plan_.file = arguments.file;
-    plan_.experiment = readText(arguments.file);
+    plan_.experiment = readWhole(arguments.file).value_or("");
     const SweepFiles files = findFiles(first, draws);
     libraries_ = files.libraries;
     plan_.fileHash = calcSweepHash(plan_.experiment, arguments.overrides, files);
@@ -125,16 +110,16 @@ Experiment SweepTask::read(std::int64_t run, std::map<std::string, std::string>*
 }
 
 SweepRow SweepTask::makeRow(std::int64_t run, const std::string& name, SweepEnd end,
-                            const std::map<std::string, std::string>& draws, const CasePlan* casePlan,
-                            const CaseResult* result) const {
-    end.replay = "viable run " + quoteArgument(arguments_.file) + " --draw " + std::to_string(arguments_.seed) + ":" +
-                 std::to_string(run) + " --case " + name;
-    for (const std::string& assignment : arguments_.overrides) end.replay += " --set " + quoteArgument(assignment);
+                            const std::map<std::string, std::string>& draws, const CaseResult* result) const {
+    end.replay = "viable run " + detail::quoteForShell(arguments_.file) + " --draw " + std::to_string(arguments_.seed) +
+                 ":" + std::to_string(run) + " --case " + name;
+    for (const std::string& assignment : arguments_.overrides)
+        end.replay += " --set " + detail::quoteForShell(assignment);
     end.message = hidePlaces(end.message, libraries_);
     std::map<std::string, std::string> own;
     for (const auto& [keyPath, value] : draws)
         if (belongsTo(keyPath, name)) own[keyPath] = value;
-    return makeSweepRow(plan_.columns, run, name, end, own, casePlan, result);
+    return makeSweepRow(plan_.columns, run, name, end, own, result);
 }
 
 SweepRow SweepTask::makeLostRow(std::int64_t run, std::size_t index, SweepStatus status,
@@ -145,7 +130,7 @@ SweepRow SweepTask::makeLostRow(std::int64_t run, std::size_t index, SweepStatus
     end.exitCode = static_cast<int>(ErrorKind::PluginFailed);
     end.message = message;
     end.wall_s = kNan;
-    return makeRow(run, plan_.cases[index], end, resolveDraws(drawn, {arguments_.seed, run}), nullptr, nullptr);
+    return makeRow(run, plan_.cases[index], end, resolveDraws(drawn, {arguments_.seed, run}), nullptr);
 }
 
 SweepTask::Run::Run(const SweepTask& task, std::int64_t run) : task_(task), run_(run) {
@@ -161,15 +146,15 @@ SweepRow SweepTask::Run::runCase(std::size_t index, const std::atomic<int>& stop
     const std::string& name = task_.plan_.cases[index];
     SweepEnd end;
     const auto begin = std::chrono::steady_clock::now();
-    const auto finish = [&](const CasePlan* plan, const CaseResult* result) {
+    const auto finish = [&](const CaseResult* result) {
         end.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-        return task_.makeRow(run_, name, end, draws_, plan, result);
+        return task_.makeRow(run_, name, end, draws_, result);
     };
     const auto fail = [&](const std::string& message, int exitCode) {
         end.status = SweepStatus::Failed;
         end.message = message;
         end.exitCode = exitCode;
-        return finish(nullptr, nullptr);
+        return finish(nullptr);
     };
     if (!failure_.empty()) return fail(failure_, exitCode_);
     const auto plan = std::find_if(experiment_.cases.begin(), experiment_.cases.end(),
@@ -177,13 +162,13 @@ SweepRow SweepTask::Run::runCase(std::size_t index, const std::atomic<int>& stop
     try {
         RunOptions options;
         options.stopRequest = &stop;
-        const CaseResult result = viable::runCase(*plan, options);
+        const CaseResult result = viable::runCase(configureCase(*plan), options);
         end.status = getSweepStatus(result);
         end.exitCode = result.exitCode();
         end.message = result.stopMessage;
         if (const std::string breach = formatBreach(result); !breach.empty())
             end.message += (end.message.empty() ? "" : "; ") + breach;
-        return finish(&*plan, &result);
+        return finish(&result);
     } catch (const Error& e) {
         return fail(e.what(), e.exitCode());
     } catch (const std::exception& e) {

@@ -53,8 +53,7 @@ private:
                     const std::map<std::string, std::string>& held = {}) const;
     SweepFiles findFiles(const Experiment& first, const std::vector<DrawnKey>& draws) const;
     SweepRow makeRow(std::int64_t run, const std::string& name, SweepEnd end,
-                     const std::map<std::string, std::string>& draws, const CasePlan* casePlan,
-                     const CaseResult* result) const;
+                     const std::map<std::string, std::string>& draws, const CaseResult* result) const;
 
     const SweepArguments arguments_;
     const PluginLoader loader_;

@@ -40,7 +40,8 @@ public:
     bool beginTick(const MotionState& state);
     /** The admissible jerks nearest to the desired ones in torque, and on the allowed side of `rows` (may be null)
     where the box has such a point. */
-    FilterStatus propose(const JointMatrix& M, const JointVector& desired, const RowQp::Rows* rows, JointVector& proposed);
+    FilterStatus propose(const JointMatrix& M, const JointVector& desired, const RowQp::Rows* rows,
+                         JointVector& proposed);
     /** True when every joint admits its jerk; with these stops after them. */
     bool isAdmissible(const JointVector& jerks);
     bool isAdmissible(const JointVector& jerks, const std::array<GridStop, kMaxJoints>& stops);

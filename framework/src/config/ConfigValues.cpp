@@ -5,9 +5,10 @@
 #include <limits>
 
 #include "config/ConfigText.h"
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "viable/config/ConfigNode.h"
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 
@@ -177,7 +178,7 @@ private:
         } else if (c == 'p' && isPi()) {
             at_ += 2;
             valueEnd_ = at_;
-            value = 3.14159265358979323846;
+            value = kPi;
         } else {
             failUnexpected();
         }

@@ -6,7 +6,7 @@
 #include <functional>
 
 #include "config/ConfigText.h"
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "viable/core/Error.h"
 
 namespace viable {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "viable/core/Error.h"
 
 namespace viable {

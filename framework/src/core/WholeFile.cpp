@@ -1,36 +1,123 @@
 #include "core/WholeFile.h"
 
-#include <fstream>
-#include <system_error>
+#include <fcntl.h>
+#include <stdio.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
-#include "viable/core/Error.h"
+#include <cerrno>
+#include <fstream>
+#include <sstream>
+#include <system_error>
 
 namespace viable {
 
-void replaceFile(const std::filesystem::path& file, const std::string& text) {
+namespace {
+
+Error existsAlready(const std::string& place) {
+    return badInput(place, "the file exists already and is never overwritten",
+                    "Choose another name or move the old file away");
+}
+
+}  // namespace
+
+std::optional<std::string> readWhole(const std::filesystem::path& file) {
+    std::ifstream stream(file, std::ios::binary);
+    std::ostringstream text;
+    text << stream.rdbuf();
+    return stream ? std::optional(text.str()) : std::nullopt;
+}
+
+void replaceFile(const std::filesystem::path& file, std::string_view text) {
     std::error_code error;
     if (std::filesystem::exists(file, error) && !std::filesystem::is_regular_file(file, error))
         throw Error(ErrorKind::LogNotWritten, file.string(), "this is no file that could be replaced", "Name a file.");
-    const std::filesystem::path temporary = file.string() + ".part";
-    {
-        std::ofstream stream(temporary, std::ios::binary);
-        stream << text;
-        stream.close();
-        if (!stream) {
-            std::filesystem::remove(temporary, error);
-            throw Error(ErrorKind::LogNotWritten, file.string(), "the file cannot be written",
-                        "Free space, or give the right to write there.");
-        }
-    }
-    std::filesystem::rename(temporary, file, error);
-    if (error) throw Error(ErrorKind::LogNotWritten, file.string(), "cannot be replaced: " + error.message());
+    detail::WholeFile whole(file, true);
+    whole.write(text);
+    whole.finish();
 }
 
 void refuseExisting(const std::string& option, const std::filesystem::path& file) {
     std::error_code error;
     if (std::filesystem::exists(std::filesystem::symlink_status(file, error)))
-        throw badInput(option + " " + file.string(), "the file exists already and is never overwritten",
-                       "Choose another name, or remove it.");
+        throw existsAlready(option + " " + file.string());
 }
+
+namespace detail {
+
+int openBeside(const std::filesystem::path& target, std::filesystem::path& name, bool isReplacing) {
+    struct stat info {};
+    if (::lstat(target.c_str(), &info) == 0) errno = isReplacing ? ENOENT : EEXIST;
+    if (errno != ENOENT) return -1;
+    // A name that fits still fits with what is added to it.
+    constexpr std::size_t kKept = 200;
+    const std::string begin = target.filename().string().substr(0, kKept) + "." + std::to_string(::getpid()) + "-";
+    for (int attempt = 0;; ++attempt) {
+        name = target.parent_path() / (begin + std::to_string(attempt) + ".part");
+        const int descriptor = ::open(name.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+        if (descriptor >= 0 || (errno != EEXIST && errno != EINTR)) return descriptor;
+    }
+}
+
+int giveName(const std::filesystem::path& from, const std::filesystem::path& to) {
+    if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return 0;
+    // Not every file system knows the flag.
+    if (errno != EINVAL && errno != ENOSYS) return errno;
+    struct stat info {};
+    if (::lstat(to.c_str(), &info) == 0) return EEXIST;
+    return ::rename(from.c_str(), to.c_str()) == 0 ? 0 : errno;
+}
+
+int writeAll(int descriptor, std::string_view bytes) {
+    while (!bytes.empty()) {
+        const ssize_t taken = ::write(descriptor, bytes.data(), bytes.size());
+        if (taken < 0 && errno == EINTR) continue;
+        if (taken <= 0) return taken < 0 ? errno : EIO;
+        bytes.remove_prefix(static_cast<std::size_t>(taken));
+    }
+    return 0;
+}
+
+WholeFile::WholeFile(const std::filesystem::path& target, bool isReplacing)
+    : target_(target), isReplacing_(isReplacing) {
+    descriptor_ = openBeside(target, path_, isReplacing);
+    if (descriptor_ >= 0) return;
+    if (errno == EEXIST) throw existsAlready(target.string());
+    throw notWritten(errno);
+}
+
+WholeFile::~WholeFile() {
+    if (descriptor_ >= 0) ::close(descriptor_);
+    if (!path_.empty()) ::unlink(path_.c_str());
+}
+
+Error WholeFile::notWritten(const std::string& reason) const {
+    return Error(ErrorKind::LogNotWritten, target_.string(), "the file cannot be written: " + reason,
+                 "Choose a folder that exists, may be written to and has room");
+}
+
+Error WholeFile::notWritten(int code) const {
+    return notWritten(std::generic_category().message(code));
+}
+
+void WholeFile::write(std::string_view bytes) {
+    if (const int code = writeAll(descriptor_, bytes)) throw notWritten(code);
+}
+
+void WholeFile::finish() {
+    const int descriptor = descriptor_;
+    descriptor_ = -1;
+    if (::close(descriptor) != 0 && errno != EINTR) throw notWritten(errno);
+    int code = 0;
+    if (!isReplacing_)
+        code = giveName(path_, target_);
+    else if (::rename(path_.c_str(), target_.c_str()) != 0)
+        code = errno;
+    if (code == EEXIST && !isReplacing_) throw existsAlready(target_.string());
+    if (code != 0) throw notWritten(code);
+    path_.clear();
+}
+
+}  // namespace detail
 
 }  // namespace viable

@@ -5,7 +5,7 @@
 #include <limits>
 #include <utility>
 
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "environment/CellTree.h"
 #include "viable/core/Error.h"
 

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "config/ConfigText.h"
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "viable/core/Error.h"
 
 namespace viable {

@@ -11,8 +11,8 @@
 #include <string_view>
 
 #include "config/ConfigText.h"
-#include "core/NumberText.h"
 #include "core/Sha256.h"
+#include "core/Text.h"
 #include "viable/core/Error.h"
 
 namespace viable {

@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "viable/core/Error.h"
 
 namespace viable::detail {

@@ -1,4 +1,5 @@
 #include "host/FloatingPointGuard.h"
+#include "core/Text.h"
 
 #if defined(__SSE__)
 #include <xmmintrin.h>
@@ -87,7 +88,7 @@ void FloatingPointGuard::setModes(std::uint64_t modes) {
 
 std::string FloatingPointGuard::describeChange() const {
     std::string text;
-    const auto add = [&](const std::string& part) { text += (text.empty() ? "" : ", ") + part; };
+    const auto add = [&](const std::string& part) { detail::addItem(text, part); };
     const std::uint64_t changed = readControl() ^ control_;
     std::uint64_t named = kRounding;
     for (const ModeBit& mode : kModes) {

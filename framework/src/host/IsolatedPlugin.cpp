@@ -1,20 +1,15 @@
 #include "host/IsolatedPlugin.h"
 
 #include <semaphore.h>
-#include <sys/mman.h>
-#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
-#include <cstring>
 #include <ctime>
-#include <new>
-#include <system_error>
 
+#include "core/ChildProcess.h"
 #include "host/PluginCall.h"
 
 namespace viable {
@@ -97,6 +92,10 @@ bool isSound(const JointLimits& l) {
     return isSound(l.position) && isSound(l.velocity) && isSound(l.acceleration) && isSound(l.jerk);
 }
 
+bool isSound(const LinearErrorLoop& l) {
+    return isSound(l.kr) && isSound(l.kp) && isSound(l.ki) && isSound(l.integralLimit) && isSound(l.torqueRate);
+}
+
 timespec calcDeadline(long nanoseconds) {
     timespec deadline;
     clock_gettime(CLOCK_MONOTONIC, &deadline);
@@ -108,9 +107,7 @@ timespec calcDeadline(long nanoseconds) {
 
 std::string describeEnd(int status) {
     if (WIFSIGNALED(status)) {
-        const int signal = WTERMSIG(status);
-        const char* name = strsignal(signal);
-        return "its process died: signal " + std::to_string(signal) + " (" + (name ? name : "unknown") + ")";
+        return "its process died: " + detail::describeSignal(WTERMSIG(status));
     }
     return "its process ended: it called exit(" + std::to_string(WEXITSTATUS(status)) + ")";
 }
@@ -119,9 +116,6 @@ std::string describeEnd(int status) {
 class PluginProcess {
 public:
     PluginProcess(PluginWatch& watch, double watchdog_s) : watch_(watch), watchdog_s_(watchdog_s) {
-        void* memory = mmap(nullptr, sizeof(Mailbox), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-        if (memory == MAP_FAILED) throw std::system_error(errno, std::generic_category(), "no memory to share");
-        box_ = new (memory) Mailbox;
         sem_init(&box_->request, 1, 0);
         sem_init(&box_->reply, 1, 0);
     }
@@ -133,7 +127,6 @@ public:
             watch_.lastWords = awaitReply();
             if (watch_.lastWords.empty()) waitpid(pid_, nullptr, 0);
         }
-        munmap(box_, sizeof(Mailbox));
     }
     PluginProcess(const PluginProcess&) = delete;
     PluginProcess& operator=(const PluginProcess&) = delete;
@@ -143,16 +136,8 @@ public:
     /** Starts the process: `serve` runs there and never returns. Waits for its first reply. */
     template <class Serve>
     void start(const Serve& serve) {
-        std::fflush(nullptr);  // what is in the buffers now is ours to write
-        std::signal(SIGCHLD,
-                    SIG_DFL);  // who started us may have had it ignored; then nobody is told of a death
-        const pid_t parent = getpid();
-        pid_ = fork();
-        if (pid_ < 0)
-            throw std::system_error(errno, std::generic_category(), "a process for the plugin could not be made");
+        pid_ = detail::forkChild("for the plugin");
         if (pid_ == 0) {
-            prctl(PR_SET_PDEATHSIG, SIGKILL);
-            if (getppid() != parent) _exit(0);
             for (int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, SIG_IGN);  // the host decides when to end
             for (int signal : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT})
                 std::signal(signal, SIG_DFL);  // the host tells of it
@@ -212,7 +197,7 @@ private:
         }
     }
 
-    Mailbox* box_;
+    const detail::SharedObject<Mailbox> box_ = detail::makeSharedObject<Mailbox>();
     PluginWatch& watch_;
     pid_t pid_ = -1;
     double watchdog_s_;
@@ -469,8 +454,9 @@ private:
 class IsolatedRobustLoop : public Isolated<RobustLoop> {
 public:
     IsolatedRobustLoop(const std::function<PluginPtr<RobustLoop>()>& make, PluginWatch& watch, double watchdog_s)
-        : Isolated(make, watch, watchdog_s), errorLoop_(box().errorLoop), hasErrorLoop_(box().hasErrorLoop) {}
-    const LinearErrorLoop* errorLoop() const override { return hasErrorLoop_ ? &errorLoop_ : nullptr; }
+        : Isolated(make, watch, watchdog_s), hasErrorLoop_(box().hasErrorLoop) {
+        if (hasErrorLoop_ && isSound(box().errorLoop)) errorLoop_ = box().errorLoop;
+    }
     TickStatus compute(const JointState& real, const MotionState& nominal, const JointVector& filterTorque,
                        JointVector& torque) override {
         box().real = real;
@@ -482,10 +468,11 @@ public:
         return tickStatus();
     }
     void holdIntegral() override { call(Request::HoldIntegral); }
+    const LinearErrorLoop* errorLoop() const override { return hasErrorLoop_ ? &errorLoop_ : nullptr; }
 
 private:
-    LinearErrorLoop errorLoop_;
     bool hasErrorLoop_;
+    LinearErrorLoop errorLoop_;  // of no size where the other process wrote nonsense, and refused for it
 };
 
 class IsolatedPlant : public Isolated<RealPlant> {
@@ -511,6 +498,7 @@ public:
     const JointState& measured() const override { return measured_; }
     const JointState& actual() const override { return actual_; }
     const JointVector* externalTorque() const override { return hasExternalTorque_ ? &external_ : nullptr; }
+    Encoder encoder() const override { return encoder_; }
     TickStatus advance(const JointVector& torque, JointVector& applied) override {
         box().torque = torque;
         call(Request::Advance);

@@ -19,6 +19,7 @@
 #include <optional>
 #include <system_error>
 
+#include "core/Text.h"
 #include "host/FloatingPointGuard.h"
 #include "host/PluginCall.h"
 
@@ -49,11 +50,7 @@ std::string quoted(const std::string& text) {
     return "'" + text + "'";
 }
 
-std::string join(const std::vector<std::string>& parts, const char* separator) {
-    std::string text;
-    for (const std::string& part : parts) text += (text.empty() ? "" : separator) + part;
-    return text;
-}
+using detail::join;
 
 std::string makeFileName(PluginKind kind, const std::string& name) {
     return std::string("viable_") + getName(kind) + "_" + name + ".so";

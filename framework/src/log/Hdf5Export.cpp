@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "core/PendingFile.h"
+#include "core/WholeFile.h"
 #include "log/Hdf5ExportDriver.h"
 #include "log/LogExport.h"
 #include "log/LogExportColumns.h"
@@ -48,7 +48,7 @@ std::string findReason() {
 
 /** The library's answer, or an Error: what can fail here is writing. */
 template <class Id>
-Id require(Id id, const detail::PendingFile& file) {
+Id require(Id id, const detail::WholeFile& file) {
     if (id < 0) throw file.notWritten(findReason());
     return id;
 }
@@ -77,7 +77,7 @@ private:
 
 /** An attribute of any length: its values lie outside of the object's header. */
 void setAttribute(hid_t object, const std::string& name, hid_t type, hid_t space, const void* values,
-                  const detail::PendingFile& file) {
+                  const detail::WholeFile& file) {
     const Handle creation(require(H5Pcreate(H5P_ATTRIBUTE_CREATE), file), H5Pclose);
     require(H5Pset_char_encoding(creation.id(), H5T_CSET_UTF8), file);
     const Handle attribute(require(H5Acreate2(object, name.c_str(), type, space, creation.id(), H5P_DEFAULT), file),
@@ -87,7 +87,7 @@ void setAttribute(hid_t object, const std::string& name, hid_t type, hid_t space
 
 /** The attribute `name`: one text, or a list of texts. */
 void setTexts(hid_t object, const std::string& name, const std::vector<std::string>& texts, bool isList,
-              const detail::PendingFile& file) {
+              const detail::WholeFile& file) {
     const Handle type(require(H5Tcopy(H5T_C_S1), file), H5Tclose);
     require(H5Tset_size(type.id(), H5T_VARIABLE), file);
     require(H5Tset_cset(type.id(), H5T_CSET_UTF8), file);
@@ -100,7 +100,7 @@ void setTexts(hid_t object, const std::string& name, const std::vector<std::stri
 }
 
 /** The attribute `name` with bytes that are no text. */
-void setBytes(hid_t object, const std::string& name, const std::string& bytes, const detail::PendingFile& file) {
+void setBytes(hid_t object, const std::string& name, const std::string& bytes, const detail::WholeFile& file) {
     const Handle type(require(H5Tvlen_create(H5T_NATIVE_UINT8), file), H5Tclose);
     const Handle space(require(H5Screate(H5S_SCALAR), file), H5Sclose);
     const hvl_t value{bytes.size(), const_cast<char*>(bytes.data())};
@@ -109,7 +109,7 @@ void setBytes(hid_t object, const std::string& name, const std::string& bytes, c
 
 /** What the log says before its rows, as attributes of the root. Of several things with one name the
 later ones get a number behind it. */
-void writeOpening(hid_t root, const LogReader& reader, const detail::PendingFile& file) {
+void writeOpening(hid_t root, const LogReader& reader, const detail::WholeFile& file) {
     std::set<std::string> taken;
     const auto set = [&](const std::string& wanted, const std::string& value) {
         std::string name = wanted.empty() ? "unnamed" : wanted;
@@ -143,7 +143,7 @@ std::vector<std::string> listWords(const std::string& column) {
 /** One column on its way into the file. */
 class Column {
 public:
-    Column(hid_t file, const detail::ExportColumn& column, const detail::PendingFile& target)
+    Column(hid_t file, const detail::ExportColumn& column, const detail::WholeFile& target)
         : column_(*column.column), target_(target), words_(listWords(column.name)) {
         const hsize_t none = 0, unlimited = H5S_UNLIMITED, block = kBlockRows;
         const Handle space(require(H5Screate_simple(1, &none, &unlimited), target), H5Sclose);
@@ -207,7 +207,7 @@ private:
     }
 
     const LogColumn& column_;
-    const detail::PendingFile& target_;
+    const detail::WholeFile& target_;
     std::unique_ptr<Handle> set_;
     hsize_t written_ = 0;
     std::vector<std::uint8_t> codes_;
@@ -217,7 +217,7 @@ private:
 };
 
 /** Writes the whole file; the driver keeps its first error in `error` and is silent about it. */
-void writeHdf5(LogReader& reader, const std::vector<detail::ExportColumn>& named, const detail::PendingFile& pending,
+void writeHdf5(LogReader& reader, const std::vector<detail::ExportColumn>& named, const detail::WholeFile& pending,
                int& error) {
     const detail::Hdf5Target target{pending.descriptor(), &error};
     const Handle driver(require(detail::registerHdf5Driver(), pending), H5FDunregister);
@@ -246,7 +246,7 @@ void writeHdf5(LogReader& reader, const std::vector<detail::ExportColumn>& named
 void exportHdf5(const std::filesystem::path& log, const std::filesystem::path& hdf5) {
     LogReader reader(log);
     const std::vector<detail::ExportColumn> columns = detail::nameExportColumns(reader, log.string());
-    detail::PendingFile pending(hdf5);
+    detail::WholeFile pending(hdf5);
     const QuietLibrary quiet;
     int error = 0;
     try {

@@ -4,7 +4,8 @@
 #include <string>
 #include <string_view>
 
-#include "core/PendingFile.h"
+#include "core/Text.h"
+#include "core/WholeFile.h"
 #include "log/LogExportColumns.h"
 #include "log/LogReader.h"
 
@@ -13,19 +14,6 @@ namespace viable {
 namespace {
 
 constexpr std::size_t kBlock = 1 << 20;  // [bytes] written at once
-
-void appendText(std::string& line, std::string_view text) {
-    if (text.find_first_of(",\"\r\n") == std::string_view::npos) {
-        line += text;
-        return;
-    }
-    line += '"';
-    for (const char c : text) {
-        if (c == '"') line += '"';
-        line += c;
-    }
-    line += '"';
-}
 
 template <class Number>
 void appendNumber(std::string& line, Number value) {
@@ -39,12 +27,9 @@ void appendNumber(std::string& line, Number value) {
 void exportCsv(const std::filesystem::path& log, const std::filesystem::path& csv) {
     LogReader reader(log);
     const std::vector<detail::ExportColumn> columns = detail::nameExportColumns(reader, log.string());
-    detail::PendingFile file(csv);
+    detail::WholeFile file(csv);
     std::string text;
-    for (const detail::ExportColumn& column : columns) {
-        if (!text.empty()) text += ',';
-        appendText(text, column.name);
-    }
+    for (const detail::ExportColumn& column : columns) detail::addItem(text, detail::quoteCsv(column.name), ",");
     text += '\n';
     TickRecord record;
     while (reader.read(record)) {
@@ -54,7 +39,7 @@ void exportCsv(const std::filesystem::path& log, const std::filesystem::path& cs
             text += separator;
             separator = ",";
             if (column.isText()) {
-                appendText(text, column.getText(record));
+                text += detail::quoteCsv(column.getText(record));
             } else if (column.isInteger()) {
                 appendNumber(text, column.getInteger(record));
             } else {

@@ -1,9 +1,8 @@
 #include "log/LogExportColumns.h"
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
-#include "viable/core/Error.h"
+#include "log/LogMetadata.h"
 
 namespace viable::detail {
 
@@ -25,23 +24,6 @@ constexpr Unit kUnits[] = {
     {"s", "s", "s", "s"},
     {"us", "us", "us", "us"},
 };
-
-std::vector<std::string> readPrismaticJoints(const LogReader& reader, const std::string& log) {
-    const auto entry = reader.metadata().find(kPrismaticJoints);
-    if (entry == reader.metadata().end()) return {};
-    const nlohmann::json json = nlohmann::json::parse(entry->second, nullptr, false);
-    const std::vector<std::string>& joints = reader.layout().jointNames;
-    const bool isList =
-        json.is_array() && std::all_of(json.begin(), json.end(), [&](const nlohmann::json& j) {
-            return j.is_string() && std::find(joints.begin(), joints.end(), j.get<std::string>()) != joints.end();
-        });
-    if (!isList)
-        throw badInput(log,
-                       std::string("its metadata `") + kPrismaticJoints +
-                           "` are no JSON list of joints of this log: " + entry->second,
-                       "The log was not written by this program");
-    return json.get<std::vector<std::string>>();
-}
 
 ExportColumn nameColumn(const LogColumn& column, const std::vector<std::string>& prismaticJoints) {
     ExportColumn named{&column, column.name(), "/" + column.name(), column.isText() ? "" : "1"};
@@ -68,9 +50,10 @@ ExportColumn nameColumn(const LogColumn& column, const std::vector<std::string>&
 }  // namespace
 
 std::vector<ExportColumn> nameExportColumns(const LogReader& reader, const std::string& log) {
-    const std::vector<std::string> prismaticJoints = readPrismaticJoints(reader, log);
+    const LogMetadata metadata = readLogMetadata(reader);
+    metadata.refuseDamaged(LogMetadata::kPrismaticJoints, log);
     std::vector<ExportColumn> columns;
-    for (const LogColumn& column : reader.columns()) columns.push_back(nameColumn(column, prismaticJoints));
+    for (const LogColumn& column : reader.columns()) columns.push_back(nameColumn(column, metadata.prismaticJoints));
     return columns;
 }
 

@@ -7,9 +7,6 @@
 
 namespace viable::detail {
 
-/** The metadata entry that names the joints which slide, as a JSON list: ["lift"]. */
-inline constexpr char kPrismaticJoints[] = "prismatic_joints";
-
 /** A column of a log as the exports name it. */
 struct ExportColumn {
     const LogColumn* column;  ///< the reader's

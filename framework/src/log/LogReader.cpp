@@ -292,7 +292,7 @@ struct LogReader::Impl {
         if (in.take(kCdrLittleEndian.size()) != kCdrLittleEndian) {
             throw BadBytes(0, "a message of channel " + quote(plan.channel->getTopic()) + " is not little-endian CDR");
         }
-        ByteReader body(in.take(in.left()));
+        MessageReader body(in.take(in.left()), MessageLayout::LittleEndianCdr);
         for (const Step& step : plan.steps) decode(step, body);
         seen |= plan.bit;
         if (seen != expected) return false;
@@ -300,18 +300,14 @@ struct LogReader::Impl {
         return true;
     }
 
-    void decode(const Step& step, ByteReader& in) {
-        std::uint32_t count = step.count;
-        if (step.isSequence) {
-            in.align(4);
-            count = in.takeU32();
-        }
+    void decode(const Step& step, MessageReader& in) {
+        const std::uint32_t count = step.isSequence ? in.takeU32() : step.count;
         if (step.field == nullptr) {
             if (step.size == 0) {
-                for (std::uint32_t i = 0; i < count; ++i) takeWord(in);
+                for (std::uint32_t i = 0; i < count; ++i) in.takeText();
             } else if (count > 0) {
                 in.align(step.size);
-                in.take(std::uint64_t{count} * step.size);
+                in.skip(std::uint64_t{count} * step.size);
             }
             return;
         }
@@ -323,14 +319,13 @@ struct LogReader::Impl {
         const int n = static_cast<int>(count);
         if (field.isText()) {
             for (int i = 0; i < n; ++i) {
-                const std::string_view word = takeWord(in);
+                const std::string_view word = in.takeText();
                 if (!field.setText(row, i, word)) {
                     throw BadBytes(0, "`" + field.name + "` cannot be " + quote(word));
                 }
             }
             return;
         }
-        in.align(8);
         if (field.kind == LogKind::Integer) {
             const auto value = static_cast<std::int64_t>(in.takeU64());
             if (!field.setInteger(row, value)) {
@@ -343,13 +338,6 @@ struct LogReader::Impl {
         } else {
             for (int i = 0; i < n; ++i) field.updNumber(row, i) = in.takeDouble();
         }
-    }
-
-    static std::string_view takeWord(ByteReader& in) {
-        in.align(4);
-        std::string_view word = in.takeString();
-        if (!word.empty() && word.back() == '\0') word.remove_suffix(1);
-        return word;
     }
 
     bool read(TickRecord& record) {

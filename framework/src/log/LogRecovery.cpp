@@ -1,6 +1,6 @@
 #include <optional>
 
-#include "core/PendingFile.h"
+#include "core/WholeFile.h"
 #include "log/LogExport.h"
 #include "log/LogReader.h"
 #include "log/LogWriter.h"
@@ -12,7 +12,7 @@ namespace {
 /** Log bytes into a file that is whole, and gets its name, only when the writer says so. */
 class PendingSink : public LogSink {
 public:
-    PendingSink(detail::PendingFile& file, std::optional<Error>& failure) : file_(file), failure_(failure) {}
+    PendingSink(detail::WholeFile& file, std::optional<Error>& failure) : file_(file), failure_(failure) {}
     bool write(const void* data, std::size_t size, std::string& error) override {
         try {
             file_.write({static_cast<const char*>(data), size});
@@ -26,7 +26,7 @@ public:
     bool close(std::string&) override { return true; }
 
 private:
-    detail::PendingFile& file_;
+    detail::WholeFile& file_;
     std::optional<Error>& failure_;
 };
 
@@ -34,7 +34,7 @@ private:
 
 std::uint64_t recoverLog(const std::filesystem::path& log, const std::filesystem::path& whole) {
     LogReader reader(log);
-    detail::PendingFile file(whole);
+    detail::WholeFile file(whole);
     LogOpening opening{reader.layout(), reader.metadata(), reader.attachments()};
     std::optional<Error> failure;
     LogWriter writer(std::make_unique<PendingSink>(file, failure), opening);

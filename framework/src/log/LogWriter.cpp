@@ -11,7 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
-#include "core/PendingFile.h"
+#include "core/WholeFile.h"
 #include "log/LogFields.h"
 #include "log/Mcap.h"
 #include "viable/core/Error.h"
@@ -48,16 +48,9 @@ public:
     }
 
     bool write(const void* data, std::size_t size, std::string& error) override {
-        const char* next = static_cast<const char*>(data);
-        while (size > 0) {
-            const ssize_t taken = ::write(descriptor_, next, size);
-            if (taken < 0 && errno == EINTR) continue;
-            if (taken <= 0) {
-                error = describe(taken < 0 ? errno : EIO);
-                return false;
-            }
-            next += taken;
-            size -= static_cast<std::size_t>(taken);
+        if (const int code = detail::writeAll(descriptor_, {static_cast<const char*>(data), size})) {
+            error = describe(code);
+            return false;
         }
         if (part_.empty()) return true;
         if (const int code = detail::giveName(part_, file_)) {

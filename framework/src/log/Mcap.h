@@ -158,4 +158,47 @@ private:
     std::size_t position_ = 0;
 };
 
+/** How the values of a message stand: CDR aligns each to its size and ends texts with a zero, ROS 1 packs them. */
+enum class MessageLayout { LittleEndianCdr, BigEndianCdr, Ros1 };
+
+/** Takes the values of a message, what tells its layout left out. */
+class MessageReader {
+public:
+    MessageReader(std::string_view body, MessageLayout layout)
+        : in_(body), isAligned_(layout != MessageLayout::Ros1), isBig_(layout == MessageLayout::BigEndianCdr) {}
+
+    std::size_t left() const { return in_.left(); }
+    void skip(std::uint64_t size) { in_.take(size); }
+    /** Throws BadBytes unless so many bytes are left. */
+    void expect(std::uint64_t size) const { ByteReader(in_).take(size); }
+    void align(std::size_t size) {
+        if (isAligned_) in_.align(size);
+    }
+    std::uint32_t takeU32() {
+        align(4);
+        const std::uint32_t v = in_.takeU32();
+        return isBig_ ? __builtin_bswap32(v) : v;
+    }
+    std::uint64_t takeU64() {
+        align(8);
+        const std::uint64_t v = in_.takeU64();
+        return isBig_ ? __builtin_bswap64(v) : v;
+    }
+    double takeDouble() {
+        const std::uint64_t bits = takeU64();
+        double v;
+        std::memcpy(&v, &bits, sizeof(v));
+        return v;
+    }
+    std::string_view takeText() {
+        std::string_view text = in_.take(takeU32());
+        if (isAligned_ && !text.empty() && text.back() == '\0') text.remove_suffix(1);
+        return text;
+    }
+
+private:
+    ByteReader in_;
+    bool isAligned_, isBig_;
+};
+
 }  // namespace viable::mcap

@@ -9,15 +9,12 @@
 
 #include "core/FarthestJoint.h"
 #include "viable/core/Error.h"
-#include "viable/summary/Summary.h"
 
 namespace viable {
 
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-constexpr double kPi = 3.14159265358979323846;
 
 bool isUsable(const MotionCommand& command, int n) {
     if (command.space == MotionCommand::Space::Joint) return isFinite(command.q, n) && isFinite(command.qd, n);
@@ -155,9 +152,9 @@ void ControlLoop::reset() {
     stopBegun_ = ended_ = robustLoopFailed_ = false;
     missedInRow_ = 0;
     limits_ = setup_.limits;
-    largestJump_.setZero(n_);
-    deviation_.setZero(n_);
-    widenJumps();
+    const JointVector any = JointVector::Constant(n_, std::numeric_limits<double>::infinity());
+    sensors_.begin({SensorCheck::Reference::LastReading, calcLargestChange(setup_, limits_, options_.bound), any, any},
+                   nominal_.q);
     for (JointVector* v : {&desiredTorque_, &robustTorque_, &motorTorque_, &appliedTorque_}) v->setZero(n_);
     output_ = {};
     decision_ = {};
@@ -229,10 +226,9 @@ Status ControlLoop::contain(PluginKind kind, Status faulted, const Call& call) n
 }
 
 void ControlLoop::lookAtPlant() {
-    const JointVector before = real_.q;
     readState();
     if (options_.feedsExternalTorque) readExternalTorque();
-    judgeReading(before);  // a jump says more than that the error is large
+    judgeReading();  // a jump says more than that the error is large
     checkTracking();
 }
 
@@ -310,13 +306,15 @@ void ControlLoop::holdIntegral() {
 }
 
 /** A joint's reading that no motion explains is not taken as plausible, nor is any after it; the other joints keep theirs. */
-void ControlLoop::judgeReading(const JointVector& before) {
+void ControlLoop::judgeReading() {
     // The first reading may be anywhere: there is none before it.
     const bool judges = options_.judgesReadings && tickIndex_ > 0 && !ended_;
+    sensors_.miss(ticksSinceReading_ - 1);
+    std::array<bool, kMaxJoints> isExplained{};
+    for (int i = 0; i < n_; ++i) isExplained[static_cast<std::size_t>(i)] = sensors_.isPlausible(i, real_, nominal_);
     for (int i = 0; i < n_; ++i) {
         const auto at = static_cast<std::size_t>(i);
-        const double jump = std::abs(real_.q[i] - before[i]);
-        if (judges && isPlausible_[at] && jump > largestJump_[i] * static_cast<double>(ticksSinceReading_)) {
+        if (judges && isPlausible_[at] && !isExplained[at]) {
             isPlausible_[at] = false;
             const JointDescription& joint = setup_.robot.joints[at];
             const char* const unit = joint.type == JointType::Prismatic ? "m" : "rad";
@@ -324,36 +322,18 @@ void ControlLoop::judgeReading(const JointVector& before) {
             std::snprintf(message, sizeof message,
                           "the position that it reports of %.60s jumped by %.4g %s in a tick, in which %.4g "
                           "%s would be more than any motion of it",
-                          joint.name.c_str(), jump, unit, largestJump_[i], unit);
+                          joint.name.c_str(), sensors_.calcChange(i, real_, nominal_), unit, sensors_.largestChange(i),
+                          unit);
             beginStop(StopReason::SensorFailed, message, kOnJump);
             holdIntegral();
         }
         if (isPlausible_[at]) {
+            sensors_.take(i, real_, nominal_);
             plausible_.q[i] = real_.q[i];
             plausible_.qd[i] = real_.qd[i];
-            deviation_[i] = real_.q[i] - nominal_.q[i];
         } else {
-            plausible_.q[i] = nominal_.q[i] + deviation_[i];
-            plausible_.qd[i] = nominal_.qd[i];
+            sensors_.standIn(i, nominal_, plausible_);
         }
-    }
-}
-
-/** Widens what counts as a motion by the velocity limits in force; see kJumpSpeeds. */
-void ControlLoop::widenJumps() {
-    for (int i = 0; i < n_; ++i) {
-        const double speed =
-            std::max({-limits_.velocity.lower[i], limits_.velocity.upper[i], std::abs(setup_.start.qd[i])});
-        const double counts = setup_.robot.actuation.encoderCounts[i];
-        const bool slides = setup_.robot.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic;
-        const double count = counts > 0.0 ? (slides ? 1.0 : 2.0 * kPi) / counts : 0.0;
-        double noMotion = kJumpSpeeds * speed * setup_.tick_s + kJumpCounts * count;
-        if (const TrackingBound* bound = options_.bound)
-            noMotion = std::max(noMotion, (speed + bound->velocity[i]) * setup_.tick_s +
-                                              2.0 * (bound->measured[i] - bound->position[i]));
-        else
-            noMotion = std::max(noMotion, slides ? kLeastJump_m : kLeastJumpTurns * 2.0 * kPi);
-        largestJump_[i] = std::max(largestJump_[i], noMotion);
     }
 }
 
@@ -416,7 +396,7 @@ void ControlLoop::takeLimits(double t) {
         return;
     }
     limits_ = *limits;
-    widenJumps();
+    sensors_.widen(calcLargestChange(setup_, limits_, options_.bound));
     monitor_.changeLimits(limits_, nominal_);
 }
 

@@ -4,6 +4,7 @@
 
 #include "host/IsolatedPlugin.h"
 #include "host/PluginCall.h"
+#include "loop/SensorCheck.h"
 #include "loop/StopMonitor.h"
 #include "viable/host/PluginLoader.h"
 #include "viable/log/TickRecord.h"
@@ -52,14 +53,6 @@ inline constexpr int kMaxSubstitutedTicks = 10;
 
 /** How many ticks in a row may be missed before the arm is braked for good. */
 inline constexpr int kMaxMissedTicks = 1000;
-
-/** A measured position that changes in a tick by more than so many times what the joint's velocity limit allows, and
-by so many encoder counts on top, is no motion. With a tracking bound what its disturbance set allows is no jump either:
-(velocity limit + bound.velocity) tick, and the error of both readings, 2 (bound.measured - bound.position). Without one
-nothing is known of the real arm, which may be falling or swinging up: a change up to kLeastJumpTurns or kLeastJump_m is
-taken as it is. That is thousands of rad/s at 1 kHz, and below a wrap by a turn. */
-inline constexpr double kJumpSpeeds = 10.0, kJumpCounts = 8.0;
-inline constexpr double kLeastJumpTurns = 0.45, kLeastJump_m = 1.0;
 
 /** What a loop with a real arm does besides making it follow. */
 struct RealArmOptions {
@@ -135,8 +128,7 @@ private:
     void checkTracking();
     void watchNominal();
     void holdIntegral();
-    void judgeReading(const JointVector& before);
-    void widenJumps();
+    void judgeReading();
     void takeCommand(double t);
     void takeLimits(double t);
     /** @param missed  ticks before this one */
@@ -183,9 +175,8 @@ private:
     int missingCommands_ = 0;
     int missingTorques_ = 0;
     int missingExternalTorques_ = 0;
-    JointVector largestJump_;  // [rad]
-    JointVector deviation_;    // of the last reading that was taken as plausible from the nominal arm [rad]
-    JointState plausible_;     // what the robust loop gets of real_
+    SensorCheck sensors_;
+    JointState plausible_;  // what the robust loop gets of real_
     std::array<bool, kMaxJoints> isPlausible_{};
     bool isTrackingLost_ = false, isIntegralHeld_ = false;
     bool hasLeftLimits_ = false;  // the nominal arm, those that the bound is for

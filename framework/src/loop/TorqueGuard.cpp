@@ -1,7 +1,5 @@
 #include "viable/loop/TorqueGuard.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -9,8 +7,9 @@
 #include <string>
 
 #include "core/FarthestJoint.h"
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "loop/ControlLoop.h"
+#include "robot/InertiaModes.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -21,7 +20,6 @@ using detail::formatNumber;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kPi = 3.14159265358979323846;
 
 /** A reading may be off by so many encoder counts. */
 constexpr double kCounts = 2.0;
@@ -140,9 +138,7 @@ MotionState makeRest(const JointLimits& limits) {
 /** Refuses gains of the robust loop with which the sampled velocity loop of the arm, v+ = v - M^-1 K_r dt v, swings up. */
 void checkRobustGains(const NricOptions& gains, const JointMatrix& M, double tick_s, const RobotDescription& robot) {
     const int n = robot.size();
-    const JointVector root = gains.kr.expand(n).cwiseSqrt();
-    const JointMatrix scaled = M.llt().matrixL().solve(JointMatrix(root.asDiagonal()));
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> modes(scaled.transpose() * scaled);
+    const auto modes = detail::findModes(M, gains.kr.expand(n), Eigen::ComputeEigenvectors);
     const double fastest = modes.eigenvalues()[n - 1] * tick_s;
     if (fastest < kUnstable) return;
     Eigen::Index worst = 0;
@@ -211,24 +207,18 @@ public:
     /** From a start on; one entry per joint. @param deviation, speed  see TorqueGuardOptions */
     void begin(const RobotDescription& robot, double tick_s, const JointVector& deviation, const JointVector& speed) {
         n_ = robot.size();
-        largestDeviation_ = deviation;
         torqueLimit_ = robot.actuation.torqueLimit;
-        largestSpeed_ = speed;
-        for (int i = 0; i < n_; ++i) {
-            const double counts = robot.actuation.encoderCounts[i];
-            const bool slides = robot.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic;
-            if (counts > 0.0) largestSpeed_[i] += kCounts * (slides ? 1.0 : 2.0 * kPi) / counts / tick_s;
-        }
-        largestStep_ = largestSpeed_ * tick_s;
+        policy_ = {SensorCheck::Reference::NominalMotion, {}, speed, deviation};
+        for (int i = 0; i < n_; ++i) policy_.largestSpeed[i] += kCounts * robot.encoderStep(i) / tick_s;
+        policy_.largestChange = policy_.largestSpeed * tick_s;
     }
 
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState& start) override {
         state_ = actual_ = {start.q, start.qd};
-        deviation_.setZero(n_);
+        sensors_.begin(policy_, start.q);
         external_.setZero(n_);
         motors_.setZero(n_);
-        elapsed_ = 1;
         isTrusted_ = true;
     }
     const JointState& measured() const override { return state_; }
@@ -249,7 +239,7 @@ public:
             fault = ReadingFault::Malformed;
         if (fault != ReadingFault::None || !isTrusted_) {
             // A jump is no news of where the joint is; without any reading it may move on.
-            if (fault == ReadingFault::Malformed) ++elapsed_;
+            if (fault == ReadingFault::Malformed) sensors_.miss();
             standIn(nominal);
             return fault;
         }
@@ -259,16 +249,17 @@ public:
         else
             external_.setZero();
         state_ = actual_ = reading;
-        deviation_ = reading.q - nominal.q;
-        for (int i = 0; i < n_; ++i)  // a joint far away is not to be pulled back all the harder
-            if (std::abs(deviation_[i]) > largestDeviation_[i])
-                state_.q[i] = nominal.q[i] + std::copysign(largestDeviation_[i], deviation_[i]);
-        elapsed_ = 1;
+        for (int i = 0; i < n_; ++i) {
+            sensors_.take(i, reading, nominal);
+            // A joint far away is not to be pulled back all the harder.
+            const double deviation = sensors_.deviation()[i], largest = policy_.largestDeviation[i];
+            if (std::abs(deviation) > largest) state_.q[i] = nominal.q[i] + std::copysign(largest, deviation);
+        }
         return fault;
     }
     /** A tick without a reading. */
     void miss(const MotionState& nominal) {
-        ++elapsed_;
+        sensors_.miss();
         hasReading_ = false;
         standIn(nominal);
     }
@@ -281,8 +272,8 @@ public:
     }
 
     /** The joint farthest beyond its largest deviation; -1: none is. */
-    int findFar() const { return detail::findFarthestBeyond(deviation_, largestDeviation_); }
-    double deviation(int joint) const { return deviation_[joint]; }
+    int findFar() const { return detail::findFarthestBeyond(sensors_.deviation(), policy_.largestDeviation); }
+    double deviation(int joint) const { return sensors_.deviation()[joint]; }
 
     bool wasDriven() const { return wasDriven_; }
     const JointVector& motors() const { return motors_; }
@@ -291,29 +282,24 @@ public:
 private:
     ReadingFault judge(const JointState& reading, const MotionState& nominal) const {
         if (!isFinite(reading, n_)) return ReadingFault::Malformed;
-        for (int i = 0; i < n_; ++i) {
-            const double step = reading.q[i] - nominal.q[i] - deviation_[i];
-            if (std::abs(reading.qd[i]) > largestSpeed_[i] ||
-                std::abs(step) > largestStep_[i] * static_cast<double>(elapsed_))
-                return ReadingFault::Jumped;
-        }
+        for (int i = 0; i < n_; ++i)
+            if (!sensors_.isPlausible(i, reading, nominal)) return ReadingFault::Jumped;
         return ReadingFault::None;
     }
     /** The last deviation goes on: nothing is known of a change. */
     void standIn(const MotionState& nominal) {
-        state_.q = nominal.q + deviation_.cwiseMax(-largestDeviation_).cwiseMin(largestDeviation_);
-        state_.qd = nominal.qd;
+        for (int i = 0; i < n_; ++i) sensors_.standIn(i, nominal, state_);
         actual_ = state_;
     }
 
     int n_ = 0;
-    JointVector torqueLimit_, largestDeviation_, largestSpeed_, largestStep_;
-    JointState state_;       // for the robust loop
-    JointState actual_;      // as read, where it was of use
-    JointVector deviation_;  // of the last good reading from the nominal arm [rad]
-    JointVector external_;   // of the last good reading [Nm]
+    SensorCheck::Policy policy_;
+    SensorCheck sensors_;
+    JointVector torqueLimit_;
+    JointState state_;      // for the robust loop
+    JointState actual_;     // as read, where it was of use
+    JointVector external_;  // of the last good reading [Nm]
     JointVector motors_;
-    std::int64_t elapsed_ = 1;  // ticks since that reading
     bool isTrusted_ = true, wasDriven_ = false, hasReading_ = false;
 };
 
@@ -569,13 +555,23 @@ GuardStop TorqueGuard::stopReason() const {
             return GuardStop::Requested;
         case StopReason::ControllerFailed:
             return GuardStop::LawFailed;
+        case StopReason::FilterFailed:
+        case StopReason::FilterEnded:
+            return GuardStop::FilterFailed;
+        case StopReason::RobustLoopFailed:
+            return GuardStop::RobustLoopFailed;
+        case StopReason::GuaranteeBroken:
+            return GuardStop::GuaranteeBroken;
         case StopReason::TicksMissed:
             return GuardStop::TicksMissed;
         case StopReason::PlantFailed:
-            return inside_->ownReason;
-        default:
-            return GuardStop::FilterFailed;
+            return inside_->ownReason == GuardStop::None ? GuardStop::LibraryFailed : inside_->ownReason;
+        case StopReason::CommandFailed:  // Silence does not fail
+        case StopReason::TrackingLost:   // there is no bound
+        case StopReason::SensorFailed:   // Arm has judged the readings
+            break;
     }
+    return GuardStop::LibraryFailed;
 }
 
 const char* TorqueGuard::stopMessage() const {

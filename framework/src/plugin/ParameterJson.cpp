@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "config/ConfigText.h"
+#include "core/JsonNumber.h"
 #include "plugin/ParameterText.h"
 
 namespace viable::detail {
@@ -175,11 +176,6 @@ bool hasInfinity(const Json& value) {
 
 }  // namespace
 
-Json makeJsonNumber(double value) {
-    if (std::isinf(value)) return value > 0.0 ? ".inf" : "-.inf";
-    return value;
-}
-
 Json makeJsonDefault(const ParameterSpec& spec) {
     if (!spec.defaultText) return nullptr;
     switch (spec.type) {
@@ -203,9 +199,9 @@ Json describeAsJson(const ParameterSpec& spec) {
                  {"unit", getText(spec.unit)},       {"required", !spec.defaultText},
                  {"default", makeJsonDefault(spec)}, {"per_joint", spec.type == ParameterType::JointNumbers}};
     if (isNumeric(spec.type))
-        json["range"] = {{"min", makeJsonNumber(spec.min)},
+        json["range"] = {{"min", makeNumberOrWord<Json>(spec.min, kFileInfinity)},
                          {"min_is_open", spec.minIsOpen || std::isinf(spec.min)},
-                         {"max", makeJsonNumber(spec.max)},
+                         {"max", makeNumberOrWord<Json>(spec.max, kFileInfinity)},
                          {"max_is_open", spec.maxIsOpen || std::isinf(spec.max)},
                          {"may_be_infinite", spec.mayBeInfinite}};
     if (spec.type == ParameterType::Integer)

@@ -8,9 +8,6 @@ namespace viable::detail {
 
 using Json = nlohmann::ordered_json;  // a reader finds the keys in the order in which they are explained
 
-/** A number; infinity, which JSON does not have, as the text of an experiment file: ".inf", "-.inf". */
-Json makeJsonNumber(double value);
-
 /** The declared default as JSON: null where it is required, text for an expression of pi. */
 Json makeJsonDefault(const ParameterSpec& spec);
 

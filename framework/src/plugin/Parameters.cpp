@@ -6,7 +6,7 @@
 #include <system_error>
 
 #include "config/ConfigText.h"
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "plugin/ParameterText.h"
 #include "viable/core/Error.h"
 

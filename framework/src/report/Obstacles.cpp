@@ -5,7 +5,7 @@
 #include <cmath>
 #include <optional>
 
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "report/PoseJson.h"
 #include "robot/ArmReach.h"
 #include "viable/core/Error.h"

@@ -1,8 +1,6 @@
 #include "report/Page.h"
 
 #include <ctime>
-#include <fstream>
-#include <sstream>
 
 #include "core/WholeFile.h"
 #include "viable/core/Error.h"
@@ -51,14 +49,7 @@ std::string escape(const std::string& text) {
 
 }  // namespace
 
-std::string readWhole(const fs::path& file) {
-    std::ifstream stream(file, std::ios::binary);
-    std::ostringstream text;
-    text << stream.rdbuf();
-    return stream ? text.str() : std::string();
-}
-
-Page::Page(const fs::path& file) : file_(file), text_(readWhole(file)) {
+Page::Page(const fs::path& file) : file_(file), text_(readWhole(file).value_or("")) {
     if (text_.empty())
         throw badInput(file.string(), "the page of reports is missing",
                        "Run tools/setup.sh again, or install viable again.");

@@ -8,9 +8,6 @@
 
 namespace viable::detail {
 
-/** The text of a file; empty where there is none. */
-std::string readWhole(const std::filesystem::path& file);
-
 /** A page of reports without data: HTML with two marks where the data belongs. */
 class Page {
 public:

@@ -7,8 +7,9 @@
 #include <map>
 #include <stdexcept>
 
-#include "core/NumberFormat.h"
-#include "log/LogExportColumns.h"
+#include "core/Text.h"
+#include "core/WholeFile.h"
+#include "log/LogMetadata.h"
 #include "log/LogReader.h"
 #include "report/BinaryBlock.h"
 #include "report/Obstacles.h"
@@ -24,6 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using detail::BinaryBlock;
+using detail::format;
 using nlohmann::json;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -135,51 +137,39 @@ std::vector<const LogColumn*> findExternalTorque(const LogReader& reader) {
     return columns;
 }
 
-/** Per joint what holds in the whole run and stands in the log's metadata: the limits of the real joint, when the
-nominal arm has tighter ones, and how far the real joint may be from the nominal one. Infinities are left out. */
-std::vector<json> readConstants(const LogReader& reader) {
-    struct Entry {
-        const char *entry, *key, *name;  // of the metadata, in its object, in the page
+/** Per joint what holds in the whole run: the limits of the real joint, when the nominal arm has tighter ones, and how
+far the real joint may be from the nominal one. Infinities are left out. */
+std::vector<json> readConstants(const LogMetadata& metadata, std::size_t n) {
+    std::vector<json> joints(n, json::object());
+    const auto add = [&](const char* name, const JointVector& values) {
+        for (std::size_t i = 0; i < n; ++i)
+            if (const double x = values[static_cast<Eigen::Index>(i)]; std::isfinite(x)) joints[i][name] = x;
     };
-    static constexpr Entry kEntries[] = {
-        {"real_limits", "position_lower", "real_position_lower"},
-        {"real_limits", "position_upper", "real_position_upper"},
-        {"real_limits", "velocity_lower", "real_velocity_lower"},
-        {"real_limits", "velocity_upper", "real_velocity_upper"},
-        {"tracking_bound", "position_rad", "bound_position"},
-        {"tracking_bound", "velocity_radps", "bound_velocity"},
-        {"tracking_bound", "measured_rad", "bound_measured"},
-    };
-    std::vector<json> joints(reader.layout().jointNames.size(), json::object());
-    for (const Entry& one : kEntries) {
-        const auto found = reader.metadata().find(one.entry);
-        if (found == reader.metadata().end()) continue;
-        const json all = json::parse(found->second, nullptr, false);
-        const json values = all.is_object() ? all.value(one.key, json()) : json();
-        for (std::size_t i = 0; i < joints.size() && values.is_array() && i < values.size(); ++i)
-            if (values[i].is_number()) joints[i][one.name] = values[i];
+    if (const std::optional<JointLimits>& limits = metadata.realLimits) {
+        add("real_position_lower", limits->position.lower);
+        add("real_position_upper", limits->position.upper);
+        add("real_velocity_lower", limits->velocity.lower);
+        add("real_velocity_upper", limits->velocity.upper);
+    }
+    if (const auto& bound = metadata.bound) {
+        add("bound_position", bound->position);
+        add("bound_velocity", bound->velocity);
+        add("bound_measured", bound->measured);
     }
     return joints;
-}
-
-/** A list of names in the log's metadata; empty where there is none. */
-json readNames(const LogReader& reader, const char* key) {
-    const auto entry = reader.metadata().find(key);
-    json names = entry == reader.metadata().end() ? json() : json::parse(entry->second, nullptr, false);
-    return names.is_array() ? names : json::array();
 }
 
 /** Everything of one log that the page shows. */
 class CaseData {
 public:
-    explicit CaseData(const LogReader& reader)
+    CaseData(const LogReader& reader, const LogMetadata& metadata)
         : n_(static_cast<int>(reader.layout().jointNames.size())),
           hasRealArm_(reader.layout().hasRealPlant),
           external_(findExternalTorque(reader)),
-          constants_(readConstants(reader)),
+          constants_(readConstants(metadata, reader.layout().jointNames.size())),
           hasEnvironment_(reader.layout().hasEnvironment),
-          links_(readNames(reader, "links")),
-          obstacles_(readNames(reader, "obstacles")),
+          links_(metadata.links.value_or(std::vector<std::string>())),
+          obstacles_(metadata.obstacles.value_or(std::vector<std::string>())),
           tracks_(reader.layout().jointNames.size() * kTracksPerJoint + 1),
           limits_(reader.layout().jointNames.size(), detail::CodeTracks::Join::Union),
           status_(1, detail::CodeTracks::Join::Largest),
@@ -355,12 +345,6 @@ std::vector<fs::path> listLogs(const fs::path& folder, const json& summary) {
     return logs;
 }
 
-std::string format(const char* pattern, double x) {
-    char text[64];
-    std::snprintf(text, sizeof text, pattern, x);
-    return text;
-}
-
 /** The case of a log: X.mcap, or X.recovered.mcap. */
 std::string getCase(const fs::path& log) {
     const fs::path stem = log.stem();
@@ -449,17 +433,15 @@ std::string joinFiles(const std::vector<std::string>& files) {
     return text;
 }
 
-/** The names of the plugins of a kind from the libraries that the log names: .../viable_filter_tosbp.so, or a JSON list. */
-std::string getPlugin(const std::map<std::string, std::string>& metadata, const char* kind, const char* prefix) {
-    const auto entry = metadata.find(kind);
-    if (entry == metadata.end()) return "";
-    json libraries = json::parse(entry->second, nullptr, false);
-    if (!libraries.is_array()) libraries = json::array({entry->second});
+/** The names of a case's plugins of a kind: of the library .../viable_filter_tosbp.so it is "tosbp". */
+std::string getPlugin(const LogMetadata& metadata, const std::string& kind) {
+    const auto entry = metadata.libraries.find(kind);
+    if (entry == metadata.libraries.end()) return "";
+    const std::string prefix = "viable_" + kind + "_";
     std::string names;
-    for (const json& library : libraries) {
-        const std::string stem = fs::path(library.is_string() ? library.get<std::string>() : "").stem().string();
-        names += (names.empty() ? "" : " + ") +
-                 (stem.rfind(prefix, 0) == 0 ? stem.substr(std::string(prefix).size()) : stem);
+    for (const std::string& library : entry->second) {
+        const std::string stem = fs::path(library).stem().string();
+        detail::addItem(names, stem.rfind(prefix, 0) == 0 ? stem.substr(prefix.size()) : stem, " + ");
     }
     return names;
 }
@@ -483,7 +465,7 @@ public:
         : file_(file), shift_s_(shift_s), block_(block) {}
 
     json read(const std::string& caseName, const std::vector<std::string>& joints) const {
-        const json all = json::parse(detail::readWhole(file_), nullptr, false);
+        const json all = json::parse(readWhole(file_).value_or(""), nullptr, false);
         if (!all.is_object()) throw std::runtime_error("it is no JSON object, or cut off");
         if (const json& schema = all.at("schema"); schema != 1)
             throw std::runtime_error("it has schema " + schema.dump(-1, ' ', true, json::error_handler_t::replace) +
@@ -605,14 +587,15 @@ void addVerification(const fs::path& log, const LogReader& reader, json& one, Bi
 }
 
 json describeCase(const fs::path& log, LogReader& reader, const json& summary, BinaryBlock& block) {
-    CaseData data(reader);
+    const LogMetadata metadata = readLogMetadata(reader);
+    CaseData data(reader, metadata);
     TickRecord record;
     while (reader.read(record)) data.add(record);
     json one = data.describe(block);
     one["name"] = getCase(log);
-    one["filter"] = getPlugin(reader.metadata(), "filter", "viable_filter_");
-    one["robust_loop"] = getPlugin(reader.metadata(), "robust_loop", "viable_robust_loop_");
-    one["plant"] = getPlugin(reader.metadata(), "plant", "viable_plant_");
+    one["filter"] = getPlugin(metadata, "filter");
+    one["robust_loop"] = getPlugin(metadata, "robust_loop");
+    one["plant"] = getPlugin(metadata, "plant");
     one["guarantees"] = false;
     const char* const noEnd = "the log has no end: the run was killed or goes on";
     one["verdict"] = reader.isComplete() ? "there is no summary of this case" : noEnd;
@@ -641,7 +624,7 @@ Error refuseSummary(const fs::path& folder) {
 
 /** An empty object where there is no file. */
 json readSummary(const fs::path& folder) {
-    const std::string text = detail::readWhole(folder / "summary.json");
+    const std::string text = readWhole(folder / "summary.json").value_or("");
     json summary = text.empty() ? json::object() : json::parse(text, nullptr, false);
     if (!summary.is_object()) throw refuseSummary(folder);
     return summary;
@@ -658,8 +641,7 @@ std::vector<Arm> groupByArm(const std::vector<fs::path>& logs) {
     std::vector<Arm> arms;
     for (const fs::path& log : logs) {
         const LogReader reader(log);
-        const auto entry = reader.metadata().find("robot");
-        const std::string robot = entry == reader.metadata().end() ? "" : entry->second;
+        const std::string robot = readLogMetadata(reader).robot;
         const std::vector<std::string>& joints = reader.layout().jointNames;
         const auto same = std::find_if(arms.begin(), arms.end(),
                                        [&](const Arm& arm) { return arm.robot == robot && arm.joints == joints; });
@@ -673,12 +655,10 @@ std::vector<Arm> groupByArm(const std::vector<fs::path>& logs) {
 
 /** The joints as the page wants them; which of them slide is in the log. */
 json describeJoints(const LogReader& reader) {
-    json sliding = json::array();
-    if (const auto entry = reader.metadata().find(detail::kPrismaticJoints); entry != reader.metadata().end())
-        sliding = json::parse(entry->second, nullptr, false);
+    const std::vector<std::string> sliding = readLogMetadata(reader).prismaticJoints;
     json joints = json::array();
     for (const std::string& name : reader.layout().jointNames) {
-        const bool slides = std::find(sliding.begin(), sliding.end(), json(name)) != sliding.end();
+        const bool slides = std::find(sliding.begin(), sliding.end(), name) != sliding.end();
         joints.push_back({{"name", name}, {"kind", slides ? "prismatic" : "revolute"}});
     }
     return joints;
@@ -705,8 +685,7 @@ public:
             const ConfigNode root = parseConfig(file, "experiment.yaml");
             const ConfigNode* environment = root.find("environment");
             if (!environment) return nullptr;
-            const auto sha256 = reader.metadata().find("map_sha256");
-            const std::string map = sha256 == reader.metadata().end() ? "" : sha256->second;
+            const std::string map = readLogMetadata(reader).mapSha256;
             const auto [known, isNew] = indices_.emplace(map + writeConfig(*environment), nullptr);
             if (!isNew) return known->second;
             json one = detail::describeEnvironment(*environment, map, robot, block);

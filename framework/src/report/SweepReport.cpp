@@ -10,6 +10,7 @@
 #include <memory>
 #include <unordered_map>
 
+#include "core/Text.h"
 #include "report/BinaryBlock.h"
 #include "report/Page.h"
 #include "viable/core/Error.h"
@@ -123,13 +124,6 @@ private:
     std::map<std::string, std::string> values_;
 };
 
-/** A name as SQL writes it. */
-std::string quote(const std::string& name) {
-    std::string text = "\"";
-    for (char c : name) text += c == '"' ? "\"\"" : std::string(1, c);
-    return text + '"';
-}
-
 std::string formatExactly(double x) {
     char text[40];
     std::snprintf(text, sizeof text, "%.17g", x);
@@ -184,7 +178,7 @@ void describeRuns(const Store& store, json columns, json& data, BinaryBlock& blo
         if (!column.is_object() || !column.value("name", json()).is_string() ||
             !column.value("kind", json()).is_string())
             throw refuseHalfWritten(store.file(), "columns in its table meta is no list of columns");
-        names += ", runs." + quote(column["name"].get<std::string>());
+        names += ", runs." + detail::quoteDoubled(column["name"].get<std::string>());
     }
     std::vector<ColumnData> values(columns.size());
     std::vector<std::uint32_t> runs, cases;

@@ -5,10 +5,10 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
-#include <random>
 
 #include "robot/ArmRecursion.h"
 #include "robot/MeshFile.h"
+#include "robot/PoseSampling.h"
 #include "robot/Segments.h"
 
 namespace viable::detail {
@@ -222,18 +222,18 @@ bool areJoined(const UrdfRobot& robot, const std::string& a, const std::string& 
     return false;
 }
 
-JointVector drawPose(const std::vector<DraftJoint>& joints, std::mt19937_64& random) {
-    JointVector q(static_cast<int>(joints.size()));
-    for (int i = 0; i < q.size(); ++i) {
+/** The position limits; of a joint that lacks one, half a turn or a metre to either side. */
+JointBounds makeRange(const std::vector<DraftJoint>& joints) {
+    const auto n = static_cast<int>(joints.size());
+    JointBounds range{JointVector(n), JointVector(n)};
+    for (int i = 0; i < n; ++i) {
         const DraftJoint& joint = joints[static_cast<std::size_t>(i)];
-        // Where there is no limit, or none that can be meant: a full turn, or a metre to either side.
-        const double reach = joint.type == JointType::Prismatic ? 1.0 : static_cast<double>(EIGEN_PI);
+        const double reach = getFreeReach(joint.type);
         const bool isKnown = std::isfinite(joint.positionLower) && std::isfinite(joint.positionUpper);
-        const double lower = isKnown ? joint.positionLower : -reach;
-        const double upper = isKnown ? joint.positionUpper : reach;
-        q[i] = lower + static_cast<double>(random() >> 11) * 0x1p-53 * (upper - lower);
+        range.lower[i] = isKnown ? joint.positionLower : -reach;
+        range.upper[i] = isKnown ? joint.positionUpper : reach;
     }
-    return q;
+    return range;
 }
 
 /** A capsule where a pose puts it. */
@@ -294,9 +294,10 @@ void draftCollision(const UrdfRobot& robot, const fs::path& folder, RobotDraft& 
     arm.actuation.rotorInertia.setZero(arm.size());
     const ArmRecursion recursion(arm);
     ArmRecursion::Frames frames;
+    const JointBounds range = makeRange(draft.joints);
     std::mt19937_64 random(kPoseSeed);
     for (int pose = 0; pose < kPoses; ++pose) {
-        recursion.calcFrames(drawPose(draft.joints, random), frames);
+        recursion.calcFrames(drawPose(range, random), frames);
         const std::vector<std::vector<Placed>> placed = placeCapsules(robot, draft.links, frames);
         for (Pair& pair : pairs)
             if (areNear(placed[pair.first], placed[pair.second])) ++pair.nearPoses;

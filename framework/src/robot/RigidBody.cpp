@@ -2,7 +2,7 @@
 
 #include <Eigen/Eigenvalues>
 
-#include "core/NumberText.h"
+#include "core/Text.h"
 
 namespace viable::detail {
 

@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <random>
 #include <set>
 
-#include "core/NumberText.h"
+#include "core/Text.h"
+#include "robot/PoseSampling.h"
 #include "robot/RigidBody.h"
 #include "robot/UrdfReader.h"
 #include "viable/core/Error.h"
@@ -249,20 +249,12 @@ void checkCondition(const RobotDescription& robot, const std::string& where) {
     RobotModel model(robot);
     std::mt19937_64 random(kConditionSeed);
     Dynamics dynamics;
-    JointVector q(n);
+    JointVector reach(n);
+    for (int i = 0; i < n; ++i) reach[i] = detail::getFreeReach(robot.joints[i].type);
+    const JointBounds range = detail::makeFinite(robot.limits.position, reach);
     const JointVector rest = JointVector::Zero(n);
     for (int sample = 0; sample < kConditionPoses; ++sample) {
-        for (int i = 0; i < n; ++i) {
-            // Where there is no limit: a full turn, or a metre to either side.
-            const double reach = robot.joints[i].type == JointType::Prismatic ? 1.0 : static_cast<double>(EIGEN_PI);
-            double lower = robot.limits.position.lower[i];
-            double upper = robot.limits.position.upper[i];
-            if (std::isinf(lower)) lower = std::isinf(upper) ? -reach : upper - 2.0 * reach;
-            if (std::isinf(upper)) upper = lower + 2.0 * reach;
-            const double share = static_cast<double>(random() >> 11) * 0x1p-53;
-            q[i] = lower + share * (upper - lower);
-        }
-        model.calcDynamics(q, rest, dynamics);
+        model.calcDynamics(detail::drawPose(range, random), rest, dynamics);
         const Eigen::SelfAdjointEigenSolver<JointMatrix> solver(dynamics.M);
         const double smallest = solver.eigenvalues()[0];
         const double largest = solver.eigenvalues()[n - 1];
@@ -294,6 +286,13 @@ std::vector<std::string> RobotDescription::jointNames() const {
     std::vector<std::string> names;
     for (const JointDescription& joint : joints) names.push_back(joint.name);
     return names;
+}
+
+double RobotDescription::encoderStep(int joint) const {
+    const double counts = actuation.encoderCounts[joint];
+    if (!(counts > 0.0)) return 0.0;
+    const bool slides = joints[static_cast<std::size_t>(joint)].type == JointType::Prismatic;
+    return static_cast<double>((slides ? 1.0 : 2.0 * EIGEN_PI) / counts);  // of a long double: rounded once
 }
 
 RobotDescription loadRobot(const fs::path& folder) {

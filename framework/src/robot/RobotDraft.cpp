@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <limits>
 
+#include "core/Text.h"
 #include "robot/CollisionDraft.h"
 
 namespace viable {
@@ -36,9 +37,7 @@ constexpr double kZeroMoment = 1e-9;
 constexpr double kHomeMargin = 0.1;
 
 std::string show(double value) {
-    char text[40];
-    std::snprintf(text, sizeof text, "%.3g", value);
-    return text;
+    return detail::format("%.3g", value);
 }
 
 std::string place(const std::string& where, const std::string& kind, const std::string& name) {

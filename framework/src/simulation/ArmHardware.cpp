@@ -1,10 +1,10 @@
 #include "viable/simulation/ArmHardware.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
+#include "robot/InertiaModes.h"
+#include "robot/PoseSampling.h"
 #include "viable/core/Error.h"
 #include "viable/robot/RobotModel.h"
 
@@ -104,24 +104,16 @@ void ArmHardware::endTick(const JointVector& command, const JointState& encoders
 
 double findFastestMode(const RobotDescription& robot, const JointVector& weight) {
     constexpr int kPoses = 200;
-    constexpr double kTurn = EIGEN_PI;  // to either side, where a joint has no limits
     const int n = robot.size();
+    // Within a turn in all: poses beyond repeat those inside.
+    const JointBounds range{robot.limits.position.lower.cwiseMax(-kPi), robot.limits.position.upper.cwiseMin(kPi)};
     std::mt19937 random(1);  // its numbers are the same everywhere
     RobotModel model(robot);
     Dynamics dynamics;
-    JointVector q(n);
-    const JointVector root = weight.cwiseSqrt();
     double fastest = 0.0;
     for (int k = 0; k < kPoses; ++k) {
-        for (int i = 0; i < n; ++i) {
-            const double lower = std::max(robot.limits.position.lower[i], -kTurn);
-            const double upper = std::min(robot.limits.position.upper[i], kTurn);
-            q[i] = lower + (upper - lower) * (static_cast<double>(random()) / 4294967295.0);
-        }
-        model.calcDynamics(q, JointVector::Zero(n), dynamics);
-        const JointMatrix half = dynamics.M.llt().matrixL().solve(JointMatrix(root.asDiagonal()));
-        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> modes(half.transpose() * half, Eigen::EigenvaluesOnly);
-        fastest = std::max(fastest, modes.eigenvalues()[n - 1]);
+        model.calcDynamics(detail::drawPose(range, random), JointVector::Zero(n), dynamics);
+        fastest = std::max(fastest, detail::findModes(dynamics.M, weight).eigenvalues()[n - 1]);
     }
     return fastest;
 }

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -48,10 +48,7 @@ void JointSensors::configure(const RobotDescription& robot, double tick_s, const
     isVelocityExact_ = exact && noise_ == 0.0;
     resolution_.setZero(n_);
     for (int i = 0; i < n_; ++i)
-        if (!exact && robot.actuation.encoderCounts[i] > 0.0)
-            resolution_[i] =
-                (robot.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic ? 1.0 : 2.0 * EIGEN_PI) /
-                robot.actuation.encoderCounts[i];
+        if (!exact) resolution_[i] = robot.encoderStep(i);
 
     const std::string& fault = parameters.text("sensor_fault");
     const char* const names[] = {"none", "stuck", "bias", "sign", "spike", "swap", "wrap", "nan"};

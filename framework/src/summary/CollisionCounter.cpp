@@ -4,12 +4,11 @@
 
 namespace viable::detail {
 
-CollisionCounter::CollisionCounter(const CasePlan& plan)
-    : geometry_(*plan.geometry),
-      obstacles_(plan.environment->obstacleNames()),
-      judge_(plan.robot, *plan.geometry, *plan.environment) {
-    collisions_.safetyDistance_m = plan.environment->safetyDistance_m;
-    if (plan.realPlant) collisions_.real.emplace();
+CollisionCounter::CollisionCounter(const RobotDescription& robot, const ArmGeometry& geometry,
+                                   const Environment& environment, bool hasRealArm)
+    : geometry_(geometry), obstacles_(environment.obstacleNames()), judge_(robot, geometry, environment) {
+    collisions_.safetyDistance_m = environment.safetyDistance_m;
+    if (hasRealArm) collisions_.real.emplace();
 }
 
 void CollisionCounter::judge(Way& way, CollisionRecord& record, const JointVector& q, double time_s) {

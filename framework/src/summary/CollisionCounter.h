@@ -1,7 +1,6 @@
 #pragma once
 
 #include "environment/CollisionJudge.h"
-#include "experiment/ExperimentFile.h"
 #include "viable/summary/Summary.h"
 
 namespace viable::detail {
@@ -11,8 +10,9 @@ them. The latter are the middle of the cubic through both rows' positions and ve
 whose motion in a tick is one. */
 class CollisionCounter {
 public:
-    /** @param plan  with an environment. Throws Error (BadInput) for a map that cannot be read. */
-    explicit CollisionCounter(const CasePlan& plan);
+    /** Throws Error (BadInput) for a map that cannot be read. @param geometry  must outlive this object */
+    CollisionCounter(const RobotDescription& robot, const ArmGeometry& geometry, const Environment& environment,
+                     bool hasRealArm);
 
     void add(const TickRecord& record);
     /** The state that the last tick led to; of the real arm no record holds it. */

@@ -4,13 +4,14 @@
 #include <limits>
 #include <tuple>
 
-#include "core/NumberFormat.h"
-#include "experiment/CaseRun.h"
+#include "core/Text.h"
+#include "summary/CaseResult.h"
 
 namespace viable {
 
 namespace {
 
+using detail::addItem;
 using detail::format;
 using detail::formatPercent;
 using detail::formatPlain;
@@ -50,6 +51,13 @@ bool hasLimit(const Summary& s, LimitKind kind) {
     return std::any_of(records.begin(), records.end(), [](const LimitRecord& record) { return record.exists; });
 }
 
+/** In ticks of joints, of all limits. */
+std::int64_t countOutside(const Summary& s) {
+    std::int64_t outside = 0;
+    for (LimitKind kind : kKinds) outside += s.ticksOutside(kind);
+    return outside;
+}
+
 /** The largest `value` of any joint's record of a limit. */
 double findWorst(const Summary& s, LimitKind kind, double LimitRecord::*value) {
     double worst = 0.0;
@@ -57,13 +65,15 @@ double findWorst(const Summary& s, LimitKind kind, double LimitRecord::*value) {
     return worst;
 }
 
+std::string formatExcess(LimitKind kind, double excess) {
+    return std::string(getName(kind, LimitSide::Neither)) + " by " + formatPlain(excess) + " " + getUnit(kind);
+}
+
 /** ", position by 0.2 rad, velocity by ...": every quantity whose worst `value` is not zero. */
 std::string formatExcesses(const Summary& s, double LimitRecord::*value) {
     std::string text;
     for (LimitKind kind : kKinds)
-        if (const double worst = findWorst(s, kind, value); worst > 0.0)
-            text +=
-                format(", %s by %s %s", getName(kind, LimitSide::Neither), formatPlain(worst).c_str(), getUnit(kind));
+        if (const double worst = findWorst(s, kind, value); worst > 0.0) text += ", " + formatExcess(kind, worst);
     return text;
 }
 
@@ -71,13 +81,10 @@ std::string formatExcesses(const Summary& s, double LimitRecord::*value) {
 std::string formatVerdict(const Summary& s) {
     std::string text;
     if (s.anyLimitBroken()) {
-        const char* joiner = "limits broken: ";
-        for (LimitKind kind : kKinds) {
-            if (s.ticksOutside(kind) == 0) continue;
-            text += joiner + format("%s by %s %s", getName(kind, LimitSide::Neither),
-                                    formatPlain(findWorst(s, kind, &LimitRecord::worstExcess)).c_str(), getUnit(kind));
-            joiner = ", ";
-        }
+        for (LimitKind kind : kKinds)
+            if (s.ticksOutside(kind) > 0)
+                addItem(text, formatExcess(kind, findWorst(s, kind, &LimitRecord::worstExcess)));
+        text = "limits broken: " + text;
     } else if (s.endsOutside()) {
         text = "not back within its limits at the end" + formatExcesses(s, &LimitRecord::lastExcess);
     } else {
@@ -109,16 +116,14 @@ std::string formatLimit(const Summary& s, LimitKind kind) {
 }
 
 std::string formatStatuses(const Summary& s) {
-    std::string text = "  filter        ";
-    const char* joiner = "";
+    std::string text;
     for (FilterStatus status : {FilterStatus::Passed, FilterStatus::Modified, FilterStatus::Infeasible,
                                 FilterStatus::StoppedByPlan, FilterStatus::Recovering}) {
-        text += joiner + format("%s %lld", getName(status), static_cast<long long>(s.ticksWith(status)));
+        addItem(text, format("%s %lld", getName(status), static_cast<long long>(s.ticksWith(status))));
         if (status == FilterStatus::Infeasible && s.ticksWith(status) > 0)
             text += format(" (first at %.3f s)", s.firstInfeasible_s());
-        joiner = ", ";
     }
-    return text + format(" of %lld ticks\n", static_cast<long long>(s.ticks()));
+    return "  filter        " + text + format(" of %lld ticks\n", static_cast<long long>(s.ticks()));
 }
 
 /** One line per limit, all joints together. */
@@ -184,9 +189,8 @@ std::string formatRealExcesses(const Summary& s, const std::vector<LimitRecord>&
         const std::vector<LimitRecord>& records = (s.*limit)(kind);
         const int worst = findWorst(records, &LimitRecord::worstExcess);
         if (worst < 0 || records[worst].ticksOutside == 0) continue;
-        text += format("%s%s by %s %s (%s)", text.empty() ? "" : ", ", getName(kind, LimitSide::Neither),
-                       formatPlain(records[worst].worstExcess).c_str(), getUnit(kind),
-                       s.jointNames()[static_cast<std::size_t>(worst)].c_str());
+        addItem(text, formatExcess(kind, records[worst].worstExcess) + " (" +
+                          s.jointNames()[static_cast<std::size_t>(worst)] + ")");
     }
     return text;
 }
@@ -241,6 +245,11 @@ std::string formatCollisions(const Summary& s) {
     add("clearance", "nominal", s.collisions()->nominal);
     if (s.collisions()->real) add("", "real", *s.collisions()->real);
     return text;
+}
+
+bool hasAnyEnvironment(const std::vector<CaseResult>& results) {
+    return std::any_of(results.begin(), results.end(),
+                       [](const CaseResult& r) { return r.summary.collisions().has_value(); });
 }
 
 /** Millimetres for a table; "-" where there is nothing to tell. */
@@ -316,8 +325,7 @@ std::string formatReal(const Summary& s) {
 std::string formatComparison(const std::vector<CaseResult>& results) {
     const bool anyBound = std::any_of(results.begin(), results.end(),
                                       [](const CaseResult& r) { return r.summary.reference().bound.has_value(); });
-    const bool anyEnvironment = std::any_of(results.begin(), results.end(),
-                                            [](const CaseResult& r) { return r.summary.collisions().has_value(); });
+    const bool anyEnvironment = hasAnyEnvironment(results);
     const std::string column = anyBound ? format(" %8s", "of bound") : "";
     const std::string clearance = anyEnvironment ? format(" %-19s |", "least clearance[mm]") : "";
     const std::string clearanceArms = anyEnvironment ? format(" %9s %9s |", "nominal", "real") : "";
@@ -330,8 +338,6 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
     text += std::string(122 + column.size() + clearance.size(), '-') + "\n";
     for (const CaseResult& r : results) {
         const Summary& s = r.summary;
-        std::int64_t outside = 0;
-        for (LimitKind kind : kKinds) outside += s.ticksOutside(kind);
         const auto use = [&](LimitKind kind) {
             return hasLimit(s, kind) ? formatPercent(s.limit(kind)[s.worstJoint(kind)].worstUse) : "no limit";
         };
@@ -348,8 +354,9 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
         text += format("%-16s | %8s %8s %8s %8s | %8lld %10lld %5.1f %% | %9s %9s%s |%s %6.1f %6.1f\n", r.name.c_str(),
                        use(LimitKind::Position).c_str(), use(LimitKind::Velocity).c_str(),
                        use(LimitKind::Acceleration).c_str(), use(LimitKind::Jerk).c_str(),
-                       static_cast<long long>(outside), static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)),
-                       modified, s.hasRealPlant() ? formatMrad(s.trackingRms()).c_str() : "-",
+                       static_cast<long long>(countOutside(s)),
+                       static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), modified,
+                       s.hasRealPlant() ? formatMrad(s.trackingRms()).c_str() : "-",
                        s.hasRealPlant() ? formatMrad(s.trackingMax()).c_str() : "-", ofBound.c_str(),
                        clearances.c_str(), s.tickTime().percentile(0.5), s.tickTime().percentile(0.99));
     }
@@ -359,18 +366,13 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
 std::string formatRanking(const std::vector<CaseResult>& results) {
     std::vector<const CaseResult*> order;
     for (const CaseResult& r : results) order.push_back(&r);
-    const auto countOutside = [](const CaseResult& r) {
-        std::int64_t outside = 0;
-        for (LimitKind kind : kKinds) outside += r.summary.ticksOutside(kind);
-        return outside;
-    };
     const auto countCollisions = [](const CaseResult& r) {
         return r.summary.collisions() ? r.summary.collisions()->nominal.ticksInCollision : 0;
     };
     // What stopped early comes last, whatever it kept until then; no number comes after every number.
     const auto rank = [&](const CaseResult& r) {
         const double error = r.summary.commandErrorRms();
-        return std::make_tuple(r.stopReason != StopReason::None, countCollisions(r), countOutside(r),
+        return std::make_tuple(r.stopReason != StopReason::None, countCollisions(r), countOutside(r.summary),
                                r.summary.ticksWith(FilterStatus::Infeasible), std::isnan(error),
                                std::isnan(error) ? 0.0 : error);
     };
@@ -382,8 +384,7 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
                    "ticks", "rad", "ticks", "rad/s", "ticks", "rad/s^2", "ticks", "rad/s^3", "choice", "changed",
                    "[mrad]", "[%]", "[us]");
     text += std::string(141, '-') + "\n";
-    const bool anyEnvironment = std::any_of(results.begin(), results.end(),
-                                            [](const CaseResult& r) { return r.summary.collisions().has_value(); });
+    const bool anyEnvironment = hasAnyEnvironment(results);
     int place = 0;
     for (const CaseResult* r : order) {
         const Summary& s = r->summary;

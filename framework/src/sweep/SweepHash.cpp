@@ -1,9 +1,8 @@
 #include <algorithm>
-#include <fstream>
 #include <set>
-#include <sstream>
 
 #include "core/Sha256.h"
+#include "core/WholeFile.h"
 #include "sweep/SweepStore.h"
 #include "viable/core/Error.h"
 
@@ -28,20 +27,9 @@ private:
     detail::Sha256 hash_;
 };
 
-std::string readWhole(const fs::path& file) {
-    std::ifstream stream(file, std::ios::binary);
-    std::ostringstream text;
-    text << stream.rdbuf();
-    if (!stream) throw badInput(file.string(), "cannot be read", "Check its permissions.");
-    return text.str();
-}
-
-std::vector<const PluginChoice*> listChoices(const CasePlan& plan) {
-    std::vector<const PluginChoice*> choices = {&plan.command, &plan.controller};
-    for (const PluginChoice& filter : plan.filters) choices.push_back(&filter);
-    if (plan.robustLoop) choices.push_back(&*plan.robustLoop);
-    if (plan.realPlant) choices.push_back(&*plan.realPlant);
-    return choices;
+std::string readFile(const fs::path& file) {
+    if (std::optional<std::string> text = readWhole(file)) return *std::move(text);
+    throw badInput(file.string(), "cannot be read", "Check its permissions.");
 }
 
 }  // namespace
@@ -54,7 +42,7 @@ SweepFiles findSweepFiles(const Experiment& experiment) {
             if (kind == ".urdf" || kind == ".yaml") files.data.insert(entry.path());
         }
         if (plan.environment && plan.environment->map) files.data.insert(plan.environment->map->file);
-        for (const PluginChoice* choice : listChoices(plan)) {
+        for (const PluginChoice* choice : plan.plugins()) {
             files.libraries.insert(choice->plugin.library);
             for (std::uint64_t i = 0; i < choice->plugin.entry->parameterCount; ++i) {
                 const ParameterSpec& spec = choice->plugin.entry->parameters[i];
@@ -74,7 +62,7 @@ std::string calcSweepHash(const std::string& text, const std::vector<std::string
         for (const fs::path& file : *some) {
             const std::string name = file.filename().string();
             Hash own;
-            own.add(name, readWhole(file));
+            own.add(name, readFile(file));
             contents.emplace(name, own.take());
         }
     Hash hash;

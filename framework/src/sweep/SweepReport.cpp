@@ -1,9 +1,7 @@
 #include <algorithm>
-#include <cstdio>
 #include <map>
 
-#include "core/NumberText.h"
-#include "core/PrintableText.h"
+#include "core/Text.h"
 #include "core/WholeFile.h"
 #include "sweep/SweepStore.h"
 #include "viable/core/Error.h"
@@ -11,6 +9,9 @@
 namespace viable {
 
 namespace {
+
+using detail::format;
+using detail::quoteCsv;
 
 /** Runs that are not ok are listed up to here; the table holds all. */
 constexpr int kListed = 10;
@@ -28,25 +29,12 @@ std::string toText(const SweepValue& value) {
     return {};
 }
 
-std::string quoteCsv(const std::string& text) {  // RFC 4180
-    if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-    std::string quoted = "\"";
-    for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-    return quoted + '"';
-}
-
 bool isInCsv(const SweepColumn& column) {
     return column.name != "replay" && column.name != "wall_s";
 }
 
 /** Of one case: a value and the run it belongs to. */
 using Figures = std::vector<std::pair<double, std::int64_t>>;
-
-std::string formatFigure(double value) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%.4g", value);
-    return text;
-}
 
 }  // namespace
 
@@ -99,9 +87,7 @@ std::string formatSweepSummary(const SweepStore& store) {
             isFirst = false;
         }
         text += isFirst ? " no run\n" : "\n";
-        char line[200];
-        std::snprintf(line, sizeof line, "  %-38s %12s %12s %12s   %s\n", "", "min", "median", "max", "of run");
-        text += line;
+        text += format("  %-38s %12s %12s %12s   %s\n", "", "min", "median", "max", "of run");
         for (auto& [column, values] : figures[name]) {
             // Of equal ones the first run: the same text whatever the order they ended in.
             const auto worst = std::max_element(values.begin(), values.end(), [](const auto& a, const auto& b) {
@@ -112,10 +98,8 @@ std::string formatSweepSummary(const SweepStore& store) {
             const std::size_t half = values.size() / 2;
             const double median =
                 values.size() % 2 == 1 ? values[half].first : 0.5 * (values[half - 1].first + values[half].first);
-            std::snprintf(line, sizeof line, "  %-38.80s %12s %12s %12s   %lld\n",
-                          makePrintable(plan.columns[column].name).c_str(), formatFigure(values.front().first).c_str(),
-                          formatFigure(median).c_str(), formatFigure(max).c_str(), static_cast<long long>(run));
-            text += line;
+            text += format("  %-38.80s %12.4g %12.4g %12.4g   %lld\n", makePrintable(plan.columns[column].name).c_str(),
+                           values.front().first, median, max, static_cast<long long>(run));
         }
     }
     if (troubled > 0)

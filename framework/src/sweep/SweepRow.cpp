@@ -6,161 +6,32 @@
 #include <cstring>
 #include <stdexcept>
 
+#include "summary/SummaryFigures.h"
 #include "viable/core/Error.h"
 
 namespace viable {
 
 namespace {
 
-using Getter = SweepValue (*)(const CasePlan&, const CaseResult&);
-using JointGetter = SweepValue (*)(const CaseResult&, int joint);
-
-struct ResultColumn {
-    const char* name;
-    const char* unit;
-    const char* label;
-    Getter get;
-};
-
-struct JointColumn {
-    const char* name;  ///< behind "tracking.<joint>."
-    const char* unit;
-    const char* label;
-    JointGetter get;
-};
-
-SweepValue getWorstUse(const CaseResult& result, LimitKind kind) {
-    double worst = 0.0;
-    bool exists = false;
-    for (const LimitRecord& record : result.summary.limit(kind)) {
-        exists |= record.exists;
-        worst = std::max(worst, record.worstUse);
-    }
-    return exists ? SweepValue(worst) : SweepValue();
+/** Calls `visit` with each figure that is a column, its name and the joint: the whole case's first, then each joint's. */
+template <class Visit>
+void forEachColumn(const std::vector<std::string>& joints, const Visit& visit) {
+    for (const SummaryFigure& figure : listSummaryFigures())
+        if (!figure.column.empty() && !figure.hasColumnPerJoint()) visit(figure, figure.column, 0);
+    for (std::size_t i = 0; i < joints.size(); ++i)
+        for (const SummaryFigure& figure : listSummaryFigures()) {
+            if (!figure.hasColumnPerJoint()) continue;
+            std::string name = figure.column;
+            name.replace(name.find(SummaryFigure::kJoint), std::strlen(SummaryFigure::kJoint), joints[i]);
+            visit(figure, name, i);
+        }
 }
 
-template <LimitKind kind>
-SweepValue getUse(const CasePlan&, const CaseResult& result) {
-    return getWorstUse(result, kind);
-}
-
-template <LimitKind kind>
-SweepValue getOutside(const CasePlan&, const CaseResult& result) {
-    return result.summary.ticksOutside(kind);
-}
-
-/** The largest over the joints of what `get` says; nothing without a real arm. */
-template <class Get>
-SweepValue findLargest(const CaseResult& result, const Get& get) {
-    if (!result.summary.hasRealPlant()) return {};
-    double largest = 0.0;
-    for (int i = 0; i < static_cast<int>(result.summary.jointNames().size()); ++i) largest = std::max(largest, get(i));
-    return largest;
-}
-
-template <LimitKind kind>
-SweepValue getRealUse(const CasePlan&, const CaseResult& result) {
-    return findLargest(result,
-                       [&](int i) { return result.summary.realLimit(kind)[static_cast<std::size_t>(i)].worstUse; });
-}
-
-template <LimitKind kind>
-SweepValue getRealExcess(const CasePlan&, const CaseResult& result) {
-    return findLargest(result,
-                       [&](int i) { return result.summary.realLimit(kind)[static_cast<std::size_t>(i)].worstExcess; });
-}
-
-template <LimitKind kind>
-SweepValue getBoundShare(const CasePlan& plan, const CaseResult& result) {
-    if (!plan.bound) return {};
-    return findLargest(result, [&](int i) { return result.summary.boundShare(kind, i); });
-}
-
-/** What `get` says of the arm's collisions; nothing where it has no environment, or there is no such arm. */
-template <class Get>
-SweepValue getNominalCollision(const CaseResult& result, const Get& get) {
-    const std::optional<Collisions>& all = result.summary.collisions();
-    return all ? SweepValue(get(all->nominal)) : SweepValue();
-}
-template <class Get>
-SweepValue getRealCollision(const CaseResult& result, const Get& get) {
-    const std::optional<Collisions>& all = result.summary.collisions();
-    return all && all->real ? SweepValue(get(*all->real)) : SweepValue();
-}
-
-/** Within the horizon: a store holds finite numbers. */
-double getClearance(const CollisionRecord& record) {
-    return std::clamp(record.leastClearance, -kClearanceHorizon_m, kClearanceHorizon_m);
-}
-std::int64_t getCollisionTicks(const CollisionRecord& record) {
-    return record.ticksInCollision;
-}
-std::int64_t getNearTicks(const CollisionRecord& record) {
-    return record.ticksTooNear;
-}
-
-/** The columns of results; one line makes one more. */
-const std::vector<ResultColumn>& resultColumns() {
-    using R = const CaseResult&;
-    using P = const CasePlan&;
-    static const std::vector<ResultColumn> columns = {
-        {"worst_use.position", "", "Worst use of a position limit", getUse<LimitKind::Position>},
-        {"worst_use.velocity", "", "Worst use of a velocity limit", getUse<LimitKind::Velocity>},
-        {"worst_use.acceleration", "", "Worst use of an acceleration limit", getUse<LimitKind::Acceleration>},
-        {"worst_use.jerk", "", "Worst use of a jerk limit", getUse<LimitKind::Jerk>},
-        {"ticks_outside.position", "", "Ticks outside a position limit", getOutside<LimitKind::Position>},
-        {"ticks_outside.velocity", "", "Ticks outside a velocity limit", getOutside<LimitKind::Velocity>},
-        {"ticks_outside.acceleration", "", "Ticks outside an acceleration limit", getOutside<LimitKind::Acceleration>},
-        {"ticks_outside.jerk", "", "Ticks outside a jerk limit", getOutside<LimitKind::Jerk>},
-        {"real.worst_use.position", "", "Real arm: worst use of a position limit", getRealUse<LimitKind::Position>},
-        {"real.worst_use.velocity", "", "Real arm: worst use of a velocity limit", getRealUse<LimitKind::Velocity>},
-        {"real.worst_excess.position_rad", "rad", "Real arm: farthest beyond a position limit",
-         getRealExcess<LimitKind::Position>},
-        {"real.worst_excess.velocity_radps", "rad/s", "Real arm: farthest beyond a velocity limit",
-         getRealExcess<LimitKind::Velocity>},
-        {"tracking.max_rad", "rad", "Largest distance of the real arm from the nominal one",
-         [](P, R r) { return r.summary.hasRealPlant() ? SweepValue(r.summary.trackingMax()) : SweepValue(); }},
-        {"tracking.rms_rad", "rad", "RMS distance of the real arm from the nominal one",
-         [](P, R r) { return r.summary.hasRealPlant() ? SweepValue(r.summary.trackingRms()) : SweepValue(); }},
-        {"bound.share", "", "Largest share of the tracking bound used", getBoundShare<LimitKind::Position>},
-        {"bound.velocity_share", "", "Largest share of its rate's bound used", getBoundShare<LimitKind::Velocity>},
-        {"motor.worst_use", "", "Largest share of a motor's torque used",
-         [](P, R r) { return findLargest(r, [&](int i) { return r.summary.motor(i).worstUse; }); }},
-        {"motor.saturated_ticks", "", "Joint-ticks with a motor at its limit",
-         [](P, R r) {
-             std::int64_t ticks = 0;
-             if (!r.summary.hasRealPlant()) return SweepValue();
-             for (int i = 0; i < static_cast<int>(r.summary.jointNames().size()); ++i)
-                 ticks += r.summary.motor(i).ticksSaturated;
-             return SweepValue(ticks);
-         }},
-        {"collision.least_clearance_m", "m", "Least clearance",
-         [](P, R r) { return getNominalCollision(r, getClearance); }},
-        {"collision.ticks", "", "Ticks in collision", [](P, R r) { return getNominalCollision(r, getCollisionTicks); }},
-        {"collision.ticks_too_near", "", "Ticks within the safety distance",
-         [](P, R r) { return getNominalCollision(r, getNearTicks); }},
-        {"real.collision.least_clearance_m", "m", "Real arm: least clearance",
-         [](P, R r) { return getRealCollision(r, getClearance); }},
-        {"real.collision.ticks", "", "Real arm: ticks in collision",
-         [](P, R r) { return getRealCollision(r, getCollisionTicks); }},
-        {"real.collision.ticks_too_near", "", "Real arm: ticks within the safety distance",
-         [](P, R r) { return getRealCollision(r, getNearTicks); }},
-        {"infeasible_ticks", "", "Ticks without an admissible choice",
-         [](P, R r) { return SweepValue(r.summary.ticksWith(FilterStatus::Infeasible)); }},
-        {"tripped_at_s", "s", "When the real arm left the bound and was braked",
-         [](P, R r) { return getSweepStatus(r) == SweepStatus::Tripped ? SweepValue(r.stopTime_s) : SweepValue(); }},
-        {"simulated_s", "s", "Length of the run", [](P, R r) { return SweepValue(r.simulated_s); }},
-    };
-    return columns;
-}
-
-/** Of each joint; null in a case whose robot has no such joint. */
-const std::vector<JointColumn>& jointColumns() {
-    static const std::vector<JointColumn> columns = {
-        {"max_rad", "rad", "Largest distance from the nominal arm",
-         [](const CaseResult& r, int i) { return SweepValue(r.summary.trackingMax(i)); }},
-    };
-    return columns;
+/** SQL and CSV know no NaN: it is a figure that is not there. */
+SweepValue makeValue(const nlohmann::json& figure) {
+    if (figure.is_number_integer()) return figure.get<std::int64_t>();
+    if (figure.is_number() && !std::isnan(figure.get<double>())) return figure.get<double>();
+    return {};
 }
 
 constexpr char kDrawPrefix[] = "draw.";
@@ -296,19 +167,16 @@ std::vector<SweepColumn> makeSweepColumns(const std::vector<std::pair<std::strin
     };
     for (const auto& [keyPath, distribution] : drawKeys)
         columns.push_back({Kind::Draw, kDrawPrefix + keyPath, findUnit(keyPath), keyPath, distribution});
-    for (const ResultColumn& column : resultColumns())
-        columns.push_back({Kind::Result, column.name, column.unit, column.label, ""});
-    for (const std::string& joint : joints)
-        for (const JointColumn& column : jointColumns())
-            columns.push_back(
-                {Kind::Result, "tracking." + joint + "." + column.name, column.unit, joint + ": " + column.label, ""});
+    forEachColumn(joints, [&](const SummaryFigure& figure, const std::string& name, std::size_t i) {
+        const std::string prefix = figure.hasColumnPerJoint() ? joints[i] + ": " : "";
+        columns.push_back({Kind::Result, name, figure.unit, prefix + figure.label, ""});
+    });
     checkNames(columns);
     return columns;
 }
 
 SweepRow makeSweepRow(const std::vector<SweepColumn>& columns, std::int64_t run, const std::string& caseName,
-                      const SweepEnd& end, const std::map<std::string, std::string>& draws, const CasePlan* plan,
-                      const CaseResult* result) {
+                      const SweepEnd& end, const std::map<std::string, std::string>& draws, const CaseResult* result) {
     std::map<std::string, SweepValue> values = {
         {"status", std::string(getName(end.status))},
         {"exit_code", std::int64_t{end.exitCode}},
@@ -317,20 +185,13 @@ SweepRow makeSweepRow(const std::vector<SweepColumn>& columns, std::int64_t run,
         {"wall_s", end.wall_s},
     };
     for (const auto& [keyPath, text] : draws) values[kDrawPrefix + keyPath] = makeValue(text);
-    if (plan && result) {
-        for (const ResultColumn& column : resultColumns()) values[column.name] = column.get(*plan, *result);
-        const std::vector<std::string>& joints = result->summary.jointNames();
-        for (std::size_t i = 0; i < joints.size() && result->summary.hasRealPlant(); ++i)
-            for (const JointColumn& column : jointColumns())
-                values["tracking." + joints[i] + "." + column.name] = column.get(*result, static_cast<int>(i));
-    }
+    if (result)
+        forEachColumn(result->summary.jointNames(),
+                      [&](const SummaryFigure& figure, const std::string& name, std::size_t i) {
+                          values[name] = makeValue(figure.getColumn(*result, static_cast<int>(i)));
+                      });
     SweepRow row{run, caseName, {}};
-    for (const SweepColumn& column : columns) {
-        SweepValue& value = values[column.name];
-        // SQL and CSV know no NaN: it is a figure that is not there.
-        if (const double* number = std::get_if<double>(&value); number && std::isnan(*number)) value = {};
-        row.values.push_back(std::move(value));
-    }
+    for (const SweepColumn& column : columns) row.values.push_back(std::move(values[column.name]));
     return row;
 }
 

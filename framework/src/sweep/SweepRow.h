@@ -5,7 +5,8 @@
 #include <variant>
 #include <vector>
 
-#include "experiment/CaseRun.h"
+#include "experiment/CasePlan.h"
+#include "summary/CaseResult.h"
 
 namespace viable {
 
@@ -54,8 +55,7 @@ std::vector<SweepColumn> makeSweepColumns(const std::vector<std::pair<std::strin
 
 /** A row. @param draws  values by key path; @param result  null: no figures, the case did not end by itself */
 SweepRow makeSweepRow(const std::vector<SweepColumn>& columns, std::int64_t run, const std::string& caseName,
-                      const SweepEnd& end, const std::map<std::string, std::string>& draws, const CasePlan* plan,
-                      const CaseResult* result);
+                      const SweepEnd& end, const std::map<std::string, std::string>& draws, const CaseResult* result);
 
 /** The row as bytes, and back. What is cut off or wrong throws std::runtime_error. */
 std::string packRow(const SweepRow& row);

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
+#include "core/Text.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -22,12 +23,6 @@ constexpr char kFile[] = "sweep.sqlite";
 constexpr char kSchema[] = "1";
 /** How long to wait for a reader's lock before giving up [ms]. */
 constexpr int kBusy_ms = 10000;
-
-std::string quoteName(const std::string& name) {
-    std::string quoted = "\"";
-    for (const char c : name) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-    return quoted + '"';
-}
 
 const char* getName(SweepColumn::Kind kind) {
     switch (kind) {
@@ -140,7 +135,7 @@ struct SweepStore::Impl {
     /** Run, case and the plan's columns. */
     std::string listColumns(const std::string& prefix) const {
         std::string list = prefix + "run, " + prefix + "case_name";
-        for (const SweepColumn& column : plan.columns) list += ", " + prefix + quoteName(column.name);
+        for (const SweepColumn& column : plan.columns) list += ", " + prefix + detail::quoteDoubled(column.name);
         return list;
     }
 
@@ -156,7 +151,8 @@ struct SweepStore::Impl {
         run("BEGIN IMMEDIATE");
         run("CREATE TABLE meta(key TEXT PRIMARY KEY, value TEXT)");
         std::string columns;
-        for (const SweepColumn& column : plan.columns) columns += ", " + quoteName(column.name) + getSqlType(column);
+        for (const SweepColumn& column : plan.columns)
+            columns += ", " + detail::quoteDoubled(column.name) + getSqlType(column);
         run("CREATE TABLE runs(run INTEGER, case_name TEXT" + columns + ", PRIMARY KEY(run, case_name))");
         sqlite3_stmt* statement = prepare("INSERT INTO meta VALUES(?, ?)");
         const std::pair<const char*, std::string> entries[] = {

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "experiment/ExperimentFile.h"
 #include "sweep/SweepRow.h"
 
 namespace viable {

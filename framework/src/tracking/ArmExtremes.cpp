@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <random>
 
+#include "robot/PoseSampling.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable::detail {
@@ -21,7 +21,6 @@ constexpr int kLoopPoses = 32;
 constexpr int kGradientPoses = 64;
 /** Differences for gradients [rad, m]. */
 constexpr double kStep = 1e-5;
-constexpr double kPi = 3.14159265358979323846;
 
 /** The terms of M qdd + b at a pose. */
 struct Terms {
@@ -183,22 +182,6 @@ JointVector calcRate(Arm& arm, Arm& other, const JointVector& q, const Terms& he
 }
 
 }  // namespace
-
-std::vector<JointVector> samplePoses(const JointLimits& limits, int count) {
-    const int n = limits.size();
-    std::mt19937 random(1);  // its numbers are the same everywhere
-    std::vector<JointVector> poses(static_cast<std::size_t>(count), JointVector(n));
-    for (int k = 0; k < count; ++k)
-        for (int i = 0; i < n; ++i) {
-            double lower = limits.position.lower[i], upper = limits.position.upper[i];
-            if (std::isinf(lower)) lower = std::isinf(upper) ? -kPi : upper - 2.0 * kPi;
-            if (std::isinf(upper)) upper = lower + 2.0 * kPi;
-            const double places[] = {lower, upper, std::clamp(0.0, lower, upper), 0.5 * (lower + upper)};
-            const double share = static_cast<double>(random()) / 4294967295.0;
-            poses[static_cast<std::size_t>(k)][i] = k % 2 == 0 ? places[random() % 4] : lower + share * (upper - lower);
-        }
-    return poses;
-}
 
 ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& limits, const MotionSize& motion,
                             const DisturbanceSet& set) {

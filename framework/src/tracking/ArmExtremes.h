@@ -7,11 +7,6 @@
 
 namespace viable::detail {
 
-/** Poses within position limits: at the ends, at zero, in the middle and anywhere between, in every mixture (a singular
-pose often needs several joints at exactly zero). The same for the same arguments. Of a joint without limits a whole
-turn. */
-std::vector<JointVector> samplePoses(const JointLimits& limits, int count);
-
 /** Joint torques from lower to upper [Nm]. */
 struct TorqueRange {
     JointVector lower, upper;

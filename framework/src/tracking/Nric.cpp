@@ -1,15 +1,14 @@
 #include "viable/tracking/Nric.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
 #include <vector>
 
-#include "core/NumberText.h"
-#include "tracking/ArmExtremes.h"
+#include "core/Text.h"
+#include "robot/InertiaModes.h"
+#include "robot/PoseSampling.h"
 #include "viable/core/Error.h"
 #include "viable/robot/RobotModel.h"
 
@@ -90,13 +89,8 @@ NricOptions scaleNric(const RobotDescription& robot, const JointLimits& limits, 
         least = least.cwiseMin(inverse.diagonal().cwiseInverse());
         greatest = greatest.cwiseMax(M.diagonal());
     }
-    const JointVector root = least.cwiseSqrt();
     double largest = 0.0;
-    for (const JointMatrix& M : samples) {
-        const JointMatrix scaled = M.llt().matrixL().solve(JointMatrix(root.asDiagonal()));
-        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> modes(scaled.transpose() * scaled, Eigen::EigenvaluesOnly);
-        largest = std::max(largest, modes.eigenvalues()[n - 1]);
-    }
+    for (const JointMatrix& M : samples) largest = std::max(largest, detail::findModes(M, least).eigenvalues()[n - 1]);
     JointVector kr = kLargestMode / tick_s / largest * least, kp(n), ki(n);
     for (int i = 0; i < n; ++i) {
         kr[i] = std::min(kr[i], kStiffest);

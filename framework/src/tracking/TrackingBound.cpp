@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "tracking/ArmExtremes.h"
 #include "tracking/FrozenLoop.h"
 #include "viable/core/Error.h"
@@ -37,11 +38,7 @@ const MatrixXd& at(const LoopGains::PerOutput& gains, LoopOutput output) {
 
 std::string list(const JointVector& values) {
     std::string text;
-    for (double value : values) {
-        char number[32];
-        std::snprintf(number, sizeof number, "%.4g", value);
-        text += (text.empty() ? "" : ", ") + std::string(number);
-    }
+    for (double value : values) detail::addItem(text, detail::format("%.4g", value));
     return values.size() == 1 ? text : "[" + text + "]";
 }
 
@@ -235,13 +232,7 @@ private:
     /** Half a count and the noise [rad]. */
     JointVector calcReadingError() const {
         JointVector error = JointVector::Constant(n_, set_.readingError_rad);
-        const JointVector& counts = robot_.actuation.encoderCounts;
-        for (int i = 0; i < n_; ++i)
-            if (counts[i] > 0.0)
-                error[i] +=
-                    0.5 *
-                    (robot_.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic ? 1.0 : 2.0 * EIGEN_PI) /
-                    counts[i];
+        for (int i = 0; i < n_; ++i) error[i] += 0.5 * robot_.encoderStep(i);
         return error;
     }
 

@@ -14,7 +14,6 @@ namespace viable {
 
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kMostReaches = 1e6;  // about 150 MB
 
 const ParameterSpec kParameters[] = {

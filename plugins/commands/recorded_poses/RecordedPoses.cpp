@@ -17,7 +17,6 @@ namespace {
 constexpr double kAxesTolerance = 1e-3;
 // Rotations nearer than this to a half turn have no unique rotation vector to scale. [rad]
 constexpr double kHalfTurnMargin_rad = 0.1;
-constexpr double kPi = 3.14159265358979323846;
 
 const ParameterSpec kParameters[] = {
     parameter::file("file", nullptr,

@@ -5,6 +5,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "Effort.h"
 #include "SyntheticRecord.h"
 #include "viable/core/Error.h"
 
@@ -13,7 +14,6 @@
 namespace viable {
 namespace {
 
-using test::countRecords;
 using test::SyntheticRecord;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -58,7 +58,7 @@ std::array<double, 4> findExceeded(const SyntheticRecord& one, const std::array<
 }
 
 TEST(LimitVerdict, IsRightOnAPopulationOfRecords) {
-    const int records = countRecords(40);
+    const int records = test::countOf(40);
     int cleanButBroken = 0;
     std::array<int, 4> tells{}, could{}, found{};
     for (int seed = 1; seed <= records; ++seed) {
@@ -234,7 +234,7 @@ TEST(LimitVerdict, GapsAreNotJudgedAndCostNothing) {
 }
 
 TEST(LimitVerdict, ShortRecordsAreNotCalledBroken) {
-    const int records = countRecords(40);
+    const int records = test::countOf(40);
     int broken = 0;
     for (int seed = 1; seed <= records; ++seed) {
         SyntheticRecord one(static_cast<std::uint64_t>(500000 + seed));  // others than those above

@@ -8,6 +8,7 @@
 
 #include "LogTestSupport.h"
 #include "log/LogExport.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
@@ -16,7 +17,7 @@ using namespace test;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kDegree = 3.14159265358979323846 / 180.0;
+constexpr double kDegree = kPi / 180.0;
 
 class MotionRecordTest : public LogTestBase {
 protected:

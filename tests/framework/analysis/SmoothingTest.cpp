@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "DifferentiatorSupport.h"
+#include "Effort.h"
 #include "SyntheticRecord.h"
 #include "analysis/smoothing/BandedLdl.h"
 #include "viable/core/Error.h"
@@ -16,7 +17,6 @@
 namespace viable {
 namespace {
 
-using test::countRecords;
 using test::SyntheticRecord;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -89,7 +89,7 @@ TEST(BandedLdl, RefusesWhatIsNotPositiveDefinite) {
 }
 
 TEST(Smoothing, BandsAreAsWideAsTheErrorIs) {
-    const int records = countRecords(60);
+    const int records = test::countOf(60);
     std::array<double, 4> inside{}, looks{};
     for (int seed = 1; seed <= records; ++seed) {
         const SyntheticRecord one(static_cast<std::uint64_t>(seed));
@@ -116,7 +116,7 @@ TEST(Smoothing, BandsAreAsWideAsTheErrorIs) {
 }
 
 TEST(Smoothing, JerkIsNearerToTheTruthThanOfUsualDifferentiators) {
-    const int records = countRecords(40);
+    const int records = test::countOf(40);
     // Root mean square errors of the jerk, over the jerk limit: one per record and method.
     std::vector<double> own, differences;
     std::vector<std::vector<double>> polynomials(test::kSettings), butterworths(test::kSettings);

@@ -163,10 +163,4 @@ struct SyntheticRecord {
     }
 };
 
-/** Records of a test: VIABLE_ANALYSIS_RECORDS, or `usual`. */
-inline int countRecords(int usual) {
-    const char* text = std::getenv("VIABLE_ANALYSIS_RECORDS");
-    return text ? std::atoi(text) : usual;
-}
-
 }  // namespace viable::test

@@ -14,7 +14,6 @@ namespace viable {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr double kPi = 3.14159265358979323846;
 /** What counts as rounding beyond a limit, relative to max(1, limit). */
 constexpr double kAllowed = 1e-12;
 /** Outside by no more than this, relative, counts as rounding that has added up: the stop then aims at the limit itself,

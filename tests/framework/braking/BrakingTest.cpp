@@ -358,8 +358,8 @@ TEST(VelocityZeroingStop, SymmetricLimitsGiveTheTypesOfTableTwo) {
 
 /** With the paper's numbers types I and IV of the stationary policy never occur: V < A^2 / J. */
 TEST(StationaryStop, CruisesOnlyBeyondVEqualsASquaredOverJ) {
-    const double pi = std::acos(-1.0), V = 2 * pi / 3, A = 4 * pi;
-    for (double J : {12 * pi, 0.99 * A * A / V, 1.01 * A * A / V}) {
+    const double V = 2 * kPi / 3, A = 4 * kPi;
+    for (double J : {12 * kPi, 0.99 * A * A / V, 1.01 * A * A / V}) {
         const AxisLimits l = makeLimits(A, A, J, J);
         EXPECT_EQ(calcStationaryStop(V, 0.0, l).cruises, V > A * A / J);
         EXPECT_EQ(calcStationaryStop(-V, 0.0, l).cruises, V > A * A / J);

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <random>
 
+#include "DrawnPath.h"
 #include "SlidingArm.h"
 #include "environment/CollisionJudge.h"
 
@@ -51,23 +52,8 @@ Environment drawThinThings(std::mt19937& random) {
 }
 
 ArmPath drawPath(int n, std::mt19937& random, double size) {
-    std::uniform_real_distribution<double> share(-1.0, 1.0);
     const AxisLimits limits{-9.0, 9.0, -3.0, 3.0, -12.0, 12.0, -40.0, 40.0};
-    MotionState s;
-    for (JointVector* v : {&s.q, &s.qd, &s.qdd}) v->setZero(n);
-    JointVector jerk(n);
-    std::array<GridStop, kMaxJoints> stops;
-    for (int i = 0; i < n; ++i) {
-        s.q[i] = 1.5 * share(random);
-        s.qd[i] = 3.0 * size * share(random);
-        s.qdd[i] = 10.0 * size * share(random);
-        jerk[i] = 40.0 * share(random);
-        const AxisState after = advance({s.q[i], s.qd[i], s.qdd[i]}, jerk[i], kTick_s);
-        stops[static_cast<std::size_t>(i)].plan(after.v, after.a, limits, kTick_s);
-    }
-    ArmPath path;
-    path.set(s, jerk, stops, kTick_s);
-    return path;
+    return DrawnPath{JointVector::Constant(n, 1.5), 3.0, 10.0, 40.0, limits}.draw(random, size, kTick_s);
 }
 
 // What is proven between looks, against the judge at a few thousand poses of the same path: never too much, and not far off.

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <random>
 
+#include "DrawnPath.h"
 namespace viable {
 namespace {
 
@@ -50,22 +51,10 @@ public:
     }
     ArmPath path(const RobotDescription& robot, double size) {
         const AxisLimits limits{-9.0, 9.0, -3.0, 3.0, -12.0, 12.0, -40.0, 40.0};
-        MotionState s;
-        for (JointVector* v : {&s.q, &s.qd, &s.qdd}) v->setZero(kJoints);
-        JointVector jerk(kJoints);
-        std::array<GridStop, kMaxJoints> stops;
-        for (int i = 0; i < kJoints; ++i) {
-            const bool slides = robot.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic;
-            s.q[i] = (slides ? 0.3 : 2.0) * share();
-            s.qd[i] = 3.0 * size * share();
-            s.qdd[i] = 10.0 * size * share();
-            jerk[i] = 40.0 * share();
-            const AxisState after = advance({s.q[i], s.qd[i], s.qdd[i]}, jerk[i], kTick_s);
-            stops[static_cast<std::size_t>(i)].plan(after.v, after.a, limits, kTick_s);
-        }
-        ArmPath path;
-        path.set(s, jerk, stops, kTick_s);
-        return path;
+        JointVector position(kJoints);
+        for (int i = 0; i < kJoints; ++i)
+            position[i] = robot.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic ? 0.3 : 2.0;
+        return DrawnPath{position, 3.0, 10.0, 40.0, limits}.draw(random_, size, kTick_s);
     }
 
 private:

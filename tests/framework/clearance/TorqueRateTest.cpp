@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <random>
 
+#include "DrawnPath.h"
 #include "SlidingArm.h"
 #include "robot/ArmRecursion.h"
 #include "viable/loop/NominalPlant.h"
@@ -19,7 +20,6 @@ constexpr double kTick_s = 1e-3;
 // is not absurdly large.
 TEST(TorqueRate, IsNeverExceededFromTickToTick) {
     std::mt19937 random(1);
-    std::uniform_real_distribution<double> share(-1.0, 1.0);
     for (const RobotDescription& robot :
          {loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"), loadRobot(VIABLE_SOURCE_DIR "/robots/panda"),
           withPayload(loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"), 7.0, {0.0, 0.0, 0.1}), makeSlidingArm()}) {
@@ -29,21 +29,9 @@ TEST(TorqueRate, IsNeverExceededFromTickToTick) {
         double largestUse = 0.0, ticks = 0.0, skipped = 0.0;
         for (int round = 0; round < 300; ++round) {
             const double size = round % 3 == 0 ? 1.0 : round % 3 == 1 ? 0.3 : 0.02;
-            MotionState s;
-            for (JointVector* v : {&s.q, &s.qd, &s.qdd}) v->setZero(n);
-            JointVector jerk(n);
-            std::array<GridStop, kMaxJoints> stops;
-            for (int i = 0; i < n; ++i) {
-                const AxisLimits l{-3.0, 3.0, -2.5, 2.5, -12.0, 12.0, -40.0, 40.0};
-                s.q[i] = 3.0 * share(random);
-                s.qd[i] = 2.5 * size * share(random);
-                s.qdd[i] = 12.0 * size * share(random);
-                jerk[i] = 40.0 * share(random);
-                const AxisState after = advance({s.q[i], s.qd[i], s.qdd[i]}, jerk[i], kTick_s);
-                stops[static_cast<std::size_t>(i)].plan(after.v, after.a, l, kTick_s);
-            }
-            detail::ArmPath path;
-            path.set(s, jerk, stops, kTick_s);
+            const AxisLimits limits{-3.0, 3.0, -2.5, 2.5, -12.0, 12.0, -40.0, 40.0};
+            const detail::ArmPath path =
+                DrawnPath{JointVector::Constant(n, 3.0), 2.5, 12.0, 40.0, limits}.draw(random, size, kTick_s);
             detail::ArmPath::Extremes extremes;
             path.calcExtremes(extremes);
             JointVector bound, q, qd, qdd, tau, before;

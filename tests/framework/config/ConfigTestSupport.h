@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "TemporaryFolder.h"
 #include "viable/config/ConfigNode.h"
 #include "viable/core/Error.h"
 
@@ -82,32 +83,7 @@ inline double measure_ms(const std::function<void()>& action) {
     return best;
 }
 
-/** A folder of its own, removed at the end. */
-class TemporaryFolder {
-public:
-    TemporaryFolder() {
-        std::string pattern = (std::filesystem::temp_directory_path() / "viable_test_XXXXXX").string();
-        if (!mkdtemp(pattern.data())) throw std::runtime_error("no temporary folder");
-        path_ = pattern;
-    }
-    TemporaryFolder(const TemporaryFolder&) = delete;
-    TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-    ~TemporaryFolder() {
-        std::error_code code;
-        std::filesystem::remove_all(path_, code);
-    }
-
-    const std::filesystem::path& path() const { return path_; }
-    std::filesystem::path write(const std::string& name, const std::string& text) const {
-        const std::filesystem::path file = path_ / name;
-        std::filesystem::create_directories(file.parent_path());
-        std::ofstream(file, std::ios::binary) << text;
-        return file;
-    }
-
-private:
-    std::filesystem::path path_;
-};
+using test::TemporaryFolder;
 
 inline std::string repeat(const std::string& text, int times) {
     std::string result;

@@ -3,11 +3,11 @@
 #include <limits>
 
 #include "ConfigTestSupport.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /** The value of `v` in a file with that one entry. */

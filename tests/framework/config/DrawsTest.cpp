@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
@@ -81,9 +82,8 @@ void expectSays(const std::string& text, const std::vector<std::string>& parts) 
 }
 
 TEST(Draws, FollowTheirDistributions) {
-    const double pi = 3.14159265358979323846;
     EXPECT_LE(
-        calcDistance(draw("~uniform(-pi/2, 3*(1+1))", kDraws), [&](double x) { return (x + pi / 2) / (6 + pi / 2); }),
+        calcDistance(draw("~uniform(-pi/2, 3*(1+1))", kDraws), [&](double x) { return (x + kPi / 2) / (6 + kPi / 2); }),
         kBound);
     EXPECT_LE(calcDistance(draw("~log_uniform(0.01, 100)", kDraws), [](double x) { return (std::log10(x) + 2) / 4; }),
               kBound);

@@ -11,7 +11,6 @@
 namespace viable {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 const std::vector<std::string> kNames = {"shoulder", "elbow", "wrist"};
 

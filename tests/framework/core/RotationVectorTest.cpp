@@ -8,8 +8,6 @@
 namespace viable {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 Eigen::Vector3d drawDirection(std::mt19937& random) {
     std::uniform_real_distribution<double> unit(-1.0, 1.0);
     Eigen::Vector3d v;

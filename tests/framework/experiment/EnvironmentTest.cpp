@@ -134,7 +134,7 @@ TEST(Payload, ThePlantsOwnComesOnTop) {
         const Experiment e =
             readTestExperiment(kOneJoint, {"payload.mass_kg=" + nominal, "robust_loop={plugin: none}",
                                            "real_plant={plugin: simbody, encoder: exact, payload_kg: " + plant + "}"});
-        return runCase(e.cases[0], {}).summary.trackingMax();
+        return runCase(configureCase(e.cases[0]), {}).summary.trackingMax();
     };
     // The same torque on an arm that is as heavy as its model says, and on one that is not.
     EXPECT_LT(calcError("2", "0"), 1e-3);
@@ -144,10 +144,9 @@ TEST(Payload, ThePlantsOwnComesOnTop) {
 
 TEST(Payload, ChangesTheTrackingBound) {
     const auto findTorque = [](const std::string& mass) {
-        return readTestExperiment(kOneJoint, {"payload.mass_kg=" + mass, "robust_loop={plugin: nric}",
-                                              "real_plant={plugin: simbody}", "disturbance_set={}"})
-            .cases[0]
-            .bound->lastingTorque[0];
+        const Experiment e = readTestExperiment(kOneJoint, {"payload.mass_kg=" + mass, "robust_loop={plugin: nric}",
+                                                            "real_plant={plugin: simbody}", "disturbance_set={}"});
+        return configureTracking(e.cases[0])->bound->lastingTorque[0];
     };
     const double light = findTorque("0"), heavy = findTorque("2");  // in one process: one is not the other's
     EXPECT_GT(heavy, 2.0 * light);
@@ -170,7 +169,7 @@ TEST(Collisions, AnArmThatDrivesIntoAWallIsCounted) {
     const Experiment e = readTestExperiment(kOneJoint, kIntoTheWall);
     RunOptions options;
     options.log = folder / "run.mcap";
-    const CaseResult result = runCase(e.cases[0], options);
+    const CaseResult result = runCase(configureCase(e.cases[0]), options);
     const std::vector<TickRecord> rows = readLog(options.log);
     ASSERT_EQ(rows.size(), 1000u);
 
@@ -213,7 +212,8 @@ TEST(Collisions, AnArmThatDrivesIntoAWallIsCounted) {
     expectContains(formatDetails(result),
                    {"clearance     nominal: in collision in " + std::to_string(touching) + " ticks (first at "});
     expectContains(formatComparison({result}), {"least clearance[mm]", "nominal", "real", "negative: that deep"});
-    const nlohmann::json json = nlohmann::json::parse(writeSummaryJson(e, {result}))["cases"][0]["collisions"];
+    const nlohmann::json json =
+        nlohmann::json::parse(writeSummaryJson(e.title, e.file, {result}))["cases"][0]["collisions"];
     EXPECT_EQ(json["nominal"]["ticks_in_collision"], touching);
     EXPECT_EQ(json["nominal"]["ticks_too_near"], near);
     EXPECT_EQ(json["nominal"]["penetration_m"], nominal.penetration());
@@ -224,17 +224,17 @@ TEST(Collisions, AnArmThatDrivesIntoAWallIsCounted) {
 
 TEST(Collisions, WithoutAnEnvironmentNothingIsSaidOfThem) {
     const Experiment e = readTestExperiment(kOneJoint, {"duration_s=0.1"});
-    const CaseResult result = runCase(e.cases[0], {});
+    const CaseResult result = runCase(configureCase(e.cases[0]), {});
     EXPECT_FALSE(result.summary.collisions());
     for (const std::string& text : {formatComparison({result}), formatDetails(result)})
         for (const char* word : {"clearance", "collision"}) EXPECT_EQ(text.find(word), std::string::npos) << text;
-    EXPECT_TRUE(nlohmann::json::parse(writeSummaryJson(e, {result}))["cases"][0]["collisions"].is_null());
+    EXPECT_TRUE(nlohmann::json::parse(writeSummaryJson(e.title, e.file, {result}))["cases"][0]["collisions"].is_null());
 }
 
 TEST(Collisions, NothingNearIsNoCollision) {
     const Experiment e = readTestExperiment(
         kOneJoint, {"duration_s=0.1", "environment={obstacles: {ball: {sphere: 1, at: {xyz: [9, 0, 0]}}}}"});
-    const CaseResult result = runCase(e.cases[0], {});
+    const CaseResult result = runCase(configureCase(e.cases[0]), {});
     EXPECT_EQ(result.summary.collisions()->nominal.leastClearance, std::numeric_limits<double>::infinity());
     expectContains(formatDetails(result), {"; no collision\n", "nominal: in collision in 0 ticks, nothing within 1 m"});
     expectContains(formatComparison({result}), {"> 1000"});
@@ -249,7 +249,7 @@ TEST(Collisions, AMovingSphereIsJudgedWhereItIsThen) {
     const Experiment e =
         readTestExperiment(kOneJoint, atRest("{ball: {sphere: 0.1, path: [{time_s: 0, xyz: [0.5, -1, 0]}, "
                                              "{time_s: 2, xyz: [0.5, 1, 0]}]}}"));
-    const CaseResult result = runCase(e.cases[0], {});
+    const CaseResult result = runCase(configureCase(e.cases[0]), {});
     const CollisionRecord& nominal = result.summary.collisions()->nominal;
     // At 1 m/s it touches while its centre is within 0.12 m of the rod's axis, and is near within 0.14 m.
     EXPECT_NEAR(static_cast<double>(nominal.ticksInCollision), 240.0, 1.0);
@@ -266,7 +266,7 @@ TEST(Collisions, WhatPassesBetweenTwoRowsIsSeen) {
         kOneJoint, with(atRest("{ball: {sphere: 0.1, path: [{time_s: 0.4, xyz: [0.5, -0.2, 0]}, {time_s: 0.42, "
                                "xyz: [0.5, 0.2, 0]}]}}"),
                         {"tick_s=0.02", "filter={plugin: pass_through}"}));
-    const CollisionRecord nominal = runCase(e.cases[0], {}).summary.collisions()->nominal;
+    const CollisionRecord nominal = runCase(configureCase(e.cases[0]), {}).summary.collisions()->nominal;
     EXPECT_EQ(nominal.ticksInCollision, 1);
     EXPECT_NEAR(*nominal.firstCollision_s, 0.41, 1e-9);
     EXPECT_NEAR(nominal.leastClearance, -0.12, 1e-8);
@@ -278,7 +278,7 @@ TEST(Collisions, TheRealArmIsJudgedWhereItReallyIs) {
         kOneJoint, {"command.points=[[0, 0]]", "duration_s=0.5", "robust_loop={plugin: none}",
                     "environment={obstacles: {wall: {half_space: {normal: [0, -1, 0], offset: -0.12}}}}",
                     "real_plant={plugin: simbody, push_Nm: 4, push_from_s: 0, push_until_s: 1}"});
-    const CaseResult result = runCase(e.cases[0], {});
+    const CaseResult result = runCase(configureCase(e.cases[0]), {});
     const Collisions& collisions = *result.summary.collisions();
     EXPECT_EQ(collisions.nominal.ticksInCollision, 0);
     EXPECT_NEAR(collisions.nominal.leastClearance, 0.1, 1e-8);
@@ -291,10 +291,10 @@ TEST(Collisions, TheRealArmIsJudgedWhereItReallyIs) {
     expectContains(formatDetails(result), {"real: in collision in "});
 
     const std::vector<SweepColumn> columns = makeSweepColumns({}, {"joint0"});
-    const SweepRow row = makeSweepRow(columns, 0, "A", {}, {}, &e.cases[0], &result);
+    const SweepRow row = makeSweepRow(columns, 0, "A", {}, {}, &result);
     const Experiment bare = readTestExperiment(kOneJoint, {"duration_s=0.1"});
-    const CaseResult bareResult = runCase(bare.cases[0], {});
-    const SweepRow empty = makeSweepRow(columns, 0, "A", {}, {}, &bare.cases[0], &bareResult);
+    const CaseResult bareResult = runCase(configureCase(bare.cases[0]), {});
+    const SweepRow empty = makeSweepRow(columns, 0, "A", {}, {}, &bareResult);
     const auto find = [&](const SweepRow& of, const std::string& name) {
         for (std::size_t i = 0; i < columns.size(); ++i)
             if (columns[i].name == name) return of.values[i];
@@ -325,7 +325,7 @@ TEST(Collisions, UnderAGuaranteeAndAClearanceTheyBreakTheGuarantee) {
     for (const auto& run : runs) {
         SCOPED_TRACE(std::string(run.ball) + ", " + run.clearanceTicks);
         const Experiment e = readTestExperiment(kOneJoint, swing(run.ball, run.clearanceTicks));
-        const CaseResult result = runCase(e.cases[0], {});
+        const CaseResult result = runCase(configureCase(e.cases[0]), {});
         const bool collides = result.summary.collisions()->nominal.ticksInCollision > 0;
         EXPECT_EQ(collides, std::string(run.ball) == "[0.8, 0.13, 0]");
         EXPECT_TRUE(result.guarantees);
@@ -345,7 +345,7 @@ TEST(ClearanceLog, HoldsWhatTheFilterSaysAndNothingStale) {
     options.log = folder / "run.mcap";
     const Experiment e = readTestExperiment(
         kOneJoint, with(swing("[0.8, 0.5, 0]", "300"), {"missed_ticks=[{at_s: 0.1, count: 50}]", "duration_s=0.5"}));
-    runCase(e.cases[0], options);
+    runCase(configureCase(e.cases[0]), options);
     const std::vector<TickRecord> rows = readLog(options.log);
     ASSERT_EQ(rows.size(), 500u);
     for (std::size_t k = 0; k < rows.size(); ++k) {
@@ -374,7 +374,7 @@ TEST(ClearanceLog, IsNotThereWithoutAnEnvironment) {
     const TemporaryFolder folder;
     RunOptions options;
     options.log = folder / "run.mcap";
-    runCase(readTestExperiment(kOneJoint, {"duration_s=0.05"}).cases[0], options);
+    runCase(configureCase(readTestExperiment(kOneJoint, {"duration_s=0.05"}).cases[0]), options);
     const LogReader reader(options.log);
     EXPECT_FALSE(reader.layout().hasEnvironment);
     EXPECT_EQ(reader.metadata().count("obstacles"), 0u);

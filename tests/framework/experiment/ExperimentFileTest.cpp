@@ -294,11 +294,10 @@ TEST(ExperimentFile, MissedTicksAreReadStrictlyAndReadBack) {
     EXPECT_EQ(again.cases[0].missedTicks[1].begin, 1000);
     EXPECT_EQ(writeConfig(again.cases[0].resolved), text);
     // Neither order nor overlap matters.
-    const CaseResult merged =
-        runCase(readTestExperiment(kOneJoint, {"missed_ticks=[{at_s: 1, count: 30}, {at_s: 0.9, count: "
-                                               "110}]"})
-                    .cases[0],
-                {});
+    const CaseResult merged = runCase(
+        configureCase(
+            readTestExperiment(kOneJoint, {"missed_ticks=[{at_s: 1, count: 30}, {at_s: 0.9, count: 110}]"}).cases[0]),
+        {});
     EXPECT_EQ(merged.summary.missedTicks(), 130);
     expectContains(errorOf(kOneJoint, {"missed_ticks={at_s: 1, count: 2}"}), {"missed_ticks must be a list"});
     expectContains(errorOf(kOneJoint, {"missed_ticks=[{at_s: 1, cout: 2}]"}), {"cout", "count"});

@@ -27,16 +27,22 @@ std::vector<std::string> with(std::vector<std::string> overrides) {
     return overrides;
 }
 
+void configureTest(const std::vector<std::string>& overrides) {
+    configureCase(readTestExperiment(kTeleoperation, overrides).cases.front());
+}
+
 TEST(HoldOnReal, TightensPositionAndVelocityByTheBoundAndNothingElse) {
-    const CasePlan onNominal = readTestExperiment(kTeleoperation, kReal).cases.front();
-    const CasePlan onReal = readTestExperiment(kTeleoperation, with({"limits.hold_on=real"})).cases.front();
-    ASSERT_TRUE(onNominal.bound && onReal.bound);
-    EXPECT_FALSE(onNominal.holdsOnReal);
-    EXPECT_TRUE(onReal.holdsOnReal);
-    EXPECT_EQ(onNominal.limits.position.upper, onNominal.realLimits.position.upper);
-    const TrackingBound& bound = *onReal.bound;
+    const Experiment nominalFile = readTestExperiment(kTeleoperation, kReal);
+    const Experiment realFile = readTestExperiment(kTeleoperation, with({"limits.hold_on=real"}));
+    EXPECT_FALSE(nominalFile.cases.front().holdsOnReal);
+    EXPECT_TRUE(realFile.cases.front().holdsOnReal);
+    const auto nominalCase = configureCase(nominalFile.cases.front()), realCase = configureCase(realFile.cases.front());
+    ASSERT_TRUE(nominalCase->bound && realCase->bound);
+    const RunSetup &onNominal = nominalCase->setup, &onReal = realCase->setup;
+    EXPECT_EQ(onNominal.limits.position.upper, nominalFile.cases.front().limits.position.upper);
+    const TrackingBound& bound = *realCase->bound;
     EXPECT_GT(bound.position.minCoeff(), 0.0);
-    EXPECT_EQ(onReal.realLimits.position.upper, onNominal.limits.position.upper);
+    EXPECT_EQ(realFile.cases.front().limits.position.upper, onNominal.limits.position.upper);
     EXPECT_EQ(onReal.limits.position.upper, onNominal.limits.position.upper - bound.position);
     EXPECT_EQ(onReal.limits.position.lower, onNominal.limits.position.lower + bound.position);
     EXPECT_EQ(onReal.limits.velocity.upper, onNominal.limits.velocity.upper - bound.velocity);
@@ -54,7 +60,7 @@ TEST(HoldOnReal, TheResolvedFileKeepsTheLimitsOfTheRealArm) {
     const CasePlan again = readExperiment(file, {}, PluginLoader({VIABLE_PLUGIN_DIR}), {}).cases.front();
     EXPECT_TRUE(again.holdsOnReal);
     EXPECT_EQ(again.limits.position.lower, plan.limits.position.lower);
-    EXPECT_EQ(again.realLimits.velocity.upper, plan.realLimits.velocity.upper);
+    EXPECT_EQ(again.limits.velocity.upper, plan.limits.velocity.upper);
 }
 
 TEST(HoldOnReal, WithoutABoundItIsRefused) {
@@ -64,30 +70,45 @@ TEST(HoldOnReal, WithoutABoundItIsRefused) {
               }).find("hold_on: real needs a tracking bound, and this case has none"),
               std::string::npos);
     EXPECT_NE(catchError([] {
-                  readTestExperiment(kTeleoperation, with({"limits.hold_on=real", "robust_loop={plugin: none}"}));
+                  configureTest(with({"limits.hold_on=real", "robust_loop={plugin: none}"}));
               }).find("State a disturbance_set and use the robust loop nric."),
               std::string::npos);
     EXPECT_NE(catchError([] {
-                  readTestExperiment(kTeleoperation, with({"limits.hold_on=real", "limits.velocity_radps=0.02"}));
+                  configureTest(with({"limits.hold_on=real", "limits.velocity_radps=0.02"}));
               }).find("leaves the nominal joint"),
               std::string::npos);
 }
 
 TEST(DisturbanceSet, WhatIsWrongInItIsToldWithItsPlace) {
-    const auto tell = [](const std::string& override) {
-        return catchError([&] { readTestExperiment(kTeleoperation, with({override})); });
-    };
+    const auto tell = [](const std::string& override) { return catchError([&] { configureTest(with({override})); }); };
     EXPECT_NE(tell("disturbance_set.payload_kg=-1").find("disturbance_set.payload_kg"), std::string::npos);
     EXPECT_NE(tell("disturbance_set.payload=1").find("payload_kg"), std::string::npos);
     EXPECT_NE(tell("disturbance_set={plugin: nric}").find("disturbance_set is no plugin"), std::string::npos);
     EXPECT_NE(tell("start.velocity_radps=[0.1, 0, 0, 0, 0, 0]").find("start at rest, and joint0"), std::string::npos);
+    // What it assumes of loop and plant, which they say themselves.
+    const std::string rate = tell("robust_loop.torque_rate_Nmps=10");
+    EXPECT_NE(rate.find("robust_loop: with 10 Nm/s at joint"), std::string::npos) << rate;
+    const std::string integral = tell("robust_loop.integral_limit_Nm=0.001");
+    EXPECT_NE(integral.find("as the limit of the robust loop's integral the tracking bound does not hold"),
+              std::string::npos)
+        << integral;
+    const std::string exact = tell("real_plant.encoder=exact");
+    EXPECT_NE(exact.find("real_plant: the tracking bound is for encoders that tell positions in counts"),
+              std::string::npos)
+        << exact;
     EXPECT_NE(tell("robust_loop.k_r=6000").find("the robust loop is unstable with k_r = 6000"), std::string::npos);
+}
+
+// Another loop than one that is linear in the error: nothing is known, so nothing trips.
+TEST(DisturbanceSet, OfALoopThatNoBoundFollowsFromIsNoMistake) {
+    const Experiment e = readTestExperiment(kTeleoperation, with({"robust_loop={plugin: none}"}));
+    EXPECT_FALSE(configureCase(e.cases.front())->bound);
 }
 
 // Not before the run: `viable bound` still shows what asks for so much.
 TEST(DisturbanceSet, MotorsThatAreTooWeakForItAreRefused) {
     const Experiment e = readTestExperiment(kTeleoperation, with({"disturbance_set.torque_limit_factor=0.3"}));
-    ASSERT_TRUE(e.cases.front().bound);
+    ASSERT_TRUE(configureTracking(e.cases.front())->bound);
     const std::string told = catchError([&] { configureCase(e.cases.front()); });
     EXPECT_NE(told.find("disturbance_set: the motor of joint1 gives 129"), std::string::npos) << told;
 }

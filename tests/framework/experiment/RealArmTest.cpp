@@ -31,10 +31,25 @@ TrackingBound makeBound(int n, double size) {
     return bound;
 }
 
-Experiment readBounded(const std::vector<std::string>& overrides, double size) {
+/** An experiment whose first case may have a bound that is stated, not computed. */
+struct BoundedCase {
+    BoundedCase(Experiment read, std::optional<TrackingBound> stated = {})
+        : experiment(std::move(read)), bound(std::move(stated)) {}
+    CasePlan& plan() { return experiment.cases.front(); }
+    std::unique_ptr<ConfiguredCase> configure() const {
+        auto configured = configureCase(experiment.cases.front());
+        configured->bound = bound;
+        return configured;
+    }
+
+    Experiment experiment;
+    std::optional<TrackingBound> bound;
+};
+
+BoundedCase readBounded(const std::vector<std::string>& overrides, double size) {
     Experiment e = readTestExperiment(kTeleoperation, overrides);
-    e.cases.front().bound = makeBound(e.cases.front().robot.size(), size);
-    return e;
+    const int n = e.cases.front().robot.size();
+    return {std::move(e), makeBound(n, size)};
 }
 
 void expectContains(const std::string& text, const std::vector<std::string>& parts) {
@@ -71,18 +86,18 @@ private:
 
 /** The first case's loop, its robust loop listened to. */
 struct HeardCase {
-    explicit HeardCase(Experiment read, bool judgesReadings = true)
-        : experiment(std::move(read)), configured(configureCase(plan())) {
+    explicit HeardCase(BoundedCase read, bool judgesReadings = true)
+        : bounded(std::move(read)), configured(bounded.configure()) {
         heard.configure(configured->setup, plan().robustLoop->parameters);
         configured->plugins.robustLoop = PluginPtr<RobustLoop>(&heard, [](void*) {});
-        loop = std::make_unique<ControlLoop>(
-            configured->setup, std::move(configured->plugins),
-            RealArmOptions{plan().bound ? &*plan().bound : nullptr, plan().feedsExternalTorque, judgesReadings});
+        loop = std::make_unique<ControlLoop>(configured->setup, std::move(configured->plugins),
+                                             RealArmOptions{configured->bound ? &*configured->bound : nullptr,
+                                                            plan().feedsExternalTorque, judgesReadings});
     }
-    const CasePlan& plan() const { return experiment.cases.front(); }
+    const CasePlan& plan() const { return configured->plan; }
 
     HeardLoop heard;  // destroyed last
-    Experiment experiment;
+    BoundedCase bounded;
     std::unique_ptr<ConfiguredCase> configured;
     std::unique_ptr<ControlLoop> loop;
 };
@@ -126,7 +141,7 @@ TEST(Trip, InTheTickInWhichAReadingIsBeyondItsBoundAndOnlyThen) {
 }
 
 TEST(Trip, AlsoInAMissedTickAndOverARequestedStop) {
-    Experiment e = readBounded(with({"real_plant.offset_rad=0.01", "real_plant.offset_at_s=0.5"}), 0.005);
+    const BoundedCase e = readBounded(with({"real_plant.offset_rad=0.01", "real_plant.offset_at_s=0.5"}), 0.005);
     TickRecord record;
     HeardCase missed(e);
     for (int k = 0; k < 500; ++k) missed.loop->tick(record);
@@ -151,13 +166,13 @@ TEST(Trip, WithoutABoundThereIsNone) {
 
 // Fault16: 12 kg at the tool, where the robust loop is given too little torque to carry them.
 TEST(Fault16, ATripEndsTheRunWith6AndTellsWhatBecameOfTheRealArm) {
-    Experiment e = readBounded(
+    const BoundedCase e = readBounded(
         {"filter={plugin: certified_braking}", "robust_loop={plugin: nric, k_r: 20}", "real_plant.payload_kg=12"},
         0.02);
     const TemporaryFolder folder;
     RunOptions options;
     options.log = folder.path() / "A.mcap";
-    const CaseResult result = runCase(e.cases[0], options);
+    const CaseResult result = runCase(e.configure(), options);
     EXPECT_EQ(result.stopReason, StopReason::TrackingLost);
     EXPECT_EQ(result.exitCode(), 6);
     ASSERT_TRUE(result.summary.trip());
@@ -173,7 +188,7 @@ TEST(Fault16, ATripEndsTheRunWith6AndTellsWhatBecameOfTheRealArm) {
                     "\n                velocity: worst use ", "motors        largest share of the torque limit"});
     expectContains(formatComparison({result}), {"max[mrad] of bound |"});
 
-    const nlohmann::json json = nlohmann::json::parse(writeSummaryJson({}, {result}))["cases"][0];
+    const nlohmann::json json = nlohmann::json::parse(writeSummaryJson({}, {}, {result}))["cases"][0];
     EXPECT_EQ(json["tripped"], true);
     EXPECT_EQ(json["trip"]["joint"], result.summary.jointNames()[static_cast<std::size_t>(trip.joint)]);
     EXPECT_EQ(json["trip"]["time_s"], trip.time_s);
@@ -189,7 +204,7 @@ TEST(Fault16, ATripEndsTheRunWith6AndTellsWhatBecameOfTheRealArm) {
     EXPECT_EQ(nlohmann::json::parse(reader.metadata().at("tracking_bound"))["measured_rad"],
               std::vector<double>(6, 0.02));
     EXPECT_EQ(reader.metadata().count("real_limits"), 0u);
-    Summary again(result.summary.jointNames(), e.cases[0].limits, true, result.summary.reference());
+    Summary again(result.summary.jointNames(), e.experiment.cases[0].limits, true, result.summary.reference());
     TickRecord record;
     double firstBraking_s = -1.0, rest_s = -1.0;
     while (reader.read(record)) {
@@ -212,18 +227,19 @@ TEST(Trip, TheGravestExitCodeCounts) {
 
 TEST(RealGuarantee, APassedLimitOfTheRealArmWithoutATripEndsTheRunWith3) {
     for (const double widening : {0.05, -0.05}) {
-        Experiment e = readBounded(with({}), 0.01);
-        CasePlan& plan = e.cases.front();
+        BoundedCase e = readBounded(with({}), 0.01);
+        auto configured = e.configure();
+        CasePlan& plan = e.plan();  // from here on its limits are those of the real arm
         plan.holdsOnReal = true;
-        for (JointBounds* bounds : {&plan.realLimits.position, &plan.realLimits.velocity}) {
+        for (JointBounds* bounds : {&plan.limits.position, &plan.limits.velocity}) {
             bounds->lower.array() -= widening;
             bounds->upper.array() += widening;
         }
-        plan.realLimits.velocity.upper[5] = INFINITY;
+        plan.limits.velocity.upper[5] = INFINITY;
         const TemporaryFolder folder;
         RunOptions options;
         options.log = folder.path() / "A.mcap";
-        const CaseResult result = runCase(plan, options);
+        const CaseResult result = runCase(std::move(configured), options);
         EXPECT_EQ(result.stopReason, StopReason::None) << result.stopMessage;
         const bool breaks = widening < 0.0;
         EXPECT_EQ(result.isRealGuaranteeBroken(), breaks);
@@ -235,7 +251,7 @@ TEST(RealGuarantee, APassedLimitOfTheRealArmWithoutATripEndsTheRunWith3) {
         else
             expectContains(verdict, {"; the real arm kept its position and velocity limits (guaranteed"});
         expectContains(verdict, {"of its acceleration and jerk nothing is)"});
-        const nlohmann::json json = nlohmann::json::parse(writeSummaryJson({}, {result}))["cases"][0];
+        const nlohmann::json json = nlohmann::json::parse(writeSummaryJson({}, {}, {result}))["cases"][0];
         EXPECT_EQ(json["holds_on_real"], true);
         EXPECT_EQ(json["tripped"], false);
         EXPECT_TRUE(json["trip"].is_null());
@@ -243,9 +259,9 @@ TEST(RealGuarantee, APassedLimitOfTheRealArmWithoutATripEndsTheRunWith3) {
         for (const auto& joint : json["real_limits"]["position"]) outside += joint["ticks_outside"].get<std::int64_t>();
         EXPECT_EQ(outside > 0, breaks);
         const nlohmann::json metadata = nlohmann::json::parse(LogReader(options.log).metadata().at("real_limits"));
-        EXPECT_EQ(metadata["position_lower"][0], plan.realLimits.position.lower[0]);
+        EXPECT_EQ(metadata["position_lower"][0], plan.limits.position.lower[0]);
         EXPECT_EQ(metadata["velocity_upper"][5], ".inf");
-        EXPECT_EQ(metadata["velocity_lower"][5], plan.realLimits.velocity.lower[5]);
+        EXPECT_EQ(metadata["velocity_lower"][5], plan.limits.velocity.lower[5]);
 
         CaseResult other = result;  // a filter that guarantees nothing breaks no guarantee
         other.guarantees = false;
@@ -336,8 +352,7 @@ TEST(RealGuarantee, ALimitThatWasPassedBeforeATripIsNotForgotten) {
         EXPECT_NEAR(s.trip()->time_s, 0.005, 1e-12);
         const bool isBroken = beyond_s < 0.005;
         EXPECT_EQ(s.anyRealLimitBroken(), isBroken);
-        Experiment e = readBounded(with({}), 0.1);
-        CaseResult result(e.cases.front());
+        CaseResult result = makeResult(*readBounded(with({}), 0.1).configure());
         result.holdsOnReal = result.guarantees = true;
         result.stopReason = StopReason::TrackingLost;
         result.summary = s;
@@ -350,8 +365,8 @@ TEST(RealGuarantee, ALimitThatWasPassedBeforeATripIsNotForgotten) {
 TEST(RealArm, AReadingWithinTheStatedErrorIsNoJump) {
     const std::vector<std::string> slow =
         with({"limits.velocity_radps=0.005", "real_plant.offset_rad=0.002", "real_plant.offset_at_s=0.7"});
-    const auto run = [](const Experiment& e) {
-        HeardCase c(e);
+    const auto run = [](BoundedCase e) {
+        HeardCase c(std::move(e));
         TickRecord record;
         for (int k = 0; k < 720; ++k) c.loop->tick(record);
         return c.loop->stopReason();
@@ -361,24 +376,24 @@ TEST(RealArm, AReadingWithinTheStatedErrorIsNoJump) {
     larger.push_back("real_plant.offset_rad=3.0");
     EXPECT_EQ(run(readTestExperiment(kTeleoperation, larger)), StopReason::SensorFailed);
     for (const double readingError : {0.0009, 0.0011}) {
-        Experiment e = readBounded(slow, 0.01);
-        e.cases.front().bound->velocity.setZero();
-        e.cases.front().bound->position.array() -= readingError;
+        BoundedCase e = readBounded(slow, 0.01);
+        e.bound->velocity.setZero();
+        e.bound->position.array() -= readingError;
         EXPECT_EQ(run(e), readingError < 0.001 ? StopReason::SensorFailed : StopReason::None);
     }
     // A bound on the velocity that no limit knows: 4 rad/s for a tick.
-    Experiment e = readBounded(slow, 0.01);
-    e.cases.front().bound->velocity.setConstant(4.0);
+    BoundedCase e = readBounded(slow, 0.01);
+    e.bound->velocity.setConstant(4.0);
     EXPECT_EQ(run(e), StopReason::None);
 }
 
 TEST(Trip, OfANominalArmBeyondItsLimitsDoesNotBlameTheDisturbances) {
-    Experiment e =
+    BoundedCase e =
         readBounded({"filter={plugin: pass_through}", "real_plant={plugin: pushed}", "limits.velocity_radps=0.005",
                      "real_plant.offset_rad=0.02", "real_plant.offset_at_s=1.5"},
                     0.01);
-    e.cases.front().bound->velocity.setConstant(100.0);
-    const CaseResult result = runCase(e.cases[0], {});
+    e.bound->velocity.setConstant(100.0);
+    const CaseResult result = runCase(e.configure(), {});
     EXPECT_EQ(result.exitCode(), 6);
     EXPECT_TRUE(result.summary.anyLimitBroken());
     expectContains(result.stopMessage, {"from its nominal place, beyond its bound of 0.01 rad: the nominal arm had "
@@ -405,7 +420,7 @@ TEST(Fault23, AnEncoderWrapBrakesTheArmAndBecomesNoTorque) {
     EXPECT_EQ(c.heard.holds, 1);
     EXPECT_EQ(c.loop->stopReason(), StopReason::SensorFailed);
     expectContains(c.loop->stopMessage(), {"of joint1 jumped by 6.28", "more than any motion of it"});
-    const CaseResult result = runCase(e.cases[0], {});
+    const CaseResult result = runCase(configureCase(e.cases[0]), {});
     EXPECT_EQ(result.exitCode(), 4);
     expectContains(result.stopMessage, {"the plant plugin 'pushed' (", ") failed: the position that it reports"});
 
@@ -467,7 +482,7 @@ TEST(ExternalTorque, ABadReadingIsReplacedByTheLastGoodOneForTenTicksThenTheArmI
                 kTeleoperation, with({kPush, "external_torque=to_nominal", "real_plant.push_s=5",
                                       std::string("real_plant.fault=") + fault, "real_plant.fault_at_s=0.4",
                                       "real_plant.fault_ticks=" + std::to_string(ticks)}));
-            const CaseResult result = runCase(e.cases[0], {});
+            const CaseResult result = runCase(configureCase(e.cases[0]), {});
             SCOPED_TRACE(std::string(fault) + ", " + std::to_string(ticks));
             EXPECT_FALSE(result.summary.anyLimitBroken());
             EXPECT_EQ(result.summary.externalTorqueMissing(), ticks);

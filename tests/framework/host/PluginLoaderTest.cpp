@@ -16,6 +16,8 @@
 #include <stdexcept>
 #include <typeinfo>
 
+#include "TemporaryFolder.h"
+
 #if defined(__SSE__)
 #include <xmmintrin.h>
 #endif
@@ -28,23 +30,7 @@ namespace fs = std::filesystem;
 const fs::path kBroken = VIABLE_BROKEN_PLUGIN_DIR;
 const std::string kWhere = "demo.yaml:7:11: filter.plugin";
 
-/** An empty folder that vanishes with the test. */
-class TemporaryFolder {
-public:
-    TemporaryFolder() {
-        std::string name = (fs::temp_directory_path() / "viable-loader-XXXXXX").string();
-        if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("no temporary folder");
-        path_ = fs::canonical(name);
-    }
-    ~TemporaryFolder() {
-        std::error_code ignored;
-        fs::remove_all(path_, ignored);
-    }
-    const fs::path& path() const { return path_; }
-
-private:
-    fs::path path_;
-};
+using test::TemporaryFolder;
 
 /** An environment variable with another value until the end of the scope. */
 class ScopedVariable {

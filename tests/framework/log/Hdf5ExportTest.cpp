@@ -15,16 +15,7 @@ using namespace test;
 
 using Space = MotionCommand::Space;
 
-class Hdf5ExportTest : public LogTestBase {
-protected:
-    std::vector<std::string> listFolder() const {
-        std::vector<std::string> names;
-        for (const auto& entry : std::filesystem::directory_iterator(folder_))
-            names.push_back(entry.path().filename().string());
-        std::sort(names.begin(), names.end());
-        return names;
-    }
-};
+class Hdf5ExportTest : public LogTestBase {};
 
 /** An HDF5 file, read by the library. Everything is closed again at the end. */
 class Hdf5File {

@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <thread>
 
+#include "Effort.h"
 #include "LogTestSupport.h"
 #include "log/LogExport.h"
 
@@ -21,14 +22,6 @@ using Space = MotionCommand::Space;
 
 class LogRecoveryTest : public LogTestBase {
 protected:
-    std::vector<std::string> listFolder() const {
-        std::vector<std::string> names;
-        for (const auto& entry : std::filesystem::directory_iterator(folder_))
-            names.push_back(entry.path().filename().string());
-        std::sort(names.begin(), names.end());
-        return names;
-    }
-
     /** Recovers `bytes`, which must stay as they are, and returns the new log's bytes. */
     std::string recover(const std::string& bytes, std::uint64_t expectedRows) {
         writeBytes(path("cut.mcap"), bytes);
@@ -48,8 +41,7 @@ protected:
 };
 
 unsigned getSeed(unsigned otherwise) {
-    const char* text = std::getenv("VIABLE_SEED");
-    const unsigned seed = text ? static_cast<unsigned>(std::strtoul(text, nullptr, 10)) : otherwise;
+    const auto seed = static_cast<unsigned>(test::getSeed(otherwise));
     std::printf("VIABLE_SEED=%u\n", seed);
     return seed;
 }

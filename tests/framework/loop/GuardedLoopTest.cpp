@@ -122,7 +122,7 @@ TEST(Fault37, DecisionsInUnknownWordsAreNotApplied) {
 
 TEST(Fault37, ABrokenGuaranteeEndsTheRunWith3) {
     const Experiment e = readTestExperiment(kOneJoint, {kGuaranteeing, "filter.lie=jerk", "filter.after_ticks=100"});
-    const CaseResult result = runCase(e.cases[0], {});
+    const CaseResult result = runCase(configureCase(e.cases[0]), {});
     EXPECT_EQ(result.exitCode(), 3);
     EXPECT_FALSE(result.summary.anyLimitBroken());
     for (const char* part : {"stopped at 0.1000 s (tick 100): the filter plugin 'guaranteeing' (",
@@ -134,7 +134,7 @@ TEST(Monitor, AnHonestGuaranteeIsKeptToTheEndOfTheRun) {
     for (const char* witness : {"true", "false"}) {
         const Experiment e =
             readTestExperiment(kTeleoperation, {kGuaranteeing, std::string("filter.witness=") + witness});
-        const CaseResult result = runCase(e.cases[0], {});
+        const CaseResult result = runCase(configureCase(e.cases[0]), {});
         EXPECT_EQ(result.exitCode(), 0) << result.stopMessage;
         EXPECT_EQ(result.summary.unviableTicks(), 0);
         EXPECT_EQ(result.summary.ticks(), 2000);
@@ -146,7 +146,7 @@ TEST(Monitor, AnHonestGuaranteeIsKeptToTheEndOfTheRun) {
 TEST(Monitor, AFilterWithoutGuaranteeIsOnlyReported) {
     const Experiment e =
         readTestExperiment(kOneJoint, {"filter={plugin: pass_through}", "command.points=[[0, 4], [1, -4]]"});
-    const CaseResult result = runCase(e.cases[0], {});
+    const CaseResult result = runCase(configureCase(e.cases[0]), {});
     EXPECT_EQ(result.exitCode(), 0);
     EXPECT_GT(result.summary.unviableTicks(), 10);
     EXPECT_TRUE(result.summary.anyLimitBroken());
@@ -259,7 +259,7 @@ TEST(Fault25, TooManyInARowBrakeTheArmForGood) {
     EXPECT_TRUE(t.loop.hasStopped());
 
     const Experiment e = readTestExperiment(kOneJoint, {kGuaranteeing, "missed_ticks=[{at_s: 0.3, count: 1200}]"});
-    const CaseResult result = runCase(e.cases[0], {});
+    const CaseResult result = runCase(configureCase(e.cases[0]), {});
     EXPECT_EQ(result.exitCode(), 4);
     EXPECT_EQ(result.stopMessage, "stopped at 1.3000 s (tick 1300) because more than 1000 ticks in a row were missed");
 }
@@ -267,7 +267,7 @@ TEST(Fault25, TooManyInARowBrakeTheArmForGood) {
 TEST(Fault25, TheFileMissesTicksInTheRunAndTheSummaryCountsThem) {
     const Experiment e =
         readTestExperiment(kOneJoint, {kGuaranteeing, "missed_ticks=[{at_s: 0.3, count: 20}, {at_s: 0.5, count: 1}]"});
-    const CaseResult result = runCase(e.cases[0], {});
+    const CaseResult result = runCase(configureCase(e.cases[0]), {});
     EXPECT_EQ(result.exitCode(), 0) << result.stopMessage;
     EXPECT_EQ(result.summary.missedTicks(), 21);
     EXPECT_EQ(result.summary.ticksWith(FilterStatus::StoppedByPlan), 21);
@@ -279,7 +279,7 @@ const char* const kShrink = "command={plugin: changing_limits, at_s: 0.7, positi
 
 TEST(ChangingLimits, ShrunkBelowTheArmTheyAreReturnedToAndNoGuaranteeIsBroken) {
     const Experiment e = readTestExperiment(kOneJoint, {kShrink, "filter={plugin: certified_braking}"});
-    const CaseResult result = runCase(e.cases[0], {});
+    const CaseResult result = runCase(configureCase(e.cases[0]), {});
     EXPECT_EQ(result.exitCode(), 0) << result.stopMessage;
     const Summary& s = result.summary;
     EXPECT_FALSE(s.anyLimitBroken());

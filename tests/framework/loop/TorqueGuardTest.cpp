@@ -616,6 +616,22 @@ TEST(TorqueGuard, WithoutAStartThereIsNoTorque) {
     EXPECT_NE(moved.step(atHome(robot), Spring{robot.home}).status, GuardStatus::NotStarted);
 }
 
+/** Without limits on readings and motors nothing holds the robust loop back. */
+TEST(TorqueGuard, ARobustTorqueBeyondAllArithmeticStopsTheArm) {
+    RobotDescription robot = makeTwoLinkArm();
+    robot.actuation.torqueLimit = pair(kInf, kInf);
+    TorqueGuardOptions options;
+    options.largestSpeed = kInf;
+    TorqueGuard guard(robot, kTick_s, options);
+    guard.start(atHome(robot));
+    guard.step(atHome(robot), Spring{robot.home});
+    EXPECT_EQ(guard.stopReason(), GuardStop::None);
+    const GuardedTorque& out = guard.step({robot.home, pair(1e15, 0.0)}, Spring{robot.home});
+    EXPECT_LE(out.torque.lpNorm<Eigen::Infinity>(), 1e9);
+    EXPECT_EQ(guard.stopReason(), GuardStop::RobustLoopFailed);
+    EXPECT_CONTAINS(guard.stopMessage(), "beyond 1e9");
+}
+
 TEST(TorqueGuard, BeyondAllArithmeticThereIsNoTorque) {
     RobotDescription robot = makeTwoLinkArm();
     robot.limits = JointLimits::unlimited(2);

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "TemporaryFolder.h"
 #include "host/PluginDescription.h"
 #include "viable/core/Error.h"
 
@@ -58,22 +59,6 @@ void expectContains(const std::string& text, const std::vector<std::string>& par
     }
 }
 
-class Folder {
-public:
-    Folder() {
-        std::string pattern = (fs::temp_directory_path() / "viable_test_XXXXXX").string();
-        if (!mkdtemp(pattern.data())) throw std::runtime_error("no temporary folder");
-        path = pattern;
-    }
-    Folder(const Folder&) = delete;
-    Folder& operator=(const Folder&) = delete;
-    ~Folder() {
-        std::error_code code;
-        fs::remove_all(path, code);
-    }
-    fs::path path;
-};
-
 TEST(Parameters, DefaultsFillWhatIsNotWritten) {
     const Parameters p = read("{plugin: x}");
     EXPECT_EQ(p.number("gamma"), 20.0);
@@ -83,7 +68,7 @@ TEST(Parameters, DefaultsFillWhatIsNotWritten) {
     EXPECT_EQ(p.text("window"), "box");
     EXPECT_EQ(p.text("label"), "");
     EXPECT_TRUE(p.file("map").empty());
-    EXPECT_EQ(p.jointNumbers("stiffness"), JointVector::Constant(3, 2 * 3.14159265358979323846));
+    EXPECT_EQ(p.jointNumbers("stiffness"), JointVector::Constant(3, 2 * kPi));
     EXPECT_EQ(p.numbers("axis"), (std::vector<double>{0, 0, 1}));
     EXPECT_TRUE(p.rows("waypoints").empty());
     EXPECT_EQ(p.place("gamma"), "f.yaml:1:8: block");
@@ -101,7 +86,7 @@ TEST(Parameters, WrittenValuesOfEveryType) {
     EXPECT_EQ(p.jointNumbers("stiffness")[2], 3.0);
     EXPECT_EQ(p.numbers("axis")[0], 1.0);
     ASSERT_EQ(p.rows("waypoints").size(), 2u);
-    EXPECT_EQ(p.rows("waypoints")[1][2], 3.14159265358979323846);
+    EXPECT_EQ(p.rows("waypoints")[1][2], kPi);
     EXPECT_EQ(p.place("gamma"), "f.yaml:1:27: block.gamma");
 }
 
@@ -192,28 +177,28 @@ TEST(Parameters, DefaultThatDoesNotFitSaysSo) {
 }
 
 TEST(Parameters, FilesStartInTheFolderOfTheFileThatNamesThem) {
-    const Folder folder;
-    fs::create_directories(folder.path / "maps");
-    fs::create_directories(folder.path / "experiments");
-    std::ofstream(folder.path / "maps" / "floor.bt") << "x";
-    const std::string experiment = (folder.path / "experiments" / "e.yaml").string();
+    const test::TemporaryFolder folder;
+    fs::create_directories(folder.path() / "maps");
+    fs::create_directories(folder.path() / "experiments");
+    std::ofstream(folder.path() / "maps" / "floor.bt") << "x";
+    const std::string experiment = (folder.path() / "experiments" / "e.yaml").string();
     const auto readFile = [&](const std::string& name) {
         return readParameters(makeBlock("{map: " + name + "}", experiment), kSpecs, kCount, 3);
     };
     const fs::path path = readFile("../maps/floor.bt").file("map");
     EXPECT_TRUE(path.is_absolute());
-    EXPECT_TRUE(fs::equivalent(path, folder.path / "maps" / "floor.bt"));
-    EXPECT_EQ(readFile((folder.path / "maps/floor.bt").string()).file("map"), folder.path / "maps/floor.bt");
-    fs::create_symlink("../maps/floor.bt", folder.path / "experiments" / "link.bt");
+    EXPECT_TRUE(fs::equivalent(path, folder.path() / "maps" / "floor.bt"));
+    EXPECT_EQ(readFile((folder.path() / "maps/floor.bt").string()).file("map"), folder.path() / "maps/floor.bt");
+    fs::create_symlink("../maps/floor.bt", folder.path() / "experiments" / "link.bt");
     EXPECT_TRUE(fs::equivalent(readFile("link.bt").file("map"), path));
-    EXPECT_EQ(readFile("link.bt").resolved().find("map")->text, (folder.path / "experiments" / "link.bt").string());
+    EXPECT_EQ(readFile("link.bt").resolved().find("map")->text, (folder.path() / "experiments" / "link.bt").string());
     EXPECT_TRUE(readFile("''").file("map").empty());
 
     // From the command line: the current folder.
     ConfigNode root = parseConfig("block: {}\n", experiment);
     applyOverride(root, "block.map=floor.bt");
     const fs::path before = fs::current_path();
-    fs::current_path(folder.path / "maps");
+    fs::current_path(folder.path() / "maps");
     fs::path fromHere;
     try {
         fromHere = readParameters(*root.find("block"), kSpecs, kCount, 3).file("map");
@@ -227,15 +212,15 @@ TEST(Parameters, FilesStartInTheFolderOfTheFileThatNamesThem) {
 }
 
 TEST(Parameters, Fault11_FileMissingFolderOrDanglingLink) {
-    const Folder folder;
-    const std::string experiment = (folder.path / "e.yaml").string();
+    const test::TemporaryFolder folder;
+    const std::string experiment = (folder.path() / "e.yaml").string();
     const auto refuseFile = [&](const std::string& name) {
         return refuse([&] { readParameters(makeBlock("{map: " + name + "}", experiment), kSpecs, kCount, 3); });
     };
-    fs::create_directories(folder.path / "sub");
-    fs::create_symlink("nowhere", folder.path / "dangling.bt");
+    fs::create_directories(folder.path() / "sub");
+    fs::create_symlink("nowhere", folder.path() / "dangling.bt");
     expectContains(refuseFile("missing.bt"),
-                   {"e.yaml:1:14: block.map", "`missing.bt`", (folder.path / "missing.bt").string(), "does not exist",
+                   {"e.yaml:1:14: block.map", "`missing.bt`", (folder.path() / "missing.bt").string(), "does not exist",
                     "folder of the file that names them"});
     expectContains(refuseFile("../../../missing.bt"), {"does not exist"});
     expectContains(refuseFile("sub"), {"is a folder"});

@@ -191,15 +191,14 @@ struct Worst {
     }
 };
 
-/** 1e5 problems of six joints; VIABLE_QP_PROBLEMS=1000000 is the long mode, VIABLE_SEED another
-series. */
+/** 1e5 problems of six joints; VIABLE_SEED is for another series. */
 TEST(BoxQp, AgreesWithEnumerationOfAllActiveSets) {
-    const long count = readEnvironment("VIABLE_QP_PROBLEMS", 100000 / kSanitizerFactor);
-    const long seed = readEnvironment("VIABLE_SEED", 11);
+    const int count = test::countOf(100000);
+    const long seed = test::getSeed(11);
     std::mt19937_64 random(seed);
     BoxQp qp;  // warm: every problem starts from the set of the one before
     Worst worst;
-    for (long k = 0; k < count; ++k) {
+    for (int k = 0; k < count; ++k) {
         const double condition = std::pow(10.0, drawUniform(random, 0, 4));  // M'M: to 1e8
         const Problem p = drawProblem(random, 6, condition);
         JointVector x;
@@ -218,7 +217,7 @@ TEST(BoxQp, AgreesWithEnumerationForFewerJoints) {
     std::mt19937_64 random(12);
     BoxQp qp;
     Worst worst;
-    for (int k = 0; k < 20000 / kSanitizerFactor; ++k) {
+    for (int k = 0; k < test::countOf(20000); ++k) {
         const Problem p = drawProblem(random, 1 + k % 5, std::pow(10.0, k % 5));
         JointVector x;
         if (qp.solve(p.M, p.target, p.lower, p.upper, x) == BoxQp::Status::TargetInside) continue;
@@ -246,7 +245,7 @@ void calcJerkBounds(const AxisState& s, const AxisLimits& l, double dt, double& 
 }
 
 TEST(BoxQp, ErrorInAClosedLoopStaysBelowOneMillionth) {
-    constexpr double kPi = EIGEN_PI, kTick_s = 1e-3;
+    constexpr double kTick_s = 1e-3;
     constexpr double A = 4.0 * kPi, J = 12.0 * kPi;
     const RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/indy7");
     RobotModel model(robot);
@@ -258,7 +257,7 @@ TEST(BoxQp, ErrorInAClosedLoopStaysBelowOneMillionth) {
     Dynamics dynamics;
     Worst worst;
     int solved = 0, sameSet = 0;
-    for (int tick = 0; tick < 20000 / kSanitizerFactor; ++tick) {
+    for (int tick = 0; tick < test::countOf(20000); ++tick) {
         model.calcDynamics(q, zero, dynamics);
         p.M = dynamics.M;
         for (int i = 0; i < n; ++i) {
@@ -285,7 +284,7 @@ TEST(BoxQp, ErrorInAClosedLoopStaysBelowOneMillionth) {
     }
     worst.print("closed loop of " + std::to_string(solved) + " problems, " + std::to_string(sameSet) +
                 " with the set of the tick before");
-    EXPECT_GT(solved, 2000 / kSanitizerFactor);
+    EXPECT_GT(solved, test::countOf(2000));
     EXPECT_LT(worst.error, 1e-6);
     EXPECT_LT(worst.violation, 1e-9);
 }
@@ -306,7 +305,7 @@ TEST(BoxQp, TargetInsideComesBackBitForBit) {
 
 TEST(BoxQp, IllConditionedUpToItsWord) {
     std::mt19937_64 random(14);
-    for (int k = 0; k < 20000 / kSanitizerFactor; ++k) {
+    for (int k = 0; k < test::countOf(20000); ++k) {
         const Problem p = drawProblem(random, 6, std::pow(10.0, drawUniform(random, 4, 7)));
         BoxQp qp;
         JointVector x;
@@ -385,7 +384,7 @@ TEST(Fault34, TargetsThatAreNotFiniteNeverComeOut) {
 TEST(Fault34, AbsurdNumbersStayInTheBox) {
     std::mt19937_64 random(35);
     BoxQp qp;
-    for (int k = 0; k < 50000 / kSanitizerFactor; ++k) {
+    for (int k = 0; k < test::countOf(50000); ++k) {
         Problem p = drawProblem(random, 1 + k % kMaxJoints, 100);
         const double scales[] = {1e300, 1e150, 1.0, 1e-150, 5e-324};
         const double scale = scales[random() % 5];
@@ -442,7 +441,7 @@ TEST(Fault36, RoundsStayFarBelowTheirBound) {
     std::mt19937_64 random(37);
     BoxQp qp;
     int most[kMaxJoints + 1] = {};
-    for (int k = 0; k < 400000 / kSanitizerFactor; ++k) {
+    for (int k = 0; k < test::countOf(400000); ++k) {
         const int n = 1 + k % kMaxJoints;
         const Problem p = drawHardProblem(random, n);
         JointVector x;

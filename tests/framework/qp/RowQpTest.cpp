@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "Effort.h"
 #include "LeastDistance.h"
 #include "MotionTestSupport.h"
 #include "viable/qp/BoxQp.h"
@@ -273,7 +274,7 @@ TEST(RowQp, AgreesWithEnumerationOfAllActiveSets) {
     std::mt19937_64 random(51);
     RowQp qp;
     Worst worst;
-    for (int k = 0; k < 4000 / kSanitizerFactor; ++k) {
+    for (int k = 0; k < test::countOf(4000); ++k) {
         const int n = 1 + k % 4;
         JointVector inside, x;
         Problem p = drawBox(random, n, std::pow(10.0, drawUniform(random, 0, 4)), inside);
@@ -295,8 +296,8 @@ TEST(RowQp, AgreesWithEnumerationOfAllActiveSets) {
         ASSERT_LT(worst.error, 1e-7) << "problem " << k;
     }
     worst.print("enumeration");
-    EXPECT_GT(worst.solved, 2000 / kSanitizerFactor);
-    EXPECT_GT(worst.infeasible, 100 / kSanitizerFactor);
+    EXPECT_GT(worst.solved, test::countOf(2000));
+    EXPECT_GT(worst.infeasible, test::countOf(100));
     EXPECT_LT(worst.rows, RowQp::kRowTolerance);
 }
 
@@ -307,7 +308,7 @@ TEST(RowQp, AgreesWithLeastDistanceProgramming) {
     RowQp qp;
     Worst worst;
     int undecided = 0;
-    for (int k = 0; k < 1500 / kSanitizerFactor; ++k) {
+    for (int k = 0; k < test::countOf(1500); ++k) {
         const int n = 2 + k % (kMaxJoints - 1);
         JointVector inside, x;
         Problem p = drawBox(random, n, std::pow(10.0, drawUniform(random, 0, 3)), inside);
@@ -336,19 +337,19 @@ TEST(RowQp, AgreesWithLeastDistanceProgramming) {
     }
     worst.print("least distance");
     EXPECT_LE(undecided, 5);
-    EXPECT_GT(worst.infeasible, 50 / kSanitizerFactor);
+    EXPECT_GT(worst.infeasible, test::countOf(50));
     EXPECT_LT(worst.stationarity, 1e-9);
     EXPECT_LT(worst.rows, RowQp::kRowTolerance);
 }
 
-/** Problems that a known point keeps; VIABLE_QP_PROBLEMS and VIABLE_SEED for other series. */
-void checkResiduals(const char* title, long count, long seed, double greatestCondition, double nearness) {
-    count = readEnvironment("VIABLE_QP_PROBLEMS", count / kSanitizerFactor);
-    seed = readEnvironment("VIABLE_SEED", seed);
+/** Problems that a known point keeps; VIABLE_SEED is for another series. */
+void checkResiduals(const char* title, int count, long seed, double greatestCondition, double nearness) {
+    count = test::countOf(count);
+    seed = test::getSeed(seed);
     std::mt19937_64 random(seed);
     RowQp qp;
     Worst worst;
-    for (long k = 0; k < count; ++k) {
+    for (int k = 0; k < count; ++k) {
         SCOPED_TRACE(::testing::Message() << "seed " << seed << ", problem " << k);
         const int n = 1 + k % kMaxJoints;
         JointVector inside, x;
@@ -386,7 +387,7 @@ TEST(RowQp, RowsParallelButForRounding) {
     std::mt19937_64 random(56);
     RowQp qp;
     Worst worst;
-    int failed = 0, refused = 0, count = 20000 / kSanitizerFactor;
+    int failed = 0, refused = 0, count = test::countOf(20000);
     for (int k = 0; k < count; ++k) {
         const int n = 1 + k % kMaxJoints;
         JointVector inside, x;
@@ -421,7 +422,7 @@ TEST(RowQp, AgreesWithBoxQpWithoutRows) {
     std::mt19937_64 random(57);
     RowQp qp;
     double worst = 0.0;
-    for (int k = 0; k < 20000 / kSanitizerFactor; ++k) {
+    for (int k = 0; k < test::countOf(20000); ++k) {
         const int n = 1 + k % kMaxJoints;
         JointVector inside, x, expected;
         const Problem p = drawBox(random, n, drawLog(random, 1, 1e4), inside);
@@ -460,7 +461,7 @@ TEST(RowQp, ContradictoryRowsAreToldAsSuch) {
     std::mt19937_64 random(59);
     RowQp qp;
     int most = 0;
-    for (int k = 0; k < 20000 / kSanitizerFactor; ++k) {
+    for (int k = 0; k < test::countOf(20000); ++k) {
         const int n = 1 + k % kMaxJoints;
         JointVector inside, x;
         Problem p = drawBox(random, n, drawLog(random, 1, 1e7), inside);
@@ -488,7 +489,7 @@ TEST(RowQp, ContradictoryRowsAreToldAsSuch) {
 TEST(RowQp, RowsBeyondTheBoxAreToldAsSuch) {
     std::mt19937_64 random(60);
     RowQp qp;
-    for (int k = 0; k < 20000 / kSanitizerFactor; ++k) {
+    for (int k = 0; k < test::countOf(20000); ++k) {
         const int n = 1 + k % kMaxJoints;
         JointVector inside, x;
         Problem p = drawBox(random, n, drawLog(random, 1, 1e7), inside);
@@ -535,7 +536,7 @@ TEST(RowQp, ManyPlanesThroughTheOptimum) {
     std::mt19937_64 random(61);
     RowQp qp;
     Worst worst;
-    for (int k = 0; k < 2000 / kSanitizerFactor; ++k) {
+    for (int k = 0; k < test::countOf(2000); ++k) {
         const int n = 2 + k % (kMaxJoints - 1);
         JointVector corner = drawVector(random, n, 10.0), x;
         Problem p{drawMatrix(random, n, 100.0), corner, corner.array() - 50.0, corner, {}};
@@ -611,7 +612,7 @@ TEST(RowQp, TakesNoMemory) {
 TEST(Fault33, BoxAndRowsCrossedByRounding) {
     std::mt19937_64 random(64);
     RowQp qp;
-    for (int k = 0; k < 20000 / kSanitizerFactor; ++k) {
+    for (int k = 0; k < test::countOf(20000); ++k) {
         const int n = 2 + k % (kMaxJoints - 1), joint = k % n;
         JointVector inside, x;
         Problem p = drawBox(random, n, 1e3, inside);
@@ -680,7 +681,7 @@ TEST(Fault34, InputsThatAreNotFiniteGiveTheTargetCutOff) {
 TEST(Fault34, AbsurdNumbersStayInTheBox) {
     std::mt19937_64 random(65);
     RowQp qp;
-    for (int k = 0; k < 30000 / kSanitizerFactor; ++k) {
+    for (int k = 0; k < test::countOf(30000); ++k) {
         const int n = 1 + k % kMaxJoints;
         JointVector inside, x;
         Problem p = drawBox(random, n, 100.0, inside);

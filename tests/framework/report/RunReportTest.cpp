@@ -28,9 +28,9 @@ struct RunFolder {
         for (const CasePlan& plan : experiment.cases) {
             RunOptions options;
             options.log = path() / (plan.name + ".mcap");
-            results.push_back(runCase(plan, options));
+            results.push_back(runCase(configureCase(plan), options));
         }
-        std::ofstream(path() / "summary.json") << writeSummaryJson(experiment, results);
+        std::ofstream(path() / "summary.json") << writeSummaryJson(experiment.title, experiment.file, results);
     }
     std::filesystem::path path() const { return folder / "run"; }
     ReadReport report() const { return ReadReport(writeReport(path(), page).at(0)); }

@@ -1,12 +1,10 @@
-#include "Paths.h"
 #include "robot/ArmRecursion.h"
 
 #include <cmath>
 #include <limits>
 #include <random>
 
-#include "RobotFolder.h"
-#include "viable/robot/RobotModel.h"
+#include "SampleArm.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {
@@ -17,61 +15,13 @@ constexpr int kSamples = 1000;
 ones. */
 constexpr double kRelative = 1e-10;
 
-/** A chain of kMaxJoints joints, every third of them prismatic, with two branches: the largest tree there may be. */
-void makeLargestTree(RobotFolder& folder) {
-    folder.urdf = "<robot name='arm'>\n<link name='l0'/>\n";
-    for (int i = 1; i <= kMaxJoints; ++i) {
-        const std::string parent = "l" + std::to_string(i == 6 || i == 12 ? 3 : i - 1);
-        const std::string child = "l" + std::to_string(i);
-        folder.urdf +=
-            makeJoint("j" + std::to_string(i), i % 3 == 0 ? "prismatic" : "revolute", parent, child,
-                      "xyz='0.1 0.0" + std::to_string(i) + " 0.05' rpy='0." + std::to_string(i) + " -0.7 1.1'",
-                      i % 4 == 0   ? "0 0 -1"
-                      : i % 4 == 1 ? "0 0 1"
-                                   : "1 -2 0.5") +
-            makeLink(child, 1.0 + 0.1 * i, "0.03 -0.02 0.04", "0.1 0.2 0.3", kSomeInertia);
-    }
-    folder.urdf += "</robot>\n";
-    folder.limits = std::string(kSomeLimits) + "tool_link: l16\n";
-}
-
-RobotDescription loadSample(const std::string& name) {
-    const std::filesystem::path shipped = std::filesystem::path(VIABLE_SOURCE_DIR "/robots") / name;
-    if (std::filesystem::exists(shipped)) return loadRobot(shipped);
-    RobotFolder folder;
-    if (name == "simple") makeSimpleArm(folder);
-    if (name == "slanted") makeSlantedArm(folder);
-    if (name == "branched") makeBranchedArm(folder);
-    if (name == "largest") makeLargestTree(folder);
-    RobotFolder::replace(folder.actuation, "rotor_inertia_kgm2: 0", "rotor_inertia_kgm2: 0.05");
-    RobotDescription robot = folder.load();
-    robot.gravity = {1.0, -2.0, -9.0};  // the base may hang on a slanted wall
-    return robot;
-}
-
 /** The same arm by Simbody. */
-class ArmRecursionTest : public ::testing::TestWithParam<std::string> {
+class ArmRecursionTest : public SampleArmTest {
 protected:
-    ArmRecursionTest() : robot_(loadSample(GetParam())), n_(robot_.size()), model_(robot_), arm_(robot_) {}
+    ArmRecursionTest() : SampleArmTest(loadSampleArm(GetParam(), {1.0, -2.0, -9.0}), 20260607), arm_(robot_) {}
 
-    JointVector draw(double bound) {
-        std::uniform_real_distribution<double> uniform(-bound, bound);
-        JointVector v(n_);
-        for (double& x : v) x = uniform(random_);
-        return v;
-    }
-    Dynamics calc(const JointVector& q, const JointVector& qd) {
-        Dynamics dynamics;
-        model_.calcDynamics(q, qd, dynamics);
-        return dynamics;
-    }
-
-    RobotDescription robot_;
-    int n_;
-    RobotModel model_;
     ArmRecursion arm_;
     ArmRecursion::Frames frames_;
-    std::mt19937_64 random_{20260607};
 };
 
 TEST_P(ArmRecursionTest, TorqueIsThatOfSimbody) {

@@ -1,54 +1,25 @@
-#include "Paths.h"
-#include "viable/robot/RobotModel.h"
-
 #include <Eigen/Cholesky>
 #include <chrono>
 #include <cmath>
 #include <limits>
 #include <random>
 
-#include "RobotFolder.h"
+#include "SampleArm.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {
 
-RobotDescription loadSample(const std::string& name) {
-    if (name == "indy7" || name == "single_joint") return loadRobot(VIABLE_SOURCE_DIR "/robots/" + name);
-    RobotFolder folder;
-    if (name == "simple") makeSimpleArm(folder);
-    if (name == "slanted") makeSlantedArm(folder);
-    if (name == "branched") makeBranchedArm(folder);
-    folder.actuation.replace(folder.actuation.find("rotor_inertia_kgm2: 0"), 21, "rotor_inertia_kgm2: 0.05");
-    return folder.load();
-}
-
 /** M, b, pose and Jacobian of every kind of arm against routes that share no formula with them. */
-class RobotModelTest : public ::testing::TestWithParam<std::string> {
+class RobotModelTest : public SampleArmTest {
 protected:
-    RobotModelTest() : robot_(loadSample(GetParam())), n_(robot_.size()), model_(robot_) {}
+    RobotModelTest() : SampleArmTest(loadSampleArm(GetParam()), 20240607) {}
 
-    JointVector draw(double bound) {
-        std::uniform_real_distribution<double> uniform(-bound, bound);
-        JointVector v(n_);
-        for (double& x : v) x = uniform(random_);
-        return v;
-    }
-    Dynamics calc(const JointVector& q, const JointVector& qd) {
-        Dynamics dynamics;
-        model_.calcDynamics(q, qd, dynamics);
-        return dynamics;
-    }
     JointVector shift(const JointVector& q, int joint, double step) {
         JointVector shifted = q;
         shifted[joint] += step;
         return shifted;
     }
-
-    RobotDescription robot_;
-    int n_;
-    RobotModel model_;
-    std::mt19937_64 random_{20240607};
 };
 
 TEST_P(RobotModelTest, SimbodysForwardDynamicsInvertsTheTorque) {

@@ -22,7 +22,7 @@ JointLimits makeLimits() {
 
 /** A run whose records are written by hand. */
 struct HandMadeRun {
-    CaseResult result{readTestExperiment(kOneJoint).cases.front()};
+    CaseResult result = makeResult(*configureCase(readTestExperiment(kOneJoint).cases.front()));
     JointLimits limits = makeLimits();
     std::int64_t ticks = 0;
 
@@ -43,7 +43,7 @@ struct HandMadeRun {
         result.summary.addEnd({JointVector::Constant(1, q), JointVector::Zero(1), JointVector::Zero(1)},
                               0.001 * static_cast<double>(ticks));
     }
-    nlohmann::json json() const { return nlohmann::json::parse(writeSummaryJson({}, {result}))["cases"][0]; }
+    nlohmann::json json() const { return nlohmann::json::parse(writeSummaryJson({}, {}, {result}))["cases"][0]; }
 };
 
 void expectContains(const std::string& text, const std::vector<std::string>& parts) {
@@ -132,7 +132,7 @@ TEST(Summary, OneWordForOneThing) {
 
 TEST(Summary, TooManyMissedTicksComeWithARemedy) {
     const Experiment e = readTestExperiment(kOneJoint, {"missed_ticks=[{at_s: 0.3, count: 1001}]"});
-    const CaseResult result = runCase(e.cases[0], {});
+    const CaseResult result = runCase(configureCase(e.cases[0]), {});
     EXPECT_EQ(result.exitCode(), 4);
     expectContains(formatDetails(result), {"more than 1000 ticks in a row were missed. Lower"});
 }

@@ -13,7 +13,6 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr double kPi = 3.14159265358979323846;
 /** What counts as rounding beyond a limit: relative to max(1, limit), position in rad. */
 constexpr double kAllowed = 1e-12;
 
@@ -612,18 +611,12 @@ TEST(Fault28, ANaNTickIsAMissedTickAndTheNextGoesOn) {
 }
 
 TEST(Fault29, HugeTinyAndAlternatingTorquesKeepTheLimits) {
-    const double sizes[] = {1e300, std::numeric_limits<double>::max(), std::numeric_limits<double>::denorm_min(),
-                            1e150};
     for (const char* parameters : {"gamma: 1999", "gamma: 20, k_alpha: 5"}) {
         TestArm arm("indy7");
-        std::mt19937 random(6);
+        AbsurdTorques torques(6);
         FilteredArm run(arm, parameters);
-        for (int k = 0; k < 20000; ++k) {
-            JointVector torque(6);
-            for (int i = 0; i < 6; ++i)
-                torque[i] = sizes[(k / 1000 + i) % 4] * ((k + i) % 2 ? 1.0 : -1.0) *
-                            ((k / 500) % 2 && random() % 2 ? -1.0 : 1.0);
-            ASSERT_LE(run.tick(torque), FilterStatus::Modified) << "tick " << k;
+        for (int k = 0; k < AbsurdTorques::kTicks; ++k) {
+            ASSERT_LE(run.tick(torques.next()), FilterStatus::Modified) << "tick " << k;
             ASSERT_TRUE(isFinite(run.decision.value, 6));
         }
         EXPECT_LE(getWorst(run.excess), kAllowed);
@@ -634,20 +627,11 @@ TEST(Fault30, SetPointJumpsThroughJointPdKeepTheLimits) {
     for (const char* robot : {"single_joint", "indy7"})
         for (const double jump : {2.0 * kPi, 1e6}) {
             TestArm arm(robot);
-            const auto controller =
-                PluginLoader::create<NominalController>(findPlugin(PluginKind::NominalController, "joint_pd"));
-            controller->configure(arm.setup(), arm.read(PluginKind::NominalController, "joint_pd", ""));
-            controller->reset(arm.start);
+            JumpingSetPoint setPoint(arm, jump);
             FilteredArm run(arm, "gamma: 100");
             int modified = 0;
             for (int k = 0; k < 20000; ++k) {
-                MotionCommand command;
-                const double side = (k / 2000) % 2 ? -1.0 : 1.0;
-                command.q = arm.robot.home + JointVector::Constant(arm.size(), side * jump);
-                command.qd.setZero(arm.size());
-                JointVector torque;
-                ASSERT_EQ(controller->compute({command, run.state, run.dynamics()}, torque), TickStatus::Ok);
-                const FilterStatus status = run.tick(torque);
+                const FilterStatus status = run.tick(setPoint.next(run.state, run.dynamics()));
                 ASSERT_LE(status, FilterStatus::Modified);
                 modified += status == FilterStatus::Modified;
             }

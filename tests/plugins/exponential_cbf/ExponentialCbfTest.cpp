@@ -10,7 +10,6 @@
 namespace viable {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
 using Bench = LawBench<ExponentialCbf>;
@@ -176,34 +175,10 @@ TEST(ExponentialCbf, KeepsAPositionLimitWhereJerkAndAccelerationAreNotScarce) {
 }
 
 TEST(ExponentialCbf, JerkAndAccelerationHoldEvenWhereItHasNoAnswer) {
-    Bench bench("single_joint", "exponential_cbf");
-    std::mt19937 random(22);
-    double worstPosition = 0.0, worstVelocity = 0.0;
-    long ticks = 0, infeasible = 0;
-    for (unsigned k = 0; k < 200; ++k) {
-        bench.drawLimits(random);
-        const double size = 3.0 * bench.arm.limits.acceleration.upper[0];
-        const LawOutcome outcome = bench.push(papers("brake"), 20.0, size, k % 2 == 0, k);
-        SCOPED_TRACE("limits " + std::to_string(k));
-        EXPECT_LE(outcome.excess.jerk, 1e-9);
-        EXPECT_LE(outcome.excess.acceleration, 1e-9);
-        EXPECT_EQ(outcome.allocations, 0);
-        ASSERT_FALSE(HasFailure());
-        worstPosition = std::max(worstPosition, outcome.excess.position);
-        worstVelocity = std::max(worstVelocity, outcome.excess.velocity);
-        ticks += outcome.ticks;
-        infeasible += outcome.infeasible;
-    }
-    std::printf("  worst excess: %.2g rad, %.2g of the velocity limit; %.2g %% of the ticks infeasible\n",
-                worstPosition, worstVelocity, 100.0 * infeasible / ticks);
-    EXPECT_GT(infeasible, 0);
-
-    Bench six("indy7", "exponential_cbf");
-    six.setPapersArmLimits();
-    const LawOutcome outcome = six.push("on_infeasible: brake", 10.0, 40.0, true, 8);
-    EXPECT_LE(outcome.excess.jerk, 1e-9);
-    EXPECT_LE(outcome.excess.acceleration, 1e-9);
-    EXPECT_EQ(outcome.allocations, 0);
+    EXPECT_GT(expectRatesHeldUnderRandomLimits<ExponentialCbf>("exponential_cbf", 22,
+                                                               [](const JointLimits&) { return papers("brake"); }),
+              0);
+    expectRatesHeldOnTheArm<ExponentialCbf>("exponential_cbf", "on_infeasible: brake");
 }
 
 TEST(ExponentialCbf, Fault08GainsAndLimitsThatDoNotFitAreRefused) {

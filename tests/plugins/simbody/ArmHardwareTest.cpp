@@ -13,7 +13,6 @@
 namespace viable {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 const char* const kBare = "friction: none, encoder: exact";
 
 struct Driven {

@@ -9,7 +9,6 @@
 namespace viable {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
 using Bench = LawBench<SoftCbf>;
@@ -163,28 +162,8 @@ TEST(SoftCbf, SaysInfeasibleWhereTheRowsHaveNoSolution) {
 }
 
 TEST(SoftCbf, JerkHoldsAndThereIsAlwaysAnAnswer) {
-    Bench bench("single_joint", "soft_cbf");
-    std::mt19937 random(23);
-    double worstPosition = 0.0, worstVelocity = 0.0, worstAcceleration = 0.0;
-    long ticks = 0, infeasible = 0;
-    for (unsigned k = 0; k < 200; ++k) {
-        bench.drawLimits(random);
-        const double size = 3.0 * bench.arm.limits.acceleration.upper[0];
-        const LawOutcome outcome = bench.push("", 20.0, size, k % 2 == 0, k);
-        SCOPED_TRACE("limits " + std::to_string(k));
-        EXPECT_LE(outcome.excess.jerk, 1e-9);
-        EXPECT_EQ(outcome.allocations, 0);
-        ASSERT_FALSE(HasFailure());
-        worstPosition = std::max(worstPosition, outcome.excess.position);
-        worstVelocity = std::max(worstVelocity, outcome.excess.velocity);
-        worstAcceleration = std::max(worstAcceleration, outcome.excess.acceleration);
-        ticks += outcome.ticks;
-        infeasible += outcome.infeasible;
-    }
-    std::printf(
-        "  worst excess: %.2g rad, %.2g of the velocity, %.2g of the acceleration limit; "
-        "%.2g %% of the ticks infeasible\n",
-        worstPosition, worstVelocity, worstAcceleration, 100.0 * infeasible / ticks);
+    expectRatesHeldUnderRandomLimits<SoftCbf>(
+        "soft_cbf", 23, [](const JointLimits&) { return ""; }, false);
     Bench six("indy7", "soft_cbf");
     six.setPapersArmLimits();
     int most = 0;

@@ -13,7 +13,6 @@ namespace viable {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kPi = 3.14159265358979323846;
 
 class TaskSpacePdTest : public ::testing::Test {
 protected:

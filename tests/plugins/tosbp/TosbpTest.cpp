@@ -13,7 +13,6 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr double kPi = 3.14159265358979323846;
 
 Parameters read(const TestArm& arm, const std::string& text) {
     return arm.read(PluginKind::SafetyFilter, "tosbp", text);
@@ -386,21 +385,10 @@ TEST(Tosbp, RefusesWhatIsNotFiniteOrOfTheWrongSizeAndStaysAsItWas) {
 
 TEST(Tosbp, Fault29HugeTinyAndAlternatingTorquesKeepTheLimits) {
     TestArm arm("indy7");
-    const double sizes[] = {1e300, std::numeric_limits<double>::max(), std::numeric_limits<double>::denorm_min(),
-                            1e150};
-    std::mt19937 random(6);
-    int k = 0;
+    AbsurdTorques torques(arm.size());
     Dynamics dynamics;
     const Outcome outcome = run(
-        arm, "gamma: 1999, k_alpha: 1000", 20.0,
-        [&](const MotionState&, const Dynamics&) {
-            JointVector torque(arm.size());
-            for (int i = 0; i < arm.size(); ++i)
-                torque[i] = sizes[(k / 1000 + i) % 4] * ((k + i) % 2 ? 1.0 : -1.0) *
-                            ((k / 500) % 2 && random() % 2 ? -1.0 : 1.0);
-            ++k;
-            return torque;
-        },
+        arm, "gamma: 1999, k_alpha: 1000", 20.0, [&](const MotionState&, const Dynamics&) { return torques.next(); },
         [&](const MotionState& s) -> const Dynamics& {
             arm.model().calcDynamics(s.q, s.qd, dynamics);
             return dynamics;
@@ -412,23 +400,10 @@ TEST(Tosbp, Fault30SetPointJumpsThroughJointPdKeepTheLimits) {
     for (const char* robot : {"single_joint", "indy7"}) {
         for (const double jump : {2.0 * kPi, 1e6}) {
             TestArm arm(robot);
-            const auto controller =
-                PluginLoader::create<NominalController>(findPlugin(PluginKind::NominalController, "joint_pd"));
-            controller->configure(arm.setup(), arm.read(PluginKind::NominalController, "joint_pd", ""));
-            controller->reset(arm.start);
-            int k = 0;
+            JumpingSetPoint setPoint(arm, jump);
             Dynamics dynamics;
             const Outcome outcome = run(
-                arm, "gamma: 100", 20.0,
-                [&](const MotionState& s, const Dynamics& d) {
-                    MotionCommand command;
-                    const double side = (k++ / 2000) % 2 ? -1.0 : 1.0;
-                    command.q = arm.robot.home + JointVector::Constant(arm.size(), side * jump);
-                    command.qd.setZero(arm.size());
-                    ControllerOutput output;
-                    EXPECT_EQ(controller->compute({command, s, d}, output), TickStatus::Ok);
-                    return output.torque;
-                },
+                arm, "gamma: 100", 20.0, [&](const MotionState& s, const Dynamics& d) { return setPoint.next(s, d); },
                 [&](const MotionState& s) -> const Dynamics& {
                     arm.model().calcDynamics(s.q, s.qd, dynamics);
                     return dynamics;

@@ -9,7 +9,6 @@
 namespace viable {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr double dt = 1e-3;
 
@@ -106,38 +105,14 @@ TEST(VelocityDamper, KeepsTheSafetyDistanceWhereVelocityCanBeChangedAtOnce) {
 }
 
 TEST(VelocityDamper, JerkAndAccelerationHoldAndNothingElse) {
-    Bench bench("single_joint", "velocity_damper");
-    std::mt19937 random(24);
-    double worstPosition = 0.0, worstVelocity = 0.0;
-    long ticks = 0, infeasible = 0;
-    for (unsigned k = 0; k < 200; ++k) {
-        bench.drawLimits(random);
-        const double range = bench.arm.limits.position.upper[0] - bench.arm.limits.position.lower[0];
-        const double size = 3.0 * bench.arm.limits.acceleration.upper[0];
+    expectRatesHeldUnderRandomLimits<VelocityDamper>("velocity_damper", 24, [](const JointLimits& limits) {
+        const double range = limits.position.upper[0] - limits.position.lower[0];
         char zone[120];
-        std::snprintf(zone, sizeof zone, "xi: %g, influence_rad: %g, safety_rad: %g",
-                      bench.arm.limits.velocity.upper[0] / 2, 0.3 * range + 0.01 * size, 0.02 * range);
-        const LawOutcome outcome = bench.push(zone, 20.0, size, k % 2 == 0, k);
-        SCOPED_TRACE("limits " + std::to_string(k));
-        EXPECT_LE(outcome.excess.jerk, 1e-9);
-        EXPECT_LE(outcome.excess.acceleration, 1e-9);
-        EXPECT_EQ(outcome.allocations, 0);
-        ASSERT_FALSE(HasFailure());
-        worstPosition = std::max(worstPosition, outcome.excess.position);
-        worstVelocity = std::max(worstVelocity, outcome.excess.velocity);
-        ticks += outcome.ticks;
-        infeasible += outcome.infeasible;
-    }
-    std::printf("  worst excess: %.2g rad, %.2g of the velocity limit; %.2g %% of the ticks infeasible\n",
-                worstPosition, worstVelocity, 100.0 * infeasible / ticks);
-    Bench six("indy7", "velocity_damper");
-    six.setPapersArmLimits();
-    const LawOutcome outcome = six.push("", 10.0, 40.0, true, 8);
-    EXPECT_LE(outcome.excess.jerk, 1e-9);
-    EXPECT_LE(outcome.excess.acceleration, 1e-9);
-    EXPECT_EQ(outcome.allocations, 0);
-    std::printf("  arm: %.2g rad, %.2g of the velocity limit; %d of %d ticks infeasible\n", outcome.excess.position,
-                outcome.excess.velocity, outcome.infeasible, outcome.ticks);
+        std::snprintf(zone, sizeof zone, "xi: %g, influence_rad: %g, safety_rad: %g", limits.velocity.upper[0] / 2,
+                      0.3 * range + 0.01 * (3.0 * limits.acceleration.upper[0]), 0.02 * range);
+        return std::string(zone);
+    });
+    expectRatesHeldOnTheArm<VelocityDamper>("velocity_damper", "");
 }
 
 TEST(VelocityDamper, Fault08ZonesGainsAndLimitsThatDoNotFitAreRefused) {

@@ -21,7 +21,6 @@ namespace {
 
 constexpr double kTick_s = 1e-3;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kPi = 3.14159265358979323846;
 /** Accuracy of the judge and rounding [m]. */
 constexpr double kAllowed_m = 1e-8;
 

@@ -40,6 +40,10 @@ at least 1 rad, rad/s, rad/s^2 or rad/s^3. Rounding is relative to this size, no
 to the range: limits may lie close together and far from zero. */
 double calcLimitScale(double lower, double upper);
 
+/** A value counts as outside its limit when it is beyond it by more than this share of calcLimitScale(), or not a number:
+rounding of a limit met exactly does not count. */
+inline constexpr double kOutsideShare = 1e-9;
+
 /** "rad", "rad/s", "rad/s^2", "rad/s^3", "Nm", "m"; empty for None. */
 const char* getUnit(LimitKind kind);
 
@@ -85,7 +89,7 @@ inline constexpr double kLongestRamp_s = 1e4;
 
 /** Position limits beyond this many radians need `allow_large_angles`: they are usually degrees.
 kLargestLimit bounds them in any case. */
-inline constexpr double kLargestAngle_rad = 4.0 * 3.14159265358979323846;
+inline constexpr double kLargestAngle_rad = 4.0 * kPi;
 
 /** Throws Error (BadInput) unless every joint's limits are usable at the given tick: ordered, of
 the right sign, inside the windows above, an acceleration range of at least one tick of jerk (A >= J

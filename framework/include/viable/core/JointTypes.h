@@ -3,6 +3,8 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "viable/core/Numbers.h"
+
 namespace viable {
 
 /** Maximum number of joints of a robot. The vectors below have this capacity inside the object, so that

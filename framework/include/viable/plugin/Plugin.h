@@ -20,7 +20,9 @@ class SurroundingsFeed;
 /** What every plugin is told before the run. Lives as long as the plugin. */
 struct RunSetup {
     const RobotDescription& robot;
-    JointLimits limits;   ///< of the nominal plant, checked (see checkLimits)
+    /** Of the nominal plant, checked (see checkLimits). Robust loop and real plant, which act on the real arm, are told
+    that one's: the same, but for `hold_on: real`, where the nominal ones follow from the robust loop. */
+    JointLimits limits;
     double tick_s = 0.0;  ///< the configured tick; the loop never uses measured time
     double duration_s = 0.0;
     MotionState start;  ///< nominal and real arm at t = 0, at rest or moving

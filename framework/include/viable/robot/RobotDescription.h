@@ -63,6 +63,8 @@ struct RobotDescription {
     Actuation actuation;
 
     int size() const { return static_cast<int>(joints.size()); }
+    /** The motion of the joint per encoder count [rad, prismatic: m]; 0: no figure. */
+    double encoderStep(int joint) const;
     std::vector<std::string> jointNames() const;
 };
 

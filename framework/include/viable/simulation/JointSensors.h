@@ -5,6 +5,7 @@
 
 #include "viable/core/JointTypes.h"
 #include "viable/plugin/Parameters.h"
+#include "viable/plugin/RealPlant.h"
 #include "viable/robot/RobotDescription.h"
 
 namespace viable {
@@ -43,6 +44,7 @@ public:
     void read(const JointState& truth);
 
     const JointState& measured() const { return measured_; }
+    /** As the parameter `encoder` says. */
     Encoder encoder() const { return encoder_; }
 
 private:

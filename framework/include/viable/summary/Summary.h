@@ -117,10 +117,6 @@ struct Collisions {
     std::optional<CollisionRecord> real;  ///< its true state, where the plant knows it
 };
 
-/** A value counts as outside its limit when it is beyond it by more than this share of the range (of the limit,
-where there is only one side), or not a number: rounding of a limit met exactly does not count. */
-inline constexpr double kOutsideShare = 1e-9;
-
 /** What a run came to, from its tick records alone (so a log gives the same summary again), but for the collisions,
 which somebody else counts. */
 class Summary {

@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <set>
 
 #include "analysis/identification/TorqueFit.h"
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -174,9 +175,7 @@ public:
 
 private:
     std::string formatSpeed(std::size_t i, double speed) const {
-        char text[32];
-        std::snprintf(text, sizeof text, "%.3g", speed);
-        return text + std::string(nominal_.joints[i].type == JointType::Prismatic ? " m/s" : " rad/s");
+        return detail::format("%.3g", speed) + (nominal_.joints[i].type == JointType::Prismatic ? " m/s" : " rad/s");
     }
 
     const JointFriction& old() const { return nominal_.actuation.friction; }

@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 
 #include "analysis/identification/Identification.h"
-#include "core/NumberText.h"
-#include "core/PrintableText.h"
+#include "core/JsonNumber.h"
+#include "core/Text.h"
 #include "viable/config/ConfigNode.h"
 #include "viable/core/Error.h"
 
@@ -15,12 +15,7 @@ namespace viable {
 
 namespace {
 
-template <class... Arguments>
-std::string format(const char* pattern, Arguments... arguments) {
-    char text[256];
-    std::snprintf(text, sizeof text, pattern, arguments...);
-    return text;
-}
+using detail::format;
 
 /** To two digits of its standard error, and to three of its own at least. */
 std::string formatFigure(double value, double deviation) {
@@ -124,9 +119,7 @@ std::string readText(const std::filesystem::path& file) {
 }
 
 std::string writeList(const std::vector<std::string>& values) {
-    std::string text = "[";
-    for (const std::string& value : values) text += (text.size() > 1 ? ", " : "") + value;
-    return text + "]";
+    return "[" + detail::join(values) + "]";
 }
 
 /** The friction block, lines with "\n". */
@@ -146,16 +139,11 @@ std::string writeFriction(const Identification& found, const std::string& oldSou
             errors[k].push_back(!isNew[k] ? "kept" : isStraight ? "straight" : formatError(deviation));
         }
     }
-    const auto join = [](const std::vector<std::string>& words) {
-        std::string text;
-        for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-        return text;
-    };
     const char* const keys[3] = {"coulomb_Nm", "viscous_Nm", "viscous_velocity_radps"};
     std::string text = "friction:\n";
     for (std::size_t k = 0; k < 3; ++k)
-        text += std::string("  ") + keys[k] + ": " + writeList(figures[k]) + "  # standard errors: " + join(errors[k]) +
-                "\n";
+        text += std::string("  ") + keys[k] + ": " + writeList(figures[k]) +
+                "  # standard errors: " + detail::join(errors[k]) + "\n";
     for (const JointIdentification& joint : found.joints) {
         std::string note = joint.reason;
         for (const ResidualCheck& check : joint.checks)
@@ -221,7 +209,7 @@ std::string writeRest(ConfigNode root) {
 }
 
 nlohmann::json toJson(double x) {
-    return std::isfinite(x) ? nlohmann::json(x) : nlohmann::json(nullptr);
+    return detail::makeNumberOrNull(x);
 }
 
 nlohmann::json toJson(const IdentifiedFigure& f) {
@@ -278,7 +266,7 @@ std::string writeText(const Identification& found) {
                     " % of the torque that the rigid arm leaves open\n";
         std::string seen;
         for (const ResidualCheck& check : joint.checks)
-            if (check.isFound) seen += (seen.empty() ? "" : ", ") + describeCheck(check);
+            if (check.isFound) detail::addItem(seen, describeCheck(check));
         if (!seen.empty()) text += makePrintable(joint.name) + ": the residuals also show " + seen + "\n";
         if (joint.rotorInertia.isKnown)
             text += makePrintable(joint.name) + ": inertia error " + formatWithError(joint.rotorInertia) +

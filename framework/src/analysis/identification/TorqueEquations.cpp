@@ -8,7 +8,7 @@
 
 #include "analysis/smoothing/Median.h"
 #include "analysis/smoothing/Smoothing.h"
-#include "core/NumberText.h"
+#include "core/Text.h"
 #include "robot/ArmRecursion.h"
 #include "viable/core/Error.h"
 
@@ -133,7 +133,7 @@ struct Motion {
 
 std::string quoteNames(const std::vector<std::string>& names) {
     std::string text;
-    for (const std::string& name : names) text += (text.empty() ? "`" : ", `") + name + "`";
+    for (const std::string& name : names) detail::addItem(text, "`" + name + "`");
     return text;
 }
 

@@ -6,6 +6,7 @@
 
 #include "analysis/records/RecordReaders.h"
 #include "config/ConfigText.h"
+#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 
@@ -19,7 +20,7 @@ struct Unit {
     double factor;  // as CsvColumn::factor
 };
 
-constexpr double kDegree = 3.14159265358979323846 / 180.0;
+constexpr double kDegree = kPi / 180.0;
 constexpr Unit kUnits[] = {
     {"s", Quantity::Time, 1.0},         {"ms", Quantity::Time, 1e3},        {"us", Quantity::Time, 1e6},
     {"\xC2\xB5s", Quantity::Time, 1e6}, {"\xCE\xBCs", Quantity::Time, 1e6}, {"ns", Quantity::Time, 1e9},

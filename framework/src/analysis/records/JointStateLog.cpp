@@ -6,6 +6,7 @@
 #include <set>
 
 #include "analysis/records/RecordReaders.h"
+#include "core/Text.h"
 #include "log/McapFile.h"
 
 namespace viable::detail {
@@ -16,45 +17,24 @@ using namespace mcap;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-/** Values of a message of ROS 1 (packed, little-endian) or ROS 2 (CDR: aligned, of either byte order). */
-class MessageReader {
-public:
-    MessageReader(std::string_view data, bool isCdr) : in_(data), isCdr_(isCdr) {
-        if (!isCdr) return;
-        const std::string_view kind = in_.take(4);  // the last two bytes are options
+MessageReader openMessage(ByteReader in, bool isCdr) {
+    MessageLayout layout = MessageLayout::Ros1;
+    if (isCdr) {
+        const std::string_view kind = in.take(4);  // the last two bytes are options
         if (kind[0] != 0 || (kind[1] != 0 && kind[1] != 1))
             throw BadBytes(0, "the message is CDR of another kind; this version reads plain CDR");
-        isBig_ = kind[1] == 0;
-        in_ = ByteReader(in_.take(in_.left()));
+        layout = kind[1] == 0 ? MessageLayout::BigEndianCdr : MessageLayout::LittleEndianCdr;
     }
+    return MessageReader(in.take(in.left()), layout);
+}
 
-    std::size_t left() const { return in_.left(); }
-    std::uint32_t takeU32() {
-        if (isCdr_) in_.align(4);
-        const std::uint32_t v = in_.takeU32();
-        return isBig_ ? __builtin_bswap32(v) : v;
-    }
-    std::string_view takeString() {
-        std::string_view text = in_.take(takeU32());
-        if (isCdr_ && !text.empty() && text.back() == '\0') text.remove_suffix(1);
-        return text;
-    }
-    void takeDoubles(std::vector<double>& to) {
-        const std::uint32_t count = takeU32();
-        if (count > 0 && isCdr_) in_.align(8);
-        ByteReader values(in_.take(std::uint64_t{count} * 8));
-        to.resize(count);
-        for (double& v : to) {
-            std::uint64_t bits = values.takeU64();
-            if (isBig_) bits = __builtin_bswap64(bits);
-            std::memcpy(&v, &bits, sizeof(v));
-        }
-    }
-
-private:
-    ByteReader in_;
-    bool isCdr_, isBig_ = false;
-};
+void takeDoubles(MessageReader& in, std::vector<double>& to) {
+    const std::uint32_t count = in.takeU32();
+    if (count > 0) in.align(8);
+    in.expect(std::uint64_t{count} * 8);
+    to.resize(count);
+    for (double& v : to) v = in.takeDouble();
+}
 
 struct JointState {
     std::int64_t stamp_ns = 0;
@@ -66,16 +46,16 @@ struct JointState {
         const std::uint32_t seconds = in.takeU32(), nanoseconds = in.takeU32();
         // Unsigned in ROS 1; in ROS 2 signed, but no clock is before 1970.
         stamp_ns = std::int64_t{seconds} * 1'000'000'000 + nanoseconds;
-        in.takeString();  // frame
+        in.takeText();  // frame
         const std::uint32_t count = in.takeU32();
         if (count > kMostJoints)
             throw BadBytes(0, "the message names " + std::to_string(count) + " joints; at most " +
                                   std::to_string(kMostJoints) + " are accepted");
         names.clear();
-        for (std::uint32_t i = 0; i < count; ++i) names.push_back(in.takeString());
-        in.takeDoubles(positions);
-        in.takeDoubles(velocities);
-        in.takeDoubles(efforts);
+        for (std::uint32_t i = 0; i < count; ++i) names.push_back(in.takeText());
+        takeDoubles(in, positions);
+        takeDoubles(in, velocities);
+        takeDoubles(in, efforts);
         if (in.left() >= 8) throw BadBytes(0, "the message is longer than a sensor_msgs/JointState");
         for (const auto& [what, size] : {std::pair("positions", positions.size()), {"efforts", efforts.size()}})
             if (size != 0 && size != names.size())
@@ -92,7 +72,7 @@ std::string formatStamp(std::int64_t ns) {
 
 std::string list(const std::set<std::string>& names) {
     std::string text;
-    for (const std::string& name : names) text += (text.empty() ? "" : ", ") + quote(name);
+    for (const std::string& name : names) detail::addItem(text, quote(name));
     return text.empty() ? "none" : text;
 }
 
@@ -175,7 +155,7 @@ private:
         if (!isJointState) return;
         topics_.insert(topic);
         if (topic_.empty() ? topics_.size() > 1 : topic != topic_) return;
-        message_.take(MessageReader(in.take(in.left()), isCdr), !isCdr);
+        message_.take(openMessage(in, isCdr), !isCdr);
         addRow(logTime_ns);
     }
 

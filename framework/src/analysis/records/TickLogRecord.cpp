@@ -1,11 +1,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <nlohmann/json.hpp>
 
 #include "analysis/records/RecordReaders.h"
-#include "core/NumberText.h"
-#include "log/LogExportColumns.h"
+#include "core/Text.h"
+#include "log/LogMetadata.h"
 #include "log/LogReader.h"
 
 namespace viable::detail {
@@ -32,34 +31,6 @@ bool isWhole(const JointLimits& limits, Eigen::Index n) {
     return areSame(limits, limits);
 }
 
-/** Puts what the run held on the real arm, as the metadata say, in place of the nominal arm's limits. */
-void takeRealLimits(const LogReader& reader, const std::string& file, JointLimits& limits) {
-    const auto entry = reader.metadata().find("real_limits");
-    if (entry == reader.metadata().end()) return;
-    const nlohmann::json all = nlohmann::json::parse(entry->second, nullptr, false);
-    const auto take = [&](const char* key, JointVector& to) {
-        const nlohmann::json values = all.is_object() ? all.value(key, nlohmann::json()) : nlohmann::json();
-        bool isList = values.is_array() && values.size() == reader.layout().jointNames.size();
-        for (std::size_t i = 0; isList && i < values.size(); ++i) {
-            double& value = to[static_cast<Eigen::Index>(i)];
-            if (values[i].is_number())
-                value = values[i].get<double>();
-            else if (values[i] == ".inf" || values[i] == "-.inf")
-                value = (values[i] == ".inf" ? 1.0 : -1.0) * std::numeric_limits<double>::infinity();
-            else
-                isList = false;
-        }
-        if (!isList)
-            throw badInput(file,
-                           std::string("its metadata `real_limits` hold no number for each joint at `") + key + "`",
-                           "The log was not written by this program");
-    };
-    take("position_lower", limits.position.lower);
-    take("position_upper", limits.position.upper);
-    take("velocity_lower", limits.velocity.lower);
-    take("velocity_upper", limits.velocity.upper);
-}
-
 }  // namespace
 
 MotionRecord readTickLog(const std::filesystem::path& file, LoggedArm arm) {
@@ -70,19 +41,15 @@ MotionRecord readTickLog(const std::filesystem::path& file, LoggedArm arm) {
 
     MotionRecord record;
     record.isCutOff = !reader.isComplete();
-    const std::string prefix = isReal ? "real." : "nominal.";
-    const std::vector<ExportColumn> columns = nameExportColumns(reader, file.string());
+    const LogMetadata metadata = readLogMetadata(reader);
+    metadata.refuseDamaged(LogMetadata::kPrismaticJoints, file.string());
     for (const std::string& name : reader.layout().jointNames) {
         MotionRecord::Joint joint;
         joint.name = name;
-        // The exports' names have the unit.
-        joint.isPrismatic = std::any_of(columns.begin(), columns.end(), [&](const ExportColumn& column) {
-            return column.name == prefix + name + ".q_m";
-        });
+        joint.isPrismatic = std::count(metadata.prismaticJoints.begin(), metadata.prismaticJoints.end(), name) > 0;
         record.joints.push_back(std::move(joint));
     }
-    const auto robot = reader.metadata().find("robot");
-    if (robot != reader.metadata().end()) record.robot = robot->second;
+    record.robot = metadata.robot;
 
     const auto n = static_cast<Eigen::Index>(record.joints.size());
     const auto at = [](const JointVector& v, Eigen::Index i) {
@@ -119,7 +86,13 @@ MotionRecord readTickLog(const std::filesystem::path& file, LoggedArm arm) {
     if (!hasTorque)
         for (MotionRecord::Joint& joint : record.joints) joint.torques.clear();
     if (!isConstant) record.limits.reset();
-    if (isReal && record.limits) takeRealLimits(reader, file.string(), *record.limits);
+    if (isReal && record.limits) {
+        metadata.refuseDamaged(LogMetadata::kRealLimits, file.string());
+        if (metadata.realLimits) {  // what the run held on the real arm
+            record.limits->position = metadata.realLimits->position;
+            record.limits->velocity = metadata.realLimits->velocity;
+        }
+    }
     return record;
 }
 

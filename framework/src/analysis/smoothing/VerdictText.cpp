@@ -4,7 +4,8 @@
 #include <nlohmann/json.hpp>
 
 #include "analysis/smoothing/LimitVerdict.h"
-#include "core/NumberFormat.h"
+#include "core/JsonNumber.h"
+#include "core/Text.h"
 
 namespace viable {
 
@@ -68,7 +69,7 @@ std::string writeLimit(const LimitVerdict& limit, std::size_t order, const std::
 }
 
 json toJson(double x) {
-    return std::isfinite(x) ? json(x) : json(nullptr);
+    return detail::makeNumberOrNull(x);
 }
 
 json describeLimit(const LimitVerdict& limit, bool isPrismatic, std::size_t order) {

@@ -1,0 +1,30 @@
+#include "core/ChildProcess.h"
+
+#include <sys/prctl.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+
+namespace viable::detail {
+
+pid_t forkChild(const char* purpose) {
+    std::fflush(nullptr);  // what is in the buffers now is ours to write
+    std::signal(SIGCHLD, SIG_DFL);
+    const pid_t parent = getpid();
+    const pid_t child = fork();
+    if (child < 0) throw std::system_error(errno, std::generic_category(), std::string("no process ") + purpose);
+    if (child == 0) {
+        prctl(PR_SET_PDEATHSIG, SIGKILL);
+        if (getppid() != parent) _exit(0);  // it has ended before that
+    }
+    return child;
+}
+
+std::string describeSignal(int signal) {
+    const char* name = sigdescr_np(signal);
+    return "signal " + std::to_string(signal) + " (" + (name ? name : "unknown") + ")";
+}
+
+}  // namespace viable::detail

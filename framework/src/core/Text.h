@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstdio>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace viable {
+
+/** `text` on one line, without what would command a terminal: text from a file of somebody else is printed so. Line
+ends and tabs become blanks, other control characters (C1 ones in UTF-8 too) `?`. */
+std::string makePrintable(std::string text);
+
+namespace detail {
+
+/** As printf does it; up to 511 characters. */
+template <class... Arguments>
+std::string format(const char* pattern, Arguments... arguments) {
+    char text[512];
+    std::snprintf(text, sizeof text, pattern, arguments...);
+    return text;
+}
+
+/** The shortest text that reads back to the same double, whatever the locale: "0.001", "1e-06", "inf". */
+std::string formatNumber(double value);
+
+/** Percent, with enough digits that a limit passed by a hair does not read as 100.00. */
+std::string formatPercent(double share);
+
+/** Three digits, and no exponent where people read the number faster without. */
+std::string formatPlain(double x);
+
+/** Adds `item` to a list in words: "a", "a, b", ... */
+void addItem(std::string& list, const std::string& item, const char* separator = ", ");
+std::string join(const std::vector<std::string>& items, const char* separator = ", ");
+
+/** Between double quotes, those inside doubled: a name in SQL. */
+std::string quoteDoubled(std::string_view text);
+/** A field of a CSV file, in quotes only where it needs them (RFC 4180). */
+std::string quoteCsv(std::string_view text);
+/** One word for a shell. */
+std::string quoteForShell(const std::string& text);
+
+}  // namespace detail
+
+}  // namespace viable

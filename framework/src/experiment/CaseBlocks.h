@@ -1,0 +1,62 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "experiment/CasePlan.h"
+#include "experiment/ExperimentKeys.h"
+
+// The blocks of a case, each with a reader, and a writer of what its resolved file says in its place. A reader throws
+// Error (BadInput) for what is wrong in its block; what two blocks make of each other is judged in CaseChecks.
+
+namespace viable::detail {
+
+/** Refuses a key without its unit and names the one that was meant: too many letters for a slip of one key. */
+void refuseMissingUnit(const ConfigNode& block, const std::vector<ExperimentKey>& keys);
+
+/** `payload` and `disturbance_set`: blocks of sizes, with the defaults of payloadKeys() and disturbanceKeys(). */
+Parameters readPayload(const ConfigNode& block, int joints);
+Parameters readDisturbances(const ConfigNode& block, int joints);
+
+struct RobotBlock {
+    RobotDescription robot;  ///< with its payload
+    std::optional<Parameters> payload;
+};
+/** `robot` and `payload`. @param payload  may be null */
+RobotBlock readRobot(const ConfigNode& robot, const ConfigNode* payload,
+                     const std::vector<std::filesystem::path>& robotPath);
+
+struct LimitsBlock {
+    JointLimits limits;
+    bool allowsLargeAngles = false;
+    bool holdsOnReal = false;
+};
+/** @param block  null: the robot's own. @param place  of the block, or of the robot's own, for messages */
+LimitsBlock readLimitsBlock(const ConfigNode* block, const RobotDescription& robot, double tick_s,
+                            const std::string& place);
+ConfigNode resolveLimits(const CasePlan& plan);
+
+/** @param block  null: at rest in the robot's home pose */
+MotionState readStart(const ConfigNode* block, const RobotDescription& robot);
+ConfigNode resolveStart(const MotionState& start);
+
+/** `missed_ticks: [{at_s: 3.0, count: 20}, ...]` */
+std::vector<TickGap> readMissedTicks(const ConfigNode& node, double tick_s, double duration_s);
+ConfigNode resolveMissedTicks(const std::vector<TickGap>& gaps, double tick_s);
+
+/** With the SHA-256 of its map: from here on it is this file, whoever reads it and when. */
+Environment readEnvironmentBlock(const ConfigNode& block);
+ConfigNode resolveEnvironment(ConfigNode block, const Environment& environment);
+
+/** `external_torque`. @return  true: it moves the nominal arm, too */
+bool readExternalTorque(const ConfigNode& node);
+
+PluginChoice readPlugin(const ConfigNode& block, PluginKind kind, const PluginLoader& loader, int joints);
+/** One block, or a list of blocks and of names without parameters. */
+std::vector<PluginChoice> readFilters(const ConfigNode& node, const PluginLoader& loader, int joints);
+ConfigNode resolvePlugin(const PluginChoice& choice);
+ConfigNode resolveFilters(const std::vector<PluginChoice>& filters);
+
+}  // namespace viable::detail

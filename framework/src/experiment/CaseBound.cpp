@@ -1,0 +1,81 @@
+#include "experiment/CaseBound.h"
+
+#include "core/Memo.h"
+#include "core/Text.h"
+#include "experiment/CaseChecks.h"
+#include "experiment/ResolvedNodes.h"
+#include "viable/core/Error.h"
+
+namespace viable::detail {
+
+namespace {
+
+DisturbanceSet makeDisturbanceSet(const Parameters& p) {
+    DisturbanceSet set;
+    set.frictionScale = p.jointNumbers("friction_scale");
+    set.breakawayRatio = p.number("breakaway_ratio");
+    set.loadFriction = p.jointNumbers("load_friction");
+    set.massError = p.jointNumbers("mass_error");
+    set.payload_kg = p.number("payload_kg");
+    set.payloadOffset_m = p.number("payload_offset_m");
+    set.baseTilt_rad = p.number("base_tilt_rad");
+    set.torqueRipple_Nm = p.jointNumbers("torque_ripple_Nm");
+    set.externalTorque_Nm = p.jointNumbers("external_torque_Nm");
+    set.torqueLimitFactor = p.number("torque_limit_factor");
+    set.readingError_rad = p.number("reading_error_rad");
+    set.delayTicks = static_cast<int>(p.integer("delay_ticks"));
+    return set;
+}
+
+/** Bounds that are remembered at a time; a sweep may draw its disturbance_set. */
+constexpr std::size_t kMostKnownBounds = 64;
+
+/** `bounds` with `margin` less on each side. */
+JointBounds tighten(const JointBounds& bounds, const JointVector& margin, const char* quantity, const char* unit,
+                    const RobotDescription& robot, const std::string& place) {
+    for (int i = 0; i < robot.size(); ++i) {
+        const double range = bounds.upper[i] - bounds.lower[i];
+        if (2.0 * margin[i] < range) continue;
+        throw badInput(place,
+                       std::string("hold_on: real leaves the nominal ") +
+                           robot.joints[static_cast<std::size_t>(i)].name + " no " + quantity + ": its limits are " +
+                           formatNumber(range) + " " + unit + " apart and the tracking bound takes " +
+                           formatNumber(2.0 * margin[i]) + " " + unit,
+                       "`viable bound` shows what the bound consists of: widen the limits, raise the gains of "
+                       "the robust loop or state a smaller disturbance_set.");
+    }
+    return {bounds.lower + margin, bounds.upper - margin};
+}
+
+}  // namespace
+
+TrackingBound findBound(const CasePlan& plan, const LinearErrorLoop& loop) {
+    const Parameters& disturbances = *plan.disturbances;
+    const ConfigNode inputs = makeMap(
+        {{"robot", makeScalar(std::filesystem::canonical(plan.robot.folder), true)},
+         {"tick_s", makeNumber(plan.tick_s)},
+         {"position", makeBounds(plan.limits.position)},
+         {"velocity", makeBounds(plan.limits.velocity)},
+         {"acceleration", makeBounds(plan.limits.acceleration)},
+         {"jerk", makeBounds(plan.limits.jerk)},
+         {"gains", makeMap({{"k_r", makeList(loop.kr)}, {"k_p", makeList(loop.kp)}, {"k_i", makeList(loop.ki)}})},
+         {"payload", plan.payload ? plan.payload->resolved() : ConfigNode()},
+         {"disturbance_set", disturbances.resolved()}});
+    static Memo<TrackingBound> known(kMostKnownBounds);
+    return known.get(writeConfig(inputs), [&] {
+        return calcTrackingBound(plan.robot, plan.limits, plan.tick_s, NricOptions{loop.kr, loop.kp, loop.ki},
+                                 makeDisturbanceSet(disturbances), disturbances.resolved().place());
+    });
+}
+
+JointLimits findNominalLimits(const CasePlan& plan, const TrackingBound* bound) {
+    checkHoldsOnBound(plan, bound != nullptr);
+    if (!plan.holdsOnReal) return plan.limits;
+    JointLimits limits = plan.limits;
+    limits.position = tighten(limits.position, bound->position, "range", "rad", plan.robot, plan.limitsPlace);
+    limits.velocity = tighten(limits.velocity, bound->velocity, "velocity", "rad/s", plan.robot, plan.limitsPlace);
+    checkLimits(limits, plan.tick_s, plan.allowsLargeAngles, plan.limitsPlace, plan.robot.jointNames());
+    return limits;
+}
+
+}  // namespace viable::detail

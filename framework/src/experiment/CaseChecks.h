@@ -1,0 +1,37 @@
+#pragma once
+
+#include "experiment/CasePlan.h"
+#include "viable/plugin/CommandSource.h"
+#include "viable/plugin/NominalController.h"
+#include "viable/plugin/RealPlant.h"
+#include "viable/plugin/RobustLoop.h"
+#include "viable/tracking/TrackingBound.h"
+
+// What the blocks of a case make of each other. Each throws Error (BadInput) at the place to be changed.
+
+namespace viable::detail {
+
+// --- as soon as they are read
+
+/** robust_loop and real_plant stand together. @param robustLoop, realPlant  the blocks, or null */
+void checkRealArmIsWhole(const ConfigNode* robustLoop, const ConfigNode* realPlant);
+void checkExternalTorqueHasPlant(const CasePlan& plan);
+void checkDisturbancesHavePlant(const CasePlan& plan);
+/** Limits that are held on the real arm have a bound. @param mayHave  as far as is known */
+void checkHoldsOnBound(const CasePlan& plan, bool mayHave);
+
+// --- once the plugins are configured
+
+/** The tracking bound is for arms that start at rest. */
+void checkStartsAtRest(const CasePlan& plan);
+/** What the bound assumes of robust loop, plant and pushes. @param loop  that the bound is of */
+void checkBoundAssumptions(const CasePlan& plan, const TrackingBound& bound, const LinearErrorLoop& loop,
+                           Encoder encoder);
+/** The motors carry what motion and disturbances ask for in the long run. */
+void checkMotors(const CasePlan& plan, const TrackingBound& bound);
+/** An external torque that is fed is one that the plant measures. */
+void checkExternalTorqueIsMeasured(const CasePlan& plan, const RealPlant& plant);
+/** The controller can follow what the command asks for. */
+void checkControllerFollows(const CasePlan& plan, const CommandSource& command, const NominalController& controller);
+
+}  // namespace viable::detail

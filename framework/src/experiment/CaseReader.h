@@ -1,0 +1,17 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "experiment/CasePlan.h"
+
+namespace viable::detail {
+
+/** Reads one case. Throws Error (BadInput).
+@param node       the file's root overlaid by the case
+@param overrides  those in `node`, for messages */
+CasePlan readCase(const ConfigNode& node, const std::string& name, const std::string& title, const PluginLoader& loader,
+                  const std::vector<std::filesystem::path>& robotPath, const std::vector<std::string>& overrides);
+
+}  // namespace viable::detail

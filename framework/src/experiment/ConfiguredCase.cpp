@@ -1,0 +1,191 @@
+#include "experiment/ConfiguredCase.h"
+
+#include "experiment/CaseBound.h"
+#include "experiment/CaseChecks.h"
+#include "experiment/StartCheck.h"
+#include "filter/FilterChain.h"
+#include "robot/ArmReach.h"
+#include "viable/core/Error.h"
+
+namespace viable {
+
+namespace {
+
+constexpr char kOnConfigure[] =
+    "configure() says what is wrong with a parameter by throwing viable::badInput(); anything else is to be mended in "
+    "the plugin.";
+
+// What a plugin is asked once, outside of ticks: asked here first, where a throw still names it.
+void askOnce(const CommandSource& plugin) {
+    plugin.space();
+}
+void askOnce(const NominalController& plugin) {
+    plugin.follows(MotionCommand::Space::Joint);
+    plugin.follows(MotionCommand::Space::Tool);
+}
+void askOnce(const SafetyFilter& plugin) {
+    plugin.guaranteesLimits();
+    plugin.guaranteesClearance();
+    plugin.recovers();
+}
+void askOnce(const RobustLoop& plugin) {
+    plugin.errorLoop();
+}
+void askOnce(const RealPlant& plugin) {
+    plugin.externalTorque();
+    plugin.encoder();
+}
+
+template <class Interface>
+PluginPtr<Interface> makeHere(const PluginChoice& choice, const RunSetup& setup, const std::string& title) {
+    PluginPtr<Interface> plugin = PluginLoader::create<Interface>(choice.plugin);
+    PluginCall call(nullptr, kBeforeFirstTick);
+    try {
+        plugin->configure(setup, choice.parameters);
+        askOnce(*plugin);
+    } catch (const Error&) {
+        throw;
+    } catch (const std::exception& e) {
+        throw Error(ErrorKind::PluginFailed, title, std::string("threw while it was configured: ") + e.what(),
+                    kOnConfigure);
+    } catch (...) {
+        throw Error(ErrorKind::PluginFailed, title, "threw something that is no std::exception while it was configured",
+                    kOnConfigure);
+    }
+    if (const char* change = call.undoArithmeticChange())
+        throw Error(ErrorKind::PluginFailed, title, formatArithmeticChange(change), kOnArithmeticChange);
+    return plugin;
+}
+
+/** Makes and configures the plugins of one case, each with its watch. */
+class PluginMaker {
+public:
+    PluginMaker(ConfiguredCase& configured, const Isolation* isolation)
+        : configured_(configured), isolation_(isolation) {}
+
+    template <class Interface>
+    PluginPtr<Interface> make(const PluginChoice& choice) {
+        configured_.watches.push_back(std::make_unique<PluginWatch>(choice.plugin));
+        PluginWatch* const watch = configured_.watches.back().get();
+        const RunSetup& setup = configured_.setup;
+        if (!isolation_) {
+            const PluginCall call(watch, kBeforeFirstTick);
+            return makeHere<Interface>(choice, setup, watch->title);
+        }
+        try {
+            return isolatePlugin<Interface>([&] { return makeHere<Interface>(choice, setup, watch->title); }, *watch,
+                                            isolation_->watchdog_s);
+        } catch (const PluginFault& e) {
+            throw Error(ErrorKind::PluginFailed, watch->title,
+                        std::string("could not be made and configured: ") + e.what(), e.remedy());
+        }
+    }
+
+    template <class Interface>
+    PluginPtr<Interface> makeWatched(const PluginChoice& choice) {
+        PluginPtr<Interface> plugin = make<Interface>(choice);
+        configured_.plugins.watches[static_cast<std::size_t>(detail::kindOf<Interface>())] =
+            configured_.watches.back().get();
+        return plugin;
+    }
+
+    PluginPtr<SafetyFilter> makeFilters(const std::vector<PluginChoice>& choices) {
+        if (choices.size() == 1) return makeWatched<SafetyFilter>(choices.front());
+        auto chain = std::make_unique<FilterChain>(configured_.setup.tick_s);
+        for (const PluginChoice& choice : choices) {
+            PluginPtr<SafetyFilter> filter = make<SafetyFilter>(choice);
+            chain->add(std::move(filter), configured_.watches.back().get());
+        }
+        configured_.chain = chain.get();
+        SafetyFilter* const filter = chain.release();
+        return {filter, [](void* object) { delete static_cast<SafetyFilter*>(object); }};
+    }
+
+private:
+    ConfiguredCase& configured_;
+    const Isolation* isolation_;
+};
+
+/** A plugin's numbers become a bound. */
+void checkErrorLoop(const LinearErrorLoop& loop, int n, const std::string& title) {
+    bool isSound = true;
+    for (const JointVector* gains : {&loop.kr, &loop.kp, &loop.ki}) isSound &= isFinite(*gains, n);
+    for (const JointVector* limits : {&loop.integralLimit, &loop.torqueRate})
+        isSound &= limits->size() == n && !limits->hasNaN();
+    if (!isSound)
+        throw Error(ErrorKind::PluginFailed, title, "gave an error loop of the wrong size or not of numbers",
+                    "errorLoop() gives one number per joint; its limits may be infinite, its gains not.");
+}
+
+/** A distance field tells distances up to here apart [m]: farther than any arm needs to stop. */
+constexpr double kFieldReach_m = 1.0;
+
+void addSurroundings(ConfiguredCase& configured) {
+    const CasePlan& plan = configured.plan;
+    if (!plan.environment) return;
+    const Eigen::AlignedBox3d reach = calcReach(plan.robot, *plan.geometry, configured.setup.limits);
+    if (plan.environment->map && !reach.sizes().allFinite())
+        throw badInput(plan.environment->map->place,
+                       "the arm has a sliding joint without position limits, so that the part of the map that it can "
+                       "reach has no end",
+                       "Give the joint position limits.");
+    configured.surroundings =
+        std::make_shared<const Surroundings>(*plan.environment, reach.min(), reach.max(), kFieldReach_m);
+    configured.feed = std::make_unique<SurroundingsFeed>(configured.surroundings);
+    configured.setup.surroundings = configured.feed.get();
+}
+
+/** All but the plugins. */
+std::unique_ptr<ConfiguredCase> beginCase(const CasePlan& plan) {
+    RunSetup setup{plan.robot, plan.limits, plan.tick_s, plan.duration_s, plan.start, {}};
+    RobotModel model(plan.robot);
+    Dynamics dynamics;
+    model.calcDynamics(plan.start.q, plan.start.qd, dynamics);
+    setup.startTool = dynamics.tool;
+    if (plan.geometry) setup.geometry = &*plan.geometry;
+    return std::make_unique<ConfiguredCase>(plan, std::move(setup));
+}
+
+}  // namespace
+
+ConfiguredCase::ConfiguredCase(const CasePlan& casePlan, RunSetup runSetup)
+    : plan(casePlan), setup(std::move(runSetup)) {}
+ConfiguredCase::~ConfiguredCase() {
+    destroyPlugins(plugins);
+}
+
+std::unique_ptr<ConfiguredCase> configureTracking(const CasePlan& plan, const Isolation* isolation) {
+    auto configured = beginCase(plan);
+    if (plan.realPlant) {
+        PluginMaker maker(*configured, isolation);
+        LoopPlugins& plugins = configured->plugins;
+        plugins.robustLoop = maker.makeWatched<RobustLoop>(*plan.robustLoop);
+        plugins.realPlant = maker.makeWatched<RealPlant>(*plan.realPlant);
+        const LinearErrorLoop* loop = plan.disturbances ? plugins.robustLoop->errorLoop() : nullptr;
+        if (loop) {
+            checkErrorLoop(*loop, plan.robot.size(), configured->watches.front()->title);
+            detail::checkStartsAtRest(plan);
+            configured->bound = detail::findBound(plan, *loop);
+            detail::checkBoundAssumptions(plan, *configured->bound, *loop, plugins.realPlant->encoder());
+        }
+    }
+    configured->setup.limits = detail::findNominalLimits(plan, configured->bound ? &*configured->bound : nullptr);
+    return configured;
+}
+
+std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolation* isolation) {
+    auto configured = configureTracking(plan, isolation);
+    addSurroundings(*configured);
+    PluginMaker maker(*configured, isolation);
+    LoopPlugins& plugins = configured->plugins;
+    plugins.filter = maker.makeFilters(plan.filters);
+    if (!plugins.filter->recovers()) detail::checkStart(plan, configured->setup.limits);
+    plugins.command = maker.makeWatched<CommandSource>(plan.command);
+    plugins.controller = maker.makeWatched<NominalController>(plan.controller);
+    if (configured->bound) detail::checkMotors(plan, *configured->bound);
+    if (plugins.realPlant) detail::checkExternalTorqueIsMeasured(plan, *plugins.realPlant);
+    detail::checkControllerFollows(plan, *plugins.command, *plugins.controller);
+    return configured;
+}
+
+}  // namespace viable

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "experiment/CasePlan.h"
+#include "loop/ControlLoop.h"
+#include "viable/environment/Surroundings.h"
+#include "viable/tracking/TrackingBound.h"
+
+namespace viable {
+
+/** Each plugin of a case in a process of its own (see isolatePlugin). */
+struct Isolation {
+    double watchdog_s = kDefaultWatchdog_s;
+};
+
+class FilterChain;
+
+/** A case whose plugins are made and configured: opened once, ready for one run (see runCase). */
+struct ConfiguredCase {
+    ConfiguredCase(const CasePlan& casePlan, RunSetup runSetup);
+    ~ConfiguredCase();
+
+    const CasePlan& plan;                ///< must outlive this object
+    RunSetup setup;                      ///< with the nominal arm's limits
+    std::optional<TrackingBound> bound;  ///< with a disturbance_set and a robust loop that one follows from
+    std::shared_ptr<const Surroundings> surroundings;  ///< at the start; null without an environment
+    std::unique_ptr<SurroundingsFeed> feed;            ///< of setup.surroundings
+    std::vector<std::unique_ptr<PluginWatch>> watches;
+    LoopPlugins plugins;
+    const FilterChain* chain = nullptr;  ///< plugins.filter, where there are several
+};
+
+/** Makes and configures the plugins of a case, judges its start, and checks that all fit together. Throws Error:
+BadInput for what the file says, PluginFailed when a plugin throws anything else.
+@param isolation  null: all in this process. Otherwise call it while the program has one thread. */
+std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolation* isolation = nullptr);
+
+/** The first part of that: robust loop and plant, and the limits and the tracking bound that follow from them. The other
+plugins are null, no motor is judged: enough to show a bound. */
+std::unique_ptr<ConfiguredCase> configureTracking(const CasePlan& plan, const Isolation* isolation = nullptr);
+
+}  // namespace viable

@@ -1,0 +1,97 @@
+#include "experiment/StartCheck.h"
+
+#include <cmath>
+
+#include "core/Text.h"
+#include "loop/PathExtent.h"
+#include "loop/StopMonitor.h"
+#include "viable/braking/Braking.h"
+#include "viable/core/Error.h"
+
+namespace viable::detail {
+
+namespace {
+
+/** A path is followed to this share of what counts as rounding. */
+constexpr double kPathResolution = 1.0 / 16.0;
+
+constexpr const char* kRecoveryRemedy =
+    "or use the filter certified_braking with `recovery: true`, which leads the arm back.";
+
+/** The key of a quantity in the file's `start`, and what stands there without it. */
+struct StartKey {
+    const char *key, *otherwise;
+};
+
+StartKey getStartKey(LimitKind kind) {
+    switch (kind) {
+        case LimitKind::Velocity:
+            return {"velocity_radps", "0 is taken"};
+        case LimitKind::Acceleration:
+            return {"acceleration_radps2", "0 is taken"};
+        default:
+            return {"position_rad", "the robot's home pose is taken"};
+    }
+}
+
+/** Refuses a start outside a limit. */
+void checkInside(const CasePlan& plan, const JointLimits& limits) {
+    const auto check = [&](LimitKind kind, const JointVector& value, const JointBounds& bounds) {
+        for (int i = 0; i < plan.robot.size(); ++i) {
+            const bool below = value[i] < bounds.lower[i];
+            if (!below && value[i] <= bounds.upper[i]) continue;
+            const double bound = below ? bounds.lower[i] : bounds.upper[i];
+            throw badInput(plan.startPlace,
+                           std::string("the start ") + getName(kind, LimitSide::Neither) + " of " +
+                               plan.robot.joints[i].name + " is " + formatNumber(value[i]) + " " + getUnit(kind) +
+                               ", outside its " + (below ? "lower" : "upper") + " limit " + formatNumber(bound) +
+                               " by " + formatNumber(std::abs(value[i] - bound)),
+                           std::string("Start inside the limits (`start: {") + getStartKey(kind).key +
+                               ": [...]}`; without it " + getStartKey(kind).otherwise + "), widen the limits, " +
+                               kRecoveryRemedy);
+        }
+    };
+    check(LimitKind::Position, plan.start.q, limits.position);
+    check(LimitKind::Velocity, plan.start.qd, limits.velocity);
+    check(LimitKind::Acceleration, plan.start.qdd, limits.acceleration);
+}
+
+/** Refuses a start inside the limits whose fastest stop leaves them. */
+void checkViable(const CasePlan& plan, const JointLimits& limits) {
+    for (int i = 0; i < plan.robot.size(); ++i) {
+        const AxisLimits axis = limits.axis(i);
+        if (std::isinf(axis.jerkLower) || std::isinf(axis.jerkUpper)) continue;
+        const double v = plan.start.qd[i], a = plan.start.qdd[i];
+        const StationaryStop stop = calcStationaryStop(v, a, axis);
+        const double allowedP = kMonitorShare * calcLimitScale(axis.positionLower, axis.positionUpper);
+        const double allowedV = kMonitorShare * calcLimitScale(axis.velocityLower, axis.velocityUpper);
+        PathExtent path(plan.start.q[i], v, a,
+                        {axis.positionLower, axis.positionUpper, allowedP, kPathResolution * allowedP},
+                        {axis.velocityLower, axis.velocityUpper, allowedV, kPathResolution * allowedV});
+        path.follow(stop.jerk, stop.T1);
+        path.follow(0.0, stop.T2);
+        path.follow(stop.side == LimitSide::Upper ? axis.jerkUpper : axis.jerkLower, stop.T3);
+        const double peak = calcVelocityPeak(v, a, axis);
+        const auto check = [&](LimitKind kind, const char* side, double excess, double allowed) {
+            if (!(excess > allowed)) return;
+            throw badInput(
+                plan.startPlace,
+                "the start of " + plan.robot.joints[i].name + " is not viable: its fastest stop passes the " + side +
+                    " " + getName(kind, LimitSide::Neither) + " limit by " + formatNumber(excess) + " " + getUnit(kind),
+                std::string("Change `start`: at rest or further inside; ") + kRecoveryRemedy);
+        };
+        check(LimitKind::Position, "upper", path.position.upper - axis.positionUpper, allowedP);
+        check(LimitKind::Position, "lower", axis.positionLower - path.position.lower, allowedP);
+        check(LimitKind::Velocity, "upper", peak - axis.velocityUpper, allowedV);
+        check(LimitKind::Velocity, "lower", axis.velocityLower - peak, allowedV);
+    }
+}
+
+}  // namespace
+
+void checkStart(const CasePlan& plan, const JointLimits& limits) {
+    checkInside(plan, limits);
+    checkViable(plan, limits);
+}
+
+}  // namespace viable::detail

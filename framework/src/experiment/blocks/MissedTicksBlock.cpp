@@ -1,0 +1,38 @@
+#include "experiment/CaseBlocks.h"
+
+#include <cmath>
+
+#include "experiment/ResolvedNodes.h"
+#include "plugin/ParameterText.h"
+#include "viable/core/Error.h"
+
+namespace viable::detail {
+
+std::vector<TickGap> readMissedTicks(const ConfigNode& node, double tick_s, double duration_s) {
+    if (node.kind != ConfigNode::Kind::List)
+        throw badInput(node.place(), "missed_ticks must be a list",
+                       "Write for example `missed_ticks: [{at_s: 3.0, count: 20}]`.");
+    std::vector<TickGap> gaps;
+    for (const ConfigNode& item : node.items) {
+        ConfigMap map(item);
+        map.find("at_s");
+        map.find("count");
+        map.finish();  // unknown keys first: a misspelt key explains a missing one
+        const double at_s = toNumber(map.require("at_s"), {0.0, duration_s});
+        const ParameterSpec& range = getKey(gapKeys(), "count");
+        const std::int64_t count = toInteger(map.require("count"), getSmallest(range), getLargest(range));
+        gaps.push_back({std::llround(at_s / tick_s), count});
+    }
+    return gaps;
+}
+
+ConfigNode resolveMissedTicks(const std::vector<TickGap>& gaps, double tick_s) {
+    ConfigNode list;
+    list.kind = ConfigNode::Kind::List;
+    for (const TickGap& gap : gaps)
+        list.items.push_back(makeMap({{"at_s", makeNumber(static_cast<double>(gap.begin) * tick_s)},
+                                      {"count", makeScalar(std::to_string(gap.count))}}));
+    return list;
+}
+
+}  // namespace viable::detail

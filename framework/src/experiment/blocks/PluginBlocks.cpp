@@ -1,0 +1,64 @@
+#include "experiment/CaseBlocks.h"
+
+#include "experiment/ResolvedNodes.h"
+#include "viable/core/Error.h"
+
+namespace viable::detail {
+
+PluginChoice readPlugin(const ConfigNode& block, PluginKind kind, const PluginLoader& loader, int joints) {
+    if (block.kind != ConfigNode::Kind::Map || !block.find("plugin"))
+        throw badInput(
+            block.place(), "the block must name a plugin",
+            "Write `{plugin: " + (block.kind == ConfigNode::Kind::Scalar ? block.text : std::string("NAME")) +
+                ", ...parameters}`; `viable plugins` lists the names.");
+    const ConfigNode& name = *block.find("plugin");
+    const PluginInfo info =
+        loader.find(kind, toText(name), name.place(), std::filesystem::path(name.file).parent_path());
+    return {info, readParameters(block, info.entry->parameters, info.entry->parameterCount, joints)};
+}
+
+std::vector<PluginChoice> readFilters(const ConfigNode& node, const PluginLoader& loader, int joints) {
+    std::vector<PluginChoice> filters;
+    if (node.kind != ConfigNode::Kind::List) {
+        filters.push_back(readPlugin(node, PluginKind::SafetyFilter, loader, joints));
+        return filters;
+    }
+    if (node.items.empty() || node.items.size() > kMaxFilters)
+        throw badInput(node.place(),
+                       "a list of filters must have 1 to " + std::to_string(kMaxFilters) + " entries, this one has " +
+                           std::to_string(node.items.size()),
+                       "Write for example `filter: [{plugin: tosbp}, certified_braking]`.");
+    for (const ConfigNode& item : node.items) {
+        if (item.kind != ConfigNode::Kind::Scalar) {
+            filters.push_back(readPlugin(item, PluginKind::SafetyFilter, loader, joints));
+            continue;
+        }
+        ConfigNode block = makeMap({{"plugin", item}});
+        block.file = item.file;
+        block.line = item.line;
+        block.column = item.column;
+        block.keyPath = item.keyPath;
+        filters.push_back(readPlugin(block, PluginKind::SafetyFilter, loader, joints));
+    }
+    return filters;
+}
+
+ConfigNode resolvePlugin(const PluginChoice& choice) {
+    ConfigNode block = choice.parameters.resolved();
+    ConfigNode* name = block.find("plugin");
+    if (name->text.find('/') != std::string::npos) {  // named by its path
+        name->text = choice.plugin.library.string();
+        name->quoted = true;
+    }
+    return block;
+}
+
+ConfigNode resolveFilters(const std::vector<PluginChoice>& filters) {
+    if (filters.size() == 1) return resolvePlugin(filters.front());
+    ConfigNode list;
+    list.kind = ConfigNode::Kind::List;
+    for (const PluginChoice& filter : filters) list.items.push_back(resolvePlugin(filter));
+    return list;
+}
+
+}  // namespace viable::detail

@@ -1,0 +1,53 @@
+#include "loop/SensorCheck.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace viable {
+
+JointVector calcLargestChange(const RunSetup& setup, const JointLimits& limits, const TrackingBound* bound) {
+    JointVector largest(setup.size());
+    for (int i = 0; i < setup.size(); ++i) {
+        const double speed =
+            std::max({-limits.velocity.lower[i], limits.velocity.upper[i], std::abs(setup.start.qd[i])});
+        const bool slides = setup.robot.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic;
+        const double explained =
+            bound    ? (speed + bound->velocity[i]) * setup.tick_s + 2.0 * (bound->measured[i] - bound->position[i])
+            : slides ? kLeastJump_m
+                     : kLeastJumpTurns * 2.0 * kPi;
+        largest[i] = std::max(kJumpSpeeds * speed * setup.tick_s + kJumpCounts * setup.robot.encoderStep(i), explained);
+    }
+    return largest;
+}
+
+void SensorCheck::begin(const Policy& policy, const JointVector& start) {
+    policy_ = policy;
+    last_ = start;
+    deviation_.setZero(start.size());
+    elapsed_ = 1;
+}
+
+double SensorCheck::calcChange(int joint, const JointState& reading, const MotionState& nominal) const {
+    return std::abs(policy_.reference == Reference::LastReading
+                        ? reading.q[joint] - last_[joint]
+                        : reading.q[joint] - nominal.q[joint] - deviation_[joint]);
+}
+
+bool SensorCheck::isPlausible(int joint, const JointState& reading, const MotionState& nominal) const {
+    return !(std::abs(reading.qd[joint]) > policy_.largestSpeed[joint]) &&
+           !(calcChange(joint, reading, nominal) > policy_.largestChange[joint] * static_cast<double>(elapsed_));
+}
+
+void SensorCheck::take(int joint, const JointState& reading, const MotionState& nominal) {
+    last_[joint] = reading.q[joint];
+    deviation_[joint] = reading.q[joint] - nominal.q[joint];
+    elapsed_ = 1;
+}
+
+void SensorCheck::standIn(int joint, const MotionState& nominal, JointState& reading) const {
+    const double largest = policy_.largestDeviation[joint];
+    reading.q[joint] = nominal.q[joint] + std::clamp(deviation_[joint], -largest, largest);
+    reading.qd[joint] = nominal.qd[joint];
+}
+
+}  // namespace viable

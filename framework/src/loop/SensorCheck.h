@@ -1,0 +1,71 @@
+#pragma once
+
+#include <cstdint>
+
+#include "viable/plugin/Plugin.h"
+#include "viable/tracking/TrackingBound.h"
+
+namespace viable {
+
+/** A measured position that changes in a tick by more than so many times what the joint's velocity limit allows, and
+by so many encoder counts on top, is no motion. With a tracking bound what its disturbance set allows is no jump either:
+(velocity limit + bound.velocity) tick, and the error of both readings, 2 (bound.measured - bound.position). Without one
+nothing is known of the real arm, which may be falling or swinging up: a change up to kLeastJumpTurns or kLeastJump_m is
+taken as it is. That is thousands of rad/s at 1 kHz, and below a wrap by a turn. */
+inline constexpr double kJumpSpeeds = 10.0, kJumpCounts = 8.0;
+inline constexpr double kLeastJumpTurns = 0.45, kLeastJump_m = 1.0;
+
+/** The largest change of each joint's position in a tick under these limits [rad, prismatic: m]; see kJumpSpeeds.
+@param bound  null: none */
+JointVector calcLargestChange(const RunSetup& setup, const JointLimits& limits, const TrackingBound* bound);
+
+/** Tells readings of the joints that a motion explains from those that none does, and says what stands in for the
+latter: the nominal arm plus the last good deviation, since nothing is known of a change.
+
+The control loop judges joint by joint, by the last reading; the torque guard takes or refuses a reading as a whole, by
+the motion of the nominal arm.
+Real time: no allocation, lock or throw. */
+class SensorCheck {
+public:
+    /** What a new position is compared with. */
+    enum class Reference : unsigned char {
+        LastReading,    ///< the joint's last good position
+        NominalMotion,  ///< the nominal joint plus the last good deviation from it
+    };
+
+    /** What a motion explains; one entry per joint. */
+    struct Policy {
+        Reference reference = Reference::LastReading;
+        JointVector largestChange;     ///< of a position in a tick [rad, prismatic: m]
+        JointVector largestSpeed;      ///< that a reading may say [rad/s, m/s]; infinite: any
+        JointVector largestDeviation;  ///< of what stands in for a reading [rad, m]; infinite: any
+    };
+
+    /** From a start at which the arm is the nominal one. */
+    void begin(const Policy& policy, const JointVector& start);
+    /** From now on a change in a tick up to `change` is a motion, too. */
+    void widen(const JointVector& change) { policy_.largestChange = policy_.largestChange.cwiseMax(change); }
+
+    /** How far a position is from what it is compared with [rad, m]. */
+    double calcChange(int joint, const JointState& reading, const MotionState& nominal) const;
+    double largestChange(int joint) const { return policy_.largestChange[joint]; }
+    /** True when a motion explains the reading of a joint; both finite. */
+    bool isPlausible(int joint, const JointState& reading, const MotionState& nominal) const;
+
+    /** The reading of a joint is a good one. */
+    void take(int joint, const JointState& reading, const MotionState& nominal);
+    /** Ticks passed without any reading: the joints may have moved on. */
+    void miss(std::int64_t ticks = 1) { elapsed_ += ticks; }
+    /** Writes what stands in for the reading of a joint. */
+    void standIn(int joint, const MotionState& nominal, JointState& reading) const;
+
+    /** The last good reading less the nominal arm then [rad, m]. */
+    const JointVector& deviation() const { return deviation_; }
+
+private:
+    Policy policy_;
+    JointVector last_, deviation_;
+    std::int64_t elapsed_ = 1;  // ticks since the last good reading
+};
+
+}  // namespace viable

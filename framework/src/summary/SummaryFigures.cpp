@@ -1,0 +1,271 @@
+#include "summary/SummaryFigures.h"
+
+#include <algorithm>
+#include <functional>
+
+#include "viable/core/Error.h"
+
+namespace viable {
+
+namespace {
+
+using nlohmann::json;
+using Over = SummaryFigure::Over;
+using R = const CaseResult&;
+using S = const Summary&;
+
+bool hasRealArm(R r) {
+    return r.summary.hasRealPlant();
+}
+bool hasBound(R r) {
+    return r.summary.reference().bound.has_value();
+}
+bool hasTripped(R r) {
+    return r.summary.trip().has_value();
+}
+bool hasEnvironment(R r) {
+    return r.summary.collisions().has_value();
+}
+bool hasRealArmInEnvironment(R r) {
+    return hasEnvironment(r) && r.summary.collisions()->real;
+}
+
+constexpr LimitKind kKinds[] = {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk};
+constexpr std::size_t kRealKinds = 2;  // position and velocity are looked at
+
+template <class Value>
+json toJson(const Value& value) {
+    return value;
+}
+template <class Value>
+json toJson(const std::optional<Value>& value) {
+    return value ? json(*value) : json(nullptr);
+}
+/** Of a name, which may be empty. */
+json orNull(const std::string& name) {
+    return name.empty() ? json(nullptr) : json(name);
+}
+std::optional<double> onlyIf(bool exists, double value) {
+    return exists ? std::optional(value) : std::nullopt;
+}
+
+class Table {
+public:
+    std::vector<SummaryFigure> figures;
+
+    /** What is added from here on stands in this block of summary.json; it is null in a case that has no such thing. */
+    void begin(
+        const std::string& block, bool (*exists)(R) = [](R) { return true; }) {
+        block_ = block;
+        exists_ = exists;
+    }
+    /** @param get  of the summary and a joint, of the summary, or of the result */
+    template <class Get>
+    Table& add(const std::string& key, const Get& get) {
+        std::function<json(R, int)> asJson;
+        if constexpr (std::is_invocable_v<Get, S, int>)
+            asJson = [get](R r, int i) { return toJson(std::invoke(get, r.summary, i)); };
+        else if constexpr (std::is_invocable_v<Get, S>)
+            asJson = [get](R r, int) { return toJson(std::invoke(get, r.summary)); };
+        else
+            asJson = [get](R r, int) { return toJson(std::invoke(get, r)); };
+        figures.push_back({key.empty() ? "" : block_ + key, exists_, asJson});
+        return *this;
+    }
+    /** The figure last added is a column of a sweep's table, too. */
+    SummaryFigure& column(const std::string& name, const std::string& unit, const std::string& label,
+                          Over over = Over::None) {
+        SummaryFigure& last = figures.back();
+        std::tie(last.column, last.unit, last.label, last.over) = std::tie(name, unit, label, over);
+        return last;
+    }
+    void addTimes(const std::function<const TimeHistogram&(S)>& get) {
+        add("median_us", [get](S s) { return get(s).percentile(0.5); });
+        add("p99_us", [get](S s) { return get(s).percentile(0.99); });
+        add("max_us", [get](S s) { return get(s).max(); });
+    }
+    void addExtreme(const char* block, const char* key, const ExtremeRecord& (Summary::*get)() const) {
+        begin(block);
+        add(key, [get](S s) { return (s.*get)().value; });
+        add("joint", [get](S s) { return s.jointNames()[static_cast<std::size_t>((s.*get)().joint)]; });
+        add("time_s", [get](S s) { return (s.*get)().time_s; });
+    }
+
+    /** Of each joint's limits. @param column  without the kind at its end  @param unitEnds  of the kinds; or no unit */
+    template <class Get>
+    void addLimits(const std::vector<LimitRecord>& (Summary::*records)(LimitKind) const, std::size_t kinds,
+                   const std::string& key, const Get& get, const std::string& column = "",
+                   const std::string& label = "", Over over = Over::Largest,
+                   const std::vector<std::string>& unitEnds = {}) {
+        for (std::size_t k = 0; k < kinds; ++k) {
+            const LimitKind kind = kKinds[k];
+            const std::string name = getName(kind, LimitSide::Neither);
+            add(name + ".<joint>." + key, [records, kind, get](S s, int i) {
+                return toJson(std::invoke(get, (s.*records)(kind)[static_cast<std::size_t>(i)]));
+            });
+            if (column.empty()) continue;
+            this->column(column + name + (unitEnds.empty() ? "" : unitEnds[k]), unitEnds.empty() ? "" : getUnit(kind),
+                         label + (kind == LimitKind::Acceleration ? " an " : " a ") + name + " limit", over);
+        }
+    }
+
+private:
+    std::string block_;
+    bool (*exists_)(R) = nullptr;
+};
+
+std::vector<SummaryFigure> makeFigures() {
+    Table t;
+    const auto worstUse = [](const LimitRecord& limit) { return onlyIf(limit.exists, limit.worstUse); };
+    const auto nominal = [&](const auto&... figure) { t.addLimits(&Summary::limit, std::size(kKinds), figure...); };
+    t.begin("limits.");
+    nominal("worst_use", worstUse, "worst_use.", "Worst use of");
+    nominal("ticks_outside", &LimitRecord::ticksOutside, "ticks_outside.", "Ticks outside", Over::Sum);
+    nominal("worst_time_s", &LimitRecord::worstTime_s);
+    nominal("worst_excess", &LimitRecord::worstExcess);
+    nominal("ticks_recovering", &LimitRecord::ticksRecovering);
+    nominal("worst_recovering", &LimitRecord::worstRecovering);
+    const auto real = [&](const char* key, const auto& get, const auto&... column) {
+        t.begin("real_limits.", hasRealArm);
+        t.addLimits(&Summary::realLimit, kRealKinds, key, get, column...);
+        t.begin("trip.real_limits.", hasTripped);
+        t.addLimits(&Summary::realStop, kRealKinds, key, get);
+    };
+    real("worst_use", worstUse, "real.worst_use.", "Real arm: worst use of");
+    real("worst_excess", &LimitRecord::worstExcess, "real.worst_excess.", "Real arm: farthest beyond", Over::Largest,
+         std::vector<std::string>{"_rad", "_radps"});
+    real("worst_time_s", &LimitRecord::worstTime_s);
+    real("ticks_outside", &LimitRecord::ticksOutside);
+
+    t.begin("tracking.", hasRealArm);
+    t.add("max_rad", [](S s) {
+         return s.trackingMax();
+     }).column("tracking.max_rad", "rad", "Largest distance of the real arm from the nominal one");
+    t.add("rms_rad", [](S s) {
+         return s.trackingRms();
+     }).column("tracking.rms_rad", "rad", "RMS distance of the real arm from the nominal one");
+    t.add("joints.<joint>.max_rad", [](S s, int i) {
+         return s.trackingMax(i);
+     }).column("tracking.<joint>.max_rad", "rad", "Largest distance from the nominal arm");
+    t.add("joints.<joint>.rms_rad", [](S s, int i) { return s.trackingRms(i); });
+    t.begin("bound.", hasBound);
+    t.add("joints.<joint>.worst_position_share", [](S s, int i) {
+         return s.boundShare(LimitKind::Position, i);
+     }).column("bound.share", "", "Largest share of the tracking bound used", Over::Largest);
+    t.add("joints.<joint>.worst_velocity_share", [](S s, int i) {
+         return s.boundShare(LimitKind::Velocity, i);
+     }).column("bound.velocity_share", "", "Largest share of its rate's bound used", Over::Largest);
+    t.add("joints.<joint>.position_rad", [](S s, int i) { return s.reference().bound->position[i]; });
+    t.add("joints.<joint>.velocity_radps", [](S s, int i) { return s.reference().bound->velocity[i]; });
+    t.add("joints.<joint>.measured_rad", [](S s, int i) { return s.reference().bound->measured[i]; });
+    t.add("worst_share", [](S s) { return s.boundShare(LimitKind::Position, s.worstBoundJoint()); });
+    t.add("worst_joint", [](S s) { return s.jointNames()[static_cast<std::size_t>(s.worstBoundJoint())]; });
+    t.begin("motors.", hasRealArm);
+    t.add("<joint>.worst_use", [](S s, int i) {
+         return s.motor(i).worstUse;
+     }).column("motor.worst_use", "", "Largest share of a motor's torque used", Over::Largest);
+    t.add("<joint>.ticks_saturated", [](S s, int i) {
+         return s.motor(i).ticksSaturated;
+     }).column("motor.saturated_ticks", "", "Joint-ticks with a motor at its limit", Over::Sum);
+    t.add("<joint>.worst_time_s", [](S s, int i) { return s.motor(i).worstTime_s; });
+
+    for (const bool isReal : {false, true}) {
+        t.begin(isReal ? "collisions.real." : "collisions.nominal.", isReal ? hasRealArmInEnvironment : hasEnvironment);
+        const auto add = [&](const char* key, auto get) -> Table& {
+            return t.add(key, [=](S s) {
+                return toJson(std::invoke(get, isReal ? *s.collisions()->real : s.collisions()->nominal));
+            });
+        };
+        using C = const CollisionRecord&;
+        const std::string prefix = isReal ? "real.collision." : "collision.";
+        add("least_clearance_m", &CollisionRecord::leastClearance)
+            .column(prefix + "least_clearance_m", "m", isReal ? "Real arm: least clearance" : "Least clearance")
+            .horizon = kClearanceHorizon_m;  // a store holds finite numbers
+        add("ticks_in_collision", &CollisionRecord::ticksInCollision)
+            .column(prefix + "ticks", "", isReal ? "Real arm: ticks in collision" : "Ticks in collision");
+        add("ticks_too_near", &CollisionRecord::ticksTooNear)
+            .column(prefix + "ticks_too_near", "",
+                    isReal ? "Real arm: ticks within the safety distance" : "Ticks within the safety distance");
+        add("least_clearance_s", &CollisionRecord::leastClearance_s);
+        add("penetration_m", &CollisionRecord::penetration);
+        add("first_collision_s", &CollisionRecord::firstCollision_s);
+        add("link", [](C c) { return orNull(c.link); });
+        add("obstacle", [](C c) { return orNull(c.obstacle); });
+        add("other_link", [](C c) { return orNull(c.otherLink); });
+    }
+    t.begin("collisions.", hasEnvironment);
+    t.add("safety_distance_m", [](S s) { return s.collisions()->safetyDistance_m; });
+
+    t.begin("");
+    t.add("infeasible_ticks", [](S s) {
+         return s.ticksWith(FilterStatus::Infeasible);
+     }).column("infeasible_ticks", "", "Ticks without an admissible choice");
+    t.add("", [](R r) {
+         return onlyIf(r.exitCode() == static_cast<int>(ErrorKind::TrackingLost), r.stopTime_s);
+     }).column("tripped_at_s", "s", "When the real arm left the bound and was braked");
+    t.add("simulated_s", &CaseResult::simulated_s).column("simulated_s", "s", "Length of the run");
+    t.add("wall_s", &CaseResult::wall_s);
+    t.add("limits_kept", [](S s) { return !s.anyLimitBroken() && !s.endsOutside(); });
+    t.add("ends_outside", &Summary::endsOutside);
+    t.add("ticks", &Summary::ticks);
+    t.add("passed_ticks", [](S s) { return s.ticksWith(FilterStatus::Passed); });
+    t.add("modified_ticks", [](S s) { return s.ticksWith(FilterStatus::Modified); });
+    t.add("stopped_ticks", [](S s) { return s.ticksWith(FilterStatus::StoppedByPlan); });
+    t.add("first_infeasible_s",
+          [](S s) { return onlyIf(s.ticksWith(FilterStatus::Infeasible) > 0, s.firstInfeasible_s()); });
+    t.add("recovering_ticks", &Summary::recoveringTicks);
+    t.add("unviable_ticks", &Summary::unviableTicks);
+    t.add("first_unviable_s", [](S s) { return onlyIf(s.unviableTicks() > 0, s.firstUnviable_s()); });
+    t.add("missed_ticks", &Summary::missedTicks);
+    t.add("substituted_ticks", &Summary::substitutedTicks);
+    t.add("external_torque_missing_ticks", &Summary::externalTorqueMissing);
+    t.add("changed_share", &Summary::changedShare);
+    t.add("command_error_rms_rad", &Summary::commandErrorRms);
+    t.add("chatter", &Summary::chatter);
+    t.add("tripped", [](R r) { return hasTripped(r); });
+    t.begin("trip.", hasTripped);
+    t.add("joint", [](S s) { return s.jointNames()[static_cast<std::size_t>(s.trip()->joint)]; });
+    t.add("time_s", [](S s) { return s.trip()->time_s; });
+    t.add("error_rad", [](S s) { return s.trip()->error; });
+    t.add("bound_rad", [](S s) { return s.trip()->bound; });
+    t.add("real_end_speed_radps", &Summary::realEndSpeed);
+    t.add("real_arm_inside", [](S s) {
+        std::int64_t outside = 0;
+        for (std::size_t k = 0; k < kRealKinds; ++k)
+            for (const LimitRecord& limit : s.realStop(kKinds[k])) outside += limit.ticksOutside;
+        return outside == 0;
+    });
+    t.addExtreme("stops.least_margin.", "margin_rad", &Summary::worstMargin);
+    t.addExtreme("stops.longest_stop.", "stop_s", &Summary::longestStop);
+    t.begin("tick.");
+    t.addTimes(&Summary::tickTime);
+    for (int i = 0; i < kStageCount; ++i) {
+        const auto stage = static_cast<Stage>(i);
+        t.begin(std::string("stages.") + getName(stage) + ".");
+        t.addTimes([stage](S s) -> const TimeHistogram& { return s.stageTime(stage); });
+    }
+    return t.figures;
+}
+
+}  // namespace
+
+json SummaryFigure::getColumn(const CaseResult& result, int joint) const {
+    if (!exists(result)) return nullptr;
+    json value = over == Over::None ? get(result, joint) : json(nullptr);
+    for (int i = 0; over != Over::None && i < static_cast<int>(result.summary.jointNames().size()); ++i) {
+        const json own = get(result, i);
+        if (over == Over::Sum)
+            value = (value.is_null() ? 0 : value.get<std::int64_t>()) + own.get<std::int64_t>();
+        else if (!own.is_null())
+            value = std::max(value.is_null() ? 0.0 : value.get<double>(), own.get<double>());
+    }
+    if (value.is_number_float()) value = std::clamp(value.get<double>(), -horizon, horizon);
+    return value;
+}
+
+const std::vector<SummaryFigure>& listSummaryFigures() {
+    static const std::vector<SummaryFigure> figures = makeFigures();
+    return figures;
+}
+
+}  // namespace viable

@@ -1,4 +1,0 @@
-#include "BrokenPlugin.h"
-
-// Its entry cannot be destroyed.
-VIABLE_BROKEN_TABLE("no_destroy", entry.destroy = nullptr)

@@ -1,4 +1,0 @@
-#include "BrokenPlugin.h"
-
-// Has an empty table.
-VIABLE_BROKEN_TABLE("no_entries", library.entryCount = 0)

@@ -1,4 +1,0 @@
-#include "BrokenPlugin.h"
-
-// Shows nothing.
-VIABLE_BROKEN_TABLE("null_table", return nullptr)

@@ -1,4 +1,0 @@
-#include "BrokenPlugin.h"
-
-// Shows a table that ends before its version.
-VIABLE_BROKEN_TABLE("tiny_table", library.size = 12)

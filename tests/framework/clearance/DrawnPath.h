@@ -1,0 +1,37 @@
+#pragma once
+
+#include <array>
+#include <random>
+
+#include "clearance/ArmPath.h"
+
+namespace viable {
+
+/** How large the parts of a drawn path are; each is drawn evenly to both sides of zero, and `size` shares of velocity
+and acceleration are taken. */
+struct DrawnPath {
+    JointVector position;  ///< per joint [rad, m]
+    double velocity, acceleration, jerk;
+    AxisLimits limits;  ///< that its stop keeps
+
+    detail::ArmPath draw(std::mt19937& random, double size, double tick_s) const {
+        std::uniform_real_distribution<double> share(-1.0, 1.0);
+        const auto n = static_cast<int>(position.size());
+        MotionState s{JointVector(n), JointVector(n), JointVector(n)};
+        JointVector firstJerk(n);
+        std::array<GridStop, kMaxJoints> stops;
+        for (int i = 0; i < n; ++i) {
+            s.q[i] = position[i] * share(random);
+            s.qd[i] = velocity * size * share(random);
+            s.qdd[i] = acceleration * size * share(random);
+            firstJerk[i] = jerk * share(random);
+            const AxisState after = advance({s.q[i], s.qd[i], s.qdd[i]}, firstJerk[i], tick_s);
+            stops[static_cast<std::size_t>(i)].plan(after.v, after.a, limits, tick_s);
+        }
+        detail::ArmPath path;
+        path.set(s, firstJerk, stops, tick_s);
+        return path;
+    }
+};
+
+}  // namespace viable

@@ -1,0 +1,184 @@
+#!/usr/bin/env python3
+"""The rooms of the source tree: who includes whom, and on which floor each stands.
+
+A room is framework/src/<room> together with framework/include/viable/<room>, a folder of plugins/, or a folder of
+tools/. Fails where rooms include each other in a circle, a public header includes a private one, or a file names
+something of the standard library without including its header (a precompiled header would hide that).
+Usage: check.py [SOURCE_DIR]
+"""
+import re
+import sys
+from pathlib import Path
+
+# Rooms that still include each other in a circle: (room, room that it must not include). Empty when all is well; an
+# entry that is no longer needed is a failure, too.
+ALLOWED = {
+    ("core", "summary"),
+    ("plugin", "filter"),
+    ("summary", "experiment"),
+    ("loop", "summary"),
+    ("tools/sweep", "tools/command"),
+}
+
+# Names of the standard library that are unmistakable, and the header that each must come from.
+STD = {
+    "vector": "vector", "map": "map", "multimap": "map", "set": "set", "optional": "optional", "nullopt": "optional",
+    "function": "functional", "unique_ptr": "memory", "shared_ptr": "memory", "make_unique": "memory",
+    "make_shared": "memory", "ifstream": "fstream", "ofstream": "fstream", "ostringstream": "sstream",
+    "istringstream": "sstream", "stringstream": "sstream", "string_view": "string_view", "thread": "thread",
+    "mutex": "mutex", "atomic": "atomic", "numeric_limits": "limits", "array": "array", "filesystem": "filesystem",
+    "mt19937_64": "random", "mt19937": "random", "from_chars": "charconv", "to_chars": "charconv",
+    "variant": "variant", "unordered_map": "unordered_map", "deque": "deque", "runtime_error": "stdexcept",
+    "sort": "algorithm", "min_element": "algorithm", "max_element": "algorithm", "snprintf": "cstdio",
+    "memcpy": "cstring", "strcmp": "cstring", "getenv": "cstdlib", "strtod": "cstdlib",
+}
+INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^">]+)[">]', re.MULTILINE)
+COMMENT_OR_TEXT = re.compile(r'//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"', re.DOTALL)
+STD_NAME = re.compile(r"\bstd::(\w+)")
+
+
+def room_of(path: Path, root: Path):
+    """The room of a source file, or None where it belongs to none."""
+    parts = path.relative_to(root).parts
+    if parts[:2] == ("framework", "src"):
+        return parts[2]
+    if parts[:3] == ("framework", "include", "viable"):
+        return parts[3]
+    if parts[0] == "plugins":
+        return "plugins"
+    if parts[0] == "tools" and len(parts) > 2 and parts[1] != "templates":
+        return f"tools/{parts[1]}"
+    return None
+
+
+class Tree:
+    def __init__(self, root: Path):
+        self.root = root
+        self.public = root / "framework/include"
+        self.private = root / "framework/src"
+        self.files = [
+            path
+            for folder in ("framework/src", "framework/include", "plugins", "tools")
+            for path in sorted((root / folder).rglob("*"))
+            if path.suffix in (".h", ".cpp") and room_of(path, root) is not None
+        ]
+        self.text = {path: path.read_text(encoding="utf-8") for path in self.files}
+        self.includes = {path: [name for _, name in INCLUDE.findall(text)] for path, text in self.text.items()}
+
+    def find(self, path: Path, name: str):
+        """The file of the project that `name` means in `path`; None where it is somebody else's."""
+        for folder in (path.parent, self.public, self.private, self.root / "tools"):
+            if (folder / name).is_file():
+                return (folder / name).resolve()
+        return None
+
+
+def check_public_headers(tree: Tree):
+    for path in tree.files:
+        if not path.is_relative_to(tree.public):
+            continue
+        for name in tree.includes[path]:
+            target = tree.find(path, name)
+            if target is not None and not target.is_relative_to(tree.public):
+                yield f"{path.relative_to(tree.root)}: a public header includes the private {name}"
+
+
+def check_standard_headers(tree: Tree):
+    """Each file must include what it names, by itself or by a header of the project that it includes."""
+    closure = {}
+
+    def reach(path):
+        if path not in closure:
+            closure[path] = found = set()  # first: headers may include each other
+            for name in tree.includes.get(path, []):
+                found.add(name)
+                target = tree.find(path, name)
+                if target in tree.text:
+                    found |= reach(target)
+        return closure[path]
+
+    for path in tree.files:
+        code = COMMENT_OR_TEXT.sub('""', tree.text[path])
+        missing = sorted({STD[name] for name in STD_NAME.findall(code) if name in STD} - reach(path))
+        if missing:
+            yield f"{path.relative_to(tree.root)}: uses, but does not include, " + " ".join(f"<{h}>" for h in missing)
+
+
+def find_arrows(tree: Tree):
+    """{room: {other room: a file that includes it}}"""
+    arrows = {}
+    for path in tree.files:
+        room = room_of(path, tree.root)
+        arrows.setdefault(room, {})
+        for name in tree.includes[path]:
+            target = tree.find(path, name)
+            other = room_of(target, tree.root) if target else None
+            if other and other != room:
+                arrows[room].setdefault(other, f"{path.relative_to(tree.root)} includes {name}")
+    return arrows
+
+
+def find_circle(arrows):
+    """A list of rooms, each of which includes the next and the last the first; empty where there is none."""
+    done, trail = set(), []
+
+    def walk(room):
+        if room in trail:
+            return trail[trail.index(room):]
+        if room in done:
+            return []
+        trail.append(room)
+        for other in sorted(arrows.get(room, {})):
+            if circle := walk(other):
+                return circle
+        trail.pop()
+        done.add(room)
+        return []
+
+    for room in sorted(arrows):
+        if circle := walk(room):
+            return circle
+    return []
+
+
+def list_floors(arrows):
+    """Rooms by floor: the lowest include nothing, each other stands above all that it includes."""
+    floor = {}
+
+    def height(room):
+        if room not in floor:
+            floor[room] = 1 + max((height(other) for other in arrows[room]), default=-1)
+        return floor[room]
+
+    for room in arrows:
+        height(room)
+    return floor
+
+
+def main():
+    root = Path(sys.argv[1] if len(sys.argv) > 1 else ".").resolve()
+    tree = Tree(root)
+    problems = [*check_public_headers(tree), *check_standard_headers(tree)]
+    arrows = find_arrows(tree)
+    for room, other in sorted(ALLOWED):
+        if arrows.get(room, {}).pop(other, None) is None:
+            problems.append(f"{room} no longer includes {other}: take it out of the list ALLOWED")
+    if circle := find_circle(arrows):
+        problems.append("rooms include each other in a circle:")
+        problems += [f"    {a} -> {b}: {arrows[a][b]}" for a, b in zip(circle, circle[1:] + circle[:1])]
+    else:
+        floor = list_floors(arrows)
+        lines = {}
+        for path in tree.files:
+            room = room_of(path, root)
+            lines[room] = lines.get(room, 0) + tree.text[path].count("\n")
+        for number in range(max(floor.values()), -1, -1):
+            rooms = sorted(room for room in floor if floor[room] == number)
+            print(f"floor {number:2}: " + ", ".join(f"{room} ({lines[room]} lines)" for room in rooms))
+    for problem in problems:
+        print(problem, file=sys.stderr)
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
