@@ -34,6 +34,7 @@ void askOnce(const RobustLoop& plugin) {
 void askOnce(const RealPlant& plugin) {
     plugin.externalTorque();
     plugin.encoder();
+    plugin.hasClock();
 }
 
 template <class Interface>
