@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "core/NumberText.h"
+#include "environment/OccupancyMap.h"
 #include "filter/FilterChain.h"
 #include "log/LogExportColumns.h"
 #include "log/Recorder.h"

@@ -8,9 +8,12 @@
 #include <string>
 #include <vector>
 
-#include "viable/environment/DistanceField.h"
+#include "viable/environment/Environment.h"
 
 namespace viable {
+
+class DistanceField;
+class OccupancyMap;
 
 /** What stands around an arm, ready for questions in a tick: solids in closed form, the map as a distance field, moving
 spheres by their paths. Immutable, so that one thread may ask while another makes the next one. */
