@@ -1,4 +1,4 @@
-#include "viable/environment/DistanceField.h"
+#include "environment/DistanceField.h"
 
 #include <benchmark/benchmark.h>
 #include <dynamicEDT3D/dynamicEDTOctomap.h>

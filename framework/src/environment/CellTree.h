@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "viable/environment/OccupancyMap.h"
+#include "environment/OccupancyMap.h"
 
 namespace viable::detail {
 

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "viable/environment/OccupancyMap.h"
+#include "environment/OccupancyMap.h"
 
 namespace viable {
 

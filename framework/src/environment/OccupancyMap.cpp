@@ -1,4 +1,4 @@
-#include "viable/environment/OccupancyMap.h"
+#include "environment/OccupancyMap.h"
 
 #include <octomap/OcTree.h>
 

@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "core/Memo.h"
+#include "environment/DistanceField.h"
 #include "viable/core/Error.h"
 
 namespace viable {

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "core/Text.h"
+#include "environment/OccupancyMap.h"
 #include "filter/FilterChain.h"
 #include "log/LogMetadata.h"
 #include "log/Recorder.h"

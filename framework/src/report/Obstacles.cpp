@@ -6,10 +6,10 @@
 #include <optional>
 
 #include "core/Text.h"
+#include "environment/OccupancyMap.h"
 #include "report/PoseJson.h"
 #include "robot/ArmReach.h"
 #include "viable/core/Error.h"
-#include "viable/environment/OccupancyMap.h"
 
 namespace viable::detail {
 

@@ -1,5 +1,5 @@
 #include "Paths.h"
-#include "viable/environment/DistanceField.h"
+#include "environment/DistanceField.h"
 
 #include <chrono>
 #include <cmath>

@@ -10,8 +10,8 @@
 #include <string>
 
 #include "TemporaryFolder.h"
+#include "environment/OccupancyMap.h"
 #include "viable/core/Error.h"
-#include "viable/environment/OccupancyMap.h"
 
 namespace viable::test {
 

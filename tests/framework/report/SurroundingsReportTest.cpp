@@ -8,10 +8,10 @@
 #include "CaseSupport.h"
 #include "Paths.h"
 #include "ReportSupport.h"
+#include "environment/OccupancyMap.h"
 #include "log/LogWriter.h"
 #include "report/RunReport.h"
 #include "robot/ArmReach.h"
-#include "viable/environment/OccupancyMap.h"
 
 namespace viable {
 namespace {

@@ -8,9 +8,12 @@
 #include <string>
 #include <vector>
 
-#include "viable/environment/DistanceField.h"
+#include "viable/environment/Environment.h"
 
 namespace viable {
+
+class DistanceField;
+class OccupancyMap;
 
 /** The surroundings of an arm, prepared for queries in a tick: solids in closed form, the map as a distance field,
 moving spheres by their paths. Immutable, so that one thread may query while another prepares the next one. */
