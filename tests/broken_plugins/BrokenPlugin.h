@@ -14,12 +14,7 @@ public:
     void reset(const viable::MotionState&) override { ticks_ = 0; }
     bool guaranteesLimits() const override { return false; }
     viable::FilterStatus filter(const viable::MotionState& nominal, const viable::JointVector& torque,
-                                const viable::Dynamics& dynamics, viable::FilterDecision& decision) override {
-        ++ticks_;
-        const viable::JointVector desired = dynamics.M.llt().solve(torque - dynamics.b);
-        viable::holdAcceleration(nominal, dynamics, desired, tick_s_, decision);
-        return viable::FilterStatus::Passed;
-    }
+                                const viable::Dynamics& dynamics, viable::FilterDecision& decision) override;
 
 protected:
     double tick_s_ = 0.0;

@@ -80,8 +80,8 @@ const Fault kFaults[] = {
     {"unknown_kind", [](Table& t) { t.entry.kind = static_cast<viable::PluginKind>(5); }},
     {"wrong_kind",
      [](Table& t) {
-         t.entry =
-             viable::makePluginEntry<viable::NominalController, broken::Controller>("wrong_kind", "A controller.", nullptr);
+         t.entry = viable::makePluginEntry<viable::NominalController, broken::Controller>("wrong_kind", "A controller.",
+                                                                                          nullptr);
      }},
     {"no_create", [](Table& t) { t.entry.create = nullptr; }},
     {"no_destroy", [](Table& t) { t.entry.destroy = nullptr; }},
@@ -106,12 +106,13 @@ const Fault kFaults[] = {
     {"create_throws_int", [](Table& t) { t.entry.create = [](char*, std::size_t) -> void* { throw 7; }; }},
     {"constructor_throws",
      [](Table& t) {
-         t.entry = viable::makePluginEntry<viable::SafetyFilter, ThrowingFilter>("constructor_throws", "Throws.", nullptr);
+         t.entry =
+             viable::makePluginEntry<viable::SafetyFilter, ThrowingFilter>("constructor_throws", "Throws.", nullptr);
      }},
     {"constructor_throws_int",
      [](Table& t) {
-         t.entry =
-             viable::makePluginEntry<viable::SafetyFilter, IntThrowingFilter>("constructor_throws_int", "Throws.", nullptr);
+         t.entry = viable::makePluginEntry<viable::SafetyFilter, IntThrowingFilter>("constructor_throws_int", "Throws.",
+                                                                                    nullptr);
      }},
 };
 
