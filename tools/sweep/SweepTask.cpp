@@ -39,6 +39,16 @@ bool belongsTo(const std::string& keyPath, const std::string& caseName) {
            keyPath.compare(cases.size(), caseName.size() + 1, caseName + ".") == 0;
 }
 
+/** The bound of a case is known to every run then. What its plugins complain of is for the runs to tell. */
+void takeBound(const CasePlan& plan) {
+    if (!plan.disturbances) return;
+    try {
+        configureTracking(plan);
+    } catch (const Error& e) {
+        if (e.kind() != ErrorKind::PluginFailed) throw;
+    }
+}
+
 }  // namespace
 
 SweepTask::SweepTask(const SweepArguments& arguments)
@@ -54,8 +64,9 @@ SweepTask::SweepTask(const SweepArguments& arguments)
     for (std::int64_t run = 0; first.cases.empty(); ++run) {
         try {
             Experiment tried = read(run, nullptr);
-            for (const CasePlan& plan : tried.cases)
-                if (plan.disturbances) configureTracking(plan);  // its bound is known to every run then
+            Experiment chosen = tried;
+            selectCases(chosen, arguments.cases);
+            for (const CasePlan& plan : chosen.cases) takeBound(plan);
             first = std::move(tried);
         } catch (const Error&) {
             if (run + 1 == kTriedRuns || run + 1 >= arguments.runs) throw;

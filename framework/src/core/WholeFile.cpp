@@ -23,9 +23,12 @@ Error existsAlready(const std::string& place) {
 
 std::optional<std::string> readWhole(const std::filesystem::path& file) {
     std::ifstream stream(file, std::ios::binary);
-    std::ostringstream text;
-    text << stream.rdbuf();
-    return stream ? std::optional(text.str()) : std::nullopt;
+    if (!stream) return std::nullopt;
+    std::string text;
+    char buffer[65536];
+    while (stream.read(buffer, sizeof buffer) || stream.gcount() > 0)
+        text.append(buffer, static_cast<std::size_t>(stream.gcount()));
+    return stream.bad() ? std::nullopt : std::optional(std::move(text));  // bad: a folder, or the disk failed
 }
 
 void replaceFile(const std::filesystem::path& file, std::string_view text) {

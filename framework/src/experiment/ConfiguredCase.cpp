@@ -66,9 +66,10 @@ public:
 
     template <class Interface>
     PluginPtr<Interface> make(const PluginChoice& choice) {
+        constexpr bool isReal = std::is_same_v<Interface, RobustLoop> || std::is_same_v<Interface, RealPlant>;
         configured_.watches.push_back(std::make_unique<PluginWatch>(choice.plugin));
         PluginWatch* const watch = configured_.watches.back().get();
-        const RunSetup& setup = configured_.setup;
+        const RunSetup& setup = isReal ? configured_.realSetup : configured_.setup;
         if (!isolation_) {
             const PluginCall call(watch, kBeforeFirstTick);
             return makeHere<Interface>(choice, setup, watch->title);
@@ -110,12 +111,14 @@ private:
 /** A plugin's numbers become a bound. */
 void checkErrorLoop(const LinearErrorLoop& loop, int n, const std::string& title) {
     bool isSound = true;
-    for (const JointVector* gains : {&loop.kr, &loop.kp, &loop.ki}) isSound &= isFinite(*gains, n);
+    for (const JointVector* gains : {&loop.kr, &loop.kp, &loop.ki})
+        isSound &= isFinite(*gains, n) && (gains->array() >= 0.0).all();
     for (const JointVector* limits : {&loop.integralLimit, &loop.torqueRate})
-        isSound &= limits->size() == n && !limits->hasNaN();
+        isSound &= limits->size() == n && (limits->array() > 0.0).all();
     if (!isSound)
-        throw Error(ErrorKind::PluginFailed, title, "gave an error loop of the wrong size or not of numbers",
-                    "errorLoop() gives one number per joint; its limits may be infinite, its gains not.");
+        throw Error(ErrorKind::PluginFailed, title,
+                    "gave an error loop of the wrong size or with numbers that it cannot have",
+                    "errorLoop() gives one number per joint: gains finite and at least 0, limits above 0 or infinite.");
 }
 
 /** A distance field tells distances up to here apart [m]: farther than any arm needs to stop. */
@@ -150,7 +153,7 @@ std::unique_ptr<ConfiguredCase> beginCase(const CasePlan& plan) {
 }  // namespace
 
 ConfiguredCase::ConfiguredCase(const CasePlan& casePlan, RunSetup runSetup)
-    : plan(casePlan), setup(std::move(runSetup)) {}
+    : plan(casePlan), realSetup(runSetup), setup(std::move(runSetup)) {}
 ConfiguredCase::~ConfiguredCase() {
     destroyPlugins(plugins);
 }

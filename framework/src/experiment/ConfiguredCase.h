@@ -24,7 +24,8 @@ struct ConfiguredCase {
     ~ConfiguredCase();
 
     const CasePlan& plan;                ///< must outlive this object
-    RunSetup setup;                      ///< with the nominal arm's limits
+    const RunSetup realSetup;            ///< of robust loop and plant: with the file's limits
+    RunSetup setup;                      ///< of the others: with the nominal arm's limits
     std::optional<TrackingBound> bound;  ///< with a disturbance_set and a robust loop that one follows from
     std::shared_ptr<const Surroundings> surroundings;  ///< at the start; null without an environment
     std::unique_ptr<SurroundingsFeed> feed;            ///< of setup.surroundings

@@ -92,6 +92,7 @@ FilterStatus FilterChain::filter(const FilterInput& input, FilterDecision& decis
             status = FilterStatus::Modified;
         decision = candidate_;
         calcHeldMotion(own, answer, decision, tick_s_, motion_);
+        if (!isFinite(motion_.torque, n)) throw PluginFault("its decision is beyond all arithmetic", kOnValues);
         if (motion_.torque != desired_) rate = nullptr;
         desired_ = motion_.torque;
         standing = i;

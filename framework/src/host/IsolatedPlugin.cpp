@@ -269,6 +269,8 @@ void describe(SafetyFilter& plugin, Mailbox& box) {
 void serve(SafetyFilter& plugin, Mailbox& box) {
     if (box.what == Request::Filter) {
         box.decision.hasStops = false;
+        box.decision.clearance = {};
+        box.decision.mapAge_s = 0.0;
         box.status = static_cast<int>(plugin.filter(
             {box.nominal, box.torque, box.dynamics, box.hasAccelerationRate ? &box.accelerationRate : nullptr},
             box.decision));

@@ -132,7 +132,13 @@ bool setLimit(TickRecord& record, int joint, std::string_view word) {
     return false;
 }
 
+/** Logs of plugin interface 5 and before say `returning`. */
+std::string_view takeOldWord(std::string_view word) {
+    return word == "returning" ? "recovering" : word;
+}
+
 bool setStatus(TickRecord& record, int, std::string_view word) {
+    word = takeOldWord(word);
     for (const FilterStatus status :
          {FilterStatus::Passed, FilterStatus::Modified, FilterStatus::StoppedByPlan, FilterStatus::Recovering,
           FilterStatus::Infeasible, FilterStatus::InvalidInput, FilterStatus::Faulted, FilterStatus::Ended}) {
@@ -144,6 +150,7 @@ bool setStatus(TickRecord& record, int, std::string_view word) {
 }
 
 bool setVerdict(TickRecord& record, int, std::string_view word) {
+    word = takeOldWord(word);
     for (const StopVerdict verdict : {StopVerdict::Safe, StopVerdict::Recovering, StopVerdict::NoStop}) {
         if (word != getName(verdict)) continue;
         record.verdict = verdict;

@@ -309,6 +309,7 @@ void ControlLoop::judgeReading() {
     // The first reading may be anywhere: there is none before it.
     const bool judges = options_.judgesReadings && tickIndex_ > 0 && !ended_;
     sensors_.miss(ticksSinceReading_ - 1);
+    ticksSinceReading_ = 1;
     std::array<bool, kMaxJoints> isExplained{};
     for (int i = 0; i < n_; ++i) isExplained[static_cast<std::size_t>(i)] = sensors_.isPlausible(i, real_, nominal_);
     for (int i = 0; i < n_; ++i) {
@@ -553,7 +554,7 @@ void ControlLoop::awaitPlant() {
         contain(PluginKind::RealPlant, TickStatus::Faulted, [&] { return plugins_.realPlant->read(passed); });
     if (status == TickStatus::Ok && passed >= 1) {
         ticksSinceReading_ = passed;
-        ticksToMiss_ = passed - 1;
+        ticksToMiss_ = std::min<std::int64_t>(passed - 1, kMaxMissedTicks + 1);  // more is not told apart
         return;
     }
     beginStop(StopReason::PlantFailed, "its clock gave no tick (not Ok, or less than one tick passed)", kOnGivingUp);
@@ -604,7 +605,7 @@ void ControlLoop::passTick(TickRecord& record, bool hasPlant) noexcept {
     timer.mark(Stage::Plant);
     model_.calcDynamics(nominal_.q, nominal_.qd, dynamics_);
     timer.mark(Stage::Dynamics);
-    stopBegun_ = isStopping();
+    if (hasPlant && isStopping()) stopBegun_ = true;  // only a tick that reaches the motors belongs to the stop
     followStop();
     timer.mark(Stage::Filter);
     fillRecord(record, false);

@@ -604,7 +604,7 @@ json describeCase(const fs::path& log, LogReader& reader, const json& summary, B
     one["details"] = "";
     for (const json& known : summary.value("cases", json::array())) {
         if (known.value("name", "") != one["name"]) continue;
-        one["guarantees"] = known.value("guarantees_limits", false);
+        one["guarantees"] = known.value("guarantees_limits", known.value("promises_limits", false));
         one["ok"] = known.value("limits_kept", false) && known.value("exit_code", 1) == 0 &&
                     known.value("stop", "").empty() && !touched(known) && reader.isComplete();
         one["verdict"] = (reader.isComplete() ? "" : std::string(noEnd) + "; ") + known.value("verdict", "");

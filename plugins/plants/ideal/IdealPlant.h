@@ -24,7 +24,6 @@ public:
     const JointState& actual() const override { return state_; }
     TickStatus advance(const JointVector& torque, JointVector& applied) override;
     const JointVector* externalTorque() const override { return &external_; }
-    Encoder encoder() const override { return Encoder::Exact; }
 
 private:
     int n_ = 0;

@@ -12,7 +12,8 @@ enum class FilterStatus : unsigned char {
     Infeasible,     ///< no admissible choice existed; the braking fallback is in the decision; apply
     InvalidInput,   ///< input of wrong size or not finite; decision not written, do not apply
     Faulted,        ///< the filter cannot go on; decision not written, do not apply
-    /** The filter has no admissible choice left and ends the case here, as its user asked it to; decision not written, do not
+    /** The filter has no admissible choice left and ends the case here, as its user asked it to; decision not
+    written, do not
     apply. The arm is braked; a result and no failure, unless the filter guarantees limits. */
     Ended,
 };

@@ -40,7 +40,8 @@ at least 1 rad, rad/s, rad/s^2 or rad/s^3. Rounding is relative to this size, no
 to the range: limits may lie close together and far from zero. */
 double calcLimitScale(double lower, double upper);
 
-/** A value counts as outside its limit when it is beyond it by more than this share of calcLimitScale(), or not a number:
+/** A value counts as outside its limit when it is beyond it by more than this share of calcLimitScale(), or not a
+number:
 rounding of a limit met exactly does not count. */
 inline constexpr double kOutsideShare = 1e-9;
 

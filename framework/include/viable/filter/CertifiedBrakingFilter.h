@@ -33,7 +33,8 @@ public:
     /** Reads `k_alpha`, `gamma` and `recovery`. */
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     /** The same without an experiment file. Throws Error (BadInput) for gains that the tick cannot carry or that are no
-    numbers, for a jerk limit that is not finite and, without `recovery`, for a start that has no stop within the limits. */
+    numbers, for a jerk limit that is not finite and, without `recovery`, for a start that has no stop within the
+    limits. */
     void configure(const RunSetup& setup, const CertifiedBrakingOptions& options);
 
     void reset(const MotionState& start) override;

@@ -11,7 +11,8 @@ namespace viable {
 compares them). */
 struct WholeArmBrakingOptions {
     CertifiedBrakingOptions joints;
-    /** Share of the motors' torque limits (RobotDescription::actuation) that the nominal torque may use; infinite: torque is
+    /** Share of the motors' torque limits (RobotDescription::actuation) that the nominal torque may use; infinite:
+    torque is
     not limited. What is left is for the robust loop. */
     double torqueShare = std::numeric_limits<double>::infinity();
     JointVector torqueRate;  ///< largest change of the torque [Nm/s]; infinite, or empty: not limited
@@ -21,28 +22,36 @@ struct WholeArmBrakingOptions {
     double maxAge_s = std::numeric_limits<double>::infinity();
 };
 
-/** Certified braking of the whole arm: a jerk is taken only if the stops that all joints have after it, run together, keep
+/** Certified braking of the whole arm: a jerk is taken only if the stops that all joints have after it, run together,
+keep
 the joint limits, the safety distance from what stands around (RunSetup::surroundings) and of the links from each other
 (RunSetup::geometry), and the motors' torques. Otherwise the stop that was checked a tick before goes on, which does. So
 there is always a choice, for any surroundings.
 
 Where the nearest admissible jerks are wanted, obstacles and torques along the stop become rows of a small QP, to first
 order; its solution is checked like any other and drawn back towards the backup stop where it fails.
-Surroundings that change during the run may lie in the way of the backup stop. Then nothing may come nearer than that stop
-does, by more than 5 mm and as measured by the balls that cover the capsules: the arm brakes, and moving away stays possible.
+Surroundings that change during the run may lie in the way of the backup stop. Then nothing may come nearer than that
+stop
+does, by more than 5 mm and as measured by the balls that cover the capsules: the arm brakes, and moving away stays
+possible.
 Where a new map has no information the arm follows the backup stop.
 
-Guarantees: as CertifiedBrakingFilter for joint limits. In surroundings that do not change but for moving spheres on their
-known paths: the safety distance at every tick, between ticks and along every backup stop; torque limits in every tick of
-the run and of every backup stop. A chain of filters that changes what this one decided takes these guarantees on itself.
-Real time: bounded work (ArmStopCheck::kMaxDistances and TorqueScan::kMaxTorques); no allocation, lock or throw after configure(). */
+Guarantees: as CertifiedBrakingFilter for joint limits. In surroundings that do not change but for moving spheres on
+their
+known paths: the safety distance at every tick, between ticks and along every backup stop; torque limits in every tick
+of
+the run and of every backup stop. A chain of filters that changes what this one decided takes these guarantees on
+itself.
+Real time: bounded work (ArmStopCheck::kMaxDistances and TorqueScan::kMaxTorques); no allocation, lock or throw after
+configure(). */
 class WholeArmBrakingFilter : public SafetyFilter {
 public:
     WholeArmBrakingFilter();
     ~WholeArmBrakingFilter() override;
 
     void configure(const RunSetup& setup, const Parameters& parameters) override;
-    /** The same without an experiment file. Throws Error (BadInput) as CertifiedBrakingFilter does, and without `recovery`
+    /** The same without an experiment file. Throws Error (BadInput) as CertifiedBrakingFilter does, and without
+    `recovery`
     for a start too near to something or with a stop that needs more torque than there is. */
     void configure(const RunSetup& setup, const WholeArmBrakingOptions& options);
 

@@ -174,7 +174,7 @@ public:
     /** In force; none without a robust loop. */
     const std::optional<NricOptions>& robustGains() const;
     const MotionState& nominal() const;  ///< the nominal arm's state at the next tick
-    /** The full account of the last step(), for viable::Summary and viable::Recorder (no command). */
+    /** The full account of the last step(), for viable::Summary (no command). */
     const TickRecord& record() const;
 
 private:

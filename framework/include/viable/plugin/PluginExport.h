@@ -6,16 +6,20 @@
 #include <exception>
 #include <type_traits>
 
+#include "viable/braking/DesiredJerk.h"
 #include "viable/plugin/CommandSource.h"
 #include "viable/plugin/NominalController.h"
 #include "viable/plugin/RealPlant.h"
 #include "viable/plugin/RobustLoop.h"
 #include "viable/plugin/SafetyFilter.h"
+#include "viable/qp/BoxQp.h"
 
 namespace viable {
 
 /** Raised whenever a class or struct that crosses the border changes its layout or its virtual table: those of core/,
-config/, qp/, braking/, robot/, environment/ and plugin/, and what plugins may build on in filter/ and simulation/. A test compares with the record of this version (tools/scripts/record_interface.sh writes it). */
+config/, qp/, braking/, robot/, environment/ and plugin/, and what plugins may build on in filter/ and simulation/. A
+test
+compares with the record of this version (tools/scripts/record_interface.sh writes it). */
 inline constexpr std::uint32_t kPluginInterfaceVersion = 6;
 
 inline constexpr std::uint64_t kPluginMagic = 0x76696162'6c652031ull;  // "viable 1"
@@ -93,7 +97,8 @@ template <class... Types>
 constexpr std::uint32_t hashLayout() {
     std::uint32_t hash = 2166136261u;
     for (std::size_t number : {sizeof(Types)..., alignof(Types)...})
-        for (; number > 0; number >>= 8) hash = (hash ^ static_cast<std::uint32_t>(number & 0xff)) * 16777619u;
+        for (int byte = 0; byte < 4; ++byte, number >>= 8)
+            hash = (hash ^ static_cast<std::uint32_t>(number & 0xff)) * 16777619u;
     return hash;
 }
 
@@ -132,10 +137,12 @@ inline AbiStamp makeAbiStamp() {
     s.libstdcxxDebug = 1;
 #endif
     s.sanitizer = VIABLE_SANITIZER_ADDRESS | VIABLE_SANITIZER_THREAD;
-    s.layout = hashLayout<ParameterSpec, Parameters, ConfigNode, JointVector, JointMatrix, JointState, MotionState,
-                          Pose, JointLimits, RobotDescription, RunSetup, Dynamics, Tick, MotionCommand, ControllerInput,
-                          ControllerOutput, FilterInput, FilterDecision, HeldMotion, LinearErrorLoop, CommandSource,
-                          NominalController, SafetyFilter, RobustLoop, RealPlant>();
+    constexpr std::uint32_t layout =
+        hashLayout<ParameterSpec, Parameters, ConfigNode, JointVector, JointMatrix, JointState, MotionState, Pose,
+                   JointLimits, RobotDescription, RunSetup, Dynamics, Tick, MotionCommand, ControllerInput,
+                   ControllerOutput, FilterInput, FilterDecision, HeldMotion, LinearErrorLoop, CommandSource,
+                   NominalController, SafetyFilter, RobustLoop, RealPlant, GridStop, BoxQp, DesiredJerk>();
+    s.layout = layout;
     return s;
 }
 

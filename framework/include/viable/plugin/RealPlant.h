@@ -10,7 +10,8 @@ enum class Encoder : unsigned char {
     Exact,   ///< the true state (a simulation)
 };
 
-/** The arm that is really there, or an engine that stands for it. */
+/** The arm that is really there, or an engine that stands for it. All cases of an experiment are configured before the
+first one runs: what only one may hold at a time, such as the connection to a robot, is opened in reset(). */
 class RealPlant : public Plugin {
 public:
     /** The state that the joint sensors report now. Valid after reset(). */

@@ -4,7 +4,8 @@
 
 namespace viable {
 
-/** The law tau_a = -k_r (de + k_p e + k_i integral of e dt) on e = q_real - q_nominal, with one number per joint: what a
+/** The law tau_a = -k_r (de + k_p e + k_i integral of e dt) on e = q_real - q_nominal, with one number per joint:
+what a
 tracking bound follows from (calcTrackingBound). */
 struct LinearErrorLoop {
     JointVector kr;             ///< [Nms/rad]

@@ -15,7 +15,8 @@ enum class HeldQuantity : unsigned char {
     Acceleration,  ///< acceleration jumps from tick to tick (double integrator)
 };
 
-/** The place where the arm, on its way through a tick and the stop after it, comes nearest to what it must not touch. */
+/** The place where the arm, on its way through a tick and the stop after it, comes nearest to what it must not touch.
+*/
 struct Clearance {
     bool isKnown = false;                                       ///< false: nobody has looked
     double distance = std::numeric_limits<double>::infinity();  ///< [m]; negative: inside
@@ -39,7 +40,8 @@ struct FilterInput {
 /** True when every part is finite and sized for n joints. */
 bool isFinite(const FilterInput& input, int n);
 
-/** A filter's answer: one quantity, held over the coming tick. What torque, mean acceleration and jerk that makes is for
+/** A filter's answer: one quantity, held over the coming tick. What torque, mean acceleration and jerk that makes is
+for
 the host to compute (see calcHeldMotion). */
 struct FilterDecision {
     HeldQuantity held = HeldQuantity::Jerk;
@@ -84,7 +86,8 @@ public:
     that merely try. */
     virtual bool guaranteesLimits() const = 0;
 
-    /** True when that guarantee includes that the nominal arm touches nothing of RunSetup::surroundings, as long as they
+    /** True when that guarantee includes that the nominal arm touches nothing of RunSetup::surroundings, as long as
+    they
     stay as they are but for known paths, nor itself. Valid after configure(). */
     virtual bool guaranteesClearance() const;
 
@@ -92,7 +95,8 @@ public:
     without a stop that stays there; the host refuses such a start otherwise. Valid after configure(). */
     virtual bool recovers() const;
 
-    /** New limits from the next filter() on; where ticks were missed, after skipTicks(). Complete and usable at the tick (see areUsable). True when the filter
+    /** New limits from the next filter() on; where ticks were missed, after skipTicks(). Complete and usable at the
+    tick (see areUsable). True when the filter
     works by them from now on, approaching as fast as jerk allows what it cannot meet at once; false when it
     cannot change its limits, and the host then stops the arm. Real time, like filter(). */
     virtual bool changeLimits(const JointLimits& limits);

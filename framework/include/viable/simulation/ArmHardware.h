@@ -27,7 +27,8 @@ struct FrictionLaw {
 
 /** What a simulated arm has around its rigid bodies, the same for every engine: motors, friction figures, pushes, a
 joint that blocks, sensors; and the description of the arm that is really there (masses, payload, base). A plant splices
-kArmHardwareParameters into its own table (joinParameters) and asks, in this order: once configure() and reset(); per tick
+kArmHardwareParameters into its own table (joinParameters) and asks, in this order: once configure() and reset(); per
+tick
 calcApplied(), per sub-step calcMotorTorque() and friction(), then endTick() where the tick succeeded.
 
 Motors: the command of `delay_ticks` ticks ago (before the first arrives: the first), cut at the limit; then ripple,
@@ -87,7 +88,8 @@ private:
     int oldest_ = 0;
 };
 
-/** The largest eigenvalue of M(q)^-1 diag(weight) over a fixed sample of poses within the position limits: with dampings
+/** The largest eigenvalue of M(q)^-1 diag(weight) over a fixed sample of poses within the position limits: with
+dampings
 as weights the fastest rate [1/s], with stiffnesses the square of the fastest frequency [1/s^2]. Takes some ms. */
 double findFastestMode(const RobotDescription& robot, const JointVector& weight);
 
