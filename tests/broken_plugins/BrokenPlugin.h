@@ -13,12 +13,7 @@ public:
     void configure(const viable::RunSetup& setup, const viable::Parameters&) override { tick_s_ = setup.tick_s; }
     void reset(const viable::MotionState&) override { ticks_ = 0; }
     bool guaranteesLimits() const override { return false; }
-    viable::FilterStatus filter(const viable::FilterInput& input, viable::FilterDecision& decision) override {
-        ++ticks_;
-        const viable::JointVector desired = input.dynamics.M.llt().solve(input.torque - input.dynamics.b);
-        decision.holdAcceleration(desired);
-        return viable::FilterStatus::Passed;
-    }
+    viable::FilterStatus filter(const viable::FilterInput& input, viable::FilterDecision& decision) override;
 
 protected:
     double tick_s_ = 0.0;

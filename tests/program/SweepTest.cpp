@@ -322,7 +322,7 @@ TEST_F(Sweep, ChecksWhatItIsGiven) {
     expectRefusal(arguments(folder_ / "s", {"--runs", "2", "--seed", "3"}), "its seed is 1, not 3");
     expectRefusal(arguments(folder_ / "s", {"--runs", "2", "--set", "duration_s=0.2"}),
                   "the experiment file, its overrides");
-    expectRefusal(arguments(folder_ / "s", {"--runs", "1"}), "--runs 2 goes on with it");
+    expectRefusal(arguments(folder_ / "s", {"--runs", "1"}), "--runs 2 continues it");
     sweep("t", {"--runs", "2", "--seed", "3"});
     expectRefusal({"sweep", "--merge", folder_ / "s", folder_ / "t", "--out", folder_ / "m"}, "its seed is 1, not 3");
 }

@@ -10,6 +10,7 @@
 
 #include "Paths.h"
 #include "viable/core/Error.h"
+#include "viable/core/TripleIntegrator.h"
 #include "viable/host/PluginLoader.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/robot/RobotDescription.h"

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "config/Draws.h"
+#include "core/Text.h"
 #include "experiment/CaseReader.h"
 #include "experiment/ExperimentKeys.h"
 #include "viable/core/Error.h"

@@ -498,7 +498,6 @@ public:
     const JointState& measured() const override { return measured_; }
     const JointState& actual() const override { return actual_; }
     const JointVector* externalTorque() const override { return hasExternalTorque_ ? &external_ : nullptr; }
-    Encoder encoder() const override { return encoder_; }
     TickStatus advance(const JointVector& torque, JointVector& applied) override {
         box().torque = torque;
         call(Request::Advance);

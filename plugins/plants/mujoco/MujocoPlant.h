@@ -31,7 +31,6 @@ public:
     const JointState& actual() const override { return actual_; }
     TickStatus advance(const JointVector& torque, JointVector& applied) override;
     const JointVector* externalTorque() const override { return &hardware_.externalTorque(); }
-    Encoder encoder() const override { return hardware_.encoder(); }
 
 private:
     void findJoints(const std::string& source);

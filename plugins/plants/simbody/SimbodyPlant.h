@@ -38,7 +38,6 @@ public:
     const JointState& actual() const override { return link_; }  ///< behind the gears
     TickStatus advance(const JointVector& torque, JointVector& applied) override;
     const JointVector* externalTorque() const override { return &hardware_.externalTorque(); }
-    Encoder encoder() const override { return hardware_.encoder(); }
 
 private:
     struct TwoSides {

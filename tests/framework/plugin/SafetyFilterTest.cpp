@@ -26,6 +26,8 @@ Arm makeRandomArm(int n, std::mt19937& random) {
     for (int i = 0; i < n; ++i) root.col(i) = makeRandom(n, 1, random);
     arm.dynamics.M = root * root.transpose() + JointMatrix::Identity(n, n);
     arm.dynamics.b = makeRandom(n, 50, random);
+    arm.dynamics.gravity.setZero(n);
+    arm.dynamics.J.setZero(6, n);
     return arm;
 }
 

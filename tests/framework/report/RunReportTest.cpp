@@ -344,7 +344,7 @@ TEST(RunReport, SaysWhatIsWrongWithTheFolderOrThePage) {
         std::string::npos);
     const RunFolder run(test::kOneJoint);
     const auto empty = folder.write("empty.html", "<html></html>");
-    EXPECT_NE(catchError([&] { writeReport(run.path(), empty); }).find("has no place for the data"), std::string::npos);
+    EXPECT_NE(catchError([&] { writeReport(run.path(), empty); }).find("has no placeholder for the data"), std::string::npos);
     EXPECT_FALSE(std::filesystem::exists(run.path() / "report.html"));
 }
 
