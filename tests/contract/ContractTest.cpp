@@ -374,7 +374,8 @@ public:
                       : status == FilterStatus::Faulted    ? Outcome::Faulted
                                                            : Outcome::Usable;
         out.add(decision_.value);
-        out.add(static_cast<double>(decision_.held));
+        if (decision_.held != HeldQuantity::Jerk)
+            out.add(static_cast<double>(decision_.held));  // the default is no number
         for (std::size_t i = 0; decision_.hasStops && i < kJoints; ++i)
             for (int k = 0; k < GridStop::kSegments; ++k) {
                 out.add(static_cast<double>(decision_.stops[i].remaining(k).ticks));

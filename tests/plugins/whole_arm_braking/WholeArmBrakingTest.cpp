@@ -72,6 +72,7 @@ public:
         calcInverseDynamics(dynamics, qdd, torque);
         const FilterStatus status = filter.filter({state, torque, dynamics}, decision);
         if (status <= FilterStatus::Infeasible) {
+            calcHeldMotion({state, torque, dynamics}, status, decision, kTick_s, motion);
             advanceNominal(decision, kTick_s, state);
             model_.calcDynamics(state.q, state.qd, dynamics);
             t += kTick_s;
@@ -103,6 +104,7 @@ public:
     MotionState state;
     Dynamics dynamics;
     FilterDecision decision;
+    HeldMotion motion;  ///< of the last decision
     double t = 0.0;
 };
 
@@ -272,7 +274,7 @@ TEST(WholeArmBraking, MotorsBearEveryTickAndEveryStop) {
                 const JointVector limit = loaded.actuation.torqueLimit;
                 use[limitsTorque] = std::max(use[limitsTorque], torque.cwiseAbs().cwiseQuotient(limit).maxCoeff());
             };
-            see(arm.decision.torque);
+            see(arm.motion.torque);
             if (tick % 40 != 0) continue;
             MotionState s = arm.state;
             std::array<GridStop, kMaxJoints> stops = arm.decision.stops;
