@@ -2,17 +2,14 @@
 """The rooms of the source tree: who includes whom, and on which floor each stands.
 
 A room is framework/src/<room> together with framework/include/viable/<room>, a folder of plugins/, or a folder of
-tools/. Fails where rooms include each other in a circle, a public header includes a private one, or a file names
-something of the standard library without including its header (a precompiled header would hide that).
+tools/. Fails where rooms include each other in a circle, or one that stands behind it in the table of framework/README.md; where
+a public header includes a private one; where a file names something of the standard library without including its
+header (a precompiled header would hide that); where a link of a page leads nowhere.
 Usage: check.py [SOURCE_DIR]
 """
 import re
 import sys
 from pathlib import Path
-
-# Rooms that still include each other in a circle: (room, room that it must not include). Empty when all is well; an
-# entry that is no longer needed is a failure, too.
-ALLOWED = set()
 
 # Names of the standard library that are unmistakable, and the header that each must come from.
 STD = {
@@ -135,6 +132,49 @@ def find_circle(arrows):
     return []
 
 
+def check_order(root: Path, arrows):
+    """The table of framework/README.md: a room includes only rooms before it."""
+    order = re.findall(r"^\| `([a-z]+)` \|", (root / "framework/README.md").read_text(encoding="utf-8"), re.MULTILINE)
+    place = {room: i for i, room in enumerate(order)}
+    rooms = {p.name for p in (root / "framework/src").iterdir() if p.is_dir()}
+    if len(place) != len(order) or set(order) != rooms:
+        yield f"the table of framework/README.md and the rooms differ: {sorted(set(order) ^ rooms)}"
+    for room, others in sorted(arrows.items()):
+        for other, how in sorted(others.items()):
+            if place.get(other, -1) > place.get(room, len(order)):
+                yield f"{room} stands before {other} in the table of framework/README.md, and includes it: {how}"
+
+
+def list_headings(page: Path):
+    """The anchors of a page, as its viewers make them."""
+    anchors, in_code = set(), False
+    for line in page.read_text(encoding="utf-8").splitlines():
+        in_code ^= line.startswith("```")
+        if not in_code and line.startswith("#"):
+            title = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", re.sub(r"[`*]", "", line.lstrip("#").strip().lower()))
+            anchors.add(re.sub(r"[^\w\- ]", "", title).replace(" ", "-"))
+    return anchors
+
+
+def check_links(root: Path):
+    """Links from page to page, and to files of the tree."""
+    for page in sorted(root.rglob("*.md")):
+        if {"build", "runs", "node_modules", ".git"} & set(page.relative_to(root).parts):
+            continue
+        in_code = False
+        for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1):
+            in_code ^= line.startswith("```")
+            for link in [] if in_code else re.findall(r"\]\(([^)\s]+)\)", line):
+                name, _, anchor = link.partition("#")
+                target = page.parent / name if name else page
+                if link.startswith("http"):
+                    continue
+                if not target.exists():
+                    yield f"{page.relative_to(root)}:{number}: the link {link} leads nowhere"
+                elif anchor and anchor not in list_headings(target):
+                    yield f"{page.relative_to(root)}:{number}: there is no heading for the link {link}"
+
+
 def list_floors(arrows):
     """Rooms by floor: the lowest include nothing, each other stands above all that it includes."""
     floor = {}
@@ -154,9 +194,7 @@ def main():
     tree = Tree(root)
     problems = [*check_public_headers(tree), *check_standard_headers(tree)]
     arrows = find_arrows(tree)
-    for room, other in sorted(ALLOWED):
-        if arrows.get(room, {}).pop(other, None) is None:
-            problems.append(f"{room} no longer includes {other}: take it out of the list ALLOWED")
+    problems += [*check_order(root, arrows), *check_links(root)]
     if circle := find_circle(arrows):
         problems.append("rooms include each other in a circle:")
         problems += [f"    {a} -> {b}: {arrows[a][b]}" for a, b in zip(circle, circle[1:] + circle[:1])]

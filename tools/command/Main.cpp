@@ -58,8 +58,8 @@ int main(int argc, char** argv) {
         for (const CLI::App* command : app.get_subcommands({})) names.push_back(command->get_name());
         if (std::find(names.begin(), names.end(), argv[1]) == names.end()) {
             const std::string closest = viable::findClosestName(argv[1], names);
-            std::fprintf(stderr, "viable: there is no command `%s`%s. `viable --help` shows them.\n", argv[1],
-                         closest.empty() ? "" : (", did you mean `" + closest + "`?").c_str());
+            std::fprintf(stderr, "viable: there is no command `%s`%s `viable --help` shows them.\n", argv[1],
+                         closest.empty() ? "." : (", did you mean `" + closest + "`?").c_str());
             return static_cast<int>(viable::ErrorKind::BadInput);
         }
     }

@@ -28,7 +28,7 @@ struct SweepColumn {
 struct SweepRow {
     std::int64_t run = 0;
     std::string caseName;
-    std::vector<SweepValue> values;  ///< one per column, in the order of sweepColumns()
+    std::vector<SweepValue> values;  ///< one per column, in the order of makeSweepColumns()
 };
 
 /** How a case of a run ended. */
