@@ -9,7 +9,7 @@ struct ControllerInput {
     const MotionCommand& command;
     const MotionState& nominal;  ///< the nominal arm's state
     const Dynamics& dynamics;    ///< there
-    Tick tick;
+    Tick tick{};
 };
 
 /** What a controller asks for in a tick; vectors have one finite entry per joint. */
