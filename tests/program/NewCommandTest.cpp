@@ -264,7 +264,7 @@ TEST(NewRobot, LeavesBlanksForWhatTheUrdfSaysWronglyAndWarns) {
                               "joint `lift`: its effort limit is 0 or missing",
                               "link `tip 1: x`: it is drawn but has no mass (no <inertial>)"});
     expectContains(made.out, {"velocity_radps: [2, TODO]", "torque_limit_Nm: [30, TODO]", "tool_link: TODO",
-                              "1 mesh file must lie in the folder"});
+                              "the report needs 1 mesh file in the folder"});
     expectContains(readFile(folder / "my_arm/README.md"), {"package://arm/tip.stl"});
     const fs::path limits = folder / "my_arm/limits.yaml";
     expectContains(readFile(limits), {"The robot ends in several: tip 1: x, TODO"});

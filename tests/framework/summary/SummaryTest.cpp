@@ -58,10 +58,10 @@ TEST(Summary, AnArmThatNeverComesBackHasNotKeptItsLimits) {
     EXPECT_FALSE(run.result.summary.anyLimitBroken());
     EXPECT_TRUE(run.result.summary.endsOutside());
     expectContains(formatDetails(run.result),
-                   {"not back within its limits at the end, position by 1.5 rad; 10 of 10 ticks on "
-                    "the way back, position by 1.5 rad",
+                   {"not back within its limits at the end, position by 1.5 rad; 10 of 10 ticks recovering, "
+                    "position by 1.5 rad",
                     "worst use    250.00 % (joint0 at 0.010 s), outside in 0 joint-ticks, worst "
-                    "excess 0 rad; on the way back outside in 11, worst excess 1.5 rad",
+                    "excess 0 rad; while recovering outside in 11, worst excess 1.5 rad",
                     "recovering 10 of 10 ticks"});
     expectContains(formatComparison({run.result}), {"100.0 %"});  // changed
     EXPECT_EQ(run.json()["limits_kept"], false);
@@ -76,7 +76,7 @@ TEST(Summary, AnArmThatComesBackHas) {
     run.end(0.5);
     EXPECT_FALSE(run.result.summary.endsOutside());
     expectContains(formatDetails(run.result),
-                   {"all limits kept but for 4 of 10 ticks on the way back, position by 0.25 rad (nominal"});
+                   {"all limits kept but for 4 of 10 ticks recovering, position by 0.25 rad (nominal"});
     expectContains(formatComparison({run.result}), {" 40.0 %"});
     EXPECT_EQ(run.json()["limits_kept"], true);
 }
