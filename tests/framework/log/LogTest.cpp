@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "LogTestSupport.h"
+#include "log/LogFields.h"
 
 namespace viable {
 namespace {
@@ -593,6 +594,21 @@ TEST_F(LogTest, Fault74_OfTwoRunsAtOnceOneGetsTheFile) {
         EXPECT_EQ(refused.load(), 1);
         EXPECT_TRUE(LogReader(file).isComplete());
     }
+}
+
+// Logs of plugin interface 5 and before have another word for it.
+TEST(LogFields, TheOldWordForRecoveringIsRead) {
+    int found = 0;
+    for (const LogChannel& channel : getLogChannels())
+        for (const LogField& field : channel.fields) {
+            if (field.name != "status" && field.name != "stop") continue;
+            TickRecord record;
+            ASSERT_TRUE(field.setText(record, 0, "returning")) << field.name;
+            EXPECT_STREQ(field.text(record, 0), "recovering");
+            EXPECT_FALSE(field.setText(record, 0, "returned"));
+            ++found;
+        }
+    EXPECT_EQ(found, 2);
 }
 
 }  // namespace
