@@ -7,8 +7,8 @@
 
 #include <cerrno>
 #include <fstream>
-#include <sstream>
 #include <system_error>
+#include <utility>
 
 namespace viable {
 

@@ -160,7 +160,7 @@ void ControlLoop::reset() {
     motion_ = {};
     ticksToMiss_ = 0;
     ticksSinceReading_ = 1;
-    isRead_ = false;
+    isRead_ = hasReading_ = false;
     hasClock_ = plugins_.realPlant && plugins_.realPlant->hasClock();
     command_ = {};
     command_.q = setup_.start.q;
@@ -307,7 +307,8 @@ void ControlLoop::holdIntegral() {
 /** A joint's reading that no motion explains is not taken as plausible, nor is any after it; the other joints keep theirs. */
 void ControlLoop::judgeReading() {
     // The first reading may be anywhere: there is none before it.
-    const bool judges = options_.judgesReadings && tickIndex_ > 0 && !ended_;
+    const bool judges = options_.judgesReadings && hasReading_ && !ended_;
+    hasReading_ = true;
     sensors_.miss(ticksSinceReading_ - 1);
     ticksSinceReading_ = 1;
     std::array<bool, kMaxJoints> isExplained{};
@@ -553,7 +554,7 @@ void ControlLoop::awaitPlant() {
     const TickStatus status =
         contain(PluginKind::RealPlant, TickStatus::Faulted, [&] { return plugins_.realPlant->read(passed); });
     if (status == TickStatus::Ok && passed >= 1) {
-        ticksSinceReading_ = passed;
+        ticksSinceReading_ = std::min<std::int64_t>(passed, 1000000000);         // far from any overflow
         ticksToMiss_ = std::min<std::int64_t>(passed - 1, kMaxMissedTicks + 1);  // more is not told apart
         return;
     }
@@ -605,7 +606,7 @@ void ControlLoop::passTick(TickRecord& record, bool hasPlant) noexcept {
     timer.mark(Stage::Plant);
     model_.calcDynamics(nominal_.q, nominal_.qd, dynamics_);
     timer.mark(Stage::Dynamics);
-    if (hasPlant && isStopping()) stopBegun_ = true;  // only a tick that reaches the motors belongs to the stop
+    stopBegun_ = hasPlant && isStopping();  // only a tick that reaches the motors belongs to the stop
     followStop();
     timer.mark(Stage::Filter);
     fillRecord(record, false);

@@ -185,6 +185,7 @@ private:
     bool hasClock_ = false;               // the plant
     bool isRead_ = false;                 // the plant's clock, for a tick that is still to come
     std::int64_t ticksToMiss_ = 0;        // of the plant's clock, already passed
+    bool hasReading_ = false;             // one has been looked at since reset()
     std::int64_t ticksSinceReading_ = 1;  // between the present reading and the one before
     int missedInRow_ = 0;                 // the filter has not been told of them yet
 

@@ -15,7 +15,7 @@ import { orderOf } from './statistics.js';
 const NONE = 0xffffffff;
 
 /** Statuses, the worst first. Another one counts as a failure. */
-const SEVERITY = ['crashed', 'guarantee_broken', 'tripped', 'failed', 'timed_out', 'stopped', 'ok'];
+const SEVERITY = ['crashed', 'guarantee_broken', 'promise_broken', 'tripped', 'failed', 'timed_out', 'stopped', 'ok'];
 export const severity = (status) => {
   const at = SEVERITY.indexOf(status);
   return at < 0 ? 0 : at;
