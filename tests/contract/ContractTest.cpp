@@ -14,7 +14,6 @@
 #include <cstring>
 #include <fstream>
 #include <functional>
-#include <limits>
 #include <map>
 #include <memory>
 #include <ostream>
@@ -24,6 +23,7 @@
 #include <string>
 #include <vector>
 
+#include "viable/core/Numbers.h"
 #include "viable/host/PluginLoader.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/robot/RobotModel.h"
@@ -45,8 +45,6 @@ namespace fs = std::filesystem;
 constexpr int kJoints = 2;
 constexpr double kTick_s = 0.001;
 constexpr double kDuration_s = 5.0;
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kUntouched = 123.25;  // what outputs hold before a tick
 
 // --- A small arm and its run --------------------------------------------------------------------

@@ -1,6 +1,7 @@
 // What a user reads when a plugin misbehaves in the run, with and without --isolate.
 #include <gtest/gtest.h>
 
+#include "ExpectContains.h"
 #include "Paths.h"
 #include "Program.h"
 #include "log/LogReader.h"
@@ -9,9 +10,10 @@ namespace viable {
 namespace {
 
 using Folder = test::TemporaryFolder;
+using test::expectContains;
 using test::Outcome;
 
-const char* const kExperiment = R"(schema: 1
+const char* const kFaultyExperiment = R"(schema: 1
 title: bad plugins
 robot: single_joint
 duration_s: 0.5
@@ -26,18 +28,13 @@ constexpr bool kSanitized = true;
 constexpr bool kSanitized = false;
 #endif
 
-int countRows(const std::filesystem::path& log) {
+int countRowsOfWholeLog(const std::filesystem::path& log) {
     LogReader reader(log);
     EXPECT_TRUE(reader.isComplete());
     TickRecord record;
     int rows = 0;
     while (reader.read(record)) ++rows;
     return rows;
-}
-
-void expectContains(const std::string& text, const std::vector<std::string>& parts) {
-    for (const std::string& part : parts)
-        EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is missing in:\n" << text;
 }
 
 struct Fixture {
@@ -51,7 +48,7 @@ protected:
     Outcome run(std::vector<std::string> more) {
         std::vector<std::string> arguments{
             "run",
-            folder_.write("e.yaml", kExperiment),
+            folder_.write("e.yaml", kFaultyExperiment),
             "--out",
             folder_ / "run",
             "--no-report",
@@ -72,7 +69,7 @@ TEST_P(BadPlugin, IsolatedItIsNamedAndTheArmIsBraked) {
     EXPECT_EQ(o.code, 4) << o.err;
     expectContains(o.err, {"stopped at 0.1000 s (tick 100): " + who() + " failed: ", GetParam().isolated, "\n"});
     const std::filesystem::path log = folder_ / "run/A.mcap";
-    EXPECT_GT(countRows(log), 101);  // and its stop
+    EXPECT_GT(countRowsOfWholeLog(log), 101);  // and its stop
     LogReader reader(log);
     TickRecord record;
     int braking = 0;
@@ -89,7 +86,7 @@ TEST_P(BadPlugin, WithoutIsolationItIsNamedAndTheLogIsWhole) {
     const Outcome o = run(hangs ? std::vector<std::string>{"--watchdog", "1"} : std::vector<std::string>{});
     EXPECT_EQ(o.code, 4) << o.err;
     expectContains(o.err, {who(), GetParam().inProcess, "tick 100"});
-    EXPECT_GE(countRows(folder_ / "run/A.mcap"), 100);
+    EXPECT_GE(countRowsOfWholeLog(folder_ / "run/A.mcap"), 100);
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -128,8 +125,8 @@ INSTANTIATE_TEST_SUITE_P(
 TEST(Fault49, APluginThatTakesMemoryInItsTickIsToldOf) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--no-report",
-                                 "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
+    const Outcome o = test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run",
+                                 "--no-report", "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"WARNING       the filter plugin 'allocates' (", "viable_filter_allocates.so",
                            "(in 400 ticks, first in tick 100)", "Take the memory in configure()"});
@@ -148,17 +145,22 @@ TEST(Fault49, NoPluginOfTheMainExperimentTakesMemoryInItsTick) {
 TEST(Fault49, AnIsolatedOneIsToldOfToo) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--no-report",
-                                 "--isolate", "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
+    const Outcome o =
+        test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
+                   "--isolate", "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"WARNING       the filter plugin 'allocates' (", "(in 400 ticks, first in tick 100)"});
 }
 
 /** A run of the experiment with that filter. */
 Outcome runWith(const Folder& folder, const std::string& filter, std::vector<std::string> more = {}) {
-    std::vector<std::string> arguments{
-        "run",   folder.write("e.yaml", kExperiment), "--out", folder / "run", "--no-report",
-        "--set", "cases.A.filter=" + filter};
+    std::vector<std::string> arguments{"run",
+                                       folder.write("e.yaml", kFaultyExperiment),
+                                       "--out",
+                                       folder / "run",
+                                       "--no-report",
+                                       "--set",
+                                       "cases.A.filter=" + filter};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return test::run(arguments);
 }
@@ -197,7 +199,7 @@ TEST(Fault48, ACrashInADestructorNamesThePlugin) {
     EXPECT_EQ(o.code, 4);
     expectContains(
         o.err, {"the filter plugin 'crashes_when_destroyed' (", " crashed while it was destroyed: signal 6 (Aborted)"});
-    EXPECT_EQ(countRows(folder / "run/A.mcap"), 500);
+    EXPECT_EQ(countRowsOfWholeLog(folder / "run/A.mcap"), 500);
     Folder other;
     o = runWith(other, "{plugin: crashes_when_destroyed}", {"--isolate"});
     EXPECT_EQ(o.code, 0) << o.err;
@@ -253,7 +255,7 @@ TEST(Isolate, ARunIsTheSameToTheLastBit) {
 
 TEST(Isolate, APluginThatDiesWhileItIsMadeIsBadNewsBeforeTheRun) {
     Folder folder;
-    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--isolate",
+    const Outcome o = test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--isolate",
                                  "--set", "cases.A.filter.plugin=create_throws"});
     EXPECT_EQ(o.code, 4);
     expectContains(o.err, {"viable_filter_create_throws.so", "could not be made"});
@@ -272,8 +274,8 @@ TEST(FilterChain, ALawWithoutAGuaranteeBeforeOneThatGuaranteesKeepsAllLimits) {
 
 TEST(FilterChain, WhoBreaksAnEarlierGuaranteeIsNamedWithIt) {
     Folder folder;
-    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--no-report",
-                                 "--set", "duration_s=5", "--set", "limits={position_rad: 0.5}", "--set",
+    const Outcome o = test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run",
+                                 "--no-report", "--set", "duration_s=5", "--set", "limits={position_rad: 0.5}", "--set",
                                  "cases.A.filter=[certified_braking, {plugin: rewrites}]"});
     EXPECT_EQ(o.code, 3) << o.err;
     expectContains(o.err, {"the filter plugin 'rewrites' (",

@@ -29,11 +29,11 @@ using Clock = std::chrono::steady_clock;
 using test::readFile;
 using test::WitnessPage;
 
-constexpr double kTick_s = 0.001;
+constexpr double kRecordTick_s = 0.001;
 constexpr double kMostLost_s = 0.2;
 constexpr int kAtOnce = 4;  // runs in real time leave the processor to others
 
-const char* const kExperiment = R"(schema: 1
+const char* const kKilledExperiment = R"(schema: 1
 title: to be killed
 robot: single_joint
 duration_s: 80000
@@ -99,7 +99,7 @@ struct Tally {
 class KilledRun {
 public:
     KilledRun(bool paced, std::vector<std::string> cases) : cases_(std::move(cases)) {
-        const std::string file = folder_.write("e.yaml", kExperiment);
+        const std::string file = folder_.write("e.yaml", kKilledExperiment);
         std::vector<std::string> arguments{"run", file, "--out", folder_ / "run", "--jobs", "2"};
         for (const char* name : {"A", "B"})
             witnesses_.push_back(std::make_unique<Witness>(folder_ / (std::string(name) + ".witness")));
@@ -160,7 +160,7 @@ private:
             std::int64_t rows = 0;
             TickRecord row, same;
             for (; reader.read(row); ++rows) {
-                ASSERT_NEAR(row.time_s, static_cast<double>(rows) * kTick_s, 1e-9);
+                ASSERT_NEAR(row.time_s, static_cast<double>(rows) * kRecordTick_s, 1e-9);
                 ASSERT_TRUE(recovered.read(same)) << "row " << rows << " was not recovered";
                 ASSERT_EQ(same.time_s, row.time_s);
                 ASSERT_EQ(same.nominal.q, row.nominal.q);
@@ -181,7 +181,7 @@ private:
         const std::int64_t lost = witness.ticks() - rows;
         ASSERT_GE(lost, 0) << "rows that never were";
         if (rows == 0) ++tally.withoutRows;
-        tally.worstLog_s = std::max(tally.worstLog_s, static_cast<double>(lost) * kTick_s);
+        tally.worstLog_s = std::max(tally.worstLog_s, static_cast<double>(lost) * kRecordTick_s);
         if (lost > 0) tally.worstWall_s = std::max(tally.worstWall_s, witness.getSeconds(rows, witness.ticks() - 1));
     }
 
@@ -245,8 +245,8 @@ TEST(Fault73_Kill, AFastRunLosesAtMostTheRecordersRingAndAChunk) {
     const Tally tally = killAtRandom(test::countOf(10), 1, false);
     tally.print("as fast as it goes");
     EXPECT_GE(tally.logs, tally.kills * 4 / 5);
-    constexpr double kMostTicks = kRecorderCapacity + kLongestChunk_s / kTick_s + 2;
-    EXPECT_LE(tally.worstLog_s, kMostTicks * kTick_s);
+    constexpr double kMostTicks = kRecorderCapacity + kLongestChunk_s / kRecordTick_s + 2;
+    EXPECT_LE(tally.worstLog_s, kMostTicks * kRecordTick_s);
 }
 
 // The moment at which the log's name appears, and the next half millisecond.

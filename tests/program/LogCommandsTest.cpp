@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 using test::Outcome;
 using test::readFile;
 
-const char* const kExperiment = R"(schema: 1
+const char* const kLoggedExperiment = R"(schema: 1
 title: one joint
 robot: single_joint
 duration_s: 1
@@ -35,7 +35,7 @@ protected:
     static void SetUpTestSuite() {
         const test::TemporaryFolder folder;
         const Outcome o =
-            test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--no-report"});
+            test::run({"run", folder.write("e.yaml", kLoggedExperiment), "--out", folder / "run", "--no-report"});
         ASSERT_EQ(o.code, 0) << o.err;
         whole_ = readFile(folder / "run/A.mcap");
     }

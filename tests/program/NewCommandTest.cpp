@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "ExpectContains.h"
 #include "Paths.h"
 #include "Program.h"
 #include "viable/core/Error.h"
@@ -14,6 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using Folder = test::TemporaryFolder;
+using test::expectContains;
 using test::Outcome;
 using test::readFile;
 
@@ -24,11 +26,6 @@ Outcome makeNew(const Folder& folder, std::vector<std::string> arguments) {
     return test::run(std::move(arguments), [path] {
         if (chdir(path.c_str()) != 0) _exit(98);
     });
-}
-
-void expectContains(const std::string& text, const std::vector<std::string>& parts) {
-    for (const std::string& part : parts)
-        EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is missing in:\n" << text;
 }
 
 /** Bad input, told with `parts`, and nothing written. */

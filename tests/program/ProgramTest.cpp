@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "ExpectContains.h"
 #include "Paths.h"
 #include "Program.h"
 #include "log/LogReader.h"
@@ -13,6 +14,7 @@ namespace viable {
 namespace {
 
 using Folder = test::TemporaryFolder;
+using test::expectContains;
 using test::Outcome;
 using test::readFile;
 
@@ -27,11 +29,6 @@ cases:
   A: {}
   B: {filter: {plugin: acceleration_viability}}
 )";
-
-void expectContains(const std::string& text, const std::vector<std::string>& parts) {
-    for (const std::string& part : parts)
-        EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is missing in:\n" << text;
-}
 
 int countRows(const std::filesystem::path& log) {
     LogReader reader(log);

@@ -27,7 +27,7 @@ constexpr bool kSanitized = true;
 constexpr bool kSanitized = false;
 #endif
 
-const char* const kExperiment = R"(schema: 1
+const char* const kSweptExperiment = R"(schema: 1
 title: a sweep
 robot: single_joint
 duration_s: 0.1
@@ -96,7 +96,7 @@ protected:
     }
 
     Folder folder_;
-    std::string file_ = folder_.write("e.yaml", kExperiment);
+    std::string file_ = folder_.write("e.yaml", kSweptExperiment);
 };
 
 std::vector<pid_t> findChildren(pid_t pid) {

@@ -1,15 +1,13 @@
 #include "Arms.h"
 
 #include <algorithm>
-#include <limits>
 
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /** Makes limits usable at this tick (see areUsable) by widening acceleration and position. */
 void widen(AxisLimits& l, double tick_s) {

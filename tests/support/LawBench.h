@@ -149,7 +149,9 @@ long expectRatesHeldUnderRandomLimits(const std::string& name, unsigned seed, co
         const LawOutcome outcome = bench.push(parameters(bench.arm.limits), 20.0, size, k % 2 == 0, k);
         SCOPED_TRACE("limits " + std::to_string(k));
         EXPECT_LE(outcome.excess.jerk, 1e-9);
-        if (holdsAcceleration) EXPECT_LE(outcome.excess.acceleration, 1e-9);
+        if (holdsAcceleration) {
+            EXPECT_LE(outcome.excess.acceleration, 1e-9);
+        }
         EXPECT_EQ(outcome.allocations, 0);
         worst.position = std::max(worst.position, outcome.excess.position);
         worst.velocity = std::max(worst.velocity, outcome.excess.velocity);

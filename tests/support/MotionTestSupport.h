@@ -2,20 +2,18 @@
 
 #include <Eigen/Dense>
 #include <cmath>
-#include <limits>
 #include <random>
 
 #include "Effort.h"
 #include "viable/core/JointLimits.h"
 #include "viable/core/JointTypes.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 
-inline constexpr double kInf = std::numeric_limits<double>::infinity();
-
 /** Acceleration limits -Ad..Au [rad/s^2] and jerk limits -Jd..Ju [rad/s^3], no others. */
 inline AxisLimits makeLimits(double Ad, double Au, double Jd, double Ju) {
-    return {-kInf, kInf, -kInf, kInf, -Ad, Au, -Jd, Ju};
+    return {-kInfinity, kInfinity, -kInfinity, kInfinity, -Ad, Au, -Jd, Ju};
 }
 
 inline double drawUniform(std::mt19937_64& random, double low, double high) {

@@ -34,7 +34,7 @@ constexpr char kDone = 'd';  ///< from the runs' process: all of the last kRuns
 
 /** A rank gets about this share of what is left, so that all end at about the same time. */
 constexpr std::size_t kShares = 4;
-constexpr std::size_t kMostRuns = 256;
+constexpr std::size_t kMostRunsSent = 256;
 
 int getNumber(const char* variable, int otherwise) {
     const char* text = std::getenv(variable);
@@ -194,7 +194,7 @@ bool serveMpiRuns(const SweepTask& task, const std::vector<std::int64_t>& runs, 
         }
         const std::size_t share = left / (kShares * static_cast<std::size_t>(mpi.size() - 1));
         const std::size_t count =
-            std::min(left, std::clamp<std::size_t>(share, jobs, std::max<std::size_t>(jobs, kMostRuns)));
+            std::min(left, std::clamp<std::size_t>(share, jobs, std::max<std::size_t>(jobs, kMostRunsSent)));
         mpi.send(sender, packRuns(runs.data() + next, count));
         next += count;
     }

@@ -10,6 +10,7 @@
 #include "core/WholeFile.h"
 #include "experiment/CaseRun.h"
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 
@@ -17,7 +18,6 @@ namespace {
 
 /** Runs of which one at least must be well configured: they say which joints there are. */
 constexpr std::int64_t kTriedRuns = 10;
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 /** Without the places of plugin libraries, which differ from machine to machine: the plugins are named. */
 std::string hidePlaces(std::string message, const std::set<std::filesystem::path>& libraries) {

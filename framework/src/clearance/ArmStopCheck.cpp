@@ -3,11 +3,12 @@
 #include <algorithm>
 #include <numeric>
 
+#include "viable/core/Numbers.h"
+
 namespace viable::detail {
 
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /** Rows of one look at a path. */
 constexpr int kMostClearanceRows = 12;
 

@@ -5,12 +5,12 @@
 #include <utility>
 
 #include "robot/Segments.h"
+#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /** Distance of neighbouring balls over their capsule's radius: the balls are then 3 % larger than the capsule. Long thin
 capsules have kMaxGaps and fatter balls. */
 constexpr double kBallSpacing = 0.5;

@@ -3,11 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "viable/core/Numbers.h"
+
 namespace viable::detail {
 
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /** Farther than so much beyond its least clearance nothing is steered away from [m]. */
 constexpr double kInfluence_m = 0.1;
 

@@ -3,18 +3,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 #include "core/Text.h"
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 
 namespace {
 
 using detail::formatNumber;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 double getUnlimited(LimitSide side) {
     return side == LimitSide::Upper ? kInfinity : -kInfinity;

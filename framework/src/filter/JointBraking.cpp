@@ -1,9 +1,9 @@
 #include "filter/JointBraking.h"
 
 #include <cmath>
-#include <cstdio>
 #include <string>
 
+#include "core/Text.h"
 #include "viable/core/Error.h"
 
 namespace viable::detail {
@@ -12,12 +12,6 @@ namespace {
 
 /** Beyond a limit by less is rounding; relative to the limit. */
 constexpr double kRounding = 1e-12;
-
-std::string formatNumber(double value, const char* pattern = "%g") {
-    char text[32];
-    std::snprintf(text, sizeof text, pattern, value);
-    return text;
-}
 
 /** What of a joint's start is itself beyond a limit, and the keys that say so. */
 struct Outside {
@@ -33,9 +27,9 @@ Outside findOutside(const RunSetup& setup, int joint) {
         if (!(excess > kRounding * std::abs(bound))) return;
         const std::string unit = std::string(" ") + getUnit(kind);
         outside.what += (outside.what.empty() ? "" : ", ") + std::string(getName(kind, LimitSide::Neither)) + " " +
-                        formatNumber(value) + unit + " is beyond " +
-                        getName(kind, below ? LimitSide::Lower : LimitSide::Upper) + " by " +
-                        formatNumber(excess, "%.3g") + unit + " (limit " + formatNumber(bound) + unit + ")";
+                        format("%g", value) + unit + " is beyond " +
+                        getName(kind, below ? LimitSide::Lower : LimitSide::Upper) + " by " + format("%.3g", excess) +
+                        unit + " (limit " + format("%g", bound) + unit + ")";
         outside.keys += (outside.keys.empty() ? "`start." : ", `start.") + std::string(key) + "`";
     };
     check(LimitKind::Position, setup.start.q[joint], setup.limits.position, "position_rad");
@@ -76,10 +70,10 @@ void JointBraking::configure(const RunSetup& setup, const CertifiedBrakingOption
     const double approach = std::isinf(options.kAlpha) && options.kAlpha > 0.0 ? 1.0 : options.kAlpha * tick_s_;
     const double follow = options.gamma * tick_s_;
     if (!(approach > 0.0 && approach <= 1.0))
-        throw badInput(wording.kAlpha, "k_alpha * tick_s is " + formatNumber(approach) + ", allowed (0, 1]",
+        throw badInput(wording.kAlpha, "k_alpha * tick_s is " + format("%g", approach) + ", allowed (0, 1]",
                        "Choose k_alpha at most 1 / tick_s, or " + wording.infinity + ".");
     if (!(follow > 0.0 && follow < 2.0))
-        throw badInput(wording.gamma, "gamma * tick_s is " + formatNumber(follow, "%#.3g") + ", allowed (0, 2)",
+        throw badInput(wording.gamma, "gamma * tick_s is " + format("%#.3g", follow) + ", allowed (0, 2)",
                        "The sampled law is unstable from 2 on; choose gamma below 2 / tick_s.");
     if (!setup.limits.jerk.lower.allFinite() || !setup.limits.jerk.upper.allFinite())
         throw badInput(wording.recovery, "this filter needs a finite jerk limit on every joint", wording.jerkRemedy);
@@ -101,7 +95,7 @@ void JointBraking::checkStart(const RunSetup& setup, const Wording& wording) con
                                wording.recoveryRemedy);
         throw badInput(wording.recovery,
                        who + "not viable: its stop would pass the limit " + getName(excess.limit, excess.side) +
-                           " by " + formatNumber(excess.excess, "%.3g") + " " + getUnit(excess.limit),
+                           " by " + format("%.3g", excess.excess) + " " + getUnit(excess.limit),
                        (wording.namesKeys ? "Change `start` (at rest, or further inside the limits), "
                                           : "Start at rest, or further inside the limits, ") +
                            wording.recoveryRemedy);

@@ -256,21 +256,21 @@ bool isBlank(const char* text) {
 }
 
 void checkParameters(const PluginEntry& entry) {
-    const std::string owner = "the parameter table of " + quoted(entry.name) + " ";
+    const std::string table = "the parameter table of " + quoted(entry.name) + " ";
     const std::string remedy = "Correct the plugin's ParameterSpec array";
     if (entry.parameterCount > kMaxParameters)
-        throw Refusal{owner + "has " + std::to_string(entry.parameterCount) + " entries (at most " +
+        throw Refusal{table + "has " + std::to_string(entry.parameterCount) + " entries (at most " +
                           std::to_string(kMaxParameters) + ")",
                       remedy};
     if (entry.parameterCount > 0 && entry.parameters == nullptr)
         throw Refusal{
-            owner + "is missing although it is said to have " + std::to_string(entry.parameterCount) + " entries",
+            table + "is missing although it is said to have " + std::to_string(entry.parameterCount) + " entries",
             remedy};
     for (std::uint64_t i = 0; i < entry.parameterCount; ++i) {
         const ParameterSpec& spec = entry.parameters[i];
         const std::string position = "(entry " + std::to_string(i + 1) + ") ";
-        if (isBlank(spec.name)) throw Refusal{owner + position + "has a parameter without a name", remedy};
-        const std::string self = owner + position + "declares " + quoted(spec.name) + " ";
+        if (isBlank(spec.name)) throw Refusal{table + position + "has a parameter without a name", remedy};
+        const std::string self = table + position + "declares " + quoted(spec.name) + " ";
         if (std::strcmp(spec.name, "plugin") == 0)
             throw Refusal{self + ", the key that names the plugin itself", remedy};
         if (spec.unit == nullptr || spec.help == nullptr)
@@ -289,7 +289,7 @@ void checkParameters(const PluginEntry& entry) {
                           remedy};
         for (std::uint64_t k = 0; k < i; ++k)
             if (std::strcmp(spec.name, entry.parameters[k].name) == 0)
-                throw Refusal{owner + "declares " + quoted(spec.name) + " twice (entries " + std::to_string(k + 1) +
+                throw Refusal{table + "declares " + quoted(spec.name) + " twice (entries " + std::to_string(k + 1) +
                                   " and " + std::to_string(i + 1) + ")",
                               remedy};
     }

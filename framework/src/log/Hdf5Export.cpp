@@ -17,7 +17,7 @@ namespace viable {
 namespace {
 
 constexpr hsize_t kBlockRows = 4096;
-constexpr unsigned kCompression = 4;
+constexpr unsigned kDeflateLevel = 4;
 
 /** Keeps the library from printing its errors, which are ours to report. */
 class QuietLibrary {
@@ -150,7 +150,7 @@ public:
         const Handle creation(require(H5Pcreate(H5P_DATASET_CREATE), target), H5Pclose);
         require(H5Pset_chunk(creation.id(), 1, &block), target);
         require(H5Pset_shuffle(creation.id()), target);
-        require(H5Pset_deflate(creation.id(), kCompression), target);
+        require(H5Pset_deflate(creation.id(), kDeflateLevel), target);
         // Chunks are written once, in order: nothing to keep in a cache per column.
         const Handle access(require(H5Pcreate(H5P_DATASET_ACCESS), target), H5Pclose);
         require(H5Pset_chunk_cache(access.id(), 1, kBlockRows * sizeof(double), 1.0), target);

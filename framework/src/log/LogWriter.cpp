@@ -89,7 +89,7 @@ struct AttachmentEntry {
     std::string name, mediaType;
 };
 
-constexpr char kCompression[] = "zstd";
+constexpr char kCompressionName[] = "zstd";
 constexpr int kCompressionLevel = 1;
 constexpr char kMetadataName[] = "viable";
 
@@ -271,7 +271,7 @@ struct LogWriter::Impl {
         out.putU64(entry.end);
         out.putU64(entry.uncompressed);
         out.putU32(addToCrc(0, chunk.bytes));
-        out.putString(kCompression);
+        out.putString(kCompressionName);
         out.putU64(size);
         out.bytes.append(packed.data(), size);
         out.end(record);
@@ -353,7 +353,7 @@ struct LogWriter::Impl {
                 }
                 out.endLength32(offsets);
                 out.putU64(entry.indexLength);
-                out.putString(kCompression);
+                out.putString(kCompressionName);
                 out.putU64(entry.compressed);
                 out.putU64(entry.uncompressed);
                 out.end(content);

@@ -3,18 +3,15 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 
 #include "braking/BrakingCertificate.h"
 #include "loop/PathExtent.h"
+#include "viable/core/Numbers.h"
 #include "viable/loop/NominalPlant.h"
 
 namespace viable {
 
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 /** A stop of more ticks has no end. */
 constexpr double kMaxStopTicks = 1e12;

@@ -11,15 +11,13 @@
 #include "loop/ControlLoop.h"
 #include "robot/InertiaModes.h"
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 
 namespace {
 
 using detail::formatNumber;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 /** A reading may be off by so many encoder counts. */
 constexpr double kCounts = 2.0;

@@ -7,6 +7,7 @@
 #include "config/ConfigText.h"
 #include "core/JsonNumber.h"
 #include "plugin/ParameterText.h"
+#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 
@@ -86,7 +87,6 @@ Json makeBound(double bound) {
 
 /** Bounds of JSON numbers. YAML's infinities are numbers beyond the largest double. Text passes: it is an expression. */
 void addBounds(Json& schema, const NumberRange& range) {
-    constexpr double kInfinity = std::numeric_limits<double>::infinity();
     const bool hasMin = !std::isinf(range.min) || !range.contains(-kInfinity);
     const bool hasMax = !std::isinf(range.max) || !range.contains(kInfinity);
     Json bounds = Json::object();

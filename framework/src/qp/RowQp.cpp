@@ -6,12 +6,12 @@
 #include <utility>
 
 #include "qp/QpBounds.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 
 namespace {
 
-constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr double kRounding = std::numeric_limits<double>::epsilon();
 
 /** By how much a plane may be missed before it is enforced, relative to sum_i |normal_i| |x_i|:
@@ -63,7 +63,8 @@ struct Task {
     /** All finite; bounds may be infinite where a finite x lies between them. */
     bool isFinite() const {
         bool finite = M.allFinite() && target.allFinite();
-        for (int i = 0; i < size(); ++i) finite &= lower[i] < kInf && upper[i] > -kInf && !std::isnan(upper[i]);
+        for (int i = 0; i < size(); ++i)
+            finite &= lower[i] < kInfinity && upper[i] > -kInfinity && !std::isnan(upper[i]);
         for (int k = 0; k < rows.count; ++k) finite &= rows.normal[k].allFinite() && std::isfinite(rows.bound[k]);
         return finite;
     }
@@ -282,7 +283,7 @@ private:
                 for (int i = 0; i < n(); ++i) z[i] += d[j] * J_[j][i];
             }
             solveUpper(d, share);
-            double step = kInf;
+            double step = kInfinity;
             int blocking = -1;
             for (int k = 0; k < enforced_; ++k)
                 if (share[k] * planes_[set_[k]].length > kLeastShare * length && u_[k] < share[k] * step) {

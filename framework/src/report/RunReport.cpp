@@ -18,6 +18,7 @@
 #include "report/Tracks.h"
 #include "viable/config/ConfigNode.h"
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 
@@ -27,8 +28,6 @@ namespace fs = std::filesystem;
 using detail::BinaryBlock;
 using detail::format;
 using nlohmann::json;
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 /** What is drawn of one joint over time: name in the page's data, and value in a row. */
 struct Quantity {

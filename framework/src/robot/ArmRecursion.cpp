@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "robot/RigidBody.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -68,12 +69,6 @@ struct Swing {
     }
 };
 
-/** A rotation that takes z to `axis`; exactly none for z itself. */
-Matrix3d makeAxisFrame(const Vector3d& axis) {
-    if (axis == Vector3d::UnitZ()) return Matrix3d::Identity();
-    return Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis).toRotationMatrix();
-}
-
 Matrix3d makeCross(const Vector3d& v) {
     Matrix3d m;
     m << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
@@ -102,7 +97,7 @@ ArmRecursion::ArmRecursion(const RobotDescription& robot) : n_(robot.size()), gr
         placement.axis = placed * from.axis;
 
         Matrix3d& own = axisFrame[index(i)];
-        own = makeAxisFrame(from.axis);
+        own = detail::makeAxisFrame(from.axis);
         const Matrix3d before = from.parent < 0 ? Matrix3d::Identity() : axisFrame[index(from.parent)];
         Joint& joint = joints_[index(i)];
         joint.rotation = before.transpose() * placed * own;

@@ -30,9 +30,9 @@ LinkShape readCapsule(const ConfigNode& node) {
     return shape;
 }
 
-class Reader {
+class CollisionFileReader {
 public:
-    Reader(const UrdfRobot& urdf, Blanks blanks) : urdf_(urdf), blanks_(blanks) {}
+    CollisionFileReader(const UrdfRobot& urdf, Blanks blanks) : urdf_(urdf), blanks_(blanks) {}
 
     CollisionFile read(const ConfigNode& root) {
         CollisionFile file;
@@ -117,7 +117,7 @@ private:
 
 CollisionFile readCollisionFile(const std::filesystem::path& file, const UrdfRobot& urdf, Blanks blanks) {
     const ConfigNode root = readConfigFile(file);
-    return Reader(urdf, blanks).read(root);
+    return CollisionFileReader(urdf, blanks).read(root);
 }
 
 }  // namespace viable::detail

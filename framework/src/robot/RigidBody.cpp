@@ -33,6 +33,11 @@ BodyInertia mergeBodies(const BodyInertia& a, const BodyInertia& b) {
     return sum;
 }
 
+Eigen::Matrix3d makeAxisFrame(const Eigen::Vector3d& axis) {
+    if (axis == Eigen::Vector3d::UnitZ()) return Eigen::Matrix3d::Identity();
+    return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), axis).toRotationMatrix();
+}
+
 std::string findInertiaFault(const Eigen::Matrix3d& inertia, bool mustTurn) {
     const Eigen::Vector3d moments =
         Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inertia, Eigen::EigenvaluesOnly).eigenvalues();

@@ -15,6 +15,9 @@ BodyInertia transformBody(const Eigen::Isometry3d& placement, const BodyInertia&
 /** Two bodies fixed to each other; both in the same frame. */
 BodyInertia mergeBodies(const BodyInertia& a, const BodyInertia& b);
 
+/** A rotation that takes z to `axis`, a unit vector; exactly none for z itself. */
+Eigen::Matrix3d makeAxisFrame(const Eigen::Vector3d& axis);
+
 /** What is wrong with an inertia tensor about a centre of mass, with its numbers, or empty: no
 principal moment may be negative (with `mustTurn`: nor zero), none above the sum of the other two.
 */

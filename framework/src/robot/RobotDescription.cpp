@@ -3,7 +3,6 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <set>
 
 #include "core/Text.h"
@@ -11,6 +10,7 @@
 #include "robot/RigidBody.h"
 #include "robot/UrdfReader.h"
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {
@@ -20,8 +20,6 @@ namespace {
 namespace fs = std::filesystem;
 using detail::formatNumber;
 using detail::UrdfRobot;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /** Largest condition number of M accepted: beyond it, solving for accelerations loses more than
 ten of the sixteen digits. */

@@ -4,19 +4,16 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 
 #include "core/Text.h"
 #include "robot/CollisionDraft.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 
 namespace {
 
 using detail::UrdfRobot;
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // What is taken for a slip: far outside of what is built, and within the errors of a wrong unit.
 /** No moving part of an arm: grams. [kg] */

@@ -1,11 +1,11 @@
 #include "viable/robot/RobotModel.h"
 
 #include <array>
-#include <limits>
 
 #include "robot/RigidBody.h"
 #include "robot/SimbodyHeaders.h"
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 
@@ -44,14 +44,6 @@ SimTK::MassProperties makeMassProperties(const BodyInertia& body) {
     return {body.mass, toSimbody(body.com), SimTK::Inertia(I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2), I(1, 2))};
 }
 
-/** A rotation that takes z to `axis`; exactly none for z itself. */
-Eigen::Isometry3d makeAxisFrame(const Vector3d& axis) {
-    Eigen::Isometry3d frame = Eigen::Isometry3d::Identity();
-    if (axis != Vector3d::UnitZ())
-        frame.linear() = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis).toRotationMatrix();
-    return frame;
-}
-
 /** Mass, first moment and inertia of a set of bodies, all about the base origin in base axes: in
 this form the members of different bodies simply add up. */
 struct CompositeInertia {
@@ -61,7 +53,6 @@ struct CompositeInertia {
 };
 
 void fillWithNan(int n, Dynamics& out) {
-    constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
     out.M.setConstant(n, n, kNan);
     out.b.setConstant(n, kNan);
     out.gravity.setConstant(n, kNan);
@@ -122,7 +113,8 @@ struct RobotModel::Simulation {
                 from.parent < 0 ? matter.updGround() : matter.updMobilizedBody(joints[from.parent].index);
             // Simbody's pins turn about z and its sliders move along x.
             const bool isPrismatic = from.type == JointType::Prismatic;
-            Eigen::Isometry3d axisFrame = makeAxisFrame(from.axis);
+            Eigen::Isometry3d axisFrame = Eigen::Isometry3d::Identity();
+            axisFrame.linear() = detail::makeAxisFrame(from.axis);
             if (isPrismatic) axisFrame.rotate(Eigen::AngleAxisd(-EIGEN_PI / 2.0, Vector3d::UnitY()));
             const SimTK::Transform inParent = toSimbody(from.placement * axisFrame);
             const SimTK::Transform inBody = toSimbody(axisFrame);

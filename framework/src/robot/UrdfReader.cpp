@@ -6,18 +6,16 @@
 
 #include <cmath>
 #include <fstream>
-#include <limits>
 #include <mutex>
 #include <sstream>
 
 #include "robot/RigidBody.h"
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 std::string quote(const std::string& name) {
     return "`" + name + "`";
@@ -197,9 +195,9 @@ Eigen::Isometry3d toEigen(const urdf::Pose& pose) {
     return result;
 }
 
-class Reader {
+class UrdfFileReader {
 public:
-    Reader(const std::filesystem::path& path, const std::string& text)
+    UrdfFileReader(const std::filesystem::path& path, const std::string& text)
         : file_(path.string()), outline_(text, file_), model_(parse(text)) {}
 
     UrdfRobot read() {
@@ -489,7 +487,7 @@ private:
 UrdfRobot readUrdf(const std::filesystem::path& file) {
     const std::string text = readText(file);
     checkText(text, file.string());
-    return Reader(file, text).read();
+    return UrdfFileReader(file, text).read();
 }
 
 }  // namespace viable::detail

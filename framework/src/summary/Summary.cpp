@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "core/FarthestJoint.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 
@@ -16,7 +17,6 @@ constexpr double kBinWidth = 0.03;  // relative
 
 // What counts as rest near a limit, see Summary::chatter().
 constexpr double kNearShare = 0.05, kRestShare = 1e-3, kRest_s = 0.5, kLeastRest_s = 1.0;
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 int findBin(double us) {
     const double x = std::log(std::max(us, kShortest_us) / kShortest_us) / std::log1p(kBinWidth);

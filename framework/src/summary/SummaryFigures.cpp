@@ -30,9 +30,6 @@ bool hasRealArmInEnvironment(R r) {
     return hasEnvironment(r) && r.summary.collisions()->real;
 }
 
-constexpr LimitKind kKinds[] = {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk};
-constexpr std::size_t kRealKinds = 2;  // position and velocity are looked at
-
 template <class Value>
 json toJson(const Value& value) {
     return value;
@@ -98,7 +95,7 @@ public:
                    const std::string& label = "", Over over = Over::Largest,
                    const std::vector<std::string>& unitEnds = {}) {
         for (std::size_t k = 0; k < kinds; ++k) {
-            const LimitKind kind = kKinds[k];
+            const LimitKind kind = kNominalKinds[k];
             const std::string name = getName(kind, LimitSide::Neither);
             add(name + ".<joint>." + key, [records, kind, get](S s, int i) {
                 return toJson(std::invoke(get, (s.*records)(kind)[static_cast<std::size_t>(i)]));
@@ -117,7 +114,9 @@ private:
 std::vector<SummaryFigure> makeFigures() {
     Table t;
     const auto worstUse = [](const LimitRecord& limit) { return onlyIf(limit.exists, limit.worstUse); };
-    const auto nominal = [&](const auto&... figure) { t.addLimits(&Summary::limit, std::size(kKinds), figure...); };
+    const auto nominal = [&](const auto&... figure) {
+        t.addLimits(&Summary::limit, std::size(kNominalKinds), figure...);
+    };
     t.begin("limits.");
     nominal("worst_use", worstUse, "worst_use.", "Worst use of");
     nominal("ticks_outside", &LimitRecord::ticksOutside, "ticks_outside.", "Ticks outside", Over::Sum);
@@ -127,9 +126,9 @@ std::vector<SummaryFigure> makeFigures() {
     nominal("worst_recovering", &LimitRecord::worstRecovering);
     const auto real = [&](const char* key, const auto& get, const auto&... column) {
         t.begin("real_limits.", hasRealArm);
-        t.addLimits(&Summary::realLimit, kRealKinds, key, get, column...);
+        t.addLimits(&Summary::realLimit, std::size(kRealKinds), key, get, column...);
         t.begin("trip.real_limits.", hasTripped);
-        t.addLimits(&Summary::realStop, kRealKinds, key, get);
+        t.addLimits(&Summary::realStop, std::size(kRealKinds), key, get);
     };
     real("worst_use", worstUse, "real.worst_use.", "Real arm: worst use of");
     real("worst_excess", &LimitRecord::worstExcess, "real.worst_excess.", "Real arm: farthest beyond", Over::Largest,
@@ -231,8 +230,8 @@ std::vector<SummaryFigure> makeFigures() {
     t.add("real_end_speed_radps", &Summary::realEndSpeed);
     t.add("real_arm_inside", [](S s) {
         std::int64_t outside = 0;
-        for (std::size_t k = 0; k < kRealKinds; ++k)
-            for (const LimitRecord& limit : s.realStop(kKinds[k])) outside += limit.ticksOutside;
+        for (const LimitKind kind : kRealKinds)
+            for (const LimitRecord& limit : s.realStop(kind)) outside += limit.ticksOutside;
         return outside == 0;
     });
     t.addExtreme("stops.least_margin.", "margin_rad", &Summary::worstMargin);

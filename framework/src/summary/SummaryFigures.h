@@ -10,6 +10,11 @@
 
 namespace viable {
 
+/** The limits that are counted: of the nominal arm, and of the real one. */
+inline constexpr LimitKind kNominalKinds[] = {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration,
+                                              LimitKind::Jerk};
+inline constexpr LimitKind kRealKinds[] = {LimitKind::Position, LimitKind::Velocity};
+
 /** A figure of a case: summary.json and the table of a sweep have it from here. */
 struct SummaryFigure {
     /** In `key` and `column`: the name of each joint in turn. */

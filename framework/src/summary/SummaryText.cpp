@@ -1,11 +1,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <tuple>
 
 #include "core/Text.h"
 #include "summary/CaseResult.h"
+#include "summary/SummaryFigures.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 
@@ -15,9 +16,6 @@ using detail::addItem;
 using detail::format;
 using detail::formatPercent;
 using detail::formatPlain;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr LimitKind kKinds[] = {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk};
 
 /** Explains the words of the table and of the lines below it. */
 const char* const kLegend =
@@ -54,7 +52,7 @@ bool hasLimit(const Summary& s, LimitKind kind) {
 /** In ticks of joints, of all limits. */
 std::int64_t countOutside(const Summary& s) {
     std::int64_t outside = 0;
-    for (LimitKind kind : kKinds) outside += s.ticksOutside(kind);
+    for (LimitKind kind : kNominalKinds) outside += s.ticksOutside(kind);
     return outside;
 }
 
@@ -72,7 +70,7 @@ std::string formatExcess(LimitKind kind, double excess) {
 /** ", position by 0.2 rad, velocity by ...": every quantity whose worst `value` is not zero. */
 std::string formatExcesses(const Summary& s, double LimitRecord::*value) {
     std::string text;
-    for (LimitKind kind : kKinds)
+    for (LimitKind kind : kNominalKinds)
         if (const double worst = findWorst(s, kind, value); worst > 0.0) text += ", " + formatExcess(kind, worst);
     return text;
 }
@@ -81,7 +79,7 @@ std::string formatExcesses(const Summary& s, double LimitRecord::*value) {
 std::string formatVerdict(const Summary& s) {
     std::string text;
     if (s.anyLimitBroken()) {
-        for (LimitKind kind : kKinds)
+        for (LimitKind kind : kNominalKinds)
             if (s.ticksOutside(kind) > 0)
                 addItem(text, formatExcess(kind, findWorst(s, kind, &LimitRecord::worstExcess)));
         text = "limits broken: " + text;
@@ -171,8 +169,6 @@ std::string formatOutside(const Summary& s, LimitKind kind) {
 std::string formatChatter(const Summary& s) {
     return std::isnan(s.chatter()) ? "-" : format("%.3g", 100.0 * s.chatter());
 }
-
-constexpr LimitKind kRealKinds[] = {LimitKind::Position, LimitKind::Velocity};
 
 /** The joint with the largest `value`; -1: no joint has a limit. */
 int findWorst(const std::vector<LimitRecord>& records, double LimitRecord::*value) {
@@ -389,7 +385,7 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
     for (const CaseResult* r : order) {
         const Summary& s = r->summary;
         text += format("%2d %-22s |", ++place, r->name.c_str());
-        for (LimitKind kind : kKinds) text += formatOutside(s, kind) + " |";
+        for (LimitKind kind : kNominalKinds) text += formatOutside(s, kind) + " |";
         text += format(" %6lld | %5.1f %% | %7s | %7s | %.1f\n",
                        static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), 100.0 * s.changedShare(),
                        formatMrad(s.commandErrorRms()).c_str(), formatChatter(s).c_str(),
@@ -445,7 +441,7 @@ std::string formatDetails(const CaseResult& r) {
     text += format("; %.3f s simulated in %.2f s (%.0f times real time)\n", r.simulated_s, r.wall_s,
                    r.wall_s > 0.0 ? r.simulated_s / r.wall_s : 0.0);
     text += "  verdict       " + formatVerdict(r) + "\n";
-    for (LimitKind kind : kKinds) text += formatLimit(s, kind);
+    for (LimitKind kind : kNominalKinds) text += formatLimit(s, kind);
     text += formatStatuses(s) + formatInterventions(s) + formatStops(s);
     if (s.collisions()) text += formatCollisions(s);
     if (s.substitutedTicks() > 0)

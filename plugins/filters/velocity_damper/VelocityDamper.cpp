@@ -1,17 +1,15 @@
 #include "VelocityDamper.h"
 
-#include <limits>
 #include <string>
 
 #include "viable/braking/Braking.h"
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {
 
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 const ParameterSpec kParameters[] = {
     parameter::number("xi", "rad/s", "1.0",

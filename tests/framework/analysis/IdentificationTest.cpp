@@ -10,6 +10,7 @@
 
 #include "RobotFolder.h"
 #include "robot/ArmRecursion.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
@@ -388,7 +389,6 @@ TEST(Identification, RefusesWhatItCannotUse) {
 TEST(Identification, ReadingsThatAreMissingDoNoHarm) {
     Experiment experiment(planar());
     MotionRecord record = experiment.record();
-    constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
     std::mt19937 random(3);
     for (int k = 0; k < 60; ++k) {
         record.joints[random() % 2].torques[random() % record.times_s.size()] = kNan;

@@ -2,12 +2,12 @@
 
 #include <gtest/gtest.h>
 
-#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "Effort.h"
 #include "SyntheticRecord.h"
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 
 // Verdicts over a population of records with a known truth, and what is said of them.
 
@@ -15,8 +15,6 @@ namespace viable {
 namespace {
 
 using test::SyntheticRecord;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 AxisLimits makeLimits(const std::array<double, 4>& l) {
     return {-l[0], l[0], -l[1], l[1], -l[2], l[2], -l[3], l[3]};

@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <functional>
-#include <limits>
 
 #include "LogTestSupport.h"
 #include "log/LogExport.h"
@@ -15,8 +14,6 @@ namespace {
 
 using namespace test;
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kDegree = kPi / 180.0;
 
 class MotionRecordTest : public LogTestBase {

@@ -11,6 +11,7 @@
 #include "SyntheticRecord.h"
 #include "analysis/smoothing/BandedLdl.h"
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 
 // Is what the smoothing says true, and is its error what it says it is?
 
@@ -18,8 +19,6 @@ namespace viable {
 namespace {
 
 using test::SyntheticRecord;
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 /** A record of one wide move, with the noise as told. */
 struct Wave {

@@ -5,15 +5,14 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <random>
 
 #include "viable/braking/Braking.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
 
-constexpr double kInf = std::numeric_limits<double>::infinity();
 /** What counts as rounding beyond a limit, relative to max(1, limit). */
 constexpr double kAllowed = 1e-12;
 /** Outside by no more than this, relative, counts as rounding that has added up: the stop then aims at the limit itself,
@@ -86,7 +85,7 @@ struct Joint {
     double tick_s;
     BrakingCertificate certificate;
     AxisState s;
-    double worst = -kInf;
+    double worst = -kInfinity;
 
     Joint(const AxisLimits& l, double tick, const AxisState& start, double approach = 1.0)
         : limits(l), tick_s(tick), s(start) {
@@ -130,7 +129,7 @@ constexpr double kTicks[] = {1e-4, 1e-3, 4e-3};
 
 struct Rest {
     double jerk = 0.0;  ///< largest share of the jerk limit in the last 5 of 10 s
-    double overshoot = -kInf;
+    double overshoot = -kInfinity;
 };
 
 template <class Want>
@@ -165,8 +164,8 @@ TEST(BrakingCertificate, RestsOnAPositionLimitWithoutChatter) {
 
 TEST(BrakingCertificate, RidesAVelocityLimitWithoutChatter) {
     for (AxisLimits limits : {kPaper, kAsymmetric, kCruising}) {
-        limits.positionLower = -kInf;
-        limits.positionUpper = kInf;
+        limits.positionLower = -kInfinity;
+        limits.positionUpper = kInfinity;
         for (const double tick_s : kTicks)
             for (const double side : {1.0, -1.0}) {
                 Joint joint(limits, tick_s, {});
@@ -274,7 +273,7 @@ void expectSameDecisions(const AxisLimits& limits, double tick_s, const AxisStat
     for (const double wanted : {1e6, -1e6}) {
         const double jerk = decide(s.v, wanted);
         ASSERT_TRUE(std::isfinite(jerk));
-        for (const double v : {std::nextafter(s.v, kInf), std::nextafter(s.v, -kInf)})
+        for (const double v : {std::nextafter(s.v, kInfinity), std::nextafter(s.v, -kInfinity)})
             EXPECT_NEAR(decide(v, wanted), jerk, 1e-9 * limits.jerkUpper)
                 << "p " << s.p << " v " << s.v << " a " << s.a << " tick " << tick_s << " wanted " << wanted;
     }
@@ -383,7 +382,7 @@ TEST(Fault38, ConflictsAreNamedInTheOrderAccelerationJerkPositionVelocity) {
               LimitKind::Position);  // not the velocity, although only it is passed yet
     EXPECT_EQ(excess.side, LimitSide::Upper);
     AxisLimits wide = kPaper;
-    wide.positionUpper = kInf;
+    wide.positionUpper = kInfinity;
     BrakingCertificate certificate;
     certificate.configure(wide, 1e-3, 1.0);
     certificate.reset({0.0, V + 0.5, 0.0});
@@ -404,7 +403,7 @@ TEST(Fault38, ConflictsAreNamedInTheOrderAccelerationJerkPositionVelocity) {
 /** The jerks of a joint that is greedy from rest towards a velocity limit, from when it reaches it within 1e-3. */
 std::vector<double> calcJerksAtVelocityLimit(double tick_s, double approach) {
     AxisLimits limits = kPaper;
-    limits.positionUpper = kInf;
+    limits.positionUpper = kInfinity;
     BrakingCertificate certificate;
     certificate.configure(limits, tick_s, approach);
     AxisState s;

@@ -194,7 +194,7 @@ TYPED_TEST(BrakingPolicy, MirroredStatesAndLimitsGiveTheMirrorImage) {
 }
 
 TYPED_TEST(BrakingPolicy, WorksWithoutAnAccelerationLimit) {
-    const AxisLimits l = makeLimits(kInf, kInf, 10, 10);
+    const AxisLimits l = makeLimits(kInfinity, kInfinity, 10, 10);
     const TypeParam stop = this->calc(100.0, 0.0, l);
     EXPECT_EQ(stop.type(), BrakingType::III);
     EXPECT_NEAR(followStop({0, 100.0, 0}, stop, l).v, 0.0, 1e-10);
@@ -244,14 +244,14 @@ TYPED_TEST(Fault15, NothingJumpsWhereTheCruiseBegins) {
         const double a = drawUniform(this->random_, 0.99 * l.accelerationLower, l.accelerationUpper);
         const double v = calcCruiseVelocity(static_cast<const TypeParam*>(nullptr), a, -l.accelerationLower,
                                             -l.jerkLower, l.jerkUpper);
-        const TypeParam below = this->calc(std::nextafter(v, -kInf), a, l);
-        const TypeParam above = this->calc(std::nextafter(v, kInf), a, l);
+        const TypeParam below = this->calc(std::nextafter(v, -kInfinity), a, l);
+        const TypeParam above = this->calc(std::nextafter(v, kInfinity), a, l);
         if (below.side != LimitSide::Upper || above.side != LimitSide::Upper) continue;
         changes += below.type() != above.type();
         expectSameStop(below, above);
         EXPECT_NEAR(below.gradientV, above.gradientV, 1e-6 * above.gradientV);
-        expectSameStop(this->calc(-std::nextafter(v, -kInf), -a, mirror(l)),
-                       this->calc(-std::nextafter(v, kInf), -a, mirror(l)));
+        expectSameStop(this->calc(-std::nextafter(v, -kInfinity), -a, mirror(l)),
+                       this->calc(-std::nextafter(v, kInfinity), -a, mirror(l)));
         if (this->HasFailure()) FAIL() << "limits " << k;
     }
     EXPECT_GT(changes, 5000);
@@ -269,8 +269,8 @@ TEST(Fault15StationaryStop, DisplacementDoesNotJumpWhereTheSideChanges) {
         const AxisLimits l = drawLimits(random);
         const double a = drawUniform(random, l.accelerationLower, l.accelerationUpper);
         const double v = calcCurveVelocity(a, l);
-        const StationaryStop above = calcStationaryStop(std::nextafter(v, kInf), a, l);
-        const StationaryStop below = calcStationaryStop(std::nextafter(v, -kInf), a, l);
+        const StationaryStop above = calcStationaryStop(std::nextafter(v, kInfinity), a, l);
+        const StationaryStop below = calcStationaryStop(std::nextafter(v, -kInfinity), a, l);
         changes += above.side != below.side;
         expectSameStop(below, above);
         if (::testing::Test::HasFailure()) FAIL() << "limits " << k << " a " << a;

@@ -6,13 +6,13 @@
 #include <random>
 
 #include "TestArm.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
 
 using Status = FilterStatus;
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kTick_s = 1e-3;
 /** What counts as rounding beyond a limit, of size 1 to 40 here. */
 constexpr double kAllowed = 1e-11;

@@ -9,6 +9,7 @@
 #include "DrawnPath.h"
 #include "SlidingArm.h"
 #include "environment/CollisionJudge.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
@@ -19,7 +20,6 @@ using detail::ArmStopCheck;
 constexpr double kTick_s = 1e-3;
 /** From here on clearances need not be told apart, by the check and by the judge [m]. */
 constexpr double kAhead_m = 0.1, kHorizon_m = 0.3;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 struct Subject {
     explicit Subject(RobotDescription r) : robot(std::move(r)), geometry(loadArmGeometry(robot)) {

@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "ExpectContains.h"
 #include "TemporaryFolder.h"
 #include "viable/config/ConfigNode.h"
 #include "viable/core/Error.h"
@@ -29,12 +30,6 @@ inline std::string catchBadInput(const std::function<void()>& action) {
     }
     ADD_FAILURE() << "no error was thrown";
     return {};
-}
-
-inline void expectContains(const std::string& text, const std::vector<std::string>& parts) {
-    for (const std::string& part : parts) {
-        EXPECT_NE(text.find(part), std::string::npos) << "missing: " << part << "\nin: " << text;
-    }
 }
 
 /** Every leaf of a tree in file order: key path and content. */
@@ -83,6 +78,7 @@ inline double measure_ms(const std::function<void()>& action) {
     return best;
 }
 
+using test::expectContains;
 using test::TemporaryFolder;
 
 inline std::string repeat(const std::string& text, int times) {

@@ -1,14 +1,11 @@
 #include <cmath>
 #include <cstdint>
-#include <limits>
 
 #include "ConfigTestSupport.h"
 #include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /** The value of `v` in a file with that one entry. */
 ConfigNode makeValue(const std::string& text) {

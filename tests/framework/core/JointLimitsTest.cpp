@@ -6,12 +6,15 @@
 #include <functional>
 #include <limits>
 
+#include "ExpectContains.h"
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+using test::expectContains;
+
 const std::vector<std::string> kNames = {"shoulder", "elbow", "wrist"};
 
 JointBounds makeBounds(double size) {
@@ -32,12 +35,6 @@ std::string refuse(const JointLimits& limits, double tick_s = 1e-3, bool allowLa
     }
     ADD_FAILURE() << "no error was thrown";
     return {};
-}
-
-void expectContains(const std::string& text, const std::vector<std::string>& parts) {
-    for (const std::string& part : parts) {
-        EXPECT_NE(text.find(part), std::string::npos) << "missing: " << part << "\nin: " << text;
-    }
 }
 
 struct Group {

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "CaseSupport.h"
+#include "ExpectContains.h"
 #include "Paths.h"
 #include "log/LogReader.h"
 #include "sweep/SweepRow.h"
@@ -13,16 +14,12 @@ namespace viable {
 namespace {
 
 using test::catchError;
+using test::expectContains;
 using test::kOneJoint;
 using test::makeTestLoader;
 using test::readTestExperiment;
 using test::TemporaryFolder;
 using test::TestLoop;
-
-void expectContains(const std::string& text, const std::vector<std::string>& parts) {
-    for (const std::string& part : parts)
-        EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is missing in: " << text;
-}
 
 /** What the robot single_joint swings about the z axis: a rod of this length and radius [m]. */
 constexpr double kRod = 1.0, kRadius = 0.02;

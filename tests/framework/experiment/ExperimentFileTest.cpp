@@ -1,3 +1,4 @@
+#include "ExpectContains.h"
 #include "experiment/ExperimentFile.h"
 
 #include <gtest/gtest.h>
@@ -10,14 +11,10 @@ namespace viable {
 namespace {
 
 using test::catchError;
+using test::expectContains;
 using test::kOneJoint;
 using test::kTeleoperation;
 using test::readTestExperiment;
-
-void expectContains(const std::string& text, const std::vector<std::string>& parts) {
-    for (const std::string& part : parts)
-        EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is missing in: " << text;
-}
 
 std::string errorOf(const std::string& yaml, const std::vector<std::string>& overrides = {}) {
     return catchError([&] { readTestExperiment(yaml, overrides); });

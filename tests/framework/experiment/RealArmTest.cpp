@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "CaseSupport.h"
+#include "ExpectContains.h"
 #include "log/LogReader.h"
 #include "viable/testing/AllocationCounter.h"
 
@@ -10,6 +11,7 @@ namespace viable {
 namespace {
 
 using test::catchError;
+using test::expectContains;
 using test::kTeleoperation;
 using test::readTestExperiment;
 using test::TemporaryFolder;
@@ -17,7 +19,7 @@ using test::TemporaryFolder;
 /** The arm without any loss, so that it follows the nominal one to some 1e-6 rad. */
 const std::vector<std::string> kIdeal = {"filter={plugin: certified_braking}", "real_plant={plugin: pushed}"};
 
-std::vector<std::string> with(std::vector<std::string> overrides) {
+std::vector<std::string> idealWith(std::vector<std::string> overrides) {
     overrides.insert(overrides.begin(), kIdeal.begin(), kIdeal.end());
     return overrides;
 }
@@ -50,11 +52,6 @@ BoundedCase readBounded(const std::vector<std::string>& overrides, double size) 
     Experiment e = readTestExperiment(kTeleoperation, overrides);
     const int n = e.cases.front().robot.size();
     return {std::move(e), makeBound(n, size)};
-}
-
-void expectContains(const std::string& text, const std::vector<std::string>& parts) {
-    for (const std::string& part : parts)
-        EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is missing in:\n" << text;
 }
 
 /** Nric, listened to. */
@@ -104,8 +101,8 @@ struct HeardCase {
 
 TEST(Trip, InTheTickInWhichAReadingIsBeyondItsBoundAndOnlyThen) {
     for (const double bound : {0.0101, 0.0099}) {
-        HeardCase c(readBounded(with({"real_plant.offset_rad=[0, 0, 0.01, 0, 0.005, 0]", "real_plant.offset_at_s=0.7"}),
-                                bound));
+        HeardCase c(readBounded(
+            idealWith({"real_plant.offset_rad=[0, 0, 0.01, 0, 0.005, 0]", "real_plant.offset_at_s=0.7"}), bound));
         const bool trips = bound < 0.01;
         const JointBounds& limits = c.plan().limits.position;
         TickRecord record;
@@ -141,7 +138,7 @@ TEST(Trip, InTheTickInWhichAReadingIsBeyondItsBoundAndOnlyThen) {
 }
 
 TEST(Trip, AlsoInAMissedTickAndOverARequestedStop) {
-    const BoundedCase e = readBounded(with({"real_plant.offset_rad=0.01", "real_plant.offset_at_s=0.5"}), 0.005);
+    const BoundedCase e = readBounded(idealWith({"real_plant.offset_rad=0.01", "real_plant.offset_at_s=0.5"}), 0.005);
     TickRecord record;
     HeardCase missed(e);
     for (int k = 0; k < 500; ++k) missed.loop->tick(record);
@@ -157,7 +154,8 @@ TEST(Trip, AlsoInAMissedTickAndOverARequestedStop) {
 }
 
 TEST(Trip, WithoutABoundThereIsNone) {
-    HeardCase c(readTestExperiment(kTeleoperation, with({"real_plant.offset_rad=0.01", "real_plant.offset_at_s=0.5"})));
+    HeardCase c(
+        readTestExperiment(kTeleoperation, idealWith({"real_plant.offset_rad=0.01", "real_plant.offset_at_s=0.5"})));
     TickRecord record;
     for (int k = 0; k < 1000; ++k) c.loop->tick(record);
     EXPECT_EQ(c.loop->stopReason(), StopReason::None);
@@ -227,7 +225,7 @@ TEST(Trip, TheGravestExitCodeCounts) {
 
 TEST(RealGuarantee, APassedLimitOfTheRealArmWithoutATripEndsTheRunWith3) {
     for (const double widening : {0.05, -0.05}) {
-        BoundedCase e = readBounded(with({}), 0.01);
+        BoundedCase e = readBounded(idealWith({}), 0.01);
         auto configured = e.configure();
         CasePlan& plan = e.plan();  // from here on its limits are those of the real arm
         plan.holdsOnReal = true;
@@ -352,7 +350,7 @@ TEST(RealGuarantee, ALimitThatWasPassedBeforeATripIsNotForgotten) {
         EXPECT_NEAR(s.trip()->time_s, 0.005, 1e-12);
         const bool isBroken = beyond_s < 0.005;
         EXPECT_EQ(s.anyRealLimitBroken(), isBroken);
-        CaseResult result = makeResult(*readBounded(with({}), 0.1).configure());
+        CaseResult result = makeResult(*readBounded(idealWith({}), 0.1).configure());
         result.holdsOnReal = result.guarantees = true;
         result.stopReason = StopReason::TrackingLost;
         result.summary = s;
@@ -364,7 +362,7 @@ TEST(RealGuarantee, ALimitThatWasPassedBeforeATripIsNotForgotten) {
 // Noise within the disturbance set, and any up to a thousandth of a turn without one, is no jump.
 TEST(RealArm, AReadingWithinTheStatedErrorIsNoJump) {
     const std::vector<std::string> slow =
-        with({"limits.velocity_radps=0.005", "real_plant.offset_rad=0.002", "real_plant.offset_at_s=0.7"});
+        idealWith({"limits.velocity_radps=0.005", "real_plant.offset_rad=0.002", "real_plant.offset_at_s=0.7"});
     const auto run = [](BoundedCase e) {
         HeardCase c(std::move(e));
         TickRecord record;
@@ -405,7 +403,7 @@ TEST(Trip, OfANominalArmBeyondItsLimitsDoesNotBlameTheDisturbances) {
 // One-sample spike, wrap and swap all begin with a jump: nothing of it reaches the motors.
 TEST(Fault23, AnEncoderWrapBrakesTheArmAndBecomesNoTorque) {
     const Experiment e = readTestExperiment(
-        kTeleoperation, with({"real_plant.offset_rad=[0, 2*pi, 0, 0, 0, 0]", "real_plant.offset_at_s=0.7"}));
+        kTeleoperation, idealWith({"real_plant.offset_rad=[0, 2*pi, 0, 0, 0, 0]", "real_plant.offset_at_s=0.7"}));
     HeardCase c(e);
     TickRecord record;
     double before = 0.0, largest = 0.0;
@@ -438,12 +436,12 @@ const char* const kPush = "real_plant.push_Nm=[30, -30, 30, 10, 10, 10]";
 TEST(ExternalTorque, APushMovesTheNominalArmWithinItsLimitsAndWindsNothingUp) {
     double largest[2], error[2], moved[2];
     for (const bool feeds : {false, true}) {
-        Experiment e = readTestExperiment(kTeleoperation,
-                                          with({kPush, "real_plant.push_at_s=0.5",
-                                                std::string("external_torque=") + (feeds ? "to_nominal" : "ignored")}));
+        Experiment e = readTestExperiment(
+            kTeleoperation, idealWith({kPush, "real_plant.push_at_s=0.5",
+                                       std::string("external_torque=") + (feeds ? "to_nominal" : "ignored")}));
         ASSERT_EQ(e.cases[0].feedsExternalTorque, feeds);
         HeardCase c(e);
-        HeardCase undisturbed(readTestExperiment(kTeleoperation, with({})));
+        HeardCase undisturbed(readTestExperiment(kTeleoperation, idealWith({})));
         Summary summary(e.cases[0].robot.jointNames(), e.cases[0].limits, true);
         TickRecord record, other;
         largest[feeds] = error[feeds] = moved[feeds] = 0.0;
@@ -479,9 +477,9 @@ TEST(ExternalTorque, ABadReadingIsReplacedByTheLastGoodOneForTenTicksThenTheArmI
     for (const char* fault : {"nan", "huge", "size"})
         for (const int ticks : {10, 11}) {
             const Experiment e = readTestExperiment(
-                kTeleoperation, with({kPush, "external_torque=to_nominal", "real_plant.push_s=5",
-                                      std::string("real_plant.fault=") + fault, "real_plant.fault_at_s=0.4",
-                                      "real_plant.fault_ticks=" + std::to_string(ticks)}));
+                kTeleoperation, idealWith({kPush, "external_torque=to_nominal", "real_plant.push_s=5",
+                                           std::string("real_plant.fault=") + fault, "real_plant.fault_at_s=0.4",
+                                           "real_plant.fault_ticks=" + std::to_string(ticks)}));
             const CaseResult result = runCase(configureCase(e.cases[0]), {});
             SCOPED_TRACE(std::string(fault) + ", " + std::to_string(ticks));
             EXPECT_FALSE(result.summary.anyLimitBroken());
@@ -509,7 +507,7 @@ TEST(ExternalTorque, WhatCannotMeasureItIsRefused) {
     expectContains(catchError([&] { readTestExperiment(kTeleoperation, {"external_torque=to_nominl"}); }),
                    {"to_nominal"});
     // The resolved file says the same again.
-    const Experiment e = readTestExperiment(kTeleoperation, with({"external_torque=to_nominal"}));
+    const Experiment e = readTestExperiment(kTeleoperation, idealWith({"external_torque=to_nominal"}));
     const Experiment again = readTestExperiment(writeConfig(e.cases[0].resolved));
     EXPECT_TRUE(again.cases[0].feedsExternalTorque);
 }
@@ -517,7 +515,7 @@ TEST(ExternalTorque, WhatCannotMeasureItIsRefused) {
 TEST(RealArm, ATickWithBoundAndExternalTorqueAllocatesNothing) {
     if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     HeardCase c(readBounded(
-        with({kPush, "external_torque=to_nominal", "real_plant.offset_rad=0.01", "real_plant.offset_at_s=1.9"}),
+        idealWith({kPush, "external_torque=to_nominal", "real_plant.offset_rad=0.01", "real_plant.offset_at_s=1.9"}),
         0.005));
     TickRecord record;
     for (int k = 0; k < 100; ++k) c.loop->tick(record);

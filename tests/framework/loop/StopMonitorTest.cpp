@@ -7,6 +7,7 @@
 #include <iostream>
 #include <random>
 
+#include "viable/core/Numbers.h"
 #include "viable/core/TripleIntegrator.h"
 #include "viable/testing/AllocationCounter.h"
 
@@ -14,7 +15,6 @@ namespace viable {
 namespace {
 
 constexpr double kTick_s = 1e-3;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr unsigned kSeed = 20260721;
 
 JointLimits makeLimits(int n, double P = 1.0, double V = 2.0, double A = 10.0, double J = 40.0) {

@@ -1,4 +1,5 @@
 #include "Paths.h"
+#include "viable/core/Numbers.h"
 #include "viable/loop/TorqueGuard.h"
 
 #include <gtest/gtest.h>
@@ -19,8 +20,6 @@
 namespace viable {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr double kTick_s = 1e-3;
 
 using test::catchError;
@@ -135,7 +134,7 @@ TEST(TorqueGuard, GivesTheTorquesOfAnExperimentBitForBit) {
     gains.robustGains = NricOptions{300.0, 10.0, 2.0};
     TorqueGuardOptions plain;
     plain.hasRobustLoop = false;
-    plain.largestDeviation = kInf;
+    plain.largestDeviation = kInfinity;
     const Variant variants[] = {
         {"defaults", {"filter={plugin: certified_braking}"}, paper, false},
         {"gains",
@@ -248,7 +247,7 @@ TEST(TorqueGuard, MoreThanAThousandMissedTicksStopTheArm) {
 
 TEST(TorqueGuard, AnUnusableTorqueIsReplacedTenTimesThenTheArmStops) {
     const auto writeNan = [](JointVector& torque) { torque[1] = kNan; };
-    const auto writeInfinity = [](JointVector& torque) { torque[0] = -kInf; };
+    const auto writeInfinity = [](JointVector& torque) { torque[0] = -kInfinity; };
     const auto writeTooFew = [](JointVector& torque) { torque.resize(1); };
     const auto writeTooMany = [](JointVector& torque) { torque.setZero(kMaxJoints); };
     const std::pair<const char*, std::function<void(JointVector&)>> faults[] = {
@@ -325,7 +324,7 @@ struct BadReading {
 
 std::vector<BadReading> listBadReadings() {
     return {{"nan", ReadingFault::Malformed, [](JointState& r) { r.q[1] = kNan; }},
-            {"infinite velocity", ReadingFault::Malformed, [](JointState& r) { r.qd[0] = kInf; }},
+            {"infinite velocity", ReadingFault::Malformed, [](JointState& r) { r.qd[0] = kInfinity; }},
             {"no numbers", ReadingFault::Malformed, [](JointState& r) { r = {}; }},
             {"too few", ReadingFault::Malformed, [](JointState& r) { r.q.conservativeResize(1); }},
             {"too many", ReadingFault::Malformed, [](JointState& r) { r.qd.setZero(kMaxJoints); }},
@@ -483,8 +482,9 @@ TEST(TorqueGuard, AnArmThatHasLostItsSensorsIsBrakedAndItsTorqueDoesNotGrow) {
         double speedInTheEnd;           // [rad/s]
     };
     // The Indy7's friction keeps what is braked near its place; the UR5e is without any, and floats.
-    const Case cases[] = {
-        {"indy7", true, 0.1, 0.6, 0.1}, {"indy7", false, 0.01, 0.02, 0.01}, {"ur5e", false, 0.05, kInf, kInf}};
+    const Case cases[] = {{"indy7", true, 0.1, 0.6, 0.1},
+                          {"indy7", false, 0.01, 0.02, 0.01},
+                          {"ur5e", false, 0.05, kInfinity, kInfinity}};
     for (const Case& c : cases) {
         SCOPED_TRACE(std::string(c.robot) + (c.sways ? ", in motion" : ", at rest"));
         SwayingArm arm(c.robot, c.sways, 1.0);
@@ -619,9 +619,9 @@ TEST(TorqueGuard, WithoutAStartThereIsNoTorque) {
 /** Without limits on readings and motors nothing holds the robust loop back. */
 TEST(TorqueGuard, ARobustTorqueBeyondAllArithmeticStopsTheArm) {
     RobotDescription robot = makeTwoLinkArm();
-    robot.actuation.torqueLimit = pair(kInf, kInf);
+    robot.actuation.torqueLimit = pair(kInfinity, kInfinity);
     TorqueGuardOptions options;
-    options.largestSpeed = kInf;
+    options.largestSpeed = kInfinity;
     TorqueGuard guard(robot, kTick_s, options);
     guard.start(atHome(robot));
     guard.step(atHome(robot), Spring{robot.home});
@@ -758,7 +758,8 @@ TEST(TorqueGuard, EveryWrongConstructionSaysPlaceCauseAndRemedy) {
         {"RobotDescription::limits: joint `joint1`: velocity_upper is -1 rad/s; allowed is",
          [](RobotDescription& r, auto&, auto&) { r.limits.velocity.upper[1] = -1.0; }},
         {"position_upper is nan", [](RobotDescription& r, auto&, auto&) { r.limits.position.upper[0] = kNan; }},
-        {"finite jerk limit on every joint", [](RobotDescription& r, auto&, auto&) { r.limits.jerk.upper[0] = kInf; }},
+        {"finite jerk limit on every joint",
+         [](RobotDescription& r, auto&, auto&) { r.limits.jerk.upper[0] = kInfinity; }},
         {"CertifiedBrakingOptions::kAlpha", [](auto&, auto&, TorqueGuardOptions& o) { o.filter.kAlpha = kNan; }},
         {"CertifiedBrakingOptions::gamma", [](auto&, auto&, TorqueGuardOptions& o) { o.filter.gamma = kNan; }},
         {"NricOptions::kr: the gain of joint 0 is nan",
@@ -798,7 +799,7 @@ TEST(TorqueGuard, EveryWrongConstructionSaysPlaceCauseAndRemedy) {
 
 TEST(TorqueGuard, LimitsOnOneSideOrNoneAreEnoughToBegin) {
     RobotDescription robot = makeTwoLinkArm();
-    robot.limits.position = {pair(-kInf, 20.0), pair(-20.0, kInf)};
+    robot.limits.position = {pair(-kInfinity, 20.0), pair(-20.0, kInfinity)};
     robot.allowLargeAngles = true;
     robot.home = pair(-25.0, 25.0);
     TorqueGuard guard(robot, kTick_s);

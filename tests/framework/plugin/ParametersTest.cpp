@@ -1,3 +1,5 @@
+#include "ExpectContains.h"
+#include "viable/core/Numbers.h"
 #include "viable/plugin/Parameters.h"
 
 #include <gtest/gtest.h>
@@ -17,8 +19,9 @@
 namespace viable {
 namespace {
 
+using test::expectContains;
+
 namespace fs = std::filesystem;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 const ParameterSpec kSpecs[] = {
     parameter::number("gamma", "1/s", "20", "How fast the jerk follows.").above(0).upTo(1000),
@@ -53,12 +56,6 @@ std::string refuse(const std::function<void()>& action, ErrorKind kind = ErrorKi
 std::string refuseBlock(const std::string& text) {
     return refuse([&] { read(text); });
 }
-void expectContains(const std::string& text, const std::vector<std::string>& parts) {
-    for (const std::string& part : parts) {
-        EXPECT_NE(text.find(part), std::string::npos) << "missing: " << part << "\nin: " << text;
-    }
-}
-
 TEST(Parameters, DefaultsFillWhatIsNotWritten) {
     const Parameters p = read("{plugin: x}");
     EXPECT_EQ(p.number("gamma"), 20.0);

@@ -1,4 +1,5 @@
 #include "Paths.h"
+#include "viable/core/Numbers.h"
 #include "viable/qp/BoxQp.h"
 
 #include <gtest/gtest.h>
@@ -19,8 +20,6 @@
 
 namespace viable {
 namespace {
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 struct Problem {
     JointMatrix M;
@@ -141,13 +140,13 @@ Problem drawProblem(std::mt19937_64& random, int n, double condition) {
                 lower = upper = t + 40.0 * normal(random);
                 break;
             case 6:
-                lower = -kInf, upper = t - a;
+                lower = -kInfinity, upper = t - a;
                 break;
             case 8:
-                lower = t + a, upper = kInf;
+                lower = t + a, upper = kInfinity;
                 break;
             case 7:
-                lower = -kInf, upper = kInf;
+                lower = -kInfinity, upper = kInfinity;
                 break;
         }
         p.target[i] = t;
@@ -264,7 +263,7 @@ TEST(BoxQp, ErrorInAClosedLoopStaysBelowOneMillionth) {
             const double wish = robot.home[i] + 2.0 * range[i] * std::sin((1.0 + 0.3 * i) * tick * kTick_s);
             p.target[i] = 100.0 * (25.0 * (wish - q[i]) - 10.0 * v[i] - a[i]);
             p.target[i] = std::min(std::max(p.target[i], -3.0 * J), 3.0 * J);
-            const AxisLimits l{robot.home[i] - range[i], robot.home[i] + range[i], -kInf, kInf, -A, A, -J, J};
+            const AxisLimits l{robot.home[i] - range[i], robot.home[i] + range[i], -kInfinity, kInfinity, -A, A, -J, J};
             calcJerkBounds({q[i], v[i], a[i]}, l, kTick_s, p.lower[i], p.upper[i]);
         }
         JointVector x;
@@ -344,11 +343,11 @@ std::vector<JointMatrix> makeDefectiveMatrices() {
     all[1].setOnes();
     all[2].col(3).setZero();
     all[3].col(2) = all[3].col(4);
-    all[4](1, 5) = kNaN;
-    all[5](2, 2) = kInf;
+    all[4](1, 5) = kNan;
+    all[5](2, 2) = kInfinity;
     all[6] *= 1e200;
     all[7] *= 1e-200;
-    all[8].fill(kNaN);
+    all[8].fill(kNan);
     return all;
 }
 
@@ -368,7 +367,7 @@ TEST(Fault34, WithoutASolutionTheTargetIsCutOffAtTheBounds) {
 }
 
 TEST(Fault34, TargetsThatAreNotFiniteNeverComeOut) {
-    for (double bad : {kNaN, kInf, -kInf}) {
+    for (double bad : {kNan, kInfinity, -kInfinity}) {
         Problem p{JointMatrix::Identity(6, 6), JointVector::Zero(6), JointVector::Constant(6, -3.0),
                   JointVector::Constant(6, 2.0)};
         p.M(0, 1) = p.M(1, 0) = 0.5;
@@ -432,7 +431,7 @@ Problem drawHardProblem(std::mt19937_64& random, int n) {
     if (random() % 2 == 0)
         for (int i = 0; i < n; ++i) {
             p.lower[i] = p.target[i] + 1.0 + 0.1 * drawUniform(random, -1, 1);
-            p.upper[i] = random() % 2 ? kInf : p.lower[i] + drawUniform(random, 0, 1);
+            p.upper[i] = random() % 2 ? kInfinity : p.lower[i] + drawUniform(random, 0, 1);
         }
     return p;
 }

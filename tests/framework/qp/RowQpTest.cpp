@@ -15,13 +15,12 @@
 #include "Effort.h"
 #include "LeastDistance.h"
 #include "MotionTestSupport.h"
+#include "viable/core/Numbers.h"
 #include "viable/qp/BoxQp.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 using LongVector = NonNegativeLeastSquares<long double>::Vector;
 using LongMatrix = NonNegativeLeastSquares<long double>::Matrix;
@@ -211,10 +210,10 @@ Problem drawBox(std::mt19937_64& random, int n, double condition, JointVector& i
     p.upper = inside + drawVector(random, n, 30.0).cwiseAbs();
     for (int i = 0; i < n; ++i) switch (random() % 12) {
             case 0:
-                p.lower[i] = -kInf;
+                p.lower[i] = -kInfinity;
                 break;
             case 1:
-                p.upper[i] = kInf;
+                p.upper[i] = kInfinity;
                 break;
             case 2:
                 p.lower[i] = p.upper[i] = inside[i];
@@ -568,7 +567,7 @@ TEST(RowQp, AClosedLoopSlidesAlongWalls) {
     JointVector q{{1.0, 1.0, 0.0}};
     Problem p{from, q, JointVector::Constant(kJoints, -2.0), JointVector::Constant(kJoints, 2.0), {}};
     RowQp qp;
-    double least = kInf, path = 0.0;
+    double least = kInfinity, path = 0.0;
     int touching = 0, most = 0;
     for (int tick = 0; tick < 20000; ++tick) {
         const double t = tick * kTick_s;
@@ -602,7 +601,7 @@ TEST(RowQp, TakesNoMemory) {
         Problem p = drawBox(random, 1 + k % kMaxJoints, 100.0, inside);
         addRows(random, p, inside, RowQp::kMaxRows - 1, 1e-16);
         if (k % 3 == 0) p.rows.add(p.rows.normal[0], 1e9 * p.rows.normal[0].norm());
-        if (k % 5 == 0) p.target[0] = kNaN;
+        if (k % 5 == 0) p.target[0] = kNan;
         const testing::AllocationCounter counter;
         solve(qp, p, x);
         ASSERT_EQ(counter.count(), 0);
@@ -648,7 +647,7 @@ TEST(Fault34, InputsThatAreNotFiniteGiveTheTargetCutOff) {
                  {}};
     good.rows.add(JointVector::Ones(6), 1.0);
     good.rows.add(JointVector::Unit(6, 2), -2.5);
-    for (const double bad : {kNaN, kInf, -kInf}) {
+    for (const double bad : {kNan, kInfinity, -kInfinity}) {
         Problem p = good;
         p.M(1, 5) = bad;
         check(p, "M");
@@ -663,10 +662,10 @@ TEST(Fault34, InputsThatAreNotFiniteGiveTheTargetCutOff) {
         check(p, "bound of a row");
     }
     Problem p = good;
-    p.lower[5] = kNaN;
+    p.lower[5] = kNan;
     check(p, "lower");
     p = good;
-    p.upper[5] = kNaN;
+    p.upper[5] = kNan;
     check(p, "upper");
     for (int defect = 0; defect < 4; ++defect) {
         p = good;
@@ -728,7 +727,7 @@ TEST(Fault35, AfterAFailureTheNextSolveIsThatOfAFreshSolver) {
         Problem p = drawBox(random, 6, 100.0, inside), bad = p;
         addRows(random, p, inside, 16);
         if (k % 2) bad.M.setZero();
-        bad.rows.add(JointVector::Ones(6), kInf);
+        bad.rows.add(JointVector::Ones(6), kInfinity);
         ASSERT_EQ(solve(qp, bad, x), RowQp::Status::Failed);
         const RowQp::Status status = solve(qp, p, x);
         RowQp fresh;

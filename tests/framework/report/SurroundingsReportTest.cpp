@@ -12,6 +12,7 @@
 #include "log/LogWriter.h"
 #include "report/RunReport.h"
 #include "robot/ArmReach.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
@@ -20,9 +21,6 @@ using nlohmann::json;
 using test::kPage;
 using test::ReadReport;
 using test::TemporaryFolder;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 /** A log of ten rows of an Indy7 among these surroundings; row k has a clearance of k mm, but of row 3 nobody knows it
 and in row 4 nothing is near. */

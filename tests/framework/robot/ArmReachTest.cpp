@@ -1,4 +1,5 @@
 #include "robot/ArmReach.h"
+#include "viable/core/Numbers.h"
 
 #include <gtest/gtest.h>
 
@@ -8,9 +9,7 @@
 namespace viable {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-JointDescription makeJoint(int parent, JointType type, const Eigen::Vector3d& origin, const Eigen::Vector3d& axis) {
+JointDescription describeJoint(int parent, JointType type, const Eigen::Vector3d& origin, const Eigen::Vector3d& axis) {
     JointDescription joint;
     joint.parent = parent;
     joint.type = type;
@@ -22,10 +21,10 @@ JointDescription makeJoint(int parent, JointType type, const Eigen::Vector3d& or
 /** Two branches on one base; in the first a joint slides. */
 RobotDescription makeRobot() {
     RobotDescription robot;
-    robot.joints = {makeJoint(-1, JointType::Revolute, {0.1, -0.2, 0.3}, {0, 0, 1}),
-                    makeJoint(0, JointType::Prismatic, {0.3, 0.1, 0.2}, {1, 1, 0}),
-                    makeJoint(1, JointType::Revolute, {0, 0.2, -0.3}, {0, 1, 2}),
-                    makeJoint(-1, JointType::Prismatic, {-2, 0, 0}, {1, 0, 0})};
+    robot.joints = {describeJoint(-1, JointType::Revolute, {0.1, -0.2, 0.3}, {0, 0, 1}),
+                    describeJoint(0, JointType::Prismatic, {0.3, 0.1, 0.2}, {1, 1, 0}),
+                    describeJoint(1, JointType::Revolute, {0, 0.2, -0.3}, {0, 1, 2}),
+                    describeJoint(-1, JointType::Prismatic, {-2, 0, 0}, {1, 0, 0})};
     const JointVector lower = (JointVector(4) << -3.0, -0.4, -3.0, -0.2).finished();
     const JointVector upper = (JointVector(4) << 3.0, 0.1, 3.0, 0.5).finished();
     robot.limits = JointLimits::unlimited(4);

@@ -1,3 +1,5 @@
+#include "ExpectContains.h"
+#include "viable/core/Numbers.h"
 #include "viable/summary/Summary.h"
 
 #include <gtest/gtest.h>
@@ -9,10 +11,9 @@
 namespace viable {
 namespace {
 
+using test::expectContains;
 using test::kOneJoint;
 using test::readTestExperiment;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /** One joint within +-1 rad, 2 rad/s, 3 rad/s^2 and 4 rad/s^3. */
 JointLimits makeLimits() {
@@ -45,11 +46,6 @@ struct HandMadeRun {
     }
     nlohmann::json json() const { return nlohmann::json::parse(writeSummaryJson({}, {}, {result}))["cases"][0]; }
 };
-
-void expectContains(const std::string& text, const std::vector<std::string>& parts) {
-    for (const std::string& part : parts)
-        EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is missing in:\n" << text;
-}
 
 TEST(Summary, AnArmThatNeverComesBackHasNotKeptItsLimits) {
     HandMadeRun run;

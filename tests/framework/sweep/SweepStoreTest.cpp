@@ -5,17 +5,16 @@
 
 #include <cmath>
 #include <fstream>
-#include <limits>
 #include <sstream>
 
 #include "TemporaryFolder.h"
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
 
 using Folder = test::TemporaryFolder;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /** Two cases, a draw, two results. */
 SweepPlan makePlan() {

@@ -2,15 +2,11 @@
 
 #include <gtest/gtest.h>
 
-#include <limits>
-
 #include "TestArm.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInf = std::numeric_limits<double>::infinity();
 
 /** By how much the sampled law may pass a position limit, joint by joint the largest [rad].
 
@@ -260,7 +256,7 @@ TEST_F(AccelerationViabilityTest, Fault08TooSteepAlphaForTheTickIsRefused) {
 
 TEST_F(AccelerationViabilityTest, UnlimitedAccelerationIsRefused) {
     TestArm arm("single_joint");
-    arm.limits.acceleration.upper[0] = kInf;
+    arm.limits.acceleration.upper[0] = kInfinity;
     EXPECT_CONTAINS(findConfigureComplaint(arm, ""), "finite acceleration limit");
 }
 
@@ -272,7 +268,7 @@ TEST_F(AccelerationViabilityTest, RefusesWhatIsNotFiniteOrOfTheWrongSize) {
     const Dynamics dynamics = arm.calcDynamics(arm.start);
     const JointVector torque = dynamics.gravity;
     FilterDecision decision;
-    for (const double bad : {kNan, kInf, -kInf}) {
+    for (const double bad : {kNan, kInfinity, -kInfinity}) {
         JointVector badTorque = torque;
         badTorque[3] = bad;
         EXPECT_EQ(filter.filter({arm.start, badTorque, dynamics}, decision), FilterStatus::InvalidInput);

@@ -1,3 +1,4 @@
+#include "viable/core/Numbers.h"
 #include "viable/filter/CertifiedBrakingFilter.h"
 
 #include <gtest/gtest.h>
@@ -11,8 +12,6 @@
 namespace viable {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInf = std::numeric_limits<double>::infinity();
 /** What counts as rounding beyond a limit: relative to max(1, limit), position in rad. */
 constexpr double kAllowed = 1e-12;
 
@@ -152,7 +151,7 @@ TEST(CertifiedBraking, RidesTheVelocityLimitWithoutChatter) {
             for (const double push : {100.0, -100.0}) {
                 TestArm arm("single_joint", tick_s);
                 if (asymmetric) setAsymmetric(arm);
-                arm.limits.position = {JointVector::Constant(1, -kInf), JointVector::Constant(1, kInf)};
+                arm.limits.position = {JointVector::Constant(1, -kInfinity), JointVector::Constant(1, kInfinity)};
                 FilteredArm run(arm, "gamma: 100");
                 const double jerk =
                     runTenSeconds(run, tick_s, [&](const MotionState&) { return JointVector::Constant(1, push); });
@@ -315,17 +314,17 @@ TEST(CertifiedBraking, OptionsInCodeAreCheckedInWordsOfTheirOwn) {
         return findComplaint([&] { CertifiedBrakingFilter().configure(arm.setup(), options); });
     };
     EXPECT_EQ(complain({}), "");
-    for (const double bad : {0.0, -1.0, 1001.0, -kInf, kNan}) {
+    for (const double bad : {0.0, -1.0, 1001.0, -kInfinity, kNan}) {
         EXPECT_CONTAINS(complain({bad}), "CertifiedBrakingOptions::kAlpha: k_alpha * tick_s is");
         EXPECT_CONTAINS(complain({bad}), "or infinity");
     }
-    for (const double bad : {0.0, -1.0, 2000.0, kInf, kNan})
-        EXPECT_CONTAINS(complain({kInf, bad}), "CertifiedBrakingOptions::gamma: gamma * tick_s is");
+    for (const double bad : {0.0, -1.0, 2000.0, kInfinity, kNan})
+        EXPECT_CONTAINS(complain({kInfinity, bad}), "CertifiedBrakingOptions::gamma: gamma * tick_s is");
     arm.start.q[2] = arm.limits.position.upper[2] + 0.1;
     EXPECT_CONTAINS(complain({}), "outside its limits: position");
     EXPECT_CONTAINS(complain({}), "Start inside the limits, or set CertifiedBrakingOptions::recovery");
-    EXPECT_EQ(complain({kInf, 20.0, true}), "");
-    arm.limits.jerk.upper[0] = kInf;
+    EXPECT_EQ(complain({kInfinity, 20.0, true}), "");
+    arm.limits.jerk.upper[0] = kInfinity;
     EXPECT_CONTAINS(complain({}), "JointLimits::jerk");
 }
 
@@ -333,10 +332,10 @@ TEST(CertifiedBraking, UnlimitedJerkIsRefused) {
     TestArm arm("single_joint");
     FilteredArm run(arm, "");
     JointLimits unlimited = arm.limits;
-    unlimited.jerk.upper[0] = kInf;
+    unlimited.jerk.upper[0] = kInfinity;
     EXPECT_FALSE(run.filter().changeLimits(unlimited));
     EXPECT_TRUE(run.filter().changeLimits(arm.limits));
-    arm.limits.jerk.lower[0] = -kInf;
+    arm.limits.jerk.lower[0] = -kInfinity;
     const std::string complaint = findConfigureComplaint(arm, "");
     EXPECT_CONTAINS(complaint, "finite jerk limit");
     EXPECT_CONTAINS(complaint, "limits.jerk_radps3");
@@ -556,7 +555,7 @@ TEST(Fault28, WhatIsNotFiniteOrOfTheWrongSizeIsRefusedAndLeavesNoTrace) {
         FilterDecision decision;
         decision.value.setConstant(6, 123.25);
         if (disturbed) {
-            for (const double bad : {kNan, kInf, -kInf}) {
+            for (const double bad : {kNan, kInfinity, -kInfinity}) {
                 JointVector torque = dynamics.gravity;
                 torque[3] = bad;
                 EXPECT_EQ(filter.filter({arm.start, torque, dynamics}, decision), FilterStatus::InvalidInput);
@@ -590,7 +589,7 @@ TEST(Fault28, ANaNTickIsAMissedTickAndTheNextGoesOn) {
             const JointVector& aim = push.next();
             if (k % 7 == 3 || k % 500 > 480) {
                 JointVector torque = JointVector::Zero(6);
-                torque[k % 6] = k % 2 ? kNan : kInf;
+                torque[k % 6] = k % 2 ? kNan : kInfinity;
                 ASSERT_EQ(run.decide(torque), FilterStatus::InvalidInput);
                 run.miss();
                 if (told) run.filter().skipTicks(1);

@@ -6,11 +6,10 @@
 
 #include "LawBench.h"
 #include "viable/braking/ExponentialBarrier.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
-
-constexpr double kInf = std::numeric_limits<double>::infinity();
 
 using Bench = LawBench<ExponentialCbf>;
 
@@ -65,11 +64,11 @@ TEST(ExponentialBarrier, RowsAreWhereTheBarrierConditionIsZero) {
             ASSERT_GT(calcCondition(kind, s, i2 + 1.0, lower[r], -1.0, k), 0.5);
         }
     }
-    const AxisLimits none{-kInf, kInf, -kInf, kInf, -kInf, kInf, -10, 10};
+    const AxisLimits none{-kInfinity, kInfinity, -kInfinity, kInfinity, -kInfinity, kInfinity, -10, 10};
     const ExponentialBarrierRows open = calcExponentialBarrierRows({1, 2, 3}, none, 5.0);
     for (std::size_t r = 0; r < ExponentialBarrierRows::kRows; ++r) {
-        EXPECT_EQ(open.lower[r], -kInf);
-        EXPECT_EQ(open.upper[r], kInf);
+        EXPECT_EQ(open.lower[r], -kInfinity);
+        EXPECT_EQ(open.upper[r], kInfinity);
     }
 }
 
@@ -161,7 +160,7 @@ TEST(ExponentialCbf, KeepsAPositionLimitWhereJerkAndAccelerationAreNotScarce) {
     const auto none = [](double size) {
         return JointBounds{JointVector::Constant(1, -size), JointVector::Constant(1, size)};
     };
-    bench.arm.limits.velocity = bench.arm.limits.acceleration = none(kInf);
+    bench.arm.limits.velocity = bench.arm.limits.acceleration = none(kInfinity);
     bench.arm.limits.jerk = none(1e6);
     double worst = 0.0;
     for (unsigned seed = 1; seed <= 10; ++seed) {
@@ -186,7 +185,7 @@ TEST(ExponentialCbf, Fault08GainsAndLimitsThatDoNotFitAreRefused) {
     EXPECT_CONTAINS(bench.findConfigureComplaint("k_alpha: 101"), "k_alpha * tick_s is 1.01");
     EXPECT_CONTAINS(bench.findConfigureComplaint("gamma: 200"), "gamma * tick_s is 2.0");
     EXPECT_CONTAINS(bench.findConfigureComplaint("on_infeasible: pray"), "pray");
-    bench.arm.limits.jerk.upper[0] = kInf;
+    bench.arm.limits.jerk.upper[0] = kInfinity;
     EXPECT_CONTAINS(bench.findConfigureComplaint(""), "exponential_cbf needs a finite jerk limit");
 }
 

@@ -5,11 +5,11 @@
 #include <cstdio>
 
 #include "LawBench.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
 
-constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr double dt = 1e-3;
 
 using Bench = LawBench<JerkLimitedRate>;
@@ -82,7 +82,7 @@ TEST(JerkLimitedRate, TheSameOnTheArmAndThePositionIsNotItsBusiness) {
 
 TEST(JerkLimitedRate, ApproachesAVelocityLimitWithoutPassingIt) {
     Bench bench("single_joint", "jerk_limited_rate");
-    bench.arm.limits.position = {JointVector::Constant(1, -kInf), JointVector::Constant(1, kInf)};
+    bench.arm.limits.position = {JointVector::Constant(1, -kInfinity), JointVector::Constant(1, kInfinity)};
     const LawOutcome outcome = bench.run("", 10.0, [](const MotionState&) { return JointVector::Constant(1, 100.0); });
     EXPECT_EQ(outcome.excess.velocity, 0.0);
     EXPECT_NEAR(outcome.end.qd[0], 2 * kPi, 1e-4);
@@ -108,10 +108,10 @@ TEST(JerkLimitedRate, AdmissibleTorquePassesBitForBit) {
 
 TEST(JerkLimitedRate, UnlimitedAccelerationOrJerkIsRefused) {
     Bench bench("single_joint", "jerk_limited_rate");
-    bench.arm.limits.acceleration.upper[0] = kInf;
+    bench.arm.limits.acceleration.upper[0] = kInfinity;
     EXPECT_CONTAINS(bench.findConfigureComplaint(""), "needs finite acceleration and jerk limits");
     bench.arm.limits.acceleration.upper[0] = 1.0;
-    bench.arm.limits.jerk.lower[0] = -kInf;
+    bench.arm.limits.jerk.lower[0] = -kInfinity;
     EXPECT_CONTAINS(bench.findConfigureComplaint(""), "experiment.yaml:1:");
 }
 

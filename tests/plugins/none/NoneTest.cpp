@@ -2,14 +2,11 @@
 
 #include <gtest/gtest.h>
 
-#include <limits>
-
 #include "TestArm.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 class NoneTest : public ::testing::Test {
 protected:

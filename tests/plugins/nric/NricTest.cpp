@@ -1,3 +1,4 @@
+#include "viable/core/Numbers.h"
 #include "viable/tracking/Nric.h"
 
 #include <gtest/gtest.h>
@@ -9,12 +10,9 @@
 namespace viable {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInf = std::numeric_limits<double>::infinity();
-
 class NricTest : public ::testing::Test {
 protected:
-    NricTest() { arm_.robot.actuation.torqueLimit.setConstant(n(), kInf); }
+    NricTest() { arm_.robot.actuation.torqueLimit.setConstant(n(), kInfinity); }
 
     int n() const { return arm_.size(); }
 
@@ -81,7 +79,7 @@ TEST_F(NricTest, OptionsInCodeAreChecked) {
     };
     EXPECT_EQ(complain({}), "");
     EXPECT_EQ(complain({constant(100.0), 0.0, constant(3.0)}), "");
-    for (const double bad : {-1.0, kNan, kInf}) {
+    for (const double bad : {-1.0, kNan, kInfinity}) {
         EXPECT_CONTAINS(complain({bad}), "NricOptions::kr: the gain of joint 0 is");
         EXPECT_CONTAINS(complain({600.0, bad}), "NricOptions::kp");
         EXPECT_CONTAINS(complain({600.0, 20.0, bad}), "NricOptions::ki");
@@ -216,7 +214,7 @@ TEST_F(NricTest, TheIntegralEndsAtItsLimitAndAtTheMotorsAtTheLatest) {
 TEST_F(NricTest, TheTorqueChangesNoFasterThanItsRateOrTheFilterTorqueAtTheMotorsLimit) {
     arm_.robot.actuation.torqueLimit.setConstant(n(), 100.0);
     configure("torque_rate_Nmps: [2000, 2000, 2000, 5000, 5000, .inf]");
-    const double step[] = {2.0, 2.0, 2.0, 5.0, 5.0, kInf};
+    const double step[] = {2.0, 2.0, 2.0, 5.0, 5.0, kInfinity};
     std::mt19937 random(6);
     JointVector last = constant(0.0), lastFilterTorque = constant(0.0);
     int atRate = 0, beyond = 0;
@@ -352,7 +350,7 @@ TEST_F(NricTest, RefusesWhatIsNotFiniteOrOfTheWrongSizeAndStaysAsItWas) {
     compute(e, zero, zero);
     const JointState real{arm_.start.q + e, arm_.start.qd};
     JointVector torque = constant(7.0);
-    for (const double bad : {kNan, kInf}) {
+    for (const double bad : {kNan, kInfinity}) {
         JointState badReal = real;
         badReal.qd[2] = bad;
         EXPECT_EQ(loop_.compute(badReal, arm_.start, zero, torque), TickStatus::InvalidInput);

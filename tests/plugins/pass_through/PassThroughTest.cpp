@@ -6,12 +6,10 @@
 #include <limits>
 
 #include "TestArm.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInf = std::numeric_limits<double>::infinity();
 
 MotionState makeRandomState(const TestArm& arm, std::mt19937& random) {
     const int n = arm.size();
@@ -90,7 +88,7 @@ TEST_P(PassThroughTest, RefusesWhatIsNotFiniteOrOfTheWrongSize) {
         EXPECT_EQ(filter_.filter({s, tau, d}, decision), FilterStatus::InvalidInput);
         EXPECT_EQ(decision.value, JointVector::Constant(arm_.size(), 7.0));
     };
-    for (const double bad : {kNan, kInf, -kInf}) {
+    for (const double bad : {kNan, kInfinity, -kInfinity}) {
         JointVector badTorque = torque;
         badTorque[arm_.size() - 1] = bad;
         expectRefused(state, badTorque, dynamics);

@@ -7,13 +7,11 @@
 #include <vector>
 
 #include "TestArm.h"
+#include "viable/core/Numbers.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInf = std::numeric_limits<double>::infinity();
 
 /** Nothing but the multibody model. */
 const char* const kIdeal = "friction: none, encoder: exact";
@@ -77,7 +75,7 @@ void giveFriction(TestArm& arm) {
 TEST(SimbodyPlant, FollowsTheMultibodyModel) {
     TestArm arm("indy7");
     arm.robot.actuation.rotorInertia.setZero();
-    arm.robot.actuation.torqueLimit.setConstant(6, kInf);
+    arm.robot.actuation.torqueLimit.setConstant(6, kInfinity);
     arm.rebuildModel();
     std::mt19937 random(1);
     for (int k = 0; k < 3; ++k) {
@@ -248,7 +246,7 @@ TEST(SimbodyPlant, FrictionNeverFeedsEnergy) {
 // that the sub-step ends with, by at least the Coulomb torque.
 TEST(SimbodyPlant, FrictionOpposesTheMotionOfEachJoint) {
     TestArm arm("indy7");
-    arm.robot.actuation.torqueLimit.setConstant(6, kInf);
+    arm.robot.actuation.torqueLimit.setConstant(6, kInfinity);
     const JointVector& coulomb = arm.robot.actuation.friction.coulomb;
     std::mt19937 random(8);
     arm.start.qd = makeRandomVector(6, 1.0, random);
@@ -434,7 +432,7 @@ TEST(SimbodyPlant, RefusesTorqueThatIsNotFiniteOrOfTheWrongSizeAndStaysAsItWas) 
     plant.advance(torque);
     untouched.advance(torque);
     JointVector applied = JointVector::Constant(6, 7.0);
-    for (const double bad : {kNan, kInf, -kInf}) {
+    for (const double bad : {kNan, kInfinity, -kInfinity}) {
         JointVector badTorque = torque;
         badTorque[2] = bad;
         EXPECT_EQ(plant.plant().advance(badTorque, applied), TickStatus::InvalidInput);

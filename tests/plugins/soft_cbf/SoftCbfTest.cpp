@@ -5,11 +5,10 @@
 #include <cstdio>
 
 #include "LawBench.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
-
-constexpr double kInf = std::numeric_limits<double>::infinity();
 
 using Bench = LawBench<SoftCbf>;
 
@@ -185,7 +184,7 @@ TEST(SoftCbf, Fault08GainsAndLimitsThatDoNotFitAreRefused) {
     EXPECT_CONTAINS(bench.findConfigureComplaint("k_alpha: 101"), "k_alpha * tick_s is 1.01");
     EXPECT_CONTAINS(bench.findConfigureComplaint("gamma: 200"), "gamma * tick_s is 2.0");
     EXPECT_CONTAINS(bench.findConfigureComplaint("weight: 0"), "weight");
-    bench.arm.limits.jerk.upper[0] = kInf;
+    bench.arm.limits.jerk.upper[0] = kInfinity;
     EXPECT_CONTAINS(bench.findConfigureComplaint(""), "soft_cbf needs a finite jerk limit");
 }
 

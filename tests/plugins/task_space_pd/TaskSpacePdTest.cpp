@@ -8,11 +8,10 @@
 #include <limits>
 
 #include "TestArm.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 class TaskSpacePdTest : public ::testing::Test {
 protected:

@@ -3,16 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
-#include <limits>
 #include <vector>
 
 #include "TestArm.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInf = std::numeric_limits<double>::infinity();
 
 Parameters read(const TestArm& arm, const std::string& text) {
     return arm.read(PluginKind::SafetyFilter, "tosbp", text);
@@ -175,7 +172,7 @@ TEST(Tosbp, ArmUnderThePapersLimits) {
 // it creeps through the velocity limit, and not faster than derived above.
 TEST(Tosbp, PushedForEverCreepsThroughTheVelocityLimitAtTheDerivedRate) {
     TestArm arm("single_joint");
-    arm.limits.position = {JointVector::Constant(1, -kInf), JointVector::Constant(1, kInf)};
+    arm.limits.position = {JointVector::Constant(1, -kInfinity), JointVector::Constant(1, kInfinity)};
     const Dynamics unit = makeUnitDynamics(1);
     const Outcome outcome = run(
         arm, "k_alpha: 5, gamma: 100", 60.0,
@@ -346,7 +343,7 @@ TEST(Tosbp, Fault08GainsThatTheTickCannotCarryAreRefused) {
 
 TEST(Tosbp, UnlimitedJerkIsRefused) {
     TestArm arm("single_joint");
-    arm.limits.jerk.lower[0] = -kInf;
+    arm.limits.jerk.lower[0] = -kInfinity;
     const std::string complaint = findConfigureComplaint(arm, "");
     EXPECT_CONTAINS(complaint, "finite jerk limit");
     EXPECT_CONTAINS(complaint, "limits.jerk_radps3");
@@ -363,7 +360,7 @@ TEST(Tosbp, RefusesWhatIsNotFiniteOrOfTheWrongSizeAndStaysAsItWas) {
         filter.filter({arm.start, dynamics.gravity, dynamics}, decision);
         if (disturbed) {
             const JointVector before = decision.value;
-            for (const double bad : {kNan, kInf, -kInf}) {
+            for (const double bad : {kNan, kInfinity, -kInfinity}) {
                 JointVector torque = dynamics.gravity;
                 torque[3] = bad;
                 EXPECT_EQ(filter.filter({arm.start, torque, dynamics}, decision), FilterStatus::InvalidInput);

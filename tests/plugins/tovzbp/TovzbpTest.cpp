@@ -5,11 +5,10 @@
 #include <cstdio>
 
 #include "LawBench.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
-
-constexpr double kInf = std::numeric_limits<double>::infinity();
 
 using Bench = LawBench<Tovzbp>;
 
@@ -67,7 +66,7 @@ TEST(Tovzbp, PositionRowIsTheBarrierOfTheVelocityZeroingStop) {
 // S5 of the paper, Fig. 6.
 TEST(Tovzbp, SwingsAtTheLimitForEver) {
     Bench bench("single_joint", "tovzbp");
-    double lowest = kInf, highest = -kInf;
+    double lowest = kInfinity, highest = -kInfinity;
     int k = 0;
     const LawOutcome outcome = bench.follow(
         "k_alpha: 5, gamma: 100", 20.0, [](double) { return 2 * kPi; },
@@ -111,7 +110,7 @@ TEST(Tovzbp, Fault08GainsAndLimitsThatDoNotFitAreRefused) {
     EXPECT_CONTAINS(bench.findConfigureComplaint("k_alpha: 101"), "k_alpha * tick_s is 1.01");
     EXPECT_CONTAINS(bench.findConfigureComplaint("gamma: 200"), "gamma * tick_s is 2.0");
     EXPECT_EQ(bench.findConfigureComplaint("k_alpha: 100, gamma: 199"), "");
-    bench.arm.limits.jerk.lower[0] = -kInf;
+    bench.arm.limits.jerk.lower[0] = -kInfinity;
     EXPECT_CONTAINS(bench.findConfigureComplaint(""), "the filter tovzbp needs a finite jerk limit");
 }
 

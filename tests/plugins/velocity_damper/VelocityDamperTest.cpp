@@ -5,11 +5,11 @@
 #include <cstdio>
 
 #include "LawBench.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
 
-constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr double dt = 1e-3;
 
 using Bench = LawBench<VelocityDamper>;
@@ -128,7 +128,7 @@ TEST(VelocityDamper, Fault08ZonesGainsAndLimitsThatDoNotFitAreRefused) {
     EXPECT_CONTAINS(complaint, "the safety distances of joint0");
     EXPECT_CONTAINS(bench.findConfigureComplaint("gamma: 200"), "gamma * tick_s is 2.0");
     EXPECT_CONTAINS(bench.findConfigureComplaint("xi: 0"), "xi");
-    bench.arm.limits.jerk.upper[0] = kInf;
+    bench.arm.limits.jerk.upper[0] = kInfinity;
     EXPECT_CONTAINS(bench.findConfigureComplaint(""), "velocity_damper needs a finite jerk limit");
 }
 

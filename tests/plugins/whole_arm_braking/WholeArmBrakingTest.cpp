@@ -1,4 +1,5 @@
 #include "Paths.h"
+#include "viable/core/Numbers.h"
 #include "viable/filter/WholeArmBrakingFilter.h"
 
 #include <gtest/gtest.h>
@@ -20,7 +21,6 @@ namespace viable {
 namespace {
 
 constexpr double kTick_s = 1e-3;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /** Accuracy of the judge and rounding [m]. */
 constexpr double kAllowed_m = 1e-8;
 

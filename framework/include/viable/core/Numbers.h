@@ -1,7 +1,11 @@
 #pragma once
 
+#include <limits>
+
 namespace viable {
 
 inline constexpr double kPi = 3.14159265358979323846;
+inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
+inline constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace viable

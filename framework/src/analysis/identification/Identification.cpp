@@ -8,6 +8,7 @@
 #include "analysis/identification/TorqueFit.h"
 #include "core/Text.h"
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 
@@ -19,7 +20,6 @@ using detail::TorqueEquation;
 using detail::TorqueEquations;
 using detail::TorqueFit;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kLevel = 0.95;
 
 /** A joint needs so much motion that its errors can be counted. */

@@ -3,13 +3,12 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
-#include <limits>
+
+#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /** A mass at the tool is a point within this of the tool frame [m], once it is so many standard errors from zero. */
 constexpr double kFarthestCentre = 1.0;

@@ -8,14 +8,13 @@
 #include "analysis/records/RecordReaders.h"
 #include "core/Text.h"
 #include "log/McapFile.h"
+#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 
 namespace {
 
 using namespace mcap;
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 MessageReader openMessage(ByteReader in, bool isCdr) {
     MessageLayout layout = MessageLayout::Ros1;

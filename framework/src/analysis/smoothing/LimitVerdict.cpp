@@ -6,12 +6,11 @@
 
 #include "analysis/smoothing/Median.h"
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /** The limits of one quantity of one joint. */
 struct Range {

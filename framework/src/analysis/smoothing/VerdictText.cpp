@@ -1,11 +1,11 @@
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "analysis/smoothing/LimitVerdict.h"
 #include "core/JsonNumber.h"
 #include "core/Text.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 
@@ -15,7 +15,6 @@ using detail::format;
 using detail::formatPlain;
 using nlohmann::json;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr const char* kQuantities[kMotionOrders] = {"position", "velocity", "acceleration", "jerk"};
 
 std::string getUnit(bool isPrismatic, std::size_t order) {
