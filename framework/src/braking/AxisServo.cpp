@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 
 #include "braking/GridPhases.h"
 #include "braking/JerkBounds.h"
@@ -19,7 +17,10 @@ rounded, and must still be admitted. */
 constexpr double kInside = 1e-10;
 /** A state is the expected one when it differs by less than a jerk of this share of its limit makes in a tick. */
 constexpr double kSameState = 1e-6;
+/** Rounding of the position where a stop ends, relative to the distance. */
 constexpr double kPassed = 1e-13;
+/** What is left of the velocity limit for the motion towards a target that itself moves as fast as that or faster. */
+constexpr double kLeastVelocity = 0.05;
 
 AxisLimits shrink(const AxisLimits& l) {
     constexpr double share = 1.0 - kInside;
@@ -42,10 +43,9 @@ void AxisServo::reset(const AxisState& state) {
     approach_.isKnown = hasLastTarget_ = false;
 }
 
-void AxisServo::changeLimits(const AxisLimits& limits) {
-    limits_ = shrink(limits);
-    certificate_.changeLimits(limits_);
-    approach_.isKnown = false;
+void AxisServo::skipTicks(std::int64_t ticks) {
+    certificate_.skipTicks(ticks);
+    approach_.isKnown = hasLastTarget_ = false;
 }
 
 /** Whether the relative state is the one that the approach goes on from. */
@@ -113,7 +113,6 @@ double AxisServo::aim(const AxisState& relative, const AxisLimits& limits, Appro
     const bool goesOn = continues(relative);
     const double tail = !goesOn ? 0.0 : mirrored ? -approach_.stop.nextJerk() : approach_.stop.nextJerk();
     const bool isFound = find();
- if (getenv("DBG")) printf("   bound %g most %g found %d goesOn %d jerk %g tail %g\n", bound, most, isFound, goesOn, jerk, tail);
     if (isFound && !(goesOn && tail >= jerk)) {
         approach.isKnown = true;
         approach.stop = mirrored ? detail::mirror(stop) : stop;
@@ -128,30 +127,30 @@ double AxisServo::aim(const AxisState& relative, const AxisLimits& limits, Appro
     return jerk;
 }
 
-double AxisServo::calc(const AxisState& state, const AxisState& target) {
+double AxisServo::calc(const AxisState& state, const AxisState& wanted) {
     certificate_.beginTick(state);
-    // The target's own jerk, where its motion says so.
-    const double targetJerk = hasLastTarget_ ? (target.a - lastTarget_.a) / tick_s_ : 0.0;
+    AxisState target = wanted;
+    if (!(wanted.p >= limits_.positionLower && wanted.p <= limits_.positionUpper))
+        target = {std::clamp(wanted.p, limits_.positionLower, limits_.positionUpper), 0.0, 0.0};
+    // The target's own jerk, where its acceleration does not jump.
+    double targetJerk = hasLastTarget_ ? (target.a - lastTarget_.a) / tick_s_ : 0.0;
+    if (!(targetJerk >= limits_.jerkLower && targetJerk <= limits_.jerkUpper)) targetJerk = 0.0;
     lastTarget_ = target;
     hasLastTarget_ = true;
 
     AxisLimits l = limits_;
-    l.velocityUpper = std::max(l.velocityUpper - target.v, 0.05 * l.velocityUpper);
-    l.velocityLower = std::min(l.velocityLower - target.v, 0.05 * l.velocityLower);
+    l.velocityUpper = std::max(l.velocityUpper - target.v, kLeastVelocity * l.velocityUpper);
+    l.velocityLower = std::min(l.velocityLower - target.v, kLeastVelocity * l.velocityLower);
     l.accelerationLower *= share_;
     l.accelerationUpper *= share_;
     l.jerkLower *= share_;
     l.jerkUpper *= share_;
-    const AxisState relative{state.p - target.p, state.v - target.v, state.a - target.a};
     Approach approach;
-    const double relativeJerk = aim(relative, l, approach);
-    double jerk = relativeJerk + targetJerk;
-    const bool isResting = target.v == 0.0 && target.a == 0.0 && targetJerk == 0.0;
-    const bool admitted = (isResting && approach.isKnown && certificate_.isAdmissible(jerk, approach.stop)) ||
-                          certificate_.isAdmissible(jerk);
-    if (!admitted) jerk = certificate_.findBound(jerk).jerk;
+    double jerk = aim({state.p - target.p, state.v - target.v, state.a - target.a}, l, approach) + targetJerk;
+    const bool rests = target.v == 0.0 && target.a == 0.0 && targetJerk == 0.0;
     approach_ = approach;
-    return certificate_.commit(jerk);
+    if (rests && approach.isKnown && certificate_.isAdmissible(jerk, approach.stop)) return certificate_.commit(jerk);
+    return certificate_.commit(certificate_.isAdmissible(jerk) ? jerk : certificate_.findBound(jerk).jerk);
 }
 
 }  // namespace viable
