@@ -32,8 +32,8 @@ void Servo::skipTicks(std::int64_t ticks) {
 void Servo::calc(const MotionState& state, const MotionState& target, JointVector& jerk) {
     jerk.resize(impl_->n);
     for (int i = 0; i < impl_->n; ++i)
-        jerk[i] = impl_->joints[i].calc({state.q[i], state.qd[i], state.qdd[i]},
-                                        {target.q[i], target.qd[i], target.qdd[i]});
+        jerk[i] =
+            impl_->joints[i].calc({state.q[i], state.qd[i], state.qdd[i]}, {target.q[i], target.qd[i], target.qdd[i]});
 }
 
 }  // namespace viable

@@ -51,7 +51,8 @@ TickStatus JointServo::compute(const ControllerInput& input, ControllerOutput& o
         if (hasTarget_) {
             target_.qdd = (command.qd - target_.qd) / tick_s_;
             for (int i = 0; i < n_; ++i)  // a jump of the set-point is no acceleration of it
-                if (!(target_.qdd[i] >= limits_.acceleration.lower[i] && target_.qdd[i] <= limits_.acceleration.upper[i]))
+                if (!(target_.qdd[i] >= limits_.acceleration.lower[i] &&
+                      target_.qdd[i] <= limits_.acceleration.upper[i]))
                     target_.qdd[i] = 0.0;
         }
         target_.qd = command.qd;
