@@ -204,7 +204,7 @@ FilterStatus Arm::choose(std::int64_t tick) {
 }
 
 FilterStatus Arm::choose() {
-    return braking.choose(state, M, wanted, chosen, acting);
+    return braking.choose(state, &M, wanted, chosen, acting);
 }
 
 void Arm::move() {

@@ -17,11 +17,6 @@ constexpr double kRestWeight = 1e-5;
 
 }  // namespace
 
-double ToolReference::calcRotationLength(const ToolJacobian& J) {
-    const double turning = J.bottomRows<3>().norm();
-    return turning > 0.0 ? J.topRows<3>().norm() / turning : 1.0;
-}
-
 void ToolReference::configure(const RobotDescription& robot, const JointLimits& limits, double tick_s,
                               const JointVector& rest, const ToolReferenceOptions& options) {
     n_ = robot.size();

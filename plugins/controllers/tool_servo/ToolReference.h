@@ -32,10 +32,6 @@ public:
     void advance(const Pose& command);
     const JointVector& q() const { return q_; }  ///< [rad]
 
-    /** The length [m] at which a rotation of 1 rad weighs as much as the arm's joints say: mean lever arm of the joints
-    in that pose. */
-    static double calcRotationLength(const ToolJacobian& J);
-
 private:
     int n_ = 0;
     double tick_s_ = 0.0;

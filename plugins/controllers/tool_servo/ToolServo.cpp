@@ -56,7 +56,7 @@ void ToolServo::configure(const RunSetup& setup, const Parameters& parameters) {
         RobotModel model(setup.robot);
         Dynamics dynamics;
         model.calcDynamics(setup.start.q, JointVector::Zero(n_), dynamics);
-        options.rotationLength_m = ToolReference::calcRotationLength(dynamics.J);
+        options.rotationLength_m = calcLeverArm(dynamics.J);
     }
     options.restRate = parameters.number("rest_rate");
     startTool_ = setup.startTool;
