@@ -23,7 +23,7 @@ using detail::ShortestStop;
 rounded, and must still be admitted. */
 constexpr double kInside = 1e-10;
 /** A state is the expected one when it differs by less than a jerk of this share of its limit makes in a tick. */
-constexpr double kSameState = 1e-6;
+constexpr double kSameMotion = 1e-6;
 /** Rounding of states, relative to them; of positions at least that of 1 rad. */
 constexpr double kStateRounding = 1e-14;
 /** Rounding of the position where a stop ends, relative to the distance. */
@@ -125,7 +125,7 @@ void AxisServo::skipTicks(std::int64_t ticks) {
 /** Whether the relative state is the one that the approach goes on from. */
 bool AxisServo::continues(const AxisState& e) const {
     if (!approach_.isKnown) return false;
-    const double a = kSameState * std::max(-limits_.jerkLower, limits_.jerkUpper) * tick_s_;
+    const double a = kSameMotion * std::max(-limits_.jerkLower, limits_.jerkUpper) * tick_s_;
     const double v = a * tick_s_, p = v * tick_s_;
     const AxisState& x = approach_.expected;
     return std::abs(e.a - x.a) <= a + kStateRounding * std::abs(e.a) &&

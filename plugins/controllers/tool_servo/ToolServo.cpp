@@ -1,8 +1,11 @@
 #include "ToolServo.h"
 
+#include <algorithm>
 #include <cmath>
 
+#include "viable/braking/Braking.h"
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {
@@ -10,17 +13,17 @@ namespace viable {
 namespace {
 
 const ParameterSpec kParameters[] = {
-    parameter::number("share", "", "0.6",
+    parameter::number("share", "", "1.0",
                       "Share of acceleration and jerk limits for the motion relative to the reference; the rest is for "
                       "the reference's own.")
         .above(0)
         .upTo(1),
-    parameter::number("velocity_filter_s", "s", "0.05",
+    parameter::number("velocity_filter_s", "s", "0",
                       "Time constant in which the reference's velocity is smoothed before it is followed; infinite: "
-                      "the reference counts as resting.")
+                      "the reference counts as resting; 0: of each joint the time in which it stops from its velocity "
+                      "limit.")
         .atLeast(0)
         .orInfinite(),
-    parameter::number("acceleration_filter_s", "s", ".inf", "The same for its acceleration.").atLeast(0).orInfinite(),
     parameter::number("rotation_length_m", "m", "0",
                       "An error of 1 rad counts as one of so many metres; 0: the mean lever arm of the joints at the "
                       "start.")
@@ -33,6 +36,16 @@ const ParameterSpec kParameters[] = {
                     "Follow the command's motion from where the tool is at the start (a clutch), not its pose."),
 };
 
+/** From the velocity limit, in the longer of its two directions [s]. */
+double calcStopTime(const AxisLimits& l) {
+    const auto calc = [&](double v) {
+        if (!std::isfinite(v)) return kInfinity;
+        const StationaryStop stop = calcStationaryStop(v, 0.0, l);
+        return stop.T1 + stop.T2 + stop.T3;
+    };
+    return std::max(calc(l.velocityLower), calc(l.velocityUpper));
+}
+
 }  // namespace
 
 void ToolServo::configure(const RunSetup& setup, const Parameters& parameters) {
@@ -41,8 +54,10 @@ void ToolServo::configure(const RunSetup& setup, const Parameters& parameters) {
     if (!setup.limits.jerk.lower.allFinite() || !setup.limits.jerk.upper.allFinite())
         throw badInput(parameters.resolved().place(), "this controller needs a finite jerk limit on every joint",
                        "Set limits.jerk_radps3.");
-    velocityShare_ = tick_s_ / (tick_s_ + parameters.number("velocity_filter_s"));
-    accelerationShare_ = tick_s_ / (tick_s_ + parameters.number("acceleration_filter_s"));
+    velocityShare_.resize(n_);
+    const double filter_s = parameters.number("velocity_filter_s");
+    for (int i = 0; i < n_; ++i)
+        velocityShare_[i] = tick_s_ / (tick_s_ + (filter_s > 0.0 ? filter_s : calcStopTime(setup.limits.axis(i))));
     isRelative_ = parameters.flag("relative");
 
     JointVector rest = setup.start.q;
@@ -68,10 +83,7 @@ void ToolServo::configure(const RunSetup& setup, const Parameters& parameters) {
 void ToolServo::reset(const MotionState& start) {
     reference_.reset(start.q);
     servo_.reset(start);
-    lastReference_ = start.q;
-    velocity_.setZero(n_);
-    lastVelocity_.setZero(n_);
-    target_ = {start.q, velocity_, velocity_};
+    target_ = {start.q, JointVector::Zero(n_), JointVector::Zero(n_)};
     hasOrigin_ = false;
 }
 
@@ -95,13 +107,9 @@ TickStatus ToolServo::compute(const ControllerInput& input, ControllerOutput& ou
         hasOrigin_ = true;
     }
     reference_.advance(place(command.tool));
-    velocity_ = (reference_.q() - lastReference_) / tick_s_;
-    lastReference_ = reference_.q();
-    lastVelocity_ = target_.qd;
-    target_.q = reference_.q();
-    target_.qd += velocityShare_ * (velocity_ - target_.qd);
-    if (accelerationShare_ > 0.0)
-        target_.qdd += accelerationShare_ * ((target_.qd - lastVelocity_) / tick_s_ - target_.qdd);
+    const JointVector& q = reference_.q();
+    target_.qd += velocityShare_.cwiseProduct((q - target_.q) / tick_s_ - target_.qd);
+    target_.q = q;
     servo_.calc(nominal, target_, jerk_);
     askForJerk(input, jerk_, output);
     return TickStatus::Ok;

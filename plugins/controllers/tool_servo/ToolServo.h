@@ -22,14 +22,14 @@ private:
 
     int n_ = 0;
     double tick_s_ = 0.0;
-    double velocityShare_ = 1.0, accelerationShare_ = 1.0;  ///< of a filter's step, per tick
+    JointVector velocityShare_;  ///< of the change of the reference's velocity that is followed in a tick
     bool isRelative_ = false;
     bool hasOrigin_ = false;
     Pose startTool_, origin_;
     ToolReference reference_;
     Servo servo_;
     MotionState target_;
-    JointVector lastReference_, velocity_, lastVelocity_, jerk_;
+    JointVector jerk_;
 };
 
 }  // namespace viable
