@@ -66,7 +66,8 @@ TEST(JointServo, FollowsBehindFiltersThatHoldAccelerations) {
 
 TEST(JointServo, FollowsAMovingSetPoint) {
     const std::vector<std::string> moving = {
-        "command={plugin: waypoints, points: [[0, 0, -0.2, -1.4, 0.1, -1.2, 0.5], [2, 0.3, -0.4, -1.7, -0.1, -1.4, -0.5]]}",
+        "command={plugin: waypoints, points: [[0, 0, -0.2, -1.4, 0.1, -1.2, 0.5], [2, 0.3, -0.4, -1.7, -0.1, -1.4, "
+        "-0.5]]}",
         "duration_s=4"};
     EXPECT_LT(run(moving).commandErrorRms(), 2e-4);
     std::vector<std::string> without = moving;
@@ -75,7 +76,9 @@ TEST(JointServo, FollowsAMovingSetPoint) {
 }
 
 TEST(JointServo, NeedsAJerkLimit) {
-    expectContains(test::catchError([] { run({"limits.jerk_radps3=.inf", "filter.plugin=pass_through"}); }),
+    expectContains(test::catchError([] {
+                       run({"limits.jerk_radps3=.inf", "filter.plugin=pass_through"});
+                   }),
                    {"joint_servo", "jerk limit", "limits.jerk_radps3"});
 }
 
