@@ -61,14 +61,14 @@ TEST(JointServo, RestsOnItsSetPointsAndAtTheLimitsInSilence) {
 TEST(JointServo, FollowsBehindFiltersThatHoldAccelerations) {
     const double certified = run().commandErrorRms();
     for (const char* filter : {"pass_through", "jerk_limited_rate", "acceleration_viability"})
-        EXPECT_LT(run({std::string("filter.plugin=") + filter}).commandErrorRms(), 1.1 * certified) << filter;
+        EXPECT_LT(run({std::string("filter.plugin=") + filter}).commandErrorRms(), 1.25 * certified) << filter;
 }
 
 TEST(JointServo, FollowsAMovingSetPoint) {
     const std::vector<std::string> moving = {
-        "command={plugin: waypoints, points: [[0, 0, -0.2, -1.4, 0.1, -1.2, 0.5], [2, 0.3, -0.4, -1.7, -0.1, -1.4, "
+        "command={plugin: waypoints, points: [[0, 0, -0.2, -1.4, 0.1, -1.2, 0], [2, 0.3, -0.4, -1.7, -0.1, -1.4, "
         "-0.5]]}",
-        "duration_s=4"};
+        "start.position_rad=[0, -0.2, -1.4, 0.1, -1.2, 0]", "duration_s=4"};
     EXPECT_LT(run(moving).commandErrorRms(), 2e-4);
     std::vector<std::string> without = moving;
     without.push_back("controller.velocity_feedforward=false");
