@@ -96,6 +96,7 @@ private:
     void followArm() {
         Random random(run_.seed(), run_.arm());
         Arm arm(random);
+        arm.objective = run_.options().objective;
         arm_ = &arm;
         sizes_.assign(static_cast<std::size_t>(arm.n), {});
         uses_.assign(static_cast<std::size_t>(arm.n), {});
@@ -213,7 +214,7 @@ private:
 
     /** Where joints are coupled, one may rest for the sake of another's torque. */
     void checkNotStuck(int i) {
-        if (arm_->isCoupled) return;
+        if (arm_->isCoupled || arm_->objective == Objective::Path) return;
         const AxisLimits &l = arm_->now[i].limits, &finite = arm_->now[i].finite;
         const double p = arm_->state.q[i], want = arm_->wanted[i];
         const double step = std::min(-l.jerkLower, l.jerkUpper) * std::pow(arm_->tick_s, 3);
