@@ -279,7 +279,9 @@ private:
                         static_cast<long long>(recoveringForRounding_));
         run_.expectShare("joint steps in motion", moving_, run_.steps(), kLeastMotion);
         run_.expectShare("ticks passed unchanged", passed_, ticks_, kLeastPassed);
-        run_.expectShare("barriers at which a joint was held back", held_, barriers_, kLeastHeld);
+        run_.expectShare("barriers at which a joint was held back", held_, barriers_,
+                         // on the path one joint is enough to hold all others back before their own barriers
+                         run_.options().objective == Objective::Path ? kLeastHeld / 2.0 : kLeastHeld);
         for (int q = 0; q < kQuantities; ++q) {
             char name[80];
             std::snprintf(name, sizeof name, "joints pushed hard that used 99 %% of %s", kNames[q]);
