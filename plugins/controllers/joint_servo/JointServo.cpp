@@ -26,7 +26,8 @@ void JointServo::configure(const RunSetup& setup, const Parameters& parameters) 
     limits_ = setup.limits;
     feedforward_ = parameters.flag("velocity_feedforward");
     if (!limits_.jerk.lower.allFinite() || !limits_.jerk.upper.allFinite())
-        throw badInput(parameters.resolved().place(), "the controller joint_servo needs a finite jerk limit on every joint",
+        throw badInput(parameters.resolved().place(),
+                       "the controller joint_servo needs a finite jerk limit on every joint",
                        "Set limits.jerk_radps3.");
     servo_.configure(limits_, tick_s_, parameters.number("share"));
     reset(setup.start);

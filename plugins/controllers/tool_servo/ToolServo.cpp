@@ -52,8 +52,8 @@ void ToolServo::configure(const RunSetup& setup, const Parameters& parameters) {
     n_ = setup.size();
     tick_s_ = setup.tick_s;
     if (!setup.limits.jerk.lower.allFinite() || !setup.limits.jerk.upper.allFinite())
-        throw badInput(parameters.resolved().place(), "the controller tool_servo needs a finite jerk limit on every joint",
-                       "Set limits.jerk_radps3.");
+        throw badInput(parameters.resolved().place(),
+                       "the controller tool_servo needs a finite jerk limit on every joint", "Set limits.jerk_radps3.");
     velocityShare_.resize(n_);
     const double filter_s = parameters.number("velocity_filter_s");
     for (int i = 0; i < n_; ++i)
