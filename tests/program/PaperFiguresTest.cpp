@@ -177,7 +177,7 @@ TEST(PaperFig8, CertifiedKeepsAllLimitsUnderTheSameHand) {
 }
 
 // Eight laws get the same commands, some of which rest beyond a limit; one guarantees to keep everything, and does, and
-// comes nearest to the commands behind a controller that knows the limits.
+// comes nearer to the commands than all that keep the jerk limit where the controller knows the limits.
 TEST(Arena, AllLawsRunOnTheSameCommandsAndTheCertifiedOneKeepsEverything) {
     for (const char* name : {"arena", "arena_one_joint"}) {
         const Figure figure(name);
@@ -209,7 +209,8 @@ TEST(Arena, AllLawsRunOnTheSameCommandsAndTheCertifiedOneKeepsEverything) {
         EXPECT_NE(ranking.find("\n 1 joint_servo"), std::string::npos) << ranking;
         EXPECT_NE(ranking.find("\n 2 certified_braking"), std::string::npos) << ranking;
         for (const CaseResult& one : results)
-            EXPECT_LE(results.back().summary.commandErrorRms(), one.summary.commandErrorRms()) << one.name;
+            if (one.summary.ticksOutside(LimitKind::Jerk) == 0)
+                EXPECT_LE(results.back().summary.commandErrorRms(), one.summary.commandErrorRms()) << one.name;
     }
 }
 
