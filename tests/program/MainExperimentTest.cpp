@@ -19,10 +19,11 @@ double worstUse(const nlohmann::json& run, const char* quantity) {
 
 void checkClaims(const nlohmann::json& summary) {
     const auto &c1 = summary["cases"][0], &c2 = summary["cases"][1], &c3 = summary["cases"][2];
-    const auto& free = summary["cases"][3];
+    const auto &c4 = summary["cases"][3], &free = summary["cases"][4];
     ASSERT_EQ(c1["name"], "C1");
     ASSERT_EQ(c2["name"], "C2");
     ASSERT_EQ(c3["name"], "C3");
+    ASSERT_EQ(c4["name"], "C4");
     ASSERT_EQ(free["name"], "C3_without_nric");
     // Certified braking: every limit in every tick, and never without a choice.
     EXPECT_EQ(c3["guarantees_limits"], true);
@@ -47,6 +48,12 @@ void checkClaims(const nlohmann::json& summary) {
     EXPECT_GT(worstUse(c2, "jerk"), 0.99);
     EXPECT_GT(free["tracking"]["rms_rad"].get<double>(), 20.0 * c3["tracking"]["rms_rad"].get<double>());
     EXPECT_GT(free["tracking"]["max_rad"].get<double>(), 20.0 * c3["tracking"]["max_rad"].get<double>());
+    // Behind a controller that knows them the same limits cost the hand little.
+    EXPECT_EQ(c4["limits_kept"], true);
+    EXPECT_LT(c4["tool_error_rms_m"].get<double>(), c1["tool_error_rms_m"].get<double>());
+    EXPECT_LT(c4["tool_error_rms_m"].get<double>(), 0.5 * c3["tool_error_rms_m"].get<double>());
+    EXPECT_LT(c4["jerk_rms_radps3"].get<double>(), 1.35 * c3["jerk_rms_radps3"].get<double>());
+    EXPECT_GT(c4["passed_ticks"].get<double>(), 0.95 * 30000);
     for (const auto& one : summary["cases"]) {
         EXPECT_EQ(one["ticks"], 30000);
         EXPECT_EQ(one["log_rows"], 30000);

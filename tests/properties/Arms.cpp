@@ -1,5 +1,6 @@
 #include "Arms.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 
 #include "viable/core/Error.h"
@@ -204,7 +205,11 @@ FilterStatus Arm::choose(std::int64_t tick) {
 }
 
 FilterStatus Arm::choose() {
-    return braking.choose(state, M, wanted, chosen, acting);
+    const JointMatrix metric = objective == Objective::Joint ? JointMatrix(JointMatrix::Identity(n, n))
+                               : objective == Objective::Tool
+                                   ? JointMatrix(M.llt().matrixU())  // some triangular factor
+                                   : M;
+    return braking.choose(state, objective == Objective::Path ? nullptr : &metric, wanted, chosen, acting);
 }
 
 void Arm::move() {

@@ -5,6 +5,7 @@
 
 #include "Random.h"
 #include "braking/CertifiedBraking.h"
+#include "viable/filter/CertifiedBrakingFilter.h"
 
 namespace viable {
 
@@ -71,6 +72,7 @@ public:
     std::vector<DrawnLimits> now;
     JointLimits limits;  ///< those of `now`
     JointMatrix M;
+    Objective objective = Objective::Torque;
     MotionState state;
     CertifiedBraking braking;
     std::vector<Adversary> adversaries;

@@ -12,6 +12,7 @@
 #include <charconv>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <string>
 
 namespace viable {
@@ -66,6 +67,12 @@ int main(int argc, char** argv) {
                              "a whole number from 0 to 18446744073709551615");
     addNumber<std::int64_t>(app, "--arm", 1, options.arm, "This arm alone, as a violation names it",
                             "the number of an arm, from 1 on");
+    const std::map<std::string, Objective> objectives = {{"torque", Objective::Torque},
+                                                         {"tool", Objective::Tool},
+                                                         {"joint", Objective::Joint},
+                                                         {"path", Objective::Path}};
+    app.add_option("--objective", options.objective, "What changes are measured in (limits)")
+        ->transform(CLI::CheckedTransformer(objectives));
     CLI11_PARSE(app, argc, argv);
     for (const auto& [known, check] : properties)
         if (name == known) return check(options) ? 0 : 1;

@@ -5,6 +5,7 @@
 
 #include "viable/core/JointLimits.h"
 #include "viable/core/TripleIntegrator.h"
+#include "viable/filter/CertifiedBrakingFilter.h"
 
 namespace viable {
 
@@ -12,13 +13,15 @@ namespace viable {
 struct Options {
     std::int64_t steps = 20'000'000;
     std::uint64_t seed = 1;
-    std::int64_t arm = 0;  ///< only this one; 0: all
+    std::int64_t arm = 0;                     ///< only this one; 0: all
+    Objective objective = Objective::Torque;  ///< of `limits`
 };
 
 /** One run of a property: which arms it has, how far it is, and what was wrong. */
 class Run {
 public:
     Run(const char* property, const Options& options) : property_(property), options_(options) {}
+    const Options& options() const { return options_; }
 
     /** On to the next arm; false when there is none. */
     bool nextArm();

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "braking/GridPhases.h"
+#include "braking/JerkBounds.h"
 #include "braking/ShortestStop.h"
 #include "viable/braking/Braking.h"
 
@@ -12,7 +13,14 @@ namespace viable {
 
 namespace {
 
+using detail::calcContinuousBound;
+using detail::calcLowerPeak;
+using detail::calcUpperPeak;
+using detail::calcVelocityBound;
 using detail::GridPhases;
+using detail::makeStop;
+using detail::mirror;
+using detail::planQuickly;
 using detail::roundUpToTicks;
 using detail::ShortestStop;
 
@@ -24,11 +32,7 @@ constexpr double kDrift = 1e-11;
 constexpr double kSameState = 1e-9;
 /** So many ticks of a backup stop are followed one by one; of more the state is taken as it comes. */
 constexpr int kMaxFollowedTicks = 1000;
-constexpr int kRepairRounds = 6;
 constexpr int kRestRounds = 12;
-constexpr int kNewtonRounds = 6;
-/** A correction smaller than this share of the jerk range ends Newton's method. */
-constexpr double kNewtonStep = 1e-6;
 
 /** Extremes of a path that is walked segment by segment. */
 class Walk {
@@ -97,58 +101,10 @@ bool isInside(const PathExtremes& e, const AxisLimits& bounds, const AxisLimits&
            e.accelerationLower >= bounds.accelerationLower - rounding.accelerationLower;
 }
 
-AxisState mirror(const AxisState& s) {
-    return {-s.p, -s.v, -s.a};
-}
-
-AxisLimits mirror(const AxisLimits& l) {
-    return {-l.positionUpper,     -l.positionLower,     -l.velocityUpper, -l.velocityLower,
-            -l.accelerationUpper, -l.accelerationLower, -l.jerkUpper,     -l.jerkLower};
-}
-
-GridStop mirror(const GridStop& stop) {
-    std::array<GridStop::Segment, GridStop::kSegments> segments;
-    for (int i = 0; i < GridStop::kSegments; ++i) segments[i] = {stop.remaining(i).ticks, -stop.remaining(i).jerk};
-    GridStop mirrored;
-    mirrored.set(segments);
-    return mirrored;
-}
-
 /** Whole ticks in which jerk brings acceleration to zero, at least one. */
 std::int64_t calcRampTicks(double a, const AxisLimits& limits, double tick_s) {
     const double J = a > 0.0 ? -limits.jerkLower : limits.jerkUpper;
     return std::max<std::int64_t>(1, roundUpToTicks(std::abs(a) / J, tick_s));
-}
-
-/** What bounds velocity from above: where a > 0, its peak at full jerk plus a dt/2, as much as the grid may add to the
-peak; else v. Greedy at the bare peak, a joint would ring about its limit for ever: near a = 0 the sampled peak is the
-trapezoidal rule, whose pole is -1. With this term acceleration comes down to zero smoothly, a+ = a^2 / (2 J dt) at last. */
-double calcUpperPeak(const AxisState& s, const AxisLimits& limits, double tick_s) {
-    return s.a > 0.0 ? s.v + s.a / 2.0 * (s.a / -limits.jerkLower + tick_s) : s.v;
-}
-double calcLowerPeak(const AxisState& s, const AxisLimits& limits, double tick_s) {
-    return s.a < 0.0 ? s.v + s.a / 2.0 * (s.a / -limits.jerkUpper + tick_s) : s.v;
-}
-
-/** Phases of the stationary stop, rounded up, then mended until acceleration and jerk limits hold. */
-bool planQuickly(double v, double a, const AxisLimits& limits, double tick_s, GridPhases& g) {
-    const StationaryStop stop = calcStationaryStop(v, a, limits);
-    g.n1 = std::max<std::int64_t>(1, roundUpToTicks(stop.T1, tick_s));
-    g.n2 = roundUpToTicks(stop.T2, tick_s);
-    g.n3 = std::max<std::int64_t>(1, roundUpToTicks(stop.T3, tick_s));
-    for (int round = 0; round < kRepairRounds; ++round) {
-        if (g.solve(v, a, limits, tick_s)) return true;
-        if (!g.fitsAcceleration) ++g.n2;
-        if (!g.fitsFirst) ++g.n1;
-        if (!g.fitsLast) ++g.n3;
-    }
-    return false;
-}
-
-GridStop makeStop(const GridPhases& g) {
-    GridStop stop;
-    stop.set({{{g.n1, g.j1}, {g.n2, 0.0}, {g.n3, g.j3}}});
-    return stop;
 }
 
 /** First acceleration to zero, then the stop from there: what a joint at its velocity limit needs, because the phases of
@@ -161,35 +117,6 @@ bool planLevelled(const AxisState& s, const AxisLimits& limits, double tick_s, G
     if (!planQuickly(s.v + s.a * t / 2.0, 0.0, limits, tick_s, g)) return false;
     stop.set({{{ticks, jerk}, {g.n1, g.j1}, {g.n2, 0.0}, {g.n3, g.j3}}});
     return true;
-}
-
-/** The largest jerk of this tick after which calcUpperPeak() does not pass `peak`: of
-v + (a + a+) dt/2 + a+/2 (a+/J + dt) <= peak the root a+ where it is positive, else v+ alone counts. */
-double calcVelocityBound(const AxisState& s, double peak, const AxisLimits& l, double dt) {
-    if (!std::isfinite(peak)) return std::numeric_limits<double>::infinity();
-    const double room = 2.0 * (peak - s.v) / dt - s.a;
-    const double next = room > 0.0 ? room / (1.0 + std::sqrt(1.0 + room / (-l.jerkLower * dt))) : room;
-    return (next - s.a) / dt;
-}
-
-/** The largest jerk in [least, most] after which the fastest stop in continuous time does not end beyond the upper
-position bound: no grid plan can do better by more than a hair. Newton's method from `most`; the stop position is
-convex in the jerk, so that it comes down to the root and not past it. `fastest` gets the stop there. */
-double calcContinuousBound(const AxisState& s, double least, double most, const AxisLimits& l, double positionUpper,
-                           double dt, StationaryStop& fastest) {
-    double u = most;
-    for (int round = 0; round < kNewtonRounds; ++round) {
-        const AxisState after = advance(s, u, dt);
-        fastest = calcStationaryStop(after.v, after.a, l);
-        const double beyond = after.p + fastest.displacement - positionUpper;
-        if (fastest.side == LimitSide::Lower || !(beyond > 0.0)) break;
-        const double slope = dt * (dt * dt / 6.0 + fastest.gradientV * dt / 2.0 + fastest.gradientA);
-        const double correction = beyond / slope;
-        u -= correction;
-        if (u <= least) return least;
-        if (correction < kNewtonStep * (l.jerkUpper - l.jerkLower)) break;
-    }
-    return u;
 }
 
 }  // namespace

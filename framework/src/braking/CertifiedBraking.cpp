@@ -8,6 +8,8 @@ namespace {
 
 /** How often the joints are asked again after the QP moved them; then each takes its bound. */
 constexpr int kMaxQpRounds = 4;
+/** How often the path is shortened until every joint admits its jerk; then the backup stop is followed. */
+constexpr int kMaxPathRounds = 8;
 
 }  // namespace
 
@@ -122,7 +124,7 @@ void CertifiedBraking::bound() {
     isBounded_ = true;
 }
 
-FilterStatus CertifiedBraking::propose(const JointMatrix& M, const JointVector& desired, const RowQp::Rows* rows,
+FilterStatus CertifiedBraking::propose(const JointMatrix* M, const JointVector& desired, const RowQp::Rows* rows,
                                        JointVector& proposed) {
     if (!rows && !returns_ && isAdmissible(desired)) {
         proposed = desired;
@@ -130,8 +132,32 @@ FilterStatus CertifiedBraking::propose(const JointMatrix& M, const JointVector& 
     }
     target_ = desired.cwiseMax(limits_.jerk.lower).cwiseMin(limits_.jerk.upper);
     if (!isBounded_) bound();
-    settle(M, rows, proposed);
+    if (!M && !returns_) return proposeOnPath(desired, proposed);
+    if (M)
+        settle(*M, rows, proposed);
+    else  // back from outside each joint goes by itself
+        settle(JointMatrix::Identity(n_, n_), rows, proposed);
     return returns_ ? FilterStatus::Recovering : proposed == desired ? FilterStatus::Passed : FilterStatus::Modified;
+}
+
+/** Towards target_, with the intervals of this tick. */
+FilterStatus CertifiedBraking::proposeOnPath(const JointVector& desired, JointVector& proposed) {
+    getStored(lower_);
+    double s = 1.0;
+    for (int i = 0; i < n_; ++i) {
+        const double way = target_[i] - lower_[i];
+        const double bound = way > 0.0 ? intervals_[i].upper : intervals_[i].lower;
+        if (way != 0.0) s = std::min(s, std::clamp((bound - lower_[i]) / way, 0.0, 1.0));
+    }
+    // What is admissible at its bound need not be before it: other phases of a stop fit the grid there.
+    for (int round = 0; round < kMaxPathRounds && s > 0.0; ++round) {
+        proposed = lower_ + s * (target_ - lower_);
+        for (int i = 0; i < n_; ++i) proposed[i] = std::clamp(proposed[i], intervals_[i].lower, intervals_[i].upper);
+        if (isAdmissible(proposed)) return proposed == desired ? FilterStatus::Passed : FilterStatus::Modified;
+        s *= round < kMaxPathRounds - 2 ? 0.999 : 0.5;
+    }
+    proposed = lower_;
+    return FilterStatus::Modified;
 }
 
 void CertifiedBraking::commit(const JointVector& desired, JointVector& jerks,
@@ -151,7 +177,7 @@ void CertifiedBraking::commit(const JointVector& desired, JointVector& jerks,
     }
 }
 
-FilterStatus CertifiedBraking::choose(const MotionState& state, const JointMatrix& M, const JointVector& desired,
+FilterStatus CertifiedBraking::choose(const MotionState& state, const JointMatrix* M, const JointVector& desired,
                                       JointVector& chosen, std::array<JointIntervention, kMaxJoints>& acting) {
     beginTick(state);
     const FilterStatus status = propose(M, desired, nullptr, chosen);

@@ -26,21 +26,23 @@ public:
     void skipTicks(std::int64_t ticks);
 
     /** One tick.
+        @param M        see propose()
         @param desired  finite [rad/s^3]
         @param chosen   the jerk to hold for this tick; the stops are those after it
         @param acting   what holds each joint back
         @return Passed: `chosen` is `desired`; Modified; Recovering: the backup stop of a joint passes a limit, and that
                 joint returns as fast as jerk allows, without passing any limit farther */
-    FilterStatus choose(const MotionState& state, const JointMatrix& M, const JointVector& desired, JointVector& chosen,
+    FilterStatus choose(const MotionState& state, const JointMatrix* M, const JointVector& desired, JointVector& chosen,
                         std::array<JointIntervention, kMaxJoints>& acting);
 
     /** The same in parts, for filters with conditions on the whole arm: beginTick(), then propose() and isAdmissible()
     any number of times, then one commit(). beginTick() is false when a joint was not where its backup stop led, so that
     its stop was planned anew. */
     bool beginTick(const MotionState& state);
-    /** The admissible jerks nearest to the desired ones in torque, and on the allowed side of `rows` (may be null)
-    where the box has such a point. */
-    FilterStatus propose(const JointMatrix& M, const JointVector& desired, const RowQp::Rows* rows,
+    /** The admissible jerks nearest to the desired ones, measured by |M .| (a torque where M is the arm's), and on the
+    allowed side of `rows` (may be null) where the box has such a point. Without M: the farthest admissible jerks on the
+    way from getStored() to the desired ones, as found, so that no joint is held back alone; without regard to rows. */
+    FilterStatus propose(const JointMatrix* M, const JointVector& desired, const RowQp::Rows* rows,
                          JointVector& proposed);
     /** True when every joint admits its jerk; with these stops after them. */
     bool isAdmissible(const JointVector& jerks);
@@ -69,6 +71,7 @@ private:
         bool fixed = false;
     };
     void bound();
+    FilterStatus proposeOnPath(const JointVector& desired, JointVector& proposed);
     void restrict(int joint, double wanted);
     void settle(const JointMatrix& M, const RowQp::Rows* rows, JointVector& chosen);
 

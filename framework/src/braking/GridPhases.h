@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "viable/braking/Braking.h"
+#include "viable/braking/GridStop.h"
 #include "viable/core/JointLimits.h"
 
 namespace viable::detail {
@@ -58,5 +60,27 @@ struct GridPhases {
         return fitsAcceleration && fitsFirst && fitsLast;
     }
 };
+
+/** Phases of the stationary stop, rounded up, then mended until acceleration and jerk limits hold. */
+inline bool planQuickly(double v, double a, const AxisLimits& limits, double tick_s, GridPhases& g) {
+    const StationaryStop stop = calcStationaryStop(v, a, limits);
+    g.n1 = std::max<std::int64_t>(1, roundUpToTicks(stop.T1, tick_s));
+    g.n2 = roundUpToTicks(stop.T2, tick_s);
+    g.n3 = std::max<std::int64_t>(1, roundUpToTicks(stop.T3, tick_s));
+    constexpr int kRepairRounds = 6;
+    for (int round = 0; round < kRepairRounds; ++round) {
+        if (g.solve(v, a, limits, tick_s)) return true;
+        if (!g.fitsAcceleration) ++g.n2;
+        if (!g.fitsFirst) ++g.n1;
+        if (!g.fitsLast) ++g.n3;
+    }
+    return false;
+}
+
+inline GridStop makeStop(const GridPhases& g) {
+    GridStop stop;
+    stop.set({{{g.n1, g.j1}, {g.n2, 0.0}, {g.n3, g.j3}}});
+    return stop;
+}
 
 }  // namespace viable::detail

@@ -29,10 +29,16 @@ public:
     /** The largest jerk of one tick from `from` on, after which such a stop ends at `position` exactly. Returns false when
     none is found; `stop` is the one after that tick. */
     bool findJerkTo(double position, const AxisState& from, double& jerk, GridStop& stop) {
+        return findJerkTo(position, from, jerk, stop, [](double, const GridStop&) { return true; });
+    }
+    /** The largest that `accept(jerk, stop)` takes. */
+    template <class Accept>
+    bool findJerkTo(double position, const AxisState& from, double& jerk, GridStop& stop, Accept&& accept) {
         Plan best;
         bool found = false;
         forEachPlan([&](Plan& plan) {
-            if (solveTo(position, from, plan) && (!found || plan.jerk > best.jerk)) {
+            if (solveTo(position, from, plan) && (!found || plan.jerk > best.jerk) &&
+                accept(plan.jerk, makeStop(plan))) {
                 best = plan;
                 found = true;
             }

@@ -39,8 +39,8 @@ void CertifiedBrakingFilter::skipTicks(std::int64_t ticks) {
 FilterStatus CertifiedBrakingFilter::filter(const FilterInput& input, FilterDecision& decision) {
     detail::JointBraking& law = impl_->joints;
     if (const FilterStatus found = law.findDesired(input); found != FilterStatus::Passed) return found;
-    const FilterStatus status =
-        law.braking().choose(input.nominal, input.dynamics.M, law.desired(), impl_->jerk, decision.joints);
+    const FilterStatus status = law.braking().choose(input.nominal, law.findMetric(input.dynamics), law.desired(),
+                                                     impl_->jerk, decision.joints);
     law.decide(impl_->jerk, decision);
     return status;
 }

@@ -1,14 +1,20 @@
 #include "filter/JointBraking.h"
 
+#include <Eigen/Cholesky>
 #include <cmath>
 #include <string>
 
 #include "core/Text.h"
 #include "viable/core/Error.h"
+#include "viable/robot/RobotModel.h"
 
 namespace viable::detail {
 
 namespace {
+
+/** Weight of the torques beside the tool's jerk, both relative to their size: enough for joints that the tool leaves free
+and for singular poses. */
+constexpr double kTorqueWeight = 0.01;
 
 /** Beyond a limit by less is rounding; relative to the limit. */
 constexpr double kRounding = 1e-12;
@@ -40,6 +46,15 @@ Outside findOutside(const RunSetup& setup, int joint) {
 
 }  // namespace
 
+CertifiedBrakingOptions readBrakingOptions(const Parameters& parameters) {
+    const std::string& word = parameters.text("objective");
+    return {parameters.number("k_alpha"), parameters.number("gamma"), parameters.flag("recovery"),
+            word == "tool"    ? Objective::Tool
+            : word == "joint" ? Objective::Joint
+            : word == "path"  ? Objective::Path
+                              : Objective::Torque};
+}
+
 /** How messages speak to whoever configures: by an experiment file, or in code. */
 struct JointBraking::Wording {
     std::string kAlpha, gamma, recovery;  // places
@@ -48,11 +63,9 @@ struct JointBraking::Wording {
 };
 
 void JointBraking::configure(const RunSetup& setup, const Parameters& parameters) {
-    configure(
-        setup,
-        CertifiedBrakingOptions{parameters.number("k_alpha"), parameters.number("gamma"), parameters.flag("recovery")},
-        {parameters.place("k_alpha"), parameters.place("gamma"), parameters.place("recovery"), ".inf",
-         "Set limits.jerk_radps3.", "or set `recovery: true` here, which recovers from such a start.", true});
+    configure(setup, readBrakingOptions(parameters),
+              {parameters.place("k_alpha"), parameters.place("gamma"), parameters.place("recovery"), ".inf",
+               "Set limits.jerk_radps3.", "or set `recovery: true` here, which recovers from such a start.", true});
 }
 
 void JointBraking::configure(const RunSetup& setup, const CertifiedBrakingOptions& options) {
@@ -67,6 +80,13 @@ void JointBraking::configure(const RunSetup& setup, const CertifiedBrakingOption
     n_ = setup.size();
     tick_s_ = setup.tick_s;
     recovery_ = options.recovery;
+    objective_ = options.objective;
+    if (objective_ == Objective::Tool) {
+        Dynamics dynamics;
+        RobotModel(setup.robot).calcDynamics(setup.start.q, setup.start.qd, dynamics);
+        leverArm_m_ = calcLeverArm(dynamics.J);
+    }
+    metric_.setIdentity(n_, n_);
     const double approach = std::isinf(options.kAlpha) && options.kAlpha > 0.0 ? 1.0 : options.kAlpha * tick_s_;
     const double follow = options.gamma * tick_s_;
     if (!(approach > 0.0 && approach <= 1.0))
@@ -123,6 +143,27 @@ FilterStatus JointBraking::findDesired(const FilterInput& input) {
     if (!calcForwardDynamics(input.dynamics, input.torque, desiredAcceleration_)) return FilterStatus::Faulted;
     desiredJerk_.calc(input.nominal.qdd, desiredAcceleration_, input.accelerationRate, desired_);
     return FilterStatus::Passed;
+}
+
+const JointMatrix* JointBraking::findMetric(const Dynamics& dynamics) {
+    switch (objective_) {
+        case Objective::Torque:
+            return &dynamics.M;
+        case Objective::Joint:
+            return &metric_;
+        case Objective::Path:
+            return nullptr;
+        case Objective::Tool:
+            break;
+    }
+    // The triangular factor of W'W, W = [S J; share of M].
+    ToolJacobian weighted = dynamics.J;
+    weighted.bottomRows<3>() *= leverArm_m_;
+    const double share = kTorqueWeight * weighted.norm() / dynamics.M.norm();
+    JointMatrix square = weighted.transpose().lazyProduct(weighted);
+    square += (share * share) * dynamics.M.transpose().lazyProduct(dynamics.M);
+    metric_ = square.llt().matrixU();
+    return &metric_;
 }
 
 void JointBraking::decide(const JointVector& jerk, FilterDecision& decision) const {

@@ -6,6 +6,9 @@
 
 namespace viable::detail {
 
+/** `k_alpha`, `gamma`, `recovery`, `objective`. */
+CertifiedBrakingOptions readBrakingOptions(const Parameters& parameters);
+
 /** What CertifiedBrakingFilter and WholeArmBrakingFilter have in common: gains and their checks, the desired jerk
 (paper, eq. 14), the certified stop of each joint. Real time after configure(). */
 class JointBraking {
@@ -24,6 +27,8 @@ public:
     /** Before anything is chosen in a tick: Passed, and desired() is known; else what filter() answers. */
     FilterStatus findDesired(const FilterInput& input);
     const JointVector& desired() const { return desired_; }  ///< [rad/s^3]
+    /** What the change of the desired jerk is measured in; null: on the path. */
+    const JointMatrix* findMetric(const Dynamics& dynamics);
     /** The decision to hold a jerk that was committed. */
     void decide(const JointVector& jerk, FilterDecision& decision) const;
 
@@ -35,6 +40,9 @@ private:
     int n_ = 0;
     double tick_s_ = 0.0;
     bool recovery_ = false;
+    Objective objective_ = Objective::Torque;
+    double leverArm_m_ = 1.0;
+    JointMatrix metric_;
     DesiredJerk desiredJerk_;
     CertifiedBraking braking_;
     JointVector desiredAcceleration_, desired_;

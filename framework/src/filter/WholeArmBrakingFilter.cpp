@@ -22,7 +22,7 @@ void WholeArmBrakingFilter::configure(const RunSetup& setup, const Parameters& p
     impl_->arm.reset();
     impl_->joints.configure(setup, parameters);
     WholeArmBrakingOptions options;
-    options.joints = {parameters.number("k_alpha"), parameters.number("gamma"), parameters.flag("recovery")};
+    options.joints = detail::readBrakingOptions(parameters);
     options.torqueShare = parameters.number("torque_share");
     options.torqueRate = parameters.jointNumbers("torque_rate_Nmps");
     options.steers = parameters.flag("steers");
@@ -87,7 +87,8 @@ FilterStatus WholeArmBrakingFilter::filter(const FilterInput& input, FilterDecis
     detail::JointBraking& law = impl_->joints;
     detail::WholeArmChoice& arm = *impl_->arm;
     if (const FilterStatus found = law.findDesired(input); found != FilterStatus::Passed) return found;
-    const FilterStatus status = arm.choose(input.nominal, input.dynamics, law.desired(), impl_->jerk, decision.joints);
+    const FilterStatus status = arm.choose(input.nominal, input.dynamics, law.findMetric(input.dynamics), law.desired(),
+                                           impl_->jerk, decision.joints);
     law.decide(impl_->jerk, decision);
     decision.clearance = arm.nearest();
     decision.mapAge_s = arm.mapAge_s();

@@ -116,8 +116,9 @@ void WholeArmChoice::keepBest(const JointVector& jerk) {
     std::swap(best_, trial_);
 }
 
-FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired,
-                                    JointVector& jerk, std::array<JointIntervention, kMaxJoints>& joints) {
+FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,
+                                    const JointVector& desired, JointVector& jerk,
+                                    std::array<JointIntervention, kMaxJoints>& joints) {
     isNew_ |= !braking_.beginTick(nominal);
     check_.beginTick();
     takeSurroundings();
@@ -126,7 +127,7 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
     demands_.raise(stored_);
     hasBest_ = false;
 
-    const FilterStatus status = braking_.propose(dynamics.M, desired, nullptr, proposed_);
+    const FilterStatus status = braking_.propose(metric, desired, nullptr, proposed_);
     LimitKind reason = isStale() ? LimitKind::Clearance : LimitKind::None;
     if (!isStale()) {
         if (isGood(nominal, proposed_, options_.steers)) keepBest(proposed_);
@@ -134,7 +135,7 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
         if (!hasBest_ || !first.isAhead) {
             reason = first.isClear && !first.bearsTorque ? LimitKind::Torque : LimitKind::Clearance;
             setStoredPath(nominal);
-            steer(nominal, dynamics, desired);
+            steer(nominal, dynamics, metric, desired);
         }
     }
     // Whatever was tried last, the joints must certify what is taken, with the very stops that were looked at.
@@ -167,14 +168,15 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
 
 /** Looks for jerks near the desired ones that are good, or better ones than those proposed; then on the way from them back
 to the backup stop. */
-void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired) {
+void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,
+                           const JointVector& desired) {
     JointVector from = proposed_;  // what was looked at last
-    if (options_.steers) {
+    if (options_.steers && metric) {
         rows_.clear();
         for (int round = 0; round < kSteeringRounds; ++round) {
             check_.addRows(from, storedPath_, storedJerk_, demands_.get(), rows_);
             if (round == 0) check_.addTickRows(dynamics, nominal.qdd, demands_.get().torqueUse, lastTorque_, rows_);
-            braking_.propose(dynamics.M, desired, &rows_, steered_);
+            braking_.propose(metric, desired, &rows_, steered_);
             if (steered_ == from) break;
             from = steered_;
             if (!isGood(nominal, from, round + 1 < kSteeringRounds)) continue;

@@ -28,11 +28,13 @@ public:
     void skipTicks(std::int64_t ticks);
 
     /** What is chosen in a tick: admitted by every joint, and committed.
+    @param metric   what the change is measured in; null: on the path from the backup stops' jerks
     @param desired  [rad/s^3]
     @param jerk     to be held
     @param joints   what holds each joint back */
-    FilterStatus choose(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired,
-                        JointVector& jerk, std::array<JointIntervention, kMaxJoints>& joints);
+    FilterStatus choose(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,
+                        const JointVector& desired, JointVector& jerk,
+                        std::array<JointIntervention, kMaxJoints>& joints);
     /** After choose(). @param decision  to hold its jerk */
     void endTick(const FilterInput& input, const FilterDecision& decision);
 
@@ -55,7 +57,8 @@ private:
     void examineStored(const MotionState& state);
     bool isGood(const MotionState& state, const JointVector& jerk, bool wantsRows);
     void keepBest(const JointVector& jerk);
-    void steer(const MotionState& nominal, const Dynamics& dynamics, const JointVector& desired);
+    void steer(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,
+               const JointVector& desired);
 
     const WholeArmBrakingOptions options_;
     const double tick_s_;

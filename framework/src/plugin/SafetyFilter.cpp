@@ -23,6 +23,12 @@ bool isFinite(const FilterInput& input, int n) {
            (!input.accelerationRate || isFinite(*input.accelerationRate, n));
 }
 
+bool calcDesiredAcceleration(const FilterInput& input, double tick_s, JointVector& qdd) {
+    if (!calcForwardDynamics(input.dynamics, input.torque, qdd)) return false;
+    if (input.accelerationRate) qdd += tick_s * *input.accelerationRate;
+    return true;
+}
+
 namespace {
 
 /** Rounding of M M^-1 (tau_d - b) + b, relative to its terms; where M is ill-conditioned some digits are lost. */

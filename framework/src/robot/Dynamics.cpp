@@ -11,6 +11,11 @@ bool isFinite(const Dynamics& d, int n) {
            d.M.allFinite() && d.J.allFinite() && d.tool.position.allFinite() && d.tool.orientation.coeffs().allFinite();
 }
 
+double calcLeverArm(const ToolJacobian& J) {
+    const double turning = J.bottomRows<3>().norm(), moving = J.topRows<3>().norm();
+    return turning > 0.0 && moving > 0.0 ? moving / turning : 1.0;
+}
+
 bool calcForwardDynamics(const Dynamics& dynamics, const JointVector& torque, JointVector& qdd) {
     if (!torque.allFinite() || !dynamics.b.allFinite() || !dynamics.M.allFinite()) return false;
     const Eigen::LLT<JointMatrix> factor(dynamics.M);

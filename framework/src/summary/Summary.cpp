@@ -158,6 +158,14 @@ void Summary::addCommand(int i, const TickRecord& record) {
     ++commandTicks_;
 }
 
+void Summary::addTool(const TickRecord& record) {
+    if (record.command.space != MotionCommand::Space::Tool) return;
+    const double e = (record.tool.position - record.command.tool.position).norm();
+    squaredToolError_ += e * e;
+    largestToolError_ = std::max(largestToolError_, e);
+    ++toolTicks_;
+}
+
 void Summary::addRest(int i, const TickRecord& record) {
     const double lower = bounds_.position.lower[i], upper = bounds_.position.upper[i];
     const double q = record.nominal.q[i], range = upper - lower;
@@ -262,7 +270,9 @@ void Summary::add(const TickRecord& record) {
             largestError_[i] = std::max(largestError_[i], std::abs(e));
         }
     }
+    addTool(record);
     addStops(record);
+    squaredJerk_ += record.nominal.jerk.squaredNorm();
     ++ticks_;
     if (statusTicks_[static_cast<int>(record.status)]++ == 0 && record.status == FilterStatus::Infeasible)
         firstInfeasible_s_ = record.time_s;
@@ -313,6 +323,19 @@ double Summary::changedShare() const {
 
 double Summary::commandErrorRms() const {
     return commandTicks_ ? std::sqrt(squaredCommandError_ / static_cast<double>(commandTicks_)) : kNan;
+}
+
+double Summary::toolErrorRms() const {
+    return toolTicks_ ? std::sqrt(squaredToolError_ / static_cast<double>(toolTicks_)) : kNan;
+}
+
+double Summary::toolErrorMax() const {
+    return toolTicks_ ? largestToolError_ : kNan;
+}
+
+double Summary::jerkRms() const {
+    const double count = static_cast<double>(ticks_) * static_cast<double>(jointNames_.size());
+    return count > 0.0 ? std::sqrt(squaredJerk_ / count) : 0.0;
 }
 
 double Summary::chatter() const {

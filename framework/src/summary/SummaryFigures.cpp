@@ -220,6 +220,9 @@ std::vector<SummaryFigure> makeFigures() {
     t.add("external_torque_missing_ticks", &Summary::externalTorqueMissing);
     t.add("changed_share", &Summary::changedShare);
     t.add("command_error_rms_rad", &Summary::commandErrorRms);
+    t.add("tool_error_rms_m", &Summary::toolErrorRms);
+    t.add("tool_error_max_m", &Summary::toolErrorMax);
+    t.add("jerk_rms_radps3", &Summary::jerkRms);
     t.add("chatter", &Summary::chatter);
     t.add("tripped", [](R r) { return hasTripped(r); });
     t.begin("trip.", hasTripped);

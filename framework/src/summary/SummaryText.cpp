@@ -359,6 +359,15 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
     return text + kLegend + (anyEnvironment ? kClearanceLegend : "");
 }
 
+/** Of joint commands [rad], or of tool commands [m]: a case has one of them, and cases of one kind are compared. */
+double getCommandError(const Summary& s) {
+    return std::isnan(s.toolErrorRms()) ? s.commandErrorRms() : s.toolErrorRms();
+}
+
+std::string formatCommandError(const Summary& s) {
+    return formatMrad(getCommandError(s)) + (std::isnan(s.toolErrorRms()) ? "" : " mm");
+}
+
 std::string formatRanking(const std::vector<CaseResult>& results) {
     std::vector<const CaseResult*> order;
     for (const CaseResult& r : results) order.push_back(&r);
@@ -367,29 +376,29 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
     };
     // What stopped early comes last, whatever it kept until then; no number comes after every number.
     const auto rank = [&](const CaseResult& r) {
-        const double error = r.summary.commandErrorRms();
+        const double error = getCommandError(r.summary);
         return std::make_tuple(r.stopReason != StopReason::None, countCollisions(r), countOutside(r.summary),
                                r.summary.ticksWith(FilterStatus::Infeasible), std::isnan(error),
                                std::isnan(error) ? 0.0 : error);
     };
     const auto isBetter = [&](const CaseResult* a, const CaseResult* b) { return rank(*a) < rank(*b); };
     std::stable_sort(order.begin(), order.end(), isBetter);
-    std::string text = format("%-25s |%16s |%16s |%16s |%16s | %6s | %7s | %7s | %7s | %s\n", "ranking: joint-ticks",
+    std::string text = format("%-25s |%16s |%16s |%16s |%16s | %6s | %7s | %9s | %7s | %s\n", "ranking: joint-ticks",
                               "position", "velocity", "acceleration", "jerk", "no", "", "command", "chatter", "filter");
-    text += format("%-25s |%7s%9s |%7s%9s |%7s%9s |%7s%9s | %6s | %7s | %7s | %7s | %s\n", "outside and worst excess",
+    text += format("%-25s |%7s%9s |%7s%9s |%7s%9s |%7s%9s | %6s | %7s | %9s | %7s | %s\n", "outside and worst excess",
                    "ticks", "rad", "ticks", "rad/s", "ticks", "rad/s^2", "ticks", "rad/s^3", "choice", "changed",
                    "[mrad]", "[%]", "[us]");
-    text += std::string(141, '-') + "\n";
+    text += std::string(143, '-') + "\n";
     const bool anyEnvironment = hasAnyEnvironment(results);
     int place = 0;
     for (const CaseResult* r : order) {
         const Summary& s = r->summary;
         text += format("%2d %-22s |", ++place, r->name.c_str());
         for (LimitKind kind : kNominalKinds) text += formatOutside(s, kind) + " |";
-        text += format(" %6lld | %5.1f %% | %7s | %7s | %.1f\n",
-                       static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), 100.0 * s.changedShare(),
-                       formatMrad(s.commandErrorRms()).c_str(), formatChatter(s).c_str(),
-                       s.stageTime(Stage::Filter).percentile(0.5));
+        text +=
+            format(" %6lld | %5.1f %% | %9s | %7s | %.1f\n",
+                   static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), 100.0 * s.changedShare(),
+                   formatCommandError(s).c_str(), formatChatter(s).c_str(), s.stageTime(Stage::Filter).percentile(0.5));
         std::string remarks;
         if (const std::int64_t ticks = countCollisions(*r); ticks > 0)
             remarks += format(" (in collision in %lld ticks)", static_cast<long long>(ticks));
@@ -398,8 +407,8 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
     }
     return text + (anyEnvironment ? "Ranked by ticks of the nominal arm in collision, then by what follows. " : "") +
            R"(Ranked by joint-ticks outside, then ticks without an admissible choice, then command error; cases that stopped early come last.
-command: RMS distance of the nominal joints to the commanded positions, those moved to the nearest limit ("-": no joint
-command). chatter: RMS jerk of joints at rest whose command presses them against a position limit, in percent of the jerk
+command: RMS distance of the nominal joints to the commanded positions, those moved to the nearest limit; of a tool
+command: of the nominal tool to the commanded one, in mm. chatter: RMS jerk of joints at rest whose command presses them against a position limit, in percent of the jerk
 limit; at rest: within 5 % of the range of the limit, and for 0.5 s not moved by more than 0.1 % of the range ("-": less
 than 1 joint-second of that). filter: median time of a tick.
 )";

@@ -61,7 +61,7 @@ AccelerationViability::Bound AccelerationViability::calcUpperBound(double v, dou
 
 FilterStatus AccelerationViability::filter(const FilterInput& input, FilterDecision& decision) {
     if (!isFinite(input, n_)) return FilterStatus::InvalidInput;
-    if (!calcForwardDynamics(input.dynamics, input.torque, desired_)) return FilterStatus::Faulted;
+    if (!calcDesiredAcceleration(input, tick_s_, desired_)) return FilterStatus::Faulted;
 
     bool infeasible = false;
     std::array<JointInterval, kMaxJoints> intervals;

@@ -15,6 +15,10 @@ const ParameterSpec kParameters[] = {
     parameter::number("gamma", "1/s", "20.0",
                       "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
         .above(0),
+    parameter::choice(
+        "objective", "torque|tool|joint|path", "torque",
+        "In what the change is kept small: torque (13), the tool's jerk, the joints' jerks, or all joints "
+        "held back alike on the way to the desired jerks."),
     parameter::flag("recovery", "false",
                     "Accept a start outside the limits, or one that must leave them, and return within the limits."),
 };

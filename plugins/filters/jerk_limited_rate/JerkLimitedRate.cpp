@@ -44,7 +44,7 @@ double JerkLimitedRate::calcAcceleration(double v, double a, double desired, con
 
 FilterStatus JerkLimitedRate::filter(const FilterInput& input, FilterDecision& decision) {
     if (!isFinite(input, n_)) return FilterStatus::InvalidInput;
-    if (!calcForwardDynamics(input.dynamics, input.torque, desired_)) return FilterStatus::Faulted;
+    if (!calcDesiredAcceleration(input, tick_s_, desired_)) return FilterStatus::Faulted;
     acceleration_.resize(n_);
     for (int i = 0; i < n_; ++i)
         acceleration_[i] = calcAcceleration(input.nominal.qd[i], input.nominal.qdd[i], desired_[i], limits_.axis(i),

@@ -6,13 +6,14 @@ namespace viable {
 
 void PassThrough::configure(const RunSetup& setup, const Parameters&) {
     n_ = setup.size();
+    tick_s_ = setup.tick_s;
 }
 
 void PassThrough::reset(const MotionState&) {}
 
 FilterStatus PassThrough::filter(const FilterInput& input, FilterDecision& decision) {
     if (!isFinite(input, n_)) return FilterStatus::InvalidInput;
-    if (!calcForwardDynamics(input.dynamics, input.torque, acceleration_)) return FilterStatus::Faulted;
+    if (!calcDesiredAcceleration(input, tick_s_, acceleration_)) return FilterStatus::Faulted;
     decision.holdAcceleration(acceleration_);
     decision.joints.fill({});
     return FilterStatus::Passed;

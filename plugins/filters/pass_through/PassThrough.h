@@ -18,6 +18,7 @@ public:
 
 private:
     int n_ = 0;
+    double tick_s_ = 0.0;
     JointVector acceleration_;
 };
 

@@ -58,7 +58,7 @@ struct Arm {
 
     /** One tick, and what it led to at its quarters. */
     Status tick(const JointVector& desired) {
-        const Status status = braking.choose(state, M, desired, decision.value, acting);
+        const Status status = braking.choose(state, &M, desired, decision.value, acting);
         move();
         return status;
     }

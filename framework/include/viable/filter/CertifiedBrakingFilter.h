@@ -7,6 +7,14 @@
 
 namespace viable {
 
+/** In what the change of the desired jerk is kept small (framework/MATH.md, section 8). */
+enum class Objective : unsigned char {
+    Torque,  ///< (13): the paper's
+    Tool,    ///< jerk of the tool: spare joints take over from one that is held back
+    Joint,   ///< jerk of the joints
+    Path,    ///< all joints are held back alike, on the way from the backup stop's jerks to the desired ones
+};
+
 /** The gains of CertifiedBrakingFilter. The plugin's parameters have the same defaults (a test compares them). */
 struct CertifiedBrakingOptions {
     /** How fast a limit may be approached [1/s]: in (0, 1 / tick_s]; infinite: as fast as the limits allow. */
@@ -15,6 +23,7 @@ struct CertifiedBrakingOptions {
     double gamma = 20.0;
     /** Accept a start outside the limits, or one that must leave them, and return within the limits. */
     bool recovery = false;
+    Objective objective = Objective::Torque;
 };
 
 /** Keeps position, velocity, acceleration and jerk limits in sampled time, always: a jerk is taken only

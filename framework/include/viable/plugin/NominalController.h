@@ -21,6 +21,14 @@ struct ControllerOutput {
     bool hasAccelerationRate = false;  ///< false at every call: for controllers that do not know it
 };
 
+/** The output of a controller that knows the jerk it wants in this tick [rad/s^3]: the torque of the present
+acceleration, and the jerk as its derivative. (14) makes exactly that jerk of it. */
+inline void askForJerk(const ControllerInput& input, const JointVector& jerk, ControllerOutput& output) {
+    calcInverseDynamics(input.dynamics, input.nominal.qdd, output.torque);
+    output.accelerationRate = jerk;
+    output.hasAccelerationRate = true;
+}
+
 /** Any torque controller; it sees the nominal arm, not the real one. */
 class NominalController : public Plugin {
 public:

@@ -40,6 +40,10 @@ struct FilterInput {
 /** True when every part is finite and sized for n joints. */
 bool isFinite(const FilterInput& input, int n);
 
+/** The acceleration that a filter which holds accelerations should reach by the end of the tick: M^-1 (tau_d - b), and
+what it changes by in a tick where that is known. False where M is not positive definite. No allocation. */
+bool calcDesiredAcceleration(const FilterInput& input, double tick_s, JointVector& qdd);
+
 /** A filter's answer: one quantity, held over the coming tick. What torque, mean acceleration and jerk that makes is
 for
 the host to compute (see calcHeldMotion). */

@@ -15,6 +15,10 @@ struct Dynamics {
     ToolJacobian J;       ///< tool twist (linear, angular; base frame) = J qd
 };
 
+/** How far from the joints' axes the tool is, in the mean: the size of the linear part of J over that of the angular one
+[m]; 1 where nothing turns. At this length an error of 1 rad weighs as much as it moves the tool. */
+double calcLeverArm(const ToolJacobian& J);
+
 /** True when every member belongs to n joints and is finite. */
 bool isFinite(const Dynamics& dynamics, int n);
 

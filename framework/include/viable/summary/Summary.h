@@ -165,6 +165,12 @@ public:
     /** RMS over ticks and joints of nominal - commanded position, the command moved into the position limits [rad].
     Not a number without joint commands. */
     double commandErrorRms() const;
+    /** RMS over ticks of the distance between the nominal tool and the commanded one [m]; not a number without tool
+    commands. */
+    double toolErrorRms() const;
+    double toolErrorMax() const;  ///< [m]
+    /** RMS over ticks and joints of the nominal arm's jerk [rad/s^3]. */
+    double jerkRms() const;
     /** RMS jerk of joints that a joint command presses against a position limit at rest, as a share of the jerk limit.
     Pressed: commanded to the limit or beyond, by the same command for 0.5 s. At rest: within 5 % of the range of that
     limit or beyond it, and for 0.5 s not moved by more than 0.1 % of the range. Not a number with less than one
@@ -211,6 +217,7 @@ private:
     void addStops(const TickRecord& record);
     bool hasJointCommand(const TickRecord& record) const;
     void addCommand(int joint, const TickRecord& record);
+    void addTool(const TickRecord& record);
     void addRest(int joint, const TickRecord& record);
     void addReal(const TickRecord& record);
     void addMotor(int joint, const TickRecord& record);
@@ -257,6 +264,9 @@ private:
     std::int64_t restTicks_ = 0;  // joint-ticks
     double squaredCommandError_ = 0.0;
     std::int64_t commandTicks_ = 0;  // joint-ticks
+    double squaredToolError_ = 0.0, largestToolError_ = 0.0;
+    std::int64_t toolTicks_ = 0;
+    double squaredJerk_ = 0.0;
     bool broken_ = false;
     std::optional<Collisions> collisions_;
     std::int64_t ticks_ = 0;

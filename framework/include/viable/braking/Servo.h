@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "viable/core/JointLimits.h"
+#include "viable/core/JointTypes.h"
+
+namespace viable {
+
+/** Leads an arm to a joint target, which may move or jump, as fast as its limits allow (framework/MATH.md, section 6).
+
+Per joint: of the jerks that the limits admit (see CertifiedBrakingFilter) the one after which the stop, seen from the
+target, ends exactly there; where all of them stop short of it, the one that goes farthest towards it.
+Guarantees: position, velocity, acceleration and jerk limits, at every tick and between, from every state with a stop
+within them; they are kept with a billionth in hand, so that a certified filter that holds the same limits admits what
+is asked for. A target at rest is reached in the shortest time that a tick grid allows, or nearly so, without overshoot,
+and held exactly. A target beyond a position limit counts as one at the limit.
+Real time: no allocation, lock or throw after configure(); bounded work. */
+class Servo {
+public:
+    Servo();
+    ~Servo();
+    Servo(Servo&&) noexcept;
+    Servo& operator=(Servo&&) noexcept;
+
+    /** @param limits  jerk limits finite (see checkLimits)
+        @param share   in (0, 1]: of acceleration and jerk limits that the motion relative to the target may take; the
+                       rest is for the target's own motion. 1 for targets that jump and rest. */
+    void configure(const JointLimits& limits, double tick_s, double share = 1.0);
+    void reset(const MotionState& start);
+    /** So many ticks passed without a call. */
+    void skipTicks(std::int64_t ticks);
+
+    /** The jerk to hold in this tick.
+        @param state   of the arm [rad, rad/s, rad/s^2]
+        @param target  in this tick; velocity and acceleration are zero where they are not known. Where they are the
+                       target's own and keep the limits, it is followed without error.
+        @param jerk    [rad/s^3] */
+    void calc(const MotionState& state, const MotionState& target, JointVector& jerk);
+
+private:
+    struct Impl;
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace viable

@@ -1,0 +1,190 @@
+#include "braking/AxisServo.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "braking/GridPhases.h"
+#include "braking/JerkBounds.h"
+#include "braking/ShortestStop.h"
+#include "viable/braking/Braking.h"
+
+namespace viable {
+
+namespace {
+
+using detail::calcContinuousBound;
+using detail::calcVelocityBound;
+using detail::GridPhases;
+using detail::makeStop;
+using detail::planQuickly;
+using detail::ShortestStop;
+
+/** What is asked for stays this far inside the limits, relative to them: on its way through a torque and back it is
+rounded, and must still be admitted. */
+constexpr double kInside = 1e-10;
+/** A state is the expected one when it differs by less than a jerk of this share of its limit makes in a tick. */
+constexpr double kSameMotion = 1e-6;
+/** Rounding of states, relative to them; of positions at least that of 1 rad. */
+constexpr double kStateRounding = 1e-14;
+/** Rounding of the position where a stop ends, relative to the distance. */
+constexpr double kPassed = 1e-13;
+/** What is left of the velocity limit for the motion towards a target that itself moves as fast as that or faster. */
+constexpr double kLeastVelocity = 0.05;
+
+AxisLimits shrink(const AxisLimits& l) {
+    constexpr double share = 1.0 - kInside;
+    const double p = kInside * calcLimitScale(l.positionLower, l.positionUpper);
+    return {l.positionLower + p,         l.positionUpper - p,         l.velocityLower * share, l.velocityUpper * share,
+            l.accelerationLower * share, l.accelerationUpper * share, l.jerkLower * share,     l.jerkUpper * share};
+}
+
+/** The largest jerk of one tick after which a stop ends before position 0 or on it, and that stop: of a joint whose
+present stop ends before it. */
+class Search {
+public:
+    Search(const AxisState& s, const AxisLimits& l, double tick_s)
+        : s_(s), l_(l), tick_s_(tick_s), rounding_(kPassed * std::abs(s.p)) {
+        most_ = std::max(l.jerkLower, std::min({l.jerkUpper, (l.accelerationUpper - s.a) / tick_s,
+                                                calcVelocityBound(s, l.velocityUpper, l, tick_s)}));
+        jerk_ = bound_ = calcContinuousBound(s, l.jerkLower, most_, l, 0.0, tick_s, fastest_);
+    }
+
+    /** False when no stop was found after jerk(), which is then that of continuous time. */
+    bool find() {
+        const bool isFar = bound_ >= most_;  // the target is no bound in this tick
+        if (isFar && plans()) return true;
+        ShortestStop shortest(fastest_, l_, tick_s_);
+        const auto keep = [this](const GridStop& stop) {
+            stop_ = stop;
+            return endsBefore(bound_, stop);
+        };
+        if (isFar && shortest.find(advance(s_, bound_, tick_s_), keep)) return true;
+        const auto keepsLimits = [this](double jerk, const GridStop& stop) {
+            return jerk <= most_ && endsBefore(jerk, stop);
+        };
+        if (shortest.findJerkTo(0.0, s_, jerk_, stop_, keepsLimits)) return true;
+        jerk_ = bound_;
+        return !isFar && plans();
+    }
+    double jerk() const { return jerk_; }
+    const GridStop& stop() const { return stop_; }
+
+private:
+    bool plans() {
+        const AxisState after = advance(s_, bound_, tick_s_);
+        GridPhases phases;
+        if (!planQuickly(after.v, after.a, l_, tick_s_, phases)) return false;
+        stop_ = makeStop(phases);
+        return endsBefore(bound_, stop_);
+    }
+
+    /** Within the acceleration limits, and without going beyond and coming back. */
+    bool endsBefore(double jerk, const GridStop& stop) const {
+        const auto passes = [this](const AxisState& x) { return s_.p <= 0.0 && x.p > rounding_; };
+        AxisState x = advance(s_, jerk, tick_s_);
+        if (passes(x)) return false;
+        for (int i = 0; i < GridStop::kSegments; ++i) {
+            const GridStop::Segment segment = stop.remaining(i);
+            if (segment.ticks == 0) continue;
+            const bool wasAhead = x.v > 0.0;
+            x = advance(x, segment.jerk, static_cast<double>(segment.ticks) * tick_s_);
+            if (wasAhead && x.v < -kInside * l_.velocityUpper) return false;
+            if (x.a > l_.accelerationUpper * (1.0 + kInside) || x.a < l_.accelerationLower * (1.0 + kInside))
+                return false;
+            if (passes(x)) return false;
+        }
+        return x.p <= rounding_;
+    }
+
+    AxisState s_;
+    AxisLimits l_;
+    double tick_s_, rounding_, most_, bound_, jerk_;
+    StationaryStop fastest_;
+    GridStop stop_;
+};
+
+}  // namespace
+
+void AxisServo::configure(const AxisLimits& limits, double tick_s, double share) {
+    tick_s_ = tick_s;
+    share_ = share;
+    limits_ = shrink(limits);
+    certificate_.configure(limits_, tick_s, 1.0);
+}
+
+void AxisServo::reset(const AxisState& state) {
+    certificate_.reset(state);
+    approach_.isKnown = hasLastTarget_ = false;
+}
+
+void AxisServo::skipTicks(std::int64_t ticks) {
+    certificate_.skipTicks(ticks);
+    approach_.isKnown = hasLastTarget_ = false;
+}
+
+/** Whether the relative state is the one that the approach goes on from. */
+bool AxisServo::continues(const AxisState& e) const {
+    if (!approach_.isKnown) return false;
+    const double a = kSameMotion * std::max(-limits_.jerkLower, limits_.jerkUpper) * tick_s_;
+    const double v = a * tick_s_, p = v * tick_s_;
+    const AxisState& x = approach_.expected;
+    return std::abs(e.a - x.a) <= a + kStateRounding * std::abs(e.a) &&
+           std::abs(e.v - x.v) <= v + kStateRounding * std::abs(e.v) &&
+           std::abs(e.p - x.p) <= p + kStateRounding * (1.0 + std::abs(e.p));
+}
+
+/** The jerk relative to the target, which is at 0. */
+double AxisServo::aim(const AxisState& relative, const AxisLimits& limits, Approach& approach) const {
+    const StationaryStop now = calcStationaryStop(relative.v, relative.a, limits);
+    // Seen from the side on which the present stop ends before the target.
+    const bool mirrored = relative.p + now.displacement > 0.0;
+    const auto turn = [mirrored](const auto& x) { return mirrored ? detail::mirror(x) : x; };
+    Search search(turn(relative), turn(limits), tick_s_);
+    const bool isFound = search.find();
+    double jerk = mirrored ? -search.jerk() : search.jerk();
+
+    // The approach of the last tick goes on, unless there is a faster one.
+    approach.isKnown = continues(relative);
+    if (approach.isKnown) {
+        approach.stop = approach_.stop;
+        const double next = approach.stop.takeJerk();
+        if (!isFound || (mirrored ? next <= jerk : next >= jerk))
+            jerk = next;
+        else
+            approach.isKnown = false;
+    }
+    if (isFound && !approach.isKnown) {
+        approach.isKnown = true;
+        approach.stop = turn(search.stop());
+    }
+    approach.expected = advance(relative, jerk, tick_s_);
+    return jerk;
+}
+
+double AxisServo::calc(const AxisState& state, const AxisState& wanted) {
+    certificate_.beginTick(state);
+    AxisState target = wanted;
+    if (!(wanted.p >= limits_.positionLower && wanted.p <= limits_.positionUpper))
+        target = {std::clamp(wanted.p, limits_.positionLower, limits_.positionUpper), 0.0, 0.0};
+    // The target's own jerk, where its acceleration does not jump.
+    double targetJerk = hasLastTarget_ ? (target.a - lastTarget_.a) / tick_s_ : 0.0;
+    if (!(targetJerk >= limits_.jerkLower && targetJerk <= limits_.jerkUpper)) targetJerk = 0.0;
+    lastTarget_ = target;
+    hasLastTarget_ = true;
+
+    AxisLimits l = limits_;
+    l.velocityUpper = std::max(l.velocityUpper - target.v, kLeastVelocity * l.velocityUpper);
+    l.velocityLower = std::min(l.velocityLower - target.v, kLeastVelocity * l.velocityLower);
+    l.accelerationLower *= share_;
+    l.accelerationUpper *= share_;
+    l.jerkLower *= share_;
+    l.jerkUpper *= share_;
+    Approach approach;
+    double jerk = aim({state.p - target.p, state.v - target.v, state.a - target.a}, l, approach) + targetJerk;
+    const bool rests = target.v == 0.0 && target.a == 0.0 && targetJerk == 0.0;
+    approach_ = approach;
+    if (rests && approach.isKnown && certificate_.isAdmissible(jerk, approach.stop)) return certificate_.commit(jerk);
+    return certificate_.commit(certificate_.isAdmissible(jerk) ? jerk : certificate_.findBound(jerk).jerk);
+}
+
+}  // namespace viable

@@ -1,0 +1,74 @@
+#include "JointServo.h"
+
+#include "viable/core/Error.h"
+#include "viable/plugin/PluginExport.h"
+
+namespace viable {
+
+namespace {
+
+const ParameterSpec kParameters[] = {
+    parameter::flag("velocity_feedforward", "true",
+                    "Follow the commanded velocity, and the acceleration that it changes by, instead of stopping at "
+                    "each set-point."),
+    parameter::number("share", "", "1.0",
+                      "Share of acceleration and jerk limits for the motion relative to the set-point; the rest is for "
+                      "the set-point's own. 1 suits set-points that jump and rest.")
+        .above(0)
+        .upTo(1),
+};
+
+}  // namespace
+
+void JointServo::configure(const RunSetup& setup, const Parameters& parameters) {
+    n_ = setup.size();
+    tick_s_ = setup.tick_s;
+    limits_ = setup.limits;
+    feedforward_ = parameters.flag("velocity_feedforward");
+    if (!limits_.jerk.lower.allFinite() || !limits_.jerk.upper.allFinite())
+        throw badInput(parameters.resolved().place(),
+                       "the controller joint_servo needs a finite jerk limit on every joint",
+                       "Set limits.jerk_radps3.");
+    servo_.configure(limits_, tick_s_, parameters.number("share"));
+    reset(setup.start);
+}
+
+void JointServo::reset(const MotionState& start) {
+    servo_.reset(start);
+    hasTarget_ = false;
+}
+
+TickStatus JointServo::compute(const ControllerInput& input, ControllerOutput& output) {
+    const auto& [command, nominal, dynamics, tick] = input;
+    if (command.space != MotionCommand::Space::Joint || !isFinite(command.q, n_) || !isFinite(command.qd, n_) ||
+        !isFinite(nominal, n_) || !isFinite(dynamics, n_))
+        return TickStatus::InvalidInput;
+    if (tick.missed > 0) {
+        servo_.skipTicks(tick.missed);
+        hasTarget_ = false;
+    }
+    target_.qdd.setZero(n_);
+    if (feedforward_) {
+        if (hasTarget_) {
+            target_.qdd = (command.qd - target_.qd) / tick_s_;
+            for (int i = 0; i < n_; ++i)  // a jump of the set-point is no acceleration of it
+                if (!(target_.qdd[i] >= limits_.acceleration.lower[i] &&
+                      target_.qdd[i] <= limits_.acceleration.upper[i]))
+                    target_.qdd[i] = 0.0;
+        }
+        target_.qd = command.qd;
+        hasTarget_ = true;
+    } else {
+        target_.qd.setZero(n_);
+    }
+    target_.q = command.q;
+    servo_.calc(nominal, target_, jerk_);
+    askForJerk(input, jerk_, output);
+    return TickStatus::Ok;
+}
+
+}  // namespace viable
+
+VIABLE_PLUGIN(viable::NominalController, viable::JointServo, "joint_servo",
+              "Leads each joint to its set-point as fast as the limits allow, without overshoot and gains.",
+              viable::kParameters)

@@ -1,0 +1,74 @@
+#include "ToolReference.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "viable/core/RotationVector.h"
+
+namespace viable {
+
+namespace {
+
+/** Damping that is always there, relative to the size of J'J: spare joints and exactly singular poses need some. */
+constexpr double kLeastDamping = 1e-6;
+/** Pull of spare joints to their rest posture, relative to the size of J'J: too weak to move the tool. */
+constexpr double kRestWeight = 1e-5;
+
+}  // namespace
+
+void ToolReference::configure(const RobotDescription& robot, const JointLimits& limits, double tick_s,
+                              const JointVector& rest, const ToolReferenceOptions& options) {
+    n_ = robot.size();
+    tick_s_ = tick_s;
+    limits_ = limits;
+    options_ = options;
+    rest_ = rest;
+    model_ = std::make_unique<RobotModel>(robot);
+    still_.setZero(n_);
+    for (JointVector* v : {&target_, &lower_, &upper_, &step_, &gradient_}) v->setZero(n_);
+    normal_.setZero(n_, n_);
+    factor_.setZero(n_, n_);
+    reset(rest);
+}
+
+void ToolReference::reset(const JointVector& q) {
+    q_ = q;
+    qp_.reset();
+}
+
+void ToolReference::advance(const Pose& command) {
+    model_->calcDynamics(q_, still_, dynamics_);
+    const ToolJacobian& J = dynamics_.J;
+    const double turn = options_.rotationLength_m;
+    Vector6 weights, error;
+    weights << 1.0, 1.0, 1.0, turn, turn, turn;
+    error.head<3>() = command.position - dynamics_.tool.position;
+    error.tail<3>() = calcRotationVector(command.orientation * dynamics_.tool.orientation.conjugate());
+    error = weights.cwiseProduct(error);
+    const ToolJacobian weighted = weights.asDiagonal() * J;
+
+    normal_.noalias() = weighted.transpose().lazyProduct(weighted);
+    const double size = normal_.trace() / n_;
+    const double damping = error.squaredNorm() + kLeastDamping * size;
+    const double pull = options_.restRate > 0.0 ? kRestWeight * size : 0.0;
+    gradient_.noalias() = weighted.transpose().lazyProduct(error);
+    gradient_ += (pull * options_.restRate * tick_s_) * (rest_ - q_);
+    normal_.diagonal().array() += damping + pull;
+
+    // |L'(dq - target)|^2 with normal = L L' is the cost.
+    const Eigen::LLT<JointMatrix> factors(normal_);
+    factor_ = factors.matrixU();
+    target_ = gradient_;
+    factors.solveInPlace(target_);
+    for (int i = 0; i < n_; ++i) {
+        lower_[i] = std::max(limits_.position.lower[i] - q_[i], limits_.velocity.lower[i] * tick_s_);
+        upper_[i] = std::min(limits_.position.upper[i] - q_[i], limits_.velocity.upper[i] * tick_s_);
+        lower_[i] = std::min(lower_[i], limits_.velocity.upper[i] * tick_s_);  // from outside: back at full speed
+        upper_[i] = std::max(upper_[i], limits_.velocity.lower[i] * tick_s_);
+    }
+    qp_.solve(factor_, target_, lower_, upper_, step_);
+    q_ += step_;
+}
+
+}  // namespace viable

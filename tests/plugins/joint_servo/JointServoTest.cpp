@@ -1,0 +1,86 @@
+#include "JointServo.h"
+
+#include <gtest/gtest.h>
+
+#include "CaseSupport.h"
+#include "ExpectContains.h"
+
+namespace viable {
+namespace {
+
+using test::expectContains;
+using test::readTestExperiment;
+
+/** Set-points that jump, three in ten of them beyond a limit. */
+constexpr char kJumps[] = R"(schema: 1
+title: jumps
+robot: indy7
+duration_s: 20
+limits:
+  position_rad: {center: [0, -pi/12, -pi/2, 0, -5*pi/12, 0], half_range: [pi/6, pi/12, pi/6, pi/12, pi/6, pi/3]}
+  velocity_radps: 2*pi/3
+  acceleration_radps2: 4*pi
+  jerk_radps3: 12*pi
+command: {plugin: random_steps, seed: 1, shortest_s: 1, longest_s: 6}
+controller: {plugin: joint_servo}
+filter: {plugin: certified_braking}
+cases: {A: {}}
+)";
+
+Summary run(const std::vector<std::string>& overrides = {}) {
+    const Experiment experiment = readTestExperiment(kJumps, overrides);
+    const CaseResult result = runCase(configureCase(experiment.cases.front()), {});
+    EXPECT_EQ(result.stopReason, StopReason::None) << result.stopMessage;
+    return result.summary;
+}
+
+double passedShare(const Summary& s) {
+    return static_cast<double>(s.ticksWith(FilterStatus::Passed)) / static_cast<double>(s.ticks());
+}
+
+TEST(JointServo, CertifiedFiltersPassItAndLimitsAreKept) {
+    for (const char* filter : {"certified_braking", "whole_arm_braking"}) {
+        const Summary s = run({std::string("filter.plugin=") + filter});
+        EXPECT_GE(passedShare(s), 0.95) << filter;
+        EXPECT_FALSE(s.anyLimitBroken()) << filter;
+    }
+}
+
+TEST(JointServo, IsNearerToItsSetPointsThanASpringAndDamperWithoutAJerkLimit) {
+    const double servo = run().commandErrorRms();
+    const std::vector<std::string> pd = {"controller={plugin: joint_pd, stiffness: 100, damping: 20}"};
+    EXPECT_LT(servo, run({pd[0], "filter.plugin=acceleration_viability"}).commandErrorRms());
+    EXPECT_LT(servo, run(pd).commandErrorRms());
+}
+
+TEST(JointServo, RestsOnItsSetPointsAndAtTheLimitsInSilence) {
+    EXPECT_LE(run().chatter(), 1e-6);
+}
+
+// Filters that hold accelerations have no jerk to pass; they take the acceleration at the end of the tick.
+TEST(JointServo, FollowsBehindFiltersThatHoldAccelerations) {
+    const double certified = run().commandErrorRms();
+    for (const char* filter : {"pass_through", "jerk_limited_rate", "acceleration_viability"})
+        EXPECT_LT(run({std::string("filter.plugin=") + filter}).commandErrorRms(), 1.25 * certified) << filter;
+}
+
+TEST(JointServo, FollowsAMovingSetPoint) {
+    const std::vector<std::string> moving = {
+        "command={plugin: waypoints, points: [[0, 0, -0.2, -1.4, 0.1, -1.2, 0], [2, 0.3, -0.4, -1.7, -0.1, -1.4, "
+        "-0.5]]}",
+        "start.position_rad=[0, -0.2, -1.4, 0.1, -1.2, 0]", "duration_s=4"};
+    EXPECT_LT(run(moving).commandErrorRms(), 2e-4);
+    std::vector<std::string> without = moving;
+    without.push_back("controller.velocity_feedforward=false");
+    EXPECT_GT(run(without).commandErrorRms(), run(moving).commandErrorRms());
+}
+
+TEST(JointServo, NeedsAJerkLimit) {
+    expectContains(test::catchError([] {
+                       run({"limits.jerk_radps3=.inf", "filter.plugin=pass_through"});
+                   }),
+                   {"joint_servo", "jerk limit", "limits.jerk_radps3"});
+}
+
+}  // namespace
+}  // namespace viable

@@ -1,0 +1,182 @@
+#include "ToolServo.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "CaseSupport.h"
+#include "ExpectContains.h"
+#include "TestArm.h"
+#include "viable/core/RotationVector.h"
+#include "viable/testing/AllocationCounter.h"
+
+namespace viable {
+namespace {
+
+using test::expectContains;
+using test::kTeleoperation;
+using test::readTestExperiment;
+
+Summary run(std::vector<std::string> overrides) {
+    overrides.insert(overrides.begin(), {"controller={plugin: tool_servo}", "filter={plugin: certified_braking}"});
+    const Experiment experiment = readTestExperiment(kTeleoperation, overrides);
+    const CaseResult result = runCase(configureCase(experiment.cases.front()), {});
+    EXPECT_EQ(result.stopReason, StopReason::None) << result.stopMessage;
+    return result.summary;
+}
+
+double passedShare(const Summary& s) {
+    return static_cast<double>(s.ticksWith(FilterStatus::Passed)) / static_cast<double>(s.ticks());
+}
+
+// Whoever has no jerk limit can be nearer to a hand than whoever keeps one; a controller that knows the limits makes up
+// for it.
+TEST(ToolServo, FollowsAHandBetterThanASpringAndDamperWithoutAJerkLimit) {
+    for (const int seed : {1, 2}) {
+        const std::vector<std::string> hand = {"duration_s=30", "command.seed=" + std::to_string(seed)};
+        const Summary servo = run(hand);
+        EXPECT_FALSE(servo.anyLimitBroken());
+        EXPECT_GE(passedShare(servo), 0.95);
+        for (const char* filter : {"acceleration_viability", "certified_braking"}) {
+            std::vector<std::string> spring = hand;
+            spring.push_back("controller={plugin: task_space_pd}");
+            spring.push_back(std::string("filter={plugin: ") + filter + ", k_alpha: 5}");
+            EXPECT_LT(servo.toolErrorRms(), run(spring).toolErrorRms()) << filter << ", seed " << seed;
+        }
+    }
+}
+
+// A hand within reach, no position limits but the robot's: the error is the lag.
+TEST(ToolServo, FollowsOnOtherArmsWithoutBeingTold) {
+    for (const char* robot : {"panda", "ur5e", "indy7"}) {
+        const std::string limits = "{velocity_radps: 1.5, acceleration_radps2: 8, jerk_radps3: 200}";
+        const Summary s = run({std::string("robot=") + robot, "limits=" + limits, "duration_s=10",
+                               "robust_loop={plugin: none}", "real_plant={plugin: ideal}",
+                               "command={plugin: generated_hand_motion, seed: 2, reach_m: [0.1, 0.1, 0.1], "
+                               "rotation_rad: 0.3, top_speed_mps: 0.3}"});
+        EXPECT_FALSE(s.anyLimitBroken()) << robot;
+        EXPECT_GE(passedShare(s), 0.95) << robot;
+        EXPECT_LE(s.toolErrorRms(), 0.02) << robot;
+    }
+}
+
+/** A tool reference and a controller on an arm, without a loop. */
+class ToolServoTest : public ::testing::Test {
+protected:
+    /** Where the reference ends when it goes towards `command` for so long. */
+    Pose follow(ToolReference& reference, const Pose& command, double duration_s) {
+        for (int tick = 0; tick < std::lround(duration_s / arm_.tick_s); ++tick) {
+            const JointVector before = reference.q();
+            reference.advance(command);
+            for (int i = 0; i < arm_.size(); ++i) {
+                EXPECT_LE(reference.q()[i], arm_.limits.position.upper[i]);
+                EXPECT_GE(reference.q()[i], arm_.limits.position.lower[i]);
+                EXPECT_LE(std::abs(reference.q()[i] - before[i]),
+                          arm_.limits.velocity.upper[i] * arm_.tick_s * (1.0 + 1e-9));
+            }
+        }
+        return arm_.calcDynamics(reference.q(), JointVector::Zero(arm_.size())).tool;
+    }
+    void configure(ToolReference& reference, double restRate = 0.0) {
+        reference.configure(arm_.robot, arm_.limits, arm_.tick_s, arm_.robot.home, {0.2, restRate});
+    }
+    Pose homeTool() { return arm_.calcDynamics(arm_.robot.home, JointVector::Zero(arm_.size())).tool; }
+
+    TestArm arm_{"panda"};
+    std::mt19937 random_{7};
+};
+
+TEST_F(ToolServoTest, ReferenceReachesReachablePosesExactly) {
+    for (int k = 0; k < 50; ++k) {
+        const JointVector goal = arm_.robot.home + makeRandomVector(arm_.size(), 0.3, random_);
+        const Pose command = arm_.calcDynamics(goal, JointVector::Zero(arm_.size())).tool;
+        ToolReference reference;
+        configure(reference);
+        const Pose end = follow(reference, command, 3.0);
+        EXPECT_LE((end.position - command.position).norm(), 1e-6);
+        EXPECT_LE(calcRotationVector(end.orientation * command.orientation.conjugate()).norm(), 1e-6);
+    }
+}
+
+TEST_F(ToolServoTest, ReferenceGoesAsNearAsItCanAndRestsThere) {
+    Pose command = homeTool();
+    command.position += Eigen::Vector3d(5.0, 0.0, 0.0);
+    ToolReference reference;
+    configure(reference);
+    const Pose end = follow(reference, command, 20.0);
+    EXPECT_GT(end.position.x(), homeTool().position.x() + 0.1);
+    const JointVector before = reference.q();
+    follow(reference, command, 1.0);
+    EXPECT_LE((reference.q() - before).cwiseAbs().maxCoeff(), 0.02) << "it creeps or swings in the stretched pose";
+}
+
+TEST_F(ToolServoTest, SpareJointsGoToTheirRestAndLeaveTheToolAlone) {
+    ToolReference reference;
+    configure(reference, 1.0);
+    JointVector q = arm_.robot.home;
+    q[0] += 0.5, q[2] -= 0.4, q[4] += 0.3;
+    const Pose command = arm_.calcDynamics(q, JointVector::Zero(arm_.size())).tool;
+    reference.reset(q);
+    const double far = (q - arm_.robot.home).norm();
+    const Pose end = follow(reference, command, 10.0);
+    EXPECT_LT((reference.q() - arm_.robot.home).norm(), 0.95 * far);
+    EXPECT_LE((end.position - command.position).norm(), 1e-4);
+}
+
+TEST_F(ToolServoTest, ReferenceTurnsOnWithACommandThatTurnsRoundTwice) {
+    ToolReference reference;
+    TestArm& arm = arm_;
+    arm.limits.position = JointBounds{JointVector::Constant(7, -20.0), JointVector::Constant(7, 20.0)};
+    configure(reference);
+    const Pose home = homeTool();
+    Pose command = home;
+    const Eigen::Vector3d axis = home.orientation * Eigen::Vector3d::UnitZ();
+    double worst = 0.0;
+    for (int tick = 0; tick < 12600; ++tick) {
+        command.orientation = calcRotation(axis * (1e-3 * tick)) * home.orientation;
+        if (tick % 2 == 1) command.orientation.coeffs() *= -1.0;  // the same rotation
+        reference.advance(command);
+        const Pose tool = arm.calcDynamics(reference.q(), JointVector::Zero(7)).tool;
+        worst = std::max(worst, calcRotationVector(tool.orientation * command.orientation.conjugate()).norm());
+    }
+    EXPECT_LE(worst, 0.01);
+    EXPECT_GT(std::abs(reference.q()[6] - arm.robot.home[6]), 2.0 * kPi) << "it did not turn on";
+}
+
+TEST_F(ToolServoTest, TakesNoMemoryInItsTicks) {
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
+    ToolServo servo;
+    const RunSetup setup = arm_.setup();
+    servo.configure(setup, arm_.read(PluginKind::NominalController, "tool_servo", ""));
+    servo.reset(arm_.start);
+    MotionCommand command;
+    command.space = MotionCommand::Space::Tool;
+    command.tool = homeTool();
+    command.tool.position.z() -= 0.2;
+    MotionState state = arm_.start;
+    Dynamics dynamics = arm_.calcDynamics(state);
+    ControllerOutput output;
+    ASSERT_EQ(servo.compute({command, state, dynamics}, output), TickStatus::Ok);
+    const testing::AllocationCounter counter;
+    for (int tick = 0; tick < 10000; ++tick)
+        ASSERT_EQ(servo.compute({command, state, dynamics}, output), TickStatus::Ok);
+    EXPECT_EQ(counter.count(), 0);
+}
+
+TEST(ToolServo, ARelativeCommandBeginsWhereTheToolIs) {
+    // The command's pose is half a metre off; what it does is what counts.
+    const Summary absolute = run({"duration_s=5"});
+    const Summary relative = run({"duration_s=5", "controller.relative=true"});
+    EXPECT_NEAR(absolute.toolErrorRms(), relative.toolErrorRms(), 1e-9) << "the hand begins at the tool's own pose";
+}
+
+TEST(ToolServo, NeedsAJerkLimit) {
+    expectContains(test::catchError([] {
+                       run({"limits.jerk_radps3=.inf", "filter={plugin: pass_through}"});
+                   }),
+                   {"tool_servo", "jerk limit", "limits.jerk_radps3"});
+}
+
+}  // namespace
+}  // namespace viable
