@@ -198,18 +198,27 @@ public:
     MotionState state;
 };
 
-TEST_F(ToolServoTest, ACommandThatJumpsIsReachedWithoutPassingIt) {
+// The reference's own path to a far pose is curved, and joints turn back on it; with a reference that counts as resting a
+// joint does no more than that.
+TEST_F(ToolServoTest, ACommandThatJumpsIsNotPassedForTheVelocityThatWasFollowed) {
     for (const Eigen::Vector3d& way : {Eigen::Vector3d(0.0, 0.3, 0.0), Eigen::Vector3d(-0.1, 0.0, 0.2)}) {
-        ServedArm served(arm_, "rest_rate: 0");
-        served.command.tool.position += way;
-        const auto progress = [&] {
-            return (served.tool().position - homeTool().position).dot(way) / way.squaredNorm();
+        const auto calcBeyond = [&](const char* filter) {
+            ServedArm served(arm_, std::string("rest_rate: 0, velocity_filter_s: ") + filter);
+            served.command.tool.position += way;
+            const JointVector begin = served.state.q;
+            JointVector least = begin, largest = begin;
+            served.follow(4000, [&] {
+                least = least.cwiseMin(served.state.q);
+                largest = largest.cwiseMax(served.state.q);
+            });
+            EXPECT_LE((served.tool().position - served.command.tool.position).norm(), 1e-6);
+            EXPECT_LE(served.state.qd.cwiseAbs().maxCoeff(), 1e-9);
+            const JointVector& end = served.state.q;
+            return std::max((largest - begin.cwiseMax(end)).maxCoeff(), (begin.cwiseMin(end) - least).maxCoeff());
         };
-        double farthest = 0.0;
-        served.follow(4000, [&] { farthest = std::max(farthest, progress()); });
-        EXPECT_LE(farthest, 1.002);  // the joints' paths are not the tool's straight line
-        EXPECT_NEAR(progress(), 1.0, 1e-6);
-        EXPECT_LE(served.state.qd.cwiseAbs().maxCoeff(), 1e-9);
+        const double resting = calcBeyond(".inf"), followed = calcBeyond("0");
+        std::printf("beyond its end: %.4f rad, resting reference %.4f rad\n", followed, resting);
+        EXPECT_LE(followed, resting + 0.02);
     }
 }
 
