@@ -33,7 +33,8 @@ constexpr double kLeastVelocity = 0.05;
 
 AxisLimits shrink(const AxisLimits& l) {
     constexpr double share = 1.0 - kInside;
-    const double p = kInside * calcLimitScale(l.positionLower, l.positionUpper);
+    const double p =
+        std::min(kInside * calcLimitScale(l.positionLower, l.positionUpper), (l.positionUpper - l.positionLower) / 4.0);
     return {l.positionLower + p,         l.positionUpper - p,         l.velocityLower * share, l.velocityUpper * share,
             l.accelerationLower * share, l.accelerationUpper * share, l.jerkLower * share,     l.jerkUpper * share};
 }
@@ -46,6 +47,7 @@ public:
         : s_(s), l_(l), tick_s_(tick_s), rounding_(kPassed * std::abs(s.p)) {
         most_ = std::max(l.jerkLower, std::min({l.jerkUpper, (l.accelerationUpper - s.a) / tick_s,
                                                 calcVelocityBound(s, l.velocityUpper, l, tick_s)}));
+        comesBack_ = kInside * std::max(std::abs(s.v), (l.jerkUpper - l.jerkLower) * tick_s * tick_s);
         jerk_ = bound_ = calcContinuousBound(s, l.jerkLower, most_, l, 0.0, tick_s, fastest_);
     }
 
@@ -88,7 +90,7 @@ private:
             if (segment.ticks == 0) continue;
             const bool wasAhead = x.v > 0.0;
             x = advance(x, segment.jerk, static_cast<double>(segment.ticks) * tick_s_);
-            if (wasAhead && x.v < -kInside * l_.velocityUpper) return false;
+            if (wasAhead && x.v < -comesBack_) return false;
             if (x.a > l_.accelerationUpper * (1.0 + kInside) || x.a < l_.accelerationLower * (1.0 + kInside))
                 return false;
             if (passes(x)) return false;
@@ -98,7 +100,7 @@ private:
 
     AxisState s_;
     AxisLimits l_;
-    double tick_s_, rounding_, most_, bound_, jerk_;
+    double tick_s_, rounding_, comesBack_, most_, bound_, jerk_;
     StationaryStop fastest_;
     GridStop stop_;
 };
@@ -114,23 +116,21 @@ void AxisServo::configure(const AxisLimits& limits, double tick_s, double share)
 
 void AxisServo::reset(const AxisState& state) {
     certificate_.reset(state);
-    approach_.isKnown = hasLastTarget_ = false;
+    approach_.isKnown = hasLastTarget_ = hasExpected_ = false;
 }
 
 void AxisServo::skipTicks(std::int64_t ticks) {
     certificate_.skipTicks(ticks);
-    approach_.isKnown = hasLastTarget_ = false;
+    approach_.isKnown = hasLastTarget_ = hasExpected_ = false;
 }
 
-/** Whether the relative state is the one that the approach goes on from. */
-bool AxisServo::continues(const AxisState& e) const {
-    if (!approach_.isKnown) return false;
+/** But for rounding. */
+bool AxisServo::isSame(const AxisState& s, const AxisState& x) const {
     const double a = kSameMotion * std::max(-limits_.jerkLower, limits_.jerkUpper) * tick_s_;
     const double v = a * tick_s_, p = v * tick_s_;
-    const AxisState& x = approach_.expected;
-    return std::abs(e.a - x.a) <= a + kStateRounding * std::abs(e.a) &&
-           std::abs(e.v - x.v) <= v + kStateRounding * std::abs(e.v) &&
-           std::abs(e.p - x.p) <= p + kStateRounding * (1.0 + std::abs(e.p));
+    return std::abs(s.a - x.a) <= a + kStateRounding * std::abs(s.a) &&
+           std::abs(s.v - x.v) <= v + kStateRounding * std::abs(s.v) &&
+           std::abs(s.p - x.p) <= p + kStateRounding * (1.0 + std::abs(s.p));
 }
 
 /** The jerk relative to the target, which is at 0. */
@@ -144,7 +144,7 @@ double AxisServo::aim(const AxisState& relative, const AxisLimits& limits, Appro
     double jerk = mirrored ? -search.jerk() : search.jerk();
 
     // The approach of the last tick goes on, unless there is a faster one.
-    approach.isKnown = continues(relative);
+    approach.isKnown = approach_.isKnown && isSame(relative, approach_.expected);
     if (approach.isKnown) {
         approach.stop = approach_.stop;
         const double next = approach.stop.takeJerk();
@@ -162,7 +162,11 @@ double AxisServo::aim(const AxisState& relative, const AxisLimits& limits, Appro
 }
 
 double AxisServo::calc(const AxisState& state, const AxisState& wanted) {
-    certificate_.beginTick(state);
+    // Where somebody else decided what the joint does, a new plan: it does not follow a stop of ours.
+    if (hasExpected_ && !isSame(state, expected_))
+        certificate_.reset(state);
+    else
+        certificate_.beginTick(state);
     AxisState target = wanted;
     if (!(wanted.p >= limits_.positionLower && wanted.p <= limits_.positionUpper))
         target = {std::clamp(wanted.p, limits_.positionLower, limits_.positionUpper), 0.0, 0.0};
@@ -183,8 +187,13 @@ double AxisServo::calc(const AxisState& state, const AxisState& wanted) {
     double jerk = aim({state.p - target.p, state.v - target.v, state.a - target.a}, l, approach) + targetJerk;
     const bool rests = target.v == 0.0 && target.a == 0.0 && targetJerk == 0.0;
     approach_ = approach;
-    if (rests && approach.isKnown && certificate_.isAdmissible(jerk, approach.stop)) return certificate_.commit(jerk);
-    return certificate_.commit(certificate_.isAdmissible(jerk) ? jerk : certificate_.findBound(jerk).jerk);
+    if (!(rests && approach.isKnown && certificate_.isAdmissible(jerk, approach.stop)) &&
+        !certificate_.isAdmissible(jerk))
+        jerk = certificate_.findBound(jerk).jerk;
+    jerk = certificate_.commit(jerk);
+    expected_ = advance(state, jerk, tick_s_);
+    hasExpected_ = true;
+    return jerk;
 }
 
 }  // namespace viable

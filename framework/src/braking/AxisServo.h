@@ -36,15 +36,15 @@ private:
     };
 
     double aim(const AxisState& relative, const AxisLimits& limits, Approach& approach) const;
-    bool continues(const AxisState& relative) const;
+    bool isSame(const AxisState& s, const AxisState& x) const;
 
     AxisLimits limits_{};
     double tick_s_ = 0.0;
     double share_ = 1.0;
     BrakingCertificate certificate_;
     Approach approach_;
-    AxisState lastTarget_;
-    bool hasLastTarget_ = false;
+    AxisState lastTarget_, expected_;
+    bool hasLastTarget_ = false, hasExpected_ = false;
 };
 
 }  // namespace viable

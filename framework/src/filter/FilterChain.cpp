@@ -93,9 +93,10 @@ FilterStatus FilterChain::filter(const FilterInput& input, FilterDecision& decis
         decision = candidate_;
         calcHeldMotion(own, answer, decision, tick_s_, motion_);
         if (!isFinite(motion_.torque, n)) throw PluginFault("its decision is beyond all arithmetic", kOnValues);
+        standing = i;
+        if (passed && rate) continue;  // the controller's torque, and how it changes, say all to the next one
         if (motion_.torque != desired_) rate = nullptr;
         desired_ = motion_.torque;
-        standing = i;
     }
     answerable_ = standing;
     ++tick_;

@@ -162,7 +162,9 @@ const JointMatrix* JointBraking::findMetric(const Dynamics& dynamics) {
     const double share = kTorqueWeight * weighted.norm() / dynamics.M.norm();
     JointMatrix square = weighted.transpose().lazyProduct(weighted);
     square += (share * share) * dynamics.M.transpose().lazyProduct(dynamics.M);
-    metric_ = square.llt().matrixU();
+    const Eigen::LLT<JointMatrix> factors(square);
+    if (factors.info() != Eigen::Success) return &dynamics.M;
+    metric_ = factors.matrixU();
     return &metric_;
 }
 

@@ -130,7 +130,7 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
     const FilterStatus status = braking_.propose(metric, desired, nullptr, proposed_);
     LimitKind reason = isStale() ? LimitKind::Clearance : LimitKind::None;
     if (!isStale()) {
-        if (isGood(nominal, proposed_, options_.steers)) keepBest(proposed_);
+        if (isGood(nominal, proposed_, options_.steers && metric)) keepBest(proposed_);
         const ArmStopCheck::Result& first = hasBest_ ? best_ : trial_;
         if (!hasBest_ || !first.isAhead) {
             reason = first.isClear && !first.bearsTorque ? LimitKind::Torque : LimitKind::Clearance;

@@ -419,12 +419,11 @@ void ControlLoop::forgetRemarks() {
 
 bool ControlLoop::takeDecision() {
     forgetRemarks();
-    const bool isPushed = externalTorque_.size() > 0;
     wantedTorque_ = desiredTorque_;
-    if (isPushed) wantedTorque_ += externalTorque_;
-    // How a push changes nobody knows.
-    const bool hasRate = output_.hasAccelerationRate && !isPushed;
-    const FilterInput input{nominal_, wantedTorque_, dynamics_, hasRate ? &output_.accelerationRate : nullptr};
+    if (externalTorque_.size() > 0) wantedTorque_ += externalTorque_;
+    // How a push changes nobody knows: its own rate counts as zero.
+    const JointVector* rate = output_.hasAccelerationRate ? &output_.accelerationRate : nullptr;
+    const FilterInput input{nominal_, wantedTorque_, dynamics_, rate};
     status_ = contain(PluginKind::SafetyFilter, FilterStatus::Faulted,
                       [&] { return plugins_.filter->filter(input, decision_); });
     if (status_ == FilterStatus::Ended && !guarantees_) {

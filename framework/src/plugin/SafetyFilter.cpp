@@ -25,7 +25,8 @@ bool isFinite(const FilterInput& input, int n) {
 
 bool calcDesiredAcceleration(const FilterInput& input, double tick_s, JointVector& qdd) {
     if (!calcForwardDynamics(input.dynamics, input.torque, qdd)) return false;
-    if (input.accelerationRate) qdd += tick_s * *input.accelerationRate;
+    if (input.accelerationRate)
+        qdd = (qdd + tick_s * *input.accelerationRate).cwiseMin(kLargestAcceleration).cwiseMax(-kLargestAcceleration);
     return true;
 }
 

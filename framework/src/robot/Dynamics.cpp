@@ -13,7 +13,7 @@ bool isFinite(const Dynamics& d, int n) {
 
 double calcLeverArm(const ToolJacobian& J) {
     const double turning = J.bottomRows<3>().norm(), moving = J.topRows<3>().norm();
-    return turning > 0.0 && moving > 0.0 ? moving / turning : 1.0;
+    return turning > 0.0 && moving > 1e-9 * turning ? moving / turning : 1.0;
 }
 
 bool calcForwardDynamics(const Dynamics& dynamics, const JointVector& torque, JointVector& qdd) {

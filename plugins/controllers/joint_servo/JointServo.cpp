@@ -50,11 +50,14 @@ TickStatus JointServo::compute(const ControllerInput& input, ControllerOutput& o
     target_.qdd.setZero(n_);
     if (feedforward_) {
         if (hasTarget_) {
-            target_.qdd = (command.qd - target_.qd) / tick_s_;
-            for (int i = 0; i < n_; ++i)  // a jump of the set-point is no acceleration of it
-                if (!(target_.qdd[i] >= limits_.acceleration.lower[i] &&
-                      target_.qdd[i] <= limits_.acceleration.upper[i]))
-                    target_.qdd[i] = 0.0;
+            for (int i = 0; i < n_; ++i) {
+                const double qdd = (command.qd[i] - target_.qd[i]) / tick_s_, jump = (qdd - lastRate_[i]) / tick_s_;
+                // Only of set-points that move smoothly: a velocity that comes in steps tells no acceleration.
+                if (jump >= limits_.jerk.lower[i] && jump <= limits_.jerk.upper[i]) target_.qdd[i] = qdd;
+                lastRate_[i] = qdd;
+            }
+        } else {
+            lastRate_.setZero(n_);
         }
         target_.qd = command.qd;
         hasTarget_ = true;

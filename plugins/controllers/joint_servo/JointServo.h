@@ -25,7 +25,7 @@ private:
     Servo servo_;
     MotionState target_;
     bool hasTarget_ = false;
-    JointVector jerk_;
+    JointVector lastRate_, jerk_;  ///< lastRate_: difference quotient of the commanded velocity
 };
 
 }  // namespace viable

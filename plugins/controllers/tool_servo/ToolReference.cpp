@@ -34,6 +34,7 @@ void ToolReference::configure(const RobotDescription& robot, const JointLimits& 
 
 void ToolReference::reset(const JointVector& q) {
     q_ = q;
+    isAtSpeedLimit_ = false;
     qp_.reset();
 }
 
@@ -69,6 +70,10 @@ void ToolReference::advance(const Pose& command) {
     }
     qp_.solve(factor_, target_, lower_, upper_, step_);
     q_ += step_;
+    isAtSpeedLimit_ = false;
+    for (int i = 0; i < n_; ++i)
+        isAtSpeedLimit_ |=
+            step_[i] <= limits_.velocity.lower[i] * tick_s_ || step_[i] >= limits_.velocity.upper[i] * tick_s_;
 }
 
 }  // namespace viable

@@ -31,9 +31,12 @@ public:
     /** One tick towards `command`; its orientation is of unit length. */
     void advance(const Pose& command);
     const JointVector& q() const { return q_; }  ///< [rad]
+    /** A joint went as fast as it may in the last tick: the command jumped, or is too fast. */
+    bool isAtSpeedLimit() const { return isAtSpeedLimit_; }
 
 private:
     int n_ = 0;
+    bool isAtSpeedLimit_ = false;
     double tick_s_ = 0.0;
     JointLimits limits_;
     ToolReferenceOptions options_;

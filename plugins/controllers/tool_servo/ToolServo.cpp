@@ -84,6 +84,7 @@ void ToolServo::reset(const MotionState& start) {
     reference_.reset(start.q);
     servo_.reset(start);
     target_ = {start.q, JointVector::Zero(n_), JointVector::Zero(n_)};
+    velocity_.setZero(n_);
     hasOrigin_ = false;
 }
 
@@ -101,14 +102,23 @@ TickStatus ToolServo::compute(const ControllerInput& input, ControllerOutput& ou
     if (command.space != MotionCommand::Space::Tool || !command.tool.position.allFinite() ||
         !(norm > 0.5 && norm < 2.0) || !isFinite(nominal, n_) || !isFinite(dynamics, n_))
         return TickStatus::InvalidInput;
-    if (tick.missed > 0) servo_.skipTicks(tick.missed);
+    if (tick.missed > 0) {
+        servo_.skipTicks(tick.missed);
+        velocity_.setZero(n_);
+    }
     if (!hasOrigin_) {
         origin_ = {command.tool.position, command.tool.orientation.normalized()};
         hasOrigin_ = true;
     }
     reference_.advance(place(command.tool));
     const JointVector& q = reference_.q();
-    target_.qd += velocityShare_.cwiseProduct((q - target_.q) / tick_s_ - target_.qd);
+    if (reference_.isAtSpeedLimit()) velocity_.setZero();  // it may stop at any moment: be able to stop with it
+    for (int i = 0; i < n_; ++i) {
+        const double velocity = (q[i] - target_.q[i]) / tick_s_;
+        velocity_[i] += velocityShare_[i] * (velocity - velocity_[i]);
+        // A reference that stands still has no velocity, whatever it had.
+        target_.qd[i] = velocity == 0.0 ? 0.0 : velocity_[i];
+    }
     target_.q = q;
     servo_.calc(nominal, target_, jerk_);
     askForJerk(input, jerk_, output);

@@ -29,7 +29,7 @@ private:
     ToolReference reference_;
     Servo servo_;
     MotionState target_;
-    JointVector jerk_;
+    JointVector velocity_, jerk_;  ///< velocity_: of the reference, smoothed
 };
 
 }  // namespace viable

@@ -18,7 +18,7 @@ const ParameterSpec kParameters[] = {
     parameter::choice(
         "objective", "torque|tool|joint|path", "torque",
         "In what the change is kept small: torque (13), the tool's jerk, the joints' jerks, or all joints "
-        "held back alike on the way to the desired jerks."),
+        "held back alike on the way to the desired jerks (one joint pressed against its limit then holds all)."),
     parameter::flag("recovery", "false",
                     "Accept a start outside the limits, or one that must leave them, and return within the limits."),
 };

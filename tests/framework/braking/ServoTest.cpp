@@ -141,7 +141,7 @@ TEST(Servo, ATargetAtRestIsReachedInTheLeastTimeWithoutOvershootAndHeld) {
     const int count = test::countOf(2000);
     std::mt19937_64 random(static_cast<std::uint64_t>(test::getSeed(1)));
     std::vector<double> ratios;
-    double worstTicks = -kInfinity, soonest = kInfinity, worstOvershoot = 0.0, worstRest = 0.0,
+    double worstTicks = -kInfinity, soonest = kInfinity, latest = -kInfinity, worstOvershoot = 0.0, worstRest = 0.0,
            worstExcess = -kInfinity;
     for (int k = 0; k < count; ++k) {
         const Draw draw(random);
@@ -170,19 +170,20 @@ TEST(Servo, ATargetAtRestIsReachedInTheLeastTimeWithoutOvershootAndHeld) {
         worstRest = std::max(worstRest, std::abs(joint.state.p - target));
         ratios.push_back(arrived * draw.tick_s / std::max(least, draw.tick_s));
         soonest = std::min(soonest, arrived - least / draw.tick_s);
+        latest = std::max(latest, arrived - least / draw.tick_s);
         worstTicks = std::max(worstTicks, arrived - 1.1 * least / draw.tick_s);
         worstExcess = std::max(worstExcess, joint.worst);
     }
     std::sort(ratios.begin(), ratios.end());
     std::printf(
-        "%d states: time over the least time: median %.5f, p99 %.4f, worst %.4f; ticks beyond 1.1 times it: %.2f; "
+        "%d states: time over the least time: median %.5f, p99 %.4f, worst %.4f; ticks longer: at most %.2f; "
         "overshoot %.2g of the range; at rest %.2g rad from the target\n",
-        count, ratios[ratios.size() / 2], ratios[ratios.size() * 99 / 100], ratios.back(), worstTicks, worstOvershoot,
+        count, ratios[ratios.size() / 2], ratios[ratios.size() * 99 / 100], ratios.back(), latest, worstOvershoot,
         worstRest);
     EXPECT_LE(ratios[ratios.size() / 2], 1.02);
     EXPECT_GE(soonest, -1.0) << "faster than possible: the yardstick is wrong";
     EXPECT_LE(worstTicks, 3.0);
-    EXPECT_LE(worstOvershoot, 1e-9);
+    EXPECT_LE(worstOvershoot, 1e-11);
     EXPECT_LE(worstRest, 1e-12 * 10.0);
     EXPECT_LE(worstExcess, 1e-12);
 }

@@ -13,8 +13,8 @@ namespace viable {
 Per joint: of the jerks that the limits admit (see CertifiedBrakingFilter) the one after which the stop, seen from the
 target, ends exactly there; where all of them stop short of it, the one that goes farthest towards it.
 Guarantees: position, velocity, acceleration and jerk limits, at every tick and between, from every state with a stop
-within them; they are kept with a billionth in hand, so that a certified filter that holds the same limits admits what
-is asked for. A target at rest is reached in the shortest time that a tick grid allows, or nearly so, without overshoot,
+within them less 1e-10 of each; so much is kept in hand that a certified filter of the same limits admits what is asked
+for. A target at rest is reached in the shortest time that a tick grid allows, or nearly so, without overshoot,
 and held exactly. A target beyond a position limit counts as one at the limit.
 Real time: no allocation, lock or throw after configure(); bounded work. */
 class Servo {

@@ -44,8 +44,7 @@ bool isFinite(const FilterInput& input, int n);
 what it changes by in a tick where that is known. False where M is not positive definite. No allocation. */
 bool calcDesiredAcceleration(const FilterInput& input, double tick_s, JointVector& qdd);
 
-/** A filter's answer: one quantity, held over the coming tick. What torque, mean acceleration and jerk that makes is
-for
+/** A filter's answer: one quantity, held over the coming tick. What torque, mean acceleration and jerk that makes is for
 the host to compute (see calcHeldMotion). */
 struct FilterDecision {
     HeldQuantity held = HeldQuantity::Jerk;
@@ -90,8 +89,7 @@ public:
     that merely try. */
     virtual bool guaranteesLimits() const = 0;
 
-    /** True when that guarantee includes that the nominal arm touches nothing of RunSetup::surroundings, as long as
-    they
+    /** True when that guarantee includes that the nominal arm touches nothing of RunSetup::surroundings, as long as they
     stay as they are but for known paths, nor itself. Valid after configure(). */
     virtual bool guaranteesClearance() const;
 
@@ -99,10 +97,9 @@ public:
     without a stop that stays there; the host refuses such a start otherwise. Valid after configure(). */
     virtual bool recovers() const;
 
-    /** New limits from the next filter() on; where ticks were missed, after skipTicks(). Complete and usable at the
-    tick (see areUsable). True when the filter
-    works by them from now on, approaching as fast as jerk allows what it cannot meet at once; false when it
-    cannot change its limits, and the host then stops the arm. Real time, like filter(). */
+    /** New limits from the next filter() on; where ticks were missed, after skipTicks(). Complete and usable at the tick
+    (see areUsable). True when the filter works by them from now on, approaching as fast as jerk allows what it cannot
+    meet at once; false when it cannot change its limits, and the host then stops the arm. Real time, like filter(). */
     virtual bool changeLimits(const JointLimits& limits);
 
     /** Ticks passed without a call of filter(): the arm has followed the stops of the last decision (or, where
