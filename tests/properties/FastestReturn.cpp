@@ -66,7 +66,7 @@ double followFastestStop(PathRange& path, const AxisLimits& l) {
     path.hold(stop.jerk, stop.T1);
     path.hold(0.0, stop.T2);
     path.hold(stop.side == LimitSide::Upper ? l.jerkUpper : l.jerkLower, stop.T3);
-    return before + stop.T1 + stop.T2 + stop.T3;
+    return before + stop.duration();
 }
 
 FastestReturn::FastestReturn(const AxisState& s, const AxisLimits& stopLimits, const AxisLimits& l, double tick_s)

@@ -177,6 +177,11 @@ JointLimits JointLimits::unlimited(int n) {
     return {none, none, none, none};
 }
 
+void requireJerkLimits(const JointLimits& limits, const std::string& where, const std::string& who,
+                       const std::string& remedy) {
+    if (!limits.hasJerkLimits()) throw badInput(where, who + " needs a finite jerk limit on every joint", remedy);
+}
+
 void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles, const std::string& where,
                  const std::vector<std::string>& jointNames) {
     const struct {

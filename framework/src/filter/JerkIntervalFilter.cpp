@@ -16,10 +16,7 @@ void JerkIntervalFilter::configure(const RunSetup& setup, const Parameters& para
         throw badInput(parameters.place("gamma"),
                        "gamma * tick_s is " + std::to_string(gamma * tick_s_) + ", allowed (0, 2)",
                        "The sampled law is unstable from 2 on; choose gamma below 2 / tick_s.");
-    if (!limits_.jerk.lower.allFinite() || !limits_.jerk.upper.allFinite())
-        throw badInput(parameters.place("gamma"),
-                       std::string("the filter ") + name_ + " needs a finite jerk limit on every joint",
-                       "Set limits.jerk_radps3.");
+    requireJerkLimits(limits_, parameters.place("gamma"), std::string("the filter ") + name_);
     desiredJerk_.configure(gamma, tick_s_);
     choice_.configure(limits_.jerk);
 }

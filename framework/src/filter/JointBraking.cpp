@@ -95,8 +95,7 @@ void JointBraking::configure(const RunSetup& setup, const CertifiedBrakingOption
     if (!(follow > 0.0 && follow < 2.0))
         throw badInput(wording.gamma, "gamma * tick_s is " + format("%#.3g", follow) + ", allowed (0, 2)",
                        "The sampled law is unstable from 2 on; choose gamma below 2 / tick_s.");
-    if (!setup.limits.jerk.lower.allFinite() || !setup.limits.jerk.upper.allFinite())
-        throw badInput(wording.recovery, "this filter needs a finite jerk limit on every joint", wording.jerkRemedy);
+    requireJerkLimits(setup.limits, wording.recovery, "this filter", wording.jerkRemedy);
     desiredJerk_.configure(options.gamma, tick_s_);
     braking_.configure(setup.limits, tick_s_, approach);
     reset(setup.start);
@@ -128,7 +127,7 @@ void JointBraking::reset(const MotionState& start) {
 }
 
 bool JointBraking::changeLimits(const JointLimits& limits) {
-    if (!limits.jerk.lower.allFinite() || !limits.jerk.upper.allFinite()) return false;
+    if (!limits.hasJerkLimits()) return false;
     braking_.changeLimits(limits);
     return true;
 }

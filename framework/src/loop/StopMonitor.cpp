@@ -69,7 +69,7 @@ struct StopMonitor::Path {
 };
 
 void StopMonitor::takeLimits(const JointLimits& limits) {
-    hasJerkLimits_ = limits.jerk.lower.allFinite() && limits.jerk.upper.allFinite();
+    hasJerkLimits_ = limits.hasJerkLimits();
     for (int i = 0; i < n_; ++i) {
         const AxisLimits& axis = limits_[i] = limits.axis(i);
         tolerances_[i] = {calcTolerance(axis.positionLower, axis.positionUpper),

@@ -1,6 +1,5 @@
 #include "JointServo.h"
 
-#include "viable/core/Error.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {
@@ -25,10 +24,7 @@ void JointServo::configure(const RunSetup& setup, const Parameters& parameters) 
     tick_s_ = setup.tick_s;
     limits_ = setup.limits;
     feedforward_ = parameters.flag("velocity_feedforward");
-    if (!limits_.jerk.lower.allFinite() || !limits_.jerk.upper.allFinite())
-        throw badInput(parameters.resolved().place(),
-                       "the controller joint_servo needs a finite jerk limit on every joint",
-                       "Set limits.jerk_radps3.");
+    requireJerkLimits(limits_, parameters.resolved().place(), "the controller joint_servo");
     servo_.configure(limits_, tick_s_, parameters.number("share"));
     reset(setup.start);
 }

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "viable/braking/Braking.h"
-#include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
 #include "viable/plugin/PluginExport.h"
 
@@ -40,8 +39,7 @@ const ParameterSpec kParameters[] = {
 double calcStopTime(const AxisLimits& l) {
     const auto calc = [&](double v) {
         if (!std::isfinite(v)) return kInfinity;
-        const StationaryStop stop = calcStationaryStop(v, 0.0, l);
-        return stop.T1 + stop.T2 + stop.T3;
+        return calcStationaryStop(v, 0.0, l).duration();
     };
     return std::max(calc(l.velocityLower), calc(l.velocityUpper));
 }
@@ -51,9 +49,7 @@ double calcStopTime(const AxisLimits& l) {
 void ToolServo::configure(const RunSetup& setup, const Parameters& parameters) {
     n_ = setup.size();
     tick_s_ = setup.tick_s;
-    if (!setup.limits.jerk.lower.allFinite() || !setup.limits.jerk.upper.allFinite())
-        throw badInput(parameters.resolved().place(),
-                       "the controller tool_servo needs a finite jerk limit on every joint", "Set limits.jerk_radps3.");
+    requireJerkLimits(setup.limits, parameters.resolved().place(), "the controller tool_servo");
     velocityShare_.resize(n_);
     const double filter_s = parameters.number("velocity_filter_s");
     for (int i = 0; i < n_; ++i)

@@ -28,7 +28,7 @@ TEST(GridStop, StopsOnTheGridWithinAccelerationAndJerkLimits) {
         GridStop plan;
         ASSERT_TRUE(plan.plan(v, a, l, dt)) << "v " << v << " a " << a << " dt " << dt;
         const StationaryStop best = calcStationaryStop(v, a, l);
-        const double bestTicks = (best.T1 + best.T2 + best.T3) / dt;
+        const double bestTicks = best.duration() / dt;
         ratios.push_back(plan.remainingTicks() / (bestTicks + 2.0));
         AxisState s{0, v, a};
         // Rounding of one part in 2^53 per tick, in acceleration and through it in velocity.
@@ -68,7 +68,7 @@ TEST(GridStop, NearTheSwitchingCurveItIsAsFastAsElsewhere) {
         GridStop plan;
         ASSERT_TRUE(plan.plan(v, a, l, dt));
         const StationaryStop best = calcStationaryStop(v, a, l);
-        const double delay = plan.remainingTicks() - (best.T1 + best.T2 + best.T3) / dt;
+        const double delay = plan.remainingTicks() - best.duration() / dt;
         if (delay > worst) worst = delay, worstV = v, worstA = a, worstDt = dt;
         ratios.push_back(delay);
     }

@@ -127,13 +127,13 @@ double calcLeastTime(const AxisState& s, const AxisLimits& l) {
     const AxisState x = accelerate(low);
     if (calcVelocityPeak(x.v, x.a, l) <= l.velocityUpper) {
         const StationaryStop stop = calcStationaryStop(x.v, x.a, l);
-        return low + stop.T1 + stop.T2 + stop.T3;
+        return low + stop.duration();
     }
     const double V = l.velocityUpper;
     const StationaryStop to = calcStationaryStop(s.v - V, s.a, l), from = calcStationaryStop(V, 0.0, l);
-    const double toTime = to.T1 + to.T2 + to.T3;
+    const double toTime = to.duration();
     const double left = -(s.p + to.displacement + V * toTime + from.displacement);
-    return toTime + left / V + from.T1 + from.T2 + from.T3;
+    return toTime + left / V + from.duration();
 }
 
 // 1e5 states: VIABLE_EFFORT=50

@@ -37,6 +37,8 @@ struct BrakingStop {
 and acceleration limits. The third phase brings acceleration back to zero. */
 struct StationaryStop : BrakingStop {
     double T3 = 0.0;  ///< [s]
+
+    double duration() const { return T1 + T2 + T3; }  ///< [s]
 };
 
 /** Velocity-zeroing policy (paper, Table II with T2 = |v1| / A): to v = 0 with `a` free, which for

@@ -73,6 +73,8 @@ struct JointLimits {
 
     int size() const { return static_cast<int>(position.lower.size()); }
     AxisLimits axis(int joint) const;
+    /** Every joint has a finite jerk limit on both sides. */
+    bool hasJerkLimits() const { return jerk.lower.allFinite() && jerk.upper.allFinite(); }
 
     /** No limit at all for n joints. */
     static JointLimits unlimited(int n);
@@ -100,6 +102,12 @@ allowed range.
 @param where  place of the limits, for the message  */
 void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles, const std::string& where,
                  const std::vector<std::string>& jointNames);
+
+/** Throws Error (BadInput) unless hasJerkLimits(): for laws that choose jerks.
+@param where  place, for the message
+@param who    needs them: "the filter tosbp" */
+void requireJerkLimits(const JointLimits& limits, const std::string& where, const std::string& who,
+                       const std::string& remedy = "Set limits.jerk_radps3.");
 
 /** True when checkLimits() would accept the limits of n joints, large angles allowed. Real time: no allocation,
 no throw. */
