@@ -29,6 +29,8 @@ public:
                        rest is for the target's own motion. 1 for targets that jump and rest. */
     void configure(const JointLimits& limits, double tick_s, double share = 1.0);
     void reset(const MotionState& start);
+    /** From now on; as for configure(). */
+    void changeLimits(const JointLimits& limits);
     /** So many ticks passed without a call. */
     void skipTicks(std::int64_t ticks);
 
@@ -42,6 +44,29 @@ public:
 private:
     struct Impl;
     std::unique_ptr<Impl> impl_;
+};
+
+/** The velocity of a joint target, as far as the joint can follow its changes: smoothed over the time in which the
+joint stops from its velocity limit. A target that stands still has none, whatever it had; a jump, faster than the
+velocity limit, is none.
+Real time: no allocation, lock or throw after configure(). */
+class TargetVelocity {
+public:
+    /** @param filter_s  over so long instead; infinite: a target counts as resting; 0: as above */
+    void configure(const JointLimits& limits, double tick_s, double filter_s = 0.0);
+    void changeLimits(const JointLimits& limits);  ///< the time stays
+    void reset(const JointVector& q);
+    /** The target may stop at any moment: it counts as resting, and gets its velocity anew. */
+    void forget() { smoothed_.setZero(); }
+
+    /** One tick. @param q  the target [rad]. @return its velocity [rad/s], valid until the next call */
+    const JointVector& calc(const JointVector& q);
+
+private:
+    double tick_s_ = 0.0;
+    JointVector share_;  ///< of a change that is followed in a tick
+    JointBounds limits_;
+    JointVector last_, smoothed_, velocity_;
 };
 
 }  // namespace viable
