@@ -48,30 +48,38 @@ namespace {
 
 /** Faster than so many times the velocity limit is a jump: more than rounding. */
 constexpr double kJump = 1.0 + 1e-6;
+/** A target's velocity is smoothed over this share of the time in which the joint stops from its limit, and may grow with
+this share of the deceleration of that stop. */
+constexpr double kSmoothing = 0.2, kGrowth = 0.35;
 
-/** From the velocity limit, in the longer of its two directions [s]. */
-double calcStopTime(const AxisLimits& l) {
-    const auto calc = [&](double v) {
-        if (!std::isfinite(v)) return kInfinity;
-        return calcStationaryStop(v, 0.0, l).duration();
-    };
-    return std::max(calc(l.velocityLower), calc(l.velocityUpper));
+double calcStopTime(double v, const AxisLimits& l) {
+    return std::isfinite(v) ? calcStationaryStop(v, 0.0, l).duration() : kInfinity;
 }
 
 }  // namespace
 
 void TargetVelocity::configure(const JointLimits& limits, double tick_s, double filter_s) {
-    const int n = limits.size();
     tick_s_ = tick_s;
-    limits_ = limits.velocity;
-    share_.resize(n);
-    for (int i = 0; i < n; ++i)
-        share_[i] = tick_s / (tick_s + (filter_s > 0.0 ? filter_s : calcStopTime(limits.axis(i))));
-    reset(JointVector::Zero(n));
+    filter_s_ = filter_s;
+    changeLimits(limits);
+    reset(JointVector::Zero(limits.size()));
 }
 
 void TargetVelocity::changeLimits(const JointLimits& limits) {
+    const int n = limits.size();
     limits_ = limits.velocity;
+    share_.resize(n);
+    growth_ = limits_;
+    for (int i = 0; i < n; ++i) {
+        const AxisLimits l = limits.axis(i);
+        const double lower_s = calcStopTime(l.velocityLower, l), upper_s = calcStopTime(l.velocityUpper, l);
+        const bool isGiven = filter_s_ > 0.0;
+        share_[i] = tick_s_ / (tick_s_ + (isGiven ? filter_s_ : kSmoothing * std::max(lower_s, upper_s)));
+        growth_.lower[i] = isGiven ? -kInfinity : kGrowth * tick_s_ * l.velocityLower / lower_s;
+        growth_.upper[i] = isGiven ? kInfinity : kGrowth * tick_s_ * l.velocityUpper / upper_s;
+        if (std::isinf(l.velocityLower)) growth_.lower[i] = -kInfinity;  // it has no share then
+        if (std::isinf(l.velocityUpper)) growth_.upper[i] = kInfinity;
+    }
 }
 
 void TargetVelocity::reset(const JointVector& q) {
@@ -84,7 +92,9 @@ const JointVector& TargetVelocity::calc(const JointVector& q) {
     for (Eigen::Index i = 0; i < q.size(); ++i) {
         const double velocity = (q[i] - last_[i]) / tick_s_;
         const bool isJump = velocity < kJump * limits_.lower[i] || velocity > kJump * limits_.upper[i];
-        if (!isJump) smoothed_[i] += share_[i] * (velocity - smoothed_[i]);
+        double change = isJump ? 0.0 : share_[i] * (velocity - smoothed_[i]);
+        if (change * smoothed_[i] >= 0.0) change = std::clamp(change, growth_.lower[i], growth_.upper[i]);
+        smoothed_[i] += change;
         velocity_[i] = velocity == 0.0 ? 0.0 : smoothed_[i];
     }
     last_ = q;

@@ -30,7 +30,7 @@ RobotDescription makeKinematic(RobotDescription robot) {
     Actuation& a = robot.actuation;
     a.gearRatio = a.rotorInertia = ones;
     a.encoderCounts = none;
-    a.torqueLimit.setConstant(kInfinity);
+    a.torqueLimit = JointVector::Constant(n, kInfinity);
     a.friction.coulomb = a.friction.viscous = none;
     a.friction.viscousVelocity = ones;
     return robot;
@@ -84,9 +84,9 @@ private:
 class ReferenceGuard::Follower : public NominalController {
 public:
     void configure(const RunSetup&, const Parameters&) override {}
-    void configure(const JointLimits& limits, double tick_s, double share) {
+    void configure(const JointLimits& limits, double tick_s, double share, double velocityFilter_s) {
         servo_.configure(limits, tick_s, share);
-        velocity_.configure(limits, tick_s);
+        velocity_.configure(limits, tick_s, velocityFilter_s);
     }
     void changeLimits(const JointLimits& limits) {
         servo_.changeLimits(limits);
@@ -135,7 +135,11 @@ struct ReferenceGuard::Inside {
             setup.geometry = &*geometry;
             setup.surroundings = feed.get();
         }
-        follower.configure(limits, tick_s, options.share);
+        if (!(options.velocityFilter_s >= 0.0))
+            throw badInput("ReferenceGuardOptions::velocityFilter_s",
+                           detail::formatNumber(options.velocityFilter_s) + "; allowed is 0 and above, or infinity",
+                           "0 takes it from the limits.");
+        follower.configure(limits, tick_s, options.share, options.velocityFilter_s);
         output.state = setup.start;
         output.jerk.setZero(robot.size());
     }
@@ -186,7 +190,7 @@ void ReferenceGuard::Inside::start(const MotionState& state) {
         certified->configure(setup, joints);
         filter = std::move(certified);
     }
-    follower.configure(limits, setup.tick_s, options.share);
+    follower.configure(limits, setup.tick_s, options.share, options.velocityFilter_s);
     LoopPlugins plugins;
     plugins.command = lend<CommandSource>(source);
     plugins.controller = lend<NominalController>(follower);

@@ -9,30 +9,45 @@ namespace viable {
 
 namespace {
 
-/** Share of a new interval between receipts in the mean: about ten of them count. */
-constexpr double kNewShare = 0.1;
-/** An interval counts as no more than so many of the mean: a gap is not a rate. */
-constexpr double kLongestInterval = 2.0;
+/** The period is a mean over about so many samples. */
+constexpr double kMeanOf = 50.0;
 /** Receipts at the same time count as so far apart [s]. */
 constexpr double kShortestInterval_s = 1e-6;
-/** A sample is overdue after so many mean intervals. */
-constexpr double kOverdue = 1.5;
+/** A sample counts as one later that comes so much of a period before it is due. */
+constexpr double kEarly = 0.25;
+/** After so many in a row that seem to follow a lost one the sender has become slower. */
+constexpr int kSlower = 5;
+/** So much of its lateness a sample moves the clock of the sender: it may drift. */
+constexpr double kDrift = 0.02;
+/** A late sample is met no sooner than after so much of a period. */
+constexpr double kShortestBlend = 0.5;
+/** What was extrapolated stands so many periods after the newest sample was sent. */
+constexpr double kOverdue = 2.0;
 
-/** Of two slopes of one thing what both agree in: none where they point apart. */
-double calcCommon(double newer, double older) {
+/** The slope that follows two others, continued as they changed: from none, where they point apart, to twice the smaller
+one (the limits of a monotone interpolation), so that nothing is overshot that has stopped or jumped.
+@param trend  so much of their change follows */
+double calcNext(double newer, double older, double trend) {
     if (!(newer * older > 0.0)) return 0.0;
-    return std::abs(newer) < std::abs(older) ? newer : older;
+    const double least = std::min(std::abs(newer), std::abs(older));
+    const double next = std::abs(newer) + trend * (std::abs(newer) - std::abs(older));
+    return std::copysign(std::clamp(next, 0.0, 2.0 * least), newer);
 }
 
-/** The newer one, no longer than the older one reaches along it. */
-Eigen::Vector3d calcCommon(const Eigen::Vector3d& newer, const Eigen::Vector3d& older) {
-    const double length2 = newer.squaredNorm(), along = newer.dot(older);
-    if (!(along > 0.0)) return Eigen::Vector3d::Zero();
-    return newer * std::min(1.0, along / length2);
+/** The same in space. */
+Eigen::Vector3d calcNext(const Eigen::Vector3d& newer, const Eigen::Vector3d& older, double trend) {
+    if (!(newer.dot(older) > 0.0)) return Eigen::Vector3d::Zero();
+    const Eigen::Vector3d next = newer + trend * (newer - older);
+    if (!(next.dot(newer) > 0.0)) return Eigen::Vector3d::Zero();
+    const double most = 2.0 * std::min(newer.norm(), older.norm());
+    return next * std::min(1.0, most / next.norm());
 }
 
-Eigen::Vector3d calcTurn(const Eigen::Quaterniond& from, const Eigen::Quaterniond& to) {
-    return calcRotationVector(to * from.conjugate());
+/** From one pose to the other in `seconds`. */
+Vector6 calcTwist(const Pose& from, const Pose& to, double seconds) {
+    Vector6 twist;
+    twist << to.position - from.position, calcRotationVector(to.orientation * from.orientation.conjugate());
+    return twist / seconds;
 }
 
 }  // namespace
@@ -43,76 +58,115 @@ const char* getName(BetweenSamples between) {
 }
 
 void CommandReceiver::reset(const MotionCommand& first) {
-    newest_ = base_ = first;
-    base_.qd.setZero(first.q.size());
-    base_.toolTwist.setZero();
+    newest_ = goal_ = first;
+    goal_.qd.setZero(first.q.size());
+    goal_.toolTwist.setZero();
+    base_ = goal_;
     slope_.setZero(first.q.size());
     twist_.setZero();
-    received_s_ = moves_s_ = period_s_ = 0.0;
-    samples_ = 0;
+    received_s_ = sent_s_ = begin_s_ = meets_s_ = stands_s_ = period_s_ = lasted_s_ = 0.0;
+    samples_ = slower_ = 0;
+}
+
+/** Returns how long the sample before the one that has just come lasted at the sender [s]. */
+double CommandReceiver::followClock(double t) {
+    const double interval = std::max(t - received_s_, kShortestInterval_s);
+    received_s_ = t;
+    ++samples_;
+    if (samples_ <= 2) {
+        sent_s_ = t;
+        period_s_ = interval;
+        return interval;
+    }
+    double periods = std::max(1.0, std::floor((t - sent_s_) / period_s_ + kEarly));
+    slower_ = periods > 1.0 ? slower_ + 1 : 0;
+    if (slower_ > kSlower) {
+        samples_ = 2;
+        slower_ = 0;
+        period_s_ = interval;
+        periods = 1.0;
+    }
+    period_s_ += (interval / periods - period_s_) / std::min(kMeanOf, static_cast<double>(samples_ - 1));
+    const double due = sent_s_ + periods * period_s_;
+    sent_s_ = std::min(t, due + kDrift * (t - due));
+    return periods * period_s_;
 }
 
 void CommandReceiver::take(double t, const MotionCommand& received) {
     MotionCommand sample = received;
     sample.tool.orientation.normalize();
-    const double interval = std::max(t - received_s_, kShortestInterval_s);
-    if (samples_ == 1)
-        period_s_ = interval;
-    else if (samples_ > 1)
-        period_s_ += kNewShare * (std::min(interval, kLongestInterval * period_s_) - period_s_);
+    MotionCommand now;
+    calc(t, now);
+    const double lasted_s = followClock(t);
 
-    const bool isJoint = sample.space == MotionCommand::Space::Joint;
-    MotionCommand base = sample;
-    base.qd.setZero(sample.q.size());
-    base.toolTwist.setZero();
-    moves_s_ = 0.0;
-    if (samples_ > 0 && between_ == BetweenSamples::Interpolate) {
-        MotionCommand now;
-        calc(t, now);
-        base = now;
-        moves_s_ = period_s_;
-        if (isJoint) {
-            base.qd = (sample.q - now.q) / period_s_;
-        } else {
-            base.toolTwist << (sample.tool.position - now.tool.position) / period_s_,
-                calcTurn(now.tool.orientation, sample.tool.orientation) / period_s_;
-        }
-    } else if (samples_ > 0 && between_ == BetweenSamples::Extrapolate) {
-        // So many samples were sent since, whenever they came.
-        const double sent_s = std::max(1.0, std::round(interval / period_s_)) * period_s_;
-        moves_s_ = kOverdue * period_s_;
-        if (isJoint) {
-            for (Eigen::Index i = 0; i < sample.q.size(); ++i) {
-                const double slope = (sample.q[i] - newest_.q[i]) / sent_s;
-                base.qd[i] = calcCommon(slope, slope_[i]);
-                slope_[i] = slope;
-            }
-        } else {
-            Vector6 twist;
-            twist << (sample.tool.position - newest_.tool.position) / sent_s,
-                calcTurn(newest_.tool.orientation, sample.tool.orientation) / sent_s;
-            base.toolTwist << calcCommon(Eigen::Vector3d(twist.head<3>()), Eigen::Vector3d(twist_.head<3>())),
-                calcCommon(Eigen::Vector3d(twist.tail<3>()), Eigen::Vector3d(twist_.tail<3>()));
-            twist_ = twist;
+    base_ = sample;
+    base_.qd.setZero(sample.q.size());
+    base_.toolTwist.setZero();
+    goal_ = base_;
+    begin_s_ = meets_s_ = stands_s_ = t;
+    if (samples_ > 1 && between_ == BetweenSamples::Interpolate) {
+        leadTo(now, t + period_s_);
+        stands_s_ = meets_s_;
+    } else if (samples_ > 1 && between_ == BetweenSamples::Extrapolate) {
+        stands_s_ = sent_s_ + kOverdue * period_s_;
+        const double meets_s = std::max(sent_s_ + period_s_, t + kShortestBlend * period_s_);
+        if (findNextVelocity(sample, lasted_s)) {
+            move(goal_, meets_s - sent_s_);
+            leadTo(now, meets_s);
         }
     }
-    base_ = base;
     newest_ = sample;
-    received_s_ = t;
-    samples_ = std::min(samples_ + 1, 2);
+}
+
+/** The velocity after the last two differences becomes that of goal_. False where there is none. */
+bool CommandReceiver::findNextVelocity(const MotionCommand& sample, double lasted_s) {
+    // A difference is the velocity in the middle of its interval.
+    const double trend = (lasted_s + period_s_) / (lasted_s + lasted_s_);
+    lasted_s_ = lasted_s;
+    if (sample.space == MotionCommand::Space::Joint) {
+        for (Eigen::Index i = 0; i < sample.q.size(); ++i) {
+            const double slope = (sample.q[i] - newest_.q[i]) / lasted_s;
+            goal_.qd[i] = calcNext(slope, slope_[i], trend);
+            slope_[i] = slope;
+        }
+        return !goal_.qd.isZero(0.0);
+    }
+    const Vector6 twist = calcTwist(newest_.tool, sample.tool, lasted_s);
+    for (const int part : {0, 3})
+        goal_.toolTwist.segment<3>(part) =
+            calcNext(Eigen::Vector3d(twist.segment<3>(part)), Eigen::Vector3d(twist_.segment<3>(part)), trend);
+    twist_ = twist;
+    return !goal_.toolTwist.isZero(0.0);
+}
+
+/** From where the command is to goal_, so that it does not jump. */
+void CommandReceiver::leadTo(const MotionCommand& now, double meets_s) {
+    meets_s_ = meets_s;
+    base_.q = now.q;
+    base_.tool = now.tool;
+    const double seconds = meets_s - begin_s_;
+    if (goal_.space == MotionCommand::Space::Joint)
+        base_.qd = (goal_.q - now.q) / seconds;
+    else
+        base_.toolTwist = calcTwist(now.tool, goal_.tool, seconds);
+}
+
+void CommandReceiver::move(MotionCommand& command, double seconds) {
+    command.q += seconds * command.qd;
+    command.tool.position += seconds * command.toolTwist.head<3>();
+    const Eigen::Vector3d turn = seconds * command.toolTwist.tail<3>();
+    command.tool.orientation = calcRotation(turn) * command.tool.orientation;
 }
 
 void CommandReceiver::calc(double t, MotionCommand& command) const {
-    command = base_;
-    const double since = t - received_s_;
-    const double moved_s = std::min(since, moves_s_);
-    if (moved_s > 0.0) {
-        command.q += moved_s * base_.qd;
-        command.tool.position += moved_s * base_.toolTwist.head<3>();
-        const Eigen::Vector3d turn = moved_s * base_.toolTwist.tail<3>();
-        command.tool.orientation = calcRotation(turn) * base_.tool.orientation;
+    if (t < meets_s_) {
+        command = base_;
+        move(command, t - begin_s_);
+        return;
     }
-    if (since >= moves_s_) {
+    command = goal_;
+    if (stands_s_ > meets_s_) move(command, std::min(t, stands_s_) - meets_s_);
+    if (t >= stands_s_) {
         command.qd.setZero(command.q.size());
         command.toolTwist.setZero();
     }

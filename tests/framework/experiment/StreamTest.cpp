@@ -62,7 +62,7 @@ TEST(Stream, WhatIsWrongInItIsToldWithItsPlace) {
     expectContains(refuse("{rate_hz: 2000}"), {"more than one sample a tick"});
     expectContains(refuse("{rate_hz: 10, jitter: 1}"), {"jitter"});
     expectContains(refuse("{rate_hz: 10, gap_s: 2, gap_every_s: 2}"), {"gap_every_s"});
-    expectContains(refuse("{rate_hz: 10, between: predict}"), {"hold|interpolate|extrapolate"});
+    expectContains(refuse("{rate_hz: 10, between: predict}"), {"`hold`, `interpolate`, `extrapolate`"});
     expectContains(refuse("{rate: 10}"), {"rate_hz"});
     expectContains(refuse("{plugin: hold}"), {"stream is no plugin"});
 }

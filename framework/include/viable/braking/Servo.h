@@ -46,15 +46,18 @@ private:
     std::unique_ptr<Impl> impl_;
 };
 
-/** The velocity of a joint target, as far as the joint can follow its changes: smoothed over the time in which the
-joint stops from its velocity limit. A target that stands still has none, whatever it had; a jump, faster than the
-velocity limit, is none.
+/** The velocity of a joint target, as far as the joint can follow its changes: a target that moves evenly is followed
+with its velocity, one that starts, stops or turns faster than the joint could is not believed at once. Smoothed over a
+fifth of the time in which the joint stops from its velocity limit, and growing no faster than with a third of the
+deceleration of that stop. A target that stands still has none, whatever it had; a jump, faster than the velocity limit,
+is none.
 Real time: no allocation, lock or throw after configure(). */
 class TargetVelocity {
 public:
-    /** @param filter_s  over so long instead; infinite: a target counts as resting; 0: as above */
+    /** @param filter_s  smoothed over so long instead, growing as it likes; infinite: a target counts as resting; 0: as
+       above */
     void configure(const JointLimits& limits, double tick_s, double filter_s = 0.0);
-    void changeLimits(const JointLimits& limits);  ///< the time stays
+    void changeLimits(const JointLimits& limits);
     void reset(const JointVector& q);
     /** The target may stop at any moment: it counts as resting, and gets its velocity anew. */
     void forget() { smoothed_.setZero(); }
@@ -63,9 +66,10 @@ public:
     const JointVector& calc(const JointVector& q);
 
 private:
-    double tick_s_ = 0.0;
-    JointVector share_;  ///< of a change that is followed in a tick
+    double tick_s_ = 0.0, filter_s_ = 0.0;
     JointBounds limits_;
+    JointBounds growth_;  ///< of the velocity's size in a tick
+    JointVector share_;   ///< of a change that is followed in a tick
     JointVector last_, smoothed_, velocity_;
 };
 

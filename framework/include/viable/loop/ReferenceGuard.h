@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 
+#include "viable/core/Error.h"
 #include "viable/environment/Environment.h"
 #include "viable/log/TickRecord.h"
 #include "viable/loop/GuardStatus.h"
@@ -21,6 +22,9 @@ struct ReferenceGuardOptions {
     BetweenSamples between = BetweenSamples::Extrapolate;
     /** In (0, 1]: of acceleration and jerk limits that the motion relative to the target may take (see Servo). */
     double share = 1.0;
+    /** Time constant in which the target's velocity is smoothed before it is followed [s]; infinite: a target counts as
+    resting; 0: of each joint the time in which it stops from its velocity limit (see TargetVelocity). */
+    double velocityFilter_s = 0.0;
     /** Accept a start outside the limits, or one that must leave them, and return within the limits. */
     bool recovery = false;
     /** Obstacles; with them, even without any, the arm is also kept clear of itself, and the robot needs a
