@@ -25,8 +25,8 @@ PluginPtr<Interface> make(PluginKind kind, const std::string& name, const RunSet
     const PluginInfo info = loader().find(kind, name, "bench", {});
     PluginPtr<Interface> plugin = PluginLoader::create<Interface>(info);
     const ConfigNode block = parseConfig("plugin: {plugin: " + name + "}\n", "bench");
-    plugin->configure(setup, readParameters(*block.find("plugin"), info.entry->parameters, info.entry->parameterCount,
-                                            setup.size()));
+    plugin->configure(
+        setup, readParameters(*block.find("plugin"), info.entry->parameters, info.entry->parameterCount, setup.size()));
     return plugin;
 }
 

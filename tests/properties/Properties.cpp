@@ -54,8 +54,8 @@ int main(int argc, char** argv) {
     using namespace viable;
     CLI::App app{"Property tests of certified braking"};
     const std::pair<const char*, bool (*)(const Options&)> properties[] = {
-        {"limits", checkLimits}, {"recovery", checkRecovery}, {"changing_limits", checkChangingLimits},
-        {"stops", checkStops},   {"monitor", checkMonitor},   {"obstacles", checkObstacles},
+        {"limits", checkLimits},        {"recovery", checkRecovery}, {"changing_limits", checkChangingLimits},
+        {"stops", checkStops},          {"monitor", checkMonitor},   {"obstacles", checkObstacles},
         {"references", checkReferences}};
     std::vector<std::string> names;
     for (const auto& property : properties) names.push_back(property.first);

@@ -9,8 +9,8 @@
 
 using namespace viable;
 
-/** A planner, a policy, a hand: 30 targets a second, late by up to 10 ms, one in twenty lost, and now and then nothing
-for 0.3 s. Every joint swings about the middle of its range, and beyond it. Yours goes here. */
+/** A planner, a policy, a hand: 30 targets a second, late by up to 10 ms, one in twenty lost. Every joint swings about
+the middle of its range. Yours goes here. */
 class Sender {
 public:
     explicit Sender(const JointLimits& limits) : limits_(limits) {}
@@ -23,8 +23,8 @@ public:
             const double middle = hasRange ? 0.5 * (l.positionLower + l.positionUpper) : 0.0;
             const double half = hasRange ? 0.5 * (l.positionUpper - l.positionLower) : 1.0;
             const double speed = std::isfinite(l.velocityUpper) ? l.velocityUpper : 1.0;
-            const double size = std::min(1.1 * half, speed);
-            target[i] = middle + size * std::sin(0.4 * speed / size * (1.0 + 0.1 * i) * t);
+            const double rate = 0.8 * (1.0 + 0.1 * i);  // [rad/s]
+            target[i] = middle + std::min(0.8 * half, 0.3 * speed / rate) * std::sin(rate * t);
         }
         return target;
     }
@@ -34,7 +34,7 @@ public:
         if (t >= next_) {
             onItsWay_ = calcWanted(t);
             arrival_ = t + 0.010 * draw();
-            next_ += draw() < 0.01 ? 0.3 : 1.0 / 30.0;
+            next_ += 1.0 / 30.0;
             isOnItsWay_ = draw() >= 0.05;
         }
         if (!isOnItsWay_ || t < arrival_) return false;
@@ -100,7 +100,7 @@ int main(int argc, char** argv) try {
                 for (int i = 0; i < robot.size(); ++i) file << ',' << (*values)[i];
             file << '\n';
         }
-        if (t < 3.0 || t >= duration_s) continue;  // on the way to the first targets, and braking
+        if (t < 6.0 || t >= duration_s) continue;  // on the way to the first targets, and braking
         for (int i = 0; i < robot.size(); ++i) {
             const AxisLimits l = guard.limits().axis(i);
             const double wanted = std::min(std::max(sender.calcWanted(t)[i], l.positionLower), l.positionUpper);

@@ -125,8 +125,7 @@ void checkErrorLoop(const LinearErrorLoop& loop, int n, const std::string& title
 void addSurroundings(ConfiguredCase& configured) {
     const CasePlan& plan = configured.plan;
     if (!plan.environment) return;
-    configured.surroundings =
-        makeSurroundings(*plan.environment, plan.robot, *plan.geometry, configured.setup.limits);
+    configured.surroundings = makeSurroundings(*plan.environment, plan.robot, *plan.geometry, configured.setup.limits);
     configured.feed = std::make_unique<SurroundingsFeed>(configured.surroundings);
     configured.setup.surroundings = configured.feed.get();
 }

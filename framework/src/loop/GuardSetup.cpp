@@ -30,22 +30,26 @@ void checkRobot(const char* guard, const RobotDescription& robot) {
     for (int i = 0; i < robot.size(); ++i)
         if (robot.joints[static_cast<std::size_t>(i)].parent < -1 ||
             robot.joints[static_cast<std::size_t>(i)].parent >= i)
-            throw badInput(guard, quoteJoint(robot, i) + " has joint " +
+            throw badInput(guard,
+                           quoteJoint(robot, i) + " has joint " +
                                std::to_string(robot.joints[static_cast<std::size_t>(i)].parent) +
                                " as its parent; allowed is -1 to " + std::to_string(i - 1),
                            "List parents before children; the base is -1.");
     if (robot.toolParent < -1 || robot.toolParent >= robot.size())
-        throw badInput(guard, "toolParent is " + std::to_string(robot.toolParent) + "; allowed is -1 to " +
+        throw badInput(guard,
+                       "toolParent is " + std::to_string(robot.toolParent) + "; allowed is -1 to " +
                            std::to_string(robot.size() - 1),
                        "Set the joint that carries the tool.");
     const auto check = [&](const char* name, const JointVector& values, double smallest, bool mayBeInfinite) {
         if (values.size() != robot.size())
-            throw badInput(guard, std::string("actuation.") + name + " has " + std::to_string(values.size()) +
+            throw badInput(guard,
+                           std::string("actuation.") + name + " has " + std::to_string(values.size()) +
                                " entries; the robot has " + n + " joints",
                            "Give one entry per joint.");
         for (int i = 0; i < robot.size(); ++i)
             if (!(values[i] >= smallest) || (std::isinf(values[i]) && !mayBeInfinite))
-                throw badInput(guard, std::string("actuation.") + name + " of " + quoteJoint(robot, i) + " is " +
+                throw badInput(guard,
+                               std::string("actuation.") + name + " of " + quoteJoint(robot, i) + " is " +
                                    formatNumber(values[i]) + "; allowed is " +
                                    (smallest > 0.0 ? "above 0" : "0 and more"),
                                "Check the number.");
@@ -61,7 +65,8 @@ void checkRobot(const char* guard, const RobotDescription& robot) {
 
 void checkTick(const char* guard, double tick_s) {
     if (tick_s >= kShortestTick_s && tick_s <= kLongestTick_s) return;
-    throw badInput(guard, "the tick is " + formatNumber(tick_s) + " s; allowed is [" + formatNumber(kShortestTick_s) + ", " +
+    throw badInput(guard,
+                   "the tick is " + formatNumber(tick_s) + " s; allowed is [" + formatNumber(kShortestTick_s) + ", " +
                        formatNumber(kLongestTick_s) + "] s",
                    "Give the period of the loop in seconds: 0.001 at 1 kHz.");
 }

@@ -234,8 +234,7 @@ const GuardedReference& ReferenceGuard::step() noexcept {
 
 const GuardedReference& ReferenceGuard::step(const JointVector& target) noexcept {
     Inside& in = *inside_;
-    in.output.targetFailed =
-        !isFinite(target, in.robot.size()) || target.lpNorm<Eigen::Infinity>() > kLargestLimit;
+    in.output.targetFailed = !isFinite(target, in.robot.size()) || target.lpNorm<Eigen::Infinity>() > kLargestLimit;
     if (!in.output.targetFailed) in.source.take(target);
     return in.step();
 }
@@ -284,7 +283,7 @@ GuardStop ReferenceGuard::stopReason() const {
             return GuardStop::GuaranteeBroken;
         case StopReason::TicksMissed:
             return GuardStop::TicksMissed;
-        case StopReason::CommandFailed:     // Source and Follower do not fail
+        case StopReason::CommandFailed:  // Source and Follower do not fail
         case StopReason::ControllerFailed:
         case StopReason::RobustLoopFailed:  // there is no real arm
         case StopReason::PlantFailed:

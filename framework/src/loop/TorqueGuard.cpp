@@ -46,9 +46,9 @@ void checkPositive(const PerJoint& values, const char* name, const RobotDescript
             "Give one number for all joints, or one each.");
     for (int i = 0; i < robot.size(); ++i)
         if (!(values[i] > 0.0))
-            throw badInput(place,
-                           formatNumber(values[i]) + " for " + quoteJoint(robot, i) + "; allowed is above 0, or infinity",
-                           "Without this check: infinity.");
+            throw badInput(
+                place, formatNumber(values[i]) + " for " + quoteJoint(robot, i) + "; allowed is above 0, or infinity",
+                "Without this check: infinity.");
 }
 
 /** Refuses gains of the robust loop with which the sampled velocity loop of the arm, v+ = v - M^-1 K_r dt v, becomes unstable. */
@@ -259,7 +259,9 @@ private:
 
 struct TorqueGuard::Inside {
     Inside(RobotDescription description, double tick_s, TorqueGuardOptions given)
-        : robot(std::move(description)), options(std::move(given)), setup(detail::makeGuardSetup(kTorqueGuard, robot, tick_s, options.limits)) {
+        : robot(std::move(description)),
+          options(std::move(given)),
+          setup(detail::makeGuardSetup(kTorqueGuard, robot, tick_s, options.limits)) {
         options.limits.reset();  // setup has them
         checkPositive(options.largestDeviation, "largestDeviation", robot);
         if (options.largestSpeed) checkPositive(*options.largestSpeed, "largestSpeed", robot);

@@ -9,11 +9,11 @@ namespace viable {
 
 /** How a command comes over a line. */
 struct StreamOptions {
-    double rate_hz = 100.0;  ///< samples sent
-    double jitter = 0.0;     ///< a sample is late by up to this share of a period, drawn evenly; [0, 1)
-    double loss = 0.0;       ///< share of the samples that never come; [0, 1)
-    double gap_s = 0.0;      ///< nothing comes for so long; 0: never
-    double gapEvery_s = 5.0; ///< once in so long, at a time drawn evenly; > gap_s
+    double rate_hz = 100.0;   ///< samples sent
+    double jitter = 0.0;      ///< a sample is late by up to this share of a period, drawn evenly; [0, 1)
+    double loss = 0.0;        ///< share of the samples that never come; [0, 1)
+    double gap_s = 0.0;       ///< nothing comes for so long; 0: never
+    double gapEvery_s = 5.0;  ///< once in so long, at a time drawn evenly; > gap_s
     BetweenSamples between = BetweenSamples::Extrapolate;
     std::uint64_t seed = 1;
 };

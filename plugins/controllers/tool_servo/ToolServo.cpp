@@ -14,8 +14,7 @@ const ParameterSpec kParameters[] = {
         .upTo(1),
     parameter::number("velocity_filter_s", "s", "0",
                       "Time constant in which the reference's velocity is smoothed before it is followed; infinite: "
-                      "the reference counts as resting; 0: of each joint the time in which it stops from its velocity "
-                      "limit.")
+                      "the reference counts as resting; 0: from each joint's limits, as far as it could follow.")
         .atLeast(0)
         .orInfinite(),
     parameter::number("rotation_length_m", "m", "0",

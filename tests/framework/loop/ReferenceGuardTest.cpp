@@ -235,7 +235,7 @@ TEST(ReferenceGuard, MassesMotorsAndFrictionNeedNotBeKnown) {
     other.start(atRest(robot.home));
     for (int k = 0; k < 3000; ++k) {
         const JointVector target = pair(k / 500 % 2, -(k / 300 % 2));
-        ASSERT_EQ(guard.step(target).state.q, other.step(target).state.q) << k;
+        ASSERT_LT((guard.step(target).state.q - other.step(target).state.q).lpNorm<Eigen::Infinity>(), 1e-9) << k;
     }
 }
 

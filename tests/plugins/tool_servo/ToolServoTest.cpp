@@ -19,9 +19,13 @@ using test::expectContains;
 using test::kTeleoperation;
 using test::readTestExperiment;
 
+/** The nominal arm alone. */
 Summary run(std::vector<std::string> overrides) {
     overrides.insert(overrides.begin(), {"controller={plugin: tool_servo}", "filter={plugin: certified_braking}"});
-    const Experiment experiment = readTestExperiment(kTeleoperation, overrides);
+    std::string file = kTeleoperation;
+    const std::size_t real = file.find("robust_loop:");
+    file.erase(real, file.find("cases:") - real);
+    const Experiment experiment = readTestExperiment(file, overrides);
     const CaseResult result = runCase(configureCase(experiment.cases.front()), {});
     EXPECT_EQ(result.stopReason, StopReason::None) << result.stopMessage;
     return result.summary;
@@ -53,7 +57,6 @@ TEST(ToolServo, FollowsOnOtherArmsWithoutBeingTold) {
     for (const char* robot : {"panda", "ur5e", "indy7"}) {
         const std::string limits = "{velocity_radps: 1.5, acceleration_radps2: 8, jerk_radps3: 200}";
         const Summary s = run({std::string("robot=") + robot, "limits=" + limits, "duration_s=10",
-                               "robust_loop={plugin: none}", "real_plant={plugin: ideal}",
                                "command={plugin: generated_hand_motion, seed: 2, reach_m: [0.1, 0.1, 0.1], "
                                "rotation_rad: 0.3, top_speed_mps: 0.3}"});
         EXPECT_FALSE(s.anyLimitBroken()) << robot;
@@ -231,7 +234,8 @@ TEST_F(ToolServoTest, TakesNoMemoryInItsTicks) {
     const testing::AllocationCounter counter;
     for (int jump = 0; jump < test::countOf(40); ++jump) {  // near, turned, and out of reach
         const double size = jump % 3 == 2 ? 3.0 : 0.2;
-        served.command.tool.position = home.position + size * Eigen::Vector3d(std::sin(jump), std::cos(2.0 * jump), 0.3);
+        served.command.tool.position =
+            home.position + size * Eigen::Vector3d(std::sin(jump), std::cos(2.0 * jump), 0.3);
         served.command.tool.orientation = calcRotation({0.5 * std::sin(jump), 0.0, 0.1 * jump}) * home.orientation;
         served.follow(500, [] {});
     }

@@ -45,17 +45,17 @@ private:
     static void move(MotionCommand& command, double seconds);
 
     BetweenSamples between_;
-    MotionCommand newest_;          // sample
-    double received_s_ = 0.0;       // when
-    double sent_s_ = 0.0;           // when, as far as receipts tell
-    double period_s_ = 0.0;         // learnt
-    double lasted_s_ = 0.0;         // the sample before the newest
-    std::int64_t samples_ = 0;      // since the period is learnt
-    int slower_ = 0;                // in a row, samples that seem to follow a lost one
-    MotionCommand base_;  // at begin_s_, with the velocity that leads to ...
-    MotionCommand goal_;  // ... at meets_s_, with its velocity until stands_s_
+    MotionCommand newest_;      // sample
+    double received_s_ = 0.0;   // when
+    double sent_s_ = 0.0;       // when, as far as receipts tell
+    double period_s_ = 0.0;     // learnt
+    double lasted_s_ = 0.0;     // the sample before the newest
+    std::int64_t samples_ = 0;  // since the period is learnt
+    int slower_ = 0;            // in a row, samples that seem to follow a lost one
+    MotionCommand base_;        // at begin_s_, with the velocity that leads to ...
+    MotionCommand goal_;        // ... at meets_s_, with its velocity until stands_s_
     double begin_s_ = 0.0, meets_s_ = 0.0, stands_s_ = 0.0;
-    JointVector slope_;             // between the last two samples: joints
+    JointVector slope_;                // between the last two samples: joints
     Vector6 twist_ = Vector6::Zero();  // the tool's
 };
 

@@ -43,10 +43,10 @@ Parameters readStream(const ConfigNode& block, double tick_s) {
     Parameters stream = readSizes(block, "stream", "{rate_hz: 30, jitter: 0.3}", streamKeys(), 0);
     const double rate = stream.number("rate_hz");
     if (rate * tick_s > 1.0)
-        throw badInput(stream.place("rate_hz"),
-                       "rate_hz is " + formatNumber(rate) + ", more than one sample a tick of " + formatNumber(tick_s) +
-                           " s",
-                       "Allowed is up to " + formatNumber(1.0 / tick_s) + "; without `stream` every tick has its command.");
+        throw badInput(
+            stream.place("rate_hz"),
+            "rate_hz is " + formatNumber(rate) + ", more than one sample a tick of " + formatNumber(tick_s) + " s",
+            "Allowed is up to " + formatNumber(1.0 / tick_s) + "; without `stream` every tick has its command.");
     const double gap = stream.number("gap_s"), every = stream.number("gap_every_s");
     if (!(gap < every))
         throw badInput(stream.place("gap_s"),
