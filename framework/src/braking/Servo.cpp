@@ -50,7 +50,7 @@ namespace {
 constexpr double kJump = 1.0 + 1e-6;
 /** A target's velocity is smoothed over this share of the time in which the joint stops from its limit, and may grow with
 this share of the deceleration of that stop. */
-constexpr double kSmoothing = 0.2, kGrowth = 0.35;
+constexpr double kSmoothing = 0.3, kGrowth = 0.35;
 
 double calcStopTime(double v, const AxisLimits& l) {
     return std::isfinite(v) ? calcStationaryStop(v, 0.0, l).duration() : kInfinity;
@@ -92,9 +92,12 @@ const JointVector& TargetVelocity::calc(const JointVector& q) {
     for (Eigen::Index i = 0; i < q.size(); ++i) {
         const double velocity = (q[i] - last_[i]) / tick_s_;
         const bool isJump = velocity < kJump * limits_.lower[i] || velocity > kJump * limits_.upper[i];
-        double change = isJump ? 0.0 : share_[i] * (velocity - smoothed_[i]);
-        if (change * smoothed_[i] >= 0.0) change = std::clamp(change, growth_.lower[i], growth_.upper[i]);
-        smoothed_[i] += change;
+        const double change = isJump ? -smoothed_[i] : share_[i] * (velocity - smoothed_[i]);
+        // From where it was, or from zero where it turns round.
+        const double from = (smoothed_[i] + change) * smoothed_[i] > 0.0 ? smoothed_[i] : 0.0;
+        const double next = smoothed_[i] + change;
+        smoothed_[i] = std::clamp(next, from + growth_.lower[i], from + growth_.upper[i]);
+        if (next * from > 0.0 && std::abs(next) < std::abs(from)) smoothed_[i] = next;  // slower at once
         velocity_[i] = velocity == 0.0 ? 0.0 : smoothed_[i];
     }
     last_ = q;

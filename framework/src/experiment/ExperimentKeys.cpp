@@ -228,7 +228,7 @@ const std::vector<ExperimentKey>& streamKeys() {
         {parameter::number("loss", "", "0.0", "Share of the samples that never come.").atLeast(0).below(1)},
         {parameter::number("gap_s", "s", "0.0", "Nothing comes for so long, once in every gap_every_s.").atLeast(0)},
         {parameter::number("gap_every_s", "s", "5.0", "Longer than gap_s; where in it a gap begins is drawn.")
-             .above(0)
+             .atLeast(0.001)
              .upTo(1e5)},
         {parameter::choice("between", "hold|interpolate|extrapolate", "extrapolate",
                            "What the command is between two samples: the newest one at rest; straight to the newest "

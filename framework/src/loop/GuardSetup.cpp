@@ -115,13 +115,16 @@ Dynamics takeGuardStart(const char* guard, const MotionState& start, RunSetup& s
     const std::string place = std::string(guard) + "::start";
     const int n = setup.size();
     if (!isFinite(start, n))
-        throw badInput(place,
-                       "the start has " + std::to_string(start.q.size()) + " positions and " +
-                           std::to_string(start.qd.size()) + " velocities for " + std::to_string(n) +
-                           " joints, or a number that is not finite",
-                       "Start with a good reading of all joints.");
-    if (start.qd.lpNorm<Eigen::Infinity>() > kLargestLimit || start.q.lpNorm<Eigen::Infinity>() > kLargestLimit)
-        throw badInput(place, "the start is beyond 1e7 rad or rad/s", "Check its unit.");
+        throw badInput(
+            place,
+            "the start has " + std::to_string(start.q.size()) + " positions and " + std::to_string(start.qd.size()) +
+                " velocities" +
+                (start.qdd.size() == n ? "" : " and " + std::to_string(start.qdd.size()) + " accelerations") + " for " +
+                std::to_string(n) + " joints, or a number that is not finite",
+            "Start with a good reading of all joints.");
+    for (const JointVector* v : {&start.q, &start.qd, &start.qdd})
+        if (v->lpNorm<Eigen::Infinity>() > kLargestLimit)
+            throw badInput(place, "the start is beyond 1e7 rad, rad/s or rad/s^2", "Check its unit.");
     Dynamics dynamics;
     RobotModel(setup.robot).calcDynamics(start.q, start.qd, dynamics);
     if (!isFinite(dynamics, n) || dynamics.M.llt().info() != Eigen::Success)

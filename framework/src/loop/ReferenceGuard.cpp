@@ -20,12 +20,15 @@ namespace {
 using detail::lend;
 
 const char* const kReferenceGuard = "ReferenceGuard";
+const char* const kOptions = "ReferenceGuardOptions";
 
-/** A robot of which nothing counts but where its joints are: torques are made of jerks and back, with inertias that lose
-no digits. */
+/** A robot of which nothing counts but where its joints are: torques are made of jerks and back, with an inertia of 1 for
+each joint, which loses no digits. */
 RobotDescription makeKinematic(RobotDescription robot) {
     const int n = robot.size();
     if (n > kMaxJoints) return robot;  // refused later
+    for (JointDescription& joint : robot.joints) joint.body = {};
+    robot.gravity.setZero();
     const JointVector ones = JointVector::Ones(n), none = JointVector::Zero(n);
     Actuation& a = robot.actuation;
     a.gearRatio = a.rotorInertia = ones;
@@ -131,7 +134,12 @@ struct ReferenceGuard::Inside {
                            "1 for targets that jump and rest.");
         if (options.environment) {
             geometry = loadArmGeometry(robot);
-            feed = std::make_unique<SurroundingsFeed>(makeSurroundings(*options.environment, robot, *geometry, limits));
+            surroundings = makeSurroundings(*options.environment, robot, *geometry, limits);
+            feed = std::make_unique<SurroundingsFeed>(surroundings);
+            if (!(options.maxAge_s > 0.0))
+                throw badInput("ReferenceGuardOptions::maxAge_s",
+                               detail::formatNumber(options.maxAge_s) + "; allowed is above 0, or infinity",
+                               "Infinity: surroundings do not grow old.");
             setup.geometry = &*geometry;
             setup.surroundings = feed.get();
         }
@@ -140,8 +148,16 @@ struct ReferenceGuard::Inside {
                            detail::formatNumber(options.velocityFilter_s) + "; allowed is 0 and above, or infinity",
                            "0 takes it from the limits.");
         follower.configure(limits, tick_s, options.share, options.velocityFilter_s);
-        output.state = setup.start;
-        output.jerk.setZero(robot.size());
+        output = makeNone();
+    }
+
+    /** What no driver takes for a position. */
+    GuardedReference makeNone() const {
+        const JointVector none = JointVector::Constant(robot.size(), kNan);
+        GuardedReference reference;
+        reference.state = {none, none, none};
+        reference.jerk = none;
+        return reference;
     }
 
     void start(const MotionState& state);
@@ -153,6 +169,7 @@ struct ReferenceGuard::Inside {
     JointLimits limits;       // in force
     JointLimits reachLimits;  // those at first: read by another thread
     std::optional<ArmGeometry> geometry;
+    std::shared_ptr<const Surroundings> surroundings;  // the last ones
     std::unique_ptr<SurroundingsFeed> feed;
     Source source;
     Follower follower;
@@ -169,25 +186,26 @@ void ReferenceGuard::Inside::start(const MotionState& state) {
     isStarted = false;
     loop.reset();
     setup.limits = limits;
-    output = {};
-    output.state = state;
-    output.jerk.setZero(robot.size());
+    output = makeNone();
     detail::takeGuardStart(kReferenceGuard, state, setup);
     // Gains: the servo knows the jerk it wants, so that gamma does not count.
     CertifiedBrakingOptions joints;
     joints.recovery = options.recovery;
     joints.objective = Objective::Joint;
     joints.gamma = std::min(joints.gamma, 1.0 / setup.tick_s);
-    filter.reset();  // gives the surroundings back
+    filter.reset();
     if (feed) {
+        feed = std::make_unique<SurroundingsFeed>(surroundings);  // time begins anew
+        setup.surroundings = feed.get();
         auto wholeArm = std::make_unique<WholeArmBrakingFilter>();
         WholeArmBrakingOptions arm;
         arm.joints = joints;
-        wholeArm->configure(setup, arm);
+        arm.maxAge_s = options.maxAge_s;
+        wholeArm->configure(setup, arm, kOptions);
         filter = std::move(wholeArm);
     } else {
         auto certified = std::make_unique<CertifiedBrakingFilter>();
-        certified->configure(setup, joints);
+        certified->configure(setup, joints, kOptions);
         filter = std::move(certified);
     }
     follower.configure(limits, setup.tick_s, options.share, options.velocityFilter_s);
@@ -197,6 +215,8 @@ void ReferenceGuard::Inside::start(const MotionState& state) {
     plugins.filter = lend<SafetyFilter>(*filter);
     loop.emplace(setup, std::move(plugins));
     record = {};
+    output.state = state;
+    output.jerk.setZero(robot.size());
     isStarted = true;
 }
 
@@ -205,8 +225,10 @@ const GuardedReference& ReferenceGuard::Inside::step() noexcept {
     if (stopRequest.exchange(false, std::memory_order_relaxed))
         loop->requestStop(StopReason::Requested, "requestStop() was called");
     loop->tick(record);
-    output.state = loop->nominal();
-    output.jerk = record.nominal.jerk;
+    if (!loop->hasFailed()) {  // else the last good one stands
+        output.state = loop->nominal();
+        output.jerk = record.nominal.jerk;
+    }
     output.acting = record.joints;
     output.status = loop->hasFailed()                           ? GuardStatus::Failed
                     : loop->hasStopped()                        ? GuardStatus::Stopped
@@ -257,6 +279,7 @@ void ReferenceGuard::missTicks(std::int64_t ticks) noexcept {
 
 bool ReferenceGuard::changeLimits(const JointLimits& limits) noexcept {
     Inside& in = *inside_;
+    if (in.isStarted && in.loop->isStopping()) return false;
     if (!areUsable(limits, in.robot.size(), in.setup.tick_s) || !limits.hasJerkLimits()) return false;
     in.limits = limits;
     if (!in.isStarted) return true;
@@ -308,7 +331,8 @@ void ReferenceGuard::changeEnvironment(const Environment& environment, double st
     if (!in.feed)
         throw badInput("ReferenceGuard::changeEnvironment", "the guard was made without surroundings",
                        "Set ReferenceGuardOptions::environment, an empty one will do.");
-    in.feed->put(makeSurroundings(environment, in.robot, *in.geometry, in.reachLimits), stamp_s);
+    in.surroundings = makeSurroundings(environment, in.robot, *in.geometry, in.reachLimits);
+    in.feed->put(in.surroundings, stamp_s);
 }
 const TickRecord& ReferenceGuard::record() const {
     return inside_->record;

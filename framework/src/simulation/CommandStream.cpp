@@ -17,6 +17,7 @@ CommandStream::CommandStream(const StreamOptions& options) : options_(options), 
 
 void CommandStream::reset(const MotionCommand& first) {
     engine_.seed(options_.seed);
+    gapEngine_.seed(options_.seed + 1);
     receiver_.reset(first);
     onItsWay_ = first;
     next_ = 0;
@@ -26,15 +27,15 @@ void CommandStream::reset(const MotionCommand& first) {
 }
 
 /** Evenly in [0, 1): the standard's engine is the same with every library, its distributions are not. */
-double CommandStream::draw() {
-    return static_cast<double>(engine_() >> 11) * 0x1p-53;
+double CommandStream::draw(std::mt19937_64& engine) {
+    return static_cast<double>(engine() >> 11) * 0x1p-53;
 }
 
 bool CommandStream::isGap(double t) {
     if (options_.gap_s <= 0.0) return false;
     for (; static_cast<double>(gaps_) * options_.gapEvery_s <= t; ++gaps_)
-        gapBegin_s_ =
-            static_cast<double>(gaps_) * options_.gapEvery_s + draw() * (options_.gapEvery_s - options_.gap_s);
+        gapBegin_s_ = static_cast<double>(gaps_) * options_.gapEvery_s +
+                      draw(gapEngine_) * (options_.gapEvery_s - options_.gap_s);
     return t >= gapBegin_s_ && t < gapBegin_s_ + options_.gap_s;
 }
 
@@ -44,11 +45,14 @@ void CommandStream::pass(double t, const MotionCommand& sent, MotionCommand& rec
         receiver_.take(t, onItsWay_);
         hasOneOnItsWay_ = false;
     };
-    arrive();  // before the next one is sent: delays are below a period
+    arrive();
     const double index = std::floor((t + kTimeTolerance_s) * options_.rate_hz);
     if (index >= static_cast<double>(next_)) {
-        const double late = draw() * options_.jitter / options_.rate_hz;
-        const bool isLost = draw() < options_.loss;
+        // Delays are below a period, but samples are sent at ticks: the one on its way comes before the next.
+        if (hasOneOnItsWay_) receiver_.take(t, onItsWay_);
+        hasOneOnItsWay_ = false;
+        const double late = draw(engine_) * options_.jitter / options_.rate_hz;
+        const bool isLost = draw(engine_) < options_.loss;
         const bool isFirst = next_ == 0;
         next_ = static_cast<std::int64_t>(index) + 1;
         if (isFirst || !(isGap(t) || isLost)) {

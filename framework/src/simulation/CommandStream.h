@@ -12,7 +12,7 @@ struct StreamOptions {
     double rate_hz = 100.0;   ///< samples sent
     double jitter = 0.0;      ///< a sample is late by up to this share of a period, drawn evenly; [0, 1)
     double loss = 0.0;        ///< share of the samples that never come; [0, 1)
-    double gap_s = 0.0;       ///< nothing comes for so long; 0: never
+    double gap_s = 0.0;       ///< nothing is sent for so long; 0: never
     double gapEvery_s = 5.0;  ///< once in so long, at a time drawn evenly; > gap_s
     BetweenSamples between = BetweenSamples::Extrapolate;
     std::uint64_t seed = 1;
@@ -32,11 +32,11 @@ public:
     void pass(double t, const MotionCommand& sent, MotionCommand& received);
 
 private:
-    double draw();
+    static double draw(std::mt19937_64& engine);
     bool isGap(double t);
 
     StreamOptions options_;
-    std::mt19937_64 engine_;
+    std::mt19937_64 engine_, gapEngine_;  // each for itself: another gap draws no other delays
     CommandReceiver receiver_;
     std::int64_t next_ = 0;  // sample to be sent
     MotionCommand onItsWay_;

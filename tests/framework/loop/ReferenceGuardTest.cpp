@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
 #include <random>
 #include <thread>
@@ -184,7 +185,7 @@ TEST(ReferenceGuard, WithRecoveryAStartOutsideIsLedBack) {
     const RobotDescription robot = makeTwoLinkArm();
     const MotionState outside = atRest(pair(2.7, 0.0));
     ReferenceGuard strict(robot, kTick_s);
-    expectContains(catchError([&] { strict.start(outside); }), {"joint0"});
+    expectContains(catchError([&] { strict.start(outside); }), {"joint0", "ReferenceGuardOptions::recovery"});
     EXPECT_EQ(strict.step().status, GuardStatus::NotStarted);
     ReferenceGuardOptions options;
     options.recovery = true;
@@ -221,22 +222,130 @@ TEST(ReferenceGuard, KeepsClearOfWhatStandsAroundAndMayCome) {
     Environment empty;
     EXPECT_NO_THROW(guard.changeEnvironment(empty, 6.0));
     for (int k = 0; k < 6000; ++k) guard.step();
-    EXPECT_LT((guard.step().state.q - low).lpNorm<Eigen::Infinity>(), 0.5);
+    EXPECT_LT((guard.step().state.q - low).lpNorm<Eigen::Infinity>(), 1e-9);
     ReferenceGuard blind(robot, kTick_s);
     expectContains(catchError([&] { blind.changeEnvironment(empty, 0.0); }), {"ReferenceGuardOptions::environment"});
 }
 
-TEST(ReferenceGuard, MassesMotorsAndFrictionNeedNotBeKnown) {
-    RobotDescription robot = makeTwoLinkArm();
-    for (JointDescription& joint : robot.joints) joint.body = {};
-    robot.actuation = {};
-    ReferenceGuard guard(robot, kTick_s), other(makeTwoLinkArm(), kTick_s);
-    guard.start(atRest(robot.home));
-    other.start(atRest(robot.home));
-    for (int k = 0; k < 3000; ++k) {
-        const JointVector target = pair(k / 500 % 2, -(k / 300 % 2));
-        ASSERT_LT((guard.step(target).state.q - other.step(target).state.q).lpNorm<Eigen::Infinity>(), 1e-9) << k;
+TEST(ReferenceGuard, ObstaclesThatAreNoneAreRefused) {
+    const RobotDescription robot = loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/indy7"));
+    ReferenceGuardOptions options;
+    options.environment.emplace();
+    Solid box;
+    box.name = "forgotten";  // its size
+    box.pose.translation().x() = 3.0;
+    options.environment->solids.push_back(box);
+    Solid scaled = box;
+    scaled.name = "scaled";
+    scaled.size.setOnes();
+    scaled.pose.linear() *= 10.0;
+    options.environment->solids.push_back(scaled);
+    options.environment->spheres.push_back({"still", 0.1, {}, false});
+    options.environment->safetyDistance_m = -1.0;
+    expectContains(catchError([&] { ReferenceGuard(robot, kTick_s, options); }),
+                   {"`forgotten` has an edge that is not above 0 m", "`scaled` has a pose", "`still` moves without",
+                    "safetyDistance_m is -1"});
+    options.environment.emplace();
+    ReferenceGuard guard(robot, kTick_s, options);
+    Environment bad;
+    bad.solids.push_back(box);
+    expectContains(catchError([&] { guard.changeEnvironment(bad, 0.0); }), {"`forgotten`"});
+}
+
+TEST(ReferenceGuard, MassesMotorsAndFrictionDoNotCount) {
+    for (const double mass : {0.0, 1e9, kNan}) {
+        RobotDescription robot = makeTwoLinkArm();
+        for (JointDescription& joint : robot.joints) joint.body.mass = mass;
+        robot.actuation = {};
+        ReferenceGuard guard(robot, kTick_s), other(makeTwoLinkArm(), kTick_s);
+        const MotionState start = atRest(JointVector::Zero(2));
+        guard.start(start);
+        other.start(start);
+        for (int k = 0; k < 3000; ++k) {
+            const JointVector target = pair(k / 500 % 2, -(k / 300 % 2));
+            const GuardedReference& one = guard.step(target);
+            const GuardedReference& two = other.step(target);
+            ASSERT_EQ(one.state.q, two.state.q) << k;
+            ASSERT_EQ(one.status, two.status) << k;
+        }
     }
+}
+
+TEST(ReferenceGuard, WithoutAStartThereIsNoReference) {
+    const RobotDescription robot = makeTwoLinkArm();
+    ReferenceGuard guard(robot, kTick_s);
+    const auto isNone = [&] {
+        const GuardedReference& next = guard.step(pair(1.0, 1.0));
+        return next.status == GuardStatus::NotStarted && next.state.q.size() == 2 && next.state.q.array().isNaN().all();
+    };
+    EXPECT_TRUE(isNone());
+    const JointVector zero = JointVector::Zero(2);
+    for (const MotionState& bad :
+         {MotionState{pair(kNan, 0), zero, zero}, MotionState{JointVector::Zero(3), zero, zero},
+          MotionState{zero, zero, JointVector()}, MotionState{zero, zero, pair(1e9, 0)}}) {
+        guard.start(atRest(robot.home));
+        EXPECT_THROW(guard.start(bad), Error);
+        EXPECT_TRUE(isNone());
+    }
+}
+
+TEST(ReferenceGuard, LimitsDoNotChangeWhileTheArmIsStopped) {
+    Guarded arm;
+    arm.step(pair(2.0, 2.0));
+    for (int k = 0; k < 300; ++k) arm.step();
+    arm.guard.requestStop();
+    arm.step();
+    JointLimits slow = arm.guard.limits();
+    slow.jerk.upper /= 2.0;
+    EXPECT_FALSE(arm.guard.changeLimits(slow));
+    EXPECT_EQ(arm.guard.limits().jerk.upper, arm.robot.limits.jerk.upper);
+}
+
+TEST(ReferenceGuard, ATargetThatWasSentLastIsWhereTheArmRests) {
+    Guarded arm;
+    for (const double set : {0.2, 0.4, 0.6}) {
+        arm.step(pair(set, 0.0));
+        for (int k = 1; k < 1000; ++k) arm.step();
+    }
+    for (int k = 0; k < 40; ++k) {  // and a stream that ends in motion
+        arm.step(pair(0.6 + 0.02 * k, 0.0));
+        for (int i = 1; i < 40; ++i) arm.step();
+    }
+    for (int k = 0; k < 5000; ++k) arm.step();
+    EXPECT_NEAR(arm.step().state.q[0], 0.6 + 0.02 * 39, 1e-12);
+}
+
+TEST(ReferenceGuard, SurroundingsMayComeFromAnotherThread) {
+    const RobotDescription robot = loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/indy7"));
+    ReferenceGuardOptions options;
+    options.environment.emplace();
+    ReferenceGuard guard(robot, kTick_s, options);
+    guard.start(atRest(robot.home));
+    std::atomic<bool> isDone{false};
+    std::thread maker([&] {
+        for (int k = 0; !isDone; ++k) {
+            Environment next;
+            Solid ball;
+            ball.name = "ball";
+            ball.kind = Solid::Kind::Sphere;
+            ball.radius = 0.1;
+            ball.pose.translation() = Eigen::Vector3d(1.2 + 0.1 * std::sin(k), 0.0, 0.5);
+            next.solids.push_back(ball);
+            guard.changeEnvironment(next, 0.0);
+        }
+    });
+    JointVector target = robot.home;
+    for (int k = 0; k < 3000; ++k) {
+        target[0] = robot.home[0] + 0.5 * std::sin(0.005 * k);
+        guard.step(target);
+    }
+    isDone = true;
+    maker.join();
+    EXPECT_EQ(guard.stopReason(), GuardStop::None) << guard.stopMessage();
+    guard.start(atRest(robot.home));  // time begins anew, the surroundings stay
+    guard.step(target);
+    EXPECT_TRUE(guard.record().clearance.isKnown);
+    EXPECT_GE(guard.record().mapAge_s, 0.0);
 }
 
 TEST(ReferenceGuard, WhatIsWrongIsSaidWithItsPlace) {

@@ -47,14 +47,14 @@ private:
 };
 
 /** The velocity of a joint target, as far as the joint can follow its changes: a target that moves evenly is followed
-with its velocity, one that starts, stops or turns faster than the joint could is not believed at once. Smoothed over a
-fifth of the time in which the joint stops from its velocity limit, and growing no faster than with a third of the
-deceleration of that stop. A target that stands still has none, whatever it had; a jump, faster than the velocity limit,
+with its velocity, one that starts, stops or turns faster than the joint could is not believed at once. Smoothed over
+0.3 of the time in which the joint stops from its velocity limit, and growing no faster than with 0.35 of the deceleration
+of that stop; slower at once. A target that stands still has none, whatever it had; a jump, faster than the velocity limit,
 is none.
 Real time: no allocation, lock or throw after configure(). */
 class TargetVelocity {
 public:
-    /** @param filter_s  smoothed over so long instead, growing as it likes; infinite: a target counts as resting; 0: as
+    /** @param filter_s  smoothed over so long instead, and growing as it likes; infinite: a target counts as resting; 0: as
        above */
     void configure(const JointLimits& limits, double tick_s, double filter_s = 0.0);
     void changeLimits(const JointLimits& limits);

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
 
@@ -23,18 +24,21 @@ struct ReferenceGuardOptions {
     /** In (0, 1]: of acceleration and jerk limits that the motion relative to the target may take (see Servo). */
     double share = 1.0;
     /** Time constant in which the target's velocity is smoothed before it is followed [s]; infinite: a target counts as
-    resting; 0: of each joint the time in which it stops from its velocity limit (see TargetVelocity). */
+    resting; 0: from the limits, as far as each joint could follow (see TargetVelocity). */
     double velocityFilter_s = 0.0;
     /** Accept a start outside the limits, or one that must leave them, and return within the limits. */
     bool recovery = false;
     /** Obstacles; with them, even without any, the arm is also kept clear of itself, and the robot needs a
     collision.yaml. New ones during the run: changeEnvironment(). */
     std::optional<Environment> environment;
+    /** Older surroundings are not used: the arm follows its stop until newer ones come [s]. */
+    double maxAge_s = std::numeric_limits<double>::infinity();
 };
 
 /** The answer to one tick. */
 struct GuardedReference {
-    /** Where the arm is to be at the end of this tick [rad, rad/s, rad/s^2]; always finite. */
+    /** Where the arm is to be at the end of this tick [rad, rad/s, rad/s^2]: finite, but for NotStarted, where it is NaN;
+    with Failed the last good one. */
     MotionState state;
     JointVector jerk;  ///< held in this tick, from the state before [rad/s^3]
     GuardStatus status = GuardStatus::NotStarted;
@@ -78,7 +82,8 @@ public:
 
     /** From here on: the reference begins where the robot is, which is the first target, too. Before the first step(),
     and again after a stop. Throws Error (BadInput) for a state that is malformed and, without `recovery`, for one from
-    which no stop within the limits exists or that is too near to something. The limits in force stay. */
+    which no stop within the limits exists or that is too near to something. The limits and
+    surroundings in force stay; not at the same time as changeEnvironment(). */
     void start(const MotionState& state);
 
     /** One tick. @return valid until the next call */
@@ -86,17 +91,19 @@ public:
     /** One tick, at which a new target has come. @param target  joint positions [rad, prismatic: m] */
     const GuardedReference& step(const JointVector& target) noexcept;
 
-    /** Where the reference is `after_s` >= 0 after the end of the last step's tick when no other step follows: the stop
-    held ready, which ends at rest. For drivers that take some points ahead. */
+    /** Where the reference is `after_s` >= 0 after its present state when no step() follows: on the stop held ready, which
+    ends at rest. For drivers that take some points ahead. */
     void calcStop(double after_s, MotionState& state) const noexcept;
 
-    /** `ticks` ticks passed without a step(): the reference has followed the stop held ready (see calcStop()). Before the step() that comes late; 0 or less: nothing. After more than 1000 in a row
-    the arm is stopped for good. */
+    /** `ticks` ticks passed without a step(), and the robot has gone on along the stop held ready, on points of calcStop()
+    that were sent ahead. A robot that holds its last set-point has not: for it go on with step(), late, or start() where
+    it has come to rest; after missTicks() it would jump. After more than 1000 ticks in a row the arm is stopped for good.
+    state and calcStop() are then those at the end of the missed ticks. */
     void missTicks(std::int64_t ticks) noexcept;
 
     /** New limits from the next step() on. Where the present motion cannot meet them at once it returns within them as
-    fast as its stop does. False, and nothing changes: they are not usable at this tick (see areUsable), or a jerk
-    limit is not finite. */
+    fast as its stop does. False, and nothing changes: they are not usable at this tick (see areUsable), a jerk limit is
+    not finite, or the arm is being stopped. Large angles are not asked about here. */
     bool changeLimits(const JointLimits& limits) noexcept;
 
     /** Brakes the arm for good, from the next step() on. A request before start() stops the arm after it. */

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "viable/plugin/CommandSource.h"
@@ -10,7 +11,7 @@ namespace viable {
 enum class BetweenSamples : unsigned char {
     Hold,         ///< the newest one, at rest
     Interpolate,  ///< straight to the newest one, there a period later: one sample behind
-    Extrapolate,  ///< on from the newest one as the last two went, until the next is overdue
+    Extrapolate,  ///< on from the newest one as the last two went, until the next is overdue; then back to it
 };
 
 /** "hold", "interpolate", "extrapolate". */
@@ -19,11 +20,12 @@ const char* getName(BetweenSamples between);
 /** Makes a command for every tick out of samples that come when they come: 10 to 200 times a second, late, or not at
 all.
 
-Time is that of receipt; stamps of the sender are not needed. Period and phase of the sender are learnt from the
-receipts: the earliest ones tell its clock, so that one that is late or lost tells no other speed.
-What is extrapolated goes no faster than any of the last two differences did and in the direction of both (a slope
-limiter): a command that jumps is not overshot. Nothing is differentiated twice; no velocity that a sample brings along
-is used.
+Time is that of receipt; stamps of the sender are not needed. Its period is learnt from the last 16 intervals, its phase that of the earliest receipts: a sample that is late by less than three quarters of a period, or
+follows a lost one, tells no other speed.
+What is extrapolated goes on as the last two differences changed, by a slope limiter: a joint, the tool's position or its
+orientation that stops, turns round or jumps is not overshot. Samples that come more seldom than four times a second are
+held. After silence the command is the last sample. Turns must stay below half a turn from sample to sample.
+Nothing is differentiated twice; no velocity that a sample brings along is used.
 Real time: no allocation, lock or throw. */
 class CommandReceiver {
 public:
@@ -39,21 +41,23 @@ public:
     void calc(double t, MotionCommand& command) const;
 
 private:
+    static constexpr int kIntervals = 16;
+
     double followClock(double t);
-    bool findNextVelocity(const MotionCommand& sample, double lasted_s);
-    void leadTo(const MotionCommand& now, double meets_s);
-    static void move(MotionCommand& command, double seconds);
+    void learnPeriod(double interval_s);
+    void findNextVelocity(const MotionCommand& before, double lasted_s);
+    void takeWay(const MotionCommand& now);
 
     BetweenSamples between_;
-    MotionCommand newest_;      // sample
-    double received_s_ = 0.0;   // when
-    double sent_s_ = 0.0;       // when, as far as receipts tell
-    double period_s_ = 0.0;     // learnt
-    double lasted_s_ = 0.0;     // the sample before the newest
-    std::int64_t samples_ = 0;  // since the period is learnt
-    int slower_ = 0;            // in a row, samples that seem to follow a lost one
-    MotionCommand base_;        // at begin_s_, with the velocity that leads to ...
-    MotionCommand goal_;        // ... at meets_s_, with its velocity until stands_s_
+    MotionCommand newest_;     // sample, at rest
+    double received_s_ = 0.0;  // when
+    double sent_s_ = 0.0;      // when, as far as receipts tell
+    std::int64_t samples_ = 0;
+    std::array<double, kIntervals> intervals_{};  // the last ones, in any order
+    double period_s_ = 0.0;                       // learnt
+    double lasted_s_ = 0.0;                       // the sample before the newest
+    MotionCommand base_;                          // at begin_s_, with the velocity that leads to ...
+    MotionCommand goal_;                          // ... at meets_s_, with its velocity until stands_s_
     double begin_s_ = 0.0, meets_s_ = 0.0, stands_s_ = 0.0;
     JointVector slope_;                // between the last two samples: joints
     Vector6 twist_ = Vector6::Zero();  // the tool's

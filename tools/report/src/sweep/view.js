@@ -37,7 +37,8 @@ export function viewOf(column, groups, count) {
 export function axisOf(column, min, max, count) {
   if (column.isLogarithmic) {
     const all = powers(10 ** min, 10 ** max);
-    const values = all.length > 2 * count ? powers(10 ** min, 10 ** max, true) : all;
+    const some = all.length > 2 * count ? powers(10 ** min, 10 ** max, true) : all;
+    const values = some.length > 1 ? some : ticks(10 ** min, 10 ** max, count).values;
     return values.map((value) => ({ value: Math.log10(value), text: tick(value, value) }));
   }
   const { values, increment } = ticks(min, max, count);
