@@ -46,8 +46,6 @@ void Servo::calc(const MotionState& state, const MotionState& target, JointVecto
 
 namespace {
 
-/** Faster than so many times the velocity limit is a jump: more than rounding. */
-constexpr double kJump = 1.0 + 1e-6;
 /** A target's velocity is smoothed over this share of the time in which the joint stops from its limit, and may grow with
 this share of the deceleration of that stop. */
 constexpr double kSmoothing = 0.3, kGrowth = 0.35;
@@ -91,13 +89,13 @@ void TargetVelocity::reset(const JointVector& q) {
 const JointVector& TargetVelocity::calc(const JointVector& q) {
     for (Eigen::Index i = 0; i < q.size(); ++i) {
         const double velocity = (q[i] - last_[i]) / tick_s_;
-        const bool isJump = velocity < kJump * limits_.lower[i] || velocity > kJump * limits_.upper[i];
-        const double change = isJump ? -smoothed_[i] : share_[i] * (velocity - smoothed_[i]);
-        // From where it was, or from zero where it turns round.
-        const double from = (smoothed_[i] + change) * smoothed_[i] > 0.0 ? smoothed_[i] : 0.0;
-        const double next = smoothed_[i] + change;
-        smoothed_[i] = std::clamp(next, from + growth_.lower[i], from + growth_.upper[i]);
-        if (next * from > 0.0 && std::abs(next) < std::abs(from)) smoothed_[i] = next;  // slower at once
+        // Faster than the limit is a jump, or the catching up after one: for this tick it counts as the limit.
+        const double believed = std::clamp(velocity, limits_.lower[i], limits_.upper[i]);
+        const double next = smoothed_[i] + share_[i] * (believed - smoothed_[i]);
+        // Growth counts from where it was, or from zero where it turns round.
+        const double from = next * smoothed_[i] > 0.0 ? smoothed_[i] : 0.0;
+        const bool isSlower = std::abs(next) < std::abs(from);
+        smoothed_[i] = isSlower ? next : std::clamp(next, from + growth_.lower[i], from + growth_.upper[i]);
         velocity_[i] = velocity == 0.0 ? 0.0 : smoothed_[i];
     }
     last_ = q;

@@ -210,6 +210,10 @@ std::vector<std::string> Environment::obstacleNames() const {
 void checkEnvironment(const Environment& environment) {
     std::vector<std::string> wrong;
     const auto isSize = [](double x) { return std::isfinite(x) && x > 0.0; };
+    const auto isPose = [](const Eigen::Isometry3d& pose) {
+        const Eigen::Matrix3d rotation = pose.linear();
+        return pose.matrix().allFinite() && rotation.isUnitary(kUnitTolerance) && rotation.determinant() > 0.0;
+    };
     const auto complain = [&](const std::string& name, const char* what) {
         wrong.push_back("the obstacle `" + name + "` " + what);
     };
@@ -220,9 +224,7 @@ void checkEnvironment(const Environment& environment) {
         if ((isCylinder || solid.kind == Solid::Kind::Sphere) && !isSize(solid.radius))
             complain(solid.name, "has a radius that is not above 0 m");
         if (isCylinder && !isSize(solid.length)) complain(solid.name, "has a length that is not above 0 m");
-        const Eigen::Matrix3d rotation = solid.pose.linear();
-        if (!solid.pose.matrix().allFinite() || !rotation.isUnitary(kUnitTolerance) || !(rotation.determinant() > 0.0))
-            complain(solid.name, "has a pose that is no place and rotation");
+        if (!isPose(solid.pose)) complain(solid.name, "has a pose that is no place and rotation");
     }
     for (const MovingSphere& sphere : environment.spheres) {
         if (!isSize(sphere.radius)) complain(sphere.name, "has a radius that is not above 0 m");
@@ -236,8 +238,8 @@ void checkEnvironment(const Environment& environment) {
             }
         }
     }
-    if (environment.map && !environment.map->pose.matrix().allFinite())
-        complain(environment.map->name, "has a pose that is not finite");
+    if (environment.map && !isPose(environment.map->pose))
+        complain(environment.map->name, "has a pose that is no place and rotation");
     if (!(environment.safetyDistance_m >= 0.0) || !std::isfinite(environment.safetyDistance_m))
         wrong.push_back("safetyDistance_m is " + detail::formatNumber(environment.safetyDistance_m) +
                         ", allowed is 0 and above");

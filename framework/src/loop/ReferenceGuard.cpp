@@ -170,6 +170,7 @@ struct ReferenceGuard::Inside {
     JointLimits reachLimits;  // those at first: read by another thread
     std::optional<ArmGeometry> geometry;
     std::shared_ptr<const Surroundings> surroundings;  // the last ones
+    double stamp_s = 0.0;                              // theirs, in the time of the loop
     std::unique_ptr<SurroundingsFeed> feed;
     Source source;
     Follower follower;
@@ -184,6 +185,7 @@ struct ReferenceGuard::Inside {
 
 void ReferenceGuard::Inside::start(const MotionState& state) {
     isStarted = false;
+    if (loop) stamp_s -= loop->time();  // surroundings grow no younger
     loop.reset();
     setup.limits = limits;
     output = makeNone();
@@ -195,7 +197,7 @@ void ReferenceGuard::Inside::start(const MotionState& state) {
     joints.gamma = std::min(joints.gamma, 1.0 / setup.tick_s);
     filter.reset();
     if (feed) {
-        feed = std::make_unique<SurroundingsFeed>(surroundings);  // time begins anew
+        feed = std::make_unique<SurroundingsFeed>(surroundings, stamp_s);  // time begins anew
         setup.surroundings = feed.get();
         auto wholeArm = std::make_unique<WholeArmBrakingFilter>();
         WholeArmBrakingOptions arm;
@@ -263,7 +265,7 @@ const GuardedReference& ReferenceGuard::step(const JointVector& target) noexcept
 
 void ReferenceGuard::calcStop(double after_s, MotionState& state) const noexcept {
     const Inside& in = *inside_;
-    if (in.isStarted && after_s >= 0.0)
+    if (in.isStarted && after_s >= 0.0 && !in.loop->hasFailed())
         in.loop->calcStop(after_s, state);
     else
         state = in.output.state;
@@ -274,15 +276,16 @@ void ReferenceGuard::missTicks(std::int64_t ticks) noexcept {
     if (!in.isStarted) return;
     TickRecord missed;  // record() stays that of the last step
     for (; ticks > 0 && !in.loop->hasStopped(); --ticks) in.loop->missTick(missed);
-    in.output.state = in.loop->nominal();
+    if (!in.loop->hasFailed()) in.output.state = in.loop->nominal();
 }
 
 bool ReferenceGuard::changeLimits(const JointLimits& limits) noexcept {
     Inside& in = *inside_;
-    if (in.isStarted && in.loop->isStopping()) return false;
+    const bool isRunning = in.isStarted && !in.loop->hasStopped();
+    if (isRunning && (in.loop->isStopping() || in.stopRequest.load(std::memory_order_relaxed))) return false;
     if (!areUsable(limits, in.robot.size(), in.setup.tick_s) || !limits.hasJerkLimits()) return false;
     in.limits = limits;
-    if (!in.isStarted) return true;
+    if (!isRunning) return true;  // for the next start
     in.source.change(limits);
     in.follower.changeLimits(limits);
     return true;
@@ -332,6 +335,7 @@ void ReferenceGuard::changeEnvironment(const Environment& environment, double st
         throw badInput("ReferenceGuard::changeEnvironment", "the guard was made without surroundings",
                        "Set ReferenceGuardOptions::environment, an empty one will do.");
     in.surroundings = makeSurroundings(environment, in.robot, *in.geometry, in.reachLimits);
+    in.stamp_s = stamp_s;
     in.feed->put(in.surroundings, stamp_s);
 }
 const TickRecord& ReferenceGuard::record() const {

@@ -16,8 +16,12 @@ constexpr double kShortestInterval_s = 1e-6;
 constexpr double kLongestPeriod_s = 0.25;
 /** A sample counts as one later that comes so much of a period before it is due. */
 constexpr double kEarly = 0.25;
-/** Samples come in bursts where the mean interval is more than so many medians. */
-constexpr double kBurst = 1.5;
+/** Samples come in bursts where the mean interval is more than so many medians: more than losses make of it. */
+constexpr double kBurst = 4.0;
+/** Intervals differ from the period, and from each other, where it is by more than this share; so many in a row tell a
+slower sender, or a faster one (fewer of them may be a burst). */
+constexpr double kOtherPeriod = 0.3;
+constexpr int kSlower = 3, kFaster = 6;
 /** A period that changes by more than this share is that of another clock. */
 constexpr double kOtherClock = 0.2;
 /** So much of its lateness a sample moves the clock of the sender: it may drift. */
@@ -90,15 +94,30 @@ void CommandReceiver::reset(const MotionCommand& first) {
     slope_.setZero(first.q.size());
     twist_.setZero();
     received_s_ = sent_s_ = begin_s_ = meets_s_ = stands_s_ = period_s_ = lasted_s_ = 0.0;
-    samples_ = 0;
+    samples_ = intervalCount_ = 0;
+    streak_ = 0;
+    streak_s_ = 0.0;
+}
+
+/** Several intervals in a row that are alike, and other than the period, are those of another sender. */
+bool CommandReceiver::isOtherSender(double interval_s) {
+    const bool isLong = interval_s > (1.0 + kOtherPeriod) * period_s_;
+    const bool isShort = interval_s < (1.0 - kOtherPeriod) * period_s_;
+    const bool isAlike = streak_ != 0 && std::abs(interval_s - streak_s_) <= kOtherPeriod * streak_s_;
+    const int step = isLong ? 1 : isShort ? -1 : 0;
+    streak_ = step == 0 ? 0 : isAlike && streak_ * step > 0 ? streak_ + step : step;
+    streak_s_ = interval_s;
+    return streak_ >= kSlower || streak_ <= -kFaster;
 }
 
 /** From the last intervals between receipts. Of most senders a few are long, since samples were lost: each counts as so
 many periods as it has medians. Where the mean is far from the median, samples come in bursts, and the mean is it; but
 one that is longer than all the others together is a gap. */
 void CommandReceiver::learnPeriod(double interval_s) {
-    intervals_[static_cast<std::size_t>((samples_ - 2) % kIntervals)] = interval_s;
-    const auto count = static_cast<std::size_t>(std::min<std::int64_t>(samples_ - 1, kIntervals));
+    if (intervalCount_ > 0 && isOtherSender(interval_s)) intervalCount_ = 0;
+    if (intervalCount_ == 0) streak_ = 0;
+    intervals_[static_cast<std::size_t>(intervalCount_++ % kIntervals)] = interval_s;
+    const auto count = static_cast<std::size_t>(std::min<std::int64_t>(intervalCount_, kIntervals));
     std::array<double, kIntervals> sorted = intervals_;
     std::sort(sorted.data(), sorted.data() + count);
     double sum = std::accumulate<const double*>(sorted.data(), sorted.data() + count, 0.0);

@@ -259,5 +259,57 @@ TEST(Servo, TakesNoMemoryInItsTicks) {
     EXPECT_EQ(counter.count(), 0);
 }
 
+/** One joint, V = 2, whose stop from it lasts half a second. */
+class Believed {
+public:
+    Believed() {
+        const auto both = [](double x) {
+            return JointBounds{JointVector::Constant(1, -x), JointVector::Constant(1, x)};
+        };
+        velocity_.configure({both(kInfinity), both(2.0), both(12.0), both(40.0)}, 1e-3);
+    }
+    double calc(double q) { return velocity_.calc(JointVector::Constant(1, q))[0]; }
+
+private:
+    TargetVelocity velocity_;
+};
+
+TEST(TargetVelocity, AnEvenMotionIsBelievedSoonAndAStandstillAtOnce) {
+    for (const double speed : {0.3, -1.8}) {
+        Believed velocity;
+        double seen = 0.0;
+        for (int k = 0; k <= 3000; ++k) seen = velocity.calc(1e-3 * speed * k);
+        EXPECT_NEAR(seen, speed, 1e-3);
+        EXPECT_EQ(velocity.calc(3.0 * speed), 0.0);
+    }
+}
+
+TEST(TargetVelocity, GrowsNoFasterThanAShareOfTheStop) {
+    Believed velocity;
+    double last = 0.0, most = 0.0;
+    for (int k = 0; k < 500; ++k) {
+        const double now = velocity.calc(2e-3 * k);
+        most = std::max(most, now - last);
+        last = now;
+    }
+    EXPECT_GT(most, 1e-3);
+    EXPECT_LT(most, 2.0 / 0.4 * 0.35 * 1e-3);
+}
+
+TEST(TargetVelocity, JumpsHardlyCountAndDoNotHideAnEvenMotion) {
+    Believed velocity;
+    EXPECT_EQ(velocity.calc(0.0), 0.0);
+    EXPECT_LT(std::abs(velocity.calc(5.0)), 0.02);
+    for (int k = 0; k < 2000; ++k) EXPECT_LT(std::abs(velocity.calc(k % 2)), 0.05);
+    // 0.9 V, and in every third of a tenth of a second 1.5 V: the catching up after late samples.
+    double q = 0.0, sum = 0.0;
+    for (int k = 0; k < 6000; ++k) {
+        q += 1e-3 * (k % 33 < 10 ? 3.0 : k % 33 < 23 ? 1.8 : 0.876);
+        const double now = velocity.calc(q);
+        if (k >= 3000) sum += now / 3000.0;
+    }
+    EXPECT_GT(sum, 0.7 * 1.8);  // slower at once, faster slowly: a little less
+}
+
 }  // namespace
 }  // namespace viable

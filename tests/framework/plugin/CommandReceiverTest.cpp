@@ -140,9 +140,33 @@ TEST(CommandReceiver, ASenderThatChangesItsRateIsFollowedSoon) {
             }
         };
         send(before, before > 1.0 ? 2 : 40);
-        send(after, 60);
-        EXPECT_NEAR(calc(receiver, t + 0.9 * after).q[0], 0.5 * (t + 0.9 * after), 0.05 * after)
-            << before << " s, then " << after;
+        send(after, before > after ? 10 : 6);  // from here on as if it had never been otherwise
+        for (int k = 0; k < 60; ++k) {
+            send(after, 1);
+            EXPECT_NEAR(calc(receiver, t + 0.9 * after).q[0], 0.5 * (t + 0.9 * after), 0.05 * after)
+                << before << " s, then " << after << ", " << k;
+        }
+    }
+}
+
+TEST(CommandReceiver, ManyLostSamplesTellNoOtherSpeed) {
+    for (const double loss : {0.1, 0.2, 0.4}) {
+        std::mt19937_64 random(5);
+        CommandReceiver receiver(BetweenSamples::Extrapolate);
+        receiver.reset(at(0.0));
+        double sum = 0.0, ahead = 0.0;
+        int count = 0;
+        for (int k = 0; k < 2000; ++k) {
+            if (k > 20 && std::uniform_real_distribution<double>(0.0, 1.0)(random) < loss) continue;
+            receiver.take(0.02 * k, at(0.02 * k));
+            if (k < 100) continue;
+            const MotionCommand next = calc(receiver, 0.02 * k + 0.015);
+            sum += std::pow((next.q[0] - 0.02 * k - 0.015) / 0.02, 2);
+            ahead = std::max(ahead, (next.q[0] - 0.02 * k - 0.015) / 0.02);
+            ++count;
+        }
+        EXPECT_LT(std::sqrt(sum / count), loss < 0.3 ? 0.1 : 0.5) << loss;
+        EXPECT_LT(ahead, loss < 0.3 ? 0.06 : 2.0) << loss;
     }
 }
 

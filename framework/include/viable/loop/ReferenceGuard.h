@@ -83,7 +83,7 @@ public:
     /** From here on: the reference begins where the robot is, which is the first target, too. Before the first step(),
     and again after a stop. Throws Error (BadInput) for a state that is malformed and, without `recovery`, for one from
     which no stop within the limits exists or that is too near to something. The limits and
-    surroundings in force stay; not at the same time as changeEnvironment(). */
+    surroundings in force stay, these with the age that they had; not at the same time as changeEnvironment(). */
     void start(const MotionState& state);
 
     /** One tick. @return valid until the next call */
@@ -103,7 +103,8 @@ public:
 
     /** New limits from the next step() on. Where the present motion cannot meet them at once it returns within them as
     fast as its stop does. False, and nothing changes: they are not usable at this tick (see areUsable), a jerk limit is
-    not finite, or the arm is being stopped. Large angles are not asked about here. */
+    not finite, or the arm is being braked. At rest after a stop, and before start(), they are those of the next start().
+    Large angles are not asked about here. */
     bool changeLimits(const JointLimits& limits) noexcept;
 
     /** Brakes the arm for good, from the next step() on. A request before start() stops the arm after it. */

@@ -20,11 +20,13 @@ const char* getName(BetweenSamples between);
 /** Makes a command for every tick out of samples that come when they come: 10 to 200 times a second, late, or not at
 all.
 
-Time is that of receipt; stamps of the sender are not needed. Its period is learnt from the last 16 intervals, its phase that of the earliest receipts: a sample that is late by less than three quarters of a period, or
-follows a lost one, tells no other speed.
+Time is that of receipt; stamps of the sender are not needed. Its period is learnt from the last 16 intervals, its phase
+from the earliest receipts: a sample that is late by less than three quarters of a period, or follows lost ones (up to a
+third of all), tells no other speed. Bursts of more than six samples count as a faster sender.
 What is extrapolated goes on as the last two differences changed, by a slope limiter: a joint, the tool's position or its
-orientation that stops, turns round or jumps is not overshot. Samples that come more seldom than four times a second are
-held. After silence the command is the last sample. Turns must stay below half a turn from sample to sample.
+orientation that stops, turns round or jumps is not overshot. Two periods after the last sample it goes back to that
+sample, slowly, within 15 more. Samples that come more seldom than four times a second are held. Turns must stay below
+half a turn from sample to sample.
 Nothing is differentiated twice; no velocity that a sample brings along is used.
 Real time: no allocation, lock or throw. */
 class CommandReceiver {
@@ -44,6 +46,7 @@ private:
     static constexpr int kIntervals = 16;
 
     double followClock(double t);
+    bool isOtherSender(double interval_s);
     void learnPeriod(double interval_s);
     void findNextVelocity(const MotionCommand& before, double lasted_s);
     void takeWay(const MotionCommand& now);
@@ -54,6 +57,9 @@ private:
     double sent_s_ = 0.0;      // when, as far as receipts tell
     std::int64_t samples_ = 0;
     std::array<double, kIntervals> intervals_{};  // the last ones, in any order
+    std::int64_t intervalCount_ = 0;              // since the sender is the same
+    int streak_ = 0;                              // intervals in a row that are longer (shorter: negative)
+    double streak_s_ = 0.0;                       // the last of them
     double period_s_ = 0.0;                       // learnt
     double lasted_s_ = 0.0;                       // the sample before the newest
     MotionCommand base_;                          // at begin_s_, with the velocity that leads to ...
