@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -23,7 +24,9 @@ public:
             const double middle = hasRange ? 0.5 * (l.positionLower + l.positionUpper) : 0.0;
             const double half = hasRange ? 0.5 * (l.positionUpper - l.positionLower) : 1.0;
             const double speed = std::isfinite(l.velocityUpper) ? l.velocityUpper : 1.0;
-            const double rate = 0.8 * (1.0 + 0.1 * i);  // [rad/s]
+            // A tenth of the acceleration and jerk that the joint has.
+            const double rate = std::min({0.8 * (1.0 + 0.1 * i), 0.1 * l.accelerationUpper / (0.3 * speed),
+                                          std::sqrt(0.1 * l.jerkUpper / (0.3 * speed))});  // [rad/s]
             target[i] = middle + std::min(0.8 * half, 0.3 * speed / rate) * std::sin(rate * t);
         }
         return target;

@@ -48,7 +48,7 @@ namespace {
 
 /** A target's velocity is smoothed over this share of the time in which the joint stops from its limit, and may grow with
 this share of the deceleration of that stop. */
-constexpr double kSmoothing = 0.3, kGrowth = 0.35;
+constexpr double kSmoothing = 0.5, kGrowth = 0.5;
 
 double calcStopTime(double v, const AxisLimits& l) {
     return std::isfinite(v) ? calcStationaryStop(v, 0.0, l).duration() : kInfinity;

@@ -288,12 +288,12 @@ TEST(TargetVelocity, GrowsNoFasterThanAShareOfTheStop) {
     Believed velocity;
     double last = 0.0, most = 0.0;
     for (int k = 0; k < 500; ++k) {
-        const double now = velocity.calc(2e-3 * k);
+        const double now = velocity.calc(2e-3 * k);  // the limit, at once
         most = std::max(most, now - last);
         last = now;
     }
-    EXPECT_GT(most, 1e-3);
-    EXPECT_LT(most, 2.0 / 0.4 * 0.35 * 1e-3);
+    const AxisLimits l{-kInfinity, kInfinity, -2.0, 2.0, -12.0, 12.0, -40.0, 40.0};
+    EXPECT_NEAR(most, 0.5 * 2.0 / calcStationaryStop(2.0, 0.0, l).duration() * 1e-3, 1e-9);
 }
 
 TEST(TargetVelocity, JumpsHardlyCountAndDoNotHideAnEvenMotion) {

@@ -47,9 +47,9 @@ private:
 };
 
 /** The velocity of a joint target, as far as the joint can follow its changes: a target that moves evenly is followed
-with its velocity, one that starts, stops or turns faster than the joint could is not believed at once. Smoothed over
-0.3 of the time in which the joint stops from its velocity limit, and growing no faster than with 0.35 of the deceleration
-of that stop; slower at once. A target that stands still has none, whatever it had; one that jumps, faster than the velocity limit,
+with its velocity, one that starts, stops or turns faster than the joint could is not believed at once. Smoothed over half
+the time in which the joint stops from its velocity limit, and growing no faster than with half the deceleration of that
+stop; slower at once. A target that stands still has none, whatever it had; one that jumps, faster than the velocity limit,
 counts as moving with the limit for that tick.
 Real time: no allocation, lock or throw after configure(). */
 class TargetVelocity {
