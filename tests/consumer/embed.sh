@@ -1,16 +1,20 @@
 #!/usr/bin/env bash
-# The torque guard inside a stranger's loop: installs the package into an empty prefix, builds the installed example
-# own_loop as its README says, and runs it. Usage: embed.sh BUILD_DIR
+# The guards inside a stranger's loop: installs the package into an empty prefix, builds the installed examples own_loop
+# and reference_stream as their READMEs say, and runs them. Usage: embed.sh BUILD_DIR
 set -euo pipefail
 build=$1
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 prefix="$work/prefix"
 cmake --install "$build" --prefix "$prefix" >"$work/install.log"
-cp -r "$prefix/share/viable/examples/own_loop" "$work/"
+cp -r "$prefix/share/viable/examples/"{own_loop,reference_stream} "$work/"
 cd "$work"  # nothing of the source tree in reach
-{ cmake -S own_loop -B build -DCMAKE_PREFIX_PATH="$prefix" -DCMAKE_CXX_FLAGS="-Wall -Wextra -Werror" &&
-  cmake --build build; } >build.log 2>&1 || { cat build.log; exit 1; }
+compile() {  # EXAMPLE FOLDER
+  { cmake -S "$1" -B "$2" -DCMAKE_PREFIX_PATH="$prefix" -DCMAKE_CXX_FLAGS="-Wall -Wextra -Werror" &&
+    cmake --build "$2"; } >build.log 2>&1 || { cat build.log; exit 1; }
+}
+compile own_loop build
+compile reference_stream build_stream
 
 expect_kept() {  # FILE: no limit was passed in a single tick
   [ "$(grep -c 'outside in 0 joint-ticks' "$1")" = 4 ] || { echo "embed: a limit was broken"; exit 1; }
@@ -48,3 +52,15 @@ code=0
 build/own_loop "$work/no_robot" 1 2>error.txt || code=$?
 cat error.txt
 [ "$code" = 2 ] && grep -q "own_loop: .*no_robot" error.txt
+
+echo "embed: targets at 30 Hz, every robot"
+for robot in "$prefix"/share/viable/robots/*/; do
+  build_stream/reference_stream "$robot" 20 trajectory.csv | tee stream.txt
+  expect_kept stream.txt
+  # About the way of a sample, 33 ms, at 0.3 of the speed limit; the limits of single_joint are as large as it is slow.
+  most=25
+  [ "$(basename "$robot")" != single_joint ] || most=100
+  awk -v most=$most '/^reference/ { seen = 1; if ($2 > most) exit 1 } END { if (!seen) exit 1 }' stream.txt ||
+    { echo "embed: the reference strays"; exit 1; }
+  [ "$(wc -l <trajectory.csv)" -gt 20000 ]
+done

@@ -26,4 +26,8 @@ bool checkMonitor(const Options& options);
 neither along the stops. */
 bool checkObstacles(const Options& options);
 
+/** Reference guards of random chains under hostile targets, missed ticks and changing limits: the limits hold, resting
+targets are reached. */
+bool checkReferences(const Options& options);
+
 }  // namespace viable

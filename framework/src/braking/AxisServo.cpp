@@ -119,6 +119,12 @@ void AxisServo::reset(const AxisState& state) {
     approach_.isKnown = hasLastTarget_ = hasExpected_ = false;
 }
 
+void AxisServo::changeLimits(const AxisLimits& limits) {
+    limits_ = shrink(limits);
+    certificate_.changeLimits(limits_);
+    approach_.isKnown = false;
+}
+
 void AxisServo::skipTicks(std::int64_t ticks) {
     certificate_.skipTicks(ticks);
     approach_.isKnown = hasLastTarget_ = hasExpected_ = false;

@@ -22,6 +22,7 @@ public:
                        rest is for the target's own motion */
     void configure(const AxisLimits& limits, double tick_s, double share);
     void reset(const AxisState& state);
+    void changeLimits(const AxisLimits& limits);
     void skipTicks(std::int64_t ticks);
 
     /** The jerk to hold in this tick [rad/s^3]. All finite. */

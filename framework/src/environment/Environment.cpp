@@ -12,6 +12,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/** Rotations that were multiplied often are not quite orthogonal. */
+constexpr double kUnitTolerance = 1e-6;
 /** Farthest place and largest size of anything around an arm [m]. */
 constexpr double kFarthest_m = 1000.0;
 
@@ -203,6 +205,48 @@ std::vector<std::string> Environment::obstacleNames() const {
     for (const MovingSphere& sphere : spheres) names.push_back(sphere.name);
     if (map) names.push_back(map->name);
     return names;
+}
+
+void checkEnvironment(const Environment& environment) {
+    std::vector<std::string> wrong;
+    const auto isSize = [](double x) { return std::isfinite(x) && x > 0.0; };
+    const auto isPose = [](const Eigen::Isometry3d& pose) {
+        const Eigen::Matrix3d rotation = pose.linear();
+        return pose.matrix().allFinite() && rotation.isUnitary(kUnitTolerance) && rotation.determinant() > 0.0;
+    };
+    const auto complain = [&](const std::string& name, const char* what) {
+        wrong.push_back("the obstacle `" + name + "` " + what);
+    };
+    for (const Solid& solid : environment.solids) {
+        const bool isBox = solid.kind == Solid::Kind::Box, isCylinder = solid.kind == Solid::Kind::Cylinder;
+        if (isBox && !(isSize(solid.size.x()) && isSize(solid.size.y()) && isSize(solid.size.z())))
+            complain(solid.name, "has an edge that is not above 0 m");
+        if ((isCylinder || solid.kind == Solid::Kind::Sphere) && !isSize(solid.radius))
+            complain(solid.name, "has a radius that is not above 0 m");
+        if (isCylinder && !isSize(solid.length)) complain(solid.name, "has a length that is not above 0 m");
+        if (!isPose(solid.pose)) complain(solid.name, "has a pose that is no place and rotation");
+    }
+    for (const MovingSphere& sphere : environment.spheres) {
+        if (!isSize(sphere.radius)) complain(sphere.name, "has a radius that is not above 0 m");
+        if (sphere.waypoints.empty()) complain(sphere.name, "moves without a waypoint");
+        for (std::size_t i = 0; i < sphere.waypoints.size(); ++i) {
+            const MovingSphere::Waypoint& waypoint = sphere.waypoints[i];
+            if (!waypoint.position.allFinite() || !std::isfinite(waypoint.time_s) ||
+                (i > 0 && !(waypoint.time_s > sphere.waypoints[i - 1].time_s))) {
+                complain(sphere.name, "has a waypoint that is not finite, or not later than the one before");
+                break;
+            }
+        }
+    }
+    if (environment.map && !isPose(environment.map->pose))
+        complain(environment.map->name, "has a pose that is no place and rotation");
+    if (!(environment.safetyDistance_m >= 0.0) || !std::isfinite(environment.safetyDistance_m))
+        wrong.push_back("safetyDistance_m is " + detail::formatNumber(environment.safetyDistance_m) +
+                        ", allowed is 0 and above");
+    if (!isSize(environment.fieldCell_m))
+        wrong.push_back("fieldCell_m is " + detail::formatNumber(environment.fieldCell_m) + ", allowed is above 0");
+    if (!wrong.empty())
+        throw badInput("Environment", detail::join(wrong, "; "), "Give every obstacle its sizes and its place.");
 }
 
 Environment readEnvironment(const ConfigNode& block) {

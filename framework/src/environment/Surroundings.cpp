@@ -124,6 +124,7 @@ void Surroundings::Shapes::add(const MovingSphere& sphere, int obstacle) {
 Surroundings::Surroundings(const Environment& environment, const Eigen::Vector3d& lower, const Eigen::Vector3d& upper,
                            double reach_m)
     : environment_(environment), names_(environment.obstacleNames()) {
+    checkEnvironment(environment);
     int obstacle = 0;
     auto shapes = std::make_unique<Shapes>();
     for (const Solid& solid : environment.solids) shapes->add(solid, obstacle++);

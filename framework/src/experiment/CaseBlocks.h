@@ -7,6 +7,7 @@
 
 #include "experiment/CasePlan.h"
 #include "experiment/ExperimentKeys.h"
+#include "simulation/CommandStream.h"
 
 // The blocks of a case, each with a reader, and a writer of what its resolved file says in its place. A reader throws
 // Error (BadInput) for what is wrong in its block; what two blocks make of each other is judged in CaseChecks.
@@ -19,6 +20,10 @@ void refuseMissingUnit(const ConfigNode& block, const std::vector<ExperimentKey>
 /** `payload` and `disturbance_set`: blocks of sizes, with the defaults of payloadKeys() and disturbanceKeys(). */
 Parameters readPayload(const ConfigNode& block, int joints);
 Parameters readDisturbances(const ConfigNode& block, int joints);
+
+/** `stream`, which needs no more than a sample a tick. */
+Parameters readStream(const ConfigNode& block, double tick_s);
+StreamOptions makeStreamOptions(const Parameters& stream);
 
 struct RobotBlock {
     RobotDescription robot;  ///< with its payload

@@ -44,6 +44,7 @@ struct CasePlan {
     std::optional<Environment> environment;
     std::optional<ArmGeometry> geometry;  ///< present exactly when environment is
     PluginChoice command, controller;
+    std::optional<Parameters> stream;        ///< the line that the command comes over
     std::vector<PluginChoice> filters;       ///< at least one; several run one after the other
     std::optional<PluginChoice> robustLoop;  ///< present exactly when realPlant is
     std::optional<PluginChoice> realPlant;

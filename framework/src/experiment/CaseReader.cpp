@@ -55,6 +55,7 @@ ConfigNode resolveCase(const CasePlan& plan, const std::string& title, const Con
                                {"command", resolvePlugin(plan.command)},
                                {"controller", resolvePlugin(plan.controller)}});
     const auto add = [&](const char* key, ConfigNode value) { node.entries.emplace_back(key, std::move(value)); };
+    if (plan.stream) add("stream", plan.stream->resolved());
     if (plan.realPlant) {
         if (plan.feedsExternalTorque) add("external_torque", makeScalar("to_nominal"));
         add("robust_loop", resolvePlugin(*plan.robustLoop));
@@ -106,6 +107,7 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
     }
 
     plan.command = readPlugin(map.require("command"), PluginKind::CommandSource, loader, joints);
+    if (const ConfigNode* stream = map.find("stream")) plan.stream = readStream(*stream, plan.tick_s);
     plan.controller = readPlugin(map.require("controller"), PluginKind::NominalController, loader, joints);
     plan.filters = readFilters(map.require("filter"), loader, joints);
     const ConfigNode* robustLoop = map.find("robust_loop");

@@ -108,6 +108,7 @@ CaseResult makeResult(const ConfiguredCase& configured) {
     for (const PluginChoice* choice : plan.plugins())
         if (const ConfigNode* seed = choice->parameters.resolved().find("seed"))
             result.seeds[choice->plugin.name] = seed->text;
+    if (plan.stream) result.seeds["stream"] = plan.stream->resolved().find("seed")->text;
     return result;
 }
 

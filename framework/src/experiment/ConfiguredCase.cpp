@@ -1,10 +1,11 @@
 #include "experiment/ConfiguredCase.h"
 
+#include "environment/ArmSurroundings.h"
+#include "experiment/CaseBlocks.h"
 #include "experiment/CaseBound.h"
 #include "experiment/CaseChecks.h"
 #include "experiment/StartCheck.h"
 #include "filter/FilterChain.h"
-#include "robot/ArmReach.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -121,20 +122,10 @@ void checkErrorLoop(const LinearErrorLoop& loop, int n, const std::string& title
                     "errorLoop() gives one number per joint: gains finite and at least 0, limits above 0 or infinite.");
 }
 
-/** A distance field tells distances up to here apart [m]: farther than any arm needs to stop. */
-constexpr double kFieldReach_m = 1.0;
-
 void addSurroundings(ConfiguredCase& configured) {
     const CasePlan& plan = configured.plan;
     if (!plan.environment) return;
-    const Eigen::AlignedBox3d reach = calcReach(plan.robot, *plan.geometry, configured.setup.limits);
-    if (plan.environment->map && !reach.sizes().allFinite())
-        throw badInput(plan.environment->map->place,
-                       "the arm has a sliding joint without position limits, so that the part of the map that it can "
-                       "reach has no end",
-                       "Give the joint position limits.");
-    configured.surroundings =
-        std::make_shared<const Surroundings>(*plan.environment, reach.min(), reach.max(), kFieldReach_m);
+    configured.surroundings = makeSurroundings(*plan.environment, plan.robot, *plan.geometry, configured.setup.limits);
     configured.feed = std::make_unique<SurroundingsFeed>(configured.surroundings);
     configured.setup.surroundings = configured.feed.get();
 }
@@ -185,6 +176,7 @@ std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolat
     plugins.filter = maker.makeFilters(plan.filters);
     if (!plugins.filter->recovers()) detail::checkStart(plan, configured->setup.limits);
     plugins.command = maker.makeWatched<CommandSource>(plan.command);
+    if (plan.stream) plugins.stream = std::make_unique<CommandStream>(detail::makeStreamOptions(*plan.stream));
     plugins.controller = maker.makeWatched<NominalController>(plan.controller);
     if (configured->bound) detail::checkMotors(plan, *configured->bound);
     if (plugins.realPlant) detail::checkExternalTorqueIsMeasured(plan, *plugins.realPlant);

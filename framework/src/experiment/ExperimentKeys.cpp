@@ -118,6 +118,9 @@ const std::vector<ExperimentKey>& experimentKeys() {
             "The surroundings of the arm. With them, even empty ({}), the arm is also checked against itself; the "
             "robot needs a collision.yaml."),
         makeBlock("command", nullptr, KeyForm::Plugin, "What is asked for.", PluginKind::CommandSource),
+        makeBlock("stream", "", &streamKeys,
+                  "The command comes in samples over a line, which may be slow and lossy; without it every tick has "
+                  "its command."),
         makeBlock("controller", nullptr, KeyForm::Plugin, "The torque law that follows the command.",
                   PluginKind::NominalController),
         makeBlock("filter", nullptr, KeyForm::Plugins, "What keeps the limits.", PluginKind::SafetyFilter),
@@ -211,6 +214,26 @@ const std::vector<ExperimentKey>& payloadKeys() {
         {parameter::numbers("offset_m", "m", 3, 3, "[0, 0, 0]", "Its place in the tool frame: x, y, z.")
              .atLeast(-10)
              .upTo(10)},
+    };
+    return keys;
+}
+
+const std::vector<ExperimentKey>& streamKeys() {
+    // Defaults: those of StreamOptions.
+    static const std::vector<ExperimentKey> keys = {
+        {parameter::number("rate_hz", "Hz", nullptr, "Samples sent; at most one a tick.").atLeast(0.1).upTo(1e5)},
+        {parameter::number("jitter", "", "0.0", "A sample is late by up to this share of a period, drawn evenly.")
+             .atLeast(0)
+             .below(1)},
+        {parameter::number("loss", "", "0.0", "Share of the samples that never come.").atLeast(0).below(1)},
+        {parameter::number("gap_s", "s", "0.0", "Nothing comes for so long, once in every gap_every_s.").atLeast(0)},
+        {parameter::number("gap_every_s", "s", "5.0", "Longer than gap_s; where in it a gap begins is drawn.")
+             .atLeast(0.001)
+             .upTo(1e5)},
+        {parameter::choice("between", "hold|interpolate|extrapolate", "extrapolate",
+                           "What the command is between two samples: the newest one at rest; straight to the newest "
+                           "one, which is reached when the next is due; on from the newest as the last two went.")},
+        {parameter::integer("seed", "1", "Of what is drawn.").atLeast(0)},
     };
     return keys;
 }

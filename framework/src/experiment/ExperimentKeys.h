@@ -41,6 +41,7 @@ const std::vector<ExperimentKey>& startKeys();
 const std::vector<ExperimentKey>& gapKeys();
 const std::vector<ExperimentKey>& disturbanceKeys();
 const std::vector<ExperimentKey>& payloadKeys();
+const std::vector<ExperimentKey>& streamKeys();
 const std::vector<ExperimentKey>& environmentKeys();  ///< what readEnvironment() knows
 
 /** The key called `name`; it must be there. */

@@ -16,8 +16,9 @@ void CertifiedBrakingFilter::configure(const RunSetup& setup, const Parameters& 
     impl_->joints.configure(setup, parameters);
 }
 
-void CertifiedBrakingFilter::configure(const RunSetup& setup, const CertifiedBrakingOptions& options) {
-    impl_->joints.configure(setup, options);
+void CertifiedBrakingFilter::configure(const RunSetup& setup, const CertifiedBrakingOptions& options,
+                                       const std::string& owner) {
+    impl_->joints.configure(setup, options, owner);
 }
 
 void CertifiedBrakingFilter::reset(const MotionState& start) {

@@ -68,12 +68,12 @@ void JointBraking::configure(const RunSetup& setup, const Parameters& parameters
                "Set limits.jerk_radps3.", "or set `recovery: true` here, which recovers from such a start.", true});
 }
 
-void JointBraking::configure(const RunSetup& setup, const CertifiedBrakingOptions& options) {
-    const std::string place = "CertifiedBrakingOptions::";
+void JointBraking::configure(const RunSetup& setup, const CertifiedBrakingOptions& options, const std::string& owner) {
+    const std::string place = owner + "::";
     configure(setup, options,
               {place + "kAlpha", place + "gamma", place + "recovery", "infinity",
                "Give JointLimits::jerk a number for every joint and side.",
-               "or set CertifiedBrakingOptions::recovery, which recovers from such a start.", false});
+               "or set " + place + "recovery, which recovers from such a start.", false});
 }
 
 void JointBraking::configure(const RunSetup& setup, const CertifiedBrakingOptions& options, const Wording& wording) {

@@ -15,7 +15,7 @@ class JointBraking {
 public:
     /** As CertifiedBrakingFilter's. */
     void configure(const RunSetup& setup, const Parameters& parameters);
-    void configure(const RunSetup& setup, const CertifiedBrakingOptions& options);
+    void configure(const RunSetup& setup, const CertifiedBrakingOptions& options, const std::string& owner);
 
     void reset(const MotionState& start);
     bool recovers() const { return recovery_; }

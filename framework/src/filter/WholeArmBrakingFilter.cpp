@@ -30,10 +30,11 @@ void WholeArmBrakingFilter::configure(const RunSetup& setup, const Parameters& p
     prepare(setup, options, parameters.place("recovery"));
 }
 
-void WholeArmBrakingFilter::configure(const RunSetup& setup, const WholeArmBrakingOptions& options) {
+void WholeArmBrakingFilter::configure(const RunSetup& setup, const WholeArmBrakingOptions& options,
+                                      const std::string& owner) {
     impl_->arm.reset();
-    impl_->joints.configure(setup, options.joints);
-    prepare(setup, options, "WholeArmBrakingOptions");
+    impl_->joints.configure(setup, options.joints, owner);
+    prepare(setup, options, owner);
 }
 
 void WholeArmBrakingFilter::prepare(const RunSetup& setup, const WholeArmBrakingOptions& options,

@@ -167,6 +167,8 @@ void ControlLoop::reset() {
     command_.qd.setZero(n_);
     command_.tool = setup_.startTool;
     command_.space = plugins_.command->space();
+    received_ = command_;
+    if (plugins_.stream) plugins_.stream->reset(command_);
     const auto resetOne = [&](auto& plugin, PluginKind kind) {
         if (plugin) resetPlugin(*plugin, kind, findWatch(kind), nominal_);
     };
@@ -344,16 +346,19 @@ void ControlLoop::takeCommand(double t) {
     if (status == TickStatus::Ok && newCommand_.space == command_.space && isUsable(newCommand_, n_)) {
         command_ = newCommand_;
         missingCommands_ = 0;
-        return;
-    }
-    if (++missingCommands_ > kMaxSubstitutedTicks)
+    } else if (++missingCommands_ > kMaxSubstitutedTicks) {
         beginStop(StopReason::CommandFailed, "it gave no usable command (wrong size, not finite or not Ok)", kOnValues);
+    }
+    if (plugins_.stream)
+        plugins_.stream->pass(t, command_, received_);
+    else
+        received_ = command_;
 }
 
 void ControlLoop::takeTorque(std::int64_t missed) {
     output_.hasAccelerationRate = false;
     const TickStatus status = contain(PluginKind::NominalController, TickStatus::Faulted, [&] {
-        return plugins_.controller->compute({command_, nominal_, dynamics_, {time(), missed}}, output_);
+        return plugins_.controller->compute({received_, nominal_, dynamics_, {time(), missed}}, output_);
     });
     if (status == TickStatus::Ok && isFinite(output_.torque, n_) &&
         (!output_.hasAccelerationRate || isFinite(output_.accelerationRate, n_))) {

@@ -1,11 +1,13 @@
 #pragma once
 
 #include <array>
+#include <memory>
 
 #include "host/IsolatedPlugin.h"
 #include "host/PluginCall.h"
 #include "loop/SensorCheck.h"
 #include "loop/StopMonitor.h"
+#include "simulation/CommandStream.h"
 #include "viable/host/PluginLoader.h"
 #include "viable/log/TickRecord.h"
 #include "viable/loop/NominalPlant.h"
@@ -17,6 +19,7 @@ namespace viable {
 /** The plugins of a loop, configured. Robust loop and real plant may be null, both or none. */
 struct LoopPlugins {
     PluginPtr<CommandSource> command{nullptr, nullptr};
+    std::unique_ptr<CommandStream> stream;  ///< that the command comes over to the controller; null: none
     PluginPtr<NominalController> controller{nullptr, nullptr};
     PluginPtr<SafetyFilter> filter{nullptr, nullptr};
     PluginPtr<RobustLoop> robustLoop{nullptr, nullptr};
@@ -118,6 +121,8 @@ public:
     double time() const;                                      ///< of the next tick [s]
 
     const MotionState& nominal() const { return nominal_; }  ///< at time()
+    /** The nominal arm `after_s` after time() on the stop held ready, one that holds jerks. */
+    void calcStop(double after_s, MotionState& state) const { monitor_.calcStop(nominal_, after_s, state); }
 
 private:
     /** @param remedy  a literal */
@@ -160,6 +165,7 @@ private:
     JointState real_, actual_;
     Dynamics dynamics_;
     MotionCommand command_, newCommand_;
+    MotionCommand received_;  // by the controller: command_, or what has come of it over the stream
     ControllerOutput output_;
     JointVector desiredTorque_, wantedTorque_, robustTorque_, motorTorque_, appliedTorque_;
     JointVector externalTorque_;  // that acts on the nominal arm; empty: none is fed to it

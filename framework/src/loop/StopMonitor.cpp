@@ -376,6 +376,22 @@ const StopMonitor::Finding& StopMonitor::followStop(const MotionState& nominal, 
     return finding_;
 }
 
+void StopMonitor::calcStop(const MotionState& nominal, double after_s, MotionState& state) const {
+    state = nominal;
+    for (int i = 0; i < n_; ++i) {
+        AxisState x{nominal.q[i], nominal.qd[i], nominal.qdd[i]};
+        double left = after_s;
+        for (const GridStop::Segment& segment : ready_.joints[i]) {
+            const double time = std::min(left, static_cast<double>(segment.ticks) * tick_s_);
+            x = advance(x, segment.jerk, time);
+            left -= time;
+        }
+        state.q[i] = x.p;
+        state.qd[i] = left > 0.0 ? 0.0 : x.v;  // what rounding has left of the motion
+        state.qdd[i] = left > 0.0 ? 0.0 : x.a;
+    }
+}
+
 bool StopMonitor::atRest(const MotionState& nominal) const {
     if (ready_.held == HeldQuantity::Acceleration) return nominal.qd.lpNorm<Eigen::Infinity>() <= kRest;
     for (int i = 0; i < n_; ++i)

@@ -65,6 +65,9 @@ public:
     /** True when the backup stop, followed to here, has come to its end. */
     bool atRest(const MotionState& nominal) const;
 
+    /** Where the backup stop leads from `nominal`, where it begins, within `after_s` >= 0: of stops that hold jerks. */
+    void calcStop(const MotionState& nominal, double after_s, MotionState& state) const;
+
     /** Of the last examine() or followStop(). */
     const TickRecord::Stop& stop(int joint) const { return reports_[joint]; }
 

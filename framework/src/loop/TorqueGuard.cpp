@@ -9,6 +9,7 @@
 #include "core/FarthestJoint.h"
 #include "core/Text.h"
 #include "loop/ControlLoop.h"
+#include "loop/GuardSetup.h"
 #include "robot/InertiaModes.h"
 #include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
@@ -18,12 +19,11 @@ namespace viable {
 namespace {
 
 using detail::formatNumber;
+using detail::lend;
+using detail::quoteJoint;
 
 /** A reading may be off by so many encoder counts. */
 constexpr double kCounts = 2.0;
-/** A start faster than this is no arm's; the limits' own window is the same. [rad/s] */
-constexpr double kLargestStartSpeed = kLargestLimit;
-
 /** External torques beyond this are none [Nm]. */
 constexpr double kLargestExternalTorque = 1e9;
 
@@ -35,74 +35,7 @@ constexpr double kUnstable = 2.0;
 
 static_assert(kMaxSubstitutedTicks == 10 && kMaxMissedTicks == 1000, "the header says so");
 
-const char* const kPlace = "TorqueGuard";
-
-Error complain(const std::string& what, const std::string& remedy) {
-    return badInput(kPlace, what, remedy);
-}
-
-std::string quote(const RobotDescription& robot, int joint) {
-    return "joint `" + robot.joints[static_cast<std::size_t>(joint)].name + "`";
-}
-
-/** Refuses a description that was not built to its end; loadRobot() gives none such. */
-void checkRobot(const RobotDescription& robot) {
-    const std::string n = std::to_string(robot.joints.size());
-    if (robot.joints.empty() || robot.joints.size() > static_cast<std::size_t>(kMaxJoints))
-        throw complain("the robot has " + n + " joints; allowed is 1 to " + std::to_string(kMaxJoints),
-                       "Load it by loadRobot(), or fill RobotDescription::joints.");
-    for (int i = 0; i < robot.size(); ++i)
-        if (robot.joints[static_cast<std::size_t>(i)].parent < -1 ||
-            robot.joints[static_cast<std::size_t>(i)].parent >= i)
-            throw complain(quote(robot, i) + " has joint " +
-                               std::to_string(robot.joints[static_cast<std::size_t>(i)].parent) +
-                               " as its parent; allowed is -1 to " + std::to_string(i - 1),
-                           "List parents before children; the base is -1.");
-    if (robot.toolParent < -1 || robot.toolParent >= robot.size())
-        throw complain("toolParent is " + std::to_string(robot.toolParent) + "; allowed is -1 to " +
-                           std::to_string(robot.size() - 1),
-                       "Set the joint that carries the tool.");
-    const auto check = [&](const char* name, const JointVector& values, double smallest, bool mayBeInfinite) {
-        if (values.size() != robot.size())
-            throw complain(std::string("actuation.") + name + " has " + std::to_string(values.size()) +
-                               " entries; the robot has " + n + " joints",
-                           "Give one entry per joint.");
-        for (int i = 0; i < robot.size(); ++i)
-            if (!(values[i] >= smallest) || (std::isinf(values[i]) && !mayBeInfinite))
-                throw complain(std::string("actuation.") + name + " of " + quote(robot, i) + " is " +
-                                   formatNumber(values[i]) + "; allowed is " +
-                                   (smallest > 0.0 ? "above 0" : "0 and more"),
-                               "Check the number.");
-    };
-    check("rotorInertia", robot.actuation.rotorInertia, 0.0, false);
-    check("torqueLimit", robot.actuation.torqueLimit, std::numeric_limits<double>::min(), true);
-    check("encoderCounts", robot.actuation.encoderCounts, 0.0, false);
-    check("friction.coulomb", robot.actuation.friction.coulomb, 0.0, false);
-    check("friction.viscous", robot.actuation.friction.viscous, 0.0, false);
-    check("friction.viscousVelocity", robot.actuation.friction.viscousVelocity, std::numeric_limits<double>::min(),
-          true);
-}
-
-void checkTick(double tick_s) {
-    if (tick_s >= kShortestTick_s && tick_s <= kLongestTick_s) return;
-    throw complain("the tick is " + formatNumber(tick_s) + " s; allowed is [" + formatNumber(kShortestTick_s) + ", " +
-                       formatNumber(kLongestTick_s) + "] s",
-                   "Give the period of the loop in seconds: 0.001 at 1 kHz.");
-}
-
-/** The robot's own limits, or those of the options; checked. */
-const JointLimits& takeLimits(const RobotDescription& robot, double tick_s, const std::optional<JointLimits>& own) {
-    const JointLimits& limits = own ? *own : robot.limits;
-    const std::string place =
-        std::string(kPlace) + (own ? ": TorqueGuardOptions::limits" : ": RobotDescription::limits");
-    if (limits.size() != robot.size())
-        throw badInput(place,
-                       "the limits are those of " + std::to_string(limits.size()) + " joints; the robot has " +
-                           std::to_string(robot.size()),
-                       "Give each bound one number per joint; infinity where there is none.");
-    checkLimits(limits, tick_s, robot.allowLargeAngles, place, robot.jointNames());
-    return limits;
-}
+const char* const kTorqueGuard = "TorqueGuard";
 
 void checkPositive(const PerJoint& values, const char* name, const RobotDescription& robot) {
     const std::string place = std::string("TorqueGuardOptions::") + name;
@@ -113,24 +46,9 @@ void checkPositive(const PerJoint& values, const char* name, const RobotDescript
             "Give one number for all joints, or one each.");
     for (int i = 0; i < robot.size(); ++i)
         if (!(values[i] > 0.0))
-            throw badInput(place,
-                           formatNumber(values[i]) + " for " + quote(robot, i) + "; allowed is above 0, or infinity",
-                           "Without this check: infinity.");
-}
-
-/** At rest amid the position limits: a state that nobody can refuse, for checking all the rest. */
-MotionState makeRest(const JointLimits& limits) {
-    const int n = limits.size();
-    MotionState rest{JointVector::Zero(n), JointVector::Zero(n), JointVector::Zero(n)};
-    for (int i = 0; i < n; ++i) {
-        const double lower = limits.position.lower[i], upper = limits.position.upper[i];
-        const bool hasLower = std::isfinite(lower), hasUpper = std::isfinite(upper);
-        rest.q[i] = hasLower && hasUpper ? 0.5 * (lower + upper)
-                    : hasLower           ? std::max(0.0, lower + 1.0)
-                    : hasUpper           ? std::min(0.0, upper - 1.0)
-                                         : 0.0;
-    }
-    return rest;
+            throw badInput(
+                place, formatNumber(values[i]) + " for " + quoteJoint(robot, i) + "; allowed is above 0, or infinity",
+                "Without this check: infinity.");
 }
 
 /** Refuses gains of the robust loop with which the sampled velocity loop of the arm, v+ = v - M^-1 K_r dt v, becomes unstable. */
@@ -144,7 +62,7 @@ void checkRobustGains(const NricOptions& gains, const JointMatrix& M, double tic
     const int joint = static_cast<int>(worst);
     throw badInput("NricOptions::kr",
                    "in this pose kr * tick_s is " + formatNumber(fastest) + " times the inertia that " +
-                       quote(robot, joint) +
+                       quoteJoint(robot, joint) +
                        " moves; allowed is below 2, where the sampled loop starts to become unstable",
                    "Lower kr of that joint from " + formatNumber(gains.kr[joint]) + " to " +
                        formatNumber(gains.kr[joint] / fastest) +
@@ -170,20 +88,7 @@ public:
     }
 };
 
-/** For a loop that does not own its plugins. */
-template <class Interface>
-PluginPtr<Interface> lend(Interface& plugin) {
-    return PluginPtr<Interface>(&plugin, [](void*) {});
-}
-
 }  // namespace
-
-const char* getName(GuardStatus status) {
-    static const char* const names[] = {"not_started", "passed",   "limited", "recovering",
-                                        "waiting",     "stopping", "stopped", "failed"};
-    const auto i = static_cast<std::size_t>(status);
-    return i < std::size(names) ? names[i] : "unknown";
-}
 
 /** The user's law as a controller. */
 class TorqueGuard::LawController : public NominalController {
@@ -354,7 +259,9 @@ private:
 
 struct TorqueGuard::Inside {
     Inside(RobotDescription description, double tick_s, TorqueGuardOptions given)
-        : robot(std::move(description)), options(std::move(given)), setup(makeSetup(tick_s)) {
+        : robot(std::move(description)),
+          options(std::move(given)),
+          setup(detail::makeGuardSetup(kTorqueGuard, robot, tick_s, options.limits)) {
         options.limits.reset();  // setup has them
         checkPositive(options.largestDeviation, "largestDeviation", robot);
         if (options.largestSpeed) checkPositive(*options.largestSpeed, "largestSpeed", robot);
@@ -375,13 +282,6 @@ struct TorqueGuard::Inside {
         plugins.realPlant = lend<RealPlant>(arm);
         loop.emplace(setup, std::move(plugins), RealArmOptions{nullptr, true, false});
         output.torque.setZero(robot.size());
-    }
-
-    RunSetup makeSetup(double tick_s) const {
-        checkRobot(robot);
-        checkTick(tick_s);
-        const JointLimits& limits = takeLimits(robot, tick_s, options.limits);
-        return {robot, limits, tick_s, kInfinity, makeRest(limits), {}};
     }
 
     void start(const JointState& measured);
@@ -414,24 +314,9 @@ void TorqueGuard::Inside::start(const JointState& measured) {
     output = {};
     output.torque.setZero(robot.size());
     const int n = robot.size();
-    if (!isFinite(measured, n))
-        throw badInput("TorqueGuard::start",
-                       "the reading has " + std::to_string(measured.q.size()) + " positions and " +
-                           std::to_string(measured.qd.size()) + " velocities for " + std::to_string(n) +
-                           " joints, or a number that is not finite",
-                       "Start with a good reading of all joints.");
-    if (measured.qd.lpNorm<Eigen::Infinity>() > kLargestStartSpeed ||
-        measured.q.lpNorm<Eigen::Infinity>() > kLargestLimit)
-        throw badInput("TorqueGuard::start", "the reading is beyond 1e7 rad or rad/s", "Check its unit.");
-    setup.start = {measured.q, measured.qd, JointVector::Zero(n)};
+    const Dynamics dynamics =
+        detail::takeGuardStart(kTorqueGuard, {measured.q, measured.qd, JointVector::Zero(n)}, setup);
     filter.configure(setup, options.filter);  // refuses what cannot be kept
-    Dynamics dynamics;
-    RobotModel(robot).calcDynamics(measured.q, measured.qd, dynamics);
-    if (!isFinite(dynamics, n) || dynamics.M.llt().info() != Eigen::Success)
-        throw badInput("TorqueGuard::start", "the robot's inertia matrix is not positive definite",
-                       "Give every link that moves a mass and an inertia, in its URDF or in "
-                       "RobotDescription::joints.");
-    setup.startTool = dynamics.tool;
     if (options.robustGains) checkRobustGains(*options.robustGains, dynamics.M, setup.tick_s, robot);
     JointVector speed(n);
     for (int i = 0; i < n; ++i) {

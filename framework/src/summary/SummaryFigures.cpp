@@ -219,10 +219,13 @@ std::vector<SummaryFigure> makeFigures() {
     t.add("substituted_ticks", &Summary::substitutedTicks);
     t.add("external_torque_missing_ticks", &Summary::externalTorqueMissing);
     t.add("changed_share", &Summary::changedShare);
-    t.add("command_error_rms_rad", &Summary::commandErrorRms);
-    t.add("tool_error_rms_m", &Summary::toolErrorRms);
-    t.add("tool_error_max_m", &Summary::toolErrorMax);
-    t.add("jerk_rms_radps3", &Summary::jerkRms);
+    t.add("command_error_rms_rad", &Summary::commandErrorRms)
+        .column("command_error.rms_rad", "rad", "RMS distance of the nominal joints to those commanded");
+    t.add("tool_error_rms_m", &Summary::toolErrorRms)
+        .column("tool_error.rms_m", "m", "RMS distance of the nominal tool to the one commanded");
+    t.add("tool_error_max_m", &Summary::toolErrorMax)
+        .column("tool_error.max_m", "m", "Largest distance of the nominal tool to the one commanded");
+    t.add("jerk_rms_radps3", &Summary::jerkRms).column("jerk.rms_radps3", "rad/s^3", "RMS jerk of the nominal joints");
     t.add("chatter", &Summary::chatter);
     t.add("tripped", [](R r) { return hasTripped(r); });
     t.begin("trip.", hasTripped);

@@ -1,10 +1,5 @@
 #include "ToolServo.h"
 
-#include <algorithm>
-#include <cmath>
-
-#include "viable/braking/Braking.h"
-#include "viable/core/Numbers.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {
@@ -19,8 +14,7 @@ const ParameterSpec kParameters[] = {
         .upTo(1),
     parameter::number("velocity_filter_s", "s", "0",
                       "Time constant in which the reference's velocity is smoothed before it is followed; infinite: "
-                      "the reference counts as resting; 0: of each joint the time in which it stops from its velocity "
-                      "limit.")
+                      "the reference counts as resting; 0: from each joint's limits, as far as it could follow.")
         .atLeast(0)
         .orInfinite(),
     parameter::number("rotation_length_m", "m", "0",
@@ -35,25 +29,13 @@ const ParameterSpec kParameters[] = {
                     "Follow the command's motion from where the tool is at the start (a clutch), not its pose."),
 };
 
-/** From the velocity limit, in the longer of its two directions [s]. */
-double calcStopTime(const AxisLimits& l) {
-    const auto calc = [&](double v) {
-        if (!std::isfinite(v)) return kInfinity;
-        return calcStationaryStop(v, 0.0, l).duration();
-    };
-    return std::max(calc(l.velocityLower), calc(l.velocityUpper));
-}
-
 }  // namespace
 
 void ToolServo::configure(const RunSetup& setup, const Parameters& parameters) {
     n_ = setup.size();
     tick_s_ = setup.tick_s;
     requireJerkLimits(setup.limits, parameters.resolved().place(), "the controller tool_servo");
-    velocityShare_.resize(n_);
-    const double filter_s = parameters.number("velocity_filter_s");
-    for (int i = 0; i < n_; ++i)
-        velocityShare_[i] = tick_s_ / (tick_s_ + (filter_s > 0.0 ? filter_s : calcStopTime(setup.limits.axis(i))));
+    velocity_.configure(setup.limits, tick_s_, parameters.number("velocity_filter_s"));
     isRelative_ = parameters.flag("relative");
 
     JointVector rest = setup.start.q;
@@ -80,7 +62,7 @@ void ToolServo::reset(const MotionState& start) {
     reference_.reset(start.q);
     servo_.reset(start);
     target_ = {start.q, JointVector::Zero(n_), JointVector::Zero(n_)};
-    velocity_.setZero(n_);
+    velocity_.reset(start.q);
     hasOrigin_ = false;
 }
 
@@ -100,22 +82,16 @@ TickStatus ToolServo::compute(const ControllerInput& input, ControllerOutput& ou
         return TickStatus::InvalidInput;
     if (tick.missed > 0) {
         servo_.skipTicks(tick.missed);
-        velocity_.setZero(n_);
+        velocity_.forget();
     }
     if (!hasOrigin_) {
         origin_ = {command.tool.position, command.tool.orientation.normalized()};
         hasOrigin_ = true;
     }
     reference_.advance(place(command.tool));
-    const JointVector& q = reference_.q();
-    if (reference_.isAtSpeedLimit()) velocity_.setZero();  // it may stop at any moment: be able to stop with it
-    for (int i = 0; i < n_; ++i) {
-        const double velocity = (q[i] - target_.q[i]) / tick_s_;
-        velocity_[i] += velocityShare_[i] * (velocity - velocity_[i]);
-        // A reference that stands still has no velocity, whatever it had.
-        target_.qd[i] = velocity == 0.0 ? 0.0 : velocity_[i];
-    }
-    target_.q = q;
+    if (reference_.isAtSpeedLimit()) velocity_.forget();  // it may stop at any moment: be able to stop with it
+    target_.q = reference_.q();
+    target_.qd = velocity_.calc(target_.q);
     servo_.calc(nominal, target_, jerk_);
     askForJerk(input, jerk_, output);
     return TickStatus::Ok;

@@ -22,14 +22,14 @@ private:
 
     int n_ = 0;
     double tick_s_ = 0.0;
-    JointVector velocityShare_;  ///< of the change of the reference's velocity that is followed in a tick
     bool isRelative_ = false;
     bool hasOrigin_ = false;
     Pose startTool_, origin_;
     ToolReference reference_;
     Servo servo_;
+    TargetVelocity velocity_;  ///< of the reference
     MotionState target_;
-    JointVector velocity_, jerk_;  ///< velocity_: of the reference, smoothed
+    JointVector jerk_;
 };
 
 }  // namespace viable

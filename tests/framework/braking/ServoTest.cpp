@@ -10,6 +10,7 @@
 
 #include "Effort.h"
 #include "viable/braking/Braking.h"
+#include "viable/braking/GridStop.h"
 #include "viable/core/Numbers.h"
 #include "viable/core/TripleIntegrator.h"
 #include "viable/testing/AllocationCounter.h"
@@ -136,6 +137,14 @@ double calcLeastTime(const AxisState& s, const AxisLimits& l) {
     return toTime + left / V + from.duration();
 }
 
+/** Where the stop on the grid ends. */
+double calcGridEnd(AxisState s, const AxisLimits& l, double tick_s) {
+    GridStop stop;
+    stop.plan(s.v, s.a, l, tick_s);
+    while (!stop.atRest()) s = advance(s, stop.takeJerk(), tick_s);
+    return s.p;
+}
+
 // 1e5 states: VIABLE_EFFORT=50
 TEST(Servo, ATargetAtRestIsReachedInTheLeastTimeWithoutOvershootAndHeld) {
     const int count = test::countOf(2000);
@@ -153,6 +162,8 @@ TEST(Servo, ATargetAtRestIsReachedInTheLeastTimeWithoutOvershootAndHeld) {
         const double side = draw.start.p + stop.displacement <= target ? 1.0 : -1.0;
         const double least = calcLeastTime({draw.start.p - target, draw.start.v, draw.start.a}, l);
         const int allowed = static_cast<int>(std::ceil(1.1 * least / draw.tick_s)) + 3;
+        // Of 1e5 states one stops before its target in continuous time only, by 1e-6 of the range.
+        const bool canStopBefore = side * (calcGridEnd(draw.start, l, draw.tick_s) - target) <= 0.0;
         int arrived = -1;
         bool isOnItsWay = false;  // before that it may have to turn beyond the target
         for (int tick = 0; tick < allowed + 100; ++tick) {
@@ -160,7 +171,7 @@ TEST(Servo, ATargetAtRestIsReachedInTheLeastTimeWithoutOvershootAndHeld) {
             const AxisState& s = joint.state;
             const double e = side * (s.p - target);
             isOnItsWay |= e < 0.0 && side * calcVelocityPeak(s.v, s.a, l) > 0.0;
-            if (isOnItsWay) worstOvershoot = std::max(worstOvershoot, e / draw.size);
+            if (isOnItsWay && canStopBefore) worstOvershoot = std::max(worstOvershoot, e / draw.size);
             const bool isThere = std::abs(e) <= 1e-12 * draw.size && std::abs(s.v) <= 1e-9 * l.velocityUpper &&
                                  std::abs(s.a) <= 1e-6 * l.accelerationUpper;
             if (!isThere) arrived = -1;
@@ -246,6 +257,58 @@ TEST(Servo, TakesNoMemoryInItsTicks) {
     for (int tick = 0; tick < test::countOf(1000000); ++tick)
         joint.advance({tick % 3000 < 1500 ? 1.0 : -4.0, 0.0, 0.0});
     EXPECT_EQ(counter.count(), 0);
+}
+
+/** One joint, V = 2, whose stop from it lasts half a second. */
+class Believed {
+public:
+    Believed() {
+        const auto both = [](double x) {
+            return JointBounds{JointVector::Constant(1, -x), JointVector::Constant(1, x)};
+        };
+        velocity_.configure({both(kInfinity), both(2.0), both(12.0), both(40.0)}, 1e-3);
+    }
+    double calc(double q) { return velocity_.calc(JointVector::Constant(1, q))[0]; }
+
+private:
+    TargetVelocity velocity_;
+};
+
+TEST(TargetVelocity, AnEvenMotionIsBelievedSoonAndAStandstillAtOnce) {
+    for (const double speed : {0.3, -1.8}) {
+        Believed velocity;
+        double seen = 0.0;
+        for (int k = 0; k <= 3000; ++k) seen = velocity.calc(1e-3 * speed * k);
+        EXPECT_NEAR(seen, speed, 1e-3);
+        EXPECT_EQ(velocity.calc(3.0 * speed), 0.0);
+    }
+}
+
+TEST(TargetVelocity, GrowsNoFasterThanAShareOfTheStop) {
+    Believed velocity;
+    double last = 0.0, most = 0.0;
+    for (int k = 0; k < 500; ++k) {
+        const double now = velocity.calc(2e-3 * k);  // the limit, at once
+        most = std::max(most, now - last);
+        last = now;
+    }
+    const AxisLimits l{-kInfinity, kInfinity, -2.0, 2.0, -12.0, 12.0, -40.0, 40.0};
+    EXPECT_NEAR(most, 0.5 * 2.0 / calcStationaryStop(2.0, 0.0, l).duration() * 1e-3, 1e-9);
+}
+
+TEST(TargetVelocity, JumpsHardlyCountAndDoNotHideAnEvenMotion) {
+    Believed velocity;
+    EXPECT_EQ(velocity.calc(0.0), 0.0);
+    EXPECT_LT(std::abs(velocity.calc(5.0)), 0.02);
+    for (int k = 0; k < 2000; ++k) EXPECT_LT(std::abs(velocity.calc(k % 2)), 0.05);
+    // 0.9 V, and in every third of a tenth of a second 1.5 V: the catching up after late samples.
+    double q = 0.0, sum = 0.0;
+    for (int k = 0; k < 6000; ++k) {
+        q += 1e-3 * (k % 33 < 10 ? 3.0 : k % 33 < 23 ? 1.8 : 0.876);
+        const double now = velocity.calc(q);
+        if (k >= 3000) sum += now / 3000.0;
+    }
+    EXPECT_GT(sum, 0.7 * 1.8);  // slower at once, faster slowly: a little less
 }
 
 }  // namespace

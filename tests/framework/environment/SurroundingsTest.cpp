@@ -264,7 +264,7 @@ std::shared_ptr<const Surroundings> makeVersion(std::int64_t version) {
     environment.solids.resize(1);
     environment.solids[0].name = std::to_string(version);
     environment.solids[0].kind = Solid::Kind::Sphere;
-    environment.solids[0].radius = static_cast<double>(version);
+    environment.solids[0].radius = static_cast<double>(version) + 1.0;
     return std::make_shared<const Surroundings>(environment, -kCorner, kCorner, 0.5);
 }
 
@@ -331,7 +331,7 @@ TEST(SurroundingsFeed, Fault61_AMillionTakesSeeRisingVersionsAndWholeObjects) {
         wrong += view.version < last || view.version < least;
         wrong += view.stamp_s != static_cast<double>(view.version);
         wrong += view.surroundings->environment().safetyDistance_m != view.stamp_s;
-        wrong += view.surroundings->calcDistance({0, 0, 0}, 0.0) != -view.stamp_s;
+        wrong += view.surroundings->calcDistance({0, 0, 0}, 0.0) != -(view.stamp_s + 1.0);  // its radius
         changes += view.version != last;
         last = view.version;
     }

@@ -711,7 +711,7 @@ TEST(TorqueGuard, AMalformedStartIsRefused) {
     EXPECT_CONTAINS(catchError([&] {
                         guard.start({robot.home, JointVector::Zero(3)});
                     }),
-                    "TorqueGuard::start: the reading has 2 positions and 3 velocities");
+                    "TorqueGuard::start: the start has 2 positions and 3 velocities");
     EXPECT_CONTAINS(catchError([&] { guard.start({robot.home, pair(0.0, kNan)}); }), "not finite");
     EXPECT_CONTAINS(catchError([&] { guard.start({pair(1e8, 0.0), pair(0.0, 0.0)}); }), "beyond 1e7");
 }

@@ -2,8 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "CaseSupport.h"
+#include "Effort.h"
 #include "ExpectContains.h"
+#include "TestArm.h"
+#include "viable/core/TripleIntegrator.h"
+#include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {
@@ -80,6 +86,34 @@ TEST(JointServo, NeedsAJerkLimit) {
                        run({"limits.jerk_radps3=.inf", "filter.plugin=pass_through"});
                    }),
                    {"joint_servo", "jerk limit", "limits.jerk_radps3"});
+}
+
+// 1e6 ticks: VIABLE_EFFORT=50
+TEST(JointServo, TakesNoMemoryInItsTicks) {
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
+    TestArm arm("indy7");
+    const RunSetup setup = arm.setup();
+    JointServo servo;
+    servo.configure(setup, arm.read(PluginKind::NominalController, "joint_servo", ""));
+    MotionState state = arm.start;
+    Dynamics dynamics = arm.calcDynamics(state);
+    MotionCommand command;
+    command.q = arm.start.q;
+    command.qd.setZero(arm.size());
+    ControllerOutput output;
+    ASSERT_EQ(servo.compute({command, state, dynamics}, output), TickStatus::Ok);
+    const testing::AllocationCounter counter;
+    for (int tick = 0; tick < test::countOf(20000); ++tick) {
+        if (tick % 700 == 0) command.q[tick / 700 % 6] = 3.0 * std::sin(tick);
+        if (tick % 5000 == 4999) servo.reset(state);
+        ASSERT_EQ(servo.compute({command, state, dynamics, {1e-3 * tick, tick % 900 == 0 ? 3 : 0}}, output),
+                  TickStatus::Ok);
+        for (int i = 0; i < arm.size(); ++i) {
+            const AxisState s = advance({state.q[i], state.qd[i], state.qdd[i]}, output.accelerationRate[i], 1e-3);
+            state.q[i] = s.p, state.qd[i] = s.v, state.qdd[i] = s.a;
+        }
+    }
+    EXPECT_EQ(counter.count(), 0);
 }
 
 }  // namespace

@@ -71,11 +71,11 @@ export function ticks(min, max, count) {
   return { values, increment };
 }
 
-/** Round numbers between min and max of a logarithmic axis. */
-export function powers(min, max) {
+/** Round numbers between min and max of a logarithmic axis; of few decades 2 and 5, too, but with `onlyPowers`. */
+export function powers(min, max, onlyPowers = false) {
   const values = [];
   for (let power = Math.floor(Math.log10(min)); power <= Math.log10(max); ++power)
-    for (const factor of Math.log10(max / min) < 2.7 ? [1, 2, 5] : [1])
+    for (const factor of Math.log10(max / min) < 2.7 && !onlyPowers ? [1, 2, 5] : [1])
       if (factor * 10 ** power >= min && factor * 10 ** power <= max) values.push(factor * 10 ** power);
   return values;
 }

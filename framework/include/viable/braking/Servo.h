@@ -29,6 +29,8 @@ public:
                        rest is for the target's own motion. 1 for targets that jump and rest. */
     void configure(const JointLimits& limits, double tick_s, double share = 1.0);
     void reset(const MotionState& start);
+    /** From now on; as for configure(). */
+    void changeLimits(const JointLimits& limits);
     /** So many ticks passed without a call. */
     void skipTicks(std::int64_t ticks);
 
@@ -42,6 +44,33 @@ public:
 private:
     struct Impl;
     std::unique_ptr<Impl> impl_;
+};
+
+/** The velocity of a joint target, as far as the joint can follow its changes: a target that moves evenly is followed
+with its velocity, one that starts, stops or turns faster than the joint could is not believed at once. Smoothed over half
+the time in which the joint stops from its velocity limit, and growing no faster than with half the deceleration of that
+stop; slower at once. A target that stands still has none, whatever it had; one that jumps, faster than the velocity limit,
+counts as moving with the limit for that tick.
+Real time: no allocation, lock or throw after configure(). */
+class TargetVelocity {
+public:
+    /** @param filter_s  smoothed over so long instead, and growing as it likes; infinite: a target counts as resting; 0: as
+       above */
+    void configure(const JointLimits& limits, double tick_s, double filter_s = 0.0);
+    void changeLimits(const JointLimits& limits);
+    void reset(const JointVector& q);
+    /** The target may stop at any moment: it counts as resting, and gets its velocity anew. */
+    void forget() { smoothed_.setZero(); }
+
+    /** One tick. @param q  the target [rad]. @return its velocity [rad/s], valid until the next call */
+    const JointVector& calc(const JointVector& q);
+
+private:
+    double tick_s_ = 0.0, filter_s_ = 0.0;
+    JointBounds limits_;
+    JointBounds growth_;  ///< of the velocity's size in a tick
+    JointVector share_;   ///< of a change that is followed in a tick
+    JointVector last_, smoothed_, velocity_;
 };
 
 }  // namespace viable

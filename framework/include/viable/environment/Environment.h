@@ -18,9 +18,9 @@ struct Solid {
     /** Box, Sphere, Cylinder: frame at the centre (a cylinder lies along z). HalfSpace: the part below z = 0 of
     the frame is solid. */
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-    Eigen::Vector3d size = Eigen::Vector3d::Zero();  ///< Box: edges [m]
-    double radius = 0.0;                             ///< Sphere, Cylinder [m]
-    double length = 0.0;                             ///< Cylinder [m]
+    Eigen::Vector3d size = Eigen::Vector3d::Zero();  ///< Box: edges, > 0 [m]
+    double radius = 0.0;                             ///< Sphere, Cylinder: > 0 [m]
+    double length = 0.0;                             ///< Cylinder: > 0 [m]
 };
 
 /** A sphere on a known path: straight and at constant speed from one waypoint to the next. Before the time of
@@ -63,6 +63,11 @@ struct Environment {
     /** The names in the order of their indices elsewhere: solids, then spheres, then the map. */
     std::vector<std::string> obstacleNames() const;
 };
+
+/** Checks what was filled in code. Throws Error (BadInput) that names every obstacle with a size that is not above 0 or
+not finite, with a pose that is none, or with waypoints that are none or do not rise in time, and a safety distance or a
+cell that cannot be. */
+void checkEnvironment(const Environment& environment);
 
 /** Reads an `environment` block. Throws Error (BadInput) with the place: unknown shapes or keys, sizes that are not
 positive, waypoints out of order, names given twice. The map file must exist; it is not read. */

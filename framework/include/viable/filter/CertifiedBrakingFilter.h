@@ -2,6 +2,7 @@
 
 #include <limits>
 #include <memory>
+#include <string>
 
 #include "viable/plugin/SafetyFilter.h"
 
@@ -43,8 +44,10 @@ public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     /** The same without an experiment file. Throws Error (BadInput) for gains that the tick cannot carry or that are no
     numbers, for a jerk limit that is not finite and, without `recovery`, for a start that has no stop within the
-    limits. */
-    void configure(const RunSetup& setup, const CertifiedBrakingOptions& options);
+    limits.
+    @param owner  of the options, for messages */
+    void configure(const RunSetup& setup, const CertifiedBrakingOptions& options,
+                   const std::string& owner = "CertifiedBrakingOptions");
 
     void reset(const MotionState& start) override;
     bool guaranteesLimits() const override { return true; }

@@ -53,7 +53,8 @@ public:
     /** The same without an experiment file. Throws Error (BadInput) as CertifiedBrakingFilter does, and without
     `recovery`
     for a start too near to something or with a stop that needs more torque than there is. */
-    void configure(const RunSetup& setup, const WholeArmBrakingOptions& options);
+    void configure(const RunSetup& setup, const WholeArmBrakingOptions& options,
+                   const std::string& owner = "WholeArmBrakingOptions");
 
     void reset(const MotionState& start) override;
     bool guaranteesLimits() const override { return true; }

@@ -10,6 +10,7 @@
 #include "viable/core/PerJoint.h"
 #include "viable/filter/CertifiedBrakingFilter.h"
 #include "viable/log/TickRecord.h"
+#include "viable/loop/GuardStatus.h"
 #include "viable/robot/RobotDescription.h"
 #include "viable/tracking/Nric.h"
 
@@ -36,36 +37,6 @@ struct TorqueGuardOptions {
     [rad/s, prismatic: m/s]; > 0. None: twice the velocity limit, or twice the speed at the start where
     that is higher. */
     std::optional<PerJoint> largestSpeed;
-};
-
-/** What a tick came to. */
-enum class GuardStatus : unsigned char {
-    NotStarted,  ///< start() has not been called, or has thrown; the torque is zero
-    Passed,      ///< the motion that the law wants is admissible, and done
-    Limited,     ///< changed as little as needed to keep the limits
-    Recovering,  ///< still beyond a limit: approached as fast as jerk allows (`recovery`)
-    Waiting,     ///< an unusable reading: the nominal arm brakes, and goes on with the next good one
-    Stopping,    ///< the nominal arm is being braked for good; the law is not called any more
-    Stopped,     ///< the nominal arm is at rest: go on stepping until the brakes are engaged
-    Failed,      ///< numbers beyond all arithmetic; the torque is zero: engage the brakes
-};
-
-/** "not_started", "passed", ... */
-const char* getName(GuardStatus status);
-
-/** Why the arm was stopped for good. */
-enum class GuardStop : unsigned char {
-    None,
-    Requested,         ///< requestStop()
-    LawFailed,         ///< the torque law threw, or gave no usable torque for more than 10 ticks in a row
-    NoReadings,        ///< none of use for more than 10 ticks in a row, and none is used from there on: the
-                       ///< real arm is braked blindly and not held in place, so engage the brakes at once
-    TooFar,            ///< a joint was beyond `largestDeviation`
-    TicksMissed,       ///< more than 1000 in a row
-    FilterFailed,      ///< the limits could not be kept: absurd limits, or an error of this library
-    RobustLoopFailed,  ///< its torque would be beyond 1e9 Nm: absurd gains or readings
-    GuaranteeBroken,   ///< a decision had no stop within the limits, and was not applied: an error of this library
-    LibraryFailed,     ///< an error of this library: please report it
 };
 
 /** What was wrong with a tick's reading. */

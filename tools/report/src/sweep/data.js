@@ -85,6 +85,16 @@ export class Column {
     return /(^|\.)worst_use(\.|$)|(^|\.)share$/.test(this.name);
   }
 
+  /** Drawn evenly over the orders of magnitude, and shown so. */
+  get isLogarithmic() {
+    return this.distribution.startsWith('log_uniform');
+  }
+
+  /** Where a row is on an axis of this column. */
+  placeOf(row) {
+    return this.isLogarithmic ? Math.log10(this.numbers[row]) : this.numbers[row];
+  }
+
   get title() {
     const { unit } = this;
     return unit && !this.isShare ? `${this.label} [${unit}]` : this.label;

@@ -186,7 +186,7 @@ export class DrawHistogram extends Panel {
       return;
     }
     if (column.isWords) return drawWords(painter, column, rows, plot);
-    const numbers = rows.map((row) => column.numbers[row]).filter(Number.isFinite);
+    const numbers = rows.map((row) => column.placeOf(row)).filter(Number.isFinite);
     if (numbers.length === 0) return;
     const [min, max] = numbers.reduce(([a, b], x) => [Math.min(a, x), Math.max(b, x)], [Infinity, -Infinity]);
     const bins = binsOf(min, max, 30);

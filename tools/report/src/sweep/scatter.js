@@ -83,12 +83,12 @@ class Scatter extends Panel {
       let [min, max] = [Infinity, -Infinity];
       for (const row of draw.order)
         if (state.isShown(row)) {
-          min = Math.min(min, draw.numbers[row]);
-          max = Math.max(max, draw.numbers[row]);
+          min = Math.min(min, draw.placeOf(row));
+          max = Math.max(max, draw.placeOf(row));
         }
       if (!(min <= max)) [min, max] = [0, 1];
       const margin = (max - min) * 0.03 || Math.abs(max) * 0.05 || 1;
-      return { min: min - margin, max: max + margin, of: (row) => draw.numbers[row], words: null };
+      return { min: min - margin, max: max + margin, of: (row) => draw.placeOf(row), words: null };
     }
     const words = [...draw.words].sort((a, b) => a.localeCompare(b));
     const places = draw.words.map((word) => words.indexOf(word));

@@ -1,6 +1,6 @@
 // What the plots of a result have in common: its values case by case, and the part of its axis that is shown.
 import { binsOf, quantile } from './statistics.js';
-import { tick, ticks } from '../format.js';
+import { powers, tick, ticks } from '../format.js';
 
 const WIDE = 4; // times the distance from the 1st to the 99th percentile
 
@@ -33,8 +33,14 @@ export function viewOf(column, groups, count) {
   return { bins, isCut, min: bins.start, max: bins.start + bins.step * bins.count };
 }
 
-/** The ticks of an axis of a column, as text. */
+/** The ticks of an axis of a column, as text; `value` is a place (see Column.placeOf). */
 export function axisOf(column, min, max, count) {
+  if (column.isLogarithmic) {
+    const all = powers(10 ** min, 10 ** max);
+    const some = all.length > 2 * count ? powers(10 ** min, 10 ** max, true) : all;
+    const values = some.length > 1 ? some : ticks(10 ** min, 10 ** max, count).values;
+    return values.map((value) => ({ value: Math.log10(value), text: tick(value, value) }));
+  }
   const { values, increment } = ticks(min, max, count);
   const text = (value) => (column.isShare ? `${tick(100 * value, 100 * increment)} %` : tick(value, increment));
   return values.map((value) => ({ value, text: text(value) }));

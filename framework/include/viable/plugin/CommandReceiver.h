@@ -1,0 +1,72 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "viable/plugin/CommandSource.h"
+
+namespace viable {
+
+/** What a command is between two samples of it. */
+enum class BetweenSamples : unsigned char {
+    Hold,         ///< the newest one, at rest
+    Interpolate,  ///< straight to the newest one, there a period later: one sample behind
+    Extrapolate,  ///< on from the newest one as the last two went, until the next is overdue; then back to it
+};
+
+/** "hold", "interpolate", "extrapolate". */
+const char* getName(BetweenSamples between);
+
+/** Makes a command for every tick out of samples that come when they come: 10 to 200 times a second, late, or not at
+all.
+
+Time is that of receipt; stamps of the sender are not needed. Its period is learnt from the last 16 intervals, its phase
+from the earliest receipts: a sample that is late by less than three quarters of a period, or follows lost ones (up to a
+third of all), tells no other speed. Bursts of more than six samples count as a faster sender.
+What is extrapolated goes on as the last two differences changed, by a slope limiter: a joint, the tool's position or its
+orientation that stops, turns round or jumps is not overshot. Two periods after the last sample it goes back to that
+sample, slowly, within 15 more. Samples that come more seldom than four times a second are held. Turns must stay below
+half a turn from sample to sample.
+Nothing is differentiated twice; no velocity that a sample brings along is used.
+Real time: no allocation, lock or throw. */
+class CommandReceiver {
+public:
+    explicit CommandReceiver(BetweenSamples between = BetweenSamples::Hold) : between_(between) {}
+
+    /** @param first  stands until the first sample */
+    void reset(const MotionCommand& first);
+
+    /** A sample has come, of the same space and size as the first. @param t  the time, rising from call to call [s] */
+    void take(double t, const MotionCommand& received);
+
+    /** The command at time t, not before that of the last sample, with its velocity. */
+    void calc(double t, MotionCommand& command) const;
+
+private:
+    static constexpr int kIntervals = 16;
+
+    double followClock(double t);
+    bool isOtherSender(double interval_s);
+    void learnPeriod(double interval_s);
+    void findNextVelocity(const MotionCommand& before, double lasted_s);
+    void takeWay(const MotionCommand& now);
+
+    BetweenSamples between_;
+    MotionCommand newest_;     // sample, at rest
+    double received_s_ = 0.0;  // when
+    double sent_s_ = 0.0;      // when, as far as receipts tell
+    std::int64_t samples_ = 0;
+    std::array<double, kIntervals> intervals_{};  // the last ones, in any order
+    std::int64_t intervalCount_ = 0;              // since the sender is the same
+    int streak_ = 0;                              // intervals in a row that are longer (shorter: negative)
+    double streak_s_ = 0.0;                       // the last of them
+    double period_s_ = 0.0;                       // learnt
+    double lasted_s_ = 0.0;                       // the sample before the newest
+    MotionCommand base_;                          // at begin_s_, with the velocity that leads to ...
+    MotionCommand goal_;                          // ... at meets_s_, with its velocity until stands_s_
+    double begin_s_ = 0.0, meets_s_ = 0.0, stands_s_ = 0.0;
+    JointVector slope_;                // between the last two samples: joints
+    Vector6 twist_ = Vector6::Zero();  // the tool's
+};
+
+}  // namespace viable

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "viable/host/PluginLoader.h"
+#include "viable/plugin/Plugin.h"
+#include "viable/robot/RobotDescription.h"
+
+// What the guards of own loops have in common: checks of what they are given once.
+
+namespace viable::detail {
+
+/** "joint `name`" */
+std::string quoteJoint(const RobotDescription& robot, int joint);
+
+/** Checks robot, tick and limits. Throws Error (BadInput).
+@param guard   its name, for messages
+@param robot   must outlive the result
+@param limits  none: the robot's own
+@return with a start that nobody can refuse: at rest amid the position limits */
+RunSetup makeGuardSetup(const char* guard, const RobotDescription& robot, double tick_s,
+                        const std::optional<JointLimits>& limits);
+
+/** Checks a start and puts it into `setup`, with its tool pose. Throws Error (BadInput).
+@return the dynamics there */
+Dynamics takeGuardStart(const char* guard, const MotionState& start, RunSetup& setup);
+
+/** For a loop that does not own its plugins. */
+template <class Interface>
+PluginPtr<Interface> lend(Interface& plugin) {
+    return PluginPtr<Interface>(&plugin, [](void*) {});
+}
+
+}  // namespace viable::detail
