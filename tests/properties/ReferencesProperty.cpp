@@ -99,7 +99,7 @@ public:
 private:
     void followArm() {
         Random random(run_.seed(), run_.arm());
-        const Arm arm(random);
+        Arm arm(random);
         limits_ = arm.limits;
         tick_s_ = arm.tick_s;
         ReferenceGuardOptions options;
@@ -113,11 +113,6 @@ private:
 
         ReferenceGuard guard(makeChain(arm.n, limits_), tick_s_, options);
         state_ = arm.state;
-        for (int i = 0; i < arm.n; ++i) {  // on a limit exactly there may be no stop for rounding
-            const double lower = limits_.position.lower[i], upper = limits_.position.upper[i];
-            if (std::isfinite(lower)) state_.q[i] = std::max(state_.q[i], lower);
-            if (std::isfinite(upper)) state_.q[i] = std::min(state_.q[i], upper);
-        }
         guard.start(state_);
         sizes_.assign(static_cast<std::size_t>(arm.n), {0.0, 0.0, 0.0});
         for (int i = 0; i < arm.n; ++i) sizes_[i][0] = std::abs(state_.q[i]);
@@ -189,17 +184,10 @@ private:
         state_ = there;
     }
 
-    void changeLimits(ReferenceGuard& guard, Random& random, const Arm& arm) {
-        JointLimits changed = limits_;
-        for (int i = 0; i < arm.n; ++i) {
-            const AxisLimits l = drawChange(random, arm.drawn[static_cast<std::size_t>(i)], tick_s_).limits;
-            changed.position.lower[i] = l.positionLower, changed.position.upper[i] = l.positionUpper;
-            changed.velocity.lower[i] = l.velocityLower, changed.velocity.upper[i] = l.velocityUpper;
-            changed.acceleration.lower[i] = l.accelerationLower, changed.acceleration.upper[i] = l.accelerationUpper;
-            changed.jerk.lower[i] = l.jerkLower, changed.jerk.upper[i] = l.jerkUpper;
-        }
-        if (!guard.changeLimits(changed)) run_.fail("usable limits were refused", 0);
-        limits_ = changed;
+    void changeLimits(ReferenceGuard& guard, Random& random, Arm& arm) {
+        arm.changeLimits(random);
+        limits_ = arm.limits;
+        if (!guard.changeLimits(limits_)) run_.fail("usable limits were refused", 0);
         isLoose_ = true;
         ++changes_;
     }

@@ -167,7 +167,6 @@ void ControlLoop::reset() {
     command_.qd.setZero(n_);
     command_.tool = setup_.startTool;
     command_.space = plugins_.command->space();
-    received_ = command_;
     if (plugins_.stream) plugins_.stream->reset(command_);
     const auto resetOne = [&](auto& plugin, PluginKind kind) {
         if (plugin) resetPlugin(*plugin, kind, findWatch(kind), nominal_);
@@ -349,16 +348,14 @@ void ControlLoop::takeCommand(double t) {
     } else if (++missingCommands_ > kMaxSubstitutedTicks) {
         beginStop(StopReason::CommandFailed, "it gave no usable command (wrong size, not finite or not Ok)", kOnValues);
     }
-    if (plugins_.stream)
-        plugins_.stream->pass(t, command_, received_);
-    else
-        received_ = command_;
+    if (plugins_.stream) plugins_.stream->pass(t, command_, received_);
 }
 
 void ControlLoop::takeTorque(std::int64_t missed) {
     output_.hasAccelerationRate = false;
+    const MotionCommand& command = plugins_.stream ? received_ : command_;
     const TickStatus status = contain(PluginKind::NominalController, TickStatus::Faulted, [&] {
-        return plugins_.controller->compute({received_, nominal_, dynamics_, {time(), missed}}, output_);
+        return plugins_.controller->compute({command, nominal_, dynamics_, {time(), missed}}, output_);
     });
     if (status == TickStatus::Ok && isFinite(output_.torque, n_) &&
         (!output_.hasAccelerationRate || isFinite(output_.accelerationRate, n_))) {

@@ -165,7 +165,7 @@ private:
     JointState real_, actual_;
     Dynamics dynamics_;
     MotionCommand command_, newCommand_;
-    MotionCommand received_;  // by the controller: command_, or what has come of it over the stream
+    MotionCommand received_;  // what has come of command_ over the stream
     ControllerOutput output_;
     JointVector desiredTorque_, wantedTorque_, robustTorque_, motorTorque_, appliedTorque_;
     JointVector externalTorque_;  // that acts on the nominal arm; empty: none is fed to it

@@ -8,7 +8,6 @@
 #include "core/Text.h"
 #include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
-#include "viable/loop/GuardStatus.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {
@@ -134,6 +133,40 @@ Dynamics takeGuardStart(const char* guard, const MotionState& start, RunSetup& s
     setup.start = start;
     setup.startTool = dynamics.tool;
     return dynamics;
+}
+
+GuardStatus findStatus(const ControlLoop& loop, const TickRecord& record) {
+    return loop.hasStopped()                           ? GuardStatus::Stopped
+           : record.braking                            ? GuardStatus::Stopping
+           : record.status == FilterStatus::Passed     ? GuardStatus::Passed
+           : record.status == FilterStatus::Recovering ? GuardStatus::Recovering
+                                                       : GuardStatus::Limited;
+}
+
+GuardStop toGuardStop(StopReason reason) {
+    switch (reason) {
+        case StopReason::None:
+            return GuardStop::None;
+        case StopReason::Requested:
+            return GuardStop::Requested;
+        case StopReason::ControllerFailed:
+            return GuardStop::LawFailed;
+        case StopReason::FilterFailed:
+        case StopReason::FilterEnded:
+            return GuardStop::FilterFailed;
+        case StopReason::RobustLoopFailed:
+            return GuardStop::RobustLoopFailed;
+        case StopReason::GuaranteeBroken:
+            return GuardStop::GuaranteeBroken;
+        case StopReason::TicksMissed:
+            return GuardStop::TicksMissed;
+        case StopReason::CommandFailed:  // commands of guards do not fail
+        case StopReason::PlantFailed:
+        case StopReason::TrackingLost:  // there is no bound
+        case StopReason::SensorFailed:  // guards judge readings themselves
+            break;
+    }
+    return GuardStop::LibraryFailed;
 }
 
 }  // namespace detail

@@ -3,11 +3,13 @@
 #include <optional>
 #include <string>
 
+#include "loop/ControlLoop.h"
 #include "viable/host/PluginLoader.h"
+#include "viable/loop/GuardStatus.h"
 #include "viable/plugin/Plugin.h"
 #include "viable/robot/RobotDescription.h"
 
-// What the guards of own loops have in common: checks of what they are given once.
+// What the guards of own loops have in common: checks of what they are given once, and words for what comes out.
 
 namespace viable::detail {
 
@@ -25,6 +27,12 @@ RunSetup makeGuardSetup(const char* guard, const RobotDescription& robot, double
 /** Checks a start and puts it into `setup`, with its tool pose. Throws Error (BadInput).
 @return the dynamics there */
 Dynamics takeGuardStart(const char* guard, const MotionState& start, RunSetup& setup);
+
+/** What the last tick of a guard's loop came to. */
+GuardStatus findStatus(const ControlLoop& loop, const TickRecord& record);
+
+/** Why a guard's loop was stopped; LibraryFailed for what no plugin of a guard does. */
+GuardStop toGuardStop(StopReason reason);
 
 /** For a loop that does not own its plugins. */
 template <class Interface>

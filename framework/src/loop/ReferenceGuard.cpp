@@ -141,7 +141,6 @@ struct ReferenceGuard::Inside {
                                detail::formatNumber(options.maxAge_s) + "; allowed is above 0, or infinity",
                                "Infinity: surroundings do not grow old.");
             setup.geometry = &*geometry;
-            setup.surroundings = feed.get();
         }
         if (!(options.velocityFilter_s >= 0.0))
             throw badInput("ReferenceGuardOptions::velocityFilter_s",
@@ -232,12 +231,7 @@ const GuardedReference& ReferenceGuard::Inside::step() noexcept {
         output.jerk = record.nominal.jerk;
     }
     output.acting = record.joints;
-    output.status = loop->hasFailed()                           ? GuardStatus::Failed
-                    : loop->hasStopped()                        ? GuardStatus::Stopped
-                    : record.braking                            ? GuardStatus::Stopping
-                    : record.status == FilterStatus::Passed     ? GuardStatus::Passed
-                    : record.status == FilterStatus::Recovering ? GuardStatus::Recovering
-                                                                : GuardStatus::Limited;
+    output.status = loop->hasFailed() ? GuardStatus::Failed : detail::findStatus(*loop, record);
     return output;
 }
 
@@ -297,27 +291,8 @@ void ReferenceGuard::requestStop() noexcept {
 
 GuardStop ReferenceGuard::stopReason() const {
     if (!inside_->loop) return GuardStop::None;
-    switch (inside_->loop->stopReason()) {
-        case StopReason::None:
-            return GuardStop::None;
-        case StopReason::Requested:
-            return GuardStop::Requested;
-        case StopReason::FilterFailed:
-        case StopReason::FilterEnded:
-            return GuardStop::FilterFailed;
-        case StopReason::GuaranteeBroken:
-            return GuardStop::GuaranteeBroken;
-        case StopReason::TicksMissed:
-            return GuardStop::TicksMissed;
-        case StopReason::CommandFailed:  // Source and Follower do not fail
-        case StopReason::ControllerFailed:
-        case StopReason::RobustLoopFailed:  // there is no real arm
-        case StopReason::PlantFailed:
-        case StopReason::TrackingLost:
-        case StopReason::SensorFailed:
-            break;
-    }
-    return GuardStop::LibraryFailed;
+    const GuardStop reason = detail::toGuardStop(inside_->loop->stopReason());
+    return reason == GuardStop::LawFailed ? GuardStop::LibraryFailed : reason;  // Follower is the library's
 }
 
 const char* ReferenceGuard::stopMessage() const {

@@ -381,12 +381,9 @@ void TorqueGuard::Inside::answer() noexcept {
     }
     output.torque = arm.motors();
     output.motorsSaturated = arm.isSaturated();
-    output.status = loop->hasStopped()                          ? GuardStatus::Stopped
-                    : record.braking                            ? GuardStatus::Stopping
-                    : waits                                     ? GuardStatus::Waiting
-                    : record.status == FilterStatus::Passed     ? GuardStatus::Passed
-                    : record.status == FilterStatus::Recovering ? GuardStatus::Recovering
-                                                                : GuardStatus::Limited;
+    output.status = detail::findStatus(*loop, record);
+    if (waits && output.status != GuardStatus::Stopped && output.status != GuardStatus::Stopping)
+        output.status = GuardStatus::Waiting;
 }
 
 TorqueGuard::TorqueGuard(RobotDescription robot, double tick_s, TorqueGuardOptions options)
@@ -432,30 +429,9 @@ void TorqueGuard::requestStop() noexcept {
 }
 
 GuardStop TorqueGuard::stopReason() const {
-    switch (inside_->loop->stopReason()) {
-        case StopReason::None:
-            return GuardStop::None;
-        case StopReason::Requested:
-            return GuardStop::Requested;
-        case StopReason::ControllerFailed:
-            return GuardStop::LawFailed;
-        case StopReason::FilterFailed:
-        case StopReason::FilterEnded:
-            return GuardStop::FilterFailed;
-        case StopReason::RobustLoopFailed:
-            return GuardStop::RobustLoopFailed;
-        case StopReason::GuaranteeBroken:
-            return GuardStop::GuaranteeBroken;
-        case StopReason::TicksMissed:
-            return GuardStop::TicksMissed;
-        case StopReason::PlantFailed:
-            return inside_->ownReason == GuardStop::None ? GuardStop::LibraryFailed : inside_->ownReason;
-        case StopReason::CommandFailed:  // Silence does not fail
-        case StopReason::TrackingLost:   // there is no bound
-        case StopReason::SensorFailed:   // Arm has judged the readings
-            break;
-    }
-    return GuardStop::LibraryFailed;
+    const StopReason reason = inside_->loop->stopReason();
+    const bool isOwn = reason == StopReason::PlantFailed && inside_->ownReason != GuardStop::None;
+    return isOwn ? inside_->ownReason : detail::toGuardStop(reason);
 }
 
 const char* TorqueGuard::stopMessage() const {
