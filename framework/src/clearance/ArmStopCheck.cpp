@@ -17,7 +17,7 @@ constexpr int kMostClearanceRows = 12;
 ArmStopCheck::ArmStopCheck(const RobotDescription& robot, const ArmGeometry* geometry, const TorqueScan::Limits& limits,
                            double tick_s)
     : capsules_(geometry ? geometry->capsules : std::vector<LinkCapsule>{}),
-      elements_(makeElements(geometry)),
+      elements_(geometry ? makeElements(*geometry) : std::vector<ArmElement>{}),
       distance_(capsules_),
       motion_(robot, capsules_, distance_.getRadii(), elements_),
       torque_(robot, limits, tick_s),
@@ -26,15 +26,6 @@ ArmStopCheck::ArmStopCheck(const RobotDescription& robot, const ArmGeometry* geo
       found_(elements_.size()),
       order_(elements_.size()) {
     beginTick();
-}
-
-std::vector<ArmElement> ArmStopCheck::makeElements(const ArmGeometry* geometry) {
-    std::vector<ArmElement> elements;
-    if (!geometry) return elements;
-    for (std::size_t i = 0; i < geometry->capsules.size(); ++i)
-        if (geometry->capsules[i].carrier >= 0) elements.push_back({static_cast<int>(i), -1});
-    for (const auto& [first, second] : geometry->pairs) elements.push_back({first, second});
-    return elements;
 }
 
 ArmStopCheck::Result ArmStopCheck::makeResult() const {

@@ -86,7 +86,6 @@ public:
 private:
     class Subject;  ///< an element, as bisection::prove asks about it
 
-    static std::vector<ArmElement> makeElements(const ArmGeometry* geometry);
     void findNearest(Result& result);
 
     std::vector<LinkCapsule> capsules_;

@@ -117,4 +117,23 @@ double ElementDistance::calcBetween(const ArmElement& element, const CapsuleMoti
     return clearance;
 }
 
+void calcDistanceGradient(const ElementDistance::Place& place, const ArmElement& element,
+                          const std::vector<LinkCapsule>& capsules, const ArmRecursion& arm,
+                          const ArmRecursion::Frames& frames, JointVector& row) {
+    const auto getCarrier = [&](int capsule) {
+        return capsule < 0 ? -1 : capsules[static_cast<std::size_t>(capsule)].carrier;
+    };
+    const int first = getCarrier(element.first), second = getCarrier(element.second);
+    row.resize(arm.size());
+    for (int i = 0; i < arm.size(); ++i) {
+        const auto at = static_cast<std::size_t>(i);
+        const auto calcMotion = [&](int carrier, const Eigen::Vector3d& p) -> double {
+            if (carrier < 0 || !arm.moves(i, carrier)) return 0.0;
+            const Eigen::Vector3d& axis = frames.axis[at];
+            return place.gradient.dot(arm.isPrismatic(i) ? axis : axis.cross(p - frames.origin[at]));
+        };
+        row[i] = calcMotion(first, place.onFirst) - calcMotion(second, place.onSecond);
+    }
+}
+
 }  // namespace viable::detail

@@ -64,4 +64,11 @@ private:
     double time_s_ = 0.0;
 };
 
+/** How the distance at a place changes with each joint [m/rad].
+@param frames  of the arm there
+@param row     of the arm's size */
+void calcDistanceGradient(const ElementDistance::Place& place, const ArmElement& element,
+                          const std::vector<LinkCapsule>& capsules, const ArmRecursion& arm,
+                          const ArmRecursion::Frames& frames, JointVector& row);
+
 }  // namespace viable::detail

@@ -32,21 +32,11 @@ void SteeringRows::addClearance(const ElementDistance::Place& place, const ArmEl
     JointVector here, there;
     stops.path.calcPositions(t_s, here);
     stops.other.calcPositions(std::min(t_s, stops.other.duration()), there);
-    const auto getCarrier = [&](int capsule) {
-        return capsule < 0 ? -1 : capsules_[static_cast<std::size_t>(capsule)].carrier;
-    };
-    const int first = getCarrier(element.first), second = getCarrier(element.second);
-    JointVector row = JointVector::Zero(n_);
+    JointVector row;
+    calcDistanceGradient(place, element, capsules_, arm_, frames, row);
     for (int i = 0; i < n_; ++i) {
-        const auto at = static_cast<std::size_t>(i);
-        const auto calcMotion = [&](int carrier, const Eigen::Vector3d& p) -> double {
-            if (carrier < 0 || !arm_.moves(i, carrier)) return 0.0;
-            const Eigen::Vector3d& axis = frames.axis[at];
-            return place.gradient.dot(arm_.isPrismatic(i) ? axis : axis.cross(p - frames.origin[at]));
-        };
-        const double motion = calcMotion(first, place.onFirst) - calcMotion(second, place.onSecond);
         const double slope = (here[i] - there[i]) / (stops.jerk[i] - stops.otherJerk[i]);
-        row[i] = motion * (std::isfinite(slope) && slope > 0.0 ? slope : kLeastSlope * tick_s_ * tick_s_ * tick_s_);
+        row[i] *= std::isfinite(slope) && slope > 0.0 ? slope : kLeastSlope * tick_s_ * tick_s_ * tick_s_;
     }
     add(row, bound - place.distance + row.dot(stops.jerk), rows);
 }

@@ -18,6 +18,10 @@ void SurroundingsFeed::put(std::shared_ptr<const Surroundings> next, double stam
 SurroundingsFeed::View SurroundingsFeed::take() {
     if (ready_.load(std::memory_order_relaxed) & kNew)
         used_ = ready_.exchange(used_, std::memory_order_acq_rel) & ~kNew;
+    return view();
+}
+
+SurroundingsFeed::View SurroundingsFeed::view() const {
     const Slot& slot = slots_[used_];
     return {slot.surroundings.get(), slot.stamp_s, slot.version};
 }

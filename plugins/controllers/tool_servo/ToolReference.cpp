@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 
+#include "viable/braking/Braking.h"
 #include "viable/core/RotationVector.h"
 
 namespace viable {
@@ -13,17 +14,34 @@ namespace {
 constexpr double kLeastDamping = 1e-6;
 /** Pull of spare joints to their rest posture, relative to the size of J'J: too weak to move the tool. */
 constexpr double kRestWeight = 1e-5;
+/** Weight of a step away from what is near, against the tool's: before the rest posture, and too weak to move the tool. */
+constexpr double kApartWeight = 1e-3;
+
+/** One over the longest time in which a joint stops from its velocity limit [1/s]. */
+double calcStopRate(const JointLimits& limits) {
+    double longest_s = 0.0;
+    for (int i = 0; i < limits.size(); ++i) {
+        const AxisLimits axis = limits.axis(i);
+        for (const double v : {axis.velocityLower, axis.velocityUpper})
+            if (std::isfinite(v)) longest_s = std::max(longest_s, calcStationaryStop(v, 0.0, axis).duration());
+    }
+    return longest_s > 0.0 ? 1.0 / longest_s : 1.0;
+}
 
 }  // namespace
 
 void ToolReference::configure(const RobotDescription& robot, const JointLimits& limits, double tick_s,
-                              const JointVector& rest, const ToolReferenceOptions& options) {
+                              const JointVector& rest, const ToolReferenceOptions& options,
+                              const ArmGeometry* geometry) {
     n_ = robot.size();
     tick_s_ = tick_s;
     limits_ = limits;
     options_ = options;
     rest_ = rest;
     model_ = std::make_unique<RobotModel>(robot);
+    clearances_.reset();
+    if (geometry && options.apart_m > 0.0) clearances_.emplace(robot, *geometry);
+    apartRate_ = calcStopRate(limits);
     still_.setZero(n_);
     for (JointVector* v : {&target_, &lower_, &upper_, &step_, &gradient_}) v->setZero(n_);
     normal_.setZero(n_, n_);
@@ -37,7 +55,19 @@ void ToolReference::reset(const JointVector& q) {
     qp_.reset();
 }
 
-void ToolReference::advance(const Pose& command) {
+/** Adds |gradient dq - step|^2 for everything that is near, from no weight at apart_m on. */
+void ToolReference::leadApart(const Surroundings* surroundings, double time_s) {
+    const double apart = options_.apart_m;
+    for (const ArmClearances::Item& item : clearances_->find(q_, surroundings, time_s, apart)) {
+        const JointVector& row = item.gradient;
+        const double nearness = std::min(1.0, 1.0 - item.distance / apart);
+        const double weight = kApartWeight * nearness;
+        normal_.noalias() += weight * row.lazyProduct(row.transpose());
+        gradient_ += (weight * nearness * apart * apartRate_ * tick_s_) * row;
+    }
+}
+
+void ToolReference::advance(const Pose& command, const Surroundings* surroundings, double time_s) {
     model_->calcDynamics(q_, still_, dynamics_);
     const ToolJacobian& J = dynamics_.J;
     const double turn = options_.rotationLength_m;
@@ -55,6 +85,7 @@ void ToolReference::advance(const Pose& command) {
     gradient_.noalias() = weighted.transpose().lazyProduct(error);
     gradient_ += (pull * options_.restRate * tick_s_) * (rest_ - q_);
     normal_.diagonal().array() += damping + pull;
+    if (clearances_) leadApart(surroundings, time_s);
 
     // |L'(dq - target)|^2 with normal = L L' is the cost.
     const Eigen::LLT<JointMatrix> factors(normal_);

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "viable/core/JointLimits.h"
+#include "viable/environment/ArmClearances.h"
 #include "viable/qp/BoxQp.h"
 #include "viable/robot/RobotModel.h"
 
@@ -12,6 +14,7 @@ namespace viable {
 struct ToolReferenceOptions {
     double rotationLength_m = 0.2;  ///< so far counts a rotation of 1 rad as an error
     double restRate = 0.0;          ///< how fast spare joints go to their rest posture [1/s]
+    double apart_m = 0.0;           ///< nearer than this to obstacles or itself, spare joints lead the arm away
 };
 
 /** The joint positions whose tool is nearest to a commanded pose, within the joint position limits: integrated from
@@ -20,21 +23,26 @@ tick to tick, not solved anew, so that the arm stays in its branch and turns of 
 Method, per tick: minimise |W (J dq - error)|^2 + damping |dq|^2 + (spare joints) subject to the position limits and to
 what the velocity limits allow in a tick, a box QP; the damping grows with the error that is left (Levenberg-Marquardt
 with the residual as damping: Sugihara, IEEE Trans. Robotics 27, 2011), so that unreachable and singular poses are
-approached without wild joint motion.
+approached without wild joint motion. Where the arm is nearer than apart_m to something, spare joints go away from it, in
+the time in which they could stop if it is a whole apart_m too near.
 Real time: no allocation, lock or throw after configure(). */
 class ToolReference {
 public:
     void configure(const RobotDescription& robot, const JointLimits& limits, double tick_s, const JointVector& rest,
-                   const ToolReferenceOptions& options);
+                   const ToolReferenceOptions& options, const ArmGeometry* geometry = nullptr);
     void reset(const JointVector& q);
 
-    /** One tick towards `command`; its orientation is of unit length. */
-    void advance(const Pose& command);
+    /** One tick towards `command`; its orientation is of unit length.
+        @param surroundings  null: none are known
+        @param time_s        of the run */
+    void advance(const Pose& command, const Surroundings* surroundings = nullptr, double time_s = 0.0);
     const JointVector& q() const { return q_; }  ///< [rad]
     /** A joint went as fast as it may in the last tick: the command jumped, or is too fast. */
     bool isAtSpeedLimit() const { return isAtSpeedLimit_; }
 
 private:
+    void leadApart(const Surroundings* surroundings, double time_s);
+
     int n_ = 0;
     bool isAtSpeedLimit_ = false;
     double tick_s_ = 0.0;
@@ -42,6 +50,8 @@ private:
     ToolReferenceOptions options_;
     std::unique_ptr<RobotModel> model_;
     Dynamics dynamics_;
+    std::optional<ArmClearances> clearances_;
+    double apartRate_ = 0.0;  ///< [1/s]
     BoxQp qp_;
     JointVector q_, rest_, still_, target_, lower_, upper_, step_, gradient_;
     JointMatrix normal_, factor_;

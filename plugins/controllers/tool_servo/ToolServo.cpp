@@ -25,6 +25,10 @@ const ParameterSpec kParameters[] = {
                       "How fast joints that the tool leaves free go to the middle of their limits, or, without limits, "
                       "to where they started.")
         .atLeast(0),
+    parameter::number("apart_m", "m", "0.1",
+                      "Joints that the tool leaves free lead the arm away from obstacles and from itself where it is "
+                      "nearer than this; 0: they do not.")
+        .atLeast(0),
     parameter::flag("relative", "false",
                     "Follow the command's motion from where the tool is at the start (a clutch), not its pose."),
 };
@@ -52,8 +56,10 @@ void ToolServo::configure(const RunSetup& setup, const Parameters& parameters) {
         options.rotationLength_m = calcLeverArm(dynamics.J);
     }
     options.restRate = parameters.number("rest_rate");
+    options.apart_m = parameters.number("apart_m");
+    surroundings_ = setup.surroundings;
     startTool_ = setup.startTool;
-    reference_.configure(setup.robot, setup.limits, tick_s_, rest, options);
+    reference_.configure(setup.robot, setup.limits, tick_s_, rest, options, setup.geometry);
     servo_.configure(setup.limits, tick_s_, parameters.number("share"));
     reset(setup.start);
 }
@@ -88,7 +94,7 @@ TickStatus ToolServo::compute(const ControllerInput& input, ControllerOutput& ou
         origin_ = {command.tool.position, command.tool.orientation.normalized()};
         hasOrigin_ = true;
     }
-    reference_.advance(place(command.tool));
+    reference_.advance(place(command.tool), surroundings_ ? surroundings_->view().surroundings : nullptr, tick.time_s);
     if (reference_.isAtSpeedLimit()) velocity_.forget();  // it may stop at any moment: be able to stop with it
     target_.q = reference_.q();
     target_.qd = velocity_.calc(target_.q);

@@ -21,6 +21,7 @@ private:
     Pose place(const Pose& command) const;
 
     int n_ = 0;
+    const SurroundingsFeed* surroundings_ = nullptr;
     double tick_s_ = 0.0;
     bool isRelative_ = false;
     bool hasOrigin_ = false;

@@ -273,9 +273,11 @@ TEST(SurroundingsFeed, TheNewestIsTakenAndStays) {
     EXPECT_EQ(feed.take().version, 0);
     EXPECT_EQ(feed.take().stamp_s, 0.25);
     for (std::int64_t k = 1; k <= 5; ++k) feed.put(makeVersion(k), 0.1 * static_cast<double>(k));
+    EXPECT_EQ(feed.view().version, 0);  // not taken yet
     const SurroundingsFeed::View view = feed.take();
     EXPECT_EQ(view.version, 5);
     EXPECT_EQ(view.stamp_s, 0.5);
+    EXPECT_EQ(feed.view().surroundings, view.surroundings);
     EXPECT_EQ(view.surroundings->name(0), "5");
     EXPECT_EQ(feed.take().version, 5);
     EXPECT_EQ(feed.take().surroundings, view.surroundings);

@@ -9,6 +9,7 @@
 #include "Effort.h"
 #include "ExpectContains.h"
 #include "TestArm.h"
+#include "environment/ArmSurroundings.h"
 #include "viable/core/RotationVector.h"
 #include "viable/testing/AllocationCounter.h"
 
@@ -83,7 +84,7 @@ protected:
         return arm_.calcDynamics(reference.q(), JointVector::Zero(arm_.size())).tool;
     }
     void configure(ToolReference& reference, double restRate = 0.0) {
-        reference.configure(arm_.robot, arm_.limits, arm_.tick_s, arm_.robot.home, {0.2, restRate});
+        reference.configure(arm_.robot, arm_.limits, arm_.tick_s, arm_.robot.home, {0.2, restRate, 0.0});
     }
     Pose homeTool() { return arm_.calcDynamics(arm_.robot.home, JointVector::Zero(arm_.size())).tool; }
 
@@ -126,6 +127,74 @@ TEST_F(ToolServoTest, SpareJointsGoToTheirRestAndLeaveTheToolAlone) {
     const Pose end = follow(reference, command, 10.0);
     EXPECT_LT((reference.q() - arm_.robot.home).norm(), 0.95 * far);
     EXPECT_LE((end.position - command.position).norm(), 1e-4);
+}
+
+/** A ball beside the elbow of the arm at home. */
+Environment makeBall() {
+    Environment environment;
+    Solid ball;
+    ball.name = "ball";
+    ball.kind = Solid::Kind::Sphere;
+    ball.radius = 0.05;
+    ball.pose.translation() << 0.08, 0.2, 0.68;
+    environment.solids.push_back(ball);
+    return environment;
+}
+
+TEST_F(ToolServoTest, SpareJointsLeadTheArmAwayFromWhatIsNear) {
+    const ArmGeometry geometry = loadArmGeometry(arm_.robot);
+    const auto surroundings = makeSurroundings(makeBall(), arm_.robot, geometry, arm_.limits);
+    ArmClearances clearances(arm_.robot, geometry);
+    const auto calcNearest = [&](const JointVector& q) {
+        double least = 1.0;
+        for (const auto& item : clearances.find(q, surroundings.get(), 0.0, 1.0))
+            if (item.otherCapsule < 0) least = std::min(least, item.distance);
+        return least;
+    };
+    const Pose command = homeTool();
+    double nearest[2];
+    for (const bool leads : {false, true}) {
+        ToolReference reference;
+        ToolReferenceOptions options{0.2, 0.5, leads ? 0.1 : 0.0};
+        reference.configure(arm_.robot, arm_.limits, arm_.tick_s, arm_.robot.home, options, &geometry);
+        double worst = 0.0;
+        for (int tick = 0; tick < 5000; ++tick) {
+            reference.advance(command, surroundings.get(), 0.0);
+            const Pose tool = arm_.calcDynamics(reference.q(), JointVector::Zero(arm_.size())).tool;
+            worst = std::max(worst, (tool.position - command.position).norm());
+        }
+        nearest[leads] = calcNearest(reference.q());
+        EXPECT_LE(worst, 1e-4) << "the tool was moved";
+    }
+    std::printf("elbow to ball: %.4f m, led apart %.4f m\n", nearest[0], nearest[1]);
+    EXPECT_LT(nearest[0], 0.06);
+    EXPECT_GT(nearest[1], nearest[0] + 0.025);
+}
+
+// The same hand past the same post, over three seeds: it is reached more often, and the check of the whole arm stops it less.
+TEST(ToolServo, SpareJointsSpareAWholeArmStops) {
+    std::int64_t stops[2] = {0, 0};
+    double squares[2] = {0.0, 0.0};
+    for (const bool leads : {false, true})
+        for (const int seed : {1, 2, 4}) {
+            const Summary s =
+                run({"robot=panda", "limits={velocity_radps: 1.5, acceleration_radps2: 8, jerk_radps3: 200}",
+                     "duration_s=30", "filter={plugin: whole_arm_braking}",
+                     std::string("controller={plugin: tool_servo, apart_m: ") + (leads ? "0.1}" : "0}"),
+                     "command={plugin: generated_hand_motion, reach_m: [0.15, 0.3, 0.2], rotation_rad: 0.4, "
+                     "fastest_s: 0.8, slowest_s: 2, seed: " +
+                         std::to_string(seed) + "}",
+                     "environment={safety_distance_m: 0.02, obstacles: {post: {cylinder: {radius: 0.05, length: 1.6}, "
+                     "at: {xyz: [0.2, 0.35, 0.7]}}}}"});
+            EXPECT_FALSE(s.anyLimitBroken());
+            stops[leads] += s.ticks() - s.ticksWith(FilterStatus::Passed);
+            squares[leads] += s.toolErrorRms() * s.toolErrorRms();
+        }
+    std::printf("ticks held back %lld, led apart %lld; tool error %.1f and %.1f mm RMS\n",
+                static_cast<long long>(stops[0]), static_cast<long long>(stops[1]), 1e3 * std::sqrt(squares[0] / 3.0),
+                1e3 * std::sqrt(squares[1] / 3.0));
+    EXPECT_LT(stops[1], 0.6 * static_cast<double>(stops[0]));
+    EXPECT_LT(squares[1], 0.6 * squares[0]);
 }
 
 TEST_F(ToolServoTest, ReferenceTurnsOnWithACommandThatTurnsRoundTwice) {

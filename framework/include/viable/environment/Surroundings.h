@@ -101,6 +101,9 @@ public:
     };
     /** The user's thread; real time. */
     View take();
+    /** What the last take() returned, or before it the first surroundings: for others in the user's thread, who follow
+    the one that takes. Real time. */
+    View view() const;
 
 private:
     struct Slot {

@@ -29,7 +29,8 @@ struct RunSetup {
     Pose startTool;     ///< tool pose there
     /** What of the arm can hit something; null: not known, or not asked for. */
     const ArmGeometry* geometry = nullptr;
-    /** What stands around it; null: nothing. One plugin of a run may take from it: the safety filter. */
+    /** What stands around it; null: nothing. One plugin of a run may take from it: the safety filter; the
+    controller, which is asked in the same thread, may view what it took. */
     SurroundingsFeed* surroundings = nullptr;
 
     int size() const { return robot.size(); }
