@@ -122,6 +122,23 @@ TEST_F(LogCommands, NothingIsOverwritten) {
             expectRefused(2, path(target).string() + text, {"export", path("A.mcap"), "--to", format, path(target)});
 }
 
+TEST_F(LogCommands, WhatIsForcedReplacesAWholeFileAndNeverTheLog) {
+    ASSERT_EQ(test::run({"export", path("A.mcap"), "--to", "csv", path("fresh.csv")}).code, 0);
+    for (const char* format : {"csv", "hdf5"}) {
+        folder_.write("mine", "mine");
+        const Outcome o = test::run({"export", path("A.mcap"), "--to", format, path("mine"), "--force"});
+        EXPECT_EQ(o.code, 0) << o.err;
+        if (std::string(format) == "csv") {
+            EXPECT_TRUE(readFile(path("mine")) == readFile(path("fresh.csv")));
+        }
+        EXPECT_GT(readFile(path("mine")).size(), 1000u);
+        const Outcome itself = test::run({"export", path("A.mcap"), "--to", format, path("A.mcap"), "--force"});
+        EXPECT_EQ(itself.code, 2);
+        EXPECT_NE(itself.err.find("is the log itself"), std::string::npos) << itself.err;
+        EXPECT_TRUE(readFile(path("A.mcap")) == whole_);
+    }
+}
+
 TEST_F(LogCommands, WhatIsNoLogIsRefused) {
     folder_.write("empty", "");
     folder_.write("text", "time_s\n0\n");

@@ -164,6 +164,13 @@ TEST(Program, PluginsAndRobotsAreListedAndDescribed) {
     EXPECT_EQ(robots.code, 0);
     expectContains(robots.out, {"indy7", "single_joint"});
     expectContains(test::run({"robots", "--describe", "indy7"}).out, {"joint5", "79.79"});
+    const Outcome gains = test::run({"gains", "panda", "--tick", "0.002", "--delay", "1"});
+    EXPECT_EQ(gains.code, 0) << gains.err;
+    expectContains(gains.out, {"panda at a tick of 0.002 s and a delay of 1 ticks", "joint7",
+                               "Margins: ", "No rotor inertias are given"});
+    const Outcome wrong = test::run({"gains", "panda", "--tick", "1"});
+    EXPECT_EQ(wrong.code, 2);
+    expectContains(wrong.err, {"--tick: 1 s is outside [1e-05, 0.1]"});
 }
 
 TEST(Program, ExportWritesCsvAndRefusesToOverwrite) {

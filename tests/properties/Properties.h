@@ -30,4 +30,8 @@ bool checkObstacles(const Options& options);
 targets are reached. */
 bool checkReferences(const Options& options);
 
+/** Plausible random arms with default plugins and a real arm that has friction and a payload: every run follows, or is
+refused or stopped with its cause; none fails silently. */
+bool checkAnyArm(const Options& options);
+
 }  // namespace viable

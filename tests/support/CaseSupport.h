@@ -45,9 +45,12 @@ limits:
   acceleration_radps2: 4*pi
   jerk_radps3: 12*pi
 command: {plugin: generated_hand_motion, seed: 1}
-controller: {plugin: task_space_pd}
+controller:
+  plugin: task_space_pd
+  stiffness: [600, 600, 600, 160, 160, 160]
+  damping: [60, 60, 60, 16, 16, 16]
 filter: {plugin: tosbp}
-robust_loop: {plugin: nric}
+robust_loop: {plugin: nric, k_r: 600, k_p: 20, k_i: 8}
 real_plant: {plugin: simbody, payload_kg: 1.0}
 cases: {A: {}}
 )";

@@ -23,13 +23,13 @@ struct BoundArguments {
     bool json = false;
 };
 
-constexpr int kNameWidth = 40, kNumberWidth = 11;
+constexpr int kNameWidth = 40, kLeastNumberWidth = 11;
 
-void printRow(const std::string& name, const JointVector& values, double factor = 1.0) {
+void printRow(const std::string& name, const JointVector& values, int width, double factor = 1.0) {
     std::printf("  %-*s", kNameWidth, name.c_str());
     for (double value : values) {
         const std::string text = std::isfinite(value) ? detail::format("%.3g", factor * value) : "-";
-        std::printf("%*s", kNumberWidth, text.c_str());
+        std::printf("%*s", width, text.c_str());
     }
     std::printf("\n");
 }
@@ -38,12 +38,14 @@ void print(const CasePlan& plan, const TrackingBound& bound) {
     const int n = plan.robot.size();
     std::printf("%s: how far the real arm can be from the nominal one, within the disturbance_set\n",
                 plan.name.c_str());
-    std::printf("  %-*s", kNameWidth, "");
+    int width = kLeastNumberWidth;  // of a column
     for (const JointDescription& joint : plan.robot.joints)
-        std::printf("%*.*s", kNumberWidth, kNumberWidth - 1, joint.name.c_str());
+        width = std::max(width, static_cast<int>(joint.name.size()) + 1);
+    std::printf("  %-*s", kNameWidth, "");
+    for (const JointDescription& joint : plan.robot.joints) std::printf("%*s", width, joint.name.c_str());
     std::printf("\n");
-    printRow("position [mrad]", bound.position, 1e3);
-    printRow("velocity [rad/s]", bound.velocity);
+    printRow("position [mrad]", bound.position, width, 1e3);
+    printRow("velocity [rad/s]", bound.velocity, width);
     JointVector ofPosition(n), ofVelocity(n);
     for (int i = 0; i < n; ++i) {
         const auto share = [&](const JointBounds& limits, double size) {
@@ -52,26 +54,26 @@ void print(const CasePlan& plan, const TrackingBound& bound) {
         ofPosition[i] = share(plan.limits.position, bound.position[i]);
         ofVelocity[i] = share(plan.limits.velocity, bound.velocity[i]);
     }
-    printRow("share of the position range [%]", ofPosition, 1e2);
-    printRow("share of the velocity range [%]", ofVelocity, 1e2);
+    printRow("share of the position range [%]", ofPosition, width, 1e2);
+    printRow("share of the velocity range [%]", ofVelocity, width, 1e2);
     std::printf("where the position bound comes from, largest first [mrad]\n");
     std::vector<TrackingBound::Part> parts = bound.parts;
     std::stable_sort(parts.begin(), parts.end(),
                      [](const auto& a, const auto& b) { return a.position.sum() > b.position.sum(); });
     for (const TrackingBound::Part& part : parts)
-        if (part.position.maxCoeff() > 0.0) printRow(part.source, part.position, 1e3);
+        if (part.position.maxCoeff() > 0.0) printRow(part.source, part.position, width, 1e3);
     std::printf("the same for the velocity [rad/s]\n");
     for (const TrackingBound::Part& part : parts)
-        if (part.velocity.maxCoeff() > 0.0) printRow(part.source, part.velocity);
+        if (part.velocity.maxCoeff() > 0.0) printRow(part.source, part.velocity, width);
     std::printf("and how much torque that is [Nm]\n");
     for (const TrackingBound::Part& part : parts)
-        if (part.torque.maxCoeff() > 0.0) printRow(part.source, part.torque);
+        if (part.torque.maxCoeff() > 0.0) printRow(part.source, part.torque, width);
     std::printf("torque that it takes [Nm]\n");
-    printRow("lasting", bound.lastingTorque);
-    printRow("for moments, at most", bound.torque);
-    printRow("the motors give", bound.motorTorque);
-    printRow("robust torque, change per tick", bound.torqueStep);
-    printRow("of its integral", bound.integralTorque);
+    printRow("lasting", bound.lastingTorque, width);
+    printRow("for moments, at most", bound.torque, width);
+    printRow("the motors give", bound.motorTorque, width);
+    printRow("robust torque, change per tick", bound.torqueStep, width);
+    printRow("of its integral", bound.integralTorque, width);
     std::string tight;
     for (int i = 0; i < n; ++i)
         if (bound.torque[i] > bound.motorTorque[i])

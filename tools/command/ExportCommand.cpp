@@ -1,6 +1,7 @@
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 
 #include "Commands.h"
@@ -15,6 +16,7 @@ namespace {
 struct ExportArguments {
     std::string log;
     std::vector<std::string> target;  // format, file
+    bool isReplacing = false;
 };
 
 }  // namespace
@@ -24,11 +26,15 @@ void addExportCommand(CLI::App& app, int& exitCode) {
     CLI::App* command = app.add_subcommand("export", "Write a log in another format");
     command->add_option("LOG", arguments->log, "Log of a case (.mcap)")->required();
     command->add_option("--to", arguments->target, "Format and file: csv FILE, or hdf5 FILE")->required()->expected(2);
+    command->add_flag("--force", arguments->isReplacing, "Replace a file that is there already");
     command->callback([arguments, &exitCode] {
         const std::string& format = arguments->target[0];
         if (format != "csv" && format != "hdf5")
             throw badInput("--to", "'" + format + "' is not a format that viable writes",
                            "Use `--to csv FILE` or `--to hdf5 FILE`.");
+        std::error_code failed;
+        if (std::filesystem::equivalent(arguments->log, arguments->target[1], failed) && arguments->isReplacing)
+            throw badInput("--to", "'" + arguments->target[1] + "' is the log itself", "Choose another name.");
         std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is a write error, not a death
         if (!LogReader(arguments->log).isComplete())
             std::fprintf(stderr,
@@ -36,9 +42,9 @@ void addExportCommand(CLI::App& app, int& exitCode) {
                          "every complete block of it is exported\n",
                          arguments->log.c_str());
         if (format == "csv")
-            exportCsv(arguments->log, arguments->target[1]);
+            exportCsv(arguments->log, arguments->target[1], arguments->isReplacing);
         else
-            exportHdf5(arguments->log, arguments->target[1]);
+            exportHdf5(arguments->log, arguments->target[1], arguments->isReplacing);
         std::printf("wrote %s\n", arguments->target[1].c_str());
         exitCode = 0;
     });

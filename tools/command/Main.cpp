@@ -47,6 +47,7 @@ int main(int argc, char** argv) {
     viable::addPluginsCommand(app, exitCode);
     viable::addSchemaCommand(app, exitCode);
     viable::addRobotsCommand(app, exitCode);
+    viable::addGainsCommand(app, exitCode);
     viable::addExportCommand(app, exitCode);
     viable::addRecoverCommand(app, exitCode);
     viable::addReportCommand(app, exitCode);

@@ -1,4 +1,5 @@
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 
@@ -14,16 +15,23 @@ namespace {
 void describe(const RobotDescription& robot) {
     std::printf("%s: %d joints, tool frame %s, folder %s\n", robot.name.c_str(), robot.size(), robot.toolLink.c_str(),
                 robot.folder.c_str());
-    std::printf("%-16s %-22s %-20s %-20s %-20s %-9s %-10s\n", "joint", "position [rad]", "velocity [rad/s]",
+    int width = 15;
+    for (const JointDescription& joint : robot.joints) width = std::max(width, static_cast<int>(joint.name.size()));
+    std::printf("%-*s %-22s %-20s %-20s %-20s %-9s %-10s\n", width, "joint", "position [rad]", "velocity [rad/s]",
                 "accel. [rad/s^2]", "jerk [rad/s^3]", "home", "motor [Nm]");
+    bool slides = false;
     for (int i = 0; i < robot.size(); ++i) {
+        const JointDescription& joint = robot.joints[static_cast<std::size_t>(i)];
+        slides |= joint.type == JointType::Prismatic;
         const AxisLimits l = robot.limits.axis(i);
         const auto range = [](double lower, double upper) { return detail::format("%.4g .. %.4g", lower, upper); };
-        std::printf("%-16s %-22s %-20s %-20s %-20s %-9.4g %-10.4g\n", robot.joints[i].name.c_str(),
+        std::printf("%-*s %-22s %-20s %-20s %-20s %-9.4g %.4g%s\n", width, joint.name.c_str(),
                     range(l.positionLower, l.positionUpper).c_str(), range(l.velocityLower, l.velocityUpper).c_str(),
                     range(l.accelerationLower, l.accelerationUpper).c_str(), range(l.jerkLower, l.jerkUpper).c_str(),
-                    robot.home[i], robot.actuation.torqueLimit[i]);
+                    robot.home[i], robot.actuation.torqueLimit[i],
+                    joint.type == JointType::Prismatic ? "  (slides)" : "");
     }
+    if (slides) std::printf("Joints that slide: m in place of rad, N in place of Nm.\n");
 }
 
 }  // namespace

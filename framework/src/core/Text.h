@@ -24,6 +24,14 @@ std::string format(const char* pattern, Arguments... arguments) {
 /** The shortest text that reads back to the same double, whatever the locale: "0.001", "1e-06", "inf". */
 std::string formatNumber(double value);
 
+/** "[12.2, 282, 7.03]": a list for people, to three digits, that a file takes as well. */
+template <class Values>
+std::string formatList(const Values& values) {
+    std::string text = "[";
+    for (const double value : values) text += (text.size() > 1 ? ", " : "") + format("%.3g", value);
+    return text + "]";
+}
+
 /** Percent, with enough digits that a limit passed by a hair does not read as 100.00. */
 std::string formatPercent(double share);
 

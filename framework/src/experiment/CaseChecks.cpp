@@ -12,9 +12,10 @@ void checkRealArmIsWhole(const ConfigNode* robustLoop, const ConfigNode* realPla
         throw badInput(robustLoop->place(), "there is a robust_loop but no real_plant for it to act on",
                        "Add `real_plant: {plugin: simbody}` or remove robust_loop.");
     if (realPlant && !robustLoop)
-        throw badInput(realPlant->place(), "there is a real_plant but no robust_loop",
-                       "Add `robust_loop: {plugin: nric}`, or `robust_loop: {plugin: none}` to run the "
-                       "real arm on the filter's torque alone.");
+        throw badInput(
+            realPlant->place(), "there is a real_plant but no robust_loop",
+            "Add `robust_loop: {plugin: nric}`, or `robust_loop: {plugin: none, accept_unstable: true}` to run the "
+            "real arm on the filter's torque alone.");
 }
 
 void checkExternalTorqueHasPlant(const CasePlan& plan) {

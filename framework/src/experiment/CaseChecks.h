@@ -5,6 +5,7 @@
 #include "viable/plugin/NominalController.h"
 #include "viable/plugin/RealPlant.h"
 #include "viable/plugin/RobustLoop.h"
+#include "viable/tracking/LoopStability.h"
 #include "viable/tracking/TrackingBound.h"
 
 // What the blocks of a case make of each other. Each throws Error (BadInput) at the place to be changed.
@@ -22,6 +23,9 @@ void checkHoldsOnBound(const CasePlan& plan, bool mayHave);
 
 // --- once the plugins are configured
 
+/** The sampled loop is stable on this arm, or its block accepts that it is not. Its margins are remembered.
+@param loop  finite, gains at least 0 */
+LoopMargins checkStability(const CasePlan& plan, const LinearErrorLoop& loop, int delayTicks);
 /** The tracking bound is for arms that start at rest. */
 void checkStartsAtRest(const CasePlan& plan);
 /** What the bound assumes of robust loop, plant and pushes. @param loop  that the bound is of */

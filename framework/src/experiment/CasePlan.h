@@ -18,6 +18,7 @@ namespace viable {
 struct PluginChoice {
     PluginInfo plugin;
     Parameters parameters;
+    bool acceptsUnstable = false;  ///< accept_unstable of a robust loop
 };
 
 /** Ticks in a row that are missed on purpose: command, controller and filter do not run. */

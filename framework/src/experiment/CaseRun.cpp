@@ -11,7 +11,9 @@
 #include "filter/FilterChain.h"
 #include "log/LogMetadata.h"
 #include "log/Recorder.h"
+#include "robot/ArmRecursion.h"
 #include "summary/CollisionCounter.h"
+#include "viable/braking/Braking.h"
 
 namespace viable {
 
@@ -40,6 +42,7 @@ const PluginChoice* findCulprit(const CasePlan& plan, const FilterChain* chain, 
         case StopReason::Requested:
         case StopReason::TicksMissed:
         case StopReason::TrackingLost:
+        case StopReason::NotFollowing:
             return nullptr;
     }
     return nullptr;
@@ -84,6 +87,41 @@ LogOpening makeOpening(const ConfiguredCase& configured) {
     return opening;
 }
 
+/** The poses of the tool, which the records of a run do not have of the real arm. */
+std::function<Pose(const JointVector&)> makeToolCalculator(const RobotDescription& robot) {
+    struct Arm {
+        ArmRecursion recursion;
+        ArmRecursion::Frames frames;
+        int parent;
+        Eigen::Isometry3d placement;
+    };
+    auto arm = std::make_shared<Arm>(Arm{ArmRecursion(robot), {}, robot.toolParent, robot.toolPlacement});
+    return [arm](const JointVector& q) {
+        arm->recursion.calcFrames(q, arm->frames);
+        Eigen::Isometry3d pose = arm->placement;
+        if (arm->parent >= 0) {
+            const auto at = static_cast<std::size_t>(arm->parent);
+            pose.linear() = arm->frames.rotation[at] * arm->placement.linear();
+            pose.translation() = arm->frames.origin[at] + arm->frames.rotation[at] * arm->placement.translation();
+        }
+        return Pose{pose.translation(), Eigen::Quaterniond(pose.linear())};
+    };
+}
+
+/** Joints that are faster have diverged [rad/s, m/s]. */
+constexpr double kFastest = 20.0;
+
+/** Ticks that a stop may take: twice that of an arm at its velocity limits, or at `qd`, and 10 s at least. */
+std::int64_t calcMostBraking(const JointLimits& limits, const JointVector& qd, double tick_s) {
+    double longest_s = 5.0;
+    for (int i = 0; i < limits.size(); ++i) {
+        const AxisLimits axis = limits.axis(i);
+        for (const double v : {axis.velocityLower, axis.velocityUpper, std::clamp(qd[i], -kFastest, kFastest)})
+            if (std::isfinite(v)) longest_s = std::max(longest_s, calcStationaryStop(v, 0.0, axis).duration());
+    }
+    return std::llround(std::min(2.0 * longest_s / tick_s, 1e12));
+}
+
 bool isMissed(const std::vector<TickGap>& gaps, std::int64_t tick) {
     return std::any_of(gaps.begin(), gaps.end(),
                        [&](const TickGap& gap) { return tick >= gap.begin && tick - gap.begin < gap.count; });
@@ -95,13 +133,17 @@ CaseResult makeResult(const ConfiguredCase& configured) {
     const CasePlan& plan = configured.plan;
     CaseResult result(Summary(plan.robot.jointNames(), configured.setup.limits, plan.realPlant.has_value(),
                               {plan.holdsOnReal ? std::optional(plan.limits) : std::nullopt, configured.bound,
-                               plan.robot.actuation.torqueLimit}));
+                               plan.robot.actuation.torqueLimit, makeToolCalculator(plan.robot)}));
     result.name = plan.name;
+    result.controller = plan.controller.plugin.name;
     result.filter = plan.filterName();
     if (plan.realPlant) {
         result.robustLoop = plan.robustLoop->plugin.name;
         result.realPlant = plan.realPlant->plugin.name;
     }
+    const ConfigNode* relative = plan.controller.parameters.resolved().find("relative");
+    result.isRelative = relative && relative->text == "true";
+    result.margins = configured.margins;
     result.guarantees = configured.plugins.filter->guaranteesLimits();
     result.guaranteesClearance = configured.plugins.filter->guaranteesClearance();
     result.holdsOnReal = plan.holdsOnReal;
@@ -118,9 +160,10 @@ CaseResult runCase(std::unique_ptr<ConfiguredCase> configured, const RunOptions&
     result.log = options.log;
     LogOpening opening;
     if (!options.log.empty()) opening = makeOpening(*configured);
-    auto ownLoop = std::make_unique<ControlLoop>(configured->setup, std::move(configured->plugins),
-                                                 RealArmOptions{configured->bound ? &*configured->bound : nullptr,
-                                                                plan.feedsExternalTorque, true, plan.holdsOnReal});
+    auto ownLoop = std::make_unique<ControlLoop>(
+        configured->setup, std::move(configured->plugins),
+        RealArmOptions{configured->bound ? &*configured->bound : nullptr, plan.feedsExternalTorque, true,
+                       plan.holdsOnReal, plan.robustLoop && !plan.robustLoop->acceptsUnstable});
     ControlLoop& loop = *ownLoop;
     std::optional<detail::CollisionCounter> collisions;
     if (plan.environment) collisions.emplace(plan.robot, *plan.geometry, *plan.environment, plan.realPlant.has_value());
@@ -136,10 +179,15 @@ CaseResult runCase(std::unique_ptr<ConfiguredCase> configured, const RunOptions&
     std::int64_t settling = std::llround(kSettling_s / plan.tick_s);
     const auto hasEnded = [&] {
         if (!loop.hasStopped()) return false;
-        return loop.hasFailed() || !result.summary.trip() || settling-- <= 0;
+        const bool isLost = result.summary.trip() || loop.stopReason() == StopReason::NotFollowing;
+        return loop.hasFailed() || !isLost || settling-- <= 0;
     };
-    // A stop that has begun is led to its end, even beyond the duration.
-    for (std::int64_t k = 0; (k < ticks || loop.isStopping()) && !hasEnded(); ++k) {
+    // A stop that has begun is led to its end, even beyond the duration; but an arm that has diverged may never come to it.
+    std::int64_t brakingTicks = 0;
+    std::int64_t mostBraking = std::numeric_limits<std::int64_t>::max();
+    for (std::int64_t k = 0; (k < ticks || loop.isStopping()) && !hasEnded() && brakingTicks < mostBraking; ++k) {
+        if (loop.isStopping() && !loop.hasStopped() && brakingTicks++ == 0)
+            mostBraking = calcMostBraking(record.limits, record.nominal.qd, plan.tick_s);
         if (options.stopRequest && options.stopRequest->load(std::memory_order_relaxed) != 0)
             loop.requestStop(StopReason::Requested, "the user asked for it");
         if (isMissed(plan.missedTicks, k))
@@ -182,7 +230,7 @@ CaseResult runCase(std::unique_ptr<ConfiguredCase> configured, const RunOptions&
     const std::string when = "stopped at " + formatTime(result.stopTime_s) + " (tick " +
                              std::to_string(std::llround(result.stopTime_s / plan.tick_s)) + ")";
     if (result.stopReason == StopReason::Requested || result.stopReason == StopReason::TicksMissed ||
-        result.stopReason == StopReason::TrackingLost) {
+        result.stopReason == StopReason::TrackingLost || result.stopReason == StopReason::NotFollowing) {
         result.stopMessage = when + " because " + loop.stopMessage();
         result.stopRemedy = loop.stopRemedy();
         if (result.stopReason == StopReason::TicksMissed)
@@ -199,6 +247,10 @@ CaseResult runCase(std::unique_ptr<ConfiguredCase> configured, const RunOptions&
         result.stopMessage = when + ": " + PluginWatch(culprit->plugin).title +
                              (result.stopReason == StopReason::FilterEnded ? " ended the case: " : " failed: ") + what;
     }
+    if (brakingTicks >= mostBraking && !loop.hasStopped())
+        result.stopMessage += "; it was still braking after " +
+                              formatTime(static_cast<double>(brakingTicks) * plan.tick_s) +
+                              ", which is no stop any more, and the run ended";
     ownLoop.reset();  // some plugins have a last word
     for (const auto& watch : configured->watches) {
         if (!watch->lastWords.empty())

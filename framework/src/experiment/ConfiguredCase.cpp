@@ -7,6 +7,7 @@
 #include "experiment/StartCheck.h"
 #include "filter/FilterChain.h"
 #include "viable/core/Error.h"
+#include "viable/simulation/ArmHardware.h"
 
 namespace viable {
 
@@ -35,6 +36,7 @@ void askOnce(const RobustLoop& plugin) {
 void askOnce(const RealPlant& plugin) {
     plugin.externalTorque();
     plugin.encoder();
+    plugin.delayTicks();
     plugin.hasClock();
 }
 
@@ -116,10 +118,18 @@ void checkErrorLoop(const LinearErrorLoop& loop, int n, const std::string& title
         isSound &= isFinite(*gains, n) && (gains->array() >= 0.0).all();
     for (const JointVector* limits : {&loop.integralLimit, &loop.torqueRate})
         isSound &= limits->size() == n && (limits->array() > 0.0).all();
+    isSound &= loop.inertiaRate > 0.0;
     if (!isSound)
         throw Error(ErrorKind::PluginFailed, title,
                     "gave an error loop of the wrong size or with numbers that it cannot have",
-                    "errorLoop() gives one number per joint: gains finite and at least 0, limits above 0 or infinite.");
+                    "errorLoop() gives one number per joint: gains finite and at least 0, limits and inertiaRate above "
+                    "0 or infinite.");
+}
+
+void checkDelay(int ticks, const std::string& title) {
+    if (ticks >= 0 && ticks <= ArmHardware::kMaxDelay) return;
+    throw Error(ErrorKind::PluginFailed, title, "gave a delay of " + std::to_string(ticks) + " ticks",
+                "delayTicks() is from 0 to " + std::to_string(ArmHardware::kMaxDelay) + ".");
 }
 
 void addSurroundings(ConfiguredCase& configured) {
@@ -154,11 +164,16 @@ std::unique_ptr<ConfiguredCase> configureTracking(const CasePlan& plan, const Is
     if (plan.realPlant) {
         PluginMaker maker(*configured, isolation);
         LoopPlugins& plugins = configured->plugins;
-        plugins.robustLoop = maker.makeWatched<RobustLoop>(*plan.robustLoop);
         plugins.realPlant = maker.makeWatched<RealPlant>(*plan.realPlant);
-        const LinearErrorLoop* loop = plan.disturbances ? plugins.robustLoop->errorLoop() : nullptr;
+        checkDelay(plugins.realPlant->delayTicks(), configured->watches.back()->title);
+        configured->realSetup.delayTicks = configured->setup.delayTicks = plugins.realPlant->delayTicks();
+        plugins.robustLoop = maker.makeWatched<RobustLoop>(*plan.robustLoop);
+        const LinearErrorLoop* loop = plugins.robustLoop->errorLoop();
         if (loop) {
-            checkErrorLoop(*loop, plan.robot.size(), configured->watches.front()->title);
+            checkErrorLoop(*loop, plan.robot.size(), configured->watches.back()->title);
+            configured->margins = detail::checkStability(plan, *loop, configured->realSetup.delayTicks);
+        }
+        if (loop && plan.disturbances) {
             detail::checkStartsAtRest(plan);
             configured->bound = detail::findBound(plan, *loop);
             detail::checkBoundAssumptions(plan, *configured->bound, *loop, plugins.realPlant->encoder());

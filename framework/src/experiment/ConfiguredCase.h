@@ -7,6 +7,7 @@
 #include "experiment/CasePlan.h"
 #include "loop/ControlLoop.h"
 #include "viable/environment/Surroundings.h"
+#include "viable/tracking/LoopStability.h"
 #include "viable/tracking/TrackingBound.h"
 
 namespace viable {
@@ -24,7 +25,8 @@ struct ConfiguredCase {
     ~ConfiguredCase();
 
     const CasePlan& plan;                ///< must outlive this object
-    const RunSetup realSetup;            ///< of robust loop and plant: with the file's limits
+    std::optional<LoopMargins> margins;  ///< of a robust loop that tells its law
+    RunSetup realSetup;                  ///< of robust loop and plant: with the file's limits
     RunSetup setup;                      ///< of the others: with the nominal arm's limits
     std::optional<TrackingBound> bound;  ///< with a disturbance_set and a robust loop that one follows from
     std::shared_ptr<const Surroundings> surroundings;  ///< at the start; null without an environment

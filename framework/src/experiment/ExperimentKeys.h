@@ -11,6 +11,14 @@ namespace viable::detail {
 /** More filters in a row than anyone needs. */
 inline constexpr std::size_t kMaxFilters = 16;
 
+/** In a block of a robust loop, whatever its plugin. */
+constexpr ParameterSpec makeAcceptUnstable() {
+    return parameter::flag(
+        "accept_unstable", "false",
+        "A loop that is unstable on this arm is run all the same, and an arm that does not follow is "
+        "not stopped: to show what happens.");
+}
+
 /** What stands at a key of an experiment file. */
 enum class KeyForm {
     Value,      ///< as `spec` says

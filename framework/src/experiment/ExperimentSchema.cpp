@@ -50,6 +50,8 @@ Json makeBounds(const ExperimentKey& key) {
 /** A plugin's parameters, and `plugin` itself, which the block has judged. */
 Json makeParameters(const PluginInfo& plugin) {
     Json properties = {{"plugin", Json::object()}};
+    if (plugin.kind == PluginKind::RobustLoop)
+        properties[detail::makeAcceptUnstable().name] = detail::makeSchema(detail::makeAcceptUnstable());
     for (std::uint64_t i = 0; i < plugin.entry->parameterCount; ++i) {
         const ParameterSpec& spec = plugin.entry->parameters[i];
         if (spec.name) properties[spec.name] = detail::makeSchema(spec);

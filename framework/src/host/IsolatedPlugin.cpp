@@ -76,6 +76,7 @@ struct Mailbox {
     LinearErrorLoop errorLoop;
     bool hasErrorLoop = false, hasExternalTorque = false, hasClock = false;
     Encoder encoder = Encoder::Counts;
+    int delayTicks = 0;
 };
 
 /** The size of a vector that another process wrote: copying one of a wrong size would write over memory. */
@@ -297,6 +298,7 @@ void describe(RealPlant& plugin, Mailbox& box) {
     box.hasExternalTorque = plugin.externalTorque() != nullptr;
     box.hasClock = plugin.hasClock();
     box.encoder = plugin.encoder();
+    box.delayTicks = plugin.delayTicks();
 }
 void serve(RealPlant& plugin, Mailbox& box) {
     if (box.what == Request::Advance) {
@@ -483,8 +485,10 @@ public:
         : Isolated(make, watch, watchdog_s),
           hasExternalTorque_(box().hasExternalTorque),
           hasClock_(box().hasClock),
-          encoder_(box().encoder) {}
+          encoder_(box().encoder),
+          delayTicks_(box().delayTicks) {}
     Encoder encoder() const override { return encoder_; }
+    int delayTicks() const override { return delayTicks_; }
     bool hasClock() const override { return hasClock_; }
     TickStatus read(std::int64_t& ticksPassed) override {
         call(Request::AwaitPlant);
@@ -528,6 +532,7 @@ private:
     JointVector external_;
     bool hasExternalTorque_, hasClock_;
     Encoder encoder_;
+    int delayTicks_;
 };
 
 template <class Interface>

@@ -16,6 +16,8 @@ std::string describeValue(const ParameterSpec& spec) {
     const std::string range = spec.range().text();
     const bool isBounded = range != NumberRange().text();
     const std::string inRange = isBounded ? " in " + range : "";
+    std::string orWords;
+    for (const std::string& word : detail::getWords(spec)) orWords += ", or `" + word + "`";
     switch (spec.type) {
         case ParameterType::Choice: {
             std::string names;
@@ -33,7 +35,7 @@ std::string describeValue(const ParameterSpec& spec) {
         case ParameterType::Flag:
             return "`true` or `false`";
         case ParameterType::JointNumbers:
-            return "number" + inRange + ", or one per joint";
+            return "number" + inRange + ", or one per joint" + orWords;
         case ParameterType::Numbers:
         case ParameterType::Rows: {
             std::string count = std::to_string(spec.minCount);
@@ -41,7 +43,8 @@ std::string describeValue(const ParameterSpec& spec) {
                 count = "at least " + count;
             else if (spec.maxCount != spec.minCount)
                 count += " to " + std::to_string(spec.maxCount);
-            return (spec.type == ParameterType::Rows ? "list of lists of " : "list of ") + count + " numbers" + inRange;
+            return (spec.type == ParameterType::Rows ? "list of lists of " : "list of ") + count + " numbers" +
+                   inRange + orWords;
         }
         case ParameterType::Number:
             return "number" + inRange;

@@ -243,10 +243,10 @@ void writeHdf5(LogReader& reader, const std::vector<detail::ExportColumn>& named
 
 }  // namespace
 
-void exportHdf5(const std::filesystem::path& log, const std::filesystem::path& hdf5) {
+void exportHdf5(const std::filesystem::path& log, const std::filesystem::path& hdf5, bool isReplacing) {
     LogReader reader(log);
     const std::vector<detail::ExportColumn> columns = detail::nameExportColumns(reader, log.string());
-    detail::WholeFile pending(hdf5);
+    detail::WholeFile pending(hdf5, isReplacing);
     const QuietLibrary quiet;
     int error = 0;
     try {

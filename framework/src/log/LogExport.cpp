@@ -24,10 +24,10 @@ void appendNumber(std::string& line, Number value) {
 
 }  // namespace
 
-void exportCsv(const std::filesystem::path& log, const std::filesystem::path& csv) {
+void exportCsv(const std::filesystem::path& log, const std::filesystem::path& csv, bool isReplacing) {
     LogReader reader(log);
     const std::vector<detail::ExportColumn> columns = detail::nameExportColumns(reader, log.string());
-    detail::WholeFile file(csv);
+    detail::WholeFile file(csv, isReplacing);
     std::string text;
     for (const detail::ExportColumn& column : columns) detail::addItem(text, detail::quoteCsv(column.name), ",");
     text += '\n';

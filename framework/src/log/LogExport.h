@@ -10,16 +10,17 @@ namespace viable {
 name the joint in `prismatic_joints` (a JSON list). Numbers read back bit-equal; an infinite
 margin is `inf`. A log that was cut off gives the rows that it has. The file appears under its name
 only when it is whole.
-Throws Error: BadInput when the log cannot be read or `csv` exists already (it is never
-overwritten), LogNotWritten when `csv` cannot be written; then nothing is left of it. */
-void exportCsv(const std::filesystem::path& log, const std::filesystem::path& csv);
+@param isReplacing  an older file gives way to the whole new one
+Throws Error: BadInput when the log cannot be read or `csv` exists already and is not to be replaced, LogNotWritten when
+`csv` cannot be written; then nothing is left of it, and the older file stays. */
+void exportCsv(const std::filesystem::path& log, const std::filesystem::path& csv, bool isReplacing = false);
 
 /** Writes a log as HDF5: one dataset per column, named as in the CSV with / for the first and the last dot
 (/nominal/joint0/q_rad), all of equal length. A dataset's attributes: `column`, its name in the CSV; `units`, such
 as "rad/s^2" or "1"; for words (a limit, a status), which are small integers, instead the `words` that they stand
 for. Attributes of the root: what wrote the log, its metadata and attachments
 (the resolved experiment file). Errors as for exportCsv(). One thread at a time: the HDF5 library is not thread-safe. */
-void exportHdf5(const std::filesystem::path& log, const std::filesystem::path& hdf5);
+void exportHdf5(const std::filesystem::path& log, const std::filesystem::path& hdf5, bool isReplacing = false);
 
 /** Writes the rows of a log that was cut off (or of a whole one) into a new, whole log with the same opening;
 returns their number. Errors as for exportCsv(). */

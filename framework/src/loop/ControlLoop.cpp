@@ -39,11 +39,13 @@ bool areKnown(FilterStatus status, const FilterDecision& d, int n) {
     return true;
 }
 
+constexpr const char* kTooLarge = "its decision is beyond 1e9";
+
 /** What is wrong with a decision and the motion that it gives, or null. */
 const char* findFault(const FilterDecision& d, const HeldMotion& motion, double tick_s, int n) {
     if (!isFinite(d.value, n)) return "its decision has the wrong size or is not finite";
     if (!isBounded(motion.torque, n) || !isBounded(motion.acceleration, n) || !isBounded(motion.jerk * tick_s, n))
-        return "its decision is beyond 1e9";
+        return kTooLarge;
     return nullptr;
 }
 
@@ -61,6 +63,29 @@ constexpr char kOnJump[] =
 constexpr char kOnLostTracking[] =
     "Find what acted on the arm then: a push, a payload, a failed sensor. State what belongs to the task in "
     "`disturbance_set`, which widens the bound.";
+
+constexpr char kOnDivergence[] =
+    "Controller and nominal arm diverge: lower its gains or the tick, or use a filter that keeps the limits.";
+constexpr char kOnOscillation[] =
+    "The robust loop is too strong for this arm, its delay or its sensors, or the arm is lighter than its model. "
+    "Nric's "
+    "gains follow from the model where they are left out; give the true masses, inertias and the delay, or smaller "
+    "gains.";
+constexpr char kOnSaturation[] =
+    "The motors cannot carry this motion with what acts on the arm: lower the limits of acceleration and jerk, use "
+    "whole_arm_braking, which knows the motors (torque_share), or see whether a joint is blocked or a payload too "
+    "heavy.";
+constexpr char kOnWeakness[] =
+    "It gives less than actuation.yaml says, perhaps less than holding the arm takes: find out why, or correct the "
+    "torque "
+    "limit there and lower the limits of acceleration and jerk.";
+constexpr char kOnDrift[] =
+    "Something acts on the arm that the robust loop, if there is one, cannot make up for: friction, a payload, a push, "
+    "a "
+    "joint that blocks, a wrong sign. Nric's gains are as large as the model carries where they are left out; rotor "
+    "inertias "
+    "that are missing in actuation.yaml make them small. To run it all the same: `accept_unstable: true` in the block "
+    "robust_loop.";
 
 constexpr char kOnLeftLimits[] =
     "The bound holds while the nominal arm keeps the limits: use a filter that guarantees them, such as "
@@ -148,10 +173,11 @@ void ControlLoop::reset() {
     stopTime_ = 0.0;
     stopMessage_[0] = '\0';
     stopRemedy_ = "";
-    stopBegun_ = ended_ = robustLoopFailed_ = false;
+    stopBegun_ = ended_ = robustLoopEnded_ = drifts_ = false;
     missedInRow_ = 0;
     limits_ = setup_.limits;
     const JointVector any = JointVector::Constant(n_, std::numeric_limits<double>::infinity());
+    following_.begin(setup_);
     sensors_.begin({SensorCheck::Reference::LastReading, calcLargestChange(setup_, limits_, options_.bound), any, any},
                    nominal_.q);
     for (JointVector* v : {&desiredTorque_, &robustTorque_, &motorTorque_, &appliedTorque_}) v->setZero(n_);
@@ -230,6 +256,7 @@ void ControlLoop::lookAtPlant() {
     if (options_.feedsExternalTorque) readExternalTorque();
     judgeReading();  // a jump says more than that the error is large
     checkTracking();
+    checkFollowing();
 }
 
 void ControlLoop::readState() {
@@ -283,6 +310,46 @@ void ControlLoop::checkTracking() {
                   "%.60s was measured %.4g %s from its nominal place, beyond its bound of %.4g %s: %s",
                   joint.name.c_str(), std::abs(error[i]), unit, options_.bound->measured[i], unit, cause);
     beginStop(StopReason::TrackingLost, message, hasLeftLimits_ ? kOnLeftLimits : kOnLostTracking);
+    holdIntegral();
+}
+
+/** The same where there is no bound. */
+void ControlLoop::checkFollowing() {
+    using Cause = detail::FollowingWatch::Cause;
+    if (!options_.watchesFollowing || options_.bound || ended_ || stopReason_ == StopReason::SensorFailed) return;
+    if (isTrackingLost_) {  // a loop that acts on wrong readings must not drive the arm on
+        robustLoopEnded_ |= drifts_ && following_.runsAway(plausible_, nominal_);
+        return;
+    }
+    const detail::FollowingWatch::Finding found = following_.look(plausible_, nominal_, motorTorque_, appliedTorque_);
+    if (found.cause == Cause::None) return;
+    drifts_ = found.cause == Cause::Drift;
+    isTrackingLost_ = true;
+    const auto getName = [&](int joint) { return setup_.robot.joints[static_cast<std::size_t>(joint)].name.c_str(); };
+    const JointDescription& joint = setup_.robot.joints[static_cast<std::size_t>(found.joint)];
+    const char* const unit = joint.type == JointType::Prismatic ? "m" : "rad";
+    char message[sizeof stopMessage_];
+    if (found.cause == Cause::Oscillation) {
+        std::snprintf(message, sizeof message,
+                      "the real arm oscillates: the velocity of %.60s swings by %.3g %s/s about the nominal one and "
+                      "changes sign every %.3g ms or faster",
+                      getName(found.joint), found.error, unit, 1e3 * following_.halfPeriod());
+        robustLoopEnded_ = true;
+    } else {
+        char motor[160] = "no motor is at its torque limit";
+        if (found.motor >= 0)
+            std::snprintf(
+                motor, sizeof motor, "the motor of %.60s %s", getName(found.motor),
+                found.cause == Cause::Saturation ? "is at its torque limit" : "gives less torque than is asked of it");
+        std::snprintf(message, sizeof message,
+                      "the real arm does not follow: %.60s is %.4g %s from its nominal place (at most %.4g %s), and %s",
+                      getName(found.joint), found.error, unit, found.allowed, unit, motor);
+    }
+    beginStop(StopReason::NotFollowing, message,
+              found.cause == Cause::Oscillation  ? kOnOscillation
+              : found.cause == Cause::Saturation ? kOnSaturation
+              : found.cause == Cause::Weakness   ? kOnWeakness
+                                                 : kOnDrift);
     holdIntegral();
 }
 
@@ -400,6 +467,7 @@ void ControlLoop::takeLimits(double t) {
     }
     limits_ = *limits;
     sensors_.widen(calcLargestChange(setup_, limits_, options_.bound));
+    following_.widen(limits_);
     monitor_.changeLimits(limits_, nominal_);
 }
 
@@ -440,7 +508,15 @@ bool ControlLoop::takeDecision() {
                                                                 : findFault(decision_, motion_, setup_.tick_s, n_);
     const bool gaveUp =
         status_ == FilterStatus::Faulted || status_ == FilterStatus::Ended || status_ == FilterStatus::InvalidInput;
-    if (fault) beginStop(StopReason::FilterFailed, fault, gaveUp ? kOnGivingUp : kOnValues);
+    if (fault) {
+        // A filter that passes what it is asked for is not the one to blame for its size.
+        const bool isPassedOn = status_ == FilterStatus::Passed && isFinite(decision_.value, n_) && fault == kTooLarge;
+        if (isPassedOn)
+            beginStop(StopReason::ControllerFailed,
+                      "the torque that it asks for, which the filter passed on, is beyond 1e9", kOnDivergence);
+        else
+            beginStop(StopReason::FilterFailed, fault, gaveUp ? kOnGivingUp : kOnValues);
+    }
     return !fault && passMonitor();
 }
 
@@ -480,14 +556,14 @@ void ControlLoop::followStop() {
 void ControlLoop::takeRobustTorque() {
     motorTorque_ = motion_.torque;  // the motors' share of what moves the nominal arm
     if (externalTorque_.size() > 0) motorTorque_ -= externalTorque_;
-    if (!robustLoopFailed_) {
+    if (!robustLoopEnded_) {
         const TickStatus status = contain(PluginKind::RobustLoop, TickStatus::Faulted, [&] {
             return plugins_.robustLoop->compute(plausible_, nominal_, motorTorque_, robustTorque_);
         });
         if (status == TickStatus::Ok && isBounded(robustTorque_, n_)) return;
         beginStop(StopReason::RobustLoopFailed,
                   "it gave no usable torque (wrong size, not finite, beyond 1e9 or not Ok)", kOnValues);
-        robustLoopFailed_ = true;
+        robustLoopEnded_ = true;
     }
     robustTorque_.setZero(n_);
 }

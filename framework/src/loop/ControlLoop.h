@@ -5,6 +5,7 @@
 
 #include "host/IsolatedPlugin.h"
 #include "host/PluginCall.h"
+#include "loop/FollowingWatch.h"
 #include "loop/SensorCheck.h"
 #include "loop/StopMonitor.h"
 #include "simulation/CommandStream.h"
@@ -44,6 +45,7 @@ enum class StopReason : unsigned char {
     GuaranteeBroken,   ///< a decision without a stop within the limits, from a filter that guarantees them
     TicksMissed,       ///< more than kMaxMissedTicks in a row were missed
     TrackingLost,      ///< the real arm, as measured, left the bound around the nominal one
+    NotFollowing,      ///< there is no bound, and the real arm ran away or oscillated (see FollowingWatch)
     PlantFailed,       ///< the real plant failed: the loop ends at once, there is nothing to brake
     /** A measured position jumped farther than a joint can move, or there was no usable external torque for
     more than kMaxSubstitutedTicks. */
@@ -72,6 +74,8 @@ struct RealArmOptions {
     /** The limits must stay as they are, since the real arm's were made from them: a command that changes them is
     answered with a stop. */
     bool fixesLimits = false;
+    /** Without a bound: an arm that runs away or oscillates is braked for good. */
+    bool watchesFollowing = false;
 };
 
 class StageTimer;
@@ -131,6 +135,7 @@ private:
     void readState();
     void readExternalTorque();
     void checkTracking();
+    void checkFollowing();
     void watchNominal();
     void holdIntegral();
     void judgeReading();
@@ -182,6 +187,7 @@ private:
     int missingTorques_ = 0;
     int missingExternalTorques_ = 0;
     SensorCheck sensors_;
+    detail::FollowingWatch following_;
     JointState plausible_;  // what the robust loop gets of real_
     std::array<bool, kMaxJoints> isPlausible_{};
     bool isTrackingLost_ = false, isIntegralHeld_ = false;
@@ -199,9 +205,10 @@ private:
     double stopTime_ = 0.0;
     char stopMessage_[512] = "";
     const char* stopRemedy_ = "";
-    bool stopBegun_ = false;  // a tick of the stop has been taken
-    bool ended_ = false;      // no stop is possible: the plant is gone or the arithmetic is
-    bool robustLoopFailed_ = false;
+    bool stopBegun_ = false;        // a tick of the stop has been taken
+    bool ended_ = false;            // no stop is possible: the plant is gone or the arithmetic is
+    bool drifts_ = false;           // away though its motors had torque to spare
+    bool robustLoopEnded_ = false;  // it failed, or swings: it is not asked any more
 };
 
 }  // namespace viable

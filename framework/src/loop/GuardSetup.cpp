@@ -163,6 +163,7 @@ GuardStop toGuardStop(StopReason reason) {
         case StopReason::CommandFailed:  // commands of guards do not fail
         case StopReason::PlantFailed:
         case StopReason::TrackingLost:  // there is no bound
+        case StopReason::NotFollowing:  // guards judge the arm themselves
         case StopReason::SensorFailed:  // guards judge readings themselves
             break;
     }

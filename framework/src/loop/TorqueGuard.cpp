@@ -13,6 +13,7 @@
 #include "robot/InertiaModes.h"
 #include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
+#include "viable/tracking/LoopStability.h"
 
 namespace viable {
 
@@ -267,7 +268,11 @@ struct TorqueGuard::Inside {
         if (options.largestSpeed) checkPositive(*options.largestSpeed, "largestSpeed", robot);
         filter.configure(setup, options.filter);
         if (options.hasRobustLoop) {
-            if (!options.robustGains) options.robustGains = scaleNric(robot, setup.limits, tick_s);
+            if (!options.robustGains) {
+                const LinearErrorLoop gains = scaleGains(robot, setup.limits, tick_s);
+                options.robustGains = NricOptions{gains.kr, gains.kp, gains.ki};
+                options.robustGains->inertiaRate = gains.inertiaRate;
+            }
             nric.configure(setup, *options.robustGains);
         } else {
             options.robustGains.reset();
@@ -317,7 +322,8 @@ void TorqueGuard::Inside::start(const JointState& measured) {
     const Dynamics dynamics =
         detail::takeGuardStart(kTorqueGuard, {measured.q, measured.qd, JointVector::Zero(n)}, setup);
     filter.configure(setup, options.filter);  // refuses what cannot be kept
-    if (options.robustGains) checkRobustGains(*options.robustGains, dynamics.M, setup.tick_s, robot);
+    if (options.robustGains && std::isinf(options.robustGains->inertiaRate))
+        checkRobustGains(*options.robustGains, dynamics.M, setup.tick_s, robot);
     JointVector speed(n);
     for (int i = 0; i < n; ++i) {
         const AxisLimits axis = setup.limits.axis(i);

@@ -123,6 +123,13 @@ Json makeListSchema(const Json& item, int minCount, int maxCount) {
     return schema;
 }
 
+/** Or one of its words. */
+Json allowWords(const ParameterSpec& spec, Json schema) {
+    const std::vector<std::string> words = getWords(spec);
+    if (words.empty()) return schema;
+    return {{"anyOf", Json::array({{{"enum", words}}, std::move(schema)})}};
+}
+
 Json makeValueSchema(const ParameterSpec& spec) {
     switch (spec.type) {
         case ParameterType::Number:
@@ -155,10 +162,10 @@ Json makeValueSchema(const ParameterSpec& spec) {
             Json schema = makeListSchema(number, 1, kMaxJoints);
             schema.update(number);
             schema["type"] = {"number", "string", "array"};
-            return schema;
+            return allowWords(spec, schema);
         }
         case ParameterType::Numbers:
-            return makeListSchema(makeNumberSchema(spec.range()), spec.minCount, spec.maxCount);
+            return allowWords(spec, makeListSchema(makeNumberSchema(spec.range()), spec.minCount, spec.maxCount));
         case ParameterType::Rows:
             return makeListSchema(makeListSchema(makeNumberSchema(spec.range()), spec.minCount, spec.maxCount), 0,
                                   std::numeric_limits<int>::max());
@@ -211,6 +218,7 @@ Json describeAsJson(const ParameterSpec& spec) {
                          {"max_is_open", false},
                          {"may_be_infinite", false}};
     if (spec.type == ParameterType::Choice) json["choices"] = splitChoices(spec.choices);
+    if (const std::vector<std::string> words = getWords(spec); !words.empty()) json["words"] = words;
     if (isList(spec.type)) {
         json["min_count"] = spec.minCount;
         const bool isBounded = spec.maxCount < std::numeric_limits<int>::max();

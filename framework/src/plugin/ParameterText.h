@@ -13,6 +13,8 @@ const char* getTypeName(ParameterType type);
 
 /** The names in "a|b|c". */
 std::vector<std::string> splitChoices(const char* choices);
+/** What may stand in place of numbers. */
+std::vector<std::string> getWords(const ParameterSpec& spec);
 
 /** The first and the last whole number of an Integer's range. */
 std::int64_t getSmallest(const ParameterSpec& spec);

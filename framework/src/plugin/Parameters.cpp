@@ -60,6 +60,11 @@ std::vector<std::string> splitChoices(const char* choices) {
     return names;
 }
 
+std::vector<std::string> getWords(const ParameterSpec& spec) {
+    const bool mayHave = spec.type == ParameterType::JointNumbers || spec.type == ParameterType::Numbers;
+    return mayHave && spec.choices ? splitChoices(spec.choices) : std::vector<std::string>();
+}
+
 std::int64_t getSmallest(const ParameterSpec& spec) {
     const double bound = std::ceil(spec.min);
     return toInt64(spec.minIsOpen && bound == spec.min ? bound + 1.0 : bound);
@@ -77,6 +82,7 @@ namespace {
 using detail::getLargest;
 using detail::getSmallest;
 using detail::getTypeName;
+using detail::getWords;
 using detail::quoteText;
 using detail::splitChoices;
 
@@ -268,6 +274,29 @@ const std::string& Parameters::place(const char* name) const {
     return entry->second;
 }
 
+namespace {
+
+/** A word stands in place of numbers. */
+bool isWord(const ConfigNode& node, const ParameterSpec& spec) {
+    const std::vector<std::string> words = detail::getWords(spec);
+    return node.kind == ConfigNode::Kind::Scalar && std::find(words.begin(), words.end(), node.text) != words.end();
+}
+
+/** Throws Error (BadInput) for a word that is none of those that may stand there. */
+void checkWord(const ConfigNode& node, const ParameterSpec& spec) {
+    const std::vector<std::string> words = detail::getWords(spec);
+    if (words.empty() || isWord(node, spec) || node.kind != ConfigNode::Kind::Scalar || node.text.empty()) return;
+    const bool isLetters =
+        std::all_of(node.text.begin(), node.text.end(), [](unsigned char c) { return std::isalpha(c) || c == '_'; });
+    if (!isLetters || node.text == "pi") return;
+    throw badInput(node.place(), "`" + node.text + "` is neither a number nor `" + detail::join(words, "`, `") + "`",
+                   std::string("Write `") + words.front() + "`, or " +
+                       (spec.type == ParameterType::JointNumbers ? "a number for all joints or a list with one each."
+                                                                 : "a list of numbers."));
+}
+
+}  // namespace
+
 Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, std::size_t count, int jointCount) {
     ConfigMap map(block);
     checkSpecs(specs, count, block.place());
@@ -321,10 +350,13 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
                 value = toFile(node, written ? *written : block, spec);
                 break;
             case ParameterType::JointNumbers:
-                value = toJointVector(node, jointCount, spec.range());
+                checkWord(node, spec);
+                value = isWord(node, spec) ? JointVector() : toJointVector(node, jointCount, spec.range());
                 break;
             case ParameterType::Numbers:
-                value = toNumbers(node, spec.minCount, spec.maxCount, spec.range());
+                checkWord(node, spec);
+                value = isWord(node, spec) ? std::vector<double>()
+                                           : toNumbers(node, spec.minCount, spec.maxCount, spec.range());
                 break;
             case ParameterType::Rows:
                 value = toRows(node, spec);
@@ -373,6 +405,7 @@ std::string describeParameters(const ParameterSpec* specs, std::size_t count) {
             case ParameterType::Number:
             case ParameterType::JointNumbers:
                 text += " in " + spec.range().text();
+                for (const std::string& word : getWords(spec)) text += ", or " + word;
                 break;
             default:
                 break;

@@ -598,7 +598,7 @@ json describeCase(const fs::path& log, LogReader& reader, const json& summary, B
     one["guarantees"] = false;
     const char* const noEnd = "the log has no end: the run was killed or is still running";
     one["verdict"] = reader.isComplete() ? "there is no summary of this case" : noEnd;
-    one["ok"] = false;
+    one["ok"] = one["kept"] = false;
     one["stop"] = nullptr;
     one["details"] = "";
     for (const json& known : summary.value("cases", json::array())) {
@@ -606,6 +606,8 @@ json describeCase(const fs::path& log, LogReader& reader, const json& summary, B
         one["guarantees"] = known.value("guarantees_limits", known.value("promises_limits", false));
         one["ok"] = known.value("limits_kept", false) && known.value("exit_code", 1) == 0 &&
                     known.value("stop", "").empty() && !touched(known) && reader.isComplete();
+        one["kept"] = one["ok"];
+        one["ok"] = one["ok"].get<bool>() && known.value("shortcomings", json::array()).empty();
         one["verdict"] = (reader.isComplete() ? "" : std::string(noEnd) + "; ") + known.value("verdict", "");
         one["details"] = known.value("account", "");
         if (const std::string stop = known.value("stop", ""); !stop.empty())

@@ -26,7 +26,7 @@ bool isGraver(int a, int b) {
 int CaseResult::exitCode() const {
     if (stopReason == StopReason::GuaranteeBroken || isRealGuaranteeBroken() || isClearanceGuaranteeBroken())
         return static_cast<int>(ErrorKind::GuaranteeBroken);
-    if (summary.trip()) return static_cast<int>(ErrorKind::TrackingLost);
+    if (summary.trip() || stopReason == StopReason::NotFollowing) return static_cast<int>(ErrorKind::TrackingLost);
     const bool isWanted =
         stopReason == StopReason::None || stopReason == StopReason::Requested || stopReason == StopReason::FilterEnded;
     if (!isWanted) return static_cast<int>(ErrorKind::PluginFailed);

@@ -3,11 +3,13 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "loop/ControlLoop.h"
 #include "viable/summary/Summary.h"
+#include "viable/tracking/LoopStability.h"
 
 namespace viable {
 
@@ -16,13 +18,16 @@ struct CaseResult {
     explicit CaseResult(Summary begun) : summary(std::move(begun)) {}
 
     std::string name;
-    std::string filter;      ///< plugin names, for tables
+    std::string controller;   ///< plugin names, for tables
+    bool isRelative = false;  ///< the controller follows the command's motion, not its pose
+    std::string filter;
     std::string robustLoop;  ///< empty: no real plant
     std::string realPlant;
     bool guarantees = false;           ///< the filter guarantees every limit
     bool guaranteesClearance = false;  ///< and that the nominal arm touches nothing
     /** Of that guarantee position and velocity are the real arm's, as long as the run does not trip. */
     bool holdsOnReal = false;
+    std::optional<LoopMargins> margins;        ///< of a robust loop that tells its law
     std::map<std::string, std::string> seeds;  ///< by plugin name
     Summary summary;
     double simulated_s = 0.0;
@@ -54,7 +59,11 @@ std::string formatComparison(const std::vector<CaseResult>& results);
  * time. */
 std::string formatRanking(const std::vector<CaseResult>& results);
 
-/** What became of the limits, in one line. */
+/** What is not as a user wants it though the limits may hold, each in one line with its remedy: a real arm that does not
+follow, motors at their limits, a tool that misses its command or swings about it. */
+std::vector<std::string> findShortcomings(const CaseResult& result);
+
+/** What became of the limits and of the job, in one line. */
 std::string formatVerdict(const CaseResult& result);
 
 /** "the real arm passed its limits: position by 0.1 rad (joint2)", "the nominal arm collided: ...": the broken guarantees

@@ -67,6 +67,49 @@ Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool h
     worstMargin_.value = std::numeric_limits<double>::infinity();
 }
 
+void ToolErrorRecord::add(const Pose& tool, const Pose& commanded) {
+    const double e = (tool.position - commanded.position).norm();
+    const double angle = tool.orientation.angularDistance(commanded.orientation.normalized());
+    squared_ += e * e;
+    squaredAngle_ += angle * angle;
+    largest_ = std::max(largest_, e);
+    ++ticks_;
+}
+
+double ToolErrorRecord::rms() const {
+    return ticks_ ? std::sqrt(squared_ / static_cast<double>(ticks_)) : kNan;
+}
+
+double ToolErrorRecord::angleRms() const {
+    return ticks_ ? std::sqrt(squaredAngle_ / static_cast<double>(ticks_)) : kNan;
+}
+
+double ToolErrorRecord::largest() const {
+    return ticks_ ? largest_ : kNan;
+}
+
+void PointMotion::add(const Eigen::Vector3d& p, double tick_s) {
+    if (ticks_ == 0) first_ = p;
+    if (ticks_ > 0 && tick_s > 0.0) {
+        squaredSpeed_ += (p - last_).squaredNorm() / (tick_s * tick_s);
+        ++steps_;
+    }
+    last_ = p;
+    sum_ += p - first_;  // small numbers, so that their squares are no differences of large ones
+    squared_ += (p - first_).squaredNorm();
+    ++ticks_;
+}
+
+double PointMotion::spread() const {
+    if (ticks_ == 0) return 0.0;
+    const double count = static_cast<double>(ticks_);
+    return std::sqrt(std::max(0.0, squared_ / count - (sum_ / count).squaredNorm()));
+}
+
+double PointMotion::speedRms() const {
+    return steps_ ? std::sqrt(squaredSpeed_ / static_cast<double>(steps_)) : 0.0;
+}
+
 double InterventionRecord::torqueRms() const {
     return ticks ? std::sqrt(squaredTorque / static_cast<double>(ticks)) : 0.0;
 }
@@ -156,14 +199,18 @@ void Summary::addCommand(int i, const TickRecord& record) {
     const double e = record.nominal.q[i] - target;
     squaredCommandError_ += e * e;
     ++commandTicks_;
+    if (!hasRealPlant_) return;
+    const double real = record.actual.q[i] - target;
+    squaredRealCommandError_ += real * real;
 }
 
 void Summary::addTool(const TickRecord& record) {
     if (record.command.space != MotionCommand::Space::Tool) return;
-    const double e = (record.tool.position - record.command.tool.position).norm();
-    squaredToolError_ += e * e;
-    largestToolError_ = std::max(largestToolError_, e);
-    ++toolTicks_;
+    toolError_.add(record.tool, record.command.tool);
+    if (hasRealPlant_ && reference_.calcTool)
+        realToolError_.add(reference_.calcTool(record.actual.q), record.command.tool);
+    commandMotion_.add(record.command.tool.position, tick_s_);
+    toolMotion_.add(record.tool.position, tick_s_);
 }
 
 void Summary::addRest(int i, const TickRecord& record) {
@@ -325,12 +372,8 @@ double Summary::commandErrorRms() const {
     return commandTicks_ ? std::sqrt(squaredCommandError_ / static_cast<double>(commandTicks_)) : kNan;
 }
 
-double Summary::toolErrorRms() const {
-    return toolTicks_ ? std::sqrt(squaredToolError_ / static_cast<double>(toolTicks_)) : kNan;
-}
-
-double Summary::toolErrorMax() const {
-    return toolTicks_ ? largestToolError_ : kNan;
+double Summary::realCommandErrorRms() const {
+    return commandTicks_ ? std::sqrt(squaredRealCommandError_ / static_cast<double>(commandTicks_)) : kNan;
 }
 
 double Summary::jerkRms() const {

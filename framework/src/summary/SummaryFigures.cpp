@@ -225,9 +225,17 @@ std::vector<SummaryFigure> makeFigures() {
         .column("tool_error.rms_m", "m", "RMS distance of the nominal tool to the one commanded");
     t.add("tool_error_max_m", &Summary::toolErrorMax)
         .column("tool_error.max_m", "m", "Largest distance of the nominal tool to the one commanded");
+    t.add("tool_error_rms_rad", [](S s) {
+         return s.toolError().angleRms();
+     }).column("tool_error.rms_rad", "rad", "RMS angle between the nominal tool and the one commanded");
+    t.add("real_tool_error_rms_m", [](S s) {
+         return s.realToolError().rms();
+     }).column("real.tool_error.rms_m", "m", "RMS distance of the real tool to the one commanded");
+    t.add("real_tool_error_max_m", [](S s) { return s.realToolError().largest(); });
+    t.add("real_tool_error_rms_rad", [](S s) { return s.realToolError().angleRms(); });
     t.add("jerk_rms_radps3", &Summary::jerkRms).column("jerk.rms_radps3", "rad/s^3", "RMS jerk of the nominal joints");
     t.add("chatter", &Summary::chatter);
-    t.add("tripped", [](R r) { return hasTripped(r); });
+    t.add("tripped", [](R r) { return hasTripped(r) || r.stopReason == StopReason::NotFollowing; });
     t.begin("trip.", hasTripped);
     t.add("joint", [](S s) { return s.jointNames()[static_cast<std::size_t>(s.trip()->joint)]; });
     t.add("time_s", [](S s) { return s.trip()->time_s; });

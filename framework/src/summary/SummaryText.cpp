@@ -203,6 +203,29 @@ std::string formatRealVerdict(const CaseResult& r) {
                          : " (of which the filter guarantees nothing)");
 }
 
+std::string formatShortcomings(const CaseResult& r) {
+    std::string text;
+    for (const std::string& shortcoming : findShortcomings(r)) text += "; " + shortcoming;
+    return text;
+}
+
+/** How far from its command each arm was. */
+std::string formatCommandErrors(const Summary& s) {
+    std::string text;
+    const auto add = [&](const char* arm, const ToolErrorRecord& error) {
+        if (std::isnan(error.rms())) return;
+        text += format("%s %s tool %.4g mm and %.3g degrees RMS, at most %.4g mm", text.empty() ? "" : ";", arm,
+                       1e3 * error.rms(), error.angleRms() * 180.0 / kPi, 1e3 * error.largest());
+    };
+    add("nominal", s.toolError());
+    add("real", s.realToolError());
+    if (!std::isnan(s.commandErrorRms())) {
+        text += " nominal joints " + formatMrad(s.commandErrorRms()) + " mrad RMS";
+        if (s.hasRealPlant()) text += "; real joints " + formatMrad(s.realCommandErrorRms()) + " mrad RMS";
+    }
+    return text.empty() ? "" : "  command      " + text + "\n";
+}
+
 /** "link4 12.3 mm deep in table (at 1.234 s)", "nearest 3.4 mm (link4 to link1 at 2.000 s)", "nothing within 1 m". */
 std::string formatNearest(const CollisionRecord& r) {
     if (r.leastClearance == -kInfinity) return "a pose that is NaN";
@@ -424,13 +447,15 @@ std::string formatVerdict(const CaseResult& r) {
         text = "guarantee broken, the arm collided; ";
     else if (r.stopReason == StopReason::TrackingLost)
         text = "tracking lost, the arm was stopped; ";
+    else if (r.stopReason == StopReason::NotFollowing)
+        text = "the real arm did not follow, and the nominal one was stopped; ";
     else if (r.stopReason != StopReason::None)
         text = "stopped early; ";
     return text + formatVerdict(r.summary) + " (nominal arm; the filter guarantees " + (r.guarantees ? "all" : "none") +
            (!r.summary.collisions() ? ""
             : r.guaranteesClearance ? ", and clearances"
                                     : ", no clearances") +
-           ")" + formatRealVerdict(r) + formatCollisionVerdict(r.summary);
+           ")" + formatRealVerdict(r) + formatCollisionVerdict(r.summary) + formatShortcomings(r);
 }
 
 std::string formatBreach(const CaseResult& r) {
@@ -451,11 +476,14 @@ std::string formatDetails(const CaseResult& r) {
                    r.wall_s > 0.0 ? r.simulated_s / r.wall_s : 0.0);
     text += "  verdict       " + formatVerdict(r) + "\n";
     for (LimitKind kind : kNominalKinds) text += formatLimit(s, kind);
-    text += formatStatuses(s) + formatInterventions(s) + formatStops(s);
+    text += formatCommandErrors(s) + formatStatuses(s) + formatInterventions(s) + formatStops(s);
     if (s.collisions()) text += formatCollisions(s);
     if (s.substitutedTicks() > 0)
         text += format("  controller    %lld ticks without a usable torque, the last good one was used\n",
                        static_cast<long long>(s.substitutedTicks()));
+    if (r.margins)
+        text += "  robust loop   margin " + formatMargins(*r.margins) + ", least at " +
+                s.jointNames()[static_cast<std::size_t>(r.margins->joint)] + "\n";
     if (s.hasRealPlant()) {
         text += "  real-nominal  RMS / max per joint [mrad]";
         for (int i = 0; i < static_cast<int>(s.jointNames().size()); ++i)

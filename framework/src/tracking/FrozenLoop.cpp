@@ -31,7 +31,7 @@ class Loop {
 public:
     explicit Loop(const FrozenLoop& loop)
         : loop_(loop),
-          n_(static_cast<int>(loop.kr.size())),
+          n_(static_cast<int>(loop.kp.size())),
           inverse_(MatrixXd(loop.inertia).llt().solve(MatrixXd::Identity(n_, n_))) {
         // Over a tick v' = -M^-1 D v + M^-1 tau: the series of the exponential, its integral and that one's.
         const MatrixXd slowing = -loop.tick_s * inverse_ * MatrixXd(loop.damping.asDiagonal());
@@ -52,6 +52,7 @@ public:
     /** de and e after a tick of torque 1. */
     MatrixXd push() const { return once_ * inverse_; }
     MatrixXd pushTravel() const { return twice_ * inverse_; }
+    MatrixXd krki() const { return loop_.kr * loop_.ki.asDiagonal(); }
 
     StateSpace make() const {
         StateSpace s;
@@ -73,10 +74,9 @@ private:
         const MatrixXd read = e + error;
         const MatrixXd rate = (read - x.middleRows(2 * n_, n_)) / h;
         const MatrixXd sum = x.middleRows(3 * n_, n_) + h * read;
-        const JointVector krki = loop_.kr.cwiseProduct(loop_.ki);
-        integralTorque = -(krki.asDiagonal() * sum);
+        integralTorque = -(krki() * sum);
         const MatrixXd weighted = rate + loop_.kp.asDiagonal() * read;
-        torque = integralTorque - loop_.kr.asDiagonal() * weighted;
+        torque = integralTorque - loop_.kr * weighted;
         const int d = loop_.delayTicks;
         const MatrixXd acting = d == 0 ? torque : MatrixXd(x.middleRows(4 * n_, n_));
         const MatrixXd a = inverse_ * acting;
@@ -117,7 +117,7 @@ double calcSpectralRadius(const FrozenLoop& loop) {
 LoopGains calcGains(const FrozenLoop& loop) {
     const Loop maker(loop);
     const StateSpace s = maker.make();
-    const int n = static_cast<int>(loop.kr.size());
+    const int n = static_cast<int>(loop.kp.size());
     const double h = loop.tick_s;
     LoopGains gains;
     for (auto* all : {&gains.torque, &gains.step, &gains.ramp, &gains.reading}) all->fill(MatrixXd::Zero(n, n));
@@ -131,8 +131,7 @@ LoopGains calcGains(const FrozenLoop& loop) {
     MatrixXd reading = s.B;
     at(gains.reading, LoopOutput::Torque) = s.D.cwiseAbs();
     at(gains.reading, LoopOutput::TorqueStep) = s.D.cwiseAbs() + (s.C * s.B - s.D).cwiseAbs();
-    at(gains.reading, LoopOutput::IntegralTorque) =
-        MatrixXd(JointVector(h * loop.kr.cwiseProduct(loop.ki)).asDiagonal());
+    at(gains.reading, LoopOutput::IntegralTorque) = h * maker.krki().cwiseAbs();
 
     // Pushed by a constant torque of 1 from the start, which is part of the state.
     MatrixXd power = s.A;  // over a stride

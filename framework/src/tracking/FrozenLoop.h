@@ -12,9 +12,10 @@ namespace viable::detail {
     M edd = tau_a - D de + w,   tau_a(k) = -K_r (de_m + K_p e_m + K_i sum of e_m dt),  held for a tick
 with e_m the read position error and de_m its difference over a tick. */
 struct FrozenLoop {
-    JointMatrix inertia;     ///< of the real arm, rotors included
-    JointVector damping;     ///< D, the arm's own [Nms/rad]
-    JointVector kr, kp, ki;  ///< as NricOptions
+    JointMatrix inertia;  ///< of the real arm, rotors included
+    JointVector damping;  ///< D, the arm's own [Nms/rad]
+    JointMatrix kr;       ///< K_r, diagonal or not [Nms/rad]
+    JointVector kp, ki;   ///< as NricOptions
     double tick_s = 0.0;
     int delayTicks = 0;  ///< from tau_a to the motors
 };

@@ -8,6 +8,7 @@
 #include "tracking/ArmExtremes.h"
 #include "tracking/FrozenLoop.h"
 #include "viable/core/Error.h"
+#include "viable/tracking/LoopStability.h"
 
 namespace viable {
 
@@ -48,6 +49,7 @@ public:
     BoundMaker(const RobotDescription& robot, const JointLimits& limits, double tick_s, const NricOptions& gains,
                const DisturbanceSet& set, const std::string& place)
         : robot_(robot),
+          limits_(limits),
           n_(robot.size()),
           h_(tick_s),
           set_(set),
@@ -134,7 +136,7 @@ private:
     }
 
     FrozenLoop makeLoop(const JointMatrix& M, const JointVector& damping, const JointVector& kr) const {
-        return {M, damping, kr, kp_, ki_, h_, set_.delayTicks};
+        return {M, damping, kr.asDiagonal(), kp_, ki_, h_, set_.delayTicks};
     }
     double calcWorstRadius(const JointVector& kr) const {
         double worst = 0.0;
@@ -164,9 +166,22 @@ private:
                        "the robust loop is unstable with k_r = " + list(equal ? kr_.head(1) : kr_) + " at a tick of " +
                            detail::formatNumber(h_) + " s" +
                            (set_.delayTicks > 0 ? " and a delay of " + std::to_string(set_.delayTicks) + " ticks" : ""),
-                       any ? "The largest stable value, the other gains kept, is " +
-                                 list(stable * (equal ? JointVector(kr_.head(1)) : kr_)) + "; take half of it."
-                           : "k_p and k_i are too large at this tick, too: lower them.");
+                       (any ? "The largest stable value, the other gains kept, is " +
+                                  list(stable * (equal ? JointVector(kr_.head(1)) : kr_)) + ". "
+                            : "") +
+                           adviseGains());
+    }
+
+    /** One k_r does not suit joints of different inertia. */
+    std::string adviseGains() const {
+        const JointVector largest = findLargestGains(robot_, limits_, h_, set_.delayTicks);
+        Eigen::Index joint = 0;
+        if (kr_.cwiseQuotient(largest).maxCoeff(&joint) < 1.0)
+            return "k_p or k_i is too large for such a k_r: at most a fifth of k_r over the joint's greatest inertia, "
+                   "which `viable gains` prints, and a tenth of k_p^2.";
+        return "That of " + robot_.joints[static_cast<std::size_t>(joint)].name + " is " +
+               detail::formatNumber(kr_[joint]) + "; those with which the loop just becomes unstable, together, are " +
+               detail::formatList(largest) + ": take half of them.";
     }
 
     /** The sum of v_k times part k. */
@@ -320,6 +335,7 @@ private:
     }
 
     const RobotDescription& robot_;
+    const JointLimits& limits_;
     int n_;
     double h_;
     const DisturbanceSet& set_;

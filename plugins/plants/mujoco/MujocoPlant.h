@@ -28,6 +28,7 @@ public:
     void reset(const MotionState& start) override;
     const JointState& measured() const override { return hardware_.measured(); }
     Encoder encoder() const override { return hardware_.encoder(); }
+    int delayTicks() const override { return hardware_.delayTicks(); }
     const JointState& actual() const override { return actual_; }
     TickStatus advance(const JointVector& torque, JointVector& applied) override;
     const JointVector* externalTorque() const override { return &hardware_.externalTorque(); }

@@ -5,11 +5,16 @@ namespace {
 
 using namespace viable;
 
-// Defaults: those of NricOptions (the suite compares them).
 const ParameterSpec kParameters[] = {
-    parameter::jointNumbers("k_r", "Nms/rad", "600", "Gain on the whole error term.").atLeast(0),
-    parameter::jointNumbers("k_p", "1/s", "20", "Weight of the position error.").atLeast(0),
-    parameter::jointNumbers("k_i", "1/s^2", "8", "Weight of the integral of the position error.").atLeast(0),
+    parameter::jointNumbers("k_r", "Nms/rad", "auto", "Gain on the whole error term; auto: what the arm can carry.")
+        .atLeast(0)
+        .orAuto(),
+    parameter::jointNumbers("k_p", "1/s", "auto", "Weight of the position error; auto: as k_r and the arm allow.")
+        .atLeast(0)
+        .orAuto(),
+    parameter::jointNumbers("k_i", "1/s^2", "auto", "Weight of the integral of the position error; likewise.")
+        .atLeast(0)
+        .orAuto(),
     parameter::jointNumbers("integral_limit_Nm", "Nm", ".inf",
                             "Largest torque of the integral, k_r k_i |integral|; the motor's limit "
                             "where that is less.")

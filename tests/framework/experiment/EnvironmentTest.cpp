@@ -141,8 +141,9 @@ TEST(Payload, ThePlantsOwnComesOnTop) {
 
 TEST(Payload, ChangesTheTrackingBound) {
     const auto findTorque = [](const std::string& mass) {
-        const Experiment e = readTestExperiment(kOneJoint, {"payload.mass_kg=" + mass, "robust_loop={plugin: nric}",
-                                                            "real_plant={plugin: simbody}", "disturbance_set={}"});
+        const Experiment e = readTestExperiment(
+            kOneJoint, {"payload.mass_kg=" + mass, "robust_loop={plugin: nric, k_r: 600, k_p: 20, k_i: 8}",
+                        "real_plant={plugin: simbody}", "disturbance_set={}"});
         return configureTracking(e.cases[0])->bound->lastingTorque[0];
     };
     const double light = findTorque("0"), heavy = findTorque("2");  // in one process: one is not the other's

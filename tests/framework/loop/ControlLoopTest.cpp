@@ -378,7 +378,7 @@ TEST(Fault29, HugeTorquesThroughAFilterThatLetsThemPassBrakeTheArm) {
     TestLoop t(kTeleoperation, {"controller.plugin=extreme_torque", "filter.plugin=pass_through"});
     TickRecord record;
     ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record));
-    EXPECT_EQ(t.loop.stopReason(), StopReason::FilterFailed);
+    EXPECT_EQ(t.loop.stopReason(), StopReason::ControllerFailed);
     EXPECT_NE(std::string(t.loop.stopMessage()).find("beyond 1e9"), std::string::npos);
 }
 

@@ -19,7 +19,10 @@ limits:
   jerk_radps3: 500
 command:
   {plugin: generated_hand_motion, seed: 2, reach_m: [0.1, 0.1, 0.1], rotation_rad: 0.2, top_speed_mps: 0.2, tremor_m: 0}
-controller: {plugin: task_space_pd}
+controller:
+  plugin: task_space_pd
+  stiffness: [600, 600, 600, 160, 160, 160]
+  damping: [60, 60, 60, 16, 16, 16]
 filter: {plugin: certified_braking, gamma: 200}
 cases: {A: {}}
 )";

@@ -1,4 +1,5 @@
 #include "viable/core/Numbers.h"
+#include "viable/tracking/LoopStability.h"
 #include "viable/tracking/Nric.h"
 
 #include <gtest/gtest.h>
@@ -56,19 +57,48 @@ TEST_F(NricTest, FollowsFormula7WithAGainOfItsOwnForEachJoint) {
     EXPECT_GT(sum[0], 0.009L);  // the integral played a part
 }
 
-TEST_F(NricTest, DefaultsAreThoseOfThePaper) {
+TEST_F(NricTest, DefaultsFollowFromTheArmInEveryPose) {
+    const LinearErrorLoop loop = scaleGains(arm_.robot, arm_.limits, arm_.tick_s);
     configure("");
-    const JointVector e = constant(0.001), de = constant(0.01);
-    const JointVector torque = compute(e, de, constant(0.0));
-    for (int i = 0; i < n(); ++i) EXPECT_NEAR(torque[i], -600.0 * (0.01 + 20.0 * 0.001 + 8.0 * 1e-6), 1e-9);
+    std::mt19937 random(4);
+    for (int k = 0; k < 20; ++k) {
+        arm_.start.q = arm_.robot.home + makeRandomVector(n(), 1.0, random);
+        loop_.reset(arm_.start);
+        const JointVector e = makeRandomVector(n(), 0.001, random), de = makeRandomVector(n(), 0.01, random);
+        // K_r^-1 = diag(k_r)^-1 + (c M)^-1
+        const JointMatrix M = arm_.calcDynamics(arm_.start).M;
+        JointMatrix inverse = (loop.inertiaRate * M).inverse();
+        inverse.diagonal() += loop.kr.cwiseInverse();
+        const JointVector error = de + loop.kp.cwiseProduct(e) + 0.001 * loop.ki.cwiseProduct(e);
+        const JointVector expected = -(inverse.inverse() * error);
+        const JointVector torque = compute(e, de, constant(0.0));
+        EXPECT_LE((torque - expected).norm(), 1e-9 * expected.norm());
+    }
 }
 
-TEST_F(NricTest, ThePluginHasTheDefaultsOfTheOptions) {
+// 20,000 ticks at a limit of the integral's torque, joint by joint, with gains that couple the joints.
+TEST_F(NricTest, CoupledGainsKeepTheBoundsToo) {
+    configure("integral_limit_Nm: 5, torque_rate_Nmps: 2000");
+    arm_.robot.actuation.torqueLimit.setConstant(n(), 50.0);
+    configure("integral_limit_Nm: 5, torque_rate_Nmps: 2000");
+    std::mt19937 random(8);
+    JointVector last = constant(0.0);
+    const JointVector held = makeRandomVector(n(), 0.02, random);
+    for (int k = 0; k < 20000; ++k) {
+        const JointVector filterTorque = constant(49.0);
+        const JointVector torque = compute(k < 10000 ? held : constant(0.0), constant(0.0), filterTorque);
+        ASSERT_LE((torque + filterTorque).cwiseAbs().maxCoeff(), 50.0 * (1.0 + 1e-14));
+        ASSERT_LE((torque - last).cwiseAbs().maxCoeff(), 2.0 * (1.0 + 1e-9));
+        last = torque;
+    }
+    // What is left is the integral's torque, which a coupled gain spreads over the joints.
+    EXPECT_LE(last.cwiseAbs().maxCoeff(), 5.0 * n());
+}
+
+TEST_F(NricTest, ThePluginHasTheBoundsOfTheOptions) {
     const Parameters parameters = arm_.read(PluginKind::RobustLoop, "nric", "");
     const NricOptions options;
-    EXPECT_EQ(parameters.jointNumbers("k_r"), options.kr.expand(n()));
-    EXPECT_EQ(parameters.jointNumbers("k_p"), options.kp.expand(n()));
-    EXPECT_EQ(parameters.jointNumbers("k_i"), options.ki.expand(n()));
+    for (const char* gain : {"k_r", "k_p", "k_i"}) EXPECT_EQ(parameters.jointNumbers(gain).size(), 0) << "not auto";
     EXPECT_EQ(parameters.jointNumbers("integral_limit_Nm"), options.integralLimit.expand(n()));
     EXPECT_EQ(parameters.jointNumbers("torque_rate_Nmps"), options.torqueRate.expand(n()));
 }

@@ -13,11 +13,20 @@
 namespace viable {
 namespace {
 
+/** The paper's matrices, unless `text` has some. */
+std::string withPapers(const std::string& text) {
+    if (text.find("stiffness") != std::string::npos || text.find("damping: [") != std::string::npos ||
+        text.find("natural_frequency") != std::string::npos)
+        return text;
+    return "stiffness: [600, 600, 600, 160, 160, 160], damping: [60, 60, 60, 16, 16, 16]" +
+           (text.empty() ? "" : ", " + text);
+}
+
 class TaskSpacePdTest : public ::testing::Test {
 protected:
     void configure(const std::string& text) { configure(controller_, text); }
     void configure(NominalController& controller, const std::string& text) {
-        controller.configure(arm_.setup(), arm_.read(PluginKind::NominalController, "task_space_pd", text));
+        controller.configure(arm_.setup(), arm_.read(PluginKind::NominalController, "task_space_pd", withPapers(text)));
         controller.reset(arm_.start);
     }
 
@@ -306,7 +315,7 @@ TEST_F(TaskSpacePdTest, Fault20SetPointBeyondReachGivesBoundedAcceleration) {
 TEST_F(TaskSpacePdTest, WorksForAnArmWithOneJoint) {
     TestArm arm("single_joint");
     TaskSpacePd controller;
-    controller.configure(arm.setup(), arm.read(PluginKind::NominalController, "task_space_pd", ""));
+    controller.configure(arm.setup(), arm.read(PluginKind::NominalController, "task_space_pd", withPapers("")));
     controller.reset(arm.start);
     const Dynamics d = arm.calcDynamics(arm.start);
     MotionCommand command = holdAt(d.tool);
@@ -355,9 +364,81 @@ TEST_F(TaskSpacePdTest, RefusesJointSpaceAndWhatIsNotFinite) {
 }
 
 TEST_F(TaskSpacePdTest, RefusesGainsOutsideTheirRange) {
-    EXPECT_CONTAINS(findComplaint([&] { configure("stiffness: [1, 2, 3]"); }), "stiffness");
+    EXPECT_CONTAINS(findComplaint([&] { configure("stiffness: [1, 2, 3], damping: [1, 1, 1, 1, 1, 1]"); }),
+                    "stiffness");
     EXPECT_CONTAINS(findComplaint([&] { configure("damping: [1, 1, 1, 1, 1, -1]"); }), "-1");
     EXPECT_CONTAINS(findComplaint([&] { configure("singular_threshold: -0.1"); }), "singular_threshold");
+}
+
+// Away from singular poses the tool's acceleration is w^2 e + 2 z w de in every direction, whatever it weighs: as the bound
+// of the inverse allows.
+TEST_F(TaskSpacePdTest, ShapedItAnswersAlikeInEveryDirection) {
+    configure("natural_frequency_radps: 8, damping_ratio: 0.7");
+    double worst = 0.0;
+    for (int k = 0; k < 200; ++k) {
+        MotionState state = drawState();
+        state.qd.setZero();
+        const Dynamics d = arm_.calcDynamics(state);
+        MotionCommand command = holdAt(d.tool);
+        command.tool.position += Eigen::Vector3d(makeRandomVector(3, 0.1, random_));
+        command.toolTwist = makeRandomVector(6, 0.3, random_);
+        JointVector qdd;
+        ASSERT_TRUE(calcForwardDynamics(d, compute(command, state), qdd));
+        Vector6 expected = 2.0 * 0.7 * 8.0 * command.toolTwist;
+        expected.head<3>() += 64.0 * (command.tool.position - d.tool.position);
+        worst = std::max(worst, (d.J * qdd - expected).norm() / expected.norm());
+    }
+    std::printf("farthest from the acceleration asked for: %.3g of it\n", worst);
+    EXPECT_LE(worst, 0.35);
+}
+
+TEST_F(TaskSpacePdTest, ShapedItDampsWhatTheToolDoesNotShow) {
+    TestArm arm("panda");
+    TaskSpacePd controller;
+    controller.configure(arm.setup(), arm.read(PluginKind::NominalController, "task_space_pd", ""));
+    controller.reset(arm.start);
+    MotionState state = arm.start;
+    const Dynamics d = arm.calcDynamics(state);
+    const Eigen::FullPivLU<Eigen::MatrixXd> rank(d.J);
+    state.qd = rank.kernel().col(0).normalized();
+    ASSERT_LE((d.J * state.qd).norm(), 1e-12);
+    const Dynamics moving = arm.calcDynamics(state);
+    ControllerOutput output;
+    ASSERT_EQ(controller.compute({holdAt(d.tool), state, moving}, output), TickStatus::Ok);
+    JointVector qdd;
+    ASSERT_TRUE(calcForwardDynamics(moving, output.torque, qdd));
+    // 2 z w = 40 1/s at the defaults, 10 rad/s and 2.
+    EXPECT_LE((qdd + 40.0 * state.qd).norm(), 1e-6);
+}
+
+TEST_F(TaskSpacePdTest, ShapedItStaysFiniteInSingularPosesOfEveryArm) {
+    for (const char* name : {"indy7", "panda", "ur5e", "planar_two_link", "single_joint"}) {
+        TestArm arm(name);
+        TaskSpacePd controller;
+        controller.configure(arm.setup(), arm.read(PluginKind::NominalController, "task_space_pd", ""));
+        controller.reset(arm.start);
+        for (int k = 0; k < 100; ++k) {
+            MotionState state = arm.start;
+            if (k > 0) state.q = makeRandomVector(arm.size(), 3.0, random_);
+            if (k % 2 == 0) state.q.setZero();
+            state.qd = makeRandomVector(arm.size(), 1.0, random_);
+            const Dynamics d = arm.calcDynamics(state);
+            MotionCommand command = holdAt(d.tool);
+            command.tool.position += Eigen::Vector3d(makeRandomVector(3, 0.2, random_));
+            ControllerOutput output;
+            ASSERT_EQ(controller.compute({command, state, d}, output), TickStatus::Ok) << name;
+            JointVector qdd;
+            ASSERT_TRUE(calcForwardDynamics(d, output.torque, qdd));
+            EXPECT_LE(qdd.cwiseAbs().maxCoeff(), 1e4) << name << " " << k;
+        }
+    }
+}
+
+TEST_F(TaskSpacePdTest, MatricesComeTogether) {
+    EXPECT_CONTAINS(findComplaint([&] { configure("stiffness: [1, 1, 1, 1, 1, 1]"); }), "belong together");
+    EXPECT_CONTAINS(findComplaint([&] { configure("damping: [1, 1, 1, 1, 1, 1]"); }), "Give both, or neither");
+    EXPECT_CONTAINS(findComplaint([&] { configure("stiffness: soft, natural_frequency_radps: 3"); }),
+                    "`soft` is neither a number nor `auto`");
 }
 
 TEST_F(TaskSpacePdTest, LoadsAsALibrary) {

@@ -27,7 +27,7 @@
  *             ) ] } ],
  *     "summary": { "columns": [str], "rows": [[str]], "note": str },
  *     "cases": [ {
- *         "name", "filter", "robust_loop", "plant", "guarantees": bool, "verdict": str, "ok": bool,
+ *         "name", "filter", "robust_loop", "plant", "guarantees": bool, "verdict": str, "ok": bool, "kept": bool,
  *         "stop": null | { "time_s", "message" }, "details": str (monospace text),
  *         "rows": int, "tick_s": num, "t0": 0, "step_s": num, "buckets": int,
  *         "joints": [ { "series": {
@@ -150,7 +150,8 @@ export class Case {
     for (const key of ['name', 'filter', 'robust_loop', 'plant', 'verdict', 'details'])
       this[key] = String(json[key] ?? '');
     this.guarantees = Boolean(json.guarantees);
-    this.ok = Boolean(json.ok);
+    this.ok = Boolean(json.ok); // the limits, and the job
+    this.kept = Boolean(json.kept ?? json.ok); // the limits
     this.stop = json.stop ?? null;
     this.rows = json.rows;
     this.tick = json.tick_s;

@@ -37,7 +37,7 @@ function stopText({ time_s: time, message }) {
 }
 
 function verdict(c) {
-  const kind = c.ok ? 'ok' : c.guarantees ? 'bad' : 'warn';
+  const kind = c.ok ? 'ok' : c.guarantees && !c.kept ? 'bad' : 'warn';
   const mark = { ok: '✓', bad: '✗', warn: '!' }[kind];
   const guarantee = c.guarantees ? 'guarantees its limits' : 'guarantees nothing';
   const parts = [c.filter, c.robust_loop, c.plant].filter(Boolean).join(' · ');

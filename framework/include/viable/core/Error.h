@@ -12,7 +12,7 @@ enum class ErrorKind {
     GuaranteeBroken = 3,  ///< a limit that was guaranteed was passed
     PluginFailed = 4,     ///< a plugin threw or returned nonsense during the run
     LogNotWritten = 5,    ///< the log could not be created or written to its end
-    TrackingLost = 6,     ///< the real arm left the bound around the nominal one and was braked
+    TrackingLost = 6,     ///< the real arm left the bound around the nominal one, or did not follow it, and was braked
 };
 
 /** An error of loading or configuring, told in one paragraph: where, what, and what to do.

@@ -25,7 +25,7 @@ struct TorqueGuardOptions {
     /** The loop Nric makes the real arm follow the nominal one; false: the motors get the filter's
     torque alone. */
     bool hasRobustLoop = true;
-    /** Its gains; none: those of scaleNric(), which every pose within the limits can carry. */
+    /** Its gains; none: those of scaleGains(), which every pose within the limits can carry. */
     std::optional<NricOptions> robustGains;
     /** Farthest that a joint may be from its nominal one before the arm is stopped [rad, prismatic: m];
     > 0, infinite: as far as it likes. A joint beyond it is pulled back as if it were this far (its

@@ -41,7 +41,7 @@ struct ParameterSpec {
     bool minIsOpen = false;
     bool maxIsOpen = false;
     bool mayBeInfinite = false;
-    const char* choices = nullptr;  ///< "a|b|c" for Choice
+    const char* choices = nullptr;  ///< "a|b|c" for Choice; for JointNumbers and Numbers words in place of numbers
     int minCount = 0;               ///< of Numbers and of each row of Rows
     int maxCount = 0;
 
@@ -71,6 +71,13 @@ struct ParameterSpec {
     constexpr ParameterSpec orInfinite() const {
         auto s = *this;
         s.mayBeInfinite = true;
+        return s;
+    }
+
+    /** Of JointNumbers and Numbers: `auto` may stand there, the value is then of size 0, and the plugin finds it. */
+    constexpr ParameterSpec orAuto() const {
+        auto s = *this;
+        s.choices = "auto";
         return s;
     }
 

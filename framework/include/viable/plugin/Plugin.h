@@ -33,6 +33,9 @@ struct RunSetup {
     controller, which is asked in the same thread, may view what it took. */
     SurroundingsFeed* surroundings = nullptr;
 
+    /** Ticks from a torque to the motors of the real plant; 0 where there is none, or for the plant itself. */
+    int delayTicks = 0;
+
     int size() const { return robot.size(); }
 };
 

@@ -31,6 +31,9 @@ public:
     /** Valid after configure(). */
     virtual Encoder encoder() const { return Encoder::Counts; }
 
+    /** Ticks from advance() until the motors give its torque, as far as the plant knows. Valid after configure(). */
+    virtual int delayTicks() const { return 0; }
+
     /** True: a clock of the plant's own makes the ticks, as a robot's packets do, and read() is called. Valid after
     configure(). */
     virtual bool hasClock() const { return false; }

@@ -1,18 +1,23 @@
 #pragma once
 
+#include <limits>
+
 #include "viable/plugin/Plugin.h"
 
 namespace viable {
 
-/** The law tau_a = -k_r (de + k_p e + k_i integral of e dt) on e = q_real - q_nominal, with one number per joint:
-what a
-tracking bound follows from (calcTrackingBound). */
+/** The law tau_a = -K_r (de + k_p e + k_i integral of e dt) on e = q_real - q_nominal, with one number per joint, as it is
+around a pose: its stability is judged by it (calcMargins), and a tracking bound follows from it (calcTrackingBound). */
 struct LinearErrorLoop {
-    JointVector kr;             ///< [Nms/rad]
+    JointVector kr;             ///< K_r = diag(k_r) [Nms/rad], or its bound, see inertiaRate
     JointVector kp;             ///< [1/s]
     JointVector ki;             ///< [1/s^2]
     JointVector integralLimit;  ///< of k_r k_i |integral| [Nm]; infinite: none
     JointVector torqueRate;     ///< of the change of tau_a [Nm/s]; infinite: none
+    /** c [1/s]: K_r = (diag(k_r)^-1 + (c M(q))^-1)^-1 with the nominal arm's inertia at its pose. So K_r is below c M, by
+    which every velocity error decays at c in every pose, and below diag(k_r). Infinite: K_r = diag(k_r). No tracking
+    bound is known where it is finite. */
+    double inertiaRate = std::numeric_limits<double>::infinity();
 };
 
 /** Makes the real arm follow the nominal one in spite of friction, payload and model error. */

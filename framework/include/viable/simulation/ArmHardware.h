@@ -65,6 +65,7 @@ public:
     void endTick(const JointVector& command, const JointState& encoders);
     const JointState& measured() const { return sensors_.measured(); }
     Encoder encoder() const { return sensors_.encoder(); }
+    int delayTicks() const { return delay_; }
 
 private:
     void takePush() { external_ = pushTicks_.contains(tick_) ? push_ : JointVector::Zero(n_); }

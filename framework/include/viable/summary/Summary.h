@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <map>
 #include <optional>
@@ -70,6 +71,34 @@ struct RealArmReference {
     std::optional<JointLimits> limits;
     std::optional<TrackingBound> bound;
     JointVector torqueLimit;  ///< of the motors [Nm]; empty: not looked at
+    /** The tool's pose at joint positions; empty: how far the real tool is from the commanded one is not looked at. */
+    std::function<Pose(const JointVector&)> calcTool;
+};
+
+/** How far a tool was from the commanded one, over ticks. */
+class ToolErrorRecord {
+public:
+    void add(const Pose& tool, const Pose& commanded);
+    double rms() const;       ///< of the distance [m]; not a number without ticks
+    double angleRms() const;  ///< of the angle [rad]
+    double largest() const;   ///< distance [m]
+
+private:
+    double squared_ = 0.0, squaredAngle_ = 0.0, largest_ = 0.0;
+    std::int64_t ticks_ = 0;
+};
+
+/** How a point moved: how far it was from its mean place, and how fast. */
+class PointMotion {
+public:
+    void add(const Eigen::Vector3d& p, double tick_s);
+    double spread() const;    ///< RMS distance from the mean place [m]
+    double speedRms() const;  ///< [m/s]
+
+private:
+    Eigen::Vector3d first_ = Eigen::Vector3d::Zero(), last_ = Eigen::Vector3d::Zero(), sum_ = Eigen::Vector3d::Zero();
+    double squared_ = 0.0, squaredSpeed_ = 0.0;
+    std::int64_t ticks_ = 0, steps_ = 0;
 };
 
 /** When the real arm, as measured, was first farther from the nominal one than its bound. */
@@ -167,8 +196,15 @@ public:
     double commandErrorRms() const;
     /** RMS over ticks of the distance between the nominal tool and the commanded one [m]; not a number without tool
     commands. */
-    double toolErrorRms() const;
-    double toolErrorMax() const;  ///< [m]
+    double toolErrorRms() const { return toolError_.rms(); }
+    double toolErrorMax() const { return toolError_.largest(); }  ///< [m]
+    const ToolErrorRecord& toolError() const { return toolError_; }
+    /** Of the real arm's tool (its true state, where the plant knows it). */
+    const ToolErrorRecord& realToolError() const { return realToolError_; }
+    /** RMS over ticks and joints of the real arm's - commanded position, as commandErrorRms() [rad]. */
+    double realCommandErrorRms() const;
+    const PointMotion& commandMotion() const { return commandMotion_; }  ///< of a commanded tool
+    const PointMotion& toolMotion() const { return toolMotion_; }        ///< of the nominal one that follows it
     /** RMS over ticks and joints of the nominal arm's jerk [rad/s^3]. */
     double jerkRms() const;
     /** RMS jerk of joints that a joint command presses against a position limit at rest, as a share of the jerk limit.
@@ -264,8 +300,9 @@ private:
     std::int64_t restTicks_ = 0;  // joint-ticks
     double squaredCommandError_ = 0.0;
     std::int64_t commandTicks_ = 0;  // joint-ticks
-    double squaredToolError_ = 0.0, largestToolError_ = 0.0;
-    std::int64_t toolTicks_ = 0;
+    double squaredRealCommandError_ = 0.0;
+    ToolErrorRecord toolError_, realToolError_;
+    PointMotion commandMotion_, toolMotion_;
     double squaredJerk_ = 0.0;
     bool broken_ = false;
     std::optional<Collisions> collisions_;

@@ -1,15 +1,15 @@
 #pragma once
 
 #include <limits>
+#include <memory>
 
 #include "viable/core/PerJoint.h"
 #include "viable/plugin/RobustLoop.h"
-#include "viable/robot/RobotDescription.h"
 
 namespace viable {
 
-/** Gains and bounds of Nric: one number for all joints, or one each. The plugin's parameters have the same
-defaults (a test compares them): the gains, each >= 0, are the paper's for the Indy7. */
+/** Gains and bounds of Nric: one number for all joints, or one each. The gains, each >= 0, are the paper's for the Indy7:
+those of another arm follow from scaleNric(), as the plugin's defaults do. */
 struct NricOptions {
     PerJoint kr = 600.0;  ///< on the whole error term [Nms/rad]
     PerJoint kp = 20.0;   ///< weight of the position error [1/s]
@@ -19,9 +19,11 @@ struct NricOptions {
     PerJoint integralLimit = std::numeric_limits<double>::infinity();
     /** Fastest change of tau_a [Nm/s, prismatic: N/s]; > 0. */
     PerJoint torqueRate = std::numeric_limits<double>::infinity();
+    /** See LinearErrorLoop [1/s]; > 0. */
+    double inertiaRate = std::numeric_limits<double>::infinity();
 };
 
-/** Gains that the arm can carry in every pose within its position limits.
+/** Constant gains that the arm can carry in every pose within its position limits.
 
 Method: sampled, the loop's velocity error is v+ = (I - M^-1 K_r dt) v, which becomes unstable once an
 eigenvalue of M(q)^-1 K_r dt passes 2. So K_r = s diag(d), with d_i the least inertia that joint i
@@ -30,17 +32,22 @@ eigenvalues over all poses is 1, half of what is stable; a payload adds inertia,
 distance. K_p = 100 1/s and K_i = 100 1/s^2 (experiments/panda_asymmetric_limits.yaml), but K_p dt
 <= 0.1, and K_i <= K_p / 4 x the slowest velocity loop, min over q of K_r / M_ii(q). And never
 stiffer than the paper's 600, 20 and 8 on the Indy7: K_r <= 600, K_r K_p <= 600 x 20, K_r K_i <= 600 x 8.
+Where the inertia of a joint differs much from pose to pose, such gains swing in the heavy ones: scaleGains() gives gains
+that follow the inertia.
 Assumes: inertias as described. The poses are a fixed sample of 1000, at corners and in between.
 @param tick_s  > 0
 @return        one gain per joint; finite, and zero for an arm without a usable inertia matrix
 Not for a loop: it takes some 10 ms. */
 NricOptions scaleNric(const RobotDescription& robot, const JointLimits& limits, double tick_s);
 
+class ArmRecursion;
+
 /** Pulls the real arm onto the nominal one (nonlinear robust internal-loop compensator, NRIC).
 
 Method: tau_a = -K_r (de + K_p e + K_i integral of e dt),  e = q_real - q_nominal  (paper, eq. 7)
-with one gain of each per joint. The integral's torque K_r K_i |integral| ends at integralLimit, at the
-motor's torque limit at the latest. tau_a changes by torqueRate x tick per tick at most, from zero at the
+with one gain of each per joint; with a finite inertiaRate K_r follows the arm's inertia (LinearErrorLoop). What the
+integral of a joint makes of that joint's torque, |(K_r)_ii K_i integral|, ends at integralLimit, at the motor's torque limit
+at the latest. tau_a changes by torqueRate x tick per tick at most, from zero at the
 start. The sum tau_c + tau_a is kept inside the motor's torque limit. While the last two cut the torque,
 the integral does not grow further against them (it may shrink). Where nothing is cut, tau_a is that of
 eq. 7 to the last bit.
@@ -53,7 +60,7 @@ tau_c; zero as long as e and de are.
 Real time: no allocation, lock or throw after configure(). */
 class Nric : public RobustLoop {
 public:
-    /** Reads `k_r`, `k_p`, `k_i`, `integral_limit_Nm` and `torque_rate_Nmps`. */
+    /** Reads `k_r`, `k_p`, `k_i`, `integral_limit_Nm` and `torque_rate_Nmps`; gains that are `auto` by scaleGains(). */
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     /** The same without an experiment file. Throws Error (BadInput) for options of the wrong number, gains
     below 0 or not finite, and bounds that are not above 0. */
@@ -68,15 +75,18 @@ public:
 
 private:
     void clear();
+    void setGain(const JointVector& q);
 
     int n_ = 0;
+    std::shared_ptr<const ArmRecursion> arm_;  // of a finite inertiaRate
+    JointMatrix gain_;                         // K_r
+    JointVector integralLimit_;                // of its torque [Nm]
     double tick_s_ = 0.0;
     LinearErrorLoop loop_;
     JointVector torqueLimit_;
-    JointVector largestIntegral_;  // [rad s]
-    JointVector largestStep_;      // of the torque in a tick [Nm]
-    JointVector integral_;         // of e [rad s]
-    JointVector lastTorque_;       // tau_a of the tick before [Nm]
+    JointVector largestStep_;  // of the torque in a tick [Nm]
+    JointVector integral_;     // of e [rad s]
+    JointVector lastTorque_;   // tau_a of the tick before [Nm]
     bool isIntegralHeld_ = false;
 };
 

@@ -1,5 +1,7 @@
 #include "experiment/CaseBlocks.h"
 
+#include <algorithm>
+#include "experiment/ExperimentKeys.h"
 #include "experiment/ResolvedNodes.h"
 #include "viable/core/Error.h"
 
@@ -14,7 +16,17 @@ PluginChoice readPlugin(const ConfigNode& block, PluginKind kind, const PluginLo
     const ConfigNode& name = *block.find("plugin");
     const PluginInfo info =
         loader.find(kind, toText(name), name.place(), std::filesystem::path(name.file).parent_path());
-    return {info, readParameters(block, info.entry->parameters, info.entry->parameterCount, joints)};
+    PluginChoice choice{info, {}};
+    // The host's own key, for any loop that tells its law.
+    std::vector<ParameterSpec> specs(info.entry->parameters, info.entry->parameters + info.entry->parameterCount);
+    const bool isRobustLoop = kind == PluginKind::RobustLoop;
+    const bool isDeclared = std::any_of(specs.begin(), specs.end(), [](const ParameterSpec& spec) {
+        return spec.name && std::string(spec.name) == makeAcceptUnstable().name;
+    });
+    if (isRobustLoop && !isDeclared) specs.push_back(makeAcceptUnstable());
+    choice.parameters = readParameters(block, specs.data(), specs.size(), joints);
+    choice.acceptsUnstable = isRobustLoop && !isDeclared && choice.parameters.flag(makeAcceptUnstable().name);
+    return choice;
 }
 
 std::vector<PluginChoice> readFilters(const ConfigNode& node, const PluginLoader& loader, int joints) {

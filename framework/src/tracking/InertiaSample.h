@@ -1,0 +1,44 @@
+#pragma once
+
+#include <vector>
+
+#include "viable/plugin/RobustLoop.h"
+#include "viable/robot/RobotDescription.h"
+
+namespace viable::detail {
+
+/** However heavy the arm: what the paper's gains come to on a real Indy7, K_r, K_r K_p and K_r K_i
+[Nms/rad, Nm/rad, Nm/(rad s)]. Real arms have flexible joints. */
+inline constexpr double kStiffest = 600.0, kStiffestPosition = 600.0 * 20.0, kStiffestIntegral = 600.0 * 8.0;
+
+/** And K_p however light the arm [1/s], as in experiments/panda_asymmetric_limits.yaml. */
+inline constexpr double kFastestPosition = 100.0;
+
+struct PoseInertia {
+    JointVector q;
+    JointMatrix M;  ///< positive definite [kg m^2]
+};
+
+/** At a fixed sample of poses within the position limits; without those at which M cannot be used. */
+std::vector<PoseInertia> sampleInertia(const RobotDescription& robot, const JointLimits& limits, int count);
+
+/** What the joints move over those poses, at least one of them. */
+struct InertiaRange {
+    JointVector least;     ///< with the other joints free, min 1 / (M^-1)_ii [kg m^2]
+    JointVector greatest;  ///< max M_ii [kg m^2]
+    double fastest = 0.0;  ///< largest eigenvalue of M^-1 diag(least)
+};
+InertiaRange findInertiaRange(const std::vector<PoseInertia>& samples);
+
+/** K_r at the inertia M. No allocation. */
+void calcLoopGain(const LinearErrorLoop& loop, const JointMatrix& M, JointMatrix& gain);
+
+/** K_p and K_i for a constant K_r, as far as they have no numbers, by the rule of scaleNric().
+@param greatest  inertia of each joint, see InertiaRange */
+LinearErrorLoop completeGains(LinearErrorLoop loop, const JointVector& greatest, double tick_s);
+
+/** The mode of M^-1 K_r dt from which on the velocity loop, by differences over a tick and `delayTicks` later, is unstable:
+its phase is -90 degrees - (1 + d) omega dt, its size c / (2 tan(omega dt / 2)). */
+double calcLargestMode(int delayTicks);
+
+}  // namespace viable::detail

@@ -1,0 +1,140 @@
+#include "viable/tracking/LoopStability.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <complex>
+#include <random>
+
+#include "Paths.h"
+#include "tracking/FrozenLoop.h"
+#include "tracking/InertiaSample.h"
+#include "viable/core/Numbers.h"
+
+namespace viable {
+namespace {
+
+LinearErrorLoop makeLoop(int n, double kr, double kp, double ki) {
+    LinearErrorLoop loop;
+    loop.kr.setConstant(n, kr);
+    loop.kp.setConstant(n, kp);
+    loop.ki.setConstant(n, ki);
+    return loop;
+}
+
+RobotDescription load(const char* name) {
+    return loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + name);
+}
+
+// One joint of 1 kg m^2, velocity part alone: unstable from c = 2 tan(pi / (4 + 4 d)) on, crossing 1 where the phase is
+// -90 degrees - (1 + d) omega dt with tan(omega dt / 2) = c / 2.
+TEST(LoopStability, MarginsOfOneJointAreThoseOfTheFormula) {
+    const RobotDescription robot = load("single_joint");
+    const double h = 1e-3;
+    for (const int delay : {0, 1, 2, 5, 20}) {
+        const double largest = 2.0 * std::tan(kPi / (4.0 * (1.0 + delay))) / h;
+        EXPECT_NEAR(findLargestGains(robot, robot.limits, h, delay)[0], largest, 1e-9 * largest);
+        for (const double share : {0.9, 0.5, 0.2}) {
+            const double c = share * largest * h;
+            const LoopMargins m = calcMargins(robot, robot.limits, h, delay, makeLoop(1, c / h, 0.0, 0.0));
+            const double angle = 2.0 * std::atan(c / 2.0);
+            EXPECT_TRUE(m.isStable);
+            EXPECT_NEAR(m.gain, 1.0 / share, 2e-3 / share) << delay;
+            EXPECT_NEAR(m.phase_rad, kPi / 2.0 - (1.0 + delay) * angle, 2e-3) << delay;
+        }
+        EXPECT_FALSE(calcMargins(robot, robot.limits, h, delay, makeLoop(1, 1.01 * largest, 0.0, 0.0)).isStable);
+    }
+}
+
+/** Spectral radius with all torques times a complex factor: another route to the margins. */
+double calcRadius(const RobotDescription& robot, const LinearErrorLoop& loop, const JointMatrix& M, double h, int delay,
+                  double gain) {
+    JointMatrix K;
+    detail::calcLoopGain(loop, M, K);
+    return detail::calcSpectralRadius({M, JointVector::Zero(robot.size()), gain * K, loop.kp, loop.ki, h, delay});
+}
+
+// On whole arms, at the gain margin found: in some pose the loop becomes unstable there, up or down, and in none before.
+TEST(LoopStability, TheGainMarginIsWhereTheLoopBecomesUnstable) {
+    std::mt19937 random(11);
+    std::uniform_real_distribution<double> draw(0.0, 1.0);
+    for (const char* name : {"panda", "ur5e", "indy7", "planar_two_link"})
+        for (int k = 0; k < 6; ++k) {
+            const RobotDescription robot = load(name);
+            const double h = k % 2 ? 1e-3 : 2e-3;
+            const int delay = k % 3;
+            LinearErrorLoop loop = scaleGains(robot, robot.limits, h, delay);
+            // Off the rule, in gains and structure.
+            loop.kp *= 0.3 + 2.0 * draw(random);
+            loop.ki *= 0.3 + 2.0 * draw(random);
+            if (k >= 3) {
+                loop.inertiaRate = kInfinity;
+                loop.kr = (0.1 + 0.5 * draw(random)) * findLargestGains(robot, robot.limits, h, delay);
+            }
+            const LoopMargins m = calcMargins(robot, robot.limits, h, delay, loop);
+            const auto samples = detail::sampleInertia(robot, robot.limits, 256);
+            const auto isStable = [&](double gain) {
+                for (const auto& sample : samples)
+                    if (calcRadius(robot, loop, sample.M, h, delay, gain) >= 1.0) return false;
+                return true;
+            };
+            EXPECT_EQ(m.isStable, isStable(1.0)) << name << " " << k;
+            if (!m.isStable || m.gain > 30.0) continue;
+            // The poses that are looked at are those of the fastest and the slowest mode: in others the margin may be a
+            // little smaller.
+            const double inside = 1.0 + 0.93 * (m.gain - 1.0);
+            EXPECT_TRUE(isStable(inside) && isStable(1.0 / inside)) << name << " " << k << " " << m.gain;
+            EXPECT_FALSE(isStable(1.02 * m.gain) && isStable(1.0 / (1.02 * m.gain)))
+                << name << " " << k << " " << m.gain;
+        }
+}
+
+// In every pose, not only where it was looked.
+TEST(LoopStability, ScaledGainsHaveEnoughMarginOnEveryArmAndTick) {
+    for (const char* name : {"panda", "ur5e", "indy7", "planar_two_link", "single_joint"})
+        for (const double h : {5e-4, 1e-3, 4e-3})
+            for (const int delay : {0, 3}) {
+                const RobotDescription robot = load(name);
+                const LinearErrorLoop loop = scaleGains(robot, robot.limits, h, delay);
+                const LoopMargins m = calcMargins(robot, robot.limits, h, delay, loop);
+                EXPECT_TRUE(m.isEnough()) << name << " " << h << " " << delay << ": " << formatMargins(m);
+                EXPECT_GT(loop.kp.minCoeff(), 0.0);
+                for (const auto& sample : detail::sampleInertia(robot, robot.limits, 300)) {
+                    for (const double gain : {0.5, 1.0, 1.9})
+                        EXPECT_LT(calcRadius(robot, loop, sample.M, h, delay, gain), 1.0) << name;
+                    JointMatrix K;
+                    detail::calcLoopGain(loop, sample.M, K);
+                    EXPECT_LE((K.diagonal() - loop.kr).maxCoeff(), 1e-9);
+                    EXPECT_LE((K - K.transpose()).cwiseAbs().maxCoeff(), 1e-9 * K.norm());
+                }
+            }
+}
+
+TEST(LoopStability, GivenGainsAreKeptAndTheOthersFitThem) {
+    const RobotDescription robot = load("panda");
+    LinearErrorLoop given;
+    given.kr = 0.3 * findLargestGains(robot, robot.limits, 1e-3, 0);
+    const LinearErrorLoop loop = scaleGains(robot, robot.limits, 1e-3, 0, given);
+    EXPECT_EQ(loop.kr, given.kr);
+    EXPECT_TRUE(std::isinf(loop.inertiaRate));
+    EXPECT_GT(loop.kp.minCoeff(), 0.0);
+    EXPECT_GT(loop.ki.minCoeff(), 0.0);
+    EXPECT_TRUE(calcMargins(robot, robot.limits, 1e-3, 0, loop).isStable);
+}
+
+TEST(LoopStability, WithoutGainsNothingIsUnstable) {
+    const RobotDescription robot = load("indy7");
+    const LoopMargins m = calcMargins(robot, robot.limits, 1e-3, 0, makeLoop(6, 0.0, 0.0, 0.0));
+    EXPECT_TRUE(m.isEnough());
+    LinearErrorLoop one = makeLoop(6, 0.0, 20.0, 8.0);
+    one.kr[2] = 100.0;
+    EXPECT_TRUE(calcMargins(robot, robot.limits, 1e-3, 0, one).isStable);
+    one.kr[2] = 1e4;
+    const LoopMargins unstable = calcMargins(robot, robot.limits, 1e-3, 0, one);
+    EXPECT_FALSE(unstable.isStable);
+    EXPECT_EQ(unstable.joint, 2);
+}
+
+}  // namespace
+}  // namespace viable

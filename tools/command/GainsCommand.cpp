@@ -1,0 +1,96 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+
+#include "Commands.h"
+#include "core/Text.h"
+#include "tracking/InertiaSample.h"
+#include "viable/core/Error.h"
+#include "viable/plugin/Plugin.h"
+#include "viable/tracking/LoopStability.h"
+#include "viable/tracking/Nric.h"
+
+namespace viable {
+
+namespace {
+
+struct GainsArguments {
+    std::string robot;
+    double tick_s = 0.001;
+    int delayTicks = 0;
+};
+
+void run(const GainsArguments& arguments) {
+    if (!(arguments.tick_s >= kShortestTick_s && arguments.tick_s <= kLongestTick_s))
+        throw badInput("--tick", detail::formatNumber(arguments.tick_s) + " s is outside [1e-05, 0.1]",
+                       "Give the length of a tick of the control loop in seconds, such as 0.001.");
+    const RobotDescription robot = loadRobot(findRobot(arguments.robot, makeRobotSearchPath({}), "ROBOT"));
+    const LinearErrorLoop loop = scaleGains(robot, robot.limits, arguments.tick_s, arguments.delayTicks);
+    const LoopMargins margins = calcMargins(robot, robot.limits, arguments.tick_s, arguments.delayTicks, loop);
+    if (!(loop.kr.maxCoeff() > 0.0))
+        throw badInput(robot.folder.string(), "no pose of the robot has a usable inertia matrix",
+                       "`viable check` says what is wrong with the robot.");
+    const JointVector largest = findLargestGains(robot, robot.limits, arguments.tick_s, arguments.delayTicks);
+    const detail::InertiaRange range = detail::findInertiaRange(detail::sampleInertia(robot, robot.limits, 1000));
+
+    std::printf(
+        "%s at a tick of %s s%s: gains of the robust loop that the arm carries in every pose\n", robot.name.c_str(),
+        detail::formatNumber(arguments.tick_s).c_str(),
+        arguments.delayTicks > 0 ? detail::format(" and a delay of %d ticks", arguments.delayTicks).c_str() : "");
+    int width = 5;
+    for (const JointDescription& joint : robot.joints) width = std::max(width, static_cast<int>(joint.name.size()));
+    std::printf("%-*s  %17s %8s %8s   %-19s  %s\n", width, "joint", "K_r [Nms/rad]", "k_p", "k_i", "inertia [kg m^2]",
+                "unstable from k_r");
+    for (int i = 0; i < robot.size(); ++i) {
+        const auto calcGain = [&](double inertia) {
+            return 1.0 / (1.0 / loop.kr[i] + 1.0 / (loop.inertiaRate * inertia));
+        };
+        std::printf(
+            "%-*s  %17s %8.4g %8.4g   %-19s  %.4g\n", width, robot.joints[static_cast<std::size_t>(i)].name.c_str(),
+            detail::format("%.3g to %.3g", calcGain(range.least[i]), calcGain(range.greatest[i])).c_str(), loop.kp[i],
+            loop.ki[i], detail::format("%.3g to %.3g", range.least[i], range.greatest[i]).c_str(), largest[i]);
+    }
+    std::printf(
+        "K_r follows the inertia of the pose: (1/600 + (%.4g/s M(q))^-1)^-1. Margins: %s (at least 6 dB and 35 "
+        "degrees).\n"
+        "No product is larger than on the paper's Indy7: K_r 600 Nms/rad, K_r k_p 12000 Nm/rad, K_r k_i 4800 Nm/(rad "
+        "s).\n"
+        "`robust_loop: {plugin: nric}` takes these gains by itself.\n"
+        "inertia: the least with the other joints free, and the greatest of the joint alone, over all poses; rotors "
+        "included.\n"
+        "unstable from k_r: constant gains, the same in all poses, with which the loop just becomes unstable, "
+        "together.\n",
+        loop.inertiaRate, formatMargins(margins).c_str());
+    if (arguments.delayTicks == 0) {
+        const NricOptions constant = scaleNric(robot, robot.limits, arguments.tick_s);
+        LinearErrorLoop fixed;
+        fixed.kr = constant.kr.expand(robot.size());
+        fixed.kp = constant.kp.expand(robot.size());
+        fixed.ki = constant.ki.expand(robot.size());
+        std::printf(
+            "Constant ones, for a tracking bound (margins: %s):\n  robust_loop: {plugin: nric, k_r: %s, k_p: %s, k_i: "
+            "%s}\n",
+            formatMargins(calcMargins(robot, robot.limits, arguments.tick_s, 0, fixed)).c_str(),
+            detail::formatList(fixed.kr).c_str(), detail::formatList(fixed.kp).c_str(),
+            detail::formatList(fixed.ki).c_str());
+    }
+    if (robot.actuation.rotorInertia.maxCoeff() == 0.0)
+        std::printf("No rotor inertias are given (actuation.yaml): with them light joints carry more.\n");
+}
+
+}  // namespace
+
+void addGainsCommand(CLI::App& app, int& exitCode) {
+    auto arguments = std::make_shared<GainsArguments>();
+    CLI::App* command = app.add_subcommand("gains", "Gains of the robust loop that a robot carries, and why");
+    command->add_option("ROBOT", arguments->robot, "Name or folder of a robot")->required();
+    command->add_option("--tick", arguments->tick_s, "Length of a tick [s] (default: 0.001)");
+    command->add_option("--delay", arguments->delayTicks, "Ticks from a torque to the motors (default: 0)")
+        ->check(CLI::Range(0, 20));
+    command->callback([arguments, &exitCode] {
+        run(*arguments);
+        exitCode = 0;
+    });
+}
+
+}  // namespace viable
