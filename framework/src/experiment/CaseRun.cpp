@@ -90,12 +90,13 @@ LogOpening makeOpening(const ConfiguredCase& configured) {
 /** The poses of the tool, which the records of a run do not have of the real arm. */
 std::function<Pose(const JointVector&)> makeToolCalculator(const RobotDescription& robot) {
     struct Arm {
-        ArmRecursion recursion;
+        explicit Arm(const RobotDescription& r) : recursion(r), parent(r.toolParent), placement(r.toolPlacement) {}
+        const ArmRecursion recursion;
         ArmRecursion::Frames frames;
-        int parent;
-        Eigen::Isometry3d placement;
+        const int parent;
+        const Eigen::Isometry3d placement;
     };
-    auto arm = std::make_shared<Arm>(Arm{ArmRecursion(robot), {}, robot.toolParent, robot.toolPlacement});
+    const auto arm = std::make_shared<Arm>(robot);
     return [arm](const JointVector& q) {
         arm->recursion.calcFrames(q, arm->frames);
         Eigen::Isometry3d pose = arm->placement;
