@@ -8,7 +8,6 @@
 #include "viable/core/Error.h"
 #include "viable/plugin/Plugin.h"
 #include "viable/tracking/LoopStability.h"
-#include "viable/tracking/Nric.h"
 
 namespace viable {
 
@@ -62,17 +61,10 @@ void run(const GainsArguments& arguments) {
         "together.\n",
         loop.inertiaRate, formatMargins(margins).c_str());
     if (arguments.delayTicks == 0) {
-        const NricOptions constant = scaleNric(robot, robot.limits, arguments.tick_s);
-        LinearErrorLoop fixed;
-        fixed.kr = constant.kr.expand(robot.size());
-        fixed.kp = constant.kp.expand(robot.size());
-        fixed.ki = constant.ki.expand(robot.size());
-        std::printf(
-            "Constant ones, for a tracking bound (margins: %s):\n  robust_loop: {plugin: nric, k_r: %s, k_p: %s, k_i: "
-            "%s}\n",
-            formatMargins(calcMargins(robot, robot.limits, arguments.tick_s, 0, fixed)).c_str(),
-            detail::formatList(fixed.kr).c_str(), detail::formatList(fixed.kp).c_str(),
-            detail::formatList(fixed.ki).c_str());
+        const LinearErrorLoop constant = detail::scaleConstantGains(robot, robot.limits, arguments.tick_s);
+        std::printf("Constant ones, for a tracking bound (margins: %s):\n  robust_loop: {plugin: nric, %s}\n",
+                    formatMargins(calcMargins(robot, robot.limits, arguments.tick_s, 0, constant)).c_str(),
+                    detail::formatGains(constant).c_str());
     }
     if (robot.actuation.rotorInertia.maxCoeff() == 0.0)
         std::printf("No rotor inertias are given (actuation.yaml): with them light joints carry more.\n");

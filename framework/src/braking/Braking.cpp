@@ -113,6 +113,19 @@ StationaryStop calcStationaryStop(double v, double a, const AxisLimits& limits) 
     return calcBySide(v, a, limits, findSide(v, a, limits), calcUpperStationaryStop);
 }
 
+double calcLongestStop(const JointLimits& limits) {
+    double longest_s = 0.0;
+    for (int i = 0; i < limits.size(); ++i) {
+        const AxisLimits axis = limits.axis(i);
+        for (const double v : {axis.velocityLower, axis.velocityUpper}) {
+            if (!std::isfinite(v)) continue;
+            const double stop_s = calcStationaryStop(v, 0.0, axis).duration();
+            if (std::isfinite(stop_s)) longest_s = std::max(longest_s, stop_s);
+        }
+    }
+    return longest_s;
+}
+
 VelocityZeroingStop calcVelocityZeroingStop(double v, double a, const AxisLimits& limits) {
     return calcVelocityZeroingStop(v, a, limits, findSide(v, a, limits));
 }

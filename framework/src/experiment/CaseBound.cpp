@@ -6,6 +6,7 @@
 #include "core/Text.h"
 #include "experiment/CaseChecks.h"
 #include "experiment/ResolvedNodes.h"
+#include "tracking/InertiaSample.h"
 #include "viable/core/Error.h"
 
 namespace viable::detail {
@@ -53,16 +54,12 @@ JointBounds tighten(const JointBounds& bounds, const JointVector& margin, const 
 
 TrackingBound findBound(const CasePlan& plan, const LinearErrorLoop& loop) {
     const Parameters& disturbances = *plan.disturbances;
-    if (!std::isinf(loop.inertiaRate)) {
-        const NricOptions constant = scaleNric(plan.robot, plan.limits, plan.tick_s);
-        const int n = plan.robot.size();
+    if (!std::isinf(loop.inertiaRate))
         throw badInput(plan.robustLoop->parameters.resolved().place(),
                        "the disturbance_set asks for a tracking bound, which is known for constant gains only, not for "
                        "those that follow the arm's inertia (`auto`)",
-                       "Give them in this block; stable ones are k_r: " + formatList(constant.kr.expand(n)) +
-                           ", k_p: " + formatList(constant.kp.expand(n)) +
-                           ", k_i: " + formatList(constant.ki.expand(n)) + ".");
-    }
+                       "Give them in this block; stable ones are " +
+                           formatGains(scaleConstantGains(plan.robot, plan.limits, plan.tick_s)) + ".");
     const ConfigNode inputs = makeMap(
         {{"robot", makeScalar(std::filesystem::canonical(plan.robot.folder), true)},
          {"tick_s", makeNumber(plan.tick_s)},

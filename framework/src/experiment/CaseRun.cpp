@@ -114,11 +114,11 @@ constexpr double kFastest = 20.0;
 
 /** Ticks that a stop may take: twice that of an arm at its velocity limits, or at `qd`, and 10 s at least. */
 std::int64_t calcMostBraking(const JointLimits& limits, const JointVector& qd, double tick_s) {
-    double longest_s = 5.0;
+    double longest_s = std::max(5.0, calcLongestStop(limits));
     for (int i = 0; i < limits.size(); ++i) {
-        const AxisLimits axis = limits.axis(i);
-        for (const double v : {axis.velocityLower, axis.velocityUpper, std::clamp(qd[i], -kFastest, kFastest)})
-            if (std::isfinite(v)) longest_s = std::max(longest_s, calcStationaryStop(v, 0.0, axis).duration());
+        const double stop_s =
+            calcStationaryStop(std::clamp(qd[i], -kFastest, kFastest), 0.0, limits.axis(i)).duration();
+        if (std::isfinite(stop_s)) longest_s = std::max(longest_s, stop_s);
     }
     return std::llround(std::min(2.0 * longest_s / tick_s, 1e12));
 }

@@ -48,7 +48,7 @@ std::string findCause(const CasePlan& plan, const LinearErrorLoop& loop, int del
         return "k_r of " + getName(joint) + " is " + formatNumber(loop.kr[joint]) +
                ", and those with which it just becomes unstable, together, are about " + formatList(largest);
     // At low frequencies, in the pose where the joint moves most, k_i must stay below k_p k_r / M.
-    const std::vector<PoseInertia> samples = sampleInertia(plan.robot, plan.limits, 256);
+    const std::vector<PoseInertia> samples = sampleInertia(plan.robot, plan.limits, kMarginPoses);
     if (!samples.empty()) {
         const JointVector greatest = findInertiaRange(samples).greatest;
         JointVector most = loop.kr.cwiseQuotient(greatest);
@@ -68,18 +68,16 @@ std::string findCause(const CasePlan& plan, const LinearErrorLoop& loop, int del
 LoopMargins checkStability(const CasePlan& plan, const LinearErrorLoop& loop, int delayTicks) {
     LoopMargins margins = findMargins(plan, loop, delayTicks);
     if (margins.isStable || plan.robustLoop->acceptsUnstable) return margins;
-    const int n = plan.robot.size();
-    const NricOptions constant = scaleNric(plan.robot, plan.limits, plan.tick_s);
-    throw badInput(
-        plan.robustLoop->parameters.resolved().place(),
-        "the robust loop is unstable on this arm at a tick of " + formatNumber(plan.tick_s) + " s" +
-            (delayTicks > 0 ? " and a delay of " + std::to_string(delayTicks) + " ticks" : "") + ": " +
-            findCause(plan, loop, delayTicks),
-        "Nric: leave the gains out (`auto`)" +
-            (delayTicks > 0 ? std::string()
-                            : ", or take constant ones such as k_r: " + formatList(constant.kr.expand(n)) + ", k_p: " +
-                                  formatList(constant.kp.expand(n)) + ", k_i: " + formatList(constant.ki.expand(n))) +
-            ". To run it all the same: `" + std::string(makeAcceptUnstable().name) + ": true` in this block.");
+    throw badInput(plan.robustLoop->parameters.resolved().place(),
+                   "the robust loop is unstable on this arm at a tick of " + formatNumber(plan.tick_s) + " s" +
+                       (delayTicks > 0 ? " and a delay of " + std::to_string(delayTicks) + " ticks" : "") + ": " +
+                       findCause(plan, loop, delayTicks),
+                   "Nric: leave the gains out (`auto`)" +
+                       (delayTicks > 0 ? std::string()
+                                       : ", or take constant ones such as " +
+                                             formatGains(scaleConstantGains(plan.robot, plan.limits, plan.tick_s))) +
+                       ". To run it all the same: `" + std::string(makeAcceptUnstable().name) +
+                       ": true` in this block.");
 }
 
 }  // namespace viable::detail

@@ -71,7 +71,7 @@ void addCommand(const CaseResult& r, std::vector<std::string>& found) {
         "the tool %s: %.3g mm and %.3g degrees from it, RMS, where the command itself moves by %.3g mm (limits, "
         "obstacles or "
         "the arm's reach%s)",
-        swings ? "swings about its command" : "misses its command", 1e3 * error, s.toolError().angleRms() * 180.0 / kPi,
+        swings ? "swings about its command" : "misses its command", 1e3 * error, s.toolError().angleRms() / kDegree,
         1e3 * spread,
         r.controller == "tool_servo" ? "" : "; where it is a jerk limit, tool_servo, which knows it, comes nearer"));
 }

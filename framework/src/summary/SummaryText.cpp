@@ -215,7 +215,7 @@ std::string formatCommandErrors(const Summary& s) {
     const auto add = [&](const char* arm, const ToolErrorRecord& error) {
         if (std::isnan(error.rms())) return;
         text += format("%s %s tool %.4g mm and %.3g degrees RMS, at most %.4g mm", text.empty() ? "" : ";", arm,
-                       1e3 * error.rms(), error.angleRms() * 180.0 / kPi, 1e3 * error.largest());
+                       1e3 * error.rms(), error.angleRms() / kDegree, 1e3 * error.largest());
     };
     add("nominal", s.toolError());
     add("real", s.realToolError());

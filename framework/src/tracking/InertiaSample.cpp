@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/Text.h"
 #include "robot/InertiaModes.h"
 #include "robot/PoseSampling.h"
 #include "viable/robot/RobotModel.h"
@@ -35,18 +36,19 @@ InertiaRange findInertiaRange(const std::vector<PoseInertia>& samples) {
     return range;
 }
 
-void calcLoopGain(const LinearErrorLoop& loop, const JointMatrix& M, JointMatrix& gain) {
-    if (std::isinf(loop.inertiaRate)) {
-        gain = loop.kr.asDiagonal();
-        return;
-    }
+JointMatrix calcLoopGain(const LinearErrorLoop& loop, const JointMatrix& M) {
+    if (std::isinf(loop.inertiaRate)) return loop.kr.asDiagonal();
     // c M (diag(k_r) + c M)^-1 diag(k_r)
     const JointMatrix carried = loop.inertiaRate * M;
     JointMatrix sum = carried;
     sum.diagonal() += loop.kr;
     JointMatrix share = loop.kr.asDiagonal();
     Eigen::LLT<JointMatrix>(sum).solveInPlace(share);
-    gain.noalias() = carried.lazyProduct(share);
+    return carried.lazyProduct(share);
+}
+
+std::string formatGains(const LinearErrorLoop& loop) {
+    return "k_r: " + formatList(loop.kr) + ", k_p: " + formatList(loop.kp) + ", k_i: " + formatList(loop.ki);
 }
 
 LinearErrorLoop completeGains(LinearErrorLoop loop, const JointVector& greatest, double tick_s) {
@@ -66,6 +68,21 @@ LinearErrorLoop completeGains(LinearErrorLoop loop, const JointVector& greatest,
             loop.ki[i] = std::min({kLargestKi, kStiffestIntegral / kr, kIntegralShare * loop.kp[i] * kr / greatest[i]});
     }
     return loop;
+}
+
+LinearErrorLoop scaleConstantGains(const RobotDescription& robot, const JointLimits& limits, double tick_s) {
+    constexpr int kPoses = 1000;
+    /** Largest eigenvalue of M^-1 K_r dt there; the sampled loop becomes unstable from 2 on. */
+    constexpr double kLargestMode = 1.0;
+    LinearErrorLoop loop;
+    const std::vector<PoseInertia> samples = sampleInertia(robot, limits, kPoses);
+    if (samples.empty()) {
+        for (JointVector* gains : {&loop.kr, &loop.kp, &loop.ki}) gains->setZero(robot.size());
+        return loop;
+    }
+    const InertiaRange range = findInertiaRange(samples);
+    loop.kr = (kLargestMode / tick_s / range.fastest * range.least).cwiseMin(kStiffest);
+    return completeGains(loop, range.greatest, tick_s);
 }
 
 double calcLargestMode(int delayTicks) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "viable/plugin/RobustLoop.h"
@@ -13,6 +14,9 @@ inline constexpr double kStiffest = 600.0, kStiffestPosition = 600.0 * 20.0, kSt
 
 /** And K_p however light the arm [1/s], as in experiments/panda_asymmetric_limits.yaml. */
 inline constexpr double kFastestPosition = 100.0;
+
+/** Poses in which the margins of a loop are looked for. */
+inline constexpr int kMarginPoses = 256;
 
 struct PoseInertia {
     JointVector q;
@@ -31,7 +35,13 @@ struct InertiaRange {
 InertiaRange findInertiaRange(const std::vector<PoseInertia>& samples);
 
 /** K_r at the inertia M. No allocation. */
-void calcLoopGain(const LinearErrorLoop& loop, const JointMatrix& M, JointMatrix& gain);
+JointMatrix calcLoopGain(const LinearErrorLoop& loop, const JointMatrix& M);
+
+/** scaleNric() as a law. */
+LinearErrorLoop scaleConstantGains(const RobotDescription& robot, const JointLimits& limits, double tick_s);
+
+/** "k_r: [10.1, 4], k_p: [20, 20], k_i: [8, 8]": constant gains as the block of a robust loop takes them. */
+std::string formatGains(const LinearErrorLoop& loop);
 
 /** K_p and K_i for a constant K_r, as far as they have no numbers, by the rule of scaleNric().
 @param greatest  inertia of each joint, see InertiaRange */

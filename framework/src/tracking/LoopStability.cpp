@@ -19,18 +19,11 @@ using Complex = std::complex<double>;
 using ComplexMatrix = Eigen::Matrix<Complex, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxJoints, kMaxJoints>;
 using Loci = std::array<Complex, kMaxJoints>;
 
-constexpr int kMarginPoses = 256;
 /** Frequencies of the unit circle that are looked at, evenly in their logarithm from kLeastAngle to pi. */
 constexpr int kFrequencies = 400;
 constexpr double kLeastAngle = 1e-5;
 /** Of a double pole. */
 constexpr double kRounding = 1e-6;
-
-JointMatrix calcGain(const LinearErrorLoop& loop, const JointMatrix& M) {
-    JointMatrix gain;
-    detail::calcLoopGain(loop, M, gain);
-    return gain;
-}
 
 /** How fast errors of the velocity decay, ascending: the eigenvalues of M^-1 K_r [1/s]. */
 Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> findRates(const JointMatrix& M, const JointMatrix& gain, int options) {
@@ -45,7 +38,7 @@ class OpenLoop {
 public:
     OpenLoop(const JointMatrix& M, double tick_s, int delayTicks, const LinearErrorLoop& loop)
         : n_(static_cast<int>(M.rows())),
-          plant_(M.llt().solve(calcGain(loop, M))),
+          plant_(M.llt().solve(detail::calcLoopGain(loop, M))),
           tick_s_(tick_s),
           delayTicks_(delayTicks),
           loop_(loop) {}
@@ -140,13 +133,10 @@ LinearErrorLoop followInertia(const LinearErrorLoop& given, const JointVector& g
     return loop;
 }
 
-}  // namespace
-
-LoopMargins calcMargins(const RobotDescription& robot, const JointLimits& limits, double tick_s, int delayTicks,
-                        const LinearErrorLoop& loop) {
-    const int n = robot.size();
+/** @param samples  of an arm of n joints */
+LoopMargins findSampleMargins(const std::vector<detail::PoseInertia>& samples, int n, double tick_s, int delayTicks,
+                              const LinearErrorLoop& loop) {
     LoopMargins margins;
-    const std::vector<detail::PoseInertia> samples = detail::sampleInertia(robot, limits, kMarginPoses);
     if (samples.empty() || !(loop.kr.maxCoeff() > 0.0)) {
         margins.isStable = !samples.empty();  // nothing acts
         margins.gain = kInfinity;
@@ -157,7 +147,7 @@ LoopMargins calcMargins(const RobotDescription& robot, const JointLimits& limits
     const detail::PoseInertia* slowest = nullptr;
     double fastestMode = 0.0, slowestMode = kInfinity;
     for (const detail::PoseInertia& sample : samples) {
-        const auto modes = findRates(sample.M, calcGain(loop, sample.M), Eigen::EigenvaluesOnly);
+        const auto modes = findRates(sample.M, detail::calcLoopGain(loop, sample.M), Eigen::EigenvaluesOnly);
         if (!(modes.eigenvalues()[n - 1] <= fastestMode)) {
             fastestMode = modes.eigenvalues()[n - 1];
             fastest = &sample;
@@ -168,7 +158,7 @@ LoopMargins calcMargins(const RobotDescription& robot, const JointLimits& limits
         }
     }
     if (!fastest) fastest = &samples.front();
-    const auto modes = findRates(fastest->M, calcGain(loop, fastest->M), Eigen::ComputeEigenvectors);
+    const auto modes = findRates(fastest->M, detail::calcLoopGain(loop, fastest->M), Eigen::ComputeEigenvectors);
     const JointVector mode = fastest->M.llt().matrixU().solve(JointVector(modes.eigenvectors().col(n - 1)));
     Eigen::Index joint = 0;
     mode.cwiseAbs().maxCoeff(&joint);
@@ -180,7 +170,7 @@ LoopMargins calcMargins(const RobotDescription& robot, const JointLimits& limits
     margins.phase_rad = kPi;
     for (const detail::PoseInertia* sample : {fastest, slowest}) {
         if (!sample) continue;
-        const JointMatrix gain = calcGain(loop, sample->M);
+        const JointMatrix gain = detail::calcLoopGain(loop, sample->M);
         const detail::FrozenLoop frozen{sample->M, JointVector::Zero(n), gain, loop.kp, loop.ki, tick_s, delayTicks};
         // What a gain of zero leaves alone stays where it is: poles at 1, several of them but for rounding.
         margins.isStable &= detail::calcSpectralRadius(frozen) < (hasZero ? 1.0 + kRounding : 1.0);
@@ -193,10 +183,18 @@ LoopMargins calcMargins(const RobotDescription& robot, const JointLimits& limits
     return margins;
 }
 
+}  // namespace
+
+LoopMargins calcMargins(const RobotDescription& robot, const JointLimits& limits, double tick_s, int delayTicks,
+                        const LinearErrorLoop& loop) {
+    const auto samples = detail::sampleInertia(robot, limits, detail::kMarginPoses);
+    return findSampleMargins(samples, robot.size(), tick_s, delayTicks, loop);
+}
+
 LinearErrorLoop scaleGains(const RobotDescription& robot, const JointLimits& limits, double tick_s, int delayTicks,
                            const LinearErrorLoop& given) {
     const int n = robot.size();
-    const std::vector<detail::PoseInertia> samples = detail::sampleInertia(robot, limits, kMarginPoses);
+    const std::vector<detail::PoseInertia> samples = detail::sampleInertia(robot, limits, detail::kMarginPoses);
     LinearErrorLoop loop = given;
     if (samples.empty()) {
         for (JointVector* gains : {&loop.kr, &loop.kp, &loop.ki}) gains->setZero(n);
@@ -208,7 +206,7 @@ LinearErrorLoop scaleGains(const RobotDescription& robot, const JointLimits& lim
     double best = -1.0;  // given gains may leave less margin than there should be
     for (int i = 0; i < kTries && best < 1.0; ++i, rate *= kLess) {
         const LinearErrorLoop tried = followInertia(given, greatest, rate);
-        const LoopMargins margins = calcMargins(robot, limits, tick_s, delayTicks, tried);
+        const LoopMargins margins = findSampleMargins(samples, n, tick_s, delayTicks, tried);
         const double share =
             margins.isStable ? std::min(margins.gain / kEnoughGain, margins.phase_rad / kEnoughPhase_rad) : 0.0;
         if (share <= best) continue;
@@ -219,7 +217,7 @@ LinearErrorLoop scaleGains(const RobotDescription& robot, const JointLimits& lim
 }
 
 JointVector findLargestGains(const RobotDescription& robot, const JointLimits& limits, double tick_s, int delayTicks) {
-    const std::vector<detail::PoseInertia> samples = detail::sampleInertia(robot, limits, kMarginPoses);
+    const std::vector<detail::PoseInertia> samples = detail::sampleInertia(robot, limits, detail::kMarginPoses);
     if (samples.empty()) return JointVector::Zero(robot.size());
     const detail::InertiaRange range = detail::findInertiaRange(samples);
     return detail::calcLargestMode(delayTicks) / tick_s / range.fastest * range.least;
@@ -228,7 +226,7 @@ JointVector findLargestGains(const RobotDescription& robot, const JointLimits& l
 std::string formatMargins(const LoopMargins& margins) {
     const double dB = 20.0 * std::log10(margins.gain);
     return (dB < 100.0 ? detail::format("%.1f", dB) : "more than 100") +
-           detail::format(" dB and %.0f degrees", margins.phase_rad * 180.0 / kPi);
+           detail::format(" dB and %.0f degrees", margins.phase_rad / kDegree);
 }
 
 }  // namespace viable

@@ -51,19 +51,10 @@ JointVector takeBounds(const PerJoint& bounds, const char* name, int n) {
     return values;
 }
 
-/** Poses that scaleNric() looks at. */
-constexpr int kPoses = 1000;
-/** Largest eigenvalue of M^-1 K_r dt there; the sampled loop becomes unstable from 2 on. */
-constexpr double kLargestMode = 1.0;
 }  // namespace
 
 NricOptions scaleNric(const RobotDescription& robot, const JointLimits& limits, double tick_s) {
-    const std::vector<detail::PoseInertia> samples = detail::sampleInertia(robot, limits, kPoses);
-    if (samples.empty()) return {0.0, 0.0, 0.0};
-    const detail::InertiaRange range = detail::findInertiaRange(samples);
-    LinearErrorLoop loop;
-    loop.kr = (kLargestMode / tick_s / range.fastest * range.least).cwiseMin(detail::kStiffest);
-    loop = detail::completeGains(loop, range.greatest, tick_s);
+    const LinearErrorLoop loop = detail::scaleConstantGains(robot, limits, tick_s);
     return {loop.kr, loop.kp, loop.ki};
 }
 
@@ -116,9 +107,8 @@ void Nric::reset(const MotionState&) {
 
 /** Of the pose. */
 void Nric::setGain(const JointVector& q) {
-    JointMatrix M;
-    arm_->calcInertia(q, M);
-    detail::calcLoopGain(loop_, M, gain_);
+    arm_->calcInertia(q, gain_);
+    gain_ = detail::calcLoopGain(loop_, gain_);
 }
 
 TickStatus Nric::compute(const JointState& real, const MotionState& nominal, const JointVector& filterTorque,

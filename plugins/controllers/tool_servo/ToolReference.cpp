@@ -17,17 +17,6 @@ constexpr double kRestWeight = 1e-5;
 /** Weight of a step away from what is near, against the tool's: before the rest posture, and too weak to move the tool. */
 constexpr double kApartWeight = 1e-3;
 
-/** One over the longest time in which a joint stops from its velocity limit [1/s]. */
-double calcStopRate(const JointLimits& limits) {
-    double longest_s = 0.0;
-    for (int i = 0; i < limits.size(); ++i) {
-        const AxisLimits axis = limits.axis(i);
-        for (const double v : {axis.velocityLower, axis.velocityUpper})
-            if (std::isfinite(v)) longest_s = std::max(longest_s, calcStationaryStop(v, 0.0, axis).duration());
-    }
-    return longest_s > 0.0 ? 1.0 / longest_s : 1.0;
-}
-
 }  // namespace
 
 void ToolReference::configure(const RobotDescription& robot, const JointLimits& limits, double tick_s,
@@ -41,7 +30,8 @@ void ToolReference::configure(const RobotDescription& robot, const JointLimits& 
     model_ = std::make_unique<RobotModel>(robot);
     clearances_.reset();
     if (geometry && options.apart_m > 0.0) clearances_.emplace(robot, *geometry);
-    apartRate_ = calcStopRate(limits);
+    const double longest_s = calcLongestStop(limits);
+    apartRate_ = longest_s > 0.0 ? 1.0 / longest_s : 1.0;
     still_.setZero(n_);
     for (JointVector* v : {&target_, &lower_, &upper_, &step_, &gradient_}) v->setZero(n_);
     normal_.setZero(n_, n_);

@@ -50,8 +50,7 @@ TEST(LoopStability, MarginsOfOneJointAreThoseOfTheFormula) {
 /** Spectral radius with all torques times a complex factor: another route to the margins. */
 double calcRadius(const RobotDescription& robot, const LinearErrorLoop& loop, const JointMatrix& M, double h, int delay,
                   double gain) {
-    JointMatrix K;
-    detail::calcLoopGain(loop, M, K);
+    const JointMatrix K = detail::calcLoopGain(loop, M);
     return detail::calcSpectralRadius({M, JointVector::Zero(robot.size()), gain * K, loop.kp, loop.ki, h, delay});
 }
 
@@ -103,8 +102,7 @@ TEST(LoopStability, ScaledGainsHaveEnoughMarginOnEveryArmAndTick) {
                 for (const auto& sample : detail::sampleInertia(robot, robot.limits, 300)) {
                     for (const double gain : {0.5, 1.0, 1.9})
                         EXPECT_LT(calcRadius(robot, loop, sample.M, h, delay, gain), 1.0) << name;
-                    JointMatrix K;
-                    detail::calcLoopGain(loop, sample.M, K);
+                    const JointMatrix K = detail::calcLoopGain(loop, sample.M);
                     EXPECT_LE((K.diagonal() - loop.kr).maxCoeff(), 1e-9);
                     EXPECT_LE((K - K.transpose()).cwiseAbs().maxCoeff(), 1e-9 * K.norm());
                 }

@@ -55,6 +55,10 @@ sigma = 0. For |a| beyond the acceleration limit the first phase is left out. No
 throw. */
 StationaryStop calcStationaryStop(double v, double a, const AxisLimits& limits);
 
+/** Longest time in which a joint stops from one of its velocity limits, at no acceleration [s]; 0: no such limit, or no
+jerk limit to stop with. */
+double calcLongestStop(const JointLimits& limits);
+
 /** The velocity-zeroing stop; arguments as for calcStationaryStop. Its displacement is continuous
 between types on the same side, but JUMPS on sigma = 0 for a != 0: on one side of that curve the
 joint passes v = 0 with full deceleration, on the other it ends there with a = 0. */

@@ -9,7 +9,7 @@
 namespace viable {
 
 /** Gains and bounds of Nric: one number for all joints, or one each. The gains, each >= 0, are the paper's for the Indy7:
-those of another arm follow from scaleNric(), as the plugin's defaults do. */
+those of another arm follow from scaleGains(), as the plugin's defaults do. */
 struct NricOptions {
     PerJoint kr = 600.0;  ///< on the whole error term [Nms/rad]
     PerJoint kp = 20.0;   ///< weight of the position error [1/s]

@@ -20,7 +20,6 @@ struct Unit {
     double factor;  // as CsvColumn::factor
 };
 
-constexpr double kDegree = kPi / 180.0;
 constexpr Unit kUnits[] = {
     {"s", Quantity::Time, 1.0},         {"ms", Quantity::Time, 1e3},        {"us", Quantity::Time, 1e6},
     {"\xC2\xB5s", Quantity::Time, 1e6}, {"\xCE\xBCs", Quantity::Time, 1e6}, {"ns", Quantity::Time, 1e9},
