@@ -40,6 +40,16 @@ for robot in "$prefix"/share/viable/robots/*/; do
 done
 [ "$robots" -ge 5 ]
 
+echo "embed: a log, and what viable makes of it"
+mkdir logs
+build/own_loop "$prefix/share/viable/robots/indy7" 3 simulated_time logs/sway.mcap >logged.txt
+expect_kept logged.txt
+"$prefix/bin/viable" report logs
+ls logs/*.html
+code=0
+build/own_loop "$prefix/share/viable/robots/indy7" 3 simulated_time logs/sway.mcap 2>error.txt || code=$?
+[ "$code" = 2 ] && grep -q "own_loop: .*sway.mcap" error.txt  # never overwritten
+
 echo "embed: 2 s by the clock"
 code=0
 build/own_loop "$prefix/share/viable/robots/indy7" 2 >clock.txt || code=$?

@@ -177,6 +177,36 @@ TEST(Fault50, AChangeOfArithmeticBeforeTheFirstTickIsRefused) {
     }
 }
 
+TEST(Fault50, AChangeOfWhatTheProgramSharesIsUndoneAndTold) {
+    if (kSanitized) GTEST_SKIP() << "sanitizers have crash handlers of their own";
+    for (const char* when : {"loaded", "made", "configured"})
+        for (const char* how : {"--jobs=1", "--isolate"}) {
+            SCOPED_TRACE(std::string(when) + " " + how);
+            Folder folder;
+            const std::string name = std::string("changes_process_when_") + when;
+            const std::string path = folder.path();
+            const std::string file = folder.write("e.yaml", kFaultyExperiment);
+            // What is relative is relative to where the user stands.
+            const Outcome o = test::run(
+                {"run", "e.yaml", "--out", "run", "--set", "cases.A.filter.plugin=" + name, "--no-report", how},
+                [path] {
+                    setenv("VIABLE_ROBOT_PATH", VIABLE_SOURCE_DIR "/robots", 1);
+                    if (chdir(path.c_str()) != 0) _exit(98);
+                });
+            EXPECT_EQ(o.code, 0) << o.err;
+            EXPECT_EQ(countRowsOfWholeLog(folder / "run/A.mcap"), 500);
+            expectContains(o.out, {"WARNING       the filter plugin '" + name + "' (",
+                                   std::string("(when it was ") + (when == std::string("loaded") ? "loaded" : "made") +
+                                       ": the global locale of C++, the locale (C.UTF-8 instead of C), the working "
+                                       "folder (to /), what is done at signal 2 (Interrupt), what is done at signal 11 "
+                                       "(Segmentation fault)",
+                                   "It was set back"});
+            const Outcome check = test::run({"check", file, "--set", "cases.A.filter.plugin=" + name});
+            EXPECT_EQ(check.code, 0) << check.err;
+            expectContains(check.err, {"viable: warning: case A: the filter plugin '" + name + "' ("});
+        }
+}
+
 TEST(Fault44, AThrowOutsideOfTicksNamesThePlugin) {
     for (const char* how : {"--jobs=1", "--isolate"}) {
         Folder folder;

@@ -147,7 +147,7 @@ TEST(NewPlugin, OverwritesNothingAndLeavesNothingBehind) {
     EXPECT_TRUE(fs::exists(folder / "empty/Empty.cpp"));
 }
 
-TEST(NewPlugin, WritesAllOrNothing) {
+TEST(NewPlugin, Fault72_WritesAllOrNothing) {
     // A file size limit stands for a full disk: the small files fit, the larger ones do not.
     Folder folder;
     const std::string path = folder.path();
@@ -157,9 +157,13 @@ TEST(NewPlugin, WritesAllOrNothing) {
         const rlimit most{900, 900};
         setrlimit(RLIMIT_FSIZE, &most);
     });
-    EXPECT_EQ(o.code, 2);
+    EXPECT_EQ(o.code, 5);
     expectContains(o.err, {"new/folder/half/", "this cannot be written: File too large", "Nothing was left behind"});
     EXPECT_TRUE(fs::is_empty(folder.path()));
+    // /proc lets nobody make a folder, as a disk that is read-only.
+    const Outcome refused = test::run({"new", "filter", "half", "--out", "/proc"});
+    EXPECT_EQ(refused.code, 5);
+    expectContains(refused.err, {"/proc", "this cannot be written: "});
 }
 
 // ---------------------------------------------------------------------------------------- robots
@@ -334,20 +338,66 @@ TEST(NewRobot, RefusesAUrdfThatCannotBeSimulated) {
     refuse(lift, "name=\"lift\" type=\"floating\"",
            {"some.urdf:7:1: ", "joint `lift` is of type floating", "replace it"});
     refuse(lift, "name=\"lift\" type=\"planar\"", {"joint `lift` is of type planar", "replace it"});
-    refuse(lift + ">", lift + "><mimic joint=\"turn\"/>", {"joint `lift` mimics joint `turn`", "Make it fixed"});
     refuse("</robot>", "<joint name='loop' type='fixed'><parent link='base'/><child link='b'/></joint></robot>",
            {"link `b` is the child of two joints", "open the loop"});
     refuse("<link name=\"base\"/>", "<xacro:base/>", {"this is xacro input", "Run `xacro"});
-    refuse(" velocity=\"3\"", "",
-           {"some.urdf:7:1: ", "joint `lift` of type revolute has no `velocity` in its <limit>",
-            "with 0 for an effort or a velocity that is not known"});
-    refuse(" effort=\"30\"", "", {"some.urdf:3:1: ", "joint `turn` of type continuous has no `effort`"});
-    refuse("<limit lower=\"0.5\" upper=\"1.5\" effort=\"20\" velocity=\"3\"/>", "",
-           {"joint `lift` of type revolute has no <limit>"});
     refuse("value=\"2\"", "value=\"-2\"", {"link `a`: the mass is -2"});
     refuse("izz=\"0.01\"", "izz=\"0.1\"", {"link `a`: the inertia tensor belongs to no body", "Correct <inertia>"});
     refuse("izz=\"0.01\"", "izz=\"-0.01\"", {"link `a`: the inertia tensor is not positive definite"});
     refuse("<mass value=\"1\"/>", "<mass value=\"0\"/>", {"link `b`: there is an inertia without"});
+}
+
+TEST(NewRobot, Fault78_RepairsWhatItCanAndSaysSo) {
+    Folder folder;
+    std::string urdf = kArm;
+    urdf.replace(
+        urdf.find("</robot>"), 8,
+        "<joint name='grip' type='prismatic'><parent link='b'/><child link='finger'/><limit lower='0' upper='1' "
+        "effort='1' velocity='1'/></joint><link name='finger'/></robot>");
+    const Outcome made = makeNew(
+        folder, {"robot", "my_arm", "--urdf", folder.write("some.urdf", urdf), "--fix", "turn=0.5", "--tip", "b"});
+    ASSERT_EQ(made.code, 0) << made.err;
+    expectContains(made.err, {"viable: repaired: ", "some.urdf:3:1: joint `turn` is frozen at 0.5: --fix",
+                              "outside of the chosen chain, and frozen: grip at 0"});
+    const std::string written = readFile(folder / "my_arm/my_arm.urdf");
+    expectContains(written, {"<!-- Changed from the file given:", "joint `turn` is frozen at 0.5: option fix"});
+    EXPECT_EQ(written.find("some.urdf:3:1") != std::string::npos, true);
+    expectContains(readFile(folder / "my_arm/limits.yaml"), {"# Joints, in this order: lift", "tool_link: \"b\""});
+    const Outcome wrong =
+        makeNew(folder, {"robot", "other", "--urdf", folder / "some.urdf", "--fix", "trn", "--tip", "c"});
+    EXPECT_EQ(wrong.code, 2);
+    expectContains(wrong.err, {"2 things are wrong", "--tip: the robot has no link `c`",
+                               "--fix: the robot has no joint `trn`. Did you mean `turn`?"});
+    EXPECT_FALSE(fs::exists(folder / "other"));
+}
+
+TEST(NewRobot, RunsAtOnceWithAssumedFiguresAndSaysSo) {
+    for (const std::string name : {"panda", "ur5e", "indy7"}) {
+        SCOPED_TRACE(name);
+        Folder folder;
+        const Outcome made = makeNew(folder, {"robot", "my_arm", "--assume", "--urdf",
+                                              std::string(VIABLE_SOURCE_DIR "/robots/") + name + "/" + name + ".urdf"});
+        ASSERT_EQ(made.code, 0) << made.err;
+        expectContains(made.out, {"Assumed, because the URDF does not say it",
+                                  "jerk limits: the acceleration limit in 0.05 s", "run my_arm/hand.yaml"});
+        expectContains(readFile(folder / "my_arm/README.md"), {"assumption: the acceleration limit in 0.05 s"});
+        expectContains(describe(folder / "my_arm").out, {"Assumed, not given: acceleration_radps2, jerk_radps3"});
+        for (const char* file : {"first_run.yaml", "hand.yaml", "obstacles.yaml"}) {
+            if (!fs::exists(folder / "my_arm" / file)) {
+                EXPECT_EQ(name, "indy7") << "its URDF has no shapes";
+                continue;
+            }
+            const Outcome ran =
+                test::run({"run", folder / "my_arm" / file, "--out", folder / "out" / file, "--set", "duration_s=4"});
+            EXPECT_EQ(ran.code, 0) << ran.err;
+            expectContains(ran.out, {"verdict       all limits kept (nominal arm; the filter guarantees all",
+                                     "assumed       figures of the robot that nobody gave: acceleration_radps2"});
+        }
+        // The figure that is known now is taken from the list.
+        replaceAll(folder / "my_arm/actuation.yaml", "assumed: [rotor_inertia_kgm2, friction]",
+                   "assumed: [gear, friction]");
+        expectContains(describe(folder / "my_arm").err, {"actuation.yaml:", "there is no figure `gear` in this file"});
+    }
 }
 
 TEST(NewRobot, RefusesAnUnclearRequest) {
@@ -356,6 +406,8 @@ TEST(NewRobot, RefusesAnUnclearRequest) {
     expectRefused({"robot", "arm", "--urdf", "none.urdf"}, {"there is no file none.urdf"});
     expectRefused({"robot", "arm", "--urdf", "/"}, {"/ is not a file"});
     expectRefused({"robot", "Arm", "--urdf", "x"}, {"`Arm` is not snake_case", "`arm`"});
+    expectRefused({"filter", "x", "--assume"}, {"--assume is for robots only", "--urdf FILE"});
+    expectRefused({"filter", "x", "--fix", "j"}, {"--fix is for robots only"});
     expectRefused({"robot", "indy7", "--urdf", VIABLE_SOURCE_DIR "/robots/indy7/indy7.urdf"},
                   {"there is already a robot `indy7`", "such as `my_indy7`"});
     expectRefused({"robot", "arm", "--urdf", VIABLE_SOURCE_DIR "/CHANGELOG.md"}, {"CHANGELOG.md", "this is not XML"});

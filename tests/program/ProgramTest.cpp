@@ -2,12 +2,14 @@
 #include <signal.h>
 
 #include <chrono>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <thread>
 
 #include "ExpectContains.h"
 #include "Paths.h"
 #include "Program.h"
+#include "RobotFolder.h"
 #include "log/LogReader.h"
 
 namespace viable {
@@ -130,6 +132,56 @@ TEST(Program, BadInputExitsWith2AndOneParagraph) {
     expectContains(wrongCase.err, {"no case", "A, B"});
 }
 
+TEST(Program, ADeletedCurrentFolderIsToldWithTheRemedy) {
+    Folder folder;
+    const std::string gone = folder / "gone";
+    for (const std::vector<std::string>& arguments :
+         {std::vector<std::string>{"new", "filter", "mine"}, {"run", "e.yaml"}, {"check", "e.yaml"}}) {
+        const Outcome o = test::run(arguments, [gone] {
+            std::filesystem::create_directory(gone);
+            if (chdir(gone.c_str()) != 0 || rmdir(gone.c_str()) != 0) _exit(98);
+        });
+        EXPECT_EQ(o.code, 2) << o.err;
+        EXPECT_EQ(o.out, "");
+        expectContains(o.err, {"current folder"});
+        EXPECT_EQ(o.err.find("filesystem error"), std::string::npos) << o.err;
+    }
+}
+
+TEST(Program, TooLittleMemoryIsToldWithTheRemedy) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+    GTEST_SKIP() << "a sanitizer takes terabytes of addresses";
+#endif
+    Folder folder;
+    std::string text = "time_s,a_rad\n";
+    for (int i = 0; i < 400000; ++i) text += std::to_string(1e-3 * i) + "," + std::to_string(std::sin(5e-3 * i)) + "\n";
+    const Outcome o = test::run({"verify", folder.write("large.csv", text)}, [] {
+        constexpr rlim_t kMost_B = 256 << 20;
+        const rlimit limit{kMost_B, kMost_B};
+        setrlimit(RLIMIT_AS, &limit);
+    });
+    EXPECT_EQ(o.code, 71);
+    EXPECT_EQ(o.out, "");
+    EXPECT_EQ(o.err,
+              "viable: out of memory. Close other programs, raise the limit (`ulimit -v`), or give it less at a time: "
+              "fewer --jobs, a shorter run, a part of the record.\n");
+}
+
+TEST(Program, APayloadBeyondAllArmsIsBadInputWithItsPlace) {
+    Folder folder;
+    for (const char* key : {"real_plant.payload_kg", "disturbance_set.payload_kg"})
+        for (const char* mass : {"1e16", "1001"}) {
+            const Outcome o =
+                test::run({"check", "experiments/indy7_real_limits.yaml", "--set", std::string(key) + "=" + mass});
+            EXPECT_EQ(o.code, 2) << o.err;
+            expectContains(o.err, {key, "1000"});
+            EXPECT_EQ(o.err.find("SimTK"), std::string::npos) << o.err;
+        }
+    const Outcome heavy =
+        test::run({"check", "experiments/indy7_teleoperation.yaml", "--set", "real_plant.payload_kg=1000"});
+    EXPECT_EQ(heavy.code, 0) << heavy.err;
+}
+
 TEST(Program, HelpAndVersionExitWith0) {
     EXPECT_EQ(test::run({"--help"}).code, 0);
     EXPECT_EQ(test::run({"run", "--help"}).code, 0);
@@ -168,6 +220,21 @@ TEST(Program, PluginsAndRobotsAreListedAndDescribed) {
     EXPECT_EQ(gains.code, 0) << gains.err;
     expectContains(gains.out, {"panda at a tick of 0.002 s and a delay of 1 ticks", "joint7",
                                "Margins: ", "No rotor inertias are given"});
+    RobotFolder mixed, lift;
+    makeSlantedArm(mixed);
+    mixed.write();
+    const std::string units = test::run({"robots", "--describe", mixed.path()}).out;
+    expectContains(units, {"position               velocity ", " in\n", " rad, s, Nm\n", " m, s, N\n"});
+    EXPECT_EQ(units.find("[rad"), std::string::npos) << units;
+    expectContains(test::run({"gains", mixed.path()}).out, {"  in\n", "  Ns/m, kg\n", "  Nms/rad, kg m^2\n"});
+    lift.urdf = "<robot name='arm'><link name='base'/>" +
+                makeJoint("lift", "prismatic", "base", "fork", "xyz='0 0 0.1' rpy='0 0 0'", "0 0 1") +
+                makeLink("fork", 2.0, "0 0 0", "0 0 0", kSomeInertia) + "</robot>";
+    lift.limits = kSomeLimits;
+    lift.write();
+    expectContains(test::run({"robots", "--describe", lift.path()}).out,
+                   {"position [m]", "velocity [m/s]", "accel. [m/s^2]", "jerk [m/s^3]", "motor [N]"});
+    expectContains(test::run({"gains", lift.path()}).out, {"K_r [Ns/m]", "mass [kg]"});
     const Outcome wrong = test::run({"gains", "panda", "--tick", "1"});
     EXPECT_EQ(wrong.code, 2);
     expectContains(wrong.err, {"--tick: 1 s is outside [1e-05, 0.1]"});
@@ -259,6 +326,44 @@ TEST(Fault74, ASecondRunIntoTheSameFolderIsRefused) {
     EXPECT_EQ(readFile(folder / "run/A.mcap"), before);
 }
 
+// Of different cases, so that no log's name tells the runs apart: only the folder does.
+TEST(Fault74, OfTwoRunsAtOnceIntoOneFolderOneGetsIt) {
+    Folder folder;
+    const std::string file = folder.write("e.yaml", kExperiment);
+    constexpr int kTries = 20;
+    for (int i = 0; i < kTries; ++i) {
+        const std::string out = folder / ("run" + std::to_string(i));
+        const auto start = [&](const std::string& name) {
+            return test::Program(
+                {"run", file, "--out", out, "--no-report", "--case", name, "--set", "duration_s=0.05"});
+        };
+        test::Program a = start("A"), b = start("B");
+        const Outcome ofA = a.wait(), ofB = b.wait();
+        ASSERT_EQ(ofA.code + ofB.code, 2) << ofA.err << ofB.err;
+        const std::string winner = ofA.code == 0 ? "A" : "B";
+        const std::string told = ofA.code == 0 ? ofB.err : ofA.err;
+        expectContains(told, {"--out " + out, "Name a"});
+        const auto summary = nlohmann::json::parse(readFile(out + "/summary.json"));
+        ASSERT_EQ(summary["cases"].size(), 1u);
+        EXPECT_EQ(summary["cases"][0]["name"], winner);
+        EXPECT_EQ(countRows(out + "/" + winner + ".mcap"), 50);
+        EXPECT_EQ(std::distance(std::filesystem::directory_iterator(out), {}), 2);  // log and summary, no more
+    }
+}
+
+TEST(Fault74, AFolderThatAKilledRunHasClaimedIsRefusedWithTheRemedy) {
+    Folder folder;
+    const std::string file = folder.write("e.yaml", kExperiment);
+    std::filesystem::create_directory(folder / "run");
+    const std::string claim = folder.write("run/run.claim", "");
+    const std::vector<std::string> arguments{"run", file, "--out", folder / "run", "--no-report", "--case", "A"};
+    const Outcome o = test::run(arguments);
+    EXPECT_EQ(o.code, 2);
+    expectContains(o.err, {"another run has this folder", "if that run was killed, delete " + claim});
+    std::filesystem::remove(claim);
+    EXPECT_EQ(test::run(arguments).code, 0);
+}
+
 TEST(Fault74, RunsStartedInTheSameSecondGetFoldersOfTheirOwn) {
     Folder folder;
     const std::string file = folder.write("e.yaml", kExperiment);
@@ -307,6 +412,28 @@ TEST(Fault75, ASignalBrakesTheArmAndFinishesTheLog) {
         EXPECT_NEAR(last.nominal.qd[0], 0.0, 0.01);  // the last row is one tick before rest
         EXPECT_TRUE(std::filesystem::exists(folder / "run/summary.json"));
     }
+}
+
+// nohup starts a program so that it ignores SIGHUP; the terminal then sends one when it is closed.
+TEST(Fault75, ARunUnderNohupOutlivesItsTerminal) {
+    Folder folder;
+    test::Program program({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A", "--set",
+                           "duration_s=80000"},
+                          [] { signal(SIGHUP, SIG_IGN); });
+    const auto awaitLog = [&](std::uintmax_t size) {
+        std::error_code absent;
+        for (std::uintmax_t is = 0; is < size || is == static_cast<std::uintmax_t>(-1);
+             is = std::filesystem::file_size(folder / "run/A.mcap", absent))
+            std::this_thread::sleep_for(std::chrono::milliseconds(10));
+        return std::filesystem::file_size(folder / "run/A.mcap");
+    };
+    const std::uintmax_t size = awaitLog(50000);
+    for (int i = 0; i < 3; ++i) kill(program.pid(), SIGHUP);
+    awaitLog(2 * size);
+    kill(program.pid(), SIGTERM);
+    const Outcome o = program.wait();
+    EXPECT_EQ(o.code, 128 + SIGTERM);
+    expectContains(o.err, {"ended early by signal 15"});
 }
 
 TEST(Fault75, ASecondSignalForcesTheEnd) {

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <random>
 
 #include "Paths.h"
 #include "Program.h"
@@ -51,6 +52,46 @@ double findMeanJerk(const std::vector<TickRecord>& truth, int joint, std::size_t
     for (std::size_t i = first; i + ticks + 1 < end; ++i)
         largest = std::max(largest, std::abs(qdd(i + ticks) - qdd(i)) / (static_cast<double>(ticks) * tick_s));
     return largest;
+}
+
+/** A wave that all of some joints follow, by a fine encoder: its motion is resolved as finely as its readings. */
+std::string writeWave(int joints, int samples) {
+    std::string text = "time_s";
+    for (int joint = 0; joint < joints; ++joint) text += ",joint" + std::to_string(joint) + "_rad";
+    std::mt19937_64 random(1);
+    std::normal_distribution<double> noise(0.0, 1e-8);
+    for (int i = 0; i < samples; ++i) {
+        char number[32];
+        std::snprintf(number, sizeof number, "\n%.3f", 1e-3 * i);
+        text += number;
+        std::snprintf(number, sizeof number, ",%.8f", std::sin(5e-3 * i) + noise(random));
+        for (int joint = 0; joint < joints; ++joint) text += number;
+    }
+    return text + "\n";
+}
+
+// What the smoothing of one joint takes is given back before the next one: some 900 bytes per sample, where six at once
+// take ten times as many.
+TEST(VerifyMemory, OneJointIsJudgedAfterTheOther) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+    GTEST_SKIP() << "a sanitizer keeps memory that was given back";
+#endif
+    constexpr int kSamples = 50000;
+    constexpr double kMost_B = 1200.0;  // per sample
+    test::TemporaryFolder folder;
+    const auto measure = [&](int joints, int samples) {
+        const std::string name = std::to_string(joints) + "x" + std::to_string(samples) + ".csv";
+        test::Program program({"verify", folder.write(name, writeWave(joints, samples))});
+        rusage used{};
+        int status = 0;
+        EXPECT_EQ(wait4(program.pid(), &status, 0, &used), program.pid());
+        EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+        return 1024.0 * static_cast<double>(used.ru_maxrss);
+    };
+    const double bare = measure(1, 1000), one = measure(1, kSamples), six = measure(6, kSamples);
+    std::printf("%.0f B per sample of one joint, %.0f of six\n", (one - bare) / kSamples, (six - bare) / kSamples);
+    EXPECT_GT(one, bare);
+    EXPECT_LT(six - bare, kMost_B * kSamples);
 }
 
 TEST_F(Verify, AgreesWithTheTruthOfTheMainExperiment) {

@@ -167,7 +167,10 @@ private:
         const int i = finding.joint;
         const AxisLimits l = arm_->limits.axis(i);
         char what[512];
-        monitor_.describe(finding, "the joint", what, sizeof what);
+        RobotDescription named;
+        named.joints.resize(static_cast<std::size_t>(i) + 1);
+        named.joints.back().name = "the joint";
+        monitor_.describe(finding, named, what, sizeof what);
         run_.fail((std::string("the monitor accuses the law: ") + what).c_str(), finding.excess, i, arm_->at(i), l,
                   arm_->tick_s);
         Accusations& accusations =

@@ -370,6 +370,23 @@ testOfPage('a moving sphere is where it is at the time of the scrubber', async (
   assertQuiet(own);
 });
 
+testOfPage('joints whose names differ at the end only can be told apart', async () => {
+  const name = (j) => `left_arm_of_the_iiwa_joint_${j + 1}`;
+  const text = described((data) => data.robot.joints.forEach((joint, j) => (joint.name = name(j))));
+  const page = await open(await variant('names', text));
+  await showReplay(page, 0.1 * end);
+  const shown = await page.locator('.joint-name').evaluateAll((buttons) =>
+    buttons.map((button) => ({
+      text: button.textContent,
+      isWhole: button.clientWidth > 0 && button.scrollWidth <= button.clientWidth && button.scrollHeight <= button.clientHeight,
+    })),
+  );
+  assert.deepEqual(
+    shown,
+    description.robot.joints.map((_, j) => ({ text: name(j), isWhole: true })),
+  );
+});
+
 testOfPage('what has no end or is far away does not move the camera', async () => {
   const camera = (page) => page.evaluate(() => window.viableReport.replay.camera.position.toArray());
   const path = await variant(
@@ -406,14 +423,16 @@ testOfPage('a run without surroundings has nothing of them', async () => {
   assertQuiet(page);
 });
 
-testOfPage('a map that is lost is told; a clearance that nobody kept is not made up', async () => {
+testOfPage('maps and meshes that are lost are told; a clearance that nobody kept is not made up', async () => {
   const damaged = Buffer.from(bytes);
   for (const c of description.cases)
     for (let i = 0; i < (c.clearance ? c.replay.n : 0); ++i) damaged.writeFloatLE(NaN, c.replay.nearest.at + 44 * i);
   const note = 'The map is not drawn: there is no such file';
+  const meshes = 'Meshes are missing: link `a`: <b>a.stl</b> was not found';
   const text = described((data) => {
     const [environment] = data.environments;
     environment.note = note;
+    data.scene.note = meshes;
     delete environment.obstacles.find(({ type }) => type === 'map').centres;
     for (const c of data.cases) if (c.clearance) c.clearance.distance = null;
   });
@@ -421,7 +440,7 @@ testOfPage('a map that is lost is told; a clearance that nobody kept is not made
     await variant('lost', replaced(text, 'viable-binary', gzipSync(damaged).toString('base64'))),
   );
   await showReplay(page, 0.1 * end);
-  assert.equal(await page.locator('#replay [role=note]').textContent(), note);
+  assert.deepEqual(await page.locator('#replay [role=note]').allTextContents(), [meshes, note]);
   assert.match(await words(page), /^stop in 0\.\d+ s$/);
   assert.equal(await page.locator('.nearest-label:visible').count(), 0);
   assert.equal(await part(page, 'nearest points').count(), 0);

@@ -104,7 +104,7 @@ class Mujoco : public ::testing::TestWithParam<std::filesystem::path> {};
 
 TEST_P(Mujoco, AgreesOnInertiaTorqueAndToolPose) {
     const RobotDescription robot = loadLinks(GetParam());
-    MujocoModel other(findUrdf(robot), robot.name);
+    MujocoModel other(findUrdf(robot));
     ASSERT_EQ(other.size(), robot.size());
     for (int i = 0; i < robot.size(); ++i)
         ASSERT_EQ(other.jointName(i), robot.jointNames()[static_cast<std::size_t>(i)]);
@@ -121,7 +121,7 @@ TEST_P(Mujoco, AgreesOnInertiaTorqueAndToolPose) {
 sign. */
 TEST_P(Mujoco, NoticesAWrongFigure) {
     const RobotDescription robot = loadLinks(GetParam());
-    MujocoModel other(findUrdf(robot), robot.name);
+    MujocoModel other(findUrdf(robot));
     other.sharpenInertia();
     for (std::size_t i = 0; i < robot.joints.size(); ++i) {
         const std::string& name = robot.joints[i].name;

@@ -4,7 +4,8 @@
 A room is framework/src/<room> together with framework/include/viable/<room>, a folder of plugins/, or a folder of
 tools/. Fails where rooms include each other in a circle, or one that stands behind it in the table of framework/README.md; where
 a public header includes a private one; where a file names something of the standard library without including its
-header (a precompiled header would hide that); where a link of a page leads nowhere.
+header (a precompiled header would hide that); where a public header says that it throws Error and does not include it;
+where a link of a page leads nowhere.
 Usage: check.py [SOURCE_DIR]
 """
 import re
@@ -25,6 +26,7 @@ STD = {
 }
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^">]+)[">]', re.MULTILINE)
 COMMENT_OR_TEXT = re.compile(r'//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"', re.DOTALL)
+THROWS_ERROR = re.compile(r"\bthrows? Error\b", re.IGNORECASE)
 STD_NAME = re.compile(r"\bstd::(\w+)")
 
 
@@ -55,6 +57,7 @@ class Tree:
         ]
         self.text = {path: path.read_text(encoding="utf-8") for path in self.files}
         self.includes = {path: [name for _, name in INCLUDE.findall(text)] for path, text in self.text.items()}
+        self.closure = {}
 
     def find(self, path: Path, name: str):
         """The file of the project that `name` means in `path`; None where it is somebody else's."""
@@ -63,11 +66,24 @@ class Tree:
                 return (folder / name).resolve()
         return None
 
+    def reach(self, path: Path):
+        """The names of all headers that a file includes, by itself or by headers of the project."""
+        if path not in self.closure:
+            self.closure[path] = found = set()  # first: headers may include each other
+            for name in self.includes.get(path, []):
+                found.add(name)
+                target = self.find(path, name)
+                if target in self.text:
+                    found |= self.reach(target)
+        return self.closure[path]
+
 
 def check_public_headers(tree: Tree):
     for path in tree.files:
         if not path.is_relative_to(tree.public):
             continue
+        if THROWS_ERROR.search(tree.text[path]) and "viable/core/Error.h" not in tree.reach(path):
+            yield f"{path.relative_to(tree.root)}: says that it throws Error, but does not include viable/core/Error.h"
         for name in tree.includes[path]:
             target = tree.find(path, name)
             if target is not None and not target.is_relative_to(tree.public):
@@ -76,21 +92,9 @@ def check_public_headers(tree: Tree):
 
 def check_standard_headers(tree: Tree):
     """Each file must include what it names, by itself or by a header of the project that it includes."""
-    closure = {}
-
-    def reach(path):
-        if path not in closure:
-            closure[path] = found = set()  # first: headers may include each other
-            for name in tree.includes.get(path, []):
-                found.add(name)
-                target = tree.find(path, name)
-                if target in tree.text:
-                    found |= reach(target)
-        return closure[path]
-
     for path in tree.files:
         code = COMMENT_OR_TEXT.sub('""', tree.text[path])
-        missing = sorted({STD[name] for name in STD_NAME.findall(code) if name in STD} - reach(path))
+        missing = sorted({STD[name] for name in STD_NAME.findall(code) if name in STD} - tree.reach(path))
         if missing:
             yield f"{path.relative_to(tree.root)}: uses, but does not include, " + " ".join(f"<{h}>" for h in missing)
 

@@ -36,6 +36,14 @@ void printRow(const std::string& name, const JointVector& values, int width, dou
 
 void print(const CasePlan& plan, const TrackingBound& bound) {
     const int n = plan.robot.size();
+    int sliding = 0;
+    for (int i = 0; i < n; ++i) sliding += plan.robot.slides(i);
+    const bool isMixed = sliding > 0 && sliding < n;
+    const auto choose = [&](const char* turns, const char* mixed, const char* slides) {
+        return isMixed ? mixed : sliding > 0 ? slides : turns;
+    };
+    const std::string position = choose("mrad", "mrad; mm", "mm"), velocity = choose("rad/s", "rad/s; m/s", "m/s"),
+                      torque = choose("torque", "torque or force", "force"), Nm = choose("Nm", "Nm; N", "N");
     std::printf("%s: how far the real arm can be from the nominal one, within the disturbance_set\n",
                 plan.name.c_str());
     int width = kLeastNumberWidth;  // of a column
@@ -44,8 +52,13 @@ void print(const CasePlan& plan, const TrackingBound& bound) {
     std::printf("  %-*s", kNameWidth, "");
     for (const JointDescription& joint : plan.robot.joints) std::printf("%*s", width, joint.name.c_str());
     std::printf("\n");
-    printRow("position [mrad]", bound.position, width, 1e3);
-    printRow("velocity [rad/s]", bound.velocity, width);
+    if (isMixed) {
+        std::printf("  %-*s", kNameWidth, "in");
+        for (int i = 0; i < n; ++i) std::printf("%*s", width, plan.robot.slides(i) ? "mm, N" : "mrad, Nm");
+        std::printf("\n");
+    }
+    printRow("position [" + position + "]", bound.position, width, 1e3);
+    printRow("velocity [" + velocity + "]", bound.velocity, width);
     JointVector ofPosition(n), ofVelocity(n);
     for (int i = 0; i < n; ++i) {
         const auto share = [&](const JointBounds& limits, double size) {
@@ -56,19 +69,19 @@ void print(const CasePlan& plan, const TrackingBound& bound) {
     }
     printRow("share of the position range [%]", ofPosition, width, 1e2);
     printRow("share of the velocity range [%]", ofVelocity, width, 1e2);
-    std::printf("where the position bound comes from, largest first [mrad]\n");
+    std::printf("where the position bound comes from, largest first [%s]\n", position.c_str());
     std::vector<TrackingBound::Part> parts = bound.parts;
     std::stable_sort(parts.begin(), parts.end(),
                      [](const auto& a, const auto& b) { return a.position.sum() > b.position.sum(); });
     for (const TrackingBound::Part& part : parts)
         if (part.position.maxCoeff() > 0.0) printRow(part.source, part.position, width, 1e3);
-    std::printf("the same for the velocity [rad/s]\n");
+    std::printf("the same for the velocity [%s]\n", velocity.c_str());
     for (const TrackingBound::Part& part : parts)
         if (part.velocity.maxCoeff() > 0.0) printRow(part.source, part.velocity, width);
-    std::printf("and how much torque that is [Nm]\n");
+    std::printf("and how much %s that is [%s]\n", torque.c_str(), Nm.c_str());
     for (const TrackingBound::Part& part : parts)
         if (part.torque.maxCoeff() > 0.0) printRow(part.source, part.torque, width);
-    std::printf("torque that it takes [Nm]\n");
+    std::printf("%s that it takes [%s]\n", torque.c_str(), Nm.c_str());
     printRow("lasting", bound.lastingTorque, width);
     printRow("for moments, at most", bound.torque, width);
     printRow("the motors give", bound.motorTorque, width);

@@ -5,7 +5,7 @@
 #include "Commands.h"
 #include "ExperimentArguments.h"
 #include "config/Draws.h"
-#include "experiment/ConfiguredCase.h"
+#include "experiment/CaseForecast.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -21,24 +21,41 @@ struct CheckArguments {
     std::string draw;
 };
 
-void checkOne(const Experiment& experiment, bool tells) {
+/** Returns the number of warnings. */
+int checkOne(const Experiment& experiment, bool tells) {
+    int warnings = 0;
+    CaseForecast last;
     for (const CasePlan& plan : experiment.cases) {
-        configureCase(plan);
-        if (tells)
-            std::printf("%s: robot %s, %d joints, %g s at %g Hz, filter %s: ok\n", plan.name.c_str(),
-                        plan.robot.name.c_str(), plan.robot.size(), plan.duration_s, 1.0 / plan.tick_s,
-                        plan.filterName().c_str());
+        const auto configured = configureCase(plan);
+        if (!tells) continue;
+        const CaseForecast forecast = forecastCase(*configured);
+        std::printf("%s: robot %s, %d joints, %g s at %g Hz, filter %s: ok\n", plan.name.c_str(),
+                    plan.robot.name.c_str(), plan.robot.size(), plan.duration_s, 1.0 / plan.tick_s,
+                    plan.filterName().c_str());
+        if (!forecast.gains.empty() && forecast.gains != last.gains)
+            std::printf("  gains    %s\n", forecast.gains.c_str());
+        if (!forecast.motors.empty() && forecast.motors != last.motors)
+            std::printf("  motors   %s\n", forecast.motors.c_str());
+        for (const std::string& warning : forecast.warnings) std::printf("  WARNING  %s\n", warning.c_str());
+        warnings += static_cast<int>(forecast.warnings.size());
+        last = forecast;
+        for (const auto& watch : configured->watches)
+            if (!watch->sharedChange.empty())
+                std::fprintf(stderr, "viable: warning: case %s: %s\n", plan.name.c_str(),
+                             formatSharedChange(*watch).c_str());
     }
+    return warnings;
 }
 
 /** Some runs, and each drawn value at each of its ends, the others as in run 0. */
-void checkDraws(const CheckArguments& arguments, const ConfigNode& root, const std::vector<DrawnKey>& draws,
-                const PluginLoader& loader) {
+int checkDraws(const CheckArguments& arguments, const ConfigNode& root, const std::vector<DrawnKey>& draws,
+               const PluginLoader& loader) {
+    int warnings = 0;
     const auto check = [&](std::int64_t run, const std::map<std::string, std::string>& held, const std::string& what) {
         ConfigNode drawn = root;
         resolveDraws(drawn, {1, run}, held);
         try {
-            checkOne(
+            warnings += checkOne(
                 readExperiment(drawn, arguments.file, arguments.overrides, loader, makeRobotSearchPath(arguments.file)),
                 run == 0 && held.empty());
         } catch (const Error& e) {
@@ -53,13 +70,15 @@ void checkDraws(const CheckArguments& arguments, const ConfigNode& root, const s
             ++ends;
         }
     std::printf("%zu values drawn; %d runs and %zu ends of their ranges tried\n", draws.size(), kTriedRuns, ends);
+    return warnings;
 }
 
 }  // namespace
 
 void addCheckCommand(CLI::App& app, int& exitCode) {
     auto arguments = std::make_shared<CheckArguments>();
-    CLI::App* command = app.add_subcommand("check", "Read an experiment file and configure every case, without a run");
+    CLI::App* command = app.add_subcommand(
+        "check", "Read an experiment file, configure every case and say what will fail, without a run");
     command->add_option("FILE", arguments->file, "Experiment file")->required();
     command->add_option("--set", arguments->overrides, "key.path=value, replaces an entry of the file")
         ->allow_extra_args(false);
@@ -70,11 +89,16 @@ void addCheckCommand(CLI::App& app, int& exitCode) {
         const PluginLoader loader(PluginLoader::makeDefaultSearchPath());
         const ConfigNode root = readExperimentTree(arguments->file, arguments->overrides);
         const std::vector<DrawnKey> draws = listDraws(root);
-        if (draws.empty() || !arguments->draw.empty())
-            checkOne(readDrawnExperiment(arguments->file, arguments->overrides, arguments->draw, loader), true);
+        const bool isDrawn = !draws.empty() && arguments->draw.empty();
+        const int warnings =
+            isDrawn
+                ? checkDraws(*arguments, root, draws, loader)
+                : checkOne(readDrawnExperiment(arguments->file, arguments->overrides, arguments->draw, loader), true);
+        if (warnings == 0)
+            std::printf("%s: ok\n", arguments->file.c_str());
         else
-            checkDraws(*arguments, root, draws, loader);
-        std::printf("%s: ok\n", arguments->file.c_str());
+            std::printf("%s: can be run, with %d warning%s\n", arguments->file.c_str(), warnings,
+                        warnings == 1 ? "" : "s");
         exitCode = 0;
     });
 }

@@ -38,16 +38,27 @@ void run(const GainsArguments& arguments) {
         arguments.delayTicks > 0 ? detail::format(" and a delay of %d ticks", arguments.delayTicks).c_str() : "");
     int width = 5;
     for (const JointDescription& joint : robot.joints) width = std::max(width, static_cast<int>(joint.name.size()));
-    std::printf("%-*s  %17s %8s %8s   %-19s  %s\n", width, "joint", "K_r [Nms/rad]", "k_p", "k_i", "inertia [kg m^2]",
-                "unstable from k_r");
+    int sliding = 0;
+    for (int i = 0; i < robot.size(); ++i) sliding += robot.slides(i);
+    const bool isMixed = sliding > 0 && sliding < robot.size();
+    const auto choose = [&](const char* turns, const char* mixed, const char* slides) {
+        return isMixed ? mixed : sliding > 0 ? slides : turns;
+    };
+    std::printf("%-*s  %17s %8s %8s   %-19s  %-17s%s\n", width, "joint", choose("K_r [Nms/rad]", "K_r", "K_r [Ns/m]"),
+                "k_p", "k_i", choose("inertia [kg m^2]", "inertia", "mass [kg]"), "unstable from k_r",
+                isMixed ? "  in" : "");
     for (int i = 0; i < robot.size(); ++i) {
         const auto calcGain = [&](double inertia) {
             return 1.0 / (1.0 / loop.kr[i] + 1.0 / (loop.inertiaRate * inertia));
         };
-        std::printf(
-            "%-*s  %17s %8.4g %8.4g   %-19s  %.4g\n", width, robot.joints[static_cast<std::size_t>(i)].name.c_str(),
-            detail::format("%.3g to %.3g", calcGain(range.least[i]), calcGain(range.greatest[i])).c_str(), loop.kp[i],
-            loop.ki[i], detail::format("%.3g to %.3g", range.least[i], range.greatest[i]).c_str(), largest[i]);
+        std::printf("%-*s  %17s %8.4g %8.4g   %-19s  %-17.4g%s\n", width,
+                    robot.joints[static_cast<std::size_t>(i)].name.c_str(),
+                    detail::format("%.3g to %.3g", calcGain(range.least[i]), calcGain(range.greatest[i])).c_str(),
+                    loop.kp[i], loop.ki[i], detail::format("%.3g to %.3g", range.least[i], range.greatest[i]).c_str(),
+                    largest[i],
+                    !isMixed          ? ""
+                    : robot.slides(i) ? "  Ns/m, kg"
+                                      : "  Nms/rad, kg m^2");
     }
     std::printf(
         "K_r follows the inertia of the pose: (1/600 + (%.4g/s M(q))^-1)^-1. Margins: %s (at least 6 dB and 35 "

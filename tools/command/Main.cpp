@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
+#include <new>
 #include <sstream>
 
 #include "Commands.h"
@@ -31,6 +33,19 @@ std::vector<std::filesystem::path> makeRobotSearchPath(const std::filesystem::pa
 }
 
 }  // namespace viable
+
+namespace {
+
+// Exit codes beside those of viable::ErrorKind, as sysexits.h numbers them.
+constexpr int kUnexpected = 70;
+constexpr int kOutOfMemory = 71;
+
+int tellUnexpected(const std::exception& e) {
+    std::fprintf(stderr, "viable: unexpected: %s. Please report this.\n", e.what());
+    return kUnexpected;
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
     CLI::App app{"viable - joint limits up to jerk for torque-controlled manipulators", "viable"};
@@ -72,9 +87,21 @@ int main(int argc, char** argv) {
     } catch (const viable::Error& e) {
         std::fprintf(stderr, "viable: %s\n", e.what());
         return e.exitCode();
+    } catch (const std::bad_alloc&) {
+        std::fprintf(stderr,
+                     "viable: out of memory. Close other programs, raise the limit (`ulimit -v`), or give it less at a "
+                     "time: fewer --jobs, a shorter run, a part of the record.\n");
+        return kOutOfMemory;
+    } catch (const std::filesystem::filesystem_error& e) {
+        std::error_code failed;
+        if (!std::filesystem::current_path(failed).empty()) return tellUnexpected(e);
+        std::fprintf(stderr,
+                     "viable: the current folder cannot be found: %s. It was deleted or moved, or may not be read: "
+                     "`cd` to one that is there.\n",
+                     failed.message().c_str());
+        return static_cast<int>(viable::ErrorKind::BadInput);
     } catch (const std::exception& e) {
-        std::fprintf(stderr, "viable: unexpected: %s. Please report this.\n", e.what());
-        return 70;
+        return tellUnexpected(e);
     }
     if (std::fflush(stdout) != 0 || std::ferror(stdout)) {
         std::fprintf(stderr, "viable: the output could not be written (disk full or pipe closed)\n");

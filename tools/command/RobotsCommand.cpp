@@ -17,21 +17,27 @@ void describe(const RobotDescription& robot) {
                 robot.folder.c_str());
     int width = 15;
     for (const JointDescription& joint : robot.joints) width = std::max(width, static_cast<int>(joint.name.size()));
-    std::printf("%-*s %-22s %-20s %-20s %-20s %-9s %-10s\n", width, "joint", "position [rad]", "velocity [rad/s]",
-                "accel. [rad/s^2]", "jerk [rad/s^3]", "home", "motor [Nm]");
-    bool slides = false;
+    int sliding = 0;
+    for (int i = 0; i < robot.size(); ++i) sliding += robot.slides(i);
+    const bool isMixed = sliding > 0 && sliding < robot.size();
+    const auto head = [&](const char* quantity, LimitKind kind) {
+        return std::string(quantity) + (isMixed ? "" : std::string(" [") + getUnit(kind, sliding > 0) + "]");
+    };
+    std::printf("%-*s %-22s %-20s %-20s %-20s %-9s %-10s%s\n", width, "joint",
+                head("position", LimitKind::Position).c_str(), head("velocity", LimitKind::Velocity).c_str(),
+                head("accel.", LimitKind::Acceleration).c_str(), head("jerk", LimitKind::Jerk).c_str(), "home",
+                head("motor", LimitKind::Torque).c_str(), isMixed ? " in" : "");
     for (int i = 0; i < robot.size(); ++i) {
         const JointDescription& joint = robot.joints[static_cast<std::size_t>(i)];
-        slides |= joint.type == JointType::Prismatic;
         const AxisLimits l = robot.limits.axis(i);
         const auto range = [](double lower, double upper) { return detail::format("%.4g .. %.4g", lower, upper); };
-        std::printf("%-*s %-22s %-20s %-20s %-20s %-9.4g %.4g%s\n", width, joint.name.c_str(),
+        const char* const units = !isMixed ? "" : robot.slides(i) ? " m, s, N" : " rad, s, Nm";
+        std::printf("%-*s %-22s %-20s %-20s %-20s %-9.4g %-10.4g%s\n", width, joint.name.c_str(),
                     range(l.positionLower, l.positionUpper).c_str(), range(l.velocityLower, l.velocityUpper).c_str(),
                     range(l.accelerationLower, l.accelerationUpper).c_str(), range(l.jerkLower, l.jerkUpper).c_str(),
-                    robot.home[i], robot.actuation.torqueLimit[i],
-                    joint.type == JointType::Prismatic ? "  (slides)" : "");
+                    robot.home[i], robot.actuation.torqueLimit[i], units);
     }
-    if (slides) std::printf("Joints that slide: m in place of rad, N in place of Nm.\n");
+    if (!robot.assumed.empty()) std::printf("Assumed, not given: %s.\n", detail::join(robot.assumed).c_str());
 }
 
 }  // namespace

@@ -1,13 +1,16 @@
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
+#include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <ctime>
 #include <memory>
 #include <mutex>
 #include <optional>
-#include <set>
 #include <system_error>
 #include <thread>
 
@@ -15,6 +18,7 @@
 #include "ExperimentArguments.h"
 #include "PluginTrouble.h"
 #include "Progress.h"
+#include "StopSignals.h"
 #include "core/Text.h"
 #include "core/WholeFile.h"
 #include "experiment/CaseRun.h"
@@ -26,19 +30,6 @@ namespace viable {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::atomic<int> stopSignal{0};
-
-/** First signal: brake, finish the logs, end. Second: end at once. */
-void onSignal(int signal) {
-    if (stopSignal.exchange(signal) != 0) _exit(128 + signal);
-}
-
-void installSignalHandlers() {
-    struct sigaction action {};
-    action.sa_handler = onSignal;
-    for (int signal : {SIGINT, SIGTERM, SIGHUP}) sigaction(signal, &action, nullptr);
-}
 
 /** For this process and those of isolated plugins, which are made later. */
 void ignoreWriteSignals() {
@@ -58,6 +49,50 @@ struct RunArguments {
     std::optional<double> watchdog_s;
 };
 
+/** A file in a run's folder for as long as the run lasts: of two that begin at once, one can make it. */
+constexpr const char* kClaim = "run.claim";
+
+Error alreadyHolds(const fs::path& folder) {
+    return badInput("--out " + folder.string(), "this folder already holds something",
+                    "Name a new or empty folder; a run never overwrites another.");
+}
+
+/** Something that is no claim of a run. */
+bool holdsSomething(const fs::path& folder) {
+    std::error_code error;
+    for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error))
+        if (entry->path().filename() != kClaim) return true;
+    return false;
+}
+
+/** Makes a folder one run's own, from construction to destruction. */
+class FolderClaim {
+public:
+    /** Throws Error: BadInput where another run has it or anything is in it, LogNotWritten where it cannot be written to. */
+    explicit FolderClaim(const fs::path& folder) : file_(folder / kClaim) {
+        const int descriptor = ::open(file_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+        if (descriptor < 0 && errno == EEXIST)
+            throw badInput("--out " + folder.string(),
+                           std::string("another run has this folder: its ") + kClaim + " is there",
+                           "Name another folder. Only if that run was killed, delete " + file_.string() + ".");
+        if (descriptor < 0)
+            throw Error(ErrorKind::LogNotWritten, folder.string(),
+                        "nothing can be written here: " + std::generic_category().message(errno),
+                        "Name another place with --out DIR.");
+        ::close(descriptor);
+        // A run that was quicker may have come and gone since the folder was looked at.
+        if (!holdsSomething(folder)) return;
+        ::unlink(file_.c_str());
+        throw alreadyHolds(folder);
+    }
+    ~FolderClaim() { ::unlink(file_.c_str()); }
+    FolderClaim(const FolderClaim&) = delete;
+    FolderClaim& operator=(const FolderClaim&) = delete;
+
+private:
+    const fs::path file_;
+};
+
 /** Makes the folder of a run; it must be new, so that nothing is ever overwritten. */
 fs::path makeRunFolder(const std::string& wanted, const fs::path& experiment) {
     std::error_code error;
@@ -66,9 +101,7 @@ fs::path makeRunFolder(const std::string& wanted, const fs::path& experiment) {
         const fs::file_status status = fs::status(folder, error);
         if (fs::exists(status) && !fs::is_directory(status))
             throw badInput("--out " + wanted, "this is not a folder", "Name a new or empty folder.");
-        if (fs::exists(status) && !fs::is_empty(folder, error))
-            throw badInput("--out " + wanted, "this folder already holds something",
-                           "Name a new or empty folder; a run never overwrites another.");
+        if (holdsSomething(folder)) throw alreadyHolds(folder);
         error.clear();
         fs::create_directories(folder, error);
         if (error)
@@ -157,11 +190,11 @@ private:
 
     /** False: there is none. */
     bool runNext(bool draws) {
-        const std::size_t i = stopSignal == 0 ? next_++ : results_.size();
+        const std::size_t i = getStopSignal() == 0 ? next_++ : results_.size();
         if (i >= results_.size()) return false;
         RunOptions options;
         options.log = folder_ / (cases_[i]->plan.name + ".mcap");
-        options.stopRequest = &stopSignal;
+        options.stopRequest = &getStopSignal();
         options.progress = [this, i, draws](double share) {
             progress_.set(i, share);
             if (draws) progress_.draw();
@@ -211,7 +244,7 @@ int run(const RunArguments& arguments) {
     countPluginAllocations();
     std::optional<HangWatch> hangWatch;  // a thread; none may be there where processes are made
     const Isolation isolation{arguments.watchdog_s.value_or(kDefaultWatchdog_s)};
-    if (!arguments.isolate) hangWatch.emplace(arguments.watchdog_s.value_or(kDefaultPatience_s), stopSignal);
+    if (!arguments.isolate) hangWatch.emplace(arguments.watchdog_s.value_or(kDefaultPatience_s), getStopSignal());
     const PluginLoader loader(PluginLoader::makeDefaultSearchPath());
     Experiment experiment = readDrawnExperiment(arguments.file, arguments.overrides, arguments.draw, loader);
     selectCases(experiment, arguments.cases);
@@ -220,8 +253,9 @@ int run(const RunArguments& arguments) {
     for (const CasePlan& plan : experiment.cases)
         cases.push_back(configureCase(plan, arguments.isolate ? &isolation : nullptr));
 
-    installSignalHandlers();
+    catchStopSignals();  // the first one: brake, finish the logs, end
     const fs::path folder = makeRunFolder(arguments.out, arguments.file);
+    const FolderClaim claim(folder);
     installCrashHandler(folder);
     std::printf("%s\n%s, %zu case%s, output in %s\n", makePrintable(experiment.title).c_str(), arguments.file.c_str(),
                 experiment.cases.size(), experiment.cases.size() == 1 ? "" : "s", folder.c_str());
@@ -232,9 +266,7 @@ int run(const RunArguments& arguments) {
     const auto [results, failure] = arguments.isolate ? runner.runHere() : runner.runAtOnce(jobs);
 
     std::printf("\n%s\n", formatComparison(results).c_str());
-    std::set<std::string> laws;
-    for (const CaseResult& result : results) laws.insert(result.filter);
-    if (laws.size() > 1) std::printf("%s\n", formatRanking(results).c_str());
+    if (const std::string ranking = formatRanking(results); !ranking.empty()) std::printf("%s\n", ranking.c_str());
     int code = 0;
     for (std::size_t i = 0; i < results.size(); ++i) {
         std::printf("%s\n", formatDetails(results[i]).c_str());
@@ -256,7 +288,7 @@ int run(const RunArguments& arguments) {
         std::fprintf(stderr, "viable: %s\n", e.what());
         if (code == 0) code = e.exitCode();
     }
-    if (stopSignal != 0)  // who stops a run wants it to end; the report would read all logs again
+    if (getStopSignal() != 0)  // who stops a run wants it to end; the report would read all logs again
         std::printf("for a report: viable report %s\n", folder.c_str());
     else if (!arguments.noReport && !results.empty() && !tryWriteReport(folder) && code == 0)
         code = static_cast<int>(ErrorKind::LogNotWritten);
@@ -266,7 +298,8 @@ int run(const RunArguments& arguments) {
             std::printf("%s: not run\n", plan.name.c_str());
     const bool anyStopped = std::any_of(results.begin(), results.end(),
                                         [](const CaseResult& r) { return r.stopReason == StopReason::Requested; });
-    if (const int signal = stopSignal.load(); signal != 0 && (anyStopped || results.size() < experiment.cases.size())) {
+    if (const int signal = getStopSignal().load();
+        signal != 0 && (anyStopped || results.size() < experiment.cases.size())) {
         std::fprintf(stderr, "viable: ended early by signal %d; every running arm was braked to rest\n", signal);
         if (code == 0) code = 128 + signal;
     }

@@ -9,8 +9,10 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
+#include <sstream>
 #include <vector>
 
+#include "core/Text.h"
 #include "core/WholeFile.h"
 #include "viable/core/Error.h"
 
@@ -115,9 +117,11 @@ void replaceAll(std::string& text, const std::map<std::string, std::string>& rep
 }
 
 Error failure(const fs::path& path, int error) {
-    return badInput(path.string(), std::string("this cannot be written: ") + std::strerror(error),
-                    error == EACCES || error == EROFS ? "Choose a folder of your own: --out FOLDER."
-                                                      : "Nothing was left behind; put it right and try again.");
+    const bool isWrongPlace = error == ENOTDIR || error == EEXIST || error == ENOTEMPTY || error == ENAMETOOLONG;
+    return Error(isWrongPlace ? ErrorKind::BadInput : ErrorKind::LogNotWritten, path.string(),
+                 std::string("this cannot be written: ") + std::strerror(error),
+                 error == EACCES || error == EROFS ? "Choose a folder of your own: --out FOLDER."
+                                                   : "Nothing was left behind; put it right and try again.");
 }
 
 /** A folder beside the one to be made; removed, with those made above it, unless it was kept. */
@@ -171,6 +175,33 @@ private:
 };
 
 }  // namespace
+
+fs::path getProgram() {
+    std::error_code failed;
+    return fs::read_symlink("/proc/self/exe", failed);
+}
+
+fs::path getTemplates() {
+    return (getProgram().parent_path() / ".." / "share" / "viable" / "templates").lexically_normal();
+}
+
+std::string getProgramWord() {
+    const fs::path program = getProgram();
+    if (const char* variable = std::getenv("PATH")) {
+        std::istringstream folders(variable);
+        std::error_code failed;
+        for (std::string folder; std::getline(folders, folder, ':');)
+            if (fs::exists(fs::path(folder) / "viable", failed))
+                return fs::equivalent(fs::path(folder) / "viable", program, failed)
+                           ? "viable"
+                           : detail::quoteForShell(program.string());
+    }
+    return detail::quoteForShell(program.string());
+}
+
+std::string showPath(const fs::path& path) {
+    return detail::quoteForShell(path.string());
+}
 
 void checkNewName(const std::string& name, const std::string& kind, bool isClass) {
     const std::string where = "new " + kind;

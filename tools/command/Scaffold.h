@@ -9,6 +9,15 @@ namespace viable {
 /** A folder that `viable new` is about to write: path inside the folder, text. */
 using FolderFiles = std::map<std::string, std::string>;
 
+/** The folder of this program's templates. */
+std::filesystem::path getTemplates();
+/** This program's file. */
+std::filesystem::path getProgram();
+/** How the user starts this program: `viable` where the PATH leads to it. */
+std::string getProgramWord();
+/** The path as a user in the current folder would write it. */
+std::string showPath(const std::filesystem::path& path);
+
 /** Throws Error (BadInput) unless `name` is snake_case, at most 60 characters and usable for files, CMake targets and
 (with `isClass`) a C++ class; the message holds a spelling that is.
 @param kind  what is named, a word of the command line, for the message */

@@ -87,8 +87,10 @@ int verify(const VerifyArguments& arguments) {
                      record.source.c_str());
     std::string missing;
     const std::vector<AxisLimits> limits = findLimits(arguments, record, missing);
-    const RecordVerdict verdict = judgeLimits(record, limits, arguments.judge);
-    const std::string json = arguments.json.empty() && !arguments.report ? "" : writeJson(verdict, record);
+    JudgeOptions options = arguments.judge;
+    options.hasCurves = !arguments.json.empty() || arguments.report;
+    const RecordVerdict verdict = judgeLimits(record, limits, options);
+    const std::string json = options.hasCurves ? writeJson(verdict, record) : "";
     if (!arguments.json.empty()) replaceFile(arguments.json, json);
     std::fputs(writeText(verdict).c_str(), stdout);
     if (!missing.empty()) std::printf("not in the record, so not judged: %s\n", missing.c_str());

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "command/Commands.h"
+#include "command/StopSignals.h"
 #include "core/Text.h"
 #include "sweep/SweepMpi.h"
 #include "sweep/SweepSupervisor.h"

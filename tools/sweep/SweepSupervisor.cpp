@@ -43,12 +43,6 @@ std::int64_t now_ns() {
     return std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now().time_since_epoch()).count();
 }
 
-std::atomic<int> stopSignal{0};
-
-void onStopSignal(int signal) {
-    if (stopSignal.exchange(signal) != 0) _exit(128 + signal);
-}
-
 std::string describeDeath(int status) {
     if (WIFEXITED(status)) return "its process ended by itself with code " + std::to_string(WEXITSTATUS(status));
     const int signal = WTERMSIG(status);
@@ -57,13 +51,6 @@ std::string describeDeath(int status) {
 }
 
 }  // namespace
-
-const std::atomic<int>& catchStopSignals() {
-    struct sigaction action {};
-    action.sa_handler = onStopSignal;
-    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaction(signal, &action, nullptr);
-    return stopSignal;
-}
 
 /** What both processes see. */
 struct SweepSupervisor::Shared {

@@ -62,7 +62,4 @@ private:
     int idleDeaths_ = 0;
 };
 
-/** Lets SIGINT, SIGTERM and SIGHUP set a flag, which is returned; a second one ends the process. */
-const std::atomic<int>& catchStopSignals();
-
 }  // namespace viable

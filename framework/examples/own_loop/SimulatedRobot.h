@@ -7,7 +7,7 @@
 
 #include "viable/robot/RobotModel.h"
 
-/** YOURS GOES HERE: the driver of your robot, with the same five functions. This one simulates an arm
+/** YOURS GOES HERE: the driver of your robot, with the same functions. This one simulates an arm
 with the description's friction and a payload that the guard knows nothing of, and sleeps like a
 real loop. */
 class SimulatedRobot {
@@ -36,6 +36,9 @@ public:
 
     /** Sets the motor torques [Nm], which hold until the next call. */
     void drive(const viable::JointVector& torque) { torque_ = torque; }
+
+    /** Takes the reference of a robot that is led by positions. This one is led by torques. */
+    void stream(const viable::MotionState&) {}
 
     /** Tells the brakes to close, which takes them a tenth of a second: the motors go on until then. */
     void engageBrakes() { isBraking_ = true; }

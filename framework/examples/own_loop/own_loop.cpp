@@ -1,8 +1,12 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <optional>
+#include <string>
+#include <thread>
 
 #include "SimulatedRobot.h"
+#include "viable/loop/GuardLog.h"
 #include "viable/loop/TorqueGuard.h"
 #include "viable/summary/Summary.h"
 
@@ -25,7 +29,7 @@ bool print(const Summary& summary, const TorqueGuard& guard, long long missed) {
 
 int main(int argc, char** argv) try {
     if (argc < 3) {
-        std::fprintf(stderr, "usage: own_loop ROBOT_FOLDER SECONDS [simulated_time]\n");
+        std::fprintf(stderr, "usage: own_loop ROBOT_FOLDER SECONDS [simulated_time|clock] [FOLDER/LOG.mcap]\n");
         return 2;
     }
     const RobotDescription robot = loadRobot(argv[1]);
@@ -35,6 +39,9 @@ int main(int argc, char** argv) try {
         return 2;
     }
     const bool isSimulatedTime = argc > 3 && std::strcmp(argv[3], "simulated_time") == 0;
+
+    std::optional<GuardLog> log;  // for `viable report`, `viable export` and `viable verify`
+    if (argc > 4) log.emplace(argv[4], robot, true);
 
     // [the loop]
     const double tick_s = 0.001;
@@ -63,11 +70,19 @@ int main(int argc, char** argv) try {
         if (hasFailed || motors.status == GuardStatus::Stopped) arm.engageBrakes();
         if (hasFailed) break;  // else the motors hold the arm until the brakes do
 
+        // A robot that takes positions gets where the nominal arm is at the end of this tick, within all limits:
+        arm.stream(guard.nominal());
+
         summary.add(guard.record());
+        while (log && !log->append(guard.record()) && isSimulatedTime) std::this_thread::yield();  // by the clock: lost
         t += tick_s * static_cast<double>(late);
         missed += late;
     }
     // [the loop]
+    if (const std::string trouble = log ? log->finish() : ""; !trouble.empty()) {
+        std::fprintf(stderr, "own_loop: %s could not be written to its end: %s\n", argv[4], trouble.c_str());
+        return 2;
+    }
     return print(summary, guard, missed) ? 0 : 1;
 } catch (const Error& e) {
     std::fprintf(stderr, "own_loop: %s\n", e.what());

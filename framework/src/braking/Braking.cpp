@@ -119,7 +119,10 @@ double calcLongestStop(const JointLimits& limits) {
         const AxisLimits axis = limits.axis(i);
         for (const double v : {axis.velocityLower, axis.velocityUpper}) {
             if (!std::isfinite(v)) continue;
-            const double stop_s = calcStationaryStop(v, 0.0, axis).duration();
+            // Where the jerk has no limit, at the deceleration limit from the start.
+            const double braking = v > 0.0 ? -axis.accelerationLower : axis.accelerationUpper;
+            const bool isJerkLimited = std::isfinite(axis.jerkLower) && std::isfinite(axis.jerkUpper);
+            const double stop_s = isJerkLimited ? calcStationaryStop(v, 0.0, axis).duration() : std::abs(v) / braking;
             if (std::isfinite(stop_s)) longest_s = std::max(longest_s, stop_s);
         }
     }

@@ -88,7 +88,9 @@ void ArmStopCheck::examine(const ArmPath& path, double time_s, const Demands& de
         if (!(begin.clearance >= demand.least)) {
             if (distances_ > 0) subject.look(begin);
             if (demands.beginsAbove) begin.clearance = std::max(begin.clearance, demand.floor);
-            demand.least = std::min(demand.least, begin.clearance);  // where the arm is it is
+            const bool hasStayed = begin.clearance >= demands.reached[e] - bisection::kRounding_m;
+            const double kept = hasStayed ? std::max(begin.clearance, demands.reached[e]) : begin.clearance;
+            demand.least = std::min(demand.least, kept);  // where the arm is it is
         }
         bisection::prove(demand, subject, begin, end, found_[e]);
         if (found_[e].seen < demands.ahead[e]) result.isAhead = false;
@@ -97,7 +99,7 @@ void ArmStopCheck::examine(const ArmPath& path, double time_s, const Demands& de
         if (!mustBeGood) continue;
         std::rotate(order_.begin(), order_.begin() + static_cast<std::ptrdiff_t>(k),
                     order_.begin() + static_cast<std::ptrdiff_t>(k) + 1);
-        result.isAhead = result.bearsTorque = false;
+        result.isAhead = result.torque.bearsTorque = false;
         return;
     }
     for (std::size_t e = 0; e < elements_.size(); ++e) {
@@ -105,9 +107,7 @@ void ArmStopCheck::examine(const ArmPath& path, double time_s, const Demands& de
         result.proven[e] = found_[e].proven;
     }
     findNearest(result);
-    const TorqueScan::Result torque = torque_.scan(path, extremes_, demands.torqueUse, lastTorque);
-    result.bearsTorque = torque.bearsTorque;
-    result.torqueUse = torque.torqueUse;
+    result.torque = torque_.scan(path, extremes_, demands.torqueUse, lastTorque);
 }
 
 /** Of what was only seen roughly the lowest is looked at until none that is left is lower (of each element one is known). */

@@ -30,9 +30,10 @@ public:
 
     int elements() const { return static_cast<int>(elements_.size()); }
 
-    /** What every element must keep [m], see bisection::Demand; a path may keep less than `least` where it begins with less. */
+    /** What every element must keep [m], see bisection::Demand; a path that begins with less than `least` keeps what it begins
+    with, or `reached`, if that is more by rounding only: else each tick could use up rounding anew. */
     struct Demands {
-        std::vector<double> floor, least, ahead;
+        std::vector<double> floor, least, ahead, reached;
         /** The pose that paths begin with is known to keep the floor. */
         bool beginsAbove = false;
         /** The most that torque may use of its limits, >= 1; infinite: it is only measured. */
@@ -40,10 +41,9 @@ public:
     };
     /** What came of a look at a path. */
     struct Result {
-        bool isClear = false;      ///< every element proven to keep its floor, and its least at looks
-        bool isAhead = false;      ///< and nowhere nearer than `ahead`
-        bool bearsTorque = false;  ///< see TorqueScan::Result
-        double torqueUse = 0.0;
+        bool isClear = false;  ///< every element proven to keep its floor, and its least at looks
+        bool isAhead = false;  ///< and nowhere nearer than `ahead`
+        TorqueScan::Result torque;
         /** Of each element the least clearance seen, or a lower bound where that is far enough, and a lower bound for
         all times [m]. */
         std::vector<double> seen, proven;

@@ -16,7 +16,7 @@ constexpr double kInfluence_m = 0.1;
 
 StopDemands::StopDemands(int elements, double share) : share_(share) {
     for (ArmStopCheck::Demands* d : {&demands_, &measures_})
-        for (std::vector<double>* v : {&d->floor, &d->least, &d->ahead})
+        for (std::vector<double>* v : {&d->floor, &d->least, &d->ahead, &d->reached})
             v->assign(static_cast<std::size_t>(elements), -kInfinity);
     measures_.torqueUse = kInfinity;
     demands_.beginsAbove = true;
@@ -29,12 +29,13 @@ const ArmStopCheck::Demands& StopDemands::measure() {
 }
 
 void StopDemands::begin(const ArmStopCheck::Result& stored) {
-    demands_.torqueUse = std::max(1.0, stored.torqueUse);
+    demands_.torqueUse = std::max(1.0, stored.torque.torqueUse);
     for (std::size_t e = 0; e < stored.seen.size(); ++e) {
         // Where a map tells nothing (-infinity) nothing less is asked: the backup stop goes on until it does.
         const bool isKept = !(stored.seen[e] < required_m_) || std::isinf(stored.seen[e]);
         demands_.floor[e] = isKept ? required_m_ : stored.seen[e] - bisection::kGuard_m;
         demands_.least[e] = std::isinf(stored.seen[e]) ? aim() : std::min(aim(), stored.seen[e]);
+        demands_.reached[e] = demands_.least[e];
     }
 }
 
@@ -42,6 +43,8 @@ void StopDemands::raise(const ArmStopCheck::Result& kept) {
     for (std::size_t e = 0; e < kept.seen.size(); ++e) {
         demands_.floor[e] = std::max(demands_.floor[e], std::min(required_m_, kept.seen[e] - bisection::kGuard_m));
         demands_.least[e] = std::max(demands_.least[e], std::min(aim(), kept.seen[e]));
+        const bool hasStayed = kept.seen[e] >= demands_.reached[e] - bisection::kRounding_m;
+        demands_.reached[e] = hasStayed ? std::max(demands_.reached[e], kept.seen[e]) : kept.seen[e];
         const double room = std::clamp(kept.seen[e] - demands_.least[e], 0.0, kInfluence_m);
         demands_.ahead[e] = demands_.least[e] + (1.0 - share_) * room;
     }

@@ -53,7 +53,13 @@ TorqueScan::Result TorqueScan::scan(const ArmPath& path, const ArmPath::Extremes
             const double change = looksAtChanges || tick == 0
                                       ? std::abs(torque_[i] - torqueBefore_[i]) / (limits_.rate[i] * tick_s_)
                                       : 0.0;
-            result.torqueUse = std::max({result.torqueUse, use, change});
+            if (const double larger = std::max(use, change); larger > result.torqueUse) {
+                result.torqueUse = larger;
+                result.joint = i;
+                result.tick = tick;
+                result.torque = torque_[i];
+                result.isChange = change > use;
+            }
             free = std::min(free, (most * limit - std::abs(torque_[i])) / (rate_[i] * tick_s_));
             if (measures || (use <= most && change <= most)) continue;
             result.bearsTorque = false;

@@ -34,6 +34,10 @@ public:
     struct Result {
         bool bearsTorque = true;  ///< within `torqueUse` of the limits; when it is only measured: all of it was
         double torqueUse = 0.0;   ///< largest |tau| / limit or |change| / limit seen
+        int joint = 0;            ///< that has it
+        std::int64_t tick = 0;    ///< of the path, when it has it
+        double torque = 0.0;      ///< then [Nm]
+        bool isChange = false;    ///< it is that of a change
     };
     /** @param extremes    of the path
         @param torqueUse   the most that torque may use of its limits; infinite: it is only measured

@@ -155,9 +155,10 @@ const char* getName(LimitSide side) {
     return side == LimitSide::Lower ? "lower" : side == LimitSide::Upper ? "upper" : "";
 }
 
-const char* getUnit(LimitKind kind) {
-    static const char* const units[] = {"", "rad", "rad/s", "rad/s^2", "rad/s^3", "Nm", "m"};
-    return units[static_cast<int>(kind)];
+const char* getUnit(LimitKind kind, bool slides) {
+    static const char* const units[][2] = {
+        {"", ""}, {"rad", "m"}, {"rad/s", "m/s"}, {"rad/s^2", "m/s^2"}, {"rad/s^3", "m/s^3"}, {"Nm", "N"}, {"m", "m"}};
+    return units[static_cast<int>(kind)][slides];
 }
 
 AxisLimits JointLimits::axis(int joint) const {

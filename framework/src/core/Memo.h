@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <exception>
 #include <future>
 #include <map>
@@ -23,22 +24,26 @@ public:
     Value get(const std::string& key, Make make) {
         std::promise<Value> own;
         std::shared_future<Value> result;
-        bool isOwn = false;
+        std::uint64_t ownNumber = 0;
         {
             const std::lock_guard lock(mutex_);
             if (known_.size() >= most_ && known_.count(key) == 0) known_.clear();
-            const auto [entry, isNew] = known_.emplace(key, std::shared_future<Value>());
-            if (isNew) entry->second = own.get_future().share();
-            isOwn = isNew;
-            result = entry->second;
+            const auto [place, isNew] = known_.try_emplace(key);
+            Entry& entry = place->second;
+            if (isNew) {
+                entry = {own.get_future().share(), ++count_};
+                ownNumber = entry.number;
+            }
+            result = entry.value;
         }
-        if (isOwn) {
+        if (ownNumber > 0) {
             try {
                 own.set_value(make());
             } catch (...) {
                 {
                     const std::lock_guard lock(mutex_);
-                    known_.erase(key);
+                    const auto place = known_.find(key);  // forgotten and made anew by another in the meantime
+                    if (place != known_.end() && place->second.number == ownNumber) known_.erase(place);
                 }
                 own.set_exception(std::current_exception());
             }
@@ -47,9 +52,14 @@ public:
     }
 
 private:
+    struct Entry {
+        std::shared_future<Value> value;
+        std::uint64_t number = 0;  // of all that were ever made
+    };
     const std::size_t most_;
     std::mutex mutex_;
-    std::map<std::string, std::shared_future<Value>> known_;
+    std::uint64_t count_ = 0;
+    std::map<std::string, Entry> known_;
 };
 
 }  // namespace viable::detail

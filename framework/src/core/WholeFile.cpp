@@ -19,6 +19,19 @@ Error existsAlready(const std::string& place) {
                     "Choose another name or move the old file away");
 }
 
+/** The name of a file that is to become `target`. */
+std::filesystem::path makePartName(const std::filesystem::path& target, int attempt) {
+    // A name that fits still fits with what is added to it.
+    constexpr std::size_t kKept = 200;
+    return target.parent_path() / (target.filename().string().substr(0, kKept) + "." + std::to_string(::getpid()) +
+                                   "-" + std::to_string(attempt) + ".part");
+}
+
+/** A path to what a descriptor has open. */
+std::string nameOf(int descriptor) {
+    return "/proc/self/fd/" + std::to_string(descriptor);
+}
+
 }  // namespace
 
 std::optional<std::string> readWhole(const std::filesystem::path& file) {
@@ -52,11 +65,8 @@ int openBeside(const std::filesystem::path& target, std::filesystem::path& name,
     struct stat info {};
     if (::lstat(target.c_str(), &info) == 0) errno = isReplacing ? ENOENT : EEXIST;
     if (errno != ENOENT) return -1;
-    // A name that fits still fits with what is added to it.
-    constexpr std::size_t kKept = 200;
-    const std::string begin = target.filename().string().substr(0, kKept) + "." + std::to_string(::getpid()) + "-";
     for (int attempt = 0;; ++attempt) {
-        name = target.parent_path() / (begin + std::to_string(attempt) + ".part");
+        name = makePartName(target, attempt);
         const int descriptor = ::open(name.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
         if (descriptor >= 0 || (errno != EEXIST && errno != EINTR)) return descriptor;
     }
@@ -83,7 +93,8 @@ int writeAll(int descriptor, std::string_view bytes) {
 
 WholeFile::WholeFile(const std::filesystem::path& target, bool isReplacing)
     : target_(target), isReplacing_(isReplacing) {
-    descriptor_ = openBeside(target, path_, isReplacing);
+    openUnnamed();
+    if (descriptor_ < 0) descriptor_ = openBeside(target, path_, isReplacing);
     if (descriptor_ >= 0) return;
     if (errno == EEXIST) throw existsAlready(target.string());
     throw notWritten(errno);
@@ -107,15 +118,53 @@ void WholeFile::write(std::string_view bytes) {
     if (const int code = writeAll(descriptor_, bytes)) throw notWritten(code);
 }
 
+/** Opens a file without a name beside the target, if that can get one later; leaves descriptor_ as it is otherwise. */
+void WholeFile::openUnnamed() {
+    struct stat info {};
+    const bool isThere = ::lstat(target_.c_str(), &info) == 0;
+    if (isThere ? !isReplacing_ : errno != ENOENT) return;
+    const std::filesystem::path folder = target_.has_parent_path() ? target_.parent_path() : ".";
+    const int descriptor = ::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0666);
+    if (descriptor < 0) return;
+    if (::access(nameOf(descriptor).c_str(), F_OK) == 0)
+        descriptor_ = descriptor;
+    else
+        ::close(descriptor);  // no /proc
+}
+
+/** Gives the unnamed file a name: the target's, or where that is to be replaced one beside it. Returns 0 or an errno. */
+int WholeFile::nameIt() {
+    const std::string unnamed = nameOf(descriptor_);
+    const auto link = [&](const std::filesystem::path& name) {
+        return ::linkat(AT_FDCWD, unnamed.c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) == 0 ? 0 : errno;
+    };
+    int code = link(target_);
+    if (code != EEXIST || !isReplacing_) return code;
+    for (int attempt = 0; code == EEXIST; ++attempt) {
+        const std::filesystem::path name = makePartName(target_, attempt);
+        code = link(name);
+        if (code == 0) path_ = name;
+    }
+    return code;
+}
+
 void WholeFile::finish() {
+    int code = 0;
+    if (path_.empty()) {
+        // Closing a second descriptor tells what the file system has put off, before anybody finds the file.
+        const int second = ::dup(descriptor_);
+        if (second < 0 || (::close(second) != 0 && errno != EINTR)) throw notWritten(errno);
+        code = nameIt();
+    }
     const int descriptor = descriptor_;
     descriptor_ = -1;
-    if (::close(descriptor) != 0 && errno != EINTR) throw notWritten(errno);
-    int code = 0;
-    if (!isReplacing_)
-        code = giveName(path_, target_);
-    else if (::rename(path_.c_str(), target_.c_str()) != 0)
-        code = errno;
+    if (::close(descriptor) != 0 && errno != EINTR && code == 0) code = errno;
+    if (code == 0 && !path_.empty()) {
+        if (!isReplacing_)
+            code = giveName(path_, target_);
+        else if (::rename(path_.c_str(), target_.c_str()) != 0)
+            code = errno;
+    }
     if (code == EEXIST && !isReplacing_) throw existsAlready(target_.string());
     if (code != 0) throw notWritten(code);
     path_.clear();

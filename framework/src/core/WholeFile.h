@@ -31,8 +31,8 @@ int giveName(const std::filesystem::path& from, const std::filesystem::path& to)
 /** Returns 0 or an errno. */
 int writeAll(int descriptor, std::string_view bytes);
 
-/** A file beside `target` that takes its name at the end, or disappears: whoever looks finds all of it or nothing. An
-older file is not overwritten, or (replacing) stays until then. Every failure is an Error: BadInput when `target`
+/** A file that takes the name `target` at the end, or disappears: whoever looks finds all of it or nothing. Where the
+file system can, it has no name before, so that a killed program leaves nothing; else one beside `target`. An older file is not overwritten, or (replacing) stays until then. Every failure is an Error: BadInput when `target`
 exists, else LogNotWritten. */
 class WholeFile {
 public:
@@ -51,7 +51,10 @@ public:
     Error notWritten(int code) const;
 
 private:
-    std::filesystem::path target_, path_;
+    void openUnnamed();
+    int nameIt();
+
+    std::filesystem::path target_, path_;  // path_: its name so far, empty without one
     bool isReplacing_;
     int descriptor_ = -1;
 };

@@ -59,7 +59,9 @@ TrackingBound findBound(const CasePlan& plan, const LinearErrorLoop& loop) {
                        "the disturbance_set asks for a tracking bound, which is known for constant gains only, not for "
                        "those that follow the arm's inertia (`auto`)",
                        "Give them in this block; stable ones are " +
-                           formatGains(scaleConstantGains(plan.robot, plan.limits, plan.tick_s)) + ".");
+                           formatGains(scaleConstantGains(plan.robot, plan.limits, plan.tick_s,
+                                                          static_cast<int>(disturbances.integer("delay_ticks")))) +
+                           ".");
     const ConfigNode inputs = makeMap(
         {{"robot", makeScalar(std::filesystem::canonical(plan.robot.folder), true)},
          {"tick_s", makeNumber(plan.tick_s)},

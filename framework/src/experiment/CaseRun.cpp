@@ -135,9 +135,15 @@ CaseResult makeResult(const ConfiguredCase& configured) {
     CaseResult result(Summary(plan.robot.jointNames(), configured.setup.limits, plan.realPlant.has_value(),
                               {plan.holdsOnReal ? std::optional(plan.limits) : std::nullopt, configured.bound,
                                plan.robot.actuation.torqueLimit, makeToolCalculator(plan.robot)}));
+    std::vector<bool> slides;
+    for (int i = 0; i < plan.robot.size(); ++i) slides.push_back(plan.robot.slides(i));
+    result.summary.setSliding(std::move(slides));
     result.name = plan.name;
+    result.assumed = plan.robot.assumed;
     result.controller = plan.controller.plugin.name;
     result.filter = plan.filterName();
+    for (const auto& [key, block] : plan.resolved.entries)
+        if (key != "cases") result.others[key] = writeConfig(block);
     if (plan.realPlant) {
         result.robustLoop = plan.robustLoop->plugin.name;
         result.realPlant = plan.realPlant->plugin.name;
@@ -254,6 +260,7 @@ CaseResult runCase(std::unique_ptr<ConfiguredCase> configured, const RunOptions&
                               ", which is no stop any more, and the run ended";
     ownLoop.reset();  // some plugins have a last word
     for (const auto& watch : configured->watches) {
+        if (!watch->sharedChange.empty()) result.warnings.push_back(formatSharedChange(*watch));
         if (!watch->lastWords.empty())
             result.warnings.push_back(watch->title + " failed while it was destroyed: " + watch->lastWords);
         if (watch->allocatingTicks == 0) continue;

@@ -6,6 +6,7 @@
 #include "experiment/CaseChecks.h"
 #include "experiment/StartCheck.h"
 #include "filter/FilterChain.h"
+#include "host/ProcessGuard.h"
 #include "viable/core/Error.h"
 #include "viable/simulation/ArmHardware.h"
 
@@ -41,7 +42,9 @@ void askOnce(const RealPlant& plugin) {
 }
 
 template <class Interface>
-PluginPtr<Interface> makeHere(const PluginChoice& choice, const RunSetup& setup, const std::string& title) {
+PluginPtr<Interface> makeHere(const PluginChoice& choice, const RunSetup& setup, PluginWatch& watch) {
+    const std::string& title = watch.title;
+    ProcessGuard guard;
     PluginPtr<Interface> plugin = PluginLoader::create<Interface>(choice.plugin);
     PluginCall call(nullptr, kBeforeFirstTick);
     try {
@@ -58,6 +61,7 @@ PluginPtr<Interface> makeHere(const PluginChoice& choice, const RunSetup& setup,
     }
     if (const char* change = call.undoArithmeticChange())
         throw Error(ErrorKind::PluginFailed, title, formatArithmeticChange(change), kOnArithmeticChange);
+    addSharedChange(watch, "made", guard.undo());
     return plugin;
 }
 
@@ -75,10 +79,10 @@ public:
         const RunSetup& setup = isReal ? configured_.realSetup : configured_.setup;
         if (!isolation_) {
             const PluginCall call(watch, kBeforeFirstTick);
-            return makeHere<Interface>(choice, setup, watch->title);
+            return makeHere<Interface>(choice, setup, *watch);
         }
         try {
-            return isolatePlugin<Interface>([&] { return makeHere<Interface>(choice, setup, watch->title); }, *watch,
+            return isolatePlugin<Interface>([&] { return makeHere<Interface>(choice, setup, *watch); }, *watch,
                                             isolation_->watchdog_s);
         } catch (const PluginFault& e) {
             throw Error(ErrorKind::PluginFailed, watch->title,

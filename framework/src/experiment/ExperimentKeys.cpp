@@ -188,7 +188,7 @@ const std::vector<ExperimentKey>& disturbanceKeys() {
                                  "Masses and inertias are within 1 - this and 1 + this of the model's.")
              .atLeast(0)
              .below(1)},
-        {parameter::number("payload_kg", "kg", "0.0", "Largest payload.").atLeast(0)},
+        {parameter::number("payload_kg", "kg", "0.0", "Largest payload.").atLeast(0).upTo(1000)},
         {parameter::number("payload_offset_m", "m", "0.0", "Its largest distance from the tool frame's origin.")
              .atLeast(0)},
         {parameter::number("base_tilt_rad", "rad", "0.0", "Largest tilt of the base.").atLeast(0).upTo(3.15)},

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "core/Memo.h"
@@ -7,6 +8,7 @@
 #include "experiment/ResolvedNodes.h"
 #include "tracking/InertiaSample.h"
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 #include "viable/tracking/LoopStability.h"
 
 namespace viable::detail {
@@ -31,51 +33,97 @@ LoopMargins findMargins(const CasePlan& plan, const LinearErrorLoop& loop, int d
                      [&] { return calcMargins(plan.robot, plan.limits, plan.tick_s, delayTicks, loop); });
 }
 
-/** Which of the gains makes it unstable. */
-std::string findCause(const CasePlan& plan, const LinearErrorLoop& loop, int delayTicks) {
-    const auto getName = [&](Eigen::Index joint) { return plan.robot.joints[static_cast<std::size_t>(joint)].name; };
-    const JointVector largest = findLargestGains(plan.robot, plan.limits, plan.tick_s, delayTicks);
-    const bool isConstant = std::isinf(loop.inertiaRate);
-    Eigen::Index joint = -1;
-    // The gain that is farthest beyond `most`; a gain of 0 is beyond nothing.
-    const auto findBeyond = [&](const JointVector& gains, const JointVector& most) {
-        for (Eigen::Index i = 0; i < gains.size(); ++i)
-            if (gains[i] > 0.0 && gains[i] >= most[i] && (joint < 0 || gains[i] * most[joint] > gains[joint] * most[i]))
-                joint = i;
-        return joint >= 0;
-    };
-    if (isConstant && findBeyond(loop.kr, largest))
-        return "k_r of " + getName(joint) + " is " + formatNumber(loop.kr[joint]) +
-               ", and those with which it just becomes unstable, together, are about " + formatList(largest);
-    // At low frequencies, in the pose where the joint moves most, k_i must stay below k_p k_r / M.
-    const std::vector<PoseInertia> samples = sampleInertia(plan.robot, plan.limits, kMarginPoses);
-    if (!samples.empty()) {
-        const JointVector greatest = findInertiaRange(samples).greatest;
-        JointVector most = loop.kr.cwiseQuotient(greatest);
-        if (!isConstant)
-            for (double& rate : most) rate = 1.0 / (1.0 / rate + 1.0 / loop.inertiaRate);
-        most = most.cwiseProduct(loop.kp);
-        if (findBeyond(loop.ki, most))
-            return "k_i of " + getName(joint) + " is " + formatNumber(loop.ki[joint]) +
-                   ", and with its k_r and k_p it just becomes unstable at about " + format("%.3g", most[joint]);
+/** Which of the gains makes it unstable: tried out in the poses where it is nearest to it. */
+class CauseFinder {
+public:
+    CauseFinder(const CasePlan& plan, const LinearErrorLoop& loop, int delayTicks,
+                const std::vector<PoseInertia>& samples)
+        : plan_(plan),
+          loop_(loop),
+          delayTicks_(delayTicks),
+          poses_(findCriticalPoses(samples, loop, plan.tick_s, delayTicks)) {}
+
+    std::string find() const {
+        LinearErrorLoop velocity = loop_;
+        velocity.kp.setZero();
+        velocity.ki.setZero();
+        if (isUnstable(velocity)) return explainKr(velocity);
+        LinearErrorLoop position = loop_;
+        position.ki.setZero();
+        if (isUnstable(position)) return explainKp(position);
+        return explainKi();
     }
-    loop.kp.maxCoeff(&joint);
-    return "k_p is too large for such a k_r, largest at " + getName(joint) + ": " + formatNumber(loop.kp[joint]);
-}
+
+private:
+    double calcRadius(const LinearErrorLoop& loop) const {
+        double radius = 0.0;
+        for (const PoseInertia* pose : poses_)
+            radius = std::max(radius, std::abs(calcOutermostPole(loop, *pose, plan_.tick_s, delayTicks_)));
+        return radius;
+    }
+    bool isUnstable(const LinearErrorLoop& loop) const { return !(calcRadius(loop) < limitRadius(loop)); }
+
+    /** The joint whose gain, halved, helps most. */
+    Eigen::Index findJoint(const LinearErrorLoop& loop, JointVector LinearErrorLoop::*gains) const {
+        Eigen::Index best = 0;
+        double least = kInfinity;
+        for (Eigen::Index i = 0; i < (loop.*gains).size(); ++i) {
+            LinearErrorLoop tried = loop;
+            (tried.*gains)[i] *= 0.5;
+            const double radius = calcRadius(tried);
+            if (radius >= least) continue;
+            least = radius;
+            best = i;
+        }
+        return best;
+    }
+    std::string name(Eigen::Index joint) const { return plan_.robot.joints[static_cast<std::size_t>(joint)].name; }
+
+    std::string explainKr(const LinearErrorLoop& loop) const {
+        const Eigen::Index joint = findJoint(loop, &LinearErrorLoop::kr);
+        return "k_r of " + name(joint) + " is " + formatNumber(loop.kr[joint]) +
+               ", and those with which it just becomes unstable, together, are about " +
+               formatList(findLargestGains(plan_.robot, plan_.limits, plan_.tick_s, delayTicks_));
+    }
+    std::string explainKp(const LinearErrorLoop& loop) const {
+        const Eigen::Index joint = findJoint(loop, &LinearErrorLoop::kp);
+        return "k_p is too large for such a k_r, above all at " + name(joint) + ": " + formatNumber(loop.kp[joint]);
+    }
+    std::string explainKi() const {
+        const Eigen::Index joint = findJoint(loop_, &LinearErrorLoop::ki);
+        const std::string text = "k_i of " + name(joint) + " is " + formatNumber(loop_.ki[joint]) + ", and ";
+        LinearErrorLoop tried = loop_;
+        tried.ki[joint] = 0.0;
+        if (isUnstable(tried)) return text + "that of others is too large for their k_r and k_p as well";
+        double stable = 0.0, unstable = loop_.ki[joint];
+        for (int i = 0; i < 12; ++i) {
+            tried.ki[joint] = 0.5 * (stable + unstable);
+            (isUnstable(tried) ? unstable : stable) = tried.ki[joint];
+        }
+        return text + "with its k_r and k_p it just becomes unstable at about " + format("%.3g", unstable);
+    }
+
+    const CasePlan& plan_;
+    const LinearErrorLoop& loop_;
+    const int delayTicks_;
+    std::vector<const PoseInertia*> poses_;
+};
 
 }  // namespace
 
 LoopMargins checkStability(const CasePlan& plan, const LinearErrorLoop& loop, int delayTicks) {
     LoopMargins margins = findMargins(plan, loop, delayTicks);
     if (margins.isStable || plan.robustLoop->acceptsUnstable) return margins;
+    const std::vector<PoseInertia> samples = sampleInertia(plan.robot, plan.limits, kMarginPoses);
+    if (samples.empty())
+        throw badInput(plan.robot.folder.string(), "no pose of the robot has a usable inertia matrix",
+                       "`viable check` says what is wrong with the robot.");
     throw badInput(plan.robustLoop->parameters.resolved().place(),
                    "the robust loop is unstable on this arm at a tick of " + formatNumber(plan.tick_s) + " s" +
                        (delayTicks > 0 ? " and a delay of " + std::to_string(delayTicks) + " ticks" : "") + ": " +
-                       findCause(plan, loop, delayTicks),
-                   "Nric: leave the gains out (`auto`)" +
-                       (delayTicks > 0 ? std::string()
-                                       : ", or take constant ones such as " +
-                                             formatGains(scaleConstantGains(plan.robot, plan.limits, plan.tick_s))) +
+                       CauseFinder(plan, loop, delayTicks, samples).find(),
+                   std::string("Nric: leave the gains out (`auto`)") + ", or take constant ones such as " +
+                       formatGains(scaleConstantGains(plan.robot, plan.limits, plan.tick_s, delayTicks)) +
                        ". To run it all the same: `" + std::string(makeAcceptUnstable().name) +
                        ": true` in this block.");
 }

@@ -43,9 +43,9 @@ void checkInside(const CasePlan& plan, const JointLimits& limits) {
             const double bound = below ? bounds.lower[i] : bounds.upper[i];
             throw badInput(plan.startPlace,
                            std::string("the start ") + getName(kind, LimitSide::Neither) + " of " +
-                               plan.robot.joints[i].name + " is " + formatNumber(value[i]) + " " + getUnit(kind) +
-                               ", outside its " + (below ? "lower" : "upper") + " limit " + formatNumber(bound) +
-                               " by " + formatNumber(std::abs(value[i] - bound)),
+                               plan.robot.joints[i].name + " is " + formatNumber(value[i]) + " " +
+                               getUnit(kind, plan.robot.slides(i)) + ", outside its " + (below ? "lower" : "upper") +
+                               " limit " + formatNumber(bound) + " by " + formatNumber(std::abs(value[i] - bound)),
                            std::string("Start inside the limits (`start: {") + getStartKey(kind).key +
                                ": [...]}`; without it " + getStartKey(kind).otherwise + "), widen the limits, " +
                                kRecoveryRemedy);
@@ -74,11 +74,12 @@ void checkViable(const CasePlan& plan, const JointLimits& limits) {
         const double peak = calcVelocityPeak(v, a, axis);
         const auto check = [&](LimitKind kind, const char* side, double excess, double allowed) {
             if (!(excess > allowed)) return;
-            throw badInput(
-                plan.startPlace,
-                "the start of " + plan.robot.joints[i].name + " is not viable: its fastest stop passes the " + side +
-                    " " + getName(kind, LimitSide::Neither) + " limit by " + formatNumber(excess) + " " + getUnit(kind),
-                std::string("Change `start`: at rest or further inside; ") + kRecoveryRemedy);
+            throw badInput(plan.startPlace,
+                           "the start of " + plan.robot.joints[i].name +
+                               " is not viable: its fastest stop passes the " + side + " " +
+                               getName(kind, LimitSide::Neither) + " limit by " + formatNumber(excess) + " " +
+                               getUnit(kind, plan.robot.slides(i)),
+                           std::string("Change `start`: at rest or further inside; ") + kRecoveryRemedy);
         };
         check(LimitKind::Position, "upper", path.position.upper - axis.positionUpper, allowedP);
         check(LimitKind::Position, "lower", axis.positionLower - path.position.lower, allowedP);

@@ -31,7 +31,7 @@ Outside findOutside(const RunSetup& setup, int joint) {
         const double bound = below ? bounds.lower[joint] : bounds.upper[joint];
         const double excess = below ? bound - value : value - bound;
         if (!(excess > kRounding * std::abs(bound))) return;
-        const std::string unit = std::string(" ") + getUnit(kind);
+        const std::string unit = std::string(" ") + getUnit(kind, setup.robot.slides(joint));
         outside.what += (outside.what.empty() ? "" : ", ") + std::string(getName(kind, LimitSide::Neither)) + " " +
                         format("%g", value) + unit + " is beyond " +
                         getName(kind, below ? LimitSide::Lower : LimitSide::Upper) + " by " + format("%.3g", excess) +
@@ -114,7 +114,7 @@ void JointBraking::checkStart(const RunSetup& setup, const Wording& wording) con
                                wording.recoveryRemedy);
         throw badInput(wording.recovery,
                        who + "not viable: its stop would pass the limit " + getName(excess.limit, excess.side) +
-                           " by " + format("%.3g", excess.excess) + " " + getUnit(excess.limit),
+                           " by " + format("%.3g", excess.excess) + " " + getUnit(excess.limit, setup.robot.slides(i)),
                        (wording.namesKeys ? "Change `start` (at rest, or further inside the limits), "
                                           : "Start at rest, or further inside the limits, ") +
                            wording.recoveryRemedy);

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "core/Text.h"
 #include "viable/core/Error.h"
@@ -106,7 +108,7 @@ bool WholeArmChoice::isGood(const MotionState& state, const JointVector& jerk, b
     findStops(jerk);
     path_.set(state, jerk, stops_, tick_s_);
     check_.examine(path_, time(), demands_.get(), lastTorque_, !wantsRows, trial_);
-    return trial_.isClear && trial_.bearsTorque;
+    return trial_.isClear && trial_.torque.bearsTorque;
 }
 
 void WholeArmChoice::keepBest(const JointVector& jerk) {
@@ -133,7 +135,7 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
         if (isGood(nominal, proposed_, options_.steers && metric)) keepBest(proposed_);
         const ArmStopCheck::Result& first = hasBest_ ? best_ : trial_;
         if (!hasBest_ || !first.isAhead) {
-            reason = first.isClear && !first.bearsTorque ? LimitKind::Torque : LimitKind::Clearance;
+            reason = first.isClear && !first.torque.bearsTorque ? LimitKind::Torque : LimitKind::Clearance;
             setStoredPath(nominal);
             steer(nominal, dynamics, metric, desired);
         }
@@ -144,7 +146,7 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
         jerk = bestJerk_;
         std::swap(stored_, best_);
         nearest_ = stored_.nearest;
-        demands_.lowerTorqueUse(stored_.torqueUse);
+        demands_.lowerTorqueUse(stored_.torque.torqueUse);
         keptPath_.set(nominal, jerk, bestStops_, tick_s_);
         ticksOnPath_ = 0;
     } else {
@@ -190,47 +192,71 @@ void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics,
     }
 }
 
+/** Who is near an element, and to what. */
+std::pair<std::string, std::string> WholeArmChoice::nameNearest(int element, const ArmGeometry& geometry) const {
+    const Clearance near = check_.getNearest(element);
+    const auto getLink = [&](int link) { return geometry.links[static_cast<std::size_t>(link)]; };
+    if (near.otherLink >= 0) return {getLink(near.link), getLink(near.otherLink)};
+    if (near.obstacle < 0) return {getLink(near.link), "what is around"};
+    const Environment& around = view_.surroundings->environment();
+    const int sphere = near.obstacle - static_cast<int>(around.solids.size());
+    const bool moves = sphere >= 0 && sphere < static_cast<int>(around.spheres.size());
+    return {getLink(near.link), view_.surroundings->name(near.obstacle) +
+                                    (moves ? " (a moving sphere counts with all that is left of its path)" : "")};
+}
+
+/** "link5 to -0.0123 m from link2", one entry for each two that are too near, nearest first. */
+std::string WholeArmChoice::listTooNear(const ArmGeometry& geometry) const {
+    std::map<std::pair<std::string, std::string>, double> least;
+    for (int e = 0; e < check_.elements(); ++e) {
+        const double seen = stored_.seen[static_cast<std::size_t>(e)];
+        if (!(seen < demands_.required() - kRounding_m)) continue;
+        const auto entry = least.try_emplace(nameNearest(e, geometry), seen).first;
+        entry->second = std::min(entry->second, seen);
+    }
+    std::vector<std::pair<double, std::string>> found;
+    for (const auto& [who, distance] : least)
+        found.emplace_back(distance, who.first + " to " + formatShort(distance) + " m from " + who.second);
+    std::sort(found.begin(), found.end());
+    std::string text;
+    for (const auto& [distance, entry] : found) addItem(text, entry);
+    return text;
+}
+
 void WholeArmChoice::checkStart(const RunSetup& setup, const std::string& place) const {
     constexpr char kWay[] = "or set `recovery: true`, which moves the arm away.";
-    const ArmStopCheck::Result& start = stored_;
-    int worst = -1;
+    const std::string required = formatNumber(demands_.required());
+    const std::string tooNear = setup.geometry ? listTooNear(*setup.geometry) : std::string();
+    if (!tooNear.empty())
+        throw badInput(
+            place,
+            "the start, or the stop from there, brings " + tooNear + "; at least " + required + " m is to be kept",
+            std::string(
+                "Change `start`, the obstacle or `safety_distance_m` (links: `may_touch` in collision.yaml), ") +
+                kWay);
     for (int e = 0; e < check_.elements(); ++e) {
-        const auto at = static_cast<std::size_t>(e);
-        if (start.proven[at] >= demands_.required() - kRounding_m) continue;
-        if (worst < 0 || start.seen[at] < start.seen[static_cast<std::size_t>(worst)]) worst = e;
-    }
-    if (worst >= 0) {
-        const Clearance near = check_.getNearest(worst);
-        const auto getLink = [&](int link) { return setup.geometry->links[static_cast<std::size_t>(link)]; };
-        const std::string who = getLink(near.link), required = formatNumber(demands_.required());
-        std::string other = near.otherLink >= 0  ? getLink(near.otherLink)
-                            : near.obstacle >= 0 ? view_.surroundings->name(near.obstacle)
-                                                 : "what is around";
-        const Environment& around = view_.surroundings ? view_.surroundings->environment() : Environment{};
-        const int sphere = near.obstacle - static_cast<int>(around.solids.size());
-        if (near.otherLink < 0 && sphere >= 0 && sphere < static_cast<int>(around.spheres.size()))
-            other += " (a moving sphere counts with all that is left of its path)";
-        if (start.seen[static_cast<std::size_t>(worst)] < demands_.required())
-            throw badInput(
-                place,
-                "the start, or the stop from there, brings " + who + " to " + formatShort(near.distance) + " m from " +
-                    other + "; at least " + required + " m is to be kept",
-                std::string(
-                    "Change `start`, the obstacle or `safety_distance_m` (links: `may_touch` in collision.yaml), ") +
-                    kWay);
+        if (stored_.proven[static_cast<std::size_t>(e)] >= demands_.required() - kRounding_m) continue;
+        const auto [who, other] = nameNearest(e, *setup.geometry);
         throw badInput(place,
                        "the stop from the start is too fast beside " + other + ", or too much is near, to prove that " +
                            who + " keeps " + required + " m from it",
                        std::string("Start slower or farther away, ") + kWay);
     }
-    if (!start.bearsTorque || start.torqueUse > 1.0)
-        throw badInput(
-            place,
-            "the start, or the stop from there, needs " + formatShort(100.0 * start.torqueUse) +
-                " % of the torque that may be used" + (start.bearsTorque ? "" : ", as far as it was looked at"),
-            std::string(
-                "Change `start` (at rest, the arm less far out), the payload, `torque_share` or `torque_rate_Nmps`, ") +
-                kWay);
+    const TorqueScan::Result& torque = stored_.torque;
+    if (torque.bearsTorque && torque.torqueUse <= 1.0) return;
+    JointVector q, qd, meanQdd;
+    storedPath_.calcTick(torque.tick, q, qd, meanQdd);
+    throw badInput(
+        place,
+        "the start, or the stop from there, needs " + formatShort(100.0 * torque.torqueUse) + " % of the " +
+            (torque.isChange ? "change of torque" : "torque") + " that " +
+            setup.robot.joints[static_cast<std::size_t>(torque.joint)].name + " may use (" +
+            formatShort(torque.torque) + " Nm in the pose " + formatList(q) + ", " +
+            formatShort(static_cast<double>(torque.tick) * tick_s_) + " s after the start)" +
+            (torque.bearsTorque ? "" : ", as far as it was looked at"),
+        std::string(
+            "Change `start` (at rest, the arm less far out), the payload, `torque_share` or `torque_rate_Nmps`, ") +
+            kWay);
 }
 
 }  // namespace viable::detail

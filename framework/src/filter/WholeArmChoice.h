@@ -1,6 +1,8 @@
 #pragma once
 
 #include <array>
+#include <string>
+#include <utility>
 
 #include "braking/CertifiedBraking.h"
 #include "clearance/ArmStopCheck.h"
@@ -42,8 +44,8 @@ public:
     double mapAge_s() const { return feed_ ? time() - view_.stamp_s : 0.0; }
     bool hasSurroundings() const { return feed_ != nullptr; }
 
-    /** Throws Error (BadInput) where the stop from the start, just reset to, comes too near to something or needs more torque
-    than there is. */
+    /** Throws Error (BadInput) where the stop from the start, just reset to, comes too near to something (all of it in one
+    list) or needs more torque than there is (with joint, share and pose). */
     void checkStart(const RunSetup& setup, const std::string& place) const;
 
 private:
@@ -55,6 +57,8 @@ private:
     void findStops(const JointVector& jerk);
     void setStoredPath(const MotionState& state);
     void examineStored(const MotionState& state);
+    std::pair<std::string, std::string> nameNearest(int element, const ArmGeometry& geometry) const;
+    std::string listTooNear(const ArmGeometry& geometry) const;
     bool isGood(const MotionState& state, const JointVector& jerk, bool wantsRows);
     void keepBest(const JointVector& jerk);
     void steer(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,

@@ -58,6 +58,7 @@ struct Mailbox {
     bool answer = false;
     std::int64_t ticksDone = 0;                              // by the plugin
     std::int64_t allocatingTicks = 0, firstAllocation = -1;  // as in PluginWatch
+    char sharedChange[1024] = "";                            // as in PluginWatch
     MotionState nominal;
     Dynamics dynamics;
     MotionCommand command;
@@ -148,6 +149,8 @@ public:
             _exit(0);
         }
         finishCall();
+        box_->sharedChange[sizeof box_->sharedChange - 1] = '\0';
+        watch_.sharedChange = box_->sharedChange;
     }
 
     /** One call: the mailbox's inputs are written, its outputs are there afterwards. Throws PluginFault. */
@@ -322,7 +325,7 @@ class Isolated : public Interface {
 public:
     Isolated(const std::function<PluginPtr<Interface>()>& make, PluginWatch& watch, double watchdog_s)
         : process_(watch, watchdog_s) {
-        process_.start([&make](Mailbox& box) { run(make, box); });
+        process_.start([&make, &watch](Mailbox& box) { run(make, watch, box); });
     }
     void configure(const RunSetup&, const Parameters&) override {}  // `make` did
     void reset(const MotionState& start) override {
@@ -342,10 +345,11 @@ protected:
 
 private:
     /** The life of the other process. */
-    static void run(const std::function<PluginPtr<Interface>()>& make, Mailbox& box) {
+    static void run(const std::function<PluginPtr<Interface>()>& make, const PluginWatch& watch, Mailbox& box) {
         PluginPtr<Interface> plugin(nullptr, nullptr);
         answer(box, [&] {
             plugin = make();
+            std::snprintf(box.sharedChange, sizeof box.sharedChange, "%s", watch.sharedChange.c_str());
             describe(*plugin, box);
         });
         for (;;) {

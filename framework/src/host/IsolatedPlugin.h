@@ -16,7 +16,7 @@ Guarantees: whatever the plugin does there (crash, exit, hang, writing over fore
 that the plugin does not answer becomes a PluginFault, as does every later one. A call that takes longer than the watchdog
 ends the process.
 `make` runs in the new process; what it throws is thrown here, an Error as an Error of its kind. What the plugin does to
-this process's own objects there stays there. `watch` is told what it allocates in its ticks, and how it failed while it
+this process's own objects there stays there. `watch` is told what `make` wrote into its sharedChange there, what the plugin allocates in its ticks, and how it failed while it
 was destroyed.
 Costs: two switches between processes per call. Not for a real-time loop.
 Thread: call this while the program has one thread; then one caller at a time. The process ends with the stand-in, and at

@@ -2,7 +2,9 @@
 
 #include <cstdio>
 
+#include "core/Text.h"
 #include "host/FloatingPointGuard.h"
+#include "host/ProcessGuard.h"
 
 namespace viable {
 
@@ -38,7 +40,9 @@ CallSlot* takeSlot() {
 
 PluginWatch::PluginWatch(const PluginInfo& plugin)
     : title(std::string("the ") + getName(plugin.kind) + " plugin '" + plugin.name + "' (" + plugin.library.string() +
-            ")") {}
+            ")") {
+    addSharedChange(*this, "loaded", findLoadChange(plugin.library));
+}
 
 const std::array<CallSlot, 256>& callSlots() {
     return slots;
@@ -88,6 +92,16 @@ std::string formatArithmeticChange(const char* change) {
     char text[160];
     std::snprintf(text, sizeof text, kArithmeticChange, change);
     return text;
+}
+
+void addSharedChange(PluginWatch& watch, const char* when, const std::string& change) {
+    if (!change.empty()) detail::addItem(watch.sharedChange, std::string("when it was ") + when + ": " + change, "; ");
+}
+
+std::string formatSharedChange(const PluginWatch& watch) {
+    return watch.title + " changed what all of the program shares (" + watch.sharedChange +
+           "). It was set back: a plugin and the libraries that it loads leave locale, working folder and signals "
+           "alone.";
 }
 
 const char* PluginCall::undoArithmeticChange() noexcept {

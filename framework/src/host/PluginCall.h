@@ -32,6 +32,8 @@ struct PluginWatch {
     /** Ticks in which it took memory from the heap, after kWarmUpTicks; see setAllocationCounter. */
     std::int64_t allocatingTicks = 0;
     std::int64_t firstAllocation = -1, lastAllocation = -1;
+    /** What it changed of what all of the program shares before the first tick, and when; see ProcessGuard. */
+    std::string sharedChange;
     std::string lastWords;  ///< how it failed while it was destroyed, as the end of a sentence
 };
 
@@ -68,6 +70,11 @@ std::int64_t countAllocations();
 inline constexpr char kArithmeticChange[] =
     "it changed the floating point arithmetic of the whole thread (%s; set back)";
 std::string formatArithmeticChange(const char* change);
+
+/** Adds what a ProcessGuard told, if anything, to watch.sharedChange. @param when  "loaded", "made" */
+void addSharedChange(PluginWatch& watch, const char* when, const std::string& change);
+/** The warning that watch.sharedChange, not empty, is worth. */
+std::string formatSharedChange(const PluginWatch& watch);
 
 // What the author of a plugin can do.
 inline constexpr char kOnThrow[] =

@@ -22,6 +22,7 @@
 #include "core/Text.h"
 #include "host/FloatingPointGuard.h"
 #include "host/PluginCall.h"
+#include "host/ProcessGuard.h"
 
 // The build says where plugins are installed below the prefix.
 #ifndef VIABLE_INSTALL_LIBDIR
@@ -349,10 +350,9 @@ void checkTable(const PluginLibrary* library) {
 
 // --- Loading ------------------------------------------------------------------------------------
 
-/** Libraries whose start-up code changed the floating point arithmetic. They stay in the process,
-so their start-up code does not run again when somebody asks for them a second time: only this
-memory refuses them then. */
-class ArithmeticOffenders {
+/** What the start-up code of libraries changed. They stay in the process, so that code does not run again when somebody
+asks for them a second time: only this memory tells it then. */
+class LoadChanges {
 public:
     std::string find(const std::string& library) {
         const std::lock_guard<std::mutex> lock(mutex_);
@@ -369,9 +369,16 @@ private:
     std::map<std::string, std::string> changes_;
 };
 
-ArithmeticOffenders& updOffenders() {
-    static ArithmeticOffenders offenders;
-    return offenders;
+/** Changes of the floating point arithmetic: such a library is refused. */
+LoadChanges& updArithmeticChanges() {
+    static LoadChanges changes;
+    return changes;
+}
+
+/** Changes of what the whole program shares (see ProcessGuard). */
+LoadChanges& updProcessChanges() {
+    static LoadChanges changes;
+    return changes;
 }
 
 /** Refuses a library that needs a sanitizer's runtime which this program has not: that runtime would end the program
@@ -416,13 +423,14 @@ const PluginLibrary* loadTable(const fs::path& file) {
     checkElf(file);
     checkSanitizer(file);
 
-    std::string change = updOffenders().find(file);
+    std::string change = updArithmeticChanges().find(file);
     std::string failure;
     void* handle = nullptr;
     const PluginLibrary* library = nullptr;
     bool hasSymbol = false;
     {
         FloatingPointGuard guard;
+        ProcessGuard processGuard;
         PluginWatch watch("the plugin library " + quoted(file.string()));
         const PluginCall call(&watch, kBeforeFirstTick);  // its static objects are its first code
         handle = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
@@ -439,9 +447,10 @@ const PluginLibrary* loadTable(const fs::path& file) {
                 failure = std::string(kPluginSymbol) + "() threw something other than a std::exception";
             }
         }
+        if (const std::string changed = processGuard.undo(); !changed.empty()) updProcessChanges().add(file, changed);
         if (change.empty()) {
             change = guard.describeChange();
-            if (!change.empty()) updOffenders().add(file, change);
+            if (!change.empty()) updArithmeticChanges().add(file, change);
         }
     }
     if (handle == nullptr) refuseUnlinked(failure);
@@ -553,6 +562,10 @@ Error makeMiss(PluginKind kind, const std::string& request, const std::string& w
 }
 
 }  // namespace
+
+std::string findLoadChange(const fs::path& library) {
+    return updProcessChanges().find(library);
+}
 
 const char* getName(PluginKind kind) {
     switch (kind) {

@@ -254,9 +254,10 @@ Status ControlLoop::contain(PluginKind kind, Status faulted, const Call& call) n
 void ControlLoop::lookAtPlant() {
     readState();
     if (options_.feedsExternalTorque) readExternalTorque();
+    const std::int64_t elapsedTicks = ticksSinceReading_;
     judgeReading();  // a jump says more than that the error is large
     checkTracking();
-    checkFollowing();
+    checkFollowing(elapsedTicks);
 }
 
 void ControlLoop::readState() {
@@ -314,14 +315,15 @@ void ControlLoop::checkTracking() {
 }
 
 /** The same where there is no bound. */
-void ControlLoop::checkFollowing() {
+void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
     using Cause = detail::FollowingWatch::Cause;
     if (!options_.watchesFollowing || options_.bound || ended_ || stopReason_ == StopReason::SensorFailed) return;
     if (isTrackingLost_) {  // a loop that acts on wrong readings must not drive the arm on
         robustLoopEnded_ |= drifts_ && following_.runsAway(plausible_, nominal_);
         return;
     }
-    const detail::FollowingWatch::Finding found = following_.look(plausible_, nominal_, motorTorque_, appliedTorque_);
+    const detail::FollowingWatch::Finding found =
+        following_.update(plausible_, nominal_, {motorTorque_, robustTorque_, appliedTorque_}, elapsedTicks);
     if (found.cause == Cause::None) return;
     drifts_ = found.cause == Cause::Drift;
     isTrackingLost_ = true;
@@ -329,14 +331,28 @@ void ControlLoop::checkFollowing() {
     const JointDescription& joint = setup_.robot.joints[static_cast<std::size_t>(found.joint)];
     const char* const unit = joint.type == JointType::Prismatic ? "m" : "rad";
     char message[sizeof stopMessage_];
-    if (found.cause == Cause::Oscillation) {
+    if (found.cause == Cause::Oscillation && found.motor >= 0) {
+        std::snprintf(
+            message, sizeof message,
+            "the real arm oscillates: the robust loop drives the motor of %.60s into its torque limit and back, "
+            "and its torque changes sign every %.3g ms or faster",
+            getName(found.motor), 1e3 * following_.halfPeriod());
+        robustLoopEnded_ = true;
+    } else if (found.cause == Cause::Oscillation) {
         std::snprintf(message, sizeof message,
                       "the real arm oscillates: the velocity of %.60s swings by %.3g %s/s about the nominal one and "
                       "changes sign every %.3g ms or faster",
                       getName(found.joint), found.error, unit, 1e3 * following_.halfPeriod());
         robustLoopEnded_ = true;
     } else {
-        char motor[160] = "no motor is at its torque limit";
+        char motor[160];
+        std::snprintf(motor, sizeof motor, "%s",
+                      setup_.robot.actuation.torqueLimit.array().isInf().any()
+                          ? "no torque limit is known of some motors"
+                      : setup_.delayTicks > 0
+                          ? "no motor is at its torque limit (with a delay it is not known whether one gives less than "
+                            "is asked of it)"
+                          : "no motor is at its torque limit");
         if (found.motor >= 0)
             std::snprintf(
                 motor, sizeof motor, "the motor of %.60s %s", getName(found.motor),
@@ -529,8 +545,7 @@ bool ControlLoop::passMonitor() {
         return true;
     }
     char what[256];
-    monitor_.describe(finding, setup_.robot.joints[static_cast<std::size_t>(finding.joint)].name.c_str(), what,
-                      sizeof what);
+    monitor_.describe(finding, setup_.robot, what, sizeof what);
     char message[sizeof stopMessage_];
     std::snprintf(message, sizeof message, "it guarantees all limits, but %s", what);
     beginStop(StopReason::GuaranteeBroken, message, kOnGuarantee);

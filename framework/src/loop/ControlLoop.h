@@ -135,7 +135,7 @@ private:
     void readState();
     void readExternalTorque();
     void checkTracking();
-    void checkFollowing();
+    void checkFollowing(std::int64_t elapsedTicks);
     void watchNominal();
     void holdIntegral();
     void judgeReading();

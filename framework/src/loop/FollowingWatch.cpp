@@ -26,21 +26,25 @@ void FollowingWatch::begin(const RunSetup& setup) {
     tick_ = 0;
     delayTicks_ = setup.delayTicks;
     torqueLimit_ = setup.robot.actuation.torqueLimit;
-    for (JointVector* v : {&allowedError_, &fastest_, &count_, &saturation_, &weakness_}) v->setZero(n_);
+    for (JointVector* v : {&allowedError_, &leastError_, &largestError_, &fastest_, &leastSwing_, &leastTravel_,
+                           &saturation_, &weakness_})
+        v->setZero(n_);
     swings_ = {};
+    pushes_ = {};
     for (int i = 0; i < n_; ++i) {
-        count_[i] = setup.robot.encoderStep(i);
-        allowedError_[i] = std::max(kLeastError, kCounts * count_[i]);
-    }
-    widen(setup.limits);
-    for (int i = 0; i < n_; ++i) {
-        if (std::isfinite(calcFastest(setup.limits, i))) continue;
-        const double range = setup.limits.position.upper[i] - setup.limits.position.lower[i];
         const bool slides = setup.robot.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic;
+        const double counts = kCounts * setup.robot.encoderStep(i);
+        const double range = setup.limits.position.upper[i] - setup.limits.position.lower[i];
+        leastError_[i] = std::max(slides ? kLeastErrorM : kLeastErrorRad, counts);
+        largestError_[i] = std::max(leastError_[i], kLargestShare * range);
+        leastSwing_[i] = std::max(slides ? kLeastSwingMps : kLeastSwingRadps, counts / tick_s_);
+        leastTravel_[i] = slides ? kLeastTravelM : kLeastTravelRad;
+        if (std::isfinite(calcFastest(setup.limits, i))) continue;
         const double far = std::isfinite(range) ? kShareOfRange * range : slides ? kFarM : kFarRad;
-        allowedError_[i] = std::max(allowedError_[i], far);
+        allowedError_[i] = std::max(leastError_[i], far);
         fastest_[i] = allowedError_[i] / kLag_s;
     }
+    widen(setup.limits);
 }
 
 void FollowingWatch::widen(const JointLimits& limits) {
@@ -48,7 +52,7 @@ void FollowingWatch::widen(const JointLimits& limits) {
         const double fastest = calcFastest(limits, i);
         if (!std::isfinite(fastest)) continue;
         fastest_[i] = std::max(fastest_[i], fastest);
-        allowedError_[i] = std::max(allowedError_[i], kLag_s * fastest);
+        allowedError_[i] = std::max(allowedError_[i], std::clamp(kLag_s * fastest, leastError_[i], largestError_[i]));
     }
 }
 
@@ -59,45 +63,75 @@ bool FollowingWatch::runsAway(const JointState& real, const MotionState& nominal
 }
 
 double FollowingWatch::halfPeriod() const {
-    return std::max(kHalfPeriod_s, 2.5 * tick_s_);
+    return std::max(kHalfPeriod_s, kHalfPeriodTicks * (1.0 + delayTicks_) * tick_s_);
+}
+
+bool FollowingWatch::isLate(std::int64_t since) const {
+    return static_cast<double>(tick_ - since) * tick_s_ > halfPeriod();
 }
 
 /** True once the joint has swung often enough. */
-bool FollowingWatch::swings(int joint, double velocityError, bool isAtLimit) {
+bool FollowingWatch::swings(int joint, double velocityError, double elapsed_s, bool isAtLimit) {
     Swing& swing = swings_[static_cast<std::size_t>(joint)];
     const int sign = velocityError > 0.0 ? 1 : velocityError < 0.0 ? -1 : swing.sign;
-    const bool isLate = static_cast<double>(tick_ - swing.since) * tick_s_ > halfPeriod();
+    const bool late = isLate(swing.since);
     if (sign != swing.sign) {
-        const double least = std::max(
-            {(swing.isAtLimit ? kShare : kFarShare) * fastest_[joint], kLeastSwing, kCounts * count_[joint] / tick_s_});
-        const bool counts = swing.largest > least && std::abs(swing.travel) > kLeastTravel && !isLate;
+        const double least = std::max((swing.isAtLimit ? kShare : kFarShare) * fastest_[joint], leastSwing_[joint]);
+        const bool counts = swing.largest > least && std::abs(swing.travel) > leastTravel_[joint] && !late;
         // One that the ticks happened to sample where it is small is taken back, not all before it.
-        const int halves = counts ? swing.halves + 1 : isLate ? 0 : std::max(0, swing.halves - 1);
+        const int halves = counts ? swing.halves + 1 : late ? 0 : std::max(0, swing.halves - 1);
         swing = {sign, halves, tick_, 0.0, 0.0, swing.largest, false};
-    } else if (isLate) {
+    } else if (late) {
         swing.halves = 0;
     }
     swing.largest = std::max(swing.largest, std::abs(velocityError));
-    swing.travel += velocityError * tick_s_;
+    swing.travel += velocityError * elapsed_s;
     swing.isAtLimit |= isAtLimit;
     return swing.halves >= kHalfPeriods;
 }
 
-FollowingWatch::Finding FollowingWatch::look(const JointState& real, const MotionState& nominal,
-                                             const JointVector& asked, const JointVector& given) {
-    ++tick_;
+/** True once the robust loop has pushed the motor to and fro for long enough. Where the nominal arm's own torque is not
+zero only the nearer limit is met; what that torque leaves of the limit is the way to both sides. */
+bool FollowingWatch::pushesToAndFro(int joint, double asked, double robust) {
+    Push& push = pushes_[static_cast<std::size_t>(joint)];
+    const double limit = torqueLimit_[joint], nominal = std::abs(asked - robust);
+    const int sign = robust > 0.0 ? 1 : robust < 0.0 ? -1 : push.sign;
+    const bool late = isLate(push.since);
+    if (late || (sign != push.sign && !push.isLarge)) push.begun = tick_;
+    if (late) push.since = tick_;
+    if (sign != push.sign) {
+        push.sign = sign;
+        push.since = tick_;
+        push.isLarge = false;
+    }
+    // Beyond its limit the nominal torque is cut by the robust loop's.
+    push.isLarge |= nominal < limit && std::abs(robust) >= std::max(kPush * (limit - nominal), kLeastPush * limit);
+    const std::int64_t ticks = tick_ - push.begun;
+    return ticks >= kPushTicks && static_cast<double>(ticks) * tick_s_ >= kHalfPeriods * halfPeriod();
+}
+
+FollowingWatch::Finding FollowingWatch::update(const JointState& real, const MotionState& nominal,
+                                               const Torques& torques, std::int64_t elapsedTicks) {
+    tick_ += elapsedTicks;
+    const double elapsed_s = static_cast<double>(elapsedTicks) * tick_s_;
+    const double recent_s = kRecent_s / kHalfPeriod_s * halfPeriod();
+    const double share = std::min(1.0, elapsed_s / recent_s);
     Finding finding;
-    const double share = std::min(1.0, tick_s_ / kRecent_s);
     for (int i = 0; i < n_; ++i) {
-        const double used = std::min(std::abs(asked[i]), torqueLimit_[i]);
+        const double asked = std::abs(torques.asked[i]);
+        const double used = std::min(asked, torqueLimit_[i]);
         // With a delay they give something else anyway.
         const bool isWeak =
-            delayTicks_ == 0 && std::abs(given[i]) < kWeak * used && !(used <= kSomething * torqueLimit_[i]);
+            delayTicks_ == 0 && std::abs(torques.given[i]) < kWeak * used && !(used <= kSomething * torqueLimit_[i]);
         const bool isAtLimit = !isWeak && used >= kAtLimit * torqueLimit_[i];
         saturation_[i] += share * ((isAtLimit ? 1.0 : 0.0) - saturation_[i]);
         weakness_[i] += share * ((isWeak ? 1.0 : 0.0) - weakness_[i]);
-        if (swings(i, real.qd[i] - nominal.qd[i], isAtLimit || isWeak) && finding.cause == Cause::None)
-            finding = {Cause::Oscillation, i, -1, swings_[static_cast<std::size_t>(i)].last, fastest_[i]};
+        const bool swinging = swings(i, real.qd[i] - nominal.qd[i], elapsed_s, isAtLimit || isWeak);
+        const bool pushing =
+            pushesToAndFro(i, torques.asked[i], torques.robust[i]) && saturation_[i] + weakness_[i] >= kPushedShare;
+        if ((swinging || pushing) && finding.cause == Cause::None)
+            finding = {Cause::Oscillation, i, swinging ? -1 : i, swings_[static_cast<std::size_t>(i)].last,
+                       fastest_[i]};
     }
     if (finding.cause != Cause::None) return finding;
     double worst = 1.0;

@@ -400,7 +400,9 @@ bool StopMonitor::atRest(const MotionState& nominal) const {
     return true;
 }
 
-void StopMonitor::describe(const Finding& finding, const char* jointName, char* text, std::size_t size) const {
+void StopMonitor::describe(const Finding& finding, const RobotDescription& robot, char* text, std::size_t size) const {
+    const char* const jointName = robot.joints[static_cast<std::size_t>(finding.joint)].name.c_str();
+    const char* const unit = getUnit(finding.limit, robot.slides(finding.joint));
     const char* side = getName(finding.side);
     const char* quantity = getName(finding.limit, LimitSide::Neither);
     switch (finding.fault) {
@@ -409,16 +411,16 @@ void StopMonitor::describe(const Finding& finding, const char* jointName, char* 
             break;
         case Fault::Limit:
             std::snprintf(text, size, "%s would pass its %s %s limit by %.3g %s in this tick or the stop after it%s",
-                          jointName, side, quantity, finding.excess, getUnit(finding.limit),
+                          jointName, side, quantity, finding.excess, unit,
                           isLoose_[finding.joint] ? " (compared with the stop before)" : "");
             break;
         case Fault::Stays:
             std::snprintf(text, size, "%s is %.3g %s beyond its %s %s limit and comes no nearer", jointName,
-                          finding.excess, getUnit(finding.limit), side, quantity);
+                          finding.excess, unit, side, quantity);
             break;
         case Fault::Moving:
             std::snprintf(text, size, "%s would not be at rest at the end of its stop (%s %.3g %s)", jointName,
-                          quantity, finding.excess, getUnit(finding.limit));
+                          quantity, finding.excess, unit);
             break;
         case Fault::Malformed:
             std::snprintf(text, size, "the stop of %s is none: a jerk that is not finite, or no end", jointName);

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "viable/log/TickRecord.h"
+#include "viable/robot/RobotDescription.h"
 
 namespace viable {
 
@@ -72,7 +73,7 @@ public:
     const TickRecord::Stop& stop(int joint) const { return reports_[joint]; }
 
     /** "joint2 would pass its upper jerk limit by 3e+05 rad/s^3 ..." */
-    void describe(const Finding& finding, const char* jointName, char* text, std::size_t size) const;
+    void describe(const Finding& finding, const RobotDescription& robot, char* text, std::size_t size) const;
 
 private:
     using Segments = std::array<GridStop::Segment, GridStop::kSegments>;

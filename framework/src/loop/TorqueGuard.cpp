@@ -77,6 +77,15 @@ double calcFriction(const JointFriction& friction, int joint, double qd) {
            friction.viscous[joint] * std::expm1(-speed / friction.viscousVelocity[joint]);
 }
 
+/** The robot as it shows itself; what is not complete is for makeGuardSetup() to say. */
+RobotDescription prepare(RobotDescription robot, const TorqueConvention& convention) {
+    const Actuation& actuation = robot.actuation;
+    for (const JointVector* figures :
+         {&actuation.torqueLimit, &actuation.friction.coulomb, &actuation.friction.viscous})
+        if (figures->size() != robot.size()) return robot;
+    return withConvention(std::move(robot), convention);
+}
+
 /** What gives no command: the law knows by itself what it wants. */
 class Silence : public CommandSource {
 public:
@@ -110,8 +119,10 @@ public:
 class TorqueGuard::Arm : public RealPlant {
 public:
     /** From a start on; one entry per joint. @param deviation, speed  see TorqueGuardOptions */
-    void begin(const RobotDescription& robot, double tick_s, const JointVector& deviation, const JointVector& speed) {
+    void begin(const RobotDescription& robot, double tick_s, const JointVector& deviation, const JointVector& speed,
+               TorqueSender& sender) {
         n_ = robot.size();
+        sender_ = &sender;
         torqueLimit_ = robot.actuation.torqueLimit;
         policy_ = {SensorCheck::Reference::NominalMotion, {}, speed, deviation};
         for (int i = 0; i < n_; ++i) policy_.largestSpeed[i] += kCounts * robot.encoderStep(i) / tick_s;
@@ -124,6 +135,8 @@ public:
         sensors_.begin(policy_, start.q);
         external_.setZero(n_);
         motors_.setZero(n_);
+        sent_.setZero(n_);
+        sender_->reset(start.q);
         isTrusted_ = true;
     }
     const JointState& measured() const override { return state_; }
@@ -131,10 +144,14 @@ public:
     const JointVector* externalTorque() const override { return &external_; }
     TickStatus advance(const JointVector& torque, JointVector& applied) override {
         motors_ = torque.cwiseMax(-torqueLimit_).cwiseMin(torqueLimit_);
+        // In a missed tick nothing is sent: the robot holds what it has.
+        if (!isMissing_) sent_ = sender_->send(state_.q, motors_);
         wasDriven_ = true;
         applied = motors_;
         return TickStatus::Ok;
     }
+    /** Whether ticks pass in which nothing can be sent. */
+    void setMissing(bool isMissing) { isMissing_ = isMissing; }
 
     /** The reading of this tick, or what stands for it. */
     ReadingFault take(const JointState& reading, const JointVector* external, const MotionState& nominal) {
@@ -181,7 +198,8 @@ public:
     double deviation(int joint) const { return sensors_.deviation()[joint]; }
 
     bool wasDriven() const { return wasDriven_; }
-    const JointVector& motors() const { return motors_; }
+    const JointVector& sent() const { return sent_; }
+    bool isRateLimited() const { return sender_->isRateLimited(); }
     bool isSaturated() const { return (motors_.cwiseAbs().array() >= torqueLimit_.array()).any(); }
 
 private:
@@ -204,7 +222,10 @@ private:
     JointState state_;      // for the robust loop
     JointState actual_;     // as read, where it was of use
     JointVector external_;  // of the last good reading [Nm]
-    JointVector motors_;
+    JointVector motors_;    // what they give, with what the robot adds
+    JointVector sent_;      // to the robot
+    TorqueSender* sender_ = nullptr;
+    bool isMissing_ = false;
     bool isTrusted_ = true, wasDriven_ = false, hasReading_ = false;
 };
 
@@ -260,10 +281,11 @@ private:
 
 struct TorqueGuard::Inside {
     Inside(RobotDescription description, double tick_s, TorqueGuardOptions given)
-        : robot(std::move(description)),
-          options(std::move(given)),
+        : options(std::move(given)),
+          robot(prepare(std::move(description), options.convention)),
           setup(detail::makeGuardSetup(kTorqueGuard, robot, tick_s, options.limits)) {
         options.limits.reset();  // setup has them
+        sender.emplace(robot, options.convention, tick_s);
         checkPositive(options.largestDeviation, "largestDeviation", robot);
         if (options.largestSpeed) checkPositive(*options.largestSpeed, "largestSpeed", robot);
         filter.configure(setup, options.filter);
@@ -273,12 +295,16 @@ struct TorqueGuard::Inside {
                 options.robustGains = NricOptions{gains.kr, gains.kp, gains.ki};
                 options.robustGains->inertiaRate = gains.inertiaRate;
             }
-            nric.configure(setup, *options.robustGains);
+            NricOptions& gains = *options.robustGains;
+            if (gains.motorRate.fits(robot.size()))  // else configure() says so
+                gains.motorRate = JointVector(
+                    gains.motorRate.expand(robot.size()).cwiseMin(options.convention.torqueRate.expand(robot.size())));
+            nric.configure(setup, gains);
         } else {
             options.robustGains.reset();
         }
         const JointVector unlimited = JointVector::Constant(robot.size(), kInfinity);
-        arm.begin(robot, tick_s, unlimited, unlimited);
+        arm.begin(robot, tick_s, unlimited, unlimited, *sender);
         LoopPlugins plugins;
         plugins.command = lend<CommandSource>(silence);
         plugins.controller = lend<NominalController>(law);
@@ -294,9 +320,10 @@ struct TorqueGuard::Inside {
     void stop(GuardStop reason, StopReason loopReason, const char* message) noexcept;
     void answer() noexcept;
 
-    const RobotDescription robot;
     TorqueGuardOptions options;
+    const RobotDescription robot;  // as the robot shows it
     RunSetup setup;
+    std::optional<TorqueSender> sender;
     Silence silence;
     LawController law;
     CertifiedBrakingFilter filter;
@@ -331,7 +358,7 @@ void TorqueGuard::Inside::start(const JointState& measured) {
                        ? (*options.largestSpeed)[i]
                        : 2.0 * std::max({-axis.velocityLower, axis.velocityUpper, std::abs(measured.qd[i])});
     }
-    arm.begin(robot, setup.tick_s, options.largestDeviation.expand(n), speed);
+    arm.begin(robot, setup.tick_s, options.largestDeviation.expand(n), speed, *sender);
     loop->reset();
     record = {};
     ownReason = GuardStop::None;
@@ -351,7 +378,7 @@ void TorqueGuard::Inside::stop(GuardStop reason, StopReason loopReason, const ch
 /** Takes the reading, and stops the arm for what it shows. */
 void TorqueGuard::Inside::look(const JointState& measured, const JointVector* external) noexcept {
     output.readingFault = arm.take(measured, external, loop->nominal());
-    char message[240];
+    char message[400];
     if (output.readingFault != ReadingFault::None) {
         if (++useless <= kMaxSubstitutedTicks) return;
         arm.distrust();
@@ -368,9 +395,17 @@ void TorqueGuard::Inside::look(const JointState& measured, const JointVector* ex
     if (far < 0) return;
     follower.holdIntegral();
     if (ownReason == GuardStop::TooFar) return;
-    std::snprintf(message, sizeof message, "joint `%.60s` is %.3g from its nominal one, allowed is %.3g",
-                  robot.joints[static_cast<std::size_t>(far)].name.c_str(), arm.deviation(far),
-                  options.largestDeviation[far]);
+    const JointDescription& joint = robot.joints[static_cast<std::size_t>(far)];
+    const char* const unit = joint.type == JointType::Prismatic ? "m" : "rad";
+    std::snprintf(
+        message, sizeof message,
+        "joint `%.60s` is %.3g %s from its nominal place, allowed is %.3g %s. Find what blocks, pushes or loads it "
+        "(friction, a payload, a sign or a gravity that is another%s), or raise "
+        "TorqueGuardOptions::largestDeviation",
+        joint.name.c_str(), arm.deviation(far), unit, options.largestDeviation[far], unit,
+        output.motorsSaturated ? "; its motors are at their limits: lower those of acceleration and jerk"
+        : output.rateLimited   ? "; the torque changes as fast as the robot accepts: lower the jerk limits"
+                               : "");
     stop(GuardStop::TooFar, StopReason::PlantFailed, message);
 }
 
@@ -381,12 +416,13 @@ void TorqueGuard::Inside::answer() noexcept {
     substituted = record.substituted;
     if (!arm.wasDriven()) {  // neither filter nor stop gave numbers
         output.torque.setZero(robot.size());
-        output.motorsSaturated = false;
+        output.motorsSaturated = output.rateLimited = false;
         output.status = GuardStatus::Failed;
         return;
     }
-    output.torque = arm.motors();
+    output.torque = arm.sent();
     output.motorsSaturated = arm.isSaturated();
+    output.rateLimited = arm.isRateLimited();
     output.status = detail::findStatus(*loop, record);
     if (waits && output.status != GuardStatus::Stopped && output.status != GuardStatus::Stopping)
         output.status = GuardStatus::Waiting;
@@ -424,10 +460,12 @@ void TorqueGuard::missTicks(std::int64_t ticks) noexcept {
     Inside& in = *inside_;
     if (!in.isStarted) return;
     TickRecord missed;  // record() stays that of the last step
+    in.arm.setMissing(true);
     for (; ticks > 0 && !in.loop->hasStopped(); --ticks) {
         in.arm.miss(in.loop->nominal());
         in.loop->missTick(missed);
     }
+    in.arm.setMissing(false);
 }
 
 void TorqueGuard::requestStop() noexcept {

@@ -350,8 +350,16 @@ std::string getCase(const fs::path& log) {
     return stem.extension() == ".recovered" ? stem.stem().string() : stem.string();
 }
 
-/** The comparison of the cases, from summary.json. */
-json describeTable(const json& summary, const std::vector<fs::path>& logs) {
+/** The unit of distances that are of all joints together, a thousandth. */
+const char* getSharedUnit(const json& joints) {
+    const auto slides = [](const json& joint) { return joint.value("kind", "") == "prismatic"; };
+    const auto count = std::count_if(joints.begin(), joints.end(), slides);
+    return count == 0 ? "mrad" : count == static_cast<std::ptrdiff_t>(joints.size()) ? "mm" : "mrad and mm";
+}
+
+/** The comparison of the cases, from summary.json. @param joints  of the robot, as the page has them */
+json describeTable(const json& summary, const std::vector<fs::path>& logs, const json& joints) {
+    const char* const unit = getSharedUnit(joints);
     json rows = json::array();
     std::string missing;
     bool hasEnvironment = false;
@@ -381,11 +389,11 @@ json describeTable(const json& summary, const std::vector<fs::path>& logs) {
         const double changed = one.value("changed_share", kNan);
         row.push_back(std::isnan(changed) ? "-" : format("%.1f %%", 100.0 * changed));
         const json& tracking = one.contains("tracking") ? one["tracking"] : json(nullptr);
-        row.push_back(tracking.is_object() ? format("%.3g mrad", 1e3 * tracking.value("rms_rad", 0.0)) : "-");
-        row.push_back(tracking.is_object() ? format("%.3g mrad", 1e3 * tracking.value("max_rad", 0.0)) : "-");
+        row.push_back(tracking.is_object() ? format("%.3g %s", 1e3 * tracking.value("rms_rad", 0.0), unit) : "-");
+        row.push_back(tracking.is_object() ? format("%.3g %s", 1e3 * tracking.value("max_rad", 0.0), unit) : "-");
         const json command = one.value("command_error_rms_rad", json(nullptr)),
                    chatter = one.value("chatter", json(nullptr));
-        row.push_back(command.is_number() ? format("%.4g mrad", 1e3 * command.get<double>()) : "-");
+        row.push_back(command.is_number() ? format("%.4g %s", 1e3 * command.get<double>(), unit) : "-");
         row.push_back(chatter.is_number() ? format("%.3g %%", 100.0 * chatter.get<double>()) : "-");
         const json collisions = one.value("collisions", json(nullptr));
         hasEnvironment |= collisions.is_object();
@@ -709,8 +717,9 @@ private:
 fs::path composeReport(const fs::path& folder, const std::string& fileName, const detail::Page& page, const Arm& arm,
                        const json& summary) {
     BinaryBlock block;
-    json data = {{"format", 1},      {"file", summary.value("experiment", "")},     {"robot", nullptr},
-                 {"scene", nullptr}, {"summary", describeTable(summary, arm.logs)}, {"cases", json::array()}};
+    json data = {{"format", 1},        {"file", summary.value("experiment", "")},
+                 {"robot", nullptr},   {"scene", nullptr},
+                 {"summary", nullptr}, {"cases", json::array()}};
     std::vector<std::string> yaml;
     Environments environments;
     for (const fs::path& log : arm.logs) {
@@ -727,6 +736,7 @@ fs::path composeReport(const fs::path& folder, const std::string& fileName, cons
                 one["clearance"]["environment"] = environments.add(reader, attachment.data, arm.robot, block);
         }
     }
+    data["summary"] = describeTable(summary, arm.logs, data["robot"].is_null() ? json() : data["robot"]["joints"]);
     if (!environments.list().empty()) data["environments"] = environments.list();
     data["yaml"] = joinFiles(yaml);
     const std::string title = summary.value("title", findTitle(yaml));

@@ -1,7 +1,8 @@
 #include "report/Scene.h"
 
+#include <algorithm>
+
 #include "report/PoseJson.h"
-#include "robot/MeshFile.h"
 #include "robot/RobotShapes.h"
 #include "viable/core/Error.h"
 
@@ -11,7 +12,6 @@ namespace {
 
 using nlohmann::json;
 
-/** Null when a mesh cannot be read. */
 json describeShape(const LinkShape& shape, BinaryBlock& block) {
     switch (shape.kind) {
         case LinkShape::Kind::Capsule:
@@ -24,14 +24,11 @@ json describeShape(const LinkShape& shape, BinaryBlock& block) {
         case LinkShape::Kind::Cylinder:
             return {
                 {"type", "cylinder"}, {"radius", shape.radius}, {"length", shape.length}, {"pose", toJson(shape.pose)}};
-        case LinkShape::Kind::Mesh: {
-            const Mesh mesh = readMesh(shape.mesh, shape.size);
-            if (mesh.positions.empty()) return nullptr;
+        case LinkShape::Kind::Mesh:
             return {{"type", "mesh"},
-                    {"positions", block.add(mesh.positions)},
-                    {"indices", block.add(mesh.indices)},
+                    {"positions", block.add(shape.triangles.positions)},
+                    {"indices", block.add(shape.triangles.indices)},
                     {"pose", toJson(shape.pose)}};
-        }
     }
     return nullptr;
 }
@@ -40,6 +37,27 @@ json makeLink(const std::string& name, int parent, int joint, const Eigen::Isome
               const Eigen::Vector3d& axis) {
     return {{"name", name},         {"parent", parent},        {"joint", joint},  {"origin", toJson(origin)},
             {"axis", toJson(axis)}, {"shapes", json::array()}, {"color", nullptr}};
+}
+
+/** Which meshes are not drawn, for the reader of the page; empty when all are. */
+std::string describeLostMeshes(const std::vector<LinkShapes>& links) {
+    std::string text;
+    for (const LinkShapes& link : links) {
+        if (link.lostMeshes.empty()) continue;
+        text += (text.empty() ? "" : "; ") + ("link `" + link.link + "`: ");
+        for (std::size_t i = 0; i < link.lostMeshes.size(); ++i)
+            text += (i ? ", " : "") + link.lostMeshes[i].name +
+                    (link.lostMeshes[i].isThere ? " holds no mesh that can be read" : " was not found");
+        const bool hasCapsules = std::any_of(link.shapes.begin(), link.shapes.end(), [](const LinkShape& shape) {
+            return shape.kind == LinkShape::Kind::Capsule;
+        });
+        text += hasCapsules ? " (its capsules of collision.yaml are drawn)"
+                            : " (it has no capsules in collision.yaml either)";
+    }
+    if (text.empty()) return text;
+    return "Meshes are missing: " + text +
+           ". Put each into the robot's folder under the path by which the URDF names it, or the end of that path, as "
+           "STL, OBJ, PLY, DAE or glTF.";
 }
 
 const char* getName(JointType type) {
@@ -80,12 +98,11 @@ json describeScene(const std::filesystem::path& robotFolder, BinaryBlock& block,
     links.push_back(makeLink(robot.toolLink, robot.toolParent + 1, -1, robot.toolPlacement, z));
     for (const LinkShapes& link : shapes) {
         json described = makeLink(link.link, link.carrier + 1, -1, link.placement, z);
-        for (const LinkShape& shape : link.shapes)
-            if (json one = describeShape(shape, block); !one.is_null()) described["shapes"].push_back(std::move(one));
+        for (const LinkShape& shape : link.shapes) described["shapes"].push_back(describeShape(shape, block));
         if (link.hasColor) described["color"] = link.color;
         links.push_back(std::move(described));
     }
-    return {{"tool", tool}, {"links", links}};
+    return {{"tool", tool}, {"links", links}, {"note", describeLostMeshes(shapes)}};
 }
 
 }  // namespace viable::detail

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "robot/UrdfReader.h"
+#include "robot/urdf/UrdfReader.h"
 
 namespace viable::detail {
 

@@ -8,7 +8,7 @@
 #include "core/Text.h"
 #include "robot/PoseSampling.h"
 #include "robot/RigidBody.h"
-#include "robot/UrdfReader.h"
+#include "robot/urdf/UrdfReader.h"
 #include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
 #include "viable/robot/RobotModel.h"
@@ -177,6 +177,20 @@ void readTool(const ConfigNode* node, const UrdfRobot& urdf, const std::string& 
     robot.toolPlacement = link->second.placement;
 }
 
+/** `assumed`: keys of the same file. */
+void readAssumed(ConfigMap& map, std::vector<std::string>& assumed) {
+    const ConfigNode* node = map.find("assumed");
+    if (!node) return;
+    if (node->kind != ConfigNode::Kind::List)
+        throw badInput(node->place(), "this is no list", "Write keys of this file, such as `assumed: [home_rad]`.");
+    for (const ConfigNode& key : node->items) {
+        assumed.push_back(toText(key));
+        if (key.text == "assumed" || key.text == "schema" || !map.node().find(key.text))
+            throw badInput(key.place(), "there is no figure `" + key.text + "` in this file",
+                           "Name a key of this file, or take it out of the list.");
+    }
+}
+
 void checkSchema(ConfigMap& map) {
     toInteger(map.require("schema"), 1, 1);
 }
@@ -196,6 +210,7 @@ void readLimitsFile(const fs::path& file, const UrdfRobot& urdf, RobotDescriptio
     const ConfigNode& home = map.require("home_rad");
     robot.home = toJointVector(home, n);
     readTool(map.find("tool_link"), urdf, file.string(), robot);
+    readAssumed(map, robot.assumed);
     map.finish();
 
     checkRanges(robot, urdf, map);
@@ -212,7 +227,9 @@ void readLimitsFile(const fs::path& file, const UrdfRobot& urdf, RobotDescriptio
 
 // ------------------------------------------------------------------------------------ actuation
 
-void readActuationFile(const fs::path& file, int n, Actuation& actuation) {
+void readActuationFile(const fs::path& file, RobotDescription& robot) {
+    const int n = robot.size();
+    Actuation& actuation = robot.actuation;
     const ConfigNode root = readConfigFile(file);
     ConfigMap map(root);
     checkSchema(map);
@@ -236,6 +253,7 @@ void readActuationFile(const fs::path& file, int n, Actuation& actuation) {
     actuation.friction.viscousVelocity = toJointVector(friction.require("viscous_velocity_radps"), n, positive);
     if (const ConfigNode* source = friction.find("source")) toText(*source);
     friction.finish();
+    readAssumed(map, robot.assumed);
     map.finish();
 }
 
@@ -312,7 +330,7 @@ RobotDescription loadRobot(const fs::path& folder) {
     UrdfRobot urdf = detail::readUrdf(urdfFile);
     robot.joints = urdf.joints;
     readLimitsFile(limitsFile, urdf, robot);
-    readActuationFile(actuationFile, robot.size(), robot.actuation);
+    readActuationFile(actuationFile, robot);
     checkCondition(robot, urdfFile.string());
     return robot;
 }

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "robot/MeshFile.h"
 #include "viable/robot/RobotDescription.h"
 
 namespace viable {
@@ -20,6 +21,13 @@ struct LinkShape {
     double radius = 0.0;                             ///< [m]
     double length = 0.0;                             ///< Cylinder, along z [m]
     std::string mesh;                                ///< file, as the URDF names it
+    detail::Mesh triangles;                          ///< Mesh: in `pose`, scaled; empty until `loadShapes` reads it
+};
+
+/** A mesh of a URDF that cannot be drawn. */
+struct LostMesh {
+    std::string name;      ///< as the URDF names it
+    bool isThere = false;  ///< the file was found, but holds no mesh of a format that is read
 };
 
 /** What one link looks like. */
@@ -28,13 +36,15 @@ struct LinkShapes {
     int carrier = -1;                                             ///< joint that moves the link, -1: none
     Eigen::Isometry3d placement = Eigen::Isometry3d::Identity();  ///< link frame in the joint's moving frame
     std::vector<LinkShape> shapes;
-    std::array<double, 4> color{};  ///< red, green, blue, opacity, 0 to 1
+    std::vector<LostMesh> lostMeshes;  ///< from `loadShapes`; capsules stand in for them where the link has some
+    std::array<double, 4> color{};     ///< red, green, blue, opacity, 0 to 1
     bool hasColor = false;
 };
 
-/** The solids of a robot: from its URDF's visual elements, else from the collision elements; where none of these can be
-drawn, the capsules of collision.yaml. Mesh files are named, not read; a `package://` address is resolved to a file below
-the robot's folder, and left out where there is none. Empty when nothing is known.
+/** The solids of a robot: from its URDF's visual elements, else from the collision elements. Meshes are read, from
+the robot's folder or the package around it. A link whose mesh is lost has the capsules of
+collision.yaml beside its other shapes; where nothing of the URDF can be drawn, all capsules are. Empty when nothing is
+known.
 Throws Error (BadInput) when a file is there and wrong. */
 std::vector<LinkShapes> loadShapes(const RobotDescription& robot);
 

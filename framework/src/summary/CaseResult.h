@@ -18,9 +18,12 @@ struct CaseResult {
     explicit CaseResult(Summary begun) : summary(std::move(begun)) {}
 
     std::string name;
-    std::string controller;   ///< plugin names, for tables
-    bool isRelative = false;  ///< the controller follows the command's motion, not its pose
+    std::vector<std::string> assumed;  ///< figures of the robot that nobody gave
+    std::string controller;            ///< plugin names, for tables
+    bool isRelative = false;           ///< the controller follows the command's motion, not its pose
     std::string filter;
+    /** What the case is besides its filter, by key of the experiment file: cases are ranked where this is equal. */
+    std::map<std::string, std::string> others;
     std::string robustLoop;  ///< empty: no real plant
     std::string realPlant;
     bool guarantees = false;           ///< the filter guarantees every limit
@@ -55,12 +58,13 @@ bool isGraver(int a, int b);
 /** One line per case: worst use of each limit, ticks outside, empty ticks, tracking error, time per tick. */
 std::string formatComparison(const std::vector<CaseResult>& results);
 
-/** The cases from best to worst: ticks outside each limit, ticks without a choice, tracking of the command, chatter,
- * time. */
+/** The cases from best to worst: ticks outside each limit, ticks without a choice, tracking of the command, chatter, time.
+Only cases that differ in nothing but the filter have a place, the largest set of such; the others stand below, with what
+else differs. Empty where there are no two of them. */
 std::string formatRanking(const std::vector<CaseResult>& results);
 
 /** What is not as a user wants it though the limits may hold, each in one line with its remedy: a real arm that does not
-follow, motors at their limits, a tool that misses its command or swings about it. */
+follow, motors at their limits, a tool or a joint that misses its command or swings about it, joints that chatter at a limit. */
 std::vector<std::string> findShortcomings(const CaseResult& result);
 
 /** What became of the limits and of the job, in one line. */

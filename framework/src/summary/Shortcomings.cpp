@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 
 #include "core/Text.h"
 #include "summary/CaseResult.h"
@@ -12,53 +13,79 @@ using detail::format;
 
 /** A joint that is farther than this from its nominal place in the mean does not follow it [rad, m]. */
 constexpr double kFarRms = 0.02;
+/** A loop with less margin than that is almost unstable: half of what is enough. */
+const double kSmallGain = std::sqrt(kEnoughGain);
+constexpr double kSmallPhase_rad = 0.5 * kEnoughPhase_rad;
 /** A motor at its limit in more than this share of the ticks is no exception. */
 constexpr double kSaturatedShare = 0.01;
+/** A robust loop that reverses its torque as often in the time at the limit is what drives the motor there [s]. */
+constexpr double kReversal_s = 0.025;
 /** A tool misses its command where its error is more than this share of how the command moves about its mean place: one
 that stands still there has 1. */
 constexpr double kMissedShare = 0.4;
 /** Nearer than this it does not miss [m]. */
 constexpr double kLeastMiss_m = 0.01;
+/** Nearer than this a joint does not miss [rad, m]. */
+constexpr double kLeastJointMiss = 0.01;
+/** RMS jerk of joints that rest at a limit, as a share of the jerk limit, from which on they chatter. */
+constexpr double kChatter = 0.1;
 /** It swings where it misses and moves faster than this share of the command's speed; slower, it lags. */
 constexpr double kSwingingShare = 1.0;
 
-/** What stands behind a robust loop that does not hold the arm. */
-const char* explainLoop(const std::optional<LoopMargins>& margins) {
-    if (!margins) return "there is no robust loop whose law is known: nric is one";
-    if (!margins->isStable) return "its robust loop is unstable";
-    if (margins->isEnough())
-        return "its robust loop has margin: leave nric's gains out where they are given; else rotor inertias that are "
-               "missing "
-               "in actuation.yaml, a shorter tick or less friction would help, unless something blocks or loads the "
-               "arm";
-    return "its robust loop has little margin: leave nric's gains out";
+/** What stands behind a robust loop that does not hold the arm. With a tracking bound its gains must be given. */
+std::string explainLoop(const CaseResult& r) {
+    if (!r.margins) return "there is no robust loop whose law is known: nric is one";
+    if (!r.margins->isStable) return "its robust loop is unstable";
+    if (!r.margins->isEnough())
+        return std::string("its robust loop has little margin: ") +
+               (r.summary.reference().bound
+                    ? "give it smaller gains, such as `viable gains` prints for a tracking bound"
+                    : "leave nric's gains out");
+    return std::string("its robust loop has margin: ") +
+           (r.summary.reference().bound ? "" : "leave nric's gains out where they are given; else ") +
+           "rotor inertias that are missing in actuation.yaml, a shorter tick or less friction would help, unless "
+           "something blocks or loads the arm";
 }
 
 void addFollowing(const CaseResult& r, std::vector<std::string>& found) {
     const Summary& s = r.summary;
-    if (r.margins && !r.margins->isStable) found.push_back("the robust loop is unstable on this arm, as accepted");
+    if (r.margins && !r.margins->isStable)
+        found.push_back("the robust loop is unstable on this arm, as accepted");
+    else if (r.margins && !(r.margins->gain >= kSmallGain && r.margins->phase_rad >= kSmallPhase_rad))
+        found.push_back(
+            "the robust loop is almost unstable: its margin is " + formatMargins(*r.margins) +
+            " (6 dB and 35 degrees are enough: smaller gains, or nric's own where no tracking bound is asked "
+            "for)");
     int worst = 0;
     for (int i = 1; i < static_cast<int>(s.jointNames().size()); ++i)
         if (!(s.trackingRms(i) <= s.trackingRms(worst))) worst = i;
     if (s.trackingRms(worst) <= kFarRms) return;
     found.push_back(format(
         "the real arm does not follow the nominal one: %s is %.3g mrad (sliding: mm) from it, RMS (%s)",
-        s.jointNames()[static_cast<std::size_t>(worst)].c_str(), 1e3 * s.trackingRms(worst), explainLoop(r.margins)));
+        s.jointNames()[static_cast<std::size_t>(worst)].c_str(), 1e3 * s.trackingRms(worst), explainLoop(r).c_str()));
 }
 
 void addMotors(const CaseResult& r, std::vector<std::string>& found) {
     const Summary& s = r.summary;
     if (r.margins && !r.margins->isStable) return;  // that is why
-    std::string motors;
+    std::string motors, swinging;
     for (int i = 0; i < static_cast<int>(s.jointNames().size()); ++i) {
-        const double share = static_cast<double>(s.motor(i).ticksSaturated) / static_cast<double>(s.ticks());
-        if (share > kSaturatedShare)
-            detail::addItem(
-                motors, format("%s in %.0f %%", s.jointNames()[static_cast<std::size_t>(i)].c_str(), 100.0 * share));
+        const MotorRecord& motor = s.motor(i);
+        const double share = static_cast<double>(motor.ticksSaturated) / static_cast<double>(s.ticks());
+        if (!(share > kSaturatedShare)) continue;
+        const bool swings = static_cast<double>(motor.reversals) * kReversal_s >=
+                            static_cast<double>(motor.ticksSaturated) * s.tick_s();
+        detail::addItem(swings ? swinging : motors,
+                        format("%s in %.0f %%", s.jointNames()[static_cast<std::size_t>(i)].c_str(), 100.0 * share));
     }
+    if (!swinging.empty())
+        found.push_back("the robust loop swings and drives motors to their torque limits: " + swinging +
+                        " of the ticks (smaller gains, or the true masses, inertias, rotors and delay: nric's gains "
+                        "follow from them where they are left out)");
     if (!motors.empty())
         found.push_back("motors are at their torque limits: " + motors +
-                        " of the ticks (lower the limits of acceleration and jerk, or use whole_arm_braking)");
+                        " of the ticks (lower the limits of acceleration and jerk, or use whole_arm_braking with a "
+                        "torque_share below 1)");
 }
 
 void addCommand(const CaseResult& r, std::vector<std::string>& found) {
@@ -76,6 +103,48 @@ void addCommand(const CaseResult& r, std::vector<std::string>& found) {
         r.controller == "tool_servo" ? "" : "; where it is a jerk limit, tool_servo, which knows it, comes nearer"));
 }
 
+/** In degrees, or in millimetres. */
+std::string formatJointMove(const CaseResult& r, int joint, double size) {
+    return r.summary.slides(joint) ? format("%.3g mm", 1e3 * size) : format("%.3g degrees", size / kDegree);
+}
+
+/** Joints that swing about a command at rest, or are far from one that moves as a joint can. */
+void addJointCommand(const CaseResult& r, std::vector<std::string>& found) {
+    const Summary& s = r.summary;
+    const int n = static_cast<int>(s.jointNames().size());
+    const auto name = [&](int i) { return s.jointNames()[static_cast<std::size_t>(i)]; };
+    int swinging = 0, missing = -1;
+    double most = 1.0;
+    for (int i = 0; i < n; ++i) {
+        const JointFollowing& f = s.following(i);
+        if (f.swing() > s.following(swinging).swing()) swinging = i;
+        const double miss = f.errorRms() / std::max(kMissedShare * f.spread(), kLeastJointMiss);
+        if (f.jumps() || f.targetSpeedRms() == 0.0 || !(miss > most)) continue;
+        most = miss;
+        missing = i;
+    }
+    if (const double swing = s.following(swinging).swing(); swing > 0.0)
+        found.push_back(name(swinging) + " swings about a command at rest, by " + formatJointMove(r, swinging, swing) +
+                        " to each side: the limits keep it going, not the command (" +
+                        (r.controller == "joint_servo" ? "" : "joint_servo, which knows them, comes to rest; else ") +
+                        "less stiffness, more damping, or higher limits of jerk and acceleration)");
+    if (missing < 0) return;
+    const JointFollowing& f = s.following(missing);
+    const bool swings = f.targetSpeedRms() > 0.0 && f.speedRms() > kSwingingShare * f.targetSpeedRms();
+    found.push_back(name(missing) + (swings ? " swings about its command: " : " misses its command: ") +
+                    formatJointMove(r, missing, f.errorRms()) + " from it, RMS, where the command itself moves by " +
+                    formatJointMove(r, missing, f.spread()) + " (limits, obstacles or a slow controller" +
+                    (r.controller == "joint_servo" ? ")" : "; joint_servo, which knows the limits, comes nearer)"));
+}
+
+void addChatter(const CaseResult& r, std::vector<std::string>& found) {
+    if (r.summary.chatter() > kChatter)
+        found.push_back(
+            format("joints that their command presses against a position limit chatter: RMS jerk %.3g %% of "
+                   "the jerk limit (a lower gain of the filter, or certified_braking)",
+                   100.0 * r.summary.chatter()));
+}
+
 }  // namespace
 
 std::vector<std::string> findShortcomings(const CaseResult& r) {
@@ -88,6 +157,8 @@ std::vector<std::string> findShortcomings(const CaseResult& r) {
         addMotors(r, found);
     }
     addCommand(r, found);
+    addJointCommand(r, found);
+    addChatter(r, found);
     return found;
 }
 

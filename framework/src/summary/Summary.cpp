@@ -18,6 +18,15 @@ constexpr double kBinWidth = 0.03;  // relative
 // What counts as rest near a limit, see Summary::chatter().
 constexpr double kNearShare = 0.05, kRestShare = 1e-3, kRest_s = 0.5, kLeastRest_s = 1.0;
 
+// What counts as a swing that does not die out, see JointFollowing::swing() [rad, m].
+constexpr double kLeastSwing = 0.005, kKeptShare = 0.7;
+constexpr int kHalfSwings = 6;
+/** A command that moves by more in a tick than this many times what the joint can jumps; or by this, where it has no limit
+[rad, m]. */
+constexpr double kFastestSpeeds = 2.0, kJump = 0.05;
+/** Of the motor's torque limit: the robust loop's torque that counts as a push to one side. */
+constexpr double kPushShare = 0.2;
+
 int findBin(double us) {
     const double x = std::log(std::max(us, kShortest_us) / kShortest_us) / std::log1p(kBinWidth);
     return static_cast<int>(std::min(x, 1e6));
@@ -49,6 +58,7 @@ double TimeHistogram::percentile(double p) const {
 
 Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool hasRealPlant, RealArmReference reference)
     : jointNames_(std::move(jointNames)),
+      slides_(jointNames_.size(), false),
       bounds_(std::move(limits)),
       hasRealPlant_(hasRealPlant),
       reference_(std::move(reference)) {
@@ -62,9 +72,15 @@ Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool h
     peaks_.resize(jointNames_.size());
     acting_.resize(jointNames_.size());
     rests_.assign(jointNames_.size(), {kNan, kNan, 0.0});
+    following_.resize(jointNames_.size());
     squaredError_.setZero(static_cast<int>(jointNames_.size()));
     largestError_.setZero(static_cast<int>(jointNames_.size()));
     worstMargin_.value = std::numeric_limits<double>::infinity();
+}
+
+void Summary::setSliding(std::vector<bool> slides) {
+    slides.resize(jointNames_.size(), false);
+    slides_ = std::move(slides);
 }
 
 void ToolErrorRecord::add(const Pose& tool, const Pose& commanded) {
@@ -108,6 +124,67 @@ double PointMotion::spread() const {
 
 double PointMotion::speedRms() const {
     return steps_ ? std::sqrt(squaredSpeed_ / static_cast<double>(steps_)) : 0.0;
+}
+
+void JointFollowing::add(double q, double target, double fastest, double tick_s) {
+    if (ticks_ == 0) {
+        first_ = lastTarget_ = target;
+        lastQ_ = q;
+        jumps_ = std::abs(q - target) > kJump;
+    }
+    const double move = target - lastTarget_, error = q - target;
+    jumps_ |= std::abs(move) > (std::isfinite(fastest) ? kFastestSpeeds * fastest * tick_s : kJump) + kOutsideShare;
+    if (tick_s > 0.0) {
+        squaredSpeed_ += (q - lastQ_) * (q - lastQ_) / (tick_s * tick_s);
+        squaredTargetSpeed_ += move * move / (tick_s * tick_s);
+    }
+    addSwing(error, move == 0.0);
+    lastTarget_ = target;
+    lastQ_ = q;
+    sum_ += target - first_;
+    squared_ += (target - first_) * (target - first_);
+    squaredError_ += error * error;
+    largest_ = std::max(largest_, std::abs(error));
+    ++ticks_;
+}
+
+void JointFollowing::addSwing(double error, bool isAtRest) {
+    if (!isAtRest) {
+        side_ = peak_ = lastPeak_ = 0.0;
+        halfSwings_ = 0;
+    }
+    const double size = std::abs(error);
+    if (side_ * error < 0.0 && size >= kLeastSwing) {  // the next half-swing
+        halfSwings_ = lastPeak_ > 0.0 && peak_ >= kKeptShare * lastPeak_ ? halfSwings_ + 1 : 0;
+        if (halfSwings_ >= kHalfSwings) swing_ = std::max(swing_, peak_);
+        lastPeak_ = peak_;
+        peak_ = 0.0;
+        side_ = error;
+    }
+    if (side_ == 0.0 && size >= kLeastSwing) side_ = error;
+    if (side_ * error > 0.0) peak_ = std::max(peak_, size);
+}
+
+double JointFollowing::errorRms() const {
+    return ticks_ ? std::sqrt(squaredError_ / static_cast<double>(ticks_)) : kNan;
+}
+
+double JointFollowing::largestError() const {
+    return ticks_ ? largest_ : kNan;
+}
+
+double JointFollowing::spread() const {
+    if (ticks_ == 0) return 0.0;
+    const double count = static_cast<double>(ticks_), mean = sum_ / count;
+    return std::sqrt(std::max(0.0, squared_ / count - mean * mean));
+}
+
+double JointFollowing::speedRms() const {
+    return ticks_ > 1 ? std::sqrt(squaredSpeed_ / static_cast<double>(ticks_ - 1)) : 0.0;
+}
+
+double JointFollowing::targetSpeedRms() const {
+    return ticks_ > 1 ? std::sqrt(squaredTargetSpeed_ / static_cast<double>(ticks_ - 1)) : 0.0;
 }
 
 double InterventionRecord::torqueRms() const {
@@ -199,6 +276,8 @@ void Summary::addCommand(int i, const TickRecord& record) {
     const double e = record.nominal.q[i] - target;
     squaredCommandError_ += e * e;
     ++commandTicks_;
+    following_[static_cast<std::size_t>(i)].add(
+        record.nominal.q[i], target, std::max(-bounds_.velocity.lower[i], bounds_.velocity.upper[i]), tick_s_);
     if (!hasRealPlant_) return;
     const double real = record.actual.q[i] - target;
     squaredRealCommandError_ += real * real;
@@ -270,6 +349,14 @@ void Summary::addMotor(int i, const TickRecord& record) {
         motor.worstTime_s = record.time_s;
     }
     Peak& peak = peaks_[at];
+    const double push = record.robustTorque[i] / reference_.torqueLimit[i];
+    // Beyond its limit the nominal torque is cut by the robust loop's.
+    const bool isWithin = std::abs(asked - record.robustTorque[i]) < reference_.torqueLimit[i];
+    if (isWithin && std::abs(push) >= kPushShare) {
+        const int side = push > 0.0 ? 1 : -1;
+        if (side == -peak.pushedTo) ++motor.reversals;
+        peak.pushedTo = side;
+    }
     peak.asked = std::max(peak.asked, std::abs(asked));
     if (given > peak.given * (1.0 + kOutsideShare)) {
         peak.given = given;

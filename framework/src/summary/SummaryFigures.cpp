@@ -1,9 +1,11 @@
 #include "summary/SummaryFigures.h"
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
 
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 
@@ -101,7 +103,8 @@ public:
                 return toJson(std::invoke(get, (s.*records)(kind)[static_cast<std::size_t>(i)]));
             });
             if (column.empty()) continue;
-            this->column(column + name + (unitEnds.empty() ? "" : unitEnds[k]), unitEnds.empty() ? "" : getUnit(kind),
+            this->column(column + name + (unitEnds.empty() ? "" : unitEnds[k]),
+                         unitEnds.empty() ? "" : getUnit(kind, false),
                          label + (kind == LimitKind::Acceleration ? " an " : " a ") + name + " limit", over);
         }
     }
@@ -221,6 +224,14 @@ std::vector<SummaryFigure> makeFigures() {
     t.add("changed_share", &Summary::changedShare);
     t.add("command_error_rms_rad", &Summary::commandErrorRms)
         .column("command_error.rms_rad", "rad", "RMS distance of the nominal joints to those commanded");
+    t.add("command_error_max_rad", [](S s) {
+        double largest = kNan;
+        for (int i = 0; i < static_cast<int>(s.jointNames().size()); ++i)
+            largest = std::fmax(largest, s.following(i).largestError());
+        return largest;
+    });
+    t.add("real_command_error_rms_rad", &Summary::realCommandErrorRms)
+        .column("real.command_error.rms_rad", "rad", "RMS distance of the real joints to those commanded");
     t.add("tool_error_rms_m", &Summary::toolErrorRms)
         .column("tool_error.rms_m", "m", "RMS distance of the nominal tool to the one commanded");
     t.add("tool_error_max_m", &Summary::toolErrorMax)

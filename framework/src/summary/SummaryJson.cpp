@@ -47,6 +47,7 @@ json describe(const CaseResult& r) {
                 {"shortcomings", findShortcomings(r)},
                 {"account", formatDetails(r)},
                 {"warnings", r.warnings},
+                {"assumed", r.assumed},
                 {"stop", r.stopMessage},
                 {"stop_time_s", r.stopMessage.empty() ? json(nullptr) : json(r.stopTime_s)},
                 {"log", r.log.filename().string()},

@@ -1,7 +1,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
+#include <set>
+#include <string>
 #include <tuple>
+#include <vector>
 
 #include "core/Text.h"
 #include "summary/CaseResult.h"
@@ -56,22 +60,59 @@ std::int64_t countOutside(const Summary& s) {
     return outside;
 }
 
-/** The largest `value` of any joint's record of a limit. */
-double findWorst(const Summary& s, LimitKind kind, double LimitRecord::*value) {
-    double worst = 0.0;
-    for (const LimitRecord& record : s.limit(kind)) worst = std::max(worst, record.*value);
+/** Which of an arm's joints slide: what is of all of them has more than one unit where only some do. */
+enum class Sliding : unsigned char { None, Some, All };
+
+Sliding findSliding(const Summary& s) {
+    int count = 0;
+    const int n = static_cast<int>(s.jointNames().size());
+    for (int i = 0; i < n; ++i) count += s.slides(i);
+    return count == 0 ? Sliding::None : count == n ? Sliding::All : Sliding::Some;
+}
+
+/** A word for all joints together. */
+const char* choose(Sliding sliding, const char* none, const char* some, const char* all) {
+    return sliding == Sliding::None ? none : sliding == Sliding::All ? all : some;
+}
+
+/** The joint with the largest `value` among those with a limit that slide, or do not; -1: there is none. */
+int findWorst(const Summary& s, const std::vector<LimitRecord>& records, bool slides, double LimitRecord::*value) {
+    int worst = -1;
+    for (int i = 0; i < static_cast<int>(records.size()); ++i)
+        if (records[i].exists && s.slides(i) == slides && (worst < 0 || records[i].*value > records[worst].*value))
+            worst = i;
     return worst;
 }
 
-std::string formatExcess(LimitKind kind, double excess) {
-    return std::string(getName(kind, LimitSide::Neither)) + " by " + formatPlain(excess) + " " + getUnit(kind);
+/** "0.2 rad", of an arm with both kinds of joints "0.2 rad and 0.01 m": the largest `value` of each kind, as `show` has it. */
+template <class Show>
+std::string formatWorst(const Summary& s, const std::vector<LimitRecord>& records, LimitKind kind,
+                        double LimitRecord::*value, const Show& show) {
+    std::string text;
+    for (const bool slides : {false, true})
+        if (const int worst = findWorst(s, records, slides, value); worst >= 0)
+            text +=
+                (text.empty() ? "" : " and ") + std::string(show(records[worst].*value)) + " " + getUnit(kind, slides);
+    return text;
+}
+
+/** "position by 0.2 rad", of both kinds of joints "position by 0.2 rad and 0.01 m"; empty: every `value` is zero. */
+std::string formatExcess(const Summary& s, LimitKind kind, double LimitRecord::*value) {
+    std::string text;
+    for (const bool slides : {false, true}) {
+        const int worst = findWorst(s, s.limit(kind), slides, value);
+        if (worst < 0 || !(s.limit(kind)[worst].*value > 0.0)) continue;
+        text += (text.empty() ? std::string(getName(kind, LimitSide::Neither)) + " by " : " and ") +
+                formatPlain(s.limit(kind)[worst].*value) + " " + getUnit(kind, slides);
+    }
+    return text;
 }
 
 /** ", position by 0.2 rad, velocity by ...": every quantity whose worst `value` is not zero. */
 std::string formatExcesses(const Summary& s, double LimitRecord::*value) {
     std::string text;
-    for (LimitKind kind : kNominalKinds)
-        if (const double worst = findWorst(s, kind, value); worst > 0.0) text += ", " + formatExcess(kind, worst);
+    for (const LimitKind kind : kNominalKinds)
+        if (const std::string excess = formatExcess(s, kind, value); !excess.empty()) text += ", " + excess;
     return text;
 }
 
@@ -80,8 +121,7 @@ std::string formatVerdict(const Summary& s) {
     std::string text;
     if (s.anyLimitBroken()) {
         for (LimitKind kind : kNominalKinds)
-            if (s.ticksOutside(kind) > 0)
-                addItem(text, formatExcess(kind, findWorst(s, kind, &LimitRecord::worstExcess)));
+            if (s.ticksOutside(kind) > 0) addItem(text, formatExcess(s, kind, &LimitRecord::worstExcess));
         text = "limits broken: " + text;
     } else if (s.endsOutside()) {
         text = "not back within its limits at the end" + formatExcesses(s, &LimitRecord::lastExcess);
@@ -101,15 +141,16 @@ std::string formatLimit(const Summary& s, LimitKind kind) {
     if (!hasLimit(s, kind)) return text + "no limit\n";
     const int joint = s.worstJoint(kind);
     const LimitRecord& worst = s.limit(kind)[joint];
-    text += format("worst use %9s %% (%s at %.3f s), outside in %lld joint-ticks, worst excess %s %s",
+    text += format("worst use %9s %% (%s at %.3f s), outside in %lld joint-ticks, worst excess %s",
                    formatPercent(worst.worstUse).c_str(), s.jointNames()[joint].c_str(), worst.worstTime_s,
                    static_cast<long long>(s.ticksOutside(kind)),
-                   formatDistance(findWorst(s, kind, &LimitRecord::worstExcess)).c_str(), getUnit(kind));
+                   formatWorst(s, s.limit(kind), kind, &LimitRecord::worstExcess, formatDistance).c_str());
     std::int64_t recovering = 0;
     for (const LimitRecord& record : s.limit(kind)) recovering += record.ticksRecovering;
     if (recovering > 0)
-        text += format("; while recovering outside in %lld, worst excess %.3g %s", static_cast<long long>(recovering),
-                       findWorst(s, kind, &LimitRecord::worstRecovering), getUnit(kind));
+        text += format("; while recovering outside in %lld, worst excess ", static_cast<long long>(recovering)) +
+                formatWorst(s, s.limit(kind), kind, &LimitRecord::worstRecovering,
+                            [](double excess) { return format("%.3g", excess); });
     return text + "\n";
 }
 
@@ -120,15 +161,18 @@ std::string formatStatuses(const Summary& s) {
         addItem(text, format("%s %lld", getName(status), static_cast<long long>(s.ticksWith(status))));
         if (status == FilterStatus::Infeasible && s.ticksWith(status) > 0)
             text += format(" (first at %.3f s)", s.firstInfeasible_s());
+        if (status == FilterStatus::StoppedByPlan && s.ticksWith(status) > 0)
+            text += format(" (%lld of them missed ticks)", static_cast<long long>(s.missedTicks()));
     }
     return "  filter        " + text + format(" of %lld ticks\n", static_cast<long long>(s.ticks()));
 }
 
-/** One line per limit, all joints together. */
+/** One line per limit, all joints of a kind together. */
 std::string formatInterventions(const Summary& s) {
-    std::map<std::string, InterventionRecord> byLimit;
+    std::map<std::pair<std::string, bool>, InterventionRecord> byLimit;  // and whether the joints slide
     for (const auto& [key, record] : s.interventions()) {
-        InterventionRecord& sum = byLimit[key.second];
+        const auto joint = std::find(s.jointNames().begin(), s.jointNames().end(), key.first) - s.jointNames().begin();
+        InterventionRecord& sum = byLimit[{key.second, s.slides(static_cast<int>(joint))}];
         sum.ticks += record.ticks;
         sum.episodes += record.episodes;
         sum.longestTicks = std::max(sum.longestTicks, record.longestTicks);
@@ -136,19 +180,20 @@ std::string formatInterventions(const Summary& s) {
         sum.squaredTorque += record.squaredTorque;
     }
     std::string text;
-    for (const auto& [name, sum] : byLimit)
-        text += format(
-            "  %-20s acted %lld times, %.3f joint-s, longest %.3f s, torque removed max %.3g, RMS "
-            "%.3g Nm\n",
-            name.c_str(), static_cast<long long>(sum.episodes), static_cast<double>(sum.ticks) * s.tick_s(),
-            static_cast<double>(sum.longestTicks) * s.tick_s(), sum.largestTorque, sum.torqueRms());
+    for (const auto& [key, sum] : byLimit)
+        text +=
+            format("  %-20s acted %lld times, %.3f joint-s, longest %.3f s, %s removed max %.3g, RMS %.3g %s\n",
+                   key.first.c_str(), static_cast<long long>(sum.episodes), static_cast<double>(sum.ticks) * s.tick_s(),
+                   static_cast<double>(sum.longestTicks) * s.tick_s(), key.second ? "force" : "torque",
+                   sum.largestTorque, sum.torqueRms(), getUnit(LimitKind::Torque, key.second));
     return text;
 }
 
 std::string formatStops(const Summary& s) {
     std::string text = "  stops         ";
     if (std::isfinite(s.worstMargin().value))
-        text += format("least margin %s rad (%s at %.3f s), ", formatDistance(s.worstMargin().value).c_str(),
+        text += format("least margin %s %s (%s at %.3f s), ", formatDistance(s.worstMargin().value).c_str(),
+                       getUnit(LimitKind::Position, s.slides(s.worstMargin().joint)),
                        s.jointNames()[static_cast<std::size_t>(s.worstMargin().joint)].c_str(), s.worstMargin().time_s);
     text += format("longest %.3f s (%s at %.3f s)", s.longestStop().value,
                    s.jointNames()[static_cast<std::size_t>(s.longestStop().joint)].c_str(), s.longestStop().time_s);
@@ -162,7 +207,9 @@ std::string formatStops(const Summary& s) {
 /** Ticks outside a limit and the worst excess; below a tick outside it is rounding. */
 std::string formatOutside(const Summary& s, LimitKind kind) {
     const auto ticks = static_cast<long long>(s.ticksOutside(kind));
-    const double excess = ticks > 0 ? findWorst(s, kind, &LimitRecord::worstExcess) : 0.0;
+    double excess = 0.0;
+    if (ticks > 0)
+        for (const LimitRecord& record : s.limit(kind)) excess = std::max(excess, record.worstExcess);
     return format(excess == 0.0 ? "%7lld%9.0f" : "%7lld%9.2g", ticks, excess);
 }
 
@@ -170,23 +217,18 @@ std::string formatChatter(const Summary& s) {
     return std::isnan(s.chatter()) ? "-" : format("%.3g", 100.0 * s.chatter());
 }
 
-/** The joint with the largest `value`; -1: no joint has a limit. */
-int findWorst(const std::vector<LimitRecord>& records, double LimitRecord::*value) {
-    int worst = -1;
-    for (int i = 0; i < static_cast<int>(records.size()); ++i)
-        if (records[i].exists && (worst < 0 || records[i].*value > records[worst].*value)) worst = i;
-    return worst;
-}
-
 /** "position by 0.2 rad (joint3), velocity by ...": what the real arm passed; empty: nothing. */
 std::string formatRealExcesses(const Summary& s, const std::vector<LimitRecord>& (Summary::*limit)(LimitKind) const) {
     std::string text;
     for (const LimitKind kind : kRealKinds) {
         const std::vector<LimitRecord>& records = (s.*limit)(kind);
-        const int worst = findWorst(records, &LimitRecord::worstExcess);
-        if (worst < 0 || records[worst].ticksOutside == 0) continue;
-        addItem(text, formatExcess(kind, records[worst].worstExcess) + " (" +
-                          s.jointNames()[static_cast<std::size_t>(worst)] + ")");
+        for (const bool slides : {false, true}) {
+            const int worst = findWorst(s, records, slides, &LimitRecord::worstExcess);
+            if (worst < 0 || records[worst].ticksOutside == 0) continue;
+            addItem(text, std::string(getName(kind, LimitSide::Neither)) + " by " +
+                              formatPlain(records[worst].worstExcess) + " " + getUnit(kind, slides) + " (" +
+                              s.jointNames()[static_cast<std::size_t>(worst)] + ")");
+        }
     }
     return text;
 }
@@ -210,7 +252,8 @@ std::string formatShortcomings(const CaseResult& r) {
 }
 
 /** How far from its command each arm was. */
-std::string formatCommandErrors(const Summary& s) {
+std::string formatCommandErrors(const CaseResult& r) {
+    const Summary& s = r.summary;
     std::string text;
     const auto add = [&](const char* arm, const ToolErrorRecord& error) {
         if (std::isnan(error.rms())) return;
@@ -220,8 +263,16 @@ std::string formatCommandErrors(const Summary& s) {
     add("nominal", s.toolError());
     add("real", s.realToolError());
     if (!std::isnan(s.commandErrorRms())) {
-        text += " nominal joints " + formatMrad(s.commandErrorRms()) + " mrad RMS";
-        if (s.hasRealPlant()) text += "; real joints " + formatMrad(s.realCommandErrorRms()) + " mrad RMS";
+        const Sliding sliding = findSliding(s);
+        const double unit = sliding == Sliding::None ? kDegree : 1e-3;
+        const char* const name = choose(sliding, "degrees", "mrad and mm", "mm");
+        int farthest = 0;
+        for (int i = 1; i < static_cast<int>(s.jointNames().size()); ++i)
+            if (s.following(i).largestError() > s.following(farthest).largestError()) farthest = i;
+        text += format(" nominal joints %.4g %s RMS, at most %.4g (%s)", s.commandErrorRms() / unit, name,
+                       s.following(farthest).largestError() / unit,
+                       s.jointNames()[static_cast<std::size_t>(farthest)].c_str());
+        if (s.hasRealPlant()) text += format("; real joints %.4g %s RMS", s.realCommandErrorRms() / unit, name);
     }
     return text.empty() ? "" : "  command      " + text + "\n";
 }
@@ -266,6 +317,14 @@ std::string formatCollisions(const Summary& s) {
     return text;
 }
 
+/** Of a table: cases may be of different arms. */
+Sliding findSliding(const std::vector<CaseResult>& results) {
+    const Sliding first = results.empty() ? Sliding::None : findSliding(results.front().summary);
+    const bool isSame = std::all_of(results.begin(), results.end(),
+                                    [&](const CaseResult& r) { return findSliding(r.summary) == first; });
+    return isSame ? first : Sliding::Some;
+}
+
 bool hasAnyEnvironment(const std::vector<CaseResult>& results) {
     return std::any_of(results.begin(), results.end(),
                        [](const CaseResult& r) { return r.summary.collisions().has_value(); });
@@ -279,19 +338,21 @@ std::string formatClearance(const CollisionRecord* r) {
     return format("%.1f", 1e3 * r->leastClearance);
 }
 
-/** Below this a joint of the real arm has come to rest [rad/s]. */
+/** Below this a joint of the real arm has come to rest [rad/s, m/s]. */
 constexpr double kRealRest = 0.01;
 
 std::string formatTrip(const Summary& s) {
     const TrackingTrip& trip = *s.trip();
+    const char* const unit = getUnit(LimitKind::Position, s.slides(trip.joint));
     std::string text =
-        format("  tripped       at %.4f s: %s measured %.4g rad from its nominal place, bound %.4g rad; ", trip.time_s,
-               s.jointNames()[static_cast<std::size_t>(trip.joint)].c_str(), trip.error, trip.bound);
+        format("  tripped       at %.4f s: %s measured %.4g %s from its nominal place, bound %.4g %s; ", trip.time_s,
+               s.jointNames()[static_cast<std::size_t>(trip.joint)].c_str(), trip.error, unit, trip.bound, unit);
     const std::string passed = formatRealExcesses(s, &Summary::realStop);
     text += passed.empty() ? "the real arm stayed inside its position and velocity limits"
                            : "after it the real arm passed its limits: " + passed;
     text += s.realEndSpeed() <= kRealRest ? ", and has come to rest"
-                                          : format("; at the end it still moved, at %.3g rad/s", s.realEndSpeed());
+                                          : format("; at the end it still moved, at %.3g %s", s.realEndSpeed(),
+                                                   choose(findSliding(s), "rad/s", "rad/s or m/s", "m/s"));
     return text + "\n";
 }
 
@@ -304,18 +365,19 @@ std::string formatReal(const Summary& s) {
         const std::vector<LimitRecord>& records = s.realLimit(kind);
         text += format(kind == LimitKind::Position ? "  real arm      %s: " : "                %s: ",
                        getName(kind, LimitSide::Neither));
-        const int worst = findWorst(records, &LimitRecord::worstUse);
+        int worst = -1;
+        for (int i = 0; i < n; ++i)
+            if (records[i].exists && (worst < 0 || records[i].worstUse > records[worst].worstUse)) worst = i;
         if (worst < 0) {
             text += "no limit\n";
             continue;
         }
         std::int64_t outside = 0;
         for (const LimitRecord& record : records) outside += record.ticksOutside;
-        const int farthest = findWorst(records, &LimitRecord::worstExcess);
-        text += format("worst use %s %% (%s at %.3f s), outside in %lld joint-ticks, worst excess %s %s\n",
+        text += format("worst use %s %% (%s at %.3f s), outside in %lld joint-ticks, worst excess %s\n",
                        formatPercent(records[worst].worstUse).c_str(), name(worst), records[worst].worstTime_s,
-                       static_cast<long long>(outside), formatDistance(records[farthest].worstExcess).c_str(),
-                       getUnit(kind));
+                       static_cast<long long>(outside),
+                       formatWorst(s, records, kind, &LimitRecord::worstExcess, formatDistance).c_str());
     }
     if (s.reference().bound) {
         text += "  bound used    position / velocity per joint [%]";
@@ -345,15 +407,17 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
     const bool anyBound = std::any_of(results.begin(), results.end(),
                                       [](const CaseResult& r) { return r.summary.reference().bound.has_value(); });
     const bool anyEnvironment = hasAnyEnvironment(results);
+    const Sliding sliding = findSliding(results);
     const std::string column = anyBound ? format(" %8s", "of bound") : "";
     const std::string clearance = anyEnvironment ? format(" %-19s |", "least clearance[mm]") : "";
     const std::string clearanceArms = anyEnvironment ? format(" %9s %9s |", "nominal", "real") : "";
     const int width = static_cast<int>(19 + column.size());
     std::string text = format("%-16s | %-35s | %-27s | %-*s |%s %s\n", "", "worst use of the limit [%]",
                               "ticks (outside: per joint)", width, "real - nominal", clearance.c_str(), "tick [us]");
-    text += format("%-16s | %8s %8s %8s %8s | %8s %10s %7s | %9s %9s%s |%s %6s %6s\n", "case", "position", "velocity",
-                   "accel.", "jerk", "outside", "infeasible", "changed", "RMS[mrad]", "max[mrad]", column.c_str(),
-                   clearanceArms.c_str(), "median", "p99");
+    text += format(
+        "%-16s | %8s %8s %8s %8s | %8s %10s %7s | %9s %9s%s |%s %6s %6s\n", "case", "position", "velocity", "accel.",
+        "jerk", "outside", "infeasible", "changed", choose(sliding, "RMS[mrad]", "RMS[1e-3]", "RMS[mm]"),
+        choose(sliding, "max[mrad]", "max[1e-3]", "max[mm]"), column.c_str(), clearanceArms.c_str(), "median", "p99");
     text += std::string(122 + column.size() + clearance.size(), '-') + "\n";
     for (const CaseResult& r : results) {
         const Summary& s = r.summary;
@@ -378,8 +442,10 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
                        s.hasRealPlant() ? formatMrad(s.trackingRms()).c_str() : "-",
                        s.hasRealPlant() ? formatMrad(s.trackingMax()).c_str() : "-", ofBound.c_str(),
                        clearances.c_str(), s.tickTime().percentile(0.5), s.tickTime().percentile(0.99));
+        if (r.stopReason != StopReason::None) text.insert(text.size() - 1, format("  STOPPED at %.3f s", r.stopTime_s));
     }
-    return text + kLegend + (anyEnvironment ? kClearanceLegend : "");
+    return text + kLegend + (anyEnvironment ? kClearanceLegend : "") +
+           (sliding == Sliding::Some ? "1e-3: mrad, and mm of joints that slide.\n" : "");
 }
 
 /** Of joint commands [rad], or of tool commands [m]: a case has one of them, and cases of one kind are compared. */
@@ -391,7 +457,32 @@ std::string formatCommandError(const Summary& s) {
     return formatMrad(getCommandError(s)) + (std::isnan(s.toolErrorRms()) ? "" : " mm");
 }
 
+/** "controller, limits": what differs besides the filter. */
+std::string listDifferences(const CaseResult& a, const CaseResult& b) {
+    std::set<std::string> keys;
+    for (const CaseResult* one : {&a, &b})
+        for (const auto& entry : one->others) keys.insert(entry.first);
+    std::string list;
+    for (const std::string& key : keys) {
+        const auto mine = a.others.find(key), theirs = b.others.find(key);
+        const bool isSame = mine != a.others.end() && theirs != b.others.end() && mine->second == theirs->second;
+        if (!isSame) addItem(list, key);
+    }
+    return list;
+}
+
 std::string formatRanking(const std::vector<CaseResult>& results) {
+    // The largest set of cases that are equal but for the filter; of equally large ones the first.
+    const auto isEqual = [](const CaseResult& a, const CaseResult& b) { return a.others == b.others; };
+    const CaseResult* model = nullptr;
+    std::ptrdiff_t most = 1;
+    for (const CaseResult& r : results) {
+        const auto equal = std::count_if(results.begin(), results.end(), [&](const auto& o) { return isEqual(r, o); });
+        if (equal <= most) continue;
+        most = equal;
+        model = &r;
+    }
+    if (!model) return {};
     std::vector<const CaseResult*> order;
     for (const CaseResult& r : results) order.push_back(&r);
     const auto countCollisions = [](const CaseResult& r) {
@@ -404,19 +495,25 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
                                r.summary.ticksWith(FilterStatus::Infeasible), std::isnan(error),
                                std::isnan(error) ? 0.0 : error);
     };
-    const auto isBetter = [&](const CaseResult* a, const CaseResult* b) { return rank(*a) < rank(*b); };
+    const auto isBetter = [&](const CaseResult* a, const CaseResult* b) {
+        const bool first = isEqual(*a, *model), second = isEqual(*b, *model);
+        return first != second ? first : rank(*a) < rank(*b);
+    };
     std::stable_sort(order.begin(), order.end(), isBetter);
+    const Sliding sliding = findSliding(results);
     std::string text = format("%-25s |%16s |%16s |%16s |%16s | %6s | %7s | %9s | %7s | %s\n", "ranking: joint-ticks",
                               "position", "velocity", "acceleration", "jerk", "no", "", "command", "chatter", "filter");
     text += format("%-25s |%7s%9s |%7s%9s |%7s%9s |%7s%9s | %6s | %7s | %9s | %7s | %s\n", "outside and worst excess",
-                   "ticks", "rad", "ticks", "rad/s", "ticks", "rad/s^2", "ticks", "rad/s^3", "choice", "changed",
-                   "[mrad]", "[%]", "[us]");
+                   "ticks", choose(sliding, "rad", "SI", "m"), "ticks", choose(sliding, "rad/s", "SI", "m/s"), "ticks",
+                   choose(sliding, "rad/s^2", "SI", "m/s^2"), "ticks", choose(sliding, "rad/s^3", "SI", "m/s^3"),
+                   "choice", "changed", choose(sliding, "[mrad]", "[1e-3]", "[mm]"), "[%]", "[us]");
     text += std::string(143, '-') + "\n";
     const bool anyEnvironment = hasAnyEnvironment(results);
     int place = 0;
     for (const CaseResult* r : order) {
         const Summary& s = r->summary;
-        text += format("%2d %-22s |", ++place, r->name.c_str());
+        const bool isRanked = isEqual(*r, *model);
+        text += format("%2s %-22s |", isRanked ? std::to_string(++place).c_str() : "-", r->name.c_str());
         for (LimitKind kind : kNominalKinds) text += formatOutside(s, kind) + " |";
         text +=
             format(" %6lld | %5.1f %% | %9s | %7s | %.1f\n",
@@ -426,10 +523,14 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
         if (const std::int64_t ticks = countCollisions(*r); ticks > 0)
             remarks += format(" (in collision in %lld ticks)", static_cast<long long>(ticks));
         if (r->stopReason != StopReason::None) remarks += format(" (stopped at %.3f s)", r->stopTime_s);
+        if (!isRanked) remarks += " (other " + listDifferences(*r, *model) + ")";
         text.insert(text.size() - 1, remarks);
     }
-    return text + (anyEnvironment ? "Ranked by ticks of the nominal arm in collision, then by what follows. " : "") +
+    if (sliding == Sliding::Some)
+        text += "SI: rad, rad/s, ..., and m, m/s, ... of joints that slide. 1e-3: mrad, and mm of joints that slide.\n";
+    return text + (anyEnvironment ? "First by ticks of the nominal arm in collision. " : "") +
            R"(Ranked by joint-ticks outside, then ticks without an admissible choice, then command error; cases that stopped early come last.
+-: differs in more than the filter, and has no place.
 command: RMS distance of the nominal joints to the commanded positions, those moved to the nearest limit; of a tool
 command: of the nominal tool to the commanded one, in mm. chatter: RMS jerk of joints at rest whose command presses them against a position limit, in percent of the jerk
 limit; at rest: within 5 % of the range of the limit, and for 0.5 s not moved by more than 0.1 % of the range ("-": less
@@ -476,7 +577,7 @@ std::string formatDetails(const CaseResult& r) {
                    r.wall_s > 0.0 ? r.simulated_s / r.wall_s : 0.0);
     text += "  verdict       " + formatVerdict(r) + "\n";
     for (LimitKind kind : kNominalKinds) text += formatLimit(s, kind);
-    text += formatCommandErrors(s) + formatStatuses(s) + formatInterventions(s) + formatStops(s);
+    text += formatCommandErrors(r) + formatStatuses(s) + formatInterventions(s) + formatStops(s);
     if (s.collisions()) text += formatCollisions(s);
     if (s.substitutedTicks() > 0)
         text += format("  controller    %lld ticks without a usable torque, the last good one was used\n",
@@ -507,6 +608,8 @@ std::string formatDetails(const CaseResult& r) {
     }
     if (!r.log.empty())
         text += format("  log           %s (%lld rows)\n", r.log.c_str(), static_cast<long long>(r.logRows));
+    if (!r.assumed.empty())
+        text += "  assumed       figures of the robot that nobody gave: " + detail::join(r.assumed) + "\n";
     for (const std::string& warning : r.warnings) text += "  WARNING       " + warning + "\n";
     if (!r.stopMessage.empty())
         text += "  STOPPED       " + r.stopMessage + (r.stopRemedy.empty() ? "" : ". " + r.stopRemedy) + "\n";

@@ -109,9 +109,11 @@ LoopGains::PerOutput show(const StateSpace& s, const MatrixXd& x, int n) {
 
 }  // namespace
 
-double calcSpectralRadius(const FrozenLoop& loop) {
+std::complex<double> calcOutermostPole(const FrozenLoop& loop) {
     const Eigen::EigenSolver<MatrixXd> modes(Loop(loop).make().A, false);
-    return modes.eigenvalues().cwiseAbs().maxCoeff();
+    Eigen::Index outermost = 0;
+    modes.eigenvalues().cwiseAbs().maxCoeff(&outermost);
+    return modes.eigenvalues()[outermost];
 }
 
 LoopGains calcGains(const FrozenLoop& loop) {

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <complex>
 #include <vector>
 
 #include "viable/core/JointTypes.h"
@@ -42,8 +43,13 @@ struct LoopGains {
     std::vector<Variation> variations;
 };
 
+/** The pole of the loop over one tick with the largest absolute value. */
+std::complex<double> calcOutermostPole(const FrozenLoop& loop);
+
 /** Spectral radius of the loop over one tick: stable below 1. */
-double calcSpectralRadius(const FrozenLoop& loop);
+inline double calcSpectralRadius(const FrozenLoop& loop) {
+    return std::abs(calcOutermostPole(loop));
+}
 
 /** Needs a stable loop. Response and integrals by the trapezoid rule: over ticks while the response is fast, over more
 ticks at a time later, until they add no more than 1e-6. */

@@ -3,10 +3,14 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <limits>
+#include <utility>
 
 #include "core/Text.h"
 #include "robot/InertiaModes.h"
 #include "robot/PoseSampling.h"
+#include "tracking/FrozenLoop.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable::detail {
@@ -51,38 +55,44 @@ std::string formatGains(const LinearErrorLoop& loop) {
     return "k_r: " + formatList(loop.kr) + ", k_p: " + formatList(loop.kp) + ", k_i: " + formatList(loop.ki);
 }
 
-LinearErrorLoop completeGains(LinearErrorLoop loop, const JointVector& greatest, double tick_s) {
-    /** K_p dt: the sampled position loop stays well below 1. */
-    constexpr double kLargestKpTick = 0.1;
-    constexpr double kLargestKi = 100.0;
-    /** K_i in terms of K_p x the slowest velocity loop, from where on the loop would be unstable. */
-    constexpr double kIntegralShare = 0.25;
-    const Eigen::Index n = greatest.size();
-    const bool hasKp = loop.kp.size() > 0, hasKi = loop.ki.size() > 0;
-    if (!hasKp) loop.kp.setZero(n);
-    if (!hasKi) loop.ki.setZero(n);
-    for (Eigen::Index i = 0; i < n; ++i) {
-        const double kr = loop.kr[i];
-        if (!hasKp) loop.kp[i] = std::min({kFastestPosition, kStiffestPosition / kr, kLargestKpTick / tick_s});
-        if (!hasKi)
-            loop.ki[i] = std::min({kLargestKi, kStiffestIntegral / kr, kIntegralShare * loop.kp[i] * kr / greatest[i]});
-    }
-    return loop;
+double limitRadius(const LinearErrorLoop& loop) {
+    /** Of a double pole. */
+    constexpr double kRounding = 1e-6;
+    return std::min({loop.kr.minCoeff(), loop.kp.minCoeff(), loop.ki.minCoeff()}) <= 0.0 ? 1.0 + kRounding : 1.0;
 }
 
-LinearErrorLoop scaleConstantGains(const RobotDescription& robot, const JointLimits& limits, double tick_s) {
-    constexpr int kPoses = 1000;
-    /** Largest eigenvalue of M^-1 K_r dt there; the sampled loop becomes unstable from 2 on. */
-    constexpr double kLargestMode = 1.0;
-    LinearErrorLoop loop;
-    const std::vector<PoseInertia> samples = sampleInertia(robot, limits, kPoses);
-    if (samples.empty()) {
-        for (JointVector* gains : {&loop.kr, &loop.kp, &loop.ki}) gains->setZero(robot.size());
-        return loop;
+std::complex<double> calcOutermostPole(const LinearErrorLoop& loop, const PoseInertia& pose, double tick_s,
+                                       int delayTicks) {
+    return calcOutermostPole(
+        {pose.M, JointVector::Zero(pose.M.rows()), calcLoopGain(loop, pose.M), loop.kp, loop.ki, tick_s, delayTicks});
+}
+
+std::vector<const PoseInertia*> findCriticalPoses(const std::vector<PoseInertia>& samples, const LinearErrorLoop& loop,
+                                                  double tick_s, int delayTicks, bool looksEverywhere) {
+    constexpr std::size_t kOutermost = 3;
+    using Ranked = std::pair<double, const PoseInertia*>;
+    Ranked fastest{0.0, &samples.front()}, slowest{std::numeric_limits<double>::infinity(), &samples.front()};
+    std::vector<Ranked> radii;
+    for (const PoseInertia& sample : samples) {
+        const JointMatrix L = sample.M.llt().matrixL();
+        const auto lower = L.triangularView<Eigen::Lower>();
+        const JointMatrix half = lower.solve(calcLoopGain(loop, sample.M));
+        const JointMatrix scaled = lower.solve(JointMatrix(half.transpose()));
+        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> rates(scaled, Eigen::EigenvaluesOnly);
+        fastest = std::max(fastest, Ranked{rates.eigenvalues()[scaled.rows() - 1], &sample});
+        slowest = std::min(slowest, Ranked{rates.eigenvalues()[0], &sample});
+        if (looksEverywhere)
+            radii.emplace_back(std::abs(calcOutermostPole(loop, sample, tick_s * (1.0 + delayTicks), 0)), &sample);
     }
-    const InertiaRange range = findInertiaRange(samples);
-    loop.kr = (kLargestMode / tick_s / range.fastest * range.least).cwiseMin(kStiffest);
-    return completeGains(loop, range.greatest, tick_s);
+    std::vector<const PoseInertia*> poses{fastest.second};
+    const auto add = [&](const Ranked& ranked) {
+        if (std::find(poses.begin(), poses.end(), ranked.second) == poses.end()) poses.push_back(ranked.second);
+    };
+    add(slowest);
+    const std::size_t count = std::min(kOutermost, radii.size());
+    std::partial_sort(radii.begin(), radii.begin() + static_cast<std::ptrdiff_t>(count), radii.end(), std::greater<>());
+    for (std::size_t k = 0; k < count; ++k) add(radii[k]);
+    return poses;
 }
 
 double calcLargestMode(int delayTicks) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <complex>
 #include <string>
 #include <vector>
 
@@ -37,15 +38,25 @@ InertiaRange findInertiaRange(const std::vector<PoseInertia>& samples);
 /** K_r at the inertia M. No allocation. */
 JointMatrix calcLoopGain(const LinearErrorLoop& loop, const JointMatrix& M);
 
-/** scaleNric() as a law. */
-LinearErrorLoop scaleConstantGains(const RobotDescription& robot, const JointLimits& limits, double tick_s);
+/** The outermost pole of the sampled loop around a pose, over one tick: unstable from the size limitRadius() on. */
+std::complex<double> calcOutermostPole(const LinearErrorLoop& loop, const PoseInertia& pose, double tick_s,
+                                       int delayTicks);
+
+/** 1, or a little more where a gain is zero: what it leaves alone stays where it is, poles at 1 but for rounding. */
+double limitRadius(const LinearErrorLoop& loop);
+
+/** Of not empty samples the poses in which a loop is nearest to instability: those of the fastest and the slowest mode of
+M^-1 K_r and, with `looksEverywhere`, some whose poles lie farthest out. With a delay these are found by the poles at a
+tick that is longer by the delay. Pointers into `samples`. */
+std::vector<const PoseInertia*> findCriticalPoses(const std::vector<PoseInertia>& samples, const LinearErrorLoop& loop,
+                                                  double tick_s, int delayTicks, bool looksEverywhere = true);
+
+/** scaleNric() as a law, for a delay. */
+LinearErrorLoop scaleConstantGains(const RobotDescription& robot, const JointLimits& limits, double tick_s,
+                                   int delayTicks = 0);
 
 /** "k_r: [10.1, 4], k_p: [20, 20], k_i: [8, 8]": constant gains as the block of a robust loop takes them. */
 std::string formatGains(const LinearErrorLoop& loop);
-
-/** K_p and K_i for a constant K_r, as far as they have no numbers, by the rule of scaleNric().
-@param greatest  inertia of each joint, see InertiaRange */
-LinearErrorLoop completeGains(LinearErrorLoop loop, const JointVector& greatest, double tick_s);
 
 /** The mode of M^-1 K_r dt from which on the velocity loop, by differences over a tick and `delayTicks` later, is unstable:
 its phase is -90 degrees - (1 + d) omega dt, its size c / (2 tan(omega dt / 2)). */

@@ -22,16 +22,11 @@ using Loci = std::array<Complex, kMaxJoints>;
 /** Frequencies of the unit circle that are looked at, evenly in their logarithm from kLeastAngle to pi. */
 constexpr int kFrequencies = 400;
 constexpr double kLeastAngle = 1e-5;
-/** Of a double pole. */
-constexpr double kRounding = 1e-6;
-
-/** How fast errors of the velocity decay, ascending: the eigenvalues of M^-1 K_r [1/s]. */
-Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> findRates(const JointMatrix& M, const JointMatrix& gain, int options) {
-    const auto L = M.llt();
-    const JointMatrix half = L.matrixL().solve(gain);
-    const JointMatrix scaled = L.matrixL().solve(JointMatrix(half.transpose()));
-    return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(scaled, options);
-}
+/** Where a locus comes nearest to -1. */
+struct NearestPoint {
+    double distance = kInfinity;
+    Complex z = -1.0, value;
+};
 
 /** The eigenvalue loci of the open loop at a pose. */
 class OpenLoop {
@@ -45,18 +40,22 @@ public:
 
     /** At z = exp(j angle), in any order. */
     Loci calc(double angle) const {
-        const Complex z = std::polar(1.0, angle), back = 1.0 / z;
-        const Complex plant =
-            tick_s_ * tick_s_ / 2.0 * (z + 1.0) / ((z - 1.0) * (z - 1.0)) * std::polar(1.0, -angle * delayTicks_);
-        ComplexMatrix open = plant_.cast<Complex>();
-        for (int i = 0; i < n_; ++i) {
-            const Complex law = (1.0 - back) / tick_s_ + loop_.kp[i] + loop_.ki[i] * tick_s_ / (1.0 - back);
-            open.col(i) *= plant * law;
-        }
         Loci loci{};
-        const Eigen::ComplexEigenSolver<ComplexMatrix> solver(open, false);
+        const Eigen::ComplexEigenSolver<ComplexMatrix> solver(calcOpen(std::polar(1.0, angle)), false);
         for (int i = 0; i < n_; ++i) loci[static_cast<std::size_t>(i)] = solver.eigenvalues()[i];
         return loci;
+    }
+
+    /** The joint that takes most part in a locus at z where it is near `value`, by its participation factor, which knows
+    no units. */
+    int findJoint(const Complex& z, const Complex& value) const {
+        const Eigen::ComplexEigenSolver<ComplexMatrix> solver(calcOpen(z), true);
+        Eigen::Index locus = 0, joint = 0;
+        (solver.eigenvalues().array() - value).abs().minCoeff(&locus);
+        const ComplexMatrix vectors = solver.eigenvectors();
+        const ComplexMatrix inverse = vectors.fullPivLu().inverse();
+        vectors.col(locus).cwiseProduct(inverse.row(locus).transpose()).cwiseAbs().maxCoeff(&joint);
+        return static_cast<int>(joint);
     }
 
     /** Puts `next` into the order of `last`: each locus goes on to the nearest value that is left. */
@@ -71,17 +70,36 @@ public:
     }
 
     /** Lowers both margins to what the loci leave. */
-    void lower(LoopMargins& margins) const {
+    NearestPoint lower(LoopMargins& margins) const {
+        NearestPoint nearest;
         Loci last = calc(kLeastAngle);
         for (int k = 1; k <= kFrequencies; ++k) {
-            Loci next = calc(kLeastAngle * std::pow(kPi / kLeastAngle, static_cast<double>(k) / kFrequencies));
+            const double angle = kLeastAngle * std::pow(kPi / kLeastAngle, static_cast<double>(k) / kFrequencies);
+            Loci next = calc(angle);
             follow(last, next);
-            for (std::size_t i = 0; i < static_cast<std::size_t>(n_); ++i) lower(last[i], next[i], margins);
+            for (std::size_t i = 0; i < static_cast<std::size_t>(n_); ++i) {
+                lower(last[i], next[i], margins);
+                const double distance = std::abs(1.0 + next[i]);
+                if (distance < nearest.distance) nearest = {distance, std::polar(1.0, angle), next[i]};
+            }
             last = next;
         }
+        return nearest;
     }
 
 private:
+    ComplexMatrix calcOpen(const Complex& z) const {
+        const Complex back = 1.0 / z;
+        const Complex plant =
+            tick_s_ * tick_s_ / 2.0 * (z + 1.0) / ((z - 1.0) * (z - 1.0)) * std::pow(back, delayTicks_);
+        ComplexMatrix open = plant_.cast<Complex>();
+        for (int i = 0; i < n_; ++i) {
+            const Complex law = (1.0 - back) / tick_s_ + loop_.kp[i] + loop_.ki[i] * tick_s_ / (1.0 - back);
+            open.col(i) *= plant * law;
+        }
+        return open;
+    }
+
     /** A piece of a locus, as straight in logarithm and angle: short pieces are. */
     static void lower(const Complex& from, const Complex& to, LoopMargins& margins) {
         if (!(std::abs(from) > 0.0 && std::abs(to) > 0.0)) return;
@@ -133,48 +151,53 @@ LinearErrorLoop followInertia(const LinearErrorLoop& given, const JointVector& g
     return loop;
 }
 
-/** @param samples  of an arm of n joints */
-LoopMargins findSampleMargins(const std::vector<detail::PoseInertia>& samples, int n, double tick_s, int delayTicks,
-                              const LinearErrorLoop& loop) {
-    LoopMargins margins;
-    if (samples.empty() || !(loop.kr.maxCoeff() > 0.0)) {
-        margins.isStable = !samples.empty();  // nothing acts
-        margins.gain = kInfinity;
-        margins.phase_rad = kPi;
-        return margins;
+/** K_p and K_i for a constant K_r, as far as `given` has no numbers, by the rule of scaleNric().
+@param rate   of the velocity loop at most [1/s]
+@param share  of K_p, and squared of K_i */
+LinearErrorLoop completeGains(const LinearErrorLoop& given, const JointVector& greatest, double rate, double share) {
+    constexpr double kLargestKi = 100.0;
+    /** K_i in terms of K_p x the slowest velocity loop, from where on the loop would be unstable. */
+    constexpr double kIntegralShare = 0.25;
+    LinearErrorLoop loop = given;
+    const Eigen::Index n = greatest.size();
+    for (JointVector* gains : {&loop.kp, &loop.ki})
+        if (gains->size() == 0) gains->setZero(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+        const double kr = loop.kr[i];
+        if (given.kp.size() == 0)
+            loop.kp[i] =
+                share * std::min({detail::kFastestPosition, detail::kStiffestPosition / kr, kPositionShare * rate});
+        if (given.ki.size() == 0)
+            loop.ki[i] = std::min({share * share * kLargestKi, share * share * detail::kStiffestIntegral / kr,
+                                   kIntegralShare * loop.kp[i] * kr / greatest[i]});
     }
-    const detail::PoseInertia* fastest = nullptr;
-    const detail::PoseInertia* slowest = nullptr;
-    double fastestMode = 0.0, slowestMode = kInfinity;
-    for (const detail::PoseInertia& sample : samples) {
-        const auto modes = findRates(sample.M, detail::calcLoopGain(loop, sample.M), Eigen::EigenvaluesOnly);
-        if (!(modes.eigenvalues()[n - 1] <= fastestMode)) {
-            fastestMode = modes.eigenvalues()[n - 1];
-            fastest = &sample;
-        }
-        if (modes.eigenvalues()[0] < slowestMode) {
-            slowestMode = modes.eigenvalues()[0];
-            slowest = &sample;
-        }
-    }
-    if (!fastest) fastest = &samples.front();
-    const auto modes = findRates(fastest->M, detail::calcLoopGain(loop, fastest->M), Eigen::ComputeEigenvectors);
-    const JointVector mode = fastest->M.llt().matrixU().solve(JointVector(modes.eigenvectors().col(n - 1)));
-    Eigen::Index joint = 0;
-    mode.cwiseAbs().maxCoeff(&joint);
-    margins.joint = static_cast<int>(joint);
+    return loop;
+}
 
-    const bool hasZero = std::min({loop.kr.minCoeff(), loop.kp.minCoeff(), loop.ki.minCoeff()}) <= 0.0;
-    margins.isStable = true;
+/** @param samples  of an arm of n joints */
+LoopMargins findSampleMargins(const std::vector<detail::PoseInertia>& samples, double tick_s, int delayTicks,
+                              const LinearErrorLoop& loop, bool looksEverywhere) {
+    LoopMargins margins;
     margins.gain = kInfinity;
     margins.phase_rad = kPi;
-    for (const detail::PoseInertia* sample : {fastest, slowest}) {
-        if (!sample) continue;
-        const JointMatrix gain = detail::calcLoopGain(loop, sample->M);
-        const detail::FrozenLoop frozen{sample->M, JointVector::Zero(n), gain, loop.kp, loop.ki, tick_s, delayTicks};
-        // What a gain of zero leaves alone stays where it is: poles at 1, several of them but for rounding.
-        margins.isStable &= detail::calcSpectralRadius(frozen) < (hasZero ? 1.0 + kRounding : 1.0);
-        OpenLoop(sample->M, tick_s, delayTicks, loop).lower(margins);
+    margins.isStable = !samples.empty();
+    if (samples.empty() || !(loop.kr.maxCoeff() > 0.0)) return margins;  // nothing acts
+    double outermost = 0.0;
+    NearestPoint nearest;
+    for (const detail::PoseInertia* pose :
+         detail::findCriticalPoses(samples, loop, tick_s, delayTicks, looksEverywhere)) {
+        const OpenLoop open(pose->M, tick_s, delayTicks, loop);
+        const Complex pole = detail::calcOutermostPole(loop, *pose, tick_s, delayTicks);
+        const NearestPoint here = open.lower(margins);
+        const double radius = std::abs(pole);
+        if (!(radius < detail::limitRadius(loop))) {
+            if (radius > outermost) margins.joint = open.findJoint(pole, -1.0);
+            outermost = std::max(outermost, radius);
+            margins.isStable = false;
+        } else if (margins.isStable && here.distance < nearest.distance) {
+            nearest = here;
+            margins.joint = open.findJoint(here.z, here.value);
+        }
     }
     if (!margins.isStable) {
         margins.gain = 1.0;
@@ -183,37 +206,82 @@ LoopMargins findSampleMargins(const std::vector<detail::PoseInertia>& samples, i
     return margins;
 }
 
+/** How near to enough, 0 for an unstable loop, 1 and more for enough. */
+double calcShare(const LoopMargins& margins) {
+    return margins.isStable ? std::min(margins.gain / kEnoughGain, margins.phase_rad / kEnoughPhase_rad) : 0.0;
+}
+
+/** The first of the loops make(1), make(kLess), ... that has enough margin, else the one with the most. */
+template <class Make>
+LinearErrorLoop lowerUntilEnough(const std::vector<detail::PoseInertia>& samples, double tick_s, int delayTicks,
+                                 const Make& make) {
+    LinearErrorLoop loop;
+    double best = -1.0, share = 1.0;  // given gains may leave less margin than there should be
+    for (int i = 0; i < kTries && best < 1.0; ++i, share *= kLess) {
+        const LinearErrorLoop tried = make(share);
+        double found = calcShare(findSampleMargins(samples, tick_s, delayTicks, tried, false));
+        if (found >= 1.0) found = calcShare(findSampleMargins(samples, tick_s, delayTicks, tried, true));
+        if (found <= best) continue;
+        best = found;
+        loop = tried;
+    }
+    return loop;
+}
+
+/** The velocity loop, half of what makes it unstable [1/s]. */
+double calcLargestRate(double tick_s, int delayTicks) {
+    return detail::calcLargestMode(delayTicks) / kEnoughGain / tick_s;
+}
+
+/** Of an arm without a usable inertia matrix. */
+LinearErrorLoop fillWithZero(LinearErrorLoop loop, int n) {
+    for (JointVector* gains : {&loop.kr, &loop.kp, &loop.ki})
+        if (gains->size() == 0) gains->setZero(n);
+    return loop;
+}
+
 }  // namespace
 
 LoopMargins calcMargins(const RobotDescription& robot, const JointLimits& limits, double tick_s, int delayTicks,
                         const LinearErrorLoop& loop) {
     const auto samples = detail::sampleInertia(robot, limits, detail::kMarginPoses);
-    return findSampleMargins(samples, robot.size(), tick_s, delayTicks, loop);
+    return findSampleMargins(samples, tick_s, delayTicks, loop, true);
 }
 
 LinearErrorLoop scaleGains(const RobotDescription& robot, const JointLimits& limits, double tick_s, int delayTicks,
                            const LinearErrorLoop& given) {
-    const int n = robot.size();
     const std::vector<detail::PoseInertia> samples = detail::sampleInertia(robot, limits, detail::kMarginPoses);
-    LinearErrorLoop loop = given;
-    if (samples.empty()) {
-        for (JointVector* gains : {&loop.kr, &loop.kp, &loop.ki}) gains->setZero(n);
-        return loop;
-    }
+    if (samples.empty()) return fillWithZero(given, robot.size());
     const JointVector greatest = detail::findInertiaRange(samples).greatest;
-    if (given.kr.size() > 0) return detail::completeGains(given, greatest, tick_s);
-    double rate = detail::calcLargestMode(delayTicks) / kEnoughGain / tick_s;
-    double best = -1.0;  // given gains may leave less margin than there should be
-    for (int i = 0; i < kTries && best < 1.0; ++i, rate *= kLess) {
-        const LinearErrorLoop tried = followInertia(given, greatest, rate);
-        const LoopMargins margins = findSampleMargins(samples, n, tick_s, delayTicks, tried);
-        const double share =
-            margins.isStable ? std::min(margins.gain / kEnoughGain, margins.phase_rad / kEnoughPhase_rad) : 0.0;
-        if (share <= best) continue;
-        best = share;
-        loop = tried;
+    const double rate = calcLargestRate(tick_s, delayTicks);
+    return lowerUntilEnough(samples, tick_s, delayTicks, [&](double share) {
+        return given.kr.size() > 0 ? completeGains(given, greatest, rate, share)
+                                   : followInertia(given, greatest, share * rate);
+    });
+}
+
+LinearErrorLoop detail::scaleConstantGains(const RobotDescription& robot, const JointLimits& limits, double tick_s,
+                                           int delayTicks) {
+    constexpr int kPoses = 1000;
+    /** Lowered to less, such gains hold no arm that is much heavier in other poses: those with less margin do. */
+    constexpr double kLeastShare = 0.5;
+    const std::vector<PoseInertia> samples = sampleInertia(robot, limits, kPoses);
+    if (samples.empty()) return fillWithZero({}, robot.size());
+    const InertiaRange range = findInertiaRange(samples);
+    const double rate = calcLargestRate(tick_s, delayTicks);
+    const auto make = [&](double share) {
+        LinearErrorLoop loop;
+        loop.kr = (share * rate / range.fastest * range.least).cwiseMin(kStiffest);
+        return completeGains(loop, range.greatest, rate, share);
+    };
+    const auto isEnough = [&](const LinearErrorLoop& loop, bool looksEverywhere) {
+        return findSampleMargins(samples, tick_s, delayTicks, loop, looksEverywhere).isEnough();
+    };
+    for (double share = 1.0; share > kLeastShare; share *= kLess) {
+        const LinearErrorLoop loop = make(share);
+        if (isEnough(loop, false) && isEnough(loop, true)) return loop;
     }
-    return loop;
+    return make(1.0);
 }
 
 JointVector findLargestGains(const RobotDescription& robot, const JointLimits& limits, double tick_s, int delayTicks) {

@@ -66,7 +66,8 @@ void Nric::configure(const RunSetup& setup, const Parameters& parameters) {
     if (gains.kr.size() == 0 || gains.kp.size() == 0 || gains.ki.size() == 0)
         gains = scaleGains(setup.robot, setup.limits, setup.tick_s, setup.delayTicks, gains);
     configure(setup, NricOptions{gains.kr, gains.kp, gains.ki, parameters.jointNumbers("integral_limit_Nm"),
-                                 parameters.jointNumbers("torque_rate_Nmps"), gains.inertiaRate});
+                                 parameters.jointNumbers("torque_rate_Nmps"), gains.inertiaRate,
+                                 parameters.jointNumbers("motor_rate_Nmps")});
 }
 
 void Nric::configure(const RunSetup& setup, const NricOptions& options) {
@@ -87,22 +88,21 @@ void Nric::configure(const RunSetup& setup, const NricOptions& options) {
     largestStep_ = loop_.torqueRate * tick_s_;
     gain_.setZero(n_, n_);
     gain_.diagonal() = loop_.kr;
+    largestMotorStep_ = takeBounds(options.motorRate, "motorRate", n_) * tick_s_;
+    followsInertia_ = std::isfinite(loop_.inertiaRate);
+    limitsMotorRate_ = !largestMotorStep_.array().isInf().all();
     arm_.reset();
-    if (std::isfinite(loop_.inertiaRate)) {
-        arm_ = std::make_shared<const ArmRecursion>(setup.robot);
-        setGain(setup.start.q);
-    }
-    clear();
+    if (followsInertia_ || limitsMotorRate_) arm_ = std::make_shared<const ArmRecursion>(setup.robot);
+    if (followsInertia_) setGain(setup.start.q);
+    reset(setup.start);
 }
 
-void Nric::clear() {
+void Nric::reset(const MotionState& start) {
     integral_.setZero(n_);
     lastTorque_.setZero(n_);
+    lastMotorTorque_.setZero(n_);
     isIntegralHeld_ = false;
-}
-
-void Nric::reset(const MotionState&) {
-    clear();
+    if (limitsMotorRate_) arm_->calcTorque(start.q, lastTorque_, lastTorque_, lastMotorTorque_);
 }
 
 /** Of the pose. */
@@ -114,18 +114,20 @@ void Nric::setGain(const JointVector& q) {
 TickStatus Nric::compute(const JointState& real, const MotionState& nominal, const JointVector& filterTorque,
                          JointVector& torque) {
     if (!isFinite(real, n_) || !isFinite(nominal, n_) || !isFinite(filterTorque, n_)) return TickStatus::InvalidInput;
-    if (arm_) setGain(nominal.q);
+    if (followsInertia_) setGain(nominal.q);
     const JointVector e = real.q - nominal.q, de = real.qd - nominal.qd;
     const auto calcTorque = [&](const JointVector& integral) {
         const JointVector error = de + loop_.kp.cwiseProduct(e) + loop_.ki.cwiseProduct(integral);
-        return JointVector(-(arm_ ? JointVector(gain_.lazyProduct(error)) : loop_.kr.cwiseProduct(error)));
+        return JointVector(-(followsInertia_ ? JointVector(gain_.lazyProduct(error)) : loop_.kr.cwiseProduct(error)));
     };
     const auto cut = [&](int i, double robust) {
         robust = std::clamp(robust, lastTorque_[i] - largestStep_[i], lastTorque_[i] + largestStep_[i]);
         // Unchanged to the last bit where the limit does not act: a rounded difference would look like saturation.
         const double total = filterTorque[i] + robust;
-        if (total > torqueLimit_[i]) return torqueLimit_[i] - filterTorque[i];
-        if (total < -torqueLimit_[i]) return -torqueLimit_[i] - filterTorque[i];
+        const double highest = std::min(torqueLimit_[i], lastMotorTorque_[i] + largestMotorStep_[i]);
+        const double lowest = std::max(-torqueLimit_[i], lastMotorTorque_[i] - largestMotorStep_[i]);
+        if (total > highest) return highest - filterTorque[i];
+        if (total < lowest) return lowest - filterTorque[i];
         return robust;
     };
     JointVector bounded = integral_, grown = integral_;
@@ -153,6 +155,7 @@ TickStatus Nric::compute(const JointState& real, const MotionState& nominal, con
     torque = isHeld ? calcTorque(integral_) : wanted;
     for (int i = 0; i < n_; ++i) torque[i] = cut(i, torque[i]);
     lastTorque_ = torque;
+    lastMotorTorque_ = filterTorque + torque;
     return TickStatus::Ok;
 }
 

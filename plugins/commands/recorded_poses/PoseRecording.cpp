@@ -85,18 +85,43 @@ std::array<std::size_t, 8> findColumns(const std::vector<std::string_view>& head
     return places;
 }
 
-void checkStep(const TimedPose& last, int lastLine, double lastStamp, const TimedPose& now, double stamp,
-               const std::string& where, const RecordingChecks& checks) {
-    const double step = now.time_s - last.time_s;
-    if (!(step > 0.0))
+/** Two samples with too much time between them. */
+struct Gap {
+    int from, to;  // lines
+    double length_s;
+};
+
+[[noreturn]] void refuseGaps(const std::vector<Gap>& gaps, const std::string& file, double maxGap_s) {
+    constexpr std::size_t kShown = 10;
+    const char* const remedy =
+        "Set `gaps: hold` (the tool rests in a gap), use a part of the recording without gaps, raise max_gap_s, or "
+        "convert the stamps if they are not in seconds";
+    if (gaps.size() == 1)
+        throw badInput(
+            file + ":" + std::to_string(gaps[0].to),
+            print("gap of %.6g s since line %d, but max_gap_s is %g s", gaps[0].length_s, gaps[0].from, maxGap_s),
+            remedy);
+    std::string list;
+    for (std::size_t i = 0; i < std::min(gaps.size(), kShown); ++i)
+        list += (i > 0 ? ", " : "") + print("%.6g s before line %d", gaps[i].length_s, gaps[i].to);
+    if (gaps.size() > kShown) {
+        const auto isShorter = [](const Gap& a, const Gap& b) { return a.length_s < b.length_s; };
+        list += print(" and %zu more, the longest of all %.6g s", gaps.size() - kShown,
+                      std::max_element(gaps.begin(), gaps.end(), isShorter)->length_s);
+    }
+    throw badInput(file, print("%zu gaps, but max_gap_s is %g s: ", gaps.size(), maxGap_s) + list, remedy);
+}
+
+void checkOrder(const TimedPose& last, int lastLine, double lastStamp, const TimedPose& now, double stamp,
+                const std::string& where) {
+    if (!(now.time_s > last.time_s))
         throw badInput(where,
                        print("time stamp %.9f s is not later than %.9f s on line %d", stamp, lastStamp, lastLine),
                        "Sort the recording and remove samples with the same stamp");
-    if (step > checks.maxGap_s)
-        throw badInput(where,
-                       print("gap of %.6g s since line %d, but max_gap_s is %g s", step, lastLine, checks.maxGap_s),
-                       "Use a part of the recording without this gap, raise max_gap_s, or convert "
-                       "the stamps if they are not in seconds");
+}
+
+void checkStep(const TimedPose& last, int lastLine, const TimedPose& now, const std::string& where) {
+    const double step = now.time_s - last.time_s;
     const double speed = (now.position - last.position).norm() / step;
     if (speed > kTopSpeed_mps)
         throw badInput(
@@ -113,14 +138,17 @@ void checkStep(const TimedPose& last, int lastLine, double lastStamp, const Time
 
 }  // namespace
 
-std::vector<TimedPose> readPoseRecording(const std::filesystem::path& file, const RecordingChecks& checks) {
+std::vector<std::vector<TimedPose>> readPoseRecording(const std::filesystem::path& file,
+                                                      const RecordingChecks& checks) {
     std::error_code failure;
     if (!std::filesystem::is_regular_file(file, failure))
         throw badInput(file.string(), "is not a file", "Give the file of a recording");
     std::ifstream stream(file);
     if (!stream) throw badInput(file.string(), "cannot be opened", "Check that it may be read");
 
-    std::vector<TimedPose> samples;
+    std::vector<std::vector<TimedPose>> parts(1);
+    std::vector<Gap> gaps;
+    std::size_t count = 0;
     std::string line;
     std::vector<std::string_view> fields;
     bool isCsv = false, hasFormat = false;
@@ -156,7 +184,7 @@ std::vector<TimedPose> readPoseRecording(const std::filesystem::path& file, cons
         std::array<double, 8> v{};
         for (std::size_t c = 0; c < kColumns.size(); ++c) v[c] = toDouble(fields[columns[c]], where, kColumns[c]);
 
-        if (samples.empty()) origin = v[0];
+        if (count == 0) origin = v[0];
         TimedPose now{v[0] - origin, {v[1], v[2], v[3]}, {v[7], v[4], v[5], v[6]}};
         const double norm = now.orientation.norm();
         if (!(std::abs(norm - 1.0) <= kUnitTolerance))
@@ -164,19 +192,30 @@ std::vector<TimedPose> readPoseRecording(const std::filesystem::path& file, cons
                            "Quaternions are written qx qy qz qw; remove lines in which tracking was "
                            "lost");
         now.orientation.normalize();
-        if (!samples.empty()) checkStep(samples.back(), lastNumber, lastStamp, now, v[0], where, checks);
-        if (samples.size() == kMostSamples)
+        if (count > 0) {
+            const TimedPose& last = parts.back().back();
+            checkOrder(last, lastNumber, lastStamp, now, v[0], where);
+            if (const double step = now.time_s - last.time_s; step <= checks.maxGap_s) {
+                checkStep(last, lastNumber, now, where);
+            } else {
+                gaps.push_back({lastNumber, number, step});
+                parts.emplace_back();
+            }
+        }
+        if (count == kMostSamples)
             throw badInput(where, print("more than %zu samples", kMostSamples), "Cut the recording");
-        samples.push_back(now);
+        parts.back().push_back(now);
+        ++count;
         lastStamp = v[0];
         lastNumber = number;
     }
     if (stream.bad()) throw badInput(file.string(), "could not be read to its end", "Check the disk");
-    if (samples.size() < kFewestSamples)
-        throw badInput(file.string(), print("%zu samples, but at least %zu are needed", samples.size(), kFewestSamples),
+    if (!gaps.empty() && !checks.splitsAtGaps) refuseGaps(gaps, file.string(), checks.maxGap_s);
+    if (count < kFewestSamples)
+        throw badInput(file.string(), print("%zu samples, but at least %zu are needed", count, kFewestSamples),
                        "A line is 'timestamp tx ty tz qx qy qz qw', or CSV with a line of column "
                        "names");
-    return samples;
+    return parts;
 }
 
 std::vector<TimedPose> smooth(const std::vector<TimedPose>& samples, double sigma_s) {

@@ -17,7 +17,8 @@ struct TimedPose {
 
 /** What a recording must be like. */
 struct RecordingChecks {
-    double maxGap_s;  ///< longest time between two samples
+    double maxGap_s;            ///< longest time between two samples
+    bool splitsAtGaps = false;  ///< longer ones end a part; else they are refused
 };
 
 /** Fewer samples than this make no motion. */
@@ -33,12 +34,12 @@ inline constexpr double kTopStep_rad = 1.5707963267948966;
 /** Reads a recording: TUM trajectory text (`timestamp tx ty tz qx qy qz qw`, separated by blanks)
 or CSV whose first line names the columns time_s, x_m, y_m, z_m, qx, qy, qz, qw in any order (other
 columns are passed over). Lines that begin with `#` and empty lines are passed over. Stamps are in
-seconds from any origin; the result begins at 0.
+seconds from any origin; the first part begins at 0. More than one part only where it is split.
 
 Throws Error (BadInput) with file and line for a wrong number of columns, numbers that are none or
-not finite, quaternions that are not unit, stamps that do not increase, gaps, and steps that no hand
-makes; with the file for fewer than kFewestSamples samples. */
-std::vector<TimedPose> readPoseRecording(const std::filesystem::path& file, const RecordingChecks& checks);
+not finite, quaternions that are not unit, stamps that do not increase, and steps that no hand makes;
+with the file for gaps, all of them, and for fewer than kFewestSamples samples. */
+std::vector<std::vector<TimedPose>> readPoseRecording(const std::filesystem::path& file, const RecordingChecks& checks);
 
 /** The samples with noise taken out: at each one, the value there of the straight line (for
 orientations: in the tangent space) that fits its neighbours best, weighted by a Gaussian with

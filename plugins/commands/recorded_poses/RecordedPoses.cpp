@@ -36,7 +36,9 @@ const ParameterSpec kParameters[] = {
                       "Standard deviation of the zero-phase Gaussian that takes noise out; 0: none.")
         .atLeast(0)
         .upTo(0.5),
-    parameter::number("max_gap_s", "s", "0.2", "Longest time between two samples.").above(0),
+    parameter::number("max_gap_s", "s", "0.2", "Longest time between two samples; a longer one is a gap.").above(0),
+    parameter::choice("gaps", "refuse|hold", "refuse",
+                      "Recordings with gaps: refuse them, or let the tool rest in a gap and go on from where it is."),
 };
 
 Eigen::Matrix3d readAxes(const Parameters& parameters) {
@@ -57,17 +59,17 @@ Eigen::Matrix3d readAxes(const Parameters& parameters) {
     return Eigen::Quaterniond(axes).normalized().toRotationMatrix();
 }
 
-// The used part, relative to its first pose, in base axes and scaled.
-std::vector<TimedPose> makeRelative(const std::vector<TimedPose>& samples, std::size_t first,
+// A part, relative to its first pose, in base axes and scaled, and from there to `begin`, where the tool is then.
+std::vector<TimedPose> makeRelative(const std::vector<TimedPose>& samples, const TimedPose& begin,
                                     const Parameters& parameters) {
     const Eigen::Matrix3d axes = readAxes(parameters);
     const double scale = parameters.number("scale");
     const double rotationScale = parameters.number("rotation_scale");
-    const TimedPose& origin = samples[first];
+    const TimedPose& origin = samples.front();
     std::vector<TimedPose> result;
-    result.reserve(samples.size() - first);
-    result.push_back({0.0, Eigen::Vector3d::Zero(), Eigen::Quaterniond::Identity()});
-    for (std::size_t i = first + 1; i < samples.size(); ++i) {
+    result.reserve(samples.size());
+    result.push_back({0.0, begin.position, begin.orientation});
+    for (std::size_t i = 1; i < samples.size(); ++i) {
         const TimedPose& now = samples[i];
         Eigen::Quaterniond turn = now.orientation * origin.orientation.conjugate();
         turn.vec() = axes * turn.vec();
@@ -85,7 +87,8 @@ std::vector<TimedPose> makeRelative(const std::vector<TimedPose>& samples, std::
             }
             turn = calcRotation(rotationScale * r);
         }
-        result.push_back({now.time_s - origin.time_s, scale * axes * (now.position - origin.position), turn});
+        result.push_back({now.time_s - origin.time_s, begin.position + scale * axes * (now.position - origin.position),
+                          turn * begin.orientation});
     }
     return result;
 }
@@ -97,27 +100,50 @@ void RecordedPoses::configure(const RunSetup& setup, const Parameters& parameter
     clutch_s_ = parameters.number("clutch_s");
     reverses_ = parameters.text("at_end") == "reverse";
     const std::filesystem::path& file = parameters.file("file");
-    const std::vector<TimedPose> samples =
-        smooth(readPoseRecording(file, {parameters.number("max_gap_s")}), parameters.number("smoothing_s"));
-
     const double start = parameters.number("start_s");
-    const auto first =
-        static_cast<std::size_t>(std::lower_bound(samples.begin(), samples.end(), start,
-                                                  [](const TimedPose& s, double t) { return s.time_s < t; }) -
-                                 samples.begin());
+    std::vector<std::vector<TimedPose>> parts =
+        readPoseRecording(file, {parameters.number("max_gap_s"), parameters.text("gaps") == "hold"});
+    const double length = parts.back().back().time_s;
+    std::size_t left = 0;
+    for (std::vector<TimedPose>& part : parts) {
+        part = smooth(part, parameters.number("smoothing_s"));
+        const auto isBefore = [](const TimedPose& s, double t) { return s.time_s < t; };
+        part.erase(part.begin(), std::lower_bound(part.begin(), part.end(), start, isBefore));
+        left += part.size();
+    }
     char message[200];
-    if (first + kFewestSamples > samples.size()) {
+    if (left < kFewestSamples) {
         std::snprintf(message, sizeof message,
                       "start_s = %g s leaves %zu samples of a recording of %.6g s, but at least "
                       "%zu are needed",
-                      start, samples.size() - first, samples.back().time_s, kFewestSamples);
+                      start, left, length, kFewestSamples);
         throw badInput(parameters.place("start_s"), message, "Begin earlier in " + file.string());
     }
-    spline_.fit(makeRelative(samples, first, parameters));
-    if (clutch_s_ > spline_.duration()) {
+    parts_.clear();
+    double longest = 0.0, first = 0.0;
+    TimedPose now{0.0, Eigen::Vector3d::Zero(), Eigen::Quaterniond::Identity()};
+    for (const std::vector<TimedPose>& part : parts) {
+        if (part.size() < kFewestSamples) continue;
+        const double duration = part.back().time_s - part.front().time_s;
+        longest = std::max(longest, duration);
+        if (clutch_s_ > duration) continue;
+        if (parts_.empty()) first = part.front().time_s;
+        const double begin = parts_.empty() ? 0.0 : std::max(part.front().time_s - first, parts_.back().end(clutch_s_));
+        const std::vector<TimedPose> relative = makeRelative(part, now, parameters);
+        now = relative.back();
+        parts_.push_back({begin, {}});
+        parts_.back().spline.fit(relative);
+    }
+    if (parts_.empty() && longest == 0.0) {
+        std::snprintf(message, sizeof message, "no part of the recording without a gap has %zu samples",
+                      kFewestSamples);
+        throw badInput(parameters.place("gaps"), message,
+                       "Allow longer gaps (max_gap_s), or take another recording than " + file.string());
+    }
+    if (parts_.empty()) {
         std::snprintf(message, sizeof message,
-                      "clutch_s = %g s is longer than the part of the recording in use, %.6g s", clutch_s_,
-                      spline_.duration());
+                      "clutch_s = %g s is longer than the part of the recording in use, %.6g s%s", clutch_s_, longest,
+                      parts.size() > 1 ? " (the longest without a gap)" : "");
         throw badInput(parameters.place("clutch_s"), message,
                        "Give a shorter time or a longer part of " + file.string());
     }
@@ -125,15 +151,17 @@ void RecordedPoses::configure(const RunSetup& setup, const Parameters& parameter
 
 void RecordedPoses::reset(const MotionState&) {}  // sample() keeps no memory
 
-RecordedPoses::Playing RecordedPoses::calcPlaying(double t) const {
-    const double length = spline_.duration();
+/** The part that is played at `t`, or was played last. */
+const RecordedPoses::Part& RecordedPoses::findPart(double t) const {
+    const auto next = std::upper_bound(parts_.begin(), parts_.end(), t,
+                                       [](double time, const Part& part) { return time < part.begin_s; });
+    return next == parts_.begin() ? *next : *(next - 1);
+}
+
+RecordedPoses::Playing RecordedPoses::calcPlaying(const Part& part, double t) const {
+    const double length = part.spline.duration();
     const double pass = length + clutch_s_;
-    bool backwards = false;
-    if (reverses_) {
-        t = std::fmod(t, 2.0 * pass);
-        backwards = t > pass;
-        if (backwards) t = 2.0 * pass - t;
-    }
+    t -= part.begin_s;
     Playing playing{length, 0.0};
     if (t < clutch_s_) {
         const double u = t / clutch_s_;
@@ -144,16 +172,24 @@ RecordedPoses::Playing RecordedPoses::calcPlaying(double t) const {
         const double u = (pass - t) / clutch_s_;
         playing = {length - clutch_s_ * calcMinimumJerkIntegral(u), calcMinimumJerk(u).value};
     }
-    if (backwards) playing.rate = -playing.rate;
     return playing;
 }
 
 TickStatus RecordedPoses::sample(double t, MotionCommand& out) {
     if (!(t >= 0.0) || !std::isfinite(t)) return TickStatus::InvalidInput;
-    const Playing playing = calcPlaying(t);
+    const double pass = parts_.back().end(clutch_s_);
+    bool backwards = false;
+    if (reverses_) {
+        t = std::fmod(t, 2.0 * pass);
+        backwards = t > pass;
+        if (backwards) t = 2.0 * pass - t;
+    }
+    const Part& part = findPart(t);
+    Playing playing = calcPlaying(part, t);
+    if (backwards) playing.rate = -playing.rate;
     Pose relative;
     Vector6 rate;
-    spline_.calc(playing.time, relative, rate);
+    part.spline.calc(playing.time, relative, rate);
     out.space = MotionCommand::Space::Tool;
     out.tool.position = start_.position + relative.position;
     out.tool.orientation = relative.orientation * start_.orientation;

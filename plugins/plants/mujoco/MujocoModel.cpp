@@ -4,6 +4,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <cstdio>
 #include <fstream>
 #include <mutex>
 #include <sstream>
@@ -95,6 +96,31 @@ std::string writeUrdf(const RobotDescription& robot) {
     return text.str();
 }
 
+/** MuJoCo's complaint in one sentence that begins with the link, where MuJoCo names one in a second line. */
+std::string describeError(const std::string& text) {
+    const std::size_t end = text.find('\n');
+    const std::string first = "MuJoCo: " + text.substr(0, end), before = "Object name = ";
+    const std::size_t named = text.find(before);
+    if (named == std::string::npos) return first;
+    const std::size_t begin = named + before.size();
+    return "link `" + text.substr(begin, text.find(',', begin) - begin) + "`: " + first;
+}
+
+/** Of a link. Small violations are let through: MuJoCo computes with them as they stand. */
+void checkTensor(const std::string& link, const Eigen::Matrix3d& tensor) {
+    constexpr double kSmall = 0.05;  // of the largest moment
+    const Eigen::Vector3d moments =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(tensor, Eigen::EigenvaluesOnly).eigenvalues();
+    if (moments[2] <= moments[0] + moments[1] + kSmall * moments[2]) return;
+    char text[300];
+    std::snprintf(text, sizeof text,
+                  ": the inertia tensor belongs to no body: of its principal moments %.6g, %.6g and %.6g kg m^2 the "
+                  "largest is above the sum of the other two. Correct its <inertia>, the tensor about the link's "
+                  "centre of mass.",
+                  moments[0], moments[1], moments[2]);
+    throw std::runtime_error("link `" + link + "`" + text);
+}
+
 }  // namespace
 
 std::string findUrdf(const RobotDescription& robot) {
@@ -108,7 +134,7 @@ std::string findUrdf(const RobotDescription& robot) {
     return text.str();
 }
 
-MujocoModel::MujocoModel(const std::string& urdf, const std::string& source) : urdf_(urdf), source_(source) {
+MujocoModel::MujocoModel(const std::string& urdf) : urdf_(urdf) {
     static std::once_flag areHandlersSet;  // they are the process's, and cases run side by side
     std::call_once(areHandlersSet, [] {
         mju_user_error = throwError;
@@ -119,11 +145,12 @@ MujocoModel::MujocoModel(const std::string& urdf, const std::string& source) : u
     removeComments(xml);
     for (const char* const ignored : {"visual", "collision", "mujoco"}) removeElements(xml, ignored);
     // Links behind fixed joints stay bodies, so that the tool's pose can be asked for; masses come from <inertial> only.
+    // Balancing: the tensors of links that no joint moves do not count, however wrong; those of others are checked below.
     const std::size_t robot = xml.find("<robot");
     const std::size_t root = robot == std::string::npos ? robot : xml.find('>', robot);
-    if (root == std::string::npos) throw std::runtime_error(source + " holds no <robot>");
+    if (root == std::string::npos) throw std::runtime_error("the text holds no <robot>");
     xml.insert(root + 1, std::string("<mujoco><compiler fusestatic=\"false\" discardvisual=\"true\" "
-                                     "inertiafromgeom=\"false\"/>") +
+                                     "inertiafromgeom=\"false\" balanceinertia=\"true\"/>") +
                              kSizes + "</mujoco>");
 
     const char* const name = "robot.urdf";
@@ -134,7 +161,7 @@ MujocoModel::MujocoModel(const std::string& urdf, const std::string& source) : u
     char error[1000] = "";
     model_.reset(mj_loadXML(name, files.get(), error, sizeof error));
     mj_deleteVFS(files.get());
-    if (!model_) throw std::runtime_error(source + ": " + error);
+    if (!model_) throw std::runtime_error(describeError(error));
 
     mjModel& m = *model_;
     std::fill(m.jnt_limited, m.jnt_limited + m.njnt, mjtByte{0});
@@ -142,12 +169,12 @@ MujocoModel::MujocoModel(const std::string& urdf, const std::string& source) : u
     std::fill(m.dof_frictionloss, m.dof_frictionloss + m.nv, 0.0);
     m.opt.disableflags |= mjDSBL_CONTACT | mjDSBL_LIMIT | mjDSBL_WARMSTART;
     data_.reset(mj_makeData(&m));
-    if (!data_) throw std::runtime_error(source + ": MuJoCo has no memory for it");
+    if (!data_) throw std::runtime_error("MuJoCo has no memory for it");
 }
 
 void MujocoModel::sharpenInertia() {
     const urdf::ModelInterfaceSharedPtr links = urdf::parseURDF(urdf_);
-    if (!links) throw std::runtime_error("urdfdom refuses " + source_);
+    if (!links) throw std::runtime_error("urdfdom refuses it");
     for (const auto& [name, link] : links->links_) {
         const int body = mj_name2id(model_.get(), mjOBJ_BODY, name.c_str());
         if (body < 0 || !link->inertial) continue;  // the root is part of MuJoCo's world, the tool has no mass
@@ -156,6 +183,7 @@ void MujocoModel::sharpenInertia() {
         tensor << from.ixx, from.ixy, from.ixz, from.ixy, from.iyy, from.iyz, from.ixz, from.iyz, from.izz;
         const urdf::Rotation& r = from.origin.rotation;
         const Eigen::Matrix3d placed = Eigen::Quaterniond(r.w, r.x, r.y, r.z).toRotationMatrix();
+        if (model_->body_weldid[body] != 0) checkTensor(name, tensor);
         setTensor(body, placed * tensor * placed.transpose());
     }
     update();

@@ -20,11 +20,12 @@ Errors: MuJoCo's own become exceptions, of this class in the constructor and any
 process); its warnings are dropped (it would write them to a file of the current folder). Both for the whole process. */
 class MujocoModel {
 public:
-    /** Throws std::runtime_error in MuJoCo's words where it refuses the text. @param source  for messages */
-    MujocoModel(const std::string& urdf, const std::string& source);
+    /** Throws std::runtime_error in MuJoCo's words, with the link that it names, where it refuses the text. */
+    explicit MujocoModel(const std::string& urdf);
 
     /** Puts the tensors of the URDF, read by urdfdom and turned into principal axes to rounding, in the place of MuJoCo's
-    own, whose axes are right to 1e-6 rad only (it stops turning when the next turn is smaller than that). */
+    own, whose axes are right to 1e-6 rad only (it stops turning when the next turn is smaller than that). Throws
+    std::runtime_error with link and remedy where the tensor of a link that a joint moves belongs to no body. */
     void sharpenInertia();
 
     /** A point mass [kg] more on a link, at `place` in the link's frame [m]. */
@@ -49,7 +50,7 @@ private:
         void operator()(mjModel* model) const { mj_deleteModel(model); }
         void operator()(mjData* data) const { mj_deleteData(data); }
     };
-    std::string urdf_, source_;
+    std::string urdf_;
     std::unique_ptr<mjModel, Free> model_;
     std::unique_ptr<mjData, Free> data_;
 };

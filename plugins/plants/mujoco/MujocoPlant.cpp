@@ -32,7 +32,7 @@ void MujocoPlant::configure(const RunSetup& setup, const Parameters& parameters)
     const std::string source = robot.folder.empty() ? robot.name : (robot.folder / (robot.name + ".urdf")).string();
     const std::string urdf = findUrdf(setup.robot);  // the nominal one: masses are changed below
     try {
-        mujoco_ = std::make_unique<MujocoModel>(urdf, source);
+        mujoco_ = std::make_unique<MujocoModel>(urdf);
         mujoco_->sharpenInertia();
         findJoints(source);
         scaleMasses(parameters.jointNumbers("mass_factor"));

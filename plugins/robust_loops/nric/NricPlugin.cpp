@@ -23,6 +23,12 @@ const ParameterSpec kParameters[] = {
     parameter::jointNumbers("torque_rate_Nmps", "Nm/s", ".inf", "Fastest change of the loop's torque.")
         .above(0)
         .orInfinite(),
+    parameter::jointNumbers(
+        "motor_rate_Nmps", "Nm/s", ".inf",
+        "Fastest change of the motor's whole torque, the filter's and the loop's; no tracking bound "
+        "covers it.")
+        .above(0)
+        .orInfinite(),
 };
 
 }  // namespace

@@ -185,7 +185,7 @@ TEST(LimitVerdict, AShortMoveInALongRecordIsSeen) {
     const auto verdict = judgeLimits(record, {makeLimits({kInfinity, 1.4, 7.0, kInfinity})});
     EXPECT_EQ(verdict.joints[0].limits[1].finding, Finding::Broken) << writeText(verdict);
     EXPECT_EQ(verdict.joints[0].limits[2].finding, Finding::Broken) << writeText(verdict);
-    EXPECT_LT(verdict.joints[0].motion->noise(), 2e-5);
+    EXPECT_LT(verdict.joints[0].motion->noise, 2e-5);
 }
 
 TEST(LimitVerdict, WhatWasLeftOutIsNotHeld) {

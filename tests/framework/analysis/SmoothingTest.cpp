@@ -10,6 +10,7 @@
 #include "Effort.h"
 #include "SyntheticRecord.h"
 #include "analysis/smoothing/BandedLdl.h"
+#include "analysis/smoothing/Readings.h"
 #include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
 
@@ -352,6 +353,22 @@ TEST(Smoothing, StepOfRoundedReadingsIsFound) {
     Wave wave(count, 200, 0.01);
     for (double& q : wave.readings) q = std::round(q / count) * count;
     EXPECT_NEAR(smoothMotion(wave.times_s, wave.readings, "wave").quantum(), count, 1e-3 * count);
+}
+
+// Between the values nearly every multiple of the step occurs.
+TEST(Smoothing, TheStepOfALongFineRecordIsFoundInLinearTime) {
+    for (const double frequency : {5.0, 6.0, 7.0, 8.0, 9.0, 10.0}) {
+        std::vector<double> times_s, readings;
+        for (int i = 0; i < 50000; ++i) {
+            times_s.push_back(1e-3 * i);
+            readings.push_back(std::round(std::sin(frequency * times_s.back()) * 1e8) / 1e8);
+        }
+        const std::clock_t begin = std::clock();
+        const detail::Readings taken = detail::takeReadings(times_s, readings, "wave");
+        EXPECT_LT(std::clock() - begin, 5 * CLOCKS_PER_SEC) << frequency;
+        EXPECT_NEAR(taken.quantum, 1e-8, 1e-12) << frequency;
+        EXPECT_EQ(taken.values.size(), readings.size());
+    }
 }
 
 TEST(Smoothing, WildReadingsAndPiecesDoNotSpoilTheRest) {

@@ -380,5 +380,19 @@ TEST(VelocityZeroingStop, NeverStopsLaterThanTheStationaryStop) {
     }
 }
 
+TEST(Braking, TheLongestStopWithoutAJerkLimitIsAtTheDecelerationLimit) {
+    JointLimits limits = JointLimits::unlimited(2);
+    EXPECT_EQ(calcLongestStop(limits), 0.0);
+    limits.velocity = {JointVector::Constant(2, -2.0), JointVector::Constant(2, 3.0)};
+    EXPECT_EQ(calcLongestStop(limits), 0.0);
+    limits.acceleration.lower.setConstant(2, -0.5);
+    limits.acceleration.upper.setConstant(2, 0.1);
+    EXPECT_DOUBLE_EQ(calcLongestStop(limits), 2.0 / 0.1);
+    limits.acceleration.upper.setConstant(2, 10.0);
+    EXPECT_DOUBLE_EQ(calcLongestStop(limits), 3.0 / 0.5);
+    limits.jerk = {JointVector::Constant(2, -1e9), JointVector::Constant(2, 1e9)};
+    EXPECT_NEAR(calcLongestStop(limits), 3.0 / 0.5, 1e-6);
+}
+
 }  // namespace
 }  // namespace viable

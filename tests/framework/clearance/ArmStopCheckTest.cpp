@@ -70,6 +70,7 @@ TEST(ArmStopCheck, WhatIsProvenBetweenLooksHoldsAtEveryPose) {
         ArmStopCheck::Demands demands;
         demands.floor.assign(elements, 0.0);
         demands.least.assign(elements, detail::bisection::kGuard_m);
+        demands.reached = demands.least;
         demands.ahead.assign(elements, kAhead_m);
         double tooMuch = -kInfinity, sum = 0.0;
         constexpr int kPaths = 300;
@@ -182,6 +183,7 @@ TEST(ArmStopCheck, ABallWhereTheArmTurnsIsNotMissed) {
         ArmStopCheck::Demands demands;
         demands.floor.assign(elements, 0.0);
         demands.least.assign(elements, detail::bisection::kGuard_m);
+        demands.reached = demands.least;
         demands.ahead.assign(elements, detail::bisection::kGuard_m);
         check.examine(path, 0.0, demands, JointVector::Zero(n), false, result);
         EXPECT_FALSE(result.isClear) << round;

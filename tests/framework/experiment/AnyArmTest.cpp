@@ -156,6 +156,25 @@ TEST(Fault80, ALoopThatSwingsIsStoppedWithin50Milliseconds) {
     EXPECT_FALSE(r.summary.anyLimitBroken());
 }
 
+TEST(Fault80, ALoopThatIsAlmostUnstableIsTold) {
+    const CaseResult r =
+        runArm(kPanda, {"duration_s=0.2",
+                        "robust_loop={plugin: nric, k_r: [5.74, 129, 3.23, 35.2, 2.25, 2.67, 0.0852], "
+                        "k_p: [100, 93, 100, 100, 100, 100, 100], k_i: [55.2, 37.2, 84, 100, 100, 100, 100]}"});
+    ASSERT_TRUE(r.margins && r.margins->isStable && r.margins->phase_rad < 0.3);
+    expectContains(formatVerdict(r), {"the robust loop is almost unstable: its margin is", "35 degrees are enough"});
+}
+
+// The same where nobody stops it: not the limits of acceleration are the remedy.
+TEST(Fault80, MotorsThatTheRobustLoopDrivesToTheirLimitsAreToldAsThat) {
+    const CaseResult r = runArm(kPanda, {"real_plant.mass_factor=0.02", "real_plant.payload_kg=0", "duration_s=1",
+                                         "robust_loop={plugin: nric, accept_unstable: true}"});
+    EXPECT_EQ(r.stopReason, StopReason::None) << r.stopMessage;
+    expectContains(formatVerdict(r), {"the robust loop swings and drives motors to their torque limits: joint",
+                                      "smaller gains, or the true masses"});
+    EXPECT_EQ(formatVerdict(r).find("lower the limits of acceleration"), std::string::npos) << formatVerdict(r);
+}
+
 TEST(Fault81, MotorsThatCannotCarryTheMotionAreTheCauseOfAStop) {
     const CaseResult r = runArm(kTeleoperation, {"real_plant.torque_limit_factor=0.15"});
     EXPECT_EQ(r.stopReason, StopReason::NotFollowing);

@@ -79,6 +79,18 @@ TEST(HoldOnReal, WithoutABoundItIsRefused) {
               std::string::npos);
 }
 
+TEST(DisturbanceSet, ALimitedChangeOfTheMotorsWholeTorqueHasNoBound) {
+    const auto configure = [](const std::string& rate) {
+        const Experiment e = readTestExperiment(
+            test::kOneJoint, {"robust_loop={plugin: nric, k_r: 600, k_p: 20, k_i: 8, motor_rate_Nmps: " + rate + "}",
+                              "real_plant={plugin: simbody}", "disturbance_set={}"});
+        configureCase(e.cases.front());
+    };
+    EXPECT_NO_THROW(configure(".inf"));
+    test::expectContains(test::catchError([&] { configure("1e6"); }),
+                         {"motor_rate_Nmps", "no tracking bound covers", "`torque_rate_Nmps`"});
+}
+
 TEST(DisturbanceSet, WhatIsWrongInItIsToldWithItsPlace) {
     const auto tell = [](const std::string& override) { return catchError([&] { configureTest(with({override})); }); };
     EXPECT_NE(tell("disturbance_set.payload_kg=-1").find("disturbance_set.payload_kg"), std::string::npos);

@@ -4,19 +4,24 @@
 #include <dlfcn.h>
 #include <elf.h>
 #include <gtest/gtest.h>
+#include <signal.h>
 
 #include <algorithm>
 #include <cfenv>
+#include <clocale>
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <limits>
+#include <locale>
 #include <map>
 #include <optional>
 #include <stdexcept>
 #include <typeinfo>
 
 #include "TemporaryFolder.h"
+#include "host/PluginCall.h"
+#include "host/ProcessGuard.h"
 
 #if defined(__SSE__)
 #include <xmmintrin.h>
@@ -158,6 +163,9 @@ TEST(PluginLoader, ListsWhatIsThereAndSaysWhatWasRefused) {
                                                "filter aborts",
                                                "filter allocates",
                                                "filter calls_exit",
+                                               "filter changes_process_when_configured",
+                                               "filter changes_process_when_loaded",
+                                               "filter changes_process_when_made",
                                                "filter changes_rounding",
                                                "filter constructor_throws",
                                                "filter constructor_throws_int",
@@ -615,6 +623,59 @@ TEST(PluginLoader, Fault46_LibraryStaysAsLongAsTheProcess) {
     EXPECT_TRUE(filter->guaranteesLimits());
     filter.reset();
     EXPECT_TRUE(isMapped());
+}
+
+// --- What all of the program shares --------------------------------------------------------------
+
+TEST(PluginLoader, Fault50_ALibraryThatChangesTheProcessIsUndoneAndTold) {
+    const fs::path folder = fs::current_path();
+    const std::locale locale;
+    const std::string name = std::setlocale(LC_ALL, nullptr);
+    struct sigaction before {
+    }, after{};
+    // Twice: its start-up code runs only the first time, what is told must stay the same.
+    for (int i = 0; i < 2; ++i) {
+        sigaction(SIGINT, nullptr, &before);
+        const PluginWatch library(
+            PluginLoader({kBroken}).find(PluginKind::SafetyFilter, "changes_process_when_loaded", kWhere, {}));
+        EXPECT_TRUE(holds(library.sharedChange,
+                          "when it was loaded: the global locale of C++, the locale (C.UTF-8 instead of " + name +
+                              "), the working folder (to /), what is done at signal 2 (Interrupt), what is done at "
+                              "signal 11 (Segmentation fault)"));
+        EXPECT_EQ(fs::current_path(), folder);
+        EXPECT_EQ(std::locale(), locale);
+        EXPECT_EQ(std::setlocale(LC_ALL, nullptr), name);
+        sigaction(SIGINT, nullptr, &after);
+        EXPECT_EQ(after.sa_handler, before.sa_handler);
+    }
+}
+
+TEST(ProcessGuard, Fault50_OfSeveralAtOnceTheFirstThatEndsTellsAndAllSetBack) {
+    const fs::path folder = fs::current_path();
+    ProcessGuard outer;
+    {
+        ProcessGuard inner;
+        fs::current_path("/");
+        ProcessGuard late;  // does not take what it finds for what is right
+        EXPECT_EQ(inner.undo(), "the working folder (to /)");
+        EXPECT_EQ(late.undo(), "");
+        fs::current_path("/");
+    }
+    EXPECT_EQ(fs::current_path(), folder);
+    EXPECT_EQ(outer.undo(), "");
+}
+
+TEST(ProcessGuard, Fault50_SetsBackTheLocaleOfTheThread) {
+    const locale_t own = ::uselocale(locale_t{});
+    const locale_t other = ::newlocale(LC_ALL_MASK, "C.UTF-8", locale_t{});
+    {
+        ProcessGuard guard;
+        ::uselocale(other);
+        EXPECT_EQ(guard.undo(), "the locale of the thread");
+        ::uselocale(other);
+    }
+    EXPECT_EQ(::uselocale(locale_t{}), own);
+    ::freelocale(other);
 }
 
 // --- Arithmetic ---------------------------------------------------------------------------------

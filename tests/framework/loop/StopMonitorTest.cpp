@@ -132,6 +132,14 @@ TEST(StopMonitor, AgreesWithThePathAtManyPoints) {
     std::cout << "safe " << safe << ", unsafe " << unsafe << ", margin differs by " << worstMargin << " rad at most\n";
 }
 
+RobotDescription makeElbow(JointType type = JointType::Revolute) {
+    RobotDescription robot;
+    robot.joints.resize(1);
+    robot.joints[0].name = "elbow";
+    robot.joints[0].type = type;
+    return robot;
+}
+
 TEST(StopMonitor, NamesJointLimitSideAndExcess) {
     const JointLimits limits = makeLimits(1);
     const MotionState rest = makeState(0, 0, 0);
@@ -142,10 +150,12 @@ TEST(StopMonitor, NamesJointLimitSideAndExcess) {
     EXPECT_EQ(f.side, LimitSide::Lower);
     EXPECT_NEAR(f.excess, 10.0, 1e-9);
     char text[200];
-    monitor.describe(f, "elbow", text, sizeof text);
+    monitor.describe(f, makeElbow(), text, sizeof text);
     EXPECT_STREQ(text,
                  "elbow would pass its lower jerk limit by 10 rad/s^3 in this tick or the stop "
                  "after it");
+    monitor.describe(f, makeElbow(JointType::Prismatic), text, sizeof text);
+    EXPECT_NE(std::string(text).find("by 10 m/s^3"), std::string::npos) << text;
 
     const MotionState fast = makeState(0.9, 1.5, 0.0);
     f = monitor.examine(fast, makeJerk(fast, -40.0));
@@ -159,7 +169,7 @@ TEST(StopMonitor, NamesJointLimitSideAndExcess) {
     EXPECT_EQ(f.fault, StopMonitor::Fault::Moving);
     EXPECT_EQ(f.verdict, StopVerdict::NoStop);
     EXPECT_NEAR(f.excess, 1.5, 1e-12);
-    monitor.describe(f, "elbow", text, sizeof text);
+    monitor.describe(f, makeElbow(), text, sizeof text);
     EXPECT_STREQ(text, "elbow would not be at rest at the end of its stop (velocity 1.5 rad/s)");
 }
 
@@ -181,7 +191,7 @@ TEST(StopMonitor, WhatIsBeyondALimitMayNotGetWorseAndComesBackForGood) {
     EXPECT_EQ(monitor.examine(s, makeJerk(s, 40.0)).verdict, StopVerdict::NoStop);
     monitor.examine(s, makeJerk(s, 40.0));
     char text[200];
-    monitor.describe(monitor.examine(s, makeJerk(s, 40.0)), "elbow", text, sizeof text);
+    monitor.describe(monitor.examine(s, makeJerk(s, 40.0)), makeElbow(), text, sizeof text);
     EXPECT_NE(std::string(text).find("compared with the stop before"), std::string::npos) << text;
 
     // Back inside under a law with poles at -5, every decision accepted.

@@ -414,7 +414,8 @@ TEST(TorqueGuard, AnArmThatFallsBehindIsStoppedByName) {
     }
     EXPECT_EQ(status, GuardStatus::Stopped);
     EXPECT_CONTAINS(arm.guard.stopMessage(), "joint `joint1` is -0.1");
-    EXPECT_CONTAINS(arm.guard.stopMessage(), "allowed is 0.1");
+    EXPECT_CONTAINS(arm.guard.stopMessage(), " rad from its nominal place, allowed is 0.1 rad. Find what blocks");
+    EXPECT_CONTAINS(arm.guard.stopMessage(), "or raise TorqueGuardOptions::largestDeviation");
 }
 
 TEST(TorqueGuard, AFarJointIsPulledNoHarderThanTheLargestDeviationAsks) {
@@ -431,6 +432,116 @@ TEST(TorqueGuard, AFarJointIsPulledNoHarderThanTheLargestDeviationAsks) {
         ASSERT_NEAR(arm.guard.record().actual.q[0], arm.guard.record().nominal.q[0] + 0.05, 1e-12);
     }
     EXPECT_EQ(arm.guard.stopReason(), GuardStop::TooFar);
+}
+
+// --- Robots that add torques by themselves ---------------------------------------------------------
+
+/** Two seconds of a sway of a shipped robot: a guard, and an arm that adds to what it is sent. */
+struct ConventionRun {
+    ConventionRun(const char* name, const TorqueConvention& convention, bool hasFriction = true)
+        : robot(loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + name)) {
+        RobotDescription shown = robot;
+        if (!hasFriction) {
+            shown.actuation.friction.coulomb.setZero(robot.size());
+            shown.actuation.friction.viscous.setZero(robot.size());
+        }
+        SimulatedRobot arm(shown, kTick_s, true);
+        RobotModel model(robot);
+        Dynamics dynamics;
+        TorqueGuardOptions options;
+        options.convention = convention;
+        TorqueGuard guard(robot, kTick_s, options);
+        guard.start(arm.read());
+        model.calcDynamics(arm.read().q, JointVector::Zero(robot.size()), dynamics);
+        JointVector last = dynamics.gravity;
+        if (convention.addsGravity) last.setZero();
+        for (int k = 0; k < 2000; ++k) {
+            guard.missTicks(arm.waitForTick());
+            const JointVector target = robot.home.array() + 0.3 * (1.0 - std::cos(0.002 * k));
+            JointState reading = arm.read();
+            if (k % 200 == 150) reading.q[0] = kNan;
+            model.calcDynamics(arm.read().q, arm.read().qd, dynamics);
+            const GuardedTorque& out = guard.step(reading, Spring{target});
+            JointVector motors = out.torque;
+            if (convention.addsGravity) motors += dynamics.gravity;
+            arm.drive(motors);
+            largestMotor =
+                std::max(largestMotor, (motors.cwiseAbs().array() / robot.actuation.torqueLimit.array()).maxCoeff());
+            rate = std::max(rate, (out.torque - last).lpNorm<Eigen::Infinity>() / kTick_s);
+            rateLimited += out.rateLimited;
+            last = out.torque;
+            sent.push_back(out.torque);
+            gravity.push_back(dynamics.gravity);
+            nominal.push_back(guard.nominal().q);
+            farthest = std::max(farthest, (arm.read().q - guard.nominal().q).lpNorm<Eigen::Infinity>());
+        }
+        EXPECT_EQ(guard.stopReason(), GuardStop::None) << guard.stopMessage();
+    }
+
+    RobotDescription robot;
+    std::vector<JointVector> sent, gravity, nominal;
+    double rate = 0.0, farthest = 0.0, largestMotor = 0.0;
+    int rateLimited = 0;
+};
+
+TEST(TorqueGuard, ARobotThatAddsGravityIsSentTheRestAndMovesTheSame) {
+    TorqueConvention adds;
+    adds.addsGravity = true;
+    const ConventionRun plain("panda", {}), compensated("panda", adds);
+    for (std::size_t k = 0; k < plain.sent.size(); ++k) {
+        ASSERT_LE((plain.nominal[k] - compensated.nominal[k]).lpNorm<Eigen::Infinity>(), 1e-12);
+        // The last good reading stands for one that is of no use: its gravity is that of a pose near by.
+        const double near = k < 150 ? 1e-9 : k % 200 == 150 ? 0.5 : 1e-4;
+        ASSERT_LE((plain.sent[k] - compensated.sent[k] - compensated.gravity[k]).lpNorm<Eigen::Infinity>(), near) << k;
+    }
+    EXPECT_GT(plain.gravity[0].lpNorm<Eigen::Infinity>(), 10.0);
+    EXPECT_LT(compensated.farthest, 0.02);
+}
+
+TEST(TorqueGuard, ARobotThatAddsFrictionIsNotPaidForItTwice) {
+    TorqueConvention adds;
+    adds.addsFriction = true;
+    const ConventionRun compensated("indy7", adds, false), plain("indy7", {});
+    EXPECT_LT(compensated.farthest, plain.farthest);
+    // Its motors spend the largest friction of their own: what is left is the limit.
+    RobotDescription robot = plain.robot;
+    const RobotDescription shown = withConvention(robot, adds);
+    for (int i = 0; i < robot.size(); ++i) {
+        const double friction = robot.actuation.friction.coulomb[i] + robot.actuation.friction.viscous[i];
+        EXPECT_GT(friction, 1.0);
+        EXPECT_DOUBLE_EQ(shown.actuation.torqueLimit[i], robot.actuation.torqueLimit[i] - friction);
+    }
+    TorqueGuardOptions options;
+    options.convention = adds;
+    options.robustGains = NricOptions{600.0, 20.0, 0.0};
+    options.largestDeviation = kInfinity;
+    options.largestSpeed = kInfinity;
+    TorqueGuard guard(robot, kTick_s, options);
+    guard.start(atHome(robot));
+    JointState far = atHome(robot);
+    far.q.array() -= 3.0;
+    const GuardedTorque& out = guard.step(far, Spring{robot.home});
+    EXPECT_TRUE(out.motorsSaturated);
+    EXPECT_LE((out.torque - shown.actuation.torqueLimit).lpNorm<Eigen::Infinity>(), 1e-9);
+}
+
+TEST(TorqueGuard, TheTorqueChangesNoFasterThanTheRobotAccepts) {
+    for (const char* name : {"indy7", "ur5e"}) {
+        SCOPED_TRACE(name);
+        const ConventionRun free(name, {});
+        EXPECT_GT(free.rate, 1200.0);  // else nothing is tried
+        EXPECT_EQ(free.rateLimited, 0);
+        for (const bool addsGravity : {false, true}) {
+            TorqueConvention convention;
+            convention.addsGravity = addsGravity;
+            convention.torqueRate = 1000.0;
+            const ConventionRun limited(name, convention);
+            EXPECT_LE(limited.rate, 1000.0 * (1.0 + 1e-9));
+            EXPECT_GT(limited.rateLimited, 0);
+            EXPECT_LT(limited.farthest, 1.2 * free.farthest);
+            EXPECT_LE(limited.largestMotor, 1.0);
+        }
+    }
 }
 
 // --- Without readings: an arm that moves by itself -------------------------------------------------
@@ -772,6 +883,16 @@ TEST(TorqueGuard, EveryWrongConstructionSaysPlaceCauseAndRemedy) {
          [](auto&, auto&, TorqueGuardOptions& o) { o.largestDeviation = 0.0; }},
         {"TorqueGuardOptions::largestDeviation: 3 numbers",
          [](auto&, auto&, TorqueGuardOptions& o) { o.largestDeviation = JointVector(JointVector::Ones(3)); }},
+        {"TorqueConvention::torqueRate: 0 Nm/s for joint `joint0`; allowed is above 0",
+         [](auto&, auto&, TorqueGuardOptions& o) { o.convention.torqueRate = 0.0; }},
+        {"TorqueConvention::torqueRate: 3 numbers; the robot has 2 joints",
+         [](auto&, auto&, TorqueGuardOptions& o) { o.convention.torqueRate = JointVector(JointVector::Ones(3)); }},
+        {"TorqueConvention::addsFriction: the friction of joint `joint1` takes up to 9 Nm of the 4 Nm",
+         [](RobotDescription& r, auto&, TorqueGuardOptions& o) {
+             r.actuation.friction = {pair(1.0, 6.0), pair(1.0, 3.0), pair(1.0, 1.0)};
+             r.actuation.torqueLimit = pair(4.0, 4.0);
+             o.convention.addsFriction = true;
+         }},
         {"TorqueGuardOptions::largestSpeed: nan for joint `joint0`",
          [](auto&, auto&, TorqueGuardOptions& o) { o.largestSpeed = kNan; }},
         {"the robot has 0 joints; allowed is 1 to 16", [](RobotDescription& r, auto&, auto&) { r = {}; }},

@@ -176,7 +176,7 @@ TEST_F(LoadRobotTest, TreesThatAreNoneAreRefused) {
     EXPECT_PARTS(findFault(), "has no moving joint");
     makeSimpleArm(folder_);
     change("<link name='base'/>", "<link name='base'/><link name='base'/>");
-    EXPECT_PARTS(findFault(), "not a usable URDF", "base");
+    EXPECT_PARTS(findFault(), "there is a second link `base`", "the first is at line");
 }
 
 TEST_F(LoadRobotTest, MoreJointsThanSupportedAreRefused) {

@@ -1,5 +1,5 @@
 #include "Paths.h"
-#include "robot/RobotDraft.h"
+#include "robot/draft/RobotDraft.h"
 
 #include <cmath>
 #include <limits>
@@ -109,6 +109,8 @@ TEST_F(RobotDraftTest, LimitsThatCannotBeMeantAreLeftBlank) {
     joint_ = "type='prismatic'";  // metres may be many
     limit_ = "lower='-1' upper='20' velocity='3' effort='40'";
     EXPECT_TRUE(read().warnings.empty());
+    limit_ = "lower='0' upper='500' velocity='3' effort='40'";
+    expectWarning(place, {"0 to 500 m, longer than any slide", "perhaps millimetres"});
 }
 
 TEST_F(RobotDraftTest, InertiasOfAnotherUnitAreTold) {

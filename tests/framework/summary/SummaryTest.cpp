@@ -87,6 +87,52 @@ TEST(Summary, ALimitPassedOnTheWayOutIsBroken) {
     EXPECT_EQ(run.json()["limits_kept"], false);
 }
 
+TEST(Summary, AJointThatSlidesIsInMetresAndNewtons) {
+    HandMadeRun run;
+    run.result.summary.setSliding({true});
+    run.add(0.9, FilterStatus::Modified, StopVerdict::Safe);
+    run.add(1.2, FilterStatus::Passed, StopVerdict::NoStop);
+    run.end(1.3);
+    const std::string text = formatDetails(run.result);
+    expectContains(text, {"limits broken: position by 0.3 m (nominal", "worst excess 0.3 m\n", "worst excess 0 m/s^3\n",
+                          "least margin -0.2 m (joint0", " mm RMS"});
+    EXPECT_EQ(text.find(" rad"), std::string::npos) << text;
+    expectContains(formatComparison({run.result}), {"RMS[mm]", "max[mm]"});
+    expectContains(formatRanking({run.result, run.result}), {"m/s^3", "[mm]"});
+}
+
+TEST(Summary, AnArmWithBothKindsOfJointsHasBothUnits) {
+    const auto both = [](double x) { return JointBounds{JointVector::Constant(2, -x), JointVector::Constant(2, x)}; };
+    const JointLimits limits{both(1.0), both(2.0), both(3.0), both(4.0)};
+    CaseResult result(Summary({"turns", "slides"}, limits, false));
+    result.summary.setSliding({false, true});
+    TickRecord r;
+    r.limits = limits;
+    r.nominal = {JointVector::Zero(2), JointVector::Zero(2), JointVector::Zero(2), JointVector::Zero(2)};
+    r.nominal.q << 1.5, 1.25;
+    r.nominal.jerk << 0.0, 6.0;
+    r.command.q.setZero(2);
+    r.removedTorque = JointVector::Constant(2, 7.0);
+    r.joints[0] = r.joints[1] = {LimitKind::Jerk, LimitSide::Upper};
+    r.status = FilterStatus::Modified;
+    r.stops[0] = {-0.5, 0.0};
+    r.stops[1] = {0.75, 0.0};
+    result.summary.add(r);
+    expectContains(formatDetails(result), {"limits broken: position by 0.5 rad and 0.25 m, jerk by 2 m/s^3 (nominal",
+                                           "worst excess 0.5 rad and 0.25 m\n", "worst excess 0 rad/s^3 and 2 m/s^3\n",
+                                           "torque removed max 7, RMS 7 Nm\n", "force removed max 7, RMS 7 N\n",
+                                           "least margin -0.5 rad (turns", "mrad and mm RMS"});
+    expectContains(formatComparison({result}), {"RMS[1e-3]", "1e-3: mrad, and mm of joints that slide"});
+    expectContains(formatRanking({result, result}), {"SI: rad, rad/s, ..., and m, m/s, ... of joints that slide"});
+}
+
+TEST(Summary, StopsByPlanSayHowManyTicksWereMissed) {
+    HandMadeRun run;
+    run.add(0.1, FilterStatus::StoppedByPlan, StopVerdict::Safe);
+    run.add(0.1, FilterStatus::StoppedByPlan, StopVerdict::Safe);
+    expectContains(formatDetails(run.result), {"stopped_by_plan 2 (0 of them missed ticks), recovering"});
+}
+
 TEST(Summary, WhereThereIsNoLimitItSaysSo) {
     HandMadeRun run;
     run.limits = JointLimits::unlimited(1);
@@ -169,6 +215,111 @@ TEST(Summary, ChatterIsTheJerkOfAJointThatItsCommandPressesAgainstALimitAtRest) 
     for (int k = 0; k < 600; ++k) run.add(0.8, FilterStatus::Modified, StopVerdict::Safe, 4.0, 2.0);
     for (int k = 0; k < 600; ++k) run.add(0.95 + 1e-5 * k, FilterStatus::Modified, StopVerdict::Safe, 4.0, 2.0);
     EXPECT_NEAR(run.result.summary.chatter(), std::sqrt(0.5), 1e-3);
+}
+
+/** Ten seconds of a joint and its command. */
+template <class Joint, class Command>
+CaseResult follow(const Joint& q, const Command& command) {
+    HandMadeRun run;
+    for (int k = 0; k < 10000; ++k)
+        run.add(q(0.001 * k), FilterStatus::Modified, StopVerdict::Safe, 0.0, command(0.001 * k));
+    run.end(q(10.0));
+    return run.result;
+}
+
+TEST(Verdict, AJointThatSwingsAboutACommandAtRestIsTold) {
+    const auto rest = [](double) { return 0.3; };
+    const CaseResult swings = follow([](double t) { return 0.3 + 0.1 * std::cos(5.0 * t); }, rest);
+    expectContains(formatVerdict(swings), {"joint0 swings about a command at rest, by 5.73 degrees to each side",
+                                           "the limits keep it going", "joint_servo, which knows them"});
+    EXPECT_NEAR(swings.summary.following(0).swing(), 0.1, 1e-5);
+    // What dies out, even slowly, does not swing; nor does what is too small to be seen, nor a command that moves.
+    for (const double damping : {0.15, 0.3, 0.7}) {
+        const CaseResult decays =
+            follow([&](double t) { return 0.3 + 0.5 * std::exp(-5.0 * damping * t) * std::cos(5.0 * t); }, rest);
+        EXPECT_EQ(decays.summary.following(0).swing(), 0.0) << damping;
+        EXPECT_TRUE(findShortcomings(decays).empty()) << formatVerdict(decays);
+    }
+    const CaseResult small = follow([](double t) { return 0.3 + 0.004 * std::cos(5.0 * t); }, rest);
+    EXPECT_TRUE(findShortcomings(small).empty()) << formatVerdict(small);
+    const auto wave = [](double t) { return 0.5 * std::cos(2.0 * t); };
+    EXPECT_TRUE(findShortcomings(follow(wave, wave)).empty());
+}
+
+TEST(Verdict, JointCommandsThatMoveAreJudgedAsThoseOfATool) {
+    const auto wave = [](double t) { return 0.5 * std::sin(t); };
+    const CaseResult lags = follow([](double t) { return t < 1.0 ? 0.0 : 0.45 * std::sin(t - 1.0); }, wave);
+    expectContains(formatVerdict(lags), {"joint0 misses its command: ", " degrees from it, RMS, where the command",
+                                         "joint_servo, which knows the limits, comes nearer"});
+    expectContains(formatDetails(lags), {"nominal joints 1", " degrees RMS, at most 2", "(joint0)"});
+    const CaseResult swings = follow([](double t) { return 0.5 * std::sin(t) + 0.4 * std::sin(3.0 * t); }, wave);
+    expectContains(formatVerdict(swings), {"joint0 swings about its command: "});
+    EXPECT_TRUE(findShortcomings(follow([](double t) { return 0.5 * std::sin(t - 0.09); }, wave)).empty());
+    // A command beyond the position limits counts at them.
+    EXPECT_TRUE(
+        findShortcomings(follow([](double) { return 1.0; }, [](double t) { return 2.0 + std::cos(t); })).empty());
+    // Set-points that jump are followed by no joint at once.
+    const auto steps = [](double t) { return static_cast<int>(t) % 2 ? 0.5 : -0.5; };
+    const CaseResult late = follow([&](double t) { return steps(t - 0.4); }, steps);
+    EXPECT_TRUE(late.summary.following(0).jumps());
+    EXPECT_TRUE(findShortcomings(late).empty()) << formatVerdict(late);
+    // A joint that slides is told in millimetres.
+    CaseResult slides = lags;
+    slides.summary.setSliding({true});
+    expectContains(formatVerdict(slides), {" mm from it, RMS"});
+    expectContains(formatDetails(slides), {"311.5 mm RMS"});
+}
+
+TEST(Verdict, JointsThatChatterAtALimitAreTold) {
+    const auto press = [](double share) {
+        HandMadeRun run;
+        for (int k = 0; k < 3000; ++k)
+            run.add(0.99, FilterStatus::Modified, StopVerdict::Safe, k % 2 ? 4.0 * share : -4.0 * share, 2.0);
+        return formatVerdict(run.result);
+    };
+    expectContains(press(0.5), {"press", "chatter: RMS jerk 50 % of the jerk limit"});
+    EXPECT_EQ(press(0.05).find("chatter"), std::string::npos);
+}
+
+// The same spring, with limits that keep a swing going, and a servo that knows them.
+TEST(Verdict, ASpringThatTheJerkLimitKeepsSwingingIsTold) {
+    const std::vector<std::string> stiff = {"controller={plugin: joint_pd, stiffness: 400, damping: 20}",
+                                            "filter={plugin: certified_braking}", "duration_s=20",
+                                            "limits={velocity_radps: 3, acceleration_radps2: 8, jerk_radps3: 20}",
+                                            "command={plugin: waypoints, points: [[0, 1]]}"};
+    const auto run = [&](const std::vector<std::string>& overrides) {
+        const Experiment e = readTestExperiment(kOneJoint, overrides);
+        return runCase(configureCase(e.cases[0]), {});
+    };
+    expectContains(formatVerdict(run(stiff)), {"all limits kept", "joint0 swings about a command at rest"});
+    std::vector<std::string> servo = stiff;
+    servo[0] = "controller={plugin: joint_servo}";
+    const CaseResult quiet = run(servo);
+    EXPECT_TRUE(findShortcomings(quiet).empty()) << formatVerdict(quiet);
+}
+
+TEST(Summary, OnlyCasesThatDifferInTheirFilterAloneAreRanked) {
+    const Experiment e =
+        readTestExperiment(kOneJoint, {"duration_s=0.1",
+                                       "cases={a: {}, b: {filter: {plugin: tosbp, gamma: 50}}, "
+                                       "c: {filter: {plugin: certified_braking}, controller: {plugin: joint_servo}}, "
+                                       "d: {filter: {plugin: certified_braking}}}"});
+    std::vector<CaseResult> results;
+    for (const CasePlan& plan : e.cases) results.push_back(runCase(configureCase(plan), {}));
+    const std::string text = formatRanking(results);
+    expectContains(text, {"\n 1 ", "\n 2 ", "\n 3 ", "\n - c ", "(other controller)", "-: differs in more than"});
+    EXPECT_EQ(text.find("\n 4 "), std::string::npos) << text;
+    EXPECT_GT(text.find("\n - c "), text.find("\n 3 ")) << text;
+    EXPECT_EQ(formatRanking({results[0], results[2]}), "");
+}
+
+TEST(Summary, ACaseThatStoppedEarlyIsMarkedInTheFirstTable) {
+    HandMadeRun run;
+    run.add(0.0, FilterStatus::Passed, StopVerdict::Safe);
+    EXPECT_EQ(formatComparison({run.result}).find("STOPPED"), std::string::npos);
+    run.result.stopReason = StopReason::ControllerFailed;
+    run.result.stopTime_s = 0.25;
+    expectContains(formatComparison({run.result}), {"  STOPPED at 0.250 s\n"});
 }
 
 TEST(Summary, TheRankingPutsTicksOutsideBeforeTicksWithoutAChoiceBeforeTheCommand) {

@@ -89,6 +89,94 @@ TEST(LoopStability, TheGainMarginIsWhereTheLoopBecomesUnstable) {
         }
 }
 
+// Each joint with gains of its own: what is unstable may be in no pose of the fastest or the slowest mode.
+TEST(LoopStability, Fault80StableMeansInEveryPose) {
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> draw(-1.0, 1.0);
+    const double h = 1e-3;
+    int unstable = 0, stable = 0;
+    for (const char* name : {"panda", "ur5e"})
+        for (int k = 0; k < 24; ++k) {
+            const RobotDescription robot = load(name);
+            const int n = robot.size(), delay = k % 3 == 2 ? 2 : 0;
+            const auto samples = detail::sampleInertia(robot, robot.limits, 256);
+            const JointVector greatest = detail::findInertiaRange(samples).greatest;
+            LinearErrorLoop loop = makeLoop(n, 0.0, 20.0, 0.01);
+            loop.kr = 0.2 * findLargestGains(robot, robot.limits, h, delay);
+            const int joint = k % 3;
+            loop.kr[n - 1] *= 1e-3;
+            loop.ki[joint] = std::pow(3.0, draw(random)) * loop.kp[joint] * loop.kr[joint] / greatest[joint];
+            bool isStable = true;
+            for (const auto& sample : samples) isStable &= calcRadius(robot, loop, sample.M, h, delay, 1.0) < 1.0;
+            const LoopMargins m = calcMargins(robot, robot.limits, h, delay, loop);
+            EXPECT_EQ(m.isStable, isStable) << name << " " << k;
+            if (!m.isStable) {
+                EXPECT_EQ(m.joint, joint) << name << " " << k;
+            }
+            ++(isStable ? stable : unstable);
+        }
+    EXPECT_GT(unstable, 10);
+    EXPECT_GT(stable, 10);
+}
+
+TEST(LoopStability, Fault80AJointThatMovesTenTimesMoreElsewhereIsSeenBesideASlowerOne) {
+    // Joint 1 is the slowest mode, the same in all poses.
+    LinearErrorLoop loop = makeLoop(2, 1.0, 20.0, 0.01);
+    loop.kr[0] = 100.0;
+    loop.ki[0] = 500.0;
+    std::vector<detail::PoseInertia> samples;
+    for (int k = 0; k < 100; ++k) {
+        JointMatrix M = JointMatrix::Identity(2, 2);
+        M(0, 0) = 1.0 + 9.0 * k / 99.0;
+        M(1, 1) = 1.0 + 1e-3 * (k == 0);
+        samples.push_back({JointVector::Zero(2), M});
+    }
+    double outermost = 0.0;
+    for (const auto* pose : detail::findCriticalPoses(samples, loop, 1e-3, 0))
+        outermost = std::max(outermost, std::abs(detail::calcOutermostPole(loop, *pose, 1e-3, 0)));
+    EXPECT_GT(outermost, detail::limitRadius(loop));
+    double known = 0.0;  // by the fastest and the slowest mode alone
+    for (const auto* pose : detail::findCriticalPoses(samples, loop, 1e-3, 0, false))
+        known = std::max(known, std::abs(detail::calcOutermostPole(loop, *pose, 1e-3, 0)));
+    EXPECT_LT(known, 1.0);
+}
+
+// A given k_r as much as one that follows: a delay and the velocity loop bound the others.
+TEST(LoopStability, GainsForAGivenKrHaveMarginUnderDelay) {
+    for (const char* name : {"indy7", "planar_two_link"})
+        for (const int delay : {0, 1, 5}) {
+            const RobotDescription robot = load(name);
+            LinearErrorLoop given;
+            given.kr = 0.3 * findLargestGains(robot, robot.limits, 1e-3, delay);
+            const LinearErrorLoop loop = scaleGains(robot, robot.limits, 1e-3, delay, given);
+            const LoopMargins m = calcMargins(robot, robot.limits, 1e-3, delay, loop);
+            EXPECT_TRUE(m.isEnough()) << name << " " << delay << ": " << formatMargins(m);
+            EXPECT_EQ(loop.kr, given.kr);
+        }
+}
+
+TEST(LoopStability, ConstantGainsHaveEnoughMarginWhereLittleLessOfThemDo) {
+    for (const char* name : {"indy7", "planar_two_link", "single_joint"})
+        for (const double h : {5e-4, 1e-3, 4e-3}) {
+            const RobotDescription robot = load(name);
+            const LoopMargins m =
+                calcMargins(robot, robot.limits, h, 0, detail::scaleConstantGains(robot, robot.limits, h));
+            EXPECT_TRUE(m.isEnough()) << name << " " << h << ": " << formatMargins(m);
+        }
+}
+
+TEST(LoopStability, GivenGainsStayWithoutAUsableInertia) {
+    RobotDescription robot = load("planar_two_link");
+    for (JointDescription& joint : robot.joints) joint.body = {};
+    robot.actuation.rotorInertia.setZero();
+    ASSERT_TRUE(detail::sampleInertia(robot, robot.limits, 10).empty());
+    LinearErrorLoop given;
+    given.kr.setConstant(2, 7.0);
+    const LinearErrorLoop loop = scaleGains(robot, robot.limits, 1e-3, 0, given);
+    EXPECT_EQ(loop.kr, given.kr);
+    EXPECT_EQ(loop.kp.cwiseAbs().maxCoeff(), 0.0);
+}
+
 // In every pose, not only where it was looked.
 TEST(LoopStability, ScaledGainsHaveEnoughMarginOnEveryArmAndTick) {
     for (const char* name : {"panda", "ur5e", "indy7", "planar_two_link", "single_joint"})

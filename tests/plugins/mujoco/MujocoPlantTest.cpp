@@ -246,9 +246,51 @@ TEST(MujocoPlant, MujocosErrorsDoNotEndTheProcessAndItsWarningsLeaveNoFile) {
     EXPECT_THROW(mju_error("test"), std::runtime_error);
     mju_warning("test");
     EXPECT_FALSE(std::filesystem::exists("MUJOCO_LOG.TXT"));
-    EXPECT_THROW(MujocoModel("<robot name=\"a\"><link", "text"), std::runtime_error);
+    EXPECT_THROW(MujocoModel("<robot name=\"a\"><link"), std::runtime_error);
     arm.robot.folder = "/nowhere";
     EXPECT_CONTAINS(findComplaint([&] { makePlant(arm, "mujoco", ""); }), "cannot be read");
+}
+
+/** Link `fore` on a joint, and on `base` a part that nothing moves. */
+std::string makeUrdf(const std::string& foreInertia, const std::string& standInertia) {
+    const std::string rest = " ixy='0' ixz='0' iyz='0'/></inertial></link>";
+    return "<robot name='arm'><link name='base'/><joint name='bolts' type='fixed'><parent link='base'/><child "
+           "link='stand'/></joint><link name='stand'><inertial><mass value='1'/><inertia " +
+           standInertia + rest +
+           "<joint name='j' type='continuous'><parent link='stand'/><child link='fore'/><axis xyz='0 1 0'/></joint>"
+           "<link name='fore'><inertial><origin xyz='0.1 0 0' rpy='0.3 -0.4 1'/><mass value='2'/><inertia " +
+           foreInertia + rest + "</robot>";
+}
+
+TEST(MujocoModel, ATensorOfNoBodyIsNamedByItsLink) {
+    const std::string good = "ixx='0.01' iyy='0.02' izz='0.02'", bad = "ixx='0.01' iyy='0.02' izz='0.05'";
+    const auto findFault = [](const std::string& urdf) -> std::string {
+        try {
+            MujocoModel(urdf).sharpenInertia();
+        } catch (const std::runtime_error& error) {
+            return error.what();
+        }
+        return "";
+    };
+    EXPECT_EQ(findFault(makeUrdf(good, good)), "");
+    EXPECT_EQ(findFault(makeUrdf(good, bad)), "");                                                // nothing moves it
+    EXPECT_EQ(findFault(makeUrdf("ixx='0.0123457' iyy='0.0234567' izz='0.0358025'", good)), "");  // a plate, rounded
+    const std::string fault = findFault(makeUrdf(bad, good));
+    for (const char* part :
+         {"link `fore`: the inertia tensor belongs to no body", "0.01, 0.02 and 0.05 kg m^2", "Correct its <inertia>"})
+        EXPECT_CONTAINS(fault, part);
+    // MuJoCo's own complaints name the link, too.
+    EXPECT_CONTAINS(findFault(makeUrdf("ixx='-0.01' iyy='0.02' izz='0.02'", good)), "link `fore`: MuJoCo: ");
+    // What is accepted has the tensor of the URDF.
+    MujocoModel model(makeUrdf(good, good));
+    model.sharpenInertia();
+    const Dynamics still = model.calc(JointVector::Zero(1), JointVector::Zero(1), "fore");
+    const Eigen::Vector3d axis =
+        (Eigen::AngleAxisd(1.0, Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(-0.4, Eigen::Vector3d::UnitY()) *
+         Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitX()))
+            .inverse() *
+        Eigen::Vector3d::UnitY();
+    EXPECT_NEAR(still.M(0, 0), axis.dot(Eigen::Vector3d(0.01, 0.02, 0.02).cwiseProduct(axis)) + 2.0 * 0.01, 1e-12);
 }
 
 TEST(MujocoPlant, AdvanceAllocatesNothing) {

@@ -101,6 +101,7 @@ TEST_F(NricTest, ThePluginHasTheBoundsOfTheOptions) {
     for (const char* gain : {"k_r", "k_p", "k_i"}) EXPECT_EQ(parameters.jointNumbers(gain).size(), 0) << "not auto";
     EXPECT_EQ(parameters.jointNumbers("integral_limit_Nm"), options.integralLimit.expand(n()));
     EXPECT_EQ(parameters.jointNumbers("torque_rate_Nmps"), options.torqueRate.expand(n()));
+    EXPECT_EQ(parameters.jointNumbers("motor_rate_Nmps"), options.motorRate.expand(n()));
 }
 
 TEST_F(NricTest, OptionsInCodeAreChecked) {
@@ -123,6 +124,9 @@ TEST_F(NricTest, OptionsInCodeAreChecked) {
         options = {};
         options.torqueRate = bad;
         EXPECT_CONTAINS(complain(options), "NricOptions::torqueRate: the bound of joint 0 is");
+        options = {};
+        options.motorRate = bad;
+        EXPECT_CONTAINS(complain(options), "NricOptions::motorRate: the bound of joint 0 is");
     }
 }
 
@@ -162,6 +166,41 @@ TEST_F(NricTest, Fault17IntegralIsHeldWhileSaturatedAndReleasedAtOnce) {
         const JointVector back = compute(constant(e), constant(0.0), constant(0.0));
         for (int i = 0; i < n(); ++i) EXPECT_NEAR(back[i], -600.0 * (20.0 * e + 8.0 * e * 0.001), 1e-9);
     }
+}
+
+// From what holds the arm at the start, the filter's torque and the loop's together.
+TEST_F(NricTest, TheMotorsTorqueChangesNoFasterThanItsRateAndTheIntegralIsHeldMeanwhile) {
+    const JointVector& limit = arm_.robot.actuation.torqueLimit;
+    RobotModel model(arm_.robot);
+    Dynamics dynamics;
+    model.calcDynamics(arm_.start.q, constant(0.0), dynamics);
+    configure("k_r: 600, k_p: 20, k_i: 8, motor_rate_Nmps: 1000");
+    JointVector last = dynamics.gravity;
+    std::mt19937 random(5);
+    int cut = 0;
+    for (int k = 0; k < 5000; ++k) {
+        const JointVector filterTorque = dynamics.gravity + makeRandomVector(n(), 2.0, random);
+        const JointVector torque =
+            compute(makeRandomVector(n(), 1e-4, random), makeRandomVector(n(), 1e-3, random), filterTorque);
+        const JointVector total = filterTorque + torque;
+        ASSERT_LE((total - last).lpNorm<Eigen::Infinity>(), 1.0 + 1e-9) << k;
+        ASSERT_TRUE((total.cwiseAbs().array() <= limit.array()).all());
+        cut += (total - last).lpNorm<Eigen::Infinity>() > 1.0 - 1e-9;
+        last = total;
+    }
+    EXPECT_GT(cut, 1000);
+    // An error that asks for 1200 Nm more, which 1000 Nm/s take 1.2 s to give: none of that time winds up the integral.
+    configure("k_r: 600, k_p: 20, k_i: 8, motor_rate_Nmps: 1000");
+    for (int k = 1; k <= 1000; ++k) {
+        const JointVector torque = compute(constant(-0.1), constant(0.0), dynamics.gravity);
+        for (int i = 0; i < n(); ++i) ASSERT_NEAR(torque[i], 1.0 * k, 1e-6);
+    }
+    for (int k = 999; k >= 1; --k) {
+        const JointVector torque = compute(constant(0.0), constant(0.0), dynamics.gravity);
+        for (int i = 0; i < n(); ++i) ASSERT_NEAR(torque[i], 1.0 * k, 1e-6);
+    }
+    const JointVector released = compute(constant(0.0), constant(0.0), dynamics.gravity);
+    EXPECT_LE(released.lpNorm<Eigen::Infinity>(), 1e-6);
 }
 
 TEST_F(NricTest, IntegralMayShrinkWhileSaturated) {

@@ -1,6 +1,7 @@
 #include "Paths.h"
 #include "RecordedPoses.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <fstream>
 #include <functional>
@@ -401,6 +402,94 @@ TEST_F(RecordedPosesTest, DoesNotAllocate) {
     source.reset(bench_.start);
     for (int k = 0; k < 30000; ++k) source.sample(k * 1e-3, command);
     EXPECT_EQ(counter.count(), 0);
+}
+
+/** The hand, seen but for `gaps` [s, s]. */
+std::string recordWithGaps(const std::vector<std::pair<double, double>>& gaps, double duration) {
+    std::string text = "time_s,x_m,y_m,z_m,qx,qy,qz,qw\n";
+    for (int k = 0; k * 0.01 <= duration; ++k) {
+        const double t = k * 0.01;
+        const auto isLost = [t](const auto& gap) { return t > gap.first && t < gap.second; };
+        if (std::any_of(gaps.begin(), gaps.end(), isLost)) continue;
+        const Pose pose = hand(t);
+        char row[256];
+        std::snprintf(row, sizeof row, "%.2f,%.12f,%.12f,%.12f,%.12f,%.12f,%.12f,%.12f\n", t, pose.position.x(),
+                      pose.position.y(), pose.position.z(), pose.orientation.x(), pose.orientation.y(),
+                      pose.orientation.z(), pose.orientation.w());
+        text += row;
+    }
+    return text;
+}
+
+TEST_F(RecordedPosesTest, TellsAllGapsAtOnce) {
+    const std::string text = findComplaint(recordWithGaps({{2.0, 14.0}, {16.0, 16.5}, {20.0, 21.0}}, 25.0));
+    EXPECT_PRED_FORMAT2(says, text,
+                        "poses.txt: 3 gaps, but max_gap_s is 0.2 s: 12 s before line 203, 0.5 s before line 404, "
+                        "1 s before line 755");
+    EXPECT_PRED_FORMAT2(says, text, "Set `gaps: hold`");
+    std::vector<std::pair<double, double>> many;
+    for (int k = 0; k < 14; ++k) many.emplace_back(1.0 * k, 1.0 * k + 0.3 + 0.01 * k);
+    EXPECT_PRED_FORMAT2(says, findComplaint(recordWithGaps(many, 15.0)), "and 4 more, the longest of all 0.43 s");
+}
+
+TEST_F(RecordedPosesTest, RestsInGapsAndGoesOnFromWhereItIs) {
+    // Three parts; what is seen for 0.3 s only is shorter than the clutch and part of the gap.
+    const std::string recording = write(recordWithGaps({{4.0, 10.0}, {10.3, 16.0}, {20.0, 20.3}}, 24.0), "gaps.csv");
+    const std::string more = ", gaps: hold, smoothing_s: 0, clutch_s: 0.5";
+    RecordedPoses source, reverses;
+    configure(source, recording, more + ", at_end: hold");
+    configure(reverses, recording, more);
+    const MotionExtremes found = expectSmoothMotion(reverses, 60.0, 1.0);
+    EXPECT_LT(found.speedJump, 0.004);
+    EXPECT_LT(found.turnRateJump, 0.016);
+
+    const MotionCommand held = sampleAt(source, 4.5);
+    EXPECT_EQ(held.toolTwist, Vector6::Zero());
+    for (double t = 4.5; t < 16.0; t += 0.01) {
+        const MotionCommand now = sampleAt(source, t);
+        EXPECT_LE((now.tool.position - held.tool.position).norm(), 1e-12) << t;
+        EXPECT_LE(calcTurn(held.tool, now.tool).norm(), 1e-12) << t;
+        EXPECT_LE(now.toolTwist.norm(), 1e-12) << t;
+    }
+    // Each part at its time, half the clutch behind, from where the tool is; the last gap is shorter than the clutch.
+    const auto expectPart = [&](double from, double to, double delay) {
+        const MotionCommand begin = sampleAt(source, from + delay);
+        const Pose first = hand(from);
+        for (double t = from + 0.5; t < to - 0.1; t += 0.037) {
+            const MotionCommand now = sampleAt(source, t + delay + 0.25);
+            const Pose seen = hand(t);
+            EXPECT_LE((now.tool.position - begin.tool.position - seen.position + first.position).norm(), 1e-5) << t;
+            const Eigen::Quaterniond turn = seen.orientation * first.orientation.conjugate();
+            EXPECT_LE(calcRotationVector(turn * begin.tool.orientation * now.tool.orientation.conjugate()).norm(), 1e-4)
+                << t;
+        }
+    };
+    expectPart(0.0, 4.0, 0.0);
+    expectPart(16.0, 20.0, 0.0);
+    expectPart(20.3, 24.0, 0.2);
+}
+
+TEST_F(RecordedPosesTest, HoldsNothingWhereThereIsNoGapAndRefusesWhereThereIsOnlyGap) {
+    const std::string recording = write(record(hand, 6.0));
+    RecordedPoses plain, holds;
+    configure(plain, recording, "");
+    configure(holds, recording, ", gaps: hold");
+    for (double t = 0.0; t < 20.0; t += 0.1) expectSame(sampleAt(plain, t), sampleAt(holds, t));
+    // The part that begins in a gap is the next one.
+    RecordedPoses late;
+    configure(late, write(recordWithGaps({{2.0, 8.0}}, 12.0), "late.csv"), ", gaps: hold, start_s: 5, smoothing_s: 0");
+    const Pose first = hand(8.0), then = hand(10.0);
+    EXPECT_LE((sampleAt(late, 2.5).tool.position - bench_.tool.position - then.position + first.position).norm(), 1e-5);
+
+    EXPECT_PRED_FORMAT2(says, findComplaint(recordWithGaps({{0.5, 2.0}, {2.8, 5.0}}, 5.4), ", gaps: hold"),
+                        "clutch_s = 1 s is longer than the part of the recording in use, 0.8 s (the longest without a "
+                        "gap)");
+    EXPECT_PRED_FORMAT2(says,
+                        findComplaint("0 0 0 0 0 0 0 1\n1e9 0 0 0 0 0 0 1\n2e9 0 0 0 0 0 0 1\n"
+                                      "3e9 0 0 0 0 0 0 1\n",
+                                      ", gaps: hold"),
+                        "the longest without a gap");
+    EXPECT_PRED_FORMAT2(says, findComplaint(kGood, ", gaps: skip"), "gaps");
 }
 
 TEST_F(RecordedPosesTest, GivesTheSameThroughTheLoader) {

@@ -210,6 +210,38 @@ TEST(WholeArmBraking, WithoutAnythingAroundItIsCertifiedBrakingToTheLastBit) {
     }
 }
 
+// What stops before an obstacle comes to rest there, whatever the command asks for: it must not use up the rounding of
+// distances tick by tick.
+TEST(WholeArmBraking, ABrakedArmRestsWithoutChattering) {
+    Environment environment;
+    environment.solids.push_back(makeBox("table", {0.2, 0.0, -0.06}, {1.6, 1.2, 0.04}));
+    environment.solids.push_back(makeBox("wall", {0.8, 0.0, 0.6}, {0.1, 2.0, 1.4}));
+    environment.solids.push_back(makeBox("pillar", {0.35, 0.45, 0.7}, {0.1, 0.1, 1.6}));
+    environment.solids.push_back(makeBox("shelf", {0.5, -0.5, 0.55}, {0.5, 0.4, 0.03}));
+    std::mt19937 random(11);
+    std::uniform_real_distribution<double> share(-1.0, 1.0);
+    int stopped = 0;
+    for (int k = 0; k < 24; ++k) {
+        JointVector goal(6);
+        for (int i = 0; i < 6; ++i) goal[i] = (k % 3 == 0 ? 3.2 : 2.0) * share(random);
+        WholeArmBrakingOptions options;
+        options.joints.kAlpha = 20.0;
+        options.steers = false;
+        ArmAmongObstacles arm(environment, options);
+        arm.configure();
+        const double stiffness = k % 2 ? 6.0 : 40.0;
+        for (int tick = 0; tick < 8000; ++tick) arm.goTo(goal, stiffness);
+        double largest = 0.0;
+        for (int tick = 0; tick < 1000; ++tick) {
+            arm.goTo(goal, stiffness);
+            largest = std::max(largest, arm.decision.value.lpNorm<Eigen::Infinity>());
+        }
+        EXPECT_LT(largest, 1e-4) << "goal " << k;  // [rad/s^3], of limits of 37.7
+        stopped += (arm.state.q - goal).lpNorm<Eigen::Infinity>() > 0.1;
+    }
+    EXPECT_GT(stopped, 10);
+}
+
 // Poses with room around them, drawn at random, each wanted from home by a controller that knows of nothing. How many of them
 // are reached, and how near the others come, steering and only stopping.
 TEST(WholeArmBraking, SteeringReachesMoreOfTheFreeSpaceThanStopping) {

@@ -7,6 +7,7 @@
  *     "yaml": str,                                                    the resolved experiment file
  *     "robot": { "name": str, "joints": [ { "name": str, "kind": "revolute"|"continuous"|"prismatic" } ] },
  *     "scene": null | { "tool": int (the link whose way is drawn; not given: the last fixed one without shapes),
+ *       "note": str (meshes that are missing; not given or empty: none),
  *       "links": [ {
  *         "name": str, "parent": int (-1: base),
  *         "joint": int (-1: fixed, else the index of the joint that moves the link),

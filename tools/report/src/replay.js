@@ -83,7 +83,7 @@ export function createReplay(host, run, state) {
     );
     const parts = PARTS.filter(({ exists }) => exists(run));
     if (parts.length > 0) host.append(el('div', { class: 'chips' }, ...parts.map((part) => partButton(part, state))));
-    const notes = new Set(run.environments.map(({ note }) => note).filter(Boolean));
+    const notes = new Set([run.scene, ...run.environments].map((one) => one?.note).filter(Boolean));
     host.append(...[...notes].map((text) => el('p', { class: 'hint', role: 'note', text })));
     return replay;
   } catch (error) {

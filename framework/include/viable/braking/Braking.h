@@ -55,8 +55,8 @@ sigma = 0. For |a| beyond the acceleration limit the first phase is left out. No
 throw. */
 StationaryStop calcStationaryStop(double v, double a, const AxisLimits& limits);
 
-/** Longest time in which a joint stops from one of its velocity limits, at no acceleration [s]; 0: no such limit, or no
-jerk limit to stop with. */
+/** Longest time in which a joint stops from one of its velocity limits, at no acceleration [s]; 0: no such limit.
+Without a jerk limit it stops at its deceleration limit from the start; a joint without either stops at once. */
 double calcLongestStop(const JointLimits& limits);
 
 /** The velocity-zeroing stop; arguments as for calcStationaryStop. Its displacement is continuous

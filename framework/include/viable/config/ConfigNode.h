@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "viable/core/Error.h"
 #include "viable/core/JointTypes.h"
 
 namespace viable {

@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "viable/core/Error.h"
 #include "viable/core/JointTypes.h"
 
 namespace viable {
@@ -45,8 +46,9 @@ number:
 rounding of a limit met exactly does not count. */
 inline constexpr double kOutsideShare = 1e-9;
 
-/** "rad", "rad/s", "rad/s^2", "rad/s^3", "Nm", "m"; empty for None. */
-const char* getUnit(LimitKind kind);
+/** "rad", "rad/s", "rad/s^2", "rad/s^3", "Nm", of a joint that slides "m", "m/s", "m/s^2", "m/s^3", "N"; of clearances
+"m"; empty for None. */
+const char* getUnit(LimitKind kind, bool slides);
 
 /** Lower and upper bound of one quantity for every joint. "No limit" is infinity. */
 struct JointBounds {

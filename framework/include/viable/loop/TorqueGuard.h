@@ -12,6 +12,7 @@
 #include "viable/log/TickRecord.h"
 #include "viable/loop/GuardStatus.h"
 #include "viable/robot/RobotDescription.h"
+#include "viable/robot/TorqueSender.h"
 #include "viable/tracking/Nric.h"
 
 namespace viable {
@@ -37,6 +38,12 @@ struct TorqueGuardOptions {
     [rad/s, prismatic: m/s]; > 0. None: twice the velocity limit, or twice the speed at the start where
     that is higher. */
     std::optional<PerJoint> largestSpeed;
+    /** What the robot adds to the torques that it is sent, and how fast they may change. The rate counts from what holds the
+    arm at the start, and in the robust loop, too: what it cuts off does not wind up the integral. Where it is less than the
+    motion needs, M x jerk, the real arm falls behind: lower the jerk limits then. With c, the inertiaRate of robustGains() [1/s], the loop
+    stands sudden torques of about 2 torqueRate / c [Nm]; larger ones (a payload unknown at the start) can make it unstable:
+    state the payload, or give lower gains. */
+    TorqueConvention convention;
 };
 
 /** What was wrong with a tick's reading. */
@@ -48,7 +55,8 @@ enum class ReadingFault : unsigned char {
 
 /** The answer to one tick; vectors have one entry per joint. */
 struct GuardedTorque {
-    /** For the motors until the next tick [Nm, prismatic: N]; always finite and within robot.actuation.torqueLimit. */
+    /** To be sent to the robot until the next tick [Nm, prismatic: N]; always finite. With what the robot adds by itself
+    (TorqueGuardOptions::convention) the motors' torque is within robot.actuation.torqueLimit. */
     JointVector torque;
     GuardStatus status = GuardStatus::NotStarted;
     /** Which limit holds each joint back. */
@@ -59,6 +67,8 @@ struct GuardedTorque {
     bool lawFailed = false;
     /** A motor is at its torque limit: the real arm may fall behind. */
     bool motorsSaturated = false;
+    /** The torque changes as fast as the robot accepts: likewise. */
+    bool rateLimited = false;
 };
 
 /** Joint limits up to jerk inside your own control loop: your torque law in, motor torque out.

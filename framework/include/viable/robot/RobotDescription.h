@@ -61,11 +61,14 @@ struct RobotDescription {
     bool allowLargeAngles = false;
     JointVector home;  ///< [rad]
     Actuation actuation;
+    std::vector<std::string> assumed;  ///< keys of limits.yaml and actuation.yaml whose figures nobody gave
 
     int size() const { return static_cast<int>(joints.size()); }
     /** The motion of the joint per encoder count [rad, prismatic: m]; 0: no figure. */
     double encoderStep(int joint) const;
     std::vector<std::string> jointNames() const;
+    /** The joint is prismatic: m and N in place of rad and Nm. */
+    bool slides(int joint) const { return joints[static_cast<std::size_t>(joint)].type == JointType::Prismatic; }
 };
 
 /** Reads a robot folder; throws Error (BadInput) with file and place. */

@@ -110,7 +110,8 @@ inline constexpr ParameterSpec kArmHardwareParameters[] = {
         .atLeast(0)
         .below(1),
     parameter::number("payload_kg", "kg", "0.0", "Point mass at the tool that the nominal model does not know.")
-        .atLeast(0),
+        .atLeast(0)
+        .upTo(1000),
     parameter::numbers("payload_offset_m", "m", 3, 3, "[0, 0, 0]", "Where it is, in the tool frame."),
     parameter::jointNumbers("mass_factor", "", "1.0",
                             "Real over nominal mass and inertia of the body behind each joint.")

@@ -52,7 +52,7 @@ struct InterventionRecord {
     std::int64_t ticks = 0;
     std::int64_t episodes = 0;
     std::int64_t longestTicks = 0;
-    double largestTorque = 0.0;  ///< |tau_d - tau_c| while it acted [Nm]
+    double largestTorque = 0.0;  ///< |tau_d - tau_c| while it acted [Nm, N]
     double squaredTorque = 0.0;  ///< sum over the ticks [Nm^2]
 
     double torqueRms() const;  ///< [Nm]
@@ -101,12 +101,41 @@ private:
     std::int64_t ticks_ = 0, steps_ = 0;
 };
 
+/** How a joint of the nominal arm followed its command, the command moved into the position limits [rad, m]. */
+class JointFollowing {
+public:
+    /** @param fastest  largest speed of the joint; infinite where it has no limit */
+    void add(double q, double target, double fastest, double tick_s);
+    double errorRms() const;        ///< not a number without ticks
+    double largestError() const;    ///< likewise
+    double spread() const;          ///< RMS distance of the command from its mean place
+    double speedRms() const;        ///< of the joint [rad/s]
+    double targetSpeedRms() const;  ///< of the command [rad/s]
+    /** The command begins far from the joint, or moved faster than a joint can: set-points, which no joint follows at once. */
+    bool jumps() const { return jumps_; }
+    /** Largest amplitude of a swing about a command at rest that did not die out: six half-swings in a row of 0.005 and
+    more, none less than 0.7 of the one before. 0: none. */
+    double swing() const { return swing_; }
+
+private:
+    void addSwing(double error, bool isAtRest);
+
+    double first_ = 0.0, lastTarget_ = 0.0, lastQ_ = 0.0;
+    double sum_ = 0.0, squared_ = 0.0, squaredError_ = 0.0, largest_ = 0.0, squaredSpeed_ = 0.0,
+           squaredTargetSpeed_ = 0.0;
+    std::int64_t ticks_ = 0;
+    bool jumps_ = false;
+    double side_ = 0.0, peak_ = 0.0, lastPeak_ = 0.0;  // of the half-swing that goes on; of the one before
+    int halfSwings_ = 0;
+    double swing_ = 0.0;
+};
+
 /** When the real arm, as measured, was first farther from the nominal one than its bound. */
 struct TrackingTrip {
     int joint = 0;
     double time_s = 0.0;
-    double error = 0.0;  ///< |q_measured - q_nominal| [rad]
-    double bound = 0.0;  ///< [rad]
+    double error = 0.0;  ///< |q_measured - q_nominal| [rad, m]
+    double bound = 0.0;  ///< [rad, m]
 };
 
 /** How one motor was used. Its torque is that of the motor after its limit, without ripple. */
@@ -116,6 +145,8 @@ struct MotorRecord {
     /** Ticks at the robot's limit or beyond. For a weaker motor, those at the largest torque that it ever gave, when
     more was asked of it by the last of them: so it counts whatever its limit, and late commands do not. */
     std::int64_t ticksSaturated = 0;
+    /** Times the robust loop's torque went from a fifth of the robot's limit to as much the other way. */
+    std::int64_t reversals = 0;
 };
 
 /** How near an arm came to what it must not touch: obstacles, and itself. Looked at in the rows and half-way between
@@ -153,6 +184,8 @@ public:
     /** @param reference  without a real plant: not looked at */
     Summary(std::vector<std::string> jointNames, JointLimits limits, bool hasRealPlant,
             RealArmReference reference = {});
+    /** @param slides  by joint, see RobotDescription::slides(); empty: none does. For the units of what is written. */
+    void setSliding(std::vector<bool> slides);
 
     void add(const TickRecord& record);
     /** The state that the last tick led to, which no record holds. */
@@ -187,11 +220,11 @@ public:
     std::int64_t unviableTicks() const { return unviable_; }
     double firstUnviable_s() const { return firstUnviable_s_; }
     std::int64_t recoveringTicks() const { return recovering_; }
-    /** Least margin of a tick and its stop to a position limit [rad]; infinity without such limits. */
+    /** Least margin of a tick and its stop to a position limit [rad, m]; infinity without such limits. */
     const ExtremeRecord& worstMargin() const { return worstMargin_; }
     const ExtremeRecord& longestStop() const { return longestStop_; }  ///< [s]
 
-    /** RMS over ticks and joints of nominal - commanded position, the command moved into the position limits [rad].
+    /** RMS over ticks and joints of nominal - commanded position, the command moved into the position limits [rad, m].
     Not a number without joint commands. */
     double commandErrorRms() const;
     /** RMS over ticks of the distance between the nominal tool and the commanded one [m]; not a number without tool
@@ -201,11 +234,13 @@ public:
     const ToolErrorRecord& toolError() const { return toolError_; }
     /** Of the real arm's tool (its true state, where the plant knows it). */
     const ToolErrorRecord& realToolError() const { return realToolError_; }
+    /** Of a joint with joint commands; without ticks otherwise. */
+    const JointFollowing& following(int joint) const { return following_[static_cast<std::size_t>(joint)]; }
     /** RMS over ticks and joints of the real arm's - commanded position, as commandErrorRms() [rad]. */
     double realCommandErrorRms() const;
     const PointMotion& commandMotion() const { return commandMotion_; }  ///< of a commanded tool
     const PointMotion& toolMotion() const { return toolMotion_; }        ///< of the nominal one that follows it
-    /** RMS over ticks and joints of the nominal arm's jerk [rad/s^3]. */
+    /** RMS over ticks and joints of the nominal arm's jerk [rad/s^3, m/s^3]. */
     double jerkRms() const;
     /** RMS jerk of joints that a joint command presses against a position limit at rest, as a share of the jerk limit.
     Pressed: commanded to the limit or beyond, by the same command for 0.5 s. At rest: within 5 % of the range of that
@@ -217,8 +252,8 @@ public:
     const std::optional<Collisions>& collisions() const { return collisions_; }
 
     bool hasRealPlant() const { return hasRealPlant_; }
-    double trackingRms(int joint) const;  ///< of actual - nominal position [rad]
-    double trackingMax(int joint) const;  ///< [rad]
+    double trackingRms(int joint) const;  ///< of actual - nominal position [rad, m]
+    double trackingMax(int joint) const;  ///< [rad, m]
     double trackingRms() const;           ///< over all joints
     double trackingMax() const;
 
@@ -235,7 +270,7 @@ public:
     /** The joint whose position used the largest share of its bound. */
     int worstBoundJoint() const;
     const std::optional<TrackingTrip>& trip() const { return trip_; }
-    /** Fastest joint of the real arm in the last tick [rad/s]. */
+    /** Fastest joint of the real arm in the last tick [rad/s, m/s]. */
     double realEndSpeed() const { return realEndSpeed_; }
     const MotorRecord& motor(int joint) const { return motors_[joint]; }
     /** Ticks without a usable external torque. */
@@ -244,6 +279,8 @@ public:
     const TimeHistogram& tickTime() const { return tickTime_; }
     const TimeHistogram& stageTime(Stage stage) const { return stageTimes_[static_cast<int>(stage)]; }
     const std::vector<std::string>& jointNames() const { return jointNames_; }
+    /** The joint's figures are in m and N, not in rad and Nm. */
+    bool slides(int joint) const { return slides_[static_cast<std::size_t>(joint)]; }
 
 private:
     /** Adds `values` at a time to `records`; true when any is outside. */
@@ -260,6 +297,7 @@ private:
     static std::size_t findReal(LimitKind kind) { return kind == LimitKind::Position ? 0 : 1; }
 
     std::vector<std::string> jointNames_;
+    std::vector<bool> slides_;  // by joint
     JointLimits bounds_;
     bool hasRealPlant_;
     std::array<std::vector<LimitRecord>, kQuantities> limits_;
@@ -273,6 +311,7 @@ private:
     struct Peak {
         double given = 0.0, asked = 0.0;
         std::int64_t ticks = 0, ticksAtLimit = 0;
+        int pushedTo = 0;  // 1 upwards, -1 downwards: by the robust loop, last
     };
     std::vector<Peak> peaks_;
     double realEndSpeed_ = 0.0;
@@ -301,6 +340,7 @@ private:
     double squaredCommandError_ = 0.0;
     std::int64_t commandTicks_ = 0;  // joint-ticks
     double squaredRealCommandError_ = 0.0;
+    std::vector<JointFollowing> following_;
     ToolErrorRecord toolError_, realToolError_;
     PointMotion commandMotion_, toolMotion_;
     double squaredJerk_ = 0.0;

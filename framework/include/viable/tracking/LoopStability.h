@@ -15,7 +15,7 @@ struct LoopMargins {
     bool isStable = false;
     double gain = 1.0;  ///< least factor >= 1 by which the torque of all joints, times or divided by it, is too much
     double phase_rad = 0.0;  ///< least phase by which it may be turned
-    int joint = 0;           ///< that takes most part in the fastest mode of the arm, and so is nearest to it
+    int joint = 0;           ///< that takes most part where the loop is nearest to it
 
     bool isEnough() const { return isStable && gain >= kEnoughGain && phase_rad >= kEnoughPhase_rad; }
 };
@@ -25,10 +25,10 @@ struct LoopMargins {
 Method: around a pose the sampled loop is M edd = tau_a, with e read in every tick, its velocity as the difference of two
 readings, and tau_a held for a tick `delayTicks` later. Its poles tell whether it is stable; the eigenvalue loci of the
 open loop, n x n, over the unit circle where they pass -1: the margins against what changes all joints alike (MacFarlane
-and Postlethwaite, Int. J. Control 25, 1977). Looked at in the poses with the fastest and the slowest mode of
-M^-1 diag(k_r) of a fixed sample of 256 within the limits.
+and Postlethwaite, Int. J. Control 25, 1977). Of a fixed sample of 256 poses within the limits, in those whose poles
+lie farthest out and those with the fastest and the slowest mode of M^-1 K_r.
 Assumes: inertias as described; no friction, which only adds to the distance. Limits of the loop's torque do not act.
-Not for a loop: it takes some 10 ms. */
+Not for a loop: it takes some 0.1 s. */
 LoopMargins calcMargins(const RobotDescription& robot, const JointLimits& limits, double tick_s, int delayTicks,
                         const LinearErrorLoop& loop);
 
@@ -40,9 +40,9 @@ enough. A payload makes the real arm heavier and the loop slower, which adds to 
 at most 100 1/s, and K_i a tenth of K_p^2. Real arms have flexible joints: never stiffer than the paper's 600, 20 and 8 on
 the Indy7, so K_r < 600 Nms/rad, and at each joint's greatest inertia K_r K_p <= 600 x 20 and K_r K_i <= 600 x 8.
 @param given  whose gains of size 0 are computed; the others, and the bounds, are kept. A given k_r is constant, and the
-              others then follow from it as in scaleNric()
-@return       one gain per joint; finite, and zero for an arm without a usable inertia matrix
-Not for a loop: it takes some 30 ms. */
+              others then follow from it as in scaleNric(), lowered until the margins are enough
+@return       one gain per joint; finite. What is not given is zero for an arm without a usable inertia matrix
+Not for a loop: it takes some 0.2 s. */
 LinearErrorLoop scaleGains(const RobotDescription& robot, const JointLimits& limits, double tick_s, int delayTicks = 0,
                            const LinearErrorLoop& given = {});
 

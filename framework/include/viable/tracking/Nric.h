@@ -21,6 +21,9 @@ struct NricOptions {
     PerJoint torqueRate = std::numeric_limits<double>::infinity();
     /** See LinearErrorLoop [1/s]; > 0. */
     double inertiaRate = std::numeric_limits<double>::infinity();
+    /** Fastest change of the whole torque of the motor, tau_c + tau_a, from what holds the arm at the start [Nm/s,
+    prismatic: N/s]; > 0. */
+    PerJoint motorRate = std::numeric_limits<double>::infinity();
 };
 
 /** Constant gains that the arm can carry in every pose within its position limits.
@@ -32,6 +35,7 @@ eigenvalues over all poses is 1, half of what is stable; a payload adds inertia,
 distance. K_p = 100 1/s and K_i = 100 1/s^2 (experiments/panda_asymmetric_limits.yaml), but K_p dt
 <= 0.1, and K_i <= K_p / 4 x the slowest velocity loop, min over q of K_r / M_ii(q). And never
 stiffer than the paper's 600, 20 and 8 on the Indy7: K_r <= 600, K_r K_p <= 600 x 20, K_r K_i <= 600 x 8.
+All of it is lowered, by a half at most, where the margins (calcMargins) are enough then.
 Where the inertia of a joint differs much from pose to pose, such gains swing in the heavy ones: scaleGains() gives gains
 that follow the inertia.
 Assumes: inertias as described. The poses are a fixed sample of 1000, at corners and in between.
@@ -48,19 +52,19 @@ Method: tau_a = -K_r (de + K_p e + K_i integral of e dt),  e = q_real - q_nomina
 with one gain of each per joint; with a finite inertiaRate K_r follows the arm's inertia (LinearErrorLoop). What the
 integral of a joint makes of that joint's torque, |(K_r)_ii K_i integral|, ends at integralLimit, at the motor's torque limit
 at the latest. tau_a changes by torqueRate x tick per tick at most, from zero at the
-start. The sum tau_c + tau_a is kept inside the motor's torque limit. While the last two cut the torque,
-the integral does not grow further against them (it may shrink). Where nothing is cut, tau_a is that of
+start. The sum tau_c + tau_a is kept inside the motor's torque limit, and changes by motorRate x tick per tick at most. While
+these cut the torque, the integral does not grow further against them (it may shrink). Where nothing is cut, tau_a is that of
 eq. 7 to the last bit.
 Assumes: K_r dt < 2 x (joint inertia incl. the reflected rotor), else the sampled velocity loop is
 unstable. A torqueRate below K_r T / (2 x inertia) slows the loop down: a joint that was held while the
-loop pressed with T [Nm] then overshoots, far below it becomes unstable.
+loop pressed with T [Nm] then overshoots, far below it becomes unstable. So with motorRate, of which tau_c takes its part.
 Guarantees: |tau_c + tau_a| within the motor limits wherever |tau_c| is; |integral| as above; in a tick
-tau_a changes by no more than the larger of torqueRate x tick and, at the motor's limit, the change of
+tau_a changes by no more than the larger of torqueRate x tick and, at the motor's limits, the change of
 tau_c; zero as long as e and de are.
 Real time: no allocation, lock or throw after configure(). */
 class Nric : public RobustLoop {
 public:
-    /** Reads `k_r`, `k_p`, `k_i`, `integral_limit_Nm` and `torque_rate_Nmps`; gains that are `auto` by scaleGains(). */
+    /** Reads `k_r`, `k_p`, `k_i`, `integral_limit_Nm`, `torque_rate_Nmps` and `motor_rate_Nmps`; gains that are `auto` by scaleGains(). */
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     /** The same without an experiment file. Throws Error (BadInput) for options of the wrong number, gains
     below 0 or not finite, and bounds that are not above 0. */
@@ -74,19 +78,20 @@ public:
                        JointVector& torque) override;
 
 private:
-    void clear();
     void setGain(const JointVector& q);
 
     int n_ = 0;
-    std::shared_ptr<const ArmRecursion> arm_;  // of a finite inertiaRate
-    JointMatrix gain_;                         // K_r
-    JointVector integralLimit_;                // of its torque [Nm]
+    std::shared_ptr<const ArmRecursion> arm_;  // where it is needed
+    bool followsInertia_ = false, limitsMotorRate_ = false;
+    JointMatrix gain_;           // K_r
+    JointVector integralLimit_;  // of its torque [Nm]
     double tick_s_ = 0.0;
     LinearErrorLoop loop_;
     JointVector torqueLimit_;
-    JointVector largestStep_;  // of the torque in a tick [Nm]
-    JointVector integral_;     // of e [rad s]
-    JointVector lastTorque_;   // tau_a of the tick before [Nm]
+    JointVector largestStep_;                         // of the torque in a tick [Nm]
+    JointVector largestMotorStep_, lastMotorTorque_;  // of the sum tau_c + tau_a [Nm]
+    JointVector integral_;                            // of e [rad s]
+    JointVector lastTorque_;                          // tau_a of the tick before [Nm]
     bool isIntegralHeld_ = false;
 };
 

@@ -6,52 +6,53 @@
 
 namespace viable::detail {
 
-/** A symmetric positive definite matrix of 4x4 blocks, only those on and beside the diagonal, factored as L D L' by
-SuiteSparse's LDL; any solution, its determinant, and the entries of its inverse at the same places.
+/** A symmetric positive definite matrix of 4x4 blocks, only those on and beside the diagonal, factored as L D L' row by
+row; any solution, its determinant, and the entries of its inverse at the same places.
 
 The order of the unknowns is kept: each column of L holds the rest of its block and the next one, and no other order
-has less fill. Cost and memory grow with the number of blocks. */
+has less fill. Cost and memory grow with the number of blocks. The matrix, its factor and its inverse take each other's
+place: what a long record needs is kBand numbers per unknown. */
 class BandedLdl {
 public:
     static constexpr int kBlock = 4;
     /** Entries of a column from the diagonal down: the rest of its block and the whole next one. */
     static constexpr int kBand = 2 * kBlock;
 
-    explicit BandedLdl(std::size_t blocks);
+    explicit BandedLdl(std::size_t blocks) : blocks_(blocks), band_(size() * kBand) {}
 
     std::size_t size() const { return kBlock * blocks_; }
 
-    void setZero();
+    // Of the matrix, before factor().
     /** Adds to the 8x8 part that begins at block `first`, which is not the last one. */
     void addPair(std::size_t first, const Eigen::Matrix<double, kBand, kBand>& values);
     /** Entry (row, column) with row >= column, both at most kBand - 1 apart within neighbouring blocks. */
-    double& upd(std::size_t row, std::size_t column) { return matrix_[column * kBand + (row - column)]; }
+    double& upd(std::size_t row, std::size_t column) { return band_[column * kBand + (row - column)]; }
 
-    /** False where the matrix is not positive definite to rounding; then nothing below may be asked. */
+    /** In place of the matrix. False where it is not positive definite to rounding; then nothing below may be asked. */
     bool factor();
     double calcLogDeterminant() const;
     /** In place. */
     void solve(std::vector<double>& x) const;
-    /** The inverse's entries in the band, by Takahashi's recursion (Takahashi, Fagan and Chin 1973). */
+
+    /** The inverse's entries in the band, by Takahashi's recursion (Takahashi, Fagan and Chin 1973), in place of the
+    factor: of the rest, only getInverse() may be asked from now on. */
     void calcInverseBand();
     double getInverse(std::size_t row, std::size_t column) const {
-        return row >= column ? inverse_[column * kBand + (row - column)] : inverse_[row * kBand + (column - row)];
+        return row >= column ? get(row, column) : get(column, row);
     }
 
 private:
+    double get(std::size_t row, std::size_t column) const { return band_[column * kBand + (row - column)]; }
     /** Rows of column `j` in the lower triangle end before this. */
     std::size_t columnEnd(std::size_t j) const {
         const std::size_t end = kBlock * (j / kBlock + 2);
         return end < size() ? end : size();
     }
+    /** Columns of row `j` in the lower triangle begin here. */
+    static std::size_t rowBegin(std::size_t j) { return j < kBlock ? 0 : kBlock * (j / kBlock - 1); }
 
     std::size_t blocks_;
-    std::vector<double> matrix_;        // lower band, by columns
-    std::vector<double> inverse_;       // likewise
-    std::vector<long> columns_, rows_;  // the upper triangle's pattern, by columns: what LDL reads
-    std::vector<double> values_;
-    std::vector<long> factorColumns_, factorRows_, parent_, counts_, flag_, pattern_;
-    std::vector<double> factorValues_, diagonal_, work_;
+    std::vector<double> band_;  // lower, by columns: of the matrix, then L with D on its diagonal, then the inverse
 };
 
 }  // namespace viable::detail

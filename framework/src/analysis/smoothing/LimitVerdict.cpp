@@ -228,12 +228,36 @@ void refuseWrapped(const MotionRecord& record, std::size_t place) {
                 "Unwrap it before (add a turn wherever it jumps).");
 }
 
+void drawCurves(const RecordVerdict& all, const SmoothedMotion& motion, JointVerdict& joint) {
+    constexpr double kLooksPerSegment = 4.0;
+    std::array<MotionCurve, kMotionOrders>& curves = joint.motion->curves;
+    curves.fill({Extremes(all.segments()), Extremes(all.segments())});
+    const double look_s = std::min(all.segment_s() / kLooksPerSegment, motion.window_s() / kLooksPerSegment);
+    for (const auto& [begin_s, end_s] : motion.segments()) {
+        const auto looks = static_cast<std::size_t>((end_s - begin_s) / look_s);
+        for (std::size_t i = 0; i <= looks; ++i) {
+            const double time_s = begin_s + look_s * static_cast<double>(i);
+            const std::size_t segment = all.findSegment(time_s);
+            const MotionEstimate e = motion.evaluate(time_s);
+            for (std::size_t order = 0; order < kMotionOrders; ++order) {
+                const double half = joint.limits[order].critical * e.deviation[order];
+                curves[order].mean.add(segment, e.mean[order]);
+                curves[order].band.add(segment, e.mean[order] - half);
+                curves[order].band.add(segment, e.mean[order] + half);
+            }
+        }
+    }
+}
+
+/** The joint's motion is as large as its readings many times over: it lives for this joint only. */
 void judgeJoint(const MotionRecord& record, std::size_t place, const std::array<Range, kMotionOrders>& ranges,
-                const JudgeOptions& options, JointVerdict& joint) {
+                const RecordVerdict& all, JointVerdict& joint) {
+    const JudgeOptions& options = all.options;
     if (!joint.isPrismatic) refuseWrapped(record, place);
-    joint.motion = smoothMotion(record.times_s, record.joints[place].positions, "");
+    const SmoothedMotion motion = smoothMotion(record.times_s, record.joints[place].positions, "");
+    joint.motion = {motion.noise(), motion.quantum(), motion.window_s(), motion.outliers().size(), {}};
     const double error = (1.0 - options.confidence) / static_cast<double>(kMotionOrders * record.joints.size());
-    const Walk walk = walkAlong(*joint.motion);
+    const Walk walk = walkAlong(motion);
     for (std::size_t order = 0; order < kMotionOrders; ++order) {
         LimitVerdict& verdict = joint.limits[order];
         const Range& range = ranges[order];
@@ -241,23 +265,23 @@ void judgeJoint(const MotionRecord& record, std::size_t place, const std::array<
         verdict.upper = range.upper;
         // A mean is a difference of the derivative before, which moves on as quickly as that does.
         const int o = static_cast<int>(order);
-        verdict.critical = findCritical(*joint.motion, joint.motion->calcArc(o), order == 0 ? error : 0.5 * error);
-        if (order > 0) verdict.criticalMean = findCritical(*joint.motion, joint.motion->calcArc(o - 1), 0.5 * error);
+        verdict.critical = findCritical(motion, motion.calcArc(o), order == 0 ? error : 0.5 * error);
+        if (order > 0) verdict.criticalMean = findCritical(motion, motion.calcArc(o - 1), 0.5 * error);
         const std::vector<std::size_t> judged = listJudged(walk, order, verdict);
-        findBreaks(*joint.motion, walk, order, options.excessDuration_s, verdict);
+        findBreaks(motion, walk, order, options.excessDuration_s, verdict);
         if (!range.isFinite()) {
             verdict.visibleExcess = kInfinity;
             continue;
         }
-        verdict.visibleExcess =
-            findVisibleExcess(*joint.motion, walk, judged, order, verdict, options.excessDuration_s);
+        verdict.visibleExcess = findVisibleExcess(motion, walk, judged, order, verdict, options.excessDuration_s);
         if (verdict.finding == Finding::Broken) continue;
         constexpr double kLeastJudged = 0.5;
-        verdict.hiding_s = findHiding(*joint.motion, order, verdict);
+        verdict.hiding_s = findHiding(motion, order, verdict);
         const bool tells = verdict.visibleExcess <= options.excess * calcExcessScale(order, range.lower, range.upper) &&
                            std::isnan(verdict.hiding_s) && verdict.judged >= kLeastJudged;
         verdict.finding = tells ? Finding::Held : Finding::CannotTell;
     }
+    if (options.hasCurves) drawCurves(all, motion, joint);
 }
 
 }  // namespace
@@ -293,6 +317,26 @@ Finding RecordVerdict::overall() const {
     return Finding::NoLimit;
 }
 
+std::size_t RecordVerdict::segments() const {
+    return std::min(kCurvePoints, std::max<std::size_t>(samples, 2));
+}
+
+double RecordVerdict::segment_s() const {
+    return (end_s - begin_s) / static_cast<double>(segments());
+}
+
+std::size_t RecordVerdict::findSegment(double time_s) const {
+    return std::min(segments() - 1, static_cast<std::size_t>(std::max(0.0, time_s - begin_s) / segment_s()));
+}
+
+Extremes::Extremes(std::size_t n) : least(n, kInfinity), largest(n, -kInfinity) {}
+
+void Extremes::add(std::size_t i, double x) {
+    if (std::isnan(x)) return;
+    least[i] = std::min(least[i], x);
+    largest[i] = std::max(largest[i], x);
+}
+
 RecordVerdict judgeLimits(const MotionRecord& record, const std::vector<AxisLimits>& limits,
                           const JudgeOptions& options) {
     VIABLE_CHECK(limits.size() == record.joints.size(), "limits for each joint");
@@ -315,7 +359,7 @@ RecordVerdict judgeLimits(const MotionRecord& record, const std::vector<AxisLimi
         joint.isPrismatic = record.joints[i].isPrismatic;
         const std::array<Range, kMotionOrders> ranges = getRanges(limits[i]);
         try {
-            judgeJoint(record, i, ranges, options, joint);
+            judgeJoint(record, i, ranges, all, joint);
         } catch (const Error& e) {
             joint.trouble = e.what();
             joint.motion.reset();

@@ -50,12 +50,32 @@ struct LimitVerdict {
     double duration_s = 0.0;     ///< the whole band lies beyond for so long in all
 };
 
+/** Least and largest value in each of equal segments of a record; infinite where there is none. */
+struct Extremes {
+    std::vector<double> least, largest;
+    Extremes() = default;
+    explicit Extremes(std::size_t n);
+    void add(std::size_t i, double x);
+};
+
+/** Of one quantity of one joint, for plots: its estimate and the band around it in the segments of RecordVerdict. */
+struct MotionCurve {
+    Extremes mean, band;
+};
+
+/** What the readings of one joint are like; see SmoothedMotion, which is too large to be kept. */
+struct MotionFigures {
+    double noise = 0.0, quantum = 0.0, window_s = 0.0;
+    std::size_t outliers = 0;                       ///< readings that were left out
+    std::array<MotionCurve, kMotionOrders> curves;  ///< empty where JudgeOptions do not ask for them
+};
+
 /** One joint: what its readings are like, and a verdict for position, velocity, acceleration and jerk. */
 struct JointVerdict {
     std::string name;
     bool isPrismatic = false;
-    std::string trouble;                   ///< why nothing can be said of this joint; empty: nothing is in the way
-    std::optional<SmoothedMotion> motion;  ///< none where there is trouble
+    std::string trouble;                  ///< why nothing can be said of this joint; empty: nothing is in the way
+    std::optional<MotionFigures> motion;  ///< none where there is trouble
     std::array<LimitVerdict, kMotionOrders> limits;
 };
 
@@ -67,7 +87,11 @@ struct JudgeOptions {
     share is of half the range between a position's limits. */
     double excess = 0.1;
     double excessDuration_s = 0.05;
+    bool hasCurves = true;  ///< for writeJson()
 };
+
+/** Segments that a curve is cut into at most. */
+inline constexpr std::size_t kCurvePoints = 1500;
 
 /** What a record says of some limits. */
 struct RecordVerdict {
@@ -79,6 +103,10 @@ struct RecordVerdict {
 
     /** The worst of all: broken, else cannot_tell, else held; no_limit where there is no limit at all. */
     Finding overall() const;
+
+    std::size_t segments() const;                  ///< of the curves
+    double segment_s() const;                      ///< length of each
+    std::size_t findSegment(double time_s) const;  ///< that a time lies in
 };
 
 /** Judges every joint of a record by its readings alone.
@@ -99,9 +127,7 @@ RecordVerdict judgeLimits(const MotionRecord& record, const std::vector<AxisLimi
 std::string writeText(const RecordVerdict& verdict);
 
 /** JSON: the verdicts with all digits and, for plots, readings, estimates and bands in at most kCurvePoints segments.
-What is infinite or not known is null. @param record  that was judged */
+What is infinite or not known is null. @param verdict  with curves @param record  that was judged */
 std::string writeJson(const RecordVerdict& verdict, const MotionRecord& record);
-
-inline constexpr std::size_t kCurvePoints = 1500;
 
 }  // namespace viable

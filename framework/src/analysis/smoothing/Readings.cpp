@@ -27,17 +27,22 @@ double findQuantum(std::vector<double> values) {
     if (steps.empty()) return 0.0;
     std::sort(steps.begin(), steps.end());
     constexpr double kTolerance = 0.05;  // steps
-    double quantum = steps.front();
+    constexpr double kFew = 16.0;        // steps: so many tell the quantum, and not the quantum them
+    double begin = steps.front();
+    double quantum = begin;
     for (std::size_t i = 1; i < steps.size(); ++i) {
-        const double multiple = std::round(steps[i] / quantum);
-        const double rest = std::abs(steps[i] - multiple * quantum);
-        if (rest <= kTolerance * quantum) {
-            if (multiple < 16.0) quantum += (steps[i] / multiple - quantum) / 16.0;  // sharper with each
+        // Few are compared with what was found first: one that follows the steps would fit all of a dense row.
+        const bool isFew = steps[i] < (kFew - 0.5) * begin;
+        const double unit = isFew ? begin : quantum;
+        const double multiple = std::round(steps[i] / unit);
+        const double rest = std::abs(steps[i] - multiple * unit);
+        if (rest <= kTolerance * unit) {
+            if (isFew && multiple > 0.0) quantum += (steps[i] / multiple - quantum) / 16.0;  // sharper with each
             continue;
         }
         if (rest < 16.0 * blur / kTolerance) return 0.0;
-        quantum = rest;
-        i = 0;  // the steps before are to be multiples of it, too
+        begin = quantum = rest;  // little more than half of the one before, at most: few turns lead from size to blur
+        i = 0;                   // the steps before are to be multiples of it, too
     }
     return quantum;
 }

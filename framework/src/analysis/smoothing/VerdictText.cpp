@@ -93,17 +93,6 @@ json describeLimit(const LimitVerdict& limit, bool isPrismatic, std::size_t orde
     return one;
 }
 
-/** Least and largest value of each segment of time. */
-struct Extremes {
-    std::vector<double> least, largest;
-    explicit Extremes(std::size_t n) : least(n, kInfinity), largest(n, -kInfinity) {}
-    void add(std::size_t i, double x) {
-        if (std::isnan(x)) return;
-        least[i] = std::min(least[i], x);
-        largest[i] = std::max(largest[i], x);
-    }
-};
-
 json toJson(const std::vector<double>& values) {
     json all = json::array();
     for (const double v : values) all.push_back(std::isfinite(v) ? json(static_cast<float>(v)) : json(nullptr));
@@ -127,36 +116,14 @@ std::vector<std::pair<double, double>> differentiate(const MotionRecord& record,
 }
 
 json describeCurves(const RecordVerdict& all, const MotionRecord& record, std::size_t joint) {
-    constexpr double kLooksPerSegment = 4.0;
-    const SmoothedMotion& motion = *all.joints[joint].motion;
-    const std::size_t n = std::min(kCurvePoints, std::max<std::size_t>(all.samples, 2));
-    const double step_s = (all.end_s - all.begin_s) / static_cast<double>(n);
-    const auto place = [&](double time_s) {
-        return std::min(n - 1, static_cast<std::size_t>(std::max(0.0, time_s - all.begin_s) / step_s));
-    };
-    std::vector<Extremes> means(kMotionOrders, Extremes(n)), bands(kMotionOrders, Extremes(n));
-    const double look_s = std::min(step_s / kLooksPerSegment, motion.window_s() / kLooksPerSegment);
-    for (const auto& [begin_s, end_s] : motion.segments()) {
-        const auto looks = static_cast<std::size_t>((end_s - begin_s) / look_s);
-        for (std::size_t i = 0; i <= looks; ++i) {
-            const double time_s = begin_s + look_s * static_cast<double>(i);
-            const MotionEstimate e = motion.evaluate(time_s);
-            for (std::size_t order = 0; order < kMotionOrders; ++order) {
-                const double half = all.joints[joint].limits[order].critical * e.deviation[order];
-                means[order].add(place(time_s), e.mean[order]);
-                bands[order].add(place(time_s), e.mean[order] - half);
-                bands[order].add(place(time_s), e.mean[order] + half);
-            }
-        }
-    }
-    json curves = {{"t0", all.begin_s}, {"step_s", step_s}, {"n", n}};
+    json curves = {{"t0", all.begin_s}, {"step_s", all.segment_s()}, {"n", all.segments()}};
     for (std::size_t order = 0; order < kMotionOrders; ++order) {
-        Extremes raw(n);
-        for (const auto& [time_s, value] : differentiate(record, joint, order)) raw.add(place(time_s), value);
-        curves[kQuantities[order]] = {
-            {"raw_least", toJson(raw.least)},           {"raw_largest", toJson(raw.largest)},
-            {"mean_least", toJson(means[order].least)}, {"mean_largest", toJson(means[order].largest)},
-            {"low", toJson(bands[order].least)},        {"high", toJson(bands[order].largest)}};
+        Extremes raw(all.segments());
+        for (const auto& [time_s, value] : differentiate(record, joint, order)) raw.add(all.findSegment(time_s), value);
+        const auto& [mean, band] = all.joints[joint].motion->curves[order];
+        curves[kQuantities[order]] = {{"raw_least", toJson(raw.least)},   {"raw_largest", toJson(raw.largest)},
+                                      {"mean_least", toJson(mean.least)}, {"mean_largest", toJson(mean.largest)},
+                                      {"low", toJson(band.least)},        {"high", toJson(band.largest)}};
     }
     return curves;
 }
@@ -173,12 +140,11 @@ std::string writeText(const RecordVerdict& all) {
         text += "\n" + joint.name;
         if (joint.motion) {
             const std::string unit = getUnit(joint.isPrismatic, 0);
-            text += ": noise of a reading " + formatPlain(joint.motion->noise()) + " " + unit;
-            if (joint.motion->quantum() > 0.0)
-                text += ", in steps of " + formatPlain(joint.motion->quantum()) + " " + unit;
-            text += "; motion quicker than " + formatPlain(1000.0 * joint.motion->window_s()) + " ms is not resolved";
-            if (!joint.motion->outliers().empty())
-                text += "; " + std::to_string(joint.motion->outliers().size()) + " readings left out as outliers";
+            text += ": noise of a reading " + formatPlain(joint.motion->noise) + " " + unit;
+            if (joint.motion->quantum > 0.0) text += ", in steps of " + formatPlain(joint.motion->quantum) + " " + unit;
+            text += "; motion quicker than " + formatPlain(1000.0 * joint.motion->window_s) + " ms is not resolved";
+            if (joint.motion->outliers > 0)
+                text += "; " + std::to_string(joint.motion->outliers) + " readings left out as outliers";
             text += "\n";
         } else {
             text += ": " + joint.trouble + "\n";
@@ -211,10 +177,10 @@ std::string writeJson(const RecordVerdict& all, const MotionRecord& record) {
                     {"left_out", nullptr},
                     {"curves", nullptr}};
         if (joint.motion) {
-            one["noise"] = joint.motion->noise();
-            if (joint.motion->quantum() > 0.0) one["quantum"] = joint.motion->quantum();
-            one["window_s"] = joint.motion->window_s();
-            one["left_out"] = joint.motion->outliers().size();
+            one["noise"] = joint.motion->noise;
+            if (joint.motion->quantum > 0.0) one["quantum"] = joint.motion->quantum;
+            one["window_s"] = joint.motion->window_s;
+            one["left_out"] = joint.motion->outliers;
             one["curves"] = describeCurves(all, record, i);
         }
         for (std::size_t order = 0; order < kMotionOrders; ++order)

@@ -5,7 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "core/Complaints.h"
 #include "robot/RobotShapes.h"
+#include "robot/urdf/UrdfDocument.h"
 
 namespace viable::detail {
 
@@ -41,12 +43,11 @@ struct UrdfRobot {
     std::vector<std::string> leafLinks;        ///< links that carry no joint, in file order
 };
 
-/** Largest URDF file and deepest nesting accepted: the XML reader works by recursion. */
-inline constexpr std::uintmax_t kMaxUrdfBytes = 4u << 20;
-inline constexpr int kMaxUrdfDepth = 64;
-
-/** Reads a URDF file; throws Error (BadInput) with file and line of the joint or link at fault.
-Limits are handed on as written; the caller checks those it uses. */
+/** Reads a URDF file; throws Error (BadInput) with all that is wrong with it, each with the line of the joint or link at
+fault. Limits are handed on as written; the caller checks those it uses. */
 UrdfRobot readUrdf(const std::filesystem::path& file);
+
+/** The same of a document. @param complaints  of checkUrdfTree(), told with those found here */
+UrdfRobot readUrdf(UrdfDocument& document, Complaints complaints);
 
 }  // namespace viable::detail

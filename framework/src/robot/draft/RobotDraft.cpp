@@ -1,12 +1,15 @@
-#include "robot/RobotDraft.h"
+#include "robot/draft/RobotDraft.h"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 #include "core/Text.h"
-#include "robot/CollisionDraft.h"
+#include "robot/draft/CollisionDraft.h"
+#include "robot/draft/RobotAssumptions.h"
+#include "robot/urdf/UrdfChecks.h"
 #include "viable/core/Numbers.h"
 
 namespace viable {
@@ -16,6 +19,8 @@ namespace {
 using detail::UrdfRobot;
 
 // What is taken for a slip: far outside of what is built, and within the errors of a wrong unit.
+/** No slide of an arm: millimetres. [m] */
+constexpr double kLongestSlide = 100.0;
 /** No moving part of an arm: grams. [kg] */
 constexpr double kHeaviestLink = 1000.0;
 /** A centre of mass this many times as far from the link's origin as anything else of it: millimetres. */
@@ -43,7 +48,7 @@ std::string place(const std::string& where, const std::string& kind, const std::
 
 // --------------------------------------------------------------------------------------- joints
 
-DraftJoint draftJoint(const UrdfRobot& robot, int i, std::vector<std::string>& warnings) {
+DraftJoint draftJoint(const UrdfRobot& robot, int i, bool assumes, std::vector<std::string>& warnings) {
     const JointDescription& from = robot.joints[static_cast<std::size_t>(i)];
     DraftJoint joint;
     joint.name = from.name;
@@ -54,11 +59,16 @@ DraftJoint draftJoint(const UrdfRobot& robot, int i, std::vector<std::string>& w
     joint.effort = robot.effort[i];
     const std::string who = place(robot.jointPlaces[static_cast<std::size_t>(i)], "joint", joint.name);
     const auto blank = [&](const std::string& what, const std::string& key) {
-        warnings.push_back(who + what + "; " + key + " is left to be filled in.");
+        warnings.push_back(who + what + "; " + key + (assumes ? " is assumed." : " is left to be filled in."));
     };
 
     const std::string range = show(joint.positionLower) + " to " + show(joint.positionUpper);
     const bool isAngle = joint.type != JointType::Prismatic;
+    if (assumes && joint.positionLower > joint.positionUpper) {
+        warnings.push_back(who + "its lower position limit is above the upper one, " + range +
+                           "; taken the other way round.");
+        std::swap(joint.positionLower, joint.positionUpper);
+    }
     if (!(joint.positionLower < joint.positionUpper)) {
         blank("its position limits are " + range + ", which leaves no range", "position_rad");
         joint.positionLower = joint.positionUpper = kNan;
@@ -66,6 +76,12 @@ DraftJoint draftJoint(const UrdfRobot& robot, int i, std::vector<std::string>& w
                std::max(-joint.positionLower, joint.positionUpper) > kLargestAngle_rad) {
         blank("its position limits are " + range +
                   ", more than two turns; URDF takes radians, and these are perhaps degrees",
+              "position_rad");
+        joint.positionLower = joint.positionUpper = kNan;
+    } else if (!isAngle && std::max(-joint.positionLower, joint.positionUpper) > kLongestSlide) {
+        blank("its position limits are " + range +
+                  " m, longer than any slide; URDF takes metres, and these are perhaps "
+                  "millimetres",
               "position_rad");
         joint.positionLower = joint.positionUpper = kNan;
     } else if (!(joint.positionLower < 0.0 && joint.positionUpper > 0.0) ||
@@ -173,22 +189,37 @@ void reviewInertia(const UrdfRobot& robot, const UrdfRobot::Link& link, std::vec
 
 }  // namespace
 
-RobotDraft readRobotDraft(const std::filesystem::path& file) {
-    const UrdfRobot robot = detail::readUrdf(file);
+RobotDraft readRobotDraft(const std::filesystem::path& file, const DraftOptions& options) {
+    detail::UrdfDocument document(file);
+    detail::Complaints complaints;
     RobotDraft draft;
+    detail::checkUrdfTree(document, complaints);
+    draft.repairs = detail::repairUrdf(document, options.choice, complaints);
+    const UrdfRobot robot = detail::readUrdf(document, complaints);
+    draft.urdf = draft.repairs.empty() ? document.text() : document.print();
+
     for (int i = 0; i < static_cast<int>(robot.joints.size()); ++i)
-        draft.joints.push_back(draftJoint(robot, i, draft.warnings));
+        draft.joints.push_back(draftJoint(robot, i, options.assumes, draft.warnings));
     for (const UrdfRobot::Link& link : robot.bodies) {
         if (link.carrier < 0) continue;
         reviewInertia(robot, link, draft.warnings);
         if (link.joints.empty()) draft.toolLinks.push_back(link.name);
     }
+    if (!options.choice.tip.empty())
+        draft.tool = options.choice.tip;
+    else if (draft.toolLinks.size() == 1)
+        draft.tool = draft.toolLinks.front();
     for (const auto& [name, link] : robot.shapes)
         for (const LinkShape& shape : link.shapes)
             if (shape.kind == LinkShape::Kind::Mesh &&
                 std::find(draft.meshes.begin(), draft.meshes.end(), shape.mesh) == draft.meshes.end())
                 draft.meshes.push_back(shape.mesh);
-    detail::draftCollision(robot, std::filesystem::absolute(file).parent_path(), draft);
+    draft.links = detail::draftLinks(robot, std::filesystem::absolute(file).parent_path());
+    const detail::LinkDistances distances(robot, draft.links);
+    draft.contacts = detail::draftContacts(robot, draft, distances);
+    if (options.assumes) detail::assumeFigures(robot, distances, draft);
+    for (DraftContact& contact : detail::draftHomeContacts(draft, distances))
+        draft.contacts.push_back(std::move(contact));
     return draft;
 }
 

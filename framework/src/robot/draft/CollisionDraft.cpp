@@ -1,15 +1,15 @@
-#include "robot/CollisionDraft.h"
+#include "robot/draft/CollisionDraft.h"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 
-#include "robot/ArmRecursion.h"
+#include "core/Text.h"
 #include "robot/MeshFile.h"
 #include "robot/PoseSampling.h"
 #include "robot/Segments.h"
+#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 
@@ -24,9 +24,8 @@ constexpr double kGrains = 1e4;
 constexpr double kThinnest = 1e-3;
 /** Corners that stand for a circle; they lie outside of it. */
 constexpr int kCorners = 32;
-/** Links that are nearer than this [m] (the usual safety distance) in more than this share of poses drawn within the
-limits may touch: no pose would be left for the arm. */
-constexpr double kNear = 0.02;
+/** Links that are near in more than this share of poses drawn within the limits may touch: no pose would be left for
+the arm. */
 constexpr double kNearlyAlways = 0.95;
 constexpr int kPoses = 1000;
 constexpr std::uint64_t kPoseSeed = 1;
@@ -137,23 +136,6 @@ DraftCapsule fitCapsule(const std::vector<Vector3d>& points, const Eigen::Matrix
     return best;
 }
 
-/** The mesh, looked for beside and below the URDF, from there by a relative path, and in the package of that name. */
-fs::path findMeshOfDraft(const std::string& name, const fs::path& folder) {
-    std::error_code failed;
-    if (fs::path found = findMesh(name, folder); !found.empty()) return found;
-    if (name.find("://") == std::string::npos)
-        return fs::is_regular_file(folder / name, failed) ? folder / name : fs::path();
-    const std::string scheme = "package://";
-    if (name.rfind(scheme, 0) != 0) return {};
-    const fs::path path = name.substr(scheme.size());
-    if (path.empty()) return {};
-    const fs::path package = *path.begin();
-    for (fs::path at = fs::weakly_canonical(folder, failed); at.has_relative_path(); at = at.parent_path())
-        if (at.filename() == package && fs::is_regular_file(at.parent_path() / path, failed))
-            return at.parent_path() / path;
-    return {};
-}
-
 /** Points around all of a shape, in the link's frame; a sphere's is its centre. Empty for a mesh that cannot be read. */
 std::vector<Vector3d> listCorners(const LinkShape& shape, const fs::path& folder) {
     std::vector<Vector3d> corners;
@@ -176,7 +158,7 @@ std::vector<Vector3d> listCorners(const LinkShape& shape, const fs::path& folder
             break;
         }
         case LinkShape::Kind::Mesh: {
-            const fs::path file = findMeshOfDraft(shape.mesh, folder);
+            const fs::path file = findMesh(shape.mesh, folder, MeshReach::Anywhere);
             if (file.empty()) break;
             const Mesh mesh = readMesh(file.string(), shape.size);
             for (std::size_t i = 0; i + 2 < mesh.positions.size(); i += 3)
@@ -222,8 +204,68 @@ bool areJoined(const UrdfRobot& robot, const std::string& a, const std::string& 
     return false;
 }
 
-/** The position limits; of a joint that lacks one, half a turn or a metre to either side. */
-JointBounds makeRange(const std::vector<DraftJoint>& joints) {
+}  // namespace
+
+LinkDistances::LinkDistances(const UrdfRobot& robot, const std::vector<DraftLink>& links)
+    : robot_(robot), links_(links), recursion_(makeDraftArm(robot)) {
+    for (std::size_t i = 0; i < links.size(); ++i)
+        for (std::size_t j = i + 1; j < links.size(); ++j) {
+            const DraftLink &a = links[i], &b = links[j];
+            if (a.capsules.empty() || b.capsules.empty() || areJoined(robot, a.name, b.name)) continue;
+            if (robot.links.at(a.name).carrier != robot.links.at(b.name).carrier) pairs_.emplace_back(i, j);
+        }
+}
+
+std::vector<std::vector<LinkDistances::Placed>> LinkDistances::place(const JointVector& q) const {
+    ArmRecursion::Frames frames;
+    recursion_.calcFrames(q, frames);
+    std::vector<std::vector<Placed>> placed(links_.size());
+    for (std::size_t k = 0; k < links_.size(); ++k) {
+        const UrdfRobot::LinkPlace& place = robot_.links.at(links_[k].name);
+        Eigen::Isometry3d pose = place.placement;
+        if (place.carrier >= 0) {
+            Eigen::Isometry3d carrier = Eigen::Isometry3d::Identity();
+            carrier.linear() = frames.rotation[static_cast<std::size_t>(place.carrier)];
+            carrier.translation() = frames.origin[static_cast<std::size_t>(place.carrier)];
+            pose = carrier * pose;
+        }
+        for (const DraftCapsule& c : links_[k].capsules) placed[k].push_back({pose * c.from, pose * c.to, c.radius});
+    }
+    return placed;
+}
+
+double LinkDistances::calcDistance(const std::vector<Placed>& one, const std::vector<Placed>& other) {
+    double nearest = kInfinity;
+    for (const Placed& c : one)
+        for (const Placed& d : other)
+            nearest = std::min(nearest, calcSegmentDistance(c.a, c.b, d.a, d.b) - c.radius - d.radius);
+    return nearest;
+}
+
+std::vector<double> LinkDistances::calc(const JointVector& q) const {
+    const std::vector<std::vector<Placed>> placed = place(q);
+    std::vector<double> distances;
+    for (const auto& [first, second] : pairs_) distances.push_back(calcDistance(placed[first], placed[second]));
+    return distances;
+}
+
+double LinkDistances::calcFrom(const Vector3d& point, const JointVector& q) const {
+    const std::vector<std::vector<Placed>> placed = place(q);
+    double nearest = kInfinity;
+    for (std::size_t k = 0; k < links_.size(); ++k)
+        if (robot_.links.at(links_[k].name).carrier >= 0)
+            nearest = std::min(nearest, calcDistance(placed[k], {{point, point, 0.0}}));
+    return nearest;
+}
+
+RobotDescription makeDraftArm(const UrdfRobot& robot) {
+    RobotDescription arm;
+    arm.joints = robot.joints;
+    arm.actuation.rotorInertia.setZero(arm.size());
+    return arm;
+}
+
+JointBounds makeDraftRange(const std::vector<DraftJoint>& joints) {
     const auto n = static_cast<int>(joints.size());
     JointBounds range{JointVector(n), JointVector(n)};
     for (int i = 0; i < n; ++i) {
@@ -236,80 +278,60 @@ JointBounds makeRange(const std::vector<DraftJoint>& joints) {
     return range;
 }
 
-/** A capsule where a pose puts it. */
-struct Placed {
-    Vector3d a, b;
-    double radius;
-};
-
-/** Capsules of each link in the base frame. */
-std::vector<std::vector<Placed>> placeCapsules(const UrdfRobot& robot, const std::vector<DraftLink>& links,
-                                               const ArmRecursion::Frames& frames) {
-    std::vector<std::vector<Placed>> placed(links.size());
-    for (std::size_t k = 0; k < links.size(); ++k) {
-        const UrdfRobot::LinkPlace& place = robot.links.at(links[k].name);
-        Eigen::Isometry3d pose = place.placement;
-        if (place.carrier >= 0) {
-            Eigen::Isometry3d carrier = Eigen::Isometry3d::Identity();
-            carrier.linear() = frames.rotation[static_cast<std::size_t>(place.carrier)];
-            carrier.translation() = frames.origin[static_cast<std::size_t>(place.carrier)];
-            pose = carrier * pose;
-        }
-        for (const DraftCapsule& c : links[k].capsules) placed[k].push_back({pose * c.from, pose * c.to, c.radius});
-    }
-    return placed;
+std::vector<DraftLink> draftLinks(const UrdfRobot& robot, const fs::path& folder) {
+    std::vector<DraftLink> links;
+    for (const UrdfRobot::Link& link : robot.bodies) links.push_back(draftLink(robot, link.name, folder));
+    return links;
 }
 
-bool areNear(const std::vector<Placed>& one, const std::vector<Placed>& other) {
-    for (const Placed& c : one)
-        for (const Placed& d : other)
-            if (calcSegmentDistance(c.a, c.b, d.a, d.b) < c.radius + d.radius + kNear) return true;
-    return false;
-}
-
-}  // namespace
-
-void draftCollision(const UrdfRobot& robot, const fs::path& folder, RobotDraft& draft) {
-    for (const UrdfRobot::Link& link : robot.bodies) draft.links.push_back(draftLink(robot, link.name, folder));
-
-    struct Pair {
-        std::size_t first, second;
-        int nearPoses = 0;
-    };
-    std::vector<Pair> pairs;
-    for (std::size_t i = 0; i < draft.links.size(); ++i) {
-        for (std::size_t j = i + 1; j < draft.links.size(); ++j) {
-            const DraftLink &a = draft.links[i], &b = draft.links[j];
-            if (a.capsules.empty() || b.capsules.empty()) continue;
-            if (robot.links.at(a.name).carrier == robot.links.at(b.name).carrier) continue;
-            if (areJoined(robot, a.name, b.name))
-                draft.contacts.push_back({a.name, b.name, "next to each other"});
-            else
-                pairs.push_back({i, j});
-        }
-    }
-    if (pairs.empty()) return;
-    RobotDescription arm;
-    arm.joints = robot.joints;
-    arm.actuation.rotorInertia.setZero(arm.size());
-    const ArmRecursion recursion(arm);
-    ArmRecursion::Frames frames;
-    const JointBounds range = makeRange(draft.joints);
+std::vector<DraftContact> draftContacts(const UrdfRobot& robot, const RobotDraft& draft,
+                                        const LinkDistances& distances) {
+    std::vector<DraftContact> contacts;
+    for (std::size_t i = 0; i < draft.links.size(); ++i)
+        for (std::size_t j = i + 1; j < draft.links.size(); ++j)
+            if (!draft.links[i].capsules.empty() && !draft.links[j].capsules.empty() &&
+                areJoined(robot, draft.links[i].name, draft.links[j].name))
+                contacts.push_back({draft.links[i].name, draft.links[j].name, "next to each other"});
+    if (distances.pairs().empty()) return contacts;
+    std::vector<int> nearPoses(distances.pairs().size());
+    const JointBounds range = makeDraftRange(draft.joints);
     std::mt19937_64 random(kPoseSeed);
     for (int pose = 0; pose < kPoses; ++pose) {
-        recursion.calcFrames(drawPose(range, random), frames);
-        const std::vector<std::vector<Placed>> placed = placeCapsules(robot, draft.links, frames);
-        for (Pair& pair : pairs)
-            if (areNear(placed[pair.first], placed[pair.second])) ++pair.nearPoses;
+        const std::vector<double> distance = distances.calc(drawPose(range, random));
+        for (std::size_t k = 0; k < distance.size(); ++k) nearPoses[k] += distance[k] < kNear ? 1 : 0;
     }
-    for (const Pair& pair : pairs) {
-        const double share = static_cast<double>(pair.nearPoses) / kPoses;
-        if (share <= kNearlyAlways) continue;
-        char reason[100];
-        std::snprintf(reason, sizeof reason, "nearer than %g cm in %.1f %% of %d random poses", 100.0 * kNear,
-                      100.0 * share, kPoses);
-        draft.contacts.push_back({draft.links[pair.first].name, draft.links[pair.second].name, reason});
+    for (std::size_t k = 0; k < nearPoses.size(); ++k) {
+        const double share = static_cast<double>(nearPoses[k]) / kPoses;
+        const auto& [first, second] = distances.pairs()[k];
+        if (share > kNearlyAlways)
+            contacts.push_back(
+                {draft.links[first].name, draft.links[second].name,
+                 format("nearer than %g cm in %.1f %% of %d random poses", 100.0 * kNear, 100.0 * share, kPoses)});
     }
+    return contacts;
+}
+
+std::vector<DraftContact> draftHomeContacts(const RobotDraft& draft, const LinkDistances& distances) {
+    const auto isKnown = [&](const std::string& first, const std::string& second) {
+        return std::any_of(draft.contacts.begin(), draft.contacts.end(), [&](const DraftContact& contact) {
+            return contact.first == first && contact.second == second;
+        });
+    };
+    JointVector home(draft.joints.size());
+    for (int i = 0; i < home.size(); ++i) home[i] = draft.joints[static_cast<std::size_t>(i)].home;
+    const std::vector<double> distance = distances.calc(home);
+    std::vector<DraftContact> contacts;
+    for (std::size_t k = 0; k < distance.size(); ++k) {
+        const std::string& first = draft.links[distances.pairs()[k].first].name;
+        const std::string& second = draft.links[distances.pairs()[k].second].name;
+        if (!(distance[k] < kNear) || isKnown(first, second)) continue;
+        const std::string size = format("%.0f mm", 1e3 * std::abs(distance[k]));
+        contacts.push_back(
+            {first, second,
+             distance[k] < 0.0 ? "overlap by " + size + " at the home pose" : "are " + size + " apart at the home pose",
+             true});
+    }
+    return contacts;
 }
 
 }  // namespace viable::detail

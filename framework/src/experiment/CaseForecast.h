@@ -1,0 +1,25 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "experiment/ConfiguredCase.h"
+
+namespace viable {
+
+/** What can be told of a case before its run. */
+struct CaseForecast {
+    std::string gains;   ///< of the robust loop, with their margins: one line; empty: none that tells its law
+    std::string motors;  ///< shares of their torque limits, one line; empty: no limits are known
+    /** What will fail in a run, each in one line with its remedy: motors that cannot hold the arm or move it as fast as the
+    limits allow, a command that starts far from the tool or out of its reach, an arm that starts in an obstacle or in
+    itself, a controller and a filter that do not bring the nominal arm to rest. */
+    std::vector<std::string> warnings;
+};
+
+/** Looks ahead: at the start, at a fixed sample of 1000 poses within the limits, and at the first command. Torques are those
+of the nominal arm with the payload that it knows; what friction and disturbances take comes on top. Command and
+controller are reset and asked. Throws Error (PluginFailed) where they cannot be reset. Some 0.1 s. */
+CaseForecast forecastCase(const ConfiguredCase& configured);
+
+}  // namespace viable

@@ -1,0 +1,208 @@
+#include "robot/urdf/UrdfChecks.h"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "core/Text.h"
+#include "robot/RigidBody.h"
+#include "viable/core/Error.h"
+#include "viable/core/JointTypes.h"
+
+namespace viable::detail {
+
+namespace {
+
+constexpr const char* kOpenLoop = "An arm is a tree of links: open the loop.";
+constexpr const char* kKinds =
+    "Supported are revolute, continuous, prismatic and fixed; replace it by such joints, or freeze it: `viable new "
+    "robot "
+    "NAME --urdf FILE --fix JOINT`.";
+constexpr std::size_t kMostChains = 12;
+/** Names that are compared with all others, for a suggestion. */
+constexpr int kMostSearches = 20;
+
+/** The last chains of an arm with too many joints, longest first. */
+std::string listChains(const UrdfTree& tree) {
+    std::vector<std::pair<int, int>> chains = tree.listChains();
+    std::stable_sort(chains.begin(), chains.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
+    std::string text;
+    for (std::size_t k = 0; k < std::min(chains.size(), kMostChains); ++k)
+        addItem(text, quoteName(tree.joints[static_cast<std::size_t>(chains[k].first)].child) + " (" +
+                          std::to_string(chains[k].second) + ")");
+    return chains.size() > kMostChains ? text + ", ..." : text;
+}
+
+void checkJoint(const UrdfDocument& document, const UrdfTree::Joint& joint, Complaints& complaints) {
+    const std::string where = document.place(*joint.element);
+    const std::string who = "joint " + quoteName(joint.name);
+    if (!readOrigin(*joint.element))
+        complaints.add(where, "the origin of " + who + " does not consist of finite numbers",
+                       "Correct its xyz and rpy, three numbers each.");
+    if (!joint.isMoving) return;
+    const bool isLimited = joint.type == "revolute" || joint.type == "prismatic";
+    if (joint.type == "floating")
+        return complaints.add(where, who + " is of type floating, but the base must be fixed", kKinds);
+    if (joint.type == "planar") return complaints.add(where, who + " is of type planar", kKinds);
+    if (!isLimited && joint.type != "continuous")
+        return complaints.add(
+            where, who + (joint.type.empty() ? " has no type" : " is of an unknown type, " + quoteName(joint.type)),
+            kKinds);
+    if (const TiXmlElement* mimic = joint.element->FirstChildElement("mimic"))
+        complaints.add(
+            where,
+            who + " mimics joint " + quoteName(getAttribute(mimic, "joint")) + ", but coupled joints are not supported",
+            "Make it fixed, or remove <mimic> to drive it by itself.");
+    if (!readAxis(*joint.element))
+        complaints.add(where, "the axis of " + who + " has no direction",
+                       "Give <axis xyz=\"...\"/> three numbers, such as \"0 0 1\".");
+    const TiXmlElement* limit = joint.element->FirstChildElement("limit");
+    std::string missing, wrong;
+    if (!limit && isLimited) missing = "<limit>";
+    for (const char* attribute : {"effort", "velocity"})
+        if (limit && !limit->Attribute(attribute)) addItem(missing, quoteName(attribute), " and no ");
+    for (const char* attribute : {"lower", "upper", "effort", "velocity"})
+        if (limit && limit->Attribute(attribute) && !parseNumber(limit->Attribute(attribute)))
+            addItem(wrong, quoteName(attribute) + " is \"" + limit->Attribute(attribute) + "\"");
+    if (!wrong.empty())
+        complaints.add(where, "in the <limit> of " + who + ", " + wrong + ": no finite number",
+                       "Write a number in radians, metres, newtons or newton metres.");
+    if (!missing.empty())
+        complaints.add(where, who + " of type " + joint.type + " has no " + missing + (limit ? " in its <limit>" : ""),
+                       "Write <limit lower=\"..\" upper=\"..\" effort=\"..\" velocity=\"..\"/>, with 0 "
+                       "for an effort or a velocity that is not known: limits.yaml and "
+                       "actuation.yaml give it then.");
+}
+
+/** The mass that the link's <inertial> states, 0 where it states none. */
+double checkInertial(const UrdfDocument& document, const UrdfTree::Link& link, Complaints& complaints) {
+    const TiXmlElement* inertial = link.element->FirstChildElement("inertial");
+    if (!inertial) return 0.0;
+    const std::string where = document.place(*link.element);
+    const std::string name = "link " + quoteName(link.name) + ": ";
+    const std::optional<UrdfInertial> read = readInertial(*inertial);
+    if (!read) {
+        complaints.add(where, name + "the <inertial> element is incomplete or holds numbers that are not finite",
+                       "It takes <origin xyz=\"...\" rpy=\"...\"/>, <mass value=\"...\"/> and <inertia> with ixx, ixy, "
+                       "ixz, iyy, iyz and izz.");
+        return 1.0;  // unknown, and told
+    }
+    if (read->mass < 0.0)
+        complaints.add(where, name + "the mass is " + formatNumber(read->mass) + " kg", "A mass is zero or positive.");
+    else if (read->mass == 0.0 && !read->inertia.isZero(0.0))
+        complaints.add(where, name + "there is an inertia without a mass",
+                       "Give the link its mass, or make all six inertia entries zero.");
+    else if (const std::string fault = findInertiaFault(read->inertia, false); !fault.empty())
+        complaints.add(where, name + fault,
+                       "Correct <inertia>: URDF takes the tensor about the centre of mass, "
+                       "with ixy = -integral of x y dm; some CAD programs export the other "
+                       "sign, or the tensor about the link's origin.");
+    else
+        return read->mass;
+    return 1.0;  // a fault of its own, told already
+}
+
+}  // namespace
+
+void checkUrdfTree(UrdfDocument& document, Complaints& complaints) {
+    for (const char* tag : {"joint", "link"}) {
+        std::map<std::string, const TiXmlElement*> first;
+        for (const TiXmlElement* element : document.list(tag)) {
+            const std::string name = getAttribute(element, "name");
+            if (name.empty()) {
+                complaints.add(document.place(*element), "the " + std::string(tag) + " has no name",
+                               "Add the attribute `name`.");
+                continue;
+            }
+            const auto [other, isNew] = first.emplace(name, element);
+            if (!isNew)
+                complaints.add(document.place(*element),
+                               "there is a second " + std::string(tag) + " " + quoteName(name) +
+                                   "; the first is at line " + std::to_string(other->second->Row()),
+                               "Give each a name of its own.");
+        }
+    }
+    const UrdfTree tree(document);
+    std::vector<std::string> names;
+    for (const UrdfTree::Link& link : tree.links) names.push_back(link.name);
+    int searches = 0;
+    std::map<std::string, std::string> carrier;
+    for (const UrdfTree::Joint& joint : tree.joints) {
+        const std::string where = document.place(*joint.element);
+        const std::string who = "joint " + quoteName(joint.name);
+        for (const bool isChild : {false, true}) {
+            const std::string& link = isChild ? joint.child : joint.parent;
+            const std::string tag = isChild ? "child" : "parent";
+            if (link.empty())
+                complaints.add(where, who + " names no " + tag + " link", "Add <" + tag + " link=\"...\"/>.");
+            else if (tree.find.count(link) == 0) {
+                const std::string closest = ++searches > kMostSearches ? "" : findClosestName(link, names);
+                complaints.add(where, "the " + tag + " link " + quoteName(link) + " of " + who + " was not found",
+                               closest.empty() ? "Add the link, or correct its name."
+                                               : "Did you mean " + quoteName(closest) + "?");
+            }
+        }
+        const auto [other, isNew] = carrier.emplace(joint.child, joint.name);
+        if (!isNew && !joint.child.empty())
+            complaints.add(where,
+                           "link " + quoteName(joint.child) + " is the child of two joints, " +
+                               quoteName(other->second) + " and " + quoteName(joint.name),
+                           kOpenLoop);
+    }
+    if (tree.links.empty())
+        return complaints.add(document.file(), "the robot has no links",
+                              "A URDF names links, and joints between them.");
+    if (!complaints.isEmpty()) return;  // what hangs together is known only then
+    std::vector<bool> isReached(tree.joints.size());
+    for (const int j : tree.outwards) isReached[static_cast<std::size_t>(j)] = true;
+    const UrdfTree::Link* base = nullptr;
+    for (const UrdfTree::Link& link : tree.links) {
+        if (link.carrier < 0 && !base) {
+            base = &link;
+        } else if (link.carrier < 0) {
+            complaints.add(
+                document.place(*link.element),
+                "link " + quoteName(link.name) + " is not connected; the base is link " + quoteName(base->name),
+                "Add the joint that carries it, or remove it.");
+        } else if (!isReached[static_cast<std::size_t>(link.carrier)]) {
+            const UrdfTree::Joint& joint = tree.joints[static_cast<std::size_t>(link.carrier)];
+            complaints.add(document.place(*joint.element),
+                           "joint " + quoteName(joint.name) + " is part of a loop, or hangs on one", kOpenLoop);
+        }
+    }
+}
+
+void checkUrdfElements(UrdfDocument& document, Complaints& complaints) {
+    const bool isWhole = complaints.isEmpty();
+    const UrdfTree tree(document);
+    int moving = 0;
+    for (const UrdfTree::Joint& joint : tree.joints) {
+        checkJoint(document, joint, complaints);
+        moving += joint.isMoving ? 1 : 0;
+    }
+    const std::vector<bool> isMoved = tree.findMoved();
+    std::vector<bool> hasMass(tree.links.size());
+    for (std::size_t i = 0; i < tree.links.size(); ++i)
+        if (isMoved[i]) hasMass[i] = checkInertial(document, tree.links[i], complaints) > 0.0;
+    const std::vector<bool> carriesMass = tree.findCarried(hasMass);
+    for (const int j : tree.outwards) {
+        const UrdfTree::Joint& joint = tree.joints[static_cast<std::size_t>(j)];
+        if (!joint.isMoving || carriesMass[static_cast<std::size_t>(j)]) continue;
+        complaints.add(document.place(*tree.links[static_cast<std::size_t>(joint.childLink)].element),
+                       "link " + quoteName(joint.child) + ", moved by joint " + quoteName(joint.name) + ", has no mass",
+                       "Give it an <inertial> element with mass and inertia, or make the joint fixed.");
+    }
+    if (!isWhole) return;  // how many joints there are is open
+    if (moving == 0)
+        complaints.add(document.file(), "the robot has no moving joint",
+                       "At least one revolute, continuous or prismatic joint is needed.");
+    if (moving > kMaxJoints)
+        complaints.add(
+            document.file(),
+            "the robot has " + std::to_string(moving) + " moving joints; at most " + std::to_string(kMaxJoints) +
+                " are supported",
+            "Take one chain: `viable new robot NAME --urdf FILE --tip LINK` freezes the other joints. Chains "
+            "end at (moving joints from the base): " +
+                listChains(tree) + ".");
+}
+
+}  // namespace viable::detail

@@ -1,0 +1,312 @@
+#include "robot/urdf/UrdfDocument.h"
+
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <locale>
+#include <sstream>
+#include <utility>
+
+#include "viable/core/Error.h"
+
+namespace viable::detail {
+
+namespace {
+
+std::string readText(const std::filesystem::path& file) {
+    std::error_code failed;
+    const std::uintmax_t size = std::filesystem::file_size(file, failed);
+    if (!failed && size > kMaxUrdfBytes)
+        throw badInput(
+            file.string(),
+            "the file has " + std::to_string(size) + " bytes; at most " + std::to_string(kMaxUrdfBytes) + " are read",
+            "A URDF names its meshes, it does not contain them; check the file.");
+    std::ifstream stream(file, std::ios::binary);
+    std::ostringstream text;
+    if (stream) text << stream.rdbuf();
+    if (!stream || failed) throw badInput(file.string(), "the file cannot be read", "Check its permissions.");
+    return text.str();
+}
+
+/** The end of the tag that begins at `begin`: its `>` that is not in quotes; npos: none. Counts its attributes. */
+std::size_t findTagEnd(const std::string& text, std::size_t begin, int& attributes) {
+    char quote = '\0';
+    for (std::size_t i = begin; i < text.size(); ++i) {
+        const char c = text[i];
+        if (quote != '\0') {
+            if (c == quote) quote = '\0';
+        } else if (c == '"' || c == '\'') {
+            quote = c;
+        } else if (c == '=') {
+            ++attributes;
+        } else if (c == '>') {
+            return i;
+        }
+    }
+    return std::string::npos;
+}
+
+/** Refuses what the XML reader would crash on, cut off, or take minutes for. */
+void checkText(const std::string& text, const std::string& file) {
+    if (text.find_first_not_of(" \t\r\n") == std::string::npos)
+        throw badInput(file, "the file is empty", "A URDF file holds one <robot> element.");
+    if (text.find('\0') != std::string::npos)
+        throw badInput(file, "the file holds binary data", "A URDF file is XML text.");
+    int depth = 0;
+    for (std::size_t i = text.find('<'); i != std::string::npos; i = text.find('<', i + 1)) {
+        // What is no element, and may hold anything.
+        bool isSkipped = false;
+        for (const auto& [begin, end] : {std::pair("<!--", "-->"), {"<![CDATA[", "]]>"}, {"<?", "?>"}, {"<!", ">"}}) {
+            if (text.compare(i, std::strlen(begin), begin) != 0) continue;
+            i = text.find(end, i);
+            isSkipped = true;
+            break;
+        }
+        if (i == std::string::npos) break;
+        if (isSkipped) continue;
+        if (i + 1 < text.size() && text[i + 1] == '/') {
+            --depth;
+            continue;
+        }
+        int attributes = 0;
+        const std::size_t end = findTagEnd(text, i, attributes);
+        if (end == std::string::npos || text[end - 1] != '/') ++depth;
+        if (depth > kMaxUrdfDepth)
+            throw badInput(file, "the elements are nested deeper than " + std::to_string(kMaxUrdfDepth) + " levels",
+                           "Check that every element is closed.");
+        if (attributes > kMaxUrdfAttributes)
+            throw badInput(file, "an element has more than " + std::to_string(kMaxUrdfAttributes) + " attributes",
+                           "Check that every attribute's value is in quotes, and every element closed.");
+        if (end == std::string::npos) break;  // the XML reader tells
+        i = end;
+    }
+}
+
+/** The end of a message that goes on. */
+std::string withoutPeriod(std::string text) {
+    while (!text.empty() && text.back() == '.') text.pop_back();
+    return text;
+}
+
+/** Shorter axes are a slip, and their direction is rounding. */
+constexpr double kShortestAxis = 1e-6;
+
+}  // namespace
+
+UrdfDocument::UrdfDocument(const std::filesystem::path& file) : file_(file.string()), text_(readText(file)) {
+    checkText(text_, file_);
+    xml_.Parse(text_.c_str(), nullptr, TIXML_ENCODING_UTF8);
+    if (xml_.Error())
+        throw badInput(xml_.ErrorRow() > 0
+                           ? file_ + ":" + std::to_string(xml_.ErrorRow()) + ":" + std::to_string(xml_.ErrorCol())
+                           : file_,
+                       "this is not XML: " + withoutPeriod(xml_.ErrorDesc()),
+                       "Check that the file is complete and every element is closed.");
+    const TiXmlElement* root = xml_.RootElement();
+    if (!root || root->ValueStr() != "robot")
+        throw badInput(
+            file_,
+            "the file's root is " + (root ? "<" + root->ValueStr() + ">" : std::string("missing")) + ", not <robot>",
+            "Only URDF is read; convert other formats (SDF, MJCF) first.");
+    const auto refuseXacro = [&](const TiXmlElement& element, const auto& again) -> void {
+        bool isXacro = element.ValueStr().compare(0, 6, "xacro:") == 0;
+        for (const TiXmlAttribute* a = element.FirstAttribute(); a && !isXacro; a = a->Next())
+            isXacro = a->ValueStr().find("${") != std::string::npos || a->ValueStr().find("$(") != std::string::npos;
+        if (isXacro)
+            throw badInput(place(element),
+                           "this is xacro input, not URDF: <" + element.ValueStr() + "> still has to be expanded",
+                           "Run `xacro INPUT.xacro > NAME.urdf` and use its output.");
+        for (const TiXmlElement* child = element.FirstChildElement(); child; child = child->NextSiblingElement())
+            again(*child, again);
+    };
+    refuseXacro(*root, refuseXacro);
+}
+
+std::string UrdfDocument::print() const {
+    TiXmlPrinter printer;
+    printer.SetIndent("  ");
+    xml_.Accept(&printer);
+    return printer.Str();
+}
+
+std::vector<TiXmlElement*> UrdfDocument::list(const char* tag) {
+    std::vector<TiXmlElement*> elements;
+    for (TiXmlElement* e = xml_.RootElement()->FirstChildElement(tag); e; e = e->NextSiblingElement(tag))
+        elements.push_back(e);
+    return elements;
+}
+
+std::string UrdfDocument::place(const TiXmlElement& element) const {
+    return file_ + ":" + std::to_string(element.Row()) + ":" + std::to_string(element.Column());
+}
+
+UrdfTree::UrdfTree(UrdfDocument& document) {
+    for (TiXmlElement* element : document.list("link")) {
+        Link link;
+        link.element = element;
+        link.name = getAttribute(element, "name");
+        if (link.name.empty() || !find.emplace(link.name, static_cast<int>(links.size())).second) continue;
+        links.push_back(std::move(link));
+    }
+    for (TiXmlElement* element : document.list("joint")) {
+        Joint joint;
+        joint.element = element;
+        joint.name = getAttribute(element, "name");
+        joint.type = getAttribute(element, "type");
+        joint.parent = getAttribute(element->FirstChildElement("parent"), "link");
+        joint.child = getAttribute(element->FirstChildElement("child"), "link");
+        joint.isMoving = joint.type != "fixed";
+        if (joint.name.empty()) continue;
+        const int index = static_cast<int>(joints.size());
+        if (const auto parent = find.find(joint.parent); parent != find.end()) {
+            joint.parentLink = parent->second;
+            links[static_cast<std::size_t>(parent->second)].joints.push_back(index);
+        }
+        if (const auto child = find.find(joint.child); child != find.end()) {
+            joint.childLink = child->second;
+            links[static_cast<std::size_t>(child->second)].carrier = index;
+        }
+        joints.push_back(std::move(joint));
+    }
+    std::vector<int> reached;
+    for (std::size_t i = 0; i < links.size(); ++i)
+        if (links[i].carrier < 0) reached.push_back(static_cast<int>(i));
+    for (std::size_t k = 0; k < reached.size(); ++k)
+        for (const int j : links[static_cast<std::size_t>(reached[k])].joints) {
+            const int child = joints[static_cast<std::size_t>(j)].childLink;
+            // Of two joints with one child only the last carries it.
+            if (child < 0 || links[static_cast<std::size_t>(child)].carrier != j) continue;
+            outwards.push_back(j);
+            reached.push_back(child);
+        }
+}
+
+std::vector<int> UrdfTree::listJointsAbove(int link) const {
+    std::vector<int> above;
+    while (link >= 0 && above.size() <= joints.size()) {
+        const int joint = links[static_cast<std::size_t>(link)].carrier;
+        if (joint < 0) break;
+        above.push_back(joint);
+        link = joints[static_cast<std::size_t>(joint)].parentLink;
+    }
+    return above;
+}
+
+std::vector<bool> UrdfTree::findMovingBeyond() const {
+    std::vector<bool> beyond(joints.size());
+    for (auto j = outwards.rbegin(); j != outwards.rend(); ++j) {
+        const int before = links[static_cast<std::size_t>(joints[static_cast<std::size_t>(*j)].parentLink)].carrier;
+        if (before >= 0 && (joints[static_cast<std::size_t>(*j)].isMoving || beyond[static_cast<std::size_t>(*j)]))
+            beyond[static_cast<std::size_t>(before)] = true;
+    }
+    return beyond;
+}
+
+std::vector<bool> UrdfTree::findMoved() const {
+    std::vector<bool> moved(links.size());
+    for (const int j : outwards) {
+        const Joint& joint = joints[static_cast<std::size_t>(j)];
+        moved[static_cast<std::size_t>(joint.childLink)] =
+            joint.isMoving || moved[static_cast<std::size_t>(joint.parentLink)];
+    }
+    return moved;
+}
+
+std::vector<bool> UrdfTree::findCarried(const std::vector<bool>& has) const {
+    std::vector<bool> carried(joints.size());
+    for (auto j = outwards.rbegin(); j != outwards.rend(); ++j) {
+        const Joint& joint = joints[static_cast<std::size_t>(*j)];
+        if (has[static_cast<std::size_t>(joint.childLink)]) carried[static_cast<std::size_t>(*j)] = true;
+        const int before = links[static_cast<std::size_t>(joint.parentLink)].carrier;
+        if (before >= 0 && !joint.isMoving && carried[static_cast<std::size_t>(*j)])
+            carried[static_cast<std::size_t>(before)] = true;
+    }
+    return carried;
+}
+
+std::vector<std::pair<int, int>> UrdfTree::listChains() const {
+    const std::vector<bool> beyond = findMovingBeyond();
+    std::vector<int> moving(links.size());  // joints from the base to a link
+    std::vector<std::pair<int, int>> chains;
+    for (const int j : outwards) {
+        const Joint& joint = joints[static_cast<std::size_t>(j)];
+        const int count = moving[static_cast<std::size_t>(joint.parentLink)] + (joint.isMoving ? 1 : 0);
+        moving[static_cast<std::size_t>(joint.childLink)] = count;
+        if (joint.isMoving && !beyond[static_cast<std::size_t>(j)]) chains.emplace_back(j, count);
+    }
+    return chains;
+}
+
+std::string quoteName(const std::string& name) {
+    return "`" + name + "`";
+}
+
+std::string getAttribute(const TiXmlElement* element, const char* name) {
+    const char* text = element ? element->Attribute(name) : nullptr;
+    return text ? text : "";
+}
+
+std::optional<std::vector<double>> parseNumbers(const std::string& text) {
+    std::istringstream stream(text);
+    stream.imbue(std::locale::classic());
+    std::vector<double> numbers;
+    for (double number; stream >> number;) numbers.push_back(number);
+    if (!stream.eof()) return {};
+    for (const double number : numbers)
+        if (!std::isfinite(number)) return {};
+    return numbers;
+}
+
+std::optional<double> parseNumber(const std::string& text) {
+    const auto numbers = parseNumbers(text);
+    if (!numbers || numbers->size() != 1) return {};
+    return numbers->front();
+}
+
+std::optional<Eigen::Isometry3d> readOrigin(const TiXmlElement& element) {
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    const TiXmlElement* origin = element.FirstChildElement("origin");
+    if (!origin) return pose;
+    for (const char* name : {"xyz", "rpy"}) {
+        if (!origin->Attribute(name)) continue;
+        const auto v = parseNumbers(origin->Attribute(name));
+        if (!v || v->size() != 3) return {};
+        if (std::string(name) == "xyz")
+            pose.translation() << (*v)[0], (*v)[1], (*v)[2];
+        else
+            pose.linear() = (Eigen::AngleAxisd((*v)[2], Eigen::Vector3d::UnitZ()) *
+                             Eigen::AngleAxisd((*v)[1], Eigen::Vector3d::UnitY()) *
+                             Eigen::AngleAxisd((*v)[0], Eigen::Vector3d::UnitX()))
+                                .toRotationMatrix();
+    }
+    return pose;
+}
+
+std::optional<Eigen::Vector3d> readAxis(const TiXmlElement& joint) {
+    const TiXmlElement* axis = joint.FirstChildElement("axis");
+    if (!axis || !axis->Attribute("xyz")) return Eigen::Vector3d::UnitX();
+    const auto v = parseNumbers(axis->Attribute("xyz"));
+    if (!v || v->size() != 3) return {};
+    const Eigen::Vector3d direction((*v)[0], (*v)[1], (*v)[2]);
+    if (!(direction.norm() >= kShortestAxis)) return {};
+    return direction.normalized();
+}
+
+std::optional<UrdfInertial> readInertial(const TiXmlElement& inertial) {
+    const auto mass = parseNumber(getAttribute(inertial.FirstChildElement("mass"), "value"));
+    const TiXmlElement* tensor = inertial.FirstChildElement("inertia");
+    if (!mass || !tensor || !readOrigin(inertial)) return {};
+    double m[6];
+    int k = 0;
+    for (const char* name : {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"}) {
+        const auto entry = parseNumber(getAttribute(tensor, name));
+        if (!entry) return {};
+        m[k++] = *entry;
+    }
+    UrdfInertial read;
+    read.mass = *mass;
+    read.inertia << m[0], m[1], m[2], m[1], m[3], m[4], m[2], m[4], m[5];
+    return read;
+}
+
+}  // namespace viable::detail

@@ -1,0 +1,19 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace viable {
+
+/** What `viable new robot` was asked for. */
+struct NewRobotArguments {
+    std::string name, urdf, out;
+    std::string base, tip;
+    std::vector<std::string> fixed;
+    bool assumes = false;
+};
+
+/** Writes the folder of a robot and prints what is to be done in it. Throws Error (BadInput). */
+void writeRobot(const NewRobotArguments& arguments);
+
+}  // namespace viable

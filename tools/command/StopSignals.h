@@ -1,0 +1,14 @@
+#pragma once
+
+#include <atomic>
+
+namespace viable {
+
+/** The signal that asked for the end; 0: none so far. */
+const std::atomic<int>& getStopSignal();
+
+/** From now on the first SIGINT, SIGTERM or SIGHUP is only noted, the second ends the program with code 128 + n. A SIGHUP
+that is ignored already, as under nohup, stays ignored. Returns getStopSignal(). */
+const std::atomic<int>& catchStopSignals();
+
+}  // namespace viable
