@@ -168,6 +168,16 @@ std::string makeRunLimits(const std::vector<DraftJoint>& joints) {
            formatList(joints, lower) + "\n    upper: " + formatList(joints, upper) + "\n";
 }
 
+/** Whether collision.yaml is whole, so that runs can read it. */
+bool hasCapsules(const RobotDraft& draft) {
+    bool any = false;
+    for (const DraftLink& link : draft.links) {
+        if (!link.lostMeshes.empty()) return false;
+        any = any || !link.capsules.empty();
+    }
+    return any;
+}
+
 std::map<std::string, std::string> makeReplacements(const NewRobotArguments& arguments, const RobotDraft& draft) {
     const auto list = [&](double DraftJoint::*member) {
         return formatList(draft.joints, [&](const DraftJoint& j) { return j.*member; });
@@ -211,6 +221,8 @@ std::map<std::string, std::string> makeReplacements(const NewRobotArguments& arg
                                                     : "The robot ends in several: " + joinNames(draft.toolLinks)},
         {"REACH", formatRounded(draft.task.reach * DraftTask::kHandShare)},
         {"TOP_SPEED", formatRounded(draft.task.reach * kHandSpeed)},
+        {"HAND_ENVIRONMENT",
+         hasCapsules(draft) ? "environment: {safety_distance_m: 0}  # the run tells when links touch\n" : ""},
         {"FASTEST", formatValue(draft.task.fastest)},
         {"SLOWEST", formatRounded(draft.task.fastest * kSlowest)},
         {"DURATION", formatValue(std::max(kShortestRun_s, std::ceil(draft.task.fastest * kSlowest * kReaches)))},
@@ -219,6 +231,7 @@ std::map<std::string, std::string> makeReplacements(const NewRobotArguments& arg
          draft.task.toolJoints >= 6
              ? "{plugin: tool_servo}"
              : "{plugin: tool_servo, rotation_length_m: 0.001}  # too few joints to turn the tool at will"},
+        {"SAFETY", formatValue(draft.task.safety)},
         {"BALL_RADIUS", formatValue(draft.task.radius)},
         {"BALL", formatPoint(draft.task.ball)},
         {"MESHES", draft.meshes.empty()
@@ -278,7 +291,8 @@ void printHomeContacts(const std::vector<DraftContact>& contacts) {
     const auto isDoubtful = [](const DraftContact& contact) { return contact.isDoubtful; };
     if (std::none_of(contacts.begin(), contacts.end(), isDoubtful)) return;
     std::printf(
-        "Links that touch at the home pose; collision.yaml lets them, marked LOOK. Are the capsules too wide, or is "
+        "Links that touch at the home pose, or nearly; collision.yaml lets them, marked LOOK. Are the capsules too "
+        "wide, or is "
         "the "
         "pose wrong?\n");
     for (const DraftContact& contact : contacts)
@@ -314,10 +328,8 @@ void writeRobot(const NewRobotArguments& arguments) {
     FolderFiles files = fillTemplate(getTemplates() / "robot", replacements);
     const bool canFollow = draft.task.directions >= kFewestDirections && draft.task.reach > kShortestReach;
     if (canFollow) files.merge(fillTemplate(getTemplates() / "robot_hand", replacements));
-    const auto isLost = [](const DraftLink& link) { return !link.lostMeshes.empty(); };
-    const bool hasLost = std::any_of(draft.links.begin(), draft.links.end(), isLost);
-    if (canFollow && !hasLost && draft.task.radius > 0.0)
-        files.merge(fillTemplate(getTemplates() / "robot_obstacles", replacements));
+    const bool hasBall = hasCapsules(draft) && draft.task.radius > 0.0;
+    if (canFollow && hasBall) files.merge(fillTemplate(getTemplates() / "robot_obstacles", replacements));
     files[arguments.name + ".urdf"] = makeUrdf(draft);
     writeNewFolder(target, files);
 
@@ -331,10 +343,8 @@ void writeRobot(const NewRobotArguments& arguments) {
     printBlankFiles(target, files);
     if (arguments.assumes && !canFollow)
         std::printf("No hand.yaml: the tool cannot be moved in three directions.\n");
-    else if (arguments.assumes && hasLost)
-        std::printf("No obstacles.yaml: collision.yaml has blanks for meshes that were not found.\n");
-    else if (arguments.assumes && !(draft.task.radius > 0.0))
-        std::printf("No obstacles.yaml: the URDF has no shapes that capsules could be drafted from.\n");
+    else if (arguments.assumes && !hasBall)
+        std::printf("No obstacles.yaml: the URDF has no shapes, or meshes were not found; see collision.yaml.\n");
     if (draft.tool.empty() && draft.toolLinks.size() > 1)
         std::printf(
             "The robot ends in several links: --tip LINK takes the chain to one of them and freezes the rest.\n");

@@ -10,7 +10,9 @@ namespace {
 std::atomic<int> stopSignal{0};
 
 void onStopSignal(int signal) {
-    if (stopSignal.exchange(signal) != 0) _exit(128 + signal);
+    int none = 0;
+    if (stopSignal.compare_exchange_strong(none, signal)) return;
+    if (signal != SIGHUP) _exit(128 + signal);  // a terminal that closes may tell it twice; nobody asks for haste
 }
 
 bool isIgnored(int signal) {

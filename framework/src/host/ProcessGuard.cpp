@@ -90,7 +90,8 @@ std::optional<SharedState> state;  // while there are guards
 
 ProcessGuard::ProcessGuard() : threadLocale_(::uselocale(locale_t{})) {
     const std::lock_guard<std::mutex> lock(stateMutex);
-    if (guards++ == 0) state.emplace();
+    if (guards == 0) state.emplace();
+    ++guards;
 }
 
 ProcessGuard::~ProcessGuard() {

@@ -295,6 +295,9 @@ TEST_F(PoorUrdf, Fault78_NoRepairTakesTheArmAway) {
            writeJoint("clawbot_2", "l1", "l2") + writeLink("l2");
     EXPECT_EQ(read("").joints.size(), 2u) << "all joints are named so";
     EXPECT_EQ(read(writeJoint("clawbot_claw", "l2", "l3") + writeLink("l3")).joints.size(), 2u);
+    EXPECT_EQ(read(writeJoint("clawbot_jaw", "l2", "l3") + writeLink("l3")).joints.size(), 2u);
+    arm_ = "<robot name='poor'>\n" + writeLink("base", "") + writeJoint("joint1", "base", "l1") + writeLink("l1");
+    EXPECT_EQ(read(writeJoint("jaw", "l1", "l2") + writeLink("l2")).joints.size(), 1u) << "not `aw`";
     arm_ = "<robot name='bare'>\n" + writeLink("base", "") + writeJoint("j1", "base", "l1") + writeLink("l1", "") +
            writeJoint("j2", "l1", "l2") + writeLink("l2", "");
     test::expectContains(findFault(""),
@@ -326,6 +329,21 @@ TEST_F(PoorUrdf, Fault01_HugeOrHostileFilesAreJudgedInTime) {
         return std::string("accepted");
     };
     test::expectContains(judge("deep.urdf"), {"nested deeper than 64 levels"});
+    std::string opens, closes;
+    for (int i = 0; i < 20000; ++i) {
+        opens += "<a>";
+        closes += "</a>";
+    }
+    for (const std::string& hidden :
+         {closes + "<robot name=\"x\">", std::string("<robot name=\"x\"><?x>"),
+          "<robot name=\"x\"><!-->" + closes + "-->", std::string("<robot name=\"x\"><1 \">"),
+          std::string("<robot b=\"\xF0\" c=d\">")}) {
+        std::ofstream(folder_.path() / "hidden.urdf") << hidden << opens;
+        const std::string fault = judge("hidden.urdf");
+        EXPECT_TRUE(fault.find("this is not XML") != std::string::npos ||
+                    fault.find("nested deeper") != std::string::npos)
+            << fault;
+    }
     std::string many = "<robot name='x'><link ";
     for (int i = 0; i < 100000; ++i) many += "a" + std::to_string(i) + "='' ";
     std::ofstream(folder_.path() / "many.urdf") << many << "/></robot>";

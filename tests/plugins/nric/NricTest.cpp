@@ -402,12 +402,13 @@ TEST_F(NricTest, ScaledGainsAreThePapersOnTheHeavyJointsOfTheIndy7AndCarriedByTh
         EXPECT_LT(gains.kr[i], 600.0);
         EXPECT_NEAR(gains.kr[i] * gains.kp[i], 12000.0, 1e-6);
     }
-    // Ten times the tick carries a tenth.
+    // Ten times the tick carries a tenth, or less of it where the margin asks for it: half of that at least.
     const NricOptions slow = scaleNric(robot, robot.limits, 0.01);
     for (int i = 0; i < n(); ++i) {
         EXPECT_LT(slow.kr[i], 300.0);
         if (i < 3) continue;
-        EXPECT_NEAR(slow.kr[i], 0.1 * gains.kr[i], 1e-9);
+        EXPECT_LE(slow.kr[i], 0.1 * gains.kr[i] + 1e-9);
+        EXPECT_GE(slow.kr[i], 0.05 * gains.kr[i]);
         EXPECT_LE(slow.kp[i] * 0.01, 0.1 + 1e-12);
     }
 }

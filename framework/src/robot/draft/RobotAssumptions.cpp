@@ -1,5 +1,6 @@
 #include "robot/draft/RobotAssumptions.h"
 
+#include <Eigen/QR>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cctype>
@@ -37,7 +38,7 @@ constexpr double kInnerMargin = 0.15;
 constexpr double kApart = 0.05;
 constexpr double kApartShare = 0.05;
 constexpr int kDirectionPoses = 50, kGapPoses = 200;
-constexpr double kNoDirection = 1e-6;
+constexpr double kNoDirection = 0.01;
 constexpr double kGoodShare = 0.5;
 constexpr double kNearlyBest = 0.9;
 /** A tool below the base is worth this share of one above: most arms stand on a table. */
@@ -53,7 +54,12 @@ constexpr double kGapShare = 0.02;
 limits that it may need at the home pose. */
 constexpr double kLongWay = 1.5;
 constexpr double kLongTurn = 0.45;
+constexpr double kHandTurn = 0.3;
 constexpr double kHandLimitShare = 0.5;
+/** No run keeps less clearance [m]. */
+constexpr double kLeastSafety = 0.002;
+/** No hand is slower than this in its fastest reach [s]: the limits cannot be meant. */
+constexpr double kSlowestHand = 60.0;
 
 /** To three digits. */
 double roundOff(double value) {
@@ -66,6 +72,13 @@ bool namesTool(std::string name) {
     for (const char* word : {"tool", "tcp", "effector", "flange", "ee_link"})
         if (name.find(word) != std::string::npos) return true;
     return false;
+}
+
+/** The pseudoinverse, without directions in which the tool hardly moves. */
+Eigen::MatrixXd invert(const Eigen::MatrixXd& J) {
+    Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> solver;
+    solver.setThreshold(kNoDirection);
+    return solver.compute(J).pseudoInverse();
 }
 
 class Assumptions {
@@ -257,6 +270,46 @@ private:
         return Eigen::JacobiSVD<Eigen::MatrixXd>(calcJacobian(q)).singularValues();
     }
 
+    /** How near links come that are watched, at a pose [m]. */
+    double calcNearest(const JointVector& q) const {
+        const std::vector<double> distance = distances_.calc(q);
+        double nearest = kInfinity;
+        for (std::size_t k = 0; k < distance.size(); ++k)
+            if (gap_[k] > 0.0) nearest = std::min(nearest, distance[k]);
+        return nearest;
+    }
+
+    /** The same while the tool is led as a hand of hand.yaml leads it, about and along each axis; to first order. Negative
+    where a joint would pass its limits. */
+    double calcRoom(const JointVector& q) const {
+        const Eigen::MatrixXd J = calcJacobian(q);
+        const Eigen::MatrixXd inverse = invert(J);
+        const double way = DraftTask::kHandShare * draft_.task.reach,
+                     turn = kHandTurn * kLeverShare * draft_.task.reach;
+        double nearest = calcNearest(q);
+        for (int row = 0; row < J.rows(); ++row)
+            for (const double size : {-1.0, 1.0}) {
+                const JointVector there = q + size * (row < 3 ? way : turn) * inverse.col(row);
+                for (int i = 0; i < n_; ++i) {
+                    const DraftJoint& joint = draft_.joints[static_cast<std::size_t>(i)];
+                    if (there[i] < joint.positionLower || there[i] > joint.positionUpper) return -1.0;
+                }
+                nearest = std::min(nearest, calcNearest(there));
+            }
+        return nearest;
+    }
+
+    /** Whether the hand neither passes limits nor brings links near each other. */
+    bool hasRoom(const JointVector& q) const { return calcRoom(q) >= std::min(kNear, kApartShare * draft_.task.reach); }
+
+    /** The usual safety distance, or less where the arm's own links leave no room for it. */
+    void setSafety(const JointVector& home) {
+        const double room = calcRoom(home);
+        const double nearest = room >= 0.0 ? room : calcNearest(home);
+        if (nearest < 2.0 * kNear)
+            draft_.task.safety = std::max(kLeastSafety, std::min(kNear, std::floor(0.5e3 * nearest) / 1e3));
+    }
+
     /** Links that may touch need no gap; links that the joints hardly part, such as a wrist and a finger, need a small one. */
     void setGaps(const JointBounds& range) {
         std::vector<int> nearPoses(distances_.pairs().size());
@@ -301,47 +354,60 @@ private:
             draft_.task.directions = std::max(draft_.task.directions, possible);
         }
         setGaps(range);
-        const double before = rate(drafted);
-        double highest = before;
-        for (int pose = 0; pose < kReachPoses; ++pose) {
-            const JointVector q = drawPose(range, random);
-            const double mobility = rate(q);
-            if (mobility <= highest) continue;
-            highest = mobility;
-            best = q;
+        double before = -1.0, highest = -1.0;
+        bool isRoomy = true;
+        for (const bool mustHaveRoom : {true, false}) {
+            if (highest > 0.0) break;
+            isRoomy = mustHaveRoom;
+            before = highest = mustHaveRoom && !hasRoom(drafted) ? -1.0 : rate(drafted);
+            for (int pose = 0; pose < kReachPoses; ++pose) {
+                const JointVector q = drawPose(range, random);
+                const double mobility = rate(q);
+                if (mobility <= highest || (mustHaveRoom && !hasRoom(q))) continue;
+                highest = mobility;
+                best = q;
+            }
         }
+        if (!isRoomy && highest > 0.0)
+            draft_.warnings.push_back(
+                "there is no home pose around which the tool can be led everywhere without bringing links near each "
+                "other: "
+                "hand.yaml may do so");
         if (highest < 0.0)
             draft_.warnings.push_back(
                 format("none of %d poses is one to begin at: in each, motors do not hold the arm or links "
                        "touch; home_rad is the middle of the limits",
                        kReachPoses) +
                 ".");
-        if (highest > 0.0 && before < kGoodShare * highest) {
+        if (highest >= 0.0 && (before < 0.0 || before < kGoodShare * highest)) {
             for (int i = 0; i < n_; ++i)
                 for (const double simple :
                      {0.0, std::round(10.0 * best[i]) / 10.0, std::round(100.0 * best[i]) / 100.0}) {
                     JointVector q = best;
                     q[i] = simple + 0.0;
-                    if (simple < range.lower[i] || simple > range.upper[i] || rate(q) < kNearlyBest * highest) continue;
+                    if (simple < range.lower[i] || simple > range.upper[i] || rate(q) < kNearlyBest * highest ||
+                        (isRoomy && !hasRoom(q)))
+                        continue;
                     best = q;
                     break;
                 }
             for (int i = 0; i < n_; ++i) joint(i).home = best[i];
-            note("home_rad",
-                 format("of %d poses that the motors hold and where no links touch, the one from which the tool "
-                        "can best move in every direction",
-                        kReachPoses));
+            note("home_rad", format("of %d poses that the motors hold, where no links touch and the hand has room, the "
+                                    "one from which the tool "
+                                    "can best move in every direction",
+                                    kReachPoses));
             drafted = best;
         }
         placeBall(drafted);
         timeHand(drafted);
+        setSafety(drafted);
     }
 
     /** Of one reach of a hand: so that no joint needs more than a share of its limits, at the home pose and for a way that is
     long as reaches go. Peaks of minimum-jerk motion: Flash and Hogan, J. Neuroscience 5, 1985. */
     void timeHand(const JointVector& home) {
         const Eigen::MatrixXd J = calcJacobian(home);
-        const Eigen::MatrixXd inverse = J.completeOrthogonalDecomposition().pseudoInverse();
+        const Eigen::MatrixXd inverse = invert(J);
         Eigen::VectorXd way = Eigen::VectorXd::Constant(J.rows(), kLongWay * DraftTask::kHandShare * draft_.task.reach);
         if (J.rows() == 6) way.tail<3>().setConstant(kLongTurn * kLeverShare * draft_.task.reach);
         for (int i = 0; i < n_; ++i) {
@@ -351,7 +417,7 @@ private:
                                             std::sqrt(5.774 * size / (kHandLimitShare * joint.acceleration)),
                                             std::cbrt(60.0 * size / (kHandLimitShare * joint.jerk))});
         }
-        draft_.task.fastest = roundOff(draft_.task.fastest);
+        draft_.task.fastest = roundOff(std::min(draft_.task.fastest, kSlowestHand));
     }
 
     /** In front of the tool, seen from the base. */

@@ -64,7 +64,9 @@ DraftJoint draftJoint(const UrdfRobot& robot, int i, bool assumes, std::vector<s
 
     const std::string range = show(joint.positionLower) + " to " + show(joint.positionUpper);
     const bool isAngle = joint.type != JointType::Prismatic;
-    if (assumes && joint.positionLower > joint.positionUpper) {
+    const double widest = std::max(std::abs(joint.positionLower), std::abs(joint.positionUpper));
+    if (assumes && joint.positionLower > joint.positionUpper &&
+        widest <= (isAngle ? kLargestAngle_rad : kLongestSlide)) {
         warnings.push_back(who + "its lower position limit is above the upper one, " + range +
                            "; taken the other way round.");
         std::swap(joint.positionLower, joint.positionUpper);

@@ -66,6 +66,7 @@ struct DraftTask {
     int toolJoints = 0;                        ///< joints that move the tool
     int directions = 1;    ///< in which they can move it, turns among them where there are six joints
     double fastest = 0.5;  ///< time of a hand's fastest reach, so that the joints' limits allow it [s]
+    double safety = 0.02;  ///< a safety distance that the arm's own links leave room for [m]
     double radius = 0.0;   ///< of a ball in the way of the tool, clear of the arm at its home pose; 0: no capsules [m]
     Eigen::Vector3d ball = Eigen::Vector3d::Zero();  ///< its centre, base frame [m]
 };

@@ -1,5 +1,7 @@
 #include "robot/urdf/UrdfDocument.h"
 
+#include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstring>
 #include <fstream>
@@ -46,39 +48,77 @@ std::size_t findTagEnd(const std::string& text, std::size_t begin, int& attribut
     return std::string::npos;
 }
 
-/** Refuses what the XML reader would crash on, cut off, or take minutes for. */
+/** Bytes of the UTF-8 character at `i`; 0: none begins there. */
+std::size_t getUtf8Length(const std::string& text, std::size_t i) {
+    const auto lead = static_cast<unsigned char>(text[i]);
+    const std::size_t length = lead < 0x80                   ? 1
+                               : lead >= 0xf0 && lead < 0xf8 ? 4
+                               : lead >= 0xe0                ? 3
+                               : lead >= 0xc2                ? 2
+                                                             : 0;
+    if (length == 0 || lead >= 0xf8 || i + length > text.size()) return 0;
+    for (std::size_t k = 1; k < length; ++k)
+        if ((static_cast<unsigned char>(text[i + k]) & 0xc0) != 0x80) return 0;
+    return length;
+}
+
+/** Refuses what the XML reader would crash on, cut off, or take minutes for; and what it might take for something else than
+this does, so that its depth is known. */
 void checkText(const std::string& text, const std::string& file) {
     if (text.find_first_not_of(" \t\r\n") == std::string::npos)
         throw badInput(file, "the file is empty", "A URDF file holds one <robot> element.");
     if (text.find('\0') != std::string::npos)
         throw badInput(file, "the file holds binary data", "A URDF file is XML text.");
+    const auto refuse = [&](std::size_t at, const std::string& what) {
+        const auto line = 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n');
+        return badInput(file + ":" + std::to_string(line), "this is not XML: " + what,
+                        "Check that the file is complete and every element is closed.");
+    };
     int depth = 0;
-    for (std::size_t i = text.find('<'); i != std::string::npos; i = text.find('<', i + 1)) {
-        // What is no element, and may hold anything.
-        bool isSkipped = false;
-        for (const auto& [begin, end] : {std::pair("<!--", "-->"), {"<![CDATA[", "]]>"}, {"<?", "?>"}, {"<!", ">"}}) {
-            if (text.compare(i, std::strlen(begin), begin) != 0) continue;
-            i = text.find(end, i);
-            isSkipped = true;
-            break;
-        }
-        if (i == std::string::npos) break;
-        if (isSkipped) continue;
-        if (i + 1 < text.size() && text[i + 1] == '/') {
-            --depth;
+    for (std::size_t i = 0; i < text.size();) {
+        if (text[i] != '<') {
+            const std::size_t length = getUtf8Length(text, i);
+            if (length == 0) throw refuse(i, "a character that is not UTF-8");
+            i += length;
             continue;
         }
+        // What is no element, and may hold anything.
+        std::size_t skipped = 0;
+        for (const auto& [begin, end] : {std::pair("<!--", "-->"), {"<![CDATA[", "]]>"}, {"<?", "?>"}, {"<!", ">"}}) {
+            const std::size_t length = std::strlen(begin);
+            if (text.compare(i, length, begin) != 0) continue;
+            const std::size_t at = text.find(end, i + length);
+            if (at == std::string::npos || (text[i + 1] == '?' && text.find('>', i) != at + 1))
+                throw refuse(i, std::string("no ") + end + " ends what " + begin + " begins");
+            skipped = at + std::strlen(end);
+            break;
+        }
+        if (skipped > 0) {
+            i = skipped;
+            continue;
+        }
+        const char next = i + 1 < text.size() ? text[i + 1] : '\0';
+        const bool isEnd = next == '/';
+        if (!isEnd && std::isalpha(static_cast<unsigned char>(next)) == 0 && next != '_' && next != ':' &&
+            (static_cast<unsigned char>(next) < 0x80))
+            throw refuse(i, "no name follows a <");
         int attributes = 0;
-        const std::size_t end = findTagEnd(text, i, attributes);
-        if (end == std::string::npos || text[end - 1] != '/') ++depth;
+        const std::size_t end = isEnd ? text.find('>', i) : findTagEnd(text, i, attributes);
+        if (end == std::string::npos) throw refuse(i, "a tag has no end");
+        for (std::size_t k = i; k < end;) {
+            const std::size_t length = getUtf8Length(text, k);
+            if (length == 0) throw refuse(k, "a character that is not UTF-8");
+            k += length;
+        }
+        if (isEnd && --depth < 0) throw refuse(i, "an element is closed that was not opened");
+        if (!isEnd && text[end - 1] != '/') ++depth;
         if (depth > kMaxUrdfDepth)
             throw badInput(file, "the elements are nested deeper than " + std::to_string(kMaxUrdfDepth) + " levels",
                            "Check that every element is closed.");
         if (attributes > kMaxUrdfAttributes)
             throw badInput(file, "an element has more than " + std::to_string(kMaxUrdfAttributes) + " attributes",
                            "Check that every attribute's value is in quotes, and every element closed.");
-        if (end == std::string::npos) break;  // the XML reader tells
-        i = end;
+        i = end + 1;
     }
 }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <set>
 
 #include "core/Text.h"
 #include "viable/core/Error.h"
@@ -50,6 +51,8 @@ public:
 
     std::vector<std::string> run() {
         const bool isWhole = complaints_.isEmpty();
+        for (std::size_t j = 0; j < tree_.joints.size(); ++j)
+            byName_.emplace(tree_.joints[j].name, static_cast<int>(j));
         readChoice();
         findRests();
         for (const auto& [j, value] : fixed_) freezeAndNote(joint(j), "--fix");
@@ -74,9 +77,8 @@ private:
     // ------------------------------------------------------------------------------------ choice
 
     int findJoint(const std::string& name) const {
-        for (std::size_t j = 0; j < tree_.joints.size(); ++j)
-            if (tree_.joints[j].name == name) return static_cast<int>(j);
-        return -1;
+        const auto found = byName_.find(name);
+        return found != byName_.end() ? found->second : -1;
     }
 
     /** Index of the link that an option names, -1: none. */
@@ -96,6 +98,8 @@ private:
     void readChoice() {
         const int base = requireLink("--base", choice_.base), tip = requireLink("--tip", choice_.tip);
         onTip_ = tip < 0 ? std::vector<int>{} : tree_.listJointsAbove(tip);
+        isOnTip_.assign(tree_.joints.size(), false);
+        for (const int j : onTip_) isOnTip_[static_cast<std::size_t>(j)] = true;
         if (base >= 0) {
             below_.assign(tree_.joints.size(), false);
             std::vector<bool> isBelow(tree_.links.size());
@@ -247,7 +251,7 @@ private:
                  "joint " + quoteName(joint.name) + " is frozen at " + formatNumber(getRest(joint)) + ": " + why);
     }
 
-    bool isOnChain(int j) const { return std::find(onTip_.begin(), onTip_.end(), j) != onTip_.end(); }
+    bool isOnChain(int j) const { return isOnTip_[static_cast<std::size_t>(j)]; }
 
     void freezeOutsideOfChain() {
         std::vector<std::string> frozen;
@@ -267,7 +271,7 @@ private:
             const TiXmlElement* mimic = coupled.element->FirstChildElement("mimic");
             if (!coupled.isMoving || !mimic || isOnChain(findJoint(coupled.name))) continue;
             const std::string leader = getAttribute(mimic, "joint");
-            leaders_.push_back(findJoint(leader));
+            leaders_.insert(findJoint(leader));
             freezeAndNote(coupled, "it mimics joint " + quoteName(leader));
         }
     }
@@ -309,12 +313,14 @@ private:
                                                   .first -
                                               first->begin());
         }
-        return length;
+        // Whole words, or it would cut into `jaw` where others are called `joint1`.
+        const std::size_t last = first ? first->find_last_of("_-/.:", length) : std::string::npos;
+        return length == 0 || last == std::string::npos || last >= length ? 0 : last + 1;
     }
 
     void freezeGrippers() {
         const std::size_t prefix = findCommonPrefix();
-        const auto isLed = [&](int j) { return std::find(leaders_.begin(), leaders_.end(), j) != leaders_.end(); };
+        const auto isLed = [&](int j) { return leaders_.count(j) > 0; };
         freezeEnds([&](int j) { return !isOnChain(j) && (isLed(j) || namesGripper(joint(j).name.substr(prefix))); },
                    [&](int j) {
                        return std::string(isLed(j) ? "it ends the arm and others mimic it, as the joint of a gripper"
@@ -389,11 +395,13 @@ private:
     const UrdfChoice& choice_;
     Complaints& complaints_;
     std::vector<std::string> notes_;
+    std::map<std::string, int> byName_;           ///< joints
     std::map<int, std::optional<double>> fixed_;  ///< joints of --fix, and where
     std::map<int, double> rest_;                  ///< where each moving joint is when nobody moves it
-    std::vector<int> onTip_;                      ///< joints that carry the tip
+    std::vector<int> onTip_;                      ///< joints that carry the tip, nearest first
+    std::vector<bool> isOnTip_;                   ///< the same, by joint
     std::vector<bool> below_;                     ///< by joint: hangs on the base; empty: no base is chosen
-    std::vector<int> leaders_;                    ///< joints that others mimic
+    std::set<int> leaders_;                       ///< joints that others mimic
 };
 
 }  // namespace
