@@ -16,6 +16,8 @@ namespace {
 DisturbanceSet makeDisturbanceSet(const Parameters& p) {
     DisturbanceSet set;
     set.frictionScale = p.jointNumbers("friction_scale");
+    set.frictionScaleMin = p.jointNumbers("friction_scale_min");
+    set.isFrictionConstant = p.text("friction") == "constant_in_a_run";
     set.breakawayRatio = p.number("breakaway_ratio");
     set.loadFriction = p.jointNumbers("load_friction");
     set.massError = p.jointNumbers("mass_error");
@@ -70,12 +72,21 @@ TrackingBound findBound(const CasePlan& plan, const LinearErrorLoop& loop) {
          {"acceleration", makeBounds(plan.limits.acceleration)},
          {"jerk", makeBounds(plan.limits.jerk)},
          {"gains", makeMap({{"k_r", makeList(loop.kr)}, {"k_p", makeList(loop.kp)}, {"k_i", makeList(loop.ki)}})},
+         {"friction", makeMap({{"coulomb", makeList(loop.friction.figures.coulomb)},
+                               {"viscous", makeList(loop.friction.figures.viscous)},
+                               {"viscous_velocity", makeList(loop.friction.figures.viscousVelocity)},
+                               {"speed", makeList(loop.friction.speed)}})},
          {"payload", plan.payload ? plan.payload->resolved() : ConfigNode()},
          {"disturbance_set", disturbances.resolved()}});
     static Memo<TrackingBound> known(kMostKnownBounds);
     return known.get(writeConfig(inputs), [&] {
-        return calcTrackingBound(plan.robot, plan.limits, plan.tick_s, NricOptions{loop.kr, loop.kp, loop.ki},
-                                 makeDisturbanceSet(disturbances), disturbances.resolved().place());
+        NricOptions gains;
+        gains.kr = loop.kr;
+        gains.kp = loop.kp;
+        gains.ki = loop.ki;
+        gains.friction = loop.friction;
+        return calcTrackingBound(plan.robot, plan.limits, plan.tick_s, gains, makeDisturbanceSet(disturbances),
+                                 disturbances.resolved().place());
     });
 }
 

@@ -63,11 +63,12 @@ void checkBoundAssumptions(const CasePlan& plan, const TrackingBound& bound, con
     };
     check("the limit of the robust loop's integral", "Nm", loop.integralLimit, 1.0, bound.integralTorque);
     check("the fastest change of the robust loop's torque", "Nm/s", loop.torqueRate, plan.tick_s, bound.torqueStep);
-    const Parameters& own = plan.robustLoop->parameters;
-    if (own.resolved().find("motor_rate_Nmps") && !own.jointNumbers("motor_rate_Nmps").array().isInf().all())
+    if (loop.motorRate.size() > 0 && !loop.motorRate.array().isInf().all())
         throw badInput(
-            own.place("motor_rate_Nmps"), "no tracking bound covers a limited change of the motor's whole torque",
-            "Leave it out, limit the robust loop's share by `torque_rate_Nmps`, or remove the disturbance_set.");
+            plan.robustLoop->parameters.resolved().place(),
+            "no tracking bound covers a limited change of the motor's whole torque",
+            "Leave `motor_rate_Nmps` out, limit the robust loop's share by `torque_rate_Nmps`, or remove the "
+            "disturbance_set.");
     if (encoder == Encoder::Exact)
         throw badInput(plan.realPlant->parameters.resolved().place(),
                        "the tracking bound is for encoders that tell positions in counts, and velocities as their "

@@ -123,11 +123,18 @@ void checkErrorLoop(const LinearErrorLoop& loop, int n, const std::string& title
     for (const JointVector* limits : {&loop.integralLimit, &loop.torqueRate})
         isSound &= limits->size() == n && (limits->array() > 0.0).all();
     isSound &= loop.inertiaRate > 0.0;
+    if (loop.motorRate.size() > 0) isSound &= loop.motorRate.size() == n && (loop.motorRate.array() > 0.0).all();
+    if (const FrictionFeed& feed = loop.friction; feed.isActive()) {
+        for (const JointVector* sizes : {&feed.figures.coulomb, &feed.figures.viscous})
+            isSound &= isFinite(*sizes, n) && (sizes->array() >= 0.0).all();
+        for (const JointVector* speeds : {&feed.figures.viscousVelocity, &feed.speed})
+            isSound &= isFinite(*speeds, n) && (speeds->array() > 0.0).all();
+    }
     if (!isSound)
-        throw Error(ErrorKind::PluginFailed, title,
-                    "gave an error loop of the wrong size or with numbers that it cannot have",
-                    "errorLoop() gives one number per joint: gains finite and at least 0, limits and inertiaRate above "
-                    "0 or infinite.");
+        throw Error(
+            ErrorKind::PluginFailed, title, "gave an error loop of the wrong size or with numbers that it cannot have",
+            "errorLoop() gives one number per joint: gains and friction finite and at least 0, limits and inertiaRate "
+            "above 0 or infinite, speeds finite and above 0.");
 }
 
 void checkDelay(int ticks, const std::string& title) {

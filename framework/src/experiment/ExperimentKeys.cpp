@@ -179,6 +179,11 @@ const std::vector<ExperimentKey>& disturbanceKeys() {
         {parameter::jointNumbers("friction_scale", "", "1.0",
                                  "Largest factor on the robot's friction figures; 0: no friction.")
              .atLeast(0)},
+        {parameter::jointNumbers("friction_scale_min", "", "0.0",
+                                 "Smallest factor; it counts where the robust loop feeds friction forward.")
+             .atLeast(0)},
+        {parameter::choice("friction", "jumps|constant_in_a_run", "jumps",
+                           "Whether that factor changes at any time, or is the same all through a run.")},
         {parameter::number("breakaway_ratio", "", "1.0", "Largest friction at standstill over Coulomb friction.")
              .atLeast(1)},
         {parameter::jointNumbers("load_friction", "", "0.0", "Largest friction per torque that the joint carries.")

@@ -95,7 +95,9 @@ bool isSound(const JointLimits& l) {
 }
 
 bool isSound(const LinearErrorLoop& l) {
-    return isSound(l.kr) && isSound(l.kp) && isSound(l.ki) && isSound(l.integralLimit) && isSound(l.torqueRate);
+    return isSound(l.kr) && isSound(l.kp) && isSound(l.ki) && isSound(l.integralLimit) && isSound(l.torqueRate) &&
+           isSound(l.motorRate) && isSound(l.friction.figures.coulomb) && isSound(l.friction.figures.viscous) &&
+           isSound(l.friction.figures.viscousVelocity) && isSound(l.friction.speed);
 }
 
 timespec calcDeadline(long nanoseconds) {

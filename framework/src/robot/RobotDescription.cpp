@@ -311,6 +311,13 @@ double RobotDescription::encoderStep(int joint) const {
     return static_cast<double>((slides ? 1.0 : 2.0 * EIGEN_PI) / counts);  // of a long double: rounded once
 }
 
+JointFriction readFriction(const fs::path& actuationFile, const std::vector<std::string>& joints) {
+    RobotDescription robot;
+    robot.joints.resize(joints.size());
+    readActuationFile(actuationFile, robot);
+    return robot.actuation.friction;
+}
+
 RobotDescription loadRobot(const fs::path& folder) {
     std::error_code failed;
     const fs::file_status status = fs::status(folder, failed);

@@ -5,7 +5,9 @@
 #include <cmath>
 #include <memory>
 
+#include "core/Text.h"
 #include "robot/PoseSampling.h"
+#include "viable/core/Error.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable::detail {
@@ -128,9 +130,22 @@ RobotDescription makeReal(const RobotDescription& robot, const DisturbanceSet& s
     return side > 0.0 ? withPayload(std::move(real), set.payload_kg, place) : real;
 }
 
+/** NaN stays NaN. */
 template <class Matrix, class Value>
 void raise(Matrix& largest, const Value& value) {
-    largest = largest.cwiseMax(Matrix(value).cwiseAbs());
+    largest = largest.binaryExpr(Matrix(Matrix(value).cwiseAbs()), &largerOrNan).eval();
+}
+
+/** What is not finite would be lost in the extremes. */
+void checkFinite(const Terms& terms, const JointVector& q, const RobotDescription& robot, const std::string& place) {
+    for (int i = 0; i < robot.size(); ++i) {
+        const auto at = static_cast<std::size_t>(i);
+        if (terms.M.row(i).allFinite() && std::isfinite(terms.gravity[i]) && terms.c[at].allFinite()) continue;
+        throw badInput(place,
+                       "the dynamics of " + robot.joints[at].name + " are not finite at q = " + formatList(q) +
+                           ": no bound can be computed",
+                       "Correct masses and inertias of the robot, or mass_error and payload_kg of the set.");
+    }
 }
 
 /** An arm under gravity of 1 m/s^2 along each of three directions: down and two sideways. */
@@ -184,7 +199,7 @@ JointVector calcRate(Arm& arm, Arm& other, const JointVector& q, const Terms& he
 }  // namespace
 
 ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& limits, const MotionSize& motion,
-                            const DisturbanceSet& set) {
+                            const DisturbanceSet& set, const std::string& source) {
     const int n = robot.size();
     const MatrixXd none = MatrixXd::Zero(n, n);
     const JointVector zero = JointVector::Zero(n);
@@ -228,7 +243,8 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
     for (std::size_t pose = 0; pose < poses.size(); ++pose) {
         const JointVector& q = poses[pose];
         const Terms own = nominal.calcTerms(q);
-        x.nominalTorque = x.nominalTorque.cwiseMax(own.calcTorque(motion));
+        checkFinite(own, q, robot, source);
+        raise(x.nominalTorque, own.calcTorque(motion));
         const bool takesGradient = pose < kGradientPoses;
         JointVector massTorque = zero, massRate = zero, massWeight = zero;
         for (const auto& [joint, arm] : doubled) {
@@ -242,6 +258,7 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
         raise(x.massErrorWeight, massWeight);
         for (const auto& arm : loaded) {
             const Terms load = arm->calcTerms(q) - own;
+            checkFinite(load, q, robot, source);
             const JointVector torque = load.calcMotionTorque(motion);
             raise(x.payloadWeight, load.gravity);
             x.payload.lower = x.payload.lower.cwiseMin(-load.gravity - torque);
@@ -265,9 +282,10 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
             least[load] = least[load].cwiseMin(MatrixXd(M));
             greatest[load] = greatest[load].cwiseMax(MatrixXd(M));
             const bool isNominal = load + 1 == arms.size() && arms.size() > 1;
-            if (pose < kLoopPoses && !isNominal) x.inertias.push_back(M);
+            if (pose < kLoopPoses && !isNominal) x.inertias.push_back({q, M});
             if (!takesGradient) continue;
             const Terms here = arm.calcTerms(q);
+            checkFinite(here, q, robot, source);
             for (int k = 0; k < n; ++k) {
                 const MatrixXd C = here.calcChristoffel(k);
                 raise(x.coriolis[static_cast<std::size_t>(k)], C);
@@ -276,7 +294,9 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
             for (int j = 0; j < n; ++j) {
                 const Terms change = arm.calcTerms(q + kStep * JointVector(JointVector::Unit(n, j))) - here;
                 raise(x.gradient[static_cast<std::size_t>(j)], change.M / kStep);
-                x.stiffness.col(j) = x.stiffness.col(j).cwiseMax(Eigen::VectorXd(change.calcTorque(motion) / kStep));
+                auto stiffness = x.stiffness.col(j);
+                const Eigen::VectorXd slope = change.calcTorque(motion) / kStep;
+                stiffness = stiffness.binaryExpr(slope, &largerOrNan).eval();
             }
         }
     }

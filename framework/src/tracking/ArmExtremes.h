@@ -1,11 +1,22 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
+#include <string>
 #include <vector>
 
+#include "tracking/InertiaSample.h"
 #include "viable/tracking/TrackingBound.h"
 
 namespace viable::detail {
+
+/** The larger and the smaller of two numbers, NaN where one of them is: for extremes that must not lose it. */
+inline double largerOrNan(double a, double b) {
+    return a < b || std::isnan(b) ? b : a;
+}
+inline double smallerOrNan(double a, double b) {
+    return a > b || std::isnan(b) ? b : a;
+}
 
 /** Joint torques from lower to upper [Nm]. */
 struct TorqueRange {
@@ -18,7 +29,7 @@ struct TorqueRange {
 /** Sizes of what appears in the equations of motion of nominal and real arm, over a sample of poses and, in closed form,
 all velocities and accelerations within limits. */
 struct ArmExtremes {
-    std::vector<JointMatrix> inertias;      ///< of real arms, light and heavy ones [kg m^2]
+    std::vector<PoseInertia> inertias;      ///< of real arms, light and heavy ones
     Eigen::MatrixXd inertia;                ///< largest |M_ij|, as all that follows of light, heavy and nominal arm
     Eigen::MatrixXd inertiaRange;           ///< largest change of M_ij from pose to pose
     std::vector<Eigen::MatrixXd> gradient;  ///< k: largest |dM_ij/dq_k| [kg m^2/rad]
@@ -39,7 +50,8 @@ struct MotionSize {
     JointVector velocity, acceleration, jerk;
 };
 
+/** Throws Error (BadInput) at `source` where M qdd + b is not finite in some pose. */
 ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& limits, const MotionSize& motion,
-                            const DisturbanceSet& set);
+                            const DisturbanceSet& set, const std::string& source);
 
 }  // namespace viable::detail

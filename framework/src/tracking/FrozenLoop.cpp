@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <cmath>
 
 namespace viable::detail {
 
@@ -13,8 +14,6 @@ using Eigen::MatrixXd;
 /** Ticks, and later strides, between two doublings of the stride. */
 constexpr int kStepsPerStride = 256;
 constexpr int kStrideFactor = 4;
-/** Of the exponential over a tick, whose argument is far below 1 in any loop that is stable. */
-constexpr int kSeriesTerms = 24;
 /** The response is followed until a whole round adds no more than this share to any gain. */
 constexpr double kRemainder = 1e-6;
 constexpr int kMaxRounds = 12;  // 256 x 4^12 ticks: months
@@ -33,18 +32,21 @@ public:
         : loop_(loop),
           n_(static_cast<int>(loop.kp.size())),
           inverse_(MatrixXd(loop.inertia).llt().solve(MatrixXd::Identity(n_, n_))) {
-        // Over a tick v' = -M^-1 D v + M^-1 tau: the series of the exponential, its integral and that one's.
-        const MatrixXd slowing = -loop.tick_s * inverse_ * MatrixXd(loop.damping.asDiagonal());
-        MatrixXd term = MatrixXd::Identity(n_, n_);
-        decay_ = once_ = twice_ = MatrixXd::Zero(n_, n_);
-        for (int k = 0; k < kSeriesTerms; ++k) {
-            decay_ += term;
-            once_ += term / (k + 1.0);
-            twice_ += term / ((k + 1.0) * (k + 2.0));
-            term = term * slowing / (k + 1.0);
-        }
-        once_ *= loop.tick_s;
-        twice_ *= loop.tick_s * loop.tick_s;
+        // Over a tick v' = -M^-1 D v + M^-1 tau. With M = L L^T, L^-1 D L^-T is symmetric: mode by mode the exponential,
+        // its integral and that one's are exact for any damping, however stiff.
+        const MatrixXd L = MatrixXd(loop.inertia).llt().matrixL();
+        const auto lower = L.triangularView<Eigen::Lower>();
+        const MatrixXd half = lower.solve(MatrixXd(loop.damping.asDiagonal()));
+        const Eigen::SelfAdjointEigenSolver<MatrixXd> modes(MatrixXd(lower.solve(half.transpose())));
+        const MatrixXd right = modes.eigenvectors().transpose() * L.transpose();
+        const MatrixXd left = L.transpose().triangularView<Eigen::Upper>().solve(modes.eigenvectors());
+        const Eigen::ArrayXd x = loop.tick_s * modes.eigenvalues().array().max(0.0);
+        const auto assemble = [&](double (*of)(double)) -> MatrixXd {
+            return left * x.unaryExpr(of).matrix().asDiagonal() * right;
+        };
+        decay_ = assemble([](double v) { return std::exp(-v); });
+        once_ = loop.tick_s * assemble(calcOnce);
+        twice_ = loop.tick_s * loop.tick_s * assemble(calcTwice);
     }
 
     int size() const { return n_ * (4 + loop_.delayTicks); }
@@ -67,6 +69,13 @@ public:
     }
 
 private:
+    /** The integral of exp(-x s) over s from 0 to 1, and that one's. */
+    static double calcOnce(double x) { return x > 0.0 ? -std::expm1(-x) / x : 1.0; }
+    static double calcTwice(double x) {
+        constexpr double kSmall = 1e-3;  // below it the difference would cancel; the next term is x^3 / 120
+        return x > kSmall ? (1.0 - calcOnce(x)) / x : 0.5 - x / 6.0 + x * x / 24.0;
+    }
+
     /** Columns are independent states. */
     MatrixXd tick(const MatrixXd& x, const MatrixXd& error, MatrixXd& torque, MatrixXd& integralTorque) const {
         const double h = loop_.tick_s;

@@ -58,6 +58,23 @@ NricOptions scaleNric(const RobotDescription& robot, const JointLimits& limits, 
     return {loop.kr, loop.kp, loop.ki};
 }
 
+FrictionFeed scaleFriction(const JointFriction& figures, const PerJoint& scale, const JointLimits& limits,
+                           double tick_s) {
+    const auto n = static_cast<int>(figures.coulomb.size());
+    const JointVector factor = expand(scale, "scaleFriction()", "factors", n);
+    FrictionFeed feed;
+    if (factor.isZero()) return feed;
+    feed.figures = {factor.cwiseProduct(figures.coulomb), factor.cwiseProduct(figures.viscous),
+                    figures.viscousVelocity};
+    /** Of the velocity at which viscous friction saturates, where no limit of acceleration tells more. */
+    constexpr double kLargestShare = 0.1;
+    feed.speed = kLargestShare * figures.viscousVelocity;
+    const JointVector fastest = limits.acceleration.upper.cwiseMin(-limits.acceleration.lower);
+    for (int i = 0; i < n; ++i)
+        if (std::isfinite(fastest[i]) && fastest[i] > 0.0) feed.speed[i] = kFeedTicks * tick_s * fastest[i];
+    return feed;
+}
+
 void Nric::configure(const RunSetup& setup, const Parameters& parameters) {
     LinearErrorLoop gains;
     gains.kr = parameters.jointNumbers("k_r");
@@ -65,9 +82,14 @@ void Nric::configure(const RunSetup& setup, const Parameters& parameters) {
     gains.ki = parameters.jointNumbers("k_i");
     if (gains.kr.size() == 0 || gains.kp.size() == 0 || gains.ki.size() == 0)
         gains = scaleGains(setup.robot, setup.limits, setup.tick_s, setup.delayTicks, gains);
+    const std::filesystem::path& file = parameters.file("friction_file");
+    const JointFriction figures =
+        file.empty() ? setup.robot.actuation.friction : readFriction(file, setup.robot.jointNames());
     configure(setup, NricOptions{gains.kr, gains.kp, gains.ki, parameters.jointNumbers("integral_limit_Nm"),
                                  parameters.jointNumbers("torque_rate_Nmps"), gains.inertiaRate,
-                                 parameters.jointNumbers("motor_rate_Nmps")});
+                                 parameters.jointNumbers("motor_rate_Nmps"),
+                                 scaleFriction(figures, parameters.jointNumbers("friction_scale"), setup.limits,
+                                               setup.tick_s)});
 }
 
 void Nric::configure(const RunSetup& setup, const NricOptions& options) {
@@ -78,7 +100,10 @@ void Nric::configure(const RunSetup& setup, const NricOptions& options) {
              takeGains(options.ki, "ki", n_),
              takeBounds(options.integralLimit, "integralLimit", n_),
              takeBounds(options.torqueRate, "torqueRate", n_),
-             options.inertiaRate};
+             options.inertiaRate,
+             options.friction,
+             takeBounds(options.motorRate, "motorRate", n_)};
+    feedsFriction_ = loop_.friction.isActive();
     if (!(options.inertiaRate > 0.0))
         throw badInput("NricOptions::inertiaRate",
                        "it is " + detail::formatNumber(options.inertiaRate) + "; allowed is above 0, or infinity",
@@ -88,7 +113,7 @@ void Nric::configure(const RunSetup& setup, const NricOptions& options) {
     largestStep_ = loop_.torqueRate * tick_s_;
     gain_.setZero(n_, n_);
     gain_.diagonal() = loop_.kr;
-    largestMotorStep_ = takeBounds(options.motorRate, "motorRate", n_) * tick_s_;
+    largestMotorStep_ = loop_.motorRate * tick_s_;
     followsInertia_ = std::isfinite(loop_.inertiaRate);
     limitsMotorRate_ = !largestMotorStep_.array().isInf().all();
     arm_.reset();
@@ -116,9 +141,11 @@ TickStatus Nric::compute(const JointState& real, const MotionState& nominal, con
     if (!isFinite(real, n_) || !isFinite(nominal, n_) || !isFinite(filterTorque, n_)) return TickStatus::InvalidInput;
     if (followsInertia_) setGain(nominal.q);
     const JointVector e = real.q - nominal.q, de = real.qd - nominal.qd;
+    const JointVector friction = feedsFriction_ ? loop_.friction.calc(nominal.qd) : JointVector(JointVector::Zero(n_));
     const auto calcTorque = [&](const JointVector& integral) {
         const JointVector error = de + loop_.kp.cwiseProduct(e) + loop_.ki.cwiseProduct(integral);
-        return JointVector(-(followsInertia_ ? JointVector(gain_.lazyProduct(error)) : loop_.kr.cwiseProduct(error)));
+        const JointVector pull = followsInertia_ ? JointVector(gain_.lazyProduct(error)) : loop_.kr.cwiseProduct(error);
+        return JointVector(friction - pull);
     };
     const auto cut = [&](int i, double robust) {
         robust = std::clamp(robust, lastTorque_[i] - largestStep_[i], lastTorque_[i] + largestStep_[i]);

@@ -57,6 +57,7 @@ public:
           kr_(gains.kr.expand(n_)),
           kp_(gains.kp.expand(n_)),
           ki_(gains.ki.expand(n_)),
+          feed_(gains.friction),
           motion_{takeLargest(limits.velocity), takeLargest(limits.acceleration), takeLargest(limits.jerk)} {
         for (int i = 0; i < n_; ++i) {
             if (std::isfinite(motion_.velocity[i]) && std::isfinite(motion_.acceleration[i])) continue;
@@ -67,7 +68,11 @@ public:
         }
         // A jerk without limit: from one end of the acceleration to the other in a tick.
         motion_.jerk = motion_.jerk.cwiseMin(2.0 / h_ * motion_.acceleration);
-        arm_ = detail::findArmExtremes(robot, limits, motion_, set);
+        arm_ = detail::findArmExtremes(robot, limits, motion_, set, place);
+        if (!feed_.isActive()) {
+            const JointFriction& f = robot.actuation.friction;
+            feed_ = {{JointVector::Zero(n_), JointVector::Zero(n_), f.viscousVelocity}, JointVector::Ones(n_)};
+        }
         const JointFriction& f = robot.actuation.friction;
         damping_ = 0.5 * set.frictionScale.expand(n_).cwiseProduct(f.viscous.cwiseQuotient(f.viscousVelocity));
     }
@@ -80,8 +85,10 @@ public:
         for (const JointVector& damping : {none, damping_}) {
             if (!views.empty() && damping_.maxCoeff() == 0.0) break;
             views.push_back({damping, {}});
-            for (const JointMatrix& M : arm_.inertias)
-                views.back().gains.push_back(detail::calcGains(makeLoop(M, damping, kr_)));
+            for (const detail::PoseInertia& pose : arm_.inertias) {
+                views.back().gains.push_back(detail::calcGains(makeLoop(pose.M, damping, kr_)));
+                checkFinite(views.back().gains.back(), pose);
+            }
         }
         std::string worst;
         // |e|, |de| and the torque carried are bounded by themselves: iterated from zero upwards, the first fixed point
@@ -108,9 +115,9 @@ public:
     }
 
 private:
-    /** Viscous friction either is a torque like the others (`damping` zero), or is taken at the nominal velocity, where
-    it cannot jump, and what the error of the velocity adds to it is the arm's damping, give or take as much. Which
-    bound is the smaller depends on how much friction there is. */
+    /** Viscous friction is taken at the nominal velocity, where it is known but for its factor. What the error of the velocity
+    adds to it is a torque like the others (`damping` zero), or the arm's damping, give or take as much. Which bound is
+    the smaller depends on how much friction there is. */
     struct View {
         JointVector damping;
         std::vector<LoopGains> gains;  // by inertia
@@ -124,7 +131,9 @@ private:
 
     /** Both hold, so does the smaller one of each. */
     static void takeSmaller(const TrackingBound& other, TrackingBound& bound) {
-        const auto take = [](const JointVector& from, JointVector& to) { to = to.cwiseMin(from); };
+        const auto take = [](const JointVector& from, JointVector& to) {
+            to = to.binaryExpr(from, &detail::smallerOrNan).eval();
+        };
         if (other.position.sum() < bound.position.sum()) bound.parts = other.parts;
         take(other.position, bound.position);
         take(other.velocity, bound.velocity);
@@ -138,11 +147,28 @@ private:
     FrozenLoop makeLoop(const JointMatrix& M, const JointVector& damping, const JointVector& kr) const {
         return {M, damping, kr.asDiagonal(), kp_, ki_, h_, set_.delayTicks};
     }
+    /** With any damping that the friction can be. Not finite counts as unstable. */
     double calcWorstRadius(const JointVector& kr) const {
         double worst = 0.0;
-        for (const JointMatrix& M : arm_.inertias)
-            worst = std::max(worst, detail::calcSpectralRadius(makeLoop(M, JointVector::Zero(n_), kr)));
+        for (const detail::PoseInertia& pose : arm_.inertias)
+            for (const double share : {0.0, 1.0, 2.0}) {
+                const double radius = detail::calcSpectralRadius(makeLoop(pose.M, share * damping_, kr));
+                worst = std::isfinite(radius) ? std::max(worst, radius) : INFINITY;
+            }
         return worst;
+    }
+
+    void checkFinite(const LoopGains& gains, const detail::PoseInertia& pose) const {
+        for (const auto* all : {&gains.torque, &gains.step, &gains.ramp, &gains.reading})
+            for (const MatrixXd& values : *all)
+                for (int i = 0; i < n_; ++i)
+                    if (!values.row(i).allFinite())
+                        throw badInput(
+                            place_,
+                            "the peak gain of the error loop at " + robot_.joints[static_cast<std::size_t>(i)].name +
+                                " is not finite at q = " + detail::formatList(pose.q) + ": no bound can be computed",
+                            "Its inertia there is " + detail::formatNumber(pose.M(i, i)) +
+                                " kg m^2: check masses, rotor inertia, friction and gains of this joint.");
     }
 
     void checkStability() const {
@@ -209,15 +235,24 @@ private:
         const JointVector fastest = motion_.velocity + de;
         const JointFriction& f = robot_.actuation.friction;
         const bool isFree = view.damping.maxCoeff() == 0.0;
-        JointVector dry(n_), viscous(n_), onLoad(n_), slipping(n_);
+        JointVector dry(n_), viscous(n_), viscousRate(n_), onLoad(n_), slipping(n_);
         for (int i = 0; i < n_; ++i) {
-            const double speed = isFree ? fastest[i] : motion_.velocity[i];
-            const double share = -std::expm1(-speed / f.viscousVelocity[i]);
-            dry[i] = set_.frictionScale[i] * f.coulomb[i] * set_.breakawayRatio;
-            viscous[i] = set_.frictionScale[i] * f.viscous[i] * share;
+            const double V = f.viscousVelocity[i], scale = set_.frictionScale[i];
+            const double standing = scale * f.coulomb[i] * set_.breakawayRatio;
+            // The real joint may move against the nominal one where that is slower than the error.
+            const double against = feed_.figures.coulomb[i] * std::min(1.0, de[i] / feed_.speed[i]);
+            dry[i] = std::max(standing + against, feed_.figures.coulomb[i] - set_.frictionScaleMin[i] * f.coulomb[i]);
+            viscous[i] = calcUnknownViscous(i);
+            viscousRate[i] = set_.isFrictionConstant ? calcUnknownSlope(i) * motion_.acceleration[i] : INFINITY;
+            // Most between two velocities that are de apart: where they are opposite.
+            slipping[i] = isFree ? -2.0 * scale * f.viscous[i] * std::expm1(-0.5 * de[i] / V) : view.damping[i] * de[i];
+            if (isFree && feed_.figures.viscous[i] == 0.0) {
+                const double whole = -scale * f.viscous[i] * std::expm1(-fastest[i] / V);
+                slipping[i] = std::min(slipping[i], whole - viscous[i]);
+            }
             // Of the torque that the gear carries, friction and ripple with it.
-            onLoad[i] = set_.loadFriction[i] * (load[i] + dry[i] + viscous[i] + set_.torqueRipple_Nm[i]);
-            slipping[i] = view.damping[i] * de[i];
+            const double moving = -scale * f.viscous[i] * std::expm1(-fastest[i] / V);
+            onLoad[i] = set_.loadFriction[i] * (load[i] + standing + moving + set_.torqueRipple_Nm[i]);
         }
         const JointVector jerkTorque = arm_.inertia * motion_.jerk;
         const JointVector rest =
@@ -228,9 +263,7 @@ private:
         const JointVector ofError = arm_.stiffness * e + (sum(arm_.gyroscopic, fastest) + sum(arm_.coriolis, de)) * de;
         return {
             makeJumping("dry friction", dry),
-            isFree ? makeJumping("viscous friction", viscous)
-                   : Source{"viscous friction", TorqueRange::within(viscous),
-                            2.0 * damping_.cwiseProduct(motion_.acceleration), JointVector::Zero(n_)},
+            {"viscous friction", TorqueRange::within(viscous), viscousRate, JointVector::Zero(n_)},
             makeJumping("viscous friction off the nominal speed", slipping, false),
             makeJumping("friction under load", onLoad, false),  // its lasting part: see lastingTorque
             {"payload", arm_.payload, arm_.payloadRate, arm_.payloadWeight},
@@ -242,6 +275,39 @@ private:
             makeJumping("velocity read half a tick late", calcLateReading(), false),
             makeJumping("dynamics off the nominal pose and speed", ofError, false),
         };
+    }
+
+    /** The largest |c + b exp(-v/B) - a exp(-v/A)|, b and a >= 0, over velocities v from 0 to the limit: at an end, or where
+    the slope changes its sign. */
+    double findLargest(int joint, double c, double b, double B, double a, double A) const {
+        const double end = motion_.velocity[joint];
+        const auto calc = [&](double v) { return std::abs(c + b * std::exp(-v / B) - a * std::exp(-v / A)); };
+        double largest = std::max(calc(0.0), calc(end));
+        const double v = std::log((a / A) / (b / B)) / (1.0 / A - 1.0 / B);
+        if (v > 0.0 && v < end) largest = std::max(largest, calc(v));
+        return largest;
+    }
+
+    /** What of the viscous friction at the nominal velocity is not fed forward [Nm]. */
+    double calcUnknownViscous(int i) const {
+        const JointFriction &f = robot_.actuation.friction, &fed = feed_.figures;
+        double largest = 0.0;
+        for (const double scale : {set_.frictionScaleMin[i], set_.frictionScale[i]})
+            largest =
+                std::max(largest, findLargest(i, scale * f.viscous[i] - fed.viscous[i], fed.viscous[i],
+                                              fed.viscousVelocity[i], scale * f.viscous[i], f.viscousVelocity[i]));
+        return largest;
+    }
+
+    /** And of its slope over the velocity [Nms/rad]. */
+    double calcUnknownSlope(int i) const {
+        const JointFriction &f = robot_.actuation.friction, &fed = feed_.figures;
+        double largest = 0.0;
+        for (const double scale : {set_.frictionScaleMin[i], set_.frictionScale[i]})
+            largest =
+                std::max(largest, findLargest(i, 0.0, fed.viscous[i] / fed.viscousVelocity[i], fed.viscousVelocity[i],
+                                              scale * f.viscous[i] / f.viscousVelocity[i], f.viscousVelocity[i]));
+        return largest;
     }
 
     /** Half a count and the noise [rad]. */
@@ -285,6 +351,10 @@ private:
         out.parts.push_back({"inertia that changes", zero, zero, zero});
         for (JointVector* v : {&out.position, &out.velocity, &out.torque, &out.torqueStep, &out.integralTorque})
             *v = zero;
+        const auto take = [](const JointVector& value, JointVector& largest) {
+            // What is not finite stays so and ends the search.
+            largest = largest.binaryExpr(value, &detail::largerOrNan).eval();
+        };
         for (const LoopGains& g : view.gains) {
             const auto raise = [&](JointVector& largest, LoopOutput output) {
                 JointVector total = zero;
@@ -294,10 +364,10 @@ private:
                                                  ? JointVector(at(g.reading, output) * reading)
                                                  : JointVector(calcDrift(g, output, inertiaRate) * de);
                     total += part;
-                    if (output == LoopOutput::Position) out.parts[k].position = out.parts[k].position.cwiseMax(part);
-                    if (output == LoopOutput::Velocity) out.parts[k].velocity = out.parts[k].velocity.cwiseMax(part);
+                    if (output == LoopOutput::Position) take(part, out.parts[k].position);
+                    if (output == LoopOutput::Velocity) take(part, out.parts[k].velocity);
                 }
-                largest = largest.cwiseMax(total);
+                take(total, largest);
             };
             raise(out.position, LoopOutput::Position);
             raise(out.velocity, LoopOutput::Velocity);
@@ -306,12 +376,19 @@ private:
             raise(out.integralTorque, LoopOutput::IntegralTorque);
         }
         out.measured = out.position + reading;
-        out.torque += arm_.nominalTorque + late;
-        out.lastingTorque = arm_.nominalTorque;
+        JointVector fed(n_), fedStep(n_);
+        for (int i = 0; i < n_; ++i) {
+            const JointFriction& f = feed_.figures;
+            fed[i] = feed_.calc(i, motion_.velocity[i]);
+            fedStep[i] =
+                h_ * motion_.acceleration[i] * (f.coulomb[i] / feed_.speed[i] + f.viscous[i] / f.viscousVelocity[i]);
+        }
+        out.torque += arm_.nominalTorque + late + fed;
+        out.lastingTorque = arm_.nominalTorque + fed;
         for (const Source& source : sources)
             if (source.lasts) out.lastingTorque += source.torque.calcLargest();
         out.lastingTorque += set_.loadFriction.expand(n_).cwiseProduct(out.lastingTorque);
-        out.torqueStep += 2.0 * late;
+        out.torqueStep += 2.0 * late + fedStep;
         out.motorTorque = set_.torqueLimitFactor * robot_.actuation.torqueLimit;
         return out;
     }
@@ -341,6 +418,7 @@ private:
     const DisturbanceSet& set_;
     const std::string& place_;
     JointVector kr_, kp_, ki_;
+    FrictionFeed feed_;  // zeros where nothing is fed forward
     detail::MotionSize motion_;
     JointVector damping_;  // of the viscous friction, half of the most that it can be [Nms/rad]
     ArmExtremes arm_;

@@ -29,6 +29,11 @@ const ParameterSpec kParameters[] = {
         "covers it.")
         .above(0)
         .orInfinite(),
+    parameter::jointNumbers("friction_scale", "", "0.0",
+                            "Factor on the friction figures that are fed forward at the nominal velocity; 0: none.")
+        .atLeast(0),
+    parameter::file("friction_file", "",
+                    "Those figures: an actuation.yaml, as of `viable identify`; the robot's own when empty."),
 };
 
 }  // namespace

@@ -6,8 +6,21 @@
 
 namespace viable {
 
-/** The law tau_a = -K_r (de + k_p e + k_i integral of e dt) on e = q_real - q_nominal, with one number per joint, as it is
-around a pose: its stability is judged by it (calcMargins), and a tracking bound follows from it (calcTrackingBound). */
+/** Friction that a robust loop cancels at the nominal velocity, where it is smooth and no matter of stability. */
+struct FrictionFeed {
+    JointFriction figures;  ///< sizes 0: nothing is fed forward
+    JointVector speed;      ///< up to it [rad/s] the Coulomb part grows in proportion to the velocity; > 0
+
+    bool isActive() const { return speed.size() > 0; }
+    /** [Nm] at the velocity v [rad/s] of a joint; requires isActive(). */
+    double calc(int joint, double v) const;
+    /** [Nm] of every joint. */
+    JointVector calc(const JointVector& qd) const;
+};
+
+/** The law tau_a = friction(qd_nominal) - K_r (de + k_p e + k_i integral of e dt) on e = q_real - q_nominal, with one number
+per joint, as it is around a pose: its stability is judged by it (calcMargins), and a tracking bound follows from it
+(calcTrackingBound). */
 struct LinearErrorLoop {
     JointVector kr;             ///< K_r = diag(k_r) [Nms/rad], or its bound, see inertiaRate
     JointVector kp;             ///< [1/s]
@@ -18,6 +31,9 @@ struct LinearErrorLoop {
     which every velocity error decays at c in every pose, and below diag(k_r). Infinite: K_r = diag(k_r). No tracking
     bound is known where it is finite. */
     double inertiaRate = std::numeric_limits<double>::infinity();
+    FrictionFeed friction;
+    JointVector
+        motorRate;  ///< of the change of tau_c + tau_a [Nm/s]; infinite or of size 0: none. Finite: no bound is known
 };
 
 /** Makes the real arm follow the nominal one in spite of friction, payload and model error. */

@@ -74,6 +74,9 @@ struct RobotDescription {
 /** Reads a robot folder; throws Error (BadInput) with file and place. */
 RobotDescription loadRobot(const std::filesystem::path& folder);
 
+/** The friction of an actuation.yaml, for example of `viable identify`, for joints of these names; throws likewise. */
+JointFriction readFriction(const std::filesystem::path& actuationFile, const std::vector<std::string>& joints);
+
 /** The folder of a robot called `name` (or a path to one), searched in `searchPath` in order. The error lists
 the known robots, the closest name and every folder searched.
 @param where  the place that names it, for the message */

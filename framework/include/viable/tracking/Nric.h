@@ -24,7 +24,15 @@ struct NricOptions {
     /** Fastest change of the whole torque of the motor, tau_c + tau_a, from what holds the arm at the start [Nm/s,
     prismatic: N/s]; > 0. */
     PerJoint motorRate = std::numeric_limits<double>::infinity();
+    /** Fed forward at the nominal velocity; see scaleFriction(). */
+    FrictionFeed friction = {};
 };
+
+/** The feed-forward of `figures` times `scale`, one number per joint. The Coulomb part passes zero in the kFeedTicks ticks
+that the joint takes at its acceleration limit, so it changes by no more than its double in those. */
+FrictionFeed scaleFriction(const JointFriction& figures, const PerJoint& scale, const JointLimits& limits,
+                           double tick_s);
+inline constexpr double kFeedTicks = 5.0;
 
 /** Constant gains that the arm can carry in every pose within its position limits.
 
@@ -49,7 +57,9 @@ class ArmRecursion;
 /** Pulls the real arm onto the nominal one (nonlinear robust internal-loop compensator, NRIC).
 
 Method: tau_a = -K_r (de + K_p e + K_i integral of e dt),  e = q_real - q_nominal  (paper, eq. 7)
-with one gain of each per joint; with a finite inertiaRate K_r follows the arm's inertia (LinearErrorLoop). What the
+with one gain of each per joint; with a finite inertiaRate K_r follows the arm's inertia (LinearErrorLoop). With `friction`
+plus the friction that the nominal velocity would meet: of the true one f(v) there remains f(v) - f(v_n), which damps, and the
+error of the figures (MATH 10). What the
 integral of a joint makes of that joint's torque, |(K_r)_ii K_i integral|, ends at integralLimit, at the motor's torque limit
 at the latest. tau_a changes by torqueRate x tick per tick at most, from zero at the
 start. The sum tau_c + tau_a is kept inside the motor's torque limit, and changes by motorRate x tick per tick at most. While
@@ -60,11 +70,12 @@ unstable. A torqueRate below K_r T / (2 x inertia) slows the loop down: a joint 
 loop pressed with T [Nm] then overshoots, far below it becomes unstable. So with motorRate, of which tau_c takes its part.
 Guarantees: |tau_c + tau_a| within the motor limits wherever |tau_c| is; |integral| as above; in a tick
 tau_a changes by no more than the larger of torqueRate x tick and, at the motor's limits, the change of
-tau_c; zero as long as e and de are.
+tau_c; zero as long as e, de and the friction fed forward are.
 Real time: no allocation, lock or throw after configure(). */
 class Nric : public RobustLoop {
 public:
-    /** Reads `k_r`, `k_p`, `k_i`, `integral_limit_Nm`, `torque_rate_Nmps` and `motor_rate_Nmps`; gains that are `auto` by scaleGains(). */
+    /** Reads `k_r`, `k_p`, `k_i`, `integral_limit_Nm`, `torque_rate_Nmps`, `motor_rate_Nmps`, `friction_scale` and
+    `friction_file`; gains that are `auto` by scaleGains(). */
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     /** The same without an experiment file. Throws Error (BadInput) for options of the wrong number, gains
     below 0 or not finite, and bounds that are not above 0. */
@@ -82,7 +93,7 @@ private:
 
     int n_ = 0;
     std::shared_ptr<const ArmRecursion> arm_;  // where it is needed
-    bool followsInertia_ = false, limitsMotorRate_ = false;
+    bool followsInertia_ = false, limitsMotorRate_ = false, feedsFriction_ = false;
     JointMatrix gain_;           // K_r
     JointVector integralLimit_;  // of its torque [Nm]
     double tick_s_ = 0.0;

@@ -10,10 +10,14 @@
 namespace viable {
 
 /** What the real arm may have that the nominal one has not: the set of disturbances that a TrackingBound
-is for. All at once, in any combination. Friction, ripple, pushes and reading errors change at any time within
-these sizes; masses, payload and tilt are constant in a run. Names as those of the simulated plants' parameters. */
+is for. All at once, in any combination. Dry friction, ripple, pushes and reading errors change at any time within
+these sizes, and so does the factor on the friction, unless it is constant; masses, payload and tilt are constant in a run.
+Names as those of the simulated plants' parameters. */
 struct DisturbanceSet {
-    PerJoint frictionScale = 1.0;  ///< largest factor on the robot's friction figures; 0: no friction
+    PerJoint frictionScale = 1.0;     ///< largest factor on the robot's friction figures; 0: no friction
+    PerJoint frictionScaleMin = 0.0;  ///< least one; it counts where friction is fed forward
+    /** The factor of each joint is the same all through a run: its viscous friction changes only with the velocity. */
+    bool isFrictionConstant = false;
     double breakawayRatio = 1.0;   ///< largest Fs / Fc
     PerJoint loadFriction = 0.0;   ///< friction per torque that the joint carries []
     PerJoint massError = 0.0;      ///< mass_factor lies in [1 - massError, 1 + massError]
@@ -51,7 +55,7 @@ struct TrackingBound {
 
 /** The bound for Nric with constant gains.
 
-Method: M edd = tau_a + w around the inertia of a pose; the sampled loop's peak gains (l1 norm of the impulse response,
+Method: M edd = tau_a + w around the inertia of a pose, w less what of the friction is fed forward; the sampled loop's peak gains (l1 norm of the impulse response,
 joint by joint, Desoer and Vidyasagar 1975) from w and from the readings to e and de. w is what is left of the equations
 of motion of both arms: friction, load, mass error, tilt, what the reading and the holding of a tick do, and terms in
 e and de (stiffness, Coriolis, inertia that has changed since), which make the bound a fixed point. The inertia that
@@ -63,7 +67,7 @@ Nric's rate nor its integral at their limits; rigid joints. Extremes over poses 
 position limits (192, gradients at 64, loops at 32): between them nothing is proven.
 @param limits  of the nominal arm; velocity and acceleration finite
 @param place   of the gains or the set, for messages
-Throws Error (BadInput) for unstable gains (with the largest stable ones), and where no bound exists. Does not judge the
+Throws Error (BadInput) for unstable gains (with the largest stable ones), where no bound exists, and for what is not finite. Does not judge the
 motors: with motorTorque below lastingTorque the real arm cannot follow; between that and torque it can, but nothing
 proves that no motor is ever at its limit. Takes some seconds; not for a loop. */
 TrackingBound calcTrackingBound(const RobotDescription& robot, const JointLimits& limits, double tick_s,
