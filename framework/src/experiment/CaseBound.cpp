@@ -6,6 +6,7 @@
 #include "core/Text.h"
 #include "experiment/CaseChecks.h"
 #include "experiment/ResolvedNodes.h"
+#include "robot/RobotKey.h"
 #include "tracking/InertiaSample.h"
 #include "viable/core/Error.h"
 
@@ -63,14 +64,13 @@ TrackingBound findBound(const CasePlan& plan, const LinearErrorLoop& loop) {
                                                           static_cast<int>(disturbances.integer("delay_ticks")))) +
                            ".");
     const ConfigNode inputs = makeMap(
-        {{"robot", makeScalar(std::filesystem::canonical(plan.robot.folder), true)},
+        {{"robot", makeScalar(calcRobotKey(plan.robot), true)},
          {"tick_s", makeNumber(plan.tick_s)},
          {"position", makeBounds(plan.limits.position)},
          {"velocity", makeBounds(plan.limits.velocity)},
          {"acceleration", makeBounds(plan.limits.acceleration)},
          {"jerk", makeBounds(plan.limits.jerk)},
          {"gains", makeMap({{"k_r", makeList(loop.kr)}, {"k_p", makeList(loop.kp)}, {"k_i", makeList(loop.ki)}})},
-         {"payload", plan.payload ? plan.payload->resolved() : ConfigNode()},
          {"disturbance_set", disturbances.resolved()}});
     static Memo<TrackingBound> known(kMostKnownBounds);
     return known.get(writeConfig(inputs), [&] {
