@@ -302,8 +302,8 @@ TEST(Fault47, AHangBeforeTheFirstTickIsNamedWithItsCall) {
             SCOPED_TRACE(when + (isIsolated ? " --isolate" : ""));
             Folder folder;
             std::vector<std::string> arguments{
-                "run",   folder.write("e.yaml", kFaultyExperiment), "--out",      folder / "run", "--no-report",
-                "--set", "cases.A.filter=hangs_before_ticks",       "--watchdog", "0.3"};
+                "run",   folder.write("e.yaml", kFaultyExperiment),     "--out",      folder / "run", "--no-report",
+                "--set", "cases.A.filter={plugin: hangs_before_ticks}", "--watchdog", "0.3"};
             if (isIsolated) arguments.push_back("--isolate");
             const std::string wanted = when;
             const auto begin = std::chrono::steady_clock::now();

@@ -462,7 +462,7 @@ TEST(Fault75, ASecondSignalForcesTheEnd) {
         Folder folder;
         test::Program program({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A",
                                "--no-report", "--set", "duration_s=80000", "--set",
-                               "cases.A.filter={plugin: hangs, after_ticks: 5000}"});
+                               "filter={plugin: hangs, after_ticks: 5000}"});
         std::uintmax_t size = 0;
         for (std::uintmax_t seen = 1; size == 0 || size != seen;) {  // it hangs when its log stands still
             seen = size;

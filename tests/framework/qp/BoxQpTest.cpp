@@ -466,7 +466,7 @@ TEST(Fault36, WhereItCannotSolveItStopsInTime) {
     std::mt19937_64 random(38);
     Problem slowest;
     int most = 0, clamped = 0;
-    const int count = test::countOf(2000);
+    const int count = test::countOf(600);
     for (int k = 0; k < count; ++k) {
         Problem p = drawHardProblem(random, kMaxJoints);
         if (k % 2 == 0) p.M = drawProblem(random, kMaxJoints, std::pow(10.0, drawUniform(random, 7, 19))).M;

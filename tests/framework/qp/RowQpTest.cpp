@@ -385,7 +385,7 @@ TEST(Fault36, AtItsBoundARowProblemIsStillInTime) {
     RowQp qp;
     Problem slowest;
     int most = 0;
-    const int count = test::countOf(2000);
+    const int count = test::countOf(300);
     for (int k = 0; k < count; ++k) {
         JointVector inside, x;
         Problem p = drawBox(random, kMaxJoints, drawLog(random, 1, 1e12), inside);
