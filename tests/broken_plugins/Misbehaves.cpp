@@ -23,14 +23,16 @@ private:
         if (how_ == "exits") std::exit(0);
         if (how_ == "is_killed") raise(SIGKILL);  // as by the system when memory runs out
         while (how_ == "hangs") usleep(1000);
+        while (how_ == "eats_memory") eaten_ = new char[std::size_t(1) << 26];
     }
     std::string how_;
     volatile int* nowhere_ = nullptr;
+    char* volatile eaten_ = nullptr;
 };
 
 constexpr viable::ParameterSpec kParameters[] = {
     broken::kAfterTicks,
-    viable::parameter::choice("how", "not|segfaults|exits|is_killed|hangs|refuses", "not",
+    viable::parameter::choice("how", "not|segfaults|exits|is_killed|hangs|refuses|eats_memory", "not",
                               "What it does from then on."),
 };
 

@@ -1,6 +1,9 @@
 // What a user reads when a plugin misbehaves in the run, with and without --isolate.
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <map>
+
 #include "ExpectContains.h"
 #include "Paths.h"
 #include "Program.h"
@@ -11,6 +14,7 @@ namespace {
 
 using Folder = test::TemporaryFolder;
 using test::expectContains;
+using test::kSanitized;
 using test::Outcome;
 
 const char* const kFaultyExperiment = R"(schema: 1
@@ -21,12 +25,6 @@ command: {plugin: waypoints, points: [[0, 1], [1, -1]], repeat_s: 2}
 controller: {plugin: joint_pd}
 cases: {A: {filter: {plugin: pass_through}}}
 )";
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kSanitized = true;
-#else
-constexpr bool kSanitized = false;
-#endif
 
 int countRowsOfWholeLog(const std::filesystem::path& log) {
     LogReader reader(log);
@@ -142,6 +140,32 @@ TEST(Fault49, NoPluginOfTheMainExperimentTakesMemoryInItsTick) {
     EXPECT_EQ(o.out.find("WARNING"), std::string::npos) << o.out;
 }
 
+TEST(Fault49, ALeakIsToldOfWithWhatItHasTaken) {
+    if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
+    Folder folder;
+    const Outcome o =
+        test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report", "--set",
+                   "duration_s=0.2", "--set", "cases.A.filter={plugin: leaks, after_ticks: 100}"});
+    EXPECT_EQ(o.code, 0) << o.err;
+    expectContains(o.out, {"WARNING       the filter plugin 'leaks' (", "(in 100 ticks, first in tick 100)",
+                           "The program grew by 1", " MB in this case's ticks"});
+}
+
+TEST(Fault49, APluginThatTakesAllMemoryIsNamedAndTheArmBraked) {
+    if (kSanitized) GTEST_SKIP() << "sanitizers take memory of their own";
+    Folder folder;
+    const Outcome o =
+        test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report", "--set",
+                   "cases.A.filter={plugin: misbehaves, how: eats_memory, after_ticks: 100}"},
+                  [] {
+                      const rlimit limit{rlim_t(4) << 30, RLIM_INFINITY};
+                      setrlimit(RLIMIT_AS, &limit);
+                  });
+    EXPECT_EQ(o.code, 4);
+    expectContains(o.err, {"the filter plugin 'misbehaves' (", "failed: it threw: std::bad_alloc"});
+    EXPECT_GT(countRowsOfWholeLog(folder / "run/A.mcap"), 101);  // and its stop
+}
+
 TEST(Fault49, AnIsolatedOneIsToldOfToo) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
@@ -237,13 +261,91 @@ TEST(Fault48, ACrashInADestructorNamesThePlugin) {
                            "failed while it was destroyed: its process died: signal 6 (Aborted)"});
 }
 
-TEST(Fault48, ACrashWhileALibraryIsLoadedNamesIt) {
+std::string nameDeadly(const std::string& plugin) {
+    return VIABLE_BINARY_DIR "/tests/broken_plugins/deadly/viable_filter_" + plugin + ".so";
+}
+
+TEST(Fault48, AFailureWhileALibraryIsLoadedNamesIt) {
     if (kSanitized) GTEST_SKIP() << "sanitizers have crash handlers of their own";
-    const std::string library = VIABLE_BINARY_DIR "/tests/broken_plugins/deadly/viable_filter_crashes_on_load.so";
+    struct Failure {
+        const char *plugin, *inProcess, *isolated;
+    };
+    for (const Failure& fixture :
+         {Failure{"crashes_on_load", " crashed while it was loaded: signal 6 (Aborted)",
+                  "failed while it was loaded: its process died: signal 6 (Aborted). Fix its static objects"},
+          Failure{"exits_on_load", " called exit() while it was loaded",
+                  "failed while it was loaded: its process ended: it called exit(0). Fix its static objects"},
+          Failure{"hangs_on_load", " has not come back while it was loaded",
+                  "failed while it was loaded: it did not return for 0.3 s; its process was ended. Fix"}})
+        for (const bool isIsolated : {false, true}) {
+            SCOPED_TRACE(testing::Message() << fixture.plugin << isIsolated);
+            Folder folder;
+            std::vector<std::string> more{"--watchdog", "0.3"};
+            if (isIsolated) more.push_back("--isolate");
+            const std::string library = nameDeadly(fixture.plugin);
+            const Outcome o = runWith(folder, "{plugin: \"" + library + "\"}", more);
+            EXPECT_EQ(o.code, 4);
+            expectContains(o.err,
+                           {"the plugin library '" + library + "'", isIsolated ? fixture.isolated : fixture.inProcess});
+            EXPECT_FALSE(std::filesystem::exists(folder / "run"));
+        }
+}
+
+TEST(Fault47, AHangBeforeTheFirstTickIsNamedWithItsCall) {
+    if (kSanitized) GTEST_SKIP() << "sanitizers have crash handlers of their own";
+    const std::map<std::string, std::string> calls = {{"made", "while it was made"},
+                                                      {"configured", "in configure()"},
+                                                      {"asked", "while it was asked what it is"},
+                                                      {"reset", "in reset()"}};
+    for (const auto& [when, call] : calls)
+        for (const bool isIsolated : {false, true}) {
+            SCOPED_TRACE(when + (isIsolated ? " --isolate" : ""));
+            Folder folder;
+            std::vector<std::string> arguments{
+                "run",   folder.write("e.yaml", kFaultyExperiment),     "--out",      folder / "run", "--no-report",
+                "--set", "cases.A.filter={plugin: hangs_before_ticks}", "--watchdog", "0.3"};
+            if (isIsolated) arguments.push_back("--isolate");
+            const std::string wanted = when;
+            const auto begin = std::chrono::steady_clock::now();
+            const Outcome o = test::run(arguments, [wanted] { setenv("VIABLE_HANGS_WHEN", wanted.c_str(), 1); });
+            EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(8));  // not after 10 or 60
+            EXPECT_EQ(o.code, 4);
+            expectContains(o.err, {"the filter plugin 'hangs_before_ticks' (",
+                                   isIsolated ? "it did not return " + call + " for 0.3 s; its process was ended"
+                                              : "has not come back " + call});
+            if (when != "reset" || !isIsolated) {  // isolated, the summary says that the case was not run
+                EXPECT_FALSE(std::filesystem::exists(folder / "run"));
+            }
+        }
+}
+
+TEST(Fault48, AnExceptionThatLeavesAPluginsOwnThreadIsToldWithItsLibrary) {
+    if (kSanitized) GTEST_SKIP() << "sanitizers have crash handlers of their own";
     Folder folder;
-    const Outcome o = runWith(folder, "{plugin: \"" + library + "\"}");
+    Outcome o = runWith(folder, "{plugin: throws_in_thread, after_ticks: 100}");
     EXPECT_EQ(o.code, 4);
-    expectContains(o.err, {"the plugin library '" + library + "' crashed before the first tick: signal 6 (Aborted)"});
+    expectContains(o.err,
+                   {"viable: std::terminate() was called: an exception that nobody catches: the thread lost its temper "
+                    "while the cases ran, outside of the calls of plugins, in a thread that runs code of ",
+                    "tests/broken_plugins/viable_filter_throws_in_thread.so. The logs in ", "are complete"});
+    EXPECT_GE(countRowsOfWholeLog(folder / "run/A.mcap"), 100);
+    Folder other;
+    o = runWith(other, "{plugin: throws_in_thread, after_ticks: 100}", {"--isolate"});
+    EXPECT_EQ(o.code, 4);
+    expectContains(o.err, {"the filter plugin 'throws_in_thread' (", "failed: its process died: signal 6 (Aborted)"});
+}
+
+TEST(Fault48, ACrashOutsideOfPluginsNamesTheSuspects) {
+    if (kSanitized) GTEST_SKIP() << "sanitizers have crash handlers of their own";
+    Folder folder;
+    const Outcome o = runWith(folder, "{plugin: damages_heap, after_ticks: 100}");
+    EXPECT_EQ(o.code, 4) << o.err;
+    expectContains(o.err,
+                   {"viable: crashed: signal 6 (Aborted) while the cases ran, outside of the calls of plugins. A "
+                    "plugin may have damaged memory before, or a thread of its own has failed. Suspects are all "
+                    "that are loaded: ",
+                    "viable_command_waypoints.so, ", "viable_filter_damages_heap.so"});
+    EXPECT_GE(countRowsOfWholeLog(folder / "run/A.mcap"), 100);
 }
 
 TEST(FilterChain, WhatAFilterOfAChainDoesWrongIsToldAsItsOwn) {

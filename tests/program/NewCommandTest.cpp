@@ -397,6 +397,9 @@ TEST(NewRobot, RunsAtOnceWithAssumedFiguresAndSaysSo) {
         replaceAll(folder / "my_arm/actuation.yaml", "assumed: [rotor_inertia_kgm2, friction]",
                    "assumed: [gear, friction]");
         expectContains(describe(folder / "my_arm").err, {"actuation.yaml:", "there is no figure `gear` in this file"});
+        replaceAll(folder / "my_arm/actuation.yaml", "assumed: [gear, friction]", "assumed: [fricton]");
+        expectContains(describe(folder / "my_arm").err,
+                       {"no figure `fricton` in this file. Did you mean `friction`? "});
     }
 }
 

@@ -24,6 +24,12 @@ inline std::string readFile(const std::filesystem::path& file) {
     return text.str();
 }
 
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+inline constexpr bool kSanitized = true;
+#else
+inline constexpr bool kSanitized = false;
+#endif
+
 struct Outcome {
     int code = -1;  ///< exit code, or -signal
     std::string out, err;

@@ -18,14 +18,9 @@ namespace {
 
 namespace fs = std::filesystem;
 using Folder = test::TemporaryFolder;
+using test::kSanitized;
 using test::Outcome;
 using test::readFile;
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kSanitized = true;
-#else
-constexpr bool kSanitized = false;
-#endif
 
 const char* const kSweptExperiment = R"(schema: 1
 title: a sweep
@@ -281,6 +276,39 @@ TEST_F(Fault76_Sweep, APluginThatFailsCostsItsOwnRunOnlyAndIsReplayed) {
     EXPECT_EQ(WEXITSTATUS(code), 4);
     EXPECT_NE(readFile(folder_ / "again.err").find("crashed in tick 10: signal 11"), std::string::npos)
         << readFile(folder_ / "again.err");
+}
+
+// Runs beside it in the same process get none either: they are no less good for it.
+TEST_F(Fault76_Sweep, ARunThatTakesAllMemoryCostsNoOther) {
+    if (kSanitized) GTEST_SKIP() << "sanitizers take memory of their own";
+    file_ = folder_.write("bad.yaml", kMisbehaving);
+    const Outcome o = test::run(arguments(folder_ / "s", {"--runs", "8", "--jobs", "4", "--set",
+                                                          "cases.bad.filter.how=~choice(not, not, eats_memory)"}),
+                                [] {
+                                    const rlimit limit{rlim_t(4) << 30, RLIM_INFINITY};
+                                    setrlimit(RLIMIT_AS, &limit);
+                                });
+    EXPECT_EQ(o.code, 4) << o.out << o.err;
+    EXPECT_NE(o.out.find("good: 8 ok"), std::string::npos) << o.out;
+    int eaten = 0, rows = 0;
+    const SweepStore store = open("s");
+    store.forEach([&](const SweepRow& row) {
+        ++rows;
+        if (row.caseName != "bad" || get(store, row, "draw.cases.bad.filter.how") == "not") {
+            EXPECT_EQ(get(store, row, "status"), "ok") << get(store, row, "message");
+            return;
+        }
+        ++eaten;
+        EXPECT_EQ(get(store, row, "status"), "crashed");
+        EXPECT_EQ(get(store, row, "message"),
+                  "the filter plugin 'misbehaves' asked for memory and there was none left, in tick 10");
+        EXPECT_NE(get(store, row, "replay").find(" --draw 1:" + std::to_string(row.run) + " --case bad"),
+                  std::string::npos)
+            << get(store, row, "replay");
+    });
+    EXPECT_EQ(rows, 16);
+    EXPECT_GE(eaten, 1);
+    EXPECT_LE(eaten, 7);
 }
 
 // A push beyond the stated set, too short for a trip: one of the two runs bears it.

@@ -36,13 +36,12 @@ std::vector<std::filesystem::path> makeRobotSearchPath(const std::filesystem::pa
 
 namespace {
 
-// Exit codes beside those of viable::ErrorKind, as sysexits.h numbers them.
-constexpr int kUnexpected = 70;
+// An exit code beside those of viable::ErrorKind, as sysexits.h numbers them.
 constexpr int kOutOfMemory = 71;
 
 int tellUnexpected(const std::exception& e) {
     std::fprintf(stderr, "viable: unexpected: %s. Please report this.\n", e.what());
-    return kUnexpected;
+    return viable::kUnexpected;
 }
 
 }  // namespace

@@ -1,5 +1,7 @@
 #include "PluginTrouble.h"
 
+#include <dlfcn.h>
+#include <execinfo.h>
 #include <signal.h>
 #include <unistd.h>
 
@@ -7,7 +9,10 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <exception>
+#include <new>
 
+#include "core/ChildProcess.h"
 #include "host/PluginCall.h"
 #include "log/Recorder.h"
 #include "viable/core/Error.h"
@@ -29,10 +34,12 @@ constexpr double kRescue_s = 3.0;
 constexpr std::chrono::seconds kHang{10};
 constexpr std::chrono::milliseconds kLook{50};
 
-constexpr int kCrashSignals[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
-
 char runFolder[4096] = "";
+char runClaim[sizeof runFolder + sizeof kClaim] = "";
+std::atomic<const char*> stage{nullptr};
 std::atomic<bool> dying{false};
+std::atomic<pid_t> owner{0};  // the process whose crashes are answered
+std::terminate_handler usualTerminate = nullptr;
 
 // Where to speak, if not to the terminal (see tellCrashTo).
 char* sink = nullptr;
@@ -67,13 +74,18 @@ void say(std::int64_t number) {
     say(begin);
 }
 
+bool isOwner() {
+    return getpid() == owner;
+}
+
 /** "viable: the filter plugin 'x' (/path/x.so) <what> in its tick 12" */
 void sayWho(const PluginWatch& watch, const char* what, std::int64_t tick) {
     if (!sink) say("\nviable: ");
     say(watch.title.c_str());
     say(what);
     if (tick < 0) {
-        say(tick == kAfterLastTick ? " while it was destroyed" : " before the first tick");
+        say(" ");
+        say(nameCall(tick));
     } else {
         say(" in tick ");
         say(tick);
@@ -83,6 +95,8 @@ void sayWho(const PluginWatch& watch, const char* what, std::int64_t tick) {
 [[noreturn]] void endAfterPlugin() {
     if (sink) _exit(static_cast<int>(ErrorKind::PluginFailed));
     const bool whole = Recorder::rescueAll(kRescue_s);
+    if (*runFolder) unlink(runClaim);
+    if (*runFolder && rmdir(runFolder) == 0) *runFolder = '\0';  // nothing was written yet
     if (*runFolder && whole) {
         say("The logs in ");
         say(runFolder);
@@ -100,7 +114,66 @@ void sayWho(const PluginWatch& watch, const char* what, std::int64_t tick) {
     _exit(static_cast<int>(ErrorKind::PluginFailed));
 }
 
+/** The first plugin library whose code is on the stack of this thread; null: none. */
+const char* findLibraryOnStack() {
+    void* frames[64];
+    const int count = backtrace(frames, 64);
+    for (int i = 0; i < count; ++i) {
+        Dl_info info;
+        if (dladdr(frames[i], &info) == 0 || !info.dli_fname) continue;
+        for (const auto& entry : loadedLibraries()) {
+            const char* const library = entry.load();
+            if (!library) break;
+            if (std::strcmp(library, info.dli_fname) == 0) return library;
+        }
+    }
+    return nullptr;
+}
+
+/** Its path; a sweep's tables are the same wherever it lies. */
+void sayLibrary(const char* library) {
+    const char* const name = std::strrchr(library, '/');
+    say(sink && name ? name + 1 : library);
+}
+
+/** Something failed, and this thread is in no plugin's call. */
+[[noreturn]] void endOutsideOfCalls() {
+    if (const char* const now = stage) {
+        say(" ");
+        say(now);
+    }
+    if (!loadedLibraries().front().load()) {
+        say(". No plugin was loaded: this is a fault of viable. Please report it.\n");
+        _exit(kUnexpected);
+    }
+    if (const char* const library = findLibraryOnStack()) {
+        say(", outside of the calls of plugins, in a thread that runs code of ");
+        sayLibrary(library);
+        say(". ");
+        endAfterPlugin();
+    }
+    say(", outside of the calls of plugins. A plugin may have damaged memory before, or a thread of its own has "
+        "failed. ");
+    if (sink) endAfterPlugin();
+    say("Suspects are all that are loaded: ");
+    const char* separator = "";
+    for (const auto& entry : loadedLibraries()) {
+        const char* const library = entry.load();
+        if (!library) break;
+        say(separator);
+        sayLibrary(library);
+        separator = ", ";
+    }
+    say(". ");
+    endAfterPlugin();
+}
+
 void onCrash(int signal) {
+    if (!isOwner()) {
+        ::signal(signal, SIG_DFL);
+        raise(signal);
+        return;
+    }
     if (dying.exchange(true)) {
         // A second thread, or the handler itself: the first one's account is enough.
         for (;;) pause();
@@ -108,21 +181,52 @@ void onCrash(int signal) {
     const CallSlot* slot = ownCallSlot();
     const PluginWatch* watch = slot ? slot->watch.load() : nullptr;
     const char* name = sigdescr_np(signal);
-    if (!watch) {
-        ::signal(signal, SIG_DFL);
-        raise(signal);
-        return;
-    }
-    sayWho(*watch, " crashed", slot->tick.load());
+    if (watch)
+        sayWho(*watch, " crashed", slot->tick.load());
+    else
+        say(sink ? "crashed" : "\nviable: crashed");
     say(": signal ");
     say(signal);
     say(" (");
     say(name ? name : "unknown");
-    say("). ");
+    say(")");
+    if (!watch) endOutsideOfCalls();
+    say(". ");
+    endAfterPlugin();
+}
+
+/** std::terminate(): an exception left a thread or a noexcept function. */
+void onTerminate() {
+    if (!isOwner()) usualTerminate();
+    if (dying.exchange(true)) {
+        for (;;) pause();
+    }
+    const CallSlot* slot = ownCallSlot();
+    const PluginWatch* watch = slot ? slot->watch.load() : nullptr;
+    if (watch)
+        sayWho(*watch, " called std::terminate()", slot->tick.load());
+    else
+        say(sink ? "std::terminate() was called" : "\nviable: std::terminate() was called");
+    if (std::current_exception()) {
+        say(": an exception that nobody catches: ");
+        try {
+            throw;
+        } catch (const std::exception& e) {
+            say(e.what());
+        } catch (...) {
+            say("something other than a std::exception");
+        }
+    }
+    if (!watch) endOutsideOfCalls();
+    say(". ");
     endAfterPlugin();
 }
 
 void onExit() {
+    if (!isOwner()) return;
+    if (dying) {
+        for (;;) pause();  // another thread ends the program, and its code says why
+    }
     const CallSlot* slot = ownCallSlot();
     const PluginWatch* watch = slot ? slot->watch.load() : nullptr;
     if (!watch || dying.exchange(true)) return;
@@ -145,18 +249,45 @@ void prepareThreadForCrash() {
 void installCrashHandler(const std::filesystem::path& folder) {
     if (VIABLE_PROGRAM_SANITIZED) return;
     std::snprintf(runFolder, sizeof runFolder, "%s", folder.c_str());
+    std::snprintf(runClaim, sizeof runClaim, "%s/%s", runFolder, kClaim);
     prepareThreadForCrash();
     struct sigaction action {};
     action.sa_handler = onCrash;
     action.sa_flags = SA_ONSTACK;
-    for (int signal : kCrashSignals) sigaction(signal, &action, nullptr);
-    static const bool once = std::atexit(onExit) == 0 && std::at_quick_exit(onExit) == 0;
+    for (int signal : detail::kCrashSignals) sigaction(signal, &action, nullptr);
+    owner = getpid();
+    static const bool once = [] {
+        usualTerminate = std::set_terminate(onTerminate);
+        void* frame = nullptr;
+        backtrace(&frame, 1);  // loads what it needs now, not in a crash
+        return std::atexit(onExit) == 0 && std::at_quick_exit(onExit) == 0;
+    }();
     static_cast<void>(once);
+}
+
+void tellStage(const char* what) {
+    stage = what;
 }
 
 void tellCrashTo(char* text, std::size_t capacity) {
     sink = text;
     sinkLeft = capacity - 1;
+}
+
+void endWhenMemoryRunsOut() {
+    std::set_new_handler([] {
+        if (dying.exchange(true)) {
+            for (;;) pause();
+        }
+        const CallSlot* slot = ownCallSlot();
+        const PluginWatch* watch = slot ? slot->watch.load() : nullptr;
+        if (watch)
+            sayWho(*watch, " asked for memory and there was none left,", slot->tick.load());
+        else
+            say("memory ran out, outside of the calls of plugins");
+        say(". ");
+        endAfterPlugin();
+    });
 }
 
 void countPluginAllocations() {
@@ -191,8 +322,7 @@ void HangWatch::look() {
         }
         const std::chrono::duration<double> waited = now - seen_[i].since;
         const std::int64_t tick = slot.tick.load();
-        const bool isOver = waited > patience_ && tick >= 0;
-        if ((isOver || (endRequested_ != 0 && waited > kHang)) && !dying.exchange(true)) {
+        if ((waited > patience_ || (endRequested_ != 0 && waited > kHang)) && !dying.exchange(true)) {
             sayWho(*watch, " has not come back", tick);
             say(". ");
             endAfterPlugin();

@@ -10,11 +10,17 @@
 
 namespace viable {
 
-/** From now on a crash (SIGSEGV, abort, ...) and a call of exit() or quick_exit() inside a plugin are answered with a message that names
-the plugin and its tick; the logs are finished first, and the program ends with code 4. A crash elsewhere ends the
-program by its signal, as ever. Does nothing in sanitizer builds, which tell more themselves.
-@param folder  of the run, for the message */
+/** From now on a crash (SIGSEGV, abort, ...), an exception that nobody catches, and a call of exit() or quick_exit() inside
+a plugin are answered with a message that names the plugin and its call; the logs are finished, and the program ends
+with code 4. Where no plugin's call fails (a thread of a plugin's own, or memory that was damaged before), it names the
+library whose code the thread runs, or all that are loaded; without any the fault is viable's (code 70). Only in the process
+that called this last: those forked from it end by their signal. Does nothing in sanitizer builds, which tell more
+themselves.
+@param folder  of the run whose logs are open, for the message; empty: there are none */
 void installCrashHandler(const std::filesystem::path& folder);
+
+/** What the program does from now on, for the crash handler. @param what  a literal, such as "while the cases ran" */
+void tellStage(const char* what);
 
 /** Gives the calling thread a stack for signal handlers, so that even a plugin that has used up the stack is named. */
 void prepareThreadForCrash();
@@ -23,14 +29,24 @@ void prepareThreadForCrash();
 memory that another process reads. */
 void tellCrashTo(char* text, std::size_t capacity);
 
+/** From now on the process ends with code 4 when memory runs out, in place of std::bad_alloc in whatever asks next; the
+crash handler says who asked. */
+void endWhenMemoryRunsOut();
+
 /** Has heap allocations inside plugins counted, where malloc can be replaced (see AllocationCounter). */
 void countPluginAllocations();
 
-/** How long a plugin may stay in one tick before the program ends, unless told otherwise [s]. */
+/** A file in a run's folder for as long as the run lasts: of two that begin at once, one can make it. */
+constexpr char kClaim[] = "run.claim";
+
+/** Exit code of a fault of viable itself, as sysexits.h numbers it. */
+constexpr int kUnexpected = 70;
+
+/** How long a plugin may stay in one call before the program ends, unless told otherwise [s]. */
 constexpr double kDefaultPatience_s = 60.0;
 
 /** Watches for plugins that do not come back from a call, in a thread of its own, from construction to destruction. After 10 s it tells of
-one, once; after `patience_s` in a tick, or when the user has asked for the end meanwhile, the logs are finished and the
+one, once; after `patience_s`, or when the user has asked for the end meanwhile, the logs are finished and the
 program ends with code 4. */
 class HangWatch {
 public:

@@ -49,9 +49,6 @@ struct RunArguments {
     std::optional<double> watchdog_s;
 };
 
-/** A file in a run's folder for as long as the run lasts: of two that begin at once, one can make it. */
-constexpr const char* kClaim = "run.claim";
-
 Error alreadyHolds(const fs::path& folder) {
     return badInput("--out " + folder.string(), "this folder already holds something",
                     "Name a new or empty folder; a run never overwrites another.");
@@ -245,7 +242,8 @@ int run(const RunArguments& arguments) {
     std::optional<HangWatch> hangWatch;  // a thread; none may be there where processes are made
     const Isolation isolation{arguments.watchdog_s.value_or(kDefaultWatchdog_s)};
     if (!arguments.isolate) hangWatch.emplace(arguments.watchdog_s.value_or(kDefaultPatience_s), getStopSignal());
-    const PluginLoader loader(PluginLoader::makeDefaultSearchPath());
+    tellStage("while the experiment was read and its plugins were made");
+    const PluginLoader loader(PluginLoader::makeDefaultSearchPath(), arguments.isolate ? isolation.watchdog_s : 0.0);
     Experiment experiment = readDrawnExperiment(arguments.file, arguments.overrides, arguments.draw, loader);
     selectCases(experiment, arguments.cases);
     ignoreWriteSignals();
@@ -257,6 +255,7 @@ int run(const RunArguments& arguments) {
     const fs::path folder = makeRunFolder(arguments.out, arguments.file);
     const FolderClaim claim(folder);
     installCrashHandler(folder);
+    tellStage("while the cases ran");
     std::printf("%s\n%s, %zu case%s, output in %s\n", makePrintable(experiment.title).c_str(), arguments.file.c_str(),
                 experiment.cases.size(), experiment.cases.size() == 1 ? "" : "s", folder.c_str());
     std::fflush(stdout);
@@ -264,6 +263,8 @@ int run(const RunArguments& arguments) {
     jobs = std::max(1, std::min(jobs, static_cast<int>(experiment.cases.size())));
     CaseRunner runner(std::move(cases), folder);
     const auto [results, failure] = arguments.isolate ? runner.runHere() : runner.runAtOnce(jobs);
+    installCrashHandler({});  // the logs are closed
+    tellStage("while summary and report were written");
 
     std::printf("\n%s\n", formatComparison(results).c_str());
     if (const std::string ranking = formatRanking(results); !ranking.empty()) std::printf("%s\n", ranking.c_str());

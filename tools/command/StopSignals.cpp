@@ -15,6 +15,11 @@ void onStopSignal(int signal) {
     if (signal != SIGHUP) _exit(128 + signal);  // a terminal that closes may tell it twice; nobody asks for haste
 }
 
+/** Somebody sends it. The one of a write to a closed pipe comes from this process and says nothing but that. */
+void onPipeSignal(int signal, siginfo_t* info, void*) {
+    if (info->si_pid != getpid()) onStopSignal(signal);
+}
+
 bool isIgnored(int signal) {
     struct sigaction action {};
     return sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
@@ -31,6 +36,12 @@ const std::atomic<int>& catchStopSignals() {
     action.sa_handler = onStopSignal;
     for (const int signal : {SIGINT, SIGTERM, SIGHUP})
         if (signal != SIGHUP || !isIgnored(SIGHUP)) sigaction(signal, &action, nullptr);
+    if (isIgnored(SIGPIPE)) {
+        struct sigaction pipe {};
+        pipe.sa_sigaction = onPipeSignal;
+        pipe.sa_flags = SA_SIGINFO | SA_RESTART;
+        sigaction(SIGPIPE, &pipe, nullptr);
+    }
     return stopSignal;
 }
 

@@ -8,7 +8,8 @@ namespace viable {
 const std::atomic<int>& getStopSignal();
 
 /** From now on the first SIGINT, SIGTERM or SIGHUP is only noted, the second ends the program with code 128 + n. A SIGHUP
-that is ignored already, as under nohup, stays ignored. Returns getStopSignal(). */
+that is ignored already, as under nohup, stays ignored. Where SIGPIPE is ignored, one that another process sends counts as
+well; that of a write to a closed pipe stays ignored. Returns getStopSignal(). */
 const std::atomic<int>& catchStopSignals();
 
 }  // namespace viable

@@ -170,6 +170,7 @@ void SweepSupervisor::work(const std::vector<Job>& jobs, int threads, int pipe) 
     afterFork_();
     installCrashHandler({});
     tellCrashTo(shared_->trouble, sizeof shared_->trouble);
+    endWhenMemoryRunsOut();  // or a run that takes all of it would fail those beside it
     std::mutex mutex;
     const auto send = [&](const SweepRow& row) {
         const std::string bytes = packRow(row);

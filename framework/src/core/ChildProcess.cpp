@@ -1,6 +1,7 @@
 #include "core/ChildProcess.h"
 
 #include <sys/prctl.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <csignal>
@@ -25,6 +26,20 @@ pid_t forkChild(const char* purpose) {
 std::string describeSignal(int signal) {
     const char* name = sigdescr_np(signal);
     return "signal " + std::to_string(signal) + " (" + (name ? name : "unknown") + ")";
+}
+
+std::string describeEnd(int status, const std::string& where) {
+    if (WIFSIGNALED(status)) return "its process died" + where + ": " + describeSignal(WTERMSIG(status));
+    return "its process ended" + where + ": it called exit(" + std::to_string(WEXITSTATUS(status)) + ")";
+}
+
+std::string endOverdue(pid_t process, double patience_s, const std::string& where) {
+    kill(process, SIGKILL);
+    while (waitpid(process, nullptr, 0) < 0 && errno == EINTR) {
+    }
+    char number[32];
+    std::snprintf(number, sizeof number, "%g", patience_s);
+    return "it did not return" + where + " for " + number + " s; its process was ended";
 }
 
 }  // namespace viable::detail

@@ -4,6 +4,7 @@
 #include <sys/types.h>
 
 #include <cerrno>
+#include <csignal>
 #include <memory>
 #include <new>
 #include <string>
@@ -16,8 +17,17 @@ who started us may have had it ignored, and then nobody is told of a death.
 @param purpose  "for the runs", for the message of the std::system_error where there can be no process */
 pid_t forkChild(const char* purpose);
 
+/** Of a program that is broken itself. */
+inline constexpr int kCrashSignals[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
+
 /** "signal 11 (Segmentation fault)" */
 std::string describeSignal(int signal);
+
+/** How a process ended, by its wait status. @param where  when that was, such as " in configure()" */
+std::string describeEnd(int status, const std::string& where = {});
+
+/** Ends a process that has not returned, and says so. @param where  when, such as " from configure()" */
+std::string endOverdue(pid_t process, double patience_s, const std::string& where = {});
 
 /** Owns an object that this process and those forked from it see at the same address. */
 template <class T>

@@ -76,6 +76,11 @@ int giveName(const std::filesystem::path& from, const std::filesystem::path& to)
     if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return 0;
     // Not every file system knows the flag.
     if (errno != EINVAL && errno != ENOSYS) return errno;
+    if (::link(from.c_str(), to.c_str()) == 0) {
+        ::unlink(from.c_str());
+        return 0;
+    }
+    if (errno == EEXIST) return EEXIST;
     struct stat info {};
     if (::lstat(to.c_str(), &info) == 0) return EEXIST;
     return ::rename(from.c_str(), to.c_str()) == 0 ? 0 : errno;
@@ -148,6 +153,28 @@ int WholeFile::nameIt() {
     return code;
 }
 
+/** Where the file system gives an unnamed file no name: copies it to a file with one beside the target. Returns 0 or an
+errno. */
+int WholeFile::copyBeside() {
+    std::filesystem::path name;
+    const int copy = openBeside(target_, name, isReplacing_);
+    if (copy < 0) return errno;
+    path_ = name;
+    int code = ::lseek(descriptor_, 0, SEEK_SET) < 0 ? errno : 0;
+    char buffer[65536];
+    while (code == 0) {
+        const ssize_t taken = ::read(descriptor_, buffer, sizeof buffer);
+        if (taken == 0) break;
+        if (taken > 0)
+            code = writeAll(copy, {buffer, static_cast<std::size_t>(taken)});
+        else if (errno != EINTR)
+            code = errno;
+    }
+    ::close(descriptor_);
+    descriptor_ = copy;
+    return code;
+}
+
 void WholeFile::finish() {
     int code = 0;
     if (path_.empty()) {
@@ -155,6 +182,7 @@ void WholeFile::finish() {
         const int second = ::dup(descriptor_);
         if (second < 0 || (::close(second) != 0 && errno != EINTR)) throw notWritten(errno);
         code = nameIt();
+        if (code != 0 && code != EEXIST) code = copyBeside();
     }
     const int descriptor = descriptor_;
     descriptor_ = -1;

@@ -25,14 +25,16 @@ namespace detail {
 to be replaced: there is something at `target`. */
 int openBeside(const std::filesystem::path& target, std::filesystem::path& name, bool isReplacing = false);
 
-/** Gives the file `from` the name `to`, which nothing has yet. Returns 0 or an errno; EEXIST: something has it. */
+/** Gives the file `from` the name `to`, which nothing has yet. Returns 0 or an errno; EEXIST: something has it. (Where the
+file system knows neither RENAME_NOREPLACE nor hard links: had it a moment before.) */
 int giveName(const std::filesystem::path& from, const std::filesystem::path& to);
 
 /** Returns 0 or an errno. */
 int writeAll(int descriptor, std::string_view bytes);
 
 /** A file that takes the name `target` at the end, or disappears: whoever looks finds all of it or nothing. Where the
-file system can, it has no name before, so that a killed program leaves nothing; else one beside `target`. An older file is not overwritten, or (replacing) stays until then. Every failure is an Error: BadInput when `target`
+file system can, it has no name before, so that a killed program leaves nothing; else one beside `target` (without hard
+links: it is copied there at the end). An older file is not overwritten, or (replacing) stays until then. Every failure is an Error: BadInput when `target`
 exists, else LogNotWritten. */
 class WholeFile {
 public:
@@ -53,6 +55,7 @@ public:
 private:
     void openUnnamed();
     int nameIt();
+    int copyBeside();
 
     std::filesystem::path target_, path_;  // path_: its name so far, empty without one
     bool isReplacing_;

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <sstream>
 
 #include "core/Memo.h"
+#include "core/Sha256.h"
 #include "environment/DistanceField.h"
 #include "viable/core/Error.h"
 
@@ -149,12 +149,15 @@ std::shared_ptr<const Surroundings::MapField> Surroundings::shareMapField(const 
                                                                           const Eigen::Vector3d& lower,
                                                                           const Eigen::Vector3d& upper, double cell_m,
                                                                           double reach_m) {
+    std::string content;
+    try {
+        content = detail::calcSha256(choice.file);
+    } catch (const Error&) {  // the reader complains
+    }
     std::ostringstream key;
-    std::error_code noFile;  // the reader complains
     key << choice.file << '\n'
         << choice.sha256 << '\n'
-        << std::filesystem::file_size(choice.file, noFile) << ' '
-        << std::filesystem::last_write_time(choice.file, noFile).time_since_epoch().count() << '\n'
+        << content << '\n'
         << std::hexfloat << static_cast<int>(choice.unknown) << '\n'
         << choice.pose.matrix() << '\n'
         << lower << '\n'

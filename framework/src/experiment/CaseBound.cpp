@@ -6,6 +6,7 @@
 #include "core/Text.h"
 #include "experiment/CaseChecks.h"
 #include "experiment/ResolvedNodes.h"
+#include "robot/RobotKey.h"
 #include "tracking/InertiaSample.h"
 #include "viable/core/Error.h"
 
@@ -65,7 +66,7 @@ TrackingBound findBound(const CasePlan& plan, const LinearErrorLoop& loop) {
                                                           static_cast<int>(disturbances.integer("delay_ticks")))) +
                            ".");
     const ConfigNode inputs = makeMap(
-        {{"robot", makeScalar(std::filesystem::canonical(plan.robot.folder), true)},
+        {{"robot", makeScalar(calcRobotKey(plan.robot), true)},
          {"tick_s", makeNumber(plan.tick_s)},
          {"position", makeBounds(plan.limits.position)},
          {"velocity", makeBounds(plan.limits.velocity)},
@@ -76,7 +77,6 @@ TrackingBound findBound(const CasePlan& plan, const LinearErrorLoop& loop) {
                                {"viscous", makeList(loop.friction.figures.viscous)},
                                {"viscous_velocity", makeList(loop.friction.figures.viscousVelocity)},
                                {"speed", makeList(loop.friction.speed)}})},
-         {"payload", plan.payload ? plan.payload->resolved() : ConfigNode()},
          {"disturbance_set", disturbances.resolved()}});
     static Memo<TrackingBound> known(kMostKnownBounds);
     return known.get(writeConfig(inputs), [&] {

@@ -1,8 +1,11 @@
 #include "experiment/CaseRun.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <fstream>
 #include <string_view>
 #include <thread>
 
@@ -21,6 +24,16 @@ namespace {
 
 /** Ticks between two looks at the clock for the progress display. */
 constexpr std::int64_t kProgressTicks = 256;
+/** Growth in a case's ticks from which on it is told. */
+constexpr double kMostGrowth_MB = 50.0;
+
+/** What this process has in memory; 0 where the system does not tell. */
+double readMemory_MB() {
+    std::ifstream file("/proc/self/statm");
+    double total = 0.0, resident = 0.0;
+    file >> total >> resident;
+    return resident * static_cast<double>(::sysconf(_SC_PAGESIZE)) * 1e-6;
+}
 
 /** The plugin that ended the run; null: none did. */
 const PluginChoice* findCulprit(const CasePlan& plan, const FilterChain* chain, StopReason reason) {
@@ -180,6 +193,7 @@ CaseResult runCase(std::unique_ptr<ConfiguredCase> configured, const RunOptions&
 
     const std::int64_t ticks = std::llround(plan.duration_s / plan.tick_s);
     const auto begin = std::chrono::steady_clock::now();
+    const double memory_MB = readMemory_MB();
     double recordTime_us = 0.0;
     TickRecord record;
     // After a lost tracking the real arm may need longer than the nominal one.
@@ -218,6 +232,7 @@ CaseResult runCase(std::unique_ptr<ConfiguredCase> configured, const RunOptions&
         if (options.progress && k % kProgressTicks == 0)
             options.progress(std::min(1.0, static_cast<double>(k) / static_cast<double>(ticks)));
     }
+    const double grown_MB = readMemory_MB() - memory_MB;
     result.summary.addEnd(loop.nominal(), loop.time());
     if (collisions) {
         collisions->addEnd(loop.nominal(), loop.time());
@@ -267,7 +282,11 @@ CaseResult runCase(std::unique_ptr<ConfiguredCase> configured, const RunOptions&
         result.warnings.push_back(
             watch->title + " takes memory from the heap in its tick (in " + std::to_string(watch->allocatingTicks) +
             " ticks, first in tick " + std::to_string(watch->firstAllocation) +
-            "): in a real-time loop such a tick may come too late. Take the memory in configure().");
+            "): in a real-time loop such a tick may come too late. Take the memory in configure()." +
+            (grown_MB > kMostGrowth_MB
+                 ? " The program grew by " + std::to_string(std::llround(grown_MB)) +
+                       " MB in this case's ticks: memory that is taken in each must be given back, too."
+                 : ""));
     }
     return result;
 }

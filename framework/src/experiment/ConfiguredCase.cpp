@@ -46,9 +46,10 @@ PluginPtr<Interface> makeHere(const PluginChoice& choice, const RunSetup& setup,
     const std::string& title = watch.title;
     ProcessGuard guard;
     PluginPtr<Interface> plugin = PluginLoader::create<Interface>(choice.plugin);
-    PluginCall call(nullptr, kBeforeFirstTick);
+    PluginCall call(&watch, kConfiguring);
     try {
         plugin->configure(setup, choice.parameters);
+        const PluginCall asking(&watch, kAsking);
         askOnce(*plugin);
     } catch (const Error&) {
         throw;
@@ -77,10 +78,7 @@ public:
         configured_.watches.push_back(std::make_unique<PluginWatch>(choice.plugin));
         PluginWatch* const watch = configured_.watches.back().get();
         const RunSetup& setup = isReal ? configured_.realSetup : configured_.setup;
-        if (!isolation_) {
-            const PluginCall call(watch, kBeforeFirstTick);
-            return makeHere<Interface>(choice, setup, *watch);
-        }
+        if (!isolation_) return makeHere<Interface>(choice, setup, *watch);
         try {
             return isolatePlugin<Interface>([&] { return makeHere<Interface>(choice, setup, *watch); }, *watch,
                                             isolation_->watchdog_s);

@@ -6,6 +6,7 @@
 #include "experiment/CaseChecks.h"
 #include "experiment/ExperimentKeys.h"
 #include "experiment/ResolvedNodes.h"
+#include "robot/RobotKey.h"
 #include "tracking/InertiaSample.h"
 #include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
@@ -21,13 +22,12 @@ constexpr std::size_t kMostKnownMargins = 64;
 /** Its margins, remembered. */
 LoopMargins findMargins(const CasePlan& plan, const LinearErrorLoop& loop, int delayTicks) {
     const ConfigNode inputs = makeMap(
-        {{"robot", makeScalar(std::filesystem::canonical(plan.robot.folder), true)},
+        {{"robot", makeScalar(calcRobotKey(plan.robot), true)},
          {"tick_s", makeNumber(plan.tick_s)},
          {"delay_ticks", makeNumber(delayTicks)},
          {"inertia_rate", makeNumber(loop.inertiaRate)},
          {"position", detail::makeBounds(plan.limits.position)},
-         {"gains", makeMap({{"k_r", makeList(loop.kr)}, {"k_p", makeList(loop.kp)}, {"k_i", makeList(loop.ki)}})},
-         {"payload", plan.payload ? plan.payload->resolved() : ConfigNode()}});
+         {"gains", makeMap({{"k_r", makeList(loop.kr)}, {"k_p", makeList(loop.kp)}, {"k_i", makeList(loop.ki)}})}});
     static Memo<LoopMargins> known(kMostKnownMargins);
     return known.get(writeConfig(inputs),
                      [&] { return calcMargins(plan.robot, plan.limits, plan.tick_s, delayTicks, loop); });

@@ -46,6 +46,7 @@ enum class Reply : int { Done, Threw, ThrewError, Faulted };
 address in both. */
 struct Mailbox {
     sem_t request, reply;
+    CallSlot slot;  // what the other process does, outside of ticks
     Request what = Request::Quit;
     Reply how = Reply::Done;
     int errorKind = 0;
@@ -109,13 +110,6 @@ timespec calcDeadline(long nanoseconds) {
     return deadline;
 }
 
-std::string describeEnd(int status) {
-    if (WIFSIGNALED(status)) {
-        return "its process died: " + detail::describeSignal(WTERMSIG(status));
-    }
-    return "its process ended: it called exit(" + std::to_string(WEXITSTATUS(status)) + ")";
-}
-
 /** The plugin's own process, and the calls that go there. */
 class PluginProcess {
 public:
@@ -143,8 +137,8 @@ public:
         pid_ = detail::forkChild("for the plugin");
         if (pid_ == 0) {
             for (int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, SIG_IGN);  // the host decides when to end
-            for (int signal : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT})
-                std::signal(signal, SIG_DFL);  // the host tells of it
+            for (int signal : detail::kCrashSignals) std::signal(signal, SIG_DFL);      // the host tells of it
+            useCallSlot(box_->slot);
             serve(*box_);
             std::fflush(nullptr);
             sem_post(&box_->reply);
@@ -191,16 +185,17 @@ private:
             if (sem_clockwait(&box_->reply, CLOCK_MONOTONIC, &deadline) == 0) return {};
             int status = 0;
             const pid_t ended = waitpid(pid_, &status, WNOHANG);
-            if (ended == pid_) return describeEnd(status);
+            if (ended == pid_) return detail::describeEnd(status, where());
             if (ended < 0) return "its process is gone";
             const double waited = std::chrono::duration<double>(Clock::now() - begin).count();
             if (waited < watchdog_s_) continue;
-            kill(pid_, SIGKILL);
-            waitpid(pid_, nullptr, 0);
-            char text[128];
-            std::snprintf(text, sizeof text, "it did not return for %g s; its process was ended", watchdog_s_);
-            return text;
+            return detail::endOverdue(pid_, watchdog_s_, where());
         }
+    }
+
+    /** In which call it is, of those outside of ticks: " in configure()". */
+    std::string where() const {
+        return box_->slot.watch.load() ? std::string(" ") + nameCall(box_->slot.tick.load()) : std::string();
     }
 
     const detail::SharedObject<Mailbox> box_ = detail::makeSharedObject<Mailbox>();
@@ -347,11 +342,12 @@ protected:
 
 private:
     /** The life of the other process. */
-    static void run(const std::function<PluginPtr<Interface>()>& make, const PluginWatch& watch, Mailbox& box) {
+    static void run(const std::function<PluginPtr<Interface>()>& make, PluginWatch& watch, Mailbox& box) {
         PluginPtr<Interface> plugin(nullptr, nullptr);
         answer(box, [&] {
             plugin = make();
             std::snprintf(box.sharedChange, sizeof box.sharedChange, "%s", watch.sharedChange.c_str());
+            const PluginCall asking(&watch, kAsking);
             describe(*plugin, box);
         });
         for (;;) {
@@ -360,10 +356,12 @@ private:
             }  // interrupted
             if (box.what == Request::Quit) break;
             answer(box, [&] {
-                if (box.what == Request::Reset)
+                if (box.what == Request::Reset) {
+                    const PluginCall resetting(&watch, kResetting);
                     plugin->reset(box.nominal);
-                else
+                } else {
                     serve(*plugin, box);
+                }
             });
         }
         plugin.reset();

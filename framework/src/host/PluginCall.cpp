@@ -1,6 +1,8 @@
 #include "host/PluginCall.h"
 
 #include <cstdio>
+#include <cstring>
+#include <mutex>
 
 #include "core/Text.h"
 #include "host/FloatingPointGuard.h"
@@ -11,6 +13,8 @@ namespace viable {
 namespace {
 
 std::array<CallSlot, 256> slots;
+std::array<std::atomic<const char*>, 64> libraries{};
+std::mutex librariesMutex;
 std::atomic<AllocationCount> allocationCounter{nullptr};
 
 /** A thread's hold on its slot. */
@@ -50,6 +54,45 @@ const std::array<CallSlot, 256>& callSlots() {
 
 const CallSlot* ownCallSlot() {
     return ownSlot;
+}
+
+void useCallSlot(CallSlot& slot) {
+    owner.asked = true;
+    ownSlot = &slot;
+}
+
+const std::array<std::atomic<const char*>, 64>& loadedLibraries() {
+    return libraries;
+}
+
+void addLoadedLibrary(const std::string& file) {
+    const std::lock_guard<std::mutex> lock(librariesMutex);
+    for (std::atomic<const char*>& library : libraries) {
+        const char* const known = library.load();
+        if (known && file == known) return;
+        if (known) continue;
+        library = strdup(file.c_str());  // for as long as the process lives, as the library
+        return;
+    }
+}
+
+const char* nameCall(std::int64_t tick) {
+    switch (tick) {
+        case kAfterLastTick:
+            return "while it was destroyed";
+        case kLoading:
+            return "while it was loaded";
+        case kMaking:
+            return "while it was made";
+        case kConfiguring:
+            return "in configure()";
+        case kAsking:
+            return "while it was asked what it is";
+        case kResetting:
+            return "in reset()";
+        default:
+            return tick < 0 ? "before the first tick" : "in a tick";
+    }
 }
 
 void setAllocationCounter(AllocationCount count) {
@@ -112,7 +155,7 @@ const char* PluginCall::undoArithmeticChange() noexcept {
 
 void resetPlugin(Plugin& plugin, PluginKind kind, PluginWatch* watch, const MotionState& start) {
     const std::string who = watch ? watch->title : std::string("the ") + getName(kind) + " plugin";
-    PluginCall call(watch, kBeforeFirstTick);
+    PluginCall call(watch, kResetting);
     try {
         plugin.reset(start);
     } catch (const PluginFault& e) {

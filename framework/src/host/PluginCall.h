@@ -40,10 +40,16 @@ struct PluginWatch {
 /** Ticks at the beginning in which memory may still be taken: libraries fill their caches in them. */
 inline constexpr std::int64_t kWarmUpTicks = 10;
 
-/** The tick of calls before the first one: loaded, made, configured, reset. */
+// The tick of calls that are in none.
 inline constexpr std::int64_t kBeforeFirstTick = -1;
-/** The tick of the call that destroys it. */
-inline constexpr std::int64_t kAfterLastTick = -2;
+inline constexpr std::int64_t kAfterLastTick = -2;  ///< it is destroyed
+inline constexpr std::int64_t kLoading = -3;        ///< its library's start-up code
+inline constexpr std::int64_t kMaking = -4;
+inline constexpr std::int64_t kConfiguring = -5;
+inline constexpr std::int64_t kAsking = -6;  ///< what it guarantees, follows, ...: once, after configure()
+inline constexpr std::int64_t kResetting = -7;
+/** When that is, as in "it crashed while it was made", "in reset()". A literal. */
+const char* nameCall(std::int64_t tick);
 
 /** What a thread does inside a plugin, readable by a signal handler and by other threads. */
 struct CallSlot {
@@ -59,6 +65,13 @@ const std::array<CallSlot, 256>& callSlots();
 /** Of this thread; null when all slots were taken. May be called from a signal handler after the thread's first
 PluginCall. */
 const CallSlot* ownCallSlot();
+/** This thread writes into `slot` from now on, which may lie in memory that another process reads. */
+void useCallSlot(CallSlot& slot);
+
+/** Files of the plugin libraries that were opened so far, from the first on; null: no more, or no more room. May be read
+in a signal handler. */
+const std::array<std::atomic<const char*>, 64>& loadedLibraries();
+void addLoadedLibrary(const std::string& file);
 
 /** Where the program counts this thread's heap allocations: returns how many there were so far. Null: not counted. */
 using AllocationCount = std::int64_t (*)();

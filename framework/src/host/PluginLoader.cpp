@@ -4,14 +4,21 @@
 #include <dlfcn.h>
 #include <elf.h>
 #include <link.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <cmath>
+#include <csignal>
 #include <cstddef>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <ctime>
 #include <fstream>
 #include <map>
 #include <memory>
@@ -19,6 +26,7 @@
 #include <optional>
 #include <system_error>
 
+#include "core/ChildProcess.h"
 #include "core/Text.h"
 #include "host/FloatingPointGuard.h"
 #include "host/PluginCall.h"
@@ -53,6 +61,10 @@ std::string quoted(const std::string& text) {
 
 using detail::join;
 
+std::string nameLibrary(const fs::path& file) {
+    return "the plugin library " + quoted(file.string());
+}
+
 std::string makeFileName(PluginKind kind, const std::string& name) {
     return std::string("viable_") + getName(kind) + "_" + name + ".so";
 }
@@ -81,6 +93,23 @@ std::optional<LibraryName> parseFileName(const std::string& fileName) {
 }
 
 // --- The file, before the dynamic linker sees it ------------------------------------------------
+
+/** Refuses what anybody on this machine could have put there or changed. */
+void checkRights(const fs::path& file) {
+    struct stat own {
+    }, folder{};
+    const fs::path place = file.parent_path();
+    if (::stat(file.c_str(), &own) != 0 || ::stat(place.c_str(), &folder) != 0) return;  // told below
+    if (own.st_mode & S_IWOTH)
+        throw Refusal{"every user of this machine may write to it, so nobody knows whose code it is",
+                      "If it is yours: chmod o-w " + file.string()};
+    // In a folder with the sticky bit (as /tmp) others can add files, and leave mine alone.
+    const bool isMine = own.st_uid == 0 || own.st_uid == ::geteuid();
+    if ((folder.st_mode & S_IWOTH) && !((folder.st_mode & S_ISVTX) && isMine))
+        throw Refusal{"every user of this machine may write to its folder " + place.string() +
+                          ", so nobody knows whose code it is",
+                      "Copy it to a folder of yours, or if that one is: chmod o-w " + place.string()};
+}
 
 struct FileHeader {
     std::vector<unsigned char> start;  // at most one ELF header
@@ -418,10 +447,52 @@ void checkSanitizer(const fs::path& file) {
                   "again with the headers of this viable"};
 }
 
+void* openLibrary(const fs::path& file, int more = 0) {
+    return dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE | more);
+}
+
+using TableFunction = const PluginLibrary* (*)();
+
+/** Opens the library in a process of its own. Throws Error when that one does not come back from its start-up code. */
+void tryLibrary(const fs::path& file, double patience_s) {
+    if (openLibrary(file, RTLD_NOLOAD)) return;  // it is open: its start-up code has run
+    constexpr struct timespec kLook { 0, 1'000'000 };
+    const auto hasOpened = detail::makeSharedObject<std::atomic<bool>>();
+    const auto begin = std::chrono::steady_clock::now();
+    const pid_t child = detail::forkChild("to open a plugin library");
+    if (child == 0) {
+        for (const int signal : detail::kCrashSignals) std::signal(signal, SIG_DFL);  // this process tells of it
+        try {
+            void* const handle = openLibrary(file);  // what the linker refuses is told below
+            if (void* const symbol = handle ? dlsym(handle, kPluginSymbol) : nullptr)
+                reinterpret_cast<TableFunction>(symbol)();
+        } catch (...) {  // likewise
+        }
+        *hasOpened = true;
+        _exit(0);
+    }
+    std::string lost;
+    for (int status = 0; lost.empty();) {
+        const pid_t ended = waitpid(child, &status, WNOHANG);
+        if (ended == child && *hasOpened) return;
+        if (ended == child)
+            lost = detail::describeEnd(status);
+        else if (std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() >= patience_s)
+            lost = detail::endOverdue(child, patience_s);
+        else
+            nanosleep(&kLook, nullptr);
+    }
+    throw Error(ErrorKind::PluginFailed, nameLibrary(file), "failed while it was loaded: " + lost,
+                "Fix its static objects and other start-up code: `gdb --args viable run ...` without --isolate shows "
+                "the line.");
+}
+
 /** Loads the file (canonical path) and returns its checked table; throws Refusal. */
-const PluginLibrary* loadTable(const fs::path& file) {
+const PluginLibrary* loadTable(const fs::path& file, double trial_s) {
+    checkRights(file);
     checkElf(file);
     checkSanitizer(file);
+    if (trial_s > 0.0) tryLibrary(file, trial_s);
 
     std::string change = updArithmeticChanges().find(file);
     std::string failure;
@@ -431,16 +502,17 @@ const PluginLibrary* loadTable(const fs::path& file) {
     {
         FloatingPointGuard guard;
         ProcessGuard processGuard;
-        PluginWatch watch("the plugin library " + quoted(file.string()));
-        const PluginCall call(&watch, kBeforeFirstTick);  // its static objects are its first code
-        handle = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
+        PluginWatch watch(nameLibrary(file));
+        const PluginCall call(&watch, kLoading);  // its static objects are its first code
+        handle = openLibrary(file);
+        if (handle) addLoadedLibrary(file);
         if (handle == nullptr) {
             const char* text = dlerror();
             failure = text ? text : "no reason given";
         } else if (void* symbol = dlsym(handle, kPluginSymbol)) {
             hasSymbol = true;
             try {
-                library = reinterpret_cast<const PluginLibrary* (*)()>(symbol)();
+                library = reinterpret_cast<TableFunction>(symbol)();
             } catch (const std::exception& e) {
                 failure = std::string(kPluginSymbol) + "() threw: " + e.what();
             } catch (...) {
@@ -470,7 +542,7 @@ const PluginLibrary* loadTable(const fs::path& file) {
 }
 
 /** @param path  as found, its file name is the guarantee that the table must keep */
-PluginInfo load(const fs::path& path, std::optional<PluginKind> wanted) {
+PluginInfo load(const fs::path& path, std::optional<PluginKind> wanted, double trial_s) {
     const std::optional<LibraryName> guaranteed = parseFileName(path.filename());
     const fs::path expected = "viable_<kind>_<name>.so";
     std::error_code error;
@@ -483,7 +555,7 @@ PluginInfo load(const fs::path& path, std::optional<PluginKind> wanted) {
     if (wanted && guaranteed && guaranteed->kind != *wanted)
         throw Refusal{std::string("a ") + getName(*wanted) + " is asked for and this is a " + getName(guaranteed->kind),
                       "Name a library viable_" + std::string(getName(*wanted)) + "_<name>.so"};
-    const PluginLibrary* library = loadTable(file);
+    const PluginLibrary* library = loadTable(file, trial_s);
     std::vector<std::string> contents;
     for (std::uint32_t i = 0; i < library->entryCount; ++i) {
         const PluginEntry& entry = library->entries[i];
@@ -583,7 +655,8 @@ const char* getName(PluginKind kind) {
     return "unknown";
 }
 
-PluginLoader::PluginLoader(std::vector<fs::path> searchPath) : searchPath_(std::move(searchPath)) {
+PluginLoader::PluginLoader(std::vector<fs::path> searchPath, double trial_s)
+    : searchPath_(std::move(searchPath)), trial_s_(trial_s) {
     // Absolute from the start: a later change of the current folder must not change what is loaded.
     for (fs::path& folder : searchPath_) folder = fs::absolute(folder).lexically_normal();
 }
@@ -640,7 +713,7 @@ PluginInfo PluginLoader::find(PluginKind kind, const std::string& request, const
         if (library.empty()) throw makeMiss(kind, request, where, searchPath_);
     }
     try {
-        return load(library, kind);
+        return load(library, kind, trial_s_);
     } catch (const Refusal& refusal) {
         throw makeError(where, library, refusal);
     }
@@ -674,9 +747,11 @@ std::vector<PluginInfo> PluginLoader::list(std::vector<RefusedLibrary>& refused)
             continue;
         }
         try {
-            infos.push_back(load(files.front(), key.first));
+            infos.push_back(load(files.front(), key.first, trial_s_));
         } catch (const Refusal& refusal) {
             refuse(files.front(), refusal);
+        } catch (const Error& e) {
+            refuse(files.front(), {e.what(), ""});
         }
     }
     return infos;  // sorted by kind and name, because the map is
@@ -690,6 +765,8 @@ void* PluginLoader::createObject(const PluginInfo& info) {
     std::string change;
     {
         FloatingPointGuard guard;
+        PluginWatch watch(info);
+        const PluginCall call(&watch, kMaking);
         try {
             object = info.entry->create(message, sizeof message);
         } catch (const std::exception& e) {

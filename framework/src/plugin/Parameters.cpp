@@ -289,8 +289,10 @@ void checkWord(const ConfigNode& node, const ParameterSpec& spec) {
     const bool isLetters =
         std::all_of(node.text.begin(), node.text.end(), [](unsigned char c) { return std::isalpha(c) || c == '_'; });
     if (!isLetters || node.text == "pi") return;
+    const std::string closest = findClosestName(node.text, words);
     throw badInput(node.place(), "`" + node.text + "` is neither a number nor `" + detail::join(words, "`, `") + "`",
-                   std::string("Write `") + words.front() + "`, or " +
+                   (closest.empty() ? "" : "Did you mean `" + closest + "`? ") + std::string("Write `") +
+                       words.front() + "`, or " +
                        (spec.type == ParameterType::JointNumbers ? "a number for all joints or a list with one each."
                                                                  : "a list of numbers."));
 }

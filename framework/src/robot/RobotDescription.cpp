@@ -185,9 +185,14 @@ void readAssumed(ConfigMap& map, std::vector<std::string>& assumed) {
         throw badInput(node->place(), "this is no list", "Write keys of this file, such as `assumed: [home_rad]`.");
     for (const ConfigNode& key : node->items) {
         assumed.push_back(toText(key));
-        if (key.text == "assumed" || key.text == "schema" || !map.node().find(key.text))
-            throw badInput(key.place(), "there is no figure `" + key.text + "` in this file",
-                           "Name a key of this file, or take it out of the list.");
+        if (key.text != "assumed" && key.text != "schema" && map.node().find(key.text)) continue;
+        std::vector<std::string> keys;
+        for (const auto& entry : map.node().entries)
+            if (entry.first != "assumed" && entry.first != "schema") keys.push_back(entry.first);
+        const std::string closest = findClosestName(key.text, keys);
+        throw badInput(key.place(), "there is no figure `" + key.text + "` in this file",
+                       (closest.empty() ? "" : "Did you mean `" + closest + "`? ") +
+                           std::string("Name a key of this file, or take it out of the list."));
     }
 }
 

@@ -689,6 +689,8 @@ TEST_F(JointStateMotionRecordTest, OneOfSeveralTopicsIsChosenByName) {
     EXPECT_EQ(read(bytes, {LoggedArm::Real, "", "/left/joint_states"}).times_s.size(), 30u);
     expectRefused(bytes, "no joint states on the topic `/cmd_vel`; they are on `/joint_states`, `/left/joint_states`",
                   {LoggedArm::Real, "", "/cmd_vel"});
+    expectRefused(bytes, "Did you mean `/joint_states`? Name one of these with --topic",
+                  {LoggedArm::Real, "", "/joint_sates"});
     expectRefused(bytes, "--columns is for CSV files", {LoggedArm::Real, "a:s", ""});
 }
 

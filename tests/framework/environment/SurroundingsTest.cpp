@@ -170,13 +170,13 @@ TEST(Surroundings, Fault60_MovingSpheresCountWithAllThatIsLeftOfTheirPath) {
 
 TEST(Surroundings, AMapIsReadOnceAndAnewWhenAnythingIsOther) {
     test::TemporaryFolder folder;
-    const auto write = [&](double x) {
+    const auto write = [&](double side) {
         octomap::OcTree tree(0.05);
-        tree.updateNode(x, 0.025, 0.025, true);
-        tree.updateNode(0.325, 0.025, x, true);
+        tree.updateNode(side * 0.325, side * 0.025, side * 0.025, true);
+        tree.updateNode(side * 0.325, side * 0.025, side * 0.325, true);
         test::store(folder / "map.bt", test::writeBinary(tree));
     };
-    write(0.325);
+    write(1.0);
     Environment environment;
     environment.map = test::chooseMap(folder / "map.bt");
     environment.map->unknown = UnknownSpace::Free;
@@ -195,7 +195,11 @@ TEST(Surroundings, AMapIsReadOnceAndAnewWhenAnythingIsOther) {
     EXPECT_NEAR(make()->calcDistance({0.325, 0.025, 0.2}, 0.0), 0.1, 0.02);
     environment.map->sha256.clear();
     environment.solids.clear();
-    write(-0.325);  // now it is another file
+    const auto written = std::filesystem::last_write_time(folder / "map.bt");
+    const auto size = std::filesystem::file_size(folder / "map.bt");
+    write(-1.0);  // now it is another file, told by its content alone
+    ASSERT_EQ(std::filesystem::file_size(folder / "map.bt"), size);
+    std::filesystem::last_write_time(folder / "map.bt", written);
     EXPECT_GT(make()->calcDistance({0.325, 0.025, 0.2}, 0.0), 0.3);
 }
 

@@ -51,6 +51,20 @@ TEST(Forecast, OfAnArmThatIsWellTellsGainsAndMotorsAndWarnsOfNothing) {
     expectContains(given.gains, {"k_r, k_i from the arm's inertia, k_p given"});
 }
 
+// Of one folder, and not a figure of the file that differs: only what was read.
+TEST(Forecast, RobotsThatDifferShareNoMargins) {
+    const Experiment experiment = readTestExperiment(kArm, {"robust_loop={plugin: nric, k_r: 600, k_p: 20, k_i: 8}"});
+    CasePlan plan = experiment.cases.front();
+    const auto first = configureTracking(plan);
+    const auto again = configureTracking(plan);
+    EXPECT_EQ(again->margins->gain, first->margins->gain);
+    plan.robot.actuation.rotorInertia *= 1.5;
+    const auto other = configureTracking(plan);
+    EXPECT_EQ(other->margins->gain,
+              calcMargins(plan.robot, plan.limits, plan.tick_s, 0, *other->plugins.robustLoop->errorLoop()).gain);
+    EXPECT_NE(other->margins->gain, first->margins->gain);
+}
+
 TEST(Forecast, OfEveryExperimentOfTheProjectWarnsOfNothing) {
     int cases = 0;
     const PluginLoader loader({VIABLE_PLUGIN_DIR});

@@ -41,7 +41,8 @@ TEST(ExperimentFile, AWrongListOfFiltersIsRefused) {
     EXPECT_NE(errorOf("[tosbp, tosbq]").find("filter[1]: there is no filter plugin called 'tosbq'"), std::string::npos);
     EXPECT_NE(errorOf("[tosbp, {gamma: 3}]").find("filter[1]: the block must name a plugin"), std::string::npos);
     EXPECT_NE(errorOf("[tosbp, {plugin: tosbp, gama: 3}]").find("filter[1].gama"), std::string::npos);
-    EXPECT_NE(errorOf("[[tosbp]]").find("filter[0]: the block must name a plugin"), std::string::npos);
+    EXPECT_NE(errorOf("[[tosbp]]").find("filter[0]: the block must name a plugin. Write"), std::string::npos);
+    EXPECT_NE(errorOf("{plugn: tosbp}").find("Did you mean `plugin` by `plugn`?"), std::string::npos);
 }
 
 TEST(ExperimentFile, ACaseOverridesTheTopAndKeepsTheRest) {

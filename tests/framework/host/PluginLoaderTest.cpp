@@ -172,8 +172,11 @@ TEST(PluginLoader, ListsWhatIsThereAndSaysWhatWasRefused) {
                                                "filter crashes_when_destroyed",
                                                "filter create_throws",
                                                "filter create_throws_int",
+                                               "filter damages_heap",
                                                "filter guaranteeing",
                                                "filter hangs",
+                                               "filter hangs_before_ticks",
+                                               "filter leaks",
                                                "filter liar",
                                                "filter misbehaves",
                                                "filter nan_output",
@@ -188,6 +191,7 @@ TEST(PluginLoader, ListsWhatIsThereAndSaysWhatWasRefused) {
                                                "filter silent_create",
                                                "filter throwing_tick",
                                                "filter throws_in_reset",
+                                               "filter throws_in_thread",
                                                "filter throws_when_asked",
                                                "filter wrong_size",
                                                "robust_loop throwing_robust",
@@ -248,6 +252,55 @@ TEST(PluginLoader, Fault52_CurrentFolderIsNeverSearched) {
     const std::string message = findMessage(PluginLoader({"/nowhere"}), "liar");
     fs::current_path(before);
     EXPECT_TRUE(holds(message, "there is no filter plugin called 'liar'"));
+}
+
+TEST(PluginLoader, Fault52_WhatEverybodyMayWriteToIsRefused) {
+    const TemporaryFolder folder;
+    const fs::path library = folder.path() / "viable_filter_liar.so";
+    fs::copy_file(kBroken / "viable_filter_liar.so", library);
+    const PluginLoader loader({folder.path()});
+    EXPECT_EQ(findMessage(loader, "liar"), "(accepted)");
+    fs::permissions(folder.path(), fs::perms(0777));
+    const std::string message = findMessage(loader, "liar");
+    EXPECT_TRUE(holds(message, "the plugin library " + library.string() +
+                                   " cannot be used: every user of this machine may write to its folder " +
+                                   folder.path().string() + ", so nobody knows whose code it is. Copy it to a folder"));
+    EXPECT_TRUE(holds(findMessage(PluginLoader({}), library.string()), "may write to its folder"));
+    fs::permissions(folder.path(), fs::perms(01777));  // as /tmp: only its owner can change a file there
+    EXPECT_EQ(findMessage(loader, "liar"), "(accepted)");
+    fs::permissions(folder.path(), fs::perms(0755));
+    fs::permissions(library, fs::perms(0666));
+    EXPECT_TRUE(holds(findMessage(loader, "liar"),
+                      "every user of this machine may write to it, so nobody knows whose "
+                      "code it is. If it is yours: chmod o-w " +
+                          library.string()));
+    std::vector<RefusedLibrary> refused;
+    EXPECT_TRUE(loader.list(refused).empty());
+    ASSERT_EQ(refused.size(), 1u);
+}
+
+TEST(PluginLoader, Fault48_ATrialFindsWhatDoesNotSurviveBeingLoaded) {
+    const fs::path deadly = fs::canonical(kBroken / "deadly");
+    const auto expectLost = [&](const std::string& name, double trial_s, const std::string& how) {
+        try {
+            PluginLoader({deadly}, trial_s).find(PluginKind::SafetyFilter, name, kWhere, {});
+            ADD_FAILURE() << name << " was accepted";
+        } catch (const Error& error) {
+            EXPECT_EQ(error.kind(), ErrorKind::PluginFailed);
+            EXPECT_TRUE(holds(error.what(), "the plugin library '" + deadly.string() + "/viable_filter_" + name +
+                                                ".so': failed while it was loaded: " + how + ". Fix its static"));
+        }
+    };
+    expectLost("crashes_on_load", 30.0, "its process died: signal 6 (Aborted)");
+    expectLost("exits_on_load", 30.0, "its process ended: it called exit(0)");
+    expectLost("hangs_on_load", 0.2, "it did not return for 0.2 s; its process was ended");
+    std::vector<RefusedLibrary> refused;
+    EXPECT_TRUE(PluginLoader({deadly}, 0.2).list(refused).empty());
+    EXPECT_EQ(refused.size(), 3u);
+    // What is in order is found as ever, and what the linker refuses is told as ever.
+    const PluginLoader other({kBroken}, 30.0);
+    EXPECT_EQ(findMessage(other, "liar"), "(accepted)");
+    EXPECT_EQ(findMessage(other, "unresolved_symbol"), findMessage(PluginLoader({kBroken}), "unresolved_symbol"));
 }
 
 TEST(PluginLoader, Fault52_SearchPathDoesNotFollowTheCurrentFolder) {

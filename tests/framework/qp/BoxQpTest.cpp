@@ -6,6 +6,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <iostream>
 #include <limits>
@@ -457,6 +458,39 @@ TEST(Fault36, RoundsStayFarBelowTheirBound) {
     }
     std::cout << "\n";
     RecordProperty("worst_rounds_of_16_joints", most[kMaxJoints]);
+}
+
+// Conditions up to 1e19, far beyond what is assumed: it comes to an end, with an answer within the box, and as many rounds
+// as it may ever take, each as long as those of the longest solve, are still far from the 10 ms of the fault.
+TEST(Fault36, WhereItCannotSolveItStopsInTime) {
+    std::mt19937_64 random(38);
+    Problem slowest;
+    int most = 0, clamped = 0;
+    const int count = test::countOf(600);
+    for (int k = 0; k < count; ++k) {
+        Problem p = drawHardProblem(random, kMaxJoints);
+        if (k % 2 == 0) p.M = drawProblem(random, kMaxJoints, std::pow(10.0, drawUniform(random, 7, 19))).M;
+        BoxQp qp;
+        JointVector x;
+        clamped += qp.solve(p.M, p.target, p.lower, p.upper, x) == BoxQp::Status::Clamped;
+        ASSERT_TRUE(isInBox(p, x)) << "problem " << k;
+        ASSERT_LE(qp.rounds(), BoxQp::kMaxRoundsPerJoint * kMaxJoints);
+        if (qp.rounds() <= most) continue;
+        most = qp.rounds();
+        slowest = p;
+    }
+    EXPECT_GT(clamped, count / 20) << "they are all easy";
+    double least_s = kInfinity;  // of several: the machine may be busy
+    for (int k = 0; k < 20; ++k) {
+        BoxQp qp;
+        JointVector x;
+        const auto begin = std::chrono::steady_clock::now();
+        qp.solve(slowest.M, slowest.target, slowest.lower, slowest.upper, x);
+        least_s = std::min(least_s, std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+    }
+    const double bound_s = least_s / most * BoxQp::kMaxRoundsPerJoint * kMaxJoints;
+    std::cout << most << " rounds in " << 1e6 * least_s << " us; at the bound " << 1e6 * bound_s << " us\n";
+    EXPECT_LT(bound_s, 0.01);
 }
 
 }  // namespace

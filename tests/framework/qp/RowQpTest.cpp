@@ -4,6 +4,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <iostream>
 #include <limits>
@@ -376,6 +377,37 @@ TEST(Fault36, OptimalityConditionsOfIllConditionedProblems) {
 }
 TEST(Fault36, OptimalityConditionsOfDegenerateProblems) {
     checkResiduals("degenerate", 25000, 55, 1e4, 1e-4);
+}
+
+// As many steps as it may ever take, each as long as those of the longest solve, take less than the 10 ms of the fault.
+TEST(Fault36, AtItsBoundARowProblemIsStillInTime) {
+    std::mt19937_64 random(57);
+    RowQp qp;
+    Problem slowest;
+    int most = 0;
+    const int count = test::countOf(300);
+    for (int k = 0; k < count; ++k) {
+        JointVector inside, x;
+        Problem p = drawBox(random, kMaxJoints, drawLog(random, 1, 1e12), inside);
+        addRows(random, p, inside, RowQp::kMaxRows, k % 2 ? 1e-16 : 1e-4);
+        solve(qp, p, x);
+        ASSERT_LE(qp.iterations(), RowQp::kMaxIterations);
+        ASSERT_TRUE(((x - p.lower).array() >= 0.0).all() && ((p.upper - x).array() >= 0.0).all()) << "problem " << k;
+        if (qp.iterations() <= most) continue;
+        most = qp.iterations();
+        slowest = p;
+    }
+    ASSERT_GT(most, 0);
+    double least_s = kInfinity;  // of several: the machine may be busy
+    for (int k = 0; k < 20; ++k) {
+        JointVector x;
+        const auto begin = std::chrono::steady_clock::now();
+        solve(qp, slowest, x);
+        least_s = std::min(least_s, std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+    }
+    const double bound_s = least_s / most * RowQp::kMaxIterations;
+    std::cout << most << " steps in " << 1e6 * least_s << " us; at the bound " << 1e6 * bound_s << " us\n";
+    EXPECT_LT(bound_s, 0.01);
 }
 
 /** Where rows are parallel but for rounding, and M ill-conditioned as well, the pressures may be as

@@ -252,6 +252,12 @@ TEST_F(PoorUrdf, Fault78_NumbersThatAreNoneAreTold) {
                           "link `lb`: the mass is -1 kg", "link `lc`: there is an inertia without a mass"});
 }
 
+TEST_F(PoorUrdf, Fault78_AMisspeltJointTypeIsToldWithTheClosest) {
+    arm_ = "<robot name='poor'>\n" + writeLink("base", "");
+    const std::string fault = findFault(writeJoint("a", "base", "la", "", "revolut") + writeLink("la", kBody));
+    test::expectContains(fault, {"joint `a` is of an unknown type, `revolut`. Did you mean `revolute`? "});
+}
+
 TEST_F(PoorUrdf, Fault78_AChoiceThatCannotBeIsToldAtOnce) {
     options_.choice = {"bse", "l3", {"j9", "j1=5", "j2=much", "j2", "weld", "j1", "j1"}};
     const std::string weld = writeJoint("weld", "l2", "tool", "", "fixed", "") + writeLink("tool", "");

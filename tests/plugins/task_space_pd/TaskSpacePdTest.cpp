@@ -438,7 +438,8 @@ TEST_F(TaskSpacePdTest, MatricesComeTogether) {
     EXPECT_CONTAINS(findComplaint([&] { configure("stiffness: [1, 1, 1, 1, 1, 1]"); }), "belong together");
     EXPECT_CONTAINS(findComplaint([&] { configure("damping: [1, 1, 1, 1, 1, 1]"); }), "Give both, or neither");
     EXPECT_CONTAINS(findComplaint([&] { configure("stiffness: soft, natural_frequency_radps: 3"); }),
-                    "`soft` is neither a number nor `auto`");
+                    "`soft` is neither a number nor `auto`. Write");
+    EXPECT_CONTAINS(findComplaint([&] { configure("stiffness: atuo"); }), "Did you mean `auto`?");
 }
 
 TEST_F(TaskSpacePdTest, LoadsAsALibrary) {

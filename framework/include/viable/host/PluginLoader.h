@@ -44,10 +44,13 @@ contains a slash or ends in .so; relative to the folder of the file that asks), 
 the search path. Two files for one name are an error that names both; so is a file whose descriptor
 says another kind or name. Loaded with RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE; the descriptor's
 magic, size and ABI stamp are compared before any C++ object crosses, and a difference is said in
-words. */
+words. Start-up code of a library (static objects) runs when it is found. */
 class PluginLoader {
 public:
-    explicit PluginLoader(std::vector<std::filesystem::path> searchPath);
+    /** @param trial_s  above 0: each library is opened in a process of its own first. One that crashes, ends the process
+        or takes longer than that there is refused (Error, PluginFailed), and this process goes on. What it does there
+        without dying it does here a second time. Find plugins while the program has one thread then. */
+    explicit PluginLoader(std::vector<std::filesystem::path> searchPath, double trial_s = 0.0);
 
     /** VIABLE_PLUGIN_PATH (colon-separated, absolute), then beside the program (`plugins` in its
     folder), then the install folder (../lib/viable/plugins from the program). Folders that do not
@@ -77,6 +80,7 @@ private:
     static void* createObject(const PluginInfo& info);
 
     std::vector<std::filesystem::path> searchPath_;
+    double trial_s_;
 };
 
 }  // namespace viable

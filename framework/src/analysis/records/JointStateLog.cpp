@@ -99,9 +99,12 @@ public:
         if (topic_.empty() && topics_.size() > 1)
             throw badInput(path_, "joint states stand on several topics: " + list(topics_),
                            "Choose one with --topic, such as --topic " + *topics_.begin());
-        if (!topic_.empty() && topics_.count(topic_) == 0)
+        if (!topic_.empty() && topics_.count(topic_) == 0) {
+            const std::string closest = findClosestName(topic_, {topics_.begin(), topics_.end()});
             throw badInput(path_, "no joint states on the topic " + quote(topic_) + "; they are on " + list(topics_),
-                           "Name one of these with --topic");
+                           (closest.empty() ? "" : "Did you mean " + quote(closest) + "? ") +
+                               std::string("Name one of these with --topic"));
+        }
         setTimes();
         if (record_.joints.empty())
             throw badInput(path_, "the joint states name no joint", "Record a topic with positions");

@@ -8,11 +8,15 @@
 namespace viable::detail {
 
 PluginChoice readPlugin(const ConfigNode& block, PluginKind kind, const PluginLoader& loader, int joints) {
-    if (block.kind != ConfigNode::Kind::Map || !block.find("plugin"))
-        throw badInput(
-            block.place(), "the block must name a plugin",
-            "Write `{plugin: " + (block.kind == ConfigNode::Kind::Scalar ? block.text : std::string("NAME")) +
-                ", ...parameters}`; `viable plugins` lists the names.");
+    if (block.kind != ConfigNode::Kind::Map || !block.find("plugin")) {
+        std::vector<std::string> keys;
+        for (const auto& entry : block.entries) keys.push_back(entry.first);
+        const std::string closest = findClosestName("plugin", keys);
+        throw badInput(block.place(), "the block must name a plugin",
+                       (closest.empty() ? "" : "Did you mean `plugin` by `" + closest + "`? ") + "Write `{plugin: " +
+                           (block.kind == ConfigNode::Kind::Scalar ? block.text : std::string("NAME")) +
+                           ", ...parameters}`; `viable plugins` lists the names.");
+    }
     const ConfigNode& name = *block.find("plugin");
     const PluginInfo info =
         loader.find(kind, toText(name), name.place(), std::filesystem::path(name.file).parent_path());

@@ -43,10 +43,12 @@ void checkJoint(const UrdfDocument& document, const UrdfTree::Joint& joint, Comp
     if (joint.type == "floating")
         return complaints.add(where, who + " is of type floating, but the base must be fixed", kKinds);
     if (joint.type == "planar") return complaints.add(where, who + " is of type planar", kKinds);
-    if (!isLimited && joint.type != "continuous")
+    if (!isLimited && joint.type != "continuous") {
+        const std::string closest = findClosestName(joint.type, {"fixed", "revolute", "continuous", "prismatic"});
         return complaints.add(
             where, who + (joint.type.empty() ? " has no type" : " is of an unknown type, " + quoteName(joint.type)),
-            kKinds);
+            (joint.type.empty() || closest.empty() ? "" : "Did you mean " + quoteName(closest) + "? ") + kKinds);
+    }
     if (const TiXmlElement* mimic = joint.element->FirstChildElement("mimic"))
         complaints.add(
             where,
