@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core/Text.h"
+#include "experiment/CaseBlocks.h"
 #include "viable/core/Error.h"
 
 namespace viable::detail {
@@ -63,11 +64,12 @@ void checkBoundAssumptions(const CasePlan& plan, const TrackingBound& bound, con
     };
     check("the limit of the robust loop's integral", "Nm", loop.integralLimit, 1.0, bound.integralTorque);
     check("the fastest change of the robust loop's torque", "Nm/s", loop.torqueRate, plan.tick_s, bound.torqueStep);
-    const Parameters& own = plan.robustLoop->parameters;
-    if (own.resolved().find("motor_rate_Nmps") && !own.jointNumbers("motor_rate_Nmps").array().isInf().all())
-        throw badInput(
-            own.place("motor_rate_Nmps"), "no tracking bound covers a limited change of the motor's whole torque",
-            "Leave it out, limit the robust loop's share by `torque_rate_Nmps`, or remove the disturbance_set.");
+    if (plan.motorRate().size() > 0)
+        for (const PluginChoice* choice : {&*plan.robustLoop, &*plan.realPlant})
+            if (const ConfigNode* rate = findMotorRate(*choice))
+                throw badInput(rate->place(), "no tracking bound covers a limited change of the motor's whole torque",
+                               "Leave it out, limit the robust loop's share by `torque_rate_Nmps`, or remove the "
+                               "disturbance_set.");
     if (encoder == Encoder::Exact)
         throw badInput(plan.realPlant->parameters.resolved().place(),
                        "the tracking bound is for encoders that tell positions in counts, and velocities as their "
