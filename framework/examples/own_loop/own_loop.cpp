@@ -66,7 +66,7 @@ int main(int argc, char** argv) try {
         };
         const GuardedTorque& motors = guard.step(arm.read(), law);  // throws and allocates nothing
         arm.drive(motors.torque);
-        const bool hasFailed = motors.status == GuardStatus::Failed;  // the torque is zero
+        const bool hasFailed = motors.status == GuardStatus::Failed;  // the torque goes to zero
         if (hasFailed || motors.status == GuardStatus::Stopped) arm.engageBrakes();
         if (hasFailed) break;  // else the motors hold the arm until the brakes do
 

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core/Text.h"
+#include "experiment/CaseBlocks.h"
 #include "viable/core/Error.h"
 
 namespace viable::detail {

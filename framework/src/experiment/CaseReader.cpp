@@ -114,8 +114,8 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
     const ConfigNode* realPlant = map.find("real_plant");
     checkRealArmIsWhole(robustLoop, realPlant);
     if (realPlant) {
-        plan.robustLoop = readPlugin(*robustLoop, PluginKind::RobustLoop, loader, joints);
         plan.realPlant = readPlugin(*realPlant, PluginKind::RealPlant, loader, joints);
+        plan.robustLoop = readRobustLoop(*robustLoop, *plan.realPlant, loader, joints);
     }
     if (const ConfigNode* external = map.find("external_torque")) {
         plan.feedsExternalTorque = readExternalTorque(*external);

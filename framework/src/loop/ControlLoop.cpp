@@ -49,6 +49,9 @@ const char* findFault(const FilterDecision& d, const HeldMotion& motion, double 
     return nullptr;
 }
 
+/** A share that is smaller is nothing. */
+constexpr double kRounding = 1e-9;
+
 // What the author of a plugin can do about its failures.
 constexpr char kOnGivingUp[] = "The plugin reports this itself: see its README, or its checks if it is yours.";
 constexpr char kOnGuarantee[] = "The decision was not applied. Fix the filter, or let guaranteesLimits() return false.";
@@ -152,6 +155,8 @@ private:
 ControlLoop::ControlLoop(const RunSetup& setup, LoopPlugins plugins, const RealArmOptions& options)
     : setup_(setup), plugins_(std::move(plugins)), options_(options), model_(setup.robot), n_(setup.size()) {
     VIABLE_CHECK(!options_.bound || options_.bound->measured.size() == n_, "a tracking bound of another arm");
+    const LinearErrorLoop* law = plugins_.robustLoop ? plugins_.robustLoop->errorLoop() : nullptr;
+    if (law) torqueRate_ = law->torqueRate;
     reset();
 }
 
@@ -174,13 +179,16 @@ void ControlLoop::reset() {
     stopMessage_[0] = '\0';
     stopRemedy_ = "";
     stopBegun_ = ended_ = robustLoopEnded_ = drifts_ = false;
+    isLoopAsked_ = true;
+    releaseTicks_ = 0;
     missedInRow_ = 0;
     limits_ = setup_.limits;
     const JointVector any = JointVector::Constant(n_, std::numeric_limits<double>::infinity());
     following_.begin(setup_);
     sensors_.begin({SensorCheck::Reference::LastReading, calcLargestChange(setup_, limits_, options_.bound), any, any},
                    nominal_.q);
-    for (JointVector* v : {&desiredTorque_, &robustTorque_, &motorTorque_, &appliedTorque_}) v->setZero(n_);
+    for (JointVector* v : {&desiredTorque_, &robustTorque_, &motorTorque_, &appliedTorque_, &releasedTorque_})
+        v->setZero(n_);
     output_ = {};
     decision_ = {};
     motion_ = {};
@@ -319,7 +327,7 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
     using Cause = detail::FollowingWatch::Cause;
     if (!options_.watchesFollowing || options_.bound || ended_ || stopReason_ == StopReason::SensorFailed) return;
     if (isTrackingLost_) {  // a loop that acts on wrong readings must not drive the arm on
-        robustLoopEnded_ |= drifts_ && following_.runsAway(plausible_, nominal_);
+        if (drifts_ && following_.runsAway(plausible_, nominal_)) endRobustLoop(false);
         return;
     }
     const detail::FollowingWatch::Finding found =
@@ -337,13 +345,13 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
             "the real arm oscillates: the robust loop drives the motor of %.60s into its torque limit and back, "
             "and its torque changes sign every %.3g ms or faster",
             getName(found.motor), 1e3 * following_.halfPeriod());
-        robustLoopEnded_ = true;
+        endRobustLoop(true);
     } else if (found.cause == Cause::Oscillation) {
         std::snprintf(message, sizeof message,
                       "the real arm oscillates: the velocity of %.60s swings by %.3g %s/s about the nominal one and "
                       "changes sign every %.3g ms or faster",
                       getName(found.joint), found.error, unit, 1e3 * following_.halfPeriod());
-        robustLoopEnded_ = true;
+        endRobustLoop(true);
     } else {
         char motor[160];
         std::snprintf(motor, sizeof motor, "%s",
@@ -568,19 +576,60 @@ void ControlLoop::followStop() {
     ended_ = true;
 }
 
+/** @param isAsked  its answers are still of use while its torque goes to zero */
+void ControlLoop::endRobustLoop(bool isAsked) {
+    if (robustLoopEnded_ && (isAsked || !isLoopAsked_)) return;
+    robustLoopEnded_ = true;
+    isLoopAsked_ = isAsked;
+    releaseTicks_ = 0;
+    releasedTorque_ = robustTorque_;
+}
+
+/** False: it failed, and robustTorque_ is of no use. */
+bool ControlLoop::askRobustLoop() {
+    const TickStatus status = contain(PluginKind::RobustLoop, TickStatus::Faulted, [&] {
+        return plugins_.robustLoop->compute(plausible_, nominal_, motorTorque_, robustTorque_);
+    });
+    if (status == TickStatus::Ok && isBounded(robustTorque_, n_)) return true;
+    beginStop(StopReason::RobustLoopFailed, "it gave no usable torque (wrong size, not finite, beyond 1e9 or not Ok)",
+              kOnValues);
+    return false;
+}
+
 void ControlLoop::takeRobustTorque() {
+    const JointVector lastRobust = robustTorque_, lastMotor = motorTorque_;
     motorTorque_ = motion_.torque;  // the motors' share of what moves the nominal arm
     if (externalTorque_.size() > 0) motorTorque_ -= externalTorque_;
-    if (!robustLoopEnded_) {
-        const TickStatus status = contain(PluginKind::RobustLoop, TickStatus::Faulted, [&] {
-            return plugins_.robustLoop->compute(plausible_, nominal_, motorTorque_, robustTorque_);
-        });
-        if (status == TickStatus::Ok && isBounded(robustTorque_, n_)) return;
-        beginStop(StopReason::RobustLoopFailed,
-                  "it gave no usable torque (wrong size, not finite, beyond 1e9 or not Ok)", kOnValues);
-        robustLoopEnded_ = true;
+    if (isLoopAsked_ && !askRobustLoop()) {
+        robustTorque_ = lastRobust;
+        endRobustLoop(false);
     }
-    robustTorque_.setZero(n_);
+    if (!robustLoopEnded_) return;
+    const double share = 1.0 - (releaseTicks_ + 1) * setup_.tick_s / kRelease_s;
+    if (!isLoopAsked_) robustTorque_ = releasedTorque_;
+    if (share > kRounding) {
+        robustTorque_ *= share;
+        ++releaseTicks_;
+    } else {
+        robustTorque_.setZero(n_);
+        isLoopAsked_ = false;
+    }
+    limitRelease(lastRobust, lastMotor);
+}
+
+/** Makes what is left of the robust loop's torque change no faster than the stated rates. */
+void ControlLoop::limitRelease(const JointVector& lastRobust, const JointVector& lastMotor) {
+    for (int i = 0; i < n_; ++i) {
+        double& robust = robustTorque_[i];
+        if (torqueRate_.size() == n_) {
+            const double step = torqueRate_[i] * setup_.tick_s;
+            robust = std::clamp(robust, lastRobust[i] - step, lastRobust[i] + step);
+        }
+        if (options_.motorRate.size() != n_ || tickIndex_ == 0) continue;  // what the motors gave before is not known
+        const double step = options_.motorRate[i] * setup_.tick_s;
+        const double total = std::clamp(motorTorque_[i] + robust, lastMotor[i] - step, lastMotor[i] + step);
+        if (total != motorTorque_[i] + robust) robust = total - motorTorque_[i];
+    }
 }
 
 void ControlLoop::drivePlant() {

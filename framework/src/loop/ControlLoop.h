@@ -59,6 +59,12 @@ inline constexpr int kMaxSubstitutedTicks = 10;
 /** How many ticks in a row may be missed before the arm is braked for good. */
 inline constexpr int kMaxMissedTicks = 1000;
 
+/** A robust loop that is given up takes its torque to zero in this time [s], evenly: without a step, and soon enough that
+what it did wrong does not go on. Slower where a rate is stated: LinearErrorLoop::torqueRate, RealArmOptions::motorRate.
+One that oscillates is asked meanwhile, and a falling share of its answer is given: so it damps until the arm is at rest or
+the loop is gone. Of one that failed, or drives the arm away, the last torque goes. */
+inline constexpr double kRelease_s = 0.025;
+
 /** What a loop with a real arm does besides making it follow. */
 struct RealArmOptions {
     /** The arm is braked for good in the tick in which |q_measured - q_nominal| of a joint is beyond
@@ -76,6 +82,8 @@ struct RealArmOptions {
     bool fixesLimits = false;
     /** Without a bound: an arm that runs away or oscillates is braked for good. */
     bool watchesFollowing = false;
+    /** Fastest change of a motor's whole torque while the robust loop's goes to zero (kRelease_s) [Nm/s]; of size 0: any. */
+    JointVector motorRate{};
 };
 
 class StageTimer;
@@ -153,6 +161,9 @@ private:
     void awaitPlant();
     void passTick(TickRecord& record, bool hasPlant) noexcept;
     void takeRobustTorque();
+    bool askRobustLoop();
+    void endRobustLoop(bool isAsked);
+    void limitRelease(const JointVector& lastRobust, const JointVector& lastMotor);
     void drivePlant();
     /** Runs `call`, the work of a plugin of that kind; an exception becomes `faulted` and its text the stop message. */
     template <class Status, class Call>
@@ -208,7 +219,11 @@ private:
     bool stopBegun_ = false;        // a tick of the stop has been taken
     bool ended_ = false;            // no stop is possible: the plant is gone or the arithmetic is
     bool drifts_ = false;           // away though its motors had torque to spare
-    bool robustLoopEnded_ = false;  // it failed, or swings: it is not asked any more
+    bool robustLoopEnded_ = false;  // it failed, or swings: its torque goes to zero
+    bool isLoopAsked_ = true;       // meanwhile
+    int releaseTicks_ = 0;          // since then
+    JointVector releasedTorque_;    // at the beginning of a release without asking [Nm]
+    JointVector torqueRate_;        // of the robust loop [Nm/s]; of size 0: any
 };
 
 }  // namespace viable

@@ -138,6 +138,7 @@ public:
         sent_.setZero(n_);
         sender_->reset(start.q);
         isTrusted_ = true;
+        isReleased_ = false;
     }
     const JointState& measured() const override { return state_; }
     const JointState& actual() const override { return actual_; }
@@ -149,6 +150,13 @@ public:
         wasDriven_ = true;
         applied = motors_;
         return TickStatus::Ok;
+    }
+    /** Nothing is known of what the motors should give: what is sent goes to zero in kRelease_s, each joint by the same
+    step a tick, and by `largestStep` at most [Nm]. */
+    void release(const JointVector& largestStep, double tick_s) {
+        if (!isReleased_) releaseStep_ = (sent_ * std::min(1.0, tick_s / kRelease_s)).cwiseAbs().cwiseMin(largestStep);
+        isReleased_ = true;
+        for (int i = 0; i < n_; ++i) sent_[i] -= std::clamp(sent_[i], -releaseStep_[i], releaseStep_[i]);
     }
     /** Whether ticks pass in which nothing can be sent. */
     void setMissing(bool isMissing) { isMissing_ = isMissing; }
@@ -224,8 +232,9 @@ private:
     JointVector external_;  // of the last good reading [Nm]
     JointVector motors_;    // what they give, with what the robot adds
     JointVector sent_;      // to the robot
+    JointVector releaseStep_;
     TorqueSender* sender_ = nullptr;
-    bool isMissing_ = false;
+    bool isMissing_ = false, isReleased_ = false;
     bool isTrusted_ = true, wasDriven_ = false, hasReading_ = false;
 };
 
@@ -257,6 +266,7 @@ public:
     void holdIntegral() override {
         if (nric_) nric_->holdIntegral();
     }
+    const LinearErrorLoop* errorLoop() const override { return nric_ ? nric_->errorLoop() : nullptr; }
 
 private:
     /** The last torque, less what friction no longer takes now that the nominal joint is slower; never
@@ -311,7 +321,9 @@ struct TorqueGuard::Inside {
         plugins.filter = lend<SafetyFilter>(filter);
         plugins.robustLoop = lend<RobustLoop>(follower);
         plugins.realPlant = lend<RealPlant>(arm);
-        loop.emplace(setup, std::move(plugins), RealArmOptions{nullptr, true, false});
+        RealArmOptions real{nullptr, true, false};
+        if (options.robustGains) real.motorRate = options.robustGains->motorRate.expand(robot.size());
+        loop.emplace(setup, std::move(plugins), real);
         output.torque.setZero(robot.size());
     }
 
@@ -415,7 +427,8 @@ void TorqueGuard::Inside::answer() noexcept {
     output.lawFailed = record.substituted > substituted;
     substituted = record.substituted;
     if (!arm.wasDriven()) {  // neither filter nor stop gave numbers
-        output.torque.setZero(robot.size());
+        arm.release(options.convention.torqueRate.expand(robot.size()) * setup.tick_s, setup.tick_s);
+        output.torque = arm.sent();
         output.motorsSaturated = output.rateLimited = false;
         output.status = GuardStatus::Failed;
         return;

@@ -65,19 +65,31 @@ void addFollowing(const CaseResult& r, std::vector<std::string>& found) {
         s.jointNames()[static_cast<std::size_t>(worst)].c_str(), 1e3 * s.trackingRms(worst), explainLoop(r).c_str()));
 }
 
+/** "joint1 in 12 %, joint2 in 3 %" of the ticks: the motors that were so in more than an exception. */
+template <class Count, class Accept>
+std::string listMotors(const Summary& s, const Count& count, const Accept& accepts) {
+    std::string list;
+    for (int i = 0; i < static_cast<int>(s.jointNames().size()); ++i) {
+        const MotorRecord& motor = s.motor(i);
+        const double share = static_cast<double>(motor.*count) / static_cast<double>(s.ticks());
+        if (share > kSaturatedShare && accepts(motor))
+            detail::addItem(
+                list, format("%s in %.0f %%", s.jointNames()[static_cast<std::size_t>(i)].c_str(), 100.0 * share));
+    }
+    return list;
+}
+
 void addMotors(const CaseResult& r, std::vector<std::string>& found) {
     const Summary& s = r.summary;
     if (r.margins && !r.margins->isStable) return;  // that is why
-    std::string motors, swinging;
-    for (int i = 0; i < static_cast<int>(s.jointNames().size()); ++i) {
-        const MotorRecord& motor = s.motor(i);
-        const double share = static_cast<double>(motor.ticksSaturated) / static_cast<double>(s.ticks());
-        if (!(share > kSaturatedShare)) continue;
-        const bool swings = static_cast<double>(motor.reversals) * kReversal_s >=
-                            static_cast<double>(motor.ticksSaturated) * s.tick_s();
-        detail::addItem(swings ? swinging : motors,
-                        format("%s in %.0f %%", s.jointNames()[static_cast<std::size_t>(i)].c_str(), 100.0 * share));
-    }
+    const auto swings = [&](const MotorRecord& motor) {
+        return static_cast<double>(motor.reversals) * kReversal_s >=
+               static_cast<double>(motor.ticksSaturated) * s.tick_s();
+    };
+    const std::string swinging = listMotors(s, &MotorRecord::ticksSaturated, swings);
+    const std::string motors =
+        listMotors(s, &MotorRecord::ticksSaturated, [&](const MotorRecord& motor) { return !swings(motor); });
+    const std::string late = listMotors(s, &MotorRecord::ticksRateLimited, [](const MotorRecord&) { return true; });
     if (!swinging.empty())
         found.push_back("the robust loop swings and drives motors to their torque limits: " + swinging +
                         " of the ticks (smaller gains, or the true masses, inertias, rotors and delay: nric's gains "
@@ -86,21 +98,44 @@ void addMotors(const CaseResult& r, std::vector<std::string>& found) {
         found.push_back("motors are at their torque limits: " + motors +
                         " of the ticks (lower the limits of acceleration and jerk, or use whole_arm_braking with a "
                         "torque_share below 1)");
+    if (!late.empty())
+        found.push_back("motors change their torque as fast as they may: " + late +
+                        " of the ticks (lower the jerk limits, or use whole_arm_braking with a torque_rate_Nmps)");
+}
+
+/** What acted in at least this share of an error is its cause. */
+constexpr double kCauseShare = 0.5;
+
+bool isHeldOff(const ErrorCauses& causes) {
+    return causes.share(LimitKind::Clearance) >= kCauseShare;
+}
+
+/** "held off by obstacles or by itself, in 80 % of that error": what keeps an arm from its command, where that is no speed. */
+std::string nameCause(const ErrorCauses& causes, const char* otherwise) {
+    if (isHeldOff(causes))
+        return format("held off by the safety distance to obstacles or to itself, in %.0f %% of that error",
+                      100.0 * causes.share(LimitKind::Clearance));
+    for (const auto& [kind, name] :
+         {std::pair(LimitKind::Torque, "torque"), std::pair(LimitKind::Position, "position")})
+        if (causes.share(kind) >= kCauseShare)
+            return format("held by %s limits, in %.0f %% of that error", name, 100.0 * causes.share(kind));
+    return otherwise;
 }
 
 void addCommand(const CaseResult& r, std::vector<std::string>& found) {
     const Summary& s = r.summary;
     const double error = s.toolErrorRms(), spread = s.commandMotion().spread();
     if (r.isRelative || !(error > std::max(kMissedShare * spread, kLeastMiss_m))) return;
-    const bool swings =
-        s.toolMotion().speedRms() > kSwingingShare * s.commandMotion().speedRms() && s.commandMotion().speedRms() > 0.0;
+    const ErrorCauses& causes = s.toolErrorCauses();
+    const bool swings = !isHeldOff(causes) && s.commandMotion().speedRms() > 0.0 &&
+                        s.toolMotion().speedRms() > kSwingingShare * s.commandMotion().speedRms();
     found.push_back(format(
-        "the tool %s: %.3g mm and %.3g degrees from it, RMS, where the command itself moves by %.3g mm (limits, "
-        "obstacles or "
-        "the arm's reach%s)",
+        "the tool %s: %.3g mm and %.3g degrees from it, RMS, where the command itself moves by %.3g mm (%s%s)",
         swings ? "swings about its command" : "misses its command", 1e3 * error, s.toolError().angleRms() / kDegree,
-        1e3 * spread,
-        r.controller == "tool_servo" ? "" : "; where it is a jerk limit, tool_servo, which knows it, comes nearer"));
+        1e3 * spread, nameCause(causes, "limits, obstacles or the arm's reach").c_str(),
+        r.controller == "tool_servo" || isHeldOff(causes)
+            ? ""
+            : "; where it is a jerk limit, tool_servo, which knows it, comes nearer"));
 }
 
 /** In degrees, or in millimetres. */
@@ -130,11 +165,14 @@ void addJointCommand(const CaseResult& r, std::vector<std::string>& found) {
                         "less stiffness, more damping, or higher limits of jerk and acceleration)");
     if (missing < 0) return;
     const JointFollowing& f = s.following(missing);
-    const bool swings = f.targetSpeedRms() > 0.0 && f.speedRms() > kSwingingShare * f.targetSpeedRms();
-    found.push_back(name(missing) + (swings ? " swings about its command: " : " misses its command: ") +
-                    formatJointMove(r, missing, f.errorRms()) + " from it, RMS, where the command itself moves by " +
-                    formatJointMove(r, missing, f.spread()) + " (limits, obstacles or a slow controller" +
-                    (r.controller == "joint_servo" ? ")" : "; joint_servo, which knows the limits, comes nearer)"));
+    const ErrorCauses& causes = s.errorCauses(missing);
+    const bool swings = !isHeldOff(causes) && f.speedRms() > kSwingingShare * f.targetSpeedRms();
+    found.push_back(
+        name(missing) + (swings ? " swings about its command: " : " misses its command: ") +
+        formatJointMove(r, missing, f.errorRms()) + " from it, RMS, where the command itself moves by " +
+        formatJointMove(r, missing, f.spread()) + " (" + nameCause(causes, "limits, obstacles or a slow controller") +
+        (r.controller == "joint_servo" || isHeldOff(causes) ? ")"
+                                                            : "; joint_servo, which knows the limits, comes nearer)"));
 }
 
 void addChatter(const CaseResult& r, std::vector<std::string>& found) {

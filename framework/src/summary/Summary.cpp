@@ -24,6 +24,8 @@ constexpr int kHalfSwings = 6;
 /** A command that moves by more in a tick than this many times what the joint can jumps; or by this, where it has no limit
 [rad, m]. */
 constexpr double kFastestSpeeds = 2.0, kJump = 0.05;
+/** A torque that changes by as much as it may, less this share, is held back by that. */
+constexpr double kLeastCut = 1e-6;
 /** Of the motor's torque limit: the robust loop's torque that counts as a push to one side. */
 constexpr double kPushShare = 0.2;
 
@@ -73,6 +75,7 @@ Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool h
     acting_.resize(jointNames_.size());
     rests_.assign(jointNames_.size(), {kNan, kNan, 0.0});
     following_.resize(jointNames_.size());
+    causes_.resize(jointNames_.size());
     squaredError_.setZero(static_cast<int>(jointNames_.size()));
     largestError_.setZero(static_cast<int>(jointNames_.size()));
     worstMargin_.value = std::numeric_limits<double>::infinity();
@@ -81,6 +84,19 @@ Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool h
 void Summary::setSliding(std::vector<bool> slides) {
     slides.resize(jointNames_.size(), false);
     slides_ = std::move(slides);
+}
+
+void ErrorCauses::add(double squaredError, unsigned acting, double tick_s) {
+    constexpr unsigned kHeldOff = 1u << static_cast<unsigned>(LimitKind::Clearance);
+    heldOff_s_ = acting & kHeldOff ? kWayBack_s : heldOff_s_ - tick_s;
+    if (heldOff_s_ > 0.0) acting |= kHeldOff;
+    squared_ += squaredError;
+    for (std::size_t k = 0; k < squaredBy_.size(); ++k)
+        if (acting >> k & 1u) squaredBy_[k] += squaredError;
+}
+
+double ErrorCauses::share(LimitKind kind) const {
+    return squared_ > 0.0 ? squaredBy_[static_cast<std::size_t>(kind)] / squared_ : 0.0;
 }
 
 void ToolErrorRecord::add(const Pose& tool, const Pose& commanded) {
@@ -275,6 +291,7 @@ void Summary::addCommand(int i, const TickRecord& record) {
     const double target = std::max(bounds_.position.lower[i], std::min(record.command.q[i], bounds_.position.upper[i]));
     const double e = record.nominal.q[i] - target;
     squaredCommandError_ += e * e;
+    causes_[static_cast<std::size_t>(i)].add(e * e, actingKinds_, tick_s_);
     ++commandTicks_;
     following_[static_cast<std::size_t>(i)].add(
         record.nominal.q[i], target, std::max(-bounds_.velocity.lower[i], bounds_.velocity.upper[i]), tick_s_);
@@ -286,6 +303,7 @@ void Summary::addCommand(int i, const TickRecord& record) {
 void Summary::addTool(const TickRecord& record) {
     if (record.command.space != MotionCommand::Space::Tool) return;
     toolError_.add(record.tool, record.command.tool);
+    toolCauses_.add((record.tool.position - record.command.tool.position).squaredNorm(), actingKinds_, tick_s_);
     if (hasRealPlant_ && reference_.calcTool)
         realToolError_.add(reference_.calcTool(record.actual.q), record.command.tool);
     commandMotion_.add(record.command.tool.position, tick_s_);
@@ -349,6 +367,10 @@ void Summary::addMotor(int i, const TickRecord& record) {
         motor.worstTime_s = record.time_s;
     }
     Peak& peak = peaks_[at];
+    if (reference_.torqueRate.size() > i && ticks_ > 0 &&
+        std::abs(record.motorTorque[i] - peak.last) >= reference_.torqueRate[i] * tick_s_ * (1.0 - kLeastCut))
+        ++motor.ticksRateLimited;
+    peak.last = record.motorTorque[i];
     const double push = record.robustTorque[i] / reference_.torqueLimit[i];
     // Beyond its limit the nominal torque is cut by the robust loop's.
     const bool isWithin = std::abs(asked - record.robustTorque[i]) < reference_.torqueLimit[i];
@@ -394,6 +416,8 @@ void Summary::add(const TickRecord& record) {
     const bool outside = check(limits_[3], LimitKind::Jerk, bounds_.jerk, record.nominal.jerk, record.time_s);
     broken_ |= outside && !isRecovering_;
     if (hasRealPlant_) addReal(record);
+    actingKinds_ = 0;
+    for (int i = 0; i < n; ++i) actingKinds_ |= 1u << static_cast<unsigned>(record.joints[i].limit);
     for (int i = 0; i < n; ++i) {
         addIntervention(i, record);
         addCommand(i, record);

@@ -169,6 +169,7 @@ std::vector<SummaryFigure> makeFigures() {
     t.add("<joint>.ticks_saturated", [](S s, int i) {
          return s.motor(i).ticksSaturated;
      }).column("motor.saturated_ticks", "", "Joint-ticks with a motor at its limit", Over::Sum);
+    t.add("<joint>.ticks_rate_limited", [](S s, int i) { return s.motor(i).ticksRateLimited; });
     t.add("<joint>.worst_time_s", [](S s, int i) { return s.motor(i).worstTime_s; });
 
     for (const bool isReal : {false, true}) {

@@ -387,13 +387,17 @@ std::string formatReal(const Summary& s) {
         text += "\n";
     }
     if (s.reference().torqueLimit.size() == n && (s.reference().torqueLimit.array() < INFINITY).any()) {
-        std::int64_t saturated = 0;
+        std::int64_t saturated = 0, rateLimited = 0;
         text += "  motors        largest share of the torque limit per joint [%]";
         for (int i = 0; i < n; ++i) {
             text += "  " + formatPercent(s.motor(i).worstUse);
             saturated += s.motor(i).ticksSaturated;
+            rateLimited += s.motor(i).ticksRateLimited;
         }
-        text += format(", saturated in %lld joint-ticks\n", static_cast<long long>(saturated));
+        text += format(", saturated in %lld joint-ticks", static_cast<long long>(saturated));
+        if (s.reference().torqueRate.size() == n)
+            text += format(", changing as fast as they may in %lld", static_cast<long long>(rateLimited));
+        text += "\n";
     }
     if (s.externalTorqueMissing() > 0)
         text += format("  external      %lld ticks without a usable external torque\n",

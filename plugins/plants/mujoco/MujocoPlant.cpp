@@ -12,6 +12,8 @@ namespace viable {
 
 namespace {
 
+constexpr auto kParameters = joinParameters(kArmHardwareParameters, kMotorRateParameters);
+
 /** MuJoCo's hardest constraint: of the force that holds a joint, all but this part. */
 constexpr double kHardest = 0.9999;
 /** MuJoCo lengthens shorter time constants to it itself [sub-steps]. */
@@ -28,6 +30,7 @@ constexpr int kSolverRounds = 50;  // Newton's method needs a few
 void MujocoPlant::configure(const RunSetup& setup, const Parameters& parameters) {
     n_ = setup.size();
     hardware_.configure(setup, parameters);
+    motorRate_.configure(setup, parameters);
     const RobotDescription& robot = hardware_.robot();
     const std::string source = robot.folder.empty() ? robot.name : (robot.folder / (robot.name + ".urdf")).string();
     const std::string urdf = findUrdf(setup.robot);  // the nominal one: masses are changed below
@@ -137,6 +140,7 @@ void MujocoPlant::reset(const MotionState& start) {
     mj_fwdVelocity(&m, &d);
     for (int i = 0; i < n_; ++i) load_[i] = d.qfrc_bias[dof_[i]];
     hardware_.reset(actual_);
+    motorRate_.reset(start.q);
 }
 
 void MujocoPlant::step(const JointVector& applied) {
@@ -162,6 +166,7 @@ void MujocoPlant::step(const JointVector& applied) {
 TickStatus MujocoPlant::advance(const JointVector& torque, JointVector& applied) {
     if (!isFinite(torque, n_)) return TickStatus::InvalidInput;
     hardware_.calcApplied(torque, applied);
+    motorRate_.limit(applied);
     putState(actual_);
     nextLoad_ = load_;
     try {
@@ -175,6 +180,7 @@ TickStatus MujocoPlant::advance(const JointVector& torque, JointVector& applied)
     actual_ = next;
     load_ = nextLoad_;
     hardware_.endTick(torque, actual_);
+    motorRate_.endTick(applied);
     return TickStatus::Ok;
 }
 
@@ -184,4 +190,4 @@ VIABLE_PLUGIN(viable::RealPlant, viable::MujocoPlant, "mujoco",
               "The arm in simulation by another engine: MuJoCo, with its own reading of the URDF "
               "and its own dry "
               "friction.",
-              viable::kArmHardwareParameters)
+              viable::kParameters)

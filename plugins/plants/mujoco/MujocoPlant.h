@@ -6,6 +6,7 @@
 #include "MujocoModel.h"
 #include "viable/plugin/RealPlant.h"
 #include "viable/simulation/ArmHardware.h"
+#include "viable/simulation/MotorRate.h"
 
 namespace viable {
 
@@ -43,6 +44,7 @@ private:
 
     int n_ = 0;
     ArmHardware hardware_;
+    MotorRate motorRate_;
     std::unique_ptr<MujocoModel> mujoco_;
     std::array<int, kMaxJoints> dof_{};  // MuJoCo's number of each joint
 

@@ -17,7 +17,7 @@ constexpr ParameterSpec kGearParameters[] = {
         .atLeast(0),
     parameter::jointNumbers("gear_stiffness_Nmprad", "Nm/rad", "1.0e4", "Of the gears where any has a gap.").above(0),
 };
-constexpr auto kParameters = joinParameters(kArmHardwareParameters, kGearParameters);
+constexpr auto kParameters = joinParameters(kArmHardwareParameters, kMotorRateParameters, kGearParameters);
 
 /** Damping of a gear's spring, as a share of critical. */
 constexpr double kGearDamping = 0.1;
@@ -49,6 +49,7 @@ JointMatrix invertLower(const JointMatrix& L) {
 void SimbodyPlant::configure(const RunSetup& setup, const Parameters& parameters) {
     n_ = setup.size();
     hardware_.configure(setup, parameters);
+    motorRate_.configure(setup, parameters);
     halfGap_ = 0.5 * parameters.jointNumbers("backlash_rad");
     hasGears_ = halfGap_.maxCoeff() > 0.0;
     if (hasGears_)
@@ -100,6 +101,7 @@ void SimbodyPlant::reset(const MotionState& start) {
         for (int i = 0; i < n_; ++i) zeroOffset_[i] = load_[i] / stiffness_[i] + std::copysign(halfGap_[i], load_[i]);
     rotor_.q += zeroOffset_;
     hardware_.reset({start.q, start.qd});
+    motorRate_.reset(start.q);
 }
 
 JointState SimbodyPlant::encoders() const {
@@ -247,6 +249,7 @@ bool SimbodyPlant::stepWithGears(const JointVector& motor) {
 TickStatus SimbodyPlant::advance(const JointVector& torque, JointVector& applied) {
     if (!isFinite(torque, n_)) return TickStatus::InvalidInput;
     hardware_.calcApplied(torque, applied);
+    motorRate_.limit(applied);
     next_ = {link_, rotor_};
     nextLoad_ = load_;
     if (!stopBlocked()) return TickStatus::Faulted;
@@ -259,6 +262,7 @@ TickStatus SimbodyPlant::advance(const JointVector& torque, JointVector& applied
     rotor_ = next_.rotor;
     load_ = nextLoad_;
     hardware_.endTick(torque, encoders());
+    motorRate_.endTick(applied);
     return TickStatus::Ok;
 }
 

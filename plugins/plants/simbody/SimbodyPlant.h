@@ -6,6 +6,7 @@
 #include "viable/qp/BoxQp.h"
 #include "viable/robot/RobotModel.h"
 #include "viable/simulation/ArmHardware.h"
+#include "viable/simulation/MotorRate.h"
 
 namespace viable {
 
@@ -58,6 +59,7 @@ private:
 
     int n_ = 0;
     ArmHardware hardware_;
+    MotorRate motorRate_;
     std::unique_ptr<RobotModel> model_;  // with backlash without the rotors
     Dynamics dynamics_;
 

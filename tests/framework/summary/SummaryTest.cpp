@@ -26,6 +26,7 @@ struct HandMadeRun {
     CaseResult result = makeResult(*configureCase(readTestExperiment(kOneJoint).cases.front()));
     JointLimits limits = makeLimits();
     std::int64_t ticks = 0;
+    JointIntervention acting{};
 
     void add(double q, FilterStatus status, StopVerdict verdict, double jerk = 0.0, double command = 0.0) {
         TickRecord r;
@@ -36,6 +37,7 @@ struct HandMadeRun {
         r.command.q.setConstant(1, command);
         r.removedTorque.setZero(1);
         r.status = status;
+        r.joints[0] = acting;
         r.verdict = verdict;
         r.stops[0] = {1.0 - std::abs(q), 0.0};
         result.summary.add(r);
@@ -268,6 +270,55 @@ TEST(Verdict, JointCommandsThatMoveAreJudgedAsThoseOfATool) {
     slides.summary.setSliding({true});
     expectContains(formatVerdict(slides), {" mm from it, RMS"});
     expectContains(formatDetails(slides), {"311.5 mm RMS"});
+}
+
+// A tool that an obstacle holds off, sliding to and fro before it faster than its command goes: what keeps it away is told.
+TEST(Verdict, AToolThatIsHeldOffByAnObstacleDoesNotSwing) {
+    const auto run = [](LimitKind kind, double actsUntil_s) {
+        HandMadeRun hand;
+        for (int k = 0; k < 10000; ++k) {
+            const double t = 0.001 * k;
+            TickRecord r;
+            r.time_s = t;
+            r.limits = hand.limits;
+            r.nominal = {JointVector::Zero(1), JointVector::Zero(1), JointVector::Zero(1), JointVector::Zero(1)};
+            r.command.space = MotionCommand::Space::Tool;
+            r.command.tool.position = Eigen::Vector3d(0.1 * std::sin(t), 0.0, 0.0);
+            r.tool.position = Eigen::Vector3d(0.1 * std::sin(t), 0.3, 0.1 * std::sin(5.0 * t));
+            r.removedTorque.setZero(1);
+            if (t < actsUntil_s) r.joints[0] = {kind, LimitSide::Lower};
+            hand.result.summary.add(r);
+        }
+        return formatVerdict(hand.result);
+    };
+    const std::string heldOff = run(LimitKind::Clearance, 10.0);
+    expectContains(heldOff, {"the tool misses its command: ",
+                             "held off by the safety distance to obstacles or to itself, in "
+                             "100 % of that error"});
+    EXPECT_EQ(heldOff.find("swings"), std::string::npos) << heldOff;
+    EXPECT_EQ(heldOff.find("tool_servo"), std::string::npos) << heldOff;
+    expectContains(run(LimitKind::Position, 10.0),
+                   {"the tool swings about its command", "held by position limits, in 100 %"});
+    for (const LimitKind kind : {LimitKind::Jerk, LimitKind::None})
+        expectContains(run(kind, 10.0), {"the tool swings about its command", "limits, obstacles or the arm's reach"});
+    expectContains(run(LimitKind::Clearance, 2.0), {"the tool swings about its command"});  // not what keeps it away
+}
+
+// The same of joints.
+TEST(Verdict, AJointThatIsHeldOffByAnObstacleDoesNotSwing) {
+    for (const LimitKind kind : {LimitKind::Clearance, LimitKind::Jerk}) {
+        HandMadeRun run;
+        for (int k = 0; k < 10000; ++k) {
+            const double t = 0.001 * k;
+            run.acting = {kind, LimitSide::Lower};
+            run.add(0.5 * std::sin(t) + 0.4 * std::sin(3.0 * t), FilterStatus::Modified, StopVerdict::Safe, 0.0,
+                    0.5 * std::sin(t));
+        }
+        const std::string verdict = formatVerdict(run.result);
+        const bool isHeldOff = kind == LimitKind::Clearance;
+        expectContains(verdict, {isHeldOff ? "joint0 misses its command: " : "joint0 swings about its command: "});
+        EXPECT_EQ(verdict.find("held off by the safety distance") != std::string::npos, isHeldOff) << verdict;
+    }
 }
 
 TEST(Verdict, JointsThatChatterAtALimitAreTold) {

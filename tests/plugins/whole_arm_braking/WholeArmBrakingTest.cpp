@@ -368,6 +368,68 @@ TEST(Fault60, AnObstacleThatAppearsInsideTheArmBrakesItAndLetsItOut) {
     EXPECT_GE(arm.judge(), sudden.safetyDistance_m);
 }
 
+// Seen anew in every tick and quicker than the arm: it comes at 6 m/s after the tool, goes through the arm, and leaves.
+TEST(Fault60, ABallThatIsQuickerThanTheArmIsBrakedForAndReportedWhileItTouches) {
+    for (const bool appears : {false, true}) {  // from afar, or at once at the tool
+        WholeArmBrakingOptions options;
+        ArmAmongObstacles arm(Environment{}, options);
+        arm.configure();
+        const JointVector there = turned(arm.robot().home, 0, 2.0);
+        for (int tick = 0; tick < 250; ++tick) arm.goTo(there);
+        ASSERT_GT(arm.state.qd[0], 0.3);
+        Environment sudden;
+        Solid ball;
+        ball.name = "ball";
+        ball.kind = Solid::Kind::Sphere;
+        ball.radius = 0.08;
+        ball.pose.translation() = arm.dynamics.tool.position;
+        sudden.solids.push_back(ball);
+        const Eigen::Vector3d way(0.0, 0.0, -6.0);
+        const double first = appears ? 0.0 : -0.2;  // [s], from where it meets the tool's place
+        int braked = 0, touched = 0, told = 0, falselyTold = 0;
+        for (int tick = 0; tick < 700; ++tick) {
+            const double time = first + kTick_s * tick;
+            const bool isThere = time < 0.2;
+            Environment now;
+            if (isThere) {
+                now = sudden;
+                now.solids[0].pose.translation() = arm.dynamics.tool.position + time * way;
+            }
+            arm.feed.put(ArmAmongObstacles::makeSurroundings(now), arm.t);
+            const JointVector q = arm.state.q;
+            const FilterStatus status = arm.goTo(there);
+            ASSERT_TRUE(status == FilterStatus::StoppedByPlan || status == FilterStatus::Modified ||
+                        status == FilterStatus::Passed)
+                << tick;
+            ASSERT_TRUE(isFinite(arm.decision.value, 6)) << tick;
+            for (int i = 0; i < 6; ++i) {
+                const AxisLimits axis = arm.robot().limits.axis(i);
+                ASSERT_LE(std::abs(arm.state.qd[i]), axis.velocityUpper * (1.0 + 1e-9)) << tick;
+                ASSERT_LE(std::abs(arm.state.qdd[i]), axis.accelerationUpper * (1.0 + 1e-9)) << tick;
+                ASSERT_LE(std::abs(arm.decision.value[i]), axis.jerkUpper * (1.0 + 1e-9)) << tick;
+            }
+            bool acts = status == FilterStatus::StoppedByPlan;
+            for (const JointIntervention& joint : arm.decision.joints) acts |= joint.limit == LimitKind::Clearance;
+            braked += acts;
+            if (!isThere) continue;
+            CollisionJudge judge(arm.robot(), arm.geometry, now);
+            const bool touches = judge.findContact(q, arm.t, 0.5).distance < -1e-6;
+            const bool tells = arm.decision.clearance.isKnown && arm.decision.clearance.distance < 0.0;
+            touched += touches;
+            told += touches && tells;
+            falselyTold += tells && judge.findContact(q, arm.t, 0.5).distance > now.safetyDistance_m;
+        }
+        std::printf("  %s: braked in %d ticks; touched in %d, told in %d of them\n", appears ? "at once" : "from afar",
+                    braked, touched, told);
+        EXPECT_GT(braked, appears ? 0 : 5);  // the one inside leaves at once, and moving away stays possible
+        EXPECT_GT(touched, 5);
+        EXPECT_EQ(told, touched);
+        EXPECT_EQ(falselyTold, 0);
+        for (int tick = 0; tick < 3000; ++tick) arm.goTo(there);  // it is gone, and the arm goes on
+        EXPECT_NEAR(arm.state.q[0], there[0], 2e-3);
+    }
+}
+
 TEST(Fault61, SurroundingsTooLongAgoStopTheArmUntilNewerOnesCome) {
     WholeArmBrakingOptions options;
     options.maxAge_s = 0.2;

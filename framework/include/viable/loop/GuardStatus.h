@@ -13,7 +13,7 @@ enum class GuardStatus : unsigned char {
     Waiting,     ///< TorqueGuard: an unusable reading; the nominal arm brakes, and goes on with the next good one
     Stopping,    ///< the nominal arm is being braked for good; law or target do not count any more
     Stopped,     ///< the nominal arm is at rest: go on stepping until the brakes are engaged
-    Failed,      ///< numbers beyond all arithmetic; a torque is zero: engage the brakes
+    Failed,      ///< numbers beyond all arithmetic; a torque goes to zero within 25 ms: engage the brakes
 };
 
 /** "not_started", "passed", ... */

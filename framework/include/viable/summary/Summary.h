@@ -73,6 +73,24 @@ struct RealArmReference {
     JointVector torqueLimit;  ///< of the motors [Nm]; empty: not looked at
     /** The tool's pose at joint positions; empty: how far the real tool is from the commanded one is not looked at. */
     std::function<Pose(const JointVector&)> calcTool;
+    JointVector torqueRate{};  ///< fastest change of the motors' torque [Nm/s]; empty: not looked at
+};
+
+/** What held an arm back while it was away from its command. */
+class ErrorCauses {
+public:
+    /** @param acting  what acted on any joint: bit k for the LimitKind k */
+    void add(double squaredError, unsigned acting, double tick_s);
+    /** Of the sum of squared errors: the part while a limit of that kind acted on a joint, 0 to 1. A clearance counts for
+    kWayBack_s more: an arm that was held off has its way back before it. */
+    double share(LimitKind kind) const;
+
+    static constexpr double kWayBack_s = 1.0;
+
+private:
+    double squared_ = 0.0;
+    std::array<double, kLimitKinds> squaredBy_{};
+    double heldOff_s_ = 0.0;  // that is left of it
 };
 
 /** How far a tool was from the commanded one, over ticks. */
@@ -145,6 +163,8 @@ struct MotorRecord {
     /** Ticks at the robot's limit or beyond. For a weaker motor, those at the largest torque that it ever gave, when
     more was asked of it by the last of them: so it counts whatever its limit, and late commands do not. */
     std::int64_t ticksSaturated = 0;
+    /** Ticks in which it changed as fast as it may, see RealArmReference::torqueRate. */
+    std::int64_t ticksRateLimited = 0;
     /** Times the robust loop's torque went from a fifth of the robot's limit to as much the other way. */
     std::int64_t reversals = 0;
 };
@@ -232,6 +252,8 @@ public:
     double toolErrorRms() const { return toolError_.rms(); }
     double toolErrorMax() const { return toolError_.largest(); }  ///< [m]
     const ToolErrorRecord& toolError() const { return toolError_; }
+    const ErrorCauses& toolErrorCauses() const { return toolCauses_; }  ///< of its distance
+    const ErrorCauses& errorCauses(int joint) const { return causes_[static_cast<std::size_t>(joint)]; }
     /** Of the real arm's tool (its true state, where the plant knows it). */
     const ToolErrorRecord& realToolError() const { return realToolError_; }
     /** Of a joint with joint commands; without ticks otherwise. */
@@ -311,7 +333,8 @@ private:
     struct Peak {
         double given = 0.0, asked = 0.0;
         std::int64_t ticks = 0, ticksAtLimit = 0;
-        int pushedTo = 0;  // 1 upwards, -1 downwards: by the robust loop, last
+        int pushedTo = 0;   // 1 upwards, -1 downwards: by the robust loop, last
+        double last = 0.0;  // given in the tick before
     };
     std::vector<Peak> peaks_;
     double realEndSpeed_ = 0.0;
@@ -341,6 +364,9 @@ private:
     std::int64_t commandTicks_ = 0;  // joint-ticks
     double squaredRealCommandError_ = 0.0;
     std::vector<JointFollowing> following_;
+    std::vector<ErrorCauses> causes_;  // likewise
+    ErrorCauses toolCauses_;
+    unsigned actingKinds_ = 0;  // in this tick, see ErrorCauses
     ToolErrorRecord toolError_, realToolError_;
     PointMotion commandMotion_, toolMotion_;
     double squaredJerk_ = 0.0;

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <memory>
+
+#include "viable/plugin/Plugin.h"
+
+namespace viable {
+
+class ArmRecursion;
+
+/** How fast the motors of a simulated arm can change their torque: as robots do that cut faster changes off
+(TorqueConvention::torqueRate). A plant splices kMotorRateParameters into its table beside kArmHardwareParameters, and per
+tick cuts what ArmHardware::calcApplied() gave, then endTick() where the tick succeeded. The host reads the parameter by its
+name: a robust loop that has one of the same name gets it, where none is given, and the summary counts the ticks in which
+it acted.
+Real time: no allocation, lock or throw after configure(). */
+class MotorRate {
+public:
+    void configure(const RunSetup& setup, const Parameters& parameters);
+    /** The motors hold the nominal arm at rest at q. */
+    void reset(const JointVector& q);
+
+    /** @param torque  within the motors' limits [Nm]; then what they reach in the coming tick */
+    void limit(JointVector& torque) const;
+    void endTick(const JointVector& torque) { last_ = torque; }
+
+private:
+    std::shared_ptr<const ArmRecursion> arm_;  // null: any change
+    JointVector largestStep_, last_;           // [Nm]
+};
+
+inline constexpr ParameterSpec kMotorRateParameters[] = {
+    parameter::jointNumbers("motor_rate_Nmps", "Nm/s", ".inf",
+                            "Fastest change of a motor's torque, from what holds the nominal arm at the start.")
+        .above(0)
+        .orInfinite(),
+};
+
+}  // namespace viable
