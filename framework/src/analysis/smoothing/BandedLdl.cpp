@@ -5,6 +5,11 @@
 
 namespace viable::detail {
 
+BandedLdl::BandedLdl(std::size_t blocks, std::vector<double> storage) : blocks_(blocks), band_(std::move(storage)) {
+    if (band_.capacity() < size() * kBand) band_ = {};  // never both at once
+    band_.assign(size() * kBand, 0.0);
+}
+
 void BandedLdl::addPair(std::size_t first, const Eigen::Matrix<double, kBand, kBand>& values) {
     const std::size_t origin = kBlock * first;
     for (std::size_t column = 0; column < kBand; ++column)
