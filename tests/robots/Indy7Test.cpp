@@ -11,12 +11,12 @@ namespace viable {
 namespace {
 
 constexpr double kDegree = EIGEN_PI / 180.0;
-constexpr const char* kFigures = VIABLE_SOURCE_DIR "/../shared/data/indy7_figures.json";
+constexpr const char* kIndy7Figures = VIABLE_SOURCE_DIR "/../shared/data/indy7_figures.json";
 
 /** robots/indy7 against published and logged figures. */
 class Indy7Test : public ::testing::Test {
 protected:
-    void SetUp() override { readFigures(kFigures, figures_); }
+    void SetUp() override { readFigures(kIndy7Figures, figures_); }
     Dynamics calc(const JointVector& q) {
         Dynamics dynamics;
         model_.calcDynamics(q, JointVector::Zero(6), dynamics);

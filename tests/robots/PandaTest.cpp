@@ -9,7 +9,7 @@
 namespace viable {
 namespace {
 
-constexpr const char* kFigures = VIABLE_SOURCE_DIR "/../shared/data/panda_figures.json";
+constexpr const char* kPandaFigures = VIABLE_SOURCE_DIR "/../shared/data/panda_figures.json";
 
 JointVector seven(double a, double b, double c, double d, double e, double f, double g) {
     JointVector v(7);
@@ -97,7 +97,7 @@ TEST_F(PandaTest, FrictionIsTheOddPartOfThePublishedLaw) {
 /** Against the collected figures, where they are. */
 class PandaFiguresTest : public PandaTest {
 protected:
-    void SetUp() override { readFigures(kFigures, figures_); }
+    void SetUp() override { readFigures(kPandaFigures, figures_); }
     const nlohmann::json& variant() const { return figures_["variants"]["fer"]; }
     nlohmann::json figures_;
 };

@@ -7,7 +7,7 @@
 namespace viable {
 namespace {
 
-constexpr const char* kFigures = VIABLE_SOURCE_DIR "/../shared/data/ur5e_figures.json";
+constexpr const char* kUr5eFigures = VIABLE_SOURCE_DIR "/../shared/data/ur5e_figures.json";
 
 JointVector six(double a, double b, double c, double d, double e, double f) {
     JointVector v(6);
@@ -80,7 +80,7 @@ TEST_F(Ur5eTest, TensorsAreTurnedWithTheCentresOfMass) {
 /** Against the collected figures, where they are. */
 class Ur5eFiguresTest : public Ur5eTest {
 protected:
-    void SetUp() override { readFigures(kFigures, figures_); }
+    void SetUp() override { readFigures(kUr5eFigures, figures_); }
     nlohmann::json figures_;
 };
 

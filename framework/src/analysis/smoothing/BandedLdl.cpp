@@ -5,6 +5,12 @@
 
 namespace viable::detail {
 
+BandedLdl::BandedLdl(std::size_t blocks, std::vector<double> storage) : blocks_(blocks), band_(std::move(storage)) {
+    if (band_.capacity() < size() * kBand) band_ = {};  // never both at once
+    band_.clear();
+    band_.resize(size() * kBand);  // zeros, many at a time
+}
+
 void BandedLdl::addPair(std::size_t first, const Eigen::Matrix<double, kBand, kBand>& values) {
     const std::size_t origin = kBlock * first;
     for (std::size_t column = 0; column < kBand; ++column)
@@ -38,11 +44,16 @@ double BandedLdl::calcLogDeterminant() const {
 }
 
 void BandedLdl::solve(std::vector<double>& x) const {
-    for (std::size_t j = 0; j < size(); ++j)
-        for (std::size_t i = j + 1; i < columnEnd(j); ++i) x[i] -= get(i, j) * x[j];
+    for (std::size_t j = 0; j < size(); ++j) {
+        const double own = x[j];
+        for (std::size_t i = j + 1, end = columnEnd(j); i < end; ++i) x[i] -= get(i, j) * own;
+    }
     for (std::size_t j = 0; j < size(); ++j) x[j] /= get(j, j);
-    for (std::size_t j = size(); j-- > 0;)
-        for (std::size_t i = j + 1; i < columnEnd(j); ++i) x[j] -= get(i, j) * x[i];
+    for (std::size_t j = size(); j-- > 0;) {
+        double own = x[j];  // in a register: through memory each term would wait for the one before
+        for (std::size_t i = j + 1, end = columnEnd(j); i < end; ++i) own -= get(i, j) * x[i];
+        x[j] = own;
+    }
 }
 
 void BandedLdl::calcInverseBand() {

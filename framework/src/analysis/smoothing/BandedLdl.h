@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <utility>
 #include <vector>
 
 namespace viable::detail {
@@ -18,7 +19,11 @@ public:
     /** Entries of a column from the diagonal down: the rest of its block and the whole next one. */
     static constexpr int kBand = 2 * kBlock;
 
-    explicit BandedLdl(std::size_t blocks) : blocks_(blocks), band_(size() * kBand) {}
+    /** @param storage  taken over: of another one that is no longer needed, as fresh memory costs as much as a factor */
+    explicit BandedLdl(std::size_t blocks, std::vector<double> storage = {});
+
+    /** Its numbers' memory, for another one; only destruction may follow. */
+    std::vector<double> releaseStorage() { return std::move(band_); }
 
     std::size_t size() const { return kBlock * blocks_; }
 

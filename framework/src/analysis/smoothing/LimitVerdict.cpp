@@ -57,9 +57,17 @@ struct Walk {
 Walk walkAlong(const SmoothedMotion& motion) {
     constexpr double kLooksPerWindow = 5.0;
     Walk walk;
+    const auto countLooks = [&](double span) {
+        return static_cast<std::size_t>(std::ceil(span / motion.window_s() * kLooksPerWindow)) + 1;
+    };
+    std::size_t count = 0;
+    for (const auto& [begin_s, end_s] : motion.segments()) count += countLooks(end_s - begin_s) + 1;
+    walk.times_s.reserve(count);
+    walk.estimates.reserve(count);
+    walk.steps_s.reserve(count);
     for (const auto& [begin_s, end_s] : motion.segments()) {
         const double span = end_s - begin_s;
-        const auto looks = static_cast<std::size_t>(std::ceil(span / motion.window_s() * kLooksPerWindow)) + 1;
+        const std::size_t looks = countLooks(span);
         for (std::size_t i = 0; i <= looks; ++i) {
             walk.times_s.push_back(begin_s + span * static_cast<double>(i) / static_cast<double>(looks));
             walk.estimates.push_back(motion.evaluate(walk.times_s.back()));

@@ -130,6 +130,9 @@ std::vector<double> listIntervals(const Readings& r) {
 Readings takeReadings(const std::vector<double>& times_s, const std::vector<double>& values, const std::string& where) {
     VIABLE_CHECK(times_s.size() == values.size(), "one reading per time");
     Readings r;
+    r.times_s.reserve(values.size());
+    r.values.reserve(values.size());
+    r.source.reserve(values.size());
     for (std::size_t i = 0; i < values.size(); ++i) {
         if (!std::isfinite(values[i])) continue;
         r.times_s.push_back(times_s[i]);

@@ -144,7 +144,10 @@ SmoothedMotion smoothMotion(const std::vector<double>& times_s, const std::vecto
     readings = detail::takeReadings(times_s, values, where);
     detail::Roughness& roughness = impl->roughness;
     const auto fit = [&](double coarsest_s, std::size_t patience) {
-        impl->fit.emplace(readings, detail::findKnotStep(readings, roughness, coarsest_s, patience), roughness);
+        const double step_s = detail::findKnotStep(readings, roughness, coarsest_s, patience);
+        std::vector<double> storage;
+        if (impl->fit) storage = impl->fit->releaseStorage();
+        impl->fit.emplace(readings, step_s, roughness, std::move(storage));
         if (!impl->fit->ok())
             throw badInput(where, "the readings cannot be smoothed: their times or values differ too much in size");
         impl->fit->finish();

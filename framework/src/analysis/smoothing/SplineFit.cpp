@@ -16,12 +16,13 @@ double Roughness::at(double time_s) const {
     return factors[part.first + static_cast<std::size_t>(std::clamp(place, 0.0, last))];
 }
 
-SplineFit::SplineFit(const Readings& readings, double knotStep_s, const Roughness& roughness)
+SplineFit::SplineFit(const Readings& readings, double knotStep_s, const Roughness& roughness,
+                     std::vector<double> storage)
     : readings_(readings),
       step_s_(knotStep_s),
       segments_(layKnots(readings, knotStep_s)),
       rho_(std::pow(kKnotsPerWindow, 8.0) * knotStep_s / readings.interval_s),
-      system_(segments_.back().endKnot),
+      system_(segments_.back().endKnot, std::move(storage)),
       factor_(segments_.back().endKnot, 1.0) {
     for (const Segment& s : segments_)
         for (std::size_t k = s.firstKnot; k + 1 < s.endKnot; ++k)
@@ -63,7 +64,7 @@ MotionEstimate SplineFit::evaluate(double time_s) const {
         const Vector8 h = piece.calcRow(u, order);
         const auto o = static_cast<std::size_t>(order);
         estimate.mean[o] = unit * h.dot(states(k));
-        estimate.deviation[o] = calcDeviation(unit, h.dot(covariance * h) + bridge(order, order));
+        estimate.deviation[o] = calcDeviation(unit, calcForm(covariance, h) + bridge(order, order));
     }
     return estimate;
 }
@@ -114,14 +115,16 @@ std::vector<MeanEstimate> SplineFit::calcMeans(int order, double duration_s) con
                 block(static_cast<int>(i), static_cast<int>(j)) = system_.getInverse(4 * a + i, 4 * b + j);
         return block;
     };
+    means.reserve(segments_.back().endKnot);
+    // The states are a Markov chain: cov(x0, x2) = cov(x0, x1) cov(x1)^-1 cov(x1, x2).
+    std::vector<Matrix4> onward(pieces);  // of the last pieces, in turn
     for (const Segment& s : segments_) {
-        // The states are a Markov chain: cov(x0, x2) = cov(x0, x1) cov(x1)^-1 cov(x1, x2).
-        std::vector<Matrix4> onward;
-        for (std::size_t k = s.firstKnot; k + 1 < s.endKnot; ++k)
-            onward.push_back(get(k, k).ldlt().solve(get(k, k + 1)));
-        for (std::size_t k = s.firstKnot; k + pieces < s.endKnot; ++k) {
+        for (std::size_t last = s.firstKnot; last + 1 < s.endKnot; ++last) {
+            onward[last % pieces] = get(last, last).ldlt().solve(get(last, last + 1));
+            if (last + 1 < s.firstKnot + pieces) continue;
+            const std::size_t k = last + 1 - pieces;
             Eigen::RowVector4d covariance = get(k, k).row(order - 1);
-            for (std::size_t j = k; j < k + pieces; ++j) covariance *= onward[j - s.firstKnot];
+            for (std::size_t j = k; j <= last; ++j) covariance *= onward[j % pieces];
             const std::size_t a = 4 * k + o, b = 4 * (k + pieces) + o;
             const double variance = system_.getInverse(a, a) + system_.getInverse(b, b) - 2.0 * covariance[order - 1];
             means.push_back({knotTime(s, k), length_s, unit * (x_[b] - x_[a]), calcDeviation(unit, variance)});

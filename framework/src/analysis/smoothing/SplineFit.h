@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "analysis/smoothing/BandedLdl.h"
@@ -43,7 +44,10 @@ public:
         std::size_t firstKnot, endKnot;
     };
 
-    SplineFit(const Readings& readings, double knotStep_s, const Roughness& roughness);
+    /** @param storage  of another fit that is no longer needed (releaseStorage()) */
+    SplineFit(const Readings& readings, double knotStep_s, const Roughness& roughness,
+              std::vector<double> storage = {});
+    std::vector<double> releaseStorage() { return system_.releaseStorage(); }
 
     /** Minus twice the logarithm of the restricted likelihood, but for a constant. */
     double objective() const { return objective_; }
@@ -61,13 +65,17 @@ public:
     /** After finish(): expectation of each reading, and its variance over sigma^2. */
     template <class Take>
     void forEachReading(const Take& take) const {
-        for (const Segment& s : segments_)
+        const SplinePiece& piece = getPiece();
+        for (const Segment& s : segments_) {
+            std::size_t pair = s.firstKnot;
+            Matrix8 covariance = calcPairCovariance(pair);
             for (std::size_t i = s.firstReading; i < s.endReading; ++i) {
                 const auto [k, u] = place(s, readings_.times_s[i]);
-                const SplinePiece::Vector8 h = getPiece().calcRow(u, 0);
-                take(i, h.dot(states(k)), h.dot(calcPairCovariance(k) * h),
-                     getPiece().calcRow(u, 1).dot(states(k)) / step_s_);
+                if (k != pair) covariance = calcPairCovariance(pair = k);
+                const Vector8 h = piece.calcRow(u, 0);
+                take(i, h.dot(states(k)), calcForm(covariance, h), piece.calcRow(u, 1).dot(states(k)) / step_s_);
             }
+        }
     }
 
     MotionEstimate evaluate(double time_s) const;
@@ -107,6 +115,10 @@ private:
     }
 
     Matrix8 calcPairCovariance(std::size_t k) const;
+    static double calcForm(const Matrix8& covariance, const Vector8& h) {
+        const Vector8 product = covariance.lazyProduct(h);  // Eigen would call its routine for large matrices
+        return h.dot(product);
+    }
 
     static std::vector<Segment> layKnots(const Readings& readings, double step_s);
     void solve();

@@ -54,7 +54,8 @@ SplinePiece::SplinePiece() {
             if (power == order) ends(order, power) = slope;
             ends(4 + order, power) = slope;
         }
-    powers = ends.inverse();
+    const Matrix8 powers = ends.inverse();
+    for (int m = 0; m < 8; ++m) (m % 2 == 0 ? evenPowers : oddPowers).col(m / 2) = powers.row(m).transpose();
 }
 
 Matrix4 SplinePiece::calcBridge(double u) const {
