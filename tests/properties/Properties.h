@@ -37,5 +37,7 @@ bool checkAnyArm(const Options& options);
 /** The worst that can be found inside a DisturbanceSet, on nominal arms at rest and moving: no error leaves the
 TrackingBound, and some come near it. */
 bool checkTracking(const Options& options);
+/** The same at rest, in poses that are looked for: those of the bound's sample are not the worst. */
+bool checkTrackingPoses(const Options& options);
 
 }  // namespace viable
