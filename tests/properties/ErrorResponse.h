@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 
 #include "viable/core/JointTypes.h"
 
@@ -25,7 +26,10 @@ struct ErrorResponse {
     int column(int age) const { return std::min(age, ticks() - 1); }
     /** Integral of the absolute response over that tick, linear in between. [1/Nm of the output] */
     double calcSize(int joint, int age, double tick_s) const;
-    double calcMean(int joint, int age) const { return 0.5 * (begin(joint, age) + end(joint, age)); }
+    double calcAt(int joint, int age, double share) const {
+        return begin(joint, age) + share * (end(joint, age) - begin(joint, age));
+    }
+    double calcMean(int joint, int age) const { return calcAt(joint, age, 0.5); }
 };
 
 /** By the adjoint loop, backwards in time, and the exponential of a tick: another route than the bound's. */

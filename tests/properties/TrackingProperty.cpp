@@ -135,6 +135,7 @@ public:
             Scenario& s = scenarios_[static_cast<std::size_t>(run_.arm() - 1) % scenarios_.size()];
             s.prepare();
             if (!s.bound) run_.addSteps(1);
+            if (!s.bound && s.subject->name != "panda") run_.fail("a set that had a bound has none", 0.0);
             Random random(run_.seed(), run_.arm());
             const int runs = s.isMoving ? kMotions : s.kind == Kind::Readings && !looksForPoses_ ? 2 : 1;
             for (int k = 0; s.bound && k < runs; ++k) attack(s, random, k > 0);
@@ -175,10 +176,6 @@ private:
         if (random.chance(0.3))
             for (int i = 0; i < n; ++i) constant[i] = random.uniform(range.least[i], range.largest[i]);
         return {std::move(robot), constant};
-    }
-
-    static JointVector calcPushes(const Scenario& s) {
-        return s.set.externalTorque_Nm.expand(s.size()) + s.set.torqueRipple_Nm.expand(s.size());
     }
 
     // The nominal arm
@@ -269,6 +266,18 @@ private:
         return motion;
     }
 
+    void checkNominal(const Scenario& s, const Motion& motion) {
+        const JointLimits& l = s.limits;
+        const auto holds = [](const JointVector& x, const JointBounds& bounds) {
+            const JointVector size = 1e-9 * bounds.lower.cwiseAbs().cwiseMax(bounds.upper.cwiseAbs());
+            return (x.array() <= (bounds.upper + size).array()).all() &&
+                   (x.array() >= (bounds.lower - size).array()).all();
+        };
+        for (const MotionState& now : motion.states)
+            if (!holds(now.q, l.position) || !holds(now.qd, l.velocity) || !holds(now.qdd, l.acceleration))
+                return run_.fail("the nominal arm leaves its limits", 0.0);
+    }
+
     static JointMatrix calcInertia(const RobotDescription& robot, const JointVector& q) {
         JointMatrix M;
         ArmRecursion(robot).calcInertia(q, M);
@@ -295,17 +304,44 @@ private:
 
     // The run
 
+    /** Where stretches of a tick end in which no sign changes, as shares of it. */
+    static std::vector<double> listStretches(const Attack* attack, int age, int n) {
+        std::vector<double> ends;
+        for (int i = 0; attack && i < n; ++i) {
+            const double a = attack->response->begin(i, age), b = attack->response->end(i, age);
+            if (a * b < 0.0) ends.push_back(a / (a - b));
+        }
+        std::sort(ends.begin(), ends.end());
+        ends.push_back(1.0);
+        return ends;
+    }
+
+    /** What acts at a share of a tick: pushes as the target suffers from them; friction while it does so. */
+    static void act(const Scenario& s, const RealArm& real, const FrictionRange& range, const JointVector& motor,
+                    const JointVector& v, const Attack* attack, int age, double share, Acting& acting) {
+        const JointFriction& f = s.subject->robot.actuation.friction;
+        acting.torque = motor;
+        for (int i = 0; i < s.size(); ++i) {
+            double factor = range.isConstant ? real.friction[i] : range.least[i];
+            if (attack) {
+                const double wish = attack->target.side * attack->response->calcAt(i, age, share);
+                acting.torque[i] += std::copysign(s.set.externalTorque_Nm[i] + s.set.torqueRipple_Nm[i], wish);
+                if (!range.isConstant && wish * v[i] < 0.0) factor = range.largest[i];
+            }
+            acting.dry[i] = factor * f.coulomb[i] * s.set.breakawayRatio;
+            if (factor >= range.largest[i]) acting.dry[i] += s.set.loadFriction[i] * std::abs(acting.torque[i]);
+            acting.viscous[i] = factor * f.viscous[i];
+        }
+    }
+
     /** @param attack  null: only what is constant. @param ticks  how long */
     Outcome simulate(const Scenario& s, const RealArm& real, const Motion& motion, const Attack* attack,
                      const Target& watched, int ticks, int steps) const {
         const int n = s.size();
         const double h = s.subject->tick_s;
         const RobotDescription& robot = s.subject->robot;
-        const JointFriction& f = robot.actuation.friction;
         const FrictionRange range = findFrictionRange(s.set, n);
-        const JointVector pushes = calcPushes(s), loadFriction = s.set.loadFriction.expand(n);
-        const double breakaway = s.set.breakawayRatio;
-        DisturbedArm arm(real.robot, f.viscousVelocity);
+        DisturbedArm arm(real.robot, robot.actuation.friction.viscousVelocity);
         arm.reset(motion.states.front().q);
         Nric nric;
         RunSetup setup{robot, s.limits, h, ticks * h, motion.states.front(), {}};
@@ -349,48 +385,22 @@ private:
             nric.compute(read, nominal, tau, robust);
             sent.push_back(tau + robust);
             const JointVector& motor = sent[static_cast<std::size_t>(std::max(k - s.set.delayTicks, 0))];
-            // Stretches of the tick in which no sign changes.
-            std::array<double, kMaxJoints + 2> ends{};
-            int count = 0;
-            if (attack)
-                for (int i = 0; i < n; ++i) {
-                    const double a = attack->response->begin(i, age), b = attack->response->end(i, age);
-                    if (a * b < 0.0) ends[static_cast<std::size_t>(count++)] = a / (a - b);
-                }
-            std::sort(ends.begin(), ends.begin() + count);
-            ends[static_cast<std::size_t>(count++)] = 1.0;
             double begin = 0.0;
-            for (int piece = 0; piece < count; ++piece) {
-                const double length = ends[static_cast<std::size_t>(piece)] - begin;
-                if (length <= 0.0) continue;
-                const double middle = begin + 0.5 * length;
+            for (const double end : listStretches(attack, age, n)) {
+                const double length = end - begin;
                 const int parts = std::max(1, static_cast<int>(std::ceil(length * steps - 1e-9)));
                 for (int part = 0; part < parts; ++part) {
-                    for (int i = 0; i < n; ++i) {
-                        double factor = range.isConstant ? real.friction[i] : range.least[i], wish = 0.0;
-                        acting.torque[i] = motor[i];
-                        if (attack) {
-                            const double begins = attack->response->begin(i, age),
-                                         ends_ = attack->response->end(i, age);
-                            wish = attack->target.side * (begins + middle * (ends_ - begins));
-                            acting.torque[i] += std::copysign(pushes[i], wish);
-                            if (!range.isConstant && wish * arm.v()[i] < 0.0) factor = range.largest[i];
-                        }
-                        const bool isFull = factor >= range.largest[i];
-                        acting.dry[i] = factor * f.coulomb[i] * breakaway +
-                                        (isFull ? loadFriction[i] * std::abs(acting.torque[i]) : 0.0);
-                        acting.viscous[i] = factor * f.viscous[i];
-                    }
+                    act(s, real, range, motor, arm.v(), attack, age, begin + 0.5 * length, acting);
                     arm.advance(acting, length * h / parts);
                 }
-                begin = ends[static_cast<std::size_t>(piece)];
+                begin = end;
             }
         }
     }
 
     /** The largest effect on the target that pushes and reading errors have from the start to a tick of number k. */
     std::vector<double> sumEffects(const Scenario& s, const ErrorResponse& response, int ticks) const {
-        const JointVector pushes = calcPushes(s);
+        const JointVector pushes = s.set.externalTorque_Nm.expand(s.size()) + s.set.torqueRipple_Nm.expand(s.size());
         std::vector<double> sum(static_cast<std::size_t>(ticks) + 1, 0.0);
         for (int k = 0; k < ticks; ++k) {
             double now = 0.0;
@@ -517,6 +527,7 @@ private:
         const char* where = "";
         if (s.isMoving) {
             motion = drawMotion(s, random, static_cast<int>(random.uniform(1.0, 4.0) / h));
+            checkNominal(s, motion);
         } else {
             const Place place = choosePlace(s, random, target);
             real = place.real;
