@@ -1,6 +1,6 @@
 // Property tests of certified braking: random limits, random arms, adversarial input, millions of joint steps.
 //
-//     viable_properties limits|recovery|changing_limits|stops|monitor|obstacles|references|any_arm [--steps N] [--seed S] [--arm K]
+//     viable_properties limits|recovery|changing_limits|stops|monitor|obstacles|references|any_arm|tracking|tracking_poses [--steps N] [--seed S] [--arm K]
 //
 // --steps counts joint steps (joints times ticks), 20,000,000 by default; the long mode is --steps 1e9. For `stops` it
 // counts random viable states. A run is a function of its seed, an arm of seed and its number.
@@ -53,10 +53,16 @@ void addNumber(CLI::App& app, const char* name, Integer least, Integer& number, 
 int main(int argc, char** argv) {
     using namespace viable;
     CLI::App app{"Property tests of certified braking"};
-    const std::pair<const char*, bool (*)(const Options&)> properties[] = {
-        {"limits", checkLimits},         {"recovery", checkRecovery}, {"changing_limits", checkChangingLimits},
-        {"stops", checkStops},           {"monitor", checkMonitor},   {"obstacles", checkObstacles},
-        {"references", checkReferences}, {"any_arm", checkAnyArm}};
+    const std::pair<const char*, bool (*)(const Options&)> properties[] = {{"limits", checkLimits},
+                                                                           {"recovery", checkRecovery},
+                                                                           {"changing_limits", checkChangingLimits},
+                                                                           {"stops", checkStops},
+                                                                           {"monitor", checkMonitor},
+                                                                           {"obstacles", checkObstacles},
+                                                                           {"references", checkReferences},
+                                                                           {"any_arm", checkAnyArm},
+                                                                           {"tracking", checkTracking},
+                                                                           {"tracking_poses", checkTrackingPoses}};
     std::vector<std::string> names;
     for (const auto& property : properties) names.push_back(property.first);
     std::string name;

@@ -34,4 +34,10 @@ bool checkReferences(const Options& options);
 refused or stopped with its cause; none fails silently. */
 bool checkAnyArm(const Options& options);
 
+/** The worst that can be found inside a DisturbanceSet, on nominal arms at rest and moving: no error leaves the
+TrackingBound, and some come near it. */
+bool checkTracking(const Options& options);
+/** The same at rest, in poses that are looked for: those of the bound's sample are not the worst. */
+bool checkTrackingPoses(const Options& options);
+
 }  // namespace viable
