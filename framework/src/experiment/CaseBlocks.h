@@ -59,11 +59,6 @@ ConfigNode resolveEnvironment(ConfigNode block, const Environment& environment);
 bool readExternalTorque(const ConfigNode& node);
 
 PluginChoice readPlugin(const ConfigNode& block, PluginKind kind, const PluginLoader& loader, int joints);
-/** The parameter of a robust loop or plant that is the fastest change of the motors' torque, where it has one. */
-const ConfigNode* findMotorRate(const PluginChoice& choice);
-/** The same as readPlugin(); where the robust loop has a motor rate that the block does not give, it is the plant's: what
-its motors cut off must not wind it up. */
-PluginChoice readRobustLoop(const ConfigNode& block, const PluginChoice& plant, const PluginLoader& loader, int joints);
 /** One block, or a list of blocks and of names without parameters. */
 std::vector<PluginChoice> readFilters(const ConfigNode& node, const PluginLoader& loader, int joints);
 ConfigNode resolvePlugin(const PluginChoice& choice);

@@ -48,7 +48,7 @@ void checkStartsAtRest(const CasePlan& plan) {
 }
 
 void checkBoundAssumptions(const CasePlan& plan, const TrackingBound& bound, const LinearErrorLoop& loop,
-                           Encoder encoder) {
+                           const JointVector& motorRate, Encoder encoder) {
     const auto check = [&](const char* what, const char* unit, const JointVector& given, double factor,
                            const JointVector& needed) {
         for (int i = 0; i < plan.robot.size(); ++i) {
@@ -64,12 +64,12 @@ void checkBoundAssumptions(const CasePlan& plan, const TrackingBound& bound, con
     };
     check("the limit of the robust loop's integral", "Nm", loop.integralLimit, 1.0, bound.integralTorque);
     check("the fastest change of the robust loop's torque", "Nm/s", loop.torqueRate, plan.tick_s, bound.torqueStep);
-    if (loop.motorRate.size() > 0 && !loop.motorRate.array().isInf().all())
-        throw badInput(
-            plan.robustLoop->parameters.resolved().place(),
-            "no tracking bound covers a limited change of the motor's whole torque",
-            "Leave `motor_rate_Nmps` out, limit the robust loop's share by `torque_rate_Nmps`, or remove the "
-            "disturbance_set.");
+    if (motorRate.size() > 0)
+        throw badInput(plan.robustLoop->parameters.resolved().place(),
+                       "no tracking bound covers a limited change of the motor's whole torque",
+                       "Leave `motor_rate_Nmps` of robust loop and plant out, limit the robust loop's share by "
+                       "`torque_rate_Nmps`, or remove the "
+                       "disturbance_set.");
     if (encoder == Encoder::Exact)
         throw badInput(plan.realPlant->parameters.resolved().place(),
                        "the tracking bound is for encoders that tell positions in counts, and velocities as their "

@@ -30,7 +30,7 @@ LoopMargins checkStability(const CasePlan& plan, const LinearErrorLoop& loop, in
 void checkStartsAtRest(const CasePlan& plan);
 /** What the bound assumes of robust loop, plant and pushes. @param loop  that the bound is of */
 void checkBoundAssumptions(const CasePlan& plan, const TrackingBound& bound, const LinearErrorLoop& loop,
-                           Encoder encoder);
+                           const JointVector& motorRate, Encoder encoder);
 /** The motors carry what motion and disturbances ask for in the long run. */
 void checkMotors(const CasePlan& plan, const TrackingBound& bound);
 /** An external torque that is fed is one that the plant measures. */

@@ -57,9 +57,6 @@ struct CasePlan {
     std::string filterName() const;
     /** All plugins, in the order of the data. */
     std::vector<const PluginChoice*> plugins() const;
-    /** Fastest change of the motors' torque that plant and robust loop state (`motor_rate_Nmps`) [Nm/s]; of size 0: neither
-    does. */
-    JointVector motorRate() const;
 
     ConfigNode resolved;  ///< the case as an experiment file of its own, every default filled in
 };

@@ -115,7 +115,7 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
     checkRealArmIsWhole(robustLoop, realPlant);
     if (realPlant) {
         plan.realPlant = readPlugin(*realPlant, PluginKind::RealPlant, loader, joints);
-        plan.robustLoop = readRobustLoop(*robustLoop, *plan.realPlant, loader, joints);
+        plan.robustLoop = readPlugin(*robustLoop, PluginKind::RobustLoop, loader, joints);
     }
     if (const ConfigNode* external = map.find("external_torque")) {
         plan.feedsExternalTorque = readExternalTorque(*external);

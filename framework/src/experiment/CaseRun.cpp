@@ -145,9 +145,10 @@ bool isMissed(const std::vector<TickGap>& gaps, std::int64_t tick) {
 
 CaseResult makeResult(const ConfiguredCase& configured) {
     const CasePlan& plan = configured.plan;
-    CaseResult result(Summary(plan.robot.jointNames(), configured.setup.limits, plan.realPlant.has_value(),
-                              {plan.holdsOnReal ? std::optional(plan.limits) : std::nullopt, configured.bound,
-                               plan.robot.actuation.torqueLimit, makeToolCalculator(plan.robot), plan.motorRate()}));
+    CaseResult result(
+        Summary(plan.robot.jointNames(), configured.setup.limits, plan.realPlant.has_value(),
+                {plan.holdsOnReal ? std::optional(plan.limits) : std::nullopt, configured.bound,
+                 plan.robot.actuation.torqueLimit, makeToolCalculator(plan.robot), configured.motorRate}));
     std::vector<bool> slides;
     for (int i = 0; i < plan.robot.size(); ++i) slides.push_back(plan.robot.slides(i));
     result.summary.setSliding(std::move(slides));
@@ -183,7 +184,7 @@ CaseResult runCase(std::unique_ptr<ConfiguredCase> configured, const RunOptions&
     auto ownLoop = std::make_unique<ControlLoop>(
         configured->setup, std::move(configured->plugins),
         RealArmOptions{configured->bound ? &*configured->bound : nullptr, plan.feedsExternalTorque, true,
-                       plan.holdsOnReal, plan.robustLoop && !plan.robustLoop->acceptsUnstable, plan.motorRate()});
+                       plan.holdsOnReal, plan.robustLoop && !plan.robustLoop->acceptsUnstable, configured->motorRate});
     ControlLoop& loop = *ownLoop;
     std::optional<detail::CollisionCounter> collisions;
     if (plan.environment) collisions.emplace(plan.robot, *plan.geometry, *plan.environment, plan.realPlant.has_value());

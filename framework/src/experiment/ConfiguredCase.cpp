@@ -38,6 +38,7 @@ void askOnce(const RealPlant& plugin) {
     plugin.externalTorque();
     plugin.encoder();
     plugin.delayTicks();
+    plugin.motorRate();
     plugin.hasClock();
 }
 
@@ -135,6 +136,19 @@ void checkErrorLoop(const LinearErrorLoop& loop, int n, const std::string& title
             "above 0 or infinite, speeds finite and above 0.");
 }
 
+/** What a plant and a robust loop tell of how fast the motors' torque may change; of size 0 where it may in any way. */
+JointVector combineRates(const JointVector& one, const JointVector& other) {
+    JointVector rate = one;
+    if (other.size() > 0) rate = one.size() > 0 ? JointVector(one.cwiseMin(other)) : other;
+    return rate.array().isInf().all() ? JointVector() : rate;
+}
+
+void checkMotorRate(const JointVector& rate, int n, const std::string& title) {
+    if (rate.size() == 0 || (rate.size() == n && (rate.array() > 0.0).all())) return;
+    throw Error(ErrorKind::PluginFailed, title, "gave a fastest change of the torque of the wrong size or not above 0",
+                "motorRate() gives one number above 0 per joint, or none at all.");
+}
+
 void checkDelay(int ticks, const std::string& title) {
     if (ticks >= 0 && ticks <= ArmHardware::kMaxDelay) return;
     throw Error(ErrorKind::PluginFailed, title, "gave a delay of " + std::to_string(ticks) + " ticks",
@@ -176,16 +190,21 @@ std::unique_ptr<ConfiguredCase> configureTracking(const CasePlan& plan, const Is
         plugins.realPlant = maker.makeWatched<RealPlant>(*plan.realPlant);
         checkDelay(plugins.realPlant->delayTicks(), configured->watches.back()->title);
         configured->realSetup.delayTicks = configured->setup.delayTicks = plugins.realPlant->delayTicks();
+        const JointVector plantRate = plugins.realPlant->motorRate();
+        checkMotorRate(plantRate, plan.robot.size(), configured->watches.back()->title);
+        configured->realSetup.motorRate = configured->setup.motorRate = combineRates(plantRate, {});
         plugins.robustLoop = maker.makeWatched<RobustLoop>(*plan.robustLoop);
         const LinearErrorLoop* loop = plugins.robustLoop->errorLoop();
         if (loop) {
             checkErrorLoop(*loop, plan.robot.size(), configured->watches.back()->title);
             configured->margins = detail::checkStability(plan, *loop, configured->realSetup.delayTicks);
         }
+        configured->motorRate = combineRates(plantRate, loop ? loop->motorRate : JointVector());
         if (loop && plan.disturbances) {
             detail::checkStartsAtRest(plan);
             configured->bound = detail::findBound(plan, *loop);
-            detail::checkBoundAssumptions(plan, *configured->bound, *loop, plugins.realPlant->encoder());
+            detail::checkBoundAssumptions(plan, *configured->bound, *loop, configured->motorRate,
+                                          plugins.realPlant->encoder());
         }
     }
     configured->setup.limits = detail::findNominalLimits(plan, configured->bound ? &*configured->bound : nullptr);

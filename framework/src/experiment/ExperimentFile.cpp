@@ -4,7 +4,6 @@
 
 #include "config/Draws.h"
 #include "core/Text.h"
-#include "experiment/CaseBlocks.h"
 #include "experiment/CaseReader.h"
 #include "experiment/ExperimentKeys.h"
 #include "viable/core/Error.h"
@@ -68,19 +67,6 @@ std::vector<const PluginChoice*> CasePlan::plugins() const {
     if (robustLoop) all.push_back(&*robustLoop);
     if (realPlant) all.push_back(&*realPlant);
     return all;
-}
-
-JointVector CasePlan::motorRate() const {
-    JointVector rate;
-    for (const auto* choice : {&robustLoop, &realPlant}) {
-        const ConfigNode* node = *choice ? detail::findMotorRate(**choice) : nullptr;
-        if (!node) continue;
-        NumberRange range{0.0};
-        range.minIsOpen = range.mayBeInfinite = true;
-        const JointVector own = toJointVector(*node, robot.size(), range);
-        if (!own.array().isInf().all()) rate = rate.size() > 0 ? JointVector(rate.cwiseMin(own)) : own;
-    }
-    return rate;
 }
 
 std::string CasePlan::filterName() const {

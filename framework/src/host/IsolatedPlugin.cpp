@@ -79,6 +79,7 @@ struct Mailbox {
     bool hasErrorLoop = false, hasExternalTorque = false, hasClock = false;
     Encoder encoder = Encoder::Counts;
     int delayTicks = 0;
+    JointVector motorRate;
 };
 
 /** The size of a vector that another process wrote: copying one of a wrong size would write over memory. */
@@ -299,6 +300,7 @@ void describe(RealPlant& plugin, Mailbox& box) {
     box.hasClock = plugin.hasClock();
     box.encoder = plugin.encoder();
     box.delayTicks = plugin.delayTicks();
+    box.motorRate = plugin.motorRate();
 }
 void serve(RealPlant& plugin, Mailbox& box) {
     if (box.what == Request::Advance) {
@@ -490,9 +492,12 @@ public:
           hasExternalTorque_(box().hasExternalTorque),
           hasClock_(box().hasClock),
           encoder_(box().encoder),
-          delayTicks_(box().delayTicks) {}
+          delayTicks_(box().delayTicks) {
+        if (isSound(box().motorRate)) motorRate_ = box().motorRate;
+    }
     Encoder encoder() const override { return encoder_; }
     int delayTicks() const override { return delayTicks_; }
+    JointVector motorRate() const override { return motorRate_; }
     bool hasClock() const override { return hasClock_; }
     TickStatus read(std::int64_t& ticksPassed) override {
         call(Request::AwaitPlant);
@@ -537,6 +542,7 @@ private:
     bool hasExternalTorque_, hasClock_;
     Encoder encoder_;
     int delayTicks_;
+    JointVector motorRate_;
 };
 
 template <class Interface>

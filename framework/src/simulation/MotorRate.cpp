@@ -5,7 +5,8 @@
 namespace viable {
 
 void MotorRate::configure(const RunSetup& setup, const Parameters& parameters) {
-    largestStep_ = parameters.jointNumbers("motor_rate_Nmps") * setup.tick_s;
+    rate_ = parameters.jointNumbers("motor_rate_Nmps");
+    largestStep_ = rate_ * setup.tick_s;
     arm_.reset();
     if (!largestStep_.array().isInf().all()) arm_ = std::make_shared<const ArmRecursion>(setup.robot);
     reset(setup.start.q);

@@ -85,9 +85,11 @@ void Nric::configure(const RunSetup& setup, const Parameters& parameters) {
     const std::filesystem::path& file = parameters.file("friction_file");
     const JointFriction figures =
         file.empty() ? setup.robot.actuation.friction : readFriction(file, setup.robot.jointNames());
+    // What the motors cut off must not wind it up.
+    JointVector motorRate = parameters.jointNumbers("motor_rate_Nmps");
+    if (setup.motorRate.size() > 0) motorRate = motorRate.cwiseMin(setup.motorRate);
     configure(setup, NricOptions{gains.kr, gains.kp, gains.ki, parameters.jointNumbers("integral_limit_Nm"),
-                                 parameters.jointNumbers("torque_rate_Nmps"), gains.inertiaRate,
-                                 parameters.jointNumbers("motor_rate_Nmps"),
+                                 parameters.jointNumbers("torque_rate_Nmps"), gains.inertiaRate, motorRate,
                                  scaleFriction(figures, parameters.jointNumbers("friction_scale"), setup.limits,
                                                setup.tick_s)});
 }

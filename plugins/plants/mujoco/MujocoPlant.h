@@ -30,6 +30,7 @@ public:
     const JointState& measured() const override { return hardware_.measured(); }
     Encoder encoder() const override { return hardware_.encoder(); }
     int delayTicks() const override { return hardware_.delayTicks(); }
+    JointVector motorRate() const override { return motorRate_.rate(); }
     const JointState& actual() const override { return actual_; }
     TickStatus advance(const JointVector& torque, JointVector& applied) override;
     const JointVector* externalTorque() const override { return &hardware_.externalTorque(); }

@@ -34,6 +34,10 @@ public:
     /** Ticks from advance() until the motors give its torque, as far as the plant knows. Valid after configure(). */
     virtual int delayTicks() const { return 0; }
 
+    /** Fastest change of the motors' torque, one number per joint [Nm/s, prismatic: N/s], > 0; infinite or of size 0: as fast as
+    asked for. Valid after configure(). */
+    virtual JointVector motorRate() const { return {}; }
+
     /** True: a clock of the plant's own makes the ticks, as a robot's packets do, and read() is called. Valid after
     configure(). */
     virtual bool hasClock() const { return false; }

@@ -10,13 +10,14 @@ class ArmRecursion;
 
 /** How fast the motors of a simulated arm can change their torque: as robots do that cut faster changes off
 (TorqueConvention::torqueRate). A plant splices kMotorRateParameters into its table beside kArmHardwareParameters, and per
-tick cuts what ArmHardware::calcApplied() gave, then endTick() where the tick succeeded. The host reads the parameter by its
-name: a robust loop that has one of the same name gets it, where none is given, and the summary counts the ticks in which
-it acted.
+tick cuts what ArmHardware::calcApplied() gave, then endTick() where the tick succeeded. It tells the host (RealPlant::motorRate()):
+the robust loop learns it, and the summary counts the ticks in which it acted.
 Real time: no allocation, lock or throw after configure(). */
 class MotorRate {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters);
+    /** [Nm/s] */
+    const JointVector& rate() const { return rate_; }
     /** The motors hold the nominal arm at rest at q. */
     void reset(const JointVector& q);
 
@@ -26,6 +27,7 @@ public:
 
 private:
     std::shared_ptr<const ArmRecursion> arm_;  // null: any change
+    JointVector rate_;                         // [Nm/s]
     JointVector largestStep_, last_;           // [Nm]
 };
 

@@ -33,20 +33,6 @@ PluginChoice readPlugin(const ConfigNode& block, PluginKind kind, const PluginLo
     return choice;
 }
 
-const ConfigNode* findMotorRate(const PluginChoice& choice) {
-    return choice.parameters.resolved().find("motor_rate_Nmps");
-}
-
-PluginChoice readRobustLoop(const ConfigNode& block, const PluginChoice& plant, const PluginLoader& loader,
-                            int joints) {
-    PluginChoice loop = readPlugin(block, PluginKind::RobustLoop, loader, joints);
-    const ConfigNode* rate = findMotorRate(plant);
-    if (!rate || !findMotorRate(loop) || block.find("motor_rate_Nmps")) return loop;
-    ConfigNode completed = block;
-    completed.entries.emplace_back("motor_rate_Nmps", *rate);
-    return readPlugin(completed, PluginKind::RobustLoop, loader, joints);
-}
-
 std::vector<PluginChoice> readFilters(const ConfigNode& node, const PluginLoader& loader, int joints) {
     std::vector<PluginChoice> filters;
     if (node.kind != ConfigNode::Kind::List) {
