@@ -574,8 +574,10 @@ private:
         run_.addSteps(std::int64_t(target.tick) * n);
         for (std::size_t m = 0; m < outcome.ratio.size(); ++m) {
             const double error = std::abs(finer.ratio[m] - outcome.ratio[m]);
-            if (!(error <= kIntegratorError * std::max(1.0, finer.ratio[m])))
+            if (!(error <= kIntegratorError * std::max(1.0, finer.ratio[m]))) {
                 run_.fail("half the step of the integrator changes a run (share of the bound)", error);
+                std::printf("  too coarse: arm %lld, by %.3g\n", static_cast<long long>(run_.arm()), error);
+            }
             if (!(finer.ratio[m] <= s.worst[m].ratio))
                 s.worst[m] = {finer.ratio[m], error, run_.arm(), finer.joint[m], where};
             if (!(finer.ratio[m] <= 1.0)) {
