@@ -135,9 +135,7 @@ DisturbanceSet select(const DisturbanceSet& all, Kind kind) {
 }
 
 FrictionRange findFrictionRange(const DisturbanceSet& set, int n) {
-    FrictionRange range{JointVector::Zero(n), set.frictionScale.expand(n), false};
-    // A set that says more about friction (a least factor, a constant one) is honoured here.
-    return range;
+    return {set.frictionScaleMin.expand(n), set.frictionScale.expand(n), set.isFrictionConstant};
 }
 
 }  // namespace viable

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "core/Text.h"
+#include "robot/InertiaModes.h"
 #include "robot/PoseSampling.h"
 #include "viable/core/Error.h"
 #include "viable/robot/RobotModel.h"
@@ -184,6 +185,29 @@ private:
     }
 };
 
+/** The pose near `q`, within the limits, in which `figure` is largest, by steps of one joint each. */
+template <class Figure>
+JointVector climb(JointVector q, const JointBounds& range, const Figure& figure) {
+    constexpr double kFirstStep = 0.1, kLastStep = 1e-3;  // shares of the range
+    double best = figure(q);
+    for (double step = kFirstStep; step > kLastStep;) {
+        bool isBetter = false;
+        for (Eigen::Index i = 0; i < q.size(); ++i)
+            for (const double side : {-1.0, 1.0}) {
+                JointVector tried = q;
+                tried[i] =
+                    std::clamp(q[i] + side * step * (range.upper[i] - range.lower[i]), range.lower[i], range.upper[i]);
+                const double found = figure(tried);
+                if (!(found > best)) continue;
+                best = found;
+                q = tried;
+                isBetter = true;
+            }
+        if (!isBetter) step *= 0.5;
+    }
+    return q;
+}
+
 /** The largest rate of the torque by which `arm` and `other` differ in motion; `here` is that difference. */
 JointVector calcRate(Arm& arm, Arm& other, const JointVector& q, const Terms& here, const MotionSize& motion) {
     const auto n = static_cast<int>(q.size());
@@ -199,7 +223,7 @@ JointVector calcRate(Arm& arm, Arm& other, const JointVector& q, const Terms& he
 }  // namespace
 
 ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& limits, const MotionSize& motion,
-                            const DisturbanceSet& set, const std::string& source) {
+                            const DisturbanceSet& set, const JointVector& gain, const std::string& source) {
     const int n = robot.size();
     const MatrixXd none = MatrixXd::Zero(n, n);
     const JointVector zero = JointVector::Zero(n);
@@ -299,6 +323,28 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
                 stiffness = stiffness.binaryExpr(slope, &largerOrNan).eval();
             }
         }
+    }
+    // A loop is nearest to instability, and a joint moves most easily, in poses that a sample hardly meets: near singular ones.
+    const JointBounds range = makeFinite(limits.position, JointVector::Constant(n, kPi));
+    const std::size_t real = arms.size() > 1 ? arms.size() - 1 : arms.size();
+    for (std::size_t load = 0; load < real; ++load) {
+        Arm& arm = *arms[load];
+        const auto add = [&](const auto& figure) {
+            const auto calc = [&](const JointVector& q) { return figure(arm.calcInertia(q)); };
+            const JointVector* best = &poses.front();
+            double largest = -INFINITY;
+            for (const JointVector& q : poses)
+                if (const double found = calc(q); found > largest) {
+                    largest = found;
+                    best = &q;
+                }
+            const JointVector q = climb(*best, range, calc);
+            x.inertias.push_back({q, arm.calcInertia(q)});
+        };
+        add([&](const JointMatrix& M) { return findModes(M, gain).eigenvalues()[n - 1]; });
+        add([&](const JointMatrix& M) { return -findModes(M, gain).eigenvalues()[0]; });
+        for (int i = 0; i < n; ++i)
+            add([&](const JointMatrix& M) { return M.llt().solve(JointVector(JointVector::Unit(n, i)))[i]; });
     }
     x.inertiaRange = none;
     for (std::size_t k = 0; k < arms.size(); ++k) raise(x.inertiaRange, greatest[k] - least[k]);

@@ -50,8 +50,8 @@ struct MotionSize {
     JointVector velocity, acceleration, jerk;
 };
 
-/** Throws Error (BadInput) at `source` where M qdd + b is not finite in some pose. */
+/** @param gain  K_r, for the poses in which the loop is nearest to instability. Throws Error (BadInput) at `source` where M qdd + b is not finite in some pose. */
 ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& limits, const MotionSize& motion,
-                            const DisturbanceSet& set, const std::string& source);
+                            const DisturbanceSet& set, const JointVector& gain, const std::string& source);
 
 }  // namespace viable::detail

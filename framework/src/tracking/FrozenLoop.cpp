@@ -144,6 +144,13 @@ LoopGains calcGains(const FrozenLoop& loop) {
     at(gains.reading, LoopOutput::TorqueStep) = s.D.cwiseAbs() + (s.C * s.B - s.D).cwiseAbs();
     at(gains.reading, LoopOutput::IntegralTorque) = h * maker.krki().cwiseAbs();
 
+    // The reading before the first one is as wrong as that may be, in any way: a velocity of 0 at the start says that its error
+    // is the first one's.
+    MatrixXd start = MatrixXd::Zero(maker.size(), n);
+    start.middleRows(2 * n, n).setIdentity();
+    LoopGains::PerOutput startEffect = show(s, start, n);
+    for (MatrixXd& effect : startEffect) effect = effect.cwiseAbs();
+
     // Pushed by a constant torque of 1 from the start, which is part of the state.
     MatrixXd power = s.A;  // over a stride
     const int size = maker.size();
@@ -172,6 +179,8 @@ LoopGains calcGains(const FrozenLoop& loop) {
             const LoopGains::PerOutput end = show(s, state, n);
             const LoopGains::PerOutput noise = show(s, reading, n);
             reading = power * reading;
+            start = power * start;
+            const LoopGains::PerOutput started = show(s, start, n);
             LoopGains::PerOutput level = show(s, pushed.topRows(size), n);
             at(level, LoopOutput::TorqueStep) += s.C * push;
             pushed = pushedPower * pushed;
@@ -181,6 +190,7 @@ LoopGains calcGains(const FrozenLoop& loop) {
                 gains.step[k] = gains.step[k].cwiseMax(level[k].cwiseAbs());
                 gains.ramp[k] += stride * h * (level[k] - goal[k]).cwiseAbs();
                 gains.reading[k] += stride * noise[k].cwiseAbs();
+                startEffect[k] = startEffect[k].cwiseMax(started[k].cwiseAbs());
                 const MatrixXd change = (end[k] - begin[k]).cwiseAbs();
                 variation.total[k] += change;
                 variation.aged[k] += age * change;
@@ -197,6 +207,7 @@ LoopGains calcGains(const FrozenLoop& loop) {
         }
         stride *= kStrideFactor;
     }
+    for (std::size_t k = 0; k < kLoopOutputs; ++k) gains.reading[k] += startEffect[k];
     return gains;
 }
 

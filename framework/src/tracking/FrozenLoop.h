@@ -34,7 +34,7 @@ struct LoopGains {
     PerOutput step;    ///< of w constant from the start
     /** Of the rate of w [1/s], for w = 0 at the start; for the torque: of what tau_a lacks to -w. */
     PerOutput ramp;
-    PerOutput reading;  ///< of an error of the position reading, any at each tick
+    PerOutput reading;  ///< of an error of the position reading, any at each tick and before the first
     /** Total variation of the response to w, and that times its age [s], by spans of age, later ones longer: what an
     inertia does that was another in the past. */
     struct Variation {

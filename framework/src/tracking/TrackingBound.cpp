@@ -68,7 +68,7 @@ public:
         }
         // A jerk without limit: from one end of the acceleration to the other in a tick.
         motion_.jerk = motion_.jerk.cwiseMin(2.0 / h_ * motion_.acceleration);
-        arm_ = detail::findArmExtremes(robot, limits, motion_, set, place);
+        arm_ = detail::findArmExtremes(robot, limits, motion_, set, kr_, place);
         if (!feed_.isActive()) {
             const JointFriction& f = robot.actuation.friction;
             feed_ = {{JointVector::Zero(n_), JointVector::Zero(n_), f.viscousVelocity}, JointVector::Ones(n_)};

@@ -64,7 +64,8 @@ response is long. Coupling between joints is in all of it.
 Assumes: velocities read as the difference of two positions over a tick, positions in whole encoder counts; start at
 rest; the nominal arm within `limits`; no torque beyond the motors; neither
 Nric's rate nor its integral at their limits; rigid joints. Extremes over poses are those of a fixed sample within the
-position limits (192, gradients at 64, loops at 32): between them nothing is proven.
+position limits (192, gradients at 64, loops at 32) and, for the loops, of a climb from the worst of them to the fastest and
+the slowest mode and to the least inertia of each joint: elsewhere between them nothing is proven.
 @param limits  of the nominal arm; velocity and acceleration finite
 @param place   of the gains or the set, for messages
 Throws Error (BadInput) for unstable gains (with the largest stable ones), where no bound exists, and for what is not finite. Does not judge the
