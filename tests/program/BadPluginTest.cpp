@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <csignal>
 #include <map>
 
 #include "ExpectContains.h"
@@ -149,6 +150,21 @@ TEST(Fault49, ALeakIsToldOfWithWhatItHasTaken) {
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"WARNING       the filter plugin 'leaks' (", "(in 100 ticks, first in tick 100)",
                            "The program grew by 1", " MB in this case's ticks"});
+}
+
+/** Which of them has taken it is not known. */
+TEST(Fault49, OfCasesThatRunAtOnceNoneIsToldOfWhatTheProgramHasTaken) {
+    if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
+    Folder folder;
+    const std::string file =
+        folder.write("e.yaml", std::string(kFaultyExperiment) + "  B: {filter: {plugin: leaks, after_ticks: 100}}\n");
+    for (const char* jobs : {"1", "2"}) {
+        const Outcome o =
+            test::run({"run", file, "--out", folder / jobs, "--no-report", "--jobs", jobs, "--set", "duration_s=0.2"});
+        EXPECT_EQ(o.code, 0) << o.err;
+        expectContains(o.out, {"WARNING       the filter plugin 'leaks' (", "(in 100 ticks, first in tick 100)"});
+        EXPECT_EQ(o.out.find("The program grew by") != std::string::npos, jobs == std::string("1")) << o.out;
+    }
 }
 
 TEST(Fault49, APluginThatTakesAllMemoryIsNamedAndTheArmBraked) {
@@ -346,6 +362,49 @@ TEST(Fault48, ACrashOutsideOfPluginsNamesTheSuspects) {
                     "that are loaded: ",
                     "viable_command_waypoints.so, ", "viable_filter_damages_heap.so"});
     EXPECT_GE(countRowsOfWholeLog(folder / "run/A.mcap"), 100);
+}
+
+/** In the process that becomes the program: one beside it makes it crash once `file` is there, and so much later. */
+void crashOnceThereIs(const std::string& file, useconds_t later_us) {
+    const pid_t program = getpid();
+    if (fork() != 0) return;
+    for (int k = 0; k < 100000 && access(file.c_str(), F_OK) != 0; ++k) usleep(100);
+    usleep(later_us);
+    if (getppid() == program) kill(program, SIGSEGV);
+    _exit(0);
+}
+
+TEST(Fault48, ACrashOfViableWhilePluginsAreIsolatedIsItsOwn) {
+    if (kSanitized) GTEST_SKIP() << "sanitizers have crash handlers of their own";
+    Folder folder;
+    const std::string log = folder / "run/A.mcap";
+    const Outcome o = test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run",
+                                 "--no-report", "--isolate", "--set", "duration_s=60"},
+                                [log] { crashOnceThereIs(log, 100000); });
+    EXPECT_EQ(o.code, 70) << o.err;
+    expectContains(o.err, {"viable: crashed: signal 11 (Segmentation fault) while the cases ran. Each plugin runs in a "
+                           "process of its own: this is a fault of viable. Please report it. The logs in "});
+    EXPECT_EQ(o.err.find("Suspects"), std::string::npos) << o.err;
+    EXPECT_EQ(o.err.find("With `viable run --isolate`"), std::string::npos) << o.err;
+    countRowsOfWholeLog(log);
+    EXPECT_FALSE(std::filesystem::exists(folder / "run/run.claim"));
+}
+
+TEST(Fault48, ACrashAfterTheCasesIsViablesAndLeavesNoClaim) {
+    if (kSanitized) GTEST_SKIP() << "sanitizers have crash handlers of their own";
+    Folder folder;
+    const std::string summary = folder / "run/summary.json";
+    // The report of many rows takes a while.
+    const Outcome o =
+        test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--set", "duration_s=60"},
+                  [summary] { crashOnceThereIs(summary, 0); });
+    EXPECT_EQ(o.code, 70) << o.err;
+    expectContains(o.err, {"viable: crashed: signal 11 (Segmentation fault) while summary and report were written. All "
+                           "cases have ended, and no plugin is called any more: this is a fault of viable, unless a "
+                           "plugin damaged memory before. Please report it. The logs in ",
+                           "are complete. `viable report "});
+    EXPECT_FALSE(std::filesystem::exists(folder / "run/run.claim"));
+    EXPECT_EQ(countRowsOfWholeLog(folder / "run/A.mcap"), 60000);
 }
 
 TEST(FilterChain, WhatAFilterOfAChainDoesWrongIsToldAsItsOwn) {

@@ -66,6 +66,25 @@ TEST(MainExperiment, GeneratedHandMotion) {
     const test::Outcome o = test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run"});
     ASSERT_EQ(o.code, 0) << o.err;
     checkClaims(nlohmann::json::parse(test::readFile(folder / "run/summary.json")));
+
+    // What `viable identify` finds in that run, fed forward: the real arm follows three times as closely and more.
+    const test::Outcome found = test::run({"identify", folder / "run/C3.mcap", "--out", folder / "actuation.yaml"});
+    ASSERT_EQ(found.code, 0) << found.err;
+    const auto follow = [&](const std::string& scale) {
+        const std::string block = "cases.C3.robust_loop={plugin: nric, k_r: 600, k_p: 20, k_i: 8, friction_file: " +
+                                  (folder / "actuation.yaml") + ", friction_scale: " + scale + "}";
+        const test::Outcome run = test::run({"run", "experiments/indy7_teleoperation.yaml", "--case", "C3", "--set",
+                                             block, "--out", folder / ("fed" + scale)});
+        EXPECT_EQ(run.code, 0) << run.err;
+        const auto summary = nlohmann::json::parse(test::readFile(folder / ("fed" + scale + "/summary.json")));
+        return summary["cases"][0]["tracking"]["rms_rad"].get<double>();
+    };
+    const double right = follow("1"), less = follow("0.7"), more = follow("1.3");
+    std::printf("  real - nominal with friction fed forward: %.3g mrad RMS; 30 %% less %.3g, more %.3g\n", 1e3 * right,
+                1e3 * less, 1e3 * more);
+    EXPECT_LT(right, 1.0e-3);
+    EXPECT_LT(less, 2.0e-3);
+    EXPECT_LT(more, 2.0e-3);
 }
 
 TEST(MainExperiment, RecordedHandMotion) {

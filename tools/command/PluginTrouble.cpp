@@ -37,7 +37,9 @@ constexpr std::chrono::milliseconds kLook{50};
 char runFolder[4096] = "";
 char runClaim[sizeof runFolder + sizeof kClaim] = "";
 std::atomic<const char*> stage{nullptr};
-std::atomic<bool> dying{false};
+std::atomic<PluginsRun> pluginsRun{PluginsRun::Here};
+std::atomic<pid_t> dying{0};  // the thread that tells of a failure and ends the program
+std::atomic<int> endCode{static_cast<int>(ErrorKind::PluginFailed)};
 std::atomic<pid_t> owner{0};  // the process whose crashes are answered
 std::terminate_handler usualTerminate = nullptr;
 
@@ -92,12 +94,44 @@ void sayWho(const PluginWatch& watch, const char* what, std::int64_t tick) {
     }
 }
 
-[[noreturn]] void endAfterPlugin() {
-    if (sink) _exit(static_cast<int>(ErrorKind::PluginFailed));
+/** False: another thread, or this one, does so already. */
+bool tryClaimEnd() {
+    pid_t none = 0;
+    return dying.compare_exchange_strong(none, gettid());
+}
+
+/** Returns in the first thread that asks: it tells what failed, and ends the program. */
+void claimEnd() {
+    if (tryClaimEnd()) return;
+    if (dying == gettid()) {  // it failed once more while it told of the first time
+        if (*runFolder) unlink(runClaim);
+        _exit(endCode);
+    }
+    for (;;) pause();  // the first one's account is enough
+}
+
+/** The plugin whose code this thread runs; null: none. */
+const PluginWatch* findCulprit(std::int64_t& tick) {
+    const CallSlot* slot = ownCallSlot();
+    if (!slot) return nullptr;
+    tick = slot->tick.load();
+    // Isolated, only a library's start-up code runs here; the rest of the call is the host's.
+    return pluginsRun == PluginsRun::Isolated && tick != kLoading ? nullptr : slot->watch.load();
+}
+
+[[noreturn]] void endProgram(int code) {
+    endCode = code;
+    if (sink) _exit(code);
     const bool whole = Recorder::rescueAll(kRescue_s);
     if (*runFolder) unlink(runClaim);
     if (*runFolder && rmdir(runFolder) == 0) *runFolder = '\0';  // nothing was written yet
-    if (*runFolder && whole) {
+    if (*runFolder && whole && pluginsRun == PluginsRun::NoMore) {
+        say("The logs in ");
+        say(runFolder);
+        say(" are complete. `viable report ");
+        say(runFolder);
+        say("` shows them. ");
+    } else if (*runFolder && whole) {
         say("The logs in ");
         say(runFolder);
         say(" end there and are complete; there is no summary. `viable report ");
@@ -108,10 +142,15 @@ void sayWho(const PluginWatch& watch, const char* what, std::int64_t tick) {
         say(runFolder);
         say(" could be finished; `viable recover LOG` saves them. ");
     }
-    say("With `viable run --isolate` such a plugin runs in a process of its own: the arm is "
-        "braked, and the run gives "
-        "its account; `gdb --args viable run ...` shows the line.\n");
-    _exit(static_cast<int>(ErrorKind::PluginFailed));
+    if (pluginsRun == PluginsRun::Here)
+        say("With `viable run --isolate` such a plugin runs in a process of its own: the arm is braked, and the run "
+            "gives its account. ");
+    say("`gdb --args viable run ...` shows the line.\n");
+    _exit(code);
+}
+
+[[noreturn]] void endAfterPlugin() {
+    endProgram(static_cast<int>(ErrorKind::PluginFailed));
 }
 
 /** The first plugin library whose code is on the stack of this thread; null: none. */
@@ -142,6 +181,8 @@ void sayLibrary(const char* library) {
         say(" ");
         say(now);
     }
+    const bool isViables = pluginsRun != PluginsRun::Here || !loadedLibraries().front().load();
+    endCode = isViables ? kUnexpected : static_cast<int>(ErrorKind::PluginFailed);
     if (!loadedLibraries().front().load()) {
         say(". No plugin was loaded: this is a fault of viable. Please report it.\n");
         _exit(kUnexpected);
@@ -151,6 +192,13 @@ void sayLibrary(const char* library) {
         sayLibrary(library);
         say(". ");
         endAfterPlugin();
+    }
+    if (isViables) {
+        say(pluginsRun == PluginsRun::Isolated
+                ? ". Each plugin runs in a process of its own: this is a fault of viable. Please report it. "
+                : ". All cases have ended, and no plugin is called any more: this is a fault of viable, unless a "
+                  "plugin damaged memory before. Please report it. ");
+        endProgram(kUnexpected);
     }
     say(", outside of the calls of plugins. A plugin may have damaged memory before, or a thread of its own has "
         "failed. ");
@@ -174,15 +222,12 @@ void onCrash(int signal) {
         raise(signal);
         return;
     }
-    if (dying.exchange(true)) {
-        // A second thread, or the handler itself: the first one's account is enough.
-        for (;;) pause();
-    }
-    const CallSlot* slot = ownCallSlot();
-    const PluginWatch* watch = slot ? slot->watch.load() : nullptr;
+    claimEnd();
+    std::int64_t tick = 0;
+    const PluginWatch* watch = findCulprit(tick);
     const char* name = sigdescr_np(signal);
     if (watch)
-        sayWho(*watch, " crashed", slot->tick.load());
+        sayWho(*watch, " crashed", tick);
     else
         say(sink ? "crashed" : "\nviable: crashed");
     say(": signal ");
@@ -198,13 +243,11 @@ void onCrash(int signal) {
 /** std::terminate(): an exception left a thread or a noexcept function. */
 void onTerminate() {
     if (!isOwner()) usualTerminate();
-    if (dying.exchange(true)) {
-        for (;;) pause();
-    }
-    const CallSlot* slot = ownCallSlot();
-    const PluginWatch* watch = slot ? slot->watch.load() : nullptr;
+    claimEnd();
+    std::int64_t tick = 0;
+    const PluginWatch* watch = findCulprit(tick);
     if (watch)
-        sayWho(*watch, " called std::terminate()", slot->tick.load());
+        sayWho(*watch, " called std::terminate()", tick);
     else
         say(sink ? "std::terminate() was called" : "\nviable: std::terminate() was called");
     if (std::current_exception()) {
@@ -224,13 +267,12 @@ void onTerminate() {
 
 void onExit() {
     if (!isOwner()) return;
-    if (dying) {
-        for (;;) pause();  // another thread ends the program, and its code says why
-    }
-    const CallSlot* slot = ownCallSlot();
-    const PluginWatch* watch = slot ? slot->watch.load() : nullptr;
-    if (!watch || dying.exchange(true)) return;
-    sayWho(*watch, " called exit()", slot->tick.load());
+    if (dying != 0) claimEnd();  // another thread ends the program, and its code says why
+    std::int64_t tick = 0;
+    const PluginWatch* watch = findCulprit(tick);
+    if (!watch) return;
+    claimEnd();
+    sayWho(*watch, " called exit()", tick);
     say(". ");
     endAfterPlugin();
 }
@@ -253,7 +295,7 @@ void installCrashHandler(const std::filesystem::path& folder) {
     prepareThreadForCrash();
     struct sigaction action {};
     action.sa_handler = onCrash;
-    action.sa_flags = SA_ONSTACK;
+    action.sa_flags = SA_ONSTACK | SA_NODEFER;  // a crash in the handler is seen, too
     for (int signal : detail::kCrashSignals) sigaction(signal, &action, nullptr);
     owner = getpid();
     static const bool once = [] {
@@ -265,8 +307,9 @@ void installCrashHandler(const std::filesystem::path& folder) {
     static_cast<void>(once);
 }
 
-void tellStage(const char* what) {
+void tellStage(const char* what, PluginsRun where) {
     stage = what;
+    pluginsRun = where;
 }
 
 void tellCrashTo(char* text, std::size_t capacity) {
@@ -276,13 +319,11 @@ void tellCrashTo(char* text, std::size_t capacity) {
 
 void endWhenMemoryRunsOut() {
     std::set_new_handler([] {
-        if (dying.exchange(true)) {
-            for (;;) pause();
-        }
-        const CallSlot* slot = ownCallSlot();
-        const PluginWatch* watch = slot ? slot->watch.load() : nullptr;
+        claimEnd();
+        std::int64_t tick = 0;
+        const PluginWatch* watch = findCulprit(tick);
         if (watch)
-            sayWho(*watch, " asked for memory and there was none left,", slot->tick.load());
+            sayWho(*watch, " asked for memory and there was none left,", tick);
         else
             say("memory ran out, outside of the calls of plugins");
         say(". ");
@@ -322,7 +363,7 @@ void HangWatch::look() {
         }
         const std::chrono::duration<double> waited = now - seen_[i].since;
         const std::int64_t tick = slot.tick.load();
-        if ((waited > patience_ || (endRequested_ != 0 && waited > kHang)) && !dying.exchange(true)) {
+        if ((waited > patience_ || (endRequested_ != 0 && waited > kHang)) && tryClaimEnd()) {
             sayWho(*watch, " has not come back", tick);
             say(". ");
             endAfterPlugin();

@@ -13,14 +13,20 @@ namespace viable {
 /** From now on a crash (SIGSEGV, abort, ...), an exception that nobody catches, and a call of exit() or quick_exit() inside
 a plugin are answered with a message that names the plugin and its call; the logs are finished, and the program ends
 with code 4. Where no plugin's call fails (a thread of a plugin's own, or memory that was damaged before), it names the
-library whose code the thread runs, or all that are loaded; without any the fault is viable's (code 70). Only in the process
-that called this last: those forked from it end by their signal. Does nothing in sanitizer builds, which tell more
-themselves.
-@param folder  of the run whose logs are open, for the message; empty: there are none */
+library whose code the thread runs, or all that are loaded; without any, or where no plugin's code runs (see tellStage), the
+fault is viable's (code 70). Only in the process that called this last: those forked from it end by their signal. Does nothing
+in sanitizer builds, which tell more themselves.
+@param folder  of the run, for the message and its claim, until the program ends; empty: there is none */
 void installCrashHandler(const std::filesystem::path& folder);
 
+/** Where the code of plugins runs. */
+enum class PluginsRun {
+    Here,
+    Isolated,  ///< in processes of their own; a library's start-up code runs here, too
+    NoMore,    ///< all cases have ended
+};
 /** What the program does from now on, for the crash handler. @param what  a literal, such as "while the cases ran" */
-void tellStage(const char* what);
+void tellStage(const char* what, PluginsRun where);
 
 /** Gives the calling thread a stack for signal handlers, so that even a plugin that has used up the stack is named. */
 void prepareThreadForCrash();

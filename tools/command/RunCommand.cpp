@@ -141,6 +141,7 @@ public:
 
     /** `jobs` at a time. */
     CaseOutcomes runAtOnce(int jobs) {
+        isAlone_ = jobs == 1;
         std::atomic<int> running{0};
         const auto work = [&] {
             prepareThreadForCrash();
@@ -192,6 +193,7 @@ private:
         RunOptions options;
         options.log = folder_ / (cases_[i]->plan.name + ".mcap");
         options.stopRequest = &getStopSignal();
+        options.isAlone = isAlone_;
         options.progress = [this, i, draws](double share) {
             progress_.set(i, share);
             if (draws) progress_.draw();
@@ -218,6 +220,7 @@ private:
     ConfiguredCases cases_;  // null: begun
     const fs::path folder_;
     Progress progress_;
+    bool isAlone_ = true;  // the case that runs
     std::vector<std::optional<CaseResult>> results_;
     std::atomic<std::size_t> next_{0};
     std::mutex failureMutex_;
@@ -242,7 +245,8 @@ int run(const RunArguments& arguments) {
     std::optional<HangWatch> hangWatch;  // a thread; none may be there where processes are made
     const Isolation isolation{arguments.watchdog_s.value_or(kDefaultWatchdog_s)};
     if (!arguments.isolate) hangWatch.emplace(arguments.watchdog_s.value_or(kDefaultPatience_s), getStopSignal());
-    tellStage("while the experiment was read and its plugins were made");
+    const PluginsRun pluginsRun = arguments.isolate ? PluginsRun::Isolated : PluginsRun::Here;
+    tellStage("while the experiment was read and its plugins were made", pluginsRun);
     const PluginLoader loader(PluginLoader::makeDefaultSearchPath(), arguments.isolate ? isolation.watchdog_s : 0.0);
     Experiment experiment = readDrawnExperiment(arguments.file, arguments.overrides, arguments.draw, loader);
     selectCases(experiment, arguments.cases);
@@ -255,7 +259,7 @@ int run(const RunArguments& arguments) {
     const fs::path folder = makeRunFolder(arguments.out, arguments.file);
     const FolderClaim claim(folder);
     installCrashHandler(folder);
-    tellStage("while the cases ran");
+    tellStage("while the cases ran", pluginsRun);
     std::printf("%s\n%s, %zu case%s, output in %s\n", makePrintable(experiment.title).c_str(), arguments.file.c_str(),
                 experiment.cases.size(), experiment.cases.size() == 1 ? "" : "s", folder.c_str());
     std::fflush(stdout);
@@ -263,8 +267,7 @@ int run(const RunArguments& arguments) {
     jobs = std::max(1, std::min(jobs, static_cast<int>(experiment.cases.size())));
     CaseRunner runner(std::move(cases), folder);
     const auto [results, failure] = arguments.isolate ? runner.runHere() : runner.runAtOnce(jobs);
-    installCrashHandler({});  // the logs are closed
-    tellStage("while summary and report were written");
+    tellStage("while summary and report were written", PluginsRun::NoMore);
 
     std::printf("\n%s\n", formatComparison(results).c_str());
     if (const std::string ranking = formatRanking(results); !ranking.empty()) std::printf("%s\n", ranking.c_str());

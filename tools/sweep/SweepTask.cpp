@@ -173,6 +173,7 @@ SweepRow SweepTask::Run::runCase(std::size_t index, const std::atomic<int>& stop
     try {
         RunOptions options;
         options.stopRequest = &stop;
+        options.isAlone = false;
         const CaseResult result = viable::runCase(configureCase(*plan), options);
         end.status = getSweepStatus(result);
         end.exitCode = result.exitCode();

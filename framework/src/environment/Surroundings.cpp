@@ -154,8 +154,9 @@ std::shared_ptr<const Surroundings::MapField> Surroundings::shareMapField(const 
         content = detail::calcSha256(choice.file);
     } catch (const Error&) {  // the reader complains
     }
+    // One content is one map wherever it lies; the reader takes its format from the ending.
     std::ostringstream key;
-    key << choice.file << '\n'
+    key << (content.empty() ? choice.file : choice.file.extension()) << '\n'
         << choice.sha256 << '\n'
         << content << '\n'
         << std::hexfloat << static_cast<int>(choice.unknown) << '\n'

@@ -184,7 +184,8 @@ CaseResult runCase(std::unique_ptr<ConfiguredCase> configured, const RunOptions&
     auto ownLoop = std::make_unique<ControlLoop>(
         configured->setup, std::move(configured->plugins),
         RealArmOptions{configured->bound ? &*configured->bound : nullptr, plan.feedsExternalTorque, true,
-                       plan.holdsOnReal, plan.robustLoop && !plan.robustLoop->acceptsUnstable, configured->motorRate});
+                       plan.holdsOnReal, plan.robustLoop && !plan.robustLoop->acceptsUnstable, configured->motorRate,
+                       configured->robustRate});
     ControlLoop& loop = *ownLoop;
     std::optional<detail::CollisionCounter> collisions;
     if (plan.environment) collisions.emplace(plan.robot, *plan.geometry, *plan.environment, plan.realPlant.has_value());
@@ -284,7 +285,7 @@ CaseResult runCase(std::unique_ptr<ConfiguredCase> configured, const RunOptions&
             watch->title + " takes memory from the heap in its tick (in " + std::to_string(watch->allocatingTicks) +
             " ticks, first in tick " + std::to_string(watch->firstAllocation) +
             "): in a real-time loop such a tick may come too late. Take the memory in configure()." +
-            (grown_MB > kMostGrowth_MB
+            (options.isAlone && grown_MB > kMostGrowth_MB
                  ? " The program grew by " + std::to_string(std::llround(grown_MB)) +
                        " MB in this case's ticks: memory that is taken in each must be given back, too."
                  : ""));

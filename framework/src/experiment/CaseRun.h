@@ -14,6 +14,8 @@ struct RunOptions {
     const std::atomic<int>* stopRequest = nullptr;
     /** Called now and then with the share done (0..1), from the running thread, between ticks. May be empty. */
     std::function<void(double)> progress;
+    /** No other case runs in this process meanwhile: memory by which it grows is this one's. */
+    bool isAlone = true;
 };
 
 /** How long a run goes on after a stop for lost tracking. */

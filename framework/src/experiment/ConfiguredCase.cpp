@@ -199,6 +199,7 @@ std::unique_ptr<ConfiguredCase> configureTracking(const CasePlan& plan, const Is
             checkErrorLoop(*loop, plan.robot.size(), configured->watches.back()->title);
             configured->margins = detail::checkStability(plan, *loop, configured->realSetup.delayTicks);
         }
+        if (loop) configured->robustRate = loop->torqueRate;
         configured->motorRate = combineRates(plantRate, loop ? loop->motorRate : JointVector());
         if (loop && plan.disturbances) {
             detail::checkStartsAtRest(plan);

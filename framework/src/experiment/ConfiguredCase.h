@@ -30,6 +30,7 @@ struct ConfiguredCase {
     RunSetup setup;                      ///< of the others: with the nominal arm's limits
     /** Fastest change of the motors' torque that plant and robust loop tell [Nm/s]; of size 0: neither does. */
     JointVector motorRate{};
+    JointVector robustRate{};            ///< LinearErrorLoop::torqueRate [Nm/s]; of size 0: not told
     std::optional<TrackingBound> bound;  ///< with a disturbance_set and a robust loop that one follows from
     std::shared_ptr<const Surroundings> surroundings;  ///< at the start; null without an environment
     std::unique_ptr<SurroundingsFeed> feed;            ///< of setup.surroundings

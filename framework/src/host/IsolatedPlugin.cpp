@@ -11,6 +11,7 @@
 
 #include "core/ChildProcess.h"
 #include "host/PluginCall.h"
+#include "viable/core/Numbers.h"
 
 namespace viable {
 
@@ -493,7 +494,8 @@ public:
           hasClock_(box().hasClock),
           encoder_(box().encoder),
           delayTicks_(box().delayTicks) {
-        if (isSound(box().motorRate)) motorRate_ = box().motorRate;
+        // Where the other process wrote nonsense, no rate of any arm: it is refused.
+        motorRate_ = isSound(box().motorRate) ? box().motorRate : JointVector(JointVector::Constant(1, kNan));
     }
     Encoder encoder() const override { return encoder_; }
     int delayTicks() const override { return delayTicks_; }

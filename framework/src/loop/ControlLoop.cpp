@@ -155,8 +155,6 @@ private:
 ControlLoop::ControlLoop(const RunSetup& setup, LoopPlugins plugins, const RealArmOptions& options)
     : setup_(setup), plugins_(std::move(plugins)), options_(options), model_(setup.robot), n_(setup.size()) {
     VIABLE_CHECK(!options_.bound || options_.bound->measured.size() == n_, "a tracking bound of another arm");
-    const LinearErrorLoop* law = plugins_.robustLoop ? plugins_.robustLoop->errorLoop() : nullptr;
-    if (law) torqueRate_ = law->torqueRate;
     reset();
 }
 
@@ -194,7 +192,7 @@ void ControlLoop::reset() {
     motion_ = {};
     ticksToMiss_ = 0;
     ticksSinceReading_ = 1;
-    isRead_ = hasReading_ = false;
+    isRead_ = hasReading_ = hasDriven_ = false;
     hasClock_ = plugins_.realPlant && plugins_.realPlant->hasClock();
     command_ = {};
     command_.q = setup_.start.q;
@@ -621,11 +619,11 @@ void ControlLoop::takeRobustTorque() {
 void ControlLoop::limitRelease(const JointVector& lastRobust, const JointVector& lastMotor) {
     for (int i = 0; i < n_; ++i) {
         double& robust = robustTorque_[i];
-        if (torqueRate_.size() == n_) {
-            const double step = torqueRate_[i] * setup_.tick_s;
+        if (options_.robustRate.size() == n_) {
+            const double step = options_.robustRate[i] * setup_.tick_s;
             robust = std::clamp(robust, lastRobust[i] - step, lastRobust[i] + step);
         }
-        if (options_.motorRate.size() != n_ || tickIndex_ == 0) continue;  // what the motors gave before is not known
+        if (options_.motorRate.size() != n_ || !hasDriven_) continue;  // what the motors gave before is not known
         const double step = options_.motorRate[i] * setup_.tick_s;
         const double total = std::clamp(motorTorque_[i] + robust, lastMotor[i] - step, lastMotor[i] + step);
         if (total != motorTorque_[i] + robust) robust = total - motorTorque_[i];
@@ -634,6 +632,7 @@ void ControlLoop::limitRelease(const JointVector& lastRobust, const JointVector&
 
 void ControlLoop::drivePlant() {
     motorTorque_ += robustTorque_;
+    hasDriven_ = true;
     const TickStatus status = contain(PluginKind::RealPlant, TickStatus::Faulted,
                                       [&] { return plugins_.realPlant->advance(motorTorque_, appliedTorque_); });
     if (status == TickStatus::Ok && isFinite(appliedTorque_, n_)) return;

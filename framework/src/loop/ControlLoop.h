@@ -60,7 +60,7 @@ inline constexpr int kMaxSubstitutedTicks = 10;
 inline constexpr int kMaxMissedTicks = 1000;
 
 /** A robust loop that is given up takes its torque to zero in this time [s], evenly: without a step, and soon enough that
-what it did wrong does not go on. Slower where a rate is stated: LinearErrorLoop::torqueRate, RealArmOptions::motorRate.
+what it did wrong does not go on. Slower where a rate is stated: RealArmOptions::robustRate, RealArmOptions::motorRate.
 One that oscillates is asked meanwhile, and a falling share of its answer is given: so it damps until the arm is at rest or
 the loop is gone. Of one that failed, or drives the arm away, the last torque goes. */
 inline constexpr double kRelease_s = 0.025;
@@ -84,6 +84,8 @@ struct RealArmOptions {
     bool watchesFollowing = false;
     /** Fastest change of a motor's whole torque while the robust loop's goes to zero (kRelease_s) [Nm/s]; of size 0: any. */
     JointVector motorRate{};
+    /** Likewise of the robust loop's torque (LinearErrorLoop::torqueRate). */
+    JointVector robustRate{};
 };
 
 class StageTimer;
@@ -209,6 +211,7 @@ private:
     bool isRead_ = false;                 // the plant's clock, for a tick that is still to come
     std::int64_t ticksToMiss_ = 0;        // of the plant's clock, already passed
     bool hasReading_ = false;             // one has been looked at since reset()
+    bool hasDriven_ = false;              // the plant, since reset(): motorTorque_ is what its motors were told last
     std::int64_t ticksSinceReading_ = 1;  // between the present reading and the one before
     int missedInRow_ = 0;                 // the filter has not been told of them yet
 
@@ -223,7 +226,6 @@ private:
     bool isLoopAsked_ = true;       // meanwhile
     int releaseTicks_ = 0;          // since then
     JointVector releasedTorque_;    // at the beginning of a release without asking [Nm]
-    JointVector torqueRate_;        // of the robust loop [Nm/s]; of size 0: any
 };
 
 }  // namespace viable

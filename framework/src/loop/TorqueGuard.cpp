@@ -322,7 +322,13 @@ struct TorqueGuard::Inside {
         plugins.robustLoop = lend<RobustLoop>(follower);
         plugins.realPlant = lend<RealPlant>(arm);
         RealArmOptions real{nullptr, true, false};
-        if (options.robustGains) real.motorRate = options.robustGains->motorRate.expand(robot.size());
+        JointVector slowest = options.convention.torqueRate.expand(robot.size());
+        if (options.robustGains) {
+            real.motorRate = options.robustGains->motorRate.expand(robot.size());
+            real.robustRate = options.robustGains->torqueRate.expand(robot.size());
+            slowest = slowest.cwiseMin(real.motorRate).cwiseMin(real.robustRate);
+        }
+        largestReleaseStep = slowest * tick_s;
         loop.emplace(setup, std::move(plugins), real);
         output.torque.setZero(robot.size());
     }
@@ -350,6 +356,7 @@ struct TorqueGuard::Inside {
     GuardStop ownReason = GuardStop::None;  // where the loop's own word says less
     int useless = 0;                        // readings in a row
     std::int64_t substituted = 0;           // torques, up to the step before
+    JointVector largestReleaseStep;         // where nothing gives numbers any more [Nm]
     bool isStarted = false, waits = false;
 };
 
@@ -427,7 +434,7 @@ void TorqueGuard::Inside::answer() noexcept {
     output.lawFailed = record.substituted > substituted;
     substituted = record.substituted;
     if (!arm.wasDriven()) {  // neither filter nor stop gave numbers
-        arm.release(options.convention.torqueRate.expand(robot.size()) * setup.tick_s, setup.tick_s);
+        arm.release(largestReleaseStep, setup.tick_s);
         output.torque = arm.sent();
         output.motorsSaturated = output.rateLimited = false;
         output.status = GuardStatus::Failed;

@@ -6,6 +6,7 @@ namespace viable {
 
 void MotorRate::configure(const RunSetup& setup, const Parameters& parameters) {
     rate_ = parameters.jointNumbers("motor_rate_Nmps");
+    torqueLimit_ = setup.robot.actuation.torqueLimit * parameters.number("torque_limit_factor");
     largestStep_ = rate_ * setup.tick_s;
     arm_.reset();
     if (!largestStep_.array().isInf().all()) arm_ = std::make_shared<const ArmRecursion>(setup.robot);
@@ -17,6 +18,7 @@ void MotorRate::reset(const JointVector& q) {
     if (!arm_) return;
     const JointVector still = last_;
     arm_->calcTorque(q, still, still, last_);
+    last_ = last_.cwiseMax(-torqueLimit_).cwiseMin(torqueLimit_);
 }
 
 void MotorRate::limit(JointVector& torque) const {

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "viable/core/Numbers.h"
+
 namespace viable::detail {
 
 namespace {
@@ -120,6 +122,7 @@ LoopGains::PerOutput show(const StateSpace& s, const MatrixXd& x, int n) {
 
 std::complex<double> calcOutermostPole(const FrozenLoop& loop) {
     const Eigen::EigenSolver<MatrixXd> modes(Loop(loop).make().A, false);
+    if (modes.info() != Eigen::Success) return kNan;  // of what is not finite
     Eigen::Index outermost = 0;
     modes.eigenvalues().cwiseAbs().maxCoeff(&outermost);
     return modes.eigenvalues()[outermost];

@@ -51,6 +51,22 @@ JointVector takeBounds(const PerJoint& bounds, const char* name, int n) {
     return values;
 }
 
+/** Friction to be fed forward, checked. */
+FrictionFeed takeFriction(const FrictionFeed& feed, int n) {
+    if (!feed.isActive()) return {};
+    const JointFriction& f = feed.figures;
+    bool isSound = isFinite(f.coulomb, n) && isFinite(f.viscous, n);
+    isSound = isSound && f.coulomb.minCoeff() >= 0.0 && f.viscous.minCoeff() >= 0.0;
+    for (const JointVector* speeds : {&f.viscousVelocity, &feed.speed})
+        isSound = isSound && isFinite(*speeds, n) && speeds->minCoeff() > 0.0;
+    if (!isSound)
+        throw badInput("NricOptions::friction",
+                       "it has not one number for each of " + std::to_string(n) +
+                           " joints, torques finite and at least 0, velocities finite and above 0",
+                       "Use scaleFriction(), or leave it out.");
+    return feed;
+}
+
 }  // namespace
 
 NricOptions scaleNric(const RobotDescription& robot, const JointLimits& limits, double tick_s) {
@@ -62,6 +78,8 @@ FrictionFeed scaleFriction(const JointFriction& figures, const PerJoint& scale, 
                            double tick_s) {
     const auto n = static_cast<int>(figures.coulomb.size());
     const JointVector factor = expand(scale, "scaleFriction()", "factors", n);
+    if (!factor.allFinite() || factor.minCoeff() < 0.0)
+        throw badInput("scaleFriction()", "a factor is below 0 or not finite", "Give one number of at least 0.");
     FrictionFeed feed;
     if (factor.isZero()) return feed;
     feed.figures = {factor.cwiseProduct(figures.coulomb), factor.cwiseProduct(figures.viscous),
@@ -103,7 +121,7 @@ void Nric::configure(const RunSetup& setup, const NricOptions& options) {
              takeBounds(options.integralLimit, "integralLimit", n_),
              takeBounds(options.torqueRate, "torqueRate", n_),
              options.inertiaRate,
-             options.friction,
+             takeFriction(options.friction, n_),
              takeBounds(options.motorRate, "motorRate", n_)};
     feedsFriction_ = loop_.friction.isActive();
     if (!(options.inertiaRate > 0.0))

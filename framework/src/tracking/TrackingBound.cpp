@@ -66,6 +66,7 @@ public:
                                " has no limit on velocity or acceleration: no bound without them",
                            "Give both in `limits`.");
         }
+        checkFriction(gains);
         // A jerk without limit: from one end of the acceleration to the other in a tick.
         motion_.jerk = motion_.jerk.cwiseMin(2.0 / h_ * motion_.acceleration);
         arm_ = detail::findArmExtremes(robot, limits, motion_, set, kr_, place);
@@ -81,14 +82,11 @@ public:
         checkStability();
         JointVector e = JointVector::Zero(n_), de = e, load = e;
         const JointVector none = JointVector::Zero(n_);
-        std::vector<View> views;
-        for (const JointVector& damping : {none, damping_}) {
-            if (!views.empty() && damping_.maxCoeff() == 0.0) break;
-            views.push_back({damping, {}});
-            for (const detail::PoseInertia& pose : arm_.inertias) {
-                views.back().gains.push_back(detail::calcGains(makeLoop(pose.M, damping, kr_)));
-                checkFinite(views.back().gains.back(), pose);
-            }
+        const std::vector<LoopGains> free = calcAllGains(none);
+        std::vector<View> views{{none, true, free}};
+        if (damping_.maxCoeff() > 0.0) {
+            if (set_.isFrictionConstant) views.push_back({none, false, free});
+            views.push_back({damping_, false, calcAllGains(damping_)});
         }
         std::string worst;
         // |e|, |de| and the torque carried are bounded by themselves: iterated from zero upwards, the first fixed point
@@ -115,13 +113,23 @@ public:
     }
 
 private:
-    /** Viscous friction is taken at the nominal velocity, where it is known but for its factor. What the error of the velocity
-    adds to it is a torque like the others (`damping` zero), or the arm's damping, give or take as much. Which bound is
-    the smaller depends on how much friction there is. */
+    /** Viscous friction is a torque that takes any course (`isWhole`); or it is taken at the nominal velocity, where it is known
+    but for its factor, and what the error of the velocity adds to it is such a torque, or the arm's damping, give or take as
+    much. Which bound is the smaller depends on how much friction there is. */
     struct View {
         JointVector damping;
+        bool isWhole;
         std::vector<LoopGains> gains;  // by inertia
     };
+
+    std::vector<LoopGains> calcAllGains(const JointVector& damping) const {
+        std::vector<LoopGains> gains;
+        for (const detail::PoseInertia& pose : arm_.inertias) {
+            gains.push_back(detail::calcGains(makeLoop(pose.M, damping, kr_)));
+            checkFinite(gains.back(), pose);
+        }
+        return gains;
+    }
 
     static std::string findLargestPart(const TrackingBound& bound) {
         return std::max_element(bound.parts.begin(), bound.parts.end(),
@@ -169,6 +177,26 @@ private:
                                 " is not finite at q = " + detail::formatList(pose.q) + ": no bound can be computed",
                             "Its inertia there is " + detail::formatNumber(pose.M(i, i)) +
                                 " kg m^2: check masses, rotor inertia, friction and gains of this joint.");
+    }
+
+    void checkFriction(const NricOptions& gains) const {
+        const JointFriction& f = robot_.actuation.friction;
+        for (int i = 0; i < n_; ++i) {
+            const double least = set_.frictionScaleMin[i], largest = set_.frictionScale[i];
+            if (!std::isfinite(f.coulomb[i] + f.viscous[i] + largest) || !(f.viscousVelocity[i] > 0.0))
+                throw badInput(place_,
+                               "the friction of " + robot_.joints[static_cast<std::size_t>(i)].name + " is not finite",
+                               "Correct the robot's figures or friction_scale.");
+            if (!(least > largest)) continue;
+            throw badInput(place_,
+                           "friction_scale_min of " + robot_.joints[static_cast<std::size_t>(i)].name + " is " +
+                               detail::formatNumber(least) + ", above its friction_scale, " +
+                               detail::formatNumber(largest),
+                           "Give the smallest and the largest factor on the robot's friction figures.");
+        }
+        if (!std::isinf(gains.inertiaRate) || !gains.motorRate.expand(n_).array().isInf().all())
+            throw badInput(place_, "no bound is known for gains that follow the inertia, nor for a motor rate",
+                           "Give constant gains and no motor rate.");
     }
 
     void checkStability() const {
@@ -234,25 +262,31 @@ private:
                                     const JointVector& load) const {
         const JointVector fastest = motion_.velocity + de;
         const JointFriction& f = robot_.actuation.friction;
-        const bool isFree = view.damping.maxCoeff() == 0.0;
-        JointVector dry(n_), viscous(n_), viscousRate(n_), onLoad(n_), slipping(n_);
+        const bool isDamped = view.damping.maxCoeff() > 0.0;
+        JointVector dry(n_), viscous(n_), viscousRate(n_), onLoad(n_), slipping(n_), fedLate(n_);
         for (int i = 0; i < n_; ++i) {
+            const FrictionFeed& fed = feed_;
             const double V = f.viscousVelocity[i], scale = set_.frictionScale[i];
-            const double standing = scale * f.coulomb[i] * set_.breakawayRatio;
-            // The real joint may move against the nominal one where that is slower than the error.
-            const double against = feed_.figures.coulomb[i] * std::min(1.0, de[i] / feed_.speed[i]);
-            dry[i] = std::max(standing + against, feed_.figures.coulomb[i] - set_.frictionScaleMin[i] * f.coulomb[i]);
+            // What is fed forward is held for a tick and arrives late: the nominal velocity has changed by so much.
+            const double sinceThen = (1.0 + set_.delayTicks) * h_ * motion_.acceleration[i];
+            fedLate[i] = fed.figures.viscous[i] / fed.figures.viscousVelocity[i] * sinceThen;
+            // The real joint may move against what is fed forward where the nominal one is slower than the error.
+            const double against = fed.figures.coulomb[i] * std::min(1.0, (de[i] + sinceThen) / fed.speed[i]);
+            dry[i] =
+                std::max(calcStanding(i) + against, fed.figures.coulomb[i] - set_.frictionScaleMin[i] * f.coulomb[i]);
             viscous[i] = calcUnknownViscous(i);
             viscousRate[i] = set_.isFrictionConstant ? calcUnknownSlope(i) * motion_.acceleration[i] : INFINITY;
             // Most between two velocities that are de apart: where they are opposite.
-            slipping[i] = isFree ? -2.0 * scale * f.viscous[i] * std::expm1(-0.5 * de[i] / V) : view.damping[i] * de[i];
-            if (isFree && feed_.figures.viscous[i] == 0.0) {
-                const double whole = -scale * f.viscous[i] * std::expm1(-fastest[i] / V);
-                slipping[i] = std::min(slipping[i], whole - viscous[i]);
+            slipping[i] = isDamped ? view.damping[i] * de[i] : 2.0 * scale * calcViscous(i, 0.5 * de[i]);
+            const double moving = scale * calcViscous(i, fastest[i]);
+            if (view.isWhole) {
+                viscous[i] += slipping[i];
+                if (fed.figures.viscous[i] == 0.0) viscous[i] = std::min(viscous[i], moving);
+                viscousRate[i] = INFINITY;
+                slipping[i] = 0.0;
             }
             // Of the torque that the gear carries, friction and ripple with it.
-            const double moving = -scale * f.viscous[i] * std::expm1(-fastest[i] / V);
-            onLoad[i] = set_.loadFriction[i] * (load[i] + standing + moving + set_.torqueRipple_Nm[i]);
+            onLoad[i] = set_.loadFriction[i] * (load[i] + calcStanding(i) + moving + set_.torqueRipple_Nm[i]);
         }
         const JointVector jerkTorque = arm_.inertia * motion_.jerk;
         const JointVector rest =
@@ -262,8 +296,9 @@ private:
         // d(M de)/dt leaves dM/dt de = (C + C') de, the velocities' part of b takes C(qd + qd_nominal) de.
         const JointVector ofError = arm_.stiffness * e + (sum(arm_.gyroscopic, fastest) + sum(arm_.coriolis, de)) * de;
         return {
-            makeJumping("dry friction", dry),
-            {"viscous friction", TorqueRange::within(viscous), viscousRate, JointVector::Zero(n_)},
+            makeJumping("dry friction", dry, false),  // the lasting part of both: see lastingTorque
+            {"viscous friction", TorqueRange::within(viscous), viscousRate, JointVector::Zero(n_), false},
+            makeJumping("friction fed forward late", fedLate, false),
             makeJumping("viscous friction off the nominal speed", slipping, false),
             makeJumping("friction under load", onLoad, false),  // its lasting part: see lastingTorque
             {"payload", arm_.payload, arm_.payloadRate, arm_.payloadWeight},
@@ -275,6 +310,17 @@ private:
             makeJumping("velocity read half a tick late", calcLateReading(), false),
             makeJumping("dynamics off the nominal pose and speed", ofError, false),
         };
+    }
+
+    /** Dry friction at most [Nm]. */
+    double calcStanding(int i) const {
+        return set_.frictionScale[i] * robot_.actuation.friction.coulomb[i] * set_.breakawayRatio;
+    }
+
+    /** Viscous friction of the robot's figures at the velocity v [Nm]. */
+    double calcViscous(int i, double v) const {
+        const JointFriction& f = robot_.actuation.friction;
+        return -f.viscous[i] * std::expm1(-v / f.viscousVelocity[i]);
     }
 
     /** The largest |c + b exp(-v/B) - a exp(-v/A)|, b and a >= 0, over velocities v from 0 to the limit: at an end, or where
@@ -384,7 +430,10 @@ private:
                 h_ * motion_.acceleration[i] * (f.coulomb[i] / feed_.speed[i] + f.viscous[i] / f.viscousVelocity[i]);
         }
         out.torque += arm_.nominalTorque + late + fed;
-        out.lastingTorque = arm_.nominalTorque + fed;
+        // The motors carry the friction itself, whoever asks them for it.
+        out.lastingTorque = arm_.nominalTorque;
+        for (int i = 0; i < n_; ++i)
+            out.lastingTorque[i] += calcStanding(i) + set_.frictionScale[i] * calcViscous(i, motion_.velocity[i]);
         for (const Source& source : sources)
             if (source.lasts) out.lastingTorque += source.torque.calcLargest();
         out.lastingTorque += set_.loadFriction.expand(n_).cwiseProduct(out.lastingTorque);

@@ -188,6 +188,13 @@ TEST(Surroundings, AMapIsReadOnceAndAnewWhenAnythingIsOther) {
     environment.map->pose.translation().x() = 0.1;
     EXPECT_NE(make()->map(), map);
     environment.map->pose.translation().x() = 0.0;
+    std::filesystem::copy_file(folder / "map.bt", folder / "elsewhere.bt");
+    environment.map->file = folder / "elsewhere.bt";
+    EXPECT_EQ(make()->map(), map) << "one content is one map wherever it lies";
+    std::filesystem::copy_file(folder / "map.bt", folder / "map.ot");
+    environment.map->file = folder / "map.ot";
+    EXPECT_THROW(make(), Error) << "a name of another kind";
+    environment.map->file = folder / "map.bt";
     environment.map->sha256 = std::string(64, 'a');
     EXPECT_THROW(make(), Error) << "what is stated is compared";
     EXPECT_THROW(make(), Error);

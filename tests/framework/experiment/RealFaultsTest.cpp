@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <functional>
 
 #include "CaseSupport.h"
 #include "ExpectContains.h"
@@ -41,12 +42,15 @@ std::vector<std::string> joined(std::vector<std::string> overrides, const std::v
 
 /** A run with its records. */
 struct RecordedRun {
-    explicit RecordedRun(Experiment e) : experiment(std::move(e)) {
+    using MakeRobustLoop = std::function<PluginPtr<RobustLoop>(const ConfiguredCase&)>;
+    /** @param robustLoop  configured, in place of the file's; null: that one */
+    explicit RecordedRun(Experiment e, MakeRobustLoop robustLoop = nullptr) : experiment(std::move(e)) {
         const CasePlan& plan = experiment.cases.front();
         auto configured = configureCase(plan);
+        if (robustLoop) configured->plugins.robustLoop = robustLoop(*configured);
         result.emplace(makeResult(*configured));
         ControlLoop loop(configured->setup, std::move(configured->plugins),
-                         RealArmOptions{nullptr, plan.feedsExternalTorque, true, false, true, plan.motorRate()});
+                         RealArmOptions{nullptr, plan.feedsExternalTorque, true, false, true, configured->motorRate});
         const auto ticks = static_cast<int>(std::lround(plan.duration_s / plan.tick_s));
         TickRecord record;
         for (int k = 0; k < ticks; ++k) {
@@ -127,6 +131,57 @@ TEST(Fault19, ARateOfTheMotorsIsKnownToTheRobustLoopAndCounted) {
         expectContains(formatDetails(*run.result), {", changing as fast as they may in " + std::to_string(ticks)});
         std::printf("  %s: largest step %.3g Nm, rate acted in %lld joint-ticks\n", engine,
                     calcLargestStep(run.records), static_cast<long long>(ticks));
+    }
+}
+
+TEST(Fault19, ALoopThatIsNotToldTheRateAsksForWhatTheMotorsDoNotGive) {
+    const Experiment e =
+        readTestExperiment(kHandLed, {"real_plant.payload_kg=0.5", "real_plant.motor_rate_Nmps=300", "duration_s=1"});
+    const auto makeNric = [](const ConfiguredCase& configured, bool isTold) {
+        RunSetup setup = configured.setup;
+        EXPECT_EQ(setup.motorRate, JointVector::Constant(6, 300.0));
+        if (!isTold) setup.motorRate = {};
+        auto nric = std::make_unique<Nric>();
+        nric->configure(setup, configured.plan.robustLoop->parameters);
+        return PluginPtr<RobustLoop>(nric.release(), [](void* p) { delete static_cast<Nric*>(p); });
+    };
+    const RecordedRun told(e, [&](const ConfiguredCase& c) { return makeNric(c, true); });
+    const RecordedRun untold(e, [&](const ConfiguredCase& c) { return makeNric(c, false); });
+    const auto calcCutOff = [](const RecordedRun& run) {
+        double largest = 0.0;
+        for (const TickRecord& r : run.records)
+            largest = std::max(largest, (r.filterTorque + r.robustTorque - r.motorTorque).lpNorm<Eigen::Infinity>());
+        return largest;
+    };
+    std::printf("  cut off: up to %.3g Nm, not told %.3g Nm\n", calcCutOff(told), calcCutOff(untold));
+    EXPECT_LE(calcCutOff(told), 1e-9);
+    EXPECT_GT(calcCutOff(untold), 1.0);
+    EXPECT_LE(calcLargestStep(untold.records), 0.3 * (1.0 + 1e-9));
+}
+
+// Motors that cannot carry the arm at the start: what they give begins at their limit, not at what carries it.
+TEST(MotorRate, OfWeakMotorsNeverGivesMoreThanTheirLimit) {
+    for (const char* engine : {"simbody", "mujoco"}) {
+        if (!hasPlant(engine)) continue;
+        SCOPED_TRACE(engine);
+        Experiment e =
+            readTestExperiment(kHandLed, {"robot=panda", std::string("real_plant.plugin=") + engine, "duration_s=0.3",
+                                          "real_plant.torque_limit_factor=0.2", "real_plant.motor_rate_Nmps=300"});
+        JointVector& start = e.cases[0].start.q;
+        start[1] = 1.2;  // stretched out
+        start[3] = -0.5;
+        const RecordedRun run(e);
+        const RobotDescription& robot = run.experiment.cases[0].robot;
+        const JointVector limit = 0.2 * robot.actuation.torqueLimit;
+        Dynamics d;
+        RobotModel(robot).calcDynamics(run.experiment.cases[0].start.q, JointVector::Zero(robot.size()), d);
+        ASSERT_TRUE((d.b.cwiseAbs().array() > limit.array()).any()) << "the motors carry the arm";
+        double most = 0.0;
+        for (const TickRecord& r : run.records)
+            most = std::max(most, r.motorTorque.cwiseAbs().cwiseQuotient(limit).maxCoeff());
+        EXPECT_LE(most, 1.0 + 1e-12);
+        EXPECT_GT(most, 0.99);
+        EXPECT_LE(calcLargestStep(run.records), 0.3 * (1.0 + 1e-9));
     }
 }
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <random>
@@ -17,17 +18,17 @@ namespace {
 
 constexpr double kTick_s = 1e-3;
 
-/** The ticks that a user's clock says have been missed before each one: it jitters by half a tick and jumps back. */
-std::int64_t readJitteringClock(std::mt19937& random, double& clock_s, int tick) {
+/** The ticks missed before each one by a clock that jitters by less than a tick, and jumps back by 10 s and on again: below 0
+where it ran back; on, its user takes the jump for one. */
+std::int64_t countTicksRunBack(std::mt19937& random, double& clock_s, int tick) {
     std::uniform_real_distribution<double> jitter(-0.5, 0.5);
     const double now = kTick_s * (tick + jitter(random)) - (tick % 500 < 100 ? 10.0 : 0.0);
-    const double passed = now - clock_s;
+    const auto passed = static_cast<std::int64_t>(std::floor((now - clock_s) / kTick_s));
     clock_s = now;
-    // An hour forward by mistake is not made up for in ticks by who reads it; back is no time at all.
-    return passed < 0.0 ? static_cast<std::int64_t>(passed / kTick_s) : 0;
+    return std::min<std::int64_t>(passed, 0);
 }
 
-TEST(Fault24, AJitteringClockThatJumpsBackGivesBothGuardsTheSameBits) {
+TEST(Fault24, AClockThatRunsBackMissesNoTicksOfEitherGuard) {
     const RobotDescription robot = testing::makeTwoLinkArm();
     TorqueGuard quiet(robot, kTick_s), jittering(robot, kTick_s);
     ReferenceGuard quietReference(robot, kTick_s), jitteringReference(robot, kTick_s);
@@ -44,7 +45,7 @@ TEST(Fault24, AJitteringClockThatJumpsBackGivesBothGuardsTheSameBits) {
             torque = dynamics.M * (100.0 * (target - nominal.q) - 20.0 * nominal.qd) + dynamics.b;
         };
         const auto follow = [](const TorqueGuard& guard) { return JointState{guard.nominal().q, guard.nominal().qd}; };
-        const std::int64_t missed = readJitteringClock(random, clock_s, k);
+        const std::int64_t missed = countTicksRunBack(random, clock_s, k);
         back += missed < 0;
         jittering.missTicks(missed);
         jitteringReference.missTicks(missed);

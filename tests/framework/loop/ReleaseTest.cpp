@@ -64,11 +64,15 @@ private:
 
 /** A loop with a real arm, its robust loop listened to. */
 struct HeardCase {
-    explicit HeardCase(const char* text, const std::vector<std::string>& overrides, RealArmOptions options = {})
+    using WrapPlant = PluginPtr<RealPlant> (*)(PluginPtr<RealPlant>);
+    explicit HeardCase(const char* text, const std::vector<std::string>& overrides, RealArmOptions options = {},
+                       WrapPlant wrapPlant = nullptr)
         : experiment(readTestExperiment(text, overrides)), configured(configureCase(experiment.cases.front())) {
         heard.configure(configured->setup, configured->plan.robustLoop->parameters);
         configured->plugins.robustLoop = PluginPtr<RobustLoop>(&heard, [](void*) {});
-        options.motorRate = configured->plan.motorRate();
+        options.motorRate = configured->motorRate;
+        options.robustRate = heard.errorLoop()->torqueRate;
+        if (wrapPlant) configured->plugins.realPlant = wrapPlant(std::move(configured->plugins.realPlant));
         loop = std::make_unique<ControlLoop>(configured->setup, std::move(configured->plugins), options);
     }
 
@@ -145,6 +149,51 @@ TEST(Release, ALoopThatFailsInItsFirstTickHasNothingToGiveBack) {
     c.heard.failsAt = 0;
     TickRecord record;
     c.loop->tick(record);
+    EXPECT_EQ(calcLargest(record.robustTorque), 0.0);
+}
+
+/** A plant whose clock begins with ticks that were missed. */
+class LatePlant : public RealPlant {
+public:
+    static constexpr std::int64_t kFirst = 5;
+    explicit LatePlant(PluginPtr<RealPlant> plant) : plant_(std::move(plant)) {}
+    void configure(const RunSetup&, const Parameters&) override {}
+    void reset(const MotionState& start) override {
+        plant_->reset(start);
+        isFirst_ = true;
+    }
+    const JointState& measured() const override { return plant_->measured(); }
+    const JointState& actual() const override { return plant_->actual(); }
+    TickStatus advance(const JointVector& torque, JointVector& applied) override {
+        return plant_->advance(torque, applied);
+    }
+    bool hasClock() const override { return true; }
+    TickStatus read(std::int64_t& ticksPassed) override {
+        ticksPassed = isFirst_ ? kFirst : 1;
+        isFirst_ = false;
+        return TickStatus::Ok;
+    }
+
+private:
+    PluginPtr<RealPlant> plant_;
+    bool isFirst_ = true;
+};
+
+TEST(Release, TicksMissedBeforeTheFirstTorqueSayNothingOfTheMotors) {
+    HeardCase c(kTeleoperation, {"robust_loop.motor_rate_Nmps=200"}, {}, [](PluginPtr<RealPlant> plant) {
+        return PluginPtr<RealPlant>(new LatePlant(std::move(plant)),
+                                    [](void* p) { delete static_cast<LatePlant*>(p); });
+    });
+    c.heard.failsAt = 0;
+    TickRecord record;
+    for (int k = 1; k < LatePlant::kFirst; ++k) {
+        c.loop->tick(record);
+        ASSERT_TRUE(record.missed);
+        ASSERT_EQ(c.heard.calls, 0);
+    }
+    c.loop->tick(record);
+    ASSERT_EQ(c.heard.calls, 1);
+    ASSERT_GT(calcLargest(record.filterTorque), 1.0);
     EXPECT_EQ(calcLargest(record.robustTorque), 0.0);
 }
 
@@ -268,9 +317,27 @@ TEST(Release, ATorqueGuardWithoutNumbersTakesItsTorqueToZeroEvenly) {
     robot.limits = JointLimits::unlimited(2);
     robot.limits.velocity = {pair(-1e7, -1e7), pair(1e7, 1e7)};
     robot.limits.acceleration = robot.limits.jerk = robot.limits.velocity;
-    for (const double rate : {kInfinity, 400.0}) {
+    const std::optional<NricOptions> gains = TorqueGuard(robot, kTick_s).robustGains();
+    ASSERT_TRUE(gains);
+    const auto state = [&](const char* where, double rate) {
         TorqueGuardOptions options;
-        options.convention.torqueRate = rate;
+        options.convention.torqueRate = 1000.0;
+        options.robustGains = gains;
+        (where == std::string("robust") ? options.robustGains->torqueRate : options.robustGains->motorRate) = rate;
+        return options;
+    };
+    TorqueGuardOptions slowRobot;
+    slowRobot.convention.torqueRate = 400.0;
+    struct {
+        const char* name;
+        TorqueGuardOptions options;
+        double rate;
+    } const cases[] = {{"no rate", {}, kInfinity},
+                       {"the robot's", slowRobot, 400.0},
+                       {"the robust loop's torque", state("robust", 300.0), 300.0},
+                       {"the motors', in the robust loop", state("motors", 300.0), 300.0}};
+    for (const auto& [name, options, rate] : cases) {
+        SCOPED_TRACE(name);
         TorqueGuard guard(robot, kTick_s, options);
         guard.start({robot.home, JointVector::Zero(2)});
         JointVector last = JointVector::Zero(2), given;
@@ -289,7 +356,7 @@ TEST(Release, ATorqueGuardWithoutNumbersTakesItsTorqueToZeroEvenly) {
         }
         ASSERT_EQ(failed, 1000);
         ASSERT_GT(calcLargest(given), 1.0);
-        std::printf("  %.3g Nm, largest step %.3g Nm\n", calcLargest(given), largestStep);
+        std::printf("  %s: %.3g Nm, largest step %.3g Nm\n", name, calcLargest(given), largestStep);
         EXPECT_LE(largestStep, std::min(calcLargest(given) / kReleaseTicks, rate * kTick_s) * (1.0 + 1e-9));
         EXPECT_EQ(calcLargest(last), 0.0);
     }

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <complex>
 #include <random>
+#include <unsupported/Eigen/MatrixFunctions>
 
 #include "Paths.h"
 #include "tracking/FrozenLoop.h"
@@ -220,6 +221,50 @@ TEST(LoopStability, WithoutGainsNothingIsUnstable) {
     const LoopMargins unstable = calcMargins(robot, robot.limits, 1e-3, 0, one);
     EXPECT_FALSE(unstable.isStable);
     EXPECT_EQ(unstable.joint, 2);
+}
+
+/** The matrix of the loop over a tick without delay, its arm by a matrix exponential: another route than modes. */
+Eigen::MatrixXd assembleLoop(const detail::FrozenLoop& l) {
+    const Eigen::Index n = l.kp.size();
+    const Eigen::MatrixXd I = Eigen::MatrixXd::Identity(n, n), inverse = Eigen::MatrixXd(l.inertia).inverse();
+    Eigen::MatrixXd rate = Eigen::MatrixXd::Zero(3 * n, 3 * n);  // of e, de and a torque that stays
+    rate.block(0, n, n, n) = I;
+    rate.block(n, n, n, n) = -inverse * Eigen::MatrixXd(l.damping.asDiagonal());
+    rate.block(n, 2 * n, n, n) = inverse;
+    const Eigen::MatrixXd arm = (l.tick_s * rate).exp().topRows(2 * n);
+    Eigen::MatrixXd torque = Eigen::MatrixXd::Zero(n, 4 * n);  // of e, de, e before, sum of e
+    const Eigen::MatrixXd kp = l.kp.asDiagonal(), ki = l.ki.asDiagonal();
+    torque.leftCols(n) = -l.kr * (I / l.tick_s + kp + l.tick_s * ki);
+    torque.middleCols(2 * n, n) = l.kr / l.tick_s;
+    torque.rightCols(n) = -l.kr * ki;
+    Eigen::MatrixXd A = Eigen::MatrixXd::Zero(4 * n, 4 * n);
+    A.topLeftCorner(2 * n, 2 * n) = arm.leftCols(2 * n);
+    A.topRows(2 * n) += arm.rightCols(n) * torque;
+    A.block(2 * n, 0, n, n) = I;
+    A.block(3 * n, 0, n, n) = l.tick_s * I;
+    A.block(3 * n, 3 * n, n, n) = I;
+    return A;
+}
+
+// Damping from far below to far above what a tick can follow (joint7 of a Panda: damping x tick / inertia = 12).
+TEST(FrozenLoop, IsExactForAnyDamping) {
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> draw(-1.0, 1.0);
+    for (int k = 0; k < 300; ++k) {
+        const int n = 1 + k % 4;
+        const double h = 1e-3;
+        Eigen::MatrixXd root(n, n);
+        for (double& x : root.reshaped()) x = draw(random);
+        detail::FrozenLoop loop;
+        loop.inertia = 1e-2 * (root * root.transpose() + 0.1 * Eigen::MatrixXd::Identity(n, n));
+        loop.damping = JointVector::Constant(n, std::pow(10.0, 3.0 + 4.0 * draw(random)) * loop.inertia(0, 0));
+        loop.kr = JointMatrix(JointVector::Constant(n, 0.2 * loop.inertia(0, 0) / h).asDiagonal());
+        loop.kp = JointVector::Constant(n, 20.0);
+        loop.ki = JointVector::Constant(n, 8.0);
+        loop.tick_s = h;
+        const Eigen::EigenSolver<Eigen::MatrixXd> other(assembleLoop(loop), false);
+        EXPECT_NEAR(detail::calcSpectralRadius(loop), other.eigenvalues().cwiseAbs().maxCoeff(), 1e-9) << "draw " << k;
+    }
 }
 
 }  // namespace

@@ -176,5 +176,107 @@ TEST(TrackingBound, RefusesWhatHasNoBound) {
     expectRefused(makeSlow(robot), {100.0, 20.0, 0.0}, makeNone(), "a gain of the robust loop is 0");
 }
 
+/** A small arm with friction figures, slow limits and gains for both. */
+struct FrictionCase {
+    RobotDescription robot = loadTestRobot("planar_two_link");
+    JointLimits limits = robot.limits;
+    NricOptions gains;
+    FrictionCase() {
+        limits.velocity = {JointVector::Constant(2, -0.5), JointVector::Constant(2, 0.5)};
+        limits.acceleration = {JointVector::Constant(2, -2.0), JointVector::Constant(2, 2.0)};
+        robot.actuation.friction = {JointVector::Constant(2, 0.2), JointVector::Constant(2, 1.0),
+                                    JointVector::Constant(2, 0.4)};
+        gains = scaleNric(robot, limits, 1e-3);
+    }
+    TrackingBound calc(const DisturbanceSet& set) const {
+        return calcTrackingBound(robot, limits, 1e-3, gains, set, "here");
+    }
+};
+
+// A factor that stays the same disturbs less than one that jumps; one that is nearly known and fed forward hardly at all.
+TEST(TrackingBound, KnowsWhetherFrictionJumpsAndWhatIsFedForward) {
+    FrictionCase c;
+    c.robot.actuation.friction.coulomb.setZero();
+    DisturbanceSet set;
+    const TrackingBound jumping = c.calc(set);
+    set.isFrictionConstant = true;
+    const TrackingBound constant = c.calc(set);
+    EXPECT_TRUE((constant.position.array() <= jumping.position.array()).all());
+    EXPECT_TRUE((constant.velocity.array() < 0.95 * jumping.velocity.array()).all());
+    set.frictionScaleMin = 0.9;
+    EXPECT_EQ(c.calc(set).velocity, constant.velocity);  // of no use where nothing is fed forward
+    c.gains.friction = scaleFriction(c.robot.actuation.friction, 0.95, c.limits, 1e-3);
+    const TrackingBound known = c.calc(set);
+    EXPECT_TRUE((known.position.array() < 0.6 * constant.position.array()).all())
+        << known.position.transpose() << " / " << constant.position.transpose();
+    // The motors carry the friction all the same.
+    for (int i = 0; i < 2; ++i) EXPECT_NEAR(known.lastingTorque[i], constant.lastingTorque[i], 1e-9);
+}
+
+// The sizes of what is not known, against a fine grid over velocities and factors, for figures of another shape.
+TEST(TrackingBound, TakesTheLargestFrictionThatIsNotFedForward) {
+    for (const double otherVelocity : {0.1, 0.4, 1.5}) {
+        FrictionCase c;
+        c.robot.actuation.friction.coulomb.setZero();
+        DisturbanceSet set;
+        set.frictionScaleMin = 0.7;
+        set.frictionScale = 1.2;
+        set.isFrictionConstant = true;
+        JointFriction figures = c.robot.actuation.friction;
+        figures.viscousVelocity.setConstant(otherVelocity);
+        c.gains.friction = scaleFriction(figures, 0.9, c.limits, 1e-3);
+        double largest = 0.0;
+        for (const double scale : {0.7, 1.2})
+            for (double v = 0.0; v <= 0.5; v += 1e-4) {
+                const double real = -scale * std::expm1(-v / 0.4), fed = -0.9 * std::expm1(-v / otherVelocity);
+                largest = std::max(largest, std::abs(real - fed));
+            }
+        bool found = false;
+        for (const TrackingBound::Part& part : c.calc(set).parts) {
+            if (part.source != "viscous friction") continue;
+            found = true;
+            // As such, or with all that the velocity error adds.
+            EXPECT_GE(part.torque[0], largest * (1.0 - 1e-12)) << otherVelocity;
+            EXPECT_LE(part.torque[0], largest + 2.0 * 1.2) << otherVelocity;
+        }
+        EXPECT_TRUE(found);
+    }
+}
+
+// Friction far above what the loop is strong enough for has a bound, or the reason why it has none; never 0.
+TEST(TrackingBound, IsPositiveAndGrowsWithFriction) {
+    FrictionCase c;
+    c.robot.actuation.friction.viscousVelocity.setConstant(1e-4);  // damping x tick / inertia far above 1
+    double last = 0.0;
+    for (const double scale : {0.0, 0.01, 0.03, 0.1, 0.2}) {
+        DisturbanceSet set;
+        set.frictionScale = scale;
+        const TrackingBound bound = c.calc(set);
+        EXPECT_TRUE(bound.position.allFinite() && bound.velocity.allFinite());
+        EXPECT_GT(bound.position.minCoeff(), last) << scale;
+        last = bound.position.minCoeff();
+    }
+}
+
+TEST(TrackingBound, RefusesFrictionThatCannotBe) {
+    FrictionCase c;
+    const auto expectRefused = [&](const DisturbanceSet& set, const char* what) {
+        try {
+            c.calc(set);
+            ADD_FAILURE() << "accepted: " << what;
+        } catch (const Error& e) {
+            EXPECT_NE(std::string(e.what()).find(what), std::string::npos) << e.what();
+        }
+    };
+    DisturbanceSet set;
+    set.frictionScaleMin = 1.3;
+    expectRefused(set, "is 1.3, above its friction_scale, 1");
+    c.robot.actuation.friction.viscous[1] = NAN;
+    expectRefused({}, "the friction of elbow is not finite");
+    c = FrictionCase();
+    c.gains.motorRate = 100.0;
+    expectRefused({}, "no bound is known");
+}
+
 }  // namespace
 }  // namespace viable

@@ -1,9 +1,11 @@
+#include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
 #include "viable/tracking/LoopStability.h"
 #include "viable/tracking/Nric.h"
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 
 #include "TestArm.h"
@@ -466,6 +468,66 @@ TEST_F(NricTest, LoadsAsALibrary) {
     JointVector torque;
     ASSERT_EQ(plugin->compute(real, arm_.start, constant(0.0), torque), TickStatus::Ok);
     EXPECT_EQ(torque, compute(constant(0.01), constant(0.0), constant(0.0)));
+}
+
+// --- friction that is fed forward
+
+TEST_F(NricTest, FeedsKnownFrictionForwardAtTheNominalVelocity) {
+    configure("k_r: 600, k_p: 20, k_i: 8, friction_scale: [1, 0.5, 2, 0, 1, 1]");
+    const JointFriction& f = arm_.robot.actuation.friction;
+    const double scale[] = {1, 0.5, 2, 0, 1, 1};
+    std::mt19937 random(3);
+    for (int k = 0; k < 200; ++k) {
+        arm_.start.qd = makeRandomVector(n(), k % 2 == 0 ? 1.0 : 0.02, random);
+        const JointVector torque = compute(constant(0.0), constant(0.0), constant(0.0));
+        for (int i = 0; i < n(); ++i) {
+            const double v = arm_.start.qd[i], speed = 5.0 * 0.001 * arm_.robot.limits.acceleration.upper[i];
+            const double dry = f.coulomb[i] * std::max(-1.0, std::min(1.0, v / speed));
+            const double viscous = f.viscous[i] * (1.0 - std::exp(-std::abs(v) / f.viscousVelocity[i]));
+            EXPECT_NEAR(torque[i], scale[i] * (dry + std::copysign(viscous, v)), 1e-9) << i;
+        }
+    }
+    // Of an arm that stands still nothing is known.
+    arm_.start.qd.setZero();
+    EXPECT_EQ(compute(constant(0.0), constant(0.0), constant(0.0)), constant(0.0));
+}
+
+TEST_F(NricTest, AFactorOfZeroChangesNoBit) {
+    std::mt19937 random(4);
+    Nric with;
+    configure("k_r: 600, k_p: 20, k_i: 8");
+    with.configure(arm_.setup(),
+                   arm_.read(PluginKind::RobustLoop, "nric", "k_r: 600, k_p: 20, k_i: 8, friction_scale: 0"));
+    arm_.start.qd = makeRandomVector(n(), 1.0, random);
+    for (int k = 0; k < 100; ++k) {
+        const JointState real{arm_.start.q + makeRandomVector(n(), 0.01, random), arm_.start.qd};
+        JointVector one, other;
+        loop_.compute(real, arm_.start, constant(3.0), one);
+        with.compute(real, arm_.start, constant(3.0), other);
+        ASSERT_EQ(one, other);
+    }
+}
+
+TEST_F(NricTest, FrictionThatDoesNotFitIsRefused) {
+    const auto tell = [&](const FrictionFeed& feed) {
+        NricOptions options;
+        options.friction = feed;
+        try {
+            loop_.configure(arm_.setup(), options);
+        } catch (const Error& e) {
+            return std::string(e.what());
+        }
+        return std::string();
+    };
+    const FrictionFeed good = scaleFriction(arm_.robot.actuation.friction, 1.0, arm_.robot.limits, 1e-3);
+    EXPECT_EQ(tell(good), "");
+    FrictionFeed wrong = good;
+    wrong.figures.coulomb.resize(2);
+    EXPECT_NE(tell(wrong).find("NricOptions::friction: it has not one number for each of 6 joints"), std::string::npos);
+    wrong = good;
+    wrong.speed[3] = 0.0;
+    EXPECT_NE(tell(wrong).find("NricOptions::friction"), std::string::npos);
+    EXPECT_THROW(scaleFriction(arm_.robot.actuation.friction, -1.0, arm_.robot.limits, 1e-3), Error);
 }
 
 }  // namespace

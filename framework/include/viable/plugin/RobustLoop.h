@@ -32,8 +32,8 @@ struct LinearErrorLoop {
     bound is known where it is finite. */
     double inertiaRate = std::numeric_limits<double>::infinity();
     FrictionFeed friction;
-    JointVector
-        motorRate;  ///< of the change of tau_c + tau_a [Nm/s]; infinite or of size 0: none. Finite: no bound is known
+    /** Of the change of tau_c + tau_a [Nm/s]; infinite or of size 0: none. No tracking bound is known where it is finite. */
+    JointVector motorRate;
 };
 
 /** Makes the real arm follow the nominal one in spite of friction, payload and model error. */

@@ -18,10 +18,10 @@ public:
     void configure(const RunSetup& setup, const Parameters& parameters);
     /** [Nm/s] */
     const JointVector& rate() const { return rate_; }
-    /** The motors hold the nominal arm at rest at q. */
+    /** The motors hold the nominal arm at rest at q, as far as their limits let them. */
     void reset(const JointVector& q);
 
-    /** @param torque  within the motors' limits [Nm]; then what they reach in the coming tick */
+    /** @param torque  within the motors' limits [Nm]; then what they reach in the coming tick, within them, too */
     void limit(JointVector& torque) const;
     void endTick(const JointVector& torque) { last_ = torque; }
 
@@ -29,6 +29,7 @@ private:
     std::shared_ptr<const ArmRecursion> arm_;  // null: any change
     JointVector rate_;                         // [Nm/s]
     JointVector largestStep_, last_;           // [Nm]
+    JointVector torqueLimit_;                  // as ArmHardware has it [Nm]
 };
 
 inline constexpr ParameterSpec kMotorRateParameters[] = {
