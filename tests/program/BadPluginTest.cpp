@@ -157,7 +157,9 @@ TEST(Fault49, OfCasesThatRunAtOnceNoneIsToldOfWhatTheProgramHasTaken) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
     const std::string file =
-        folder.write("e.yaml", std::string(kFaultyExperiment) + "  B: {filter: {plugin: leaks, after_ticks: 100}}\n");
+        folder.write("e.yaml", std::string(kFaultyExperiment).substr(0, std::string(kFaultyExperiment).find("cases:")) +
+                                   "cases:\n  A: {filter: {plugin: leaks, after_ticks: 100}}\n"
+                                   "  B: {filter: {plugin: leaks, after_ticks: 100}}\n");
     for (const char* jobs : {"1", "2"}) {
         const Outcome o =
             test::run({"run", file, "--out", folder / jobs, "--no-report", "--jobs", jobs, "--set", "duration_s=0.2"});
@@ -368,7 +370,7 @@ TEST(Fault48, ACrashOutsideOfPluginsNamesTheSuspects) {
 void crashOnceThereIs(const std::string& file, useconds_t later_us) {
     const pid_t program = getpid();
     if (fork() != 0) return;
-    for (int k = 0; k < 100000 && access(file.c_str(), F_OK) != 0; ++k) usleep(100);
+    while (getppid() == program && access(file.c_str(), F_OK) != 0) usleep(100);
     usleep(later_us);
     if (getppid() == program) kill(program, SIGSEGV);
     _exit(0);

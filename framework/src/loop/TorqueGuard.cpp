@@ -326,7 +326,7 @@ struct TorqueGuard::Inside {
         if (options.robustGains) {
             real.motorRate = options.robustGains->motorRate.expand(robot.size());
             real.robustRate = options.robustGains->torqueRate.expand(robot.size());
-            slowest = slowest.cwiseMin(real.motorRate).cwiseMin(real.robustRate);
+            slowest = slowest.cwiseMin(real.motorRate);
         }
         largestReleaseStep = slowest * tick_s;
         loop.emplace(setup, std::move(plugins), real);

@@ -71,7 +71,9 @@ void TorqueSender::reset(const JointVector& q) {
     Impl& in = *impl_;
     in.isRateLimited = false;
     in.last = in.still;
-    if (!in.addsGravity) in.arm.calcTorque(q, in.still, in.still, in.last);
+    if (in.addsGravity) return;
+    in.arm.calcTorque(q, in.still, in.still, in.last);
+    in.last = in.last.cwiseMax(-in.limit).cwiseMin(in.limit);
 }
 
 const JointVector& TorqueSender::send(const JointVector& q, JointVector& torque) {
@@ -80,7 +82,10 @@ const JointVector& TorqueSender::send(const JointVector& q, JointVector& torque)
     if (in.addsGravity) in.arm.calcTorque(q, in.still, in.still, in.gravity);
     for (Eigen::Index i = 0; i < torque.size(); ++i) {
         const double wanted = std::clamp(torque[i], -in.limit[i], in.limit[i]) - in.gravity[i];
-        const double sent = std::clamp(wanted, in.last[i] - in.largestStep[i], in.last[i] + in.largestStep[i]);
+        // The motor's limit comes last: gravity may change faster than the rate.
+        const double sent =
+            std::clamp(std::clamp(wanted, in.last[i] - in.largestStep[i], in.last[i] + in.largestStep[i]),
+                       -in.limit[i] - in.gravity[i], in.limit[i] - in.gravity[i]);
         // What is wanted may have been cut before, by a loop that knows the rate.
         in.isRateLimited |= std::abs(sent - in.last[i]) >= in.largestStep[i] * (1.0 - kLeastCut);
         in.last[i] = sent;

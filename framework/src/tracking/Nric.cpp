@@ -51,8 +51,9 @@ JointVector takeBounds(const PerJoint& bounds, const char* name, int n) {
     return values;
 }
 
-/** Friction to be fed forward, checked. */
-FrictionFeed takeFriction(const FrictionFeed& feed, int n) {
+}  // namespace
+
+FrictionFeed detail::takeFriction(const FrictionFeed& feed, int n) {
     if (!feed.isActive()) return {};
     const JointFriction& f = feed.figures;
     bool isSound = isFinite(f.coulomb, n) && isFinite(f.viscous, n);
@@ -66,8 +67,6 @@ FrictionFeed takeFriction(const FrictionFeed& feed, int n) {
                        "Use scaleFriction(), or leave it out.");
     return feed;
 }
-
-}  // namespace
 
 NricOptions scaleNric(const RobotDescription& robot, const JointLimits& limits, double tick_s) {
     const LinearErrorLoop loop = detail::scaleConstantGains(robot, limits, tick_s);
@@ -121,7 +120,7 @@ void Nric::configure(const RunSetup& setup, const NricOptions& options) {
              takeBounds(options.integralLimit, "integralLimit", n_),
              takeBounds(options.torqueRate, "torqueRate", n_),
              options.inertiaRate,
-             takeFriction(options.friction, n_),
+             detail::takeFriction(options.friction, n_),
              takeBounds(options.motorRate, "motorRate", n_)};
     feedsFriction_ = loop_.friction.isActive();
     if (!(options.inertiaRate > 0.0))
@@ -147,7 +146,9 @@ void Nric::reset(const MotionState& start) {
     lastTorque_.setZero(n_);
     lastMotorTorque_.setZero(n_);
     isIntegralHeld_ = false;
-    if (limitsMotorRate_) arm_->calcTorque(start.q, lastTorque_, lastTorque_, lastMotorTorque_);
+    if (!limitsMotorRate_) return;
+    arm_->calcTorque(start.q, lastTorque_, lastTorque_, lastMotorTorque_);
+    lastMotorTorque_ = lastMotorTorque_.cwiseMax(-torqueLimit_).cwiseMin(torqueLimit_);
 }
 
 /** Of the pose. */

@@ -57,7 +57,7 @@ public:
           kr_(gains.kr.expand(n_)),
           kp_(gains.kp.expand(n_)),
           ki_(gains.ki.expand(n_)),
-          feed_(gains.friction),
+          feed_(detail::takeFriction(gains.friction, robot.size())),
           motion_{takeLargest(limits.velocity), takeLargest(limits.acceleration), takeLargest(limits.jerk)} {
         for (int i = 0; i < n_; ++i) {
             if (std::isfinite(motion_.velocity[i]) && std::isfinite(motion_.acceleration[i])) continue;
@@ -187,10 +187,10 @@ private:
                 throw badInput(place_,
                                "the friction of " + robot_.joints[static_cast<std::size_t>(i)].name + " is not finite",
                                "Correct the robot's figures or friction_scale.");
-            if (!(least > largest)) continue;
+            if (least >= 0.0 && least <= largest) continue;
             throw badInput(place_,
                            "friction_scale_min of " + robot_.joints[static_cast<std::size_t>(i)].name + " is " +
-                               detail::formatNumber(least) + ", above its friction_scale, " +
+                               detail::formatNumber(least) + "; allowed is from 0 to its friction_scale, " +
                                detail::formatNumber(largest),
                            "Give the smallest and the largest factor on the robot's friction figures.");
         }

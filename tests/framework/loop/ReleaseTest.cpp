@@ -334,7 +334,7 @@ TEST(Release, ATorqueGuardWithoutNumbersTakesItsTorqueToZeroEvenly) {
         double rate;
     } const cases[] = {{"no rate", {}, kInfinity},
                        {"the robot's", slowRobot, 400.0},
-                       {"the robust loop's torque", state("robust", 300.0), 300.0},
+                       {"the robust loop's share, not what is sent", state("robust", 300.0), 1000.0},
                        {"the motors', in the robust loop", state("motors", 300.0), 300.0}};
     for (const auto& [name, options, rate] : cases) {
         SCOPED_TRACE(name);

@@ -270,7 +270,7 @@ TEST(TrackingBound, RefusesFrictionThatCannotBe) {
     };
     DisturbanceSet set;
     set.frictionScaleMin = 1.3;
-    expectRefused(set, "is 1.3, above its friction_scale, 1");
+    expectRefused(set, "is 1.3; allowed is from 0 to its friction_scale, 1");
     c.robot.actuation.friction.viscous[1] = NAN;
     expectRefused({}, "the friction of elbow is not finite");
     c = FrictionCase();

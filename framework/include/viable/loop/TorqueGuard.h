@@ -94,7 +94,7 @@ between, whatever law, readings and missed ticks do (with `filter.recovery`: fro
 met); as long as there are readings, the real arm within `largestDeviation` of it, or the arm is stopped.
 Torques that are not finite or beyond the motors' limits never come out. No stop takes a torque away in one tick: where the
 robust loop fails, its share goes to zero evenly in 25 ms, where nothing gives numbers any more (Failed) what is sent does;
-slower where `convention` or robustGains state a rate. A tick is `tick_s` long; what
+slower where `convention` or the motorRate of robustGains state a rate. A tick is `tick_s` long; what
 the clock says enters by missTicks() alone.
 Real time: step() and missTicks() allocate, lock, log and throw nothing (a throwing law costs what
 throwing costs); a step takes about 10 us for six joints on a PC. Constructor and start() are not for

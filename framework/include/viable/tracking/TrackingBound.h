@@ -61,7 +61,7 @@ of motion of both arms: friction, load, mass error, tilt, what the reading and t
 e and de (stiffness, Coriolis, inertia that has changed since), which make the bound a fixed point. The inertia that
 changes enters by parts, integral of K dM edd = - integral of (K dM)' de, so that only as much of it counts as the
 response is long. Coupling between joints is in all of it.
-Assumes: velocities read as the difference of two positions over a tick, positions in whole encoder counts; start at
+Assumes: with a delay the first torque holds from the start on; velocities read as the difference of two positions over a tick, positions in whole encoder counts; start at
 rest; the nominal arm within `limits`; no torque beyond the motors; neither
 Nric's rate nor its integral at their limits; rigid joints. Extremes over poses are those of a fixed sample within the
 position limits (192, gradients at 64, loops at 32) and, for the loops, of a climb from the worst of them to the fastest and
