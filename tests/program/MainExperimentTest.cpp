@@ -72,7 +72,7 @@ TEST(MainExperiment, GeneratedHandMotion) {
     ASSERT_EQ(found.code, 0) << found.err;
     const auto follow = [&](const std::string& scale) {
         const std::string block = "cases.C3.robust_loop={plugin: nric, k_r: 600, k_p: 20, k_i: 8, friction_file: " +
-                                  (folder / "actuation.yaml") + ", friction_scale: " + scale + "}";
+                                  (folder / "actuation.yaml").string() + ", friction_scale: " + scale + "}";
         const test::Outcome run = test::run({"run", "experiments/indy7_teleoperation.yaml", "--case", "C3", "--set",
                                              block, "--out", folder / ("fed" + scale)});
         EXPECT_EQ(run.code, 0) << run.err;
