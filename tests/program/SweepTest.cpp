@@ -315,7 +315,7 @@ TEST_F(Fault76_Sweep, ARunThatTakesAllMemoryCostsNoOther) {
 TEST_F(Sweep, ABrokenGuaranteeOnTheRealArmIsNotOk) {
     const Outcome o =
         test::run({"sweep", "experiments/indy7_sweep.yaml", "--runs", "4", "--shard", "1/2", "--out", folder_ / "s",
-                   "--set", "duration_s=3", "--set", "real_plant.push_Nm=[800,800,0,0,0,0]", "--set",
+                   "--set", "duration_s=3", "--set", "real_plant.push_Nm=[900,900,0,0,0,0]", "--set",
                    "real_plant.push_from_s=2", "--set", "real_plant.push_until_s=2.001"});
     EXPECT_EQ(o.code, 3) << o.err;
     std::map<std::string, int> ends;

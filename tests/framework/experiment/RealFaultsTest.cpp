@@ -166,7 +166,8 @@ TEST(MotorRate, OfWeakMotorsNeverGivesMoreThanTheirLimit) {
         SCOPED_TRACE(engine);
         Experiment e =
             readTestExperiment(kHandLed, {"robot=panda", std::string("real_plant.plugin=") + engine, "duration_s=0.3",
-                                          "real_plant.torque_limit_factor=0.2", "real_plant.motor_rate_Nmps=300"});
+                                          "real_plant.substeps=5", "real_plant.torque_limit_factor=0.2",
+                                          "real_plant.motor_rate_Nmps=300"});
         JointVector& start = e.cases[0].start.q;
         start[1] = 1.2;  // stretched out
         start[3] = -0.5;
