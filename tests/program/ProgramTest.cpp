@@ -159,7 +159,7 @@ TEST(Program, TooLittleMemoryIsToldWithTheRemedy) {
     std::string text = "time_s,a_rad\n";
     for (int i = 0; i < 400000; ++i) text += std::to_string(1e-3 * i) + "," + std::to_string(std::sin(5e-3 * i)) + "\n";
     const Outcome o = test::run({"verify", folder.write("large.csv", text)}, [] {
-        constexpr rlim_t kMost_B = 256 << 20;
+        constexpr rlim_t kMost_B = 192 << 20;
         const rlimit limit{kMost_B, kMost_B};
         setrlimit(RLIMIT_AS, &limit);
     });

@@ -110,8 +110,10 @@ bool isHeldOff(const ErrorCauses& causes) {
     return causes.share(LimitKind::Clearance) >= kCauseShare;
 }
 
-/** "held off by obstacles or by itself, in 80 % of that error": what keeps an arm from its command, where that is no speed. */
-std::string nameCause(const ErrorCauses& causes, const char* otherwise) {
+/** "held off by obstacles or by itself, in 80 % of that error": what keeps an arm from its command, where that is no speed. One that
+swings is at its position limits again and again, which is not why. */
+std::string nameCause(const ErrorCauses& causes, bool swings, const char* otherwise) {
+    if (swings) return otherwise;
     if (isHeldOff(causes))
         return format("held off by the safety distance to obstacles or to itself, in %.0f %% of that error",
                       100.0 * causes.share(LimitKind::Clearance));
@@ -132,7 +134,7 @@ void addCommand(const CaseResult& r, std::vector<std::string>& found) {
     found.push_back(format(
         "the tool %s: %.3g mm and %.3g degrees from it, RMS, where the command itself moves by %.3g mm (%s%s)",
         swings ? "swings about its command" : "misses its command", 1e3 * error, s.toolError().angleRms() / kDegree,
-        1e3 * spread, nameCause(causes, "limits, obstacles or the arm's reach").c_str(),
+        1e3 * spread, nameCause(causes, swings, "limits, obstacles or the arm's reach").c_str(),
         r.controller == "tool_servo" || isHeldOff(causes)
             ? ""
             : "; where it is a jerk limit, tool_servo, which knows it, comes nearer"));
@@ -167,12 +169,13 @@ void addJointCommand(const CaseResult& r, std::vector<std::string>& found) {
     const JointFollowing& f = s.following(missing);
     const ErrorCauses& causes = s.errorCauses(missing);
     const bool swings = !isHeldOff(causes) && f.speedRms() > kSwingingShare * f.targetSpeedRms();
-    found.push_back(
-        name(missing) + (swings ? " swings about its command: " : " misses its command: ") +
-        formatJointMove(r, missing, f.errorRms()) + " from it, RMS, where the command itself moves by " +
-        formatJointMove(r, missing, f.spread()) + " (" + nameCause(causes, "limits, obstacles or a slow controller") +
-        (r.controller == "joint_servo" || isHeldOff(causes) ? ")"
-                                                            : "; joint_servo, which knows the limits, comes nearer)"));
+    found.push_back(name(missing) + (swings ? " swings about its command: " : " misses its command: ") +
+                    formatJointMove(r, missing, f.errorRms()) + " from it, RMS, where the command itself moves by " +
+                    formatJointMove(r, missing, f.spread()) + " (" +
+                    nameCause(causes, swings, "limits, obstacles or a slow controller") +
+                    (r.controller == "joint_servo" || isHeldOff(causes)
+                         ? ")"
+                         : "; joint_servo, which knows the limits, comes nearer)"));
 }
 
 void addChatter(const CaseResult& r, std::vector<std::string>& found) {

@@ -108,8 +108,12 @@ public:
                        "no bound exists: the disturbance that the error itself causes grows faster than the robust "
                        "loop reduces it, mainly: " +
                            worst,
-                       "Raise k_r towards the largest stable value, lower the limits of velocity and acceleration, or "
-                       "state a smaller disturbance_set.");
+                       std::string("Raise k_r towards the largest stable value, lower the limits of velocity and "
+                                   "acceleration, or state a smaller disturbance_set") +
+                           (damping_.maxCoeff() > 0.0 && !set_.isFrictionConstant
+                                ? ": less friction_scale, or `friction: constant_in_a_run` where the factor of the "
+                                  "friction does not change in a run."
+                                : "."));
     }
 
 private:
