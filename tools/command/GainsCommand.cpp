@@ -68,14 +68,17 @@ void run(const GainsArguments& arguments) {
         "`robust_loop: {plugin: nric}` takes these gains by itself.\n"
         "inertia: the least with the other joints free, and the greatest of the joint alone, over all poses; rotors "
         "included.\n"
-        "unstable from k_r: constant gains, the same in all poses, with which the loop just becomes unstable, "
-        "together.\n",
+        "unstable from k_r: a loop with these, the same in all poses and for all joints at once, is at the edge of "
+        "instability.\n",
         loop.inertiaRate, formatMargins(margins).c_str());
     if (arguments.delayTicks == 0) {
         const LinearErrorLoop constant = detail::scaleConstantGains(robot, robot.limits, arguments.tick_s);
-        std::printf("Constant ones, for a tracking bound (margins: %s):\n  robust_loop: {plugin: nric, %s}\n",
-                    formatMargins(calcMargins(robot, robot.limits, arguments.tick_s, 0, constant)).c_str(),
-                    detail::formatGains(constant).c_str());
+        const LoopMargins left = calcMargins(robot, robot.limits, arguments.tick_s, 0, constant);
+        std::printf(
+            "Constant ones, for a tracking bound (margins: %s%s):\n  robust_loop: {plugin: nric, %s}\n",
+            formatMargins(left).c_str(),
+            left.isEnough() ? "" : "; too little for a real arm, whose inertia changes too much from pose to pose",
+            detail::formatGains(constant).c_str());
     }
     if (robot.actuation.rotorInertia.maxCoeff() == 0.0)
         std::printf("No rotor inertias are given (actuation.yaml): with them light joints carry more.\n");

@@ -234,6 +234,7 @@ std::map<std::string, std::string> makeReplacements(const NewRobotArguments& arg
         {"SAFETY", formatValue(draft.task.safety)},
         {"BALL_RADIUS", formatValue(draft.task.radius)},
         {"BALL", formatPoint(draft.task.ball)},
+        {"PAST_BALL", formatPoint(draft.task.pastBall)},
         {"MESHES", draft.meshes.empty()
                        ? "The URDF names no meshes; the report draws its boxes, cylinders and spheres."
                        : "Pictures: the report draws a mesh when its file lies in this folder or below, "

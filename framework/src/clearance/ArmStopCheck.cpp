@@ -168,4 +168,23 @@ void ArmStopCheck::addRows(const JointVector& jerk, const ArmPath& other, const 
     for (int k = 0; k < torque_.faultCount(); ++k) rows_.addTorque(torque_.fault(k), demands.torqueUse, stops, rows);
 }
 
+int ArmStopCheck::findWorstJoint(const Result& found, const JointVector& jerk, const ArmPath& other,
+                                 const JointVector& otherJerk, const Demands& demands) {
+    const StopPair stops{*path_, jerk, other, otherJerk};
+    RowQp::Rows rows;
+    if (!found.isClear) {
+        const std::size_t e = order_.front();
+        const ElementDistance::Place& place = places_[e];
+        if (place.isSeen())
+            rows_.addClearance(place, elements_[e], motion_.getPose(place.sample).frames,
+                               motion_.calcTime(place.sample), demands.ahead[e], stops, rows);
+    } else if (torque_.faultCount() > 0) {
+        rows_.addTorque(torque_.fault(0), demands.torqueUse, stops, rows);
+    }
+    if (rows.count == 0) return -1;
+    Eigen::Index worst = 0;
+    const double most = rows.normal[0].cwiseProduct(otherJerk - jerk).maxCoeff(&worst);
+    return most > 0.0 ? static_cast<int>(worst) : -1;
+}
+
 }  // namespace viable::detail

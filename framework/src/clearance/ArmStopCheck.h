@@ -65,6 +65,10 @@ public:
     @param other  another path from the same state, with `otherJerk`: how the stops move with the jerk is their difference */
     void addRows(const JointVector& jerk, const ArmPath& other, const JointVector& otherJerk, const Demands& demands,
                  RowQp::Rows& rows);
+    /** Of what the last examine() found not to be good, with mustBeGood: the joint that, with the jerk of the other path, would
+    mend most of it, to first order; -1: none would. */
+    int findWorstJoint(const Result& found, const JointVector& jerk, const ArmPath& other, const JointVector& otherJerk,
+                       const Demands& demands);
     /** See SteeringRows::addTick. */
     void addTickRows(const Dynamics& dynamics, const JointVector& qdd, double torqueUse, const JointVector& lastTorque,
                      RowQp::Rows& rows) const {

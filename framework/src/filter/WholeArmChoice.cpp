@@ -37,6 +37,7 @@ WholeArmChoice::WholeArmChoice(const RunSetup& setup, const WholeArmBrakingOptio
       braking_(braking),
       check_(setup.robot, setup.geometry, limits, setup.tick_s),
       demands_(check_.elements(), std::isinf(options.joints.kAlpha) ? 1.0 : options.joints.kAlpha * setup.tick_s),
+      identity_(JointMatrix::Identity(setup.size(), setup.size())),
       stored_(check_.makeResult()),
       best_(check_.makeResult()),
       trial_(check_.makeResult()) {}
@@ -174,11 +175,18 @@ void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics,
                            const JointVector& desired) {
     JointVector from = proposed_;  // what was looked at last
     if (options_.steers && metric) {
+        // Beside rows the change is large; with M's coupling light joints would swing to make up for the torque of those that
+        // are held.
+        const JointMatrix* beside = metric;
+        if (metric == &dynamics.M) {
+            ownInertia_ = dynamics.M.diagonal().asDiagonal();
+            beside = &ownInertia_;
+        }
         rows_.clear();
         for (int round = 0; round < kSteeringRounds; ++round) {
             check_.addRows(from, storedPath_, storedJerk_, demands_.get(), rows_);
             if (round == 0) check_.addTickRows(dynamics, nominal.qdd, demands_.get().torqueUse, lastTorque_, rows_);
-            braking_.propose(metric, desired, &rows_, steered_);
+            braking_.propose(beside, desired, &rows_, steered_);
             if (steered_ == from) break;
             from = steered_;
             if (!isGood(nominal, from, round + 1 < kSteeringRounds)) continue;
@@ -189,6 +197,20 @@ void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics,
     for (int k = 0; k < kRetreats && !hasBest_; ++k) {
         from = (from + storedJerk_) / 2.0;
         if (braking_.isAdmissible(from) && isGood(nominal, from, false)) keepBest(from);
+    }
+    // What holds some joints is not to hold those that have nothing to do with it: one by one, the worst first, they go back,
+    // and the others do what is desired of them; but on the path all are held alike.
+    if (hasBest_ || !options_.steers || !metric) return;
+    braking_.propose(&identity_, desired, nullptr, from);
+    for (int k = 0; k < static_cast<int>(from.size()); ++k) {
+        if (!braking_.isAdmissible(from)) return;
+        if (isGood(nominal, from, false)) {
+            keepBest(from);
+            return;
+        }
+        const int worst = check_.findWorstJoint(trial_, from, storedPath_, storedJerk_, demands_.get());
+        if (worst < 0) return;
+        from[worst] = storedJerk_[worst];
     }
 }
 

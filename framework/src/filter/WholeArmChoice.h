@@ -74,6 +74,8 @@ private:
     std::int64_t tick_ = 0;
 
     StopDemands demands_;
+    const JointMatrix identity_;
+    JointMatrix ownInertia_;  ///< diagonal
     ArmStopCheck::Result stored_, best_, trial_;
     ArmPath path_, storedPath_;
     /** The path that the arm is on since it was chosen, and how far. */

@@ -49,6 +49,8 @@ constexpr double kLeverShare = 1.0 / 3.0;
 /** Of the reach: radius of the ball that is in the way, and its distance from the arm at home. */
 constexpr double kBallShare = 0.06;
 constexpr double kGapShare = 0.02;
+/** How far the hand that meets the ball goes to its sides, as a share of what the hand does. */
+constexpr double kAside = 0.5;
 
 /** A long way of a hand's reach, in shares of how far it goes along each axis, and a long turn [rad]; share of the joints'
 limits that it may need at the home pose. */
@@ -420,24 +422,32 @@ private:
         draft_.task.fastest = roundOff(std::min(draft_.task.fastest, kSlowestHand));
     }
 
-    /** In front of the tool, seen from the base. */
+    /** Along the base axis that leads on from the base to the tool, or along another one where a ball clear of the arm is
+    nearer to the tool. */
     void placeBall(const JointVector& home) {
         DraftTask& task = draft_.task;
         ArmRecursion::Frames frames;
         recursion_.calcFrames(home, frames);
         const Eigen::Vector3d tool = placeTool(frames);
-        Eigen::Vector3d ahead = tool - frames.origin[static_cast<std::size_t>(toolRoot_)];
-        ahead.z() = 0.0;
-        if (ahead.norm() < kBallShare * task.reach) ahead = Eigen::Vector3d::UnitX();
-        ahead.normalize();
-        const double radius = kBallShare * task.reach, free = radius + kGapShare * task.reach + kNear;
         if (!std::isfinite(distances_.calcFrom(tool, home))) return;
-        for (double way = free; way < 2.0 * task.reach; way += 0.01 * task.reach) {
-            if (distances_.calcFrom(tool + way * ahead, home) < free) continue;
-            task.radius = roundOff(radius);
-            task.ball = (tool + way * ahead).unaryExpr([](double x) { return std::round(1e3 * x) / 1e3 + 0.0; });
-            return;
-        }
+        const Eigen::Vector3d ahead = tool - frames.origin[static_cast<std::size_t>(toolRoot_)];
+        Eigen::Index first = 0;
+        ahead.head<2>().cwiseAbs().maxCoeff(&first);
+        const double radius = kBallShare * task.reach, free = radius + kGapShare * task.reach + kNear;
+        double nearest = kInfinity;
+        for (const Eigen::Index axis : {first, 1 - first, Eigen::Index{2}})
+            for (const double side : {1.0, -1.0}) {
+                const Eigen::Vector3d way = (ahead[axis] < 0.0 ? -side : side) * Eigen::Vector3d::Unit(axis);
+                double distance = free;
+                while (distance < nearest && distances_.calcFrom(tool + distance * way, home) < free)
+                    distance += 0.01 * task.reach;
+                if (distance >= nearest) continue;
+                nearest = distance;
+                task.ball = (tool + distance * way).unaryExpr([](double x) { return std::round(1e3 * x) / 1e3 + 0.0; });
+                task.pastBall.setConstant(roundOff(kAside * DraftTask::kHandShare * task.reach));
+                task.pastBall[axis] = roundOff(kLongWay * DraftTask::kHandShare * task.reach);
+            }
+        task.radius = roundOff(radius);
     }
 
     const UrdfRobot& robot_;

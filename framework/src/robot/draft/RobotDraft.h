@@ -69,6 +69,8 @@ struct DraftTask {
     double safety = 0.02;  ///< a safety distance that the arm's own links leave room for [m]
     double radius = 0.0;   ///< of a ball in the way of the tool, clear of the arm at its home pose; 0: no capsules [m]
     Eigen::Vector3d ball = Eigen::Vector3d::Zero();  ///< its centre, base frame [m]
+    /** How far a hand that is to meet it moves along each base axis [m]. */
+    Eigen::Vector3d pastBall = Eigen::Vector3d::Zero();
 };
 
 /** The beginning of a robot folder: what can be taken from a URDF, and what is doubtful in it. */
