@@ -204,7 +204,8 @@ TEST(TrackingBound, KnowsWhetherFrictionJumpsAndWhatIsFedForward) {
     EXPECT_TRUE((constant.position.array() <= jumping.position.array()).all());
     EXPECT_TRUE((constant.velocity.array() < 0.95 * jumping.velocity.array()).all());
     set.frictionScaleMin = 0.9;
-    EXPECT_EQ(c.calc(set).velocity, constant.velocity);  // of no use where nothing is fed forward
+    // Friction that is never less than that damps.
+    EXPECT_TRUE((c.calc(set).velocity.array() < 0.99 * constant.velocity.array()).all());
     c.gains.friction = scaleFriction(c.robot.actuation.friction, 0.95, c.limits, 1e-3);
     const TrackingBound known = c.calc(set);
     EXPECT_TRUE((known.position.array() < 0.6 * constant.position.array()).all())
