@@ -73,6 +73,7 @@ public:
                                " has no limit on velocity or acceleration: no bound without them",
                            "Give both in `limits`.");
         }
+        checkBodies();
         checkFriction(gains);
         // A jerk without limit: from one end of the acceleration to the other in a tick.
         motion_.jerk = motion_.jerk.cwiseMin(2.0 / h_ * motion_.acceleration);
@@ -252,6 +253,22 @@ private:
                                 " is not finite at q = " + detail::formatList(pose.q) + ": no bound can be computed",
                             "Its inertia there is " + detail::formatNumber(pose.M(i, i)) +
                                 " kg m^2: check masses, rotor inertia, friction and gains of this joint.");
+    }
+
+    /** What no robot folder may have, for descriptions that come from elsewhere. */
+    void checkBodies() const {
+        for (int i = 0; i < n_; ++i) {
+            const JointDescription& joint = robot_.joints[static_cast<std::size_t>(i)];
+            const BodyInertia& body = joint.body;
+            const double rotor = robot_.actuation.rotorInertia[i];
+            const bool isBody = std::isfinite(body.mass) && body.inertia.allFinite() &&
+                                (body.mass > 0.0 || (body.mass == 0.0 && body.inertia.isZero()));
+            if (isBody && std::isfinite(rotor) && rotor >= 0.0) continue;
+            throw badInput(place_,
+                           "the body of " + joint.name + " has a mass of " + detail::formatNumber(body.mass) +
+                               " kg, its rotor an inertia of " + detail::formatNumber(rotor) + " kg m^2",
+                           "Both are finite and at least 0; a body without mass has no inertia.");
+        }
     }
 
     void checkFriction(const NricOptions& gains) const {
