@@ -25,6 +25,14 @@ using Eigen::MatrixXd;
 /** Of the fixed point; far below what the sample of poses leaves open. */
 constexpr double kAgreement = 1e-9;
 constexpr int kMaxRounds = 2000;
+/** To find how much less of a source would have a bound. */
+constexpr int kTrials = 5, kTrialRounds = 150;
+/** Both grow with the velocities, of the nominal arm and of the error. */
+constexpr char kDrift[] = "inertia that changes", kOffNominal[] = "dynamics off the nominal pose and speed";
+
+bool isOfMotion(const std::string& source) {
+    return source == kDrift || source == kOffNominal;
+}
 /** A bound beyond this is none [rad, rad/s]. */
 constexpr double kLargestBound = 100.0;
 /** Stable gains are looked for down to this share. */
@@ -95,7 +103,6 @@ public:
 
     TrackingBound make() {
         checkStability();
-        JointVector e = JointVector::Zero(n_), de = e, load = e;
         const JointVector none = JointVector::Zero(n_);
         const std::vector<LoopGains> free = calcAllGains(none);
         std::vector<View> views{{none, true, free}};
@@ -103,23 +110,12 @@ public:
             if (set_.isFrictionConstant) views.push_back({none, false, free});
             views.push_back({damping_, false, calcAllGains(damping_)});
         }
-        // |e|, |de| and the torque carried are bounded by themselves: iterated from zero upwards, the first fixed point
-        // is a bound, for e and de start at zero and change steadily.
-        for (int round = 0; round < kMaxRounds; ++round) {
-            const TrackingBound bound = evaluate(views, e, de, load, false);
-            const double change =
-                std::max((bound.position - e).cwiseAbs().maxCoeff(), (bound.velocity - de).cwiseAbs().maxCoeff());
-            e = bound.position;
-            de = bound.velocity;
-            load = bound.torque;
-            if (!e.allFinite() || !de.allFinite() || e.maxCoeff() > kLargestBound || de.maxCoeff() > kLargestBound)
-                break;
-            if (change <= kAgreement * std::max(1.0, de.maxCoeff())) return evaluate(views, e, de, load, true);
-        }
+        Errors errors;
+        if (findFixedPoint(views, kMaxRounds, errors)) return evaluate(views, errors, true);
         throw badInput(place_,
                        "no bound exists: the disturbance that the error itself causes grows faster than the robust "
-                       "loop reduces it, mainly: " +
-                           findLargestPart(evaluate(views, e, de, load, true)),
+                       "loop reduces it, " +
+                           findCause(views, errors),
                        std::string("Raise k_r towards the largest stable value, lower the limits of velocity and "
                                    "acceleration, or state a smaller disturbance_set") +
                            (damping_.maxCoeff() > 0.0 && !set_.isFrictionConstant
@@ -191,10 +187,54 @@ private:
         return gains;
     }
 
-    static std::string findLargestPart(const TrackingBound& bound) {
-        return std::max_element(bound.parts.begin(), bound.parts.end(),
-                                [](const auto& a, const auto& b) { return a.velocity.sum() < b.velocity.sum(); })
-            ->source;
+    /** What the errors are bounded by, and the torque that the motors carry then. */
+    struct Errors {
+        JointVector e, de, load;
+    };
+
+    /** |e|, |de| and the torque carried are bounded by themselves: iterated from zero upwards, the first fixed point is a bound, for
+    e and de start at zero and change steadily. False: none was found. */
+    bool findFixedPoint(const std::vector<View>& views, int rounds, Errors& errors) const {
+        errors.e = errors.de = errors.load = JointVector::Zero(n_);
+        for (int round = 0; round < rounds; ++round) {
+            const TrackingBound bound = evaluate(views, errors, false);
+            const double change = std::max((bound.position - errors.e).cwiseAbs().maxCoeff(),
+                                           (bound.velocity - errors.de).cwiseAbs().maxCoeff());
+            const bool isFinite = bound.position.allFinite() && bound.velocity.allFinite();
+            if (!isFinite || bound.position.maxCoeff() > kLargestBound || bound.velocity.maxCoeff() > kLargestBound)
+                return false;
+            errors = {bound.position, bound.velocity, bound.torque};
+            if (change <= kAgreement * std::max(1.0, errors.de.maxCoeff())) return true;
+        }
+        return false;
+    }
+
+    bool isReduced(const std::string& source) const {
+        return source == reduced_ || (isOfMotion(source) && isOfMotion(reduced_));
+    }
+
+    /** What has the largest part in errors that grow without end, at which joint, and with how much less of it they would not. */
+    std::string findCause(const std::vector<View>& views, const Errors& errors) {
+        const TrackingBound bound = evaluate(views, errors, true);
+        reduced_ = std::max_element(bound.parts.begin(), bound.parts.end(), [](const auto& a, const auto& b) {
+                       return a.velocity.sum() < b.velocity.sum();
+                   })->source;
+        Eigen::Index joint = 0;
+        bound.velocity.cwiseQuotient(motion_.velocity).maxCoeff(&joint);
+        Errors ignored;
+        const auto exists = [&](double share) {
+            reducedTo_ = share;
+            return findFixedPoint(views, kTrialRounds, ignored);
+        };
+        std::string cause = "mainly: " + reduced_ + ", most at " + robot_.joints[static_cast<std::size_t>(joint)].name;
+        const std::string it = isOfMotion(reduced_) ? "what velocities do to the error" : "it";
+        if (!exists(0.0)) return cause + "; without " + it + " there would still be none";
+        double good = 0.0, bad = 1.0;
+        for (int k = 0; k < kTrials; ++k) {
+            const double share = 0.5 * (good + bad);
+            (exists(share) ? good : bad) = share;
+        }
+        return cause + "; there would be one with " + detail::format("%.2g", good) + " of " + it;
     }
 
     /** Both hold, so does the smaller one of each. */
@@ -337,6 +377,11 @@ private:
         JointVector start;  ///< largest in an arm at rest [Nm]
         bool lasts = true;  ///< more than a moment
         bool jumps = false;
+
+        void scale(double share) {
+            for (JointVector* v : {&torque.lower, &torque.upper, &start}) *v *= share;
+            if (!jumps) rate *= share;
+        }
     };
 
     Source makeJumping(const char* name, const JointVector& size, bool lasts = true) const {
@@ -390,7 +435,7 @@ private:
             makeJumping("external torque", set_.externalTorque_Nm.expand(n_)),
             makeJumping(set_.delayTicks > 0 ? "held and late torque" : "torque held for a tick", heldTorque_, false),
             makeJumping("velocity read half a tick late", calcLateReading(), false),
-            makeJumping("dynamics off the nominal pose and speed", terms.ofError, false),
+            makeJumping(kOffNominal, terms.ofError, false),
         };
     }
 
@@ -475,14 +520,13 @@ private:
 
     /** The bounds that follow when e, de and the torque keep to those given. @param isWhole  with all parts and outputs, else
     those that the next round takes */
-    TrackingBound evaluate(const std::vector<View>& views, const JointVector& e, const JointVector& de,
-                           const JointVector& load, bool isWhole) const {
+    TrackingBound evaluate(const std::vector<View>& views, const Errors& errors, bool isWhole) const {
         TrackingBound bound;
         for (const Phase& phase : phases_) {
-            const Terms terms = calcTerms(phase, e, de);
-            TrackingBound now = evaluate(views.front(), phase, terms, de, load, isWhole);
+            const Terms terms = calcTerms(phase, errors.e, errors.de);
+            TrackingBound now = evaluate(views.front(), phase, terms, errors, isWhole);
             for (std::size_t k = 1; k < views.size(); ++k)
-                takeSmaller(evaluate(views[k], phase, terms, de, load, isWhole), now);
+                takeSmaller(evaluate(views[k], phase, terms, errors, isWhole), now);
             if (phase.number == 0)
                 bound = std::move(now);
             else
@@ -498,16 +542,19 @@ private:
         for (const Source& source : sources)
             if (source.jumps)
                 size += source.start;
-            else if (source.torque.calcLargest().maxCoeff() > 0.0)
+            else if (!(source.torque.calcLargest().array() == 0.0).all())
                 merged.push_back(source);
         merged.push_back(makeJumping("", size));
         return merged;
     }
 
     /** The bounds at the ticks of a phase. */
-    TrackingBound evaluate(const View& view, const Phase& phase, const Terms& terms, const JointVector& de,
-                           const JointVector& load, bool isWhole) const {
-        std::vector<Source> sources = listSources(view, phase, terms, de, load);
+    TrackingBound evaluate(const View& view, const Phase& phase, const Terms& terms, const Errors& errors,
+                           bool isWhole) const {
+        std::vector<Source> sources = listSources(view, phase, terms, errors.de, errors.load);
+        for (Source& source : sources)
+            if (isReduced(source.name)) source.scale(reducedTo_);
+        const double driftShare = isReduced(kDrift) ? reducedTo_ : 1.0;
         if (!isWhole) sources = mergeJumping(sources);
         const JointVector reading = calcReadingError(), late = calcLateReading();
         TrackingBound out;
@@ -515,7 +562,7 @@ private:
         for (const Source& source : sources)
             out.parts.push_back({source.name, source.torque.calcLargest(), zero, zero});
         out.parts.push_back({"encoder", zero, zero, zero});
-        out.parts.push_back({"inertia that changes", zero, zero, zero});
+        out.parts.push_back({kDrift, zero, zero, zero});
         for (JointVector* v : {&out.position, &out.velocity, &out.torque, &out.torqueStep, &out.integralTorque})
             *v = zero;
         const auto take = [](const JointVector& value, JointVector& largest) {
@@ -526,9 +573,10 @@ private:
             const auto raise = [&](JointVector& largest, LoopOutput output) {
                 JointVector total = zero;
                 for (std::size_t k = 0; k < out.parts.size(); ++k) {
-                    const JointVector part = k < sources.size()    ? calcEffect(g, output, phase, sources[k])
-                                             : k == sources.size() ? JointVector(at(g.reading, output) * reading)
-                                                                   : calcDrift(g, output, terms);
+                    const JointVector part = k < sources.size() ? calcEffect(g, output, phase, sources[k])
+                                             : k == sources.size()
+                                                 ? JointVector(at(g.reading, output) * reading)
+                                                 : JointVector(driftShare * calcDrift(g, output, terms));
                     total += part;
                     if (output == LoopOutput::Position) take(part, out.parts[k].position);
                     if (output == LoopOutput::Velocity) take(part, out.parts[k].velocity);
@@ -595,6 +643,8 @@ private:
     detail::MotionSize motion_;
     JointVector slope_;    // of the viscous friction over the velocity, at most [Nms/rad]
     JointVector damping_;  // in the middle of what it can be
+    std::string reduced_;  // a source that is tried to be smaller
+    double reducedTo_ = 1.0;
     std::vector<Phase> phases_;
     std::vector<double> ages_;  // ends of all phases but the last
     JointVector heldTorque_;    // what the motors' torque within a tick lacks of that of the nominal arm

@@ -279,5 +279,28 @@ TEST(TrackingBound, RefusesFrictionThatCannotBe) {
     expectRefused({}, "no bound is known");
 }
 
+// What stands in the way is named, with the joint, and by how much: with a little less of it there is a bound.
+TEST(TrackingBound, TellsWhatStandsInTheWay) {
+    FrictionCase c;
+    DisturbanceSet set;
+    double scale = 1.0;
+    std::string told;
+    while (told.empty() && scale < 1e3) {
+        scale *= 2.0;
+        set.frictionScale = scale;
+        try {
+            c.calc(set);
+        } catch (const Error& e) {
+            told = e.what();
+        }
+    }
+    const std::string share = "most at elbow; there would be one with ";
+    EXPECT_NE(told.find("mainly: "), std::string::npos) << told;
+    ASSERT_NE(told.find(share), std::string::npos) << told;
+    const double less = std::stod(told.substr(told.find(share) + share.size()));
+    EXPECT_GT(less, 0.3) << told;  // half the scale had a bound
+    EXPECT_LT(less, 1.0) << told;
+}
+
 }  // namespace
 }  // namespace viable
