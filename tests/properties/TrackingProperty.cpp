@@ -117,9 +117,11 @@ class TrackingProperty {
 public:
     TrackingProperty(const Options& options, bool looksForPoses)
         : run_(looksForPoses ? "tracking_poses" : "tracking", options), looksForPoses_(looksForPoses) {
-        for (const char* name : {"single_joint", "planar_two_link", "late_two_link", "indy7", "ur5e", "panda"})
+        for (const char* name :
+             {"single_joint", "planar_two_link", "late_two_link", "indy7", "ur5e", "panda", "geared_panda"})
             // One joint is the same in every pose; no constant gains carry a Panda everywhere.
-            if (!looksForPoses || (std::string("single_joint") != name && std::string("panda") != name)) {
+            if (!looksForPoses || (std::string("single_joint") != name && std::string("panda") != name &&
+                                   std::string("geared_panda") != name)) {
                 subjects_.push_back(std::make_unique<Subject>(loadSubject(name, looksForPoses)));
                 subjects_.back()->number = subjects_.size();
             }

@@ -51,8 +51,8 @@ void setLimits(JointLimits& limits, double velocity, double acceleration, double
 Subject loadSubject(const std::string& name, bool anywhere) {
     Subject s;
     s.name = name;
-    s.robot =
-        loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + (name == "late_two_link" ? "planar_two_link" : name));
+    const std::string folder = name == "late_two_link" ? "planar_two_link" : name == "geared_panda" ? "panda" : name;
+    s.robot = loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + folder);
     const int n = s.robot.size();
     s.limits = s.robot.limits;
     JointFriction& friction = s.robot.actuation.friction;
@@ -105,6 +105,16 @@ Subject loadSubject(const std::string& name, bool anywhere) {
         set.payload_kg = 0.2;
         set.massError = 0.02;
         set.externalTorque_Nm = JointVector(0.005 * kr);
+        set.readingError_rad = 1e-6;
+    } else if (name == "geared_panda") {  // with rotors that a public model assumes
+        stayNearHome();
+        setLimits(s.limits, 0.5, 1.0, 10.0);
+        s.robot.actuation.rotorInertia.setConstant(0.1);
+        s.gains = scaleNric(s.robot, s.limits, s.tick_s);
+        set.frictionScale = 1.2;
+        set.payload_kg = 0.08;
+        set.massError = 0.01;
+        set.externalTorque_Nm = JointVector(0.001 * s.gains.kr.expand(n));
         set.readingError_rad = 1e-6;
     } else if (name == "panda") {
         stayNearHome();

@@ -51,6 +51,19 @@ Tensor calcSkewSize(const Tensor& coriolis) {
     return size;
 }
 
+/** The largest of each joint over the samples. `calc` is given a way to contract: where even sizes come to no more than what
+other samples have, signs need not be tried. */
+template <class Samples, class Calc>
+JointVector findLargest(const Samples& samples, Eigen::Index n, const Calc& calc) {
+    JointVector largest = JointVector::Zero(n);
+    for (const auto& sample : samples) {
+        if ((calc(sample, contractSizes).array() <= largest.array()).all()) continue;
+        const JointVector here = calc(sample, contract);
+        largest = largest.binaryExpr(here, &largerOrNan).eval();
+    }
+    return largest;
+}
+
 }  // namespace
 
 void PoseTorques::add(const PoseSample& sample) {
@@ -61,32 +74,22 @@ void PoseTorques::add(const PoseSample& sample) {
 
 JointVector PoseTorques::calcErrorTorque(const JointVector& fastest, const JointVector& e,
                                          const JointVector& de) const {
-    JointVector largest = JointVector::Zero(de.size());
-    for (const Sample& s : samples_) {
-        const JointVector here = s.stiffness * e + contract(s.gyroscopic, fastest, de) + contract(s.coriolis, de, de) +
-                                 contractSizes(s.gyroscopicError, fastest, de) + contractSizes(s.coriolisError, de, de);
-        largest = largest.binaryExpr(here, &largerOrNan).eval();
-    }
-    return largest;
+    return findLargest(samples_, de.size(), [&](const Sample& s, const auto& calc) -> JointVector {
+        return s.stiffness * e + calc(s.gyroscopic, fastest, de) + calc(s.coriolis, de, de) +
+               contractSizes(s.gyroscopicError, fastest, de) + contractSizes(s.coriolisError, de, de);
+    });
 }
 
 JointVector PoseTorques::calcInertiaRate(const JointVector& fastest, const JointVector& de) const {
-    JointVector largest = JointVector::Zero(de.size());
-    for (const Sample& s : samples_) {
-        const JointVector here = contract(s.gradient, fastest, de) + contractSizes(s.gradientError, fastest, de);
-        largest = largest.binaryExpr(here, &largerOrNan).eval();
-    }
-    return largest;
+    return findLargest(samples_, de.size(), [&](const Sample& s, const auto& calc) -> JointVector {
+        return calc(s.gradient, fastest, de) + contractSizes(s.gradientError, fastest, de);
+    });
 }
 
 JointVector PoseTorques::calcTorqueRate(const JointVector& v, const JointVector& a) const {
-    JointVector largest = JointVector::Zero(v.size());
-    for (const Sample& s : samples_) {
-        const JointVector here =
-            s.stiffness * v + 2.0 * (contract(s.coriolis, v, a) + contractSizes(s.coriolisError, v, a));
-        largest = largest.binaryExpr(here, &largerOrNan).eval();
-    }
-    return largest;
+    return findLargest(samples_, v.size(), [&](const Sample& s, const auto& calc) -> JointVector {
+        return s.stiffness * v + 2.0 * (calc(s.coriolis, v, a) + contractSizes(s.coriolisError, v, a));
+    });
 }
 
 }  // namespace viable::detail

@@ -234,7 +234,8 @@ private:
             const double share = 0.5 * (good + bad);
             (exists(share) ? good : bad) = share;
         }
-        return cause + "; there would be one with " + detail::format("%.2g", good) + " of " + it;
+        return cause + "; there would be one with " +
+               (good > 0.0 ? detail::format("%.2g", good) : "less than " + detail::format("%.2g", bad)) + " of " + it;
     }
 
     /** Both hold, so does the smaller one of each. */
