@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <exception>
 
 #include "core/Text.h"
 #include "tracking/ArmExtremes.h"
@@ -81,11 +82,19 @@ public:
                                " has no limit on velocity or acceleration: no bound without them",
                            "Give both in `limits`.");
         }
+        checkSet();
         checkBodies();
         checkFriction(gains);
         // A jerk without limit: from one end of the acceleration to the other in a tick.
         motion_.jerk = motion_.jerk.cwiseMin(2.0 / h_ * motion_.acceleration);
-        arm_ = detail::findArmExtremes(robot, limits, motion_, set, kr_, place);
+        try {
+            arm_ = detail::findArmExtremes(robot, limits, motion_, set, kr_, place);
+        } catch (const Error&) {
+            throw;
+        } catch (const std::exception& e) {  // of Simbody, for bodies that cannot be
+            throw badInput(place, std::string("the arm has no dynamics: ") + e.what(),
+                           "Correct masses and inertias of the robot, or mass_error and payload_kg of the set.");
+        }
         if (!feed_.isActive()) {
             const JointFriction& f = robot.actuation.friction;
             feed_ = {{JointVector::Zero(n_), JointVector::Zero(n_), f.viscousVelocity}, JointVector::Ones(n_)};
@@ -294,6 +303,19 @@ private:
                                 " is not finite at q = " + detail::formatList(pose.q) + ": no bound can be computed",
                             "Its inertia there is " + detail::formatNumber(pose.M(i, i)) +
                                 " kg m^2: check masses, rotor inertia, friction and gains of this joint.");
+    }
+
+    /** Likewise of a set: what is not a number would count as none. */
+    void checkSet() const {
+        const auto isSize = [](double x) { return std::isfinite(x) && x >= 0.0; };
+        bool isSound = isSize(set_.payload_kg) && isSize(set_.payloadOffset_m) && isSize(set_.baseTilt_rad) &&
+                       isSize(set_.readingError_rad) && isSize(set_.breakawayRatio) && set_.delayTicks >= 0;
+        for (const PerJoint* sizes :
+             {&set_.loadFriction, &set_.massError, &set_.torqueRipple_Nm, &set_.externalTorque_Nm})
+            for (const double x : sizes->expand(n_)) isSound &= isSize(x);
+        if (!isSound)
+            throw badInput(place_, "a number of the disturbance_set is below 0 or not finite",
+                           "Give sizes that are finite and at least 0.");
     }
 
     /** What no robot folder may have, for descriptions that come from elsewhere. */
