@@ -136,6 +136,23 @@ TEST(RealLimits, TwoHundredDrawsWithinTheSetKeepTheLimitsOfTheRealArm) {
     EXPECT_EQ(findLargest("motor.saturated_ticks"), 0.0);
 }
 
+// Two more arms at the edge of their sets, with set-points beyond the limits; and beyond the set.
+TEST(RealLimits, OtherArmsKeepThemToo) {
+    const Beyond beyond[] = {{"two_link_real_limits", {"real_plant.payload_kg=1"}},
+                             {"ur5e_real_limits", {"real_plant.payload_kg=2"}}};
+    for (const Beyond& arm : beyond) {
+        const CaseResult result = ProjectExperiment(arm.name, {}).run("real_joint");
+        EXPECT_EQ(result.exitCode(), 0) << arm.name << ": " << result.stopMessage;
+        EXPECT_FALSE(isRealOutside(result)) << arm.name;
+        std::printf("  %-24s share of the bound %.3f\n", arm.name, findShare(result));
+        EXPECT_LT(findShare(result), 1.0) << arm.name;
+        EXPECT_GT(findShare(result), 0.2) << arm.name << ": the bound is of little use";
+        const CaseResult tripped = ProjectExperiment(arm.name, arm.overrides).run("real_joint");
+        EXPECT_EQ(tripped.exitCode(), 6) << arm.name;
+        EXPECT_FALSE(isRealOutside(tripped)) << arm.name;
+    }
+}
+
 TEST(BoundCommand, ShowsTheBoundAndWhatItConsistsOf) {
     const test::Outcome told = test::Program({"bound", "experiments/indy7_real_limits.yaml"}).wait();
     ASSERT_EQ(told.code, 0) << told.err;

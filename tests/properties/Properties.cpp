@@ -1,9 +1,9 @@
 // Property tests of certified braking: random limits, random arms, adversarial input, millions of joint steps.
 //
-//     viable_properties limits|recovery|changing_limits|stops|monitor|obstacles|references|any_arm|tracking|tracking_poses [--steps N] [--seed S] [--arm K]
+//     viable_properties limits|recovery|changing_limits|stops|monitor|obstacles|references|any_arm|tracking|tracking_poses|bound [--steps N] [--seed S] [--arm K]
 //
 // --steps counts joint steps (joints times ticks), 20,000,000 by default; the long mode is --steps 1e9. For `stops` it
-// counts random viable states. A run is a function of its seed, an arm of seed and its number.
+// counts random viable states, for `bound` joints. A run is a function of its seed, an arm of seed and its number.
 // Exit code 0: no violation; 1: at least one, the first is printed in full; others: wrong arguments.
 
 #include "Properties.h"
@@ -62,7 +62,8 @@ int main(int argc, char** argv) {
                                                                            {"references", checkReferences},
                                                                            {"any_arm", checkAnyArm},
                                                                            {"tracking", checkTracking},
-                                                                           {"tracking_poses", checkTrackingPoses}};
+                                                                           {"tracking_poses", checkTrackingPoses},
+                                                                           {"bound", checkBound}};
     std::vector<std::string> names;
     for (const auto& property : properties) names.push_back(property.first);
     std::string name;

@@ -40,4 +40,8 @@ bool checkTracking(const Options& options);
 /** The same at rest, in poses that are looked for: those of the bound's sample are not the worst. */
 bool checkTrackingPoses(const Options& options);
 
+/** Random arms, gains and disturbance sets, also with figures that cannot be: the TrackingBound is finite and positive, or
+refused with a reason. */
+bool checkBound(const Options& options);
+
 }  // namespace viable

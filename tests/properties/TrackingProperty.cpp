@@ -45,6 +45,7 @@ struct Scenario {
     bool isMoving;
     JointLimits limits;
     DisturbanceSet set;
+    NricOptions gains;
     std::optional<TrackingBound> bound;
     std::string refusal;
     double bound_s = 0.0;  ///< that its calculation took
@@ -62,13 +63,14 @@ struct Scenario {
         : subject(&of), kind(kind_), isMoving(moves), limits(of.limits), set(select(of.all, kind_)) {
         // At rest nothing but the disturbance is to count.
         if (!moves) setLimits(limits, 1e-3, 1e-3, 1e-3);
+        gains = selectGains(of, limits, kind);
     }
     int size() const { return subject->robot.size(); }
     void prepare() {
         if (bound || !refusal.empty()) return;
         const auto begin = std::chrono::steady_clock::now();
         try {
-            bound = calcTrackingBound(subject->robot, limits, subject->tick_s, subject->gains, set, "the property");
+            bound = calcTrackingBound(subject->robot, limits, subject->tick_s, gains, set, "the property");
         } catch (const Error& e) {
             refusal = e.what();
         }
@@ -115,17 +117,19 @@ class TrackingProperty {
 public:
     TrackingProperty(const Options& options, bool looksForPoses)
         : run_(looksForPoses ? "tracking_poses" : "tracking", options), looksForPoses_(looksForPoses) {
-        for (const char* name : {"single_joint", "planar_two_link", "indy7", "ur5e", "panda"})
+        for (const char* name :
+             {"single_joint", "planar_two_link", "late_two_link", "indy7", "ur5e", "panda", "geared_panda"})
             // One joint is the same in every pose; no constant gains carry a Panda everywhere.
-            if (!looksForPoses || (std::string("single_joint") != name && std::string("panda") != name)) {
+            if (!looksForPoses || (std::string("single_joint") != name && std::string("panda") != name &&
+                                   std::string("geared_panda") != name)) {
                 subjects_.push_back(std::make_unique<Subject>(loadSubject(name, looksForPoses)));
                 subjects_.back()->number = subjects_.size();
             }
         // What says most comes first, for short runs.
         for (const auto& [kind, moves] :
              {std::pair{Kind::Friction, true}, std::pair{Kind::Pushes, false}, std::pair{Kind::Readings, false},
-              std::pair{Kind::All, true}, std::pair{Kind::Payload, false}, std::pair{Kind::Pushes, true},
-              std::pair{Kind::Payload, true}})
+              std::pair{Kind::All, true}, std::pair{Kind::Payload, false}, std::pair{Kind::Known, true},
+              std::pair{Kind::Pushes, true}, std::pair{Kind::Payload, true}, std::pair{Kind::Constant, true}})
             for (const auto& subject : subjects_)
                 if (!looksForPoses || !moves) scenarios_.emplace_back(*subject, kind, moves);
     }
@@ -173,8 +177,13 @@ private:
         }
         const FrictionRange range = findFrictionRange(s.set, n);
         JointVector constant = range.largest;
-        if (random.chance(0.3))
-            for (int i = 0; i < n; ++i) constant[i] = random.uniform(range.least[i], range.largest[i]);
+        const bool isBetween = random.chance(0.3), isMixed = random.chance(0.5);
+        for (int i = 0; i < n; ++i) {
+            if (isBetween)
+                constant[i] = random.uniform(range.least[i], range.largest[i]);
+            else if (isMixed && random.chance(0.5))
+                constant[i] = range.least[i];
+        }
         return {std::move(robot), constant};
     }
 
@@ -287,7 +296,7 @@ private:
     LinearLoop makeLoop(const Scenario& s, const RobotDescription& real, const JointVector& q,
                         const JointVector& damping) const {
         const int n = s.size();
-        const NricOptions& g = s.subject->gains;
+        const NricOptions& g = s.gains;
         return {calcInertia(real, q), damping,           g.kr.expand(n),  g.kp.expand(n),
                 g.ki.expand(n),       s.subject->tick_s, s.set.delayTicks};
     }
@@ -346,7 +355,7 @@ private:
         Nric nric;
         RunSetup setup{robot, s.limits, h, ticks * h, motion.states.front(), {}};
         setup.delayTicks = s.set.delayTicks;
-        nric.configure(setup, s.subject->gains);
+        nric.configure(setup, s.gains);
         std::vector<JointVector> sent;
         Outcome out;
         JointState read{motion.states.front().q, JointVector::Zero(n)};
@@ -614,6 +623,12 @@ private:
             std::printf("\n");
             if (!s.isMoving && s.kind == Kind::Pushes)
                 reached = std::min(reached, std::max(s.worst[0].ratio, s.worst[1].ratio));
+        }
+        const auto visits = [](const Scenario& s) { return s.bound || !s.refusal.empty(); };
+        if (run_.arm() > 2 * static_cast<std::int64_t>(scenarios_.size()) &&
+            !std::all_of(scenarios_.begin(), scenarios_.end(), visits)) {
+            std::printf("INCOMPLETE: a long run has not visited every scenario\n");
+            return false;
         }
         if (run_.options().arm == 0 && reached < kReached) {
             std::printf("WEAK: pushes on an arm at rest come to %.3g of the bound; expected at least %.3g\n", reached,

@@ -22,6 +22,10 @@ const char* getName(Kind kind) {
     switch (kind) {
         case Kind::Friction:
             return "friction";
+        case Kind::Constant:
+            return "constant";
+        case Kind::Known:
+            return "known";
         case Kind::Pushes:
             return "pushes";
         case Kind::Payload:
@@ -47,7 +51,8 @@ void setLimits(JointLimits& limits, double velocity, double acceleration, double
 Subject loadSubject(const std::string& name, bool anywhere) {
     Subject s;
     s.name = name;
-    s.robot = loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + name);
+    const std::string folder = name == "late_two_link" ? "planar_two_link" : name == "geared_panda" ? "panda" : name;
+    s.robot = loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + folder);
     const int n = s.robot.size();
     s.limits = s.robot.limits;
     JointFriction& friction = s.robot.actuation.friction;
@@ -69,6 +74,16 @@ Subject loadSubject(const std::string& name, bool anywhere) {
         set.externalTorque_Nm = 3.0;
         set.torqueRipple_Nm = 1.0;
         set.readingError_rad = 2e-6;
+    } else if (name == "late_two_link") {
+        setLimits(s.limits, 0.5, 2.0, 20.0);
+        set.delayTicks = 2;
+        s.gains = scaleNric(s.robot, s.limits, s.tick_s);
+        s.gains.kr = JointVector(0.3 * s.gains.kr.expand(n));
+        set.frictionScale = 0.1;
+        set.payload_kg = 0.05;
+        set.massError = 0.01;
+        set.externalTorque_Nm = expand({0.3, 0.05});
+        set.readingError_rad = 1e-5;
     } else if (name == "planar_two_link") {
         setLimits(s.limits, 0.5, 2.0, 20.0);
         s.gains = scaleNric(s.robot, s.limits, s.tick_s);
@@ -90,6 +105,16 @@ Subject loadSubject(const std::string& name, bool anywhere) {
         set.payload_kg = 0.2;
         set.massError = 0.02;
         set.externalTorque_Nm = JointVector(0.005 * kr);
+        set.readingError_rad = 1e-6;
+    } else if (name == "geared_panda") {  // with rotors that a public model assumes
+        stayNearHome();
+        setLimits(s.limits, 0.5, 1.0, 10.0);
+        s.robot.actuation.rotorInertia.setConstant(0.1);
+        s.gains = scaleNric(s.robot, s.limits, s.tick_s);
+        set.frictionScale = 1.2;
+        set.payload_kg = 0.08;
+        set.massError = 0.01;
+        set.externalTorque_Nm = JointVector(0.001 * s.gains.kr.expand(n));
         set.readingError_rad = 1e-6;
     } else if (name == "panda") {
         stayNearHome();
@@ -118,10 +143,28 @@ Subject loadSubject(const std::string& name, bool anywhere) {
     return s;
 }
 
+namespace {
+
+/** What is known of the friction lies in the middle between the largest and the least factor, 20 % from both. */
+constexpr double kKnownLeast = 0.8 / 1.2, kKnownMiddle = 1.0 / 1.2;
+
+}  // namespace
+
+NricOptions selectGains(const Subject& subject, const JointLimits& limits, Kind kind) {
+    NricOptions gains = subject.gains;
+    if (kind == Kind::Known) {
+        const JointVector scale = kKnownMiddle * subject.all.frictionScale.expand(subject.robot.size());
+        gains.friction = scaleFriction(subject.robot.actuation.friction, scale, limits, subject.tick_s);
+    }
+    return gains;
+}
+
 DisturbanceSet select(const DisturbanceSet& all, Kind kind) {
     DisturbanceSet set = all;
     if (kind == Kind::All) return set;
-    if (kind != Kind::Friction) {
+    set.isFrictionConstant = kind == Kind::Constant || kind == Kind::Known;
+    if (kind == Kind::Known) set.frictionScaleMin = kKnownLeast * set.frictionScale[0];
+    if (kind != Kind::Friction && !set.isFrictionConstant) {
         set.frictionScale = set.loadFriction = 0.0;
         set.breakawayRatio = 1.0;
     }

@@ -8,7 +8,15 @@
 namespace viable {
 
 /** What disturbs in a run. */
-enum class Kind { Friction, Pushes, Payload, Readings, All };
+enum class Kind {
+    Friction,  ///< its factor jumps
+    Constant,  ///< friction of a factor that stays
+    Known,     ///< such friction, known to 20 % and fed forward
+    Pushes,
+    Payload,
+    Readings,
+    All
+};
 
 const char* getName(Kind kind);
 
@@ -32,6 +40,8 @@ Subject loadSubject(const std::string& name, bool anywhere);
 
 /** Of a set what is of one kind; the delay stays. */
 DisturbanceSet select(const DisturbanceSet& all, Kind kind);
+/** A subject's gains, with what is fed forward in a kind. */
+NricOptions selectGains(const Subject& subject, const JointLimits& limits, Kind kind);
 
 /** The factor on a robot's friction figures: what it may be, and whether it may jump. */
 struct FrictionRange {

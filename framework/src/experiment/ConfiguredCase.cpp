@@ -7,6 +7,7 @@
 #include "experiment/StartCheck.h"
 #include "filter/FilterChain.h"
 #include "host/ProcessGuard.h"
+#include "tracking/InertiaSample.h"
 #include "viable/core/Error.h"
 #include "viable/simulation/ArmHardware.h"
 
@@ -123,12 +124,7 @@ void checkErrorLoop(const LinearErrorLoop& loop, int n, const std::string& title
         isSound &= limits->size() == n && (limits->array() > 0.0).all();
     isSound &= loop.inertiaRate > 0.0;
     if (loop.motorRate.size() > 0) isSound &= loop.motorRate.size() == n && (loop.motorRate.array() > 0.0).all();
-    if (const FrictionFeed& feed = loop.friction; feed.isActive()) {
-        for (const JointVector* sizes : {&feed.figures.coulomb, &feed.figures.viscous})
-            isSound &= isFinite(*sizes, n) && (sizes->array() >= 0.0).all();
-        for (const JointVector* speeds : {&feed.figures.viscousVelocity, &feed.speed})
-            isSound &= isFinite(*speeds, n) && (speeds->array() > 0.0).all();
-    }
+    isSound &= detail::isSound(loop.friction, n);
     if (!isSound)
         throw Error(
             ErrorKind::PluginFailed, title, "gave an error loop of the wrong size or with numbers that it cannot have",

@@ -208,16 +208,50 @@ JointVector climb(JointVector q, const JointBounds& range, const Figure& figure)
     return q;
 }
 
-/** The largest rate of the torque by which `arm` and `other` differ in motion; `here` is that difference. */
-JointVector calcRate(Arm& arm, Arm& other, const JointVector& q, const Terms& here, const MotionSize& motion) {
-    const auto n = static_cast<int>(q.size());
-    JointVector rate = here.calcRate(motion);
-    for (int j = 0; j < n; ++j) {
-        const JointVector moved = q + kStep * JointVector(JointVector::Unit(n, j));
-        const Terms there = arm.calcTerms(moved) - other.calcTerms(moved);
-        rate += motion.velocity[j] / kStep * (there - here).calcTorque(motion);
+/** An arm's terms at a pose and a step of each joint beside it. */
+struct TermsAround {
+    Terms here;
+    std::vector<Terms> beside;
+
+    TermsAround operator-(const TermsAround& other) const {
+        TermsAround d{here - other.here, {}};
+        for (std::size_t j = 0; j < beside.size(); ++j) d.beside.push_back(beside[j] - other.beside[j]);
+        return d;
     }
-    return rate;
+    PoseTensors calcTensors(const MotionSize& motion) const {
+        const auto n = static_cast<int>(here.c.size());
+        PoseTensors t{{}, {}, MatrixXd(n, n)};
+        for (int k = 0; k < n; ++k) {
+            const Terms change = beside[static_cast<std::size_t>(k)] - here;
+            t.gradient.emplace_back(change.M / kStep);
+            t.coriolis.push_back(here.calcChristoffel(k));
+            t.stiffness.col(k) = change.calcTorque(motion) / kStep;
+        }
+        return t;
+    }
+    /** The largest rate of M qdd + b in motion. */
+    JointVector calcRate(const MotionSize& motion) const {
+        JointVector rate = here.calcRate(motion);
+        for (std::size_t j = 0; j < beside.size(); ++j)
+            rate += motion.velocity[static_cast<Eigen::Index>(j)] / kStep * (beside[j] - here).calcTorque(motion);
+        return rate;
+    }
+};
+
+TermsAround calcTermsAround(Arm& arm, const JointVector& q, const Terms& here) {
+    TermsAround t{here, {}};
+    for (int j = 0; j < q.size(); ++j)
+        t.beside.push_back(arm.calcTerms(q + kStep * JointVector(JointVector::Unit(q.size(), j))));
+    return t;
+}
+
+/** Of each entry the share times its size. */
+void addSize(const PoseTensors& from, double share, PoseTensors& sum) {
+    for (std::size_t k = 0; k < from.gradient.size(); ++k) {
+        sum.gradient[k] += share * from.gradient[k].cwiseAbs();
+        sum.coriolis[k] += share * from.coriolis[k].cwiseAbs();
+    }
+    sum.stiffness += share * from.stiffness;
 }
 
 }  // namespace
@@ -228,9 +262,7 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
     const MatrixXd none = MatrixXd::Zero(n, n);
     const JointVector zero = JointVector::Zero(n);
     ArmExtremes x;
-    x.inertia = x.stiffness = none;
-    x.gradient.assign(static_cast<std::size_t>(n), none);
-    x.coriolis = x.gyroscopic = x.gradient;
+    x.inertia = none;
     x.nominalTorque = zero;
     x.massError = x.payload = x.tilt = TorqueRange::within(zero);
     if (set.payload_kg > 0.0) x.payload = {JointVector::Constant(n, INFINITY), JointVector::Constant(n, -INFINITY)};
@@ -270,24 +302,39 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
         checkFinite(own, q, robot, source);
         raise(x.nominalTorque, own.calcTorque(motion));
         const bool takesGradient = pose < kGradientPoses;
+        TermsAround ownAround;
+        PoseTensors massTensors;
+        if (takesGradient) {
+            ownAround = calcTermsAround(nominal, q, own);
+            const Tensor nothing(static_cast<std::size_t>(n), none);
+            massTensors = {nothing, nothing, none};
+        }
         JointVector massTorque = zero, massRate = zero, massWeight = zero;
         for (const auto& [joint, arm] : doubled) {
-            const Terms body = arm->calcTerms(q) - own;
+            const Terms terms = arm->calcTerms(q), body = terms - own;
             massTorque += error[joint] * body.calcTorque(motion);
             massWeight += error[joint] * body.gravity.cwiseAbs();
-            if (takesGradient) massRate += error[joint] * calcRate(*arm, nominal, q, body, motion);
+            if (!takesGradient) continue;
+            const TermsAround around = calcTermsAround(*arm, q, terms) - ownAround;
+            massRate += error[joint] * around.calcRate(motion);
+            addSize(around.calcTensors(motion), error[joint], massTensors);
         }
         raise(x.massError.upper, massTorque);
         raise(x.massErrorRate, massRate);
         raise(x.massErrorWeight, massWeight);
+        // What changes with the pose is affine in the payload and in each body's mass.
+        if (takesGradient) x.torques.add({ownAround.calcTensors(motion), massTensors});
         for (const auto& arm : loaded) {
-            const Terms load = arm->calcTerms(q) - own;
+            const Terms terms = arm->calcTerms(q), load = terms - own;
             checkFinite(load, q, robot, source);
             const JointVector torque = load.calcMotionTorque(motion);
             raise(x.payloadWeight, load.gravity);
             x.payload.lower = x.payload.lower.cwiseMin(-load.gravity - torque);
             x.payload.upper = x.payload.upper.cwiseMax(-load.gravity + torque);
-            if (takesGradient) raise(x.payloadRate, calcRate(*arm, nominal, q, load, motion));
+            if (!takesGradient) continue;
+            const TermsAround around = calcTermsAround(*arm, q, terms);
+            raise(x.payloadRate, (around - ownAround).calcRate(motion));
+            x.torques.add({around.calcTensors(motion), massTensors});
         }
         for (std::size_t k = 0; k < tilted.down.size(); ++k) {
             raise(x.tilt.upper, tilted.calcTorque(k, q, gravity, set.baseTilt_rad));
@@ -307,21 +354,6 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
             greatest[load] = greatest[load].cwiseMax(MatrixXd(M));
             const bool isNominal = load + 1 == arms.size() && arms.size() > 1;
             if (pose < kLoopPoses && !isNominal) x.inertias.push_back({q, M});
-            if (!takesGradient) continue;
-            const Terms here = arm.calcTerms(q);
-            checkFinite(here, q, robot, source);
-            for (int k = 0; k < n; ++k) {
-                const MatrixXd C = here.calcChristoffel(k);
-                raise(x.coriolis[static_cast<std::size_t>(k)], C);
-                raise(x.gyroscopic[static_cast<std::size_t>(k)], C.transpose() - C);
-            }
-            for (int j = 0; j < n; ++j) {
-                const Terms change = arm.calcTerms(q + kStep * JointVector(JointVector::Unit(n, j))) - here;
-                raise(x.gradient[static_cast<std::size_t>(j)], change.M / kStep);
-                auto stiffness = x.stiffness.col(j);
-                const Eigen::VectorXd slope = change.calcTorque(motion) / kStep;
-                stiffness = stiffness.binaryExpr(slope, &largerOrNan).eval();
-            }
         }
     }
     // A loop is nearest to instability, and a joint moves most easily, in poses that a sample hardly meets: near singular ones.

@@ -1,22 +1,14 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cmath>
 #include <string>
 #include <vector>
 
 #include "tracking/InertiaSample.h"
+#include "tracking/PoseTorques.h"
 #include "viable/tracking/TrackingBound.h"
 
 namespace viable::detail {
-
-/** The larger and the smaller of two numbers, NaN where one of them is: for extremes that must not lose it. */
-inline double largerOrNan(double a, double b) {
-    return a < b || std::isnan(b) ? b : a;
-}
-inline double smallerOrNan(double a, double b) {
-    return a > b || std::isnan(b) ? b : a;
-}
 
 /** Joint torques from lower to upper [Nm]. */
 struct TorqueRange {
@@ -29,15 +21,11 @@ struct TorqueRange {
 /** Sizes of what appears in the equations of motion of nominal and real arm, over a sample of poses and, in closed form,
 all velocities and accelerations within limits. */
 struct ArmExtremes {
-    std::vector<PoseInertia> inertias;      ///< of real arms, light and heavy ones
-    Eigen::MatrixXd inertia;                ///< largest |M_ij|, as all that follows of light, heavy and nominal arm
-    Eigen::MatrixXd inertiaRange;           ///< largest change of M_ij from pose to pose
-    std::vector<Eigen::MatrixXd> gradient;  ///< k: largest |dM_ij/dq_k| [kg m^2/rad]
-    /** With C(q, v) of the Christoffel symbols, b - gravity = C(q, qd) qd. */
-    std::vector<Eigen::MatrixXd> coriolis;    ///< k: largest |dC_ij/dv_k|
-    std::vector<Eigen::MatrixXd> gyroscopic;  ///< k: largest |d(C' - C)_ij/dv_k|
-    Eigen::MatrixXd stiffness;                ///< largest |d(M qdd + b)_i / dq_j| [Nm/rad]
-    JointVector nominalTorque;                ///< largest |M qdd + b| of the nominal arm [Nm]
+    std::vector<PoseInertia> inertias;  ///< of real arms, light and heavy ones
+    Eigen::MatrixXd inertia;            ///< largest |M_ij|, as all that follows of light, heavy and nominal arm
+    Eigen::MatrixXd inertiaRange;       ///< largest change of M_ij from pose to pose
+    PoseTorques torques;                ///< of real arms
+    JointVector nominalTorque;          ///< largest |M qdd + b| of the nominal arm [Nm]
     /** What each takes from the torque that moves the arm. The payload: the whole of it; a smaller one takes that share,
     in a run always the same, and does less. */
     TorqueRange massError, payload, tilt;

@@ -18,6 +18,8 @@ constexpr int kStepsPerStride = 256;
 constexpr int kStrideFactor = 4;
 /** The response is followed until a whole round adds no more than this share to any gain. */
 constexpr double kRemainder = 1e-6;
+/** Of sums of ticks. */
+constexpr double kRounding = 1e-9;
 constexpr int kMaxRounds = 12;  // 256 x 4^12 ticks: months
 
 /** The loop as x' = A x + B n with x = (e, de, e_m before, sum of e_m dt, torques on their way), n the reading error;
@@ -128,13 +130,15 @@ std::complex<double> calcOutermostPole(const FrozenLoop& loop) {
     return modes.eigenvalues()[outermost];
 }
 
-LoopGains calcGains(const FrozenLoop& loop) {
+LoopGains calcGains(const FrozenLoop& loop, const std::vector<double>& ages) {
     const Loop maker(loop);
     const StateSpace s = maker.make();
     const int n = static_cast<int>(loop.kp.size());
     const double h = loop.tick_s;
     LoopGains gains;
     for (auto* all : {&gains.torque, &gains.step, &gains.ramp, &gains.reading}) all->fill(MatrixXd::Zero(n, n));
+    gains.earlyTorque.assign(ages.size(), gains.torque);
+    gains.lateStep.assign(ages.size(), gains.step);
 
     // A unit impulse of torque just before a tick leaves de = M^-1; one within the tick before a state nearly affine in
     // its age, up to that a tick later: so the ticks tell all.
@@ -169,6 +173,8 @@ LoopGains calcGains(const FrozenLoop& loop) {
     goal.fill(MatrixXd::Zero(n, n));
     at(goal, LoopOutput::Torque) = -MatrixXd::Identity(n, n);
 
+    std::size_t asked = 0;  // ages that are passed
+    LoopGains::PerOutput last;
     double age = 0.0, stride = 1.0;
     for (int round = 0; round < kMaxRounds; ++round) {
         const LoopGains::PerOutput before = gains.torque;
@@ -188,16 +194,23 @@ LoopGains calcGains(const FrozenLoop& loop) {
             at(level, LoopOutput::TorqueStep) += s.C * push;
             pushed = pushedPower * pushed;
             age += stride * h;
+            std::size_t reached = asked;
+            while (reached < ages.size() && age >= ages[reached] * (1.0 - kRounding)) ++reached;
             for (std::size_t k = 0; k < kLoopOutputs; ++k) {
                 gains.torque[k] += stride * h / 2.0 * (begin[k].cwiseAbs() + end[k].cwiseAbs());
                 gains.step[k] = gains.step[k].cwiseMax(level[k].cwiseAbs());
+                last[k] = level[k].cwiseAbs();
+                // Those that are older than the youngest asked age that they pass.
+                if (reached > 0) gains.lateStep[reached - 1][k] = gains.lateStep[reached - 1][k].cwiseMax(last[k]);
+                for (std::size_t i = asked; i < reached; ++i) gains.earlyTorque[i][k] = gains.torque[k];
                 gains.ramp[k] += stride * h * (level[k] - goal[k]).cwiseAbs();
                 gains.reading[k] += stride * noise[k].cwiseAbs();
                 startEffect[k] = startEffect[k].cwiseMax(started[k].cwiseAbs());
                 const MatrixXd change = (end[k] - begin[k]).cwiseAbs();
                 variation.total[k] += change;
-                variation.aged[k] += age * change;
+                variation.aged[k] += (age - 0.5 * stride * h) * change;  // even within a stride
             }
+            asked = reached;
             begin = end;
         }
         double grown = 0.0;
@@ -210,7 +223,15 @@ LoopGains calcGains(const FrozenLoop& loop) {
         }
         stride *= kStrideFactor;
     }
-    for (std::size_t k = 0; k < kLoopOutputs; ++k) gains.reading[k] += startEffect[k];
+    for (std::size_t k = 0; k < kLoopOutputs; ++k) {
+        gains.reading[k] += startEffect[k];
+        for (std::size_t i = asked; i < ages.size(); ++i) {
+            gains.earlyTorque[i][k] = gains.torque[k];
+            gains.lateStep[i][k] = last[k];
+        }
+        for (std::size_t i = ages.size(); i-- > 1;)
+            gains.lateStep[i - 1][k] = gains.lateStep[i - 1][k].cwiseMax(gains.lateStep[i][k]);
+    }
     return gains;
 }
 

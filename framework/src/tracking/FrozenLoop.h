@@ -32,6 +32,8 @@ struct LoopGains {
     using PerOutput = std::array<Eigen::MatrixXd, kLoopOutputs>;
     PerOutput torque;  ///< of w, a torque that varies in any way, also within ticks
     PerOutput step;    ///< of w constant from the start
+    /** For each of the asked ages: `torque` of what is no older, `step` from that age on. */
+    std::vector<PerOutput> earlyTorque, lateStep;
     /** Of the rate of w [1/s], for w = 0 at the start; for the torque: of what tau_a lacks to -w. */
     PerOutput ramp;
     PerOutput reading;  ///< of an error of the position reading, any at each tick and before the first
@@ -52,7 +54,8 @@ inline double calcSpectralRadius(const FrozenLoop& loop) {
 }
 
 /** Needs a stable loop. Response and integrals by the trapezoid rule: over ticks while the response is fast, over more
-ticks at a time later, until they add no more than 1e-6. */
-LoopGains calcGains(const FrozenLoop& loop);
+ticks at a time later, until they add no more than 1e-6.
+@param ages  growing [s] */
+LoopGains calcGains(const FrozenLoop& loop, const std::vector<double>& ages = {});
 
 }  // namespace viable::detail

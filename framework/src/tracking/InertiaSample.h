@@ -35,6 +35,9 @@ struct InertiaRange {
 };
 InertiaRange findInertiaRange(const std::vector<PoseInertia>& samples);
 
+/** Not active, or one number for each of n joints: torques finite and at least 0, velocities finite and above 0. */
+bool isSound(const FrictionFeed& feed, int n);
+
 /** Friction to be fed forward, without the rest of a feed that is not active. Throws Error (BadInput) where it does not fit n
 joints. */
 FrictionFeed takeFriction(const FrictionFeed& feed, int n);

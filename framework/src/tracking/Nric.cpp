@@ -53,14 +53,20 @@ JointVector takeBounds(const PerJoint& bounds, const char* name, int n) {
 
 }  // namespace
 
+bool detail::isSound(const FrictionFeed& feed, int n) {
+    if (!feed.isActive()) return true;
+    const JointFriction& f = feed.figures;
+    const auto isWithin = [n](const JointVector& v, double least) {
+        return isFinite(v, n) && (n == 0 || v.minCoeff() >= least);
+    };
+    constexpr double kAboveZero = std::numeric_limits<double>::denorm_min();
+    return isWithin(f.coulomb, 0.0) && isWithin(f.viscous, 0.0) && isWithin(f.viscousVelocity, kAboveZero) &&
+           isWithin(feed.speed, kAboveZero);
+}
+
 FrictionFeed detail::takeFriction(const FrictionFeed& feed, int n) {
     if (!feed.isActive()) return {};
-    const JointFriction& f = feed.figures;
-    bool isSound = isFinite(f.coulomb, n) && isFinite(f.viscous, n);
-    isSound = isSound && f.coulomb.minCoeff() >= 0.0 && f.viscous.minCoeff() >= 0.0;
-    for (const JointVector* speeds : {&f.viscousVelocity, &feed.speed})
-        isSound = isSound && isFinite(*speeds, n) && speeds->minCoeff() > 0.0;
-    if (!isSound)
+    if (!isSound(feed, n))
         throw badInput("NricOptions::friction",
                        "it has not one number for each of " + std::to_string(n) +
                            " joints, torques finite and at least 0, velocities finite and above 0",

@@ -1,8 +1,10 @@
 #include "viable/tracking/TrackingBound.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
+#include <exception>
 
 #include "core/Text.h"
 #include "tracking/ArmExtremes.h"
@@ -24,10 +26,24 @@ using Eigen::MatrixXd;
 /** Of the fixed point; far below what the sample of poses leaves open. */
 constexpr double kAgreement = 1e-9;
 constexpr int kMaxRounds = 2000;
+/** To find how much less of a source would have a bound. */
+constexpr int kTrials = 5, kTrialRounds = 150;
+/** Both grow with the velocities, of the nominal arm and of the error. */
+constexpr char kDrift[] = "inertia that changes", kOffNominal[] = "dynamics off the nominal pose and speed";
+
+bool isOfMotion(const std::string& source) {
+    return source == kDrift || source == kOffNominal;
+}
 /** A bound beyond this is none [rad, rad/s]. */
 constexpr double kLargestBound = 100.0;
 /** Stable gains are looked for down to this share. */
 constexpr double kLeastGain = 1e-4, kGainStep = 0.9;
+/** Shares of the velocity limits up to which a phase lasts, before the last one. */
+constexpr std::array<double, 2> kPhases = {0.125, 0.5};
+/** The first phase [ticks]; until the first of these shares each is as long as all before it. */
+constexpr double kFirstPhase = 4.0;
+/** The damping of the loop suits velocities up to so many times the nominal ones; no matter of validity. */
+constexpr double kRoom = 1.3;
 
 JointVector takeLargest(const JointBounds& bounds) {
     return bounds.lower.cwiseAbs().cwiseMax(bounds.upper.cwiseAbs());
@@ -66,21 +82,36 @@ public:
                                " has no limit on velocity or acceleration: no bound without them",
                            "Give both in `limits`.");
         }
+        checkSet();
+        checkBodies();
         checkFriction(gains);
         // A jerk without limit: from one end of the acceleration to the other in a tick.
         motion_.jerk = motion_.jerk.cwiseMin(2.0 / h_ * motion_.acceleration);
-        arm_ = detail::findArmExtremes(robot, limits, motion_, set, kr_, place);
+        try {
+            arm_ = detail::findArmExtremes(robot, limits, motion_, set, kr_, place);
+        } catch (const Error&) {
+            throw;
+        } catch (const std::exception& e) {  // of Simbody, for bodies that cannot be
+            throw badInput(place, std::string("the arm has no dynamics: ") + e.what(),
+                           "Correct masses and inertias of the robot, or mass_error and payload_kg of the set.");
+        }
         if (!feed_.isActive()) {
             const JointFriction& f = robot.actuation.friction;
             feed_ = {{JointVector::Zero(n_), JointVector::Zero(n_), f.viscousVelocity}, JointVector::Ones(n_)};
         }
         const JointFriction& f = robot.actuation.friction;
-        damping_ = 0.5 * set.frictionScale.expand(n_).cwiseProduct(f.viscous.cwiseQuotient(f.viscousVelocity));
+        // tau_c is held for a tick and is, within it, off what the nominal arm needs; and it arrives late.
+        const JointVector jerkTorque = arm_.inertia * motion_.jerk;
+        const JointVector rest = arm_.torques.calcTorqueRate(motion_.velocity, motion_.acceleration);
+        heldTorque_ = h_ * (0.5 * jerkTorque + rest) + set.delayTicks * h_ * (jerkTorque + rest);
+        slope_ = set.frictionScale.expand(n_).cwiseProduct(f.viscous.cwiseQuotient(f.viscousVelocity));
+        damping_ = 0.5 * (slope_ + calcLeastSlope(kRoom * motion_.velocity));
+        phases_ = listPhases();
+        for (std::size_t k = 0; k + 1 < phases_.size(); ++k) ages_.push_back(phases_[k].end_s);
     }
 
     TrackingBound make() {
         checkStability();
-        JointVector e = JointVector::Zero(n_), de = e, load = e;
         const JointVector none = JointVector::Zero(n_);
         const std::vector<LoopGains> free = calcAllGains(none);
         std::vector<View> views{{none, true, free}};
@@ -88,26 +119,12 @@ public:
             if (set_.isFrictionConstant) views.push_back({none, false, free});
             views.push_back({damping_, false, calcAllGains(damping_)});
         }
-        std::string worst;
-        // |e|, |de| and the torque carried are bounded by themselves: iterated from zero upwards, the first fixed point
-        // is a bound, for e and de start at zero and change steadily.
-        for (int round = 0; round < kMaxRounds; ++round) {
-            TrackingBound bound = evaluate(views.front(), e, de, load);
-            for (std::size_t k = 1; k < views.size(); ++k) takeSmaller(evaluate(views[k], e, de, load), bound);
-            const double change =
-                std::max((bound.position - e).cwiseAbs().maxCoeff(), (bound.velocity - de).cwiseAbs().maxCoeff());
-            e = bound.position;
-            de = bound.velocity;
-            load = bound.torque;
-            worst = findLargestPart(bound);
-            if (!e.allFinite() || !de.allFinite() || e.maxCoeff() > kLargestBound || de.maxCoeff() > kLargestBound)
-                break;
-            if (change <= kAgreement * std::max(1.0, de.maxCoeff())) return bound;
-        }
+        Errors errors;
+        if (findFixedPoint(views, kMaxRounds, errors)) return evaluate(views, errors, true);
         throw badInput(place_,
                        "no bound exists: the disturbance that the error itself causes grows faster than the robust "
-                       "loop reduces it, mainly: " +
-                           worst,
+                       "loop reduces it, " +
+                           findCause(views, errors),
                        std::string("Raise k_r towards the largest stable value, lower the limits of velocity and "
                                    "acceleration, or state a smaller disturbance_set") +
                            (damping_.maxCoeff() > 0.0 && !set_.isFrictionConstant
@@ -117,6 +134,50 @@ public:
     }
 
 private:
+    /** A part of a run. At its start nothing has happened before and the nominal arm is slow; later what is constant from the
+    start on has faded. The largest error is in one of them, and what the errors themselves cause is bounded with those of all. */
+    struct Phase {
+        detail::MotionSize motion;  ///< largest velocity and acceleration of the nominal arm until its end
+        double end_s = INFINITY;
+        int number = 0;
+    };
+
+    /** What the errors e and de cause in a phase. */
+    struct Terms {
+        JointVector ofError;       ///< torque [Nm]
+        JointVector inertiaRate;   ///< of |dM/dt de| [Nm]
+        JointVector inertiaRange;  ///< of |(M - M') de| between any two poses [Nms]
+    };
+
+    std::vector<Phase> listPhases() const {
+        const auto calcVelocity = [&](int i, double t) {
+            const double A = motion_.acceleration[i], J = motion_.jerk[i], rise = A / J;
+            return std::min(motion_.velocity[i], t < rise ? 0.5 * J * t * t : A * (t - 0.5 * rise));
+        };
+        const auto findTime = [&](double share) {
+            double time = INFINITY;
+            for (int i = 0; i < n_; ++i) {
+                const double A = motion_.acceleration[i], J = motion_.jerk[i], v = share * motion_.velocity[i];
+                time = std::min(time, v < 0.5 * A * A / J ? std::sqrt(2.0 * v / J) : v / A + 0.5 * A / J);
+            }
+            return time;
+        };
+        std::vector<double> ends;
+        for (double end = kFirstPhase * h_; end < findTime(kPhases.front()); end *= 2.0) ends.push_back(end);
+        for (const double share : kPhases) ends.push_back(std::ceil(findTime(share) / h_) * h_);
+        std::vector<Phase> phases;
+        for (const double end : ends) {
+            Phase phase{motion_, end, static_cast<int>(phases.size())};
+            for (int i = 0; i < n_; ++i) {
+                phase.motion.velocity[i] = calcVelocity(i, end);
+                phase.motion.acceleration[i] = std::min(motion_.acceleration[i], motion_.jerk[i] * end);
+            }
+            phases.push_back(phase);
+        }
+        phases.push_back({motion_, INFINITY, static_cast<int>(phases.size())});
+        return phases;
+    }
+
     /** Viscous friction is a torque that takes any course (`isWhole`); or it is taken at the nominal velocity, where it is known
     but for its factor, and what the error of the velocity adds to it is such a torque, or the arm's damping, give or take as
     much. Which bound is the smaller depends on how much friction there is. */
@@ -129,16 +190,61 @@ private:
     std::vector<LoopGains> calcAllGains(const JointVector& damping) const {
         std::vector<LoopGains> gains;
         for (const detail::PoseInertia& pose : arm_.inertias) {
-            gains.push_back(detail::calcGains(makeLoop(pose.M, damping, kr_)));
+            gains.push_back(detail::calcGains(makeLoop(pose.M, damping, kr_), ages_));
             checkFinite(gains.back(), pose);
         }
         return gains;
     }
 
-    static std::string findLargestPart(const TrackingBound& bound) {
-        return std::max_element(bound.parts.begin(), bound.parts.end(),
-                                [](const auto& a, const auto& b) { return a.velocity.sum() < b.velocity.sum(); })
-            ->source;
+    /** What the errors are bounded by, and the torque that the motors carry then. */
+    struct Errors {
+        JointVector e, de, load;
+    };
+
+    /** |e|, |de| and the torque carried are bounded by themselves: iterated from zero upwards, the first fixed point is a bound, for
+    e and de start at zero and change steadily. False: none was found. */
+    bool findFixedPoint(const std::vector<View>& views, int rounds, Errors& errors) const {
+        errors.e = errors.de = errors.load = JointVector::Zero(n_);
+        for (int round = 0; round < rounds; ++round) {
+            const TrackingBound bound = evaluate(views, errors, false);
+            const double change = std::max((bound.position - errors.e).cwiseAbs().maxCoeff(),
+                                           (bound.velocity - errors.de).cwiseAbs().maxCoeff());
+            const bool isFinite = bound.position.allFinite() && bound.velocity.allFinite();
+            if (!isFinite || bound.position.maxCoeff() > kLargestBound || bound.velocity.maxCoeff() > kLargestBound)
+                return false;
+            errors = {bound.position, bound.velocity, bound.torque};
+            if (change <= kAgreement * std::max(1.0, errors.de.maxCoeff())) return true;
+        }
+        return false;
+    }
+
+    bool isReduced(const std::string& source) const {
+        return source == reduced_ || (isOfMotion(source) && isOfMotion(reduced_));
+    }
+
+    /** What has the largest part in errors that grow without end, at which joint, and with how much less of it they would not. */
+    std::string findCause(const std::vector<View>& views, const Errors& errors) {
+        const TrackingBound bound = evaluate(views, errors, true);
+        reduced_ = std::max_element(bound.parts.begin(), bound.parts.end(), [](const auto& a, const auto& b) {
+                       return a.velocity.sum() < b.velocity.sum();
+                   })->source;
+        Eigen::Index joint = 0;
+        bound.velocity.cwiseQuotient(motion_.velocity).maxCoeff(&joint);
+        Errors ignored;
+        const auto exists = [&](double share) {
+            reducedTo_ = share;
+            return findFixedPoint(views, kTrialRounds, ignored);
+        };
+        std::string cause = "mainly: " + reduced_ + ", most at " + robot_.joints[static_cast<std::size_t>(joint)].name;
+        const std::string it = isOfMotion(reduced_) ? "what velocities do to the error" : "it";
+        if (!exists(0.0)) return cause + "; without " + it + " there would still be none";
+        double good = 0.0, bad = 1.0;
+        for (int k = 0; k < kTrials; ++k) {
+            const double share = 0.5 * (good + bad);
+            (exists(share) ? good : bad) = share;
+        }
+        return cause + "; there would be one with " +
+               (good > 0.0 ? detail::format("%.2g", good) : "less than " + detail::format("%.2g", bad)) + " of " + it;
     }
 
     /** Both hold, so does the smaller one of each. */
@@ -147,6 +253,22 @@ private:
             to = to.binaryExpr(from, &detail::smallerOrNan).eval();
         };
         if (other.position.sum() < bound.position.sum()) bound.parts = other.parts;
+        forEach(other, bound, take);
+    }
+    /** Of two phases. */
+    static void takeLarger(const TrackingBound& other, TrackingBound& bound) {
+        const auto take = [](const JointVector& from, JointVector& to) {
+            to = to.binaryExpr(from, &detail::largerOrNan).eval();
+        };
+        for (std::size_t k = 0; k < bound.parts.size(); ++k) {
+            take(other.parts[k].torque, bound.parts[k].torque);
+            take(other.parts[k].position, bound.parts[k].position);
+            take(other.parts[k].velocity, bound.parts[k].velocity);
+        }
+        forEach(other, bound, take);
+    }
+    template <class Take>
+    static void forEach(const TrackingBound& other, TrackingBound& bound, const Take& take) {
         take(other.position, bound.position);
         take(other.velocity, bound.velocity);
         take(other.measured, bound.measured);
@@ -163,8 +285,8 @@ private:
     double calcWorstRadius(const JointVector& kr) const {
         double worst = 0.0;
         for (const detail::PoseInertia& pose : arm_.inertias)
-            for (const double share : {0.0, 1.0, 2.0}) {
-                const double radius = detail::calcSpectralRadius(makeLoop(pose.M, share * damping_, kr));
+            for (const double share : {0.0, 0.5, 1.0}) {
+                const double radius = detail::calcSpectralRadius(makeLoop(pose.M, share * slope_, kr));
                 worst = std::isfinite(radius) ? std::max(worst, radius) : INFINITY;
             }
         return worst;
@@ -181,6 +303,35 @@ private:
                                 " is not finite at q = " + detail::formatList(pose.q) + ": no bound can be computed",
                             "Its inertia there is " + detail::formatNumber(pose.M(i, i)) +
                                 " kg m^2: check masses, rotor inertia, friction and gains of this joint.");
+    }
+
+    /** Likewise of a set: what is not a number would count as none. */
+    void checkSet() const {
+        const auto isSize = [](double x) { return std::isfinite(x) && x >= 0.0; };
+        bool isSound = isSize(set_.payload_kg) && isSize(set_.payloadOffset_m) && isSize(set_.baseTilt_rad) &&
+                       isSize(set_.readingError_rad) && isSize(set_.breakawayRatio) && set_.delayTicks >= 0;
+        for (const PerJoint* sizes :
+             {&set_.loadFriction, &set_.massError, &set_.torqueRipple_Nm, &set_.externalTorque_Nm})
+            for (const double x : sizes->expand(n_)) isSound &= isSize(x);
+        if (!isSound)
+            throw badInput(place_, "a number of the disturbance_set is below 0 or not finite",
+                           "Give sizes that are finite and at least 0.");
+    }
+
+    /** What no robot folder may have, for descriptions that come from elsewhere. */
+    void checkBodies() const {
+        for (int i = 0; i < n_; ++i) {
+            const JointDescription& joint = robot_.joints[static_cast<std::size_t>(i)];
+            const BodyInertia& body = joint.body;
+            const double rotor = robot_.actuation.rotorInertia[i];
+            const bool isBody = std::isfinite(body.mass) && body.inertia.allFinite() &&
+                                (body.mass > 0.0 || (body.mass == 0.0 && body.inertia.isZero()));
+            if (isBody && std::isfinite(rotor) && rotor >= 0.0) continue;
+            throw badInput(place_,
+                           "the body of " + joint.name + " has a mass of " + detail::formatNumber(body.mass) +
+                               " kg, its rotor an inertia of " + detail::formatNumber(rotor) + " kg m^2",
+                           "Both are finite and at least 0; a body without mass has no inertia.");
+        }
     }
 
     void checkFriction(const NricOptions& gains) const {
@@ -242,46 +393,48 @@ private:
                detail::formatList(largest) + ": take half of them.";
     }
 
-    /** The sum of v_k times part k. */
-    MatrixXd sum(const std::vector<MatrixXd>& parts, const JointVector& v) const {
-        MatrixXd total = MatrixXd::Zero(n_, n_);
-        for (int k = 0; k < n_; ++k) total += v[k] * parts[static_cast<std::size_t>(k)];
-        return total;
-    }
-
     struct Source {
         const char* name;
         TorqueRange torque;
         JointVector rate;   ///< largest [Nm/s]; infinity: it may jump
         JointVector start;  ///< largest in an arm at rest [Nm]
         bool lasts = true;  ///< more than a moment
+        bool jumps = false;
+
+        void scale(double share) {
+            for (JointVector* v : {&torque.lower, &torque.upper, &start}) *v *= share;
+            if (!jumps) rate *= share;
+        }
     };
 
     Source makeJumping(const char* name, const JointVector& size, bool lasts = true) const {
-        return {name, TorqueRange::within(size), JointVector::Constant(n_, INFINITY), size, lasts};
+        return {name, TorqueRange::within(size), JointVector::Constant(n_, INFINITY), size, lasts, true};
     }
 
     /** The torques that do not depend on the error, with those that its size bounds. */
-    std::vector<Source> listSources(const View& view, const JointVector& e, const JointVector& de,
+    std::vector<Source> listSources(const View& view, const Phase& phase, const Terms& terms, const JointVector& de,
                                     const JointVector& load) const {
-        const JointVector fastest = motion_.velocity + de;
+        const JointVector fastest = phase.motion.velocity + de, leastSlope = calcLeastSlope(fastest);
         const JointFriction& f = robot_.actuation.friction;
         const bool isDamped = view.damping.maxCoeff() > 0.0;
         JointVector dry(n_), viscous(n_), viscousRate(n_), onLoad(n_), slipping(n_), fedLate(n_);
         for (int i = 0; i < n_; ++i) {
             const FrictionFeed& fed = feed_;
-            const double V = f.viscousVelocity[i], scale = set_.frictionScale[i];
+            const double scale = set_.frictionScale[i];
             // What is fed forward is held for a tick and arrives late: the nominal velocity has changed by so much.
-            const double sinceThen = (1.0 + set_.delayTicks) * h_ * motion_.acceleration[i];
+            const double sinceThen = (1.0 + set_.delayTicks) * h_ * phase.motion.acceleration[i];
             fedLate[i] = fed.figures.viscous[i] / fed.figures.viscousVelocity[i] * sinceThen;
             // The real joint may move against what is fed forward where the nominal one is slower than the error.
             const double against = fed.figures.coulomb[i] * std::min(1.0, (de[i] + sinceThen) / fed.speed[i]);
             dry[i] =
                 std::max(calcStanding(i) + against, fed.figures.coulomb[i] - set_.frictionScaleMin[i] * f.coulomb[i]);
-            viscous[i] = calcUnknownViscous(i);
-            viscousRate[i] = set_.isFrictionConstant ? calcUnknownSlope(i) * motion_.acceleration[i] : INFINITY;
+            viscous[i] = calcUnknown(i, phase.motion.velocity[i]).torque;
+            viscousRate[i] = set_.isFrictionConstant
+                                 ? calcUnknown(i, phase.motion.velocity[i]).slope * phase.motion.acceleration[i]
+                                 : INFINITY;
             // Most between two velocities that are de apart: where they are opposite.
-            slipping[i] = isDamped ? view.damping[i] * de[i] : 2.0 * scale * calcViscous(i, 0.5 * de[i]);
+            slipping[i] = isDamped ? std::max(slope_[i] - view.damping[i], view.damping[i] - leastSlope[i]) * de[i]
+                                   : 2.0 * scale * calcViscous(i, 0.5 * de[i]);
             const double moving = scale * calcViscous(i, fastest[i]);
             if (view.isWhole) {
                 viscous[i] += slipping[i];
@@ -292,13 +445,6 @@ private:
             // Of the torque that the gear carries, friction and ripple with it.
             onLoad[i] = set_.loadFriction[i] * (load[i] + calcStanding(i) + moving + set_.torqueRipple_Nm[i]);
         }
-        const JointVector jerkTorque = arm_.inertia * motion_.jerk;
-        const JointVector rest =
-            arm_.stiffness * motion_.velocity + 2.0 * sum(arm_.coriolis, motion_.velocity) * motion_.acceleration;
-        // tau_c is held for a tick and is, within it, off what the nominal arm needs; and it arrives late.
-        const JointVector held = h_ * (0.5 * jerkTorque + rest) + set_.delayTicks * h_ * (jerkTorque + rest);
-        // d(M de)/dt leaves dM/dt de = (C + C') de, the velocities' part of b takes C(qd + qd_nominal) de.
-        const JointVector ofError = arm_.stiffness * e + (sum(arm_.gyroscopic, fastest) + sum(arm_.coriolis, de)) * de;
         return {
             makeJumping("dry friction", dry, false),  // the lasting part of both: see lastingTorque
             {"viscous friction", TorqueRange::within(viscous), viscousRate, JointVector::Zero(n_), false},
@@ -310,9 +456,9 @@ private:
             {"tilted base", arm_.tilt, arm_.tiltRate, arm_.tilt.upper},
             makeJumping("torque ripple", set_.torqueRipple_Nm.expand(n_)),
             makeJumping("external torque", set_.externalTorque_Nm.expand(n_)),
-            makeJumping(set_.delayTicks > 0 ? "held and late torque" : "torque held for a tick", held, false),
+            makeJumping(set_.delayTicks > 0 ? "held and late torque" : "torque held for a tick", heldTorque_, false),
             makeJumping("velocity read half a tick late", calcLateReading(), false),
-            makeJumping("dynamics off the nominal pose and speed", ofError, false),
+            makeJumping(kOffNominal, terms.ofError, false),
         };
     }
 
@@ -327,10 +473,9 @@ private:
         return -f.viscous[i] * std::expm1(-v / f.viscousVelocity[i]);
     }
 
-    /** The largest |c + b exp(-v/B) - a exp(-v/A)|, b and a >= 0, over velocities v from 0 to the limit: at an end, or where
+    /** The largest |c + b exp(-v/B) - a exp(-v/A)|, b and a >= 0, over velocities v from 0 to `end`: at an end, or where
     the slope changes its sign. */
-    double findLargest(int joint, double c, double b, double B, double a, double A) const {
-        const double end = motion_.velocity[joint];
+    static double findLargest(double end, double c, double b, double B, double a, double A) {
         const auto calc = [&](double v) { return std::abs(c + b * std::exp(-v / B) - a * std::exp(-v / A)); };
         double largest = std::max(calc(0.0), calc(end));
         const double v = std::log((a / A) / (b / B)) / (1.0 / A - 1.0 / B);
@@ -338,26 +483,32 @@ private:
         return largest;
     }
 
-    /** What of the viscous friction at the nominal velocity is not fed forward [Nm]. */
-    double calcUnknownViscous(int i) const {
+    /** What of the viscous friction at nominal velocities up to `end` is not fed forward [Nm], and of its slope over the
+    velocity [Nms/rad]. */
+    struct Unknown {
+        double torque = 0.0, slope = 0.0;
+    };
+    Unknown calcUnknown(int i, double end) const {
         const JointFriction &f = robot_.actuation.friction, &fed = feed_.figures;
-        double largest = 0.0;
-        for (const double scale : {set_.frictionScaleMin[i], set_.frictionScale[i]})
-            largest =
-                std::max(largest, findLargest(i, scale * f.viscous[i] - fed.viscous[i], fed.viscous[i],
-                                              fed.viscousVelocity[i], scale * f.viscous[i], f.viscousVelocity[i]));
+        const double A = f.viscousVelocity[i], B = fed.viscousVelocity[i], b = fed.viscous[i];
+        Unknown largest;
+        for (const double scale : {set_.frictionScaleMin[i], set_.frictionScale[i]}) {
+            const double a = scale * f.viscous[i];
+            largest.torque = std::max(largest.torque, findLargest(end, a - b, b, B, a, A));
+            largest.slope = std::max(largest.slope, findLargest(end, 0.0, b / B, B, a / A, A));
+        }
         return largest;
     }
 
-    /** And of its slope over the velocity [Nms/rad]. */
-    double calcUnknownSlope(int i) const {
-        const JointFriction &f = robot_.actuation.friction, &fed = feed_.figures;
-        double largest = 0.0;
-        for (const double scale : {set_.frictionScaleMin[i], set_.frictionScale[i]})
-            largest =
-                std::max(largest, findLargest(i, 0.0, fed.viscous[i] / fed.viscousVelocity[i], fed.viscousVelocity[i],
-                                              scale * f.viscous[i] / f.viscousVelocity[i], f.viscousVelocity[i]));
-        return largest;
+    /** Of viscous friction between any two velocities up to `fastest`: f is odd and concave on one side, so its slope is
+    least at the end [Nms/rad]. */
+    JointVector calcLeastSlope(const JointVector& fastest) const {
+        const JointFriction& f = robot_.actuation.friction;
+        JointVector slope(n_);
+        for (int i = 0; i < n_; ++i)
+            slope[i] = set_.frictionScaleMin[i] * f.viscous[i] / f.viscousVelocity[i] *
+                       std::exp(-fastest[i] / f.viscousVelocity[i]);
+        return slope;
     }
 
     /** Half a count and the noise [rad]. */
@@ -373,32 +524,68 @@ private:
     }
 
     /** What de does through an inertia that was another in the past. */
-    MatrixXd calcDrift(const LoopGains& gains, LoopOutput output, const MatrixXd& inertiaRate) const {
-        MatrixXd drift = MatrixXd::Zero(n_, n_);
+    JointVector calcDrift(const LoopGains& gains, LoopOutput output, const Terms& terms) const {
+        JointVector drift = JointVector::Zero(n_);
         for (const LoopGains::Variation& span : gains.variations)
             for (int i = 0; i < n_; ++i)
-                for (int k = 0; k < n_; ++k) {
-                    const double total = at(span.total, output)(i, k);
-                    const double aged = at(span.aged, output)(i, k);
-                    for (int j = 0; j < n_; ++j)
-                        drift(i, j) += std::min(aged * inertiaRate(k, j), total * arm_.inertiaRange(k, j));
-                }
+                for (int k = 0; k < n_; ++k)
+                    drift[i] += std::min(at(span.aged, output)(i, k) * terms.inertiaRate[k],
+                                         at(span.total, output)(i, k) * terms.inertiaRange[k]);
         return drift;
     }
 
-    /** The bounds that follow when e, de and the torque keep to those given. */
-    TrackingBound evaluate(const View& view, const JointVector& e, const JointVector& de,
-                           const JointVector& load) const {
-        const JointVector fastest = motion_.velocity + de;
-        const std::vector<Source> sources = listSources(view, e, de, load);
-        const MatrixXd inertiaRate = sum(arm_.gradient, fastest);
+    Terms calcTerms(const Phase& phase, const JointVector& e, const JointVector& de) const {
+        const JointVector fastest = phase.motion.velocity + de;
+        // d(M de)/dt leaves dM/dt de = (C + C') de, the velocities' part of b takes C(qd + qd_nominal) de.
+        return {arm_.torques.calcErrorTorque(fastest, e, de), arm_.torques.calcInertiaRate(fastest, de),
+                arm_.inertiaRange * de};
+    }
+
+    /** The bounds that follow when e, de and the torque keep to those given. @param isWhole  with all parts and outputs, else
+    those that the next round takes */
+    TrackingBound evaluate(const std::vector<View>& views, const Errors& errors, bool isWhole) const {
+        TrackingBound bound;
+        for (const Phase& phase : phases_) {
+            const Terms terms = calcTerms(phase, errors.e, errors.de);
+            TrackingBound now = evaluate(views.front(), phase, terms, errors, isWhole);
+            for (std::size_t k = 1; k < views.size(); ++k)
+                takeSmaller(evaluate(views[k], phase, terms, errors, isWhole), now);
+            if (phase.number == 0)
+                bound = std::move(now);
+            else
+                takeLarger(now, bound);
+        }
+        return bound;
+    }
+
+    /** What may take any course as one torque. */
+    std::vector<Source> mergeJumping(const std::vector<Source>& sources) const {
+        JointVector size = JointVector::Zero(n_);
+        std::vector<Source> merged;
+        for (const Source& source : sources)
+            if (source.jumps)
+                size += source.start;
+            else if (!(source.torque.calcLargest().array() == 0.0).all())
+                merged.push_back(source);
+        merged.push_back(makeJumping("", size));
+        return merged;
+    }
+
+    /** The bounds at the ticks of a phase. */
+    TrackingBound evaluate(const View& view, const Phase& phase, const Terms& terms, const Errors& errors,
+                           bool isWhole) const {
+        std::vector<Source> sources = listSources(view, phase, terms, errors.de, errors.load);
+        for (Source& source : sources)
+            if (isReduced(source.name)) source.scale(reducedTo_);
+        const double driftShare = isReduced(kDrift) ? reducedTo_ : 1.0;
+        if (!isWhole) sources = mergeJumping(sources);
         const JointVector reading = calcReadingError(), late = calcLateReading();
         TrackingBound out;
         const JointVector zero = JointVector::Zero(n_);
         for (const Source& source : sources)
             out.parts.push_back({source.name, source.torque.calcLargest(), zero, zero});
         out.parts.push_back({"encoder", zero, zero, zero});
-        out.parts.push_back({"inertia that changes", zero, zero, zero});
+        out.parts.push_back({kDrift, zero, zero, zero});
         for (JointVector* v : {&out.position, &out.velocity, &out.torque, &out.torqueStep, &out.integralTorque})
             *v = zero;
         const auto take = [](const JointVector& value, JointVector& largest) {
@@ -409,10 +596,10 @@ private:
             const auto raise = [&](JointVector& largest, LoopOutput output) {
                 JointVector total = zero;
                 for (std::size_t k = 0; k < out.parts.size(); ++k) {
-                    const JointVector part = k < sources.size() ? calcEffect(g, output, sources[k])
+                    const JointVector part = k < sources.size() ? calcEffect(g, output, phase, sources[k])
                                              : k == sources.size()
                                                  ? JointVector(at(g.reading, output) * reading)
-                                                 : JointVector(calcDrift(g, output, inertiaRate) * de);
+                                                 : JointVector(driftShare * calcDrift(g, output, terms));
                     total += part;
                     if (output == LoopOutput::Position) take(part, out.parts[k].position);
                     if (output == LoopOutput::Velocity) take(part, out.parts[k].velocity);
@@ -421,7 +608,8 @@ private:
             };
             raise(out.position, LoopOutput::Position);
             raise(out.velocity, LoopOutput::Velocity);
-            raise(out.torque, LoopOutput::Torque);
+            if (isWhole || set_.loadFriction.expand(n_).maxCoeff() > 0.0) raise(out.torque, LoopOutput::Torque);
+            if (!isWhole) continue;
             raise(out.torqueStep, LoopOutput::TorqueStep);
             raise(out.integralTorque, LoopOutput::IntegralTorque);
         }
@@ -448,16 +636,19 @@ private:
 
     /** The largest output that a source causes: as a torque that takes any course within its range, or as one that is
     somewhere in it at the start and then goes no faster than it can. */
-    JointVector calcEffect(const LoopGains& g, LoopOutput output, const Source& source) const {
+    JointVector calcEffect(const LoopGains& g, LoopOutput output, const Phase& phase, const Source& source) const {
+        const auto number = static_cast<std::size_t>(phase.number);
+        const MatrixXd& step = at(number == 0 ? g.step : g.lateStep[number - 1], output);
+        const MatrixXd& torque = at(number < g.earlyTorque.size() ? g.earlyTorque[number] : g.torque, output);
         JointVector effect = JointVector::Zero(n_);
         for (int i = 0; i < n_; ++i)
             for (int j = 0; j < n_; ++j) {
                 const double middle = 0.5 * std::abs(source.torque.lower[j] + source.torque.upper[j]);
                 const double half = 0.5 * (source.torque.upper[j] - source.torque.lower[j]);
                 const double size = middle + half;
-                const double free = at(g.step, output)(i, j) * middle + at(g.torque, output)(i, j) * half;
+                const double free = step(i, j) * middle + torque(i, j) * half;
                 double slow = at(g.ramp, output)(i, j) * source.rate[j];
-                slow += at(g.step, output)(i, j) * source.start[j];
+                slow += step(i, j) * source.start[j];
                 if (output == LoopOutput::Torque && i == j) slow += size;  // tau_a goes to -w
                 effect[i] += std::isinf(source.rate[j]) ? free : std::min(free, slow);
             }
@@ -473,7 +664,13 @@ private:
     JointVector kr_, kp_, ki_;
     FrictionFeed feed_;  // zeros where nothing is fed forward
     detail::MotionSize motion_;
-    JointVector damping_;  // of the viscous friction, half of the most that it can be [Nms/rad]
+    JointVector slope_;    // of the viscous friction over the velocity, at most [Nms/rad]
+    JointVector damping_;  // in the middle of what it can be
+    std::string reduced_;  // a source that is tried to be smaller
+    double reducedTo_ = 1.0;
+    std::vector<Phase> phases_;
+    std::vector<double> ages_;  // ends of all phases but the last
+    JointVector heldTorque_;    // what the motors' torque within a tick lacks of that of the nominal arm
     ArmExtremes arm_;
 };
 

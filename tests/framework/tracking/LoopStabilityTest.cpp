@@ -3,14 +3,17 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 #include <complex>
 #include <random>
 #include <unsupported/Eigen/MatrixFunctions>
+#include <vector>
 
 #include "Paths.h"
 #include "tracking/FrozenLoop.h"
 #include "tracking/InertiaSample.h"
+#include "tracking/PoseTorques.h"
 #include "viable/core/Numbers.h"
 
 namespace viable {
@@ -264,6 +267,104 @@ TEST(FrozenLoop, IsExactForAnyDamping) {
         loop.tick_s = h;
         const Eigen::EigenSolver<Eigen::MatrixXd> other(assembleLoop(loop), false);
         EXPECT_NEAR(detail::calcSpectralRadius(loop), other.eigenvalues().cwiseAbs().maxCoeff(), 1e-9) << "draw " << k;
+    }
+}
+
+// What is no older than an age grows to the whole, what is older falls to nothing; both against the loop tick by tick.
+TEST(FrozenLoop, TellsYoungFromOldResponses) {
+    detail::FrozenLoop loop;
+    loop.inertia = JointMatrix(JointVector::Constant(1, 0.5).asDiagonal());
+    loop.damping = JointVector::Zero(1);
+    loop.kr = JointMatrix(JointVector::Constant(1, 300.0).asDiagonal());
+    loop.kp = JointVector::Constant(1, 40.0);
+    loop.ki = JointVector::Constant(1, 8.0);
+    loop.tick_s = 1e-3;
+    const std::vector<double> ages = {4e-3, 16e-3, 64e-3, 2.0, 1e7};
+    const detail::LoopGains gains = detail::calcGains(loop, ages);
+    ASSERT_EQ(gains.earlyTorque.size(), ages.size());
+    const Eigen::MatrixXd A = assembleLoop(loop);
+    Eigen::MatrixXd push = Eigen::MatrixXd::Zero(4, 1);
+    push(0, 0) = 0.5 * 1e-6 / 0.5;
+    push(1, 0) = 1e-3 / 0.5;
+    Eigen::MatrixXd kick = Eigen::MatrixXd::Zero(4, 1), pushed = kick;
+    kick(1, 0) = 1.0 / 0.5;
+    constexpr int kVelocity = static_cast<int>(detail::LoopOutput::Velocity), kTicks = 4000;
+    std::vector<double> sum{0.0}, level{0.0};
+    for (int k = 0; k < kTicks; ++k) {
+        const double before = std::abs(kick(1, 0));
+        kick = A * kick;
+        pushed = A * pushed + push;
+        sum.push_back(sum.back() + 0.5e-3 * (before + std::abs(kick(1, 0))));
+        level.push_back(std::abs(pushed(1, 0)));
+    }
+    for (std::size_t k = 0; k < ages.size(); ++k) {
+        const auto tick = static_cast<std::size_t>(std::min(ages[k] / 1e-3 + 0.5, double(kTicks)));
+        const double largest = *std::max_element(level.begin() + static_cast<std::ptrdiff_t>(tick), level.end());
+        EXPECT_NEAR(gains.earlyTorque[k][kVelocity](0, 0), sum[tick], 2e-3 * sum.back()) << ages[k];
+        EXPECT_GE(gains.lateStep[k][kVelocity](0, 0), 0.999 * (ages[k] < 1.0 ? largest : 0.0)) << ages[k];
+        EXPECT_LE(gains.lateStep[k][kVelocity](0, 0), 1.2 * level[std::min<std::size_t>(tick, 64)] + 1e-6) << ages[k];
+    }
+    EXPECT_EQ(gains.earlyTorque.back()[kVelocity](0, 0), gains.torque[kVelocity](0, 0));
+}
+
+// No draw of pose, velocities, errors and inaccurate entries has more torque; those at corners have all of it.
+TEST(PoseTorques, AreTheLargestOfAllMotions) {
+    std::mt19937 random(7);
+    std::uniform_real_distribution<double> draw(-1.0, 1.0);
+    for (const int n : {1, 2, 3, 9}) {
+        const auto drawMatrix = [&] {
+            Eigen::MatrixXd m(n, n);
+            for (double& x : m.reshaped()) x = draw(random);
+            return m;
+        };
+        const auto drawSize = [&] {
+            JointVector v(n);
+            for (double& x : v) x = 0.5 * (1.0 + draw(random));
+            return v;
+        };
+        detail::PoseTorques torques;
+        std::vector<detail::PoseSample> samples(3);
+        for (detail::PoseSample& sample : samples) {
+            for (int k = 0; k < n; ++k) {
+                sample.given.gradient.push_back(drawMatrix());
+                sample.given.coriolis.push_back(drawMatrix());
+                sample.error.gradient.emplace_back(0.1 * drawMatrix().cwiseAbs());
+                sample.error.coriolis.emplace_back(0.1 * drawMatrix().cwiseAbs());
+            }
+            sample.given.stiffness = drawMatrix().cwiseAbs();
+            sample.error.stiffness = 0.1 * drawMatrix().cwiseAbs();
+            torques.add(sample);
+        }
+        const JointVector v = drawSize(), e = drawSize(), de = drawSize();
+        const JointVector errorTorque = torques.calcErrorTorque(v, e, de), rate = torques.calcInertiaRate(v, de);
+        JointVector reached = JointVector::Zero(n);
+        for (int trial = 0; trial < 20000; ++trial) {
+            const bool isCorner = trial % 2 == 0;
+            const auto drawWithin = [&](const JointVector& size) {
+                JointVector x(n);
+                for (int i = 0; i < n; ++i) {
+                    const double share = draw(random);
+                    x[i] = size[i] * (isCorner ? std::copysign(1.0, share) : share);
+                }
+                return x;
+            };
+            const detail::PoseSample& sample = samples[static_cast<std::size_t>(trial % 3)];
+            const JointVector speed = drawWithin(v), error = drawWithin(de);
+            Eigen::MatrixXd C = Eigen::MatrixXd::Zero(n, n), own = C, M = C;
+            for (int k = 0; k < n; ++k) {
+                const auto at = static_cast<std::size_t>(k);
+                const Eigen::MatrixXd real = sample.given.coriolis[at] + draw(random) * sample.error.coriolis[at];
+                C += speed[k] * real;
+                own += error[k] * real;
+                M += speed[k] * (sample.given.gradient[at] + draw(random) * sample.error.gradient[at]);
+            }
+            const JointVector stiff = (sample.given.stiffness + draw(random) * sample.error.stiffness) * drawWithin(e);
+            const JointVector torque = stiff + (C.transpose() - C + own) * error, inertia = M * error;
+            EXPECT_TRUE((torque.cwiseAbs().array() <= errorTorque.array()).all());
+            EXPECT_TRUE((inertia.cwiseAbs().array() <= rate.array()).all());
+            reached = reached.cwiseMax(inertia.cwiseAbs().cwiseQuotient(rate));
+        }
+        EXPECT_GT(reached.minCoeff(), n <= 3 ? 0.85 : 0.0) << n;
     }
 }
 

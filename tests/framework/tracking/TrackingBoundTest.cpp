@@ -204,7 +204,8 @@ TEST(TrackingBound, KnowsWhetherFrictionJumpsAndWhatIsFedForward) {
     EXPECT_TRUE((constant.position.array() <= jumping.position.array()).all());
     EXPECT_TRUE((constant.velocity.array() < 0.95 * jumping.velocity.array()).all());
     set.frictionScaleMin = 0.9;
-    EXPECT_EQ(c.calc(set).velocity, constant.velocity);  // of no use where nothing is fed forward
+    // Friction that is never less than that damps.
+    EXPECT_TRUE((c.calc(set).velocity.array() < 0.99 * constant.velocity.array()).all());
     c.gains.friction = scaleFriction(c.robot.actuation.friction, 0.95, c.limits, 1e-3);
     const TrackingBound known = c.calc(set);
     EXPECT_TRUE((known.position.array() < 0.6 * constant.position.array()).all())
@@ -276,6 +277,58 @@ TEST(TrackingBound, RefusesFrictionThatCannotBe) {
     c = FrictionCase();
     c.gains.motorRate = 100.0;
     expectRefused({}, "no bound is known");
+}
+
+// A Panda with rotors: finite, positive and without jumps from no friction to five times its figures.
+TEST(TrackingBound, OfAPandaIsContinuousInItsFriction) {
+    RobotDescription robot = loadTestRobot("panda");
+    robot.actuation.rotorInertia.setConstant(0.1);
+    JointLimits limits = robot.limits;
+    const JointVector room = JointVector::Constant(7, 0.3);
+    limits.position = {robot.home - room, robot.home + room};
+    limits.velocity = {JointVector::Constant(7, -0.2), JointVector::Constant(7, 0.2)};
+    limits.acceleration = {JointVector::Constant(7, -0.5), JointVector::Constant(7, 0.5)};
+    limits.jerk = {JointVector::Constant(7, -5.0), JointVector::Constant(7, 5.0)};
+    JointVector kr = JointVector::Constant(7, 60.0);
+    kr[1] = 90.0;
+    DisturbanceSet set;
+    set.payload_kg = 0.08;
+    set.massError = 0.01;
+    std::vector<JointVector> bounds;
+    for (const double scale : {0.0, 2.45, 2.46, 5.0}) {
+        set.frictionScale = scale;
+        bounds.push_back(calcTrackingBound(robot, limits, 1e-3, {kr, 40.0, 10.0}, set).velocity);
+        ASSERT_TRUE(bounds.back().allFinite());
+        EXPECT_GT(bounds.back().minCoeff(), 0.0);
+        std::printf("  friction scale %4.2f: %.4f to %.4f rad/s\n", scale, bounds.back().minCoeff(),
+                    bounds.back().maxCoeff());
+    }
+    for (std::size_t k = 1; k < bounds.size(); ++k)
+        EXPECT_TRUE((bounds[k].array() >= bounds[k - 1].array() * (1.0 - 1e-9)).all()) << k;
+    EXPECT_LT((bounds[2] - bounds[1]).maxCoeff(), 0.005 * bounds.back().maxCoeff());
+}
+
+// What stands in the way is named, with the joint, and by how much: with a little less of it there is a bound.
+TEST(TrackingBound, TellsWhatStandsInTheWay) {
+    FrictionCase c;
+    DisturbanceSet set;
+    double scale = 1.0;
+    std::string told;
+    while (told.empty() && scale < 1e3) {
+        scale *= 2.0;
+        set.frictionScale = scale;
+        try {
+            c.calc(set);
+        } catch (const Error& e) {
+            told = e.what();
+        }
+    }
+    const std::string share = "most at elbow; there would be one with ";
+    EXPECT_NE(told.find("mainly: "), std::string::npos) << told;
+    ASSERT_NE(told.find(share), std::string::npos) << told;
+    const double less = std::stod(told.substr(told.find(share) + share.size()));
+    EXPECT_GT(less, 0.3) << told;  // half the scale had a bound
+    EXPECT_LT(less, 1.0) << told;
 }
 
 }  // namespace

@@ -15,7 +15,7 @@ these sizes, and so does the factor on the friction, unless it is constant; mass
 Names as those of the simulated plants' parameters. */
 struct DisturbanceSet {
     PerJoint frictionScale = 1.0;     ///< largest factor on the robot's friction figures; 0: no friction
-    PerJoint frictionScaleMin = 0.0;  ///< least one; it counts where friction is fed forward
+    PerJoint frictionScaleMin = 0.0;  ///< least one: so much is sure to damp, and may be fed forward
     /** The factor of each joint is the same all through a run: its viscous friction changes only with the velocity. */
     bool isFrictionConstant = false;
     double breakawayRatio = 1.0;   ///< largest Fs / Fc
@@ -43,7 +43,8 @@ struct TrackingBound {
     JointVector torqueStep;      ///< of the change of tau_a from tick to tick [Nm]
     JointVector integralTorque;  ///< of K_r K_i |sum of e dt| [Nm]
 
-    /** One source of error and what it adds to the bounds. */
+    /** One source of error and the most that it adds to the bounds, at any time of a run and in any pose: not all sources do
+    their worst at once, so the sum is larger than the bound. */
     struct Part {
         std::string source;
         JointVector torque;    ///< largest torque that it puts on each joint [Nm]
@@ -60,7 +61,8 @@ joint by joint, Desoer and Vidyasagar 1975) from w and from the readings to e an
 of motion of both arms: friction, load, mass error, tilt, what the reading and the holding of a tick do, and terms in
 e and de (stiffness, Coriolis, inertia that has changed since), which make the bound a fixed point. The inertia that
 changes enters by parts, integral of K dM edd = - integral of (K dM)' de, so that only as much of it counts as the
-response is long. Coupling between joints is in all of it.
+response is long. Coupling between joints is in all of it. A run is taken in phases: soon after the start a response has little past and
+the nominal arm is slow; later the step at the start (payload) has faded (MATH 10).
 Assumes: with a delay the first torque holds from the start on; velocities read as the difference of two positions over a tick, positions in whole encoder counts; start at
 rest; the nominal arm within `limits`; no torque beyond the motors; neither
 Nric's rate nor its integral at their limits; rigid joints. Extremes over poses are those of a fixed sample within the
