@@ -11,13 +11,18 @@ namespace viable {
 
 namespace {
 
+constexpr ParameterSpec kDynamicsParameters[] = {
+    parameter::choice("dynamics", "simbody|recursion", "simbody",
+                      "What computes M and b: Simbody, independent of the nominal arm's, or the nominal arm's recursion, "
+                      "the same to rounding and several times as fast."),
+};
 constexpr ParameterSpec kGearParameters[] = {
     parameter::jointNumbers("backlash_rad", "rad", "0.0",
                             "Width of the gap in each gear; where none has one, the gears are rigid.")
         .atLeast(0),
     parameter::jointNumbers("gear_stiffness_Nmprad", "Nm/rad", "1.0e4", "Of the gears where any has a gap.").above(0),
 };
-constexpr auto kParameters = joinParameters(kArmHardwareParameters, kMotorRateParameters, kGearParameters);
+constexpr auto kParameters = joinParameters(kArmHardwareParameters, kDynamicsParameters, kMotorRateParameters, kGearParameters);
 
 /** Damping of a gear's spring, as a share of critical. */
 constexpr double kGearDamping = 0.1;
@@ -52,10 +57,11 @@ void SimbodyPlant::configure(const RunSetup& setup, const Parameters& parameters
     motorRate_.configure(setup, parameters);
     halfGap_ = 0.5 * parameters.jointNumbers("backlash_rad");
     hasGears_ = halfGap_.maxCoeff() > 0.0;
+    engine_ = parameters.text("dynamics") == "recursion" ? DynamicsEngine::Recursion : DynamicsEngine::Simbody;
     if (hasGears_)
         configureGears(setup, parameters);
     else
-        model_ = std::make_unique<RobotModel>(hardware_.robot());
+        model_ = std::make_unique<RobotModel>(hardware_.robot(), engine_);
     reset(setup.start);
 }
 
@@ -69,7 +75,7 @@ void SimbodyPlant::configureGears(const RunSetup& setup, const Parameters& param
                                "` has no rotor inertia, and backlash lies between rotor and link",
                            "Give rotor_inertia_kgm2 in the robot's actuation.yaml, or no backlash.");
     links.actuation.rotorInertia.setZero(n_);
-    model_ = std::make_unique<RobotModel>(links);
+    model_ = std::make_unique<RobotModel>(links, engine_);
     stiffness_ = parameters.jointNumbers("gear_stiffness_Nmprad");
 
     damping_.resize(n_);
