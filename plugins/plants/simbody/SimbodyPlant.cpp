@@ -123,16 +123,25 @@ void SimbodyPlant::calcFriction(const JointMatrix& M, const JointVector& v, cons
     JointVector target = push;
     target.noalias() += M.lazyProduct(v) / substep_s;
     const JointVector lower = -dry;
+    implicit_.b.setZero(n_);
     for (int round = 0; round < kViscousRounds; ++round) {
-        JointMatrix A = M;
+        implicit_.M = M;
         for (int i = 0; i < n_; ++i) {
             damping[i] = hardware_.friction(i).calcDamping(after[i]);
-            A(i, i) += substep_s * damping[i];
+            implicit_.M(i, i) += substep_s * damping[i];
         }
-        const Eigen::LLT<JointMatrix> factor(A);
-        dryFriction_.solve(invertLower(factor.matrixLLT()), target, lower, dry, frictionTorque_);
-        after = substep_s * (target - frictionTorque_);
-        factor.solveInPlace(after);
+        // Where every joint moves on as it moves now, that is the optimum, and no QP is needed.
+        for (int i = 0; i < n_; ++i) frictionTorque_[i] = std::copysign(dry[i], after[i]);
+        JointVector moved;
+        bool movesOn = calcForwardDynamics(implicit_, substep_s * (target - frictionTorque_), moved);
+        for (int i = 0; movesOn && i < n_; ++i) movesOn = moved[i] * after[i] > 0.0;
+        if (!movesOn) {
+            const Eigen::LLT<JointMatrix> factor(implicit_.M);
+            dryFriction_.solve(invertLower(factor.matrixLLT()), target, lower, dry, frictionTorque_);
+            moved = substep_s * (target - frictionTorque_);
+            factor.solveInPlace(moved);
+        }
+        after = moved;
     }
     frictionTorque_ += damping.cwiseProduct(after);
 }

@@ -64,6 +64,7 @@ private:
     DynamicsEngine engine_ = DynamicsEngine::Simbody;
     std::unique_ptr<RobotModel> model_;  // with backlash without the rotors
     Dynamics dynamics_;
+    Dynamics implicit_;  // of a sub-step with its viscous friction
 
     bool hasGears_ = false;
     JointVector rotorInertia_, halfGap_, stiffness_, damping_;
