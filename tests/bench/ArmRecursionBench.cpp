@@ -145,8 +145,7 @@ void run(benchmark::State& state, Work work) {
     state.counters["n"] = arm.robot.size();
     // Against the others, by the same clock.
     const double own = measure(arm, work);
-    if (work != &Arm::calcBySimbody)
-        state.counters["simbody_over_this"] = measure(arm, &Arm::calcBySimbody) / own;
+    if (work != &Arm::calcBySimbody) state.counters["simbody_over_this"] = measure(arm, &Arm::calcBySimbody) / own;
 #ifdef VIABLE_HAS_MUJOCO
     if (work == &Arm::calcDynamics) {
         state.counters["this_over_mujoco"] = own / measure(arm, &Arm::calcByMujoco);

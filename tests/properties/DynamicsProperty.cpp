@@ -10,6 +10,7 @@ namespace viable {
 
 namespace {
 
+/** Counted as steps. */
 constexpr int kStatesPerArm = 20;
 
 Eigen::Vector3d drawVector(Random& random, double size) {
@@ -30,8 +31,10 @@ BodyInertia drawBody(Random& random) {
     BodyInertia body;
     body.mass = random.logUniform(0.05, 50.0);
     body.com = drawVector(random, 0.3);
-    const Eigen::Vector3d rods(random.logUniform(1e-5, 0.1), random.logUniform(1e-5, 0.1), random.logUniform(1e-5, 0.1));
-    const Eigen::Matrix3d R = Eigen::AngleAxisd(random.uniform(0.0, EIGEN_PI), drawDirection(random)).toRotationMatrix();
+    const Eigen::Vector3d rods(random.logUniform(1e-5, 0.1), random.logUniform(1e-5, 0.1),
+                               random.logUniform(1e-5, 0.1));
+    const Eigen::Matrix3d R =
+        Eigen::AngleAxisd(random.uniform(0.0, EIGEN_PI), drawDirection(random)).toRotationMatrix();
     const Eigen::Vector3d moments = Eigen::Vector3d::Constant(rods.sum()) - rods;
     body.inertia = body.mass * R * moments.asDiagonal() * R.transpose();
     return body;

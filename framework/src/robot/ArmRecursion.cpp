@@ -103,10 +103,10 @@ Triple<Pair> calcSlidingLoad(double m, const Vector3d& h, const Matrix3d& E, con
 
 /** The same where mass, h.z and E.zz are zero, as they are for a revolute joint's link. */
 Triple<Pair> calcTurningLoad(const Vector3d& h, const Matrix3d& E, const Swing& U, const Triple<double>& a) {
-    return {Pair{U.xx * h.x() + U.xy * h.y(), h.y() * a.z + U.zx * E(0, 1) + U.zy * E(1, 1) + U.zz * E(2, 1) -
-                                                  U.yx * E(0, 2) - U.yy * E(1, 2)},
-            Pair{U.yx * h.x() + U.yy * h.y(), -h.x() * a.z + U.xx * E(0, 2) + U.xy * E(1, 2) - U.zx * E(0, 0) -
-                                                  U.zy * E(1, 0) - U.zz * E(2, 0)},
+    return {Pair{U.xx * h.x() + U.xy * h.y(),
+                 h.y() * a.z + U.zx * E(0, 1) + U.zy * E(1, 1) + U.zz * E(2, 1) - U.yx * E(0, 2) - U.yy * E(1, 2)},
+            Pair{U.yx * h.x() + U.yy * h.y(),
+                 -h.x() * a.z + U.xx * E(0, 2) + U.xy * E(1, 2) - U.zx * E(0, 0) - U.zy * E(1, 0) - U.zz * E(2, 0)},
             Pair{U.zx * h.x() + U.zy * h.y(), h.x() * a.y - h.y() * a.x + U.yx * E(0, 0) + U.yy * E(1, 0) +
                                                   U.yz * E(2, 0) - U.xx * E(0, 1) - U.xy * E(1, 1) - U.xz * E(2, 1)}};
 }
@@ -468,16 +468,15 @@ void ArmRecursion::calcDynamics(const JointVector& q, const JointVector& qd, Dyn
             a.x += Pair{2.0 * qd[i] * spin.y[0], 0.0};
             a.y -= Pair{2.0 * qd[i] * spin.x[0], 0.0};
             motion.swing = Swing(spin);
-            loads[index(i)] = calcSlidingLoad(joint.mass, joint.moment, joint.second, motion.swing,
-                                              {a.x[0], a.y[0], a.z[0]});
+            loads[index(i)] =
+                calcSlidingLoad(joint.mass, joint.moment, joint.second, motion.swing, {a.x[0], a.y[0], a.z[0]});
         } else {
             const double wx = spin.x[0], wy = spin.y[0];
             spin.x += Pair{0.0, qd[i] * wy};
             spin.y -= Pair{0.0, qd[i] * wx};
             spin.z += Pair{qd[i], 0.0};
             motion.swing = Swing(spin);
-            loads[index(i)] =
-                calcTurningLoad(joint.moment, joint.second, motion.swing, {a.x[0], a.y[0], a.z[0]});
+            loads[index(i)] = calcTurningLoad(joint.moment, joint.second, motion.swing, {a.x[0], a.y[0], a.z[0]});
         }
         motion.spin = spin;
         motion.acceleration = a;
@@ -494,8 +493,7 @@ void ArmRecursion::calcDynamics(const JointVector& q, const JointVector& qd, Dyn
         out.gravity[i] = joint.isPrismatic ? -own.mass * a.z[1] : own.hy * a.x[1] - own.hx * a.y[1];
         out.b[i] = loads[index(i)].z[joint.isPrismatic ? 0 : 1] + out.gravity[i];
         if (joint.parent < 0) continue;
-        const Triple<Pair> load =
-            shift(pass.origin[index(i)], turnOutwards(pass.rotation[index(i)], loads[index(i)]));
+        const Triple<Pair> load = shift(pass.origin[index(i)], turnOutwards(pass.rotation[index(i)], loads[index(i)]));
         Triple<Pair>& before = loads[index(joint.parent)];
         before.x += load.x;
         before.y += load.y;

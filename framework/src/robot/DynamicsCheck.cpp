@@ -70,8 +70,8 @@ DynamicsDifference compareDynamics(const RobotDescription& robot, const JointVec
     }
     add((found.tool.position - expected.tool.position).norm(), scale.length, "pose", -1, worst);
     // By matrices: q and -q are one orientation.
-    add((found.tool.orientation.toRotationMatrix() - expected.tool.orientation.toRotationMatrix()).norm(), 1.0, "pose", -1,
-        worst);
+    add((found.tool.orientation.toRotationMatrix() - expected.tool.orientation.toRotationMatrix()).norm(), 1.0, "pose",
+        -1, worst);
     return worst;
 }
 
@@ -91,8 +91,7 @@ void checkRecursion(const RobotDescription& robot, const ArmRecursion& recursion
         const DynamicsDifference worst = compareDynamics(robot, q, qd, expected, found);
         if (worst.size <= kDynamicsTolerance) continue;
         const std::string part =
-            worst.joint < 0 ? "the tool"
-                            : "joint `" + robot.joints[static_cast<std::size_t>(worst.joint)].name + "`";
+            worst.joint < 0 ? "the tool" : "joint `" + robot.joints[static_cast<std::size_t>(worst.joint)].name + "`";
         throw badInput(where,
                        "the recursive dynamics differ from Simbody's: the " + std::string(worst.what) + " of " + part +
                            " by " + formatNumber(worst.size) + " of its size (rounding is below " +

@@ -12,9 +12,10 @@ namespace viable {
 namespace {
 
 constexpr ParameterSpec kDynamicsParameters[] = {
-    parameter::choice("dynamics", "simbody|recursion", "simbody",
-                      "What computes M and b: Simbody, independent of the nominal arm's, or the nominal arm's recursion, "
-                      "the same to rounding and several times as fast."),
+    parameter::choice(
+        "dynamics", "simbody|recursion", "simbody",
+        "What computes M and b: Simbody, independent of the nominal arm's, or the nominal arm's recursion, "
+        "the same to rounding and several times as fast."),
 };
 constexpr ParameterSpec kGearParameters[] = {
     parameter::jointNumbers("backlash_rad", "rad", "0.0",
@@ -22,7 +23,8 @@ constexpr ParameterSpec kGearParameters[] = {
         .atLeast(0),
     parameter::jointNumbers("gear_stiffness_Nmprad", "Nm/rad", "1.0e4", "Of the gears where any has a gap.").above(0),
 };
-constexpr auto kParameters = joinParameters(kArmHardwareParameters, kDynamicsParameters, kMotorRateParameters, kGearParameters);
+constexpr auto kParameters =
+    joinParameters(kArmHardwareParameters, kDynamicsParameters, kMotorRateParameters, kGearParameters);
 
 /** Damping of a gear's spring, as a share of critical. */
 constexpr double kGearDamping = 0.1;

@@ -24,7 +24,9 @@ constexpr double kRelative = 1e-10;
 /** The same arm by Simbody. */
 class ArmRecursionTest : public SampleArmTest, public ::testing::WithParamInterface<std::string> {
 protected:
-    ArmRecursionTest() : SampleArmTest(loadSampleArm(GetParam(), {1.0, -2.0, -9.0}), 20260607, DynamicsEngine::Simbody), arm_(robot_) {}
+    ArmRecursionTest()
+        : SampleArmTest(loadSampleArm(GetParam(), {1.0, -2.0, -9.0}), 20260607, DynamicsEngine::Simbody),
+          arm_(robot_) {}
 
     ArmRecursion arm_;
     ArmRecursion::Frames frames_;
@@ -104,7 +106,8 @@ TEST_P(ArmRecursionTest, AnArmThatDiffersFromSimbodysIsRefusedWithItsJoint) {
             ADD_FAILURE() << joint.name;
         } catch (const Error& e) {
             test::expectContains(e.what(), {"arm.urdf: the recursive dynamics differ from Simbody's: the inertia M of "
-                                            "joint `" + joint.name + "` by ",
+                                            "joint `" +
+                                                joint.name + "` by ",
                                             "please report it with the robot's folder"});
         }
         other = robot_;

@@ -18,8 +18,7 @@ using Sample = std::tuple<const char*, DynamicsEngine>;
 /** M, b, pose and Jacobian of every kind of arm by both engines against routes that share no formula with them. */
 class RobotModelTest : public SampleArmTest, public ::testing::WithParamInterface<Sample> {
 protected:
-    RobotModelTest()
-        : SampleArmTest(loadSampleArm(std::get<0>(GetParam())), 20240607, std::get<1>(GetParam())) {}
+    RobotModelTest() : SampleArmTest(loadSampleArm(std::get<0>(GetParam())), 20240607, std::get<1>(GetParam())) {}
 
     RobotModel makeModel(const RobotDescription& robot) const { return {robot, std::get<1>(GetParam())}; }
 
