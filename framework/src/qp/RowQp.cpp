@@ -69,19 +69,24 @@ struct Task {
         bool finite = M.allFinite() && target.allFinite();
         for (int i = 0; i < size(); ++i)
             finite &= lower[i] < kInfinity && upper[i] > -kInfinity && !std::isnan(upper[i]);
-        for (int k = 0; k < rows.count; ++k) finite &= rows.normal[k].allFinite() && std::isfinite(rows.bound[k]);
         return finite;
     }
 
-    bool isTargetInside() const {
-        for (int i = 0; i < size(); ++i)
-            if (!(target[i] >= std::min(lower[i], upper[i]) && target[i] <= upper[i])) return false;
+    /** Of the rows, once isFinite().
+    @param inside  whether the target is admissible */
+    bool hasFiniteRows(bool& inside) const {
+        inside = true;
+        for (int i = 0; i < size(); ++i) inside &= target[i] >= std::min(lower[i], upper[i]) && target[i] <= upper[i];
+        bool finite = true;
         for (int k = 0; k < rows.count; ++k) {
+            const double* normal = rows.normal[k].data();
             double value = 0.0;
-            for (int i = 0; i < size(); ++i) value += rows.normal[k][i] * target[i];
-            if (!(value >= rows.bound[k])) return false;
+            for (int i = 0; i < size(); ++i) value += normal[i] * target[i];
+            inside &= value >= rows.bound[k];
+            // An entry that is not finite leaves the sum no number; so may one that is too large.
+            finite &= std::isfinite(rows.bound[k]) && (std::isfinite(value) || rows.normal[k].allFinite());
         }
-        return true;
+        return finite;
     }
 };
 
@@ -103,7 +108,8 @@ public:
     RowProblem(const Task& task, double tolerance)
         : joints_(task.size()), rows_(task.rows.count), source_(task.rows), tolerance_(tolerance) {
         const double* column = task.M.data();
-        const double size = task.M.cwiseAbs().maxCoeff();
+        double size = 0.0;
+        for (int i = 0; i < n() * n(); ++i) size = std::max(size, std::abs(column[i]));
         const double scale = size > 0.0 ? 1.0 / size : 0.0;  // the optimum is that of any multiple
         for (int i = 0; i < n(); ++i, column += n()) {
             for (int r = 0; r < n(); ++r) M_[i][r] = scale * column[r];
@@ -223,7 +229,10 @@ private:
             slope += detail::square(d[j]);
             for (int i = 0; i < n(); ++i) z[i] += d[j] * J_[j][i];
         }
-        const double length = findLength(plane);
+        double& length = planes_[plane].length;  // of J' normal, whatever turns J
+        length = slope;
+        for (int j = 0; j < enforced_; ++j) length += detail::square(d[j]);
+        length = std::sqrt(length);
         if (enforced_ == n() || !(slope > detail::square(kWarmDependence * length))) return false;
         add(plane, 0.0, d, z);
         return true;
@@ -245,9 +254,13 @@ private:
     int n() const { return kSize > 0 ? kSize : joints_; }
 
     double dot(const double* a, const double* b) const {
-        double sum = 0.0;
-        for (int i = 0; i < n(); ++i) sum += a[i] * b[i];
-        return sum;
+        double even = 0.0, odd = 0.0;  // two sums at a time
+        for (int i = 0; i + 1 < n(); i += 2) {
+            even += a[i] * b[i];
+            odd += a[i + 1] * b[i + 1];
+        }
+        if (n() % 2 != 0) even += a[n() - 1] * b[n() - 1];
+        return even + odd;
     }
 
     bool takeIteration(int& iterations) {
@@ -605,8 +618,9 @@ RowQp::Status RowQp::solve(const JointMatrix& M, const JointVector& target, cons
     if (lower.size() != n || upper.size() != n) return Status::Failed;
     for (int i = 0; i < n; ++i) x[i] = detail::clampTarget(target[i], lower[i], upper[i]);
     if (!task.hasSizes()) return Status::Failed;
-    if (!task.isFinite()) return Status::Failed;
-    if (task.isTargetInside()) return Status::TargetInside;
+    bool inside;
+    if (!task.isFinite() || !task.hasFiniteRows(inside)) return Status::Failed;
+    if (inside) return Status::TargetInside;
     Enforced* const last = last_.data();
     const Outcome outcome = n == 6   ? solveTask<6>(task, iterations_, last, count, x)
                             : n == 7 ? solveTask<7>(task, iterations_, last, count, x)

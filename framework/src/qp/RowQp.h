@@ -66,7 +66,7 @@ public:
 
     /** What holds with equality: joints' bounds, then rows. */
     struct Enforced {
-        short plane;  ///< below n a joint's bound, n + k row k
+        short plane;   ///< below n a joint's bound, n + k row k
         bool isUpper;  ///< of a joint's bound
     };
 
