@@ -30,10 +30,6 @@ combination of them: rounding is about 1e-16 times the number of joints. */
 constexpr double kDependence = 1e-13;
 /** A share of an enforced plane in that combination that is smaller than this counts as none. */
 constexpr double kLeastShare = 1e-12;
-/** The same for planes of the last call, which need not be started from. */
-constexpr double kWarmDependence = 1e-6;
-/** Steps from them per joint: rather the whole way anew than far from there. */
-constexpr int kWarmStepsPerJoint = 2;
 /** A column of M whose part independent of the others is smaller than this, relative: M singular.
 */
 constexpr double kSingular = 1e-13;
@@ -69,24 +65,19 @@ struct Task {
         bool finite = M.allFinite() && target.allFinite();
         for (int i = 0; i < size(); ++i)
             finite &= lower[i] < kInfinity && upper[i] > -kInfinity && !std::isnan(upper[i]);
+        for (int k = 0; k < rows.count; ++k) finite &= rows.normal[k].allFinite() && std::isfinite(rows.bound[k]);
         return finite;
     }
 
-    /** Of the rows, once isFinite().
-    @param inside  whether the target is admissible */
-    bool hasFiniteRows(bool& inside) const {
-        inside = true;
-        for (int i = 0; i < size(); ++i) inside &= target[i] >= std::min(lower[i], upper[i]) && target[i] <= upper[i];
-        bool finite = true;
+    bool isTargetInside() const {
+        for (int i = 0; i < size(); ++i)
+            if (!(target[i] >= std::min(lower[i], upper[i]) && target[i] <= upper[i])) return false;
         for (int k = 0; k < rows.count; ++k) {
-            const double* normal = rows.normal[k].data();
             double value = 0.0;
-            for (int i = 0; i < size(); ++i) value += normal[i] * target[i];
-            inside &= value >= rows.bound[k];
-            // An entry that is not finite leaves the sum no number; so may one that is too large.
-            finite &= std::isfinite(rows.bound[k]) && (std::isfinite(value) || rows.normal[k].allFinite());
+            for (int i = 0; i < size(); ++i) value += rows.normal[k][i] * target[i];
+            if (!(value >= rows.bound[k])) return false;
         }
-        return finite;
+        return true;
     }
 };
 
@@ -106,10 +97,9 @@ template <int kSize>
 class RowProblem {
 public:
     RowProblem(const Task& task, double tolerance)
-        : joints_(task.size()), rows_(task.rows.count), source_(task.rows), tolerance_(tolerance) {
+        : joints_(task.size()), rows_(task.rows.count), tolerance_(tolerance) {
         const double* column = task.M.data();
-        double size = 0.0;
-        for (int i = 0; i < n() * n(); ++i) size = std::max(size, std::abs(column[i]));
+        const double size = task.M.cwiseAbs().maxCoeff();
         const double scale = size > 0.0 ? 1.0 / size : 0.0;  // the optimum is that of any multiple
         for (int i = 0; i < n(); ++i, column += n()) {
             for (int r = 0; r < n(); ++r) M_[i][r] = scale * column[r];
@@ -117,52 +107,27 @@ public:
             hi_[i] = task.upper[i];
             lo_[i] = std::min(task.lower[i], hi_[i]);
         }
-        for (int i = 0; i < n() + rows_; ++i) planes_[i].length = 0.0;
-        for (int i = 0; i < n() + rows_; ++i) planes_[i].isIdle = planes_[i].isReady = false;
-    }
-
-    /** From the planes `last` of another call, in a few steps. Stuck: that was no good start. */
-    Outcome solveFrom(const RowQp::Enforced* last, int count, int& iterations) {
-        most_ = kWarmStepsPerJoint * n();
-        if (!factor()) return Outcome::Failed;
-        for (int k = 0; k < count; ++k)
-            if (!startFrom(last[k])) return Outcome::Stuck;
-        if (!startOnEnforced() || !settle(iterations)) return Outcome::Stuck;
-        return finish(iterations, true) == Outcome::Optimal ? Outcome::Optimal : Outcome::Stuck;
+        for (int k = 0; k < rows_; ++k) {
+            const double* normal = task.rows.normal[k].data();
+            double largest = 0.0;
+            for (int i = 0; i < n(); ++i) largest = std::max(largest, std::abs(normal[i]));
+            const double factor = 1.0 / largest, bound = factor * task.rows.bound[k];
+            Plane& plane = planes_[n() + k];
+            plane.isIdle = !std::isfinite(factor) || !std::isfinite(bound);
+            if (plane.isIdle) {  // of no finite x, or of all
+                isContradictory_ |= task.rows.bound[k] > 0.0;
+                continue;
+            }
+            for (int i = 0; i < n(); ++i) plane.normal[i] = factor * normal[i];
+            plane.bound = bound;
+        }
     }
 
     /** Steps are counted in `iterations`, up to `most`. */
     Outcome solve(int& iterations, int most) {
         most_ = most;
         if (!factor()) return Outcome::Failed;
-        return finish(iterations, false);
-    }
-
-    /** The enforced planes. */
-    int listEnforced(RowQp::Enforced* list) const {
-        for (int k = 0; k < enforced_; ++k)
-            list[k] = {static_cast<short>(set_[k]), set_[k] < n() && planes_[set_[k]].normal[set_[k]] < 0.0};
-        return enforced_;
-    }
-
-    /** The present point, cut off at the box: bounds that are enforced hold exactly. */
-    double getX(int i) const { return detail::clampTarget(x_[i], lo_[i], hi_[i]); }
-
-private:
-    static constexpr int kCapacity = kSize > 0 ? kSize : kMaxJoints;
-
-    struct Plane {
-        double normal[kCapacity];
-        double bound;
-        double length;  // |J' normal|, of a unit of pressure; 0: not known yet
-        bool isIdle;    // enforced, or never to be
-        bool isReady;   // a row's normal and bound are scaled
-    };
-    enum class Step { Enforced, Dependent, Contradiction, Failed };
-
-    /** Enforces what is missed, from a point that is the minimum on what is enforced.
-    @param settled  the point was corrected: since the last settle() no plane was enforced or dropped */
-    Outcome finish(int& iterations, bool settled) {
+        bool settled = false;  // since the last settle() no plane was enforced or dropped
         while (takeIteration(iterations)) {
             const int plane = findWorst();
             if (plane >= 0) {
@@ -187,80 +152,26 @@ private:
         return Outcome::Failed;
     }
 
-    /** Scales row `plane` by its largest entry, when it is first of interest. False: it is not to be enforced. */
-    bool makeReady(int plane) {
-        Plane& p = planes_[plane];
-        if (p.isReady) return !p.isIdle;
-        p.isReady = true;
-        const double* normal = source_.normal[plane - n()].data();
-        double largest = 0.0;
-        for (int i = 0; i < n(); ++i) largest = std::max(largest, std::abs(normal[i]));
-        const double factor = 1.0 / largest;
-        p.bound = factor * source_.bound[plane - n()];
-        p.isIdle = !std::isfinite(factor) || !std::isfinite(p.bound);
-        if (p.isIdle)  // of no finite x, or of all
-            isContradictory_ |= source_.bound[plane - n()] > 0.0;
-        else
-            for (int i = 0; i < n(); ++i) p.normal[i] = factor * normal[i];
-        return !p.isIdle;
-    }
+    /** The present point, cut off at the box: bounds that are enforced hold exactly. */
+    double getX(int i) const { return detail::clampTarget(x_[i], lo_[i], hi_[i]); }
 
-    void takeBound(int joint, bool isUpper) {
-        Plane& p = planes_[joint];
-        for (int j = 0; j < n(); ++j) p.normal[j] = 0.0;
-        p.normal[joint] = isUpper ? -1.0 : 1.0;
-        p.bound = isUpper ? -hi_[joint] : lo_[joint];
-    }
+private:
+    static constexpr int kCapacity = kSize > 0 ? kSize : kMaxJoints;
 
-    /** Enforces a plane without a point yet. False: there is no such plane, or it follows from those before it. */
-    bool startFrom(const RowQp::Enforced& last) {
-        const int plane = last.plane;
-        if (plane >= n() + rows_) return false;
-        if (plane < n()) {
-            takeBound(plane, last.isUpper);
-            if (!std::isfinite(planes_[plane].bound)) return false;
-        } else if (!makeReady(plane)) {
-            return false;
-        }
-        double d[kCapacity], z[kCapacity] = {};
-        double slope = 0.0;
-        for (int j = 0; j < n(); ++j) d[j] = dot(J_[j], planes_[plane].normal);
-        for (int j = enforced_; j < n(); ++j) {
-            slope += detail::square(d[j]);
-            for (int i = 0; i < n(); ++i) z[i] += d[j] * J_[j][i];
-        }
-        double& length = planes_[plane].length;  // of J' normal, whatever turns J
-        length = slope;
-        for (int j = 0; j < enforced_; ++j) length += detail::square(d[j]);
-        length = std::sqrt(length);
-        if (enforced_ == n() || !(slope > detail::square(kWarmDependence * length))) return false;
-        add(plane, 0.0, d, z);
-        return true;
-    }
-
-    /** From the target to the minimum on the enforced planes. */
-    bool startOnEnforced() {
-        double h[kCapacity], a[kCapacity];
-        for (int k = 0; k < enforced_; ++k) h[k] = calcMiss(set_[k]);
-        solveLower(h, a);
-        for (int j = 0; j < enforced_; ++j)
-            for (int i = 0; i < n(); ++i) x_[i] += a[j] * J_[j][i];
-        solveUpper(a, u_);
-        for (int i = 0; i < n(); ++i)
-            if (!std::isfinite(x_[i])) return false;
-        return true;
-    }
+    struct Plane {
+        double normal[kCapacity];
+        double bound;
+        double length = 0.0;  // |J' normal|, of a unit of pressure; 0: not known yet
+        bool isIdle = false;  // enforced, or never to be
+    };
+    enum class Step { Enforced, Dependent, Contradiction, Failed };
 
     int n() const { return kSize > 0 ? kSize : joints_; }
 
     double dot(const double* a, const double* b) const {
-        double even = 0.0, odd = 0.0;  // two sums at a time
-        for (int i = 0; i + 1 < n(); i += 2) {
-            even += a[i] * b[i];
-            odd += a[i + 1] * b[i + 1];
-        }
-        if (n() % 2 != 0) even += a[n() - 1] * b[n() - 1];
-        return even + odd;
+        double sum = 0.0;
+        for (int i = 0; i < n(); ++i) sum += a[i] * b[i];
+        return sum;
     }
 
     bool takeIteration(int& iterations) {
@@ -342,15 +253,14 @@ private:
         for (int i = 0; i < n(); ++i) {
             Plane& p = planes_[i];
             if (p.isIdle || (x_[i] >= lo_[i] && x_[i] <= hi_[i])) continue;
-            takeBound(i, !(x_[i] < lo_[i]));
-            consider(i, p.bound - p.normal[i] * x_[i]);
+            const double side = x_[i] < lo_[i] ? 1.0 : -1.0;
+            for (int j = 0; j < n(); ++j) p.normal[j] = 0.0;
+            p.normal[i] = side;
+            p.bound = side > 0.0 ? lo_[i] : -hi_[i];
+            consider(i, p.bound - side * x_[i]);
         }
         for (int k = n(); k < n() + rows_; ++k) {
             if (planes_[k].isIdle) continue;
-            if (!planes_[k].isReady) {  // most never are
-                const double* normal = source_.normal[k - n()].data();
-                if (!(source_.bound[k - n()] - dot(normal, x_) > 0.0) || !makeReady(k)) continue;
-            }
             const double miss = calcMiss(k);
             if (miss > 0.0) consider(k, miss);
         }
@@ -551,7 +461,6 @@ private:
     }
 
     const int joints_, rows_;
-    const RowQp::Rows& source_;
     int most_ = 0;
     double M_[kCapacity][kCapacity];  // column by column, as are J and R
     double J_[kCapacity][kCapacity], R_[kCapacity][kCapacity];
@@ -569,30 +478,16 @@ private:
 /** Once as exactly as can be; where planes that are nearly parallel defeat that, once more leaving
 out what the tolerance guaranteed allows to. */
 template <int kSize>
-Outcome solveTask(const Task& task, int& iterations, RowQp::Enforced* last, int& count, JointVector& x) {
+Outcome solveTask(const Task& task, int& iterations, JointVector& x) {
     Outcome outcome = Outcome::Failed;
-    int steps = 0;
-    if (count > 0) {
-        RowProblem<kSize> problem(task, kTightTolerance);
-        outcome = problem.solveFrom(last, count, steps);
-        if (outcome == Outcome::Optimal) {
-            for (int i = 0; i < task.size(); ++i) x[i] = problem.getX(i);
-            count = problem.listEnforced(last);
-            iterations = steps;
-            return outcome;
-        }
-    }
-    count = 0;
     for (const double tolerance : {kTightTolerance, RowQp::kRowTolerance}) {
         const bool isLast = tolerance == RowQp::kRowTolerance;
         RowProblem<kSize> problem(task, tolerance);
-        outcome = problem.solve(iterations, RowQp::kMaxIterations / (isLast ? 1 : 2) - steps);
+        outcome = problem.solve(iterations, RowQp::kMaxIterations / (isLast ? 1 : 2));
         if (outcome == Outcome::Failed || (outcome == Outcome::Stuck && !isLast)) continue;
         for (int i = 0; i < task.size(); ++i) x[i] = problem.getX(i);
-        if (outcome == Outcome::Optimal) count = problem.listEnforced(last);
         break;
     }
-    iterations += steps;
     return outcome;
 }
 
@@ -611,21 +506,15 @@ RowQp::Status RowQp::solve(const JointMatrix& M, const JointVector& target, cons
     const Task task{M, target, lower, upper, rows};
     iterations_ = 0;
     const int n = task.size();
-    int count = std::exchange(lastCount_, 0);
-    if (lastSize_ != n) count = 0;
-    lastSize_ = n;
     x.setZero(n);
     if (lower.size() != n || upper.size() != n) return Status::Failed;
     for (int i = 0; i < n; ++i) x[i] = detail::clampTarget(target[i], lower[i], upper[i]);
     if (!task.hasSizes()) return Status::Failed;
-    bool inside;
-    if (!task.isFinite() || !task.hasFiniteRows(inside)) return Status::Failed;
-    if (inside) return Status::TargetInside;
-    Enforced* const last = last_.data();
-    const Outcome outcome = n == 6   ? solveTask<6>(task, iterations_, last, count, x)
-                            : n == 7 ? solveTask<7>(task, iterations_, last, count, x)
-                                     : solveTask<0>(task, iterations_, last, count, x);
-    lastCount_ = count;
+    if (!task.isFinite()) return Status::Failed;
+    if (task.isTargetInside()) return Status::TargetInside;
+    const Outcome outcome = n == 6   ? solveTask<6>(task, iterations_, x)
+                            : n == 7 ? solveTask<7>(task, iterations_, x)
+                                     : solveTask<0>(task, iterations_, x);
     return outcome == Outcome::Optimal  ? Status::Solved
            : outcome == Outcome::Failed ? Status::Failed
                                         : Status::Infeasible;

@@ -11,9 +11,8 @@ in torque:
 
     minimise |M (x - target)|^2   subject to   lower <= x <= upper,   row_k . x >= bound_k
 
-Method: dual active set (Goldfarb and Idnani 1983) from the minimum on what held with equality in the last call, less what
-pulls there; where that does not lead to the optimum in a few steps, from the unconstrained minimum, x = target; orthogonal
-updates of the factors, so that adding and dropping a constraint costs O(n^2). M itself
+Method: dual active set (Goldfarb and Idnani 1983) from the unconstrained minimum, x = target;
+orthogonal updates of the factors, so that adding and dropping a constraint costs O(n^2). M itself
 is factored, and the result is corrected with residuals of M and the rows. Rows are scaled, so their
 size has no effect. Where nearly parallel rows make it fail, it is tried once more without the rows that
 kRowTolerance allows to leave out.
@@ -27,8 +26,7 @@ slabs without thickness, many rows through one point, angles down to 1e-4), none
 down to rounding and M of condition up to 1e7, 0.5 % end as Failed or are wrongly
 called Infeasible.
 Real time: no allocation, lock or throw; at most kMaxIterations steps (maximum seen where rows are not
-parallel to rounding: 152, with n = 16 and 48 rows), and before them a few per joint from the last call's planes. A row keeps its
-index from call to call where it is to be started from; any other order costs time only. */
+parallel to rounding: 152, with n = 16 and 48 rows). Has no state between calls. */
 class RowQp {
 public:
     static constexpr int kMaxRows = 48;
@@ -59,21 +57,10 @@ public:
     Status solve(const JointMatrix& M, const JointVector& target, const JointVector& lower, const JointVector& upper,
                  const Rows& rows, JointVector& x);
 
-    /** Forgets the last call. */
-    void reset() { lastCount_ = 0; }
-
     int iterations() const { return iterations_; }  ///< of the last call
-
-    /** What holds with equality: joints' bounds, then rows. */
-    struct Enforced {
-        short plane;   ///< below n a joint's bound, n + k row k
-        bool isUpper;  ///< of a joint's bound
-    };
 
 private:
     int iterations_ = 0;
-    int lastCount_ = 0, lastSize_ = 0;
-    std::array<Enforced, kMaxJoints> last_;  // of the last call, of lastSize_ joints
 };
 
 }  // namespace viable

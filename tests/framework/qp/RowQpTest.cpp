@@ -590,44 +590,6 @@ TEST(RowQp, ManyPlanesThroughTheOptimum) {
 
 /** Velocities towards a target behind the walls of a moving corner, kept by discrete barriers: the
 point reaches both walls, slides along them and never crosses. */
-/** Targets that move from call to call: the same optimum as without a start, in fewer steps; forgotten by reset(). */
-TEST(RowQp, StartsFromWhatHeldInTheLastCall) {
-    std::mt19937_64 random(67);
-    int warm = 0, cold = 0, solved = 0;
-    for (int k = 0; k < test::countOf(300); ++k) {
-        const int n = 2 + k % (kMaxJoints - 1);
-        JointVector inside, x, expected;
-        Problem p = drawBox(random, n, 1e3, inside);
-        addRows(random, p, inside, 20);
-        const JointVector target = p.target;
-        RowQp qp;
-        for (int call = 0; call < 20; ++call) {
-            p.target = (1.0 + 0.01 * call) * target;
-            if (call == 10) p.rows.clear();  // nothing of the last call's rows is there any more
-            RowQp fresh;
-            const RowQp::Status status = solve(qp, p, x);
-            ASSERT_EQ(solve(fresh, p, expected), status) << "problem " << k << ", call " << call;
-            if (status != RowQp::Status::Solved) continue;
-            ASSERT_LE((x - expected).norm(), 1e-9 * (expected.norm() + p.target.norm())) << "problem " << k;
-            const Residuals r(p, x);
-            ASSERT_TRUE(r.inBox);
-            ASSERT_LT(r.rows, RowQp::kRowTolerance);
-            ++solved;
-            warm += qp.iterations();
-            cold += fresh.iterations();
-        }
-        qp.reset();
-        RowQp fresh;
-        ASSERT_EQ(solve(qp, p, x), solve(fresh, p, expected));
-        ASSERT_EQ(x, expected);
-        ASSERT_EQ(qp.iterations(), fresh.iterations());
-    }
-    std::cout << "steps per call: " << static_cast<double>(warm) / solved << " warm, "
-              << static_cast<double>(cold) / solved << " without a start\n";
-    EXPECT_GT(solved, test::countOf(1000));
-    EXPECT_LT(2 * warm, cold);
-}
-
 TEST(RowQp, AClosedLoopSlidesAlongWalls) {
     constexpr int kJoints = 3;
     constexpr double kTick_s = 1e-3, kRate = 20.0;
