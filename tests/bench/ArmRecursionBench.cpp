@@ -10,6 +10,9 @@
 #include <string>
 
 #include "viable/robot/RobotModel.h"
+#ifdef VIABLE_HAS_MUJOCO
+#include "MujocoModel.h"
+#endif
 
 namespace viable {
 namespace {
@@ -21,6 +24,11 @@ struct Arm {
     RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/indy7");
     ArmRecursion recursion{robot};
     RobotModel model{robot};
+    RobotModel simbody{robot, DynamicsEngine::Simbody};
+#ifdef VIABLE_HAS_MUJOCO
+    MujocoModel mujoco{findUrdf(robot)};
+    int tool = mj_name2id(&mujoco.model(), mjOBJ_BODY, robot.toolLink.c_str());
+#endif
     std::vector<MotionState> states;
     std::size_t next = 0;
 
@@ -57,12 +65,63 @@ struct Arm {
         recursion.calcFrames(take().q, frames);
         benchmark::DoNotOptimize(frames);
     }
-    void calcModelTorque() {
+    void calcDynamics() {
         const MotionState& s = take();
         model.calcDynamics(s.q, s.qd, dynamics);
-        calcInverseDynamics(dynamics, s.qdd, tau);
-        benchmark::DoNotOptimize(tau.data());
+        benchmark::DoNotOptimize(dynamics);
     }
+    void calcBySimbody() {
+        const MotionState& s = take();
+        simbody.calcDynamics(s.q, s.qd, dynamics);
+        benchmark::DoNotOptimize(dynamics);
+    }
+#ifdef VIABLE_HAS_MUJOCO
+    /** Only what the same figures need of a step: places, M, b, gravity, and the Jacobian of the tool. */
+    void calcByMujoco() {
+        const MotionState& s = take();
+        mjModel* const m = &mujoco.model();
+        mjData* const d = &mujoco.data();
+        const auto n = static_cast<std::size_t>(robot.size());
+        std::copy_n(s.q.data(), n, d->qpos);
+        std::fill_n(d->qvel, n, 0.0);
+        mj_kinematics(m, d);
+        mj_comPos(m, d);
+        mj_crb(m, d);
+        mjtNum full[kMaxJoints * kMaxJoints], linear[3 * kMaxJoints], angular[3 * kMaxJoints];
+        mj_fullM(m, full, d->qM);
+        mjtNum gravity[kMaxJoints], bias[kMaxJoints];
+        mj_comVel(m, d);
+        mj_rne(m, d, 0, gravity);
+        std::copy_n(s.qd.data(), n, d->qvel);
+        mj_comVel(m, d);
+        mj_rne(m, d, 0, bias);
+        mj_jacBody(m, d, linear, angular, tool);
+        benchmark::DoNotOptimize(full);
+        benchmark::DoNotOptimize(gravity);
+        benchmark::DoNotOptimize(bias);
+        benchmark::DoNotOptimize(linear);
+    }
+    /** The same without gravity's part of b. */
+    void calcByMujocoOnce() {
+        const MotionState& s = take();
+        mjModel* const m = &mujoco.model();
+        mjData* const d = &mujoco.data();
+        const auto n = static_cast<std::size_t>(robot.size());
+        std::copy_n(s.q.data(), n, d->qpos);
+        std::copy_n(s.qd.data(), n, d->qvel);
+        mj_kinematics(m, d);
+        mj_comPos(m, d);
+        mj_crb(m, d);
+        mjtNum full[kMaxJoints * kMaxJoints], linear[3 * kMaxJoints], angular[3 * kMaxJoints], bias[kMaxJoints];
+        mj_fullM(m, full, d->qM);
+        mj_comVel(m, d);
+        mj_rne(m, d, 0, bias);
+        mj_jacBody(m, d, linear, angular, tool);
+        benchmark::DoNotOptimize(full);
+        benchmark::DoNotOptimize(bias);
+        benchmark::DoNotOptimize(linear);
+    }
+#endif
 };
 
 using Work = void (Arm::*)();
@@ -84,9 +143,15 @@ void run(benchmark::State& state, Work work) {
     Arm arm;
     for (auto _ : state) (arm.*work)();
     state.counters["n"] = arm.robot.size();
-    // Against Simbody's torque, by the same clock.
-    if (work != &Arm::calcModelTorque)
-        state.counters["robot_model_over_this"] = measure(arm, &Arm::calcModelTorque) / measure(arm, work);
+    // Against the others, by the same clock.
+    const double own = measure(arm, work);
+    if (work != &Arm::calcBySimbody) state.counters["simbody_over_this"] = measure(arm, &Arm::calcBySimbody) / own;
+#ifdef VIABLE_HAS_MUJOCO
+    if (work == &Arm::calcDynamics) {
+        state.counters["this_over_mujoco"] = own / measure(arm, &Arm::calcByMujoco);
+        state.counters["this_over_mujoco_without_gravity"] = own / measure(arm, &Arm::calcByMujocoOnce);
+    }
+#endif
 }
 
 bool registerAll() {
@@ -94,7 +159,12 @@ bool registerAll() {
     add("arm_recursion_torque/n:6", &Arm::calcTorque);
     add("arm_recursion_inertia/n:6", &Arm::calcInertia);
     add("arm_recursion_frames/n:6", &Arm::calcFrames);
-    add("robot_model_torque/n:6", &Arm::calcModelTorque);
+    add("dynamics/n:6", &Arm::calcDynamics);
+    add("dynamics_simbody/n:6", &Arm::calcBySimbody);
+#ifdef VIABLE_HAS_MUJOCO
+    add("dynamics_mujoco/n:6", &Arm::calcByMujoco);
+    add("dynamics_mujoco_without_gravity/n:6", &Arm::calcByMujocoOnce);
+#endif
     return true;
 }
 

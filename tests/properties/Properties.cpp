@@ -1,9 +1,11 @@
 // Property tests of certified braking: random limits, random arms, adversarial input, millions of joint steps.
 //
-//     viable_properties limits|recovery|changing_limits|stops|monitor|obstacles|references|any_arm|tracking|tracking_poses|bound [--steps N] [--seed S] [--arm K]
+//     viable_properties limits|recovery|changing_limits|stops|monitor|obstacles|references|any_arm|dynamics|tracking|
+//                       tracking_poses|bound [--steps N] [--seed S] [--arm K]
 //
 // --steps counts joint steps (joints times ticks), 20,000,000 by default; the long mode is --steps 1e9. For `stops` it
-// counts random viable states, for `bound` joints. A run is a function of its seed, an arm of seed and its number.
+// counts random viable states, for `dynamics` states of random arms, for `bound` joints. A run is a function of its seed,
+// an arm of seed and its number.
 // Exit code 0: no violation; 1: at least one, the first is printed in full; others: wrong arguments.
 
 #include "Properties.h"
@@ -61,6 +63,7 @@ int main(int argc, char** argv) {
                                                                            {"obstacles", checkObstacles},
                                                                            {"references", checkReferences},
                                                                            {"any_arm", checkAnyArm},
+                                                                           {"dynamics", checkDynamics},
                                                                            {"tracking", checkTracking},
                                                                            {"tracking_poses", checkTrackingPoses},
                                                                            {"bound", checkBound}};

@@ -34,6 +34,9 @@ bool checkReferences(const Options& options);
 refused or stopped with its cause; none fails silently. */
 bool checkAnyArm(const Options& options);
 
+/** Random trees of turning and sliding joints with rotors, under any gravity: the recursive dynamics are Simbody's. */
+bool checkDynamics(const Options& options);
+
 /** The worst that can be found inside a DisturbanceSet, on nominal arms at rest and moving: no error leaves the
 TrackingBound, and some come near it. */
 bool checkTracking(const Options& options);

@@ -69,6 +69,98 @@ struct Swing {
     }
 };
 
+/** Cross product p x f for the moment of force and moment side by side. */
+Triple<Pair> shift(const Vector3d& p, const Triple<Pair>& load) {
+    const double fx = load.x[0], fy = load.y[0], fz = load.z[0];
+    return {load.x + Pair{0.0, p.y() * fz - p.z() * fy}, load.y + Pair{0.0, p.z() * fx - p.x() * fz},
+            load.z + Pair{0.0, p.x() * fy - p.y() * fx}};
+}
+
+/** E^T v and E v. */
+template <class T>
+Triple<T> turnInwards(const Matrix3d& E, const Triple<T>& v) {
+    return {E(0, 0) * v.x + E(1, 0) * v.y + E(2, 0) * v.z, E(0, 1) * v.x + E(1, 1) * v.y + E(2, 1) * v.z,
+            E(0, 2) * v.x + E(1, 2) * v.y + E(2, 2) * v.z};
+}
+template <class T>
+Triple<T> turnOutwards(const Matrix3d& E, const Triple<T>& v) {
+    return {E(0, 0) * v.x + E(0, 1) * v.y + E(0, 2) * v.z, E(1, 0) * v.x + E(1, 1) * v.y + E(1, 2) * v.z,
+            E(2, 0) * v.x + E(2, 1) * v.y + E(2, 2) * v.z};
+}
+
+/** Force and moment about its origin that move a link whose frame accelerates by `a`. */
+Triple<Pair> calcSlidingLoad(double m, const Vector3d& h, const Matrix3d& E, const Swing& U, const Triple<double>& a) {
+    return {Pair{m * a.x + U.xx * h.x() + U.xy * h.y() + U.xz * h.z(),
+                 h.y() * a.z - h.z() * a.y + U.zx * E(0, 1) + U.zy * E(1, 1) + U.zz * E(2, 1) - U.yx * E(0, 2) -
+                     U.yy * E(1, 2) - U.yz * E(2, 2)},
+            Pair{m * a.y + U.yx * h.x() + U.yy * h.y() + U.yz * h.z(),
+                 h.z() * a.x - h.x() * a.z + U.xx * E(0, 2) + U.xy * E(1, 2) + U.xz * E(2, 2) - U.zx * E(0, 0) -
+                     U.zy * E(1, 0) - U.zz * E(2, 0)},
+            Pair{m * a.z + U.zx * h.x() + U.zy * h.y() + U.zz * h.z(),
+                 h.x() * a.y - h.y() * a.x + U.yx * E(0, 0) + U.yy * E(1, 0) + U.yz * E(2, 0) - U.xx * E(0, 1) -
+                     U.xy * E(1, 1) - U.xz * E(2, 1)}};
+}
+
+/** The same where mass, h.z and E.zz are zero, as they are for a revolute joint's link. */
+Triple<Pair> calcTurningLoad(const Vector3d& h, const Matrix3d& E, const Swing& U, const Triple<double>& a) {
+    return {Pair{U.xx * h.x() + U.xy * h.y(),
+                 h.y() * a.z + U.zx * E(0, 1) + U.zy * E(1, 1) + U.zz * E(2, 1) - U.yx * E(0, 2) - U.yy * E(1, 2)},
+            Pair{U.yx * h.x() + U.yy * h.y(),
+                 -h.x() * a.z + U.xx * E(0, 2) + U.xy * E(1, 2) - U.zx * E(0, 0) - U.zy * E(1, 0) - U.zz * E(2, 0)},
+            Pair{U.zx * h.x() + U.zy * h.y(), h.x() * a.y - h.y() * a.x + U.yx * E(0, 0) + U.yy * E(1, 0) +
+                                                  U.yz * E(2, 0) - U.xx * E(0, 1) - U.xy * E(1, 1) - U.xz * E(2, 1)}};
+}
+
+/** Mass and moments of all that a joint carries; `second` has its upper triangle only. */
+struct Composite {
+    double mass;
+    double hx, hy, hz;
+    double xx, xy, xz, yy, yz, zz;
+
+    Composite() = default;
+    Composite(double m, const Vector3d& h, const Matrix3d& E)
+        : mass(m),
+          hx(h.x()),
+          hy(h.y()),
+          hz(h.z()),
+          xx(E(0, 0)),
+          xy(E(0, 1)),
+          xz(E(0, 2)),
+          yy(E(1, 1)),
+          yz(E(1, 2)),
+          zz(E(2, 2)) {}
+
+    /** Adds what another frame carries, seen from there. */
+    void add(const Composite& other, const Matrix3d& E, const Vector3d& p) {
+        const Pair e0 = {E(0, 0), E(1, 0)}, e1 = {E(0, 1), E(1, 1)}, e2 = {E(0, 2), E(1, 2)};
+        // E C: its first two rows side by side, its third
+        const Pair upperX = other.xx * e0 + other.xy * e1 + other.xz * e2;
+        const Pair upperY = other.xy * e0 + other.yy * e1 + other.yz * e2;
+        const Pair upperZ = other.xz * e0 + other.yz * e1 + other.zz * e2;
+        const double lowerX = other.xx * E(2, 0) + other.xy * E(2, 1) + other.xz * E(2, 2);
+        const double lowerY = other.xy * E(2, 0) + other.yy * E(2, 1) + other.yz * E(2, 2);
+        const double lowerZ = other.xz * E(2, 0) + other.yz * E(2, 1) + other.zz * E(2, 2);
+        const Pair first = upperX * E(0, 0) + upperY * E(0, 1) + upperZ * E(0, 2);
+        const Pair third = lowerX * e0 + lowerY * e1 + lowerZ * e2;
+
+        const Pair turned = other.hx * e0 + other.hy * e1 + other.hz * e2;
+        const double tx = turned[0], ty = turned[1];
+        const double tz = other.hx * E(2, 0) + other.hy * E(2, 1) + other.hz * E(2, 2);
+        const double half = 0.5 * other.mass;
+        const double sx = tx + half * p.x(), sy = ty + half * p.y(), sz = tz + half * p.z();
+        mass += other.mass;
+        hx += tx + other.mass * p.x();
+        hy += ty + other.mass * p.y();
+        hz += tz + other.mass * p.z();
+        xx += first[0] + 2.0 * sx * p.x();
+        xy += first[1] + sx * p.y() + sy * p.x();
+        yy += upperX[1] * E(1, 0) + upperY[1] * E(1, 1) + upperZ[1] * E(1, 2) + 2.0 * sy * p.y();
+        xz += third[0] + sx * p.z() + sz * p.x();
+        yz += third[1] + sy * p.z() + sz * p.y();
+        zz += lowerX * E(2, 0) + lowerY * E(2, 1) + lowerZ * E(2, 2) + 2.0 * sz * p.z();
+    }
+};
+
 Matrix3d makeCross(const Vector3d& v) {
     Matrix3d m;
     m << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
@@ -110,6 +202,13 @@ ArmRecursion::ArmRecursion(const RobotDescription& robot) : n_(robot.size()), gr
         const Matrix3d inertia = own.transpose() * from.body.inertia * own;
         joint.moment = joint.mass * com;
         joint.second = 0.5 * inertia.trace() * Matrix3d::Identity() - inertia + joint.mass * com * com.transpose();
+    }
+    toolParent_ = robot.toolParent;
+    VIABLE_CHECK(toolParent_ < n_, "the tool hangs on a joint");
+    if (toolParent_ >= 0) {
+        const Matrix3d inward = axisFrame[index(toolParent_)].transpose();
+        toolRotation_ = inward * robot.toolPlacement.linear();
+        toolOrigin_ = inward * robot.toolPlacement.translation();
     }
     // From the tips inwards: mass on a revolute joint's axis moves with the link before it.
     for (int i = n_ - 1; i >= 0; --i) {
@@ -205,16 +304,7 @@ void ArmRecursion::calcTorque(const JointVector& q, const JointVector& qd, const
             a.y -= 2.0 * qd[i] * spin.x[0];
             a.z += qdd[i];
             const Swing U(spin);
-            const double m = joint.mass;
-            loads[index(i)] = {Pair{m * a.x + U.xx * h.x() + U.xy * h.y() + U.xz * h.z(),
-                                    h.y() * a.z - h.z() * a.y + U.zx * E(0, 1) + U.zy * E(1, 1) + U.zz * E(2, 1) -
-                                        U.yx * E(0, 2) - U.yy * E(1, 2) - U.yz * E(2, 2)},
-                               Pair{m * a.y + U.yx * h.x() + U.yy * h.y() + U.yz * h.z(),
-                                    h.z() * a.x - h.x() * a.z + U.xx * E(0, 2) + U.xy * E(1, 2) + U.xz * E(2, 2) -
-                                        U.zx * E(0, 0) - U.zy * E(1, 0) - U.zz * E(2, 0)},
-                               Pair{m * a.z + U.zx * h.x() + U.zy * h.y() + U.zz * h.z(),
-                                    h.x() * a.y - h.y() * a.x + U.yx * E(0, 0) + U.yy * E(1, 0) + U.yz * E(2, 0) -
-                                        U.xx * E(0, 1) - U.xy * E(1, 1) - U.xz * E(2, 1)}};
+            loads[index(i)] = calcSlidingLoad(joint.mass, h, E, U, a);
             motion.swing = U;
         } else {
             const double wx = spin.x[0], wy = spin.y[0];
@@ -222,14 +312,7 @@ void ArmRecursion::calcTorque(const JointVector& q, const JointVector& qd, const
             spin.y -= Pair{0.0, qd[i] * wx};
             spin.z += Pair{qd[i], qdd[i]};
             const Swing U(spin);
-            // As above, where mass, h.z and E.zz of a revolute joint's link are zero.
-            loads[index(i)] = {Pair{U.xx * h.x() + U.xy * h.y(), h.y() * a.z + U.zx * E(0, 1) + U.zy * E(1, 1) +
-                                                                     U.zz * E(2, 1) - U.yx * E(0, 2) - U.yy * E(1, 2)},
-                               Pair{U.yx * h.x() + U.yy * h.y(), -h.x() * a.z + U.xx * E(0, 2) + U.xy * E(1, 2) -
-                                                                     U.zx * E(0, 0) - U.zy * E(1, 0) - U.zz * E(2, 0)},
-                               Pair{U.zx * h.x() + U.zy * h.y(), h.x() * a.y - h.y() * a.x + U.yx * E(0, 0) +
-                                                                     U.yy * E(1, 0) + U.yz * E(2, 0) - U.xx * E(0, 1) -
-                                                                     U.xy * E(1, 1) - U.xz * E(2, 1)}};
+            loads[index(i)] = calcTurningLoad(h, E, U, a);
             motion.swing = U;
         }
         motion.spin = spin;
@@ -257,68 +340,178 @@ void ArmRecursion::calcTorque(const JointVector& q, const JointVector& qd, const
     }
 }
 
-void ArmRecursion::calcInertia(const JointVector& q, JointMatrix& M) const {
-    VIABLE_CHECK(q.size() == n_, "q has one entry per joint");
-    struct Composite {
-        Matrix3d rotation;  // seen from the joint before
-        Vector3d origin;
-        double mass;
-        Vector3d moment;
-        Matrix3d second;
-    };
-    std::array<Composite, kMaxJoints> composites;
-    for (int i = 0; i < n_; ++i) {
-        const Joint& joint = joints_[index(i)];
+/** What is known of each joint in one state; entries from size() on are left alone. */
+struct ArmRecursion::Pass {
+    const ArmRecursion& arm;
+    std::array<Matrix3d, kMaxJoints> rotation;  // of a joint's frame, seen from that of the joint before
+    std::array<Vector3d, kMaxJoints> origin;    // [m]
+    std::array<Composite, kMaxJoints> carried;
+    std::array<Triple<Pair>, kMaxJoints> column;  // force and moment that accelerate what joint j carries by 1
+
+    explicit Pass(const ArmRecursion& recursion) : arm(recursion) {}
+
+    void place(int i, double q) {
+        const Joint& joint = arm.joints_[index(i)];
         const Matrix3d& R = joint.rotation;
-        Composite& own = composites[index(i)];
-        own.origin = joint.origin;
-        own.mass = joint.mass;
-        own.moment = joint.moment;
-        own.second = joint.second;
+        Matrix3d& E = rotation[index(i)];
+        origin[index(i)] = joint.origin;
+        carried[index(i)] = Composite(joint.mass, joint.moment, joint.second);
         if (joint.isPrismatic) {
-            own.rotation = R;
-            own.origin += q[i] * R.col(2);
+            E = R;
+            origin[index(i)] += q * R.col(2);
         } else {
-            const Angle angle = calcAngle(q[i]);
-            own.rotation.col(0) = angle.c * R.col(0) + angle.s * R.col(1);
-            own.rotation.col(1) = angle.c * R.col(1) - angle.s * R.col(0);
-            own.rotation.col(2) = R.col(2);
+            const Angle angle = calcAngle(q);
+            E.col(0) = angle.c * R.col(0) + angle.s * R.col(1);
+            E.col(1) = angle.c * R.col(1) - angle.s * R.col(0);
+            E.col(2) = R.col(2);
         }
     }
-    M.setZero(n_, n_);
-    // From the tips inwards: whatever a joint carries is complete when its turn comes.
-    for (int j = n_ - 1; j >= 0; --j) {
-        const Joint& joint = joints_[index(j)];
-        const Composite& carried = composites[index(j)];
-        const Vector3d& h = carried.moment;
-        const Matrix3d& E = carried.second;
-        // What accelerates the composite body by 1 along the joint.
-        Vector3d force(-h.y(), h.x(), 0.0);
-        Vector3d moment(-E(0, 2), -E(1, 2), E(0, 0) + E(1, 1));
+
+    /** The row of joint i in M, left of and on the diagonal, once all that it carries is known; and what it carries goes to
+    the joint before. */
+    void addInertia(int i, JointMatrix& M) {
+        const Joint& joint = arm.joints_[index(i)];
+        const Composite& own = carried[index(i)];
         if (joint.isPrismatic) {
-            force = {0.0, 0.0, carried.mass};
-            moment = {h.y(), -h.x(), 0.0};
+            column[index(i)] = {Pair{0.0, own.hy}, Pair{0.0, -own.hx}, Pair{own.mass, 0.0}};
+            M(i, i) = own.mass + joint.rotorInertia;
+        } else {
+            column[index(i)] = {Pair{-own.hy, -own.xz}, Pair{own.hx, -own.yz}, Pair{0.0, own.xx + own.yy}};
+            M(i, i) = own.xx + own.yy + joint.rotorInertia;
         }
-        M(j, j) = (joint.isPrismatic ? force.z() : moment.z()) + joint.rotorInertia;
-        for (int i = j; joints_[index(i)].parent >= 0;) {
-            const Composite& frame = composites[index(i)];
-            const Vector3d turned = frame.rotation * force;
-            moment = frame.rotation * moment + frame.origin.cross(turned);
-            force = turned;
-            i = joints_[index(i)].parent;
-            M(i, j) = M(j, i) = joints_[index(i)].isPrismatic ? force.z() : moment.z();
+        if (joint.parent < 0) return;
+        const Joint& before = arm.joints_[index(joint.parent)];
+        const Matrix3d& E = rotation[index(i)];
+        const Vector3d& p = origin[index(i)];
+        carried[index(joint.parent)].add(own, E, p);
+        if (before.parent < 0) {  // the way ends there: only the part along that joint is asked for
+            const int lane = before.isPrismatic ? 0 : 1;
+            Triple<Pair> along;
+            if (lane == 0)
+                along = {Pair{E(2, 0), 0.0}, Pair{E(2, 1), 0.0}, Pair{E(2, 2), 0.0}};
+            else
+                along = {Pair{p.x() * E(1, 0) - p.y() * E(0, 0), E(2, 0)},
+                         Pair{p.x() * E(1, 1) - p.y() * E(0, 1), E(2, 1)},
+                         Pair{p.x() * E(1, 2) - p.y() * E(0, 2), E(2, 2)}};
+            for (int j = i; j < arm.n_; ++j) {
+                if (!arm.moves(i, j)) continue;
+                const Triple<Pair>& load = column[index(j)];
+                const Pair sum = along.x * load.x + along.y * load.y + along.z * load.z;
+                M(joint.parent, j) = M(j, joint.parent) = sum[0] + sum[1];
+            }
+            return;
         }
+        for (int j = i; j < arm.n_; ++j) {
+            if (!arm.moves(i, j)) continue;
+            Triple<Pair>& load = column[index(j)];
+            load = shift(p, turnOutwards(E, load));
+            M(joint.parent, j) = M(j, joint.parent) = load.z[before.isPrismatic ? 0 : 1];
+        }
+    }
+};
+
+void ArmRecursion::calcInertia(const JointVector& q, JointMatrix& M) const {
+    VIABLE_CHECK(q.size() == n_, "q has one entry per joint");
+    Pass pass(*this);
+    for (int i = 0; i < n_; ++i) pass.place(i, q[i]);
+    M.setZero(n_, n_);
+    for (int i = n_ - 1; i >= 0; --i) pass.addInertia(i, M);  // from the tips inwards
+}
+
+void ArmRecursion::calcDynamics(const JointVector& q, const JointVector& qd, Dynamics& out) const {
+    VIABLE_CHECK(q.size() == n_ && qd.size() == n_, "q and qd have one entry per joint");
+    VIABLE_CHECK(toolParent_ >= 0, "the tool hangs on a joint");
+    struct Motion {
+        Triple<Pair> spin;          // angular velocity, angular acceleration
+        Triple<Pair> acceleration;  // of the frame's origin; gravity's
+        Swing swing;
+    };
+    struct Place {  // in the base frame
+        Matrix3d rotation;
+        Vector3d origin;
+    };
+    Pass pass(*this);
+    std::array<Motion, kMaxJoints> motions;
+    std::array<Place, kMaxJoints> places;        // of the joints that move the tool
+    std::array<Triple<Pair>, kMaxJoints> loads;  // force, moment about the frame's origin; of the velocities
+
+    for (int i = 0; i < n_; ++i) {
+        pass.place(i, q[i]);
+        const Joint& joint = joints_[index(i)];
+        const Matrix3d& E = pass.rotation[index(i)];
+        const Vector3d& p = pass.origin[index(i)];
+        const bool movesTool = moves(i, toolParent_);
+        Place& place = places[index(i)];
+        Triple<Pair> spin, a;
+        if (joint.parent < 0) {
+            spin = {Pair{0.0, 0.0}, Pair{0.0, 0.0}, Pair{0.0, 0.0}};
+            a = {Pair{0.0, gravity_.x()}, Pair{0.0, gravity_.y()}, Pair{0.0, gravity_.z()}};
+            if (movesTool) place = {E, p};
+        } else {
+            const Motion& before = motions[index(joint.parent)];
+            const Swing& U = before.swing;
+            spin = turnInwards(E, before.spin);
+            a = before.acceleration;
+            a.x += Pair{U.xx * p.x() + U.xy * p.y() + U.xz * p.z(), 0.0};
+            a.y += Pair{U.yx * p.x() + U.yy * p.y() + U.yz * p.z(), 0.0};
+            a.z += Pair{U.zx * p.x() + U.zy * p.y() + U.zz * p.z(), 0.0};
+            if (movesTool) {
+                const Place& from = places[index(joint.parent)];
+                place.rotation.noalias() = from.rotation * E;
+                place.origin.noalias() = from.rotation * p;
+                place.origin += from.origin;
+            }
+        }
+        a = turnInwards(E, a);
+        Motion& motion = motions[index(i)];
+        if (joint.isPrismatic) {
+            a.x += Pair{2.0 * qd[i] * spin.y[0], 0.0};
+            a.y -= Pair{2.0 * qd[i] * spin.x[0], 0.0};
+            motion.swing = Swing(spin);
+            loads[index(i)] =
+                calcSlidingLoad(joint.mass, joint.moment, joint.second, motion.swing, {a.x[0], a.y[0], a.z[0]});
+        } else {
+            const double wx = spin.x[0], wy = spin.y[0];
+            spin.x += Pair{0.0, qd[i] * wy};
+            spin.y -= Pair{0.0, qd[i] * wx};
+            spin.z += Pair{qd[i], 0.0};
+            motion.swing = Swing(spin);
+            loads[index(i)] = calcTurningLoad(joint.moment, joint.second, motion.swing, {a.x[0], a.y[0], a.z[0]});
+        }
+        motion.spin = spin;
+        motion.acceleration = a;
+    }
+
+    out.M.setZero(n_, n_);
+    out.b.resize(n_);
+    out.gravity.resize(n_);
+    for (int i = n_ - 1; i >= 0; --i) {  // from the tips inwards
+        const Joint& joint = joints_[index(i)];
+        pass.addInertia(i, out.M);
+        const Composite& own = pass.carried[index(i)];
+        const Triple<Pair>& a = motions[index(i)].acceleration;
+        out.gravity[i] = joint.isPrismatic ? -own.mass * a.z[1] : own.hy * a.x[1] - own.hx * a.y[1];
+        out.b[i] = loads[index(i)].z[joint.isPrismatic ? 0 : 1] + out.gravity[i];
         if (joint.parent < 0) continue;
-        Composite& before = composites[index(joint.parent)];
-        const Matrix3d& R = carried.rotation;
-        const Vector3d& p = carried.origin;
-        const Vector3d turned = R * h;
-        const Vector3d shifted = turned + 0.5 * carried.mass * p;
-        const Matrix3d half = R * E;
-        const Matrix3d shift = shifted * p.transpose();
-        before.mass += carried.mass;
-        before.moment += turned + carried.mass * p;
-        before.second += half * R.transpose() + shift + shift.transpose();
+        const Triple<Pair> load = shift(pass.origin[index(i)], turnOutwards(pass.rotation[index(i)], loads[index(i)]));
+        Triple<Pair>& before = loads[index(joint.parent)];
+        before.x += load.x;
+        before.y += load.y;
+        before.z += load.z;
+    }
+
+    const Place& carrier = places[index(toolParent_)];
+    out.tool.position = carrier.origin + carrier.rotation * toolOrigin_;
+    out.tool.orientation = Eigen::Quaterniond(Matrix3d(carrier.rotation * toolRotation_));
+    out.J.setZero(6, n_);
+    for (int i = toolParent_; i >= 0; i = joints_[index(i)].parent) {
+        const Vector3d axis = places[index(i)].rotation.col(2);
+        if (joints_[index(i)].isPrismatic) {
+            out.J.col(i).head<3>() = axis;
+        } else {
+            out.J.col(i).head<3>() = axis.cross(out.tool.position - places[index(i)].origin);
+            out.J.col(i).tail<3>() = axis;
+        }
     }
 }
 

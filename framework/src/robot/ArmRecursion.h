@@ -3,12 +3,13 @@
 #include <array>
 #include <cstdint>
 
+#include "viable/robot/Dynamics.h"
 #include "viable/robot/RobotDescription.h"
 
 namespace viable {
 
-/** Rigid-body motion and torque of an arm in fixed-size recursive passes, for work that asks for hundreds of poses in a
-tick. The same arm as RobotModel's: rotor inertia on the diagonal, no friction.
+/** Rigid-body motion, torque and dynamics of an arm in fixed-size recursive passes: what RobotModel computes with, and
+what asks for hundreds of poses in a tick. Rotor inertia on the diagonal of M, no friction.
 
 Method: recursive Newton-Euler (Luh, Walker and Paul, J. Dyn. Sys. Meas. Control 102, 1980) in the links' own frames,
 composite rigid bodies for M (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6). A link enters by its mass and
@@ -18,7 +19,7 @@ Real time: no allocation, lock or throw; an input that is NaN gives results that
 Thread: immutable after construction; any number of threads. */
 class ArmRecursion {
 public:
-    /** Takes joints, gravity and rotor inertias; 1 to kMaxJoints joints. */
+    /** Takes joints, tool, gravity and rotor inertias; 1 to kMaxJoints joints. */
     explicit ArmRecursion(const RobotDescription& robot);
 
     int size() const { return n_; }
@@ -37,6 +38,10 @@ public:
 
     /** M(q) [kg m^2], size() x size(). */
     void calcInertia(const JointVector& q, JointMatrix& M) const;
+
+    /** All of Dynamics at (q, qd), both finite and of size(), in one pass outwards and one inwards. The tool hangs on a
+    joint. */
+    void calcDynamics(const JointVector& q, const JointVector& qd, Dynamics& out) const;
 
     bool isPrismatic(int joint) const { return joints_[index(joint)].isPrismatic; }
     /** The joint before `joint`; -1: it stands on the base. */
@@ -65,11 +70,16 @@ private:
         Eigen::Vector3d axis;    ///< in that frame
     };
 
+    struct Pass;  // what is known of each joint in one state
+
     int n_ = 0;
     std::array<Joint, kMaxJoints> joints_;
     std::array<FramePlacement, kMaxJoints> placements_;
     std::array<std::uint32_t, kMaxJoints> movers_{};  ///< bit i: joint i moves this one's link
     Eigen::Vector3d gravity_;                         ///< base frame [m/s^2]
+    int toolParent_ = -1;
+    Eigen::Matrix3d toolRotation_;  ///< seen from the joint that carries it, whose axis is along z
+    Eigen::Vector3d toolOrigin_;    ///< [m]
 };
 
 }  // namespace viable

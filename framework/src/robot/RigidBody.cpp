@@ -35,6 +35,8 @@ BodyInertia mergeBodies(const BodyInertia& a, const BodyInertia& b) {
 
 Eigen::Matrix3d makeAxisFrame(const Eigen::Vector3d& axis) {
     if (axis == Eigen::Vector3d::UnitZ()) return Eigen::Matrix3d::Identity();
+    // Near -z, where the shortest turn is known to few digits only: half a turn about x, then to the other end.
+    if (axis.z() < -0.5) return makeAxisFrame(-axis) * Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();
     return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), axis).toRotationMatrix();
 }
 

@@ -6,12 +6,12 @@
 #include <set>
 
 #include "core/Text.h"
+#include "robot/DynamicsCheck.h"
 #include "robot/PoseSampling.h"
 #include "robot/RigidBody.h"
 #include "robot/urdf/UrdfReader.h"
 #include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
-#include "viable/robot/RobotModel.h"
 
 namespace viable {
 
@@ -267,16 +267,15 @@ void readActuationFile(const fs::path& file, RobotDescription& robot) {
 /** Refuses an arm whose accelerations cannot be found from its torques. */
 void checkCondition(const RobotDescription& robot, const std::string& where) {
     const int n = robot.size();
-    RobotModel model(robot);
+    const ArmRecursion recursion(robot);
     std::mt19937_64 random(kConditionSeed);
-    Dynamics dynamics;
+    JointMatrix M;
     JointVector reach(n);
     for (int i = 0; i < n; ++i) reach[i] = detail::getFreeReach(robot.joints[i].type);
     const JointBounds range = detail::makeFinite(robot.limits.position, reach);
-    const JointVector rest = JointVector::Zero(n);
     for (int sample = 0; sample < kConditionPoses; ++sample) {
-        model.calcDynamics(detail::drawPose(range, random), rest, dynamics);
-        const Eigen::SelfAdjointEigenSolver<JointMatrix> solver(dynamics.M);
+        recursion.calcInertia(detail::drawPose(range, random), M);
+        const Eigen::SelfAdjointEigenSolver<JointMatrix> solver(M);
         const double smallest = solver.eigenvalues()[0];
         const double largest = solver.eigenvalues()[n - 1];
         if (largest < kMaxInertiaCondition * smallest) continue;
@@ -344,6 +343,7 @@ RobotDescription loadRobot(const fs::path& folder) {
     readLimitsFile(limitsFile, urdf, robot);
     readActuationFile(actuationFile, robot);
     checkCondition(robot, urdfFile.string());
+    detail::checkRecursion(robot, ArmRecursion(robot), urdfFile.string());
     return robot;
 }
 

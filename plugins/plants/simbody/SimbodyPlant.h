@@ -13,8 +13,8 @@ namespace viable {
 /** The real arm in simulation: the nominal multibody model with payload and mass error, inside the hardware of an
 arm (ArmHardware: motors, friction, pushes, sensors), on request with backlash in its gears.
 
-Method: M(q) qdd + b(q, qd) + f(qd) = tau + tau_e, with M and b by Simbody (RobotModel), tau of the motors and tau_e of
-the surroundings, and the friction f of each joint as in FrictionLaw; its load is tau - f of the sub-step before, at
+Method: M(q) qdd + b(q, qd) + f(qd) = tau + tau_e, with M and b by Simbody or on request by the recursion
+(RobotModel), tau of the motors and tau_e of the surroundings, and the friction f of each joint as in FrictionLaw; its load is tau - f of the sub-step before, at
 first b.
 Each sub-step first finds the friction torque implicitly, from the velocity v+ that it leaves behind:
 M (v+ - v) / h = tau + tau_e - b - f(v+), with F taken at v. For the dry parts that is a box QP (the dual of
@@ -61,8 +61,10 @@ private:
     int n_ = 0;
     ArmHardware hardware_;
     MotorRate motorRate_;
+    DynamicsEngine engine_ = DynamicsEngine::Simbody;
     std::unique_ptr<RobotModel> model_;  // with backlash without the rotors
     Dynamics dynamics_;
+    Dynamics implicit_;  // of a sub-step with its viscous friction
 
     bool hasGears_ = false;
     JointVector rotorInertia_, halfGap_, stiffness_, damping_;

@@ -1,10 +1,16 @@
 #include "robot/ArmRecursion.h"
 
+#include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <random>
+#include <string>
 
+#include "ExpectContains.h"
 #include "SampleArm.h"
+#include "robot/DynamicsCheck.h"
+#include "viable/core/Error.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {
@@ -16,9 +22,11 @@ ones. */
 constexpr double kRelative = 1e-10;
 
 /** The same arm by Simbody. */
-class ArmRecursionTest : public SampleArmTest {
+class ArmRecursionTest : public SampleArmTest, public ::testing::WithParamInterface<std::string> {
 protected:
-    ArmRecursionTest() : SampleArmTest(loadSampleArm(GetParam(), {1.0, -2.0, -9.0}), 20260607), arm_(robot_) {}
+    ArmRecursionTest()
+        : SampleArmTest(loadSampleArm(GetParam(), {1.0, -2.0, -9.0}), 20260607, DynamicsEngine::Simbody),
+          arm_(robot_) {}
 
     ArmRecursion arm_;
     ArmRecursion::Frames frames_;
@@ -54,6 +62,62 @@ TEST_P(ArmRecursionTest, InertiaIsThatOfSimbody) {
                 ASSERT_NEAR(M(i, j), d.M(i, j), kRelative * std::sqrt(d.M(i, i) * d.M(j, j)))
                     << sample << ": " << i << ", " << j;
     }
+}
+
+TEST_P(ArmRecursionTest, DynamicsAreThoseOfSimbody) {
+    Dynamics d;
+    double largest = 0.0;
+    for (int sample = 0; sample < kSamples; ++sample) {
+        const JointVector q = draw(3.0), qd = draw(3.0);
+        arm_.calcDynamics(q, qd, d);
+        ASSERT_TRUE(isFinite(d, n_));
+        ASSERT_EQ(d.M, JointMatrix(d.M.transpose()));
+        const detail::DynamicsDifference worst = detail::compareDynamics(robot_, q, qd, calc(q, qd), d);
+        ASSERT_LE(worst.size, detail::kDynamicsTolerance) << sample << ", " << worst.what << ", joint " << worst.joint;
+        largest = std::max(largest, worst.size);
+    }
+    std::printf("  largest difference %.1e of the scale\n", largest);
+}
+
+TEST_P(ArmRecursionTest, DynamicsAreThoseOfItsOwnPasses) {
+    Dynamics d;
+    JointMatrix M;
+    JointVector tau;
+    for (int sample = 0; sample < kSamples; ++sample) {
+        const JointVector q = draw(3.0), qd = draw(3.0), rest = JointVector::Zero(n_);
+        arm_.calcDynamics(q, qd, d);
+        arm_.calcInertia(q, M);
+        ASSERT_EQ(d.M, M);
+        arm_.calcTorque(q, qd, rest, tau);
+        ASSERT_LT((d.b - tau).norm(), 1e-12 * (d.b.norm() + d.gravity.norm() + d.M.norm()));
+        arm_.calcDynamics(q, rest, d);
+        ASSERT_EQ(d.b, d.gravity) << "at rest";
+    }
+}
+
+TEST_P(ArmRecursionTest, AnArmThatDiffersFromSimbodysIsRefusedWithItsJoint) {
+    EXPECT_NO_THROW(detail::checkRecursion(robot_, arm_, "arm.urdf"));
+    for (int i = 0; i < n_; ++i) {
+        RobotDescription other = robot_;
+        JointDescription& joint = other.joints[static_cast<std::size_t>(i)];
+        other.actuation.rotorInertia[i] += 1e-5 * calc(JointVector::Zero(n_), JointVector::Zero(n_)).M(i, i);
+        try {
+            detail::checkRecursion(robot_, ArmRecursion(other), "arm.urdf");
+            ADD_FAILURE() << joint.name;
+        } catch (const Error& e) {
+            test::expectContains(e.what(), {"arm.urdf: the recursive dynamics differ from Simbody's: the inertia M of "
+                                            "joint `" +
+                                                joint.name + "` by ",
+                                            "please report it with the robot's folder"});
+        }
+        other = robot_;
+        other.joints[static_cast<std::size_t>(i)].placement.rotate(
+            Eigen::AngleAxisd(1e-6, Eigen::Vector3d(1.0, -2.0, 3.0).normalized()));
+        EXPECT_THROW(detail::checkRecursion(robot_, ArmRecursion(other), "arm.urdf"), Error) << joint.name;
+    }
+    RobotDescription other = robot_;
+    other.toolPlacement.translation().z() += 1e-6;
+    EXPECT_THROW(detail::checkRecursion(robot_, ArmRecursion(other), "arm.urdf"), Error) << "tool";
 }
 
 TEST_P(ArmRecursionTest, InertiaIsTheSlopeOfTheTorque) {
@@ -116,12 +180,14 @@ TEST_P(ArmRecursionTest, Fault49_ATickAllocatesNothing) {
     if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     JointVector q = draw(3.0), qd = draw(3.0), qdd = draw(3.0), tau;
     JointMatrix M;
+    Dynamics dynamics;
     testing::AllocationCounter counter;  // from the very first call on
     for (int i = 0; i < 100; ++i) {
         q[0] += 1e-3;
         arm_.calcFrames(q, frames_);
         arm_.calcTorque(q, qd, qdd, tau);
         arm_.calcInertia(q, M);
+        arm_.calcDynamics(q, qd, dynamics);
     }
     EXPECT_EQ(counter.count(), 0);
 }

@@ -3,6 +3,9 @@
 #include <cmath>
 #include <limits>
 #include <random>
+#include <string>
+#include <tuple>
+#include <vector>
 
 #include "SampleArm.h"
 #include "viable/testing/AllocationCounter.h"
@@ -10,10 +13,14 @@
 namespace viable {
 namespace {
 
-/** M, b, pose and Jacobian of every kind of arm against routes that share no formula with them. */
-class RobotModelTest : public SampleArmTest {
+using Sample = std::tuple<const char*, DynamicsEngine>;
+
+/** M, b, pose and Jacobian of every kind of arm by both engines against routes that share no formula with them. */
+class RobotModelTest : public SampleArmTest, public ::testing::WithParamInterface<Sample> {
 protected:
-    RobotModelTest() : SampleArmTest(loadSampleArm(GetParam()), 20240607) {}
+    RobotModelTest() : SampleArmTest(loadSampleArm(std::get<0>(GetParam())), 20240607, std::get<1>(GetParam())) {}
+
+    RobotModel makeModel(const RobotDescription& robot) const { return {robot, std::get<1>(GetParam())}; }
 
     JointVector shift(const JointVector& q, int joint, double step) {
         JointVector shifted = q;
@@ -48,7 +55,7 @@ TEST_P(RobotModelTest, InertiaIsSymmetricAndPositiveDefinite) {
 TEST_P(RobotModelTest, RotorInertiaIsOnTheDiagonal) {
     RobotDescription bare = robot_;
     bare.actuation.rotorInertia.setZero();
-    RobotModel links(bare);
+    RobotModel links = makeModel(bare);
     const JointVector q = draw(2.0), qd = draw(2.0);
     Dynamics d;
     links.calcDynamics(q, qd, d);
@@ -120,7 +127,7 @@ TEST_P(RobotModelTest, JacobianIsTheSlopeOfTheToolPose) {
 TEST_P(RobotModelTest, PayloadPullsAtTheTool) {
     const double mass = 1.7;
     const Eigen::Vector3d offset(0.03, -0.02, 0.11);
-    RobotModel loaded(withPayload(robot_, mass, offset));
+    RobotModel loaded = makeModel(withPayload(robot_, mass, offset));
     for (int sample = 0; sample < 50; ++sample) {
         const JointVector q = draw(3.0), qd = draw(3.0);
         const Dynamics d = calc(q, qd);
@@ -143,7 +150,7 @@ TEST_P(RobotModelTest, PayloadPullsAtTheTool) {
 }
 
 TEST_P(RobotModelTest, ScalingAllMassesScalesTheLinks) {
-    RobotModel heavy(withScaledMasses(robot_, JointVector::Constant(n_, 1.25)));
+    RobotModel heavy = makeModel(withScaledMasses(robot_, JointVector::Constant(n_, 1.25)));
     const JointVector q = draw(3.0), qd = draw(3.0);
     const Dynamics d = calc(q, qd);
     Dynamics scaled;
@@ -232,8 +239,12 @@ TEST_P(RobotModelTest, NumbersThatAreNotFiniteComeBackAsSuchWithoutAnException) 
 }
 
 INSTANTIATE_TEST_SUITE_P(Arms, RobotModelTest,
-                         ::testing::Values("indy7", "single_joint", "simple", "slanted", "branched"),
-                         [](const auto& arm) { return arm.param; });
+                         ::testing::Combine(::testing::Values("indy7", "single_joint", "simple", "slanted", "branched"),
+                                            ::testing::Values(DynamicsEngine::Recursion, DynamicsEngine::Simbody)),
+                         [](const auto& sample) {
+                             const bool isSimbody = std::get<1>(sample.param) == DynamicsEngine::Simbody;
+                             return std::string(std::get<0>(sample.param)) + (isSimbody ? "_simbody" : "_recursion");
+                         });
 
 TEST(RobotModel, CartWithPendulumAsInTheTextbook) {
     const double cart = 2.0, bob = 0.5, length = 0.4, centre = 0.01;  // centre: inertia of the bob

@@ -45,10 +45,10 @@ inline RobotDescription loadSampleArm(const std::string& name, const Eigen::Vect
 }
 
 /** Tests of an arm in random states. */
-class SampleArmTest : public ::testing::TestWithParam<std::string> {
+class SampleArmTest : public ::testing::Test {
 protected:
-    SampleArmTest(RobotDescription robot, std::uint64_t seed)
-        : robot_(std::move(robot)), n_(robot_.size()), model_(robot_), random_(seed) {}
+    SampleArmTest(RobotDescription robot, std::uint64_t seed, DynamicsEngine engine)
+        : robot_(std::move(robot)), n_(robot_.size()), model_(robot_, engine), random_(seed) {}
 
     JointVector draw(double bound) {
         std::uniform_real_distribution<double> uniform(-bound, bound);
@@ -56,7 +56,7 @@ protected:
         for (double& x : v) x = uniform(random_);
         return v;
     }
-    /** By Simbody. */
+    /** By the engine of the suite. */
     Dynamics calc(const JointVector& q, const JointVector& qd) {
         Dynamics dynamics;
         model_.calcDynamics(q, qd, dynamics);
