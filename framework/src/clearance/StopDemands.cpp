@@ -50,6 +50,11 @@ void StopDemands::raise(const ArmStopCheck::Result& kept) {
     }
 }
 
+bool StopDemands::isKept() const {
+    return std::all_of(demands_.floor.begin(), demands_.floor.end(),
+                       [this](double floor) { return !(floor < required_m_); });
+}
+
 void StopDemands::lowerTorqueUse(double use) {
     demands_.torqueUse = std::max(1.0, std::min(demands_.torqueUse, use));
 }

@@ -23,6 +23,8 @@ public:
     /** The torque that the stop taken now uses: the next one may use no more. */
     void lowerTorqueUse(double use);
 
+    /** No element is nearer than the safety distance on the backup stop. */
+    bool isKept() const;
     /** Of every jerk that is taken. */
     const ArmStopCheck::Demands& get() const { return demands_; }
 

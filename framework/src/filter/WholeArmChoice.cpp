@@ -199,8 +199,8 @@ void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics,
         if (braking_.isAdmissible(from) && isGood(nominal, from, false)) keepBest(from);
     }
     // What holds some joints is not to hold those that have nothing to do with it: one by one, the worst first, they go back,
-    // and the others do what is desired of them; but on the path all are held alike.
-    if (hasBest_ || !options_.steers || !metric) return;
+    // and the others do what is desired of them; but on the path all are held alike, and where the distance is lost all brake.
+    if (hasBest_ || !options_.steers || !metric || !demands_.isKept()) return;
     braking_.propose(&identity_, desired, nullptr, from);
     for (int k = 0; k < static_cast<int>(from.size()); ++k) {
         if (!braking_.isAdmissible(from)) return;
