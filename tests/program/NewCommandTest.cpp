@@ -406,6 +406,23 @@ TEST(NewRobot, RunsAtOnceWithAssumedFiguresAndSaysSo) {
     }
 }
 
+TEST(NewRobot, AToolThatItsOnlyJointDoesNotMoveGetsNoTask) {
+    Folder folder;
+    std::ofstream(folder / "turn.urdf") << "<robot name='turn'><link name='base'/><link name='arm'><inertial><origin "
+                                           "xyz='0 0 0.2'/><mass value='1'/><inertia "
+                                           "ixx='0.02' iyy='0.02' izz='0.01' ixy='0' ixz='0' "
+                                           "iyz='0'/></inertial><collision><origin xyz='0 0 0.2'/><geometry>"
+                                           "<cylinder radius='0.03' length='0.4'/></geometry></collision></link><joint "
+                                           "name='turn' type='revolute'><parent "
+                                           "link='base'/><child link='arm'/><axis xyz='0 1 0'/><limit lower='-2' "
+                                           "upper='2' velocity='2' effort='20'/></joint>"
+                                           "</robot>";
+    const Outcome made = makeNew(folder, {"robot", "turn", "--assume", "--urdf", folder / "turn.urdf"});
+    EXPECT_EQ(made.code, 0) << made.err;
+    EXPECT_TRUE(fs::exists(folder / "turn/first_run.yaml"));
+    EXPECT_FALSE(fs::exists(folder / "turn/obstacles.yaml"));
+}
+
 TEST(NewRobot, RefusesAnUnclearRequest) {
     expectRefused({"robot", "arm"}, {"the robot's URDF is missing", "Add --urdf FILE.urdf"});
     expectRefused({"robot"}, {"the name is missing", "`viable new robot NAME --urdf FILE`"});

@@ -151,15 +151,13 @@ TEST(Obstacles, ARealMapWithUnknownSpaceOccupiedOrFree) {
 // A Panda pressed against two bars: whether joint7 alone is asked to move, or all are, it goes where it is asked to.
 TEST(Obstacles, AJointThatNothingHoldsIsNotFrozenWithTheOthers) {
     for (const auto& [name, goal] : {std::pair("frozen_free", 0.0279), std::pair("frozen_pressed", 0.2279)}) {
-        const std::string file = std::string("../../shared/data/cases/") + name;
-        if (!std::filesystem::exists(std::string(VIABLE_SOURCE_DIR "/experiments/") + file + ".yaml"))
-            GTEST_SKIP() << "no " << file << ".yaml here";
         SCOPED_TRACE(name);
         double place = 0.0, velocity = 0.0;
-        const CaseResult result = ProjectExperiment(file).run("c", [&](const TickRecord& record) {
-            place = record.nominal.q[6];
-            velocity = record.nominal.qd[6];
-        });
+        const CaseResult result =
+            ProjectExperiment(std::string("../tests/program/") + name).run("c", [&](const TickRecord& record) {
+                place = record.nominal.q[6];
+                velocity = record.nominal.qd[6];
+            });
         EXPECT_EQ(result.exitCode(), 0) << result.stopMessage;
         EXPECT_NEAR(place, goal, 1e-3);
         EXPECT_LT(std::abs(velocity), 1e-2);

@@ -345,7 +345,10 @@ void writeRobot(const NewRobotArguments& arguments) {
     if (arguments.assumes && !canFollow)
         std::printf("No hand.yaml: the tool cannot be moved in three directions.\n");
     else if (arguments.assumes && !hasBall)
-        std::printf("No obstacles.yaml: the URDF has no shapes, or meshes were not found; see collision.yaml.\n");
+        std::printf(
+            "No obstacles.yaml: the URDF has no shapes, meshes were not found (see collision.yaml), or there is no "
+            "room for "
+            "a ball where a hand leads the tool.\n");
     if (draft.tool.empty() && draft.toolLinks.size() > 1)
         std::printf(
             "The robot ends in several links: --tip LINK takes the chain to one of them and freezes the rest.\n");

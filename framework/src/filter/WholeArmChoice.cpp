@@ -160,7 +160,7 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
     braking_.commit(desired, jerk, joints);
     for (std::size_t i = 0; i < static_cast<std::size_t>(jerk.size()); ++i) {
         const auto at = static_cast<Eigen::Index>(i);
-        if (jerk[at] == proposed_[at] || reason == LimitKind::None) continue;
+        if (jerk[at] == proposed_[at] || jerk[at] == desired[at] || reason == LimitKind::None) continue;
         const bool isUpper = reason == LimitKind::Torque && jerk[at] < proposed_[at];
         joints[i] = {reason, isUpper ? LimitSide::Upper : LimitSide::Lower};
     }

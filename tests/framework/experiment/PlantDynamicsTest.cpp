@@ -46,12 +46,14 @@ TEST(PlantDynamics, TheSweepsRunsAreThoseOfSimbodyWithTheRecursion) {
             simbody.loop.tick(expected);
             recursion.loop.tick(found);
             ASSERT_FALSE(simbody.loop.isStopping() || recursion.loop.isStopping()) << simbody.loop.stopMessage();
+            ASSERT_TRUE(found.actual.q.allFinite() && expected.actual.q.allFinite());
             largest = std::max(largest, (found.actual.q - expected.actual.q).cwiseAbs().maxCoeff());
             ASSERT_LE(largest, kTolerance_rad) << "run " << run << ", tick " << k;
         }
         moved = std::max(moved, (expected.actual.q - simbody.configured->setup.start.q).cwiseAbs().maxCoeff());
     }
     EXPECT_GT(moved, 0.05);
+    EXPECT_GT(largest, 0.0) << "both ran with the same dynamics";
     std::printf("  largest difference %.1e rad\n", largest);
 }
 

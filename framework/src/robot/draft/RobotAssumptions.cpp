@@ -429,25 +429,27 @@ private:
         ArmRecursion::Frames frames;
         recursion_.calcFrames(home, frames);
         const Eigen::Vector3d tool = placeTool(frames);
-        if (!std::isfinite(distances_.calcFrom(tool, home))) return;
+        if (!(task.reach > 0.0) || !std::isfinite(distances_.calcFrom(tool, home))) return;
         const Eigen::Vector3d ahead = tool - frames.origin[static_cast<std::size_t>(toolRoot_)];
         Eigen::Index first = 0;
         ahead.head<2>().cwiseAbs().maxCoeff(&first);
         const double radius = kBallShare * task.reach, free = radius + kGapShare * task.reach + kNear;
-        double nearest = kInfinity;
+        const double handReach = kLongWay * DraftTask::kHandShare * task.reach;
+        const double farthest = radius + handReach;  // the hand goes through its near side
+        double nearest = farthest;
         for (const Eigen::Index axis : {first, 1 - first, Eigen::Index{2}})
             for (const double side : {1.0, -1.0}) {
                 const Eigen::Vector3d way = (ahead[axis] < 0.0 ? -side : side) * Eigen::Vector3d::Unit(axis);
                 double distance = free;
                 while (distance < nearest && distances_.calcFrom(tool + distance * way, home) < free)
                     distance += 0.01 * task.reach;
-                if (distance >= nearest) continue;
+                if (!(distance < nearest)) continue;
                 nearest = distance;
                 task.ball = (tool + distance * way).unaryExpr([](double x) { return std::round(1e3 * x) / 1e3 + 0.0; });
                 task.pastBall.setConstant(roundOff(kAside * DraftTask::kHandShare * task.reach));
-                task.pastBall[axis] = roundOff(kLongWay * DraftTask::kHandShare * task.reach);
+                task.pastBall[axis] = roundOff(handReach);
             }
-        task.radius = roundOff(radius);
+        if (nearest < farthest) task.radius = roundOff(radius);
     }
 
     const UrdfRobot& robot_;
