@@ -558,14 +558,14 @@ private:
         return bound;
     }
 
-    /** What may take any course as one torque. */
+    /** What may take any course as one torque; of each view and phase as many sources, which are compared one by one. */
     std::vector<Source> mergeJumping(const std::vector<Source>& sources) const {
         JointVector size = JointVector::Zero(n_);
         std::vector<Source> merged;
         for (const Source& source : sources)
             if (source.jumps)
                 size += source.start;
-            else if (!(source.torque.calcLargest().array() == 0.0).all())
+            else
                 merged.push_back(source);
         merged.push_back(makeJumping("", size));
         return merged;
