@@ -200,7 +200,7 @@ LoopGains calcGains(const FrozenLoop& loop, const std::vector<double>& ages) {
                 gains.torque[k] += stride * h / 2.0 * (begin[k].cwiseAbs() + end[k].cwiseAbs());
                 gains.step[k] = gains.step[k].cwiseMax(level[k].cwiseAbs());
                 last[k] = level[k].cwiseAbs();
-                // Those that are older than the youngest asked age that they pass.
+                // Those from just before the oldest age that is passed: `level` is that of the stride's beginning.
                 if (reached > 0) gains.lateStep[reached - 1][k] = gains.lateStep[reached - 1][k].cwiseMax(last[k]);
                 for (std::size_t i = asked; i < reached; ++i) gains.earlyTorque[i][k] = gains.torque[k];
                 gains.ramp[k] += stride * h * (level[k] - goal[k]).cwiseAbs();
@@ -208,7 +208,7 @@ LoopGains calcGains(const FrozenLoop& loop, const std::vector<double>& ages) {
                 startEffect[k] = startEffect[k].cwiseMax(started[k].cwiseAbs());
                 const MatrixXd change = (end[k] - begin[k]).cwiseAbs();
                 variation.total[k] += change;
-                variation.aged[k] += (age - 0.5 * stride * h) * change;  // even within a stride
+                variation.aged[k] += (stride > 1.0 ? age : age - 0.5 * h) * change;  // even within a tick
             }
             asked = reached;
             begin = end;

@@ -4,6 +4,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <complex>
 #include <random>
@@ -279,7 +280,10 @@ TEST(FrozenLoop, TellsYoungFromOldResponses) {
     loop.kp = JointVector::Constant(1, 40.0);
     loop.ki = JointVector::Constant(1, 8.0);
     loop.tick_s = 1e-3;
-    const std::vector<double> ages = {4e-3, 16e-3, 64e-3, 2.0, 1e7};
+    std::vector<double> ages = {4e-3, 16e-3, 64e-3};
+    // Also such as lie between the ticks that are looked at, which are every fourth and later every sixteenth one.
+    for (double age = 0.257; age < 3.0; age += 0.037) ages.push_back(age);
+    ages.push_back(1e7);
     const detail::LoopGains gains = detail::calcGains(loop, ages);
     ASSERT_EQ(gains.earlyTorque.size(), ages.size());
     const Eigen::MatrixXd A = assembleLoop(loop);
@@ -289,20 +293,30 @@ TEST(FrozenLoop, TellsYoungFromOldResponses) {
     Eigen::MatrixXd kick = Eigen::MatrixXd::Zero(4, 1), pushed = kick;
     kick(1, 0) = 1.0 / 0.5;
     constexpr int kVelocity = static_cast<int>(detail::LoopOutput::Velocity), kTicks = 4000;
-    std::vector<double> sum{0.0}, level{0.0};
+    std::vector<double> sum{0.0};
+    std::array<std::vector<double>, 2> level{{{0.0}, {0.0}}};  // of position and velocity
     for (int k = 0; k < kTicks; ++k) {
         const double before = std::abs(kick(1, 0));
         kick = A * kick;
         pushed = A * pushed + push;
         sum.push_back(sum.back() + 0.5e-3 * (before + std::abs(kick(1, 0))));
-        level.push_back(std::abs(pushed(1, 0)));
+        for (int i : {0, 1}) level[static_cast<std::size_t>(i)].push_back(std::abs(pushed(i, 0)));
     }
     for (std::size_t k = 0; k < ages.size(); ++k) {
         const auto tick = static_cast<std::size_t>(std::min(ages[k] / 1e-3 + 0.5, double(kTicks)));
-        const double largest = *std::max_element(level.begin() + static_cast<std::ptrdiff_t>(tick), level.end());
         EXPECT_NEAR(gains.earlyTorque[k][kVelocity](0, 0), sum[tick], 2e-3 * sum.back()) << ages[k];
-        EXPECT_GE(gains.lateStep[k][kVelocity](0, 0), 0.999 * (ages[k] < 1.0 ? largest : 0.0)) << ages[k];
-        EXPECT_LE(gains.lateStep[k][kVelocity](0, 0), 1.2 * level[std::min<std::size_t>(tick, 64)] + 1e-6) << ages[k];
+        const std::pair<int, std::size_t> outputs[] = {{static_cast<int>(detail::LoopOutput::Position), 0},
+                                                       {kVelocity, 1}};
+        for (const auto& [output, i] : outputs) {
+            const double found = gains.lateStep[k][static_cast<std::size_t>(output)](0, 0);
+            const double largest =
+                *std::max_element(level[i].begin() + static_cast<std::ptrdiff_t>(tick), level[i].end());
+            // A smooth top may lie between two looks. After months nothing is known but what is left.
+            EXPECT_GE(found, ages[k] < 1e6 ? largest * (1.0 - 1e-4) : 0.0) << ages[k] << " output " << output;
+            EXPECT_LE(found, 1.2 * *std::max_element(level[i].begin(), level[i].end())) << ages[k] << " " << output;
+        }
+        EXPECT_LE(gains.lateStep[k][kVelocity](0, 0), 1.2 * level[1][std::min<std::size_t>(tick, 64)] + 1e-6)
+            << ages[k];
     }
     EXPECT_EQ(gains.earlyTorque.back()[kVelocity](0, 0), gains.torque[kVelocity](0, 0));
 }
