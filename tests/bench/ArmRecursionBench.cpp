@@ -76,49 +76,33 @@ struct Arm {
         benchmark::DoNotOptimize(dynamics);
     }
 #ifdef VIABLE_HAS_MUJOCO
-    /** Only what the same figures need of a step: places, M, b, gravity, and the Jacobian of the tool. */
+    /** Only what the same figures need of a step: places, M, b, gravity where asked for, and the Jacobian of the tool. */
+    template <bool kWithGravity>
     void calcByMujoco() {
         const MotionState& s = take();
         mjModel* const m = &mujoco.model();
         mjData* const d = &mujoco.data();
         const auto n = static_cast<std::size_t>(robot.size());
-        std::copy_n(s.q.data(), n, d->qpos);
-        std::fill_n(d->qvel, n, 0.0);
-        mj_kinematics(m, d);
-        mj_comPos(m, d);
-        mj_crb(m, d);
         mjtNum full[kMaxJoints * kMaxJoints], linear[3 * kMaxJoints], angular[3 * kMaxJoints];
-        mj_fullM(m, full, d->qM);
         mjtNum gravity[kMaxJoints], bias[kMaxJoints];
-        mj_comVel(m, d);
-        mj_rne(m, d, 0, gravity);
-        std::copy_n(s.qd.data(), n, d->qvel);
-        mj_comVel(m, d);
-        mj_rne(m, d, 0, bias);
-        mj_jacBody(m, d, linear, angular, tool);
-        benchmark::DoNotOptimize(full);
-        benchmark::DoNotOptimize(gravity);
-        benchmark::DoNotOptimize(bias);
-        benchmark::DoNotOptimize(linear);
-    }
-    /** The same without gravity's part of b. */
-    void calcByMujocoOnce() {
-        const MotionState& s = take();
-        mjModel* const m = &mujoco.model();
-        mjData* const d = &mujoco.data();
-        const auto n = static_cast<std::size_t>(robot.size());
+        const auto calcForces = [&](mjtNum* forces) {
+            mj_comVel(m, d);
+            mj_rne(m, d, 0, forces);
+            benchmark::DoNotOptimize(forces);
+        };
         std::copy_n(s.q.data(), n, d->qpos);
-        std::copy_n(s.qd.data(), n, d->qvel);
         mj_kinematics(m, d);
         mj_comPos(m, d);
         mj_crb(m, d);
-        mjtNum full[kMaxJoints * kMaxJoints], linear[3 * kMaxJoints], angular[3 * kMaxJoints], bias[kMaxJoints];
         mj_fullM(m, full, d->qM);
-        mj_comVel(m, d);
-        mj_rne(m, d, 0, bias);
+        if (kWithGravity) {
+            std::fill_n(d->qvel, n, 0.0);
+            calcForces(gravity);
+        }
+        std::copy_n(s.qd.data(), n, d->qvel);
+        calcForces(bias);
         mj_jacBody(m, d, linear, angular, tool);
         benchmark::DoNotOptimize(full);
-        benchmark::DoNotOptimize(bias);
         benchmark::DoNotOptimize(linear);
     }
 #endif
@@ -148,8 +132,8 @@ void run(benchmark::State& state, Work work) {
     if (work != &Arm::calcBySimbody) state.counters["simbody_over_this"] = measure(arm, &Arm::calcBySimbody) / own;
 #ifdef VIABLE_HAS_MUJOCO
     if (work == &Arm::calcDynamics) {
-        state.counters["this_over_mujoco"] = own / measure(arm, &Arm::calcByMujoco);
-        state.counters["this_over_mujoco_without_gravity"] = own / measure(arm, &Arm::calcByMujocoOnce);
+        state.counters["this_over_mujoco"] = own / measure(arm, &Arm::calcByMujoco<true>);
+        state.counters["this_over_mujoco_without_gravity"] = own / measure(arm, &Arm::calcByMujoco<false>);
     }
 #endif
 }
@@ -162,8 +146,8 @@ bool registerAll() {
     add("dynamics/n:6", &Arm::calcDynamics);
     add("dynamics_simbody/n:6", &Arm::calcBySimbody);
 #ifdef VIABLE_HAS_MUJOCO
-    add("dynamics_mujoco/n:6", &Arm::calcByMujoco);
-    add("dynamics_mujoco_without_gravity/n:6", &Arm::calcByMujocoOnce);
+    add("dynamics_mujoco/n:6", &Arm::calcByMujoco<true>);
+    add("dynamics_mujoco_without_gravity/n:6", &Arm::calcByMujoco<false>);
 #endif
     return true;
 }

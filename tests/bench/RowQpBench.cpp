@@ -3,7 +3,6 @@
 #include <benchmark/benchmark.h>
 
 #include <Eigen/LU>
-#include <algorithm>
 #include <cmath>
 #include <random>
 #include <string>
@@ -21,8 +20,6 @@ namespace {
 
 constexpr int kProblems = 64;
 constexpr int kRows = 16;
-/** Of problems that are solved again and again, as from tick to tick. */
-constexpr int kManyRows = 20;
 
 struct Problem {
     JointMatrix M;
@@ -33,7 +30,7 @@ struct Problem {
 /** Jerks of an arm (37 rad/s^3) in a box around the optimum that acts at one joint, with 16 rows of
 which `acting` hold with equality. Made from the optimum: pressures chosen, so that the target is
 known. */
-std::vector<Problem> makeProblems(int n, int acting, int rows = kRows) {
+std::vector<Problem> makeProblems(int n, int acting) {
     constexpr double kJerk = 37.7;
     std::mt19937_64 random(1000 * n + acting);
     std::uniform_real_distribution<> uniform(0.1, 1.0);
@@ -50,7 +47,7 @@ std::vector<Problem> makeProblems(int n, int acting, int rows = kRows) {
         }
         p.upper[n / 2] = x[n / 2];
         gradient[n / 2] = -uniform(random) * std::sqrt(A(n / 2, n / 2));
-        for (int k = 0; k < rows; ++k) {
+        for (int k = 0; k < kRows; ++k) {
             JointVector row(n);
             for (double& entry : row) entry = normal(random);
             p.rows.add(row, row.dot(x) - (k < acting ? 0.0 : kJerk * uniform(random)));
@@ -100,46 +97,6 @@ void runBoxQp(benchmark::State& state, int n, int acting) {
     state.counters["n"] = n;
 }
 
-/** The same problem with the target on its way, as in successive ticks; every arm for itself. Beside it BoxQp without the
-rows, warm as well. */
-void runWarm(benchmark::State& state, int n, int acting) {
-    const std::vector<Problem> problems = makeProblems(n, acting, kManyRows);
-    std::vector<RowQp> qps(problems.size());
-    JointVector x, target;
-    int most = 0;
-    std::size_t k = 0, round = 0;
-    const auto solve = [&] {
-        const Problem& p = problems[k];
-        target = (1.0 + 1e-4 * static_cast<double>(round % 16)) * p.target;
-        const RowQp::Status status = qps[k].solve(p.M, target, p.lower, p.upper, p.rows, x);
-        benchmark::DoNotOptimize(x.data());
-        if (++k == problems.size()) k = 0, ++round;
-        return status == RowQp::Status::Solved;
-    };
-    for (std::size_t i = 0; i < 32 * problems.size(); ++i) {
-        if (!solve()) return state.SkipWithError("not solved");
-        if (round > 0) most = std::max(most, qps[k].iterations());
-    }
-    for (auto _ : state) solve();
-    state.counters["n"] = n;
-    state.counters["worst_iterations"] = most;
-}
-
-void runWarmBox(benchmark::State& state, int n, int acting) {
-    const std::vector<Problem> problems = makeProblems(n, acting, kManyRows);
-    std::vector<BoxQp> qps(problems.size());
-    JointVector x, target;
-    std::size_t k = 0, round = 0;
-    for (auto _ : state) {
-        const Problem& p = problems[k];
-        target = (1.0 + 1e-4 * static_cast<double>(round % 16)) * p.target;
-        qps[k].solve(p.M, target, p.lower, p.upper, x);
-        benchmark::DoNotOptimize(x.data());
-        if (++k == problems.size()) k = 0, ++round;
-    }
-    state.counters["n"] = n;
-}
-
 JointVector solveLeastDistance(const Problem& p) {
     const int n = static_cast<int>(p.target.size());
     Eigen::MatrixXd normals(2 * n + p.rows.count, n);
@@ -177,8 +134,8 @@ void runLeastDistance(benchmark::State& state, int n, int acting) {
 }
 
 bool registerAll() {
-    const auto add = [](const char* name, auto* run, int n, int acting, int rows = kRows) {
-        const std::string full = std::string(name) + "/n:" + std::to_string(n) + "/rows:" + std::to_string(rows) +
+    const auto add = [](const char* name, auto* run, int n, int acting) {
+        const std::string full = std::string(name) + "/n:" + std::to_string(n) + "/rows:" + std::to_string(kRows) +
                                  "/acting:" + std::to_string(acting);
         benchmark::RegisterBenchmark(full.c_str(), run, n, acting);
     };
@@ -187,8 +144,6 @@ bool registerAll() {
             add("row_qp", runRowQp, n, acting);
             add("box_qp_without_rows", runBoxQp, n, acting);
             add("least_distance", runLeastDistance, n, acting);
-            add("row_qp_warm", runWarm, n, acting, kManyRows);
-            add("box_qp_without_rows_warm", runWarmBox, n, acting, kManyRows);
         }
     add("row_qp", runRowQp, 16, 8);
     return true;

@@ -18,13 +18,10 @@ Eigen::Vector3d drawVector(Random& random, double size) {
     return {random.uniform(-size, size), random.uniform(-size, size), random.uniform(-size, size)};
 }
 
-Eigen::Vector3d drawDirection(Random& random) {
+/** Often a base axis, either way. */
+Eigen::Vector3d drawAxis(Random& random) {
     if (random.chance(0.4)) return (random.chance(0.5) ? 1.0 : -1.0) * Eigen::Vector3d::Unit(random.integer(0, 2));
-    Eigen::Vector3d v;
-    do {
-        v = drawVector(random, 1.0);
-    } while (v.norm() < 0.1);
-    return v.normalized();
+    return random.direction();
 }
 
 /** Three rods across each other, turned. */
@@ -34,8 +31,7 @@ BodyInertia drawBody(Random& random) {
     body.com = drawVector(random, 0.3);
     const Eigen::Vector3d rods(random.logUniform(1e-5, 0.1), random.logUniform(1e-5, 0.1),
                                random.logUniform(1e-5, 0.1));
-    const Eigen::Matrix3d R =
-        Eigen::AngleAxisd(random.uniform(0.0, EIGEN_PI), drawDirection(random)).toRotationMatrix();
+    const Eigen::Matrix3d R = Eigen::AngleAxisd(random.uniform(0.0, EIGEN_PI), drawAxis(random)).toRotationMatrix();
     const Eigen::Vector3d moments = Eigen::Vector3d::Constant(rods.sum()) - rods;
     body.inertia = body.mass * R * moments.asDiagonal() * R.transpose();
     return body;
@@ -54,15 +50,15 @@ RobotDescription drawTree(Random& random) {
         joint.type = random.chance(sliding) ? JointType::Prismatic : JointType::Revolute;
         joint.parent = isChain ? i - 1 : random.integer(-1, i - 1);
         joint.placement = Eigen::Translation3d(drawVector(random, 0.5)) *
-                          Eigen::AngleAxisd(random.uniform(-EIGEN_PI, EIGEN_PI), drawDirection(random));
-        joint.axis = drawDirection(random);
+                          Eigen::AngleAxisd(random.uniform(-EIGEN_PI, EIGEN_PI), drawAxis(random));
+        joint.axis = drawAxis(random);
         joint.body = drawBody(random);
         robot.joints.push_back(joint);
         if (random.chance(0.7)) robot.actuation.rotorInertia[i] = random.logUniform(1e-4, 10.0);
     }
     robot.toolParent = random.integer(0, n - 1);
     robot.toolPlacement = Eigen::Translation3d(drawVector(random, 0.3)) *
-                          Eigen::AngleAxisd(random.uniform(-EIGEN_PI, EIGEN_PI), drawDirection(random));
+                          Eigen::AngleAxisd(random.uniform(-EIGEN_PI, EIGEN_PI), drawAxis(random));
     robot.gravity = drawVector(random, 10.0);
     return robot;
 }

@@ -41,18 +41,10 @@ struct Robot {
     RobotModel model;
 };
 
-Eigen::Vector3d drawDirection(Random& random) {
-    Eigen::Vector3d v;
-    do {
-        for (double& x : v) x = random.uniform(-1.0, 1.0);
-    } while (!(v.squaredNorm() > 1e-4 && v.squaredNorm() <= 1.0));
-    return v.normalized();
-}
-
 Eigen::Isometry3d drawPose(Random& random, double reach) {
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-    pose.translation() = random.uniform(0.25, 1.0) * reach * drawDirection(random);
-    pose.linear() = Eigen::AngleAxisd(random.uniform(0.0, kPi), drawDirection(random)).toRotationMatrix();
+    pose.translation() = random.uniform(0.25, 1.0) * reach * random.direction();
+    pose.linear() = Eigen::AngleAxisd(random.uniform(0.0, kPi), random.direction()).toRotationMatrix();
     return pose;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cmath>
 #include <cstdint>
 #include <random>
@@ -20,6 +21,14 @@ public:
     double uniform(double a, double b) { return std::uniform_real_distribution<double>(a, b)(engine_); }
     double logUniform(double a, double b) { return std::exp(uniform(std::log(a), std::log(b))); }
     int integer(int a, int b) { return std::uniform_int_distribution<int>(a, b)(engine_); }
+    /** Of length 1. */
+    Eigen::Vector3d direction() {
+        Eigen::Vector3d v;
+        do {
+            for (double& x : v) x = uniform(-1.0, 1.0);
+        } while (!(v.norm() >= 0.1 && v.norm() <= 1.0));
+        return v.normalized();
+    }
     bool chance(double p) { return uniform(0.0, 1.0) < p; }
 
 private:

@@ -108,13 +108,6 @@ struct Outcome {
     std::vector<double> course;  ///< of the target's output, by ticks
 };
 
-Eigen::Vector3d drawDirection(Random& random) {
-    Eigen::Vector3d v;
-    do v = {random.uniform(-1.0, 1.0), random.uniform(-1.0, 1.0), random.uniform(-1.0, 1.0)};
-    while (v.norm() < 0.1 || v.norm() > 1.0);
-    return v.normalized();
-}
-
 class TrackingProperty {
 public:
     TrackingProperty(const Options& options, bool looksForPoses)
@@ -170,11 +163,11 @@ private:
         if (s.set.payload_kg > 0.0 && random.chance(0.85)) {
             const Eigen::Vector3d direction = random.chance(0.5)
                                                   ? Eigen::Vector3d(Eigen::Vector3d::Unit(random.integer(0, 2)) * side)
-                                                  : drawDirection(random);
+                                                  : random.direction();
             robot = withPayload(std::move(robot), s.set.payload_kg, s.set.payloadOffset_m * direction);
         }
         if (s.set.baseTilt_rad > 0.0 && robot.gravity.norm() > 0.0) {
-            const Eigen::Vector3d axis = robot.gravity.cross(drawDirection(random));
+            const Eigen::Vector3d axis = robot.gravity.cross(random.direction());
             robot.gravity = Eigen::AngleAxisd(s.set.baseTilt_rad, axis.normalized()) * robot.gravity;
         }
         const FrictionRange range = findFrictionRange(s.set, n);

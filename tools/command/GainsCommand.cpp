@@ -74,11 +74,9 @@ void run(const GainsArguments& arguments) {
     if (arguments.delayTicks == 0) {
         const LinearErrorLoop constant = detail::scaleConstantGains(robot, robot.limits, arguments.tick_s);
         const LoopMargins left = calcMargins(robot, robot.limits, arguments.tick_s, 0, constant);
-        std::printf(
-            "Constant ones, for a tracking bound (margins: %s%s):\n  robust_loop: {plugin: nric, %s}\n",
-            formatMargins(left).c_str(),
-            left.isEnough() ? "" : "; too little for a real arm, whose inertia changes too much from pose to pose",
-            detail::formatGains(constant).c_str());
+        std::printf("Constant ones, for a tracking bound (margins: %s%s):\n  robust_loop: {plugin: nric, %s}\n",
+                    formatMargins(left).c_str(), left.isEnough() ? "" : "; too little to rely on",
+                    detail::formatGains(constant).c_str());
     }
     if (robot.actuation.rotorInertia.maxCoeff() == 0.0)
         std::printf("No rotor inertias are given (actuation.yaml): with them light joints carry more.\n");

@@ -23,7 +23,7 @@ public:
     /** The torque that the stop taken now uses: the next one may use no more. */
     void lowerTorqueUse(double use);
 
-    /** No element is nearer than the safety distance on the backup stop. */
+    /** Of every element the safety distance is asked, of none less because the backup stop does not keep it. */
     bool isKept() const;
     /** Of every jerk that is taken. */
     const ArmStopCheck::Demands& get() const { return demands_; }

@@ -12,7 +12,8 @@
 namespace viable::detail {
 
 /** Chooses the jerk of a tick for the arm as a whole, on top of what its joints admit each: the stops after it, run together,
-must pass ArmStopCheck. Else it steers (see SteeringRows) or draws back towards the backup stop, which did pass.
+must pass ArmStopCheck. Else it steers (see SteeringRows), beside whose rows the objective `torque` weighs each joint by its own
+inertia; or it draws back towards the backup stop, which did pass: all joints alike, then those that are in the way alone.
 
 Real time after construction. */
 class WholeArmChoice {

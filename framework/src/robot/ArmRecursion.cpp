@@ -19,6 +19,12 @@ using Pair = double __attribute__((vector_size(16)));
 template <class T>
 struct Triple {
     T x, y, z;
+
+    void operator+=(const Triple& other) {
+        x += other.x;
+        y += other.y;
+        z += other.z;
+    }
 };
 
 /** Cosine and sine of a joint's angle. */
@@ -69,7 +75,7 @@ struct Swing {
     }
 };
 
-/** Cross product p x f for the moment of force and moment side by side. */
+/** Force and moment about a point at -p, of those about the origin. */
 Triple<Pair> shift(const Vector3d& p, const Triple<Pair>& load) {
     const double fx = load.x[0], fy = load.y[0], fz = load.z[0];
     return {load.x + Pair{0.0, p.y() * fz - p.z() * fy}, load.y + Pair{0.0, p.z() * fx - p.x() * fz},
@@ -326,17 +332,9 @@ void ArmRecursion::calcTorque(const JointVector& q, const JointVector& qd, const
         if (joint.parent < 0) continue;
         const Matrix3d& R = joint.rotation;
         const Triple<Pair> load = turnOutwards(R, motions[index(i)].angle, loads[index(i)]);
-        double px = joint.origin.x(), py = joint.origin.y(), pz = joint.origin.z();
-        if (joint.isPrismatic) {
-            px += q[i] * R(0, 2);
-            py += q[i] * R(1, 2);
-            pz += q[i] * R(2, 2);
-        }
-        const double fx = load.x[0], fy = load.y[0], fz = load.z[0];
-        Triple<Pair>& before = loads[index(joint.parent)];
-        before.x += load.x + Pair{0.0, py * fz - pz * fy};
-        before.y += load.y + Pair{0.0, pz * fx - px * fz};
-        before.z += load.z + Pair{0.0, px * fy - py * fx};
+        Vector3d p = joint.origin;
+        if (joint.isPrismatic) p += q[i] * R.col(2);
+        loads[index(joint.parent)] += shift(p, load);
     }
 }
 
@@ -493,11 +491,8 @@ void ArmRecursion::calcDynamics(const JointVector& q, const JointVector& qd, Dyn
         out.gravity[i] = joint.isPrismatic ? -own.mass * a.z[1] : own.hy * a.x[1] - own.hx * a.y[1];
         out.b[i] = loads[index(i)].z[joint.isPrismatic ? 0 : 1] + out.gravity[i];
         if (joint.parent < 0) continue;
-        const Triple<Pair> load = shift(pass.origin[index(i)], turnOutwards(pass.rotation[index(i)], loads[index(i)]));
-        Triple<Pair>& before = loads[index(joint.parent)];
-        before.x += load.x;
-        before.y += load.y;
-        before.z += load.z;
+        loads[index(joint.parent)] +=
+            shift(pass.origin[index(i)], turnOutwards(pass.rotation[index(i)], loads[index(i)]));
     }
 
     const Place& carrier = places[index(toolParent_)];

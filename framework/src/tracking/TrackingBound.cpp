@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <exception>
 
 #include "core/Text.h"
 #include "tracking/ArmExtremes.h"
@@ -59,6 +58,16 @@ std::string list(const JointVector& values) {
     return values.size() == 1 ? text : "[" + text + "]";
 }
 
+/** A source that is tried to be smaller; those that grow with the velocities are smaller together. */
+struct Reduction {
+    std::string source;
+    double share = 1.0;
+
+    double of(const std::string& name) const {
+        return name == source || (isOfMotion(name) && isOfMotion(source)) ? share : 1.0;
+    }
+};
+
 /** All that the bound is made of. */
 class BoundMaker {
 public:
@@ -87,14 +96,7 @@ public:
         checkFriction(gains);
         // A jerk without limit: from one end of the acceleration to the other in a tick.
         motion_.jerk = motion_.jerk.cwiseMin(2.0 / h_ * motion_.acceleration);
-        try {
-            arm_ = detail::findArmExtremes(robot, limits, motion_, set, kr_, place);
-        } catch (const Error&) {
-            throw;
-        } catch (const std::exception& e) {  // of Simbody, for bodies that cannot be
-            throw badInput(place, std::string("the arm has no dynamics: ") + e.what(),
-                           "Correct masses and inertias of the robot, or mass_error and payload_kg of the set.");
-        }
+        arm_ = detail::findArmExtremes(robot, limits, motion_, set, kr_, place);
         if (!feed_.isActive()) {
             const JointFriction& f = robot.actuation.friction;
             feed_ = {{JointVector::Zero(n_), JointVector::Zero(n_), f.viscousVelocity}, JointVector::Ones(n_)};
@@ -178,12 +180,12 @@ private:
         return phases;
     }
 
-    /** Viscous friction is a torque that takes any course (`isWhole`); or it is taken at the nominal velocity, where it is known
+    /** Viscous friction is a torque that takes any course (`isViscousFree`); or it is taken at the nominal velocity, where it is known
     but for its factor, and what the error of the velocity adds to it is such a torque, or the arm's damping, give or take as
     much. Which bound is the smaller depends on how much friction there is. */
     struct View {
         JointVector damping;
-        bool isWhole;
+        bool isViscousFree;
         std::vector<LoopGains> gains;  // by inertia
     };
 
@@ -203,10 +205,11 @@ private:
 
     /** |e|, |de| and the torque carried are bounded by themselves: iterated from zero upwards, the first fixed point is a bound, for
     e and de start at zero and change steadily. False: none was found. */
-    bool findFixedPoint(const std::vector<View>& views, int rounds, Errors& errors) const {
+    bool findFixedPoint(const std::vector<View>& views, int rounds, Errors& errors,
+                        const Reduction& reduction = {}) const {
         errors.e = errors.de = errors.load = JointVector::Zero(n_);
         for (int round = 0; round < rounds; ++round) {
-            const TrackingBound bound = evaluate(views, errors, false);
+            const TrackingBound bound = evaluate(views, errors, false, reduction);
             const double change = std::max((bound.position - errors.e).cwiseAbs().maxCoeff(),
                                            (bound.velocity - errors.de).cwiseAbs().maxCoeff());
             const bool isFinite = bound.position.allFinite() && bound.velocity.allFinite();
@@ -218,26 +221,20 @@ private:
         return false;
     }
 
-    bool isReduced(const std::string& source) const {
-        return source == reduced_ || (isOfMotion(source) && isOfMotion(reduced_));
-    }
-
     /** What has the largest part in errors that grow without end, at which joint, and with how much less of it they would not. */
-    std::string findCause(const std::vector<View>& views, const Errors& errors) {
+    std::string findCause(const std::vector<View>& views, const Errors& errors) const {
         const TrackingBound bound = evaluate(views, errors, true);
-        reduced_ = std::max_element(bound.parts.begin(), bound.parts.end(), [](const auto& a, const auto& b) {
-                       return a.velocity.sum() < b.velocity.sum();
-                   })->source;
+        const std::string source =
+            std::max_element(bound.parts.begin(), bound.parts.end(), [](const auto& a, const auto& b) {
+                return a.velocity.sum() < b.velocity.sum();
+            })->source;
         Eigen::Index joint = 0;
         bound.velocity.cwiseQuotient(motion_.velocity).maxCoeff(&joint);
         Errors ignored;
-        const auto exists = [&](double share) {
-            reducedTo_ = share;
-            return findFixedPoint(views, kTrialRounds, ignored);
-        };
-        std::string cause = "mainly: " + reduced_ + ", most at " + robot_.joints[static_cast<std::size_t>(joint)].name;
-        const std::string it = isOfMotion(reduced_) ? "what velocities do to the error" : "it";
-        if (!exists(0.0)) return cause + "; without " + it + " there would still be none";
+        const auto exists = [&](double share) { return findFixedPoint(views, kTrialRounds, ignored, {source, share}); };
+        std::string cause = "mainly: " + source + ", most at " + robot_.joints[static_cast<std::size_t>(joint)].name;
+        const std::string it = isOfMotion(source) ? "what velocities do to the error" : "it";
+        if (!exists(0.0)) return cause + "; without " + it + ", too, none was found";
         double good = 0.0, bad = 1.0;
         for (int k = 0; k < kTrials; ++k) {
             const double share = 0.5 * (good + bad);
@@ -428,15 +425,14 @@ private:
             const double against = fed.figures.coulomb[i] * std::min(1.0, (de[i] + sinceThen) / fed.speed[i]);
             dry[i] =
                 std::max(calcStanding(i) + against, fed.figures.coulomb[i] - set_.frictionScaleMin[i] * f.coulomb[i]);
-            viscous[i] = calcUnknown(i, phase.motion.velocity[i]).torque;
-            viscousRate[i] = set_.isFrictionConstant
-                                 ? calcUnknown(i, phase.motion.velocity[i]).slope * phase.motion.acceleration[i]
-                                 : INFINITY;
+            const Unknown unknown = calcUnknown(i, phase.motion.velocity[i]);
+            viscous[i] = unknown.torque;
+            viscousRate[i] = set_.isFrictionConstant ? unknown.slope * phase.motion.acceleration[i] : INFINITY;
             // Most between two velocities that are de apart: where they are opposite.
             slipping[i] = isDamped ? std::max(slope_[i] - view.damping[i], view.damping[i] - leastSlope[i]) * de[i]
                                    : 2.0 * scale * calcViscous(i, 0.5 * de[i]);
             const double moving = scale * calcViscous(i, fastest[i]);
-            if (view.isWhole) {
+            if (view.isViscousFree) {
                 viscous[i] += slipping[i];
                 if (fed.figures.viscous[i] == 0.0) viscous[i] = std::min(viscous[i], moving);
                 viscousRate[i] = INFINITY;
@@ -541,15 +537,16 @@ private:
                 arm_.inertiaRange * de};
     }
 
-    /** The bounds that follow when e, de and the torque keep to those given. @param isWhole  with all parts and outputs, else
-    those that the next round takes */
-    TrackingBound evaluate(const std::vector<View>& views, const Errors& errors, bool isWhole) const {
+    /** The bounds that follow when e, de and the torque keep to those given.
+    @param withParts  with all parts and outputs, else those that the next round takes */
+    TrackingBound evaluate(const std::vector<View>& views, const Errors& errors, bool withParts,
+                           const Reduction& reduction = {}) const {
         TrackingBound bound;
         for (const Phase& phase : phases_) {
             const Terms terms = calcTerms(phase, errors.e, errors.de);
-            TrackingBound now = evaluate(views.front(), phase, terms, errors, isWhole);
+            TrackingBound now = evaluate(views.front(), phase, terms, errors, withParts, reduction);
             for (std::size_t k = 1; k < views.size(); ++k)
-                takeSmaller(evaluate(views[k], phase, terms, errors, isWhole), now);
+                takeSmaller(evaluate(views[k], phase, terms, errors, withParts, reduction), now);
             if (phase.number == 0)
                 bound = std::move(now);
             else
@@ -573,12 +570,11 @@ private:
 
     /** The bounds at the ticks of a phase. */
     TrackingBound evaluate(const View& view, const Phase& phase, const Terms& terms, const Errors& errors,
-                           bool isWhole) const {
+                           bool withParts, const Reduction& reduction) const {
         std::vector<Source> sources = listSources(view, phase, terms, errors.de, errors.load);
         for (Source& source : sources)
-            if (isReduced(source.name)) source.scale(reducedTo_);
-        const double driftShare = isReduced(kDrift) ? reducedTo_ : 1.0;
-        if (!isWhole) sources = mergeJumping(sources);
+            if (const double share = reduction.of(source.name); share != 1.0) source.scale(share);
+        if (!withParts) sources = mergeJumping(sources);
         const JointVector reading = calcReadingError(), late = calcLateReading();
         TrackingBound out;
         const JointVector zero = JointVector::Zero(n_);
@@ -599,7 +595,7 @@ private:
                     const JointVector part = k < sources.size() ? calcEffect(g, output, phase, sources[k])
                                              : k == sources.size()
                                                  ? JointVector(at(g.reading, output) * reading)
-                                                 : JointVector(driftShare * calcDrift(g, output, terms));
+                                                 : JointVector(reduction.of(kDrift) * calcDrift(g, output, terms));
                     total += part;
                     if (output == LoopOutput::Position) take(part, out.parts[k].position);
                     if (output == LoopOutput::Velocity) take(part, out.parts[k].velocity);
@@ -608,8 +604,8 @@ private:
             };
             raise(out.position, LoopOutput::Position);
             raise(out.velocity, LoopOutput::Velocity);
-            if (isWhole || set_.loadFriction.expand(n_).maxCoeff() > 0.0) raise(out.torque, LoopOutput::Torque);
-            if (!isWhole) continue;
+            if (withParts || set_.loadFriction.expand(n_).maxCoeff() > 0.0) raise(out.torque, LoopOutput::Torque);
+            if (!withParts) continue;
             raise(out.torqueStep, LoopOutput::TorqueStep);
             raise(out.integralTorque, LoopOutput::IntegralTorque);
         }
@@ -666,8 +662,6 @@ private:
     detail::MotionSize motion_;
     JointVector slope_;    // of the viscous friction over the velocity, at most [Nms/rad]
     JointVector damping_;  // in the middle of what it can be
-    std::string reduced_;  // a source that is tried to be smaller
-    double reducedTo_ = 1.0;
     std::vector<Phase> phases_;
     std::vector<double> ages_;  // ends of all phases but the last
     JointVector heldTorque_;    // what the motors' torque within a tick lacks of that of the nominal arm

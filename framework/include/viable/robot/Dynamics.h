@@ -26,7 +26,7 @@ bool isFinite(const Dynamics& dynamics, int n);
 it [Nm, rad/s^2]. */
 inline constexpr double kLargestAcceleration = 1e100;
 
-/** The acceleration that `torque` causes: qdd = M^-1 (tau - b), by Cholesky, at most kLargestAcceleration. No
+/** The acceleration that `torque` causes: qdd = M^-1 (tau - b), by L D L^T, at most kLargestAcceleration. No
 allocation.
 Returns false, with an unusable `qdd`, when M is not positive definite or an input is not finite. */
 bool calcForwardDynamics(const Dynamics& dynamics, const JointVector& torque, JointVector& qdd);
