@@ -136,10 +136,11 @@ TEST(RealLimits, TwoHundredDrawsWithinTheSetKeepTheLimitsOfTheRealArm) {
     EXPECT_EQ(findLargest("motor.saturated_ticks"), 0.0);
 }
 
-// Two more arms at the edge of their sets, with set-points beyond the limits; and beyond the set.
+// Two more arms, and friction that is known, at the edge of their sets, with commands beyond the limits; and beyond the set.
 TEST(RealLimits, OtherArmsKeepThemToo) {
     const Beyond beyond[] = {{"two_link_real_limits", {"real_plant.payload_kg=1"}},
-                             {"ur5e_real_limits", {"real_plant.payload_kg=2"}}};
+                             {"ur5e_real_limits", {"real_plant.payload_kg=2"}},
+                             {"indy7_known_friction", {"duration_s=4", "real_plant.friction_scale=8"}}};
     for (const Beyond& arm : beyond) {
         const CaseResult result = ProjectExperiment(arm.name, {}).run("real_joint");
         EXPECT_EQ(result.exitCode(), 0) << arm.name << ": " << result.stopMessage;

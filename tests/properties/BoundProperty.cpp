@@ -4,6 +4,7 @@
 #include <exception>
 #include <map>
 #include <string>
+#include <utility>
 
 #include "Paths.h"
 #include "Properties.h"
@@ -20,6 +21,8 @@ namespace {
 constexpr std::size_t kLeastReason = 60;
 /** Arms with a figure that nobody can mean. */
 constexpr double kWildShare = 0.1;
+/** Bounds that are compared with those of a smaller set, and up to which share. */
+constexpr double kCompared = 0.3, kAgreement = 1e-6;
 
 JointVector drawSizes(Random& random, int n, double least, double largest, double none) {
     JointVector v(n);
@@ -63,7 +66,8 @@ DisturbanceSet drawSet(Random& random, int n) {
         return random.chance(0.5) ? 0.0 : random.logUniform(least, largest);
     };
     set.frictionScale = drawSizes(random, n, 1e-3, 10.0, 0.1);
-    if (random.chance(0.5)) set.frictionScaleMin = JointVector(random.uniform(0.0, 1.0) * set.frictionScale.expand(n));
+    const double known = random.chance(0.2) ? 1.0 : random.uniform(0.0, 1.0);  // 1: exactly
+    if (random.chance(0.5)) set.frictionScaleMin = JointVector(known * set.frictionScale.expand(n));
     set.isFrictionConstant = random.chance(0.5);
     set.breakawayRatio = 1.0 + draw(0.01, 1.0);
     set.loadFriction = draw(1e-3, 0.3);
@@ -89,8 +93,18 @@ NricOptions drawGains(Random& random, const RobotDescription& robot, const Joint
     }
     if (random.chance(0.4))
         gains.friction =
-            scaleFriction(robot.actuation.friction, random.uniform(0.3, 1.2) * set.frictionScale[0], limits, tick_s);
+            scaleFriction(robot.actuation.friction,
+                          (random.chance(0.3) ? 1.0 : random.uniform(0.3, 1.2)) * set.frictionScale[0], limits, tick_s);
     return gains;
+}
+
+/** Half of what pushes and readings add; the loop and the arm stay the same. */
+DisturbanceSet halve(DisturbanceSet set, int n) {
+    for (PerJoint* sizes : {&set.externalTorque_Nm, &set.torqueRipple_Nm, &set.loadFriction})
+        *sizes = JointVector(0.5 * sizes->expand(n));
+    set.readingError_rad *= 0.5;
+    set.breakawayRatio = 1.0 + 0.5 * (set.breakawayRatio - 1.0);
+    return set;
 }
 
 /** Puts a number that cannot be meant somewhere. */
@@ -158,6 +172,13 @@ bool checkBound(const Options& options) {
             for (const TrackingBound::Part& part : bound.parts)
                 if (!part.torque.allFinite() || !part.position.allFinite() || !part.velocity.allFinite())
                     run.fail("a part of the bound is not finite", 0.0);
+            if (!random.chance(kCompared)) continue;
+            const TrackingBound less = calcTrackingBound(robot, limits, tick_s, gains, halve(set, n), "half of it");
+            for (const auto& [small, large] : {std::pair{&less.position, &bound.position},
+                                               {&less.velocity, &bound.velocity},
+                                               {&less.torque, &bound.torque}})
+                if (const double above = (*small - *large * (1.0 + kAgreement)).maxCoeff(); above > 0.0)
+                    run.fail("less disturbance has a larger bound", above);
         } catch (const Error& e) {
             const std::string text = e.what();
             if (e.kind() != ErrorKind::BadInput || text.size() < kLeastReason) {

@@ -113,8 +113,8 @@ private:
     Dynamics dynamics_;
 };
 
-/** Corners of an octahedron around the ball of places that the payload may have: what grows with the distance in any
-direction is largest at one of them. */
+/** Corners of an octahedron around the ball of places that the payload may have: what is convex in the place is largest at one of
+them. Not all is: products of two coordinates, in what couples joints, can be larger between them. */
 std::vector<Eigen::Vector3d> listPlaces(double distance) {
     std::vector<Eigen::Vector3d> places{Eigen::Vector3d::Zero()};
     if (distance > 0.0)
@@ -124,12 +124,28 @@ std::vector<Eigen::Vector3d> listPlaces(double distance) {
     return places;
 }
 
-RobotDescription makeReal(const RobotDescription& robot, const DisturbanceSet& set, double side,
+/** @param sides  of each body: 1 the heaviest, -1 the lightest; the payload goes with the last one */
+RobotDescription makeReal(const RobotDescription& robot, const DisturbanceSet& set, const JointVector& sides,
                           const Eigen::Vector3d& place) {
     const JointVector error = set.massError.expand(robot.size());
-    RobotDescription real = withScaledMasses(robot, JointVector::Ones(robot.size()) + side * error);
-    return side > 0.0 ? withPayload(std::move(real), set.payload_kg, place) : real;
+    RobotDescription real = withScaledMasses(robot, JointVector::Ones(robot.size()) + sides.cwiseProduct(error));
+    return sides[sides.size() - 1] > 0.0 ? withPayload(std::move(real), set.payload_kg, place) : real;
 }
+
+/** From the least to the greatest value of each entry. */
+class EntryRange {
+public:
+    explicit EntryRange(int n)
+        : least_(MatrixXd::Constant(n, n, INFINITY)), greatest_(MatrixXd::Constant(n, n, -INFINITY)) {}
+    void add(const MatrixXd& value) {
+        least_ = least_.cwiseMin(value);
+        greatest_ = greatest_.cwiseMax(value);
+    }
+    MatrixXd calcWidth() const { return greatest_ - least_; }
+
+private:
+    MatrixXd least_, greatest_;
+};
 
 /** NaN stays NaN. */
 template <class Matrix, class Value>
@@ -266,14 +282,15 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
     x.nominalTorque = zero;
     x.massError = x.payload = x.tilt = TorqueRange::within(zero);
     if (set.payload_kg > 0.0) x.payload = {JointVector::Constant(n, INFINITY), JointVector::Constant(n, -INFINITY)};
-    x.massErrorRate = x.payloadRate = x.tiltRate = x.massErrorWeight = x.payloadWeight = zero;
+    x.massErrorRate = x.payloadRate = x.massErrorWeight = x.payloadWeight = zero;
+    x.tiltSlope = none;
 
     Arm nominal(robot);
     const std::vector<Eigen::Vector3d> places =
         set.payload_kg > 0.0 ? listPlaces(set.payloadOffset_m) : std::vector<Eigen::Vector3d>{Eigen::Vector3d::Zero()};
     std::vector<std::pair<int, std::unique_ptr<Arm>>> doubled;  // the body behind that joint
     std::vector<std::unique_ptr<Arm>> loaded;
-    std::vector<std::unique_ptr<Arm>> arms;  // the heaviest, the lightest, and the nominal one
+    std::vector<std::unique_ptr<Arm>> arms;  // the heaviest and the lightest
     const JointVector error = set.massError.expand(n);
     for (int k = 0; k < n; ++k)
         if (error[k] > 0.0)
@@ -282,16 +299,25 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
     if (set.payload_kg > 0.0)
         for (const Eigen::Vector3d& place : places)
             loaded.push_back(std::make_unique<Arm>(withPayload(robot, set.payload_kg, place)));
-    for (const Eigen::Vector3d& place : places) arms.push_back(std::make_unique<Arm>(makeReal(robot, set, 1.0, place)));
+    const JointVector heavy = JointVector::Ones(n), light = -heavy;
+    for (const Eigen::Vector3d& place : places)
+        arms.push_back(std::make_unique<Arm>(makeReal(robot, set, heavy, place)));
     if (set.payload_kg > 0.0 || error.maxCoeff() > 0.0)
-        arms.push_back(std::make_unique<Arm>(makeReal(robot, set, -1.0, places.front())));
-    arms.push_back(std::make_unique<Arm>(robot));
-    std::vector<MatrixXd> least(arms.size(), MatrixXd::Constant(n, n, INFINITY));
-    std::vector<MatrixXd> greatest(arms.size(), MatrixXd::Constant(n, n, -INFINITY));
+        arms.push_back(std::make_unique<Arm>(makeReal(robot, set, light, places.front())));
+    std::vector<std::unique_ptr<Arm>> mixed;
+    if (error.maxCoeff() > 0.0 && n > 1)
+        for (const double outer : {1.0, -1.0}) {
+            JointVector sides = JointVector::Constant(n, -outer);
+            sides.tail(n / 2).setConstant(outer);
+            mixed.push_back(std::make_unique<Arm>(makeReal(robot, set, sides, places.front())));
+        }
+    // Inertia is affine in each body's mass and in the payload's: the widths of the parts add up.
+    EntryRange ownRange(n);
+    std::vector<EntryRange> doubledRange(doubled.size(), ownRange), loadedRange(loaded.size(), ownRange);
     GravityArms tilted;
     if (set.baseTilt_rad > 0.0) {
-        for (const Eigen::Vector3d& place : places) tilted.add(makeReal(robot, set, 1.0, place));
-        tilted.add(makeReal(robot, set, -1.0, places.front()));
+        for (const Eigen::Vector3d& place : places) tilted.add(makeReal(robot, set, heavy, place));
+        tilted.add(makeReal(robot, set, light, places.front()));
     }
     const double gravity = robot.gravity.norm();
 
@@ -309,9 +335,14 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
             const Tensor nothing(static_cast<std::size_t>(n), none);
             massTensors = {nothing, nothing, none};
         }
+        ownRange.add(own.M);
         JointVector massTorque = zero, massRate = zero, massWeight = zero;
-        for (const auto& [joint, arm] : doubled) {
+        MatrixXd massInertia = none;
+        for (std::size_t k = 0; k < doubled.size(); ++k) {
+            const auto& [joint, arm] = doubled[k];
             const Terms terms = arm->calcTerms(q), body = terms - own;
+            doubledRange[k].add(body.M);
+            massInertia += error[joint] * body.M.cwiseAbs();
             massTorque += error[joint] * body.calcTorque(motion);
             massWeight += error[joint] * body.gravity.cwiseAbs();
             if (!takesGradient) continue;
@@ -324,43 +355,41 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
         raise(x.massErrorWeight, massWeight);
         // What changes with the pose is affine in the payload and in each body's mass.
         if (takesGradient) x.torques.add({ownAround.calcTensors(motion), massTensors});
-        for (const auto& arm : loaded) {
-            const Terms terms = arm->calcTerms(q), load = terms - own;
+        raise(x.inertia, massInertia + own.M.cwiseAbs());
+        for (std::size_t k = 0; k < loaded.size(); ++k) {
+            Arm& arm = *loaded[k];
+            const Terms terms = arm.calcTerms(q), load = terms - own;
             checkFinite(load, q, robot, source);
+            loadedRange[k].add(load.M);
+            raise(x.inertia, massInertia + terms.M.cwiseAbs());
             const JointVector torque = load.calcMotionTorque(motion);
             raise(x.payloadWeight, load.gravity);
             x.payload.lower = x.payload.lower.cwiseMin(-load.gravity - torque);
             x.payload.upper = x.payload.upper.cwiseMax(-load.gravity + torque);
             if (!takesGradient) continue;
-            const TermsAround around = calcTermsAround(*arm, q, terms);
+            const TermsAround around = calcTermsAround(arm, q, terms);
             raise(x.payloadRate, (around - ownAround).calcRate(motion));
             x.torques.add({around.calcTensors(motion), massTensors});
         }
         for (std::size_t k = 0; k < tilted.down.size(); ++k) {
             raise(x.tilt.upper, tilted.calcTorque(k, q, gravity, set.baseTilt_rad));
             if (!takesGradient) continue;
-            JointVector rate = zero;
+            MatrixXd slope(n, n);
             for (int j = 0; j < n; ++j)
-                rate +=
-                    motion.velocity[j] / kStep *
-                    tilted.calcSlope(k, q, q + kStep * JointVector(JointVector::Unit(n, j)), gravity, set.baseTilt_rad);
-            raise(x.tiltRate, rate);
+                slope.col(j) = tilted.calcSlope(k, q, q + kStep * JointVector(JointVector::Unit(n, j)), gravity,
+                                                set.baseTilt_rad) /
+                               kStep;
+            raise(x.tiltSlope, slope);
         }
-        for (std::size_t load = 0; load < arms.size(); ++load) {
-            Arm& arm = *arms[load];
-            const JointMatrix M = arm.calcInertia(q);
-            raise(x.inertia, M);
-            least[load] = least[load].cwiseMin(MatrixXd(M));
-            greatest[load] = greatest[load].cwiseMax(MatrixXd(M));
-            const bool isNominal = load + 1 == arms.size() && arms.size() > 1;
-            if (pose < kLoopPoses && !isNominal) x.inertias.push_back({q, M});
-        }
+        if (pose >= kLoopPoses) continue;
+        for (const auto* all : {&arms, &mixed})
+            for (const auto& arm : *all) x.inertias.push_back({q, arm->calcInertia(q)});
     }
-    // A loop is nearest to instability, and a joint moves most easily, in poses that a sample hardly meets: near singular ones.
+    // A loop is nearest to instability, and a joint moves most easily, in poses that a sample hardly meets: near singular ones. More
+    // mass anywhere makes no mode faster and no joint easier to move, so that these need the heaviest and the lightest arms alone.
     const JointBounds range = makeFinite(limits.position, JointVector::Constant(n, kPi));
-    const std::size_t real = arms.size() > 1 ? arms.size() - 1 : arms.size();
-    for (std::size_t load = 0; load < real; ++load) {
-        Arm& arm = *arms[load];
+    for (const auto& each : arms) {
+        Arm& arm = *each;
         const auto add = [&](const auto& figure) {
             const auto calc = [&](const JointVector& q) { return figure(arm.calcInertia(q)); };
             const JointVector* best = &poses.front();
@@ -378,8 +407,11 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
         for (int i = 0; i < n; ++i)
             add([&](const JointMatrix& M) { return M.llt().solve(JointVector(JointVector::Unit(n, i)))[i]; });
     }
-    x.inertiaRange = none;
-    for (std::size_t k = 0; k < arms.size(); ++k) raise(x.inertiaRange, greatest[k] - least[k]);
+    MatrixXd payloadRange = none;
+    for (const EntryRange& load : loadedRange) raise(payloadRange, load.calcWidth());
+    x.inertiaRange = ownRange.calcWidth() + payloadRange;
+    for (std::size_t k = 0; k < doubled.size(); ++k)
+        x.inertiaRange += error[doubled[k].first] * doubledRange[k].calcWidth();
     x.massError.lower = -x.massError.upper;
     x.tilt.lower = -x.tilt.upper;
     return x;

@@ -180,8 +180,8 @@ private:
         return phases;
     }
 
-    /** Viscous friction is a torque that takes any course (`isViscousFree`); or it is taken at the nominal velocity, where it is known
-    but for its factor, and what the error of the velocity adds to it is such a torque, or the arm's damping, give or take as
+    /** Viscous friction is a torque that takes any course (`isViscousFree`); or it is taken at the nominal velocity, where it is
+    known but for its factor, and what the error of the velocity adds to it is such a torque, or the arm's damping, give or take as
     much. Which bound is the smaller depends on how much friction there is. */
     struct View {
         JointVector damping;
@@ -306,7 +306,8 @@ private:
     void checkSet() const {
         const auto isSize = [](double x) { return std::isfinite(x) && x >= 0.0; };
         bool isSound = isSize(set_.payload_kg) && isSize(set_.payloadOffset_m) && isSize(set_.baseTilt_rad) &&
-                       isSize(set_.readingError_rad) && isSize(set_.breakawayRatio) && set_.delayTicks >= 0;
+                       isSize(set_.readingError_rad) && isSize(set_.breakawayRatio) && isSize(set_.torqueLimitFactor) &&
+                       set_.delayTicks >= 0;
         for (const PerJoint* sizes :
              {&set_.loadFriction, &set_.massError, &set_.torqueRipple_Nm, &set_.externalTorque_Nm})
             for (const double x : sizes->expand(n_)) isSound &= isSize(x);
@@ -335,10 +336,13 @@ private:
         const JointFriction& f = robot_.actuation.friction;
         for (int i = 0; i < n_; ++i) {
             const double least = set_.frictionScaleMin[i], largest = set_.frictionScale[i];
-            if (!std::isfinite(f.coulomb[i] + f.viscous[i] + largest) || !(f.viscousVelocity[i] > 0.0))
-                throw badInput(place_,
-                               "the friction of " + robot_.joints[static_cast<std::size_t>(i)].name + " is not finite",
-                               "Correct the robot's figures or friction_scale.");
+            const bool isFriction = std::isfinite(f.coulomb[i] + f.viscous[i] + largest) && f.coulomb[i] >= 0.0 &&
+                                    f.viscous[i] >= 0.0 && f.viscousVelocity[i] > 0.0;
+            if (!isFriction)
+                throw badInput(
+                    place_,
+                    "the friction of " + robot_.joints[static_cast<std::size_t>(i)].name + " is below 0 or not finite",
+                    "Correct the robot's figures or friction_scale.");
             if (least >= 0.0 && least <= largest) continue;
             throw badInput(place_,
                            "friction_scale_min of " + robot_.joints[static_cast<std::size_t>(i)].name + " is " +
@@ -449,7 +453,7 @@ private:
             makeJumping("friction under load", onLoad, false),  // its lasting part: see lastingTorque
             {"payload", arm_.payload, arm_.payloadRate, arm_.payloadWeight},
             {"mass error", arm_.massError, arm_.massErrorRate, arm_.massErrorWeight},
-            {"tilted base", arm_.tilt, arm_.tiltRate, arm_.tilt.upper},
+            {"tilted base", arm_.tilt, arm_.tiltSlope * fastest, arm_.tilt.upper},
             makeJumping("torque ripple", set_.torqueRipple_Nm.expand(n_)),
             makeJumping("external torque", set_.externalTorque_Nm.expand(n_)),
             makeJumping(set_.delayTicks > 0 ? "held and late torque" : "torque held for a tick", heldTorque_, false),

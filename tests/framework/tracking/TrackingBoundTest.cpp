@@ -6,9 +6,13 @@
 #include <cmath>
 #include <cstdio>
 #include <functional>
+#include <random>
 #include <vector>
 
+#include "robot/PoseSampling.h"
+#include "tracking/ArmExtremes.h"
 #include "viable/core/Error.h"
+#include "viable/robot/RobotModel.h"
 
 namespace viable {
 namespace {
@@ -214,6 +218,65 @@ TEST(TrackingBound, KnowsWhetherFrictionJumpsAndWhatIsFedForward) {
     for (int i = 0; i < 2; ++i) EXPECT_NEAR(known.lastingTorque[i], constant.lastingTorque[i], 1e-9);
 }
 
+// Nothing of it is left where friction is known exactly: as many sources in every view and phase, and no bound of zero.
+TEST(TrackingBound, TakesFrictionThatIsKnownExactly) {
+    FrictionCase c;
+    c.robot.actuation.friction.coulomb.setZero();
+    DisturbanceSet set;
+    const TrackingBound unknown = c.calc(set);
+    for (const bool isConstant : {false, true}) {
+        set.isFrictionConstant = isConstant;
+        set.frictionScaleMin = set.frictionScale = 1.0;
+        c.gains.friction = scaleFriction(c.robot.actuation.friction, 1.0, c.limits, 1e-3);
+        const TrackingBound known = c.calc(set);
+        EXPECT_TRUE(known.position.allFinite() && known.velocity.allFinite());
+        EXPECT_GT(known.position.minCoeff(), 0.0);
+        EXPECT_TRUE((known.position.array() < 0.6 * unknown.position.array()).all())
+            << known.position.transpose() << " / " << unknown.position.transpose();
+        for (const TrackingBound::Part& part : known.parts)
+            if (part.source == "viscous friction" && isConstant)
+                EXPECT_LT(part.position.maxCoeff(), 0.5 * known.position.maxCoeff());
+    }
+}
+
+// Of a body that is heavier and one that is lighter than the nominal one, in any mixture: the sums hold for the poses sampled.
+TEST(ArmExtremes, HoldForAnyMixtureOfMasses) {
+    std::mt19937 engine(7);
+    std::uniform_real_distribution<double> share(-1.0, 1.0);
+    for (const char* name : {"planar_two_link", "ur5e"}) {
+        const RobotDescription robot = loadTestRobot(name);
+        const int n = robot.size();
+        DisturbanceSet set;
+        set.massError = 0.4;
+        set.payload_kg = 2.0;
+        const detail::MotionSize motion{JointVector::Ones(n), JointVector::Ones(n), JointVector::Ones(n)};
+        const detail::ArmExtremes x =
+            detail::findArmExtremes(robot, robot.limits, motion, set, JointVector::Ones(n), "here");
+        const std::vector<JointVector> poses = detail::samplePoses(robot.limits, 192);
+        double nearest = 0.0;
+        for (int draw = 0; draw < 20; ++draw) {
+            JointVector factors(n);
+            for (double& f : factors)
+                f = 1.0 + 0.4 * (draw % 2 == 0 ? share(engine) : share(engine) < 0.0 ? -1.0 : 1.0);
+            RobotModel real(
+                withPayload(withScaledMasses(robot, factors), (0.5 + 0.5 * share(engine)) * 2.0, {0, 0, 0}));
+            Eigen::MatrixXd least = Eigen::MatrixXd::Constant(n, n, INFINITY), greatest = -least;
+            Dynamics dynamics;
+            for (const JointVector& q : poses) {
+                real.calcDynamics(q, JointVector::Zero(n), dynamics);
+                least = least.cwiseMin(Eigen::MatrixXd(dynamics.M));
+                greatest = greatest.cwiseMax(Eigen::MatrixXd(dynamics.M));
+            }
+            const Eigen::MatrixXd size = greatest.cwiseMax(-least), range = greatest - least;
+            EXPECT_LE((size - x.inertia).maxCoeff(), 1e-9 * x.inertia.maxCoeff()) << name << " " << factors.transpose();
+            EXPECT_LE((range - x.inertiaRange).maxCoeff(), 1e-9 * x.inertiaRange.maxCoeff())
+                << name << " " << factors.transpose();
+            nearest = std::max(nearest, range(0, 0) / x.inertiaRange(0, 0));
+        }
+        EXPECT_GT(nearest, 0.5) << name;  // and no wider than that
+    }
+}
+
 // The sizes of what is not known, against a fine grid over velocities and factors, for figures of another shape.
 TEST(TrackingBound, TakesTheLargestFrictionThatIsNotFedForward) {
     for (const double otherVelocity : {0.1, 0.4, 1.5}) {
@@ -273,7 +336,9 @@ TEST(TrackingBound, RefusesFrictionThatCannotBe) {
     set.frictionScaleMin = 1.3;
     expectRefused(set, "is 1.3; allowed is from 0 to its friction_scale, 1");
     c.robot.actuation.friction.viscous[1] = NAN;
-    expectRefused({}, "the friction of elbow is not finite");
+    expectRefused({}, "the friction of elbow is below 0 or not finite");
+    c.robot.actuation.friction.viscous[1] = -1.0;
+    expectRefused({}, "the friction of elbow is below 0 or not finite");
     c = FrictionCase();
     c.gains.motorRate = 100.0;
     expectRefused({}, "no bound is known");

@@ -67,7 +67,9 @@ Assumes: with a delay the first torque holds from the start on; velocities read 
 rest; the nominal arm within `limits`; no torque beyond the motors; neither
 Nric's rate nor its integral at their limits; rigid joints. Extremes over poses are those of a fixed sample within the
 position limits (192, gradients at 64, loops at 32) and, for the loops, of a climb from the worst of them to the fastest and
-the slowest mode and to the least inertia of each joint: elsewhere between them nothing is proven.
+the slowest mode and to the least inertia of each joint: elsewhere between them nothing is proven. Nor is it for masses and places
+of the payload between those looked at, where they are not affine: loops are those of the heaviest, the lightest and two mixed
+arms, places the corners of an octahedron around the ball.
 @param limits  of the nominal arm; velocity and acceleration finite
 @param place   of the gains or the set, for messages
 Throws Error (BadInput) for unstable gains (with the largest stable ones), where no bound exists, and for what is not finite. Does not judge the
