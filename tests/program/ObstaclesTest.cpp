@@ -164,5 +164,34 @@ TEST(Obstacles, AJointThatNothingHoldsIsNotFrozenWithTheOthers) {
     }
 }
 
+// Two thirds of the torque rate that the motion takes without a limit, and a sixth: the arm goes where it is asked to, a little later, and no
+// motor's torque changes faster.
+TEST(Obstacles, ATorqueRateBelowWhatTheJerkLimitsNeedDoesNotFreezeTheArm) {
+    const auto run = [](const std::string& name, double rate) {
+        const std::string set = "cases.rate.filter.torque_rate_Nmps=" + std::to_string(rate);
+        double way = 0.0, fastest = 0.0;
+        JointVector q, torque;
+        const CaseResult result =
+            ProjectExperiment("../tests/program/torque_rate", {set}).run(name, [&](const TickRecord& record) {
+                if (q.size() != 0) {
+                    way += (record.nominal.q - q).cwiseAbs().sum();
+                    fastest = std::max(fastest, (record.filterTorque - torque).cwiseAbs().maxCoeff() / kTick_s);
+                }
+                q = record.nominal.q;
+                torque = record.filterTorque;
+            });
+        EXPECT_EQ(result.exitCode(), 0) << result.stopMessage;
+        std::printf("  %s: %.1f rad of all joints, torque changes by at most %.2f Nm/s\n", name.c_str(), way, fastest);
+        return std::pair(way, fastest);
+    };
+    const auto [freeWay, freeRate] = run("none", 1000.0);
+    for (const double rate : {1000.0, 250.0}) {
+        EXPECT_GT(freeRate, 1.5 * rate) << "the limit asks for nothing";
+        const auto [way, fastest] = run("rate", rate);
+        EXPECT_LE(fastest, rate * (1.0 + 1e-9));
+        EXPECT_GT(way, (rate < 500.0 ? 0.5 : 0.8) * freeWay) << rate;
+    }
+}
+
 }  // namespace
 }  // namespace viable

@@ -2,43 +2,89 @@
 
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include "filter/JointBraking.h"
 #include "filter/WholeArmChoice.h"
+#include "robot/PoseSampling.h"
 #include "viable/core/Error.h"
+#include "viable/robot/RobotModel.h"
 
 namespace viable {
+
+namespace {
+
+/** Poses in which the arm's inertia is looked at. */
+constexpr int kPoses = 192;
+/** Of the torque rate, what jerk may use; the rest is for gravity and velocities. Only how well the arm moves depends on it. */
+constexpr double kJerkShare = 0.8;
+constexpr double kStep = 0.98;
+
+/** The largest jerk of each joint with which the stops need no more torque rate than there is: |M| jerk within its share in every
+pose looked at. Infinite where the jerk limits are low enough. A stop that needs more would never be taken, and the arm not move. */
+JointVector findLargestJerk(const RobotDescription& robot, const JointLimits& limits, const JointVector& rate) {
+    const int n = robot.size();
+    JointVector largest = JointVector::Constant(n, std::numeric_limits<double>::infinity());
+    if (rate.size() != n || !limits.hasJerkLimits() || !(rate.array() < largest.array()).any()) return largest;
+    RobotModel model(robot);
+    Dynamics dynamics;
+    std::vector<JointMatrix> inertias;
+    for (const JointVector& q : detail::samplePoses(limits, kPoses)) {
+        model.calcDynamics(q, JointVector::Zero(n), dynamics);
+        inertias.push_back(dynamics.M.cwiseAbs());
+    }
+    JointVector jerk = (-limits.jerk.lower).cwiseMax(limits.jerk.upper);
+    for (const JointMatrix& M : inertias)
+        for (int i = 0; i < n; ++i)
+            while (M.row(i).dot(jerk) > kJerkShare * rate[i]) {
+                // The joint that asks most of this motor is slowed.
+                Eigen::Index most = 0;
+                M.row(i).transpose().cwiseProduct(jerk).maxCoeff(&most);
+                jerk[most] *= kStep;
+                largest[most] = jerk[most];
+            }
+    return largest;
+}
+
+}  // namespace
 
 struct WholeArmBrakingFilter::Impl {
     detail::JointBraking joints;
     std::unique_ptr<detail::WholeArmChoice> arm;  ///< null: not configured
     JointVector jerk;
+    JointVector largestJerk;  ///< that the torque rate allows [rad/s^3]
+
+    JointLimits slow(JointLimits limits) const {
+        limits.jerk.lower = limits.jerk.lower.cwiseMax(-largestJerk);
+        limits.jerk.upper = limits.jerk.upper.cwiseMin(largestJerk);
+        return limits;
+    }
 };
 
 WholeArmBrakingFilter::WholeArmBrakingFilter() : impl_(std::make_unique<Impl>()) {}
 WholeArmBrakingFilter::~WholeArmBrakingFilter() = default;
 
 void WholeArmBrakingFilter::configure(const RunSetup& setup, const Parameters& parameters) {
-    impl_->arm.reset();
-    impl_->joints.configure(setup, parameters);
     WholeArmBrakingOptions options;
     options.joints = detail::readBrakingOptions(parameters);
     options.torqueShare = parameters.number("torque_share");
     options.torqueRate = parameters.jointNumbers("torque_rate_Nmps");
     options.steers = parameters.flag("steers");
     options.maxAge_s = parameters.number("max_age_s");
-    prepare(setup, options, parameters.place("recovery"));
+    prepare(setup, options, parameters.place("recovery"),
+            [&](const RunSetup& slowed) { impl_->joints.configure(slowed, parameters); });
 }
 
 void WholeArmBrakingFilter::configure(const RunSetup& setup, const WholeArmBrakingOptions& options,
                                       const std::string& owner) {
-    impl_->arm.reset();
-    impl_->joints.configure(setup, options.joints, owner);
-    prepare(setup, options, owner);
+    prepare(setup, options, owner,
+            [&](const RunSetup& slowed) { impl_->joints.configure(slowed, options.joints, owner); });
 }
 
 void WholeArmBrakingFilter::prepare(const RunSetup& setup, const WholeArmBrakingOptions& options,
-                                    const std::string& place) {
+                                    const std::string& place,
+                                    const std::function<void(const RunSetup&)>& configureJoints) {
+    impl_->arm.reset();
     const int n = setup.size();
     if (setup.surroundings && !setup.geometry)
         throw badInput(place, "there are surroundings, but the parts of the arm that can collide are not described",
@@ -48,6 +94,10 @@ void WholeArmBrakingFilter::prepare(const RunSetup& setup, const WholeArmBraking
                        "torqueRate has " + std::to_string(options.torqueRate.size()) + " entries for " +
                            std::to_string(n) + " joints",
                        "Give one per joint, or none.");
+    impl_->largestJerk = findLargestJerk(setup.robot, setup.limits, options.torqueRate);
+    RunSetup slowed = setup;
+    slowed.limits = impl_->slow(setup.limits);
+    configureJoints(slowed);
     if (setup.surroundings && !setup.surroundings->claim())
         throw badInput(place, "another filter of this case has the surroundings already",
                        "Use one filter that keeps clearances.");
@@ -76,7 +126,7 @@ bool WholeArmBrakingFilter::recovers() const {
 }
 
 bool WholeArmBrakingFilter::changeLimits(const JointLimits& limits) {
-    return impl_->joints.changeLimits(limits);
+    return impl_->joints.changeLimits(impl_->slow(limits));
 }
 
 void WholeArmBrakingFilter::skipTicks(std::int64_t ticks) {

@@ -28,7 +28,8 @@ const ParameterSpec kParameters[] = {
         .upTo(1)
         .orInfinite(),
     parameter::jointNumbers("torque_rate_Nmps", "Nm/s", ".inf",
-                            "Largest change of the nominal torque, now and along the stop.")
+                            "Largest change of the nominal torque, now and along the stop. Jerks stay as "
+                            "low as it demands.")
         .above(0)
         .orInfinite(),
     parameter::flag("steers", "true",

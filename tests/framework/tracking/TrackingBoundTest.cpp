@@ -234,8 +234,9 @@ TEST(TrackingBound, TakesFrictionThatIsKnownExactly) {
         EXPECT_TRUE((known.position.array() < 0.6 * unknown.position.array()).all())
             << known.position.transpose() << " / " << unknown.position.transpose();
         for (const TrackingBound::Part& part : known.parts)
-            if (part.source == "viscous friction" && isConstant)
+            if (part.source == "viscous friction" && isConstant) {
                 EXPECT_LT(part.position.maxCoeff(), 0.5 * known.position.maxCoeff());
+            }
     }
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -15,7 +16,9 @@ struct WholeArmBrakingOptions {
     torque is
     not limited. What is left is for the robust loop. */
     double torqueShare = std::numeric_limits<double>::infinity();
-    JointVector torqueRate;  ///< largest change of the torque [Nm/s]; infinite, or empty: not limited
+    /** Largest change of the torque [Nm/s]; infinite, or empty: not limited. Where the jerk limits could ask for more in some pose,
+    joints keep to lower jerks, worked out from the arm's inertia: a stop that needs more would never be taken. */
+    JointVector torqueRate;
     /** Look for jerks that lead around an obstacle or along a torque limit. False: only brake before it. */
     bool steers = true;
     /** Older surroundings are not used: the arm follows its stop until newer ones come [s]. */
@@ -65,7 +68,8 @@ public:
     FilterStatus filter(const FilterInput& input, FilterDecision& decision) override;
 
 private:
-    void prepare(const RunSetup& setup, const WholeArmBrakingOptions& options, const std::string& place);
+    void prepare(const RunSetup& setup, const WholeArmBrakingOptions& options, const std::string& place,
+                 const std::function<void(const RunSetup&)>& configureJoints);
     struct Impl;
     std::unique_ptr<Impl> impl_;
 };
