@@ -173,7 +173,13 @@ bool checkBound(const Options& options) {
                 if (!part.torque.allFinite() || !part.position.allFinite() || !part.velocity.allFinite())
                     run.fail("a part of the bound is not finite", 0.0);
             if (!random.chance(kCompared)) continue;
-            const TrackingBound less = calcTrackingBound(robot, limits, tick_s, gains, halve(set, n), "half of it");
+            TrackingBound less;
+            try {
+                less = calcTrackingBound(robot, limits, tick_s, gains, halve(set, n), "half of it");
+            } catch (const Error&) {
+                run.fail("less disturbance has no bound", 0.0);
+                continue;
+            }
             for (const auto& [small, large] : {std::pair{&less.position, &bound.position},
                                                {&less.velocity, &bound.velocity},
                                                {&less.torque, &bound.torque}})

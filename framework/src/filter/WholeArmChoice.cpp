@@ -178,7 +178,7 @@ void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics,
         // Beside rows the change is large; with M's coupling light joints would swing to make up for the torque of those that
         // are held.
         const JointMatrix* beside = metric;
-        if (options_.joints.objective == Objective::Torque) {
+        if (options_.joints.objective == Objective::Torque || metric == &dynamics.M) {  // that of `tool`, too, in need
             ownInertia_ = dynamics.M.diagonal().asDiagonal();
             beside = &ownInertia_;
         }

@@ -165,40 +165,39 @@ void checkFinite(const Terms& terms, const JointVector& q, const RobotDescriptio
     }
 }
 
-/** An arm under gravity of 1 m/s^2 along each of three directions: down and two sideways. */
-struct GravityArms {
-    std::vector<std::unique_ptr<Arm>> down, side, other;
+/** Torques of one arm under gravity of 1 m/s^2 along each of three directions: down and two sideways. */
+struct TiltTorques {
+    JointVector down, side, other;
 
-    void add(RobotDescription robot) {
+    TiltTorques operator-(const TiltTorques& from) const {
+        return {down - from.down, side - from.side, other - from.other};
+    }
+    /** The largest torque of a tilt of up to `tilt` [rad] in any direction. */
+    JointVector calcLargest(double gravity, double tilt) const {
+        const double sideways = tilt < 0.5 * kPi ? std::sin(tilt) : 1.0;
+        return gravity * (sideways * (side.cwiseAbs2() + other.cwiseAbs2()).cwiseSqrt() +
+                          (1.0 - std::cos(tilt)) * down.cwiseAbs());
+    }
+};
+
+/** An arm that can be tilted. */
+class TiltedArm {
+public:
+    explicit TiltedArm(RobotDescription robot) {
         const Eigen::Vector3d g =
             robot.gravity.norm() > 0.0 ? robot.gravity.normalized().eval() : Eigen::Vector3d(Eigen::Vector3d::UnitZ());
-        const auto make = [&](std::vector<std::unique_ptr<Arm>>& arms, const Eigen::Vector3d& along) {
+        for (const Eigen::Vector3d& along :
+             {g, Eigen::Vector3d(g.unitOrthogonal()), Eigen::Vector3d(g.cross(g.unitOrthogonal()))}) {
             robot.gravity = along;
-            arms.push_back(std::make_unique<Arm>(robot));
-        };
-        make(down, g);
-        make(side, g.unitOrthogonal());
-        make(other, g.cross(g.unitOrthogonal()));
+            arms_.push_back(std::make_unique<Arm>(robot));
+        }
     }
-    /** The largest torque of a tilt of up to `tilt` [rad] in any direction, of arm `k`. */
-    JointVector calcTorque(std::size_t k, const JointVector& q, double gravity, double tilt) {
-        const JointVector x = side[k]->calcGravity(q), y = other[k]->calcGravity(q);
-        return combine(down[k]->calcGravity(q), x, y, gravity, tilt);
-    }
-    JointVector calcSlope(std::size_t k, const JointVector& q, const JointVector& moved, double gravity, double tilt) {
-        const JointVector z = down[k]->calcGravity(moved) - down[k]->calcGravity(q);
-        const JointVector x = side[k]->calcGravity(moved) - side[k]->calcGravity(q);
-        const JointVector y = other[k]->calcGravity(moved) - other[k]->calcGravity(q);
-        return combine(z, x, y, gravity, tilt);
+    TiltTorques calc(const JointVector& q) {
+        return {arms_[0]->calcGravity(q), arms_[1]->calcGravity(q), arms_[2]->calcGravity(q)};
     }
 
 private:
-    static JointVector combine(const JointVector& z, const JointVector& x, const JointVector& y, double gravity,
-                               double tilt) {
-        const double sideways = tilt < 0.5 * kPi ? std::sin(tilt) : 1.0;
-        return gravity *
-               (sideways * (x.cwiseAbs2() + y.cwiseAbs2()).cwiseSqrt() + (1.0 - std::cos(tilt)) * z.cwiseAbs());
-    }
+    std::vector<std::unique_ptr<Arm>> arms_;
 };
 
 /** The pose near `q`, within the limits, in which `figure` is largest, by steps of one joint each. */
@@ -314,10 +313,18 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
     // Inertia is affine in each body's mass and in the payload's: the widths of the parts add up.
     EntryRange ownRange(n);
     std::vector<EntryRange> doubledRange(doubled.size(), ownRange), loadedRange(loaded.size(), ownRange);
-    GravityArms tilted;
+    // So is gravity's torque: of the arm, with the payload or without, and of what each body may have more or less.
+    std::vector<TiltedArm> tilted;
+    std::vector<std::pair<double, TiltedArm>> tiltedBodies;
     if (set.baseTilt_rad > 0.0) {
-        for (const Eigen::Vector3d& place : places) tilted.add(makeReal(robot, set, heavy, place));
-        tilted.add(makeReal(robot, set, light, places.front()));
+        tilted.emplace_back(robot);
+        if (set.payload_kg > 0.0)
+            for (const Eigen::Vector3d& place : places) tilted.emplace_back(withPayload(robot, set.payload_kg, place));
+        for (int k = 0; k < n; ++k)
+            if (error[k] > 0.0)
+                tiltedBodies.emplace_back(
+                    error[k],
+                    TiltedArm(withScaledMasses(robot, JointVector::Ones(n) + JointVector(JointVector::Unit(n, k)))));
     }
     const double gravity = robot.gravity.norm();
 
@@ -371,15 +378,26 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
             raise(x.payloadRate, (around - ownAround).calcRate(motion));
             x.torques.add({around.calcTensors(motion), massTensors});
         }
-        for (std::size_t k = 0; k < tilted.down.size(); ++k) {
-            raise(x.tilt.upper, tilted.calcTorque(k, q, gravity, set.baseTilt_rad));
-            if (!takesGradient) continue;
-            MatrixXd slope(n, n);
-            for (int j = 0; j < n; ++j)
-                slope.col(j) = tilted.calcSlope(k, q, q + kStep * JointVector(JointVector::Unit(n, j)), gravity,
-                                                set.baseTilt_rad) /
-                               kStep;
-            raise(x.tiltSlope, slope);
+        if (!tilted.empty()) {
+            // The largest of a tilt, of torques at `at` less those at `from`, with any masses.
+            const auto calcTilt = [&](const JointVector& at, const JointVector* from) {
+                JointVector bodies = zero, arm = zero;
+                const auto calc = [&](TiltedArm& each) {
+                    return from ? each.calc(at) - each.calc(*from) : each.calc(at);
+                };
+                const TiltTorques ownTilt = calc(tilted.front());
+                for (auto& [share, body] : tiltedBodies)
+                    bodies += share * (calc(body) - ownTilt).calcLargest(gravity, set.baseTilt_rad);
+                for (TiltedArm& each : tilted) raise(arm, calc(each).calcLargest(gravity, set.baseTilt_rad));
+                return JointVector(arm + bodies);
+            };
+            raise(x.tilt.upper, calcTilt(q, nullptr));
+            if (takesGradient) {
+                MatrixXd slope(n, n);
+                for (int j = 0; j < n; ++j)
+                    slope.col(j) = calcTilt(q + kStep * JointVector(JointVector::Unit(n, j)), &q) / kStep;
+                raise(x.tiltSlope, slope);
+            }
         }
         if (pose >= kLoopPoses) continue;
         for (const auto* all : {&arms, &mixed})

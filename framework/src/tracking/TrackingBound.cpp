@@ -306,14 +306,19 @@ private:
     void checkSet() const {
         const auto isSize = [](double x) { return std::isfinite(x) && x >= 0.0; };
         bool isSound = isSize(set_.payload_kg) && isSize(set_.payloadOffset_m) && isSize(set_.baseTilt_rad) &&
-                       isSize(set_.readingError_rad) && isSize(set_.breakawayRatio) && isSize(set_.torqueLimitFactor) &&
-                       set_.delayTicks >= 0;
+                       isSize(set_.readingError_rad) && isSize(set_.breakawayRatio) && set_.breakawayRatio >= 1.0 &&
+                       set_.torqueLimitFactor > 0.0 && set_.delayTicks >= 0;  // that factor may be infinite
         for (const PerJoint* sizes :
              {&set_.loadFriction, &set_.massError, &set_.torqueRipple_Nm, &set_.externalTorque_Nm})
             for (const double x : sizes->expand(n_)) isSound &= isSize(x);
+        for (const PerJoint* shares : {&set_.loadFriction, &set_.massError})
+            for (const double x : shares->expand(n_)) isSound &= x < 1.0;
         if (!isSound)
-            throw badInput(place_, "a number of the disturbance_set is below 0 or not finite",
-                           "Give sizes that are finite and at least 0.");
+            throw badInput(place_,
+                           "a number of the disturbance_set is below 0, not finite, or a share that is too large",
+                           "Give sizes that are finite and at least 0, load_friction and mass_error below 1, "
+                           "breakaway_ratio from 1 "
+                           "on, torque_limit_factor above 0.");
     }
 
     /** What no robot folder may have, for descriptions that come from elsewhere. */

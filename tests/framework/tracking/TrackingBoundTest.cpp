@@ -250,6 +250,7 @@ TEST(ArmExtremes, HoldForAnyMixtureOfMasses) {
         DisturbanceSet set;
         set.massError = 0.4;
         set.payload_kg = 2.0;
+        set.baseTilt_rad = 0.1;
         const detail::MotionSize motion{JointVector::Ones(n), JointVector::Ones(n), JointVector::Ones(n)};
         const detail::ArmExtremes x =
             detail::findArmExtremes(robot, robot.limits, motion, set, JointVector::Ones(n), "here");
@@ -269,6 +270,20 @@ TEST(ArmExtremes, HoldForAnyMixtureOfMasses) {
                 greatest = greatest.cwiseMax(Eigen::MatrixXd(dynamics.M));
             }
             const Eigen::MatrixXd size = greatest.cwiseMax(-least), range = greatest - least;
+            // Tilted by so much to some side: what gravity's torque changes by.
+            RobotDescription upright =
+                withPayload(withScaledMasses(robot, factors), share(engine) < 0.0 ? 0.0 : 2.0, {0, 0, 0});
+            RobotDescription tilted = upright;
+            const Eigen::Vector3d axis =
+                Eigen::AngleAxisd(kPi * share(engine), Eigen::Vector3d::UnitZ()) * Eigen::Vector3d::UnitX();
+            tilted.gravity = Eigen::AngleAxisd(0.1, axis) * upright.gravity;
+            RobotModel straight(upright), leaning(tilted);
+            for (const JointVector& q : poses) {
+                straight.calcDynamics(q, JointVector::Zero(n), dynamics);
+                const JointVector before = dynamics.gravity;
+                leaning.calcDynamics(q, JointVector::Zero(n), dynamics);
+                EXPECT_LE(((dynamics.gravity - before).cwiseAbs() - x.tilt.upper).maxCoeff(), 1e-9) << name;
+            }
             EXPECT_LE((size - x.inertia).maxCoeff(), 1e-9 * x.inertia.maxCoeff()) << name << " " << factors.transpose();
             EXPECT_LE((range - x.inertiaRange).maxCoeff(), 1e-9 * x.inertiaRange.maxCoeff())
                 << name << " " << factors.transpose();
@@ -340,6 +355,21 @@ TEST(TrackingBound, RefusesFrictionThatCannotBe) {
     expectRefused({}, "the friction of elbow is below 0 or not finite");
     c.robot.actuation.friction.viscous[1] = -1.0;
     expectRefused({}, "the friction of elbow is below 0 or not finite");
+    c = FrictionCase();
+    c.robot.actuation.friction.coulomb[1] = -1.0;
+    expectRefused({}, "the friction of elbow is below 0 or not finite");
+    c = FrictionCase();
+    for (const auto& spoil : std::vector<std::function<void(DisturbanceSet&)>>{
+             [](DisturbanceSet& d) { d.breakawayRatio = 0.5; }, [](DisturbanceSet& d) { d.loadFriction = 1.0; },
+             [](DisturbanceSet& d) { d.massError = 1.0; }, [](DisturbanceSet& d) { d.torqueLimitFactor = 0.0; },
+             [](DisturbanceSet& d) { d.torqueLimitFactor = NAN; }, [](DisturbanceSet& d) { d.payload_kg = -1.0; }}) {
+        DisturbanceSet spoilt;
+        spoil(spoilt);
+        expectRefused(spoilt, "a number of the disturbance_set is below 0");
+    }
+    DisturbanceSet strong;
+    strong.torqueLimitFactor = INFINITY;
+    EXPECT_TRUE(c.calc(strong).motorTorque.array().isInf().all());
     c = FrictionCase();
     c.gains.motorRate = 100.0;
     expectRefused({}, "no bound is known");
