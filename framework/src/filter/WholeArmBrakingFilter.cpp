@@ -2,13 +2,11 @@
 
 #include <cmath>
 #include <limits>
-#include <vector>
 
 #include "filter/JointBraking.h"
 #include "filter/WholeArmChoice.h"
 #include "robot/PoseSampling.h"
 #include "viable/core/Error.h"
-#include "viable/robot/RobotModel.h"
 
 namespace viable {
 
@@ -25,16 +23,11 @@ pose looked at. Infinite where the jerk limits are low enough. A stop that needs
 JointVector findLargestJerk(const RobotDescription& robot, const JointLimits& limits, const JointVector& rate) {
     const int n = robot.size();
     JointVector largest = JointVector::Constant(n, std::numeric_limits<double>::infinity());
-    if (rate.size() != n || !limits.hasJerkLimits() || !(rate.array() < largest.array()).any()) return largest;
-    RobotModel model(robot);
-    Dynamics dynamics;
-    std::vector<JointMatrix> inertias;
-    for (const JointVector& q : detail::samplePoses(limits, kPoses)) {
-        model.calcDynamics(q, JointVector::Zero(n), dynamics);
-        inertias.push_back(dynamics.M.cwiseAbs());
-    }
+    const bool isRate = rate.size() == n && (rate.array() > 0.0).all();
+    if (!isRate || !limits.hasJerkLimits() || rate.array().isInf().all()) return largest;
     JointVector jerk = (-limits.jerk.lower).cwiseMax(limits.jerk.upper);
-    for (const JointMatrix& M : inertias)
+    for (const detail::PoseInertia& pose : detail::sampleInertia(robot, limits, kPoses)) {
+        const JointMatrix M = pose.M.cwiseAbs();
         for (int i = 0; i < n; ++i)
             while (M.row(i).dot(jerk) > kJerkShare * rate[i]) {
                 // The joint that asks most of this motor is slowed.
@@ -43,6 +36,7 @@ JointVector findLargestJerk(const RobotDescription& robot, const JointLimits& li
                 jerk[most] *= kStep;
                 largest[most] = jerk[most];
             }
+    }
     return largest;
 }
 
@@ -59,6 +53,14 @@ struct WholeArmBrakingFilter::Impl {
         limits.jerk.upper = limits.jerk.upper.cwiseMin(largestJerk);
         return limits;
     }
+    /** The setup of the joints, whose jerks are as low as the torque rate demands. */
+    RunSetup slow(const RunSetup& setup, const WholeArmBrakingOptions& options) {
+        arm.reset();
+        largestJerk = findLargestJerk(setup.robot, setup.limits, options.torqueRate);
+        RunSetup slowed = setup;
+        slowed.limits = slow(setup.limits);
+        return slowed;
+    }
 };
 
 WholeArmBrakingFilter::WholeArmBrakingFilter() : impl_(std::make_unique<Impl>()) {}
@@ -71,20 +73,18 @@ void WholeArmBrakingFilter::configure(const RunSetup& setup, const Parameters& p
     options.torqueRate = parameters.jointNumbers("torque_rate_Nmps");
     options.steers = parameters.flag("steers");
     options.maxAge_s = parameters.number("max_age_s");
-    prepare(setup, options, parameters.place("recovery"),
-            [&](const RunSetup& slowed) { impl_->joints.configure(slowed, parameters); });
+    impl_->joints.configure(impl_->slow(setup, options), parameters);
+    prepare(setup, options, parameters.place("recovery"));
 }
 
 void WholeArmBrakingFilter::configure(const RunSetup& setup, const WholeArmBrakingOptions& options,
                                       const std::string& owner) {
-    prepare(setup, options, owner,
-            [&](const RunSetup& slowed) { impl_->joints.configure(slowed, options.joints, owner); });
+    impl_->joints.configure(impl_->slow(setup, options), options.joints, owner);
+    prepare(setup, options, owner);
 }
 
 void WholeArmBrakingFilter::prepare(const RunSetup& setup, const WholeArmBrakingOptions& options,
-                                    const std::string& place,
-                                    const std::function<void(const RunSetup&)>& configureJoints) {
-    impl_->arm.reset();
+                                    const std::string& place) {
     const int n = setup.size();
     if (setup.surroundings && !setup.geometry)
         throw badInput(place, "there are surroundings, but the parts of the arm that can collide are not described",
@@ -94,10 +94,8 @@ void WholeArmBrakingFilter::prepare(const RunSetup& setup, const WholeArmBraking
                        "torqueRate has " + std::to_string(options.torqueRate.size()) + " entries for " +
                            std::to_string(n) + " joints",
                        "Give one per joint, or none.");
-    impl_->largestJerk = findLargestJerk(setup.robot, setup.limits, options.torqueRate);
-    RunSetup slowed = setup;
-    slowed.limits = impl_->slow(setup.limits);
-    configureJoints(slowed);
+    if (options.torqueRate.size() == n && !(options.torqueRate.array() > 0.0).all())
+        throw badInput(place, "a torqueRate is not above 0", "Give rates above 0, infinite where there is no limit.");
     if (setup.surroundings && !setup.surroundings->claim())
         throw badInput(place, "another filter of this case has the surroundings already",
                        "Use one filter that keeps clearances.");

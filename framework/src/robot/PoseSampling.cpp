@@ -1,7 +1,10 @@
 #include "robot/PoseSampling.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+
+#include "viable/robot/RobotModel.h"
 
 namespace viable::detail {
 
@@ -27,6 +30,18 @@ std::vector<JointVector> samplePoses(const JointLimits& limits, int count) {
             poses[static_cast<std::size_t>(k)][i] = k % 2 == 0 ? places[random() % 4] : lower + share * (upper - lower);
         }
     return poses;
+}
+
+std::vector<PoseInertia> sampleInertia(const RobotDescription& robot, const JointLimits& limits, int count) {
+    RobotModel model(robot);
+    Dynamics dynamics;
+    std::vector<PoseInertia> samples;
+    samples.reserve(static_cast<std::size_t>(count));
+    for (const JointVector& q : samplePoses(limits, count)) {
+        model.calcDynamics(q, JointVector::Zero(robot.size()), dynamics);
+        if (dynamics.M.allFinite() && dynamics.M.llt().info() == Eigen::Success) samples.push_back({q, dynamics.M});
+    }
+    return samples;
 }
 
 }  // namespace viable::detail

@@ -37,4 +37,12 @@ pose often needs several joints at exactly zero). The same for the same argument
 turn. */
 std::vector<JointVector> samplePoses(const JointLimits& limits, int count);
 
+struct PoseInertia {
+    JointVector q;
+    JointMatrix M;  ///< positive definite [kg m^2]
+};
+
+/** At a fixed sample of poses within the position limits; without those at which M cannot be used. */
+std::vector<PoseInertia> sampleInertia(const RobotDescription& robot, const JointLimits& limits, int count);
+
 }  // namespace viable::detail

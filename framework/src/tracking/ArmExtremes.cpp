@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
 
 #include "core/Text.h"
 #include "robot/InertiaModes.h"
@@ -180,24 +181,77 @@ struct TiltTorques {
     }
 };
 
-/** An arm that can be tilted. */
-class TiltedArm {
+/** Of arms on a tilted base what gravity's torque changes by, which is affine in the masses: that of each arm, and of what bodies
+may have more or less. */
+class TiltedArms {
 public:
-    explicit TiltedArm(RobotDescription robot) {
-        const Eigen::Vector3d g =
-            robot.gravity.norm() > 0.0 ? robot.gravity.normalized().eval() : Eigen::Vector3d(Eigen::Vector3d::UnitZ());
-        for (const Eigen::Vector3d& along :
-             {g, Eigen::Vector3d(g.unitOrthogonal()), Eigen::Vector3d(g.cross(g.unitOrthogonal()))}) {
-            robot.gravity = along;
-            arms_.push_back(std::make_unique<Arm>(robot));
-        }
+    /** @param tilt  largest [rad] */
+    TiltedArms(const RobotDescription& robot, double tilt) : gravity_(robot.gravity.norm()), tilt_(tilt) {
+        addArm(robot);
     }
-    TiltTorques calc(const JointVector& q) {
-        return {arms_[0]->calcGravity(q), arms_[1]->calcGravity(q), arms_[2]->calcGravity(q)};
+    void addArm(RobotDescription arm) { arms_.emplace_back(std::move(arm)); }
+    /** @param heavier  the first arm with twice the body, of which it may have `share` more or less */
+    void addBody(double share, RobotDescription heavier) { bodies_.push_back({share, Upright(std::move(heavier))}); }
+
+    /** The largest torque [Nm]. */
+    JointVector calcTorque(const JointVector& q) { return sum(calc(q)); }
+    /** Its largest change over each position [Nm/rad]. */
+    MatrixXd calcSlope(const JointVector& q) {
+        const auto n = q.size();
+        MatrixXd slope(n, n);
+        const std::vector<TiltTorques> here = calc(q);
+        for (Eigen::Index j = 0; j < n; ++j) {
+            std::vector<TiltTorques> change = calc(q + kStep * JointVector(JointVector::Unit(n, j)));
+            for (std::size_t k = 0; k < change.size(); ++k) change[k] = change[k] - here[k];
+            slope.col(j) = sum(change) / kStep;
+        }
+        return slope;
     }
 
 private:
-    std::vector<std::unique_ptr<Arm>> arms_;
+    /** An arm under gravity along each of the three directions. */
+    class Upright {
+    public:
+        explicit Upright(RobotDescription robot) {
+            const Eigen::Vector3d g = robot.gravity.norm() > 0.0 ? robot.gravity.normalized().eval()
+                                                                 : Eigen::Vector3d(Eigen::Vector3d::UnitZ());
+            for (const Eigen::Vector3d& along :
+                 {g, Eigen::Vector3d(g.unitOrthogonal()), Eigen::Vector3d(g.cross(g.unitOrthogonal()))}) {
+                robot.gravity = along;
+                arms_.push_back(std::make_unique<Arm>(robot));
+            }
+        }
+        TiltTorques calc(const JointVector& q) {
+            return {arms_[0]->calcGravity(q), arms_[1]->calcGravity(q), arms_[2]->calcGravity(q)};
+        }
+
+    private:
+        std::vector<std::unique_ptr<Arm>> arms_;
+    };
+    struct Body {
+        double share;
+        Upright heavier;
+    };
+
+    /** Of the arms, then of those with a heavier body. */
+    std::vector<TiltTorques> calc(const JointVector& q) {
+        std::vector<TiltTorques> torques;
+        for (Upright& arm : arms_) torques.push_back(arm.calc(q));
+        for (Body& body : bodies_) torques.push_back(body.heavier.calc(q));
+        return torques;
+    }
+    JointVector sum(const std::vector<TiltTorques>& torques) const {
+        const JointVector zero = JointVector::Zero(torques.front().down.size());
+        JointVector arm = zero, bodies = zero;
+        for (std::size_t k = 0; k < arms_.size(); ++k) raise(arm, torques[k].calcLargest(gravity_, tilt_));
+        for (std::size_t k = 0; k < bodies_.size(); ++k)
+            bodies += bodies_[k].share * (torques[arms_.size() + k] - torques.front()).calcLargest(gravity_, tilt_);
+        return arm + bodies;
+    }
+
+    double gravity_, tilt_;
+    std::vector<Upright> arms_;
+    std::vector<Body> bodies_;
 };
 
 /** The pose near `q`, within the limits, in which `figure` is largest, by steps of one joint each. */
@@ -291,13 +345,21 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
     std::vector<std::unique_ptr<Arm>> loaded;
     std::vector<std::unique_ptr<Arm>> arms;  // the heaviest and the lightest
     const JointVector error = set.massError.expand(n);
-    for (int k = 0; k < n; ++k)
-        if (error[k] > 0.0)
-            doubled.emplace_back(k, std::make_unique<Arm>(withScaledMasses(
-                                        robot, JointVector::Ones(n) + JointVector(JointVector::Unit(n, k)))));
+    std::optional<TiltedArms> tilted;
+    if (set.baseTilt_rad > 0.0) tilted.emplace(robot, set.baseTilt_rad);
+    for (int k = 0; k < n; ++k) {
+        if (!(error[k] > 0.0)) continue;
+        const RobotDescription heavier =
+            withScaledMasses(robot, JointVector::Ones(n) + JointVector(JointVector::Unit(n, k)));
+        doubled.emplace_back(k, std::make_unique<Arm>(heavier));
+        if (tilted) tilted->addBody(error[k], heavier);
+    }
     if (set.payload_kg > 0.0)
-        for (const Eigen::Vector3d& place : places)
-            loaded.push_back(std::make_unique<Arm>(withPayload(robot, set.payload_kg, place)));
+        for (const Eigen::Vector3d& place : places) {
+            const RobotDescription carrying = withPayload(robot, set.payload_kg, place);
+            loaded.push_back(std::make_unique<Arm>(carrying));
+            if (tilted) tilted->addArm(carrying);
+        }
     const JointVector heavy = JointVector::Ones(n), light = -heavy;
     for (const Eigen::Vector3d& place : places)
         arms.push_back(std::make_unique<Arm>(makeReal(robot, set, heavy, place)));
@@ -313,20 +375,6 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
     // Inertia is affine in each body's mass and in the payload's: the widths of the parts add up.
     EntryRange ownRange(n);
     std::vector<EntryRange> doubledRange(doubled.size(), ownRange), loadedRange(loaded.size(), ownRange);
-    // So is gravity's torque: of the arm, with the payload or without, and of what each body may have more or less.
-    std::vector<TiltedArm> tilted;
-    std::vector<std::pair<double, TiltedArm>> tiltedBodies;
-    if (set.baseTilt_rad > 0.0) {
-        tilted.emplace_back(robot);
-        if (set.payload_kg > 0.0)
-            for (const Eigen::Vector3d& place : places) tilted.emplace_back(withPayload(robot, set.payload_kg, place));
-        for (int k = 0; k < n; ++k)
-            if (error[k] > 0.0)
-                tiltedBodies.emplace_back(
-                    error[k],
-                    TiltedArm(withScaledMasses(robot, JointVector::Ones(n) + JointVector(JointVector::Unit(n, k)))));
-    }
-    const double gravity = robot.gravity.norm();
 
     const std::vector<JointVector> poses = samplePoses(limits, kPoses);
     for (std::size_t pose = 0; pose < poses.size(); ++pose) {
@@ -378,26 +426,9 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
             raise(x.payloadRate, (around - ownAround).calcRate(motion));
             x.torques.add({around.calcTensors(motion), massTensors});
         }
-        if (!tilted.empty()) {
-            // The largest of a tilt, of torques at `at` less those at `from`, with any masses.
-            const auto calcTilt = [&](const JointVector& at, const JointVector* from) {
-                JointVector bodies = zero, arm = zero;
-                const auto calc = [&](TiltedArm& each) {
-                    return from ? each.calc(at) - each.calc(*from) : each.calc(at);
-                };
-                const TiltTorques ownTilt = calc(tilted.front());
-                for (auto& [share, body] : tiltedBodies)
-                    bodies += share * (calc(body) - ownTilt).calcLargest(gravity, set.baseTilt_rad);
-                for (TiltedArm& each : tilted) raise(arm, calc(each).calcLargest(gravity, set.baseTilt_rad));
-                return JointVector(arm + bodies);
-            };
-            raise(x.tilt.upper, calcTilt(q, nullptr));
-            if (takesGradient) {
-                MatrixXd slope(n, n);
-                for (int j = 0; j < n; ++j)
-                    slope.col(j) = calcTilt(q + kStep * JointVector(JointVector::Unit(n, j)), &q) / kStep;
-                raise(x.tiltSlope, slope);
-            }
+        if (tilted) {
+            raise(x.tilt.upper, tilted->calcTorque(q));
+            if (takesGradient) raise(x.tiltSlope, tilted->calcSlope(q));
         }
         if (pose >= kLoopPoses) continue;
         for (const auto* all : {&arms, &mixed})

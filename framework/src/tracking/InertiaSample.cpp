@@ -9,23 +9,9 @@
 
 #include "core/Text.h"
 #include "robot/InertiaModes.h"
-#include "robot/PoseSampling.h"
 #include "tracking/FrozenLoop.h"
-#include "viable/robot/RobotModel.h"
 
 namespace viable::detail {
-
-std::vector<PoseInertia> sampleInertia(const RobotDescription& robot, const JointLimits& limits, int count) {
-    RobotModel model(robot);
-    Dynamics dynamics;
-    std::vector<PoseInertia> samples;
-    samples.reserve(static_cast<std::size_t>(count));
-    for (const JointVector& q : samplePoses(limits, count)) {
-        model.calcDynamics(q, JointVector::Zero(robot.size()), dynamics);
-        if (dynamics.M.allFinite() && dynamics.M.llt().info() == Eigen::Success) samples.push_back({q, dynamics.M});
-    }
-    return samples;
-}
 
 InertiaRange findInertiaRange(const std::vector<PoseInertia>& samples) {
     const Eigen::Index n = samples.front().M.rows();

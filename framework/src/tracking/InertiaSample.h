@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "robot/PoseSampling.h"
 #include "viable/plugin/RobustLoop.h"
 #include "viable/robot/RobotDescription.h"
 
@@ -18,14 +19,6 @@ inline constexpr double kFastestPosition = 100.0;
 
 /** Poses in which the margins of a loop are looked for. */
 inline constexpr int kMarginPoses = 256;
-
-struct PoseInertia {
-    JointVector q;
-    JointMatrix M;  ///< positive definite [kg m^2]
-};
-
-/** At a fixed sample of poses within the position limits; without those at which M cannot be used. */
-std::vector<PoseInertia> sampleInertia(const RobotDescription& robot, const JointLimits& limits, int count);
 
 /** What the joints move over those poses, at least one of them. */
 struct InertiaRange {

@@ -317,8 +317,7 @@ private:
             throw badInput(place_,
                            "a number of the disturbance_set is below 0, not finite, or a share that is too large",
                            "Give sizes that are finite and at least 0, load_friction and mass_error below 1, "
-                           "breakaway_ratio from 1 "
-                           "on, torque_limit_factor above 0.");
+                           "breakaway_ratio from 1 on, torque_limit_factor above 0.");
     }
 
     /** What no robot folder may have, for descriptions that come from elsewhere. */

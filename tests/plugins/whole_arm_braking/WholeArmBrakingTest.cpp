@@ -1,4 +1,5 @@
 #include "Paths.h"
+#include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
 #include "viable/filter/WholeArmBrakingFilter.h"
 
@@ -524,6 +525,16 @@ TEST(WholeArmBraking, AllocatesNothingBesideObstacles) {
     EXPECT_EQ(counter.count(), 0);
     EXPECT_GT(with[static_cast<std::size_t>(FilterStatus::Modified)], 5000);
     EXPECT_GT(with[static_cast<std::size_t>(FilterStatus::StoppedByPlan)], 20);
+}
+
+TEST(WholeArmBraking, TorqueRatesThatAreNotAboveZeroAreRefused) {
+    for (const double rate : {0.0, -1.0, std::numeric_limits<double>::quiet_NaN()}) {
+        WholeArmBrakingOptions options;
+        options.torqueRate = JointVector::Constant(6, 1000.0);
+        options.torqueRate[2] = rate;
+        ArmAmongObstacles arm(Environment{}, options);
+        EXPECT_THROW(arm.configure(), Error) << rate;
+    }
 }
 
 TEST(WholeArmBraking, ThePluginHasTheDefaultsOfTheOptions) {

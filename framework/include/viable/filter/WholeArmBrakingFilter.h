@@ -1,6 +1,5 @@
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <string>
 
@@ -68,8 +67,7 @@ public:
     FilterStatus filter(const FilterInput& input, FilterDecision& decision) override;
 
 private:
-    void prepare(const RunSetup& setup, const WholeArmBrakingOptions& options, const std::string& place,
-                 const std::function<void(const RunSetup&)>& configureJoints);
+    void prepare(const RunSetup& setup, const WholeArmBrakingOptions& options, const std::string& place);
     struct Impl;
     std::unique_ptr<Impl> impl_;
 };
