@@ -16,11 +16,15 @@ using Eigen::MatrixXd;
 /** Ticks, and later strides, between two doublings of the stride. */
 constexpr int kStepsPerStride = 256;
 constexpr int kStrideFactor = 4;
-/** The response is followed until a whole round adds no more than this share to any gain. */
+/** The response is followed until a whole round adds no more than this share to any gain; a pole whose powers are below it
+is taken for died out. */
 constexpr double kRemainder = 1e-6;
+/** No pole that has not died out may turn by more than this over a stride: what oscillates within a stride would not be seen. */
+constexpr double kLargestTurn_rad = 0.1;
 /** Of sums of ticks. */
 constexpr double kRounding = 1e-9;
-constexpr int kMaxRounds = 12;  // 256 x 4^12 ticks: months
+/** Enough for months, and for oscillations that die out within 16,000 ticks. */
+constexpr int kMaxRounds = 80;
 
 /** The loop as x' = A x + B n with x = (e, de, e_m before, sum of e_m dt, torques on their way), n the reading error;
 the tick's torque tau_a = C x + D n. */
@@ -105,6 +109,14 @@ private:
     MatrixXd decay_, once_, twice_;
 };
 
+/** Whether the next stride sees what is left of a response after so many ticks. */
+bool mayLengthen(const Eigen::VectorXcd& poles, double ticks, double stride) {
+    return std::all_of(poles.begin(), poles.end(), [&](const std::complex<double>& pole) {
+        const bool hasDiedOut = std::pow(std::abs(pole), ticks) < kRemainder;
+        return hasDiedOut || std::abs(std::arg(pole)) * stride * kStrideFactor <= kLargestTurn_rad;
+    });
+}
+
 MatrixXd& at(LoopGains::PerOutput& values, LoopOutput output) {
     return values[static_cast<std::size_t>(output)];
 }
@@ -173,9 +185,11 @@ LoopGains calcGains(const FrozenLoop& loop, const std::vector<double>& ages) {
     goal.fill(MatrixXd::Zero(n, n));
     at(goal, LoopOutput::Torque) = -MatrixXd::Identity(n, n);
 
+    const Eigen::VectorXcd poles = Eigen::EigenSolver<MatrixXd>(s.A, false).eigenvalues();
     std::size_t asked = 0;  // ages that are passed
     LoopGains::PerOutput last;
     double age = 0.0, stride = 1.0;
+    bool isComplete = false;
     for (int round = 0; round < kMaxRounds; ++round) {
         const LoopGains::PerOutput before = gains.torque;
         gains.variations.emplace_back();
@@ -216,13 +230,17 @@ LoopGains calcGains(const FrozenLoop& loop, const std::vector<double>& ages) {
         double grown = 0.0;
         for (std::size_t k = 0; k < kLoopOutputs; ++k)
             grown = std::max(grown, 1.0 - before[k].maxCoeff() / gains.torque[k].maxCoeff());
-        if (grown < kRemainder) break;
+        isComplete = grown < kRemainder;
+        if (isComplete) break;
+        if (!mayLengthen(poles, age / h, stride)) continue;
         for (int i = 1; i < kStrideFactor; i *= 2) {
             power = power * power;
             pushedPower = pushedPower * pushedPower;
         }
         stride *= kStrideFactor;
     }
+    if (!isComplete)
+        for (MatrixXd& gain : gains.torque) gain.fill(INFINITY);
     for (std::size_t k = 0; k < kLoopOutputs; ++k) {
         gains.reading[k] += startEffect[k];
         for (std::size_t i = asked; i < ages.size(); ++i) {

@@ -54,7 +54,8 @@ inline double calcSpectralRadius(const FrozenLoop& loop) {
 }
 
 /** Needs a stable loop. Response and integrals by the trapezoid rule: over ticks while the response is fast, over more
-ticks at a time later, until they add no more than 1e-6.
+ticks at a time once all that turns fast has died out, until they add no more than 1e-6. `torque` is infinite where a
+response takes more than 16,000 ticks to die out.
 @param ages  growing [s] */
 LoopGains calcGains(const FrozenLoop& loop, const std::vector<double>& ages = {});
 

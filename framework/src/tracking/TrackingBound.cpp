@@ -293,13 +293,19 @@ private:
         for (const auto* all : {&gains.torque, &gains.step, &gains.ramp, &gains.reading})
             for (const MatrixXd& values : *all)
                 for (int i = 0; i < n_; ++i)
-                    if (!values.row(i).allFinite())
-                        throw badInput(
-                            place_,
-                            "the peak gain of the error loop at " + robot_.joints[static_cast<std::size_t>(i)].name +
-                                " is not finite at q = " + detail::formatList(pose.q) + ": no bound can be computed",
-                            "Its inertia there is " + detail::formatNumber(pose.M(i, i)) +
-                                " kg m^2: check masses, rotor inertia, friction and gains of this joint.");
+                    if (!values.row(i).allFinite()) throw badGain(i, pose, gains.torque.front()(i, i) == INFINITY);
+    }
+
+    Error badGain(int joint, const detail::PoseInertia& pose, bool hardlyDiesOut) const {
+        const std::string what =
+            (hardlyDiesOut ? "the response of the error loop at " : "the peak gain of the error loop at ") +
+            robot_.joints[static_cast<std::size_t>(joint)].name +
+            (hardlyDiesOut ? " hardly dies out, it is next to unstable," : " is not finite") +
+            " at q = " + detail::formatList(pose.q) + ": no bound can be computed";
+        return badInput(place_, what,
+                        hardlyDiesOut ? adviseGains()
+                                      : "Its inertia there is " + detail::formatNumber(pose.M(joint, joint)) +
+                                            " kg m^2: check masses, rotor inertia, friction and gains of this joint.");
     }
 
     /** Likewise of a set: what is not a number would count as none. */

@@ -271,6 +271,128 @@ TEST(FrozenLoop, IsExactForAnyDamping) {
     }
 }
 
+/** The gains of a loop of one joint without damping, by following it tick by tick until it rests. */
+struct FollowedLoop {
+    std::array<double, detail::kLoopOutputs> torque{}, step{}, ramp{}, reading{}, variation{}, aged{};
+
+    explicit FollowedLoop(const detail::FrozenLoop& loop) {
+        struct State {
+            double e = 0.0, v = 0.0, before = 0.0, sum = 0.0;
+            std::vector<double> sent;
+        };
+        const double h = loop.tick_s, M = loop.inertia(0, 0), kr = loop.kr(0, 0), kp = loop.kp[0], ki = loop.ki[0];
+        /** A tick under the torque w with the reading error n; returns (e, v, tau_a, integral's part) at its beginning. */
+        const auto tick = [&](State& s, double w, double n) {
+            const double read = s.e + n, rate = (read - s.before) / h;
+            s.sum += h * read;
+            const double integral = -kr * ki * s.sum, tau = integral - kr * (rate + kp * read);
+            const std::array<double, 4> shown{s.e, s.v, tau, integral};
+            s.sent.push_back(tau);
+            const double a = (s.sent.front() + w) / M;
+            s.sent.erase(s.sent.begin());
+            s.before = read;
+            s.e += h * s.v + 0.5 * h * h * a;
+            s.v += h * a;
+            return shown;
+        };
+        const auto follow = [&](State s, double w, double firstError, const auto& look) {
+            s.sent.assign(static_cast<std::size_t>(loop.delayTicks), 0.0);
+            std::array<double, 4> now = tick(s, w, firstError);
+            for (int k = 0; k < 200000; ++k) {
+                const std::array<double, 4> next = tick(s, w, 0.0);
+                look(k, std::array<double, 5>{now[0], now[1], now[2], next[2] - now[2], now[3]});
+                now = next;
+            }
+        };
+        std::array<double, 5> last{};
+        follow({0.0, 1.0 / M, 0.0, 0.0, {}}, 0.0, 0.0, [&](int k, const auto& out) {
+            for (std::size_t i = 0; k > 0 && i < 5; ++i) {
+                torque[i] += 0.5 * h * (std::abs(last[i]) + std::abs(out[i]));
+                variation[i] += std::abs(out[i] - last[i]);
+                aged[i] += (k - 0.5) * h * std::abs(out[i] - last[i]);
+            }
+            last = out;
+        });
+        follow({}, 1.0, 0.0, [&](int, const auto& out) {
+            for (std::size_t i = 0; i < 5; ++i) {
+                step[i] = std::max(step[i], std::abs(out[i]));
+                ramp[i] += h * std::abs(out[i] + (i == 2 ? 1.0 : 0.0));
+            }
+        });
+        follow({}, 0.0, 1.0, [&](int k, const auto& out) {
+            for (std::size_t i = 0; i < 5; ++i) reading[i] += std::abs(out[i]);
+            if (k == 0) reading[3] += std::abs(out[2]);  // the step to the tick of the error
+        });
+        // And the error of the reading before the first.
+        std::array<double, 5> most{};
+        follow({0.0, 0.0, 1.0, 0.0, {}}, 0.0, 0.0, [&](int, const auto& out) {
+            for (std::size_t i = 0; i < 5; ++i) most[i] = std::max(most[i], std::abs(out[i]));
+        });
+        for (std::size_t i = 0; i < 5; ++i) reading[i] += most[i];
+    }
+};
+
+// Next to the stability limit a pole near -1 (or, with delay, anywhere on the circle) swings for thousands of ticks: seen, too.
+TEST(FrozenLoop, SeesWhatOscillatesNextToTheStabilityLimit) {
+    for (const int delay : {0, 1, 2})
+        for (const double share : {0.3, 0.9, 0.97, 0.99}) {
+            detail::FrozenLoop loop;
+            loop.inertia = JointMatrix(JointVector::Constant(1, 0.5).asDiagonal());
+            loop.damping = JointVector::Zero(1);
+            loop.kp = JointVector::Constant(1, 20.0);
+            loop.ki = JointVector::Constant(1, 8.0);
+            loop.tick_s = 1e-3;
+            loop.delayTicks = delay;
+            double stable = 50.0, unstable = 2000.0;
+            for (int k = 0; k < 40; ++k) {
+                const double middle = 0.5 * (stable + unstable);
+                loop.kr = JointMatrix(JointVector::Constant(1, middle).asDiagonal());
+                (detail::calcSpectralRadius(loop) < 1.0 ? stable : unstable) = middle;
+            }
+            loop.kr = JointMatrix(JointVector::Constant(1, share * stable).asDiagonal());
+            SCOPED_TRACE("delay " + std::to_string(delay) + ", k_r " + std::to_string(loop.kr(0, 0)) +
+                         ", outermost pole " + std::to_string(detail::calcSpectralRadius(loop)));
+            const FollowedLoop followed(loop);
+            const detail::LoopGains gains = detail::calcGains(loop);
+            for (std::size_t i = 0; i < detail::kLoopOutputs; ++i) {
+                double variation = 0.0, aged = 0.0;
+                for (const detail::LoopGains::Variation& span : gains.variations) {
+                    variation += span.total[i](0, 0);
+                    aged += span.aged[i](0, 0);
+                }
+                const auto expectBound = [&](const char* what, double found, double real, double looser) {
+                    EXPECT_GE(found, real * (1.0 - 1e-3)) << what << " of output " << i;
+                    EXPECT_LE(found, real * looser) << what << " of output " << i;
+                };
+                expectBound("torque", gains.torque[i](0, 0), followed.torque[i], 1.02);
+                expectBound("step", gains.step[i](0, 0), followed.step[i], 1.02);
+                // The integral's part ends at what a torque asks of it: that ramp has no gain.
+                if (i != static_cast<std::size_t>(detail::LoopOutput::IntegralTorque))
+                    expectBound("ramp", gains.ramp[i](0, 0), followed.ramp[i], 1.1);
+                expectBound("reading", gains.reading[i](0, 0), followed.reading[i], 1.05);
+                expectBound("variation", variation, followed.variation[i], 1.02);
+                expectBound("aged variation", aged, followed.aged[i], 1.3);  // an age counts to a stride's end
+            }
+        }
+}
+
+TEST(FrozenLoop, HasNoGainsWhereAResponseHardlyDiesOut) {
+    detail::FrozenLoop loop;
+    loop.inertia = JointMatrix(JointVector::Constant(1, 0.5).asDiagonal());
+    loop.damping = JointVector::Zero(1);
+    loop.kp = loop.ki = JointVector::Constant(1, 1e-3);
+    loop.tick_s = 1e-3;
+    double stable = 50.0, unstable = 2000.0;
+    for (int k = 0; k < 60; ++k) {
+        const double middle = 0.5 * (stable + unstable);
+        loop.kr = JointMatrix(JointVector::Constant(1, middle).asDiagonal());
+        (detail::calcSpectralRadius(loop) < 1.0 ? stable : unstable) = middle;
+    }
+    loop.kr = JointMatrix(JointVector::Constant(1, stable).asDiagonal());
+    ASSERT_LT(detail::calcSpectralRadius(loop), 1.0);
+    EXPECT_TRUE(std::isinf(detail::calcGains(loop).torque[0](0, 0)));
+}
+
 // What is no older than an age grows to the whole, what is older falls to nothing; both against the loop tick by tick.
 TEST(FrozenLoop, TellsYoungFromOldResponses) {
     detail::FrozenLoop loop;
