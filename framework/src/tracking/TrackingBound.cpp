@@ -396,7 +396,8 @@ private:
     std::string adviseGains() const {
         const JointVector largest = findLargestGains(robot_, limits_, h_, set_.delayTicks);
         Eigen::Index joint = 0;
-        if (kr_.cwiseQuotient(largest).maxCoeff(&joint) < 1.0)
+        constexpr double kFarFromUnstable = 0.8;
+        if (kr_.cwiseQuotient(largest).maxCoeff(&joint) < kFarFromUnstable)
             return "k_p or k_i is too large for such a k_r: at most a fifth of k_r over the joint's greatest inertia, "
                    "which `viable gains` prints, and a tenth of k_p^2.";
         return "That of " + robot_.joints[static_cast<std::size_t>(joint)].name + " is " +

@@ -126,6 +126,22 @@ TEST(TrackingBound, UnstableGainsAreRefusedWithTheLargestStableOnes) {
     EXPECT_LT(reach(0.99 * stable), 1e-3);
     EXPECT_GT(reach(1.02 * stable), 1.0);
     EXPECT_NO_THROW(calcTrackingBound(robot, makeSlow(robot), h, {0.98 * stable, 20.0, 8.0}, read));
+
+    // Between the two a response takes so long to die out that it counts as unstable.
+    double good = 0.98 * stable, bad = 1.02 * stable;
+    for (int k = 0; k < 50; ++k) {
+        const double middle = 0.5 * (good + bad);
+        try {
+            told.clear();
+            calcTrackingBound(robot, makeSlow(robot), h, {middle, 20.0, 8.0}, read);
+        } catch (const Error& e) {
+            told = e.what();
+        }
+        if (told.find("hardly dies out, it is next to unstable, at q = ") != std::string::npos) break;
+        (told.empty() ? good : bad) = middle;
+    }
+    EXPECT_EQ(told.find("the response of the error loop at "), 0u) << told;
+    EXPECT_NE(told.find("take half of them."), std::string::npos) << told;
 }
 
 // Each disturbance makes the bound larger, and the parts name it.
