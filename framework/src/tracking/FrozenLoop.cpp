@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "viable/core/Numbers.h"
 
@@ -117,19 +118,61 @@ bool mayLengthen(const Eigen::VectorXcd& poles, double ticks, double stride) {
     });
 }
 
-MatrixXd& at(LoopGains::PerOutput& values, LoopOutput output) {
-    return values[static_cast<std::size_t>(output)];
+/** Columns of states that go on by a number of ticks at a time, and what they show: one LoopOutput below the other. */
+class Courses {
+public:
+    /** @param step  the matrix over a tick
+    @param shows  what states show, other than position and velocity, which are their first rows
+    @param columns  of states at the beginning */
+    Courses(MatrixXd step, const MatrixXd& shows, MatrixXd columns)
+        : step_(std::move(step)), shows_(shows), states_(std::move(columns)) {
+        const Eigen::Index states = step_.rows(), seen = shows_.rows();
+        both_.resize(states + seen, states);
+        moved_.resize(states + seen, states_.cols());
+        shown_.resize(seen / 3 * kLoopOutputs, states_.cols());
+        prepare();
+        show(shows_ * states_);
+    }
+
+    const MatrixXd& shown() const { return shown_; }
+
+    void advance() {
+        moved_.noalias() = both_ * states_;
+        states_ = moved_.topRows(states_.rows());
+        show(moved_.bottomRows(shows_.rows()));
+    }
+    void lengthenStride(int factor) {
+        for (int i = 1; i < factor; i *= 2) step_ = step_ * step_;
+        prepare();
+    }
+
+private:
+    void prepare() { both_ << step_, shows_ * step_; }
+    template <class Rest>
+    void show(const Rest& rest) {
+        const Eigen::Index motions = shown_.rows() - shows_.rows();
+        shown_.topRows(motions) = states_.topRows(motions);
+        shown_.bottomRows(shows_.rows()) = rest;
+    }
+
+    MatrixXd step_, shows_, states_;
+    MatrixXd both_, moved_, shown_;
+};
+
+/** Gains of all outputs, one below the other. */
+using Stacked = Eigen::ArrayXXd;
+
+LoopGains::PerOutput split(const Stacked& gains) {
+    LoopGains::PerOutput out;
+    const Eigen::Index n = gains.cols();
+    for (int k = 0; k < kLoopOutputs; ++k) out[static_cast<std::size_t>(k)] = gains.middleRows(k * n, n);
+    return out;
 }
 
-/** What states in columns show. */
-LoopGains::PerOutput show(const StateSpace& s, const MatrixXd& x, int n) {
-    LoopGains::PerOutput out;
-    at(out, LoopOutput::Position) = x.middleRows(0, n);
-    at(out, LoopOutput::Velocity) = x.middleRows(n, n);
-    at(out, LoopOutput::Torque) = s.C * x;
-    at(out, LoopOutput::TorqueStep) = s.step * x;
-    at(out, LoopOutput::IntegralTorque) = s.integral * x;
-    return out;
+template <class Matrix>
+auto rowsOf(Matrix& stacked, LoopOutput output) {
+    const Eigen::Index n = stacked.rows() / kLoopOutputs;
+    return stacked.middleRows(static_cast<Eigen::Index>(output) * n, n);
 }
 
 }  // namespace
@@ -145,110 +188,101 @@ std::complex<double> calcOutermostPole(const FrozenLoop& loop) {
 LoopGains calcGains(const FrozenLoop& loop, const std::vector<double>& ages) {
     const Loop maker(loop);
     const StateSpace s = maker.make();
-    const int n = static_cast<int>(loop.kp.size());
+    const int n = static_cast<int>(loop.kp.size()), size = maker.size();
     const double h = loop.tick_s;
-    LoopGains gains;
-    for (auto* all : {&gains.torque, &gains.step, &gains.ramp, &gains.reading}) all->fill(MatrixXd::Zero(n, n));
-    gains.earlyTorque.assign(ages.size(), gains.torque);
-    gains.lateStep.assign(ages.size(), gains.step);
+    const Stacked none = Stacked::Zero(kLoopOutputs * n, n);
+    MatrixXd shows(3 * n, size);
+    shows << s.C, s.step, s.integral;
 
     // A unit impulse of torque just before a tick leaves de = M^-1; one within the tick before a state nearly affine in
-    // its age, up to that a tick later: so the ticks tell all.
-    MatrixXd state = MatrixXd::Zero(maker.size(), n);
-    state.middleRows(n, n) = maker.inverse();
+    // its age, up to that a tick later: so the ticks tell all. A reading error acts at once, then through the state that it
+    // leaves. The reading before the first one is as wrong as that may be, in any way: a velocity of 0 at the start says that
+    // its error is the first one's.
+    MatrixXd beginnings = MatrixXd::Zero(size, 3 * n);
+    beginnings.block(n, 0, n, n) = maker.inverse();
+    beginnings.middleCols(n, n) = s.B;
+    beginnings.block(2 * n, 2 * n, n, n).setIdentity();
+    Courses courses(s.A, shows, std::move(beginnings));
 
-    // A reading error acts at once, then through the state that it leaves.
-    MatrixXd reading = s.B;
-    at(gains.reading, LoopOutput::Torque) = s.D.cwiseAbs();
-    at(gains.reading, LoopOutput::TorqueStep) = s.D.cwiseAbs() + (s.C * s.B - s.D).cwiseAbs();
-    at(gains.reading, LoopOutput::IntegralTorque) = h * maker.krki().cwiseAbs();
-
-    // The reading before the first one is as wrong as that may be, in any way: a velocity of 0 at the start says that its error
-    // is the first one's.
-    MatrixXd start = MatrixXd::Zero(maker.size(), n);
-    start.middleRows(2 * n, n).setIdentity();
-    LoopGains::PerOutput startEffect = show(s, start, n);
-    for (MatrixXd& effect : startEffect) effect = effect.cwiseAbs();
+    Stacked torque = none, step = none, ramp = none, reading = none;
+    rowsOf(reading, LoopOutput::Torque) = s.D.cwiseAbs();
+    rowsOf(reading, LoopOutput::TorqueStep) = s.D.cwiseAbs() + (s.C * s.B - s.D).cwiseAbs();
+    rowsOf(reading, LoopOutput::IntegralTorque) = h * maker.krki().cwiseAbs();
+    Stacked startEffect = courses.shown().rightCols(n).cwiseAbs();
 
     // Pushed by a constant torque of 1 from the start, which is part of the state.
-    MatrixXd power = s.A;  // over a stride
-    const int size = maker.size();
     MatrixXd push = MatrixXd::Zero(size, n);
     push.topRows(n) = maker.pushTravel();
     push.middleRows(n, n) = maker.push();
-    MatrixXd pushedPower = MatrixXd::Identity(size + n, size + n);
-    pushedPower.topLeftCorner(size, size) = s.A;
-    pushedPower.topRightCorner(size, n) = push;
-    MatrixXd pushed = MatrixXd::Zero(size + n, n);
-    pushed.bottomRows(n).setIdentity();
-    LoopGains::PerOutput goal;  // where that ends
-    goal.fill(MatrixXd::Zero(n, n));
-    at(goal, LoopOutput::Torque) = -MatrixXd::Identity(n, n);
+    MatrixXd pushedStep = MatrixXd::Identity(size + n, size + n);
+    pushedStep.topLeftCorner(size, size) = s.A;
+    pushedStep.topRightCorner(size, n) = push;
+    MatrixXd pushedShows = MatrixXd::Zero(3 * n, size + n);
+    pushedShows.leftCols(size) = shows;
+    pushedShows.block(n, size, n, n) = s.C * push;
+    MatrixXd pushedBeginning = MatrixXd::Zero(size + n, n);
+    pushedBeginning.bottomRows(n).setIdentity();
+    Courses pushed(std::move(pushedStep), pushedShows, std::move(pushedBeginning));
+    Stacked goal = none;  // where that ends
+    rowsOf(goal, LoopOutput::Torque) = -MatrixXd::Identity(n, n);
 
     const Eigen::VectorXcd poles = Eigen::EigenSolver<MatrixXd>(s.A, false).eigenvalues();
+    LoopGains gains;
+    std::vector<Stacked> earlyTorque(ages.size(), none), lateStep(ages.size(), none);
     std::size_t asked = 0;  // ages that are passed
-    LoopGains::PerOutput last;
+    Stacked begin, change, level = none;
     double age = 0.0, stride = 1.0;
     bool isComplete = false;
     for (int round = 0; round < kMaxRounds; ++round) {
-        const LoopGains::PerOutput before = gains.torque;
-        gains.variations.emplace_back();
-        LoopGains::Variation& variation = gains.variations.back();
-        variation.total.fill(MatrixXd::Zero(n, n));
-        variation.aged.fill(MatrixXd::Zero(n, n));
-        LoopGains::PerOutput begin = show(s, state, n);
-        for (int step = 0; step < kStepsPerStride; ++step) {
-            state = power * state;
-            const LoopGains::PerOutput end = show(s, state, n);
-            const LoopGains::PerOutput noise = show(s, reading, n);
-            reading = power * reading;
-            start = power * start;
-            const LoopGains::PerOutput started = show(s, start, n);
-            LoopGains::PerOutput level = show(s, pushed.topRows(size), n);
-            at(level, LoopOutput::TorqueStep) += s.C * push;
-            pushed = pushedPower * pushed;
+        const Stacked before = torque;
+        Stacked total = none, aged = none;
+        for (int k = 0; k < kStepsPerStride; ++k) {
+            begin = courses.shown().leftCols(n);
+            reading += stride * courses.shown().middleCols(n, n).array().abs();
+            courses.advance();
+            const auto end = courses.shown().leftCols(n).array();
+            startEffect = startEffect.max(courses.shown().rightCols(n).array().abs());
+            level = pushed.shown().array().abs();
+            step = step.max(level);
+            ramp += stride * h * (pushed.shown().array() - goal).abs();
+            pushed.advance();
             age += stride * h;
+            torque += stride * h / 2.0 * (begin.abs() + end.abs());
+            change = (end - begin).abs();
+            total += change;
+            aged += (stride > 1.0 ? age : age - 0.5 * h) * change;  // even within a tick
             std::size_t reached = asked;
             while (reached < ages.size() && age >= ages[reached] * (1.0 - kRounding)) ++reached;
-            for (std::size_t k = 0; k < kLoopOutputs; ++k) {
-                gains.torque[k] += stride * h / 2.0 * (begin[k].cwiseAbs() + end[k].cwiseAbs());
-                gains.step[k] = gains.step[k].cwiseMax(level[k].cwiseAbs());
-                last[k] = level[k].cwiseAbs();
-                // Those from just before the oldest age that is passed: `level` is that of the stride's beginning.
-                if (reached > 0) gains.lateStep[reached - 1][k] = gains.lateStep[reached - 1][k].cwiseMax(last[k]);
-                for (std::size_t i = asked; i < reached; ++i) gains.earlyTorque[i][k] = gains.torque[k];
-                gains.ramp[k] += stride * h * (level[k] - goal[k]).cwiseAbs();
-                gains.reading[k] += stride * noise[k].cwiseAbs();
-                startEffect[k] = startEffect[k].cwiseMax(started[k].cwiseAbs());
-                const MatrixXd change = (end[k] - begin[k]).cwiseAbs();
-                variation.total[k] += change;
-                variation.aged[k] += (stride > 1.0 ? age : age - 0.5 * h) * change;  // even within a tick
-            }
-            asked = reached;
-            begin = end;
+            // Those from just before the oldest age that is passed: `level` is that of the stride's beginning.
+            if (reached > 0) lateStep[reached - 1] = lateStep[reached - 1].max(level);
+            for (; asked < reached; ++asked) earlyTorque[asked] = torque;
         }
+        gains.variations.push_back({split(total), split(aged)});
         double grown = 0.0;
-        for (std::size_t k = 0; k < kLoopOutputs; ++k)
-            grown = std::max(grown, 1.0 - before[k].maxCoeff() / gains.torque[k].maxCoeff());
+        for (int k = 0; k < kLoopOutputs; ++k)
+            grown =
+                std::max(grown, 1.0 - before.middleRows(k * n, n).maxCoeff() / torque.middleRows(k * n, n).maxCoeff());
         isComplete = grown < kRemainder;
         if (isComplete) break;
         if (!mayLengthen(poles, age / h, stride)) continue;
-        for (int i = 1; i < kStrideFactor; i *= 2) {
-            power = power * power;
-            pushedPower = pushedPower * pushedPower;
-        }
+        courses.lengthenStride(kStrideFactor);
+        pushed.lengthenStride(kStrideFactor);
         stride *= kStrideFactor;
     }
-    if (!isComplete)
-        for (MatrixXd& gain : gains.torque) gain.fill(INFINITY);
-    for (std::size_t k = 0; k < kLoopOutputs; ++k) {
-        gains.reading[k] += startEffect[k];
-        for (std::size_t i = asked; i < ages.size(); ++i) {
-            gains.earlyTorque[i][k] = gains.torque[k];
-            gains.lateStep[i][k] = last[k];
-        }
-        for (std::size_t i = ages.size(); i-- > 1;)
-            gains.lateStep[i - 1][k] = gains.lateStep[i - 1][k].cwiseMax(gains.lateStep[i][k]);
+    if (!isComplete) torque.fill(INFINITY);
+    reading += startEffect;
+    for (std::size_t i = asked; i < ages.size(); ++i) {
+        earlyTorque[i] = torque;
+        lateStep[i] = level;
+    }
+    for (std::size_t i = ages.size(); i-- > 1;) lateStep[i - 1] = lateStep[i - 1].max(lateStep[i]);
+    gains.torque = split(torque);
+    gains.step = split(step);
+    gains.ramp = split(ramp);
+    gains.reading = split(reading);
+    for (std::size_t i = 0; i < ages.size(); ++i) {
+        gains.earlyTorque.push_back(split(earlyTorque[i]));
+        gains.lateStep.push_back(split(lateStep[i]));
     }
     return gains;
 }
