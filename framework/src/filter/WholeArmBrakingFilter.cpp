@@ -19,12 +19,13 @@ constexpr double kJerkShare = 0.8;
 constexpr double kStep = 0.98;
 
 /** The largest jerk of each joint with which the stops need no more torque rate than there is: |M| jerk within its share in every
-pose looked at. Infinite where the jerk limits are low enough. A stop that needs more would never be taken, and the arm not move. */
+pose looked at; at most that of the limits. Infinite without a rate. A stop that needs more would never be taken, and the arm not
+move. */
 JointVector findLargestJerk(const RobotDescription& robot, const JointLimits& limits, const JointVector& rate) {
     const int n = robot.size();
-    JointVector largest = JointVector::Constant(n, std::numeric_limits<double>::infinity());
     const bool isRate = rate.size() == n && (rate.array() > 0.0).all();
-    if (!isRate || !limits.hasJerkLimits() || rate.array().isInf().all()) return largest;
+    if (!isRate || !limits.hasJerkLimits() || rate.array().isInf().all())
+        return JointVector::Constant(n, std::numeric_limits<double>::infinity());
     JointVector jerk = (-limits.jerk.lower).cwiseMax(limits.jerk.upper);
     for (const detail::PoseInertia& pose : detail::sampleInertia(robot, limits, kPoses)) {
         const JointMatrix M = pose.M.cwiseAbs();
@@ -34,10 +35,9 @@ JointVector findLargestJerk(const RobotDescription& robot, const JointLimits& li
                 Eigen::Index most = 0;
                 M.row(i).transpose().cwiseProduct(jerk).maxCoeff(&most);
                 jerk[most] *= kStep;
-                largest[most] = jerk[most];
             }
     }
-    return largest;
+    return jerk;
 }
 
 }  // namespace

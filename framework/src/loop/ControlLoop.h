@@ -149,6 +149,8 @@ private:
     void watchNominal();
     void holdIntegral();
     void judgeReading();
+    void checkStillness();
+    bool replaceStillReading(int joint);
     void takeCommand(double t);
     void takeLimits(double t);
     /** @param missed  ticks before this one */

@@ -23,7 +23,8 @@ JointVector calcLargestChange(const RunSetup& setup, const JointLimits& limits, 
 void SensorCheck::begin(const Policy& policy, const JointVector& start) {
     policy_ = policy;
     last_ = start;
-    deviation_.setZero(start.size());
+    for (JointVector* v : {&deviation_, &lastChange_, &changedDeviation_, &goal_, &step_}) v->setZero(start.size());
+    still_.fill(0);
     elapsed_ = 1;
 }
 
@@ -39,15 +40,36 @@ bool SensorCheck::isPlausible(int joint, const JointState& reading, const Motion
 }
 
 void SensorCheck::take(int joint, const JointState& reading, const MotionState& nominal) {
+    const double change = reading.q[joint] - last_[joint];
     last_[joint] = reading.q[joint];
-    deviation_[joint] = reading.q[joint] - nominal.q[joint];
+    goal_[joint] = deviation_[joint] = reading.q[joint] - nominal.q[joint];
+    std::int64_t& still = still_[static_cast<std::size_t>(joint)];
+    if (change == 0.0) {
+        still += elapsed_;
+    } else {
+        still = 0;
+        lastChange_[joint] = change / static_cast<double>(elapsed_);
+        changedDeviation_[joint] = deviation_[joint];
+    }
     elapsed_ = 1;
 }
 
-void SensorCheck::standIn(int joint, const MotionState& nominal, JointState& reading) const {
+void SensorCheck::standIn(int joint, const MotionState& nominal, JointState& reading) {
+    const double rest = goal_[joint] - deviation_[joint];
+    deviation_[joint] += std::clamp(rest, -step_[joint], step_[joint]);
     const double largest = policy_.largestDeviation[joint];
     reading.q[joint] = nominal.q[joint] + std::clamp(deviation_[joint], -largest, largest);
     reading.qd[joint] = nominal.qd[joint];
+}
+
+SensorCheck::Stillness SensorCheck::findStillness(int joint) const {
+    if (still_[static_cast<std::size_t>(joint)] < kStillTicks) return {};
+    return {std::abs(lastChange_[joint]), std::abs(deviation_[joint] - changedDeviation_[joint])};
+}
+
+void SensorCheck::disownStill(int joint, int ticks) {
+    goal_[joint] = changedDeviation_[joint];
+    step_[joint] = std::abs(goal_[joint] - deviation_[joint]) / ticks;
 }
 
 }  // namespace viable

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "viable/plugin/Plugin.h"
@@ -14,6 +15,9 @@ nothing is known of the real arm, which may be falling or swinging up: a change 
 taken as it is. That is thousands of rad/s at 1 kHz, and below a wrap by a turn. */
 inline constexpr double kJumpSpeeds = 10.0, kJumpCounts = 8.0;
 inline constexpr double kLeastJumpTurns = 0.45, kLeastJump_m = 1.0;
+
+/** A reading that stays exactly what it is for so many ticks may be that of a sensor that is stuck. */
+inline constexpr std::int64_t kStillTicks = 5;
 
 /** The largest change of each joint's position in a tick under these limits [rad, prismatic: m]; see kJumpSpeeds.
 @param bound  null: none */
@@ -57,7 +61,17 @@ public:
     /** Ticks passed without any reading: the joints may have moved on. */
     void miss(std::int64_t ticks = 1) { elapsed_ += ticks; }
     /** Writes what stands in for the reading of a joint. */
-    void standIn(int joint, const MotionState& nominal, JointState& reading) const;
+    void standIn(int joint, const MotionState& nominal, JointState& reading);
+
+    /** The change of a position over the last tick in which it changed, and how far the nominal joint has gone since then, both 0
+    where that is less than kStillTicks ago [rad, m]. */
+    struct Stillness {
+        double before = 0.0, nominalTravel = 0.0;
+    };
+    Stillness findStillness(int joint) const;
+    /** The last readings of a joint were wrong, as they did not change: what stands in for them goes back to the deviation
+    before, in so many ticks. */
+    void disownStill(int joint, int ticks);
 
     /** The last good reading less the nominal arm then [rad, m]. */
     const JointVector& deviation() const { return deviation_; }
@@ -65,6 +79,9 @@ public:
 private:
     Policy policy_;
     JointVector last_, deviation_;
+    JointVector lastChange_, changedDeviation_;  // at the last tick in which the reading changed
+    JointVector goal_, step_;                    // where deviation_ goes while standing in, by how much a tick
+    std::array<std::int64_t, kMaxJoints> still_{};
     std::int64_t elapsed_ = 1;  // ticks since the last good reading
 };
 

@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -20,6 +21,8 @@ constexpr int kStrideFactor = 4;
 /** The response is followed until a whole round adds no more than this share to any gain; a pole whose powers are below it
 is taken for died out. */
 constexpr double kRemainder = 1e-6;
+/** Of the largest entry of its row: an entry below it is rounding. */
+constexpr double kNothing = 1e-9;
 /** No pole that has not died out may turn by more than this over a stride: what oscillates within a stride would not be seen. */
 constexpr double kLargestTurn_rad = 0.1;
 /** Of sums of ticks. */
@@ -60,9 +63,13 @@ public:
 
     int size() const { return n_ * (4 + loop_.delayTicks); }
     const MatrixXd& inverse() const { return inverse_; }
-    /** de and e after a tick of torque 1. */
-    MatrixXd push() const { return once_ * inverse_; }
-    MatrixXd pushTravel() const { return twice_ * inverse_; }
+    /** The states in which the loop rests under a torque of 1: the integral carries it. */
+    MatrixXd rest() const {
+        MatrixXd x = MatrixXd::Zero(size(), n_);
+        x.middleRows(3 * n_, n_) = krki().inverse();
+        for (int k = 0; k < loop_.delayTicks; ++k) x.middleRows((4 + k) * n_, n_) = -MatrixXd::Identity(n_, n_);
+        return x;
+    }
     MatrixXd krki() const { return loop_.kr * loop_.ki.asDiagonal(); }
 
     StateSpace make() const {
@@ -134,6 +141,7 @@ public:
         show(shows_ * states_);
     }
 
+    const MatrixXd& states() const { return states_; }
     const MatrixXd& shown() const { return shown_; }
 
     void advance() {
@@ -169,6 +177,12 @@ LoopGains::PerOutput split(const Stacked& gains) {
     return out;
 }
 
+/** Whether no entry has grown by more than kRemainder of itself, but those that are nothing beside others of their row. */
+bool hardlyGrows(const Stacked& before, const Stacked& after) {
+    const Stacked nothing = kNothing * after.rowwise().maxCoeff().replicate(1, after.cols());
+    return !((after - before) > (kRemainder * after).max(nothing)).any();
+}
+
 template <class Matrix>
 auto rowsOf(Matrix& stacked, LoopOutput output) {
     const Eigen::Index n = stacked.rows() / kLoopOutputs;
@@ -198,35 +212,31 @@ LoopGains calcGains(const FrozenLoop& loop, const std::vector<double>& ages) {
     // its age, up to that a tick later: so the ticks tell all. A reading error acts at once, then through the state that it
     // leaves. The reading before the first one is as wrong as that may be, in any way: a velocity of 0 at the start says that
     // its error is the first one's.
-    MatrixXd beginnings = MatrixXd::Zero(size, 3 * n);
+    MatrixXd beginnings = MatrixXd::Zero(size, 4 * n);
     beginnings.block(n, 0, n, n) = maker.inverse();
     beginnings.middleCols(n, n) = s.B;
     beginnings.block(2 * n, 2 * n, n, n).setIdentity();
+    beginnings.rightCols(n) = -maker.rest();
     Courses courses(s.A, shows, std::move(beginnings));
 
     Stacked torque = none, step = none, ramp = none, reading = none;
     rowsOf(reading, LoopOutput::Torque) = s.D.cwiseAbs();
     rowsOf(reading, LoopOutput::TorqueStep) = s.D.cwiseAbs() + (s.C * s.B - s.D).cwiseAbs();
     rowsOf(reading, LoopOutput::IntegralTorque) = h * maker.krki().cwiseAbs();
-    Stacked startEffect = courses.shown().rightCols(n).cwiseAbs();
+    Stacked startEffect = courses.shown().middleCols(2 * n, n).cwiseAbs();
 
-    // Pushed by a constant torque of 1 from the start, which is part of the state.
-    MatrixXd push = MatrixXd::Zero(size, n);
-    push.topRows(n) = maker.pushTravel();
-    push.middleRows(n, n) = maker.push();
-    MatrixXd pushedStep = MatrixXd::Identity(size + n, size + n);
-    pushedStep.topLeftCorner(size, size) = s.A;
-    pushedStep.topRightCorner(size, n) = push;
-    MatrixXd pushedShows = MatrixXd::Zero(3 * n, size + n);
-    pushedShows.leftCols(size) = shows;
-    pushedShows.block(n, size, n, n) = s.C * push;
-    MatrixXd pushedBeginning = MatrixXd::Zero(size + n, n);
-    pushedBeginning.bottomRows(n).setIdentity();
-    Courses pushed(std::move(pushedStep), pushedShows, std::move(pushedBeginning));
-    Stacked goal = none;  // where that ends
-    rowsOf(goal, LoopOutput::Torque) = -MatrixXd::Identity(n, n);
+    // Under a constant torque of 1 from the start the state differs from that at the end by one that dies out.
+    Stacked goal = none;
+    rowsOf(goal, LoopOutput::Torque) = rowsOf(goal, LoopOutput::IntegralTorque) = -MatrixXd::Identity(n, n);
+    Stacked fromGoal = courses.shown().rightCols(n).cwiseAbs();
 
-    const Eigen::VectorXcd poles = Eigen::EigenSolver<MatrixXd>(s.A, false).eigenvalues();
+    // The torque's step to the next tick has been caused by what came since this tick, too: before age 0.
+    const MatrixXd newest = (s.C * (s.A * courses.states().leftCols(n))).cwiseAbs();
+    rowsOf(torque, LoopOutput::TorqueStep) = 0.5 * h * newest;
+    rowsOf(ramp, LoopOutput::TorqueStep) = 0.5 * h * rowsOf(fromGoal, LoopOutput::TorqueStep);
+
+    const Eigen::EigenSolver<MatrixXd> modes(s.A, false);
+    const bool knowsPoles = modes.info() == Eigen::Success;  // not of what is not finite
     LoopGains gains;
     std::vector<Stacked> earlyTorque(ages.size(), none), lateStep(ages.size(), none);
     std::size_t asked = 0;  // ages that are passed
@@ -234,18 +244,25 @@ LoopGains calcGains(const FrozenLoop& loop, const std::vector<double>& ages) {
     double age = 0.0, stride = 1.0;
     bool isComplete = false;
     for (int round = 0; round < kMaxRounds; ++round) {
-        const Stacked before = torque;
+        const Stacked torqueBefore = torque, rampBefore = ramp;
         Stacked total = none, aged = none;
+        if (round == 0) {
+            rowsOf(total, LoopOutput::TorqueStep) = newest;
+            rowsOf(aged, LoopOutput::TorqueStep) = 0.5 * h * newest;
+        }
         for (int k = 0; k < kStepsPerStride; ++k) {
             begin = courses.shown().leftCols(n);
             reading += stride * courses.shown().middleCols(n, n).array().abs();
+            level = (courses.shown().rightCols(n).array() + goal).abs();
+            if (stride > 1.0)
+                level *= 1.0 + kLargestTurn_rad * kLargestTurn_rad / 8.0;  // a top may lie between two looks
+            step = step.max(level);
             courses.advance();
             const auto end = courses.shown().leftCols(n).array();
-            startEffect = startEffect.max(courses.shown().rightCols(n).array().abs());
-            level = pushed.shown().array().abs();
-            step = step.max(level);
-            ramp += stride * h * (pushed.shown().array() - goal).abs();
-            pushed.advance();
+            startEffect = startEffect.max(courses.shown().middleCols(2 * n, n).array().abs());
+            change = courses.shown().rightCols(n).array().abs();
+            ramp += stride * h * change.max(fromGoal);
+            fromGoal = change;
             age += stride * h;
             torque += stride * h / 2.0 * (begin.abs() + end.abs());
             change = (end - begin).abs();
@@ -258,15 +275,10 @@ LoopGains calcGains(const FrozenLoop& loop, const std::vector<double>& ages) {
             for (; asked < reached; ++asked) earlyTorque[asked] = torque;
         }
         gains.variations.push_back({split(total), split(aged)});
-        double grown = 0.0;
-        for (int k = 0; k < kLoopOutputs; ++k)
-            grown =
-                std::max(grown, 1.0 - before.middleRows(k * n, n).maxCoeff() / torque.middleRows(k * n, n).maxCoeff());
-        isComplete = grown < kRemainder;
+        isComplete = hardlyGrows(torqueBefore, torque) && hardlyGrows(rampBefore, ramp);
         if (isComplete) break;
-        if (!mayLengthen(poles, age / h, stride)) continue;
+        if (!knowsPoles || !mayLengthen(modes.eigenvalues(), age / h, stride)) continue;
         courses.lengthenStride(kStrideFactor);
-        pushed.lengthenStride(kStrideFactor);
         stride *= kStrideFactor;
     }
     if (!isComplete) torque.fill(INFINITY);

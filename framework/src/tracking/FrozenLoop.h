@@ -34,7 +34,7 @@ struct LoopGains {
     PerOutput step;    ///< of w constant from the start
     /** For each of the asked ages: `torque` of what is no older, `step` from that age on. */
     std::vector<PerOutput> earlyTorque, lateStep;
-    /** Of the rate of w [1/s], for w = 0 at the start; for the torque: of what tau_a lacks to -w. */
+    /** Of the rate of w [1/s], for w = 0 at the start; for the torque and its integral's part: of what they lack to -w. */
     PerOutput ramp;
     PerOutput reading;  ///< of an error of the position reading, any at each tick and before the first
     /** Total variation of the response to w, and that times its age [s], by spans of age, later ones longer: what an

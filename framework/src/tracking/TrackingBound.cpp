@@ -171,7 +171,7 @@ private:
         for (const double end : ends) {
             Phase phase{motion_, end, static_cast<int>(phases.size())};
             for (int i = 0; i < n_; ++i) {
-                phase.motion.velocity[i] = calcVelocity(i, end);
+                phase.motion.velocity[i] = calcVelocity(i, end + h_);  // a jerk may act at the beginning of a tick
                 phase.motion.acceleration[i] = std::min(motion_.acceleration[i], motion_.jerk[i] * end);
             }
             phases.push_back(phase);
@@ -660,7 +660,8 @@ private:
                 const double free = step(i, j) * middle + torque(i, j) * half;
                 double slow = at(g.ramp, output)(i, j) * source.rate[j];
                 slow += step(i, j) * source.start[j];
-                if (output == LoopOutput::Torque && i == j) slow += size;  // tau_a goes to -w
+                const bool goesToTorque = output == LoopOutput::Torque || output == LoopOutput::IntegralTorque;
+                if (goesToTorque && i == j) slow += size;  // to -w
                 effect[i] += std::isinf(source.rate[j]) ? free : std::min(free, slow);
             }
         return effect;

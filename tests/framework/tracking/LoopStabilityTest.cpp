@@ -306,17 +306,22 @@ struct FollowedLoop {
         };
         std::array<double, 5> last{};
         follow({0.0, 1.0 / M, 0.0, 0.0, {}}, 0.0, 0.0, [&](int k, const auto& out) {
-            for (std::size_t i = 0; k > 0 && i < 5; ++i) {
+            // From the tick before on, in which a torque shows in the step to the next one only.
+            if (k == 0) last[3] = out[2];
+            for (std::size_t i = k == 0 ? 3 : 0; i < (k == 0 ? 4 : 5); ++i) {
                 torque[i] += 0.5 * h * (std::abs(last[i]) + std::abs(out[i]));
                 variation[i] += std::abs(out[i] - last[i]);
-                aged[i] += (k - 0.5) * h * std::abs(out[i] - last[i]);
+                aged[i] += std::abs(k - 0.5) * h * std::abs(out[i] - last[i]);
             }
             last = out;
         });
-        follow({}, 1.0, 0.0, [&](int, const auto& out) {
+        follow({}, 1.0, 0.0, [&](int k, const auto& out) {
             for (std::size_t i = 0; i < 5; ++i) {
+                const double lack = std::abs(out[i] + (i == 2 || i == 4 ? 1.0 : 0.0));
                 step[i] = std::max(step[i], std::abs(out[i]));
-                ramp[i] += h * std::abs(out[i] + (i == 2 ? 1.0 : 0.0));
+                // One that begins between the ticks before and at 0 shows in the step to the latter.
+                ramp[i] += h * (k > 0 ? std::max(lack, last[i]) : i == 3 ? 0.5 * lack : 0.0);
+                last[i] = lack;
             }
         });
         follow({}, 0.0, 1.0, [&](int k, const auto& out) {
@@ -366,14 +371,45 @@ TEST(FrozenLoop, SeesWhatOscillatesNextToTheStabilityLimit) {
                 };
                 expectBound("torque", gains.torque[i](0, 0), followed.torque[i], 1.02);
                 expectBound("step", gains.step[i](0, 0), followed.step[i], 1.02);
-                // The integral's part ends at what a torque asks of it: that ramp has no gain.
-                if (i != static_cast<std::size_t>(detail::LoopOutput::IntegralTorque))
-                    expectBound("ramp", gains.ramp[i](0, 0), followed.ramp[i], 1.1);
+                expectBound("ramp", gains.ramp[i](0, 0), followed.ramp[i], 1.1);
                 expectBound("reading", gains.reading[i](0, 0), followed.reading[i], 1.05);
                 expectBound("variation", variation, followed.variation[i], 1.02);
                 expectBound("aged variation", aged, followed.aged[i], 1.3);  // an age counts to a stride's end
             }
         }
+}
+
+// A joint whose integral works slowly is followed to its end, also beside one with larger gains that settle soon.
+TEST(FrozenLoop, EveryJointIsFollowedToItsEnd) {
+    detail::FrozenLoop both;
+    both.inertia = JointMatrix(JointVector::Constant(2, 0.5).asDiagonal());
+    both.damping = JointVector::Zero(2);
+    both.kr = JointMatrix(JointVector::Constant(2, 150.0).asDiagonal());
+    both.kp = JointVector::Constant(2, 20.0);
+    both.ki.resize(2);
+    both.ki << 8.0, 0.01;
+    both.tick_s = 1e-3;
+    const detail::LoopGains gains = detail::calcGains(both, {1e-2, 1.0, 100.0});
+    for (const int joint : {0, 1}) {
+        detail::FrozenLoop one = both;
+        one.inertia = JointMatrix(JointVector::Constant(1, 0.5).asDiagonal());
+        one.damping = JointVector::Zero(1);
+        one.kr = JointMatrix(JointVector::Constant(1, 150.0).asDiagonal());
+        one.kp = JointVector::Constant(1, 20.0);
+        one.ki = JointVector::Constant(1, both.ki[joint]);
+        const detail::LoopGains alone = detail::calcGains(one, {1e-2, 1.0, 100.0});
+        for (std::size_t i = 0; i < detail::kLoopOutputs; ++i) {
+            const auto expectSame = [&](const Eigen::MatrixXd& found, const Eigen::MatrixXd& expected) {
+                EXPECT_NEAR(found(joint, joint), expected(0, 0), 2e-3 * expected(0, 0))
+                    << "joint " << joint << " " << i;
+            };
+            expectSame(gains.torque[i], alone.torque[i]);
+            expectSame(gains.step[i], alone.step[i]);
+            expectSame(gains.ramp[i], alone.ramp[i]);
+            expectSame(gains.reading[i], alone.reading[i]);
+            for (const std::size_t age : {0, 1, 2}) expectSame(gains.earlyTorque[age][i], alone.earlyTorque[age][i]);
+        }
+    }
 }
 
 TEST(FrozenLoop, HasNoGainsWhereAResponseHardlyDiesOut) {
