@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <exception>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -131,18 +132,24 @@ int run(const BoundArguments& arguments) {
     const Experiment experiment =
         readExperiment(arguments.file, arguments.overrides, loader, makeRobotSearchPath(arguments.file));
     nlohmann::json all = nlohmann::json::array();
+    std::exception_ptr refusal;  // of the first case that no run would begin with
     bool any = false, found = arguments.caseName.empty();
     for (const CasePlan& plan : experiment.cases) {
         if (!arguments.caseName.empty() && plan.name != arguments.caseName) continue;
         found = true;
         if (!plan.disturbances) continue;
-        const std::optional<TrackingBound> bound = configureTracking(plan)->bound;
-        if (!bound) continue;
+        const auto configured = configureTracking(plan);
+        if (!configured->bound) continue;
         any = true;
         if (arguments.json)
-            all.push_back(makeJson(plan, *bound));
+            all.push_back(makeJson(plan, *configured->bound));
         else
-            print(plan, *bound);
+            print(plan, *configured->bound);
+        try {
+            applyBound(plan, *configured);
+        } catch (const Error&) {  // told after what it is about
+            if (!refusal) refusal = std::current_exception();
+        }
     }
     if (!found) throw badInput("--case", "there is no case '" + arguments.caseName + "' in " + arguments.file);
     if (!any)
@@ -150,6 +157,8 @@ int run(const BoundArguments& arguments) {
                        "no case has a tracking bound: it needs a disturbance_set and the robust loop nric",
                        "Add for example `disturbance_set: {friction_scale: 2, payload_kg: 3}`.");
     if (arguments.json) std::printf("%s\n", all.dump(1).c_str());
+    std::fflush(stdout);
+    if (refusal) std::rethrow_exception(refusal);
     return 0;
 }
 

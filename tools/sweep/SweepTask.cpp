@@ -43,7 +43,7 @@ bool belongsTo(const std::string& keyPath, const std::string& caseName) {
 void takeBound(const CasePlan& plan) {
     if (!plan.disturbances) return;
     try {
-        configureTracking(plan);
+        applyBound(plan, *configureTracking(plan));
     } catch (const Error& e) {
         if (e.kind() != ErrorKind::PluginFailed) throw;
     }

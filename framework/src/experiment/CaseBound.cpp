@@ -46,7 +46,7 @@ JointBounds tighten(const JointBounds& bounds, const JointVector& margin, const 
                        std::string("hold_on: real leaves the nominal ") +
                            robot.joints[static_cast<std::size_t>(i)].name + " no " + quantity + ": its limits are " +
                            formatNumber(range) + " " + unit + " apart and the tracking bound takes " +
-                           formatNumber(2.0 * margin[i]) + " " + unit,
+                           format("%.4g", 2.0 * margin[i]) + " " + unit,
                        "`viable bound` shows what the bound consists of: widen the limits, raise the gains of "
                        "the robust loop or state a smaller disturbance_set.");
     }

@@ -58,7 +58,7 @@ void checkBoundAssumptions(const CasePlan& plan, const TrackingBound& bound, con
                                plan.robot.joints[static_cast<std::size_t>(i)].name + " as " + what +
                                " the tracking bound does not hold: within the disturbance_set it "
                                "takes up to " +
-                               formatNumber(needed[i] / factor) + " " + unit,
+                               format("%.4g", needed[i] / factor) + " " + unit,
                            "Raise it, leave it out, or remove the disturbance_set.");
         }
     };
@@ -87,9 +87,9 @@ void checkMotors(const CasePlan& plan, const TrackingBound& bound) {
         if (bound.lastingTorque[i] <= bound.motorTorque[i]) continue;
         throw badInput(plan.disturbances->resolved().place(),
                        "the motor of " + plan.robot.joints[static_cast<std::size_t>(i)].name + " gives " +
-                           formatNumber(bound.motorTorque[i]) +
+                           format("%.4g", bound.motorTorque[i]) +
                            " Nm; motion within the limits and these disturbances need up to " +
-                           formatNumber(bound.lastingTorque[i]) + " Nm, so the real arm cannot follow",
+                           format("%.4g", bound.lastingTorque[i]) + " Nm, so the real arm cannot follow",
                        "`viable bound` shows what asks for it: state smaller disturbances, or lower the limits of "
                        "acceleration and velocity.");
     }

@@ -204,12 +204,17 @@ std::unique_ptr<ConfiguredCase> configureTracking(const CasePlan& plan, const Is
                                           plugins.realPlant->encoder());
         }
     }
-    configured->setup.limits = detail::findNominalLimits(plan, configured->bound ? &*configured->bound : nullptr);
     return configured;
+}
+
+void applyBound(const CasePlan& plan, ConfiguredCase& configured) {
+    configured.setup.limits = detail::findNominalLimits(plan, configured.bound ? &*configured.bound : nullptr);
+    if (configured.bound) detail::checkMotors(plan, *configured.bound);
 }
 
 std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolation* isolation) {
     auto configured = configureTracking(plan, isolation);
+    applyBound(plan, *configured);
     addSurroundings(*configured);
     PluginMaker maker(*configured, isolation);
     LoopPlugins& plugins = configured->plugins;
@@ -218,7 +223,6 @@ std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolat
     plugins.command = maker.makeWatched<CommandSource>(plan.command);
     if (plan.stream) plugins.stream = std::make_unique<CommandStream>(detail::makeStreamOptions(*plan.stream));
     plugins.controller = maker.makeWatched<NominalController>(plan.controller);
-    if (configured->bound) detail::checkMotors(plan, *configured->bound);
     if (plugins.realPlant) detail::checkExternalTorqueIsMeasured(plan, *plugins.realPlant);
     detail::checkControllerFollows(plan, *plugins.command, *plugins.controller);
     return configured;

@@ -44,8 +44,12 @@ BadInput for what the file says, PluginFailed when a plugin throws anything else
 @param isolation  null: all in this process. Otherwise call it while the program has one thread. */
 std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolation* isolation = nullptr);
 
-/** The first part of that: robust loop and plant, and the limits and the tracking bound that follow from them. The other
-plugins are null, no motor is judged: enough to show a bound. */
+/** The first part of that: robust loop and plant, and the tracking bound that follows from them. The other plugins are null:
+enough to show a bound. */
 std::unique_ptr<ConfiguredCase> configureTracking(const CasePlan& plan, const Isolation* isolation = nullptr);
+
+/** The second part: the limits of the nominal arm, less the bound with `hold_on: real`. Throws Error where that leaves no room, or
+where motors cannot carry what the bound is for. */
+void applyBound(const CasePlan& plan, ConfiguredCase& configured);
 
 }  // namespace viable

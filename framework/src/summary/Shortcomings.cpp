@@ -65,6 +65,26 @@ void addFollowing(const CaseResult& r, std::vector<std::string>& found) {
         s.jointNames()[static_cast<std::size_t>(worst)].c_str(), 1e3 * s.trackingRms(worst), explainLoop(r).c_str()));
 }
 
+/** What a bound that does not hold says: none of the disturbances that it is for can do that. */
+void addBound(const CaseResult& r, std::vector<std::string>& found) {
+    const Summary& s = r.summary;
+    if (!s.reference().bound) return;
+    constexpr double kRounding = 1e-9;
+    for (const LimitKind kind : {LimitKind::Position, LimitKind::Velocity}) {
+        int worst = 0;
+        for (int i = 1; i < static_cast<int>(s.jointNames().size()); ++i)
+            if (s.boundShare(kind, i) > s.boundShare(kind, worst)) worst = i;
+        if (!(s.boundShare(kind, worst) > 1.0 + kRounding)) continue;
+        found.push_back(format(
+            "the real arm was beyond its tracking bound: the %s of %s by up to %.3g of it (what acts on the arm, or "
+            "its sensors, "
+            "are not within the disturbance_set, a motor was at its limit, or the nominal arm beyond its limits)",
+            kind == LimitKind::Position ? "position" : "velocity",
+            s.jointNames()[static_cast<std::size_t>(worst)].c_str(), s.boundShare(kind, worst)));
+        return;
+    }
+}
+
 /** "joint1 in 12 %, joint2 in 3 %" of the ticks: the motors that were so in more than an exception. */
 template <class Count, class Accept>
 std::string listMotors(const Summary& s, const Count& count, const Accept& accepts) {
@@ -195,6 +215,7 @@ std::vector<std::string> findShortcomings(const CaseResult& r) {
         return found;  // that says more
     if (r.summary.hasRealPlant()) {
         addFollowing(r, found);
+        addBound(r, found);
         addMotors(r, found);
     }
     addCommand(r, found);

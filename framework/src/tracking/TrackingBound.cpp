@@ -101,6 +101,7 @@ public:
             const JointFriction& f = robot.actuation.friction;
             feed_ = {{JointVector::Zero(n_), JointVector::Zero(n_), f.viscousVelocity}, JointVector::Ones(n_)};
         }
+        checkFeed();
         const JointFriction& f = robot.actuation.friction;
         // tau_c is held for a tick and is, within it, off what the nominal arm needs; and it arrives late.
         const JointVector jerkTorque = arm_.inertia * motion_.jerk;
@@ -363,6 +364,27 @@ private:
         if (!std::isinf(gains.inertiaRate) || !gains.motorRate.expand(n_).array().isInf().all())
             throw badInput(place_, "no bound is known for gains that follow the inertia, nor for a motor rate",
                            "Give constant gains and no motor rate.");
+    }
+
+    /** More than all that friction can be: then the set, or what is fed forward, is of another arm. */
+    void checkFeed() const {
+        constexpr double kRounding = 1e-6, kNothing_Nm = 1e-12;
+        for (int i = 0; i < n_; ++i) {
+            const double v = motion_.velocity[i];
+            const auto check = [&](const char* what, double fed, double most) {
+                if (fed <= most * (1.0 + kRounding) + kNothing_Nm) return;
+                throw badInput(
+                    place_,
+                    std::string("what is fed forward as ") + what + " friction of " +
+                        robot_.joints[static_cast<std::size_t>(i)].name + " is up to " + detail::format("%.4g", fed) +
+                        " Nm; within the disturbance_set it is at most " + detail::format("%.4g", most) + " Nm",
+                    "friction_scale and friction_scale_min of the set are factors on the robot's own figures: state "
+                    "those that cover the figures that are fed forward, or feed those of this arm.");
+            };
+            check("dry", feed_.figures.coulomb[i], calcStanding(i));
+            check("viscous", feed_.calc(i, v) - feed_.figures.coulomb[i] * std::min(1.0, v / feed_.speed[i]),
+                  set_.frictionScale[i] * calcViscous(i, v));
+        }
     }
 
     void checkStability() const {

@@ -320,11 +320,11 @@ TEST(TrackingBound, TakesTheLargestFrictionThatIsNotFedForward) {
         set.isFrictionConstant = true;
         JointFriction figures = c.robot.actuation.friction;
         figures.viscousVelocity.setConstant(otherVelocity);
-        c.gains.friction = scaleFriction(figures, 0.9, c.limits, 1e-3);
+        c.gains.friction = scaleFriction(figures, 0.8, c.limits, 1e-3);
         double largest = 0.0;
         for (const double scale : {0.7, 1.2})
             for (double v = 0.0; v <= 0.5; v += 1e-4) {
-                const double real = -scale * std::expm1(-v / 0.4), fed = -0.9 * std::expm1(-v / otherVelocity);
+                const double real = -scale * std::expm1(-v / 0.4), fed = -0.8 * std::expm1(-v / otherVelocity);
                 largest = std::max(largest, std::abs(real - fed));
             }
         bool found = false;
