@@ -1,0 +1,110 @@
+"""The rule by which compare_bench.py calls a benchmark slower, on times made for it: python3 compare_test.py SCRIPTS"""
+
+import contextlib
+import io
+import json
+import math
+import os
+import random
+import stat
+import sys
+import tempfile
+import unittest
+
+sys.path.insert(0, sys.argv.pop(1) if len(sys.argv) > 1 else os.path.join(os.path.dirname(__file__), "../../tools/scripts"))
+import compare_bench  # noqa: E402
+
+
+def make_times(draw, rounds, factor, noise=0.02):
+    """Times as a shared machine gives them: both programs of a round share its speed, which drifts; one run in ten meets
+    other load, which only adds."""
+    old, new = [], []
+    for number in range(rounds):
+        speed = 100.0 * (1.0 + 0.3 * math.sin(number / 4.0) + 0.02 * number)
+        for times, size in ((old, 1.0), (new, factor)):
+            load = draw.expovariate(1.0) if draw.random() < 0.1 else 0.0
+            times.append(speed * size * math.exp(draw.gauss(0.0, noise)) * (1.0 + load))
+    return old, new
+
+
+def count_changes(factor, change, noise=0.02, rounds=15, tries=2000):
+    draw = random.Random(21)
+    return sum(compare_bench.judge(*make_times(draw, rounds, factor, noise)).change == change for _ in range(tries)) / tries
+
+
+class Rule(unittest.TestCase):
+    def test_nothing_changed(self):
+        for noise in (0.001, 0.02, 0.08):
+            self.assertLess(count_changes(1.0, "slower", noise), 0.005)
+            self.assertLess(count_changes(1.0, "faster", noise), 0.005)
+
+    def test_a_tenth_is_found_either_way(self):
+        self.assertGreater(count_changes(1.1, "slower"), 0.95)
+        self.assertGreater(count_changes(1 / 1.1, "faster"), 0.95)
+        self.assertEqual(count_changes(1.1, "faster"), 0.0)
+
+    def test_below_a_twentieth_nothing_is_said_however_clear(self):
+        self.assertEqual(count_changes(1.045, "slower", noise=0.0005), 0.0)
+
+    def test_noise_hides_what_is_smaller(self):
+        self.assertLess(count_changes(1.08, "slower", noise=0.3), 0.02)
+
+    def test_the_figures_by_hand(self):
+        old = [100.0] * 5
+        verdict = compare_bench.judge(old, [108.0, 112.0, 110.0, 111.0, 109.0])
+        self.assertAlmostEqual(verdict.ratio, 1.10)
+        # Deviations of the logarithms: 0.0183, 0.0180, 0, 0.0091, 0.0091; their median is 0.0091.
+        self.assertAlmostEqual(verdict.error, 1.2533 * 1.4826 * 0.0091 / math.sqrt(5), places=4)
+        self.assertEqual(verdict.change, "slower")
+        self.assertEqual(compare_bench.judge(old, [94.0] * 5).change, "faster")
+        self.assertEqual(compare_bench.judge(old, [95.5] * 5).change, "")
+        self.assertEqual(compare_bench.judge(old, old).change, "")
+
+    def test_what_cannot_be_judged_is_refused(self):
+        for old, new in (([1.0] * 4, [1.0] * 4), ([1.0] * 6, [1.0] * 5), ([1.0] * 5, [0.0] * 5),
+                         ([1.0] * 5, [math.nan] * 5)):
+            with self.assertRaises(ValueError):
+                compare_bench.judge(old, new)
+
+    def test_benchmarks_of_one_program_alone_are_named(self):
+        five = [1.0] * 5
+        verdicts, alone = compare_bench.judge_all({"a": five, "b": five}, {"b": [2.0] * 5, "c": five})
+        self.assertEqual(list(verdicts), ["b"])
+        self.assertEqual(verdicts["b"].change, "slower")
+        self.assertEqual(alone, ["a", "c"])
+
+
+class Program(unittest.TestCase):
+    """With programs that write the file that Google Benchmark would."""
+
+    def compare(self, old_ns, new_ns):
+        with tempfile.TemporaryDirectory() as folder:
+            paths = []
+            for name, time in (("old", old_ns), ("new", new_ns)):
+                rows = [{"name": "same", "cpu_time": 5.0, "time_unit": "us"},
+                        {"name": "tick", "cpu_time": time, "time_unit": "ns"},
+                        {"name": "broken", "error_occurred": True, "cpu_time": 0.0, "time_unit": "ns"}]
+                paths.append(os.path.join(folder, name))
+                with open(paths[-1], "w", encoding="utf-8") as file:
+                    file.write(f"#!{sys.executable}\nimport sys\n"
+                               "[out] = [a[16:] for a in sys.argv if a.startswith('--benchmark_out=')]\n"
+                               f"open(out, 'w').write('''{json.dumps({'benchmarks': rows})}''')\n")
+                os.chmod(paths[-1], stat.S_IRWXU)
+            sys.argv = ["compare_bench.py", *paths, "--rounds", "5"]
+            printed = io.StringIO()
+            with contextlib.redirect_stdout(printed):
+                code = compare_bench.main()
+            return code, printed.getvalue()
+
+    def test_exit_code_and_text(self):
+        code, text = self.compare(100.0, 120.0)
+        self.assertEqual(code, 1)
+        self.assertRegex(text, r"tick +1\.200 \+- 0\.000  slower\n")
+        self.assertIn("2 benchmarks: 1 slower, 0 faster", text)
+        code, text = self.compare(100.0, 80.0)
+        self.assertEqual(code, 0)
+        self.assertIn("2 benchmarks: 0 slower, 1 faster", text)
+
+
+if __name__ == "__main__":
+    unittest.main()
