@@ -90,11 +90,23 @@ class Program(unittest.TestCase):
                                "[out] = [a[16:] for a in sys.argv if a.startswith('--benchmark_out=')]\n"
                                f"open(out, 'w').write('''{json.dumps({'benchmarks': rows})}''')\n")
                 os.chmod(paths[-1], stat.S_IRWXU)
-            sys.argv = ["compare_bench.py", *paths, "--rounds", "5"]
-            printed = io.StringIO()
-            with contextlib.redirect_stdout(printed):
+            return self.run_main(*paths, "--rounds", "5")
+
+    def run_main(self, *arguments):
+        sys.argv = ["compare_bench.py", *arguments]
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
+            try:
                 code = compare_bench.main()
-            return code, printed.getvalue()
+            except SystemExit as end:
+                code = end.code
+        return code, printed.getvalue()
+
+    def test_what_cannot_be_told_ends_with_2(self):
+        self.assertEqual(self.run_main("old", "new", "--rounds", "4"), (2, "compare_bench: at least 5 rounds\n"))
+        code, text = self.run_main("/bin/false", "/bin/false")
+        self.assertEqual(code, 2)
+        self.assertIn("/bin/false ended with 1", text)
 
     def test_exit_code_and_text(self):
         code, text = self.compare(100.0, 120.0)

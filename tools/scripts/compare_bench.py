@@ -61,6 +61,11 @@ def judge_all(old, new):
     return verdicts, sorted(set(old) ^ set(new))
 
 
+def give_up(text):
+    print(f"compare_bench: {text}", file=sys.stderr)
+    sys.exit(2)
+
+
 def run(program, name_filter):
     """CPU times [ns] of one run by the names of benchmarks."""
     with tempfile.NamedTemporaryFile(suffix=".json") as out:
@@ -69,7 +74,7 @@ def run(program, name_filter):
             command.append(f"--benchmark_filter={name_filter}")
         done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
         if done.returncode != 0:
-            sys.exit(f"compare_bench: {program} ended with {done.returncode}\n{done.stderr}")
+            give_up(f"{program} ended with {done.returncode}\n{done.stderr}")
         rows = json.load(out)["benchmarks"]
     units = {"ns": 1.0, "us": 1e3, "ms": 1e6, "s": 1e9}
     return {row["name"]: row["cpu_time"] * units[row["time_unit"]] for row in rows if not row.get("error_occurred")}
@@ -93,17 +98,16 @@ def main():
     parser.add_argument("--filter", default=USUAL_FILTER, help="regular expression of Google Benchmark")
     arguments = parser.parse_args()
     if arguments.rounds < LEAST_ROUNDS:
-        sys.exit(f"compare_bench: at least {LEAST_ROUNDS} rounds")
-    times = {arguments.old: [], arguments.new: []}
+        give_up(f"at least {LEAST_ROUNDS} rounds")
+    programs = (arguments.old, arguments.new)
+    runs = ([], [])
     for number in range(arguments.rounds):
-        programs = [arguments.old, arguments.new]
-        for program in programs if number % 2 == 0 else reversed(programs):
-            times[program].append(run(program, arguments.filter))
-    old, new = ({name: [one[name] for one in runs] for name in runs[0] if all(name in one for one in runs)}
-                for runs in (times[arguments.old], times[arguments.new]))
+        for which in (0, 1) if number % 2 == 0 else (1, 0):
+            runs[which].append(run(programs[which], arguments.filter))
+    old, new = ({name: [one[name] for one in mine] for name in mine[0] if all(name in one for one in mine)}
+                for mine in runs)
     if not old or not new:
-        print("compare_bench: no benchmark fits the filter", file=sys.stderr)
-        return 2
+        give_up("no benchmark fits the filter")
     verdicts, alone = judge_all(old, new)
     print_verdicts(verdicts, alone)
     return 1 if any(v.change == "slower" for v in verdicts.values()) else 0
