@@ -6,7 +6,9 @@ import json
 import math
 import os
 import random
+import shutil
 import stat
+import subprocess
 import sys
 import tempfile
 import unittest
@@ -74,22 +76,30 @@ class Rule(unittest.TestCase):
         self.assertEqual(alone, ["a", "c"])
 
 
-class Program(unittest.TestCase):
-    """With programs that write the file that Google Benchmark would."""
+def make_program(time_ns):
+    """The text of a program that writes the file that Google Benchmark would."""
+    rows = [{"name": "same", "cpu_time": 5.0, "time_unit": "us"},
+            {"name": "tick", "cpu_time": time_ns, "time_unit": "ns"},
+            {"name": "broken", "error_occurred": True, "cpu_time": 0.0, "time_unit": "ns"}]
+    text = json.dumps({"benchmarks": rows})
+    return (f"#!{sys.executable}\nimport sys\n"
+            "[out] = [a[16:] for a in sys.argv if a.startswith('--benchmark_out=')]\n"
+            f"open(out, 'w').write({text!r})\n")
 
+
+def write_executable(path, text):
+    os.makedirs(os.path.dirname(path), exist_ok=True)
+    with open(path, "w", encoding="utf-8") as file:
+        file.write(text)
+    os.chmod(path, stat.S_IRWXU)
+
+
+class Program(unittest.TestCase):
     def compare(self, old_ns, new_ns):
         with tempfile.TemporaryDirectory() as folder:
-            paths = []
-            for name, time in (("old", old_ns), ("new", new_ns)):
-                rows = [{"name": "same", "cpu_time": 5.0, "time_unit": "us"},
-                        {"name": "tick", "cpu_time": time, "time_unit": "ns"},
-                        {"name": "broken", "error_occurred": True, "cpu_time": 0.0, "time_unit": "ns"}]
-                paths.append(os.path.join(folder, name))
-                with open(paths[-1], "w", encoding="utf-8") as file:
-                    file.write(f"#!{sys.executable}\nimport sys\n"
-                               "[out] = [a[16:] for a in sys.argv if a.startswith('--benchmark_out=')]\n"
-                               f"open(out, 'w').write('''{json.dumps({'benchmarks': rows})}''')\n")
-                os.chmod(paths[-1], stat.S_IRWXU)
+            paths = [os.path.join(folder, name) for name in ("old", "new")]
+            for path, time_ns in zip(paths, (old_ns, new_ns)):
+                write_executable(path, make_program(time_ns))
             return self.run_main(*paths, "--rounds", "5")
 
     def run_main(self, *arguments):
@@ -116,6 +126,62 @@ class Program(unittest.TestCase):
         code, text = self.compare(100.0, 80.0)
         self.assertEqual(code, 0)
         self.assertIn("2 benchmarks: 0 slower, 1 faster", text)
+
+
+class Script(unittest.TestCase):
+    """compare_bench.sh in a repository whose set-up copies a program instead of building one."""
+
+    def setUp(self):
+        temporary = tempfile.TemporaryDirectory()
+        self.addCleanup(temporary.cleanup)
+        self.root = temporary.name
+        self.git("init", "--quiet")
+        for name in ("compare_bench.sh", "compare_bench.py"):
+            target = os.path.join(self.root, "tools/scripts", name)
+            os.makedirs(os.path.dirname(target), exist_ok=True)
+            shutil.copy(os.path.join(os.path.dirname(compare_bench.__file__), name), target)
+        with open(os.path.join(self.root, ".gitignore"), "w", encoding="utf-8") as file:
+            file.write("/build/\n__pycache__/\n")
+        for time_ns in (100.0, 125.0):
+            write_executable(os.path.join(self.root, "program"), make_program(time_ns))
+            write_executable(os.path.join(self.root, "tools/setup.sh"),
+                             '#!/bin/bash\nset -e\ncd "$(dirname "$0")/.."\n[ "$*" = "release viable_bench" ]\n'
+                             "mkdir -p build/release/tests\ncp program build/release/tests/viable_bench\n")
+            self.commit(str(time_ns))
+
+    def git(self, *arguments):
+        return subprocess.run(["git", "-c", "user.name=a", "-c", "user.email=a@b", *arguments], cwd=self.root, check=True,
+                              capture_output=True, text=True).stdout.strip()
+
+    def commit(self, text):
+        self.git("add", "-A")
+        self.git("commit", "--quiet", "-m", text)
+
+    def compare(self, *arguments):
+        done = subprocess.run([os.path.join(self.root, "tools/scripts/compare_bench.sh"), *arguments],
+                              capture_output=True, text=True, check=False)
+        return done.returncode, done.stdout + done.stderr
+
+    def test_of_two_commits_each_is_built_and_the_slower_one_told(self):
+        for _ in range(2):  # the second time with what the first has left
+            code, text = self.compare("HEAD~1", "HEAD", "--rounds", "5", "--filter", ".")
+            self.assertEqual(code, 1, text)
+            self.assertRegex(text, r"tick +1\.250 \+- 0\.000  slower\n")
+        self.assertEqual(self.compare("HEAD", "HEAD~1", "--rounds", "5")[0], 0)
+        self.assertEqual(self.compare("HEAD", "HEAD", "--rounds", "5")[0], 0)
+        self.assertEqual(self.git("status", "--porcelain"), "")
+
+    def test_what_is_no_commit_or_does_not_build_ends_with_2(self):
+        code, text = self.compare("HEAD~7", "HEAD")
+        self.assertEqual((code, text), (2, "compare_bench: 'HEAD~7' is no commit\n"))
+        code, text = self.compare("HEAD")
+        self.assertEqual(code, 2)
+        self.assertIn("Usage: tools/scripts/compare_bench.sh OLD NEW", text)
+        write_executable(os.path.join(self.root, "tools/setup.sh"), "#!/bin/bash\necho no compiler\nexit 1\n")
+        self.commit("broken")
+        code, text = self.compare("HEAD~1", "HEAD")
+        self.assertEqual(code, 2)
+        self.assertIn("no compiler\ncompare_bench: HEAD cannot be built", text)
 
 
 if __name__ == "__main__":
