@@ -184,7 +184,7 @@ TEST_F(LogCommands, ALogThatWasCutOffIsExportedWithAWord) {
 // SIGXFSZ has its default action, the end of the program, unless the command sees to it.
 TEST_F(LogCommands, Fault72_AFullDiskExitsWith5AndLeavesNothing) {
     const std::string text = path("new").string() + ": the file cannot be written: File too large" + kRemedy;
-    for (const rlim_t room : {rlim_t{1000}, rlim_t{30000}}) {
+    for (const rlim_t room : {rlim_t{1000}, rlim_t{whole_.size() / 2}}) {
         const auto limitFiles = [room] {
             const rlimit limit{room, room};
             setrlimit(RLIMIT_FSIZE, &limit);
