@@ -11,7 +11,7 @@
 
 namespace viable {
 
-/** The figures of Dynamics by Orocos KDL 1.5, of an arm without branches whose joints turn, with the tool on the last. */
+/** The figures of Dynamics by Orocos KDL 1.5. The arm has no branches; its joints turn, the last carries the tool. */
 class KdlArm {
 public:
     explicit KdlArm(const RobotDescription& robot)

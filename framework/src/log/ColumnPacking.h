@@ -21,8 +21,19 @@ Method: each number belongs to a column. A column's next number is predicted fro
 degree 0 to 3, whatever fits best in this chunk) or from other columns (a sum; motion under constant jerk), and what is
 written is the difference of the two numbers' places in the order of all doubles, by an adaptive Rice code (R. F. Rice,
 JPL 79-22, 1979; the prediction as in P. Lindstrom, M. Isenburg, Fast and efficient compression of floating-point data,
-2006). The bytes between the numbers are written once for all records that have the same, in a Zstandard frame. Each chunk
-stands for itself. Equal input gives equal bytes, and every bit comes back on any machine with IEEE 754 doubles.
+2006). The bytes between the numbers are written once for all records that have the same, in a Zstandard frame. Each
+chunk stands for itself. Equal input gives equal bytes, and every bit comes back on any machine with IEEE 754 doubles.
+
+Layout, little-endian; a text is its length (u32) and its bytes:
+    u32 size of the description; the description in one Zstandard frame, as a text; the Rice codes as bits from the
+    lowest of each byte on, column by column, those of rank 0 first.
+    The description: u32 count of forms, each a text: u16 count of numbers, for each number u16 bytes before it and
+    u16 columns passed over since the last one; u32 bytes behind; all these bytes. u32 count of records, each u16 form.
+    u32 count of columns, then kind by kind, of each column: u8 type, u8 method, u8 bits of a typical residual (255: all
+    residuals are 0, no code follows), u8 rank; u16 sources, of those whose method is a rule; u64 first number, of those
+    with numbers, in the order of the codes.
+    Methods: 0 to 4 the polynomial through so many numbers, 8 to 10 the same for integers in thousandths, 16 + Rule.
+The layout is in people's files: methods may be added, none may change.
 
 Thread: one caller at a time. Not for the tick. */
 class ColumnPacker {
@@ -43,8 +54,9 @@ public:
     static constexpr std::size_t kMaxSources = 4;
     using Sources = std::array<std::uint16_t, kMaxSources>;
 
-    /** Returns its number, from 0. @param sources  columns added before or later, of type Double but the log time */
+    /** Returns its number, from 0. */
     std::uint16_t addColumn(Type type);
+    /** @param sources  columns of type Double, the log time U64; none follows from itself */
     void setRule(std::uint16_t column, Rule rule, const Sources& sources);
 
     /** In the record at hand a number of this column stands at `offset` of the chunk; offsets ascend. */

@@ -73,8 +73,8 @@ enum class LogForm : unsigned char {
 /** Writes a run's log as an MCAP file (https://mcap.dev/spec, version 0): one channel per source
 ("/nominal", "/real", "/filter", ...), messages of ROS 2 types described in the file itself (ros2msg
 schemas, CDR data), compressed chunks with checksums, index and statistics at the end. Log time is
-the tick's time in ns from 0. A channel of LogChannel::isOnChange has a message in the first row of each chunk and where a
-value changes.
+the tick's time in ns from 0. A channel of LogChannel::isOnChange has a message in the first row of each chunk and
+where a value changes.
 
 Guarantees: after construction no error throws; the first one is kept in status() and nothing more
 is written after it. Every finished chunk is handed to the system with one write, so a killed

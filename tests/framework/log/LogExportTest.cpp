@@ -194,6 +194,10 @@ TEST_F(LogExportTest, AnOldLogGivesWhatItGave) {
     exportCsv(folder / "before_limits_on_change.mcap", path("now.csv"));
     EXPECT_TRUE(readBytes(path("now.csv")) == then);
 
+    // So does a compact log as it was first written: its form is in people's files.
+    exportCsv(folder / "compact.mcap", path("first.csv"));
+    EXPECT_TRUE(readBytes(path("first.csv")) == then);
+
     // Its copies in the forms of today say the same.
     EXPECT_EQ(recoverLog(folder / "before_limits_on_change.mcap", path("compact.mcap")), 40u);
     exportCsv(path("compact.mcap"), path("compact.csv"));
