@@ -30,7 +30,11 @@ packages=(
   libdynamicedt3d-dev               # benchmarks: another distance field to compare with
 )
 if [ "$target" = viable_bench ]; then
-  packages+=(libbenchmark-dev)      # benchmarks
+  packages+=(
+    libbenchmark-dev                # benchmarks
+    liborocos-kdl-dev libmujoco-dev # dynamics to compare with
+    r-cran-quadprog                 # a QP solver to compare with
+  )
 fi
 if [ "$target" = all ]; then
   packages+=(

@@ -9,11 +9,12 @@
 
 #include "ArmMatrices.h"
 #include "LeastDistance.h"
+#include "Quadprog.h"
 #include "viable/qp/BoxQp.h"
 
 // RowQp beside what there is otherwise: the same problem without its rows by BoxQp (what the rows
 // cost), and with them by least distance programming (Lawson and Hanson 1974, on Eigen's QR; it
-// takes memory). Debian 12 has no QP library for C or C++ of this size to compare with.
+// takes memory) and by quadprog (Goldfarb and Idnani 1983).
 
 namespace viable {
 namespace {
@@ -133,6 +134,46 @@ void runLeastDistance(benchmark::State& state, int n, int acting) {
     state.counters["n"] = n;
 }
 
+/** By quadprog, with D = M'M and d made before the clock starts; it is given copies, as it overwrites what it gets. */
+void runQuadprog(benchmark::State& state, int n, int acting) try {
+    struct Given {
+        Eigen::MatrixXd D, normals;
+        Eigen::VectorXd d, bounds;
+    };
+    const int rows = 2 * n + kRows;
+    Quadprog quadprog(n, rows);
+    std::vector<Given> given;
+    Eigen::VectorXd x;
+    RowQp qp;
+    JointVector expected;
+    for (const Problem& p : makeProblems(n, acting)) {
+        Given g{p.M.transpose() * p.M, Eigen::MatrixXd(n, rows), {}, Eigen::VectorXd(rows)};
+        g.d = g.D * p.target;
+        g.normals.leftCols(2 * n) << Eigen::MatrixXd::Identity(n, n), -Eigen::MatrixXd::Identity(n, n);
+        g.bounds.head(2 * n) << p.lower, -p.upper;
+        for (int k = 0; k < kRows; ++k) {
+            g.normals.col(2 * n + k) = p.rows.normal[k];
+            g.bounds[2 * n + k] = p.rows.bound[k];
+        }
+        given.push_back(g);
+        qp.solve(p.M, p.target, p.lower, p.upper, p.rows, expected);
+        if (!quadprog.solve(g.D, g.d, g.normals, g.bounds, x) || !((x - expected).norm() < 1e-6 * expected.norm()))
+            return state.SkipWithError("another optimum than RowQp's");
+    }
+    size_t k = 0;
+    Given g;
+    for (auto _ : state) {
+        g = given[k];
+        quadprog.solve(g.D, g.d, g.normals, g.bounds, x);
+        benchmark::DoNotOptimize(x.data());
+        benchmark::ClobberMemory();
+        k = (k + 1) % given.size();
+    }
+    state.counters["n"] = n;
+} catch (const std::runtime_error& missing) {
+    state.SkipWithError(missing.what());
+}
+
 bool registerAll() {
     const auto add = [](const char* name, auto* run, int n, int acting) {
         const std::string full = std::string(name) + "/n:" + std::to_string(n) + "/rows:" + std::to_string(kRows) +
@@ -144,8 +185,10 @@ bool registerAll() {
             add("row_qp", runRowQp, n, acting);
             add("box_qp_without_rows", runBoxQp, n, acting);
             add("least_distance", runLeastDistance, n, acting);
+            add("quadprog_rows", runQuadprog, n, acting);
         }
-    add("row_qp", runRowQp, 16, 8);
+    for (int n = 1; n <= kMaxJoints; ++n)
+        if (n != 6 && n != 7) add("row_qp", runRowQp, n, n / 2);
     return true;
 }
 

@@ -13,6 +13,7 @@
 #include "Paths.h"
 #include "TickTimes.h"
 #include "robot/ArmReach.h"
+#include "robot/ArmRecursion.h"
 #include "viable/environment/Surroundings.h"
 #include "viable/filter/WholeArmBrakingFilter.h"
 #include "viable/loop/NominalPlant.h"
@@ -32,6 +33,7 @@ constexpr int kTicks = 8000, kTicksPerGoal = 500, kReplays = 5;
 struct Stage {
     const char* name;
     bool wholeArm, hasSelf, hasSolids, hasMap, hasTorque, steers;
+    int boxes = 0;  ///< more solids, in the arm's reach
 };
 const Stage kStages[] = {
     {"whole_arm_1_joints_only", false, false, false, false, false, false},
@@ -65,8 +67,37 @@ std::filesystem::path writeWorkshop() {
     return file;
 }
 
-Environment makeEnvironment(const Stage& stage, const std::filesystem::path& file) {
+/** Boxes of 5 to 15 cm anywhere in reach, but not where the arm begins: the first ones are the same for every count. */
+void addBoxes(int count, const RobotDescription& robot, Environment& environment) {
+    constexpr double kReach_m = 0.9, kLeastRoom_m = 0.3;
+    const ArmRecursion recursion(robot);
+    ArmRecursion::Frames frames;
+    recursion.calcFrames(robot.home, frames);
+    std::mt19937_64 random(11);
+    std::uniform_real_distribution<> uniform(-1.0, 1.0);
+    const auto isFree = [&](const Eigen::Vector3d& place) {
+        for (int i = 0; i < robot.size(); ++i) {
+            const std::size_t joint = static_cast<std::size_t>(i);
+            const Eigen::Vector3d from = i == 0 ? Eigen::Vector3d::Zero() : frames.origin[joint - 1];
+            for (const double share : {0.0, 0.25, 0.5, 0.75, 1.0})
+                if ((from + share * (frames.origin[joint] - from) - place).norm() < kLeastRoom_m) return false;
+        }
+        return true;
+    };
+    while (static_cast<int>(environment.solids.size()) < count) {
+        Solid box;
+        box.pose.translation() << kReach_m * uniform(random), kReach_m * uniform(random), 0.5 + 0.7 * uniform(random);
+        box.size =
+            Eigen::Vector3d(0.1, 0.1, 0.1) + 0.05 * Eigen::Vector3d(uniform(random), uniform(random), uniform(random));
+        if (!isFree(box.pose.translation())) continue;
+        box.name = "box" + std::to_string(environment.solids.size());
+        environment.solids.push_back(box);
+    }
+}
+
+Environment makeEnvironment(const Stage& stage, const RobotDescription& robot, const std::filesystem::path& file) {
     Environment environment;
+    addBoxes(stage.boxes, robot, environment);
     if (stage.hasSolids) {
         MovingSphere ball;
         ball.name = "ball";
@@ -107,11 +138,11 @@ public:
         options.joints.kAlpha = 20.0;
         options.steers = stage.steers;
         if (stage.hasTorque) options.torqueShare = 0.6;
-        if (stage.hasSolids || stage.hasMap) {
+        if (stage.hasSolids || stage.hasMap || stage.boxes > 0) {
             const std::filesystem::path file = writeWorkshop();
             const Eigen::AlignedBox3d reach = calcReach(robot_, geometry_, robot_.limits);
             const auto surroundings =
-                std::make_shared<Surroundings>(makeEnvironment(stage, file), reach.min(), reach.max(), 1.0);
+                std::make_shared<Surroundings>(makeEnvironment(stage, robot_, file), reach.min(), reach.max(), 1.0);
             std::filesystem::remove(file);
             nodes_ = (reach.sizes() / kFieldCell_m).prod();
             feed_ = std::make_unique<SurroundingsFeed>(surroundings);
@@ -193,6 +224,7 @@ void runWholeArm(benchmark::State& state, const Stage& stage) {
     state.counters["p99"] = findPercentile(times.fastest, 0.99);
     state.counters["max"] = findPercentile(times.fastest, 1.0);
     state.counters["p99_measured"] = findPercentile(times.all, 0.99);
+    if (stage.boxes > 0) state.counters["boxes"] = stage.boxes;
     state.counters["stopped"] = loop.stoppedShare();
     if (loop.nodes() > 0.0 && stage.hasMap) state.counters["field_nodes"] = loop.nodes();
 }
@@ -201,6 +233,11 @@ bool registerAll() {
     for (const Stage& stage : kStages)
         benchmark::RegisterBenchmark((std::string(stage.name) + "/n:6").c_str(), runWholeArm, stage)
             ->Iterations(kTicks);
+    for (const int boxes : {1, 2, 5, 10, 20, 50, 100}) {
+        const Stage stage{"whole_arm_boxes", true, true, false, false, true, true, boxes};
+        benchmark::RegisterBenchmark(("whole_arm_boxes/n:6/boxes:" + std::to_string(boxes)).c_str(), runWholeArm, stage)
+            ->Iterations(kTicks);
+    }
     return true;
 }
 

@@ -44,6 +44,8 @@ class Decoder {
       assert.match(field.name, /^[a-z](_?[a-z0-9]+)*$/, `${channel.topic}: ROS 2 allows no field "${field.name}"`);
     this.topic = channel.topic;
     this.joints = JSON.parse(channel.metadata.get('joint_names')).length;
+    this.written = channel.metadata.get('written') ?? 'each row';
+    assert(['each row', 'on_change'].includes(this.written), `${channel.topic}: written ${this.written}`);
     this.reader = new MessageReader(definitions);
     this.writer = new MessageWriter(definitions);
   }
@@ -78,9 +80,12 @@ class Counter {
     const value = this.decoders.get(message.channelId).check(message);
     if (value.time_s !== undefined)
       assert(Math.abs(value.time_s * 1e9 - Number(message.logTime)) <= 1, `time_s ${value.time_s}, log time ${message.logTime} ns`);
+    // The sequence is the number of the row.
     const next = this.#sequences.get(message.channelId) ?? 0;
-    assert.equal(message.sequence, next, 'messages of a channel are numbered from 0');
-    this.#sequences.set(message.channelId, next + 1);
+    if (next === 0 || this.decoders.get(message.channelId).written === 'each row')
+      assert.equal(message.sequence, next, 'messages of a channel are numbered from 0');
+    else assert(message.sequence >= next, 'numbers of messages ascend');
+    this.#sequences.set(message.channelId, message.sequence + 1);
     this.counts.set(message.channelId, (this.counts.get(message.channelId) ?? 0n) + 1n);
   }
 }

@@ -44,13 +44,26 @@ cut_off() {
 
 if [ "$what" = mcap ]; then
   export VIABLE_LOG_READERS=$packages
+  # A log is compact, which other programs refuse, and is less than half of what they read.
   for log in tool joint; do
-    node "$here/read_mcap.mjs" "$work/run/$log.mcap"
+    refused node "$here/read_mcap.mjs" "$work/run/$log.mcap"
+    "$viable" export "$work/run/$log.mcap" --to mcap "$work/$log.open.mcap"
+    node "$here/read_mcap.mjs" "$work/$log.open.mcap"
+    compact=$(stat -c %s "$work/run/$log.mcap") open=$(stat -c %s "$work/$log.open.mcap")
+    echo "$log: compact $compact bytes, open $open bytes"
+    [ $((2 * compact)) -lt "$open" ]
+    for one in run/$log $log.open; do
+      "$viable" export "$work/$one.mcap" --to csv "$work/$one.csv"
+    done
+    cmp "$work/run/$log.csv" "$work/$log.open.csv"
+
+    cut_off "$work/$log.open.mcap" "$work/$log.open-cut.mcap"
+    refused node "$here/read_mcap.mjs" "$work/$log.open-cut.mcap"
     cut_off "$work/run/$log.mcap" "$work/$log.mcap"
-    refused node "$here/read_mcap.mjs" "$work/$log.mcap"
     "$viable" recover "$work/$log.mcap"
-    node "$here/read_mcap.mjs" "$work/$log.recovered.mcap" | tail -n 1
-    flip "$work/run/$log.mcap" "$work/flipped.mcap"
+    "$viable" export "$work/$log.recovered.mcap" --to mcap "$work/$log.recovered.open.mcap"
+    node "$here/read_mcap.mjs" "$work/$log.recovered.open.mcap" | tail -n 1
+    flip "$work/$log.open.mcap" "$work/flipped.mcap"
     refused node "$here/read_mcap.mjs" "$work/flipped.mcap"
   done
 else

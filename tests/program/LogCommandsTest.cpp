@@ -159,13 +159,13 @@ TEST_F(LogCommands, WhatIsNoLogIsRefused) {
     EXPECT_NE(o.err.find("ends within its opening and holds no rows"), o.err.npos) << o.err;
     EXPECT_TRUE(list() == before_);
     expectRefused(2,
-                  "--to: 'xls' is not a format that viable writes. Use `--to csv FILE` or `--to hdf5 "
-                  "FILE`.\n",
+                  "--to: 'xls' is not a format that viable writes. Use `--to csv FILE`, `--to hdf5 FILE` or "
+                  "`--to mcap FILE`.\n",
                   {"export", path("A.mcap"), "--to", "xls", path("new")});
 }
 
 TEST_F(LogCommands, ALogThatWasCutOffIsExportedWithAWord) {
-    for (const char* format : {"csv", "hdf5"}) {
+    for (const char* format : {"csv", "hdf5", "mcap"}) {
         const Outcome o = test::run({"export", path("cut.mcap"), "--to", format, path(format)});
         EXPECT_EQ(o.code, 0) << o.err;
         EXPECT_EQ(o.err, "viable: " + path("cut.mcap").string() +
@@ -176,13 +176,15 @@ TEST_F(LogCommands, ALogThatWasCutOffIsExportedWithAWord) {
     const std::string csv = readFile(path("csv"));
     EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), rows_ + 1);
     EXPECT_EQ(readFile(path("hdf5")).substr(0, 8), "\x89HDF\r\n\x1a\n");
-    EXPECT_EQ(list().size(), before_.size() + 2);
+    EXPECT_EQ(countRows(path("mcap")), rows_);
+    EXPECT_NE(readFile(path("mcap")).find("zstd"), std::string::npos);
+    EXPECT_EQ(list().size(), before_.size() + 3);
 }
 
 // SIGXFSZ has its default action, the end of the program, unless the command sees to it.
 TEST_F(LogCommands, Fault72_AFullDiskExitsWith5AndLeavesNothing) {
     const std::string text = path("new").string() + ": the file cannot be written: File too large" + kRemedy;
-    for (const rlim_t room : {rlim_t{1000}, rlim_t{30000}}) {
+    for (const rlim_t room : {rlim_t{1000}, rlim_t{whole_.size() / 2}}) {
         const auto limitFiles = [room] {
             const rlimit limit{room, room};
             setrlimit(RLIMIT_FSIZE, &limit);

@@ -255,9 +255,10 @@ private:
     WrittenLog& log_;
 };
 
-inline WrittenLog makeLog(const LogOpening& opening, const std::vector<TickRecord>& records) {
+inline WrittenLog makeLog(const LogOpening& opening, const std::vector<TickRecord>& records,
+                          LogForm form = LogForm::Compact) {
     WrittenLog log;
-    LogWriter writer(std::make_unique<MemorySink>(log), opening);
+    LogWriter writer(std::make_unique<MemorySink>(log), opening, form);
     for (const TickRecord& record : records) writer.append(record);
     writer.finish();
     EXPECT_TRUE(writer.status().ok()) << writer.status().error;

@@ -25,13 +25,15 @@ void addExportCommand(CLI::App& app, int& exitCode) {
     auto arguments = std::make_shared<ExportArguments>();
     CLI::App* command = app.add_subcommand("export", "Write a log in another format");
     command->add_option("LOG", arguments->log, "Log of a case (.mcap)")->required();
-    command->add_option("--to", arguments->target, "Format and file: csv FILE, or hdf5 FILE")->required()->expected(2);
+    command->add_option("--to", arguments->target, "Format and file: csv FILE, hdf5 FILE, or mcap FILE")
+        ->required()
+        ->expected(2);
     command->add_flag("--force", arguments->isReplacing, "Replace a file that is there already");
     command->callback([arguments, &exitCode] {
         const std::string& format = arguments->target[0];
-        if (format != "csv" && format != "hdf5")
+        if (format != "csv" && format != "hdf5" && format != "mcap")
             throw badInput("--to", "'" + format + "' is not a format that viable writes",
-                           "Use `--to csv FILE` or `--to hdf5 FILE`.");
+                           "Use `--to csv FILE`, `--to hdf5 FILE` or `--to mcap FILE`.");
         std::error_code failed;
         if (std::filesystem::equivalent(arguments->log, arguments->target[1], failed) && arguments->isReplacing)
             throw badInput("--to", "'" + arguments->target[1] + "' is the log itself", "Choose another name.");
@@ -43,6 +45,8 @@ void addExportCommand(CLI::App& app, int& exitCode) {
                          arguments->log.c_str());
         if (format == "csv")
             exportCsv(arguments->log, arguments->target[1], arguments->isReplacing);
+        else if (format == "mcap")
+            exportMcap(arguments->log, arguments->target[1], arguments->isReplacing);
         else
             exportHdf5(arguments->log, arguments->target[1], arguments->isReplacing);
         std::printf("wrote %s\n", arguments->target[1].c_str());

@@ -22,6 +22,11 @@ for. Attributes of the root: what wrote the log, its metadata and attachments
 (the resolved experiment file). Errors as for exportCsv(). One thread at a time: the HDF5 library is not thread-safe. */
 void exportHdf5(const std::filesystem::path& log, const std::filesystem::path& hdf5, bool isReplacing = false);
 
+/** Writes a log as an MCAP file that other programs read, PlotJuggler and Foxglove among them: the same messages,
+chunks compressed by Zstandard, an index (LogForm::Open). Errors as for exportCsv(), and BadInput for a log that lacks
+columns of this version. */
+void exportMcap(const std::filesystem::path& log, const std::filesystem::path& mcap, bool isReplacing = false);
+
 /** Writes the rows of a log that was cut off (or of a whole one) into a new, whole log with the same opening;
 returns their number. Errors as for exportCsv(). */
 std::uint64_t recoverLog(const std::filesystem::path& log, const std::filesystem::path& whole);

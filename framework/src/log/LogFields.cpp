@@ -285,7 +285,7 @@ std::vector<LogChannel> declareChannels() {
               "rest_rad", LogKind::JointNumber, {},
               [](auto& r, int i) -> auto& { return r.stops[static_cast<std::size_t>(i)].rest; })}},
         {"clearance", "Clearance", [](const LogLayout& l) { return l.hasEnvironment; }, declareClearance()},
-        {"limits", "Limits", always, declareLimits()},
+        {"limits", "Limits", always, declareLimits(), true},
         {"robust",
          "Robust",
          withRealPlant,

@@ -50,6 +50,9 @@ struct LogChannel {
     std::string message;  ///< "Nominal": schema "viable/msg/Nominal"
     bool (*isLogged)(const LogLayout&);
     std::vector<LogField> fields;
+    /** Written in the first row of each chunk and in rows where a value differs from the row before; a row without a
+    message of this channel has the values of the last one in its chunk. */
+    bool isOnChange = false;
 
     std::string getTopic() const { return "/" + name; }
     std::string getSchema() const { return "viable/msg/" + message; }

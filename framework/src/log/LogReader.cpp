@@ -145,6 +145,18 @@ std::vector<LogColumn> listColumns(const LogLayout& layout) {
 }
 
 struct LogReader::Impl {
+    struct Schema {
+        std::string name, encoding, text;
+    };
+    struct Plan {
+        const LogChannel* channel = nullptr;  // null: somebody else's, skipped
+        std::uint32_t bit = 0;
+        std::vector<Step> steps;
+        bool isOnChange = false;
+        std::string body;         // isOnChange: of its last message
+        std::uint64_t chunk = 0;  // where that stands: McapFile::chunkCount()
+    };
+
     explicit Impl(const std::filesystem::path& path) : file(path, kRemedy) {
         while (file.nextOfOpening()) file.within([&] { takeRecord(); });
         if (layout.jointNames.empty()) {
@@ -214,7 +226,7 @@ struct LogReader::Impl {
         Plan plan;
         plan.bit = std::uint32_t{1} << (channel - all.begin());
         plan.channel = &*channel;
-        if ((expected & plan.bit) != 0) {
+        if ((declared & plan.bit) != 0) {
             throw BadBytes(0, "a second channel " + quote(topic));
         }
         try {
@@ -233,8 +245,15 @@ struct LogReader::Impl {
         if (channel->name == "real") layout.hasRealPlant = true;
         if (channel->name == "external") layout.hasExternalTorque = true;
         if (channel->name == "clearance") layout.hasEnvironment = true;
-        expected |= plan.bit;
-        plans[id] = std::move(plan);
+        declared |= plan.bit;
+        const auto written = entries.find(kWritten);
+        plan.isOnChange = written != entries.end();
+        if (plan.isOnChange && written->second != kOnChange)
+            throw BadBytes(0, "the messages of channel " + quote(topic) + " are written as " + quote(written->second) +
+                                  "; this version reads `" + kOnChange + "`");
+        if (!plan.isOnChange) expected |= plan.bit;
+        Plan& kept = plans[id] = std::move(plan);
+        if (kept.isOnChange) onChange.push_back(&kept);
     }
 
     void takeJointNames(const std::string& topic, const std::map<std::string, std::string>& entries) {
@@ -281,7 +300,7 @@ struct LogReader::Impl {
         if (found == plans.end()) {
             throw BadBytes(0, "a message of the undeclared channel " + std::to_string(id));
         }
-        const Plan& plan = found->second;
+        Plan& plan = found->second;
         if (plan.channel == nullptr) return false;
         if (seen == 0) {
             row = TickRecord();
@@ -292,12 +311,33 @@ struct LogReader::Impl {
         if (in.take(kCdrLittleEndian.size()) != kCdrLittleEndian) {
             throw BadBytes(0, "a message of channel " + quote(plan.channel->getTopic()) + " is not little-endian CDR");
         }
-        MessageReader body(in.take(in.left()), MessageLayout::LittleEndianCdr);
-        for (const Step& step : plan.steps) decode(step, body);
+        const std::string_view body = in.take(in.left());
+        decodeAll(plan, body);
+        if (plan.isOnChange) {
+            plan.body = body;
+            plan.chunk = file.chunkCount();
+        }
         seen |= plan.bit;
-        if (seen != expected) return false;
-        seen = 0;
+        if ((seen & expected) != expected || expected == 0) return false;
+        endRow();
         return true;
+    }
+
+    /** Gives the row what was not written again. No chunk relies on another, which may be lost. */
+    void endRow() {
+        for (const Plan* plan : onChange) {
+            if ((seen & plan->bit) != 0) continue;
+            if (plan->body.empty() || plan->chunk != file.chunkCount())
+                throw BadBytes(0, "row " + std::to_string(rowSequence) + " comes before the first message of channel " +
+                                      quote(plan->channel->getTopic()) + " in its chunk");
+            decodeAll(*plan, plan->body);
+        }
+        seen = 0;
+    }
+
+    void decodeAll(const Plan& plan, std::string_view body) {
+        MessageReader in(body, MessageLayout::LittleEndianCdr);
+        for (const Step& step : plan.steps) decode(step, in);
     }
 
     void decode(const Step& step, MessageReader& in) {
@@ -352,15 +392,6 @@ struct LogReader::Impl {
         return false;
     }
 
-    struct Schema {
-        std::string name, encoding, text;
-    };
-    struct Plan {
-        const LogChannel* channel = nullptr;  // null: somebody else's, skipped
-        std::uint32_t bit = 0;
-        std::vector<Step> steps;
-    };
-
     McapFile file;
 
     LogLayout layout;
@@ -370,12 +401,14 @@ struct LogReader::Impl {
     std::set<const LogField*> fields;  // those that the file has
     std::map<std::uint16_t, Schema> schemas;
     std::map<std::uint16_t, Plan> plans;
+    std::vector<const Plan*> onChange;  // those of `plans` that are written on change
 
-    // A row is whole when every declared channel has given its message.
+    // A row is whole when every channel with a message in each row has given it.
     TickRecord row;
     std::uint32_t rowSequence = 0;
     std::uint32_t seen = 0;
     std::uint32_t expected = 0;
+    std::uint32_t declared = 0;
 };
 
 LogReader::LogReader(const std::filesystem::path& file) : impl_(std::make_unique<Impl>(file)) {}

@@ -30,30 +30,41 @@ private:
     std::optional<Error>& failure_;
 };
 
-}  // namespace
-
-std::uint64_t recoverLog(const std::filesystem::path& log, const std::filesystem::path& whole) {
+/** Writes all rows of `log` into a new log with the same opening; returns their number. */
+std::uint64_t copyLog(const std::filesystem::path& log, const std::filesystem::path& target, bool isReplacing,
+                      LogForm form, const char* remedy) {
     LogReader reader(log);
-    detail::WholeFile file(whole);
+    detail::WholeFile file(target, isReplacing);
     LogOpening opening{reader.layout(), reader.metadata(), reader.attachments()};
     std::optional<Error> failure;
-    LogWriter writer(std::make_unique<PendingSink>(file, failure), opening);
+    LogWriter writer(std::make_unique<PendingSink>(file, failure), opening, form);
     TickRecord record;
     while (writer.status().ok() && reader.read(record)) writer.append(record);
     writer.finish();
     if (failure) throw *failure;
     if (!writer.status().ok())
-        throw Error(ErrorKind::LogNotWritten, whole.string(), writer.status().error, "Free memory and try again");
+        throw Error(ErrorKind::LogNotWritten, target.string(), writer.status().error, "Free memory and try again");
     // Columns that are missing would come out as if somebody had logged zeros.
     if (reader.columns().size() < listColumns(reader.layout()).size()) {
         if (writer.status().rows == 0)
             throw badInput(log.string(), "the log ends within its opening and holds no rows",
                            "There is nothing to recover; run the experiment again");
-        throw badInput(log.string(), "the log has other columns than this version writes",
-                       "Recover it with the version that wrote it, or export it as it is");
+        throw badInput(log.string(), "the log has other columns than this version writes", remedy);
     }
     file.finish();
     return writer.status().rows;
+}
+
+}  // namespace
+
+std::uint64_t recoverLog(const std::filesystem::path& log, const std::filesystem::path& whole) {
+    return copyLog(log, whole, false, LogForm::Compact,
+                   "Recover it with the version that wrote it, or export it as it is");
+}
+
+void exportMcap(const std::filesystem::path& log, const std::filesystem::path& mcap, bool isReplacing) {
+    copyLog(log, mcap, isReplacing, LogForm::Open,
+            "Logs of before this form open in other programs as they are; else export it to csv or hdf5");
 }
 
 }  // namespace viable

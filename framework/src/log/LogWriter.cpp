@@ -9,9 +9,12 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <numeric>
+#include <set>
 #include <system_error>
 
 #include "core/WholeFile.h"
+#include "log/ColumnPacking.h"
 #include "log/LogFields.h"
 #include "log/Mcap.h"
 #include "viable/core/Error.h"
@@ -89,9 +92,29 @@ struct AttachmentEntry {
     std::string name, mediaType;
 };
 
-constexpr char kCompressionName[] = "zstd";
+constexpr std::string_view kOpenCompression = "zstd";
 constexpr int kCompressionLevel = 1;
 constexpr char kMetadataName[] = "viable";
+
+using Rule = ColumnPacker::Rule;
+/** Fields that follow from others of the same joint: names of channel and field. Velocities and the like are those one
+row before. Where a source is not logged, the next line may fit. */
+struct Relation {
+    const char* field;
+    Rule rule;
+    std::vector<const char*> sources;
+};
+const std::vector<Relation>& getRelations() {
+    static const auto& relations = *new std::vector<Relation>{
+        {"nominal.q_rad", Rule::Position, {"nominal.qd_radps", "nominal.qdd_radps2", "nominal.jerk_radps3"}},
+        {"nominal.qd_radps", Rule::Velocity, {"nominal.qdd_radps2", "nominal.jerk_radps3"}},
+        {"nominal.qdd_radps2", Rule::Acceleration, {"nominal.jerk_radps3"}},
+        {"filter.tau_removed_Nm", Rule::DifferenceSum, {"desired.tau_Nm", "filter.tau_Nm", "external.tau_Nm"}},
+        {"filter.tau_removed_Nm", Rule::Difference, {"desired.tau_Nm", "filter.tau_Nm"}},
+        {"motor.tau_Nm", Rule::Sum, {"filter.tau_Nm", "robust.tau_Nm"}},
+    };
+    return relations;
+}
 
 }  // namespace
 
@@ -105,16 +128,65 @@ std::unique_ptr<LogSink> createLogFile(const std::filesystem::path& file) {
 }
 
 struct LogWriter::Impl {
-    Impl(std::unique_ptr<LogSink> target, const LogOpening& opening) : sink(std::move(target)), layout(opening.layout) {
+    Impl(std::unique_ptr<LogSink> target, const LogOpening& opening, LogForm logForm)
+        : sink(std::move(target)), layout(opening.layout), form(logForm) {
         const auto n = layout.jointNames.size();
         VIABLE_CHECK(n >= 1 && n <= static_cast<std::size_t>(kMaxJoints), "a log has 1 to 16 joints");
         for (const LogChannel& channel : getLogChannels()) {
             if (channel.isLogged(layout)) channels.push_back(&channel);
         }
         indices.resize(channels.size());
-        compressor.reset(ZSTD_createCCtx());
-        ZSTD_CCtx_setParameter(compressor.get(), ZSTD_c_compressionLevel, kCompressionLevel);
-        guard([&] { writeOpening(opening); });
+        counts.resize(channels.size());
+        lastBodies.resize(channels.size());
+        guard([&] {
+            if (form == LogForm::Compact) {
+                addColumns();
+            } else {
+                compressor.reset(ZSTD_createCCtx());
+                ZSTD_CCtx_setParameter(compressor.get(), ZSTD_c_compressionLevel, kCompressionLevel);
+            }
+            writeOpening(opening);
+        });
+    }
+
+    int countNumbers(const LogField& field) const {
+        return field.isPerJoint()              ? static_cast<int>(layout.jointNames.size())
+               : field.kind == LogKind::Vector ? static_cast<int>(field.elements.size())
+                                               : 1;
+    }
+
+    /** The columns of a message: sequence, log time, publish time, then its numbers in their order. */
+    void addColumns() {
+        using Type = ColumnPacker::Type;
+        std::map<std::string, std::uint16_t> firsts;  // of a field, by the names of channel and field
+        for (const LogChannel* channel : channels) {
+            firstColumns.push_back(packer.addColumn(Type::U32));
+            packer.addColumn(Type::U64);
+            packer.addColumn(Type::U64);
+            for (const LogField& field : channel->fields) {
+                for (int i = 0; !field.isText() && i < countNumbers(field); ++i) {
+                    const std::uint16_t column =
+                        packer.addColumn(field.kind == LogKind::Integer ? Type::U64 : Type::Double);
+                    firsts.emplace(channel->name + "." + field.name, column);
+                }
+            }
+        }
+        const auto time = static_cast<std::uint16_t>(firstColumns.front() + 1);
+        std::set<std::string> set;
+        for (const Relation& relation : getRelations()) {
+            const auto isLogged = [&](const char* field) { return firsts.count(field) != 0; };
+            if (!isLogged(relation.field) || !std::all_of(relation.sources.begin(), relation.sources.end(), isLogged) ||
+                !set.insert(relation.field).second)
+                continue;
+            for (std::uint16_t joint = 0; joint < layout.jointNames.size(); ++joint) {
+                ColumnPacker::Sources sources{};
+                std::size_t count = 0;
+                for (const char* source : relation.sources)
+                    sources[count++] = static_cast<std::uint16_t>(firsts.at(source) + joint);
+                if (count < sources.size()) sources[count] = time;  // read by the rules of motion
+                packer.setRule(static_cast<std::uint16_t>(firsts.at(relation.field) + joint), relation.rule, sources);
+            }
+        }
     }
 
     /** No exception leaves: memory that ran out ends the log like a full disk. */
@@ -162,7 +234,9 @@ struct LogWriter::Impl {
             out.putString(channels[i]->getTopic());
             out.putString("cdr");
             // The profile ros2 asks for the QoS entry, even when there is nothing to say.
-            out.putMap({{"joint_names", names}, {"offered_qos_profiles", ""}});
+            std::map<std::string, std::string> entries{{"joint_names", names}, {"offered_qos_profiles", ""}};
+            if (channels[i]->isOnChange) entries[kWritten] = kOnChange;
+            out.putMap(entries);
             out.end(record);
         }
     }
@@ -202,16 +276,14 @@ struct LogWriter::Impl {
     }
 
     void encode(const LogField& field, const TickRecord& record, std::size_t origin) {
-        const int n = static_cast<int>(layout.jointNames.size());
-        const int count = field.isPerJoint()              ? n
-                          : field.kind == LogKind::Vector ? static_cast<int>(field.elements.size())
-                                                          : 1;
+        const int count = countNumbers(field);
         if (field.isPerJoint()) {
             chunk.align(origin, 4);
-            chunk.putU32(static_cast<std::uint32_t>(n));
+            chunk.putU32(static_cast<std::uint32_t>(count));
         }
         if (field.kind == LogKind::Integer) {
             chunk.align(origin, 8);
+            mark();
             chunk.putU64(static_cast<std::uint64_t>(field.integer(record)));
         } else if (field.isText()) {
             for (int i = 0; i < count; ++i) {
@@ -223,8 +295,16 @@ struct LogWriter::Impl {
             }
         } else {
             chunk.align(origin, 8);
-            for (int i = 0; i < count; ++i) chunk.putDouble(field.getNumber(record, i));
+            for (int i = 0; i < count; ++i) {
+                mark();
+                chunk.putDouble(field.getNumber(record, i));
+            }
         }
+    }
+
+    /** The number put next belongs to the next column. */
+    void mark() {
+        if (form == LogForm::Compact) packer.mark(chunk.bytes.size(), nextColumn++);
     }
 
     void append(const TickRecord& record) {
@@ -242,41 +322,71 @@ struct LogWriter::Impl {
             chunkEnd = std::max(chunkEnd, time);
         }
         for (std::size_t c = 0; c < channels.size(); ++c) {
-            indices[c].emplace_back(time, chunk.bytes.size());
+            const std::size_t start = chunk.bytes.size();
             const std::size_t message = chunk.begin(kMessage);
             chunk.putU16(static_cast<std::uint16_t>(c));
+            if (form == LogForm::Compact) nextColumn = firstColumns[c];
+            mark();
             chunk.putU32(static_cast<std::uint32_t>(rows - 1));  // sequence
-            chunk.putU64(time);
-            chunk.putU64(time);
+            for (int i = 0; i < 2; ++i) {                        // log time, publish time
+                mark();
+                chunk.putU64(time);
+            }
             chunk.bytes += kCdrLittleEndian;
             const std::size_t origin = chunk.bytes.size();
             for (const LogField& field : channels[c]->fields) encode(field, record, origin);
             chunk.end(message);
+            if (channels[c]->isOnChange && isRepeated(c, origin)) {
+                chunk.bytes.resize(start);
+                packer.dropRecord();
+                continue;
+            }
+            if (form == LogForm::Compact) packer.endRecord(chunk.bytes, chunk.bytes.size());
+            indices[c].emplace_back(time, start);
         }
         ++chunkRows;
     }
 
-    void writeChunk() {
-        if (chunkRows == 0) return;
+    /** Is the message body from `origin` on, bit by bit, the last one of this chunk? If not, it is from now on. */
+    bool isRepeated(std::size_t channel, std::size_t origin) {
+        const std::string_view body = std::string_view(chunk.bytes).substr(origin);
+        if (chunkRows > 0 && body == lastBodies[channel]) return true;
+        lastBodies[channel] = body;
+        return false;
+    }
+
+    void packZstd() {
         packed.resize(ZSTD_compressBound(chunk.bytes.size()));
         const std::size_t size =
             ZSTD_compress2(compressor.get(), packed.data(), packed.size(), chunk.bytes.data(), chunk.bytes.size());
         if (ZSTD_isError(size)) throw std::runtime_error(ZSTD_getErrorName(size));
+        packed.resize(size);
+    }
+
+    std::string_view getCompression() const { return form == LogForm::Compact ? kColumnCompression : kOpenCompression; }
+
+    void writeChunk() {
+        if (chunkRows == 0) return;
+        if (form == LogForm::Compact)
+            packed = packer.pack();
+        else
+            packZstd();
 
         ByteWriter& out = outgoing;
         out.bytes.clear();
-        ChunkEntry entry{chunkStart, chunkEnd, status.bytes, 0, {}, 0, size, chunk.bytes.size()};
+        ChunkEntry entry{chunkStart, chunkEnd, status.bytes, 0, {}, 0, packed.size(), chunk.bytes.size()};
         const std::size_t record = out.begin(kChunk);
         out.putU64(entry.start);
         out.putU64(entry.end);
         out.putU64(entry.uncompressed);
         out.putU32(addToCrc(0, chunk.bytes));
-        out.putString(kCompressionName);
-        out.putU64(size);
-        out.bytes.append(packed.data(), size);
+        out.putString(getCompression());
+        out.putU64(packed.size());
+        out.bytes += packed;
         out.end(record);
         entry.length = out.bytes.size();
-        for (std::size_t c = 0; c < channels.size(); ++c) {
+        // Nobody but viable reads a compact log, and viable reads chunks as a whole.
+        for (std::size_t c = 0; form == LogForm::Open && c < channels.size(); ++c) {
             entry.indexOffsets.push_back(entry.offset + out.bytes.size());
             const std::size_t index = out.begin(kMessageIndex);
             out.putU16(static_cast<std::uint16_t>(c));
@@ -287,7 +397,6 @@ struct LogWriter::Impl {
             }
             out.endLength32(list);
             out.end(index);
-            indices[c].clear();
         }
         entry.indexLength = out.bytes.size() - entry.length;
         send(out.bytes);
@@ -296,7 +405,9 @@ struct LogWriter::Impl {
             endTime = std::max(endTime, entry.end);
             chunks.push_back(std::move(entry));
             status.rows += chunkRows;
+            for (std::size_t c = 0; c < channels.size(); ++c) counts[c] += indices[c].size();
         }
+        for (auto& index : indices) index.clear();
         chunk.bytes.clear();
         chunkRows = 0;
     }
@@ -323,7 +434,7 @@ struct LogWriter::Impl {
         addGroup(kChannel, [&] { putChannels(out); });
         addGroup(kStatistics, [&] {
             const std::size_t content = out.begin(kStatistics);
-            out.putU64(status.rows * channels.size());
+            out.putU64(std::accumulate(counts.begin(), counts.end(), std::uint64_t{0}));
             out.putU16(static_cast<std::uint16_t>(channels.size()));
             out.putU32(static_cast<std::uint32_t>(channels.size()));
             out.putU32(static_cast<std::uint32_t>(attachments.size()));
@@ -331,12 +442,12 @@ struct LogWriter::Impl {
             out.putU32(static_cast<std::uint32_t>(chunks.size()));
             out.putU64(startTime);
             out.putU64(endTime);
-            const std::size_t counts = out.beginLength32();
+            const std::size_t list = out.beginLength32();
             for (std::size_t c = 0; c < channels.size(); ++c) {
                 out.putU16(static_cast<std::uint16_t>(c));
-                out.putU64(status.rows);
+                out.putU64(counts[c]);
             }
-            out.endLength32(counts);
+            out.endLength32(list);
             out.end(content);
         });
         addGroup(kChunkIndex, [&] {
@@ -353,7 +464,7 @@ struct LogWriter::Impl {
                 }
                 out.endLength32(offsets);
                 out.putU64(entry.indexLength);
-                out.putString(kCompressionName);
+                out.putString(getCompression());
                 out.putU64(entry.compressed);
                 out.putU64(entry.uncompressed);
                 out.end(content);
@@ -419,14 +530,20 @@ struct LogWriter::Impl {
 
     std::unique_ptr<LogSink> sink;
     LogLayout layout;
+    LogForm form;
+    ColumnPacker packer;                      // Compact
+    std::vector<std::uint16_t> firstColumns;  // by channel
+    std::uint16_t nextColumn = 0;
     std::vector<const LogChannel*> channels;  // those of this layout; the channel's id is the index
     std::unique_ptr<ZSTD_CCtx, FreeCompressor> compressor;
     LogStatus status;
     bool finished = false;
 
     ByteWriter chunk;                                                           // messages not yet written
-    std::vector<std::vector<std::pair<std::uint64_t, std::uint64_t>>> indices;  // time, offset
-    std::uint64_t chunkFirst = 0, chunkStart = 0, chunkEnd = 0;                 // [ns]
+    std::vector<std::vector<std::pair<std::uint64_t, std::uint64_t>>> indices;  // time, offset; by channel
+    std::vector<std::uint64_t> counts;                                          // messages written, by channel
+    std::vector<std::string> lastBodies;  // of this chunk, by channel; of those written on change alone
+    std::uint64_t chunkFirst = 0, chunkStart = 0, chunkEnd = 0;  // [ns]
     std::uint64_t chunkRows = 0;
     std::uint64_t rows = 0;  // appended, the one in work included
     std::string packed;
@@ -439,14 +556,14 @@ struct LogWriter::Impl {
     std::vector<AttachmentEntry> attachments;
 };
 
-LogWriter::LogWriter(const std::filesystem::path& file, const LogOpening& opening)
-    : LogWriter(createLogFile(file), opening) {
+LogWriter::LogWriter(const std::filesystem::path& file, const LogOpening& opening, LogForm form)
+    : LogWriter(createLogFile(file), opening, form) {
     // Of two runs at once the slower one learns of the other only here.
     if (impl_->status.error == kTaken) throw takenName(file);
 }
 
-LogWriter::LogWriter(std::unique_ptr<LogSink> sink, const LogOpening& opening)
-    : impl_(std::make_unique<Impl>(std::move(sink), opening)) {}
+LogWriter::LogWriter(std::unique_ptr<LogSink> sink, const LogOpening& opening, LogForm form)
+    : impl_(std::make_unique<Impl>(std::move(sink), opening, form)) {}
 
 LogWriter::~LogWriter() = default;
 

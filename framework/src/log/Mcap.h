@@ -33,6 +33,10 @@ inline constexpr std::size_t kRecordHead = 9;      // opcode, length
 inline constexpr std::size_t kFooterContent = 20;  // two offsets, checksum
 inline constexpr std::string_view kCdrLittleEndian("\0\1\0\0", 4);
 
+/** Entry of a channel's metadata: its messages are those of LogChannel::isOnChange. Without it (also in logs of before)
+each row has a message. */
+inline constexpr char kWritten[] = "written", kOnChange[] = "on_change";
+
 /** Appends little-endian values to a buffer. */
 class ByteWriter {
 public:

@@ -13,6 +13,7 @@
 #include <system_error>
 #include <utility>
 
+#include "log/ColumnPacking.h"
 #include "viable/core/Error.h"
 
 namespace viable::mcap {
@@ -270,9 +271,11 @@ void McapFile::takeChunk() {
     } else if (compression == "zstd" || compression == "lz4") {
         chunk_.resize(static_cast<std::size_t>(plain));
         compression == "zstd" ? unpackZstd(packed, chunk_) : unpackLz4(packed, chunk_);
+    } else if (compression == kColumnCompression) {
+        chunk_ = unpackColumns(packed, static_cast<std::size_t>(plain));
     } else {
-        throw BadBytes(
-            0, "the chunk is compressed by " + quote(compression) + "; this version reads `zstd`, `lz4` and none");
+        throw BadBytes(0, "the chunk is compressed by " + quote(compression) + "; this version reads `zstd`, `lz4`, " +
+                              quote(kColumnCompression) + " and none");
     }
     if (chunk_.size() != plain) {
         throw BadBytes(0,
@@ -281,6 +284,7 @@ void McapFile::takeChunk() {
     if (crc != 0 && crc != calcCrc(chunk_)) throw BadBytes(0, "the chunk's checksum differs");
     chunkReader_ = ByteReader(chunk_);
     isInChunk_ = true;
+    ++chunkCount_;
 }
 
 }  // namespace viable::mcap

@@ -33,6 +33,8 @@ public:
 
     std::uint8_t opcode() const { return opcode_; }              ///< never kHeader, kChunk, kDataEnd, kFooter
     std::string_view content() const { return recordContent_; }  ///< valid up to the next record
+    /** Chunks opened so far: the record at hand stands in the last of them, or outside where the file has none. */
+    std::uint64_t chunkCount() const { return chunkCount_; }
 
     /** Calls `take`, which reads content(), and turns its BadBytes (counted from there) into an Error. */
     template <class Take>
@@ -83,6 +85,7 @@ private:
     std::string chunk_;
     ByteReader chunkReader_{std::string_view()};
     bool isInChunk_ = false;
+    std::uint64_t chunkCount_ = 0;
     std::size_t chunkRecord_ = 0;  // offset in the chunk
 };
 

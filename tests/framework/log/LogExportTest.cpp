@@ -8,6 +8,7 @@
 #include <map>
 
 #include "LogTestSupport.h"
+#include "Paths.h"
 
 namespace viable {
 namespace {
@@ -184,6 +185,28 @@ TEST_F(LogExportTest, EveryNumberReadsBackBitEqual) {
             expectNumber(at("tick.record_us"), r.stage_us[static_cast<int>(Stage::Record)]);
         }
     }
+}
+
+// A log of November 2026 and what viable exported from it then: limits in each row, chunks of Zstandard.
+TEST_F(LogExportTest, AnOldLogGivesWhatItGave) {
+    const std::filesystem::path folder = VIABLE_SOURCE_DIR "/tests/framework/log";
+    const std::string then = readBytes(folder / "before_limits_on_change.csv");
+    exportCsv(folder / "before_limits_on_change.mcap", path("now.csv"));
+    EXPECT_TRUE(readBytes(path("now.csv")) == then);
+
+    // So does a compact log as it was first written: its form is in people's files.
+    exportCsv(folder / "compact.mcap", path("first.csv"));
+    EXPECT_TRUE(readBytes(path("first.csv")) == then);
+
+    // Its copies in the forms of today say the same.
+    EXPECT_EQ(recoverLog(folder / "before_limits_on_change.mcap", path("compact.mcap")), 40u);
+    exportCsv(path("compact.mcap"), path("compact.csv"));
+    EXPECT_TRUE(readBytes(path("compact.csv")) == then);
+    exportMcap(path("compact.mcap"), path("open.mcap"));
+    exportCsv(path("open.mcap"), path("open.csv"));
+    EXPECT_TRUE(readBytes(path("open.csv")) == then);
+    recoverLog(path("open.mcap"), path("again.mcap"));
+    EXPECT_TRUE(readBytes(path("again.mcap")) == readBytes(path("compact.mcap")));
 }
 
 TEST_F(LogExportTest, ALogThatWasCutOffGivesItsRows) {

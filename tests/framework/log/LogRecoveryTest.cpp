@@ -32,10 +32,10 @@ protected:
         return readBytes(path("whole.mcap"));
     }
 
-    /** A log of `rows` rows that was cut off in its last chunk. */
+    /** A log of `rows` rows without its end. */
     WrittenLog makeCutLog(const LogLayout& layout, int rows, unsigned seed) {
         WrittenLog log = makeLog(makeOpening(layout), makeRecords(layout, rows, 0.001, seed));
-        log.bytes.resize(log.writes.back() - 10);
+        log.bytes.resize(log.writes.back());
         return log;
     }
 };

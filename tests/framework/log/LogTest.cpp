@@ -9,6 +9,7 @@
 
 #include "LogTestSupport.h"
 #include "log/LogFields.h"
+#include "log/McapFile.h"
 
 namespace viable {
 namespace {
@@ -37,6 +38,7 @@ struct RoundTrip {
     bool hasRealPlant;
     bool hasExternalTorque = false;
     bool hasEnvironment = false;
+    LogForm form = LogForm::Compact;
 };
 
 class LogRoundTrip : public LogTestBase, public ::testing::WithParamInterface<RoundTrip> {};
@@ -46,7 +48,7 @@ TEST_P(LogRoundTrip, EveryBitComesBack) {
     layout.hasExternalTorque = GetParam().hasExternalTorque;
     layout.hasEnvironment = GetParam().hasEnvironment;
     const std::vector<TickRecord> records = makeRecords(layout, 731, 0.001, 11);
-    LogWriter writer(path("run.mcap"), makeOpening(layout));
+    LogWriter writer(path("run.mcap"), makeOpening(layout), GetParam().form);
     for (const TickRecord& record : records) writer.append(record);
     writer.finish();
     writer.finish();  // again: nothing happens
@@ -90,7 +92,9 @@ INSTANTIATE_TEST_SUITE_P(Layouts, LogRoundTrip,
                                            RoundTrip{6, Space::Tool, false, false, true},
                                            RoundTrip{7, Space::Joint, true, true, true},
                                            RoundTrip{1, Space::Joint, false}, RoundTrip{7, Space::Tool, false},
-                                           RoundTrip{16, Space::Joint, true}));
+                                           RoundTrip{16, Space::Joint, true},
+                                           RoundTrip{7, Space::Joint, true, true, true, LogForm::Open},
+                                           RoundTrip{1, Space::Tool, false, false, false, LogForm::Open}));
 
 TEST_F(LogTest, SameRunGivesTheSameBytes) {
     const LogLayout layout = makeLayout(6, Space::Joint, true);
@@ -121,6 +125,186 @@ TEST_F(LogTest, ChunksStayNearOneMebibyteAtAnyTick) {
     for (std::size_t i = 1; i + 1 < log.writes.size(); ++i) {
         EXPECT_LT(getU64(log.bytes, log.writes[i] + 9 + 16), kLargestChunk + 8192);
     }
+}
+
+// A second, deliberately plain way to write MCAP and CDR: no chunks, no checksums, no index.
+class PlainMcap {
+public:
+    PlainMcap() : bytes_("\x89MCAP0\r\n", 8) { record(0x01, string("") + string("another")); }
+
+    static std::string integer(std::uint64_t v, int size) {
+        std::string s;
+        for (int i = 0; i < size; ++i) s += static_cast<char>(v >> (8 * i));
+        return s;
+    }
+    static std::string string(const std::string& s) { return integer(s.size(), 4) + s; }
+
+    void record(int opcode, const std::string& content) {
+        bytes_ += static_cast<char>(opcode) + integer(content.size(), 8) + content;
+    }
+    void channel(int id, const std::string& topic, const std::string& message, const std::string& schema,
+                 const std::string& joints = R"(["a","b"])", const std::string& written = "") {
+        record(0x03, integer(static_cast<std::uint64_t>(id), 2) + string("viable/msg/" + message) + string("ros2msg") +
+                         string(schema));
+        std::string entries = string("joint_names") + string(joints);
+        if (!written.empty()) entries += string("written") + string(written);
+        record(0x04, integer(static_cast<std::uint64_t>(id), 2) + integer(static_cast<std::uint64_t>(id), 2) +
+                         string(topic) + string("cdr") + string(entries));
+    }
+    void message(int id, std::uint32_t sequence, const std::string& cdr) {
+        record(0x05, integer(static_cast<std::uint64_t>(id), 2) + integer(sequence, 4) + integer(0, 8) + integer(0, 8) +
+                         std::string("\0\1\0\0", 4) + cdr);
+    }
+    std::string finish() const {
+        std::string all = bytes_;
+        all += static_cast<char>(0x0F) + integer(4, 8) + integer(0, 4);
+        all += static_cast<char>(0x02) + integer(20, 8) + std::string(20, '\0');
+        return all + std::string("\x89MCAP0\r\n", 8);
+    }
+
+private:
+    std::string bytes_;
+};
+
+/** CDR by its rules: every value at a multiple of its size. */
+class Cdr {
+public:
+    std::string bytes;
+    Cdr& put(std::uint64_t v, std::size_t size) {
+        while (bytes.size() % size != 0) bytes += '\0';
+        bytes += PlainMcap::integer(v, static_cast<int>(size));
+        return *this;
+    }
+    Cdr& put(double v) {
+        std::uint64_t bits;
+        std::memcpy(&bits, &v, sizeof(bits));
+        return put(bits, 8);
+    }
+    Cdr& put(const std::string& s) {
+        put(s.size() + 1, 4);
+        bytes += s + '\0';
+        return *this;
+    }
+};
+
+/** Records whose limits are those of records[0], but in the rows from `changes` on, where one limit of one joint gets
+another value. */
+std::vector<TickRecord> makeChangingLimits(const LogLayout& layout, int count, const std::vector<int>& changes) {
+    std::vector<TickRecord> records = makeRecords(layout, count, 0.001, 61);
+    JointLimits limits = records[0].limits;
+    limits.position.lower[0] = std::numeric_limits<double>::quiet_NaN();
+    for (int i = 0; i < count; ++i) {
+        if (std::find(changes.begin(), changes.end(), i) != changes.end()) limits.velocity.upper[1] = 1.0 + i;
+        records[static_cast<std::size_t>(i)].limits = limits;
+    }
+    return records;
+}
+
+TEST_F(LogTest, LimitsAreWrittenWhereTheyChangeAndAtEachChunksStart) {
+    const LogLayout layout = makeLayout(3, Space::Joint, true);
+    const std::vector<TickRecord> records = makeChangingLimits(layout, 450, {37, 38, 200, 399});
+    for (const LogForm form : {LogForm::Compact, LogForm::Open}) {
+        const std::string name = form == LogForm::Compact ? "compact.mcap" : "open.mcap";
+        LogWriter writer(path(name), makeOpening(layout), form);
+        for (const TickRecord& record : records) writer.append(record);
+        writer.finish();
+        mcap::McapFile file(path(name), "");
+        int limits = -1;
+        std::vector<std::uint32_t> rows;
+        while (file.next()) {
+            mcap::ByteReader in(file.content());
+            const int id = in.takeU16();
+            if (file.opcode() == mcap::kChannel) {
+                in.takeU16();
+                if (in.takeString() == "/limits") limits = id;
+            } else if (file.opcode() == mcap::kMessage && id == limits) {
+                rows.push_back(in.takeU32());
+            }
+        }
+        EXPECT_EQ(rows, (std::vector<std::uint32_t>{0, 37, 38, 100, 200, 300, 399, 400}));
+        LogReader reader(path(name));
+        const std::vector<TickRecord> back = readAll(reader);
+        ASSERT_EQ(back.size(), records.size());
+        for (std::size_t i = 0; i < back.size(); ++i)
+            ASSERT_EQ(getBits(back[i], layout), getBits(records[i], layout)) << "row " << i;
+    }
+}
+
+TEST_F(LogTest, RowsAfterALostChunkHaveTheirOwnLimits) {
+    const LogLayout layout = makeLayout(3, Space::Joint, true);
+    const std::vector<TickRecord> records = makeChangingLimits(layout, 500, {150, 320});
+    const WrittenLog log = makeLog(makeOpening(layout), records);
+    ASSERT_EQ(log.writes.size(), 7u);  // opening, five chunks, end
+    for (std::size_t lost = 1; lost <= 5; ++lost) {
+        // Without its end, which says where the lost chunk was.
+        const std::string bytes = log.bytes.substr(0, log.writes[lost]) +
+                                  log.bytes.substr(log.writes[lost + 1], log.writes[6] - log.writes[lost + 1]);
+        writeBytes(path("torn.mcap"), bytes);
+        LogReader reader(path("torn.mcap"));
+        const std::vector<TickRecord> back = readAll(reader);
+        ASSERT_EQ(back.size(), 400u);
+        for (std::size_t i = 0; i < back.size(); ++i) {
+            const std::size_t row = i < 100 * (lost - 1) ? i : i + 100;
+            ASSERT_EQ(getBits(back[i], layout), getBits(records[row], layout)) << "row " << row;
+        }
+    }
+}
+
+TEST_F(LogTest, ARowWithoutLimitsInItsChunkIsRefused) {
+    const auto write = [&](bool hasLimits) {
+        PlainMcap log;
+        log.channel(1, "/limits", "Limits", "float64[] jerk_upper_radps3\n", R"(["a","b"])", "on_change");
+        log.channel(2, "/desired", "Desired", "float64[] tau_nm\n");
+        const auto pair = [](double a, double b) { return Cdr().put(2, 4).put(a).put(b).bytes; };
+        if (hasLimits) log.message(1, 0, pair(8.0, 9.0));
+        log.message(2, 0, pair(1.0, 2.0));
+        log.message(2, 1, pair(3.0, 4.0));
+        log.message(1, 2, pair(6.0, 7.0));
+        log.message(2, 2, pair(5.0, 6.0));
+        writeBytes(path("log.mcap"), log.finish());
+    };
+    write(true);
+    LogReader reader(path("log.mcap"));
+    const std::vector<TickRecord> rows = readAll(reader);
+    ASSERT_EQ(rows.size(), 3u);
+    EXPECT_EQ(rows[1].desiredTorque[1], 4.0);
+    EXPECT_EQ(rows[1].limits.jerk.upper, (JointVector(2) << 8.0, 9.0).finished());
+    EXPECT_EQ(rows[2].limits.jerk.upper, (JointVector(2) << 6.0, 7.0).finished());
+    write(false);
+    EXPECT_TRUE(contains(catchError(ErrorKind::BadInput,
+                                    [&] {
+                                        LogReader wrong(path("log.mcap"));
+                                        readAll(wrong);
+                                    }),
+                         "row 0 comes before the first message of channel `/limits` in its chunk"));
+}
+
+TEST_F(LogTest, OfAnOldLogEachRowHasItsLimits) {
+    const auto write = [&](int lacking) {
+        PlainMcap log;
+        log.channel(1, "/limits", "Limits", "float64[] jerk_upper_radps3\n");
+        log.channel(2, "/desired", "Desired", "float64[] tau_nm\n");
+        for (int row = 0; row < 3; ++row) {
+            const auto pair = [&](double a) { return Cdr().put(2, 4).put(a + row).put(a - row).bytes; };
+            if (row != lacking) log.message(1, static_cast<std::uint32_t>(row), pair(10.0));
+            log.message(2, static_cast<std::uint32_t>(row), pair(1.0));
+        }
+        writeBytes(path("log.mcap"), log.finish());
+    };
+    write(-1);
+    LogReader reader(path("log.mcap"));
+    const std::vector<TickRecord> rows = readAll(reader);
+    ASSERT_EQ(rows.size(), 3u);
+    for (int row = 0; row < 3; ++row)
+        EXPECT_EQ(rows[static_cast<std::size_t>(row)].limits.jerk.upper,
+                  (JointVector(2) << 10.0 + row, 10.0 - row).finished());
+    write(1);
+    EXPECT_TRUE(contains(catchError(ErrorKind::BadInput,
+                                    [&] {
+                                        LogReader wrong(path("log.mcap"));
+                                        readAll(wrong);
+                                    }),
+                         "row 1 lacks a channel"));
 }
 
 TEST_F(LogTest, ShortVectorIsFilledWithNan) {
@@ -272,42 +456,47 @@ TEST_F(LogTest, FlippedBitIsNoticed) {
 
 TEST_F(LogTest, DamagedChunkTellsWhere) {
     const LogLayout layout = makeLayout(6, Space::Joint, true);
-    const WrittenLog log = makeLog(makeOpening(layout), makeRecords(layout, 450, 0.001, 8));
-    const std::size_t chunk = log.writes[3];  // the third
-    const auto read = [&](const std::string& bytes) {
-        writeBytes(path("bad.mcap"), bytes);
-        LogReader reader(path("bad.mcap"));
-        TickRecord record;
-        for (int i = 0; i < 200; ++i) EXPECT_TRUE(reader.read(record));
-        return catchError(ErrorKind::BadInput, [&] { reader.read(record); });
-    };
-    std::string bytes = log.bytes;
-    bytes[chunk + 9 + 24] = static_cast<char>(bytes[chunk + 9 + 24] ^ 1);
-    EXPECT_TRUE(contains(read(bytes), "the chunk's checksum differs"));
-    EXPECT_TRUE(contains(read(bytes), "bad.mcap: byte " + std::to_string(chunk + 9)));
+    for (const LogForm form : {LogForm::Compact, LogForm::Open}) {
+        const WrittenLog log = makeLog(makeOpening(layout), makeRecords(layout, 450, 0.001, 8), form);
+        const bool isOpen = form == LogForm::Open;
+        const std::size_t chunk = log.writes[3];  // the third
+        const auto read = [&](const std::string& bytes) {
+            writeBytes(path("bad.mcap"), bytes);
+            LogReader reader(path("bad.mcap"));
+            TickRecord record;
+            for (int i = 0; i < 200; ++i) EXPECT_TRUE(reader.read(record));
+            return catchError(ErrorKind::BadInput, [&] { reader.read(record); });
+        };
+        std::string bytes = log.bytes;
+        bytes[chunk + 9 + 24] = static_cast<char>(bytes[chunk + 9 + 24] ^ 1);
+        EXPECT_TRUE(contains(read(bytes), "the chunk's checksum differs"));
+        EXPECT_TRUE(contains(read(bytes), "bad.mcap: byte " + std::to_string(chunk + 9)));
 
-    bytes = log.bytes;
-    setU64(bytes, chunk + 9 + 16, std::uint64_t{1} << 60);
-    EXPECT_TRUE(contains(read(bytes), "a chunk of 1152921504606846976 bytes; at most 67108864"));
+        bytes = log.bytes;
+        setU64(bytes, chunk + 9 + 16, std::uint64_t{1} << 60);
+        EXPECT_TRUE(contains(read(bytes), "a chunk of 1152921504606846976 bytes; at most 67108864"));
 
-    bytes = log.bytes;
-    setU64(bytes, chunk + 9 + 16, getU64(bytes, chunk + 9 + 16) - 1);
-    EXPECT_TRUE(contains(read(bytes), "cannot be decompressed"));
-    bytes = log.bytes;
-    setU64(bytes, chunk + 9 + 16, getU64(bytes, chunk + 9 + 16) + 1);
-    EXPECT_TRUE(contains(read(bytes), "bytes instead of"));
+        bytes = log.bytes;
+        setU64(bytes, chunk + 9 + 16, getU64(bytes, chunk + 9 + 16) - 1);
+        EXPECT_TRUE(contains(read(bytes), isOpen ? "cannot be decompressed" : "the chunk's records do not give its"));
+        bytes = log.bytes;
+        setU64(bytes, chunk + 9 + 16, getU64(bytes, chunk + 9 + 16) + 1);
+        EXPECT_TRUE(contains(read(bytes), isOpen ? "bytes instead of" : "the chunk's records do not give its"));
 
-    bytes = log.bytes;
-    bytes.replace(chunk + 9 + 32, 4, "fast");
-    EXPECT_TRUE(contains(read(bytes), "compressed by `fast`"));
+        const std::string name = isOpen ? "zstd" : "x-viable-columns";
+        ASSERT_EQ(bytes.substr(chunk + 9 + 32, name.size()), name);
+        bytes = log.bytes;
+        bytes.replace(chunk + 9 + 32, 4, "fast");
+        EXPECT_TRUE(contains(read(bytes), "compressed by `fast" + name.substr(4) + "`"));
 
-    bytes = log.bytes;
-    setU64(bytes, chunk + 9 + 36, ~std::uint64_t{0});
-    EXPECT_TRUE(contains(read(bytes), "needs 18446744073709551615 bytes where only"));
+        bytes = log.bytes;
+        setU64(bytes, chunk + 9 + 32 + name.size(), ~std::uint64_t{0});
+        EXPECT_TRUE(contains(read(bytes), "needs 18446744073709551615 bytes where only"));
 
-    bytes = log.bytes;
-    setU64(bytes, chunk + 1, ~std::uint64_t{0});
-    EXPECT_TRUE(contains(read(bytes), "a record runs past the end of the data"));
+        bytes = log.bytes;
+        setU64(bytes, chunk + 1, ~std::uint64_t{0});
+        EXPECT_TRUE(contains(read(bytes), "a record runs past the end of the data"));
+    }
 }
 
 TEST_F(LogTest, WhatIsNoLogIsRefused) {
@@ -331,65 +520,6 @@ TEST_F(LogTest, WhatIsNoLogIsRefused) {
     std::filesystem::resize_file(path("sparse.mcap"), bytes.size() + 300'000'000);
     EXPECT_TRUE(contains(open(path("sparse.mcap")), "a record of 300000000 bytes"));
 }
-
-// A second, deliberately plain way to write MCAP and CDR: no chunks, no checksums, no index.
-class PlainMcap {
-public:
-    PlainMcap() : bytes_("\x89MCAP0\r\n", 8) { record(0x01, string("") + string("another")); }
-
-    static std::string integer(std::uint64_t v, int size) {
-        std::string s;
-        for (int i = 0; i < size; ++i) s += static_cast<char>(v >> (8 * i));
-        return s;
-    }
-    static std::string string(const std::string& s) { return integer(s.size(), 4) + s; }
-
-    void record(int opcode, const std::string& content) {
-        bytes_ += static_cast<char>(opcode) + integer(content.size(), 8) + content;
-    }
-    void channel(int id, const std::string& topic, const std::string& message, const std::string& schema,
-                 const std::string& joints = R"(["a","b"])") {
-        record(0x03, integer(static_cast<std::uint64_t>(id), 2) + string("viable/msg/" + message) + string("ros2msg") +
-                         string(schema));
-        const std::string entries = string("joint_names") + string(joints);
-        record(0x04, integer(static_cast<std::uint64_t>(id), 2) + integer(static_cast<std::uint64_t>(id), 2) +
-                         string(topic) + string("cdr") + string(entries));
-    }
-    void message(int id, std::uint32_t sequence, const std::string& cdr) {
-        record(0x05, integer(static_cast<std::uint64_t>(id), 2) + integer(sequence, 4) + integer(0, 8) + integer(0, 8) +
-                         std::string("\0\1\0\0", 4) + cdr);
-    }
-    std::string finish() const {
-        std::string all = bytes_;
-        all += static_cast<char>(0x0F) + integer(4, 8) + integer(0, 4);
-        all += static_cast<char>(0x02) + integer(20, 8) + std::string(20, '\0');
-        return all + std::string("\x89MCAP0\r\n", 8);
-    }
-
-private:
-    std::string bytes_;
-};
-
-/** CDR by its rules: every value at a multiple of its size. */
-class Cdr {
-public:
-    std::string bytes;
-    Cdr& put(std::uint64_t v, std::size_t size) {
-        while (bytes.size() % size != 0) bytes += '\0';
-        bytes += PlainMcap::integer(v, static_cast<int>(size));
-        return *this;
-    }
-    Cdr& put(double v) {
-        std::uint64_t bits;
-        std::memcpy(&bits, &v, sizeof(bits));
-        return put(bits, 8);
-    }
-    Cdr& put(const std::string& s) {
-        put(s.size() + 1, 4);
-        bytes += s + '\0';
-        return *this;
-    }
-};
 
 TEST_F(LogTest, OlderAndNewerFieldsAreFoundByName) {
     PlainMcap log;
