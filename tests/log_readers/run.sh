@@ -18,6 +18,7 @@ trap 'rm -rf "$work"' EXIT
 cd "$source"
 unset VIABLE_PLUGIN_PATH VIABLE_ROBOT_PATH
 "$viable" run "$here/short.yaml" --out "$work/run" --no-report >"$work/out"
+"$viable" run "$here/short.yaml" --out "$work/compact" --no-report --compact >"$work/out"
 
 # Fails unless the command is refused: a reader that takes everything proves nothing.
 refused() {
@@ -44,25 +45,24 @@ cut_off() {
 
 if [ "$what" = mcap ]; then
   export VIABLE_LOG_READERS=$packages
-  # A log is compact, which other programs refuse, and is less than half of what they read.
   for log in tool joint; do
-    refused node "$here/read_mcap.mjs" "$work/run/$log.mcap"
-    "$viable" export "$work/run/$log.mcap" --to mcap "$work/$log.open.mcap"
-    node "$here/read_mcap.mjs" "$work/$log.open.mcap"
-    compact=$(stat -c %s "$work/run/$log.mcap") open=$(stat -c %s "$work/$log.open.mcap")
+    node "$here/read_mcap.mjs" "$work/run/$log.mcap"
+    cut_off "$work/run/$log.mcap" "$work/$log.mcap"
+    refused node "$here/read_mcap.mjs" "$work/$log.mcap"
+    "$viable" recover "$work/$log.mcap"
+    node "$here/read_mcap.mjs" "$work/$log.recovered.mcap" | tail -n 1
+
+    # A compact log, which other programs refuse, is less than half of what they read.
+    refused node "$here/read_mcap.mjs" "$work/compact/$log.mcap"
+    "$viable" export "$work/compact/$log.mcap" --to mcap "$work/$log.open.mcap"
+    node "$here/read_mcap.mjs" "$work/$log.open.mcap" | tail -n 1
+    compact=$(stat -c %s "$work/compact/$log.mcap") open=$(stat -c %s "$work/$log.open.mcap")
     echo "$log: compact $compact bytes, open $open bytes"
     [ $((2 * compact)) -lt "$open" ]
-    for one in run/$log $log.open; do
+    for one in compact/$log $log.open; do
       "$viable" export "$work/$one.mcap" --to csv "$work/$one.csv"
     done
-    cmp "$work/run/$log.csv" "$work/$log.open.csv"
-
-    cut_off "$work/$log.open.mcap" "$work/$log.open-cut.mcap"
-    refused node "$here/read_mcap.mjs" "$work/$log.open-cut.mcap"
-    cut_off "$work/run/$log.mcap" "$work/$log.mcap"
-    "$viable" recover "$work/$log.mcap"
-    "$viable" export "$work/$log.recovered.mcap" --to mcap "$work/$log.recovered.open.mcap"
-    node "$here/read_mcap.mjs" "$work/$log.recovered.open.mcap" | tail -n 1
+    cmp "$work/compact/$log.csv" "$work/$log.open.csv"
     flip "$work/$log.open.mcap" "$work/flipped.mcap"
     refused node "$here/read_mcap.mjs" "$work/flipped.mcap"
   done

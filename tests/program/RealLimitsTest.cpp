@@ -86,12 +86,19 @@ TEST(Fault22, NoiseWithinTheSetIsBorneAndWrongReadingsStopTheArm) {
         EXPECT_FALSE(result.summary.anyLimitBroken()) << fault;
     }
     const CaseResult stuck = runReal({"real_plant.sensor_fault=stuck", "real_plant.sensor_fault_from_s=1"});
-    // It moved faster than its motor can stop it in a tick: no collision, and the robust loop is given it no more.
-    EXPECT_EQ(stuck.stopReason, StopReason::SensorFailed) << stuck.stopMessage;
+    // It stood still first; the robust loop, which cannot know that, pushed it on until its bound was passed, and no further.
+    EXPECT_EQ(stuck.stopReason, StopReason::TrackingLost) << stuck.stopMessage;
     EXPECT_NE(stuck.stopMessage.find("the sensor is stuck or the joint blocked"), std::string::npos)
         << stuck.stopMessage;
-    EXPECT_EQ(stuck.exitCode(), 6) << stuck.stopMessage;
+    EXPECT_EQ(stuck.exitCode(), 3) << "the real velocity passed its limit before the error showed it";
+    EXPECT_LT(stuck.summary.realLimit(LimitKind::Velocity)[0].worstExcess, 1.0) << "it was 14 rad/s";
     EXPECT_LT(stuck.stopTime_s, 1.5);
+    // One that moves faster than its motor can stop it in a tick does not just stand still.
+    const CaseResult fast = runReal({"real_plant.sensor_fault=stuck", "real_plant.sensor_fault_from_s=2"});
+    EXPECT_EQ(fast.stopReason, StopReason::SensorFailed) << fast.stopMessage;
+    EXPECT_EQ(fast.exitCode(), 6) << fast.stopMessage;
+    EXPECT_NEAR(fast.stopTime_s, 2.006, 2e-3);
+    EXPECT_FALSE(fast.summary.anyLimitBroken());
 }
 
 /** The cells of a column of a table with a line of names. */

@@ -45,6 +45,7 @@ struct RunArguments {
     std::string draw;
     int jobs = 0;
     bool noReport = false;
+    bool compact = false;
     bool isolate = false;
     std::optional<double> watchdog_s;
 };
@@ -136,8 +137,12 @@ using ConfiguredCases = std::vector<std::unique_ptr<ConfiguredCase>>;
 /** Runs configured cases. After a failure or a signal no further case is begun. */
 class CaseRunner {
 public:
-    CaseRunner(ConfiguredCases cases, fs::path folder)
-        : cases_(std::move(cases)), folder_(std::move(folder)), progress_(listNames(cases_)), results_(cases_.size()) {}
+    CaseRunner(ConfiguredCases cases, fs::path folder, LogForm logForm)
+        : cases_(std::move(cases)),
+          folder_(std::move(folder)),
+          logForm_(logForm),
+          progress_(listNames(cases_)),
+          results_(cases_.size()) {}
 
     /** `jobs` at a time. */
     CaseOutcomes runAtOnce(int jobs) {
@@ -192,6 +197,7 @@ private:
         if (i >= results_.size()) return false;
         RunOptions options;
         options.log = folder_ / (cases_[i]->plan.name + ".mcap");
+        options.logForm = logForm_;
         options.stopRequest = &getStopSignal();
         options.isAlone = isAlone_;
         options.progress = [this, i, draws](double share) {
@@ -219,6 +225,7 @@ private:
 
     ConfiguredCases cases_;  // null: begun
     const fs::path folder_;
+    const LogForm logForm_;
     Progress progress_;
     bool isAlone_ = true;  // the case that runs
     std::vector<std::optional<CaseResult>> results_;
@@ -265,7 +272,7 @@ int run(const RunArguments& arguments) {
     std::fflush(stdout);
     int jobs = arguments.jobs > 0 ? arguments.jobs : static_cast<int>(std::thread::hardware_concurrency());
     jobs = std::max(1, std::min(jobs, static_cast<int>(experiment.cases.size())));
-    CaseRunner runner(std::move(cases), folder);
+    CaseRunner runner(std::move(cases), folder, arguments.compact ? LogForm::Compact : LogForm::Open);
     const auto [results, failure] = arguments.isolate ? runner.runHere() : runner.runAtOnce(jobs);
     tellStage("while summary and report were written", PluginsRun::NoMore);
 
@@ -325,6 +332,8 @@ void addRunCommand(CLI::App& app, int& exitCode) {
         ->check(CLI::Range(1, 256));
     command->add_flag("--no-report", arguments->noReport,
                       "Logs and summary only; `viable report DIR` writes the report later");
+    command->add_flag("--compact", arguments->compact,
+                      "Logs of half the size, which PlotJuggler and Foxglove read after `viable export --to mcap`");
     command->add_flag("--isolate", arguments->isolate,
                       "Each plugin in a process of its own: one that crashes, hangs or exits is "
                       "named, and the arm is braked (slower, one case at a time)");

@@ -191,7 +191,8 @@ CaseResult runCase(std::unique_ptr<ConfiguredCase> configured, const RunOptions&
     if (plan.environment) collisions.emplace(plan.robot, *plan.geometry, *plan.environment, plan.realPlant.has_value());
     std::unique_ptr<Recorder> recorder;
     if (!options.log.empty())
-        recorder = std::make_unique<Recorder>(std::make_unique<LogWriter>(options.log, std::move(opening)));
+        recorder =
+            std::make_unique<Recorder>(std::make_unique<LogWriter>(options.log, std::move(opening), options.logForm));
 
     const std::int64_t ticks = std::llround(plan.duration_s / plan.tick_s);
     const auto begin = std::chrono::steady_clock::now();

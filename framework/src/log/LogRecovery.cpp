@@ -58,7 +58,7 @@ std::uint64_t copyLog(const std::filesystem::path& log, const std::filesystem::p
 }  // namespace
 
 std::uint64_t recoverLog(const std::filesystem::path& log, const std::filesystem::path& whole) {
-    return copyLog(log, whole, false, LogForm::Compact,
+    return copyLog(log, whole, false, LogForm::Open,
                    "Recover it with the version that wrote it, or export it as it is");
 }
 

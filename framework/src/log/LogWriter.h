@@ -66,7 +66,7 @@ inline constexpr std::size_t kLargestChunk = 1 << 20;  // [bytes, before compres
 
 /** How the chunks of a log are compressed. */
 enum class LogForm : unsigned char {
-    Compact,  ///< by columns (src/log/ColumnPacking.h): well below half of the other's size; only viable reads it
+    Compact,  ///< by columns (src/log/ColumnPacking.h): less than half of the other's size; only viable reads it
     Open,     ///< by Zstandard, with an index of messages: for PlotJuggler, Foxglove and others
 };
 
@@ -84,8 +84,8 @@ Thread: one caller at a time; not for the tick (see Recorder). */
 class LogWriter {
 public:
     /** Creates the file (see createLogFile) and writes the opening. */
-    LogWriter(const std::filesystem::path& file, const LogOpening& opening, LogForm form = LogForm::Compact);
-    LogWriter(std::unique_ptr<LogSink> sink, const LogOpening& opening, LogForm form = LogForm::Compact);
+    LogWriter(const std::filesystem::path& file, const LogOpening& opening, LogForm form = LogForm::Open);
+    LogWriter(std::unique_ptr<LogSink> sink, const LogOpening& opening, LogForm form = LogForm::Open);
     /** Without finish() the file stays as a killed program would leave it. */
     ~LogWriter();
 

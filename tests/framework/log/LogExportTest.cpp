@@ -197,16 +197,19 @@ TEST_F(LogExportTest, AnOldLogGivesWhatItGave) {
     // So does a compact log as it was first written: its form is in people's files.
     exportCsv(folder / "compact.mcap", path("first.csv"));
     EXPECT_TRUE(readBytes(path("first.csv")) == then);
+    exportMcap(folder / "compact.mcap", path("unpacked.mcap"));
+    exportCsv(path("unpacked.mcap"), path("unpacked.csv"));
+    EXPECT_TRUE(readBytes(path("unpacked.csv")) == then);
 
     // Its copies in the forms of today say the same.
-    EXPECT_EQ(recoverLog(folder / "before_limits_on_change.mcap", path("compact.mcap")), 40u);
-    exportCsv(path("compact.mcap"), path("compact.csv"));
-    EXPECT_TRUE(readBytes(path("compact.csv")) == then);
-    exportMcap(path("compact.mcap"), path("open.mcap"));
+    EXPECT_EQ(recoverLog(folder / "before_limits_on_change.mcap", path("recovered.mcap")), 40u);
+    exportCsv(path("recovered.mcap"), path("recovered.csv"));
+    EXPECT_TRUE(readBytes(path("recovered.csv")) == then);
+    exportMcap(path("recovered.mcap"), path("open.mcap"));
     exportCsv(path("open.mcap"), path("open.csv"));
     EXPECT_TRUE(readBytes(path("open.csv")) == then);
     recoverLog(path("open.mcap"), path("again.mcap"));
-    EXPECT_TRUE(readBytes(path("again.mcap")) == readBytes(path("compact.mcap")));
+    EXPECT_TRUE(readBytes(path("again.mcap")) == readBytes(path("recovered.mcap")));
 }
 
 TEST_F(LogExportTest, ALogThatWasCutOffGivesItsRows) {
