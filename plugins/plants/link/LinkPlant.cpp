@@ -40,11 +40,11 @@ constexpr ParameterSpec kParameters[] = {
         .orInfinite(),
     parameter::number("connect_timeout_s", "s", "5.0", "How long the robot is called before a run is refused.")
         .above(0)
-        .upTo(600),
+        .upTo(30),
     parameter::number("silence_timeout_s", "s", "0.2",
                       "A robot that sends nothing for so long is gone, and the run ends.")
         .above(0)
-        .upTo(60),
+        .upTo(30),
     parameter::jointNumbers("start_tolerance_rad", "rad", "0.02",
                             "How far from the start of the file the robot may stand.")
         .above(0)
@@ -299,7 +299,7 @@ void LinkPlant::checkRobot(const MotionState& start) {
         if (away <= startTolerance_[i]) continue;
         refuse("does not stand where the file starts: " + robot_->joints[static_cast<std::size_t>(i)].name + " is at " +
                    formatShort(state_.q[i]) + ", and the start " + formatShort(start.q[i]),
-               "Move the robot there, or write its pose as the start: {q_rad: " + formatTorques(state_.q) +
+               "Move the robot there, or write its pose as the start: {position_rad: " + formatTorques(state_.q) +
                    "}. Where it stands there, the order or sign of its joints is another.");
     }
     checkRestTorque();

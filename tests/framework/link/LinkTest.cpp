@@ -383,12 +383,13 @@ TEST(Link, RecordedPacketsOfAnotherSessionDoNothing) {
     }
     ASSERT_EQ(pair.tick(), VL_TORQUE);
     pair.give(pair.makeCommand(VL_STOP));
-    for (int k = 0; k < 50; ++k) {  // the recorded host alone
+    for (int k = 0; k < 50; ++k) {  // the recorded host alone, from the address that it had
         const vl_result result = pair.give(commands[static_cast<std::size_t>(k)]);
-        EXPECT_EQ(result, k == 0 ? VL_GOOD : VL_FOREIGN);  // hello is answered, with a new number
+        EXPECT_EQ(result, k == 0 ? VL_GOOD : VL_OLD);  // hello is answered, with a new number
         EXPECT_EQ(pair.tick(), VL_HOLD);
         EXPECT_FALSE(pair.robot.has_host);
     }
+    EXPECT_EQ(pair.give(commands.back(), kStranger), VL_FOREIGN);
     Pair again(makeKey());  // another host hears recorded states
     vl_host_init(&again.host, kJoints, kTick_s, 5678, kRobotsAddress);
     again.host.key = makeKey();

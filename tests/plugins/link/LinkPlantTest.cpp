@@ -482,6 +482,7 @@ TEST(Fault85, AnotherConventionOfGravityOrSignsIsRefusedWithTheMeasuredAndTheExp
     mind.away = 0.1;
     const std::string elsewhere = refusal(mind);
     expectSays(elsewhere, "does not stand where the file starts: joint1 is at -0.4, and the start -0.5");
+    expectSays(elsewhere, "write its pose as the start: {position_rad: [0.3, -0.4]}");
     mind = {};
     mind.flags |= VL_ADDS_FRICTION;
     expectSays(refusal(mind), "makes up for friction itself, and the file says adds_friction: false");

@@ -379,13 +379,18 @@ static inline uint64_t vl_robot_peer(const vl_robot* r) {
     return r->caller && r->tick - r->caller_tick <= r->release_ticks ? r->caller : 0;
 }
 
+static inline int vl_is_same_session(vl_session a, vl_session b) {
+    return a.host == b.host && a.robot == b.robot;
+}
+
 static inline vl_result vl_robot_judge(vl_robot* r, const void* bytes, size_t size, uint64_t peer) {
     vl_command c;
     vl_session session;
     const vl_result result = vl_decode_command(bytes, size, &r->key, &c, &session);
     if (result != VL_GOOD) return result;
     if (session.robot == 0) { /* hello */
-        if (r->has_host || c.mode != VL_HOLD) return VL_FOREIGN;
+        if (r->has_host) return peer == r->peer && session.host == r->session.host ? VL_OLD : VL_FOREIGN;
+        if (c.mode != VL_HOLD) return VL_FOREIGN;
         if (!vl_robot_peer(r) || r->caller != peer || r->called.host != session.host) {
             r->caller = peer;
             r->called.host = session.host;
@@ -397,8 +402,8 @@ static inline vl_result vl_robot_judge(vl_robot* r, const void* bytes, size_t si
     if (c.joints != r->joints) return VL_OTHER_JOINTS;
     if (c.tick_ns != r->tick_ns) return VL_OTHER_TICK;
     if (!r->has_host) {
-        if (!r->caller || peer != r->caller || session.host != r->called.host || session.robot != r->called.robot)
-            return VL_FOREIGN;
+        if (peer == r->peer && vl_is_same_session(session, r->session)) return VL_OLD; /* it has ended */
+        if (!r->caller || peer != r->caller || !vl_is_same_session(session, r->called)) return VL_FOREIGN;
         r->has_host = 1;
         r->peer = peer;
         r->session = session;
@@ -407,7 +412,7 @@ static inline vl_result vl_robot_judge(vl_robot* r, const void* bytes, size_t si
         r->has_lapsed = 0;
         r->acts = VL_HOLD;
     }
-    if (peer != r->peer || session.host != r->session.host || session.robot != r->session.robot) return VL_FOREIGN;
+    if (peer != r->peer || !vl_is_same_session(session, r->session)) return VL_FOREIGN;
     if (c.sequence == r->last_sequence) return VL_DUPLICATE;
     if (c.sequence < r->last_sequence) return VL_OLD;
     if (c.echo > r->tick || !vl_are_plausible(c.tau, c.joints, 1e6)) return VL_ABSURD;
