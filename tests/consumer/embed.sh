@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The guards inside a stranger's loop: installs the package into an empty prefix, builds the installed examples own_loop
-# and reference_stream as their READMEs say, and runs them. Usage: embed.sh BUILD_DIR
+# and reference_stream as their READMEs say, and runs them; link_robot is built here and run by link.sh. Usage: embed.sh BUILD_DIR
 set -euo pipefail
 build=$1
 work=$(mktemp -d)
@@ -15,6 +15,7 @@ compile() {  # EXAMPLE FOLDER
 }
 compile own_loop build
 compile reference_stream build_stream
+cc -std=c99 -O2 -Wall -Wextra -Werror -I "$prefix/include" "$prefix/share/viable/examples/link_robot/link_robot.c" -o link_robot
 
 expect_kept() {  # FILE: no limit was passed in a single tick
   [ "$(grep -c 'outside in 0 joint-ticks' "$1")" = 4 ] || { echo "embed: a limit was broken"; exit 1; }

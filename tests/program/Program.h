@@ -55,6 +55,8 @@ public:
         }
     }
     pid_t pid() const { return pid_; }
+    /** What it has written to its standard output so far. */
+    std::string output() const { return readFile(out_); }
     Outcome wait() {
         int status = 0;
         waitpid(pid_, &status, 0);

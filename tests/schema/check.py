@@ -287,7 +287,7 @@ for plugin in plugins:
                 continue  # beyond what a program of any language can hold
             whole = {"numbers": [value] * (parameter.get("min_count") or 1),
                      "rows": [[value] * (parameter.get("min_count") or 1)]}.get(parameter["type"], value)
-            others = {p["name"]: folder.name + "/e.yaml" if p["type"] == "file" else [[0, 0]]
+            others = {p["name"]: {"file": folder.name + "/e.yaml", "text": "text"}.get(p["type"], [[0, 0]])
                       for p in plugin["parameters"] if p["required"] and p["name"] != parameter["name"]}
             message = judge(f"{block} {name}.{parameter['name']} = {value!r}",
                             edited(block, {"plugin": name, **others, parameter["name"]: whole}), False)

@@ -11,7 +11,9 @@
 
 #include "core/ChildProcess.h"
 #include "host/PluginCall.h"
+#include "plugin/FaultExplanation.h"
 #include "viable/core/Numbers.h"
+#include "viable/plugin/FaultMessage.h"
 
 namespace viable {
 
@@ -52,6 +54,7 @@ struct Mailbox {
     Reply how = Reply::Done;
     int errorKind = 0;
     char text[2048] = "";
+    char explanation[512] = "";  // of explainFault()
 
     double time = 0.0;
     Tick tick;
@@ -168,6 +171,8 @@ private:
         }
         watch_.allocatingTicks = box_->allocatingTicks;
         watch_.firstAllocation = box_->firstAllocation;
+        box_->explanation[sizeof box_->explanation - 1] = '\0';
+        if (box_->explanation[0]) explainFault(box_->explanation);
         if (box_->how == Reply::Done) return;
         box_->text[sizeof box_->text - 1] = '\0';
         const std::string text = box_->text;
@@ -215,9 +220,11 @@ template <class Work>
 void answer(Mailbox& box, const Work& work) {
     PluginCall call(nullptr, kBeforeFirstTick);
     box.how = Reply::Done;
+    box.explanation[0] = '\0';
     const std::int64_t before = countAllocations();
     try {
         work();
+        std::snprintf(box.explanation, sizeof box.explanation, "%s", detail::takeFaultExplanation());
         if (isTick(box.what)) {
             const std::int64_t tick = box.ticksDone++;
             if (tick >= kWarmUpTicks && countAllocations() != before) {

@@ -126,7 +126,8 @@ private:
     std::uint64_t control_;
 };
 
-/** Calls reset(); whatever it throws, and a changed arithmetic, becomes an Error (PluginFailed) that names the plugin.
+/** Calls reset(); whatever it throws, and a changed arithmetic, becomes an Error (PluginFailed, of a plant's Error its own kind
+and words) that names the plugin.
 @param watch  null: only its kind is named, and an Error that names it already passes */
 void resetPlugin(Plugin& plugin, PluginKind kind, PluginWatch* watch, const MotionState& start);
 

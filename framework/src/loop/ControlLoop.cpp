@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "core/FarthestJoint.h"
+#include "plugin/FaultExplanation.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -241,8 +242,14 @@ Status ControlLoop::contain(PluginKind kind, Status faulted, const Call& call) n
     char message[sizeof stopMessage_] = "";
     const char* remedy = kOnThrow;
     Status status = faulted;
+    detail::takeFaultExplanation();  // none is left of an earlier call
     try {
         status = call();
+        const char* const explanation = detail::takeFaultExplanation();
+        if (kind == PluginKind::RealPlant && status == faulted && *explanation) {
+            std::snprintf(message, sizeof message, "%s", explanation);
+            remedy = kOnGivingUp;
+        }
     } catch (const PluginFault& e) {
         std::snprintf(message, sizeof message, "%s", e.what());
         remedy = e.remedy();

@@ -6,6 +6,8 @@
 #include <memory>
 
 #include "CaseSupport.h"
+#include "viable/core/Error.h"
+#include "viable/plugin/FaultMessage.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {
@@ -156,7 +158,10 @@ public:
 class ClockedPlant : public RealPlant {
 public:
     void configure(const RunSetup&, const Parameters&) override {}
-    void reset(const MotionState& start) override { state_ = {start.q, start.qd}; }
+    void reset(const MotionState& start) override {
+        if (isAbsent) throw badInput("here.yaml:1", "the robot does not answer", "Switch it on.");
+        state_ = {start.q, start.qd};
+    }
     const JointState& measured() const override { return state_; }
     const JointState& actual() const override { return state_; }
     TickStatus advance(const JointVector& torque, JointVector& applied) override {
@@ -169,10 +174,12 @@ public:
         ticksPassed = reads < script.size() ? script[reads] : 1;
         ++reads;
         state_.q.array() += 2.0 * static_cast<double>(ticksPassed);
+        if (explanation) explainFault(explanation);
         return status;
     }
 
-    bool ticks = true;
+    bool ticks = true, isAbsent = false;
+    const char* explanation = nullptr;
     std::vector<std::int64_t> script;
     TickStatus status = TickStatus::Ok;
     std::size_t reads = 0;
@@ -317,6 +324,31 @@ TEST(ControlLoop, AClockThatFailsOrStandsStillEndsTheLoop) {
         EXPECT_NE(std::string(loop.stopMessage()).find("its clock gave no tick"), std::string::npos);
         EXPECT_EQ(t.plant.advances, 0);
     }
+}
+
+TEST(ControlLoop, APlantThatFaultsSaysWhy) {
+    ScriptedLoop t(true);
+    t.plant.explanation = "it says this of the last tick only where that one failed";
+    ControlLoop& loop = t.start();
+    TickRecord record;
+    loop.tick(record);
+    EXPECT_FALSE(loop.hasFailed());
+    t.plant.explanation = nullptr;
+    loop.tick(record);
+    t.plant.explanation = "it has lost the robot";
+    t.plant.status = TickStatus::Faulted;
+    loop.tick(record);
+    EXPECT_TRUE(loop.hasFailed());
+    EXPECT_EQ(loop.stopReason(), StopReason::PlantFailed);
+    EXPECT_STREQ(loop.stopMessage(), "it has lost the robot");
+}
+
+TEST(ControlLoop, ARobotThatCannotBeHadIsRefusedInItsOwnWords) {
+    ScriptedLoop t(true);
+    t.plant.isAbsent = true;
+    const std::string text = test::catchError([&] { t.start(); });
+    EXPECT_NE(text.find("here.yaml:1: the robot does not answer. Switch it on."), std::string::npos) << text;
+    EXPECT_EQ(text.find("must not throw"), std::string::npos) << text;
 }
 
 TEST(ControlLoop, ManyTicksMissedByThePlantsClockBrakeTheArmForGood) {

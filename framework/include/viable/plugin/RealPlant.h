@@ -11,7 +11,7 @@ enum class Encoder : unsigned char {
 };
 
 /** The arm that is really there, or an engine that stands for it. All cases of an experiment are configured before the
-first one runs: what only one may hold at a time, such as the connection to a robot, is opened in reset(). */
+first one runs: what only one may hold at a time, such as a robot, is opened in reset(), which then may throw Error. */
 class RealPlant : public Plugin {
 public:
     /** The state that the joint sensors report now. Valid after reset(). */

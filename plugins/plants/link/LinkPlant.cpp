@@ -1,0 +1,401 @@
+#include "LinkPlant.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "viable/core/Error.h"
+#include "viable/plugin/FaultMessage.h"
+#include "viable/plugin/PluginExport.h"
+
+namespace viable {
+
+namespace {
+
+constexpr ParameterSpec kParameters[] = {
+    parameter::text("address", nullptr,
+                    "Of the robot: numeric, as 127.0.0.1:47100 or \"[::1]:47100\" (UDP), or shm:NAME (shared memory of "
+                    "the same computer)."),
+    parameter::file(
+        "key_file", "",
+        "32 hexadecimal digits that the robot knows, too; packets of others are then dropped. None: whoever "
+        "reaches the robot can command it."),
+    parameter::flag("adds_gravity", "false",
+                    "The robot adds the torque that holds the arm against gravity: it is sent the rest, and measures "
+                    "so."),
+    parameter::flag("adds_friction", "false",
+                    "The robot makes up for its own friction; give it none in its actuation.yaml, then."),
+    parameter::flag("external_torque", "false",
+                    "The torque of the surroundings, as the robot measures it, is passed on."),
+    parameter::integer("repeat_ticks", "5",
+                       "Ticks for which the robot may repeat a torque when the next one is missing.")
+        .atLeast(0)
+        .upTo(1000),
+    parameter::integer("delay_ticks", "1",
+                       "Ticks from a state to the first one in which the torque that answers it acts.")
+        .atLeast(0)
+        .upTo(20),
+    parameter::jointNumbers("motor_rate_Nmps", "Nm/s", ".inf", "Fastest change of torque that the robot accepts.")
+        .above(0)
+        .orInfinite(),
+    parameter::number("connect_timeout_s", "s", "5.0", "How long the robot is called before a run is refused.")
+        .above(0)
+        .upTo(30),
+    parameter::number("silence_timeout_s", "s", "0.2",
+                      "A robot that sends nothing for so long is gone, and the run ends.")
+        .above(0)
+        .upTo(30),
+    parameter::jointNumbers("start_tolerance_rad", "rad", "0.02",
+                            "How far from the start of the file the robot may stand.")
+        .above(0)
+        .orInfinite(),
+    parameter::number("rest_velocity_radps", "rad/s", "0.02", "Joints that are slower in the mean rest.").above(0),
+    parameter::number("rest_torque_share", "", "0.5",
+                      "The measured torque of the resting arm may differ from the model's by this share of the largest "
+                      "gravity torque, and by 1.5 times the Coulomb friction; .inf: it is not looked at.")
+        .above(0)
+        .orInfinite(),
+};
+
+/** States over which velocities and torques of the resting arm are averaged. */
+constexpr int kRestStates = 20;
+constexpr std::int64_t kCallAgain_ns = 10'000'000;
+/** Friction at standstill over Coulomb friction, at most. */
+constexpr double kBreakaway = 1.5;
+/** Stops that are sent at the end: some of them may be lost. */
+constexpr int kFarewells = 3;
+/** Ticks with torques after which the robot has taken one. */
+constexpr int kMostHolding = 100;
+constexpr std::int64_t kMostWaiting = 4096;  // packets taken at once
+
+std::int64_t toNanoseconds(double seconds) {
+    return static_cast<std::int64_t>(seconds * 1e9);
+}
+
+std::string formatTorques(const JointVector& v) {
+    std::string text = "[";
+    for (Eigen::Index i = 0; i < v.size(); ++i) {
+        char number[32];
+        std::snprintf(number, sizeof number, "%s%.3g", i ? ", " : "", v[i]);
+        text += number;
+    }
+    return text + "]";
+}
+
+std::string formatShort(double value) {
+    char number[32];
+    std::snprintf(number, sizeof number, "%.4g", value);
+    return number;
+}
+
+vl_key readKey(const std::string& file, const std::string& place) {
+    vl_key key{};
+    char error[256];
+    if (!file.empty() && vl_key_from_file(file.c_str(), &key, error, sizeof error) != 0)
+        throw badInput(place, file + ": " + error,
+                       "Make one: (umask 077; openssl rand -hex 16 > FILE), and give it to the robot, too.");
+    return key;
+}
+
+}  // namespace
+
+LinkPlant::~LinkPlant() {
+    disconnect();
+}
+
+void LinkPlant::configure(const RunSetup& setup, const Parameters& parameters) {
+    robot_ = &setup.robot;
+    n_ = setup.size();
+    tick_s_ = setup.tick_s;
+    address_ = parameters.text("address");
+    place_ = parameters.place("address");
+    if (address_.rfind("shm:", 0) != 0) {
+        sockaddr_storage address;
+        socklen_t size = 0;
+        if (vl_parse_address(address_.c_str(), &address, &size) != 0)
+            throw badInput(place_, "'" + address_ + "' is no address of a robot",
+                           "Write numbers, as 127.0.0.1:47100 or \"[::1]:47100\", or shm:NAME for shared memory.");
+    }
+    key_ = readKey(parameters.file("key_file").string(), parameters.place("key_file"));
+    addsGravity_ = parameters.flag("adds_gravity");
+    addsFriction_ = parameters.flag("adds_friction");
+    measuresExternal_ = parameters.flag("external_torque");
+    repeats_ = static_cast<int>(parameters.integer("repeat_ticks"));
+    delayTicks_ = static_cast<int>(parameters.integer("delay_ticks"));
+    startTolerance_ = parameters.jointNumbers("start_tolerance_rad");
+    connectTimeout_s_ = parameters.number("connect_timeout_s");
+    silenceTimeout_s_ = parameters.number("silence_timeout_s");
+    restVelocity_ = parameters.number("rest_velocity_radps");
+    torqueShare_ = parameters.number("rest_torque_share");
+
+    const JointFriction& friction = setup.robot.actuation.friction;
+    if (addsFriction_ && (friction.coulomb.maxCoeff() > 0.0 || friction.viscous.maxCoeff() > 0.0))
+        throw badInput(parameters.place("adds_friction"),
+                       "the robot makes up for its friction, but the actuation.yaml of " + setup.robot.name +
+                           " has friction, which the robust loop would make up for again",
+                       "Write coulomb_Nm: 0 and viscous_Nm: 0 there, and a torque_limit_Nm that is smaller by them; or "
+                       "switch it off in the robot and write adds_friction: false.");
+    TorqueConvention convention;
+    convention.addsGravity = addsGravity_;
+    motorRate_ = parameters.jointNumbers("motor_rate_Nmps");
+    convention.torqueRate = PerJoint(motorRate_);
+    sender_ = std::make_unique<TorqueSender>(setup.robot, convention, tick_s_);
+    if (motorRate_.array().isInf().all()) motorRate_.resize(0);
+    model_ = std::make_unique<RobotModel>(setup.robot);
+    for (JointVector* v : {&external_, &state_.q, &state_.qd, &restVelocities_, &restTorques_}) v->setZero(n_);
+}
+
+void LinkPlant::refuse(const std::string& what, const std::string& remedy) const {
+    throw badInput(place_, "the robot at " + address_ + " " + what, remedy);
+}
+
+const char* LinkPlant::writePackets() noexcept {
+    std::size_t length = 0;
+    packets_[0] = '\0';
+    for (int i = VL_GOOD; i < VL_RESULTS; ++i) {
+        const std::uint64_t count = host_.counts[i];
+        if (count == 0 || length >= sizeof packets_) continue;
+        const int more = std::snprintf(packets_ + length, sizeof packets_ - length, "%s%llu %s", length ? ", " : "",
+                                       static_cast<unsigned long long>(count), vl_result_name(vl_result(i)));
+        if (more > 0) length += static_cast<std::size_t>(more);
+    }
+    return *packets_ ? packets_ : "none";
+}
+
+void LinkPlant::refuseSilence() const {
+    const std::uint64_t* const counts = host_.counts;
+    if (counts[VL_OTHER_JOINTS] > 0)
+        refuse("has " + std::to_string(host_.other_joints) + " joints, and the arm of the file " + std::to_string(n_),
+               "Name the robot that stands there (key `robot`), or call another one.");
+    if (counts[VL_OTHER_TICK] > 0)
+        refuse("has a tick of " + formatShort(1e-9 * host_.other_tick_ns) + " s, and the file one of " +
+                   formatShort(tick_s_) + " s",
+               "Write tick_s: " + formatShort(1e-9 * host_.other_tick_ns) + ", or change the robot's.");
+    if (counts[VL_OTHER_VERSION] > 0)
+        refuse("speaks version " + std::to_string(host_.other_version) + " of the link, and this is version " +
+                   std::to_string(VL_VERSION),
+               "Build both sides with the same viable_link.h.");
+    if (counts[VL_CORRUPT] > 0)
+        refuse("sends packets that do not pass the check",
+               "Give both sides the same key (key_file), or none to both of them.");
+    if (counts[VL_GOOD] > 0 && host_.is_connected)
+        refuse(
+            "does not come to rest: its joints move with up to " +
+                formatShort(restVelocities_.lpNorm<Eigen::Infinity>()) + " rad/s in the mean",
+            "A run begins at rest: see what moves the robot, or raise rest_velocity_radps where its sensors are that "
+            "noisy.");
+    if (counts[VL_GOOD] > 0)
+        refuse("sends states but takes no commands", "See what its driver says of the packets that it drops.");
+    refuse("does not answer (tried for " + formatShort(connectTimeout_s_) + " s)",
+           "See that `viable robot` or the robot's driver runs and listens there, with the same version, key and "
+           "number of joints, and that no other host has it.");
+}
+
+/** A robot with shared memory may not be there yet. */
+void LinkPlant::open(std::int64_t end_ns) {
+    char error[256];
+    while (vl_line_open(&line_, address_.c_str(), 0, error, sizeof error) != 0) {
+        if (vl_now_ns() >= end_ns)
+            refuse("cannot be called: " + std::string(error),
+                   "See that `viable robot` or the robot's driver runs there, as the same user.");
+        const timespec pause{0, 20'000'000};
+        nanosleep(&pause, nullptr);
+    }
+    isOpen_ = true;
+    vl_host_init(&host_, n_, tick_s_, vl_random(), vl_line_peer(&line_));
+    host_.key = key_;
+}
+
+void LinkPlant::disconnect() noexcept {
+    if (!isOpen_) return;
+    for (int i = 0; i < kFarewells && host_.session.robot != 0; ++i) send(VL_STOP, nullptr);
+    vl_line_close(&line_);
+    isOpen_ = false;
+}
+
+void LinkPlant::send(vl_mode mode, const double* torque) {
+    std::uint8_t packet[VL_MAX_PACKET];
+    const std::size_t size = vl_host_command(&host_, mode, torque, repeats_, packet);
+    if (size > 0) vl_line_send(&line_, packet, size);  // what the system does not take is lost, as on any line
+}
+
+bool LinkPlant::receive(std::int64_t timeout_ns) {
+    const std::int64_t end = vl_now_ns() + timeout_ns;
+    std::uint8_t bytes[VL_MAX_PACKET + 1];
+    bool isNew = false;
+    for (std::int64_t left = timeout_ns, taken = 0; taken < kMostWaiting; ++taken) {
+        std::uint64_t peer = 0;
+        const std::size_t size = vl_line_receive(&line_, bytes, isNew ? 0 : left, &peer);
+        if (size > 0 && vl_host_receive(&host_, bytes, size, peer, &received_) == VL_GOOD) isNew = true;
+        left = end - vl_now_ns();
+        if (size == 0 && (isNew || left <= 0)) break;
+    }
+    return isNew;
+}
+
+void LinkPlant::takeState() {
+    for (int i = 0; i < n_; ++i) {
+        state_.q[i] = received_.q[i];
+        state_.qd[i] = received_.qd[i];
+        external_[i] = received_.external[i];
+    }
+}
+
+void LinkPlant::awaitRest(std::int64_t end_ns) {
+    int states = 0;
+    JointVector velocities = JointVector::Zero(n_), torques = JointVector::Zero(n_);
+    for (;;) {
+        const bool isNew = receive(kCallAgain_ns);
+        const std::uint64_t* const counts = host_.counts;
+        if (!(isNew && host_.is_connected) && vl_now_ns() >= end_ns) refuseSilence();
+        if (counts[VL_OTHER_JOINTS] > 0 || counts[VL_OTHER_TICK] > 0 || counts[VL_OTHER_VERSION] > 0) refuseSilence();
+        send(VL_HOLD, nullptr);  // the first of them call it
+        if (!isNew || !host_.is_connected) continue;
+        for (int i = 0; i < n_; ++i) {
+            velocities[i] += received_.qd[i] / kRestStates;
+            torques[i] += received_.tau[i] / kRestStates;
+        }
+        if (++states < kRestStates) continue;
+        restVelocities_ = velocities;
+        restTorques_ = torques;
+        if (velocities.lpNorm<Eigen::Infinity>() <= restVelocity_) return;
+        if (vl_now_ns() >= end_ns) refuseSilence();
+        states = 0;
+        velocities.setZero();
+        torques.setZero();
+    }
+}
+
+const char* LinkPlant::findTrouble() const {
+    const unsigned flags = received_.flags;
+    if (flags & VL_FAULT) return "it reports a fault of its own";
+    if (flags & VL_BRAKES) return "its brakes are closed";
+    if (!(flags & VL_ENABLED)) return "its motors are not enabled";
+    if (flags & VL_LAPSED) return "it missed commands for longer than repeat_ticks, and holds itself";
+    if (((flags & VL_ADDS_GRAVITY) != 0) != addsGravity_) return "what it adds for gravity is not as adds_gravity says";
+    const auto patience = static_cast<std::uint64_t>(repeats_ + kMostHolding);
+    if ((flags & VL_HOLDS) && drivenSequence_ != 0 && received_.sequence > drivenSequence_ + patience)
+        return "it takes no torque: they come later than repeat_ticks allows";
+    return nullptr;
+}
+
+void LinkPlant::checkRobot(const MotionState& start) {
+    const unsigned flags = received_.flags;
+    if (flags & VL_FAULT) refuse("reports a fault of its own", "Find and clear it at the robot.");
+    if (flags & VL_BRAKES) refuse("has its brakes closed", "Open them at the robot, or see why it closed them.");
+    if (!(flags & VL_ENABLED)) refuse("is not enabled", "Switch its motors on and let it follow torques.");
+    const auto compareFlag = [&](const char* name, bool says, unsigned flag, const char* what) {
+        if (((flags & flag) != 0) == says) return;
+        refuse(std::string(says ? "does not make up for " : "makes up for ") + what + " itself, and the file says " +
+                   name + (says ? ": true" : ": false"),
+               std::string("Write ") + name + (says ? ": false" : ": true") + ", or change the robot's setting.");
+    };
+    compareFlag("adds_gravity", addsGravity_, VL_ADDS_GRAVITY, "gravity");
+    compareFlag("adds_friction", addsFriction_, VL_ADDS_FRICTION, "friction");
+    if (measuresExternal_ && !(flags & VL_HAS_EXTERNAL))
+        refuse("does not measure the torque of the surroundings", "Write external_torque: false.");
+    for (int i = 0; i < n_; ++i) {
+        const double away = std::abs(state_.q[i] - start.q[i]);
+        if (away <= startTolerance_[i]) continue;
+        refuse("does not stand where the file starts: " + robot_->joints[static_cast<std::size_t>(i)].name + " is at " +
+                   formatShort(state_.q[i]) + ", and the start " + formatShort(start.q[i]),
+               "Move the robot there, or write its pose as the start: {position_rad: " + formatTorques(state_.q) +
+                   "}. Where it stands there, the order or sign of its joints is another.");
+    }
+    checkRestTorque();
+}
+
+/** The torque of an arm at rest is gravity's, and what friction holds: its size says whether the robot counts gravity, its
+signs whether joints are exchanged or turn the other way. */
+void LinkPlant::checkRestTorque() {
+    model_->calcDynamics(state_.q, JointVector::Zero(n_), dynamics_);
+    const JointVector expected = addsGravity_ ? JointVector(JointVector::Zero(n_)) : dynamics_.gravity;
+    const double largest = dynamics_.gravity.lpNorm<Eigen::Infinity>();
+    for (int i = 0; i < n_; ++i) {
+        const double held = kBreakaway * robot_->actuation.friction.coulomb[i];
+        if (std::abs(restTorques_[i] - expected[i]) <= held + torqueShare_ * largest) continue;
+        const char* const guess =
+            addsGravity_ && (restTorques_ - dynamics_.gravity).norm() < 0.5 * dynamics_.gravity.norm()
+                ? "It looks as if the robot did not subtract gravity: write adds_gravity: false, or see its driver. "
+            : !addsGravity_ && restTorques_.norm() < 0.5 * dynamics_.gravity.norm()
+                ? "It looks as if the robot added gravity itself: write adds_gravity: true, or see its driver. "
+            : (restTorques_ + expected).norm() < 0.5 * expected.norm() ? "It looks as if its signs were reversed. "
+                                                                       : "";
+        refuse("carries its arm at rest with " + formatTorques(restTorques_) + " Nm, and the model expects " +
+                   formatTorques(expected) + " Nm" + (addsGravity_ ? " beside what the robot adds for gravity" : "") +
+                   " (" + robot_->joints[static_cast<std::size_t>(i)].name + " differs by more than " +
+                   formatShort(held + torqueShare_ * largest) + ")",
+               std::string(guess) +
+                   "See gravity, the signs and the order of the joints, the robot's mounting and its payload; "
+                   "rest_torque_share allows more.");
+    }
+}
+
+void LinkPlant::reset(const MotionState& start) {
+    disconnect();
+    isGone_ = false;
+    readSequence_ = drivenSequence_ = 0;
+    received_ = vl_state{};
+    restVelocities_.setZero(n_);
+    restTorques_.setZero(n_);
+    if (start.qd.lpNorm<Eigen::Infinity>() > 0.0)
+        refuse("cannot be taken over in motion, as the start of the file is", "Give no velocity in the start.");
+    const std::int64_t end_ns = vl_now_ns() + toNanoseconds(connectTimeout_s_);
+    try {
+        open(end_ns);
+        awaitRest(end_ns);
+        takeState();
+        checkRobot(start);
+    } catch (...) {
+        disconnect();
+        throw;
+    }
+    sender_->reset(state_.q);
+}
+
+TickStatus LinkPlant::fail(const char* why) noexcept {
+    if (!isGone_) {
+        std::snprintf(text_, sizeof text_,
+                      "it cannot drive the robot at %.80s any more: %s (packets: %s; ticks without a state: %llu)",
+                      address_.c_str(), why, writePackets(), static_cast<unsigned long long>(host_.lost));
+        isGone_ = true;
+    }
+    explainFault(text_);
+    return TickStatus::Faulted;
+}
+
+TickStatus LinkPlant::read(std::int64_t& ticksPassed) {
+    ticksPassed = 1;
+    if (isGone_ || !isOpen_) return fail("it is not connected");
+    if (readSequence_ == 0) receive(0);  // what has waited since reset() is old
+    if (!receive(toNanoseconds(silenceTimeout_s_))) {
+        char why[96];
+        std::snprintf(why, sizeof why, "no state has come for %.3g s", silenceTimeout_s_);
+        return fail(why);
+    }
+    takeState();
+    if (const char* trouble = findTrouble()) return fail(trouble);
+    // Until the first read() it has held itself: no tick was missed.
+    if (readSequence_ != 0) ticksPassed = static_cast<std::int64_t>(received_.sequence - readSequence_);
+    readSequence_ = received_.sequence;
+    return TickStatus::Ok;
+}
+
+TickStatus LinkPlant::advance(const JointVector& torque, JointVector& applied) {
+    if (!isFinite(torque, n_)) return TickStatus::InvalidInput;
+    if (isGone_ || !isOpen_) return fail("it is not connected");
+    JointVector motors = torque;
+    const JointVector& sent = sender_->send(state_.q, motors);
+    if (!vl_are_plausible(sent.data(), n_, host_.largest_torque)) return fail("a torque beyond 1e6 Nm was to be sent");
+    send(VL_TORQUE, sent.data());
+    if (drivenSequence_ == 0) drivenSequence_ = received_.sequence;
+    applied = motors;
+    return TickStatus::Ok;
+}
+
+}  // namespace viable
+
+VIABLE_PLUGIN(viable::RealPlant, viable::LinkPlant, "link",
+              "A robot in another process or computer, over viable_link.h (UDP or shared memory); its packets make the "
+              "ticks.",
+              viable::kParameters)

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "viable/link/viable_link.h"
+#include "viable/plugin/RealPlant.h"
+#include "viable/robot/RobotModel.h"
+#include "viable/robot/TorqueSender.h"
+
+namespace viable {
+
+/** A robot in another process or another computer, over the link of viable_link.h; its packets make the ticks.
+
+Method: reset() calls the robot, and watches its states until the arm has rested for kRestStates of them; there it compares
+what the robot says of itself with what the file says: joints, tick, flags, start, and the torque that carries the arm.
+read() waits for the next state and takes the newest one that is there; advance() answers it. TorqueSender makes what is sent.
+Assumes: the robot has a stop and a hold of its own, and takes them where commands are missing.
+Guarantees: nothing that is not finite is sent; a state that is not whole, not of this session, not newer or not plausible
+is dropped and counted; a robot that is silent, brakes, holds itself or reports a fault ends the run.
+Real time: read(), advance() and measured() allocate, lock and throw nothing. read() waits up to silence_timeout_s. */
+class LinkPlant : public RealPlant {
+public:
+    ~LinkPlant() override;
+
+    /** Throws Error (BadInput) for an address, a key or a start that cannot be used. */
+    void configure(const RunSetup& setup, const Parameters& parameters) override;
+    /** Connects, which takes up to connect_timeout_s and begins with the end of an earlier connection. Throws Error (BadInput)
+    where there is no robot, or it is not what the file says. */
+    void reset(const MotionState& start) override;
+    const JointState& measured() const override { return state_; }
+    const JointState& actual() const override { return state_; }
+    const JointVector* externalTorque() const override { return measuresExternal_ ? &external_ : nullptr; }
+    int delayTicks() const override { return delayTicks_; }
+    JointVector motorRate() const override { return motorRate_; }
+    bool hasClock() const override { return true; }
+    TickStatus read(std::int64_t& ticksPassed) override;
+    TickStatus advance(const JointVector& torque, JointVector& applied) override;
+
+private:
+    void disconnect() noexcept;
+    void open(std::int64_t end_ns);
+    void awaitRest(std::int64_t end_ns);
+    /** What the file and the robot disagree about; throws Error. */
+    void checkRobot(const MotionState& start);
+    void checkRestTorque();
+    [[noreturn]] void refuse(const std::string& what, const std::string& remedy) const;
+    [[noreturn]] void refuseSilence() const;
+    /** Waits for a state and takes the newest that is there. False: none came. */
+    bool receive(std::int64_t timeout_ns);
+    void send(vl_mode mode, const double* torque);
+    void takeState();
+    /** Why the robot does not follow torques; null: it does. */
+    const char* findTrouble() const;
+    TickStatus fail(const char* why) noexcept;
+    const char* writePackets() noexcept;
+
+    const RobotDescription* robot_ = nullptr;
+    int n_ = 0;
+    double tick_s_ = 0.0;
+    std::string address_, place_;
+    vl_key key_{};
+    bool addsGravity_ = false, addsFriction_ = false, measuresExternal_ = false;
+    int repeats_ = 0, delayTicks_ = 0;
+    JointVector motorRate_, startTolerance_;
+    double connectTimeout_s_ = 0.0, silenceTimeout_s_ = 0.0, restVelocity_ = 0.0, torqueShare_ = 0.0;
+    std::unique_ptr<TorqueSender> sender_;
+    std::unique_ptr<RobotModel> model_;
+    Dynamics dynamics_;
+
+    vl_line line_{};
+    vl_host host_{};
+    bool isOpen_ = false, isGone_ = false;
+    vl_state received_{};
+    std::uint64_t readSequence_ = 0;            // of the last read(); 0: none since reset()
+    std::uint64_t drivenSequence_ = 0;          // that the first torque answered; 0: none
+    JointVector restVelocities_, restTorques_;  // means while it rested
+    JointState state_;
+    JointVector external_;
+    char text_[512] = "", packets_[256] = "";
+};
+
+}  // namespace viable

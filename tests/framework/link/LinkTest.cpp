@@ -1,0 +1,689 @@
+// The link between host and robot (viable_link.h): codec, state machines, transports; faults 83, 84 and 86.
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+
+#include <atomic>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <cstring>
+#include <limits>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "Effort.h"
+#include "viable/link/viable_link.h"
+
+namespace viable {
+namespace {
+
+constexpr int kJoints = 7;
+constexpr double kTick_s = 0.001;
+constexpr std::uint64_t kHostsAddress = 77, kRobotsAddress = 11, kStranger = 99;
+
+using Packet = std::vector<std::uint8_t>;
+
+vl_key makeKey(std::uint64_t first = 1) {
+    return {1, {first, 2}};
+}
+
+vl_state makeState(std::mt19937_64& random) {
+    vl_state s{};
+    std::uniform_real_distribution<double> number(-10.0, 10.0);
+    s.sequence = random();
+    s.echo = random();
+    s.time_ns = static_cast<std::int64_t>(random());
+    s.flags = static_cast<unsigned>(random() & 0xff);
+    s.joints = 1 + static_cast<int>(random() % VL_MAX_JOINTS);
+    s.tick_ns = static_cast<std::uint32_t>(random());
+    for (int i = 0; i < s.joints; ++i) {
+        s.q[i] = number(random);
+        s.qd[i] = number(random);
+        s.tau[i] = number(random);
+        s.external[i] = number(random);
+    }
+    return s;
+}
+
+std::string toHex(const std::uint8_t* bytes, int size) {
+    std::string text;
+    for (int i = 0; i < size; ++i) {
+        char digits[3];
+        std::snprintf(digits, sizeof digits, "%02x", bytes[i]);
+        text += digits;
+    }
+    return text;
+}
+
+// --- Check sums ---------------------------------------------------------------------------------
+
+TEST(Link, CheckSumIsThatOfIeee802) {
+    EXPECT_EQ(vl_crc32(reinterpret_cast<const std::uint8_t*>("123456789"), 9), 0xcbf43926u);  // its check value
+    EXPECT_EQ(vl_crc32(nullptr, 0), 0u);
+}
+
+/** Vectors: 64 bit from the paper of SipHash (Aumasson and Bernstein 2012, appendix A) and the first of the reference code's
+vectors.h; 128 bit the first of its vectors_sip128. Key 00 01 ... 0f, message 00 01 ...; `openssl mac -macopt
+hexkey:000102030405060708090a0b0c0d0e0f -macopt size:16 -in FILE SipHash` gives the same. */
+TEST(Link, KeyedCheckSumIsSipHash24) {
+    vl_key key{};
+    ASSERT_EQ(vl_key_from_hex("000102030405060708090A0b0c0d0e0f\n", &key), 0);
+    std::uint8_t message[64], out[16];
+    for (int i = 0; i < 64; ++i) message[i] = static_cast<std::uint8_t>(i);
+    vl_siphash(&key, message, 15, out, 8);
+    EXPECT_EQ(vl_get(out, 8), 0xa129ca6149be45e5u);
+    vl_siphash(&key, message, 0, out, 8);
+    EXPECT_EQ(toHex(out, 8), "310e0edd47db6f72");
+    const char* const expected[] = {"a3817f04ba25a8e66df67214c7550293", "da87c1d86b99af44347659119b22fc45",
+                                    "8177228da4a45dc7fca38bdef60affe4"};
+    for (std::size_t size = 0; size < 3; ++size) {
+        vl_siphash(&key, message, size, out, 16);
+        EXPECT_EQ(toHex(out, 16), expected[size]) << size;
+    }
+    for (const char* wrong : {"", "0001", "000102030405060708090a0b0c0d0e0g", "000102030405060708090a0b0c0d0e0f0"})
+        EXPECT_EQ(vl_key_from_hex(wrong, &key), -1) << wrong;
+}
+
+// --- Codec --------------------------------------------------------------------------------------
+
+TEST(Link, PacketsComeOutAsTheyWentIn) {
+    std::mt19937_64 random(1);
+    std::uint8_t packet[VL_MAX_PACKET];
+    for (int k = 0; k < 2000; ++k) {
+        const vl_key key = k % 2 ? makeKey(random()) : vl_key{};
+        const vl_state sent = makeState(random);
+        const vl_session session{random(), random()};
+        const std::size_t size = vl_encode_state(packet, &sent, session, &key);
+        ASSERT_LE(size, sizeof packet);
+        vl_state got{};
+        vl_session gotSession{};
+        ASSERT_EQ(vl_decode_state(packet, size, &key, &got, &gotSession), VL_GOOD);
+        ASSERT_EQ(std::memcmp(&got, &sent, sizeof sent), 0);
+        ASSERT_EQ(gotSession.host, session.host);
+        ASSERT_EQ(gotSession.robot, session.robot);
+
+        vl_command command{};
+        command.sequence = random();
+        command.echo = random();
+        command.mode = static_cast<vl_mode>(random() % 3);
+        command.repeats = static_cast<int>(random() % 65536);
+        command.joints = sent.joints;
+        command.tick_ns = sent.tick_ns;
+        for (int i = 0; i < command.joints; ++i) command.tau[i] = sent.tau[i];
+        vl_command gotCommand{};
+        const std::size_t commandSize = vl_encode_command(packet, &command, session, &key);
+        ASSERT_EQ(vl_decode_command(packet, commandSize, &key, &gotCommand, &gotSession), VL_GOOD);
+        ASSERT_EQ(gotCommand.sequence, command.sequence);
+        ASSERT_EQ(gotCommand.echo, command.echo);
+        ASSERT_EQ(gotCommand.mode, command.mode);
+        ASSERT_EQ(gotCommand.repeats, command.repeats);
+        ASSERT_EQ(std::memcmp(gotCommand.tau, command.tau, sizeof command.tau), 0);
+        EXPECT_EQ(vl_decode_state(packet, commandSize, &key, &got, &gotSession), VL_FOREIGN);  // the other kind
+    }
+}
+
+/** The bytes of a packet are those that the header's comment gives, on any machine. */
+TEST(Link, LayoutIsAsWritten) {
+    vl_command command{};
+    command.sequence = 0x0102030405060708;
+    command.echo = 3;
+    command.mode = VL_TORQUE;
+    command.repeats = 5;
+    command.joints = 1;
+    command.tick_ns = 1000000;
+    command.tau[0] = 1.0;
+    std::uint8_t packet[VL_MAX_PACKET];
+    const vl_key none{};
+    ASSERT_EQ(vl_encode_command(packet, &command, {0x10, 0x20}, &none), 80u);
+    EXPECT_EQ(toHex(packet, 64),
+              "764c4e4b"
+              "01"
+              "02"
+              "01"
+              "01"
+              "5000"
+              "0500"
+              "40420f00"
+              "1000000000000000"
+              "2000000000000000"
+              "0807060504030201"
+              "0300000000000000"
+              "0000000000000000"
+              "000000000000f03f");
+    EXPECT_EQ(vl_get(packet + 64, 4), vl_crc32(packet, 64));
+    EXPECT_EQ(toHex(packet + 68, 12), std::string(24, '0'));
+}
+
+// --- State machines -----------------------------------------------------------------------------
+
+/** Host and robot without a line between them. */
+struct Pair {
+    explicit Pair(const vl_key& key = {}) {
+        vl_robot_init(&robot, kJoints, kTick_s, 4711);
+        vl_host_init(&host, kJoints, kTick_s, 1234, kRobotsAddress);
+        robot.key = host.key = key;
+    }
+    vl_mode tick() {
+        state.flags = VL_ENABLED;
+        return vl_robot_tick(&robot, torque);
+    }
+    Packet makeState() {
+        Packet packet(VL_MAX_PACKET);
+        packet.resize(vl_robot_state(&robot, &state, packet.data()));
+        return packet;
+    }
+    Packet makeCommand(vl_mode mode, double value = 0.0, int repeats = 3) {
+        const std::vector<double> tau(kJoints, value);
+        Packet packet(VL_MAX_PACKET);
+        packet.resize(vl_host_command(&host, mode, tau.data(), repeats, packet.data()));
+        return packet;
+    }
+    vl_result give(const Packet& packet, std::uint64_t peer = kHostsAddress) {
+        return vl_robot_receive(&robot, packet.data(), packet.size(), peer);
+    }
+    vl_result take(const Packet& packet, std::uint64_t peer = kRobotsAddress) {
+        return vl_host_receive(&host, packet.data(), packet.size(), peer, &heard);
+    }
+    /** A tick of both sides in which nothing is lost. */
+    vl_mode exchange(vl_mode mode, double value = 0.0) {
+        const vl_mode acts = tick();
+        EXPECT_EQ(take(makeState()), VL_GOOD);
+        EXPECT_EQ(give(makeCommand(mode, value)), VL_GOOD);
+        return acts;
+    }
+    void connect() {
+        tick();
+        ASSERT_TRUE(makeState().empty());
+        ASSERT_EQ(give(makeCommand(VL_HOLD)), VL_GOOD);  // hello
+        for (int k = 0; k < 3; ++k) exchange(VL_HOLD);
+        ASSERT_TRUE(host.is_connected);
+        ASSERT_TRUE(robot.has_host);
+    }
+
+    vl_robot robot;
+    vl_host host;
+    vl_state state{}, heard{};
+    double torque[VL_MAX_JOINTS] = {};
+};
+
+TEST(Link, TorquesActInTheTickAfterTheStateThatTheyAnswer) {
+    for (const vl_key& key : {vl_key{}, makeKey()}) {
+        Pair pair(key);
+        pair.connect();
+        EXPECT_EQ(pair.exchange(VL_TORQUE, 1.0), VL_HOLD);
+        for (int k = 2; k < 100; ++k) {
+            EXPECT_EQ(pair.exchange(VL_TORQUE, k), VL_TORQUE);
+            EXPECT_EQ(pair.torque[kJoints - 1], k - 1.0);
+            EXPECT_EQ(pair.heard.flags & (VL_HOLDS | VL_LAPSED), 0u);
+        }
+        EXPECT_EQ(pair.robot.repeated, 0u);
+        EXPECT_EQ(pair.host.lost, 0u);
+        EXPECT_EQ(pair.give(pair.makeCommand(VL_STOP)), VL_GOOD);
+        EXPECT_EQ(pair.tick(), VL_HOLD);
+        EXPECT_FALSE(pair.robot.has_host);
+        EXPECT_TRUE(pair.makeState().empty());
+    }
+}
+
+TEST(Link, TheRobotCutsTorquesAtItsLimit) {
+    Pair pair;
+    pair.connect();
+    pair.robot.torque_limit[2] = 5.0;
+    pair.exchange(VL_TORQUE, -30.0);
+    EXPECT_EQ(pair.tick(), VL_TORQUE);
+    EXPECT_EQ(pair.torque[2], -5.0);
+    EXPECT_EQ(pair.torque[3], -30.0);
+}
+
+TEST(Fault83, MissingTorquesAreRepeatedAsLongAsAllowedAndThenTheRobotHolds) {
+    Pair pair;
+    pair.connect();
+    pair.exchange(VL_TORQUE, 1.0);
+    for (int k = 0; k < 4; ++k) EXPECT_EQ(pair.tick(), VL_TORQUE) << k;  // once, and 3 times again
+    EXPECT_EQ(pair.robot.repeated, 3u);
+    EXPECT_EQ(pair.tick(), VL_HOLD);
+    EXPECT_EQ(pair.robot.lapses, 1u);
+    EXPECT_EQ(pair.take(pair.makeState()), VL_GOOD);
+    EXPECT_EQ(pair.host.lost, 4u);
+    EXPECT_EQ(pair.heard.flags & (VL_HOLDS | VL_LAPSED), unsigned(VL_HOLDS | VL_LAPSED));
+    // New torques do not act before a hold.
+    EXPECT_EQ(pair.give(pair.makeCommand(VL_TORQUE, 2.0)), VL_GOOD);
+    EXPECT_EQ(pair.tick(), VL_HOLD);
+    pair.exchange(VL_HOLD);
+    pair.exchange(VL_TORQUE, 3.0);
+    EXPECT_EQ(pair.tick(), VL_TORQUE);
+    EXPECT_EQ(pair.torque[0], 3.0);
+}
+
+TEST(Fault83, LateTorquesActNoLongerThanPunctualOnes) {
+    Pair pair;
+    pair.connect();
+    pair.exchange(VL_TORQUE, 1.0);
+    pair.tick();
+    pair.take(pair.makeState());
+    const Packet late = pair.makeCommand(VL_TORQUE, 2.0);           // may act in the 4 ticks after this one
+    for (int k = 0; k < 3; ++k) EXPECT_EQ(pair.tick(), VL_TORQUE);  // the first one, repeated
+    EXPECT_EQ(pair.give(late), VL_GOOD);
+    EXPECT_EQ(pair.tick(), VL_TORQUE);
+    EXPECT_EQ(pair.torque[0], 2.0);
+    EXPECT_EQ(pair.tick(), VL_HOLD);
+    EXPECT_EQ(pair.give(pair.makeCommand(VL_TORQUE, 3.0)), VL_OLD);  // answers a state of long ago
+}
+
+TEST(Fault83, WhatIsNotTheNextPacketOfTheOtherSideIsDroppedAndCounted) {
+    Pair pair(makeKey());
+    pair.connect();
+    pair.tick();
+    const Packet state = pair.makeState();
+    EXPECT_EQ(pair.take(state, kStranger), VL_FOREIGN);
+    EXPECT_EQ(pair.take(state), VL_GOOD);
+    EXPECT_EQ(pair.take(state), VL_DUPLICATE);
+    pair.tick();
+    const Packet skipped = pair.makeState();
+    pair.tick();
+    EXPECT_EQ(pair.take(pair.makeState()), VL_GOOD);
+    EXPECT_EQ(pair.host.lost, 1u);
+    EXPECT_EQ(pair.take(skipped), VL_OLD);
+
+    const Packet first = pair.makeCommand(VL_TORQUE, 1.0), second = pair.makeCommand(VL_TORQUE, 2.0);
+    EXPECT_EQ(pair.give(second, kStranger), VL_FOREIGN);
+    EXPECT_EQ(pair.give(second), VL_GOOD);
+    EXPECT_EQ(pair.give(second), VL_DUPLICATE);
+    EXPECT_EQ(pair.give(first), VL_OLD);
+    Packet other = first;
+    other[4] = VL_VERSION + 1;
+    EXPECT_EQ(pair.give(other), VL_OTHER_VERSION);
+    other = first;
+    other.resize(other.size() - 1);
+    EXPECT_EQ(pair.give(other), VL_OTHER_SIZE);
+    other = first;
+    other.back() ^= 1;
+    EXPECT_EQ(pair.give(other), VL_CORRUPT);
+    EXPECT_EQ(pair.give(Packet{1, 2, 3}), VL_FOREIGN);
+    EXPECT_EQ(pair.give(Packet(VL_MAX_PACKET + 1, 0)), VL_FOREIGN);
+    pair.host.joints = 6;
+    EXPECT_EQ(pair.give(pair.makeCommand(VL_TORQUE, 1.0)), VL_OTHER_JOINTS);
+    pair.host.joints = kJoints;
+    pair.host.tick_ns *= 2;
+    EXPECT_EQ(pair.give(pair.makeCommand(VL_TORQUE, 1.0)), VL_OTHER_TICK);
+    pair.host.tick_ns /= 2;
+    pair.host.last_sequence += 100;  // answers a state that was never sent
+    EXPECT_EQ(pair.give(pair.makeCommand(VL_TORQUE, 1.0)), VL_ABSURD);
+    for (int result = VL_GOOD + 1; result < VL_RESULTS; ++result)
+        EXPECT_EQ(pair.robot.counts[result], result == VL_FOREIGN ? 3u : 1u) << vl_result_name(vl_result(result));
+    EXPECT_EQ(pair.tick(), VL_TORQUE);
+    EXPECT_EQ(pair.torque[0], 2.0);
+}
+
+TEST(Fault83, NumbersThatNoArmHasAreDroppedAndNoneIsSent) {
+    const double nan = std::numeric_limits<double>::quiet_NaN(), infinity = std::numeric_limits<double>::infinity();
+    Pair pair;
+    pair.connect();
+    for (const double bad : {nan, infinity, -infinity, 1e7, -1e300}) {
+        for (double* number : {&pair.state.q[0], &pair.state.qd[kJoints - 1], &pair.state.tau[3]}) {
+            pair.tick();
+            *number = bad;
+            EXPECT_EQ(pair.take(pair.makeState()), VL_ABSURD) << bad;
+            *number = 0.0;
+        }
+        EXPECT_TRUE(pair.makeCommand(VL_TORQUE, bad).empty()) << bad;
+        pair.tick();
+        EXPECT_EQ(pair.take(pair.makeState()), VL_GOOD);
+        Packet command(VL_MAX_PACKET);
+        vl_command made{};
+        made.sequence = pair.host.sent + 1;
+        made.echo = pair.robot.tick;
+        made.mode = VL_TORQUE;
+        made.joints = kJoints;
+        made.tick_ns = pair.robot.tick_ns;
+        made.tau[6] = bad;
+        command.resize(vl_encode_command(command.data(), &made, pair.host.session, &pair.host.key));
+        EXPECT_EQ(pair.give(command), VL_ABSURD) << bad;
+        EXPECT_EQ(pair.tick(), VL_HOLD);
+    }
+    pair.state.external[0] = nan;  // not measured, and so not looked at
+    pair.tick();
+    EXPECT_EQ(pair.take(pair.makeState()), VL_GOOD);
+}
+
+TEST(Link, OneHostAtATimeUntilItStopsOrFallsSilent) {
+    Pair pair, other;
+    vl_host_init(&other.host, kJoints, kTick_s, 999, kRobotsAddress);
+    pair.connect();
+    EXPECT_EQ(pair.give(other.makeCommand(VL_HOLD), kStranger), VL_FOREIGN);
+    EXPECT_EQ(pair.give(other.makeCommand(VL_HOLD)), VL_FOREIGN);  // not from the same address either
+    for (std::uint32_t k = 0; k <= pair.robot.release_ticks; ++k) pair.tick();
+    EXPECT_EQ(pair.give(other.makeCommand(VL_HOLD), kStranger), VL_GOOD);
+    EXPECT_EQ(vl_robot_peer(&pair.robot), kStranger);
+    pair.tick();
+    const Packet state = pair.makeState();
+    EXPECT_EQ(other.take(state), VL_GOOD);
+    EXPECT_EQ(pair.take(state), VL_FOREIGN);
+    EXPECT_EQ(pair.give(other.makeCommand(VL_HOLD), kStranger), VL_GOOD);
+    EXPECT_TRUE(pair.robot.has_host);
+    EXPECT_EQ(pair.give(pair.makeCommand(VL_TORQUE, 1.0)), VL_FOREIGN);  // the first host has lost it
+}
+
+/** What was recorded of one session is of no use in any later one, with the same key, host and robot. */
+TEST(Link, RecordedPacketsOfAnotherSessionDoNothing) {
+    Pair pair(makeKey());
+    std::vector<Packet> commands, states;
+    commands.push_back(pair.makeCommand(VL_HOLD));
+    pair.tick();
+    pair.give(commands.back());
+    for (int k = 0; k < 50; ++k) {
+        pair.tick();
+        states.push_back(pair.makeState());
+        pair.take(states.back());
+        commands.push_back(pair.makeCommand(k < 5 ? VL_HOLD : VL_TORQUE, 9.0));
+        pair.give(commands.back());
+    }
+    ASSERT_EQ(pair.tick(), VL_TORQUE);
+    pair.give(pair.makeCommand(VL_STOP));
+    for (int k = 0; k < 50; ++k) {  // the recorded host alone, from the address that it had
+        const vl_result result = pair.give(commands[static_cast<std::size_t>(k)]);
+        EXPECT_EQ(result, k == 0 ? VL_GOOD : VL_OLD);  // hello is answered, with a new number
+        EXPECT_EQ(pair.tick(), VL_HOLD);
+        EXPECT_FALSE(pair.robot.has_host);
+    }
+    EXPECT_EQ(pair.give(commands.back(), kStranger), VL_FOREIGN);
+    Pair again(makeKey());  // another host hears recorded states
+    vl_host_init(&again.host, kJoints, kTick_s, 5678, kRobotsAddress);
+    again.host.key = makeKey();
+    for (const Packet& state : states) EXPECT_EQ(again.take(state), VL_FOREIGN);
+    Pair stranger(makeKey(3));
+    EXPECT_EQ(pair.give(stranger.makeCommand(VL_HOLD)), VL_CORRUPT);
+    Pair open;
+    EXPECT_EQ(pair.give(open.makeCommand(VL_HOLD)), VL_CORRUPT);
+}
+
+TEST(Fault84, ARobotThatStartedAnewIsAnotherOne) {
+    Pair pair;
+    pair.connect();
+    pair.exchange(VL_TORQUE, 1.0);
+    vl_robot_init(&pair.robot, kJoints, kTick_s, 4712);
+    pair.tick();
+    EXPECT_EQ(pair.give(pair.makeCommand(VL_TORQUE, 1.0)), VL_FOREIGN);
+    EXPECT_TRUE(pair.makeState().empty());
+    EXPECT_EQ(pair.tick(), VL_HOLD);
+}
+
+/** 1e5 packets, each a good one with 1 to 8 bytes changed, cut off, longer, or nothing but chance: whatever the other bytes
+are, nothing acts. */
+TEST(Fault83, AHundredThousandMutatedPacketsChangeNothing) {
+    std::mt19937_64 random(static_cast<std::uint64_t>(test::getSeed(1)));
+    for (const vl_key& key : {vl_key{}, makeKey()}) {
+        Pair pair(key);
+        pair.connect();
+        pair.exchange(VL_TORQUE, 1.0);
+        pair.tick();
+        const Packet goodState = pair.makeState();
+        ASSERT_EQ(pair.take(goodState), VL_GOOD);
+        pair.tick();
+        const Packet nextState = pair.makeState(), command = pair.makeCommand(VL_TORQUE, 2.0, 50);
+        const vl_robot robot = pair.robot;
+        const vl_host host = pair.host;
+        const vl_state heard = pair.heard;
+        for (int k = 0; k < 50000; ++k) {
+            const bool isCommand = k % 2;
+            Packet packet = isCommand ? command : nextState;
+            const Packet original = packet;
+            switch (random() % 4) {
+                case 0:
+                    packet.resize(random() % packet.size());
+                    break;
+                case 1:
+                    packet.resize(random() % (VL_MAX_PACKET + 2));
+                    for (std::uint8_t& byte : packet) byte = static_cast<std::uint8_t>(random());
+                    break;
+                default:
+                    for (std::uint64_t changes = 1 + random() % 8; changes > 0; --changes)
+                        packet[random() % packet.size()] = static_cast<std::uint8_t>(random());
+            }
+            if (packet == original) continue;
+            ASSERT_NE(isCommand ? pair.give(packet) : pair.take(packet), VL_GOOD) << k;
+        }
+        std::memcpy(pair.robot.counts, robot.counts, sizeof robot.counts);
+        std::memcpy(pair.host.counts, host.counts, sizeof host.counts);
+        pair.host.other_version = host.other_version;
+        EXPECT_EQ(std::memcmp(&pair.robot, &robot, sizeof robot), 0);
+        EXPECT_EQ(std::memcmp(&pair.host, &host, sizeof host), 0);
+        EXPECT_EQ(std::memcmp(&pair.heard, &heard, sizeof heard), 0);
+        EXPECT_EQ(pair.give(command), VL_GOOD);
+        EXPECT_EQ(pair.take(nextState), VL_GOOD);
+    }
+}
+
+/** A line that loses, delays, doubles and reorders, for 20 s of ticks: the torque that acts is never older than allowed, and
+every tick that the host has not heard of is counted as lost. */
+TEST(Fault83, OnABadLineNoTorqueIsOlderThanAllowed) {
+    std::mt19937_64 random(static_cast<std::uint64_t>(test::getSeed(2)));
+    Pair pair;
+    pair.connect();
+    std::vector<std::pair<std::uint64_t, Packet>> toHost, toRobot;  // when, what
+    std::uint64_t good = 0;
+    const std::uint64_t begin = pair.host.last_sequence, lostBefore = pair.host.lost;
+    const auto post = [&](std::vector<std::pair<std::uint64_t, Packet>>& line, const Packet& packet) {
+        if (random() % 10 == 0) return;
+        const int copies = random() % 10 == 0 ? 2 : 1;
+        for (int i = 0; i < copies; ++i)
+            line.emplace_back(pair.robot.tick + (random() % 5 == 0 ? random() % 8 : 0), packet);
+    };
+    const auto deliver = [&](std::vector<std::pair<std::uint64_t, Packet>>& line, const auto& use) {
+        for (std::size_t i = 0; i < line.size();)
+            if (line[i].first <= pair.robot.tick) {
+                const Packet packet = line[i].second;
+                line.erase(line.begin() + static_cast<std::ptrdiff_t>(i));
+                use(packet);
+            } else {
+                ++i;
+            }
+    };
+    std::uint64_t torqueTicks = 0;
+    for (int k = 0; k < 20000; ++k) {
+        deliver(toRobot, [&](const Packet& packet) { pair.give(packet); });
+        if (pair.tick() == VL_TORQUE) {
+            ++torqueTicks;
+            const auto answered =
+                static_cast<std::uint64_t>(pair.torque[0]);  // commands carry the tick that they answer
+            ASSERT_GE(pair.robot.tick, answered + 1);
+            ASSERT_LE(pair.robot.tick, answered + 1 + 3);
+        }
+        post(toHost, pair.makeState());
+        bool isNew = false;
+        deliver(toHost, [&](const Packet& packet) {
+            if (pair.take(packet) != VL_GOOD) return;
+            ++good;
+            isNew = true;
+        });
+        if (isNew)
+            post(toRobot, pair.heard.flags & VL_LAPSED
+                              ? pair.makeCommand(VL_HOLD)
+                              : pair.makeCommand(VL_TORQUE, static_cast<double>(pair.host.last_sequence)));
+    }
+    EXPECT_GT(torqueTicks, 10000u);
+    EXPECT_GT(pair.robot.counts[VL_OLD] + pair.robot.counts[VL_DUPLICATE], 100u);
+    EXPECT_EQ(pair.host.last_sequence - begin, good + pair.host.lost - lostBefore);
+}
+
+// --- Transports ---------------------------------------------------------------------------------
+
+/** A name of shared memory that no other test has. */
+std::string makeName() {
+    static std::atomic<int> count{0};
+    return "shm:viable-test-" + std::to_string(getpid()) + "-" + std::to_string(++count);
+}
+
+struct Line {
+    Line(const std::string& address, bool isRobot) {
+        EXPECT_EQ(vl_line_open(&line, address.c_str(), isRobot, error, sizeof error), 0) << error;
+    }
+    ~Line() { vl_line_close(&line); }
+    Line(const Line&) = delete;
+    Line& operator=(const Line&) = delete;
+    vl_line line;
+    char error[256] = "";
+};
+
+/** Connects over a line and exchanges torques, in lock step. */
+void exchangeOver(const std::string& address) {
+    Line robotEnd(address, true);
+    const std::string called = address.rfind("shm:", 0) == 0 ? address
+                                                             : address.substr(0, address.rfind(':') + 1) +
+                                                                   std::to_string(vl_line_port(&robotEnd.line));
+    Line hostEnd(called, false);
+    vl_robot robot;
+    vl_robot_init(&robot, kJoints, kTick_s, vl_random());
+    vl_host host;
+    vl_host_init(&host, kJoints, kTick_s, vl_random(), vl_line_peer(&hostEnd.line));
+    double torque[VL_MAX_JOINTS] = {}, wanted[VL_MAX_JOINTS] = {};
+    std::uint8_t bytes[VL_MAX_PACKET + 1];
+    int driven = 0;
+    for (int k = 0; k < 100; ++k) {
+        vl_robot_poll(&robot, &robotEnd.line);
+        if (vl_robot_tick(&robot, torque) == VL_TORQUE) ++driven;
+        vl_state state{};
+        state.q[0] = k;
+        vl_robot_send(&robot, &robotEnd.line, &state);
+        std::uint64_t peer = 0;
+        vl_state heard{};
+        while (const std::size_t size = vl_line_receive(&hostEnd.line, bytes, k > 2 ? 1'000'000'000 : 0, &peer))
+            if (vl_host_receive(&host, bytes, size, peer, &heard) == VL_GOOD) break;
+        if (k > 2) {
+            EXPECT_EQ(heard.q[0], k);
+        }
+        wanted[0] = k;
+        const std::size_t size = vl_host_command(&host, k > 10 ? VL_TORQUE : VL_HOLD, wanted, 3, bytes);
+        EXPECT_EQ(vl_line_send(&hostEnd.line, bytes, size), 0);
+    }
+    EXPECT_EQ(driven, 88);
+    EXPECT_EQ(host.lost, 0u);
+    const std::int64_t begin = vl_now_ns();  // nothing more comes: it waits as long as it is told
+    std::uint64_t peer = 0;
+    EXPECT_EQ(vl_line_receive(&hostEnd.line, bytes, 20'000'000, &peer), 0u);
+    EXPECT_GE(vl_now_ns() - begin, 20'000'000);
+}
+
+TEST(LinkLine, Udp) {
+    exchangeOver("127.0.0.1:0");
+}
+TEST(LinkLine, Udp6) {
+    vl_line line;
+    char error[256];
+    if (vl_line_open(&line, "[::1]:0", 1, error, sizeof error) != 0) GTEST_SKIP() << "no IPv6 here: " << error;
+    vl_line_close(&line);
+    exchangeOver("[::1]:0");
+}
+TEST(LinkLine, SharedMemory) {
+    exchangeOver(makeName());
+}
+
+TEST(LinkLine, AddressesAreNumbersOnly) {
+    sockaddr_storage address;
+    socklen_t size = 0;
+    for (const char* good : {"127.0.0.1:0", "10.0.0.2:65535", "[::1]:47100", "[fe80::1]:1"})
+        EXPECT_EQ(vl_parse_address(good, &address, &size), 0) << good;
+    for (const char* bad : {"", ":", "localhost:1", "127.0.0.1", "127.0.0.1:", "127.0.0.1:65536", "127.0.0.1:-1",
+                            "127.0.0.1:1x", "::1:1", "[::1:1", "[]:1", "[127.0.0.1]:1", "1.2.3:4", ":47100"})
+        EXPECT_EQ(vl_parse_address(bad, &address, &size), -1) << bad;
+    vl_line line;
+    char error[256];
+    EXPECT_EQ(vl_line_open(&line, "localhost:1", 0, error, sizeof error), -1);
+    EXPECT_EQ(std::string(error).find("an address is numeric"), 0u) << error;
+    EXPECT_EQ(vl_line_open(&line, "shm:a/b", 0, error, sizeof error), -1);
+    EXPECT_EQ(vl_line_open(&line, makeName().c_str(), 0, error, sizeof error), -1);
+    EXPECT_EQ(std::string(error).find("there is no robot"), 0u) << error;
+}
+
+TEST(LinkLine, OneRobotPerAddress) {
+    char error[256];
+    vl_line second;
+    const std::string name = makeName();
+    const Line first(name, true);
+    EXPECT_EQ(vl_line_open(&second, name.c_str(), 1, error, sizeof error), -1);
+    EXPECT_EQ(std::string(error), "another robot has this shared memory");
+    const Line udp("127.0.0.1:0", true);
+    EXPECT_EQ(
+        vl_line_open(&second, ("127.0.0.1:" + std::to_string(vl_line_port(&udp.line))).c_str(), 1, error, sizeof error),
+        -1);
+    EXPECT_EQ(std::string(error).find("this address cannot be listened at"), 0u) << error;
+}
+
+TEST(LinkLine, PacketsOfStrangersAndEmptyOnesAreTold) {
+    const Line robotEnd("127.0.0.1:0", true);
+    const std::string called = "127.0.0.1:" + std::to_string(vl_line_port(&robotEnd.line));
+    Line one(called, false), two(called, false);
+    vl_line robotLine = robotEnd.line;
+    std::uint8_t bytes[VL_MAX_PACKET + 1];
+    const Packet longer(2000, 1);
+    vl_line_send(&one.line, longer.data(), longer.size());
+    vl_line_send(&two.line, longer.data(), 0);
+    std::uint64_t first = 0, second = 0;
+    EXPECT_EQ(vl_line_receive(&robotLine, bytes, 1'000'000'000, &first), std::size_t(VL_MAX_PACKET + 1));
+    EXPECT_EQ(vl_line_receive(&robotLine, bytes, 1'000'000'000, &second), 1u);
+    EXPECT_NE(first, second);
+    EXPECT_NE(first, 0u);
+}
+
+/** A writer that is killed at any moment, 60 times: the reader never takes half a packet, and hears the next writer. */
+TEST(Fault86, AKilledWriterOfSharedMemoryLeavesNothingBehind) {
+    const std::string name = makeName();
+    Line robotEnd(name, true);
+    std::mt19937_64 random(3);
+    std::uint8_t bytes[VL_MAX_PACKET + 1];
+    int heard = 0;
+    for (int round = 0; round < 60; ++round) {
+        const pid_t writer = fork();
+        if (writer == 0) {
+            vl_line line;
+            char error[256];
+            if (vl_line_open(&line, name.c_str(), 0, error, sizeof error) != 0) _exit(1);
+            for (std::uint8_t k = 0;; ++k) {
+                const Packet packet(100 + k % 3 * 100, k);  // each of one byte's value, of its own size
+                vl_line_send(&line, packet.data(), packet.size());
+            }
+        }
+        const std::int64_t end = vl_now_ns() + 500'000 + static_cast<std::int64_t>(random() % 2'000'000);
+        std::uint64_t peer = 0;
+        int now = 0;
+        while (vl_now_ns() < end || now == 0) {
+            const std::size_t size = vl_line_receive(&robotEnd.line, bytes, 100'000, &peer);
+            if (size == 0) continue;
+            ++now;
+            ASSERT_EQ(size, 100u + bytes[0] % 3 * 100u);
+            for (std::size_t i = 1; i < size; ++i) ASSERT_EQ(bytes[i], bytes[0]);
+        }
+        heard += now;
+        kill(writer, SIGKILL);
+        waitpid(writer, nullptr, 0);
+    }
+    EXPECT_GT(heard, 60);
+}
+
+TEST(Fault86, AKilledRobotGivesItsSharedMemoryToTheNextOne) {
+    const std::string name = makeName();
+    int ready[2];
+    ASSERT_EQ(pipe(ready), 0);
+    const pid_t robot = fork();
+    if (robot == 0) {
+        vl_line line;
+        char error[256];
+        const char ok = vl_line_open(&line, name.c_str(), 1, error, sizeof error) == 0 ? 'y' : 'n';
+        if (write(ready[1], &ok, 1) != 1) _exit(1);
+        for (;;) pause();
+    }
+    char ok = 'n';
+    ASSERT_EQ(read(ready[0], &ok, 1), 1);
+    EXPECT_EQ(ok, 'y');
+    kill(robot, SIGKILL);
+    waitpid(robot, nullptr, 0);
+    exchangeOver(name);
+    close(ready[0]);
+    close(ready[1]);
+}
+
+}  // namespace
+}  // namespace viable
