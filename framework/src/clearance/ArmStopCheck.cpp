@@ -16,12 +16,14 @@ constexpr int kMostClearanceRows = 12;
 
 ArmStopCheck::ArmStopCheck(const RobotDescription& robot, const ArmGeometry* geometry, const TorqueScan::Limits& limits,
                            double tick_s)
-    : capsules_(geometry ? geometry->capsules : std::vector<LinkCapsule>{}),
+    : n_(robot.size()),
+      capsules_(geometry ? geometry->capsules : std::vector<LinkCapsule>{}),
       elements_(geometry ? makeElements(*geometry) : std::vector<ArmElement>{}),
       distance_(capsules_),
       motion_(robot, capsules_, distance_.getRadii(), elements_),
       torque_(robot, limits, tick_s),
       rows_(robot, capsules_, limits, tick_s),
+      isLooked_(elements_.size()),
       places_(elements_.size()),
       found_(elements_.size()),
       order_(elements_.size()) {
@@ -32,6 +34,7 @@ ArmStopCheck::Result ArmStopCheck::makeResult() const {
     Result result;
     result.seen.assign(elements_.size(), kInfinity);
     result.proven = result.seen;
+    result.torque.proven = JointVector::Constant(n_, kInfinity);
     return result;
 }
 
@@ -44,11 +47,16 @@ void ArmStopCheck::beginTick() {
 class ArmStopCheck::Subject {
 public:
     Subject(ArmStopCheck& check, std::size_t e)
-        : check_(check), element_(check.elements_[e]), place_(check.places_[e]), index_(static_cast<int>(e)) {}
+        : check_(check),
+          element_(check.elements_[e]),
+          place_(check.places_[e]),
+          index_(static_cast<int>(e)),
+          radius_(check.distance_.getRadius(element_)) {}
 
     bool hasBudget() const { return check_.distances_ > 0; }
-    double calcReach(const bisection::Look& from, const bisection::Look& to) {
-        return check_.motion_.calcReach(index_, from.sample, from.moved, to.sample, to.moved);
+    double radius() const { return radius_; }
+    bisection::Way calcWay(const bisection::Look& from, const bisection::Look& to) {
+        return check_.motion_.calcWay(index_, from.sample, from.moved, to.sample, to.moved);
     }
     bisection::Look lookRoughly(int sample) {
         --check_.distances_;
@@ -67,12 +75,49 @@ private:
     const ArmElement& element_;
     ElementDistance::Place& place_;
     int index_;
+    double radius_;
 };
 
+/** Whether what is known of the other path leaves no doubt about element e. */
+bool ArmStopCheck::isKnownFar(std::size_t e, const Demands& demands, const Known& known) {
+    const double bound = known.result.proven[e] - motion_.calcApart(static_cast<int>(e), apart_.position);
+    if (!(bound >= demands.far[e])) return false;
+    found_[e].seen = found_[e].proven = bound;
+    return true;
+}
+
+/** True when element e keeps what is demanded. */
+bool ArmStopCheck::look(std::size_t e, const Demands& demands) {
+    places_[e] = {};
+    found_[e] = {};
+    isLooked_[e] = 1;
+    if (!elements_[e].isPair() && !distance_.hasSurroundings()) return true;
+    Subject subject(*this, e);
+    bisection::Look begin = subject.lookRoughly(0);
+    bisection::Look end = subject.lookRoughly(MotionBound::kDivisions);
+    bisection::Demand demand{demands.floor[e], demands.least[e], demands.ahead[e]};
+    if (!(begin.clearance >= demand.least)) {
+        if (distances_ > 0) subject.look(begin);
+        if (demands.beginsAbove) begin.clearance = std::max(begin.clearance, demand.floor);
+        const bool hasStayed = begin.clearance >= demands.reached[e] - bisection::kRounding_m;
+        const double kept = hasStayed ? std::max(begin.clearance, demands.reached[e]) : begin.clearance;
+        demand.least = std::min(demand.least, kept);  // where the arm is it is
+    }
+    bisection::prove(demand, subject, begin, end, found_[e]);
+    return found_[e].isKept;
+}
+
 void ArmStopCheck::examine(const ArmPath& path, double time_s, const Demands& demands, const JointVector& lastTorque,
-                           bool mustBeGood, Result& result) {
+                           const Known* known, bool mustBeGood, Result& result) {
     path_ = &path;
     path.calcExtremes(extremes_);
+    if (known) {  // extremes of both paths, and of every motion between them
+        path.calcDifference(known->path, known->begin, apart_);
+        extremes_.position += apart_.position;
+        extremes_.travel += apart_.position;
+        extremes_.velocity += apart_.velocity;
+        extremes_.acceleration += apart_.acceleration;
+    }
     distance_.setTime(time_s);
     motion_.setPath(path, extremes_);
     result.isClear = result.isAhead = true;
@@ -80,21 +125,11 @@ void ArmStopCheck::examine(const ArmPath& path, double time_s, const Demands& de
         const std::size_t e = order_[k];
         places_[e] = {};
         found_[e] = {};
-        if (!elements_[e].isPair() && !distance_.hasSurroundings()) continue;
-        Subject subject(*this, e);
-        bisection::Look begin = subject.lookRoughly(0);
-        bisection::Look end = subject.lookRoughly(MotionBound::kDivisions);
-        bisection::Demand demand{demands.floor[e], demands.least[e], demands.ahead[e]};
-        if (!(begin.clearance >= demand.least)) {
-            if (distances_ > 0) subject.look(begin);
-            if (demands.beginsAbove) begin.clearance = std::max(begin.clearance, demand.floor);
-            const bool hasStayed = begin.clearance >= demands.reached[e] - bisection::kRounding_m;
-            const double kept = hasStayed ? std::max(begin.clearance, demands.reached[e]) : begin.clearance;
-            demand.least = std::min(demand.least, kept);  // where the arm is it is
-        }
-        bisection::prove(demand, subject, begin, end, found_[e]);
+        isLooked_[e] = 0;
+        if (known && isKnownFar(e, demands, *known)) continue;
+        const bool isKept = look(e, demands);
         if (found_[e].seen < demands.ahead[e]) result.isAhead = false;
-        if (found_[e].isKept) continue;
+        if (isKept) continue;
         result.isClear = false;
         if (!mustBeGood) continue;
         std::rotate(order_.begin(), order_.begin() + static_cast<std::ptrdiff_t>(k),
@@ -102,35 +137,48 @@ void ArmStopCheck::examine(const ArmPath& path, double time_s, const Demands& de
         result.isAhead = result.torque.bearsTorque = false;
         return;
     }
+    findNearest(demands, result);
     for (std::size_t e = 0; e < elements_.size(); ++e) {
         result.seen[e] = found_[e].seen;
         result.proven[e] = found_[e].proven;
     }
-    findNearest(result);
-    result.torque = torque_.scan(path, extremes_, demands.torqueUse, lastTorque);
+    if (known) {
+        const TorqueScan::Neighbour neighbour{known->result.torque.proven, apart_};
+        torque_.scan(path, extremes_, demands.torqueUse, lastTorque, &neighbour, result.torque);
+    } else {
+        torque_.scan(path, extremes_, demands.torqueUse, lastTorque, nullptr, result.torque);
+    }
 }
 
-/** Of what was only seen roughly the lowest is looked at until none that is left is lower (of each element one is known). */
-void ArmStopCheck::findNearest(Result& result) {
+/** What was only seen roughly, or was known, is looked at where it is lowest, until none that is left is lower (of each
+element one is known). */
+void ArmStopCheck::findNearest(const Demands& demands, Result& result) {
     result.nearest = {};
     for (;;) {
         std::size_t nearest = 0;
         double least = kInfinity;
-        bool isRough = false;
         for (std::size_t e = 0; e < elements_.size(); ++e) {
-            const double now = std::min(places_[e].distance, found_[e].rough.clearance);
+            const double open = isLooked_[e] ? found_[e].rough.clearance : found_[e].proven;
+            const double now = std::min(places_[e].distance, open);
             if (now >= least) continue;
             least = now;
             nearest = e;
-            isRough = found_[e].rough.clearance < places_[e].distance;
         }
         if (!(least < kInfinity)) return;
-        if (!isRough || distances_ <= 0) {
-            if (!isRough) result.nearest = getNearest(static_cast<int>(nearest));
+        if (!(least < places_[nearest].distance)) {
+            result.nearest = getNearest(static_cast<int>(nearest));
             return;
         }
-        Subject(*this, nearest).look(found_[nearest].rough);
-        found_[nearest].rough = {};
+        if (distances_ <= 0) return;
+        if (isLooked_[nearest]) {
+            Subject(*this, nearest).look(found_[nearest].rough);
+            found_[nearest].rough = {};
+            continue;
+        }
+        const double known = found_[nearest].proven;
+        look(nearest, demands);  // that it is kept is known
+        found_[nearest].seen = std::max(found_[nearest].seen, known);
+        found_[nearest].proven = std::max(found_[nearest].proven, known);
     }
 }
 

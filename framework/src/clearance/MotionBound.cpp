@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "viable/core/Numbers.h"
+
 namespace viable::detail {
 
 MotionBound::MotionBound(const RobotDescription& robot, const std::vector<LinkCapsule>& capsules,
@@ -50,15 +52,16 @@ double MotionBound::calcMoved(int e, int at) {
     return moved;
 }
 
-double MotionBound::calcReach(int e, int from, double fromMoved, int to, double toMoved) {
+bisection::Way MotionBound::calcWay(int e, int from, double fromMoved, int to, double toMoved) {
     const Part& part = parts_[static_cast<std::size_t>(e)];
     const double byJoints = std::max(0.0, toMoved - fromMoved);
     const double h = calcTime(to) - calcTime(from);
-    if (h * h / 4.0 * (part.bend[0] + part.bend[1]) >= byJoints) return byJoints;
+    const double sag = h * h / 8.0 * (part.bend[0] + part.bend[1]);
+    if (2.0 * sag >= byJoints) return {byJoints, kInfinity, sag};
     const CapsuleMotion::Pose &a = getPose(from), &b = getPose(to);
-    double byEnds = motion_.calcReach(part.element.first, part.base, part.bend[0], a, b, h);
-    if (part.element.isPair()) byEnds += motion_.calcReach(part.element.second, part.base, part.bend[1], a, b, h);
-    return std::min(byJoints, byEnds);
+    double chord = motion_.calcChord(part.element.first, part.base, a, b);
+    if (part.element.isPair()) chord += motion_.calcChord(part.element.second, part.base, a, b);
+    return {std::min(byJoints, chord + 2.0 * sag), chord, sag};
 }
 
 }  // namespace viable::detail

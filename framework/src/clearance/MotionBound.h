@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "clearance/ArmElement.h"
+#include "clearance/Bisection.h"
 #include "clearance/CapsuleMotion.h"
 
 namespace viable::detail {
@@ -15,8 +16,8 @@ asked for.
 For all times t from sample a to sample b, h apart, and all points of the element |p(t) - p(a)| + |p(b) - p(t)| is at most D,
 the smaller of two bounds. Joint by joint: the travel of the joint times the largest distance of the element's points from
 its axis (the bound of that paper). And: how far the segments' ends have come from a to b (for a pair: seen from what carries
-both), plus h^2/4 times the largest acceleration of their points: these leave the straight way between two places by no more
-than h^2/8 times it, which enters twice, from a and to b.
+both), the chord, plus twice the sag, h^2/8 times the largest acceleration of their points, by which these can be off the
+chord.
 
 Real time after construction. */
 class MotionBound {
@@ -34,9 +35,14 @@ public:
     const CapsuleMotion::Pose& getPose(int sample) { return getSample(sample).pose; }
     /** How far any point of element e can have moved since the path's begin, to and fro added up [m]. */
     double calcMoved(int e, int sample);
-    /** D from sample `from` to a later one.
+    /** From sample `from` to a later one.
     @param fromMoved, toMoved  calcMoved() there */
-    double calcReach(int e, int from, double fromMoved, int to, double toMoved);
+    bisection::Way calcWay(int e, int from, double fromMoved, int to, double toMoved);
+    /** How far apart the points of element e are on two paths whose positions differ by no more than `apart`, and for both of
+    which the extremes hold [m]. */
+    double calcApart(int e, const JointVector& apart) const {
+        return parts_[static_cast<std::size_t>(e)].lever.dot(apart);
+    }
 
 private:
     struct Part {

@@ -71,7 +71,7 @@ TEST(ArmStopCheck, WhatIsProvenBetweenLooksHoldsAtEveryPose) {
         demands.floor.assign(elements, 0.0);
         demands.least.assign(elements, detail::bisection::kGuard_m);
         demands.reached = demands.least;
-        demands.ahead.assign(elements, kAhead_m);
+        demands.ahead = demands.far = std::vector<double>(elements, kAhead_m);
         double tooMuch = -kInfinity, sum = 0.0;
         constexpr int kPaths = 300;
         int clear = 0, refused = 0, near = 0;
@@ -82,7 +82,7 @@ TEST(ArmStopCheck, WhatIsProvenBetweenLooksHoldsAtEveryPose) {
             check.setSurroundings(&surroundings);
             const ArmPath path = drawPath(n, random, round % 3 == 0 ? 1.0 : round % 3 == 1 ? 0.3 : 0.03);
             check.beginTick();
-            check.examine(path, 0.0, demands, JointVector::Zero(n), false, result);
+            check.examine(path, 0.0, demands, JointVector::Zero(n), nullptr, false, result);
             const double proven = *std::min_element(result.proven.begin(), result.proven.end());
             const CollisionJudge judge(subject.robot, subject.geometry, environment);
             double least = kInfinity;
@@ -185,7 +185,7 @@ TEST(ArmStopCheck, ABallWhereTheArmTurnsIsNotMissed) {
         demands.least.assign(elements, detail::bisection::kGuard_m);
         demands.reached = demands.least;
         demands.ahead.assign(elements, detail::bisection::kGuard_m);
-        check.examine(path, 0.0, demands, JointVector::Zero(n), false, result);
+        check.examine(path, 0.0, demands, JointVector::Zero(n), nullptr, false, result);
         EXPECT_FALSE(result.isClear) << round;
     }
     EXPECT_GT(hits, 100);
