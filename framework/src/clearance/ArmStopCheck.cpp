@@ -79,11 +79,11 @@ private:
 };
 
 /** Whether what is known of the other path leaves no doubt about element e. */
-bool ArmStopCheck::isKnownFar(std::size_t e, const Demands& demands, const Known& known) {
-    const double bound = known.result.proven[e] - motion_.calcApart(static_cast<int>(e), apart_.position);
-    if (!(bound >= demands.far[e])) return false;
-    found_[e].seen = found_[e].proven = bound;
-    return true;
+bool ArmStopCheck::isKnown(std::size_t e, const Demands& demands, const Known& known) {
+    const double apart = motion_.calcApart(static_cast<int>(e), apart_.position);
+    found_[e].seen = known.result.seen[e] - apart;
+    found_[e].proven = known.result.proven[e] - apart;
+    return found_[e].seen >= demands.ahead[e] && found_[e].proven >= demands.floor[e];
 }
 
 /** True when element e keeps what is demanded. */
@@ -124,9 +124,8 @@ void ArmStopCheck::examine(const ArmPath& path, double time_s, const Demands& de
     for (std::size_t k = 0; k < elements_.size(); ++k) {
         const std::size_t e = order_[k];
         places_[e] = {};
-        found_[e] = {};
         isLooked_[e] = 0;
-        if (known && isKnownFar(e, demands, *known)) continue;
+        if (known && isKnown(e, demands, *known)) continue;
         const bool isKept = look(e, demands);
         if (found_[e].seen < demands.ahead[e]) result.isAhead = false;
         if (isKept) continue;
@@ -137,28 +136,28 @@ void ArmStopCheck::examine(const ArmPath& path, double time_s, const Demands& de
         result.isAhead = result.torque.bearsTorque = false;
         return;
     }
-    findNearest(demands, result);
-    for (std::size_t e = 0; e < elements_.size(); ++e) {
-        result.seen[e] = found_[e].seen;
-        result.proven[e] = found_[e].proven;
-    }
     if (known) {
         const TorqueScan::Neighbour neighbour{known->result.torque.proven, apart_};
         torque_.scan(path, extremes_, demands.torqueUse, lastTorque, &neighbour, result.torque);
     } else {
         torque_.scan(path, extremes_, demands.torqueUse, lastTorque, nullptr, result.torque);
     }
+    result.nearest = {};
+    if (!known || (result.isClear && result.torque.bearsTorque)) findNearest(demands, result);
+    for (std::size_t e = 0; e < elements_.size(); ++e) {
+        result.seen[e] = found_[e].seen;
+        result.proven[e] = found_[e].proven;
+    }
 }
 
 /** What was only seen roughly, or was known, is looked at where it is lowest, until none that is left is lower (of each
 element one is known). */
 void ArmStopCheck::findNearest(const Demands& demands, Result& result) {
-    result.nearest = {};
     for (;;) {
         std::size_t nearest = 0;
         double least = kInfinity;
         for (std::size_t e = 0; e < elements_.size(); ++e) {
-            const double open = isLooked_[e] ? found_[e].rough.clearance : found_[e].proven;
+            const double open = isLooked_[e] ? found_[e].rough.clearance : found_[e].seen;
             const double now = std::min(places_[e].distance, open);
             if (now >= least) continue;
             least = now;
@@ -175,10 +174,10 @@ void ArmStopCheck::findNearest(const Demands& demands, Result& result) {
             found_[nearest].rough = {};
             continue;
         }
-        const double known = found_[nearest].proven;
+        const bisection::Result known = found_[nearest];
         look(nearest, demands);  // that it is kept is known
-        found_[nearest].seen = std::max(found_[nearest].seen, known);
-        found_[nearest].proven = std::max(found_[nearest].proven, known);
+        found_[nearest].seen = std::max(found_[nearest].seen, known.seen);
+        found_[nearest].proven = std::max(found_[nearest].proven, known.proven);
     }
 }
 

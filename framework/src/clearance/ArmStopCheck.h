@@ -38,8 +38,6 @@ public:
     with, or `reached`, if that is more by rounding only: else each tick could use up rounding anew. */
     struct Demands {
         std::vector<double> floor, least, ahead, reached;
-        /** >= ahead: an element that is known to be farther away all the time is not looked at [m]. */
-        std::vector<double> far;
         /** The pose that paths begin with is known to keep the floor. */
         bool beginsAbove = false;
         /** The most that torque may use of its limits, >= 1; infinite: it is only measured. */
@@ -53,7 +51,7 @@ public:
         /** Of each element the least clearance seen, or a lower bound where that is far enough, and a lower bound for
         all times [m]. */
         std::vector<double> seen, proven;
-        Clearance nearest;
+        Clearance nearest;  ///< only of a path that is good
     };
     /** A path that was examined in the same surroundings, and what came of it. */
     struct Known {
@@ -103,7 +101,7 @@ public:
 private:
     class Subject;  ///< an element, as bisection::prove asks about it
 
-    bool isKnownFar(std::size_t e, const Demands& demands, const Known& known);
+    bool isKnown(std::size_t e, const Demands& demands, const Known& known);
     bool look(std::size_t e, const Demands& demands);
     void findNearest(const Demands& demands, Result& result);
 

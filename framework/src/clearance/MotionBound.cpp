@@ -15,7 +15,7 @@ MotionBound::MotionBound(const RobotDescription& robot, const std::vector<LinkCa
       position_(JointVector::Zero(n_)) {
     for (const ArmElement& element : elements)
         parts_.push_back(
-            {element, element.isPair() ? motion_.findCommonCarrier(element.first, element.second) : -1, {}, {}});
+            {element, element.isPair() ? motion_.findCommonCarrier(element.first, element.second) : -1, {}, -1.0});
     for (Sample& sample : samples_) sample.pose = motion_.makePose();
 }
 
@@ -26,9 +26,8 @@ void MotionBound::setPath(const ArmPath& path, const ArmPath::Extremes& extremes
     motion_.setPath(extremes, getPose(0));
     for (Part& part : parts_) {
         part.lever = motion_.lever(part.element.first);
-        part.bend[0] = motion_.calcBend(part.element.first, part.base);
+        part.bend = -1.0;
         if (!part.element.isPair()) continue;
-        part.bend[1] = motion_.calcBend(part.element.second, part.base);
         const JointVector& other = motion_.lever(part.element.second);
         for (int i = 0; i < n_; ++i)  // what moves both moves neither against the other
             part.lever[i] = part.lever[i] > 0.0 && other[i] > 0.0 ? 0.0 : part.lever[i] + other[i];
@@ -53,10 +52,14 @@ double MotionBound::calcMoved(int e, int at) {
 }
 
 bisection::Way MotionBound::calcWay(int e, int from, double fromMoved, int to, double toMoved) {
-    const Part& part = parts_[static_cast<std::size_t>(e)];
+    Part& part = parts_[static_cast<std::size_t>(e)];
+    if (part.bend < 0.0) {
+        part.bend = motion_.calcBend(part.element.first, part.base);
+        if (part.element.isPair()) part.bend += motion_.calcBend(part.element.second, part.base);
+    }
     const double byJoints = std::max(0.0, toMoved - fromMoved);
     const double h = calcTime(to) - calcTime(from);
-    const double sag = h * h / 8.0 * (part.bend[0] + part.bend[1]);
+    const double sag = h * h / 8.0 * part.bend;
     if (2.0 * sag >= byJoints) return {byJoints, kInfinity, sag};
     const CapsuleMotion::Pose &a = getPose(from), &b = getPose(to);
     double chord = motion_.calcChord(part.element.first, part.base, a, b);
