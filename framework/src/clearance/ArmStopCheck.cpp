@@ -11,6 +11,8 @@ namespace {
 
 /** Rows of one look at a path. */
 constexpr int kMostClearanceRows = 12;
+/** Rounding of times [s]. */
+constexpr double kSameTime_s = 1e-9;
 
 }  // namespace
 
@@ -23,6 +25,7 @@ ArmStopCheck::ArmStopCheck(const RobotDescription& robot, const ArmGeometry* geo
       motion_(robot, capsules_, distance_.getRadii(), elements_),
       torque_(robot, limits, tick_s),
       rows_(robot, capsules_, limits, tick_s),
+      tick_s_(tick_s),
       isLooked_(elements_.size()),
       places_(elements_.size()),
       found_(elements_.size()),
@@ -34,6 +37,7 @@ ArmStopCheck::Result ArmStopCheck::makeResult() const {
     Result result;
     result.seen.assign(elements_.size(), kInfinity);
     result.proven = result.seen;
+    result.profile.resize(elements_.size());
     result.torque.proven = JointVector::Constant(n_, kInfinity);
     return result;
 }
@@ -42,6 +46,17 @@ void ArmStopCheck::beginTick() {
     distances_ = kMaxDistances;
     torque_.beginTick();
     std::iota(order_.begin(), order_.end(), std::size_t{0});
+}
+
+bisection::Bounds ArmStopCheck::Profile::find(double from_s, double to_s, double apart) const {
+    bisection::Bounds least;
+    const auto getPart = [&](double t_s) {
+        const double part = (t_s - begin_s) / duration_s * bisection::Result::kParts;
+        return static_cast<std::size_t>(std::clamp(part, 0.0, bisection::Result::kParts - 1.0));
+    };
+    const std::size_t last = getPart(to_s + kSameTime_s);
+    for (std::size_t k = getPart(from_s - kSameTime_s); k <= last; ++k) least.include(parts[k]);
+    return {least.seen - lost - apart, least.proven - lost - apart};
 }
 
 class ArmStopCheck::Subject {
@@ -55,6 +70,13 @@ public:
 
     bool hasBudget() const { return check_.distances_ > 0; }
     double radius() const { return radius_; }
+    bisection::Bounds findKnown(int from, int to) const {
+        if (!check_.known_) return {-kInfinity, -kInfinity};
+        const double begin_s = static_cast<double>(check_.known_->begin) * check_.tick_s_;
+        return check_.known_->result.profile[static_cast<std::size_t>(index_)].find(
+            begin_s + check_.motion_.calcTime(from), begin_s + check_.motion_.calcTime(to),
+            check_.motion_.calcApart(index_, check_.apart_.position));
+    }
     bisection::Way calcWay(const bisection::Look& from, const bisection::Look& to) {
         return check_.motion_.calcWay(index_, from.sample, from.moved, to.sample, to.moved);
     }
@@ -81,9 +103,8 @@ private:
 /** Whether what is known of the other path leaves no doubt about element e. */
 bool ArmStopCheck::isKnown(std::size_t e, const Demands& demands, const Known& known) {
     const double apart = motion_.calcApart(static_cast<int>(e), apart_.position);
-    found_[e].seen = known.result.seen[e] - apart;
-    found_[e].proven = known.result.proven[e] - apart;
-    return found_[e].seen >= demands.ahead[e] && found_[e].proven >= demands.floor[e];
+    found_[e].all = {known.result.seen[e] - apart, known.result.proven[e] - apart};
+    return found_[e].all.areFar({demands.floor[e], demands.least[e], demands.ahead[e], demands.far[e]});
 }
 
 /** True when element e keeps what is demanded. */
@@ -94,8 +115,13 @@ bool ArmStopCheck::look(std::size_t e, const Demands& demands) {
     if (!elements_[e].isPair() && !distance_.hasSurroundings()) return true;
     Subject subject(*this, e);
     bisection::Look begin = subject.lookRoughly(0);
-    bisection::Look end = subject.lookRoughly(MotionBound::kDivisions);
-    bisection::Demand demand{demands.floor[e], demands.least[e], demands.ahead[e]};
+    bisection::Look end = subject.lookRoughly(bisection::kDivisions);
+    bisection::Demand demand{demands.floor[e], demands.least[e], demands.ahead[e], demands.far[e]};
+    // What is known to be farther than the nearest place of this path can be is not the nearest place.
+    if (known_)
+        demand.far =
+            std::clamp(known_->result.seen[e] + motion_.calcApart(static_cast<int>(e), apart_.position),
+                       demand.ahead, std::max(demand.ahead, demand.far));
     if (!(begin.clearance >= demand.least)) {
         if (distances_ > 0) subject.look(begin);
         if (demands.beginsAbove) begin.clearance = std::max(begin.clearance, demand.floor);
@@ -110,6 +136,7 @@ bool ArmStopCheck::look(std::size_t e, const Demands& demands) {
 void ArmStopCheck::examine(const ArmPath& path, double time_s, const Demands& demands, const JointVector& lastTorque,
                            const Known* known, bool mustBeGood, Result& result) {
     path_ = &path;
+    known_ = known;
     path.calcExtremes(extremes_);
     if (known) {  // extremes of both paths, and of every motion between them
         path.calcDifference(known->path, known->begin, apart_);
@@ -127,7 +154,7 @@ void ArmStopCheck::examine(const ArmPath& path, double time_s, const Demands& de
         isLooked_[e] = 0;
         if (known && isKnown(e, demands, *known)) continue;
         const bool isKept = look(e, demands);
-        if (found_[e].seen < demands.ahead[e]) result.isAhead = false;
+        if (found_[e].all.seen < demands.ahead[e]) result.isAhead = false;
         if (isKept) continue;
         result.isClear = false;
         if (!mustBeGood) continue;
@@ -145,8 +172,15 @@ void ArmStopCheck::examine(const ArmPath& path, double time_s, const Demands& de
     result.nearest = {};
     if (!known || (result.isClear && result.torque.bearsTorque)) findNearest(demands, result);
     for (std::size_t e = 0; e < elements_.size(); ++e) {
-        result.seen[e] = found_[e].seen;
-        result.proven[e] = found_[e].proven;
+        result.seen[e] = found_[e].all.seen;
+        result.proven[e] = found_[e].all.proven;
+        if (isLooked_[e]) {
+            result.profile[e] = {found_[e].parts, 0.0, path.duration(), 0.0};
+        } else {
+            result.profile[e] = known->result.profile[e];
+            result.profile[e].begin_s -= static_cast<double>(known->begin) * tick_s_;
+            result.profile[e].lost += motion_.calcApart(static_cast<int>(e), apart_.position);
+        }
     }
 }
 
@@ -157,7 +191,7 @@ void ArmStopCheck::findNearest(const Demands& demands, Result& result) {
         std::size_t nearest = 0;
         double least = kInfinity;
         for (std::size_t e = 0; e < elements_.size(); ++e) {
-            const double open = isLooked_[e] ? found_[e].rough.clearance : found_[e].seen;
+            const double open = isLooked_[e] ? found_[e].rough.clearance : found_[e].all.seen;
             const double now = std::min(places_[e].distance, open);
             if (now >= least) continue;
             least = now;
@@ -174,10 +208,8 @@ void ArmStopCheck::findNearest(const Demands& demands, Result& result) {
             found_[nearest].rough = {};
             continue;
         }
-        const bisection::Result known = found_[nearest];
+        known_ = nullptr;        // all of it
         look(nearest, demands);  // that it is kept is known
-        found_[nearest].seen = std::max(found_[nearest].seen, known.seen);
-        found_[nearest].proven = std::max(found_[nearest].proven, known.proven);
     }
 }
 

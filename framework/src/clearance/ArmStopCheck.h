@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -38,10 +39,22 @@ public:
     with, or `reached`, if that is more by rounding only: else each tick could use up rounding anew. */
     struct Demands {
         std::vector<double> floor, least, ahead, reached;
+        /** >= ahead: clearances that are known to be larger are not measured again [m]. */
+        std::vector<double> far;
         /** The pose that paths begin with is known to keep the floor. */
         bool beginsAbove = false;
         /** The most that torque may use of its limits, >= 1; infinite: it is only measured. */
         double torqueUse = 1.0;
+    };
+    /** What a path keeps of an element, by shares of the time of the path that was looked at last. */
+    struct Profile {
+        std::array<bisection::Bounds, bisection::Result::kParts> parts;
+        double begin_s = 0.0;     ///< of that path, in the time of this one
+        double duration_s = 1.0;  ///< of that path
+        double lost = 0.0;        ///< how far this path can be from it [m]
+
+        /** Between two times, for a path from which the element is no farther than `apart`. */
+        bisection::Bounds find(double from_s, double to_s, double apart) const;
     };
     /** What came of a look at a path. */
     struct Result {
@@ -51,6 +64,7 @@ public:
         /** Of each element the least clearance seen, or a lower bound where that is far enough, and a lower bound for
         all times [m]. */
         std::vector<double> seen, proven;
+        std::vector<Profile> profile;
         Clearance nearest;  ///< only of a path that is good
     };
     /** A path that was examined in the same surroundings, and what came of it. */
@@ -112,10 +126,12 @@ private:
     MotionBound motion_;
     TorqueScan torque_;
     SteeringRows rows_;
+    double tick_s_;
     int distances_ = kMaxDistances;  ///< left in this tick
 
     // Of the path that is looked at
     const ArmPath* path_ = nullptr;
+    const Known* known_ = nullptr;
     ArmPath::Extremes extremes_;
     ArmPath::Difference apart_;                   ///< from the known path
     std::vector<char> isLooked_;                  ///< of each element; else found_ is what was known

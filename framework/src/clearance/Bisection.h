@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -25,8 +26,13 @@ which costs L^2 / 8 m where the other bound costs L / 2; off the straight line b
 Where neither suffices the middle is looked at, down to neighbouring samples; what is not proven then counts as not kept. */
 namespace bisection {
 
+inline constexpr int kDivisions = 128;  ///< of a path's time; samples 0 ... kDivisions
+
 /** Looks aim at so much more than must be kept; what is left between two of them may use it up [m]. */
 inline constexpr double kGuard_m = 0.005;
+/** So much lower than at its ends a clearance may be between two looks at places far apart: how near a path comes must not
+depend on where it happens to be looked at [m]. */
+inline constexpr double kBlur_m = 0.0005;
 /** A clearance that differs by less is the same: rounding of poses [m]. */
 inline constexpr double kRounding_m = 1e-9;
 
@@ -51,19 +57,40 @@ struct Demand {
     double floor;  ///< at every time
     double least;  ///< at looks, >= floor
     double ahead;  ///< >= least: from here on clearances need not be told apart
+    double far;    ///< >= ahead: from here on what was known before will do
+};
+
+/** Least clearances of the looks and lower bounds for all times, of a whole path or a part of it [m]. */
+struct Bounds {
+    double seen = std::numeric_limits<double>::infinity();
+    double proven = std::numeric_limits<double>::infinity();
+
+    void include(const Bounds& other) {
+        seen = std::min(seen, other.seen);
+        proven = std::min(proven, other.proven);
+    }
+    bool areFar(const Demand& demand) const { return seen >= demand.far && proven >= demand.floor; }
 };
 
 struct Result {
-    double seen = std::numeric_limits<double>::infinity();    ///< least clearance of the looks [m]
-    double proven = std::numeric_limits<double>::infinity();  ///< lower bound for all times [m]
-    bool isKept = true;                                       ///< floor and least are proven
-    Look rough;                                               ///< lowest look that stayed rough
+    static constexpr int kParts = 16;
+
+    Bounds all;
+    std::array<Bounds, kParts> parts;  ///< of equal shares of the path's time
+    bool isKept = true;                ///< floor and least are proven
+    Look rough;                        ///< lowest look that stayed rough
+
+    /** Nothing more is looked at between two samples. */
+    void settle(int from, int to, const Bounds& bounds) {
+        all.include(bounds);
+        for (int k = from * kParts / kDivisions; k * kDivisions < to * kParts; ++k)
+            parts[static_cast<std::size_t>(k)].include(bounds);
+    }
 };
 
 /** Nothing more is looked at between these two. */
 inline void settle(double bound, const Look& from, const Look& to, Result& result) {
-    result.proven = std::min(result.proven, bound);
-    result.seen = std::min({result.seen, from.clearance, to.clearance});
+    result.settle(from.sample, to.sample, {std::min(from.clearance, to.clearance), bound});
     for (const Look* look : {&from, &to})
         if (look->isRough && look->clearance < result.rough.clearance) result.rough = *look;
 }
@@ -86,12 +113,15 @@ inline double calcBound(const Look& from, const Look& to, const Way& way, double
 /** Proves what it can between two looks, adding to `result`.
 @param clearance  answers
     double radius()                                     r
+    Bounds findKnown(int from, int to)                  of what was known before, between two samples
     Way calcWay(const Look& from, const Look& to)
     Look lookRoughly(int sample)                        quick, a lower bound
     void look(Look& look)                               closely, where it is rough
     bool hasBudget() const                              false: nothing more may be looked at closely */
 template <class Clearance>
 void prove(const Demand& demand, Clearance& clearance, Look& from, Look& to, Result& result) {
+    if (const Bounds known = clearance.findKnown(from.sample, to.sample); known.areFar(demand))
+        return result.settle(from.sample, to.sample, known);
     const Way way = clearance.calcWay(from, to);
     double bound = 0.0, lowest = 0.0;
     const auto compare = [&] {
@@ -114,10 +144,11 @@ void prove(const Demand& demand, Clearance& clearance, Look& from, Look& to, Res
         return settle(bound, from, to, result);
     const bool keepsLeast = lowest >= demand.least - kRounding_m;
     const bool keepsFloor = bound >= demand.floor - kRounding_m;
-    if (keepsLeast && keepsFloor && bound >= lowest - kGuard_m) return settle(bound, from, to, result);
+    const bool isNear = way.reach <= 2.0 * kGuard_m || bound >= lowest - kBlur_m;
+    if (keepsLeast && keepsFloor && isNear) return settle(bound, from, to, result);
     const int middle = (from.sample + to.sample) / 2;
     // What is not kept need not be known to the last look: a place to steer away from is enough.
-    const bool isTold = !keepsLeast && bound >= lowest - kGuard_m;
+    const bool isTold = !keepsLeast && isNear;
     if (isTold || middle == from.sample || !clearance.hasBudget() ||
         !(lowest > -std::numeric_limits<double>::infinity())) {
         result.isKept = result.isKept && keepsLeast && keepsFloor;

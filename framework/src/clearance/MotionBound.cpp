@@ -11,7 +11,7 @@ MotionBound::MotionBound(const RobotDescription& robot, const std::vector<LinkCa
                          std::vector<double> radii, const std::vector<ArmElement>& elements)
     : n_(robot.size()),
       motion_(robot, capsules, std::move(radii)),
-      samples_(kDivisions + 1),
+      samples_(bisection::kDivisions + 1),
       position_(JointVector::Zero(n_)) {
     for (const ArmElement& element : elements)
         parts_.push_back(

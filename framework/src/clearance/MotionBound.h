@@ -22,8 +22,6 @@ chord.
 Real time after construction. */
 class MotionBound {
 public:
-    static constexpr int kDivisions = 128;  ///< of a path's time; samples 0 ... kDivisions
-
     /** @param radii  of what belongs to each capsule, around its segment [m] */
     MotionBound(const RobotDescription& robot, const std::vector<LinkCapsule>& capsules, std::vector<double> radii,
                 const std::vector<ArmElement>& elements);
@@ -31,7 +29,7 @@ public:
     /** The path that the rest is about; it must live as long as it is asked for. */
     void setPath(const ArmPath& path, const ArmPath::Extremes& extremes);
 
-    double calcTime(int sample) const { return path_->duration() * sample / kDivisions; }  ///< [s]
+    double calcTime(int sample) const { return path_->duration() * sample / bisection::kDivisions; }  ///< [s]
     const CapsuleMotion::Pose& getPose(int sample) { return getSample(sample).pose; }
     /** How far any point of element e can have moved since the path's begin, to and fro added up [m]. */
     double calcMoved(int e, int sample);

@@ -71,7 +71,7 @@ TEST(ArmStopCheck, WhatIsProvenBetweenLooksHoldsAtEveryPose) {
         demands.floor.assign(elements, 0.0);
         demands.least.assign(elements, detail::bisection::kGuard_m);
         demands.reached = demands.least;
-        demands.ahead.assign(elements, kAhead_m);
+        demands.ahead = demands.far = std::vector<double>(elements, kAhead_m);
         double tooMuch = -kInfinity, sum = 0.0;
         constexpr int kPaths = 300;
         int clear = 0, refused = 0, near = 0;
