@@ -29,7 +29,8 @@ ArmStopCheck::ArmStopCheck(const RobotDescription& robot, const ArmGeometry* geo
       isLooked_(elements_.size()),
       places_(elements_.size()),
       found_(elements_.size()),
-      order_(elements_.size()) {
+      order_(elements_.size()),
+      failedAt_(elements_.size()) {
     beginTick();
 }
 
@@ -45,6 +46,7 @@ ArmStopCheck::Result ArmStopCheck::makeResult() const {
 void ArmStopCheck::beginTick() {
     distances_ = kMaxDistances;
     torque_.beginTick();
+    std::fill(failedAt_.begin(), failedAt_.end(), -1);
     std::iota(order_.begin(), order_.end(), std::size_t{0});
 }
 
@@ -68,7 +70,7 @@ public:
           index_(static_cast<int>(e)),
           radius_(check.distance_.getRadius(element_)) {}
 
-    bool hasBudget() const { return check_.distances_ > 0; }
+    bool hasBudget() const { return check_.hasBudget(); }
     double radius() const { return radius_; }
     bisection::Bounds findKnown(int from, int to) const {
         if (!check_.known_) return {-kInfinity, -kInfinity};
@@ -78,12 +80,12 @@ public:
             check_.motion_.calcApart(index_, check_.apart_.position));
     }
     bisection::Way calcWay(const bisection::Look& from, const bisection::Look& to) {
-        return check_.motion_.calcWay(index_, from.sample, from.moved, to.sample, to.moved);
+        return check_.motion_.calcWay(index_, from.sample, to.sample);
     }
     bisection::Look lookRoughly(int sample) {
         --check_.distances_;
         const ElementDistance::Rough rough = check_.distance_.calcRough(element_, check_.motion_.getPose(sample));
-        return {sample, rough.clearance, check_.motion_.calcMoved(index_, sample), rough.ofMiddle, true};
+        return {sample, rough.clearance, rough.ofMiddle, true};
     }
     void look(bisection::Look& look) {
         if (!look.isRough) return;
@@ -107,8 +109,9 @@ bool ArmStopCheck::isKnown(std::size_t e, const Demands& demands, const Known& k
     return found_[e].all.areFar({demands.floor[e], demands.least[e], demands.ahead[e], demands.far[e]});
 }
 
-/** True when element e keeps what is demanded. */
-bool ArmStopCheck::look(std::size_t e, const Demands& demands) {
+/** True when element e keeps what is demanded.
+@param mustBeGood  else where it is nearest need not be known */
+bool ArmStopCheck::look(std::size_t e, const Demands& demands, bool mustBeGood) {
     places_[e] = {};
     found_[e] = {};
     isLooked_[e] = 1;
@@ -123,11 +126,17 @@ bool ArmStopCheck::look(std::size_t e, const Demands& demands) {
             std::clamp(known_->result.seen[e] + motion_.calcApart(static_cast<int>(e), apart_.position),
                        demand.ahead, std::max(demand.ahead, demand.far));
     if (!(begin.clearance >= demand.least)) {
-        if (distances_ > 0) subject.look(begin);
+        if (hasBudget()) subject.look(begin);
         if (demands.beginsAbove) begin.clearance = std::max(begin.clearance, demand.floor);
         const bool hasStayed = begin.clearance >= demands.reached[e] - bisection::kRounding_m;
         const double kept = hasStayed ? std::max(begin.clearance, demands.reached[e]) : begin.clearance;
         demand.least = std::min(demand.least, kept);  // where the arm is it is
+    }
+    // Where another path of this tick came too near this one probably does, too.
+    if (mustBeGood && failedAt_[e] >= 0) {
+        bisection::Look again = subject.lookRoughly(failedAt_[e]);
+        if (hasBudget() && again.clearance < demand.least) subject.look(again);
+        if (!again.isRough && again.clearance < demand.least - bisection::kRounding_m) return false;
     }
     bisection::prove(demand, subject, begin, end, found_[e]);
     return found_[e].isKept;
@@ -153,10 +162,11 @@ void ArmStopCheck::examine(const ArmPath& path, double time_s, const Demands& de
         places_[e] = {};
         isLooked_[e] = 0;
         if (known && isKnown(e, demands, *known)) continue;
-        const bool isKept = look(e, demands);
+        const bool isKept = look(e, demands, mustBeGood);
         if (found_[e].all.seen < demands.ahead[e]) result.isAhead = false;
         if (isKept) continue;
         result.isClear = false;
+        if (places_[e].isSeen()) failedAt_[e] = places_[e].sample;
         if (!mustBeGood) continue;
         std::rotate(order_.begin(), order_.begin() + static_cast<std::ptrdiff_t>(k),
                     order_.begin() + static_cast<std::ptrdiff_t>(k) + 1);
@@ -202,14 +212,14 @@ void ArmStopCheck::findNearest(const Demands& demands, Result& result) {
             result.nearest = getNearest(static_cast<int>(nearest));
             return;
         }
-        if (distances_ <= 0) return;
+        if (!hasBudget()) return;
         if (isLooked_[nearest]) {
             Subject(*this, nearest).look(found_[nearest].rough);
             found_[nearest].rough = {};
             continue;
         }
         known_ = nullptr;        // all of it
-        look(nearest, demands);  // that it is kept is known
+        look(nearest, demands, false);  // that it is kept is known
     }
 }
 

@@ -116,7 +116,8 @@ private:
     class Subject;  ///< an element, as bisection::prove asks about it
 
     bool isKnown(std::size_t e, const Demands& demands, const Known& known);
-    bool look(std::size_t e, const Demands& demands);
+    bool look(std::size_t e, const Demands& demands, bool mustBeGood);
+    bool hasBudget() const { return distances_ > 0; }
     void findNearest(const Demands& demands, Result& result);
 
     int n_;
@@ -138,6 +139,7 @@ private:
     std::vector<ElementDistance::Place> places_;  ///< the nearest of each element
     std::vector<bisection::Result> found_;        ///< of each element
     std::vector<std::size_t> order_;              ///< of the elements: what failed in this tick first
+    std::vector<int> failedAt_;                   ///< of each element the sample of its last failure in this tick; -1: none
 };
 
 }  // namespace viable::detail

@@ -40,7 +40,6 @@ inline constexpr double kRounding_m = 1e-9;
 struct Look {
     int sample = 0;
     double clearance = std::numeric_limits<double>::infinity();
-    double moved = 0.0;     ///< farthest that any point can have moved since the path's begin [m]
     double ofMiddle = 0.0;  ///< see ElementDistance::Rough
     bool isRough = true;    ///< it can be looked at more closely
 };

@@ -7,6 +7,13 @@
 
 namespace viable::detail {
 
+namespace {
+
+/** So many samples apart the joints' travels can tell more than the chord. */
+constexpr int kLong = bisection::kDivisions / 8;
+
+}  // namespace
+
 MotionBound::MotionBound(const RobotDescription& robot, const std::vector<LinkCapsule>& capsules,
                          std::vector<double> radii, const std::vector<ArmElement>& elements)
     : n_(robot.size()),
@@ -21,7 +28,7 @@ MotionBound::MotionBound(const RobotDescription& robot, const std::vector<LinkCa
 
 void MotionBound::setPath(const ArmPath& path, const ArmPath::Extremes& extremes) {
     path_ = &path;
-    for (Sample& sample : samples_) sample.isKnown = false;
+    for (Sample& sample : samples_) sample.isKnown = sample.isTravelKnown = false;
     if (parts_.empty()) return;
     motion_.setPath(extremes, getPose(0));
     for (Part& part : parts_) {
@@ -38,29 +45,31 @@ const MotionBound::Sample& MotionBound::getSample(int at) {
     Sample& sample = samples_[static_cast<std::size_t>(at)];
     if (sample.isKnown) return sample;
     sample.isKnown = true;
-    path_->calcPositions(calcTime(at), position_, sample.travel);
+    path_->calcPositions(calcTime(at), position_);
     motion_.calcPose(position_, sample.pose);
     return sample;
 }
 
-double MotionBound::calcMoved(int e, int at) {
-    const JointVector& lever = parts_[static_cast<std::size_t>(e)].lever;
-    const JointVector& travel = getSample(at).travel;
-    double moved = 0.0;
-    for (int i = 0; i < n_; ++i) moved += lever[i] * travel[i];
-    return moved;
+const JointVector& MotionBound::getTravel(int at) {
+    Sample& sample = samples_[static_cast<std::size_t>(at)];
+    if (!sample.isTravelKnown) path_->calcPositions(calcTime(at), position_, sample.travel);
+    sample.isTravelKnown = true;
+    return sample.travel;
 }
 
-bisection::Way MotionBound::calcWay(int e, int from, double fromMoved, int to, double toMoved) {
+bisection::Way MotionBound::calcWay(int e, int from, int to) {
     Part& part = parts_[static_cast<std::size_t>(e)];
     if (part.bend < 0.0) {
         part.bend = motion_.calcBend(part.element.first, part.base);
         if (part.element.isPair()) part.bend += motion_.calcBend(part.element.second, part.base);
     }
-    const double byJoints = std::max(0.0, toMoved - fromMoved);
     const double h = calcTime(to) - calcTime(from);
     const double sag = h * h / 8.0 * part.bend;
-    if (2.0 * sag >= byJoints) return {byJoints, kInfinity, sag};
+    double byJoints = kInfinity;
+    if (to - from >= kLong) {
+        byJoints = part.lever.dot(getTravel(to) - getTravel(from));
+        if (2.0 * sag >= byJoints) return {byJoints, kInfinity, sag};
+    }
     const CapsuleMotion::Pose &a = getPose(from), &b = getPose(to);
     double chord = motion_.calcChord(part.element.first, part.base, a, b);
     if (part.element.isPair()) chord += motion_.calcChord(part.element.second, part.base, a, b);

@@ -31,11 +31,8 @@ public:
 
     double calcTime(int sample) const { return path_->duration() * sample / bisection::kDivisions; }  ///< [s]
     const CapsuleMotion::Pose& getPose(int sample) { return getSample(sample).pose; }
-    /** How far any point of element e can have moved since the path's begin, to and fro added up [m]. */
-    double calcMoved(int e, int sample);
-    /** From sample `from` to a later one.
-    @param fromMoved, toMoved  calcMoved() there */
-    bisection::Way calcWay(int e, int from, double fromMoved, int to, double toMoved);
+    /** From sample `from` to a later one. */
+    bisection::Way calcWay(int e, int from, int to);
     /** How far apart the points of element e are on two paths whose positions differ by no more than `apart`, and for both of
     which the extremes hold [m]. */
     double calcApart(int e, const JointVector& apart) const {
@@ -51,11 +48,12 @@ private:
     };
     /** The arm at a time of the path. */
     struct Sample {
-        bool isKnown = false;
+        bool isKnown = false, isTravelKnown = false;
         CapsuleMotion::Pose pose;
         JointVector travel;  ///< of each joint up to here [rad]
     };
     const Sample& getSample(int sample);
+    const JointVector& getTravel(int sample);
 
     int n_;
     CapsuleMotion motion_;
