@@ -122,9 +122,8 @@ bool ArmStopCheck::look(std::size_t e, const Demands& demands, bool mustBeGood) 
     bisection::Demand demand{demands.floor[e], demands.least[e], demands.ahead[e], demands.far[e]};
     // What is known to be farther than the nearest place of this path can be is not the nearest place.
     if (known_)
-        demand.far =
-            std::clamp(known_->result.seen[e] + motion_.calcApart(static_cast<int>(e), apart_.position),
-                       demand.ahead, std::max(demand.ahead, demand.far));
+        demand.far = std::clamp(known_->result.seen[e] + motion_.calcApart(static_cast<int>(e), apart_.position),
+                                demand.ahead, std::max(demand.ahead, demand.far));
     if (!(begin.clearance >= demand.least)) {
         if (hasBudget()) subject.look(begin);
         if (demands.beginsAbove) begin.clearance = std::max(begin.clearance, demand.floor);
@@ -218,7 +217,7 @@ void ArmStopCheck::findNearest(const Demands& demands, Result& result) {
             found_[nearest].rough = {};
             continue;
         }
-        known_ = nullptr;        // all of it
+        known_ = nullptr;               // all of it
         look(nearest, demands, false);  // that it is kept is known
     }
 }

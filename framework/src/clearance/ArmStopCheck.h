@@ -139,7 +139,7 @@ private:
     std::vector<ElementDistance::Place> places_;  ///< the nearest of each element
     std::vector<bisection::Result> found_;        ///< of each element
     std::vector<std::size_t> order_;              ///< of the elements: what failed in this tick first
-    std::vector<int> failedAt_;                   ///< of each element the sample of its last failure in this tick; -1: none
+    std::vector<int> failedAt_;  ///< of each element the sample of its last failure in this tick; -1: none
 };
 
 }  // namespace viable::detail

@@ -32,7 +32,7 @@ inline constexpr int kDivisions = 128;  ///< of a path's time; samples 0 ... kDi
 inline constexpr double kGuard_m = 0.005;
 /** So much lower than at its ends a clearance may be between two looks at places far apart: how near a path comes must not
 depend on where it happens to be looked at [m]. */
-inline constexpr double kBlur_m = 0.0005;
+inline constexpr double kBlur_m = 0.0003;
 /** A clearance that differs by less is the same: rounding of poses [m]. */
 inline constexpr double kRounding_m = 1e-9;
 
@@ -104,8 +104,8 @@ inline double calcBound(const Look& from, const Look& to, const Way& way, double
     const double difference = b * b - a * a, square = way.chord * way.chord;
     double least = std::min(a, b);
     if (std::abs(difference) < square)  // it is lowest on the way
-        least = std::sqrt(std::max(
-            0.0, (a * a + b * b) / 2.0 - square / 4.0 - difference * difference / (4.0 * square)));
+        least =
+            std::sqrt(std::max(0.0, (a * a + b * b) / 2.0 - square / 4.0 - difference * difference / (4.0 * square)));
     return std::max(bound, least - radius - way.sag);
 }
 

@@ -42,9 +42,9 @@ public:
 private:
     struct Part {
         ArmElement element;
-        int base = -1;                 ///< outermost joint that carries both of a pair; -1: none
-        JointVector lever;             ///< farthest of its points from each joint's axis; 0: not moved by it [m]
-        double bend = -1.0;            ///< calcBend() of its capsules as seen from `base`; < 0: not known yet
+        int base = -1;       ///< outermost joint that carries both of a pair; -1: none
+        JointVector lever;   ///< farthest of its points from each joint's axis; 0: not moved by it [m]
+        double bend = -1.0;  ///< calcBend() of its capsules as seen from `base`; < 0: not known yet
     };
     /** The arm at a time of the path. */
     struct Sample {

@@ -179,9 +179,10 @@ TEST(ArmStopCheck, WhatIsKnownOfOnePathHoldsForTheNext) {
                 std::swap(kept, result);
             }
         }
-        std::printf("  %s: proven less than seen by %.1f mm on average of %d near paths, never more (%.1g m); torques at "
-                    "most %.3f of what is proven\n",
-                    subject.robot.name.c_str(), 1e3 * sum / near, near, tooMuch, torqueUse);
+        std::printf(
+            "  %s: proven less than seen by %.1f mm on average of %d near paths, never more (%.1g m); torques at "
+            "most %.3f of what is proven\n",
+            subject.robot.name.c_str(), 1e3 * sum / near, near, tooMuch, torqueUse);
         EXPECT_LE(tooMuch, 1e-9);
         EXPECT_GT(near, 15);
         EXPECT_LT(sum / near, 0.015);
