@@ -52,6 +52,12 @@ int ArmPath::Joint::find(double t) const {
     return k;
 }
 
+int ArmPath::Joint::findTick(std::int64_t tick) const {
+    int k = pieces - 1;
+    while (k > 0 && beginTick[static_cast<std::size_t>(k)] > tick) --k;
+    return k;
+}
+
 void ArmPath::calcPositions(double t, JointVector& q) const {
     q.resize(n_);
     for (int i = 0; i < n_; ++i) {
@@ -73,9 +79,7 @@ void ArmPath::calcTick(std::int64_t tick, JointVector& q, JointVector& qd, Joint
     meanQdd.resize(n_);
     for (int i = 0; i < n_; ++i) {
         const Joint& joint = joints_[static_cast<std::size_t>(i)];
-        int at = joint.pieces - 1;
-        while (at > 0 && joint.beginTick[static_cast<std::size_t>(at)] > tick) --at;
-        const auto k = static_cast<std::size_t>(at);
+        const auto k = static_cast<std::size_t>(joint.findTick(tick));
         const AxisState s =
             advance(joint.state[k], joint.jerk[k], static_cast<double>(tick - joint.beginTick[k]) * tick_s_);
         q[i] = s.p;
@@ -142,6 +146,41 @@ void ArmPath::calcExtremes(Extremes& extremes) const {
         // Nowhere farther from the start than all of the travel.
         extremes.travel[i] = joint.travel[last];
         extremes.position[i] = std::abs(joint.state[0].p) + joint.travel[last];
+    }
+}
+
+/** From one segment's begin to the next, of either path, the difference has constant jerk: between two times h apart no
+component is farther from the straight line through its ends than h^2/8 times its second derivative. */
+void ArmPath::calcDifference(const ArmPath& other, std::int64_t begin, Difference& difference) const {
+    for (JointVector* v : {&difference.position, &difference.velocity, &difference.acceleration}) v->setZero(n_);
+    for (int i = 0; i < n_; ++i) {
+        const Joint &own = joints_[static_cast<std::size_t>(i)], &their = other.joints_[static_cast<std::size_t>(i)];
+        int k = 0, l = their.findTick(begin);
+        double bend = 0.0, kink = 0.0;  // what straight lines miss of position and velocity
+        for (std::int64_t tick = 0;;) {
+            const auto a = static_cast<std::size_t>(k), b = static_cast<std::size_t>(l);
+            const auto calcTime = [&](std::int64_t ticks) { return static_cast<double>(ticks) * tick_s_; };
+            const AxisState is = advance(own.state[a], own.jerk[a], calcTime(tick - own.beginTick[a]));
+            const AxisState was = advance(their.state[b], their.jerk[b], calcTime(tick + begin - their.beginTick[b]));
+            const double apart = std::abs(is.a - was.a);
+            difference.position[i] = std::max(difference.position[i], std::abs(is.p - was.p));
+            difference.velocity[i] = std::max(difference.velocity[i], std::abs(is.v - was.v));
+            difference.acceleration[i] = std::max(difference.acceleration[i], apart);
+            const bool isLast = k + 1 == own.pieces, isTheirLast = l + 1 == their.pieces;
+            if (isLast && isTheirLast) break;
+            std::int64_t next = 0;
+            if (!isLast) next = own.beginTick[a + 1];
+            if (!isTheirLast)
+                next = isLast ? their.beginTick[b + 1] - begin : std::min(next, their.beginTick[b + 1] - begin);
+            const double h = calcTime(next - tick), jerk = own.jerk[a] - their.jerk[b];
+            bend = std::max(bend, h * h / 8.0 * std::max(apart, std::abs(is.a - was.a + jerk * h)));
+            kink = std::max(kink, h * h / 8.0 * std::abs(jerk));
+            if (!isLast && own.beginTick[a + 1] <= next) ++k;
+            if (!isTheirLast && their.beginTick[b + 1] - begin <= next) ++l;
+            tick = next;
+        }
+        difference.position[i] += bend;
+        difference.velocity[i] += kink;
     }
 }
 

@@ -35,6 +35,14 @@ public:
     };
     void calcExtremes(Extremes& extremes) const;
 
+    /** How far apart two paths are: per joint, the largest difference at one time, of positions, of qd and of qdd. */
+    struct Difference {
+        JointVector position, velocity, acceleration;
+    };
+    /** Upper bounds from the beginning of this path on, hardly larger than the differences.
+    @param other  of the same arm and tick; what was before its tick `begin` does not count */
+    void calcDifference(const ArmPath& other, std::int64_t begin, Difference& difference) const;
+
 private:
     static constexpr int kPieces = GridStop::kSegments + 1;
     /** A joint's segments, each with the state and the travel it begins with; the last one is rest. */
@@ -44,6 +52,7 @@ private:
         std::array<std::int64_t, kPieces + 1> beginTick{};
         std::array<AxisState, kPieces + 1> state;
         int find(double t) const;
+        int findTick(std::int64_t tick) const;
     };
     static double calcPieceTravel(const AxisState& s, double jerk, double t, const AxisState& end);
 

@@ -11,20 +11,26 @@ namespace {
 
 /** Rows of one look at a path. */
 constexpr int kMostClearanceRows = 12;
+/** Rounding of times [s]. */
+constexpr double kSameTime_s = 1e-9;
 
 }  // namespace
 
 ArmStopCheck::ArmStopCheck(const RobotDescription& robot, const ArmGeometry* geometry, const TorqueScan::Limits& limits,
                            double tick_s)
-    : capsules_(geometry ? geometry->capsules : std::vector<LinkCapsule>{}),
+    : n_(robot.size()),
+      capsules_(geometry ? geometry->capsules : std::vector<LinkCapsule>{}),
       elements_(geometry ? makeElements(*geometry) : std::vector<ArmElement>{}),
       distance_(capsules_),
       motion_(robot, capsules_, distance_.getRadii(), elements_),
       torque_(robot, limits, tick_s),
       rows_(robot, capsules_, limits, tick_s),
+      tick_s_(tick_s),
+      isLooked_(elements_.size()),
       places_(elements_.size()),
       found_(elements_.size()),
-      order_(elements_.size()) {
+      order_(elements_.size()),
+      failedAt_(elements_.size()) {
     beginTick();
 }
 
@@ -32,28 +38,54 @@ ArmStopCheck::Result ArmStopCheck::makeResult() const {
     Result result;
     result.seen.assign(elements_.size(), kInfinity);
     result.proven = result.seen;
+    result.profile.resize(elements_.size());
+    result.torque.proven = JointVector::Constant(n_, kInfinity);
     return result;
 }
 
 void ArmStopCheck::beginTick() {
     distances_ = kMaxDistances;
     torque_.beginTick();
+    std::fill(failedAt_.begin(), failedAt_.end(), -1);
     std::iota(order_.begin(), order_.end(), std::size_t{0});
+}
+
+bisection::Bounds ArmStopCheck::Profile::find(double from_s, double to_s, double apart) const {
+    bisection::Bounds least;
+    const auto getPart = [&](double t_s) {
+        const double part = (t_s - begin_s) / duration_s * bisection::Result::kParts;
+        return static_cast<std::size_t>(std::clamp(part, 0.0, bisection::Result::kParts - 1.0));
+    };
+    const std::size_t last = getPart(to_s + kSameTime_s);
+    for (std::size_t k = getPart(from_s - kSameTime_s); k <= last; ++k) least.include(parts[k]);
+    return {least.seen - lost - apart, least.proven - lost - apart};
 }
 
 class ArmStopCheck::Subject {
 public:
     Subject(ArmStopCheck& check, std::size_t e)
-        : check_(check), element_(check.elements_[e]), place_(check.places_[e]), index_(static_cast<int>(e)) {}
+        : check_(check),
+          element_(check.elements_[e]),
+          place_(check.places_[e]),
+          index_(static_cast<int>(e)),
+          radius_(check.distance_.getRadius(element_)) {}
 
-    bool hasBudget() const { return check_.distances_ > 0; }
-    double calcReach(const bisection::Look& from, const bisection::Look& to) {
-        return check_.motion_.calcReach(index_, from.sample, from.moved, to.sample, to.moved);
+    bool hasBudget() const { return check_.hasBudget(); }
+    double radius() const { return radius_; }
+    bisection::Bounds findKnown(int from, int to) const {
+        if (!check_.known_) return {-kInfinity, -kInfinity};
+        const double begin_s = static_cast<double>(check_.known_->begin) * check_.tick_s_;
+        return check_.known_->result.profile[static_cast<std::size_t>(index_)].find(
+            begin_s + check_.motion_.calcTime(from), begin_s + check_.motion_.calcTime(to),
+            check_.motion_.calcApart(index_, check_.apart_.position));
+    }
+    bisection::Way calcWay(const bisection::Look& from, const bisection::Look& to) {
+        return check_.motion_.calcWay(index_, from.sample, to.sample);
     }
     bisection::Look lookRoughly(int sample) {
         --check_.distances_;
         const ElementDistance::Rough rough = check_.distance_.calcRough(element_, check_.motion_.getPose(sample));
-        return {sample, rough.clearance, check_.motion_.calcMoved(index_, sample), rough.ofMiddle, true};
+        return {sample, rough.clearance, rough.ofMiddle, true};
     }
     void look(bisection::Look& look) {
         if (!look.isRough) return;
@@ -67,70 +99,126 @@ private:
     const ArmElement& element_;
     ElementDistance::Place& place_;
     int index_;
+    double radius_;
 };
 
+/** Whether what is known of the other path leaves no doubt about element e. */
+bool ArmStopCheck::isKnown(std::size_t e, const Demands& demands, const Known& known) {
+    const double apart = motion_.calcApart(static_cast<int>(e), apart_.position);
+    found_[e].all = {known.result.seen[e] - apart, known.result.proven[e] - apart};
+    return found_[e].all.areFar({demands.floor[e], demands.least[e], demands.ahead[e], demands.far[e]});
+}
+
+/** True when element e keeps what is demanded.
+@param mustBeGood  else where it is nearest need not be known */
+bool ArmStopCheck::look(std::size_t e, const Demands& demands, bool mustBeGood) {
+    places_[e] = {};
+    found_[e] = {};
+    isLooked_[e] = 1;
+    if (!elements_[e].isPair() && !distance_.hasSurroundings()) return true;
+    Subject subject(*this, e);
+    bisection::Look begin = subject.lookRoughly(0);
+    bisection::Look end = subject.lookRoughly(bisection::kDivisions);
+    bisection::Demand demand{demands.floor[e], demands.least[e], demands.ahead[e], demands.far[e]};
+    // What is known to be farther than the nearest place of this path can be is not the nearest place.
+    if (known_)
+        demand.far = std::clamp(known_->result.seen[e] + motion_.calcApart(static_cast<int>(e), apart_.position),
+                                demand.ahead, std::max(demand.ahead, demand.far));
+    if (!(begin.clearance >= demand.least)) {
+        if (hasBudget()) subject.look(begin);
+        if (demands.beginsAbove) begin.clearance = std::max(begin.clearance, demand.floor);
+        const bool hasStayed = begin.clearance >= demands.reached[e] - bisection::kRounding_m;
+        const double kept = hasStayed ? std::max(begin.clearance, demands.reached[e]) : begin.clearance;
+        demand.least = std::min(demand.least, kept);  // where the arm is it is
+    }
+    // Where another path of this tick came too near this one probably does, too.
+    if (mustBeGood && failedAt_[e] >= 0) {
+        bisection::Look again = subject.lookRoughly(failedAt_[e]);
+        if (hasBudget() && again.clearance < demand.least) subject.look(again);
+        if (!again.isRough && again.clearance < demand.least - bisection::kRounding_m) return false;
+    }
+    bisection::prove(demand, subject, begin, end, found_[e]);
+    return found_[e].isKept;
+}
+
 void ArmStopCheck::examine(const ArmPath& path, double time_s, const Demands& demands, const JointVector& lastTorque,
-                           bool mustBeGood, Result& result) {
+                           const Known* known, bool mustBeGood, Result& result) {
     path_ = &path;
+    known_ = known;
     path.calcExtremes(extremes_);
+    if (known) {  // extremes of both paths, and of every motion between them
+        path.calcDifference(known->path, known->begin, apart_);
+        extremes_.position += apart_.position;
+        extremes_.travel += apart_.position;
+        extremes_.velocity += apart_.velocity;
+        extremes_.acceleration += apart_.acceleration;
+    }
     distance_.setTime(time_s);
     motion_.setPath(path, extremes_);
     result.isClear = result.isAhead = true;
     for (std::size_t k = 0; k < elements_.size(); ++k) {
         const std::size_t e = order_[k];
         places_[e] = {};
-        found_[e] = {};
-        if (!elements_[e].isPair() && !distance_.hasSurroundings()) continue;
-        Subject subject(*this, e);
-        bisection::Look begin = subject.lookRoughly(0);
-        bisection::Look end = subject.lookRoughly(MotionBound::kDivisions);
-        bisection::Demand demand{demands.floor[e], demands.least[e], demands.ahead[e]};
-        if (!(begin.clearance >= demand.least)) {
-            if (distances_ > 0) subject.look(begin);
-            if (demands.beginsAbove) begin.clearance = std::max(begin.clearance, demand.floor);
-            const bool hasStayed = begin.clearance >= demands.reached[e] - bisection::kRounding_m;
-            const double kept = hasStayed ? std::max(begin.clearance, demands.reached[e]) : begin.clearance;
-            demand.least = std::min(demand.least, kept);  // where the arm is it is
-        }
-        bisection::prove(demand, subject, begin, end, found_[e]);
-        if (found_[e].seen < demands.ahead[e]) result.isAhead = false;
-        if (found_[e].isKept) continue;
+        isLooked_[e] = 0;
+        if (known && isKnown(e, demands, *known)) continue;
+        const bool isKept = look(e, demands, mustBeGood);
+        if (found_[e].all.seen < demands.ahead[e]) result.isAhead = false;
+        if (isKept) continue;
         result.isClear = false;
+        if (places_[e].isSeen()) failedAt_[e] = places_[e].sample;
         if (!mustBeGood) continue;
         std::rotate(order_.begin(), order_.begin() + static_cast<std::ptrdiff_t>(k),
                     order_.begin() + static_cast<std::ptrdiff_t>(k) + 1);
         result.isAhead = result.torque.bearsTorque = false;
         return;
     }
-    for (std::size_t e = 0; e < elements_.size(); ++e) {
-        result.seen[e] = found_[e].seen;
-        result.proven[e] = found_[e].proven;
+    if (known) {
+        const TorqueScan::Neighbour neighbour{known->result.torque.proven, apart_};
+        torque_.scan(path, extremes_, demands.torqueUse, lastTorque, &neighbour, result.torque);
+    } else {
+        torque_.scan(path, extremes_, demands.torqueUse, lastTorque, nullptr, result.torque);
     }
-    findNearest(result);
-    result.torque = torque_.scan(path, extremes_, demands.torqueUse, lastTorque);
+    result.nearest = {};
+    if (!known || (result.isClear && result.torque.bearsTorque)) findNearest(demands, result);
+    for (std::size_t e = 0; e < elements_.size(); ++e) {
+        result.seen[e] = found_[e].all.seen;
+        result.proven[e] = found_[e].all.proven;
+        if (isLooked_[e]) {
+            result.profile[e] = {found_[e].parts, 0.0, path.duration(), 0.0};
+        } else {
+            result.profile[e] = known->result.profile[e];
+            result.profile[e].begin_s -= static_cast<double>(known->begin) * tick_s_;
+            result.profile[e].lost += motion_.calcApart(static_cast<int>(e), apart_.position);
+        }
+    }
 }
 
-/** Of what was only seen roughly the lowest is looked at until none that is left is lower (of each element one is known). */
-void ArmStopCheck::findNearest(Result& result) {
-    result.nearest = {};
+/** What was only seen roughly, or was known, is looked at where it is lowest, until none that is left is lower (of each
+element one is known). */
+void ArmStopCheck::findNearest(const Demands& demands, Result& result) {
     for (;;) {
         std::size_t nearest = 0;
         double least = kInfinity;
-        bool isRough = false;
         for (std::size_t e = 0; e < elements_.size(); ++e) {
-            const double now = std::min(places_[e].distance, found_[e].rough.clearance);
+            const double open = isLooked_[e] ? found_[e].rough.clearance : found_[e].all.seen;
+            const double now = std::min(places_[e].distance, open);
             if (now >= least) continue;
             least = now;
             nearest = e;
-            isRough = found_[e].rough.clearance < places_[e].distance;
         }
         if (!(least < kInfinity)) return;
-        if (!isRough || distances_ <= 0) {
-            if (!isRough) result.nearest = getNearest(static_cast<int>(nearest));
+        if (!(least < places_[nearest].distance)) {
+            result.nearest = getNearest(static_cast<int>(nearest));
             return;
         }
-        Subject(*this, nearest).look(found_[nearest].rough);
-        found_[nearest].rough = {};
+        if (!hasBudget()) return;
+        if (isLooked_[nearest]) {
+            Subject(*this, nearest).look(found_[nearest].rough);
+            found_[nearest].rough = {};
+            continue;
+        }
+        known_ = nullptr;               // all of it
+        look(nearest, demands, false);  // that it is kept is known
     }
 }
 

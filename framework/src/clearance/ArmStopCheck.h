@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -18,6 +19,10 @@ namespace viable::detail {
 more torque than its motors have. Its parts: MotionBound (how far points move), ElementDistance (clearances at a pose),
 bisection::prove (clearances at all times), TorqueScan, and SteeringRows for what to do about it.
 
+Most of what was proven of the path that was taken a tick ago is good for the next one: a clearance, less how far the points
+are apart on the two paths, is still a lower bound, and a torque, plus how far the torques are apart, still an upper one.
+Only what that leaves open is looked at.
+
 Real time after construction, bounded work. */
 class ArmStopCheck {
 public:
@@ -34,10 +39,22 @@ public:
     with, or `reached`, if that is more by rounding only: else each tick could use up rounding anew. */
     struct Demands {
         std::vector<double> floor, least, ahead, reached;
+        /** >= ahead: clearances that are known to be larger are not measured again [m]. */
+        std::vector<double> far;
         /** The pose that paths begin with is known to keep the floor. */
         bool beginsAbove = false;
         /** The most that torque may use of its limits, >= 1; infinite: it is only measured. */
         double torqueUse = 1.0;
+    };
+    /** What a path keeps of an element, by shares of the time of the path that was looked at last. */
+    struct Profile {
+        std::array<bisection::Bounds, bisection::Result::kParts> parts;
+        double begin_s = 0.0;     ///< of that path, in the time of this one
+        double duration_s = 1.0;  ///< of that path
+        double lost = 0.0;        ///< how far this path can be from it [m]
+
+        /** Between two times, for a path from which the element is no farther than `apart`. */
+        bisection::Bounds find(double from_s, double to_s, double apart) const;
     };
     /** What came of a look at a path. */
     struct Result {
@@ -47,14 +64,22 @@ public:
         /** Of each element the least clearance seen, or a lower bound where that is far enough, and a lower bound for
         all times [m]. */
         std::vector<double> seen, proven;
-        Clearance nearest;
+        std::vector<Profile> profile;
+        Clearance nearest;  ///< only of a path that is good
+    };
+    /** A path that was examined in the same surroundings, and what came of it. */
+    struct Known {
+        const ArmPath& path;
+        std::int64_t begin;  ///< tick of it with which the path to be examined begins
+        const Result& result;
     };
     /** @param lastTorque  of the tick before the path's first
+        @param known       may be null
         @param mustBeGood  the first clearance that is not kept ends it: then only isClear and bearsTorque, both false, are
                            told, and there are no rows
         `result` must come from makeResult(); `path` must live until addRows(). */
     void examine(const ArmPath& path, double time_s, const Demands& demands, const JointVector& lastTorque,
-                 bool mustBeGood, Result& result);
+                 const Known* known, bool mustBeGood, Result& result);
     Result makeResult() const;
     /** Where element e was nearest in the last examine(). */
     Clearance getNearest(int e) const;
@@ -90,22 +115,31 @@ public:
 private:
     class Subject;  ///< an element, as bisection::prove asks about it
 
-    void findNearest(Result& result);
+    bool isKnown(std::size_t e, const Demands& demands, const Known& known);
+    bool look(std::size_t e, const Demands& demands, bool mustBeGood);
+    bool hasBudget() const { return distances_ > 0; }
+    void findNearest(const Demands& demands, Result& result);
 
+    int n_;
     std::vector<LinkCapsule> capsules_;
     std::vector<ArmElement> elements_;
     ElementDistance distance_;
     MotionBound motion_;
     TorqueScan torque_;
     SteeringRows rows_;
+    double tick_s_;
     int distances_ = kMaxDistances;  ///< left in this tick
 
     // Of the path that is looked at
     const ArmPath* path_ = nullptr;
+    const Known* known_ = nullptr;
     ArmPath::Extremes extremes_;
+    ArmPath::Difference apart_;                   ///< from the known path
+    std::vector<char> isLooked_;                  ///< of each element; else found_ is what was known
     std::vector<ElementDistance::Place> places_;  ///< the nearest of each element
     std::vector<bisection::Result> found_;        ///< of each element
     std::vector<std::size_t> order_;              ///< of the elements: what failed in this tick first
+    std::vector<int> failedAt_;  ///< of each element the sample of its last failure in this tick; -1: none
 };
 
 }  // namespace viable::detail

@@ -95,7 +95,7 @@ double CapsuleMotion::calcBend(int capsule, int base) const {
     return bend;
 }
 
-double CapsuleMotion::calcReach(int capsule, int base, double bend, const Pose& a, const Pose& b, double h_s) const {
+double CapsuleMotion::calcChord(int capsule, int base, const Pose& a, const Pose& b) const {
     const auto k = static_cast<std::size_t>(capsule);
     if (capsules_[k].carrier == base) return 0.0;
     const Segment &was = a.segments[k], &is = b.segments[k];
@@ -106,7 +106,7 @@ double CapsuleMotion::calcReach(int capsule, int base, double bend, const Pose& 
         first = back * (is.a - b.frames.origin[at]) - (was.a - a.frames.origin[at]);
         second = back * (is.b - b.frames.origin[at]) - (was.b - a.frames.origin[at]);
     }
-    return std::sqrt(std::max(first.squaredNorm(), second.squaredNorm())) + h_s * h_s / 4.0 * bend;
+    return std::sqrt(std::max(first.squaredNorm(), second.squaredNorm()));
 }
 
 }  // namespace viable::detail

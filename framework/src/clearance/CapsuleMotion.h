@@ -39,11 +39,9 @@ public:
     /** Largest acceleration of the capsule's points as seen from what the joint `base` (-1: nothing) carries [m/s^2].
     `base` is -1 or carries the capsule. */
     double calcBend(int capsule, int base) const;
-    /** For all points p of the capsule's segment and times t between a and b, h apart, as seen from `base`:
-    |p(t) - p(a)| + |p(b) - p(t)| is no more than this [m]: the way from p(a) to p(b), and h^2/8 of `bend`, by which p(t) can
-    be off it, twice.
-    @param bend  of calcBend(capsule, base) */
-    double calcReach(int capsule, int base, double bend, const Pose& a, const Pose& b, double h_s) const;
+    /** Farthest that a point of the capsule's segment is at b from where it was at a, as seen from `base` [m]. Between the
+    two times, h apart, no point is off the straight line between its two places by more than h^2/8 of calcBend(). */
+    double calcChord(int capsule, int base, const Pose& a, const Pose& b) const;
 
 private:
     void setLever(int capsule, const Pose& begin);

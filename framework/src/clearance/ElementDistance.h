@@ -30,6 +30,13 @@ public:
 
     explicit ElementDistance(std::vector<LinkCapsule> capsules);
 
+    /** How much farther than its clearance an element's points are away: of a capsule's segment from the surroundings, or of
+    two segments from each other [m]. */
+    double getRadius(const ArmElement& element) const {
+        const auto first = static_cast<std::size_t>(element.first);
+        return element.isPair() ? capsules_[first].radius + capsules_[static_cast<std::size_t>(element.second)].radius
+                                : covers_[first].radius;
+    }
     /** Of the balls that cover each capsule [m]. */
     std::vector<double> getRadii() const;
 

@@ -3,30 +3,38 @@
 #include <algorithm>
 #include <utility>
 
+#include "viable/core/Numbers.h"
+
 namespace viable::detail {
+
+namespace {
+
+/** So many samples apart the joints' travels can tell more than the chord. */
+constexpr int kLong = bisection::kDivisions / 8;
+
+}  // namespace
 
 MotionBound::MotionBound(const RobotDescription& robot, const std::vector<LinkCapsule>& capsules,
                          std::vector<double> radii, const std::vector<ArmElement>& elements)
     : n_(robot.size()),
       motion_(robot, capsules, std::move(radii)),
-      samples_(kDivisions + 1),
+      samples_(bisection::kDivisions + 1),
       position_(JointVector::Zero(n_)) {
     for (const ArmElement& element : elements)
         parts_.push_back(
-            {element, element.isPair() ? motion_.findCommonCarrier(element.first, element.second) : -1, {}, {}});
+            {element, element.isPair() ? motion_.findCommonCarrier(element.first, element.second) : -1, {}, -1.0});
     for (Sample& sample : samples_) sample.pose = motion_.makePose();
 }
 
 void MotionBound::setPath(const ArmPath& path, const ArmPath::Extremes& extremes) {
     path_ = &path;
-    for (Sample& sample : samples_) sample.isKnown = false;
+    for (Sample& sample : samples_) sample.isKnown = sample.isTravelKnown = false;
     if (parts_.empty()) return;
     motion_.setPath(extremes, getPose(0));
     for (Part& part : parts_) {
         part.lever = motion_.lever(part.element.first);
-        part.bend[0] = motion_.calcBend(part.element.first, part.base);
+        part.bend = -1.0;
         if (!part.element.isPair()) continue;
-        part.bend[1] = motion_.calcBend(part.element.second, part.base);
         const JointVector& other = motion_.lever(part.element.second);
         for (int i = 0; i < n_; ++i)  // what moves both moves neither against the other
             part.lever[i] = part.lever[i] > 0.0 && other[i] > 0.0 ? 0.0 : part.lever[i] + other[i];
@@ -37,28 +45,35 @@ const MotionBound::Sample& MotionBound::getSample(int at) {
     Sample& sample = samples_[static_cast<std::size_t>(at)];
     if (sample.isKnown) return sample;
     sample.isKnown = true;
-    path_->calcPositions(calcTime(at), position_, sample.travel);
+    path_->calcPositions(calcTime(at), position_);
     motion_.calcPose(position_, sample.pose);
     return sample;
 }
 
-double MotionBound::calcMoved(int e, int at) {
-    const JointVector& lever = parts_[static_cast<std::size_t>(e)].lever;
-    const JointVector& travel = getSample(at).travel;
-    double moved = 0.0;
-    for (int i = 0; i < n_; ++i) moved += lever[i] * travel[i];
-    return moved;
+const JointVector& MotionBound::getTravel(int at) {
+    Sample& sample = samples_[static_cast<std::size_t>(at)];
+    if (!sample.isTravelKnown) path_->calcPositions(calcTime(at), position_, sample.travel);
+    sample.isTravelKnown = true;
+    return sample.travel;
 }
 
-double MotionBound::calcReach(int e, int from, double fromMoved, int to, double toMoved) {
-    const Part& part = parts_[static_cast<std::size_t>(e)];
-    const double byJoints = std::max(0.0, toMoved - fromMoved);
+bisection::Way MotionBound::calcWay(int e, int from, int to) {
+    Part& part = parts_[static_cast<std::size_t>(e)];
+    if (part.bend < 0.0) {
+        part.bend = motion_.calcBend(part.element.first, part.base);
+        if (part.element.isPair()) part.bend += motion_.calcBend(part.element.second, part.base);
+    }
     const double h = calcTime(to) - calcTime(from);
-    if (h * h / 4.0 * (part.bend[0] + part.bend[1]) >= byJoints) return byJoints;
+    const double sag = h * h / 8.0 * part.bend;
+    double byJoints = kInfinity;
+    if (to - from >= kLong) {
+        byJoints = part.lever.dot(getTravel(to) - getTravel(from));
+        if (2.0 * sag >= byJoints) return {byJoints, kInfinity, sag};
+    }
     const CapsuleMotion::Pose &a = getPose(from), &b = getPose(to);
-    double byEnds = motion_.calcReach(part.element.first, part.base, part.bend[0], a, b, h);
-    if (part.element.isPair()) byEnds += motion_.calcReach(part.element.second, part.base, part.bend[1], a, b, h);
-    return std::min(byJoints, byEnds);
+    double chord = motion_.calcChord(part.element.first, part.base, a, b);
+    if (part.element.isPair()) chord += motion_.calcChord(part.element.second, part.base, a, b);
+    return {std::min(byJoints, chord + 2.0 * sag), chord, sag};
 }
 
 }  // namespace viable::detail

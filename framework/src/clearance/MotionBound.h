@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "clearance/ArmElement.h"
+#include "clearance/Bisection.h"
 #include "clearance/CapsuleMotion.h"
 
 namespace viable::detail {
@@ -15,14 +16,12 @@ asked for.
 For all times t from sample a to sample b, h apart, and all points of the element |p(t) - p(a)| + |p(b) - p(t)| is at most D,
 the smaller of two bounds. Joint by joint: the travel of the joint times the largest distance of the element's points from
 its axis (the bound of that paper). And: how far the segments' ends have come from a to b (for a pair: seen from what carries
-both), plus h^2/4 times the largest acceleration of their points: these leave the straight way between two places by no more
-than h^2/8 times it, which enters twice, from a and to b.
+both), the chord, plus twice the sag, h^2/8 times the largest acceleration of their points, by which these can be off the
+chord.
 
 Real time after construction. */
 class MotionBound {
 public:
-    static constexpr int kDivisions = 128;  ///< of a path's time; samples 0 ... kDivisions
-
     /** @param radii  of what belongs to each capsule, around its segment [m] */
     MotionBound(const RobotDescription& robot, const std::vector<LinkCapsule>& capsules, std::vector<double> radii,
                 const std::vector<ArmElement>& elements);
@@ -30,28 +29,31 @@ public:
     /** The path that the rest is about; it must live as long as it is asked for. */
     void setPath(const ArmPath& path, const ArmPath::Extremes& extremes);
 
-    double calcTime(int sample) const { return path_->duration() * sample / kDivisions; }  ///< [s]
+    double calcTime(int sample) const { return path_->duration() * sample / bisection::kDivisions; }  ///< [s]
     const CapsuleMotion::Pose& getPose(int sample) { return getSample(sample).pose; }
-    /** How far any point of element e can have moved since the path's begin, to and fro added up [m]. */
-    double calcMoved(int e, int sample);
-    /** D from sample `from` to a later one.
-    @param fromMoved, toMoved  calcMoved() there */
-    double calcReach(int e, int from, double fromMoved, int to, double toMoved);
+    /** From sample `from` to a later one. */
+    bisection::Way calcWay(int e, int from, int to);
+    /** How far apart the points of element e are on two paths whose positions differ by no more than `apart`, and for both of
+    which the extremes hold [m]. */
+    double calcApart(int e, const JointVector& apart) const {
+        return parts_[static_cast<std::size_t>(e)].lever.dot(apart);
+    }
 
 private:
     struct Part {
         ArmElement element;
-        int base = -1;                 ///< outermost joint that carries both of a pair; -1: none
-        JointVector lever;             ///< farthest of its points from each joint's axis; 0: not moved by it [m]
-        std::array<double, 2> bend{};  ///< calcBend() of its capsules as seen from `base`
+        int base = -1;       ///< outermost joint that carries both of a pair; -1: none
+        JointVector lever;   ///< farthest of its points from each joint's axis; 0: not moved by it [m]
+        double bend = -1.0;  ///< calcBend() of its capsules as seen from `base`; < 0: not known yet
     };
     /** The arm at a time of the path. */
     struct Sample {
-        bool isKnown = false;
+        bool isKnown = false, isTravelKnown = false;
         CapsuleMotion::Pose pose;
         JointVector travel;  ///< of each joint up to here [rad]
     };
     const Sample& getSample(int sample);
+    const JointVector& getTravel(int sample);
 
     int n_;
     CapsuleMotion motion_;

@@ -16,7 +16,7 @@ constexpr double kInfluence_m = 0.1;
 
 StopDemands::StopDemands(int elements, double share) : share_(share) {
     for (ArmStopCheck::Demands* d : {&demands_, &measures_})
-        for (std::vector<double>* v : {&d->floor, &d->least, &d->ahead, &d->reached})
+        for (std::vector<double>* v : {&d->floor, &d->least, &d->ahead, &d->reached, &d->far})
             v->assign(static_cast<std::size_t>(elements), -kInfinity);
     measures_.torqueUse = kInfinity;
     demands_.beginsAbove = true;
@@ -47,6 +47,7 @@ void StopDemands::raise(const ArmStopCheck::Result& kept) {
         demands_.reached[e] = hasStayed ? std::max(demands_.reached[e], kept.seen[e]) : kept.seen[e];
         const double room = std::clamp(kept.seen[e] - demands_.least[e], 0.0, kInfluence_m);
         demands_.ahead[e] = demands_.least[e] + (1.0 - share_) * room;
+        demands_.far[e] = demands_.least[e] + kInfluence_m;
     }
 }
 

@@ -18,61 +18,68 @@ TorqueRate::TorqueRate(const RobotDescription& robot) : n_(robot.size()), gravit
     }
 }
 
-/* With w, A, E the bounds of a frame's angular velocity, acceleration and its derivative, and a point fixed in it at
-distance d from its origin, whose acceleration and its derivative are bounded by B and C:
-    acceleration  B + (A + w^2) d,    its derivative  C + (E + 3 w A + w^3) d
-A joint about an axis that turns with the parent (w, A, E) at speed s, with c and e bounding its derivatives:
-    w + s,    A + c + w s,    E + e + 2 w c + A s + w^2 s
-A moment about the centre of mass, I alpha + omega x I omega, changes by at most I (E + 4 w A + w^3). */
-void TorqueRate::calcBound(const ArmPath::Extremes& path, JointVector& bound) const {
-    struct Motion {
-        double w = 0.0, A = 0.0, E = 0.0, B = 0.0, C = 0.0, reach = 0.0;
+/* Two motions of one frame: w, A, B bound the angular velocity and acceleration and the acceleration of the origin of both,
+turned, dw, dA, dB how far apart they are, `turned` the angle between the two rotations. For x y with |x| <= X, |y| <= Y
+the difference is at most dX Y + X dY. What is fixed in the frame, of length d, differs by at most turned d, so the
+acceleration B + (A + w^2) d of such a point by
+    dB + (dA + turned A + 2 w dw + turned w^2) d.
+A joint about an axis that is fixed in its parent (w, A, turned), with speed s and acceleration c:
+    w + s,    A + c + w s,    dw + ds + turned s,    dA + dc + turned c + dw s + w (ds + turned s).
+An inertia I (largest principal one; all of them above 0) differs by at most turned I, so the moment I alpha + omega x I omega by
+    I (dA + turned A + 2 w dw + turned w^2).
+How fast one motion changes are the same formulas, with differences per time. */
+void TorqueRate::calcChange(const ArmPath::Extremes& motion, const JointVector& dq, const JointVector& dqd,
+                            const JointVector& dqdd, JointVector& bound) const {
+    struct Frame {
+        double w = 0.0, A = 0.0, B = 0.0, turned = 0.0, dw = 0.0, dA = 0.0, dB = 0.0;
+        double reach = 0.0;  // from the parent's origin
+        double slid = 0.0;   // what of its change is not the parent's turning
+        double calcChange() const { return dA + turned * A + 2.0 * w * dw + turned * w * w; }
     };
-    std::array<Motion, kMaxJoints> motions;
-    std::array<double, kMaxJoints> force, forceRate, moment, momentRate;
+    const Frame base{0.0, 0.0, gravity_, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    std::array<Frame, kMaxJoints> frames;
     bound.setZero(n_);
     for (int i = 0; i < n_; ++i) {
         const auto at = static_cast<std::size_t>(i);
         const Body& body = bodies_[at];
-        const Motion base{0.0, 0.0, 0.0, gravity_, 0.0, 0.0};
-        const Motion& p = body.parent >= 0 ? motions[static_cast<std::size_t>(body.parent)] : base;
-        const double s = path.velocity[i], c = path.acceleration[i], e = path.jerk[i];
-        Motion& m = motions[at];
-        const double d = body.offset + (body.isPrismatic ? path.position[i] : 0.0);
-        m = p;
-        m.reach = d;
-        m.B = p.B + (p.A + p.w * p.w) * d;
-        m.C = p.C + (p.E + 3.0 * p.w * p.A + p.w * p.w * p.w) * d;
+        const Frame& p = body.parent >= 0 ? frames[static_cast<std::size_t>(body.parent)] : base;
+        const double s = motion.velocity[i], c = motion.acceleration[i];
+        const double ds = dqd[i] + p.turned * s, dc = dqdd[i] + p.turned * c;
+        Frame& f = frames[at];
+        f = p;
+        f.reach = body.offset + (body.isPrismatic ? motion.position[i] : 0.0);
+        f.slid = body.isPrismatic ? dq[i] : 0.0;
+        f.B += (p.A + p.w * p.w) * f.reach;
+        f.dB += p.calcChange() * f.reach + (p.A + p.w * p.w) * f.slid;
         if (body.isPrismatic) {
-            m.B += 2.0 * p.w * s + c;
-            m.C += 3.0 * (p.A + p.w * p.w) * s + 3.0 * p.w * c + e;
+            f.B += 2.0 * p.w * s + c;
+            f.dB += 2.0 * (p.dw * s + p.w * ds) + dc;
         } else {
-            m.w = p.w + s;
-            m.A = p.A + c + p.w * s;
-            m.E = p.E + e + 2.0 * p.w * c + p.A * s + p.w * p.w * s;
+            f.w += s;
+            f.A += c + p.w * s;
+            f.turned += dq[i];
+            f.dw += ds;
+            f.dA += dc + p.dw * s + p.w * ds;
         }
-        const double w3 = m.w * m.w * m.w;
-        force[at] = body.mass * (m.B + (m.A + m.w * m.w) * body.com);
-        forceRate[at] = body.mass * (m.C + (m.E + 3.0 * m.w * m.A + w3) * body.com);
-        moment[at] = body.inertia * (m.A + m.w * m.w);
-        momentRate[at] = body.inertia * (m.E + 4.0 * m.w * m.A + w3);
-        bound[i] += body.rotor * e;
+        const double change = f.calcChange();
+        const double force = body.mass * (f.B + (f.A + f.w * f.w) * body.com);
+        const double dForce = body.mass * (f.dB + change * body.com);
+        const double moment = body.inertia * (f.A + f.w * f.w), dMoment = body.inertia * change;
+        bound[i] += body.rotor * dqdd[i];
 
-        // What this body asks of every joint that carries it: arm and its rate from that joint's frame to the body.
-        double arm = body.com, armRate = m.w * body.com;
+        // What this body asks of every joint that carries it: lever from that joint's frame to the body.
+        double lever = body.com, dLever = f.turned * body.com;
         for (int k = i; k >= 0;) {
             const Body& carrier = bodies_[static_cast<std::size_t>(k)];
-            const int parent = carrier.parent;
-            const double turn = parent >= 0 ? motions[static_cast<std::size_t>(parent)].w : 0.0;
+            const Frame& here = frames[static_cast<std::size_t>(k)];
+            const double turned = carrier.parent >= 0 ? frames[static_cast<std::size_t>(carrier.parent)].turned : 0.0;
             if (carrier.isPrismatic)
-                bound[k] += turn * force[at] + forceRate[at];
+                bound[k] += turned * force + dForce;
             else
-                bound[k] +=
-                    turn * (arm * force[at] + moment[at]) + armRate * force[at] + arm * forceRate[at] + momentRate[at];
-            arm += motions[static_cast<std::size_t>(k)].reach;
-            armRate +=
-                turn * motions[static_cast<std::size_t>(k)].reach + (carrier.isPrismatic ? path.velocity[k] : 0.0);
-            k = parent;
+                bound[k] += turned * (lever * force + moment) + dLever * force + lever * dForce + dMoment;
+            lever += here.reach;
+            dLever += turned * here.reach + here.slid;
+            k = carrier.parent;
         }
     }
 }

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "viable/core/Numbers.h"
+
 namespace viable::detail {
 
 namespace {
@@ -28,21 +30,39 @@ void TorqueScan::calcTorque(const ArmPath& path, std::int64_t tick, JointVector&
     arm_.calcTorque(position_, velocity_, acceleration_, torque);
 }
 
-TorqueScan::Result TorqueScan::scan(const ArmPath& path, const ArmPath::Extremes& extremes, double torqueUse,
-                                    const JointVector& lastTorque) {
-    Result result;
+bool TorqueScan::isKnown(const ArmPath::Extremes& extremes, const Neighbour& neighbour, Result& result) {
+    if (limitsRate_) return false;
+    torqueRate_.calcDifference(extremes, neighbour.apart, rate_);
+    result.proven = neighbour.proven + rate_;
+    if (!(result.proven.array() <= limits_.torque.array()).all()) return false;
+    result.torqueUse = result.proven.cwiseQuotient(limits_.torque).maxCoeff(&result.joint);
+    result.torque = result.proven[result.joint];
+    return true;
+}
+
+/** Between two looks, h apart, no torque is farther from zero than (|sum of both| + rate h) / 2. */
+void TorqueScan::scan(const ArmPath& path, const ArmPath::Extremes& extremes, double torqueUse,
+                      const JointVector& lastTorque, const Neighbour* neighbour, Result& result) {
+    result.bearsTorque = true;
+    result.torqueUse = result.torque = 0.0;
+    result.joint = 0;
+    result.tick = 0;
+    result.isChange = false;
     faultCount_ = 0;
-    if (!limitsTorque_ && !limitsRate_) return result;
+    if (!limitsTorque_ && !limitsRate_) return;
+    if (neighbour && isKnown(extremes, *neighbour, result)) return;
+    result.torqueUse = result.torque = 0.0;
+    result.joint = 0;
     torqueRate_.calcBound(extremes, rate_);
     // Where the torque cannot change faster than allowed nobody need look at its changes.
     const bool looksAtChanges = limitsRate_ && !(rate_.array() <= limits_.rate.array()).all();
     const bool measures = std::isinf(torqueUse);
     torqueBefore_ = lastTorque;
     const std::int64_t last = path.ticks();
-    for (std::int64_t tick = 0;;) {
+    for (std::int64_t tick = 0, before = 0;;) {
         if (--left_ < 0) {
             result.bearsTorque = false;
-            return result;
+            break;
         }
         calcTorque(path, tick, torque_);
         const double most = (measures ? std::max(1.0, result.torqueUse) : torqueUse) + kRounding;
@@ -60,17 +80,23 @@ TorqueScan::Result TorqueScan::scan(const ArmPath& path, const ArmPath::Extremes
                 result.torque = torque_[i];
                 result.isChange = change > use;
             }
+            const double gap = static_cast<double>(tick - before) * tick_s_;
+            const double between =
+                tick - before > 1 ? (std::abs(torque_[i] + torqueBefore_[i]) + rate_[i] * gap) / 2.0 : 0.0;
+            result.proven[i] = std::max({tick == 0 ? 0.0 : result.proven[i], std::abs(torque_[i]), between});
             free = std::min(free, (most * limit - std::abs(torque_[i])) / (rate_[i] * tick_s_));
             if (measures || (use <= most && change <= most)) continue;
             result.bearsTorque = false;
             if (use > most && faultCount_ < static_cast<int>(faults_.size()))
                 faults_[static_cast<std::size_t>(faultCount_++)] = {tick, i, torque_[i]};
         }
-        if (!result.bearsTorque || tick >= last) return result;
+        if (!result.bearsTorque || tick >= last) break;
         torqueBefore_ = torque_;
+        before = tick;
         const bool maySkip = !looksAtChanges && free >= 1.0;
         tick = std::min(last, tick + (maySkip ? static_cast<std::int64_t>(free) : 1));
     }
+    if (!result.bearsTorque) result.proven.setConstant(kInfinity);
 }
 
 }  // namespace viable::detail

@@ -38,12 +38,21 @@ public:
         std::int64_t tick = 0;    ///< of the path, when it has it
         double torque = 0.0;      ///< then [Nm]
         bool isChange = false;    ///< it is that of a change
+        JointVector proven;       ///< no |tau| of any tick is larger; infinite: not known [Nm]
     };
-    /** @param extremes    of the path
+    /** What is known of another path. */
+    struct Neighbour {
+        const JointVector& proven;         ///< of its scan
+        const ArmPath::Difference& apart;  ///< how far it is from the path that is looked at
+    };
+    /** @param extremes    of the path and of the neighbour
         @param torqueUse   the most that torque may use of its limits; infinite: it is only measured
-        @param lastTorque  of the tick before the path's first */
-    Result scan(const ArmPath& path, const ArmPath::Extremes& extremes, double torqueUse,
-                const JointVector& lastTorque);
+        @param lastTorque  of the tick before the path's first
+        @param neighbour   may be null. Where its torques, and how far those of this path can be from them, leave no doubt that
+                           the limits are kept, nothing is computed, and torqueUse is a bound
+        `result.proven` is to have the arm's size. */
+    void scan(const ArmPath& path, const ArmPath::Extremes& extremes, double torqueUse, const JointVector& lastTorque,
+              const Neighbour* neighbour, Result& result);
 
     /** Found by the last scan(), the first ones. */
     int faultCount() const { return faultCount_; }
@@ -63,6 +72,8 @@ private:
     std::array<Fault, 4> faults_;
     int faultCount_ = 0;
     JointVector position_, velocity_, acceleration_, torque_, torqueBefore_, rate_;
+
+    bool isKnown(const ArmPath::Extremes& extremes, const Neighbour& neighbour, Result& result);
 };
 
 }  // namespace viable::detail

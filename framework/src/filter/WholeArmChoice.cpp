@@ -54,8 +54,6 @@ void WholeArmChoice::reset(const MotionState& start) {
     setStoredPath(start);
     check_.calcTorque(storedPath_, 0, lastTorque_);
     examineStored(start);
-    keptPath_ = storedPath_;
-    ticksOnPath_ = 0;
 }
 
 void WholeArmChoice::skipTicks(std::int64_t ticks) {
@@ -98,8 +96,10 @@ void WholeArmChoice::setStoredPath(const MotionState& state) {
 /** What the backup stop keeps, and with it what is asked of any other. */
 void WholeArmChoice::examineStored(const MotionState& state) {
     setStoredPath(state);
-    check_.examine(storedPath_, time(), demands_.measure(), lastTorque_, false, stored_);
+    check_.examine(storedPath_, time(), demands_.measure(), lastTorque_, nullptr, false, stored_);
     nearest_ = stored_.nearest;
+    keptPath_ = storedPath_;
+    ticksOnPath_ = 0;
     demands_.begin(stored_);
     isNew_ = false;
 }
@@ -108,7 +108,8 @@ void WholeArmChoice::examineStored(const MotionState& state) {
 bool WholeArmChoice::isGood(const MotionState& state, const JointVector& jerk, bool wantsRows) {
     findStops(jerk);
     path_.set(state, jerk, stops_, tick_s_);
-    check_.examine(path_, time(), demands_.get(), lastTorque_, !wantsRows, trial_);
+    const ArmStopCheck::Known known{keptPath_, ticksOnPath_, stored_};
+    check_.examine(path_, time(), demands_.get(), lastTorque_, &known, !wantsRows, trial_);
     return trial_.isClear && trial_.torque.bearsTorque;
 }
 
@@ -125,8 +126,7 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
     isNew_ |= !braking_.beginTick(nominal);
     check_.beginTick();
     takeSurroundings();
-    const bool isExamined = isNew_;
-    if (isExamined) examineStored(nominal);
+    if (isNew_) examineStored(nominal);
     demands_.raise(stored_);
     hasBest_ = false;
 
@@ -152,10 +152,6 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
         ticksOnPath_ = 0;
     } else {
         braking_.getStored(jerk);
-        if (isExamined) {
-            keptPath_ = storedPath_;
-            ticksOnPath_ = 0;
-        }
     }
     braking_.commit(desired, jerk, joints);
     for (std::size_t i = 0; i < static_cast<std::size_t>(jerk.size()); ++i) {

@@ -79,7 +79,7 @@ private:
     JointMatrix ownInertia_;  ///< diagonal
     ArmStopCheck::Result stored_, best_, trial_;
     ArmPath path_, storedPath_;
-    /** The path that the arm is on since it was chosen, and how far. */
+    /** The path that the arm is on since it was chosen or examined anew, and how far; stored_ is of it. */
     ArmPath keptPath_;
     std::int64_t ticksOnPath_ = 0;
     Stops stops_, bestStops_;

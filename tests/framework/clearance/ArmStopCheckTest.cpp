@@ -71,7 +71,7 @@ TEST(ArmStopCheck, WhatIsProvenBetweenLooksHoldsAtEveryPose) {
         demands.floor.assign(elements, 0.0);
         demands.least.assign(elements, detail::bisection::kGuard_m);
         demands.reached = demands.least;
-        demands.ahead.assign(elements, kAhead_m);
+        demands.ahead = demands.far = std::vector<double>(elements, kAhead_m);
         double tooMuch = -kInfinity, sum = 0.0;
         constexpr int kPaths = 300;
         int clear = 0, refused = 0, near = 0;
@@ -82,7 +82,7 @@ TEST(ArmStopCheck, WhatIsProvenBetweenLooksHoldsAtEveryPose) {
             check.setSurroundings(&surroundings);
             const ArmPath path = drawPath(n, random, round % 3 == 0 ? 1.0 : round % 3 == 1 ? 0.3 : 0.03);
             check.beginTick();
-            check.examine(path, 0.0, demands, JointVector::Zero(n), false, result);
+            check.examine(path, 0.0, demands, JointVector::Zero(n), nullptr, false, result);
             const double proven = *std::min_element(result.proven.begin(), result.proven.end());
             const CollisionJudge judge(subject.robot, subject.geometry, environment);
             double least = kInfinity;
@@ -111,6 +111,83 @@ TEST(ArmStopCheck, WhatIsProvenBetweenLooksHoldsAtEveryPose) {
         EXPECT_GT(near, 15);
         EXPECT_LT(sum / near, 0.015);
         EXPECT_LT(refused, clear / 4);
+    }
+}
+
+// Paths that branch off from each other tick by tick, each examined with what is known of the one before: what is proven, of
+// clearances and of torques, holds at every pose, though most of it is not looked at.
+TEST(ArmStopCheck, WhatIsKnownOfOnePathHoldsForTheNext) {
+    std::mt19937 random(3);
+    for (const RobotDescription& robot : {loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"),
+                                          loadRobot(VIABLE_SOURCE_DIR "/robots/panda"), makeSlidingArm()}) {
+        const Subject subject(robot);
+        const int n = subject.robot.size();
+        const JointVector none = JointVector::Constant(n, kInfinity);
+        ArmStopCheck check(subject.robot, &subject.geometry, {subject.robot.actuation.torqueLimit, none}, kTick_s);
+        ArmStopCheck::Result kept = check.makeResult(), result = kept;
+        const auto elements = static_cast<std::size_t>(check.elements());
+        ArmStopCheck::Demands demands;
+        demands.floor.assign(elements, 0.0);
+        demands.least.assign(elements, detail::bisection::kGuard_m);
+        demands.reached = demands.least;
+        demands.ahead = demands.far = std::vector<double>(elements, kAhead_m);
+        const ArmRecursion arm(subject.robot);
+        double tooMuch = -kInfinity, torqueUse = 0.0, sum = 0.0;
+        int near = 0;
+        constexpr int kChains = 40, kTicks = 40;
+        for (int round = 0; round < kChains; ++round) {
+            const Environment environment = drawThinThings(random);
+            const Eigen::Vector3d far = Eigen::Vector3d::Constant(3.0);
+            const Surroundings surroundings(environment, -far, far, 1.0);
+            check.setSurroundings(&surroundings);
+            const CollisionJudge judge(subject.robot, subject.geometry, environment);
+            const AxisLimits limits{-9.0, 9.0, -3.0, 3.0, -12.0, 12.0, -40.0, 40.0};
+            const DrawnPath drawn{JointVector::Constant(n, 1.5), 3.0, 10.0, 40.0, limits};
+            ArmPath path = drawn.draw(random, round % 3 == 0 ? 1.0 : round % 3 == 1 ? 0.3 : 0.03, kTick_s);
+            check.beginTick();
+            check.examine(path, 0.0, demands, JointVector::Zero(n), nullptr, false, kept);
+            std::int64_t begin = 0;
+            for (int tick = 0; tick < kTicks; ++tick) {
+                ++begin;
+                const ArmPath next = drawn.branchOff(path, begin, random, kTick_s);
+                const ArmStopCheck::Known known{path, begin, kept};
+                check.beginTick();
+                check.examine(next, 0.0, demands, JointVector::Zero(n), &known, false, result);
+                if (tick % 4 == 0) {
+                    double least = kInfinity;
+                    JointVector q, qd, qdd, tau;
+                    constexpr int kPoses = 300;
+                    for (int k = 0; k <= kPoses; ++k) {
+                        next.calcPositions(next.duration() * k / kPoses, q);
+                        least = std::min(least, judge.findContact(q, 0.0, kHorizon_m).distance);
+                    }
+                    const double proven = *std::min_element(result.proven.begin(), result.proven.end());
+                    if (least < kHorizon_m) tooMuch = std::max(tooMuch, proven - std::max(least, 0.0));
+                    if (result.isClear && least < kAhead_m) {
+                        ++near;
+                        sum += least - proven;
+                    }
+                    for (std::int64_t k = 0; k <= next.ticks() && result.torque.bearsTorque; ++k) {
+                        next.calcTick(k, q, qd, qdd);
+                        arm.calcTorque(q, qd, qdd, tau);
+                        torqueUse = std::max(torqueUse, tau.cwiseAbs().cwiseQuotient(result.torque.proven).maxCoeff());
+                    }
+                }
+                if (tick % 3 == 2) continue;  // the path that is known goes on
+                path = next;
+                begin = 0;
+                std::swap(kept, result);
+            }
+        }
+        std::printf(
+            "  %s: proven less than seen by %.1f mm on average of %d near paths, never more (%.1g m); torques at "
+            "most %.3f of what is proven\n",
+            subject.robot.name.c_str(), 1e3 * sum / near, near, tooMuch, torqueUse);
+        EXPECT_LE(tooMuch, 1e-9);
+        EXPECT_GT(near, 15);
+        EXPECT_LT(sum / near, 0.015);
+        EXPECT_LE(torqueUse, 1.0 + 1e-9);
+        EXPECT_GT(torqueUse, 0.5);
     }
 }
 
@@ -184,8 +261,8 @@ TEST(ArmStopCheck, ABallWhereTheArmTurnsIsNotMissed) {
         demands.floor.assign(elements, 0.0);
         demands.least.assign(elements, detail::bisection::kGuard_m);
         demands.reached = demands.least;
-        demands.ahead.assign(elements, detail::bisection::kGuard_m);
-        check.examine(path, 0.0, demands, JointVector::Zero(n), false, result);
+        demands.ahead = demands.far = demands.least;
+        check.examine(path, 0.0, demands, JointVector::Zero(n), nullptr, false, result);
         EXPECT_FALSE(result.isClear) << round;
     }
     EXPECT_GT(hits, 100);

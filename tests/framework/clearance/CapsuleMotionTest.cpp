@@ -124,8 +124,9 @@ TEST(CapsuleMotion, BoundsHoldAtEveryPoseOfThePath) {
                     }
                 for (const std::size_t from : {0, 100, 500, 1000})
                     for (const std::size_t to : {from + 4, from + 40, from + 200}) {
-                        const double reach = motion.calcReach(capsule, base, bend, poses[from], poses[to],
-                                                              static_cast<double>(to - from) * step_s);
+                        const double h = static_cast<double>(to - from) * step_s;
+                        const double chord = motion.calcChord(capsule, base, poses[from], poses[to]);
+                        const double reach = chord + h * h / 4.0 * bend;
                         for (std::size_t t = from; t <= to; ++t)
                             for (std::size_t end = 0; end < 2; ++end) {
                                 const double way =
@@ -166,7 +167,8 @@ TEST(CapsuleMotion, WhatGoesOutAndComesBackIsSeen) {
     motion.calcPose(JointVector::Zero(1), pose);
     motion.setPath(extremes, pose);
     const double farthest = 1e3 * v * v / (-2.0 * a);
-    const double reach = motion.calcReach(0, -1, motion.calcBend(0, -1), pose, pose, -2.0 * v / a);
+    const double h = -2.0 * v / a;
+    const double reach = motion.calcChord(0, -1, pose, pose) + h * h / 4.0 * motion.calcBend(0, -1);
     EXPECT_GE(reach, 2.0 * farthest);
     EXPECT_LE(reach, 2.0 * farthest * 1.06);
 }

@@ -55,5 +55,53 @@ TEST(TorqueRate, IsNeverExceededFromTickToTick) {
     }
 }
 
+// The same for the torques of two paths, the second one branching off from the first: at no tick farther apart than the bound;
+// and positions, velocities and accelerations as far apart as told, but for a little.
+TEST(TorqueRate, TwoPathsAreNoFartherApartThanTold) {
+    std::mt19937 random(2);
+    for (const RobotDescription& robot : {loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"),
+                                          loadRobot(VIABLE_SOURCE_DIR "/robots/panda"), makeSlidingArm()}) {
+        const int n = robot.size();
+        const ArmRecursion arm(robot);
+        const detail::TorqueRate rate(robot);
+        double largestUse = 0.0, apartUse = 0.0;
+        for (int round = 0; round < 300; ++round) {
+            const double size = round % 3 == 0 ? 1.0 : round % 3 == 1 ? 0.3 : 0.02;
+            const AxisLimits limits{-3.0, 3.0, -2.5, 2.5, -12.0, 12.0, -40.0, 40.0};
+            const DrawnPath drawn{JointVector::Constant(n, 3.0), 2.5, 12.0, 40.0, limits};
+            const detail::ArmPath first = drawn.draw(random, size, kTick_s);
+            const std::int64_t begin = round % 2 == 0 ? 1 : round % 50;
+            const detail::ArmPath second = drawn.branchOff(first, begin, random, kTick_s);
+            detail::ArmPath::Difference apart;
+            second.calcDifference(first, begin, apart);
+            detail::ArmPath::Extremes both;
+            second.calcExtremes(both);
+            both.position += apart.position;
+            both.velocity += apart.velocity;
+            both.acceleration += apart.acceleration;
+            JointVector bound, q, qd, qdd, tau, wasQ, wasQd, wasQdd, was, largest = JointVector::Zero(n);
+            rate.calcDifference(both, apart, bound);
+            const std::int64_t last = std::max(first.ticks() - begin, second.ticks());
+            for (std::int64_t tick = 0; tick <= last; ++tick) {
+                second.calcTick(tick, q, qd, qdd);
+                first.calcTick(tick + begin, wasQ, wasQd, wasQdd);
+                ASSERT_TRUE(((q - wasQ).cwiseAbs().array() <= apart.position.array() + 1e-12).all());
+                ASSERT_TRUE(((qd - wasQd).cwiseAbs().array() <= apart.velocity.array() + 1e-11).all());
+                ASSERT_TRUE(((qdd - wasQdd).cwiseAbs().array() <= apart.acceleration.array() + 1e-10).all());
+                largest = largest.cwiseMax((q - wasQ).cwiseAbs());
+                arm.calcTorque(q, qd, qdd, tau);
+                arm.calcTorque(wasQ, wasQd, wasQdd, was);
+                largestUse = std::max(largestUse, (tau - was).cwiseAbs().cwiseQuotient(bound).maxCoeff());
+            }
+            apartUse += largest.sum() / apart.position.sum() / 300.0;
+        }
+        std::printf("  %s: at most %.3f of the bound; positions apart by %.3f of what is told\n", robot.name.c_str(),
+                    largestUse, apartUse);
+        EXPECT_LE(largestUse, 1.0);
+        EXPECT_GT(largestUse, 0.1);
+        EXPECT_GT(apartUse, 0.8);
+    }
+}
+
 }  // namespace
 }  // namespace viable
