@@ -376,7 +376,9 @@ void ControlLoop::checkTracking() {
                   "%.60s was measured %.4g %s from its nominal place, beyond its bound of %.4g %s: %s",
                   joint.name.c_str(), std::abs(error[i]), unit, options_.bound->measured[i], unit, cause);
     beginStop(StopReason::TrackingLost, message,
-              standsStill ? kOnStillness : hasLeftLimits_ ? kOnLeftLimits : kOnLostTracking);
+              standsStill      ? kOnStillness
+              : hasLeftLimits_ ? kOnLeftLimits
+                               : kOnLostTracking);
     holdIntegral();
 }
 
