@@ -4,6 +4,7 @@
 #include <functional>
 
 #include "experiment/ConfiguredCase.h"
+#include "log/LogWriter.h"
 #include "summary/CaseResult.h"
 
 namespace viable {
