@@ -256,7 +256,7 @@ private:
 };
 
 inline WrittenLog makeLog(const LogOpening& opening, const std::vector<TickRecord>& records,
-                          LogForm form = LogForm::Compact) {
+                          LogForm form = LogForm::Open) {
     WrittenLog log;
     LogWriter writer(std::make_unique<MemorySink>(log), opening, form);
     for (const TickRecord& record : records) writer.append(record);

@@ -17,6 +17,9 @@ using Type = ColumnPacker::Type;
 using Rule = ColumnPacker::Rule;
 using Values = std::vector<std::uint64_t>;
 
+/** Of a log; the largest of this program have less than a thousand. */
+constexpr std::size_t kMostColumns = 4096;
+
 constexpr int kHighestOrder = 4;  // of a polynomial prediction: from so many numbers
 constexpr int kHighestIntegerOrder = 2;
 constexpr std::uint8_t kFirstRule = 16;  // methods from here on: a Rule
@@ -517,7 +520,9 @@ private:
             record = in.takeU16();
             if (record >= texts.size()) throw BadBytes(in.position(), "a record of an unknown form");
         }
-        columns_.resize(takeCount(in, 4));
+        const std::size_t columns = takeCount(in, 4);
+        if (columns > kMostColumns) throw BadBytes(in.position(), "too many columns");
+        columns_.resize(columns);
         for (PackedColumn& column : columns_) {
             const std::uint8_t type = in.takeU8();
             if (type > static_cast<std::uint8_t>(Type::Double)) throw BadBytes(in.position(), "an unknown type");

@@ -50,9 +50,6 @@ const char* findFault(const FilterDecision& d, const HeldMotion& motion, double 
     return nullptr;
 }
 
-/** Of an error, from which on it is due to a reading that stands still. */
-constexpr double kStillShare = 0.5;
-
 /** A share that is smaller is nothing. */
 constexpr double kRounding = 1e-9;
 
@@ -275,7 +272,6 @@ void ControlLoop::lookAtPlant() {
     if (options_.feedsExternalTorque) readExternalTorque();
     const std::int64_t elapsedTicks = ticksSinceReading_;
     judgeReading();  // a jump says more than that the error is large
-    checkStillness();
     checkTracking();
     checkFollowing(elapsedTicks);
 }
@@ -312,41 +308,13 @@ void ControlLoop::readExternalTorque() {
               "the external torque that it reports has the wrong size, is not finite or beyond 1e9", kOnValues);
 }
 
-/** A joint that moved faster than its motor can stop it in a tick, and whose reading then stays exactly what it is while the nominal
-joint goes on: the sensor is stuck, or the joint ran against something. The robust loop must not push it in vain. */
-void ControlLoop::checkStillness() {
-    if (!options_.judgesReadings || ended_) return;
-    for (int i = 0; i < n_; ++i) {
-        if (!isPlausible_[static_cast<std::size_t>(i)]) continue;
-        const SensorCheck::Stillness still = sensors_.findStillness(i);
-        if (still.nominalTravel == 0.0) continue;
-        const double count = setup_.robot.encoderStep(i);
-        const double slowing = setup_.robot.actuation.torqueLimit[i] / dynamics_.M(i, i);
-        if (!(still.before > slowing * setup_.tick_s * setup_.tick_s + 2.0 * count) ||
-            !(still.nominalTravel > kJumpCounts * count))
-            continue;
-        const JointDescription& joint = setup_.robot.joints[static_cast<std::size_t>(i)];
-        const char* const unit = joint.type == JointType::Prismatic ? "m" : "rad";
-        char message[sizeof stopMessage_];
-        std::snprintf(
-            message, sizeof message,
-            "the position that it reports of %.60s moved at %.4g %s/s and stands still since %.4g s, while the "
-            "nominal one went on by %.4g %s: the sensor is stuck or the joint blocked",
-            joint.name.c_str(), still.before / setup_.tick_s, unit, setup_.tick_s * kStillTicks, still.nominalTravel,
-            unit);
-        beginStop(StopReason::SensorFailed, message, kOnStillness);
-        replaceStillReading(i);
-        holdIntegral();
-    }
-}
-
-/** True if the reading of a joint has not changed while the nominal one made most of the error: it is not taken as plausible
-any more. */
+/** True if the reading of a joint that is beyond its bound stays exactly what it is while the nominal joint goes on: the sensor is
+stuck, or the joint blocked. It is not taken as plausible any more, or the robust loop would push in vain. */
 bool ControlLoop::replaceStillReading(int joint) {
     const auto at = static_cast<std::size_t>(joint);
     if (!options_.judgesReadings || !isPlausible_[at]) return false;
-    if (sensors_.findStillness(joint).nominalTravel <= kStillShare * std::abs(sensors_.deviation()[joint]))
-        return false;
+    if (!(std::abs(sensors_.deviation()[joint]) > options_.bound->measured[joint])) return false;
+    if (!(sensors_.findStillTravel(joint) > kJumpCounts * setup_.robot.encoderStep(joint))) return false;
     isPlausible_[at] = false;
     sensors_.disownStill(joint, std::max(1, static_cast<int>(kRelease_s / setup_.tick_s)));
     sensors_.standIn(joint, nominal_, plausible_);
@@ -355,7 +323,11 @@ bool ControlLoop::replaceStillReading(int joint) {
 
 /** Brakes an arm that does not follow, and keeps the robust loop from pressing it harder and harder. */
 void ControlLoop::checkTracking() {
-    if (!options_.bound || isTrackingLost_ || ended_) return;
+    if (!options_.bound || ended_) return;
+    if (isTrackingLost_) {
+        for (int i = 0; i < n_; ++i) replaceStillReading(i);
+        return;
+    }
     watchNominal();
     const JointVector error = real_.q - nominal_.q;
     const int i = detail::findFarthestBeyond(error, options_.bound->measured);

@@ -149,7 +149,6 @@ private:
     void watchNominal();
     void holdIntegral();
     void judgeReading();
-    void checkStillness();
     bool replaceStillReading(int joint);
     void takeCommand(double t);
     void takeLimits(double t);

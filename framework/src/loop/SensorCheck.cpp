@@ -23,7 +23,7 @@ JointVector calcLargestChange(const RunSetup& setup, const JointLimits& limits, 
 void SensorCheck::begin(const Policy& policy, const JointVector& start) {
     policy_ = policy;
     last_ = start;
-    for (JointVector* v : {&deviation_, &lastChange_, &changedDeviation_, &goal_, &step_}) v->setZero(start.size());
+    for (JointVector* v : {&deviation_, &changedDeviation_, &goal_, &step_}) v->setZero(start.size());
     still_.fill(0);
     elapsed_ = 1;
 }
@@ -40,17 +40,12 @@ bool SensorCheck::isPlausible(int joint, const JointState& reading, const Motion
 }
 
 void SensorCheck::take(int joint, const JointState& reading, const MotionState& nominal) {
-    const double change = reading.q[joint] - last_[joint];
+    const bool stands = reading.q[joint] == last_[joint];
     last_[joint] = reading.q[joint];
     goal_[joint] = deviation_[joint] = reading.q[joint] - nominal.q[joint];
     std::int64_t& still = still_[static_cast<std::size_t>(joint)];
-    if (change == 0.0) {
-        still += elapsed_;
-    } else {
-        still = 0;
-        lastChange_[joint] = change / static_cast<double>(elapsed_);
-        changedDeviation_[joint] = deviation_[joint];
-    }
+    still = stands ? still + 1 : 0;
+    if (!stands) changedDeviation_[joint] = deviation_[joint];
     elapsed_ = 1;
 }
 
@@ -62,9 +57,10 @@ void SensorCheck::standIn(int joint, const MotionState& nominal, JointState& rea
     reading.qd[joint] = nominal.qd[joint];
 }
 
-SensorCheck::Stillness SensorCheck::findStillness(int joint) const {
-    if (still_[static_cast<std::size_t>(joint)] < kStillTicks) return {};
-    return {std::abs(lastChange_[joint]), std::abs(deviation_[joint] - changedDeviation_[joint])};
+double SensorCheck::findStillTravel(int joint) const {
+    return still_[static_cast<std::size_t>(joint)] < kStillTicks
+               ? 0.0
+               : std::abs(deviation_[joint] - changedDeviation_[joint]);
 }
 
 void SensorCheck::disownStill(int joint, int ticks) {

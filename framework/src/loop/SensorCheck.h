@@ -63,12 +63,8 @@ public:
     /** Writes what stands in for the reading of a joint. */
     void standIn(int joint, const MotionState& nominal, JointState& reading);
 
-    /** The change of a position over the last tick in which it changed, and how far the nominal joint has gone since then, both 0
-    where that is less than kStillTicks ago [rad, m]. */
-    struct Stillness {
-        double before = 0.0, nominalTravel = 0.0;
-    };
-    Stillness findStillness(int joint) const;
+    /** How far the nominal joint has gone since the reading changed last; 0 where that is less than kStillTicks ago [rad, m]. */
+    double findStillTravel(int joint) const;
     /** The last readings of a joint were wrong, as they did not change: what stands in for them goes back to the deviation
     before, in so many ticks. */
     void disownStill(int joint, int ticks);
@@ -79,8 +75,8 @@ public:
 private:
     Policy policy_;
     JointVector last_, deviation_;
-    JointVector lastChange_, changedDeviation_;  // at the last tick in which the reading changed
-    JointVector goal_, step_;                    // where deviation_ goes while standing in, by how much a tick
+    JointVector changedDeviation_;  // at the last tick in which the reading changed
+    JointVector goal_, step_;       // where deviation_ goes while standing in, by how much a tick
     std::array<std::int64_t, kMaxJoints> still_{};
     std::int64_t elapsed_ = 1;  // ticks since the last good reading
 };

@@ -63,6 +63,8 @@ public:
 
     int size() const { return n_ * (4 + loop_.delayTicks); }
     const MatrixXd& inverse() const { return inverse_; }
+    /** e after a tick of torque 1: also the sum over a tick of what impulses in it leave. */
+    MatrixXd pushTravel() const { return twice_ * inverse_; }
     /** The states in which the loop rests under a torque of 1: the integral carries it. */
     MatrixXd rest() const {
         MatrixXd x = MatrixXd::Zero(size(), n_);
@@ -232,7 +234,7 @@ LoopGains calcGains(const FrozenLoop& loop, const std::vector<double>& ages) {
 
     // The torque's step to the next tick has been caused by what came since this tick, too: before age 0.
     const MatrixXd newest = (s.C * (s.A * courses.states().leftCols(n))).cwiseAbs();
-    rowsOf(torque, LoopOutput::TorqueStep) = 0.5 * h * newest;
+    rowsOf(torque, LoopOutput::TorqueStep) = (s.C.leftCols(n) * maker.pushTravel()).cwiseAbs();
     rowsOf(ramp, LoopOutput::TorqueStep) = 0.5 * h * rowsOf(fromGoal, LoopOutput::TorqueStep);
 
     const Eigen::EigenSolver<MatrixXd> modes(s.A, false);

@@ -379,7 +379,7 @@ private:
                         robot_.joints[static_cast<std::size_t>(i)].name + " is up to " + detail::format("%.4g", fed) +
                         " Nm; within the disturbance_set it is at most " + detail::format("%.4g", most) + " Nm",
                     "friction_scale and friction_scale_min of the set are factors on the robot's own figures: state "
-                    "those that cover the figures that are fed forward, or feed those of this arm.");
+                    "those that cover the figures that are fed forward, or feed less.");
             };
             check("dry", feed_.figures.coulomb[i], calcStanding(i));
             check("viscous", feed_.calc(i, v) - feed_.figures.coulomb[i] * std::min(1.0, v / feed_.speed[i]),
