@@ -1,7 +1,9 @@
 // `viable robot` and `viable run` with the plant `link`, each in a process of its own; faults 83, 84 and 86.
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <sys/mman.h>
 #include <time.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <memory>
@@ -35,11 +37,12 @@ public:
     explicit Robot(bool usesUdp, std::vector<std::string> more = {"--clock", "0.5"}) {
         static std::atomic<int> count{0};
         std::vector<std::string> arguments{"robot", kExperiment, "--case", "simulated"};
-        const std::string name = "viable-program-" + std::to_string(getpid()) + "-" + std::to_string(++count);
-        if (usesUdp)
+        if (usesUdp) {
             arguments.insert(arguments.end(), {"--listen", "127.0.0.1:0"});
-        else
-            arguments.insert(arguments.end(), {"--shm", name});
+        } else {
+            name_ = "viable-program-" + std::to_string(getpid()) + "-" + std::to_string(++count);
+            arguments.insert(arguments.end(), {"--shm", name_});
+        }
         arguments.insert(arguments.end(), more.begin(), more.end());
         program_ = std::make_unique<Program>(arguments);
         const std::string line = await(" at ");
@@ -51,6 +54,7 @@ public:
             kill(program_->pid(), SIGKILL);
             program_->wait();
         }
+        if (!name_.empty()) shm_unlink(("/" + name_).c_str());  // a killed one leaves it
     }
     Robot(const Robot&) = delete;
     Robot& operator=(const Robot&) = delete;
@@ -75,7 +79,7 @@ public:
 
 private:
     std::unique_ptr<Program> program_;
-    std::string address_;
+    std::string name_, address_;  // name_: of shared memory
     bool hasEnded_ = false;
 };
 
@@ -157,7 +161,7 @@ TEST(Fault84, AKilledRobotEndsTheRunWithASentence) {
 
 TEST(Fault86, AStoppedHostLeavesTheRobotToItsOwnHoldAndBrakes) {
     const test::TemporaryFolder folder;
-    Robot robot(false, {"--repeat", "100", "--brake-after", "10"});
+    Robot robot(false, {"--clock", "0.5", "--repeat", "100", "--brake-after", "10"});
     Program program(makeRun(robot, folder / "run", "100"));
     robot.await("a host has come");
     sleepFor(0.3);

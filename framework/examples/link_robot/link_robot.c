@@ -20,7 +20,7 @@ int main(int argc, char** argv) {
     char error[256];
     vl_line line;
     vl_robot robot;
-    struct timespec next;
+    struct timespec next, now;
     if (joints < 1 || joints > VL_MAX_JOINTS) {
         fprintf(stderr, "usage: link_robot ADDRESS JOINTS SECONDS\n");
         return 2;
@@ -45,6 +45,7 @@ int main(int argc, char** argv) {
         memcpy(state.qd, qd, sizeof qd);
         memcpy(state.tau, tau, sizeof tau);
         vl_robot_send(&robot, &line, &state);
+        /* YOURS: cut the size and the change of the torques to what your motors take. */
         for (int i = 0; i < joints; ++i) { /* YOURS: the motors; where mode is VL_HOLD, your own stop and hold */
             if (mode == VL_HOLD) tau[i] = 100.0 * (held[i] - q[i]) - 20.0 * qd[i];
             if (mode == VL_TORQUE) held[i] = q[i];
@@ -53,12 +54,15 @@ int main(int argc, char** argv) {
         }
         next.tv_nsec += (long)(tick_s * 1e9); /* YOURS: the clock */
         if (next.tv_nsec >= 1000000000) next.tv_nsec -= 1000000000, ++next.tv_sec;
+        clock_gettime(CLOCK_MONOTONIC, &now); /* late by more than a tick: it does not catch up in a burst */
+        if ((double)(now.tv_sec - next.tv_sec) + 1e-9 * (double)(now.tv_nsec - next.tv_nsec) > tick_s) next = now;
         clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &next, NULL);
     }
     vl_line_close(&line);
     printf("ticks %llu, repeated %llu, lapses %llu\n", (unsigned long long)robot.tick,
            (unsigned long long)robot.repeated, (unsigned long long)robot.lapses);
     for (int i = 0; i < VL_RESULTS; ++i)
-        if (robot.counts[i]) printf("packets %s: %llu\n", vl_result_name((vl_result)i), (unsigned long long)robot.counts[i]);
+        if (robot.counts[i])
+            printf("packets %s: %llu\n", vl_result_name((vl_result)i), (unsigned long long)robot.counts[i]);
     return 0;
 }

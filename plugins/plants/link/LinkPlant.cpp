@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "viable/core/Error.h"
+#include "viable/core/JointTypes.h"
 #include "viable/plugin/FaultMessage.h"
 #include "viable/plugin/PluginExport.h"
 
@@ -67,6 +68,12 @@ constexpr int kFarewells = 3;
 /** Ticks with torques after which the robot has taken one. */
 constexpr int kMostHolding = 100;
 constexpr std::int64_t kMostWaiting = 4096;  // packets taken at once
+/** Packets of another version, where no good one came, that are no flipped bits any more. */
+constexpr std::uint64_t kOtherVersions = 4;
+/** Least tolerance of the torque at rest, for noise of the sensors: a share of the joint's limit, or without one [Nm]. */
+constexpr double kRestNoiseShare = 0.02, kRestNoise_Nm = 1.0;
+
+static_assert(kMaxJoints == VL_MAX_JOINTS, "each arm of the framework fits into a packet, and the other way round");
 
 std::int64_t toNanoseconds(double seconds) {
     return static_cast<std::int64_t>(seconds * 1e9);
@@ -171,7 +178,7 @@ void LinkPlant::refuseSilence() const {
         refuse("has a tick of " + formatShort(1e-9 * host_.other_tick_ns) + " s, and the file one of " +
                    formatShort(tick_s_) + " s",
                "Write tick_s: " + formatShort(1e-9 * host_.other_tick_ns) + ", or change the robot's.");
-    if (counts[VL_OTHER_VERSION] > 0)
+    if (counts[VL_OTHER_VERSION] > 0 && counts[VL_GOOD] == 0)
         refuse("speaks version " + std::to_string(host_.other_version) + " of the link, and this is version " +
                    std::to_string(VL_VERSION),
                "Build both sides with the same viable_link.h.");
@@ -248,7 +255,8 @@ void LinkPlant::awaitRest(std::int64_t end_ns) {
         const bool isNew = receive(kCallAgain_ns);
         const std::uint64_t* const counts = host_.counts;
         if (!(isNew && host_.is_connected) && vl_now_ns() >= end_ns) refuseSilence();
-        if (counts[VL_OTHER_JOINTS] > 0 || counts[VL_OTHER_TICK] > 0 || counts[VL_OTHER_VERSION] > 0) refuseSilence();
+        const bool isOtherVersion = counts[VL_GOOD] == 0 && counts[VL_OTHER_VERSION] >= kOtherVersions;
+        if (counts[VL_OTHER_JOINTS] > 0 || counts[VL_OTHER_TICK] > 0 || isOtherVersion) refuseSilence();
         send(VL_HOLD, nullptr);  // the first of them call it
         if (!isNew || !host_.is_connected) continue;
         for (int i = 0; i < n_; ++i) {
@@ -273,6 +281,9 @@ const char* LinkPlant::findTrouble() const {
     if (!(flags & VL_ENABLED)) return "its motors are not enabled";
     if (flags & VL_LAPSED) return "it missed commands for longer than repeat_ticks, and holds itself";
     if (((flags & VL_ADDS_GRAVITY) != 0) != addsGravity_) return "what it adds for gravity is not as adds_gravity says";
+    if (((flags & VL_ADDS_FRICTION) != 0) != addsFriction_)
+        return "what it adds for friction is not as adds_friction says";
+    if (measuresExternal_ && !(flags & VL_HAS_EXTERNAL)) return "it measures the torque of the surroundings no more";
     const auto patience = static_cast<std::uint64_t>(repeats_ + kMostHolding);
     if ((flags & VL_HOLDS) && drivenSequence_ != 0 && received_.sequence > drivenSequence_ + patience)
         return "it takes no torque: they come later than repeat_ticks allows";
@@ -308,12 +319,16 @@ void LinkPlant::checkRobot(const MotionState& start) {
 /** The torque of an arm at rest is gravity's, and what friction holds: its size says whether the robot counts gravity, its
 signs whether joints are exchanged or turn the other way. */
 void LinkPlant::checkRestTorque() {
+    if (std::isinf(torqueShare_)) return;
     model_->calcDynamics(state_.q, JointVector::Zero(n_), dynamics_);
     const JointVector expected = addsGravity_ ? JointVector(JointVector::Zero(n_)) : dynamics_.gravity;
     const double largest = dynamics_.gravity.lpNorm<Eigen::Infinity>();
     for (int i = 0; i < n_; ++i) {
         const double held = kBreakaway * robot_->actuation.friction.coulomb[i];
-        if (std::abs(restTorques_[i] - expected[i]) <= held + torqueShare_ * largest) continue;
+        const double limit = robot_->actuation.torqueLimit[i];
+        const double noise = std::isfinite(limit) ? kRestNoiseShare * limit : kRestNoise_Nm;
+        const double tolerance = std::max(held + torqueShare_ * largest, noise);
+        if (std::abs(restTorques_[i] - expected[i]) <= tolerance) continue;
         const char* const guess =
             addsGravity_ && (restTorques_ - dynamics_.gravity).norm() < 0.5 * dynamics_.gravity.norm()
                 ? "It looks as if the robot did not subtract gravity: write adds_gravity: false, or see its driver. "
@@ -324,7 +339,7 @@ void LinkPlant::checkRestTorque() {
         refuse("carries its arm at rest with " + formatTorques(restTorques_) + " Nm, and the model expects " +
                    formatTorques(expected) + " Nm" + (addsGravity_ ? " beside what the robot adds for gravity" : "") +
                    " (" + robot_->joints[static_cast<std::size_t>(i)].name + " differs by more than " +
-                   formatShort(held + torqueShare_ * largest) + ")",
+                   formatShort(tolerance) + ")",
                std::string(guess) +
                    "See gravity, the signs and the order of the joints, the robot's mounting and its payload; "
                    "rest_torque_share allows more.");
@@ -359,6 +374,7 @@ TickStatus LinkPlant::fail(const char* why) noexcept {
                       "it cannot drive the robot at %.80s any more: %s (packets: %s; ticks without a state: %llu)",
                       address_.c_str(), why, writePackets(), static_cast<unsigned long long>(host_.lost));
         isGone_ = true;
+        if (isOpen_) send(VL_STOP, nullptr);  // or it repeats the last torque; does not wait
     }
     explainFault(text_);
     return TickStatus::Faulted;

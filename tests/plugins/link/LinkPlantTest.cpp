@@ -73,7 +73,7 @@ public:
     vl_robot robot;  // to be read after stop()
     std::atomic<unsigned> moreFlags{0}, lessFlags{0};
     std::atomic<bool> isSilent{false}, isDeaf{false}, saysNan{false}, changesTick{false};
-    std::atomic<double> firstTorque{0.0};  // of the last tick that was driven
+    std::atomic<double> firstTorque{std::numeric_limits<double>::quiet_NaN()};  // of the last tick that was driven
 
 private:
     void run() {
@@ -212,7 +212,7 @@ TEST_P(LinkOver, Fault84ARobotThatIsSilentIsGone) {
     const PluginBench bench;
     TestRobot robot(GetParam());
     LinkPlant plant;
-    bench.configure(plant, say(robot, "", "0.05"));
+    bench.configure(plant, say(robot, "", "0.5"));
     RobotModel model(bench.setup().robot);
     drive(plant, model, 10);
     robot.isSilent = true;
@@ -221,10 +221,10 @@ TEST_P(LinkOver, Fault84ARobotThatIsSilentIsGone) {
     TickStatus status = TickStatus::Ok;
     for (int k = 0; k < 10 && status == TickStatus::Ok; ++k) status = plant.read(passed);
     EXPECT_EQ(status, TickStatus::Faulted);
-    EXPECT_GE(vl_now_ns() - begin, 50'000'000);
+    EXPECT_GE(vl_now_ns() - begin, 500'000'000);
     const std::string why = detail::takeFaultExplanation();
     expectSays(why,
-               "it cannot drive the robot at " + robot.address + " any more: no state has come for 0.05 s (packets: ");
+               "it cannot drive the robot at " + robot.address + " any more: no state has come for 0.5 s (packets: ");
     JointVector applied;
     EXPECT_EQ(plant.advance(bench.dynamics().b, applied), TickStatus::Faulted);
     EXPECT_EQ(plant.read(passed), TickStatus::Faulted);
@@ -242,18 +242,23 @@ TEST(LinkPlant, ATickAllocatesNothing) {
     bench.configure(plant, say(robot));
     JointVector applied;
     std::int64_t passed = 0;
+    int okReads = 0, okTorques = 0;
+    TickStatus last = TickStatus::Ok;
     const AllocationCounter counter;
     for (int k = 0; k < 100; ++k) {
-        plant.read(passed);
+        okReads += plant.read(passed) == TickStatus::Ok ? 1 : 0;
         plant.measured();
-        plant.advance(bench.dynamics().gravity, applied);
+        okTorques += plant.advance(bench.dynamics().gravity, applied) == TickStatus::Ok ? 1 : 0;
     }
     robot.moreFlags = VL_FAULT;
     for (int k = 0; k < 20; ++k) {
-        plant.read(passed);
+        last = plant.read(passed);
         plant.advance(bench.dynamics().gravity, applied);
     }
     EXPECT_EQ(counter.count(), 0);
+    EXPECT_EQ(okReads, 100);
+    EXPECT_EQ(okTorques, 100);
+    EXPECT_EQ(last, TickStatus::Faulted);
 }
 
 TEST(LinkPlant, ATorqueThatIsNotFiniteIsNeverSent) {
@@ -269,7 +274,7 @@ TEST(LinkPlant, ATorqueThatIsNotFiniteIsNeverSent) {
     EXPECT_EQ(applied, JointVector(JointVector::Constant(2, 5.0)));
     EXPECT_EQ(plant.advance(JointVector::Zero(3), applied), TickStatus::InvalidInput);
     sleepFor(0.02);
-    EXPECT_EQ(robot.firstTorque, 0.0);
+    EXPECT_TRUE(std::isnan(robot.firstTorque.load()));
     robot.stop();
     EXPECT_EQ(robot.robot.acts, VL_HOLD);
 }
@@ -382,7 +387,7 @@ TEST(Fault84, ARobotThatCannotFollowIsRefusedAndInARunEndsIt) {
     expectSays(refusal(mind), "is not enabled. Switch its motors on");
     mind = {};
     mind.velocity = 0.5;
-    expectSays(refusal(mind, "connect_timeout_s: 0.5"), "does not come to rest: its joints move with up to 0.5 rad/s");
+    expectSays(refusal(mind, "connect_timeout_s: 3"), "does not come to rest: its joints move with up to 0.5 rad/s");
     const PluginBench bench;
     RobotModel model(bench.setup().robot);
     const auto expectEnd = [&](const std::function<void(TestRobot&)>& change, const std::string& why) {
@@ -405,6 +410,7 @@ TEST(Fault84, ARobotThatCannotFollowIsRefusedAndInARunEndsIt) {
     expectEnd([](TestRobot& robot) { robot.moreFlags = VL_FAULT; }, "it reports a fault of its own");
     expectEnd([](TestRobot& robot) { robot.lessFlags = VL_ENABLED; }, "its motors are not enabled");
     expectEnd([](TestRobot& robot) { robot.moreFlags = VL_ADDS_GRAVITY; }, "gravity is not as adds_gravity says");
+    expectEnd([](TestRobot& robot) { robot.moreFlags = VL_ADDS_FRICTION; }, "friction is not as adds_friction says");
     expectEnd([](TestRobot& robot) { robot.isDeaf = true; }, "it missed commands for longer than repeat_ticks");
     expectEnd([](TestRobot& robot) { robot.saysNan = true; }, " absurd; ticks without a state:");
     expectEnd([](TestRobot& robot) { robot.changesTick = true; }, " other tick; ticks without a state:");

@@ -353,10 +353,11 @@ typedef struct vl_robot {
     vl_mode acts;
 } vl_robot;
 
-/* seed: a number that nobody can guess, such as vl_random(). */
+/* joints: up to VL_MAX_JOINTS; seed: a number that nobody can guess, such as vl_random(). */
 static inline void vl_robot_init(vl_robot* r, int joints, double tick_s, uint64_t seed) {
     memset(r, 0, sizeof *r);
     r->joints = joints;
+    if (r->joints > VL_MAX_JOINTS) r->joints = VL_MAX_JOINTS;
     r->tick_ns = (uint32_t)(tick_s * 1e9 + 0.5);
     r->most_repeats = 100;
     r->release_ticks = (uint32_t)(2.0 / tick_s + 0.5);
@@ -490,10 +491,11 @@ typedef struct vl_host {
     uint64_t sent;
 } vl_host;
 
-/* number: of this session, never used before, such as vl_random(). */
+/* joints: up to VL_MAX_JOINTS; number: of this session, never used before, such as vl_random(). */
 static inline void vl_host_init(vl_host* h, int joints, double tick_s, uint64_t number, uint64_t peer) {
     memset(h, 0, sizeof *h);
     h->joints = joints;
+    if (h->joints > VL_MAX_JOINTS) h->joints = VL_MAX_JOINTS;
     h->tick_ns = (uint32_t)(tick_s * 1e9 + 0.5);
     h->peer = peer;
     h->largest_position = h->largest_velocity = 1e4;
