@@ -1,10 +1,12 @@
 #pragma once
 
+#include <benchmark/benchmark.h>
 #include <dlfcn.h>
 
 #include <Eigen/Core>
 #include <algorithm>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 namespace viable {
@@ -50,5 +52,35 @@ private:
     std::vector<double> multipliers_, work_;
     std::vector<int> active_;
 };
+
+/** A problem for Quadprog, whose solve() overwrites it, and the optimum that ours found. */
+struct QuadprogProblem {
+    Eigen::MatrixXd D, normals;
+    Eigen::VectorXd d, bounds, expected;
+};
+
+/** Times it over the problems, whose optima must be the same; `ours` names the other solver. */
+inline void timeQuadprog(benchmark::State& state, int n, int rows, const std::vector<QuadprogProblem>& problems,
+                         const char* ours) try {
+    Quadprog quadprog(n, rows);
+    Eigen::VectorXd x;
+    QuadprogProblem g;
+    for (const QuadprogProblem& problem : problems) {
+        g = problem;
+        if (!quadprog.solve(g.D, g.d, g.normals, g.bounds, x) || !((x - g.expected).norm() < 1e-6 * g.expected.norm()))
+            return state.SkipWithError((std::string("another optimum than ") + ours).c_str());
+    }
+    std::size_t k = 0;
+    for (auto _ : state) {
+        g = problems[k];
+        quadprog.solve(g.D, g.d, g.normals, g.bounds, x);
+        benchmark::DoNotOptimize(x.data());
+        benchmark::ClobberMemory();
+        k = (k + 1) % problems.size();
+    }
+    state.counters["n"] = n;
+} catch (const std::runtime_error& missing) {
+    state.SkipWithError(missing.what());
+}
 
 }  // namespace viable

@@ -382,8 +382,7 @@ private:
                     "those that cover the figures that are fed forward, or feed less.");
             };
             check("dry", feed_.figures.coulomb[i], calcStanding(i));
-            check("viscous", feed_.calc(i, v) - feed_.figures.coulomb[i] * std::min(1.0, v / feed_.speed[i]),
-                  set_.frictionScale[i] * calcViscous(i, v));
+            check("viscous", calcViscous(feed_.figures, i, v), set_.frictionScale[i] * calcViscous(i, v));
         }
     }
 
@@ -500,9 +499,9 @@ private:
         return set_.frictionScale[i] * robot_.actuation.friction.coulomb[i] * set_.breakawayRatio;
     }
 
-    /** Viscous friction of the robot's figures at the velocity v [Nm]. */
-    double calcViscous(int i, double v) const {
-        const JointFriction& f = robot_.actuation.friction;
+    /** Viscous friction at the velocity v [Nm]: of the robot's figures, or of others. */
+    double calcViscous(int i, double v) const { return calcViscous(robot_.actuation.friction, i, v); }
+    static double calcViscous(const JointFriction& f, int i, double v) {
         return -f.viscous[i] * std::expm1(-v / f.viscousVelocity[i]);
     }
 

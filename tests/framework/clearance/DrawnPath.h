@@ -24,9 +24,7 @@ struct DrawnPath {
             s.q[i] = position[i] * share(random);
             s.qd[i] = velocity * size * share(random);
             s.qdd[i] = acceleration * size * share(random);
-            firstJerk[i] = jerk * share(random);
-            const AxisState after = advance({s.q[i], s.qd[i], s.qdd[i]}, firstJerk[i], tick_s);
-            stops[static_cast<std::size_t>(i)].plan(after.v, after.a, limits, tick_s);
+            drawTick(i, s, random, tick_s, firstJerk, stops);
         }
         detail::ArmPath path;
         path.set(s, firstJerk, stops, tick_s);
@@ -36,7 +34,6 @@ struct DrawnPath {
     /** Another path from where `path` is at its tick `tick`, with other jerks in one tick and the stops after it. */
     detail::ArmPath branchOff(const detail::ArmPath& path, std::int64_t tick, std::mt19937& random,
                               double tick_s) const {
-        std::uniform_real_distribution<double> share(-1.0, 1.0);
         const auto n = static_cast<int>(position.size());
         MotionState s{JointVector(n), JointVector(n), JointVector(n)};
         path.calcTick(tick, s.q, s.qd, s.qdd);
@@ -44,13 +41,20 @@ struct DrawnPath {
         std::array<GridStop, kMaxJoints> stops;
         for (int i = 0; i < n; ++i) {
             s.qdd[i] = path.calcAcceleration(i, static_cast<double>(tick) * tick_s);
-            firstJerk[i] = jerk * share(random);
-            const AxisState after = advance({s.q[i], s.qd[i], s.qdd[i]}, firstJerk[i], tick_s);
-            stops[static_cast<std::size_t>(i)].plan(after.v, after.a, limits, tick_s);
+            drawTick(i, s, random, tick_s, firstJerk, stops);
         }
         detail::ArmPath other;
         other.set(s, firstJerk, stops, tick_s);
         return other;
+    }
+
+private:
+    /** A jerk in the tick from `s`, and the stop after it. */
+    void drawTick(int i, const MotionState& s, std::mt19937& random, double tick_s, JointVector& firstJerk,
+                  std::array<GridStop, kMaxJoints>& stops) const {
+        firstJerk[i] = jerk * std::uniform_real_distribution<double>(-1.0, 1.0)(random);
+        const AxisState after = advance({s.q[i], s.qd[i], s.qdd[i]}, firstJerk[i], tick_s);
+        stops[static_cast<std::size_t>(i)].plan(after.v, after.a, limits, tick_s);
     }
 };
 

@@ -337,24 +337,34 @@ struct FollowedLoop {
     }
 };
 
+/** The error loop of one joint of 0.5 kg m^2 without damping, at 1 kHz. */
+detail::FrozenLoop makeOneJoint(double kr, double kp, double ki, int delayTicks = 0) {
+    detail::FrozenLoop loop;
+    loop.inertia = JointMatrix(JointVector::Constant(1, 0.5).asDiagonal());
+    loop.damping = JointVector::Zero(1);
+    loop.kr = JointMatrix(JointVector::Constant(1, kr).asDiagonal());
+    loop.kp = JointVector::Constant(1, kp);
+    loop.ki = JointVector::Constant(1, ki);
+    loop.tick_s = 1e-3;
+    loop.delayTicks = delayTicks;
+    return loop;
+}
+
+/** The largest k_r, to rounding, with which it is stable. */
+double findStableKr(double kp, double ki, int delayTicks = 0) {
+    double stable = 50.0, unstable = 2000.0;
+    for (int k = 0; k < 60; ++k) {
+        const double middle = 0.5 * (stable + unstable);
+        (detail::calcSpectralRadius(makeOneJoint(middle, kp, ki, delayTicks)) < 1.0 ? stable : unstable) = middle;
+    }
+    return stable;
+}
+
 // Next to the stability limit a pole near -1 (or, with delay, anywhere on the circle) swings for thousands of ticks: seen, too.
 TEST(FrozenLoop, SeesWhatOscillatesNextToTheStabilityLimit) {
     for (const int delay : {0, 1, 2})
         for (const double share : {0.3, 0.9, 0.97, 0.99}) {
-            detail::FrozenLoop loop;
-            loop.inertia = JointMatrix(JointVector::Constant(1, 0.5).asDiagonal());
-            loop.damping = JointVector::Zero(1);
-            loop.kp = JointVector::Constant(1, 20.0);
-            loop.ki = JointVector::Constant(1, 8.0);
-            loop.tick_s = 1e-3;
-            loop.delayTicks = delay;
-            double stable = 50.0, unstable = 2000.0;
-            for (int k = 0; k < 40; ++k) {
-                const double middle = 0.5 * (stable + unstable);
-                loop.kr = JointMatrix(JointVector::Constant(1, middle).asDiagonal());
-                (detail::calcSpectralRadius(loop) < 1.0 ? stable : unstable) = middle;
-            }
-            loop.kr = JointMatrix(JointVector::Constant(1, share * stable).asDiagonal());
+            const detail::FrozenLoop loop = makeOneJoint(share * findStableKr(20.0, 8.0, delay), 20.0, 8.0, delay);
             SCOPED_TRACE("delay " + std::to_string(delay) + ", k_r " + std::to_string(loop.kr(0, 0)) +
                          ", outermost pole " + std::to_string(detail::calcSpectralRadius(loop)));
             const FollowedLoop followed(loop);
@@ -391,13 +401,8 @@ TEST(FrozenLoop, EveryJointIsFollowedToItsEnd) {
     both.tick_s = 1e-3;
     const detail::LoopGains gains = detail::calcGains(both, {1e-2, 1.0, 100.0});
     for (const int joint : {0, 1}) {
-        detail::FrozenLoop one = both;
-        one.inertia = JointMatrix(JointVector::Constant(1, 0.5).asDiagonal());
-        one.damping = JointVector::Zero(1);
-        one.kr = JointMatrix(JointVector::Constant(1, 150.0).asDiagonal());
-        one.kp = JointVector::Constant(1, 20.0);
-        one.ki = JointVector::Constant(1, both.ki[joint]);
-        const detail::LoopGains alone = detail::calcGains(one, {1e-2, 1.0, 100.0});
+        const detail::LoopGains alone =
+            detail::calcGains(makeOneJoint(150.0, 20.0, both.ki[joint]), {1e-2, 1.0, 100.0});
         for (std::size_t i = 0; i < detail::kLoopOutputs; ++i) {
             const auto expectSame = [&](const Eigen::MatrixXd& found, const Eigen::MatrixXd& expected) {
                 EXPECT_NEAR(found(joint, joint), expected(0, 0), 2e-3 * expected(0, 0))
@@ -413,31 +418,14 @@ TEST(FrozenLoop, EveryJointIsFollowedToItsEnd) {
 }
 
 TEST(FrozenLoop, HasNoGainsWhereAResponseHardlyDiesOut) {
-    detail::FrozenLoop loop;
-    loop.inertia = JointMatrix(JointVector::Constant(1, 0.5).asDiagonal());
-    loop.damping = JointVector::Zero(1);
-    loop.kp = loop.ki = JointVector::Constant(1, 1e-3);
-    loop.tick_s = 1e-3;
-    double stable = 50.0, unstable = 2000.0;
-    for (int k = 0; k < 60; ++k) {
-        const double middle = 0.5 * (stable + unstable);
-        loop.kr = JointMatrix(JointVector::Constant(1, middle).asDiagonal());
-        (detail::calcSpectralRadius(loop) < 1.0 ? stable : unstable) = middle;
-    }
-    loop.kr = JointMatrix(JointVector::Constant(1, stable).asDiagonal());
+    const detail::FrozenLoop loop = makeOneJoint(findStableKr(1e-3, 1e-3), 1e-3, 1e-3);
     ASSERT_LT(detail::calcSpectralRadius(loop), 1.0);
     EXPECT_TRUE(std::isinf(detail::calcGains(loop).torque[0](0, 0)));
 }
 
 // What is no older than an age grows to the whole, what is older falls to nothing; both against the loop tick by tick.
 TEST(FrozenLoop, TellsYoungFromOldResponses) {
-    detail::FrozenLoop loop;
-    loop.inertia = JointMatrix(JointVector::Constant(1, 0.5).asDiagonal());
-    loop.damping = JointVector::Zero(1);
-    loop.kr = JointMatrix(JointVector::Constant(1, 300.0).asDiagonal());
-    loop.kp = JointVector::Constant(1, 40.0);
-    loop.ki = JointVector::Constant(1, 8.0);
-    loop.tick_s = 1e-3;
+    const detail::FrozenLoop loop = makeOneJoint(300.0, 40.0, 8.0);
     std::vector<double> ages = {4e-3, 16e-3, 64e-3};
     // Also such as lie between the ticks that are looked at, which are every fourth and later every sixteenth one.
     for (double age = 0.257; age < 3.0; age += 0.037) ages.push_back(age);
