@@ -106,6 +106,7 @@ public:
         }
         r.braking = random_() % 2 == 0;
         r.missed = random_() % 2 == 0;
+        r.paused = random_() % 2 == 0;
         r.substituted = static_cast<std::int64_t>(random_() >> 1);
         r.compute_us = number();
         for (double& us : r.stage_us) us = number();
@@ -221,6 +222,7 @@ inline std::vector<std::uint64_t> getBits(const TickRecord& r, const LogLayout& 
     bits.push_back(static_cast<std::uint64_t>(r.verdict));
     bits.push_back(r.braking ? 1 : 0);
     bits.push_back(r.missed ? 1 : 0);
+    bits.push_back(r.paused ? 1 : 0);
     bits.push_back(static_cast<std::uint64_t>(r.substituted));
     add(r.compute_us);
     for (const double us : r.stage_us) add(us);

@@ -3,9 +3,7 @@
 #include <atomic>
 #include <functional>
 
-#include "experiment/ConfiguredCase.h"
-#include "log/LogWriter.h"
-#include "summary/CaseResult.h"
+#include "experiment/RunningCase.h"
 
 namespace viable {
 
@@ -19,12 +17,6 @@ struct RunOptions {
     /** No other case runs in this process meanwhile: memory by which it grows is this one's. */
     bool isAlone = true;
 };
-
-/** How long a run goes on after a stop for lost tracking. */
-inline constexpr double kSettling_s = 0.5;
-
-/** What is known of a run before its first tick. The case has not been run. */
-CaseResult makeResult(const ConfiguredCase& configured);
 
 /** Runs a case to its end, or to the end of the stop that a failure or a request caused; after a lost tracking for
 kSettling_s more, until the real arm has come to rest, too. Its plugins are destroyed afterwards. Throws Error only before

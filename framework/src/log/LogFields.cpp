@@ -342,6 +342,12 @@ std::vector<LogChannel> declareChannels() {
                   r.missed = value == 1;
                   return value == 0 || value == 1;
               }),
+          integer(
+              "paused", [](const TickRecord& r) -> std::int64_t { return r.paused ? 1 : 0; },
+              [](TickRecord& r, std::int64_t value) {
+                  r.paused = value == 1;
+                  return value == 0 || value == 1;
+              }),
           text(
               "stop", LogKind::Name, [](const TickRecord& r, int) { return getName(r.verdict); }, setVerdict),
           integer(

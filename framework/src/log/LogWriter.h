@@ -44,6 +44,16 @@ struct LogStatus {
     bool ok() const { return error.empty(); }
 };
 
+/** Takes the rows of a log. Thread: one caller at a time; not for the tick (see Recorder). */
+class RowWriter {
+public:
+    virtual ~RowWriter() = default;
+    virtual void append(const TickRecord& record) noexcept = 0;
+    /** Writes what is left and closes. Later calls do nothing. */
+    virtual void finish() noexcept = 0;
+    virtual const LogStatus& status() const = 0;
+};
+
 /** Where a log's bytes go. Tests put a failing or slow one in its place. */
 class LogSink {
 public:
@@ -79,22 +89,19 @@ where a value changes.
 Guarantees: after construction no error throws; the first one is kept in status() and nothing more
 is written after it. Every finished chunk is handed to the system with one write, so a killed
 program loses at most the last chunk; there is no fsync, so a power cut loses what the system had
-not stored yet.
-Thread: one caller at a time; not for the tick (see Recorder). */
-class LogWriter {
+not stored yet. */
+class LogWriter : public RowWriter {
 public:
     /** Creates the file (see createLogFile) and writes the opening. */
     LogWriter(const std::filesystem::path& file, const LogOpening& opening, LogForm form = LogForm::Open);
     LogWriter(std::unique_ptr<LogSink> sink, const LogOpening& opening, LogForm form = LogForm::Open);
     /** Without finish() the file stays as a killed program would leave it. */
-    ~LogWriter();
+    ~LogWriter() override;
 
-    void append(const TickRecord& record) noexcept;
-
-    /** Writes the last chunk, summary and footer, and closes. Later calls do nothing. */
-    void finish() noexcept;
-
-    const LogStatus& status() const;
+    void append(const TickRecord& record) noexcept override;
+    /** The last chunk, summary and footer. */
+    void finish() noexcept override;
+    const LogStatus& status() const override;
 
 private:
     struct Impl;

@@ -19,7 +19,7 @@ std::atomic<bool> rescue{false};
 
 }  // namespace
 
-Recorder::Recorder(std::unique_ptr<LogWriter> writer, std::size_t capacity)
+Recorder::Recorder(std::unique_ptr<RowWriter> writer, std::size_t capacity)
     : writer_(std::move(writer)), slots_(capacity) {
     VIABLE_CHECK(capacity >= 1, "a recorder holds at least one tick");
     // A new thread inherits the mask: signals to the program (Ctrl-C) stay with the other threads,

@@ -22,7 +22,7 @@ Thread: append() by one thread, finish() by that thread or after it. */
 class Recorder {
 public:
     /** @param capacity  ticks held at most, at least 1 */
-    explicit Recorder(std::unique_ptr<LogWriter> writer, std::size_t capacity = kRecorderCapacity);
+    explicit Recorder(std::unique_ptr<RowWriter> writer, std::size_t capacity = kRecorderCapacity);
     /** finish(), its status unseen. */
     ~Recorder();
     Recorder(const Recorder&) = delete;
@@ -45,7 +45,7 @@ public:
 private:
     void drain();
 
-    std::unique_ptr<LogWriter> writer_;
+    std::unique_ptr<RowWriter> writer_;
     std::vector<TickRecord> slots_;
     std::thread thread_;
     // Each side's counter has a cache line of its own; a slot's index is its counter modulo

@@ -184,6 +184,8 @@ void ControlLoop::reset() {
     isLoopAsked_ = true;
     releaseTicks_ = 0;
     missedInRow_ = 0;
+    skippedTicks_ = pausedTicks_ = 0;
+    isPaused_ = holdBegun_ = false;
     limits_ = setup_.limits;
     const JointVector any = JointVector::Constant(n_, std::numeric_limits<double>::infinity());
     following_.begin(setup_);
@@ -218,6 +220,10 @@ void ControlLoop::reset() {
 
 double ControlLoop::time() const {
     return static_cast<double>(tickIndex_) * setup_.tick_s;
+}
+
+double ControlLoop::commandTime() const {
+    return static_cast<double>(tickIndex_ - pausedTicks_) * setup_.tick_s;
 }
 
 bool ControlLoop::hasStopped() const {
@@ -527,13 +533,13 @@ void ControlLoop::takeLimits(double t) {
     monitor_.changeLimits(limits_, nominal_);
 }
 
-void ControlLoop::tellMissedTicks() {
-    if (missedInRow_ == 0) return;
+void ControlLoop::tellSkippedTicks() {
+    if (skippedTicks_ == 0) return;
     contain(PluginKind::SafetyFilter, FilterStatus::Faulted, [&] {
-        plugins_.filter->skipTicks(missedInRow_);
+        plugins_.filter->skipTicks(skippedTicks_);
         return FilterStatus::Passed;
     });
-    missedInRow_ = 0;
+    skippedTicks_ = 0;
 }
 
 /** What a filter need not say of every decision is not that of the one before. */
@@ -593,7 +599,7 @@ bool ControlLoop::passMonitor() {
 }
 
 void ControlLoop::followStop() {
-    if (hasStopped()) {  // what rounding has left of the motion must not carry the arm away
+    if (hasStopped() || isHolding()) {  // what rounding has left of the motion must not carry the arm away
         nominal_.qd.setZero();
         nominal_.qdd.setZero();
     }
@@ -703,6 +709,7 @@ void ControlLoop::fillRecord(TickRecord& record, bool decided) const {
     record.limits = limits_;
     record.braking = isStopping();
     record.missed = missedInRow_ > 0;
+    record.paused = isPaused_;
     record.substituted = substituted_;
 }
 
@@ -747,24 +754,39 @@ void ControlLoop::tick(TickRecord& record) noexcept {
     StageTimer timer(record);
     if (plugins_.realPlant) lookAtPlant();
     timer.mark(Stage::Plant);
-    const std::int64_t missed = missedInRow_;
-    if (!isStopping()) takeCommand(time());
-    if (!isStopping()) tellMissedTicks();
-    if (!isStopping()) takeLimits(time());
+    missedInRow_ = 0;
+    holdBegun_ = isPaused_;
+    decide(record, timer);
+    finishTick(record, timer, true);
+}
+
+/** The command's time stands still. */
+void ControlLoop::countPause() {
+    if (isPaused_) ++pausedTicks_;
+}
+
+/** What the nominal arm does in this tick. */
+void ControlLoop::decide(TickRecord& record, StageTimer& timer) {
+    const bool asks = !isPaused_;
+    const double t = commandTime();
+    if (asks && !isStopping()) takeCommand(t);
+    const std::int64_t skipped = skippedTicks_;
+    if (asks && !isStopping()) tellSkippedTicks();
+    if (asks && !isStopping()) takeLimits(t);
     timer.mark(Stage::Command);
     model_.calcDynamics(nominal_.q, nominal_.qd, dynamics_);
     timer.mark(Stage::Dynamics);
-    if (!isStopping()) takeTorque(missed);
+    if (asks && !isStopping()) takeTorque(skipped);
     timer.mark(Stage::Controller);
-    const bool decided = !isStopping() && takeDecision();
+    const bool decided = asks && !isStopping() && takeDecision();
     if (!decided) {
-        stopBegun_ = true;
+        stopBegun_ = isStopping();
         followStop();
     }
-    missedInRow_ = 0;
+    if (!asks) ++skippedTicks_;
+    countPause();
     timer.mark(Stage::Filter);
     fillRecord(record, decided);
-    finishTick(record, timer, true);
 }
 
 void ControlLoop::missTick(TickRecord& record) noexcept {
@@ -773,6 +795,7 @@ void ControlLoop::missTick(TickRecord& record) noexcept {
 
 /** A tick without command, controller and filter. @param hasPlant  the plant is still to be read and driven in it */
 void ControlLoop::passTick(TickRecord& record, bool hasPlant) noexcept {
+    ++skippedTicks_;
     if (++missedInRow_ > kMaxMissedTicks)
         beginStop(StopReason::TicksMissed, "more than 1000 ticks in a row were missed");
     StageTimer timer(record);
@@ -780,9 +803,11 @@ void ControlLoop::passTick(TickRecord& record, bool hasPlant) noexcept {
     timer.mark(Stage::Plant);
     model_.calcDynamics(nominal_.q, nominal_.qd, dynamics_);
     timer.mark(Stage::Dynamics);
+    holdBegun_ = isPaused_;
     stopBegun_ = hasPlant && isStopping();  // only a tick that reaches the motors belongs to the stop
     followStop();
     timer.mark(Stage::Filter);
+    countPause();
     fillRecord(record, false);
     finishTick(record, timer, hasPlant);
 }

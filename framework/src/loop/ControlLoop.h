@@ -121,6 +121,15 @@ public:
     failure follows. */
     void requestStop(StopReason reason, const char* message) noexcept { beginStop(reason, message); }
 
+    /** From the next tick on the nominal arm follows the stop held ready and then rests: command, controller and filter do
+    not run, and the command's time stands still. Robust loop and plant go on. resume() takes up the command where it
+    was; both are as smooth as any stop and any start. Each may be called in any tick, and at the beginning. */
+    void pause() noexcept { isPaused_ = true; }
+    void resume() noexcept { isPaused_ = false; }
+    bool isPaused() const { return isPaused_; }
+    /** Paused, and come to rest. */
+    bool isHolding() const { return isPaused_ && holdBegun_ && monitor_.atRest(nominal_); }
+
     bool isStopping() const { return stopReason_ != StopReason::None; }
     /** True when a stop has come to its end, or could not be made. Further ticks hold the arm where it is: the nominal
     arm at exact rest, the robust loop at work. */
@@ -133,6 +142,8 @@ public:
     const char* stopRemedy() const { return stopRemedy_; }    ///< a sentence; may be empty
     double stopTime() const { return stopTime_; }             ///< [s]
     double time() const;                                      ///< of the next tick [s]
+    /** What the command is asked for next: time() less the pauses [s]. */
+    double commandTime() const;
 
     const MotionState& nominal() const { return nominal_; }  ///< at time()
     /** The nominal arm `after_s` after time() on the stop held ready, one that holds jerks. */
@@ -152,9 +163,11 @@ private:
     bool replaceStillReading(int joint);
     void takeCommand(double t);
     void takeLimits(double t);
-    /** @param missed  ticks before this one */
+    void decide(TickRecord& record, StageTimer& timer);
+    /** @param missed  ticks before this one, in which it was not asked */
     void takeTorque(std::int64_t missed);
-    void tellMissedTicks();
+    void tellSkippedTicks();
+    void countPause();
     void forgetRemarks();
     bool takeDecision();
     bool passMonitor();
@@ -214,7 +227,11 @@ private:
     bool hasReading_ = false;             // one has been looked at since reset()
     bool hasDriven_ = false;              // the plant, since reset(): motorTorque_ is what its motors were told last
     std::int64_t ticksSinceReading_ = 1;  // between the present reading and the one before
-    int missedInRow_ = 0;                 // the filter has not been told of them yet
+    int missedInRow_ = 0;
+    std::int64_t skippedTicks_ = 0;  // missed or paused ones since the filter ran last; it has not been told of them yet
+    std::int64_t pausedTicks_ = 0;   // since reset()
+    bool isPaused_ = false;          // from the next tick on
+    bool holdBegun_ = false;         // a tick of the pause has been taken
 
     StopReason stopReason_ = StopReason::None;
     double stopTime_ = 0.0;

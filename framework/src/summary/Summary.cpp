@@ -287,7 +287,7 @@ bool Summary::hasJointCommand(const TickRecord& record) const {
 }
 
 void Summary::addCommand(int i, const TickRecord& record) {
-    if (!hasJointCommand(record)) return;
+    if (!hasJointCommand(record) || record.paused) return;
     const double target = std::max(bounds_.position.lower[i], std::min(record.command.q[i], bounds_.position.upper[i]));
     const double e = record.nominal.q[i] - target;
     squaredCommandError_ += e * e;
@@ -301,7 +301,7 @@ void Summary::addCommand(int i, const TickRecord& record) {
 }
 
 void Summary::addTool(const TickRecord& record) {
-    if (record.command.space != MotionCommand::Space::Tool) return;
+    if (record.command.space != MotionCommand::Space::Tool || record.paused) return;
     toolError_.add(record.tool, record.command.tool);
     toolCauses_.add((record.tool.position - record.command.tool.position).squaredNorm(), actingKinds_, tick_s_);
     if (hasRealPlant_ && reference_.calcTool)

@@ -67,6 +67,7 @@ struct TickRecord {
     JointLimits limits;            ///< of the nominal plant, in force in this tick
     bool braking = false;          ///< the arm follows the host's own stop, not the command
     bool missed = false;           ///< command, controller and filter did not run in this tick
+    bool paused = false;           ///< nor did they because the host was told to pause
     std::int64_t substituted = 0;  ///< controller torques replaced by the last good one so far
 
     double compute_us = 0.0;                     ///< the whole tick [us]

@@ -1,0 +1,269 @@
+#include "experiment/RunningCase.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <string_view>
+
+#include "core/Text.h"
+#include "environment/OccupancyMap.h"
+#include "filter/FilterChain.h"
+#include "log/LogMetadata.h"
+#include "log/Recorder.h"
+#include "robot/ArmRecursion.h"
+#include "summary/CollisionCounter.h"
+#include "viable/braking/Braking.h"
+
+namespace viable {
+
+namespace {
+
+/** Growth in a case's ticks from which on it is told. */
+constexpr double kMostGrowth_MB = 50.0;
+
+/** What this process has in memory; 0 where the system does not tell. */
+double readMemory_MB() {
+    std::ifstream file("/proc/self/statm");
+    double total = 0.0, resident = 0.0;
+    file >> total >> resident;
+    return resident * static_cast<double>(::sysconf(_SC_PAGESIZE)) * 1e-6;
+}
+
+/** The plugin that ended the run; null: none did. */
+const PluginChoice* findCulprit(const CasePlan& plan, const FilterChain* chain, StopReason reason) {
+    switch (reason) {
+        case StopReason::CommandFailed:
+            return &plan.command;
+        case StopReason::ControllerFailed:
+            return &plan.controller;
+        case StopReason::FilterFailed:
+        case StopReason::FilterEnded:
+        case StopReason::GuaranteeBroken:
+            return &plan.filters[chain ? chain->answerable() : 0];
+        case StopReason::RobustLoopFailed:
+            return &*plan.robustLoop;
+        case StopReason::PlantFailed:
+        case StopReason::SensorFailed:
+            return &*plan.realPlant;
+        case StopReason::None:
+        case StopReason::Requested:
+        case StopReason::TicksMissed:
+        case StopReason::TrackingLost:
+        case StopReason::NotFollowing:
+            return nullptr;
+    }
+    return nullptr;
+}
+
+/** True when the guarantee that was broken is that of a filter before the one that is to be named. */
+bool isOthersGuarantee(const FilterChain* chain, StopReason reason) {
+    return reason == StopReason::GuaranteeBroken && chain &&
+           chain->answerable() != static_cast<std::size_t>(chain->guaranteeing());
+}
+
+std::string formatTime(double seconds) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.4f s", seconds);
+    return text;
+}
+
+LogOpening makeOpening(const ConfiguredCase& configured) {
+    const CasePlan& plan = configured.plan;
+    LogOpening opening;
+    opening.layout = {plan.robot.jointNames(), configured.plugins.command->space(), plan.realPlant.has_value(),
+                      plan.feedsExternalTorque, plan.environment.has_value()};
+    LogMetadata metadata;
+    metadata.caseName = plan.name;
+    metadata.version = VIABLE_VERSION;
+    metadata.robot = std::filesystem::absolute(plan.robot.folder).lexically_normal().string();
+    for (const JointDescription& joint : plan.robot.joints)
+        if (joint.type == JointType::Prismatic) metadata.prismaticJoints.push_back(joint.name);
+    if (plan.holdsOnReal) metadata.realLimits = plan.limits;
+    if (configured.bound)
+        metadata.bound = {configured.bound->position, configured.bound->velocity, configured.bound->measured};
+    if (const Surroundings* surroundings = configured.surroundings.get()) {
+        metadata.obstacles.emplace();
+        for (int i = 0; i < surroundings->size(); ++i) metadata.obstacles->push_back(surroundings->name(i));
+        metadata.links = plan.geometry->links;
+        if (const OccupancyMap* map = surroundings->map()) metadata.mapSha256 = map->sha256();
+    }
+    for (const PluginChoice* choice : plan.plugins())
+        metadata.libraries[getName(choice->plugin.kind)].push_back(choice->plugin.library.string());
+    opening.metadata = writeLogMetadata(std::move(metadata));
+    opening.attachments.push_back({"experiment.yaml", "application/yaml", writeConfig(plan.resolved)});
+    return opening;
+}
+
+/** The poses of the tool, which the records of a run do not have of the real arm. */
+std::function<Pose(const JointVector&)> makeToolCalculator(const RobotDescription& robot) {
+    struct Arm {
+        explicit Arm(const RobotDescription& r) : recursion(r), parent(r.toolParent), placement(r.toolPlacement) {}
+        const ArmRecursion recursion;
+        ArmRecursion::Frames frames;
+        const int parent;
+        const Eigen::Isometry3d placement;
+    };
+    const auto arm = std::make_shared<Arm>(robot);
+    return [arm](const JointVector& q) {
+        arm->recursion.calcFrames(q, arm->frames);
+        Eigen::Isometry3d pose = arm->placement;
+        if (arm->parent >= 0) {
+            const auto at = static_cast<std::size_t>(arm->parent);
+            pose.linear() = arm->frames.rotation[at] * arm->placement.linear();
+            pose.translation() = arm->frames.origin[at] + arm->frames.rotation[at] * arm->placement.translation();
+        }
+        return Pose{pose.translation(), Eigen::Quaterniond(pose.linear())};
+    };
+}
+
+/** Joints that are faster have diverged [rad/s, m/s]. */
+constexpr double kFastest = 20.0;
+
+/** Ticks that a stop may take: twice that of an arm at its velocity limits, or at `qd`, and 10 s at least. */
+std::int64_t calcMostBraking(const JointLimits& limits, const JointVector& qd, double tick_s) {
+    double longest_s = std::max(5.0, calcLongestStop(limits));
+    for (int i = 0; i < limits.size(); ++i) {
+        const double stop_s =
+            calcStationaryStop(std::clamp(qd[i], -kFastest, kFastest), 0.0, limits.axis(i)).duration();
+        if (std::isfinite(stop_s)) longest_s = std::max(longest_s, stop_s);
+    }
+    return std::llround(std::min(2.0 * longest_s / tick_s, 1e12));
+}
+
+}  // namespace
+
+CaseResult makeResult(const ConfiguredCase& configured) {
+    const CasePlan& plan = configured.plan;
+    CaseResult result(
+        Summary(plan.robot.jointNames(), configured.setup.limits, plan.realPlant.has_value(),
+                {plan.holdsOnReal ? std::optional(plan.limits) : std::nullopt, configured.bound,
+                 plan.robot.actuation.torqueLimit, makeToolCalculator(plan.robot), configured.motorRate}));
+    std::vector<bool> slides;
+    for (int i = 0; i < plan.robot.size(); ++i) slides.push_back(plan.robot.slides(i));
+    result.summary.setSliding(std::move(slides));
+    result.name = plan.name;
+    result.assumed = plan.robot.assumed;
+    result.controller = plan.controller.plugin.name;
+    result.filter = plan.filterName();
+    for (const auto& [key, block] : plan.resolved.entries)
+        if (key != "cases") result.others[key] = writeConfig(block);
+    if (plan.realPlant) {
+        result.robustLoop = plan.robustLoop->plugin.name;
+        result.realPlant = plan.realPlant->plugin.name;
+    }
+    const ConfigNode* relative = plan.controller.parameters.resolved().find("relative");
+    result.isRelative = relative && relative->text == "true";
+    result.margins = configured.margins;
+    result.guarantees = configured.plugins.filter->guaranteesLimits();
+    result.guaranteesClearance = configured.plugins.filter->guaranteesClearance();
+    result.holdsOnReal = plan.holdsOnReal;
+    for (const PluginChoice* choice : plan.plugins())
+        if (const ConfigNode* seed = choice->parameters.resolved().find("seed"))
+            result.seeds[choice->plugin.name] = seed->text;
+    if (plan.stream) result.seeds["stream"] = plan.stream->resolved().find("seed")->text;
+    return result;
+}
+
+RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseLog& log, bool judgesCollisions)
+    : configured_(std::move(configured)),
+      result_(makeResult(*configured_)),
+      settling_(std::llround(kSettling_s / configured_->plan.tick_s)),
+      begin_(std::chrono::steady_clock::now()) {
+    const CasePlan& plan = configured_->plan;
+    result_.log = log.file;
+    LogOpening opening;
+    if (!log.file.empty()) opening = makeOpening(*configured_);
+    loop_ = std::make_unique<ControlLoop>(
+        configured_->setup, std::move(configured_->plugins),
+        RealArmOptions{configured_->bound ? &*configured_->bound : nullptr, plan.feedsExternalTorque, true,
+                       plan.holdsOnReal, plan.robustLoop && !plan.robustLoop->acceptsUnstable, configured_->motorRate,
+                       configured_->robustRate});
+    if (judgesCollisions && plan.environment)
+        collisions_.emplace(plan.robot, *plan.geometry, *plan.environment, plan.realPlant.has_value());
+    if (!log.file.empty())
+        recorder_ = std::make_unique<Recorder>(
+            std::make_unique<LogSeries>(log.file, std::move(opening), log.form, log.limit_bytes), log.capacity);
+    begin_ = std::chrono::steady_clock::now();
+    memory_MB_ = readMemory_MB();
+}
+
+RunningCase::~RunningCase() = default;
+
+bool RunningCase::isStopOver() {
+    if (loop_->hasStopped()) {
+        const bool isLost = result_.summary.trip() || loop_->stopReason() == StopReason::NotFollowing;
+        if (loop_->hasFailed() || !isLost || settling_-- <= 0) return true;
+    }
+    if (brakingTicks_ >= mostBraking_) return true;
+    if (loop_->isStopping() && !loop_->hasStopped() && brakingTicks_++ == 0)
+        mostBraking_ = calcMostBraking(record_.limits, record_.nominal.qd, plan().tick_s);
+    return false;
+}
+
+void RunningCase::count() {
+    result_.summary.add(record_);
+    if (collisions_) collisions_->add(record_);
+}
+
+CaseResult RunningCase::finish(bool isAlone) {
+    const double grown_MB = readMemory_MB() - memory_MB_;
+    result_.summary.addEnd(loop_->nominal(), loop_->time());
+    if (collisions_) {
+        collisions_->addEnd(loop_->nominal(), loop_->time());
+        result_.summary.setCollisions(collisions_->collisions());
+    }
+    result_.simulated_s = loop_->time();
+    result_.stopReason = loop_->stopReason();
+    result_.stopTime_s = loop_->stopTime();
+    const std::string when = "stopped at " + formatTime(result_.stopTime_s) + " (tick " +
+                             std::to_string(std::llround(result_.stopTime_s / plan().tick_s)) + ")";
+    if (result_.stopReason == StopReason::Requested || result_.stopReason == StopReason::TicksMissed ||
+        result_.stopReason == StopReason::TrackingLost || result_.stopReason == StopReason::NotFollowing) {
+        result_.stopMessage = when + " because " + loop_->stopMessage();
+        result_.stopRemedy = loop_->stopRemedy();
+        if (result_.stopReason == StopReason::TicksMissed)
+            result_.stopRemedy = "Lower the `count` in missed_ticks, or leave a tick between entries.";
+    } else if (const PluginChoice* culprit = findCulprit(plan(), configured_->chain, result_.stopReason)) {
+        constexpr std::string_view kSubject = "it ";  // as every message begins
+        std::string what = loop_->stopMessage();
+        result_.stopRemedy = loop_->stopRemedy();
+        if (isOthersGuarantee(configured_->chain, result_.stopReason)) {
+            what = "it changed what '" + plan().filters[configured_->chain->guaranteeing()].plugin.name +
+                   "' before it had decided, which " + what.substr(kSubject.size());
+            result_.stopRemedy = "The decision was not applied. Put the filter before the one that guarantees.";
+        }
+        result_.stopMessage = when + ": " + PluginWatch(culprit->plugin).title +
+                             (result_.stopReason == StopReason::FilterEnded ? " ended the case: " : " failed: ") + what;
+    }
+    if (brakingTicks_ >= mostBraking_ && !loop_->hasStopped())
+        result_.stopMessage += "; it was still braking after " +
+                              formatTime(static_cast<double>(brakingTicks_) * plan().tick_s) +
+                              ", which is no stop any more, and the run ended";
+    // Some plugins have a last word, and a robot must not wait for the disk to hear the end.
+    loop_.reset();
+    if (recorder_) {
+        const LogStatus status = recorder_->finish();
+        result_.logRows = static_cast<std::int64_t>(status.rows);
+        result_.logError = status.error;
+    }
+    result_.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
+    for (const auto& watch : configured_->watches) {
+        if (!watch->sharedChange.empty()) result_.warnings.push_back(formatSharedChange(*watch));
+        if (!watch->lastWords.empty())
+            result_.warnings.push_back(watch->title + " failed while it was destroyed: " + watch->lastWords);
+        if (watch->allocatingTicks == 0) continue;
+        result_.warnings.push_back(
+            watch->title + " takes memory from the heap in its tick (in " + std::to_string(watch->allocatingTicks) +
+            " ticks, first in tick " + std::to_string(watch->firstAllocation) +
+            "): in a real-time loop such a tick may come too late. Take the memory in configure()." +
+            (isAlone && grown_MB > kMostGrowth_MB
+                 ? " The program grew by " + std::to_string(std::llround(grown_MB)) +
+                       " MB in this case's ticks: memory that is taken in each must be given back, too."
+                 : ""));
+    }
+    return std::move(result_);
+}
+
+}  // namespace viable

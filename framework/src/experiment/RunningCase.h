@@ -1,0 +1,70 @@
+#pragma once
+
+#include <chrono>
+#include <limits>
+#include <memory>
+#include <optional>
+
+#include "experiment/ConfiguredCase.h"
+#include "log/LogSeries.h"
+#include "log/Recorder.h"
+#include "summary/CaseResult.h"
+#include "summary/CollisionCounter.h"
+
+namespace viable {
+
+/** How long a run goes on after a stop for lost tracking. */
+inline constexpr double kSettling_s = 0.5;
+
+/** What is known of a run before its first tick. The case has not been run. */
+CaseResult makeResult(const ConfiguredCase& configured);
+
+/** Where a case's log goes. */
+struct CaseLog {
+    std::filesystem::path file;  ///< to create; empty: no log
+    LogForm form = LogForm::Open;
+    std::uint64_t limit_bytes = 0;               ///< of a log in several files, see LogSeries; 0: one file without limit
+    std::size_t capacity = kRecorderCapacity;  ///< ticks that wait for the disk at most
+};
+
+/** A case at work: its loop, its log and its figures. Who runs it (simulated time, or a clock) makes the ticks:
+`while (!isStopOver()) { loop().tick(record()); count(); recorder()->append(record()); }`, then finish().
+Real time: isStopOver() and count() allocate, lock and throw nothing, but for the judge of collisions. */
+class RunningCase {
+public:
+    /** Resets the plugins, which opens a hardware plant, and then creates the log. Throws Error.
+    @param judgesCollisions  with an environment: the judge looks at every tick, which takes longer than a tick may */
+    RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseLog& log, bool judgesCollisions);
+    ~RunningCase();
+
+    const CasePlan& plan() const { return configured_->plan; }
+    const ConfiguredCase& configured() const { return *configured_; }
+    ControlLoop& loop() { return *loop_; }
+    TickRecord& record() { return record_; }  ///< of the last tick
+    Recorder* recorder() { return recorder_.get(); }  ///< null: no log
+
+    /** Once before each tick. True: a stop has come to its end, or will never do so, and no tick shall follow. After a
+    lost tracking the real arm may need longer than the nominal one: kSettling_s. */
+    bool isStopOver();
+    /** Once after each tick: record() goes into the figures. */
+    void count();
+
+    /** Ends the log, destroys the plugins and tells what came of it. Once, at the end.
+    @param isAlone  memory by which the process grew is this case's */
+    CaseResult finish(bool isAlone);
+
+private:
+    std::unique_ptr<ConfiguredCase> configured_;
+    CaseResult result_;
+    std::unique_ptr<ControlLoop> loop_;
+    std::optional<detail::CollisionCounter> collisions_;
+    std::unique_ptr<Recorder> recorder_;
+    TickRecord record_;
+    std::int64_t settling_;
+    // An arm that has diverged may never come to its end.
+    std::int64_t brakingTicks_ = 0, mostBraking_ = std::numeric_limits<std::int64_t>::max();
+    std::chrono::steady_clock::time_point begin_;
+    double memory_MB_ = 0.0;
+};
+
+}  // namespace viable

@@ -1,0 +1,235 @@
+#include "live/LiveSession.h"
+
+#include <pthread.h>
+#include <signal.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "realtime/TickPacer.h"
+
+namespace viable {
+
+namespace {
+
+constexpr unsigned kAskerShift = 8;
+
+/** Ticks that wait for the disk at most. */
+constexpr std::size_t kCapacity = 8192;
+
+CaseLog widen(CaseLog log) {
+    log.capacity = std::max(log.capacity, kCapacity);
+    return log;
+}
+
+}  // namespace
+
+const char* getName(LiveState state) {
+    switch (state) {
+        case LiveState::Armed:
+            return "armed";
+        case LiveState::Running:
+            return "running";
+        case LiveState::Stopping:
+            return "stopping";
+        case LiveState::Stopped:
+            break;
+    }
+    return "stopped";
+}
+
+const char* getName(LiveAsker asker) {
+    switch (asker) {
+        case LiveAsker::Program:
+            return "program";
+        case LiveAsker::Key:
+            return "key";
+        case LiveAsker::Signal:
+            return "signal";
+        case LiveAsker::Duration:
+            return "duration";
+        case LiveAsker::Fault:
+            break;
+    }
+    return "fault";
+}
+
+void LiveSession::warmUp(const CasePlan& plan, int ticks) {
+    CasePlan nominal = plan;
+    nominal.realPlant.reset();
+    nominal.robustLoop.reset();
+    nominal.disturbances.reset();
+    nominal.holdsOnReal = nominal.feedsExternalTorque = false;
+    RunningCase running(configureCase(nominal), {}, false);
+    for (int k = 0; k < ticks && !running.isStopOver(); ++k) {
+        running.loop().tick(running.record());
+        running.count();
+    }
+}
+
+LiveSession::LiveSession(std::unique_ptr<ConfiguredCase> configured, const LiveOptions& options)
+    : running_(std::move(configured), widen(options.log), false),
+      options_(options),
+      tick_s_(running_.plan().tick_s),
+      hasClock_(running_.loop().hasClock()) {
+    timing_.hasClock = hasClock_;
+    publishTicks_ = std::max<std::int64_t>(1, std::llround(kStatus_s / tick_s_));
+    if (options_.waitsArmed)
+        running_.loop().pause();
+    else
+        state_ = LiveState::Running;
+    changeTo(state_, LiveAsker::Program);
+}
+
+LiveSession::~LiveSession() {
+    stop(LiveAsker::Program);
+    if (thread_.joinable()) thread_.join();
+}
+
+void LiveSession::begin() {
+    sigset_t all, before;  // signals stay with the thread that waits for them
+    sigfillset(&all);
+    for (const int signal : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGTRAP}) sigdelset(&all, signal);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    try {
+        thread_ = std::thread([this] { work(); });
+    } catch (...) {
+        pthread_sigmask(SIG_SETMASK, &before, nullptr);
+        throw;
+    }
+    pthread_sigmask(SIG_SETMASK, &before, nullptr);
+}
+
+void LiveSession::ask(Wish wish, LiveAsker asker) noexcept {
+    const unsigned word = static_cast<unsigned>(wish) | static_cast<unsigned>(asker) << kAskerShift;
+    unsigned before = wish_.load(std::memory_order_relaxed);
+    do {
+        if (static_cast<Wish>(before & 0xff) == Wish::Stop) return;
+    } while (!wish_.compare_exchange_weak(before, word, std::memory_order_acq_rel));
+}
+
+bool LiveSession::getEvent(std::size_t index, LiveEvent& event) const {
+    if (index >= eventCount_.load(std::memory_order_acquire)) return false;
+    event = events_[index];
+    return true;
+}
+
+void LiveSession::changeTo(LiveState state, LiveAsker asker) {
+    state_ = state;
+    const std::size_t count = eventCount_.load(std::memory_order_relaxed);
+    if (count >= kMaxEvents) return;
+    events_[count] = {state, asker, running_.loop().time()};
+    eventCount_.store(count + 1, std::memory_order_release);
+}
+
+/** What was asked for since the last tick, and what the loop decided itself. */
+void LiveSession::takeWishes() {
+    ControlLoop& loop = running_.loop();
+    const unsigned word = wish_.load(std::memory_order_relaxed) == 0 ? 0 : wish_.exchange(0, std::memory_order_acq_rel);
+    const auto asker = static_cast<LiveAsker>(word >> kAskerShift);
+    if (loop.isStopping()) {
+        if (state_ < LiveState::Stopping) changeTo(LiveState::Stopping, LiveAsker::Fault);
+        return;
+    }
+    const auto stop = [&](LiveAsker by) {
+        loop.requestStop(StopReason::Requested,
+                         by == LiveAsker::Duration ? "its time was over" : "the user asked for it");
+        changeTo(LiveState::Stopping, by);
+    };
+    switch (static_cast<Wish>(word & 0xff)) {
+        case Wish::None:
+            break;
+        case Wish::Pause:
+            if (state_ != LiveState::Running) break;
+            loop.pause();
+            changeTo(LiveState::Armed, asker);
+            break;
+        case Wish::Resume:
+            if (state_ != LiveState::Armed) break;
+            loop.resume();
+            changeTo(LiveState::Running, asker);
+            break;
+        case Wish::Stop:
+            stop(asker);
+            return;
+    }
+    if (loop.commandTime() >= options_.duration_s - 0.5 * tick_s_) stop(LiveAsker::Duration);
+}
+
+/** At the end the real arm has a while to come to rest, too. */
+bool LiveSession::isOver() {
+    if (!running_.isStopOver()) return false;
+    return running_.loop().hasFailed() || ++holdTicks_ * tick_s_ > kSettling_s;
+}
+
+void LiveSession::makeTick(bool isMissed) {
+    ControlLoop& loop = running_.loop();
+    TickRecord& record = running_.record();
+    if (isMissed)
+        loop.missTick(record);
+    else
+        loop.tick(record);
+    const std::int64_t end_ns = TickPacer::readClock_ns();
+    record.stage_us[static_cast<int>(Stage::Record)] = recordTime_us_;
+    timing_.compute.add(std::llround(1e3 * record.compute_us), tick_);
+    if (!record.missed) {
+        const std::int64_t start_ns = end_ns - std::llround(1e3 * record.compute_us);
+        if (lastStart_ns_ != 0) timing_.interval.add(start_ns - lastStart_ns_, tick_);
+        lastStart_ns_ = start_ns;
+        gap_ = 0;
+    } else {
+        lastStart_ns_ = 0;
+        ++timing_.missed;
+        timing_.longestGap = std::max(timing_.longestGap, ++gap_);
+    }
+    running_.count();
+    if (Recorder* const recorder = running_.recorder(); recorder && !recorder->append(record)) ++timing_.lostRows;
+    recordTime_us_ = 1e-3 * static_cast<double>(TickPacer::readClock_ns() - end_ns);
+    ++timing_.ticks;
+    if (++tick_ % publishTicks_ == 0) publish();
+}
+
+void LiveSession::publish() {
+    status_.state = state_;
+    status_.time_s = running_.loop().time();
+    status_.commandTime_s = running_.loop().commandTime();
+    status_.missed = timing_.missed;
+    status_.lostRows = timing_.lostRows;
+    status_.worstCompute_us = 1e-3 * static_cast<double>(timing_.compute.worst_ns());
+    status_.record = running_.record();
+    latest_.write(status_);
+}
+
+void LiveSession::work() {
+    RealTimeState realTime = enterRealTime(options_.realTime);
+    timing_.isRealTime = realTime.isRealTime();
+    for (const RealTimeRefusal& refusal : realTime.refusals()) timing_.refusals.push_back(refusal.sentence());
+    TickPacer pacer(tick_s_);
+    pacer.start();
+    for (takeWishes(); !isOver(); takeWishes()) {
+        if (hasClock_) {
+            makeTick(false);
+            continue;
+        }
+        const WakeUp wakeUp = pacer.wait();
+        if (wakeUp.isInterrupted) continue;
+        if (wakeUp.hasSlept) timing_.wakeUp.add(wakeUp.lateness_ns, tick_);
+        for (std::int64_t k = 0; k < wakeUp.missed && !running_.loop().hasStopped(); ++k) makeTick(true);
+        makeTick(false);
+    }
+    changeTo(LiveState::Stopped, state_ == LiveState::Stopping ? LiveAsker::Program : LiveAsker::Fault);
+    publish();
+    hasEnded_.store(true, std::memory_order_release);
+}
+
+CaseResult LiveSession::finish() {
+    if (thread_.joinable()) thread_.join();
+    CaseResult result = running_.finish(true);
+    LiveEvent event;
+    for (std::size_t k = 0; getEvent(k, event); ++k)
+        timing_.changes.push_back({getName(event.state), getName(event.asker), event.time_s});
+    result.live = timing_;
+    return result;
+}
+
+}  // namespace viable

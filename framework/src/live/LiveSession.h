@@ -1,0 +1,130 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <limits>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "core/LatestValue.h"
+#include "experiment/RunningCase.h"
+#include "realtime/RealTimeSetup.h"
+#include "summary/LiveTiming.h"
+
+namespace viable {
+
+/** What a live arm does. */
+enum class LiveState : unsigned char {
+    Armed,     ///< the real arm is held where it is; the command's time stands still
+    Running,   ///< it follows the command
+    Stopping,  ///< it brakes for good
+    Stopped,   ///< nobody drives it any more: the robot holds itself
+};
+/** "armed", "running", ... */
+const char* getName(LiveState state);
+
+/** Who asked for a change. */
+enum class LiveAsker : unsigned char { Program, Key, Signal, Duration, Fault };
+const char* getName(LiveAsker asker);
+
+/** A change of state. */
+struct LiveEvent {
+    LiveState state = LiveState::Armed;
+    LiveAsker asker = LiveAsker::Program;
+    double time_s = 0.0;  ///< of the first tick in that state
+};
+
+struct LiveOptions {
+    CaseLog log;
+    RealTimeWish realTime;
+    bool waitsArmed = false;                                         ///< for resume(), before the command begins
+    double duration_s = std::numeric_limits<double>::infinity();  ///< of the command's time; then it brakes
+};
+
+/** How a live arm is just now. */
+struct LiveStatus {
+    LiveState state = LiveState::Armed;
+    double time_s = 0.0, commandTime_s = 0.0;
+    std::int64_t missed = 0, lostRows = 0;
+    double worstCompute_us = 0.0;
+    TickRecord record;  ///< of the last tick
+};
+
+/** A case in real time: a thread of its own makes the ticks, by the clock of the plant or, where it has none, by that of the
+computer. A tick that did not come in time is a missed one: the nominal arm follows the stop held ready.
+
+Order: configured plugins are tried on the nominal arm (warmUp), the constructor opens the plant and the log, begin() starts
+the thread, which asks the system for real time last of all; what it refuses is in timing().refusals, and the arm runs all
+the same.
+Guarantees: those of ControlLoop. The log may lose rows where the disk is slow (counted), the loop never waits for it. At the
+end the nominal arm is at rest, and held for kSettling_s more, before the plant is let go.
+Threads: pause(), resume(), stop() by any; status() and events by one; the rest by the one that made it. */
+class LiveSession {
+public:
+    /** Throws Error, see RunningCase. */
+    LiveSession(std::unique_ptr<ConfiguredCase> configured, const LiveOptions& options);
+    /** Stops, and waits for the end. */
+    ~LiveSession();
+    LiveSession(const LiveSession&) = delete;
+    LiveSession& operator=(const LiveSession&) = delete;
+
+    /** The same case without a real arm, for so many ticks: its code and memory are then where they will be used.
+    Throws Error. @param plan  is configured anew */
+    static void warmUp(const CasePlan& plan, int ticks = 200);
+
+    void begin();
+
+    // Take effect in the next tick. A stop is final.
+    void pause(LiveAsker asker) noexcept { ask(Wish::Pause, asker); }
+    void resume(LiveAsker asker) noexcept { ask(Wish::Resume, asker); }
+    void stop(LiveAsker asker) noexcept { ask(Wish::Stop, asker); }
+
+    /** Not older than kStatus_s. */
+    const LiveStatus& status() { return latest_.read(); }
+    /** All ticks have been made. */
+    bool hasEnded() const { return hasEnded_.load(std::memory_order_acquire); }
+    /** Of the changes so far the `index`th, from 0; false: there is none yet. Later ones than kMaxEvents are not kept. */
+    bool getEvent(std::size_t index, LiveEvent& event) const;
+
+    /** Waits for the end and tells what came of it; once. */
+    CaseResult finish();
+
+    static constexpr double kStatus_s = 0.02;
+    static constexpr std::size_t kMaxEvents = 1024;
+
+private:
+    enum class Wish : unsigned char { None, Pause, Resume, Stop };
+
+    void ask(Wish wish, LiveAsker asker) noexcept;
+    void work();
+    void takeWishes();
+    void changeTo(LiveState state, LiveAsker asker);
+    bool isOver();
+    void makeTicks(TickPacer* pacer);
+    void makeTick(bool isMissed);
+    void publish();
+
+    RunningCase running_;
+    const LiveOptions options_;
+    const double tick_s_;
+    const bool hasClock_;
+    const std::string caseName_;
+    LiveTiming timing_;
+
+    std::atomic<unsigned> wish_{0};  // Wish, and the asker above it; a stop is never replaced
+    LatestValue<LiveStatus> latest_;
+    std::array<LiveEvent, kMaxEvents> events_{};
+    std::atomic<std::size_t> eventCount_{0};
+    std::atomic<bool> hasEnded_{false};
+    std::thread thread_;
+
+    // Of the thread.
+    LiveState state_ = LiveState::Armed;
+    LiveStatus status_;
+    std::int64_t tick_ = 0, lastStart_ns_ = 0, holdTicks_ = 0, publishTicks_ = 1;
+    double recordTime_us_ = 0.0;
+};
+
+}  // namespace viable

@@ -1,0 +1,244 @@
+#include "live/Replay.h"
+
+#include <cstring>
+#include <deque>
+#include <memory>
+#include <optional>
+
+#include "core/Text.h"
+#include "experiment/ExperimentFile.h"
+#include "experiment/RunningCase.h"
+#include "log/LogReader.h"
+#include "log/LogSeries.h"
+#include "viable/core/Error.h"
+
+namespace viable {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/** The rows of a log, one file after the other. */
+class Rows {
+public:
+    explicit Rows(const fs::path& file) : file_(file), reader_(std::make_unique<LogReader>(file)) {}
+
+    const LogReader& reader() const { return *reader_; }
+
+    /** False: there are no more. */
+    bool read(TickRecord& row) {
+        while (!reader_->read(row)) {
+            const fs::path next = LogSeries::nameFile(file_, number_ + 1);
+            std::error_code error;
+            if (!fs::exists(next, error)) return false;
+            reader_ = std::make_unique<LogReader>(next);
+            ++number_;
+        }
+        return true;
+    }
+
+private:
+    const fs::path file_;
+    std::unique_ptr<LogReader> reader_;
+    int number_ = 1;
+};
+
+/** Gives what was recorded; `row` is the present tick's. */
+class RecordedCommand : public CommandSource {
+public:
+    RecordedCommand(MotionCommand::Space space, JointLimits limits, const TickRecord& row)
+        : space_(space), limits_(std::move(limits)), row_(row) {}
+    void configure(const RunSetup&, const Parameters&) override {}
+    void reset(const MotionState&) override {}
+    MotionCommand::Space space() const override { return space_; }
+    TickStatus sample(double, MotionCommand& out) override {
+        out = row_.command;
+        return TickStatus::Ok;
+    }
+    const JointLimits* sampleLimits(double) override {
+        const auto isSame = [](const JointBounds& a, const JointBounds& b) {
+            return a.lower == b.lower && a.upper == b.upper;
+        };
+        const JointLimits& now = row_.limits;
+        if (isSame(now.position, limits_.position) && isSame(now.velocity, limits_.velocity) &&
+            isSame(now.acceleration, limits_.acceleration) && isSame(now.jerk, limits_.jerk))
+            return nullptr;
+        limits_ = now;
+        return &limits_;
+    }
+
+private:
+    const MotionCommand::Space space_;
+    JointLimits limits_;
+    const TickRecord& row_;
+};
+
+/** Reports what was read, and gives what the motors gave. What the plant says of itself is asked of the true one. */
+class RecordedPlant : public RealPlant {
+public:
+    RecordedPlant(PluginPtr<RealPlant> plant, const TickRecord& row, const std::int64_t& ticksPassed)
+        : plant_(std::move(plant)), row_(row), ticksPassed_(ticksPassed) {}
+    void configure(const RunSetup&, const Parameters&) override {}
+    void reset(const MotionState&) override {}
+    const JointState& measured() const override { return row_.real; }
+    const JointState& actual() const override { return row_.actual; }
+    TickStatus advance(const JointVector&, JointVector& applied) override {
+        applied = row_.motorTorque;
+        return TickStatus::Ok;
+    }
+    const JointVector* externalTorque() const override {
+        return plant_->externalTorque() ? &row_.externalTorque : nullptr;
+    }
+    Encoder encoder() const override { return plant_->encoder(); }
+    int delayTicks() const override { return plant_->delayTicks(); }
+    JointVector motorRate() const override { return plant_->motorRate(); }
+    bool hasClock() const override { return plant_->hasClock(); }
+    TickStatus read(std::int64_t& ticksPassed) override {
+        ticksPassed = ticksPassed_;
+        return TickStatus::Ok;
+    }
+
+private:
+    const PluginPtr<RealPlant> plant_;
+    const TickRecord& row_;
+    const std::int64_t& ticksPassed_;
+};
+
+template <class Interface, class Mine>
+void put(PluginPtr<Interface>& place, std::unique_ptr<Mine> mine) {
+    place = PluginPtr<Interface>(mine.release(), [](void* object) { delete static_cast<Interface*>(object); });
+}
+
+bool isTime(const std::string& column) {
+    return column.rfind("tick.", 0) == 0 && column.size() > 3 && column.compare(column.size() - 3, 3, "_us") == 0;
+}
+
+bool isSame(double a, double b) {
+    return std::memcmp(&a, &b, sizeof a) == 0 || (a != a && b != b);
+}
+
+std::string format(double value) {
+    return detail::format("%.17g", value);
+}
+
+/** "nominal.joint1.q_rad is 0.5 in the log and 0.25 in the replay"; empty: none differs. */
+std::string findDifference(const std::vector<LogColumn>& columns, const TickRecord& logged, const TickRecord& now) {
+    for (const LogColumn& column : columns) {
+        if (isTime(column.name())) continue;
+        std::string before, after;
+        if (column.isText()) {
+            before = column.getText(logged);
+            after = column.getText(now);
+            if (before == after) continue;
+        } else if (column.isInteger()) {
+            if (column.getInteger(logged) == column.getInteger(now)) continue;
+            before = std::to_string(column.getInteger(logged));
+            after = std::to_string(column.getInteger(now));
+        } else {
+            if (isSame(column.getNumber(logged), column.getNumber(now))) continue;
+            before = format(column.getNumber(logged));
+            after = format(column.getNumber(now));
+        }
+        return column.name() + " is " + before + " in the log and " + after + " in the replay";
+    }
+    return {};
+}
+
+constexpr std::int64_t kNever = -1;
+
+class Replay {
+public:
+    Replay(const fs::path& log, const CasePlan& plan) : log_(log), plan_(plan) {}
+
+    /** @param stopTick  a stop was asked for before it
+        @return the tick in which the log's arm brakes and this one's does not, or kNever */
+    std::int64_t run(std::int64_t stopTick, ReplayResult& result) {
+        Rows rows(log_);
+        auto configured = configureCase(plan_);
+        hasClock_ = configured->plugins.realPlant && configured->plugins.realPlant->hasClock();
+        put(configured->plugins.command, std::make_unique<RecordedCommand>(rows.reader().layout().commandSpace,
+                                                                           configured->setup.limits, row_));
+        if (configured->plugins.realPlant)
+            put(configured->plugins.realPlant,
+                std::make_unique<RecordedPlant>(std::move(configured->plugins.realPlant), row_, ticksPassed_));
+        RunningCase running(std::move(configured), {}, false);
+        ControlLoop& loop = running.loop();
+        TickRecord& now = running.record();
+        result.ticks = 0;
+        result.difference.clear();
+        std::deque<TickRecord> ahead;
+        for (std::int64_t k = 0; fetch(rows, ahead); ++k) {
+            const TickRecord row = ahead.front();
+            if (row.time_s != loop.time()) refuseGap(row.time_s, loop.time());
+            // The reading of a plant's clock is for the tick after those that were missed before it.
+            row_ = ahead.back();
+            ticksPassed_ = static_cast<std::int64_t>(ahead.size());
+            if (!hasClock_) row_ = row;
+            ahead.pop_front();
+            row.paused ? loop.pause() : loop.resume();
+            if (k == stopTick) loop.requestStop(StopReason::Requested, "it was asked for");
+            if (row.missed && !hasClock_)
+                loop.missTick(now);
+            else
+                loop.tick(now);
+            if (row.braking && !now.braking && stopTick == kNever) return k;
+            result.difference = findDifference(rows.reader().columns(), row, now);
+            if (!result.difference.empty()) {
+                result.difference = detail::format("at %.4f s (tick %lld) ", row.time_s, static_cast<long long>(k)) +
+                                    result.difference;
+                return kNever;
+            }
+            ++result.ticks;
+            result.end_s = row.time_s;
+        }
+        return kNever;
+    }
+
+private:
+    /** `ahead`: the next row, and with a plant's clock all up to the first one that was not missed. */
+    bool fetch(Rows& rows, std::deque<TickRecord>& ahead) const {
+        while (ahead.empty() || (hasClock_ && ahead.back().missed)) {
+            TickRecord row;
+            if (!rows.read(row)) break;
+            ahead.push_back(row);
+        }
+        return !ahead.empty();
+    }
+
+    [[noreturn]] void refuseGap(double found_s, double expected_s) const {
+        throw badInput(log_.string(),
+                       detail::format("the next row is of %.4f s, and %.4f s is expected", found_s, expected_s),
+                       "A replay needs every tick from the first one on: a log that lost rows to a slow disk, or whose "
+                       "first file is gone, cannot be replayed.");
+    }
+
+    const fs::path log_;
+    const CasePlan& plan_;
+    TickRecord row_;
+    std::int64_t ticksPassed_ = 1;
+    bool hasClock_ = false;
+};
+
+const std::string& findExperiment(const LogReader& reader, const fs::path& log) {
+    for (const LogAttachment& attachment : reader.attachments())
+        if (attachment.name == "experiment.yaml") return attachment.data;
+    throw badInput(log.string(), "this log carries no experiment.yaml, which tells what to replay",
+                   "Name a log that `viable run` or `viable live` has written.");
+}
+
+}  // namespace
+
+ReplayResult replayLog(const fs::path& log, const PluginLoader& loader, const std::vector<fs::path>& robotPath) {
+    const std::string place = log.string() + " (experiment.yaml)";
+    const std::string text = findExperiment(LogReader(log), log);
+    const Experiment experiment = readExperiment(parseConfig(text, place), place, {}, loader, robotPath);
+    const CasePlan& plan = experiment.cases.front();
+    ReplayResult result;
+    result.caseName = plan.name;
+    Replay replay(log, plan);
+    // Whether a stop was asked for, or came of itself, shows where the first try does not brake.
+    if (const std::int64_t stopTick = replay.run(kNever, result); stopTick != kNever) replay.run(stopTick, result);
+    return result;
+}
+
+}  // namespace viable

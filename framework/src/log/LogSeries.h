@@ -1,0 +1,44 @@
+#pragma once
+
+#include "log/LogWriter.h"
+
+namespace viable {
+
+/** A log of limited size: where one file would grow beyond a share of the limit the next one begins, FILE.mcap, FILE-2.mcap,
+..., each of them a log by itself. The oldest are deleted where all of them together would be larger than the limit.
+
+A full disk loses rows of one file only: the next one is tried all the same, kRetry_rows later. */
+class LogSeries : public RowWriter {
+public:
+    static constexpr int kFiles = 8;
+    static constexpr std::uint64_t kRetryRows = 10000;
+
+    /** Creates the first file. Throws Error as LogWriter does.
+    @param limit_bytes  0: one file without limit */
+    LogSeries(std::filesystem::path file, LogOpening opening, LogForm form, std::uint64_t limit_bytes);
+
+    void append(const TickRecord& record) noexcept override;
+    void finish() noexcept override;
+    /** Of all files, the deleted ones included. */
+    const LogStatus& status() const override { return status_; }
+
+    /** FILE.mcap, FILE-2.mcap, ...: the `number`th, from 1. */
+    static std::filesystem::path nameFile(const std::filesystem::path& file, int number);
+
+private:
+    void beginNext() noexcept;
+    void takeStatus() noexcept;
+    void makeRoom() noexcept;
+
+    const std::filesystem::path file_;
+    const LogOpening opening_;
+    const LogForm form_;
+    const std::uint64_t limit_;
+    std::unique_ptr<LogWriter> writer_;  // null: the next file could not be made
+    int number_ = 1, oldest_ = 1;
+    std::vector<std::uint64_t> sizes_;  // of finished files, [bytes]; 0: deleted
+    LogStatus before_, status_;         // of finished files; of all
+    std::uint64_t lostInARow_ = 0;
+};
+
+}  // namespace viable
