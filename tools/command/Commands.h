@@ -13,6 +13,7 @@ namespace viable {
 /** Each adds one subcommand to the program; its callback does the work, may throw Error, and leaves
 the exit code in `exitCode`. One file per subcommand. */
 void addRunCommand(CLI::App& app, int& exitCode);
+void addLiveCommand(CLI::App& app, int& exitCode);
 void addSweepCommand(CLI::App& app, int& exitCode);
 void addCheckCommand(CLI::App& app, int& exitCode);
 void addBoundCommand(CLI::App& app, int& exitCode);

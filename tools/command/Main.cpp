@@ -55,6 +55,7 @@ int main(int argc, char** argv) {
     });
     int exitCode = 0;
     viable::addRunCommand(app, exitCode);
+    viable::addLiveCommand(app, exitCode);
     viable::addSweepCommand(app, exitCode);
     viable::addCheckCommand(app, exitCode);
     viable::addBoundCommand(app, exitCode);

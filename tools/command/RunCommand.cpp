@@ -1,13 +1,7 @@
-#include <fcntl.h>
-#include <unistd.h>
-
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
-#include <cerrno>
-#include <csignal>
 #include <cstdio>
-#include <ctime>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -18,11 +12,11 @@
 #include "ExperimentArguments.h"
 #include "PluginTrouble.h"
 #include "Progress.h"
+#include "RunFolder.h"
 #include "StopSignals.h"
 #include "core/Text.h"
-#include "core/WholeFile.h"
 #include "experiment/CaseRun.h"
-#include "report/RunReport.h"
+#include "live/Replay.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -30,12 +24,6 @@ namespace viable {
 namespace {
 
 namespace fs = std::filesystem;
-
-/** For this process and those of isolated plugins, which are made later. */
-void ignoreWriteSignals() {
-    std::signal(SIGPIPE, SIG_IGN);  // a closed pipe is a write error, not a death
-    std::signal(SIGXFSZ, SIG_IGN);  // so is a file size limit
-}
 
 struct RunArguments {
     std::string file;
@@ -46,84 +34,10 @@ struct RunArguments {
     int jobs = 0;
     bool noReport = false;
     bool compact = false;
+    bool again = false;
     bool isolate = false;
     std::optional<double> watchdog_s;
 };
-
-Error alreadyHolds(const fs::path& folder) {
-    return badInput("--out " + folder.string(), "this folder already holds something",
-                    "Name a new or empty folder; a run never overwrites another.");
-}
-
-/** Something that is no claim of a run. */
-bool holdsSomething(const fs::path& folder) {
-    std::error_code error;
-    for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error))
-        if (entry->path().filename() != kClaim) return true;
-    return false;
-}
-
-/** Makes a folder one run's own, from construction to destruction. */
-class FolderClaim {
-public:
-    /** Throws Error: BadInput where another run has it or anything is in it, LogNotWritten where it cannot be written to. */
-    explicit FolderClaim(const fs::path& folder) : file_(folder / kClaim) {
-        const int descriptor = ::open(file_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-        if (descriptor < 0 && errno == EEXIST)
-            throw badInput("--out " + folder.string(),
-                           std::string("another run has this folder: its ") + kClaim + " is there",
-                           "Name another folder. Only if that run was killed, delete " + file_.string() + ".");
-        if (descriptor < 0)
-            throw Error(ErrorKind::LogNotWritten, folder.string(),
-                        "nothing can be written here: " + std::generic_category().message(errno),
-                        "Name another place with --out DIR.");
-        ::close(descriptor);
-        // A run that was quicker may have come and gone since the folder was looked at.
-        if (!holdsSomething(folder)) return;
-        ::unlink(file_.c_str());
-        throw alreadyHolds(folder);
-    }
-    ~FolderClaim() { ::unlink(file_.c_str()); }
-    FolderClaim(const FolderClaim&) = delete;
-    FolderClaim& operator=(const FolderClaim&) = delete;
-
-private:
-    const fs::path file_;
-};
-
-/** Makes the folder of a run; it must be new, so that nothing is ever overwritten. */
-fs::path makeRunFolder(const std::string& wanted, const fs::path& experiment) {
-    std::error_code error;
-    if (!wanted.empty()) {
-        const fs::path folder = wanted;
-        const fs::file_status status = fs::status(folder, error);
-        if (fs::exists(status) && !fs::is_directory(status))
-            throw badInput("--out " + wanted, "this is not a folder", "Name a new or empty folder.");
-        if (holdsSomething(folder)) throw alreadyHolds(folder);
-        error.clear();
-        fs::create_directories(folder, error);
-        if (error)
-            throw Error(ErrorKind::LogNotWritten, "--out " + wanted, "cannot create the folder: " + error.message(),
-                        "Name another place.");
-        return folder;
-    }
-    char stamp[32];
-    const std::time_t now = std::time(nullptr);
-    std::strftime(stamp, sizeof stamp, "%Y%m%d-%H%M%S", std::localtime(&now));
-    fs::create_directories("runs", error);
-    if (error)
-        throw Error(ErrorKind::LogNotWritten, (fs::current_path() / "runs").string(),
-                    "cannot create the folder: " + error.message(), "Name another place with --out DIR.");
-    for (int i = 1; i < 1000; ++i) {
-        const fs::path folder =
-            fs::path("runs") / (experiment.stem().string() + "-" + stamp + (i > 1 ? "-" + std::to_string(i) : ""));
-        if (fs::create_directory(folder, error)) return folder;
-        if (error)
-            throw Error(ErrorKind::LogNotWritten, folder.string(), "cannot create the folder: " + error.message(),
-                        "Name another place with --out DIR.");
-    }
-    throw Error(ErrorKind::LogNotWritten, "runs", "too many runs in one second");
-}
 
 /** What became of the cases: results in the order of the file, and the first Error that kept one from
 starting. */
@@ -234,26 +148,27 @@ private:
     std::exception_ptr failure_;
 };
 
-/** Writes the report of a run; its loss does not undo the run. Returns false when there is none. */
-bool tryWriteReport(const fs::path& folder) {
-    try {
-        for (const fs::path& report : writeReport(folder, findReportPage()))
-            std::printf("report: %s\n", report.c_str());
-        return true;
-    } catch (const std::exception& e) {
-        std::fprintf(stderr, "viable: the report was not written: %s\nRemove the cause, then run: viable report %s\n",
-                     e.what(), folder.c_str());
-        return false;
-    }
+int replay(const RunArguments& arguments) {
+    const PluginLoader loader(PluginLoader::makeDefaultSearchPath());
+    const ReplayResult result = replayLog(arguments.file, loader, makeRobotSearchPath(arguments.file));
+    if (!result.difference.empty())
+        throw badInput(arguments.file,
+                       "the replay of " + result.caseName + " differs from the log " + result.difference,
+                       "The same version of viable, the same plugins and the same robot give the same bits; "
+                       "`viable report` and `viable export` show the log as it is.");
+    std::printf("%s: replayed %lld ticks, to %.3f s: all equal to the log, to the bit\n", result.caseName.c_str(),
+                static_cast<long long>(result.ticks), result.end_s);
+    return 0;
 }
 
 int run(const RunArguments& arguments) {
+    if (arguments.again) return replay(arguments);
     countPluginAllocations();
     std::optional<HangWatch> hangWatch;  // a thread; none may be there where processes are made
     const Isolation isolation{arguments.watchdog_s.value_or(kDefaultWatchdog_s)};
     if (!arguments.isolate) hangWatch.emplace(arguments.watchdog_s.value_or(kDefaultPatience_s), getStopSignal());
-    const PluginsRun pluginsRun = arguments.isolate ? PluginsRun::Isolated : PluginsRun::Here;
-    tellStage("while the experiment was read and its plugins were made", pluginsRun);
+    const PluginsRun where = arguments.isolate ? PluginsRun::Isolated : PluginsRun::Here;
+    tellStage("while the experiment was read and its plugins were made", where);
     const PluginLoader loader(PluginLoader::makeDefaultSearchPath(), arguments.isolate ? isolation.watchdog_s : 0.0);
     Experiment experiment = readDrawnExperiment(arguments.file, arguments.overrides, arguments.draw, loader);
     selectCases(experiment, arguments.cases);
@@ -266,7 +181,7 @@ int run(const RunArguments& arguments) {
     const fs::path folder = makeRunFolder(arguments.out, arguments.file);
     const FolderClaim claim(folder);
     installCrashHandler(folder);
-    tellStage("while the cases ran", pluginsRun);
+    tellStage("while the cases ran", where);
     std::printf("%s\n%s, %zu case%s, output in %s\n", makePrintable(experiment.title).c_str(), arguments.file.c_str(),
                 experiment.cases.size(), experiment.cases.size() == 1 ? "" : "s", folder.c_str());
     std::fflush(stdout);
@@ -280,25 +195,10 @@ int run(const RunArguments& arguments) {
     if (const std::string ranking = formatRanking(results); !ranking.empty()) std::printf("%s\n", ranking.c_str());
     int code = 0;
     for (std::size_t i = 0; i < results.size(); ++i) {
-        std::printf("%s\n", formatDetails(results[i]).c_str());
-        const int own = results[i].exitCode();
-        if (isGraver(own, code)) code = own;
-        std::fflush(stdout);  // both may go to one pipe
-        if (own != 0 && !results[i].stopMessage.empty())
-            std::fprintf(stderr, "viable: case %s %s\n%s%s", results[i].name.c_str(), results[i].stopMessage.c_str(),
-                         results[i].stopRemedy.c_str(), results[i].stopRemedy.empty() ? "" : "\n");
-        if (!results[i].logError.empty())
-            std::fprintf(stderr,
-                         "viable: case %s: the log could not be written to its end: %s. The run itself continued; free "
-                         "space and run it again.\n",
-                         results[i].name.c_str(), results[i].logError.c_str());
+        tellResult(results[i]);
+        if (const int own = results[i].exitCode(); isGraver(own, code)) code = own;
     }
-    try {
-        replaceFile(folder / "summary.json", writeSummaryJson(experiment.title, experiment.file, results));
-    } catch (const Error& e) {
-        std::fprintf(stderr, "viable: %s\n", e.what());
-        if (code == 0) code = e.exitCode();
-    }
+    if (const int lost = tryWriteSummary(folder, experiment, results); code == 0) code = lost;
     if (getStopSignal() != 0)  // who stops a run wants it to end; the report would read all logs again
         std::printf("for a report: viable report %s\n", folder.c_str());
     else if (!arguments.noReport && !results.empty() && !tryWriteReport(folder) && code == 0)
@@ -322,7 +222,7 @@ int run(const RunArguments& arguments) {
 void addRunCommand(CLI::App& app, int& exitCode) {
     auto arguments = std::make_shared<RunArguments>();
     CLI::App* command = app.add_subcommand("run", "Run an experiment: every case, with log and summary");
-    command->add_option("FILE", arguments->file, "Experiment file")->required();
+    command->add_option("FILE", arguments->file, "Experiment file, or with --again a log")->required();
     command->add_option("--out", arguments->out, "Folder for logs, summary and report (default: a new one in ./runs)");
     command->add_option("--case", arguments->cases, "Only this case (may be repeated)")->allow_extra_args(false);
     command->add_option("--set", arguments->overrides, "key.path=value, replaces an entry of the file")
@@ -334,6 +234,8 @@ void addRunCommand(CLI::App& app, int& exitCode) {
                       "Logs and summary only; `viable report DIR` writes the report later");
     command->add_flag("--compact", arguments->compact,
                       "Logs of half the size, which PlotJuggler and Foxglove read after `viable export --to mcap`");
+    command->add_flag("--again", arguments->again,
+                      "FILE is a log: decide all its ticks again from the recorded commands and readings, and compare");
     command->add_flag("--isolate", arguments->isolate,
                       "Each plugin in a process of its own: one that crashes, hangs or exits is "
                       "named, and the arm is braked (slower, one case at a time)");

@@ -13,9 +13,6 @@
 
 namespace viable {
 
-/** How long a run goes on after a stop for lost tracking. */
-inline constexpr double kSettling_s = 0.5;
-
 /** What is known of a run before its first tick. The case has not been run. */
 CaseResult makeResult(const ConfiguredCase& configured);
 
@@ -32,6 +29,9 @@ struct CaseLog {
 Real time: isStopOver() and count() allocate, lock and throw nothing, but for the judge of collisions. */
 class RunningCase {
 public:
+    /** How long a run goes on after a stop for lost tracking. */
+    static constexpr double kSettling_s = 0.5;
+
     /** Resets the plugins, which opens a hardware plant, and then creates the log. Throws Error.
     @param judgesCollisions  with an environment: the judge looks at every tick, which takes longer than a tick may */
     RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseLog& log, bool judgesCollisions);

@@ -100,6 +100,11 @@ void LiveSession::begin() {
     pthread_sigmask(SIG_SETMASK, &before, nullptr);
 }
 
+const std::vector<std::string>& LiveSession::refusals() const {
+    while (!hasEntered_.load(std::memory_order_acquire)) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    return timing_.refusals;
+}
+
 void LiveSession::ask(Wish wish, LiveAsker asker) noexcept {
     const unsigned word = static_cast<unsigned>(wish) | static_cast<unsigned>(asker) << kAskerShift;
     unsigned before = wish_.load(std::memory_order_relaxed);
@@ -159,7 +164,7 @@ void LiveSession::takeWishes() {
 /** At the end the real arm has a while to come to rest, too. */
 bool LiveSession::isOver() {
     if (!running_.isStopOver()) return false;
-    return running_.loop().hasFailed() || ++holdTicks_ * tick_s_ > kSettling_s;
+    return running_.loop().hasFailed() || ++holdTicks_ * tick_s_ > RunningCase::kSettling_s;
 }
 
 void LiveSession::makeTick(bool isMissed) {
@@ -201,9 +206,11 @@ void LiveSession::publish() {
 }
 
 void LiveSession::work() {
-    RealTimeState realTime = enterRealTime(options_.realTime);
+    if (options_.prepareThread) options_.prepareThread();
+    const RealTimeState realTime = enterRealTime(options_.realTime);
     timing_.isRealTime = realTime.isRealTime();
     for (const RealTimeRefusal& refusal : realTime.refusals()) timing_.refusals.push_back(refusal.sentence());
+    hasEntered_.store(true, std::memory_order_release);
     TickPacer pacer(tick_s_);
     pacer.start();
     for (takeWishes(); !isOver(); takeWishes()) {
@@ -229,6 +236,10 @@ CaseResult LiveSession::finish() {
     for (std::size_t k = 0; getEvent(k, event); ++k)
         timing_.changes.push_back({getName(event.state), getName(event.asker), event.time_s});
     result.live = timing_;
+    if (result.stopReason == StopReason::Requested) {  // it was to end like that
+        result.stopReason = StopReason::None;
+        result.stopMessage.clear();
+    }
     return result;
 }
 

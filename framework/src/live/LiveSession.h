@@ -2,6 +2,7 @@
 
 #include <array>
 #include <atomic>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <string>
@@ -39,7 +40,8 @@ struct LiveEvent {
 struct LiveOptions {
     CaseLog log;
     RealTimeWish realTime;
-    bool waitsArmed = false;                                         ///< for resume(), before the command begins
+    bool waitsArmed = false;                                      ///< for resume(), before the command begins
+    std::function<void()> prepareThread;                          ///< run by the new thread first; may be empty
     double duration_s = std::numeric_limits<double>::infinity();  ///< of the command's time; then it brakes
 };
 
@@ -59,7 +61,7 @@ Order: configured plugins are tried on the nominal arm (warmUp), the constructor
 the thread, which asks the system for real time last of all; what it refuses is in timing().refusals, and the arm runs all
 the same.
 Guarantees: those of ControlLoop. The log may lose rows where the disk is slow (counted), the loop never waits for it. At the
-end the nominal arm is at rest, and held for kSettling_s more, before the plant is let go.
+end the nominal arm is at rest, and held for RunningCase::kSettling_s more, before the plant is let go.
 Threads: pause(), resume(), stop() by any; status() and events by one; the rest by the one that made it. */
 class LiveSession {
 public:
@@ -81,6 +83,8 @@ public:
     void resume(LiveAsker asker) noexcept { ask(Wish::Resume, asker); }
     void stop(LiveAsker asker) noexcept { ask(Wish::Stop, asker); }
 
+    /** What the system refused of real time, each with its remedy. After begin(); waits until that is known. */
+    const std::vector<std::string>& refusals() const;
     /** Not older than kStatus_s. */
     const LiveStatus& status() { return latest_.read(); }
     /** All ticks have been made. */
@@ -102,7 +106,6 @@ private:
     void takeWishes();
     void changeTo(LiveState state, LiveAsker asker);
     bool isOver();
-    void makeTicks(TickPacer* pacer);
     void makeTick(bool isMissed);
     void publish();
 
@@ -110,20 +113,19 @@ private:
     const LiveOptions options_;
     const double tick_s_;
     const bool hasClock_;
-    const std::string caseName_;
     LiveTiming timing_;
 
     std::atomic<unsigned> wish_{0};  // Wish, and the asker above it; a stop is never replaced
     LatestValue<LiveStatus> latest_;
     std::array<LiveEvent, kMaxEvents> events_{};
     std::atomic<std::size_t> eventCount_{0};
-    std::atomic<bool> hasEnded_{false};
+    std::atomic<bool> hasEntered_{false}, hasEnded_{false};
     std::thread thread_;
 
     // Of the thread.
     LiveState state_ = LiveState::Armed;
     LiveStatus status_;
-    std::int64_t tick_ = 0, lastStart_ns_ = 0, holdTicks_ = 0, publishTicks_ = 1;
+    std::int64_t tick_ = 0, lastStart_ns_ = 0, gap_ = 0, holdTicks_ = 0, publishTicks_ = 1;
     double recordTime_us_ = 0.0;
 };
 

@@ -145,6 +145,8 @@ public:
     /** What the command is asked for next: time() less the pauses [s]. */
     double commandTime() const;
 
+    bool hasClock() const { return hasClock_; }  ///< the plant makes the ticks
+
     const MotionState& nominal() const { return nominal_; }  ///< at time()
     /** The nominal arm `after_s` after time() on the stop held ready, one that holds jerks. */
     void calcStop(double after_s, MotionState& state) const { monitor_.calcStop(nominal_, after_s, state); }
@@ -228,10 +230,11 @@ private:
     bool hasDriven_ = false;              // the plant, since reset(): motorTorque_ is what its motors were told last
     std::int64_t ticksSinceReading_ = 1;  // between the present reading and the one before
     int missedInRow_ = 0;
-    std::int64_t skippedTicks_ = 0;  // missed or paused ones since the filter ran last; it has not been told of them yet
-    std::int64_t pausedTicks_ = 0;   // since reset()
-    bool isPaused_ = false;          // from the next tick on
-    bool holdBegun_ = false;         // a tick of the pause has been taken
+    std::int64_t skippedTicks_ =
+        0;                          // missed or paused ones since the filter ran last; it has not been told of them yet
+    std::int64_t pausedTicks_ = 0;  // since reset()
+    bool isPaused_ = false;         // from the next tick on
+    bool holdBegun_ = false;        // a tick of the pause has been taken
 
     StopReason stopReason_ = StopReason::None;
     double stopTime_ = 0.0;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "loop/ControlLoop.h"
+#include "summary/LiveTiming.h"
 #include "viable/summary/Summary.h"
 #include "viable/tracking/LoopStability.h"
 
@@ -41,7 +42,8 @@ struct CaseResult {
     std::vector<std::string> warnings;  ///< what the plugins do that is no failure yet
     double stopTime_s = 0.0;
     std::filesystem::path log;
-    std::string logError;  ///< empty: every row was written
+    std::optional<LiveTiming> live;  ///< of a run in real time
+    std::string logError;            ///< empty: every row was written
     std::int64_t logRows = 0;
 
     /** The guarantee on the real arm was broken: it passed a limit before anything had tripped. */

@@ -32,6 +32,24 @@ json describeInterventions(const Summary& s) {
     return all;
 }
 
+json describe(const LiveTiming& live) {
+    json changes = json::array();
+    for (const LiveTiming::Change& change : live.changes)
+        changes.push_back({{"time_s", change.time_s}, {"state", change.state}, {"asked_by", change.asker}});
+    json one = {{"real_time", live.isRealTime},
+                {"refusals", live.refusals},
+                {"clock", live.hasClock ? "plant" : "computer"},
+                {"ticks", live.ticks},
+                {"missed", live.missed},
+                {"longest_gap", live.longestGap},
+                {"rows_lost", live.lostRows},
+                {"compute", live.compute.toJson()},
+                {"interval", live.interval.toJson()},
+                {"changes", changes}};
+    one["wake_up"] = live.hasClock ? json(nullptr) : live.wakeUp.toJson();
+    return one;
+}
+
 json describe(const CaseResult& r) {
     json one = {{"name", r.name},
                 {"filter", r.filter},
@@ -53,6 +71,7 @@ json describe(const CaseResult& r) {
                 {"log", r.log.filename().string()},
                 {"log_rows", r.logRows},
                 {"log_error", r.logError},
+                {"live", r.live ? describe(*r.live) : json(nullptr)},
                 {"exit_code", r.exitCode()}};
     for (const char* block : {"tracking", "real_limits", "bound", "motors", "trip", "collisions"}) one[block] = nullptr;
     if (r.summary.collisions()) one["collisions"]["real"] = nullptr;

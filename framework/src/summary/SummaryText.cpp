@@ -405,6 +405,31 @@ std::string formatReal(const Summary& s) {
     return text;
 }
 
+std::string formatTimes(const char* name, const LatencyHistogram& h) {
+    return format("  %-13s p50 %.1f, p99 %.1f, p99.9 %.1f, worst %.1f us (tick %lld)\n", name,
+                  1e-3 * h.calcQuantile_ns(0.5), 1e-3 * h.calcQuantile_ns(0.99), 1e-3 * h.calcQuantile_ns(0.999),
+                  1e-3 * static_cast<double>(h.worst_ns()), static_cast<long long>(h.worstTick()));
+}
+
+std::string formatLive(const LiveTiming& live) {
+    std::string text =
+        format("  live          %s, by the clock of the %s; missed %lld of %lld ticks (at most %lld in a row)",
+               live.isRealTime ? "real time" : "NOT real time", live.hasClock ? "plant" : "computer",
+               static_cast<long long>(live.missed), static_cast<long long>(live.ticks),
+               static_cast<long long>(live.longestGap));
+    if (live.lostRows > 0)
+        text += format("; the log lacks %lld ticks, for which the disk was too slow",
+                       static_cast<long long>(live.lostRows));
+    text += "\n";
+    if (!live.hasClock) text += formatTimes("wake-up", live.wakeUp);
+    text += formatTimes("interval", live.interval) + formatTimes("compute", live.compute);
+    for (const std::string& refusal : live.refusals) text += "  not had       " + refusal + "\n";
+    text += "  states       ";
+    for (const LiveTiming::Change& change : live.changes)
+        text += format(" %s at %.3f s (%s)", change.state.c_str(), change.time_s, change.asker.c_str());
+    return text + "\n";
+}
+
 }  // namespace
 
 std::string formatComparison(const std::vector<CaseResult>& results) {
@@ -577,8 +602,11 @@ std::string formatDetails(const CaseResult& r) {
     const Summary& s = r.summary;
     std::string text = r.name + ": filter " + r.filter;
     if (!r.realPlant.empty()) text += ", robust loop " + r.robustLoop + ", real plant " + r.realPlant;
-    text += format("; %.3f s simulated in %.2f s (%.0f times real time)\n", r.simulated_s, r.wall_s,
-                   r.wall_s > 0.0 ? r.simulated_s / r.wall_s : 0.0);
+    if (r.live)
+        text += format("; %.3f s live\n", r.simulated_s);
+    else
+        text += format("; %.3f s simulated in %.2f s (%.0f times real time)\n", r.simulated_s, r.wall_s,
+                       r.wall_s > 0.0 ? r.simulated_s / r.wall_s : 0.0);
     text += "  verdict       " + formatVerdict(r) + "\n";
     for (LimitKind kind : kNominalKinds) text += formatLimit(s, kind);
     text += formatCommandErrors(r) + formatStatuses(s) + formatInterventions(s) + formatStops(s);
@@ -605,6 +633,7 @@ std::string formatDetails(const CaseResult& r) {
                        h.percentile(0.99));
     }
     text += ")\n";
+    if (r.live) text += formatLive(*r.live);
     if (!r.seeds.empty()) {
         text += "  seeds        ";
         for (const auto& [plugin, seed] : r.seeds) text += " " + plugin + " " + seed;

@@ -211,7 +211,7 @@ TEST(Fault16, ATripEndsTheRunWith6AndTellsWhatBecameOfTheRealArm) {
         if (record.nominal.qd.norm() > 1e-9) rest_s = record.time_s;
     }
     EXPECT_EQ(firstBraking_s, trip.time_s);
-    EXPECT_NEAR(record.time_s - rest_s, kSettling_s, 2e-3);
+    EXPECT_NEAR(record.time_s - rest_s, RunningCase::kSettling_s, 2e-3);
     ASSERT_TRUE(again.trip());
     EXPECT_EQ(again.trip()->time_s, trip.time_s);
     EXPECT_EQ(again.trip()->joint, trip.joint);

@@ -1,0 +1,25 @@
+#include "live/LiveStart.h"
+
+#include "core/Text.h"
+#include "experiment/ConfiguredCase.h"
+#include "host/PluginCall.h"
+
+namespace viable {
+
+std::string findLiveStart(const CasePlan& plan) {
+    if (!plan.realPlant) return {};
+    const auto configured = configureTracking(plan);
+    RealPlant& plant = *configured->plugins.realPlant;
+    if (!plant.hasClock()) return {};
+    MotionState start = plan.start;
+    start.qd.setZero();
+    start.qdd.setZero();
+    constexpr PluginKind kKind = PluginKind::RealPlant;
+    resetPlugin(plant, kKind, configured->plugins.watches[static_cast<std::size_t>(kKind)], start);
+    const JointVector& q = plant.measured().q;
+    std::string text = "{position_rad: [";
+    for (Eigen::Index i = 0; i < q.size(); ++i) text += detail::format("%s%.17g", i > 0 ? ", " : "", q[i]);
+    return text + "]}";
+}
+
+}  // namespace viable

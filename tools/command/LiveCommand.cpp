@@ -1,0 +1,223 @@
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <limits>
+#include <memory>
+#include <optional>
+
+#include "Commands.h"
+#include "ExperimentArguments.h"
+#include "LiveKeys.h"
+#include "PluginTrouble.h"
+#include "RunFolder.h"
+#include "StopSignals.h"
+#include "core/Text.h"
+#include "live/LiveSession.h"
+#include "live/LiveStart.h"
+#include "viable/core/Error.h"
+
+namespace viable {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/** A plugin that stays in one call for so long ends the program: the robot then holds itself [s]. */
+constexpr double kPatience_s = 5.0;
+constexpr int kLook_ms = 20;
+constexpr double kTerminalLine_s = 0.1, kPlainLine_s = 5.0;
+
+struct LiveArguments {
+    std::string file, caseName, out;
+    std::vector<std::string> overrides;
+    RealTimeWish realTime;
+    std::optional<double> duration_s;
+    double logLimit_MB = 4096.0;
+    bool fromHere = false, waits = false, noReport = false, compact = false, noPriority = false;
+};
+
+/** Shows how the arm is, and makes keys and signals wishes, until all has ended. */
+class Operator {
+public:
+    explicit Operator(LiveSession& session) : session_(session), isTerminal_(::isatty(STDOUT_FILENO) != 0) {}
+
+    void attend() {
+        if (keys_.exist()) std::printf("keys: space brakes and holds, Enter goes on, q brakes and ends\n");
+        while (!session_.hasEnded()) {
+            take(keys_.wait(kLook_ms));
+            if (getStopSignal() != 0) session_.stop(LiveAsker::Signal);
+            tellEvents();
+            draw();
+        }
+        tellEvents();
+    }
+
+private:
+    void take(char key) {
+        if (key == ' ') session_.pause(LiveAsker::Key);
+        if (key == '\n' || key == '\r') session_.resume(LiveAsker::Key);
+        if (key == 'q' || key == 'Q') session_.stop(LiveAsker::Key);
+    }
+
+    void tellEvents() {
+        LiveEvent event;
+        for (; session_.getEvent(told_, event); ++told_) {
+            clear();
+            std::printf("%10.3f s  %s (%s)\n", event.time_s, getName(event.state), getName(event.asker));
+            std::fflush(stdout);
+        }
+    }
+
+    void clear() {
+        if (isDrawn_) std::printf("\r\033[K");
+        isDrawn_ = false;
+    }
+
+    void draw() {
+        const auto now = std::chrono::steady_clock::now();
+        const double period_s = isTerminal_ ? kTerminalLine_s : kPlainLine_s;
+        if (std::chrono::duration<double>(now - drawn_).count() < period_s) return;
+        drawn_ = now;
+        const LiveStatus& status = session_.status();
+        clear();
+        std::string acting;
+        for (Eigen::Index i = 0; i < status.record.nominal.q.size(); ++i) {
+            const JointIntervention& joint = status.record.joints[static_cast<std::size_t>(i)];
+            if (joint.limit == LimitKind::None) continue;
+            detail::addItem(acting, std::to_string(i) + " " + getName(joint.limit, joint.side));
+        }
+        std::printf("%10.3f s  %s, command at %.3f s, missed ticks %lld, slowest tick %.0f us%s%s%s", status.time_s,
+                    getName(status.state), status.commandTime_s, static_cast<long long>(status.missed),
+                    status.worstCompute_us, status.lostRows > 0 ? ", log too slow" : "",
+                    acting.empty() ? "" : ", limits: joint ", acting.c_str());
+        if (!isTerminal_) std::printf("\n");
+        isDrawn_ = isTerminal_;
+        std::fflush(stdout);
+    }
+
+    LiveSession& session_;
+    LiveKeys keys_;
+    const bool isTerminal_;
+    bool isDrawn_ = false;
+    std::size_t told_ = 0;
+    std::chrono::steady_clock::time_point drawn_{};
+};
+
+Experiment readOneCase(const LiveArguments& arguments, const std::vector<std::string>& overrides,
+                       const PluginLoader& loader) {
+    Experiment experiment = readDrawnExperiment(arguments.file, overrides, "", loader);
+    if (!arguments.caseName.empty()) {
+        selectCases(experiment, {arguments.caseName});
+    } else if (experiment.cases.size() > 1) {
+        std::vector<std::string> names;
+        for (const CasePlan& plan : experiment.cases) names.push_back(plan.name);
+        throw badInput(arguments.file, "it has " + std::to_string(names.size()) + " cases, and one arm is driven",
+                       "Name it with --case: " + detail::join(names) + ".");
+    }
+    return experiment;
+}
+
+/** The experiment with the start where the robot stands. */
+Experiment readLiveExperiment(const LiveArguments& arguments, const PluginLoader& loader) {
+    Experiment experiment = readOneCase(arguments, arguments.overrides, loader);
+    const CasePlan& plan = experiment.cases.front();
+    const std::string place = "cases." + plan.name + ".";
+    std::vector<std::string> overrides = arguments.overrides;
+    if (arguments.fromHere) {
+        constexpr char kTolerance[] = "start_tolerance_rad";
+        if (!plan.realPlant || !plan.realPlant->parameters.resolved().find(kTolerance))
+            throw badInput("--from-here", "the case has no robot that stands somewhere (plant link)",
+                           "Leave it out: a simulated arm stands at the file's start.");
+        overrides.push_back(place + "real_plant." + kTolerance + "=.inf");
+        experiment = readOneCase(arguments, overrides, loader);
+        overrides.pop_back();
+    }
+    const std::string start = findLiveStart(experiment.cases.front());
+    if (start.empty()) return experiment;
+    overrides.push_back(place + "start=" + start);
+    return readOneCase(arguments, overrides, loader);
+}
+
+int goLive(const LiveArguments& arguments) {
+    countPluginAllocations();
+    const HangWatch hangWatch(kPatience_s, getStopSignal());
+    tellStage("while the experiment was read and its plugins were made", PluginsRun::Here);
+    const PluginLoader loader(PluginLoader::makeDefaultSearchPath());
+    ignoreWriteSignals();
+    catchStopSignals();
+    const Experiment experiment = readLiveExperiment(arguments, loader);
+    const CasePlan& plan = experiment.cases.front();
+    std::unique_ptr<ConfiguredCase> configured = configureCase(plan);
+    LiveSession::warmUp(plan);
+
+    const fs::path folder = makeRunFolder(arguments.out, arguments.file);
+    const FolderClaim claim(folder);
+    installCrashHandler(folder);
+    tellStage("while the arm was driven", PluginsRun::Here);
+    LiveOptions options;
+    options.log.file = folder / (plan.name + ".mcap");
+    options.log.form = arguments.compact ? LogForm::Compact : LogForm::Open;
+    options.log.limit_bytes = static_cast<std::uint64_t>(arguments.logLimit_MB * 1e6);
+    options.realTime = arguments.realTime;
+    if (arguments.noPriority) options.realTime = {-1, 0, false};
+    options.waitsArmed = arguments.waits;
+    options.duration_s = arguments.duration_s.value_or(plan.duration_s);
+    options.prepareThread = prepareThreadForCrash;
+    LiveSession session(std::move(configured), options);
+    std::printf("%s\n%s, case %s, output in %s\n", makePrintable(experiment.title).c_str(), arguments.file.c_str(),
+                plan.name.c_str(), folder.c_str());
+    session.begin();
+    for (const std::string& refusal : session.refusals()) std::fprintf(stderr, "not real time: %s\n", refusal.c_str());
+    Operator(session).attend();
+    std::vector<CaseResult> results;
+    results.push_back(session.finish());
+    tellStage("while summary and report were written", PluginsRun::NoMore);
+    std::printf("\n");
+    tellResult(results.front());
+    int code = results.front().exitCode();
+    if (const int lost = tryWriteSummary(folder, experiment, results); code == 0) code = lost;
+    if (arguments.noReport)
+        std::printf("for a report: viable report %s\n", folder.c_str());
+    else if (!tryWriteReport(folder) && code == 0)
+        code = static_cast<int>(ErrorKind::LogNotWritten);
+    return code;
+}
+
+}  // namespace
+
+void addLiveCommand(CLI::App& app, int& exitCode) {
+    auto arguments = std::make_shared<LiveArguments>();
+    CLI::App* command =
+        app.add_subcommand("live", "Drive a case's arm in real time, by the robot's clock or this computer's");
+    command->add_option("FILE", arguments->file, "Experiment file")->required();
+    command->add_option("--case", arguments->caseName, "The case, where the file has several");
+    command->add_option("--set", arguments->overrides, "key.path=value, replaces an entry of the file")
+        ->allow_extra_args(false);
+    command
+        ->add_option(
+            "--duration", arguments->duration_s,
+            "Seconds of the command's time, then the arm brakes (default: the file's; inf: until it is told to)")
+        ->check(CLI::Range(0.0, std::numeric_limits<double>::infinity()));
+    command->add_flag("--from-here", arguments->fromHere,
+                      "Start where the robot stands, however far that is from the file's start");
+    command->add_flag("--wait", arguments->waits, "Hold the arm until Enter is pressed, before the command begins");
+    command->add_option("--cpu", arguments->realTime.cpu, "Run the loop on this processor alone")
+        ->check(CLI::Range(0, 4095));
+    command->add_option("--priority", arguments->realTime.priority, "Of the loop's thread, SCHED_FIFO (default: 80)")
+        ->check(CLI::Range(1, 98));
+    command->add_flag("--no-priority", arguments->noPriority,
+                      "Ask the system for nothing: no priority, no locked memory");
+    command->add_option("--out", arguments->out, "Folder for log, summary and report (default: a new one in ./runs)");
+    command
+        ->add_option("--log-limit", arguments->logLimit_MB,
+                     "Megabytes that the log may take; the oldest part of a longer one is deleted (default: 4096)")
+        ->check(CLI::Range(16.0, 1e9));
+    command->add_flag("--compact", arguments->compact,
+                      "A log of half the size, which PlotJuggler and Foxglove read after `viable export --to mcap`");
+    command->add_flag("--no-report", arguments->noReport, "Log and summary only");
+    command->callback([arguments, &exitCode] { exitCode = goLive(*arguments); });
+}
+
+}  // namespace viable

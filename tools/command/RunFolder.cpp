@@ -1,0 +1,133 @@
+#include "RunFolder.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <ctime>
+#include <system_error>
+
+#include "Commands.h"
+#include "PluginTrouble.h"
+#include "core/WholeFile.h"
+#include "report/RunReport.h"
+#include "viable/core/Error.h"
+
+namespace viable {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+Error alreadyHolds(const fs::path& folder) {
+    return badInput("--out " + folder.string(), "this folder already holds something",
+                    "Name a new or empty folder; a run never overwrites another.");
+}
+
+/** Something that is no claim of a run. */
+bool holdsSomething(const fs::path& folder) {
+    std::error_code error;
+    for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error))
+        if (entry->path().filename() != kClaim) return true;
+    return false;
+}
+
+}  // namespace
+
+void ignoreWriteSignals() {
+    std::signal(SIGPIPE, SIG_IGN);  // a closed pipe is a write error, not a death
+    std::signal(SIGXFSZ, SIG_IGN);  // so is a file size limit
+}
+
+FolderClaim::FolderClaim(const fs::path& folder) : file_(folder / kClaim) {
+    const int descriptor = ::open(file_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (descriptor < 0 && errno == EEXIST)
+        throw badInput("--out " + folder.string(),
+                       std::string("another run has this folder: its ") + kClaim + " is there",
+                       "Name another folder. Only if that run was killed, delete " + file_.string() + ".");
+    if (descriptor < 0)
+        throw Error(ErrorKind::LogNotWritten, folder.string(),
+                    "nothing can be written here: " + std::generic_category().message(errno),
+                    "Name another place with --out DIR.");
+    ::close(descriptor);
+    // A run that was quicker may have come and gone since the folder was looked at.
+    if (!holdsSomething(folder)) return;
+    ::unlink(file_.c_str());
+    throw alreadyHolds(folder);
+}
+
+FolderClaim::~FolderClaim() {
+    ::unlink(file_.c_str());
+}
+
+fs::path makeRunFolder(const std::string& wanted, const fs::path& experiment) {
+    std::error_code error;
+    if (!wanted.empty()) {
+        const fs::path folder = wanted;
+        const fs::file_status status = fs::status(folder, error);
+        if (fs::exists(status) && !fs::is_directory(status))
+            throw badInput("--out " + wanted, "this is not a folder", "Name a new or empty folder.");
+        if (holdsSomething(folder)) throw alreadyHolds(folder);
+        error.clear();
+        fs::create_directories(folder, error);
+        if (error)
+            throw Error(ErrorKind::LogNotWritten, "--out " + wanted, "cannot create the folder: " + error.message(),
+                        "Name another place.");
+        return folder;
+    }
+    char stamp[32];
+    const std::time_t now = std::time(nullptr);
+    std::strftime(stamp, sizeof stamp, "%Y%m%d-%H%M%S", std::localtime(&now));
+    fs::create_directories("runs", error);
+    if (error)
+        throw Error(ErrorKind::LogNotWritten, (fs::current_path() / "runs").string(),
+                    "cannot create the folder: " + error.message(), "Name another place with --out DIR.");
+    for (int i = 1; i < 1000; ++i) {
+        const fs::path folder =
+            fs::path("runs") / (experiment.stem().string() + "-" + stamp + (i > 1 ? "-" + std::to_string(i) : ""));
+        if (fs::create_directory(folder, error)) return folder;
+        if (error)
+            throw Error(ErrorKind::LogNotWritten, folder.string(), "cannot create the folder: " + error.message(),
+                        "Name another place with --out DIR.");
+    }
+    throw Error(ErrorKind::LogNotWritten, "runs", "too many runs in one second");
+}
+
+void tellResult(const CaseResult& result) {
+    std::printf("%s\n", formatDetails(result).c_str());
+    std::fflush(stdout);  // both may go to one pipe
+    if (result.exitCode() != 0 && !result.stopMessage.empty())
+        std::fprintf(stderr, "viable: case %s %s\n%s%s", result.name.c_str(), result.stopMessage.c_str(),
+                     result.stopRemedy.c_str(), result.stopRemedy.empty() ? "" : "\n");
+    if (!result.logError.empty())
+        std::fprintf(stderr,
+                     "viable: case %s: the log could not be written to its end: %s. The run itself continued; free "
+                     "space and run it again.\n",
+                     result.name.c_str(), result.logError.c_str());
+}
+
+int tryWriteSummary(const fs::path& folder, const Experiment& experiment, const std::vector<CaseResult>& results) {
+    try {
+        replaceFile(folder / "summary.json", writeSummaryJson(experiment.title, experiment.file, results));
+        return 0;
+    } catch (const Error& e) {
+        std::fprintf(stderr, "viable: %s\n", e.what());
+        return e.exitCode();
+    }
+}
+
+bool tryWriteReport(const fs::path& folder) {
+    try {
+        for (const fs::path& report : writeReport(folder, findReportPage()))
+            std::printf("report: %s\n", report.c_str());
+        return true;
+    } catch (const std::exception& e) {
+        std::fprintf(stderr, "viable: the report was not written: %s\nRemove the cause, then run: viable report %s\n",
+                     e.what(), folder.c_str());
+        return false;
+    }
+}
+
+}  // namespace viable

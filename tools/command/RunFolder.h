@@ -1,0 +1,43 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "experiment/ExperimentFile.h"
+#include "summary/CaseResult.h"
+
+namespace viable {
+
+/** For this process and those of isolated plugins, which are made later: a closed pipe and a file size limit are errors of
+a write, no deaths. */
+void ignoreWriteSignals();
+
+/** Makes the folder of a run; it must be new, so that nothing is ever overwritten. Throws Error.
+@param wanted  empty: a new one in ./runs, named after the experiment and the time */
+std::filesystem::path makeRunFolder(const std::string& wanted, const std::filesystem::path& experiment);
+
+/** Makes a folder one run's own, from construction to destruction. */
+class FolderClaim {
+public:
+    /** Throws Error: BadInput where another run has it or anything is in it, LogNotWritten where it cannot be written to. */
+    explicit FolderClaim(const std::filesystem::path& folder);
+    ~FolderClaim();
+    FolderClaim(const FolderClaim&) = delete;
+    FolderClaim& operator=(const FolderClaim&) = delete;
+
+private:
+    const std::filesystem::path file_;
+};
+
+/** The account of a case to the terminal; to the error stream, why it was stopped and what the log lacks. */
+void tellResult(const CaseResult& result);
+
+/** Writes summary.json; where that fails, says so and returns the exit code, else 0. */
+int tryWriteSummary(const std::filesystem::path& folder, const Experiment& experiment,
+                    const std::vector<CaseResult>& results);
+
+/** Writes the report of a run; its loss does not undo the run. Returns false when there is none. */
+bool tryWriteReport(const std::filesystem::path& folder);
+
+}  // namespace viable
