@@ -53,6 +53,7 @@ public:
     MotionCommand::Space space() const override { return space_; }
     TickStatus sample(double, MotionCommand& out) override {
         out = row_.command;
+        out.space = space_;  // a log says it once, not in its rows
         return TickStatus::Ok;
     }
     const JointLimits* sampleLimits(double) override {

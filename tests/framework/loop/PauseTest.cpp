@@ -1,0 +1,187 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "CaseSupport.h"
+#include "viable/testing/AllocationCounter.h"
+
+namespace viable {
+namespace {
+
+using test::kOneJoint;
+using test::kTeleoperation;
+using test::TestLoop;
+
+constexpr char kCertified[] = "filter={plugin: certified_braking}";
+
+/** What the nominal arm's torque changed by from one tick to the next beyond what its own motion explains, over the most that
+the jerk limits allow, M j_max dt; the worst joint. */
+class TorqueStep {
+public:
+    TorqueStep(const RobotDescription& robot, const JointLimits& limits, double tick_s)
+        : model_(robot), jerk_(limits.jerk.upper.cwiseMax(-limits.jerk.lower)), tick_s_(tick_s) {}
+
+    double take(const TickRecord& r) {
+        model_.calcDynamics(r.nominal.q, r.nominal.qd, now_);
+        // The mean acceleration over the tick, which the torque is for.
+        const JointVector x = r.nominal.qdd + 0.5 * tick_s_ * r.nominal.jerk;
+        double share = 0.0;
+        if (hasLast_) {
+            const JointVector explained = now_.M * x_ + now_.b - (last_.M * x_ + last_.b);
+            const JointVector step = r.filterTorque - torque_ - explained;
+            const JointVector most = now_.M.cwiseAbs() * jerk_ * tick_s_;
+            share = (step.cwiseAbs().array() / most.array()).maxCoeff();
+        }
+        last_ = now_;
+        x_ = x;
+        torque_ = r.filterTorque;
+        hasLast_ = true;
+        return share;
+    }
+
+private:
+    RobotModel model_;
+    const JointVector jerk_;
+    const double tick_s_;
+    Dynamics now_, last_;
+    JointVector x_, torque_;
+    bool hasLast_ = false;
+};
+
+TEST(Pause, BrakesToRestHoldsThereAndGoesOnWithTheCommandWhereItWas) {
+    TestLoop t(kOneJoint, {kCertified, "duration_s=20"});
+    TickRecord r;
+    for (int k = 0; k < 700; ++k) t.loop.tick(r);
+    ASSERT_GT(std::abs(r.nominal.qd[0]), 0.1);
+    const double commandTime = t.loop.commandTime();
+    t.loop.pause();
+    for (int k = 0; k < 2000; ++k) {
+        t.loop.tick(r);
+        ASSERT_TRUE(r.paused);
+        ASSERT_FALSE(r.braking);
+        ASSERT_FALSE(r.missed);
+        ASSERT_EQ(t.loop.commandTime(), commandTime);
+    }
+    EXPECT_TRUE(t.loop.isHolding());
+    EXPECT_FALSE(t.loop.hasStopped());
+    EXPECT_EQ(r.nominal.qd[0], 0.0);
+    EXPECT_EQ(r.nominal.qdd[0], 0.0);
+    const double rest = r.nominal.q[0];
+    for (int k = 0; k < 1000; ++k) t.loop.tick(r);
+    EXPECT_EQ(r.nominal.q[0], rest);
+    t.loop.resume();
+    double reached = 0.0;
+    for (int k = 0; k < 1500; ++k) {
+        t.loop.tick(r);
+        ASSERT_FALSE(r.paused);
+        reached = std::max(reached, std::abs(r.nominal.q[0] - rest));
+    }
+    EXPECT_NEAR(t.loop.commandTime(), commandTime + 1.5, 1e-9);
+    EXPECT_GT(reached, 0.1);
+    EXPECT_EQ(t.loop.stopReason(), StopReason::None);
+}
+
+TEST(Pause, FromTheFirstTickHoldsTheStart) {
+    TestLoop t(kTeleoperation, {kCertified});
+    const JointVector start = t.loop.nominal().q;
+    t.loop.pause();
+    TickRecord r;
+    for (int k = 0; k < 3000; ++k) t.loop.tick(r);
+    EXPECT_EQ(t.loop.nominal().q, start);
+    EXPECT_EQ(t.loop.commandTime(), 0.0);
+}
+
+TEST(Pause, ARunWithAPauseAtItsBeginningIsTheRunWithoutLater) {
+    TestLoop straight(kOneJoint, {kCertified}), later(kOneJoint, {kCertified});
+    later.loop.pause();
+    TickRecord a, b;
+    for (int k = 0; k < 100; ++k) later.loop.tick(b);
+    later.loop.resume();
+    for (int k = 0; k < 1500; ++k) {
+        straight.loop.tick(a);
+        later.loop.tick(b);
+        ASSERT_NEAR(a.nominal.q[0], b.nominal.q[0], 1e-12) << "tick " << k;
+        ASSERT_EQ(a.command.q, b.command.q);
+    }
+}
+
+TEST(Pause, OfMinutesIsTakenUpInOneTickAsAShortOne) {
+    TestLoop shortly(kOneJoint, {kCertified, "duration_s=20"}), long_(kOneJoint, {kCertified, "duration_s=20"});
+    TickRecord a, b;
+    const auto hold = [](ControlLoop& loop, TickRecord& r, int ticks) {
+        for (int k = 0; k < 700; ++k) loop.tick(r);
+        loop.pause();
+        for (int k = 0; k < ticks; ++k) loop.tick(r);
+        loop.resume();
+    };
+    hold(shortly.loop, a, 2000);
+    hold(long_.loop, b, 300000);
+    for (int k = 0; k < 500; ++k) {
+        shortly.loop.tick(a);
+        long_.loop.tick(b);
+        ASSERT_EQ(a.nominal.q, b.nominal.q) << "tick " << k;
+        ASSERT_EQ(a.filterTorque, b.filterTorque) << "tick " << k;
+    }
+}
+
+TEST(Pause, OrStopWhileMissedTicksComeInBetweenKeepsAllLimitsAndEveryStepOfTheTorqueSmall) {
+    std::mt19937_64 random(71);
+    RecordProperty("seed", 71);
+    for (int run = 0; run < 20; ++run) {
+        TestLoop t(kTeleoperation, {kCertified, "duration_s=100", "command.seed=" + std::to_string(run)});
+        const JointLimits& limits = t.configured->setup.limits;
+        TorqueStep step(t.experiment.cases[0].robot, limits, 0.001);
+        TickRecord r;
+        int paused = 0, moved = 0;
+        for (int k = 0; k < 3000; ++k) {
+            if (random() % 60 == 0) t.loop.isPaused() ? t.loop.resume() : t.loop.pause();
+            if (k == 2500) t.loop.requestStop(StopReason::Requested, "test");
+            if (random() % 40 == 0)
+                t.loop.missTick(r);
+            else
+                t.loop.tick(r);
+            paused += r.paused;
+            moved += !r.paused && r.nominal.qd.cwiseAbs().maxCoeff() > 0.01;
+            ASSERT_LE(step.take(r), 1.0 + 1e-6) << "run " << run << ", tick " << k;
+            for (int i = 0; i < limits.size(); ++i) {
+                ASSERT_LE(r.nominal.q[i], limits.position.upper[i] + 1e-10);
+                ASSERT_GE(r.nominal.q[i], limits.position.lower[i] - 1e-10);
+                ASSERT_LE(std::abs(r.nominal.qd[i]), limits.velocity.upper[i] * (1 + 1e-10));
+                ASSERT_LE(std::abs(r.nominal.qdd[i]), limits.acceleration.upper[i] * (1 + 1e-10));
+                ASSERT_LE(std::abs(r.nominal.jerk[i]), limits.jerk.upper[i] * (1 + 1e-10));
+            }
+        }
+        EXPECT_GT(paused, 300);
+        EXPECT_GT(moved, 300);
+    }
+}
+
+TEST(Pause, IsNoRefugeFromTooManyMissedTicksOrFromAFailure) {
+    TestLoop t(kTeleoperation, {kCertified, "robust_loop={plugin: throwing_robust, after_ticks: 500}"});
+    t.loop.pause();
+    TickRecord r;
+    for (int k = 0; k < 600; ++k) t.loop.tick(r);
+    EXPECT_EQ(t.loop.stopReason(), StopReason::RobustLoopFailed);
+    TestLoop u(kOneJoint, {kCertified});
+    u.loop.pause();
+    for (int k = 0; k < 1100; ++k) u.loop.missTick(r);
+    EXPECT_EQ(u.loop.stopReason(), StopReason::TicksMissed);
+}
+
+TEST(Pause, AllocatesNothing) {
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
+    TestLoop t(kTeleoperation, {kCertified, "duration_s=20"});
+    TickRecord r;
+    for (int k = 0; k < 100; ++k) t.loop.tick(r);
+    const testing::AllocationCounter counter;
+    for (int k = 0; k < 5000; ++k) {
+        if (k % 500 == 0) t.loop.pause();
+        if (k % 500 == 300) t.loop.resume();
+        t.loop.tick(r);
+    }
+    EXPECT_EQ(counter.count(), 0);
+}
+
+}  // namespace
+}  // namespace viable
