@@ -235,12 +235,13 @@ CaseResult RunningCase::finish(bool isAlone) {
             result_.stopRemedy = "The decision was not applied. Put the filter before the one that guarantees.";
         }
         result_.stopMessage = when + ": " + PluginWatch(culprit->plugin).title +
-                             (result_.stopReason == StopReason::FilterEnded ? " ended the case: " : " failed: ") + what;
+                              (result_.stopReason == StopReason::FilterEnded ? " ended the case: " : " failed: ") +
+                              what;
     }
     if (brakingTicks_ >= mostBraking_ && !loop_->hasStopped())
         result_.stopMessage += "; it was still braking after " +
-                              formatTime(static_cast<double>(brakingTicks_) * plan().tick_s) +
-                              ", which is no stop any more, and the run ended";
+                               formatTime(static_cast<double>(brakingTicks_) * plan().tick_s) +
+                               ", which is no stop any more, and the run ended";
     // Some plugins have a last word, and a robot must not wait for the disk to hear the end.
     loop_.reset();
     if (recorder_) {

@@ -20,7 +20,7 @@ CaseResult makeResult(const ConfiguredCase& configured);
 struct CaseLog {
     std::filesystem::path file;  ///< to create; empty: no log
     LogForm form = LogForm::Open;
-    std::uint64_t limit_bytes = 0;               ///< of a log in several files, see LogSeries; 0: one file without limit
+    std::uint64_t limit_bytes = 0;             ///< of a log in several files, see LogSeries; 0: one file without limit
     std::size_t capacity = kRecorderCapacity;  ///< ticks that wait for the disk at most
 };
 
@@ -40,7 +40,7 @@ public:
     const CasePlan& plan() const { return configured_->plan; }
     const ConfiguredCase& configured() const { return *configured_; }
     ControlLoop& loop() { return *loop_; }
-    TickRecord& record() { return record_; }  ///< of the last tick
+    TickRecord& record() { return record_; }          ///< of the last tick
     Recorder* recorder() { return recorder_.get(); }  ///< null: no log
 
     /** Once before each tick. True: a stop has come to its end, or will never do so, and no tick shall follow. After a

@@ -157,8 +157,8 @@ public:
         Rows rows(log_);
         auto configured = configureCase(plan_);
         hasClock_ = configured->plugins.realPlant && configured->plugins.realPlant->hasClock();
-        put(configured->plugins.command, std::make_unique<RecordedCommand>(rows.reader().layout().commandSpace,
-                                                                           configured->setup.limits, row_));
+        put(configured->plugins.command,
+            std::make_unique<RecordedCommand>(rows.reader().layout().commandSpace, configured->setup.limits, row_));
         if (configured->plugins.realPlant)
             put(configured->plugins.realPlant,
                 std::make_unique<RecordedPlant>(std::move(configured->plugins.realPlant), row_, ticksPassed_));
@@ -185,8 +185,8 @@ public:
             if (row.braking && !now.braking && stopTick == kNever) return k;
             result.difference = findDifference(rows.reader().columns(), row, now);
             if (!result.difference.empty()) {
-                result.difference = detail::format("at %.4f s (tick %lld) ", row.time_s, static_cast<long long>(k)) +
-                                    result.difference;
+                result.difference =
+                    detail::format("at %.4f s (tick %lld) ", row.time_s, static_cast<long long>(k)) + result.difference;
                 return kNever;
             }
             ++result.ticks;

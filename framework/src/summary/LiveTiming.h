@@ -17,7 +17,7 @@ struct LiveTiming {
     LatencyHistogram compute;   ///< of a tick, with the plant's part
     LatencyHistogram interval;  ///< between the beginnings of two ticks, less those that are missed
     std::int64_t ticks = 0, missed = 0, longestGap = 0;  ///< [ticks]
-    std::int64_t lostRows = 0;  ///< ticks that the log does not have: the disk was too slow
+    std::int64_t lostRows = 0;                           ///< ticks that the log does not have: the disk was too slow
     struct Change {
         std::string state, asker;
         double time_s;

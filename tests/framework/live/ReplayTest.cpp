@@ -51,7 +51,8 @@ TEST(Replay, GivesTheSameBitsOfAnyFilterAndPlant) {
     for (const std::vector<std::string>& overrides : std::vector<std::vector<std::string>>{
              {"filter={plugin: certified_braking}"},
              {"filter={plugin: tovzbp}", "missed_ticks=[{at_s: 0.3, count: 7}]"},
-             {"filter={plugin: pass_through}", "real_plant={plugin: simbody, friction: robot, delay_ticks: 2}", "robust_loop={plugin: nric}"},
+             {"filter={plugin: pass_through}", "real_plant={plugin: simbody, friction: robot, delay_ticks: 2}",
+              "robust_loop={plugin: nric}"},
              {"filter={plugin: certified_braking}", "stream={rate_hz: 30, jitter: 0.3}"}}) {
         const fs::path log = folder / (std::to_string(++number) + ".mcap");
         const CaseResult result = record(log, kTeleoperation, overrides);
@@ -67,8 +68,7 @@ TEST(Replay, KnowsAStopThatWasAskedForFromOneThatCameOfItself) {
     const std::atomic<int> stop{1};
     record(folder / "asked.mcap", kOneJoint, {}, &stop);
     const CaseResult failed =
-        record(folder / "failed.mcap", kTeleoperation,
-               {"filter={plugin: throwing_tick, after_ticks: 400}"});
+        record(folder / "failed.mcap", kTeleoperation, {"filter={plugin: throwing_tick, after_ticks: 400}"});
     EXPECT_EQ(failed.stopReason, StopReason::FilterFailed);
     for (const char* name : {"asked.mcap", "failed.mcap"}) {
         const ReplayResult again = replay(folder / name);
