@@ -24,10 +24,22 @@ struct TorqueSender::Impl {
           still(JointVector::Zero(robot.size())),
           gravity(still),
           last(still),
+          offset(still),
+          step_s(tick_s),
           addsGravity(convention.addsGravity) {}
+
+    /** Of the offset, in the next tick. */
+    double takeShare() {
+        if (blended_s >= blend_s) return 0.0;
+        const double share = 0.5 * (1.0 + std::cos(EIGEN_PI * blended_s / blend_s));
+        blended_s += step_s;
+        return share;
+    }
 
     ArmRecursion arm;
     JointVector limit, largestStep, still, gravity, last;
+    JointVector offset;  // by which what the robot held the arm with differs from the model's
+    double step_s, blend_s = 0.0, blended_s = 0.0;
     bool addsGravity, isRateLimited = false;
 };
 
@@ -71,17 +83,28 @@ void TorqueSender::reset(const JointVector& q) {
     Impl& in = *impl_;
     in.isRateLimited = false;
     in.last = in.still;
+    in.blend_s = in.blended_s = 0.0;
     if (in.addsGravity) return;
     in.arm.calcTorque(q, in.still, in.still, in.last);
     in.last = in.last.cwiseMax(-in.limit).cwiseMin(in.limit);
+}
+
+void TorqueSender::reset(const JointVector& q, const JointVector& held, double blend_s) {
+    reset(q);
+    Impl& in = *impl_;
+    in.offset = held - in.last;
+    in.last = held;
+    in.blend_s = blend_s;
 }
 
 const JointVector& TorqueSender::send(const JointVector& q, JointVector& torque) {
     Impl& in = *impl_;
     in.isRateLimited = false;
     if (in.addsGravity) in.arm.calcTorque(q, in.still, in.still, in.gravity);
+    const double share = in.takeShare();
     for (Eigen::Index i = 0; i < torque.size(); ++i) {
-        const double wanted = std::clamp(torque[i], -in.limit[i], in.limit[i]) - in.gravity[i];
+        const double asked = share > 0.0 ? torque[i] + share * in.offset[i] : torque[i];
+        const double wanted = std::clamp(asked, -in.limit[i], in.limit[i]) - in.gravity[i];
         // The motor's limit comes last: gravity may change faster than the rate.
         const double sent =
             std::clamp(std::clamp(wanted, in.last[i] - in.largestStep[i], in.last[i] + in.largestStep[i]),
@@ -89,7 +112,7 @@ const JointVector& TorqueSender::send(const JointVector& q, JointVector& torque)
         // What is wanted may have been cut before, by a loop that knows the rate.
         in.isRateLimited |= std::abs(sent - in.last[i]) >= in.largestStep[i] * (1.0 - kLeastCut);
         in.last[i] = sent;
-        torque[i] = sent == wanted ? std::clamp(torque[i], -in.limit[i], in.limit[i]) : sent + in.gravity[i];
+        torque[i] = sent == wanted ? std::clamp(asked, -in.limit[i], in.limit[i]) : sent + in.gravity[i];
     }
     return in.last;
 }

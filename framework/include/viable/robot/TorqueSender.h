@@ -37,6 +37,10 @@ public:
 
     /** The robot holds the arm at rest at q. */
     void reset(const JointVector& q);
+    /** The same, with the torque `held`, as the robot measures it in its own convention [Nm]. The first torque that is sent
+    takes that over; by what it differs from the model's (payload, friction that holds, errors of the model) fades within
+    blend_s, along half a cosine, while the loop outside learns of it. */
+    void reset(const JointVector& q, const JointVector& held, double blend_s);
 
     /** @param q       joint positions, as read now [rad]
         @param torque  of the motors [Nm]: what is wanted; then what they give, within their limits
