@@ -75,7 +75,7 @@ TEST(LiveSession, TakesAsLongAsTheClockSaysAndEndsAtRest) {
 
 TEST(LiveSession, WaitsArmedAndDoesWhatItIsTold) {
     const TemporaryFolder folder;
-    const Experiment e = test::readTestExperiment(kTeleoperation, {kCertified, "duration_s=100"});
+    const Experiment e = test::readTestExperiment(kOneJoint, {kCertified, "duration_s=100"});
     LiveOptions options = makeOptions(INFINITY);
     options.waitsArmed = true;
     options.log.file = folder / "A.mcap";

@@ -1,0 +1,159 @@
+// `viable live` and `viable run LOG --again`.
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/ioctl.h>
+#include <time.h>
+
+#include <nlohmann/json.hpp>
+
+#include "ExpectContains.h"
+#include "Program.h"
+#include "TemporaryFolder.h"
+
+namespace viable {
+namespace {
+
+using nlohmann::json;
+using test::expectContains;
+using test::Outcome;
+using test::Program;
+using test::readFile;
+using test::TemporaryFolder;
+
+const char* const kExperiment = "experiments/planar_two_link_linked.yaml";
+
+void sleepFor(double seconds) {
+    const timespec pause{static_cast<time_t>(seconds),
+                         static_cast<long>(1e9 * (seconds - static_cast<time_t>(seconds)))};
+    nanosleep(&pause, nullptr);
+}
+
+std::vector<std::string> makeLive(const std::filesystem::path& folder, const std::vector<std::string>& more) {
+    std::vector<std::string> arguments{"live",  kExperiment,     "--case",        "simulated",
+                                       "--out", folder.string(), "--no-priority", "--no-report"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+}
+
+json readLive(const std::filesystem::path& folder) {
+    return json::parse(readFile(folder / "summary.json"))["cases"][0]["live"];
+}
+
+std::vector<std::string> listChanges(const json& live) {
+    std::vector<std::string> all;
+    for (const json& change : live["changes"])
+        all.push_back(change["state"].get<std::string>() + " (" + change["asked_by"].get<std::string>() + ")");
+    return all;
+}
+
+void await(const Program& program, const std::string& words) {
+    for (int k = 0; k < 3000; ++k) {
+        if (program.output().find(words) != std::string::npos) return;
+        sleepFor(0.01);
+    }
+    FAIL() << "'" << words << "' was not said in 30 s:\n" << program.output();
+}
+
+TEST(Live, DrivesACaseInRealTimeAndItsLogReplaysToTheBit) {
+    const TemporaryFolder folder;
+    const Outcome o = test::run(makeLive(folder / "run", {"--duration", "1.2"}));
+    ASSERT_EQ(o.code, 0) << o.out << o.err;
+    expectContains(o.out, {"running (program)", "stopping (duration)", "stopped (program)", "all limits kept",
+                           "NOT real time, by the clock of the computer"});
+    const json live = readLive(folder / "run");
+    EXPECT_EQ(live["real_time"], false);
+    EXPECT_EQ(live["rows_lost"], 0);
+    EXPECT_GE(live["ticks"], 1700);
+    EXPECT_EQ(live["compute"]["count"], live["ticks"]);
+    EXPECT_FALSE(live["wake_up"]["buckets_us"].empty());
+    const Outcome again = test::run({"run", (folder / "run" / "simulated.mcap").string(), "--again"});
+    EXPECT_EQ(again.code, 0) << again.err;
+    expectContains(again.out, {"simulated: replayed " + std::to_string(live["ticks"].get<int>()) + " ticks",
+                               "all equal to the log, to the bit"});
+}
+
+TEST(Live, ASignalBrakesTheArm) {
+    const TemporaryFolder folder;
+    for (const int signal : {SIGINT, SIGTERM}) {
+        const std::string name = "run" + std::to_string(signal);
+        Program program(makeLive(folder / name, {"--duration", "inf"}));
+        await(program, "running (program)");
+        sleepFor(0.8);
+        kill(program.pid(), signal);
+        const Outcome o = program.wait();
+        EXPECT_EQ(o.code, 0) << o.out << o.err;
+        EXPECT_EQ(listChanges(readLive(folder / name)),
+                  (std::vector<std::string>{"running (program)", "stopping (signal)", "stopped (program)"}));
+    }
+}
+
+TEST(Live, KeysStartHoldGoOnAndEnd) {
+    const int terminal = posix_openpt(O_RDWR | O_NOCTTY);
+    ASSERT_GE(terminal, 0);
+    ASSERT_EQ(grantpt(terminal), 0);
+    ASSERT_EQ(unlockpt(terminal), 0);
+    const std::string slave = ptsname(terminal);
+    const TemporaryFolder folder;
+    Program program(makeLive(folder / "run", {"--wait", "--duration", "inf"}), [&] {
+        setsid();
+        const int input = open(slave.c_str(), O_RDWR);
+        ioctl(input, TIOCSCTTY, 0);
+        dup2(input, STDIN_FILENO);
+    });
+    const auto press = [&](char key) { ASSERT_EQ(write(terminal, &key, 1), 1); };
+    await(program, "armed (program)");
+    await(program, "keys: space");
+    sleepFor(0.3);
+    press('\n');
+    await(program, "running (key)");
+    sleepFor(0.5);
+    press(' ');
+    await(program, "armed (key)");
+    sleepFor(0.3);
+    press('\n');
+    sleepFor(0.3);
+    press('q');
+    const Outcome o = program.wait();
+    close(terminal);
+    EXPECT_EQ(o.code, 0) << o.out << o.err;
+    const json live = readLive(folder / "run");
+    EXPECT_EQ(listChanges(live), (std::vector<std::string>{"armed (program)", "running (key)", "armed (key)",
+                                                           "running (key)", "stopping (key)", "stopped (program)"}));
+    EXPECT_GT(live["changes"][1]["time_s"], 0.25);
+    EXPECT_EQ(test::run({"run", (folder / "run" / "simulated.mcap").string(), "--again"}).code, 0);
+}
+
+TEST(Live, WhatCannotBeDrivenIsRefusedBeforeAFileIsMade) {
+    const TemporaryFolder folder;
+    const std::string out = (folder / "run").string();
+    const auto expectRefused = [&](std::vector<std::string> arguments, const std::vector<std::string>& words) {
+        arguments.insert(arguments.end(), {"--out", out});
+        const Outcome o = test::run(arguments);
+        EXPECT_EQ(o.code, 2) << o.out << o.err;
+        expectContains(o.err, words);
+        EXPECT_FALSE(std::filesystem::exists(out));
+    };
+    expectRefused({"live", kExperiment}, {"2 cases, and one arm is driven", "--case: simulated, linked"});
+    expectRefused({"live", kExperiment, "--case", "simulatd"}, {"Did you mean 'simulated'?"});
+    expectRefused({"live", kExperiment, "--case", "simulated", "--from-here"}, {"--from-here", "plant link"});
+    expectRefused({"live", kExperiment, "--case", "simulated", "--duration", "-1"}, {"--duration"});
+    expectRefused({"live", kExperiment, "--case", "linked", "--set",
+                   "cases.linked.real_plant={plugin: link, address: \"127.0.0.1:9\", connect_timeout_s: 0.3}"},
+                  {"127.0.0.1:9", "does not answer", "See that `viable robot`"});
+}
+
+TEST(RunAgain, IsForLogsOfAnyRun) {
+    const TemporaryFolder folder;
+    const Outcome o = test::run({"run", kExperiment, "--case", "simulated", "--set", "duration_s=0.5", "--no-report",
+                                 "--out", (folder / "run").string()});
+    ASSERT_EQ(o.code, 0) << o.err;
+    const std::filesystem::path log = folder / "run" / "simulated.mcap";
+    EXPECT_EQ(test::run({"run", log.string(), "--again"}).code, 0);
+    const Outcome notALog = test::run({"run", kExperiment, "--again"});
+    EXPECT_EQ(notALog.code, 2);
+    expectContains(notALog.err, {"planar_two_link_linked.yaml"});
+}
+
+}  // namespace
+}  // namespace viable
