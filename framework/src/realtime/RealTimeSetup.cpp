@@ -101,7 +101,15 @@ MemoryRoom readMemoryRoom() {
 }
 
 void RealTimeState::refuse(std::string what, std::string why, std::string remedy) {
+    if (geteuid() == 0) remedy = remedy::makeForRoot(remedy);
     refusals_.push_back({std::move(what), std::move(why), std::move(remedy)});
+}
+
+std::string remedy::makeForRoot(const std::string& remedy) {
+    constexpr char kSudo[] = "sudo ";
+    std::string text = remedy;
+    for (std::size_t at; (at = text.find(kSudo)) != std::string::npos;) text.erase(at, sizeof kSudo - 1);
+    return text;
 }
 
 void RealTimeState::lockMemory(const MemoryRoom& room) {
@@ -159,7 +167,7 @@ void RealTimeState::setPriority(int priority) {
                remedy::kPriority);
     } else {  // in a container, also for root
         refuse("the loop has no real-time priority", "SCHED_FIFO, " + wanted + ": " + describeError(code),
-               "In a container: docker run --cap-add sys_nice --ulimit rtprio=98 --ulimit memlock=-1");
+               remedy::kContainer);
     }
 }
 
@@ -174,7 +182,7 @@ void RealTimeState::holdLatency() {
     if (file >= 0) close(file);
     const bool isMissing = code == ENOENT;
     refuse("processors may sleep deeply, and wake late", std::string(kLatencyPath) + ": " + describeError(code),
-           isMissing ? "In a container: docker run --device /dev/cpu_dma_latency" : remedy::kLatencyFile);
+           isMissing ? remedy::kLatencyFileMissing : remedy::kLatencyFile);
 }
 
 RealTimeState enterRealTime(const RealTimeWish& wish, const MemoryRoom& room) {

@@ -102,13 +102,19 @@ RealTimeState enterRealTime(const RealTimeWish& wish, const MemoryRoom& room = r
 /** Remedies, each for one paste into a shell of the user concerned; doctor and enterRealTime() give the same ones. */
 namespace remedy {
 inline constexpr char kPriority[] =
-    "echo \"$USER - rtprio 98\" | sudo tee /etc/security/limits.d/90-viable-rtprio.conf  # then log in again";
+    "echo \"$(id -un) - rtprio 98\" | sudo tee /etc/security/limits.d/90-viable-rtprio.conf  # then log in again";
 inline constexpr char kMemory[] =
-    "echo \"$USER - memlock unlimited\" | sudo tee /etc/security/limits.d/90-viable-memlock.conf  # then log in again";
+    "echo \"$(id -un) - memlock unlimited\" | sudo tee /etc/security/limits.d/90-viable-memlock.conf  # then log in "
+    "again";
+inline constexpr char kContainer[] =
+    "# start the container with: docker run --cap-add sys_nice --ulimit rtprio=98 --ulimit memlock=-1";
 inline constexpr char kLatencyFile[] =
-    "sudo groupadd -rf realtime && sudo usermod -aG realtime \"$USER\" && echo 'KERNEL==\"cpu_dma_latency\", "
+    "sudo groupadd -rf realtime && sudo usermod -aG realtime \"$(id -un)\" && echo 'KERNEL==\"cpu_dma_latency\", "
     "GROUP=\"realtime\", MODE=\"0660\"' | sudo tee /etc/udev/rules.d/90-viable-latency.rules && sudo udevadm control "
     "--reload && sudo udevadm trigger --name-match=cpu_dma_latency  # then log in again";
+inline constexpr char kLatencyFileMissing[] = "# start the container with: docker run --device /dev/cpu_dma_latency";
+/** For root: without sudo, which may not be there. */
+std::string makeForRoot(const std::string& remedy);
 }  // namespace remedy
 
 }  // namespace viable
