@@ -51,7 +51,8 @@ std::optional<double> toNumber(const std::string& text) {
 /** The machine as its files show it. */
 class Machine {
 public:
-    Machine(const SystemAnswers& answers, fs::path root) : answers_(answers), root_(std::move(root)) {}
+    Machine(const SystemAnswers& answers, fs::path root)
+        : answers_(answers), root_(std::move(root)), isContainer_(isInContainer(root_)) {}
 
     std::vector<MachineLine> check() {
         checkKernel();
@@ -111,14 +112,6 @@ private:
         return found;
     }
 
-    bool isContainer() const {
-        if (isThere(".dockerenv") || isThere("run/.containerenv")) return true;
-        const std::string groups = readWhole(root_ / "proc/self/cgroup").value_or("");
-        for (const char* name : {"docker", "kubepods", "lxc", "libpod"})
-            if (groups.find(name) != std::string::npos) return true;
-        return false;
-    }
-
     std::string makeKernelRemedy(const std::string& arguments) const {
         if (!isThere("etc/default/grub")) return "# add to the kernel's command line, and restart: " + arguments;
         return "sudo sed -i 's/^GRUB_CMDLINE_LINUX=\"/&" + arguments +
@@ -139,10 +132,10 @@ private:
         const bool isUbuntu = readWhole(root_ / "etc/os-release").value_or("").find("ID=ubuntu") != std::string::npos;
         std::string remedy = isUbuntu ? "sudo pro enable realtime-kernel  # then restart"
                                       : "sudo apt install linux-image-rt-$(dpkg --print-architecture)  # then restart";
-        if (isContainer()) remedy = "# the kernel is that of the host: install one with PREEMPT_RT there";
+        if (isContainer_) remedy = "# the kernel is that of the host: install one with PREEMPT_RT there";
         if (version.find("PREEMPT_DYNAMIC") != std::string::npos) {
             found += "PREEMPT_DYNAMIC";
-            if (const auto mode = read("sys/kernel/debug/sched/preempt")) found += " (" + *mode + ")";
+            if (const auto mode = read("sys/kernel/debug/sched/preempt")) found += ": " + *mode;
         } else if (version.find("PREEMPT") != std::string::npos) {
             found += "PREEMPT";
         } else {
@@ -151,18 +144,12 @@ private:
         add("kernel", found + ", not PREEMPT_RT", MachineLevel::Worse, remedy);
     }
 
-    /** What allows it, where the user may not. */
-    std::string makeLimitRemedy(std::uint64_t hard, std::uint64_t wanted, const char* shell, const char* login) const {
-        if (hard >= wanted) return shell;
-        return isContainer() ? remedy::kContainer : login;
-    }
-
     void checkPriority() {
         const auto wanted = static_cast<std::uint64_t>(answers_.triedPriority);
         const std::string limits = "soft " + formatPriority(answers_.prioritySoft) + ", hard " +
                                    formatPriority(answers_.priorityHard) + (answers_.isRoot ? " (root)" : " (user)");
-        const std::string remedy = makeLimitRemedy(answers_.priorityHard, wanted,
-                                                   "ulimit -r $(ulimit -Hr)  # in this shell", remedy::kPriority);
+        const std::string remedy = answers_.priorityHard >= wanted ? "ulimit -r $(ulimit -Hr)  # in this shell"
+                                                                   : remedy::forPriority(isContainer_);
         if (answers_.prioritySoft >= wanted)
             add("priority limit", limits, MachineLevel::Good);
         else if (answers_.priorityError == 0)
@@ -178,7 +165,7 @@ private:
         const std::string group = findPriorityGroup();
         add("SCHED_FIFO", tried + " is refused: " + describeCode(answers_.priorityError), MachineLevel::Missing,
             !group.empty()    ? "echo 950000 | sudo tee " + group
-            : answers_.isRoot ? remedy::kContainer
+            : answers_.isRoot ? remedy::forPriority(true)
                               : remedy);
     }
 
@@ -191,8 +178,9 @@ private:
                                    formatMemory(answers_.memoryHard) + (answers_.isRoot ? " (root)" : " (user)");
         const MemoryRoom& room = answers_.room;
         const MemoryLock lock = decideMemoryLock(room);
-        const std::string remedy = makeLimitRemedy(answers_.memoryHard, MemoryRoom::kUnlimited,
-                                                   "ulimit -l unlimited  # in this shell", remedy::kMemory);
+        const std::string remedy = answers_.memoryHard == MemoryRoom::kUnlimited
+                                       ? "ulimit -l unlimited  # in this shell"
+                                       : remedy::forMemory(isContainer_);
         if (lock == MemoryLock::All)
             add("memory lock", limits + (answers_.memorySoft == room.limit ? "" : ", does not bind this process"),
                 MachineLevel::Good);
@@ -209,14 +197,10 @@ private:
         const int code = answers_.latencyFileError;
         if (code == 0)
             add(kName, "can be written", MachineLevel::Good);
-        else if (isContainer())
-            add(kName, describeCode(code), MachineLevel::Worse,
-                code == EACCES && !answers_.isRoot ? "sudo chmod 666 /dev/cpu_dma_latency  # until the container ends"
-                                                   : remedy::kLatencyFileMissing);
         else
             add(kName, describeCode(code), MachineLevel::Worse,
-                code == ENOENT ? makeKernelRemedy("processor.max_cstate=1 intel_idle.max_cstate=1")
-                               : remedy::kLatencyFile);
+                code == ENOENT && !isContainer_ ? makeKernelRemedy("processor.max_cstate=1 intel_idle.max_cstate=1")
+                                                : remedy::forLatencyFile(isContainer_, code));
     }
 
     void checkThrottling() {
@@ -246,8 +230,8 @@ private:
             add("processors", found, MachineLevel::Good);
         else
             add("processors", found + ": the loop shares it with all else", MachineLevel::Worse,
-                isContainer() ? "# start the container with two processors or more: docker run --cpuset-cpus 0,1"
-                              : "# give the machine two processors or more, or start viable by: taskset -c 0,1");
+                isContainer_ ? "# start the container with two processors or more: docker run --cpuset-cpus 0,1"
+                             : "# give the machine two processors or more, or start viable by: taskset -c 0,1");
     }
 
     void checkGovernor() {
@@ -368,7 +352,7 @@ private:
     }
 
     void checkQuota() {
-        const std::string where = isContainer() ? "in a container, " : "";
+        const std::string where = isContainer_ ? "in a container, " : "";
         const auto quota = findQuota();
         if (!quota) {
             const bool isShown = isThere("proc/self/cgroup");
@@ -381,8 +365,8 @@ private:
             where +
                 format("%.2f processors' time, then all but real-time threads wait for the next period", quota->share),
             MachineLevel::Worse,
-            isContainer() ? "docker update --cpus 0 CONTAINER  # on the host"
-                          : std::string(isVersion2 ? "echo max" : "echo -1") + " | sudo tee " + quota->file);
+            isContainer_ ? "docker update --cpus 0 CONTAINER  # on the host"
+                         : std::string(isVersion2 ? "echo max" : "echo -1") + " | sudo tee " + quota->file);
     }
 
     void checkVirtual() {
@@ -434,13 +418,13 @@ private:
                 code == EROFS ? "sudo mount -o remount,rw /dev/shm" : "sudo chmod 1777 /dev/shm");
         else if (code != 0)
             add("/dev/shm", describeCode(code), MachineLevel::Missing,
-                isContainer()    ? "# start the container with: docker run --shm-size 64m"
+                isContainer_     ? "# start the container with: docker run --shm-size 64m"
                 : code == ENOSPC ? "ls -lS /dev/shm  # it is full: delete what nobody needs"
                                  : "sudo mkdir -p /dev/shm && sudo mount -t tmpfs -o mode=1777 tmpfs /dev/shm");
         else if (size < kMega)
             add("/dev/shm", formatMemory(size), MachineLevel::Worse,
-                isContainer() ? "# start the container with: docker run --shm-size 64m"
-                              : "sudo mount -o remount,size=64m /dev/shm");
+                isContainer_ ? "# start the container with: docker run --shm-size 64m"
+                             : "sudo mount -o remount,size=64m /dev/shm");
         else
             add("/dev/shm", formatMemory(size) + ", can be written", MachineLevel::Good);
     }
@@ -460,6 +444,7 @@ private:
 
     const SystemAnswers& answers_;
     fs::path root_;
+    bool isContainer_;
     std::vector<MachineLine> lines_;
 };
 

@@ -182,7 +182,7 @@ private:
     std::size_t started_ = 0;
 };
 
-/** The same in every tick, some 30 us: each step needs the one before. */
+/** The same in every tick, some 20 us: each step needs the one before. */
 [[gnu::noinline]] double compute(double x) {
     for (int k = 0; k < 12'000; ++k) x = 0.999 * x + 1e-3;
     return x;

@@ -127,11 +127,11 @@ std::vector<Change> listChanges() {
         {"kernel", kWorse, "PREEMPT_DYNAMIC, not PREEMPT_RT",
          "sudo apt install linux-image-rt-$(dpkg --print-architecture)  # then restart",
          kernel("#1 SMP PREEMPT_DYNAMIC")},
-        {"kernel", kWorse, "PREEMPT_DYNAMIC (none [full] lazy), not", "linux-image-rt",
+        {"kernel", kWorse, "PREEMPT_DYNAMIC: none voluntary (full) lazy, not", "linux-image-rt",
          [&](MadeUp& machine) {
              machine.answers.kernelVersion = "#1 SMP PREEMPT_DYNAMIC";
              machine.write("sys/kernel/realtime", "0\n");
-             machine.write("sys/kernel/debug/sched/preempt", "none [full] lazy\n");
+             machine.write("sys/kernel/debug/sched/preempt", "none voluntary (full) lazy\n");
          }},
         {"kernel", kWorse, "no preemption in the kernel", "linux-image-rt", kernel("#1 SMP Debian")},
         {"kernel", kWorse, "not PREEMPT_RT", "sudo pro enable realtime-kernel",
