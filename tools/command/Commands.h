@@ -28,6 +28,7 @@ void addVerifyCommand(CLI::App& app, int& exitCode);
 void addIdentifyCommand(CLI::App& app, int& exitCode);
 void addNewCommand(CLI::App& app, int& exitCode);
 void addRobotCommand(CLI::App& app, int& exitCode);
+void addDoctorCommand(CLI::App& app, int& exitCode);
 
 /** Folders searched for robots: VIABLE_ROBOT_PATH (colon-separated), `robots` in the current folder
 and beside the experiment's folder, the experiment's own folder where that is a robot's, then the installed ones. @param experiment  may be empty */

@@ -70,6 +70,7 @@ int main(int argc, char** argv) {
     viable::addIdentifyCommand(app, exitCode);
     viable::addNewCommand(app, exitCode);
     viable::addRobotCommand(app, exitCode);
+    viable::addDoctorCommand(app, exitCode);
     if (argc > 1 && argv[1][0] != '-') {
         std::vector<std::string> names;
         for (const CLI::App* command : app.get_subcommands({})) names.push_back(command->get_name());

@@ -13,9 +13,12 @@
 #include <cstddef>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
+#include <system_error>
 #include <utility>
 
 #include "core/Text.h"
+#include "core/WholeFile.h"
 
 namespace viable {
 
@@ -82,6 +85,57 @@ std::string listProcessors(const cpu_set_t& set) {
 
 }  // namespace
 
+bool isInContainer(const std::filesystem::path& root) {
+    std::error_code failed;
+    for (const char* mark : {".dockerenv", "run/.containerenv"})
+        if (std::filesystem::exists(root / mark, failed)) return true;
+    const std::string groups = readWhole(root / "proc/self/cgroup").value_or("");
+    for (const char* name : {"docker", "kubepods", "lxc", "libpod"})
+        if (groups.find(name) != std::string::npos) return true;
+    return false;
+}
+
+namespace remedy {
+
+namespace {
+
+constexpr char kRights[] =
+    "# start the container with: docker run --cap-add sys_nice --ulimit rtprio=98 --ulimit memlock=-1";
+
+/** @param limit  as limits.conf has it @param value  of it */
+std::string makeLimit(const std::string& limit, const std::string& value) {
+    return "echo \"$(id -un) - " + limit + " " + value + "\" | sudo tee /etc/security/limits.d/90-viable-" + limit +
+           ".conf  # then log in again";
+}
+
+}  // namespace
+
+std::string forPriority(bool isContainer) {
+    return isContainer ? kRights : makeLimit("rtprio", "98");
+}
+
+std::string forMemory(bool isContainer) {
+    return isContainer ? kRights : makeLimit("memlock", "unlimited");
+}
+
+std::string forLatencyFile(bool isContainer, int code) {
+    if (isContainer && code == EACCES) return "sudo chmod 666 /dev/cpu_dma_latency  # until the container ends";
+    if (isContainer) return "# start the container with: docker run --device /dev/cpu_dma_latency";
+    return "sudo groupadd -rf realtime && sudo usermod -aG realtime \"$(id -un)\" && echo "
+           "'KERNEL==\"cpu_dma_latency\", "
+           "GROUP=\"realtime\", MODE=\"0660\"' | sudo tee /etc/udev/rules.d/90-viable-latency.rules && sudo udevadm "
+           "control --reload && sudo udevadm trigger --name-match=cpu_dma_latency  # then log in again";
+}
+
+std::string makeForRoot(const std::string& remedy) {
+    constexpr char kSudo[] = "sudo ";
+    std::string text = remedy;
+    for (std::size_t at; (at = text.find(kSudo)) != std::string::npos;) text.erase(at, sizeof kSudo - 1);
+    return text;
+}
+
+}  // namespace remedy
+
 MemoryLock decideMemoryLock(const MemoryRoom& room) {
     if (room.limit == MemoryRoom::kUnlimited) return MemoryLock::All;
     return room.growth <= room.limit && room.size <= room.limit - room.growth ? MemoryLock::Present : MemoryLock::None;
@@ -101,6 +155,7 @@ MemoryRoom readMemoryRoom() {
 }
 
 void RealTimeState::refuse(std::string what, std::string why, std::string remedy) {
+    if (geteuid() == 0) remedy = remedy::makeForRoot(remedy);
     refusals_.push_back({std::move(what), std::move(why), std::move(remedy)});
 }
 
@@ -110,13 +165,14 @@ void RealTimeState::lockMemory(const MemoryRoom& room) {
         refuse("memory is not locked, and may be paged out",
                formatMegabytes(room.limit) + " may be locked (ulimit -l), and the process has " +
                    formatMegabytes(room.size) + " of addresses",
-               remedy::kMemory);
+               remedy::forMemory(isInContainer()));
         return;
     }
     if (mlockall(lock == MemoryLock::All ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) != 0) {
         const int code = errno;
         munlockall();  // part of it may be locked
-        refuse("memory is not locked, and may be paged out", "mlockall: " + describeError(code), remedy::kMemory);
+        refuse("memory is not locked, and may be paged out", "mlockall: " + describeError(code),
+               remedy::forMemory(isInContainer()));
         return;
     }
     memoryLock_ = lock;
@@ -153,13 +209,13 @@ void RealTimeState::setPriority(int priority) {
     } else if (limit.rlim_cur > 0 && limit.rlim_cur < 100 && take(static_cast<int>(limit.rlim_cur)) == 0) {
         refuse("the loop has a lower priority than asked for",
                std::to_string(priority_) + " is allowed, not " + std::to_string(priority) + " (ulimit -r)",
-               remedy::kPriority);
+               remedy::forPriority(isInContainer()));
     } else if (limit.rlim_cur == 0 && geteuid() != 0) {
         refuse("the loop has no real-time priority", "none is allowed to this user (ulimit -r is 0)",
-               remedy::kPriority);
+               remedy::forPriority(isInContainer()));
     } else {  // in a container, also for root
         refuse("the loop has no real-time priority", "SCHED_FIFO, " + wanted + ": " + describeError(code),
-               "In a container: docker run --cap-add sys_nice --ulimit rtprio=98 --ulimit memlock=-1");
+               remedy::forPriority(true));
     }
 }
 
@@ -172,9 +228,8 @@ void RealTimeState::holdLatency() {
     }
     const int code = errno;
     if (file >= 0) close(file);
-    const bool isMissing = code == ENOENT;
     refuse("processors may sleep deeply, and wake late", std::string(kLatencyPath) + ": " + describeError(code),
-           isMissing ? "In a container: docker run --device /dev/cpu_dma_latency" : remedy::kLatencyFile);
+           remedy::forLatencyFile(isInContainer(), code));
 }
 
 RealTimeState enterRealTime(const RealTimeWish& wish, const MemoryRoom& room) {

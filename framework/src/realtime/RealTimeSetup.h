@@ -4,6 +4,7 @@
 #include <sys/types.h>
 
 #include <cstdint>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -99,16 +100,17 @@ stack, keeps malloc from giving memory back, locks memory as decideMemoryLock() 
 nothing throws; the thread goes on with the rest. @param room  what may be locked; a test has its own */
 RealTimeState enterRealTime(const RealTimeWish& wish, const MemoryRoom& room = readMemoryRoom());
 
+/** By the marks that docker, podman, LXC and Kubernetes leave in /, /run and /proc below `root`. */
+bool isInContainer(const std::filesystem::path& root = "/");
+
 /** Remedies, each for one paste into a shell of the user concerned; doctor and enterRealTime() give the same ones. */
 namespace remedy {
-inline constexpr char kPriority[] =
-    "echo \"$USER - rtprio 98\" | sudo tee /etc/security/limits.d/90-viable-rtprio.conf  # then log in again";
-inline constexpr char kMemory[] =
-    "echo \"$USER - memlock unlimited\" | sudo tee /etc/security/limits.d/90-viable-memlock.conf  # then log in again";
-inline constexpr char kLatencyFile[] =
-    "sudo groupadd -rf realtime && sudo usermod -aG realtime \"$USER\" && echo 'KERNEL==\"cpu_dma_latency\", "
-    "GROUP=\"realtime\", MODE=\"0660\"' | sudo tee /etc/udev/rules.d/90-viable-latency.rules && sudo udevadm control "
-    "--reload && sudo udevadm trigger --name-match=cpu_dma_latency  # then log in again";
+std::string forPriority(bool isContainer);
+std::string forMemory(bool isContainer);
+/** @param code  errno of opening /dev/cpu_dma_latency; not ENOENT outside a container: the kernel has none */
+std::string forLatencyFile(bool isContainer, int code);
+/** For root: without sudo, which may not be there. */
+std::string makeForRoot(const std::string& remedy);
 }  // namespace remedy
 
 }  // namespace viable
