@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # viable_link.h by itself: it compiles as C99 and as C++17 without a warning, with its transports and without them; and the
-# example link_robot, built as its README says, is driven by `viable run`. Usage: link.sh BUILD_DIR SOURCE_DIR
+# examples link_robot and link_skeletons, built as their READMEs say, are driven by `viable run`. Usage: link.sh BUILD_DIR SOURCE_DIR
 set -euo pipefail
 build=$1 source=$2
 work=$(mktemp -d)
@@ -47,3 +47,22 @@ kill -INT "$robot"
 wait "$robot"
 cat robot.txt
 grep -Eq '^packets good: [1-9][0-9][0-9]' robot.txt
+
+skeletons=$source/framework/examples/link_skeletons
+for skeleton in callback fieldbus; do
+  [ "$(wc -l <"$skeletons/$skeleton.c")" -le 80 ]
+  cc -std=c99 -O2 "${warnings[@]}" -Wstrict-prototypes -I "$include" "$skeletons/$skeleton.c" -o "$skeleton" -lm
+  c++ -x c++ -std=c++17 -O2 "${warnings[@]}" -I "$include" "$skeletons/$skeleton.c" -o "${skeleton}_cpp"
+  for program in "$skeleton" "${skeleton}_cpp"; do
+    address=shm:viable-$program-$$
+    "./$program" "$address" 4 >"$program.txt" &
+    robot=$!
+    "$build/bin/viable" run "$example/experiment.yaml" --set "real_plant.address=$address" --set real_plant.repeat_ticks=100 \
+      --set real_plant.silence_timeout_s=2 --set duration_s=0.5 --out "run_$program" --no-report >"run_$program.txt"
+    grep -q 'verdict *all limits kept (nominal arm' "run_$program.txt"
+    wait "$robot"
+    cat "$program.txt"
+    grep -Eq 'good [1-9][0-9][0-9]' "$program.txt"
+  done
+done
+echo "link: both skeletons are driven, in C and in C++"

@@ -8,6 +8,7 @@
 
 #include "Commands.h"
 #include "PluginTrouble.h"
+#include "StopSignals.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -88,7 +89,8 @@ int main(int argc, char** argv) {
         return app.exit(e) == 0 ? 0 : static_cast<int>(viable::ErrorKind::BadInput);
     } catch (const viable::Error& e) {
         std::fprintf(stderr, "viable: %s\n", e.what());
-        return e.exitCode();
+        const int signal = viable::getStopSignal();  // who waited for something was told to stop
+        return signal != 0 && e.kind() == viable::ErrorKind::BadInput ? 128 + signal : e.exitCode();
     } catch (const std::bad_alloc&) {
         std::fprintf(stderr,
                      "viable: out of memory. Close other programs, raise the limit (`ulimit -v`), or give it less at a "

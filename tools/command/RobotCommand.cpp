@@ -29,8 +29,7 @@ int serveRobot(const RobotArguments& arguments) {
     if (!arguments.keyFile.empty()) {
         char error[256];
         if (vl_key_from_file(arguments.keyFile.c_str(), &options.key, error, sizeof error) != 0)
-            throw badInput("--key-file " + arguments.keyFile, error,
-                           "Make one: (umask 077; openssl rand -hex 16 > FILE), and give it to the host, too.");
+            throw badInput("--key-file " + arguments.keyFile, error);
     }
     const PluginLoader loader(PluginLoader::makeDefaultSearchPath());
     Experiment experiment = readDrawnExperiment(arguments.file, arguments.overrides, "", loader);
@@ -77,14 +76,30 @@ void addRobotCommand(CLI::App& app, int& exitCode) {
     command->add_flag("--adds-gravity", options.addsGravity, "It adds gravity's torque to what it is sent");
     command->add_option("--clock", options.clock, "Its seconds per second (default: 1); 1.01 is 1 % fast")
         ->check(CLI::Range(0.001, 10.0));
+    command
+        ->add_option("--torque-rate", options.torqueRate,
+                     "No torque changes faster, whatever comes, in Nm/s (default: as of the case's motors)")
+        ->check(CLI::Range(1e-3, 1e12));
     command->add_option("--brake-after", options.brakeAfter, "Close the brakes after so many ticks without commands")
         ->check(CLI::Range(1, 1000000));
+    const CLI::Range seconds(0.001, 1e9);
+    command->add_option("--brake-at", options.brakeAt_s, "Close the brakes so many seconds after a host came")
+        ->check(seconds);
+    command->add_option("--fault-at", options.faultAt_s, "Report a fault so many seconds after a host came")
+        ->check(seconds);
     const CLI::Range share(0.0, 1.0);
     command->add_option("--lose", options.lose, "Share of packets, in both directions, that are lost")->check(share);
+    command->add_option("--burst", options.burst, "Packets in a row that are lost, where one is (default: 1)")
+        ->check(CLI::Range(1, 1000000));
     command->add_option("--duplicate", options.duplicate, "Share of packets that come twice")->check(share);
     command->add_option("--reorder", options.reorder, "Share of packets that come after the next one")->check(share);
     command->add_option("--corrupt", options.corrupt, "Share of packets of which a bit is changed")->check(share);
     command->add_option("--delay", options.delay, "Packets come 0 to so many ticks later")->check(CLI::Range(0, 1000));
+    command
+        ->add_option_function<double>(
+            "--latency", [&options](double latency_ms) { options.latency_s = 1e-3 * latency_ms; },
+            "Packets come so many milliseconds later, in both directions")
+        ->check(CLI::Range(0.0, 1000.0));
     command->add_option("--seed", options.seed, "Of these faults (default: 1)");
     command->callback([arguments, &exitCode] { exitCode = serveRobot(*arguments); });
 }

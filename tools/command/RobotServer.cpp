@@ -3,9 +3,9 @@
 #include <time.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <utility>
 
 #include "core/Text.h"
@@ -37,25 +37,38 @@ RealPlant& getPlant(const ConfiguredCase& configured) {
 
 }  // namespace
 
-void BadLine::put(const Packet& packet, std::uint64_t tick) {
-    if (happens(options_.lose)) return;
+void BadLine::put(const Packet& packet, std::int64_t now) {
+    // Bursts begin as often as makes that share of them.
+    const double lose = options_.lose, begins = lose / (lose + options_.burst * (1.0 - lose));
+    if (toLose_ == 0 && happens(begins)) toLose_ = options_.burst;
+    if (toLose_ > 0) {
+        --toLose_;
+        return;
+    }
     for (int copies = happens(options_.duplicate) ? 2 : 1; copies > 0; --copies) {
         Packet one = packet;
-        one.due = tick;
-        if (options_.delay > 0) one.due += random_() % static_cast<std::uint64_t>(options_.delay + 1);
-        if (happens(options_.reorder)) one.due += 2;  // after the next one
+        one.due = now + static_cast<std::int64_t>(options_.latency_s * 1e9);
+        if (options_.delay > 0)
+            one.due += tick_ns_ * static_cast<std::int64_t>(random_() % static_cast<std::uint64_t>(options_.delay + 1));
+        if (happens(options_.reorder)) one.due += 2 * tick_ns_;  // after the next one
         if (happens(options_.corrupt) && !one.bytes.empty())
             one.bytes[random_() % one.bytes.size()] ^= static_cast<std::uint8_t>(1u << random_() % 8);
         underWay_.push_back(std::move(one));
     }
 }
 
-std::optional<BadLine::Packet> BadLine::take(std::uint64_t tick) {
-    const auto next = std::find_if(underWay_.begin(), underWay_.end(), [&](const Packet& p) { return p.due <= tick; });
+std::optional<BadLine::Packet> BadLine::take(std::int64_t now) {
+    const auto next = std::find_if(underWay_.begin(), underWay_.end(), [&](const Packet& p) { return p.due <= now; });
     if (next == underWay_.end()) return std::nullopt;
     Packet packet = std::move(*next);
     underWay_.erase(next);
     return packet;
+}
+
+std::int64_t BadLine::nextDue() const {
+    std::int64_t due = std::numeric_limits<std::int64_t>::max();
+    for (const Packet& packet : underWay_) due = std::min(due, packet.due);
+    return due;
 }
 
 RobotServer::RobotServer(std::unique_ptr<ConfiguredCase> configured, const RobotServerOptions& options)
@@ -65,24 +78,27 @@ RobotServer::RobotServer(std::unique_ptr<ConfiguredCase> configured, const Robot
       n_(configured_->plan.robot.size()),
       tick_s_(configured_->plan.tick_s),
       model_(configured_->plan.robot),
-      toHost_(options_, options.seed),
-      fromHost_(options_, options.seed + 1) {
+      period_ns_(std::llround(tick_s_ / options.clock * 1e9)),
+      toHost_(options_, period_ns_, options.seed),
+      fromHost_(options_, period_ns_, options.seed + 1) {
     char error[256];
     if (vl_line_open(&line_, options_.address.c_str(), 1, error, sizeof error) != 0)
         throw badInput(options_.address, error,
-                       "Name another address with --listen ADDRESS:PORT, or another name with --shm NAME.");
+                       "See that no other robot runs there, or name another address with --listen ADDRESS:PORT, or "
+                       "another name with --shm NAME.");
     vl_robot_init(&robot_, n_, tick_s_, vl_random());
     robot_.key = options_.key;
     robot_.most_repeats = options_.mostRepeats;
+    const JointVector rate =
+        options_.torqueRate > 0.0 ? JointVector::Constant(n_, options_.torqueRate).eval() : plant_.motorRate();
+    for (int i = 0; i < rate.size(); ++i)
+        if (std::isfinite(rate[i])) robot_.torque_step[i] = rate[i] * tick_s_;
     applied_.setZero(n_);
     holdIntegral_.setZero(n_);
     placeAtStart();
     for (int k = 0; k * tick_s_ < kSettling_s && !hasFault_; ++k) move(VL_HOLD, nullptr);
     placeAtStart();
-}
-
-RobotServer::~RobotServer() {
-    vl_line_close(&line_);
+    largestStep_ = 0.0;
 }
 
 std::string RobotServer::address() const {
@@ -91,8 +107,8 @@ std::string RobotServer::address() const {
                      : options_.address.substr(0, options_.address.rfind(':') + 1) + std::to_string(port);
 }
 
-void RobotServer::tell(const char* what) const {
-    std::printf("%.3f s: %s\n", static_cast<double>(robot_.tick) * tick_s_, what);
+void RobotServer::tell(const std::string& what) const {
+    std::printf("%.3f s: %s\n", static_cast<double>(robot_.tick) * tick_s_, what.c_str());
     std::fflush(stdout);
 }
 
@@ -100,9 +116,19 @@ void RobotServer::placeAtStart() {
     const MotionState& start = configured_->plan.start;
     PluginWatch* const watch = configured_->plugins.watches[static_cast<std::size_t>(PluginKind::RealPlant)];
     resetPlugin(plant_, PluginKind::RealPlant, watch, start);
-    isBraked_ = hasFault_ = false;
+    isBraked_ = hasFault_ = reportsFault_ = false;
     holdPosition_ = start.q;
     isHolding_ = true;
+    const JointVector held = calcHold();  // it has stood here all the time: its motors hold it
+    written_ = held - calcGravityShare();
+    vl_robot_note(&robot_, written_.data());
+}
+
+/** What the robot adds itself, and the link does not count. */
+JointVector RobotServer::calcGravityShare() {
+    if (!options_.addsGravity) return JointVector::Zero(n_);
+    model_.calcDynamics(plant_.measured().q, JointVector::Zero(n_), dynamics_);
+    return dynamics_.gravity;
 }
 
 /** The torque that brings the arm to rest and holds it [Nm]. */
@@ -124,36 +150,66 @@ JointVector RobotServer::calcHold() {
     return dynamics_.M * acceleration + dynamics_.b;
 }
 
-void RobotServer::move(vl_mode mode, const double* torque) {
-    if (isBraked_ || hasFault_) return;
-    JointVector motors;
-    if (mode == VL_TORQUE) {
-        motors = Eigen::Map<const Eigen::VectorXd>(torque, n_);
-        if (options_.addsGravity) {
-            model_.calcDynamics(plant_.measured().q, JointVector::Zero(n_), dynamics_);
-            motors += dynamics_.gravity;
-        }
-        isHolding_ = false;
-    } else {
-        motors = calcHold();
+/** Motors that shall give `torque` [Nm]; isOwn: it is not the host's, whose steps are limited already. */
+void RobotServer::write(JointVector torque, bool isOwn) {
+    const JointVector gravity = calcGravityShare();
+    if (isOwn) {
+        torque -= gravity;
+        vl_robot_note(&robot_, written_.data());  // a torque of this tick may not have come to act
+        vl_robot_limit(&robot_, torque.data());
+        torque += gravity;
     }
+    Eigen::Index joint = 0;
+    const double step = (torque - gravity - written_).cwiseAbs().maxCoeff(&joint);
+    if (step > largestStep_) {
+        largestStep_ = step;
+        largestStepJoint_ = static_cast<int>(joint);
+    }
+    written_ = torque - gravity;
+    if (isBraked_ || hasFault_) return;
     const PluginCall call(configured_->plugins.watches[static_cast<std::size_t>(PluginKind::RealPlant)],
                           static_cast<std::int64_t>(robot_.tick));
-    if (plant_.advance(motors, applied_) != TickStatus::Ok) hasFault_ = true;
+    if (plant_.advance(torque, applied_) != TickStatus::Ok) hasFault_ = true;
 }
 
-void RobotServer::poll() {
+void RobotServer::move(vl_mode mode, const double* torque) {
+    if (isBraked_ || hasFault_) return write(JointVector::Zero(n_), true);  // the brakes carry the arm
+    if (mode == VL_TORQUE && !reportsFault_) {
+        write(Eigen::Map<const Eigen::VectorXd>(torque, n_) + calcGravityShare(), false);
+        isHolding_ = false;
+        holdTick_ = robot_.tick;
+        holdBegin_ = plant_.measured().q;
+    } else {
+        const bool wasHolding = isHolding_;
+        write(calcHold(), true);
+        if (isHolding_ && !wasHolding) {
+            char text[96];
+            std::snprintf(text, sizeof text, "it has come to rest in %.3f s, %.4f rad on",
+                          static_cast<double>(robot_.tick - holdTick_) * tick_s_,
+                          (plant_.measured().q - holdBegin_).lpNorm<Eigen::Infinity>());
+            tell(text);
+        }
+    }
+}
+
+/** What comes within that time. @param begin  of it, by the robot's clock */
+void RobotServer::receive(std::int64_t timeout_ns, std::int64_t begin) {
     std::uint8_t bytes[VL_MAX_PACKET + 1];
-    for (int i = 0; i < 256; ++i) {
-        BadLine::Packet packet;
-        const std::size_t size = vl_line_receive(&line_, bytes, 0, &packet.peer);
+    const std::int64_t before = vl_now_ns();
+    BadLine::Packet packet;
+    for (int i = 0; i < VL_MOST_PACKETS; ++i) {
+        const std::size_t size = vl_line_receive(&line_, bytes, i == 0 ? timeout_ns : 0, &packet.peer);
         if (size == 0) break;
         packet.bytes.assign(bytes, bytes + size);
         packet.from = line_.from;
         packet.fromSize = line_.from_size;
-        fromHost_.put(packet, robot_.tick);
+        fromHost_.put(packet, timeout_ns > 0 ? std::min(begin + vl_now_ns() - before, begin + timeout_ns) : begin);
     }
-    while (const auto packet = fromHost_.take(robot_.tick)) {
+}
+
+void RobotServer::poll() {
+    receive(0, now_ns_);
+    while (const auto packet = fromHost_.take(now_ns_)) {
         const bool hadHost = robot_.has_host;
         vl_robot_receive(&robot_, packet->bytes.data(), packet->bytes.size(), packet->peer);
         if (vl_robot_peer(&robot_) == packet->peer) {
@@ -162,24 +218,26 @@ void RobotServer::poll() {
         }
         if (robot_.has_host && !hadHost) {
             ++hosts_;
+            hostTick_ = robot_.tick;
             placeAtStart();
             tell("a host has come");
         }
     }
+    vl_line_fix(&line_, robot_.has_host);
+}
+
+void RobotServer::sendDue(std::int64_t now) {
+    while (const auto due = toHost_.take(now)) vl_line_send(&line_, due->bytes.data(), due->bytes.size());
 }
 
 void RobotServer::sendState() {
     const JointState& measured = plant_.measured();
     const JointVector* external = plant_.externalTorque();
-    JointVector torque = applied_;
-    if (options_.addsGravity) {
-        model_.calcDynamics(measured.q, JointVector::Zero(n_), dynamics_);
-        torque -= dynamics_.gravity;
-    }
+    const JointVector torque = applied_ - calcGravityShare();
     vl_state state{};
     state.time_ns = static_cast<std::int64_t>(static_cast<double>(robot_.tick) * tick_s_ * 1e9);
     state.flags = isBraked_ ? VL_BRAKES : VL_ENABLED;
-    if (hasFault_) state.flags |= VL_FAULT;
+    if (hasFault_ || reportsFault_) state.flags |= VL_FAULT;
     if (options_.addsGravity) state.flags |= VL_ADDS_GRAVITY;
     if (external) state.flags |= VL_HAS_EXTERNAL;
     for (int i = 0; i < n_; ++i) {
@@ -191,39 +249,64 @@ void RobotServer::sendState() {
     BadLine::Packet packet;
     packet.bytes.resize(VL_MAX_PACKET);
     packet.bytes.resize(vl_robot_state(&robot_, &state, packet.bytes.data()));
-    if (!packet.bytes.empty()) toHost_.put(packet, robot_.tick);
-    while (const auto due = toHost_.take(robot_.tick)) vl_line_send(&line_, due->bytes.data(), due->bytes.size());
+    if (!packet.bytes.empty()) toHost_.put(packet, now_ns_);
+    sendDue(now_ns_);
+}
+
+double RobotServer::sinceHost_s() const {
+    return robot_.has_host ? static_cast<double>(robot_.tick - hostTick_) * tick_s_ : 0.0;
+}
+
+void RobotServer::fail(bool& flag, const char* what) {
+    if (!flag) tell(what);
+    flag = true;
+}
+
+/** Until then; what is under way goes on meanwhile. */
+void RobotServer::awaitTick(std::int64_t next, const std::atomic<int>& stop) {
+    while (stop == 0) {
+        const std::int64_t since = std::min(vl_now_ns() - begin_ns_, period_ns_ - 1), now = now_ns_ + since;
+        if (options_.latency_s > 0.0) sendDue(now);
+        const std::int64_t left = next - vl_now_ns();
+        if (left <= 0) return;
+        if (options_.latency_s > 0.0) {
+            receive(std::clamp<std::int64_t>(toHost_.nextDue() - now, 1, left), now);
+            continue;
+        }
+        const timespec until{static_cast<time_t>(next / 1'000'000'000), static_cast<long>(next % 1'000'000'000)};
+        clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr);
+    }
 }
 
 void RobotServer::run(const std::atomic<int>& stop) {
-    const auto period = static_cast<std::int64_t>(std::llround(tick_s_ / options_.clock * 1e9));
     const auto last = static_cast<std::uint64_t>(std::llround(options_.duration_s / tick_s_));
-    std::int64_t next = vl_now_ns();
     double torque[VL_MAX_JOINTS] = {};
+    begin_ns_ = vl_now_ns();
     while (stop == 0 && (last == 0 || robot_.tick < last)) {
         const bool hadHost = robot_.has_host, hadLapsed = robot_.has_lapsed, hadFault = hasFault_;
+        now_ns_ += period_ns_;
         poll();
         const vl_mode mode = vl_robot_tick(&robot_, torque);
         ticksLapsed_ = robot_.has_lapsed ? ticksLapsed_ + 1 : 0;
-        if (options_.brakeAfter > 0 && ticksLapsed_ == options_.brakeAfter) {
-            isBraked_ = true;
-            tell("its brakes are closed");
-        }
+        const bool brakes = (options_.brakeAfter > 0 && ticksLapsed_ == options_.brakeAfter) ||
+                            (options_.brakeAt_s > 0.0 && sinceHost_s() >= options_.brakeAt_s);
+        if (brakes) fail(isBraked_, "its brakes are closed");
+        if (options_.faultAt_s > 0.0 && sinceHost_s() >= options_.faultAt_s)
+            fail(reportsFault_, "it reports a fault, and holds itself");
         sendState();
         move(mode, torque);
         if (robot_.has_lapsed && !hadLapsed) tell("commands are missing: it holds itself");
         if (hadHost && !robot_.has_host) tell("the host has gone");
         if (hasFault_ && !hadFault) tell("the simulated arm has failed");
 
-        next += period;
+        std::int64_t next = begin_ns_ + period_ns_;
+        awaitTick(next, stop);
         const std::int64_t now = vl_now_ns();
-        if (now > next + period) {
+        if (now > next + period_ns_) {
             ++lateTicks_;
             next = now;
         }
-        const timespec until{static_cast<time_t>(next / 1'000'000'000), static_cast<long>(next % 1'000'000'000)};
-        while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) == EINTR && stop == 0) {
-        }
+        begin_ns_ = next;
     }
 }
 
@@ -232,10 +315,13 @@ std::string RobotServer::describe() const {
     for (int i = VL_GOOD; i < VL_RESULTS; ++i)
         if (robot_.counts[i] > 0)
             detail::addItem(packets, std::to_string(robot_.counts[i]) + " " + vl_result_name(vl_result(i)));
+    char step[128];
+    std::snprintf(step, sizeof step, "%.4g Nm in a tick (%s)", largestStep_,
+                  configured_->plan.robot.joints[static_cast<std::size_t>(largestStepJoint_)].name.c_str());
     return "ticks     " + std::to_string(robot_.tick) + ", late " + std::to_string(lateTicks_) + "\nhosts     " +
            std::to_string(hosts_) + "\ncommands  " + (packets.empty() ? "none" : packets) + "\nrepeated  " +
            std::to_string(robot_.repeated) + " ticks; held itself for want of commands " +
-           std::to_string(robot_.lapses) + " times\n";
+           std::to_string(robot_.lapses) + " times\ntorque    largest step " + step + "\n";
 }
 
 }  // namespace viable

@@ -3,11 +3,13 @@
 #include <signal.h>
 #include <unistd.h>
 
+#include "plugin/StopSignal.h"
+
 namespace viable {
 
 namespace {
 
-std::atomic<int> stopSignal{0};
+using detail::stopSignal;
 
 void onStopSignal(int signal) {
     int none = 0;

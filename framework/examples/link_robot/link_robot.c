@@ -32,6 +32,11 @@ int main(int argc, char** argv) {
     signal(SIGINT, end);
     signal(SIGTERM, end);
     vl_robot_init(&robot, joints, tick_s, vl_random());
+    for (int i = 0; i < joints; ++i) { /* YOURS: what your motors take [Nm, Nm per tick] */
+        robot.torque_limit[i] = 1000.0;
+        robot.torque_step[i] = 20.0;
+    }
+    vl_robot_note(&robot, tau); /* YOURS: what the motors give before the first tick */
     clock_gettime(CLOCK_MONOTONIC, &next);
     for (int64_t tick = 0; tick < last && !ends; ++tick) { /* or: your vendor's callback, once per tick */
         vl_state state;
@@ -43,11 +48,13 @@ int main(int argc, char** argv) {
         state.time_ns = vl_now_ns();
         memcpy(state.q, q, sizeof q); /* YOURS: what the sensors say */
         memcpy(state.qd, qd, sizeof qd);
-        memcpy(state.tau, tau, sizeof tau);
+        memcpy(state.tau, robot.torque, sizeof tau);
         vl_robot_send(&robot, &line, &state);
-        /* YOURS: cut the size and the change of the torques to what your motors take. */
-        for (int i = 0; i < joints; ++i) { /* YOURS: the motors; where mode is VL_HOLD, your own stop and hold */
-            if (mode == VL_HOLD) tau[i] = 100.0 * (held[i] - q[i]) - 20.0 * qd[i];
+        if (mode == VL_HOLD) { /* YOURS: your own stop and hold */
+            for (int i = 0; i < joints; ++i) tau[i] = 100.0 * (held[i] - q[i]) - 20.0 * qd[i];
+            vl_robot_limit(&robot, tau);
+        }
+        for (int i = 0; i < joints; ++i) { /* YOURS: the motors */
             if (mode == VL_TORQUE) held[i] = q[i];
             qd[i] += tick_s * tau[i];
             q[i] += tick_s * qd[i];

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 #include "viable/core/Error.h"
 #include "viable/core/JointTypes.h"
 #include "viable/plugin/FaultMessage.h"
 #include "viable/plugin/PluginExport.h"
+#include "viable/plugin/StopRequest.h"
 
 namespace viable {
 
@@ -65,9 +67,17 @@ constexpr std::int64_t kCallAgain_ns = 10'000'000;
 constexpr double kBreakaway = 1.5;
 /** Stops that are sent at the end: some of them may be lost. */
 constexpr int kFarewells = 3;
-/** Ticks with torques after which the robot has taken one. */
-constexpr int kMostHolding = 100;
-constexpr std::int64_t kMostWaiting = 4096;  // packets taken at once
+/** Ticks for which the robot may still hold itself after the first torque was sent, beside those that a packet takes: the
+nominal arm moves on meanwhile, and what comes later would have to catch up with it. */
+constexpr std::uint64_t kMostHolding = 20;
+/** The last torque of a run is repeated no longer [ticks]. */
+constexpr int kLastRepeats = 5;
+constexpr std::int64_t kMostWaiting = 512;  // packets taken at once
+/** States over which a robot's clock is looked at, and windows in a row that end a run; shares of a tick. */
+constexpr int kClockStates = 40, kClockWindows = 3;
+/** Ticks by which torques may act later than the file says: the gains have as much to spare. */
+constexpr std::uint64_t kSpareDelay = 2;
+constexpr double kClockOff = 0.25, kClockMeanOff = 0.1;
 /** Packets of another version, where no good one came, that are no flipped bits any more. */
 constexpr std::uint64_t kOtherVersions = 4;
 /** Least tolerance of the torque at rest, for noise of the sensors: a share of the joint's limit, or without one [Nm]. */
@@ -99,12 +109,35 @@ vl_key readKey(const std::string& file, const std::string& place) {
     vl_key key{};
     char error[256];
     if (!file.empty() && vl_key_from_file(file.c_str(), &key, error, sizeof error) != 0)
-        throw badInput(place, file + ": " + error,
-                       "Make one: (umask 077; openssl rand -hex 16 > FILE), and give it to the robot, too.");
+        throw badInput(place, file + ": " + error);
     return key;
 }
 
 }  // namespace
+
+void ClockWatch::add(std::uint64_t sequence, std::int64_t time_ns) {
+    if (sequence_ != 0 && sequence > sequence_) {
+        const auto ticks = static_cast<double>(sequence - sequence_);
+        const double seconds = 1e-9 * (static_cast<double>(time_ns) - static_cast<double>(time_ns_));
+        if (!(std::abs(seconds - ticks * tick_s_) <= kClockOff * ticks * tick_s_)) ++off_;
+        ticks_ += ticks;
+        seconds_ += seconds;
+        if (++states_ == kClockStates) {
+            measured_s_ = seconds_ / ticks_;
+            const bool isWrong = 2 * off_ > states_ && !(std::abs(measured_s_ - tick_s_) <= kClockMeanOff * tick_s_);
+            wrongWindows_ = isWrong ? wrongWindows_ + 1 : 0;
+            hasWindow_ = true;
+            states_ = off_ = 0;
+            ticks_ = seconds_ = 0.0;
+        }
+    }
+    sequence_ = sequence;
+    time_ns_ = time_ns;
+}
+
+bool ClockWatch::isWrong() const {
+    return wrongWindows_ >= kClockWindows;
+}
 
 LinkPlant::~LinkPlant() {
     disconnect();
@@ -114,6 +147,7 @@ void LinkPlant::configure(const RunSetup& setup, const Parameters& parameters) {
     robot_ = &setup.robot;
     n_ = setup.size();
     tick_s_ = setup.tick_s;
+    lastTick_ = static_cast<std::uint64_t>(std::max(1.0, std::round(setup.duration_s / tick_s_))) - 1;
     address_ = parameters.text("address");
     place_ = parameters.place("address");
     if (address_.rfind("shm:", 0) != 0) {
@@ -169,6 +203,10 @@ const char* LinkPlant::writePackets() noexcept {
     return *packets_ ? packets_ : "none";
 }
 
+void LinkPlant::refuseIfStopped() const {
+    if (isStopRequested()) refuse("was still being called when the user asked for the end", "");
+}
+
 void LinkPlant::refuseSilence() const {
     const std::uint64_t* const counts = host_.counts;
     if (counts[VL_OTHER_JOINTS] > 0)
@@ -182,7 +220,7 @@ void LinkPlant::refuseSilence() const {
         refuse("speaks version " + std::to_string(host_.other_version) + " of the link, and this is version " +
                    std::to_string(VL_VERSION),
                "Build both sides with the same viable_link.h.");
-    if (counts[VL_CORRUPT] > 0)
+    if (counts[VL_CORRUPT] > counts[VL_GOOD])
         refuse("sends packets that do not pass the check",
                "Give both sides the same key (key_file), or none to both of them.");
     if (counts[VL_GOOD] > 0 && host_.is_connected)
@@ -204,7 +242,10 @@ void LinkPlant::open(std::int64_t end_ns) {
     while (vl_line_open(&line_, address_.c_str(), 0, error, sizeof error) != 0) {
         if (vl_now_ns() >= end_ns)
             refuse("cannot be called: " + std::string(error),
-                   "See that `viable robot` or the robot's driver runs there, as the same user.");
+                   std::string(error).rfind("another host", 0) == 0
+                       ? "End the run that drives it, or wait for its end."
+                       : "See that `viable robot` or the robot's driver runs there, as the same user.");
+        refuseIfStopped();
         const timespec pause{0, 20'000'000};
         nanosleep(&pause, nullptr);
     }
@@ -215,14 +256,15 @@ void LinkPlant::open(std::int64_t end_ns) {
 
 void LinkPlant::disconnect() noexcept {
     if (!isOpen_) return;
-    for (int i = 0; i < kFarewells && host_.session.robot != 0; ++i) send(VL_STOP, nullptr);
+    for (int i = 0; i < kFarewells && host_.session.robot != 0; ++i) send(VL_STOP);
     vl_line_close(&line_);
     isOpen_ = false;
 }
 
-void LinkPlant::send(vl_mode mode, const double* torque) {
+void LinkPlant::send(vl_mode mode, const double* torque, int mostRepeats) {
     std::uint8_t packet[VL_MAX_PACKET];
-    const std::size_t size = vl_host_command(&host_, mode, torque, repeats_, packet);
+    const std::size_t size = vl_host_command(&host_, mode, torque, std::min(repeats_, mostRepeats), packet);
+    answered_[host_.sent % answered_.size()] = host_.last_sequence;
     if (size > 0) vl_line_send(&line_, packet, size);  // what the system does not take is lost, as on any line
 }
 
@@ -250,15 +292,28 @@ void LinkPlant::takeState() {
 
 void LinkPlant::awaitRest(std::int64_t end_ns) {
     int states = 0;
+    std::uint64_t heard = 0;
+    std::vector<std::uint64_t> delays;
     JointVector velocities = JointVector::Zero(n_), torques = JointVector::Zero(n_);
     for (;;) {
         const bool isNew = receive(kCallAgain_ns);
         const std::uint64_t* const counts = host_.counts;
         if (!(isNew && host_.is_connected) && vl_now_ns() >= end_ns) refuseSilence();
+        refuseIfStopped();
         const bool isOtherVersion = counts[VL_GOOD] == 0 && counts[VL_OTHER_VERSION] >= kOtherVersions;
         if (counts[VL_OTHER_JOINTS] > 0 || counts[VL_OTHER_TICK] > 0 || isOtherVersion) refuseSilence();
-        send(VL_HOLD, nullptr);  // the first of them call it
+        send(VL_HOLD);  // the first of them call it
         if (!isNew || !host_.is_connected) continue;
+        mostUnderWay_ = std::max(mostUnderWay_, host_.sent - received_.echo);
+        if (received_.echo > heard && host_.sent - received_.echo < answered_.size() && heard != 0)
+            delays.push_back(received_.sequence - answered_[received_.echo % answered_.size()]);
+        heard = received_.echo;
+        clock_.add(received_.sequence, received_.time_ns);
+        if (clock_.isWrong())
+            refuse("says that its tick is " + formatShort(tick_s_) + " s, and its time goes on by " +
+                       formatShort(clock_.measured_s()) + " s in each",
+                   "Correct the tick in its driver (vl_robot_init()) and here (tick_s), or time_ns in its states: "
+                   "nanoseconds of the clock that makes the ticks.");
         for (int i = 0; i < n_; ++i) {
             velocities[i] += received_.qd[i] / kRestStates;
             torques[i] += received_.tau[i] / kRestStates;
@@ -266,7 +321,8 @@ void LinkPlant::awaitRest(std::int64_t end_ns) {
         if (++states < kRestStates) continue;
         restVelocities_ = velocities;
         restTorques_ = torques;
-        if (velocities.lpNorm<Eigen::Infinity>() <= restVelocity_) return;
+        if (velocities.lpNorm<Eigen::Infinity>() <= restVelocity_ && clock_.isGood())
+            return checkDelay(std::move(delays));
         if (vl_now_ns() >= end_ns) refuseSilence();
         states = 0;
         velocities.setZero();
@@ -276,18 +332,56 @@ void LinkPlant::awaitRest(std::int64_t end_ns) {
 
 const char* LinkPlant::findTrouble() const {
     const unsigned flags = received_.flags;
-    if (flags & VL_FAULT) return "it reports a fault of its own";
-    if (flags & VL_BRAKES) return "its brakes are closed";
-    if (!(flags & VL_ENABLED)) return "its motors are not enabled";
-    if (flags & VL_LAPSED) return "it missed commands for longer than repeat_ticks, and holds itself";
-    if (((flags & VL_ADDS_GRAVITY) != 0) != addsGravity_) return "what it adds for gravity is not as adds_gravity says";
+    if (flags & VL_FAULT) return "it reports a fault of its own; find and clear it at the robot";
+    if (flags & VL_BRAKES) return "its brakes are closed; see at the robot what closed them";
+    if (!(flags & VL_ENABLED)) return "its motors are not enabled; see at the robot what switched them off";
+    if (flags & VL_LAPSED)
+        return "it missed commands for longer than repeat_ticks, and holds itself; see what kept this program or the "
+               "line, "
+               "or raise repeat_ticks";
+    if (((flags & VL_ADDS_GRAVITY) != 0) != addsGravity_)
+        return "what it adds for gravity is not as adds_gravity says any more; see what changed it at the robot";
     if (((flags & VL_ADDS_FRICTION) != 0) != addsFriction_)
-        return "what it adds for friction is not as adds_friction says";
-    if (measuresExternal_ && !(flags & VL_HAS_EXTERNAL)) return "it measures the torque of the surroundings no more";
-    const auto patience = static_cast<std::uint64_t>(repeats_ + kMostHolding);
-    if ((flags & VL_HOLDS) && drivenSequence_ != 0 && received_.sequence > drivenSequence_ + patience)
-        return "it takes no torque: they come later than repeat_ticks allows";
+        return "what it adds for friction is not as adds_friction says any more; see what changed it at the robot";
+    if (measuresExternal_ && !(flags & VL_HAS_EXTERNAL))
+        return "it measures the torque of the surroundings no more; see its sensors, or write external_torque: false";
     return nullptr;
+}
+
+const char* LinkPlant::judgeFollowing() noexcept {
+    clock_.add(received_.sequence, received_.time_ns);
+    if (clock_.isWrong()) {
+        std::snprintf(why_, sizeof why_,
+                      "it says that its tick is %.4g s, and its time goes on by %.4g s in each; see what slows its "
+                      "driver, or correct time_ns in its states",
+                      tick_s_, clock_.measured_s());
+        return why_;
+    }
+    if (!hasSent_) return nullptr;
+    if (!(received_.flags & VL_HOLDS)) {
+        hasFollowed_ = true;
+        return nullptr;
+    }
+    if (hasFollowed_) return "it holds itself and follows no torque any more; see what its driver says";
+    if (++holdingTicks_ <= mostUnderWay_ + kMostHolding) return nullptr;
+    std::snprintf(
+        why_, sizeof why_,
+        "it takes no torque, %llu ticks after the first one: they are lost, or come later than repeat_ticks: %d "
+        "allows; see the line, or raise repeat_ticks",
+        static_cast<unsigned long long>(holdingTicks_), repeats_);
+    return why_;
+}
+
+void LinkPlant::checkDelay(std::vector<std::uint64_t> ticks) const {
+    if (ticks.empty())
+        refuse("has more than " + std::to_string(answered_.size()) + " commands under way", "See what slows the line.");
+    const auto middle = ticks.begin() + static_cast<std::ptrdiff_t>(ticks.size() / 2);
+    std::nth_element(ticks.begin(), middle, ticks.end());
+    if (*middle <= static_cast<std::uint64_t>(delayTicks_) + kSpareDelay) return;
+    refuse("lets a torque act " + std::to_string(*middle) + " ticks after the state that it answers (median of " +
+               std::to_string(ticks.size()) + "), and the file says delay_ticks: " + std::to_string(delayTicks_),
+           "See what slows the line or this computer, or write delay_ticks: " + std::to_string(*middle) +
+               ", which the gains of the robust loop follow.");
 }
 
 void LinkPlant::checkRobot(const MotionState& start) {
@@ -348,8 +442,9 @@ void LinkPlant::checkRestTorque() {
 
 void LinkPlant::reset(const MotionState& start) {
     disconnect();
-    isGone_ = false;
-    readSequence_ = drivenSequence_ = 0;
+    isGone_ = hasSent_ = hasFollowed_ = false;
+    firstSequence_ = readSequence_ = mostUnderWay_ = holdingTicks_ = 0;
+    clock_ = ClockWatch(tick_s_);
     received_ = vl_state{};
     restVelocities_.setZero(n_);
     restTorques_.setZero(n_);
@@ -374,7 +469,7 @@ TickStatus LinkPlant::fail(const char* why) noexcept {
                       "it cannot drive the robot at %.80s any more: %s (packets: %s; ticks without a state: %llu)",
                       address_.c_str(), why, writePackets(), static_cast<unsigned long long>(host_.lost));
         isGone_ = true;
-        if (isOpen_) send(VL_STOP, nullptr);  // or it repeats the last torque; does not wait
+        if (isOpen_) send(VL_STOP);  // or it repeats the last torque; does not wait
     }
     explainFault(text_);
     return TickStatus::Faulted;
@@ -386,13 +481,18 @@ TickStatus LinkPlant::read(std::int64_t& ticksPassed) {
     if (readSequence_ == 0) receive(0);  // what has waited since reset() is old
     if (!receive(toNanoseconds(silenceTimeout_s_))) {
         char why[96];
-        std::snprintf(why, sizeof why, "no state has come for %.3g s", silenceTimeout_s_);
+        std::snprintf(why, sizeof why, "no state has come for %.3g s; see that it and the line are up",
+                      silenceTimeout_s_);
         return fail(why);
     }
     takeState();
     if (const char* trouble = findTrouble()) return fail(trouble);
+    if (const char* trouble = judgeFollowing()) return fail(trouble);
     // Until the first read() it has held itself: no tick was missed.
-    if (readSequence_ != 0) ticksPassed = static_cast<std::int64_t>(received_.sequence - readSequence_);
+    if (readSequence_ != 0)
+        ticksPassed = static_cast<std::int64_t>(received_.sequence - readSequence_);
+    else
+        firstSequence_ = received_.sequence;
     readSequence_ = received_.sequence;
     return TickStatus::Ok;
 }
@@ -402,9 +502,11 @@ TickStatus LinkPlant::advance(const JointVector& torque, JointVector& applied) {
     if (isGone_ || !isOpen_) return fail("it is not connected");
     JointVector motors = torque;
     const JointVector& sent = sender_->send(state_.q, motors);
-    if (!vl_are_plausible(sent.data(), n_, host_.largest_torque)) return fail("a torque beyond 1e6 Nm was to be sent");
-    send(VL_TORQUE, sent.data());
-    if (drivenSequence_ == 0) drivenSequence_ = received_.sequence;
+    if (!vl_are_plausible(sent.data(), n_, host_.largest_torque))
+        return fail("a torque beyond 1e6 Nm was to be sent; see torque_limit_Nm in the robot's actuation.yaml");
+    const std::uint64_t tick = readSequence_ - firstSequence_;
+    send(tick < lastTick_ ? VL_TORQUE : VL_LAST, sent.data(), tick == lastTick_ ? kLastRepeats : 1 << 16);
+    hasSent_ = true;
     applied = motors;
     return TickStatus::Ok;
 }

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "viable/link/viable_link.h"
 #include "viable/plugin/RealPlant.h"
@@ -11,14 +13,35 @@
 
 namespace viable {
 
+/** Compares a robot's clock with the tick that it claims, over windows of states. Wrong is a window in which most ticks and the
+mean are: a robot that is late now and then, or makes up for it, is not meant. */
+class ClockWatch {
+public:
+    explicit ClockWatch(double tick_s) : tick_s_(tick_s) {}
+    /** A newer state came. */
+    void add(std::uint64_t sequence, std::int64_t time_ns);
+    bool isGood() const { return hasWindow_ && wrongWindows_ == 0; }
+    bool isWrong() const;
+    double measured_s() const { return measured_s_; }  ///< of the last whole window
+
+private:
+    double tick_s_;
+    std::uint64_t sequence_ = 0;  // of the last state; 0: none
+    std::int64_t time_ns_ = 0;
+    int states_ = 0, off_ = 0, wrongWindows_ = 0;  // of this window; in a row
+    double ticks_ = 0.0, seconds_ = 0.0, measured_s_ = 0.0;
+    bool hasWindow_ = false;
+};
+
 /** A robot in another process or another computer, over the link of viable_link.h; its packets make the ticks.
 
 Method: reset() calls the robot, and watches its states until the arm has rested for kRestStates of them; there it compares
 what the robot says of itself with what the file says: joints, tick, flags, start, and the torque that carries the arm.
 read() waits for the next state and takes the newest one that is there; advance() answers it. TorqueSender makes what is sent.
-Assumes: the robot has a stop and a hold of its own, and takes them where commands are missing.
+From the last tick of the run on it says with each torque that none need follow (VL_LAST), so that the robot does not wait while
+a log is written. Assumes: the robot has a stop and a hold of its own, and takes them where commands are missing.
 Guarantees: nothing that is not finite is sent; a state that is not whole, not of this session, not newer or not plausible
-is dropped and counted; a robot that is silent, brakes, holds itself or reports a fault ends the run.
+is dropped and counted; a robot that is silent, brakes, holds itself, reports a fault or has another tick by its own clock ends the run.
 Real time: read(), advance() and measured() allocate, lock and throw nothing. read() waits up to silence_timeout_s. */
 class LinkPlant : public RealPlant {
 public:
@@ -45,14 +68,19 @@ private:
     /** What the file and the robot disagree about; throws Error. */
     void checkRobot(const MotionState& start);
     void checkRestTorque();
+    /** Of commands: ticks from a state to the one that shows its answer. */
+    void checkDelay(std::vector<std::uint64_t> ticks) const;
     [[noreturn]] void refuse(const std::string& what, const std::string& remedy) const;
     [[noreturn]] void refuseSilence() const;
+    void refuseIfStopped() const;
     /** Waits for a state and takes the newest that is there. False: none came. */
     bool receive(std::int64_t timeout_ns);
-    void send(vl_mode mode, const double* torque);
+    void send(vl_mode mode, const double* torque = nullptr, int mostRepeats = 1 << 16);
     void takeState();
     /** Why the robot does not follow torques; null: it does. */
     const char* findTrouble() const;
+    /** Whether it follows the torques; null: as far as can be told. */
+    const char* judgeFollowing() noexcept;
     TickStatus fail(const char* why) noexcept;
     const char* writePackets() noexcept;
 
@@ -73,12 +101,17 @@ private:
     vl_host host_{};
     bool isOpen_ = false, isGone_ = false;
     vl_state received_{};
-    std::uint64_t readSequence_ = 0;            // of the last read(); 0: none since reset()
-    std::uint64_t drivenSequence_ = 0;          // that the first torque answered; 0: none
-    JointVector restVelocities_, restTorques_;  // means while it rested
+    std::array<std::uint64_t, 64> answered_{};  // states, by the number of the command
+    ClockWatch clock_{0.0};
+    std::uint64_t firstSequence_ = 0, readSequence_ = 0;  // of the first and the last read(); 0: none since reset()
+    std::uint64_t lastTick_ = 0;                          // of the run, from 0
+    std::uint64_t mostUnderWay_ = 0;                      // commands that the robot had not heard yet, while it rested
+    std::uint64_t holdingTicks_ = 0;                      // since the first torque was sent
+    bool hasSent_ = false, hasFollowed_ = false;          // torques
+    JointVector restVelocities_, restTorques_;            // means while it rested
     JointState state_;
     JointVector external_;
-    char text_[512] = "", packets_[256] = "";
+    char text_[512] = "", packets_[256] = "", why_[256] = "";
 };
 
 }  // namespace viable

@@ -5,7 +5,8 @@ pasted into any vendor's callback. Transports (UDP, shared memory) follow at the
 VL_WITHOUT_TRANSPORT for a robot that brings its own. With -std=c99 include this header first, or define _GNU_SOURCE.
 
 Once per tick, the robot: polls commands, asks vl_robot_tick() for the torque, and sends a state (vl_robot_state()). The
-host answers every state with a command, which acts from the tick after that state on. The robot's clock makes the ticks.
+host answers every state with a command, which acts from the tick after that state on. The robot's clock makes the ticks: the
+host ends where a robot's time [ns] does not agree with the tick that it claims.
 
 Packets: little-endian, of a size fixed by the number n of joints. Bytes:
      0  u32  magic "vLNK"              24  u64  the robot's number of this session
@@ -21,14 +22,18 @@ Packets: little-endian, of a size fixed by the number n of joints. Bytes:
 Units: rad and Nm (joints that slide: m and N). Torques, commanded and measured, are in one convention: where the robot adds
 gravity (VL_ADDS_GRAVITY), both are without it.
 
-Session: the host begins with hold commands in which the robot's number is 0. The robot answers with a new random number, and
-takes a command that carries both. So no packet of another session is taken, and of its own each at most once: with a
-key, nothing that was recorded is of any use to a stranger. Without one, whoever reaches the robot can command it.
-One host at a time: the first one stays until it says stop or is silent for release_ticks.
+Session: the host says hello, a hold command in which the robot's number is 0. The robot answers each hello with one state
+and a number that only the caller learns, and that is another one after every session. A session begins with a hold command
+that carries both numbers and answers a recent state. So no packet of another session is taken, and of its own each at
+most once: with a key, nothing that was recorded is of any use to a stranger, hello included. Without one, whoever reaches the
+robot can command it. One host at a time: the first one stays until it says stop or is silent for release_ticks.
 
 Late and lost commands: one that answers state s may act in the ticks s + 1 to s + 1 + repeats. After that the robot holds
-itself and tells so (VL_LAPSED) until a hold command comes. Nothing here allocates, locks or waits, but for the functions that
-say so. SPDX-License-Identifier: Apache-2.0 */
+itself and tells so (VL_LAPSED) until a hold command comes; after a VL_LAST, which tells that none need follow, as after stop.
+
+Steps: whatever comes, goes missing or comes late, the torque changes by no more than torque_step per tick, also into and out
+of the robot's own hold, whose torque goes through vl_robot_limit(). Nothing here allocates, locks or waits, but for the
+functions that say so. SPDX-License-Identifier: Apache-2.0 */
 #ifndef VIABLE_LINK_H
 #define VIABLE_LINK_H
 
@@ -53,7 +58,8 @@ enum {
     VL_LAPSED = 128       /* torques went missing, and it holds itself; set by vl_robot_state() */
 };
 
-typedef enum vl_mode { VL_HOLD = 0, VL_TORQUE = 1, VL_STOP = 2 } vl_mode; /* stop: come to rest, the host goes */
+/* Stop: come to rest, the host goes. Last: a torque after which the host may have gone. */
+typedef enum vl_mode { VL_HOLD = 0, VL_TORQUE = 1, VL_STOP = 2, VL_LAST = 3 } vl_mode;
 
 /* What a packet came to. Anything but VL_GOOD: it was dropped and counted. */
 typedef enum vl_result {
@@ -316,7 +322,7 @@ static inline vl_result vl_decode_command(const void* bytes, size_t size, const 
     const uint8_t* const packet = (const uint8_t*)bytes;
     const vl_result result = vl_check_packet(packet, size, VL_IS_COMMAND, key);
     if (result != VL_GOOD) return result;
-    if (packet[7] > VL_STOP) return VL_ABSURD;
+    if (packet[7] > VL_LAST) return VL_ABSURD;
     memset(c, 0, sizeof *c);
     c->joints = packet[6];
     c->mode = (vl_mode)packet[7];
@@ -336,24 +342,27 @@ typedef struct vl_robot {
     /* Set by vl_robot_init(); may be changed before the first tick. */
     int joints;
     uint32_t tick_ns;
-    int most_repeats;       /* no command is repeated longer, whatever it says [ticks] */
-    uint32_t release_ticks; /* a host that is silent for so long has gone */
-    double torque_limit[VL_MAX_JOINTS];
+    int most_repeats;                   /* no command is repeated longer, whatever it says [ticks] */
+    uint32_t release_ticks;             /* a host that is silent for so long has gone */
+    double torque_limit[VL_MAX_JOINTS]; /* largest torque that is written [Nm] */
+    double torque_step[VL_MAX_JOINTS];  /* largest change of it per tick [Nm] */
     vl_key key;
     /* To be read. */
     uint64_t tick;               /* of the last vl_robot_tick(), from 1 */
     uint64_t counts[VL_RESULTS]; /* packets */
     uint64_t repeated, lapses;   /* ticks with an older command; times that commands went missing */
     int has_host, has_lapsed;
+    double torque[VL_MAX_JOINTS]; /* what was written last [Nm] */
     /* Its own. */
-    uint64_t random, peer, heard_tick, last_sequence;
-    uint64_t caller, caller_tick; /* who has said hello, and when */
+    uint64_t random, sessions, peer, heard_tick, last_sequence;
+    uint64_t caller, calls; /* who is answered in this tick, of how many that said hello */
     vl_session session, called;
     vl_command command;
     vl_mode acts;
 } vl_robot;
 
-/* joints: up to VL_MAX_JOINTS; seed: a number that nobody can guess, such as vl_random(). */
+/* joints: up to VL_MAX_JOINTS; seed: a number that nobody can guess, such as vl_random(). The motors give no torque yet: see
+vl_robot_note(). */
 static inline void vl_robot_init(vl_robot* r, int joints, double tick_s, uint64_t seed) {
     memset(r, 0, sizeof *r);
     r->joints = joints;
@@ -361,70 +370,81 @@ static inline void vl_robot_init(vl_robot* r, int joints, double tick_s, uint64_
     r->tick_ns = (uint32_t)(tick_s * 1e9 + 0.5);
     r->most_repeats = 100;
     r->release_ticks = (uint32_t)(2.0 / tick_s + 0.5);
-    for (int i = 0; i < VL_MAX_JOINTS; ++i) r->torque_limit[i] = 1e6;
+    for (int i = 0; i < VL_MAX_JOINTS; ++i) r->torque_limit[i] = r->torque_step[i] = 1e6;
     r->random = seed;
 }
 
-static inline uint64_t vl_robot_new_number(vl_robot* r) { /* the next of a keyed sequence; never 0 */
+/* The robot's number of the next session with this caller: never 0, nobody else can tell it. It follows from the caller, so
+that hello is nothing to be remembered, and who says it again and again takes nothing from others. */
+static inline uint64_t vl_robot_number(const vl_robot* r, uint64_t host, uint64_t peer) {
     const vl_key key = {1, {r->random, UINT64_C(0x9e3779b97f4a7c15) ^ r->key.k[1]}};
-    uint8_t in[8], out[16];
-    vl_put(in, r->tick, 8);
-    vl_siphash(&key, in, sizeof in, out, 16);
-    r->random = vl_get(out + 8, 8);
+    uint8_t in[24], out[8];
+    vl_put(in, host, 8);
+    vl_put(in + 8, peer, 8);
+    vl_put(in + 16, r->sessions, 8);
+    vl_siphash(&key, in, sizeof in, out, 8);
     return vl_get(out, 8) | 1u;
 }
 
-/* Whom states go to; 0: nobody. */
+/* Whom the next state goes to; 0: nobody. */
 static inline uint64_t vl_robot_peer(const vl_robot* r) {
-    if (r->has_host) return r->peer;
-    return r->caller && r->tick - r->caller_tick <= r->release_ticks ? r->caller : 0;
+    return r->has_host ? r->peer : r->caller;
 }
 
 static inline int vl_is_same_session(vl_session a, vl_session b) {
     return a.host == b.host && a.robot == b.robot;
 }
 
+static inline void vl_robot_release(vl_robot* r) {
+    if (r->has_host) ++r->sessions;
+    r->has_host = 0;
+}
+
 static inline vl_result vl_robot_judge(vl_robot* r, const void* bytes, size_t size, uint64_t peer) {
     vl_command c;
     vl_session session;
-    const vl_result result = vl_decode_command(bytes, size, &r->key, &c, &session);
+    vl_result result;
+    const int is_first = !r->has_host;
+    if (r->has_host && peer != r->peer) return VL_FOREIGN; /* before any work is done for it */
+    result = vl_decode_command(bytes, size, &r->key, &c, &session);
     if (result != VL_GOOD) return result;
     if (session.robot == 0) { /* hello */
-        if (r->has_host) return peer == r->peer && session.host == r->session.host ? VL_OLD : VL_FOREIGN;
+        if (r->has_host) return session.host == r->session.host ? VL_OLD : VL_FOREIGN;
         if (c.mode != VL_HOLD) return VL_FOREIGN;
-        if (!vl_robot_peer(r) || r->caller != peer || r->called.host != session.host) {
+        /* One of those that call in a tick is answered, each as likely as the others. */
+        if (++r->calls == 1 || vl_robot_number(r, r->tick, r->calls) / 2 % r->calls == 0) {
             r->caller = peer;
             r->called.host = session.host;
-            r->called.robot = vl_robot_new_number(r);
+            r->called.robot = vl_robot_number(r, session.host, peer);
         }
-        r->caller_tick = r->tick;
         return VL_GOOD;
     }
     if (c.joints != r->joints) return VL_OTHER_JOINTS;
     if (c.tick_ns != r->tick_ns) return VL_OTHER_TICK;
-    if (!r->has_host) {
+    if (is_first) {
         if (peer == r->peer && vl_is_same_session(session, r->session)) return VL_OLD; /* it has ended */
-        if (!r->caller || peer != r->caller || !vl_is_same_session(session, r->called)) return VL_FOREIGN;
+        if (c.mode != VL_HOLD || session.robot != vl_robot_number(r, session.host, peer)) return VL_FOREIGN;
+    } else if (!vl_is_same_session(session, r->session)) {
+        return VL_FOREIGN;
+    } else if (c.sequence <= r->last_sequence) {
+        return c.sequence == r->last_sequence ? VL_DUPLICATE : VL_OLD;
+    }
+    if (c.echo > r->tick || !vl_are_plausible(c.tau, c.joints, 1e6)) return VL_ABSURD;
+    if (is_first && r->tick - c.echo > r->release_ticks) return VL_OLD;
+    if (c.repeats > r->most_repeats) c.repeats = r->most_repeats;
+    if ((c.mode == VL_TORQUE || c.mode == VL_LAST) && r->tick - c.echo > (uint64_t)c.repeats) return VL_OLD;
+    if (is_first) {
         r->has_host = 1;
         r->peer = peer;
         r->session = session;
-        r->caller = 0;
-        r->last_sequence = 0;
-        r->has_lapsed = 0;
-        r->acts = VL_HOLD;
+        r->caller = r->calls = 0;
     }
-    if (peer != r->peer || !vl_is_same_session(session, r->session)) return VL_FOREIGN;
-    if (c.sequence == r->last_sequence) return VL_DUPLICATE;
-    if (c.sequence < r->last_sequence) return VL_OLD;
-    if (c.echo > r->tick || !vl_are_plausible(c.tau, c.joints, 1e6)) return VL_ABSURD;
-    if (c.repeats > r->most_repeats) c.repeats = r->most_repeats;
-    if (c.mode == VL_TORQUE && r->tick - c.echo > (uint64_t)c.repeats) return VL_OLD;
     r->last_sequence = c.sequence;
     r->heard_tick = r->tick;
     r->command = c;
-    r->acts = c.mode;
+    r->acts = c.mode == VL_LAST ? VL_TORQUE : c.mode;
     if (c.mode == VL_HOLD) r->has_lapsed = 0;
-    if (c.mode == VL_STOP) r->has_host = 0;
+    if (c.mode == VL_STOP) vl_robot_release(r);
     return VL_GOOD;
 }
 
@@ -435,29 +455,52 @@ static inline vl_result vl_robot_receive(vl_robot* r, const void* bytes, size_t 
     return result;
 }
 
-/* Once per tick, after the packets that came: VL_TORQUE, and `tau` [Nm] is to act in this tick; or VL_HOLD, and the robot
-comes to rest and holds itself by its own means. */
+/* Of the torque that the robot's own stop and hold wants to write in a tick of VL_HOLD makes the one that may be written [Nm]:
+within torque_limit, and no more than torque_step from the last one; what is not finite becomes the last one. */
+static inline void vl_robot_limit(vl_robot* r, double* tau) {
+    for (int i = 0; i < r->joints; ++i) {
+        const double most = r->torque_limit[i], last = r->torque[i];
+        const double lowest = last - r->torque_step[i], highest = last + r->torque_step[i];
+        double one = vl_is_plausible(tau[i], 1e300) ? tau[i] : last;
+        one = one > most ? most : one < -most ? -most : one;
+        tau[i] = r->torque[i] = one > highest ? highest : one < lowest ? lowest : one;
+    }
+}
+
+/* What the motors give now [Nm]: from there the next torque sets out. Before the first tick; in each tick in which the robot
+holds itself otherwise, by brakes or its vendor's controller; and where a torque of vl_robot_tick() was not let act. */
+static inline void vl_robot_note(vl_robot* r, const double* tau) {
+    for (int i = 0; i < r->joints; ++i)
+        if (vl_is_plausible(tau[i], 1e300)) r->torque[i] = tau[i];
+}
+
+/* Once per tick, after the packets that came: VL_TORQUE, and `tau` [Nm] is to act in this tick, as it is; or VL_HOLD, and the
+robot comes to rest and holds itself by its own means; see vl_robot_limit() and vl_robot_note(). */
 static inline vl_mode vl_robot_tick(vl_robot* r, double* tau) {
     ++r->tick;
-    if (r->has_host && r->tick - r->heard_tick > r->release_ticks) r->has_host = 0;
+    if (r->has_host && r->tick - r->heard_tick > r->release_ticks) vl_robot_release(r);
     if (r->acts == VL_TORQUE && !r->has_lapsed) {
         const uint64_t age = r->tick - r->command.echo;
         if (r->has_host && age <= 1u + (uint64_t)r->command.repeats) {
             if (age > 1) ++r->repeated;
-            for (int i = 0; i < r->joints; ++i) {
-                const double most = r->torque_limit[i], wanted = r->command.tau[i];
-                tau[i] = wanted > most ? most : wanted < -most ? -most : wanted;
-            }
+            memcpy(tau, r->command.tau, (size_t)r->joints * sizeof *tau);
+            vl_robot_limit(r, tau);
             return VL_TORQUE;
         }
-        r->has_lapsed = 1;
-        ++r->lapses;
+        if (r->command.mode == VL_LAST) {
+            r->acts = VL_STOP;
+            vl_robot_release(r);
+        } else {
+            r->has_lapsed = 1;
+            ++r->lapses;
+        }
     }
     return VL_HOLD;
 }
 
 /* After vl_robot_tick(): the packet to send to vl_robot_peer(), of at most VL_MAX_PACKET bytes. Returns its size; 0: there is
-nobody. Of `s` the caller fills in time_ns, q, qd, tau, external and the flags but VL_HOLDS and VL_LAPSED. */
+nobody. Of `s` the caller fills in time_ns (of the clock that makes the ticks; any beginning), q, qd, tau, external and the
+flags but VL_HOLDS and VL_LAPSED. */
 static inline size_t vl_robot_state(vl_robot* r, vl_state* s, uint8_t* packet) {
     if (!vl_robot_peer(r)) return 0;
     s->sequence = r->tick;
@@ -467,6 +510,7 @@ static inline size_t vl_robot_state(vl_robot* r, vl_state* s, uint8_t* packet) {
     s->flags &= ~(unsigned)(VL_HOLDS | VL_LAPSED);
     if (r->has_lapsed) s->flags |= VL_LAPSED;
     if (r->has_lapsed || r->acts != VL_TORQUE) s->flags |= VL_HOLDS;
+    r->caller = r->calls = 0; /* answered */
     return vl_encode_state(packet, s, r->has_host ? r->session : r->called, &r->key);
 }
 
@@ -547,11 +591,11 @@ static inline vl_result vl_host_receive(vl_host* h, const void* bytes, size_t si
 }
 
 /* The packet to send to the robot: the answer to the last state, or hello where there is none yet. Returns its size; 0 for a
-torque that is not finite. tau: of VL_TORQUE. */
+torque that is not finite. tau: of VL_TORQUE and VL_LAST. */
 static inline size_t vl_host_command(vl_host* h, vl_mode mode, const double* tau, int repeats, uint8_t* packet) {
     vl_command c;
     memset(&c, 0, sizeof c);
-    if (mode == VL_TORQUE) {
+    if (mode == VL_TORQUE || mode == VL_LAST) {
         if (!vl_are_plausible(tau, h->joints, h->largest_torque)) return 0;
         memcpy(c.tau, tau, (size_t)h->joints * sizeof *tau);
     }
@@ -575,7 +619,6 @@ static inline size_t vl_host_command(vl_host* h, vl_mode mode, const double* tau
 #include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -602,6 +645,7 @@ static const uint64_t vl_shared_magic = UINT64_C(0x314d48534b4e4c76); /* "vLNKSH
 typedef struct vl_line {
     int fd; /* -1: closed */
     int is_robot;
+    int is_fixed;                     /* UDP: the system drops what others than `to` send */
     struct sockaddr_storage from, to; /* UDP: the last sender, whom send() writes to */
     socklen_t from_size, to_size;
     vl_shared* shared; /* null: UDP */
@@ -621,25 +665,29 @@ static inline uint64_t vl_random(void) {
     return (uint64_t)now.tv_nsec * UINT64_C(0x9e3779b97f4a7c15) ^ (uint64_t)now.tv_sec ^ (uint64_t)getpid() << 40;
 }
 
-/* The key in a file that only its owner can read; see vl_key_from_hex(). Returns 0, or -1 and the reason in `error`. */
+/* The key in a file that its owner alone can read and write; see vl_key_from_hex(). Returns 0, or -1 and the reason, with
+what helps, in `error`. */
 static inline int vl_key_from_file(const char* file, vl_key* key, char* error, size_t size) {
+    static const char* const make = "make one: (umask 077; openssl rand -hex 16 > FILE), and give it to both sides";
     char text[128];
     struct stat status;
-    const int fd = open(file, O_RDONLY | O_CLOEXEC);
+    const int fd = open(file, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     const ssize_t got = fd < 0 ? -1 : read(fd, text, sizeof text - 1);
-    const int is_known = fd >= 0 && fstat(fd, &status) == 0;
+    const int is_known = got >= 0 && fstat(fd, &status) == 0;
+    const int why = errno;
     if (fd >= 0) close(fd);
-    if (got < 0 || !is_known) {
-        snprintf(error, size, "it cannot be read: %s", strerror(errno));
-        return -1;
+    if (!is_known) {
+        snprintf(error, size, "it cannot be read: %s; %s", strerror(why), make);
+    } else if (status.st_uid != geteuid() && status.st_uid != 0) {
+        snprintf(error, size, "it belongs to another user, who can change it; %s", make);
+    } else if (status.st_mode & (S_IRWXG | S_IRWXO)) {
+        snprintf(error, size, "other users can read or write it (mode %o); if nobody did: chmod 600 %s",
+                 (unsigned)status.st_mode & 07777u, file);
+    } else {
+        text[got] = '\0';
+        if (vl_key_from_hex(text, key) == 0) return 0;
+        snprintf(error, size, "it does not hold a key of 32 hexadecimal digits; %s", make);
     }
-    if (status.st_mode & (S_IRGRP | S_IROTH)) {
-        snprintf(error, size, "other users can read it (chmod 600)");
-        return -1;
-    }
-    text[got] = '\0';
-    if (vl_key_from_hex(text, key) == 0) return 0;
-    snprintf(error, size, "it does not hold a key of 32 hexadecimal digits");
     return -1;
 }
 
@@ -707,26 +755,70 @@ static inline int vl_line_fail(vl_line* line, char* error, size_t size, const ch
     return -1;
 }
 
+/* One byte of a file for whoever has opened it: 0 the robot's, 1 the host's. The system takes it back from a process that is
+killed. Returns 0, or -1: somebody else has it. */
+static inline int vl_lock(int fd, int byte) {
+    struct flock lock;
+    memset(&lock, 0, sizeof lock);
+    lock.l_type = F_WRLCK;
+    lock.l_whence = SEEK_SET;
+    lock.l_start = byte;
+    lock.l_len = 1;
+    return fcntl(fd, F_OFD_SETLK, &lock);
+}
+static inline int vl_is_locked(int fd, int byte) {
+    struct flock lock;
+    memset(&lock, 0, sizeof lock);
+    lock.l_type = F_WRLCK;
+    lock.l_whence = SEEK_SET;
+    lock.l_start = byte;
+    lock.l_len = 1;
+    return fcntl(fd, F_OFD_GETLK, &lock) == 0 && lock.l_type != F_UNLCK;
+}
+
 static inline int vl_line_open_shared(vl_line* line, const char* name, char* error, size_t size) {
     struct stat status;
     void* memory;
     if (!*name || strchr(name, '/') || strlen(name) > 100)
         return vl_line_fail(line, error, size, "a name of shared memory is 1 to 100 characters without '/'", NULL);
     snprintf(line->name, sizeof line->name, "/%.100s", name);
-    line->fd = shm_open(line->name, line->is_robot ? O_RDWR | O_CREAT : O_RDWR, 0600);
-    if (line->fd < 0)
-        return vl_line_fail(line, error, size,
-                            line->is_robot ? "the shared memory cannot be made" : "there is no robot", strerror(errno));
-    /* Of two robots one is refused; the system takes it back from a killed one. Packets are not locked. */
-    if (line->is_robot && flock(line->fd, LOCK_EX | LOCK_NB) != 0)
-        return vl_line_fail(line, error, size, "another robot has this shared memory", NULL);
-    if (line->is_robot && ftruncate(line->fd, (off_t)sizeof(vl_shared)) != 0)
+    for (int attempt = 0;; ++attempt) {
+        line->fd = shm_open(line->name, line->is_robot ? O_RDWR | O_CREAT : O_RDWR, 0600);
+        if (line->fd < 0)
+            return vl_line_fail(line, error, size,
+                                line->is_robot ? "the shared memory cannot be made" : "there is no robot",
+                                strerror(errno));
+        if (fstat(line->fd, &status) != 0)
+            return vl_line_fail(line, error, size, "the shared memory cannot be looked at", strerror(errno));
+        if (status.st_uid != geteuid())
+            return vl_line_fail(line, error, size, "another user owns this shared memory",
+                                "run both sides as one user, or take another name");
+        if (status.st_mode & (S_IWGRP | S_IWOTH))
+            return vl_line_fail(line, error, size, "other users can write to this shared memory",
+                                "remove it from /dev/shm, or take another name");
+        if (!line->is_robot && !vl_is_locked(line->fd, 0))
+            return vl_line_fail(line, error, size, "there is no robot", "the one that had this shared memory is gone");
+        if (vl_lock(line->fd, line->is_robot ? 0 : 1) != 0)
+            return vl_line_fail(line, error, size,
+                                line->is_robot ? "another robot has this shared memory" : "another host has this robot",
+                                NULL);
+        /* Who had it may have removed the name since it was opened: nobody would find this one any more. */
+        if (fstat(line->fd, &status) == 0 && status.st_nlink > 0) break;
+        close(line->fd);
+        line->fd = -1;
+        if (attempt == 100) return vl_line_fail(line, error, size, "this shared memory is removed all the time", NULL);
+    }
+    if (line->is_robot && ftruncate(line->fd, (off_t)sizeof(vl_shared)) != 0) {
+        shm_unlink(line->name);
         return vl_line_fail(line, error, size, "the shared memory has no room", strerror(errno));
+    }
     if (fstat(line->fd, &status) != 0 || status.st_size != (off_t)sizeof(vl_shared))
         return vl_line_fail(line, error, size, "this shared memory is not the link's", NULL);
     memory = mmap(NULL, sizeof(vl_shared), PROT_READ | PROT_WRITE, MAP_SHARED, line->fd, 0);
-    if (memory == MAP_FAILED)
+    if (memory == MAP_FAILED) {
+        if (line->is_robot) shm_unlink(line->name);
         return vl_line_fail(line, error, size, "the shared memory cannot be mapped", strerror(errno));
+    }
     line->shared = (vl_shared*)memory;
     if (line->is_robot) {
         __atomic_store_n(&line->shared->magic, vl_shared_magic, __ATOMIC_RELEASE);
@@ -740,10 +832,51 @@ static inline int vl_line_open_shared(vl_line* line, const char* name, char* err
     return 0;
 }
 
+/* UDP: from now on the system drops what others than `to` send, or no more. */
+static inline int vl_line_fix(vl_line* line, int is_fixed) {
+    struct sockaddr nobody;
+    if (line->shared || line->is_fixed == is_fixed) return 0;
+    memset(&nobody, 0, sizeof nobody);
+    nobody.sa_family = AF_UNSPEC;
+    if (connect(line->fd, is_fixed ? (const struct sockaddr*)(const void*)&line->to : &nobody,
+                is_fixed ? line->to_size : (socklen_t)sizeof nobody) != 0)
+        return -1;
+    line->is_fixed = is_fixed;
+    return 0;
+}
+
+/* UDP: a socket that listens at `to`. Port 0 becomes a free one, by its number: one that was bound as 0 is given back when
+vl_line_fix() ends. Returns 0, or -1: see errno. */
+static inline int vl_line_listen(vl_line* line) {
+    const int one = 1;
+    struct sockaddr_storage at = line->to;
+    const int is_six = at.ss_family == AF_INET6;
+    in_port_t* const port =
+        is_six ? &((struct sockaddr_in6*)(void*)&at)->sin6_port : &((struct sockaddr_in*)(void*)&at)->sin_port;
+    const int is_any = *port == 0;
+    for (int attempt = 0; attempt < 20; ++attempt) {
+        socklen_t size = sizeof at;
+        const int was_any = *port == 0;
+        line->fd = socket(at.ss_family, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+        if (line->fd < 0) return -1;
+        if (is_six) setsockopt(line->fd, IPPROTO_IPV6, IPV6_V6ONLY, &one, sizeof one);
+        if (bind(line->fd, (const struct sockaddr*)(const void*)&at, line->to_size) != 0) {
+            if (!is_any || was_any || errno != EADDRINUSE) return -1;
+            *port = 0; /* somebody was quicker */
+        } else {
+            if (!was_any) return 0;
+            if (getsockname(line->fd, (struct sockaddr*)(void*)&at, &size) != 0) return -1;
+        }
+        close(line->fd);
+        line->fd = -1;
+    }
+    errno = EADDRINUSE;
+    return -1;
+}
+
 /* address: of the robot, "127.0.0.1:47100", "[::1]:47100" or "shm:NAME". The robot listens there (port 0: a free one, see
 vl_line_port()), the host calls it. Returns 0, or -1 and the reason in `error`. */
 static inline int vl_line_open(vl_line* line, const char* address, int is_robot, char* error, size_t size) {
-    int one = 1;
     memset(line, 0, sizeof *line);
     line->fd = -1;
     line->is_robot = is_robot;
@@ -752,20 +885,21 @@ static inline int vl_line_open(vl_line* line, const char* address, int is_robot,
         return vl_line_fail(line, error, size,
                             "an address is numeric, as 127.0.0.1:47100 or [::1]:47100, or shm:NAME for shared memory",
                             NULL);
+    if (is_robot) {
+        if (vl_line_listen(line) != 0)
+            return vl_line_fail(line, error, size, "this address cannot be listened at", strerror(errno));
+        line->to_size = 0;
+        return 0;
+    }
     line->fd = socket(line->to.ss_family, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (line->fd < 0) return vl_line_fail(line, error, size, "no socket", strerror(errno));
-    if (!is_robot) return 0;
-    if (line->to.ss_family == AF_INET6) setsockopt(line->fd, IPPROTO_IPV6, IPV6_V6ONLY, &one, sizeof one);
-    if (bind(line->fd, (const struct sockaddr*)(const void*)&line->to, line->to_size) != 0)
-        return vl_line_fail(line, error, size, "this address cannot be listened at", strerror(errno));
-    line->to_size = 0;
-    return 0;
+    return vl_line_fix(line, 1) == 0 ? 0 : vl_line_fail(line, error, size, "no way leads there", strerror(errno));
 }
 
 static inline void vl_line_close(vl_line* line) {
     if (line->shared) {
         munmap(line->shared, sizeof(vl_shared));
-        if (line->is_robot) shm_unlink(line->name);
+        if (line->is_robot) shm_unlink(line->name); /* while it is locked */
     }
     if (line->fd >= 0) close(line->fd);
     line->shared = NULL;
@@ -874,27 +1008,34 @@ static inline size_t vl_line_receive(vl_line* line, uint8_t* bytes, int64_t time
 static inline int vl_line_send(vl_line* line, const uint8_t* bytes, size_t size) {
     if (line->shared)
         return vl_mailbox_write(line->is_robot ? &line->shared->state : &line->shared->command, bytes, size);
-    return sendto(line->fd, bytes, size, MSG_DONTWAIT | MSG_NOSIGNAL, (const struct sockaddr*)(const void*)&line->to,
-                  line->to_size) == (ssize_t)size
-               ? 0
-               : -1;
+    for (int attempt = 0; attempt < 2; ++attempt) { /* the first may tell that an earlier one was refused */
+        if (sendto(line->fd, bytes, size, MSG_DONTWAIT | MSG_NOSIGNAL, (const struct sockaddr*)(const void*)&line->to,
+                   line->to_size) == (ssize_t)size)
+            return 0;
+        if (errno != ECONNREFUSED) break;
+    }
+    return -1;
 }
 
-/* The robot takes all packets that have come. Does not wait. */
+/* Packets that are looked at in one tick, whoever sends them; what is beyond waits, and is lost where the system has no room. */
+enum { VL_MOST_PACKETS = 64 };
+
+/* The robot takes the packets that have come. Does not wait. */
 static inline void vl_robot_poll(vl_robot* r, vl_line* line) {
     uint8_t bytes[VL_MAX_PACKET + 1];
     uint64_t peer = 0;
     size_t size;
-    for (int i = 0; i < 256 && (size = vl_line_receive(line, bytes, 0, &peer)) > 0; ++i) {
+    for (int i = 0; i < VL_MOST_PACKETS && (size = vl_line_receive(line, bytes, 0, &peer)) > 0; ++i) {
         vl_robot_receive(r, bytes, size, peer);
         if (vl_robot_peer(r) == peer) {
             line->to = line->from;
             line->to_size = line->from_size;
         }
     }
+    vl_line_fix(line, r->has_host);
 }
 
-/* The robot tells its state to its host, if it has one; see vl_robot_state(). */
+/* The robot tells its state to its host, if it has one; see vl_robot_state(). Does not wait. */
 static inline void vl_robot_send(vl_robot* r, vl_line* line, vl_state* s) {
     uint8_t packet[VL_MAX_PACKET];
     const size_t size = vl_robot_state(r, s, packet);
