@@ -138,6 +138,7 @@ TEST(Live, WhatCannotBeDrivenIsRefusedBeforeAFileIsMade) {
     expectRefused({"live", kExperiment, "--case", "simulatd"}, {"Did you mean 'simulated'?"});
     expectRefused({"live", kExperiment, "--case", "simulated", "--from-here"}, {"--from-here", "plant link"});
     expectRefused({"live", kExperiment, "--case", "simulated", "--duration", "-1"}, {"--duration"});
+    expectRefused({"live", kExperiment, "--case", "simulated", "--wait"}, {"--wait", "no terminal"});
     expectRefused({"live", kExperiment, "--case", "linked", "--set",
                    "cases.linked.real_plant={plugin: link, address: \"127.0.0.1:9\", connect_timeout_s: 0.3}"},
                   {"127.0.0.1:9", "does not answer", "See that `viable robot`"});

@@ -141,6 +141,9 @@ Experiment readLiveExperiment(const LiveArguments& arguments, const PluginLoader
 }
 
 int goLive(const LiveArguments& arguments) {
+    if (arguments.waits && ::isatty(STDIN_FILENO) == 0)
+        throw badInput("--wait", "standard input is no terminal, and Enter is what it waits for",
+                       "Start it in a terminal, or leave --wait out.");
     countPluginAllocations();
     const HangWatch hangWatch(kPatience_s, getStopSignal());
     tellStage("while the experiment was read and its plugins were made", PluginsRun::Here);

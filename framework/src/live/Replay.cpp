@@ -80,8 +80,12 @@ public:
     RecordedPlant(PluginPtr<RealPlant> plant, const TickRecord& row, const std::int64_t& ticksPassed)
         : plant_(std::move(plant)), row_(row), ticksPassed_(ticksPassed) {}
     void configure(const RunSetup&, const Parameters&) override {}
-    void reset(const MotionState&) override {}
-    const JointState& measured() const override { return row_.real; }
+    /** Where the log's nominal arm began, which of a robot is where that stood. */
+    void reset(const MotionState&) override {
+        start_ = {row_.nominal.q, row_.nominal.qd};
+        isReset_ = true;
+    }
+    const JointState& measured() const override { return isReset_ ? start_ : row_.real; }
     const JointState& actual() const override { return row_.actual; }
     TickStatus advance(const JointVector&, JointVector& applied) override {
         applied = row_.motorTorque;
@@ -95,6 +99,7 @@ public:
     JointVector motorRate() const override { return plant_->motorRate(); }
     bool hasClock() const override { return plant_->hasClock(); }
     TickStatus read(std::int64_t& ticksPassed) override {
+        isReset_ = false;
         ticksPassed = ticksPassed_;
         return TickStatus::Ok;
     }
@@ -103,6 +108,8 @@ private:
     const PluginPtr<RealPlant> plant_;
     const TickRecord& row_;
     const std::int64_t& ticksPassed_;
+    JointState start_;
+    bool isReset_ = false;
 };
 
 template <class Interface, class Mine>
@@ -162,12 +169,13 @@ public:
         if (configured->plugins.realPlant)
             put(configured->plugins.realPlant,
                 std::make_unique<RecordedPlant>(std::move(configured->plugins.realPlant), row_, ticksPassed_));
+        std::deque<TickRecord> ahead;
+        if (fetch(rows, ahead)) row_ = ahead.front();
         RunningCase running(std::move(configured), {}, false);
         ControlLoop& loop = running.loop();
         TickRecord& now = running.record();
         result.ticks = 0;
         result.difference.clear();
-        std::deque<TickRecord> ahead;
         for (std::int64_t k = 0; fetch(rows, ahead); ++k) {
             const TickRecord row = ahead.front();
             if (row.time_s != loop.time()) refuseGap(row.time_s, loop.time());

@@ -169,6 +169,14 @@ ControlLoop::~ControlLoop() {
 void ControlLoop::reset() {
     tickIndex_ = 0;
     nominal_ = setup_.start;
+    const auto resetOne = [&](auto& plugin, PluginKind kind) {
+        if (plugin) resetPlugin(*plugin, kind, findWatch(kind), nominal_);
+    };
+    hasClock_ = plugins_.realPlant && plugins_.realPlant->hasClock();
+    if (hasClock_) {
+        resetOne(plugins_.realPlant, PluginKind::RealPlant);
+        startAtReal();
+    }
     real_ = actual_ = plausible_ = {nominal_.q, nominal_.qd};
     isPlausible_.fill(true);
     hasTorque_ = false;
@@ -199,23 +207,28 @@ void ControlLoop::reset() {
     ticksToMiss_ = 0;
     ticksSinceReading_ = 1;
     isRead_ = hasReading_ = hasDriven_ = false;
-    hasClock_ = plugins_.realPlant && plugins_.realPlant->hasClock();
     command_ = {};
-    command_.q = setup_.start.q;
+    command_.q = nominal_.q;
     command_.qd.setZero(n_);
     command_.tool = setup_.startTool;
     command_.space = plugins_.command->space();
     if (plugins_.stream) plugins_.stream->reset(command_);
-    const auto resetOne = [&](auto& plugin, PluginKind kind) {
-        if (plugin) resetPlugin(*plugin, kind, findWatch(kind), nominal_);
-    };
     resetOne(plugins_.command, PluginKind::CommandSource);
     resetOne(plugins_.controller, PluginKind::NominalController);
     resetOne(plugins_.filter, PluginKind::SafetyFilter);
     resetOne(plugins_.robustLoop, PluginKind::RobustLoop);
-    resetOne(plugins_.realPlant, PluginKind::RealPlant);
+    if (!hasClock_) resetOne(plugins_.realPlant, PluginKind::RealPlant);
     guarantees_ = plugins_.filter->guaranteesLimits();
     monitor_.reset(nominal_, limits_, setup_.tick_s, guarantees_, plugins_.filter->recovers());
+}
+
+void ControlLoop::startAtReal() {
+    const JointState& measured = plugins_.realPlant->measured();
+    if (!isFinite(measured, n_)) return;  // the first tick says so
+    const JointBounds& bounds = setup_.limits.position;
+    nominal_.q = measured.q.cwiseMax(bounds.lower).cwiseMin(bounds.upper);
+    nominal_.qd.setZero(n_);
+    nominal_.qdd.setZero(n_);
 }
 
 double ControlLoop::time() const {

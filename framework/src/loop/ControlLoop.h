@@ -105,7 +105,8 @@ public:
     ControlLoop(const RunSetup& setup, LoopPlugins plugins, const RealArmOptions& options = {});
     ~ControlLoop();
 
-    /** Back to t = 0 at setup.start. */
+    /** Back to t = 0 at setup.start; with a plant that has a clock, a robot, at rest where it measures the real arm then, within
+    the position limits: a difference would be a step of the robust loop's torque. */
     void reset();
 
     /** One tick; `record` becomes its full account (state at its beginning, torques during it). A plant with a clock is
@@ -170,6 +171,7 @@ private:
     void takeTorque(std::int64_t missed);
     void tellSkippedTicks();
     void countPause();
+    void startAtReal();
     void forgetRemarks();
     bool takeDecision();
     bool passMonitor();

@@ -41,6 +41,11 @@ constexpr ParameterSpec kParameters[] = {
     parameter::jointNumbers("motor_rate_Nmps", "Nm/s", ".inf", "Fastest change of torque that the robot accepts.")
         .above(0)
         .orInfinite(),
+    parameter::number("blend_s", "s", "0.5",
+                      "The first torque is what the robot has held its arm with; by what that differs from the model's "
+                      "fades in this time.")
+        .above(0)
+        .upTo(30),
     parameter::number("connect_timeout_s", "s", "5.0", "How long the robot is called before a run is refused.")
         .above(0)
         .upTo(30),
@@ -164,6 +169,7 @@ void LinkPlant::configure(const RunSetup& setup, const Parameters& parameters) {
     repeats_ = static_cast<int>(parameters.integer("repeat_ticks"));
     delayTicks_ = static_cast<int>(parameters.integer("delay_ticks"));
     startTolerance_ = parameters.jointNumbers("start_tolerance_rad");
+    blend_s_ = parameters.number("blend_s");
     connectTimeout_s_ = parameters.number("connect_timeout_s");
     silenceTimeout_s_ = parameters.number("silence_timeout_s");
     restVelocity_ = parameters.number("rest_velocity_radps");
@@ -460,7 +466,7 @@ void LinkPlant::reset(const MotionState& start) {
         disconnect();
         throw;
     }
-    sender_->reset(state_.q);
+    sender_->reset(state_.q, restTorques_, blend_s_);
 }
 
 TickStatus LinkPlant::fail(const char* why) noexcept {

@@ -92,7 +92,7 @@ private:
     bool addsGravity_ = false, addsFriction_ = false, measuresExternal_ = false;
     int repeats_ = 0, delayTicks_ = 0;
     JointVector motorRate_, startTolerance_;
-    double connectTimeout_s_ = 0.0, silenceTimeout_s_ = 0.0, restVelocity_ = 0.0, torqueShare_ = 0.0;
+    double blend_s_ = 0.0, connectTimeout_s_ = 0.0, silenceTimeout_s_ = 0.0, restVelocity_ = 0.0, torqueShare_ = 0.0;
     std::unique_ptr<TorqueSender> sender_;
     std::unique_ptr<RobotModel> model_;
     Dynamics dynamics_;
