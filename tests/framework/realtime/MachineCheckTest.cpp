@@ -2,6 +2,7 @@
 #include "realtime/MachineCheck.h"
 
 #include <gtest/gtest.h>
+#include <sched.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -387,6 +388,7 @@ TEST(MachineCheck, ThisMachineAnswersAndKeepsNothing) {
     EXPECT_FALSE(answers.kernelRelease.empty());
     EXPECT_GE(answers.processors, 1);
     EXPECT_EQ(answers.isRoot, geteuid() == 0);
+    EXPECT_EQ(sched_getscheduler(0) & ~SCHED_RESET_ON_FORK, SCHED_OTHER);
     expectRemedies(checkMachine(answers));
     for (const auto& entry : std::filesystem::directory_iterator("/dev/shm"))
         EXPECT_EQ(entry.path().filename().string().rfind("viable-doctor-", 0), std::string::npos);
