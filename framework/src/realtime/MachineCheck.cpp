@@ -482,7 +482,7 @@ int trySharedMemory(std::uint64_t& size) {
     struct statvfs system {};
     if (statvfs("/dev/shm", &system) != 0) return errno;
     size = static_cast<std::uint64_t>(system.f_blocks) * system.f_frsize;
-    std::string name = "/dev/shm/viable-doctor-XXXXXX";
+    std::string name = "/dev/shm/viable-doctor-" + std::to_string(getpid()) + "-XXXXXX";
     const Descriptor file(mkostemp(name.data(), O_CLOEXEC));
     if (file < 0) return errno;
     unlink(name.c_str());
