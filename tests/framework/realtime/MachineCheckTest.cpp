@@ -10,6 +10,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <functional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -79,7 +80,8 @@ void expectRemedies(const std::vector<MachineLine>& lines) {
         EXPECT_EQ(!line.remedy.empty(), isNeeded) << line.name << ": " << line.remedy;
         EXPECT_FALSE(line.found.empty()) << line.name;
         EXPECT_EQ(line.remedy.find('\n'), std::string::npos) << line.remedy;
-        if (line.remedy.empty()) continue;
+        static std::set<std::string> taken;  // a shell is asked once about each
+        if (line.remedy.empty() || !taken.insert(line.remedy).second) continue;
         EXPECT_EQ(std::system(("bash -n -c " + detail::quoteForShell(line.remedy)).c_str()), 0) << line.remedy;
     }
 }
