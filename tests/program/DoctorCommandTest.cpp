@@ -121,6 +121,7 @@ TEST(DoctorCommand, WhatCannotBeMeasuredIsRefused) {
 }
 
 TEST(DoctorCommand, ASystemThatHasNoSocketsLeftIsTold) {
+    if (test::kSanitized) GTEST_SKIP() << "a sanitizer needs files of its own to look at an exception";
     const Outcome o = test::run({"doctor", "--measure", "0.1"}, [] {
         const rlimit few{4, 4};  // one file at a time
         setrlimit(RLIMIT_NOFILE, &few);

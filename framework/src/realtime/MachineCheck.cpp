@@ -17,7 +17,6 @@
 #include <map>
 #include <optional>
 #include <sstream>
-#include <thread>
 #include <utility>
 
 #include "core/Text.h"
@@ -467,22 +466,23 @@ std::uint64_t toLimit(rlim_t limit) {
     return limit == RLIM_INFINITY ? MemoryRoom::kUnlimited : limit;
 }
 
+/** For a moment; a user without privileges keeps the mark that children do not inherit it. */
 int tryPriority(int priority) {
-    int code = 0;
-    std::thread([priority, &code] {  // of this thread only, which ends
-        sched_param parameter{};
-        parameter.sched_priority = priority;
-        if (sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameter) != 0) code = errno;
-    })
-        .join();
-    return code;
+    const int before = sched_getscheduler(0);
+    sched_param parameterBefore{}, parameter{};
+    sched_getparam(0, &parameterBefore);
+    parameter.sched_priority = priority;
+    if (sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameter) != 0) return errno;
+    if (sched_setscheduler(0, before, &parameterBefore) != 0)
+        sched_setscheduler(0, before | SCHED_RESET_ON_FORK, &parameterBefore);
+    return 0;
 }
 
 int trySharedMemory(std::uint64_t& size) {
     struct statvfs system {};
     if (statvfs("/dev/shm", &system) != 0) return errno;
     size = static_cast<std::uint64_t>(system.f_blocks) * system.f_frsize;
-    std::string name = "/dev/shm/viable-doctor-XXXXXX";
+    std::string name = "/dev/shm/viable-doctor-" + std::to_string(getpid()) + "-XXXXXX";
     const Descriptor file(mkostemp(name.data(), O_CLOEXEC));
     if (file < 0) return errno;
     unlink(name.c_str());
