@@ -160,7 +160,7 @@ public:
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState& start) override {
         if (isAbsent) throw badInput("here.yaml:1", "the robot does not answer", "Switch it on.");
-        state_ = {start.q, start.qd};
+        state_ = {start.q.array() + standsOff, start.qd};
     }
     const JointState& measured() const override { return state_; }
     const JointState& actual() const override { return state_; }
@@ -179,6 +179,7 @@ public:
     }
 
     bool ticks = true, isAbsent = false;
+    double standsOff = 0.0;  ///< from the start [rad]
     const char* explanation = nullptr;
     std::vector<std::int64_t> script;
     TickStatus status = TickStatus::Ok;
@@ -297,6 +298,27 @@ TEST(ControlLoop, TicksThatAPlantsClockHasPassedAreMissedOnes) {
     EXPECT_EQ(t.plant.advances, 4);
     // 6 rad over three ticks are no jump; 2 rad in one are none either.
     EXPECT_EQ(loop.stopReason(), StopReason::None);
+}
+
+TEST(ControlLoop, ANominalArmStartsWhereTheRobotStandsWithinItsLimits) {
+    for (const double off : {0.01, -0.3, 100.0}) {
+        ScriptedLoop t(true);
+        t.plant.standsOff = off;
+        ControlLoop& loop = t.start();
+        const double start = t.configured->setup.start.q[0];
+        const double expected = std::min(start + off, t.configured->setup.limits.position.upper[0]);
+        EXPECT_EQ(loop.nominal().q[0], expected);
+        EXPECT_EQ(loop.nominal().qd[0], 0.0);
+        TickRecord record;
+        loop.tick(record);
+        EXPECT_EQ(record.nominal.q[0], expected);
+        loop.reset();
+        EXPECT_EQ(loop.nominal().q[0], expected);
+    }
+    ScriptedLoop simulated(true);
+    simulated.plant.ticks = false;
+    simulated.plant.standsOff = 0.01;
+    EXPECT_EQ(simulated.start().nominal().q[0], simulated.configured->setup.start.q[0]);
 }
 
 TEST(ControlLoop, APlantWithoutAClockIsNotWaitedFor) {
