@@ -157,6 +157,74 @@ TEST(Pause, OrStopWhileMissedTicksComeInBetweenKeepsAllLimitsAndEveryStepOfTheTo
     }
 }
 
+/** Works as another one, and from a call on no more. */
+class FailingController : public NominalController {
+public:
+    FailingController(PluginPtr<NominalController> works, int calls) : works_(std::move(works)), calls_(calls) {}
+    void configure(const RunSetup&, const Parameters&) override {}
+    void reset(const MotionState& start) override { works_->reset(start); }
+    bool follows(MotionCommand::Space space) const override { return works_->follows(space); }
+    TickStatus compute(const ControllerInput& input, ControllerOutput& output) override {
+        return --calls_ < 0 ? TickStatus::Faulted : works_->compute(input, output);
+    }
+
+private:
+    const PluginPtr<NominalController> works_;
+    int calls_;
+};
+
+TEST(Bumpless, AControllerThatFailsInMotionIsNoStepOfTheTorque) {
+    for (const int calls : {300, 450, 700, 1000}) {
+        const Experiment e = test::readTestExperiment(kTeleoperation, {kCertified, "duration_s=100"});
+        auto configured = configureCase(e.cases[0]);
+        FailingController failing(std::move(configured->plugins.controller), calls);
+        configured->plugins.controller = PluginPtr<NominalController>(&failing, [](void*) {});
+        ControlLoop loop(configured->setup, std::move(configured->plugins));
+        TorqueStep step(e.cases[0].robot, configured->setup.limits, 0.001);
+        TickRecord r;
+        double fastest = 0.0;
+        for (int k = 0; k < 2000; ++k) {
+            loop.tick(r);
+            if (k == calls) fastest = r.nominal.qd.cwiseAbs().maxCoeff();
+            ASSERT_LE(step.take(r), 1.0 + 1e-6) << "tick " << k;
+        }
+        EXPECT_GT(fastest, 0.01);
+        EXPECT_EQ(loop.stopReason(), StopReason::ControllerFailed);
+        EXPECT_TRUE(loop.hasStopped());
+    }
+}
+
+TEST(Bumpless, AFaultOfTheCommandAndLimitsThatChangeAreNoStepOfTheTorque) {
+    const std::string servo = "controller={plugin: joint_servo}";
+    struct Event {
+        std::vector<std::string> overrides;
+        StopReason reason;
+        double rateShare = 1.0;  // of acceleration and jerk limits, the larger of before and after
+    };
+    for (const Event& event : std::vector<Event>{
+             {{"command={plugin: silent_command, after_ticks: 700}", servo}, StopReason::CommandFailed},
+             {{"command={plugin: changing_limits, fault: throw, at_s: 0.7}", servo}, StopReason::CommandFailed},
+             {{"command={plugin: changing_limits, at_s: 0.3, rate_share: 0.5}", servo}, StopReason::None},
+             {{"command={plugin: changing_limits, at_s: 0.3, rate_share: 2}", servo}, StopReason::None, 2.0}}) {
+        std::vector<std::string> overrides{kCertified, "duration_s=100"};
+        overrides.insert(overrides.end(), event.overrides.begin(), event.overrides.end());
+        TestLoop t(kTeleoperation, overrides);
+        JointLimits limits = t.configured->setup.limits;
+        limits.jerk.lower *= event.rateShare;
+        limits.jerk.upper *= event.rateShare;
+        TorqueStep step(t.experiment.cases[0].robot, limits, 0.001);
+        TickRecord r;
+        double largest = 0.0;
+        for (int k = 0; k < 2000; ++k) {
+            t.loop.tick(r);
+            largest = std::max(largest, step.take(r));
+            ASSERT_LE(largest, 1.0 + 1e-6) << event.overrides.front() << ", tick " << k;
+        }
+        EXPECT_EQ(t.loop.stopReason(), event.reason) << event.overrides.front();
+        EXPECT_GT(largest, 0.1) << event.overrides.front();  // or nothing has moved
+    }
+}
+
 TEST(Pause, IsNoRefugeFromTooManyMissedTicksOrFromAFailure) {
     TestLoop t(kTeleoperation, {kCertified, "robust_loop={plugin: throwing_robust, after_ticks: 500}"});
     t.loop.pause();
