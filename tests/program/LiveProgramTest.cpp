@@ -5,7 +5,9 @@
 #include <sys/ioctl.h>
 #include <time.h>
 
+#include <atomic>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "ExpectContains.h"
 #include "Program.h"
@@ -86,6 +88,45 @@ TEST(Live, ASignalBrakesTheArm) {
         EXPECT_EQ(listChanges(readLive(folder / name)),
                   (std::vector<std::string>{"running (program)", "stopping (signal)", "stopped (program)"}));
     }
+}
+
+TEST(Fault25, AStoppedProgramHasMissedTicksAndGoesOnUnlessThereWereTooMany) {
+    const TemporaryFolder folder;
+    for (const double pause_s : {0.3, 1.6}) {
+        const bool isLong = pause_s > 1.0;
+        const std::string name = isLong ? "long" : "short";
+        Program program(makeLive(folder / name, {"--duration", "2.5"}));
+        await(program, "running (program)");
+        sleepFor(0.7);
+        kill(program.pid(), SIGSTOP);
+        sleepFor(pause_s);
+        kill(program.pid(), SIGCONT);
+        const Outcome o = program.wait();
+        EXPECT_EQ(o.code, isLong ? 4 : 0) << o.out << o.err;
+        const json one = json::parse(readFile(folder / name / "summary.json"))["cases"][0];
+        expectContains(one["account"].get<std::string>(), {"all limits kept (nominal arm"});
+        EXPECT_GE(one["live"]["longest_gap"], isLong ? 1000 : 250);
+        if (isLong) expectContains(o.err, {"more than 1000 ticks in a row were missed"});
+        EXPECT_EQ(test::run({"run", (folder / name / "simulated.mcap").string(), "--again"}).code, 0);
+    }
+}
+
+TEST(Fault26, ALoadedMachineMissesTicksAndDecidesTheSame) {
+    const TemporaryFolder folder;
+    std::atomic<bool> isDone{false};
+    std::vector<std::thread> load;
+    for (unsigned k = 0; k < 3 * std::thread::hardware_concurrency(); ++k)
+        load.emplace_back([&] {
+            std::vector<char> memory(1 << 24);
+            for (unsigned i = 0; !isDone; ++i) memory[i * 4097u % memory.size()] = static_cast<char>(i);
+        });
+    const Outcome o = test::run(makeLive(folder / "run", {"--duration", "1.5"}));
+    isDone = true;
+    for (std::thread& thread : load) thread.join();
+    ASSERT_EQ(o.code, 0) << o.out << o.err;
+    expectContains(o.out, {"all limits kept (nominal arm"});
+    std::printf("  missed ticks: %s\n", readLive(folder / "run")["missed"].dump().c_str());
+    EXPECT_EQ(test::run({"run", (folder / "run" / "simulated.mcap").string(), "--again"}).code, 0);
 }
 
 TEST(Live, KeysStartHoldGoOnAndEnd) {

@@ -83,7 +83,7 @@ public:
     /** Where the log's nominal arm began, which of a robot is where that stood. */
     void reset(const MotionState&) override {
         start_ = {row_.nominal.q, row_.nominal.qd};
-        isReset_ = true;
+        isReset_ = plant_->hasClock();  // another one's first reading is that of the first tick
     }
     const JointState& measured() const override { return isReset_ ? start_ : row_.real; }
     const JointState& actual() const override { return row_.actual; }
