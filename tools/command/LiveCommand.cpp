@@ -1,11 +1,14 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <atomic>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <limits>
 #include <memory>
 #include <optional>
+#include <thread>
 
 #include "Commands.h"
 #include "ExperimentArguments.h"
@@ -24,8 +27,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/** A plugin that stays in one call for so long ends the program: the robot then holds itself [s]. */
-constexpr double kPatience_s = 5.0;
 constexpr int kLook_ms = 20;
 constexpr double kTerminalLine_s = 0.1, kPlainLine_s = 5.0;
 
@@ -38,27 +39,28 @@ struct LiveArguments {
     bool fromHere = false, waits = false, noReport = false, compact = false, noPriority = false;
 };
 
-/** Shows how the arm is, and makes keys and signals wishes, until all has ended. */
-class Operator {
+/** Shows how the arm is, in a thread of its own: an output that does not take it must not keep keys and signals waiting. */
+class Display {
 public:
-    explicit Operator(LiveSession& session) : session_(session), isTerminal_(::isatty(STDOUT_FILENO) != 0) {}
-
-    void attend() {
-        if (keys_.exist()) std::printf("keys: space brakes and holds, Enter goes on, q brakes and ends\n");
-        while (!session_.hasEnded()) {
-            take(keys_.wait(kLook_ms));
-            if (getStopSignal() != 0) session_.stop(LiveAsker::Signal);
-            tellEvents();
-            draw();
-        }
-        tellEvents();
+    explicit Display(LiveSession& session)
+        : session_(session), isTerminal_(::isatty(STDOUT_FILENO) != 0), thread_([this] { work(); }) {}
+    /** Waits until all has been shown. */
+    ~Display() {
+        isDone_ = true;
+        thread_.join();
     }
+    Display(const Display&) = delete;
+    Display& operator=(const Display&) = delete;
 
 private:
-    void take(char key) {
-        if (key == ' ') session_.pause(LiveAsker::Key);
-        if (key == '\n' || key == '\r') session_.resume(LiveAsker::Key);
-        if (key == 'q' || key == 'Q') session_.stop(LiveAsker::Key);
+    void work() {
+        for (bool isLast = false; !isLast;) {
+            isLast = isDone_;
+            tellEvents();
+            draw();
+            if (!isLast) std::this_thread::sleep_for(std::chrono::milliseconds(kLook_ms));
+        }
+        clear();
     }
 
     void tellEvents() {
@@ -78,7 +80,7 @@ private:
     void draw() {
         const auto now = std::chrono::steady_clock::now();
         const double period_s = isTerminal_ ? kTerminalLine_s : kPlainLine_s;
-        if (std::chrono::duration<double>(now - drawn_).count() < period_s) return;
+        if (std::chrono::duration<double>(now - drawn_).count() < period_s || session_.hasEnded()) return;
         drawn_ = now;
         const LiveStatus& status = session_.status();
         clear();
@@ -98,12 +100,28 @@ private:
     }
 
     LiveSession& session_;
-    LiveKeys keys_;
     const bool isTerminal_;
     bool isDrawn_ = false;
     std::size_t told_ = 0;
     std::chrono::steady_clock::time_point drawn_{};
+    std::atomic<bool> isDone_{false};
+    std::thread thread_;
 };
+
+/** Makes wishes of keys and signals, until all has ended. */
+void attend(LiveSession& session) {
+    LiveKeys keys;
+    if (keys.exist()) std::printf("keys: space brakes and holds, Enter goes on, q brakes and ends\n");
+    std::fflush(stdout);
+    const Display display(session);
+    while (!session.hasEnded()) {
+        if (getStopSignal() != 0) session.stop(LiveAsker::Signal);
+        const char key = keys.wait(kLook_ms);
+        if (key == ' ') session.pause(LiveAsker::Key);
+        if (key == '\n' || key == '\r') session.resume(LiveAsker::Key);
+        if (key == 'q' || key == 'Q') session.stop(LiveAsker::Key);
+    }
+}
 
 Experiment readOneCase(const LiveArguments& arguments, const std::vector<std::string>& overrides,
                        const PluginLoader& loader) {
@@ -140,20 +158,32 @@ Experiment readLiveExperiment(const LiveArguments& arguments, const PluginLoader
     return readOneCase(arguments, overrides, loader);
 }
 
+/** Before anything has moved. */
+int tellEnd(int signal) {
+    std::fprintf(stderr, "viable: ended by signal %d before the arm was driven\n", signal);
+    return 128 + signal;
+}
+
 int goLive(const LiveArguments& arguments) {
-    if (arguments.waits && ::isatty(STDIN_FILENO) == 0)
-        throw badInput("--wait", "standard input is no terminal, and Enter is what it waits for",
-                       "Start it in a terminal, or leave --wait out.");
+    if (arguments.waits && !LiveKeys::areThere())
+        throw badInput("--wait", "there is no terminal for the Enter that it waits for",
+                       "Start it in the foreground of a terminal, or leave --wait out.");
+    if (arguments.duration_s && std::isnan(*arguments.duration_s))
+        throw badInput("--duration nan", "this is no time", "Give seconds, or inf.");
     countPluginAllocations();
-    const HangWatch hangWatch(kPatience_s, getStopSignal());
+    const HangWatch hangWatch(kDefaultPatience_s, getStopSignal());
     tellStage("while the experiment was read and its plugins were made", PluginsRun::Here);
     const PluginLoader loader(PluginLoader::makeDefaultSearchPath());
     ignoreWriteSignals();
     catchStopSignals();
     const Experiment experiment = readLiveExperiment(arguments, loader);
     const CasePlan& plan = experiment.cases.front();
+    if (!plan.missedTicks.empty())
+        throw badInput(plan.name, "missed_ticks are for simulated time; here the clock says which ticks were missed",
+                       "Take the key out, or run the case with `viable run`.");
+    LiveSession::rehearse(plan);
     std::unique_ptr<ConfiguredCase> configured = configureCase(plan);
-    LiveSession::warmUp(plan);
+    if (const int signal = getStopSignal()) return tellEnd(signal);
 
     const fs::path folder = makeRunFolder(arguments.out, arguments.file);
     const FolderClaim claim(folder);
@@ -171,9 +201,13 @@ int goLive(const LiveArguments& arguments) {
     LiveSession session(std::move(configured), options);
     std::printf("%s\n%s, case %s, output in %s\n", makePrintable(experiment.title).c_str(), arguments.file.c_str(),
                 plan.name.c_str(), folder.c_str());
+    std::fflush(stdout);
+    if (const int signal = getStopSignal()) return tellEnd(signal);
     session.begin();
-    for (const std::string& refusal : session.refusals()) std::fprintf(stderr, "not real time: %s\n", refusal.c_str());
-    Operator(session).attend();
+    for (const std::string& refusal : session.timing().refusals)
+        std::fprintf(stderr, "%s: %s\n", session.timing().isRealTime ? "real time, but" : "not real time",
+                     refusal.c_str());
+    attend(session);
     std::vector<CaseResult> results;
     results.push_back(session.finish());
     tellStage("while summary and report were written", PluginsRun::NoMore);
@@ -185,7 +219,8 @@ int goLive(const LiveArguments& arguments) {
         std::printf("for a report: viable report %s\n", folder.c_str());
     else if (!tryWriteReport(folder) && code == 0)
         code = static_cast<int>(ErrorKind::LogNotWritten);
-    return code;
+    const int signal = getStopSignal();
+    return code == 0 && signal != 0 ? 128 + signal : code;
 }
 
 }  // namespace
@@ -210,8 +245,9 @@ void addLiveCommand(CLI::App& app, int& exitCode) {
         ->check(CLI::Range(0, 4095));
     command->add_option("--priority", arguments->realTime.priority, "Of the loop's thread, SCHED_FIFO (default: 80)")
         ->check(CLI::Range(1, 98));
-    command->add_flag("--no-priority", arguments->noPriority,
-                      "Ask the system for nothing: no priority, no locked memory");
+    command
+        ->add_flag("--no-priority", arguments->noPriority, "Ask the system for nothing: no priority, no locked memory")
+        ->excludes("--cpu", "--priority");
     command->add_option("--out", arguments->out, "Folder for log, summary and report (default: a new one in ./runs)");
     command
         ->add_option("--log-limit", arguments->logLimit_MB,

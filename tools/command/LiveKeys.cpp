@@ -1,23 +1,43 @@
 #include "LiveKeys.h"
 
 #include <poll.h>
+#include <termios.h>
 #include <unistd.h>
+
+#include "StopSignals.h"
 
 namespace viable {
 
+namespace {
+
+termios shellsOwn{};
+
+void giveBack() {
+    ::tcsetattr(STDIN_FILENO, TCSANOW, &shellsOwn);
+}
+
+}  // namespace
+
+bool LiveKeys::areThere() {
+    return ::isatty(STDIN_FILENO) != 0 && ::tcgetpgrp(STDIN_FILENO) == ::getpgrp();
+}
+
 LiveKeys::LiveKeys() {
-    // In the background a change of the terminal would stop the program.
-    if (::isatty(STDIN_FILENO) == 0 || ::tcgetpgrp(STDIN_FILENO) != ::getpgrp()) return;
-    if (::tcgetattr(STDIN_FILENO, &before_) != 0) return;
-    termios now = before_;
+    if (!areThere() || ::tcgetattr(STDIN_FILENO, &shellsOwn) != 0) return;
+    termios now = shellsOwn;
     now.c_lflag &= ~static_cast<tcflag_t>(ICANON | ECHO);
+    now.c_iflag &= ~static_cast<tcflag_t>(IXON);
     now.c_cc[VMIN] = 0;
     now.c_cc[VTIME] = 0;
-    isTerminal_ = ::tcsetattr(STDIN_FILENO, TCSANOW, &now) == 0;
+    now.c_cc[VSUSP] = now.c_cc[VQUIT] = _POSIX_VDISABLE;
+    isTerminal_ = isSet_ = ::tcsetattr(STDIN_FILENO, TCSAFLUSH, &now) == 0;
+    if (isSet_) setLastAct(giveBack);
 }
 
 LiveKeys::~LiveKeys() {
-    if (isTerminal_) ::tcsetattr(STDIN_FILENO, TCSANOW, &before_);
+    if (!isSet_) return;
+    setLastAct(nullptr);
+    giveBack();
 }
 
 char LiveKeys::wait(int timeout_ms) {

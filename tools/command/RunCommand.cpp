@@ -156,8 +156,9 @@ int replay(const RunArguments& arguments) {
                        "the replay of " + result.caseName + " differs from the log " + result.difference,
                        "The same version of viable, the same plugins and the same robot give the same bits; "
                        "`viable report` and `viable export` show the log as it is.");
-    std::printf("%s: replayed %lld ticks, to %.3f s: all equal to the log, to the bit\n", result.caseName.c_str(),
-                static_cast<long long>(result.ticks), result.end_s);
+    std::printf("%s: replayed %lld ticks, to %.3f s: all equal to the log, to the bit%s\n", result.caseName.c_str(),
+                static_cast<long long>(result.ticks), result.end_s,
+                result.isComplete ? "" : " (the log was cut off: it lacks its end)");
     return 0;
 }
 
@@ -234,8 +235,9 @@ void addRunCommand(CLI::App& app, int& exitCode) {
                       "Logs and summary only; `viable report DIR` writes the report later");
     command->add_flag("--compact", arguments->compact,
                       "Logs of half the size, which PlotJuggler and Foxglove read after `viable export --to mcap`");
-    command->add_flag("--again", arguments->again,
-                      "FILE is a log: decide all its ticks again from the recorded commands and readings, and compare");
+    CLI::Option* again = command->add_flag(
+        "--again", arguments->again,
+        "FILE is a log: decide all its ticks again from the recorded commands and readings, and compare");
     command->add_flag("--isolate", arguments->isolate,
                       "Each plugin in a process of its own: one that crashes, hangs or exits is "
                       "named, and the arm is braked (slower, one case at a time)");
@@ -244,6 +246,8 @@ void addRunCommand(CLI::App& app, int& exitCode) {
                      "Seconds that a plugin may take for one call: with --isolate the arm is then "
                      "braked (default: 5), without it the program ends (default: 60)")
         ->check(CLI::Range(0.01, 3600.0));
+    for (const char* other : {"--out", "--case", "--set", "--draw", "--jobs", "--no-report", "--compact", "--isolate"})
+        again->excludes(command->get_option(other));  // the log says all that
     command->callback([arguments, &exitCode] { exitCode = run(*arguments); });
 }
 

@@ -11,10 +11,14 @@ namespace {
 
 using detail::stopSignal;
 
+std::atomic<void (*)()> lastAct{nullptr};
+
 void onStopSignal(int signal) {
     int none = 0;
     if (stopSignal.compare_exchange_strong(none, signal)) return;
-    if (signal != SIGHUP) _exit(128 + signal);  // a terminal that closes may tell it twice; nobody asks for haste
+    if (signal == SIGHUP) return;  // a terminal that closes may tell it twice; nobody asks for haste
+    if (const auto act = lastAct.load()) act();
+    _exit(128 + signal);
 }
 
 /** Somebody sends it. The one of a write to a closed pipe comes from this process and says nothing but that. */
@@ -28,6 +32,10 @@ bool isIgnored(int signal) {
 }
 
 }  // namespace
+
+void setLastAct(void (*act)()) {
+    lastAct = act;
+}
 
 const std::atomic<int>& getStopSignal() {
     return stopSignal;

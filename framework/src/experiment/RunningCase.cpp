@@ -208,6 +208,7 @@ void RunningCase::count() {
 }
 
 CaseResult RunningCase::finish(bool isAlone) {
+    loop_->letGoOfPlant();  // a robot must not wait for the rest
     const double grown_MB = readMemory_MB() - memory_MB_;
     result_.summary.addEnd(loop_->nominal(), loop_->time());
     if (collisions_) {
@@ -224,7 +225,11 @@ CaseResult RunningCase::finish(bool isAlone) {
         result_.stopMessage = when + " because " + loop_->stopMessage();
         result_.stopRemedy = loop_->stopRemedy();
         if (result_.stopReason == StopReason::TicksMissed)
-            result_.stopRemedy = "Lower the `count` in missed_ticks, or leave a tick between entries.";
+            result_.stopRemedy =
+                plan().missedTicks.empty()
+                    ? "See what kept this program or its plant for so long; `viable doctor` shows what "
+                      "the machine lacks."
+                    : "Lower the `count` in missed_ticks, or leave a tick between entries.";
     } else if (const PluginChoice* culprit = findCulprit(plan(), configured_->chain, result_.stopReason)) {
         constexpr std::string_view kSubject = "it ";  // as every message begins
         std::string what = loop_->stopMessage();
@@ -242,8 +247,7 @@ CaseResult RunningCase::finish(bool isAlone) {
         result_.stopMessage += "; it was still braking after " +
                                formatTime(static_cast<double>(brakingTicks_) * plan().tick_s) +
                                ", which is no stop any more, and the run ended";
-    // Some plugins have a last word, and a robot must not wait for the disk to hear the end.
-    loop_.reset();
+    loop_.reset();  // some plugins have a last word
     if (recorder_) {
         const LogStatus status = recorder_->finish();
         result_.logRows = static_cast<std::int64_t>(status.rows);

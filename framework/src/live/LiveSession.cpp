@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "realtime/TickPacer.h"
+#include "viable/core/Error.h"
 
 namespace viable {
 
@@ -54,17 +55,22 @@ const char* getName(LiveAsker asker) {
     return "fault";
 }
 
-void LiveSession::warmUp(const CasePlan& plan, int ticks) {
+void LiveSession::rehearse(const CasePlan& plan, int ticks) {
     CasePlan nominal = plan;
     nominal.realPlant.reset();
     nominal.robustLoop.reset();
     nominal.disturbances.reset();
     nominal.holdsOnReal = nominal.feedsExternalTorque = false;
     RunningCase running(configureCase(nominal), {}, false);
-    for (int k = 0; k < ticks && !running.isStopOver(); ++k) {
+    for (int k = 0; k < ticks && !running.loop().isStopping(); ++k) {
         running.loop().tick(running.record());
         running.count();
     }
+    if (!running.loop().isStopping()) return;
+    const CaseResult result = running.finish(true);
+    throw Error(ErrorKind::PluginFailed, "case " + plan.name,
+                "before the real arm was moved, in a rehearsal on the nominal arm, it " + result.stopMessage,
+                result.stopRemedy);
 }
 
 LiveSession::LiveSession(std::unique_ptr<ConfiguredCase> configured, const LiveOptions& options)
@@ -79,6 +85,7 @@ LiveSession::LiveSession(std::unique_ptr<ConfiguredCase> configured, const LiveO
     else
         state_ = LiveState::Running;
     changeTo(state_, LiveAsker::Program);
+    publish();
 }
 
 LiveSession::~LiveSession() {
@@ -100,9 +107,9 @@ void LiveSession::begin() {
     pthread_sigmask(SIG_SETMASK, &before, nullptr);
 }
 
-const std::vector<std::string>& LiveSession::refusals() const {
+const LiveTiming& LiveSession::timing() const {
     while (!hasEntered_.load(std::memory_order_acquire)) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    return timing_.refusals;
+    return timing_;
 }
 
 void LiveSession::ask(Wish wish, LiveAsker asker) noexcept {
@@ -122,7 +129,8 @@ bool LiveSession::getEvent(std::size_t index, LiveEvent& event) const {
 void LiveSession::changeTo(LiveState state, LiveAsker asker) {
     state_ = state;
     const std::size_t count = eventCount_.load(std::memory_order_relaxed);
-    if (count >= kMaxEvents) return;
+    const std::size_t places = state < LiveState::Stopping ? kMaxEvents - 2 : kMaxEvents;
+    if (count >= places) return;
     events_[count] = {state, asker, running_.loop().time()};
     eventCount_.store(count + 1, std::memory_order_release);
 }
@@ -205,12 +213,7 @@ void LiveSession::publish() {
     latest_.write(status_);
 }
 
-void LiveSession::work() {
-    if (options_.prepareThread) options_.prepareThread();
-    const RealTimeState realTime = enterRealTime(options_.realTime);
-    timing_.isRealTime = realTime.isRealTime();
-    for (const RealTimeRefusal& refusal : realTime.refusals()) timing_.refusals.push_back(refusal.sentence());
-    hasEntered_.store(true, std::memory_order_release);
+void LiveSession::makeTicks() {
     TickPacer pacer(tick_s_);
     pacer.start();
     for (takeWishes(); !isOver(); takeWishes()) {
@@ -221,9 +224,27 @@ void LiveSession::work() {
         const WakeUp wakeUp = pacer.wait();
         if (wakeUp.isInterrupted) continue;
         if (wakeUp.hasSlept) timing_.wakeUp.add(wakeUp.lateness_ns, tick_);
-        for (std::int64_t k = 0; k < wakeUp.missed && !running_.loop().hasStopped(); ++k) makeTick(true);
+        for (std::int64_t k = 0; k < wakeUp.missed && !running_.loop().hasStopped(); ++k) {
+            makeTick(true);
+            takeWishes();
+        }
         makeTick(false);
     }
+}
+
+void LiveSession::work() {
+    RealTimeState realTime;
+    try {
+        if (options_.prepareThread) options_.prepareThread();
+        realTime = enterRealTime(options_.realTime);
+        timing_.isRealTime = realTime.isRealTime();
+        for (const RealTimeRefusal& refusal : realTime.refusals()) timing_.refusals.push_back(refusal.sentence());
+    } catch (...) {  // there is no memory for a sentence
+        failure_ = std::current_exception();
+    }
+    hasEntered_.store(true, std::memory_order_release);
+    if (!failure_) makeTicks();
+    running_.loop().letGoOfPlant();  // now: a robot that hears nothing for long takes it for a fault
     changeTo(LiveState::Stopped, state_ == LiveState::Stopping ? LiveAsker::Program : LiveAsker::Fault);
     publish();
     hasEnded_.store(true, std::memory_order_release);
@@ -231,6 +252,7 @@ void LiveSession::work() {
 
 CaseResult LiveSession::finish() {
     if (thread_.joinable()) thread_.join();
+    if (failure_) std::rethrow_exception(failure_);
     CaseResult result = running_.finish(true);
     LiveEvent event;
     for (std::size_t k = 0; getEvent(k, event); ++k)

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <atomic>
+#include <exception>
 #include <functional>
 #include <limits>
 #include <memory>
@@ -57,9 +58,10 @@ struct LiveStatus {
 /** A case in real time: a thread of its own makes the ticks, by the clock of the plant or, where it has none, by that of the
 computer. A tick that did not come in time is a missed one: the nominal arm follows the stop held ready.
 
-Order: configured plugins are tried on the nominal arm (warmUp), the constructor opens the plant and the log, begin() starts
+Order: the case is rehearsed on the nominal arm (rehearse), the constructor opens the plant and the log, begin() starts
 the thread, which asks the system for real time last of all; what it refuses is in timing().refusals, and the arm runs all
 the same.
+A plant without a clock is taken for a simulated one: what was missed is made up for at once.
 Guarantees: those of ControlLoop. The log may lose rows where the disk is slow (counted), the loop never waits for it. At the
 end the nominal arm is at rest, and held for RunningCase::kSettling_s more, before the plant is let go.
 Threads: pause(), resume(), stop() by any; status() and events by one; the rest by the one that made it. */
@@ -72,9 +74,9 @@ public:
     LiveSession(const LiveSession&) = delete;
     LiveSession& operator=(const LiveSession&) = delete;
 
-    /** The same case without a real arm, for so many ticks: its code and memory are then where they will be used.
-    Throws Error. @param plan  is configured anew */
-    static void warmUp(const CasePlan& plan, int ticks = 200);
+    /** The same case, configured anew and without a real arm, for so many ticks; its code is then in memory. Throws Error, also
+    where the arm had to be stopped in one of them. */
+    static void rehearse(const CasePlan& plan, int ticks = 200);
 
     void begin();
 
@@ -83,16 +85,17 @@ public:
     void resume(LiveAsker asker) noexcept { ask(Wish::Resume, asker); }
     void stop(LiveAsker asker) noexcept { ask(Wish::Stop, asker); }
 
-    /** What the system refused of real time, each with its remedy. After begin(); waits until that is known. */
-    const std::vector<std::string>& refusals() const;
-    /** Not older than kStatus_s. */
+    /** What was had of real time. After begin(); waits until that is known. */
+    const LiveTiming& timing() const;
+    /** Not older than kStatus_s, unless a plant's clock stands still. */
     const LiveStatus& status() { return latest_.read(); }
     /** All ticks have been made. */
     bool hasEnded() const { return hasEnded_.load(std::memory_order_acquire); }
-    /** Of the changes so far the `index`th, from 0; false: there is none yet. Later ones than kMaxEvents are not kept. */
+    /** Of the changes so far the `index`th, from 0; false: there is none yet. Of more than kMaxEvents the last two are kept
+    (the end), and those before that the places last for. */
     bool getEvent(std::size_t index, LiveEvent& event) const;
 
-    /** Waits for the end and tells what came of it; once. */
+    /** Waits for the end and tells what came of it; once. Rethrows what the thread threw, which ended it. */
     CaseResult finish();
 
     static constexpr double kStatus_s = 0.02;
@@ -103,6 +106,7 @@ private:
 
     void ask(Wish wish, LiveAsker asker) noexcept;
     void work();
+    void makeTicks();
     void takeWishes();
     void changeTo(LiveState state, LiveAsker asker);
     bool isOver();
@@ -120,6 +124,7 @@ private:
     std::array<LiveEvent, kMaxEvents> events_{};
     std::atomic<std::size_t> eventCount_{0};
     std::atomic<bool> hasEntered_{false}, hasEnded_{false};
+    std::exception_ptr failure_;  // of the thread
     std::thread thread_;
 
     // Of the thread.

@@ -57,6 +57,7 @@ public:
         return TickStatus::Ok;
     }
     const JointLimits* sampleLimits(double) override {
+        if (isRefused) return &none_;
         const auto isSame = [](const JointBounds& a, const JointBounds& b) {
             return a.lower == b.lower && a.upper == b.upper;
         };
@@ -68,9 +69,13 @@ public:
         return &limits_;
     }
 
+    /** The limits that it gave were not usable, as the log does not show. */
+    bool isRefused = false;
+
 private:
     const MotionCommand::Space space_;
     JointLimits limits_;
+    const JointLimits none_;
     const TickRecord& row_;
 };
 
@@ -101,8 +106,10 @@ public:
     TickStatus read(std::int64_t& ticksPassed) override {
         isReset_ = false;
         ticksPassed = ticksPassed_;
-        return TickStatus::Ok;
+        return isGone ? TickStatus::Faulted : TickStatus::Ok;
     }
+
+    bool isGone = false;
 
 private:
     const PluginPtr<RealPlant> plant_;
@@ -152,23 +159,36 @@ std::string findDifference(const std::vector<LogColumn>& columns, const TickReco
     return {};
 }
 
-constexpr std::int64_t kNever = -1;
+/** Why the log's arm began to brake, where the plugins between do not do so themselves: what a log does not say. */
+enum class StopCause : unsigned char { None, Asked, PlantGone, LimitsRefused };
+
+/** The same, and in which tick. */
+struct Stop {
+    StopCause cause = StopCause::None;
+    std::int64_t tick = -1;
+};
 
 class Replay {
 public:
     Replay(const fs::path& log, const CasePlan& plan) : log_(log), plan_(plan) {}
 
-    /** @param stopTick  a stop was asked for before it
-        @return the tick in which the log's arm brakes and this one's does not, or kNever */
-    std::int64_t run(std::int64_t stopTick, ReplayResult& result) {
+    /** @return the tick in which the log's arm begins to brake and this one's does not; -1: there is none */
+    std::int64_t run(const Stop& stop, ReplayResult& result) {
         Rows rows(log_);
+        result.isComplete = rows.reader().isComplete();
         auto configured = configureCase(plan_);
-        hasClock_ = configured->plugins.realPlant && configured->plugins.realPlant->hasClock();
-        put(configured->plugins.command,
-            std::make_unique<RecordedCommand>(rows.reader().layout().commandSpace, configured->setup.limits, row_));
-        if (configured->plugins.realPlant)
-            put(configured->plugins.realPlant,
-                std::make_unique<RecordedPlant>(std::move(configured->plugins.realPlant), row_, ticksPassed_));
+        LoopPlugins& plugins = configured->plugins;
+        hasClock_ = plugins.realPlant && plugins.realPlant->hasClock();
+        auto ownCommand =
+            std::make_unique<RecordedCommand>(rows.reader().layout().commandSpace, configured->setup.limits, row_);
+        RecordedCommand& command = *ownCommand;
+        put(plugins.command, std::move(ownCommand));
+        RecordedPlant* plant = nullptr;
+        if (plugins.realPlant) {
+            auto ownPlant = std::make_unique<RecordedPlant>(std::move(plugins.realPlant), row_, ticksPassed_);
+            plant = ownPlant.get();
+            put(plugins.realPlant, std::move(ownPlant));
+        }
         std::deque<TickRecord> ahead;
         if (fetch(rows, ahead)) row_ = ahead.front();
         RunningCase running(std::move(configured), {}, false);
@@ -180,27 +200,30 @@ public:
             const TickRecord row = ahead.front();
             if (row.time_s != loop.time()) refuseGap(row.time_s, loop.time());
             // The reading of a plant's clock is for the tick after those that were missed before it.
-            row_ = ahead.back();
+            row_ = hasClock_ ? ahead.back() : row;
             ticksPassed_ = static_cast<std::int64_t>(ahead.size());
-            if (!hasClock_) row_ = row;
             ahead.pop_front();
             row.paused ? loop.pause() : loop.resume();
-            if (k == stopTick) loop.requestStop(StopReason::Requested, "it was asked for");
+            if (k == stop.tick) {
+                if (stop.cause == StopCause::Asked) loop.requestStop(StopReason::Requested, "it was asked for");
+                command.isRefused = stop.cause == StopCause::LimitsRefused;
+                if (plant) plant->isGone = stop.cause == StopCause::PlantGone;
+            }
             if (row.missed && !hasClock_)
                 loop.missTick(now);
             else
                 loop.tick(now);
-            if (row.braking && !now.braking && stopTick == kNever) return k;
+            if (row.braking && !now.braking && stop.tick < 0) return k;
             result.difference = findDifference(rows.reader().columns(), row, now);
             if (!result.difference.empty()) {
                 result.difference =
                     detail::format("at %.4f s (tick %lld) ", row.time_s, static_cast<long long>(k)) + result.difference;
-                return kNever;
+                return -1;
             }
             ++result.ticks;
             result.end_s = row.time_s;
         }
-        return kNever;
+        return -1;
     }
 
 private:
@@ -211,6 +234,8 @@ private:
             if (!rows.read(row)) break;
             ahead.push_back(row);
         }
+        // Of missed ticks at the end of a log that was cut off there the next reading is lost.
+        if (hasClock_ && !ahead.empty() && ahead.back().missed) ahead.clear();
         return !ahead.empty();
     }
 
@@ -245,8 +270,16 @@ ReplayResult replayLog(const fs::path& log, const PluginLoader& loader, const st
     ReplayResult result;
     result.caseName = plan.name;
     Replay replay(log, plan);
-    // Whether a stop was asked for, or came of itself, shows where the first try does not brake.
-    if (const std::int64_t stopTick = replay.run(kNever, result); stopTick != kNever) replay.run(stopTick, result);
+    // Each cause of a stop shows by what differs with it: none of them is right in more than one way.
+    const std::int64_t tick = replay.run({}, result);
+    if (tick >= 0) {
+        for (const StopCause cause : {StopCause::Asked, StopCause::PlantGone, StopCause::LimitsRefused}) {
+            replay.run({cause, tick}, result);
+            if (result.ticks > tick) break;
+        }
+    }
+    if (result.ticks == 0 && result.difference.empty())
+        throw badInput(log.string(), "there is no tick in this log", "Name the log of a run that has begun.");
     return result;
 }
 

@@ -13,6 +13,7 @@ struct ReplayResult {
     std::string caseName;
     std::int64_t ticks = 0;  ///< that were compared
     double end_s = 0.0;      ///< time of the last of them
+    bool isComplete = true;  ///< the log has its end; otherwise what there is was replayed
     /** Where the first tick differs; empty: nothing does. */
     std::string difference;
 };
@@ -22,7 +23,7 @@ in place of those of its command source and its real plant, with its missed tick
 (controller, filter, robust loop) decide anew. Every logged figure but the times is compared to the bit.
 
 A real plant is configured, not opened. A log in several files (LogSeries) is read on from its first one.
-Throws Error (BadInput): no log of a whole run from its beginning, ticks are missing in it, its case cannot be configured.
+Throws Error (BadInput): no log of a run from its beginning, ticks are missing in it, its case cannot be configured.
 @param robotPath  folders searched for robots */
 ReplayResult replayLog(const std::filesystem::path& log, const PluginLoader& loader,
                        const std::vector<std::filesystem::path>& robotPath);

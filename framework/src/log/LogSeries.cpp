@@ -16,7 +16,7 @@ LogSeries::LogSeries(std::filesystem::path file, LogOpening opening, LogForm for
 
 std::filesystem::path LogSeries::nameFile(const std::filesystem::path& file, int number) {
     if (number == 1) return file;
-    return file.parent_path() / (file.stem().string() + "-" + std::to_string(number) + file.extension().string());
+    return file.parent_path() / (file.stem().string() + ".part" + std::to_string(number) + file.extension().string());
 }
 
 void LogSeries::append(const TickRecord& record) noexcept {

@@ -4,10 +4,11 @@
 
 namespace viable {
 
-/** A log of limited size: where one file would grow beyond a share of the limit the next one begins, FILE.mcap, FILE-2.mcap,
-..., each of them a log by itself. The oldest are deleted where all of them together would be larger than the limit.
+/** A log of limited size: where one file would grow beyond a share of the limit the next one begins, FILE.mcap,
+FILE.part2.mcap, ..., each of them a log by itself. Where all of them together would be larger than the limit, the oldest but
+the first are deleted: the first is what the run is known by, and where a replay begins.
 
-A full disk loses rows of one file only: the next one is tried all the same, kRetry_rows later. */
+With a limit a full disk loses rows, and is tried again with a new file kRetryRows later, as often as it takes. */
 class LogSeries : public RowWriter {
 public:
     static constexpr int kFiles = 8;
@@ -22,7 +23,7 @@ public:
     /** Of all files, the deleted ones included. */
     const LogStatus& status() const override { return status_; }
 
-    /** FILE.mcap, FILE-2.mcap, ...: the `number`th, from 1. */
+    /** FILE.mcap, FILE.part2.mcap, ...: the `number`th, from 1. No case's own log is called so. */
     static std::filesystem::path nameFile(const std::filesystem::path& file, int number);
 
 private:
@@ -35,7 +36,7 @@ private:
     const LogForm form_;
     const std::uint64_t limit_;
     std::unique_ptr<LogWriter> writer_;  // null: the next file could not be made
-    int number_ = 1, oldest_ = 1;
+    int number_ = 1, oldest_ = 2;
     std::vector<std::uint64_t> sizes_;  // of finished files, [bytes]; 0: deleted
     LogStatus before_, status_;         // of finished files; of all
     std::uint64_t lostInARow_ = 0;

@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "core/FarthestJoint.h"
+#include "core/Text.h"
 #include "plugin/FaultExplanation.h"
 #include "viable/core/Error.h"
 
@@ -49,6 +50,9 @@ const char* findFault(const FilterDecision& d, const HeldMotion& motion, double 
         return kTooLarge;
     return nullptr;
 }
+
+/** An arm that rests at a limit is measured beyond it by no more [counts]. */
+constexpr double kOutsideCounts = 4.0;
 
 /** A share that is smaller is nothing. */
 constexpr double kRounding = 1e-9;
@@ -226,9 +230,24 @@ void ControlLoop::startAtReal() {
     const JointState& measured = plugins_.realPlant->measured();
     if (!isFinite(measured, n_)) return;  // the first tick says so
     const JointBounds& bounds = setup_.limits.position;
-    nominal_.q = measured.q.cwiseMax(bounds.lower).cwiseMin(bounds.upper);
+    const bool recovers = plugins_.filter->recovers();
+    for (int i = 0; i < n_; ++i) {
+        const double q = measured.q[i], inside = std::clamp(q, bounds.lower[i], bounds.upper[i]);
+        nominal_.q[i] = recovers ? q : inside;
+        if (recovers || std::abs(q - inside) <= kOutsideCounts * setup_.robot.encoderStep(i)) continue;
+        const JointDescription& joint = setup_.robot.joints[static_cast<std::size_t>(i)];
+        throw badInput("the robot",
+                       joint.name + " stands at " + detail::formatNumber(q) + ", beyond its position limit " +
+                           detail::formatNumber(inside) + " by " + detail::formatNumber(std::abs(q - inside)),
+                       "Move it inside, widen the limits, or use the filter certified_braking with `recovery: true`.");
+    }
     nominal_.qd.setZero(n_);
     nominal_.qdd.setZero(n_);
+}
+
+void ControlLoop::letGoOfPlant() noexcept {
+    const PluginCall call(findWatch(PluginKind::RealPlant), kAfterLastTick);
+    plugins_.realPlant.reset();
 }
 
 double ControlLoop::time() const {
@@ -748,8 +767,8 @@ void ControlLoop::awaitPlant() {
     const TickStatus status =
         contain(PluginKind::RealPlant, TickStatus::Faulted, [&] { return plugins_.realPlant->read(passed); });
     if (status == TickStatus::Ok && passed >= 1) {
-        ticksSinceReading_ = std::min<std::int64_t>(passed, 1000000000);         // far from any overflow
         ticksToMiss_ = std::min<std::int64_t>(passed - 1, kMaxMissedTicks + 1);  // more is not told apart
+        ticksSinceReading_ = ticksToMiss_ + 1;
         return;
     }
     beginStop(StopReason::PlantFailed, "its clock gave no tick (not Ok, or less than one tick passed)", kOnGivingUp);

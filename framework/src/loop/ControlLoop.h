@@ -105,8 +105,9 @@ public:
     ControlLoop(const RunSetup& setup, LoopPlugins plugins, const RealArmOptions& options = {});
     ~ControlLoop();
 
-    /** Back to t = 0 at setup.start; with a plant that has a clock, a robot, at rest where it measures the real arm then, within
-    the position limits: a difference would be a step of the robust loop's torque. */
+    /** Back to t = 0 at setup.start; with a plant that has a clock, a robot, at rest where it measures the real arm then: a
+    difference would be a step of the robust loop's torque. Throws Error (BadInput) where that is beyond a position limit, and
+    the filter does not recover. */
     void reset();
 
     /** One tick; `record` becomes its full account (state at its beginning, torques during it). A plant with a clock is
@@ -124,12 +125,16 @@ public:
 
     /** From the next tick on the nominal arm follows the stop held ready and then rests: command, controller and filter do
     not run, and the command's time stands still. Robust loop and plant go on. resume() takes up the command where it
-    was; both are as smooth as any stop and any start. Each may be called in any tick, and at the beginning. */
+    was; both are as smooth as that stop and the filter's decisions: without a step of the torque where the filter guarantees
+    its limits. Nobody looks at obstacles that move meanwhile. Each may be called between any two ticks. */
     void pause() noexcept { isPaused_ = true; }
     void resume() noexcept { isPaused_ = false; }
     bool isPaused() const { return isPaused_; }
     /** Paused, and come to rest. */
     bool isHolding() const { return isPaused_ && holdBegun_ && monitor_.atRest(nominal_); }
+
+    /** Destroys the plant, which lets a robot hold itself; no tick may follow. */
+    void letGoOfPlant() noexcept;
 
     bool isStopping() const { return stopReason_ != StopReason::None; }
     /** True when a stop has come to its end, or could not be made. Further ticks hold the arm where it is: the nominal

@@ -245,7 +245,7 @@ RealTimeState enterRealTime(const RealTimeWish& wish, const MemoryRoom& room) {
     touchStack(std::min(kStackToTouch, getStackLeft() / 2));
     if (wish.lockMemory) state.lockMemory(room);
     if (wish.cpu >= 0) state.setProcessor(wish.cpu);
-    state.holdLatency();
+    if (wish.priority != 0) state.holdLatency();
     if (wish.priority != 0) state.setPriority(wish.priority);
     state.isRealTime_ = state.priority_ > 0 && state.priority_ == wish.priority &&
                         state.cpu_ == std::max(wish.cpu, -1) &&

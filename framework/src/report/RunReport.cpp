@@ -318,6 +318,13 @@ private:
     double firstTime_s_ = 0.0, tick_s_ = 0.0;
 };
 
+/** A.part2.mcap and so on, of a log in several files (LogSeries): shown is the first one. */
+bool isLaterPart(const fs::path& log) {
+    const std::string part = log.stem().extension().string();
+    return part.size() > 5 && part.compare(0, 5, ".part") == 0 &&
+           part.find_first_not_of("0123456789", 5) == std::string::npos;
+}
+
 /** The logs of a run: in the summary's order, then what it does not name (a run that was killed has none). */
 std::vector<fs::path> listLogs(const fs::path& folder, const json& summary) {
     std::vector<fs::path> logs;
@@ -333,6 +340,7 @@ std::vector<fs::path> listLogs(const fs::path& folder, const json& summary) {
     for (const fs::directory_entry& entry : fs::directory_iterator(folder, failed)) {
         const fs::path& log = entry.path();
         if (log.extension() != ".mcap" || std::find(logs.begin(), logs.end(), log) != logs.end()) continue;
+        if (isLaterPart(log)) continue;
         // Of a log that was recovered only the whole one is shown.
         if (log.stem().extension() != ".recovered" &&
             fs::exists(fs::path(log).replace_extension(".recovered.mcap"), failed))

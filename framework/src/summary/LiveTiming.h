@@ -14,7 +14,7 @@ struct LiveTiming {
     bool hasClock = false;              ///< the plant made the ticks
     /** From the time of a tick to the loop's wake-up; of the computer's clock only. */
     LatencyHistogram wakeUp;
-    LatencyHistogram compute;   ///< of a tick, with the plant's part
+    LatencyHistogram compute;   ///< of a tick, with the plant's part, without counting and handing it to the log
     LatencyHistogram interval;  ///< between the beginnings of two ticks, less those that are missed
     std::int64_t ticks = 0, missed = 0, longestGap = 0;  ///< [ticks]
     std::int64_t lostRows = 0;                           ///< ticks that the log does not have: the disk was too slow

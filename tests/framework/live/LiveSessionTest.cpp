@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "CaseSupport.h"
+#include "ExpectContains.h"
 #include "live/Replay.h"
 #include "log/LogReader.h"
 #include "viable/testing/AllocationCounter.h"
@@ -197,13 +198,19 @@ TEST(LiveSession, AFailureStopsTheArmAndIsTold) {
     EXPECT_EQ(changes[1], "stopping (fault)");
 }
 
-TEST(LiveSession, WarmUpNeedsNoRealArm) {
+TEST(LiveSession, ARehearsalNeedsNoRealArm) {
     const Experiment e = test::readTestExperiment(kTeleoperation, {kCertified,
                                                                    "real_plant={plugin: link, address: "
                                                                    "\"127.0.0.1:9\"}"});
-    EXPECT_NO_THROW(LiveSession::warmUp(e.cases[0]));
+    EXPECT_NO_THROW(LiveSession::rehearse(e.cases[0]));
     LiveOptions options = makeOptions(1.0);
     EXPECT_THROW(LiveSession(configureCase(e.cases[0]), options), Error);
+}
+
+TEST(LiveSession, WhatFailsInTheRehearsalIsRefused) {
+    const Experiment e = test::readTestExperiment(kTeleoperation, {"filter={plugin: throwing_tick, after_ticks: 50}"});
+    const std::string error = test::catchError([&] { LiveSession::rehearse(e.cases[0]); }, ErrorKind::PluginFailed);
+    test::expectContains(error, {"case A", "rehearsal", "stopped at 0.0500 s", "'throwing_tick'", "it threw"});
 }
 
 TEST(LatestValue, TheReaderGetsTheNewestAndAlwaysAWholeOne) {

@@ -301,12 +301,11 @@ TEST(ControlLoop, TicksThatAPlantsClockHasPassedAreMissedOnes) {
 }
 
 TEST(ControlLoop, ANominalArmStartsWhereTheRobotStandsWithinItsLimits) {
-    for (const double off : {0.01, -0.3, 100.0}) {
+    for (const double off : {0.01, -0.3}) {
         ScriptedLoop t(true);
         t.plant.standsOff = off;
         ControlLoop& loop = t.start();
-        const double start = t.configured->setup.start.q[0];
-        const double expected = std::min(start + off, t.configured->setup.limits.position.upper[0]);
+        const double expected = t.configured->setup.start.q[0] + off;
         EXPECT_EQ(loop.nominal().q[0], expected);
         EXPECT_EQ(loop.nominal().qd[0], 0.0);
         TickRecord record;
@@ -315,6 +314,14 @@ TEST(ControlLoop, ANominalArmStartsWhereTheRobotStandsWithinItsLimits) {
         loop.reset();
         EXPECT_EQ(loop.nominal().q[0], expected);
     }
+    ScriptedLoop outside(true);
+    const double limit = outside.configured->setup.limits.position.upper[0];
+    outside.plant.standsOff = limit + 0.1 - outside.configured->setup.start.q[0];
+    EXPECT_NE(test::catchError([&] { outside.start(); }).find("beyond its position limit"), std::string::npos);
+    ScriptedLoop atLimit(true);  // measured a count beyond it
+    atLimit.plant.standsOff =
+        limit - atLimit.configured->setup.start.q[0] + atLimit.configured->plan.robot.encoderStep(0);
+    EXPECT_EQ(atLimit.start().nominal().q[0], limit);
     ScriptedLoop simulated(true);
     simulated.plant.ticks = false;
     simulated.plant.standsOff = 0.01;
