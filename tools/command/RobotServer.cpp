@@ -41,6 +41,7 @@ void BadLine::put(const Packet& packet, std::int64_t now, bool isGood) {
     const auto meets = [&](double share) { return !isGood && happens(share); };
     // Bursts begin as often as makes that share of them.
     const double lose = options_.lose, begins = lose / (lose + options_.burst * (1.0 - lose));
+    if (isGood) toLose_ = 0;
     if (toLose_ == 0 && meets(begins)) toLose_ = options_.burst;
     if (toLose_ > 0) {
         --toLose_;
