@@ -502,7 +502,7 @@ TickStatus LinkPlant::fail(const char* why) noexcept {
 
 TickStatus LinkPlant::read(std::int64_t& ticksPassed) {
     ticksPassed = 1;
-    if (isGone_ || !isOpen_) return fail("it is not connected");
+    if (isGone_ || !isOpen_) return fail("it is not connected: no run has begun, or it has ended");
     if (readSequence_ == 0) receive(0);  // what has waited since reset() is old
     if (!receive(toNanoseconds(silenceTimeout_s_))) {
         char why[96];
@@ -524,7 +524,7 @@ TickStatus LinkPlant::read(std::int64_t& ticksPassed) {
 
 TickStatus LinkPlant::advance(const JointVector& torque, JointVector& applied) {
     if (!isFinite(torque, n_)) return TickStatus::InvalidInput;
-    if (isGone_ || !isOpen_) return fail("it is not connected");
+    if (isGone_ || !isOpen_) return fail("it is not connected: no run has begun, or it has ended");
     JointVector motors = torque;
     const JointVector& sent = sender_->send(state_.q, motors);
     if (!vl_are_plausible(sent.data(), n_, host_.largest_torque))
