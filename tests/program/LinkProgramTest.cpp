@@ -220,12 +220,12 @@ TEST(Fault86, AKilledHostLeavesTheRobotToItsOwnStopAndTheNextHostIsServed) {
 /** Torques go missing in motion, and the host goes on with its own. */
 TEST(Fault83, LostTorquesDoNotStepFartherThanTheRobotAllows) {
     const test::TemporaryFolder folder;
-    Robot robot(true, {"--clock", "0.5", "--torque-rate", "800", "--lose", "0.6", "--from", "1.0", "--seed", "5"});
+    Robot robot(true, {"--clock", "0.5", "--torque-rate", "800", "--lose", "0.25", "--from", "1.0", "--seed", "5"});
     const Outcome o = test::run(makeRun(robot, folder / "run", "1.4"));
-    EXPECT_TRUE(o.code == 0 || o.code == 4) << o.code << o.out << o.err;  // 4: 100 of them in a row are missing
+    EXPECT_TRUE(o.code == 0 || o.code == 4) << o.code << o.out << o.err;  // 4: too late in the mean, on a busy machine
     expectLimitsKept(readCase(folder / "run", "linked"));
     const Outcome ended = robot.end(SIGINT);
-    EXPECT_GT(readFigure(ended.out, "repeated  "), 50.0);
+    EXPECT_GT(readFigure(ended.out, "repeated  "), 20.0);
     const double step = readFigure(ended.out, "largest step ");
     EXPECT_LE(step, 0.8 * (1.0 + 1e-9));
     EXPECT_GT(step, 0.7);

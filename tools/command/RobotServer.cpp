@@ -49,7 +49,7 @@ void BadLine::put(const Packet& packet, std::int64_t now, bool isGood) {
     }
     for (int copies = meets(options_.duplicate) ? 2 : 1; copies > 0; --copies) {
         Packet one = packet;
-        one.due = now + static_cast<std::int64_t>(options_.latency_s * 1e9);
+        one.due = now + static_cast<std::int64_t>(options_.latency_s / options_.clock * 1e9);
         if (options_.delay > 0)
             one.due += tick_ns_ * static_cast<std::int64_t>(random_() % static_cast<std::uint64_t>(options_.delay + 1));
         if (meets(options_.reorder)) one.due += 2 * tick_ns_;  // after the next one
