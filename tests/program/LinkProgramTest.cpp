@@ -1,4 +1,5 @@
 // `viable robot` and `viable run` with the plant `link`, each in a process of its own; faults 83, 84 and 86.
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/mman.h>
@@ -111,20 +112,28 @@ void expectLimitsKept(const nlohmann::json& one) {
 TEST(LinkProgram, ARobotInAnotherProcessIsDrivenAsThePlainOne) {
     const test::TemporaryFolder folder;
     Robot robot(true);
-    const Outcome o = test::run(makeRun(robot, folder / "run", "0.9", {"--jobs", "1"}));
-    ASSERT_EQ(o.code, 0) << o.out << o.err;
-    const nlohmann::json plain = readCase(folder / "run", "simulated"), linked = readCase(folder / "run", "linked");
-    expectLimitsKept(plain);
-    expectLimitsKept(linked);
-    const double expected = plain["tracking"]["rms_rad"], measured = linked["tracking"]["rms_rad"];
-    EXPECT_GT(measured, expected / 5.0);
-    EXPECT_LT(measured, expected * 5.0);
+    double expected = 0.0, measured = 0.0;
+    int runs = 0;
+    for (bool isWhole = false; !isWhole;) {  // a machine that is busy makes ticks be missed: then it is another run
+        ASSERT_LE(++runs, 10) << "each run missed ticks";
+        const std::string out = folder / ("run" + std::to_string(runs));
+        const Outcome o = test::run(makeRun(robot, out, "0.9", {"--jobs", "1"}));
+        ASSERT_EQ(o.code, 0) << o.out << o.err;
+        const nlohmann::json plain = readCase(out, "simulated"), linked = readCase(out, "linked");
+        expectLimitsKept(plain);
+        expectLimitsKept(linked);
+        expected = plain["tracking"]["rms_rad"];
+        measured = linked["tracking"]["rms_rad"];
+        isWhole = linked["missed_ticks"] == 0;
+    }
+    EXPECT_NEAR(measured, expected, 0.01 * expected);  // the same arm, torques, delay and readings
     std::printf("  real - nominal: %.3f mrad RMS over the link, %.3f mrad in one process\n", 1e3 * measured,
                 1e3 * expected);
     const Outcome ended = robot.end(SIGINT);
     EXPECT_EQ(ended.code, 0) << ended.err;
     expectContains(ended.out,
-                   {"2 joints, tick 0.001 s", "a host has come\n", "the host has gone\n", "hosts     1\n", " good"});
+                   {"2 joints, tick 0.001 s", "a host has come\n", "the host has gone\n",
+                    "hosts     " + std::to_string(runs) + "\n", " good", "held itself for want of commands 0 times"});
 }
 
 TEST(Fault83, OnALineThatLosesDelaysDoublesAndCorruptsTheNominalLimitsHold) {
@@ -153,8 +162,10 @@ TEST(Fault84, AKilledRobotEndsTheRunWithASentence) {
         robot.end(SIGKILL);
         const Outcome o = program.wait();
         EXPECT_EQ(o.code, 4) << o.out << o.err;
-        expectContains(o.err, {"the plant plugin 'link'", "it cannot drive the robot at " + robot.address() +
-                                                              " any more: no state has come for 0.3 s (packets: "});
+        expectContains(o.err, {"the plant plugin 'link'",
+                               "it cannot drive the robot at " + robot.address() +
+                                   " any more: no state has come for 0.3 s; see that it and the line are up "
+                                   "(packets: "});
         expectLimitsKept(readCase(folder / "run", "linked"));
     }
 }
@@ -171,8 +182,103 @@ TEST(Fault86, AStoppedHostLeavesTheRobotToItsOwnHoldAndBrakes) {
     kill(program.pid(), SIGCONT);
     const Outcome o = program.wait();
     EXPECT_EQ(o.code, 4) << o.out << o.err;
-    expectContains(o.err, {"any more: its brakes are closed (packets: "});
+    expectContains(o.err, {"any more: its brakes are closed; see at the robot what closed them (packets: "});
     expectLimitsKept(readCase(folder / "run", "linked"));
+}
+
+/** What stands behind `word` on the robot's output, as a number. */
+double readFigure(const std::string& text, const std::string& word) {
+    const std::size_t at = text.find(word);
+    EXPECT_NE(at, std::string::npos) << word << " is missing in:\n" << text;
+    return at == std::string::npos ? -1.0 : std::stod(text.substr(at + word.size()));
+}
+
+/** In full motion; no torque of the robot steps farther than it allows, it comes to rest by itself, and serves the next host. */
+TEST(Fault86, AKilledHostLeavesTheRobotToItsOwnStopAndTheNextHostIsServed) {
+    for (const bool usesUdp : {true, false}) {
+        const test::TemporaryFolder folder;
+        Robot robot(usesUdp, {"--clock", "0.5", "--repeat", "20", "--torque-rate", "800"});
+        Program program(makeRun(robot, folder / "run", "100"));
+        robot.await("a host has come");
+        sleepFor(2.6);  // 1.3 s of its time: the motion begins at 1 s
+        kill(program.pid(), SIGKILL);
+        program.wait();
+        robot.await("commands are missing: it holds itself");
+        const std::string text = robot.await("it has come to rest in ");
+        EXPECT_GT(readFigure(text, "it has come to rest in "), 0.02) << text;
+        robot.await("the host has gone");
+        const Outcome o = test::run(makeRun(robot, folder / "next", "0.2"));
+        EXPECT_EQ(o.code, 0) << o.out << o.err;
+        const Outcome ended = robot.end(SIGINT);
+        expectContains(ended.out, {"hosts     2\n", "held itself for want of commands 1 times"});
+        const double step = readFigure(ended.out, "largest step ");
+        EXPECT_LE(step, 0.8 * (1.0 + 1e-9));
+        EXPECT_GT(step, 0.1);
+    }
+}
+
+/** Torques go missing in motion, and the host goes on with its own. */
+TEST(Fault83, LostTorquesDoNotStepFartherThanTheRobotAllows) {
+    const test::TemporaryFolder folder;
+    Robot robot(true, {"--clock", "0.5", "--torque-rate", "800", "--lose", "0.25", "--from", "1.0", "--seed", "5"});
+    const Outcome o = test::run(makeRun(robot, folder / "run", "1.4"));
+    EXPECT_TRUE(o.code == 0 || o.code == 4) << o.code << o.out << o.err;  // 4: too late in the mean, on a busy machine
+    expectLimitsKept(readCase(folder / "run", "linked"));
+    const Outcome ended = robot.end(SIGINT);
+    EXPECT_GT(readFigure(ended.out, "repeated  "), 20.0);
+    const double step = readFigure(ended.out, "largest step ");
+    EXPECT_LE(step, 0.8 * (1.0 + 1e-9));
+    EXPECT_GT(step, 0.7);
+}
+
+TEST(Fault84, ARobotThatReportsAFaultInMotionEndsTheRunAndComesToRest) {
+    const test::TemporaryFolder folder;
+    Robot robot(true, {"--clock", "0.5", "--fault-at", "1.3"});
+    const Outcome o = test::run(makeRun(robot, folder / "run", "100"));
+    EXPECT_EQ(o.code, 4) << o.out << o.err;
+    expectContains(o.err, {"any more: it reports a fault of its own; find and clear it at the robot"});
+    expectLimitsKept(readCase(folder / "run", "linked"));
+    robot.await("it has come to rest in ");
+}
+
+/** Ctrl-C while the robot is called, which would go on for 20 s. */
+TEST(LinkProgram, TheCallOfARobotEndsAtOnceWhenTheUserAsksForIt) {
+    const test::TemporaryFolder folder;
+    Program program({"run", kExperiment, "--case", "linked", "--out", folder / "run", "--set",
+                     "cases.linked.real_plant.address=127.0.0.1:9", "--set",
+                     "cases.linked.real_plant.connect_timeout_s=20"});
+    for (int k = 0; k < 1000 && program.output().find("output in") == std::string::npos; ++k) sleepFor(0.01);
+    sleepFor(0.3);
+    timespec begin{}, end{};
+    clock_gettime(CLOCK_MONOTONIC, &begin);
+    kill(program.pid(), SIGINT);
+    const Outcome o = program.wait();
+    clock_gettime(CLOCK_MONOTONIC, &end);
+    EXPECT_EQ(o.code, 128 + SIGINT) << o.out << o.err;
+    expectContains(o.err, {"the robot at 127.0.0.1:9 was still being called when the user asked for the end"});
+    EXPECT_LT(static_cast<double>(end.tv_sec - begin.tv_sec) + 1e-9 * static_cast<double>(end.tv_nsec - begin.tv_nsec),
+              0.5);  // 0.2 s, and the program's own end
+}
+
+/** One that ends leaves no shared memory; what a killed one leaves is no robot, and told so. */
+TEST(LinkProgram, SharedMemoryOfARobotThatHasEndedIsNoRobot) {
+    const test::TemporaryFolder folder;
+    for (const int signal : {SIGTERM, SIGKILL}) {
+        Robot robot(false);
+        const std::string file = "/" + robot.address().substr(4);
+        robot.end(signal);
+        const int fd = shm_open(file.c_str(), O_RDWR, 0600);
+        EXPECT_EQ(fd >= 0, signal == SIGKILL);
+        if (fd >= 0) close(fd);
+        const Outcome o =
+            test::run({"run", kExperiment, "--case", "linked", "--out", folder / ("run" + std::to_string(signal)),
+                       "--set", "cases.linked.real_plant.address=" + robot.address(), "--set",
+                       "cases.linked.real_plant.connect_timeout_s=0.1"});
+        EXPECT_EQ(o.code, 2) << o.out;
+        expectContains(o.err, {signal == SIGKILL ? "there is no robot: the one that had this shared memory is gone"
+                                                 : "cannot be called: there is no robot: No such file",
+                               "See that `viable robot` or the robot's driver runs there"});
+    }
 }
 
 TEST(LinkProgram, WhatCannotBeServedOrCalledIsRefused) {
@@ -187,8 +293,9 @@ TEST(LinkProgram, WhatCannotBeServedOrCalledIsRefused) {
                   {"its real arm, 'link', is itself a robot elsewhere. Name a case with a simulated one"});
     expectRefused({"robot", kExperiment, "--case", "simulated", "--listen", "nowhere"},
                   {"nowhere: an address is numeric", "--listen ADDRESS:PORT"});
-    expectRefused({"robot", kExperiment, "--case", "simulated", "--key-file", "README.md"},
-                  {"--key-file README.md: other users can read it (chmod 600). Make one: "});
+    expectRefused(
+        {"robot", kExperiment, "--case", "simulated", "--key-file", "README.md"},
+        {"--key-file README.md: other users can read or write it (mode 644); if nobody did: chmod 600 README.md"});
     const test::TemporaryFolder folder;
     expectRefused(
         {"run", kExperiment, "--case", "linked", "--out", folder / "run", "--set",

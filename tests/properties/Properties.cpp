@@ -1,10 +1,10 @@
 // Property tests of certified braking: random limits, random arms, adversarial input, millions of joint steps.
 //
 //     viable_properties limits|recovery|changing_limits|stops|monitor|obstacles|references|any_arm|dynamics|tracking|
-//                       tracking_poses|bound [--steps N] [--seed S] [--arm K]
+//                       tracking_poses|bound|link [--steps N] [--seed S] [--arm K]
 //
 // --steps counts joint steps (joints times ticks), 20,000,000 by default; the long mode is --steps 1e9. For `stops` it
-// counts random viable states, for `dynamics` states of random arms, for `bound` joints. A run is a function of its seed,
+// counts random viable states, for `dynamics` states of random arms, for `bound` joints, for `link` strangers' packets. A run is a function of its seed,
 // an arm of seed and its number.
 // Exit code 0: no violation; 1: at least one, the first is printed in full; others: wrong arguments.
 
@@ -66,7 +66,8 @@ int main(int argc, char** argv) {
                                                                            {"dynamics", checkDynamics},
                                                                            {"tracking", checkTracking},
                                                                            {"tracking_poses", checkTrackingPoses},
-                                                                           {"bound", checkBound}};
+                                                                           {"bound", checkBound},
+                                                                           {"link", checkLink}};
     std::vector<std::string> names;
     for (const auto& property : properties) names.push_back(property.first);
     std::string name;

@@ -47,4 +47,8 @@ bool checkTrackingPoses(const Options& options);
 refused with a reason. */
 bool checkBound(const Options& options);
 
+/** Both ends of the link under packets of somebody who has recorded all that went over it: replayed, changed, cut, forged. No
+torque, state or session is another than without him, and who calls gets the robot. */
+bool checkLink(const Options& options);
+
 }  // namespace viable

@@ -91,6 +91,10 @@ void addRobotCommand(CLI::App& app, int& exitCode) {
     command->add_option("--lose", options.lose, "Share of packets, in both directions, that are lost")->check(share);
     command->add_option("--burst", options.burst, "Packets in a row that are lost, where one is (default: 1)")
         ->check(CLI::Range(1, 1000000));
+    command
+        ->add_option("--from", options.from_s,
+                     "Packets are lost, doubled, reordered and corrupt only so many seconds after a host came")
+        ->check(seconds);
     command->add_option("--duplicate", options.duplicate, "Share of packets that come twice")->check(share);
     command->add_option("--reorder", options.reorder, "Share of packets that come after the next one")->check(share);
     command->add_option("--corrupt", options.corrupt, "Share of packets of which a bit is changed")->check(share);

@@ -37,21 +37,23 @@ RealPlant& getPlant(const ConfiguredCase& configured) {
 
 }  // namespace
 
-void BadLine::put(const Packet& packet, std::int64_t now) {
+void BadLine::put(const Packet& packet, std::int64_t now, bool isGood) {
+    const auto meets = [&](double share) { return !isGood && happens(share); };
     // Bursts begin as often as makes that share of them.
     const double lose = options_.lose, begins = lose / (lose + options_.burst * (1.0 - lose));
-    if (toLose_ == 0 && happens(begins)) toLose_ = options_.burst;
+    if (isGood) toLose_ = 0;
+    if (toLose_ == 0 && meets(begins)) toLose_ = options_.burst;
     if (toLose_ > 0) {
         --toLose_;
         return;
     }
-    for (int copies = happens(options_.duplicate) ? 2 : 1; copies > 0; --copies) {
+    for (int copies = meets(options_.duplicate) ? 2 : 1; copies > 0; --copies) {
         Packet one = packet;
-        one.due = now + static_cast<std::int64_t>(options_.latency_s * 1e9);
+        one.due = now + static_cast<std::int64_t>(options_.latency_s / options_.clock * 1e9);
         if (options_.delay > 0)
             one.due += tick_ns_ * static_cast<std::int64_t>(random_() % static_cast<std::uint64_t>(options_.delay + 1));
-        if (happens(options_.reorder)) one.due += 2 * tick_ns_;  // after the next one
-        if (happens(options_.corrupt) && !one.bytes.empty())
+        if (meets(options_.reorder)) one.due += 2 * tick_ns_;  // after the next one
+        if (meets(options_.corrupt) && !one.bytes.empty())
             one.bytes[random_() % one.bytes.size()] ^= static_cast<std::uint8_t>(1u << random_() % 8);
         underWay_.push_back(std::move(one));
     }
@@ -97,6 +99,7 @@ RobotServer::RobotServer(std::unique_ptr<ConfiguredCase> configured, const Robot
     holdIntegral_.setZero(n_);
     placeAtStart();
     for (int k = 0; k * tick_s_ < kSettling_s && !hasFault_; ++k) move(VL_HOLD, nullptr);
+    settledIntegral_ = holdIntegral_;
     placeAtStart();
     largestStep_ = 0.0;
 }
@@ -119,6 +122,7 @@ void RobotServer::placeAtStart() {
     isBraked_ = hasFault_ = reportsFault_ = false;
     holdPosition_ = start.q;
     isHolding_ = true;
+    if (settledIntegral_.size() == n_) holdIntegral_ = settledIntegral_;
     const JointVector held = calcHold();  // it has stood here all the time: its motors hold it
     written_ = held - calcGravityShare();
     vl_robot_note(&robot_, written_.data());
@@ -146,6 +150,11 @@ JointVector RobotServer::calcHold() {
         holdIntegral_ += kIntegral * tick_s_ * error;
     }
     const JointBounds& limits = configured_->plan.limits.acceleration;
+    for (int i = 0; i < n_ && !isHolding_; ++i) {  // or what the model does not know makes it creep on
+        const double wanted = -kDamping * state.qd[i];
+        if (wanted > limits.lower[i] && wanted < limits.upper[i])
+            holdIntegral_[i] -= kStiffness * tick_s_ * state.qd[i];
+    }
     acceleration = acceleration.cwiseMax(limits.lower + holdIntegral_).cwiseMin(limits.upper + holdIntegral_);
     return dynamics_.M * acceleration + dynamics_.b;
 }
@@ -203,7 +212,8 @@ void RobotServer::receive(std::int64_t timeout_ns, std::int64_t begin) {
         packet.bytes.assign(bytes, bytes + size);
         packet.from = line_.from;
         packet.fromSize = line_.from_size;
-        fromHost_.put(packet, timeout_ns > 0 ? std::min(begin + vl_now_ns() - before, begin + timeout_ns) : begin);
+        fromHost_.put(packet, timeout_ns > 0 ? std::min(begin + vl_now_ns() - before, begin + timeout_ns) : begin,
+                      isLineGood());
     }
 }
 
@@ -249,7 +259,7 @@ void RobotServer::sendState() {
     BadLine::Packet packet;
     packet.bytes.resize(VL_MAX_PACKET);
     packet.bytes.resize(vl_robot_state(&robot_, &state, packet.bytes.data()));
-    if (!packet.bytes.empty()) toHost_.put(packet, now_ns_);
+    if (!packet.bytes.empty()) toHost_.put(packet, now_ns_, isLineGood());
     sendDue(now_ns_);
 }
 

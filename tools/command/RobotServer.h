@@ -28,6 +28,7 @@ struct RobotServerOptions {
 
     // Of packets in both directions: shares, and ticks.
     double lose = 0.0, duplicate = 0.0, reorder = 0.0, corrupt = 0.0;
+    double from_s = 0.0;     ///< after a host has come: only then packets are lost, doubled, reordered, corrupt
     int burst = 1;           ///< packets in a row that are lost, where one is
     int delay = 0;           ///< each comes 0 to so many ticks later
     double latency_s = 0.0;  ///< each comes so much later, by the robot's clock
@@ -47,7 +48,8 @@ public:
 
     BadLine(const RobotServerOptions& options, std::int64_t tick_ns, std::uint64_t seed)
         : options_(options), tick_ns_(tick_ns), random_(seed) {}
-    void put(const Packet& packet, std::int64_t now);
+    /** @param isGood  nothing but the delay meets it */
+    void put(const Packet& packet, std::int64_t now, bool isGood);
     /** The next one that has arrived by then. */
     std::optional<Packet> take(std::int64_t now);
     /** When the next one arrives; far in the future: none is under way. */
@@ -99,6 +101,7 @@ private:
     void write(JointVector torque, bool isOwn);
     void fail(bool& flag, const char* what);
     double sinceHost_s() const;
+    bool isLineGood() const { return sinceHost_s() < options_.from_s; }
 
     std::unique_ptr<ConfiguredCase> configured_;
     const RobotServerOptions options_;
@@ -119,7 +122,8 @@ private:
     BadLine toHost_, fromHost_;
 
     JointVector applied_, holdPosition_, holdIntegral_;
-    bool isHolding_ = false;  // at holdPosition_; otherwise still coming to rest
+    JointVector settledIntegral_;  // holdIntegral_ at the start
+    bool isHolding_ = false;       // at holdPosition_; otherwise still coming to rest
     bool isBraked_ = false, hasFault_ = false, reportsFault_ = false;
     std::int64_t ticksLapsed_ = 0, lateTicks_ = 0, hosts_ = 0;
     std::uint64_t hostTick_ = 0, holdTick_ = 0;

@@ -80,7 +80,9 @@ constexpr int kLastRepeats = 5;
 constexpr std::int64_t kMostWaiting = 512;  // packets taken at once
 /** States over which a robot's clock is looked at, and windows in a row that end a run; shares of a tick. */
 constexpr int kClockStates = 40, kClockWindows = 3;
-/** Ticks by which torques may act later than the file says: the gains have as much to spare. */
+/** Ticks by which torques may act later than the file says: the gains have as much to spare. In a run also by half of what the
+file says; a single one counts as kMostAge at most. */
+constexpr std::int64_t kMostAge = 40;
 constexpr std::uint64_t kSpareDelay = 2;
 constexpr double kClockOff = 0.25, kClockMeanOff = 0.1;
 /** Packets of another version, where no good one came, that are no flipped bits any more. */
@@ -311,8 +313,8 @@ void LinkPlant::awaitRest(std::int64_t end_ns) {
         send(VL_HOLD);  // the first of them call it
         if (!isNew || !host_.is_connected) continue;
         mostUnderWay_ = std::max(mostUnderWay_, host_.sent - received_.echo);
-        if (received_.echo > heard && host_.sent - received_.echo < answered_.size() && heard != 0)
-            delays.push_back(received_.sequence - answered_[received_.echo % answered_.size()]);
+        if (received_.echo > heard && heard != 0 && calcAge() >= 0)
+            delays.push_back(static_cast<std::uint64_t>(calcAge()));
         heard = received_.echo;
         clock_.add(received_.sequence, received_.time_ns);
         if (clock_.isWrong())
@@ -354,6 +356,27 @@ const char* LinkPlant::findTrouble() const {
     return nullptr;
 }
 
+std::int64_t LinkPlant::calcAge() const noexcept {
+    if (received_.echo == 0 || host_.sent - received_.echo >= answered_.size()) return -1;
+    return static_cast<std::int64_t>(received_.sequence - answered_[received_.echo % answered_.size()]);
+}
+
+const char* LinkPlant::judgeAge() noexcept {
+    const std::int64_t age = calcAge();
+    ageTicks_ += age < 0 ? kMostAge : std::min(age, kMostAge);  // one pause of this program is no slow line
+    if (++ages_ < kClockStates) return nullptr;
+    const double mean = static_cast<double>(ageTicks_) / ages_;
+    ages_ = 0;
+    ageTicks_ = 0;
+    if (mean <= delayTicks_ + std::max<double>(kSpareDelay, 0.5 * delayTicks_)) return nullptr;
+    std::snprintf(
+        why_, sizeof why_,
+        "its torques answer states of %.1f ticks before in the mean of %d, and the gains reckon with delay_ticks: "
+        "%d; see what the line loses and what slows this computer, or raise delay_ticks",
+        mean, kClockStates, delayTicks_);
+    return why_;
+}
+
 const char* LinkPlant::judgeFollowing() noexcept {
     clock_.add(received_.sequence, received_.time_ns);
     if (clock_.isWrong()) {
@@ -366,7 +389,7 @@ const char* LinkPlant::judgeFollowing() noexcept {
     if (!hasSent_) return nullptr;
     if (!(received_.flags & VL_HOLDS)) {
         hasFollowed_ = true;
-        return nullptr;
+        return judgeAge();
     }
     if (hasFollowed_) return "it holds itself and follows no torque any more; see what its driver says";
     if (++holdingTicks_ <= mostUnderWay_ + kMostHolding) return nullptr;
@@ -450,6 +473,8 @@ void LinkPlant::reset(const MotionState& start) {
     disconnect();
     isGone_ = hasSent_ = hasFollowed_ = false;
     firstSequence_ = readSequence_ = mostUnderWay_ = holdingTicks_ = 0;
+    ages_ = 0;
+    ageTicks_ = 0;
     clock_ = ClockWatch(tick_s_);
     received_ = vl_state{};
     restVelocities_.setZero(n_);
@@ -483,7 +508,7 @@ TickStatus LinkPlant::fail(const char* why) noexcept {
 
 TickStatus LinkPlant::read(std::int64_t& ticksPassed) {
     ticksPassed = 1;
-    if (isGone_ || !isOpen_) return fail("it is not connected");
+    if (isGone_ || !isOpen_) return fail("it is not connected: no run has begun, or it has ended");
     if (readSequence_ == 0) receive(0);  // what has waited since reset() is old
     if (!receive(toNanoseconds(silenceTimeout_s_))) {
         char why[96];
@@ -505,7 +530,7 @@ TickStatus LinkPlant::read(std::int64_t& ticksPassed) {
 
 TickStatus LinkPlant::advance(const JointVector& torque, JointVector& applied) {
     if (!isFinite(torque, n_)) return TickStatus::InvalidInput;
-    if (isGone_ || !isOpen_) return fail("it is not connected");
+    if (isGone_ || !isOpen_) return fail("it is not connected: no run has begun, or it has ended");
     JointVector motors = torque;
     const JointVector& sent = sender_->send(state_.q, motors);
     if (!vl_are_plausible(sent.data(), n_, host_.largest_torque))

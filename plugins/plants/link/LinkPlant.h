@@ -81,6 +81,10 @@ private:
     const char* findTrouble() const;
     /** Whether it follows the torques; null: as far as can be told. */
     const char* judgeFollowing() noexcept;
+    /** Ticks from the state that the last torque heard answers to this one; -1: not known. */
+    std::int64_t calcAge() const noexcept;
+    /** Whether torques act as late in the mean that the gains do not hold any more; null: no. */
+    const char* judgeAge() noexcept;
     TickStatus fail(const char* why) noexcept;
     const char* writePackets() noexcept;
 
@@ -106,6 +110,8 @@ private:
     std::uint64_t firstSequence_ = 0, readSequence_ = 0;  // of the first and the last read(); 0: none since reset()
     std::uint64_t lastTick_ = 0;                          // of the run, from 0
     std::uint64_t mostUnderWay_ = 0;                      // commands that the robot had not heard yet, while it rested
+    int ages_ = 0;                                        // states of this window
+    std::int64_t ageTicks_ = 0;                           // their sum
     std::uint64_t holdingTicks_ = 0;                      // since the first torque was sent
     bool hasSent_ = false, hasFollowed_ = false;          // torques
     JointVector restVelocities_, restTorques_;            // means while it rested

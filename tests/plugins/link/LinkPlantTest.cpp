@@ -475,12 +475,12 @@ TEST(Fault84, ARobotThatCannotFollowIsRefusedAndInARunEndsIt) {
     RobotModel model(bench.setup().robot);
     /** Within so many ticks; the robot is then told to stop. */
     const auto expectEnd = [&](const std::function<void(TestRobot&)>& change, const std::string& why, int ticks = 3,
-                               const std::string& more = "") {
+                               const std::string& more = "repeat_ticks: 200") {
         RobotMind its;
         its.flags = VL_ENABLED | VL_HAS_EXTERNAL;
         TestRobot robot("udp", its);
         LinkPlant plant;
-        bench.configure(plant, say(robot, "repeat_ticks: 200" + more, "0.3"));
+        bench.configure(plant, say(robot, more, "0.3"));
         drive(plant, model, 5);
         change(robot);
         std::int64_t passed = 0;
@@ -512,8 +512,14 @@ TEST(Fault84, ARobotThatCannotFollowIsRefusedAndInARunEndsIt) {
     expectEnd([](TestRobot& robot) { robot.moreFlags = VL_ADDS_FRICTION; },
               "friction is not as adds_friction says any more");
     expectEnd([](TestRobot& robot) { robot.lessFlags = VL_HAS_EXTERNAL; },
-              "it measures the torque of the surroundings no more", 3, ", external_torque: true");
-    expectEnd([](TestRobot& robot) { robot.isDeaf = true; }, "it missed commands for longer than repeat_ticks", 210);
+              "it measures the torque of the surroundings no more", 3, "repeat_ticks: 200, external_torque: true");
+    expectEnd(
+        [](TestRobot& robot) { robot.isDeaf = true; },
+        "it missed commands for longer than repeat_ticks, and holds itself; see what kept this program or the line", 13,
+        "repeat_ticks: 10");
+    // Late ones that it may repeat so long are no loop any more.
+    expectEnd([](TestRobot& robot) { robot.isDeaf = true; },
+              " ticks before in the mean of 40, and the gains reckon with delay_ticks: 1", 80, "repeat_ticks: 1000");
     expectEnd([](TestRobot& robot) { robot.saysNan = true; }, " absurd; ticks without a state:");
     expectEnd([](TestRobot& robot) { robot.changesTick = true; }, " other tick; ticks without a state:");
     expectEnd([](TestRobot& robot) { robot.counted_ns = 2'000'000; },
