@@ -106,7 +106,7 @@ public:
         }
         r.braking = random_() % 2 == 0;
         r.missed = random_() % 2 == 0;
-        r.paused = random_() % 2 == 0;
+        if (layout_.isLive) r.paused = random_() % 2 == 0;
         r.substituted = static_cast<std::int64_t>(random_() >> 1);
         r.compute_us = number();
         for (double& us : r.stage_us) us = number();

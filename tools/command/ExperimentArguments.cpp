@@ -21,6 +21,14 @@ Experiment readDrawnExperiment(const std::string& file, const std::vector<std::s
     return readExperiment(root, file, overrides, loader, makeRobotSearchPath(file));
 }
 
+void refuseLog(const std::string& file) {
+    if (std::filesystem::path(file).extension() != ".mcap") return;
+    throw badInput(file, "this is a log, and an experiment file is asked for",
+                   "To decide its ticks again: viable run " + file +
+                       " --again; to look at it: viable report FOLDER; its " +
+                       "own experiment file is in it as experiment.yaml.");
+}
+
 void selectCases(Experiment& experiment, const std::vector<std::string>& wanted) {
     if (wanted.empty()) return;
     std::vector<std::string> names;

@@ -12,6 +12,9 @@ namespace viable {
 Experiment readDrawnExperiment(const std::string& file, const std::vector<std::string>& overrides,
                                const std::string& draw, const PluginLoader& loader);
 
+/** Throws Error (BadInput) where the file is a log by its name: what one may want of it has other commands. */
+void refuseLog(const std::string& file);
+
 /** Keeps the cases called `wanted`, all where it is empty. Throws Error (BadInput) for one that is not there. */
 void selectCases(Experiment& experiment, const std::vector<std::string>& wanted);
 

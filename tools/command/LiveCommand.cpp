@@ -42,8 +42,11 @@ struct LiveArguments {
 /** Shows how the arm is, in a thread of its own: an output that does not take it must not keep keys and signals waiting. */
 class Display {
 public:
-    explicit Display(LiveSession& session)
-        : session_(session), isTerminal_(::isatty(STDOUT_FILENO) != 0), thread_([this] { work(); }) {}
+    Display(LiveSession& session, std::vector<std::string> jointNames)
+        : session_(session),
+          names_(std::move(jointNames)),
+          isTerminal_(::isatty(STDOUT_FILENO) != 0),
+          thread_([this] { work(); }) {}
     /** Waits until all has been shown. */
     ~Display() {
         isDone_ = true;
@@ -88,18 +91,19 @@ private:
         for (Eigen::Index i = 0; i < status.record.nominal.q.size(); ++i) {
             const JointIntervention& joint = status.record.joints[static_cast<std::size_t>(i)];
             if (joint.limit == LimitKind::None) continue;
-            detail::addItem(acting, std::to_string(i) + " " + getName(joint.limit, joint.side));
+            detail::addItem(acting, names_[static_cast<std::size_t>(i)] + " " + getName(joint.limit, joint.side));
         }
         std::printf("%10.3f s  %s, command at %.3f s, missed ticks %lld, slowest tick %.0f us%s%s%s", status.time_s,
                     getName(status.state), status.commandTime_s, static_cast<long long>(status.missed),
                     status.worstCompute_us, status.lostRows > 0 ? ", log too slow" : "",
-                    acting.empty() ? "" : ", limits: joint ", acting.c_str());
+                    acting.empty() ? "" : ", limits: ", acting.c_str());
         if (!isTerminal_) std::printf("\n");
         isDrawn_ = isTerminal_;
         std::fflush(stdout);
     }
 
     LiveSession& session_;
+    const std::vector<std::string> names_;
     const bool isTerminal_;
     bool isDrawn_ = false;
     std::size_t told_ = 0;
@@ -109,11 +113,11 @@ private:
 };
 
 /** Makes wishes of keys and signals, until all has ended. */
-void attend(LiveSession& session) {
+void attend(LiveSession& session, const std::vector<std::string>& jointNames) {
     LiveKeys keys;
     if (keys.exist()) std::printf("keys: space brakes and holds, Enter goes on, q brakes and ends\n");
     std::fflush(stdout);
-    const Display display(session);
+    const Display display(session, jointNames);
     while (!session.hasEnded()) {
         if (getStopSignal() != 0) session.stop(LiveAsker::Signal);
         const char key = keys.wait(kLook_ms);
@@ -165,6 +169,13 @@ int tellEnd(int signal) {
 }
 
 int goLive(const LiveArguments& arguments) {
+    refuseLog(arguments.file);
+    if (!arguments.out.empty()) requireFreeFolder(arguments.out);  // before a robot is called
+    const auto processors = ::sysconf(_SC_NPROCESSORS_CONF);
+    if (arguments.realTime.cpu >= processors)
+        throw badInput("--cpu " + std::to_string(arguments.realTime.cpu),
+                       "this computer has " + std::to_string(processors) + " processors",
+                       "Name one from 0 to " + std::to_string(processors - 1) + ".");
     if (arguments.waits && !LiveKeys::areThere())
         throw badInput("--wait", "there is no terminal for the Enter that it waits for",
                        "Start it in the foreground of a terminal, or leave --wait out.");
@@ -207,7 +218,7 @@ int goLive(const LiveArguments& arguments) {
     for (const std::string& refusal : session.timing().refusals)
         std::fprintf(stderr, "%s: %s\n", session.timing().isRealTime ? "real time, but" : "not real time",
                      refusal.c_str());
-    attend(session);
+    attend(session, plan.robot.jointNames());
     std::vector<CaseResult> results;
     results.push_back(session.finish());
     tellStage("while summary and report were written", PluginsRun::NoMore);

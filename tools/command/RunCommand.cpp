@@ -164,6 +164,7 @@ int replay(const RunArguments& arguments) {
 
 int run(const RunArguments& arguments) {
     if (arguments.again) return replay(arguments);
+    refuseLog(arguments.file);
     countPluginAllocations();
     std::optional<HangWatch> hangWatch;  // a thread; none may be there where processes are made
     const Isolation isolation{arguments.watchdog_s.value_or(kDefaultWatchdog_s)};

@@ -62,14 +62,19 @@ FolderClaim::~FolderClaim() {
     ::unlink(file_.c_str());
 }
 
+void requireFreeFolder(const fs::path& folder) {
+    std::error_code error;
+    const fs::file_status status = fs::status(folder, error);
+    if (fs::exists(status) && !fs::is_directory(status))
+        throw badInput("--out " + folder.string(), "this is not a folder", "Name a new or empty folder.");
+    if (holdsSomething(folder)) throw alreadyHolds(folder);
+}
+
 fs::path makeRunFolder(const std::string& wanted, const fs::path& experiment) {
     std::error_code error;
     if (!wanted.empty()) {
         const fs::path folder = wanted;
-        const fs::file_status status = fs::status(folder, error);
-        if (fs::exists(status) && !fs::is_directory(status))
-            throw badInput("--out " + wanted, "this is not a folder", "Name a new or empty folder.");
-        if (holdsSomething(folder)) throw alreadyHolds(folder);
+        requireFreeFolder(folder);
         error.clear();
         fs::create_directories(folder, error);
         if (error)

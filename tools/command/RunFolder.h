@@ -13,6 +13,9 @@ namespace viable {
 a write, no deaths. */
 void ignoreWriteSignals();
 
+/** Throws Error (BadInput) where a run cannot have this folder: it is a file, or holds something. */
+void requireFreeFolder(const std::filesystem::path& folder);
+
 /** Makes the folder of a run; it must be new, so that nothing is ever overwritten. Throws Error.
 @param wanted  empty: a new one in ./runs, named after the experiment and the time */
 std::filesystem::path makeRunFolder(const std::string& wanted, const std::filesystem::path& experiment);

@@ -16,7 +16,7 @@ int main(int argc, char** argv) {
     const double tick_s = 0.001;
     const int joints = argc > 2 ? atoi(argv[2]) : 0;
     const int64_t last = argc > 3 ? (int64_t)(atof(argv[3]) / tick_s) : 0;
-    double q[VL_MAX_JOINTS] = {0}, qd[VL_MAX_JOINTS] = {0}, tau[VL_MAX_JOINTS] = {0}, held[VL_MAX_JOINTS] = {0};
+    double q[VL_MAX_JOINTS] = {0}, qd[VL_MAX_JOINTS] = {0}, tau[VL_MAX_JOINTS] = {0}, held[VL_MAX_JOINTS];
     char error[256];
     vl_line line;
     vl_robot robot;
@@ -36,7 +36,8 @@ int main(int argc, char** argv) {
         robot.torque_limit[i] = 1000.0;
         robot.torque_step[i] = 20.0;
     }
-    vl_robot_note(&robot, tau); /* YOURS: what the motors give before the first tick */
+    memcpy(held, q, sizeof held); /* YOURS: it stays where it stands, */
+    vl_robot_note(&robot, tau);   /* and torques set out from what the motors give */
     clock_gettime(CLOCK_MONOTONIC, &next);
     for (int64_t tick = 0; tick < last && !ends; ++tick) { /* or: your vendor's callback, once per tick */
         vl_state state;

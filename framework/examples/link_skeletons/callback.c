@@ -17,6 +17,10 @@ static int on_tick(void* user, const vendor_state* s, double* torque) {
     driver* const d = (driver*)user;
     vl_state out;
     vl_mode mode;
+    if (d->robot.tick == 0) { /* it stays where it stands, and torques set out from what the motors give */
+        memcpy(d->held, s->q, sizeof d->held);
+        vl_robot_note(&d->robot, s->tau);
+    }
     vl_robot_poll(&d->robot, &d->line);
     mode = vl_robot_tick(&d->robot, torque);
 
@@ -51,7 +55,8 @@ int main(int argc, char** argv) {
         return 2;
     }
     vl_robot_init(&d.robot, VENDOR_JOINTS, vendor_tick_s, vl_random());
-    for (int i = 0; i < VENDOR_JOINTS; ++i) { /* YOURS: libfranka takes 1000 Nm/s, 1 Nm per tick, with gravity's change */
+    for (int i = 0; i < VENDOR_JOINTS;
+         ++i) { /* YOURS: libfranka takes 1000 Nm/s, 1 Nm per tick, with gravity's change */
         d.robot.torque_limit[i] = 1000.0;
         d.robot.torque_step[i] = 20.0;
     }

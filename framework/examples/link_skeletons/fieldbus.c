@@ -33,9 +33,6 @@ int main(int argc, char** argv) {
         vl_state state;
         vl_mode mode;
         vendor_exchange(&next, out, in); /* YOURS: waits for the cycle, sends `out`, receives `in` */
-        vl_robot_poll(&robot, &line);
-        mode = vl_robot_tick(&robot, tau);
-
         memset(&state, 0, sizeof state);
         state.time_ns = vl_now_ns(); /* YOURS: of the clock that makes the cycles, if it has another one */
         state.flags = VL_ENABLED;
@@ -46,6 +43,12 @@ int main(int argc, char** argv) {
             state.qd[i] = 1e-6 * in[i].velocity;
             state.tau[i] = 1e-3 * in[i].torque;
         }
+        if (robot.tick == 0) { /* it stays where it stands, and torques set out from what the motors give */
+            memcpy(held, state.q, sizeof held);
+            vl_robot_note(&robot, state.tau);
+        }
+        vl_robot_poll(&robot, &line);
+        mode = vl_robot_tick(&robot, tau);
         vl_robot_send(&robot, &line, &state);
 
         if (mode == VL_HOLD) { /* YOURS: come to rest and stay there; or brakes, and vl_robot_note() */

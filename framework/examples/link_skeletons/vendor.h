@@ -38,7 +38,7 @@ static void vendor_sleep(struct timespec* next) { /* to the next tick; late ones
 /* A robot that owns the loop: it calls `tick` each millisecond, which returns other than 0 to end. */
 typedef int (*vendor_callback)(void* user, const vendor_state* state, double* torque);
 static inline void vendor_control(vendor_callback tick, void* user) {
-    vendor_state state = {{0}, {0}, {0}, 0, 0};
+    vendor_state state = {{0.7}, {0}, {0}, 0, 0};
     double torque[VENDOR_JOINTS] = {0};
     struct timespec next;
     clock_gettime(CLOCK_MONOTONIC, &next);
@@ -55,7 +55,7 @@ typedef struct vendor_drive_out {
     unsigned control; /* bit 0: follow torques */
 } vendor_drive_out;
 static inline void vendor_exchange(struct timespec* next, const vendor_drive_out* out, vendor_drive_in* in) {
-    static vendor_state state;
+    static vendor_state state = {{0.7}, {0}, {0}, 0, 0};
     double torque[VENDOR_JOINTS];
     vendor_sleep(next);
     for (int i = 0; i < VENDOR_JOINTS; ++i) torque[i] = out[i].control & 1u ? 1e-3 * out[i].torque : 0.0;

@@ -69,11 +69,11 @@ std::string formatTime(double seconds) {
     return text;
 }
 
-LogOpening makeOpening(const ConfiguredCase& configured) {
+LogOpening makeOpening(const ConfiguredCase& configured, bool isLive) {
     const CasePlan& plan = configured.plan;
     LogOpening opening;
-    opening.layout = {plan.robot.jointNames(), configured.plugins.command->space(), plan.realPlant.has_value(),
-                      plan.feedsExternalTorque, plan.environment.has_value()};
+    opening.layout = {plan.robot.jointNames(),  configured.plugins.command->space(), plan.realPlant.has_value(),
+                      plan.feedsExternalTorque, plan.environment.has_value(),        isLive};
     LogMetadata metadata;
     metadata.caseName = plan.name;
     metadata.version = VIABLE_VERSION;
@@ -174,7 +174,7 @@ RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseL
     const CasePlan& plan = configured_->plan;
     result_.log = log.file;
     LogOpening opening;
-    if (!log.file.empty()) opening = makeOpening(*configured_);
+    if (!log.file.empty()) opening = makeOpening(*configured_, log.isLive);
     loop_ = std::make_unique<ControlLoop>(
         configured_->setup, std::move(configured_->plugins),
         RealArmOptions{configured_->bound ? &*configured_->bound : nullptr, plan.feedsExternalTorque, true,

@@ -21,6 +21,7 @@ struct CaseLog {
     std::filesystem::path file;  ///< to create; empty: no log
     LogForm form = LogForm::Open;
     std::uint64_t limit_bytes = 0;             ///< of a log in several files, see LogSeries; 0: one file without limit
+    bool isLive = false;                       ///< with what only a run in real time has
     std::size_t capacity = kRecorderCapacity;  ///< ticks that wait for the disk at most
 };
 

@@ -20,6 +20,7 @@ constexpr std::size_t kCapacity = 8192;
 
 CaseLog widen(CaseLog log) {
     log.capacity = std::max(log.capacity, kCapacity);
+    log.isLive = true;
     return log;
 }
 

@@ -323,6 +323,16 @@ std::vector<LogChannel> declareChannels() {
           numbers(
               "tool_rotation_radps", LogKind::Vector, rotation,
               [](auto& r, int i) -> auto& { return r.command.toolTwist[3 + i]; })}},
+        {"live",
+         "Live",
+         [](const LogLayout& l) { return l.isLive; },
+         {integer(
+             "paused", [](const TickRecord& r) -> std::int64_t { return r.paused ? 1 : 0; },
+             [](TickRecord& r, std::int64_t value) {
+                 r.paused = value == 1;
+                 return value == 0 || value == 1;
+             })},
+         true},
         {"tick",
          "Tick",
          always,
@@ -340,12 +350,6 @@ std::vector<LogChannel> declareChannels() {
               "missed", [](const TickRecord& r) -> std::int64_t { return r.missed ? 1 : 0; },
               [](TickRecord& r, std::int64_t value) {
                   r.missed = value == 1;
-                  return value == 0 || value == 1;
-              }),
-          integer(
-              "paused", [](const TickRecord& r) -> std::int64_t { return r.paused ? 1 : 0; },
-              [](TickRecord& r, std::int64_t value) {
-                  r.paused = value == 1;
                   return value == 0 || value == 1;
               }),
           text(

@@ -445,6 +445,8 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
               : found.cause == Cause::Weakness   ? kOnWeakness
                                                  : kOnDrift);
     holdIntegral();
+    // A robot that does not take torques for what they are is better left to its own stop.
+    if (hasClock_) ended_ = true;
 }
 
 /** Beyond the limits that it is for the bound says nothing, and a trip nothing of the disturbances. */
@@ -631,7 +633,8 @@ bool ControlLoop::passMonitor() {
 }
 
 void ControlLoop::followStop() {
-    if (hasStopped() || isHolding()) {  // what rounding has left of the motion must not carry the arm away
+    if ((stopBegun_ || holdBegun_) &&
+        monitor_.atRest(nominal_)) {  // what rounding has left of the motion must not carry the arm away
         nominal_.qd.setZero();
         nominal_.qdd.setZero();
     }

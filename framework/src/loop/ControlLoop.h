@@ -140,7 +140,8 @@ public:
     /** True when a stop has come to its end, or could not be made. Further ticks hold the arm where it is: the nominal
     arm at exact rest, the robust loop at work. */
     bool hasStopped() const;
-    /** True when no stop can be made: the plant is gone, or the arithmetic is. */
+    /** True when no stop can be made: the plant is gone, or the arithmetic is; or when a robot (a plant with a
+    clock) does not follow, and is left to its own stop. */
     bool hasFailed() const { return ended_; }
 
     StopReason stopReason() const { return stopReason_; }
@@ -248,7 +249,7 @@ private:
     char stopMessage_[512] = "";
     const char* stopRemedy_ = "";
     bool stopBegun_ = false;        // a tick of the stop has been taken
-    bool ended_ = false;            // no stop is possible: the plant is gone or the arithmetic is
+    bool ended_ = false;            // see hasFailed()
     bool drifts_ = false;           // away though its motors had torque to spare
     bool robustLoopEnded_ = false;  // it failed, or swings: its torque goes to zero
     bool isLoopAsked_ = true;       // meanwhile

@@ -426,7 +426,8 @@ std::string formatLive(const LiveTiming& live) {
     for (const std::string& refusal : live.refusals) text += "  not had       " + refusal + "\n";
     text += "  states       ";
     for (const LiveTiming::Change& change : live.changes)
-        text += format(" %s at %.3f s (%s)", change.state.c_str(), change.time_s, change.asker.c_str());
+        text += format("%s %s at %.3f s (%s)", &change == &live.changes.front() ? "" : ",", change.state.c_str(),
+                       change.time_s, change.asker.c_str());
     return text + "\n";
 }
 

@@ -75,8 +75,6 @@ constexpr int kFarewells = 3;
 /** Ticks for which the robot may still hold itself after the first torque was sent, beside those that a packet takes: the
 nominal arm moves on meanwhile, and what comes later would have to catch up with it. */
 constexpr std::uint64_t kMostHolding = 20;
-/** The last torque of a run is repeated no longer [ticks]. */
-constexpr int kLastRepeats = 5;
 constexpr std::int64_t kMostWaiting = 512;  // packets taken at once
 /** States over which a robot's clock is looked at, and windows in a row that end a run; shares of a tick. */
 constexpr int kClockStates = 40, kClockWindows = 3;
@@ -154,7 +152,6 @@ void LinkPlant::configure(const RunSetup& setup, const Parameters& parameters) {
     robot_ = &setup.robot;
     n_ = setup.size();
     tick_s_ = setup.tick_s;
-    lastTick_ = static_cast<std::uint64_t>(std::max(1.0, std::round(setup.duration_s / tick_s_))) - 1;
     address_ = parameters.text("address");
     place_ = parameters.place("address");
     if (address_.rfind("shm:", 0) != 0) {
@@ -191,7 +188,8 @@ void LinkPlant::configure(const RunSetup& setup, const Parameters& parameters) {
     sender_ = std::make_unique<TorqueSender>(setup.robot, convention, tick_s_);
     if (motorRate_.array().isInf().all()) motorRate_.resize(0);
     model_ = std::make_unique<RobotModel>(setup.robot);
-    for (JointVector* v : {&external_, &state_.q, &state_.qd, &restVelocities_, &restTorques_}) v->setZero(n_);
+    for (JointVector* v : {&external_, &state_.q, &state_.qd, &restVelocities_, &restTorques_, &heldTorques_})
+        v->setZero(n_);
 }
 
 void LinkPlant::refuse(const std::string& what, const std::string& remedy) const {
@@ -269,9 +267,9 @@ void LinkPlant::disconnect() noexcept {
     isOpen_ = false;
 }
 
-void LinkPlant::send(vl_mode mode, const double* torque, int mostRepeats) {
+void LinkPlant::send(vl_mode mode, const double* torque) {
     std::uint8_t packet[VL_MAX_PACKET];
-    const std::size_t size = vl_host_command(&host_, mode, torque, std::min(repeats_, mostRepeats), packet);
+    const std::size_t size = vl_host_command(&host_, mode, torque, repeats_, packet);
     answered_[host_.sent % answered_.size()] = host_.last_sequence;
     if (size > 0) vl_line_send(&line_, packet, size);  // what the system does not take is lost, as on any line
 }
@@ -433,8 +431,9 @@ void LinkPlant::checkRobot(const MotionState& start) {
         if (away <= startTolerance_[i]) continue;
         refuse("does not stand where the file starts: " + robot_->joints[static_cast<std::size_t>(i)].name + " is at " +
                    formatShort(state_.q[i]) + ", and the start " + formatShort(start.q[i]),
-               "Move the robot there, or write its pose as the start: {position_rad: " + formatTorques(state_.q) +
-                   "}. Where it stands there, the order or sign of its joints is another.");
+               "Move the robot there, start where it stands (`viable live --from-here`), or write its pose as the "
+               "start: {position_rad: " +
+                   formatTorques(state_.q) + "}. Where it stands there, the order or sign of its joints is another.");
     }
     checkRestTorque();
 }
@@ -451,6 +450,13 @@ void LinkPlant::checkRestTorque() {
         const double limit = robot_->actuation.torqueLimit[i];
         const double noise = std::isfinite(limit) ? kRestNoiseShare * limit : kRestNoise_Nm;
         const double tolerance = std::max(held + torqueShare_ * largest, noise);
+        if (std::abs(restTorques_[i] + (addsGravity_ ? dynamics_.gravity[i] : 0.0)) > limit)
+            refuse("carries its arm at rest with " + formatTorques(restTorques_) + " Nm, beyond the torque_limit_Nm " +
+                       formatShort(limit) + " of " + robot_->joints[static_cast<std::size_t>(i)].name,
+                   "Correct the limit in actuation.yaml: with it this arm cannot be held.");
+        // What no friction and no payload explains, as a wrong sensor, is not taken over.
+        const double most = std::max(held + torqueShare_ * std::abs(dynamics_.gravity[i]), noise);
+        heldTorques_[i] = std::clamp(restTorques_[i], expected[i] - most, expected[i] + most);
         if (std::abs(restTorques_[i] - expected[i]) <= tolerance) continue;
         const char* const guess =
             addsGravity_ && (restTorques_ - dynamics_.gravity).norm() < 0.5 * dynamics_.gravity.norm()
@@ -472,7 +478,7 @@ void LinkPlant::checkRestTorque() {
 void LinkPlant::reset(const MotionState& start) {
     disconnect();
     isGone_ = hasSent_ = hasFollowed_ = false;
-    firstSequence_ = readSequence_ = mostUnderWay_ = holdingTicks_ = 0;
+    readSequence_ = mostUnderWay_ = holdingTicks_ = 0;
     ages_ = 0;
     ageTicks_ = 0;
     clock_ = ClockWatch(tick_s_);
@@ -491,7 +497,10 @@ void LinkPlant::reset(const MotionState& start) {
         disconnect();
         throw;
     }
-    sender_->reset(state_.q, restTorques_, blend_s_);
+    if (std::isinf(torqueShare_))
+        sender_->reset(state_.q);  // what it measures is not to be trusted
+    else
+        sender_->reset(state_.q, heldTorques_, blend_s_);
 }
 
 TickStatus LinkPlant::fail(const char* why) noexcept {
@@ -520,10 +529,7 @@ TickStatus LinkPlant::read(std::int64_t& ticksPassed) {
     if (const char* trouble = findTrouble()) return fail(trouble);
     if (const char* trouble = judgeFollowing()) return fail(trouble);
     // Until the first read() it has held itself: no tick was missed.
-    if (readSequence_ != 0)
-        ticksPassed = static_cast<std::int64_t>(received_.sequence - readSequence_);
-    else
-        firstSequence_ = received_.sequence;
+    if (readSequence_ != 0) ticksPassed = static_cast<std::int64_t>(received_.sequence - readSequence_);
     readSequence_ = received_.sequence;
     return TickStatus::Ok;
 }
@@ -535,8 +541,7 @@ TickStatus LinkPlant::advance(const JointVector& torque, JointVector& applied) {
     const JointVector& sent = sender_->send(state_.q, motors);
     if (!vl_are_plausible(sent.data(), n_, host_.largest_torque))
         return fail("a torque beyond 1e6 Nm was to be sent; see torque_limit_Nm in the robot's actuation.yaml");
-    const std::uint64_t tick = readSequence_ - firstSequence_;
-    send(tick < lastTick_ ? VL_TORQUE : VL_LAST, sent.data(), tick == lastTick_ ? kLastRepeats : 1 << 16);
+    send(VL_TORQUE, sent.data());
     hasSent_ = true;
     applied = motors;
     return TickStatus::Ok;

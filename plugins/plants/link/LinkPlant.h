@@ -38,8 +38,7 @@ private:
 Method: reset() calls the robot, and watches its states until the arm has rested for kRestStates of them; there it compares
 what the robot says of itself with what the file says: joints, tick, flags, start, and the torque that carries the arm.
 read() waits for the next state and takes the newest one that is there; advance() answers it. TorqueSender makes what is sent.
-From the last tick of the run on it says with each torque that none need follow (VL_LAST), so that the robot does not wait while
-a log is written. Assumes: the robot has a stop and a hold of its own, and takes them where commands are missing.
+The destructor says stop. Assumes: the robot has a stop and a hold of its own, and takes them where commands are missing.
 Guarantees: nothing that is not finite is sent; a state that is not whole, not of this session, not newer or not plausible
 is dropped and counted; a robot that is silent, brakes, holds itself, reports a fault or has another tick by its own clock ends the run.
 Real time: read(), advance() and measured() allocate, lock and throw nothing. read() waits up to silence_timeout_s. */
@@ -75,7 +74,7 @@ private:
     void refuseIfStopped() const;
     /** Waits for a state and takes the newest that is there. False: none came. */
     bool receive(std::int64_t timeout_ns);
-    void send(vl_mode mode, const double* torque = nullptr, int mostRepeats = 1 << 16);
+    void send(vl_mode mode, const double* torque = nullptr);
     void takeState();
     /** Why the robot does not follow torques; null: it does. */
     const char* findTrouble() const;
@@ -107,14 +106,13 @@ private:
     vl_state received_{};
     std::array<std::uint64_t, 64> answered_{};  // states, by the number of the command
     ClockWatch clock_{0.0};
-    std::uint64_t firstSequence_ = 0, readSequence_ = 0;  // of the first and the last read(); 0: none since reset()
-    std::uint64_t lastTick_ = 0;                          // of the run, from 0
-    std::uint64_t mostUnderWay_ = 0;                      // commands that the robot had not heard yet, while it rested
-    int ages_ = 0;                                        // states of this window
-    std::int64_t ageTicks_ = 0;                           // their sum
-    std::uint64_t holdingTicks_ = 0;                      // since the first torque was sent
-    bool hasSent_ = false, hasFollowed_ = false;          // torques
-    JointVector restVelocities_, restTorques_;            // means while it rested
+    std::uint64_t readSequence_ = 0;              // of the last read(); 0: none since reset()
+    std::uint64_t mostUnderWay_ = 0;              // commands that the robot had not heard yet, while it rested
+    int ages_ = 0;                                // states of this window
+    std::int64_t ageTicks_ = 0;                   // their sum
+    std::uint64_t holdingTicks_ = 0;              // since the first torque was sent
+    bool hasSent_ = false, hasFollowed_ = false;  // torques
+    JointVector restVelocities_, restTorques_, heldTorques_;  // means while it rested
     JointState state_;
     JointVector external_;
     char text_[512] = "", packets_[256] = "", why_[256] = "";

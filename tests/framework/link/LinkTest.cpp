@@ -421,7 +421,6 @@ TEST(Link, ASessionBeginsWithAGoodAndRecentHold) {
         EXPECT_EQ(pair.tick(), VL_HOLD);
     };
     expectUnclaimed(pair.makeCommand(VL_TORQUE, 1.0), VL_FOREIGN);
-    expectUnclaimed(pair.makeCommand(VL_LAST, 1.0), VL_FOREIGN);
     expectUnclaimed(pair.makeCommand(VL_STOP), VL_FOREIGN);
     pair.host.last_sequence += 1000;
     expectUnclaimed(pair.makeCommand(VL_HOLD), VL_ABSURD);
@@ -470,23 +469,6 @@ TEST(Link, AHelloThatIsReplayedTakesNothingFromTheHost) {
         EXPECT_EQ(pair.tick(), VL_TORQUE);
     }
     EXPECT_LT(slowest, 1500);  // of 11 callers one is answered: 1500 ticks are 150 calls, missed all once in 1e6
-}
-
-/** After the last torque none need follow: the robot holds itself as after a stop, and the host has gone. */
-TEST(Link, ALastTorqueEndsInAHoldAndNotInALapse) {
-    Pair pair;
-    pair.connect();
-    pair.exchange(VL_TORQUE, 1.0);
-    pair.exchange(VL_LAST, 2.0);
-    pair.exchange(VL_LAST, 3.0);  // and where others follow, they act
-    EXPECT_EQ(pair.torque[0], 2.0);
-    for (int k = 0; k < 4; ++k) EXPECT_EQ(pair.tick(), VL_TORQUE);
-    EXPECT_EQ(pair.torque[0], 3.0);
-    EXPECT_EQ(pair.tick(), VL_HOLD);
-    EXPECT_FALSE(pair.robot.has_host);
-    EXPECT_EQ(pair.robot.lapses, 0u);
-    EXPECT_TRUE(pair.makeState().empty());
-    EXPECT_EQ(pair.give(pair.makeCommand(VL_TORQUE, 4.0)), VL_OLD);
 }
 
 /** Whatever comes, is lost or comes late: from one tick to the next no torque changes by more than torque_step, nor into the

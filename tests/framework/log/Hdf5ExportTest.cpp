@@ -248,7 +248,6 @@ const std::map<std::string, std::string> kUnits = {
     {"/tick/status", ""},
     {"/tick/braking", "1"},
     {"/tick/missed", "1"},
-    {"/tick/paused", "1"},
     {"/tick/stop", ""},
     {"/tick/substituted", "1"},
     {"/tick/compute_us", "us"},

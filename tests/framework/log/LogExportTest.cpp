@@ -88,10 +88,10 @@ TEST_F(LogExportTest, HasTheDocumentedColumns) {
               "limits.joint0.jerk_lower_radps3,limits.joint0.jerk_upper_radps3,"
               "robust.joint0.tau_Nm,motor.joint0.tau_Nm,"
               "command.joint0.q_rad,command.joint0.qd_radps,tick.status,tick.braking,"
-              "tick.missed,tick.paused,tick.stop,tick.substituted,tick.compute_us,tick.command_us,tick.dynamics_us,"
+              "tick.missed,tick.stop,tick.substituted,tick.compute_us,tick.command_us,tick.dynamics_us,"
               "tick.controller_us,tick.filter_us,tick.robust_us,tick.plant_us,tick.record_us\n");
     const std::vector<LogColumn> columns = listColumns(layout);
-    EXPECT_EQ(columns.size(), 49u);
+    EXPECT_EQ(columns.size(), 48u);
     EXPECT_EQ(columns.front().name(), "time_s");
 }
 
@@ -178,7 +178,6 @@ TEST_F(LogExportTest, EveryNumberReadsBackBitEqual) {
             EXPECT_EQ(at("tick.status"), getName(r.status));
             EXPECT_EQ(at("tick.braking"), r.braking ? "1" : "0");
             EXPECT_EQ(at("tick.missed"), r.missed ? "1" : "0");
-            EXPECT_EQ(at("tick.paused"), r.paused ? "1" : "0");
             EXPECT_EQ(at("tick.stop"), getName(r.verdict));
             EXPECT_EQ(at("tick.substituted"), std::to_string(r.substituted));
             expectNumber(at("tick.compute_us"), r.compute_us);

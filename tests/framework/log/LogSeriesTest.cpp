@@ -16,6 +16,7 @@ namespace fs = std::filesystem;
 LogLayout makeSmallLayout() {
     LogLayout layout;
     layout.jointNames = {"a", "b"};
+    layout.isLive = true;
     return layout;
 }
 

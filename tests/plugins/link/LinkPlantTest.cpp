@@ -230,7 +230,7 @@ void drive(LinkPlant& plant, RobotModel& model, int ticks) {
         model.calcDynamics(plant.measured().q, plant.measured().qd, dynamics);
         calcInverseDynamics(dynamics, acceleration, torque);
         ASSERT_EQ(plant.advance(torque, applied), TickStatus::Ok);
-        ASSERT_EQ(applied, torque);
+        ASSERT_LT((applied - torque).cwiseAbs().maxCoeff(), 1e-9);  // what it held is the model's but for rounding
     }
 }
 
@@ -612,42 +612,6 @@ TEST(Fault83, ARobotThatTakesNoTorqueEndsTheRunBeforeTheArmsAreApart) {
     EXPECT_LE(torques, 40);
     expectSays(detail::takeFaultExplanation(),
                "ticks after the first one: they are lost, or come later than repeat_ticks: 1000 allows");
-}
-
-/** After the last tick of the run the robot does not wait for more: it repeats that torque for 5 ticks at most, and then holds
-itself as after a stop, while this side is busy with a log; but a run that goes on longer is not disturbed. */
-TEST(Fault86, AtTheEndOfARunTheRobotHoldsItselfThoughNobodySaysStop) {
-    PluginBench bench;
-    TestRobot robot("udp");
-    LinkPlant plant;
-    bench.configure(plant, say(robot));
-    const int ticks = static_cast<int>(std::lround(bench.setup().duration_s / bench.setup().tick_s));
-    ASSERT_GT(ticks, 10);
-    RobotModel model(bench.setup().robot);
-    drive(plant, model, ticks + 5);
-    robot.isDeaf = true;  // nothing more comes
-    sleepFor(0.05);
-    robot.stop();
-    EXPECT_EQ(robot.robot.lapses, 0u);
-    EXPECT_EQ(robot.robot.command.mode, VL_LAST);
-    TestRobot other("udp");
-    LinkPlant again;
-    bench.configure(again, say(other));
-    std::int64_t passed = 0;
-    JointVector applied;
-    for (std::int64_t k = 0; k < ticks; k += passed) {
-        ASSERT_EQ(again.read(passed), TickStatus::Ok);
-        ASSERT_EQ(again.advance(bench.dynamics().gravity, applied), TickStatus::Ok);
-    }
-    sleepFor(0.05);
-    other.isDeaf = true;
-    sleepFor(0.1);
-    other.stop();
-    EXPECT_EQ(other.robot.command.mode, VL_LAST);
-    EXPECT_EQ(other.robot.command.repeats, 5);
-    EXPECT_EQ(other.robot.acts, VL_STOP);
-    EXPECT_FALSE(other.robot.has_host);
-    EXPECT_EQ(other.robot.lapses, 0u);
 }
 
 TEST(Fault83, ARobotOfAnotherVersionIsRefused) {

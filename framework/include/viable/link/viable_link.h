@@ -29,7 +29,7 @@ most once: with a key, nothing that was recorded is of any use to a stranger, he
 robot can command it. One host at a time: the first one stays until it says stop or is silent for release_ticks.
 
 Late and lost commands: one that answers state s may act in the ticks s + 1 to s + 1 + repeats. After that the robot holds
-itself and tells so (VL_LAPSED) until a hold command comes; after a VL_LAST, which tells that none need follow, as after stop.
+itself and tells so (VL_LAPSED) until a hold command comes.
 
 Steps: whatever comes, goes missing or comes late, the torque changes by no more than torque_step per tick, also into and out
 of the robot's own hold, whose torque goes through vl_robot_limit(). Nothing here allocates, locks or waits, but for the
@@ -59,7 +59,7 @@ enum {
 };
 
 /* Stop: come to rest, the host goes. Last: a torque after which the host may have gone. */
-typedef enum vl_mode { VL_HOLD = 0, VL_TORQUE = 1, VL_STOP = 2, VL_LAST = 3 } vl_mode;
+typedef enum vl_mode { VL_HOLD = 0, VL_TORQUE = 1, VL_STOP = 2 } vl_mode;
 
 /* What a packet came to. Anything but VL_GOOD: it was dropped and counted. */
 typedef enum vl_result {
@@ -322,7 +322,7 @@ static inline vl_result vl_decode_command(const void* bytes, size_t size, const 
     const uint8_t* const packet = (const uint8_t*)bytes;
     const vl_result result = vl_check_packet(packet, size, VL_IS_COMMAND, key);
     if (result != VL_GOOD) return result;
-    if (packet[7] > VL_LAST) return VL_ABSURD;
+    if (packet[7] > VL_STOP) return VL_ABSURD;
     memset(c, 0, sizeof *c);
     c->joints = packet[6];
     c->mode = (vl_mode)packet[7];
@@ -432,7 +432,7 @@ static inline vl_result vl_robot_judge(vl_robot* r, const void* bytes, size_t si
     if (c.echo > r->tick || !vl_are_plausible(c.tau, c.joints, 1e6)) return VL_ABSURD;
     if (is_first && r->tick - c.echo > r->release_ticks) return VL_OLD;
     if (c.repeats > r->most_repeats) c.repeats = r->most_repeats;
-    if ((c.mode == VL_TORQUE || c.mode == VL_LAST) && r->tick - c.echo > (uint64_t)c.repeats) return VL_OLD;
+    if (c.mode == VL_TORQUE && r->tick - c.echo > (uint64_t)c.repeats) return VL_OLD;
     if (is_first) {
         r->has_host = 1;
         r->peer = peer;
@@ -442,7 +442,7 @@ static inline vl_result vl_robot_judge(vl_robot* r, const void* bytes, size_t si
     r->last_sequence = c.sequence;
     r->heard_tick = r->tick;
     r->command = c;
-    r->acts = c.mode == VL_LAST ? VL_TORQUE : c.mode;
+    r->acts = c.mode;
     if (c.mode == VL_HOLD) r->has_lapsed = 0;
     if (c.mode == VL_STOP) vl_robot_release(r);
     return VL_GOOD;
@@ -487,13 +487,8 @@ static inline vl_mode vl_robot_tick(vl_robot* r, double* tau) {
             vl_robot_limit(r, tau);
             return VL_TORQUE;
         }
-        if (r->command.mode == VL_LAST) {
-            r->acts = VL_STOP;
-            vl_robot_release(r);
-        } else {
-            r->has_lapsed = 1;
-            ++r->lapses;
-        }
+        r->has_lapsed = 1;
+        ++r->lapses;
     }
     return VL_HOLD;
 }
@@ -591,11 +586,11 @@ static inline vl_result vl_host_receive(vl_host* h, const void* bytes, size_t si
 }
 
 /* The packet to send to the robot: the answer to the last state, or hello where there is none yet. Returns its size; 0 for a
-torque that is not finite. tau: of VL_TORQUE and VL_LAST. */
+torque that is not finite. tau: of VL_TORQUE. */
 static inline size_t vl_host_command(vl_host* h, vl_mode mode, const double* tau, int repeats, uint8_t* packet) {
     vl_command c;
     memset(&c, 0, sizeof c);
-    if (mode == VL_TORQUE || mode == VL_LAST) {
+    if (mode == VL_TORQUE) {
         if (!vl_are_plausible(tau, h->joints, h->largest_torque)) return 0;
         memcpy(c.tau, tau, (size_t)h->joints * sizeof *tau);
     }
