@@ -1,0 +1,13 @@
+"""Plain types."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class State(NamedTuple):
+    """Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints, each (n,)."""
+
+    q: np.ndarray
+    qd: np.ndarray
+    qdd: np.ndarray
