@@ -185,7 +185,7 @@ class Guards(unittest.TestCase):
             return guard.step(q, qd, dynamics.b)
 
         follow(guard, law, 1)
-        self.assertIn("by the law or by another thread", str(guard.law_error))
+        self.assertIn("by its own law or by another thread", str(guard.law_error))
         self.assertEqual(guard.stop_reason, "law_failed")
 
     def test_garbage_is_collected_and_the_guard_forgotten_during_a_law(self):

@@ -53,11 +53,12 @@ class Runs(unittest.TestCase):
         self.assertEqual(set(summary["cases"]), {"C3"})
 
     def test_values_are_written_as_the_file_has_them(self):
-        form = viable._program._format
+        form = viable._program.format_value
         for value, text in ((True, "true"), (None, "null"), (2, "2"), (0.1, "0.1"), (float("inf"), ".inf"),
                             (-np.inf, "-.inf"), ([1, 2.5], "[1, 2.5]"), (np.array([[1, 2], [3, 4]]), "[[1, 2], [3, 4]]"),
                             ({"plugin": "nric", "k_r": [1, 2]}, "{plugin: nric, k_r: [1, 2]}"), ("2*pi", "2*pi"),
-                            (np.float32(0.5), "0.5")):
+                            (np.float32(0.5), "0.5"), ("~uniform(0, 1)", "~uniform(0, 1)"),
+                            ({"payload_kg": "~uniform(0, 1)"}, '{payload_kg: "~uniform(0, 1)"}')):
             self.assertEqual(form(value), text)
         summary = viable.run(TELEOPERATION, cases="C3", set={"duration_s": 0.1, "start": {"position_rad": viable.Robot("indy7").home},
                                                              "real_plant": {"plugin": "ideal"}})

@@ -107,6 +107,8 @@ struct ArmBatch::Impl {
             still.J.setZero(6, n);
             servos.resize(count(arms));
         }
+        threads =
+            options.threads > 0 ? options.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
         limits.assign(count(arms), setup.limits);
         laws.resize(count(arms));
         for (std::vector<double>* values : {&state.q, &state.qd, &state.qdd, &state.jerk, &state.torque, &state.margin})
@@ -140,6 +142,7 @@ struct ArmBatch::Impl {
     ArmBatchOptions options;
     const double tick_s;
     const int n, arms;
+    int threads = 1;  // at most; how many cores there are takes long to find
     const RunSetup setup;
     const ArmRecursion recursion;  // of all nominal arms
     Dynamics still;                // of unit inertias, for jerks
@@ -412,9 +415,7 @@ void ArmBatch::step(const double* actions, int ticks) {
                 in.stepArm(arm, actions, ticks, scratch);
     };
     const std::int64_t worth = (static_cast<std::int64_t>(in.arms) * ticks) / kWorthAThread;
-    const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-    const std::int64_t most =
-        std::min<std::int64_t>(in.options.threads > 0 ? in.options.threads : cores, (in.arms + kChunk - 1) / kChunk);
+    const std::int64_t most = std::min<std::int64_t>(in.threads, (in.arms + kChunk - 1) / kChunk);
     std::vector<std::thread> helpers;
     try {
         for (std::int64_t i = 1; i < std::min(most, worth); ++i) helpers.emplace_back(work);

@@ -50,6 +50,7 @@ py::object makeLimits(const JointLimits& limits);
 
 void bindRobot(py::module_& module);
 void bindGuards(py::module_& module);
+void bindBatch(py::module_& module);
 void bindLog(py::module_& module);
 
 }  // namespace viable::python

@@ -42,23 +42,6 @@ const char* getName(GuardStop reason) {
     return "library_failed";
 }
 
-/** One call into a guard at a time: a law must not step the guard that calls it, nor another thread meanwhile. */
-class Turn {
-public:
-    Turn(bool& isTaken, const char* guard) : isTaken_(isTaken) {
-        if (isTaken)
-            throw badInput(guard, "it was called while a law of its own ran, by the law or by another thread",
-                           "Call a guard from one thread, and not from inside its law.");
-        isTaken = true;
-    }
-    ~Turn() { isTaken_ = false; }
-    Turn(const Turn&) = delete;
-    Turn& operator=(const Turn&) = delete;
-
-private:
-    bool& isTaken_;
-};
-
 std::vector<std::string> listActing(const std::array<JointIntervention, kMaxJoints>& acting, int n) {
     std::vector<std::string> words;
     for (int i = 0; i < n; ++i)
@@ -70,14 +53,6 @@ std::vector<std::string> listActing(const std::array<JointIntervention, kMaxJoin
 py::tuple makeState(const MotionState& state) {
     return py::module_::import("viable._types")
         .attr("State")(makeArray(state.q), makeArray(state.qd), makeArray(state.qdd));
-}
-
-Objective takeObjective(const std::string& word) {
-    if (word == "torque") return Objective::Torque;
-    if (word == "tool") return Objective::Tool;
-    if (word == "joint") return Objective::Joint;
-    if (word == "path") return Objective::Path;
-    throw badInput("objective", "`" + word + "`", "It is torque, tool, joint or path.");
 }
 
 class PythonGuard {
@@ -249,6 +224,14 @@ void bindCommon(py::class_<Guard>& c) {
 }
 
 }  // namespace
+
+Objective takeObjective(const std::string& word) {
+    if (word == "torque") return Objective::Torque;
+    if (word == "tool") return Objective::Tool;
+    if (word == "joint") return Objective::Joint;
+    if (word == "path") return Objective::Path;
+    throw badInput("objective", "`" + word + "`", "It is torque, tool, joint or path.");
+}
 
 void bindGuards(py::module_& module) {
     py::class_<PythonGuard> guard(module, "Guard",

@@ -43,5 +43,6 @@ PYBIND11_MODULE(_viable, module) {
     vp::py::register_exception_translator(&vp::translate);
     vp::bindRobot(module);
     vp::bindGuards(module);
+    vp::bindBatch(module);
     vp::bindLog(module);
 }

@@ -2,6 +2,7 @@
 
     Robot, Limits, Dynamics      what an arm is and may do
     Guard, ReferenceGuard        limits around a torque law, or around joint targets
+    Batch                        thousands of guarded arms at once, for learning
     Log                          the log of a run as numpy arrays
     run, verify, identify, ...   what the program `viable` does, results as dicts
     Error, InputError            what goes wrong: place, cause, remedy, kind
@@ -9,13 +10,14 @@
 Arrays are float64 with one number per joint, base first; units are rad, s and Nm (of joints that slide m and N).
 """
 
+from ._batch import Batch
 from ._errors import Error, InputError
 from ._log import Log
 from ._program import bound, identify, run, sweep, verify
-from ._types import State
+from ._types import ACTING, STATUS, State
 from ._viable import Dynamics, Guard, Limits, ReferenceGuard, Robot, __version__
 
 __all__ = [
-    "Dynamics", "Error", "Guard", "InputError", "Limits", "Log", "ReferenceGuard", "Robot", "State",
+    "ACTING", "Batch", "Dynamics", "Error", "Guard", "InputError", "Limits", "Log", "ReferenceGuard", "Robot", "STATUS", "State",
     "bound", "identify", "run", "sweep", "verify", "__version__",
 ]

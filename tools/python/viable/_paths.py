@@ -38,3 +38,14 @@ def robot_folders() -> list[str]:
     if prefix:
         folders.append(str(prefix / "share" / "viable" / "robots"))
     return folders
+
+
+def plugin_folders() -> list[str]:
+    """Where plugins are searched, in order, as by the program."""
+    folders = [folder for folder in os.environ.get("VIABLE_PLUGIN_PATH", "").split(":") if folder]
+    prefix = find_prefix()
+    if prefix:
+        from . import _viable
+
+        folders += [str(prefix / "bin" / "plugins"), str(Path(_viable.library).resolve().parent / "viable" / "plugins")]
+    return folders

@@ -20,18 +20,18 @@ from ._paths import find_program
 PathLike = str | os.PathLike
 
 
-def _format(value: Any) -> str:
-    """A value as an experiment file has it."""
+def format_value(value: Any, is_inside: bool = False) -> str:
+    """A value as an experiment file has it. is_inside: of brackets, where a comma in a word needs quotes."""
     if isinstance(value, bool) or value is None:
         return {True: "true", False: "false", None: "null"}[value]
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key}: {_format(each)}" for key, each in value.items()) + "}"
+        return "{" + ", ".join(f"{key}: {format_value(each, True)}" for key, each in value.items()) + "}"
     if isinstance(value, str):
-        return value
+        return json.dumps(value) if is_inside and any(letter in value for letter in ",[]{}:#\"'") else value
     if hasattr(value, "tolist"):
-        return _format(value.tolist())
+        return format_value(value.tolist(), is_inside)
     if isinstance(value, Sequence):
-        return "[" + ", ".join(_format(each) for each in value) + "]"
+        return "[" + ", ".join(format_value(each, True) for each in value) + "]"
     if isinstance(value, float):
         return {"inf": ".inf", "-inf": "-.inf"}.get(repr(value), repr(value))
     return str(value)
@@ -40,7 +40,7 @@ def _format(value: Any) -> str:
 def _overrides(values: Mapping[str, Any] | None) -> list[str]:
     arguments = []
     for key, value in (values or {}).items():
-        arguments += ["--set", f"{key}={_format(value)}"]
+        arguments += ["--set", f"{key}={format_value(value)}"]
     return arguments
 
 

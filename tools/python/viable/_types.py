@@ -11,3 +11,9 @@ class State(NamedTuple):
     q: np.ndarray
     qd: np.ndarray
     qdd: np.ndarray
+
+
+#: What Batch.status counts by.
+STATUS = ("not_started", "passed", "limited", "recovering", "waiting", "stopping", "stopped", "failed")
+#: What abs(Batch.acting) counts by.
+ACTING = ("none", "position", "velocity", "acceleration", "jerk", "torque", "clearance")
