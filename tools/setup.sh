@@ -46,7 +46,7 @@ if [ "$target" = all ]; then
     clang-format                    # the formatter whose opinion counts: tests/structure/format.sh
   )
 fi
-if [ "$target" = all ] || [ "$target" = viable_python ]; then
+if [ "$target" = all ] || [ "$target" = viable_python ] || [ "$target" = viable_package ]; then
   packages+=(python3-dev pybind11-dev python3-numpy)  # the Python package; the module's compiler needs the first two
 fi
 if [ "$target" = all ] || [ "$target" = viable_interface ]; then

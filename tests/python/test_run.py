@@ -189,9 +189,9 @@ except KeyboardInterrupt:
         self.assertIn("joints", found)
 
     def test_bounds(self):
-        file = EXPERIMENTS / "indy7_real_limits.yaml"
+        file = EXPERIMENTS / "two_link_real_limits.yaml"
         bounds = viable.bound(file)
-        wider = viable.bound(file, set={"disturbance_set.payload_kg": 9})
+        wider = viable.bound(file, set={"disturbance_set.friction_scale": 9})
         joint = bounds[0]["position_rad"]
         self.assertTrue(all(0 < each < 1 for each in joint))
         self.assertGreater(wider[0]["position_rad"][1], joint[1])
