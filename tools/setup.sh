@@ -42,6 +42,7 @@ if [ "$target" = all ]; then
     python3-h5py python3-pandas     # tests of the HDF5 export
     libmujoco-dev                   # the real plant `mujoco`; an independent engine to compare robots with
     libopenmpi-dev openmpi-bin      # sweeps across machines
+    python3-venv                    # test of `pip install`
     python3-jsonschema python3-yaml # tests of the schema of experiment files
     clang-format                    # the formatter whose opinion counts: tests/structure/format.sh
   )
