@@ -311,6 +311,36 @@ class References(unittest.TestCase):
             viable.ReferenceGuard(robot, between="never")
 
 
+class Servos(unittest.TestCase):
+    def test_the_jerks_are_those_of_a_reference_guard(self):
+        robot = viable.Robot("ur5e")
+        guard = viable.ReferenceGuard(robot, between="hold", velocity_filter=np.inf)
+        guard.start(robot.home)
+        servo = viable.Servo(robot.limits, 0.001)
+        servo.reset(robot.home)
+        q, qd, qdd = robot.home, np.zeros(6), np.zeros(6)
+        rng = np.random.default_rng(5)
+        for i in range(2000):
+            if i % 400 == 0:
+                target = robot.home + rng.uniform(-1, 1, 6)
+            jerk = servo.jerk(q, qd, qdd, target)
+            moved = guard.step(target)
+            np.testing.assert_array_equal(moved.qdd, qdd + jerk * 0.001)
+            q, qd, qdd = moved
+        self.assertGreater(abs(q - robot.home).max(), 0.1)
+
+    def test_what_does_not_fit_is_told(self):
+        limits = viable.Limits(position=2, velocity=1, acceleration=5, jerk=50, joints=2)
+        for call, cause in ((lambda: viable.Servo(limits.replace(jerk=None)), "not usable at a tick of 0.001 s"),
+                            (lambda: viable.Servo(limits, 1.0), "not usable at a tick of 1 s"),
+                            (lambda: viable.Servo(limits, share=0), "allowed is above 0, up to 1"),
+                            (lambda: viable.Servo(None), "None are no limits"),
+                            (lambda: viable.Servo(limits).reset([0, np.nan]), "a number is not finite"),
+                            (lambda: viable.Servo(limits).jerk([0, 0], [0, 0], [0, 0], [1]), r"target: .*shape \(1,\)")):
+            with self.subTest(cause=cause), self.assertRaisesRegex(viable.InputError, cause):
+                call()
+
+
 class Robots(unittest.TestCase):
     def test_dynamics_agree_with_themselves(self):
         robot = viable.Robot("ur5e")

@@ -82,7 +82,7 @@ class Stubs(unittest.TestCase):
         for name in viable.__all__:
             if name not in {"__version__", "STATUS", "ACTING"}:
                 self.assertTrue(getattr(viable, name).__doc__, name)
-        for cls in (viable.Guard, viable.ReferenceGuard, viable.Robot, viable.Limits, viable.Dynamics, _viable.Batch):
+        for cls in (viable.Guard, viable.ReferenceGuard, viable.Robot, viable.Limits, viable.Dynamics, viable.Servo, _viable.Batch):
             self.assertGreater(len(cls.__doc__), 40, cls)
             for name, member in vars(cls).items():
                 if not name.startswith("_") and name not in {"name", "folder", "limits"}:

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/Text.h"
+#include "viable/braking/Servo.h"
 #include "viable/core/Numbers.h"
 #include "viable/plugin/Plugin.h"
 #include "viable/tracking/LoopStability.h"
@@ -219,6 +220,76 @@ py::dict calcGains(const PythonRobot& robot, double tick_s, const py::object& li
     return d;
 }
 
+/** viable.Servo */
+class PythonServo {
+public:
+    PythonServo(const py::object& limits, double tick, double share) {
+        const std::optional<JointLimits> given = takeLimits(limits);
+        if (!given) throw badInput("Servo: limits", "None are no limits", "Give a viable.Limits.");
+        n_ = given->size();
+        if (!(tick >= kShortestTick_s && tick <= kLongestTick_s) || !areUsable(*given, n_, tick) ||
+            !given->hasJerkLimits())
+            throw badInput(
+                "Servo: limits", "they are not usable at a tick of " + detail::formatNumber(tick) + " s",
+                "Give finite jerk limits, zero inside those of velocity, acceleration and jerk, and a tick of "
+                "[0.00001, 0.1] s.");
+        if (!(share > 0.0 && share <= 1.0))
+            throw badInput("Servo: share", detail::formatNumber(share) + "; allowed is above 0, up to 1",
+                           "1 for targets that jump and rest.");
+        servo_.configure(*given, tick, share);
+    }
+    void reset(const py::object& q, const py::object& qd, const py::object& qdd) {
+        servo_.reset(takeState(q, qd, qdd, "Servo.reset: "));
+    }
+    py::array jerk(const py::object& q, const py::object& qd, const py::object& qdd, const py::object& target,
+                   const py::object& targetVelocity, const py::object& targetAcceleration) {
+        const MotionState state = takeState(q, qd, qdd, "Servo.jerk: ");
+        const MotionState wanted{takeFinite(target, "Servo.jerk: target"),
+                                 takeVectorOrZero(targetVelocity, n_, "Servo.jerk: target_qd"),
+                                 takeVectorOrZero(targetAcceleration, n_, "Servo.jerk: target_qdd")};
+        JointVector jerk;
+        servo_.calc(state, wanted, jerk);
+        return makeArray(jerk);
+    }
+
+private:
+    JointVector takeFinite(const py::object& value, const std::string& place) const {
+        const JointVector v = takeVectorOrZero(value, n_, place);
+        if (!v.allFinite()) throw badInput(place, "a number is not finite", "Give finite numbers.");
+        return v;
+    }
+    MotionState takeState(const py::object& q, const py::object& qd, const py::object& qdd,
+                          const std::string& place) const {
+        return {takeFinite(q, place + "q"), takeFinite(qd, place + "qd"), takeFinite(qdd, place + "qdd")};
+    }
+
+    int n_ = 0;
+    Servo servo_;
+};
+
+void bindServo(py::module_& module) {
+    py::class_<PythonServo>(module, "Servo",
+                            R"(Leads an arm to a joint target, which may move or jump, as fast as its limits allow.
+
+    servo = viable.Servo(robot.limits, tick=0.001)
+    servo.reset(q, qd, qdd)
+    every tick:  jerk = servo.jerk(q, qd, qdd, target)      # held for the tick
+
+Position, velocity, acceleration and jerk limits hold at every tick and between; a target at rest is reached in the shortest
+time or nearly so, without overshoot. ReferenceGuard is this with a filter and a monitor behind it.
+
+limits  viable.Limits, jerk limits finite
+tick    [s]
+share   of acceleration and jerk limits that the motion relative to the target may take, in (0, 1])")
+        .def(py::init<const py::object&, double, double>(), py::arg("limits"), py::arg("tick") = 0.001,
+             py::arg("share") = 1.0)
+        .def("reset", &PythonServo::reset, py::arg("q"), py::arg("qd") = py::none(), py::arg("qdd") = py::none(),
+             "From this state on: q [rad], qd [rad/s], qdd [rad/s^2], each (n,).")
+        .def("jerk", &PythonServo::jerk, py::arg("q"), py::arg("qd"), py::arg("qdd"), py::arg("target"),
+             py::arg("target_qd") = py::none(), py::arg("target_qdd") = py::none(),
+             "(n,): the jerk to hold in this tick [rad/s^3], from the state of the arm and the target, each (n,).");
+}
+
 }  // namespace
 
 std::optional<JointLimits> takeLimits(const py::handle& limits) {
@@ -235,6 +306,7 @@ py::object makeLimits(const JointLimits& limits) {
 
 void bindRobot(py::module_& module) {
     bindLimits(module);
+    bindServo(module);
     bindDynamics(module);
     using Robot = PythonRobot;
     py::class_<Robot, std::shared_ptr<Robot>>(module, "Robot", R"(A robot arm: joints, limits, masses, motors.
