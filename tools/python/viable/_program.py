@@ -97,13 +97,13 @@ def _parse(line: str) -> dict:
 
 
 def _end(process: subprocess.Popen) -> None:
-    """The first signal: brake, finish the log, end. A plugin that hangs is answered by the second."""
+    """The first signal: brake, finish the log, end. A second Ctrl-C, or a plugin that hangs, is answered by the second."""
     process.send_signal(signal.SIGINT)
     drain = threading.Thread(target=process.stderr.read, daemon=True)
     drain.start()
     try:
-        process.wait(10)
-    except subprocess.TimeoutExpired:
+        process.wait(30)
+    except (subprocess.TimeoutExpired, KeyboardInterrupt):
         process.send_signal(signal.SIGINT)
         try:
             process.wait(5)
@@ -141,10 +141,7 @@ def run(file: PathLike, *, set: Mapping[str, Any] | None = None, cases: str | Se
     with tempfile.TemporaryDirectory(prefix="viable-") as scratch:
         folder = Path(scratch) / "run" if out is None else Path(out)
         before = (folder / "summary.json").exists()
-        try:
-            code, _ = _call([*arguments, "--out", folder], (0, 3, 4, 5, 6), progress)
-        except Error:
-            raise
+        code, _ = _call([*arguments, "--out", folder], (0, 3, 4, 5, 6), progress)
         summary_file = folder / "summary.json"
         if before or not summary_file.exists():
             raise Error(str(folder), "the run left no summary", "See the program's messages: run it in a terminal.", "internal")
