@@ -13,6 +13,7 @@ import numpy as np
 import viable
 
 EXPERIMENTS = Path(os.environ["VIABLE_SOURCE_DIR"]) / "experiments"
+EFFORT = float(os.environ.get("VIABLE_EFFORT", "1"))
 
 
 def find_excess(batch, limits):
@@ -37,7 +38,7 @@ class Batches(unittest.TestCase):
             batch.random_reset(rng, share=1.0)
             begin = batch.q.copy()
             seen = set()
-            for step in range(400):
+            for step in range(max(200, int(400 * EFFORT))):
                 if step % 8 == 0:
                     actions = rng.uniform(-size, size, (256, 6))
                 batch.step(actions, substeps=1)

@@ -17,15 +17,15 @@ lower, upper = robot.limits.position
 path, seconds, use = [], 0.0, np.zeros(4)
 for _ in range(steps):
     actions = rng.uniform(-30, 30, batch.q.shape)
-    begin = time.perf_counter()
+    begin = time.process_time()
     batch.step(actions, substeps=10)
-    seconds += time.perf_counter() - begin
+    seconds += time.process_time() - begin
     path.append(batch.q[:20].copy())
     bounds = (robot.limits.velocity, robot.limits.acceleration, robot.limits.jerk)
     shares = [abs(values / bound[1]).max() for values, bound in zip((batch.qd, batch.qdd, batch.jerk), bounds)]
     position = np.maximum(batch.q - upper, lower - batch.q).max()
     use = np.maximum(use, [1 + position, *shares])
-print(f"{arms * steps * 10 / seconds:.3g} arm-ticks/s; largest use of velocity, acceleration and jerk limit "
+print(f"{arms * steps * 10 / seconds:.3g} arm-ticks per second of one core; largest use of velocity, acceleration and jerk limit "
       + ", ".join(f"{100 * each:.2f} %" for each in use[1:]) + f"; nearest to a position limit {1 - use[0]:.2g} rad")
 with draw("random_policy.png") as axes:
     axes.plot(np.arange(steps) * 0.01, np.array(path)[:, :, 1], linewidth=0.7)

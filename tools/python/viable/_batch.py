@@ -32,7 +32,7 @@ class Batch(_viable.Batch):
     plant      a simulated real arm behind each nominal one, as `real_plant` of an experiment file, drawn anew for each arm where
                a value is a draw: {"payload_kg": "~uniform(0, 2)", "friction_scale": "~uniform(0.5, 1.5)"}. The plugin is
                simbody with the dynamics recursion where nothing else is said. A robust loop keeps it next to the nominal arm;
-               one that does not follow is not stopped: look at real_q - q. None: nominal arms alone, three times as fast
+               one that does not follow is not stopped: look at real_q - q. None: nominal arms alone, four times as fast
     seed       of those draws
     threads    at most so many; 0: one per core
 
