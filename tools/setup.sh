@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Installs the Debian packages that are missing, configures and builds. Usage: tools/setup.sh [PRESET [TARGET]]
 # PRESET is one of CMakePresets.json: release (default), debug, asan, tsan. TARGET: all (default), viable_app (program and
-# plugins without the tests), viable_package (the Debian package of those) or another target of the build. Safe to run again: quick when there is nothing to do.
+# plugins without the tests), viable_python (those and the Python package), viable_package (the Debian package) or another target of the build. Safe to run again: quick when there is nothing to do.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 preset=${1:-release}
@@ -42,9 +42,13 @@ if [ "$target" = all ]; then
     python3-h5py python3-pandas     # tests of the HDF5 export
     libmujoco-dev                   # the real plant `mujoco`; an independent engine to compare robots with
     libopenmpi-dev openmpi-bin      # sweeps across machines
+    python3-venv                    # test of `pip install`
     python3-jsonschema python3-yaml # tests of the schema of experiment files
     clang-format                    # the formatter whose opinion counts: tests/structure/format.sh
   )
+fi
+if [ "$target" = all ] || [ "$target" = viable_python ] || [ "$target" = viable_package ]; then
+  packages+=(python3-dev pybind11-dev python3-numpy)  # the Python package; the module's compiler needs the first two
 fi
 if [ "$target" = all ] || [ "$target" = viable_interface ]; then
   packages+=(abigail-tools)         # layout of the plugin interface against the recorded one

@@ -60,4 +60,28 @@ grep -q "^viable_DIR:PATH=$root/" own/build/CMakeCache.txt || fail "CMake found 
 cmake --build own/build >build.log || { cat build.log >&2; exit 1; }
 export VIABLE_PLUGIN_PATH=$PWD/own/build/bin/plugins
 "$viable" run "$experiment" --out own_out --case C1 --set duration_s=0.2 --set cases.C1.filter.plugin=own_filter
+
+# The Python package beside it, where it is built.
+python_deb=$(echo "$work"/python3-viable_*.deb)
+if [ -f "$python_deb" ]; then
+  depends=$(dpkg-deb -f "$python_deb" Depends)
+  for package in "viable (= $(field Version))" python3-numpy "python3 (>= 3." "python3 (<< 3."; do
+    [[ "$depends" == *"$package"* ]] || fail "python3-viable: Depends lacks $package: $depends"
+  done
+  dpkg-deb -x "$python_deb" "$root"
+  for path in "$source" "$build"; do
+    ! grep -rlF -e "$path" "$root/usr/lib/python3" || fail "these files (above) hold a path of the build: $path"
+  done
+  [ -z "$(find "$root/usr/lib/python3" -type l)" ] || fail "the Python package holds links to the source tree"
+  PYTHONPATH=$root/usr/lib/python3/dist-packages /usr/bin/python3 -B - "$root" "$experiment" <<'EOF'
+import sys, viable
+root, experiment = sys.argv[1:]
+robot = viable.Robot("panda")
+assert robot.folder.startswith(root) and viable.__file__.startswith(root) and viable._viable.library.startswith(root)
+batch = viable.Batch(robot, 16, plant={"payload_kg": "~uniform(0, 1)"})
+batch.step([[20.0] * 7] * 16)
+assert viable.run(experiment, cases="C3", set={"duration_s": 0.2})["exit_code"] == 0
+EOF
+  echo "package: $(basename "$python_deb"), $(stat -c %s "$python_deb") bytes, runs from there"
+fi
 echo "package: $(basename "$deb"), $(stat -c %s "$deb") bytes, runs from an empty root"

@@ -4,11 +4,14 @@
 #include <cstdlib>
 #include <filesystem>
 #include <new>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "Commands.h"
 #include "PluginTrouble.h"
+#include "Progress.h"
 #include "StopSignals.h"
+#include "core/ErrorParts.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -39,6 +42,20 @@ namespace {
 
 // An exit code beside those of viable::ErrorKind, as sysexits.h numbers them.
 constexpr int kOutOfMemory = 71;
+
+int tell(const viable::Error& e) {
+    if (viable::areMessagesJson()) {
+        const viable::ErrorParts parts = viable::getParts(e);
+        const nlohmann::json error = {
+            {"place", parts.place}, {"cause", parts.cause}, {"remedy", parts.remedy}, {"kind", e.exitCode()}};
+        std::fprintf(
+            stderr, "%s\n",
+            nlohmann::json{{"error", error}}.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
+    } else {
+        std::fprintf(stderr, "viable: %s\n", e.what());
+    }
+    return e.exitCode();
+}
 
 int tellUnexpected(const std::exception& e) {
     std::fprintf(stderr, "viable: unexpected: %s. Please report this.\n", e.what());
@@ -88,9 +105,9 @@ int main(int argc, char** argv) {
     } catch (const CLI::ParseError& e) {
         return app.exit(e) == 0 ? 0 : static_cast<int>(viable::ErrorKind::BadInput);
     } catch (const viable::Error& e) {
-        std::fprintf(stderr, "viable: %s\n", e.what());
+        const int code = tell(e);
         const int signal = viable::getStopSignal();  // who waited for something was told to stop
-        return signal != 0 && e.kind() == viable::ErrorKind::BadInput ? 128 + signal : e.exitCode();
+        return signal != 0 && e.kind() == viable::ErrorKind::BadInput ? 128 + signal : code;
     } catch (const std::bad_alloc&) {
         std::fprintf(stderr,
                      "viable: out of memory. Close other programs, raise the limit (`ulimit -v`), or give it less at a "

@@ -5,17 +5,26 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
+#include <nlohmann/json.hpp>
 
 namespace viable {
 
 namespace {
 constexpr int kBarWidth = 40;
 constexpr std::chrono::seconds kPlainInterval{5};
+constexpr std::chrono::milliseconds kJsonInterval{100};
 }  // namespace
+
+bool areMessagesJson() {
+    const char* const form = std::getenv("VIABLE_MESSAGES");
+    return form && std::strcmp(form, "json") == 0;
+}
 
 Progress::Progress(std::vector<std::string> names)
     : names_(std::move(names)),
       shares_(names_.size()),
+      json_(areMessagesJson()),
       terminal_(isatty(STDERR_FILENO) == 1),
       color_(terminal_ && !std::getenv("NO_COLOR")),
       begin_(std::chrono::steady_clock::now()),
@@ -25,6 +34,12 @@ Progress::Progress(std::vector<std::string> names)
 
 void Progress::draw(bool last) {
     const auto now = std::chrono::steady_clock::now();
+    if (json_) {
+        if (!last && now - lastDrawn_ < kJsonInterval) return;
+        lastDrawn_ = now;
+        drawJson();
+        return;
+    }
     if (!terminal_) {
         if (last || now - lastDrawn_ < kPlainInterval) return;  // a short run needs no lines
         lastDrawn_ = now;
@@ -50,6 +65,13 @@ void Progress::draw(bool last) {
                      color_ ? "\033[32m" : "", kBarWidth, bar.c_str(), color_ ? "\033[0m" : "",
                      static_cast<int>(100.0 * share), tail.c_str());
     }
+    std::fflush(stderr);
+}
+
+void Progress::drawJson() const {
+    nlohmann::json shares = nlohmann::json::object();
+    for (std::size_t i = 0; i < names_.size(); ++i) shares[names_[i]] = shares_[i].load();
+    std::fprintf(stderr, "%s\n", nlohmann::json{{"progress", shares}}.dump().c_str());
     std::fflush(stderr);
 }
 

@@ -7,8 +7,12 @@
 
 namespace viable {
 
+/** VIABLE_MESSAGES=json: what viable tells a program that called it (progress, the error that ends it) stands in lines of
+JSON on its standard error output. */
+bool areMessagesJson();
+
 /** Shows how far several cases are: one bar per line on a terminal, redrawn in place; otherwise a
-plain line every few seconds. Honours NO_COLOR. One drawing thread; the shares are set from any
+plain line every few seconds, for programs one of JSON ten times a second. Honours NO_COLOR. One drawing thread; the shares are set from any
 thread. */
 class Progress {
 public:
@@ -21,7 +25,9 @@ public:
 private:
     std::vector<std::string> names_;
     std::vector<std::atomic<double>> shares_;
-    bool terminal_;
+    void drawJson() const;
+
+    bool json_, terminal_;
     bool color_;
     bool drawn_ = false;
     std::chrono::steady_clock::time_point begin_, lastDrawn_;

@@ -3,14 +3,23 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
+
+#include "core/ErrorParts.h"
 
 namespace viable {
 
 namespace {
 
 std::string compose(const std::string& where, const std::string& what, const std::string& remedy) {
-    std::string text = where.empty() ? what : where + ": " + what;
-    if (!remedy.empty()) text += ". " + remedy;
+    std::string text;
+    if (!where.empty()) text.append(where.c_str()).append(": ");
+    text += what.c_str();
+    if (!remedy.empty()) text.append(". ").append(remedy.c_str());
+    // Behind the text that what() ends with stand the parts, each with a zero after it, for getParts(): std::runtime_error
+    // keeps all of a string. A member would change the layout of what plugins throw.
+    text.push_back('\0');
+    for (const std::string* part : {&where, &what, &remedy}) text.append(part->c_str()).push_back('\0');
     return text;
 }
 
@@ -33,6 +42,16 @@ std::size_t calcEditDistance(const std::string& a, const std::string& b) {
 
 Error::Error(ErrorKind kind, const std::string& where, const std::string& what, const std::string& remedy)
     : std::runtime_error(compose(where, what, remedy)), kind_(kind) {}
+
+ErrorParts getParts(const Error& error) {
+    const char* at = error.what();
+    const auto next = [&at] { return std::string(at += std::strlen(at) + 1); };
+    ErrorParts parts;
+    parts.place = next();
+    parts.cause = next();
+    parts.remedy = next();
+    return parts;
+}
 
 Error badInput(const std::string& where, const std::string& what, const std::string& remedy) {
     return Error(ErrorKind::BadInput, where, what, remedy);

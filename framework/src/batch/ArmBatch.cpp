@@ -1,0 +1,429 @@
+#include "viable/batch/ArmBatch.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cfenv>
+#include <cmath>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include "config/Draws.h"
+#include "core/ErrorParts.h"
+#include "experiment/CaseBlocks.h"
+#include "filter/JointBraking.h"
+#include "host/FloatingPointGuard.h"
+#include "loop/GuardSetup.h"
+#include "loop/PathExtent.h"
+#include "robot/ArmRecursion.h"
+#include "viable/braking/Servo.h"
+#include "viable/core/Numbers.h"
+#include "viable/loop/NominalPlant.h"
+#include "viable/plugin/RealPlant.h"
+#include "viable/tracking/LoopStability.h"
+#include "viable/tracking/Nric.h"
+
+namespace viable {
+
+namespace {
+
+const char* const kArmBatch = "ArmBatch";
+constexpr int kMaxArms = 1'000'000;
+/** Arms that a thread takes at a time. */
+constexpr int kChunk = 16;
+/** Fewer arm-ticks than this are not worth another thread, whose start takes as long as some of them. */
+constexpr std::int64_t kWorthAThread = 64;
+/** How well margins are known, as a share of the limit. */
+constexpr double kMarginShare = 1e-6;
+
+std::string nameArm(int arm) {
+    return "arm " + std::to_string(arm);
+}
+
+/** Arithmetic as it usually is, in this thread and as long as this lives: other libraries of the process may have made it
+round otherwise or flush denormals. */
+class UsualArithmetic {
+public:
+    UsualArithmetic() { std::fesetenv(FE_DFL_ENV); }
+
+private:
+    FloatingPointGuard guard_;  // sets back
+};
+
+/** The real arm of one nominal one. */
+struct RealArm {
+    explicit RealArm(RunSetup given) : setup(std::move(given)) {}
+    RunSetup setup;
+    PluginPtr<RealPlant> plant{nullptr, nullptr};
+    Nric nric;
+};
+
+/** What a thread works with. */
+struct Scratch {
+    MotionState nominal;
+    Dynamics dynamics;
+    JointVector action, torque, desired, jerk, robust, applied;
+    FilterDecision decision;
+    HeldMotion motion;
+    MotionState target;
+    JointState measured;
+};
+
+/** The real arm's tick; false: it failed. */
+bool drive(RealArm& real, Scratch& s) {
+    try {
+        if (real.nric.compute(s.measured, s.nominal, s.motion.torque, s.robust) != TickStatus::Ok) return false;
+        s.robust += s.motion.torque;
+        return real.plant->advance(s.robust, s.applied) == TickStatus::Ok && isFinite(s.applied, real.setup.size());
+    } catch (...) {  // a plugin's; it must not end the thread
+        return false;
+    }
+}
+
+}  // namespace
+
+struct ArmBatch::Impl {
+    Impl(RobotDescription description, int armCount, double tick, ArmBatchOptions given)
+        : robot(std::move(description)),
+          options(std::move(given)),
+          tick_s(tick),
+          n(robot.size()),
+          arms(armCount),
+          setup(detail::makeGuardSetup(kArmBatch, robot, tick, options.limits)),
+          recursion(robot) {
+        if (arms < 1 || arms > kMaxArms)
+            throw badInput(kArmBatch, std::to_string(arms) + " arms; allowed is 1 to " + std::to_string(kMaxArms),
+                           "Give the number of arms.");
+        if (options.threads < 0)
+            throw badInput("ArmBatchOptions::threads", std::to_string(options.threads) + "; allowed is 0 and more",
+                           "0: one per core.");
+        requireJerkLimits(setup.limits, kArmBatch, kArmBatch, "Set them in ArmBatchOptions::limits.");
+        if (options.action == BatchAction::Target) {  // as in ReferenceGuard
+            options.filter.objective = Objective::Joint;
+            options.filter.gamma = std::min(options.filter.gamma, 1.0 / tick_s);
+            still.M.setIdentity(n, n);
+            still.b.setZero(n);
+            still.gravity.setZero(n);
+            still.J.setZero(6, n);
+            servos.resize(count(arms));
+        }
+        threads =
+            options.threads > 0 ? options.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+        limits.assign(count(arms), setup.limits);
+        laws.resize(count(arms));
+        for (std::vector<double>* values : {&state.q, &state.qd, &state.qdd, &state.jerk, &state.torque, &state.margin})
+            values->assign(count(arms) * count(n), 0.0);
+        state.acting.assign(count(arms) * count(n), 0);
+        state.status.assign(count(arms), GuardStatus::NotStarted);
+        if (!options.plant.empty()) makePlants();
+        const JointVector zero = JointVector::Zero(n);
+        RunSetup atHome = setup;
+        detail::takeGuardStart(kArmBatch, {robot.home, zero, zero}, atHome);
+        std::vector<int> all(count(arms));
+        for (int arm = 0; arm < arms; ++arm) all[count(arm)] = arm;
+        reset(all, std::vector<MotionState>(count(arms), {robot.home, zero, zero}));
+    }
+
+    static std::size_t count(int i) { return static_cast<std::size_t>(i); }
+    auto row(std::vector<double>& values, int arm) {
+        return Eigen::Map<Eigen::VectorXd>(&values[count(arm) * count(n)], n);
+    }
+
+    void makePlants();
+    void check(int arm, const MotionState& start, RunSetup& at) const;
+    void reset(const std::vector<int>& which, const std::vector<MotionState>& starts);
+    void put(int arm, const MotionState& start, RunSetup& at);
+    void fillMargins(int arm);
+    void stepArm(int arm, const double* actions, int ticks, Scratch& s);
+    bool takeAction(int arm, const MotionState& nominal, Scratch& s);
+    GuardStatus tick(int arm, bool isUsable, Scratch& s);
+
+    RobotDescription robot;
+    ArmBatchOptions options;
+    const double tick_s;
+    const int n, arms;
+    int threads = 1;  // at most; how many cores there are takes long to find
+    const RunSetup setup;
+    const ArmRecursion recursion;  // of all nominal arms
+    Dynamics still;                // of unit inertias, for jerks
+    std::vector<JointLimits> limits;
+    std::vector<detail::JointBraking> laws;
+    std::vector<Servo> servos;
+    std::vector<std::unique_ptr<RealArm>> real;
+    std::map<std::string, std::vector<std::string>> draws;
+    ArmBatchState state;
+};
+
+void ArmBatch::Impl::makePlants() {
+    const PluginLoader loader(options.pluginPath);
+    const ConfigNode written = parseConfig("real_plant: " + options.plant + "\n", "ArmBatchOptions::plant");
+    for (const DrawnKey& key : listDraws(written)) draws[key.keyPath];
+    std::map<int, LinearErrorLoop> gains;  // by delay
+    for (int arm = 0; arm < arms; ++arm) {
+        ConfigNode drawn = written;
+        for (auto& [key, value] : resolveDraws(drawn, {options.seed, arm})) draws[key].push_back(value);
+        const PluginChoice choice = detail::readPlugin(*drawn.find("real_plant"), PluginKind::RealPlant, loader, n);
+        auto one = std::make_unique<RealArm>(setup);
+        one->setup.limits = limits[count(arm)];
+        one->plant = PluginLoader::create<RealPlant>(choice.plugin);
+        one->plant->configure(one->setup, choice.parameters);
+        if (one->plant->hasClock())
+            throw badInput("ArmBatchOptions::plant", "the plant " + choice.plugin.name + " makes its own ticks",
+                           "Use a simulated one, such as simbody.");
+        one->setup.delayTicks = one->plant->delayTicks();
+        const auto found = gains.find(one->setup.delayTicks);
+        const LinearErrorLoop& loop = found != gains.end() ? found->second
+                                                           : gains[one->setup.delayTicks] = scaleGains(
+                                                                 robot, setup.limits, tick_s, one->setup.delayTicks);
+        NricOptions nric{loop.kr, loop.kp, loop.ki};
+        nric.inertiaRate = loop.inertiaRate;
+        if (const JointVector rate = one->plant->motorRate(); rate.size() == n) nric.motorRate = rate;
+        one->nric.configure(one->setup, nric);
+        real.push_back(std::move(one));
+    }
+    for (std::vector<double>* values : {&state.realQ, &state.realQd, &state.motorTorque})
+        values->assign(count(arms) * count(n), 0.0);
+}
+
+/** Throws for a start that cannot be. */
+void ArmBatch::Impl::check(int arm, const MotionState& start, RunSetup& at) const {
+    if (!isFinite(start, n))
+        throw badInput(nameArm(arm), "its start is of the wrong size or not finite",
+                       "Give " + std::to_string(n) + " finite numbers.");
+    for (const JointVector* v : {&start.q, &start.qd, &start.qdd})
+        if (v->lpNorm<Eigen::Infinity>() > kLargestLimit)
+            throw badInput(nameArm(arm), "its start is beyond 1e7 rad, rad/s or rad/s^2", "Check its unit.");
+    at.limits = limits[count(arm)];
+    at.start = start;
+    try {
+        detail::JointBraking().configure(at, options.filter, "ArmBatchOptions::filter");
+    } catch (const Error& e) {
+        const ErrorParts parts = getParts(e);
+        throw Error(e.kind(), nameArm(arm) + ": " + parts.place, parts.cause, parts.remedy);
+    }
+}
+
+void ArmBatch::Impl::put(int arm, const MotionState& start, RunSetup& at) {
+    at.limits = limits[count(arm)];
+    at.start = start;
+    laws[count(arm)].configure(at, options.filter, "ArmBatchOptions::filter");
+    if (!servos.empty()) {
+        servos[count(arm)].configure(at.limits, tick_s);
+        servos[count(arm)].reset(start);
+    }
+    row(state.q, arm) = start.q;
+    row(state.qd, arm) = start.qd;
+    row(state.qdd, arm) = start.qdd;
+    row(state.jerk, arm).setZero();
+    Dynamics dynamics;
+    recursion.calcDynamics(start.q, start.qd, dynamics);
+    JointVector torque;
+    calcInverseDynamics(dynamics, start.qdd, torque);
+    row(state.torque, arm) = torque;
+    std::fill_n(&state.acting[count(arm) * count(n)], n, static_cast<signed char>(0));
+    state.status[count(arm)] = GuardStatus::NotStarted;
+    if (!real.empty()) {
+        RealArm& one = *real[count(arm)];
+        one.plant->reset(start);
+        one.nric.reset(start);
+        row(state.realQ, arm) = one.plant->measured().q;
+        row(state.realQd, arm) = one.plant->measured().qd;
+        row(state.motorTorque, arm) = torque;
+    }
+    fillMargins(arm);
+}
+
+void ArmBatch::Impl::reset(const std::vector<int>& which, const std::vector<MotionState>& starts) {
+    if (which.size() != starts.size())
+        throw badInput("ArmBatch::reset",
+                       std::to_string(starts.size()) + " starts for " + std::to_string(which.size()) + " arms",
+                       "Give one start for each arm.");
+    for (const int arm : which)
+        if (arm < 0 || arm >= arms)
+            throw badInput("ArmBatch::reset", "there is no arm " + std::to_string(arm),
+                           "They are numbered from 0 to " + std::to_string(arms - 1) + ".");
+    RunSetup at = setup;
+    for (std::size_t i = 0; i < which.size(); ++i) check(which[i], starts[i], at);
+    for (std::size_t i = 0; i < which.size(); ++i) put(which[i], starts[i], at);
+}
+
+void ArmBatch::Impl::fillMargins(int arm) {
+    const CertifiedBraking& braking = laws[count(arm)].braking();
+    for (int i = 0; i < n; ++i) {
+        const std::size_t at = count(arm) * count(n) + count(i);
+        const AxisLimits axis = limits[count(arm)].axis(i);
+        const double resolution = kMarginShare * calcLimitScale(axis.positionLower, axis.positionUpper);
+        const detail::PathExtent::Accuracy position{axis.positionLower, axis.positionUpper, resolution, resolution};
+        const detail::PathExtent::Accuracy velocity{-kInfinity, kInfinity, kInfinity, kInfinity};
+        detail::PathExtent path(state.q[at], state.qd[at], state.qdd[at], position, velocity);
+        for (int k = 0; k < GridStop::kSegments; ++k) {
+            const GridStop::Segment segment = braking.stop(i).remaining(k);
+            if (segment.ticks > 0) path.follow(segment.jerk, static_cast<double>(segment.ticks) * tick_s);
+        }
+        state.margin[at] = std::min(axis.positionUpper - path.position.upper, path.position.lower - axis.positionLower);
+    }
+}
+
+/** What the arm shall do in the coming tick: s.desired, its jerk. False: the action is of no use. */
+bool ArmBatch::Impl::takeAction(int arm, const MotionState& nominal, Scratch& s) {
+    detail::JointBraking& law = laws[count(arm)];
+    if (options.action == BatchAction::Target) {
+        servos[count(arm)].calc(nominal, s.target, s.desired);
+        return law.findDesired({nominal, nominal.qdd, still, &s.desired}) == FilterStatus::Passed;
+    }
+    if (options.action == BatchAction::Acceleration)
+        calcInverseDynamics(s.dynamics, s.action, s.torque);
+    else
+        s.torque = s.action;
+    return law.findDesired({nominal, s.torque, s.dynamics, nullptr}) == FilterStatus::Passed;
+}
+
+GuardStatus ArmBatch::Impl::tick(int arm, bool isUsable, Scratch& s) {
+    detail::JointBraking& law = laws[count(arm)];
+    CertifiedBraking& braking = law.braking();
+    const bool needsDynamics = options.action != BatchAction::Target || !real.empty();
+    if (needsDynamics) recursion.calcDynamics(s.nominal.q, s.nominal.qd, s.dynamics);
+    const RealPlant* plant = real.empty() ? nullptr : real[count(arm)]->plant.get();
+    if (plant) s.measured = plant->measured();
+
+    FilterStatus status = FilterStatus::StoppedByPlan;
+    if (isUsable && takeAction(arm, s.nominal, s)) {
+        const JointMatrix* metric =
+            options.action == BatchAction::Target ? law.findMetric(still) : law.findMetric(s.dynamics);
+        status = braking.choose(s.nominal, metric, law.desired(), s.jerk, s.decision.joints);
+    } else {
+        braking.getStored(s.jerk);
+        law.skipTicks(1);
+        s.decision.joints = {};
+        if (!servos.empty()) servos[count(arm)].skipTicks(1);
+    }
+    s.decision.holdJerk(s.jerk);
+    for (int i = 0; i < n; ++i) {
+        const JointIntervention& joint = s.decision.joints[count(i)];
+        if (joint.limit != LimitKind::None)
+            state.acting[count(arm) * count(n) + count(i)] =
+                static_cast<signed char>(static_cast<int>(joint.limit) * (joint.side == LimitSide::Lower ? -1 : 1));
+    }
+
+    GuardStatus answer = status == FilterStatus::Passed       ? GuardStatus::Passed
+                         : status == FilterStatus::Modified   ? GuardStatus::Limited
+                         : status == FilterStatus::Recovering ? GuardStatus::Recovering
+                                                              : GuardStatus::Waiting;
+    if (needsDynamics) calcHeldMotion({s.nominal, s.torque, s.dynamics, nullptr}, status, s.decision, tick_s, s.motion);
+    if (plant) {
+        if (!drive(*real[count(arm)], s)) answer = GuardStatus::Failed;
+    }
+    advanceNominal(s.decision, tick_s, s.nominal);
+    return answer;
+}
+
+void ArmBatch::Impl::stepArm(int arm, const double* actions, int ticks, Scratch& s) {
+    GuardStatus& status = state.status[count(arm)];
+    if (status == GuardStatus::Failed) return;
+    s.action = Eigen::Map<const Eigen::VectorXd>(actions + count(arm) * count(n), n);
+    const double largest = options.action == BatchAction::Target ? kLargestLimit : kLargestAcceleration;
+    const bool isUsable = isFinite(s.action, n) && s.action.lpNorm<Eigen::Infinity>() <= largest;
+    s.nominal = {row(state.q, arm), row(state.qd, arm), row(state.qdd, arm)};
+    s.torque = s.jerk = JointVector::Zero(n);
+    s.target = {s.action, JointVector::Zero(n), JointVector::Zero(n)};
+    std::fill_n(&state.acting[count(arm) * count(n)], n, static_cast<signed char>(0));
+    status = GuardStatus::Passed;
+    for (int i = 0; i < ticks && status != GuardStatus::Failed; ++i) {
+        if (i + 1 == ticks && options.action == BatchAction::Target && real.empty()) {
+            // The torque of the last tick; no other one needs the dynamics.
+            const MotionState before = s.nominal;
+            status = std::max(status, tick(arm, isUsable, s));
+            recursion.calcDynamics(before.q, before.qd, s.dynamics);
+            calcHeldMotion({before, s.torque, s.dynamics, nullptr}, FilterStatus::Modified, s.decision, tick_s,
+                           s.motion);
+        } else {
+            status = std::max(status, tick(arm, isUsable, s));
+        }
+    }
+    row(state.q, arm) = s.nominal.q;
+    row(state.qd, arm) = s.nominal.qd;
+    row(state.qdd, arm) = s.nominal.qdd;
+    row(state.jerk, arm) = s.jerk;
+    row(state.torque, arm) = s.motion.torque;
+    if (!real.empty()) {
+        const JointState& measured = real[count(arm)]->plant->measured();
+        row(state.realQ, arm) = measured.q;
+        row(state.realQd, arm) = measured.qd;
+        if (status != GuardStatus::Failed) row(state.motorTorque, arm) = s.applied;
+    }
+    fillMargins(arm);
+}
+
+ArmBatch::ArmBatch(RobotDescription robot, int arms, double tick_s, ArmBatchOptions options) {
+    const UsualArithmetic usual;
+    impl_ = std::make_unique<Impl>(std::move(robot), arms, tick_s, std::move(options));
+}
+ArmBatch::~ArmBatch() = default;
+ArmBatch::ArmBatch(ArmBatch&&) noexcept = default;
+ArmBatch& ArmBatch::operator=(ArmBatch&&) noexcept = default;
+
+int ArmBatch::size() const {
+    return impl_->arms;
+}
+int ArmBatch::joints() const {
+    return impl_->n;
+}
+double ArmBatch::tick_s() const {
+    return impl_->tick_s;
+}
+const JointLimits& ArmBatch::limits(int arm) const {
+    return impl_->limits.at(Impl::count(arm));
+}
+const ArmBatchState& ArmBatch::state() const {
+    return impl_->state;
+}
+const std::map<std::string, std::vector<std::string>>& ArmBatch::draws() const {
+    return impl_->draws;
+}
+void ArmBatch::reset(const std::vector<int>& arms, const std::vector<MotionState>& starts) {
+    const UsualArithmetic usual;
+    impl_->reset(arms, starts);
+}
+
+void ArmBatch::changeLimits(int arm, const JointLimits& limits) {
+    Impl& in = *impl_;
+    const UsualArithmetic usual;
+    const std::string place = nameArm(arm);
+    if (arm < 0 || arm >= in.arms)
+        throw badInput("ArmBatch::changeLimits", "there is no " + place,
+                       "They are numbered from 0 to " + std::to_string(in.arms - 1) + ".");
+    if (limits.size() != in.n)
+        throw badInput(place,
+                       "limits of " + std::to_string(limits.size()) + " joints; the robot has " + std::to_string(in.n),
+                       "Give each bound one number per joint; infinity where there is none.");
+    checkLimits(limits, in.tick_s, in.robot.allowLargeAngles, place, in.robot.jointNames());
+    requireJerkLimits(limits, place, kArmBatch, "Give a jerk limit for every joint and side.");
+    in.limits[Impl::count(arm)] = limits;
+    in.laws[Impl::count(arm)].changeLimits(limits);
+    if (!in.servos.empty()) in.servos[Impl::count(arm)].changeLimits(limits);
+}
+
+void ArmBatch::step(const double* actions, int ticks) {
+    Impl& in = *impl_;
+    if (ticks < 1) throw badInput("ArmBatch::step", std::to_string(ticks) + " ticks", "Give 1 or more.");
+    std::atomic<int> next{0};
+    const auto work = [&] {
+        const UsualArithmetic usual;
+        Scratch scratch;
+        for (int begin = next.fetch_add(kChunk); begin < in.arms; begin = next.fetch_add(kChunk))
+            for (int arm = begin; arm < std::min(in.arms, begin + kChunk); ++arm)
+                in.stepArm(arm, actions, ticks, scratch);
+    };
+    const std::int64_t worth = (static_cast<std::int64_t>(in.arms) * ticks) / kWorthAThread;
+    const std::int64_t most = std::min<std::int64_t>(in.threads, (in.arms + kChunk - 1) / kChunk);
+    std::vector<std::thread> helpers;
+    try {
+        for (std::int64_t i = 1; i < std::min(most, worth); ++i) helpers.emplace_back(work);
+    } catch (const std::system_error&) {
+        // Fewer threads do it too.
+    }
+    work();
+    for (std::thread& helper : helpers) helper.join();
+}
+
+}  // namespace viable

@@ -1,0 +1,391 @@
+#include "viable/batch/ArmBatch.h"
+
+#include <gtest/gtest.h>
+
+#include <cfenv>
+#include <cmath>
+#include <functional>
+#include <random>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "Effort.h"
+#include "Paths.h"
+#include "viable/core/Numbers.h"
+#include "viable/loop/ReferenceGuard.h"
+#include "viable/loop/TorqueGuard.h"
+#include "viable/robot/RobotModel.h"
+
+namespace viable {
+namespace {
+
+using Actions = std::vector<double>;
+
+RobotDescription loadArm(const std::string& name) {
+    return loadRobot(std::string(VIABLE_SOURCE_DIR) + "/robots/" + name);
+}
+
+Actions drawActions(std::mt19937_64& random, const ArmBatch& batch, double size) {
+    std::uniform_real_distribution<double> uniform(-size, size);
+    Actions actions(static_cast<std::size_t>(batch.size() * batch.joints()));
+    for (double& action : actions) action = uniform(random);
+    return actions;
+}
+
+JointVector getRow(const std::vector<double>& values, const ArmBatch& batch, int arm) {
+    return Eigen::Map<const Eigen::VectorXd>(&values[static_cast<std::size_t>(arm * batch.joints())], batch.joints());
+}
+
+/** The largest share of a limit by which an arm is beyond it. */
+double findExcess(const ArmBatch& batch) {
+    double worst = 0.0;
+    const ArmBatchState& s = batch.state();
+    for (int arm = 0; arm < batch.size(); ++arm) {
+        const JointLimits& limits = batch.limits(arm);
+        const auto look = [&](const std::vector<double>& values, const JointBounds& bounds) {
+            const JointVector v = getRow(values, batch, arm);
+            for (int i = 0; i < v.size(); ++i) {
+                const double scale = calcLimitScale(bounds.lower[i], bounds.upper[i]);
+                worst = std::max({worst, (v[i] - bounds.upper[i]) / scale, (bounds.lower[i] - v[i]) / scale});
+            }
+        };
+        look(s.q, limits.position);
+        look(s.qd, limits.velocity);
+        look(s.qdd, limits.acceleration);
+        look(s.jerk, limits.jerk);
+    }
+    return worst;
+}
+
+TEST(ArmBatch, TorquesMoveArmsAsTorqueGuardsDo) {
+    const RobotDescription robot = loadArm("indy7");
+    constexpr int kArms = 5;
+    ArmBatch batch(robot, kArms, 0.001);
+    TorqueGuardOptions options;
+    options.hasRobustLoop = false;
+    std::vector<TorqueGuard> guards;
+    for (int arm = 0; arm < kArms; ++arm) {
+        guards.emplace_back(robot, 0.001, options);
+        guards.back().start({robot.home, JointVector::Zero(6)});
+    }
+    std::mt19937_64 random(1);
+    int limited = 0;
+    for (int step = 0; step < 100; ++step) {
+        const Actions actions = drawActions(random, batch, step % 7 == 0 ? 1000.0 : 100.0);
+        batch.step(actions.data(), 10);
+        for (int arm = 0; arm < kArms; ++arm) {
+            TorqueGuard& guard = guards[static_cast<std::size_t>(arm)];
+            const JointVector action = getRow(actions, batch, arm);
+            for (int i = 0; i < 10; ++i) {
+                const MotionState at = guard.nominal();
+                guard.step({at.q, at.qd}, [&](const MotionState&, const Dynamics&, JointVector& tau) { tau = action; });
+            }
+            limited += batch.state().status[static_cast<std::size_t>(arm)] == GuardStatus::Limited;
+            ASSERT_EQ(getRow(batch.state().q, batch, arm), guard.nominal().q) << step;
+            ASSERT_EQ(getRow(batch.state().qd, batch, arm), guard.nominal().qd) << step;
+            ASSERT_EQ(getRow(batch.state().qdd, batch, arm), guard.nominal().qdd) << step;
+            ASSERT_EQ(getRow(batch.state().jerk, batch, arm), guard.record().nominal.jerk) << step;
+            ASSERT_EQ(getRow(batch.state().torque, batch, arm), guard.record().filterTorque) << step;
+            for (int i = 0; i < 6; ++i) {
+                const double monitored = guard.record().stops[static_cast<std::size_t>(i)].margin;
+                EXPECT_GT(getRow(batch.state().margin, batch, arm)[i], monitored - 1e-5);
+            }
+        }
+    }
+    EXPECT_GT(limited, 250);
+}
+
+TEST(ArmBatch, TargetsLeadArmsAsReferenceGuardsDo) {
+    const RobotDescription robot = loadArm("panda");
+    constexpr int kArms = 4;
+    ArmBatchOptions options;
+    options.action = BatchAction::Target;
+    ArmBatch batch(robot, kArms, 0.001, options);
+    ReferenceGuardOptions hold;
+    hold.between = BetweenSamples::Hold;
+    hold.velocityFilter_s = kInfinity;
+    std::vector<ReferenceGuard> guards;
+    for (int arm = 0; arm < kArms; ++arm) {
+        guards.emplace_back(robot, 0.001, hold);
+        guards.back().start({robot.home, JointVector::Zero(7), JointVector::Zero(7)});
+    }
+    std::mt19937_64 random(2);
+    RobotModel model(robot);
+    Dynamics dynamics;
+    for (int step = 0; step < 100; ++step) {
+        const Actions actions = drawActions(random, batch, 3.0);
+        batch.step(actions.data(), 33);
+        for (int arm = 0; arm < kArms; ++arm) {
+            ReferenceGuard& guard = guards[static_cast<std::size_t>(arm)];
+            MotionState before, after;
+            for (int i = 0; i < 33; ++i) {
+                before = after;
+                after = guard.step(getRow(actions, batch, arm)).state;
+            }
+            ASSERT_EQ(getRow(batch.state().q, batch, arm), after.q) << step;
+            ASSERT_EQ(getRow(batch.state().qd, batch, arm), after.qd) << step;
+            ASSERT_EQ(getRow(batch.state().qdd, batch, arm), after.qdd) << step;
+            model.calcDynamics(before.q, before.qd, dynamics);
+            JointVector torque;
+            calcInverseDynamics(dynamics, 0.5 * (before.qdd + after.qdd), torque);
+            EXPECT_LT((getRow(batch.state().torque, batch, arm) - torque).norm(), 1e-9 * (1.0 + torque.norm())) << step;
+        }
+    }
+}
+
+TEST(ArmBatch, AccelerationsAreWhatTheirTorqueCauses) {
+    const RobotDescription robot = loadArm("ur5e");
+    ArmBatchOptions options;
+    options.action = BatchAction::Acceleration;
+    ArmBatch batch(robot, 1, 0.001, options), other(robot, 1, 0.001);
+    RobotModel model(robot);
+    Dynamics dynamics;
+    std::mt19937_64 random(3);
+    for (int step = 0; step < 300; ++step) {
+        const Actions wanted = drawActions(random, batch, 2.0);
+        model.calcDynamics(getRow(batch.state().q, batch, 0), getRow(batch.state().qd, batch, 0), dynamics);
+        JointVector torque;
+        calcInverseDynamics(dynamics, Eigen::Map<const Eigen::VectorXd>(wanted.data(), 6), torque);
+        batch.step(wanted.data(), 1);
+        other.step(torque.data(), 1);
+        ASSERT_EQ(batch.state().q, other.state().q);
+    }
+}
+
+/** Random actions, limits and starts, and what became of them.
+@param rounding  of the caller's arithmetic when it steps */
+ArmBatchState runRandom(int threads, BatchAction action, int arms, int steps, double* excess = nullptr,
+                        int rounding = FE_TONEAREST) {
+    const RobotDescription robot = loadArm("indy7");
+    ArmBatchOptions options;
+    options.action = action;
+    options.threads = threads;
+    ArmBatch batch(robot, arms, 0.001, options);
+    std::mt19937_64 random(4);
+    std::uniform_real_distribution<double> share(0.3, 1.0);
+    for (int arm = 0; arm < arms; arm += 3) {  // limits of their own, still at rest
+        JointLimits limits = robot.limits;
+        for (JointBounds* bounds : {&limits.velocity, &limits.acceleration, &limits.jerk})
+            for (int i = 0; i < 6; ++i) {
+                bounds->lower[i] *= share(random);
+                bounds->upper[i] *= share(random);
+            }
+        batch.changeLimits(arm, limits);
+    }
+    const double size = action == BatchAction::Torque ? 300.0 : action == BatchAction::Acceleration ? 50.0 : 4.0;
+    for (int step = 0; step < steps; ++step) {
+        Actions actions = drawActions(random, batch, size);
+        if (step % 3 == 1) actions[static_cast<std::size_t>(step) % actions.size()] = kNan;
+        std::fesetround(rounding);
+        batch.step(actions.data(), step % 9 + 1);
+        EXPECT_EQ(std::fegetround(), rounding);
+        std::fesetround(FE_TONEAREST);
+        if (excess) *excess = std::max(*excess, findExcess(batch));
+        if (step % 50 == 49) {
+            std::uniform_real_distribution<double> amid(0.1, 0.9);
+            MotionState start{robot.home, JointVector::Zero(6), JointVector::Zero(6)};
+            for (int i = 0; i < 6; ++i)
+                start.q[i] = robot.limits.position.lower[i] +
+                             amid(random) * (robot.limits.position.upper[i] - robot.limits.position.lower[i]);
+            batch.reset({step % arms}, {start});
+            EXPECT_EQ(getRow(batch.state().q, batch, step % arms), start.q);
+        }
+    }
+    return batch.state();
+}
+
+TEST(ArmBatch, LimitsHoldWhateverTheActionsAre) {
+    for (const BatchAction action : {BatchAction::Torque, BatchAction::Acceleration, BatchAction::Target}) {
+        double excess = 0.0;
+        runRandom(1, action, 100, test::countOf(400), &excess);
+        EXPECT_LT(excess, kOutsideShare);
+    }
+}
+
+TEST(ArmBatch, ResultsDependOnNeitherThreadsNorNeighboursNorTheCallersModes) {
+    const int steps = test::countOf(100);
+    const ArmBatchState one = runRandom(1, BatchAction::Torque, 90, steps);
+    for (const int threads : {2, 3, 7}) {
+        const ArmBatchState more = runRandom(threads, BatchAction::Torque, 90, steps);
+        EXPECT_EQ(one.q, more.q);
+        EXPECT_EQ(one.qdd, more.qdd);
+        EXPECT_EQ(one.margin, more.margin);
+        EXPECT_EQ(one.acting, more.acting);
+        EXPECT_EQ(one.status, more.status);
+    }
+    EXPECT_EQ(one.qdd, runRandom(2, BatchAction::Torque, 90, steps, nullptr, FE_DOWNWARD).qdd);
+
+    const RobotDescription robot = loadArm("indy7");
+    ArmBatch many(robot, 40, 0.001), alone(robot, 1, 0.001);
+    std::mt19937_64 random(5);
+    for (int step = 0; step < 100; ++step) {
+        const Actions actions = drawActions(random, many, 200.0);
+        many.step(actions.data(), 10);
+        alone.step(&actions[6 * 17], 10);
+    }
+    EXPECT_EQ(getRow(many.state().q, many, 17), getRow(alone.state().q, alone, 0));
+}
+
+TEST(ArmBatch, AnActionThatIsNoNumberBrakesItsArmAlone) {
+    const RobotDescription robot = loadArm("indy7");
+    for (const BatchAction action : {BatchAction::Torque, BatchAction::Acceleration, BatchAction::Target}) {
+        ArmBatchOptions options;
+        options.action = action;
+        ArmBatch batch(robot, 2, 0.001, options), same(robot, 2, 0.001, options);
+        std::mt19937_64 random(6);
+        const Actions actions = drawActions(random, batch, 100.0);
+        batch.step(actions.data(), 100);
+        same.step(actions.data(), 100);
+        EXPECT_GT(getRow(batch.state().qd, batch, 0).norm(), 0.1);
+        Actions broken = actions;
+        broken[3] = kNan;
+        for (int step = 0; step < 10; ++step) {
+            batch.step(broken.data(), 100);
+            same.step(actions.data(), 100);
+            EXPECT_EQ(batch.state().status[0], GuardStatus::Waiting);
+            EXPECT_LT(findExcess(batch), kOutsideShare);
+        }
+        EXPECT_LT(getRow(batch.state().qd, batch, 0).norm(), 1e-9);
+        EXPECT_EQ(getRow(batch.state().q, batch, 1), getRow(same.state().q, same, 1));
+        broken[3] = 1e300;
+        batch.step(broken.data(), 1);
+        EXPECT_EQ(batch.state().status[0], GuardStatus::Waiting);
+        batch.step(actions.data(), 100);
+        EXPECT_NE(batch.state().status[0], GuardStatus::Waiting);
+        EXPECT_GT(getRow(batch.state().qd, batch, 0).norm(), 0.1);
+    }
+}
+
+TEST(ArmBatch, MarginIsThatOfTheStopAndActingNamesTheLimit) {
+    const RobotDescription robot = loadArm("single_joint");
+    ArmBatchOptions options;
+    options.action = BatchAction::Target;
+    ArmBatch batch(robot, 1, 0.001, options);
+    const double upper = robot.limits.position.upper[0], far = upper + 10.0;
+    EXPECT_NEAR(batch.state().margin[0],
+                std::min(upper - robot.home[0], robot.home[0] - robot.limits.position.lower[0]), 1e-5);
+    double least = kInfinity;
+    for (int step = 0; step < 5000; ++step) {
+        batch.step(&far, 1);
+        least = std::min(least, batch.state().margin[0]);
+    }
+    EXPECT_NEAR(batch.state().q[0], upper, 1e-6);
+    EXPECT_NEAR(least, 0.0, 1e-5);
+
+    ArmBatch pushed(robot, 1, 0.001);
+    const double push = 1e6;
+    for (int step = 0; step < 5000; ++step) pushed.step(&push, 1);
+    EXPECT_EQ(pushed.state().acting[0], static_cast<int>(LimitKind::Position));
+    EXPECT_EQ(pushed.state().status[0], GuardStatus::Limited);
+    const double pull = -1e6;
+    pushed.step(&pull, 1);
+    EXPECT_LT(pushed.state().acting[0], 0);
+}
+
+TEST(ArmBatch, LimitsThatShrinkAreApproachedAndHeld) {
+    const RobotDescription robot = loadArm("indy7");
+    ArmBatch batch(robot, 1, 0.001);
+    const Actions push(6, 500.0);
+    batch.step(push.data(), 300);
+    JointLimits slow = robot.limits;
+    slow.velocity.lower *= 0.2;
+    slow.velocity.upper *= 0.2;
+    ASSERT_GT((getRow(batch.state().qd, batch, 0) - slow.velocity.upper).maxCoeff(), 0.0);
+    batch.changeLimits(0, slow);
+    batch.step(push.data(), 1);
+    EXPECT_EQ(batch.state().status[0], GuardStatus::Recovering);
+    batch.step(push.data(), 1500);
+    batch.step(push.data(), 1);
+    EXPECT_LT(findExcess(batch), kOutsideShare);
+}
+
+std::string findError(const std::function<void()>& call) {
+    try {
+        call();
+    } catch (const Error& e) {
+        return e.what();
+    }
+    return "";
+}
+
+TEST(ArmBatch, WhatDoesNotFitIsRefusedAndNothingMoves) {
+    const RobotDescription robot = loadArm("indy7");
+    const auto make = [&](int arms, double tick_s, const ArmBatchOptions& options) {
+        return findError([&] { ArmBatch(robot, arms, tick_s, options); });
+    };
+    EXPECT_EQ(make(0, 0.001, {}), "ArmBatch: 0 arms; allowed is 1 to 1000000. Give the number of arms.");
+    EXPECT_NE(make(1, 1.0, {}).find("the tick is 1 s"), std::string::npos);
+    ArmBatchOptions options;
+    options.limits = JointLimits::unlimited(6);
+    EXPECT_NE(make(1, 0.001, options).find("jerk"), std::string::npos);
+    options = {};
+    options.filter.gamma = 3000.0;
+    EXPECT_NE(make(1, 0.001, options).find("gamma"), std::string::npos);
+    options = {};
+    options.threads = -1;
+    EXPECT_NE(make(1, 0.001, options).find("threads"), std::string::npos);
+    options = {};
+    options.plant = "{plugin: no_such_plant}";
+    EXPECT_NE(make(1, 0.001, options).find("no_such_plant"), std::string::npos);
+
+    ArmBatch batch(robot, 3, 0.001);
+    const JointVector zero = JointVector::Zero(6);
+    const MotionState good{robot.home + JointVector::Constant(6, 0.01), zero, zero};
+    const MotionState outside{robot.limits.position.upper + JointVector::Ones(6), zero, zero};
+    const MotionState malformed{robot.home, JointVector::Zero(5), zero};
+    const std::vector<double> before = batch.state().q;
+    EXPECT_NE(findError([&] {
+                  batch.reset({0, 2}, {good, outside});
+              }).find("arm 2: ArmBatchOptions::filter::recovery: "),
+              std::string::npos);
+    EXPECT_NE(findError([&] {
+                  batch.reset({0, 1}, {good, malformed});
+              }).find("arm 1: its start is of the wrong size"),
+              std::string::npos);
+    EXPECT_NE(findError([&] { batch.reset({3}, {good}); }).find("there is no arm 3"), std::string::npos);
+    EXPECT_NE(findError([&] { batch.reset({1}, {}); }).find("0 starts for 1 arms"), std::string::npos);
+    EXPECT_NE(findError([&] { batch.changeLimits(1, JointLimits::unlimited(6)); }).find("arm 1"), std::string::npos);
+    EXPECT_NE(findError([&] { batch.step(before.data(), 0); }).find("0 ticks"), std::string::npos);
+    EXPECT_EQ(batch.state().q, before);
+    batch.reset({0, 2}, {good, good});
+    EXPECT_EQ(getRow(batch.state().q, batch, 2), good.q);
+    EXPECT_EQ(getRow(batch.state().q, batch, 1), robot.home);
+}
+
+TEST(ArmBatch, RealArmsFollowAndAreDrawn) {
+    const RobotDescription robot = loadArm("indy7");
+    ArmBatchOptions options;
+    options.plant =
+        "{plugin: simbody, dynamics: recursion, payload_kg: '~uniform(0, 2)', friction_scale: '~uniform(0.5, 1.5)'}";
+    options.pluginPath = {VIABLE_PLUGIN_DIR};
+    options.seed = 7;
+    options.threads = 1;
+    ArmBatch batch(robot, 20, 0.001, options);
+    options.threads = 3;
+    ArmBatch threaded(robot, 20, 0.001, options);
+    EXPECT_EQ(batch.draws(), threaded.draws());
+    const std::vector<std::string>& payloads = batch.draws().at("real_plant.payload_kg");
+    ASSERT_EQ(payloads.size(), 20u);
+    EXPECT_EQ(std::set<std::string>(payloads.begin(), payloads.end()).size(), 20u);
+    std::mt19937_64 random(8);
+    double farthest = 0.0;
+    for (int step = 0; step < 100; ++step) {
+        const Actions actions = drawActions(random, batch, 200.0);
+        batch.step(actions.data(), 10);
+        threaded.step(actions.data(), 10);
+        for (std::size_t i = 0; i < actions.size(); ++i)
+            farthest = std::max(farthest, std::abs(batch.state().q[i] - batch.state().realQ[i]));
+    }
+    EXPECT_GT(farthest, 1e-5);
+    EXPECT_LT(farthest, 0.05);
+    EXPECT_EQ(batch.state().realQ, threaded.state().realQ);
+    EXPECT_EQ(batch.state().motorTorque, threaded.state().motorTorque);
+    EXPECT_NE(getRow(batch.state().realQ, batch, 0), getRow(batch.state().q, batch, 0));
+    EXPECT_LT(findExcess(batch), kOutsideShare);
+    batch.reset({4}, {{robot.home, JointVector::Zero(6), JointVector::Zero(6)}});
+    EXPECT_LT((getRow(batch.state().realQ, batch, 4) - robot.home).norm(), 1e-3);
+}
+
+}  // namespace
+}  // namespace viable

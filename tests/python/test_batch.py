@@ -1,0 +1,262 @@
+"""Many guarded arms at once."""
+
+import gc
+import os
+import tempfile
+import threading
+import time
+import unittest
+from pathlib import Path
+
+import numpy as np
+
+import viable
+
+EXPERIMENTS = Path(os.environ["VIABLE_SOURCE_DIR"]) / "experiments"
+EFFORT = float(os.environ.get("VIABLE_EFFORT", "1"))
+
+
+def find_excess(batch, limits):
+    """By how much an arm is beyond a limit, relative to that."""
+    worst = 0.0
+    for values, (lower, upper) in ((batch.q, limits.position), (batch.qd, limits.velocity),
+                                   (batch.qdd, limits.acceleration), (batch.jerk, limits.jerk)):
+        scale = np.maximum(abs(lower), abs(upper))
+        worst = max(worst, ((values - upper) / scale).max(), ((lower - values) / scale).max())
+    return worst
+
+
+class Batches(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.robot = viable.Robot("indy7")
+
+    def test_limits_hold_under_a_random_policy(self):
+        rng = np.random.default_rng(1)
+        for action, size in (("torque", 300), ("acceleration", 40), ("target", 4)):
+            batch = viable.Batch(self.robot, 256, action=action)
+            batch.random_reset(rng, share=1.0)
+            begin = batch.q.copy()
+            seen = set()
+            for step in range(max(200, int(400 * EFFORT))):
+                if step % 8 == 0:
+                    actions = rng.uniform(-size, size, (256, 6))
+                batch.step(actions, substeps=1)
+                self.assertLess(find_excess(batch, self.robot.limits), 1e-9, action)
+                self.assertGreater(batch.margin.min(), -1e-9)
+                seen |= set(np.unique(batch.acting))
+            self.assertGreater(abs(batch.q - begin).max(), 0.2)
+            self.assertTrue(np.isin(batch.status, [1, 2]).all())
+            if action == "torque":
+                self.assertTrue({1, -1, 4, -4} <= seen, seen)
+
+    def test_bit_equal_to_the_program(self):
+        settings = {"duration_s": 3, "robust_loop": {"plugin": "nric"},
+                    "real_plant": {"plugin": "simbody", "dynamics": "recursion", "payload_kg": 1.0, "seed": 7}}
+        with tempfile.TemporaryDirectory() as folder:
+            viable.run(EXPERIMENTS / "indy7_teleoperation.yaml", cases="C3", out=Path(folder) / "run", set=settings)
+            log = viable.Log(Path(folder) / "run" / "C3.mcap")
+            nominal = [log.joint_array("nominal", name) for name in ("q_rad", "qd_radps", "qdd_radps2", "jerk_radps3")]
+            wanted, filtered = log.joint_array("desired", "tau_Nm"), log.joint_array("filter", "tau_Nm")
+            real = [log.joint_array("real", name) for name in ("q_rad", "qd_radps")]
+            motor = log.joint_array("motor", "tau_Nm")
+            status = log["tick.status"]
+            sides = {name: tuple(log.joint_array("limits", f"{name}_{side}_{unit}")[0] for side in ("lower", "upper"))
+                     for name, unit in (("position", "rad"), ("velocity", "radps"), ("acceleration", "radps2"),
+                                        ("jerk", "radps3"))}
+        batch = viable.Batch(self.robot, 3, limits=viable.Limits(**sides), k_alpha=5, gamma=20,
+                             plant={"payload_kg": 1.0, "seed": 7})
+        batch.reset(q=nominal[0][0])
+        self.assertGreater(np.count_nonzero(status == "modified"), 1000)
+        for i in range(len(wanted)):
+            for values, expected in zip((batch.q, batch.qd, batch.qdd, batch.real_q, batch.real_qd), nominal[:3] + real):
+                np.testing.assert_array_equal(values[2], expected[i], f"tick {i}")
+            batch.step(np.tile(wanted[i], (3, 1)), 1)
+            for values, expected in ((batch.jerk, nominal[3]), (batch.torque, filtered), (batch.motor_torque, motor)):
+                np.testing.assert_array_equal(values[2], expected[i], f"tick {i}")
+            self.assertEqual(batch.status[2], viable.STATUS.index({"passed": "passed", "modified": "limited"}[status[i]]))
+
+    def test_a_guard_gives_the_same(self):
+        rng = np.random.default_rng(2)
+        batch = viable.Batch(self.robot, 4)
+        guards = [viable.Guard(self.robot, robust_loop=False) for _ in range(4)]
+        for guard in guards:
+            guard.start(self.robot.home)
+        for _ in range(20):
+            actions = rng.uniform(-200, 200, (4, 6))
+            batch.step(actions)
+            for i, guard in enumerate(guards):
+                for _ in range(10):
+                    q, qd, _ = guard.nominal
+                    guard.step(q, qd, actions[i])
+                np.testing.assert_array_equal(guard.nominal, [batch.q[i], batch.qd[i], batch.qdd[i]])
+
+    def test_threads_change_nothing(self):
+        results = []
+        for threads in (1, 2, 5):
+            rng = np.random.default_rng(3)
+            batch = viable.Batch(self.robot, 333, threads=threads, plant={"payload_kg": "~uniform(0, 2)"})
+            for _ in range(10):
+                batch.step(rng.uniform(-200, 200, (333, 6)), 7)
+            results.append([np.array(values) for values in (batch.q, batch.qdd, batch.margin, batch.acting, batch.real_q)])
+        for result in results[1:]:
+            for values, expected in zip(result, results[0]):
+                np.testing.assert_array_equal(values, expected)
+
+    def test_views(self):
+        batch = viable.Batch(self.robot, 8)
+        q = batch.q
+        self.assertEqual((q.shape, q.dtype, q.flags.c_contiguous, q.flags.writeable), ((8, 6), np.float64, True, False))
+        self.assertEqual((batch.acting.dtype, batch.status.dtype, batch.status.shape), (np.int8, np.uint8, (8,)))
+        self.assertTrue(np.shares_memory(q, batch.q))
+        before = q.copy()
+        batch.step(np.full((8, 6), 100.0))
+        self.assertFalse(np.array_equal(q, before))
+        with self.assertRaises(ValueError):
+            q[0, 0] = 1
+        expected = q.copy()
+        del batch
+        gc.collect()
+        np.testing.assert_array_equal(q, expected)  # the view keeps the batch
+        self.assertIsNone(viable.Batch(self.robot, 1).real_q)
+        self.assertEqual(np.from_dlpack(expected).shape, (8, 6))
+
+    def test_actions_of_any_kind_give_the_same(self):
+        actions = np.linspace(-100, 100, 48, dtype=np.float32).reshape(8, 6)
+        wide = np.zeros((8, 12))
+        wide[:, ::2] = actions
+        frozen = actions.copy()
+        frozen.flags.writeable = False
+        expected = None
+        for given in (actions, actions.astype(float), actions.tolist(), np.asfortranarray(actions), wide[:, ::2], frozen):
+            batch = viable.Batch(self.robot, 8)
+            batch.step(given)
+            expected = batch.q.copy() if expected is None else expected
+            np.testing.assert_array_equal(batch.q, expected)
+
+    def test_an_action_that_is_no_number_brakes_its_arm_alone(self):
+        batch, other = viable.Batch(self.robot, 3), viable.Batch(self.robot, 3)
+        actions = np.full((3, 6), 50.0)
+        for each in (batch, other):
+            each.step(actions, 100)
+        broken = actions.copy()
+        broken[1, 2] = np.nan
+        for _ in range(10):
+            batch.step(broken, 100)
+            other.step(actions, 100)
+        self.assertEqual(viable.STATUS[batch.status[1]], "waiting")
+        np.testing.assert_allclose(batch.qd[1], 0, atol=1e-9)
+        np.testing.assert_array_equal(batch.q[[0, 2]], other.q[[0, 2]])
+
+    def test_what_does_not_fit_is_told(self):
+        batch = viable.Batch(self.robot, 4)
+        before = batch.q.copy()
+        zero = np.zeros((4, 6))
+        for call, cause in (
+            (lambda: batch.step(np.zeros((6, 4))), r"shape \(6, 4\). Give a row of joints per arm, shape \(4, 6\)"),
+            (lambda: batch.step(np.zeros(6)), r"shape \(6,\)"),
+            (lambda: batch.step(zero + 1j), "type is complex128"),
+            (lambda: batch.step(zero, 0), "0 ticks"),
+            (lambda: batch.reset([4]), "there is no arm 4"),
+            (lambda: batch.reset([-1]), "there is no arm -1"),
+            (lambda: batch.reset([True, False]), r"shape \(2,\) and type bool"),
+            (lambda: batch.reset([0, 1], np.zeros((3, 6))), "2 arms that are reset"),
+            (lambda: batch.reset([0, 2], np.array([self.robot.home, self.robot.home + 5])),
+             "arm 2: .*outside its limits: position"),
+            (lambda: batch.reset(q=np.full(6, np.nan)), "arm 0: its start is of the wrong size or not finite"),
+            (lambda: batch.change_limits(None), "None are no limits"),
+            (lambda: batch.change_limits([self.robot.limits]), "1 limits for 4 arms"),
+            (lambda: batch.limits(4), "there is no arm 4"),
+            (lambda: viable.Batch(self.robot, 0), "0 arms"),
+            (lambda: viable.Batch(self.robot, 1, action="force"), "It is torque, acceleration or target"),
+            (lambda: viable.Batch(self.robot, 1, plant={"payload": 1}), "payload"),
+            (lambda: viable.Batch(self.robot, 1, plant={"payload_kg": "~uniform(2)"}), "uniform"),
+        ):
+            with self.subTest(cause=cause), self.assertRaisesRegex(viable.InputError, cause):
+                call()
+        np.testing.assert_array_equal(batch.q, before)
+
+    def test_resets_and_limits_of_single_arms(self):
+        batch = viable.Batch(self.robot, 5, action="target")
+        home = self.robot.home
+        batch.reset(np.array([False, True, False, True, False]), home + 0.1)
+        np.testing.assert_array_equal(batch.q[[1, 3]], [home + 0.1] * 2)
+        np.testing.assert_array_equal(batch.q[[0, 2, 4]], [home] * 3)
+        rows = home + np.arange(5)[:, None] * 0.01
+        batch.reset([4, 0], rows)  # those of the arms
+        np.testing.assert_array_equal(batch.q[[0, 4]], rows[[0, 4]])
+        batch.reset([4, 0], rows[:2])  # those given
+        np.testing.assert_array_equal(batch.q[[4, 0]], rows[:2])
+        batch.reset([])
+        batch.random_reset(np.random.default_rng(4), [2])
+        self.assertGreater(abs(batch.q[2] - home).max(), 0.01)
+        batch.reset()
+        slow = self.robot.limits.replace(velocity=0.1)
+        batch.change_limits(slow, [2])
+        batch.change_limits([self.robot.limits.replace(velocity=0.2)], mask=[3])
+        self.assertEqual(batch.limits(2), slow)
+        fastest = np.zeros(5)
+        for _ in range(100):
+            batch.step(np.full((5, 6), 3.0))
+            fastest = np.maximum(fastest, abs(batch.qd).max(axis=1))
+        np.testing.assert_allclose(fastest[2:4], [0.1, 0.2], rtol=1e-6)
+        self.assertTrue((fastest[[0, 1, 4]] > 0.5).all())
+        np.testing.assert_allclose(batch.tool_position()[3], self.robot.dynamics(batch.q[3]).tool[:3, 3])
+
+    def test_plants_are_drawn_and_follow(self):
+        plant = {"payload_kg": "~uniform(0, 2)", "friction_scale": "~uniform(0.5, 1.5)"}
+        batch = viable.Batch(self.robot, 30, plant=plant, seed=5)
+        again = viable.Batch(self.robot, 30, plant=plant, seed=5)
+        other = viable.Batch(self.robot, 30, plant=plant, seed=6)
+        payloads = np.array(batch.draws["real_plant.payload_kg"], float)
+        self.assertEqual(len(set(payloads)), 30)
+        self.assertTrue(((0 <= payloads) & (payloads <= 2)).all())
+        self.assertEqual(batch.draws, again.draws)
+        self.assertNotEqual(batch.draws, other.draws)
+        rng = np.random.default_rng(6)
+        for _ in range(50):
+            batch.step(rng.uniform(-150, 150, (30, 6)))
+        deviation = abs(batch.q - batch.real_q).max()
+        self.assertTrue(1e-5 < deviation < 0.05, deviation)
+
+    def test_the_interpreter_runs_on_meanwhile_and_a_batch_is_stepped_once_at_a_time(self):
+        batch = viable.Batch(self.robot, 500)
+        actions = np.full((500, 6), 100.0)
+        done = threading.Event()
+
+        def work():
+            while not done.is_set():
+                try:
+                    batch.step(actions, 100)
+                except viable.InputError:  # it is the other one's turn
+                    pass
+
+        thread = threading.Thread(target=work)
+        thread.start()
+        message = ""
+        try:
+            end = time.monotonic() + 60
+            while not message and time.monotonic() < end:  # in vain if step() held the interpreter's lock
+                time.sleep(0.001)
+                try:
+                    batch.step(actions, 1)
+                except viable.InputError as error:
+                    message = str(error)
+        finally:
+            done.set()
+            thread.join()
+        self.assertIn("Batch.step: it was called while it was at work", message)
+
+    def test_a_fork_steps_on(self):
+        batch = viable.Batch(self.robot, 100, threads=2)
+        actions = np.full((100, 6), 100.0)
+        batch.step(actions)
+        child = os.fork()
+        if child == 0:
+            batch.step(actions)
+            os._exit(0 if np.isfinite(batch.q).all() and abs(batch.qd).max() > 0 else 1)
+        self.assertEqual(os.waitpid(child, 0)[1], 0)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,129 @@
+"""The environment for Gymnasium: with the real one where it is installed, else with a stand-in of what is used of it."""
+
+import importlib
+import subprocess
+import sys
+import types
+import unittest
+
+import numpy as np
+
+import viable
+
+
+def make_stand_in():
+    """What Gymnasium 1.0's VectorEnv and Box do, as far as it is used."""
+
+    class VectorEnv:
+        _generator = None
+
+        def reset(self, *, seed=None, options=None):
+            if seed is not None:
+                self._generator = np.random.default_rng(seed)
+
+        @property
+        def np_random(self):
+            if self._generator is None:
+                self._generator = np.random.default_rng()
+            return self._generator
+
+    class Box:
+        def __init__(self, low, high, shape, dtype):
+            self.low, self.high, self.shape, self.dtype = low, high, shape, np.dtype(dtype)
+
+        def contains(self, x):
+            return x.shape == self.shape and x.dtype == self.dtype and bool(((x >= self.low) & (x <= self.high)).all())
+
+    gymnasium = types.ModuleType("gymnasium")
+    gymnasium.vector = types.SimpleNamespace(VectorEnv=VectorEnv, AutoresetMode=types.SimpleNamespace(NEXT_STEP="next_step"))
+    gymnasium.spaces = types.SimpleNamespace(Box=Box)
+    return gymnasium
+
+
+try:
+    import gymnasium  # noqa: F401
+except ImportError:
+    sys.modules["gymnasium"] = make_stand_in()
+gym = importlib.import_module("viable.gym")
+
+
+class Reach(unittest.TestCase):
+    def test_shapes_seeds_and_limits(self):
+        for action in ("acceleration", "target"):
+            env = gym.ReachVectorEnv("panda", num_envs=50, action=action)
+            other = gym.ReachVectorEnv("panda", num_envs=50, action=action, threads=1)
+            rng = np.random.default_rng(1)
+            first, _ = env.reset(seed=3)
+            np.testing.assert_array_equal(first, other.reset(seed=3)[0])
+            self.assertFalse(np.array_equal(first, env.reset(seed=4)[0]))
+            env.reset(seed=3)
+            self.assertTrue(env.observation_space.contains(first))
+            limited = 0
+            for _ in range(100):
+                actions = rng.uniform(-1.5, 1.5, (50, 7)).astype(np.float32)
+                answer, same = env.step(actions), other.step(actions)
+                for values, expected in zip(answer[:4], same[:4]):
+                    np.testing.assert_array_equal(values, expected)
+                observations, rewards, terminations, truncations, infos = answer
+                self.assertTrue(env.observation_space.contains(observations))
+                self.assertLessEqual(abs(observations[:, :14]).max(), 1 + 1e-6)  # the limits
+                self.assertEqual((rewards.shape, terminations.dtype, truncations.dtype), ((50,), bool, bool))
+                self.assertTrue((rewards <= 0).all())
+                limited += infos["limited"].sum()
+            self.assertGreater(limited, 100 if action == "acceleration" else -1)
+
+    def test_arms_reach_and_begin_anew(self):
+        env = gym.ReachVectorEnv("ur5e", num_envs=8, action="target", horizon=150, reach=0.02)
+        env.reset(seed=5)
+        # The pose of each goal is not known: find one by the Jacobian, as a policy would learn to.
+        poses = env.batch.q.copy()
+        for _ in range(400):
+            for arm in range(8):
+                d = env.robot.dynamics(poses[arm])
+                way = env.goals[arm] - d.tool[:3, 3]
+                poses[arm] += d.J[:3].T @ np.linalg.solve(d.J[:3] @ d.J[:3].T + 0.01 * np.eye(3), 0.2 * way)
+                poses[arm] = np.clip(poses[arm], env._lower, env._upper)
+        actions = 2 * (poses - env._lower) / (env._upper - env._lower) - 1
+        ended, begun = np.zeros(8, int), 0
+        before = np.zeros(8, bool)
+        for step in range(150):
+            goals = env.goals.copy()
+            observations, rewards, terminations, truncations, _ = env.step(actions)
+            self.assertTrue((rewards[before] == 0).all())
+            self.assertFalse((terminations | truncations)[before].any())
+            self.assertTrue((np.linalg.norm(observations[terminations, -3:], axis=1) < 0.02).all())
+            changed = (env.goals != goals).any(axis=1)
+            np.testing.assert_array_equal(changed, before)  # in the step after its end
+            np.testing.assert_allclose(env.batch.qd[before], 0)
+            self.assertFalse(step < 149 and truncations.any())
+            ended += terminations
+            begun += before.sum()
+            before = terminations | truncations
+        np.testing.assert_array_equal(truncations, ended == 0)
+        self.assertGreaterEqual((ended > 0).sum(), 4)
+        self.assertGreater(begun, 0)
+
+    def test_real_arms_are_observed(self):
+        env = gym.ReachVectorEnv("indy7", num_envs=5, plant={"payload_kg": "~uniform(0, 2)"})
+        env.reset(seed=1)
+        observations = env.step(np.ones((5, 6)))[0]
+        middle, half = env._positions.mean(axis=0), np.ptp(env._positions, axis=0) / 2
+        np.testing.assert_allclose(observations[:, :6], (env.batch.real_q - middle) / half, atol=1e-6)
+        self.assertTrue((env.batch.real_q != env.batch.q).any())
+
+    def test_what_does_not_fit_is_told(self):
+        with self.assertRaisesRegex(viable.InputError, "It is acceleration or target"):
+            gym.ReachVectorEnv(action="torque")
+        env = gym.ReachVectorEnv(num_envs=2)
+        env.reset(seed=1)
+        with self.assertRaisesRegex(ValueError, "shape|broadcast"):
+            env.step(np.zeros((3, 7)))
+
+    def test_without_gymnasium_the_import_says_what_is_missing(self):
+        code = "import sys; sys.modules['gymnasium'] = None\nimport viable\nimport viable.gym"
+        ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+        self.assertIn("viable.gym needs Gymnasium", ended.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main()

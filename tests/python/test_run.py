@@ -1,0 +1,210 @@
+"""Runs, their logs and what is computed from them."""
+
+import csv
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+
+import viable
+from viable import _paths
+
+EXPERIMENTS = Path(os.environ["VIABLE_SOURCE_DIR"]) / "experiments"
+TELEOPERATION = EXPERIMENTS / "indy7_teleoperation.yaml"
+
+
+class Runs(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = Path(tempfile.mkdtemp())
+        cls.out = cls.folder / "run"
+        cls.progress = []
+        cls.summary = viable.run(TELEOPERATION, set={"duration_s": 5}, cases=["C2", "C3"], out=cls.out,
+                                 progress=cls.progress.append)
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.folder)
+
+    def test_a_summary_is_that_of_the_program(self):
+        written = json.loads((self.out / "summary.json").read_text())
+        self.assertEqual(list(self.summary["cases"].values()), written["cases"])
+        self.assertEqual(set(self.summary["cases"]), {"C2", "C3"})
+        self.assertEqual((self.summary["exit_code"], self.summary["folder"]), (0, str(self.out)))
+        self.assertTrue(self.summary["cases"]["C3"]["guarantees_limits"])
+        for shares in self.progress:
+            self.assertEqual(set(shares), {"C2", "C3"})
+        self.assertEqual(self.progress[-1], {"C2": 1.0, "C3": 1.0})
+        self.assertFalse((self.out / "report.html").exists())
+
+    def test_nothing_is_kept_without_a_folder(self):
+        before = set(os.listdir("."))
+        summary = viable.run(TELEOPERATION, set={"duration_s": 0.1, "cases.C3.filter.gamma": np.float64(30)}, cases="C3")
+        self.assertEqual(set(os.listdir(".")), before)
+        self.assertIsNone(summary["folder"])
+        self.assertEqual(set(summary["cases"]), {"C3"})
+
+    def test_values_are_written_as_the_file_has_them(self):
+        form = viable._program.format_value
+        for value, text in ((True, "true"), (None, "null"), (2, "2"), (0.1, "0.1"), (float("inf"), ".inf"),
+                            (-np.inf, "-.inf"), ([1, 2.5], "[1, 2.5]"), (np.array([[1, 2], [3, 4]]), "[[1, 2], [3, 4]]"),
+                            ({"plugin": "nric", "k_r": [1, 2]}, "{plugin: nric, k_r: [1, 2]}"), ("2*pi", "2*pi"),
+                            (np.float32(0.5), "0.5"), ("~uniform(0, 1)", "~uniform(0, 1)"),
+                            ({"payload_kg": "~uniform(0, 1)"}, '{payload_kg: "~uniform(0, 1)"}')):
+            self.assertEqual(form(value), text)
+        summary = viable.run(TELEOPERATION, cases="C3", set={"duration_s": 0.1, "start": {"position_rad": viable.Robot("indy7").home},
+                                                             "real_plant": {"plugin": "ideal"}})
+        self.assertEqual(summary["cases"]["C3"]["real_plant"], "ideal")
+
+    def test_errors_carry_place_cause_and_remedy(self):
+        with self.assertRaises(viable.InputError) as caught:
+            viable.run(TELEOPERATION, set={"tick_s": 2.0})
+        error = caught.exception
+        self.assertEqual((error.place, error.kind), ("--set tick_s", "bad_input"))
+        self.assertIn("is out of range; allowed is [1e-05, 0.1]", error.cause)
+        self.assertTrue(error.remedy)
+        self.assertEqual(str(error), f"{error.place}: {error.cause}. {error.remedy}")
+        with self.assertRaisesRegex(viable.InputError, "Did you mean 'C3'|has no case of that name"):
+            viable.run(TELEOPERATION, cases="C33")
+        with self.assertRaisesRegex(viable.InputError, "already holds something"):
+            viable.run(TELEOPERATION, out=self.out)
+        with self.assertRaisesRegex(viable.Error, "no_such_file.yaml"):
+            viable.run("no_such_file.yaml")
+        with self.assertRaisesRegex(viable.InputError, "payload"):  # of the command line itself
+            viable.identify(self.out / "C3.mcap", payload="all")
+
+    def test_what_progress_raises_ends_the_run(self):
+        def progress(shares):
+            raise ZeroDivisionError
+
+        out = self.folder / "ended"
+        with self.assertRaises(ZeroDivisionError):
+            viable.run(TELEOPERATION, set={"duration_s": 2000}, cases="C3", out=out, progress=progress)
+        self.assertTrue(viable.Log(out / "C3.mcap").complete)
+
+    def test_an_interrupt_brakes_the_arm_and_finishes_the_log(self):
+        out = self.folder / "interrupted"
+        code = f"""
+import viable
+try:
+    viable.run({str(TELEOPERATION)!r}, set={{"duration_s": 2000}}, cases="C3", out={str(out)!r},
+               progress=lambda shares: print("running", flush=True))
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+"""
+        process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+        self.assertEqual(process.stdout.readline(), "running\n")
+        process.send_signal(signal.SIGINT)
+        rest = process.communicate(timeout=60)[0]
+        self.assertEqual(rest.splitlines()[-1], "interrupted")
+        log = viable.Log(out / "C3.mcap")
+        self.assertTrue(log.complete)
+        # A row is the state at the beginning of its tick: one tick of jerk may be left.
+        np.testing.assert_allclose(log.joint_array("nominal", "qd_radps")[-1], 0, atol=38 * 0.001**2)
+        self.assertFalse((out / "run.claim").exists())
+
+    def test_a_log_is_its_export(self):
+        log = viable.Log(self.out / "C3.mcap")
+        table = self.folder / "C3.csv"
+        subprocess.run([_paths.find_program(), "export", self.out / "C3.mcap", "--to", "csv", table], check=True,
+                       stdout=subprocess.DEVNULL)
+        with open(table, newline="") as file:
+            rows = list(csv.reader(file))
+        self.assertEqual(rows[0], log.columns)
+        self.assertEqual(len(rows) - 1, len(log))
+        columns = log.read(log.columns)
+        kinds = set()
+        for i, name in enumerate(rows[0]):
+            values = columns[name]
+            texts = [row[i] for row in rows[1:]]
+            kinds.add(values.dtype.kind)
+            if values.dtype.kind == "U":
+                self.assertEqual(list(values), texts, name)
+            else:
+                expected = np.array([float(text) if text else np.nan for text in texts])
+                np.testing.assert_array_equal(values, expected, name)
+        self.assertEqual(kinds, {"U", "i", "f"})
+
+    def test_columns_are_read_when_asked_for_and_kept(self):
+        log = viable.Log(self.out / "C3.mcap")
+        self.assertEqual(log._read, {})
+        time_s = log["time_s"]
+        self.assertIs(log["time_s"], time_s)
+        self.assertEqual(set(log._read), {"time_s"})
+        self.assertFalse(time_s.flags.writeable)
+        np.testing.assert_allclose(np.diff(time_s), 0.001, atol=1e-12)
+        q = log.joint_array("nominal", "q_rad")
+        self.assertEqual(q.shape, (5000, 6))
+        np.testing.assert_array_equal(q[:, 2], log["nominal.joint2.q_rad"])
+        self.assertEqual(log.joints, [f"joint{i}" for i in range(6)])
+        self.assertIn(b"indy7", log.attachments["experiment.yaml"])
+        self.assertEqual(log.metadata["case"], "C3")
+        self.assertTrue(log.complete)
+        self.assertIn("tick.status", log)
+        with self.assertRaisesRegex(viable.InputError, "no column 'time'. Did you mean 'time_s'"):
+            log["time"]
+        with self.assertRaisesRegex(viable.InputError, "nothing.mcap"):
+            viable.Log(self.folder / "nothing.mcap")
+
+    def test_a_log_that_was_cut_off_gives_what_it_has(self):
+        whole = (self.out / "C3.mcap").read_bytes()
+        cut = self.folder / "cut.mcap"
+        cut.write_bytes(whole[: len(whole) // 2])
+        log = viable.Log(cut)
+        self.assertFalse(log.complete)
+        self.assertTrue(1000 < len(log) < 4000)
+        complete = viable.Log(self.out / "C3.mcap")
+        np.testing.assert_array_equal(log["real.joint1.q_rad"], complete["real.joint1.q_rad"][: len(log)])
+        cut.write_bytes(b"no log")
+        with self.assertRaises(viable.InputError) as caught:
+            viable.Log(cut)
+        self.assertTrue(caught.exception.place.startswith(str(cut)))
+
+    def test_pandas(self):
+        try:
+            import pandas
+        except ImportError:
+            self.skipTest("python3-pandas is not installed")
+        frame = viable.Log(self.out / "C3.mcap").to_pandas(["time_s", "tick.status", "tick.missed"])
+        self.assertIsInstance(frame, pandas.DataFrame)
+        self.assertEqual((frame.shape, list(frame)), ((5000, 3), ["time_s", "tick.status", "tick.missed"]))
+
+    def test_records_are_judged_and_identified(self):
+        verdict = viable.verify(self.out / "C3.mcap", signal="nominal")
+        self.assertEqual((verdict["outcome"], verdict["signal"]), ("held", "nominal"))
+        viable.run(TELEOPERATION, set={"duration_s": 5}, cases="C1", out=self.folder / "C1")
+        self.assertEqual(viable.verify(self.folder / "C1" / "C1.mcap", signal="nominal")["outcome"], "broken")
+        found = viable.identify(self.out / "C3.mcap", payload="mass", out=self.folder / "actuation.yaml")
+        self.assertTrue((self.folder / "actuation.yaml").exists())
+        self.assertIn("joints", found)
+
+    def test_bounds(self):
+        file = EXPERIMENTS / "two_link_real_limits.yaml"
+        bounds = viable.bound(file)
+        narrower = viable.bound(file, set={"disturbance_set.payload_kg": 0})
+        joint = bounds[0]["position_rad"]
+        self.assertTrue(all(0 < each < 1 for each in joint))
+        self.assertLess(narrower[0]["position_rad"][1], joint[1])
+
+    def test_sweeps(self):
+        out = self.folder / "sweep"
+        table = viable.sweep(EXPERIMENTS / "indy7_sweep.yaml", runs=3, out=out, set={"duration_s": 1}, seed=5)
+        self.assertEqual(sorted(set(table["run"])), [0, 1, 2])
+        self.assertEqual(len(set(map(len, table.values()))), 1)
+        payloads = dict(zip(table["run"], table["draw.real_plant.payload_kg"]))
+        self.assertEqual(len(set(payloads.values())), 3)
+        replay = viable.run(EXPERIMENTS / "indy7_sweep.yaml", draw="5:1", set={"duration_s": 1})
+        name = table["case_name"][table["run"].index(1)]
+        at = [i for i, run in enumerate(table["run"]) if run == 1 and table["case_name"][i] == name][0]
+        self.assertEqual(replay["cases"][name]["tracking"]["rms_rad"], table["tracking.rms_rad"][at])
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,54 @@
+#include "Arrays.h"
+
+#include <cstring>
+
+namespace viable::python {
+
+std::string formatShape(const py::array& array) {
+    std::string text = "(";
+    for (py::ssize_t i = 0; i < array.ndim(); ++i) text += (i > 0 ? ", " : "") + std::to_string(array.shape(i));
+    return text + (array.ndim() == 1 ? ",)" : ")");
+}
+
+Array takeArray(const py::handle& value, const std::string& place) {
+    if (Array::check_(value)) return py::reinterpret_borrow<Array>(value);
+    const py::array any = py::array::ensure(value);
+    if (!any) {
+        PyErr_Clear();
+        throw badInput(place, "a " + std::string(Py_TYPE(value.ptr())->tp_name) + " is no array of numbers",
+                       "Give a numpy array or a list of numbers.");
+    }
+    if (!std::strchr("fiub", any.dtype().kind()))
+        throw badInput(place, "the array's type is " + py::cast<std::string>(py::str(any.dtype())),
+                       "Give real numbers: float64 as it is, float32 and integers are converted.");
+    Array numbers = Array::ensure(any);
+    if (!numbers) {
+        PyErr_Clear();
+        throw badInput(place, "the array cannot be converted to float64", "Give real numbers.");
+    }
+    return numbers;
+}
+
+JointVector takeVector(const py::handle& value, int n, const std::string& place) {
+    const Array array = takeArray(value, place);
+    if (array.ndim() != 1 || array.shape(0) != n)
+        throw badInput(place, "the array has shape " + formatShape(array),
+                       "Give one number per joint, shape (" + std::to_string(n) + ",).");
+    return Eigen::Map<const Eigen::VectorXd>(array.data(), n);
+}
+
+JointVector takeVectorOrZero(const py::handle& value, int n, const std::string& place) {
+    return value.is_none() ? JointVector(JointVector::Zero(n)) : takeVector(value, n, place);
+}
+
+PerJoint takePerJoint(const py::handle& value, int n, const std::string& place) {
+    const Array array = takeArray(value, place);
+    if (array.ndim() == 0) return *array.data();
+    return takeVector(array, n, place);
+}
+
+py::array makeArray(const JointVector& v) {
+    return py::array_t<double>(v.size(), v.data());
+}
+
+}  // namespace viable::python

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+
+#include <optional>
+#include <string>
+
+#include "viable/core/Error.h"
+#include "viable/core/JointLimits.h"
+#include "viable/core/PerJoint.h"
+
+// numpy arrays and the library's vectors. All of it needs the interpreter's lock.
+
+namespace viable::python {
+
+namespace py = pybind11;
+
+using Array = py::array_t<double, py::array::c_style | py::array::forcecast>;
+
+/** `value` as an array of doubles in C order; what is one already is taken as it is. Throws Error (BadInput) for what holds
+no real numbers. @param place  who asks, for messages */
+Array takeArray(const py::handle& value, const std::string& place);
+
+/** n numbers, shape (n,). Throws likewise for another shape; numbers that are not finite pass. */
+JointVector takeVector(const py::handle& value, int n, const std::string& place);
+/** None: zeros. */
+JointVector takeVectorOrZero(const py::handle& value, int n, const std::string& place);
+/** One number for all joints, or shape (n,). */
+PerJoint takePerJoint(const py::handle& value, int n, const std::string& place);
+
+/** A copy, shape (n,). */
+py::array makeArray(const JointVector& v);
+/** A copy, shape (rows, columns). */
+template <class Matrix>
+py::array makeMatrix(const Matrix& m) {
+    py::array_t<double> array({m.rows(), m.cols()});
+    auto to = array.template mutable_unchecked<2>();
+    for (Eigen::Index i = 0; i < m.rows(); ++i)
+        for (Eigen::Index j = 0; j < m.cols(); ++j) to(i, j) = m(i, j);
+    return array;
+}
+
+/** "(4096, 6)" */
+std::string formatShape(const py::array& array);
+
+/** The limits of a viable.Limits; None: nothing. */
+std::optional<JointLimits> takeLimits(const py::handle& limits);
+py::object makeLimits(const JointLimits& limits);
+
+void bindRobot(py::module_& module);
+void bindGuards(py::module_& module);
+void bindBatch(py::module_& module);
+void bindLog(py::module_& module);
+
+}  // namespace viable::python

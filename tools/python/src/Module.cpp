@@ -1,0 +1,48 @@
+#include <dlfcn.h>
+
+#include <exception>
+#include <string>
+
+#include "Arrays.h"
+#include "core/ErrorParts.h"
+#include "viable/robot/RobotDescription.h"
+
+namespace viable::python {
+
+namespace {
+
+/** Raises the library's errors as viable.Error (viable/_errors.py). */
+void translate(std::exception_ptr thrown) {
+    try {
+        if (thrown) std::rethrow_exception(thrown);
+    } catch (const Error& e) {
+        const ErrorParts parts = getParts(e);
+        const py::object error = py::module_::import("viable._errors")
+                                     .attr("make_error")(e.exitCode(), parts.place, parts.cause, parts.remedy);
+        PyErr_SetObject(reinterpret_cast<PyObject*>(Py_TYPE(error.ptr())), error.ptr());
+    }
+}
+
+/** The file of libviable, from which program, plugins and robots are found. */
+std::string findLibrary() {
+    Dl_info info{};
+    const auto address =
+        reinterpret_cast<const void*>(static_cast<RobotDescription (*)(const std::filesystem::path&)>(&loadRobot));
+    return dladdr(address, &info) != 0 && info.dli_fname ? info.dli_fname : "";
+}
+
+}  // namespace
+
+}  // namespace viable::python
+
+PYBIND11_MODULE(_viable, module) {
+    namespace vp = viable::python;
+    module.doc() = "The library viable; use it through the package `viable`.";
+    module.attr("__version__") = VIABLE_VERSION;
+    module.attr("library") = vp::findLibrary();
+    vp::py::register_exception_translator(&vp::translate);
+    vp::bindRobot(module);
+    vp::bindGuards(module);
+    vp::bindBatch(module);
+    vp::bindLog(module);
+}

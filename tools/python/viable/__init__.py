@@ -1,0 +1,24 @@
+"""Joint limits up to jerk for torque-controlled robot arms.
+
+    Robot, Limits, Dynamics      what an arm is and may do
+    Guard, ReferenceGuard        limits around a torque law, or around joint targets
+    Servo                        the fastest way to a joint target within limits, as jerks
+    Batch                        thousands of guarded arms at once, for learning
+    Log                          the log of a run as numpy arrays
+    run, verify, identify, ...   what the program `viable` does, results as dicts
+    Error, InputError            what goes wrong: place, cause, remedy, kind
+
+Arrays are float64 with one number per joint, base first; units are rad, s and Nm (of joints that slide m and N).
+"""
+
+from ._batch import Batch
+from ._errors import Error, InputError
+from ._log import Log
+from ._program import bound, identify, run, sweep, verify
+from ._types import ACTING, STATUS, State
+from ._viable import Dynamics, Guard, Limits, ReferenceGuard, Robot, Servo, __version__
+
+__all__ = [
+    "ACTING", "Batch", "Dynamics", "Error", "Guard", "InputError", "Limits", "Log", "ReferenceGuard", "Robot", "Servo", "STATUS", "State",
+    "bound", "identify", "run", "sweep", "verify", "__version__",
+]

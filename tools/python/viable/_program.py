@@ -1,0 +1,231 @@
+"""What the program `viable` does, called as a process of its own: a plugin that crashes does not take Python along, and the
+numbers are the program's."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import tempfile
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ._errors import Error, make_error
+from ._paths import find_program
+
+PathLike = str | os.PathLike
+
+
+def format_value(value: Any, is_inside: bool = False) -> str:
+    """A value as an experiment file has it. is_inside: of brackets, where a comma in a word needs quotes."""
+    if isinstance(value, bool) or value is None:
+        return {True: "true", False: "false", None: "null"}[value]
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key}: {format_value(each, True)}" for key, each in value.items()) + "}"
+    if isinstance(value, str):
+        return json.dumps(value) if is_inside and any(letter in value for letter in ",[]{}:#\"'") else value
+    if hasattr(value, "tolist"):
+        return format_value(value.tolist(), is_inside)
+    if isinstance(value, Sequence):
+        return "[" + ", ".join(format_value(each, True) for each in value) + "]"
+    if isinstance(value, float):
+        return {"inf": ".inf", "-inf": "-.inf"}.get(repr(value), repr(value))
+    return str(value)
+
+
+def _overrides(values: Mapping[str, Any] | None) -> list[str]:
+    arguments = []
+    for key, value in (values or {}).items():
+        arguments += ["--set", f"{key}={format_value(value)}"]
+    return arguments
+
+
+def _cases(cases: str | Sequence[str] | None) -> list[str]:
+    names = [cases] if isinstance(cases, str) else list(cases or [])
+    return [part for name in names for part in ("--case", name)]
+
+
+def _call(arguments: Sequence[str], allowed: Sequence[int], progress: Callable[[dict], None] | None = None) -> tuple[int, str]:
+    """Runs the program. Returns exit code and standard output; raises its Error for a code that is not `allowed`.
+
+    KeyboardInterrupt, and whatever `progress` raises: the program brakes the arm, finishes its log and ends before that goes
+    on."""
+    environment = dict(os.environ, VIABLE_MESSAGES="json")
+    process = subprocess.Popen([find_program(), *map(str, arguments)], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                               stderr=subprocess.PIPE, env=environment, text=True, errors="replace", start_new_session=True)
+    output: list[str] = []
+    reader = threading.Thread(target=lambda: output.extend(process.stdout), daemon=True)
+    reader.start()
+    error: dict | None = None
+    words: list[str] = []
+    try:
+        for line in process.stderr:
+            message = _parse(line)
+            if "progress" in message:
+                if progress:
+                    progress(message["progress"])
+            elif "error" in message:
+                error = message["error"]
+            else:
+                words.append(line)
+        code = process.wait()
+    except BaseException:
+        _end(process)
+        raise
+    finally:
+        reader.join()
+        process.stdout.close()
+        process.stderr.close()
+    if code in allowed:
+        return code, "".join(output)
+    if error:
+        raise make_error(error["kind"], error["place"], error["cause"], error["remedy"])
+    text = "".join(words).strip().removeprefix("viable: ")
+    raise make_error(code, "", text or f"the program ended with code {code}", "")
+
+
+def _parse(line: str) -> dict:
+    try:
+        message = json.loads(line) if line.startswith("{") else {}
+    except ValueError:
+        return {}
+    return message if isinstance(message, dict) else {}
+
+
+def _end(process: subprocess.Popen) -> None:
+    """The first signal: brake, finish the log, end. A second Ctrl-C, or a plugin that hangs, is answered by the second."""
+    process.send_signal(signal.SIGINT)
+    drain = threading.Thread(target=process.stderr.read, daemon=True)
+    drain.start()
+    try:
+        process.wait(30)
+    except (subprocess.TimeoutExpired, KeyboardInterrupt):
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(5)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+    drain.join()
+
+
+def run(file: PathLike, *, set: Mapping[str, Any] | None = None, cases: str | Sequence[str] | None = None,
+        out: PathLike | None = None, draw: str | None = None, jobs: int | None = None, report: bool = False,
+        compact: bool = False, isolate: bool = False, progress: Callable[[dict[str, float]], None] | None = None) -> dict:
+    """Runs an experiment file, every case, as `viable run` does.
+
+    set       replaces entries of the file: {"duration_s": 5, "cases.C2.filter.gamma": 30}
+    cases     only these
+    out       a new folder for logs, summary.json and, with `report`, report.html; None: nothing is kept
+    draw      "SEED:INDEX", the values of one run of a sweep
+    jobs      cases at a time; None: one per core
+    compact   logs of half the size, which only viable reads
+    isolate   each plugin in a process of its own: for plugins that are not trusted yet (slow)
+    progress  called with {case: share done} some ten times a second
+
+    Returns the summary as a dict: `cases` by name with all figures of summary.json (keys carry their units), `exit_code`
+    (0: as planned; tools/README.md), `folder` (None where nothing is kept). A run that trips or breaks a guarantee has a
+    summary that says so; raises viable.Error where nothing could be run.
+    Ctrl-C brakes the arms, finishes the logs and then raises KeyboardInterrupt.
+    """
+    arguments: list[Any] = ["run", file, *_overrides(set), *_cases(cases)]
+    if draw is not None:
+        arguments += ["--draw", draw]
+    if jobs is not None:
+        arguments += ["--jobs", jobs]
+    arguments += ["--no-report"] * (not report) + ["--compact"] * (compact or out is None) + ["--isolate"] * isolate
+    with tempfile.TemporaryDirectory(prefix="viable-") as scratch:
+        folder = Path(scratch) / "run" if out is None else Path(out)
+        before = (folder / "summary.json").exists()
+        code, _ = _call([*arguments, "--out", folder], (0, 3, 4, 5, 6), progress)
+        summary_file = folder / "summary.json"
+        if before or not summary_file.exists():
+            raise Error(str(folder), "the run left no summary", "See the program's messages: run it in a terminal.", "internal")
+        summary = json.loads(summary_file.read_text(encoding="utf-8"))
+    summary["cases"] = {case["name"]: case for case in summary["cases"]}
+    summary["exit_code"] = code
+    summary["folder"] = None if out is None else str(folder)
+    return summary
+
+
+def _with_json(arguments: Sequence[Any], allowed: Sequence[int]) -> tuple[int, dict]:
+    with tempfile.TemporaryDirectory(prefix="viable-") as scratch:
+        file = Path(scratch) / "result.json"
+        code, _ = _call([*arguments, "--json", file], allowed)
+        return code, json.loads(file.read_text(encoding="utf-8"))
+
+
+def verify(log: PathLike, *, limits: str | None = None, signal: str = "real", columns: str | None = None,
+           topic: str | None = None, confidence: float = 0.99, excess: float = 0.1, excess_duration: float = 0.05) -> dict:
+    """Did the joints keep their limits? Judges noisy readings of a log or a CSV, with error bars, as `viable verify` does.
+
+    limits   a robot whose limits count; None: those of the log
+    signal   real: readings of the real arm; nominal
+    columns  "NAME:UNIT,...": columns of a CSV and their units
+
+    Returns its JSON as a dict, with `outcome`: held, broken or cannot_tell.
+    """
+    arguments: list[Any] = ["verify", log, "--signal", signal, "--confidence", confidence, "--excess", excess,
+                            "--excess-duration", excess_duration]
+    for name, value in (("--limits", limits), ("--columns", columns), ("--topic", topic)):
+        if value is not None:
+            arguments += [name, value]
+    code, verdict = _with_json(arguments, (0, 3, 7))
+    verdict["outcome"] = {0: "held", 3: "broken", 7: "cannot_tell"}[code]
+    return verdict
+
+
+def identify(logs: PathLike | Sequence[PathLike], *, robot: str | None = None, payload: str = "mass_and_centre",
+             out: PathLike | None = None, columns: str | None = None, sampled_torques: bool = False,
+             body_masses: bool = False, rotor_inertias: bool = False, torque_offsets: bool = False) -> dict:
+    """Joint friction and payload error of a real arm, from logs or CSVs of its positions and torques, as `viable identify`.
+
+    robot    whose description is used; None: that of the logs
+    payload  none, mass or mass_and_centre
+    out      a new actuation.yaml for the robot's folder
+
+    Returns all figures with their 95 % intervals.
+    """
+    files = [logs] if isinstance(logs, (str, os.PathLike)) else list(logs)
+    arguments: list[Any] = ["identify", *files, "--payload", payload]
+    for name, value in (("--robot", robot), ("--out", out), ("--columns", columns)):
+        if value is not None:
+            arguments += [name, value]
+    for name, wanted in (("--sampled-torques", sampled_torques), ("--body-masses", body_masses),
+                         ("--rotor-inertias", rotor_inertias), ("--torque-offsets", torque_offsets)):
+        arguments += [name] * wanted
+    return _with_json(arguments, (0,))[1]
+
+
+def bound(file: PathLike, *, set: Mapping[str, Any] | None = None, case: str | None = None) -> list[dict]:
+    """How far the real arm can be from the nominal one, by the file's disturbance_set: one dict per case, as
+    `viable bound --json`."""
+    _, text = _call(["bound", file, "--json", *_overrides(set), *_cases(case)], (0,))
+    return json.loads(text)
+
+
+def sweep(file: PathLike, *, runs: int, out: PathLike, seed: int = 1, set: Mapping[str, Any] | None = None,
+          cases: str | Sequence[str] | None = None, jobs: int | None = None) -> dict[str, list]:
+    """Runs an experiment many times, its ~draws anew each time, as `viable sweep`.
+
+    out  the folder of the table; runs that are there already are not done again
+
+    Returns the table: one list per column, one entry per case and run (pandas.DataFrame takes it).
+    """
+    arguments: list[Any] = ["sweep", file, "--runs", runs, "--seed", seed, "--out", out, *_overrides(set), *_cases(cases)]
+    if jobs is not None:
+        arguments += ["--jobs", jobs]
+    _call(arguments, (0, 3, 4, 6))
+    return _read_table(Path(out))
+
+
+def _read_table(folder: Path) -> dict[str, list]:
+    with sqlite3.connect(f"file:{folder / 'sweep.sqlite'}?mode=ro", uri=True) as store:
+        rows = store.execute("SELECT * FROM runs ORDER BY run, case_name")
+        names = [column[0] for column in rows.description]
+        columns = list(zip(*rows.fetchall()))
+    return {name: list(columns[i]) if columns else [] for i, name in enumerate(names)}
