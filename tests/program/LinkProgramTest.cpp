@@ -14,6 +14,7 @@
 
 #include "ExpectContains.h"
 #include "Program.h"
+#include "RobotProcess.h"
 #include "TemporaryFolder.h"
 
 namespace viable {
@@ -24,69 +25,13 @@ using test::Outcome;
 using test::Program;
 using test::readFile;
 
-const char* const kExperiment = "experiments/planar_two_link_linked.yaml";
-
-void sleepFor(double seconds) {
-    const timespec pause{static_cast<time_t>(seconds),
-                         static_cast<long>(1e9 * (seconds - static_cast<time_t>(seconds)))};
-    nanosleep(&pause, nullptr);
-}
-
-/** A second process, and where it listens. Its clock runs slowly where the machine is busy with other tests. */
-class Robot {
-public:
-    explicit Robot(bool usesUdp, std::vector<std::string> more = {"--clock", "0.5"}) {
-        static std::atomic<int> count{0};
-        std::vector<std::string> arguments{"robot", kExperiment, "--case", "simulated"};
-        if (usesUdp) {
-            arguments.insert(arguments.end(), {"--listen", "127.0.0.1:0"});
-        } else {
-            name_ = "viable-program-" + std::to_string(getpid()) + "-" + std::to_string(++count);
-            arguments.insert(arguments.end(), {"--shm", name_});
-        }
-        arguments.insert(arguments.end(), more.begin(), more.end());
-        program_ = std::make_unique<Program>(arguments);
-        const std::string line = await(" at ");
-        const std::size_t at = line.rfind(" at ");
-        address_ = line.substr(at + 4, line.find('\n', at) - at - 4);
-    }
-    ~Robot() {
-        if (!hasEnded_) {
-            kill(program_->pid(), SIGKILL);
-            program_->wait();
-        }
-        if (!name_.empty()) shm_unlink(("/" + name_).c_str());  // a killed one leaves it
-    }
-    Robot(const Robot&) = delete;
-    Robot& operator=(const Robot&) = delete;
-
-    const std::string& address() const { return address_; }
-    /** Waits until it has said so; what it has said then. */
-    std::string await(const std::string& words) const {
-        for (int k = 0; k < 2000; ++k) {
-            std::string text = program_->output();
-            const std::size_t at = text.find(words);
-            if (at != std::string::npos && text.find('\n', at) != std::string::npos) return text;
-            sleepFor(0.01);
-        }
-        ADD_FAILURE() << "'" << words << "' was not said in 20 s:\n" << program_->output();
-        return {};
-    }
-    Outcome end(int signal) {
-        kill(program_->pid(), signal);
-        hasEnded_ = true;
-        return program_->wait();
-    }
-
-private:
-    std::unique_ptr<Program> program_;
-    std::string name_, address_;  // name_: of shared memory
-    bool hasEnded_ = false;
-};
+using test::kLinkedExperiment;
+using test::Robot;
+using test::sleepFor;
 
 std::vector<std::string> makeRun(const Robot& robot, const std::string& out, const std::string& duration_s,
                                  const std::vector<std::string>& more = {"--case", "linked"}) {
-    std::vector<std::string> arguments{"run",        kExperiment,
+    std::vector<std::string> arguments{"run",        kLinkedExperiment,
                                        "--set",      "cases.linked.real_plant.address=\"" + robot.address() + "\"",
                                        "--set",      "cases.linked.real_plant.repeat_ticks=100",
                                        "--set",      "cases.linked.real_plant.silence_timeout_s=0.3",
@@ -246,7 +191,7 @@ TEST(Fault84, ARobotThatReportsAFaultInMotionEndsTheRunAndComesToRest) {
 /** Ctrl-C while the robot is called, which would go on for 20 s. */
 TEST(LinkProgram, TheCallOfARobotEndsAtOnceWhenTheUserAsksForIt) {
     const test::TemporaryFolder folder;
-    Program program({"run", kExperiment, "--case", "linked", "--out", folder / "run", "--set",
+    Program program({"run", kLinkedExperiment, "--case", "linked", "--out", folder / "run", "--set",
                      "cases.linked.real_plant.address=127.0.0.1:9", "--set",
                      "cases.linked.real_plant.connect_timeout_s=20"});
     for (int k = 0; k < 1000 && program.output().find("output in") == std::string::npos; ++k) sleepFor(0.01);
@@ -273,7 +218,7 @@ TEST(LinkProgram, SharedMemoryOfARobotThatHasEndedIsNoRobot) {
         EXPECT_EQ(fd >= 0, signal == SIGKILL);
         if (fd >= 0) close(fd);
         const Outcome o =
-            test::run({"run", kExperiment, "--case", "linked", "--out", folder / ("run" + std::to_string(signal)),
+            test::run({"run", kLinkedExperiment, "--case", "linked", "--out", folder / ("run" + std::to_string(signal)),
                        "--set", "cases.linked.real_plant.address=" + robot.address(), "--set",
                        "cases.linked.real_plant.connect_timeout_s=0.1"});
         EXPECT_EQ(o.code, 2) << o.out;
@@ -289,18 +234,18 @@ TEST(LinkProgram, WhatCannotBeServedOrCalledIsRefused) {
         EXPECT_EQ(o.code, 2) << o.out << o.err;
         expectContains(o.err, words);
     };
-    expectRefused({"robot", kExperiment},
+    expectRefused({"robot", kLinkedExperiment},
                   {"it has 2 cases, and one arm is served. Name it with --case: simulated, linked"});
-    expectRefused({"robot", kExperiment, "--case", "linked"},
+    expectRefused({"robot", kLinkedExperiment, "--case", "linked"},
                   {"its real arm, 'link', is itself a robot elsewhere. Name a case with a simulated one"});
-    expectRefused({"robot", kExperiment, "--case", "simulated", "--listen", "nowhere"},
+    expectRefused({"robot", kLinkedExperiment, "--case", "simulated", "--listen", "nowhere"},
                   {"nowhere: an address is numeric", "--listen ADDRESS:PORT"});
     expectRefused(
-        {"robot", kExperiment, "--case", "simulated", "--key-file", "README.md"},
+        {"robot", kLinkedExperiment, "--case", "simulated", "--key-file", "README.md"},
         {"--key-file README.md: other users can read or write it (mode 644); if nobody did: chmod 600 README.md"});
     const test::TemporaryFolder folder;
     expectRefused(
-        {"run", kExperiment, "--case", "linked", "--out", folder / "run", "--set",
+        {"run", kLinkedExperiment, "--case", "linked", "--out", folder / "run", "--set",
          "cases.linked.real_plant.address=shm:viable-nobody", "--set", "cases.linked.real_plant.connect_timeout_s=0.1"},
         {"the plant plugin 'link'", "the robot at shm:viable-nobody cannot be called: there is no robot",
          "See that `viable robot` or the robot's driver runs there"});

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/ioctl.h>
-#include <time.h>
 
 #include <atomic>
 #include <nlohmann/json.hpp>
@@ -11,6 +10,7 @@
 
 #include "ExpectContains.h"
 #include "Program.h"
+#include "RobotProcess.h"
 #include "TemporaryFolder.h"
 
 namespace viable {
@@ -21,15 +21,11 @@ using test::expectContains;
 using test::Outcome;
 using test::Program;
 using test::readFile;
+using test::Robot;
+using test::sleepFor;
 using test::TemporaryFolder;
 
-const char* const kExperiment = "experiments/planar_two_link_linked.yaml";
-
-void sleepFor(double seconds) {
-    const timespec pause{static_cast<time_t>(seconds),
-                         static_cast<long>(1e9 * (seconds - static_cast<time_t>(seconds)))};
-    nanosleep(&pause, nullptr);
-}
+const char* const kExperiment = test::kLinkedExperiment;
 
 std::vector<std::string> makeLive(const std::filesystem::path& folder, const std::vector<std::string>& more) {
     std::vector<std::string> arguments{"live",  kExperiment,     "--case",        "simulated",
@@ -59,7 +55,7 @@ void await(const Program& program, const std::string& words) {
 
 TEST(Live, DrivesACaseInRealTimeAndItsLogReplaysToTheBit) {
     const TemporaryFolder folder;
-    const Outcome o = test::run(makeLive(folder / "run", {"--duration", "1.2"}));
+    const Outcome o = test::run(makeLive(folder / "run", {"--duration", "1.7"}));
     ASSERT_EQ(o.code, 0) << o.out << o.err;
     expectContains(o.out, {"running (program)", "stopping (duration)", "stopped (program)", "all limits kept",
                            "NOT real time, by the clock of the computer"});
@@ -186,6 +182,96 @@ TEST(Live, WhatCannotBeDrivenIsRefusedBeforeAFileIsMade) {
     expectRefused({"live", kExperiment, "--case", "linked", "--set",
                    "cases.linked.real_plant={plugin: link, address: \"127.0.0.1:9\", connect_timeout_s: 0.3}"},
                   {"127.0.0.1:9", "does not answer", "See that `viable robot`"});
+}
+
+/** The robot's clock runs at half speed, so that a busy machine keeps up with it. */
+std::vector<std::string> makeLinked(const Robot& robot, const std::filesystem::path& folder,
+                                    const std::vector<std::string>& more) {
+    std::vector<std::string> arguments{"live",          kExperiment,
+                                       "--case",        "linked",
+                                       "--out",         folder.string(),
+                                       "--no-priority", "--no-report",
+                                       "--set",         "cases.linked.real_plant.address=\"" + robot.address() + "\"",
+                                       "--set",         "cases.linked.real_plant.repeat_ticks=100"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+}
+
+/** The robot's words of its end: no lapse, whatever ended the run. */
+void expectNoLapse(const Outcome& robot) {
+    EXPECT_EQ(robot.code, 0) << robot.err;
+    expectContains(robot.out, {"held itself for want of commands 0 times"});
+}
+
+TEST(LiveLink, BeyondTheFilesDurationUntilASignalTheRobotMissesNothing) {
+    const TemporaryFolder folder;
+    for (const bool usesUdp : {true, false}) {
+        const std::string name = usesUdp ? "udp" : "shm";
+        Robot robot(usesUdp);
+        Program program(makeLinked(robot, folder / name, {"--set", "duration_s=0.4", "--duration", "inf"}));
+        await(program, "running (program)");
+        sleepFor(2.0);  // more than the file's duration, in the robot's time
+        kill(program.pid(), SIGTERM);
+        const Outcome o = program.wait();
+        EXPECT_EQ(o.code, 128 + SIGTERM) << o.out << o.err;
+        const json one = json::parse(readFile(folder / name / "summary.json"))["cases"][0];
+        EXPECT_EQ(one["live"]["clock"], "plant");
+        EXPECT_GT(one["live"]["changes"][1]["time_s"], 0.6);
+        expectContains(one["account"].get<std::string>(), {"all limits kept (nominal arm"});
+        expectNoLapse(robot.end(SIGINT));
+        const Outcome again = test::run({"run", (folder / name / "linked.mcap").string(), "--again"});
+        EXPECT_EQ(again.code, 0) << again.err;
+    }
+}
+
+TEST(LiveLink, ASecondRunStartsWhereTheFirstOneEndedWithoutAStep) {
+    const TemporaryFolder folder;
+    Robot robot(true);
+    ASSERT_EQ(test::run(makeLinked(robot, folder / "first", {"--duration", "1.7"})).code, 0);
+    const Outcome refused = test::run(makeLinked(robot, folder / "second", {"--duration", "0.5"}));
+    EXPECT_EQ(refused.code, 2);
+    expectContains(refused.err, {"does not stand where the file starts", "viable live --from-here"});
+    const Outcome o = test::run(makeLinked(robot, folder / "third", {"--duration", "0.5", "--from-here"}));
+    ASSERT_EQ(o.code, 0) << o.out << o.err;
+    expectNoLapse(robot.end(SIGINT));
+    const std::filesystem::path log = folder / "third" / "linked.mcap", csv = folder / "third.csv";
+    ASSERT_EQ(test::run({"export", log.string(), "--to", "csv", csv.string()}).code, 0);
+    std::ifstream stream(csv);
+    std::string names, row;
+    std::getline(stream, names);
+    std::getline(stream, row);
+    const auto get = [&](const std::string& column) {
+        std::istringstream name(names), value(row);
+        std::string one, text;
+        while (std::getline(name, one, ',') && std::getline(value, text, ','))
+            if (one == column) return std::stod(text);
+        ADD_FAILURE() << column << " is missing";
+        return 0.0;
+    };
+    for (const std::string joint : {"shoulder", "elbow"}) {
+        EXPECT_NEAR(get("nominal." + joint + ".q_rad"), get("real." + joint + ".q_rad"), 1e-4);
+        EXPECT_LT(std::abs(get("robust." + joint + ".tau_Nm")), 0.5);
+    }
+    const Outcome again = test::run({"run", log.string(), "--again"});
+    EXPECT_EQ(again.code, 0) << again.err;
+}
+
+TEST(LiveLink, ARobotThatIsKilledEndsTheRunAndItsLogReplays) {
+    const TemporaryFolder folder;
+    Robot robot(true);
+    Program program(makeLinked(robot, folder / "run", {"--duration", "inf"}));
+    await(program, "running (program)");
+    sleepFor(0.6);
+    robot.end(SIGKILL);
+    const Outcome o = program.wait();
+    EXPECT_EQ(o.code, 4) << o.out << o.err;
+    expectContains(o.err, {"no state has come for"});
+    const json one = json::parse(readFile(folder / "run" / "summary.json"))["cases"][0];
+    EXPECT_EQ(listChanges(one["live"]),
+              (std::vector<std::string>{"running (program)", "stopping (fault)", "stopped (program)"}));
+    expectContains(one["account"].get<std::string>(), {"all limits kept (nominal arm"});
+    const Outcome again = test::run({"run", (folder / "run" / "linked.mcap").string(), "--again"});
+    EXPECT_EQ(again.code, 0) << again.err;
 }
 
 TEST(RunAgain, IsForLogsOfAnyRun) {
