@@ -229,7 +229,7 @@ void RobotServer::poll() {
         if (robot_.has_host && !hadHost) {
             ++hosts_;
             hostTick_ = robot_.tick;
-            placeAtStart();
+            if (!options_.stays) placeAtStart();
             tell("a host has come");
         }
     }
