@@ -21,6 +21,7 @@ void CertifiedBraking::configure(const JointLimits& limits, double tick_s, doubl
 
 void CertifiedBraking::reset(const MotionState& state) {
     qp_.reset();
+    rowQp_.reset();
     for (int i = 0; i < n_; ++i) certificates_[i].reset({state.q[i], state.qd[i], state.qdd[i]});
 }
 

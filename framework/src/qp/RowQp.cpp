@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <type_traits>
 #include <utility>
 
 #include "qp/QpBounds.h"
@@ -42,6 +43,29 @@ constexpr double kCorrectionToleranceGrowth = 8.0;
 /** A pressure below minus this, relative to the whole gradient, is one of a plane that pulls. */
 constexpr double kPullTolerance = 1e-12;
 
+/** Largest |entry|, and whether all are finite; in parts, as processors add several numbers at once. */
+struct Extent {
+    double largest = 0.0;
+    bool isFinite = true;
+
+    Extent(const double* entries, Eigen::Index count) {
+        constexpr int kParts = 4;
+        double most[kParts] = {}, zero[kParts] = {};  // 0 times what is not finite is NaN
+        const auto see = [&](double entry, int part) {
+            most[part] = std::max(most[part], std::abs(entry));
+            zero[part] += 0.0 * entry;
+        };
+        Eigen::Index i = 0;
+        for (; i + kParts <= count; i += kParts)
+            for (int part = 0; part < kParts; ++part) see(entries[i + part], part);
+        for (; i < count; ++i) see(entries[i], 0);
+        for (int part = 0; part < kParts; ++part) {
+            largest = std::max(largest, most[part]);
+            isFinite &= zero[part] == 0.0;
+        }
+    }
+};
+
 /** What RowQp::solve is asked for. */
 struct Task {
     const JointMatrix& M;
@@ -62,10 +86,11 @@ struct Task {
 
     /** All finite; bounds may be infinite where a finite x lies between them. */
     bool isFinite() const {
-        bool finite = M.allFinite() && target.allFinite();
+        bool finite = Extent(M.data(), M.size()).isFinite && Extent(target.data(), size()).isFinite;
         for (int i = 0; i < size(); ++i)
             finite &= lower[i] < kInfinity && upper[i] > -kInfinity && !std::isnan(upper[i]);
-        for (int k = 0; k < rows.count; ++k) finite &= rows.normal[k].allFinite() && std::isfinite(rows.bound[k]);
+        for (int k = 0; k < rows.count; ++k)
+            finite &= Extent(rows.normal[k].data(), size()).isFinite && std::isfinite(rows.bound[k]);
         return finite;
     }
 
@@ -80,6 +105,13 @@ struct Task {
         return true;
     }
 };
+
+/** Of a plane that held in the last solution the part independent of those that are enforced already, relative: below this it
+is left to the search, which can tell what parallel planes mean. */
+constexpr double kWarmDependence = 1e-5;
+
+/** Steps per joint for a start from there, should so many planes have changed that it leads nowhere soon. */
+constexpr int kWarmStepsPerJoint = 2;
 
 /** Stuck: a plane cannot be reached, but that nothing can keep all is not proven. */
 enum class Outcome { Optimal, Infeasible, Stuck, Failed };
@@ -99,10 +131,12 @@ public:
     RowProblem(const Task& task, double tolerance)
         : joints_(task.size()), rows_(task.rows.count), tolerance_(tolerance) {
         const double* column = task.M.data();
-        const double size = task.M.cwiseAbs().maxCoeff();
+        const double size = Extent(task.M.data(), task.M.size()).largest;
+        if (n() < width()) target_[n()] = x_[n()] = 0.0;
         const double scale = size > 0.0 ? 1.0 / size : 0.0;  // the optimum is that of any multiple
         for (int i = 0; i < n(); ++i, column += n()) {
             for (int r = 0; r < n(); ++r) M_[i][r] = scale * column[r];
+            if (n() < width()) M_[i][n()] = 0.0;
             target_[i] = x_[i] = task.target[i];
             hi_[i] = task.upper[i];
             lo_[i] = std::min(task.lower[i], hi_[i]);
@@ -119,6 +153,7 @@ public:
                 continue;
             }
             for (int i = 0; i < n(); ++i) plane.normal[i] = factor * normal[i];
+            if (n() < width()) plane.normal[n()] = 0.0;
             plane.bound = bound;
         }
     }
@@ -127,7 +162,41 @@ public:
     Outcome solve(int& iterations, int most) {
         most_ = most;
         if (!factor()) return Outcome::Failed;
-        bool settled = false;  // since the last settle() no plane was enforced or dropped
+        return search(iterations, false);
+    }
+
+    /** The same, beginning with the minimum on those planes of the last solution that press here. Only Optimal counts, and only
+    to the tolerance begun with. */
+    Outcome solveWarm(const RowQp::Held* held, int count, int& iterations) {
+        most_ = kWarmStepsPerJoint * n();
+        if (!factor()) return Outcome::Failed;
+        for (int k = 0; k < count; ++k) enforceHeld(held[k]);
+        findMinimum();
+        if (!settle(iterations)) return Outcome::Failed;
+        const double tolerance = tolerance_;
+        const Outcome outcome = search(iterations, true);
+        return tolerance_ == tolerance ? outcome : Outcome::Stuck;
+    }
+
+    /** The enforced planes, at most kMaxJoints. */
+    int getHeld(RowQp::Held* held) const {
+        using Kind = RowQp::Held::Kind;
+        for (int k = 0; k < enforced_; ++k) {
+            const int plane = set_[k];
+            if (plane >= n())
+                held[k] = {Kind::Row, plane - n()};
+            else
+                held[k] = {planes_[plane].normal[plane] > 0.0 ? Kind::Lower : Kind::Upper, plane};
+        }
+        return enforced_;
+    }
+
+    /** The present point, cut off at the box: bounds that are enforced hold exactly. */
+    double getX(int i) const { return detail::clampTarget(x_[i], lo_[i], hi_[i]); }
+
+private:
+    /** @param settled  since the last settle() no plane was enforced or dropped */
+    Outcome search(int& iterations, bool settled) {
         while (takeIteration(iterations)) {
             const int plane = findWorst();
             if (plane >= 0) {
@@ -152,14 +221,10 @@ public:
         return Outcome::Failed;
     }
 
-    /** The present point, cut off at the box: bounds that are enforced hold exactly. */
-    double getX(int i) const { return detail::clampTarget(x_[i], lo_[i], hi_[i]); }
-
-private:
-    static constexpr int kCapacity = kSize > 0 ? kSize : kMaxJoints;
+    static constexpr int kCapacity = kSize > 0 ? kSize + kSize % 2 : kMaxJoints;
 
     struct Plane {
-        double normal[kCapacity];
+        alignas(16) double normal[kCapacity];
         double bound;
         double length = 0.0;  // |J' normal|, of a unit of pressure; 0: not known yet
         bool isIdle = false;  // enforced, or never to be
@@ -167,12 +232,17 @@ private:
     enum class Step { Enforced, Dependent, Contradiction, Failed };
 
     int n() const { return kSize > 0 ? kSize : joints_; }
+    /** Entries of a vector over the joints: an even number, as processors take two at once; beyond n() it has zeros. */
+    int width() const { return kSize > 0 ? kSize + kSize % 2 : joints_ + joints_ % 2; }
 
-    double dot(const double* a, const double* b) const {
-        double sum = 0.0;
-        for (int i = 0; i < n(); ++i) sum += a[i] * b[i];
-        return sum;
-    }
+    using Entries = Eigen::Matrix<double, (kSize > 0 ? kCapacity : Eigen::Dynamic), 1, 0, kCapacity, 1>;
+    /** Of width() entries. */
+    auto map(double* v) const { return Eigen::Map<Entries, Eigen::Aligned16>(v, width()); }
+    auto map(const double* v) const { return Eigen::Map<const Entries, Eigen::Aligned16>(v, width()); }
+
+    double dot(const double* a, const double* b) const { return map(a).dot(map(b)); }
+    /** sum += factor * v */
+    void accumulate(double factor, const double* v, double* sum) const { map(sum) += factor * map(v); }
 
     bool takeIteration(int& iterations) {
         if (iterations >= most_) return false;
@@ -181,32 +251,33 @@ private:
         return true;
     }
 
-    /** M = QR by modified Gram-Schmidt (its R is as exact as that of reflections, Bjorck 1967),
-    then J = R^-1. False: M is singular to working precision. */
+    /** M = QR by modified Gram-Schmidt (its R is as exact as that of reflections, Bjorck 1967), then J = R^-1. Columns of Q
+    keep their length until the end, R = D U with a diagonal of ones in U: no root is waited for. False: M is singular to
+    working precision. */
     bool factor() {
-        double Q[kCapacity][kCapacity], R[kCapacity][kCapacity];  // columns of Q, rows of R
-        for (int j = 0; j < n(); ++j)
-            for (int r = 0; r < n(); ++r) Q[j][r] = M_[j][r];
+        alignas(16) double Q[kCapacity][kCapacity];
+        double U[kCapacity][kCapacity], length[kCapacity];  // columns of Q, rows of U
+        for (int j = 0; j < n(); ++j) map(Q[j]) = map(M_[j]);
         for (int j = 0; j < n(); ++j) {
+            const double square = dot(Q[j], Q[j]), inverse = 1.0 / square;
+            length[j] = std::sqrt(square);
             columnLength_[j] = std::sqrt(dot(M_[j], M_[j]));
-            const double length = std::sqrt(dot(Q[j], Q[j]));
-            if (!(length > kSingular * columnLength_[j])) return false;
-            const double inverse = 1.0 / length;
-            for (int r = 0; r < n(); ++r) Q[j][r] *= inverse;
-            R[j][j] = inverse;
             for (int i = j + 1; i < n(); ++i) {
-                R[j][i] = dot(Q[j], Q[i]);
-                for (int r = 0; r < n(); ++r) Q[i][r] -= R[j][i] * Q[j][r];
+                U[j][i] = inverse * dot(Q[j], Q[i]);
+                accumulate(-U[j][i], Q[j], Q[i]);
             }
         }
-        for (int j = 0; j < n(); ++j) {  // column j of R^-1, from its last entry up
-            for (int i = 0; i < n(); ++i) J_[j][i] = 0.0;
-            J_[j][j] = R[j][j];
-            for (int i = j - 1; i >= 0; --i) {
-                double sum = 0.0;
-                for (int k = i + 1; k <= j; ++k) sum += R[i][k] * J_[j][k];
-                J_[j][i] = -sum * R[i][i];
-            }
+        for (int j = 0; j < n(); ++j) {
+            if (!(length[j] > kSingular * columnLength_[j])) return false;
+            // Column j of U^-1 is the unit vector less those before it, each times its entry of U.
+            alignas(16) double column[kCapacity] = {};
+            column[j] = 1.0;
+            for (int k = 0; k < j; ++k) accumulate(-U[k][j], J_[k], column);
+            map(J_[j]) = map(column);
+        }
+        for (int j = 0; j < n(); ++j) {
+            const double inverse = 1.0 / length[j];
+            map(J_[j]) *= inverse;
         }
         return true;
     }
@@ -228,6 +299,14 @@ private:
         for (int k = 0; k < enforced_; ++k)
             if (!(calcMiss(set_[k]) <= calcTolerance(set_[k], RowQp::kRowTolerance))) return false;
         return true;
+    }
+
+    /** Makes plane i the lower (side 1) or the upper bound (-1) of joint i. */
+    void setBound(int i, double side) {
+        Plane& p = planes_[i];
+        map(p.normal).setZero();
+        p.normal[i] = side;
+        p.bound = side > 0.0 ? lo_[i] : -hi_[i];
     }
 
     double findLength(int plane) {
@@ -254,9 +333,7 @@ private:
             Plane& p = planes_[i];
             if (p.isIdle || (x_[i] >= lo_[i] && x_[i] <= hi_[i])) continue;
             const double side = x_[i] < lo_[i] ? 1.0 : -1.0;
-            for (int j = 0; j < n(); ++j) p.normal[j] = 0.0;
-            p.normal[i] = side;
-            p.bound = side > 0.0 ? lo_[i] : -hi_[i];
+            setBound(i, side);
             consider(i, p.bound - side * x_[i]);
         }
         for (int k = n(); k < n() + rows_; ++k) {
@@ -275,12 +352,13 @@ private:
         const double length = findLength(plane);
         double pressure = 0.0;
         do {
-            double d[kCapacity], z[kCapacity] = {}, share[kCapacity];
+            alignas(16) double z[kCapacity] = {};
+            double d[kCapacity], share[kCapacity];
             double slope = 0.0;  // of the miss along z
             for (int j = 0; j < n(); ++j) d[j] = dot(J_[j], normal);
             for (int j = enforced_; j < n(); ++j) {
                 slope += detail::square(d[j]);
-                for (int i = 0; i < n(); ++i) z[i] += d[j] * J_[j][i];
+                accumulate(d[j], J_[j], z);
             }
             solveUpper(d, share);
             double step = kInfinity;
@@ -302,8 +380,7 @@ private:
             }
             for (int k = 0; k < enforced_; ++k) u_[k] = std::max(0.0, u_[k] - step * share[k]);
             pressure += step;
-            if (independent)
-                for (int i = 0; i < n(); ++i) x_[i] += step * z[i];
+            if (independent) accumulate(step, z, x_);
             if (!std::isfinite(pressure)) return Step::Failed;
             if (blocking < 0) {
                 add(plane, pressure, d, z);
@@ -312,6 +389,48 @@ private:
             drop(blocking);
         } while (takeIteration(iterations));
         return Step::Failed;
+    }
+
+    /** Enforces a plane that held before, whatever it does to the others' pressures; x and u are not those of the set until
+    findMinimum(). */
+    void enforceHeld(const RowQp::Held& held) {
+        using Kind = RowQp::Held::Kind;
+        if (held.index >= (held.kind == Kind::Row ? rows_ : n()) || enforced_ == n()) return;
+        const int plane = held.kind == Kind::Row ? n() + held.index : held.index;
+        Plane& p = planes_[plane];
+        if (p.isIdle) return;
+        if (held.kind != Kind::Row) {
+            setBound(plane, held.kind == Kind::Lower ? 1.0 : -1.0);
+            if (!std::isfinite(p.bound)) return;
+        }
+        alignas(16) double z[kCapacity] = {};
+        double d[kCapacity];
+        double inside = 0.0, slope = 0.0;
+        for (int j = 0; j < n(); ++j)
+            d[j] = held.kind == Kind::Row ? dot(J_[j], p.normal) : p.normal[plane] * J_[j][plane];
+        for (int j = 0; j < enforced_; ++j) inside += detail::square(d[j]);
+        for (int j = enforced_; j < n(); ++j) {
+            slope += detail::square(d[j]);
+            accumulate(d[j], J_[j], z);
+        }
+        if (!(slope > detail::square(kWarmDependence) * (inside + slope))) return;
+        p.length = std::sqrt(inside + slope);
+        add(plane, 0.0, d, z);
+    }
+
+    /** x and u of the enforced planes, from x = target. */
+    void findMinimum() {
+        double miss[kCapacity], a[kCapacity];
+        for (int k = 0; k < enforced_; ++k) miss[k] = calcMiss(set_[k]);
+        solveLower(miss, a);
+        for (int k = 0; k < enforced_; ++k) accumulate(a[k], J_[k], x_);
+        solveUpper(a, u_);
+        snapToBounds();
+    }
+
+    void snapToBounds() {
+        for (int k = 0; k < enforced_; ++k)
+            if (set_[k] < n()) x_[set_[k]] = planes_[set_[k]].normal[set_[k]] * planes_[set_[k]].bound;
     }
 
     /** Farkas' proof that no point of the box keeps `plane` and the enforced ones: the sum of their
@@ -343,11 +462,10 @@ private:
         const double first = d[enforced_];
         const double diagonal = first > 0.0 ? -std::sqrt(squares) : std::sqrt(squares);
         const double factor = 1.0 / (squares - diagonal * first);
-        double w[kCapacity];
-        for (int i = 0; i < n(); ++i) w[i] = factor * (z[i] - diagonal * J_[enforced_][i]);
+        alignas(16) double w[kCapacity];
+        map(w) = factor * (map(z) - diagonal * map(J_[enforced_]));
         d[enforced_] -= diagonal;
-        for (int j = enforced_; j < n(); ++j)
-            for (int i = 0; i < n(); ++i) J_[j][i] -= d[j] * w[i];
+        for (int j = enforced_; j < n(); ++j) accumulate(-d[j], w, J_[j]);
         for (int k = 0; k < enforced_; ++k) R_[enforced_][k] = d[k];
         R_[enforced_][enforced_] = diagonal;
         set_[enforced_] = plane;
@@ -369,7 +487,7 @@ private:
             const double length = std::sqrt(detail::square(R_[r][r]) + detail::square(R_[r][r + 1]));
             const double c = R_[r][r] / length, s = R_[r][r + 1] / length;
             for (int j = r; j < enforced_; ++j) rotate(c, s, R_[j][r], R_[j][r + 1]);
-            for (int i = 0; i < n(); ++i) rotate(c, s, J_[r][i], J_[r + 1][i]);
+            for (int i = 0; i < width(); ++i) rotate(c, s, J_[r][i], J_[r + 1][i]);
         }
     }
     static void rotate(double c, double s, double& a, double& b) {
@@ -429,13 +547,13 @@ private:
     bool correct() {
         double tolerance = kCorrectionTolerance;
         for (int count = 0; count < kMaxCorrections; ++count, tolerance *= kCorrectionToleranceGrowth) {
-            double y[kCapacity] = {}, residual[kCapacity], h[kCapacity], a[kCapacity] = {};
-            for (int i = 0; i < n(); ++i)
-                for (int r = 0; r < n(); ++r) y[r] += M_[i][r] * (x_[i] - target_[i]);
+            alignas(16) double y[kCapacity] = {}, residual[kCapacity] = {};
+            double h[kCapacity], a[kCapacity] = {};
+            for (int i = 0; i < n(); ++i) accumulate(x_[i] - target_[i], M_[i], y);
             for (int i = 0; i < n(); ++i) residual[i] = dot(M_[i], y);
             for (int k = 0; k < enforced_; ++k) {
                 const double* normal = planes_[set_[k]].normal;
-                for (int i = 0; i < n(); ++i) residual[i] -= u_[k] * normal[i];
+                accumulate(-u_[k], normal, residual);
                 h[k] = calcMiss(set_[k]);
             }
             solveLower(h, a);
@@ -444,14 +562,12 @@ private:
             for (int j = 0; j < n(); ++j) {
                 const double step = j < enforced_ ? a[j] : -h[j];
                 change += detail::square(step);
-                for (int i = 0; i < n(); ++i) x_[i] += step * J_[j][i];
+                accumulate(step, J_[j], x_);
             }
             for (int k = 0; k < enforced_; ++k) h[k] += a[k];
             solveUpper(h, a);
-            for (int k = 0; k < enforced_; ++k) {
-                u_[k] += a[k];
-                if (set_[k] < n()) x_[set_[k]] = planes_[set_[k]].normal[set_[k]] * planes_[set_[k]].bound;
-            }
+            for (int k = 0; k < enforced_; ++k) u_[k] += a[k];
+            snapToBounds();
             const double size = dot(y, y);
             torque_ = std::sqrt(size);
             if (!std::isfinite(change) || !std::isfinite(size)) return false;
@@ -462,9 +578,11 @@ private:
 
     const int joints_, rows_;
     int most_ = 0;
-    double M_[kCapacity][kCapacity];  // column by column, as are J and R
-    double J_[kCapacity][kCapacity], R_[kCapacity][kCapacity];
-    double target_[kCapacity], lo_[kCapacity], hi_[kCapacity], x_[kCapacity];
+    alignas(16) double M_[kCapacity][kCapacity];  // column by column, as are J and R
+    alignas(16) double J_[kCapacity][kCapacity];
+    double R_[kCapacity][kCapacity];
+    alignas(16) double target_[kCapacity], x_[kCapacity];
+    double lo_[kCapacity], hi_[kCapacity];
     double columnLength_[kCapacity];  // of M
     Plane planes_[kCapacity + RowQp::kMaxRows];
     int set_[kCapacity] = {};  // the enforced planes, in the order of R's columns
@@ -475,19 +593,35 @@ private:
     bool isContradictory_ = false;
 };
 
-/** Once as exactly as can be; where planes that are nearly parallel defeat that, once more leaving
-out what the tolerance guaranteed allows to. */
+/** From the planes that held in the last solution, if there are any; else, or where that does not lead to the optimum, from
+the target: once as exactly as can be; where planes that are nearly parallel defeat that, once more leaving out what the
+tolerance guaranteed allows to.
+@param held  on return the planes that hold now */
 template <int kSize>
-Outcome solveTask(const Task& task, int& iterations, JointVector& x) {
+Outcome solveTask(const Task& task, int& iterations, RowQp::Held* held, int& heldCount, JointVector& x) {
+    const auto take = [&](const RowProblem<kSize>& problem) {
+        for (int i = 0; i < task.size(); ++i) x[i] = problem.getX(i);
+        heldCount = problem.getHeld(held);
+    };
+    if (heldCount > 0) {
+        RowProblem<kSize> problem(task, kTightTolerance);
+        if (problem.solveWarm(held, heldCount, iterations) == Outcome::Optimal) {
+            take(problem);
+            return Outcome::Optimal;
+        }
+    }
+    const int wasted = std::exchange(iterations, 0);
     Outcome outcome = Outcome::Failed;
     for (const double tolerance : {kTightTolerance, RowQp::kRowTolerance}) {
         const bool isLast = tolerance == RowQp::kRowTolerance;
         RowProblem<kSize> problem(task, tolerance);
-        outcome = problem.solve(iterations, RowQp::kMaxIterations / (isLast ? 1 : 2));
+        outcome = problem.solve(iterations, isLast ? RowQp::kMaxIterations - wasted : RowQp::kMaxIterations / 2);
         if (outcome == Outcome::Failed || (outcome == Outcome::Stuck && !isLast)) continue;
-        for (int i = 0; i < task.size(); ++i) x[i] = problem.getX(i);
+        take(problem);
         break;
     }
+    iterations += wasted;
+    if (outcome != Outcome::Optimal) heldCount = 0;
     return outcome;
 }
 
@@ -507,14 +641,16 @@ RowQp::Status RowQp::solve(const JointMatrix& M, const JointVector& target, cons
     iterations_ = 0;
     const int n = task.size();
     x.setZero(n);
-    if (lower.size() != n || upper.size() != n) return Status::Failed;
+    if (lower.size() != n || upper.size() != n) return reset(), Status::Failed;
     for (int i = 0; i < n; ++i) x[i] = detail::clampTarget(target[i], lower[i], upper[i]);
-    if (!task.hasSizes()) return Status::Failed;
-    if (!task.isFinite()) return Status::Failed;
-    if (task.isTargetInside()) return Status::TargetInside;
-    const Outcome outcome = n == 6   ? solveTask<6>(task, iterations_, x)
-                            : n == 7 ? solveTask<7>(task, iterations_, x)
-                                     : solveTask<0>(task, iterations_, x);
+    if (!task.hasSizes() || !task.isFinite()) return reset(), Status::Failed;
+    if (task.isTargetInside()) return reset(), Status::TargetInside;
+    const auto solveOf = [&](auto size) {
+        return solveTask<decltype(size)::value>(task, iterations_, held_.data(), heldCount_, x);
+    };
+    const Outcome outcome = n == 6   ? solveOf(std::integral_constant<int, 6>())
+                            : n == 7 ? solveOf(std::integral_constant<int, 7>())
+                                     : solveOf(std::integral_constant<int, 0>());
     return outcome == Outcome::Optimal  ? Status::Solved
            : outcome == Outcome::Failed ? Status::Failed
                                         : Status::Infeasible;

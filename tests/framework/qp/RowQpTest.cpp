@@ -401,6 +401,7 @@ TEST(Fault36, AtItsBoundARowProblemIsStillInTime) {
     double least_s = kInfinity;  // of several: the machine may be busy
     for (int k = 0; k < 20; ++k) {
         JointVector x;
+        qp.reset();
         const auto begin = std::chrono::steady_clock::now();
         solve(qp, slowest, x);
         least_s = std::min(least_s, std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
@@ -622,6 +623,80 @@ TEST(RowQp, AClosedLoopSlidesAlongWalls) {
     EXPECT_GT(touching, 10000);
     EXPECT_GT(path, 5.0);
     EXPECT_LE(most, 8);
+}
+
+/** Sequences of problems that change a little from one to the next, rows that come, go and change places, some degenerate, some
+without a solution: the one solver has the set of the last problem to begin with, the other never. */
+TEST(RowQp, WithTheLastSetItComesToTheSameOptimum) {
+    const int count = test::countOf(400);
+    const long seed = test::getSeed(67);
+    std::mt19937_64 random(seed);
+    RowQp warm;
+    double worst = 0.0;
+    int solved = 0, infeasible = 0, warmSteps = 0, coldSteps = 0;
+    for (int sequence = 0; sequence < count; ++sequence) {
+        const int n = 1 + sequence % kMaxJoints;
+        const bool isDegenerate = sequence % 4 == 0;
+        JointVector inside;
+        Problem p = drawBox(random, n, drawLog(random, 1, 1e4), inside);
+        addRows(random, p, inside, random() % 24, isDegenerate ? 1e-3 : 0.0);
+        warm.reset();
+        for (int tick = 0; tick < 50; ++tick) {
+            SCOPED_TRACE(::testing::Message() << "seed " << seed << ", sequence " << sequence << ", tick " << tick);
+            const double size = p.M.cwiseAbs().maxCoeff();
+            for (double& entry : p.M.reshaped()) entry += 1e-4 * size * drawUniform(random, -1, 1);
+            p.target += drawVector(random, n, 1.0);
+            if (!isDegenerate)
+                for (int k = 0; k < p.rows.count; ++k)
+                    p.rows.bound[k] += 0.5 * drawUniform(random, -1, 1) * p.rows.normal[k].norm();
+            if (tick % 10 == 9 && p.rows.count > 1) {
+                const int a = random() % p.rows.count, b = random() % p.rows.count;
+                std::swap(p.rows.normal[a], p.rows.normal[b]);
+                std::swap(p.rows.bound[a], p.rows.bound[b]);
+                if (random() % 2) --p.rows.count;
+            }
+            Problem now = p;
+            if (tick % 13 == 12)  // beyond any box, for this tick
+                now.rows.add(-now.rows.normal[0], 1e4 * now.rows.normal[0].norm() - now.rows.bound[0]);
+            RowQp cold;
+            JointVector x, expected;
+            const RowQp::Status status = solve(cold, now, expected);
+            ASSERT_EQ(solve(warm, now, x), status);
+            ASSERT_LE(warm.iterations(), RowQp::kMaxIterations);
+            infeasible += status == RowQp::Status::Infeasible;
+            if (status != RowQp::Status::Solved) {
+                ASSERT_EQ(x, expected);
+                continue;
+            }
+            ++solved;
+            warmSteps += warm.iterations();
+            coldSteps += cold.iterations();
+            worst = std::max(worst, (x - expected).norm() / (x.norm() + now.target.norm()));
+            ASSERT_LT(worst, 1e-9);
+        }
+    }
+    std::cout << solved << " solved, " << infeasible << " infeasible; worst difference, relative: " << worst << "; "
+              << warmSteps << " steps, without the last set " << coldSteps << "\n";
+    EXPECT_GT(solved, 25 * count);
+    EXPECT_GT(infeasible, count);
+    EXPECT_LT(2 * warmSteps, coldSteps);
+}
+
+/** What comes first does not count: after reset() a solver is as new. */
+TEST(RowQp, ResetForgetsTheLastSet) {
+    std::mt19937_64 random(68);
+    RowQp qp;
+    for (int k = 0; k < test::countOf(500); ++k) {
+        JointVector inside, x, expected;
+        Problem p = drawBox(random, 1 + k % kMaxJoints, 100.0, inside);
+        addRows(random, p, inside, 16);
+        qp.reset();
+        const RowQp::Status status = solve(qp, p, x);
+        RowQp fresh;
+        ASSERT_EQ(solve(fresh, p, expected), status);
+        ASSERT_EQ(x, expected);
+        ASSERT_EQ(qp.iterations(), fresh.iterations());
+    }
 }
 
 TEST(RowQp, TakesNoMemory) {
