@@ -11,6 +11,9 @@ namespace {
 
 /** Rows of one look at a path. */
 constexpr int kMostClearanceRows = 12;
+/** A clearance counts as known while the paths since it was looked at have moved by no more than this share of what is left of
+it: what is asked of the next path, StopDemands::raise, follows from what is known. */
+constexpr double kLargestLoss = 0.1;
 /** Rounding of times [s]. */
 constexpr double kSameTime_s = 1e-9;
 
@@ -30,7 +33,8 @@ ArmStopCheck::ArmStopCheck(const RobotDescription& robot, const ArmGeometry* geo
       places_(elements_.size()),
       found_(elements_.size()),
       order_(elements_.size()),
-      failedAt_(elements_.size()) {
+      failedAt_(elements_.size()),
+      profile_(elements_.size()) {
     beginTick();
 }
 
@@ -73,24 +77,24 @@ public:
     bool hasBudget() const { return check_.hasBudget(); }
     double radius() const { return radius_; }
     bisection::Bounds findKnown(int from, int to) const {
-        if (!check_.known_) return {-kInfinity, -kInfinity};
-        const double begin_s = static_cast<double>(check_.known_->begin) * check_.tick_s_;
-        return check_.known_->result.profile[static_cast<std::size_t>(index_)].find(
-            begin_s + check_.motion_.calcTime(from), begin_s + check_.motion_.calcTime(to),
-            check_.motion_.calcApart(index_, check_.apart_.position));
+        if (!check_.source_) return {-kInfinity, -kInfinity};
+        const double begin_s = static_cast<double>(check_.source_->begin) * check_.tick_s_;
+        return check_.source_->result.profile[static_cast<std::size_t>(index_)].find(
+            begin_s + check_.motion_.calcTime(from), begin_s + check_.motion_.calcTime(to), check_.apart_m_);
     }
     bisection::Way calcWay(const bisection::Look& from, const bisection::Look& to) {
         return check_.motion_.calcWay(index_, from.sample, to.sample);
     }
     bisection::Look lookRoughly(int sample) {
         --check_.distances_;
-        const ElementDistance::Rough rough = check_.distance_.calcRough(element_, check_.motion_.getPose(sample));
+        const ElementDistance::Rough rough =
+            check_.distance_.calcRough(element_, check_.motion_.getPose(index_, sample));
         return {sample, rough.clearance, rough.ofMiddle, true};
     }
     void look(bisection::Look& look) {
         if (!look.isRough) return;
         look.isRough = false;
-        look.clearance = check_.distance_.calc(element_, check_.motion_.getPose(look.sample), look.ofMiddle,
+        look.clearance = check_.distance_.calc(element_, check_.motion_.getPose(index_, look.sample), look.ofMiddle,
                                                look.sample, place_, check_.distances_);
     }
 
@@ -102,11 +106,50 @@ private:
     double radius_;
 };
 
-/** Whether what is known of the other path leaves no doubt about element e. */
-bool ArmStopCheck::isKnown(std::size_t e, const Demands& demands, const Known& known) {
-    const double apart = motion_.calcApart(static_cast<int>(e), apart_.position);
-    found_[e].all = {known.result.seen[e] - apart, known.result.proven[e] - apart};
-    return found_[e].all.areFar({demands.floor[e], demands.least[e], demands.ahead[e], demands.far[e]});
+/** Sets what is known, and extremes of the path, of all that are known, and of every motion between them. */
+void ArmStopCheck::setKnown(const ArmPath& path, const KnownPaths& known) {
+    known_ = known;
+    path.calcExtremes(extremes_);
+    JointVector position = JointVector::Zero(n_), velocity = position, acceleration = position;
+    for (std::size_t k = 0; k < static_cast<std::size_t>(known.count); ++k) {
+        path.calcDifference(known.paths[k]->path, known.paths[k]->begin, apart_[k]);
+        position = position.cwiseMax(apart_[k].position);
+        velocity = velocity.cwiseMax(apart_[k].velocity);
+        acceleration = acceleration.cwiseMax(apart_[k].acceleration);
+    }
+    extremes_.position += position;
+    extremes_.travel += position;
+    extremes_.velocity += velocity;
+    extremes_.acceleration += acceleration;
+}
+
+void ArmStopCheck::chooseKnown(std::size_t e) {
+    source_ = nullptr;
+    double most = 0.0;
+    for (std::size_t k = 0; k < static_cast<std::size_t>(known_.count); ++k) {
+        const double apart = motion_.calcApart(static_cast<int>(e), apart_[k].position);
+        const double seen = known_.paths[k]->result.seen[e] - apart;
+        if (source_ && !(seen > most)) continue;
+        source_ = known_.paths[k];
+        apart_m_ = apart;
+        most = seen;
+    }
+}
+
+/** Whether what is known of source_ leaves no doubt about element e. */
+bool ArmStopCheck::isKnown(std::size_t e, const Demands& demands) {
+    if (!source_) return false;
+    const bisection::Bounds bounds{source_->result.seen[e] - apart_m_, source_->result.proven[e] - apart_m_};
+    const Profile& profile = source_->result.profile[e];
+    const double lost = profile.lost + apart_m_;
+    const bool isFar = bounds.areFar({demands.floor[e], demands.least[e], demands.ahead[e], demands.far[e]});
+    const bool isAhead = bounds.seen >= demands.ahead[e] && bounds.proven >= demands.floor[e];
+    if (!isFar && !(isAhead && lost <= kLargestLoss * (bounds.seen + lost - demands.least[e]))) return false;
+    found_[e].all = bounds;
+    profile_[e] = profile;
+    profile_[e].begin_s -= static_cast<double>(source_->begin) * tick_s_;
+    profile_[e].lost = lost;
+    return true;
 }
 
 /** True when element e keeps what is demanded.
@@ -117,14 +160,29 @@ bool ArmStopCheck::look(std::size_t e, const Demands& demands, bool mustBeGood) 
     isLooked_[e] = 1;
     if (!elements_[e].isPair() && !distance_.hasSurroundings()) return true;
     Subject subject(*this, e);
-    bisection::Look begin = subject.lookRoughly(0);
-    bisection::Look end = subject.lookRoughly(bisection::kDivisions);
     bisection::Demand demand{demands.floor[e], demands.least[e], demands.ahead[e], demands.far[e]};
     // What is known to be farther than the nearest place of this path can be is not the nearest place.
-    if (known_)
-        demand.far = std::clamp(known_->result.seen[e] + motion_.calcApart(static_cast<int>(e), apart_.position),
+    if (source_)
+        demand.far = std::clamp(source_->result.seen[e] + 2.0 * source_->result.profile[e].lost + apart_m_,
                                 demand.ahead, std::max(demand.ahead, demand.far));
-    if (!(begin.clearance >= demand.least)) {
+    constexpr int kParts = bisection::Result::kParts, kSamples = bisection::kDivisions / kParts;
+    std::array<bool, kParts> isOpen{};
+    int nearest = 0;  // the open part that was nearest
+    double least = kInfinity;
+    for (int part = 0; part < kParts; ++part) {
+        const int from = part * kSamples, to = from + kSamples;
+        const bisection::Bounds known = subject.findKnown(from, to);
+        isOpen[static_cast<std::size_t>(part)] = !known.areFar(demand);
+        if (known.areFar(demand)) {
+            found_[e].settle(from, to, known);
+        } else if (known.seen < least) {
+            least = known.seen;
+            nearest = part;
+        }
+    }
+    bisection::Look begin;
+    if (isOpen[0]) begin = subject.lookRoughly(0);
+    if (isOpen[0] && !(begin.clearance >= demand.least)) {
         if (hasBudget()) subject.look(begin);
         if (demands.beginsAbove) begin.clearance = std::max(begin.clearance, demand.floor);
         const bool hasStayed = begin.clearance >= demands.reached[e] - bisection::kRounding_m;
@@ -137,22 +195,26 @@ bool ArmStopCheck::look(std::size_t e, const Demands& demands, bool mustBeGood) 
         if (hasBudget() && again.clearance < demand.least) subject.look(again);
         if (!again.isRough && again.clearance < demand.least - bisection::kRounding_m) return false;
     }
-    bisection::prove(demand, subject, begin, end, found_[e]);
+    const auto proveFrom = [&](int part) {  // all that is open around it
+        int last = part;
+        const auto isOpenAt = [&](int k) { return isOpen[static_cast<std::size_t>(k)]; };
+        while (part > 0 && isOpenAt(part - 1)) --part;
+        while (last + 1 < kParts && isOpenAt(last + 1)) ++last;
+        for (int k = part; k <= last; ++k) isOpen[static_cast<std::size_t>(k)] = false;
+        bisection::Look from = part == 0 ? begin : subject.lookRoughly(part * kSamples);
+        bisection::Look to = subject.lookRoughly((last + 1) * kSamples);
+        bisection::prove(demand, subject, from, to, found_[e]);
+    };
+    if (isOpen[static_cast<std::size_t>(nearest)]) proveFrom(nearest);
+    for (int part = 0; part < kParts; ++part)
+        if (isOpen[static_cast<std::size_t>(part)]) proveFrom(part);
     return found_[e].isKept;
 }
 
 void ArmStopCheck::examine(const ArmPath& path, double time_s, const Demands& demands, const JointVector& lastTorque,
-                           const Known* known, bool mustBeGood, Result& result) {
+                           const KnownPaths& known, bool mustBeGood, Result& result) {
     path_ = &path;
-    known_ = known;
-    path.calcExtremes(extremes_);
-    if (known) {  // extremes of both paths, and of every motion between them
-        path.calcDifference(known->path, known->begin, apart_);
-        extremes_.position += apart_.position;
-        extremes_.travel += apart_.position;
-        extremes_.velocity += apart_.velocity;
-        extremes_.acceleration += apart_.acceleration;
-    }
+    setKnown(path, known);
     distance_.setTime(time_s);
     motion_.setPath(path, extremes_);
     result.isClear = result.isAhead = true;
@@ -160,7 +222,8 @@ void ArmStopCheck::examine(const ArmPath& path, double time_s, const Demands& de
         const std::size_t e = order_[k];
         places_[e] = {};
         isLooked_[e] = 0;
-        if (known && isKnown(e, demands, *known)) continue;
+        chooseKnown(e);
+        if (isKnown(e, demands)) continue;
         const bool isKept = look(e, demands, mustBeGood);
         if (found_[e].all.seen < demands.ahead[e]) result.isAhead = false;
         if (isKept) continue;
@@ -172,24 +235,19 @@ void ArmStopCheck::examine(const ArmPath& path, double time_s, const Demands& de
         result.isAhead = result.torque.bearsTorque = false;
         return;
     }
-    if (known) {
-        const TorqueScan::Neighbour neighbour{known->result.torque.proven, apart_};
-        torque_.scan(path, extremes_, demands.torqueUse, lastTorque, &neighbour, result.torque);
-    } else {
-        torque_.scan(path, extremes_, demands.torqueUse, lastTorque, nullptr, result.torque);
-    }
+    std::array<TorqueScan::Neighbour, KnownPaths::kMost> neighbours{};
+    for (std::size_t k = 0; k < static_cast<std::size_t>(known.count); ++k)
+        neighbours[k] = {&known.paths[k]->result.torque.proven, &apart_[k]};
+    torque_.scan(path, extremes_, demands.torqueUse, lastTorque, neighbours.data(), known.count, result.torque);
     result.nearest = {};
-    if (!known || (result.isClear && result.torque.bearsTorque)) findNearest(demands, result);
+    if (known.count == 0 || (result.isClear && result.torque.bearsTorque)) findNearest(demands, result);
     for (std::size_t e = 0; e < elements_.size(); ++e) {
         result.seen[e] = found_[e].all.seen;
         result.proven[e] = found_[e].all.proven;
-        if (isLooked_[e]) {
+        if (isLooked_[e])
             result.profile[e] = {found_[e].parts, 0.0, path.duration(), 0.0};
-        } else {
-            result.profile[e] = known->result.profile[e];
-            result.profile[e].begin_s -= static_cast<double>(known->begin) * tick_s_;
-            result.profile[e].lost += motion_.calcApart(static_cast<int>(e), apart_.position);
-        }
+        else
+            result.profile[e] = profile_[e];
     }
 }
 
@@ -217,7 +275,7 @@ void ArmStopCheck::findNearest(const Demands& demands, Result& result) {
             found_[nearest].rough = {};
             continue;
         }
-        known_ = nullptr;               // all of it
+        source_ = nullptr;              // all of it
         look(nearest, demands, false);  // that it is kept is known
     }
 }
@@ -250,7 +308,7 @@ void ArmStopCheck::addRows(const JointVector& jerk, const ArmPath& other, const 
         if (next == elements_.size()) break;
         above = missing;
         const ElementDistance::Place& place = places_[next];
-        rows_.addClearance(place, elements_[next], motion_.getPose(place.sample).frames, motion_.calcTime(place.sample),
+        rows_.addClearance(place, elements_[next], motion_.getFrames(place.sample), motion_.calcTime(place.sample),
                            demands.ahead[next], stops, rows);
     }
     for (int k = 0; k < torque_.faultCount(); ++k) rows_.addTorque(torque_.fault(k), demands.torqueUse, stops, rows);
@@ -264,8 +322,8 @@ int ArmStopCheck::findWorstJoint(const Result& found, const JointVector& jerk, c
         const std::size_t e = order_.front();
         const ElementDistance::Place& place = places_[e];
         if (place.isSeen())
-            rows_.addClearance(place, elements_[e], motion_.getPose(place.sample).frames,
-                               motion_.calcTime(place.sample), demands.ahead[e], stops, rows);
+            rows_.addClearance(place, elements_[e], motion_.getFrames(place.sample), motion_.calcTime(place.sample),
+                               demands.ahead[e], stops, rows);
     } else if (torque_.faultCount() > 0) {
         rows_.addTorque(torque_.fault(0), demands.torqueUse, stops, rows);
     }

@@ -51,7 +51,7 @@ public:
         std::array<bisection::Bounds, bisection::Result::kParts> parts;
         double begin_s = 0.0;     ///< of that path, in the time of this one
         double duration_s = 1.0;  ///< of that path
-        double lost = 0.0;        ///< how far this path can be from it [m]
+        double lost = 0.0;  ///< how far this path can be from it [m]; what is known of all the path is less by that
 
         /** Between two times, for a path from which the element is no farther than `apart`. */
         bisection::Bounds find(double from_s, double to_s, double apart) const;
@@ -73,13 +73,19 @@ public:
         std::int64_t begin;  ///< tick of it with which the path to be examined begins
         const Result& result;
     };
+    /** The paths that may be known when one is examined. */
+    struct KnownPaths {
+        static constexpr int kMost = 2;
+        int count = 0;
+        std::array<const Known*, kMost> paths{};
+    };
     /** @param lastTorque  of the tick before the path's first
-        @param known       may be null
+        @param known       of the same tick's surroundings; of each element the one that tells most counts
         @param mustBeGood  the first clearance that is not kept ends it: then only isClear and bearsTorque, both false, are
                            told, and there are no rows
         `result` must come from makeResult(); `path` must live until addRows(). */
     void examine(const ArmPath& path, double time_s, const Demands& demands, const JointVector& lastTorque,
-                 const Known* known, bool mustBeGood, Result& result);
+                 const KnownPaths& known, bool mustBeGood, Result& result);
     Result makeResult() const;
     /** Where element e was nearest in the last examine(). */
     Clearance getNearest(int e) const;
@@ -115,7 +121,9 @@ public:
 private:
     class Subject;  ///< an element, as bisection::prove asks about it
 
-    bool isKnown(std::size_t e, const Demands& demands, const Known& known);
+    void setKnown(const ArmPath& path, const KnownPaths& known);
+    void chooseKnown(std::size_t e);
+    bool isKnown(std::size_t e, const Demands& demands);
     bool look(std::size_t e, const Demands& demands, bool mustBeGood);
     bool hasBudget() const { return distances_ > 0; }
     void findNearest(const Demands& demands, Result& result);
@@ -132,14 +140,18 @@ private:
 
     // Of the path that is looked at
     const ArmPath* path_ = nullptr;
-    const Known* known_ = nullptr;
-    ArmPath::Extremes extremes_;
-    ArmPath::Difference apart_;                   ///< from the known path
+    KnownPaths known_;
+    ArmPath::Extremes extremes_;                                ///< of the path and of all that are known
+    std::array<ArmPath::Difference, KnownPaths::kMost> apart_;  ///< from each known path
+    /** Of the element in question: the known path that tells most of it (null: none is known), and how far it is from that. */
+    const Known* source_ = nullptr;
+    double apart_m_ = 0.0;
     std::vector<char> isLooked_;                  ///< of each element; else found_ is what was known
     std::vector<ElementDistance::Place> places_;  ///< the nearest of each element
     std::vector<bisection::Result> found_;        ///< of each element
     std::vector<std::size_t> order_;              ///< of the elements: what failed in this tick first
-    std::vector<int> failedAt_;  ///< of each element the sample of its last failure in this tick; -1: none
+    std::vector<int> failedAt_;     ///< of each element the sample of its last failure in this tick; -1: none
+    std::vector<Profile> profile_;  ///< of each element that is not looked at
 };
 
 }  // namespace viable::detail

@@ -112,15 +112,12 @@ inline double calcBound(const Look& from, const Look& to, const Way& way, double
 /** Proves what it can between two looks, adding to `result`.
 @param clearance  answers
     double radius()                                     r
-    Bounds findKnown(int from, int to)                  of what was known before, between two samples
     Way calcWay(const Look& from, const Look& to)
     Look lookRoughly(int sample)                        quick, a lower bound
     void look(Look& look)                               closely, where it is rough
     bool hasBudget() const                              false: nothing more may be looked at closely */
 template <class Clearance>
 void prove(const Demand& demand, Clearance& clearance, Look& from, Look& to, Result& result) {
-    if (const Bounds known = clearance.findKnown(from.sample, to.sample); known.areFar(demand))
-        return result.settle(from.sample, to.sample, known);
     const Way way = clearance.calcWay(from, to);
     double bound = 0.0, lowest = 0.0;
     const auto compare = [&] {
@@ -144,7 +141,9 @@ void prove(const Demand& demand, Clearance& clearance, Look& from, Look& to, Res
     const bool keepsLeast = lowest >= demand.least - kRounding_m;
     const bool keepsFloor = bound >= demand.floor - kRounding_m;
     const bool isNear = way.reach <= 2.0 * kGuard_m || bound >= lowest - kBlur_m;
-    if (keepsLeast && keepsFloor && isNear) return settle(bound, from, to, result);
+    // Nor need more be known of a place that cannot be the nearest.
+    const bool isFarther = bound >= result.all.seen;
+    if (keepsLeast && keepsFloor && (isNear || isFarther)) return settle(bound, from, to, result);
     const int middle = (from.sample + to.sample) / 2;
     // What is not kept need not be known to the last look: a place to steer away from is enough.
     const bool isTold = !keepsLeast && isNear;
@@ -155,8 +154,11 @@ void prove(const Demand& demand, Clearance& clearance, Look& from, Look& to, Res
     }
     Look between = clearance.lookRoughly(middle);
     between.clearance = std::max(between.clearance, bound);
+    // The nearer side first: it may make looks at the other one needless.
+    const bool isToNearer = to.clearance < from.clearance;
+    if (isToNearer) prove(demand, clearance, between, to, result);
     prove(demand, clearance, from, between, result);
-    prove(demand, clearance, between, to, result);
+    if (!isToNearer) prove(demand, clearance, between, to, result);
 }
 
 }  // namespace bisection

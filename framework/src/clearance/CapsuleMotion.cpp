@@ -11,7 +11,7 @@ namespace {
 Eigen::Vector3d calcPlace(const ArmRecursion::Frames& frames, int carrier, const Eigen::Vector3d& p) {
     if (carrier < 0) return p;
     const auto at = static_cast<std::size_t>(carrier);
-    return frames.origin[at] + frames.rotation[at] * p;
+    return frames.origin[at] + frames.rotation[at].lazyProduct(p);
 }
 
 }  // namespace
@@ -30,16 +30,27 @@ CapsuleMotion::CapsuleMotion(const RobotDescription& robot, std::vector<LinkCaps
 CapsuleMotion::Pose CapsuleMotion::makePose() const {
     Pose pose;
     pose.segments.resize(capsules_.size());
+    pose.isPlaced.resize(capsules_.size());
     return pose;
 }
 
 void CapsuleMotion::calcPose(const JointVector& q, Pose& pose) const {
+    calcFrames(q, pose);
+    for (int k = 0; k < static_cast<int>(capsules_.size()); ++k) place(k, pose);
+}
+
+void CapsuleMotion::calcFrames(const JointVector& q, Pose& pose) const {
     arm_.calcFrames(q, pose.frames);
-    for (std::size_t k = 0; k < capsules_.size(); ++k) {
-        const LinkCapsule& capsule = capsules_[k];
-        pose.segments[k] = {calcPlace(pose.frames, capsule.carrier, capsule.a),
-                            calcPlace(pose.frames, capsule.carrier, capsule.b)};
-    }
+    std::fill(pose.isPlaced.begin(), pose.isPlaced.end(), 0);
+}
+
+void CapsuleMotion::place(int index, Pose& pose) const {
+    const auto k = static_cast<std::size_t>(index);
+    if (pose.isPlaced[k]) return;
+    const LinkCapsule& capsule = capsules_[k];
+    pose.segments[k] = {calcPlace(pose.frames, capsule.carrier, capsule.a),
+                        calcPlace(pose.frames, capsule.carrier, capsule.b)};
+    pose.isPlaced[k] = 1;
 }
 
 int CapsuleMotion::findCommonCarrier(int first, int second) const {
@@ -102,9 +113,11 @@ double CapsuleMotion::calcChord(int capsule, int base, const Pose& a, const Pose
     Eigen::Vector3d first = is.a - was.a, second = is.b - was.b;
     if (base >= 0) {
         const auto at = static_cast<std::size_t>(base);
-        const Eigen::Matrix3d back = a.frames.rotation[at] * b.frames.rotation[at].transpose();
-        first = back * (is.a - b.frames.origin[at]) - (was.a - a.frames.origin[at]);
-        second = back * (is.b - b.frames.origin[at]) - (was.b - a.frames.origin[at]);
+        const auto see = [at](const Pose& pose, const Eigen::Vector3d& p) -> Eigen::Vector3d {
+            return pose.frames.rotation[at].transpose().lazyProduct(p - pose.frames.origin[at]);
+        };
+        first = see(b, is.a) - see(a, was.a);
+        second = see(b, is.b) - see(a, was.b);
     }
     return std::sqrt(std::max(first.squaredNorm(), second.squaredNorm()));
 }

@@ -19,6 +19,7 @@ public:
     struct Pose {
         ArmRecursion::Frames frames;
         std::vector<Segment> segments;  ///< of each capsule
+        std::vector<char> isPlaced;     ///< its segment is that of the frames
     };
 
     /** @param radii  of what belongs to each capsule, around its segment [m] */
@@ -27,6 +28,9 @@ public:
     Pose makePose() const;
     /** @param pose  from makePose() */
     void calcPose(const JointVector& q, Pose& pose) const;
+    /** The same in parts: the frames, then the segments of those capsules that are asked for. */
+    void calcFrames(const JointVector& q, Pose& pose) const;
+    void place(int capsule, Pose& pose) const;
     /** The outermost joint that carries both capsules; -1: none does. */
     int findCommonCarrier(int first, int second) const;
 

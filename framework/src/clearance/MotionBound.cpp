@@ -30,7 +30,9 @@ void MotionBound::setPath(const ArmPath& path, const ArmPath::Extremes& extremes
     path_ = &path;
     for (Sample& sample : samples_) sample.isKnown = sample.isTravelKnown = false;
     if (parts_.empty()) return;
-    motion_.setPath(extremes, getPose(0));
+    CapsuleMotion::Pose& begin = getSample(0).pose;
+    for (int k = 0; k < static_cast<int>(begin.segments.size()); ++k) motion_.place(k, begin);
+    motion_.setPath(extremes, begin);
     for (Part& part : parts_) {
         part.lever = motion_.lever(part.element.first);
         part.bend = -1.0;
@@ -41,13 +43,21 @@ void MotionBound::setPath(const ArmPath& path, const ArmPath::Extremes& extremes
     }
 }
 
-const MotionBound::Sample& MotionBound::getSample(int at) {
+MotionBound::Sample& MotionBound::getSample(int at) {
     Sample& sample = samples_[static_cast<std::size_t>(at)];
     if (sample.isKnown) return sample;
     sample.isKnown = true;
     path_->calcPositions(calcTime(at), position_);
-    motion_.calcPose(position_, sample.pose);
+    motion_.calcFrames(position_, sample.pose);
     return sample;
+}
+
+const CapsuleMotion::Pose& MotionBound::getPose(int e, int at) {
+    const ArmElement& element = parts_[static_cast<std::size_t>(e)].element;
+    CapsuleMotion::Pose& pose = getSample(at).pose;
+    motion_.place(element.first, pose);
+    if (element.isPair()) motion_.place(element.second, pose);
+    return pose;
 }
 
 const JointVector& MotionBound::getTravel(int at) {
@@ -70,7 +80,7 @@ bisection::Way MotionBound::calcWay(int e, int from, int to) {
         byJoints = part.lever.dot(getTravel(to) - getTravel(from));
         if (2.0 * sag >= byJoints) return {byJoints, kInfinity, sag};
     }
-    const CapsuleMotion::Pose &a = getPose(from), &b = getPose(to);
+    const CapsuleMotion::Pose &a = getPose(e, from), &b = getPose(e, to);
     double chord = motion_.calcChord(part.element.first, part.base, a, b);
     if (part.element.isPair()) chord += motion_.calcChord(part.element.second, part.base, a, b);
     return {std::min(byJoints, chord + 2.0 * sag), chord, sag};

@@ -30,7 +30,9 @@ public:
     void setPath(const ArmPath& path, const ArmPath::Extremes& extremes);
 
     double calcTime(int sample) const { return path_->duration() * sample / bisection::kDivisions; }  ///< [s]
-    const CapsuleMotion::Pose& getPose(int sample) { return getSample(sample).pose; }
+    const ArmRecursion::Frames& getFrames(int sample) { return getSample(sample).pose.frames; }
+    /** Of its segments only those of element e are known. */
+    const CapsuleMotion::Pose& getPose(int e, int sample);
     /** From sample `from` to a later one. */
     bisection::Way calcWay(int e, int from, int to);
     /** How far apart the points of element e are on two paths whose positions differ by no more than `apart`, and for both of
@@ -52,7 +54,7 @@ private:
         CapsuleMotion::Pose pose;
         JointVector travel;  ///< of each joint up to here [rad]
     };
-    const Sample& getSample(int sample);
+    Sample& getSample(int sample);
     const JointVector& getTravel(int sample);
 
     int n_;

@@ -32,8 +32,8 @@ void TorqueScan::calcTorque(const ArmPath& path, std::int64_t tick, JointVector&
 
 bool TorqueScan::isKnown(const ArmPath::Extremes& extremes, const Neighbour& neighbour, Result& result) {
     if (limitsRate_) return false;
-    torqueRate_.calcDifference(extremes, neighbour.apart, rate_);
-    result.proven = neighbour.proven + rate_;
+    torqueRate_.calcDifference(extremes, *neighbour.apart, rate_);
+    result.proven = *neighbour.proven + rate_;
     if (!(result.proven.array() <= limits_.torque.array()).all()) return false;
     result.torqueUse = result.proven.cwiseQuotient(limits_.torque).maxCoeff(&result.joint);
     result.torque = result.proven[result.joint];
@@ -42,7 +42,7 @@ bool TorqueScan::isKnown(const ArmPath::Extremes& extremes, const Neighbour& nei
 
 /** Between two looks, h apart, no torque is farther from zero than (|sum of both| + rate h) / 2. */
 void TorqueScan::scan(const ArmPath& path, const ArmPath::Extremes& extremes, double torqueUse,
-                      const JointVector& lastTorque, const Neighbour* neighbour, Result& result) {
+                      const JointVector& lastTorque, const Neighbour* neighbours, int count, Result& result) {
     result.bearsTorque = true;
     result.torqueUse = result.torque = 0.0;
     result.joint = 0;
@@ -50,7 +50,8 @@ void TorqueScan::scan(const ArmPath& path, const ArmPath::Extremes& extremes, do
     result.isChange = false;
     faultCount_ = 0;
     if (!limitsTorque_ && !limitsRate_) return;
-    if (neighbour && isKnown(extremes, *neighbour, result)) return;
+    for (int k = 0; k < count; ++k)
+        if (isKnown(extremes, neighbours[k], result)) return;
     result.torqueUse = result.torque = 0.0;
     result.joint = 0;
     torqueRate_.calcBound(extremes, rate_);

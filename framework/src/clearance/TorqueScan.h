@@ -42,17 +42,17 @@ public:
     };
     /** What is known of another path. */
     struct Neighbour {
-        const JointVector& proven;         ///< of its scan
-        const ArmPath::Difference& apart;  ///< how far it is from the path that is looked at
+        const JointVector* proven;         ///< of its scan
+        const ArmPath::Difference* apart;  ///< how far it is from the path that is looked at
     };
-    /** @param extremes    of the path and of the neighbour
+    /** @param extremes    of the path and of the neighbours
         @param torqueUse   the most that torque may use of its limits; infinite: it is only measured
         @param lastTorque  of the tick before the path's first
-        @param neighbour   may be null. Where its torques, and how far those of this path can be from them, leave no doubt that
-                           the limits are kept, nothing is computed, and torqueUse is a bound
+        @param neighbours  `count` of them. Where the torques of one, and how far those of this path can be from them, leave no
+                           doubt that the limits are kept, nothing is computed, and torqueUse is a bound
         `result.proven` is to have the arm's size. */
     void scan(const ArmPath& path, const ArmPath::Extremes& extremes, double torqueUse, const JointVector& lastTorque,
-              const Neighbour* neighbour, Result& result);
+              const Neighbour* neighbours, int count, Result& result);
 
     /** Found by the last scan(), the first ones. */
     int faultCount() const { return faultCount_; }

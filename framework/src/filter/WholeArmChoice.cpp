@@ -40,7 +40,8 @@ WholeArmChoice::WholeArmChoice(const RunSetup& setup, const WholeArmBrakingOptio
       identity_(JointMatrix::Identity(setup.size(), setup.size())),
       stored_(check_.makeResult()),
       best_(check_.makeResult()),
-      trial_(check_.makeResult()) {}
+      trial_(check_.makeResult()),
+      other_(check_.makeResult()) {}
 
 WholeArmChoice::~WholeArmChoice() {
     if (feed_) feed_->release();
@@ -96,7 +97,7 @@ void WholeArmChoice::setStoredPath(const MotionState& state) {
 /** What the backup stop keeps, and with it what is asked of any other. */
 void WholeArmChoice::examineStored(const MotionState& state) {
     setStoredPath(state);
-    check_.examine(storedPath_, time(), demands_.measure(), lastTorque_, nullptr, false, stored_);
+    check_.examine(storedPath_, time(), demands_.measure(), lastTorque_, {}, false, stored_);
     nearest_ = stored_.nearest;
     keptPath_ = storedPath_;
     ticksOnPath_ = 0;
@@ -108,8 +109,9 @@ void WholeArmChoice::examineStored(const MotionState& state) {
 bool WholeArmChoice::isGood(const MotionState& state, const JointVector& jerk, bool wantsRows) {
     findStops(jerk);
     path_.set(state, jerk, stops_, tick_s_);
-    const ArmStopCheck::Known known{keptPath_, ticksOnPath_, stored_};
-    check_.examine(path_, time(), demands_.get(), lastTorque_, &known, !wantsRows, trial_);
+    const ArmStopCheck::Known kept{keptPath_, ticksOnPath_, stored_}, other{otherPath_, 0, other_};
+    check_.examine(path_, time(), demands_.get(), lastTorque_, {hasOther_ ? 2 : 1, {&kept, &other}}, !wantsRows,
+                   trial_);
     return trial_.isClear && trial_.torque.bearsTorque;
 }
 
@@ -128,7 +130,7 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
     takeSurroundings();
     if (isNew_) examineStored(nominal);
     demands_.raise(stored_);
-    hasBest_ = false;
+    hasBest_ = hasOther_ = false;
 
     const FilterStatus status = braking_.propose(metric, desired, nullptr, proposed_);
     LimitKind reason = isStale() ? LimitKind::Clearance : LimitKind::None;
@@ -136,6 +138,12 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
         if (isGood(nominal, proposed_, options_.steers && metric)) keepBest(proposed_);
         const ArmStopCheck::Result& first = hasBest_ ? best_ : trial_;
         if (!hasBest_ || !first.isAhead) {
+            // What was looked at completely is known of all that is tried next.
+            if (options_.steers && metric) {
+                other_ = first;
+                otherPath_ = path_;
+                hasOther_ = true;
+            }
             reason = first.isClear && !first.torque.bearsTorque ? LimitKind::Torque : LimitKind::Clearance;
             setStoredPath(nominal);
             steer(nominal, dynamics, metric, desired);

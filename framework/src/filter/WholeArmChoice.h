@@ -77,11 +77,14 @@ private:
     StopDemands demands_;
     const JointMatrix identity_;
     JointMatrix ownInertia_;  ///< diagonal
-    ArmStopCheck::Result stored_, best_, trial_;
+    ArmStopCheck::Result stored_, best_, trial_, other_;
     ArmPath path_, storedPath_;
     /** The path that the arm is on since it was chosen or examined anew, and how far; stored_ is of it. */
     ArmPath keptPath_;
     std::int64_t ticksOnPath_ = 0;
+    /** What was tried first in this tick, where all of it is known. */
+    ArmPath otherPath_;
+    bool hasOther_ = false;
     Stops stops_, bestStops_;
     RowQp::Rows rows_;
     JointVector lastTorque_, storedJerk_, proposed_, steered_, bestJerk_;

@@ -255,10 +255,9 @@ void ArmRecursion::calcFrames(const JointVector& q, Frames& frames) const {
             axis = from.axis;
         } else {
             const Matrix3d& before = frames.rotation[index(joint.parent)];
-            rotation.noalias() = before * turned;
-            origin.noalias() = before * place;
-            origin += frames.origin[index(joint.parent)];
-            axis.noalias() = before * from.axis;
+            rotation = before.lazyProduct(turned);
+            origin = frames.origin[index(joint.parent)] + before.lazyProduct(place);
+            axis = before.lazyProduct(from.axis);
         }
     }
 }

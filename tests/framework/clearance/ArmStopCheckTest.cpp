@@ -82,7 +82,7 @@ TEST(ArmStopCheck, WhatIsProvenBetweenLooksHoldsAtEveryPose) {
             check.setSurroundings(&surroundings);
             const ArmPath path = drawPath(n, random, round % 3 == 0 ? 1.0 : round % 3 == 1 ? 0.3 : 0.03);
             check.beginTick();
-            check.examine(path, 0.0, demands, JointVector::Zero(n), nullptr, false, result);
+            check.examine(path, 0.0, demands, JointVector::Zero(n), {}, false, result);
             const double proven = *std::min_element(result.proven.begin(), result.proven.end());
             const CollisionJudge judge(subject.robot, subject.geometry, environment);
             double least = kInfinity;
@@ -114,23 +114,26 @@ TEST(ArmStopCheck, WhatIsProvenBetweenLooksHoldsAtEveryPose) {
     }
 }
 
-// Paths that branch off from each other tick by tick, each examined with what is known of the one before: what is proven, of
-// clearances and of torques, holds at every pose, though most of it is not looked at.
+// Paths that branch off from each other tick by tick, two in each, examined with what is known of the one before and, the
+// second one, also of its sibling: what is proven, of clearances and of torques, holds at every pose, though most of it is not
+// looked at.
 TEST(ArmStopCheck, WhatIsKnownOfOnePathHoldsForTheNext) {
     std::mt19937 random(3);
     for (const RobotDescription& robot : {loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"),
                                           loadRobot(VIABLE_SOURCE_DIR "/robots/panda"), makeSlidingArm()}) {
+        constexpr double kBeyond_m = 0.05;
         const Subject subject(robot);
         const int n = subject.robot.size();
         const JointVector none = JointVector::Constant(n, kInfinity);
         ArmStopCheck check(subject.robot, &subject.geometry, {subject.robot.actuation.torqueLimit, none}, kTick_s);
-        ArmStopCheck::Result kept = check.makeResult(), result = kept;
+        ArmStopCheck::Result kept = check.makeResult(), first = kept, result = kept;
         const auto elements = static_cast<std::size_t>(check.elements());
         ArmStopCheck::Demands demands;
         demands.floor.assign(elements, 0.0);
         demands.least.assign(elements, detail::bisection::kGuard_m);
         demands.reached = demands.least;
-        demands.ahead = demands.far = std::vector<double>(elements, kAhead_m);
+        demands.ahead.assign(elements, kAhead_m);
+        demands.far.assign(elements, kAhead_m + kBeyond_m);
         const ArmRecursion arm(subject.robot);
         double tooMuch = -kInfinity, torqueUse = 0.0, sum = 0.0;
         int near = 0;
@@ -145,14 +148,16 @@ TEST(ArmStopCheck, WhatIsKnownOfOnePathHoldsForTheNext) {
             const DrawnPath drawn{JointVector::Constant(n, 1.5), 3.0, 10.0, 40.0, limits};
             ArmPath path = drawn.draw(random, round % 3 == 0 ? 1.0 : round % 3 == 1 ? 0.3 : 0.03, kTick_s);
             check.beginTick();
-            check.examine(path, 0.0, demands, JointVector::Zero(n), nullptr, false, kept);
+            check.examine(path, 0.0, demands, JointVector::Zero(n), {}, false, kept);
             std::int64_t begin = 0;
             for (int tick = 0; tick < kTicks; ++tick) {
                 ++begin;
+                const ArmPath sibling = drawn.branchOff(path, begin, random, kTick_s);
                 const ArmPath next = drawn.branchOff(path, begin, random, kTick_s);
-                const ArmStopCheck::Known known{path, begin, kept};
+                const ArmStopCheck::Known known{path, begin, kept}, other{sibling, 0, first};
                 check.beginTick();
-                check.examine(next, 0.0, demands, JointVector::Zero(n), &known, false, result);
+                check.examine(sibling, 0.0, demands, JointVector::Zero(n), {1, {&known}}, false, first);
+                check.examine(next, 0.0, demands, JointVector::Zero(n), {2, {&known, &other}}, false, result);
                 if (tick % 4 == 0) {
                     double least = kInfinity;
                     JointVector q, qd, qdd, tau;
@@ -262,7 +267,7 @@ TEST(ArmStopCheck, ABallWhereTheArmTurnsIsNotMissed) {
         demands.least.assign(elements, detail::bisection::kGuard_m);
         demands.reached = demands.least;
         demands.ahead = demands.far = demands.least;
-        check.examine(path, 0.0, demands, JointVector::Zero(n), nullptr, false, result);
+        check.examine(path, 0.0, demands, JointVector::Zero(n), {}, false, result);
         EXPECT_FALSE(result.isClear) << round;
     }
     EXPECT_GT(hits, 100);

@@ -522,7 +522,7 @@ TEST(WholeArmBraking, AllocatesNothingBesideObstacles) {
     for (int tick = 0; tick < 20000; ++tick) {
         if (tick % 500 == 0)
             for (int i = 0; i < 6; ++i) goal[i] = 2.0 * share(random);
-        if (tick % 3000 == 0) arm.feed.put(tick % 6000 == 0 ? first : second, arm.t);
+        if (tick % 250 == 0) arm.feed.put(tick % 500 == 0 ? first : second, arm.t);
         ++with[static_cast<std::size_t>(arm.goTo(goal))];
     }
     EXPECT_EQ(counter.count(), 0);
