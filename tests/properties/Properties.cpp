@@ -1,6 +1,6 @@
 // Property tests of certified braking: random limits, random arms, adversarial input, millions of joint steps.
 //
-//     viable_properties limits|recovery|changing_limits|stops|monitor|obstacles|references|any_arm|dynamics|tracking|
+//     viable_properties limits|recovery|changing_limits|stops|monitor|obstacles|speeds|references|any_arm|dynamics|tracking|
 //                       tracking_poses|bound [--steps N] [--seed S] [--arm K]
 //
 // --steps counts joint steps (joints times ticks), 20,000,000 by default; the long mode is --steps 1e9. For `stops` it
@@ -55,18 +55,12 @@ void addNumber(CLI::App& app, const char* name, Integer least, Integer& number, 
 int main(int argc, char** argv) {
     using namespace viable;
     CLI::App app{"Property tests of certified braking"};
-    const std::pair<const char*, bool (*)(const Options&)> properties[] = {{"limits", checkLimits},
-                                                                           {"recovery", checkRecovery},
-                                                                           {"changing_limits", checkChangingLimits},
-                                                                           {"stops", checkStops},
-                                                                           {"monitor", checkMonitor},
-                                                                           {"obstacles", checkObstacles},
-                                                                           {"references", checkReferences},
-                                                                           {"any_arm", checkAnyArm},
-                                                                           {"dynamics", checkDynamics},
-                                                                           {"tracking", checkTracking},
-                                                                           {"tracking_poses", checkTrackingPoses},
-                                                                           {"bound", checkBound}};
+    const std::pair<const char*, bool (*)(const Options&)> properties[] = {
+        {"limits", checkLimits},     {"recovery", checkRecovery},     {"changing_limits", checkChangingLimits},
+        {"stops", checkStops},       {"monitor", checkMonitor},       {"obstacles", checkObstacles},
+        {"speeds", checkSpeeds},     {"references", checkReferences}, {"any_arm", checkAnyArm},
+        {"dynamics", checkDynamics}, {"tracking", checkTracking},     {"tracking_poses", checkTrackingPoses},
+        {"bound", checkBound}};
     std::vector<std::string> names;
     for (const auto& property : properties) names.push_back(property.first);
     std::string name;
