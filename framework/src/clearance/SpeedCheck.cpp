@@ -126,6 +126,7 @@ double SpeedCheck::findLimit(const Part& part, const CapsuleMotion::Segment& seg
 /** False: it is over, as a look was too fast. */
 bool SpeedCheck::look(double time_s, bool isBegin, Look& look) {
     --left_;
+    --leftOfPath_;
     look.time_s = time_s;
     calcTwists(time_s);
     for (std::size_t k = 0; k < parts_.size(); ++k) {
@@ -170,7 +171,7 @@ bool SpeedCheck::prove(const Look& from, const Look& to, int depth) {
     };
     const double enough = std::max(result_->seen, kSlow) + kGuard / 2.0;
     if (most <= std::min(demand_.bound, enough)) return settle();
-    if (depth == kDepth || left_ <= 0) {
+    if (depth == kDepth || left_ <= 0 || leftOfPath_ <= 0) {
         if (!(most <= demand_.bound + kRounding)) result_->isKept = false;
         return settle();
     }
@@ -189,6 +190,7 @@ void SpeedCheck::examine(const ArmPath& path, const ArmPath::Extremes& extremes,
     demand_ = demand;
     mustBeGood_ = mustBeGood;
     result_ = &result;
+    leftOfPath_ = kMostOfPath;
     for (Part& part : parts_) part.use = 0.0;
     look(0.0, true, begin_);
     motion_.setPath(extremes, pose_);

@@ -33,8 +33,8 @@ public:
     /** Steering aims at so much less than looks may reach, as it is right to first order only. */
     static constexpr double kSteering = 0.005;
     static constexpr double kRounding = 1e-10;
-    /** Poses in a tick. */
-    static constexpr int kMaxLooks = 3000;
+    /** Poses in a tick, and in one path; beyond them nothing that needs another is proven. */
+    static constexpr int kMaxLooks = 400, kMostOfPath = 120;
 
     /** @param geometry  whose capsules are limited; may be null where limits.needsCapsules() is false */
     SpeedCheck(const RobotDescription& robot, const ArmGeometry* geometry, double tick_s);
@@ -87,7 +87,7 @@ private:
         double speed = 0.0;
         Eigen::Vector3d point, velocity;
     };
-    static constexpr int kDepth = 12;  ///< halvings of a path
+    static constexpr int kDepth = 9;  ///< halvings of a path
 
     static std::vector<LinkCapsule> listCapsules(const RobotDescription& robot, const ArmGeometry* geometry);
     void calcTwists(double time_s);
@@ -108,7 +108,7 @@ private:
     JointVector position_, velocity_;
     Look begin_, first_, end_;
     std::array<Look, kDepth> middle_;
-    int left_ = kMaxLooks;
+    int left_ = kMaxLooks, leftOfPath_ = kMostOfPath;
 
     // Of the path that is looked at
     const ArmPath* path_ = nullptr;
