@@ -26,6 +26,10 @@ bool checkMonitor(const Options& options);
 neither along the stops. */
 bool checkObstacles(const Options& options);
 
+/** Whole arms with random speed limits of their points, of joints and regions, under hostile torques and with missed ticks: no
+point is ever too fast, nor along the stops, and the arm runs at the limit. */
+bool checkSpeeds(const Options& options);
+
 /** Reference guards of random chains under hostile targets, missed ticks and changing limits: the limits hold, resting
 targets are reached. */
 bool checkReferences(const Options& options);

@@ -104,6 +104,8 @@ public:
             for (int i = 0; i < 3; ++i) c.onObstacle[i] = number();
             r.mapAge_s = number();
         }
+        if (layout_.hasSpeedLimits)
+            r.speed = {random_() % 2 == 0, number(), number(), static_cast<int>(random_() % 9) - 1};
         r.braking = random_() % 2 == 0;
         r.missed = random_() % 2 == 0;
         if (layout_.isLive) r.paused = random_() % 2 == 0;
@@ -219,6 +221,10 @@ inline std::vector<std::uint64_t> getBits(const TickRecord& r, const LogLayout& 
     for (int i = 0; i < 3; ++i) add(r.clearance.onArm[i]);
     for (int i = 0; i < 3; ++i) add(r.clearance.onObstacle[i]);
     add(r.mapAge_s);
+    bits.push_back(r.speed.isKnown ? 1 : 0);
+    add(r.speed.speed);
+    add(r.speed.limit);
+    bits.push_back(static_cast<std::uint64_t>(r.speed.link));
     bits.push_back(static_cast<std::uint64_t>(r.verdict));
     bits.push_back(r.braking ? 1 : 0);
     bits.push_back(r.missed ? 1 : 0);

@@ -67,6 +67,18 @@ void ArmPath::calcPositions(double t, JointVector& q) const {
     }
 }
 
+void ArmPath::calcMotion(double t, JointVector& q, JointVector& qd) const {
+    q.resize(n_);
+    qd.resize(n_);
+    for (int i = 0; i < n_; ++i) {
+        const Joint& joint = joints_[static_cast<std::size_t>(i)];
+        const auto k = static_cast<std::size_t>(joint.find(t));
+        const AxisState s = advance(joint.state[k], joint.jerk[k], t - joint.begin_s[k]);
+        q[i] = s.p;
+        qd[i] = s.v;
+    }
+}
+
 double ArmPath::calcAcceleration(int i, double t) const {
     const Joint& joint = joints_[static_cast<std::size_t>(i)];
     const auto k = static_cast<std::size_t>(joint.find(t));

@@ -21,6 +21,8 @@ public:
     /** Time in [0, duration()]. */
     void calcPositions(double t, JointVector& q) const;
     double calcAcceleration(int joint, double t) const;  ///< [rad/s^2]
+    /** Positions and velocities. */
+    void calcMotion(double t, JointVector& q, JointVector& qd) const;
 
     /** State at the beginning of a tick, and the mean acceleration in it: what the torque of that tick is made of.
     @param tick  in [0, ticks()]; from ticks() on all joints rest */

@@ -20,13 +20,14 @@ constexpr double kSameTime_s = 1e-9;
 }  // namespace
 
 ArmStopCheck::ArmStopCheck(const RobotDescription& robot, const ArmGeometry* geometry, const TorqueScan::Limits& limits,
-                           double tick_s)
+                           double tick_s, const ArmGeometry* limited)
     : n_(robot.size()),
       capsules_(geometry ? geometry->capsules : std::vector<LinkCapsule>{}),
       elements_(geometry ? makeElements(*geometry) : std::vector<ArmElement>{}),
       distance_(capsules_),
       motion_(robot, capsules_, distance_.getRadii(), elements_),
       torque_(robot, limits, tick_s),
+      speed_(robot, limited, tick_s),
       rows_(robot, capsules_, limits, tick_s),
       tick_s_(tick_s),
       isLooked_(elements_.size()),
@@ -50,6 +51,7 @@ ArmStopCheck::Result ArmStopCheck::makeResult() const {
 void ArmStopCheck::beginTick() {
     distances_ = kMaxDistances;
     torque_.beginTick();
+    speed_.beginTick();
     std::fill(failedAt_.begin(), failedAt_.end(), -1);
     std::iota(order_.begin(), order_.end(), std::size_t{0});
 }
@@ -215,9 +217,15 @@ void ArmStopCheck::examine(const ArmPath& path, double time_s, const Demands& de
                            const KnownPaths& known, bool mustBeGood, Result& result) {
     path_ = &path;
     setKnown(path, known);
+    result.isClear = true;
+    speed_.examine(path, extremes_, demands.speed, mustBeGood, result.speed);
+    result.isAhead = result.speed.seen <= demands.speed.ahead;
+    if (mustBeGood && !result.speed.isKept) {
+        result.isClear = result.isAhead = result.torque.bearsTorque = false;
+        return;
+    }
     distance_.setTime(time_s);
     motion_.setPath(path, extremes_);
-    result.isClear = result.isAhead = true;
     for (std::size_t k = 0; k < elements_.size(); ++k) {
         const std::size_t e = order_[k];
         places_[e] = {};
@@ -240,10 +248,11 @@ void ArmStopCheck::examine(const ArmPath& path, double time_s, const Demands& de
         neighbours[k] = {&known.paths[k]->result.torque.proven, &apart_[k]};
     torque_.scan(path, extremes_, demands.torqueUse, lastTorque, neighbours.data(), known.count, result.torque);
     result.nearest = {};
-    if (known.count == 0 || (result.isClear && result.torque.bearsTorque)) findNearest(demands, result);
+    if (known.count == 0 || result.isGood()) findNearest(demands, result);
     for (std::size_t e = 0; e < elements_.size(); ++e) {
         result.seen[e] = found_[e].all.seen;
         result.proven[e] = found_[e].all.proven;
+        if (result.nearest.isKnown) result.nearest.distance = std::min(result.nearest.distance, result.proven[e]);
         if (isLooked_[e])
             result.profile[e] = {found_[e].parts, 0.0, path.duration(), 0.0};
         else
@@ -312,13 +321,16 @@ void ArmStopCheck::addRows(const JointVector& jerk, const ArmPath& other, const 
                            demands.ahead[next], stops, rows);
     }
     for (int k = 0; k < torque_.faultCount(); ++k) rows_.addTorque(torque_.fault(k), demands.torqueUse, stops, rows);
+    speed_.addRows(stops, demands.speed, rows);
 }
 
 int ArmStopCheck::findWorstJoint(const Result& found, const JointVector& jerk, const ArmPath& other,
                                  const JointVector& otherJerk, const Demands& demands) {
     const StopPair stops{*path_, jerk, other, otherJerk};
     RowQp::Rows rows;
-    if (!found.isClear) {
+    if (!found.speed.isKept) {
+        speed_.addRows(stops, demands.speed, rows);
+    } else if (!found.isClear) {
         const std::size_t e = order_.front();
         const ElementDistance::Place& place = places_[e];
         if (place.isSeen())

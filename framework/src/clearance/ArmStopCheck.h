@@ -8,6 +8,7 @@
 #include "clearance/Bisection.h"
 #include "clearance/ElementDistance.h"
 #include "clearance/MotionBound.h"
+#include "clearance/SpeedCheck.h"
 #include "clearance/SteeringRows.h"
 #include "clearance/TorqueScan.h"
 #include "viable/plugin/SafetyFilter.h"
@@ -15,9 +16,9 @@
 
 namespace viable::detail {
 
-/** Looks whether an arm, on its way through a tick and the stop after it, keeps clear of obstacles and of itself and needs no
-more torque than its motors have. Its parts: MotionBound (how far points move), ElementDistance (clearances at a pose),
-bisection::prove (clearances at all times), TorqueScan, and SteeringRows for what to do about it.
+/** Looks whether an arm, on its way through a tick and the stop after it, keeps clear of obstacles and of itself, needs no
+more torque than its motors have and is nowhere faster than it may be. Its parts: MotionBound (how far points move), ElementDistance
+(clearances at a pose), bisection::prove (clearances at all times), TorqueScan, SpeedCheck, and SteeringRows for what to do about it.
 
 Most of what was proven of the path that was taken a tick ago is good for the next one: a clearance, less how far the points
 are apart on the two paths, is still a lower bound, and a torque, plus how far the torques are apart, still an upper one.
@@ -26,13 +27,15 @@ Only what that leaves open is looked at.
 Real time after construction, bounded work. */
 class ArmStopCheck {
 public:
-    /** @param geometry  may be null: no clearance is kept */
+    /** @param geometry  may be null: no clearance is kept
+        @param limited   whose capsules' speeds are limited, see SpeedCheck */
     ArmStopCheck(const RobotDescription& robot, const ArmGeometry* geometry, const TorqueScan::Limits& limits,
-                 double tick_s);
+                 double tick_s, const ArmGeometry* limited = nullptr);
 
     /** Null: nothing stands around. */
     void setSurroundings(const Surroundings* surroundings) { distance_.setSurroundings(surroundings); }
 
+    bool keepsSpeeds() const { return speed_.isAny(); }
     int elements() const { return static_cast<int>(elements_.size()); }
 
     /** What every element must keep [m], see bisection::Demand; a path that begins with less than `least` keeps what it begins
@@ -45,6 +48,7 @@ public:
         bool beginsAbove = false;
         /** The most that torque may use of its limits, >= 1; infinite: it is only measured. */
         double torqueUse = 1.0;
+        SpeedCheck::Demand speed;
     };
     /** What a path keeps of an element, by shares of the time of the path that was looked at last. */
     struct Profile {
@@ -61,11 +65,14 @@ public:
         bool isClear = false;  ///< every element proven to keep its floor, and its least at looks
         bool isAhead = false;  ///< and nowhere nearer than `ahead`
         TorqueScan::Result torque;
+        SpeedCheck::Result speed;
+        bool isGood() const { return isClear && torque.bearsTorque && speed.isKept; }
         /** Of each element the least clearance seen, or a lower bound where that is far enough, and a lower bound for
         all times [m]. */
         std::vector<double> seen, proven;
         std::vector<Profile> profile;
-        Clearance nearest;  ///< only of a path that is good
+        /** Only of a path that is good: where it was seen nearest; the distance is a lower bound for all of the path. */
+        Clearance nearest;
     };
     /** A path that was examined in the same surroundings, and what came of it. */
     struct Known {
@@ -81,8 +88,8 @@ public:
     };
     /** @param lastTorque  of the tick before the path's first
         @param known       of the same tick's surroundings; of each element the one that tells most counts
-        @param mustBeGood  the first clearance that is not kept ends it: then only isClear and bearsTorque, both false, are
-                           told, and there are no rows
+        @param mustBeGood  the first speed or clearance that is not kept ends it: then only isClear and bearsTorque, both false,
+                           and speed.isKept are told, and there are no rows
         `result` must come from makeResult(); `path` must live until addRows(). */
     void examine(const ArmPath& path, double time_s, const Demands& demands, const JointVector& lastTorque,
                  const KnownPaths& known, bool mustBeGood, Result& result);
@@ -91,7 +98,8 @@ public:
     Clearance getNearest(int e) const;
 
     /** Rows for the jerk u of the tick that belong to what the last examine() found, to first order: clearances below
-    `ahead`, nearest first, and torques beyond their limits along the stop.
+    `ahead`, nearest first, torques beyond their limits along the stop, and
+    speeds.
     @param jerk   of the path that was examined
     @param other  another path from the same state, with `otherJerk`: how the stops move with the jerk is their difference */
     void addRows(const JointVector& jerk, const ArmPath& other, const JointVector& otherJerk, const Demands& demands,
@@ -134,6 +142,7 @@ private:
     ElementDistance distance_;
     MotionBound motion_;
     TorqueScan torque_;
+    SpeedCheck speed_;
     SteeringRows rows_;
     double tick_s_;
     int distances_ = kMaxDistances;  ///< left in this tick

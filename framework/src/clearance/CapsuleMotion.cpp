@@ -106,6 +106,26 @@ double CapsuleMotion::calcBend(int capsule, int base) const {
     return bend;
 }
 
+/** The third derivative of a place p is sum p_k qddd_k + 3 sum p_jk qdd_j qd_k + sum p_ijk qd_i qd_j qd_k. No partial derivative of
+p is longer than the lever of the outermost of its joints; one that a sliding joint has part in, unless as the outermost and only
+once, is 0. s and c: speeds and accelerations of the turning joints further in, added up. */
+double CapsuleMotion::calcBendRate(int capsule) const {
+    const JointVector& lever = levers_[static_cast<std::size_t>(capsule)];
+    double s = 0.0, c = 0.0, rate = 0.0;
+    for (int k = 0; k < n_; ++k) {  // from the base outwards
+        if (!arm_.moves(k, capsules_[static_cast<std::size_t>(capsule)].carrier)) continue;
+        const double v = extremes_.velocity[k], a = extremes_.acceleration[k];
+        const bool slides = arm_.isPrismatic(k);
+        const double second = slides ? a * s + v * c : a * (v + s) + v * c;
+        const double third = slides ? 3.0 * s * s * v : (s + v) * (s + v) * (s + v) - s * s * s;
+        rate += lever[k] * (extremes_.jerk[k] + 3.0 * second + third);
+        if (slides) continue;
+        s += v;
+        c += a;
+    }
+    return rate;
+}
+
 double CapsuleMotion::calcChord(int capsule, int base, const Pose& a, const Pose& b) const {
     const auto k = static_cast<std::size_t>(capsule);
     if (capsules_[k].carrier == base) return 0.0;

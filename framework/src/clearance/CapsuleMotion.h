@@ -43,6 +43,8 @@ public:
     /** Largest acceleration of the capsule's points as seen from what the joint `base` (-1: nothing) carries [m/s^2].
     `base` is -1 or carries the capsule. */
     double calcBend(int capsule, int base) const;
+    /** Largest change of the acceleration of the capsule's points, in the base frame [m/s^3]. */
+    double calcBendRate(int capsule) const;
     /** Farthest that a point of the capsule's segment is at b from where it was at a, as seen from `base` [m]. Between the
     two times, h apart, no point is off the straight line between its two places by more than h^2/8 of calcBend(). */
     double calcChord(int capsule, int base, const Pose& a, const Pose& b) const;

@@ -5,10 +5,11 @@
 namespace viable::detail {
 
 /** What the next stop must keep, as it follows from what the backup stop keeps: the safety distance, or where that is lost
-(surroundings that changed, a start too near) to come no nearer. Real time after construction. */
+(surroundings that changed, a start too near) to come no nearer. Of speeds nothing less is asked: where a limit is lost
+(a start too fast) the backup stop goes on until it is kept. Real time after construction. */
 class StopDemands {
 public:
-    /** @param share  in (0, 1]: of the clearance left, how much one tick may use up: a discrete barrier */
+    /** @param share  in (0, 1]: of the clearance or speed left, how much one tick may use up: a discrete barrier */
     StopDemands(int elements, double share);
 
     void setRequired(double distance_m) { required_m_ = distance_m; }

@@ -43,6 +43,8 @@ LimitsBlock readLimitsBlock(const ConfigNode* block, const RobotDescription& rob
                             const std::string& place);
 ConfigNode resolveLimits(const CasePlan& plan);
 
+ConfigNode resolveSpeedLimits(const SpeedLimits& limits);
+
 /** @param block  null: at rest in the robot's home pose */
 MotionState readStart(const ConfigNode* block, const RobotDescription& robot);
 ConfigNode resolveStart(const MotionState& start);

@@ -210,7 +210,7 @@ void addNominalLoop(const ConfiguredCase& configured, CaseForecast& forecast) {
 /** Where the filter keeps clearances configureCase() has refused such a start. */
 void addClearances(const ConfiguredCase& configured, CaseForecast& forecast) {
     const CasePlan& plan = configured.plan;
-    if (!plan.geometry) return;
+    if (!plan.environment) return;
     const auto getLink = [&](int capsule) {
         const LinkCapsule& of = plan.geometry->capsules[static_cast<std::size_t>(capsule)];
         return plan.geometry->links[static_cast<std::size_t>(of.link)];

@@ -43,7 +43,7 @@ struct CasePlan {
     std::string startPlace;  ///< where, for messages
     std::vector<TickGap> missedTicks;
     std::optional<Environment> environment;
-    std::optional<ArmGeometry> geometry;  ///< present exactly when environment is
+    std::optional<ArmGeometry> geometry;  ///< with an environment, or speed limits that need it
     PluginChoice command, controller;
     std::optional<Parameters> stream;        ///< the line that the command comes over
     std::vector<PluginChoice> filters;       ///< at least one; several run one after the other

@@ -30,6 +30,7 @@ void askOnce(const NominalController& plugin) {
 void askOnce(const SafetyFilter& plugin) {
     plugin.guaranteesLimits();
     plugin.guaranteesClearance();
+    plugin.guaranteesSpeed();
     plugin.recovers();
 }
 void askOnce(const RobustLoop& plugin) {
@@ -166,7 +167,7 @@ std::unique_ptr<ConfiguredCase> beginCase(const CasePlan& plan) {
     Dynamics dynamics;
     model.calcDynamics(plan.start.q, plan.start.qd, dynamics);
     setup.startTool = dynamics.tool;
-    if (plan.geometry) setup.geometry = &*plan.geometry;
+    if (plan.environment) setup.geometry = &*plan.geometry;
     return std::make_unique<ConfiguredCase>(plan, std::move(setup));
 }
 

@@ -1,6 +1,7 @@
 #include "experiment/ExperimentKeys.h"
 
 #include "viable/core/Error.h"
+#include "viable/robot/SpeedLimits.h"
 
 namespace viable::detail {
 
@@ -87,6 +88,17 @@ const std::vector<ExperimentKey>& obstacleKeys() {
     return keys;
 }
 
+const std::vector<ExperimentKey>& regionKeys() {
+    static const std::vector<ExperimentKey> keys = {
+        {makePlace("lower_m", "Its corner with the smallest x, y and z, base frame.")},
+        {makePlace("upper_m", "Its corner with the largest.")},
+        {parameter::number("speed_mps", "m/s", nullptr, "Largest speed there.")
+             .atLeast(kSmallestSpeedLimit)
+             .orInfinite()},
+    };
+    return keys;
+}
+
 const std::vector<ExperimentKey>& mapKeys() {
     static const std::vector<ExperimentKey> keys = {
         {parameter::text("file", nullptr, "An OctoMap file, .bt or .ot, relative to this file.")},
@@ -117,6 +129,10 @@ const std::vector<ExperimentKey>& experimentKeys() {
             "environment", "", &environmentKeys,
             "The surroundings of the arm. With them, even empty ({}), the arm is also checked against itself; the "
             "robot needs a collision.yaml."),
+        makeBlock("speed_limits", "", &speedLimitKeys,
+                  "Largest speeds of the arm's points, in place of those of the robot's limits.yaml. whole_arm_braking "
+                  "keeps them; "
+                  "arm_mps and regions need a collision.yaml."),
         makeBlock("command", nullptr, KeyForm::Plugin, "What is asked for.", PluginKind::CommandSource),
         makeBlock("stream", "", &streamKeys,
                   "The command comes in samples over a line, which may be slow and lossy; without it every tick has "
@@ -151,6 +167,23 @@ const std::vector<ExperimentKey>& limitKeys() {
         {parameter::choice("hold_on", "nominal|real", "nominal",
                            "real: position and velocity limits are those of the real arm; the nominal one gets them "
                            "tighter by the tracking bound of the disturbance_set.")},
+    };
+    return keys;
+}
+
+const std::vector<ExperimentKey>& speedLimitKeys() {
+    // Defaults: those of SpeedLimits.
+    static const std::vector<ExperimentKey> keys = {
+        {parameter::number("arm_mps", "m/s", ".inf", "Of every point of the capsules that a joint moves.")
+             .atLeast(kSmallestSpeedLimit)
+             .orInfinite()},
+        {parameter::number("tool_mps", "m/s", ".inf", "Of the origin of the tool frame.")
+             .atLeast(kSmallestSpeedLimit)
+             .orInfinite()},
+        makeBlock(
+            "regions", "", &regionKeys,
+            "By name: a box in which a lower speed counts, for all points of a capsule as soon as it reaches into it.",
+            KeyForm::Named),
     };
     return keys;
 }

@@ -44,7 +44,8 @@ struct ExperimentKey {
 };
 
 const std::vector<ExperimentKey>& experimentKeys();
-const std::vector<ExperimentKey>& limitKeys();  ///< what readLimits() knows, and hold_on
+const std::vector<ExperimentKey>& limitKeys();       ///< what readLimits() knows, and hold_on
+const std::vector<ExperimentKey>& speedLimitKeys();  ///< what readSpeedLimits() knows
 const std::vector<ExperimentKey>& startKeys();
 const std::vector<ExperimentKey>& gapKeys();
 const std::vector<ExperimentKey>& disturbanceKeys();

@@ -72,8 +72,13 @@ std::string formatTime(double seconds) {
 LogOpening makeOpening(const ConfiguredCase& configured, bool isLive) {
     const CasePlan& plan = configured.plan;
     LogOpening opening;
-    opening.layout = {plan.robot.jointNames(),  configured.plugins.command->space(), plan.realPlant.has_value(),
-                      plan.feedsExternalTorque, plan.environment.has_value(),        isLive};
+    opening.layout = {plan.robot.jointNames(),
+                      configured.plugins.command->space(),
+                      plan.realPlant.has_value(),
+                      plan.feedsExternalTorque,
+                      plan.environment.has_value(),
+                      plan.robot.speedLimits.isAny(),
+                      isLive};
     LogMetadata metadata;
     metadata.caseName = plan.name;
     metadata.version = VIABLE_VERSION;
@@ -86,9 +91,9 @@ LogOpening makeOpening(const ConfiguredCase& configured, bool isLive) {
     if (const Surroundings* surroundings = configured.surroundings.get()) {
         metadata.obstacles.emplace();
         for (int i = 0; i < surroundings->size(); ++i) metadata.obstacles->push_back(surroundings->name(i));
-        metadata.links = plan.geometry->links;
         if (const OccupancyMap* map = surroundings->map()) metadata.mapSha256 = map->sha256();
     }
+    if (plan.geometry) metadata.links = plan.geometry->links;
     for (const PluginChoice* choice : plan.plugins())
         metadata.libraries[getName(choice->plugin.kind)].push_back(choice->plugin.library.string());
     opening.metadata = writeLogMetadata(std::move(metadata));
@@ -158,6 +163,9 @@ CaseResult makeResult(const ConfiguredCase& configured) {
     result.margins = configured.margins;
     result.guarantees = configured.plugins.filter->guaranteesLimits();
     result.guaranteesClearance = configured.plugins.filter->guaranteesClearance();
+    result.guaranteesSpeed = configured.plugins.filter->guaranteesSpeed();
+    if (plan.geometry) result.links = plan.geometry->links;
+    if (plan.environment) result.obstacles = plan.environment->obstacleNames();
     result.holdsOnReal = plan.holdsOnReal;
     for (const PluginChoice* choice : plan.plugins())
         if (const ConfigNode* seed = choice->parameters.resolved().find("seed"))
@@ -182,6 +190,8 @@ RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseL
                        configured_->robustRate});
     if (judgesCollisions && plan.environment)
         collisions_.emplace(plan.robot, *plan.geometry, *plan.environment, plan.realPlant.has_value());
+    if (judgesCollisions && plan.robot.speedLimits.isAny())
+        speeds_.emplace(plan.robot, plan.geometry ? &*plan.geometry : nullptr, plan.realPlant.has_value());
     if (!log.file.empty())
         recorder_ = std::make_unique<Recorder>(
             std::make_unique<LogSeries>(log.file, std::move(opening), log.form, log.limit_bytes), log.capacity);
@@ -205,6 +215,7 @@ bool RunningCase::isStopOver() {
 void RunningCase::count() {
     result_.summary.add(record_);
     if (collisions_) collisions_->add(record_);
+    if (speeds_) speeds_->add(record_);
 }
 
 CaseResult RunningCase::finish(bool isAlone) {
@@ -214,6 +225,10 @@ CaseResult RunningCase::finish(bool isAlone) {
     if (collisions_) {
         collisions_->addEnd(loop_->nominal(), loop_->time());
         result_.summary.setCollisions(collisions_->collisions());
+    }
+    if (speeds_) {
+        speeds_->addEnd(loop_->nominal(), loop_->time());
+        result_.summary.setSpeeds(speeds_->speeds());
     }
     result_.simulated_s = loop_->time();
     result_.stopReason = loop_->stopReason();

@@ -10,6 +10,7 @@
 #include "log/Recorder.h"
 #include "summary/CaseResult.h"
 #include "summary/CollisionCounter.h"
+#include "summary/SpeedCounter.h"
 
 namespace viable {
 
@@ -59,6 +60,7 @@ private:
     CaseResult result_;
     std::unique_ptr<ControlLoop> loop_;
     std::optional<detail::CollisionCounter> collisions_;
+    std::optional<detail::SpeedCounter> speeds_;
     std::unique_ptr<Recorder> recorder_;
     TickRecord record_;
     std::int64_t settling_;

@@ -35,6 +35,10 @@ bool FilterChain::guaranteesClearance() const {
     return guaranteeing_ + 1 == static_cast<int>(links_.size()) && links_.back().filter->guaranteesClearance();
 }
 
+bool FilterChain::guaranteesSpeed() const {
+    return guaranteeing_ + 1 == static_cast<int>(links_.size()) && links_.back().filter->guaranteesSpeed();
+}
+
 bool FilterChain::recovers() const {
     const std::size_t held = guaranteeing_ >= 0 ? static_cast<std::size_t>(guaranteeing_) : links_.size() - 1;
     return links_[held].filter->recovers();
@@ -67,6 +71,7 @@ FilterStatus FilterChain::filter(const FilterInput& input, FilterDecision& decis
         candidate_.joints.fill({});
         candidate_.clearance = {};
         candidate_.mapAge_s = 0.0;
+        candidate_.speed = {};
         const FilterInput own{input.nominal, desired_, input.dynamics, rate};
         const FilterStatus answer = callLink(i, [&](SafetyFilter& filter) { return filter.filter(own, candidate_); });
         if (answer == FilterStatus::InvalidInput || answer == FilterStatus::Faulted) return answer;
@@ -85,6 +90,7 @@ FilterStatus FilterChain::filter(const FilterInput& input, FilterDecision& decis
                 candidate_.clearance = decision.clearance;
                 candidate_.mapAge_s = decision.mapAge_s;
             }
+            if (!candidate_.speed.isKnown) candidate_.speed = decision.speed;
         }
         if (!passed)
             status = answer;

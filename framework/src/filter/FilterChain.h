@@ -36,6 +36,7 @@ public:
     bool guaranteesLimits() const override { return guaranteeing_ >= 0; }
     /** Of the filter that guarantees, or of the last. */
     bool guaranteesClearance() const override;
+    bool guaranteesSpeed() const override;
     bool recovers() const override;
     bool changeLimits(const JointLimits& limits) override;
     void skipTicks(std::int64_t ticks) override;

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "filter/JointBraking.h"
 #include "filter/WholeArmChoice.h"
@@ -44,6 +45,7 @@ JointVector findLargestJerk(const RobotDescription& robot, const JointLimits& li
 
 struct WholeArmBrakingFilter::Impl {
     detail::JointBraking joints;
+    std::optional<ArmGeometry> geometry;          ///< whose speeds are limited, where the setup has none
     std::unique_ptr<detail::WholeArmChoice> arm;  ///< null: not configured
     JointVector jerk;
     JointVector largestJerk;  ///< that the torque rate allows [rad/s^3]
@@ -96,6 +98,8 @@ void WholeArmBrakingFilter::prepare(const RunSetup& setup, const WholeArmBraking
                        "Give one per joint, or none.");
     if (options.torqueRate.size() == n && !(options.torqueRate.array() > 0.0).all())
         throw badInput(place, "a torqueRate is not above 0", "Give rates above 0, infinite where there is no limit.");
+    checkSpeedLimits(setup.robot.speedLimits, place);
+    if (setup.robot.speedLimits.needsCapsules() && !setup.geometry) impl_->geometry = loadArmGeometry(setup.robot);
     if (setup.surroundings && !setup.surroundings->claim())
         throw badInput(place, "another filter of this case has the surroundings already",
                        "Use one filter that keeps clearances.");
@@ -103,7 +107,8 @@ void WholeArmBrakingFilter::prepare(const RunSetup& setup, const WholeArmBraking
     detail::TorqueScan::Limits limits{unlimited, unlimited};
     if (std::isfinite(options.torqueShare)) limits.torque = options.torqueShare * setup.robot.actuation.torqueLimit;
     if (options.torqueRate.size() == n) limits.rate = options.torqueRate;
-    impl_->arm = std::make_unique<detail::WholeArmChoice>(setup, options, limits, impl_->joints.braking());
+    const ArmGeometry* const limited = setup.geometry ? setup.geometry : impl_->geometry ? &*impl_->geometry : nullptr;
+    impl_->arm = std::make_unique<detail::WholeArmChoice>(setup, options, limits, impl_->joints.braking(), limited);
     reset(setup.start);
     if (!options.joints.recovery) impl_->arm->checkStart(setup, place);
 }
@@ -117,6 +122,10 @@ void WholeArmBrakingFilter::reset(const MotionState& start) {
 
 bool WholeArmBrakingFilter::guaranteesClearance() const {
     return impl_->arm && impl_->arm->hasSurroundings() && !recovers();
+}
+
+bool WholeArmBrakingFilter::guaranteesSpeed() const {
+    return impl_->arm && impl_->arm->keepsSpeeds() && !recovers();
 }
 
 bool WholeArmBrakingFilter::recovers() const {
@@ -141,6 +150,7 @@ FilterStatus WholeArmBrakingFilter::filter(const FilterInput& input, FilterDecis
     law.decide(impl_->jerk, decision);
     decision.clearance = arm.nearest();
     decision.mapAge_s = arm.mapAge_s();
+    decision.speed = arm.fastest();
     arm.endTick(input, decision);
     return status;
 }

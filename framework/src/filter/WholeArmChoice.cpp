@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/Text.h"
+#include "environment/CollisionJudge.h"
 #include "viable/core/Error.h"
 
 namespace viable::detail {
@@ -20,6 +21,9 @@ constexpr double kRounding_m = 1e-8;
 /** QPs with rows in a tick, and points tried on the way back to the backup stop. */
 constexpr int kSteeringRounds = 2, kRetreats = 3;
 
+/** In messages clearances are told apart up to here [m]. */
+constexpr double kLargestShown_m = 0.5;
+
 /** For messages: four digits. */
 std::string formatShort(double value) {
     char text[32];
@@ -30,18 +34,19 @@ std::string formatShort(double value) {
 }  // namespace
 
 WholeArmChoice::WholeArmChoice(const RunSetup& setup, const WholeArmBrakingOptions& options,
-                               const TorqueScan::Limits& limits, CertifiedBraking& braking)
+                               const TorqueScan::Limits& limits, CertifiedBraking& braking, const ArmGeometry* limited)
     : options_(options),
       tick_s_(setup.tick_s),
       feed_(setup.surroundings),
       braking_(braking),
-      check_(setup.robot, setup.geometry, limits, setup.tick_s),
+      check_(setup.robot, setup.geometry, limits, setup.tick_s, limited),
       demands_(check_.elements(), std::isinf(options.joints.kAlpha) ? 1.0 : options.joints.kAlpha * setup.tick_s),
       identity_(JointMatrix::Identity(setup.size(), setup.size())),
       stored_(check_.makeResult()),
       best_(check_.makeResult()),
       trial_(check_.makeResult()),
-      other_(check_.makeResult()) {}
+      other_(check_.makeResult()),
+      limited_(limited) {}
 
 WholeArmChoice::~WholeArmChoice() {
     if (feed_) feed_->release();
@@ -99,6 +104,7 @@ void WholeArmChoice::examineStored(const MotionState& state) {
     setStoredPath(state);
     check_.examine(storedPath_, time(), demands_.measure(), lastTorque_, {}, false, stored_);
     nearest_ = stored_.nearest;
+    fastest_ = stored_.speed.fastest;
     keptPath_ = storedPath_;
     ticksOnPath_ = 0;
     demands_.begin(stored_);
@@ -112,7 +118,7 @@ bool WholeArmChoice::isGood(const MotionState& state, const JointVector& jerk, b
     const ArmStopCheck::Known kept{keptPath_, ticksOnPath_, stored_}, other{otherPath_, 0, other_};
     check_.examine(path_, time(), demands_.get(), lastTorque_, {hasOther_ ? 2 : 1, {&kept, &other}}, !wantsRows,
                    trial_);
-    return trial_.isClear && trial_.torque.bearsTorque;
+    return trial_.isGood();
 }
 
 void WholeArmChoice::keepBest(const JointVector& jerk) {
@@ -144,7 +150,10 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
                 otherPath_ = path_;
                 hasOther_ = true;
             }
-            reason = first.isClear && !first.torque.bearsTorque ? LimitKind::Torque : LimitKind::Clearance;
+            const bool isTooFast = !first.speed.isKept || first.speed.seen > demands_.get().speed.ahead;
+            reason = first.isClear && !first.torque.bearsTorque ? LimitKind::Torque
+                     : isTooFast                                ? LimitKind::Speed
+                                                                : LimitKind::Clearance;
             setStoredPath(nominal);
             steer(nominal, dynamics, metric, desired);
         }
@@ -155,6 +164,7 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
         jerk = bestJerk_;
         std::swap(stored_, best_);
         nearest_ = stored_.nearest;
+        fastest_ = stored_.speed.fastest;
         demands_.lowerTorqueUse(stored_.torque.torqueUse);
         keptPath_.set(nominal, jerk, bestStops_, tick_s_);
         ticksOnPath_ = 0;
@@ -165,7 +175,7 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
     for (std::size_t i = 0; i < static_cast<std::size_t>(jerk.size()); ++i) {
         const auto at = static_cast<Eigen::Index>(i);
         if (jerk[at] == proposed_[at] || jerk[at] == desired[at] || reason == LimitKind::None) continue;
-        const bool isUpper = reason == LimitKind::Torque && jerk[at] < proposed_[at];
+        const bool isUpper = reason == LimitKind::Speed || (reason == LimitKind::Torque && jerk[at] < proposed_[at]);
         joints[i] = {reason, isUpper ? LimitSide::Upper : LimitSide::Lower};
     }
     if (!takesBest) return FilterStatus::StoppedByPlan;
@@ -249,6 +259,30 @@ std::string WholeArmChoice::listTooNear(const ArmGeometry& geometry) const {
     return text;
 }
 
+/** ", where balls cover the capsules; the capsules themselves come to 0.0123 m (link5 from shelf)". Not for ticks. */
+std::string WholeArmChoice::describeExactly(const RunSetup& setup) const {
+    constexpr int kPoses = 100;
+    const Environment around = view_.surroundings ? view_.surroundings->environment() : Environment();
+    const CollisionJudge judge(setup.robot, *setup.geometry, around);
+    CollisionJudge::Contact nearest;
+    nearest.distance = kLargestShown_m;
+    JointVector q;
+    for (int k = 0; k <= kPoses; ++k) {
+        const double t = storedPath_.duration() * k / kPoses;
+        storedPath_.calcPositions(t, q);
+        const CollisionJudge::Contact contact = judge.findContact(q, time() + t, kLargestShown_m);
+        if (contact.distance < nearest.distance) nearest = contact;
+    }
+    const auto getLink = [&](int link) { return setup.geometry->links[static_cast<std::size_t>(link)]; };
+    const std::string meant =
+        ". These are lower bounds (balls cover the capsules; a moving sphere counts with all of its path)";
+    if (nearest.link < 0)
+        return meant + "; the capsules themselves are clear by " + formatShort(kLargestShown_m) + " m";
+    return meant + "; the capsules themselves come to " + formatShort(nearest.distance) + " m (" +
+           getLink(nearest.link) + " from " +
+           (nearest.obstacle < 0 ? getLink(nearest.otherLink) : view_.surroundings->name(nearest.obstacle)) + ")";
+}
+
 void WholeArmChoice::checkStart(const RunSetup& setup, const std::string& place) const {
     constexpr char kWay[] = "or set `recovery: true`, which moves the arm away.";
     const std::string required = formatNumber(demands_.required());
@@ -256,7 +290,8 @@ void WholeArmChoice::checkStart(const RunSetup& setup, const std::string& place)
     if (!tooNear.empty())
         throw badInput(
             place,
-            "the start, or the stop from there, brings " + tooNear + "; at least " + required + " m is to be kept",
+            "the start, or the stop from there, brings " + tooNear + "; at least " + required + " m is to be kept" +
+                describeExactly(setup),
             std::string(
                 "Change `start`, the obstacle or `safety_distance_m` (links: `may_touch` in collision.yaml), ") +
                 kWay);
@@ -267,6 +302,15 @@ void WholeArmChoice::checkStart(const RunSetup& setup, const std::string& place)
                        "the stop from the start is too fast beside " + other + ", or too much is near, to prove that " +
                            who + " keeps " + required + " m from it",
                        std::string("Start slower or farther away, ") + kWay);
+    }
+    if (const SpeedCheck::Result& speed = stored_.speed; !(speed.proven <= 1.0 + SpeedCheck::kRounding)) {
+        const int link = speed.fastest.link;
+        throw badInput(place,
+                       "the start, or the stop from there, brings " +
+                           (link < 0 ? std::string("the tool") : limited_->links[static_cast<std::size_t>(link)]) +
+                           " to " + formatShort(speed.fastest.speed) + " m/s (an upper bound); its limit there is " +
+                           formatNumber(speed.fastest.limit) + " m/s",
+                       std::string("Start slower, or change `speed_limits`, ") + kWay);
     }
     const TorqueScan::Result& torque = stored_.torque;
     if (torque.bearsTorque && torque.torqueUse <= 1.0) return;

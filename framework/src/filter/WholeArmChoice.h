@@ -19,9 +19,10 @@ Real time after construction. */
 class WholeArmChoice {
 public:
     /** @param braking  of the joints, configured; must outlive this
+        @param limited  see SpeedCheck; must outlive this
     Takes setup.surroundings, which its maker has claimed, until its end. */
     WholeArmChoice(const RunSetup& setup, const WholeArmBrakingOptions& options, const TorqueScan::Limits& limits,
-                   CertifiedBraking& braking);
+                   CertifiedBraking& braking, const ArmGeometry* limited);
     ~WholeArmChoice();
     WholeArmChoice(const WholeArmChoice&) = delete;
     WholeArmChoice& operator=(const WholeArmChoice&) = delete;
@@ -44,6 +45,8 @@ public:
     const Clearance& nearest() const { return nearest_; }  ///< along the stop that was chosen
     double mapAge_s() const { return feed_ ? time() - view_.stamp_s : 0.0; }
     bool hasSurroundings() const { return feed_ != nullptr; }
+    bool keepsSpeeds() const { return check_.keepsSpeeds(); }
+    const ArmSpeed& fastest() const { return fastest_; }  ///< the same
 
     /** Throws Error (BadInput) where the stop from the start, just reset to, comes too near to something (all of it in one
     list) or needs more torque than there is (with joint, share and pose). */
@@ -60,6 +63,7 @@ private:
     void examineStored(const MotionState& state);
     std::pair<std::string, std::string> nameNearest(int element, const ArmGeometry& geometry) const;
     std::string listTooNear(const ArmGeometry& geometry) const;
+    std::string describeExactly(const RunSetup& setup) const;
     bool isGood(const MotionState& state, const JointVector& jerk, bool wantsRows);
     void keepBest(const JointVector& jerk);
     void steer(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,
@@ -90,6 +94,8 @@ private:
     JointVector lastTorque_, storedJerk_, proposed_, steered_, bestJerk_;
     bool hasBest_ = false;
     Clearance nearest_;
+    ArmSpeed fastest_;
+    const ArmGeometry* const limited_;
 };
 
 }  // namespace viable::detail

@@ -78,7 +78,7 @@ struct Mailbox {
     // What a plugin is asked once, after it was configured
     MotionCommand::Space space = MotionCommand::Space::Joint;
     bool followsJoint = false, followsTool = false;
-    bool guarantees = false, guaranteesClearance = false, recovers = false;
+    bool guarantees = false, guaranteesClearance = false, guaranteesSpeed = false, recovers = false;
     LinearErrorLoop errorLoop;
     bool hasErrorLoop = false, hasExternalTorque = false, hasClock = false;
     Encoder encoder = Encoder::Counts;
@@ -274,12 +274,14 @@ void serve(NominalController& plugin, Mailbox& box) {
 void describe(SafetyFilter& plugin, Mailbox& box) {
     box.guarantees = plugin.guaranteesLimits();
     box.guaranteesClearance = plugin.guaranteesClearance();
+    box.guaranteesSpeed = plugin.guaranteesSpeed();
     box.recovers = plugin.recovers();
 }
 void serve(SafetyFilter& plugin, Mailbox& box) {
     if (box.what == Request::Filter) {
         box.decision.hasStops = false;
         box.decision.clearance = {};
+        box.decision.speed = {};
         box.decision.mapAge_s = 0.0;
         box.status = static_cast<int>(plugin.filter(
             {box.nominal, box.torque, box.dynamics, box.hasAccelerationRate ? &box.accelerationRate : nullptr},
@@ -438,9 +440,11 @@ public:
         : Isolated(make, watch, watchdog_s),
           guarantees_(box().guarantees),
           guaranteesClearance_(box().guaranteesClearance),
+          guaranteesSpeed_(box().guaranteesSpeed),
           recovers_(box().recovers) {}
     bool guaranteesLimits() const override { return guarantees_; }
     bool guaranteesClearance() const override { return guaranteesClearance_; }
+    bool guaranteesSpeed() const override { return guaranteesSpeed_; }
     bool recovers() const override { return recovers_; }
     bool changeLimits(const JointLimits& limits) override {
         box().limits = limits;
@@ -466,7 +470,7 @@ public:
     }
 
 private:
-    bool guarantees_, guaranteesClearance_, recovers_;
+    bool guarantees_, guaranteesClearance_, guaranteesSpeed_, recovers_;
 };
 
 class IsolatedRobustLoop : public Isolated<RobustLoop> {

@@ -119,7 +119,7 @@ LogField stageTime() {
 
 bool setLimit(TickRecord& record, int joint, std::string_view word) {
     for (const LimitKind kind : {LimitKind::None, LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration,
-                                 LimitKind::Jerk, LimitKind::Torque, LimitKind::Clearance}) {
+                                 LimitKind::Jerk, LimitKind::Torque, LimitKind::Clearance, LimitKind::Speed}) {
         for (const LimitSide side : {LimitSide::Neither, LimitSide::Lower, LimitSide::Upper}) {
             if (kind != LimitKind::None && side == LimitSide::Neither) continue;
             if (word != getName(kind, side)) continue;
@@ -212,6 +212,26 @@ std::vector<LogField> declareClearance() {
                 "map_age_s", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.mapAge_s; })};
 }
 
+/** The names of links are in the metadata. */
+std::vector<LogField> declareSpeed() {
+    return {integer(
+                "known", [](const TickRecord& r) -> std::int64_t { return r.speed.isKnown ? 1 : 0; },
+                [](TickRecord& r, std::int64_t value) {
+                    r.speed.isKnown = value == 1;
+                    return value == 0 || value == 1;
+                }),
+            numbers(
+                "largest_mps", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.speed.speed; }),
+            numbers(
+                "limit_mps", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.speed.limit; }),
+            integer(
+                "link", [](const TickRecord& r) -> std::int64_t { return r.speed.link; },
+                [](TickRecord& r, std::int64_t value) {
+                    r.speed.link = static_cast<int>(value);
+                    return value >= -1 && value <= std::numeric_limits<int>::max();
+                })};
+}
+
 bool always(const LogLayout&) {
     return true;
 }
@@ -285,6 +305,7 @@ std::vector<LogChannel> declareChannels() {
               "rest_rad", LogKind::JointNumber, {},
               [](auto& r, int i) -> auto& { return r.stops[static_cast<std::size_t>(i)].rest; })}},
         {"clearance", "Clearance", [](const LogLayout& l) { return l.hasEnvironment; }, declareClearance()},
+        {"speed", "Speed", [](const LogLayout& l) { return l.hasSpeedLimits; }, declareSpeed()},
         {"limits", "Limits", always, declareLimits(), true},
         {"robust",
          "Robust",

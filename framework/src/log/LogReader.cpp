@@ -245,6 +245,7 @@ struct LogReader::Impl {
         if (channel->name == "real") layout.hasRealPlant = true;
         if (channel->name == "external") layout.hasExternalTorque = true;
         if (channel->name == "clearance") layout.hasEnvironment = true;
+        if (channel->name == "speed") layout.hasSpeedLimits = true;
         if (channel->name == "live") layout.isLive = true;
         declared |= plan.bit;
         const auto written = entries.find(kWritten);

@@ -19,6 +19,7 @@ struct LogLayout {
     bool hasRealPlant = false;       ///< real, actual, robust and motor are logged only then
     bool hasExternalTorque = false;  ///< TickRecord::externalTorque is there, and logged
     bool hasEnvironment = false;     ///< TickRecord::clearance is logged only then
+    bool hasSpeedLimits = false;     ///< TickRecord::speed is logged only then
     bool isLive = false;             ///< a run in real time: TickRecord::paused is logged only then
 };
 

@@ -35,7 +35,7 @@ bool isBounded(const JointVector& v, int n) {
 bool areKnown(FilterStatus status, const FilterDecision& d, int n) {
     if (status > FilterStatus::Ended || d.held > HeldQuantity::Acceleration) return false;
     for (int i = 0; i < n; ++i)
-        if (d.joints[i].limit > LimitKind::Clearance || d.joints[i].side < LimitSide::Lower ||
+        if (d.joints[i].limit > LimitKind::Speed || d.joints[i].side < LimitSide::Lower ||
             d.joints[i].side > LimitSide::Upper)
             return false;
     return true;
@@ -580,6 +580,7 @@ void ControlLoop::tellSkippedTicks() {
 void ControlLoop::forgetRemarks() {
     decision_.hasStops = false;
     decision_.clearance = {};
+    decision_.speed = {};
     decision_.mapAge_s = 0.0;
 }
 
@@ -740,6 +741,7 @@ void ControlLoop::fillRecord(TickRecord& record, bool decided) const {
     for (int i = 0; i < n_; ++i) record.stops[i] = monitor_.stop(i);
     record.verdict = verdict_;
     record.clearance = decision_.clearance;
+    record.speed = decision_.speed;
     record.mapAge_s = decision_.mapAge_s;
     record.limits = limits_;
     record.braking = isStopping();

@@ -198,6 +198,8 @@ void ReferenceGuard::Inside::start(const MotionState& state) {
     if (feed) {
         feed = std::make_unique<SurroundingsFeed>(surroundings, stamp_s);  // time begins anew
         setup.surroundings = feed.get();
+    }
+    if (feed || robot.speedLimits.isAny()) {
         auto wholeArm = std::make_unique<WholeArmBrakingFilter>();
         WholeArmBrakingOptions arm;
         arm.joints = joints;

@@ -8,6 +8,10 @@ bool SafetyFilter::guaranteesClearance() const {
     return false;
 }
 
+bool SafetyFilter::guaranteesSpeed() const {
+    return false;
+}
+
 bool SafetyFilter::recovers() const {
     return false;
 }

@@ -215,6 +215,7 @@ void readLimitsFile(const fs::path& file, const UrdfRobot& urdf, RobotDescriptio
     const ConfigNode& home = map.require("home_rad");
     robot.home = toJointVector(home, n);
     readTool(map.find("tool_link"), urdf, file.string(), robot);
+    if (const ConfigNode* speeds = map.find("speed_limits")) robot.speedLimits = readSpeedLimits(*speeds);
     readAssumed(map, robot.assumed);
     map.finish();
 

@@ -13,7 +13,7 @@ class KeyHash {
 public:
     void add(const RobotDescription& robot) {
         const auto& [name, folder, joints, toolParent, toolLink, toolPlacement, gravity, limits, allowLargeAngles, home,
-                     actuation, assumed] = robot;
+                     speedLimits, actuation, assumed] = robot;
         static_cast<void>(folder);
         add(name);
         addAll(joints);
@@ -24,6 +24,7 @@ public:
         add(limits);
         addValue(allowLargeAngles);
         add(home);
+        add(speedLimits);
         add(actuation);
         addAll(assumed);
     }
@@ -71,6 +72,19 @@ private:
             add(lower);
             add(upper);
         }
+    }
+    void add(const SpeedLimits& limits) {
+        const auto& [arm, tool, regions] = limits;
+        addValue(arm);
+        addValue(tool);
+        addAll(regions);
+    }
+    void add(const SpeedLimits::Region& region) {
+        const auto& [name, lower, upper, speed] = region;
+        add(name);
+        add(lower);
+        add(upper);
+        addValue(speed);
     }
     void add(const Actuation& actuation) {
         const auto& [gearRatio, rotorInertia, torqueLimit, encoderCounts, friction] = actuation;

@@ -14,6 +14,10 @@ bool CaseResult::isClearanceGuaranteeBroken() const {
     return guaranteesClearance && summary.collisions() && summary.collisions()->nominal.ticksInCollision > 0;
 }
 
+bool CaseResult::isSpeedGuaranteeBroken() const {
+    return guaranteesSpeed && summary.speeds() && summary.speeds()->nominal.ticksTooFast > 0;
+}
+
 bool isGraver(int a, int b) {
     const auto rank = [](int code) {
         constexpr ErrorKind order[] = {ErrorKind::GuaranteeBroken, ErrorKind::TrackingLost, ErrorKind::PluginFailed,
@@ -24,7 +28,8 @@ bool isGraver(int a, int b) {
 }
 
 int CaseResult::exitCode() const {
-    if (stopReason == StopReason::GuaranteeBroken || isRealGuaranteeBroken() || isClearanceGuaranteeBroken())
+    if (stopReason == StopReason::GuaranteeBroken || isRealGuaranteeBroken() || isClearanceGuaranteeBroken() ||
+        isSpeedGuaranteeBroken())
         return static_cast<int>(ErrorKind::GuaranteeBroken);
     if (summary.trip() || stopReason == StopReason::NotFollowing) return static_cast<int>(ErrorKind::TrackingLost);
     const bool isWanted =

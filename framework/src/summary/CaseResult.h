@@ -27,8 +27,10 @@ struct CaseResult {
     std::map<std::string, std::string> others;
     std::string robustLoop;  ///< empty: no real plant
     std::string realPlant;
-    bool guarantees = false;           ///< the filter guarantees every limit
-    bool guaranteesClearance = false;  ///< and that the nominal arm touches nothing
+    bool guarantees = false;                    ///< the filter guarantees every limit
+    bool guaranteesClearance = false;           ///< and that the nominal arm touches nothing
+    bool guaranteesSpeed = false;               ///< and that it keeps the speed limits of its points
+    std::vector<std::string> links, obstacles;  ///< that a Clearance names by index; may be empty
     /** Of that guarantee position and velocity are the real arm's, as long as the run does not trip. */
     bool holdsOnReal = false;
     std::optional<LoopMargins> margins;        ///< of a robust loop that tells its law
@@ -50,6 +52,8 @@ struct CaseResult {
     bool isRealGuaranteeBroken() const;
     /** The nominal arm touched what it must not, under a filter that guarantees clearances. */
     bool isClearanceGuaranteeBroken() const;
+    /** A point of the nominal arm was too fast, under a filter that guarantees its speed limits. */
+    bool isSpeedGuaranteeBroken() const;
     /** 0, or the ErrorKind's number: broken guarantee before lost tracking before failed plugin before lost log. */
     int exitCode() const;
 };

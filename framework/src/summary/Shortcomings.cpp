@@ -137,8 +137,8 @@ std::string nameCause(const ErrorCauses& causes, bool swings, const char* otherw
     if (isHeldOff(causes))
         return format("held off by the safety distance to obstacles or to itself, in %.0f %% of that error",
                       100.0 * causes.share(LimitKind::Clearance));
-    for (const auto& [kind, name] :
-         {std::pair(LimitKind::Torque, "torque"), std::pair(LimitKind::Position, "position")})
+    for (const auto& [kind, name] : {std::pair(LimitKind::Torque, "torque"), std::pair(LimitKind::Speed, "point speed"),
+                                     std::pair(LimitKind::Position, "position")})
         if (causes.share(kind) >= kCauseShare)
             return format("held by %s limits, in %.0f %% of that error", name, 100.0 * causes.share(kind));
     return otherwise;
@@ -206,6 +206,36 @@ void addChatter(const CaseResult& r, std::vector<std::string>& found) {
                    100.0 * r.summary.chatter()));
 }
 
+/** " (link5 next to table)"; empty: not known. */
+std::string nameNearest(const CaseResult& r) {
+    const Clearance& nearest = r.summary.standstill().nearest;
+    const auto find = [](const std::vector<std::string>& names, int index) {
+        return index >= 0 && index < static_cast<int>(names.size()) ? names[static_cast<std::size_t>(index)]
+                                                                    : std::string("what is around");
+    };
+    if (!nearest.isKnown || r.links.empty()) return "";
+    return " (" + find(r.links, nearest.link) + " next to " +
+           (nearest.otherLink >= 0 ? find(r.links, nearest.otherLink) : find(r.obstacles, nearest.obstacle)) + ")";
+}
+
+/** An arm that stood on its backup stop though it was asked to move. */
+void addStandstill(const CaseResult& r, std::vector<std::string>& found) {
+    const StandstillRecord& s = r.summary.standstill();
+    if (!(s.longest_s > 0.0)) return;
+    const bool isClearance = s.limit == LimitKind::Clearance;
+    const char* const remedy =
+        isClearance ? " (command a way around what is near, steering is local; a smaller safety_distance_m; max_age_s "
+                      "stops it, too)"
+        : s.limit == LimitKind::Torque
+            ? " (a larger torque_share or torque_rate_Nmps, or lower limits of acceleration and jerk)"
+            : " (larger limits of that kind, or a command that keeps to them)";
+    found.push_back(
+        format("the arm stood on its backup stop for %.1f s from %.3f s on, %.1f s in all, though it was asked "
+               "to move; what held it: %s",
+               s.longest_s, s.begin_s, s.total_s, getName(s.limit, LimitSide::Neither)) +
+        (isClearance ? nameNearest(r) : "") + remedy);
+}
+
 }  // namespace
 
 std::vector<std::string> findShortcomings(const CaseResult& r) {
@@ -218,6 +248,7 @@ std::vector<std::string> findShortcomings(const CaseResult& r) {
         addBound(r, found);
         addMotors(r, found);
     }
+    addStandstill(r, found);
     addCommand(r, found);
     addJointCommand(r, found);
     addChatter(r, found);

@@ -406,6 +406,36 @@ int Summary::worstBoundJoint() const {
     return static_cast<int>(worst);
 }
 
+/** At rest is slower than this share of the velocity limit, of joints without one of 1 rad/s or m/s. */
+constexpr double kStandingShare = 1e-4;
+
+void Summary::addStandstill(const TickRecord& record) {
+    LimitKind held = LimitKind::None;
+    bool isStanding = record.status == FilterStatus::StoppedByPlan && !record.missed && !record.braking;
+    for (int i = 0; isStanding && i < static_cast<int>(jointNames_.size()); ++i) {
+        const double v = record.nominal.qd[i];
+        const double limit = v < 0.0 ? -bounds_.velocity.lower[i] : bounds_.velocity.upper[i];
+        isStanding = std::abs(v) <= kStandingShare * (std::isfinite(limit) ? limit : 1.0);
+        // Of the kinds that hold a whole arm one is named before those of a joint.
+        const LimitKind own = record.joints[static_cast<std::size_t>(i)].limit;
+        if (own != LimitKind::None && (held == LimitKind::None || own >= LimitKind::Torque)) held = own;
+    }
+    if (!isStanding || held == LimitKind::None) {
+        standingTicks_ = 0;
+        return;
+    }
+    if (standingTicks_++ == 0) standingSince_s_ = record.time_s;
+    const double time_s = static_cast<double>(standingTicks_) * tick_s_;
+    if (time_s < kLongStandstill_s - tick_s_ / 2.0) return;
+    const bool hasJustBegun = time_s < kLongStandstill_s + tick_s_ / 2.0;
+    standstill_.total_s += hasJustBegun ? time_s : tick_s_;
+    if (time_s <= standstill_.longest_s) return;
+    standstill_.longest_s = time_s;
+    standstill_.begin_s = standingSince_s_;
+    standstill_.limit = held;
+    standstill_.nearest = record.clearance;
+}
+
 void Summary::add(const TickRecord& record) {
     const int n = static_cast<int>(jointNames_.size());
     if (ticks_ > 0) tick_s_ = record.time_s - lastTime_s_;
@@ -430,6 +460,7 @@ void Summary::add(const TickRecord& record) {
     }
     addTool(record);
     addStops(record);
+    addStandstill(record);
     squaredJerk_ += record.nominal.jerk.squaredNorm();
     ++ticks_;
     if (statusTicks_[static_cast<int>(record.status)]++ == 0 && record.status == FilterStatus::Infeasible)

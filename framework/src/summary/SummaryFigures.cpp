@@ -28,6 +28,12 @@ bool hasTripped(R r) {
 bool hasEnvironment(R r) {
     return r.summary.collisions().has_value();
 }
+bool hasSpeedLimits(R r) {
+    return r.summary.speeds().has_value();
+}
+bool hasRealArmWithSpeedLimits(R r) {
+    return hasSpeedLimits(r) && r.summary.speeds()->real;
+}
 bool hasRealArmInEnvironment(R r) {
     return hasEnvironment(r) && r.summary.collisions()->real;
 }
@@ -199,7 +205,30 @@ std::vector<SummaryFigure> makeFigures() {
     t.begin("collisions.", hasEnvironment);
     t.add("safety_distance_m", [](S s) { return s.collisions()->safetyDistance_m; });
 
+    for (const bool isReal : {false, true}) {
+        t.begin(isReal ? "speeds.real." : "speeds.nominal.", isReal ? hasRealArmWithSpeedLimits : hasSpeedLimits);
+        const auto add = [&](const char* key, auto get) -> Table& {
+            return t.add(
+                key, [=](S s) { return toJson(std::invoke(get, isReal ? *s.speeds()->real : s.speeds()->nominal)); });
+        };
+        const std::string prefix = isReal ? "real.speed." : "speed.";
+        add("largest_mps", &SpeedRecord::largest)
+            .column(prefix + "largest_mps", "m/s",
+                    isReal ? "Real arm: largest speed of a point" : "Largest speed of a point");
+        add("worst_use", &SpeedRecord::use)
+            .column(prefix + "worst_use", "",
+                    isReal ? "Real arm: largest share of a speed limit" : "Largest share of a speed limit");
+        add("ticks_too_fast", &SpeedRecord::ticksTooFast)
+            .column(prefix + "ticks_too_fast", "", isReal ? "Real arm: ticks too fast" : "Ticks too fast");
+        add("worst_use_s", &SpeedRecord::largest_s);
+        add("part", [](const SpeedRecord& r) { return orNull(r.part); });
+        add("ticks_at_limit", &SpeedRecord::ticksAtLimit);
+        add("first_too_fast_s", &SpeedRecord::firstTooFast_s);
+    }
+
     t.begin("");
+    t.add("standstill_s", [](S s) { return s.standstill().total_s; });
+    t.add("longest_standstill_s", [](S s) { return s.standstill().longest_s; });
     t.add("infeasible_ticks", [](S s) {
          return s.ticksWith(FilterStatus::Infeasible);
      }).column("infeasible_ticks", "", "Ticks without an admissible choice");

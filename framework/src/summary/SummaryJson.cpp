@@ -59,6 +59,7 @@ json describe(const CaseResult& r) {
                 {"guarantees_limits", r.guarantees},
                 {"holds_on_real", r.holdsOnReal},
                 {"guarantees_clearance", r.guaranteesClearance},
+                {"guarantees_speed", r.guaranteesSpeed},
                 {"interventions", describeInterventions(r.summary)},
                 {"controller", r.controller},
                 {"verdict", formatVerdict(r)},
@@ -73,8 +74,10 @@ json describe(const CaseResult& r) {
                 {"log_error", r.logError},
                 {"live", r.live ? describe(*r.live) : json(nullptr)},
                 {"exit_code", r.exitCode()}};
-    for (const char* block : {"tracking", "real_limits", "bound", "motors", "trip", "collisions"}) one[block] = nullptr;
+    for (const char* block : {"tracking", "real_limits", "bound", "motors", "trip", "collisions", "speeds"})
+        one[block] = nullptr;
     if (r.summary.collisions()) one["collisions"]["real"] = nullptr;
+    if (r.summary.speeds()) one["speeds"]["real"] = nullptr;
     const std::vector<std::string>& joints = r.summary.jointNames();
     for (const SummaryFigure& figure : listSummaryFigures())
         for (std::size_t i = 0; i < (figure.isPerJoint() ? joints.size() : 1); ++i)

@@ -317,6 +317,39 @@ std::string formatCollisions(const Summary& s) {
     return text;
 }
 
+/** "link6 at 0.249 m/s, 99.6 % of its limit, at 1.234 s" */
+std::string formatFastest(const SpeedRecord& r) {
+    if (r.part.empty()) return "nothing moved";
+    return format("%s used %.1f %% of its limit at %.3f s", r.part.c_str(), 100.0 * r.use, r.largest_s);
+}
+
+/** Whether the arms kept their speed limits, where there are any. */
+std::string formatSpeedVerdict(const Summary& s) {
+    if (!s.speeds()) return "";
+    std::string text;
+    const auto add = [&](const char* arm, const SpeedRecord& r) {
+        if (r.ticksTooFast > 0)
+            text += std::string("; points of the ") + arm + " arm were too fast: " + formatFastest(r);
+    };
+    add("nominal", s.speeds()->nominal);
+    if (s.speeds()->real) add("real", *s.speeds()->real);
+    return text.empty() ? "; speed limits kept" : text;
+}
+
+std::string formatSpeeds(const Summary& s) {
+    std::string text;
+    const auto add = [&](const char* label, const char* arm, const SpeedRecord& r) {
+        text += format("  %-13s %s: up to %.4g m/s, ", label, arm, r.largest) + formatFastest(r) +
+                format(", above %.0f %% of it in %lld ticks, too fast in %lld", 100.0 * kAtSpeedLimit,
+                       static_cast<long long>(r.ticksAtLimit), static_cast<long long>(r.ticksTooFast));
+        if (r.firstTooFast_s) text += format(" (first at %.3f s)", *r.firstTooFast_s);
+        text += "\n";
+    };
+    add("point speeds", "nominal", s.speeds()->nominal);
+    if (s.speeds()->real) add("", "real", *s.speeds()->real);
+    return text;
+}
+
 /** Of a table: cases may be of different arms. */
 Sliding findSliding(const std::vector<CaseResult>& results) {
     const Sliding first = results.empty() ? Sliding::None : findSliding(results.front().summary);
@@ -576,6 +609,8 @@ std::string formatVerdict(const CaseResult& r) {
         text = "guarantee on the real arm broken; ";
     else if (r.isClearanceGuaranteeBroken())
         text = "guarantee broken, the arm collided; ";
+    else if (r.isSpeedGuaranteeBroken())
+        text = "guarantee broken, points of the arm were too fast; ";
     else if (r.stopReason == StopReason::TrackingLost)
         text = "tracking lost, the arm was stopped; ";
     else if (r.stopReason == StopReason::NotFollowing)
@@ -586,7 +621,11 @@ std::string formatVerdict(const CaseResult& r) {
            (!r.summary.collisions() ? ""
             : r.guaranteesClearance ? ", and clearances"
                                     : ", no clearances") +
-           ")" + formatRealVerdict(r) + formatCollisionVerdict(r.summary) + formatShortcomings(r);
+           (!r.summary.speeds() ? ""
+            : r.guaranteesSpeed ? ", and speeds of points"
+                                : ", no speeds of points") +
+           ")" + formatRealVerdict(r) + formatCollisionVerdict(r.summary) + formatSpeedVerdict(r.summary) +
+           formatShortcomings(r);
 }
 
 std::string formatBreach(const CaseResult& r) {
@@ -596,6 +635,9 @@ std::string formatBreach(const CaseResult& r) {
     if (r.isClearanceGuaranteeBroken())
         text += (text.empty() ? "" : "; ") +
                 ("the nominal arm collided: " + formatNearest(r.summary.collisions()->nominal));
+    if (r.isSpeedGuaranteeBroken())
+        text += (text.empty() ? "" : "; ") +
+                ("points of the nominal arm were too fast: " + formatFastest(r.summary.speeds()->nominal));
     return text;
 }
 
@@ -612,6 +654,7 @@ std::string formatDetails(const CaseResult& r) {
     for (LimitKind kind : kNominalKinds) text += formatLimit(s, kind);
     text += formatCommandErrors(r) + formatStatuses(s) + formatInterventions(s) + formatStops(s);
     if (s.collisions()) text += formatCollisions(s);
+    if (s.speeds()) text += formatSpeeds(s);
     if (s.substitutedTicks() > 0)
         text += format("  controller    %lld ticks without a usable torque, the last good one was used\n",
                        static_cast<long long>(s.substitutedTicks()));

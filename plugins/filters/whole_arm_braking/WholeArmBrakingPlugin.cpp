@@ -21,9 +21,10 @@ const ParameterSpec kParameters[] = {
         "held back alike on the way to the desired jerks (one joint pressed against its limit then holds all)."),
     parameter::flag("recovery", "false",
                     "Accept a start outside the limits or too near to something, and return within the limits."),
-    parameter::number("torque_share", "", ".inf",
-                      "Share of the motors' torque limits that the nominal torque may use, now and along "
-                      "the stop. Infinite: torque is not limited.")
+    parameter::number(
+        "torque_share", "", ".inf",
+        "Share of the motors' torque limits that the nominal torque, as it is held over each tick, may use, "
+        "now and along the stop. Infinite: torque is not limited.")
         .above(0)
         .upTo(1)
         .orInfinite(),

@@ -222,6 +222,10 @@ const std::map<std::string, std::string> kUnits = {
     {"/clearance/on_obstacle/y_m", "m"},
     {"/clearance/on_obstacle/z_m", "m"},
     {"/clearance/map_age_s", "s"},
+    {"/speed/known", "1"},
+    {"/speed/largest_mps", "m/s"},
+    {"/speed/limit_mps", "m/s"},
+    {"/speed/link", "1"},
     {"/limits/joint0/position_lower_rad", "rad"},
     {"/limits/joint0/position_upper_rad", "rad"},
     {"/limits/joint0/velocity_lower_radps", "rad/s"},
@@ -262,7 +266,7 @@ const std::map<std::string, std::string> kUnits = {
 
 TEST_F(Hdf5ExportTest, EveryColumnHasItsPathAndUnit) {
     LogLayout layout = makeLayout(1, Space::Tool, true);
-    layout.hasEnvironment = true;
+    layout.hasEnvironment = layout.hasSpeedLimits = true;
     writeBytes(path("run.mcap"), makeLog(makeOpening(layout), makeRecords(layout, 20, 0.001, 62)).bytes);
     exportHdf5(path("run.mcap"), path("run.h5"));
     const Hdf5File file(path("run.h5"));
@@ -367,7 +371,7 @@ TEST_F(Hdf5ExportTest, TheOpeningBecomesAttributesOfTheRoot) {
 
 TEST_F(Hdf5ExportTest, ALogWithoutRowsHasEveryColumnEmpty) {
     LogLayout layout = makeLayout(1, Space::Tool, true);
-    layout.hasEnvironment = true;
+    layout.hasEnvironment = layout.hasSpeedLimits = true;
     writeBytes(path("run.mcap"), makeLog(makeOpening(layout), {}).bytes);
     exportHdf5(path("run.mcap"), path("run.h5"));
     const Hdf5File file(path("run.h5"));

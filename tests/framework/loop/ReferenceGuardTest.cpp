@@ -10,6 +10,7 @@
 #include "CaseSupport.h"
 #include "ExpectContains.h"
 #include "viable/core/Numbers.h"
+#include "viable/robot/RobotModel.h"
 #include "viable/summary/Summary.h"
 #include "viable/testing/AllocationCounter.h"
 #include "viable/testing/TwoLinkArm.h"
@@ -64,6 +65,24 @@ TEST(ReferenceGuard, ATargetIsReachedExactlyAndHeld) {
     EXPECT_LT(end.state.qd.lpNorm<Eigen::Infinity>(), 1e-12);
     EXPECT_FALSE(arm.summary.anyLimitBroken());
     EXPECT_GT(arm.summary.limit(LimitKind::Jerk)[0].worstUse, 0.99);
+}
+
+TEST(ReferenceGuard, SpeedLimitsOfTheRobotsPointsAreKept) {
+    RobotDescription robot = makeTwoLinkArm();
+    robot.speedLimits.tool = 0.3;
+    ReferenceGuard guard(robot, kTick_s, {});
+    RobotModel model(robot);
+    Dynamics dynamics;
+    guard.start(atRest(robot.home));
+    double fastest = 0.0;
+    for (int k = 0; k < 6000; ++k) {
+        const GuardedReference& next =
+            k % 1500 == 0 ? guard.step(k % 3000 == 0 ? pair(-1.5, 1.0) : pair(1.5, -1.0)) : guard.step();
+        model.calcDynamics(next.state.q, next.state.qd, dynamics);
+        fastest = std::max(fastest, (dynamics.J.topRows<3>() * next.state.qd).norm());
+    }
+    EXPECT_LE(fastest, 0.3 * (1.0 + 1e-9));
+    EXPECT_GT(fastest, 0.28);
 }
 
 TEST(ReferenceGuard, HostileTargetsNeverLeadOutside) {

@@ -232,6 +232,15 @@ TEST(TorqueGuard, LimitsHoldWithTicksMissedAtRandom) {
     keeper.expectUsed(LimitKind::Velocity, 0.999);
 }
 
+TEST(TorqueGuard, ARobotWithSpeedLimitsThatItDoesNotKeepIsRefused) {
+    RobotDescription robot = testing::makeTwoLinkArm();
+    robot.speedLimits.tool = 0.3;
+    TorqueGuard guard(robot, kTick_s);
+    const std::string complaint = test::catchError([&] { guard.start({robot.home, JointVector::Zero(robot.size())}); });
+    EXPECT_NE(complaint.find("speed limits"), std::string::npos) << complaint;
+    EXPECT_NE(complaint.find("ReferenceGuard"), std::string::npos) << complaint;
+}
+
 TEST(TorqueGuard, MoreThanAThousandMissedTicksStopTheArm) {
     MovingArm arm;
     arm.guard.missTicks(kMaxMissedTicks);

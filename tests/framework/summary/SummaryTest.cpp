@@ -49,6 +49,31 @@ struct HandMadeRun {
     nlohmann::json json() const { return nlohmann::json::parse(writeSummaryJson({}, {}, {result}))["cases"][0]; }
 };
 
+// On its backup stop, at rest and with a limit that acts: asked to move.
+TEST(Summary, AnArmThatStandsOnItsBackupStopIsNamed) {
+    HandMadeRun run;
+    run.acting = {LimitKind::Clearance, LimitSide::Lower};
+    const auto add = [&](int ticks, FilterStatus status) {
+        for (int k = 0; k < ticks; ++k) run.add(0.1, status, StopVerdict::Safe, 0.0, 0.1);
+    };
+    add(1900, FilterStatus::StoppedByPlan);
+    add(100, FilterStatus::Modified);
+    EXPECT_EQ(run.result.summary.standstill().longest_s, 0.0) << "not for seconds";
+    add(2500, FilterStatus::StoppedByPlan);
+    add(10, FilterStatus::Modified);
+    add(3500, FilterStatus::StoppedByPlan);
+    EXPECT_NEAR(run.result.summary.standstill().longest_s, 3.5, 0.0015);
+    EXPECT_NEAR(run.result.summary.standstill().begin_s, 4.51, 0.0015);
+    EXPECT_NEAR(run.result.summary.standstill().total_s, 6.0, 0.003);
+    expectContains(formatVerdict(run.result), {"stood on its backup stop for 3.5 s from 4.510 s on, 6.0 s in all",
+                                               "what held it: clearance", "steering is local"});
+    EXPECT_NEAR(run.json()["longest_standstill_s"].get<double>(), 3.5, 0.0015);
+
+    HandMadeRun content;  // nothing acts: it does what is asked
+    for (int k = 0; k < 4000; ++k) content.add(0.1, FilterStatus::StoppedByPlan, StopVerdict::Safe, 0.0, 0.1);
+    EXPECT_EQ(content.result.summary.standstill().total_s, 0.0);
+}
+
 TEST(Summary, AnArmThatNeverComesBackHasNotKeptItsLimits) {
     HandMadeRun run;
     for (int k = 0; k < 10; ++k) run.add(1.5 + 0.1 * k, FilterStatus::Recovering, StopVerdict::Recovering);

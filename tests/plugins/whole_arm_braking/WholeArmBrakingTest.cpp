@@ -329,6 +329,82 @@ TEST(WholeArmBraking, MotorsBearEveryTickAndEveryStop) {
     EXPECT_GT(use[1], 0.55) << "the motors are hardly used";
 }
 
+// What a share of the motors' torque is kept for: the torque that is held over a tick, M times its mean acceleration plus b. At a
+// tick's ends M qdd + b is up to M jerk dt / 2 away from it, beyond the share where jerk is large, and hardly more.
+TEST(WholeArmBraking, TorqueShareIsOfTheTorqueThatATickHolds) {
+    const RobotDescription panda = loadRobot(VIABLE_SOURCE_DIR "/robots/panda");
+    const int n = panda.size();
+    WholeArmBrakingOptions options;
+    options.torqueShare = 0.4;
+    ArmAmongObstacles arm(Environment{}, options, panda);
+    arm.configure();
+    const JointVector limit = options.torqueShare * panda.actuation.torqueLimit;
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> share(-1.0, 1.0);
+    double held = 0.0, atEnds = 0.0, beyondBound = 0.0;
+    JointVector pushed = JointVector::Zero(n);
+    for (int tick = 0; tick < 4000; ++tick) {
+        if (tick % 5 == 0)
+            for (double& x : pushed) x = 15.0 * share(random);
+        const Dynamics before = arm.dynamics;
+        const JointVector qdd = arm.state.qdd;
+        ASSERT_LE(arm.push(pushed), FilterStatus::StoppedByPlan) << tick;
+        held = std::max(held, arm.motion.torque.cwiseAbs().cwiseQuotient(limit).maxCoeff());
+        const JointVector atBegin = before.M * qdd + before.b, atEnd = arm.dynamics.M * arm.state.qdd + arm.dynamics.b;
+        const JointVector change = before.M.cwiseAbs() * arm.motion.jerk.cwiseAbs() * (kTick_s / 2.0);
+        for (const JointVector& torque : {atBegin, atEnd}) {
+            atEnds = std::max(atEnds, torque.cwiseAbs().cwiseQuotient(limit).maxCoeff());
+            beyondBound = std::max(beyondBound, (torque.cwiseAbs() - change).cwiseQuotient(limit).maxCoeff());
+        }
+    }
+    std::printf(
+        "  share of the share used: %.4f held over ticks, %.3f at their ends, %.4f there without M jerk dt / 2\n", held,
+        atEnds, beyondBound);
+    EXPECT_LE(held, 1.0 + 1e-8);
+    EXPECT_GT(atEnds, 1.05);
+    EXPECT_LE(beyondBound, 1.02);
+}
+
+// The clearance that is logged is never more than the distance in its own tick, and not far below it where something is near.
+TEST(WholeArmBraking, TheClearanceItTellsIsALowerBoundInItsTick) {
+    std::mt19937 random(8);
+    std::uniform_real_distribution<double> share(-1.0, 1.0);
+    double tooMuch = -kInfinity, below = 0.0;
+    int near = 0;
+    for (int round = 0; round < 6; ++round) {
+        Environment environment;
+        environment.solids.push_back(makePlate(findHeading() + 0.8 + kPi, 0.02));
+        environment.solids.push_back(makeBox("table", {0.0, 0.0, -0.1}, {2.0, 2.0, 0.1}));
+        environment.solids.push_back(
+            makeBox("shelf", {0.5 * share(random), 0.5 * share(random), 1.0}, {0.3, 0.3, 0.05}));
+        ArmAmongObstacles arm(environment);
+        try {
+            arm.configure();
+        } catch (const Error&) {
+            continue;  // the shelf is where it starts
+        }
+        JointVector goal = arm.robot().home;
+        for (int tick = 0; tick < 3000; ++tick) {
+            if (tick % 400 == 0)
+                for (int i = 0; i < 6; ++i) goal[i] = 2.0 * share(random);
+            const double before = arm.judge();
+            arm.goTo(goal);
+            const double least = std::min(before, arm.judge());
+            if (!arm.decision.clearance.isKnown || least >= 0.4) continue;
+            tooMuch = std::max(tooMuch, arm.decision.clearance.distance - least);
+            if (least > 0.05) continue;
+            ++near;
+            below += least - arm.decision.clearance.distance;
+        }
+    }
+    std::printf(
+        "  told at most %+.2g mm more than there was in the tick; %.2g mm less on average of %d ticks near something\n",
+        1e3 * tooMuch, 1e3 * below / near, near);
+    EXPECT_LE(tooMuch, 1e-8);
+    EXPECT_GT(near, 500);
+    EXPECT_LT(below / near, 0.03);
+}
+
 // An obstacle appears around the arm while it moves: it brakes, there is always a decision, and it can move out.
 TEST(Fault60, AnObstacleThatAppearsInsideTheArmBrakesItAndLetsItOut) {
     ArmAmongObstacles arm(Environment{});
@@ -487,7 +563,7 @@ TEST(WholeArmBraking, AStartTooNearIsRefusedWithLinkObstacleAndDistance) {
     environment.solids.push_back(makeBox("shelf", free.dynamics.tool.position, {0.05, 0.05, 0.05}));
     ArmAmongObstacles arm(environment);
     const std::string complaint = findComplaint([&] { arm.configure(); });
-    for (const char* part : {"link6", "shelf", "0.02", "recovery"})
+    for (const char* part : {"link6", "shelf", "0.02", "recovery", "lower bounds", "the capsules themselves come to -"})
         EXPECT_NE(complaint.find(part), std::string::npos) << complaint;
     WholeArmBrakingOptions options;
     options.joints.recovery = true;

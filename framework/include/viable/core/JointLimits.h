@@ -17,9 +17,10 @@ enum class LimitKind : unsigned char {
     Jerk,
     Torque,     ///< of the motors, now or along the stop
     Clearance,  ///< from obstacles, or of the links from each other; acts as a lower limit
+    Speed,      ///< of the arm's points, see SpeedLimits; acts as an upper limit
 };
 
-inline constexpr int kLimitKinds = static_cast<int>(LimitKind::Clearance) + 1;
+inline constexpr int kLimitKinds = static_cast<int>(LimitKind::Speed) + 1;
 
 /** Which side of a limit acts. */
 enum class LimitSide : signed char { Lower = -1, Neither = 0, Upper = 1 };
@@ -47,7 +48,7 @@ rounding of a limit met exactly does not count. */
 inline constexpr double kOutsideShare = 1e-9;
 
 /** "rad", "rad/s", "rad/s^2", "rad/s^3", "Nm", of a joint that slides "m", "m/s", "m/s^2", "m/s^3", "N"; of clearances
-"m"; empty for None. */
+"m", of speeds "m/s"; empty for None. */
 const char* getUnit(LimitKind kind, bool slides);
 
 /** Lower and upper bound of one quantity for every joint. "No limit" is infinity. */

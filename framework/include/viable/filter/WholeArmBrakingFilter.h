@@ -42,7 +42,8 @@ Guarantees: as CertifiedBrakingFilter for joint limits. In surroundings that do 
 their
 known paths: the safety distance at every tick, between ticks and along every backup stop; torque limits in every tick
 of
-the run and of every backup stop. A chain of filters that changes what this one decided takes these guarantees on
+the run and of every backup stop, for the torque that a tick holds: M times its mean acceleration plus b. At the ends of a tick
+M qdd + b is away from that by up to M jerk dt / 2 and what M and b change in the tick. A chain of filters that changes what this one decided takes these guarantees on
 itself.
 Real time: bounded work (ArmStopCheck::kMaxDistances and TorqueScan::kMaxTorques); no allocation, lock or throw after
 configure(). */
@@ -61,6 +62,7 @@ public:
     void reset(const MotionState& start) override;
     bool guaranteesLimits() const override { return true; }
     bool guaranteesClearance() const override;
+    bool guaranteesSpeed() const override;
     bool recovers() const override;
     bool changeLimits(const JointLimits& limits) override;
     void skipTicks(std::int64_t ticks) override;

@@ -63,6 +63,7 @@ struct TickRecord {
     std::array<Stop, kMaxJoints> stops{};
     StopVerdict verdict = StopVerdict::Safe;
     Clearance clearance;           ///< as the filter sees it, along the tick and the stop
+    ArmSpeed speed;                ///< the same
     double mapAge_s = 0.0;         ///< of the surroundings that the filter went by
     JointLimits limits;            ///< of the nominal plant, in force in this tick
     bool braking = false;          ///< the arm follows the host's own stop, not the command

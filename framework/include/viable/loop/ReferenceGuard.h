@@ -58,13 +58,13 @@ all limits can follow at every tick.
         robot.command(next.state.q, next.state.qd);
 
 Method: Servo leads each joint to its target as fast as the limits allow; a certified filter (CertifiedBrakingFilter,
-with surroundings WholeArmBrakingFilter with the change measured in joint jerk) and the monitor of stops stand behind it,
+with surroundings or speed limits of the robot's points WholeArmBrakingFilter with the change measured in joint jerk) and the monitor of stops stand behind it,
 in the very loop of experiments (ControlLoop). The same reference goes to a simulation, a vendor's servo call or a
 trajectory file. No torques: the robot's masses, motors and friction do not count and need not be known.
 Targets come when they come, 10 to 200 times a second or once (see CommandReceiver). A target beyond a position limit
 counts as one at the limit.
 Guarantees: position, velocity, acceleration and jerk limits of the reference, at every tick and between, whatever
-targets and missed ticks do (with `recovery`: from the moment they are met); with surroundings, what
+targets and missed ticks do (with `recovery`: from the moment they are met); with surroundings or speed limits, what
 WholeArmBrakingFilter guarantees but for torques. The real arm: as well as it follows.
 Real time: step(), missTicks() and changeLimits() allocate, lock, log and throw nothing. Constructor and start() are
 not for the loop.

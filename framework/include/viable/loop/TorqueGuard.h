@@ -89,6 +89,7 @@ Without a reading (bad, or a missed tick) the robust loop's integral stands stil
 held, which carries a payload on. What it spent on friction, by the robot's description, goes as the
 nominal joint slows down: held, it would keep the real one moving. The torque never grows, but nothing
 ties the real arm to the nominal one meanwhile.
+A robot with RobotDescription::speedLimits is refused at the start: nothing here keeps them.
 Guarantees: position, velocity, acceleration and jerk limits of the nominal arm, at every tick and
 between, whatever law, readings and missed ticks do (with `filter.recovery`: from the moment they are
 met); as long as there are readings, the real arm within `largestDeviation` of it, or the arm is stopped.

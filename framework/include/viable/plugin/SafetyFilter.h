@@ -27,6 +27,14 @@ struct Clearance {
     Eigen::Vector3d onObstacle = Eigen::Vector3d::Zero();
 };
 
+/** The speed of the arm's points that uses the largest share of its limit, on the way through a tick and the stop after it. */
+struct ArmSpeed {
+    bool isKnown = false;                                    ///< false: nobody has looked
+    double speed = 0.0;                                      ///< no point of that part is faster at any time [m/s]
+    double limit = std::numeric_limits<double>::infinity();  ///< of it there [m/s]
+    int link = -1;                                           ///< index into ArmGeometry::links; -1: the tool frame
+};
+
 /** What a filter is given in a tick. The host sees to it that all of it is finite and of the right size. */
 struct FilterInput {
     const MotionState& nominal;  ///< the nominal arm's state
@@ -56,6 +64,7 @@ struct FilterDecision {
     bool hasStops = false;
     Clearance clearance;    ///< of a filter that keeps one
     double mapAge_s = 0.0;  ///< age of the surroundings that the filter went by
+    ArmSpeed speed;         ///< of a filter that keeps speed limits
 
     // All else is left as it is.
     void holdJerk(const JointVector& jerk) {
@@ -92,6 +101,9 @@ public:
     /** True when that guarantee includes that the nominal arm touches nothing of RunSetup::surroundings, as long as they
     stay as they are but for known paths, nor itself. Valid after configure(). */
     virtual bool guaranteesClearance() const;
+
+    /** True when that guarantee includes RobotDescription::speedLimits for the nominal arm. Valid after configure(). */
+    virtual bool guaranteesSpeed() const;
 
     /** True when configure() accepted to recover from a start outside the limits, or inside but
     without a stop that stays there; the host refuses such a start otherwise. Valid after configure(). */

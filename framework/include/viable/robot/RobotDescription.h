@@ -7,6 +7,7 @@
 #include "viable/config/ConfigNode.h"
 #include "viable/core/JointLimits.h"
 #include "viable/core/JointTypes.h"
+#include "viable/robot/SpeedLimits.h"
 
 namespace viable {
 
@@ -60,6 +61,7 @@ struct RobotDescription {
     JointLimits limits;
     bool allowLargeAngles = false;
     JointVector home;  ///< [rad]
+    SpeedLimits speedLimits;
     Actuation actuation;
     std::vector<std::string> assumed;  ///< keys of limits.yaml and actuation.yaml whose figures nobody gave
 

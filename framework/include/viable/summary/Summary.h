@@ -197,8 +197,40 @@ struct Collisions {
     std::optional<CollisionRecord> real;  ///< its true state, where the plant knows it
 };
 
-/** What a run came to, from its tick records alone (so a log gives the same summary again), but for the collisions,
-which somebody else counts. */
+/** How fast points of an arm moved, against RobotDescription::speedLimits. Looked at in the rows and half-way between them;
+a tick counts with the looks after its beginning, the first one with that, too. */
+struct SpeedRecord {
+    double largest = 0.0;    ///< of all points that are limited somewhere [m/s]
+    double largest_s = 0.0;  ///< when
+    std::string part;        ///< link, or "tool"
+    double use = 0.0;        ///< largest speed / limit
+    std::int64_t ticks = 0;
+    std::int64_t ticksAtLimit = 0;  ///< above kAtSpeedLimit of a limit
+    std::int64_t ticksTooFast = 0;
+    std::optional<double> firstTooFast_s;
+};
+
+/** A speed above this share of its limit is at the limit; beyond it by less than the other it is not above it: rounding. */
+inline constexpr double kAtSpeedLimit = 0.95, kSpeedRounding = 1e-9;
+
+/** Of the arms of a run with speed limits. */
+struct Speeds {
+    SpeedRecord nominal;
+    std::optional<SpeedRecord> real;  ///< its true state, where the plant knows it
+};
+
+/** An arm that was asked to move and stood on its backup stop (FilterStatus::StoppedByPlan), at rest, in one go for
+kLongStandstill_s or more. */
+struct StandstillRecord {
+    double longest_s = 0.0, begin_s = 0.0;  ///< the longest one and when it began
+    double total_s = 0.0;                   ///< of all
+    LimitKind limit = LimitKind::None;      ///< that acted at the end of the longest one
+    Clearance nearest;                      ///< then
+};
+inline constexpr double kLongStandstill_s = 2.0;
+
+/** What a run came to, from its tick records alone (so a log gives the same summary again), but for collisions and
+speeds, which somebody else counts. */
 class Summary {
 public:
     /** @param reference  without a real plant: not looked at */
@@ -212,6 +244,7 @@ public:
     void addEnd(const MotionState& nominal, double time_s);
 
     void setCollisions(Collisions collisions) { collisions_ = std::move(collisions); }
+    void setSpeeds(Speeds speeds) { speeds_ = std::move(speeds); }
 
     static constexpr int kQuantities = 4;  ///< position, velocity, acceleration, jerk: LimitKind 1..4
     /** Per quantity (LimitKind Position..Jerk), one entry per joint. */
@@ -272,6 +305,9 @@ public:
 
     /** Of a run in an environment. */
     const std::optional<Collisions>& collisions() const { return collisions_; }
+    /** Of a run with speed limits. */
+    const std::optional<Speeds>& speeds() const { return speeds_; }
+    const StandstillRecord& standstill() const { return standstill_; }
 
     bool hasRealPlant() const { return hasRealPlant_; }
     double trackingRms(int joint) const;  ///< of actual - nominal position [rad, m]
@@ -372,6 +408,11 @@ private:
     double squaredJerk_ = 0.0;
     bool broken_ = false;
     std::optional<Collisions> collisions_;
+    std::optional<Speeds> speeds_;
+    StandstillRecord standstill_;
+    std::int64_t standingTicks_ = 0;  ///< in a row
+    double standingSince_s_ = 0.0;
+    void addStandstill(const TickRecord& record);
     std::int64_t ticks_ = 0;
     std::int64_t substituted_ = 0;
     JointVector squaredError_, largestError_;

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "viable/config/ConfigNode.h"
+
+namespace viable {
+
+/** Largest speeds of an arm's points in the base frame [m/s]; infinite: no limit. Such as 0.25 m/s, the reduced speed of
+ISO 10218-1. */
+struct SpeedLimits {
+    /** A box in which a lower speed counts: for all points of a capsule, as soon as its segment is in the box made larger by the
+    capsule's radius on every side. */
+    struct Region {
+        std::string name;
+        Eigen::Vector3d lower = Eigen::Vector3d::Zero(), upper = Eigen::Vector3d::Zero();  ///< corners, base frame [m]
+        double speed = std::numeric_limits<double>::infinity();
+    };
+
+    double arm = std::numeric_limits<double>::infinity();   ///< of every point of the capsules that a joint moves
+    double tool = std::numeric_limits<double>::infinity();  ///< of the tool frame's origin
+    std::vector<Region> regions;
+
+    bool needsCapsules() const { return arm < std::numeric_limits<double>::infinity() || !regions.empty(); }
+    bool isAny() const { return needsCapsules() || tool < std::numeric_limits<double>::infinity(); }
+};
+
+/** Smallest speed limit accepted [m/s]: below it a number is a mistake in the unit. */
+inline constexpr double kSmallestSpeedLimit = 1e-3;
+
+/** Reads a `speed_limits` block:
+
+    arm_mps: 0.25
+    tool_mps: 0.5
+    regions:
+      table: {lower_m: [0.2, -0.4, 0], upper_m: [0.8, 0.4, 0.5], speed_mps: 0.1}
+
+Throws Error (BadInput) with the place. */
+SpeedLimits readSpeedLimits(const ConfigNode& block);
+
+/** Checks what was filled in code; throws Error (BadInput). @param where  for the message */
+void checkSpeedLimits(const SpeedLimits& limits, const std::string& where);
+
+}  // namespace viable

@@ -1,0 +1,256 @@
+#include "Paths.h"
+#include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
+#include "viable/filter/WholeArmBrakingFilter.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <optional>
+#include <random>
+
+#include "TestArm.h"
+#include "summary/SpeedCounter.h"
+#include "viable/loop/NominalPlant.h"
+#include "viable/robot/RobotModel.h"
+#include "viable/testing/AllocationCounter.h"
+
+namespace viable {
+namespace {
+
+constexpr double kPeriod_s = 1e-3;
+
+/** An arm with speed limits and nothing around it, under the filter. */
+class LimitedArm {
+public:
+    explicit LimitedArm(const SpeedLimits& limits, WholeArmBrakingOptions options = {}, const char* name = "indy7")
+        : robot(loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + name)), model_(robot) {
+        robot.speedLimits = limits;
+        const int n = robot.size();
+        state = {robot.home, JointVector::Zero(n), JointVector::Zero(n)};
+        options_ = options;
+        const ArmGeometry geometry = loadArmGeometry(robot);
+        judge.emplace(robot, &geometry, false);
+    }
+    void configure() {
+        model_.calcDynamics(state.q, state.qd, dynamics);
+        setup_.emplace(RunSetup{robot, robot.limits, kPeriod_s, 60.0, state, dynamics.tool});
+        filter.configure(*setup_, options_);
+    }
+    FilterStatus goTo(const JointVector& goal, double stiffness) {
+        const JointVector qdd = stiffness * (goal - state.q) - 2.0 * std::sqrt(stiffness) * state.qd;
+        JointVector torque;
+        calcInverseDynamics(dynamics, qdd, torque);
+        const FilterStatus status = filter.filter({state, torque, dynamics}, decision);
+        advanceNominal(decision, kPeriod_s, state);
+        model_.calcDynamics(state.q, state.qd, dynamics);
+        return status;
+    }
+    double use() const { return judge->find(state.q, state.qd).use; }
+    bool acts(LimitKind kind) const {
+        for (const JointIntervention& joint : decision.joints)
+            if (joint.limit == kind) return true;
+        return false;
+    }
+    JointVector drawGoal(std::mt19937& random) const {
+        std::uniform_real_distribution<double> share(-1.0, 1.0);
+        JointVector goal = robot.home;
+        for (Eigen::Index i = 0; i < goal.size(); ++i)
+            goal[i] = std::clamp(goal[i] + 1.5 * share(random), robot.limits.position.lower[i],
+                                 robot.limits.position.upper[i]);
+        return goal;
+    }
+
+    RobotDescription robot;
+    std::optional<detail::SpeedCounter> judge;
+    WholeArmBrakingFilter filter;
+    MotionState state;
+    Dynamics dynamics;
+    FilterDecision decision;
+
+private:
+    RobotModel model_;
+    WholeArmBrakingOptions options_;
+    std::optional<RunSetup> setup_;
+};
+
+// To random poses as fast as a stiff law wants, with 0.25 m/s for every point: never more, and near it whenever more is asked for.
+TEST(SpeedLimits, TheArmRunsAtTheLimitInsteadOfStopping) {
+    for (const char* robot : {"indy7", "panda", "ur5e"}) {
+        SpeedLimits limits;
+        limits.arm = 0.25;
+        LimitedArm arm(limits, {}, robot);
+        arm.configure();
+        EXPECT_TRUE(arm.filter.guaranteesSpeed());
+        std::mt19937 random(3);
+        JointVector goal;
+        double most = 0.0;
+        int asked = 0, atLimit = 0, stopped = 0, acting = 0;
+        constexpr int kTicks = 12000, kTicksPerGoal = 3000;
+        for (int tick = 0; tick < kTicks; ++tick) {
+            if (tick % kTicksPerGoal == 0) goal = arm.drawGoal(random);
+            const FilterStatus status = arm.goTo(goal, 100.0);
+            ASSERT_LE(status, FilterStatus::StoppedByPlan);
+            const double use = arm.use();
+            most = std::max(most, use);
+            EXPECT_TRUE(arm.decision.speed.isKnown);
+            stopped += status == FilterStatus::StoppedByPlan;
+            acting += arm.acts(LimitKind::Speed);
+            // The law's own speed: a spring far from its goal asks for far more than 0.25 m/s.
+            if ((goal - arm.state.q).lpNorm<Eigen::Infinity>() < 0.2) continue;
+            ++asked;
+            atLimit += use > kAtSpeedLimit;
+        }
+        std::printf(
+            "  %s: largest speed 1 %+.2g of the limit; above %.0f %% of it in %.1f %% of %d ticks far from the goal; "
+            "the "
+            "limit acts in %d ticks, %d on a backup stop\n",
+            robot, most - 1.0, 100.0 * kAtSpeedLimit, 100.0 * atLimit / asked, asked, acting, stopped);
+        EXPECT_LE(most, 1.0 + 1e-9);
+        EXPECT_GT(asked, kTicks / 8);
+        EXPECT_GT(atLimit, 0.6 * asked);
+    }
+}
+
+// Without the filter's steering it is kept just as well.
+TEST(SpeedLimits, WithoutSteeringTheyAreKept) {
+    SpeedLimits limits;
+    limits.arm = 0.1;
+    WholeArmBrakingOptions options;
+    options.steers = false;
+    LimitedArm arm(limits, options);
+    arm.configure();
+    std::mt19937 random(4);
+    JointVector goal;
+    double most = 0.0, way = 0.0;
+    for (int tick = 0; tick < 6000; ++tick) {
+        if (tick % 1500 == 0) goal = arm.drawGoal(random);
+        arm.goTo(goal, 400.0);
+        most = std::max(most, arm.use());
+        way += arm.state.qd.norm() * kPeriod_s;
+    }
+    EXPECT_LE(most, 1.0 + 1e-9);
+    EXPECT_GT(way, 0.1) << "it moves";
+}
+
+// A box in which 0.05 m/s counts: outside the arm is faster, and in it the arm goes on.
+TEST(SpeedLimits, ARegionIsEnteredSlowly) {
+    LimitedArm free({});
+    free.configure();
+    const Eigen::Vector3d tool = free.dynamics.tool.position;
+    const double angle = std::atan2(tool.y(), tool.x()) + 0.6, radius = tool.head<2>().norm();
+    const Eigen::Vector3d centre(radius * std::cos(angle), radius * std::sin(angle), tool.z());
+    SpeedLimits limits;
+    limits.arm = 0.5;
+    limits.regions.push_back(
+        {"box", centre - Eigen::Vector3d::Constant(0.05), centre + Eigen::Vector3d::Constant(0.05), 0.05});
+    LimitedArm arm(limits);
+    arm.configure();
+    JointVector goal = arm.robot.home;
+    goal[0] += 1.4;
+    double most = 0.0, fastest = 0.0;
+    int inside = 0, insideAtLimit = 0, tick = 0;
+    for (; tick < 30000 && arm.state.q[0] < goal[0] - 0.05; ++tick) {
+        arm.goTo(goal, 100.0);
+        const detail::SpeedCounter::Fastest found = arm.judge->find(arm.state.q, arm.state.qd);
+        most = std::max(most, found.use);
+        fastest = std::max(fastest, found.speed);
+        const bool isInside = found.use > 0.0 && found.speed / found.use < 0.1;
+        inside += isInside;
+        insideAtLimit += isInside && found.use > 0.9;
+    }
+    std::printf(
+        "  through the box in %.1f s, %.1f s of them inside; fastest %.3f m/s, largest share of a limit 1 %+.2g\n",
+        kPeriod_s * tick, kPeriod_s * inside, fastest, most - 1.0);
+    EXPECT_LE(most, 1.0 + 1e-9);
+    EXPECT_GT(fastest, 0.4);
+    EXPECT_GT(inside, 1000);
+    EXPECT_GT(insideAtLimit, 0.6 * inside);
+    EXPECT_LT(tick, 30000) << "it gets through";
+}
+
+TEST(SpeedLimits, TheToolAloneIsLimited) {
+    SpeedLimits limits;
+    limits.tool = 0.1;
+    LimitedArm arm(limits);
+    arm.configure();
+    std::mt19937 random(6);
+    JointVector goal, before;
+    double most = 0.0;
+    for (int tick = 0; tick < 6000; ++tick) {
+        if (tick % 1500 == 0) goal = arm.drawGoal(random);
+        const Eigen::Vector3d tool = arm.dynamics.tool.position;
+        arm.goTo(goal, 100.0);
+        most = std::max(most, (arm.dynamics.tool.position - tool).norm() / kPeriod_s);
+    }
+    EXPECT_LE(most, 0.1 * (1.0 + 1e-9));  // a mean over a tick is not above the largest
+    EXPECT_GT(most, 0.095);
+    EXPECT_EQ(arm.decision.speed.link, -1);
+}
+
+TEST(SpeedLimits, AStartThatIsTooFastIsRefusedOrSlowedDown) {
+    SpeedLimits limits;
+    limits.arm = 0.1;
+    LimitedArm arm(limits);
+    arm.state.qd[0] = 1.0;
+    try {
+        arm.configure();
+        FAIL() << "it was accepted";
+    } catch (const Error& e) {
+        for (const char* part : {"link", "m/s", "0.1", "recovery"})
+            EXPECT_NE(std::string(e.what()).find(part), std::string::npos) << e.what();
+    }
+    WholeArmBrakingOptions options;
+    options.joints.recovery = true;
+    LimitedArm slowed(limits, options);
+    slowed.state.qd[0] = 1.0;
+    slowed.configure();
+    EXPECT_FALSE(slowed.filter.guaranteesSpeed());
+    JointVector goal = slowed.robot.home;
+    goal[0] += 1.0;
+    double first = slowed.use(), most = first;
+    for (int tick = 0; tick < 3000; ++tick) {
+        slowed.goTo(goal, 100.0);
+        if (tick > 1000) {
+            EXPECT_LE(slowed.use(), 1.0 + 1e-9) << tick;
+        }
+        most = std::max(most, slowed.use());
+    }
+    EXPECT_GT(first, 5.0);
+    EXPECT_LT(most, 1.1 * first);
+}
+
+TEST(SpeedLimits, AllocateNothing) {
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
+    SpeedLimits limits;
+    limits.arm = 0.25;
+    limits.tool = 0.2;
+    limits.regions.push_back({"box", {-1.0, -1.0, 0.3}, {1.0, 1.0, 0.6}, 0.1});
+    LimitedArm arm(limits);
+    arm.configure();
+    std::mt19937 random(7);
+    JointVector goal = arm.drawGoal(random);
+    testing::AllocationCounter counter;
+    for (int tick = 0; tick < 2000; ++tick) arm.goTo(goal, 100.0);
+    EXPECT_EQ(counter.count(), 0);
+}
+
+TEST(SpeedLimits, NumbersThatAreNoneAreRefused) {
+    for (const double speed : {0.0, -1.0, 1e-6, std::numeric_limits<double>::quiet_NaN()}) {
+        SpeedLimits limits;
+        limits.arm = speed;
+        LimitedArm arm(limits);
+        EXPECT_THROW(arm.configure(), Error) << speed;
+        SpeedLimits region;
+        region.regions.push_back({"box", {0.0, 0.0, 0.0}, {1.0, 1.0, 1.0}, speed});
+        LimitedArm other(region);
+        EXPECT_THROW(other.configure(), Error) << speed;
+    }
+    SpeedLimits flat;
+    flat.regions.push_back({"flat", {0.0, 0.0, 0.0}, {1.0, 0.0, 1.0}, 0.1});
+    LimitedArm arm(flat);
+    EXPECT_THROW(arm.configure(), Error);
+}
+
+}  // namespace
+}  // namespace viable
