@@ -1,3 +1,4 @@
+#include <qrencode.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -5,6 +6,7 @@
 #include <cstdio>
 #include <limits>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "Commands.h"
@@ -14,8 +16,11 @@
 #include "RunFolder.h"
 #include "StopSignals.h"
 #include "core/Text.h"
+#include "core/WholeFile.h"
 #include "live/LiveSession.h"
 #include "live/LiveStart.h"
+#include "page/LiveFrame.h"
+#include "page/PageServer.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -27,6 +32,7 @@ namespace fs = std::filesystem;
 /** A plugin that stays in one call for so long ends the program: the robot then holds itself [s]. */
 constexpr double kPatience_s = 5.0;
 constexpr int kLook_ms = 20;
+constexpr unsigned short kPagePort = 8484;
 constexpr double kTerminalLine_s = 0.1, kPlainLine_s = 5.0;
 
 struct LiveArguments {
@@ -35,20 +41,113 @@ struct LiveArguments {
     RealTimeWish realTime;
     std::optional<double> duration_s;
     double logLimit_MB = 4096.0;
-    bool fromHere = false, waits = false, noReport = false, compact = false, noPriority = false;
+    std::string page;
+    bool hasPage = false, fromHere = false, waits = false, noReport = false, compact = false, noPriority = false;
+};
+
+/** A square that a phone's camera reads. */
+void drawCode(const std::string& text) {
+    const std::unique_ptr<QRcode, void (*)(QRcode*)> code(
+        QRcode_encodeString(text.c_str(), 0, QR_ECLEVEL_L, QR_MODE_8, 1), QRcode_free);
+    if (!code) return;
+    constexpr int kEdge = 2;
+    const auto isDark = [&](int x, int y) {
+        return x >= 0 && y >= 0 && x < code->width && y < code->width && (code->data[y * code->width + x] & 1) != 0;
+    };
+    for (int y = -kEdge; y < code->width + kEdge; y += 2) {  // two of its rows per line, light on dark terminals, too
+        std::printf("\033[30;47m");
+        for (int x = -kEdge; x < code->width + kEdge; ++x)
+            std::printf("%s",
+                        isDark(x, y) ? (isDark(x, y + 1) ? "\u2588" : "\u2580") : (isDark(x, y + 1) ? "\u2584" : " "));
+        std::printf("\033[0m\n");
+    }
+}
+
+/** The page of a live arm: its server, and what it is told. */
+class LivePage {
+public:
+    LivePage(const std::string& address, LiveSession& session, const CasePlan& plan, const std::string& title,
+             bool movesJoints)
+        : hand_(session.hand()) {
+        PageOptions options;
+        options.port = kPagePort;
+        readAddress(address, options);
+        options.certificate = readOrMakeCertificate(findKeyFolder(), listHosts("::"));
+        options.page = readWhole(findLivePage()).value_or("");
+        if (options.page.empty())
+            throw badInput(findLivePage().string(), "the page of live arms is missing",
+                           "Run tools/setup.sh again, or install viable again.");
+        if (hand_ && movesJoints) options.joints = plan.robot.size();
+        isOpenToOthers_ = options.address != "127.0.0.1" && options.address != "::1";
+        fingerprint_ = options.certificate.fingerprint;
+        server_ = std::make_unique<PageServer>(std::move(options), hand_, [&session](PageWish wish) {
+            switch (wish) {
+                case PageWish::Start:
+                    return session.resume(LiveAsker::Page);
+                case PageWish::Pause:
+                    return session.pause(LiveAsker::Page);
+                case PageWish::Stop:
+                    return session.stop(LiveAsker::Page);
+            }
+        });
+        server_->tell("live", describeLive(plan, title, hand_ != nullptr, movesJoints));
+    }
+
+    /** @param first  with what to know before the first visit */
+    void tellAddress(bool first) {
+        const std::string address = server_->invite();
+        std::printf("page: %s\n", address.c_str());
+        if (isOpenToOthers_ && ::isatty(STDOUT_FILENO) != 0) drawCode(address);
+        if (first) {
+            std::printf(
+                "      It lets one browser in. The browser does not know this computer's certificate and warns: choose "
+                "\"Advanced\", then\n      \"Proceed\". The certificate's SHA-256 is %s\n",
+                fingerprint_.c_str());
+            if (isOpenToOthers_)
+                std::fprintf(stderr,
+                             "the page can be reached from other computers; who has such an address moves the arm\n");
+        }
+        std::fflush(stdout);
+    }
+
+    void tell(const LiveEvent& event) {
+        server_->tell(
+            "event",
+            nlohmann::json{{"event", getName(event.state)}, {"asker", getName(event.asker)}, {"time_s", event.time_s}}
+                .dump());
+    }
+
+    void show(const LiveStatus& status) {
+        if (status.record.nominal.q.size() == 0) return;  // no tick yet
+        if (hand_)
+            server_->show(encodeFrame(hand_->now(), status, &hand_->status()));
+        else
+            server_->show(encodeFrame(0.0, status, nullptr));
+    }
+
+private:
+    const std::shared_ptr<TeleoperationFeed> hand_;
+    std::unique_ptr<PageServer> server_;
+    std::string fingerprint_;
+    bool isOpenToOthers_ = false;
 };
 
 /** Shows how the arm is, and makes keys and signals wishes, until all has ended. */
 class Operator {
 public:
-    explicit Operator(LiveSession& session) : session_(session), isTerminal_(::isatty(STDOUT_FILENO) != 0) {}
+    /** @param page  null: none */
+    Operator(LiveSession& session, LivePage* page)
+        : session_(session), page_(page), isTerminal_(::isatty(STDOUT_FILENO) != 0) {}
 
     void attend() {
-        if (keys_.exist()) std::printf("keys: space brakes and holds, Enter goes on, q brakes and ends\n");
+        if (keys_.exist())
+            std::printf("keys: space brakes and holds, Enter goes on, q brakes and ends%s\n",
+                        page_ ? ", a tells another address of the page" : "");
         while (!session_.hasEnded()) {
             take(keys_.wait(kLook_ms));
             if (getStopSignal() != 0) session_.stop(LiveAsker::Signal);
             tellEvents();
+            if (page_) page_->show(session_.status());
             draw();
         }
         tellEvents();
@@ -59,12 +158,17 @@ private:
         if (key == ' ') session_.pause(LiveAsker::Key);
         if (key == '\n' || key == '\r') session_.resume(LiveAsker::Key);
         if (key == 'q' || key == 'Q') session_.stop(LiveAsker::Key);
+        if (key == 'a' && page_) {
+            clear();
+            page_->tellAddress(false);
+        }
     }
 
     void tellEvents() {
         LiveEvent event;
         for (; session_.getEvent(told_, event); ++told_) {
             clear();
+            if (page_) page_->tell(event);
             std::printf("%10.3f s  %s (%s)\n", event.time_s, getName(event.state), getName(event.asker));
             std::fflush(stdout);
         }
@@ -98,6 +202,7 @@ private:
     }
 
     LiveSession& session_;
+    LivePage* const page_;
     LiveKeys keys_;
     const bool isTerminal_;
     bool isDrawn_ = false;
@@ -150,6 +255,7 @@ int goLive(const LiveArguments& arguments) {
     const Experiment experiment = readLiveExperiment(arguments, loader);
     const CasePlan& plan = experiment.cases.front();
     std::unique_ptr<ConfiguredCase> configured = configureCase(plan);
+    const bool movesJoints = configured->plugins.command->space() == MotionCommand::Space::Joint;
     LiveSession::warmUp(plan);
 
     const fs::path folder = makeRunFolder(arguments.out, arguments.file);
@@ -162,15 +268,21 @@ int goLive(const LiveArguments& arguments) {
     options.log.limit_bytes = static_cast<std::uint64_t>(arguments.logLimit_MB * 1e6);
     options.realTime = arguments.realTime;
     if (arguments.noPriority) options.realTime = {-1, 0, false};
-    options.waitsArmed = arguments.waits;
+    options.waitsArmed = arguments.waits || arguments.hasPage;
     options.duration_s = arguments.duration_s.value_or(plan.duration_s);
     options.prepareThread = prepareThreadForCrash;
     LiveSession session(std::move(configured), options);
     std::printf("%s\n%s, case %s, output in %s\n", makePrintable(experiment.title).c_str(), arguments.file.c_str(),
                 plan.name.c_str(), folder.c_str());
+    std::unique_ptr<LivePage> page;
+    if (arguments.hasPage) {
+        page = std::make_unique<LivePage>(arguments.page, session, plan, experiment.title, movesJoints);
+        page->tellAddress(true);
+    }
     session.begin();
     for (const std::string& refusal : session.refusals()) std::fprintf(stderr, "not real time: %s\n", refusal.c_str());
-    Operator(session).attend();
+    Operator(session, page.get()).attend();
+    page.reset();
     std::vector<CaseResult> results;
     results.push_back(session.finish());
     tellStage("while summary and report were written", PluginsRun::NoMore);
@@ -203,6 +315,12 @@ void addLiveCommand(CLI::App& app, int& exitCode) {
     command->add_flag("--from-here", arguments->fromHere,
                       "Start where the robot stands, however far that is from the file's start");
     command->add_flag("--wait", arguments->waits, "Hold the arm until Enter is pressed, before the command begins");
+    CLI::Option* const page =
+        command
+            ->add_option("--page", arguments->page,
+                         "Show the arm on a page, and let a hand move it (command teleoperation), at ADDRESS:PORT "
+                         "(default: 127.0.0.1:8484, for this computer alone). The arm waits for the page's start")
+            ->expected(0, 1);
     command->add_option("--cpu", arguments->realTime.cpu, "Run the loop on this processor alone")
         ->check(CLI::Range(0, 4095));
     command->add_option("--priority", arguments->realTime.priority, "Of the loop's thread, SCHED_FIFO (default: 80)")
@@ -217,7 +335,10 @@ void addLiveCommand(CLI::App& app, int& exitCode) {
     command->add_flag("--compact", arguments->compact,
                       "A log of half the size, which PlotJuggler and Foxglove read after `viable export --to mcap`");
     command->add_flag("--no-report", arguments->noReport, "Log and summary only");
-    command->callback([arguments, &exitCode] { exitCode = goLive(*arguments); });
+    command->callback([arguments, page, &exitCode] {
+        arguments->hasPage = page->count() > 0;
+        exitCode = goLive(*arguments);
+    });
 }
 
 }  // namespace viable

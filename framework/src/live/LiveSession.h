@@ -13,6 +13,7 @@
 #include "experiment/RunningCase.h"
 #include "realtime/RealTimeSetup.h"
 #include "summary/LiveTiming.h"
+#include "viable/live/Teleoperation.h"
 
 namespace viable {
 
@@ -27,7 +28,7 @@ enum class LiveState : unsigned char {
 const char* getName(LiveState state);
 
 /** Who asked for a change. */
-enum class LiveAsker : unsigned char { Program, Key, Signal, Duration, Fault };
+enum class LiveAsker : unsigned char { Program, Key, Page, Signal, Duration, Fault };
 const char* getName(LiveAsker asker);
 
 /** A change of state. */
@@ -85,6 +86,8 @@ public:
 
     /** What the system refused of real time, each with its remedy. After begin(); waits until that is known. */
     const std::vector<std::string>& refusals() const;
+    /** Of a command that an operator's hand moves; null: another command. */
+    std::shared_ptr<TeleoperationFeed> hand() const { return hand_; }
     /** Not older than kStatus_s. */
     const LiveStatus& status() { return latest_.read(); }
     /** All ticks have been made. */
@@ -107,8 +110,11 @@ private:
     void changeTo(LiveState state, LiveAsker asker);
     bool isOver();
     void makeTick(bool isMissed);
+    void tellHand(const TickRecord& record);
     void publish();
 
+    TeleoperatedCommand* const teleoperated_;  // of the running case; null: another command
+    const std::shared_ptr<TeleoperationFeed> hand_;
     RunningCase running_;
     const LiveOptions options_;
     const double tick_s_;
