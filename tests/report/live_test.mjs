@@ -356,6 +356,35 @@ await runTests([
     },
   },
   {
+    name: 'a finger on a phone moves the tool',
+    body: async () => {
+      const phone = await open(await invite(), { width: 390, height: 844, hasTouch: true });
+      await phone.waitForSelector('.stage[data-pictures]');
+      await press(phone, 'Take over');
+      await eventually(() => phone.evaluate(() => window.viableLive.link.isOperator), 'it operates');
+      await sleep(500);
+      const before = await tool(phone);
+      const { x, y } = await projected(phone, before);
+      const fingers = await phone.context().newCDPSession(phone);
+      const touch = (type, ...points) => fingers.send('Input.dispatchTouchEvent', { type, touchPoints: points });
+      await touch('touchStart', { x, y });
+      for (let i = 1; i <= 10; ++i) {
+        await touch('touchMove', { x: x - 3 * i, y: y - 2 * i });
+        await sleep(30);
+      }
+      await sleep(1500);
+      const after = await tool(phone);
+      const handle = await phone.evaluate(() => window.viableLive.view.handle.position.toArray());
+      console.log(`     ${(1000 * distance(before, after)).toFixed(1)} mm far, ${(1000 * distance(after, handle)).toFixed(2)} mm off`);
+      assert.equal(await number(phone, 'hand'), 1);
+      await touch('touchEnd');
+      await eventually(async () => (await number(phone, 'hand')) === 0, 'released');
+      assert.ok(distance(before, after) > 0.02);
+      assert.ok(distance(after, handle) < 0.005);
+      await phone.context().close();
+    },
+  },
+  {
     name: 'Stop ends it within all limits, and the log replays to the bit',
     body: async () => {
       await press(page, 'Stop');

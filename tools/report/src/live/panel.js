@@ -298,8 +298,8 @@ export class TimePanel {
       ['tick', 'Tick computed in'],
       ['worst', 'Slowest tick'],
       ['missed', 'Missed ticks'],
-      ['error', 'Tool from target'],
     ];
+    if (run.moves === 'tool') rows.push(['error', 'Tool from target']);
     if (run.environment) rows.push(['clearance', 'Nearest']);
     host.append(
       el('div', { class: 'card-head' }, el('h2', { text: 'Now' })),
@@ -328,7 +328,7 @@ export class TimePanel {
     set('missed', `${one('missed')}${one('lost_rows') > 0 ? ', log too slow' : ''}`);
     const [tool, target] = [frame('tool'), frame('target')];
     const error = Math.hypot(...[0, 1, 2].map((i) => tool[i] - target[i]));
-    set('error', this.run.moves === 'tool' ? `${fixed(1000 * error, 1)} mm` : '–');
+    set('error', `${fixed(1000 * error, 1)} mm`);
     const [link, obstacle, other] = frame('nearest');
     const { links, obstacles } = this.run;
     const name = obstacle >= 0 ? obstacles[obstacle] : links[other];
