@@ -99,7 +99,7 @@ export const colouredPixels = (panel) =>
 let failed = 0;
 
 /** Runs tests one after the other; each has a name and a body. */
-export async function runTests(tests) {
+export async function runTests(tests, { keepsPages = false } = {}) {
   for (const [index, { name, body }] of tests.entries()) {
     const start = Date.now();
     const label = () =>
@@ -111,7 +111,7 @@ export async function runTests(tests) {
       ++failed;
       console.log(`FAIL ${label()}\n     ${String(error.message).replaceAll('\n', '\n     ')}`);
     }
-    for (const context of browser.contexts()) await context.close();
+    if (!keepsPages) for (const context of browser.contexts()) await context.close();
   }
   console.log(
     failed === 0 ? `100% of ${tests.length} tests passed` : `${failed} of ${tests.length} tests failed`,

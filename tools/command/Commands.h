@@ -34,8 +34,9 @@ void addDoctorCommand(CLI::App& app, int& exitCode);
 and beside the experiment's folder, the experiment's own folder where that is a robot's, then the installed ones. @param experiment  may be empty */
 std::vector<std::filesystem::path> makeRobotSearchPath(const std::filesystem::path& experiment);
 
-/** The page of a run's report, and that of a sweep's, installed beside the program. */
+/** The page of a run's report, that of a sweep's and that of a live arm, installed beside the program. */
 std::filesystem::path findReportPage();
 std::filesystem::path findSweepPage();
+std::filesystem::path findLivePage();
 
 }  // namespace viable

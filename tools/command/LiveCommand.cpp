@@ -1,3 +1,4 @@
+#include <qrencode.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -7,6 +8,7 @@
 #include <cstdio>
 #include <limits>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <thread>
 
@@ -16,9 +18,13 @@
 #include "PluginTrouble.h"
 #include "RunFolder.h"
 #include "StopSignals.h"
+#include "core/LatestValue.h"
 #include "core/Text.h"
+#include "core/WholeFile.h"
 #include "live/LiveSession.h"
 #include "live/LiveStart.h"
+#include "page/LiveFrame.h"
+#include "page/PageServer.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -28,6 +34,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kLook_ms = 20;
+constexpr unsigned short kPagePort = 8484;
 constexpr double kTerminalLine_s = 0.1, kPlainLine_s = 5.0;
 
 struct LiveArguments {
@@ -36,13 +43,101 @@ struct LiveArguments {
     RealTimeWish realTime;
     std::optional<double> duration_s;
     double logLimit_MB = 4096.0;
-    bool fromHere = false, waits = false, noReport = false, compact = false, noPriority = false;
+    std::string page;
+    bool hasPage = false, fromHere = false, waits = false, noReport = false, compact = false, noPriority = false;
+};
+
+/** A square that a phone's camera reads. */
+void drawCode(const std::string& text) {
+    const std::unique_ptr<QRcode, void (*)(QRcode*)> code(
+        QRcode_encodeString(text.c_str(), 0, QR_ECLEVEL_L, QR_MODE_8, 1), QRcode_free);
+    if (!code) return;
+    constexpr int kEdge = 2;
+    const auto isDark = [&](int x, int y) {
+        return x >= 0 && y >= 0 && x < code->width && y < code->width && (code->data[y * code->width + x] & 1) != 0;
+    };
+    for (int y = -kEdge; y < code->width + kEdge; y += 2) {  // two of its rows per line, light on dark terminals, too
+        std::printf("\033[30;47m");
+        for (int x = -kEdge; x < code->width + kEdge; ++x)
+            std::printf("%s",
+                        isDark(x, y) ? (isDark(x, y + 1) ? "\u2588" : "\u2580") : (isDark(x, y + 1) ? "\u2584" : " "));
+        std::printf("\033[0m\n");
+    }
+}
+
+/** The page of a live arm: its server, and what it is told. */
+class LivePage {
+public:
+    LivePage(const std::string& address, LiveSession& session, const CasePlan& plan, const std::string& title,
+             bool movesJoints)
+        : hand_(session.hand()) {
+        PageOptions options;
+        options.port = kPagePort;
+        readAddress(address, options);
+        options.certificate = readOrMakeCertificate(findKeyFolder(), listHosts("::"));
+        options.page = readWhole(findLivePage()).value_or("");
+        if (options.page.empty())
+            throw badInput(findLivePage().string(), "the page of live arms is missing",
+                           "Run tools/setup.sh again, or install viable again.");
+        if (hand_ && movesJoints) options.joints = plan.robot.size();
+        isOpenToOthers_ = options.address != "127.0.0.1" && options.address != "::1";
+        fingerprint_ = options.certificate.fingerprint;
+        server_ = std::make_unique<PageServer>(std::move(options), hand_, [&session](PageWish wish) {
+            switch (wish) {
+                case PageWish::Start:
+                    return session.resume(LiveAsker::Page);
+                case PageWish::Pause:
+                    return session.pause(LiveAsker::Page);
+                case PageWish::Stop:
+                    return session.stop(LiveAsker::Page);
+            }
+        });
+        server_->tell("live", describeLive(plan, title, hand_ != nullptr, movesJoints));
+    }
+
+    /** @param first  with what to know before the first visit */
+    void tellAddress(bool first) {
+        const std::string address = server_->invite();
+        std::printf("page: %s\n", address.c_str());
+        if (isOpenToOthers_ && ::isatty(STDOUT_FILENO) != 0) drawCode(address);
+        if (first) {
+            std::printf(
+                "      It lets one browser in. The browser does not know this computer's certificate and warns: choose "
+                "\"Advanced\", then\n      \"Proceed\". The certificate's SHA-256 is %s\n",
+                fingerprint_.c_str());
+            if (isOpenToOthers_)
+                std::fprintf(stderr,
+                             "the page can be reached from other computers; who has such an address moves the arm\n");
+        }
+        std::fflush(stdout);
+    }
+
+    void tell(const LiveEvent& event) {
+        server_->tell(
+            "event",
+            nlohmann::json{{"event", getName(event.state)}, {"asker", getName(event.asker)}, {"time_s", event.time_s}}
+                .dump());
+    }
+
+    void show(const LiveStatus& status) {
+        if (status.record.nominal.q.size() == 0) return;  // no tick yet
+        if (hand_)
+            server_->show(encodeFrame(hand_->now(), status, &hand_->status()));
+        else
+            server_->show(encodeFrame(0.0, status, nullptr));
+    }
+
+private:
+    const std::shared_ptr<TeleoperationFeed> hand_;
+    std::unique_ptr<PageServer> server_;
+    std::string fingerprint_;
+    bool isOpenToOthers_ = false;
 };
 
 /** Shows how the arm is, in a thread of its own: an output that does not take it must not keep keys and signals waiting. */
 class Display {
 public:
-    Display(LiveSession& session, std::vector<std::string> jointNames)
+    Display(const LiveSession& session, std::vector<std::string> jointNames)
         : session_(session),
           names_(std::move(jointNames)),
           isTerminal_(::isatty(STDOUT_FILENO) != 0),
@@ -52,6 +147,8 @@ public:
         isDone_ = true;
         thread_.join();
     }
+    /** How the arm is now. By one thread. */
+    void show(const LiveStatus& status) { latest_.write(status); }
     Display(const Display&) = delete;
     Display& operator=(const Display&) = delete;
 
@@ -85,7 +182,7 @@ private:
         const double period_s = isTerminal_ ? kTerminalLine_s : kPlainLine_s;
         if (std::chrono::duration<double>(now - drawn_).count() < period_s || session_.hasEnded()) return;
         drawn_ = now;
-        const LiveStatus& status = session_.status();
+        const LiveStatus& status = latest_.read();
         clear();
         std::string acting;
         for (Eigen::Index i = 0; i < status.record.nominal.q.size(); ++i) {
@@ -102,8 +199,9 @@ private:
         std::fflush(stdout);
     }
 
-    LiveSession& session_;
+    const LiveSession& session_;
     const std::vector<std::string> names_;
+    LatestValue<LiveStatus> latest_;
     const bool isTerminal_;
     bool isDrawn_ = false;
     std::size_t told_ = 0;
@@ -112,18 +210,27 @@ private:
     std::thread thread_;
 };
 
-/** Makes wishes of keys and signals, until all has ended. */
-void attend(LiveSession& session, const std::vector<std::string>& jointNames) {
+/** Makes wishes of keys and signals, and shows the arm, until all has ended. @param page  null: none */
+void attend(LiveSession& session, LivePage* page, const std::vector<std::string>& jointNames) {
     LiveKeys keys;
-    if (keys.exist()) std::printf("keys: space brakes and holds, Enter goes on, q brakes and ends\n");
+    if (keys.exist())
+        std::printf("keys: space brakes and holds, Enter goes on, q brakes and ends%s\n",
+                    page ? ", a tells another address of the page" : "");
     std::fflush(stdout);
-    const Display display(session, jointNames);
-    while (!session.hasEnded()) {
+    Display display(session, jointNames);
+    LiveEvent event;
+    for (std::size_t told = 0; !session.hasEnded();) {
         if (getStopSignal() != 0) session.stop(LiveAsker::Signal);
         const char key = keys.wait(kLook_ms);
         if (key == ' ') session.pause(LiveAsker::Key);
         if (key == '\n' || key == '\r') session.resume(LiveAsker::Key);
         if (key == 'q' || key == 'Q') session.stop(LiveAsker::Key);
+        const LiveStatus& status = session.status();
+        display.show(status);
+        if (!page) continue;
+        if (key == 'a') page->tellAddress(false);
+        for (; session.getEvent(told, event); ++told) page->tell(event);
+        page->show(status);
     }
 }
 
@@ -176,7 +283,7 @@ int goLive(const LiveArguments& arguments) {
         throw badInput("--cpu " + std::to_string(arguments.realTime.cpu),
                        "this computer has " + std::to_string(processors) + " processors",
                        "Name one from 0 to " + std::to_string(processors - 1) + ".");
-    if (arguments.waits && !LiveKeys::areThere())
+    if (arguments.waits && !arguments.hasPage && !LiveKeys::areThere())
         throw badInput("--wait", "there is no terminal for the Enter that it waits for",
                        "Start it in the foreground of a terminal, or leave --wait out.");
     if (arguments.duration_s && std::isnan(*arguments.duration_s))
@@ -195,6 +302,7 @@ int goLive(const LiveArguments& arguments) {
     LiveSession::rehearse(plan);
     std::unique_ptr<ConfiguredCase> configured = configureCase(plan);
     if (const int signal = getStopSignal()) return tellEnd(signal);
+    const bool movesJoints = configured->plugins.command->space() == MotionCommand::Space::Joint;
 
     const fs::path folder = makeRunFolder(arguments.out, arguments.file);
     const FolderClaim claim(folder);
@@ -206,7 +314,7 @@ int goLive(const LiveArguments& arguments) {
     options.log.limit_bytes = static_cast<std::uint64_t>(arguments.logLimit_MB * 1e6);
     options.realTime = arguments.realTime;
     if (arguments.noPriority) options.realTime = {-1, 0, false};
-    options.waitsArmed = arguments.waits;
+    options.waitsArmed = arguments.waits || arguments.hasPage;
     options.duration_s = arguments.duration_s.value_or(plan.duration_s);
     options.prepareThread = prepareThreadForCrash;
     LiveSession session(std::move(configured), options);
@@ -219,6 +327,7 @@ int goLive(const LiveArguments& arguments) {
         std::fprintf(stderr, "%s: %s\n", session.timing().isRealTime ? "real time, but" : "not real time",
                      refusal.c_str());
     attend(session, plan.robot.jointNames());
+    const bool movesJoints = configured->plugins.command->space() == MotionCommand::Space::Joint;
     std::vector<CaseResult> results;
     results.push_back(session.finish());
     tellStage("while summary and report were written", PluginsRun::NoMore);
@@ -252,6 +361,12 @@ void addLiveCommand(CLI::App& app, int& exitCode) {
     command->add_flag("--from-here", arguments->fromHere,
                       "Start where the robot stands, however far that is from the file's start");
     command->add_flag("--wait", arguments->waits, "Hold the arm until Enter is pressed, before the command begins");
+    CLI::Option* const page =
+        command
+            ->add_option("--page", arguments->page,
+                         "Show the arm on a page, and let a hand move it (command teleoperation), at ADDRESS:PORT "
+                         "(default: 127.0.0.1:8484, for this computer alone). The arm waits for the page's start")
+            ->expected(0, 1);
     command->add_option("--cpu", arguments->realTime.cpu, "Run the loop on this processor alone")
         ->check(CLI::Range(0, 4095));
     command->add_option("--priority", arguments->realTime.priority, "Of the loop's thread, SCHED_FIFO (default: 80)")
@@ -267,7 +382,10 @@ void addLiveCommand(CLI::App& app, int& exitCode) {
     command->add_flag("--compact", arguments->compact,
                       "A log of half the size, which PlotJuggler and Foxglove read after `viable export --to mcap`");
     command->add_flag("--no-report", arguments->noReport, "Log and summary only");
-    command->callback([arguments, &exitCode] { exitCode = goLive(*arguments); });
+    command->callback([arguments, page, &exitCode] {
+        arguments->hasPage = page->count() > 0;
+        exitCode = goLive(*arguments);
+    });
 }
 
 }  // namespace viable

@@ -27,6 +27,10 @@ std::filesystem::path findSweepPage() {
     return findPage("sweep_template.html");
 }
 
+std::filesystem::path findLivePage() {
+    return findPage("live.html");
+}
+
 void addReportCommand(CLI::App& app, int& exitCode) {
     auto folder = std::make_shared<std::string>();
     CLI::App* command =

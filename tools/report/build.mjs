@@ -1,7 +1,7 @@
 // Builds the pages of reports: `node build.mjs FOLDER [MODULES]` writes one HTML file each, with all script and style
-// inside: report_template.html for a run, sweep_template.html for a sweep.
+// inside: report_template.html for a run, sweep_template.html for a sweep, live.html for an arm that `viable live` drives.
 // MODULES is the folder that holds node_modules (default: this one).
-// The C++ program puts the data where the two placeholders stand.
+// The C++ program puts the data of a report where the two placeholders stand; it serves live.html as it is.
 import { createHash } from 'node:crypto';
 import { mkdir, readFile, writeFile } from 'node:fs/promises';
 import { createRequire } from 'node:module';
@@ -22,8 +22,11 @@ function inline(text) {
   return { text, hash: `'sha256-${createHash('sha256').update(text).digest('base64')}'` };
 }
 
-/** Writes a page from SOURCE/index.html, its script and its style; `packages` are those from npm that are in it. */
-async function buildPage(name, source, style, packages) {
+/**
+ * Writes a page from SOURCE/index.html, its script and its style; `packages` are those from npm that are in it. A page that is
+ * served may speak with its server.
+ */
+async function buildPage(name, source, style, packages, { isServed = false } = {}) {
   const bundle = await build({
     absWorkingDir: folder,
     nodePaths: [modules],
@@ -49,7 +52,9 @@ async function buildPage(name, source, style, packages) {
     }),
   );
   const parts = {
-    POLICY: `default-src 'none'; script-src ${script.hash}; style-src ${css.hash}; base-uri 'none'; form-action 'none'`,
+    POLICY:
+      `default-src 'none'; script-src ${script.hash}; style-src ${css.hash}; base-uri 'none'; form-action 'none'` +
+      (isServed ? "; connect-src 'self'" : ''),
     LICENCES: licences.join('\n\n').replaceAll('--', '- -'),
     STYLE: css.text,
     SCRIPT: script.text,
@@ -58,7 +63,7 @@ async function buildPage(name, source, style, packages) {
     /@@(POLICY|LICENCES|STYLE|SCRIPT)@@/g,
     (_, part) => parts[part],
   );
-  for (const placeholder of ['@@VIABLE_DATA@@', '@@VIABLE_BINARY@@'])
+  for (const placeholder of isServed ? [] : ['@@VIABLE_DATA@@', '@@VIABLE_BINARY@@'])
     if (page.split(placeholder).length !== 2) throw new Error(`${placeholder} must stand in ${name} exactly once`);
   await writeFile(join(target, name), page);
   console.log(`${join(target, name)}: ${Math.round(page.length / 1024)} KB`);
@@ -67,3 +72,4 @@ async function buildPage(name, source, style, packages) {
 await mkdir(target, { recursive: true });
 await buildPage('report_template.html', 'src', 'run.css', ['three', 'uplot']);
 await buildPage('sweep_template.html', 'src/sweep', 'sweep.css', []);
+await buildPage('live.html', 'src/live', 'live.css', ['three'], { isServed: true });

@@ -46,6 +46,8 @@ const char* getName(LiveAsker asker) {
             return "program";
         case LiveAsker::Key:
             return "key";
+        case LiveAsker::Page:
+            return "page";
         case LiveAsker::Signal:
             return "signal";
         case LiveAsker::Duration:
@@ -75,7 +77,9 @@ void LiveSession::rehearse(const CasePlan& plan, int ticks) {
 }
 
 LiveSession::LiveSession(std::unique_ptr<ConfiguredCase> configured, const LiveOptions& options)
-    : running_(std::move(configured), widen(options.log), false),
+    : teleoperated_(dynamic_cast<TeleoperatedCommand*>(configured->plugins.command.get())),
+      hand_(teleoperated_ ? teleoperated_->feed() : nullptr),
+      running_(std::move(configured), widen(options.log), false),
       options_(options),
       tick_s_(running_.plan().tick_s),
       hasClock_(running_.loop().hasClock()) {
@@ -183,6 +187,7 @@ void LiveSession::makeTick(bool isMissed) {
         loop.missTick(record);
     else
         loop.tick(record);
+    if (teleoperated_) tellHand(record);
     const std::int64_t end_ns = TickPacer::readClock_ns();
     record.stage_us[static_cast<int>(Stage::Record)] = recordTime_us_;
     timing_.compute.add(std::llround(1e3 * record.compute_us), tick_);
@@ -201,6 +206,13 @@ void LiveSession::makeTick(bool isMissed) {
     recordTime_us_ = 1e-3 * static_cast<double>(TickPacer::readClock_ns() - end_ns);
     ++timing_.ticks;
     if (++tick_ % publishTicks_ == 0) publish();
+}
+
+/** An operator who lets go wants the arm at rest as soon as it can be. */
+void LiveSession::tellHand(const TickRecord& record) {
+    JointVector rest = record.nominal.q;
+    for (Eigen::Index i = 0; i < rest.size(); ++i) rest[i] = record.stops[static_cast<std::size_t>(i)].rest;
+    teleoperated_->observe(record.nominal.q, rest);
 }
 
 void LiveSession::publish() {

@@ -14,6 +14,7 @@
 #include "experiment/RunningCase.h"
 #include "realtime/RealTimeSetup.h"
 #include "summary/LiveTiming.h"
+#include "viable/live/Teleoperation.h"
 
 namespace viable {
 
@@ -28,7 +29,7 @@ enum class LiveState : unsigned char {
 const char* getName(LiveState state);
 
 /** Who asked for a change. */
-enum class LiveAsker : unsigned char { Program, Key, Signal, Duration, Fault };
+enum class LiveAsker : unsigned char { Program, Key, Page, Signal, Duration, Fault };
 const char* getName(LiveAsker asker);
 
 /** A change of state. */
@@ -87,6 +88,8 @@ public:
 
     /** What was had of real time. After begin(); waits until that is known. */
     const LiveTiming& timing() const;
+    /** Of a command that an operator's hand moves; null: another command. */
+    std::shared_ptr<TeleoperationFeed> hand() const { return hand_; }
     /** Not older than kStatus_s, unless a plant's clock stands still. */
     const LiveStatus& status() { return latest_.read(); }
     /** All ticks have been made. */
@@ -111,8 +114,11 @@ private:
     void changeTo(LiveState state, LiveAsker asker);
     bool isOver();
     void makeTick(bool isMissed);
+    void tellHand(const TickRecord& record);
     void publish();
 
+    TeleoperatedCommand* const teleoperated_;  // of the running case; null: another command
+    const std::shared_ptr<TeleoperationFeed> hand_;
     RunningCase running_;
     const LiveOptions options_;
     const double tick_s_;

@@ -21,6 +21,12 @@ export async function readBlocks() {
   return { json, array: (reference, where, length = null) => arrayOf(buffer, reference, where, length) };
 }
 
+/** The same of data that came otherwise: the JSON with the text of the binary block in it. @returns {Promise<Blocks>} */
+export async function unpackBlocks({ binary, ...json }) {
+  const buffer = await unpack(binary);
+  return { json, array: (reference, where, length = null) => arrayOf(buffer, reference, where, length) };
+}
+
 function arrayOf(buffer, reference, where, length) {
   const { at, n, type } = need(reference, where);
   const Type = ELEMENT[type];

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace viable {
+
+/** A page's certificate and its private key, PEM. */
+struct Certificate {
+    std::string certificate, key;
+    std::string fingerprint;  ///< SHA-256 of the certificate as browsers show it, "AB:CD:..."
+};
+
+/** Where a user's page keeps its key: $XDG_STATE_HOME/viable, or ~/.local/state/viable. Throws Error where there is no home. */
+std::filesystem::path findKeyFolder();
+
+/** The certificate of this machine and user (P-256, signed by itself, ten years), made at the first call: page_certificate.pem
+and page_key.pem, readable by the user alone. Throws Error: where the key may be read by others, or the files are damaged or cannot
+be written.
+@param names  host names and addresses to state in a new one */
+Certificate readOrMakeCertificate(const std::filesystem::path& folder, const std::vector<std::string>& names);
+
+}  // namespace viable

@@ -1,0 +1,680 @@
+#include "page/PageServer.h"
+
+#include <arpa/inet.h>
+#include <ifaddrs.h>
+#include <netinet/in.h>
+#include <openssl/crypto.h>
+#include <openssl/rand.h>
+#include <pthread.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/ssl/context.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/ssl.hpp>
+#include <boost/beast/websocket.hpp>
+#include <boost/beast/websocket/ssl.hpp>
+#include <cctype>
+#include <charconv>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <deque>
+#include <map>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <vector>
+
+#include "core/Text.h"
+#include "viable/core/Error.h"
+
+namespace viable {
+
+namespace {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace http = beast::http;
+namespace websocket = beast::websocket;
+using asio::ip::tcp;
+using boost::system::error_code;
+using nlohmann::json;
+using Stream = beast::ssl_stream<beast::tcp_stream>;
+
+constexpr char kProtocol[] = "viable.1";
+constexpr std::size_t kTokenBytes = 32, kMaxInvitations = 16, kMaxSessions = 64;
+constexpr std::size_t kMaxTexts = 64;  // that wait for one viewer
+constexpr int kSendBuffer = 65536;     // what the system keeps for a slow reader
+
+std::chrono::milliseconds toMilliseconds(double seconds) {
+    return std::chrono::milliseconds(std::llround(1e3 * seconds));
+}
+
+/** A random word of 256 bits in letters that stand in addresses and headers. */
+std::string makeSecret() {
+    static const char letters[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_";
+    unsigned char bytes[kTokenBytes];
+    if (RAND_bytes(bytes, sizeof bytes) != 1) throw badInput("--page", "the system gives no random numbers", "");
+    std::string secret;
+    unsigned bits = 0, have = 0;
+    for (const unsigned char byte : bytes) {
+        bits = bits << 8 | byte;
+        for (have += 8; have >= 6; have -= 6) secret += letters[bits >> (have - 6) & 63];
+    }
+    return secret + letters[bits << (6 - have) & 63];
+}
+
+/** Looks at all of them, in a time that tells nothing. */
+bool contains(const std::deque<std::string>& secrets, std::string_view wanted, std::size_t& index) {
+    bool isFound = false;
+    for (std::size_t i = 0; i < secrets.size(); ++i) {
+        if (secrets[i].size() != wanted.size() || CRYPTO_memcmp(secrets[i].data(), wanted.data(), wanted.size()) != 0)
+            continue;
+        isFound = true;
+        index = i;
+    }
+    return isFound;
+}
+
+std::string inUrl(const std::string& host) {
+    return host.find(':') == std::string::npos ? host : "[" + host + "]";
+}
+
+double readDouble(const char* bytes) {
+    double value = 0.0;
+    std::memcpy(&value, bytes, sizeof value);
+    return value;
+}
+
+}  // namespace
+
+void readAddress(const std::string& text, PageOptions& options) {
+    if (text.empty()) return;
+    std::string host, port;
+    if (text.front() == '[') {
+        const std::size_t end = text.find(']');
+        if (end != std::string::npos) host = text.substr(1, end - 1);
+        if (end != std::string::npos && end + 1 < text.size() && text[end + 1] == ':') port = text.substr(end + 2);
+    } else if (const std::size_t colon = text.rfind(':'); colon != std::string::npos) {
+        host = text.substr(0, colon);
+        port = text.substr(colon + 1);
+    } else if (text.find_first_not_of("0123456789") == std::string::npos) {
+        port = text;
+    } else {
+        host = text;
+    }
+    unsigned char bytes[16];
+    const bool isHost = host.empty() || ::inet_pton(AF_INET, host.c_str(), bytes) == 1 ||
+                        ::inet_pton(AF_INET6, host.c_str(), bytes) == 1;
+    unsigned number = options.port;
+    const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), number);
+    const bool isPort = port.empty() || (error == std::errc() && end == port.data() + port.size() && number < 65536);
+    if (!isHost || !isPort || (host.empty() && port.empty()))
+        throw badInput(
+            "--page", "'" + makePrintable(text) + "' is no address and port",
+            "Write 127.0.0.1:8484 (this computer alone), 0.0.0.0:8484 (all networks), [::1]:8484 or a port.");
+    if (!host.empty()) options.address = host;
+    options.port = static_cast<unsigned short>(number);
+}
+
+std::vector<std::string> listHosts(const std::string& address) {
+    if (address == "127.0.0.1" || address == "::1") return {address, "localhost"};
+    if (address != "0.0.0.0" && address != "::") return {address};
+    std::vector<std::string> hosts;
+    ifaddrs* all = nullptr;
+    if (::getifaddrs(&all) == 0) {
+        for (const ifaddrs* one = all; one; one = one->ifa_next) {
+            char text[INET6_ADDRSTRLEN] = "";
+            if (one->ifa_addr && one->ifa_addr->sa_family == AF_INET)
+                ::inet_ntop(AF_INET, &reinterpret_cast<const sockaddr_in*>(one->ifa_addr)->sin_addr, text, sizeof text);
+            else if (one->ifa_addr && one->ifa_addr->sa_family == AF_INET6 && address == "::")
+                ::inet_ntop(AF_INET6, &reinterpret_cast<const sockaddr_in6*>(one->ifa_addr)->sin6_addr, text,
+                            sizeof text);
+            // Those that others can call come first.
+            if (*text != 0 && std::strncmp(text, "127.", 4) != 0 && std::strcmp(text, "::1") != 0)
+                hosts.insert(hosts.begin(), text);
+            else if (*text != 0)
+                hosts.emplace_back(text);
+        }
+        ::freeifaddrs(all);
+    }
+    char name[256] = "";
+    if (::gethostname(name, sizeof name - 1) == 0 && *name != 0) {
+        std::string lower = name;
+        std::transform(lower.begin(), lower.end(), lower.begin(), [](unsigned char c) { return std::tolower(c); });
+        hosts.push_back(lower);
+        hosts.push_back(lower + ".local");
+    }
+    hosts.emplace_back("localhost");
+    return hosts;
+}
+
+bool readHand(const std::string& bytes, int joints, HandMessage& hand, double& echo_s) {
+    constexpr std::size_t kNumbers = 10;
+    if (bytes.size() != 8 + 8 * (kNumbers + static_cast<std::size_t>(joints))) return false;
+    const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(bytes[i]); };
+    if (byte(0) != 1 || byte(1) > 3 || byte(2) > 2 || byte(3) != joints) return false;
+    std::uint32_t press = 0;
+    std::memcpy(&press, bytes.data() + 4, sizeof press);
+    const bool isPressed = (byte(1) & 1) != 0;
+    if (isPressed && press == 0) return false;
+    const auto number = [&](std::size_t i) { return readDouble(bytes.data() + 8 + 8 * i); };
+    hand.engagement = isPressed ? press : 0;
+    hand.isTracked = (byte(1) & 2) != 0;
+    hand.part = static_cast<HandMessage::Part>(byte(2));
+    hand.sent_s = number(0);
+    echo_s = number(1);
+    hand.scale = number(2);
+    hand.hand.position = {number(3), number(4), number(5)};
+    hand.hand.orientation = Eigen::Quaterniond(number(6), number(7), number(8), number(9));
+    hand.joints.resize(joints);
+    for (int i = 0; i < joints; ++i) hand.joints[i] = number(kNumbers + static_cast<std::size_t>(i));
+    return true;
+}
+
+class PageServer::Impl {
+public:
+    Impl(PageServer& server, PageOptions options, std::shared_ptr<TeleoperationFeed> hand,
+         std::function<void(PageWish)> ask);
+
+    void run();
+    void stop();
+    std::string invite();
+    unsigned short port() const { return port_; }
+    void show(std::string frame) {
+        asio::post(io_, [this, shared = std::make_shared<const std::string>(std::move(frame))] { sendFrame(shared); });
+    }
+    void tell(const std::string& kind, std::string message) {
+        asio::post(io_, [this, kind, shared = std::make_shared<const std::string>(std::move(message))] {
+            known_[kind] = shared;
+            sendText(shared);
+        });
+    }
+
+private:
+    using Text = std::shared_ptr<const std::string>;
+    class Connection;
+    class Viewer;
+
+    void accept();
+    void sendFrame(const Text& frame);
+    void sendText(const Text& text);
+    bool admit(std::string_view secret, std::string& session);
+    void add(Viewer& viewer);
+    void remove(Viewer& viewer);
+    void take(Viewer& viewer, bool isTakeOver);
+    void leave(const Viewer& viewer);
+    void tellPeople();
+    void hear(Viewer& viewer, const std::string& word);
+    void feel(Viewer& viewer, const std::string& bytes);
+    void releaseHand();
+
+    PageServer& server_;
+    const PageOptions options_;
+    const std::shared_ptr<TeleoperationFeed> hand_;
+    const std::function<void(PageWish)> ask_;
+    asio::io_context io_{1};
+    asio::ssl::context tls_{asio::ssl::context::tls_server};
+    tcp::acceptor acceptor_{io_};
+    asio::steady_timer retry_{io_};
+    unsigned short port_ = 0;
+    std::vector<std::string> authorities_, origins_;
+    std::string firstHost_;
+
+    std::set<Connection*> connections_;  // before a WebSocket
+    std::set<Viewer*> viewers_;
+    Viewer* operator_ = nullptr;
+    std::uint64_t lease_ = 0;
+    std::map<std::string, Text> known_;
+    int lastViewer_ = 0;
+    std::mutex secrets_;  // invite() may be called by any thread
+    std::deque<std::string> invitations_, sessions_;
+};
+
+/** A connection that has its WebSocket. */
+class PageServer::Impl::Viewer : public std::enable_shared_from_this<Viewer> {
+public:
+    Viewer(Impl& owner, Stream&& stream, std::string session)
+        : owner_(owner), socket_(std::move(stream)), session_(std::move(session)), alive_(owner.io_) {
+        ++owner_.server_.counts_.connections;
+    }
+    ~Viewer() { --owner_.server_.counts_.connections; }
+
+    int id = 0;
+
+    void begin(const http::request<http::string_body>& request) {
+        beast::get_lowest_layer(socket_).expires_never();
+        websocket::stream_base::timeout timeout{};
+        timeout.handshake_timeout = toMilliseconds(kHandshake_s);
+        timeout.idle_timeout = toMilliseconds(kAlive_s);
+        timeout.keep_alive_pings = true;
+        socket_.set_option(timeout);
+        socket_.set_option(websocket::stream_base::decorator([](websocket::response_type& response) {
+            response.set(http::field::server, "viable");
+            response.set(http::field::sec_websocket_protocol, kProtocol);
+        }));
+        socket_.read_message_max(kMaxMessage);
+        socket_.auto_fragment(false);
+        // A goodbye counts at once; the rest of it may take as long as the other side likes.
+        socket_.control_callback([this](websocket::frame_type kind, beast::string_view) {
+            if (kind == websocket::frame_type::close) end();
+        });
+        socket_.async_accept(request, [self = shared_from_this()](error_code error) {
+            if (error) return;
+            self->owner_.add(*self);
+            self->isOpen_ = true;
+            self->expectLife();
+            self->sendText(std::make_shared<const std::string>(self->makeGreeting()));
+            for (const auto& [kind, text] : self->owner_.known_) self->sendText(text);
+            self->owner_.tellPeople();
+            self->read();
+        });
+    }
+
+    void sendText(const Text& text) {
+        if (!isOpen_) return;
+        if (texts_.size() >= kMaxTexts) return close();
+        texts_.push_back(text);
+        write();
+    }
+
+    void sendFrame(const Text& frame) {
+        if (!isOpen_) return;
+        if (frame_) ++owner_.server_.counts_.lostFrames;
+        frame_ = frame;
+        write();
+    }
+
+    /** Without a word to a viewer that may not listen. */
+    void close() {
+        error_code ignored;
+        beast::get_lowest_layer(socket_).socket().close(ignored);
+        alive_.cancel();
+    }
+
+private:
+    std::string makeGreeting() const { return json{{"hello", 1}, {"you", id}, {"session", session_}}.dump(); }
+
+    void read() {
+        socket_.async_read(buffer_, [self = shared_from_this()](error_code error, std::size_t) {
+            if (error) return self->end();
+            const std::string bytes = beast::buffers_to_string(self->buffer_.data());
+            self->buffer_.consume(self->buffer_.size());
+            self->expectLife();
+            if (self->socket_.got_text())
+                self->owner_.hear(*self, bytes);
+            else
+                self->owner_.feel(*self, bytes);
+            self->read();
+        });
+    }
+
+    /** A whole message is expected in a while: pings alone, or a message that never ends, are no life. */
+    void expectLife() {
+        alive_.expires_after(toMilliseconds(kAlive_s));
+        alive_.async_wait([weak = weak_from_this()](error_code error) {
+            const auto self = weak.lock();
+            if (!error && self) self->close();
+        });
+    }
+
+    void write() {
+        if (isWriting_ || !isOpen_) return;
+        const bool isText = !texts_.empty();
+        if (!isText && !frame_) return;
+        isWriting_ = true;
+        if (isText) {
+            now_ = texts_.front();
+            texts_.pop_front();
+        } else {
+            now_ = std::move(frame_);
+            frame_.reset();
+        }
+        socket_.text(isText);
+        socket_.async_write(asio::buffer(*now_), [self = shared_from_this()](error_code error, std::size_t) {
+            self->isWriting_ = false;
+            if (error) return self->end();
+            self->write();
+        });
+    }
+
+    void end() {
+        if (isOpen_) owner_.remove(*this);
+        isOpen_ = false;
+        alive_.cancel();
+    }
+
+    Impl& owner_;
+    websocket::stream<Stream> socket_;
+    const std::string session_;
+    asio::steady_timer alive_;
+    beast::flat_buffer buffer_{kMaxMessage + 1024};
+    std::deque<Text> texts_;
+    Text frame_, now_;
+    bool isOpen_ = false, isWriting_ = false;
+};
+
+/** A connection until its request is answered, or becomes a viewer's. */
+class PageServer::Impl::Connection : public std::enable_shared_from_this<Connection> {
+public:
+    Connection(Impl& owner, tcp::socket&& socket) : owner_(owner), stream_(std::move(socket), owner.tls_) {
+        owner_.connections_.insert(this);
+        ++owner_.server_.counts_.connections;
+        parser_.header_limit(kMaxHeader);
+        parser_.body_limit(std::uint64_t{0});
+    }
+    ~Connection() {
+        owner_.connections_.erase(this);
+        --owner_.server_.counts_.connections;
+    }
+
+    void begin() {
+        beast::get_lowest_layer(stream_).expires_after(toMilliseconds(kHandshake_s));  // for all until the answer
+        stream_.async_handshake(asio::ssl::stream_base::server, [self = shared_from_this()](error_code error) {
+            if (error)
+                ++self->owner_.server_.counts_.refusedRequests;
+            else
+                self->read();
+        });
+    }
+
+    void close() {
+        error_code ignored;
+        beast::get_lowest_layer(stream_).socket().close(ignored);
+    }
+
+private:
+    void read() {
+        http::async_read(stream_, buffer_, parser_, [self = shared_from_this()](error_code error, std::size_t) {
+            if (error == http::error::header_limit || error == http::error::buffer_overflow)
+                return self->answer(http::status::request_header_fields_too_large);
+            if (error == http::error::body_limit) return self->answer(http::status::payload_too_large);
+            if (error && error.category() == http::make_error_code(http::error::bad_method).category() &&
+                error != http::error::end_of_stream && error != http::error::partial_message)
+                return self->answer(http::status::bad_request);
+            if (error) {
+                ++self->owner_.server_.counts_.refusedRequests;
+                return;
+            }
+            self->judge();
+        });
+    }
+
+    /** The only value of a field; empty: none, or several. */
+    std::string only(http::field field) const {
+        const auto [begin, end] = parser_.get().equal_range(field);
+        if (begin == end || std::next(begin) != end) return {};
+        return std::string(begin->value());
+    }
+
+    static bool isOneOf(const std::vector<std::string>& all, const std::string& value) {
+        return std::find(all.begin(), all.end(), value) != all.end();
+    }
+
+    void judge() {
+        const auto& request = parser_.get();
+        if (!isOneOf(owner_.authorities_, only(http::field::host))) return answer(http::status::forbidden);
+        const bool isLive = request.target() == "/live";
+        const bool hasOrigin = request.count(http::field::origin) > 0;
+        if ((isLive || hasOrigin) && !isOneOf(owner_.origins_, only(http::field::origin)))
+            return answer(http::status::forbidden);
+        if (!isLive && request.target() != "/") return answer(http::status::not_found);
+        if (request.method() != http::verb::get) return answer(http::status::method_not_allowed);
+        if (!isLive) return answer(http::status::ok);
+        if (!websocket::is_upgrade(request) || only(http::field::sec_websocket_version) != "13")
+            return answer(http::status::upgrade_required);
+        // The browser sends the token where it would name a protocol: "viable.1, TOKEN".
+        const std::string protocols = only(http::field::sec_websocket_protocol);
+        const std::string prefix = std::string(kProtocol) + ", ";
+        std::string session;
+        if (protocols.rfind(prefix, 0) != 0 ||
+            !owner_.admit(std::string_view(protocols).substr(prefix.size()), session))
+            return answer(http::status::unauthorized);
+        std::make_shared<Viewer>(owner_, std::move(stream_), std::move(session))->begin(request);
+    }
+
+    void answer(http::status status) {
+        response_.version(11);
+        response_.result(status);
+        response_.set(http::field::server, "viable");
+        response_.set(http::field::cache_control, "no-store");
+        response_.set("X-Content-Type-Options", "nosniff");
+        response_.set("Referrer-Policy", "no-referrer");
+        response_.set("Cross-Origin-Opener-Policy", "same-origin");
+        response_.set("Cross-Origin-Resource-Policy", "same-origin");
+        if (status == http::status::ok) {
+            response_.set(http::field::content_type, "text/html; charset=utf-8");
+            response_.set("Content-Security-Policy", "frame-ancestors 'none'");  // the rest stands in the page
+            response_.body() = owner_.options_.page;
+            beast::get_lowest_layer(stream_).expires_after(toMilliseconds(kAlive_s));
+        } else {
+            ++owner_.server_.counts_.refusedRequests;
+            response_.set(http::field::content_type, "text/plain; charset=utf-8");
+            response_.body() = std::string(http::obsolete_reason(status)) + "\n";
+        }
+        if (status == http::status::upgrade_required) response_.set(http::field::upgrade, "websocket");
+        if (status == http::status::method_not_allowed) response_.set(http::field::allow, "GET");
+        response_.keep_alive(false);
+        response_.prepare_payload();
+        http::async_write(stream_, response_, [self = shared_from_this()](error_code error, std::size_t) {
+            if (error) return;
+            self->stream_.async_shutdown([self](error_code) {});
+        });
+    }
+
+    Impl& owner_;
+    Stream stream_;
+    beast::flat_buffer buffer_{kMaxHeader + 1024};
+    http::request_parser<http::string_body> parser_;
+    http::response<http::string_body> response_;
+};
+
+PageServer::Impl::Impl(PageServer& server, PageOptions options, std::shared_ptr<TeleoperationFeed> hand,
+                       std::function<void(PageWish)> ask)
+    : server_(server), options_(std::move(options)), hand_(std::move(hand)), ask_(std::move(ask)) {
+    tls_.set_options(asio::ssl::context::default_workarounds | asio::ssl::context::no_tlsv1 |
+                     asio::ssl::context::no_tlsv1_1 | asio::ssl::context::no_compression);
+    const Certificate& own = options_.certificate;
+    tls_.use_certificate_chain(asio::buffer(own.certificate));
+    tls_.use_private_key(asio::buffer(own.key), asio::ssl::context::pem);
+    const std::string place = inUrl(options_.address) + ":" + std::to_string(options_.port);
+    try {
+        const tcp::endpoint endpoint(asio::ip::make_address(options_.address), options_.port);
+        acceptor_.open(endpoint.protocol());
+        acceptor_.set_option(tcp::acceptor::reuse_address(true));
+        acceptor_.bind(endpoint);
+        acceptor_.listen(kMaxConnections);
+    } catch (const boost::system::system_error& e) {
+        throw badInput("--page " + place, "the page cannot be opened there: " + e.code().message(),
+                       "Name another port, or port 0 for a free one.");
+    }
+    port_ = acceptor_.local_endpoint().port();
+    const std::vector<std::string> hosts = listHosts(options_.address);
+    firstHost_ = hosts.front();
+    for (const std::string& host : hosts) {
+        authorities_.push_back(inUrl(host) + ":" + std::to_string(port_));
+        if (port_ == 443) authorities_.push_back(inUrl(host));
+    }
+    for (const std::string& authority : authorities_) origins_.push_back("https://" + authority);
+    accept();
+}
+
+void PageServer::Impl::run() {
+    for (;;) {
+        try {
+            io_.run();
+            return;
+        } catch (const std::exception&) {  // of one connection, which has ended with it
+            ++server_.counts_.refusedRequests;
+        }
+    }
+}
+
+void PageServer::Impl::stop() {
+    asio::post(io_, [this] {
+        error_code ignored;
+        acceptor_.close(ignored);
+        retry_.cancel();
+        for (Connection* connection : std::set(connections_)) connection->close();
+        for (Viewer* viewer : std::set(viewers_)) viewer->close();
+    });
+}
+
+void PageServer::Impl::accept() {
+    acceptor_.async_accept([this](error_code error, tcp::socket socket) {
+        if (error == asio::error::operation_aborted || !acceptor_.is_open()) return;
+        if (error) {  // no descriptors left: later perhaps
+            retry_.expires_after(std::chrono::milliseconds(100));
+            retry_.async_wait([this](error_code stopped) {
+                if (!stopped) accept();
+            });
+            return;
+        }
+        if (server_.counts_.connections >= kMaxConnections) {
+            ++server_.counts_.refusedRequests;  // closed at once: an answer would need a handshake
+        } else {
+            socket.set_option(tcp::no_delay(true), error);
+            socket.set_option(asio::socket_base::send_buffer_size(kSendBuffer), error);
+            std::make_shared<Connection>(*this, std::move(socket))->begin();
+        }
+        accept();
+    });
+}
+
+std::string PageServer::Impl::invite() {
+    std::string secret = makeSecret();
+    const std::string address = "https://" + inUrl(firstHost_) + ":" + std::to_string(port_) + "/#" + secret;
+    const std::lock_guard lock(secrets_);
+    invitations_.push_back(std::move(secret));
+    if (invitations_.size() > kMaxInvitations) invitations_.pop_front();
+    return address;
+}
+
+bool PageServer::Impl::admit(std::string_view secret, std::string& session) {
+    const std::lock_guard lock(secrets_);
+    std::size_t index = 0;
+    if (contains(sessions_, secret, index)) {
+        session = sessions_[index];
+        return true;
+    }
+    if (!contains(invitations_, secret, index)) return false;
+    invitations_.erase(invitations_.begin() + static_cast<std::ptrdiff_t>(index));
+    session = makeSecret();
+    sessions_.push_back(session);
+    if (sessions_.size() > kMaxSessions) sessions_.pop_front();
+    return true;
+}
+
+void PageServer::Impl::sendFrame(const Text& frame) {
+    for (Viewer* viewer : std::set(viewers_)) viewer->sendFrame(frame);
+}
+
+void PageServer::Impl::sendText(const Text& text) {
+    for (Viewer* viewer : std::set(viewers_)) viewer->sendText(text);
+}
+
+void PageServer::Impl::add(Viewer& viewer) {
+    viewer.id = ++lastViewer_;
+    viewers_.insert(&viewer);
+    ++server_.counts_.viewers;
+}
+
+void PageServer::Impl::remove(Viewer& viewer) {
+    if (viewers_.erase(&viewer) == 0) return;
+    --server_.counts_.viewers;
+    leave(viewer);
+    tellPeople();
+}
+
+/** The newest message is what counts: the hand of an operator who is gone must not be that. */
+void PageServer::Impl::releaseHand() {
+    if (hand_) hand_->put({});
+}
+
+void PageServer::Impl::take(Viewer& viewer, bool isTakeOver) {
+    if (!hand_ || operator_ == &viewer || (operator_ && !isTakeOver)) return;
+    operator_ = &viewer;
+    ++lease_;
+    releaseHand();
+    tellPeople();
+}
+
+void PageServer::Impl::leave(const Viewer& viewer) {
+    if (operator_ != &viewer) return;
+    operator_ = nullptr;
+    releaseHand();
+}
+
+void PageServer::Impl::tellPeople() {
+    json people = {{"people", viewers_.size()}, {"operator", nullptr}};
+    if (operator_) people["operator"] = operator_->id;
+    sendText(std::make_shared<const std::string>(people.dump()));
+}
+
+void PageServer::Impl::hear(Viewer& viewer, const std::string& word) {
+    if (word == "alive") return;
+    if (word == "pause") return ask_(PageWish::Pause);
+    if (word == "stop") return ask_(PageWish::Stop);
+    if (word == "take" || word == "take over") return take(viewer, word != "take");
+    if (word == "leave") {
+        leave(viewer);
+        return tellPeople();
+    }
+    if (word == "start" && (operator_ == &viewer || !hand_)) return ask_(PageWish::Start);
+    if (word == "invite")
+        return viewer.sendText(std::make_shared<const std::string>(json{{"invitation", invite()}}.dump()));
+    ++server_.counts_.refusedMessages;
+}
+
+void PageServer::Impl::feel(Viewer& viewer, const std::string& bytes) {
+    HandMessage hand;
+    double echo_s = 0.0;
+    if (operator_ != &viewer || !readHand(bytes, options_.joints, hand, echo_s)) {
+        ++server_.counts_.refusedMessages;
+        return;
+    }
+    if (!(std::abs(hand_->now() - echo_s) <= kLate_s) && hand.engagement != 0) {
+        ++server_.counts_.lateHands;  // whoever sees the arm so late must not move it
+        return;
+    }
+    if (hand.engagement != 0) hand.engagement |= lease_ << 32;
+    hand_->put(hand);
+    ++server_.counts_.hands;
+}
+
+PageServer::PageServer(PageOptions options, std::shared_ptr<TeleoperationFeed> hand, std::function<void(PageWish)> ask)
+    : impl_(std::make_unique<Impl>(*this, std::move(options), std::move(hand), std::move(ask))) {
+    sigset_t all, before;  // signals stay with the thread that waits for them
+    sigfillset(&all);
+    for (const int signal : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGTRAP}) sigdelset(&all, signal);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    thread_ = std::thread([this] { impl_->run(); });
+    pthread_sigmask(SIG_SETMASK, &before, nullptr);
+}
+
+PageServer::~PageServer() {
+    impl_->stop();
+    thread_.join();
+}
+
+unsigned short PageServer::port() const {
+    return impl_->port();
+}
+std::string PageServer::invite() {
+    return impl_->invite();
+}
+void PageServer::show(std::string frame) {
+    impl_->show(std::move(frame));
+}
+void PageServer::tell(const std::string& kind, std::string message) {
+    impl_->tell(kind, std::move(message));
+}
+
+}  // namespace viable

@@ -1,0 +1,93 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "page/Certificate.h"
+#include "viable/live/Teleoperation.h"
+
+namespace viable {
+
+/** What an operator or a watcher asks for. */
+enum class PageWish : unsigned char { Start, Pause, Stop };
+
+struct PageOptions {
+    std::string address = "127.0.0.1";  ///< to listen at, numeric
+    unsigned short port = 0;            ///< 0: a free one
+    Certificate certificate;
+    std::string page;  ///< HTML; everything is in it
+    int joints = 0;    ///< numbers in a message of sliders; 0: the hand moves the tool
+};
+
+/** "127.0.0.1:8484", "[::1]:8484", an address or a port alone; empty: as the options are. Throws Error. */
+void readAddress(const std::string& text, PageOptions& options);
+
+/** All host names and addresses by which a browser may call a server at that address. */
+std::vector<std::string> listHosts(const std::string& address);
+
+/** One HTTPS port with the page, a WebSocket (/live), and nothing else, for watchers and one operator.
+
+Who may: a request must name this host exactly (Host, Origin); a WebSocket needs a secret beside: a token from the address
+that the program prints, which counts once, or the session that it was exchanged for. Answers: 400 malformed, 401 no such token,
+403 another host or origin, 404, 405, 426 no WebSocket, 431 a header of more than 4 kB, 503 too many.
+Words that a client may send: "alive" (each few seconds, or it is cut off), "pause" and "stop" by anyone; "take" and "take over" (the
+one lease to operate), "leave"; "start" by the operator; "invite" (an address for one more viewer). The operator's hand comes
+in binary messages (see readHand). What is anything else is refused as a whole, and counted.
+Messages out: text, JSON, when something has changed; binary, what show() was given last: a reader that is too slow loses some.
+The end of the operator's connection or lease releases the hand.
+Threads: a thread of its own; what it calls must not wait. show(), invite() and tell() by any. */
+class PageServer {
+public:
+    static constexpr int kMaxConnections = 16;
+    static constexpr std::size_t kMaxMessage = 65536, kMaxHeader = 4096;
+    static constexpr double kHandshake_s = 2.0, kAlive_s = 10.0;
+    static constexpr double kLate_s = 0.5;  ///< a hand that has seen nothing newer does not count
+
+    /** Listens from now on. Throws Error.
+    @param hand  null: nobody moves the arm by hand
+    @param ask   what to do with a wish */
+    PageServer(PageOptions options, std::shared_ptr<TeleoperationFeed> hand, std::function<void(PageWish)> ask);
+    ~PageServer();
+    PageServer(const PageServer&) = delete;
+    PageServer& operator=(const PageServer&) = delete;
+
+    unsigned short port() const;
+    /** The page's address with a token that lets one browser in. Of those that nobody used, the last 16 count. */
+    std::string invite();
+    /** A frame for all viewers, see LiveFrame.h. */
+    void show(std::string frame);
+    /** A message (JSON) for all viewers, now and when they come. `kind`: replaces the last of the same kind. */
+    void tell(const std::string& kind, std::string message);
+
+    struct Counts {
+        std::atomic<std::int64_t> connections{0};      ///< just now
+        std::atomic<std::int64_t> viewers{0};          ///< just now, with a WebSocket
+        std::atomic<std::int64_t> refusedRequests{0};  ///< connections and requests
+        std::atomic<std::int64_t> refusedMessages{0};
+        std::atomic<std::int64_t> lateHands{0};
+        std::atomic<std::int64_t> hands{0};  ///< messages that went to the loop
+        std::atomic<std::int64_t> lostFrames{0};
+    };
+    const Counts& counts() const { return counts_; }
+
+private:
+    class Impl;
+    friend class Impl;
+    Counts counts_;
+    std::unique_ptr<Impl> impl_;
+    std::thread thread_;
+};
+
+/** The message of a hand: bytes version (1), flags (1: pressed, 2: tracked), part (HandMessage::Part), joints n; uint32 number of
+the press; then doubles: sent_s, echo_s (the first number of the last frame seen), scale, position xyz [m], orientation w x y z, n
+joints [rad]. Little-endian. False: it is not one.
+@param joints  expected
+@param hand    engagement: the number of the press, 0 where it is not pressed */
+bool readHand(const std::string& bytes, int joints, HandMessage& hand, double& echo_s);
+
+}  // namespace viable

@@ -1,0 +1,241 @@
+#include "Teleoperation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "viable/core/Error.h"
+#include "viable/plugin/PluginExport.h"
+
+namespace viable {
+
+namespace {
+
+// A hand is not faster than this; the first term is for the noise of a device and of its clock.
+constexpr double kJump_m = 0.05, kFastest_mps = 5.0;
+constexpr double kJump_rad = 0.3, kFastest_radps = 20.0;
+// Sliders are led to their place by the page as fast as an arm's joint can go.
+constexpr double kJumpJoint_rad = 0.2, kFastestJoint_radps = 10.0;
+// A device that stood still for longer is where a hand could have gone in this time. [s]
+constexpr double kLongestStep_s = 0.1;
+// `axes` may be written with this few decimals; it is made an exact rotation.
+constexpr double kAxesTolerance = 1e-3;
+constexpr double kFarthest_m = 1e3;
+
+const ParameterSpec kParameters[] = {
+    parameter::choice("space", "tool|joint", "tool",
+                      "What the hand moves: the tool, by its pose, or the joints, by sliders."),
+    parameter::numbers("axes", "", 9, 9, "[1, 0, 0, 0, 1, 0, 0, 0, 1]",
+                       "Rotation matrix, row by row, from the device's to the base's axes."),
+    parameter::number(
+        "lead_m", "m", "0.03",
+        "The command is no farther than this from where the arm would stop: how far it may run on when the "
+        "hand lets go.")
+        .above(0)
+        .orInfinite(),
+    parameter::number("lead_rad", "rad", "0.15", "The same of the tool's turn, and of each joint.")
+        .above(0)
+        .orInfinite(),
+};
+
+Eigen::Quaterniond readAxes(const Parameters& parameters) {
+    const std::vector<double>& rows = parameters.numbers("axes");
+    Eigen::Matrix3d axes;
+    for (int i = 0; i < 9; ++i) axes(i / 3, i % 3) = rows[static_cast<std::size_t>(i)];
+    const double deviation = (axes * axes.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+    if (!(deviation <= kAxesTolerance) || axes.determinant() < 0.0) {
+        char message[200];
+        std::snprintf(
+            message, sizeof message,
+            "axes is not a rotation: its rows deviate by %.3g from unit length and right angles (at most %g), "
+            "and its determinant is %.6g instead of 1",
+            deviation, kAxesTolerance, axes.determinant());
+        throw badInput(parameters.place("axes"), message,
+                       "Give the device's axes seen from the robot's base, row by row");
+    }
+    return Eigen::Quaterniond(axes).normalized();
+}
+
+bool isPose(const Pose& pose) {
+    const double norm = pose.orientation.norm();
+    return pose.position.allFinite() && pose.position.cwiseAbs().maxCoeff() < kFarthest_m && norm > 0.9 && norm < 1.1;
+}
+
+}  // namespace
+
+Teleoperation::Teleoperation(std::function<double()> clock)
+    : feed_(std::make_shared<TeleoperationFeed>(std::move(clock))) {}
+
+void Teleoperation::configure(const RunSetup& setup, const Parameters& parameters) {
+    n_ = setup.size();
+    command_.space = parameters.text("space") == "tool" ? MotionCommand::Space::Tool : MotionCommand::Space::Joint;
+    axes_ = readAxes(parameters);
+    lead_m_ = parameters.number("lead_m");
+    lead_rad_ = parameters.number("lead_rad");
+    startTool_ = setup.startTool;
+    if (isTool()) model_ = std::make_unique<RobotModel>(setup.robot);
+    reset(setup.start);
+}
+
+void Teleoperation::reset(const MotionState& start) {
+    command_.q = start.q;
+    command_.qd.setZero(n_);
+    command_.tool = startTool_;
+    command_.toolTwist.setZero();
+    goal_ = command_;
+    q_ = rest_ = start.q;
+    isObserved_ = false;
+    state_ = HandState::Released;
+    refusal_ = HandRefusal::None;
+    engagement_ = 0;
+    age_s_ = 0.0;
+    wasAsked_ = false;
+    number_ = feed_->take().number;
+}
+
+void Teleoperation::observe(const JointVector& q, const JointVector& rest) noexcept {
+    if (!isFinite(q, n_)) return;
+    q_ = rest_ = q;
+    if (rest.size() == n_)
+        for (int i = 0; i < n_; ++i)
+            if (std::isfinite(rest[i])) rest_[i] = rest[i];
+    isObserved_ = true;
+}
+
+TickStatus Teleoperation::sample(double t, MotionCommand& out) {
+    if (!(t >= 0.0) || !std::isfinite(t)) return TickStatus::InvalidInput;
+    const double now_s = feed_->now();
+    const TeleoperationFeed::Arrival& arrival = feed_->take();
+    const bool isFresh = arrival.number != number_;
+    number_ = arrival.number;
+    const bool isFollowing = state_ == HandState::Engaged || state_ == HandState::Held;
+    const double gap_s = wasAsked_ ? now_s - asked_s_ : 0.0;
+    if (gap_s > TeleoperationFeed::kSilent_s) {
+        // Nobody looked at the hand meanwhile. A switch that is pressed now was perhaps pressed for something else.
+        const bool isPressed = isFresh && arrival.message.engagement != 0;
+        if (isPressed) engagement_ = arrival.message.engagement;
+        if (isFollowing || isPressed) end(HandState::Refused, HandRefusal::Paused);
+    } else if (gap_s > TeleoperationFeed::kHold_s && state_ == HandState::Engaged) {
+        end(HandState::Held, HandRefusal::None);
+    } else if (isFresh && now_s - arrival.received_s <= TeleoperationFeed::kHold_s) {
+        age_s_ = now_s - arrival.received_s;
+        take(arrival.message, now_s);
+    } else if (isFollowing) {
+        const double silence_s = now_s - fresh_s_;
+        if (silence_s > TeleoperationFeed::kSilent_s) {
+            end(HandState::Refused, HandRefusal::Silent);
+        } else if (silence_s > TeleoperationFeed::kHold_s && state_ == HandState::Engaged) {
+            end(HandState::Held, HandRefusal::None);
+        }
+    }
+    asked_s_ = now_s;
+    wasAsked_ = true;
+    if (state_ == HandState::Engaged) lead();
+    out = command_;
+    feed_->tell({state_, refusal_, engagement_, age_s_, command_});
+    return TickStatus::Ok;
+}
+
+void Teleoperation::take(const HandMessage& message, double now_s) {
+    const bool isFollowing = state_ == HandState::Engaged || state_ == HandState::Held;
+    if (message.engagement == 0) {
+        if (isFollowing) end(HandState::Released, HandRefusal::None);
+        if (state_ == HandState::Refused) state_ = HandState::Released;
+        return;
+    }
+    const bool isNew = message.engagement != engagement_;
+    if (!isNew && !isFollowing) return;                    // over, until the switch is pressed anew
+    if (!isNew && message.sent_s <= last_.sent_s) return;  // older than what is known, or the same again
+    engagement_ = message.engagement;
+    if (!isUsable(message)) return end(HandState::Refused, HandRefusal::NotFinite);
+    if (!message.isTracked) return end(HandState::Refused, HandRefusal::NotTracked);
+    if (isNew || state_ == HandState::Held || message.scale != last_.scale || message.part != last_.part) {
+        latch(message);
+    } else if (isJump(message)) {
+        return end(HandState::Refused, HandRefusal::Jump);
+    }
+    follow(message);
+    fresh_s_ = now_s;
+}
+
+bool Teleoperation::isUsable(const HandMessage& message) const {
+    if (!std::isfinite(message.sent_s)) return false;
+    if (!isTool()) return isFinite(message.joints, n_) && message.joints.cwiseAbs().maxCoeff() < kFarthest_m;
+    return isPose(message.hand) && message.scale >= HandMessage::kLeastScale &&
+           message.scale <= HandMessage::kLargestScale;
+}
+
+bool Teleoperation::isJump(const HandMessage& message) const {
+    const double step_s = std::min(message.sent_s - last_.sent_s, kLongestStep_s);
+    if (!isTool())
+        return (message.joints - last_.joints).cwiseAbs().maxCoeff() > kJumpJoint_rad + kFastestJoint_radps * step_s;
+    const double way_m = (message.hand.position - last_.hand.position).norm();
+    const double turn_rad = message.hand.orientation.normalized().angularDistance(last_.hand.orientation.normalized());
+    return way_m > kJump_m + kFastest_mps * step_s || turn_rad > kJump_rad + kFastest_radps * step_s;
+}
+
+void Teleoperation::latch(const HandMessage& message) {
+    hand_ = message;
+    latched_ = goal_;
+    state_ = HandState::Engaged;
+    refusal_ = HandRefusal::None;
+}
+
+void Teleoperation::follow(const HandMessage& message) {
+    last_ = message;
+    if (!isTool()) {
+        goal_.q = latched_.q + message.joints - hand_.joints;
+        return;
+    }
+    if (message.part != HandMessage::Part::Rotation)
+        goal_.tool.position =
+            latched_.tool.position + message.scale * (axes_ * (message.hand.position - hand_.hand.position));
+    if (message.part != HandMessage::Part::Position) {
+        Eigen::Quaterniond turn =
+            message.hand.orientation.normalized() * hand_.hand.orientation.normalized().conjugate();
+        turn.vec() = axes_ * turn.vec();
+        goal_.tool.orientation = (turn * latched_.tool.orientation).normalized();
+    }
+}
+
+/** The command: the goal, or as far towards it as lies near where the arm would stop. Without that a controller's reference runs
+far ahead of the arm, and the arm on to it after the hand has let go. */
+void Teleoperation::lead() {
+    command_.q = goal_.q;
+    command_.tool = goal_.tool;
+    if (!isObserved_) return;
+    if (!isTool()) {
+        for (int i = 0; i < n_; ++i) command_.q[i] = std::clamp(goal_.q[i], rest_[i] - lead_rad_, rest_[i] + lead_rad_);
+        return;
+    }
+    model_->calcDynamics(rest_, JointVector::Zero(n_), dynamics_);
+    const Eigen::Vector3d way = goal_.tool.position - dynamics_.tool.position;
+    const double far_m = way.norm();
+    if (far_m > lead_m_) command_.tool.position = dynamics_.tool.position + lead_m_ / far_m * way;
+    const double far_rad = dynamics_.tool.orientation.angularDistance(goal_.tool.orientation);
+    if (far_rad > lead_rad_)
+        command_.tool.orientation = dynamics_.tool.orientation.slerp(lead_rad_ / far_rad, goal_.tool.orientation);
+}
+
+void Teleoperation::end(HandState state, HandRefusal refusal) {
+    const bool wasMoving = state_ == HandState::Engaged;
+    state_ = state;
+    refusal_ = refusal;
+    if (wasMoving) rest();
+}
+
+/** The command comes to where the arm does when it brakes now. */
+void Teleoperation::rest() {
+    if (!isObserved_) return;
+    command_.q = rest_;
+    if (isTool()) {
+        model_->calcDynamics(rest_, JointVector::Zero(n_), dynamics_);
+        command_.tool = dynamics_.tool;
+    }
+    goal_ = command_;
+}
+
+}  // namespace viable
+
+VIABLE_PLUGIN(viable::CommandSource, viable::Teleoperation, "teleoperation",
+              "An operator's hand moves the tool or the joints, through the page of viable live.", viable::kParameters)

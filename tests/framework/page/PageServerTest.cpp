@@ -1,0 +1,510 @@
+#include "page/PageServer.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstdlib>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <thread>
+
+#include "TemporaryFolder.h"
+#include "TlsClient.h"
+#include "core/WholeFile.h"
+#include "viable/core/Error.h"
+
+namespace viable {
+namespace {
+
+using nlohmann::json;
+using test::makeFrame;
+using test::readFrame;
+using test::ServerFrame;
+using test::TlsClient;
+
+constexpr unsigned char kText = 0x81, kBinary = 0x82;
+
+template <class Condition>
+bool await(const Condition& condition, double patience_s = 10.0) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(patience_s);
+    while (!condition()) {
+        if (std::chrono::steady_clock::now() > end) return false;
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    return true;
+}
+
+const Certificate& certificate() {
+    static const test::TemporaryFolder folder;
+    static const Certificate own = readOrMakeCertificate(folder.path() / "keys", {"localhost", "127.0.0.1", "::1"});
+    return own;
+}
+
+/** A server with a hand, and clients of it. */
+class PageServerTest : public ::testing::Test {
+protected:
+    PageServerTest()
+        : feed_(std::make_shared<TeleoperationFeed>()),
+          server_(makeOptions(), feed_, [this](PageWish wish) { ++wishes_[static_cast<int>(wish)]; }) {}
+
+    static PageOptions makeOptions() {
+        PageOptions options;
+        options.certificate = certificate();
+        options.page = "<!doctype html><title>page</title>";
+        return options;
+    }
+
+    std::string host() const { return "127.0.0.1:" + std::to_string(server_.port()); }
+    std::string origin() const { return "https://" + host(); }
+    std::string token() {
+        const std::string address = server_.invite();
+        return address.substr(address.find('#') + 1);
+    }
+
+    /** The status of the answer to a request; 0: none. */
+    static int statusOf(const std::string& answer) {
+        return answer.rfind("HTTP/1.1 ", 0) == 0 ? std::atoi(answer.c_str() + 9) : 0;
+    }
+    std::string ask(const std::string& request) {
+        TlsClient client(server_.port());
+        client.send(request);
+        return client.read();
+    }
+    int statusFor(const std::string& request) { return statusOf(ask(request)); }
+    std::string get(const std::string& target, const std::string& fields) {
+        return "GET " + target + " HTTP/1.1\r\n" + fields + "\r\n";
+    }
+    std::string upgrade(const std::string& token, const std::string& origin, const std::string& host) {
+        return get("/live", "Host: " + host + "\r\n" + (origin.empty() ? "" : "Origin: " + origin + "\r\n") +
+                                "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+                                "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: viable.1" +
+                                (token.empty() ? "" : ", " + token) + "\r\n");
+    }
+    int statusOfUpgrade(const std::string& token, const std::string& origin, const std::string& host) {
+        TlsClient client(server_.port());
+        client.send(upgrade(token, origin, host));
+        return statusOf(client.readHead());
+    }
+
+    /** A viewer, after its greeting. */
+    std::unique_ptr<TlsClient> join(json* greeting = nullptr) {
+        auto client = std::make_unique<TlsClient>(server_.port());
+        client->send(upgrade(token(), origin(), host()));
+        EXPECT_EQ(statusOf(client->readHead()), 101);
+        const ServerFrame hello = readFrame(*client);
+        EXPECT_EQ(hello.opcode, 1);
+        const json read = json::parse(hello.payload);
+        EXPECT_EQ(read["hello"], 1);
+        if (greeting) *greeting = read;
+        EXPECT_EQ(readFrame(*client).opcode, 1);  // the people
+        return client;
+    }
+
+    /** What comes until the connection ends. */
+    static int readCloseCode(TlsClient& client) {
+        for (;;) {
+            const ServerFrame frame = readFrame(client);
+            if (frame.opcode == 8) return frame.closeCode();
+            if (frame.opcode < 0) return -1;
+        }
+    }
+
+    std::string makeHand(std::uint32_t press, double echo_s, double x = 0.0) const {
+        std::string bytes = {1, static_cast<char>(press != 0 ? 3 : 2), 0, 0};
+        bytes.append(reinterpret_cast<const char*>(&press), 4);
+        const double numbers[] = {feed_->now(), echo_s, 1.0, x, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0};
+        bytes.append(reinterpret_cast<const char*>(numbers), sizeof numbers);
+        return bytes;
+    }
+
+    std::shared_ptr<TeleoperationFeed> feed_;
+    std::array<std::atomic<int>, 3> wishes_{};
+    PageServer server_;
+};
+
+TEST_F(PageServerTest, GivesThePageAndNothingElse) {
+    const std::string answer = ask(get("/", "Host: " + host() + "\r\n"));
+    EXPECT_EQ(statusOf(answer), 200);
+    EXPECT_NE(answer.find("\r\n\r\n<!doctype html><title>page</title>"), std::string::npos);
+    EXPECT_NE(answer.find("Content-Security-Policy: frame-ancestors 'none'"), std::string::npos);
+    EXPECT_NE(answer.find("X-Content-Type-Options: nosniff"), std::string::npos);
+    const std::string good = "Host: " + host() + "\r\n";
+    for (const char* target : {"/index.html", "/../etc/passwd", "/live/", "/?a", "//", "*"})
+        EXPECT_EQ(statusFor(get(target, good)), 404) << target;
+    for (const char* method : {"POST", "HEAD", "PUT", "OPTIONS", "DELETE"})
+        EXPECT_EQ(statusFor(std::string(method) + " / HTTP/1.1\r\n" + good + "\r\n"), 405) << method;
+    EXPECT_EQ(statusFor("POST / HTTP/1.1\r\n" + good + "Content-Length: 5\r\n\r\nhello"), 413);
+    EXPECT_EQ(statusFor("nonsense\r\n\r\n"), 400);
+    EXPECT_EQ(statusFor("GET / HTTP/9.9\r\n\r\n"), 400);
+    EXPECT_EQ(statusFor(get("/live", good + "Origin: " + origin() + "\r\n")), 426);
+}
+
+TEST_F(PageServerTest, Fault65_OnlyTheOwnOriginGetsASocket) {
+    const std::string port = std::to_string(server_.port());
+    for (const std::string& wrong :
+         std::vector<std::string>{"", "null", "https://localhost:" + port + ".evil.tld", "https://evil.tld",
+                                  "http://" + host(), "https://127.0.0.1", origin() + ".evil.tld",
+                                  "https://evil.tld/" + host(), origin() + "/", origin() + "\r\nOrigin: " + origin()})
+        EXPECT_EQ(statusOfUpgrade(token(), wrong, host()), 403) << wrong;
+    EXPECT_EQ(statusFor(get("/", "Host: " + host() + "\r\nOrigin: https://evil.tld\r\n")), 403);
+    EXPECT_EQ(statusOfUpgrade(token(), origin(), host()), 101);
+    EXPECT_EQ(statusOfUpgrade(token(), "https://localhost:" + port, "localhost:" + port), 101);
+}
+
+TEST_F(PageServerTest, Fault66_OnlyTheOwnNameIsAnswered) {
+    for (const std::string& wrong :
+         {"evil.tld:" + std::to_string(server_.port()), std::string("evil.tld"), std::string("127.0.0.1"),
+          "localhost." + host(), host() + "@evil.tld", std::string()}) {
+        EXPECT_EQ(statusFor(get("/", "Host: " + wrong + "\r\n")), 403) << wrong;
+        EXPECT_EQ(statusOfUpgrade(token(), origin(), wrong), 403) << wrong;
+    }
+    EXPECT_EQ(statusFor("GET / HTTP/1.1\r\n\r\n"), 403);
+    EXPECT_EQ(statusFor(get("/", "Host: " + host() + "\r\nHost: evil.tld\r\n")), 403);
+    EXPECT_EQ(listHosts("127.0.0.1"), (std::vector<std::string>{"127.0.0.1", "localhost"}));
+}
+
+TEST_F(PageServerTest, Fault67_ATokenLetsOneBrowserInOnce) {
+    EXPECT_EQ(statusOfUpgrade("", origin(), host()), 401);
+    EXPECT_EQ(statusOfUpgrade("x", origin(), host()), 401);
+    std::string almost = token();
+    almost.back() = almost.back() == 'A' ? 'B' : 'A';
+    EXPECT_EQ(statusOfUpgrade(almost, origin(), host()), 401);
+    const std::string good = token();
+    EXPECT_EQ(good.size(), 43u);
+    EXPECT_EQ(statusOfUpgrade(good, origin(), host()), 101);
+    EXPECT_EQ(statusOfUpgrade(good, origin(), host()), 401);
+    EXPECT_NE(token(), token());
+
+    json greeting;
+    auto viewer = join(&greeting);
+    viewer.reset();
+    const std::string session = greeting["session"];
+    EXPECT_EQ(statusOfUpgrade(session, origin(), host()), 101);
+    EXPECT_EQ(statusOfUpgrade(session, origin(), host()), 101);  // until the program ends
+    for (int k = 0; k < 17; ++k) (void)server_.invite();
+    const std::string last = token();
+    EXPECT_EQ(statusOfUpgrade(last, origin(), host()), 101);
+}
+
+TEST_F(PageServerTest, Fault68_WhatIsNoWebSocketIsClosedWithItsCode) {
+    struct Wrong {
+        const char* name;
+        std::string bytes;
+        int code;
+    };
+    std::string huge = makeFrame(kBinary, "").substr(0, 1) + static_cast<char>(0xff) + std::string(1, '\x7f') +
+                       std::string(7, '\xff') + std::string(4, '\0');
+    const Wrong all[] = {
+        {"message of 64 kB and one byte", makeFrame(kBinary, std::string(65537, 'a')), 1009},
+        {"length 2^63 - 1", huge, 1009},
+        {"two fragments that are too long",
+         makeFrame(0x02, std::string(40000, 'a')) + makeFrame(0x80, std::string(40000, 'a')), 1009},
+        {"unmasked", makeFrame(kText, "alive", false), 1002},
+        {"compressed", makeFrame(0xc1, "alive"), 1002},
+        {"reserved opcode", makeFrame(0x83, "alive"), 1002},
+        {"continuation of nothing", makeFrame(0x80, "alive"), 1002},
+        {"new message within one", makeFrame(0x01, "a") + makeFrame(kText, "b"), 1002},
+        {"fragmented ping", makeFrame(0x09, "a"), 1002},
+        {"long ping", makeFrame(0x89, std::string(126, 'a')), 1002},
+        {"bad UTF-8", makeFrame(kText, "\xc3\x28"), 1007},
+        {"cut UTF-8", makeFrame(kText, "\xe2\x82"), 1007},
+        {"closed with one byte", makeFrame(0x88, "a"), 1002},
+    };
+    for (const Wrong& wrong : all) {
+        SCOPED_TRACE(wrong.name);
+        auto viewer = join();
+        viewer->send(wrong.bytes);
+        EXPECT_EQ(readCloseCode(*viewer), wrong.code);
+    }
+    EXPECT_TRUE(await([&] { return server_.counts().viewers == 0; }));
+    EXPECT_EQ(server_.counts().hands, 0);
+}
+
+TEST_F(PageServerTest, Fault68_ALongHeaderIsRefused) {
+    EXPECT_EQ(statusFor(get("/", "Host: " + host() + "\r\nX: " + std::string(5000, 'a') + "\r\n")), 431);
+    std::string many = "Host: " + host() + "\r\n";
+    for (int k = 0; k < 1000; ++k) many += "A: b\r\n";
+    EXPECT_EQ(statusFor(get("/", many)), 431);
+}
+
+TEST_F(PageServerTest, Fault68_WhoDoesNotSpeakIsCutOff) {
+    const auto begin = std::chrono::steady_clock::now();
+    TlsClient silent(server_.port(), false);  // no handshake
+    TlsClient slow(server_.port());
+    slow.send("GET / HTTP/1.1\r\nHost: ");
+    std::thread drip([&] {
+        for (int k = 0; k < 100 && slow.send("a"); ++k) std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    });
+    EXPECT_TRUE(silent.isClosedWithin(4.0));
+    EXPECT_EQ(statusOf(slow.read()), 0);
+    const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    EXPECT_GT(took_s, 0.9 * PageServer::kHandshake_s);
+    EXPECT_LT(took_s, PageServer::kHandshake_s + 2.0);
+    drip.join();
+    EXPECT_TRUE(await([&] { return server_.counts().connections == 0; }));
+}
+
+TEST_F(PageServerTest, Fault68_SixteenConnectionsAndNoMore) {
+    std::vector<std::unique_ptr<TlsClient>> viewers;
+    for (int k = 0; k < PageServer::kMaxConnections; ++k) viewers.push_back(join());
+    EXPECT_EQ(server_.counts().viewers, PageServer::kMaxConnections);
+    for (int k = 0; k < 300; ++k) {
+        const TlsClient more(server_.port());
+        EXPECT_FALSE(more.isOpen());
+    }
+    EXPECT_EQ(server_.counts().connections, PageServer::kMaxConnections);
+    viewers.pop_back();
+    EXPECT_TRUE(await([&] { return server_.counts().connections < PageServer::kMaxConnections; }));
+    EXPECT_EQ(statusFor(get("/", "Host: " + host() + "\r\n")), 200);
+}
+
+TEST_F(PageServerTest, Fault68_AMessageThatNeverEndsIsNoLife) {
+    auto viewer = join();
+    viewer->send(makeFrame(0x01, ""));
+    std::thread flood([&] {
+        std::string many;
+        for (int k = 0; k < 200; ++k) many += makeFrame(0x00, "");
+        while (viewer->send(many)) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    });
+    EXPECT_TRUE(await([&] { return server_.counts().viewers == 0; }, PageServer::kAlive_s + 5.0));
+    flood.join();
+}
+
+TEST_F(PageServerTest, Fault69_MessagesThatMeanNothingAreCountedAndDoNothing) {
+    auto viewer = join();
+    const std::string words[] = {
+        "", "Stop", "stop ", "{\"stop\": true}", "[1e999, NaN]", std::string(30000, '['), "take over\n", "null"};
+    for (const std::string& word : words) viewer->send(makeFrame(kText, word));
+    std::string hand = makeHand(1, feed_->now());
+    for (const std::string& bytes : {std::string(), hand.substr(1), hand + "a", std::string(64000, '\xff')})
+        viewer->send(makeFrame(kBinary, bytes));
+    viewer->send(makeFrame(kBinary, hand));  // no operator
+    EXPECT_TRUE(await([&] { return server_.counts().refusedMessages == 13; })) << server_.counts().refusedMessages;
+    EXPECT_EQ(wishes_[0] + wishes_[1] + wishes_[2], 0);
+    EXPECT_EQ(server_.counts().hands, 0);
+    viewer->send(makeFrame(kText, "pause"));  // still there
+    EXPECT_TRUE(await([&] { return wishes_[1] == 1; }));
+}
+
+TEST_F(PageServerTest, Fault69_RandomBytesNeitherMoveNorStopAnything) {
+    // VIABLE_FUZZ_FRAMES=1000000 for the long mode.
+    const char* wanted = std::getenv("VIABLE_FUZZ_FRAMES");
+    const long frames = wanted ? std::atol(wanted) : 3000;
+    std::mt19937_64 random(68);
+    std::string hand = makeHand(1, feed_->now());
+    long sent = 0;
+    while (sent < frames) {
+        auto viewer = join();
+        viewer->send(makeFrame(kText, "take over"));
+        for (int k = 0; k < 200 && sent < frames; ++k, ++sent) {
+            std::string bytes = random() % 2 == 0 ? hand : std::string(random() % 300, '\0');
+            for (int change = 0; change < 3 && !bytes.empty(); ++change)
+                bytes[random() % bytes.size()] = static_cast<char>(random());
+            unsigned char first = random() % 2 == 0 ? kBinary : kText;
+            if (first == kText)
+                for (char& c : bytes) c = static_cast<char>(32 + (c & 63));
+            std::string frame = makeFrame(first, bytes);
+            if (random() % 50 == 0)
+                frame[random() % std::min<std::size_t>(frame.size(), 8)] ^= static_cast<char>(random());
+            if (!viewer->send(frame)) break;
+        }
+        // Whoever goes with answers unread takes back what the other side has not read yet: an answer first.
+        viewer->send(makeFrame(kText, "invite"));
+        for (ServerFrame answer; answer.payload.find("invitation") == std::string::npos;) {
+            answer = readFrame(*viewer);
+            if (answer.opcode < 0 || answer.opcode == 8) break;
+        }
+    }
+    EXPECT_EQ(wishes_[0] + wishes_[1] + wishes_[2], 0);
+    EXPECT_EQ(statusFor(get("/", "Host: " + host() + "\r\n")), 200);
+    // What was looked at: most frames are sound, and what is in them is not.
+    EXPECT_TRUE(await([&] { return server_.counts().refusedMessages > frames / 10; }))
+        << server_.counts().refusedMessages;
+    EXPECT_GT(server_.counts().hands + server_.counts().lateHands, 0);
+}
+
+TEST(PageHand, IsReadWholeOrNotAtAll) {
+    HandMessage hand;
+    double echo_s = 0.0;
+    std::string bytes = {1, 3, 2, 2, 7, 0, 0, 0};
+    const double numbers[] = {1.5, 2.5, 0.5, 0.1, 0.2, 0.3, 1.0, 0.0, 0.0, 0.0, -1.0, 4.0};
+    bytes.append(reinterpret_cast<const char*>(numbers), sizeof numbers);
+    ASSERT_TRUE(readHand(bytes, 2, hand, echo_s));
+    EXPECT_EQ(hand.engagement, 7u);
+    EXPECT_TRUE(hand.isTracked);
+    EXPECT_EQ(hand.part, HandMessage::Part::Rotation);
+    EXPECT_EQ(hand.sent_s, 1.5);
+    EXPECT_EQ(echo_s, 2.5);
+    EXPECT_EQ(hand.scale, 0.5);
+    EXPECT_EQ(hand.hand.position, Eigen::Vector3d(0.1, 0.2, 0.3));
+    EXPECT_EQ(hand.hand.orientation.w(), 1.0);
+    EXPECT_EQ(hand.joints[1], 4.0);
+    EXPECT_FALSE(readHand(bytes, 0, hand, echo_s));
+    for (const auto& [place, value] : {std::pair<int, char>{0, 2}, {1, 4}, {2, 3}, {3, 3}}) {
+        std::string wrong = bytes;
+        wrong[static_cast<std::size_t>(place)] = value;
+        EXPECT_FALSE(readHand(wrong, 2, hand, echo_s)) << place;
+    }
+    bytes[4] = 0;  // pressed without a press
+    EXPECT_FALSE(readHand(bytes, 2, hand, echo_s));
+}
+
+TEST_F(PageServerTest, Fault63_OneOperatorAndAnotherByTakingOver) {
+    json first, second;
+    auto one = join(&first);
+    auto two = join(&second);
+    one->send(makeFrame(kText, "take"));
+    two->send(makeFrame(kText, "take"));  // too late
+    one->send(makeFrame(kBinary, makeHand(1, feed_->now())));
+    EXPECT_TRUE(await([&] { return server_.counts().hands == 1; }));
+    const std::uint64_t engagement = feed_->take().message.engagement;
+    EXPECT_NE(engagement, 0u);
+    two->send(makeFrame(kBinary, makeHand(1, feed_->now())));
+    two->send(makeFrame(kText, "start"));
+    EXPECT_TRUE(await([&] { return server_.counts().refusedMessages == 2; }));
+    EXPECT_EQ(wishes_[0], 0);
+
+    two->send(makeFrame(kText, "take over"));
+    EXPECT_TRUE(await([&] { return feed_->take().message.engagement == 0; }));  // the first one's hand is released
+    one->send(makeFrame(kBinary, makeHand(1, feed_->now())));
+    EXPECT_TRUE(await([&] { return server_.counts().refusedMessages == 3; }));
+    EXPECT_EQ(feed_->take().message.engagement, 0u);
+    two->send(makeFrame(kBinary, makeHand(1, feed_->now())));
+    EXPECT_TRUE(await([&] { return feed_->take().message.engagement != 0; }));
+    EXPECT_NE(feed_->take().message.engagement, engagement);  // the same press of another one is another engagement
+    two->send(makeFrame(kText, "start"));
+    one->send(makeFrame(kText, "stop"));  // anyone may
+    EXPECT_TRUE(await([&] { return wishes_[0] == 1 && wishes_[2] == 1; }));
+}
+
+TEST_F(PageServerTest, Fault64_TheHandIsReleasedWithTheConnection) {
+    for (const bool sayGoodbye : {true, false}) {
+        auto viewer = join();
+        viewer->send(makeFrame(kText, "take"));
+        viewer->send(makeFrame(kBinary, makeHand(1, feed_->now())));
+        ASSERT_TRUE(await([&] { return feed_->take().message.engagement != 0; }));
+        const auto begin = std::chrono::steady_clock::now();
+        if (sayGoodbye) viewer->send(makeFrame(0x88, ""));
+        if (!sayGoodbye) viewer.reset();
+        EXPECT_TRUE(await([&] { return feed_->take().message.engagement == 0; }, 0.2));
+        const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+        RecordProperty(sayGoodbye ? "closed_ms" : "gone_ms", std::to_string(1000 * took_s));
+    }
+}
+
+TEST_F(PageServerTest, Fault62_AHandThatSeesTheArmTooLateDoesNotCount) {
+    auto viewer = join();
+    viewer->send(makeFrame(kText, "take"));
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    for (const double echo_s : {feed_->now() - PageServer::kLate_s - 0.1, feed_->now() + 10.0, nan, 0.0})
+        viewer->send(makeFrame(kBinary, makeHand(1, echo_s)));
+    EXPECT_TRUE(await([&] { return server_.counts().lateHands == 4; }));
+    EXPECT_EQ(feed_->take().message.engagement, 0u);
+    viewer->send(makeFrame(kBinary, makeHand(1, feed_->now() - 0.2)));
+    EXPECT_TRUE(await([&] { return feed_->take().message.engagement != 0; }));
+    viewer->send(makeFrame(kBinary, makeHand(0, 0.0)));  // letting go always counts
+    EXPECT_TRUE(await([&] { return feed_->take().message.engagement == 0; }));
+}
+
+TEST_F(PageServerTest, Fault70_WhoReadsSlowlyLosesFramesAndNobodyWaits) {
+    auto slow = join();
+    auto quick = join();
+    readFrame(*slow);  // of the second viewer
+    const std::string frame(20000, 'f');
+    int read = 0;
+    std::atomic<bool> isOver{false};
+    std::thread reader([&] {
+        while (!isOver) {
+            const ServerFrame one = readFrame(*quick);
+            if (one.opcode < 0) break;
+            if (one.opcode == 2) {
+                EXPECT_EQ(one.payload.size(), frame.size());
+                ++read;
+            }
+        }
+    });
+    double slowest_s = 0.0;
+    for (int k = 0; k < 500; ++k) {
+        const auto begin = std::chrono::steady_clock::now();
+        server_.show(frame);
+        slowest_s =
+            std::max(slowest_s, std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    EXPECT_TRUE(await([&] { return server_.counts().lostFrames > 100; }));
+    EXPECT_LT(slowest_s, 0.05);
+    isOver = true;
+    server_.show(frame);
+    reader.join();
+    EXPECT_GT(read, 100);
+}
+
+TEST_F(PageServerTest, WhatIsToldIsKnownToWhoComesLater) {
+    server_.tell("state", "{\"a\":1}");
+    server_.tell("state", "{\"a\":2}");
+    TlsClient viewer(server_.port());
+    viewer.send(upgrade(token(), origin(), host()));
+    EXPECT_EQ(statusOf(viewer.readHead()), 101);
+    EXPECT_EQ(json::parse(readFrame(viewer).payload)["hello"], 1);
+    EXPECT_EQ(readFrame(viewer).payload, "{\"a\":2}");
+    EXPECT_EQ(json::parse(readFrame(viewer).payload)["people"], 1);
+    viewer.send(makeFrame(kText, "invite"));
+    const std::string address = json::parse(readFrame(viewer).payload)["invitation"];
+    EXPECT_EQ(address.rfind(origin() + "/#", 0), 0u) << address;
+    EXPECT_EQ(statusOfUpgrade(address.substr(address.find('#') + 1), origin(), host()), 101);
+}
+
+TEST_F(PageServerTest, APortInUseIsToldWithARemedy) {
+    PageOptions options = makeOptions();
+    options.port = server_.port();
+    try {
+        PageServer second(options, nullptr, [](PageWish) {});
+        FAIL();
+    } catch (const Error& e) {
+        EXPECT_NE(std::string(e.what()).find("Name another port"), std::string::npos) << e.what();
+    }
+}
+
+TEST(PageAddress, IsReadInAllItsForms) {
+    const auto read = [](const char* text) {
+        PageOptions options;
+        options.port = 8484;
+        readAddress(text, options);
+        return options.address + " " + std::to_string(options.port);
+    };
+    EXPECT_EQ(read(""), "127.0.0.1 8484");
+    EXPECT_EQ(read("9000"), "127.0.0.1 9000");
+    EXPECT_EQ(read(":9000"), "127.0.0.1 9000");
+    EXPECT_EQ(read("0.0.0.0:9000"), "0.0.0.0 9000");
+    EXPECT_EQ(read("192.168.1.2"), "192.168.1.2 8484");
+    EXPECT_EQ(read("[::1]:80"), "::1 80");
+    for (const char* wrong : {"arm.yaml", "1.2.3", "127.0.0.1:99999", "127.0.0.1:8x", "[::1", ":", "localhost:80"})
+        EXPECT_THROW(read(wrong), Error) << wrong;
+}
+
+TEST(PageCertificate, IsMadeOnceAndItsKeyIsForNobodyElse) {
+    const test::TemporaryFolder folder;
+    const std::filesystem::path keys = folder.path() / "a" / "viable";
+    const Certificate first = readOrMakeCertificate(keys, {"localhost", "127.0.0.1"});
+    const Certificate second = readOrMakeCertificate(keys, {"other"});
+    EXPECT_EQ(first.key, second.key);
+    EXPECT_EQ(first.fingerprint, second.fingerprint);
+    EXPECT_EQ(first.fingerprint.size(), 95u);
+    struct ::stat status {};
+    ASSERT_EQ(::stat((keys / "page_key.pem").c_str(), &status), 0);
+    EXPECT_EQ(status.st_mode & 0777, 0600u);
+    ASSERT_EQ(::stat(keys.c_str(), &status), 0);
+    EXPECT_EQ(status.st_mode & 0777, 0700u);
+
+    ASSERT_EQ(::chmod((keys / "page_key.pem").c_str(), 0640), 0);
+    EXPECT_THROW(readOrMakeCertificate(keys, {"localhost"}), Error);
+    ASSERT_EQ(::chmod((keys / "page_key.pem").c_str(), 0600), 0);
+    replaceFile(keys / "page_certificate.pem", "damaged");
+    EXPECT_THROW(readOrMakeCertificate(keys, {"localhost"}), Error);
+}
+
+}  // namespace
+}  // namespace viable

@@ -1,0 +1,523 @@
+#include "Teleoperation.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "CaseSupport.h"
+#include "CommandBench.h"
+#include "live/LiveSession.h"
+#include "live/Replay.h"
+#include "viable/testing/AllocationCounter.h"
+
+namespace viable {
+namespace {
+
+using State = HandState;
+using Refusal = HandRefusal;
+using Eigen::Vector3d;
+
+/** The plugin on an Indy7, ticks of 1 ms, a clock that the test advances, and an operator that sends 50 messages a second. */
+class Bench {
+public:
+    explicit Bench(const std::string& parameters = "lead_m: .inf, lead_rad: .inf")
+        : source_([this] { return now_; }), robot_(loadRobot(VIABLE_SOURCE_DIR "/robots/indy7")), model_(robot_) {
+        const int n = robot_.size();
+        start_ = {robot_.home, JointVector::Zero(n), JointVector::Zero(n)};
+        startTool_ = poseOf(start_.q);
+        const ConfigNode root = parseConfig("command: {" + parameters + "}\n", "experiment.yaml");
+        const PluginEntry& entry = viable_plugin_library()->entries[0];
+        source_.configure({robot_, robot_.limits, 0.001, 1.0, start_, startTool_},
+                          readParameters(*root.find("command"), entry.parameters, entry.parameterCount, n));
+        source_.observe(start_.q, start_.q);
+        message_.joints.setZero(n);
+        message_.isTracked = true;
+        message_.hand.position = {3.0, 1.0, -2.0};  // anywhere
+        message_.hand.orientation = Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5);
+    }
+
+    HandMessage& hand() { return message_; }
+    Teleoperation& source() { return source_; }
+    const MotionCommand& command() const { return command_; }
+    const Pose& startTool() const { return startTool_; }
+    const MotionState& start() const { return start_; }
+    TeleoperationFeed::Status status() { return source_.feed()->status(); }
+    State state() { return status().state; }
+
+    Pose poseOf(const JointVector& q) {
+        Dynamics dynamics;
+        model_.calcDynamics(q, JointVector::Zero(q.size()), dynamics);
+        return dynamics.tool;
+    }
+
+    void tick(int count = 1) {
+        for (int k = 0; k < count; ++k) {
+            now_ += 0.001;
+            t_ += 0.001;
+            ASSERT_EQ(source_.sample(t_, command_), TickStatus::Ok);
+            ASSERT_TRUE(command_.tool.position.allFinite() && command_.q.allFinite());
+        }
+    }
+    /** The message as it is, and the ticks until the next one. */
+    void send(int ticks = 20) {
+        message_.sent_s = now_ + 1000.0;  // of another clock
+        source_.feed()->put(message_);
+        tick(ticks);
+    }
+    /** The loop stands still, the clock does not. */
+    void pause(double seconds) { now_ += seconds; }
+
+private:
+    double now_ = 5.0, t_ = 0.0;
+    Teleoperation source_;
+    RobotDescription robot_;
+    RobotModel model_;
+    MotionState start_;
+    Pose startTool_;
+    HandMessage message_;
+    MotionCommand command_;
+};
+
+void expectSamePose(const Pose& a, const Pose& b, double tolerance = 1e-12) {
+    EXPECT_LE((a.position - b.position).norm(), tolerance);
+    EXPECT_LE(a.orientation.angularDistance(b.orientation), 1e-7);
+}
+
+TEST(Teleoperation, RestsAtTheStartUntilAHandComes) {
+    Bench bench;
+    bench.tick(100);
+    expectSamePose(bench.command().tool, bench.startTool());
+    EXPECT_EQ(bench.state(), State::Released);
+    bench.send();  // a hand without the switch
+    expectSamePose(bench.command().tool, bench.startTool());
+    EXPECT_EQ(bench.state(), State::Released);
+}
+
+TEST(Teleoperation, EngagingAnywhereMovesNothingAndThenTheToolMovesAsTheHand) {
+    Bench bench;
+    HandMessage& hand = bench.hand();
+    hand.engagement = 1;
+    hand.scale = 0.5;
+    bench.send();
+    EXPECT_EQ(bench.state(), State::Engaged);
+    expectSamePose(bench.command().tool, bench.startTool());
+    const Pose before = hand.hand;
+    for (int k = 0; k < 10; ++k) {
+        hand.hand.position += Vector3d(0.02, 0.0, -0.01);
+        hand.hand.orientation = Eigen::AngleAxisd(0.05, Vector3d::UnitY()) * hand.hand.orientation;
+        bench.send();
+    }
+    const Vector3d moved = bench.command().tool.position - bench.startTool().position;
+    EXPECT_LE((moved - 0.5 * (hand.hand.position - before.position)).norm(), 1e-12);
+    const Vector3d turn = calcTurn(bench.startTool(), bench.command().tool);
+    EXPECT_LE((turn - Vector3d(0.0, 0.5, 0.0)).norm(), 1e-9);  // not scaled
+    EXPECT_TRUE(bench.command().toolTwist.isZero());
+}
+
+TEST(Teleoperation, AxesAndPartsOfTheHandAreMapped) {
+    Bench bench(
+        "lead_m: .inf, lead_rad: .inf, axes: [0, 0, -1, -1, 0, 0, 0, 1, 0]");  // as of a headset: x right, y up, z back
+    HandMessage& hand = bench.hand();
+    hand.engagement = 7;
+    hand.part = HandMessage::Part::Position;
+    bench.send();
+    hand.hand.position += Vector3d(0.0, 0.05, -0.1);
+    hand.hand.orientation = Eigen::AngleAxisd(0.2, Vector3d::UnitY()) * hand.hand.orientation;
+    bench.send();
+    Vector3d moved = bench.command().tool.position - bench.startTool().position;
+    EXPECT_LE((moved - Vector3d(0.1, 0.0, 0.05)).norm(), 1e-12);
+    EXPECT_LE(calcTurn(bench.startTool(), bench.command().tool).norm(), 1e-7);
+
+    hand.part = HandMessage::Part::Rotation;  // latches anew
+    bench.send();
+    hand.hand.position += Vector3d(0.05, 0.0, 0.0);
+    hand.hand.orientation = Eigen::AngleAxisd(0.2, Vector3d::UnitY()) * hand.hand.orientation;
+    bench.send();
+    const Vector3d turn = calcTurn(bench.startTool(), bench.command().tool);
+    EXPECT_LE((turn - Vector3d(0.0, 0.0, 0.2)).norm(), 1e-9);
+    EXPECT_EQ(moved, bench.command().tool.position - bench.startTool().position);
+}
+
+TEST(Teleoperation, AnotherScaleMovesNothing) {
+    Bench bench;
+    HandMessage& hand = bench.hand();
+    hand.engagement = 1;
+    bench.send();
+    hand.hand.position.x() += 0.1;
+    bench.send();
+    const Pose before = bench.command().tool;
+    hand.scale = 5.0;
+    bench.send();
+    expectSamePose(bench.command().tool, before);
+    hand.hand.position.x() += 0.02;
+    bench.send();
+    EXPECT_NEAR(bench.command().tool.position.x() - before.position.x(), 0.1, 1e-12);
+}
+
+TEST(Teleoperation, Fault87_ReleasedItRestsWhereTheStopLeavesTheArmAndReengagingNeverJumps) {
+    Bench bench;
+    HandMessage& hand = bench.hand();
+    hand.engagement = 1;
+    bench.send();
+    for (int k = 0; k < 20; ++k) {
+        hand.hand.position.z() += 0.09;  // far out of reach
+        bench.send();
+    }
+    JointVector q = bench.start().q, rest = q;
+    q[1] += 0.2;
+    rest[1] += 0.25;
+    rest[2] = std::numeric_limits<double>::quiet_NaN();  // a joint without a stop
+    bench.source().observe(q, rest);
+    hand.engagement = 0;
+    bench.send(1);
+    rest[2] = q[2];
+    EXPECT_EQ(bench.state(), State::Released);
+    expectSamePose(bench.command().tool, bench.poseOf(rest));
+
+    hand.engagement = 2;
+    hand.hand.position = {-7.0, 0.0, 2.0};  // somewhere else
+    bench.send();
+    EXPECT_EQ(bench.state(), State::Engaged);
+    expectSamePose(bench.command().tool, bench.poseOf(rest));
+}
+
+TEST(Teleoperation, Fault62_SilenceIsHeldAfter100msAndOverAfter500ms) {
+    Bench bench;
+    HandMessage& hand = bench.hand();
+    hand.engagement = 1;
+    bench.send(1);
+    hand.hand.position.x() += 0.04;
+    bench.send(1);
+    const Pose followed = bench.command().tool;
+    bench.tick(98);
+    EXPECT_EQ(bench.state(), State::Engaged);
+    expectSamePose(bench.command().tool, followed);
+    bench.tick(3);
+    EXPECT_EQ(bench.state(), State::Held);
+    expectSamePose(bench.command().tool, bench.startTool());  // where the arm was seen
+    bench.tick(200);
+    hand.hand.position.x() += 0.5;  // went on meanwhile
+    bench.send(1);
+    EXPECT_EQ(bench.state(), State::Engaged);  // latched anew
+    expectSamePose(bench.command().tool, bench.startTool());
+
+    bench.tick(498);
+    EXPECT_EQ(bench.state(), State::Held);
+    bench.tick(4);
+    EXPECT_EQ(bench.state(), State::Refused);
+    EXPECT_EQ(bench.status().refusal, Refusal::Silent);
+    bench.send();
+    EXPECT_EQ(bench.state(), State::Refused);  // the switch is still the same
+    hand.engagement = 0;
+    bench.send();
+    hand.engagement = 2;
+    bench.send();
+    EXPECT_EQ(bench.state(), State::Engaged);
+}
+
+TEST(Teleoperation, Fault62_OldAndRepeatedMessagesAreDropped) {
+    Bench bench;
+    HandMessage& hand = bench.hand();
+    hand.engagement = 1;
+    bench.send();
+    hand.hand.position.x() += 0.05;
+    bench.send();
+    const Pose now = bench.command().tool;
+    const HandMessage last = hand;
+    HandMessage old = last;
+    old.sent_s -= 0.01;
+    old.hand.position.x() += 0.04;
+    bench.source().feed()->put(old);
+    bench.tick();
+    expectSamePose(bench.command().tool, now);
+    for (int k = 0; k < 30; ++k) {  // the same again and again is no sign of life
+        bench.source().feed()->put(last);
+        bench.tick(20);
+    }
+    EXPECT_EQ(bench.state(), State::Refused);
+    EXPECT_EQ(bench.status().refusal, Refusal::Silent);
+}
+
+TEST(Teleoperation, Fault87_WhatCannotBeAHandIsRefusedUntilTheSwitchIsPressedAnew) {
+    const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
+    struct Wrong {
+        const char* name;
+        std::function<void(HandMessage&)> make;
+        Refusal refusal;
+    };
+    const Wrong all[] = {
+        {"lost", [](HandMessage& m) { m.isTracked = false; }, Refusal::NotTracked},
+        {"teleport", [](HandMessage& m) { m.hand.position.y() += 0.7; }, Refusal::Jump},
+        {"flip", [](HandMessage& m) { m.hand.orientation = Eigen::Quaterniond(0.5, 0.5, 0.5, -0.5); }, Refusal::Jump},
+        {"nan", [=](HandMessage& m) { m.hand.position.y() = nan; }, Refusal::NotFinite},
+        {"inf", [=](HandMessage& m) { m.hand.position.z() = inf; }, Refusal::NotFinite},
+        {"no turn", [](HandMessage& m) { m.hand.orientation.coeffs().setZero(); }, Refusal::NotFinite},
+        {"nan turn", [=](HandMessage& m) { m.hand.orientation.w() = nan; }, Refusal::NotFinite},
+        {"scale", [](HandMessage& m) { m.scale = 5.01; }, Refusal::NotFinite},
+        {"nan scale", [=](HandMessage& m) { m.scale = nan; }, Refusal::NotFinite},
+        {"far", [](HandMessage& m) { m.hand.position.x() = 1e9; }, Refusal::NotFinite},
+    };
+    for (const Wrong& wrong : all) {
+        SCOPED_TRACE(wrong.name);
+        Bench bench;
+        HandMessage& hand = bench.hand();
+        hand.engagement = 1;
+        bench.send();
+        hand.hand.position.x() += 0.05;
+        bench.send();
+        const HandMessage good = hand;
+        wrong.make(hand);
+        bench.send(1);
+        EXPECT_EQ(bench.state(), State::Refused);
+        EXPECT_EQ(bench.status().refusal, wrong.refusal);
+        expectSamePose(bench.command().tool, bench.startTool());
+        hand = good;
+        for (int k = 0; k < 5; ++k) bench.send();
+        EXPECT_EQ(bench.state(), State::Refused);
+        expectSamePose(bench.command().tool, bench.startTool());
+        hand.engagement = 0;
+        bench.send();
+        EXPECT_EQ(bench.state(), State::Released);
+        hand.engagement = 2;
+        bench.send();
+        EXPECT_EQ(bench.state(), State::Engaged);
+        expectSamePose(bench.command().tool, bench.startTool());
+    }
+}
+
+TEST(Teleoperation, HandsAsFastAsPeopleAreFollowedAlsoWhereMessagesAreLost) {
+    for (const int ticks : {5, 20, 90}) {
+        Bench bench;
+        HandMessage& hand = bench.hand();
+        hand.engagement = 1;
+        bench.send(ticks);
+        for (int k = 0; k < 20; ++k) {
+            hand.hand.position.x() += 4.5 * 0.001 * ticks;
+            bench.send(ticks);
+        }
+        EXPECT_EQ(bench.state(), State::Engaged) << ticks;
+    }
+}
+
+TEST(Teleoperation, ASwitchThatWasPressedDuringAPauseCountsForNothing) {
+    for (const bool wasEngaged : {true, false}) {
+        Bench bench;
+        HandMessage& hand = bench.hand();
+        hand.engagement = wasEngaged ? 1 : 0;
+        bench.send();
+        bench.pause(0.51);
+        hand.engagement = 1;
+        hand.hand.position.x() += 0.04;
+        for (int k = 0; k < 5; ++k) bench.send();
+        EXPECT_EQ(bench.state(), State::Refused) << wasEngaged;
+        EXPECT_EQ(bench.status().refusal, Refusal::Paused);
+        expectSamePose(bench.command().tool, bench.startTool());
+        hand.engagement = 2;
+        bench.send();
+        EXPECT_EQ(bench.state(), State::Engaged);
+    }
+}
+
+TEST(Teleoperation, MissedTicksAreHeldLikeSilence) {
+    Bench bench;
+    HandMessage& hand = bench.hand();
+    hand.engagement = 1;
+    bench.send();
+    hand.hand.position.x() += 0.04;
+    bench.send();
+    bench.pause(0.2);
+    hand.hand.position.x() += 0.5;
+    bench.send(1);
+    EXPECT_EQ(bench.state(), State::Held);
+    bench.send(1);
+    EXPECT_EQ(bench.state(), State::Engaged);  // latched anew
+    expectSamePose(bench.command().tool, bench.startTool());
+}
+
+TEST(Teleoperation, SlidersMoveTheJointsFromWhereTheyAre) {
+    Bench bench("space: joint");
+    EXPECT_EQ(bench.source().space(), MotionCommand::Space::Joint);
+    HandMessage& hand = bench.hand();
+    hand.engagement = 1;
+    hand.joints[2] = 0.4;  // latched
+    bench.send();
+    EXPECT_EQ(bench.command().q, bench.start().q);
+    hand.joints[2] += 0.1;
+    bench.send();
+    EXPECT_NEAR(bench.command().q[2], bench.start().q[2] + 0.1, 1e-15);
+    EXPECT_TRUE(bench.command().qd.isZero());
+    hand.joints.resize(3);
+    bench.send();
+    EXPECT_EQ(bench.status().refusal, Refusal::NotFinite);
+    EXPECT_EQ(bench.command().q, bench.start().q);
+}
+
+TEST(Teleoperation, TheCommandIsNeverFarFromWhereTheArmWouldStop) {
+    Bench bench("lead_m: 0.03, lead_rad: 0.2");
+    HandMessage& hand = bench.hand();
+    hand.engagement = 1;
+    bench.send();
+    const Pose start = bench.startTool();
+    for (int k = 0; k < 10; ++k) {
+        hand.hand.position.x() += 0.04;
+        hand.hand.orientation = Eigen::AngleAxisd(0.1, Vector3d::UnitZ()) * hand.hand.orientation;
+        bench.send();
+    }
+    Vector3d ahead = bench.command().tool.position - start.position;
+    EXPECT_LE((ahead - Vector3d(0.03, 0.0, 0.0)).norm(), 1e-12);
+    EXPECT_LE((calcTurn(start, bench.command().tool) - Vector3d(0.0, 0.0, 0.2)).norm(), 1e-9);
+
+    JointVector rest = bench.start().q;  // the arm follows
+    rest[0] += 0.3;
+    bench.source().observe(rest, rest);
+    bench.send();
+    const Pose there = bench.poseOf(rest);
+    const Vector3d goal = start.position + Vector3d(0.4, 0.0, 0.0);
+    ahead = bench.command().tool.position - there.position;
+    EXPECT_NEAR(ahead.norm(), 0.03, 1e-12);
+    EXPECT_GT(ahead.dot((goal - there.position).normalized()), 0.03 - 1e-12);
+
+    Bench joints("space: joint, lead_rad: 0.2");
+    joints.hand().engagement = 1;
+    joints.send();
+    for (int k = 0; k < 10; ++k) {
+        joints.hand().joints[1] += 0.1;
+        joints.send();
+    }
+    EXPECT_NEAR(joints.command().q[1], joints.start().q[1] + 0.2, 1e-12);
+}
+
+TEST(Teleoperation, WrongAxesAreToldWithTheirPlace) {
+    try {
+        Bench bench("axes: [1, 0, 0, 0, 1, 0, 0, 0, -1]");
+        FAIL();
+    } catch (const Error& e) {
+        EXPECT_PRED_FORMAT2(says, e.what(), "axes is not a rotation");
+        EXPECT_PRED_FORMAT2(says, e.what(), "experiment.yaml:1:");
+    }
+}
+
+TEST(Teleoperation, TicksTakeNoMemory) {
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
+    Bench bench;
+    bench.hand().engagement = 1;
+    bench.send();
+    const testing::AllocationCounter counter;
+    for (int k = 0; k < 50; ++k) {
+        bench.hand().engagement = static_cast<std::uint64_t>(k / 10 % 2 == 0 ? k + 1 : 0);
+        bench.send();
+    }
+    EXPECT_EQ(counter.count(), 0);
+}
+
+/** Any sequence of any messages: finite commands that never move while the switch is not held. */
+TEST(Teleoperation, WhateverComesTheCommandIsFiniteAndStandsWithoutTheSwitch) {
+    std::mt19937_64 random(20261125);
+    std::uniform_real_distribution<double> step(-0.15, 0.15);
+    const double odd[] = {0.0, 1e300, -1e300, std::numeric_limits<double>::quiet_NaN(),
+                          std::numeric_limits<double>::infinity()};
+    Bench bench;
+    for (int k = 0; k < 20000; ++k) {
+        HandMessage& hand = bench.hand();
+        HandMessage before = hand;
+        hand.engagement = random() % 4 == 0 ? random() % 6 : hand.engagement;
+        hand.isTracked = random() % 40 != 0;
+        hand.hand.position += Vector3d(step(random), step(random), step(random));
+        const bool isOdd = random() % 30 == 0;
+        if (isOdd) hand.hand.position[static_cast<Eigen::Index>(random() % 3)] = odd[random() % 5];
+        if (random() % 50 == 0) hand.scale = odd[random() % 5];
+        const MotionCommand last = bench.command();
+        const State was = bench.state();
+        bench.send(static_cast<int>(random() % 30) + 1);
+        ASSERT_FALSE(HasFatalFailure());
+        if (hand.engagement == 0 && was == State::Released && k > 0) {
+            EXPECT_EQ(bench.command().tool.position, last.tool.position) << k;
+        }
+        if (!hand.hand.position.allFinite() || hand.hand.position.norm() > 900) hand.hand = before.hand;
+        if (!hand.hand.position.allFinite()) hand.hand.position.setZero();
+        if (!(hand.scale >= 0.1 && hand.scale <= 5.0)) hand.scale = 1.0;
+    }
+}
+
+constexpr char kLive[] = R"(schema: 1
+title: by hand
+robot: indy7
+duration_s: 60
+limits: {velocity_radps: 2*pi/3, acceleration_radps2: 4*pi, jerk_radps3: 12*pi}
+command: {plugin: teleoperation}
+controller: {plugin: tool_servo}
+filter: {plugin: certified_braking}
+robust_loop: {plugin: nric}
+real_plant: {plugin: simbody}
+cases: {A: {}}
+)";
+
+TEST(Teleoperation, ALiveArmFollowsAHandComesToRestWithoutItAndTheLogReplays) {
+    const test::TemporaryFolder folder;
+    const Experiment e = test::readTestExperiment(kLive, {});
+    LiveOptions options;
+    options.log.file = folder.path() / "hand.mcap";
+    LiveSession session(configureCase(e.cases[0]), options);
+    ASSERT_TRUE(session.hand());
+    TeleoperationFeed& feed = *session.hand();
+    session.begin();
+    HandMessage hand;
+    hand.isTracked = true;
+    const auto send = [&] {
+        hand.sent_s = feed.now();
+        feed.put(hand);
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    };
+    const auto isEngaged = [&] {
+        return feed.status().state == State::Engaged && feed.status().engagement == hand.engagement;
+    };
+    bool hasArrived = false;
+    // A machine that is busy may hold the hand up for so long that it is refused: then once more.
+    for (int attempt = 1; attempt <= 20 && !hasArrived; ++attempt) {
+        hand.engagement = static_cast<std::uint64_t>(attempt);
+        hand.hand.position.setZero();
+        for (int k = 0; k < 100 && !isEngaged(); ++k) send();
+        const Vector3d goal = feed.status().command.tool.position + Vector3d(0.0, 0.04, -0.04);
+        hand.hand.position = {0.0, 0.04, -0.04};
+        for (int k = 0; k < 300 && !hasArrived && isEngaged(); ++k) {
+            send();
+            hasArrived = (session.status().record.tool.position - goal).norm() < 0.002;
+        }
+    }
+    EXPECT_TRUE(hasArrived);
+    // Far away, then released on the way there.
+    for (int k = 0; k < 25; ++k) {
+        hand.hand.position.z() -= 0.01;
+        send();
+    }
+    hand.engagement = 0;
+    feed.put(hand);
+    const double released_s = session.status().time_s;
+    double rested_s = 0.0;
+    for (int k = 0; k < 2000 && rested_s == 0.0; ++k) {
+        const LiveStatus& now = session.status();
+        if (now.time_s > released_s + 0.05 && now.record.nominal.qd.cwiseAbs().maxCoeff() < 1e-3) rested_s = now.time_s;
+        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    RecordProperty("rest_after_ms", static_cast<int>(1000 * (rested_s - released_s)));
+    EXPECT_GT(rested_s, 0.0);
+    EXPECT_LT(rested_s - released_s, 1.5);
+    session.stop(LiveAsker::Page);
+    const CaseResult result = session.finish();
+    EXPECT_EQ(result.exitCode(), 0) << result.stopMessage;
+    EXPECT_FALSE(result.summary.anyLimitBroken());
+    EXPECT_EQ(result.live->changes[1].asker, "page");
+    const ReplayResult replay = replayLog(options.log.file, test::makeTestLoader(), {VIABLE_SOURCE_DIR "/robots"});
+    EXPECT_EQ(replay.difference, "");
+    EXPECT_GT(replay.ticks, 300);
+}
+
+TEST(Teleoperation, IsFoundByItsName) {
+    const PluginPtr<CommandSource> loaded = loadCommandSource("teleoperation");
+    EXPECT_NE(dynamic_cast<TeleoperatedCommand*>(loaded.get()), nullptr);
+}
+
+}  // namespace
+}  // namespace viable

@@ -1,0 +1,447 @@
+// The page of a live arm, as an operator has it: node live_test.mjs BUILD SOURCE [--screenshots FOLDER]
+// A simulated Indy7 is driven by the program; a browser moves it by every device.
+import assert from 'node:assert/strict';
+import { spawn, spawnSync } from 'node:child_process';
+import { mkdirSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+
+const [build, source, ...more] = process.argv.slice(2);
+process.env.VIABLE_REPORT_FOLDER = join(build, 'report');
+const { browser, eventually, finish, runTests } = await import('./browser.mjs');
+const shots = more[0] === '--screenshots' ? more[1] : null;
+if (shots) mkdirSync(shots, { recursive: true });
+const folder = mkdtempSync(join(tmpdir(), 'viable-live-test-'));
+process.on('exit', () => rmSync(folder, { recursive: true, force: true }));
+const program = join(build, 'bin/viable');
+const TITLE = '<img src=x onerror="window.hacked=1"></title><script>window.hacked=1</script>';
+const sleep = (ms) => new Promise((wait) => setTimeout(wait, ms));
+
+/** A live arm in a process of its own. */
+class Arm {
+  #text = '';
+  #process;
+
+  constructor(name, ...words) {
+    this.out = join(folder, name);
+    this.#process = spawn(
+      program,
+      [
+        'live', join(source, 'experiments/indy7_live.yaml'), '--case', name, '--out', this.out, '--no-report',
+        '--set', `title=${JSON.stringify(TITLE)}`, ...words, '--page', '127.0.0.1:0',
+      ],
+      { env: { ...process.env, XDG_STATE_HOME: join(folder, 'state') }, stdio: ['ignore', 'pipe', 'pipe'] },
+    );
+    for (const stream of [this.#process.stdout, this.#process.stderr])
+      stream.on('data', (data) => {
+        this.#text += data;
+      });
+    this.ended = new Promise((resolve) => {
+      this.#process.on('exit', (code) => resolve(code));
+    });
+    process.on('exit', () => this.#process.kill('SIGKILL'));
+  }
+
+  get text() {
+    return this.#text;
+  }
+
+  async address() {
+    await eventually(() => /page: (\S+)/.test(this.#text) || this.#process.exitCode !== null, 'the address of the page');
+    const found = this.#text.match(/page: (\S+)/);
+    assert.ok(found, this.#text);
+    return found[1];
+  }
+}
+
+/** A browser of its own at an address. */
+async function open(address, { width = 1280, height = 900, colorScheme = 'light', hasTouch = false } = {}) {
+  const context = await browser.newContext({
+    viewport: { width, height },
+    colorScheme,
+    hasTouch,
+    ignoreHTTPSErrors: true,
+  });
+  const page = await context.newPage();
+  page.problems = [];
+  page.on('console', (message) => {
+    if (message.type() === 'error') page.problems.push(message.text());
+  });
+  page.on('pageerror', (error) => page.problems.push(error.message));
+  page.on('request', (request) => {
+    if (new URL(request.url()).origin !== new URL(address).origin && !request.url().startsWith('blob:'))
+      page.problems.push(`request: ${request.url()}`);
+  });
+  page.setDefaultTimeout(60_000);
+  await page.goto(address);
+  return page;
+}
+
+const press = (page, name) => page.getByRole('button', { name, exact: true }).click();
+const numbers = (page, name) => page.evaluate((key) => [...window.viableLive.link.frame(key)], name);
+const number = async (page, name) => (await numbers(page, name))[0];
+const distance = (a, b) => Math.hypot(...[0, 1, 2].map((i) => a[i] - b[i]));
+const tool = (page) => numbers(page, 'tool');
+const isAtRest = async (page) => Math.max(...(await numbers(page, 'qd')).map(Math.abs)) < 1e-4;
+const awaitRest = (page) => eventually(() => isAtRest(page), 'the arm at rest');
+const projected = (page, point) => page.evaluate((p) => window.viableLive.view.project(p), point.slice(0, 3));
+const shoot = (page, name) => shots && page.screenshot({ path: join(shots, `${name}.png`) });
+
+/** Holds the frame at the tool and pulls it by so many pixels. */
+async function drag(page, dx, dy) {
+  const { x, y } = await projected(page, await tool(page));
+  await page.mouse.move(x, y);
+  await sleep(200); // the frame sees what is pointed at
+  await page.mouse.down();
+  for (let i = 1; i <= 10; ++i) {
+    await page.mouse.move(x + (dx * i) / 10, y + (dy * i) / 10);
+    await sleep(30);
+  }
+}
+
+/**
+ * What the loop does once `act` is over, by the frames that a page gets: the time until the hand is no longer engaged, and
+ * until the arm rests. [s]
+ */
+async function timesAfter(page, act) {
+  await page.evaluate(() => {
+    const { link } = window.viableLive;
+    window.seen = [];
+    link.on('frame', () => {
+      const one = (name) => link.frame(name)[0];
+      window.seen.push([one('time_s'), one('hand'), Math.max(...[...link.frame('qd')].map(Math.abs)), performance.now()]);
+    });
+  });
+  await sleep(100);
+  const at = await page.evaluate(() => performance.now());
+  await act();
+  await sleep(2500);
+  const seen = await page.evaluate(() => window.seen);
+  const [begin, hand] = seen.filter((one) => one[3] <= at).at(-1);
+  assert.equal(hand, 1, 'the hand is engaged before');
+  const after = seen.filter((one) => one[0] >= begin);
+  const decided = after.find((one) => one[1] !== 1);
+  const rested = after.find((one, i) => one[1] !== 1 && after.slice(i).every((later) => later[2] < 1e-3));
+  assert.ok(decided && rested, 'the arm does not come to rest');
+  return { decided: decided[0] - begin, rested: rested[0] - begin };
+}
+
+const arm = new Arm('tool');
+const address = await arm.address();
+const page = await open(address);
+
+await runTests([
+  {
+    name: 'the page shows the arm, small and soon, and asks nobody else',
+    body: async () => {
+      await page.waitForSelector('.stage[data-pictures]');
+      const first = Number(await page.getAttribute('.stage', 'data-first-picture'));
+      const bytes = (await page.evaluate(() => performance.getEntriesByType('navigation')[0])).transferSize;
+      console.log(`     first picture after ${first} ms, page of ${Math.round(bytes / 1000)} kB`);
+      assert.ok(bytes < 1_500_000);
+      assert.equal(await page.evaluate(() => location.hash), '', 'the token stays in the address');
+      assert.equal(await page.textContent('h1'), TITLE);
+      assert.equal(await page.evaluate(() => window.hacked), undefined);
+      assert.equal(await page.textContent('.pill'), 'Armed: held where it is');
+      assert.equal(await page.getByRole('button', { name: 'Start', exact: true }).isDisabled(), true);
+      await shoot(page, 'armed');
+    },
+  },
+  {
+    name: 'an address counts once, and a page that is in may be loaded again',
+    body: async () => {
+      const stranger = await open(address);
+      await stranger.waitForSelector('#message:not([hidden])');
+      assert.match(await stranger.textContent('#message'), /does not let this page in/);
+      await stranger.context().close();
+      await page.reload();
+      await page.waitForSelector('.stage[data-pictures]');
+    },
+  },
+  {
+    name: 'dragging moves the tool where it should within 5 mm after 3 s',
+    body: async () => {
+      await press(page, 'Take control');
+      await press(page, 'Start');
+      await eventually(async () => (await page.textContent('.pill')) === 'Running', 'the arm runs');
+      const before = await tool(page);
+      await drag(page, -60, 45);
+      await sleep(3000);
+      const after = await tool(page);
+      const handle = await page.evaluate(() => window.viableLive.view.handle.position.toArray());
+      console.log(`     ${(1000 * distance(before, after)).toFixed(1)} mm far, ${(1000 * distance(after, handle)).toFixed(2)} mm off`);
+      await shoot(page, 'dragging');
+      assert.equal(await number(page, 'hand'), 1);
+      await page.mouse.up();
+      assert.ok(distance(before, after) > 0.03, 'it has hardly moved');
+      assert.ok(distance(after, handle) < 0.005);
+      await awaitRest(page);
+    },
+  },
+  {
+    name: 'letting go while it moves brings it to rest at once',
+    body: async () => {
+      await drag(page, 150, -60);
+      const times = await timesAfter(page, () => page.mouse.up());
+      console.log(`     decided after ${(1000 * times.decided).toFixed(0)} ms, at rest after ${(1000 * times.rested).toFixed(0)} ms`);
+      assert.ok(times.decided < 0.2 && times.rested < 1.0);
+    },
+  },
+  {
+    name: 'engaging again elsewhere moves nothing',
+    body: async () => {
+      const before = await tool(page);
+      const { x, y } = await projected(page, before);
+      await page.mouse.move(x + 2, y - 2);
+      await sleep(200);
+      await page.mouse.down();
+      await sleep(500);
+      assert.equal(await number(page, 'hand'), 1);
+      assert.ok(distance(before, await tool(page)) < 1e-4);
+      await page.mouse.up();
+    },
+  },
+  {
+    name: 'a hidden page lets go',
+    body: async () => {
+      await drag(page, -100, 0);
+      const times = await timesAfter(page, () =>
+        page.evaluate(() => {
+          Object.defineProperty(document, 'visibilityState', { value: 'hidden', configurable: true });
+          document.dispatchEvent(new Event('visibilitychange'));
+        }),
+      );
+      console.log(`     decided after ${(1000 * times.decided).toFixed(0)} ms, at rest after ${(1000 * times.rested).toFixed(0)} ms`);
+      assert.ok(times.decided < 0.2);
+      await page.evaluate(() => delete document.visibilityState);
+      await page.mouse.up();
+    },
+  },
+  {
+    name: 'a page that hangs is held after 100 ms and disengaged after 500 ms',
+    body: async () => {
+      const address = await invite();
+      const watcher = await open(address);
+      await watcher.waitForSelector('.stage[data-pictures]');
+      await drag(page, 100, 0);
+      const times = await timesAfter(watcher, () => {
+        page.evaluate(() => {
+          const end = performance.now() + 1500;
+          while (performance.now() < end);
+        });
+      });
+      console.log(`     decided after ${(1000 * times.decided).toFixed(0)} ms, at rest after ${(1000 * times.rested).toFixed(0)} ms`);
+      await eventually(async () => (await number(watcher, 'hand')) === 3 || (await number(watcher, 'hand')) === 0, 'disengaged');
+      assert.ok(times.decided < 0.5);
+      await page.mouse.up();
+      await watcher.context().close();
+    },
+  },
+  {
+    name: 'arrow keys move the tool while they are held',
+    body: async () => {
+      await awaitRest(page);
+      await page.evaluate(() => document.activeElement?.blur());
+      const before = await tool(page);
+      await page.keyboard.down('ArrowLeft');
+      await sleep(700);
+      const target = await numbers(page, 'target');
+      await page.keyboard.up('ArrowLeft');
+      await awaitRest(page);
+      const after = await tool(page);
+      assert.ok(target[1] - before[1] > 0.05, `${target[1] - before[1]}`);
+      assert.ok(after[1] - before[1] > 0.03, `${after[1] - before[1]}`);
+      assert.ok(Math.abs(after[2] - before[2]) < 0.02);
+    },
+  },
+  {
+    name: 'a gamepad moves the tool while its shoulder is held',
+    body: async () => {
+      const before = await tool(page);
+      await page.evaluate(() => {
+        window.pad = { connected: true, axes: [0, 0, 0, -1], buttons: Array.from({ length: 8 }, () => ({ pressed: false })) };
+        navigator.getGamepads = () => [window.pad];
+      });
+      await sleep(300);
+      assert.ok(distance(before, await tool(page)) < 1e-4, 'without the switch');
+      await page.evaluate(() => {
+        window.pad.buttons[5].pressed = true;
+      });
+      await sleep(700);
+      await page.evaluate(() => {
+        window.pad.buttons[5].pressed = false;
+      });
+      await awaitRest(page);
+      const after = await tool(page);
+      assert.ok(after[2] - before[2] > 0.03, `${after[2] - before[2]}`);
+      await page.evaluate(() => {
+        navigator.getGamepads = () => [];
+      });
+    },
+  },
+  {
+    name: 'far out of reach and against the table: limits act, none is passed',
+    body: async () => {
+      const { x, y } = await projected(page, await tool(page));
+      await page.mouse.move(x, y);
+      await sleep(200);
+      await page.mouse.down();
+      const acted = new Set();
+      for (let i = 0; i < 30; ++i) {
+        await page.mouse.move(x + 130 * Math.sin(i / 3), y + 12 * i);
+        await sleep(100);
+        for (const code of await numbers(page, 'limit')) acted.add(code);
+        if (i === 20) await shoot(page, 'limits');
+      }
+      await page.mouse.up();
+      console.log(`     codes of limits that acted: ${[...acted].join(' ')}`);
+      assert.ok(acted.size > 1);
+      await awaitRest(page);
+    },
+  },
+  {
+    name: 'a second page watches, and takes over only when asked to',
+    body: async () => {
+      const second = await open(await invite());
+      await second.waitForSelector('.stage[data-pictures]');
+      assert.match(await second.textContent('.hand-note'), /You watch/);
+      const before = await tool(second);
+      await drag(second, 80, 0); // turns its view
+      await second.mouse.up();
+      assert.ok(distance(before, await tool(second)) < 1e-4);
+      await press(second, 'Take over');
+      await eventually(async () => (await page.textContent('.hand-note')).includes('You watch'), 'the first one watches');
+      await drag(second, 60, 0);
+      await eventually(async () => distance(before, await tool(second)) > 0.02, 'the second one moves it');
+      const watcher = page;
+      const times = await timesAfter(watcher, () => second.close());
+      console.log(`     page closed: decided after ${(1000 * times.decided).toFixed(0)} ms, at rest after ${(1000 * times.rested).toFixed(0)} ms`);
+      assert.ok(times.decided < 0.5);
+      await second.context().close();
+    },
+  },
+  {
+    name: 'Space holds the arm, and after Start an old engagement counts for nothing',
+    body: async () => {
+      await press(page, 'Take control');
+      await page.evaluate(() => document.activeElement?.blur());
+      await drag(page, -60, 0);
+      await page.keyboard.press('Space');
+      await eventually(async () => (await page.textContent('.pill')).startsWith('Armed'), 'armed');
+      await page.mouse.up();
+      await awaitRest(page);
+      const before = await tool(page);
+      await press(page, 'Start');
+      await sleep(700);
+      assert.ok(distance(before, await tool(page)) < 0.002);
+    },
+  },
+  {
+    name: 'phone and dark: nothing is wider than the screen',
+    body: async () => {
+      for (const [name, options] of [
+        ['phone', { width: 390, height: 844, hasTouch: true }],
+        ['dark', { colorScheme: 'dark' }],
+        ['phone_dark', { width: 360, height: 740, colorScheme: 'dark', hasTouch: true }],
+      ]) {
+        const other = await open(await invite(), options);
+        await other.waitForSelector('.stage[data-pictures]');
+        const [width, inner] = await other.evaluate(() => [document.documentElement.scrollWidth, innerWidth]);
+        assert.ok(width <= inner, `${name}: ${width} of ${inner} pixels`);
+        if (shots) await sleep(1500);
+        await shoot(other, name);
+        assert.deepEqual(other.problems, []);
+        await other.context().close();
+      }
+    },
+  },
+  {
+    name: 'a finger on a phone moves the tool',
+    body: async () => {
+      const phone = await open(await invite(), { width: 390, height: 844, hasTouch: true });
+      await phone.waitForSelector('.stage[data-pictures]');
+      await press(phone, 'Take over');
+      await eventually(() => phone.evaluate(() => window.viableLive.link.isOperator), 'it operates');
+      await sleep(500);
+      const before = await tool(phone);
+      const { x, y } = await projected(phone, before);
+      const fingers = await phone.context().newCDPSession(phone);
+      const touch = (type, ...points) => fingers.send('Input.dispatchTouchEvent', { type, touchPoints: points });
+      await touch('touchStart', { x, y });
+      for (let i = 1; i <= 10; ++i) {
+        await touch('touchMove', { x: x - 3 * i, y: y - 2 * i });
+        await sleep(30);
+      }
+      await sleep(1500);
+      const after = await tool(phone);
+      const handle = await phone.evaluate(() => window.viableLive.view.handle.position.toArray());
+      console.log(`     ${(1000 * distance(before, after)).toFixed(1)} mm far, ${(1000 * distance(after, handle)).toFixed(2)} mm off`);
+      assert.equal(await number(phone, 'hand'), 1);
+      await touch('touchEnd');
+      await eventually(async () => (await number(phone, 'hand')) === 0, 'released');
+      assert.ok(distance(before, after) > 0.02);
+      assert.ok(distance(after, handle) < 0.005);
+      await phone.context().close();
+    },
+  },
+  {
+    name: 'Stop ends it within all limits, and the log replays to the bit',
+    body: async () => {
+      await press(page, 'Stop');
+      assert.equal(await arm.ended, 0, arm.text);
+      await eventually(async () => (await page.textContent('.pill')) === 'No connection', 'the page knows');
+      await shoot(page, 'ended');
+      const real = page.problems.filter((text) => !/WebSocket|ERR_CONNECTION_REFUSED/.test(text));
+      assert.deepEqual(real, []);
+      const summary = JSON.parse(readFileSync(join(arm.out, 'summary.json'), 'utf8'));
+      console.log(`     ${arm.text.trim().split('\n').slice(-12).join('\n     ')}`);
+      assert.ok(JSON.stringify(summary).includes('"page"'), 'who asked is not in the summary');
+      const { status, stdout, stderr } = spawnSync(program, ['run', join(arm.out, 'tool.mcap'), '--again'], { encoding: 'utf8' });
+      assert.equal(status, 0, stdout + stderr);
+    },
+  },
+  {
+    name: 'a slider moves its joint while it is held, by mouse and by key',
+    body: async () => {
+      const other = new Arm('joints');
+      const sliders = await open(await other.address());
+      await sliders.waitForSelector('.stage[data-pictures]');
+      await press(sliders, 'Take control');
+      await press(sliders, 'Start');
+      await eventually(async () => (await sliders.textContent('.pill')) === 'Running', 'the arm runs');
+      const slider = sliders.getByRole('slider', { name: 'joint0' });
+      const { x, y, width, height } = await slider.boundingBox();
+      const before = await numbers(sliders, 'q');
+      const share = (await slider.evaluate((one) => (one.value - one.min) / (one.max - one.min)));
+      const from = x + 8 + share * (width - 16);
+      await sliders.mouse.move(from, y + height / 2);
+      await sliders.mouse.down();
+      await sliders.mouse.move(from + 15, y + height / 2, { steps: 10 });
+      await sleep(2500);
+      const wanted = Number(await slider.inputValue());
+      const moved = await numbers(sliders, 'q');
+      await shoot(sliders, 'sliders');
+      console.log(`     ${(moved[0] - before[0]).toFixed(4)} rad far, ${(moved[0] - wanted).toExponential(1)} rad off`);
+      await sliders.mouse.up();
+      assert.ok(moved[0] - before[0] > 0.1);
+      assert.ok(Math.abs(moved[0] - wanted) < 0.05); // the slider began where it was pressed, about where the joint was
+      assert.ok(Math.abs(moved[1] - before[1]) < 1e-6);
+      await awaitRest(sliders);
+      await press(sliders, 'Stop');
+      assert.equal(await other.ended, 0, other.text);
+      await sliders.context().close();
+    },
+  },
+], { keepsPages: true });
+
+/** The address for one more browser, from the page that is in. */
+async function invite() {
+  await press(page, 'Invite');
+  const field = page.getByRole('textbox', { name: 'Address' });
+  const text = await field.inputValue();
+  await press(page, 'Close');
+  return text;
+}
+
+if (process.exitCode) console.log(arm.text);
+await finish();

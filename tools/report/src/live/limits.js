@@ -1,0 +1,7 @@
+const KINDS = ['position', 'velocity', 'acceleration', 'jerk', 'torque', 'clearance'];
+
+/** Which limit acts on each joint: "jerk_upper", ..., or null. */
+export const limitsOf = (frame) =>
+  Array.from(frame('limit'), (code) =>
+    code > 0 ? `${KINDS[Math.floor((code - 1) / 2)]}_${code % 2 === 1 ? 'lower' : 'upper'}` : null,
+  );

@@ -1,0 +1,142 @@
+// The connection to the program: what comes and goes over the WebSocket of the page's own address.
+import { Emitter } from '../emitter.js';
+
+const PROTOCOL = 'viable.1';
+const STORE = 'viable-live-session';
+const ALIVE_MS = 2000;
+const AGAIN_MS = 1000;
+const HAND_NUMBERS = 10;
+
+/** What of a hand's motion counts, as in the message. */
+export const PARTS = ['both', 'position', 'rotation'];
+
+/**
+ * Events: 'open', 'close' (`reason` says why), 'live' (`live`: what does not change), 'people', 'event', 'invitation',
+ * 'frame' (`frame`: a function of a name to the numbers of that name).
+ */
+export class Link extends Emitter {
+  live = null;
+  people = { people: 0, operator: null };
+  you = 0;
+  event = null;
+  invitation = '';
+  reason = '';
+  #socket = null;
+  #secret;
+  #fields = new Map();
+  #wasOpen = false;
+  #echo = 0;
+
+  constructor() {
+    super();
+    // The token of the address counts once: it must not stay where others see it.
+    this.#secret = location.hash.slice(1) || recall();
+    if (location.hash) history.replaceState(null, '', location.pathname);
+    setInterval(() => this.say('alive'), ALIVE_MS);
+  }
+
+  get isOpen() {
+    return this.#socket?.readyState === WebSocket.OPEN;
+  }
+
+  get isOperator() {
+    return this.you !== 0 && this.people.operator === this.you;
+  }
+
+  open() {
+    if (!this.#secret) {
+      this.reason = 'Open the address that the program prints, with all that stands behind the # sign.';
+      this.emit('close');
+      return;
+    }
+    const socket = new WebSocket(`wss://${location.host}/live`, [PROTOCOL, this.#secret]);
+    socket.binaryType = 'arraybuffer';
+    socket.onmessage = ({ data }) => (typeof data === 'string' ? this.#hear(JSON.parse(data)) : this.#see(data));
+    socket.onclose = () => {
+      this.you = 0;
+      this.reason = this.#wasOpen
+        ? 'The program has ended, or cannot be reached. Trying again …'
+        : 'The program does not let this page in: an address counts once, and until the program ends. Ask it for another ' +
+          'one (key a in its terminal, or “Invite” on a page that is in).';
+      this.emit('close');
+      if (this.#wasOpen) setTimeout(() => this.open(), AGAIN_MS);
+    };
+    this.#socket = socket;
+  }
+
+  say(word) {
+    if (this.isOpen) this.#socket.send(word);
+  }
+
+  /**
+   * Sends a hand.
+   * @param {{press: number, isPressed: boolean, part: number, scale: number, position: number[], orientation: number[],
+   *   joints: number[]}} hand orientation w x y z
+   */
+  sendHand({ press, isPressed, part, scale, position, orientation, joints }) {
+    if (!this.isOpen) return;
+    const message = new DataView(new ArrayBuffer(8 + 8 * (HAND_NUMBERS + joints.length)));
+    message.setUint8(0, 1);
+    message.setUint8(1, (isPressed ? 1 : 0) | (document.visibilityState === 'visible' ? 2 : 0));
+    message.setUint8(2, part);
+    message.setUint8(3, joints.length);
+    message.setUint32(4, press, true);
+    const numbers = [performance.now() / 1000, this.#echo, scale, ...position, ...orientation, ...joints];
+    numbers.forEach((value, i) => message.setFloat64(8 + 8 * i, value, true));
+    this.#socket.send(message.buffer);
+  }
+
+  #hear(message) {
+    if (message.hello) {
+      this.you = message.you;
+      this.#secret = message.session;
+      remember(message.session);
+      this.#wasOpen = true;
+      this.emit('open');
+    } else if (message.format) {
+      const isFirst = this.live === null;
+      this.live = message;
+      let at = 0;
+      for (const [name, count] of message.fields) {
+        this.#fields.set(name, [at, count]);
+        at += count;
+      }
+      if (isFirst) this.emit('live');
+    } else if ('people' in message) {
+      this.people = message;
+      this.emit('people');
+    } else if (message.event) {
+      this.event = message;
+      this.emit('event');
+    } else if (message.invitation) {
+      this.invitation = message.invitation;
+      this.emit('invitation');
+    }
+  }
+
+  #see(bytes) {
+    const numbers = new Float64Array(bytes);
+    this.#echo = numbers[0];
+    this.frame = (name) => {
+      const [at, count] = this.#fields.get(name);
+      return numbers.subarray(at, at + count);
+    };
+    if (this.live) this.emit('frame');
+  }
+}
+
+function recall() {
+  try {
+    return sessionStorage.getItem(STORE) ?? '';
+  } catch {
+    return '';
+  }
+}
+
+function remember(session) {
+  try {
+    sessionStorage.setItem(STORE, session);
+  } catch {
+    /* a page that may not store must be invited anew when it is loaded again */
+  }
+}

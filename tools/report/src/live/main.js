@@ -1,0 +1,117 @@
+import { unpackBlocks } from '../blocks.js';
+import { el } from '../dom.js';
+import { Emitter } from '../emitter.js';
+import { initTheme } from '../theme.js';
+import { Hand } from './hand.js';
+import { Link } from './link.js';
+import { Bar, HandPanel, JointPanel, TimePanel, viewHead } from './panel.js';
+import { Strips } from './strips.js';
+import { View } from './view.js';
+
+const part = (id) => document.getElementById(id);
+const page = new Emitter();
+
+function showMessage(text) {
+  part('message').textContent = text;
+  part('message').hidden = text === '';
+}
+
+/** What the program says of its case, as the parts of the page want it. */
+async function readRun(live) {
+  const { json, array } = await unpackBlocks(live);
+  return {
+    title: json.title,
+    case: json.case,
+    robot: json.robot.name,
+    scene: json.scene,
+    joints: json.robot.joints.map(({ name, kind }) => ({ name, linear: kind === 'prismatic' })),
+    environment: json.environments[0] ?? null,
+    links: json.links,
+    obstacles: json.obstacles,
+    moves: json.moves,
+    hasReal: json.has_real,
+    tick_s: json.tick_s,
+    tMin: 0,
+    array,
+  };
+}
+
+/** A view, or why there is none: all else works without it. */
+function createView(stage, run, hand) {
+  const context = document.createElement('canvas').getContext('webgl2');
+  const reason = !run.scene?.links?.length
+    ? 'There is no description of the robot to show.'
+    : !context
+      ? 'The picture of the arm needs WebGL 2, which this browser does not offer. All else works without it.'
+      : '';
+  const name = context?.getParameter(context.getExtension('WEBGL_debug_renderer_info')?.UNMASKED_RENDERER_WEBGL ?? context.RENDERER);
+  context?.getExtension('WEBGL_lose_context')?.loseContext();
+  if (!reason) return new View(stage, run, hand, /swiftshader|llvmpipe|software/i.test(String(name)));
+  stage.append(el('p', { class: 'no-replay', role: 'status', text: reason }));
+  return null;
+}
+
+async function begin(link) {
+  const run = await readRun(link.live);
+  if (run.title) document.title = `${run.title} – viable live`;
+  const hand = new Hand(link, run.moves === 'joints' ? run.joints.length : 0);
+  const stage = el('div', { class: 'stage' });
+  const view = createView(stage, run, hand);
+  const bar = new Bar(part('bar'), link, run, page);
+  if (view) part('view').append(viewHead(view, run));
+  part('view').append(stage);
+  let panels = null;
+  const update = () => {
+    const isAllowed = Boolean(run.moves) && link.isOperator && bar.state === 'running';
+    hand.allow(isAllowed);
+    view?.allowDrag(isAllowed && run.moves === 'tool');
+  };
+  link.on('frame', () => {
+    const { frame } = link;
+    if (!panels) {
+      run.joints.forEach((joint, i) => {
+        const within = (value, fallback) => (Number.isFinite(value) ? value : fallback);
+        joint.lower = within(frame('position_lower')[i], -Math.PI);
+        joint.upper = within(frame('position_upper')[i], Math.PI);
+      });
+      panels = {
+        hand: new HandPanel(part('operate'), run, hand, view ?? { setMode() {} }, link),
+        joints: new JointPanel(part('joints'), run),
+        times: new TimePanel(part('times'), run),
+        strips: new Strips(part('strips'), run),
+      };
+      part('loading').hidden = true;
+      part('page').hidden = false;
+    }
+    bar.show(frame);
+    update();
+    view?.show(frame);
+    panels.hand.show(frame, bar.state);
+    panels.joints.show(frame);
+    panels.times.show(frame);
+    panels.strips.add(frame);
+  });
+  link.on('people close', update);
+  page.on('theme', () => {
+    view?.paint();
+    panels?.strips.paint();
+  });
+  window.viableLive = { link, hand, view }; // for scripts
+}
+
+function start() {
+  initTheme(() => page.emit('theme'));
+  const link = new Link();
+  link.on('live', () => begin(link).catch(explain));
+  link.on('open', () => showMessage(''));
+  link.on('close', () => {
+    part('loading').hidden = true;
+    showMessage(link.reason);
+  });
+  link.open();
+}
+
+const explain = (error) => showMessage(`A part of this page does not work: ${error?.message ?? error}`);
+addEventListener('error', (event) => explain(event.error ?? event.message));
+addEventListener('unhandledrejection', (event) => explain(event.reason));
+start();

@@ -1,0 +1,368 @@
+import { el, iconButton } from '../dom.js';
+import { fixed, number } from '../format.js';
+import { limitColour } from '../theme.js';
+import { themeButton } from '../theme_button.js';
+import { limitsOf } from './limits.js';
+
+const STATES = ['armed', 'running', 'stopping', 'stopped'];
+const STATE_TEXTS = {
+  armed: 'Armed: held where it is',
+  running: 'Running',
+  stopping: 'Stopping for good',
+  stopped: 'Stopped: the robot holds itself',
+};
+const HANDS = ['', 'moving', 'held: no fresh message', 'refused: let go and press again'];
+const REFUSALS = [
+  '',
+  'a number was no number',
+  'the hand was lost, or the page was not seen',
+  'the hand jumped',
+  'no message for half a second',
+  'the arm was held meanwhile',
+];
+const PERIOD_MS = 100;
+
+/** The head: what is run, its state, and what can be asked of it. */
+export class Bar {
+  #state = '';
+
+  constructor(host, link, run, page) {
+    this.link = link;
+    this.pill = el('span', { class: 'pill', role: 'status' });
+    this.people = el('span', { class: 'hint people' });
+    const button = (text, title, word, properties = {}) =>
+      el('button', { type: 'button', text, title, onclick: () => link.say(word), ...properties });
+    this.take = button('Take control', 'Only one page moves the arm', 'take', {
+      onclick: () => link.say(link.isOperator ? 'leave' : link.people.operator === null ? 'take' : 'take over'),
+    });
+    this.start = button('Start', 'The command begins, or goes on', 'start', { class: 'go' });
+    this.pause = button('Hold', 'Brakes and holds the arm (space)', 'pause');
+    this.stop = button('Stop', 'Brakes and ends', 'stop', { class: 'halt' });
+    this.invite = button('Invite', 'An address for one more browser', 'invite');
+    host.append(
+      el(
+        'div',
+        { class: 'title' },
+        el('h1', { text: run.title || 'A live arm' }),
+        el('p', { class: 'origin', text: [run.robot, run.case].filter(Boolean).join(' · ') }),
+      ),
+      this.pill,
+      el('span', { class: 'push' }),
+      el('span', { class: 'buttons acts' }, run.moves ? this.take : null, this.start, this.pause, this.stop),
+      el('span', { class: 'buttons' }, this.people, this.invite, themeButton(page)),
+    );
+    link.on('people open close', () => this.#update());
+    link.on('invitation', () => this.#showInvitation());
+    this.run = run;
+    addEventListener('keydown', (event) => {
+      if (event.key !== ' ' || event.target.closest?.('input, select, textarea')) return;
+      event.preventDefault(); // a button in focus is not pressed: space brakes, always
+      link.say('pause');
+    });
+    this.#update();
+  }
+
+  get state() {
+    return this.#state;
+  }
+
+  show(frame) {
+    const state = STATES[frame('state')[0]] ?? '';
+    if (state === this.#state) return;
+    this.#state = state;
+    this.#update();
+  }
+
+  #update() {
+    const { link } = this;
+    const state = link.isOpen ? this.#state : 'lost';
+    this.pill.className = `pill ${state}`;
+    this.pill.textContent = state === 'lost' ? 'No connection' : (STATE_TEXTS[state] ?? '');
+    const { operator, people } = link.people;
+    this.take.textContent = link.isOperator ? 'Let go of control' : operator === null ? 'Take control' : 'Take over';
+    this.take.setAttribute('aria-pressed', String(link.isOperator));
+    const isOver = state === 'stopping' || state === 'stopped' || state === 'lost';
+    this.take.disabled = isOver;
+    this.start.disabled = isOver || state === 'running' || (Boolean(this.run.moves) && !link.isOperator);
+    this.pause.disabled = state !== 'running';
+    this.stop.disabled = isOver;
+    this.invite.disabled = state === 'lost';
+    this.people.textContent =
+      people > 1 ? `${people} pages${operator !== null && !link.isOperator ? ', another one operates' : ''}` : '';
+  }
+
+  #showInvitation() {
+    const field = el('input', { readonly: true, value: this.link.invitation, 'aria-label': 'Address' });
+    const dialog = el(
+      'dialog',
+      { 'aria-label': 'An address for one more browser' },
+      el('h2', { text: 'For one more browser' }),
+      el('p', { class: 'hint', text: 'This address lets one browser in, once. Whoever is in may take control.' }),
+      field,
+      el('form', { method: 'dialog' }, el('button', { text: 'Close' })),
+    );
+    dialog.addEventListener('close', () => dialog.remove());
+    document.body.append(dialog);
+    dialog.showModal();
+    field.select();
+  }
+}
+
+/** How the hand moves the arm, and how it is just now. */
+export class HandPanel {
+  constructor(host, run, hand, view, link) {
+    this.run = run;
+    this.hand = hand;
+    this.link = link;
+    this.note = el('p', { class: 'hand-note', role: 'status' });
+    host.append(el('div', { class: 'card-head' }, el('h2', { text: run.moves === 'joints' ? 'Move the joints' : 'Move the tool' })));
+    if (run.moves === 'tool') host.append(this.#toolControls(view));
+    if (run.moves === 'joints') host.append(this.#sliders());
+    if (!run.moves) host.append(el('p', { class: 'hint', text: 'This case has a command of its own; this page shows what it does.' }));
+    host.append(this.note);
+    this.last = 0;
+  }
+
+  #toolControls(view) {
+    const { hand } = this;
+    const modes = ['translate', 'rotate'].map((mode) =>
+      el('button', {
+        type: 'button',
+        text: mode === 'translate' ? 'Shift' : 'Turn',
+        title: mode === 'translate' ? 'Drag the arrows (key T)' : 'Drag the rings (key R)',
+        'aria-pressed': String(mode === 'translate'),
+        onclick: () => choose(mode),
+      }),
+    );
+    const choose = (mode) => {
+      view.setMode(mode);
+      modes.forEach((button, i) => button.setAttribute('aria-pressed', String((i === 1) === (mode === 'rotate'))));
+    };
+    addEventListener('keydown', ({ key, target, ctrlKey, metaKey }) => {
+      if (ctrlKey || metaKey || target.closest?.('input, select')) return;
+      if (key === 't' || key === 'r') choose(key === 't' ? 'translate' : 'rotate');
+    });
+    const output = el('output', { text: '1.0 ×' });
+    const scale = el('input', {
+      type: 'range',
+      min: '-1',
+      max: String(Math.log10(5)),
+      step: '0.01',
+      value: '0',
+      'aria-label': 'Metres of the tool per metre of the hand',
+      oninput: () => {
+        hand.scale = Math.min(5, Math.max(0.1, 10 ** Number(scale.value)));
+        output.textContent = `${hand.scale.toFixed(1)} ×`;
+      },
+    });
+    const part = el(
+      'select',
+      {
+        'aria-label': 'What of the hand counts',
+        onchange: () => {
+          hand.part = Number(part.value);
+        },
+      },
+      ...['position and turn', 'position only', 'turn only'].map((text, value) => el('option', { value, text })),
+    );
+    return el(
+      'div',
+      { class: 'controls' },
+      el('div', { class: 'row' }, el('span', { class: 'buttons segmented' }, ...modes), part),
+      el('label', { class: 'row' }, el('span', { class: 'hint', text: 'Scale' }), scale, output),
+      el(
+        'p',
+        { class: 'hint keys' },
+        'Drag the arrows at the tool; it moves while you hold. Keys: ',
+        ...['←', '→', '↑', '↓', 'PgUp', 'PgDn'].map((text) => el('kbd', { text })),
+        ' shift, with ',
+        el('kbd', { text: '⇧' }),
+        ' they turn, ',
+        el('kbd', { text: 'space' }),
+        ' holds the arm. Gamepad: hold the right shoulder.',
+      ),
+    );
+  }
+
+  #sliders() {
+    const { run, hand } = this;
+    this.sliders = run.joints.map(({ name, lower, upper }, i) => {
+      const slider = el('input', { type: 'range', min: lower, max: upper, step: 'any', 'aria-label': name });
+      const all = () => this.sliders.map((one) => Number(one.value));
+      const by = `slider ${i}`;
+      slider.addEventListener('pointerdown', () => hand.press(by, { joints: this.#q }));
+      slider.addEventListener('input', () => hand.move(by, { joints: all() }));
+      for (const event of ['pointerup', 'pointercancel', 'lostpointercapture'])
+        slider.addEventListener(event, () => hand.release(by));
+      slider.addEventListener('keydown', ({ key }) => {
+        if (/^(Arrow|Page)/.test(key)) hand.press(by, { joints: this.#q });
+      });
+      slider.addEventListener('keyup', () => hand.release(by));
+      slider.addEventListener('blur', () => hand.release(by));
+      return slider;
+    });
+    return el(
+      'div',
+      { class: 'controls' },
+      ...this.sliders.map((slider, i) => el('label', { class: 'row' }, el('span', { class: 'hint', text: run.joints[i].name }), slider)),
+      el('p', { class: 'hint', text: 'A joint moves while its slider is held.' }),
+    );
+  }
+
+  #q = [];
+
+  show(frame, state) {
+    this.#q = [...frame('q')];
+    if (this.sliders && !this.hand.isPressed) this.sliders.forEach((slider, i) => (slider.value = String(this.#q[i])));
+    if (performance.now() - this.last < PERIOD_MS) return;
+    this.last = performance.now();
+    if (!this.run.moves) return;
+    const [hand, refusal] = [frame('hand')[0], frame('refusal')[0]];
+    let text = HANDS[hand] ?? '';
+    if (hand === 3) text = `${HANDS[3]} (${REFUSALS[refusal] ?? ''})`;
+    if (state === 'armed') text = this.link.isOperator ? 'Press Start: the arm is held.' : 'Take control, then Start.';
+    else if (state === 'running' && !this.link.isOperator) text = 'You watch. Take control to move the arm.';
+    else if (state === 'running' && text === '') text = 'Ready.';
+    else if (state !== 'running') text = '';
+    this.note.textContent = text;
+    this.note.dataset.hand = state === 'running' && this.link.isOperator ? String(hand) : '';
+  }
+}
+
+/** Each joint between its limits, where its stop would leave it, and which limit acts. */
+export class JointPanel {
+  constructor(host, run) {
+    this.last = 0;
+    this.rows = run.joints.map(({ name }) => {
+      const mark = el('span', { class: 'gauge-mark' });
+      const rest = el('span', { class: 'gauge-mark rest' });
+      const value = el('td', { class: 'number' });
+      const speed = el('span', { class: 'gauge-mark' });
+      const acting = el('td', { class: 'acting' });
+      const row = el(
+        'tr',
+        {},
+        el('th', { scope: 'row', text: name }),
+        value,
+        el('td', {}, el('span', { class: 'gauge' }, rest, mark)),
+        el('td', {}, el('span', { class: 'gauge' }, speed)),
+        acting,
+      );
+      return { row, mark, rest, value, speed, acting };
+    });
+    host.append(
+      el('div', { class: 'card-head' }, el('h2', { text: 'Joints' })),
+      el(
+        'table',
+        { class: 'joints' },
+        el(
+          'thead',
+          {},
+          el('tr', {}, ...['', 'q [rad]', 'position', 'velocity', 'limit that acts'].map((text) => el('th', { scope: 'col', text }))),
+        ),
+        el('tbody', {}, ...this.rows.map(({ row }) => row)),
+      ),
+    );
+  }
+
+  show(frame) {
+    if (performance.now() - this.last < PERIOD_MS) return;
+    this.last = performance.now();
+    const acting = limitsOf(frame);
+    const place = (mark, value, lower, upper) => {
+      const share = (value - lower) / (upper - lower);
+      mark.hidden = !Number.isFinite(share);
+      mark.style.setProperty('left', `${Math.min(100, Math.max(0, 100 * share))}%`);
+    };
+    this.rows.forEach(({ mark, rest, value, speed, acting: cell }, i) => {
+      const [lower, upper] = [frame('position_lower')[i], frame('position_upper')[i]];
+      value.textContent = fixed(frame('q')[i], 3);
+      place(mark, frame('q')[i], lower, upper);
+      place(rest, frame('rest_q')[i], lower, upper);
+      place(speed, frame('qd')[i], frame('velocity_lower')[i], frame('velocity_upper')[i]);
+      const name = acting[i];
+      cell.textContent = name ? name.replace('_', ' ').replace('clearance lower', 'clearance') : '';
+      if (name) cell.style.setProperty('--key', limitColour(name));
+    });
+  }
+}
+
+/** Ticks, and how old what is seen is. */
+export class TimePanel {
+  constructor(host, run) {
+    this.last = 0;
+    this.run = run;
+    this.cells = new Map();
+    const rows = [
+      ['time', 'Time'],
+      ['tick', 'Tick computed in'],
+      ['worst', 'Slowest tick'],
+      ['missed', 'Missed ticks'],
+    ];
+    if (run.moves === 'tool') rows.push(['error', 'Tool from target']);
+    if (run.environment) rows.push(['clearance', 'Nearest']);
+    host.append(
+      el('div', { class: 'card-head' }, el('h2', { text: 'Now' })),
+      el(
+        'dl',
+        { class: 'facts' },
+        ...rows.flatMap(([key, text]) => {
+          this.cells.set(key, el('dd'));
+          return [el('dt', { text }), this.cells.get(key)];
+        }),
+      ),
+    );
+  }
+
+  show(frame) {
+    if (performance.now() - this.last < PERIOD_MS) return;
+    this.last = performance.now();
+    const one = (name) => frame(name)[0];
+    const set = (key, text) => {
+      const cell = this.cells.get(key);
+      if (cell && cell.textContent !== text) cell.textContent = text;
+    };
+    set('time', `${fixed(one('time_s'), 1)} s`);
+    set('tick', `${fixed(one('compute_us'), 0)} of ${number(1e6 * this.run.tick_s)} µs`);
+    set('worst', `${fixed(one('worst_us'), 0)} µs`);
+    set('missed', `${one('missed')}${one('lost_rows') > 0 ? ', log too slow' : ''}`);
+    const [tool, target] = [frame('tool'), frame('target')];
+    const error = Math.hypot(...[0, 1, 2].map((i) => tool[i] - target[i]));
+    set('error', `${fixed(1000 * error, 1)} mm`);
+    const [link, obstacle, other] = frame('nearest');
+    const { links, obstacles } = this.run;
+    const name = obstacle >= 0 ? obstacles[obstacle] : links[other];
+    const distance = one('clearance');
+    set('clearance', Number.isFinite(distance) ? `${Math.round(1000 * distance)} mm, ${links[link] ?? '?'} – ${name ?? '?'}` : '–');
+  }
+}
+
+/** Shows and hides what is drawn, and the way back to the first view. */
+export function viewHead(view, run) {
+  const parts = [
+    ['stop', 'backup stop', 'Pale: where the arm would come to rest if the backup stop began now'],
+    ...(run.environment ? [['obstacles', 'obstacles', 'What stands around the arm'], ['nearest', 'nearest points', 'Where the arm comes nearest to anything']] : []),
+  ];
+  return el(
+    'div',
+    { class: 'card-head' },
+    el('h2', { text: 'Arm' }),
+    el(
+      'span',
+      { class: 'chips' },
+      ...parts.map(([part, text, title]) => {
+        const button = el('button', {
+          type: 'button',
+          class: 'chip',
+          text,
+          title,
+          'aria-pressed': 'true',
+          onclick: () => button.setAttribute('aria-pressed', String(view.togglePart(part))),
+        });
+        return button;
+      }),
+    ),
+    el('span', { class: 'push' }),
+    iconButton('home', 'The first view', () => view.resetCamera()),
+  );
+}

@@ -1,0 +1,291 @@
+import {
+  AxesHelper,
+  Box3,
+  DirectionalLight,
+  GridHelper,
+  HemisphereLight,
+  Mesh,
+  MeshBasicMaterial,
+  Object3D,
+  PerspectiveCamera,
+  Quaternion,
+  Scene,
+  Sphere,
+  SphereGeometry,
+  Vector3,
+  WebGLRenderer,
+} from 'three';
+import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
+import { TransformControls } from 'three/examples/jsm/controls/TransformControls.js';
+import { Arm, readShapes } from '../scene.js';
+import { NearestLine, Surroundings } from '../surroundings.js';
+import { colours, isDark, limitColour } from '../theme.js';
+import { limitsOf } from './limits.js';
+
+const FIELD_OF_VIEW = 35;
+const SLOW_MS = 40; // a picture that takes longer is made of fewer pixels
+const LONGEST_GAP_MS = 250;
+const LEAST_RATIO = 0.35;
+
+/** The arm as it is, its stop, its real twin, what stands around it, and the frame by which a hand drags the tool. */
+export class View {
+  #asked = false;
+  #frame = null;
+  #ratio = Math.min(devicePixelRatio, 2);
+  #gap = 0; // before the next picture [ms]
+  took = 0; // one of the last pictures [ms]
+  #isShown = new Map([
+    ['stop', true],
+    ['obstacles', true],
+    ['nearest', true],
+  ]);
+
+  /** @param {boolean} isSoftware without a graphics card: no smooth edges */
+  constructor(stage, run, hand, isSoftware) {
+    this.stage = stage;
+    this.run = run;
+    this.hand = hand;
+    this.renderer = new WebGLRenderer({ antialias: !isSoftware, alpha: true });
+    const canvas = this.renderer.domElement;
+    canvas.setAttribute('role', 'img');
+    canvas.setAttribute('aria-label', 'The arm now. Drag to turn the view, wheel to zoom, drag the arrows to move the tool.');
+    stage.append(canvas);
+
+    this.scene = new Scene();
+    this.scene.add(new HemisphereLight(0xffffff, 0x8892a0, 2.1));
+    this.sun = new DirectionalLight(0xffffff, 1.9);
+    this.scene.add(this.sun, this.sun.target);
+    this.camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
+    this.camera.up.set(0, 0, 1);
+    this.orbit = new OrbitControls(this.camera, canvas);
+    this.orbit.addEventListener('change', () => this.ask());
+
+    const shapes = readShapes(run);
+    this.size = run.scene.links.reduce((sum, { origin }) => sum + Math.hypot(...origin.xyz), 0) || 1;
+    this.nominal = new Arm(run, shapes);
+    this.real = run.hasReal ? new Arm(run, shapes, { outline: 0.008 * this.size }) : null;
+    this.stop = new Arm(run, shapes, { opacity: 0.34 });
+    this.line = run.environment ? new NearestLine(stage, this.size) : null;
+    for (const one of [this.nominal, this.real, this.stop, this.line]) if (one) this.scene.add(one.root);
+    this.target = this.#makeTarget();
+    this.#makeHandle();
+
+    new ResizeObserver(() => this.#resize()).observe(stage);
+  }
+
+  /** Where the command is: a ball and three axes. */
+  #makeTarget() {
+    const target = new Object3D();
+    this.ball = new Mesh(
+      new SphereGeometry(0.012 * this.size, 24, 16),
+      new MeshBasicMaterial({ transparent: true, opacity: 0.9, depthTest: false }),
+    );
+    this.ball.renderOrder = 7;
+    const axes = new AxesHelper(0.09 * this.size);
+    axes.material.depthTest = false;
+    axes.renderOrder = 7;
+    target.add(this.ball, axes);
+    target.visible = false;
+    this.scene.add(target);
+    return target;
+  }
+
+  /** The frame at the tool that can be dragged; while nobody does it follows the tool. */
+  #makeHandle() {
+    this.handle = new Object3D();
+    this.scene.add(this.handle);
+    this.drag = new TransformControls(this.camera, this.renderer.domElement);
+    this.drag.setSpace('world');
+    this.drag.setSize(0.85);
+    this.scene.add(this.drag.getHelper());
+    this.drag.addEventListener('change', () => this.ask());
+    this.drag.addEventListener('mouseDown', () => {
+      const { position, quaternion: orientation } = this.handle;
+      this.orbit.enabled = false;
+      this.hand.press('drag', { position, orientation });
+    });
+    this.drag.addEventListener('objectChange', () => {
+      const { position, quaternion: orientation } = this.handle;
+      this.hand.move('drag', { position, orientation });
+    });
+    this.drag.addEventListener('mouseUp', () => {
+      this.orbit.enabled = true;
+      this.hand.release('drag');
+    });
+    // A finger or a pen that the system takes away lets go, too.
+    for (const event of ['pointercancel', 'lostpointercapture'])
+      this.renderer.domElement.addEventListener(event, () => {
+        this.orbit.enabled = true;
+        this.hand.release('drag');
+      });
+    this.allowDrag(false);
+  }
+
+  allowDrag(isAllowed) {
+    if (isAllowed === (this.drag.object !== undefined)) return;
+    if (isAllowed) this.drag.attach(this.handle);
+    else this.drag.detach();
+    this.drag.enabled = isAllowed;
+    this.ask();
+  }
+
+  /** 'translate' or 'rotate'. */
+  setMode(mode) {
+    this.drag.setMode(mode);
+  }
+
+  togglePart(part) {
+    this.#isShown.set(part, !this.#isShown.get(part));
+    this.ask();
+    return this.#isShown.get(part);
+  }
+
+  show(frame) {
+    const isFirst = this.#frame === null;
+    this.#frame = frame;
+    if (isFirst) {
+      this.#pose();
+      this.#findBounds();
+      this.paint();
+      this.resetCamera();
+    }
+    this.ask();
+  }
+
+  #findBounds() {
+    this.nominal.root.updateMatrixWorld(true);
+    const box = new Box3().expandByPoint(new Vector3()).expandByObject(this.nominal.root);
+    this.ground = box.min.z;
+    this.bounds = box.getBoundingSphere(new Sphere());
+    if (!(this.bounds.radius > 0)) this.bounds.radius = 1;
+    this.bounds.radius *= 1.15;
+    if (!this.run.environment) return;
+    this.surroundings = new Surroundings(this.run, this.run.environment, this.bounds);
+    this.scene.add(this.surroundings.root);
+  }
+
+  resetCamera() {
+    const { center, radius } = this.bounds;
+    this.orbit.target.copy(center);
+    const distance = radius / Math.sin(((FIELD_OF_VIEW / 2) * Math.PI) / 180) / Math.min(1, this.camera.aspect);
+    this.camera.position.set(0.72, -0.86, 0.4).normalize().multiplyScalar(distance).add(center);
+    this.camera.near = distance / 100;
+    this.camera.far = distance * 20;
+    this.camera.updateProjectionMatrix();
+    this.sun.position
+      .set(1, -0.6, 1.6)
+      .multiplyScalar(radius * 3)
+      .add(center);
+    this.sun.target.position.copy(center);
+    this.orbit.update();
+    this.ask();
+  }
+
+  paint() {
+    if (!this.bounds) return;
+    this.surroundings?.paint(colours.obstacle);
+    this.nominal.paint(null, isDark() ? '#b9c2cc' : '#c3cad2');
+    this.real?.paint(colours.accent, colours.accent);
+    this.stop.paint(colours.accent, colours.accent);
+    this.ball.material.color.set(colours.cases[1]);
+    if (this.floor) this.scene.remove(this.floor);
+    const cell = 10 ** Math.floor(Math.log10(this.bounds.radius * 0.5));
+    const cells = 2 * Math.ceil((this.bounds.radius * 1.5) / cell);
+    this.floor = new GridHelper(cells * cell, cells, colours.limit, colours.line);
+    this.floor.rotation.x = Math.PI / 2;
+    this.floor.position.z = Math.min(0, this.ground) - cell * 0.01;
+    this.scene.add(this.floor);
+    this.ask();
+  }
+
+  #resize() {
+    const { clientWidth: width, clientHeight: height } = this.stage;
+    if (width === 0 || height === 0) return;
+    this.renderer.setPixelRatio(this.#ratio);
+    this.renderer.setSize(width, height);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.ask();
+  }
+
+  /** A picture soon; where pictures take long, as long again is left for all else. */
+  ask() {
+    if (this.#asked) return;
+    this.#asked = true;
+    const draw = () => {
+      const asked = performance.now();
+      requestAnimationFrame(() => {
+        this.#draw();
+        setTimeout(() => this.#adapt(performance.now() - asked)); // with what the browser does after it
+      });
+    };
+    if (this.#gap > 0) setTimeout(draw, this.#gap);
+    else draw();
+  }
+
+  #pose() {
+    const frame = this.#frame;
+    this.nominal.pose(frame('q'));
+    const has = (values) => values.every(Number.isFinite);
+    if (this.real) {
+      this.real.root.visible = has(frame('real_q'));
+      if (this.real.root.visible) this.real.pose(frame('real_q'));
+    }
+    this.stop.root.visible = this.#isShown.get('stop') && has(frame('rest_q'));
+    if (this.stop.root.visible) this.stop.pose(frame('rest_q'));
+    const place = (object, [x, y, z, w, i, j, k]) => {
+      object.position.set(x, y, z);
+      object.quaternion.copy(new Quaternion(i, j, k, w));
+    };
+    this.target.visible = this.run.moves === 'tool' && has(frame('target'));
+    if (this.target.visible) place(this.target, frame('target'));
+    if (!this.drag.dragging) place(this.handle, frame('tool'));
+  }
+
+  #draw() {
+    this.#asked = false;
+    if (!this.#frame) return;
+    this.#pose();
+    this.nominal.tint((joint) => {
+      const name = limitsOf(this.#frame)[joint];
+      return name ? limitColour(name) : null;
+    });
+    if (this.surroundings) {
+      this.surroundings.root.visible = this.#isShown.get('obstacles');
+      this.surroundings.show(this.#frame('time_s')[0]);
+    }
+    this.#drawNearest();
+    this.renderer.render(this.scene, this.camera);
+    if (this.stage.dataset.pictures === undefined) this.stage.dataset.firstPicture = performance.now().toFixed(0);
+    this.stage.dataset.pictures = String(Number(this.stage.dataset.pictures ?? 0) + 1);
+  }
+
+  #drawNearest() {
+    if (!this.line) return;
+    const distance = this.#frame('clearance')[0];
+    const isKnown = this.#isShown.get('nearest') && Number.isFinite(distance);
+    this.line.show(
+      isKnown ? { distance, onArm: [...this.#frame('on_arm')], onObstacle: [...this.#frame('on_obstacle')] } : null,
+    );
+    const isNear = distance < this.run.environment.safety_distance_m;
+    this.line.paint(isNear ? colours.bad : colours.text);
+    const { clientWidth: width, clientHeight: height } = this.stage;
+    this.line.placeLabel(isKnown ? `${Math.round(1000 * distance)} mm` : '', this.camera, width, height);
+    this.line.label.classList.toggle('bad', isNear);
+  }
+
+  #adapt(took) {
+    this.took += 0.2 * (took - this.took);
+    this.#gap = this.took > SLOW_MS ? Math.min(2 * this.took, LONGEST_GAP_MS) : 0;
+    if (this.took < SLOW_MS || this.#ratio <= LEAST_RATIO) return;
+    this.#ratio = Math.max(LEAST_RATIO, this.#ratio * 0.8);
+    this.#resize();
+  }
+
+  /** Where a point of the base frame is in the window, for tests and scripts. */
+  project(point) {
+    const { x, y } = new Vector3(...point).project(this.camera);
+    const { left, top, width, height } = this.renderer.domElement.getBoundingClientRect();
+    return { x: left + ((1 + x) / 2) * width, y: top + ((1 - y) / 2) * height };
+  }
+}
