@@ -322,12 +322,17 @@ int goLive(const LiveArguments& arguments) {
                 plan.name.c_str(), folder.c_str());
     std::fflush(stdout);
     if (const int signal = getStopSignal()) return tellEnd(signal);
+    std::unique_ptr<LivePage> page;
+    if (arguments.hasPage) {
+        page = std::make_unique<LivePage>(arguments.page, session, plan, experiment.title, movesJoints);
+        page->tellAddress(true);
+    }
     session.begin();
     for (const std::string& refusal : session.timing().refusals)
         std::fprintf(stderr, "%s: %s\n", session.timing().isRealTime ? "real time, but" : "not real time",
                      refusal.c_str());
-    attend(session, plan.robot.jointNames());
-    const bool movesJoints = configured->plugins.command->space() == MotionCommand::Space::Joint;
+    attend(session, page.get(), plan.robot.jointNames());
+    page.reset();
     std::vector<CaseResult> results;
     results.push_back(session.finish());
     tellStage("while summary and report were written", PluginsRun::NoMore);

@@ -71,7 +71,8 @@ void addRobotCommand(CLI::App& app, int& exitCode) {
     command->add_option("--key-file", arguments->keyFile, "A key of 32 hexadecimal digits that the host has, too");
     command->add_option("--duration", options.duration_s, "Seconds of its time (default: until it is stopped)")
         ->check(CLI::Range(0.001, 1e9));
-    command->add_flag("--stay", options.stays, "Stay where a host has left the arm; else each one finds it at the start");
+    command->add_flag("--stay", options.stays,
+                      "Stay where a host has left the arm; else each one finds it at the start");
     command->add_option("--repeat", options.mostRepeats, "No torque is repeated for longer, in ticks (default: 100)")
         ->check(CLI::Range(0, 1000));
     command->add_flag("--adds-gravity", options.addsGravity, "It adds gravity's torque to what it is sent");

@@ -19,7 +19,7 @@ struct RobotServerOptions {
     std::string address = "127.0.0.1:47100";  ///< as vl_line_open() takes it
     vl_key key{};
     double duration_s = 0.0;  ///< of the robot's time; 0: until it is stopped
-    bool stays = false;  ///< where a host has left it; else each one finds it at the start
+    bool stays = false;       ///< where a host has left it; else each one finds it at the start
     int mostRepeats = 100;
     bool addsGravity = false;
     double clock = 1.0;                       ///< its ticks per tick of the computer's clock
