@@ -382,7 +382,8 @@ void addLiveCommand(CLI::App& app, int& exitCode) {
     command->add_option("--out", arguments->out, "Folder for log, summary and report (default: a new one in ./runs)");
     command
         ->add_option("--log-limit", arguments->logLimit_MB,
-                     "Megabytes that the log may take; the oldest part of a longer one is deleted (default: 4096)")
+                     "Megabytes that the log may take; of a longer one the oldest parts but the first are deleted "
+                     "(default: 4096)")
         ->check(CLI::Range(16.0, 1e9));
     command->add_flag("--compact", arguments->compact,
                       "A log of half the size, which PlotJuggler and Foxglove read after `viable export --to mcap`");

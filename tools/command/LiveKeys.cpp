@@ -30,8 +30,9 @@ LiveKeys::LiveKeys() {
     now.c_cc[VMIN] = 0;
     now.c_cc[VTIME] = 0;
     now.c_cc[VSUSP] = now.c_cc[VQUIT] = _POSIX_VDISABLE;
+    setLastAct(giveBack);
     isTerminal_ = isSet_ = ::tcsetattr(STDIN_FILENO, TCSAFLUSH, &now) == 0;
-    if (isSet_) setLastAct(giveBack);
+    if (!isSet_) setLastAct(nullptr);
 }
 
 LiveKeys::~LiveKeys() {

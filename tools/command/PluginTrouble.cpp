@@ -12,6 +12,7 @@
 #include <exception>
 #include <new>
 
+#include "StopSignals.h"
 #include "core/ChildProcess.h"
 #include "host/PluginCall.h"
 #include "log/Recorder.h"
@@ -122,6 +123,7 @@ const PluginWatch* findCulprit(std::int64_t& tick) {
 [[noreturn]] void endProgram(int code) {
     endCode = code;
     if (sink) _exit(code);
+    doLastAct();
     const bool whole = Recorder::rescueAll(kRescue_s);
     if (*runFolder) unlink(runClaim);
     if (*runFolder && rmdir(runFolder) == 0) *runFolder = '\0';  // nothing was written yet

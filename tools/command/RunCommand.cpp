@@ -158,7 +158,9 @@ int replay(const RunArguments& arguments) {
                        "`viable report` and `viable export` show the log as it is.");
     std::printf("%s: replayed %lld ticks, to %.3f s: all equal to the log, to the bit%s\n", result.caseName.c_str(),
                 static_cast<long long>(result.ticks), result.end_s,
-                result.isComplete ? "" : " (the log was cut off: it lacks its end)");
+                result.isComplete ? ""
+                                  : "; but the log does not go on to the end of its run: it was cut off, or its next "
+                                    "parts were deleted (--log-limit)");
     return 0;
 }
 

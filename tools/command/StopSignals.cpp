@@ -17,7 +17,7 @@ void onStopSignal(int signal) {
     int none = 0;
     if (stopSignal.compare_exchange_strong(none, signal)) return;
     if (signal == SIGHUP) return;  // a terminal that closes may tell it twice; nobody asks for haste
-    if (const auto act = lastAct.load()) act();
+    doLastAct();
     _exit(128 + signal);
 }
 
@@ -35,6 +35,10 @@ bool isIgnored(int signal) {
 
 void setLastAct(void (*act)()) {
     lastAct = act;
+}
+
+void doLastAct() {
+    if (const auto act = lastAct.load()) act();
 }
 
 const std::atomic<int>& getStopSignal() {

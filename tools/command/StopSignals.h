@@ -7,6 +7,8 @@ namespace viable {
 /** What is done before a second signal ends the program at once, such as giving a terminal back; async-signal-safe. Null:
 nothing. */
 void setLastAct(void (*act)());
+/** Does that; for who ends the program otherwise. Async-signal-safe. */
+void doLastAct();
 
 /** The signal that asked for the end; 0: none so far. */
 const std::atomic<int>& getStopSignal();

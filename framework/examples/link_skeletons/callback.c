@@ -17,13 +17,6 @@ static int on_tick(void* user, const vendor_state* s, double* torque) {
     driver* const d = (driver*)user;
     vl_state out;
     vl_mode mode;
-    if (d->robot.tick == 0) { /* it stays where it stands, and torques set out from what the motors give */
-        memcpy(d->held, s->q, sizeof d->held);
-        vl_robot_note(&d->robot, s->tau);
-    }
-    vl_robot_poll(&d->robot, &d->line);
-    mode = vl_robot_tick(&d->robot, torque);
-
     memset(&out, 0, sizeof out);
     out.flags = VL_ENABLED; /* YOURS: and VL_ADDS_GRAVITY (libfranka does), VL_ADDS_FRICTION, VL_FAULT */
     out.time_ns = s->time_ns;
@@ -32,6 +25,13 @@ static int on_tick(void* user, const vendor_state* s, double* torque) {
         out.qd[i] = s->dq[i];
         out.tau[i] = s->tau[i]; /* YOURS: with VL_ADDS_GRAVITY less gravity, as torques are sent */
     }
+    if (d->robot.tick ==
+        0) { /* it stays where it stands, and torques set out from what the motors give, as it is sent */
+        memcpy(d->held, s->q, sizeof d->held);
+        vl_robot_note(&d->robot, out.tau);
+    }
+    vl_robot_poll(&d->robot, &d->line);
+    mode = vl_robot_tick(&d->robot, torque);
     vl_robot_send(&d->robot, &d->line, &out);
 
     if (mode == VL_HOLD) { /* YOURS: come to rest and stay there by a law of your own */

@@ -69,7 +69,8 @@ void LiveSession::rehearse(const CasePlan& plan, int ticks) {
         running.loop().tick(running.record());
         running.count();
     }
-    if (!running.loop().isStopping()) return;
+    // A command that comes from somewhere may not have come yet.
+    if (!running.loop().isStopping() || running.loop().stopReason() == StopReason::CommandFailed) return;
     const CaseResult result = running.finish(true);
     throw Error(ErrorKind::PluginFailed, "case " + plan.name,
                 "before the real arm was moved, in a rehearsal on the nominal arm, it " + result.stopMessage,

@@ -64,7 +64,7 @@ the thread, which asks the system for real time last of all; what it refuses is 
 the same.
 A plant without a clock is taken for a simulated one: what was missed is made up for at once.
 Guarantees: those of ControlLoop. The log may lose rows where the disk is slow (counted), the loop never waits for it. At the
-end the nominal arm is at rest, and held for RunningCase::kSettling_s more, before the plant is let go.
+end, unless the plant fails or a robot goes on though it is told to brake, the nominal arm is at rest, and held for RunningCase::kSettling_s more, before the plant is let go.
 Threads: pause(), resume(), stop() by any; status() and events by one; the rest by the one that made it. */
 class LiveSession {
 public:

@@ -1,5 +1,8 @@
 #include "live/LiveStart.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "core/Text.h"
 #include "experiment/ConfiguredCase.h"
 #include "host/PluginCall.h"
@@ -16,7 +19,14 @@ std::string findLiveStart(const CasePlan& plan) {
     start.qdd.setZero();
     constexpr PluginKind kKind = PluginKind::RealPlant;
     resetPlugin(plant, kKind, configured->plugins.watches[static_cast<std::size_t>(kKind)], start);
-    const JointVector& q = plant.measured().q;
+    JointVector q = plant.measured().q;
+    // At a limit it is measured beyond it now and then; where it is farther, ControlLoop refuses.
+    constexpr double kOutside = 1e-4;  // [rad, m]
+    const JointBounds& bounds = plan.limits.position;
+    for (Eigen::Index i = 0; i < q.size(); ++i) {
+        const double inside = std::clamp(q[i], bounds.lower[i], bounds.upper[i]);
+        if (std::abs(q[i] - inside) <= kOutside) q[i] = inside;
+    }
     std::string text = "{position_rad: [";
     for (Eigen::Index i = 0; i < q.size(); ++i) text += detail::format("%s%.17g", i > 0 ? ", " : "", q[i]);
     return text + "]}";

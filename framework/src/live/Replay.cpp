@@ -1,5 +1,6 @@
 #include "live/Replay.h"
 
+#include <cstdlib>
 #include <cstring>
 #include <deque>
 #include <memory>
@@ -28,19 +29,38 @@ public:
     /** False: there are no more. */
     bool read(TickRecord& row) {
         while (!reader_->read(row)) {
+            isComplete_ &= reader_->isComplete();
             const fs::path next = LogSeries::nameFile(file_, number_ + 1);
             std::error_code error;
-            if (!fs::exists(next, error)) return false;
+            if (!fs::exists(next, error)) {
+                isComplete_ &= !hasLaterPart();
+                return false;
+            }
             reader_ = std::make_unique<LogReader>(next);
             ++number_;
         }
         return true;
     }
+    /** Each file has its end, and none is missing; known when all has been read. */
+    bool isComplete() const { return isComplete_; }
 
 private:
+    /** Parts are deleted, the oldest but the first of them, where a log reaches its limit. */
+    bool hasLaterPart() const {
+        const std::string begin = file_.stem().string() + ".part";
+        std::error_code error;
+        for (fs::directory_iterator entry(file_.parent_path().empty() ? "." : file_.parent_path(), error), end;
+             !error && entry != end; entry.increment(error))
+            if (entry->path().extension() == file_.extension() && entry->path().stem().string().rfind(begin, 0) == 0 &&
+                std::atoi(entry->path().stem().string().c_str() + begin.size()) > number_)
+                return true;
+        return false;
+    }
+
     const fs::path file_;
     std::unique_ptr<LogReader> reader_;
     int number_ = 1;
+    bool isComplete_ = true;
 };
 
 /** Gives what was recorded; `row` is the present tick's. */
@@ -175,7 +195,6 @@ public:
     /** @return the tick in which the log's arm begins to brake and this one's does not; -1: there is none */
     std::int64_t run(const Stop& stop, ReplayResult& result) {
         Rows rows(log_);
-        result.isComplete = rows.reader().isComplete();
         auto configured = configureCase(plan_);
         LoopPlugins& plugins = configured->plugins;
         hasClock_ = plugins.realPlant && plugins.realPlant->hasClock();
@@ -223,6 +242,7 @@ public:
             ++result.ticks;
             result.end_s = row.time_s;
         }
+        result.isComplete = rows.isComplete();
         return -1;
     }
 
@@ -273,9 +293,12 @@ ReplayResult replayLog(const fs::path& log, const PluginLoader& loader, const st
     // Each cause of a stop shows by what differs with it: none of them is right in more than one way.
     const std::int64_t tick = replay.run({}, result);
     if (tick >= 0) {
+        result.ticks = -1;
         for (const StopCause cause : {StopCause::Asked, StopCause::PlantGone, StopCause::LimitsRefused}) {
-            replay.run({cause, tick}, result);
-            if (result.ticks > tick) break;
+            ReplayResult one = result;
+            replay.run({cause, tick}, one);
+            if (one.ticks > result.ticks) result = one;
+            if (one.ticks > tick) break;
         }
     }
     if (result.ticks == 0 && result.difference.empty())

@@ -13,7 +13,7 @@ struct ReplayResult {
     std::string caseName;
     std::int64_t ticks = 0;  ///< that were compared
     double end_s = 0.0;      ///< time of the last of them
-    bool isComplete = true;  ///< the log has its end; otherwise what there is was replayed
+    bool isComplete = true;  ///< the log has its end and all its parts; otherwise it was replayed as far as it goes
     /** Where the first tick differs; empty: nothing does. */
     std::string difference;
 };

@@ -52,7 +52,7 @@ const char* findFault(const FilterDecision& d, const HeldMotion& motion, double 
 }
 
 /** An arm that rests at a limit is measured beyond it by no more [counts]. */
-constexpr double kOutsideCounts = 4.0;
+constexpr double kOutsideCounts = 4.0, kOutside = 1e-4;  // [rad, m]
 
 /** A share that is smaller is nothing. */
 constexpr double kRounding = 1e-9;
@@ -234,11 +234,13 @@ void ControlLoop::startAtReal() {
     for (int i = 0; i < n_; ++i) {
         const double q = measured.q[i], inside = std::clamp(q, bounds.lower[i], bounds.upper[i]);
         nominal_.q[i] = recovers ? q : inside;
-        if (recovers || std::abs(q - inside) <= kOutsideCounts * setup_.robot.encoderStep(i)) continue;
+        if (recovers || std::abs(q - inside) <= std::max(kOutsideCounts * setup_.robot.encoderStep(i), kOutside))
+            continue;
         const JointDescription& joint = setup_.robot.joints[static_cast<std::size_t>(i)];
         throw badInput("the robot",
-                       joint.name + " stands at " + detail::formatNumber(q) + ", beyond its position limit " +
-                           detail::formatNumber(inside) + " by " + detail::formatNumber(std::abs(q - inside)),
+                       joint.name + " stands at " + detail::formatNumber(q) +
+                           ", beyond the nominal arm's position limit " + detail::formatNumber(inside) + " by " +
+                           detail::formatNumber(std::abs(q - inside)),
                        "Move it inside, widen the limits, or use the filter certified_braking with `recovery: true`.");
     }
     nominal_.qd.setZero(n_);
@@ -364,6 +366,8 @@ void ControlLoop::checkTracking() {
     if (!options_.bound || ended_) return;
     if (isTrackingLost_) {
         for (int i = 0; i < n_; ++i) replaceStillReading(i);
+        const JointVector error = plausible_.q - nominal_.q;
+        if (detail::findFarthestBeyond(error, detail::FollowingWatch::kRunaway * lostError_) >= 0) leaveToRobot();
         return;
     }
     watchNominal();
@@ -371,6 +375,7 @@ void ControlLoop::checkTracking() {
     const int i = detail::findFarthestBeyond(error, options_.bound->measured);
     if (i < 0) return;
     isTrackingLost_ = true;
+    lostError_ = error.cwiseAbs().cwiseMax(options_.bound->measured);
     const JointDescription& joint = setup_.robot.joints[static_cast<std::size_t>(i)];
     const char* const unit = joint.type == JointType::Prismatic ? "m" : "rad";
     char message[sizeof stopMessage_];
@@ -397,7 +402,9 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
     using Cause = detail::FollowingWatch::Cause;
     if (!options_.watchesFollowing || options_.bound || ended_ || stopReason_ == StopReason::SensorFailed) return;
     if (isTrackingLost_) {  // a loop that acts on wrong readings must not drive the arm on
-        if (drifts_ && following_.runsAway(plausible_, nominal_)) endRobustLoop(false);
+        if (!following_.runsAway(plausible_, nominal_)) return;
+        if (drifts_) endRobustLoop(false);
+        leaveToRobot();
         return;
     }
     const detail::FollowingWatch::Finding found =
@@ -445,8 +452,7 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
               : found.cause == Cause::Weakness   ? kOnWeakness
                                                  : kOnDrift);
     holdIntegral();
-    // A robot that does not take torques for what they are is better left to its own stop.
-    if (hasClock_) ended_ = true;
+    if (drifts_) leaveToRobot();
 }
 
 /** Beyond the limits that it is for the bound says nothing, and a trip nothing of the disturbances. */
@@ -457,6 +463,11 @@ void ControlLoop::watchNominal() {
                      !areWithin(limits.acceleration, nominal_.qdd) ||
                      !areWithin(limits.jerk, motion_.jerk);  // none before the first tick
     leftLimits_s_ = time();
+}
+
+/** A robot that does not take torques for what they are goes on though it is told to brake: its own stop is better. */
+void ControlLoop::leaveToRobot() {
+    if (hasClock_) ended_ = true;
 }
 
 void ControlLoop::holdIntegral() {
@@ -757,6 +768,8 @@ void ControlLoop::finishTick(TickRecord& record, StageTimer& timer, bool drives)
         timer.mark(Stage::Robust);
         drivePlant();
         timer.mark(Stage::Plant);
+    } else if (ended_) {
+        appliedTorque_.setZero(n_);  // nothing was sent any more
     }
     record.robustTorque = robustTorque_;
     record.motorTorque = appliedTorque_;

@@ -141,7 +141,7 @@ public:
     arm at exact rest, the robust loop at work. */
     bool hasStopped() const;
     /** True when no stop can be made: the plant is gone, or the arithmetic is; or when a robot (a plant with a
-    clock) does not follow, and is left to its own stop. */
+    clock) goes on though it was told to brake, and is left to its own stop. */
     bool hasFailed() const { return ended_; }
 
     StopReason stopReason() const { return stopReason_; }
@@ -168,6 +168,7 @@ private:
     void checkFollowing(std::int64_t elapsedTicks);
     void watchNominal();
     void holdIntegral();
+    void leaveToRobot();
     void judgeReading();
     bool replaceStillReading(int joint);
     void takeCommand(double t);
@@ -254,6 +255,7 @@ private:
     bool robustLoopEnded_ = false;  // it failed, or swings: its torque goes to zero
     bool isLoopAsked_ = true;       // meanwhile
     int releaseTicks_ = 0;          // since then
+    JointVector lostError_;         // when the tracking was lost, at least the bound
     JointVector releasedTorque_;    // at the beginning of a release without asking [Nm]
 };
 

@@ -188,8 +188,7 @@ void LinkPlant::configure(const RunSetup& setup, const Parameters& parameters) {
     sender_ = std::make_unique<TorqueSender>(setup.robot, convention, tick_s_);
     if (motorRate_.array().isInf().all()) motorRate_.resize(0);
     model_ = std::make_unique<RobotModel>(setup.robot);
-    for (JointVector* v : {&external_, &state_.q, &state_.qd, &restVelocities_, &restTorques_, &heldTorques_})
-        v->setZero(n_);
+    for (JointVector* v : {&external_, &state_.q, &state_.qd, &restVelocities_, &restTorques_}) v->setZero(n_);
 }
 
 void LinkPlant::refuse(const std::string& what, const std::string& remedy) const {
@@ -454,9 +453,6 @@ void LinkPlant::checkRestTorque() {
             refuse("carries its arm at rest with " + formatTorques(restTorques_) + " Nm, beyond the torque_limit_Nm " +
                        formatShort(limit) + " of " + robot_->joints[static_cast<std::size_t>(i)].name,
                    "Correct the limit in actuation.yaml: with it this arm cannot be held.");
-        // What no friction and no payload explains, as a wrong sensor, is not taken over.
-        const double most = std::max(held + torqueShare_ * std::abs(dynamics_.gravity[i]), noise);
-        heldTorques_[i] = std::clamp(restTorques_[i], expected[i] - most, expected[i] + most);
         if (std::abs(restTorques_[i] - expected[i]) <= tolerance) continue;
         const char* const guess =
             addsGravity_ && (restTorques_ - dynamics_.gravity).norm() < 0.5 * dynamics_.gravity.norm()
@@ -500,7 +496,7 @@ void LinkPlant::reset(const MotionState& start) {
     if (std::isinf(torqueShare_))
         sender_->reset(state_.q);  // what it measures is not to be trusted
     else
-        sender_->reset(state_.q, heldTorques_, blend_s_);
+        sender_->reset(state_.q, restTorques_, blend_s_);
 }
 
 TickStatus LinkPlant::fail(const char* why) noexcept {

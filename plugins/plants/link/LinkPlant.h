@@ -112,7 +112,7 @@ private:
     std::int64_t ageTicks_ = 0;                   // their sum
     std::uint64_t holdingTicks_ = 0;              // since the first torque was sent
     bool hasSent_ = false, hasFollowed_ = false;  // torques
-    JointVector restVelocities_, restTorques_, heldTorques_;  // means while it rested
+    JointVector restVelocities_, restTorques_;    // means while it rested
     JointState state_;
     JointVector external_;
     char text_[512] = "", packets_[256] = "", why_[256] = "";

@@ -317,7 +317,8 @@ TEST(ControlLoop, ANominalArmStartsWhereTheRobotStandsWithinItsLimits) {
     ScriptedLoop outside(true);
     const double limit = outside.configured->setup.limits.position.upper[0];
     outside.plant.standsOff = limit + 0.1 - outside.configured->setup.start.q[0];
-    EXPECT_NE(test::catchError([&] { outside.start(); }).find("beyond its position limit"), std::string::npos);
+    EXPECT_NE(test::catchError([&] { outside.start(); }).find("beyond the nominal arm's position limit"),
+              std::string::npos);
     ScriptedLoop atLimit(true);  // measured a count beyond it
     atLimit.plant.standsOff =
         limit - atLimit.configured->setup.start.q[0] + atLimit.configured->plan.robot.encoderStep(0);
