@@ -128,6 +128,11 @@ async function timesAfter(page, act) {
 
 const arm = new Arm('tool');
 const address = await arm.address();
+await eventually(() => /armed \(program\)/.test(arm.text), 'the arm is held');
+if (/not real time/.test(arm.text)) {
+  console.log(`skipped: hands are judged in milliseconds, and this machine gives no real time:\n${arm.text}`);
+  process.exit(77);
+}
 const page = await open(address);
 
 await runTests([
