@@ -415,8 +415,7 @@ TEST(ArmBatch, APlantThatFailsStopsItsArmAloneUntilItsReset) {
     const RobotDescription robot = loadArm("indy7");
     for (const char* mode : {"faulted", "nan_state", "wrong_size", "throw_measured", "throw_advance"}) {
         ArmBatchOptions options;
-        options.plant =
-            std::string("{plugin: failing_plant, after_ticks: '~integer(5, 60)', mode: ") + mode + "}";
+        options.plant = std::string("{plugin: failing_plant, after_ticks: '~integer(5, 60)', mode: ") + mode + "}";
         options.pluginPath = {VIABLE_BROKEN_PLUGIN_DIR};
         options.threads = 3;  // so that most fail in a thread of a step's own
         ArmBatch batch(robot, 100, 0.001, options);

@@ -119,10 +119,12 @@ _libc = ctypes.CDLL(None)
 
 def _follow_parent(parent: int) -> Callable[[], None]:
     """For the child, before it becomes the program: where this process is killed, the program is told to brake and end. (The kernel
-    watches the thread that calls, and that waits for the program.)"""
+    watches the thread that calls, and that waits for the program. It may tell it twice, once for each thread: a second SIGINT
+    would end the program at once, a second SIGHUP does not.)"""
 
     def ask() -> None:
-        _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGINT, 0, 0, 0)
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)  # also under nohup
+        _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGHUP, 0, 0, 0)
         if os.getppid() != parent:  # it has ended already
             os._exit(130)
 
