@@ -7,8 +7,12 @@
 namespace {
 
 constexpr viable::ParameterSpec kParameters[] = {
-    broken::kAfterTicks, viable::parameter::choice("mode", "faulted|nan_state|wrong_size|throw_measured|throw_advance",
-                                                   "faulted", "How it fails.")};
+    broken::kAfterTicks,
+    viable::parameter::choice("mode", "faulted|nan_state|wrong_size|throw_measured|throw_advance", "faulted",
+                              "How it fails."),
+    viable::parameter::integer("delay_ticks", "0", "What delayTicks() tells."),
+    viable::parameter::integer("rates", "0", "How many numbers motorRate() gives."),
+    viable::parameter::number("rate_Nmps", "Nm/s", "1000", "Each of them.")};
 
 /** Stands still until it fails. */
 class FailingPlant : public viable::RealPlant {
@@ -16,7 +20,11 @@ public:
     void configure(const viable::RunSetup&, const viable::Parameters& parameters) override {
         afterTicks_ = parameters.integer("after_ticks");
         mode_ = parameters.text("mode");
+        delayTicks_ = static_cast<int>(parameters.integer("delay_ticks"));
+        rate_.setConstant(parameters.integer("rates"), parameters.number("rate_Nmps"));
     }
+    int delayTicks() const override { return delayTicks_; }
+    viable::JointVector motorRate() const override { return rate_; }
     void reset(const viable::MotionState& start) override {
         ticks_ = 0;
         state_ = {start.q, start.qd};
@@ -38,6 +46,8 @@ public:
 
 private:
     std::int64_t afterTicks_ = 0, ticks_ = 0;
+    int delayTicks_ = 0;
+    viable::JointVector rate_;
     std::string mode_;
     viable::JointState state_;
 };

@@ -17,12 +17,21 @@ EFFORT = float(os.environ.get("VIABLE_EFFORT", "1"))
 
 
 def find_excess(batch, limits):
-    """By how much an arm is beyond a limit, relative to that."""
+    """By how much an arm is beyond a limit, relative to that; inf where a number is not finite."""
+    return find_largest(((batch.q, limits.position), (batch.qd, limits.velocity), (batch.qdd, limits.acceleration),
+                         (batch.jerk, limits.jerk)))
+
+
+def find_largest(pairs):
     worst = 0.0
-    for values, (lower, upper) in ((batch.q, limits.position), (batch.qd, limits.velocity),
-                                   (batch.qdd, limits.acceleration), (batch.jerk, limits.jerk)):
-        scale = np.maximum(abs(lower), abs(upper))
-        worst = max(worst, ((values - upper) / scale).max(), ((lower - values) / scale).max())
+    for values, (lower, upper) in pairs:
+        if not np.isfinite(values).all():
+            return np.inf
+        for sign, bound in ((1, upper), (-1, lower)):
+            there = np.isfinite(bound)
+            if there.any():
+                share = sign * (values[..., there] - bound[there]) / np.maximum(abs(bound[there]), 1e-3)
+                worst = max(worst, share.max())
     return worst
 
 
@@ -30,6 +39,15 @@ class Batches(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.robot = viable.Robot("indy7")
+
+    def test_the_check_of_limits_sees_what_it_shall(self):
+        values, limits = np.zeros((3, 2)), np.array([[-1.0, -np.inf], [2.0, np.inf]])
+        self.assertEqual(find_largest([(values, limits)]), 0)
+        for at, value, expected in (((1, 0), 2.2, 0.1), ((2, 0), -1.5, 0.5), ((0, 1), 1e9, 0), ((1, 0), np.nan, np.inf),
+                                    ((2, 1), np.nan, np.inf), ((2, 1), np.inf, np.inf)):
+            broken = values.copy()
+            broken[at] = value
+            self.assertAlmostEqual(find_largest([(values, limits), (broken, limits)]), expected)
 
     def test_limits_hold_under_a_random_policy(self):
         rng = np.random.default_rng(1)
@@ -43,7 +61,7 @@ class Batches(unittest.TestCase):
                     actions = rng.uniform(-size, size, (256, 6))
                 batch.step(actions, substeps=1)
                 self.assertLess(find_excess(batch, self.robot.limits), 1e-9, action)
-                self.assertGreater(batch.margin.min(), -1e-9)
+                self.assertTrue((batch.margin > -1e-9).all())
                 seen |= set(np.unique(batch.acting))
             self.assertGreater(abs(batch.q - begin).max(), 0.2)
             self.assertTrue(np.isin(batch.status, [1, 2]).all())
@@ -163,6 +181,12 @@ class Batches(unittest.TestCase):
             (lambda: batch.reset([0, 1], np.zeros((3, 6))), "2 arms that are reset"),
             (lambda: batch.reset([0, 2], np.array([self.robot.home, self.robot.home + 5])),
              "arm 2: .*outside its limits: position"),
+            (lambda: batch.reset([0, 1, 1, 0]), "arm 0 is named more than once. .*pass booleans"),
+            (lambda: batch.random_reset(np.random.default_rng(1), np.array([1, 0, 0, 1])), "pass booleans"),
+            (lambda: batch.random_reset(np.random.default_rng(1), [True]), r"shape \(1,\) and type bool"),
+            (lambda: batch.random_reset(np.random.default_rng(1), [-1]), "there is no arm -1"),
+            (lambda: batch.change_limits([self.robot.limits.replace(velocity=0.5)] * 3 + [None]), "entry 3 is None"),
+            (lambda: batch.change_limits([self.robot.limits.replace(velocity=0.5)] * 3 + [viable.Limits(joints=6)]), "arm 3"),
             (lambda: batch.reset(q=np.full(6, np.nan)), "arm 0: its start is of the wrong size or not finite"),
             (lambda: batch.change_limits(None), "None are no limits"),
             (lambda: batch.change_limits([self.robot.limits]), "1 limits for 4 arms"),
@@ -175,6 +199,16 @@ class Batches(unittest.TestCase):
             with self.subTest(cause=cause), self.assertRaisesRegex(viable.InputError, cause):
                 call()
         np.testing.assert_array_equal(batch.q, before)
+        for arm in range(4):  # of lists that were refused, none was put
+            self.assertEqual(batch.limits(arm), self.robot.limits)
+
+    def test_margins_are_of_the_limits_in_force(self):
+        batch = viable.Batch(self.robot, 2)
+        lower, upper = self.robot.limits.position
+        home = self.robot.home
+        batch.change_limits(self.robot.limits.replace(position=(lower, (home + upper) / 2)), [1])
+        np.testing.assert_allclose(batch.margin[1], np.minimum((upper - home) / 2, home - lower), atol=1e-4)
+        np.testing.assert_allclose(batch.margin[0], np.minimum(upper - home, home - lower), atol=1e-4)
 
     def test_resets_and_limits_of_single_arms(self):
         batch = viable.Batch(self.robot, 5, action="target")

@@ -33,12 +33,17 @@ def follow(guard, law, ticks):
 
 
 def largest_excess(states, jerk, limits):
-    """By how much states (ticks, 3, n) and jerks (ticks, n) pass their limits, relative to those."""
+    """By how much states (ticks, 3, n) and jerks (ticks, n) pass their limits, relative to those; inf where one is not finite."""
     worst = 0.0
     for values, (lower, upper) in zip((states[:, 0], states[:, 1], states[:, 2], jerk),
                                       (limits.position, limits.velocity, limits.acceleration, limits.jerk)):
-        scale = np.maximum(abs(lower), abs(upper))
-        worst = max(worst, np.max((values - upper) / scale), np.max((lower - values) / scale))
+        if not np.isfinite(values).all():
+            return np.inf
+        for sign, bound in ((1, upper), (-1, lower)):
+            there = np.isfinite(bound)
+            if there.any():
+                share = sign * (values[:, there] - bound[there]) / np.maximum(abs(bound[there]), 1e-3)
+                worst = max(worst, share.max())
     return worst
 
 
@@ -51,6 +56,51 @@ class Guards(unittest.TestCase):
         guard = viable.Guard(self.robot, 0.001, **options)
         guard.start(self.robot.home)
         return guard
+
+    def test_the_check_of_limits_sees_what_it_shall(self):
+        limits = viable.Limits(velocity=[2.0, np.inf], jerk=10.0)
+        states, jerk = np.zeros((4, 3, 2)), np.zeros((4, 2))
+        self.assertEqual(largest_excess(states, jerk, limits), 0)
+        for at, value, expected in (((1, 1, 0), -2.2, 0.1), ((3, 1, 1), 1e9, 0), ((2, 0, 1), np.nan, np.inf), ((0, 2, 0), np.inf, np.inf)):
+            broken = states.copy()
+            broken[at] = value
+            self.assertAlmostEqual(largest_excess(broken, jerk, limits), expected)
+        jerk[2, 1] = 15
+        self.assertAlmostEqual(largest_excess(states, jerk, limits), 0.5)
+
+    def test_gains_are_of_arguments_that_can_be(self):
+        unlimited = viable.Limits(joints=6)
+        upside_down = viable.Limits(position=(1.0, -1.0), joints=6)
+        for arguments, cause in (({"delay_ticks": -1}, "-1; allowed is 0 to 20"), ({"delay_ticks": 10**6}, "allowed is 0 to 20"),
+                                 ({"limits": upside_down}, "a lower limit is not below"),
+                                 ({"limits": viable.Limits(velocity=np.nan, joints=6)}, "or is NaN")):
+            with self.subTest(cause=cause), self.assertRaisesRegex(viable.InputError, "Robot.gains: .*" + cause):
+                self.robot.gains(0.001, **arguments)
+        for arguments in ({"delay_ticks": 20}, {"limits": unlimited}):
+            self.assertTrue(all(np.isfinite(value).all() for value in self.robot.gains(0.001, **arguments).values()))
+
+    def test_messages_are_text_whatever_their_bytes_are(self):
+        with self.assertRaisesRegex(viable.InputError, "no_\N{REPLACEMENT CHARACTER}_robot"):
+            viable.Robot(b"no_\xff_robot")
+        for before in ("", "x"):  # wherever a message is cut off
+            guard = self.make()
+
+            def law(q, qd, dynamics):
+                raise ValueError(before + "é" * 5000)
+
+            guard.step(self.robot.home, self.robot.home * 0, law)
+            self.assertEqual(guard.stop_reason, "law_failed")
+            self.assertIn("é", guard.stop_message)
+
+    def test_foreign_code_amid_the_arguments_changes_nothing(self):
+        robot, q = self.robot, self.robot.home
+
+        class Torque:
+            def __array__(self, *args, **kwargs):
+                robot.dynamics(q + 1.0, q)
+                return np.zeros(6)
+
+        np.testing.assert_array_equal(robot.forward_dynamics(q, q * 0, Torque()), robot.forward_dynamics(q, q * 0, np.zeros(6)))
 
     def test_limits_hold_whatever_a_law_gives(self):
         rng = np.random.default_rng(1)

@@ -111,6 +111,27 @@ class Reach(unittest.TestCase):
         np.testing.assert_allclose(observations[:, :6], (env.batch.real_q - middle) / half, atol=1e-6)
         self.assertTrue((env.batch.real_q != env.batch.q).any())
 
+    def test_an_arm_whose_plant_failed_ends(self):
+        env = gym.ReachVectorEnv("indy7", num_envs=3, reach=1e-9)
+        env.reset(seed=1)
+        batch = env.batch
+
+        class Failing:
+            status = np.array([1, viable.STATUS.index("failed"), 1], np.uint8)
+
+            def __getattr__(self, name):
+                return getattr(batch, name)
+
+        env.batch = Failing()
+        _, _, terminations, truncations, _ = env.step(np.zeros((3, 6)))
+        self.assertFalse(terminations.any())
+        np.testing.assert_array_equal(truncations, [False, True, False])
+        env.batch = batch
+        goals = env.goals.copy()
+        truncations = env.step(np.zeros((3, 6)))[3]
+        self.assertFalse(truncations.any())
+        np.testing.assert_array_equal((env.goals != goals).any(axis=1), [False, True, False])
+
     def test_what_does_not_fit_is_told(self):
         with self.assertRaisesRegex(viable.InputError, "It is acceleration or target"):
             gym.ReachVectorEnv(action="torque")

@@ -5,9 +5,11 @@ import json
 import os
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 from pathlib import Path
 
@@ -56,12 +58,64 @@ class Runs(unittest.TestCase):
         for value, text in ((True, "true"), (None, "null"), (2, "2"), (0.1, "0.1"), (float("inf"), ".inf"),
                             (-np.inf, "-.inf"), ([1, 2.5], "[1, 2.5]"), (np.array([[1, 2], [3, 4]]), "[[1, 2], [3, 4]]"),
                             ({"plugin": "nric", "k_r": [1, 2]}, "{plugin: nric, k_r: [1, 2]}"), ("2*pi", "2*pi"),
-                            (np.float32(0.5), "0.5"), ("~uniform(0, 1)", "~uniform(0, 1)"),
+                            (np.float32(0.5), "0.5"), ("~uniform(0, 1)", '"~uniform(0, 1)"'), ("-(1 + 2) * pi", "-(1 + 2) * pi"),
+                            (float("nan"), ".nan"), ("true", '"true"'), ("No", '"No"'), ("null", '"null"'), ("12", '"12"'),
+                            ("-1.5e3", '"-1.5e3"'), ("0x1f", '"0x1f"'), (".inf", '".inf"'), ("", '""'), ("a: b", '"a: b"'),
+                            (" a", '" a"'), ("#1", '"#1"'), ("Größe", '"Größe"'), (Path("/a b/é.yaml"), '"/a b/é.yaml"'),
+                            (Path("logs/C3.mcap"), "logs/C3.mcap"), ("e", "e"), ("joint0", "joint0"),
                             ({"payload_kg": "~uniform(0, 1)"}, '{payload_kg: "~uniform(0, 1)"}')):
             self.assertEqual(form(value), text)
         summary = viable.run(TELEOPERATION, cases="C3", set={"duration_s": 0.1, "start": {"position_rad": viable.Robot("indy7").home},
                                                              "real_plant": {"plugin": "ideal"}})
         self.assertEqual(summary["cases"]["C3"]["real_plant"], "ideal")
+
+    def test_a_text_arrives_as_it_is(self):
+        for value, told in (("12", "quotes"), ("true", "true"), ("a: b # c", "a: b # c"), ("Größe", "Größe")):
+            with self.subTest(value=value), self.assertRaisesRegex(viable.InputError, told):
+                viable.run(TELEOPERATION, cases="C3", set={"duration_s": value})
+        summary = viable.run(TELEOPERATION, cases="C3", draw="1:0", set={"duration_s": "2 * 0.05", "real_plant": {
+            "plugin": "simbody", "payload_kg": "~uniform(0, 1)"}, "robust_loop": {"plugin": "nric"}})
+        self.assertEqual(summary["exit_code"], 0)
+
+    def test_lines_that_are_no_messages_do_no_harm(self):
+        parse = viable._program._parse
+        error = {"kind": 2, "place": "a", "cause": "b", "remedy": ""}
+        self.assertEqual(parse(json.dumps({"error": error})), {"error": error})
+        self.assertEqual(parse('{"progress": {"C3": 0.5}}'), {"progress": {"C3": 0.5}})
+        for line in ("{", "[1]", "word", '{"error": "text"}', '{"error": {"kind": 2}}', '{"progress": 3}', '{"progress": {"C3": "x"}}',
+                     json.dumps({"error": {**error, "kind": "bad"}}), "{" * 100000, '{"a":' * 100000):
+            self.assertEqual(parse(line), {}, line[:40])
+
+    def test_tables_in_folders_of_any_name(self):
+        folder = self.folder / "50 % #1?é"
+        folder.mkdir()
+        store = sqlite3.connect(str(folder / "sweep.sqlite"))
+        store.execute("CREATE TABLE runs (run, case_name)")
+        store.execute("INSERT INTO runs VALUES (0, 'C3')")
+        store.commit()
+        store.close()
+        self.assertEqual(viable._program._read_table(folder), {"run": [0], "case_name": ["C3"]})
+
+    def test_the_program_ends_with_a_python_that_is_killed(self):
+        out = self.folder / "orphan"
+        code = f"""
+import viable
+viable.run({str(TELEOPERATION)!r}, set={{"duration_s": 2000}}, cases="C3", out={str(out)!r},
+           progress=lambda shares: print("running", flush=True))
+"""
+        for ending in (signal.SIGTERM, signal.SIGKILL):
+            with self.subTest(ending=ending):
+                shutil.rmtree(out, ignore_errors=True)
+                process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+                self.assertEqual(process.stdout.readline(), "running\n")
+                process.send_signal(ending)
+                process.wait(10)
+                process.stdout.close()
+                end = time.monotonic() + 60
+                while (out / "run.claim").exists() and time.monotonic() < end:
+                    time.sleep(0.05)
+                self.assertFalse((out / "run.claim").exists())
+                self.assertTrue(viable.Log(out / "C3.mcap").complete)
 
     def test_errors_carry_place_cause_and_remedy(self):
         with self.assertRaises(viable.InputError) as caught:

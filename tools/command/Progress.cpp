@@ -71,7 +71,9 @@ void Progress::draw(bool last) {
 void Progress::drawJson() const {
     nlohmann::json shares = nlohmann::json::object();
     for (std::size_t i = 0; i < names_.size(); ++i) shares[names_[i]] = shares_[i].load();
-    std::fprintf(stderr, "%s\n", nlohmann::json{{"progress", shares}}.dump().c_str());
+    std::fprintf(
+        stderr, "%s\n",
+        nlohmann::json{{"progress", shares}}.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
     std::fflush(stderr);
 }
 

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cfenv>
 #include <cmath>
+#include <exception>
 #include <system_error>
 #include <thread>
 #include <utility>
@@ -20,6 +21,7 @@
 #include "viable/core/Numbers.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/plugin/RealPlant.h"
+#include "viable/simulation/ArmHardware.h"
 #include "viable/tracking/LoopStability.h"
 #include "viable/tracking/Nric.h"
 
@@ -69,8 +71,22 @@ struct Scratch {
     JointState measured;
 };
 
+/** What a plant measured; false, and `out` is as it was: it threw, or the reading is of the wrong size. */
+bool read(const RealArm& real, JointState& out) {
+    try {
+        const JointState& measured = real.plant->measured();
+        const int n = real.setup.size();
+        if (measured.q.size() != n || measured.qd.size() != n) return false;
+        out = measured;
+        return true;
+    } catch (...) {  // a plugin's; it must not end the thread
+        return false;
+    }
+}
+
 /** The real arm's tick; false: it failed. */
 bool drive(RealArm& real, Scratch& s) {
+    if (!read(real, s.measured)) return false;
     try {
         if (real.nric.compute(s.measured, s.nominal, s.motion.torque, s.robust) != TickStatus::Ok) return false;
         s.robust += s.motion.torque;
@@ -79,6 +95,29 @@ bool drive(RealArm& real, Scratch& s) {
         return false;
     }
 }
+
+void checkTold(int delayTicks, const JointVector& motorRate, int n, const std::string& plant) {
+    if (delayTicks < 0 || delayTicks > ArmHardware::kMaxDelay)
+        throw Error(ErrorKind::PluginFailed, plant, "gave a delay of " + std::to_string(delayTicks) + " ticks",
+                    "delayTicks() is from 0 to " + std::to_string(ArmHardware::kMaxDelay) + ".");
+    if (motorRate.size() != 0 && (motorRate.size() != n || !(motorRate.array() > 0.0).all()))
+        throw Error(ErrorKind::PluginFailed, plant,
+                    "gave a fastest change of the torque of the wrong size or not above 0",
+                    "motorRate() gives one number above 0 per joint, or none at all.");
+}
+
+/** Threads that are waited for, however the place where this stands is left. */
+struct Helpers {
+    Helpers() = default;
+    Helpers(const Helpers&) = delete;
+    Helpers& operator=(const Helpers&) = delete;
+    ~Helpers() { join(); }
+    void join() {
+        for (std::thread& thread : threads) thread.join();
+        threads.clear();
+    }
+    std::vector<std::thread> threads;
+};
 
 }  // namespace
 
@@ -133,6 +172,7 @@ struct ArmBatch::Impl {
     void check(int arm, const MotionState& start, RunSetup& at) const;
     void reset(const std::vector<int>& which, const std::vector<MotionState>& starts);
     void put(int arm, const MotionState& start, RunSetup& at);
+    void changeLimits(const std::vector<int>& which, const std::vector<JointLimits>& to);
     void fillMargins(int arm);
     void stepArm(int arm, const double* actions, int ticks, Scratch& s);
     bool takeAction(int arm, const MotionState& nominal, Scratch& s);
@@ -171,13 +211,15 @@ void ArmBatch::Impl::makePlants() {
             throw badInput("ArmBatchOptions::plant", "the plant " + choice.plugin.name + " makes its own ticks",
                            "Use a simulated one, such as simbody.");
         one->setup.delayTicks = one->plant->delayTicks();
+        const JointVector motorRate = one->plant->motorRate();
+        checkTold(one->setup.delayTicks, motorRate, n, "the plant " + choice.plugin.name);
         const auto found = gains.find(one->setup.delayTicks);
         const LinearErrorLoop& loop = found != gains.end() ? found->second
                                                            : gains[one->setup.delayTicks] = scaleGains(
                                                                  robot, setup.limits, tick_s, one->setup.delayTicks);
         NricOptions nric{loop.kr, loop.kp, loop.ki};
         nric.inertiaRate = loop.inertiaRate;
-        if (const JointVector rate = one->plant->motorRate(); rate.size() == n) nric.motorRate = rate;
+        if (motorRate.size() > 0) nric.motorRate = motorRate;
         one->nric.configure(one->setup, nric);
         real.push_back(std::move(one));
     }
@@ -221,16 +263,22 @@ void ArmBatch::Impl::put(int arm, const MotionState& start, RunSetup& at) {
     calcInverseDynamics(dynamics, start.qdd, torque);
     row(state.torque, arm) = torque;
     std::fill_n(&state.acting[count(arm) * count(n)], n, static_cast<signed char>(0));
-    state.status[count(arm)] = GuardStatus::NotStarted;
+    fillMargins(arm);
+    state.status[count(arm)] = GuardStatus::Failed;  // until its plant, too, is there
     if (!real.empty()) {
         RealArm& one = *real[count(arm)];
         one.plant->reset(start);
         one.nric.reset(start);
-        row(state.realQ, arm) = one.plant->measured().q;
-        row(state.realQd, arm) = one.plant->measured().qd;
+        JointState measured;
+        if (!read(one, measured))
+            throw Error(ErrorKind::PluginFailed, nameArm(arm),
+                        "its plant gave no reading of " + std::to_string(n) + " joints",
+                        "measured() gives one number per joint, also after reset(), and does not throw.");
+        row(state.realQ, arm) = measured.q;
+        row(state.realQd, arm) = measured.qd;
         row(state.motorTorque, arm) = torque;
     }
-    fillMargins(arm);
+    state.status[count(arm)] = GuardStatus::NotStarted;
 }
 
 void ArmBatch::Impl::reset(const std::vector<int>& which, const std::vector<MotionState>& starts) {
@@ -244,7 +292,41 @@ void ArmBatch::Impl::reset(const std::vector<int>& which, const std::vector<Moti
                            "They are numbered from 0 to " + std::to_string(arms - 1) + ".");
     RunSetup at = setup;
     for (std::size_t i = 0; i < which.size(); ++i) check(which[i], starts[i], at);
-    for (std::size_t i = 0; i < which.size(); ++i) put(which[i], starts[i], at);
+    std::exception_ptr first;
+    for (std::size_t i = 0; i < which.size(); ++i) {
+        try {
+            put(which[i], starts[i], at);
+        } catch (...) {
+            if (!first) first = std::current_exception();
+        }
+    }
+    if (first) std::rethrow_exception(first);
+}
+
+void ArmBatch::Impl::changeLimits(const std::vector<int>& which, const std::vector<JointLimits>& to) {
+    if (which.size() != to.size())
+        throw badInput("ArmBatch::changeLimits",
+                       std::to_string(to.size()) + " limits for " + std::to_string(which.size()) + " arms",
+                       "Give one JointLimits for each arm.");
+    for (std::size_t i = 0; i < which.size(); ++i) {
+        const std::string place = nameArm(which[i]);
+        if (which[i] < 0 || which[i] >= arms)
+            throw badInput("ArmBatch::changeLimits", "there is no " + place,
+                           "They are numbered from 0 to " + std::to_string(arms - 1) + ".");
+        if (to[i].size() != n)
+            throw badInput(place,
+                           "limits of " + std::to_string(to[i].size()) + " joints; the robot has " + std::to_string(n),
+                           "Give each bound one number per joint; infinity where there is none.");
+        checkLimits(to[i], tick_s, robot.allowLargeAngles, place, robot.jointNames());
+        requireJerkLimits(to[i], place, kArmBatch, "Give a jerk limit for every joint and side.");
+    }
+    for (std::size_t i = 0; i < which.size(); ++i) {
+        const std::size_t arm = count(which[i]);
+        limits[arm] = to[i];
+        laws[arm].changeLimits(to[i]);
+        if (!servos.empty()) servos[arm].changeLimits(to[i]);
+        fillMargins(which[i]);
+    }
 }
 
 void ArmBatch::Impl::fillMargins(int arm) {
@@ -283,8 +365,6 @@ GuardStatus ArmBatch::Impl::tick(int arm, bool isUsable, Scratch& s) {
     CertifiedBraking& braking = law.braking();
     const bool needsDynamics = options.action != BatchAction::Target || !real.empty();
     if (needsDynamics) recursion.calcDynamics(s.nominal.q, s.nominal.qd, s.dynamics);
-    const RealPlant* plant = real.empty() ? nullptr : real[count(arm)]->plant.get();
-    if (plant) s.measured = plant->measured();
 
     FilterStatus status = FilterStatus::StoppedByPlan;
     if (isUsable && takeAction(arm, s.nominal, s)) {
@@ -310,9 +390,7 @@ GuardStatus ArmBatch::Impl::tick(int arm, bool isUsable, Scratch& s) {
                          : status == FilterStatus::Recovering ? GuardStatus::Recovering
                                                               : GuardStatus::Waiting;
     if (needsDynamics) calcHeldMotion({s.nominal, s.torque, s.dynamics, nullptr}, status, s.decision, tick_s, s.motion);
-    if (plant) {
-        if (!drive(*real[count(arm)], s)) answer = GuardStatus::Failed;
-    }
+    if (!real.empty() && !drive(*real[count(arm)], s)) answer = GuardStatus::Failed;
     advanceNominal(s.decision, tick_s, s.nominal);
     return answer;
 }
@@ -346,9 +424,12 @@ void ArmBatch::Impl::stepArm(int arm, const double* actions, int ticks, Scratch&
     row(state.jerk, arm) = s.jerk;
     row(state.torque, arm) = s.motion.torque;
     if (!real.empty()) {
-        const JointState& measured = real[count(arm)]->plant->measured();
-        row(state.realQ, arm) = measured.q;
-        row(state.realQd, arm) = measured.qd;
+        if (read(*real[count(arm)], s.measured)) {
+            row(state.realQ, arm) = s.measured.q;
+            row(state.realQd, arm) = s.measured.qd;
+        } else {
+            status = GuardStatus::Failed;
+        }
         if (status != GuardStatus::Failed) row(state.motorTorque, arm) = s.applied;
     }
     fillMargins(arm);
@@ -386,21 +467,12 @@ void ArmBatch::reset(const std::vector<int>& arms, const std::vector<MotionState
 }
 
 void ArmBatch::changeLimits(int arm, const JointLimits& limits) {
-    Impl& in = *impl_;
+    changeLimits(std::vector<int>{arm}, {limits});
+}
+
+void ArmBatch::changeLimits(const std::vector<int>& arms, const std::vector<JointLimits>& limits) {
     const UsualArithmetic usual;
-    const std::string place = nameArm(arm);
-    if (arm < 0 || arm >= in.arms)
-        throw badInput("ArmBatch::changeLimits", "there is no " + place,
-                       "They are numbered from 0 to " + std::to_string(in.arms - 1) + ".");
-    if (limits.size() != in.n)
-        throw badInput(place,
-                       "limits of " + std::to_string(limits.size()) + " joints; the robot has " + std::to_string(in.n),
-                       "Give each bound one number per joint; infinity where there is none.");
-    checkLimits(limits, in.tick_s, in.robot.allowLargeAngles, place, in.robot.jointNames());
-    requireJerkLimits(limits, place, kArmBatch, "Give a jerk limit for every joint and side.");
-    in.limits[Impl::count(arm)] = limits;
-    in.laws[Impl::count(arm)].changeLimits(limits);
-    if (!in.servos.empty()) in.servos[Impl::count(arm)].changeLimits(limits);
+    impl_->changeLimits(arms, limits);
 }
 
 void ArmBatch::step(const double* actions, int ticks) {
@@ -410,20 +482,38 @@ void ArmBatch::step(const double* actions, int ticks) {
     const auto work = [&] {
         const UsualArithmetic usual;
         Scratch scratch;
-        for (int begin = next.fetch_add(kChunk); begin < in.arms; begin = next.fetch_add(kChunk))
-            for (int arm = begin; arm < std::min(in.arms, begin + kChunk); ++arm)
-                in.stepArm(arm, actions, ticks, scratch);
+        for (int begin = next.fetch_add(kChunk); begin < in.arms; begin = next.fetch_add(kChunk)) {
+            for (int arm = begin; arm < std::min(in.arms, begin + kChunk); ++arm) {
+                try {
+                    in.stepArm(arm, actions, ticks, scratch);
+                } catch (...) {  // it stands where it was; the others go on
+                    in.state.status[Impl::count(arm)] = GuardStatus::Failed;
+                }
+            }
+        }
     };
     const std::int64_t worth = (static_cast<std::int64_t>(in.arms) * ticks) / kWorthAThread;
     const std::int64_t most = std::min<std::int64_t>(in.threads, (in.arms + kChunk - 1) / kChunk);
-    std::vector<std::thread> helpers;
+    const std::int64_t wanted = std::max<std::int64_t>(std::min(most, worth) - 1, 0);
+    std::vector<std::exception_ptr> thrown(static_cast<std::size_t>(wanted));
+    Helpers helpers;
+    helpers.threads.reserve(thrown.size());
     try {
-        for (std::int64_t i = 1; i < std::min(most, worth); ++i) helpers.emplace_back(work);
+        for (std::exception_ptr& mine : thrown)
+            helpers.threads.emplace_back([&work, &mine] {
+                try {
+                    work();
+                } catch (...) {
+                    mine = std::current_exception();
+                }
+            });
     } catch (const std::system_error&) {
         // Fewer threads do it too.
     }
     work();
-    for (std::thread& helper : helpers) helper.join();
+    helpers.join();
+    for (const std::exception_ptr& one : thrown)
+        if (one) std::rethrow_exception(one);
 }
 
 }  // namespace viable

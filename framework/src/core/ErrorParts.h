@@ -4,6 +4,11 @@
 
 #include "viable/core/Error.h"
 
+#ifndef __GLIBCXX__
+#error \
+    "getParts() reads behind the zero of what(): only libstdc++'s std::runtime_error is known to keep all of a string"
+#endif
+
 namespace viable {
 
 /** What an Error was made of. */

@@ -8,6 +8,7 @@
 #include <random>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "Effort.h"
@@ -37,6 +38,18 @@ JointVector getRow(const std::vector<double>& values, const ArmBatch& batch, int
     return Eigen::Map<const Eigen::VectorXd>(&values[static_cast<std::size_t>(arm * batch.joints())], batch.joints());
 }
 
+/** By how much values are beyond their limits, as a share of those; infinite where one is not finite. */
+double findExcess(const JointVector& v, const JointBounds& bounds) {
+    if (!v.allFinite()) return kInfinity;
+    double worst = 0.0;
+    for (int i = 0; i < v.size(); ++i) {
+        const double scale = calcLimitScale(bounds.lower[i], bounds.upper[i]);
+        if (std::isfinite(bounds.upper[i])) worst = std::max(worst, (v[i] - bounds.upper[i]) / scale);
+        if (std::isfinite(bounds.lower[i])) worst = std::max(worst, (bounds.lower[i] - v[i]) / scale);
+    }
+    return worst;
+}
+
 /** The largest share of a limit by which an arm is beyond it. */
 double findExcess(const ArmBatch& batch) {
     double worst = 0.0;
@@ -44,11 +57,7 @@ double findExcess(const ArmBatch& batch) {
     for (int arm = 0; arm < batch.size(); ++arm) {
         const JointLimits& limits = batch.limits(arm);
         const auto look = [&](const std::vector<double>& values, const JointBounds& bounds) {
-            const JointVector v = getRow(values, batch, arm);
-            for (int i = 0; i < v.size(); ++i) {
-                const double scale = calcLimitScale(bounds.lower[i], bounds.upper[i]);
-                worst = std::max({worst, (v[i] - bounds.upper[i]) / scale, (bounds.lower[i] - v[i]) / scale});
-            }
+            worst = std::max(worst, findExcess(getRow(values, batch, arm), bounds));
         };
         look(s.q, limits.position);
         look(s.qd, limits.velocity);
@@ -56,6 +65,21 @@ double findExcess(const ArmBatch& batch) {
         look(s.jerk, limits.jerk);
     }
     return worst;
+}
+
+TEST(ArmBatch, TheCheckOfLimitsSeesWhatItShall) {
+    JointBounds bounds{JointVector::Constant(2, -1.0), JointVector::Constant(2, 1.0)};
+    JointVector v = JointVector::Zero(2);
+    EXPECT_EQ(findExcess(v, bounds), 0.0);
+    v[1] = -1.5;
+    EXPECT_GT(findExcess(v, bounds), 0.1);
+    v[1] = kNan;
+    EXPECT_EQ(findExcess(v, bounds), kInfinity);
+    bounds.lower[1] = -kInfinity;
+    bounds.upper[1] = kInfinity;
+    EXPECT_EQ(findExcess(v, bounds), kInfinity);
+    v[1] = 5.0;
+    EXPECT_EQ(findExcess(v, bounds), 0.0);
 }
 
 TEST(ArmBatch, TorquesMoveArmsAsTorqueGuardsDo) {
@@ -385,6 +409,49 @@ TEST(ArmBatch, RealArmsFollowAndAreDrawn) {
     EXPECT_LT(findExcess(batch), kOutsideShare);
     batch.reset({4}, {{robot.home, JointVector::Zero(6), JointVector::Zero(6)}});
     EXPECT_LT((getRow(batch.state().realQ, batch, 4) - robot.home).norm(), 1e-3);
+}
+
+TEST(ArmBatch, APlantThatFailsStopsItsArmAloneUntilItsReset) {
+    const RobotDescription robot = loadArm("indy7");
+    for (const char* mode : {"faulted", "nan_state", "wrong_size", "throw_measured", "throw_advance"}) {
+        ArmBatchOptions options;
+        options.plant = std::string("{plugin: failing_plant, after_ticks: '~integer(5, 60)', mode: ") + mode + "}";
+        options.pluginPath = {VIABLE_BROKEN_PLUGIN_DIR};
+        options.threads = 3;  // so that most fail in a thread of a step's own
+        ArmBatch batch(robot, 100, 0.001, options);
+        const Actions actions(600, 0.0);
+        std::vector<int> failed;
+        for (int step = 0; step < 4; ++step) {
+            batch.step(actions.data(), 8);
+            failed.clear();
+            for (int arm = 0; arm < 100; ++arm)
+                if (batch.state().status[static_cast<std::size_t>(arm)] == GuardStatus::Failed) failed.push_back(arm);
+        }
+        EXPECT_GT(failed.size(), 10u) << mode;
+        EXPECT_LT(failed.size(), 90u) << mode;
+        EXPECT_LT(findExcess(batch), kOutsideShare);
+        const JointVector before = getRow(batch.state().q, batch, failed[0]);
+        batch.step(actions.data(), 1);
+        EXPECT_EQ(getRow(batch.state().q, batch, failed[0]), before) << mode;
+        const MotionState home{robot.home, JointVector::Zero(6), JointVector::Zero(6)};
+        batch.reset(failed, std::vector<MotionState>(failed.size(), home));
+        batch.step(actions.data(), 1);
+        for (const int arm : failed)
+            EXPECT_NE(batch.state().status[static_cast<std::size_t>(arm)], GuardStatus::Failed) << mode;
+    }
+}
+
+TEST(ArmBatch, WhatAPlantTellsIsChecked) {
+    const RobotDescription robot = loadArm("indy7");
+    for (const auto& [told, cause] : {std::pair{"delay_ticks: -1", "gave a delay of -1 ticks"},
+                                      std::pair{"delay_ticks: 21", "gave a delay of 21 ticks"},
+                                      std::pair{"rates: 5", "gave a fastest change of the torque"},
+                                      std::pair{"rates: 6, rate_Nmps: 0", "gave a fastest change of the torque"}}) {
+        ArmBatchOptions options;
+        options.plant = std::string("{plugin: failing_plant, ") + told + "}";
+        options.pluginPath = {VIABLE_BROKEN_PLUGIN_DIR};
+        EXPECT_NE(findError([&] { ArmBatch(robot, 1, 0.001, options); }).find(cause), std::string::npos) << told;
+    }
 }
 
 }  // namespace

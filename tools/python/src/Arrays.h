@@ -5,6 +5,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "viable/core/Error.h"
 #include "viable/core/JointLimits.h"
@@ -42,6 +43,9 @@ py::array makeMatrix(const Matrix& m) {
 }
 
 /** "(4096, 6)" */
+/** As Python's text: bytes that are no UTF-8, such as of a plugin's message, become U+FFFD. */
+py::str makeText(std::string_view text);
+
 std::string formatShape(const py::array& array);
 
 /** The limits of a viable.Limits; None: nothing. */

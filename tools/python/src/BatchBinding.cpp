@@ -75,7 +75,7 @@ public:
             const std::optional<JointLimits> one = takeLimits(limits);
             if (!one)
                 throw badInput("Batch.change_limits", "None are no limits", "Give a viable.Limits, or one per arm.");
-            for (const int arm : arms) batch_->changeLimits(arm, *one);
+            batch_->changeLimits(arms, std::vector<JointLimits>(arms.size(), *one));
             return;
         }
         const auto each = py::reinterpret_borrow<py::sequence>(limits);
@@ -83,8 +83,15 @@ public:
             throw badInput("Batch.change_limits",
                            std::to_string(each.size()) + " limits for " + std::to_string(arms.size()) + " arms",
                            "Give one viable.Limits for all, or a list with one for each.");
-        for (std::size_t i = 0; i < arms.size(); ++i)
-            if (const std::optional<JointLimits> one = takeLimits(each[i])) batch_->changeLimits(arms[i], *one);
+        std::vector<JointLimits> all;
+        for (std::size_t i = 0; i < arms.size(); ++i) {
+            const std::optional<JointLimits> one = takeLimits(each[i]);
+            if (!one)
+                throw badInput("Batch.change_limits", "entry " + std::to_string(i) + " is None",
+                               "Give a viable.Limits for each arm, such as batch.limits(arm).");
+            all.push_back(*one);
+        }
+        batch_->changeLimits(arms, all);
     }
 
     py::object getLimits(int arm) const {
@@ -111,7 +118,6 @@ public:
 
     const ArmBatch& batch() const { return *batch_; }
 
-private:
     /** The arms that a mask names, all without one. */
     std::vector<int> takeArms(const py::object& mask, const std::string& place) const {
         std::vector<int> arms;
@@ -137,6 +143,11 @@ private:
                                    "They are numbered from 0 to " + std::to_string(n - 1) + ".");
                 arms.push_back(static_cast<int>(arm));
             }
+            std::vector<int> sorted = arms;
+            std::sort(sorted.begin(), sorted.end());
+            if (const auto twice = std::adjacent_find(sorted.begin(), sorted.end()); twice != sorted.end())
+                throw badInput(place, "arm " + std::to_string(*twice) + " is named more than once",
+                               "Whole numbers are numbers of arms; for a mask pass booleans: mask.astype(bool).");
             return arms;
         }
         throw badInput(
@@ -146,6 +157,7 @@ private:
             "Give truths, shape (" + std::to_string(n) + ",), or numbers of arms.");
     }
 
+private:
     /** One row for all, one per arm that is named, or one per arm of the batch. */
     void fill(const py::object& value, const std::string& place, const JointVector& usual, const std::vector<int>& arms,
               std::vector<MotionState>& starts, JointVector MotionState::*member) const {
@@ -216,10 +228,14 @@ Computes in threads without the interpreter's lock; the results do not depend on
             py::arg("qd") = py::none(), py::arg("qdd") = py::none(),
             R"(Puts arms to new states; all or none: raises viable.InputError for one from which no stop within the limits exists.
 
-mask        (n,) of truths, or numbers of arms; None: all
+mask        (n,) of truths, or numbers of arms, each once; None: all
 q, qd, qdd  (joints,) for all of them, a row each, or (n, joints) of which theirs are taken. None: home, at rest)")
         .def("change_limits", &PythonBatch::changeLimits, py::arg("limits"), py::arg("mask") = py::none(),
-             "New limits from now on: one viable.Limits, or a list with one for each arm of the mask.")
+             "New limits from now on: one viable.Limits, or a list with one for each arm of the mask; all or none.")
+        .def(
+            "_take_arms",
+            [](const PythonBatch& b, const py::object& mask) { return b.takeArms(mask, "Batch.random_reset: mask"); },
+            py::arg("mask"))
         .def("limits", &PythonBatch::getLimits, py::arg("arm") = 0, "Of one arm, in force.")
         .def("tool_position", &PythonBatch::toolPosition,
              "(n, 3): where the tools of the nominal arms are, base frame [m].")

@@ -132,7 +132,8 @@ private:
             if (!e.matches(PyExc_Exception)) throw;
             lawError_ = e.value();
         } catch (const Error& e) {
-            lawError_ = py::module_::import("viable._errors").attr("make_error")(e.exitCode(), "law", e.what(), "");
+            lawError_ =
+                py::module_::import("viable._errors").attr("make_error")(e.exitCode(), "law", makeText(e.what()), "");
         }
     }
 
@@ -212,7 +213,7 @@ void bindCommon(py::class_<Guard>& c) {
             "stop_reason", [](Guard& g) { return getName(g.guard().stopReason()); },
             "Why the arm was stopped for good; none.")
         .def_property_readonly(
-            "stop_message", [](Guard& g) { return std::string(g.guard().stopMessage()); },
+            "stop_message", [](Guard& g) { return makeText(g.guard().stopMessage()); },
             "The same in a sentence; empty without a stop.")
         .def_property_readonly(
             "limits", [](Guard& g) { return makeLimits(g.guard().limits()); }, "In force.")

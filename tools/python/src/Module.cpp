@@ -17,8 +17,9 @@ void translate(std::exception_ptr thrown) {
         if (thrown) std::rethrow_exception(thrown);
     } catch (const Error& e) {
         const ErrorParts parts = getParts(e);
-        const py::object error = py::module_::import("viable._errors")
-                                     .attr("make_error")(e.exitCode(), parts.place, parts.cause, parts.remedy);
+        const py::object error =
+            py::module_::import("viable._errors")
+                .attr("make_error")(e.exitCode(), makeText(parts.place), makeText(parts.cause), makeText(parts.remedy));
         PyErr_SetObject(reinterpret_cast<PyObject*>(Py_TYPE(error.ptr())), error.ptr());
     }
 }

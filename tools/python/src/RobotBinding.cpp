@@ -12,6 +12,7 @@
 #include "viable/braking/Servo.h"
 #include "viable/core/Numbers.h"
 #include "viable/plugin/Plugin.h"
+#include "viable/simulation/ArmHardware.h"
 #include "viable/tracking/LoopStability.h"
 
 namespace viable::python {
@@ -203,6 +204,14 @@ py::dict calcGains(const PythonRobot& robot, double tick_s, const py::object& li
     if (in.size() != robot.size())
         throw badInput("Robot.gains: limits", "limits of " + std::to_string(in.size()) + " joints",
                        "The robot has " + std::to_string(robot.size()) + ".");
+    for (const JointBounds* bounds : {&in.position, &in.velocity, &in.acceleration, &in.jerk})
+        if (!(bounds->lower.array() < bounds->upper.array()).all())
+            throw badInput("Robot.gains: limits", "a lower limit is not below the upper one, or is NaN",
+                           "Give numbers with lower < upper; infinite ones where there is no limit.");
+    if (delayTicks < 0 || delayTicks > ArmHardware::kMaxDelay)
+        throw badInput("Robot.gains: delay_ticks",
+                       std::to_string(delayTicks) + "; allowed is 0 to " + std::to_string(ArmHardware::kMaxDelay),
+                       "Give the ticks from a command to the motor's torque.");
     LinearErrorLoop loop;
     LoopMargins margins;
     {
@@ -353,9 +362,13 @@ n joints, in the order of `joints`. Units: rad, rad/s, Nm; of joints that slide 
         .def(
             "forward_dynamics",
             [](Robot& r, const py::object& q, const py::object& qd, const py::object& torque) {
-                const Dynamics& d = calcAt(r, q, qd, "Robot.forward_dynamics");
+                // All arguments first: what converts one may call this robot again.
+                const JointVector position = takeVector(q, r.size(), "Robot.forward_dynamics: q");
+                const JointVector velocity = takeVectorOrZero(qd, r.size(), "Robot.forward_dynamics: qd");
+                const JointVector given = takeVector(torque, r.size(), "Robot.forward_dynamics: torque");
+                r.model.calcDynamics(position, velocity, r.dynamics);
                 JointVector qdd;
-                if (!calcForwardDynamics(d, takeVector(torque, r.size(), "Robot.forward_dynamics: torque"), qdd))
+                if (!calcForwardDynamics(r.dynamics, given, qdd))
                     throw badInput("Robot.forward_dynamics",
                                    "a number is not finite, or the inertia not positive definite",
                                    "Give finite numbers.");

@@ -55,9 +55,7 @@ class Batch(_viable.Batch):
     def random_reset(self, rng: np.random.Generator, mask: Any = None, share: float = 0.8) -> None:
         """Puts arms at rest to places drawn evenly from the middle `share` of their position limits (+-pi where there is
         none); mask as for reset()."""
-        arms = np.arange(len(self)) if mask is None else np.asarray(mask)
-        if arms.dtype == bool:
-            arms = np.flatnonzero(arms)
+        arms = self._take_arms(mask)
         if len(arms) == 0:
             return
         bounds = np.array([self.limits(int(arm)).position for arm in arms])

@@ -3,8 +3,12 @@ numbers are the program's."""
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import json
+import math
 import os
+import re
 import signal
 import sqlite3
 import subprocess
@@ -20,21 +24,32 @@ from ._paths import find_program
 PathLike = str | os.PathLike
 
 
-def format_value(value: Any, is_inside: bool = False) -> str:
-    """A value as an experiment file has it. is_inside: of brackets, where a comma in a word needs quotes."""
+def format_value(value: Any) -> str:
+    """A value as an experiment file has it."""
     if isinstance(value, bool) or value is None:
         return {True: "true", False: "false", None: "null"}[value]
+    if isinstance(value, os.PathLike):
+        value = os.fsdecode(value)
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key}: {format_value(each, True)}" for key, each in value.items()) + "}"
+        return "{" + ", ".join(f"{format_value(key)}: {format_value(each)}" for key, each in value.items()) + "}"
     if isinstance(value, str):
-        return json.dumps(value) if is_inside and any(letter in value for letter in ",[]{}:#\"'") else value
+        return value if _is_plain(value) else json.dumps(value, ensure_ascii=False)
     if hasattr(value, "tolist"):
-        return format_value(value.tolist(), is_inside)
+        return format_value(value.tolist())
     if isinstance(value, Sequence):
-        return "[" + ", ".join(format_value(each, True) for each in value) + "]"
+        return "[" + ", ".join(format_value(each) for each in value) + "]"
     if isinstance(value, float):
-        return {"inf": ".inf", "-inf": "-.inf"}.get(repr(value), repr(value))
+        return repr(value) if math.isfinite(value) else ".nan" if math.isnan(value) else ".inf" if value > 0 else "-.inf"
     return str(value)
+
+
+def _is_plain(word: str) -> bool:
+    """Without quotes it is read as this very text, or as the expression that it is (2 * pi): no syntax, number, truth or null."""
+    if not re.fullmatch(r"-?[A-Za-z0-9_./(]([A-Za-z0-9_./()*+ -]*[A-Za-z0-9_./)])?", word):
+        return False
+    if word.lower().lstrip("-").removeprefix(".") in {"true", "false", "null", "yes", "no", "on", "off", "y", "n", "inf", "nan"}:
+        return False
+    return not re.fullmatch(r"-?(0[xo][0-9A-Fa-f_]+|[0-9_]*\.?[0-9_]*([eE][+-]?[0-9]+)?)", word)
 
 
 def _overrides(values: Mapping[str, Any] | None) -> list[str]:
@@ -55,14 +70,18 @@ def _call(arguments: Sequence[str], allowed: Sequence[int], progress: Callable[[
     KeyboardInterrupt, and whatever `progress` raises: the program brakes the arm, finishes its log and ends before that goes
     on."""
     environment = dict(os.environ, VIABLE_MESSAGES="json")
-    process = subprocess.Popen([find_program(), *map(str, arguments)], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                               stderr=subprocess.PIPE, env=environment, text=True, errors="replace", start_new_session=True)
+    command = [find_program(), *map(str, arguments)]
     output: list[str] = []
-    reader = threading.Thread(target=lambda: output.extend(process.stdout), daemon=True)
-    reader.start()
     error: dict | None = None
     words: list[str] = []
+    process: subprocess.Popen | None = None
+    reader: threading.Thread | None = None
     try:
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                                   env=environment, text=True, encoding="utf-8", errors="replace", start_new_session=True,
+                                   preexec_fn=_follow_parent(os.getpid()))
+        reader = threading.Thread(target=output.extend, args=(process.stdout,), daemon=True)
+        reader.start()
         for line in process.stderr:
             message = _parse(line)
             if "progress" in message:
@@ -74,12 +93,18 @@ def _call(arguments: Sequence[str], allowed: Sequence[int], progress: Callable[[
                 words.append(line)
         code = process.wait()
     except BaseException:
-        _end(process)
+        if process:
+            _end(process)
         raise
     finally:
-        reader.join()
-        process.stdout.close()
-        process.stderr.close()
+        if process:
+            if process.poll() is None:  # ending it was itself interrupted
+                process.kill()
+                process.wait()
+            if reader and reader.ident:
+                reader.join()
+            process.stdout.close()
+            process.stderr.close()
     if code in allowed:
         return code, "".join(output)
     if error:
@@ -88,12 +113,39 @@ def _call(arguments: Sequence[str], allowed: Sequence[int], progress: Callable[[
     raise make_error(code, "", text or f"the program ended with code {code}", "")
 
 
+_PR_SET_PDEATHSIG = 1
+_libc = ctypes.CDLL(None)
+
+
+def _follow_parent(parent: int) -> Callable[[], None]:
+    """For the child, before it becomes the program: where this process is killed, the program is told to brake and end. (The kernel
+    watches the thread that calls, and that waits for the program. It may tell it twice, once for each thread: a second SIGINT
+    would end the program at once, a second SIGHUP does not.)"""
+
+    def ask() -> None:
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)  # also under nohup
+        _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGHUP, 0, 0, 0)
+        if os.getppid() != parent:  # it has ended already
+            os._exit(130)
+
+    return ask
+
+
 def _parse(line: str) -> dict:
+    """A message of the program; {} for any other line, also one that a plugin printed and that looks like one."""
     try:
         message = json.loads(line) if line.startswith("{") else {}
-    except ValueError:
+    except (ValueError, RecursionError):
         return {}
-    return message if isinstance(message, dict) else {}
+    if not isinstance(message, dict):
+        return {}
+    shares, error = message.get("progress"), message.get("error")
+    if isinstance(shares, dict) and all(isinstance(share, (int, float)) for share in shares.values()):
+        return {"progress": shares}
+    if (isinstance(error, dict) and type(error.get("kind")) is int
+            and all(isinstance(error.get(part), str) for part in ("place", "cause", "remedy"))):
+        return {"error": error}
+    return {}
 
 
 def _end(process: subprocess.Popen) -> None:
@@ -224,7 +276,8 @@ def sweep(file: PathLike, *, runs: int, out: PathLike, seed: int = 1, set: Mappi
 
 
 def _read_table(folder: Path) -> dict[str, list]:
-    with sqlite3.connect(f"file:{folder / 'sweep.sqlite'}?mode=ro", uri=True) as store:
+    file = (folder / "sweep.sqlite").resolve()
+    with contextlib.closing(sqlite3.connect(file.as_uri() + "?mode=ro", uri=True)) as store:
         rows = store.execute("SELECT * FROM runs ORDER BY run, case_name")
         names = [column[0] for column in rows.description]
         columns = list(zip(*rows.fetchall()))

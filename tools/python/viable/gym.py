@@ -9,6 +9,7 @@ import numpy as np
 
 from ._batch import Batch
 from ._errors import InputError
+from ._types import STATUS
 from ._viable import Limits, Robot
 
 try:
@@ -25,10 +26,12 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):
         observations, rewards, terminations, truncations, infos = env.step(env.action_space.sample())
 
     Observation, float32: positions as shares of their limits (-1 to 1; joints without: sine), velocities as shares of their limits,
-    and the way from tool to goal [m]: 2 n + 3 numbers. With a plant they are those of the real arms, as measured.
+    and the way from tool to goal [m]: 2 n + 3 numbers. With a plant positions and velocities are those of the real arms, as measured.
     Action, -1 to 1 for each joint: a share of the acceleration limit, or of the position limits for action="target"; beyond
     that range it is cut.
-    Reward: minus the distance of the tool from the goal [m]. Terminated: it is within `reach` [m]. Truncated: after `horizon` steps.
+    Reward: minus the distance of the tool from the goal [m]. Terminated: it is within `reach` [m]. Truncated: after `horizon` steps,
+    or its plant failed. The tool is that of the nominal arm, also with a plant: where the real one lags behind, reward and end do not
+    show it.
     Goals are the tool's places at random poses. An arm that has ended begins anew in the next step, whose action it ignores
     (AutoresetMode.NEXT_STEP).
     infos: `limited`, (num_envs,) of truths: the guard changed what the action asked for.
@@ -74,14 +77,15 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):
         shares = (np.clip(np.asarray(actions, float), -1.0, 1.0) + 1.0) / 2.0
         self.batch.step(self._lower + shares * (self._upper - self._lower), self.substeps)
         limited = (self.batch.acting != 0).any(axis=1)
+        failed = self.batch.status == STATUS.index("failed")  # stands until its reset
         self._steps += 1
         begun = self._ended
         if begun.any():
             self._begin(begun)
         observations = self._observe()
         distances = np.linalg.norm(observations[:, -3:], axis=1).astype(float)
-        terminations = (distances < self.reach) & ~begun
-        truncations = (self._steps >= self.horizon) & ~terminations & ~begun
+        terminations = (distances < self.reach) & ~failed & ~begun
+        truncations = ((self._steps >= self.horizon) | failed) & ~terminations & ~begun
         self._ended = terminations | truncations
         return observations, np.where(begun, 0.0, -distances), terminations, truncations, {"limited": limited & ~begun}
 

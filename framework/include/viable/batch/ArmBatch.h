@@ -97,6 +97,7 @@ public:
 
     /** Puts arms to new states, nominal and real ones; the others go on. Throws Error (BadInput), with the arm's number, for a
     state that is malformed and, without recovery, for one from which no stop within the limits exists; no arm has moved then.
+    Where a plant throws or gives no reading, its arm is Failed, all others are put, and that is thrown on.
     @param arms    their numbers, each once
     @param starts  one per entry of `arms` */
     void reset(const std::vector<int>& arms, const std::vector<MotionState>& starts);
@@ -104,6 +105,8 @@ public:
     /** New limits of an arm from now on, approached as fast as jerk allows where its motion cannot meet them at once. Throws
     Error (BadInput) where they are not usable (see checkLimits). */
     void changeLimits(int arm, const JointLimits& limits);
+    /** The same of several arms, one entry each; all or none. */
+    void changeLimits(const std::vector<int>& arms, const std::vector<JointLimits>& limits);
 
     /** `ticks` ticks of every arm with the same actions. An arm whose action holds what is not finite or beyond 1e100 (targets:
     1e7) brakes along its stop meanwhile.
