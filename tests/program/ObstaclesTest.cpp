@@ -1,10 +1,13 @@
 #include <gtest/gtest.h>
 #include <octomap/OcTree.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <string>
+#include <vector>
 
 #include "Effort.h"
 #include "Paths.h"
@@ -164,32 +167,46 @@ TEST(Obstacles, AJointThatNothingHoldsIsNotFrozenWithTheOthers) {
     }
 }
 
-// Two thirds of the torque rate that the motion takes without a limit, and a sixth: the arm goes where it is asked to, a little later, and no
-// motor's torque changes faster.
+// Less torque rate than the motion takes without a limit, and much less: the arm goes where it is asked to, a little later, and
+// no motor's torque changes faster. The peak without a limit is one of single ticks and moves with each choice of a jerk
+// (1415 Nm/s; 1604 on a motion as long if no clearance or torque is taken over from the path of the tick before), so that the
+// limit asks for something is told by a share of all ticks.
 TEST(Obstacles, ATorqueRateBelowWhatTheJerkLimitsNeedDoesNotFreezeTheArm) {
+    struct Run {
+        double way = 0.0, fastest = 0.0;  ///< of all joints [rad], of any motor [Nm/s]
+        std::vector<double> rates;        ///< of each tick, the fastest motor's
+    };
     const auto run = [](const std::string& name, double rate) {
         const std::string set = "cases.rate.filter.torque_rate_Nmps=" + std::to_string(rate);
-        double way = 0.0, fastest = 0.0;
+        Run done;
         JointVector q, torque;
         const CaseResult result =
             ProjectExperiment("../tests/program/torque_rate", {set}).run(name, [&](const TickRecord& record) {
                 if (q.size() != 0) {
-                    way += (record.nominal.q - q).cwiseAbs().sum();
-                    fastest = std::max(fastest, (record.filterTorque - torque).cwiseAbs().maxCoeff() / kTick_s);
+                    done.way += (record.nominal.q - q).cwiseAbs().sum();
+                    done.rates.push_back((record.filterTorque - torque).cwiseAbs().maxCoeff() / kTick_s);
+                    done.fastest = std::max(done.fastest, done.rates.back());
                 }
                 q = record.nominal.q;
                 torque = record.filterTorque;
             });
         EXPECT_EQ(result.exitCode(), 0) << result.stopMessage;
-        std::printf("  %s: %.1f rad of all joints, torque changes by at most %.2f Nm/s\n", name.c_str(), way, fastest);
-        return std::pair(way, fastest);
+        std::printf("  %s: %.1f rad of all joints, torque changes by at most %.2f Nm/s\n", name.c_str(), done.way,
+                    done.fastest);
+        return done;
     };
-    const auto [freeWay, freeRate] = run("none", 1000.0);
+    const Run free = run("none", 1000.0);
     for (const double rate : {1000.0, 250.0}) {
-        EXPECT_GT(freeRate, 1.5 * rate) << "the limit asks for nothing";
-        const auto [way, fastest] = run("rate", rate);
-        EXPECT_LE(fastest, rate * (1.0 + 1e-9));
-        EXPECT_GT(way, (rate < 500.0 ? 0.5 : 0.8) * freeWay) << rate;
+        const auto beyond = std::count_if(free.rates.begin(), free.rates.end(), [&](double r) { return r > rate; });
+        std::printf("  without a limit faster than %.0f Nm/s in %ld of %zu ticks\n", rate, static_cast<long>(beyond),
+                    free.rates.size());
+        EXPECT_GT(static_cast<double>(beyond), 0.01 * static_cast<double>(free.rates.size()))
+            << "the limit asks for nothing";
+        const Run kept = run("rate", rate);
+        EXPECT_GT(kept.fastest, 0.99 * rate) << "the limit is not what holds the torque";
+        EXPECT_LT(kept.way, free.way) << rate;
+        EXPECT_LE(kept.fastest, rate * (1.0 + 1e-9));
+        EXPECT_GT(kept.way, (rate < 500.0 ? 0.5 : 0.8) * free.way) << rate;
     }
 }
 

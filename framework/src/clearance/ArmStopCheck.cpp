@@ -215,6 +215,14 @@ bool ArmStopCheck::look(std::size_t e, const Demands& demands, bool mustBeGood) 
 
 void ArmStopCheck::examine(const ArmPath& path, double time_s, const Demands& demands, const JointVector& lastTorque,
                            const KnownPaths& known, bool mustBeGood, Result& result) {
+    examineWith(path, time_s, demands, lastTorque, known, mustBeGood, result);
+    known_ = {};  // not to be used beyond this call
+    source_ = nullptr;
+}
+
+void ArmStopCheck::examineWith(const ArmPath& path, double time_s, const Demands& demands,
+                               const JointVector& lastTorque, const KnownPaths& known, bool mustBeGood,
+                               Result& result) {
     path_ = &path;
     setKnown(path, known);
     result.isClear = true;

@@ -111,7 +111,11 @@ is left to the search, which can tell what parallel planes mean. */
 constexpr double kWarmDependence = 1e-5;
 
 /** Steps per joint for a start from there, should so many planes have changed that it leads nowhere soon. */
-constexpr int kWarmStepsPerJoint = 2;
+constexpr int kWarmStepsPerJoint = RowQp::kMaxWarmIterations / kMaxJoints;
+static_assert(kWarmStepsPerJoint > 0);
+
+/** Vectors over the joints are padded to an even number of entries; there must be room for that. */
+static_assert(kMaxJoints % 2 == 0);
 
 /** Stuck: a plane cannot be reached, but that nothing can keep all is not proven. */
 enum class Outcome { Optimal, Infeasible, Stuck, Failed };
@@ -615,7 +619,7 @@ Outcome solveTask(const Task& task, int& iterations, RowQp::Held* held, int& hel
     for (const double tolerance : {kTightTolerance, RowQp::kRowTolerance}) {
         const bool isLast = tolerance == RowQp::kRowTolerance;
         RowProblem<kSize> problem(task, tolerance);
-        outcome = problem.solve(iterations, isLast ? RowQp::kMaxIterations - wasted : RowQp::kMaxIterations / 2);
+        outcome = problem.solve(iterations, isLast ? RowQp::kMaxColdIterations : RowQp::kMaxColdIterations / 2);
         if (outcome == Outcome::Failed || (outcome == Outcome::Stuck && !isLast)) continue;
         take(problem);
         break;

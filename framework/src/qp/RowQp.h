@@ -13,8 +13,10 @@ in torque:
 
 Method: dual active set (Goldfarb and Idnani 1983) from the unconstrained minimum, x = target; or, in a solver that solved
 before, from the minimum on the planes that held then, less those that pull now, which is little work where rows keep their
-places from tick to tick. The optimum is unique, so where the search begins changes nothing but rounding; one that does not come
-to it from there begins anew from x = target. Orthogonal updates of the factors, so that adding and dropping a constraint costs
+places from tick to tick. One that does not come to the optimum from there begins anew from x = target, and is then to the bit
+what a solver that never solved before gives. The optimum is unique, so where both ways come to it they differ by rounding only;
+but among planes nearly parallel the way from the target may need to leave some out, up to kRowTolerance, or come to nothing,
+where the way from the last planes does not. Orthogonal updates of the factors, so that adding and dropping a constraint costs
 O(n^2). M itself is factored, and the result is corrected with residuals of M and the rows. Rows are scaled, so their size has
 no effect. Where nearly parallel rows make it fail, it is tried once more without the rows that kRowTolerance allows to leave
 out.
@@ -28,11 +30,13 @@ slabs without thickness, many rows through one point, angles down to 1e-4), none
 down to rounding and M of condition up to 1e7, 0.5 % end as Failed or are wrongly
 called Infeasible.
 Real time: no allocation, lock or throw; at most kMaxIterations steps (maximum seen where rows are not
-parallel to rounding: 152, with n = 16 and 48 rows, and 2 n of a first search in vain). */
+parallel to rounding: 152, with n = 16 and 48 rows, and 2 n of a search from the last planes in vain). */
 class RowQp {
 public:
     static constexpr int kMaxRows = 48;
-    static constexpr int kMaxIterations = 10 * (kMaxRows + 2 * kMaxJoints);
+    static constexpr int kMaxColdIterations = 10 * (kMaxRows + 2 * kMaxJoints);  ///< from the target
+    static constexpr int kMaxWarmIterations = 2 * kMaxJoints;                    ///< from the last planes
+    static constexpr int kMaxIterations = kMaxColdIterations + kMaxWarmIterations;
 
     /** Planes: `normal(k)` has n entries. */
     struct Rows {
