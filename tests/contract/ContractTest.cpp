@@ -178,8 +178,10 @@ private:
                 arms_[peer] = arm;
             }
             Arm& arm = arms_[peer];
-            if (vl_robot_receive(&arm.robot, bytes, size, peer) == VL_GOOD) answer(arm, true);
-            if (vl_robot_peer(&arm.robot) == 0) arms_.erase(peer);  // the host has said stop
+            const bool hadHost = arm.robot.has_host != 0;
+            const bool isGood = vl_robot_receive(&arm.robot, bytes, size, peer) == VL_GOOD;
+            if (isGood || vl_robot_peer(&arm.robot) != 0) answer(arm, isGood);
+            if (hadHost && !arm.robot.has_host) arms_.erase(peer);  // it has said stop
         }
     }
     void answer(Arm& arm, bool moves) {
@@ -187,6 +189,7 @@ private:
         const bool isDriven = vl_robot_tick(&arm.robot, torque) == VL_TORQUE && moves;
         vl_state state{};
         state.flags = VL_ENABLED;
+        state.time_ns = static_cast<std::int64_t>(std::llround(1e9 * kTick_s * static_cast<double>(arm.robot.tick)));
         for (int i = 0; i < kJoints; ++i) {
             if (isDriven) arm.q[i] += kTick_s * (arm.qd[i] = 1e-3 * torque[i]);
             state.q[i] = arm.q[i];

@@ -137,11 +137,11 @@ private:
 /** Shows how the arm is, in a thread of its own: an output that does not take it must not keep keys and signals waiting. */
 class Display {
 public:
-    Display(const LiveSession& session, std::vector<std::string> jointNames)
-        : session_(session),
-          names_(std::move(jointNames)),
-          isTerminal_(::isatty(STDOUT_FILENO) != 0),
-          thread_([this] { work(); }) {}
+    Display(LiveSession& session, std::vector<std::string> jointNames)
+        : session_(session), names_(std::move(jointNames)), isTerminal_(::isatty(STDOUT_FILENO) != 0) {
+        show(session.status());
+        thread_ = std::thread([this] { work(); });
+    }
     /** Waits until all has been shown. */
     ~Display() {
         isDone_ = true;

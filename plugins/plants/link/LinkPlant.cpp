@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <utility>
 
 #include "viable/core/Error.h"
 #include "viable/core/JointTypes.h"
@@ -298,7 +297,8 @@ void LinkPlant::takeState() {
 void LinkPlant::awaitRest(std::int64_t end_ns) {
     int states = 0;
     std::uint64_t heard = 0;
-    std::vector<std::uint64_t> delays;
+    Delays delays{};  // the newest
+    std::size_t delayCount = 0;
     JointVector velocities = JointVector::Zero(n_), torques = JointVector::Zero(n_);
     for (;;) {
         const bool isNew = receive(kCallAgain_ns);
@@ -311,7 +311,7 @@ void LinkPlant::awaitRest(std::int64_t end_ns) {
         if (!isNew || !host_.is_connected) continue;
         mostUnderWay_ = std::max(mostUnderWay_, host_.sent - received_.echo);
         if (received_.echo > heard && heard != 0 && calcAge() >= 0)
-            delays.push_back(static_cast<std::uint64_t>(calcAge()));
+            delays[delayCount++ % delays.size()] = static_cast<std::uint64_t>(calcAge());
         heard = received_.echo;
         clock_.add(received_.sequence, received_.time_ns);
         if (clock_.isWrong())
@@ -327,7 +327,7 @@ void LinkPlant::awaitRest(std::int64_t end_ns) {
         restVelocities_ = velocities;
         restTorques_ = torques;
         if (velocities.lpNorm<Eigen::Infinity>() <= restVelocity_ && clock_.isGood())
-            return checkDelay(std::move(delays));
+            return checkDelay(delays, std::min(delayCount, delays.size()));
         if (vl_now_ns() >= end_ns) refuseSilence();
         states = 0;
         velocities.setZero();
@@ -398,14 +398,14 @@ const char* LinkPlant::judgeFollowing() noexcept {
     return why_;
 }
 
-void LinkPlant::checkDelay(std::vector<std::uint64_t> ticks) const {
-    if (ticks.empty())
+void LinkPlant::checkDelay(Delays& ticks, std::size_t count) const {
+    if (count == 0)
         refuse("has more than " + std::to_string(answered_.size()) + " commands under way", "See what slows the line.");
-    const auto middle = ticks.begin() + static_cast<std::ptrdiff_t>(ticks.size() / 2);
-    std::nth_element(ticks.begin(), middle, ticks.end());
+    const auto middle = ticks.begin() + static_cast<std::ptrdiff_t>(count / 2);
+    std::nth_element(ticks.begin(), middle, ticks.begin() + static_cast<std::ptrdiff_t>(count));
     if (*middle <= static_cast<std::uint64_t>(delayTicks_) + kSpareDelay) return;
     refuse("lets a torque act " + std::to_string(*middle) + " ticks after the state that it answers (median of " +
-               std::to_string(ticks.size()) + "), and the file says delay_ticks: " + std::to_string(delayTicks_),
+               std::to_string(count) + "), and the file says delay_ticks: " + std::to_string(delayTicks_),
            "See what slows the line or this computer, or write delay_ticks: " + std::to_string(*middle) +
                ", which the gains of the robust loop follow.");
 }

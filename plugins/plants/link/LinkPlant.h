@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <memory>
 #include <string>
-#include <vector>
 
 #include "viable/link/viable_link.h"
 #include "viable/plugin/RealPlant.h"
@@ -61,6 +60,8 @@ public:
     TickStatus advance(const JointVector& torque, JointVector& applied) override;
 
 private:
+    using Delays = std::array<std::uint64_t, 64>;  ///< [ticks]
+
     void disconnect() noexcept;
     void open(std::int64_t end_ns);
     void awaitRest(std::int64_t end_ns);
@@ -68,7 +69,7 @@ private:
     void checkRobot(const MotionState& start);
     void checkRestTorque();
     /** Of commands: ticks from a state to the one that shows its answer. */
-    void checkDelay(std::vector<std::uint64_t> ticks) const;
+    void checkDelay(Delays& ticks, std::size_t count) const;
     [[noreturn]] void refuse(const std::string& what, const std::string& remedy) const;
     [[noreturn]] void refuseSilence() const;
     void refuseIfStopped() const;
