@@ -171,12 +171,14 @@ TEST_F(ToolServoTest, SpareJointsLeadTheArmAwayFromWhatIsNear) {
     EXPECT_GT(nearest[1], nearest[0] + 0.025);
 }
 
-// The same hand past the same post, over three seeds: it is reached more often, and the check of the whole arm stops it less.
+// The same hand past the same post, over twelve seeds as they come: it is reached more often, and the check of the whole arm
+// stops it less. Single seeds are from 0.5 to 1.1 of the error without; seen in all: 0.69 of the ticks, 0.87 of the squares.
 TEST(ToolServo, SpareJointsSpareAWholeArmStops) {
+    constexpr int kSeeds = 12;
     std::int64_t stops[2] = {0, 0};
     double squares[2] = {0.0, 0.0};
     for (const bool leads : {false, true})
-        for (const int seed : {1, 2, 4}) {
+        for (int seed = 1; seed <= kSeeds; ++seed) {
             const Summary s =
                 run({"robot=panda", "limits={velocity_radps: 1.5, acceleration_radps2: 8, jerk_radps3: 200}",
                      "duration_s=30", "filter={plugin: whole_arm_braking}",
@@ -191,10 +193,10 @@ TEST(ToolServo, SpareJointsSpareAWholeArmStops) {
             squares[leads] += s.toolErrorRms() * s.toolErrorRms();
         }
     std::printf("ticks held back %lld, led apart %lld; tool error %.1f and %.1f mm RMS\n",
-                static_cast<long long>(stops[0]), static_cast<long long>(stops[1]), 1e3 * std::sqrt(squares[0] / 3.0),
-                1e3 * std::sqrt(squares[1] / 3.0));
-    EXPECT_LT(stops[1], 0.6 * static_cast<double>(stops[0]));
-    EXPECT_LT(squares[1], 0.6 * squares[0]);
+                static_cast<long long>(stops[0]), static_cast<long long>(stops[1]),
+                1e3 * std::sqrt(squares[0] / kSeeds), 1e3 * std::sqrt(squares[1] / kSeeds));
+    EXPECT_LT(stops[1], 0.75 * static_cast<double>(stops[0]));
+    EXPECT_LT(squares[1], 0.92 * squares[0]);
 }
 
 TEST_F(ToolServoTest, ReferenceTurnsOnWithACommandThatTurnsRoundTwice) {
