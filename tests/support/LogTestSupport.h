@@ -108,7 +108,10 @@ public:
             r.speed = {random_() % 2 == 0, number(), number(), static_cast<int>(random_() % 9) - 1};
         r.braking = random_() % 2 == 0;
         r.missed = random_() % 2 == 0;
-        if (layout_.isLive) r.paused = random_() % 2 == 0;
+        if (layout_.isLive) {
+            r.paused = random_() % 2 == 0;
+            r.interval_us = number();
+        }
         r.substituted = static_cast<std::int64_t>(random_() >> 1);
         r.compute_us = number();
         for (double& us : r.stage_us) us = number();
@@ -230,6 +233,7 @@ inline std::vector<std::uint64_t> getBits(const TickRecord& r, const LogLayout& 
     bits.push_back(r.missed ? 1 : 0);
     bits.push_back(r.paused ? 1 : 0);
     bits.push_back(static_cast<std::uint64_t>(r.substituted));
+    add(r.interval_us);
     add(r.compute_us);
     for (const double us : r.stage_us) add(us);
     return bits;

@@ -195,9 +195,11 @@ void LiveSession::makeTick(bool isMissed) {
     if (!record.missed) {
         const std::int64_t start_ns = end_ns - std::llround(1e3 * record.compute_us);
         if (lastStart_ns_ != 0) timing_.interval.add(start_ns - lastStart_ns_, tick_);
+        record.interval_us = lastStart_ns_ == 0 ? 0.0 : 1e-3 * static_cast<double>(start_ns - lastStart_ns_);
         lastStart_ns_ = start_ns;
         gap_ = 0;
     } else {
+        record.interval_us = 0.0;
         lastStart_ns_ = 0;
         ++timing_.missed;
         timing_.longestGap = std::max(timing_.longestGap, ++gap_);

@@ -354,6 +354,11 @@ std::vector<LogChannel> declareChannels() {
                  return value == 0 || value == 1;
              })},
          true},
+        {"pace",
+         "Pace",
+         [](const LogLayout& l) { return l.isLive; },
+         {numbers(
+             "interval_us", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.interval_us; })}},
         {"tick",
          "Tick",
          always,

@@ -199,6 +199,7 @@ public:
         addPose(nominal_, r.nominal.q);
         if (hasRealArm_) addPose(real_, r.real.q);
         times_.add(r.compute_us);
+        if (r.interval_us > 0.0) jitter_.add(std::abs(r.interval_us - 1e6 * tick_s_));
         ++rows_;
     }
 
@@ -224,6 +225,7 @@ public:
                     {"joints", joints},
                     {"status", block.add(status_.codes(0))},
                     {"tick_time", times_.describe()},
+                    {"jitter", jitter_.describe()},
                     {"replay",
                      {{"step_s", tick * static_cast<double>(nominal_.rowsPerSample())},
                       {"n", nominal_.count()},
@@ -312,7 +314,7 @@ private:
     detail::Samples nominal_, real_, rest_, nearest_;
     std::vector<double> values_, pose_, nearestRow_;
     std::vector<std::uint16_t> actives_;
-    TimeBins times_;
+    TimeBins times_, jitter_;
     JointVector lastVelocity_;
     std::int64_t rows_ = 0;
     double firstTime_s_ = 0.0, tick_s_ = 0.0;

@@ -105,6 +105,14 @@ TEST(LiveSession, WaitsArmedAndDoesWhatItIsTold) {
     EXPECT_EQ(result.exitCode(), 0);
     EXPECT_EQ(result.live->lostRows, 0);
     EXPECT_EQ(result.logRows, result.live->ticks);
+    LatencyHistogram logged;  // the histogram can be had from the log alone
+    LogReader reader(folder / "A.mcap");
+    for (TickRecord row; reader.read(row);)
+        if (row.interval_us > 0.0) logged.add(std::llround(1e3 * row.interval_us));
+    EXPECT_GT(logged.count(), 100);
+    EXPECT_EQ(logged.count(), result.live->interval.count());
+    EXPECT_EQ(logged.worst_ns(), result.live->interval.worst_ns());
+    EXPECT_EQ(logged.calcQuantile_ns(0.99), result.live->interval.calcQuantile_ns(0.99));
     const ReplayResult again = replayLog(folder / "A.mcap", test::makeTestLoader(), {VIABLE_SOURCE_DIR "/robots"});
     EXPECT_EQ(again.difference, "");
     EXPECT_EQ(again.ticks, result.live->ticks);

@@ -97,6 +97,7 @@ TEST(RunReport, ShowsWhatIsInTheLogAndLosesNoPeak) {
         for (const json& count : one["tick_time"]["counts"]) counted += count.get<std::int64_t>();
         EXPECT_EQ(counted, rows);
         EXPECT_EQ(one["tick_time"]["edges_us"].size(), one["tick_time"]["counts"].size() + 1);
+        EXPECT_TRUE(one["jitter"]["counts"].empty());  // not in real time
     }
     EXPECT_EQ(report.data["cases"][0]["step_s"], 0.004);  // 20 s: four ticks a bucket
     EXPECT_EQ(report.data["cases"][0]["filter"], "pass_through");

@@ -320,17 +320,32 @@ export class LineChart {
   }
 }
 
-/** How often a tick took how long: a row of bars per case, on a logarithmic scale as high as wide. */
+/** What is counted of a tick's times. */
+export const TIMES = [
+  { id: 'tick_time', title: 'Tick time', description: 'How many ticks took how long', of: ({ tickTime }) => tickTime },
+  {
+    id: 'jitter',
+    title: 'Jitter of the ticks',
+    description: 'How many ticks began how much sooner or later than one period after the last tick',
+    of: ({ jitter }) => jitter,
+  },
+];
+
+/** How often one of a tick's TIMES was how long: a row of bars per case, on a logarithmic scale as high as wide. */
 export class HistogramChart {
-  id = 'tick_time';
-  title = 'Tick time';
   unit = '';
   hint = 'height: ticks, logarithmic';
   beyond = [];
   isLanes = true;
 
-  constructor(state) {
+  #of;
+
+  constructor(state, { id, title, description, of }) {
     this.state = state;
+    this.description = description;
+    this.id = id;
+    this.title = title;
+    this.#of = of;
   }
 
   invalidate() {}
@@ -349,20 +364,20 @@ export class HistogramChart {
   get domain() {
     let min = Infinity;
     let max = -Infinity;
-    for (const {
-      tickTime: { edges_us: edges, counts },
-    } of this.state.run.cases)
+    for (const c of this.state.run.cases) {
+      const { edges_us: edges, counts } = this.#of(c);
       counts.forEach((count, i) => {
         if (count === 0) return;
         min = Math.min(min, edges[i]);
         max = Math.max(max, edges[i + 1]);
       });
+    }
     if (!(max > min)) return { min: 1, max: 1000 };
     return { min: Math.max(min, max * 1e-6), max: Math.max(max, this.#period * 1.2) * 1.05 };
   }
 
   get isEmpty() {
-    return this.state.run.cases.every(({ tickTime }) => !tickTime.counts.some((count) => count > 0));
+    return this.state.run.cases.every((c) => !this.#of(c).counts.some((count) => count > 0));
   }
 
   range() {
@@ -371,14 +386,14 @@ export class HistogramChart {
 
   draw(painter, frame, palette = colours, sparse = false) {
     const { cases } = this.state;
-    const most = Math.max(1, ...cases.flatMap((c) => c.tickTime.counts));
+    const most = Math.max(1, ...cases.flatMap((c) => this.#of(c).counts));
     const height = frame.height / Math.max(1, cases.length);
     cases.forEach((c, lane) => {
       const top = frame.top + lane * height;
       const floor = top + height - 1;
       drawLaneName(painter, c, frame.left - 4, top + height / 2, palette, sparse);
       painter.clip(frame.left, top, frame.width, height, () => {
-        const { edges_us: edges, counts } = c.tickTime;
+        const { edges_us: edges, counts } = this.#of(c);
         const x = (i) => frame.toX(Math.max(edges[i], frame.xMin * 1e-3));
         counts.forEach((count, i) => {
           const size = (Math.log10(2 * count) / Math.log10(2 * most)) * (height - 4);
@@ -415,14 +430,15 @@ export class HistogramChart {
     });
   }
 
-  #late({ tickTime: { edges_us: edges, counts } }) {
+  #late(c) {
+    const { edges_us: edges, counts } = this.#of(c);
     return counts.reduce((sum, count, i) => sum + (edges[i] >= this.#period * (1 - 1e-6) ? count : 0), 0);
   }
 
   /** Per shown case the number of ticks in the class of a tick time. */
   values(time) {
     return this.state.cases.map((c) => {
-      const { edges_us: edges, counts } = c.tickTime;
+      const { edges_us: edges, counts } = this.#of(c);
       const i = edges.findIndex((edge, k) => edge <= time && time < edges[k + 1]);
       return {
         c,
@@ -432,7 +448,6 @@ export class HistogramChart {
   }
 
   valueTitle = 'ticks';
-  description = 'How many ticks took how long';
   jointName = '';
 }
 

@@ -44,6 +44,7 @@
  *           "active": ref u16, one per bucket: a bit for each limit that acted in it, LIMITS[i] the bit i - 1 } ],
  *         "status": ref u16, one per bucket, the worst in it: an index into STATUS,
  *         "tick_time": { "edges_us": [...], "counts": [...] },
+ *         "jitter": the same, of how far the time between two ticks of a live run is from the tick's; not given: not live,
  *         "clearance" (not given: nothing stood around the arm): { "environment": int | null, "links", "obstacles": [str],
  *           "distance": ref, like a series: from what is nearest on the way through the tick and the stop [m] | null
  *           (no filter looked) },
@@ -164,6 +165,7 @@ export class Case {
     this.end = this.t0 + Math.min(this.buckets * this.step, (this.rows ?? Infinity) * this.tick); // the last may be part
     this.status = run.array(json.status, `${where}.status`, this.buckets);
     this.tickTime = json.tick_time ?? { edges_us: [], counts: [] };
+    this.jitter = json.jitter ?? { edges_us: [], counts: [] };
     this.#joints = needArray(json.joints, `${where}.joints`);
     if (this.#joints.length !== run.joints.length)
       throw new DataError(`${where}: ${this.#joints.length} joints, the robot has ${run.joints.length}.`);

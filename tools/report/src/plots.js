@@ -1,5 +1,5 @@
 import uPlot from 'uplot';
-import { HistogramChart, LIMIT_STYLES, LineChart } from './charts.js';
+import { HistogramChart, LIMIT_STYLES, LineChart, TIMES } from './charts.js';
 import { el, lineSample, swatch } from './dom.js';
 import { saveFigure } from './exporting.js';
 import { duration, number, powers, tick } from './format.js';
@@ -422,7 +422,7 @@ export class PlotArea {
     this.#mode = this.state.joint === ALL_JOINTS ? 'all' : 'one';
     this.host.replaceChildren(
       ...(this.#mode === 'all' ? this.#buildAll() : this.#buildOne(this.state.joint)),
-      ...this.#buildTickTime(),
+      ...this.#buildTimes(),
     );
     this.#updateHeads();
     for (const { root } of this.#panels) this.observer.observe(root);
@@ -480,9 +480,10 @@ export class PlotArea {
     return used.join(', ');
   }
 
-  #buildTickTime() {
-    const chart = new HistogramChart(this.state);
-    return chart.isEmpty ? [] : [this.#add(new Panel(this.state, chart))];
+  #buildTimes() {
+    return TIMES.map((times) => new HistogramChart(this.state, times))
+      .filter((chart) => !chart.isEmpty)
+      .map((chart) => this.#add(new Panel(this.state, chart)));
   }
 
   #legend() {
