@@ -145,7 +145,8 @@ void put(PluginPtr<Interface>& place, std::unique_ptr<Mine> mine) {
 }
 
 bool isTime(const std::string& column) {
-    return column == "pace.interval_us" || column.rfind("tick.", 0) == 0 && column.size() > 3 && column.compare(column.size() - 3, 3, "_us") == 0;
+    return column == "pace.interval_us" ||
+           (column.rfind("tick.", 0) == 0 && column.size() > 3 && column.compare(column.size() - 3, 3, "_us") == 0);
 }
 
 bool isSame(double a, double b) {
