@@ -96,6 +96,7 @@ public:
         try {
             filter_.configure(*setup_, options_);
         } catch (const Error&) {
+            isRefusedAtRest = state_.qd.isZero(0.0) && !hasGeometry_ && std::isinf(options_.torqueShare);
             return false;
         }
         judge_.emplace(description_, &robot_.geometry, false);
@@ -125,7 +126,8 @@ public:
         if (!finding.what) finding = judgeTick(state_, decision_.value);
         atLimit += acts && use_ > 0.9;
         // What the filter tells is true of the tick.
-        if (!finding.what && decision_.speed.isKnown && use_ > decision_.speed.speed / decision_.speed.limit + kAllowed)
+        if (!finding.what && !decision_.speed.isKnown) finding = {"the filter told no speed", 1.0};
+        if (!finding.what && use_ > decision_.speed.speed / decision_.speed.limit + kAllowed)
             finding = {"the filter told less than there was", use_};
         if (!finding.what && random_.integer(1, kTicksPerStop) == 1) finding = judgeStop();
         advanceNominal(decision_, kTick_s, state_);
@@ -133,8 +135,9 @@ public:
         return finding;
     }
 
-    std::int64_t passed = 0, stopped = 0, missed = 0, acting = 0, atLimit = 0, stops = 0;
-    double worst = 0.0;  ///< largest share of a limit
+    std::int64_t passed = 0, stopped = 0, missed = 0, acting = 0, atLimit = 0, stops = 0, begun = 0, refused = 0;
+    double worst = 0.0;            ///< largest share of a limit
+    bool isRefusedAtRest = false;  ///< a start in which nothing moves and nothing else was in its way
     const RobotDescription& robot() const { return description_; }
 
 private:
@@ -264,8 +267,13 @@ bool checkSpeeds(const Options& options) {
         Random random(run.seed(), run.arm());
         Robot& robot = robots[random.integer(0, 2)];
         std::unique_ptr<SpeedCase> arm;
-        do arm = std::make_unique<SpeedCase>(robot, random);
-        while (!arm->begin());
+        while (true) {
+            arm = std::make_unique<SpeedCase>(robot, random);
+            if (arm->begin()) break;
+            ++refused;
+            if (arm->isRefusedAtRest) run.fail((robot.description.name + " at rest is refused").c_str(), 1.0);
+        }
+        ++begun;
         for (int tick = 0; tick < kTicksPerArm; ++tick) {
             const SpeedCase::Finding finding = arm->tick(tick);
             run.addSteps(robot.description.size());
@@ -287,6 +295,7 @@ bool checkSpeeds(const Options& options) {
     run.expectShare("ticks in which a speed limit acts", acting, ticks, 0.2);
     run.expectShare("of these above 90 % of it", atLimit, acting, 0.5);
     run.expectShare("ticks as desired", passed, ticks, 0.002);
+    run.expectShare("starts that are not refused", begun, begun + refused, 0.3);
     run.expectShare("ticks missed", missed, ticks, 0.001);
     std::printf(
         "  largest share of a limit: 1 %+.2g; stops followed to their ends: %lld; ticks on a backup stop: %.3g %%\n",

@@ -136,6 +136,7 @@ struct ArmBatch::Impl {
         if (options.threads < 0)
             throw badInput("ArmBatchOptions::threads", std::to_string(options.threads) + "; allowed is 0 and more",
                            "0: one per core.");
+        detail::refuseSpeedLimits(kArmBatch, robot);
         requireJerkLimits(setup.limits, kArmBatch, kArmBatch, "Set them in ArmBatchOptions::limits.");
         if (options.action == BatchAction::Target) {  // as in ReferenceGuard
             options.filter.objective = Objective::Joint;

@@ -227,7 +227,7 @@ void ArmStopCheck::examineWith(const ArmPath& path, double time_s, const Demands
     setKnown(path, known);
     result.isClear = true;
     speed_.examine(path, extremes_, demands.speed, mustBeGood, result.speed);
-    result.isAhead = result.speed.seen <= demands.speed.ahead;
+    result.isAhead = result.speed.seenLater <= demands.speed.ahead;
     if (mustBeGood && !result.speed.isKept) {
         result.isClear = result.isAhead = result.torque.bearsTorque = false;
         return;

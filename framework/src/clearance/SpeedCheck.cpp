@@ -135,13 +135,15 @@ bool SpeedCheck::look(double time_s, bool isBegin, Look& look) {
         look.speeds[k] = calcFastest(k).speed;
         const double limit = findLimit(part, look.segments[k], 0.0);
         const double use = look.speeds[k] / limit;
+        result_->seen = std::max(result_->seen, use);
+        if (isBegin) continue;  // no jerk changes that
         if (!(use <= part.use)) {
             part.use = use;
             part.time_s = time_s;
             part.limitThere = limit;
         }
-        result_->seen = std::max(result_->seen, use);
-        if (!isBegin && !(use <= demand_.looks + kRounding)) result_->isKept = false;
+        result_->seenLater = std::max(result_->seenLater, use);
+        if (!(use <= demand_.looks + kRounding)) result_->isKept = false;
     }
     return result_->isKept || !mustBeGood_;
 }
@@ -149,7 +151,7 @@ bool SpeedCheck::look(double time_s, bool isBegin, Look& look) {
 /** False: it is over. */
 bool SpeedCheck::prove(const Look& from, const Look& to, int depth) {
     const double h = to.time_s - from.time_s;
-    double most = 0.0;
+    double most = -1.0;
     ArmSpeed fastest;
     for (std::size_t k = 0; k < parts_.size(); ++k) {
         const Part& part = parts_[k];
@@ -158,18 +160,20 @@ bool SpeedCheck::prove(const Look& from, const Look& to, int depth) {
         const double limit =
             std::min(findLimit(part, from.segments[k], margin), findLimit(part, to.segments[k], margin));
         const double use = bound / limit;
-        if (use <= most) continue;
+        if (use < most || (use == most && bound <= fastest.speed)) continue;
         most = use;
         fastest = {true, bound, limit, part.link};
     }
     const auto settle = [&] {
-        if (most > result_->proven) {
+        const bool isFirst = !result_->fastest.isKnown;
+        if (isFirst || most > result_->proven || (most == result_->proven && fastest.speed > result_->fastest.speed)) {
             result_->proven = most;
             result_->fastest = fastest;
         }
         return result_->isKept || !mustBeGood_;
     };
-    const double enough = std::max(result_->seen, kSlow) + kGuard / 2.0;
+    double enough = std::max(result_->seen, kSlow) + kGuard / 2.0;
+    if (result_->seen <= 1.0) enough = std::min(enough, 1.0);  // whether the limits are kept must come out
     if (most <= std::min(demand_.bound, enough)) return settle();
     if (depth == kDepth || left_ <= 0 || leftOfPath_ <= 0) {
         if (!(most <= demand_.bound + kRounding)) result_->isKept = false;
@@ -203,9 +207,13 @@ void SpeedCheck::examine(const ArmPath& path, const ArmPath::Extremes& extremes,
 
 void SpeedCheck::addRows(const StopPair& stops, const Demand& demand, RowQp::Rows& rows) {
     JointVector there, row(n_);
-    for (std::size_t k = 0; k < parts_.size(); ++k) {
+    for (double above = kInfinity;;) {
+        std::size_t k = parts_.size();
+        for (std::size_t next = 0; next < parts_.size(); ++next)
+            if (parts_[next].use < above && (k == parts_.size() || parts_[next].use > parts_[k].use)) k = next;
+        if (k == parts_.size() || !(parts_[k].use > demand.ahead)) return;
         const Part& part = parts_[k];
-        if (!(part.use > demand.ahead)) continue;
+        above = part.use;
         stops.other.calcMotion(std::min(part.time_s, stops.other.duration()), position_, there);
         path_ = &stops.path;
         calcTwists(part.time_s);

@@ -49,16 +49,18 @@ public:
         double ahead = 0.0;           ///< <= looks: below it nothing need be steered
     };
     struct Result {
-        bool isKept = true;   ///< proven
-        double seen = 0.0;    ///< largest share at looks, the begin included
-        double proven = 0.0;  ///< no share is larger at any time
-        ArmSpeed fastest;     ///< that share
+        bool isKept = true;      ///< proven
+        double seen = 0.0;       ///< largest share at looks, the begin included
+        double seenLater = 0.0;  ///< without it: what a jerk may change
+        double proven = 0.0;     ///< no share is larger at any time
+        ArmSpeed fastest;        ///< that share; of equal ones the faster point
     };
     /** @param extremes    of the path
         @param mustBeGood  the first look that is too fast ends it */
     void examine(const ArmPath& path, const ArmPath::Extremes& extremes, const Demand& demand, bool mustBeGood,
                  Result& result);
-    /** Of what the last examine() saw above `ahead`: rows that bring it back there, to first order (see SteeringRows). */
+    /** Of what the last examine() saw above `ahead` after the begin: rows that bring it back there, to first order (see
+    SteeringRows), that of the largest share first. */
     void addRows(const StopPair& stops, const Demand& demand, RowQp::Rows& rows);
 
 private:
@@ -70,7 +72,7 @@ private:
         int link = -1;
         bool isCapsule = false;  ///< regions count
         double bendRate = 0.0;   ///< on the path [m/s^3]
-        // Of the fastest look of the path, as a share of the limit there:
+        // Of the fastest look of the path after its begin, as a share of the limit there:
         double use = 0.0, time_s = 0.0, limitThere = 0.0;
     };
     struct Look {

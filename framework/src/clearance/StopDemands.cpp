@@ -42,7 +42,7 @@ void StopDemands::begin(const ArmStopCheck::Result& stored) {
 
 void StopDemands::raise(const ArmStopCheck::Result& kept) {
     const double most = demands_.speed.looks - SpeedCheck::kSteering;
-    demands_.speed.ahead = most - (1.0 - share_) * std::max(0.0, most - kept.speed.seen);
+    demands_.speed.ahead = most - (1.0 - share_) * std::max(0.0, most - kept.speed.seenLater);
     for (std::size_t e = 0; e < kept.seen.size(); ++e) {
         demands_.floor[e] = std::max(demands_.floor[e], std::min(required_m_, kept.seen[e] - bisection::kGuard_m));
         demands_.least[e] = std::max(demands_.least[e], std::min(aim(), kept.seen[e]));

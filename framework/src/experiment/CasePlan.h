@@ -32,6 +32,7 @@ struct CasePlan {
     std::string name;
     RobotDescription robot;             ///< with the payload that the nominal arm knows
     std::optional<Parameters> payload;  ///< that one
+    bool hasOwnSpeedLimits = false;     ///< the file says something of robot.speedLimits
     /** What the file says, checked: of the nominal arm, under `hold_on: real` of the real one. */
     JointLimits limits;
     bool allowsLargeAngles = false;

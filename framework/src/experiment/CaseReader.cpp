@@ -64,7 +64,8 @@ ConfigNode resolveCase(const CasePlan& plan, const std::string& title, const Con
     if (plan.disturbances) add("disturbance_set", plan.disturbances->resolved());
     if (!plan.missedTicks.empty()) add("missed_ticks", resolveMissedTicks(plan.missedTicks, plan.tick_s));
     if (plan.payload) add("payload", plan.payload->resolved());
-    if (plan.robot.speedLimits.isAny()) add("speed_limits", resolveSpeedLimits(plan.robot.speedLimits));
+    if (plan.hasOwnSpeedLimits || plan.robot.speedLimits.isAny())
+        add("speed_limits", resolveSpeedLimits(plan.robot.speedLimits));
     if (environment) add("environment", resolveEnvironment(*environment, *plan.environment));
     add("cases", makeMap({{plan.name, makeMap({{"filter", resolveFilters(plan.filters)}})}}));
     return node;
@@ -103,7 +104,10 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
         plan.missedTicks = readMissedTicks(*missed, plan.tick_s, plan.duration_s);
     const ConfigNode* environment = map.find("environment");
     if (environment) plan.environment = readEnvironmentBlock(*environment);
-    if (const ConfigNode* speeds = map.find("speed_limits")) plan.robot.speedLimits = readSpeedLimits(*speeds);
+    if (const ConfigNode* speeds = map.find("speed_limits")) {
+        plan.robot.speedLimits = readSpeedLimits(*speeds, plan.robot.speedLimits);
+        plan.hasOwnSpeedLimits = true;
+    }
     if (environment || plan.robot.speedLimits.needsCapsules()) plan.geometry = loadArmGeometry(plan.robot);
 
     plan.command = readPlugin(map.require("command"), PluginKind::CommandSource, loader, joints);

@@ -130,9 +130,8 @@ const std::vector<ExperimentKey>& experimentKeys() {
             "The surroundings of the arm. With them, even empty ({}), the arm is also checked against itself; the "
             "robot needs a collision.yaml."),
         makeBlock("speed_limits", "", &speedLimitKeys,
-                  "Largest speeds of the arm's points, in place of those of the robot's limits.yaml. whole_arm_braking "
-                  "keeps them; "
-                  "arm_mps and regions need a collision.yaml."),
+                  "Largest speeds of the arm's points, over those of the robot's limits.yaml; \"no limit\" is .inf, "
+                  "`regions: {}` no region. whole_arm_braking keeps them; arm_mps and regions need a collision.yaml."),
         makeBlock("command", nullptr, KeyForm::Plugin, "What is asked for.", PluginKind::CommandSource),
         makeBlock("stream", "", &streamKeys,
                   "The command comes in samples over a line, which may be slow and lossy; without it every tick has "

@@ -190,7 +190,7 @@ RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseL
                        configured_->robustRate});
     if (judgesCollisions && plan.environment)
         collisions_.emplace(plan.robot, *plan.geometry, *plan.environment, plan.realPlant.has_value());
-    if (judgesCollisions && plan.robot.speedLimits.isAny())
+    if (plan.robot.speedLimits.isAny())
         speeds_.emplace(plan.robot, plan.geometry ? &*plan.geometry : nullptr, plan.realPlant.has_value());
     if (!log.file.empty())
         recorder_ = std::make_unique<Recorder>(

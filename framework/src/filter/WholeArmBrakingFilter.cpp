@@ -99,6 +99,9 @@ void WholeArmBrakingFilter::prepare(const RunSetup& setup, const WholeArmBraking
     if (options.torqueRate.size() == n && !(options.torqueRate.array() > 0.0).all())
         throw badInput(place, "a torqueRate is not above 0", "Give rates above 0, infinite where there is no limit.");
     checkSpeedLimits(setup.robot.speedLimits, place);
+    if (setup.robot.speedLimits.tool < std::numeric_limits<double>::infinity() && setup.robot.toolParent < 0)
+        throw badInput(place, "the tool has a speed limit, but no joint carries it",
+                       "Set RobotDescription::toolParent, or leave SpeedLimits::tool infinite.");
     if (setup.robot.speedLimits.needsCapsules() && !setup.geometry) impl_->geometry = loadArmGeometry(setup.robot);
     if (setup.surroundings && !setup.surroundings->claim())
         throw badInput(place, "another filter of this case has the surroundings already",

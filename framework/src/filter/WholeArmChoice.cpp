@@ -150,10 +150,12 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
                 otherPath_ = path_;
                 hasOther_ = true;
             }
-            const bool isTooFast = !first.speed.isKept || first.speed.seen > demands_.get().speed.ahead;
-            reason = first.isClear && !first.torque.bearsTorque ? LimitKind::Torque
-                     : isTooFast                                ? LimitKind::Speed
-                                                                : LimitKind::Clearance;
+            // What is not kept comes before what is only near.
+            reason = !first.speed.isKept                                  ? LimitKind::Speed
+                     : !first.isClear                                     ? LimitKind::Clearance
+                     : !first.torque.bearsTorque                          ? LimitKind::Torque
+                     : first.speed.seenLater > demands_.get().speed.ahead ? LimitKind::Speed
+                                                                          : LimitKind::Clearance;
             setStoredPath(nominal);
             steer(nominal, dynamics, metric, desired);
         }

@@ -110,6 +110,14 @@ RunSetup makeGuardSetup(const char* guard, const RobotDescription& robot, double
     return {robot, limits, tick_s, kInfinity, makeRest(limits), {}};
 }
 
+void refuseSpeedLimits(const char* guard, const RobotDescription& robot) {
+    if (!robot.speedLimits.isAny()) return;
+    throw badInput(guard,
+                   "the robot has speed limits of its points (RobotDescription::speedLimits, or speed_limits in its "
+                   "limits.yaml), which are not kept here",
+                   "Use ReferenceGuard, which keeps them, or clear them where something else does.");
+}
+
 Dynamics takeGuardStart(const char* guard, const MotionState& start, RunSetup& setup) {
     const std::string place = std::string(guard) + "::start";
     const int n = setup.size();

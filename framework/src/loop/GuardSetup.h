@@ -24,6 +24,9 @@ std::string quoteJoint(const RobotDescription& robot, int joint);
 RunSetup makeGuardSetup(const char* guard, const RobotDescription& robot, double tick_s,
                         const std::optional<JointLimits>& limits);
 
+/** Refuses a robot with speed limits of its points: for guards that keep joint limits alone. Throws Error (BadInput). */
+void refuseSpeedLimits(const char* guard, const RobotDescription& robot);
+
 /** Checks a start and puts it into `setup`, with its tool pose. Throws Error (BadInput).
 @return the dynamics there */
 Dynamics takeGuardStart(const char* guard, const MotionState& start, RunSetup& setup);

@@ -141,6 +141,8 @@ struct ReferenceGuard::Inside {
                                detail::formatNumber(options.maxAge_s) + "; allowed is above 0, or infinity",
                                "Infinity: surroundings do not grow old.");
             setup.geometry = &*geometry;
+        } else if (robot.speedLimits.needsCapsules()) {
+            loadArmGeometry(robot);  // what is missing is told now, not at a start
         }
         if (!(options.velocityFilter_s >= 0.0))
             throw badInput("ReferenceGuardOptions::velocityFilter_s",

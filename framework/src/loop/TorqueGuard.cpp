@@ -364,12 +364,7 @@ void TorqueGuard::Inside::start(const JointState& measured) {
     isStarted = false;
     output = {};
     output.torque.setZero(robot.size());
-    if (robot.speedLimits.isAny())
-        throw badInput(
-            kTorqueGuard,
-            "the robot has speed limits of its points (RobotDescription::speedLimits, or speed_limits in its "
-            "limits.yaml), which are not kept here",
-            "Use ReferenceGuard, which keeps them, or clear them where something else does.");
+    detail::refuseSpeedLimits(kTorqueGuard, robot);
     const int n = robot.size();
     const Dynamics dynamics =
         detail::takeGuardStart(kTorqueGuard, {measured.q, measured.qd, JointVector::Zero(n)}, setup);

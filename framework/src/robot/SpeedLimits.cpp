@@ -1,6 +1,7 @@
 #include "viable/robot/SpeedLimits.h"
 
 #include <cmath>
+#include <utility>
 
 #include "core/Text.h"
 #include "viable/core/Error.h"
@@ -30,17 +31,20 @@ void checkRegion(const SpeedLimits::Region& region, const std::string& where) {
         throw badInput(where,
                        "the speed limit of region `" + region.name + "` is " + formatNumber(region.speed) + " m/s",
                        "Give at least " + formatNumber(kSmallestSpeedLimit) + " m/s.");
-    if ((region.lower.array() < region.upper.array()).all() && region.lower.allFinite() && region.upper.allFinite())
-        return;
+    for (const Eigen::Vector3d& corner : {region.lower, region.upper})
+        if (!(corner.cwiseAbs().maxCoeff() <= kFarthest_m))
+            throw badInput(
+                where, "a corner of region `" + region.name + "` is beyond what is allowed",
+                "Give numbers from -" + formatNumber(kFarthest_m) + " to " + formatNumber(kFarthest_m) + " m.");
+    if ((region.lower.array() < region.upper.array()).all()) return;
     throw badInput(where, "region `" + region.name + "` has no room between its corners",
                    "Each number of the lower corner must be below that of the upper one.");
 }
 
 }  // namespace
 
-SpeedLimits readSpeedLimits(const ConfigNode& block) {
+SpeedLimits readSpeedLimits(const ConfigNode& block, SpeedLimits limits) {
     ConfigMap map(block);
-    SpeedLimits limits;
     const ConfigNode *arm = map.find("arm_mps"), *tool = map.find("tool_mps"), *regions = map.find("regions");
     map.finish();
     if (arm) limits.arm = readSpeed(*arm);
@@ -49,6 +53,7 @@ SpeedLimits readSpeedLimits(const ConfigNode& block) {
     if (regions->kind != ConfigNode::Kind::Map)
         throw badInput(regions->place(), "these are no regions by name",
                        "Write `regions: {table: {lower_m: [...], upper_m: [...], speed_mps: 0.1}, ...}`.");
+    limits.regions.clear();
     for (const auto& [name, node] : regions->entries) {
         ConfigMap entry(node);
         const SpeedLimits::Region region{name, readCorner(entry.require("lower_m")),
@@ -61,10 +66,10 @@ SpeedLimits readSpeedLimits(const ConfigNode& block) {
 }
 
 void checkSpeedLimits(const SpeedLimits& limits, const std::string& where) {
-    for (const double speed : {limits.arm, limits.tool})
+    for (const auto& [what, speed] : {std::pair("the arm", limits.arm), std::pair("the tool", limits.tool)})
         if (!(speed >= kSmallestSpeedLimit))
             throw badInput(
-                where, "a speed limit is " + formatNumber(speed) + " m/s",
+                where, std::string("the speed limit of ") + what + " is " + formatNumber(speed) + " m/s",
                 "Give at least " + formatNumber(kSmallestSpeedLimit) + " m/s, infinite where there is none.");
     for (const SpeedLimits::Region& region : limits.regions) checkRegion(region, where);
 }

@@ -1,6 +1,7 @@
 #include "summary/SpeedCounter.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -39,6 +40,10 @@ SpeedCounter::SpeedCounter(RobotDescription robot, const ArmGeometry* geometry, 
         parts_.push_back({"tool", {-1, robot_.toolParent, origin, origin, 0.0}, limits.tool, false});
     }
     if (hasRealArm) speeds_.real.emplace();
+    std::size_t longest = 0;  // names are taken over in ticks, without memory of their own
+    for (const Part& part : parts_) longest = std::max(longest, part.name.size());
+    speeds_.nominal.part.reserve(longest);
+    if (speeds_.real) speeds_.real->part.reserve(longest);
 }
 
 SpeedCounter::Fastest SpeedCounter::find(const JointVector& q, const JointVector& qd) const {
@@ -46,8 +51,8 @@ SpeedCounter::Fastest SpeedCounter::find(const JointVector& q, const JointVector
         Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
         Eigen::Vector3d turning = Eigen::Vector3d::Zero(), moving = Eigen::Vector3d::Zero();
     };
-    std::vector<Frame> frames(robot_.joints.size());
-    for (std::size_t i = 0; i < frames.size(); ++i) {
+    std::array<Frame, kMaxJoints> frames;
+    for (std::size_t i = 0; i < robot_.joints.size(); ++i) {
         const JointDescription& joint = robot_.joints[i];
         const auto at = static_cast<Eigen::Index>(i);
         const Frame base = joint.parent < 0 ? Frame() : frames[static_cast<std::size_t>(joint.parent)];
@@ -95,7 +100,7 @@ void SpeedCounter::judge(Way& way, SpeedRecord& record, const JointVector& q, co
     record.largest = std::max(record.largest, found.speed);
     if (found.use <= record.use) return;
     record.use = found.use;
-    record.largest_s = time_s;
+    record.use_s = time_s;
     record.part = partName(found.part);
 }
 

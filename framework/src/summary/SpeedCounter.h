@@ -13,6 +13,7 @@ public:
     /** @param geometry  null where robot.speedLimits needs no capsules */
     SpeedCounter(RobotDescription robot, const ArmGeometry* geometry, bool hasRealArm);
 
+    /** Allocates nothing. */
     void add(const TickRecord& record);
     /** The state that the last tick led to; of the real arm no record holds it. */
     void addEnd(const MotionState& nominal, double time_s);

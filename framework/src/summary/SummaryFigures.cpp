@@ -220,7 +220,7 @@ std::vector<SummaryFigure> makeFigures() {
                     isReal ? "Real arm: largest share of a speed limit" : "Largest share of a speed limit");
         add("ticks_too_fast", &SpeedRecord::ticksTooFast)
             .column(prefix + "ticks_too_fast", "", isReal ? "Real arm: ticks too fast" : "Ticks too fast");
-        add("worst_use_s", &SpeedRecord::largest_s);
+        add("worst_use_s", &SpeedRecord::use_s);
         add("part", [](const SpeedRecord& r) { return orNull(r.part); });
         add("ticks_at_limit", &SpeedRecord::ticksAtLimit);
         add("first_too_fast_s", &SpeedRecord::firstTooFast_s);

@@ -317,10 +317,10 @@ std::string formatCollisions(const Summary& s) {
     return text;
 }
 
-/** "link6 at 0.249 m/s, 99.6 % of its limit, at 1.234 s" */
+/** "link6 used 99.6 % of its limit at 1.234 s" */
 std::string formatFastest(const SpeedRecord& r) {
-    if (r.part.empty()) return "nothing moved";
-    return format("%s used %.1f %% of its limit at %.3f s", r.part.c_str(), 100.0 * r.use, r.largest_s);
+    if (r.part.empty()) return r.largest > 0.0 ? "nothing moved where a limit counts" : "nothing moved";
+    return format("%s used %.1f %% of its limit at %.3f s", r.part.c_str(), 100.0 * r.use, r.use_s);
 }
 
 /** Whether the arms kept their speed limits, where there are any. */
@@ -653,7 +653,10 @@ std::string formatDetails(const CaseResult& r) {
     text += "  verdict       " + formatVerdict(r) + "\n";
     for (LimitKind kind : kNominalKinds) text += formatLimit(s, kind);
     text += formatCommandErrors(r) + formatStatuses(s) + formatInterventions(s) + formatStops(s);
-    if (s.collisions()) text += formatCollisions(s);
+    if (s.collisions())
+        text += formatCollisions(s);
+    else if (r.guaranteesClearance)
+        text += "  clearance     not judged: the judge takes longer than a tick of a live run may\n";
     if (s.speeds()) text += formatSpeeds(s);
     if (s.substitutedTicks() > 0)
         text += format("  controller    %lld ticks without a usable torque, the last good one was used\n",

@@ -377,6 +377,13 @@ TEST(ArmBatch, WhatDoesNotFitIsRefusedAndNothingMoves) {
     EXPECT_EQ(getRow(batch.state().q, batch, 1), robot.home);
 }
 
+TEST(ArmBatch, ARobotWithSpeedLimitsThatItDoesNotKeepIsRefused) {
+    RobotDescription robot = loadArm("indy7");
+    robot.speedLimits.tool = 0.3;
+    const std::string complaint = findError([&] { ArmBatch(robot, 4, 1e-3, {}); });
+    EXPECT_NE(complaint.find("speed limits"), std::string::npos) << complaint;
+}
+
 TEST(ArmBatch, RealArmsFollowAndAreDrawn) {
     const RobotDescription robot = loadArm("indy7");
     ArmBatchOptions options;

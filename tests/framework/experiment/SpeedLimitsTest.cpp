@@ -61,9 +61,19 @@ TEST(SpeedLimitKeys, ARobotHasItsOwnInLimitsYaml) {
     EXPECT_EQ(readTestExperiment(kOneJoint, {choice}).cases[0].robot.speedLimits.arm, 0.4);
     EXPECT_EQ(readTestExperiment(kOneJoint, {choice, "speed_limits={arm_mps: .inf}"}).cases[0].robot.speedLimits.arm,
               kInfinity);
+    // What a run was of is what its resolved file says, lifted limits, too.
+    for (const char* speeds : {"{arm_mps: .inf}", "{tool_mps: 0.3}", "{regions: {}}"}) {
+        const CasePlan plan = readTestExperiment(kOneJoint, {choice, std::string("speed_limits=") + speeds}).cases[0];
+        const SpeedLimits again = readTestExperiment(writeConfig(plan.resolved)).cases[0].robot.speedLimits;
+        EXPECT_EQ(again.arm, plan.robot.speedLimits.arm) << speeds;
+        EXPECT_EQ(again.tool, plan.robot.speedLimits.tool) << speeds;
+    }
+    // One limit does not lift another.
+    EXPECT_EQ(readTestExperiment(kOneJoint, {choice, "speed_limits={tool_mps: 0.3}"}).cases[0].robot.speedLimits.arm,
+              0.4);
     std::filesystem::remove(robot / "collision.yaml");
     expectContains(catchError([&] { readTestExperiment(kOneJoint, {choice}); }), {"collision.yaml"});
-    EXPECT_NO_THROW(readTestExperiment(kOneJoint, {choice, "speed_limits={tool_mps: 0.3}"}));
+    EXPECT_NO_THROW(readTestExperiment(kOneJoint, {choice, "speed_limits={arm_mps: .inf, tool_mps: 0.3}"}));
 }
 
 // A run: with whole_arm_braking kept, logged and told; with a law that does not know them counted.

@@ -112,6 +112,37 @@ TEST(SpeedLimits, TheArmRunsAtTheLimitInsteadOfStopping) {
     }
 }
 
+// A start just below a limit is one within it: what is proven of it is as sharp as that.
+TEST(SpeedLimits, AStartJustBelowALimitIsNotRefused) {
+    for (const double share : {0.9, 0.97, 0.99, 0.995, 0.999}) {
+        SpeedLimits limits;
+        limits.arm = 0.25;
+        LimitedArm arm(limits);
+        arm.state.qd[0] = 0.1;
+        arm.state.qd *= share / arm.use();
+        EXPECT_NO_THROW(arm.configure()) << share;
+        arm.state.qd *= 1.001 / share;
+        EXPECT_THROW(arm.configure(), Error) << share;
+    }
+}
+
+// With regions alone, an arm outside of them: every tick has been looked at, and says so.
+TEST(SpeedLimits, OutsideOfItsRegionsAnArmIsKnownToBeFree) {
+    SpeedLimits limits;
+    limits.regions.push_back({"far", Eigen::Vector3d::Constant(5.0), Eigen::Vector3d::Constant(6.0), 0.05});
+    LimitedArm arm(limits);
+    arm.configure();
+    JointVector goal = arm.robot.home;
+    goal[0] += 1.0;
+    for (int tick = 0; tick < 300; ++tick) {
+        arm.goTo(goal, 100.0);
+        ASSERT_TRUE(arm.decision.speed.isKnown) << tick;
+        ASSERT_FALSE(arm.acts(LimitKind::Speed)) << tick;
+    }
+    EXPECT_GT(arm.decision.speed.speed, 0.1);
+    EXPECT_TRUE(std::isinf(arm.decision.speed.limit));
+}
+
 // Without the filter's steering it is kept just as well.
 TEST(SpeedLimits, WithoutSteeringTheyAreKept) {
     SpeedLimits limits;

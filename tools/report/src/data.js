@@ -84,6 +84,9 @@ const LIMITS = [
   'torque_lower',
   'torque_upper',
   'clearance_lower',
+  'clearance_upper',
+  'speed_lower',
+  'speed_upper',
 ];
 export const STATUS = [
   'passed',

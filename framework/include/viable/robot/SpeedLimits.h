@@ -38,8 +38,8 @@ inline constexpr double kSmallestSpeedLimit = 1e-3;
     regions:
       table: {lower_m: [0.2, -0.4, 0], upper_m: [0.8, 0.4, 0.5], speed_mps: 0.1}
 
-Throws Error (BadInput) with the place. */
-SpeedLimits readSpeedLimits(const ConfigNode& block);
+Throws Error (BadInput) with the place. @param limits  what counts where a key is not given */
+SpeedLimits readSpeedLimits(const ConfigNode& block, SpeedLimits limits = {});
 
 /** Checks what was filled in code; throws Error (BadInput). @param where  for the message */
 void checkSpeedLimits(const SpeedLimits& limits, const std::string& where);

@@ -200,10 +200,10 @@ struct Collisions {
 /** How fast points of an arm moved, against RobotDescription::speedLimits. Looked at in the rows and half-way between them;
 a tick counts with the looks after its beginning, the first one with that, too. */
 struct SpeedRecord {
-    double largest = 0.0;    ///< of all points that are limited somewhere [m/s]
-    double largest_s = 0.0;  ///< when
-    std::string part;        ///< link, or "tool"
-    double use = 0.0;        ///< largest speed / limit
+    double largest = 0.0;  ///< of all points that are limited somewhere [m/s]
+    double use = 0.0;      ///< largest speed / limit; 0: nothing moved where a limit counts
+    double use_s = 0.0;    ///< when
+    std::string part;      ///< of which link, or "tool"; empty where use is 0
     std::int64_t ticks = 0;
     std::int64_t ticksAtLimit = 0;  ///< above kAtSpeedLimit of a limit
     std::int64_t ticksTooFast = 0;

@@ -5,7 +5,6 @@ namespace viable::detail {
 
 ConfigNode resolveSpeedLimits(const SpeedLimits& limits) {
     ConfigNode block = makeMap({{"arm_mps", makeNumber(limits.arm)}, {"tool_mps", makeNumber(limits.tool)}});
-    if (limits.regions.empty()) return block;
     ConfigNode regions = makeMap({});
     for (const SpeedLimits::Region& region : limits.regions)
         regions.entries.emplace_back(region.name, makeMap({{"lower_m", makeList(JointVector(region.lower))},

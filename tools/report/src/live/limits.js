@@ -1,4 +1,4 @@
-const KINDS = ['position', 'velocity', 'acceleration', 'jerk', 'torque', 'clearance'];
+const KINDS = ['position', 'velocity', 'acceleration', 'jerk', 'torque', 'clearance', 'speed'];
 
 /** Which limit acts on each joint: "jerk_upper", ..., or null. */
 export const limitsOf = (frame) =>
