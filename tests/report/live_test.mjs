@@ -1,138 +1,16 @@
 // The page of a live arm, as an operator has it: node live_test.mjs BUILD SOURCE [--screenshots FOLDER]
-// A simulated Indy7 is driven by the program; a browser moves it by every device.
+// A simulated Indy7 is driven by the program; a browser moves it by what stands on a desk.
 import assert from 'node:assert/strict';
-import { spawn, spawnSync } from 'node:child_process';
-import { mkdirSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
-import { tmpdir } from 'node:os';
+import { spawnSync } from 'node:child_process';
+import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
+import {
+  Arm, TITLE, awaitRest, distance, drag, holdArm, invite, number, numbers, open, press, program, projected, shoot, shots, sleep, timesAfter, tool,
+} from './live_arm.mjs';
 
-const [build, source, ...more] = process.argv.slice(2);
-process.env.VIABLE_REPORT_FOLDER = join(build, 'report');
-const { browser, eventually, finish, runTests } = await import('./browser.mjs');
-const shots = more[0] === '--screenshots' ? more[1] : null;
-if (shots) mkdirSync(shots, { recursive: true });
-const folder = mkdtempSync(join(tmpdir(), 'viable-live-test-'));
-process.on('exit', () => rmSync(folder, { recursive: true, force: true }));
-const program = join(build, 'bin/viable');
-const TITLE = '<img src=x onerror="window.hacked=1"></title><script>window.hacked=1</script>';
-const sleep = (ms) => new Promise((wait) => setTimeout(wait, ms));
+const { eventually, finish, runTests } = await import('./browser.mjs'); // where its modules are is known now
 
-/** A live arm in a process of its own. */
-class Arm {
-  #text = '';
-  #process;
-
-  constructor(name, ...words) {
-    this.out = join(folder, name);
-    this.#process = spawn(
-      program,
-      [
-        'live', join(source, 'experiments/indy7_live.yaml'), '--case', name, '--out', this.out, '--no-report',
-        '--set', `title=${JSON.stringify(TITLE)}`, ...words, '--page', '127.0.0.1:0',
-      ],
-      { env: { ...process.env, XDG_STATE_HOME: join(folder, 'state') }, stdio: ['ignore', 'pipe', 'pipe'] },
-    );
-    for (const stream of [this.#process.stdout, this.#process.stderr])
-      stream.on('data', (data) => {
-        this.#text += data;
-      });
-    this.ended = new Promise((resolve) => {
-      this.#process.on('exit', (code) => resolve(code));
-    });
-    process.on('exit', () => this.#process.kill('SIGKILL'));
-  }
-
-  get text() {
-    return this.#text;
-  }
-
-  async address() {
-    await eventually(() => /page: (\S+)/.test(this.#text) || this.#process.exitCode !== null, 'the address of the page');
-    const found = this.#text.match(/page: (\S+)/);
-    assert.ok(found, this.#text);
-    return found[1];
-  }
-}
-
-/** A browser of its own at an address. */
-async function open(address, { width = 1280, height = 900, colorScheme = 'light', hasTouch = false } = {}) {
-  const context = await browser.newContext({
-    viewport: { width, height },
-    colorScheme,
-    hasTouch,
-    ignoreHTTPSErrors: true,
-  });
-  const page = await context.newPage();
-  page.problems = [];
-  page.on('console', (message) => {
-    if (message.type() === 'error') page.problems.push(message.text());
-  });
-  page.on('pageerror', (error) => page.problems.push(error.message));
-  page.on('request', (request) => {
-    if (new URL(request.url()).origin !== new URL(address).origin && !request.url().startsWith('blob:'))
-      page.problems.push(`request: ${request.url()}`);
-  });
-  page.setDefaultTimeout(60_000);
-  await page.goto(address);
-  return page;
-}
-
-const press = (page, name) => page.getByRole('button', { name, exact: true }).click();
-const numbers = (page, name) => page.evaluate((key) => [...window.viableLive.link.frame(key)], name);
-const number = async (page, name) => (await numbers(page, name))[0];
-const distance = (a, b) => Math.hypot(...[0, 1, 2].map((i) => a[i] - b[i]));
-const tool = (page) => numbers(page, 'tool');
-const isAtRest = async (page) => Math.max(...(await numbers(page, 'qd')).map(Math.abs)) < 1e-4;
-const awaitRest = (page) => eventually(() => isAtRest(page), 'the arm at rest');
-const projected = (page, point) => page.evaluate((p) => window.viableLive.view.project(p), point.slice(0, 3));
-const shoot = (page, name) => shots && page.screenshot({ path: join(shots, `${name}.png`) });
-
-/** Holds the frame at the tool and pulls it by so many pixels. */
-async function drag(page, dx, dy) {
-  const { x, y } = await projected(page, await tool(page));
-  await page.mouse.move(x, y);
-  await sleep(200); // the frame sees what is pointed at
-  await page.mouse.down();
-  for (let i = 1; i <= 10; ++i) {
-    await page.mouse.move(x + (dx * i) / 10, y + (dy * i) / 10);
-    await sleep(30);
-  }
-}
-
-/**
- * What the loop does once `act` is over, by the frames that a page gets: the time until the hand is no longer engaged, and
- * until the arm rests. [s]
- */
-async function timesAfter(page, act) {
-  await page.evaluate(() => {
-    const { link } = window.viableLive;
-    window.seen = [];
-    link.on('frame', () => {
-      const one = (name) => link.frame(name)[0];
-      window.seen.push([one('time_s'), one('hand'), Math.max(...[...link.frame('qd')].map(Math.abs)), performance.now()]);
-    });
-  });
-  await sleep(100);
-  const at = await page.evaluate(() => performance.now());
-  await act();
-  await sleep(2500);
-  const seen = await page.evaluate(() => window.seen);
-  const [begin, hand] = seen.filter((one) => one[3] <= at).at(-1);
-  assert.equal(hand, 1, 'the hand is engaged before');
-  const after = seen.filter((one) => one[0] >= begin);
-  const decided = after.find((one) => one[1] !== 1);
-  const rested = after.find((one, i) => one[1] !== 1 && after.slice(i).every((later) => later[2] < 1e-3));
-  assert.ok(decided && rested, 'the arm does not come to rest');
-  return { decided: decided[0] - begin, rested: rested[0] - begin };
-}
-
-const arm = new Arm('tool');
-const address = await arm.address();
-await eventually(() => /armed \(program\)/.test(arm.text), 'the arm is held');
-if (/not real time/.test(arm.text)) {
-  console.log(`skipped: hands are judged in milliseconds, and this machine gives no real time:\n${arm.text}`);
-  process.exit(77);
-}
+const { arm, address } = await holdArm('tool');
 const page = await open(address);
 
 await runTests([
@@ -140,10 +18,16 @@ await runTests([
     name: 'the page shows the arm, small and soon, and asks nobody else',
     body: async () => {
       await page.waitForSelector('.stage[data-pictures]');
-      const first = Number(await page.getAttribute('.stage', 'data-first-picture'));
+      const firsts = [];
+      for (let i = 0; i < 4 && !(firsts.at(-1) < 1000); ++i) { // again where something else held up the browser
+        if (i > 0) await page.reload();
+        await page.waitForSelector('.stage[data-pictures]');
+        firsts.push(Number(await page.getAttribute('.stage', 'data-first-picture')));
+      }
       const bytes = (await page.evaluate(() => performance.getEntriesByType('navigation')[0])).transferSize;
-      console.log(`     first picture after ${first} ms, page of ${Math.round(bytes / 1000)} kB`);
+      console.log(`     first picture after ${firsts.join(', ')} ms, page of ${Math.round(bytes / 1000)} kB`);
       assert.ok(bytes < 1_500_000);
+      assert.ok(firsts.at(-1) < 1000);
       assert.equal(await page.evaluate(() => location.hash), '', 'the token stays in the address');
       assert.equal(await page.textContent('h1'), TITLE);
       assert.equal(await page.evaluate(() => window.hacked), undefined);
@@ -225,7 +109,7 @@ await runTests([
   {
     name: 'a page that hangs is held after 100 ms and disengaged after 500 ms',
     body: async () => {
-      const address = await invite();
+      const address = await invite(page);
       const watcher = await open(address);
       await watcher.waitForSelector('.stage[data-pictures]');
       await drag(page, 100, 0);
@@ -285,6 +169,40 @@ await runTests([
     },
   },
   {
+    name: 'a minute of dragging leaves memory as it was, in the page and in the program',
+    body: async () => {
+      await awaitRest(page);
+      const browserEnd = await page.context().newCDPSession(page);
+      await browserEnd.send('HeapProfiler.enable');
+      const used = async () => {
+        await browserEnd.send('HeapProfiler.collectGarbage');
+        return (await browserEnd.send('Runtime.getHeapUsage')).usedSize / 1e6;
+      };
+      const resident = () => Number(readFileSync(`/proc/${arm.id}/status`, 'utf8').match(/VmRSS:\s+(\d+)/)[1]) / 1e3;
+      const sway = async (seconds) => {
+        const { x, y } = await projected(page, await tool(page));
+        await page.mouse.move(x, y);
+        await sleep(200);
+        await page.mouse.down();
+        const end = Date.now() + 1000 * seconds;
+        for (let i = 0; Date.now() < end; ++i) {
+          await page.mouse.move(x + 60 * Math.sin(i / 12), y + 25 * Math.sin(i / 7));
+          await sleep(30);
+        }
+        await page.mouse.up();
+        await awaitRest(page);
+      };
+      await sway(20); // what fills once: 20 s of plots, buffers of the log
+      const before = [await used(), resident()];
+      await sway(60);
+      const after = [await used(), resident()];
+      const text = ([heap, rss]) => `${heap.toFixed(2)} MB in the page, ${rss.toFixed(1)} MB in the program`;
+      console.log(`     before: ${text(before)}; after: ${text(after)}`);
+      assert.ok(after[0] - before[0] < 0.5);
+      assert.ok(after[1] - before[1] < 4);
+    },
+  },
+  {
     name: 'far out of reach and against the table: limits act, none is passed',
     body: async () => {
       const { x, y } = await projected(page, await tool(page));
@@ -307,7 +225,7 @@ await runTests([
   {
     name: 'a second page watches, and takes over only when asked to',
     body: async () => {
-      const second = await open(await invite());
+      const second = await open(await invite(page));
       await second.waitForSelector('.stage[data-pictures]');
       assert.match(await second.textContent('.hand-note'), /You watch/);
       const before = await tool(second);
@@ -349,7 +267,7 @@ await runTests([
         ['dark', { colorScheme: 'dark' }],
         ['phone_dark', { width: 360, height: 740, colorScheme: 'dark', hasTouch: true }],
       ]) {
-        const other = await open(await invite(), options);
+        const other = await open(await invite(page), options);
         await other.waitForSelector('.stage[data-pictures]');
         const [width, inner] = await other.evaluate(() => [document.documentElement.scrollWidth, innerWidth]);
         assert.ok(width <= inner, `${name}: ${width} of ${inner} pixels`);
@@ -363,7 +281,7 @@ await runTests([
   {
     name: 'a finger on a phone moves the tool',
     body: async () => {
-      const phone = await open(await invite(), { width: 390, height: 844, hasTouch: true });
+      const phone = await open(await invite(page), { width: 390, height: 844, hasTouch: true });
       await phone.waitForSelector('.stage[data-pictures]');
       await press(phone, 'Take over');
       await eventually(() => phone.evaluate(() => window.viableLive.link.isOperator), 'it operates');
@@ -438,15 +356,6 @@ await runTests([
     },
   },
 ], { keepsPages: true });
-
-/** The address for one more browser, from the page that is in. */
-async function invite() {
-  await press(page, 'Invite');
-  const field = page.getByRole('textbox', { name: 'Address' });
-  const text = await field.inputValue();
-  await press(page, 'Close');
-  return text;
-}
 
 if (process.exitCode) console.log(arm.text);
 await finish();

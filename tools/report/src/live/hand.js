@@ -1,5 +1,5 @@
-// The operator's hand: whatever moves it (a dragged frame, keys, a gamepad, sliders), one message tells it. It moves while a
-// switch is held, and no faster than a hand.
+// The operator's hand: whatever moves it (a dragged frame, keys, a gamepad, sliders, a headset, a phone), one message tells
+// it. It moves while a switch is held. Where it shall go it goes no faster than a hand; what a device measures goes out as it is.
 import { Quaternion, Vector3 } from 'three';
 import { Emitter } from '../emitter.js';
 
@@ -30,6 +30,8 @@ export class Hand extends Emitter {
   #by = null; // what holds the switch
   #press = 0;
   #isAllowed = false;
+  #isMeasured = false;
+  #isTracked = true;
   #position = new Vector3();
   #orientation = new Quaternion();
   #joints;
@@ -56,18 +58,27 @@ export class Hand extends Emitter {
     return this.#by !== null;
   }
 
+  isPressedBy(by) {
+    return this.#by === by;
+  }
+
   /** Only an operator of a running arm has a hand. */
   allow(isAllowed) {
     this.#isAllowed = isAllowed;
     if (!isAllowed) this.release();
   }
 
-  /** Takes the switch for `by`; false where another thing holds it or nothing may. */
-  press(by, { position = null, orientation = null, joints = null } = {}) {
+  /**
+   * Takes the switch for `by`; false where another thing holds it or nothing may.
+   * @param isMeasured track() follows, not move()
+   */
+  press(by, { position = null, orientation = null, joints = null, isMeasured = false, isTracked = true } = {}) {
     if (!this.#isAllowed || (this.#by !== null && this.#by !== by)) return false;
     if (this.#by === by) return true;
     this.#by = by;
     this.#press += 1;
+    this.#isMeasured = isMeasured;
+    this.#isTracked = isTracked;
     if (position) this.#position.copy(position);
     if (orientation) this.#orientation.copy(orientation);
     if (joints) this.#joints = [...joints];
@@ -88,6 +99,15 @@ export class Hand extends Emitter {
     if (joints) this.#goal.joints = [...joints];
   }
 
+  /** What a device measures. A hand that it lost stays lost until the next press. */
+  track(by, { position = null, orientation = null, isTracked }) {
+    if (this.#by !== by) return;
+    if (position) this.#position.copy(position);
+    if (orientation) this.#orientation.copy(orientation);
+    this.#isTracked &&= isTracked;
+    this.#send();
+  }
+
   /** Lets go; without `by` whatever holds the switch. */
   release(by = this.#by) {
     if (this.#by === null || this.#by !== by) return;
@@ -103,7 +123,7 @@ export class Hand extends Emitter {
     this.#last = now;
     this.#readKeys(dt);
     this.#readGamepad(dt);
-    if (!this.isPressed) return;
+    if (!this.isPressed || this.#isMeasured) return;
     const way = this.#goal.position.clone().sub(this.#position);
     this.#position.add(way.clampLength(0, FASTEST_MPS * dt));
     this.#orientation.rotateTowards(this.#goal.orientation, FASTEST_RADPS * dt);
@@ -119,6 +139,7 @@ export class Hand extends Emitter {
     this.#link.sendHand({
       press: this.#press,
       isPressed: this.isPressed,
+      isTracked: this.#isTracked,
       part: this.part,
       scale: this.scale,
       position: this.#position.toArray(),

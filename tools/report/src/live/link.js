@@ -70,14 +70,14 @@ export class Link extends Emitter {
 
   /**
    * Sends a hand.
-   * @param {{press: number, isPressed: boolean, part: number, scale: number, position: number[], orientation: number[],
-   *   joints: number[]}} hand orientation w x y z
+   * @param {{press: number, isPressed: boolean, isTracked: boolean, part: number, scale: number, position: number[],
+   *   orientation: number[], joints: number[]}} hand orientation w x y z
    */
-  sendHand({ press, isPressed, part, scale, position, orientation, joints }) {
+  sendHand({ press, isPressed, isTracked, part, scale, position, orientation, joints }) {
     if (!this.isOpen) return;
     const message = new DataView(new ArrayBuffer(8 + 8 * (HAND_NUMBERS + joints.length)));
     message.setUint8(0, 1);
-    message.setUint8(1, (isPressed ? 1 : 0) | (document.visibilityState === 'visible' ? 2 : 0));
+    message.setUint8(1, (isPressed ? 1 : 0) | (isTracked && document.visibilityState === 'visible' ? 2 : 0));
     message.setUint8(2, part);
     message.setUint8(3, joints.length);
     message.setUint32(4, press, true);

@@ -5,8 +5,10 @@ import { initTheme } from '../theme.js';
 import { Hand } from './hand.js';
 import { Link } from './link.js';
 import { Bar, HandPanel, JointPanel, TimePanel, viewHead } from './panel.js';
+import { phonePad } from './phone.js';
 import { Strips } from './strips.js';
 import { View } from './view.js';
+import { Headset } from './xr.js';
 
 const part = (id) => document.getElementById(id);
 const page = new Emitter();
@@ -58,7 +60,8 @@ async function begin(link) {
   const stage = el('div', { class: 'stage' });
   const view = createView(stage, run, hand);
   const bar = new Bar(part('bar'), link, run, page);
-  if (view) part('view').append(viewHead(view, run));
+  const headset = view && new Headset(view, hand, link);
+  if (view) part('view').append(viewHead(view, run, headset));
   part('view').append(stage);
   let panels = null;
   const update = () => {
@@ -75,7 +78,7 @@ async function begin(link) {
         joint.upper = within(frame('position_upper')[i], Math.PI);
       });
       panels = {
-        hand: new HandPanel(part('operate'), run, hand, view ?? { setMode() {} }, link),
+        hand: new HandPanel(part('operate'), run, hand, view ?? { setMode() {} }, link, phonePad(view, hand)),
         joints: new JointPanel(part('joints'), run),
         times: new TimePanel(part('times'), run),
         strips: new Strips(part('strips'), run),
@@ -87,9 +90,12 @@ async function begin(link) {
     update();
     view?.show(frame);
     panels.hand.show(frame, bar.state);
+    headset?.say(panels.hand.text);
+    panels.strips.rests = Boolean(view?.isWorn);
+    panels.strips.add(frame);
+    if (view?.isWorn) return;
     panels.joints.show(frame);
     panels.times.show(frame);
-    panels.strips.add(frame);
   });
   link.on('people close', update);
   page.on('theme', () => {

@@ -110,13 +110,14 @@ export class Bar {
 
 /** How the hand moves the arm, and how it is just now. */
 export class HandPanel {
-  constructor(host, run, hand, view, link) {
+  constructor(host, run, hand, view, link, pad) {
     this.run = run;
     this.hand = hand;
     this.link = link;
     this.note = el('p', { class: 'hand-note', role: 'status' });
     host.append(el('div', { class: 'card-head' }, el('h2', { text: run.moves === 'joints' ? 'Move the joints' : 'Move the tool' })));
     if (run.moves === 'tool') host.append(this.#toolControls(view));
+    if (run.moves === 'tool' && pad) host.append(pad);
     if (run.moves === 'joints') host.append(this.#sliders());
     if (!run.moves) host.append(el('p', { class: 'hint', text: 'This case has a command of its own; this page shows what it does.' }));
     host.append(this.note);
@@ -210,6 +211,10 @@ export class HandPanel {
   }
 
   #q = [];
+
+  get text() {
+    return this.note.textContent;
+  }
 
   show(frame, state) {
     this.#q = [...frame('q')];
@@ -338,7 +343,7 @@ export class TimePanel {
 }
 
 /** Shows and hides what is drawn, and the way back to the first view. */
-export function viewHead(view, run) {
+export function viewHead(view, run, headset) {
   const parts = [
     ['stop', 'backup stop', 'Pale: where the arm would come to rest if the backup stop began now'],
     ...(run.environment ? [['obstacles', 'obstacles', 'What stands around the arm'], ['nearest', 'nearest points', 'Where the arm comes nearest to anything']] : []),
@@ -363,6 +368,7 @@ export function viewHead(view, run) {
       }),
     ),
     el('span', { class: 'push' }),
+    headset.controls(),
     iconButton('home', 'The first view', () => view.resetCamera()),
   );
 }

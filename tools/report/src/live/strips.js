@@ -23,6 +23,8 @@ export class Strips {
   #took = 0; // a strip [ms]
   #asked = false;
   #chosen = -1;
+  /** Nobody sees it: what comes is kept, not drawn. */
+  rests = false;
 
   constructor(host, run) {
     this.run = run;
@@ -81,7 +83,7 @@ export class Strips {
   }
 
   #ask() {
-    if (this.#asked) return;
+    if (this.#asked || this.rests) return;
     this.#asked = true;
     setTimeout(() => requestAnimationFrame(() => this.#draw()), Math.max(PERIOD_MS, REST * this.#took));
   }

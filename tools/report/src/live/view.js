@@ -33,6 +33,7 @@ export class View {
   #frame = null;
   #ratio = Math.min(devicePixelRatio, 2);
   #gap = 0; // before the next picture [ms]
+  #eye = null; // of a headset, while it shows the arm
   took = 0; // one of the last pictures [ms]
   #isShown = new Map([
     ['stop', true],
@@ -121,6 +122,11 @@ export class View {
     this.allowDrag(false);
   }
 
+  /** A headset shows the arm: nobody sees the page. */
+  get isWorn() {
+    return this.#eye !== null;
+  }
+
   allowDrag(isAllowed) {
     if (isAllowed === (this.drag.object !== undefined)) return;
     if (isAllowed) this.drag.attach(this.handle);
@@ -200,7 +206,7 @@ export class View {
 
   #resize() {
     const { clientWidth: width, clientHeight: height } = this.stage;
-    if (width === 0 || height === 0) return;
+    if (width === 0 || height === 0 || this.#eye) return;
     this.renderer.setPixelRatio(this.#ratio);
     this.renderer.setSize(width, height);
     this.camera.aspect = width / height;
@@ -210,11 +216,13 @@ export class View {
 
   /** A picture soon; where pictures take long, as long again is left for all else. */
   ask() {
-    if (this.#asked) return;
+    if (this.#asked || this.#eye) return;
     this.#asked = true;
     const draw = () => {
       const asked = performance.now();
       requestAnimationFrame(() => {
+        this.#asked = false;
+        if (this.#eye) return;
         this.#draw();
         setTimeout(() => this.#adapt(performance.now() - asked)); // with what the browser does after it
       });
@@ -243,7 +251,6 @@ export class View {
   }
 
   #draw() {
-    this.#asked = false;
     if (!this.#frame) return;
     this.#pose();
     this.nominal.tint((joint) => {
@@ -255,7 +262,7 @@ export class View {
       this.surroundings.show(this.#frame('time_s')[0]);
     }
     this.#drawNearest();
-    this.renderer.render(this.scene, this.camera);
+    this.renderer.render(this.scene, this.#eye ?? this.camera);
     if (this.stage.dataset.pictures === undefined) this.stage.dataset.firstPicture = performance.now().toFixed(0);
     this.stage.dataset.pictures = String(Number(this.stage.dataset.pictures ?? 0) + 1);
   }
@@ -280,6 +287,34 @@ export class View {
     if (this.took < SLOW_MS || this.#ratio <= LEAST_RATIO) return;
     this.#ratio = Math.max(LEAST_RATIO, this.#ratio * 0.8);
     this.#resize();
+  }
+
+  /**
+   * Shows the arm in a headset instead, until the session ends.
+   * @param eye a camera whose parent is the room
+   * @param onFrame called with the XRFrame before each picture
+   * @returns the reference space of the room
+   */
+  async present(session, eye, onFrame) {
+    const { xr } = this.renderer;
+    const onPage = [this.drag.getHelper(), this.floor].filter(Boolean);
+    xr.enabled = true;
+    session.addEventListener('end', () => {
+      this.renderer.setAnimationLoop(null);
+      xr.enabled = false;
+      this.#eye = null;
+      for (const one of onPage) one.visible = true;
+      this.#resize();
+    });
+    await xr.setSession(session);
+    for (const one of onPage) one.visible = false;
+    this.#eye = eye;
+    this.renderer.setAnimationLoop((_, frame) => {
+      if (!frame || !this.#eye) return;
+      onFrame(frame);
+      this.#draw();
+    });
+    return xr.getReferenceSpace();
   }
 
   /** Where a point of the base frame is in the window, for tests and scripts. */

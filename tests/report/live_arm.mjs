@@ -1,0 +1,155 @@
+// What the tests of the page of a live arm share: node TEST BUILD SOURCE [--screenshots FOLDER]. An arm is a simulated Indy7
+// that the program drives; without a browser or real time the exit code is 77.
+import assert from 'node:assert/strict';
+import { spawn } from 'node:child_process';
+import { mkdirSync, mkdtempSync, rmSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+
+export const [build, source, ...more] = process.argv.slice(2);
+process.env.VIABLE_REPORT_FOLDER = join(build, 'report');
+const { browser, eventually } = await import('./browser.mjs');
+export const shots = more[0] === '--screenshots' ? more[1] : null;
+if (shots) mkdirSync(shots, { recursive: true });
+const folder = mkdtempSync(join(tmpdir(), 'viable-live-test-'));
+process.on('exit', () => rmSync(folder, { recursive: true, force: true }));
+export const program = join(build, 'bin/viable');
+export const TITLE = '<img src=x onerror="window.hacked=1"></title><script>window.hacked=1</script>';
+export const sleep = (ms) => new Promise((wait) => setTimeout(wait, ms));
+
+/** A live arm in a process of its own. */
+export class Arm {
+  #text = '';
+  #process;
+
+  constructor(name, ...words) {
+    this.out = join(folder, name);
+    this.#process = spawn(
+      program,
+      [
+        'live', join(source, 'experiments/indy7_live.yaml'), '--case', name, '--out', this.out, '--no-report',
+        '--set', `title=${JSON.stringify(TITLE)}`, ...words, '--page', '127.0.0.1:0',
+      ],
+      { env: { ...process.env, XDG_STATE_HOME: join(folder, 'state') }, stdio: ['ignore', 'pipe', 'pipe'] },
+    );
+    for (const stream of [this.#process.stdout, this.#process.stderr])
+      stream.on('data', (data) => {
+        this.#text += data;
+      });
+    this.ended = new Promise((resolve) => {
+      this.#process.on('exit', (code) => resolve(code));
+    });
+    process.on('exit', () => this.#process.kill('SIGKILL'));
+  }
+
+  get id() {
+    return this.#process.pid;
+  }
+
+  get text() {
+    return this.#text;
+  }
+
+  async address() {
+    await eventually(() => /page: (\S+)/.test(this.#text) || this.#process.exitCode !== null, 'the address of the page');
+    const found = this.#text.match(/page: (\S+)/);
+    assert.ok(found, this.#text);
+    return found[1];
+  }
+}
+
+/** A browser of its own at an address; `scripts` run before those of the page. */
+export async function open(address, { width = 1280, height = 900, colorScheme = 'light', hasTouch = false, isMobile = false, scripts = [] } = {}) {
+  const context = await browser.newContext({
+    viewport: { width, height },
+    colorScheme,
+    hasTouch,
+    isMobile,
+    ignoreHTTPSErrors: true,
+  });
+  for (const script of scripts) await context.addInitScript(script);
+  const page = await context.newPage();
+  page.problems = [];
+  page.on('console', (message) => {
+    if (message.type() === 'error') page.problems.push(message.text());
+  });
+  page.on('pageerror', (error) => page.problems.push(error.message));
+  page.on('request', (request) => {
+    if (new URL(request.url()).origin !== new URL(address).origin && !request.url().startsWith('blob:'))
+      page.problems.push(`request: ${request.url()}`);
+  });
+  page.setDefaultTimeout(60_000);
+  await page.goto(address);
+  return page;
+}
+
+export const press = (page, name) => page.getByRole('button', { name, exact: true }).click();
+export const numbers = (page, name) => page.evaluate((key) => [...window.viableLive.link.frame(key)], name);
+export const number = async (page, name) => (await numbers(page, name))[0];
+export const distance = (a, b) => Math.hypot(...[0, 1, 2].map((i) => a[i] - b[i]));
+export const tool = (page) => numbers(page, 'tool');
+const isAtRest = async (page) => Math.max(...(await numbers(page, 'qd')).map(Math.abs)) < 1e-4;
+export const awaitRest = (page) => eventually(() => isAtRest(page), 'the arm at rest');
+export const projected = (page, point) => page.evaluate((p) => window.viableLive.view.project(p), point.slice(0, 3));
+export const shoot = (page, name) => shots && page.screenshot({ path: join(shots, `${name}.png`) });
+
+/** Holds the frame at the tool and pulls it by so many pixels. */
+export async function drag(page, dx, dy) {
+  const { x, y } = await projected(page, await tool(page));
+  await page.mouse.move(x, y);
+  await sleep(200); // the frame sees what is pointed at
+  await page.mouse.down();
+  for (let i = 1; i <= 10; ++i) {
+    await page.mouse.move(x + (dx * i) / 10, y + (dy * i) / 10);
+    await sleep(30);
+  }
+}
+
+/**
+ * What the loop does once `act` is over, by the frames that a page gets: the time until the hand is no longer engaged, and
+ * until the arm rests. [s] `act` may tell when it was done, by the page's clock; else it is when it was asked for.
+ */
+export async function timesAfter(page, act) {
+  await page.evaluate(() => {
+    const { link } = window.viableLive;
+    window.seen = [];
+    link.on('frame', () => {
+      const one = (name) => link.frame(name)[0];
+      window.seen.push([one('time_s'), one('hand'), Math.max(...[...link.frame('qd')].map(Math.abs)), performance.now()]);
+    });
+  });
+  await sleep(100);
+  const asked = await page.evaluate(() => performance.now());
+  const done = await act();
+  const at = typeof done === 'number' ? done : asked;
+  await sleep(2500);
+  const seen = await page.evaluate(() => window.seen);
+  const [begin, hand] = seen.filter((one) => one[3] <= at).at(-1);
+  assert.equal(hand, 1, 'the hand is engaged before');
+  const after = seen.filter((one) => one[0] >= begin);
+  const decided = after.find((one) => one[1] !== 1);
+  const rested = after.find((one, i) => one[1] !== 1 && after.slice(i).every((later) => later[2] < 1e-3));
+  assert.ok(decided && rested, 'the arm does not come to rest');
+  return { decided: decided[0] - begin, rested: rested[0] - begin };
+}
+
+/** The address for one more browser, from the page that is in. */
+export async function invite(page) {
+  await press(page, 'Invite');
+  const field = page.getByRole('textbox', { name: 'Address' });
+  const text = await field.inputValue();
+  await press(page, 'Close');
+  return text;
+}
+
+/** An arm that is held, and its address. */
+export async function holdArm(name, ...words) {
+  const arm = new Arm(name, ...words);
+  const address = await arm.address();
+  await eventually(() => /armed \(program\)/.test(arm.text), 'the arm is held');
+  if (/not real time/.test(arm.text)) {
+    console.log(`SKIPPED: hands are judged in milliseconds, and this machine gives no real time:\n${arm.text}`);
+    process.exit(77);
+  }
+  return { arm, address };
+}
