@@ -5,6 +5,7 @@ import { initTheme } from '../theme.js';
 import { Hand } from './hand.js';
 import { Link } from './link.js';
 import { Bar, HandPanel, JointPanel, TimePanel, viewHead } from './panel.js';
+import { Placed } from './placed.js';
 import { Strips } from './strips.js';
 import { View } from './view.js';
 
@@ -29,6 +30,7 @@ async function readRun(live) {
     links: json.links,
     obstacles: json.obstacles,
     moves: json.moves,
+    places: json.places,
     hasReal: json.has_real,
     tick_s: json.tick_s,
     tMin: 0,
@@ -79,6 +81,7 @@ async function begin(link) {
         joints: new JointPanel(part('joints'), run),
         times: new TimePanel(part('times'), run),
         strips: new Strips(part('strips'), run),
+        placed: run.places && view ? new Placed(part('placed'), run, link, view) : null,
       };
       part('loading').hidden = true;
       part('page').hidden = false;
@@ -90,6 +93,7 @@ async function begin(link) {
     panels.joints.show(frame);
     panels.times.show(frame);
     panels.strips.add(frame);
+    panels.placed?.show(frame);
   });
   link.on('people close', update);
   page.on('theme', () => {
