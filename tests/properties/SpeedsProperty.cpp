@@ -261,7 +261,8 @@ private:
 bool checkSpeeds(const Options& options) {
     Robot robots[] = {Robot("indy7"), Robot("panda"), Robot("ur5e")};
     Run run("speeds", options);
-    std::int64_t ticks = 0, passed = 0, stopped = 0, missed = 0, acting = 0, atLimit = 0, stops = 0;
+    std::int64_t ticks = 0, passed = 0, stopped = 0, missed = 0, acting = 0, atLimit = 0, stops = 0, begun = 0,
+                 refused = 0;
     double worst = 0.0;
     while (run.nextArm()) {
         Random random(run.seed(), run.arm());

@@ -33,7 +33,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kLook_ms = 20;
+constexpr int kLook_ms = 20, kPageLook_ms = 4;
 constexpr unsigned short kPagePort = 8484;
 constexpr double kTerminalLine_s = 0.1, kPlainLine_s = 5.0;
 
@@ -70,7 +70,7 @@ class LivePage {
 public:
     LivePage(const std::string& address, LiveSession& session, const CasePlan& plan, const std::string& title,
              bool movesJoints)
-        : hand_(session.hand()) {
+        : hand_(session.hand()), placed_(session.placed()) {
         PageOptions options;
         options.port = kPagePort;
         readAddress(address, options);
@@ -80,6 +80,8 @@ public:
             throw badInput(findLivePage().string(), "the page of live arms is missing",
                            "Run tools/setup.sh again, or install viable again.");
         if (hand_ && movesJoints) options.joints = plan.robot.size();
+        if (placed_) options.place = [this](const std::string& message) { return placed_->ask(message); };
+        options.channels = std::make_shared<const FoxgloveChannels>(session.layout(), title);
         isOpenToOthers_ = options.address != "127.0.0.1" && options.address != "::1";
         fingerprint_ = options.certificate.fingerprint;
         server_ = std::make_unique<PageServer>(std::move(options), hand_, [&session](PageWish wish) {
@@ -92,7 +94,7 @@ public:
                     return session.stop(LiveAsker::Page);
             }
         });
-        server_->tell("live", describeLive(plan, title, hand_ != nullptr, movesJoints));
+        server_->tell("live", describeLive(plan, title, hand_ != nullptr, movesJoints, placed_ != nullptr));
     }
 
     /** @param first  with what to know before the first visit */
@@ -105,6 +107,8 @@ public:
                 "      It lets one browser in. The browser does not know this computer's certificate and warns: choose "
                 "\"Advanced\", then\n      \"Proceed\". The certificate's SHA-256 is %s\n",
                 fingerprint_.c_str());
+            std::printf("watch: %s\n      For Foxglove or Lichtblick, which see the arm there and cannot move it.\n",
+                        server_->watchAddress().c_str());
             if (isOpenToOthers_)
                 std::fprintf(stderr,
                              "the page can be reached from other computers; who has such an address moves the arm\n");
@@ -119,8 +123,11 @@ public:
                 .dump());
     }
 
-    void show(const LiveStatus& status) {
+    /** @param isNew  there has been a tick since the last call */
+    void show(const LiveStatus& status, bool isNew) {
         if (status.record.nominal.q.size() == 0) return;  // no tick yet
+        if (isNew) server_->stream(status.record);
+        if (placed_ && placed_->look(status.time_s)) server_->tell("placed", placed_->describe());
         if (hand_)
             server_->show(encodeFrame(hand_->now(), status, &hand_->status()));
         else
@@ -129,6 +136,7 @@ public:
 
 private:
     const std::shared_ptr<TeleoperationFeed> hand_;
+    PlacedObstacles* const placed_;
     std::unique_ptr<PageServer> server_;
     std::string fingerprint_;
     bool isOpenToOthers_ = false;
@@ -219,18 +227,25 @@ void attend(LiveSession& session, LivePage* page, const std::vector<std::string>
     std::fflush(stdout);
     Display display(session, jointNames);
     LiveEvent event;
+    double shown_s = -1.0;
+    std::chrono::steady_clock::time_point shown{};
     for (std::size_t told = 0; !session.hasEnded();) {
         if (getStopSignal() != 0) session.stop(LiveAsker::Signal);
-        const char key = keys.wait(kLook_ms);
+        const char key = keys.wait(page ? kPageLook_ms : kLook_ms);
         if (key == ' ') session.pause(LiveAsker::Key);
         if (key == '\n' || key == '\r') session.resume(LiveAsker::Key);
         if (key == 'q' || key == 'Q') session.stop(LiveAsker::Key);
+        if (key == 'a' && page) page->tellAddress(false);
         const LiveStatus& status = session.status();
+        const auto now = std::chrono::steady_clock::now();
+        const bool isNew = status.time_s != shown_s;
+        if (!isNew && now - shown < std::chrono::milliseconds(kLook_ms)) continue;
+        shown_s = status.time_s;
+        shown = now;
         display.show(status);
         if (!page) continue;
-        if (key == 'a') page->tellAddress(false);
         for (; session.getEvent(told, event); ++told) page->tell(event);
-        page->show(status);
+        page->show(status, isNew);
     }
 }
 

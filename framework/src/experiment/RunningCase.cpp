@@ -69,16 +69,21 @@ std::string formatTime(double seconds) {
     return text;
 }
 
-LogOpening makeOpening(const ConfiguredCase& configured, bool isLive) {
+LogLayout makeLayout(const ConfiguredCase& configured, bool isLive) {
+    const CasePlan& plan = configured.plan;
+    return {plan.robot.jointNames(),
+            configured.plugins.command->space(),
+            plan.realPlant.has_value(),
+            plan.feedsExternalTorque,
+            plan.environment.has_value(),
+            plan.robot.speedLimits.isAny(),
+            isLive};
+}
+
+LogOpening makeOpening(const ConfiguredCase& configured, const LogLayout& layout, const CaseLog& log) {
     const CasePlan& plan = configured.plan;
     LogOpening opening;
-    opening.layout = {plan.robot.jointNames(),
-                      configured.plugins.command->space(),
-                      plan.realPlant.has_value(),
-                      plan.feedsExternalTorque,
-                      plan.environment.has_value(),
-                      plan.robot.speedLimits.isAny(),
-                      isLive};
+    opening.layout = layout;
     LogMetadata metadata;
     metadata.caseName = plan.name;
     metadata.version = VIABLE_VERSION;
@@ -91,6 +96,7 @@ LogOpening makeOpening(const ConfiguredCase& configured, bool isLive) {
     if (const Surroundings* surroundings = configured.surroundings.get()) {
         metadata.obstacles.emplace();
         for (int i = 0; i < surroundings->size(); ++i) metadata.obstacles->push_back(surroundings->name(i));
+        metadata.obstacles->insert(metadata.obstacles->end(), log.moreObstacles.begin(), log.moreObstacles.end());
         if (const OccupancyMap* map = surroundings->map()) metadata.mapSha256 = map->sha256();
     }
     if (plan.geometry) metadata.links = plan.geometry->links;
@@ -177,12 +183,14 @@ CaseResult makeResult(const ConfiguredCase& configured) {
 RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseLog& log, bool judgesCollisions)
     : configured_(std::move(configured)),
       result_(makeResult(*configured_)),
+      layout_(makeLayout(*configured_, log.isLive)),
       settling_(std::llround(kSettling_s / configured_->plan.tick_s)),
       begin_(std::chrono::steady_clock::now()) {
     const CasePlan& plan = configured_->plan;
     result_.log = log.file;
+    result_.obstacles.insert(result_.obstacles.end(), log.moreObstacles.begin(), log.moreObstacles.end());
     LogOpening opening;
-    if (!log.file.empty()) opening = makeOpening(*configured_, log.isLive);
+    if (!log.file.empty()) opening = makeOpening(*configured_, layout_, log);
     loop_ = std::make_unique<ControlLoop>(
         configured_->setup, std::move(configured_->plugins),
         RealArmOptions{configured_->bound ? &*configured_->bound : nullptr, plan.feedsExternalTorque, true,

@@ -24,6 +24,7 @@ struct CaseLog {
     std::uint64_t limit_bytes = 0;             ///< of a log in several files, see LogSeries; 0: one file without limit
     bool isLive = false;                       ///< with what only a run in real time has
     std::size_t capacity = kRecorderCapacity;  ///< ticks that wait for the disk at most
+    std::vector<std::string> moreObstacles{};  ///< names of what a Clearance's index may be beyond the environment's
 };
 
 /** A case at work: its loop, its log and its figures. Who runs it (simulated time, or a clock) makes the ticks:
@@ -42,8 +43,9 @@ public:
     const CasePlan& plan() const { return configured_->plan; }
     const ConfiguredCase& configured() const { return *configured_; }
     ControlLoop& loop() { return *loop_; }
-    TickRecord& record() { return record_; }          ///< of the last tick
-    Recorder* recorder() { return recorder_.get(); }  ///< null: no log
+    TickRecord& record() { return record_; }             ///< of the last tick
+    const LogLayout& layout() const { return layout_; }  ///< of its log, also without one
+    Recorder* recorder() { return recorder_.get(); }     ///< null: no log
 
     /** Once before each tick. True: a stop has come to its end, or will never do so, and no tick shall follow. After a
     lost tracking the real arm may need longer than the nominal one: kSettling_s. */
@@ -58,6 +60,7 @@ public:
 private:
     std::unique_ptr<ConfiguredCase> configured_;
     CaseResult result_;
+    const LogLayout layout_;
     std::unique_ptr<ControlLoop> loop_;
     std::optional<detail::CollisionCounter> collisions_;
     std::optional<detail::SpeedCounter> speeds_;

@@ -21,7 +21,16 @@ constexpr std::size_t kCapacity = 8192;
 CaseLog widen(CaseLog log) {
     log.capacity = std::max(log.capacity, kCapacity);
     log.isLive = true;
+    log.moreObstacles = PlacedObstacles::listNames();
     return log;
+}
+
+/** Does a filter take the surroundings that it is to keep clear of? */
+bool keepsClear(SurroundingsFeed* feed) {
+    if (!feed) return false;
+    if (!feed->claim()) return true;
+    feed->release();
+    return false;
 }
 
 }  // namespace
@@ -85,6 +94,8 @@ LiveSession::LiveSession(std::unique_ptr<ConfiguredCase> configured, const LiveO
       tick_s_(running_.plan().tick_s),
       hasClock_(running_.loop().hasClock()) {
     timing_.hasClock = hasClock_;
+    if (SurroundingsFeed* const feed = running_.configured().feed.get(); keepsClear(feed))
+        placed_ = std::make_unique<PlacedObstacles>(running_.configured(), *feed, running_.recorder());
     publishTicks_ = std::max<std::int64_t>(1, std::llround(kStatus_s / tick_s_));
     if (options_.waitsArmed)
         running_.loop().pause();
@@ -188,6 +199,9 @@ void LiveSession::makeTick(bool isMissed) {
         loop.missTick(record);
     else
         loop.tick(record);
+    if (placed_)
+        PlacedObstacles::renumber(*running_.configured().feed->view().surroundings, *running_.plan().environment,
+                                  record.clearance);
     if (teleoperated_) tellHand(record);
     const std::int64_t end_ns = TickPacer::readClock_ns();
     record.stage_us[static_cast<int>(Stage::Record)] = recordTime_us_;

@@ -12,6 +12,7 @@
 
 #include "core/LatestValue.h"
 #include "experiment/RunningCase.h"
+#include "live/PlacedObstacles.h"
 #include "realtime/RealTimeSetup.h"
 #include "summary/LiveTiming.h"
 #include "viable/live/Teleoperation.h"
@@ -90,6 +91,10 @@ public:
     const LiveTiming& timing() const;
     /** Of a command that an operator's hand moves; null: another command. */
     std::shared_ptr<TeleoperationFeed> hand() const { return hand_; }
+    /** Of its log, also without one. */
+    const LogLayout& layout() const { return running_.layout(); }
+    /** What a hand puts around the arm; null: nothing keeps the arm clear of obstacles. */
+    PlacedObstacles* placed() { return placed_.get(); }
     /** Not older than kStatus_s, unless a plant's clock stands still. */
     const LiveStatus& status() { return latest_.read(); }
     /** All ticks have been made. */
@@ -101,7 +106,7 @@ public:
     /** Waits for the end and tells what came of it; once. Rethrows what the thread threw, which ended it. */
     CaseResult finish();
 
-    static constexpr double kStatus_s = 0.02;
+    static constexpr double kStatus_s = 0.016;  ///< a picture of a screen
     static constexpr std::size_t kMaxEvents = 1024;
 
 private:
@@ -120,6 +125,7 @@ private:
     TeleoperatedCommand* const teleoperated_;  // of the running case; null: another command
     const std::shared_ptr<TeleoperationFeed> hand_;
     RunningCase running_;
+    std::unique_ptr<PlacedObstacles> placed_;
     const LiveOptions options_;
     const double tick_s_;
     const bool hasClock_;

@@ -1,5 +1,6 @@
 #include "live/Replay.h"
 
+#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <deque>
@@ -9,6 +10,7 @@
 #include "core/Text.h"
 #include "experiment/ExperimentFile.h"
 #include "experiment/RunningCase.h"
+#include "live/PlacedObstacles.h"
 #include "log/LogReader.h"
 #include "log/LogSeries.h"
 #include "viable/core/Error.h"
@@ -26,6 +28,18 @@ public:
 
     const LogReader& reader() const { return *reader_; }
 
+    /** Obstacles by hand that came since the last call, oldest first. */
+    std::vector<PlacedObstacles::Version> takePlaced() {
+        std::vector<PlacedObstacles::Version> all;
+        for (; attached_ < reader_->attachments().size(); ++attached_) {
+            const LogAttachment& attachment = reader_->attachments()[attached_];
+            if (attachment.name.rfind(PlacedObstacles::kAttachment, 0) == 0)
+                all.push_back(
+                    PlacedObstacles::readVersion(attachment.data, file_.string() + " (" + attachment.name + ")"));
+        }
+        return all;
+    }
+
     /** False: there are no more. */
     bool read(TickRecord& row) {
         while (!reader_->read(row)) {
@@ -37,6 +51,7 @@ public:
                 return false;
             }
             reader_ = std::make_unique<LogReader>(next);
+            attached_ = 0;
             ++number_;
         }
         return true;
@@ -59,8 +74,43 @@ private:
 
     const fs::path file_;
     std::unique_ptr<LogReader> reader_;
+    std::size_t attached_ = 0;
     int number_ = 1;
     bool isComplete_ = true;
+};
+
+/** Puts the obstacles of a log around the arm again, in the very ticks in which its filter learned of them: the age that it
+told says so. */
+class RecordedSurroundings {
+public:
+    explicit RecordedSurroundings(const ConfiguredCase& configured) : configured_(configured) {}
+
+    /** Before the tick of a row, which has been read from `rows`. */
+    void put(Rows& rows, const TickRecord& row) {
+        SurroundingsFeed* const feed = configured_.feed.get();
+        if (!feed) return;
+        for (PlacedObstacles::Version& version : rows.takePlaced()) ahead_.push_back(std::move(version));
+        // An age of 0 is told where the filter did not run; a version is at least a tick old when it does.
+        const double tick_s = configured_.plan.tick_s;
+        if (row.missed || row.mapAge_s < 0.5 * tick_s) return;
+        const double stamp_s = row.time_s - row.mapAge_s, tolerance_s = 0.25 * tick_s;
+        for (std::size_t k = 0; k < ahead_.size(); ++k) {
+            if (std::abs(ahead_[k].stamp_s - stamp_s) > tolerance_s) continue;
+            feed->put(PlacedObstacles::surround(configured_, ahead_[k].all), ahead_[k].stamp_s);
+            ahead_.erase(ahead_.begin(), ahead_.begin() + static_cast<std::ptrdiff_t>(k) + 1);
+            return;
+        }
+    }
+    /** After it. */
+    void renumber(TickRecord& now) const {
+        if (configured_.feed && configured_.plan.environment)
+            PlacedObstacles::renumber(*configured_.feed->view().surroundings, *configured_.plan.environment,
+                                      now.clearance);
+    }
+
+private:
+    const ConfiguredCase& configured_;
+    std::deque<PlacedObstacles::Version> ahead_;
 };
 
 /** Gives what was recorded; `row` is the present tick's. */
@@ -213,6 +263,7 @@ public:
         if (fetch(rows, ahead)) row_ = ahead.front();
         RunningCase running(std::move(configured), {}, false);
         ControlLoop& loop = running.loop();
+        RecordedSurroundings surroundings(running.configured());
         TickRecord& now = running.record();
         result.ticks = 0;
         result.difference.clear();
@@ -229,10 +280,12 @@ public:
                 command.isRefused = stop.cause == StopCause::LimitsRefused;
                 if (plant) plant->isGone = stop.cause == StopCause::PlantGone;
             }
+            surroundings.put(rows, row);
             if (row.missed && !hasClock_)
                 loop.missTick(now);
             else
                 loop.tick(now);
+            surroundings.renumber(now);
             if (row.braking && !now.braking && stop.tick < 0) return k;
             result.difference = findDifference(rows.reader().columns(), row, now);
             if (!result.difference.empty()) {

@@ -52,6 +52,7 @@ public:
     const LogLayout& layout() const;
     const std::string& library() const;  ///< what wrote it, such as "viable 0.1.0"
     const std::map<std::string, std::string>& metadata() const;
+    /** Those up to the row that was read last. */
     const std::vector<LogAttachment>& attachments() const;
     const std::vector<LogColumn>& columns() const;  ///< those that the file has
     /** Does the file have its end? Known from the beginning. */

@@ -39,7 +39,11 @@ std::uint64_t copyLog(const std::filesystem::path& log, const std::filesystem::p
     std::optional<Error> failure;
     LogWriter writer(std::make_unique<PendingSink>(file, failure), opening, form);
     TickRecord record;
-    while (writer.status().ok() && reader.read(record)) writer.append(record);
+    std::size_t attached = opening.attachments.size();
+    while (writer.status().ok() && reader.read(record)) {
+        for (; attached < reader.attachments().size(); ++attached) writer.attach(reader.attachments()[attached]);
+        writer.append(record);
+    }
     writer.finish();
     if (failure) throw *failure;
     if (!writer.status().ok())

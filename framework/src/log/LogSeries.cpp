@@ -29,6 +29,11 @@ void LogSeries::append(const TickRecord& record) noexcept {
     if (isWritten ? writer_->status().bytes >= limit_ / kFiles : lostInARow_ >= kRetryRows) beginNext();
 }
 
+void LogSeries::attach(const LogAttachment& attachment) noexcept {
+    if (writer_) writer_->attach(attachment);
+    takeStatus();
+}
+
 void LogSeries::finish() noexcept {
     if (writer_) writer_->finish();
     takeStatus();

@@ -19,6 +19,8 @@ public:
     LogSeries(std::filesystem::path file, LogOpening opening, LogForm form, std::uint64_t limit_bytes);
 
     void append(const TickRecord& record) noexcept override;
+    /** Into the file at hand, and no other. */
+    void attach(const LogAttachment& attachment) noexcept override;
     void finish() noexcept override;
     /** Of all files, the deleted ones included. */
     const LogStatus& status() const override { return status_; }

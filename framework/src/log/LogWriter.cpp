@@ -15,7 +15,7 @@
 
 #include "core/WholeFile.h"
 #include "log/ColumnPacking.h"
-#include "log/LogFields.h"
+#include "log/LogMessage.h"
 #include "log/Mcap.h"
 #include "viable/core/Error.h"
 
@@ -149,11 +149,7 @@ struct LogWriter::Impl {
         });
     }
 
-    int countNumbers(const LogField& field) const {
-        return field.isPerJoint()              ? static_cast<int>(layout.jointNames.size())
-               : field.kind == LogKind::Vector ? static_cast<int>(field.elements.size())
-                                               : 1;
-    }
+    int joints() const { return static_cast<int>(layout.jointNames.size()); }
 
     /** The columns of a message: sequence, log time, publish time, then its numbers in their order. */
     void addColumns() {
@@ -164,7 +160,7 @@ struct LogWriter::Impl {
             packer.addColumn(Type::U64);
             packer.addColumn(Type::U64);
             for (const LogField& field : channel->fields) {
-                for (int i = 0; !field.isText() && i < countNumbers(field); ++i) {
+                for (int i = 0; !field.isText() && i < countNumbers(field, joints()); ++i) {
                     const std::uint16_t column =
                         packer.addColumn(field.kind == LogKind::Integer ? Type::U64 : Type::Double);
                     firsts.emplace(channel->name + "." + field.name, column);
@@ -256,50 +252,33 @@ struct LogWriter::Impl {
         out.end(record);
         metadataLength = out.bytes.size() - metadataOffset;
 
-        for (const LogAttachment& attachment : opening.attachments) {
-            const std::size_t offset = out.bytes.size();
-            record = out.begin(kAttachment);
-            out.putU64(0);  // log time
-            out.putU64(0);  // creation time: not told, so that equal runs give equal logs
-            out.putString(attachment.name);
-            out.putString(attachment.mediaType);
-            out.putU64(attachment.data.size());
-            out.bytes += attachment.data;
-            out.putU32(addToCrc(0, std::string_view(out.bytes).substr(record)));
-            out.end(record);
-            attachments.push_back(
-                {offset, out.bytes.size() - offset, attachment.data.size(), attachment.name, attachment.mediaType});
-        }
+        for (const LogAttachment& attachment : opening.attachments) putAttachment(attachment, out);
         putSchemas(out);
         putChannels(out);
         send(out.bytes);
     }
 
-    void encode(const LogField& field, const TickRecord& record, std::size_t origin) {
-        const int count = countNumbers(field);
-        if (field.isPerJoint()) {
-            chunk.align(origin, 4);
-            chunk.putU32(static_cast<std::uint32_t>(count));
-        }
-        if (field.kind == LogKind::Integer) {
-            chunk.align(origin, 8);
-            mark();
-            chunk.putU64(static_cast<std::uint64_t>(field.integer(record)));
-        } else if (field.isText()) {
-            for (int i = 0; i < count; ++i) {
-                const std::string_view word = field.text(record, i);
-                chunk.align(origin, 4);
-                chunk.putU32(static_cast<std::uint32_t>(word.size() + 1));
-                chunk.bytes += word;
-                chunk.bytes.push_back('\0');
-            }
-        } else {
-            chunk.align(origin, 8);
-            for (int i = 0; i < count; ++i) {
-                mark();
-                chunk.putDouble(field.getNumber(record, i));
-            }
-        }
+    /** @param out  will be sent next, from its beginning */
+    void putAttachment(const LogAttachment& attachment, ByteWriter& out) {
+        const std::size_t begin = out.bytes.size();
+        const std::size_t record = out.begin(kAttachment);
+        out.putU64(0);  // log time
+        out.putU64(0);  // creation time: not told, so that equal runs give equal logs
+        out.putString(attachment.name);
+        out.putString(attachment.mediaType);
+        out.putU64(attachment.data.size());
+        out.bytes += attachment.data;
+        out.putU32(addToCrc(0, std::string_view(out.bytes).substr(record)));
+        out.end(record);
+        attachments.push_back({status.bytes + begin, out.bytes.size() - begin, attachment.data.size(), attachment.name,
+                               attachment.mediaType});
+    }
+
+    /** Between the chunks: before the one that is being filled. */
+    void attach(const LogAttachment& attachment) {
+        ByteWriter out;
+        putAttachment(attachment, out);
+        send(out.bytes);
     }
 
     /** The number put next belongs to the next column. */
@@ -308,9 +287,7 @@ struct LogWriter::Impl {
     }
 
     void append(const TickRecord& record) {
-        // NaN and negative times become 0: the log's clock only sorts the messages.
-        const double ns = record.time_s * 1e9;
-        const std::uint64_t time = ns > 0.0 && ns < 9e18 ? static_cast<std::uint64_t>(std::llround(ns)) : 0;
+        const std::uint64_t time = toLogTime(record.time_s);
         if (chunkRows > 0 && (time >= chunkFirst + static_cast<std::uint64_t>(kLongestChunk_s * 1e9) ||
                               time < chunkFirst || chunk.bytes.size() >= kLargestChunk)) {
             writeChunk();
@@ -332,9 +309,8 @@ struct LogWriter::Impl {
                 mark();
                 chunk.putU64(time);
             }
-            chunk.bytes += kCdrLittleEndian;
             const std::size_t origin = chunk.bytes.size();
-            for (const LogField& field : channels[c]->fields) encode(field, record, origin);
+            putMessage(*channels[c], record, joints(), chunk, [this] { mark(); });
             chunk.end(message);
             if (channels[c]->isOnChange && isRepeated(c, origin)) {
                 chunk.bytes.resize(start);
@@ -572,6 +548,11 @@ void LogWriter::append(const TickRecord& record) noexcept {
     ++impl_->rows;
     if (impl_->status.ok()) impl_->guard([&] { impl_->append(record); });
     if (!impl_->status.ok()) impl_->status.lost = impl_->rows - impl_->status.rows;
+}
+
+void LogWriter::attach(const LogAttachment& attachment) noexcept {
+    if (impl_->finished || !impl_->status.ok()) return;
+    impl_->guard([&] { impl_->attach(attachment); });
 }
 
 void LogWriter::finish() noexcept {

@@ -54,6 +54,8 @@ public:
     /** Writes what is left and closes. Later calls do nothing. */
     virtual void finish() noexcept = 0;
     virtual const LogStatus& status() const = 0;
+    /** A file that goes with the rows from here on; it stands in the log before the first of them. */
+    virtual void attach(const LogAttachment& attachment) noexcept = 0;
 };
 
 /** Where a log's bytes go. Tests put a failing or slow one in its place. */
@@ -101,6 +103,7 @@ public:
     ~LogWriter() override;
 
     void append(const TickRecord& record) noexcept override;
+    void attach(const LogAttachment& attachment) noexcept override;
     /** The last chunk, summary and footer. */
     void finish() noexcept override;
     const LogStatus& status() const override;

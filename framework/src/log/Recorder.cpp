@@ -62,6 +62,7 @@ void Recorder::drain() {
         const bool stop = stop_.load(std::memory_order_acquire) || rescue.load(std::memory_order_acquire);
         const std::size_t written = written_.load(std::memory_order_acquire);
         std::size_t read = read_.load(std::memory_order_relaxed);
+        writeAttachments();  // of rows up to `written` all are there by now
         if (read == written) {
             if (stop) break;
             std::this_thread::sleep_for(kNap);
@@ -74,6 +75,20 @@ void Recorder::drain() {
     }
     writer_->finish();
     --unfinished;
+}
+
+void Recorder::writeAttachments() {
+    std::vector<LogAttachment> all;
+    {
+        const std::lock_guard guard(lock_);
+        all.swap(attachments_);
+    }
+    for (const LogAttachment& attachment : all) writer_->attach(attachment);
+}
+
+void Recorder::attach(LogAttachment attachment) {
+    const std::lock_guard guard(lock_);
+    attachments_.push_back(std::move(attachment));
 }
 
 bool Recorder::rescueAll(double patience_s) noexcept {

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <memory>
+#include <mutex>
 #include <thread>
 #include <vector>
 
@@ -33,6 +34,10 @@ public:
     */
     bool append(const TickRecord& record) noexcept;
 
+    /** A file for the log. It will stand there before the rows that are appended after this call. Not for the tick: it
+    allocates and locks. Any thread; not after finish(). */
+    void attach(LogAttachment attachment);
+
     /** Writes what is left, finishes the log and returns how it went. Blocks until then. Later
     calls return the same. */
     LogStatus finish();
@@ -44,16 +49,19 @@ public:
 
 private:
     void drain();
+    void writeAttachments();
 
     std::unique_ptr<RowWriter> writer_;
     std::vector<TickRecord> slots_;
-    std::thread thread_;
     // Each side's counter has a cache line of its own; a slot's index is its counter modulo
     // capacity.
     alignas(64) std::atomic<std::size_t> written_{0};  // by append()
     std::size_t knownRead_ = 0;                        // append()'s last look at read_
     alignas(64) std::atomic<std::size_t> read_{0};     // by the writing thread
     alignas(64) std::atomic<bool> stop_{false};
+    std::mutex lock_;  // of attachments_, between attach() and the writing thread
+    std::vector<LogAttachment> attachments_;
+    std::thread thread_;
 };
 
 }  // namespace viable

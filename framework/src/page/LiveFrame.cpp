@@ -124,7 +124,8 @@ std::string encodeFrame(double now_s, const LiveStatus& status, const Teleoperat
     return writer.takeBytes();
 }
 
-std::string describeLive(const CasePlan& plan, const std::string& title, bool hasHand, bool movesJoints) {
+std::string describeLive(const CasePlan& plan, const std::string& title, bool hasHand, bool movesJoints,
+                         bool takesObstacles) {
     detail::BinaryBlock block;
     json joints = json::array();
     for (const JointDescription& joint : plan.robot.joints) joints.push_back({{"name", joint.name}});
@@ -145,6 +146,9 @@ std::string describeLive(const CasePlan& plan, const std::string& title, bool ha
         if (plan.geometry)
             for (const std::string& link : plan.geometry->links) links.push_back(link);
     }
+    if (takesObstacles)
+        for (const std::string& name : PlacedObstacles::listNames()) obstacles.push_back(name);
+    all["places"] = takesObstacles ? PlacedObstacles::kMost : 0;
     all["links"] = links;
     all["obstacles"] = obstacles;
     all["moves"] = !hasHand ? "" : movesJoints ? "joints" : "tool";

@@ -48,7 +48,7 @@ using boost::system::error_code;
 using nlohmann::json;
 using Stream = beast::ssl_stream<beast::tcp_stream>;
 
-constexpr char kProtocol[] = "viable.1";
+constexpr char kProtocol[] = "viable.1", kWatch[] = "/watch/";
 constexpr std::size_t kTokenBytes = 32, kMaxInvitations = 16, kMaxSessions = 64;
 constexpr std::size_t kMaxTexts = 64;  // that wait for one viewer
 constexpr int kSendBuffer = 65536;     // what the system keeps for a slow reader
@@ -187,6 +187,11 @@ public:
     void run();
     void stop();
     std::string invite();
+    std::string watchAddress() const {
+        return options_.channels ? "wss://" + inUrl(firstHost_) + ":" + std::to_string(port_) + kWatch + watchSecret_
+                                 : "";
+    }
+    void stream(const TickRecord& record);
     unsigned short port() const { return port_; }
     void show(std::string frame) {
         asio::post(io_, [this, shared = std::make_shared<const std::string>(std::move(frame))] { sendFrame(shared); });
@@ -202,6 +207,7 @@ private:
     using Text = std::shared_ptr<const std::string>;
     class Connection;
     class Viewer;
+    class Watcher;
 
     void accept();
     void sendFrame(const Text& frame);
@@ -227,9 +233,11 @@ private:
     unsigned short port_ = 0;
     std::vector<std::string> authorities_, origins_;
     std::string firstHost_;
+    const std::string watchSecret_ = makeSecret();
 
     std::set<Connection*> connections_;  // before a WebSocket
     std::set<Viewer*> viewers_;
+    std::set<Watcher*> watchers_;
     Viewer* operator_ = nullptr;
     std::uint64_t lease_ = 0;
     std::map<std::string, Text> known_;
@@ -361,6 +369,105 @@ private:
     bool isOpen_ = false, isWriting_ = false;
 };
 
+/** A connection of a watcher's own program. */
+class PageServer::Impl::Watcher : public std::enable_shared_from_this<Watcher> {
+public:
+    Watcher(Impl& owner, Stream&& stream)
+        : owner_(owner), socket_(std::move(stream)), client_(*owner.options_.channels) {
+        owner_.watchers_.insert(this);
+        ++owner_.server_.counts_.connections;
+        ++owner_.server_.counts_.watchers;
+    }
+    ~Watcher() {
+        owner_.watchers_.erase(this);
+        --owner_.server_.counts_.connections;
+        --owner_.server_.counts_.watchers;
+    }
+
+    void begin(const http::request<http::string_body>& request, const std::string& protocol) {
+        beast::get_lowest_layer(socket_).expires_never();
+        websocket::stream_base::timeout timeout{};
+        timeout.handshake_timeout = toMilliseconds(kHandshake_s);
+        timeout.idle_timeout = toMilliseconds(kAlive_s);
+        timeout.keep_alive_pings = true;  // such a program may have nothing to say for long
+        socket_.set_option(timeout);
+        socket_.set_option(websocket::stream_base::decorator([protocol](websocket::response_type& response) {
+            response.set(http::field::server, "viable");
+            response.set(http::field::sec_websocket_protocol, protocol);
+        }));
+        socket_.read_message_max(kMaxMessage);
+        socket_.auto_fragment(false);
+        socket_.async_accept(request, [self = shared_from_this()](error_code error) {
+            if (error) return;
+            self->isOpen_ = true;
+            self->send(self->owner_.options_.channels->serverInfo());
+            self->send(self->owner_.options_.channels->advertisement());
+            self->read();
+        });
+    }
+
+    void show(const TickRecord& record) {
+        if (!isOpen_ || !client_.isListening()) return;
+        if (!messages_.empty() || isWritingMessage_) {
+            ++owner_.server_.counts_.lostFrames;
+            return;
+        }
+        for (std::string& message : client_.makeMessages(record)) messages_.push_back(std::move(message));
+        write();
+    }
+
+    void close() {
+        error_code ignored;
+        beast::get_lowest_layer(socket_).socket().close(ignored);
+    }
+
+private:
+    void read() {
+        socket_.async_read(buffer_, [self = shared_from_this()](error_code error, std::size_t) {
+            if (error) return self->end();
+            const std::string bytes = beast::buffers_to_string(self->buffer_.data());
+            self->buffer_.consume(self->buffer_.size());
+            std::string answer = R"({"op": "status", "level": 2, "message": "nothing is taken here"})";
+            if (!self->socket_.got_text() || !self->client_.hear(bytes, answer)) {
+                ++self->owner_.server_.counts_.refusedMessages;
+                self->send(answer);
+            }
+            self->read();
+        });
+    }
+
+    void send(const std::string& text) {
+        if (texts_.size() >= kMaxTexts) return close();
+        texts_.push_back(text);
+        write();
+    }
+
+    void write() {
+        if (isWriting_ || !isOpen_ || (texts_.empty() && messages_.empty())) return;
+        isWriting_ = true;
+        isWritingMessage_ = texts_.empty();
+        std::deque<std::string>& queue = isWritingMessage_ ? messages_ : texts_;
+        now_ = std::move(queue.front());
+        queue.pop_front();
+        socket_.text(!isWritingMessage_);
+        socket_.async_write(asio::buffer(now_), [self = shared_from_this()](error_code error, std::size_t) {
+            self->isWriting_ = self->isWritingMessage_ = false;
+            if (error) return self->end();
+            self->write();
+        });
+    }
+
+    void end() { isOpen_ = false; }
+
+    Impl& owner_;
+    websocket::stream<Stream> socket_;
+    FoxgloveClient client_;
+    beast::flat_buffer buffer_{kMaxMessage + 1024};
+    std::deque<std::string> texts_, messages_;
+    std::string now_;
+    bool isOpen_ = false, isWriting_ = false, isWritingMessage_ = false;
+};
+
 /** A connection until its request is answered, or becomes a viewer's. */
 class PageServer::Impl::Connection : public std::enable_shared_from_this<Connection> {
 public:
@@ -421,6 +528,7 @@ private:
     void judge() {
         const auto& request = parser_.get();
         if (!isOneOf(owner_.authorities_, only(http::field::host))) return answer(http::status::forbidden);
+        if (owner_.options_.channels && request.target().starts_with(kWatch)) return judgeWatcher();
         const bool isLive = request.target() == "/live";
         const bool hasOrigin = request.count(http::field::origin) > 0;
         if ((isLive || hasOrigin) && !isOneOf(owner_.origins_, only(http::field::origin)))
@@ -438,6 +546,21 @@ private:
             !owner_.admit(std::string_view(protocols).substr(prefix.size()), session))
             return answer(http::status::unauthorized);
         std::make_shared<Viewer>(owner_, std::move(stream_), std::move(session))->begin(request);
+    }
+
+    /** Anyone who knows the secret, from anywhere: see the class. */
+    void judgeWatcher() {
+        const auto& request = parser_.get();
+        const std::string_view target(request.target().data(), request.target().size());
+        std::size_t index = 0;
+        if (!contains({owner_.watchSecret_}, target.substr(sizeof kWatch - 1), index))
+            return answer(http::status::unauthorized);
+        if (request.method() != http::verb::get) return answer(http::status::method_not_allowed);
+        if (!websocket::is_upgrade(request) || only(http::field::sec_websocket_version) != "13")
+            return answer(http::status::upgrade_required);
+        const std::string protocol = FoxgloveChannels::choose(only(http::field::sec_websocket_protocol));
+        if (protocol.empty()) return answer(http::status::bad_request);
+        std::make_shared<Watcher>(owner_, std::move(stream_))->begin(request, protocol);
     }
 
     void answer(http::status status) {
@@ -524,6 +647,7 @@ void PageServer::Impl::stop() {
         retry_.cancel();
         for (Connection* connection : std::set(connections_)) connection->close();
         for (Viewer* viewer : std::set(viewers_)) viewer->close();
+        for (Watcher* watcher : std::set(watchers_)) watcher->close();
     });
 }
 
@@ -570,6 +694,13 @@ bool PageServer::Impl::admit(std::string_view secret, std::string& session) {
     sessions_.push_back(session);
     if (sessions_.size() > kMaxSessions) sessions_.pop_front();
     return true;
+}
+
+void PageServer::Impl::stream(const TickRecord& record) {
+    if (server_.counts_.watchers == 0) return;
+    asio::post(io_, [this, shared = std::make_shared<const TickRecord>(record)] {
+        for (Watcher* watcher : std::set(watchers_)) watcher->show(*shared);
+    });
 }
 
 void PageServer::Impl::sendFrame(const Text& frame) {
@@ -630,6 +761,11 @@ void PageServer::Impl::hear(Viewer& viewer, const std::string& word) {
     if (word == "start" && (operator_ == &viewer || !hand_)) return ask_(PageWish::Start);
     if (word == "invite")
         return viewer.sendText(std::make_shared<const std::string>(json{{"invitation", invite()}}.dump()));
+    if (word == "watch" && options_.channels)
+        return viewer.sendText(std::make_shared<const std::string>(json{{"watch", watchAddress()}}.dump()));
+    if (!word.empty() && word.front() == '{' && options_.place && (operator_ == &viewer || !hand_) &&
+        options_.place(word))
+        return;
     ++server_.counts_.refusedMessages;
 }
 
@@ -669,6 +805,12 @@ unsigned short PageServer::port() const {
 }
 std::string PageServer::invite() {
     return impl_->invite();
+}
+std::string PageServer::watchAddress() const {
+    return impl_->watchAddress();
+}
+void PageServer::stream(const TickRecord& record) {
+    impl_->stream(record);
 }
 void PageServer::show(std::string frame) {
     impl_->show(std::move(frame));

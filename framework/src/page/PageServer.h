@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "page/Certificate.h"
+#include "page/Foxglove.h"
 #include "viable/live/Teleoperation.h"
 
 namespace viable {
@@ -22,6 +23,9 @@ struct PageOptions {
     Certificate certificate;
     std::string page;  ///< HTML; everything is in it
     int joints = 0;    ///< numbers in a message of sliders; 0: the hand moves the tool
+    /** Takes an obstacle that the operator puts somewhere (JSON); false: it is none. Empty: nobody does. */
+    std::function<bool(const std::string&)> place;
+    std::shared_ptr<const FoxgloveChannels> channels;  ///< for watchers with programs of their own; null: not offered
 };
 
 /** "127.0.0.1:8484", "[::1]:8484", an address or a port alone; empty: as the options are. Throws Error. */
@@ -36,11 +40,17 @@ Who may: a request must name this host exactly (Host, Origin); a WebSocket needs
 that the program prints, which counts once, or the session that it was exchanged for. Answers: 400 malformed, 401 no such token,
 403 another host or origin, 404, 405, 426 no WebSocket, 431 a header of more than 4 kB, 503 too many.
 Words that a client may send: "alive" (each few seconds, or it is cut off), "pause" and "stop" by anyone; "take" and "take over" (the
-one lease to operate), "leave"; "start" by the operator; "invite" (an address for one more viewer). The operator's hand comes
+one lease to operate), "leave"; "start" by the operator; "invite" (an address for one more viewer); "watch" (the
+address for programs).
+{"place": ...} by the operator, and where there is no hand by anyone: an obstacle, see PlacedObstacles. The operator's hand comes
 in binary messages (see readHand). What is anything else is refused as a whole, and counted.
+Watchers with programs of their own (Foxglove, Lichtblick) open the WebSocket /watch/SECRET. The secret stands in the address
+because such programs send nothing else, and holds until the end, as they connect again by themselves. They come from any
+origin or none: a page of a stranger knows no secret, no browser adds one by itself, and whoever has it sees the arm and cannot
+move it, as nothing but subscriptions is heard there. Host must be this one's all the same.
 Messages out: text, JSON, when something has changed; binary, what show() was given last: a reader that is too slow loses some.
 The end of the operator's connection or lease releases the hand.
-Threads: a thread of its own; what it calls must not wait. show(), invite() and tell() by any. */
+Threads: a thread of its own; what it calls must not wait. The methods by any. */
 class PageServer {
 public:
     static constexpr int kMaxConnections = 16;
@@ -59,6 +69,10 @@ public:
     unsigned short port() const;
     /** The page's address with a token that lets one browser in. Of those that nobody used, the last 16 count. */
     std::string invite();
+    /** Where a watcher's own program connects; empty: not offered. */
+    std::string watchAddress() const;
+    /** A row for all watchers. Those that have not taken the one before lose it. */
+    void stream(const TickRecord& record);
     /** A frame for all viewers, see LiveFrame.h. */
     void show(std::string frame);
     /** A message (JSON) for all viewers, now and when they come. `kind`: replaces the last of the same kind. */
@@ -67,6 +81,7 @@ public:
     struct Counts {
         std::atomic<std::int64_t> connections{0};      ///< just now
         std::atomic<std::int64_t> viewers{0};          ///< just now, with a WebSocket
+        std::atomic<std::int64_t> watchers{0};         ///< just now
         std::atomic<std::int64_t> refusedRequests{0};  ///< connections and requests
         std::atomic<std::int64_t> refusedMessages{0};
         std::atomic<std::int64_t> lateHands{0};

@@ -14,6 +14,7 @@
 #include "TemporaryFolder.h"
 #include "TlsClient.h"
 #include "core/WholeFile.h"
+#include "live/PlacedObstacles.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -50,8 +51,14 @@ protected:
         : feed_(std::make_shared<TeleoperationFeed>()),
           server_(makeOptions(), feed_, [this](PageWish wish) { ++wishes_[static_cast<int>(wish)]; }) {}
 
-    static PageOptions makeOptions() {
+    PageOptions makeOptions() {
         PageOptions options;
+        options.channels = channels_;
+        options.place = [this](const std::string& message) {
+            const bool isOne = PlacedObstacles::read(message).has_value();
+            places_ += isOne ? 1 : 0;
+            return isOne;
+        };
         options.certificate = certificate();
         options.page = "<!doctype html><title>page</title>";
         return options;
@@ -120,6 +127,34 @@ protected:
         return bytes;
     }
 
+    /** A row at 1.5 s of an arm with two joints. */
+    static TickRecord makeRow() {
+        TickRecord row;
+        row.time_s = 1.5;
+        row.nominal.q = row.nominal.qd = row.nominal.qdd = row.nominal.jerk = JointVector::Constant(2, 0.25);
+        return row;
+    }
+    std::string secret() const {
+        const std::string address = server_.watchAddress();
+        return address.substr(address.rfind('/') + 1);
+    }
+    std::string watch(const std::string& secret, const std::string& protocol, const std::string& origin,
+                      const std::string& host) {
+        return get("/watch/" + secret, "Host: " + host + "\r\n" + (origin.empty() ? "" : "Origin: " + origin + "\r\n") +
+                                           "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+                                           "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: " +
+                                           protocol + "\r\n");
+    }
+    int statusOfWatch(const std::string& secret, const std::string& protocol, const std::string& origin,
+                      const std::string& host) {
+        TlsClient client(server_.port());
+        client.send(watch(secret, protocol, origin, host));
+        return statusOf(client.readHead());
+    }
+
+    const std::shared_ptr<const FoxgloveChannels> channels_ = std::make_shared<const FoxgloveChannels>(
+        LogLayout{{"one", "two"}, MotionCommand::Space::Joint, true, false, true, true, true}, "arm");
+    std::atomic<int> places_{0};
     std::shared_ptr<TeleoperationFeed> feed_;
     std::array<std::atomic<int>, 3> wishes_{};
     PageServer server_;
@@ -289,30 +324,53 @@ TEST_F(PageServerTest, Fault69_MessagesThatMeanNothingAreCountedAndDoNothing) {
     EXPECT_TRUE(await([&] { return wishes_[1] == 1; }));
 }
 
-TEST_F(PageServerTest, Fault69_RandomBytesNeitherMoveNorStopAnything) {
-    // VIABLE_FUZZ_FRAMES=1000000 for the long mode.
+/** VIABLE_FUZZ_FRAMES=1000000 for the long mode. */
+long countFuzzFrames() {
     const char* wanted = std::getenv("VIABLE_FUZZ_FRAMES");
-    const long frames = wanted ? std::atol(wanted) : 3000;
+    return wanted ? std::atol(wanted) : 3000;
+}
+
+/** Three of them at most, sometimes none. */
+void changeBytes(std::string& bytes, std::mt19937_64& random) {
+    for (std::uint64_t left = random() % 4; left > 0 && !bytes.empty(); --left)
+        bytes[random() % bytes.size()] = static_cast<char>(random());
+}
+
+TEST_F(PageServerTest, Fault69_RandomBytesNeitherMoveNorStopAnything) {
+    constexpr std::size_t kAtOnce = 32768;
+    const long frames = countFuzzFrames();
     std::mt19937_64 random(68);
-    std::string hand = makeHand(1, feed_->now());
+    const std::string hand = makeHand(1, feed_->now()), place = R"({"place": 3, "ball": 0.1, "at": [0.5, 0, 0.25]})";
+    // Whatever length a broken head tells, if it is one that is taken, it ends in here.
+    std::string filler;
+    while (filler.size() < PageServer::kMaxMessage + 1024) filler += makeFrame(kText, "alive");
     long sent = 0;
+    int connections = 0;
     while (sent < frames) {
         auto viewer = join();
-        viewer->send(makeFrame(kText, "take over"));
-        for (int k = 0; k < 200 && sent < frames; ++k, ++sent) {
-            std::string bytes = random() % 2 == 0 ? hand : std::string(random() % 300, '\0');
-            for (int change = 0; change < 3 && !bytes.empty(); ++change)
-                bytes[random() % bytes.size()] = static_cast<char>(random());
-            unsigned char first = random() % 2 == 0 ? kBinary : kText;
+        ++connections;
+        std::string batch = makeFrame(kText, "take over");
+        bool isBroken = false;
+        while (sent < frames && !isBroken) {
+            const std::uint64_t kind = random() % 4;
+            std::string bytes = kind == 0 ? place : kind == 1 ? hand : std::string(random() % 300, '\0');
+            changeBytes(bytes, random);
+            const unsigned char first = kind == 1 || kind == 2 ? kBinary : kText;
             if (first == kText)
-                for (char& c : bytes) c = static_cast<char>(32 + (c & 63));
+                for (char& c : bytes)
+                    if (static_cast<unsigned char>(c) < 32 || static_cast<unsigned char>(c) > 126)
+                        c = static_cast<char>(32 + (c & 63));
             std::string frame = makeFrame(first, bytes);
-            if (random() % 50 == 0)
-                frame[random() % std::min<std::size_t>(frame.size(), 8)] ^= static_cast<char>(random());
-            if (!viewer->send(frame)) break;
+            isBroken = random() % 300 == 0;
+            if (isBroken) frame[random() % std::min<std::size_t>(frame.size(), 8)] ^= static_cast<char>(random());
+            batch += frame;
+            ++sent;
+            if (batch.size() < kAtOnce && !isBroken && sent < frames) continue;
+            if (!viewer->send(batch)) break;
+            batch.clear();
         }
         // Whoever goes with answers unread takes back what the other side has not read yet: an answer first.
-        viewer->send(makeFrame(kText, "invite"));
+        viewer->send((isBroken ? filler : "") + makeFrame(kText, "invite"));
         for (ServerFrame answer; answer.payload.find("invitation") == std::string::npos;) {
             answer = readFrame(*viewer);
             if (answer.opcode < 0 || answer.opcode == 8) break;
@@ -321,9 +379,149 @@ TEST_F(PageServerTest, Fault69_RandomBytesNeitherMoveNorStopAnything) {
     EXPECT_EQ(wishes_[0] + wishes_[1] + wishes_[2], 0);
     EXPECT_EQ(statusFor(get("/", "Host: " + host() + "\r\n")), 200);
     // What was looked at: most frames are sound, and what is in them is not.
-    EXPECT_TRUE(await([&] { return server_.counts().refusedMessages > frames / 10; }))
+    EXPECT_TRUE(await([&] { return server_.counts().refusedMessages > frames / 2; }))
         << server_.counts().refusedMessages;
     EXPECT_GT(server_.counts().hands + server_.counts().lateHands, 0);
+    EXPECT_GT(places_, 0);
+    EXPECT_LT(connections, frames / 100 + 10);
+    RecordProperty("refused", std::to_string(server_.counts().refusedMessages));
+}
+
+TEST_F(PageServerTest, Fault69_ASubscriptionIsTakenWholeOrNotAtAll) {
+    FoxgloveClient client(*channels_);
+    std::string answer;
+    for (const char* wrong :
+         {"",
+          "{",
+          "[]",
+          "null",
+          "{}",
+          R"({"op": 3})",
+          R"({"op": "publish"})",
+          R"({"op": "subscribe"})",
+          R"({"op": "subscribe", "subscriptions": {}})",
+          R"({"op": "subscribe", "subscriptions": [3]})",
+          R"({"op": "subscribe", "subscriptions": [{"id": 1}]})",
+          R"({"op": "subscribe", "subscriptions": [{"id": -1, "channelId": 0}]})",
+          R"({"op": "subscribe", "subscriptions": [{"id": 4294967296, "channelId": 0}]})",
+          R"({"op": "subscribe", "subscriptions": [{"id": 1.5, "channelId": 0}]})",
+          R"({"op": "subscribe", "subscriptions": [{"id": 1, "channelId": 99}]})",
+          R"({"op": "subscribe", "subscriptions": [{"id": 1, "channelId": 0}, {"id": 1, "channelId": 1}]})",
+          R"({"op": "subscribe", "subscriptions": [{"id": 1, "channelId": 0}, {"id": 2, "channelId": 99}]})",
+          R"({"op": "unsubscribe"})",
+          R"({"op": "unsubscribe", "subscriptionIds": [1]})",
+          R"({"op": "setParameters", "parameters": []})",
+          R"({"op": "advertise", "channels": []})"}) {
+        EXPECT_FALSE(client.hear(wrong, answer)) << wrong;
+        EXPECT_EQ(json::parse(answer)["op"], "status");
+        EXPECT_FALSE(client.isListening()) << wrong;
+    }
+    std::string many = R"({"op": "subscribe", "subscriptions": [)";
+    for (std::size_t k = 0; k <= FoxgloveClient::kMostSubscriptions; ++k)
+        many += (k == 0 ? "" : ",") + json{{"id", k}, {"channelId", 0}}.dump();
+    EXPECT_FALSE(client.hear(many + "]}", answer));
+    EXPECT_FALSE(client.isListening());
+
+    const std::string good =
+        R"({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": 0}, {"id": 8, "channelId": 1}]})";
+    ASSERT_TRUE(client.hear(good, answer)) << answer;
+    EXPECT_EQ(client.makeMessages(makeRow()).size(), 2u);
+    EXPECT_FALSE(client.hear(R"({"op": "unsubscribe", "subscriptionIds": [7, 9]})", answer));
+    EXPECT_EQ(client.makeMessages(makeRow()).size(), 2u);
+    EXPECT_TRUE(client.hear(R"({"op": "unsubscribe", "subscriptionIds": [7, 8]})", answer));
+    EXPECT_FALSE(client.isListening());
+
+    std::mt19937_64 random(69);
+    for (long k = 0; k < countFuzzFrames(); ++k) {
+        std::string bytes = random() % 2 == 0 ? good : std::string(R"({"op": "unsubscribe", "subscriptionIds": [7]})");
+        changeBytes(bytes, random);
+        client.hear(bytes, answer);
+    }
+    EXPECT_LE(client.makeMessages(makeRow()).size(), FoxgloveClient::kMostSubscriptions);
+}
+
+TEST_F(PageServerTest, Fault65_TheSecretOfAnAddressLetsAProgramWatchFromAnywhere) {
+    const std::string protocol = "foxglove.websocket.v1";
+    EXPECT_EQ(statusOfWatch(secret(), protocol, "", host()), 101);
+    for (const char* anywhere : {"null", "file://", "https://app.foxglove.dev", "http://localhost:8080"})
+        EXPECT_EQ(statusOfWatch(secret(), protocol, anywhere, host()), 101) << anywhere;
+    EXPECT_EQ(statusOfWatch(secret(), "foxglove.sdk.v1, " + protocol, "", host()), 101);
+    EXPECT_EQ(statusOfWatch(secret(), "foxglove.sdk.v1", "", host()), 101);
+    for (const char* other : {"viable.1", "foxglove", "foxglove.websocket.v10", ","})
+        EXPECT_EQ(statusOfWatch(secret(), other, "", host()), 400) << other;
+    std::string almost = secret();
+    almost.back() = almost.back() == 'A' ? 'B' : 'A';
+    for (const std::string& wrong : {std::string(), std::string("x"), almost, secret() + "a", secret() + "/", token()})
+        EXPECT_EQ(statusOfWatch(wrong, protocol, "", host()), 401) << wrong;
+    EXPECT_EQ(statusOfWatch(secret(), protocol, "", "evil.tld:" + std::to_string(server_.port())), 403);
+    EXPECT_EQ(statusFor(get("/watch/" + secret(), "Host: " + host() + "\r\n")), 426);
+    // It is no secret of the page's.
+    EXPECT_EQ(statusOfUpgrade(secret(), origin(), host()), 401);
+}
+
+TEST_F(PageServerTest, AWatcherSeesTheChannelsOfTheLogAndMovesNothing) {
+    TlsClient client(server_.port());
+    client.send(watch(secret(), "foxglove.websocket.v1", "", host()));
+    const std::string head = client.readHead();
+    ASSERT_EQ(statusOf(head), 101);
+    EXPECT_NE(head.find("Sec-WebSocket-Protocol: foxglove.websocket.v1"), std::string::npos);
+    EXPECT_EQ(json::parse(readFrame(client).payload)["op"], "serverInfo");
+    const json advertised = json::parse(readFrame(client).payload);
+    ASSERT_EQ(advertised["op"], "advertise");
+    ASSERT_EQ(advertised["channels"].size(), channels_->size());
+    json subscriptions = json::array();
+    for (const json& channel : advertised["channels"])
+        subscriptions.push_back({{"id", 100 + channel["id"].get<int>()}, {"channelId", channel["id"]}});
+    server_.stream(makeRow());  // nobody listens yet
+    client.send(makeFrame(kText, json{{"op", "subscribe"}, {"subscriptions", subscriptions}}.dump()));
+    client.send(makeFrame(kBinary, makeHand(1, feed_->now())));
+    for (const char* word : {"stop", "pause", "take over", "start", "alive"}) client.send(makeFrame(kText, word));
+    for (int k = 0; k < 6; ++k) {
+        const ServerFrame refusal = readFrame(client);
+        ASSERT_EQ(refusal.opcode, 1);
+        EXPECT_EQ(json::parse(refusal.payload)["op"], "status");
+    }
+    EXPECT_EQ(wishes_[0] + wishes_[1] + wishes_[2], 0);
+    EXPECT_EQ(server_.counts().hands, 0);
+    EXPECT_EQ(server_.counts().watchers, 1);
+    EXPECT_EQ(server_.counts().viewers, 0);
+
+    server_.stream(makeRow());
+    for (std::size_t k = 0; k < channels_->size(); ++k) {
+        const ServerFrame frame = readFrame(client);
+        ASSERT_EQ(frame.opcode, 2);
+        ASSERT_GT(frame.payload.size(), 13u);
+        EXPECT_EQ(frame.payload[0], 1);
+        EXPECT_EQ(static_cast<unsigned char>(frame.payload[1]), 100 + k);
+        std::uint64_t time = 0;
+        std::memcpy(&time, frame.payload.data() + 5, sizeof time);
+        EXPECT_EQ(time, 1500000000u);
+        EXPECT_EQ(frame.payload.substr(13), channels_->encode(k, makeRow()));
+    }
+    client.send(makeFrame(kText, R"({"op": "unsubscribe", "subscriptionIds": [99]})"));
+    EXPECT_EQ(readFrame(client).opcode, 1);
+    json ids = json::array();
+    for (std::size_t k = 0; k < channels_->size(); ++k) ids.push_back(100 + k);
+    client.send(makeFrame(kText, json{{"op", "unsubscribe"}, {"subscriptionIds", ids}}.dump()));
+    client.send(makeFrame(kText, "x"));
+    EXPECT_EQ(readFrame(client).opcode, 1);
+    server_.stream(makeRow());
+    client.send(makeFrame(kText, "x"));
+    EXPECT_EQ(readFrame(client).opcode, 1);  // and no row before it
+}
+
+TEST_F(PageServerTest, AnObstacleIsPutByTheOperatorAlone) {
+    auto one = join(), two = join();
+    const std::string good = R"({"place": 1, "ball": 0.1, "at": [0, 0, 1]})";
+    one->send(makeFrame(kText, good));
+    EXPECT_TRUE(await([&] { return server_.counts().refusedMessages == 1; }));
+    one->send(makeFrame(kText, "take"));
+    two->send(makeFrame(kText, good));
+    one->send(makeFrame(kText, R"({"place": 1, "ball": 0.1, "at": [0, 0]})"));
+    EXPECT_TRUE(await([&] { return server_.counts().refusedMessages == 3; }));
+    EXPECT_EQ(places_, 0);
+    one->send(makeFrame(kText, good));
+    EXPECT_TRUE(await([&] { return places_ == 1; }));
 }
 
 TEST(PageHand, IsReadWholeOrNotAtAll) {

@@ -12,6 +12,7 @@ export const PARTS = ['both', 'position', 'rotation'];
 
 /**
  * Events: 'open', 'close' (`reason` says why), 'live' (`live`: what does not change), 'people', 'event', 'invitation',
+ * 'watch', 'placed' (`placed`: the obstacles by hand),
  * 'frame' (`frame`: a function of a name to the numbers of that name).
  */
 export class Link extends Emitter {
@@ -20,6 +21,8 @@ export class Link extends Emitter {
   you = 0;
   event = null;
   invitation = '';
+  watch = ''; // where programs such as Foxglove connect
+  placed = [];
   reason = '';
   #socket = null;
   #secret;
@@ -108,6 +111,12 @@ export class Link extends Emitter {
     } else if (message.event) {
       this.event = message;
       this.emit('event');
+    } else if (message.placed) {
+      this.placed = message.placed;
+      this.emit('placed');
+    } else if (message.watch) {
+      this.watch = message.watch;
+      this.emit('watch');
     } else if (message.invitation) {
       this.invitation = message.invitation;
       this.emit('invitation');

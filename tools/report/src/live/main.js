@@ -6,6 +6,7 @@ import { Hand } from './hand.js';
 import { Link } from './link.js';
 import { Bar, HandPanel, JointPanel, TimePanel, viewHead } from './panel.js';
 import { phonePad } from './phone.js';
+import { Placed } from './placed.js';
 import { Strips } from './strips.js';
 import { View } from './view.js';
 import { Headset } from './xr.js';
@@ -31,6 +32,7 @@ async function readRun(live) {
     links: json.links,
     obstacles: json.obstacles,
     moves: json.moves,
+    places: json.places,
     hasReal: json.has_real,
     tick_s: json.tick_s,
     tMin: 0,
@@ -82,6 +84,7 @@ async function begin(link) {
         joints: new JointPanel(part('joints'), run),
         times: new TimePanel(part('times'), run),
         strips: new Strips(part('strips'), run),
+        placed: run.places && view ? new Placed(part('placed'), run, link, view) : null,
       };
       part('loading').hidden = true;
       part('page').hidden = false;
@@ -96,6 +99,7 @@ async function begin(link) {
     if (view?.isWorn) return;
     panels.joints.show(frame);
     panels.times.show(frame);
+    panels.placed?.show(frame);
   });
   link.on('people close', update);
   page.on('theme', () => {

@@ -52,7 +52,8 @@ export class Bar {
       el('span', { class: 'buttons' }, this.people, this.invite, themeButton(page)),
     );
     link.on('people open close', () => this.#update());
-    link.on('invitation', () => this.#showInvitation());
+    link.on('invitation', () => link.say('watch'));
+    link.on('watch', () => this.#showInvitation());
     this.run = run;
     addEventListener('keydown', (event) => {
       if (event.key !== ' ' || event.target.closest?.('input, select, textarea')) return;
@@ -99,6 +100,8 @@ export class Bar {
       el('h2', { text: 'For one more browser' }),
       el('p', { class: 'hint', text: 'This address lets one browser in, once. Whoever is in may take control.' }),
       field,
+      el('p', { class: 'hint', text: 'Foxglove and Lichtblick see the arm here, as “Foxglove WebSocket”, and cannot move it:' }),
+      el('input', { readonly: true, value: this.link.watch, 'aria-label': 'Address for programs' }),
       el('form', { method: 'dialog' }, el('button', { text: 'Close' })),
     );
     dialog.addEventListener('close', () => dialog.remove());
