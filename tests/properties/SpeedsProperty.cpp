@@ -135,7 +135,7 @@ public:
         return finding;
     }
 
-    std::int64_t passed = 0, stopped = 0, missed = 0, acting = 0, atLimit = 0, stops = 0, begun = 0, refused = 0;
+    std::int64_t passed = 0, stopped = 0, missed = 0, acting = 0, atLimit = 0, stops = 0;
     double worst = 0.0;            ///< largest share of a limit
     bool isRefusedAtRest = false;  ///< a start in which nothing moves and nothing else was in its way
     const RobotDescription& robot() const { return description_; }

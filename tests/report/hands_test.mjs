@@ -17,6 +17,10 @@ const [HELD, REFUSED] = [2, 3];
 const REFUSALS = ['', 'not finite', 'not tracked', 'jump', 'silent', 'paused'];
 
 const { arm, address } = await holdArm('tool');
+if (!arm.isRealTime) {
+  console.log(`SKIPPED: hands are judged in milliseconds, and this machine gives no real time:\n${arm.text}`);
+  process.exit(77);
+}
 
 /** A headset, before the page's own script runs. iwer calls every position estimated; here the test says what is. */
 function wearHeadset() {

@@ -74,7 +74,7 @@ public:
         PageOptions options;
         options.port = kPagePort;
         readAddress(address, options);
-        options.certificate = readOrMakeCertificate(findKeyFolder(), listHosts("::"));
+        options.certificate = readOrMakeCertificate(findKeyFolder(), listHosts(options.address));
         options.page = readWhole(findLivePage()).value_or("");
         if (options.page.empty())
             throw badInput(findLivePage().string(), "the page of live arms is missing",
@@ -101,6 +101,9 @@ public:
     void tellAddress(bool first) {
         const std::string address = server_->invite();
         std::printf("page: %s\n", address.c_str());
+        const std::vector<std::string>& all = server_->publicAuthorities();
+        for (std::size_t k = 1; k < all.size(); ++k)
+            std::printf("  or: https://%s%s\n", all[k].c_str(), address.substr(address.find("/#")).c_str());
         if (isOpenToOthers_ && ::isatty(STDOUT_FILENO) != 0) drawCode(address);
         if (first) {
             std::printf(

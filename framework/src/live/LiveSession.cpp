@@ -133,7 +133,8 @@ void LiveSession::ask(Wish wish, LiveAsker asker) noexcept {
     const unsigned word = static_cast<unsigned>(wish) | static_cast<unsigned>(asker) << kAskerShift;
     unsigned before = wish_.load(std::memory_order_relaxed);
     do {
-        if (static_cast<Wish>(before & 0xff) == Wish::Stop) return;
+        const auto waiting = static_cast<Wish>(before & 0xff);
+        if (waiting == Wish::Stop || (waiting == Wish::Pause && wish == Wish::Resume)) return;
     } while (!wish_.compare_exchange_weak(before, word, std::memory_order_acq_rel));
 }
 

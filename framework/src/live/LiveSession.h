@@ -82,7 +82,7 @@ public:
 
     void begin();
 
-    // Take effect in the next tick. A stop is final.
+    // Take effect in the next tick. A stop is final; a resume() before a pause() has taken effect counts for nothing.
     void pause(LiveAsker asker) noexcept { ask(Wish::Pause, asker); }
     void resume(LiveAsker asker) noexcept { ask(Wish::Resume, asker); }
     void stop(LiveAsker asker) noexcept { ask(Wish::Stop, asker); }
@@ -131,7 +131,7 @@ private:
     const bool hasClock_;
     LiveTiming timing_;
 
-    std::atomic<unsigned> wish_{0};  // Wish, and the asker above it; a stop is never replaced
+    std::atomic<unsigned> wish_{0};  // Wish, and the asker above it; a stop is never replaced, a pause not by resume()
     LatestValue<LiveStatus> latest_;
     std::array<LiveEvent, kMaxEvents> events_{};
     std::atomic<std::size_t> eventCount_{0};

@@ -8,14 +8,17 @@
 #include <openssl/pem.h>
 #include <openssl/rand.h>
 #include <openssl/x509v3.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
 #include <memory>
+#include <optional>
 
 #include "core/Text.h"
 #include "core/WholeFile.h"
@@ -38,6 +41,7 @@ using X509Owner = Owned<X509, X509_free>;
 using Bio = Owned<BIO, BIO_free_all>;
 
 constexpr long kLifetime_s = 3650L * 24 * 3600;
+constexpr std::size_t kMaxNames = 64;
 
 Error fail(const fs::path& file, const std::string& what, const std::string& remedy) {
     return badInput(file.string(), what, remedy);
@@ -60,9 +64,55 @@ bool addExtension(X509* certificate, int id, const std::string& value) {
     return extension && X509_add_ext(certificate, extension.get(), -1) == 1;
 }
 
-/** False: OpenSSL refuses. */
-bool make(const std::vector<std::string>& names, Certificate& made) {
-    const Key key(EVP_EC_gen("P-256"));
+Key readKey(const std::string& text) {
+    const Bio bio(BIO_new_mem_buf(text.data(), static_cast<int>(text.size())));
+    return Key(PEM_read_bio_PrivateKey(bio.get(), nullptr, nullptr, nullptr));
+}
+
+X509Owner readX509(const std::string& text) {
+    const Bio bio(BIO_new_mem_buf(text.data(), static_cast<int>(text.size())));
+    return X509Owner(PEM_read_bio_X509(bio.get(), nullptr, nullptr, nullptr));
+}
+
+bool isWritable(const std::string& name) {
+    return name.find_first_of(",;\n") == std::string::npos;
+}
+
+/** Adds the names that it states. */
+void addNames(const X509* certificate, std::vector<std::string>& names) {
+    const Owned<GENERAL_NAMES, GENERAL_NAMES_free> all(
+        static_cast<GENERAL_NAMES*>(X509_get_ext_d2i(certificate, NID_subject_alt_name, nullptr, nullptr)));
+    for (int i = 0; all && i < sk_GENERAL_NAME_num(all.get()) && names.size() < kMaxNames; ++i) {
+        int kind = 0;
+        const auto* const value =
+            static_cast<const ASN1_STRING*>(GENERAL_NAME_get0_value(sk_GENERAL_NAME_value(all.get(), i), &kind));
+        const unsigned char* const bytes = ASN1_STRING_get0_data(value);
+        const int size = ASN1_STRING_length(value);
+        char text[INET6_ADDRSTRLEN] = "";
+        std::string name;
+        if (kind == GEN_DNS) name.assign(reinterpret_cast<const char*>(bytes), static_cast<std::size_t>(size));
+        if (kind == GEN_IPADD && (size == 4 || size == 16) &&
+            ::inet_ntop(size == 4 ? AF_INET : AF_INET6, bytes, text, sizeof text))
+            name = text;
+        if (!name.empty() && std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+    }
+}
+
+/** It counts today, and states all the names. */
+bool isGood(X509* certificate, const std::vector<std::string>& names) {
+    if (X509_cmp_current_time(X509_get0_notBefore(certificate)) >= 0 ||
+        X509_cmp_current_time(X509_get0_notAfter(certificate)) <= 0)
+        return false;
+    return std::all_of(names.begin(), names.end(), [&](const std::string& name) {
+        if (!isWritable(name)) return true;
+        return isAddress(name) ? X509_check_ip_asc(certificate, name.c_str(), 0) == 1
+                               : X509_check_host(certificate, name.data(), name.size(), 0, nullptr) == 1;
+    });
+}
+
+/** False: OpenSSL refuses. @param oldKey  PEM; empty: a new key */
+bool make(const std::vector<std::string>& names, const std::string& oldKey, Certificate& made) {
+    const Key key = oldKey.empty() ? Key(EVP_EC_gen("P-256")) : readKey(oldKey);
     const X509Owner certificate(X509_new());
     std::uint64_t serial = 0;
     if (!key || !certificate || RAND_bytes(reinterpret_cast<unsigned char*>(&serial), sizeof serial) != 1) return false;
@@ -78,8 +128,7 @@ bool make(const std::vector<std::string>& names, Certificate& made) {
     X509_set_issuer_name(x, name);
     std::string alternatives;
     for (const std::string& one : names)
-        if (one.find_first_of(",;\n") == std::string::npos)
-            detail::addItem(alternatives, (isAddress(one) ? "IP:" : "DNS:") + one, ",");
+        if (isWritable(one)) detail::addItem(alternatives, (isAddress(one) ? "IP:" : "DNS:") + one, ",");
     if (!addExtension(x, NID_subject_alt_name, alternatives) ||
         !addExtension(x, NID_basic_constraints, "critical,CA:FALSE") ||
         !addExtension(x, NID_ext_key_usage, "serverAuth") || X509_sign(x, key.get(), EVP_sha256()) == 0)
@@ -96,10 +145,8 @@ bool make(const std::vector<std::string>& names, Certificate& made) {
 
 /** "AB:CD:..."; empty: this is no certificate, or not that of the key. */
 std::string calcFingerprint(const Certificate& pair) {
-    const Bio text(BIO_new_mem_buf(pair.certificate.data(), static_cast<int>(pair.certificate.size())));
-    const Bio keyText(BIO_new_mem_buf(pair.key.data(), static_cast<int>(pair.key.size())));
-    const X509Owner certificate(PEM_read_bio_X509(text.get(), nullptr, nullptr, nullptr));
-    const Key key(PEM_read_bio_PrivateKey(keyText.get(), nullptr, nullptr, nullptr));
+    const X509Owner certificate = readX509(pair.certificate);
+    const Key key = readKey(pair.key);
     unsigned char digest[EVP_MAX_MD_SIZE];
     unsigned size = 0;
     if (!certificate || !key || X509_check_private_key(certificate.get(), key.get()) != 1 ||
@@ -110,11 +157,51 @@ std::string calcFingerprint(const Certificate& pair) {
     return print;
 }
 
-/** Creates a file that only its user may read. */
+/** A descriptor that is closed at the end. */
+struct Open {
+    explicit Open(int opened) : number(opened) {}
+    ~Open() {
+        if (number >= 0) ::close(number);
+    }
+    Open(const Open&) = delete;
+    Open& operator=(const Open&) = delete;
+    const int number;
+};
+
+/** The text of a file that only its user may read, and nobody else has written; none: there is no file. */
+std::optional<std::string> readPrivate(const fs::path& file) {
+    const Open opened(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
+    if (opened.number < 0 && errno == ENOENT) return std::nullopt;
+    if (opened.number < 0)
+        throw fail(file, std::string("it cannot be read: ") + std::strerror(errno),
+                   "Delete it, and the next start makes a new one.");
+    struct ::stat status {};
+    if (::fstat(opened.number, &status) != 0 || !S_ISREG(status.st_mode) || status.st_uid != ::geteuid() ||
+        status.st_nlink != 1)
+        throw fail(file, "it is no file of the user's own with this one name",
+                   "Others may have put it there: delete it, and the next start makes a new one.");
+    if ((status.st_mode & 077) != 0)
+        throw fail(file, "other users may read the page's private key",
+                   "They may have copied it: delete it, and the next start makes a new one.");
+    std::string text;
+    char bytes[4096];
+    ssize_t count = 0;
+    while ((count = ::read(opened.number, bytes, sizeof bytes)) > 0 && text.size() < 1000000)
+        text.append(bytes, static_cast<std::size_t>(count));
+    return text;
+}
+
+/** Gives a file that only its user may read a new text, whole or not at all. The folder is locked. */
 void writePrivate(const fs::path& file, const std::string& text) {
-    const int descriptor = ::open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0600);
-    const int code = descriptor < 0 ? errno : detail::writeAll(descriptor, text);
-    if (descriptor >= 0) ::close(descriptor);
+    const fs::path part = file.string() + ".part";
+    ::unlink(part.c_str());  // of a start that was killed
+    int code = 0;
+    {
+        const Open opened(::open(part.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600));
+        code = opened.number < 0 ? errno : detail::writeAll(opened.number, text);
+        if (code == 0 && ::fsync(opened.number) != 0) code = errno;
+    }
+    if (code == 0 && ::rename(part.c_str(), file.c_str()) != 0) code = errno;
     if (code != 0)
         throw fail(file, std::string("the page's key cannot be written: ") + std::strerror(code),
                    "Make its folder writable, or name another one in XDG_STATE_HOME.");
@@ -133,27 +220,37 @@ fs::path findKeyFolder() {
 Certificate readOrMakeCertificate(const fs::path& folder, const std::vector<std::string>& names) {
     const fs::path keyFile = folder / "page_key.pem", file = folder / "page_certificate.pem";
     std::error_code error;
-    if (!fs::exists(keyFile, error)) {
-        fs::create_directories(folder.parent_path(), error);
-        if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST)
-            throw fail(folder, std::string("the folder of the page's key cannot be made: ") + std::strerror(errno),
-                       "Make the folder above it writable, or name another one in XDG_STATE_HOME.");
-        Certificate made;
-        if (!make(names, made))
-            throw fail(folder, "OpenSSL cannot make a certificate", "Its configuration may forbid the curve P-256.");
-        writePrivate(file, made.certificate);
-        writePrivate(keyFile, made.key);
-    }
+    fs::create_directories(folder.parent_path(), error);
+    if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST)
+        throw fail(folder, std::string("the folder of the page's key cannot be made: ") + std::strerror(errno),
+                   "Make the folder above it writable, or name another one in XDG_STATE_HOME.");
     struct ::stat status {};
-    if (::stat(keyFile.c_str(), &status) != 0 || (status.st_mode & 077) != 0)
-        throw fail(keyFile, "other users may read the page's private key",
-                   "They may have copied it: delete it, and the next start makes a new one.");
-    Certificate pair{readWhole(file).value_or(""), readWhole(keyFile).value_or(""), {}};
+    if (::stat(folder.c_str(), &status) != 0 || status.st_uid != ::geteuid() || (status.st_mode & 022) != 0)
+        throw fail(folder, "other users may change this folder, in which the page's private key is",
+                   "Make it yours alone (chmod 700), or name another one in XDG_STATE_HOME.");
+    const fs::path lockFile = folder / "page_lock";
+    const Open lock(::open(lockFile.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));  // one start at a time
+    if (lock.number < 0 || ::flock(lock.number, LOCK_EX) != 0)
+        throw fail(lockFile, std::string("it cannot be locked: ") + std::strerror(errno),
+                   "Make its folder writable, or name another one in XDG_STATE_HOME.");
+
+    const std::optional<std::string> key = readPrivate(keyFile);
+    Certificate pair{key ? readPrivate(file).value_or("") : "", key.value_or(""), {}};
     pair.fingerprint = calcFingerprint(pair);
-    if (pair.fingerprint.empty())
+    if (key && pair.fingerprint.empty())
         throw fail(keyFile, "this and page_certificate.pem are not a key and its certificate",
                    "Delete both: the next start makes new ones.");
-    return pair;
+    const X509Owner stored = key ? readX509(pair.certificate) : nullptr;
+    if (stored && isGood(stored.get(), names)) return pair;
+    std::vector<std::string> all = names;
+    if (stored) addNames(stored.get(), all);  // a browser of another network knows it by those
+    Certificate made;
+    if (!make(all, pair.key, made))
+        throw fail(folder, "OpenSSL cannot make a certificate", "Its configuration may forbid the curve P-256.");
+    made.fingerprint = calcFingerprint(made);
+    writePrivate(file, made.certificate);
+    if (!key) writePrivate(keyFile, made.key);
+    return made;
 }
 
 }  // namespace viable

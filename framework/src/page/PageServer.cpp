@@ -2,6 +2,7 @@
 
 #include <arpa/inet.h>
 #include <ifaddrs.h>
+#include <net/if.h>
 #include <netinet/in.h>
 #include <openssl/crypto.h>
 #include <openssl/rand.h>
@@ -50,8 +51,9 @@ using Stream = beast::ssl_stream<beast::tcp_stream>;
 
 constexpr char kProtocol[] = "viable.1", kWatch[] = "/watch/";
 constexpr std::size_t kTokenBytes = 32, kMaxInvitations = 16, kMaxSessions = 64;
-constexpr std::size_t kMaxTexts = 64;  // that wait for one viewer
-constexpr int kSendBuffer = 65536;     // what the system keeps for a slow reader
+constexpr std::size_t kMaxOfOneViewer = 2, kMaxOfViewers = 64;  // invitations
+constexpr std::size_t kMaxTexts = 64;                           // that wait for one viewer
+constexpr int kSendBuffer = 65536;                              // what the system keeps for a slow reader
 
 std::chrono::milliseconds toMilliseconds(double seconds) {
     return std::chrono::milliseconds(std::llround(1e3 * seconds));
@@ -71,12 +73,21 @@ std::string makeSecret() {
     return secret + letters[bits << (6 - have) & 63];
 }
 
+struct Secret {
+    std::string text;
+    std::string by;  ///< of an invitation: the session of the viewer that asked for it; empty: the program
+};
+
+/** In a time that tells nothing but the length. */
+bool isSame(const std::string& secret, std::string_view wanted) {
+    return secret.size() == wanted.size() && CRYPTO_memcmp(secret.data(), wanted.data(), wanted.size()) == 0;
+}
+
 /** Looks at all of them, in a time that tells nothing. */
-bool contains(const std::deque<std::string>& secrets, std::string_view wanted, std::size_t& index) {
+bool contains(const std::deque<Secret>& secrets, std::string_view wanted, std::size_t& index) {
     bool isFound = false;
     for (std::size_t i = 0; i < secrets.size(); ++i) {
-        if (secrets[i].size() != wanted.size() || CRYPTO_memcmp(secrets[i].data(), wanted.data(), wanted.size()) != 0)
-            continue;
+        if (!isSame(secrets[i].text, wanted)) continue;
         isFound = true;
         index = i;
     }
@@ -98,10 +109,17 @@ double readDouble(const char* bytes) {
 void readAddress(const std::string& text, PageOptions& options) {
     if (text.empty()) return;
     std::string host, port;
+    unsigned char bytes[16];
+    bool isWhole = true;
     if (text.front() == '[') {
-        const std::size_t end = text.find(']');
-        if (end != std::string::npos) host = text.substr(1, end - 1);
-        if (end != std::string::npos && end + 1 < text.size() && text[end + 1] == ':') port = text.substr(end + 2);
+        const std::size_t end = std::min(text.find(']'), text.size());
+        host = text.substr(1, end - 1);
+        const std::string rest = text.substr(std::min(end + 1, text.size()));
+        isWhole = end < text.size() && ::inet_pton(AF_INET6, host.c_str(), bytes) == 1 &&
+                  (rest.empty() || (rest.size() > 1 && rest.front() == ':'));
+        if (!rest.empty()) port = rest.substr(1);
+    } else if (::inet_pton(AF_INET6, text.c_str(), bytes) == 1) {
+        host = text;
     } else if (const std::size_t colon = text.rfind(':'); colon != std::string::npos) {
         host = text.substr(0, colon);
         port = text.substr(colon + 1);
@@ -110,13 +128,12 @@ void readAddress(const std::string& text, PageOptions& options) {
     } else {
         host = text;
     }
-    unsigned char bytes[16];
     const bool isHost = host.empty() || ::inet_pton(AF_INET, host.c_str(), bytes) == 1 ||
                         ::inet_pton(AF_INET6, host.c_str(), bytes) == 1;
     unsigned number = options.port;
     const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), number);
     const bool isPort = port.empty() || (error == std::errc() && end == port.data() + port.size() && number < 65536);
-    if (!isHost || !isPort || (host.empty() && port.empty()))
+    if (!isWhole || !isHost || !isPort || (host.empty() && port.empty()))
         throw badInput(
             "--page", "'" + makePrintable(text) + "' is no address and port",
             "Write 127.0.0.1:8484 (this computer alone), 0.0.0.0:8484 (all networks), [::1]:8484 or a port.");
@@ -127,24 +144,26 @@ void readAddress(const std::string& text, PageOptions& options) {
 std::vector<std::string> listHosts(const std::string& address) {
     if (address == "127.0.0.1" || address == "::1") return {address, "localhost"};
     if (address != "0.0.0.0" && address != "::") return {address};
-    std::vector<std::string> hosts;
+    std::vector<std::string> hosts, six, own;
     ifaddrs* all = nullptr;
     if (::getifaddrs(&all) == 0) {
         for (const ifaddrs* one = all; one; one = one->ifa_next) {
+            if (!one->ifa_addr || (one->ifa_flags & IFF_UP) == 0) continue;
             char text[INET6_ADDRSTRLEN] = "";
-            if (one->ifa_addr && one->ifa_addr->sa_family == AF_INET)
+            if (one->ifa_addr->sa_family == AF_INET) {
                 ::inet_ntop(AF_INET, &reinterpret_cast<const sockaddr_in*>(one->ifa_addr)->sin_addr, text, sizeof text);
-            else if (one->ifa_addr && one->ifa_addr->sa_family == AF_INET6 && address == "::")
-                ::inet_ntop(AF_INET6, &reinterpret_cast<const sockaddr_in6*>(one->ifa_addr)->sin6_addr, text,
-                            sizeof text);
-            // Those that others can call come first.
-            if (*text != 0 && std::strncmp(text, "127.", 4) != 0 && std::strcmp(text, "::1") != 0)
-                hosts.insert(hosts.begin(), text);
-            else if (*text != 0)
-                hosts.emplace_back(text);
+                (std::strncmp(text, "127.", 4) == 0 ? own : hosts).emplace_back(text);
+            } else if (one->ifa_addr->sa_family == AF_INET6 && address == "::") {
+                const in6_addr& number = reinterpret_cast<const sockaddr_in6*>(one->ifa_addr)->sin6_addr;
+                if (IN6_IS_ADDR_LINKLOCAL(&number)) continue;  // no browser calls it: it needs the name of an interface
+                ::inet_ntop(AF_INET6, &number, text, sizeof text);
+                (IN6_IS_ADDR_LOOPBACK(&number) ? own : six).emplace_back(text);
+            }
         }
         ::freeifaddrs(all);
     }
+    hosts.insert(hosts.end(), six.begin(), six.end());
+    hosts.insert(hosts.end(), own.begin(), own.end());
     char name[256] = "";
     if (::gethostname(name, sizeof name - 1) == 0 && *name != 0) {
         std::string lower = name;
@@ -186,12 +205,12 @@ public:
 
     void run();
     void stop();
-    std::string invite();
+    std::string invite(const std::string& by = {});
     std::string watchAddress() const {
-        return options_.channels ? "wss://" + inUrl(firstHost_) + ":" + std::to_string(port_) + kWatch + watchSecret_
-                                 : "";
+        return options_.channels ? "wss://" + publicAuthorities_.front() + kWatch + watchSecret_ : "";
     }
     void stream(const TickRecord& record);
+    const std::vector<std::string>& publicAuthorities() const { return publicAuthorities_; }
     unsigned short port() const { return port_; }
     void show(std::string frame) {
         asio::post(io_, [this, shared = std::make_shared<const std::string>(std::move(frame))] { sendFrame(shared); });
@@ -212,7 +231,9 @@ private:
     void accept();
     void sendFrame(const Text& frame);
     void sendText(const Text& text);
-    bool admit(std::string_view secret, std::string& session);
+    bool admit(std::string_view secret, std::string& session, Secret& invitation);
+    void giveBack(Secret invitation, const std::string& session);
+    void addPolicy();
     void add(Viewer& viewer);
     void remove(Viewer& viewer);
     void take(Viewer& viewer, bool isTakeOver);
@@ -232,28 +253,45 @@ private:
     asio::steady_timer retry_{io_};
     unsigned short port_ = 0;
     std::vector<std::string> authorities_, origins_;
-    std::string firstHost_;
+    std::vector<std::string> publicAuthorities_;
+    std::string page_, policy_;
     const std::string watchSecret_ = makeSecret();
 
     std::set<Connection*> connections_;  // before a WebSocket
-    std::set<Viewer*> viewers_;
+    std::set<Viewer*> sockets_;          // all
+    std::set<Viewer*> viewers_;          // those that were greeted and have not left
     std::set<Watcher*> watchers_;
     Viewer* operator_ = nullptr;
     std::uint64_t lease_ = 0;
     std::map<std::string, Text> known_;
     int lastViewer_ = 0;
     std::mutex secrets_;  // invite() may be called by any thread
-    std::deque<std::string> invitations_, sessions_;
+    std::deque<Secret> invitations_, sessions_;
 };
 
 /** A connection that has its WebSocket. */
 class PageServer::Impl::Viewer : public std::enable_shared_from_this<Viewer> {
 public:
-    Viewer(Impl& owner, Stream&& stream, std::string session)
-        : owner_(owner), socket_(std::move(stream)), session_(std::move(session)), alive_(owner.io_) {
+    /** @param invitation  that it came by: used up when it is in, else given back; without a text: none */
+    Viewer(Impl& owner, Stream&& stream, std::string session, Secret invitation)
+        : owner_(owner),
+          socket_(std::move(stream)),
+          session_(std::move(session)),
+          invitation_(std::move(invitation)),
+          alive_(owner.io_),
+          reads_(owner.io_) {
+        owner_.sockets_.insert(this);
         ++owner_.server_.counts_.connections;
     }
-    ~Viewer() { --owner_.server_.counts_.connections; }
+    ~Viewer() {
+        owner_.sockets_.erase(this);
+        --owner_.server_.counts_.connections;
+        try {
+            owner_.remove(*this);
+            if (!invitation_.text.empty()) owner_.giveBack(std::move(invitation_), session_);
+        } catch (const std::exception&) {  // no memory to tell the others
+        }
+    }
 
     int id = 0;
 
@@ -276,6 +314,7 @@ public:
         });
         socket_.async_accept(request, [self = shared_from_this()](error_code error) {
             if (error) return;
+            self->invitation_ = {};
             self->owner_.add(*self);
             self->isOpen_ = true;
             self->expectLife();
@@ -305,7 +344,10 @@ public:
         error_code ignored;
         beast::get_lowest_layer(socket_).socket().close(ignored);
         alive_.cancel();
+        reads_.cancel();
     }
+
+    const std::string& session() const { return session_; }
 
 private:
     std::string makeGreeting() const { return json{{"hello", 1}, {"you", id}, {"session", session_}}.dump(); }
@@ -316,10 +358,16 @@ private:
             const std::string bytes = beast::buffers_to_string(self->buffer_.data());
             self->buffer_.consume(self->buffer_.size());
             self->expectLife();
-            if (self->socket_.got_text())
-                self->owner_.hear(*self, bytes);
-            else
-                self->owner_.feel(*self, bytes);
+            try {
+                if (self->socket_.got_text())
+                    self->owner_.hear(*self, bytes);
+                else
+                    self->owner_.feel(*self, bytes);
+            } catch (const std::exception&) {  // whoever is not heard any more must not stay the operator
+                ++self->owner_.server_.counts_.refusedMessages;
+                self->end();
+                return self->close();
+            }
             self->read();
         });
     }
@@ -345,9 +393,15 @@ private:
             now_ = std::move(frame_);
             frame_.reset();
         }
+        reads_.expires_after(toMilliseconds(kWrite_s));
+        reads_.async_wait([weak = weak_from_this()](error_code error) {
+            const auto self = weak.lock();
+            if (!error && self && self->isWriting_) self->close();
+        });
         socket_.text(isText);
         socket_.async_write(asio::buffer(*now_), [self = shared_from_this()](error_code error, std::size_t) {
             self->isWriting_ = false;
+            self->reads_.cancel();
             if (error) return self->end();
             self->write();
         });
@@ -362,7 +416,8 @@ private:
     Impl& owner_;
     websocket::stream<Stream> socket_;
     const std::string session_;
-    asio::steady_timer alive_;
+    Secret invitation_;
+    asio::steady_timer alive_, reads_;
     beast::flat_buffer buffer_{kMaxMessage + 1024};
     std::deque<Text> texts_;
     Text frame_, now_;
@@ -471,7 +526,8 @@ private:
 /** A connection until its request is answered, or becomes a viewer's. */
 class PageServer::Impl::Connection : public std::enable_shared_from_this<Connection> {
 public:
-    Connection(Impl& owner, tcp::socket&& socket) : owner_(owner), stream_(std::move(socket), owner.tls_) {
+    Connection(Impl& owner, tcp::socket&& socket, const asio::ip::address& from)
+        : address(from), owner_(owner), stream_(std::move(socket), owner.tls_) {
         owner_.connections_.insert(this);
         ++owner_.server_.counts_.connections;
         parser_.header_limit(kMaxHeader);
@@ -481,6 +537,8 @@ public:
         owner_.connections_.erase(this);
         --owner_.server_.counts_.connections;
     }
+
+    const asio::ip::address address;
 
     void begin() {
         beast::get_lowest_layer(stream_).expires_after(toMilliseconds(kHandshake_s));  // for all until the answer
@@ -541,19 +599,20 @@ private:
         // The browser sends the token where it would name a protocol: "viable.1, TOKEN".
         const std::string protocols = only(http::field::sec_websocket_protocol);
         const std::string prefix = std::string(kProtocol) + ", ";
+        if (owner_.sockets_.size() >= kMaxConnections) return answer(http::status::service_unavailable);
         std::string session;
+        Secret invitation;
         if (protocols.rfind(prefix, 0) != 0 ||
-            !owner_.admit(std::string_view(protocols).substr(prefix.size()), session))
+            !owner_.admit(std::string_view(protocols).substr(prefix.size()), session, invitation))
             return answer(http::status::unauthorized);
-        std::make_shared<Viewer>(owner_, std::move(stream_), std::move(session))->begin(request);
+        std::make_shared<Viewer>(owner_, std::move(stream_), std::move(session), std::move(invitation))->begin(request);
     }
 
     /** Anyone who knows the secret, from anywhere: see the class. */
     void judgeWatcher() {
         const auto& request = parser_.get();
         const std::string_view target(request.target().data(), request.target().size());
-        std::size_t index = 0;
-        if (!contains({owner_.watchSecret_}, target.substr(sizeof kWatch - 1), index))
+        if (!isSame(owner_.watchSecret_, target.substr(sizeof kWatch - 1)))
             return answer(http::status::unauthorized);
         if (request.method() != http::verb::get) return answer(http::status::method_not_allowed);
         if (!websocket::is_upgrade(request) || only(http::field::sec_websocket_version) != "13")
@@ -574,13 +633,14 @@ private:
         response_.set("Cross-Origin-Resource-Policy", "same-origin");
         if (status == http::status::ok) {
             response_.set(http::field::content_type, "text/html; charset=utf-8");
-            response_.set("Content-Security-Policy", "frame-ancestors 'none'");  // the rest stands in the page
-            response_.body() = owner_.options_.page;
+            response_.set("Content-Security-Policy", owner_.policy_);
+            response_.body() = {owner_.page_.data(), owner_.page_.size()};
             beast::get_lowest_layer(stream_).expires_after(toMilliseconds(kAlive_s));
         } else {
             ++owner_.server_.counts_.refusedRequests;
             response_.set(http::field::content_type, "text/plain; charset=utf-8");
-            response_.body() = std::string(http::obsolete_reason(status)) + "\n";
+            text_ = std::string(http::obsolete_reason(status)) + "\n";
+            response_.body() = {text_.data(), text_.size()};
         }
         if (status == http::status::upgrade_required) response_.set(http::field::upgrade, "websocket");
         if (status == http::status::method_not_allowed) response_.set(http::field::allow, "GET");
@@ -596,7 +656,8 @@ private:
     Stream stream_;
     beast::flat_buffer buffer_{kMaxHeader + 1024};
     http::request_parser<http::string_body> parser_;
-    http::response<http::string_body> response_;
+    std::string text_;
+    http::response<http::span_body<const char>> response_;  // of the one page, or of text_
 };
 
 PageServer::Impl::Impl(PageServer& server, PageOptions options, std::shared_ptr<TeleoperationFeed> hand,
@@ -620,13 +681,36 @@ PageServer::Impl::Impl(PageServer& server, PageOptions options, std::shared_ptr<
     }
     port_ = acceptor_.local_endpoint().port();
     const std::vector<std::string> hosts = listHosts(options_.address);
-    firstHost_ = hosts.front();
     for (const std::string& host : hosts) {
         authorities_.push_back(inUrl(host) + ":" + std::to_string(port_));
+        error_code noAddress;
+        const auto number = asio::ip::make_address(host, noAddress);
+        if (!noAddress && !number.is_loopback()) publicAuthorities_.push_back(authorities_.back());
         if (port_ == 443) authorities_.push_back(inUrl(host));
     }
+    if (publicAuthorities_.empty()) publicAuthorities_.push_back(authorities_.front());
     for (const std::string& authority : authorities_) origins_.push_back("https://" + authority);
+    addPolicy();
     accept();
+}
+
+/** The page as it is served, and the policy that stands in it, too, in a header: with the addresses of its WebSocket, which not all
+browsers take for the page's own. */
+void PageServer::Impl::addPolicy() {
+    constexpr char kConnect[] = "connect-src 'self'", kBegin[] = "http-equiv=\"Content-Security-Policy\" content=\"";
+    page_ = options_.page;
+    if (const std::size_t at = page_.find(kConnect); at != std::string::npos) {
+        std::string sockets;
+        for (const std::string& authority : authorities_)
+            if (authority.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789.:-") == std::string::npos)
+                sockets += " wss://" + authority;  // there is no way to write an IPv6 address
+        page_.insert(at + std::strlen(kConnect), sockets);
+    }
+    policy_ = "frame-ancestors 'none'";
+    const std::size_t begin = page_.find(kBegin);
+    if (begin == std::string::npos) return;
+    const std::size_t from = begin + std::strlen(kBegin);
+    policy_ = page_.substr(from, page_.find('"', from) - from) + "; " + policy_;
 }
 
 void PageServer::Impl::run() {
@@ -646,7 +730,7 @@ void PageServer::Impl::stop() {
         acceptor_.close(ignored);
         retry_.cancel();
         for (Connection* connection : std::set(connections_)) connection->close();
-        for (Viewer* viewer : std::set(viewers_)) viewer->close();
+        for (Viewer* viewer : std::set(sockets_)) viewer->close();
         for (Watcher* watcher : std::set(watchers_)) watcher->close();
     });
 }
@@ -661,38 +745,53 @@ void PageServer::Impl::accept() {
             });
             return;
         }
-        if (server_.counts_.connections >= kMaxConnections) {
-            ++server_.counts_.refusedRequests;  // closed at once: an answer would need a handshake
-        } else {
-            socket.set_option(tcp::no_delay(true), error);
-            socket.set_option(asio::socket_base::send_buffer_size(kSendBuffer), error);
-            std::make_shared<Connection>(*this, std::move(socket))->begin();
+        try {
+            const asio::ip::address address = socket.remote_endpoint(error).address();
+            const auto fromThere = std::count_if(connections_.begin(), connections_.end(),
+                                                 [&](const Connection* one) { return one->address == address; });
+            if (error || connections_.size() >= kMaxStrangers || fromThere >= kMaxPerAddress) {
+                ++server_.counts_.refusedRequests;  // closed at once: an answer would need a handshake
+            } else {
+                socket.set_option(tcp::no_delay(true), error);
+                socket.set_option(asio::socket_base::send_buffer_size(kSendBuffer), error);
+                std::make_shared<Connection>(*this, std::move(socket), address)->begin();
+            }
+        } catch (const std::exception&) {  // there is no memory for one more: others are heard all the same
+            ++server_.counts_.refusedRequests;
         }
         accept();
     });
 }
 
-std::string PageServer::Impl::invite() {
+/** @param by  session of the viewer that asks; empty: the program, whose invitations no viewer replaces */
+std::string PageServer::Impl::invite(const std::string& by) {
     std::string secret = makeSecret();
-    const std::string address = "https://" + inUrl(firstHost_) + ":" + std::to_string(port_) + "/#" + secret;
+    const std::string address = "https://" + publicAuthorities_.front() + "/#" + secret;
+    const auto dropOldest = [this](std::size_t most, const auto& counts) {
+        if (static_cast<std::size_t>(std::count_if(invitations_.begin(), invitations_.end(), counts)) > most)
+            invitations_.erase(std::find_if(invitations_.begin(), invitations_.end(), counts));
+    };
     const std::lock_guard lock(secrets_);
-    invitations_.push_back(std::move(secret));
-    if (invitations_.size() > kMaxInvitations) invitations_.pop_front();
+    invitations_.push_back({std::move(secret), by});
+    dropOldest(by.empty() ? kMaxInvitations : kMaxOfOneViewer, [&](const Secret& one) { return one.by == by; });
+    dropOldest(kMaxOfViewers, [](const Secret& one) { return !one.by.empty(); });
     return address;
 }
 
-bool PageServer::Impl::admit(std::string_view secret, std::string& session) {
+/** @param invitation  that was used; it counts no more until it is given back */
+bool PageServer::Impl::admit(std::string_view secret, std::string& session, Secret& invitation) {
     const std::lock_guard lock(secrets_);
     std::size_t index = 0;
     if (contains(sessions_, secret, index)) {
-        session = sessions_[index];
+        session = sessions_[index].text;
         return true;
     }
     if (!contains(invitations_, secret, index)) return false;
-    invitations_.erase(invitations_.begin() + static_cast<std::ptrdiff_t>(index));
     session = makeSecret();
-    sessions_.push_back(session);
+    sessions_.push_back({session, {}});
     if (sessions_.size() > kMaxSessions) sessions_.pop_front();
+    invitation = std::move(invitations_[index]);
+    invitations_.erase(invitations_.begin() + static_cast<std::ptrdiff_t>(index));
     return true;
 }
 
@@ -701,6 +800,15 @@ void PageServer::Impl::stream(const TickRecord& record) {
     asio::post(io_, [this, shared = std::make_shared<const TickRecord>(record)] {
         for (Watcher* watcher : std::set(watchers_)) watcher->show(*shared);
     });
+}
+
+/** Whoever came by it did not get in. */
+void PageServer::Impl::giveBack(Secret invitation, const std::string& session) {
+    const std::lock_guard lock(secrets_);
+    sessions_.erase(
+        std::remove_if(sessions_.begin(), sessions_.end(), [&](const Secret& one) { return one.text == session; }),
+        sessions_.end());
+    invitations_.push_front(std::move(invitation));
 }
 
 void PageServer::Impl::sendFrame(const Text& frame) {
@@ -760,7 +868,8 @@ void PageServer::Impl::hear(Viewer& viewer, const std::string& word) {
     }
     if (word == "start" && (operator_ == &viewer || !hand_)) return ask_(PageWish::Start);
     if (word == "invite")
-        return viewer.sendText(std::make_shared<const std::string>(json{{"invitation", invite()}}.dump()));
+        return viewer.sendText(
+            std::make_shared<const std::string>(json{{"invitation", invite(viewer.session())}}.dump()));
     if (word == "watch" && options_.channels)
         return viewer.sendText(std::make_shared<const std::string>(json{{"watch", watchAddress()}}.dump()));
     if (!word.empty() && word.front() == '{' && options_.place && (operator_ == &viewer || !hand_) &&
@@ -776,9 +885,11 @@ void PageServer::Impl::feel(Viewer& viewer, const std::string& bytes) {
         ++server_.counts_.refusedMessages;
         return;
     }
-    if (!(std::abs(hand_->now() - echo_s) <= kLate_s) && hand.engagement != 0) {
-        ++server_.counts_.lateHands;  // whoever sees the arm so late must not move it
-        return;
+    const double age_s = std::abs(hand_->now() - echo_s);
+    if (!(age_s <= kOld_s) && hand.engagement != 0) {  // whoever sees the arm so late must not move it
+        ++server_.counts_.lateHands;
+        if (age_s <= kLate_s) return;
+        hand.isTracked = false;
     }
     if (hand.engagement != 0) hand.engagement |= lease_ << 32;
     hand_->put(hand);
@@ -811,6 +922,9 @@ std::string PageServer::watchAddress() const {
 }
 void PageServer::stream(const TickRecord& record) {
     impl_->stream(record);
+}
+const std::vector<std::string>& PageServer::publicAuthorities() const {
+    return impl_->publicAuthorities();
 }
 void PageServer::show(std::string frame) {
     impl_->show(std::move(frame));

@@ -28,17 +28,20 @@ struct PageOptions {
     std::shared_ptr<const FoxgloveChannels> channels;  ///< for watchers with programs of their own; null: not offered
 };
 
-/** "127.0.0.1:8484", "[::1]:8484", an address or a port alone; empty: as the options are. Throws Error. */
+/** "127.0.0.1:8484", "[::1]:8484", "::1", an address or a port alone; empty: as the options are. Throws Error. */
 void readAddress(const std::string& text, PageOptions& options);
 
-/** All host names and addresses by which a browser may call a server at that address. */
+/** All host names and addresses by which a browser may call a server at that address: of networks that are up, IPv4 first; then
+those of this computer alone, then names. */
 std::vector<std::string> listHosts(const std::string& address);
 
 /** One HTTPS port with the page, a WebSocket (/live), and nothing else, for watchers and one operator.
 
 Who may: a request must name this host exactly (Host, Origin); a WebSocket needs a secret beside: a token from the address
 that the program prints, which counts once, or the session that it was exchanged for. Answers: 400 malformed, 401 no such token,
-403 another host or origin, 404, 405, 426 no WebSocket, 431 a header of more than 4 kB, 503 too many.
+403 another host or origin, 404, 405, 413 a body, 426 no WebSocket, 431 a header of more than 4 kB, 503 kMaxConnections viewers are
+there. Connections without a WebSocket are closed at once where there are kMaxStrangers already, or kMaxPerAddress of the same
+address: nobody without a secret takes a viewer's place.
 Words that a client may send: "alive" (each few seconds, or it is cut off), "pause" and "stop" by anyone; "take" and "take over" (the
 one lease to operate), "leave"; "start" by the operator; "invite" (an address for one more viewer); "watch" (the
 address for programs).
@@ -53,10 +56,13 @@ The end of the operator's connection or lease releases the hand.
 Threads: a thread of its own; what it calls must not wait. The methods by any. */
 class PageServer {
 public:
-    static constexpr int kMaxConnections = 16;
+    static constexpr int kMaxConnections = 16;  ///< with a WebSocket
+    static constexpr int kMaxStrangers = 8, kMaxPerAddress = 4;
     static constexpr std::size_t kMaxMessage = 65536, kMaxHeader = 4096;
     static constexpr double kHandshake_s = 2.0, kAlive_s = 10.0;
-    static constexpr double kLate_s = 0.5;  ///< a hand that has seen nothing newer does not count
+    static constexpr double kWrite_s = 5.0;  ///< who has read nothing for so long is cut off
+    /** A hand that has seen nothing newer is not followed, or (late) its engagement is over. */
+    static constexpr double kOld_s = 0.2, kLate_s = 0.5;
 
     /** Listens from now on. Throws Error.
     @param hand  null: nobody moves the arm by hand
@@ -67,12 +73,15 @@ public:
     PageServer& operator=(const PageServer&) = delete;
 
     unsigned short port() const;
-    /** The page's address with a token that lets one browser in. Of those that nobody used, the last 16 count. */
+    /** The page's address with a token that lets one browser in. Of those that nobody used, the last 16 count; of each viewer's
+    "invite" the last two. */
     std::string invite();
     /** Where a watcher's own program connects; empty: not offered. */
     std::string watchAddress() const;
     /** A row for all watchers. Those that have not taken the one before lose it. */
     void stream(const TickRecord& record);
+    /** By which other computers may call it, "192.168.1.2:8484"; the first is that of invite(). */
+    const std::vector<std::string>& publicAuthorities() const;
     /** A frame for all viewers, see LiveFrame.h. */
     void show(std::string frame);
     /** A message (JSON) for all viewers, now and when they come. `kind`: replaces the last of the same kind. */

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
 #include "viable/core/Error.h"
 #include "viable/plugin/PluginExport.h"
@@ -109,17 +110,17 @@ TickStatus Teleoperation::sample(double t, MotionCommand& out) {
     const bool isFresh = arrival.number != number_;
     number_ = arrival.number;
     const bool isFollowing = state_ == HandState::Engaged || state_ == HandState::Held;
-    const double gap_s = wasAsked_ ? now_s - asked_s_ : 0.0;
-    if (gap_s > TeleoperationFeed::kSilent_s) {
+    const double gap_s = wasAsked_ ? now_s - asked_s_ : std::numeric_limits<double>::infinity();
+    if (isFresh && arrival.message.engagement == 0) {
+        release();  // counts however old it is
+    } else if (gap_s > TeleoperationFeed::kSilent_s) {
         // Nobody looked at the hand meanwhile. A switch that is pressed now was perhaps pressed for something else.
-        const bool isPressed = isFresh && arrival.message.engagement != 0;
-        if (isPressed) engagement_ = arrival.message.engagement;
-        if (isFollowing || isPressed) end(HandState::Refused, HandRefusal::Paused);
+        if (isFresh) engagement_ = std::max(engagement_, arrival.message.engagement);
+        if (isFollowing || isFresh) end(HandState::Refused, HandRefusal::Paused);
     } else if (gap_s > TeleoperationFeed::kHold_s && state_ == HandState::Engaged) {
         end(HandState::Held, HandRefusal::None);
-    } else if (isFresh && now_s - arrival.received_s <= TeleoperationFeed::kHold_s) {
+    } else if (isFresh && now_s - arrival.received_s <= TeleoperationFeed::kHold_s && take(arrival.message, now_s)) {
         age_s_ = now_s - arrival.received_s;
-        take(arrival.message, now_s);
     } else if (isFollowing) {
         const double silence_s = now_s - fresh_s_;
         if (silence_s > TeleoperationFeed::kSilent_s) {
@@ -136,26 +137,36 @@ TickStatus Teleoperation::sample(double t, MotionCommand& out) {
     return TickStatus::Ok;
 }
 
-void Teleoperation::take(const HandMessage& message, double now_s) {
+void Teleoperation::release() {
+    if (state_ == HandState::Engaged || state_ == HandState::Held) end(HandState::Released, HandRefusal::None);
+    state_ = HandState::Released;
+}
+
+/** A hand whose switch is pressed. False: dropped, as if it had not come. */
+bool Teleoperation::take(const HandMessage& message, double now_s) {
     const bool isFollowing = state_ == HandState::Engaged || state_ == HandState::Held;
-    if (message.engagement == 0) {
-        if (isFollowing) end(HandState::Released, HandRefusal::None);
-        if (state_ == HandState::Refused) state_ = HandState::Released;
-        return;
-    }
+    if (message.engagement < engagement_) return false;  // of a press before this one
     const bool isNew = message.engagement != engagement_;
-    if (!isNew && !isFollowing) return;                    // over, until the switch is pressed anew
-    if (!isNew && message.sent_s <= last_.sent_s) return;  // older than what is known, or the same again
+    if (!isNew && !isFollowing) return false;                    // over, until the switch is pressed anew
+    if (!isNew && message.sent_s <= last_.sent_s) return false;  // older than what is known, or the same again
     engagement_ = message.engagement;
-    if (!isUsable(message)) return end(HandState::Refused, HandRefusal::NotFinite);
-    if (!message.isTracked) return end(HandState::Refused, HandRefusal::NotTracked);
+    if (!isUsable(message)) {
+        end(HandState::Refused, HandRefusal::NotFinite);
+        return true;
+    }
+    if (!message.isTracked) {
+        end(HandState::Refused, HandRefusal::NotTracked);
+        return true;
+    }
     if (isNew || state_ == HandState::Held || message.scale != last_.scale || message.part != last_.part) {
         latch(message);
     } else if (isJump(message)) {
-        return end(HandState::Refused, HandRefusal::Jump);
+        end(HandState::Refused, HandRefusal::Jump);
+        return true;
     }
     follow(message);
     fresh_s_ = now_s;
+    return true;
 }
 
 bool Teleoperation::isUsable(const HandMessage& message) const {

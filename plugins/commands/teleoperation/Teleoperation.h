@@ -14,10 +14,12 @@ of the newest pose (h', H'): engaging moves nothing, wherever the hand is. A cha
 the first message after a hold. Released, held or refused, the command is where the stop held ready leaves the arm; engaged, it is no farther from there than
 `lead_m` and `lead_rad`.
 The command has no velocity: it is a pose to go to.
-Refused, until the switch is pressed anew: what HandRefusal says. A message of an older time than one before is dropped.
+Refused, until the switch is pressed anew: what HandRefusal says; also a switch that was pressed before the first sample(). A
+message of an older time or engagement than one before is dropped; a release always counts.
 Times are those of the feed's clock.
 Guarantees: finite commands, whatever arrives. Limits are kept by the filter, not here.
-Real time: no allocation, lock or throw after configure(); one forward kinematics per tick. */
+Real time: no allocation, lock or throw after configure(); up to two evaluations of the arm's dynamics per tick, of which the
+tool's pose is used. */
 class Teleoperation : public TeleoperatedCommand {
 public:
     explicit Teleoperation(std::function<double()> clock = {});
@@ -30,7 +32,8 @@ public:
 
 private:
     bool isTool() const { return command_.space == MotionCommand::Space::Tool; }
-    void take(const HandMessage& message, double now_s);
+    void release();
+    bool take(const HandMessage& message, double now_s);
     bool isUsable(const HandMessage& message) const;
     bool isJump(const HandMessage& message) const;
     void latch(const HandMessage& message);

@@ -118,6 +118,24 @@ TEST(LiveSession, WaitsArmedAndDoesWhatItIsTold) {
     EXPECT_EQ(again.ticks, result.live->ticks);
 }
 
+TEST(LiveSession, ResumeDoesNotReplaceAPauseThatWasNotTakenYet) {
+    const Experiment e = test::readTestExperiment(kOneJoint, {kCertified, "duration_s=100"});
+    LiveSession session(configureCase(e.cases[0]), makeOptions(INFINITY));
+    session.resume(LiveAsker::Page);  // before any tick: all three are there at the first one
+    session.pause(LiveAsker::Key);
+    session.resume(LiveAsker::Page);
+    session.begin();
+    await([&] { return session.status().time_s > 0.1; });
+    EXPECT_EQ(session.status().state, LiveState::Armed);
+    EXPECT_LT(session.status().commandTime_s, 0.1);
+    session.resume(LiveAsker::Page);  // now it has been
+    await([&] { return session.status().state == LiveState::Running; });
+    session.stop(LiveAsker::Signal);
+    const CaseResult result = session.finish();
+    EXPECT_EQ(listChanges(result), (std::vector<std::string>{"running (program)", "armed (key)", "running (page)",
+                                                             "stopping (signal)", "stopped (program)"}));
+}
+
 /** A command that sleeps now and then, and counts what the loop's thread takes from the heap. */
 class SleepyCommand : public CommandSource {
 public:

@@ -19,11 +19,14 @@ namespace viable::test {
 /** A client that sends any bytes over TLS to this computer, and reads what comes. */
 class TlsClient {
 public:
-    explicit TlsClient(unsigned short port, bool shakesHands = true) {
+    /** @param from  of the addresses of this computer */
+    explicit TlsClient(unsigned short port, bool shakesHands = true, const char* from = "127.0.0.1") {
         std::signal(SIGPIPE, SIG_IGN);  // a server that closes is an answer
         socket_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
         sockaddr_in address{};
         address.sin_family = AF_INET;
+        ::inet_pton(AF_INET, from, &address.sin_addr);
+        if (::bind(socket_, reinterpret_cast<sockaddr*>(&address), sizeof address) != 0) return;
         address.sin_port = htons(port);
         ::inet_pton(AF_INET, "127.0.0.1", &address.sin_addr);
         if (::connect(socket_, reinterpret_cast<sockaddr*>(&address), sizeof address) != 0) return;

@@ -22,7 +22,7 @@ using Eigen::Vector3d;
 /** The plugin on an Indy7, ticks of 1 ms, a clock that the test advances, and an operator that sends 50 messages a second. */
 class Bench {
 public:
-    explicit Bench(const std::string& parameters = "lead_m: .inf, lead_rad: .inf")
+    explicit Bench(const std::string& parameters = "lead_m: .inf, lead_rad: .inf", bool runs = true)
         : source_([this] { return now_; }), robot_(loadRobot(VIABLE_SOURCE_DIR "/robots/indy7")), model_(robot_) {
         const int n = robot_.size();
         start_ = {robot_.home, JointVector::Zero(n), JointVector::Zero(n)};
@@ -32,6 +32,7 @@ public:
         source_.configure({robot_, robot_.limits, 0.001, 1.0, start_, startTool_},
                           readParameters(*root.find("command"), entry.parameters, entry.parameterCount, n));
         source_.observe(start_.q, start_.q);
+        if (runs) tick();
         message_.joints.setZero(n);
         message_.isTracked = true;
         message_.hand.position = {3.0, 1.0, -2.0};  // anywhere
@@ -320,6 +321,81 @@ TEST(Teleoperation, ASwitchThatWasPressedDuringAPauseCountsForNothing) {
     }
 }
 
+TEST(Teleoperation, ASwitchThatWasPressedBeforeTheStartCountsForNothing) {
+    Bench bench("lead_m: .inf, lead_rad: .inf", false);
+    HandMessage& hand = bench.hand();
+    hand.engagement = 1;
+    for (int k = 0; k < 5; ++k) {
+        bench.send();
+        hand.hand.position.x() += 0.02;
+        EXPECT_EQ(bench.state(), State::Refused) << k;
+    }
+    EXPECT_EQ(bench.status().refusal, Refusal::Paused);
+    expectSamePose(bench.command().tool, bench.startTool());
+    hand.engagement = 0;
+    bench.send();
+    EXPECT_EQ(bench.state(), State::Released);
+    hand.engagement = 2;
+    bench.send();
+    EXPECT_EQ(bench.state(), State::Engaged);
+}
+
+TEST(Teleoperation, ALetGoSwitchIsNoMorePressedHoweverLateThatIsLookedAt) {
+    for (const double gap_s : {0.0, 0.2, 0.51, 60.0}) {
+        SCOPED_TRACE(gap_s);
+        Bench bench;
+        HandMessage& hand = bench.hand();
+        hand.engagement = 1;
+        bench.send();
+        hand.hand.position.x() += 0.04;
+        bench.send();
+        EXPECT_EQ(bench.state(), State::Engaged);
+        hand.engagement = 0;
+        bench.source().feed()->put(hand);
+        bench.pause(gap_s);
+        bench.tick();
+        EXPECT_EQ(bench.state(), State::Released);
+        expectSamePose(bench.command().tool, bench.startTool());
+        bench.tick(600);
+        EXPECT_EQ(bench.state(), State::Released);
+        EXPECT_EQ(bench.status().refusal, Refusal::None);
+    }
+}
+
+TEST(Teleoperation, Fault62_AMessageOfAPressBeforeThisOneIsDropped) {
+    Bench bench;
+    HandMessage& hand = bench.hand();
+    hand.engagement = 6;
+    bench.send();
+    const HandMessage old = hand;
+    hand.engagement = 0;
+    bench.send();
+    hand.engagement = 7;
+    bench.send();
+    hand.hand.position.x() += 0.04;
+    bench.send();
+    const Pose followed = bench.command().tool;
+    HandMessage late = old;
+    late.sent_s = hand.sent_s + 0.001;
+    late.hand.position.x() -= 0.04;
+    for (int k = 0; k < 30; ++k) {  // neither followed nor a sign of life
+        bench.source().feed()->put(late);
+        late.sent_s += 0.02;
+        late.hand.position.x() -= 0.01;
+        bench.tick(2);
+        EXPECT_EQ(bench.status().engagement, 7u);
+    }
+    EXPECT_EQ(bench.state(), State::Engaged);
+    expectSamePose(bench.command().tool, followed);
+    bench.tick(100);
+    EXPECT_EQ(bench.state(), State::Held);
+    hand.engagement = 0;
+    bench.send();
+    bench.source().feed()->put(late);  // nor after its release
+    bench.tick();
+    EXPECT_EQ(bench.state(), State::Released);
+}
+
 TEST(Teleoperation, MissedTicksAreHeldLikeSilence) {
     Bench bench;
     HandMessage& hand = bench.hand();
@@ -422,7 +498,9 @@ TEST(Teleoperation, WhateverComesTheCommandIsFiniteAndStandsWithoutTheSwitch) {
     for (int k = 0; k < 20000; ++k) {
         HandMessage& hand = bench.hand();
         HandMessage before = hand;
-        hand.engagement = random() % 4 == 0 ? random() % 6 : hand.engagement;
+        // Rises, now and then mixed up.
+        if (random() % 4 == 0)
+            hand.engagement = random() % 3 == 0 ? 0 : static_cast<std::uint64_t>(k) / 4 + random() % 6;
         hand.isTracked = random() % 40 != 0;
         hand.hand.position += Vector3d(step(random), step(random), step(random));
         const bool isOdd = random() % 30 == 0;

@@ -12,7 +12,7 @@ namespace viable {
 struct HandMessage {
     enum class Part : unsigned char { Both, Position, Rotation };  ///< what of the hand's motion counts
 
-    /** Which press of the switch: another number, at least 1, each time that it is pressed; 0: it is released. */
+    /** Which press of the switch: a greater number, at least 1, each time that it is pressed; 0: it is released. */
     std::uint64_t engagement = 0;
     double sent_s = 0.0;     ///< by the sender's clock, rising within an engagement
     bool isTracked = false;  ///< the device sees the hand, and the operator sees the page
@@ -47,7 +47,7 @@ const char* getName(HandRefusal refusal);
 
 /** Between an operator's page and a command source: the newest message of the hand one way, its state the other way. Neither
 side waits for the other.
-Threads: put() and status() by one, take() and tell() by another one. Real time: take() and tell(). */
+Threads: put() by one, status() by one, take() and tell() by one. Real time: take() and tell(). */
 class TeleoperationFeed {
 public:
     static constexpr double kHold_s = 0.1;    ///< after so long without a message the command rests,

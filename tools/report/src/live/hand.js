@@ -10,6 +10,7 @@ const FASTEST_JOINT_RADPS = 3;
 const KEY_MPS = 0.15;
 const KEY_RADPS = 0.6;
 const DEAD_ZONE = 0.12;
+const RELEASES = 3; // a release is told so often
 
 /** Which way a key moves the hand: axis, sign. */
 const KEYS = {
@@ -39,6 +40,8 @@ export class Hand extends Emitter {
   #keys = new Set();
   #turns = false;
   #last = 0;
+  #isPadUp = false; // its switch was seen released: one that is merely still held is not pressed
+  #releases = 0; // that are to be told once more
 
   constructor(link, joints) {
     super();
@@ -48,7 +51,8 @@ export class Hand extends Emitter {
     setInterval(() => this.#step(), PERIOD_MS);
     // Whoever does not see the arm does not move it.
     document.addEventListener('visibilitychange', () => this.release());
-    for (const event of ['pagehide', 'freeze', 'blur']) addEventListener(event, () => this.release());
+    document.addEventListener('freeze', () => this.release());
+    for (const event of ['pagehide', 'blur']) addEventListener(event, () => this.release());
     addEventListener('keydown', (event) => this.#keyDown(event));
     addEventListener('keyup', (event) => this.#keyUp(event));
     link.on('close', () => this.release());
@@ -114,6 +118,7 @@ export class Hand extends Emitter {
     this.#by = null;
     this.#keys.clear();
     this.#send();
+    this.#releases = RELEASES - 1;
     this.emit('change');
   }
 
@@ -123,7 +128,12 @@ export class Hand extends Emitter {
     this.#last = now;
     this.#readKeys(dt);
     this.#readGamepad(dt);
-    if (!this.isPressed || this.#isMeasured) return;
+    if (!this.isPressed) {
+      if (this.#releases > 0) this.#send();
+      this.#releases = Math.max(0, this.#releases - 1);
+      return;
+    }
+    if (this.#isMeasured) return;
     const way = this.#goal.position.clone().sub(this.#position);
     this.#position.add(way.clampLength(0, FASTEST_MPS * dt));
     this.#orientation.rotateTowards(this.#goal.orientation, FASTEST_RADPS * dt);
@@ -155,6 +165,7 @@ export class Hand extends Emitter {
     if (this.#joints.length > 0 || !this.#isAllowed) return;
     event.preventDefault(); // the page does not scroll meanwhile
     this.#turns = event.shiftKey;
+    if (event.repeat && !this.#keys.has(key)) return; // held since before it counted
     this.#keys.add(key);
     this.press('keys');
   }
@@ -188,11 +199,13 @@ export class Hand extends Emitter {
   #readGamepad(dt) {
     const pad = [...(navigator.getGamepads?.() ?? [])].find((one) => one?.connected && one.axes.length >= 4);
     const isHeld = Boolean(pad?.buttons[SWITCH_BUTTON]?.pressed) && this.#joints.length === 0;
+    const wasUp = this.#isPadUp;
+    this.#isPadUp = Boolean(pad) && !isHeld;
     if (!isHeld) {
       this.release('gamepad');
       return;
     }
-    if (!this.press('gamepad')) return;
+    if (this.#by !== 'gamepad' && !(wasUp && this.press('gamepad'))) return;
     const [x, y, turn, up] = pad.axes.map((value) => (Math.abs(value) < DEAD_ZONE ? 0 : value));
     const velocity = new Vector3(-y, -x, -up).multiplyScalar(KEY_MPS);
     this.#drive('gamepad', velocity, new Vector3(0, 0, -turn * KEY_RADPS), dt);

@@ -5,7 +5,13 @@ const PROTOCOL = 'viable.1';
 const STORE = 'viable-live-session';
 const ALIVE_MS = 2000;
 const AGAIN_MS = 1000;
+const LATEST_AGAIN_MS = 30_000;
+const FAILURES = 3; // in a row, until a page is told that it may not be let in
 const HAND_NUMBERS = 10;
+
+const REFUSED =
+  'The program does not let this page in: an address counts once, and until the program ends. Ask it for another ' +
+  'one (key a in its terminal, or “Invite” on a page that is in).';
 
 /** What of a hand's motion counts, as in the message. */
 export const PARTS = ['both', 'position', 'rotation'];
@@ -27,7 +33,8 @@ export class Link extends Emitter {
   #socket = null;
   #secret;
   #fields = new Map();
-  #wasOpen = false;
+  #wasOpen = false; // once, at least
+  #failures = 0; // since then
   #echo = 0;
 
   constructor() {
@@ -57,12 +64,14 @@ export class Link extends Emitter {
     socket.onmessage = ({ data }) => (typeof data === 'string' ? this.#hear(JSON.parse(data)) : this.#see(data));
     socket.onclose = () => {
       this.you = 0;
-      this.reason = this.#wasOpen
+      const isLost = this.#wasOpen && this.#failures < FAILURES;
+      this.reason = isLost
         ? 'The program has ended, or cannot be reached. Trying again …'
-        : 'The program does not let this page in: an address counts once, and until the program ends. Ask it for another ' +
-          'one (key a in its terminal, or “Invite” on a page that is in).';
+        : (this.#wasOpen ? 'It has ended, or was started anew. ' : '') + REFUSED;
       this.emit('close');
-      if (this.#wasOpen) setTimeout(() => this.open(), AGAIN_MS);
+      if (!this.#wasOpen) return;
+      setTimeout(() => this.open(), Math.min(AGAIN_MS * 2 ** this.#failures, LATEST_AGAIN_MS));
+      this.#failures += 1;
     };
     this.#socket = socket;
   }
@@ -95,6 +104,7 @@ export class Link extends Emitter {
       this.#secret = message.session;
       remember(message.session);
       this.#wasOpen = true;
+      this.#failures = 0;
       this.emit('open');
     } else if (message.format) {
       const isFirst = this.live === null;

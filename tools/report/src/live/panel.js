@@ -11,6 +11,14 @@ const STATE_TEXTS = {
   stopping: 'Stopping for good',
   stopped: 'Stopped: the robot holds itself',
 };
+/** Who asked for a state. */
+const ASKERS = {
+  key: 'by a key in the terminal',
+  page: 'from a page',
+  signal: 'by a signal',
+  duration: 'its time was over',
+  fault: 'by a fault',
+};
 const HANDS = ['', 'moving', 'held: no fresh message', 'refused: let go and press again'];
 const REFUSALS = [
   '',
@@ -29,6 +37,7 @@ export class Bar {
   constructor(host, link, run, page) {
     this.link = link;
     this.pill = el('span', { class: 'pill', role: 'status' });
+    this.asker = el('span', { class: 'hint asker' });
     this.people = el('span', { class: 'hint people' });
     const button = (text, title, word, properties = {}) =>
       el('button', { type: 'button', text, title, onclick: () => link.say(word), ...properties });
@@ -47,19 +56,26 @@ export class Bar {
         el('p', { class: 'origin', text: [run.robot, run.case].filter(Boolean).join(' · ') }),
       ),
       this.pill,
+      this.asker,
       el('span', { class: 'push' }),
       el('span', { class: 'buttons acts' }, run.moves ? this.take : null, this.start, this.pause, this.stop),
       el('span', { class: 'buttons' }, this.people, this.invite, themeButton(page)),
     );
-    link.on('people open close', () => this.#update());
+    link.on('people open close event', () => this.#update());
     link.on('invitation', () => link.say('watch'));
     link.on('watch', () => this.#showInvitation());
     this.run = run;
-    addEventListener('keydown', (event) => {
-      if (event.key !== ' ' || event.target.closest?.('input, select, textarea')) return;
-      event.preventDefault(); // a button in focus is not pressed: space brakes, always
-      link.say('pause');
-    });
+    // Space brakes, whatever has the focus: nothing is written on this page, and a button in focus is not pressed.
+    for (const kind of ['keydown', 'keyup'])
+      addEventListener(
+        kind,
+        (event) => {
+          if (event.key !== ' ') return;
+          event.preventDefault();
+          if (kind === 'keydown' && !event.repeat) link.say('pause');
+        },
+        { capture: true },
+      );
     this.#update();
   }
 
@@ -79,6 +95,7 @@ export class Bar {
     const state = link.isOpen ? this.#state : 'lost';
     this.pill.className = `pill ${state}`;
     this.pill.textContent = state === 'lost' ? 'No connection' : (STATE_TEXTS[state] ?? '');
+    this.asker.textContent = state === link.event?.event ? (ASKERS[link.event.asker] ?? '') : '';
     const { operator, people } = link.people;
     this.take.textContent = link.isOperator ? 'Let go of control' : operator === null ? 'Take control' : 'Take over';
     this.take.setAttribute('aria-pressed', String(link.isOperator));
@@ -190,16 +207,22 @@ export class HandPanel {
 
   #sliders() {
     const { run, hand } = this;
+    let goal = []; // of all joints: only that of the slider that is held changes
+    const press = (by) => {
+      if (!hand.isPressed && hand.press(by, { joints: this.#q })) goal = [...this.#q];
+    };
     this.sliders = run.joints.map(({ name, lower, upper }, i) => {
       const slider = el('input', { type: 'range', min: lower, max: upper, step: 'any', 'aria-label': name });
-      const all = () => this.sliders.map((one) => Number(one.value));
       const by = `slider ${i}`;
-      slider.addEventListener('pointerdown', () => hand.press(by, { joints: this.#q }));
-      slider.addEventListener('input', () => hand.move(by, { joints: all() }));
+      slider.addEventListener('pointerdown', () => press(by));
+      slider.addEventListener('input', () => {
+        goal[i] = Number(slider.value);
+        hand.move(by, { joints: goal });
+      });
       for (const event of ['pointerup', 'pointercancel', 'lostpointercapture'])
         slider.addEventListener(event, () => hand.release(by));
-      slider.addEventListener('keydown', ({ key }) => {
-        if (/^(Arrow|Page)/.test(key)) hand.press(by, { joints: this.#q });
+      slider.addEventListener('keydown', ({ key, repeat }) => {
+        if (!repeat && /^(Arrow|Page)/.test(key)) press(by);
       });
       slider.addEventListener('keyup', () => hand.release(by));
       slider.addEventListener('blur', () => hand.release(by));
@@ -209,7 +232,7 @@ export class HandPanel {
       'div',
       { class: 'controls' },
       ...this.sliders.map((slider, i) => el('label', { class: 'row' }, el('span', { class: 'hint', text: run.joints[i].name }), slider)),
-      el('p', { class: 'hint', text: 'A joint moves while its slider is held.' }),
+      el('p', { class: 'hint', text: 'A joint moves to where its slider is, while that is held.' }),
     );
   }
 
@@ -219,9 +242,22 @@ export class HandPanel {
     return this.note.textContent;
   }
 
+  /** Each where its joint is, between the limits of now; those of a joint without limits are half a turn away. */
+  #placeSliders(frame) {
+    const ends = ['position_lower', 'position_upper'].map(frame);
+    this.sliders.forEach((slider, i) => {
+      const [lower, upper] = ends.map((values, k) =>
+        Number.isFinite(values[i]) ? values[i] : this.#q[i] + (k === 0 ? -Math.PI : Math.PI),
+      );
+      if (Number(slider.min) !== lower) slider.min = String(lower);
+      if (Number(slider.max) !== upper) slider.max = String(upper);
+      slider.value = String(this.#q[i]);
+    });
+  }
+
   show(frame, state) {
     this.#q = [...frame('q')];
-    if (this.sliders && !this.hand.isPressed) this.sliders.forEach((slider, i) => (slider.value = String(this.#q[i])));
+    if (this.sliders && !this.hand.isPressed) this.#placeSliders(frame);
     if (performance.now() - this.last < PERIOD_MS) return;
     this.last = performance.now();
     if (!this.run.moves) return;

@@ -116,6 +116,7 @@ export class View {
     // A finger or a pen that the system takes away lets go, too.
     for (const event of ['pointercancel', 'lostpointercapture'])
       this.renderer.domElement.addEventListener(event, () => {
+        this.#endDrag();
         this.orbit.enabled = true;
         this.hand.release('drag');
       });
@@ -127,11 +128,18 @@ export class View {
     return this.#eye !== null;
   }
 
+  /** The frame is not held any more: disabled during a drag, the controls would go on with it later. */
+  #endDrag() {
+    this.drag.dragging = false;
+    this.drag.axis = null;
+  }
+
   allowDrag(isAllowed) {
     if (isAllowed === (this.drag.object !== undefined)) return;
     if (isAllowed) this.drag.attach(this.handle);
     else this.drag.detach();
     this.drag.enabled = isAllowed;
+    if (!isAllowed) this.#endDrag();
     this.ask();
   }
 
