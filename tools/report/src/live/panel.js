@@ -11,7 +11,7 @@ const STATE_TEXTS = {
   stopping: 'Stopping for good',
   stopped: 'Stopped: the robot holds itself',
 };
-/** Who asked for a state. */
+/** Who held or stopped it. */
 const ASKERS = {
   key: 'by a key in the terminal',
   page: 'from a page',
@@ -95,7 +95,8 @@ export class Bar {
     const state = link.isOpen ? this.#state : 'lost';
     this.pill.className = `pill ${state}`;
     this.pill.textContent = state === 'lost' ? 'No connection' : (STATE_TEXTS[state] ?? '');
-    this.asker.textContent = state === link.event?.event ? (ASKERS[link.event.asker] ?? '') : '';
+    const isOf = state === link.event?.event && state !== 'running';
+    this.asker.textContent = isOf ? (ASKERS[link.event.asker] ?? '') : '';
     const { operator, people } = link.people;
     this.take.textContent = link.isOperator ? 'Let go of control' : operator === null ? 'Take control' : 'Take over';
     this.take.setAttribute('aria-pressed', String(link.isOperator));
