@@ -80,7 +80,7 @@ async function begin(link) {
         joint.upper = within(frame('position_upper')[i], Math.PI);
       });
       panels = {
-        hand: new HandPanel(part('operate'), run, hand, view ?? { setMode() {} }, link, phonePad(view, hand)),
+        hand: new HandPanel(part('operate'), stage, run, hand, view ?? { setMode() {} }, link, phonePad(view, hand)),
         joints: new JointPanel(part('joints'), run),
         times: new TimePanel(part('times'), run),
         strips: new Strips(part('strips'), run),
@@ -102,6 +102,10 @@ async function begin(link) {
     panels.placed?.show(frame);
   });
   link.on('people close', update);
+  link.on('open close', () => {
+    part('page').classList.toggle('lost', !link.isOpen);
+    if (!link.isOpen && /^stop/.test(bar.state)) showMessage('The arm has been stopped, and the program has ended. What is seen here is how it was last.');
+  });
   page.on('theme', () => {
     view?.paint();
     panels?.strips.paint();

@@ -19,7 +19,7 @@ const ASKERS = {
   duration: 'its time was over',
   fault: 'by a fault',
 };
-const HANDS = ['', 'moving', 'held: no fresh message', 'refused: let go and press again'];
+const HANDS = ['Ready.', 'Moving', 'Held: no fresh message.', 'Refused'];
 const REFUSALS = [
   '',
   'a number was no number',
@@ -29,6 +29,11 @@ const REFUSALS = [
   'the arm was held meanwhile',
 ];
 const PERIOD_MS = 100;
+
+const nameOf = (limit) => limit.replace('_', ' ').replace('clearance lower', 'clearance');
+
+/** The limits that act, each once. */
+const actingNames = (frame) => [...new Set(limitsOf(frame).filter(Boolean).map(nameOf))];
 
 /** The head: what is run, its state, and what can be asked of it. */
 export class Bar {
@@ -131,7 +136,7 @@ export class Bar {
 
 /** How the hand moves the arm, and how it is just now. */
 export class HandPanel {
-  constructor(host, run, hand, view, link, pad) {
+  constructor(host, stage, run, hand, view, link, pad) {
     this.run = run;
     this.hand = hand;
     this.link = link;
@@ -141,7 +146,7 @@ export class HandPanel {
     if (run.moves === 'tool' && pad) host.append(pad);
     if (run.moves === 'joints') host.append(this.#sliders());
     if (!run.moves) host.append(el('p', { class: 'hint', text: 'This case has a command of its own; this page shows what it does.' }));
-    host.append(this.note);
+    stage.append(this.note); // where the operator looks
     this.last = 0;
   }
 
@@ -195,13 +200,18 @@ export class HandPanel {
       el(
         'p',
         { class: 'hint keys' },
-        'Drag the arrows at the tool; it moves while you hold. Keys: ',
-        ...['←', '→', '↑', '↓', 'PgUp', 'PgDn'].map((text) => el('kbd', { text })),
-        ' shift, with ',
-        el('kbd', { text: '⇧' }),
-        ' they turn, ',
-        el('kbd', { text: 'space' }),
-        ' holds the arm. Gamepad: hold the right shoulder.',
+        'Drag the arrows at the tool; it moves while you hold. ',
+        el(
+          'span',
+          { class: 'desk' },
+          'Keys: ',
+          ...['←', '→', '↑', '↓', 'PgUp', 'PgDn'].map((text) => el('kbd', { text })),
+          ' shift, with ',
+          el('kbd', { text: '⇧' }),
+          ' they turn, ',
+          el('kbd', { text: 'space' }),
+          ' holds the arm. Gamepad: hold the right shoulder.',
+        ),
       ),
     );
   }
@@ -263,13 +273,15 @@ export class HandPanel {
     this.last = performance.now();
     if (!this.run.moves) return;
     const [hand, refusal] = [frame('hand')[0], frame('refusal')[0]];
-    let text = HANDS[hand] ?? '';
-    if (hand === 3) text = `${HANDS[3]} (${REFUSALS[refusal] ?? ''})`;
+    const isRunning = state === 'running';
+    let text = '';
     if (state === 'armed') text = this.link.isOperator ? 'Press Start: the arm is held.' : 'Take control, then Start.';
-    else if (state === 'running' && !this.link.isOperator) text = 'You watch. Take control to move the arm.';
-    else if (state === 'running' && text === '') text = 'Ready.';
-    else if (state !== 'running') text = '';
-    this.note.textContent = text;
+    else if (state === 'stopping') text = 'The arm brakes to rest, and the program ends.';
+    else if (isRunning && !this.link.isOperator) text = 'You watch. Take control to move the arm.';
+    else if (isRunning && hand === 3) text = `${HANDS[hand]}: ${REFUSALS[refusal] ?? ''}. Let go and press again.`;
+    else if (isRunning && hand === 1) text = [HANDS[hand], ...actingNames(frame)].join(' · ');
+    else if (isRunning) text = HANDS[hand] ?? '';
+    if (this.note.textContent !== text) this.note.textContent = text;
     this.note.dataset.hand = state === 'running' && this.link.isOperator ? String(hand) : '';
   }
 }
@@ -326,7 +338,7 @@ export class JointPanel {
       place(rest, frame('rest_q')[i], lower, upper);
       place(speed, frame('qd')[i], frame('velocity_lower')[i], frame('velocity_upper')[i]);
       const name = acting[i];
-      cell.textContent = name ? name.replace('_', ' ').replace('clearance lower', 'clearance') : '';
+      cell.textContent = name ? nameOf(name) : '';
       if (name) cell.style.setProperty('--key', limitColour(name));
     });
   }
