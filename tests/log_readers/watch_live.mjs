@@ -151,4 +151,6 @@ if (!isRealTime) {
 }
 assert.ok(quantile(rates, 0.5) > 0.95 * RATE_HZ, 'rows are lost'); // of a busy machine, in a window or two
 assert.ok(quantile(compute.with, 0.99) <= MOST_SLOWER * quantile(compute.without, 0.99), 'the loop notices');
-assert.ok(missed.with <= missed.without, 'ticks are missed');
+// Ticks are missed by chance where others use the machine: three standard deviations of the difference of two such counts.
+const chance = 3 * Math.sqrt(missed.with + missed.without);
+assert.ok(missed.with <= missed.without + chance, 'ticks are missed');
