@@ -612,8 +612,7 @@ private:
     void judgeWatcher() {
         const auto& request = parser_.get();
         const std::string_view target(request.target().data(), request.target().size());
-        if (!isSame(owner_.watchSecret_, target.substr(sizeof kWatch - 1)))
-            return answer(http::status::unauthorized);
+        if (!isSame(owner_.watchSecret_, target.substr(sizeof kWatch - 1))) return answer(http::status::unauthorized);
         if (request.method() != http::verb::get) return answer(http::status::method_not_allowed);
         if (!websocket::is_upgrade(request) || only(http::field::sec_websocket_version) != "13")
             return answer(http::status::upgrade_required);
