@@ -145,7 +145,7 @@ export async function timesAfter(page, act) {
 /** The address for one more browser, from the page that is in. */
 export async function invite(page) {
   await press(page, 'Invite');
-  const field = page.getByRole('textbox', { name: 'Address' });
+  const field = page.getByRole('textbox', { name: 'Address', exact: true });
   const text = await field.inputValue();
   await press(page, 'Close');
   return text;

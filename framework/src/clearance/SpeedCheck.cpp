@@ -207,13 +207,17 @@ void SpeedCheck::examine(const ArmPath& path, const ArmPath::Extremes& extremes,
 
 void SpeedCheck::addRows(const StopPair& stops, const Demand& demand, RowQp::Rows& rows) {
     JointVector there, row(n_);
-    for (double above = kInfinity;;) {
+    double last = kInfinity;
+    for (std::size_t before = parts_.size();;) {
         std::size_t k = parts_.size();
-        for (std::size_t next = 0; next < parts_.size(); ++next)
-            if (parts_[next].use < above && (k == parts_.size() || parts_[next].use > parts_[k].use)) k = next;
+        for (std::size_t next = 0; next < parts_.size(); ++next) {
+            const bool isLeft = parts_[next].use < last || (parts_[next].use == last && next > before);
+            if (isLeft && (k == parts_.size() || parts_[next].use > parts_[k].use)) k = next;
+        }
         if (k == parts_.size() || !(parts_[k].use > demand.ahead)) return;
         const Part& part = parts_[k];
-        above = part.use;
+        last = part.use;
+        before = k;
         stops.other.calcMotion(std::min(part.time_s, stops.other.duration()), position_, there);
         path_ = &stops.path;
         calcTwists(part.time_s);

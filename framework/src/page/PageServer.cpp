@@ -27,6 +27,7 @@
 #include <cmath>
 #include <cstring>
 #include <deque>
+#include <iterator>
 #include <map>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -428,7 +429,7 @@ private:
 class PageServer::Impl::Watcher : public std::enable_shared_from_this<Watcher> {
 public:
     Watcher(Impl& owner, Stream&& stream)
-        : owner_(owner), socket_(std::move(stream)), client_(*owner.options_.channels) {
+        : owner_(owner), socket_(std::move(stream)), client_(*owner.options_.channels), reads_(owner.io_) {
         owner_.watchers_.insert(this);
         ++owner_.server_.counts_.connections;
         ++owner_.server_.counts_.watchers;
@@ -467,11 +468,17 @@ public:
             ++owner_.server_.counts_.lostFrames;
             return;
         }
-        for (std::string& message : client_.makeMessages(record)) messages_.push_back(std::move(message));
-        write();
+        try {
+            auto made = client_.makeMessages(record);
+            messages_.assign(std::make_move_iterator(made.begin()), std::make_move_iterator(made.end()));
+            write();
+        } catch (const std::exception&) {  // no memory
+            close();
+        }
     }
 
     void close() {
+        isOpen_ = false;
         error_code ignored;
         beast::get_lowest_layer(socket_).socket().close(ignored);
     }
@@ -483,9 +490,13 @@ private:
             const std::string bytes = beast::buffers_to_string(self->buffer_.data());
             self->buffer_.consume(self->buffer_.size());
             std::string answer = R"({"op": "status", "level": 2, "message": "nothing is taken here"})";
-            if (!self->socket_.got_text() || !self->client_.hear(bytes, answer)) {
-                ++self->owner_.server_.counts_.refusedMessages;
-                self->send(answer);
+            try {
+                if (!self->socket_.got_text() || !self->client_.hear(bytes, answer)) {
+                    ++self->owner_.server_.counts_.refusedMessages;
+                    self->send(answer);
+                }
+            } catch (const std::exception&) {  // no memory
+                return self->close();
             }
             self->read();
         });
@@ -505,7 +516,12 @@ private:
         now_ = std::move(queue.front());
         queue.pop_front();
         socket_.text(!isWritingMessage_);
+        reads_.expires_after(toMilliseconds(kWrite_s));
+        reads_.async_wait([watcher = weak_from_this()](error_code error) {
+            if (const auto self = watcher.lock(); self && !error) self->close();  // it reads nothing
+        });
         socket_.async_write(asio::buffer(now_), [self = shared_from_this()](error_code error, std::size_t) {
+            self->reads_.cancel();
             self->isWriting_ = self->isWritingMessage_ = false;
             if (error) return self->end();
             self->write();
@@ -517,6 +533,7 @@ private:
     Impl& owner_;
     websocket::stream<Stream> socket_;
     FoxgloveClient client_;
+    asio::steady_timer reads_;
     beast::flat_buffer buffer_{kMaxMessage + 1024};
     std::deque<std::string> texts_, messages_;
     std::string now_;
@@ -613,6 +630,7 @@ private:
         const auto& request = parser_.get();
         const std::string_view target(request.target().data(), request.target().size());
         if (!isSame(owner_.watchSecret_, target.substr(sizeof kWatch - 1))) return answer(http::status::unauthorized);
+        if (owner_.watchers_.size() >= kMaxWatchers) return answer(http::status::service_unavailable);
         if (request.method() != http::verb::get) return answer(http::status::method_not_allowed);
         if (!websocket::is_upgrade(request) || only(http::field::sec_websocket_version) != "13")
             return answer(http::status::upgrade_required);

@@ -39,8 +39,8 @@ std::vector<std::string> listHosts(const std::string& address);
 
 Who may: a request must name this host exactly (Host, Origin); a WebSocket needs a secret beside: a token from the address
 that the program prints, which counts once, or the session that it was exchanged for. Answers: 400 malformed, 401 no such token,
-403 another host or origin, 404, 405, 413 a body, 426 no WebSocket, 431 a header of more than 4 kB, 503 kMaxConnections viewers are
-there. Connections without a WebSocket are closed at once where there are kMaxStrangers already, or kMaxPerAddress of the same
+403 another host or origin, 404, 405, 413 a body, 426 no WebSocket, 431 a header of more than 4 kB, 503 kMaxConnections viewers
+(kMaxWatchers watchers) are there. Connections without a WebSocket are closed at once where there are kMaxStrangers already, or kMaxPerAddress of the same
 address: nobody without a secret takes a viewer's place.
 Words that a client may send: "alive" (each few seconds, or it is cut off), "pause" and "stop" by anyone; "take" and "take over" (the
 one lease to operate), "leave"; "start" by the operator; "invite" (an address for one more viewer); "watch" (the
@@ -57,7 +57,7 @@ Threads: a thread of its own; what it calls must not wait. The methods by any. *
 class PageServer {
 public:
     static constexpr int kMaxConnections = 16;  ///< with a WebSocket
-    static constexpr int kMaxStrangers = 8, kMaxPerAddress = 4;
+    static constexpr int kMaxStrangers = 8, kMaxPerAddress = 4, kMaxWatchers = 8;
     static constexpr std::size_t kMaxMessage = 65536, kMaxHeader = 4096;
     static constexpr double kHandshake_s = 2.0, kAlive_s = 10.0;
     static constexpr double kWrite_s = 5.0;  ///< who has read nothing for so long is cut off

@@ -227,6 +227,7 @@ export class HandPanel {
       const by = `slider ${i}`;
       slider.addEventListener('pointerdown', () => press(by));
       slider.addEventListener('input', () => {
+        if (!hand.isPressedBy(by)) return;
         goal[i] = Number(slider.value);
         hand.move(by, { joints: goal });
       });

@@ -33,6 +33,12 @@ export class Placed {
       view.orbit.enabled = !value;
     });
     this.control.addEventListener('objectChange', () => this.#drag());
+    this.control.addEventListener('axis-changed', ({ value }) => view.yieldDrag(value !== null));
+    for (const event of ['pointercancel', 'lostpointercapture'])
+      view.renderer.domElement.addEventListener(event, () => {
+        this.control.dragging = false; // the controls know only of a pointer that goes up
+        this.control.axis = null;
+      });
     const button = (text, title, onclick) => el('button', { type: 'button', text, title, onclick });
     this.buttons = [
       button('Add a ball', 'Beside the tool; then drag it', () => this.add({ ball: BALL_M })),

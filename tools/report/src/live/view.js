@@ -143,6 +143,11 @@ export class View {
     this.ask();
   }
 
+  /** The pointer is on a handle of something else: the tool is not dragged along. */
+  yieldDrag(isTaken) {
+    if (!this.drag.dragging) this.drag.enabled = !isTaken && this.drag.object !== undefined;
+  }
+
   /** 'translate' or 'rotate'. */
   setMode(mode) {
     this.drag.setMode(mode);
