@@ -9,7 +9,7 @@ import { join } from 'node:path';
 export const [build, source, ...more] = process.argv.slice(2);
 process.env.VIABLE_REPORT_FOLDER = join(build, 'report');
 const { browser, eventually } = await import('./browser.mjs');
-export const shots = more[0] === '--screenshots' ? more[1] : null;
+export const shots = more.includes('--screenshots') ? more[more.indexOf('--screenshots') + 1] : null;
 if (shots) mkdirSync(shots, { recursive: true });
 const folder = mkdtempSync(join(tmpdir(), 'viable-live-test-'));
 process.on('exit', () => rmSync(folder, { recursive: true, force: true }));

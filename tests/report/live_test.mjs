@@ -1,11 +1,11 @@
-// The page of a live arm, as an operator has it: node live_test.mjs BUILD SOURCE [--screenshots FOLDER]
+// The page of a live arm, as an operator has it: node live_test.mjs BUILD SOURCE [--screenshots FOLDER] [--long]
 // A simulated Indy7 is driven by the program; a browser moves it by what stands on a desk.
 import assert from 'node:assert/strict';
 import { spawnSync } from 'node:child_process';
 import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import {
-  Arm, TITLE, awaitRest, distance, drag, holdArm, invite, number, numbers, open, press, program, projected, shoot, shots, sleep, timesAfter, tool,
+  Arm, TITLE, awaitRest, distance, drag, holdArm, invite, more, number, numbers, open, press, program, projected, shoot, shots, sleep, timesAfter, tool,
 } from './live_arm.mjs';
 
 const { eventually, finish, runTests } = await import('./browser.mjs'); // where its modules are is known now
@@ -282,6 +282,7 @@ const cases = [
   },
   {
     name: 'a minute of dragging leaves memory as it was, in the page and in the program',
+    isLong: true,
     body: async () => {
       await awaitRest(page);
       const browserEnd = await page.context().newCDPSession(page);
@@ -511,7 +512,7 @@ const cases = [
   },
 ];
 await runTests(
-  cases.filter(({ isTimed }) => arm.isRealTime || !isTimed),
+  cases.filter(({ isTimed, isLong }) => (arm.isRealTime || !isTimed) && (isLong !== true || more.includes('--long'))),
   { keepsPages: true },
 );
 
