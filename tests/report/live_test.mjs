@@ -444,7 +444,7 @@ const cases = [
         await touch('touchMove', { x: x - 3 * i, y: y - 2 * i });
         await sleep(30);
       }
-      await sleep(1500);
+      await sleep(3000);
       const after = await tool(phone);
       const handle = await phone.evaluate(() => window.viableLive.view.handle.position.toArray());
       console.log(`     ${(1000 * distance(before, after)).toFixed(1)} mm far, ${(1000 * distance(after, handle)).toFixed(2)} mm off`);
