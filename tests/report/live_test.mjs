@@ -14,6 +14,17 @@ const { arm, address } = await holdArm('tool');
 if (!arm.isRealTime) console.log(`no times are judged: this machine gives no real time:\n${arm.text}`);
 const page = await open(address);
 
+/** Space, and when the arm rests the word of a Start, as the hand stays where it is. @return where the tool rested */
+async function holdAndStart() {
+  await page.keyboard.press('Space');
+  await eventually(async () => (await page.textContent('.pill')).startsWith('Armed'), 'armed');
+  await awaitRest(page);
+  const rest = await tool(page);
+  await page.evaluate(() => window.viableLive.link.say('start'));
+  await eventually(async () => (await page.textContent('.pill')) === 'Running', 'the arm runs');
+  return rest;
+}
+
 const cases = [
   {
     name: 'the page shows the arm, small and soon, and asks nobody else',
@@ -239,12 +250,7 @@ const cases = [
       await page.evaluate(() => document.activeElement?.blur());
       await page.keyboard.down('ArrowUp');
       await eventually(async () => (await number(page, 'hand')) === 1, 'engaged');
-      await page.keyboard.press('Space');
-      await eventually(async () => (await page.textContent('.pill')).startsWith('Armed'), 'armed');
-      await awaitRest(page);
-      const before = await tool(page);
-      await page.evaluate(() => window.viableLive.link.say('start'));
-      await eventually(async () => (await page.textContent('.pill')) === 'Running', 'the arm runs');
+      const before = await holdAndStart();
       for (let i = 0; i < 20; ++i) {
         await page.keyboard.down('ArrowUp'); // the key repeats
         await sleep(30);
@@ -384,12 +390,7 @@ const cases = [
       await press(page, 'Take control');
       await page.evaluate(() => document.activeElement?.blur());
       await drag(page, -60, 0);
-      await page.keyboard.press('Space');
-      await eventually(async () => (await page.textContent('.pill')).startsWith('Armed'), 'armed');
-      await awaitRest(page);
-      const before = await tool(page);
-      await page.evaluate(() => window.viableLive.link.say('start'));
-      await eventually(async () => (await page.textContent('.pill')) === 'Running', 'the arm runs');
+      const before = await holdAndStart();
       const { x, y } = await projected(page, before);
       for (let i = 0; i < 10; ++i) {
         await page.mouse.move(x + 10 * i, y - 5 * i); // still held

@@ -71,8 +71,8 @@ struct TickRecord {
     bool paused = false;           ///< nor did they because the host was told to pause
     std::int64_t substituted = 0;  ///< controller torques replaced by the last good one so far
 
-    double interval_us =
-        0.0;  ///< in real time: between the beginnings of the last tick and of this one; 0: one of them was missed [us]
+    /** In real time, from the beginning of the last tick to that of this one [us]; 0: one of them was missed. */
+    double interval_us = 0.0;
     double compute_us = 0.0;                     ///< the whole tick [us]
     std::array<double, kStageCount> stage_us{};  ///< indexed by Stage [us]
 };
