@@ -243,6 +243,7 @@ TEST(LinkProgram, WhatCannotBeServedOrCalledIsRefused) {
     expectRefused(
         {"robot", kLinkedExperiment, "--case", "simulated", "--key-file", "README.md"},
         {"--key-file README.md: other users can read or write it (mode 644); if nobody did: chmod 600 README.md"});
+    expectRefused({"robot", kLinkedExperiment, "--case", "simulated", "--key-file", ""}, {"--key-file "});
     const test::TemporaryFolder folder;
     expectRefused(
         {"run", kLinkedExperiment, "--case", "linked", "--out", folder / "run", "--set",

@@ -179,6 +179,7 @@ TEST(Live, WhatCannotBeDrivenIsRefusedBeforeAFileIsMade) {
     expectRefused({"live", kExperiment, "--case", "simulated", "--wait"}, {"--wait", "no terminal"});
     expectRefused({"live", kExperiment, "--case", "simulated", "--set", "missed_ticks=[{at_s: 1, count: 2}]"},
                   {"missed_ticks are for simulated time"});
+    expectRefused({"live", kExperiment, "--case", "simulated", "--page", "127.0.0.1:80x"}, {"127.0.0.1:80x"});
     expectRefused({"live", kExperiment, "--case", "linked", "--set",
                    "cases.linked.real_plant={plugin: link, address: \"127.0.0.1:9\", connect_timeout_s: 0.3}"},
                   {"127.0.0.1:9", "does not answer", "See that `viable robot`"});

@@ -295,7 +295,12 @@ int tellEnd(int signal) {
 
 int goLive(const LiveArguments& arguments) {
     refuseLog(arguments.file);
-    if (!arguments.out.empty()) requireFreeFolder(arguments.out);  // before a robot is called
+    // Before a robot is called:
+    if (!arguments.out.empty()) requireFreeFolder(arguments.out);
+    if (arguments.hasPage) {
+        PageOptions page;
+        readAddress(arguments.page, page);
+    }
     const auto processors = ::sysconf(_SC_NPROCESSORS_CONF);
     if (arguments.realTime.cpu >= processors)
         throw badInput("--cpu " + std::to_string(arguments.realTime.cpu),

@@ -2,6 +2,7 @@
 #include <csignal>
 #include <cstdio>
 #include <memory>
+#include <optional>
 
 #include "Commands.h"
 #include "ExperimentArguments.h"
@@ -15,7 +16,8 @@ namespace viable {
 namespace {
 
 struct RobotArguments {
-    std::string file, caseName, listen, shm, keyFile;
+    std::string file, caseName, listen, shm;
+    std::optional<std::string> keyFile;
     std::vector<std::string> overrides;
     RobotServerOptions options;
 };
@@ -26,10 +28,10 @@ int serveRobot(const RobotArguments& arguments) {
         options.address = "shm:" + arguments.shm;
     else if (!arguments.listen.empty())
         options.address = arguments.listen;
-    if (!arguments.keyFile.empty()) {
+    if (arguments.keyFile) {  // also an empty name: nobody is to be served without the key that was asked for
         char error[256];
-        if (vl_key_from_file(arguments.keyFile.c_str(), &options.key, error, sizeof error) != 0)
-            throw badInput("--key-file " + arguments.keyFile, error);
+        if (vl_key_from_file(arguments.keyFile->c_str(), &options.key, error, sizeof error) != 0)
+            throw badInput("--key-file " + *arguments.keyFile, error);
     }
     const PluginLoader loader(PluginLoader::makeDefaultSearchPath());
     Experiment experiment = readDrawnExperiment(arguments.file, arguments.overrides, "", loader);

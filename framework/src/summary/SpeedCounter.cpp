@@ -127,7 +127,9 @@ void SpeedCounter::follow(Way& way, SpeedRecord& record, const JointState& state
 
 void SpeedCounter::add(const TickRecord& record) {
     follow(nominal_, speeds_.nominal, {record.nominal.q, record.nominal.qd}, record.time_s);
-    if (speeds_.real) follow(real_, *speeds_.real, record.actual, record.time_s);
+    // Where no reading came in time the last one stands there again: it was measured when it was new.
+    const bool isStale = record.missed && real_.hasBegun && record.actual.q == real_.last.q;
+    if (speeds_.real && !isStale) follow(real_, *speeds_.real, record.actual, record.time_s);
 }
 
 void SpeedCounter::addEnd(const MotionState& nominal, double time_s) {

@@ -87,6 +87,9 @@ constexpr std::uint64_t kOtherVersions = 4;
 /** Least tolerance of the torque at rest, for noise of the sensors: a share of the joint's limit, or without one [Nm]. */
 constexpr double kRestNoiseShare = 0.02, kRestNoise_Nm = 1.0;
 
+constexpr char kAbsurd[] = "sends states with numbers that are not finite, or that no arm has";
+constexpr char kAbsurdRemedy[] = "See what its driver writes into q, qd and tau, and their units: rad, rad/s and Nm.";
+
 static_assert(kMaxJoints == VL_MAX_JOINTS, "each arm of the framework fits into a packet, and the other way round");
 
 std::int64_t toNanoseconds(double seconds) {
@@ -227,6 +230,7 @@ void LinkPlant::refuseSilence() const {
     if (counts[VL_CORRUPT] > counts[VL_GOOD])
         refuse("sends packets that do not pass the check",
                "Give both sides the same key (key_file), or none to both of them.");
+    if (counts[VL_ABSURD] > counts[VL_GOOD]) refuse(kAbsurd, kAbsurdRemedy);
     if (counts[VL_GOOD] > 0 && host_.is_connected)
         refuse(
             "does not come to rest: its joints move with up to " +
@@ -236,8 +240,8 @@ void LinkPlant::refuseSilence() const {
     if (counts[VL_GOOD] > 0)
         refuse("sends states but takes no commands", "See what its driver says of the packets that it drops.");
     refuse("does not answer (tried for " + formatShort(connectTimeout_s_) + " s)",
-           "See that `viable robot` or the robot's driver runs and listens there, with the same version, key and "
-           "number of joints, and that no other host has it.");
+           "See that `viable robot` or the robot's driver runs and listens there (`viable robot` without --listen: at "
+           "127.0.0.1:47100), with the same version, key and number of joints, and that no other host has it.");
 }
 
 /** A robot with shared memory may not be there yet. */
@@ -515,10 +519,15 @@ TickStatus LinkPlant::read(std::int64_t& ticksPassed) {
     ticksPassed = 1;
     if (isGone_ || !isOpen_) return fail("it is not connected: no run has begun, or it has ended");
     if (readSequence_ == 0) receive(0);  // what has waited since reset() is old
+    const std::uint64_t absurdBefore = host_.counts[VL_ABSURD];
     if (!receive(toNanoseconds(silenceTimeout_s_))) {
-        char why[96];
-        std::snprintf(why, sizeof why, "no state has come for %.3g s; see that it and the line are up",
-                      silenceTimeout_s_);
+        char why[160];
+        if (host_.counts[VL_ABSURD] > absurdBefore)
+            std::snprintf(why, sizeof why, "for %.3g s it has sent numbers that are not finite, or that no arm has",
+                          silenceTimeout_s_);
+        else
+            std::snprintf(why, sizeof why, "no state has come for %.3g s; see that it and the line are up",
+                          silenceTimeout_s_);
         return fail(why);
     }
     takeState();

@@ -437,6 +437,19 @@ TEST(LinkPlant, WithAKeyOnlyWhoKnowsItIsHeard) {
     }
 }
 
+TEST(LinkPlant, ARobotThatSendsNoNumbersIsNotOneThatIsSilent) {
+    const PluginBench bench;
+    TestRobot robot("udp");
+    robot.saysNan = true;
+    LinkPlant plant;
+    try {
+        bench.configure(plant, say(robot, "connect_timeout_s: 0.3"));
+        FAIL() << "it is taken";
+    } catch (const Error& e) {
+        expectSays(e.what(), "sends states with numbers that are not finite, or that no arm has. See what its driver");
+    }
+}
+
 TEST(LinkPlant, WhatCannotBeCalledIsRefused) {
     const PluginBench bench;
     for (const char* bad : {"localhost:47100", "127.0.0.1", "robot"}) {
@@ -521,6 +534,8 @@ TEST(Fault84, ARobotThatCannotFollowIsRefusedAndInARunEndsIt) {
     expectEnd([](TestRobot& robot) { robot.isDeaf = true; },
               " ticks before in the mean of 40, and the gains reckon with delay_ticks: 1", 80, "repeat_ticks: 1000");
     expectEnd([](TestRobot& robot) { robot.saysNan = true; }, " absurd; ticks without a state:");
+    expectEnd([](TestRobot& robot) { robot.saysNan = true; },
+              " s it has sent numbers that are not finite, or that no arm has");
     expectEnd([](TestRobot& robot) { robot.changesTick = true; }, " other tick; ticks without a state:");
     expectEnd([](TestRobot& robot) { robot.counted_ns = 2'000'000; },
               "it says that its tick is 0.001 s, and its time goes on by 0.002 s in each", 200);
