@@ -243,7 +243,8 @@ TEST(LinkProgram, WhatCannotBeServedOrCalledIsRefused) {
     expectRefused(
         {"robot", kLinkedExperiment, "--case", "simulated", "--key-file", "README.md"},
         {"--key-file README.md: other users can read or write it (mode 644); if nobody did: chmod 600 README.md"});
-    expectRefused({"robot", kLinkedExperiment, "--case", "simulated", "--key-file", ""}, {"--key-file "});
+    expectRefused({"robot", kLinkedExperiment, "--case", "simulated", "--key-file", "", "--duration", "0.1"},
+                  {"--key-file ", "it cannot be read: No such file"});
     const test::TemporaryFolder folder;
     expectRefused(
         {"run", kLinkedExperiment, "--case", "linked", "--out", folder / "run", "--set",

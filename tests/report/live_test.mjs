@@ -512,6 +512,7 @@ const cases = [
     },
   },
 ];
+if (!more.includes('--long')) console.log('left out: a minute of dragging (--long)');
 await runTests(
   cases.filter(({ isTimed, isLong }) => (arm.isRealTime || !isTimed) && (isLong !== true || more.includes('--long'))),
   { keepsPages: true },

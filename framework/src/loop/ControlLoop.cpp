@@ -738,6 +738,7 @@ void ControlLoop::fillRecord(TickRecord& record, bool decided) const {
     record.tool = dynamics_.tool;
     record.real = real_;
     record.actual = actual_;
+    record.hasReading = true;
     record.desiredTorque = desiredTorque_;
     record.filterTorque = motion_.torque;
     record.externalTorque = externalTorque_;
@@ -859,6 +860,7 @@ void ControlLoop::passTick(TickRecord& record, bool hasPlant) noexcept {
     timer.mark(Stage::Filter);
     countPause();
     fillRecord(record, false);
+    record.hasReading = hasPlant;
     finishTick(record, timer, hasPlant);
 }
 

@@ -50,7 +50,7 @@ void CollisionCounter::follow(Way& way, CollisionRecord& record, const JointStat
 
 void CollisionCounter::add(const TickRecord& record) {
     follow(nominal_, collisions_.nominal, {record.nominal.q, record.nominal.qd}, record.time_s);
-    if (collisions_.real) follow(real_, *collisions_.real, record.actual, record.time_s);
+    if (collisions_.real && record.hasReading) follow(real_, *collisions_.real, record.actual, record.time_s);
 }
 
 void CollisionCounter::addEnd(const MotionState& nominal, double time_s) {

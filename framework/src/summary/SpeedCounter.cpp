@@ -112,7 +112,7 @@ void SpeedCounter::finishTick(Way& way, SpeedRecord& record) {
 }
 
 void SpeedCounter::follow(Way& way, SpeedRecord& record, const JointState& state, double time_s) {
-    if (way.hasBegun) {
+    if (way.hasBegun && !way.hasGap) {  // between rows that are far apart nobody knows
         const double h = time_s - way.time_s;
         const JointVector middle = 0.5 * (way.last.q + state.q) + h / 8.0 * (way.last.qd - state.qd);
         const JointVector speed = 1.5 / h * (state.q - way.last.q) - 0.25 * (way.last.qd + state.qd);
@@ -123,13 +123,16 @@ void SpeedCounter::follow(Way& way, SpeedRecord& record, const JointState& state
     way.last = state;
     way.time_s = time_s;
     way.hasBegun = true;
+    way.hasGap = false;
 }
 
 void SpeedCounter::add(const TickRecord& record) {
     follow(nominal_, speeds_.nominal, {record.nominal.q, record.nominal.qd}, record.time_s);
-    // Where no reading came in time the last one stands there again: it was measured when it was new.
-    const bool isStale = record.missed && real_.hasBegun && record.actual.q == real_.last.q;
-    if (speeds_.real && !isStale) follow(real_, *speeds_.real, record.actual, record.time_s);
+    if (!speeds_.real) return;
+    if (record.hasReading)
+        follow(real_, *speeds_.real, record.actual, record.time_s);
+    else
+        real_.hasGap = true;
 }
 
 void SpeedCounter::addEnd(const MotionState& nominal, double time_s) {

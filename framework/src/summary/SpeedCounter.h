@@ -38,8 +38,8 @@ private:
     /** One arm on its way through the run. */
     struct Way {
         JointState last;
-        double time_s = 0.0, use = 0.0;  // use: since the last row
-        bool hasBegun = false;
+        double time_s = 0.0, use = 0.0;         // use: since the last row
+        bool hasBegun = false, hasGap = false;  // hasGap: rows without a reading since
     };
 
     void follow(Way& way, SpeedRecord& record, const JointState& state, double time_s);

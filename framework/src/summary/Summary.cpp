@@ -295,7 +295,8 @@ void Summary::addCommand(int i, const TickRecord& record) {
     ++commandTicks_;
     following_[static_cast<std::size_t>(i)].add(
         record.nominal.q[i], target, std::max(-bounds_.velocity.lower[i], bounds_.velocity.upper[i]), tick_s_);
-    if (!hasRealPlant_) return;
+    if (!hasRealPlant_ || !record.hasReading) return;
+    ++realCommandTicks_;
     const double real = record.actual.q[i] - target;
     squaredRealCommandError_ += real * real;
 }
@@ -304,7 +305,7 @@ void Summary::addTool(const TickRecord& record) {
     if (record.command.space != MotionCommand::Space::Tool || record.paused) return;
     toolError_.add(record.tool, record.command.tool);
     toolCauses_.add((record.tool.position - record.command.tool.position).squaredNorm(), actingKinds_, tick_s_);
-    if (hasRealPlant_ && reference_.calcTool)
+    if (hasRealPlant_ && record.hasReading && reference_.calcTool)
         realToolError_.add(reference_.calcTool(record.actual.q), record.command.tool);
     commandMotion_.add(record.command.tool.position, tick_s_);
     toolMotion_.add(record.tool.position, tick_s_);
@@ -326,7 +327,8 @@ void Summary::addRest(int i, const TickRecord& record) {
     rested_s_ += tick_s_;
 }
 
-void Summary::addReal(const TickRecord& record) {
+void Summary::addReading(const TickRecord& record) {
+    ++readings_;
     const JointLimits& limits = reference_.limits ? *reference_.limits : bounds_;
     const JointVector& q = record.actual.q;
     const JointVector& qd = record.actual.qd;
@@ -349,6 +351,9 @@ void Summary::addReal(const TickRecord& record) {
         check(realStop_[0], LimitKind::Position, limits.position, q, record.time_s);
         check(realStop_[1], LimitKind::Velocity, limits.velocity, qd, record.time_s);
     }
+}
+
+void Summary::addMotors(const TickRecord& record) {
     for (int i = 0; i < reference_.torqueLimit.size(); ++i) addMotor(i, record);
     if (record.externalTorque.hasNaN()) ++externalTorqueMissing_;
 }
@@ -445,14 +450,15 @@ void Summary::add(const TickRecord& record) {
     addEnd({record.nominal.q, record.nominal.qd, record.nominal.qdd}, record.time_s);
     const bool outside = check(limits_[3], LimitKind::Jerk, bounds_.jerk, record.nominal.jerk, record.time_s);
     broken_ |= outside && !isRecovering_;
-    if (hasRealPlant_) addReal(record);
+    if (hasRealPlant_ && record.hasReading) addReading(record);
+    if (hasRealPlant_) addMotors(record);
     actingKinds_ = 0;
     for (int i = 0; i < n; ++i) actingKinds_ |= 1u << static_cast<unsigned>(record.joints[i].limit);
     for (int i = 0; i < n; ++i) {
         addIntervention(i, record);
         addCommand(i, record);
         addRest(i, record);
-        if (hasRealPlant_) {
+        if (hasRealPlant_ && record.hasReading) {
             const double e = record.actual.q[i] - record.nominal.q[i];
             squaredError_[i] += e * e;
             largestError_[i] = std::max(largestError_[i], std::abs(e));
@@ -515,7 +521,7 @@ double Summary::commandErrorRms() const {
 }
 
 double Summary::realCommandErrorRms() const {
-    return commandTicks_ ? std::sqrt(squaredRealCommandError_ / static_cast<double>(commandTicks_)) : kNan;
+    return realCommandTicks_ ? std::sqrt(squaredRealCommandError_ / static_cast<double>(realCommandTicks_)) : kNan;
 }
 
 double Summary::jerkRms() const {
@@ -529,7 +535,7 @@ double Summary::chatter() const {
 }
 
 double Summary::trackingRms(int joint) const {
-    return ticks_ ? std::sqrt(squaredError_[joint] / static_cast<double>(ticks_)) : 0.0;
+    return readings_ ? std::sqrt(squaredError_[joint] / static_cast<double>(readings_)) : 0.0;
 }
 
 double Summary::trackingMax(int joint) const {
@@ -537,7 +543,7 @@ double Summary::trackingMax(int joint) const {
 }
 
 double Summary::trackingRms() const {
-    return ticks_ ? std::sqrt(squaredError_.mean() / static_cast<double>(ticks_)) : 0.0;
+    return readings_ ? std::sqrt(squaredError_.mean() / static_cast<double>(readings_)) : 0.0;
 }
 
 double Summary::trackingMax() const {

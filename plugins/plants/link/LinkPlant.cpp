@@ -20,8 +20,8 @@ constexpr ParameterSpec kParameters[] = {
                     "the same computer)."),
     parameter::file(
         "key_file", "",
-        "32 hexadecimal digits that the robot knows, too; packets of others are then dropped. None: whoever "
-        "reaches the robot can command it."),
+        "32 hexadecimal digits that the robot knows, too; packets of others are then dropped. None, or an empty name: "
+        "whoever reaches the robot can command it."),
     parameter::flag("adds_gravity", "false",
                     "The robot adds the torque that holds the arm against gravity: it is sent the rest, and measures "
                     "so."),
@@ -88,7 +88,8 @@ constexpr std::uint64_t kOtherVersions = 4;
 constexpr double kRestNoiseShare = 0.02, kRestNoise_Nm = 1.0;
 
 constexpr char kAbsurd[] = "sends states with numbers that are not finite, or that no arm has";
-constexpr char kAbsurdRemedy[] = "See what its driver writes into q, qd and tau, and their units: rad, rad/s and Nm.";
+constexpr char kAbsurdRemedy[] =
+    "See what its driver writes into q, qd, tau, external and echo, and its units: rad, rad/s and Nm.";
 
 static_assert(kMaxJoints == VL_MAX_JOINTS, "each arm of the framework fits into a packet, and the other way round");
 
@@ -520,11 +521,17 @@ TickStatus LinkPlant::read(std::int64_t& ticksPassed) {
     if (isGone_ || !isOpen_) return fail("it is not connected: no run has begun, or it has ended");
     if (readSequence_ == 0) receive(0);  // what has waited since reset() is old
     const std::uint64_t absurdBefore = host_.counts[VL_ABSURD];
+    const std::int64_t begin_ns = vl_now_ns();
     if (!receive(toNanoseconds(silenceTimeout_s_))) {
-        char why[160];
-        if (host_.counts[VL_ABSURD] > absurdBefore)
-            std::snprintf(why, sizeof why, "for %.3g s it has sent numbers that are not finite, or that no arm has",
-                          silenceTimeout_s_);
+        const std::uint64_t absurd = host_.counts[VL_ABSURD] - absurdBefore;
+        const double waited_s = 1e-9 * static_cast<double>(vl_now_ns() - begin_ns);
+        char why[224];
+        if (absurd > 0)
+            std::snprintf(
+                why, sizeof why,
+                "no usable state has come for %.3g s, but %llu with numbers that are not finite or that no arm "
+                "has; see what its driver writes into q, qd, tau, external and echo",
+                waited_s, static_cast<unsigned long long>(absurd));
         else
             std::snprintf(why, sizeof why, "no state has come for %.3g s; see that it and the line are up",
                           silenceTimeout_s_);

@@ -7,27 +7,29 @@
 namespace viable {
 namespace {
 
-/** Rows of an arm whose first joint turns at 1 rad/s; in a row that is missed the reading is the one before. */
-Speeds judge(const std::vector<bool>& missed) {
+/** Rows of an arm whose first joint has so many rad/s in each of them; in those of `late` the reading is the one before. */
+Speeds judge(const std::vector<double>& velocity, const std::vector<bool>& late) {
     RobotDescription robot = testing::makeTwoLinkArm();
     robot.speedLimits.tool = 10.0;
     detail::SpeedCounter counter(robot, nullptr, true);
     TickRecord row;
-    for (std::size_t k = 0; k < missed.size(); ++k) {
+    row.nominal.q = row.nominal.qd = JointVector::Zero(2);
+    for (std::size_t k = 0; k < velocity.size(); ++k) {
         row.time_s = 1e-3 * static_cast<double>(k);
-        row.missed = missed[k];
-        row.nominal.q = row.nominal.qd = JointVector::Zero(2);
-        row.nominal.q[0] = row.time_s;
-        row.nominal.qd[0] = 1.0;
-        if (!row.missed) row.actual = {row.nominal.q, row.nominal.qd};
+        if (k > 0) row.nominal.q[0] += 0.5e-3 * (velocity[k - 1] + velocity[k]);
+        row.nominal.qd[0] = velocity[k];
+        row.missed = late[k];
+        row.hasReading = !late[k];
+        if (row.hasReading) row.actual = {row.nominal.q, row.nominal.qd};
         counter.add(row);
     }
     return counter.speeds();
 }
 
 TEST(SpeedCounter, AReadingThatStandsThereAgainIsNoJump) {
-    const Speeds all = judge({false, false, false, false, false, false, false});
-    const Speeds late = judge({false, false, true, true, true, false, false});
+    const std::vector<double> velocity(7, 1.0);
+    const Speeds all = judge(velocity, std::vector<bool>(7, false));
+    const Speeds late = judge(velocity, {false, false, true, true, true, false, false});
     ASSERT_TRUE(all.real && late.real);
     EXPECT_GT(all.real->largest, 0.1);
     EXPECT_NEAR(all.real->largest, all.nominal.largest, 1e-12);
@@ -35,6 +37,17 @@ TEST(SpeedCounter, AReadingThatStandsThereAgainIsNoJump) {
     EXPECT_EQ(all.real->ticks, 6);
     EXPECT_EQ(late.real->ticks, 3);
     EXPECT_EQ(late.nominal.ticks, 6);
+}
+
+TEST(SpeedCounter, NothingIsMadeUpForAGap) {
+    std::vector<double> velocity(120, 1.0);  // it coasts, and brakes in the last part of the gap
+    for (std::size_t k = 100; k < velocity.size(); ++k) velocity[k] = 1.0 - 0.05 * static_cast<double>(k - 99);
+    std::vector<bool> late(velocity.size(), true);
+    late.front() = late.back() = false;
+    late[1] = false;
+    const Speeds found = judge(velocity, late);
+    EXPECT_NEAR(found.real->largest, found.nominal.largest, 1e-9);
+    EXPECT_LE(found.real->use, found.nominal.use + 1e-12);
 }
 
 }  // namespace

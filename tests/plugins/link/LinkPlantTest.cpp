@@ -535,7 +535,7 @@ TEST(Fault84, ARobotThatCannotFollowIsRefusedAndInARunEndsIt) {
               " ticks before in the mean of 40, and the gains reckon with delay_ticks: 1", 80, "repeat_ticks: 1000");
     expectEnd([](TestRobot& robot) { robot.saysNan = true; }, " absurd; ticks without a state:");
     expectEnd([](TestRobot& robot) { robot.saysNan = true; },
-              " s it has sent numbers that are not finite, or that no arm has");
+              " s, but 1 with numbers that are not finite or that no arm has; see what its driver writes into q");
     expectEnd([](TestRobot& robot) { robot.changesTick = true; }, " other tick; ticks without a state:");
     expectEnd([](TestRobot& robot) { robot.counted_ns = 2'000'000; },
               "it says that its tick is 0.001 s, and its time goes on by 0.002 s in each", 200);

@@ -47,6 +47,8 @@ struct TickRecord {
     Pose tool;          ///< tool of the nominal arm, base frame
     JointState real;    ///< as measured
     JointState actual;  ///< the truth of a simulated plant
+    /** Both are of this tick. False: no reading came in time, and the last one stands there again. Not logged. */
+    bool hasReading = true;
 
     JointVector desiredTorque;  ///< tau_d, the controller's [Nm]
     JointVector filterTorque;   ///< tau_c, the safety filter's [Nm]

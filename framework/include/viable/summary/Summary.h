@@ -198,7 +198,8 @@ struct Collisions {
 };
 
 /** How fast points of an arm moved, against RobotDescription::speedLimits. Looked at in the rows and half-way between them;
-a tick counts with the looks after its beginning, the first one with that, too. */
+a tick counts with the looks after its beginning, the first one with that, too. Of a real arm whose readings did not come in
+time, ticks without one do not count, and the way to the next reading is not judged. */
 struct SpeedRecord {
     double largest = 0.0;  ///< of all points that are limited somewhere [m/s]
     double use = 0.0;      ///< largest speed / limit; 0: nothing moved where a limit counts
@@ -350,7 +351,8 @@ private:
     void addCommand(int joint, const TickRecord& record);
     void addTool(const TickRecord& record);
     void addRest(int joint, const TickRecord& record);
-    void addReal(const TickRecord& record);
+    void addReading(const TickRecord& record);
+    void addMotors(const TickRecord& record);
     void addMotor(int joint, const TickRecord& record);
     static std::size_t findReal(LimitKind kind) { return kind == LimitKind::Position ? 0 : 1; }
 
@@ -399,6 +401,7 @@ private:
     double squaredCommandError_ = 0.0;
     std::int64_t commandTicks_ = 0;  // joint-ticks
     double squaredRealCommandError_ = 0.0;
+    std::int64_t realCommandTicks_ = 0;  // joint-ticks with a reading
     std::vector<JointFollowing> following_;
     std::vector<ErrorCauses> causes_;  // likewise
     ErrorCauses toolCauses_;
@@ -416,6 +419,7 @@ private:
     std::int64_t ticks_ = 0;
     std::int64_t substituted_ = 0;
     JointVector squaredError_, largestError_;
+    std::int64_t readings_ = 0;  // of the real arm
     TimeHistogram tickTime_;
     std::array<TimeHistogram, kStageCount> stageTimes_;
 };
