@@ -1,6 +1,6 @@
 // Property tests of certified braking: random limits, random arms, adversarial input, millions of joint steps.
 //
-//     viable_properties limits|recovery|changing_limits|stops|monitor|obstacles|speeds|references|any_arm|dynamics|tracking|
+//     viable_properties limits|recovery|changing_limits|stops|monitor|obstacles|freezing|speeds|references|any_arm|dynamics|tracking|
 //                       tracking_poses|bound|link [--steps N] [--seed S] [--arm K]
 //
 // --steps counts joint steps (joints times ticks), 20,000,000 by default; the long mode is --steps 1e9. For `stops` it
@@ -61,6 +61,7 @@ int main(int argc, char** argv) {
                                                                            {"stops", checkStops},
                                                                            {"monitor", checkMonitor},
                                                                            {"obstacles", checkObstacles},
+                                                                           {"freezing", checkFreezing},
                                                                            {"speeds", checkSpeeds},
                                                                            {"references", checkReferences},
                                                                            {"any_arm", checkAnyArm},
