@@ -54,8 +54,6 @@ WholeArmChoice::~WholeArmChoice() {
 
 void WholeArmChoice::reset(const MotionState& start) {
     tick_ = 0;
-    released_ = 0;
-    candidate_ = 0;
     takeSurroundings();
     check_.beginTick();
     braking_.beginTick(start);
@@ -139,7 +137,6 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
     if (isNew_) examineStored(nominal);
     demands_.raise(stored_);
     hasBest_ = hasOther_ = false;
-    releasedBefore_ = std::exchange(released_, 0);
 
     const FilterStatus status = braking_.propose(metric, desired, nullptr, proposed_);
     LimitKind reason = isStale() ? LimitKind::Clearance : LimitKind::None;
@@ -217,50 +214,19 @@ void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics,
         from = (from + storedJerk_) / 2.0;
         if (braking_.isAdmissible(from) && isGood(nominal, from, false)) keepBest(from);
     }
-    // What holds some joints is not to hold those that have nothing to do with it; but on the path all are held alike, and
-    // where the distance is lost all brake.
-    if (!hasBest_ && options_.steers && metric && demands_.isKept()) moveSome(nominal, desired);
-}
-
-/** Some joints follow their stops, and the others do what is desired of them: one by one, the worst first, joints go back, until
-what is left is good. That may drop one that could have moved, where several things are near at once. So the other way, too: a
-joint that could move is added to those that could a tick before, each tick another one is tried. */
-void WholeArmChoice::moveSome(const MotionState& nominal, const JointVector& desired) {
-    braking_.propose(&identity_, desired, nullptr, asked_);
-    if (releasedBefore_ != 0) {
-        addJoint(nominal);
-        if (hasBest_) return;
-    }
-    JointVector from = asked_;
-    for (int k = 0; k < static_cast<int>(from.size()) && braking_.isAdmissible(from); ++k) {
+    // What holds some joints is not to hold those that have nothing to do with it: one by one, the worst first, they go back,
+    // and the others do what is desired of them; but on the path all are held alike, and where the distance is lost all brake.
+    if (hasBest_ || !options_.steers || !metric || !demands_.isKept()) return;
+    braking_.propose(&identity_, desired, nullptr, from);
+    for (int k = 0; k < static_cast<int>(from.size()); ++k) {
+        if (!braking_.isAdmissible(from)) return;
         if (isGood(nominal, from, false)) {
             keepBest(from);
             return;
         }
         const int worst = check_.findWorstJoint(trial_, from, storedPath_, storedJerk_, demands_.get());
-        if (worst < 0) break;
+        if (worst < 0) return;
         from[worst] = storedJerk_[worst];
-    }
-    if (releasedBefore_ == 0) addJoint(nominal);
-}
-
-/** Those that were released in the tick before and another one, else only those. */
-void WholeArmChoice::addJoint(const MotionState& nominal) {
-    const int n = static_cast<int>(asked_.size());
-    const auto getBit = [](int joint) { return std::uint32_t{1} << joint; };
-    std::uint32_t more = releasedBefore_;
-    for (int k = 0; k < n && more == releasedBefore_; ++k) {
-        candidate_ = (candidate_ + 1) % n;
-        if (asked_[candidate_] != storedJerk_[candidate_]) more |= getBit(candidate_);
-    }
-    for (std::uint32_t joints = more; joints != 0; joints = joints != releasedBefore_ ? releasedBefore_ : 0) {
-        JointVector jerk = storedJerk_;
-        for (int i = 0; i < n; ++i)
-            if (joints & getBit(i)) jerk[i] = asked_[i];
-        if (!braking_.isAdmissible(jerk) || !isGood(nominal, jerk, false)) continue;
-        keepBest(jerk);
-        released_ = joints;
-        return;
     }
 }
 

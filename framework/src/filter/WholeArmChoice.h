@@ -68,8 +68,6 @@ private:
     void keepBest(const JointVector& jerk);
     void steer(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,
                const JointVector& desired);
-    void moveSome(const MotionState& nominal, const JointVector& desired);
-    void addJoint(const MotionState& nominal);
 
     const WholeArmBrakingOptions options_;
     const double tick_s_;
@@ -95,10 +93,6 @@ private:
     RowQp::Rows rows_;
     JointVector lastTorque_, storedJerk_, proposed_, steered_, bestJerk_;
     bool hasBest_ = false;
-    JointVector asked_;                 ///< what each joint alone would do, see moveSome()
-    std::uint32_t released_ = 0;        ///< bit i: joint i did so in this tick, all others followed their stops
-    std::uint32_t releasedBefore_ = 0;  ///< in the tick before
-    int candidate_ = 0;                 ///< joint that was tried last to be released
     Clearance nearest_;
     ArmSpeed fastest_;
     const ArmGeometry* const limited_;
