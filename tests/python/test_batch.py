@@ -101,10 +101,10 @@ class Batches(unittest.TestCase):
         around = {"safety_distance_m": 0.03, "obstacles": {"ball": {"sphere": 0.1, "at": {"xyz": [0.45, 0.25, 0.6]}},
                                                            "floor": {"half_space": {"normal": [0, 0, 1], "offset": 0.0}}}}
         for environment in (None, around):
-            settings = {"duration_s": 3 if environment is None else 1.5, "controller": "{plugin: tool_servo}"}
+            settings = {"duration_s": 3 if environment is None else 1.5}
             if environment is not None:
                 settings["environment"] = environment
-                settings["filter"] = "{plugin: whole_arm_braking}"
+                settings["cases.C4.filter"] = {"plugin": "whole_arm_braking"}
             with tempfile.TemporaryDirectory() as folder:
                 viable.run(EXPERIMENTS / "indy7_teleoperation.yaml", cases="C4", out=Path(folder) / "run", set=settings)
                 log = viable.Log(Path(folder) / "run" / "C4.mcap")
@@ -175,7 +175,7 @@ class Batches(unittest.TestCase):
                 call(real=True)
 
     def test_arms_keep_clear(self):
-        around = {"safety_distance_m": 0.05, "obstacles": {"ball": {"sphere": 0.15, "at": {"xyz": [0.4, 0.2, 0.6]}}}}
+        around = {"safety_distance_m": 0.03, "obstacles": {"ball": {"sphere": 0.15, "at": {"xyz": [0.3, 0.4, 0.6]}}}}
         rng = np.random.default_rng(2)
         results = []
         for threads in (1, 3):
@@ -186,7 +186,7 @@ class Batches(unittest.TestCase):
             batch.random_reset(rng)
             for _ in range(40):
                 batch.step(rng.uniform(-60, 60, (4, 7)), 10)
-                self.assertTrue((batch.clearance > 0.05 - 1e-6).all())
+                self.assertTrue((batch.clearance > 0.03 - 1e-6).all())
             results.append([batch.q.copy(), batch.clearance.copy(), batch.acting.copy()])
         for values, expected in zip(*results):
             np.testing.assert_array_equal(values, expected)

@@ -178,7 +178,7 @@ class Reach(unittest.TestCase):
                 env.reset(options={"reset_mask": wrong})
 
     def test_among_obstacles_arms_begin_and_stay_clear(self):
-        around = {"safety_distance_m": 0.03, "obstacles": {"ball": {"sphere": 0.15, "at": {"xyz": [0.4, 0, 0.6]}}}}
+        around = {"safety_distance_m": 0.03, "obstacles": {"ball": {"sphere": 0.15, "at": {"xyz": [0.3, 0.5, 0.6]}}}}
         env = gym.ReachVectorEnv("panda", num_envs=4, environment=around, horizon=20)
         env.reset(seed=1)
         rng = np.random.default_rng(3)
@@ -186,7 +186,7 @@ class Reach(unittest.TestCase):
             env.step(rng.uniform(-1, 1, (4, 7)))
             clear = env.batch.clearance
             self.assertTrue((np.isnan(clear) | (clear > 0.03 - 1e-6)).all())
-        self.assertTrue((np.linalg.norm(env.batch.tool_position() - [0.4, 0, 0.6], axis=1) > 0.18).all())
+        self.assertTrue((np.linalg.norm(env.batch.tool_position() - [0.3, 0.5, 0.6], axis=1) > 0.18).all())
 
     def test_an_arm_whose_plant_failed_ends(self):
         env = gym.ReachVectorEnv("indy7", num_envs=3, reach=1e-9)

@@ -352,7 +352,9 @@ TEST(ArmBatch, ArmsKeepClearOfWhatIsAroundWhateverTheActionsAre) {
         runAmongObstacles(1, action, test::countOf(60), &least, &acting);
         EXPECT_GE(least, 0.02 - 1e-9);
         EXPECT_LT(least, 0.1) << "nothing was near";
-        EXPECT_TRUE(acting.count(-static_cast<int>(LimitKind::Clearance)) > 0);
+        if (action == BatchAction::Torque) {  // others are led round the ball
+            EXPECT_EQ(acting.count(-static_cast<int>(LimitKind::Clearance)), 1u);
+        }
     }
 }
 

@@ -66,13 +66,17 @@ class Batch(_viable.Batch):
         """Places drawn evenly from the middle `share` of the position limits (+-pi where there is none), a row for each arm of
         the mask; with an environment those where nothing is too near: raises viable.InputError where 1000 draws find none."""
         arms = np.array(self._take_arms(mask), int)
-        n = self.joints
         if len(arms) == 0:
-            return np.zeros((0, n))
+            return np.zeros((0, self.joints))
         bounds = np.array([self.limits(int(arm)).position for arm in arms])
         lower = np.where(np.isfinite(bounds[:, 0]), bounds[:, 0], -np.pi)
         upper = np.where(np.isfinite(bounds[:, 1]), bounds[:, 1], np.pi)
         middle, half = (lower + upper) / 2, share * (upper - lower) / 2
+        return self._draw(rng, arms, middle - half, middle + half)
+
+    def _draw(self, rng: np.random.Generator, arms: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+        """A row for each of `arms` between its rows of `lower` and `upper`, where nothing is too near."""
+        middle, half = (lower + upper) / 2, (upper - lower) / 2
         poses = middle + half * rng.uniform(-1, 1, middle.shape)
         if not self._keeps_clear:
             return poses
@@ -80,7 +84,7 @@ class Batch(_viable.Batch):
         for _ in range(1000):
             if len(open_) == 0:
                 return poses
-            poses[open_] = middle[open_] + half[open_] * rng.uniform(-1, 1, (len(open_), n))
+            poses[open_] = middle[open_] + half[open_] * rng.uniform(-1, 1, (len(open_), self.joints))
             open_ = open_[self._find_unusable(arms[open_], poses[open_])]
         raise InputError("Batch.random_poses", f"of 1000 poses of arm {arms[open_[0]]} each is too near to something",
                             "Look at the environment and its safety_distance_m.")

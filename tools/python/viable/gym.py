@@ -151,8 +151,10 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):
         """Puts arms to random places at rest, and their goals elsewhere."""
         rng = self.np_random
         self.batch.random_reset(rng, which)
-        goals = self.batch.random_poses(rng, which, share=1.0)
-        for arm, q in zip(np.flatnonzero(which), goals):
+        arms = np.flatnonzero(which)
+        lower, upper = np.maximum(self._positions[0], -np.pi), np.minimum(self._positions[1], np.pi)
+        there = (len(arms), 1)
+        for arm, q in zip(arms, self.batch._draw(rng, arms, np.tile(lower, there), np.tile(upper, there))):
             self.goals[arm] = self.robot.dynamics(q).tool[:3, 3]
         self._steps[which] = 0
         self._ended = self._ended & ~which
