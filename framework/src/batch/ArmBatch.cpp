@@ -37,7 +37,7 @@ namespace {
 
 const char* const kArmBatch = "ArmBatch";
 constexpr int kMaxArms = 1'000'000;
-/** Arms that a thread takes at a time; those that keep clearances take a hundred times as long. */
+/** Arms that a thread takes at a time; those that keep clearances take fifteen times as long. */
 constexpr int kChunk = 16, kWholeArmChunk = 1;
 /** Fewer arm-ticks than this are not worth another thread, whose start takes as long as some of them. */
 constexpr std::int64_t kWorthAThread = 64, kWholeArmWorthAThread = 1;

@@ -1,4 +1,8 @@
 """How many arms a batch moves: arm-ticks per second of one core, how much two threads gain, memory per arm.
+
+One thread and two take turns, step by step, and the fastest tenth of the steps counts: others may be on the machine. By the clock
+two threads gain what the column `two threads` says, as long as two cores are free; `work` is the processor's time that they take for
+the same steps, as a share of one thread's: 1.00 where nothing is lost to each other.
 Usage: throughput.py [ARMS [SECONDS]]: arms of each batch (of those among obstacles a sixty-fourth), seconds of each measurement"""
 
 import json
@@ -62,30 +66,31 @@ def find_memory():
 
 
 def measure(arms, draw, options):
-    """Of one kind, in a process of its own: arm-ticks / s and core, gain of a second thread, kB per arm, share of joints held."""
+    """Of one kind, in a process of its own: arm-ticks / s and core, gain of a second thread, the work of two threads as a share,
+    kB per arm, share of joints held."""
     before = find_memory()
     one = viable.Batch(ROBOT, arms, threads=1, **options)
     memory = (find_memory() - before) / arms
     batches = [one, viable.Batch(ROBOT, arms, threads=2, **options)]
     rng = np.random.default_rng(1)
     actions = [draw(one, rng) for _ in range(8)]
-    wall, cpu, held, rounds = [[], []], 0.0, [], 0
+    wall, work, held, rounds = [[], []], [[], []], [], 0
     end = time.perf_counter() + SECONDS
     while time.perf_counter() < end or rounds < 3:
         for k, batch in enumerate(batches):  # one thread, two threads, in turn
             begin, used = time.perf_counter(), time.process_time()
             batch.step(actions[rounds // 10 % 8], TICKS)
             wall[k].append(time.perf_counter() - begin)
-            cpu += (time.process_time() - used) * (k == 0)
+            work[k].append(time.process_time() - used)
         held.append((one.acting != 0).mean())
         rounds += 1
     assert (one.q == batches[1].q).all(), "the number of threads made a difference"
-    best = [np.quantile(each, 0.25) for each in wall]  # others are on the machine, too
-    return arms * TICKS * rounds / cpu, best[0] / best[1], memory, np.mean(held)
+    wall, work = ([np.quantile(each, 0.1) for each in both] for both in (wall, work))
+    return arms * TICKS / work[0], wall[0] / wall[1], work[1] / work[0], memory, np.mean(held)
 
 
-print("                                  arm-ticks/s    two   kB per  joints")
-print("                                     and core  threads    arm    held")
+print("                                  arm-ticks/s      two         kB per  joints")
+print("                                     and core  threads   work     arm    held")
 for name, kind in KINDS.items():
     ours, theirs = os.pipe()
     if os.fork() == 0:
@@ -95,6 +100,6 @@ for name, kind in KINDS.items():
             os._exit(0)
     os.close(theirs)
     with os.fdopen(ours) as answer:
-        rate, gain, memory, held = json.loads(answer.read())
+        rate, gain, work, memory, held = json.loads(answer.read())
     os.wait()
-    print(f"{name:33} {rate:12.0f} {gain:8.2f} {memory:6.0f} {100 * held:6.0f} %", flush=True)
+    print(f"{name:33} {rate:12.0f} {gain:8.2f} {work:6.2f} {memory:7.0f} {100 * held:5.0f} %", flush=True)

@@ -34,7 +34,7 @@ class Batch(_viable.Batch):
     environment   what stands around each arm, as `environment` of an experiment file:
                {"obstacles": {"table": {"box": [1, 1, 0.1], "at": {"xyz": [0.5, 0, -0.05]}}}}; {}: nothing but itself. Then the
                arms keep clear of it and of themselves (whole_arm_braking): `clearance`, and status limited where they brake
-               before something. A hundred times the work. Moving spheres have each arm's own time, since its reset. None: not
+               before something. Up to fifteen times the work, 0.7 MB an arm. Moving spheres have each arm's own time, since its reset. None: not
                looked at
     plant      a simulated real arm behind each nominal one, as `real_plant` of an experiment file, drawn anew for each arm where
                a value is a draw: {"payload_kg": "~uniform(0, 2)", "friction_scale": "~uniform(0.5, 1.5)"}. The plugin is
