@@ -81,7 +81,7 @@ class Examples(unittest.TestCase):
         held = {name: float(share) for name, *_, share in rows}
         self.assertGreater(min(rates.values()), 100)
         self.assertGreater(rates["torque, nothing acts"], rates["torque, all joints limited"])
-        self.assertGreater(rates["torque, all limited, plant"], rates["torque, all limited, obstacles"])
+        self.assertGreater(rates["torque, all joints limited"], rates["torque, all limited, obstacles"])
         self.assertEqual(held["torque, nothing acts"], 0)
         self.assertGreater(held["torque, all joints limited"], 80)
 

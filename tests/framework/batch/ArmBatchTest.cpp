@@ -349,7 +349,7 @@ TEST(ArmBatch, ArmsKeepClearOfWhatIsAroundWhateverTheActionsAre) {
     for (const BatchAction action : {BatchAction::Torque, BatchAction::Target, BatchAction::ToolPosition}) {
         double least = kInfinity;
         std::set<int> acting;
-        runAmongObstacles(1, action, test::countOf(60), &least, &acting);
+        runAmongObstacles(1, action, 60, &least, &acting);
         EXPECT_GE(least, 0.02 - 1e-9);
         EXPECT_LT(least, 0.1) << "nothing was near";
         if (action != BatchAction::Torque) {  // those push the arms into their joint limits first
