@@ -60,7 +60,7 @@ std::string formatLoad(const MotorShare& worst, const RobotDescription& robot) {
 bool limitsTorque(const CasePlan& plan) {
     return std::any_of(plan.filters.begin(), plan.filters.end(), [](const PluginChoice& filter) {
         const ConfigNode* share = filter.parameters.resolved().find("torque_share");
-        return share && std::isfinite(filter.parameters.number("torque_share"));
+        return share && filter.plugin.pythonClass.empty() && std::isfinite(filter.parameters.number("torque_share"));
     });
 }
 

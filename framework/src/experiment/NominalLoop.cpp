@@ -147,7 +147,8 @@ std::optional<NominalSwing> findNominalSwing(const ConfiguredCase& configured) {
     loop.jerk = findSmaller(setup.limits.jerk);
     loop.acceleration = findSmaller(setup.limits.acceleration);
     for (const PluginChoice& filter : configured.plan.filters)
-        if (filter.parameters.resolved().find("gamma")) loop.gamma = filter.parameters.number("gamma");
+        if (filter.plugin.pythonClass.empty() && filter.parameters.resolved().find("gamma"))
+            loop.gamma = filter.parameters.number("gamma");
     for (int i = 0; i < setup.size(); ++i) {
         const int joint = findRestless(loop, i);
         if (joint < 0) continue;

@@ -281,7 +281,7 @@ CaseResult RunningCase::finish(bool isAlone) {
         if (!watch->sharedChange.empty()) result_.warnings.push_back(formatSharedChange(*watch));
         if (!watch->lastWords.empty())
             result_.warnings.push_back(watch->title + " failed while it was destroyed: " + watch->lastWords);
-        if (watch->allocatingTicks == 0) continue;
+        if (watch->allocatingTicks == 0 || watch->mayAllocate) continue;
         result_.warnings.push_back(
             watch->title + " takes memory from the heap in its tick (in " + std::to_string(watch->allocatingTicks) +
             " ticks, first in tick " + std::to_string(watch->firstAllocation) +

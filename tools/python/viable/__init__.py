@@ -5,6 +5,7 @@
     Servo                        the fastest way to a joint target within limits, as jerks
     Batch                        thousands of guarded arms at once, for learning
     Log                          the log of a run as numpy arrays
+    Stream                       targets for an arm that `viable live` drives
     run, verify, identify, ...   what the program `viable` does, results as dicts
     Error, InputError            what goes wrong: place, cause, remedy, kind
 
@@ -15,10 +16,11 @@ from ._batch import Batch
 from ._errors import Error, InputError
 from ._log import Log
 from ._program import bound, identify, run, sweep, verify
+from ._stream import Stream
 from ._types import ACTING, STATUS, State
 from ._viable import Dynamics, Guard, Limits, ReferenceGuard, Robot, Servo, __version__
 
 __all__ = [
     "ACTING", "Batch", "Dynamics", "Error", "Guard", "InputError", "Limits", "Log", "ReferenceGuard", "Robot", "Servo", "STATUS", "State",
-    "bound", "identify", "run", "sweep", "verify", "__version__",
+    "Stream", "bound", "identify", "run", "sweep", "verify", "__version__",
 ]

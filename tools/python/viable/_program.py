@@ -12,6 +12,7 @@ import re
 import signal
 import sqlite3
 import subprocess
+import sys
 import tempfile
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -70,6 +71,7 @@ def _call(arguments: Sequence[str], allowed: Sequence[int], progress: Callable[[
     KeyboardInterrupt, and whatever `progress` raises: the program brakes the arm, finishes its log and ends before that goes
     on."""
     environment = dict(os.environ, VIABLE_MESSAGES="json")
+    environment.setdefault("VIABLE_PYTHON", sys.executable)  # of plugins in Python: this one, with its virtual environment
     command = [find_program(), *map(str, arguments)]
     output: list[str] = []
     error: dict | None = None

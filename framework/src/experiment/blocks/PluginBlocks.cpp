@@ -21,6 +21,10 @@ PluginChoice readPlugin(const ConfigNode& block, PluginKind kind, const PluginLo
     const PluginInfo info =
         loader.find(kind, toText(name), name.place(), std::filesystem::path(name.file).parent_path());
     PluginChoice choice{info, {}};
+    if (!info.pythonClass.empty()) {
+        choice.parameters = readUndeclaredParameters(block, info.library.string() + ":" + info.pythonClass);
+        return choice;
+    }
     // The host's own key, for any loop that tells its law.
     std::vector<ParameterSpec> specs(info.entry->parameters, info.entry->parameters + info.entry->parameterCount);
     const bool isRobustLoop = kind == PluginKind::RobustLoop;
@@ -61,6 +65,7 @@ std::vector<PluginChoice> readFilters(const ConfigNode& node, const PluginLoader
 
 ConfigNode resolvePlugin(const PluginChoice& choice) {
     ConfigNode block = choice.parameters.resolved();
+    if (!choice.plugin.pythonClass.empty()) return block;
     ConfigNode* name = block.find("plugin");
     if (name->text.find('/') != std::string::npos) {  // named by its path
         name->text = choice.plugin.library.string();
