@@ -153,14 +153,14 @@ class Plugins(unittest.TestCase):
         here = os.getcwd()
         os.chdir(self.folder)
         try:
-            self.run_with("controller: {plugin: law.py:Law, gain: 2*pi, mode: fast, many: [1, [2.5, x]], on: true, name: '7', more: {a: .inf}}")
+            self.run_with("controller: {plugin: law.py:Law, gain: 2*pi, mode: fast, many: [[1, 2], [2.5]], on: true, name: '7', more: [.inf, pi]}")
         finally:
             os.chdir(here)
         import json
 
         given = json.loads((self.folder / "given.json").read_text())
         robot = viable.Robot("planar_two_link")
-        self.assertEqual(given[:6], [2 * np.pi, "fast", [1, [2.5, "x"]], True, "7", {"more": {"a": np.inf}}])
+        self.assertEqual(given[:6], [2 * np.pi, "fast", [[1, 2], [2.5]], True, "7", {"more": [np.inf, np.pi]}])
         self.assertEqual(given[6:9], [list(robot.joints), 0.001, 0.5])
         np.testing.assert_array_equal(given[9], robot.limits.velocity)
         np.testing.assert_allclose(given[10], [-np.pi / 4, np.pi / 2])
@@ -212,6 +212,7 @@ class Plugins(unittest.TestCase):
         self.assertIn("controller.stifness", error.place)
         self.write("class Law:\n    def __init__(self, gain): pass\n    def compute(self, a, b, c): return b.q\n")
         self.expect_refusal("`gain` is missing", "Add `gain: ...` here")
+        self.expect_refusal("controller.gain", "a map", changes=["controller: {plugin: law.py:Law, gain: {a: 1}}"])
 
     def test_parameters_that_the_class_refuses(self):
         self.write("""

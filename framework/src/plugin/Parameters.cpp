@@ -378,22 +378,6 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
     return parameters;
 }
 
-Parameters readUndeclaredParameters(const ConfigNode& block, const std::string& plugin) {
-    const ConfigMap map(block);
-    Parameters parameters;
-    parameters.resolved_ = block;
-    for (auto& [key, node] : parameters.resolved_.entries) {
-        if (key == "plugin") {
-            node.text = plugin;
-            node.quoted = true;
-        } else if (node.kind == ConfigNode::Kind::Scalar) {
-            refuseBlank(node);
-        }
-        parameters.places_.emplace(key, node.place());
-    }
-    return parameters;
-}
-
 std::string describeParameters(const ParameterSpec* specs, std::size_t count) {
     if (count == 0) return "  (no parameters)\n";
     std::string text;

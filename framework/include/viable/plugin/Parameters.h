@@ -160,7 +160,6 @@ public:
 
 private:
     friend Parameters readParameters(const ConfigNode&, const ParameterSpec*, std::size_t, int);
-    friend Parameters readUndeclaredParameters(const ConfigNode&, const std::string&);
     using Value = std::variant<double, std::int64_t, bool, std::string, std::filesystem::path, JointVector,
                                std::vector<double>, std::vector<std::vector<double>>>;
     template <class T>
@@ -176,10 +175,6 @@ parameters are resolved against the folder of the file in which they were writte
 from the command line: the current folder) and must exist. Throws Error (BadInput) with place, value
 and range. */
 Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, std::size_t count, int jointCount);
-
-/** The block of a plugin whose parameters no table declares, such as of a class in Python: its entries stand in resolved() as
-they are written, `plugin` as given. Throws Error (BadInput) for a placeholder. */
-Parameters readUndeclaredParameters(const ConfigNode& block, const std::string& plugin);
 
 /** The declaration as lines of text for `viable plugins --describe`. */
 std::string describeParameters(const ParameterSpec* specs, std::size_t count);
