@@ -291,12 +291,13 @@ Experiment readLiveExperiment(const LiveArguments& arguments, const PluginLoader
 void refusePython(const CasePlan& plan) {
     for (const PluginChoice* choice : plan.plugins())
         if (!choice->plugin.pythonClass.empty())
-            throw badInput(choice->parameters.place("plugin"),
-                           "a class in Python cannot drive an arm in real time: a call takes 20 us in the mean, and with "
-                           "another busy Python thread 8 ms in the mean and 330 ms at worst",
-                           "Run the case with `viable run`; for live, write it in C++ (viable new " +
-                               std::string(getName(choice->plugin.kind)) +
-                               " NAME), or send targets from Python to the command plugin stream.");
+            throw badInput(
+                choice->parameters.place("plugin"),
+                "a class in Python cannot drive an arm in real time: a call takes 20 us in the mean, and with "
+                "another busy Python thread 8 ms in the mean and 330 ms at worst",
+                "Run the case with `viable run`; for live, write it in C++ (viable new " +
+                    std::string(getName(choice->plugin.kind)) +
+                    " NAME), or send targets from Python to the command plugin stream.");
 }
 
 /** Before anything has moved. */

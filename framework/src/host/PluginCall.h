@@ -28,7 +28,7 @@ struct PluginWatch {
     explicit PluginWatch(const PluginInfo& plugin);
     explicit PluginWatch(std::string whose) : title(std::move(whose)) {}
 
-    std::string title;  ///< "the filter plugin 'tosbp' (/path/viable_filter_tosbp.so)"
+    std::string title;         ///< "the filter plugin 'tosbp' (/path/viable_filter_tosbp.so)"
     bool mayAllocate = false;  ///< it is a class in Python, which cannot do without
     /** Ticks in which it took memory from the heap, after kWarmUpTicks; see setAllocationCounter. */
     std::int64_t allocatingTicks = 0;

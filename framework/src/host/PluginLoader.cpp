@@ -653,16 +653,17 @@ bool isIdentifier(const std::string& text) {
 fs::path findPythonLibrary(const std::string& where, const std::vector<fs::path>& searchPath) {
     std::vector<std::string> tried;
     for (const fs::path& folder : searchPath) {
-        const fs::path candidate = (folder.has_filename() ? folder : folder.parent_path()).parent_path() / kPythonLibrary;
+        const fs::path candidate =
+            (folder.has_filename() ? folder : folder.parent_path()).parent_path() / kPythonLibrary;
         std::error_code error;
         if (fs::is_regular_file(candidate, error)) return fs::canonical(candidate);
         tried.push_back(candidate.string());
     }
-    throw badInput(where,
-                   std::string("a plugin in Python needs ") + kPythonLibrary +
-                       ", which is not there. Tried: " + join(tried, ", "),
-                   "Install the Debian package python3-viable (apt-get install ./python3-viable_*.deb), or, where viable "
-                   "is built, python3-dev and pybind11-dev, and build the target viable_python");
+    throw badInput(
+        where,
+        std::string("a plugin in Python needs ") + kPythonLibrary + ", which is not there. Tried: " + join(tried, ", "),
+        "Install the Debian package python3-viable (apt-get install ./python3-viable_*.deb), or, where viable "
+        "is built, python3-dev and pybind11-dev, and build the target viable_python");
 }
 
 PluginInfo findPython(PluginKind kind, const std::string& request, const std::string& where, const fs::path& folder,

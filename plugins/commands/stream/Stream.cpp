@@ -18,9 +18,10 @@ constexpr double kFromFuture_s = 0.01;
 const ParameterSpec kParameters[] = {
     parameter::choice("space", "joint|tool", "joint", "What the targets are: joint positions, or poses of the tool."),
     parameter::text("name", "stream", "Of the socket, for programs: viable.Stream(NAME). Letters, digits, - and _."),
-    parameter::choice("between", "hold|interpolate|extrapolate", "hold",
-                      "The command between two targets: the last one, straight to it within a period, or on as the last "
-                      "two went."),
+    parameter::choice(
+        "between", "hold|interpolate|extrapolate", "hold",
+        "The command between two targets: the last one, straight to it within a period, or on as the last "
+        "two went."),
     parameter::number("stale_s", "s", "0.1", "A target that is older than this when it comes is refused.")
         .above(0)
         .upTo(10),
@@ -76,9 +77,9 @@ void Stream::configure(const RunSetup& setup, const Parameters& parameters) {
     stale_ns_ = std::llround(1e9 * parameters.number("stale_s"));
     std::string joints;
     for (const std::string& joint : setup.robot.jointNames()) joints += (joints.empty() ? "" : ", ") + quote(joint);
-    description_ = "\"version\": " + std::to_string(TargetMessage::kVersion) + ", \"space\": " +
-                   quote(parameters.text("space")) + ", \"stale_s\": " + std::to_string(1e-9 * double(stale_ns_)) +
-                   ", \"joints\": [" + joints + "]";
+    description_ = "\"version\": " + std::to_string(TargetMessage::kVersion) +
+                   ", \"space\": " + quote(parameters.text("space")) +
+                   ", \"stale_s\": " + std::to_string(1e-9 * double(stale_ns_)) + ", \"joints\": [" + joints + "]";
 }
 
 void Stream::reset(const MotionState& start) {

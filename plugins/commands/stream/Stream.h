@@ -43,10 +43,10 @@ private:
     MotionCommand first_;
     CommandReceiver receiver_;
     std::shared_ptr<TargetSocket> socket_;
-    MotionCommand target_;           // the newest
-    std::uint64_t sender_ = 0;       // who sends; 0: nobody
-    std::int64_t sent_ns_ = 0;       // its newest target
-    std::int64_t received_ns_ = 0;   // when that came
+    MotionCommand target_;          // the newest
+    std::uint64_t sender_ = 0;      // who sends; 0: nobody
+    std::int64_t sent_ns_ = 0;      // its newest target
+    std::int64_t received_ns_ = 0;  // when that came
 };
 
 }  // namespace viable

@@ -25,8 +25,9 @@ Error makeError(const fs::path& place, const std::string& what, const std::strin
 }
 
 Error makeSystemError(const fs::path& place, const char* what) {
-    return makeError(place, std::string(what) + ": " + std::strerror(errno),
-                     "Targets come over a socket in a folder of your own: set XDG_RUNTIME_DIR to one that can be written.");
+    return makeError(
+        place, std::string(what) + ": " + std::strerror(errno),
+        "Targets come over a socket in a folder of your own: set XDG_RUNTIME_DIR to one that can be written.");
 }
 
 std::string formatToken(const TargetSocket::Token& token) {
@@ -93,7 +94,8 @@ TargetSocket::TargetSocket(fs::path base) : base_(std::move(base)) {
         throw error;
     };
     if (::flock(lock_, LOCK_EX | LOCK_NB) != 0)
-        fail(makeError(path, "another program of viable listens there", "End that one, or give this one another `name`."));
+        fail(makeError(path, "another program of viable listens there",
+                       "End that one, or give this one another `name`."));
     ::unlink(path.c_str());  // of one that has ended: the lock says so
     socket_ = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     if (socket_ < 0 || ::bind(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||

@@ -104,7 +104,7 @@ std::string makeMessage(const std::string& name) {
 
 TEST(PluginLoader, AClassInPythonIsAFileAndAClass) {
     const TemporaryFolder folder;
-    const std::string law = folder.write("law.py", "class Law: pass\n").string();
+    const std::string law = folder.write("law.py", "class Law: pass\n");
     const PluginLoader loader({kBroken});
     EXPECT_TRUE(holds(findMessage(loader, law), "names no class. Write the file and its class: my_law.py:MyLaw"));
     EXPECT_TRUE(holds(findMessage(loader, law + ":"), "names no class"));

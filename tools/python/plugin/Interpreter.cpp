@@ -53,7 +53,8 @@ void startInterpreter() {
     config.write_bytecode = 0;
     config.buffered_stdio = 0;  // what a law prints is not lost where the program ends without ending Python
     const std::string executable = findExecutable();
-    if (!PyStatus_Exception(status)) status = PyConfig_SetBytesString(&config, &config.program_name, executable.c_str());
+    if (!PyStatus_Exception(status))
+        status = PyConfig_SetBytesString(&config, &config.program_name, executable.c_str());
     if (!PyStatus_Exception(status)) status = Py_InitializeFromConfig(&config);
     PyConfig_Clear(&config);
     if (PyStatus_Exception(status)) throw makeStartError(status.err_msg ? status.err_msg : "no reason given");

@@ -62,11 +62,10 @@ py::object makeSetup(const RunSetup& setup) {
     py::list names;
     for (const std::string& name : setup.robot.jointNames()) names.append(makeText(name));
     const JointLimits& limits = setup.limits;
-    return host.attr("Setup")(
-        makeText(setup.robot.folder.string()), names, setup.tick_s, setup.duration_s,
-        host.attr("Limits")(makeBounds(limits.position), makeBounds(limits.velocity), makeBounds(limits.acceleration),
-                            makeBounds(limits.jerk)),
-        makeState(setup.start), makePose(setup.startTool));
+    return host.attr("Setup")(makeText(setup.robot.folder.string()), names, setup.tick_s, setup.duration_s,
+                              host.attr("Limits")(makeBounds(limits.position), makeBounds(limits.velocity),
+                                                  makeBounds(limits.acceleration), makeBounds(limits.jerk)),
+                              makeState(setup.start), makePose(setup.startTool));
 }
 
 /** Throws the Error that a Refused of host.py stands for; returns where it is none. */
@@ -75,8 +74,11 @@ void tellRefused(const py::error_already_set& error, const ConfigNode& block) {
     const py::tuple parts = error.value().attr("args");
     const ConfigNode* const parameter = block.find(parts[0].cast<std::string>());
     const ConfigNode* const plugin = block.find("plugin");
-    throw badInput((parameter ? *parameter : plugin ? *plugin : block).place(), parts[1].cast<std::string>(),
-                   parts[2].cast<std::string>());
+    throw badInput((parameter ? *parameter
+                    : plugin  ? *plugin
+                              : block)
+                       .place(),
+                   parts[1].cast<std::string>(), parts[2].cast<std::string>());
 }
 
 }  // namespace

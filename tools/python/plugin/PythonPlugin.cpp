@@ -77,11 +77,12 @@ public:
 
     TickStatus compute(const ControllerInput& input, ControllerOutput& output) override {
         if (!isFinite(input.nominal, n_) || !isFinite(input.dynamics, n_)) return TickStatus::InvalidInput;
-        object_.call([&] { return py::make_tuple(makeCommand(input.command), makeState(input.nominal),
-                                                 makeDynamics(input.dynamics)); },
-                     [&](const py::object& torque) {
-                         output.torque = takeVector(torque, n_, "what compute() returned");
-                     });
+        object_.call(
+            [&] {
+                return py::make_tuple(makeCommand(input.command), makeState(input.nominal),
+                                      makeDynamics(input.dynamics));
+            },
+            [&](const py::object& torque) { output.torque = takeVector(torque, n_, "what compute() returned"); });
         return TickStatus::Ok;
     }
 
@@ -110,16 +111,18 @@ public:
     FilterStatus filter(const FilterInput& input, FilterDecision& decision) override {
         if (!isFinite(input, n_)) return FilterStatus::InvalidInput;
         FilterStatus status = FilterStatus::Modified;
-        object_.call([&] { return py::make_tuple(makeState(input.nominal), makeArray(input.torque),
-                                                 makeDynamics(input.dynamics)); },
-                     [&](const py::object& result) {
-                         if (result.is_none()) {
-                             status = pass(input, decision);
-                             return;
-                         }
-                         const JointVector value = takeVector(result, n_, "what filter() returned");
-                         holdsJerk_ ? decision.holdJerk(value) : decision.holdAcceleration(value);
-                     });
+        object_.call(
+            [&] {
+                return py::make_tuple(makeState(input.nominal), makeArray(input.torque), makeDynamics(input.dynamics));
+            },
+            [&](const py::object& result) {
+                if (result.is_none()) {
+                    status = pass(input, decision);
+                    return;
+                }
+                const JointVector value = takeVector(result, n_, "what filter() returned");
+                holdsJerk_ ? decision.holdJerk(value) : decision.holdAcceleration(value);
+            });
         if (status != FilterStatus::Faulted) decision.joints.fill({});
         return status;
     }
