@@ -21,6 +21,7 @@
 #include "core/LatestValue.h"
 #include "core/Text.h"
 #include "core/WholeFile.h"
+#include "host/PythonClass.h"
 #include "live/LiveSession.h"
 #include "live/LiveStart.h"
 #include "page/LiveFrame.h"
@@ -290,7 +291,7 @@ Experiment readLiveExperiment(const LiveArguments& arguments, const PluginLoader
 /** A class in Python comes too late now and then, and nothing can be done about it in time. */
 void refusePython(const CasePlan& plan) {
     for (const PluginChoice* choice : plan.plugins())
-        if (!choice->plugin.pythonClass.empty())
+        if (isPython(choice->plugin))
             throw badInput(
                 choice->parameters.place("plugin"),
                 "a class in Python cannot drive an arm in real time: a call takes 20 us in the mean, and with "

@@ -11,6 +11,7 @@
 
 #include "core/ChildProcess.h"
 #include "host/PluginCall.h"
+#include "host/PythonClass.h"
 #include "plugin/FaultExplanation.h"
 #include "viable/core/Numbers.h"
 #include "viable/plugin/FaultMessage.h"

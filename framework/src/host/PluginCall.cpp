@@ -44,8 +44,7 @@ CallSlot* takeSlot() {
 
 PluginWatch::PluginWatch(const PluginInfo& plugin)
     : title(std::string("the ") + getName(plugin.kind) + " plugin '" + plugin.name + "' (" + plugin.library.string() +
-            ")"),
-      mayAllocate(!plugin.pythonClass.empty()) {
+            ")") {
     addSharedChange(*this, "loaded", findLoadChange(plugin.library));
 }
 

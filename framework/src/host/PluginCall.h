@@ -28,8 +28,7 @@ struct PluginWatch {
     explicit PluginWatch(const PluginInfo& plugin);
     explicit PluginWatch(std::string whose) : title(std::move(whose)) {}
 
-    std::string title;         ///< "the filter plugin 'tosbp' (/path/viable_filter_tosbp.so)"
-    bool mayAllocate = false;  ///< it is a class in Python, which cannot do without
+    std::string title;  ///< "the filter plugin 'tosbp' (/path/viable_filter_tosbp.so)"
     /** Ticks in which it took memory from the heap, after kWarmUpTicks; see setAllocationCounter. */
     std::int64_t allocatingTicks = 0;
     std::int64_t firstAllocation = -1, lastAllocation = -1;
@@ -98,8 +97,6 @@ inline constexpr char kOnThrow[] =
 inline constexpr char kOnValues[] =
     "Return one finite number per joint (look for a division by zero or a root of a negative "
     "number), or a status that says that there is none.";
-inline constexpr char kOnRaise[] =
-    "Correct the class in its .py file: what it raises, and what is no result, brakes the arm.";
 inline constexpr char kOnArithmeticChange[] =
     "Set the modes back before the function returns, and compile without -ffast-math.";
 
@@ -129,8 +126,8 @@ private:
     std::uint64_t control_;
 };
 
-/** Calls reset(); whatever it throws, and a changed arithmetic, becomes an Error (PluginFailed, of an Error of a plant or command its
-own kind and words) that names the plugin.
+/** Calls reset(); whatever it throws, and a changed arithmetic, becomes an Error (PluginFailed, of a plant's Error its own kind
+and words) that names the plugin.
 @param watch  null: only its kind is named, and an Error that names it already passes */
 void resetPlugin(Plugin& plugin, PluginKind kind, PluginWatch* watch, const MotionState& start);
 

@@ -639,7 +639,7 @@ Error makeMiss(PluginKind kind, const std::string& request, const std::string& w
 constexpr char kPythonLibrary[] = "viable_python.so";
 
 /** FILE.py:CLASS, or FILE.py, which lacks its class. */
-bool isPython(const std::string& request) {
+bool asksForPython(const std::string& request) {
     return request.find(".py:") != std::string::npos || endsWith(request, ".py");
 }
 
@@ -691,7 +691,7 @@ PluginInfo findPython(PluginKind kind, const std::string& request, const std::st
         const PluginLibrary* const table = loadTable(library, trial_s);
         for (std::uint32_t i = 0; i < table->entryCount; ++i)
             if (table->entries[i].kind == kind)
-                return {kind, name, table->entries[i].summary, file, &table->entries[i], name};
+                return {kind, name, table->entries[i].summary, file, &table->entries[i]};
         throw Refusal{"it has no entry for a " + word, "Build it again"};
     } catch (const Refusal& refusal) {
         throw makeError(where, library, refusal);
@@ -762,7 +762,7 @@ PluginInfo PluginLoader::find(PluginKind kind, const std::string& request, const
     if (request.empty())
         throw badInput(where, std::string("the name of the ") + getName(kind) + " plugin is empty",
                        "Write its name or the path of its library");
-    if (isPython(request)) return findPython(kind, request, where, folder, searchPath_, trial_s_);
+    if (asksForPython(request)) return findPython(kind, request, where, folder, searchPath_, trial_s_);
 
     fs::path library;
     if (request.find('/') != std::string::npos || endsWith(request, ".so")) {

@@ -6,6 +6,7 @@
 
 #include "../src/Arrays.h"
 #include "host/PluginCall.h"
+#include "host/PythonClass.h"
 #include "viable/config/ConfigNode.h"
 
 namespace viable::python {

@@ -23,9 +23,8 @@ struct PluginInfo {
     PluginKind kind;
     std::string name;
     std::string summary;
-    std::filesystem::path library;  ///< of a class in Python: its .py file
+    std::filesystem::path library;
     const PluginEntry* entry;
-    std::string pythonClass{};  ///< empty: it is compiled
 };
 
 /** A plugin of kind `Interface`; destroying it calls the library's own destroy function. */
@@ -42,8 +41,7 @@ struct RefusedLibrary {
 
 A library's file is called viable_<kind>_<name>.so. Search: a path if the request is one (it
 contains a slash or ends in .so; relative to the folder of the file that asks), else every folder of
-the search path. FILE.py:CLASS is a class in Python, by way of viable_python.so, which lies beside the folders of the
-search path where Python is built in; Python itself is started when the class is configured. Two files for one name are an error that names both; so is a file whose descriptor
+the search path. Two files for one name are an error that names both; so is a file whose descriptor
 says another kind or name. Loaded with RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE; the descriptor's
 magic, size and ABI stamp are compared before any C++ object crosses, and a difference is said in
 words. Start-up code of a library (static objects) runs when it is found. */

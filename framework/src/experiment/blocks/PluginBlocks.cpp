@@ -3,6 +3,7 @@
 #include <algorithm>
 #include "experiment/ExperimentKeys.h"
 #include "experiment/ResolvedNodes.h"
+#include "host/PythonClass.h"
 #include "viable/core/Error.h"
 
 namespace viable::detail {
@@ -49,8 +50,8 @@ PluginChoice readPlugin(const ConfigNode& block, PluginKind kind, const PluginLo
     const PluginInfo info =
         loader.find(kind, toText(name), name.place(), std::filesystem::path(name.file).parent_path());
     PluginChoice choice{info, {}};
-    if (!info.pythonClass.empty()) {
-        choice.parameters = readPythonParameters(block, info.library.string() + ":" + info.pythonClass, joints);
+    if (isPython(info)) {
+        choice.parameters = readPythonParameters(block, info.library.string() + ":" + info.name, joints);
         return choice;
     }
     // The host's own key, for any loop that tells its law.
@@ -93,7 +94,7 @@ std::vector<PluginChoice> readFilters(const ConfigNode& node, const PluginLoader
 
 ConfigNode resolvePlugin(const PluginChoice& choice) {
     ConfigNode block = choice.parameters.resolved();
-    if (!choice.plugin.pythonClass.empty()) return block;
+    if (isPython(choice.plugin)) return block;
     ConfigNode* name = block.find("plugin");
     if (name->text.find('/') != std::string::npos) {  // named by its path
         name->text = choice.plugin.library.string();
