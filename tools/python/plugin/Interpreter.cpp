@@ -2,6 +2,7 @@
 
 #include <dlfcn.h>
 #include <pybind11/numpy.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <cstdlib>
@@ -31,9 +32,14 @@ Error makeStartError(const std::string& what) {
                  "See whether /usr/bin/python3 starts, and PYTHONHOME, VIABLE_PYTHON and VIRTUAL_ENV.");
 }
 
+/** Whose packages are found; a virtual environment of another version has none for this one. */
 std::string findExecutable() {
     if (const char* given = std::getenv("VIABLE_PYTHON")) return given;
-    if (const char* environment = std::getenv("VIRTUAL_ENV")) return std::string(environment) + "/bin/python3";
+    if (const char* environment = std::getenv("VIRTUAL_ENV")) {
+        const std::string version = std::to_string(PY_MAJOR_VERSION) + "." + std::to_string(PY_MINOR_VERSION);
+        const std::string folder = environment;
+        if (::access((folder + "/lib/python" + version).c_str(), X_OK) == 0) return folder + "/bin/python3";
+    }
     return VIABLE_PYTHON_EXECUTABLE;
 }
 
