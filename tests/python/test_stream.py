@@ -37,6 +37,18 @@ class Streams(unittest.TestCase):
         self.addCleanup(process.kill)
         return process
 
+    def send_while_it_runs(self, process, stream, make_target, rate=30):
+        """Sends what make_target(k) gives, until the arm has ended."""
+        k = 0
+        try:
+            while process.poll() is None:
+                stream.send(make_target(k))
+                k += 1
+                time.sleep(1 / rate)
+        except viable.Error as error:
+            if "no arm listens" not in str(error):
+                raise
+
     def log_of(self, process):
         self.assertEqual(process.wait(60), 0, process.stderr.read())
         return viable.Log(self.folder / "run/arm.mcap")
@@ -45,58 +57,62 @@ class Streams(unittest.TestCase):
         home = viable.Robot("indy7").home
         process = self.start()
         sent = []
+
+        def make_target(k):
+            sent.append(home + 0.3 * np.sin(0.1 * k) * np.ones(6))
+            return sent[-1]
+
         with viable.Stream(self.name) as stream:
             self.assertEqual((stream.space, len(stream.joints)), ("joint", 6))
-            begin = time.monotonic()
-            while time.monotonic() < begin + 2.0:
-                sent.append(home + 0.3 * np.sin(3 * (time.monotonic() - begin)) * np.ones(6))
-                stream.send(sent[-1])
-                time.sleep(1 / 30)
-            taken = stream.counts["taken"]
+            self.send_while_it_runs(process, stream, make_target)
+            self.assertGreater(stream.counts["taken"], 20)
             self.assertLess(stream.age, 0.1)
         log = self.log_of(process)
-        self.assertGreater(taken, 20)
         commands = log.joint_array("command", "q_rad")
         came = {tuple(row) for row in commands} - {tuple(home)}
         self.assertLessEqual(came, {tuple(row) for row in sent})  # each target to the last bit, and nothing else
-        self.assertGreater(len(came), 10)
+        self.assertGreater(len(came), 20)
         self.assertGreater(np.ptp(log.joint_array("nominal", "q_rad")[:, 0]), 0.2)
-        np.testing.assert_array_equal(commands[-1], sent[-1] if tuple(sent[-1]) in came else commands[-1])  # silent: it rests there
-        self.assertGreater((commands == commands[-1]).all(axis=1).sum(), 100)
         again = subprocess.run([viable.find_program(), "run", self.folder / "run/arm.mcap", "--again"], capture_output=True, text=True)
         self.assertEqual(again.returncode, 0, again.stdout + again.stderr)
 
+    def test_without_fresh_targets_it_rests_at_the_last_one(self):
+        home = viable.Robot("indy7").home
+        process = self.start(seconds=4)
+        with viable.Stream(self.name) as stream:
+            while not (self.folder / "run/arm.mcap").exists():
+                time.sleep(0.02)
+            before = stream.counts["taken"]
+            while stream.counts["taken"] < before + 3:
+                stream.send(home + 0.1)
+                time.sleep(1 / 30)
+        log = self.log_of(process)
+        np.testing.assert_array_equal(log.joint_array("command", "q_rad")[-1], home + 0.1)
+        np.testing.assert_allclose(log.joint_array("nominal", "q_rad")[-1], home + 0.1, atol=1e-3)
+
     def test_tool_targets(self):
         pose = viable.Robot("indy7").dynamics(viable.Robot("indy7").home).tool
-        process = self.start(space="tool", seconds=2)
+        process = self.start(space="tool")
         with viable.Stream(self.name) as stream:
             self.assertEqual(stream.space, "tool")
-            turn = np.array([[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
-            goal = pose.copy()
-            goal[:3, :3] = turn[:3, :3] @ pose[:3, :3]
-            goal[:3, 3] += [0, 0, -0.05]
-            begin = time.monotonic()
-            while time.monotonic() < begin + 1.5:
-                stream.send(goal)
-                time.sleep(1 / 30)
             with self.assertRaisesRegex(viable.InputError, r"shape \(6,\).*shape \(4, 4\)"):
                 stream.send(np.zeros(6))
             with self.assertRaisesRegex(viable.InputError, "is no rotation"):
                 stream.send(np.diag([2.0, 1, 1, 1]))
+            turn = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])
+            goal = pose.copy()
+            goal[:3, :3] = turn @ pose[:3, :3]
+            goal[:3, 3] += [0, 0, -0.05]
+            self.send_while_it_runs(process, stream, lambda k: goal)
         log = self.log_of(process)
         np.testing.assert_allclose(log["command.tool.z_m"][-1], goal[2, 3], atol=1e-12)
-        np.testing.assert_allclose(log["nominal.tool.z_m"].min(), goal[2, 3], atol=0.02)
+        np.testing.assert_allclose(log["nominal.tool.z_m"][-1], goal[2, 3], atol=0.01)
 
     def test_in_simulation_the_newest_counts_too(self):
         process = self.start(command="run", seconds=30)
         home = viable.Robot("indy7").home
         with viable.Stream(self.name) as stream:
-            try:
-                while process.poll() is None:
-                    stream.send(home + 0.2)
-                    time.sleep(0.01)
-            except viable.Error as error:
-                self.assertIn("no arm listens", str(error))  # it has ended
+            self.send_while_it_runs(process, stream, lambda k: home + 0.2, rate=100)
         commands = self.log_of(process).joint_array("command", "q_rad")
         np.testing.assert_array_equal(commands[-1], home + 0.2)
 
@@ -128,19 +144,23 @@ class Streams(unittest.TestCase):
         with viable.Stream(self.name) as stream, viable.Stream(self.name) as other:
             home = viable.Robot("indy7").home
             with self.assertRaisesRegex(viable.Error, "another program sends"):
-                for _ in range(40):
-                    stream.send(home)
-                    time.sleep(0.02)
-                    other.send(home + 1)
+                def send_both(k):
+                    if k > 0:
+                        other.send(home + 1)
+                    return home
+
+                self.send_while_it_runs(process, stream, send_both)
+            self.assertGreater(stream.counts["busy"] + other.counts["busy"], 0)
         commands = self.log_of(process).joint_array("command", "q_rad")
-        self.assertEqual({tuple(row) for row in commands}, {tuple(home)})
+        changes = (np.diff(commands, axis=0) != 0).any(axis=1).sum()
+        self.assertLessEqual(changes, 1)  # it does not go to and fro between them
 
     def test_two_arms_of_one_name(self):
-        process = self.start(seconds=2)
+        process = self.start(seconds=100)
         viable.Stream(self.name).close()
         with self.assertRaisesRegex(viable.Error, "another program of viable listens there.*another `name`"):
             viable.run(STREAM, set={"command.name": self.name, "duration_s": 0.1})
-        process.wait(60)
+        process.kill()
 
     def test_late_targets_are_not_followed(self):
         process = self.start(seconds=1.5)
@@ -149,9 +169,7 @@ class Streams(unittest.TestCase):
             real = _stream.time.monotonic_ns
             _stream.time.monotonic_ns = lambda: real() - 500_000_000
             try:
-                for _ in range(20):
-                    stream.send(home + 1)
-                    time.sleep(0.03)
+                self.send_while_it_runs(process, stream, lambda k: home + 1)
             finally:
                 _stream.time.monotonic_ns = real
             self.assertGreater(stream.counts["stale"], 0)

@@ -293,7 +293,7 @@ void refusePython(const CasePlan& plan) {
     for (const PluginChoice* choice : plan.plugins())
         if (isPython(choice->plugin))
             throw badInput(
-                choice->parameters.place("plugin"),
+                choice->parameters.resolved().find("plugin")->place(),
                 "a class in Python cannot drive an arm in real time: a call takes 20 us in the mean, and with "
                 "another busy Python thread 8 ms in the mean and 330 ms at worst",
                 "Run the case with `viable run`; for live, write it in C++ (viable new " +

@@ -116,7 +116,7 @@ protected:
         tick();
         return sender_->readAnswer().verdict;
     }
-    Verdict send(const std::vector<double>& q) { return send(sender_->make(q, now_ns_)); }
+    Verdict sendJoints(const std::vector<double>& q) { return send(sender_->make(q, now_ns_)); }
     void expectAt(const std::vector<double>& q) const {
         ASSERT_EQ(command_.q.size(), 3);
         for (int i = 0; i < 3; ++i) EXPECT_EQ(command_.q[i], q[static_cast<std::size_t>(i)]);
@@ -135,12 +135,12 @@ TEST_F(StreamTest, RestsAtTheStartUntilATargetComesAndAtTheLastOneAfterwards) {
     begin();
     tick(10);
     expectAt({0.1, -0.2, 0.3});
-    EXPECT_EQ(send({0.5, 0.6, 0.7}), Verdict::Taken);
+    EXPECT_EQ(sendJoints({0.5, 0.6, 0.7}), Verdict::Taken);
     expectAt({0.5, 0.6, 0.7});
     tick(2000);
     expectAt({0.5, 0.6, 0.7});
     EXPECT_TRUE(command_.qd.isZero(0.0));
-    EXPECT_EQ(send({0.4, 0.5, 0.6}), Verdict::Taken);
+    EXPECT_EQ(sendJoints({0.4, 0.5, 0.6}), Verdict::Taken);
     expectAt({0.4, 0.5, 0.6});
 }
 
@@ -180,11 +180,11 @@ TEST_F(StreamTest, WhatIsNoTargetIsRefusedWithItsReason) {
     TargetMessage m = sender_->make({1, 2, 3}, now_ns_);
     m.token[3] ^= 1;
     EXPECT_EQ(send(m), Verdict::Token);
-    EXPECT_EQ(send({1, 2}), Verdict::Space);
+    EXPECT_EQ(sendJoints({1, 2}), Verdict::Space);
     EXPECT_EQ(send(sender_->make({0, 0, 0, 1, 0, 0, 0}, now_ns_, TargetMessage::Space::Tool)), Verdict::Space);
-    EXPECT_EQ(send({1, std::nan(""), 3}), Verdict::NotFinite);
-    EXPECT_EQ(send({1, INFINITY, 3}), Verdict::NotFinite);
-    EXPECT_EQ(send({1, 1e4, 3}), Verdict::NotFinite);
+    EXPECT_EQ(sendJoints({1, std::nan(""), 3}), Verdict::NotFinite);
+    EXPECT_EQ(sendJoints({1, INFINITY, 3}), Verdict::NotFinite);
+    EXPECT_EQ(sendJoints({1, 1e4, 3}), Verdict::NotFinite);
     for (const std::size_t size : {std::size_t{0}, std::size_t{1}, kTargetHeader, sizeof(TargetMessage)}) {
         const TargetMessage good = sender_->make({1, 2, 3}, now_ns_);
         sender_->sendBytes(&good, size);
@@ -217,7 +217,7 @@ TEST_F(StreamTest, RandomBytesMoveNothing) {
 
 TEST_F(StreamTest, AnotherProgramIsHeardOnceThisOneIsSilent) {
     begin();
-    EXPECT_EQ(send({1, 0, 0}), Verdict::Taken);
+    EXPECT_EQ(sendJoints({1, 0, 0}), Verdict::Taken);
     Sender other(name_, 8);
     other.send(other.make({2, 0, 0}, now_ns_));
     tick(400);
@@ -228,7 +228,7 @@ TEST_F(StreamTest, AnotherProgramIsHeardOnceThisOneIsSilent) {
     tick();
     EXPECT_EQ(other.readAnswer().verdict, Verdict::Taken);
     expectAt({2, 0, 0});
-    EXPECT_EQ(send({3, 0, 0}), Verdict::Busy);
+    EXPECT_EQ(sendJoints({3, 0, 0}), Verdict::Busy);
 }
 
 TEST_F(StreamTest, ToolTargetsArePoses) {
@@ -249,7 +249,7 @@ TEST_F(StreamTest, BetweenTargetsItInterpolatesWhereAsked) {
     begin("between: interpolate");
     double last = 0.1;
     for (int k = 1; k <= 30; ++k) {  // 0.3 rad/s at 33.3 Hz
-        EXPECT_EQ(send({0.1 + 0.01 * k, 0, 0}), Verdict::Taken);
+        EXPECT_EQ(sendJoints({0.1 + 0.01 * k, 0, 0}), Verdict::Taken);
         for (int i = 0; i < 29; ++i) {
             tick();
             if (k > 5) {
@@ -291,7 +291,7 @@ TEST_F(StreamTest, ResetForgetsTargetsThatCameBefore) {
     stream_.reset(bench_.start);
     tick();
     expectAt({0.1, -0.2, 0.3});
-    EXPECT_EQ(send({1, 2, 3}), Verdict::Taken);
+    EXPECT_EQ(sendJoints({1, 2, 3}), Verdict::Taken);
     stream_.reset(bench_.start);
     tick();
     expectAt({0.1, -0.2, 0.3});
