@@ -35,7 +35,7 @@ with tempfile.TemporaryDirectory() as folder:
     print(f"{stream.counts['taken']} targets taken, {stream.counts['stale']} stale; age {1e3 * np.nanmedian(ages):.2f} ms in the median, "
           f"{1e3 * np.nanmax(ages):.2f} ms at most")
     jerk = abs(log.joint_array("nominal", "jerk_radps3")).max()
-    print(f"largest jerk {jerk:.2f} of {12 * np.pi:.2f} rad/s^3; {int(log['missed'].sum())} of {len(t)} ticks missed")
+    print(f"largest jerk {jerk:.2f} of {12 * np.pi:.2f} rad/s^3; {int(log['tick.missed'].sum())} of {len(t)} ticks missed")
     with draw("live_stream.png") as axes:
         axes.step(t, command[:, 1], where="post", label="target", linewidth=0.8)
         axes.plot(t, q[:, 1], label="arm")

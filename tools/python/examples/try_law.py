@@ -14,7 +14,7 @@ with tempfile.TemporaryDirectory() as folder:
     summary = viable.run(Path(__file__).with_name("my_law.yaml"), set={"duration_s": seconds}, out=f"{folder}/run")
     logs = {case: viable.Log(f"{folder}/run/{case}.mcap") for case in summary["cases"]}
     for case, log in logs.items():
-        tick = np.median(log["filter_us"])
+        tick = np.median(log["tick.filter_us"])
         print(f"{case:10} {tick:6.1f} us in the filter   {summary['cases'][case]['verdict']}")
     with draw("try_law.png") as axes:
         for case, log in logs.items():
