@@ -76,14 +76,22 @@ TEST_F(InProcess, ItRunsWithTheLockAndWithoutIt) {
 
 TEST_F(InProcess, ABusyThreadOfTheHostSlowsItAndNoMore) {
     py::exec(
-        "import threading\nstop = False\ndef work():\n    while not stop: sum(range(1000))\n"
-        "thread = threading.Thread(target=work)\nthread.start()");
+        "import threading, time\n"
+        "stop, rounds = False, 0\n"
+        "def work():\n"
+        "    global rounds\n"
+        "    while not stop:\n"
+        "        rounds += sum(range(1000)) > 0\n"
+        "thread = threading.Thread(target=work)\n"
+        "thread.start()\n"
+        "while rounds == 0: time.sleep(0.001)\n"
+        "before = rounds\n");
     {
         const py::gil_scoped_release release;
         EXPECT_EQ(run(), "");
     }
-    py::exec("stop = True");
-    py::exec("thread.join()");
+    EXPECT_GT(py::eval("rounds - before").cast<int>(), 0);
+    py::exec("stop = True\nthread.join()");
 }
 
 }  // namespace
