@@ -3,6 +3,7 @@
 // tested here without a line of code, unless it has parameters without defaults: see makeRequiredParameters().
 // The suite is compiled once; the program that links it defines kContractPlugin: where the libraries are, which to test.
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -219,6 +220,10 @@ Texts makeRequiredParameters(const PluginInfo& info) {
         const std::string plugin = std::string(getName(info.kind)) + " " + info.name;
         if (plugin == "command waypoints") return {{"points", "[[0, 0.3, -0.5], [1.5, 0.6, 0.1], [3, -0.2, -0.3]]"}};
         if (plugin == "command recorded_poses") return {{"file", recording.file().string()}};
+        if (plugin == "command stream") {  // one socket for each
+            static std::atomic<int> made{0};
+            return {{"name", "contract-" + std::to_string(::getpid()) + "-" + std::to_string(++made)}};
+        }
         if (plugin == "plant link") {
             static const AnsweringRobot robot;
             return {{"address", robot.address()}, {"connect_timeout_s", "20"}, {"silence_timeout_s", "20"}};

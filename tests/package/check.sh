@@ -82,6 +82,13 @@ batch = viable.Batch(robot, 16, plant={"payload_kg": "~uniform(0, 1)"})
 batch.step([[20.0] * 7] * 16)
 assert viable.run(experiment, cases="C3", set={"duration_s": 0.2})["exit_code"] == 0
 EOF
+  # A plugin in Python, which the package without Python refuses with its remedy.
+  cp "$root/usr/share/doc/python3-viable/examples/"my_law.* .
+  "$viable" run my_law.yaml --out law_out --set duration_s=0.1
+  find "$root/usr/lib" -name viable_python.so -exec mv {} "$work" \;
+  ! "$viable" run my_law.yaml --out no_law_out 2>law.log || fail "a plugin in Python ran without its library"
+  grep -q "python3-viable" law.log || fail "no remedy: $(cat law.log)"
+  ! readelf -d "$viable" "$(find "$root/usr/lib" -name 'libviable.so*' -type f)" | grep -q libpython || fail "the program itself needs Python"
   echo "package: $(basename "$python_deb"), $(stat -c %s "$python_deb") bytes, runs from there"
 fi
 echo "package: $(basename "$deb"), $(stat -c %s "$deb") bytes, runs from an empty root"

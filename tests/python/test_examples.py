@@ -69,6 +69,20 @@ class Examples(unittest.TestCase):
             self.assertAlmostEqual(float(value), true, delta=0.05 * true)
         self.assertIn("identify_friction.png", text)
 
+    def test_try_law(self):
+        text = self.run_script("try_law", 3)
+        self.assertRegex(text, r"mine +[\d.]+ us in the filter")
+        self.assertRegex(text, r"certified +[\d.]+ us in the filter +.*all limits kept")
+        self.assertIn("try_law.png", text)
+
+    def test_live_stream(self):
+        text = self.run_script("live_stream", 4)
+        taken = int(re.search(r"(\d+) targets taken", text).group(1))
+        self.assertGreater(taken, 60)  # of 120: a busy machine may be late for some
+        jerk, limit = map(float, re.search(r"largest jerk ([\d.]+) of ([\d.]+)", text).groups())
+        self.assertLessEqual(jerk, limit)
+        self.assertIn("live_stream.png", text)
+
     def test_overhead(self):
         rows = re.findall(r"^ +([\d.]+)  (.+)$", self.run_script("overhead"), re.MULTILINE)
         self.assertEqual(len(rows), 9)

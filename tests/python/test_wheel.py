@@ -32,6 +32,8 @@ class Wheel(unittest.TestCase):
             code = ("import sys, viable; robot = viable.Robot('panda'); batch = viable.Batch(robot, 4, plant={});"
                     "batch.step(batch.torque.copy()); run = viable.run(robot.folder + '/../../experiments/"
                     "indy7_teleoperation.yaml', cases='C3', set={'duration_s': 0.1}); assert run['exit_code'] == 0;"
+                    f"run = viable.run({str(SOURCE / 'tools/python/examples/my_law.yaml')!r}, cases='mine', set={{'duration_s': 0.1}});"
+                    "assert run['exit_code'] == 0;"
                     "print(viable._viable.library, robot.folder, viable.__file__, sep='\\n')")
             ended = subprocess.run([python, "-c", code], cwd=folder, env=environment, capture_output=True, text=True)
             self.assertEqual(ended.returncode, 0, ended.stderr)

@@ -21,6 +21,7 @@
 #include "core/LatestValue.h"
 #include "core/Text.h"
 #include "core/WholeFile.h"
+#include "host/PythonClass.h"
 #include "live/LiveSession.h"
 #include "live/LiveStart.h"
 #include "page/LiveFrame.h"
@@ -287,6 +288,19 @@ Experiment readLiveExperiment(const LiveArguments& arguments, const PluginLoader
     return readOneCase(arguments, overrides, loader);
 }
 
+/** A class in Python comes too late now and then, and nothing can be done about it in time. */
+void refusePython(const CasePlan& plan) {
+    for (const PluginChoice* choice : plan.plugins())
+        if (isPython(choice->plugin))
+            throw badInput(
+                choice->parameters.resolved().find("plugin")->place(),
+                "a class in Python cannot drive an arm in real time: a call takes 20 us in the mean, and with "
+                "another busy Python thread 8 ms in the mean and 330 ms at worst",
+                "Run the case with `viable run`; for live, write it in C++ (viable new " +
+                    std::string(getName(choice->plugin.kind)) +
+                    " NAME), or send targets from Python to the command plugin stream.");
+}
+
 /** Before anything has moved. */
 int tellEnd(int signal) {
     std::fprintf(stderr, "viable: ended by signal %d before the arm was driven\n", signal);
@@ -319,6 +333,7 @@ int goLive(const LiveArguments& arguments) {
     catchStopSignals();
     const Experiment experiment = readLiveExperiment(arguments, loader);
     const CasePlan& plan = experiment.cases.front();
+    refusePython(plan);
     if (!plan.missedTicks.empty())
         throw badInput(plan.name, "missed_ticks are for simulated time; here the clock says which ticks were missed",
                        "Take the key out, or run the case with `viable run`.");

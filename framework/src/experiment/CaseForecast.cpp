@@ -8,6 +8,7 @@
 
 #include "core/Text.h"
 #include "experiment/NominalLoop.h"
+#include "host/PythonClass.h"
 #include "robot/PoseSampling.h"
 #include "viable/core/Numbers.h"
 #include "viable/environment/ArmClearances.h"
@@ -60,7 +61,7 @@ std::string formatLoad(const MotorShare& worst, const RobotDescription& robot) {
 bool limitsTorque(const CasePlan& plan) {
     return std::any_of(plan.filters.begin(), plan.filters.end(), [](const PluginChoice& filter) {
         const ConfigNode* share = filter.parameters.resolved().find("torque_share");
-        return share && std::isfinite(filter.parameters.number("torque_share"));
+        return share && !isPython(filter.plugin) && std::isfinite(filter.parameters.number("torque_share"));
     });
 }
 

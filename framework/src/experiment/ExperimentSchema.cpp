@@ -77,6 +77,11 @@ Json makePluginBlock(PluginKind kind, const std::vector<PluginInfo>& plugins) {
     names.push_back({{"type", "string"},
                      {"pattern", R"(/|\.so$)"},
                      {"description", "Path of a plugin library, relative to this file."}});
+    if (kind != PluginKind::RobustLoop && kind != PluginKind::RealPlant)
+        names.push_back(
+            {{"type", "string"},
+             {"pattern", R"(\.py:[^0-9\W]\w*$)"},
+             {"description", "FILE.py:CLASS, a class in Python, relative to this file; not for viable live."}});
     for (auto& [name, variants] : anyones.items()) {
         const Json single = variants.front();
         if (variants.size() == 1)

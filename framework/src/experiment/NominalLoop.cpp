@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include "host/PythonClass.h"
 #include "viable/core/Numbers.h"
 #include "viable/robot/RobotModel.h"
 #include "viable/summary/Summary.h"
@@ -147,7 +148,8 @@ std::optional<NominalSwing> findNominalSwing(const ConfiguredCase& configured) {
     loop.jerk = findSmaller(setup.limits.jerk);
     loop.acceleration = findSmaller(setup.limits.acceleration);
     for (const PluginChoice& filter : configured.plan.filters)
-        if (filter.parameters.resolved().find("gamma")) loop.gamma = filter.parameters.number("gamma");
+        if (!isPython(filter.plugin) && filter.parameters.resolved().find("gamma"))
+            loop.gamma = filter.parameters.number("gamma");
     for (int i = 0; i < setup.size(); ++i) {
         const int joint = findRestless(loop, i);
         if (joint < 0) continue;

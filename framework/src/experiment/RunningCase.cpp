@@ -10,6 +10,7 @@
 #include "core/Text.h"
 #include "environment/OccupancyMap.h"
 #include "filter/FilterChain.h"
+#include "host/PythonClass.h"
 #include "log/LogMetadata.h"
 #include "log/Recorder.h"
 #include "robot/ArmRecursion.h"
@@ -277,11 +278,17 @@ CaseResult RunningCase::finish(bool isAlone) {
         result_.logError = status.error;
     }
     result_.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
+    const auto isOfPython = [&](const PluginWatch& watch) {  // Python cannot do without
+        const auto plugins = plan().plugins();
+        return std::any_of(plugins.begin(), plugins.end(), [&](const PluginChoice* choice) {
+            return isPython(choice->plugin) && PluginWatch(choice->plugin).title == watch.title;
+        });
+    };
     for (const auto& watch : configured_->watches) {
         if (!watch->sharedChange.empty()) result_.warnings.push_back(formatSharedChange(*watch));
         if (!watch->lastWords.empty())
             result_.warnings.push_back(watch->title + " failed while it was destroyed: " + watch->lastWords);
-        if (watch->allocatingTicks == 0) continue;
+        if (watch->allocatingTicks == 0 || isOfPython(*watch)) continue;
         result_.warnings.push_back(
             watch->title + " takes memory from the heap in its tick (in " + std::to_string(watch->allocatingTicks) +
             " ticks, first in tick " + std::to_string(watch->firstAllocation) +

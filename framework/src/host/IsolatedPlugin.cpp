@@ -11,6 +11,7 @@
 
 #include "core/ChildProcess.h"
 #include "host/PluginCall.h"
+#include "host/PythonClass.h"
 #include "plugin/FaultExplanation.h"
 #include "viable/core/Numbers.h"
 #include "viable/plugin/FaultMessage.h"
@@ -43,7 +44,7 @@ enum class Request : int {
     AwaitPlant,
 };
 
-enum class Reply : int { Done, Threw, ThrewError, Faulted };
+enum class Reply : int { Done, Threw, ThrewError, Faulted, Raised };
 
 /** What both processes see. The objects hold all their numbers inside themselves, and a fork leaves them at the same
 address in both. */
@@ -177,6 +178,7 @@ private:
         box_->text[sizeof box_->text - 1] = '\0';
         const std::string text = box_->text;
         if (box_->how == Reply::Faulted) throw PluginFault(text, kOnArithmeticChange);
+        if (box_->how == Reply::Raised) throw PluginFault(text, kOnRaise);
         if (box_->how == Reply::ThrewError)
             throw Error(box_->errorKind == static_cast<int>(ErrorKind::BadInput) ? ErrorKind::BadInput
                                                                                  : ErrorKind::PluginFailed,
@@ -235,6 +237,9 @@ void answer(Mailbox& box, const Work& work) {
             box.how = Reply::Faulted;
             std::snprintf(box.text, sizeof box.text, kArithmeticChange, change);
         }
+    } catch (const PluginFault& e) {  // of a class in Python
+        box.how = Reply::Raised;
+        std::snprintf(box.text, sizeof box.text, "%s", e.what());
     } catch (const Error& e) {
         box.how = Reply::ThrewError;
         box.errorKind = e.exitCode();

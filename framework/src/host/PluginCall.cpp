@@ -162,7 +162,9 @@ void resetPlugin(Plugin& plugin, PluginKind kind, PluginWatch* watch, const Moti
         throw Error(ErrorKind::PluginFailed, who, e.what(), e.remedy());
     } catch (const Error& e) {
         if (!watch) throw;
-        if (kind == PluginKind::RealPlant) throw Error(e.kind(), who, e.what());  // the robot cannot be had
+        if (kind == PluginKind::RealPlant ||
+            kind == PluginKind::CommandSource)  // the robot, or the device, cannot be had
+            throw Error(e.kind(), who, e.what());
         throw Error(ErrorKind::PluginFailed, who, std::string("threw in reset(): ") + e.what(), kOnThrow);
     } catch (const std::exception& e) {
         throw Error(ErrorKind::PluginFailed, who, std::string("threw in reset(): ") + e.what(), kOnThrow);

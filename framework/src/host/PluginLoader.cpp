@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cctype>
 #include <cerrno>
 #include <chrono>
 #include <cmath>
@@ -633,6 +634,70 @@ Error makeMiss(PluginKind kind, const std::string& request, const std::string& w
                         (std::getenv("VIABLE_PLUGIN_PATH") ? "" : ", which is not set here"));
 }
 
+// --- Classes in Python ---------------------------------------------------------------------------
+
+constexpr char kPythonLibrary[] = "viable_python.so";
+
+/** FILE.py:CLASS, or FILE.py, which lacks its class. */
+bool asksForPython(const std::string& request) {
+    return request.find(".py:") != std::string::npos || endsWith(request, ".py");
+}
+
+bool isIdentifier(const std::string& text) {
+    const auto isLetter = [](unsigned char c) { return std::isalpha(c) || c == '_' || c >= 0x80; };
+    return !text.empty() && isLetter(static_cast<unsigned char>(text[0])) &&
+           std::all_of(text.begin(), text.end(), [&](unsigned char c) { return isLetter(c) || std::isdigit(c); });
+}
+
+/** The library that runs classes in Python. It stands beside the folders of plugins, not in one: it is none itself. */
+fs::path findPythonLibrary(const std::string& where, const std::vector<fs::path>& searchPath) {
+    std::vector<std::string> tried;
+    for (const fs::path& folder : searchPath) {
+        const fs::path candidate =
+            (folder.has_filename() ? folder : folder.parent_path()).parent_path() / kPythonLibrary;
+        std::error_code error;
+        if (fs::is_regular_file(candidate, error)) return fs::canonical(candidate);
+        tried.push_back(candidate.string());
+    }
+    throw badInput(
+        where,
+        std::string("a plugin in Python needs ") + kPythonLibrary + ", which is not there. Tried: " + join(tried, ", "),
+        "Install the Debian package python3-viable (apt-get install ./python3-viable_*.deb), or, where viable "
+        "is built, python3-dev and pybind11-dev, and build the target viable_python");
+}
+
+PluginInfo findPython(PluginKind kind, const std::string& request, const std::string& where, const fs::path& folder,
+                      const std::vector<fs::path>& searchPath, double trial_s) {
+    const std::string word = getName(kind);
+    if (kind == PluginKind::RobustLoop || kind == PluginKind::RealPlant)
+        throw badInput(where, "a " + word + " cannot be a class in Python; commands, controllers and filters can",
+                       "Write it in C++: viable new " + word + " NAME");
+    const std::size_t colon = request.rfind(".py:");
+    const std::string name = colon == std::string::npos ? std::string() : request.substr(colon + 4);
+    if (!isIdentifier(name))
+        throw badInput(where, quoted(request) + " names no class", "Write the file and its class: my_law.py:MyLaw");
+    const fs::path file = fs::absolute(folder / request.substr(0, colon + 3)).lexically_normal();
+    std::error_code error;
+    if (!fs::is_regular_file(file, error))
+        throw badInput(where, "there is no Python file " + file.string(),
+                       "Correct the path: it is relative to the folder of the file that names it");
+    try {
+        checkRights(file);
+    } catch (const Refusal& refusal) {
+        throw badInput(where, "the Python file " + file.string() + " cannot be used: " + refusal.what, refusal.remedy);
+    }
+    const fs::path library = findPythonLibrary(where, searchPath);
+    try {
+        const PluginLibrary* const table = loadTable(library, trial_s);
+        for (std::uint32_t i = 0; i < table->entryCount; ++i)
+            if (table->entries[i].kind == kind)
+                return {kind, name, table->entries[i].summary, file, &table->entries[i]};
+        throw Refusal{"it has no entry for a " + word, "Build it again"};
+    } catch (const Refusal& refusal) {
+        throw makeError(where, library, refusal);
+    }
+}
+
 }  // namespace
 
 std::string findLoadChange(const fs::path& library) {
@@ -697,6 +762,7 @@ PluginInfo PluginLoader::find(PluginKind kind, const std::string& request, const
     if (request.empty())
         throw badInput(where, std::string("the name of the ") + getName(kind) + " plugin is empty",
                        "Write its name or the path of its library");
+    if (asksForPython(request)) return findPython(kind, request, where, folder, searchPath_, trial_s_);
 
     fs::path library;
     if (request.find('/') != std::string::npos || endsWith(request, ".so")) {

@@ -100,6 +100,40 @@ std::string makeMessage(const std::string& name) {
     return ::testing::AssertionFailure() << '"' << part << "\" is not in: " << text;
 }
 
+// --- Classes in Python --------------------------------------------------------------------------
+
+TEST(PluginLoader, AClassInPythonIsAFileAndAClass) {
+    const TemporaryFolder folder;
+    const std::string law = folder.write("law.py", "class Law: pass\n");
+    const PluginLoader loader({kBroken});
+    EXPECT_TRUE(holds(findMessage(loader, law), "names no class. Write the file and its class: my_law.py:MyLaw"));
+    EXPECT_TRUE(holds(findMessage(loader, law + ":"), "names no class"));
+    EXPECT_TRUE(holds(findMessage(loader, law + ":1x"), "names no class"));
+    EXPECT_TRUE(holds(findMessage(loader, "no/such/law.py:Law"), "there is no Python file"));
+    EXPECT_TRUE(holds(findMessage(loader, law + ":Law", PluginKind::RobustLoop),
+                      "a robust_loop cannot be a class in Python; commands, controllers and filters can. Write it in "
+                      "C++: viable new robust_loop NAME"));
+    EXPECT_TRUE(holds(findMessage(loader, law + ":Law", PluginKind::RealPlant), "a plant cannot be a class in Python"));
+}
+
+TEST(PluginLoader, WithoutPythonTheRemedyIsNamed) {
+    const TemporaryFolder folder;
+    const fs::path law = folder.write("law.py", "class Law: pass\n");
+    const fs::path bin = law.parent_path() / "bin";
+    const std::string message = findMessage(PluginLoader({bin / "plugins"}), law.string() + ":Law");
+    EXPECT_TRUE(holds(message, (bin / "viable_python.so").string()));
+    EXPECT_TRUE(holds(message, "Install the Debian package python3-viable"));
+}
+
+TEST(PluginLoader, APythonFileThatAnybodyMayChangeIsRefused) {
+    const TemporaryFolder folder;
+    const fs::path law = folder.write("law.py", "class Law: pass\n");
+    fs::permissions(law, fs::perms::others_write, fs::perm_options::add);
+    const std::string message = findMessage(PluginLoader({kBroken}), law.string() + ":Law");
+    EXPECT_TRUE(holds(message, "every user of this machine may write to it"));
+    EXPECT_TRUE(holds(message, "chmod o-w"));
+}
+
 // --- The good case ------------------------------------------------------------------------------
 
 TEST(PluginLoader, KindsAreTheWordsOfFileNames) {

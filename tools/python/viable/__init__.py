@@ -5,7 +5,8 @@
     Servo                        the fastest way to a joint target within limits, as jerks
     Batch                        thousands of guarded arms at once, for learning
     Log                          the log of a run as numpy arrays
-    run, verify, identify, ...   what the program `viable` does, results as dicts
+    Stream                       targets for an arm that `viable live` drives
+    run, verify, identify, ...   what the program `viable` does, results as dicts; find_program() tells where it is
     Error, InputError            what goes wrong: place, cause, remedy, kind
 
 Arrays are float64 with one number per joint, base first; units are rad, s and Nm (of joints that slide m and N).
@@ -14,11 +15,13 @@ Arrays are float64 with one number per joint, base first; units are rad, s and N
 from ._batch import Batch
 from ._errors import Error, InputError
 from ._log import Log
+from ._paths import find_program
 from ._program import bound, identify, run, sweep, verify
+from ._stream import Stream
 from ._types import ACTING, STATUS, State
 from ._viable import Dynamics, Guard, Limits, ReferenceGuard, Robot, Servo, __version__
 
 __all__ = [
     "ACTING", "Batch", "Dynamics", "Error", "Guard", "InputError", "Limits", "Log", "ReferenceGuard", "Robot", "Servo", "STATUS", "State",
-    "bound", "identify", "run", "sweep", "verify", "__version__",
+    "Stream", "bound", "find_program", "identify", "run", "sweep", "verify", "__version__",
 ]

@@ -12,6 +12,7 @@ import re
 import signal
 import sqlite3
 import subprocess
+import sys
 import tempfile
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -64,12 +65,15 @@ def _cases(cases: str | Sequence[str] | None) -> list[str]:
     return [part for name in names for part in ("--case", name)]
 
 
-def _call(arguments: Sequence[str], allowed: Sequence[int], progress: Callable[[dict], None] | None = None) -> tuple[int, str]:
-    """Runs the program. Returns exit code and standard output; raises its Error for a code that is not `allowed`.
+def _call(arguments: Sequence[str], allowed: Sequence[int], progress: Callable[[dict], None] | None = None,
+          is_done: Callable[[], bool] | None = None) -> tuple[int, str]:
+    """Runs the program. Returns exit code and standard output; raises its Error for a code that is not `allowed`, and one that it
+    told where it is not done.
 
     KeyboardInterrupt, and whatever `progress` raises: the program brakes the arm, finishes its log and ends before that goes
     on."""
     environment = dict(os.environ, VIABLE_MESSAGES="json")
+    environment.setdefault("VIABLE_PYTHON", sys.executable)  # of plugins in Python: this one, with its virtual environment
     command = [find_program(), *map(str, arguments)]
     output: list[str] = []
     error: dict | None = None
@@ -105,7 +109,7 @@ def _call(arguments: Sequence[str], allowed: Sequence[int], progress: Callable[[
                 reader.join()
             process.stdout.close()
             process.stderr.close()
-    if code in allowed:
+    if code in allowed and not (error and is_done and not is_done()):
         return code, "".join(output)
     if error:
         raise make_error(error["kind"], error["place"], error["cause"], error["remedy"])
@@ -193,8 +197,8 @@ def run(file: PathLike, *, set: Mapping[str, Any] | None = None, cases: str | Se
     with tempfile.TemporaryDirectory(prefix="viable-") as scratch:
         folder = Path(scratch) / "run" if out is None else Path(out)
         before = (folder / "summary.json").exists()
-        code, _ = _call([*arguments, "--out", folder], (0, 3, 4, 5, 6), progress)
         summary_file = folder / "summary.json"
+        code, _ = _call([*arguments, "--out", folder], (0, 3, 4, 5, 6), progress, lambda: _has_cases(summary_file))
         if before or not summary_file.exists():
             raise Error(str(folder), "the run left no summary", "See the program's messages: run it in a terminal.", "internal")
         summary = json.loads(summary_file.read_text(encoding="utf-8"))
@@ -202,6 +206,10 @@ def run(file: PathLike, *, set: Mapping[str, Any] | None = None, cases: str | Se
     summary["exit_code"] = code
     summary["folder"] = None if out is None else str(folder)
     return summary
+
+
+def _has_cases(summary: Path) -> bool:
+    return summary.exists() and bool(json.loads(summary.read_text(encoding="utf-8"))["cases"])
 
 
 def _with_json(arguments: Sequence[Any], allowed: Sequence[int]) -> tuple[int, dict]:

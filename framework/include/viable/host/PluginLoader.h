@@ -23,7 +23,7 @@ struct PluginInfo {
     PluginKind kind;
     std::string name;
     std::string summary;
-    std::filesystem::path library;
+    std::filesystem::path library;  ///< of a class in Python: its .py file, and `name` is that of the class
     const PluginEntry* entry;
 };
 
@@ -41,9 +41,10 @@ struct RefusedLibrary {
 
 A library's file is called viable_<kind>_<name>.so. Search: a path if the request is one (it
 contains a slash or ends in .so; relative to the folder of the file that asks), else every folder of
-the search path. Two files for one name are an error that names both; so is a file whose descriptor
-says another kind or name. Loaded with RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE; the descriptor's
-magic, size and ABI stamp are compared before any C++ object crosses, and a difference is said in
+the search path. FILE.py:CLASS is a class in Python, by way of viable_python.so, which lies beside the folders of the
+search path where it is installed; Python itself starts when such a class is configured. Two files for one name are an
+error that names both; so is a file whose descriptor says another kind or name. Loaded with RTLD_NOW | RTLD_LOCAL |
+RTLD_NODELETE; the descriptor's magic, size and ABI stamp are compared before any C++ object crosses, and a difference is said in
 words. Start-up code of a library (static objects) runs when it is found. */
 class PluginLoader {
 public:

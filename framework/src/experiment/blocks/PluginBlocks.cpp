@@ -3,9 +3,38 @@
 #include <algorithm>
 #include "experiment/ExperimentKeys.h"
 #include "experiment/ResolvedNodes.h"
+#include "host/PythonClass.h"
 #include "viable/core/Error.h"
 
 namespace viable::detail {
+
+namespace {
+
+/** What the file says, as it is written, and `plugin` as given: which parameters a class in Python takes, it tells when it is
+made. Values are scalars, lists of numbers, and lists of such lists. */
+Parameters readPythonParameters(ConfigNode block, const std::string& plugin, int joints) {
+    std::vector<std::string> names;
+    for (const auto& entry : block.entries) names.push_back(entry.first);
+    std::vector<ParameterSpec> specs;
+    for (std::size_t i = 0; i < names.size(); ++i) {
+        ConfigNode& value = block.entries[i].second;
+        const char* const name = names[i].c_str();
+        if (names[i] == "plugin") {
+            value.text = plugin;
+            value.quoted = true;
+        } else if (value.kind != ConfigNode::Kind::List) {
+            if (value.kind == ConfigNode::Kind::Scalar) refuseBlank(value);
+            specs.push_back(parameter::text(name, nullptr, ""));
+        } else if (!value.items.empty() && value.items.front().kind == ConfigNode::Kind::List) {
+            specs.push_back(parameter::rows(name, "", 0, kMaxConfigNodes, nullptr, "").orInfinite());
+        } else {
+            specs.push_back(parameter::numbers(name, "", 0, kMaxConfigNodes, nullptr, "").orInfinite());
+        }
+    }
+    return readParameters(block, specs.data(), specs.size(), joints);
+}
+
+}  // namespace
 
 PluginChoice readPlugin(const ConfigNode& block, PluginKind kind, const PluginLoader& loader, int joints) {
     if (block.kind != ConfigNode::Kind::Map || !block.find("plugin")) {
@@ -21,6 +50,10 @@ PluginChoice readPlugin(const ConfigNode& block, PluginKind kind, const PluginLo
     const PluginInfo info =
         loader.find(kind, toText(name), name.place(), std::filesystem::path(name.file).parent_path());
     PluginChoice choice{info, {}};
+    if (isPython(info)) {
+        choice.parameters = readPythonParameters(block, info.library.string() + ":" + info.name, joints);
+        return choice;
+    }
     // The host's own key, for any loop that tells its law.
     std::vector<ParameterSpec> specs(info.entry->parameters, info.entry->parameters + info.entry->parameterCount);
     const bool isRobustLoop = kind == PluginKind::RobustLoop;
@@ -61,6 +94,7 @@ std::vector<PluginChoice> readFilters(const ConfigNode& node, const PluginLoader
 
 ConfigNode resolvePlugin(const PluginChoice& choice) {
     ConfigNode block = choice.parameters.resolved();
+    if (isPython(choice.plugin)) return block;
     ConfigNode* name = block.find("plugin");
     if (name->text.find('/') != std::string::npos) {  // named by its path
         name->text = choice.plugin.library.string();
