@@ -40,6 +40,9 @@ constexpr double kMargin_m = 0.02;
 constexpr double kNearer_m = 1e-6;
 constexpr double kHorizon_m = 0.1, kAllowed_m = 1e-8;
 constexpr int kTicksPerJudged = 20;
+/** One run in so many may be frozen once, and so much of all time not. */
+constexpr std::int64_t kRunsPerFrozen = 200;
+constexpr double kLeastMoving = 0.985;
 
 struct Robot {
     explicit Robot(const char* name)
@@ -389,9 +392,11 @@ bool checkFreezing(const Options& options) {
         static_cast<long long>(runs), static_cast<long long>(frozenRuns), static_cast<double>(longest) * kTick_s,
         100.0 * static_cast<double>(frozen) / static_cast<double>(ticks), kFrozen_s,
         100.0 * static_cast<double>(rest) / static_cast<double>(ticks));
-    run.expectShare("runs not frozen", runs - frozenRuns, runs, 0.995);
-    run.expectShare("time not frozen", ticks - frozen, ticks, 0.985);
-    return run.isGood();
+    const std::int64_t most = runs / kRunsPerFrozen;
+    if (frozenRuns > most)
+        std::printf("TOO MANY: frozen in %lld runs, at most %lld of so many may be\n",
+                    static_cast<long long>(frozenRuns), static_cast<long long>(most));
+    return run.isGood() && frozenRuns <= most && ticks - frozen >= kLeastMoving * static_cast<double>(ticks);
 }
 
 }  // namespace viable

@@ -26,8 +26,8 @@ bool checkMonitor(const Options& options);
 neither along the stops. */
 bool checkObstacles(const Options& options);
 
-/** Whole arms with steering in random scenes that are asked to go from pose to pose: none rests where a joint could go alone
-where it is asked to. */
+/** Whole arms with steering in random scenes that are asked to go from pose to pose: at most one run
+in 200 has a rest of 2 s in which a joint could go alone where it is asked to. */
 bool checkFreezing(const Options& options);
 
 /** Whole arms with random speed limits of their points, of joints and regions, under hostile torques and with missed ticks: no

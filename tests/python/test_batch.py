@@ -146,7 +146,7 @@ class Batches(unittest.TestCase):
             self.assertGreater(abs(expected[7] - expected[0]).max(), 0.1)
             for wrong, cause in (((8, 6), r"the array has shape \(8, 6\)"), ((7, batch.action_size), "Give a row of "),
                                  ((batch.action_size,), "the array has shape")):
-                with self.assertRaisesRegex(viable.InputError, cause + ".*|" + cause):
+                with self.assertRaisesRegex(viable.InputError, cause):
                     batch.step(np.zeros(wrong))
             with self.assertRaisesRegex(viable.InputError, "position and quaternion x, y, z, w per arm, shape \\(8, 7\\)"
                                         if action == "tool_pose" else "Give a row of x, y, z per arm, shape \\(8, 3\\)"):

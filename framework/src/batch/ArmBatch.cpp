@@ -204,8 +204,8 @@ struct ArmBatch::Impl {
     }
 
     void makePlants();
-    void configure(WholeArm& whole, RunSetup& at) const;
-    void check(int arm, const MotionState& start, RunSetup& at) const;
+    void configure(WholeArm& whole, const CertifiedBrakingOptions& joints, RunSetup& at) const;
+    void check(int arm, const MotionState& start, const CertifiedBrakingOptions& joints, RunSetup& at) const;
     void checkNamed(const std::vector<int>& which, const std::vector<MotionState>& starts) const;
     void reset(const std::vector<int>& which, const std::vector<MotionState>& starts);
     template <class Work>
@@ -277,16 +277,17 @@ void ArmBatch::Impl::makePlants() {
 }
 
 /** Throws for a start that cannot be. */
-void ArmBatch::Impl::configure(WholeArm& whole, RunSetup& at) const {
+void ArmBatch::Impl::configure(WholeArm& whole, const CertifiedBrakingOptions& joints, RunSetup& at) const {
     at.geometry = &*geometry;
     at.surroundings = &whole.feed;
     WholeArmBrakingOptions chosen;
-    chosen.joints = options.filter;
+    chosen.joints = joints;
     whole.filter.configure(at, chosen, "ArmBatchOptions::filter");
 }
 
 /** Throws for a start that cannot be. */
-void ArmBatch::Impl::check(int arm, const MotionState& start, RunSetup& at) const {
+void ArmBatch::Impl::check(int arm, const MotionState& start, const CertifiedBrakingOptions& joints,
+                           RunSetup& at) const {
     if (!isFinite(start, n))
         throw badInput(nameArm(arm), "its start is of the wrong size or not finite",
                        "Give " + std::to_string(n) + " finite numbers.");
@@ -298,9 +299,9 @@ void ArmBatch::Impl::check(int arm, const MotionState& start, RunSetup& at) cons
     try {
         if (surroundings) {
             WholeArm checked(surroundings);
-            configure(checked, at);
+            configure(checked, joints, at);
         } else {
-            detail::JointBraking().configure(at, options.filter, "ArmBatchOptions::filter");
+            detail::JointBraking().configure(at, joints, "ArmBatchOptions::filter");
         }
     } catch (const Error& e) {
         const ErrorParts parts = getParts(e);
@@ -322,7 +323,7 @@ void ArmBatch::Impl::put(int arm, const MotionState& start, RunSetup& at) {
     recursion->calcDynamics(start.q, start.qd, dynamics);
     if (surroundings) {
         WholeArm& whole = *wholeArms[count(arm)];
-        configure(whole, at);
+        configure(whole, options.filter, at);
         for (int i = 0; i < n; ++i) whole.stops[count(i)] = laws[count(arm)].braking().stop(i);
     }
     if (isTool) {
@@ -371,7 +372,7 @@ void ArmBatch::Impl::checkNamed(const std::vector<int>& which, const std::vector
 void ArmBatch::Impl::reset(const std::vector<int>& which, const std::vector<MotionState>& starts) {
     checkNamed(which, starts);
     RunSetup at = setup;
-    for (std::size_t i = 0; i < which.size(); ++i) check(which[i], starts[i], at);
+    for (std::size_t i = 0; i < which.size(); ++i) check(which[i], starts[i], options.filter, at);
     std::exception_ptr first;
     for (std::size_t i = 0; i < which.size(); ++i) {
         try {
@@ -638,9 +639,11 @@ std::vector<int> ArmBatch::findUnusable(const std::vector<int>& arms, const std:
     std::vector<char> isUnusable(arms.size(), 0);
     in.share(static_cast<int>(arms.size()), 1, static_cast<std::int64_t>(arms.size()), [&](int begin, int end) {
         RunSetup at = in.setup;
+        CertifiedBrakingOptions strict = in.options.filter;
+        strict.recovery = false;
         for (int i = begin; i < end; ++i) {
             try {
-                in.check(arms[Impl::count(i)], starts[Impl::count(i)], at);
+                in.check(arms[Impl::count(i)], starts[Impl::count(i)], strict, at);
             } catch (const Error&) {
                 isUnusable[Impl::count(i)] = 1;
             }

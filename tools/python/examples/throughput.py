@@ -9,6 +9,7 @@ import json
 import os
 import sys
 import time
+import traceback
 
 import numpy as np
 
@@ -96,10 +97,15 @@ for name, kind in KINDS.items():
     if os.fork() == 0:
         try:
             os.write(theirs, json.dumps([float(each) for each in measure(*kind)]).encode())
-        finally:
-            os._exit(0)
+        except BaseException:
+            traceback.print_exc()
+            os._exit(1)
+        os._exit(0)
     os.close(theirs)
     with os.fdopen(ours) as answer:
-        rate, gain, work, memory, held = json.loads(answer.read())
+        text = answer.read()
+    if not text:
+        sys.exit(f"{name}: not measured, see above")
+    rate, gain, work, memory, held = json.loads(text)
     os.wait()
     print(f"{name:33} {rate:12.0f} {gain:8.2f} {work:6.2f} {memory:7.0f} {100 * held:5.0f} %", flush=True)

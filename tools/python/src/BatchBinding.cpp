@@ -259,7 +259,8 @@ Computes in threads without the interpreter's lock; the results do not depend on
         .def(
             "reset", &PythonBatch::reset, py::arg("mask") = py::none(), py::arg("q") = py::none(),
             py::arg("qd") = py::none(), py::arg("qdd") = py::none(),
-            R"(Puts arms to new states; all or none: raises viable.InputError for one from which no stop within the limits exists.
+            R"(Puts arms to new states; all or none: raises viable.InputError for one from which no stop within the
+limits exists, or with an environment none that keeps clear.
 
 mask        (n,) of truths, or numbers of arms, each once; None: all
 q, qd, qdd  (joints,) for all of them, a row each, or (n, joints) of which theirs are taken. None: home, at rest)")

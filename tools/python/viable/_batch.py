@@ -34,7 +34,7 @@ class Batch(_viable.Batch):
     environment   what stands around each arm, as `environment` of an experiment file:
                {"obstacles": {"table": {"box": [1, 1, 0.1], "at": {"xyz": [0.5, 0, -0.05]}}}}; {}: nothing but itself. Then the
                arms keep clear of it and of themselves (whole_arm_braking): `clearance`, and status limited where they brake
-               before something. Up to fifteen times the work, 0.7 MB an arm. Moving spheres have each arm's own time, since its reset. None: not
+               before something. Up to fifteen times the work, 0.6 MB an arm. Moving spheres have each arm's own time, since its reset. None: not
                looked at
     plant      a simulated real arm behind each nominal one, as `real_plant` of an experiment file, drawn anew for each arm where
                a value is a draw: {"payload_kg": "~uniform(0, 2)", "friction_scale": "~uniform(0.5, 1.5)"}. The plugin is
@@ -64,7 +64,7 @@ class Batch(_viable.Batch):
 
     def random_poses(self, rng: np.random.Generator, mask: Any = None, share: float = 0.8) -> np.ndarray:
         """Places drawn evenly from the middle `share` of the position limits (+-pi where there is none), a row for each arm of
-        the mask; with an environment those where nothing is too near: raises viable.InputError where 1000 draws find none."""
+        the mask; with an environment those where nothing is too near, also with recovery: raises viable.InputError where 1000 draws find none."""
         arms = np.array(self._take_arms(mask), int)
         if len(arms) == 0:
             return np.zeros((0, self.joints))
@@ -81,11 +81,13 @@ class Batch(_viable.Batch):
         if not self._keeps_clear:
             return poses
         open_ = np.array(self._find_unusable(arms, poses), int)
-        for _ in range(1000):
+        for _ in range(999):
             if len(open_) == 0:
                 return poses
             poses[open_] = middle[open_] + half[open_] * rng.uniform(-1, 1, (len(open_), self.joints))
             open_ = open_[self._find_unusable(arms[open_], poses[open_])]
+        if len(open_) == 0:
+            return poses
         raise InputError("Batch.random_poses", f"of 1000 poses of arm {arms[open_[0]]} each is too near to something",
                             "Look at the environment and its safety_distance_m.")
 

@@ -37,13 +37,14 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):
     or its plant failed. With a plant the tool is that of the real arm, as measured: where that lags behind the nominal one, so do
     reward and end.
     Goals are the tool's places at random poses. All that is random follows from the seed of reset().
-    infos: `limited`, (num_envs,) of truths: the guard changed what the action asked for; `_limited`: false where an arm has just
+    infos: `limited`, (num_envs,) of truths: the guard changed what the action asked for, or braked as it was of no use; `_limited`: false where an arm has just
     begun and took no action.
 
     autoreset   what becomes of an arm that has ended, as in Gymnasium's AutoresetMode:
                 next_step   it begins anew in the next step, whose action it ignores: with its first observation, reward 0, no end
-                same_step   it begins anew in the very step: the observation is its first one, that of its end stands in
-                            infos["final_obs"], (num_envs, 2 n + 3), where infos["_final_obs"] is true
+                same_step   it begins anew in the very step: the observation is its first one, that of its end is
+                            infos["final_obs"][arm] where infos["_final_obs"] is true, else None; infos["final_info"] has its
+                            `limited`
                 disabled    it waits for reset(options={"reset_mask": mask}), (num_envs,) of truths; a step before that raises
     robot      a viable.Robot or its name
     substeps   ticks of `tick` seconds that an action holds
@@ -117,7 +118,7 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):
                              'Call reset(options={"reset_mask": terminations | truncations}) first.')
         shares = (np.clip(actions, -1.0, 1.0) + 1.0) / 2.0
         self.batch.step(self._lower + shares * (self._upper - self._lower), self.substeps)
-        limited = (self.batch.acting != 0).any(axis=1) & ~begun
+        limited = ((self.batch.acting != 0).any(axis=1) | (self.batch.status == STATUS.index("waiting"))) & ~begun
         failed = self.batch.status == STATUS.index("failed")  # stands until its reset
         self._steps += 1
         if begun.any():
@@ -129,7 +130,11 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):
         infos = {"limited": limited, "_limited": ~begun}
         ended = terminations | truncations
         if self._autoreset == "same_step" and ended.any():
-            infos["final_obs"], infos["_final_obs"] = np.where(ended[:, None], observations, np.float32(0)), ended
+            final = np.full(self.num_envs, None, object)
+            for arm in np.flatnonzero(ended):
+                final[arm] = observations[arm]
+            infos.update(final_obs=final, _final_obs=ended, final_info={"limited": limited & ended, "_limited": ended},
+                         _final_info=ended)
             self._begin(ended)
             observations = self._observe()[0]
         else:

@@ -31,7 +31,7 @@ enum class BatchAction : unsigned char {
 struct ArmBatchOptions {
     /** Of all arms at first; none: the robot's own. Position limits beyond 4 pi need robot.allowLargeAngles. */
     std::optional<JointLimits> limits;
-    /** With Target only `recovery` counts: the servo asks for jerks that are admissible. */
+    /** With Target only `recovery` and `kAlpha` count: the servo asks for jerks that are admissible. */
     CertifiedBrakingOptions filter;
     BatchAction action = BatchAction::Torque;
     /** With it, an empty one too, WholeArmBrakingFilter keeps each arm clear of these surroundings and of itself, and within the
@@ -87,13 +87,13 @@ Guarantees: position, velocity, acceleration and jerk limits of every nominal ar
 actions are (with `filter.recovery`: from the moment they are met). With an environment also that of
 WholeArmBrakingFilter. Results do not depend on the number of threads, nor
 on the floating-point modes of the caller, nor on the other arms.
-Memory: some 20 kB an arm, with Target 35 kB, with tools 50 kB, with a plant 70 kB, with an environment 0.7 MB more. Time for six joints: 1 to 2 us an arm, tick and core, with
+Memory: some 20 kB an arm, with Target 35 kB, with tools 50 kB, with a plant 70 kB, with an environment 0.6 MB more. Time for six joints: 1 to 2 us an arm, tick and core, with
 Target 3 us, with tools 5 us, with a plant 7 us, with an environment 10 to 50 us.
 Thread: one at a time; step() makes threads of its own and ends them. */
 class ArmBatch {
 public:
     /** All arms at rest at robot.home. Throws Error (BadInput) for what TorqueGuard refuses, for a home pose from which no stop
-    within the limits exists, and for a plant that cannot be made.
+    within the limits exists (with an environment: that also keeps clear; choose another robot.home), and for a plant that cannot be made.
     @param arms    1 to 1,000,000
     @param tick_s  [s], 0.00001 to 0.1 */
     ArmBatch(RobotDescription robot, int arms, double tick_s, ArmBatchOptions options = {});
@@ -111,13 +111,13 @@ public:
     const std::map<std::string, std::vector<std::string>>& draws() const;
 
     /** Puts arms to new states, nominal and real ones; the others go on. Throws Error (BadInput), with the arm's number, for a
-    state that is malformed and, without recovery, for one from which no stop within the limits exists; no arm has moved then.
+    state that is malformed and, without recovery, for one from which no stop within the limits exists, or with an environment none that keeps clear; no arm has moved then.
     Where a plant throws or gives no reading, its arm is Failed, all others are put, and that is thrown on.
     @param arms    their numbers, each once
     @param starts  one per entry of `arms` */
     void reset(const std::vector<int>& arms, const std::vector<MotionState>& starts);
 
-    /** The places in `starts` of those that reset() would refuse; `arms` and `starts` as there. In threads. */
+    /** The places in `starts` of those that reset() would refuse without recovery; `arms` and `starts` as there. In threads. */
     std::vector<int> findUnusable(const std::vector<int>& arms, const std::vector<MotionState>& starts) const;
 
     /** New limits of an arm from now on, approached as fast as jerk allows where its motion cannot meet them at once. Throws
