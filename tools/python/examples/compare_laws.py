@@ -6,6 +6,8 @@ import tempfile
 import viable
 from picture import draw
 
+if len(sys.argv) < 2:
+    sys.exit(__doc__)
 experiment, seconds = sys.argv[1], float(sys.argv[2]) if len(sys.argv) > 2 else 30
 laws = {"C1": "acceleration viability", "C2": "tosbp", "C3": "certified braking"}
 with tempfile.TemporaryDirectory() as folder:

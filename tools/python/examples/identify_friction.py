@@ -9,6 +9,8 @@ import numpy as np
 import viable
 from picture import draw
 
+if len(sys.argv) < 3:
+    sys.exit(__doc__)
 file, robot = sys.argv[1], viable.Robot(sys.argv[2])
 found = viable.identify(file, robot=robot.folder, payload="mass")
 speed = np.linspace(-1, 1, 401)
