@@ -137,8 +137,9 @@ std::string nameCause(const ErrorCauses& causes, bool swings, const char* otherw
     if (isHeldOff(causes))
         return format("held off by the safety distance to obstacles or to itself, in %.0f %% of that error",
                       100.0 * causes.share(LimitKind::Clearance));
-    for (const auto& [kind, name] : {std::pair(LimitKind::Torque, "torque"), std::pair(LimitKind::Speed, "point speed"),
-                                     std::pair(LimitKind::Position, "position")})
+    for (const auto& [kind, name] :
+         {std::pair(LimitKind::Torque, "torque"), std::pair(LimitKind::Speed, "point speed"),
+          std::pair(LimitKind::Separation, "separation"), std::pair(LimitKind::Position, "position")})
         if (causes.share(kind) >= kCauseShare)
             return format("held by %s limits, in %.0f %% of that error", name, 100.0 * causes.share(kind));
     return otherwise;
