@@ -1,5 +1,6 @@
+#include <time.h>
+
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <limits>
@@ -27,6 +28,13 @@ constexpr int kLooks = 10;
 constexpr double kAllowed = 1e-13, kAllowedTorque = 1e-8;
 constexpr double kTorqueShare = 0.9;
 constexpr double kMoves = 0.02;  ///< [rad/s]
+
+/** What this thread has computed for, whatever else the machine does. */
+double readThreadTime_us() {
+    timespec time{};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+    return 1e6 * static_cast<double>(time.tv_sec) + 1e-3 * static_cast<double>(time.tv_nsec);
+}
 
 /** How people are kept apart from. */
 enum class Rule : unsigned char {
@@ -89,6 +97,9 @@ private:
     static Walkers::Habits makeHabits(std::int64_t number) {
         Walkers::Habits habits;
         habits.least = 3;
+        habits.slowest = 0.5;
+        habits.slowestOf = 0.5;
+        habits.farthest_m = 2.5;
         habits.targetChance = number % 2 == 0 ? 1.0 : 0.0;  // half of the runs
         return habits;
     }
@@ -138,10 +149,9 @@ private:
             }
         const JointVector wanted = 60.0 * (goal_ - state_.q) - 15.0 * state_.qd;
         const JointVector torque = dynamics_.M * wanted + dynamics_.b;
-        const auto begin = std::chrono::steady_clock::now();
+        const double begin_us = readThreadTime_us();
         const FilterStatus status = filter_.filter({state_, torque, dynamics_}, decision_);
-        const std::chrono::duration<double, std::micro> time = std::chrono::steady_clock::now() - begin;
-        outcome_.tick_us.push_back(time.count());
+        outcome_.tick_us.push_back(readThreadTime_us() - begin_us);
         outcome_.noChoice += status > FilterStatus::Recovering;
         HeldMotion motion;
         calcHeldMotion({state_, torque, dynamics_}, FilterStatus::Modified, decision_, kTick_s, motion);
@@ -308,7 +318,11 @@ bool checkPeopleRuns(const Options& options) {
     std::printf("  tool path with the filter over that with the textbook rule: %.2f; time moving: %.2f\n",
                 filter.path / textbook.path,
                 static_cast<double>(filter.moving) / static_cast<double>(std::max<std::int64_t>(1, textbook.moving)));
-    run.expectShare("runs with a contact that is too fast, without the filter", none.withContact, none.runs, 0.95);
+    // Else the runs would show nothing.
+    constexpr std::int64_t kEnoughRuns = 100;
+    if (none.runs >= kEnoughRuns && 20 * none.withContact < 19 * none.runs)
+        run.fail("without the filter nobody is touched too fast in more than 5 % of the runs",
+                 static_cast<double>(none.runs - none.withContact));
     run.expectShare("time moving with the filter over that without", filter.moving, none.moving, 0.1);
     return run.isGood();
 }

@@ -6,20 +6,13 @@
 
 namespace viable {
 
-namespace {
-
-/** Farther away from the arm's base nobody goes [m]. */
-constexpr double kFarthest_m = 3.0;
-
-}  // namespace
-
 Walkers::Walkers(Random& random, const Habits& habits, double tick_s)
     : random_(random), habits_(habits), tick_s_(tick_s) {
     const int count = random.integer(habits.least, habits.most);
     for (int p = 0; p < count; ++p) {
         Person person;
         person.name = "person" + std::to_string(p);
-        person.maxSpeed = random.logUniform(0.2, habits.fastest);
+        person.maxSpeed = random.logUniform(habits.slowestOf, habits.fastest);
         person.latency_s = random.chance(0.5) ? random.logUniform(0.001, 0.1) : 0.0;
         person.error_m = random.chance(0.5) ? random.logUniform(0.001, 0.05) : 0.0;
         if (random.chance(habits.contactChance)) person.contactSpeed = random.logUniform(0.02, 1.0);
@@ -34,7 +27,7 @@ Walkers::Walkers(Random& random, const Habits& habits, double tick_s)
         }
         people_.push_back(person);
         Walker walker;
-        walker.place = random.uniform(0.8, kFarthest_m) * random.direction();
+        walker.place = random.uniform(0.8, habits.farthest_m) * random.direction();
         walker.velocity.setZero();
         walker.past.assign(static_cast<std::size_t>(std::ceil(person.latency_s / tick_s)) + 1, walker.place);
         walker.isAfterArm = random.chance(habits.targetChance);
@@ -90,10 +83,10 @@ void Walkers::place(double t_s, PeopleObservation& places) const {
 void Walkers::turn(Walker& walker, double speed, const Eigen::Vector3d& target) {
     const Eigen::Vector3d way = target - walker.place;
     const bool goesForArm = walker.isAfterArm && random_.chance(0.7);
-    if (goesForArm || walker.place.norm() > kFarthest_m)
+    if (goesForArm || walker.place.norm() > habits_.farthest_m)
         walker.velocity = way.norm() > 1e-6 ? Eigen::Vector3d(speed * way.normalized()) : Eigen::Vector3d::Zero();
     else
-        walker.velocity = random_.uniform(0.0, speed) * random_.direction();
+        walker.velocity = random_.uniform(habits_.slowest, 1.0) * speed * random_.direction();
 }
 
 void Walkers::walk(const Eigen::Vector3d& target) {

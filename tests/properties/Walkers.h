@@ -12,9 +12,12 @@ class Walkers {
 public:
     struct Habits {
         int least = 1, most = 4;                   ///< people
+        double slowestOf = 0.2;                    ///< smallest of their largest speeds [m/s]
         double fastest = 2.0;                      ///< largest of their largest speeds [m/s]
         double contactChance = 0.3;                ///< that one may be touched at some speed
         double targetChance = 0.5;                 ///< that one goes for the arm
+        double farthest_m = 3.0;                   ///< from there they turn back to the arm
+        double slowest = 0.0;                      ///< share of their largest speed
         double jumpChance = 0.0;                   ///< in a tick: somebody is somewhere else at once
         double loseChance = 0.0;                   ///< in a tick: somebody is not seen for a while
         double shortest_s = 0.1, longest_s = 2.0;  ///< until one changes its direction
