@@ -127,8 +127,8 @@ TEST(PeopleCheck, NobodyIsNearerThanIsProvenAtAnyTime) {
     std::uniform_real_distribution<double> share(0.0, 1.0);
     std::normal_distribution<double> normal;
     const auto direction = [&] { return Eigen::Vector3d(normal(random), normal(random), normal(random)).normalized(); };
-    for (const RobotDescription& robot :
-         {loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"), loadRobot(VIABLE_SOURCE_DIR "/robots/panda"), makeSlidingArm()}) {
+    for (const RobotDescription& robot : {loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"),
+                                          loadRobot(VIABLE_SOURCE_DIR "/robots/panda"), makeSlidingArm()}) {
         const ArmGeometry geometry = loadArmGeometry(robot);
         int kept = 0, broken = 0, refused = 0;
         double tooMuch = 0.0;
@@ -151,9 +151,9 @@ TEST(PeopleCheck, NobodyIsNearerThanIsProvenAtAnyTime) {
             double least = kInfinity;
             constexpr int kTimes = 1000;
             for (int k = 0; k < kTimes; ++k)
-                least = std::min(least, sampleMargin(judge, path, seen.people[0],
-                                                     error_m + people[0].maxSpeed * latency_s, people[0].maxSpeed,
-                                                     path.duration() * (k + 0.5) / kTimes));
+                least =
+                    std::min(least, sampleMargin(judge, path, seen.people[0], error_m + people[0].maxSpeed * latency_s,
+                                                 people[0].maxSpeed, path.duration() * (k + 0.5) / kTimes));
             if (result.isKept) {
                 ++kept;
                 EXPECT_GT(least, -1e-9) << round;

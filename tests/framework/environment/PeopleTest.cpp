@@ -66,8 +66,9 @@ TEST(ReadPeople, WrongOnesAreRefusedWithPlaceAndRemedy) {
     expectContains(complain(std::string("    ann: {") + kWalk + "}\n"), {"capsules"});
     expectContains(complain("    ann: {" + capsules + kWalk + ", max_speed_mps: 0}\n"), {"max_speed_mps"});
     expectContains(complain("    ann: {" + capsules + kWalk + ", speed: 1}\n"), {"`speed`"});
-    expectContains(complain("    ann: {" + capsules + "walk: [{time_s: 1, xyz: [0, 0, 0]}, {time_s: 1, xyz: [1, 0, 0]}]}\n"),
-                   {"is not after the one before", "rise"});
+    expectContains(
+        complain("    ann: {" + capsules + "walk: [{time_s: 1, xyz: [0, 0, 0]}, {time_s: 1, xyz: [1, 0, 0]}]}\n"),
+        {"is not after the one before", "rise"});
     expectContains(complain("    ann: {" + capsules + kWalk + ", repeats: true}\n"), {"would jump"});
     expectContains(complain("    ann: {" + capsules + kWalk + ", unseen: [{from_s: 2, to_s: 1}]}\n"), {"to_s"});
     std::string many = "capsules: [";

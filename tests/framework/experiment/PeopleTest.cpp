@@ -17,7 +17,8 @@ using test::TemporaryFolder;
 
 /** Somebody who walks to the arm and stays beside it. */
 constexpr char kAnn[] =
-    "environment={people: {ann: {capsules: [{from_m: [0, 0, -1], to_m: [0, 0, 1], radius_m: 0.2}], latency_s: 0.02, walk: "
+    "environment={people: {ann: {capsules: [{from_m: [0, 0, -1], to_m: [0, 0, 1], radius_m: 0.2}], latency_s: 0.02, "
+    "walk: "
     "[{time_s: 0, xyz: [3, 0, 0]}, {time_s: 2, xyz: [0.5, 0, 0]}]}}}";
 
 TEST(PeopleKeys, AreReadAndStandInTheResolvedFile) {
@@ -84,17 +85,16 @@ TEST(PeopleKeys, WhoComesFromNowhereIsNamed) {
         return runCase(configureCase(e.cases.front()), {});
     };
     const std::string body = "capsules: [{from_m: [0, 0, -1], to_m: [0, 0, 1], radius_m: 0.2}], ";
-    const CaseResult fast =
-        run("{" + body + "walk: [{time_s: 0.5, xyz: [3, 0, 0]}, {time_s: 1, xyz: [0.5, 0, 0]}]}");
+    const CaseResult fast = run("{" + body + "walk: [{time_s: 0.5, xyz: [3, 0, 0]}, {time_s: 1, xyz: [0.5, 0, 0]}]}");
     EXPECT_GT(fast.summary.separations()->faults.faster, 0);
     EXPECT_EQ(fast.summary.separations()->nominal.guiltyTicks, 0);
     EXPECT_EQ(fast.exitCode(), 0);
     expectContains(formatDetails(fast), {"faster than stated", "last of ann"});
-    const CaseResult lost = run("{" + body +
-                                "walk: [{time_s: 0, xyz: [3, 0, 0]}], unseen: [{from_s: 0.2, to_s: 9}]}");
+    const CaseResult lost = run("{" + body + "walk: [{time_s: 0, xyz: [3, 0, 0]}], unseen: [{from_s: 0.2, to_s: 9}]}");
     EXPECT_EQ(lost.summary.separations()->faults.lost, 1);
     EXPECT_GT(lost.summary.separations()->resting_s, 0.1) << "she may have come near since";
-    const CaseResult came = run("{" + body + "walk: [{time_s: 0, xyz: [0.6, 0, 0]}], unseen: [{from_s: 0, to_s: 0.4}]}");
+    const CaseResult came =
+        run("{" + body + "walk: [{time_s: 0, xyz: [0.6, 0, 0]}], unseen: [{from_s: 0, to_s: 0.4}]}");
     EXPECT_EQ(came.summary.separations()->faults.appeared, 1);
     EXPECT_EQ(came.exitCode(), 0);
 }
