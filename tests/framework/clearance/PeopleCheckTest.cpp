@@ -121,7 +121,7 @@ double sampleMargin(const detail::SeparationCounter& judge, const ArmPath& path,
     return gap - grown - speed * t;
 }
 
-// What is proven along a path against a judge of its own, at a thousand times of the path: never too much, and not far off.
+// What is proven along a path against a judge of its own, at four hundred times of the path: never too much, and not far off.
 TEST(PeopleCheck, NobodyIsNearerThanIsProvenAtAnyTime) {
     std::mt19937 random(1);
     std::uniform_real_distribution<double> share(0.0, 1.0);
@@ -149,7 +149,7 @@ TEST(PeopleCheck, NobodyIsNearerThanIsProvenAtAnyTime) {
             check.examine(path, extremes, {0.0, PeopleCheck::kGuard_m}, false, result);
             const detail::SeparationCounter judge(robot, geometry, people, false);
             double least = kInfinity;
-            constexpr int kTimes = 1000;
+            constexpr int kTimes = 400;
             for (int k = 0; k < kTimes; ++k)
                 least =
                     std::min(least, sampleMargin(judge, path, seen.people[0], error_m + people[0].maxSpeed * latency_s,
@@ -168,7 +168,7 @@ TEST(PeopleCheck, NobodyIsNearerThanIsProvenAtAnyTime) {
                     robot.name.c_str(), kept, broken, refused, tooMuch);
         EXPECT_LE(tooMuch, 1e-9);
         EXPECT_GT(kept, 30);
-        EXPECT_GT(broken, 30);
+        EXPECT_GT(broken, 20);
         EXPECT_LT(refused, 8);
     }
 }

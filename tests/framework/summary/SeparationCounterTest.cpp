@@ -13,7 +13,7 @@ Person makeVisitor(double from, double maxSpeed, double contactSpeed) {
     person.name = "ann";
     person.maxSpeed = maxSpeed;
     person.contactSpeed = contactSpeed;
-    person.capsules = {{Eigen::Vector3d(0, 0, -1), Eigen::Vector3d(0, 0, 1), 0.1}};
+    person.capsules = {{Eigen::Vector3d(0, 0, -1), Eigen::Vector3d(0, 0, 1), 0.25}};
     person.walk = {{0.0, {from, 0, 0}}, {2.0, {from - 2.0, 0, 0}}};
     return person;
 }
