@@ -1,7 +1,7 @@
 // Property tests of certified braking: random limits, random arms, adversarial input, millions of joint steps.
 //
-//     viable_properties limits|recovery|changing_limits|stops|monitor|obstacles|speeds|people|people_runs|references|any_arm|dynamics|
-//                       tracking|tracking_poses|bound|link [--steps N] [--seed S] [--arm K]
+//     viable_properties limits|recovery|changing_limits|stops|monitor|obstacles|freezing|speeds|people|people_runs|references|any_arm|
+//                       dynamics|tracking|tracking_poses|bound|link [--steps N] [--seed S] [--arm K]
 //
 // --steps counts joint steps (joints times ticks), 20,000,000 by default; the long mode is --steps 1e9. For `stops` it
 // counts random viable states, for `dynamics` states of random arms, for `bound` joints, for `link` strangers' packets, for `people_runs` runs. A run is a function of its seed,
@@ -61,6 +61,7 @@ int main(int argc, char** argv) {
                                                                            {"stops", checkStops},
                                                                            {"monitor", checkMonitor},
                                                                            {"obstacles", checkObstacles},
+                                                                           {"freezing", checkFreezing},
                                                                            {"speeds", checkSpeeds},
                                                                            {"people", checkPeople},
                                                                            {"people_runs", checkPeopleRuns},

@@ -26,6 +26,10 @@ bool checkMonitor(const Options& options);
 neither along the stops. */
 bool checkObstacles(const Options& options);
 
+/** Whole arms with steering in random scenes that are asked to go from pose to pose: none rests where a joint could go alone
+where it is asked to. */
+bool checkFreezing(const Options& options);
+
 /** Whole arms with random speed limits of their points, of joints and regions, under hostile torques and with missed ticks: no
 point is ever too fast, nor along the stops, and the arm runs at the limit. */
 bool checkSpeeds(const Options& options);

@@ -51,14 +51,16 @@ class Batches(unittest.TestCase):
 
     def test_limits_hold_under_a_random_policy(self):
         rng = np.random.default_rng(1)
-        for action, size in (("torque", 300), ("acceleration", 40), ("target", 4)):
+        for action, size in (("torque", 300), ("acceleration", 40), ("target", 4), ("tool_pose", 1), ("tool_position", 1)):
             batch = viable.Batch(self.robot, 256, action=action)
             batch.random_reset(rng, share=1.0)
             begin = batch.q.copy()
             seen = set()
             for step in range(max(200, int(400 * EFFORT))):
                 if step % 8 == 0:
-                    actions = rng.uniform(-size, size, (256, 6))
+                    actions = rng.uniform(-size, size, (256, batch.action_size))
+                    if action == "tool_pose":
+                        actions[:, 3:] /= np.linalg.norm(actions[:, 3:], axis=1, keepdims=True)
                 batch.step(actions, substeps=1)
                 self.assertLess(find_excess(batch, self.robot.limits), 1e-9, action)
                 self.assertTrue((batch.margin > -1e-9).all())
@@ -93,6 +95,114 @@ class Batches(unittest.TestCase):
             for values, expected in ((batch.jerk, nominal[3]), (batch.torque, filtered), (batch.motor_torque, motor)):
                 np.testing.assert_array_equal(values[2], expected[i], f"tick {i}")
             self.assertEqual(batch.status[2], viable.STATUS.index({"passed": "passed", "modified": "limited"}[status[i]]))
+
+    def test_tools_bit_equal_to_the_program(self):
+        """tool_servo behind certified_braking, and behind whole_arm_braking beside obstacles."""
+        around = {"safety_distance_m": 0.03, "obstacles": {"ball": {"sphere": 0.1, "at": {"xyz": [0.45, 0.25, 0.6]}},
+                                                           "floor": {"half_space": {"normal": [0, 0, 1], "offset": 0.0}}}}
+        for environment in (None, around):
+            settings = {"duration_s": 3 if environment is None else 1.5}
+            if environment is not None:
+                settings["environment"] = environment
+                settings["cases.C4.filter"] = {"plugin": "whole_arm_braking"}
+            with tempfile.TemporaryDirectory() as folder:
+                viable.run(EXPERIMENTS / "indy7_teleoperation.yaml", cases="C4", out=Path(folder) / "run", set=settings)
+                log = viable.Log(Path(folder) / "run" / "C4.mcap")
+                nominal = [log.joint_array("nominal", name) for name in ("q_rad", "qd_radps", "qdd_radps2", "jerk_radps3")]
+                filtered = log.joint_array("filter", "tau_Nm")
+                poses = np.column_stack([log[f"command.tool.{name}"] for name in ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")])
+                sides = {name: tuple(log.joint_array("limits", f"{name}_{side}_{unit}")[0] for side in ("lower", "upper"))
+                         for name, unit in (("position", "rad"), ("velocity", "radps"), ("acceleration", "radps2"),
+                                            ("jerk", "radps3"))}
+                clearance = None if environment is None else log["clearance.distance_m"]
+            batch = viable.Batch(self.robot, 2, limits=viable.Limits(**sides), action="tool_pose", environment=environment)
+            batch.reset(q=nominal[0][0])
+            self.assertGreater(abs(nominal[0][-1] - nominal[0][0]).max(), 0.05)
+            for i in range(len(poses)):
+                for values, expected in zip((batch.q, batch.qd, batch.qdd), nominal[:3]):
+                    np.testing.assert_array_equal(values[1], expected[i], f"tick {i}")
+                batch.step(np.tile(poses[i], (2, 1)), 1)
+                for values, expected in ((batch.jerk, nominal[3]), (batch.torque, filtered)):
+                    np.testing.assert_array_equal(values[1], expected[i], f"tick {i}")
+                if clearance is not None:
+                    self.assertEqual(batch.clearance[1], clearance[i], f"tick {i}")
+
+    def test_tool_actions_of_any_kind_give_the_same(self):
+        for action in ("tool_pose", "tool_position"):
+            batch = viable.Batch(self.robot, 8, action=action)
+            self.assertEqual(batch.action_size, {"tool_pose": 7, "tool_position": 3}[action])
+            actions = (batch.tool_pose() if action == "tool_pose" else batch.tool_position()).astype(np.float32)
+            actions[:, 0] -= np.linspace(0, 0.2, 8, dtype=np.float32)
+            wide = np.zeros((8, 2 * batch.action_size))
+            wide[:, ::2] = actions
+            frozen = actions.copy()
+            frozen.flags.writeable = False
+            expected = None
+            for given in (actions, actions.astype(float), actions.tolist(), np.asfortranarray(actions), wide[:, ::2], frozen):
+                batch.reset()
+                batch.step(given, 300)
+                expected = batch.q.copy() if expected is None else expected
+                np.testing.assert_array_equal(batch.q, expected)
+            self.assertGreater(abs(expected[7] - expected[0]).max(), 0.1)
+            for wrong, cause in (((8, 6), r"the array has shape \(8, 6\)"), ((7, batch.action_size), "Give a row of "),
+                                 ((batch.action_size,), "the array has shape")):
+                with self.assertRaisesRegex(viable.InputError, cause + ".*|" + cause):
+                    batch.step(np.zeros(wrong))
+            with self.assertRaisesRegex(viable.InputError, "position and quaternion x, y, z, w per arm, shape \\(8, 7\\)"
+                                        if action == "tool_pose" else "Give a row of x, y, z per arm, shape \\(8, 3\\)"):
+                batch.step(np.zeros((8, 6)))
+            with self.assertRaisesRegex(viable.InputError, "the array's type is complex128"):
+                batch.step(actions.astype(complex))
+            np.testing.assert_array_equal(batch.q, expected)
+            broken = actions.astype(float)
+            broken[2, 1] = np.nan
+            broken[3] = np.inf
+            batch.step(broken, 400)
+            np.testing.assert_array_equal(np.flatnonzero(batch.status == viable.STATUS.index("waiting")), [2, 3])
+            np.testing.assert_allclose(batch.qd[2:4], 0, atol=1e-9)
+
+    def test_tools(self):
+        batch = viable.Batch(self.robot, 3)
+        batch.random_reset(np.random.default_rng(1))
+        poses = batch.tool_pose()
+        np.testing.assert_array_equal(poses[:, :3], batch.tool_position())
+        for pose, q in zip(poses, batch.q):
+            x, y, z, w = pose[3:]
+            R = self.robot.dynamics(q).tool[:3, :3]
+            np.testing.assert_allclose(R[:, 0], [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)], atol=1e-12)
+        for call in (batch.tool_pose, batch.tool_position):
+            with self.assertRaisesRegex(viable.InputError, "there are no real arms"):
+                call(real=True)
+
+    def test_arms_keep_clear(self):
+        around = {"safety_distance_m": 0.03, "obstacles": {"ball": {"sphere": 0.15, "at": {"xyz": [0.3, 0.4, 0.6]}}}}
+        rng = np.random.default_rng(2)
+        results = []
+        for threads in (1, 3):
+            rng = np.random.default_rng(2)
+            batch = viable.Batch(viable.Robot("panda"), 4, environment=around, threads=threads)
+            self.assertEqual((batch.clearance.shape, batch.clearance.flags.writeable), ((4,), False))
+            self.assertTrue(np.isnan(batch.clearance).all())
+            batch.random_reset(rng)
+            for _ in range(40):
+                batch.step(rng.uniform(-60, 60, (4, 7)), 10)
+                self.assertTrue((batch.clearance > 0.03 - 1e-6).all())
+            results.append([batch.q.copy(), batch.clearance.copy(), batch.acting.copy()])
+        for values, expected in zip(*results):
+            np.testing.assert_array_equal(values, expected)
+        batch = viable.Batch(self.robot, 2)
+        batch.step(np.zeros((2, 6)))
+        self.assertTrue(np.isnan(batch.clearance).all())
+        for environment, cause in (({"obstacles": {"x": {"sphere": -1, "at": {"xyz": [1, 1, 1]}}}}, "Batch: environment.*sphere"),
+                                   ({"walls": {}}, "walls"),
+                                   ({"obstacles": {"ball": {"sphere": 3, "at": {"xyz": [0, 0, 0.5]}}}}, "arm 0.*from ball")):
+            with self.assertRaisesRegex(viable.InputError, cause):
+                viable.Batch(self.robot, 1, environment=environment)
+        alone = viable.Batch(self.robot, 1, environment={})  # of itself
+        alone.step(np.zeros((1, 6)), 1)
+        self.assertGreater(alone.clearance[0], 0.0)
+        covered = viable.Batch(self.robot, 1, environment={"obstacles": {"ball": {"sphere": 0.3, "at": {"xyz": [3, 0, 0]}}}})
+        self.assertEqual(covered.random_poses(rng, []).shape, (0, 6))
 
     def test_a_guard_gives_the_same(self):
         rng = np.random.default_rng(2)

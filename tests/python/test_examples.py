@@ -74,6 +74,17 @@ class Examples(unittest.TestCase):
         self.assertEqual(len(rows), 9)
         self.assertLess(float(rows[0][0]), float(rows[3][0]))  # a call alone is the least of it
 
+    def test_throughput(self):
+        rows = re.findall(r"^(\S.*?) {2,}(\d+) +([\d.]+) +([\d.]+) +(\d+) +(\d+) %$", self.run_script("throughput", 64, 0.05), re.MULTILINE)
+        self.assertEqual(len(rows), 8)
+        rates = {name: float(rate) for name, rate, *_ in rows}
+        held = {name: float(share) for name, *_, share in rows}
+        self.assertGreater(min(rates.values()), 100)
+        self.assertGreater(rates["torque, nothing acts"], rates["torque, all joints limited"])
+        self.assertGreater(rates["torque, all joints limited"], rates["torque, all limited, obstacles"])
+        self.assertEqual(held["torque, nothing acts"], 0)
+        self.assertGreater(held["torque, all joints limited"], 80)
+
 
 if __name__ == "__main__":
     unittest.main()

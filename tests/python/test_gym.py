@@ -35,7 +35,8 @@ def make_stand_in():
             return x.shape == self.shape and x.dtype == self.dtype and bool(((x >= self.low) & (x <= self.high)).all())
 
     gymnasium = types.ModuleType("gymnasium")
-    gymnasium.vector = types.SimpleNamespace(VectorEnv=VectorEnv, AutoresetMode=types.SimpleNamespace(NEXT_STEP="next_step"))
+    modes = types.SimpleNamespace(NEXT_STEP="next_step", SAME_STEP="same_step", DISABLED="disabled")
+    gymnasium.vector = types.SimpleNamespace(VectorEnv=VectorEnv, AutoresetMode=modes)
     gymnasium.spaces = types.SimpleNamespace(Box=Box)
     return gymnasium
 
@@ -49,7 +50,7 @@ gym = importlib.import_module("viable.gym")
 
 class Reach(unittest.TestCase):
     def test_shapes_seeds_and_limits(self):
-        for action in ("acceleration", "target"):
+        for action in ("torque", "acceleration", "target", "tool"):
             env = gym.ReachVectorEnv("panda", num_envs=50, action=action)
             other = gym.ReachVectorEnv("panda", num_envs=50, action=action, threads=1)
             rng = np.random.default_rng(1)
@@ -60,7 +61,7 @@ class Reach(unittest.TestCase):
             self.assertTrue(env.observation_space.contains(first))
             limited = 0
             for _ in range(100):
-                actions = rng.uniform(-1.5, 1.5, (50, 7)).astype(np.float32)
+                actions = rng.uniform(-1.5, 1.5, env.action_space.shape).astype(np.float32)
                 answer, same = env.step(actions), other.step(actions)
                 for values, expected in zip(answer[:4], same[:4]):
                     np.testing.assert_array_equal(values, expected)
@@ -70,7 +71,8 @@ class Reach(unittest.TestCase):
                 self.assertEqual((rewards.shape, terminations.dtype, truncations.dtype), ((50,), bool, bool))
                 self.assertTrue((rewards <= 0).all())
                 limited += infos["limited"].sum()
-            self.assertGreater(limited, 100 if action == "acceleration" else -1)
+            self.assertGreater(limited, 100 if action in ("torque", "acceleration") else -1)
+            self.assertEqual(env.action_space.shape, (50, 3 if action == "tool" else 7))
 
     def test_arms_reach_and_begin_anew(self):
         env = gym.ReachVectorEnv("ur5e", num_envs=8, action="target", horizon=150, reach=0.02)
@@ -111,6 +113,81 @@ class Reach(unittest.TestCase):
         np.testing.assert_allclose(observations[:, :6], (env.batch.real_q - middle) / half, atol=1e-6)
         self.assertTrue((env.batch.real_q != env.batch.q).any())
 
+    def test_tools_reach_where_they_are_sent(self):
+        env = gym.ReachVectorEnv("panda", num_envs=20, action="tool", reach=0.02)
+        env.reset(seed=2)
+        lower, upper = env.places
+        self.assertTrue(((lower < env.goals) & (env.goals < upper)).mean() > 0.95)
+        reached = np.zeros(20, bool)
+        for _ in range(299):
+            actions = 2 * (env.goals - lower) / (upper - lower) - 1
+            _, rewards, terminations, _, _ = env.step(actions)
+            self.assertTrue((rewards[terminations] > -0.02).all())
+            reached |= terminations
+        self.assertGreaterEqual(reached.sum(), 16)  # others wind themselves up at a limit
+
+    def test_rewards_are_of_the_real_tool(self):
+        env = gym.ReachVectorEnv("indy7", num_envs=4, plant={"payload_kg": "~uniform(1, 2)"})
+        env.reset(seed=1)
+        for _ in range(20):
+            observations, rewards, _, _, _ = env.step(np.ones((4, 6)))
+        way = [env.goals[i] - env.robot.dynamics(env.batch.real_q[i]).tool[:3, 3] for i in range(4)]
+        np.testing.assert_allclose(observations[:, -3:], way, atol=1e-6)
+        np.testing.assert_allclose(rewards, -np.linalg.norm(way, axis=1), atol=1e-12)
+        self.assertGreater(abs(env.batch.tool_position(True) - env.batch.tool_position()).max(), 1e-6)
+
+    def test_autoreset_in_the_same_step(self):
+        env = gym.ReachVectorEnv("panda", num_envs=6, horizon=7, autoreset="same_step")
+        other = gym.ReachVectorEnv("panda", num_envs=6, horizon=7)
+        self.assertEqual(env.metadata["autoreset_mode"], gym.gymnasium.vector.AutoresetMode.SAME_STEP)
+        env.reset(seed=4)
+        other.reset(seed=4)
+        actions = np.random.default_rng(1).uniform(-1, 1, (6, 7))
+        for step in range(7):
+            answer, expected = env.step(actions), other.step(actions)
+            for values, wanted in zip(answer[1:4], expected[1:4]):
+                np.testing.assert_array_equal(values, wanted)
+            self.assertEqual("final_obs" in answer[4], (answer[2] | answer[3]).any())
+        observations, _, terminations, truncations, infos = answer
+        np.testing.assert_array_equal(infos["_final_obs"], terminations | truncations)
+        self.assertTrue(infos["_final_obs"].all())
+        np.testing.assert_array_equal(infos["final_obs"], expected[0])  # how it ended
+        first = other.step(actions)
+        np.testing.assert_array_equal(observations, first[0])  # how it begins: there a step later
+        self.assertFalse((first[2] | first[3]).any() or first[1].any() or first[4]["limited"].any() or first[4]["_limited"].any())
+        for values, wanted in zip(env.step(actions)[:4], other.step(actions)[:4]):
+            np.testing.assert_array_equal(values, wanted)
+
+    def test_without_autoreset_who_has_ended_is_reset_by_its_user(self):
+        env = gym.ReachVectorEnv("panda", num_envs=3, horizon=2, autoreset="disabled", reach=1e-9)
+        env.reset(seed=1)
+        actions = np.zeros((3, 7))
+        env.step(actions)
+        mask = np.array([True, False, False])
+        before = env.batch.q.copy()
+        env.reset(options={"reset_mask": mask})
+        np.testing.assert_array_equal((env.batch.q != before).any(axis=1), mask)
+        truncations = env.step(actions)[3]
+        np.testing.assert_array_equal(truncations, ~mask)
+        with self.assertRaisesRegex(viable.InputError, "arm 1 has ended and was not reset"):
+            env.step(actions)
+        env.reset(options={"reset_mask": truncations})
+        np.testing.assert_array_equal(env.step(actions)[3], mask)
+        for wrong in (np.ones(2, bool), np.ones(3)):
+            with self.assertRaisesRegex(viable.InputError, r"Give truths, shape \(3,\)"):
+                env.reset(options={"reset_mask": wrong})
+
+    def test_among_obstacles_arms_begin_and_stay_clear(self):
+        around = {"safety_distance_m": 0.03, "obstacles": {"ball": {"sphere": 0.15, "at": {"xyz": [0.3, 0.5, 0.6]}}}}
+        env = gym.ReachVectorEnv("panda", num_envs=4, environment=around, horizon=20)
+        env.reset(seed=1)
+        rng = np.random.default_rng(3)
+        for _ in range(25):
+            env.step(rng.uniform(-1, 1, (4, 7)))
+            clear = env.batch.clearance
+            self.assertTrue((np.isnan(clear) | (clear > 0.03 - 1e-6)).all())
+        self.assertTrue((np.linalg.norm(env.batch.tool_position() - [0.3, 0.5, 0.6], axis=1) > 0.18).all())
+
     def test_an_arm_whose_plant_failed_ends(self):
         env = gym.ReachVectorEnv("indy7", num_envs=3, reach=1e-9)
         env.reset(seed=1)
@@ -133,8 +210,10 @@ class Reach(unittest.TestCase):
         np.testing.assert_array_equal((env.goals != goals).any(axis=1), [False, True, False])
 
     def test_what_does_not_fit_is_told(self):
-        with self.assertRaisesRegex(viable.InputError, "It is acceleration or target"):
-            gym.ReachVectorEnv(action="torque")
+        with self.assertRaisesRegex(viable.InputError, "It is torque, acceleration or target, or tool"):
+            gym.ReachVectorEnv(action="force")
+        with self.assertRaisesRegex(viable.InputError, "It is next_step, same_step or disabled"):
+            gym.ReachVectorEnv(autoreset="never")
         env = gym.ReachVectorEnv(num_envs=2)
         env.reset(seed=1)
         with self.assertRaisesRegex(ValueError, "shape|broadcast"):

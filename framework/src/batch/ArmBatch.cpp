@@ -1,6 +1,7 @@
 #include "viable/batch/ArmBatch.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cfenv>
 #include <cmath>
@@ -11,6 +12,7 @@
 
 #include "config/Draws.h"
 #include "core/ErrorParts.h"
+#include "environment/ArmSurroundings.h"
 #include "experiment/CaseBlocks.h"
 #include "filter/JointBraking.h"
 #include "host/FloatingPointGuard.h"
@@ -19,11 +21,15 @@
 #include "robot/ArmRecursion.h"
 #include "viable/braking/Servo.h"
 #include "viable/core/Numbers.h"
+#include "viable/environment/Surroundings.h"
+#include "viable/filter/WholeArmBrakingFilter.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/plugin/RealPlant.h"
+#include "viable/robot/ArmGeometry.h"
 #include "viable/simulation/ArmHardware.h"
 #include "viable/tracking/LoopStability.h"
 #include "viable/tracking/Nric.h"
+#include "viable/tracking/ToolFollower.h"
 
 namespace viable {
 
@@ -31,10 +37,12 @@ namespace {
 
 const char* const kArmBatch = "ArmBatch";
 constexpr int kMaxArms = 1'000'000;
-/** Arms that a thread takes at a time. */
-constexpr int kChunk = 16;
+/** Arms that a thread takes at a time; those that keep clearances take fifteen times as long. */
+constexpr int kChunk = 16, kWholeArmChunk = 1;
 /** Fewer arm-ticks than this are not worth another thread, whose start takes as long as some of them. */
-constexpr std::int64_t kWorthAThread = 64;
+constexpr std::int64_t kWorthAThread = 64, kWholeArmWorthAThread = 1;
+/** As tool_servo's parameters where they are left out (a test compares them). */
+constexpr double kRestRate = 0.5, kApart_m = 0.1;
 /** How well margins are known, as a share of the limit. */
 constexpr double kMarginShare = 1e-6;
 
@@ -60,14 +68,27 @@ struct RealArm {
     Nric nric;
 };
 
+/** The filter of an arm that keeps clear of what is around. */
+struct WholeArm {
+    explicit WholeArm(std::shared_ptr<const Surroundings> surroundings) : feed(std::move(surroundings)) {}
+    SurroundingsFeed feed;  // a filter takes from its own
+    WholeArmBrakingFilter filter;
+    std::array<GridStop, kMaxJoints> stops;  // held ready
+};
+
 /** What a thread works with. */
 struct Scratch {
     MotionState nominal;
     Dynamics dynamics;
-    JointVector action, torque, desired, jerk, robust, applied;
+    JointVector torque, rate, jerk, robust, applied;
     FilterDecision decision;
     HeldMotion motion;
+    // What the action is:
+    JointVector action;
     MotionState target;
+    Pose tool;
+    bool isUsable = false;
+
     JointState measured;
 };
 
@@ -128,15 +149,19 @@ struct ArmBatch::Impl {
           tick_s(tick),
           n(robot.size()),
           arms(armCount),
+          isTool(options.action == BatchAction::ToolPose || options.action == BatchAction::ToolPosition),
+          width(options.action == BatchAction::ToolPose       ? 7
+                : options.action == BatchAction::ToolPosition ? 3
+                                                              : n),
           setup(detail::makeGuardSetup(kArmBatch, robot, tick, options.limits)),
-          recursion(robot) {
+          recursion(std::make_shared<const ArmRecursion>(robot)) {
         if (arms < 1 || arms > kMaxArms)
             throw badInput(kArmBatch, std::to_string(arms) + " arms; allowed is 1 to " + std::to_string(kMaxArms),
                            "Give the number of arms.");
         if (options.threads < 0)
             throw badInput("ArmBatchOptions::threads", std::to_string(options.threads) + "; allowed is 0 and more",
                            "0: one per core.");
-        detail::refuseSpeedLimits(kArmBatch, robot);
+        if (!options.environment) detail::refuseSpeedLimits(kArmBatch, robot);
         requireJerkLimits(setup.limits, kArmBatch, kArmBatch, "Set them in ArmBatchOptions::limits.");
         if (options.action == BatchAction::Target) {  // as in ReferenceGuard
             options.filter.objective = Objective::Joint;
@@ -147,6 +172,13 @@ struct ArmBatch::Impl {
             still.J.setZero(6, n);
             servos.resize(count(arms));
         }
+        if (isTool) tools.resize(count(arms));
+        if (options.environment) {
+            checkEnvironment(*options.environment);
+            geometry = loadArmGeometry(robot);
+            surroundings = makeSurroundings(*options.environment, robot, *geometry, setup.limits);
+            for (int arm = 0; arm < arms; ++arm) wholeArms.push_back(std::make_unique<WholeArm>(surroundings));
+        }
         threads =
             options.threads > 0 ? options.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
         limits.assign(count(arms), setup.limits);
@@ -155,6 +187,8 @@ struct ArmBatch::Impl {
             values->assign(count(arms) * count(n), 0.0);
         state.acting.assign(count(arms) * count(n), 0);
         state.status.assign(count(arms), GuardStatus::NotStarted);
+        state.clearance.assign(count(arms), kNan);
+        ticks.assign(count(arms), 0);
         if (!options.plant.empty()) makePlants();
         const JointVector zero = JointVector::Zero(n);
         RunSetup atHome = setup;
@@ -170,26 +204,40 @@ struct ArmBatch::Impl {
     }
 
     void makePlants();
+    void configure(WholeArm& whole, RunSetup& at) const;
     void check(int arm, const MotionState& start, RunSetup& at) const;
+    void checkNamed(const std::vector<int>& which, const std::vector<MotionState>& starts) const;
     void reset(const std::vector<int>& which, const std::vector<MotionState>& starts);
+    template <class Work>
+    void share(int items, int chunk, std::int64_t mostThreads, const Work& work) const;
     void put(int arm, const MotionState& start, RunSetup& at);
     void changeLimits(const std::vector<int>& which, const std::vector<JointLimits>& to);
     void fillMargins(int arm);
     void stepArm(int arm, const double* actions, int ticks, Scratch& s);
-    bool takeAction(int arm, const MotionState& nominal, Scratch& s);
-    GuardStatus tick(int arm, bool isUsable, Scratch& s);
+    void readAction(const double* action, Scratch& s) const;
+    FilterInput wish(int arm, Scratch& s);
+    bool decide(int arm, Scratch& s, FilterStatus& status);
+    void brake(int arm, Scratch& s);
+    GuardStatus tick(int arm, Scratch& s);
 
     RobotDescription robot;
     ArmBatchOptions options;
     const double tick_s;
     const int n, arms;
-    int threads = 1;  // at most; how many cores there are takes long to find
+    const bool isTool;  // the action
+    const int width;    // numbers of an action
+    int threads = 1;    // at most; how many cores there are takes long to find
     const RunSetup setup;
-    const ArmRecursion recursion;  // of all nominal arms
-    Dynamics still;                // of unit inertias, for jerks
+    const std::shared_ptr<const ArmRecursion> recursion;  // of all nominal arms
+    Dynamics still;                                       // of unit inertias, for jerks
     std::vector<JointLimits> limits;
     std::vector<detail::JointBraking> laws;
     std::vector<Servo> servos;
+    std::vector<ToolFollower> tools;
+    std::vector<std::int64_t> ticks;  // since the arm's last reset
+    std::optional<ArmGeometry> geometry;
+    std::shared_ptr<const Surroundings> surroundings;
+    std::vector<std::unique_ptr<WholeArm>> wholeArms;  // none without an environment
     std::vector<std::unique_ptr<RealArm>> real;
     std::map<std::string, std::vector<std::string>> draws;
     ArmBatchState state;
@@ -229,6 +277,15 @@ void ArmBatch::Impl::makePlants() {
 }
 
 /** Throws for a start that cannot be. */
+void ArmBatch::Impl::configure(WholeArm& whole, RunSetup& at) const {
+    at.geometry = &*geometry;
+    at.surroundings = &whole.feed;
+    WholeArmBrakingOptions chosen;
+    chosen.joints = options.filter;
+    whole.filter.configure(at, chosen, "ArmBatchOptions::filter");
+}
+
+/** Throws for a start that cannot be. */
 void ArmBatch::Impl::check(int arm, const MotionState& start, RunSetup& at) const {
     if (!isFinite(start, n))
         throw badInput(nameArm(arm), "its start is of the wrong size or not finite",
@@ -239,7 +296,12 @@ void ArmBatch::Impl::check(int arm, const MotionState& start, RunSetup& at) cons
     at.limits = limits[count(arm)];
     at.start = start;
     try {
-        detail::JointBraking().configure(at, options.filter, "ArmBatchOptions::filter");
+        if (surroundings) {
+            WholeArm checked(surroundings);
+            configure(checked, at);
+        } else {
+            detail::JointBraking().configure(at, options.filter, "ArmBatchOptions::filter");
+        }
     } catch (const Error& e) {
         const ErrorParts parts = getParts(e);
         throw Error(e.kind(), nameArm(arm) + ": " + parts.place, parts.cause, parts.remedy);
@@ -254,12 +316,25 @@ void ArmBatch::Impl::put(int arm, const MotionState& start, RunSetup& at) {
         servos[count(arm)].configure(at.limits, tick_s);
         servos[count(arm)].reset(start);
     }
+    ticks[count(arm)] = 0;
+    state.clearance[count(arm)] = kNan;
+    Dynamics dynamics;
+    recursion->calcDynamics(start.q, start.qd, dynamics);
+    if (surroundings) {
+        WholeArm& whole = *wholeArms[count(arm)];
+        configure(whole, at);
+        for (int i = 0; i < n; ++i) whole.stops[count(i)] = laws[count(arm)].braking().stop(i);
+    }
+    if (isTool) {
+        ToolFollowerOptions tool;
+        tool.reference = {options.action == BatchAction::ToolPose ? calcLeverArm(dynamics.J) : 0.0, kRestRate,
+                          kApart_m};
+        tools[count(arm)].configure(robot, at.limits, tick_s, start, tool, geometry ? &*geometry : nullptr, recursion);
+    }
     row(state.q, arm) = start.q;
     row(state.qd, arm) = start.qd;
     row(state.qdd, arm) = start.qdd;
     row(state.jerk, arm).setZero();
-    Dynamics dynamics;
-    recursion.calcDynamics(start.q, start.qd, dynamics);
     JointVector torque;
     calcInverseDynamics(dynamics, start.qdd, torque);
     row(state.torque, arm) = torque;
@@ -282,7 +357,7 @@ void ArmBatch::Impl::put(int arm, const MotionState& start, RunSetup& at) {
     state.status[count(arm)] = GuardStatus::NotStarted;
 }
 
-void ArmBatch::Impl::reset(const std::vector<int>& which, const std::vector<MotionState>& starts) {
+void ArmBatch::Impl::checkNamed(const std::vector<int>& which, const std::vector<MotionState>& starts) const {
     if (which.size() != starts.size())
         throw badInput("ArmBatch::reset",
                        std::to_string(starts.size()) + " starts for " + std::to_string(which.size()) + " arms",
@@ -291,6 +366,10 @@ void ArmBatch::Impl::reset(const std::vector<int>& which, const std::vector<Moti
         if (arm < 0 || arm >= arms)
             throw badInput("ArmBatch::reset", "there is no arm " + std::to_string(arm),
                            "They are numbered from 0 to " + std::to_string(arms - 1) + ".");
+}
+
+void ArmBatch::Impl::reset(const std::vector<int>& which, const std::vector<MotionState>& starts) {
+    checkNamed(which, starts);
     RunSetup at = setup;
     for (std::size_t i = 0; i < which.size(); ++i) check(which[i], starts[i], at);
     std::exception_ptr first;
@@ -325,59 +404,112 @@ void ArmBatch::Impl::changeLimits(const std::vector<int>& which, const std::vect
         const std::size_t arm = count(which[i]);
         limits[arm] = to[i];
         laws[arm].changeLimits(to[i]);
+        if (surroundings) wholeArms[arm]->filter.changeLimits(to[i]);
         if (!servos.empty()) servos[arm].changeLimits(to[i]);
+        if (isTool) tools[arm].changeLimits(to[i]);
         fillMargins(which[i]);
     }
 }
 
 void ArmBatch::Impl::fillMargins(int arm) {
-    const CertifiedBraking& braking = laws[count(arm)].braking();
     for (int i = 0; i < n; ++i) {
         const std::size_t at = count(arm) * count(n) + count(i);
         const AxisLimits axis = limits[count(arm)].axis(i);
         const double resolution = kMarginShare * calcLimitScale(axis.positionLower, axis.positionUpper);
         const detail::PathExtent::Accuracy position{axis.positionLower, axis.positionUpper, resolution, resolution};
+        const GridStop& stop =
+            surroundings ? wholeArms[count(arm)]->stops[count(i)] : laws[count(arm)].braking().stop(i);
         const detail::PathExtent::Accuracy velocity{-kInfinity, kInfinity, kInfinity, kInfinity};
         detail::PathExtent path(state.q[at], state.qd[at], state.qdd[at], position, velocity);
         for (int k = 0; k < GridStop::kSegments; ++k) {
-            const GridStop::Segment segment = braking.stop(i).remaining(k);
+            const GridStop::Segment segment = stop.remaining(k);
             if (segment.ticks > 0) path.follow(segment.jerk, static_cast<double>(segment.ticks) * tick_s);
         }
         state.margin[at] = std::min(axis.positionUpper - path.position.upper, path.position.lower - axis.positionLower);
     }
 }
 
-/** What the arm shall do in the coming tick: s.desired, its jerk. False: the action is of no use. */
-bool ArmBatch::Impl::takeAction(int arm, const MotionState& nominal, Scratch& s) {
-    detail::JointBraking& law = laws[count(arm)];
-    if (options.action == BatchAction::Target) {
-        servos[count(arm)].calc(nominal, s.target, s.desired);
-        return law.findDesired({nominal, nominal.qdd, still, &s.desired}) == FilterStatus::Passed;
+/** s.isUsable false: it is of no use. */
+void ArmBatch::Impl::readAction(const double* action, Scratch& s) const {
+    s.action = Eigen::Map<const Eigen::VectorXd>(action, width);
+    const bool isPlace = options.action == BatchAction::Target || isTool;
+    s.isUsable =
+        s.action.allFinite() && s.action.lpNorm<Eigen::Infinity>() <= (isPlace ? kLargestLimit : kLargestAcceleration);
+    if (isTool) {
+        s.tool = Pose();
+        s.tool.position = s.action.head<3>();
+        if (options.action == BatchAction::ToolPose) s.tool.orientation.coeffs() = s.action.segment<4>(3);
+        s.isUsable = s.isUsable && normalise(s.tool);
+    } else {
+        s.target = {s.action, JointVector::Zero(n), JointVector::Zero(n)};
     }
-    if (options.action == BatchAction::Acceleration)
-        calcInverseDynamics(s.dynamics, s.action, s.torque);
-    else
-        s.torque = s.action;
-    return law.findDesired({nominal, s.torque, s.dynamics, nullptr}) == FilterStatus::Passed;
 }
 
-GuardStatus ArmBatch::Impl::tick(int arm, bool isUsable, Scratch& s) {
-    detail::JointBraking& law = laws[count(arm)];
-    CertifiedBraking& braking = law.braking();
+/** What the arm shall do in the coming tick. */
+FilterInput ArmBatch::Impl::wish(int arm, Scratch& s) {
+    switch (options.action) {
+        case BatchAction::Target:
+            servos[count(arm)].calc(s.nominal, s.target, s.rate);
+            return {s.nominal, s.nominal.qdd, still, &s.rate};
+        case BatchAction::ToolPose:
+        case BatchAction::ToolPosition:
+            tools[count(arm)].calc(s.nominal, s.tool, surroundings.get(),
+                                   static_cast<double>(ticks[count(arm)]) * tick_s, s.rate);
+            calcInverseDynamics(s.dynamics, s.nominal.qdd, s.torque);
+            return {s.nominal, s.torque, s.dynamics, &s.rate};
+        case BatchAction::Acceleration:
+            calcInverseDynamics(s.dynamics, s.action, s.torque);
+            break;
+        case BatchAction::Torque:
+            s.torque = s.action;
+            break;
+    }
+    return {s.nominal, s.torque, s.dynamics, nullptr};
+}
+
+/** Chooses s.jerk. False: the numbers are beyond all arithmetic, and nothing is chosen. */
+bool ArmBatch::Impl::decide(int arm, Scratch& s, FilterStatus& status) {
+    const FilterInput input = wish(arm, s);
+    if (!surroundings) {
+        detail::JointBraking& law = laws[count(arm)];
+        if (law.findDesired(input) != FilterStatus::Passed) return false;
+        status =
+            law.braking().choose(s.nominal, law.findMetric(input.dynamics), law.desired(), s.jerk, s.decision.joints);
+        return true;
+    }
+    WholeArm& whole = *wholeArms[count(arm)];
+    const FilterStatus answer = whole.filter.filter(input, s.decision);
+    if (answer == FilterStatus::InvalidInput || answer == FilterStatus::Faulted) return false;
+    status = answer == FilterStatus::StoppedByPlan ? FilterStatus::Modified : answer;
+    s.jerk = s.decision.value;
+    whole.stops = s.decision.stops;
+    state.clearance[count(arm)] = s.decision.clearance.isKnown ? s.decision.clearance.distance : kNan;
+    return true;
+}
+
+/** Follows the stop that is held ready: s.jerk. */
+void ArmBatch::Impl::brake(int arm, Scratch& s) {
+    if (surroundings) {
+        WholeArm& whole = *wholeArms[count(arm)];
+        s.jerk.resize(n);
+        for (int i = 0; i < n; ++i) s.jerk[i] = whole.stops[count(i)].takeJerk();
+        whole.filter.skipTicks(1);
+    } else {
+        laws[count(arm)].braking().getStored(s.jerk);
+        laws[count(arm)].skipTicks(1);
+    }
+    if (!servos.empty()) servos[count(arm)].skipTicks(1);
+    if (isTool) tools[count(arm)].skipTicks(1);
+    s.decision.joints = {};
+}
+
+GuardStatus ArmBatch::Impl::tick(int arm, Scratch& s) {
     const bool needsDynamics = options.action != BatchAction::Target || !real.empty();
-    if (needsDynamics) recursion.calcDynamics(s.nominal.q, s.nominal.qd, s.dynamics);
+    if (needsDynamics) recursion->calcDynamics(s.nominal.q, s.nominal.qd, s.dynamics);
 
     FilterStatus status = FilterStatus::StoppedByPlan;
-    if (isUsable && takeAction(arm, s.nominal, s)) {
-        const JointMatrix* metric =
-            options.action == BatchAction::Target ? law.findMetric(still) : law.findMetric(s.dynamics);
-        status = braking.choose(s.nominal, metric, law.desired(), s.jerk, s.decision.joints);
-    } else {
-        braking.getStored(s.jerk);
-        law.skipTicks(1);
-        s.decision.joints = {};
-        if (!servos.empty()) servos[count(arm)].skipTicks(1);
-    }
+    if (!s.isUsable || !decide(arm, s, status)) brake(arm, s);
+    ++ticks[count(arm)];
     s.decision.holdJerk(s.jerk);
     for (int i = 0; i < n; ++i) {
         const JointIntervention& joint = s.decision.joints[count(i)];
@@ -399,24 +531,21 @@ GuardStatus ArmBatch::Impl::tick(int arm, bool isUsable, Scratch& s) {
 void ArmBatch::Impl::stepArm(int arm, const double* actions, int ticks, Scratch& s) {
     GuardStatus& status = state.status[count(arm)];
     if (status == GuardStatus::Failed) return;
-    s.action = Eigen::Map<const Eigen::VectorXd>(actions + count(arm) * count(n), n);
-    const double largest = options.action == BatchAction::Target ? kLargestLimit : kLargestAcceleration;
-    const bool isUsable = isFinite(s.action, n) && s.action.lpNorm<Eigen::Infinity>() <= largest;
+    readAction(actions + count(arm) * count(width), s);
     s.nominal = {row(state.q, arm), row(state.qd, arm), row(state.qdd, arm)};
     s.torque = s.jerk = JointVector::Zero(n);
-    s.target = {s.action, JointVector::Zero(n), JointVector::Zero(n)};
     std::fill_n(&state.acting[count(arm) * count(n)], n, static_cast<signed char>(0));
     status = GuardStatus::Passed;
     for (int i = 0; i < ticks && status != GuardStatus::Failed; ++i) {
         if (i + 1 == ticks && options.action == BatchAction::Target && real.empty()) {
             // The torque of the last tick; no other one needs the dynamics.
             const MotionState before = s.nominal;
-            status = std::max(status, tick(arm, isUsable, s));
-            recursion.calcDynamics(before.q, before.qd, s.dynamics);
+            status = std::max(status, tick(arm, s));
+            recursion->calcDynamics(before.q, before.qd, s.dynamics);
             calcHeldMotion({before, s.torque, s.dynamics, nullptr}, FilterStatus::Modified, s.decision, tick_s,
                            s.motion);
         } else {
-            status = std::max(status, tick(arm, isUsable, s));
+            status = std::max(status, tick(arm, s));
         }
     }
     row(state.q, arm) = s.nominal.q;
@@ -436,6 +565,38 @@ void ArmBatch::Impl::stepArm(int arm, const double* actions, int ticks, Scratch&
     fillMargins(arm);
 }
 
+/** Calls work(begin, end) for all items, `chunk` at a time, in threads. */
+template <class Work>
+void ArmBatch::Impl::share(int items, int chunk, std::int64_t mostThreads, const Work& work) const {
+    std::atomic<int> next{0};
+    const auto takeTurns = [&] {
+        const UsualArithmetic usual;
+        for (int begin = next.fetch_add(chunk); begin < items; begin = next.fetch_add(chunk))
+            work(begin, std::min(items, begin + chunk));
+    };
+    const std::int64_t most = std::min<std::int64_t>(threads, (items + chunk - 1) / chunk);
+    const std::int64_t wanted = std::max<std::int64_t>(std::min(most, mostThreads) - 1, 0);
+    std::vector<std::exception_ptr> thrown(static_cast<std::size_t>(wanted));
+    Helpers helpers;
+    helpers.threads.reserve(thrown.size());
+    try {
+        for (std::exception_ptr& mine : thrown)
+            helpers.threads.emplace_back([&takeTurns, &mine] {
+                try {
+                    takeTurns();
+                } catch (...) {
+                    mine = std::current_exception();
+                }
+            });
+    } catch (const std::system_error&) {
+        // Fewer threads do it too.
+    }
+    takeTurns();
+    helpers.join();
+    for (const std::exception_ptr& one : thrown)
+        if (one) std::rethrow_exception(one);
+}
+
 ArmBatch::ArmBatch(RobotDescription robot, int arms, double tick_s, ArmBatchOptions options) {
     const UsualArithmetic usual;
     impl_ = std::make_unique<Impl>(std::move(robot), arms, tick_s, std::move(options));
@@ -449,6 +610,9 @@ int ArmBatch::size() const {
 }
 int ArmBatch::joints() const {
     return impl_->n;
+}
+int ArmBatch::actionSize() const {
+    return impl_->width;
 }
 double ArmBatch::tick_s() const {
     return impl_->tick_s;
@@ -467,6 +631,27 @@ void ArmBatch::reset(const std::vector<int>& arms, const std::vector<MotionState
     impl_->reset(arms, starts);
 }
 
+std::vector<int> ArmBatch::findUnusable(const std::vector<int>& arms, const std::vector<MotionState>& starts) const {
+    const UsualArithmetic usual;
+    const Impl& in = *impl_;
+    in.checkNamed(arms, starts);
+    std::vector<char> isUnusable(arms.size(), 0);
+    in.share(static_cast<int>(arms.size()), 1, static_cast<std::int64_t>(arms.size()), [&](int begin, int end) {
+        RunSetup at = in.setup;
+        for (int i = begin; i < end; ++i) {
+            try {
+                in.check(arms[Impl::count(i)], starts[Impl::count(i)], at);
+            } catch (const Error&) {
+                isUnusable[Impl::count(i)] = 1;
+            }
+        }
+    });
+    std::vector<int> found;
+    for (std::size_t i = 0; i < arms.size(); ++i)
+        if (isUnusable[i]) found.push_back(static_cast<int>(i));
+    return found;
+}
+
 void ArmBatch::changeLimits(int arm, const JointLimits& limits) {
     changeLimits(std::vector<int>{arm}, {limits});
 }
@@ -479,42 +664,18 @@ void ArmBatch::changeLimits(const std::vector<int>& arms, const std::vector<Join
 void ArmBatch::step(const double* actions, int ticks) {
     Impl& in = *impl_;
     if (ticks < 1) throw badInput("ArmBatch::step", std::to_string(ticks) + " ticks", "Give 1 or more.");
-    std::atomic<int> next{0};
-    const auto work = [&] {
-        const UsualArithmetic usual;
+    const std::int64_t worth =
+        (static_cast<std::int64_t>(in.arms) * ticks) / (in.surroundings ? kWholeArmWorthAThread : kWorthAThread);
+    in.share(in.arms, in.surroundings ? kWholeArmChunk : kChunk, worth, [&](int begin, int end) {
         Scratch scratch;
-        for (int begin = next.fetch_add(kChunk); begin < in.arms; begin = next.fetch_add(kChunk)) {
-            for (int arm = begin; arm < std::min(in.arms, begin + kChunk); ++arm) {
-                try {
-                    in.stepArm(arm, actions, ticks, scratch);
-                } catch (...) {  // it stands where it was; the others go on
-                    in.state.status[Impl::count(arm)] = GuardStatus::Failed;
-                }
+        for (int arm = begin; arm < end; ++arm) {
+            try {
+                in.stepArm(arm, actions, ticks, scratch);
+            } catch (...) {  // it stands where it was; the others go on
+                in.state.status[Impl::count(arm)] = GuardStatus::Failed;
             }
         }
-    };
-    const std::int64_t worth = (static_cast<std::int64_t>(in.arms) * ticks) / kWorthAThread;
-    const std::int64_t most = std::min<std::int64_t>(in.threads, (in.arms + kChunk - 1) / kChunk);
-    const std::int64_t wanted = std::max<std::int64_t>(std::min(most, worth) - 1, 0);
-    std::vector<std::exception_ptr> thrown(static_cast<std::size_t>(wanted));
-    Helpers helpers;
-    helpers.threads.reserve(thrown.size());
-    try {
-        for (std::exception_ptr& mine : thrown)
-            helpers.threads.emplace_back([&work, &mine] {
-                try {
-                    work();
-                } catch (...) {
-                    mine = std::current_exception();
-                }
-            });
-    } catch (const std::system_error&) {
-        // Fewer threads do it too.
-    }
-    work();
-    helpers.join();
-    for (const std::exception_ptr& one : thrown)
-        if (one) std::rethrow_exception(one);
+    });
 }
 
 }  // namespace viable

@@ -1,6 +1,7 @@
 #include "ToolServo.h"
 
 #include "viable/plugin/PluginExport.h"
+#include "viable/robot/RobotModel.h"
 
 namespace viable {
 
@@ -37,68 +38,52 @@ const ParameterSpec kParameters[] = {
 
 void ToolServo::configure(const RunSetup& setup, const Parameters& parameters) {
     n_ = setup.size();
-    tick_s_ = setup.tick_s;
     requireJerkLimits(setup.limits, parameters.resolved().place(), "the controller tool_servo");
-    velocity_.configure(setup.limits, tick_s_, parameters.number("velocity_filter_s"));
     isRelative_ = parameters.flag("relative");
 
-    JointVector rest = setup.start.q;
-    for (int i = 0; i < n_; ++i) {
-        const double lower = setup.limits.position.lower[i], upper = setup.limits.position.upper[i];
-        if (std::isfinite(lower) && std::isfinite(upper)) rest[i] = (lower + upper) / 2.0;
-    }
-    ToolReferenceOptions options;
-    options.rotationLength_m = parameters.number("rotation_length_m");
-    if (options.rotationLength_m == 0.0) {
+    ToolFollowerOptions options;
+    options.share = parameters.number("share");
+    options.velocityFilter_s = parameters.number("velocity_filter_s");
+    options.reference.rotationLength_m = parameters.number("rotation_length_m");
+    if (options.reference.rotationLength_m == 0.0) {
         RobotModel model(setup.robot);
         Dynamics dynamics;
         model.calcDynamics(setup.start.q, JointVector::Zero(n_), dynamics);
-        options.rotationLength_m = calcLeverArm(dynamics.J);
+        options.reference.rotationLength_m = calcLeverArm(dynamics.J);
     }
-    options.restRate = parameters.number("rest_rate");
-    options.apart_m = parameters.number("apart_m");
+    options.reference.restRate = parameters.number("rest_rate");
+    options.reference.apart_m = parameters.number("apart_m");
     surroundings_ = setup.surroundings;
     startTool_ = setup.startTool;
-    reference_.configure(setup.robot, setup.limits, tick_s_, rest, options, setup.geometry);
-    servo_.configure(setup.limits, tick_s_, parameters.number("share"));
+    follower_.configure(setup.robot, setup.limits, setup.tick_s, setup.start, options, setup.geometry);
     reset(setup.start);
 }
 
 void ToolServo::reset(const MotionState& start) {
-    reference_.reset(start.q);
-    servo_.reset(start);
-    target_ = {start.q, JointVector::Zero(n_), JointVector::Zero(n_)};
-    velocity_.reset(start.q);
+    follower_.reset(start);
     hasOrigin_ = false;
 }
 
 /** The pose to follow. */
 Pose ToolServo::place(const Pose& command) const {
-    const Eigen::Quaterniond orientation = command.orientation.normalized();
-    if (!isRelative_) return {command.position, orientation};
+    if (!isRelative_) return command;
     return {startTool_.position + command.position - origin_.position,
-            orientation * origin_.orientation.conjugate() * startTool_.orientation};
+            command.orientation * origin_.orientation.conjugate() * startTool_.orientation};
 }
 
 TickStatus ToolServo::compute(const ControllerInput& input, ControllerOutput& output) {
     const auto& [command, nominal, dynamics, tick] = input;
-    const double norm = command.tool.orientation.norm();
-    if (command.space != MotionCommand::Space::Tool || !command.tool.position.allFinite() ||
-        !(norm > 0.5 && norm < 2.0) || !isFinite(nominal, n_) || !isFinite(dynamics, n_))
+    Pose pose = command.tool;
+    if (command.space != MotionCommand::Space::Tool || !normalise(pose) || !isFinite(nominal, n_) ||
+        !isFinite(dynamics, n_))
         return TickStatus::InvalidInput;
-    if (tick.missed > 0) {
-        servo_.skipTicks(tick.missed);
-        velocity_.forget();
-    }
+    if (tick.missed > 0) follower_.skipTicks(tick.missed);
     if (!hasOrigin_) {
-        origin_ = {command.tool.position, command.tool.orientation.normalized()};
+        origin_ = pose;
         hasOrigin_ = true;
     }
-    reference_.advance(place(command.tool), surroundings_ ? surroundings_->view().surroundings : nullptr, tick.time_s);
-    if (reference_.isAtSpeedLimit()) velocity_.forget();  // it may stop at any moment: be able to stop with it
-    target_.q = reference_.q();
-    target_.qd = velocity_.calc(target_.q);
-    servo_.calc(nominal, target_, jerk_);
+    follower_.calc(nominal, place(pose), surroundings_ ? surroundings_->view().surroundings : nullptr, tick.time_s,
+                   jerk_);
     askForJerk(input, jerk_, output);
     return TickStatus::Ok;
 }

@@ -1,13 +1,11 @@
 #pragma once
 
-#include "ToolReference.h"
-#include "viable/braking/Servo.h"
 #include "viable/plugin/NominalController.h"
+#include "viable/tracking/ToolFollower.h"
 
 namespace viable {
 
-/** Leads the tool to a commanded pose, as fast as the joints' limits allow: a joint reference within the position limits
-follows the pose (ToolReference), and each joint follows its reference (Servo).
+/** ToolFollower as a controller: leads the tool to a commanded pose, as fast as the joints' limits allow.
 
 Real time: no allocation, lock or throw after configure(). */
 class ToolServo : public NominalController {
@@ -22,14 +20,10 @@ private:
 
     int n_ = 0;
     const SurroundingsFeed* surroundings_ = nullptr;
-    double tick_s_ = 0.0;
     bool isRelative_ = false;
     bool hasOrigin_ = false;
     Pose startTool_, origin_;
-    ToolReference reference_;
-    Servo servo_;
-    TargetVelocity velocity_;  ///< of the reference
-    MotionState target_;
+    ToolFollower follower_;
     JointVector jerk_;
 };
 

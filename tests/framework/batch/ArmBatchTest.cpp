@@ -13,10 +13,15 @@
 
 #include "Effort.h"
 #include "Paths.h"
+#include "environment/CollisionJudge.h"
 #include "viable/core/Numbers.h"
+#include "viable/filter/CertifiedBrakingFilter.h"
+#include "viable/loop/NominalPlant.h"
 #include "viable/loop/ReferenceGuard.h"
 #include "viable/loop/TorqueGuard.h"
+#include "viable/robot/ArmGeometry.h"
 #include "viable/robot/RobotModel.h"
+#include "viable/tracking/ToolFollower.h"
 
 namespace viable {
 namespace {
@@ -29,7 +34,7 @@ RobotDescription loadArm(const std::string& name) {
 
 Actions drawActions(std::mt19937_64& random, const ArmBatch& batch, double size) {
     std::uniform_real_distribution<double> uniform(-size, size);
-    Actions actions(static_cast<std::size_t>(batch.size() * batch.joints()));
+    Actions actions(static_cast<std::size_t>(batch.size() * batch.actionSize()));
     for (double& action : actions) action = uniform(random);
     return actions;
 }
@@ -65,6 +70,15 @@ double findExcess(const ArmBatch& batch) {
         look(s.jerk, limits.jerk);
     }
     return worst;
+}
+
+std::string findError(const std::function<void()>& call) {
+    try {
+        call();
+    } catch (const Error& e) {
+        return e.what();
+    }
+    return "";
 }
 
 TEST(ArmBatch, TheCheckOfLimitsSeesWhatItShall) {
@@ -158,6 +172,223 @@ TEST(ArmBatch, TargetsLeadArmsAsReferenceGuardsDo) {
     }
 }
 
+/** The tool of an arm, as an action. */
+Actions findTool(const RobotDescription& robot, const JointVector& q, BatchAction action) {
+    RobotModel model(robot);
+    Dynamics dynamics;
+    model.calcDynamics(q, JointVector::Zero(robot.size()), dynamics);
+    Actions found;
+    for (int k = 0; k < 3; ++k) found.push_back(dynamics.tool.position[k]);
+    for (int k = 0; k < 4 && action == BatchAction::ToolPose; ++k)
+        found.push_back(dynamics.tool.orientation.coeffs()[k]);
+    return found;
+}
+
+TEST(ArmBatch, ToolsAreLedByTheLawOfTheirController) {
+    const RobotDescription robot = loadArm("panda");
+    ArmBatchOptions options;
+    options.action = BatchAction::ToolPose;
+    ArmBatch batch(robot, 3, 0.001, options);
+    EXPECT_EQ(batch.actionSize(), 7);
+    // The same by hand, of the last arm.
+    RobotModel model(robot);
+    Dynamics dynamics;
+    MotionState at{robot.home, JointVector::Zero(7), JointVector::Zero(7)};
+    model.calcDynamics(at.q, at.qd, dynamics);
+    ToolFollower follower;
+    ToolFollowerOptions tool;
+    tool.reference = {calcLeverArm(dynamics.J), 0.5, 0.1};
+    follower.configure(robot, robot.limits, 0.001, at, tool);
+    const RunSetup setup{robot, robot.limits, 0.001, 0.0, at, dynamics.tool};
+    CertifiedBrakingFilter filter;
+    filter.configure(setup, CertifiedBrakingOptions());
+    FilterDecision decision;
+    JointVector rate, torque;
+    std::mt19937_64 random(11);
+    std::uniform_real_distribution<double> uniform(-0.4, 0.4);
+    int passed = 0, ticks = 0;
+    for (int step = 0; step < 40; ++step) {
+        Actions actions;
+        for (int arm = 0; arm < 3; ++arm) {
+            JointVector q = robot.home;
+            for (int i = 0; i < 7; ++i) q[i] += uniform(random);
+            const Actions one = findTool(robot, q, BatchAction::ToolPose);
+            actions.insert(actions.end(), one.begin(), one.end());
+        }
+        const double length = 0.6 + 0.03 * step;  // of the quaternion
+        for (int k = 3; k < 7; ++k) actions[static_cast<std::size_t>(14 + k)] *= length;
+        batch.step(actions.data(), 25);
+        Pose command;
+        command.position = Eigen::Map<const Eigen::Vector3d>(&actions[14]);
+        command.orientation.coeffs() = Eigen::Map<const Eigen::Vector4d>(&actions[17]);
+        ASSERT_TRUE(normalise(command));
+        for (int i = 0; i < 25; ++i, ++ticks) {
+            model.calcDynamics(at.q, at.qd, dynamics);
+            follower.calc(at, command, nullptr, 0.0, rate);
+            calcInverseDynamics(dynamics, at.qdd, torque);
+            passed += filter.filter({at, torque, dynamics, &rate}, decision) == FilterStatus::Passed;
+            advanceNominal(decision, 0.001, at);
+        }
+        ASSERT_EQ(getRow(batch.state().q, batch, 2), at.q) << step;
+        ASSERT_EQ(getRow(batch.state().qdd, batch, 2), at.qdd) << step;
+    }
+    EXPECT_GT(passed, ticks * 9 / 10);
+}
+
+TEST(ArmBatch, ToolsReachTheirTargetsWithAndWithoutAnOrientation) {
+    const RobotDescription robot = loadArm("panda");
+    for (const BatchAction action : {BatchAction::ToolPose, BatchAction::ToolPosition}) {
+        ArmBatchOptions options;
+        options.action = action;
+        ArmBatch batch(robot, 10, 0.001, options);
+        std::mt19937_64 random(12);
+        std::uniform_real_distribution<double> uniform(-0.3, 0.3);
+        Actions actions;
+        for (int arm = 0; arm < 10; ++arm) {
+            JointVector q = robot.home;
+            for (int i = 0; i < 7; ++i) q[i] += uniform(random);
+            const Actions one = findTool(robot, q, action);
+            actions.insert(actions.end(), one.begin(), one.end());
+        }
+        batch.step(actions.data(), 4000);
+        for (int arm = 0; arm < 10; ++arm) {
+            const Actions reached = findTool(robot, getRow(batch.state().q, batch, arm), action);
+            double sign = 1.0;  // q and -q are one rotation
+            for (std::size_t k = 0; k < reached.size(); ++k) {
+                const double wanted = actions[static_cast<std::size_t>(arm) * reached.size() + k];
+                if (k == 3) sign = wanted * reached[k] < 0.0 ? -1.0 : 1.0;
+                EXPECT_NEAR(k < 3 ? reached[k] : sign * reached[k], wanted, 1e-4) << arm;
+            }
+        }
+    }
+}
+
+TEST(ArmBatch, AQuaternionThatIsNoneBrakesItsArmAlone) {
+    const RobotDescription robot = loadArm("panda");
+    ArmBatchOptions options;
+    options.action = BatchAction::ToolPose;
+    for (const double length : {0.0, 0.4, 2.1, kNan}) {
+        ArmBatch batch(robot, 2, 0.001, options), same(robot, 2, 0.001, options);
+        Actions actions = findTool(robot, robot.home, BatchAction::ToolPose);
+        actions[0] -= 0.2;
+        actions.insert(actions.end(), actions.begin(), actions.begin() + 7);
+        batch.step(actions.data(), 150);
+        same.step(actions.data(), 150);
+        EXPECT_GT(getRow(batch.state().qd, batch, 0).norm(), 0.1);
+        Actions broken = actions;
+        for (std::size_t k = 3; k < 7; ++k) broken[k] *= length;
+        for (int step = 0; step < 10; ++step) {
+            batch.step(broken.data(), 100);
+            same.step(actions.data(), 100);
+            EXPECT_EQ(batch.state().status[0], GuardStatus::Waiting) << length;
+            EXPECT_NE(batch.state().status[1], GuardStatus::Waiting) << length;
+        }
+        EXPECT_LT(getRow(batch.state().qd, batch, 0).norm(), 1e-9);
+        EXPECT_EQ(getRow(batch.state().q, batch, 1), getRow(same.state().q, same, 1));
+    }
+}
+
+/** A ball, a floor and a ball that passes by. */
+Environment makeEnvironment() {
+    Environment environment;
+    Solid ball;
+    ball.name = "ball";
+    ball.kind = Solid::Kind::Sphere;
+    ball.radius = 0.1;
+    ball.pose.translation() << 0.45, 0.2, 0.5;
+    Solid floor;
+    floor.name = "floor";
+    floor.kind = Solid::Kind::HalfSpace;
+    floor.pose.translation() << 0.0, 0.0, -0.3;
+    environment.solids = {ball, floor};
+    MovingSphere passer;
+    passer.name = "passer";
+    passer.radius = 0.05;
+    passer.waypoints = {{0.0, {0.9, -0.9, 0.9}}, {0.5, {-0.9, -0.9, 0.9}}};
+    environment.spheres = {passer};
+    return environment;
+}
+
+/** Random torques beside obstacles. @return the last state; `least`: of exact distances */
+ArmBatchState runAmongObstacles(int threads, BatchAction action, int steps, double* least = nullptr,
+                                std::set<int>* acting = nullptr) {
+    const RobotDescription robot = loadArm("panda");
+    ArmBatchOptions options;
+    options.action = action;
+    options.threads = threads;
+    options.environment = makeEnvironment();
+    ArmBatch batch(robot, 5, 0.001, options);
+    for (const double clearance : batch.state().clearance) EXPECT_TRUE(std::isnan(clearance));
+    const CollisionJudge judge(robot, loadArmGeometry(robot), *options.environment);
+    std::mt19937_64 random(13);
+    Actions actions;
+    std::int64_t ticks = 0;
+    for (int step = 0; step < steps; ++step) {
+        if (step % 4 == 0) actions = drawActions(random, batch, action == BatchAction::Torque ? 80.0 : 1.0);
+        if (step % 25 == 20) actions[0] = kNan;
+        batch.step(actions.data(), 10);
+        ticks += 10;
+        EXPECT_LT(findExcess(batch), kOutsideShare);
+        if (step % 25 == 20) {
+            EXPECT_EQ(batch.state().status[0], GuardStatus::Waiting);
+        }
+        for (int arm = 0; arm < 5 && least; ++arm) {
+            const double exact =
+                judge.findContact(getRow(batch.state().q, batch, arm), 1e-3 * static_cast<double>(ticks), 1.0).distance;
+            const double told = batch.state().clearance[static_cast<std::size_t>(arm)];
+            EXPECT_LE(told, exact + 1e-6) << step;
+            EXPECT_GE(told, options.environment->safetyDistance_m - 1e-6) << step;
+            *least = std::min(*least, exact);
+        }
+        if (acting) acting->insert(batch.state().acting.begin(), batch.state().acting.end());
+    }
+    return batch.state();
+}
+
+TEST(ArmBatch, ArmsKeepClearOfWhatIsAroundWhateverTheActionsAre) {
+    for (const BatchAction action : {BatchAction::Torque, BatchAction::Target, BatchAction::ToolPosition}) {
+        double least = kInfinity;
+        std::set<int> acting;
+        runAmongObstacles(1, action, 60, &least, &acting);
+        EXPECT_GE(least, 0.02 - 1e-9);
+        EXPECT_LT(least, 0.1) << "nothing was near";
+        if (action != BatchAction::Torque) {  // those push the arms into their joint limits first
+            EXPECT_EQ(acting.count(-static_cast<int>(LimitKind::Clearance)), 1u);
+        }
+    }
+}
+
+TEST(ArmBatch, ClearancesDependOnNoThreads) {
+    const ArmBatchState one = runAmongObstacles(1, BatchAction::ToolPosition, 30);
+    const ArmBatchState more = runAmongObstacles(3, BatchAction::ToolPosition, 30);
+    EXPECT_EQ(one.qdd, more.qdd);
+    EXPECT_EQ(one.clearance, more.clearance);
+    EXPECT_EQ(one.acting, more.acting);
+}
+
+TEST(ArmBatch, APlaceThatIsTooNearIsRefusedAndFound) {
+    const RobotDescription robot = loadArm("panda");
+    ArmBatchOptions options;
+    options.environment = makeEnvironment();
+    ArmBatch batch(robot, 3, 0.001, options);
+    const JointVector zero = JointVector::Zero(7);
+    const MotionState good{robot.home, zero, zero};
+    MotionState near = good;
+    RobotModel model(robot);
+    Dynamics dynamics;
+    model.calcDynamics(robot.home, zero, dynamics);
+    options.environment->solids[0].pose.translation() = dynamics.tool.position;
+    const std::string complaint = findError([&] { ArmBatch(robot, 1, 0.001, options); });
+    EXPECT_NE(complaint.find("arm 0: ArmBatchOptions::filter: the start"), std::string::npos) << complaint;
+    EXPECT_NE(complaint.find("from ball; at least 0.02 m is to be kept"), std::string::npos) << complaint;
+    near.q[1] += 1.6, near.q[3] += 1.0;  // onto the floor
+    EXPECT_EQ(batch.findUnusable({0, 1, 2}, {good, near, good}), std::vector<int>{1});
+    EXPECT_NE(findError([&] { batch.reset({2, 1}, {good, near}); }).find("arm 1: "), std::string::npos);
+    EXPECT_EQ(getRow(batch.state().q, batch, 1), robot.home);
+    options.environment->safetyDistance_m = -1.0;
+    EXPECT_NE(findError([&] { ArmBatch(robot, 1, 0.001, options); }).find("safety"), std::string::npos);
+}
+
 TEST(ArmBatch, AccelerationsAreWhatTheirTorqueCauses) {
     const RobotDescription robot = loadArm("ur5e");
     ArmBatchOptions options;
@@ -197,7 +428,10 @@ ArmBatchState runRandom(int threads, BatchAction action, int arms, int steps, do
             }
         batch.changeLimits(arm, limits);
     }
-    const double size = action == BatchAction::Torque ? 300.0 : action == BatchAction::Acceleration ? 50.0 : 4.0;
+    const double size = action == BatchAction::Torque         ? 300.0
+                        : action == BatchAction::Acceleration ? 50.0
+                        : action == BatchAction::Target       ? 4.0
+                                                              : 1.0;
     for (int step = 0; step < steps; ++step) {
         Actions actions = drawActions(random, batch, size);
         if (step % 3 == 1) actions[static_cast<std::size_t>(step) % actions.size()] = kNan;
@@ -220,7 +454,8 @@ ArmBatchState runRandom(int threads, BatchAction action, int arms, int steps, do
 }
 
 TEST(ArmBatch, LimitsHoldWhateverTheActionsAre) {
-    for (const BatchAction action : {BatchAction::Torque, BatchAction::Acceleration, BatchAction::Target}) {
+    for (const BatchAction action : {BatchAction::Torque, BatchAction::Acceleration, BatchAction::Target,
+                                     BatchAction::ToolPose, BatchAction::ToolPosition}) {
         double excess = 0.0;
         runRandom(1, action, 100, test::countOf(400), &excess);
         EXPECT_LT(excess, kOutsideShare);
@@ -239,6 +474,10 @@ TEST(ArmBatch, ResultsDependOnNeitherThreadsNorNeighboursNorTheCallersModes) {
         EXPECT_EQ(one.status, more.status);
     }
     EXPECT_EQ(one.qdd, runRandom(2, BatchAction::Torque, 90, steps, nullptr, FE_DOWNWARD).qdd);
+    for (const BatchAction action : {BatchAction::ToolPose, BatchAction::ToolPosition}) {
+        const ArmBatchState tools = runRandom(1, action, 60, steps / 2);
+        for (const int threads : {2, 5}) EXPECT_EQ(tools.qdd, runRandom(threads, action, 60, steps / 2).qdd);
+    }
 
     const RobotDescription robot = loadArm("indy7");
     ArmBatch many(robot, 40, 0.001), alone(robot, 1, 0.001);
@@ -322,15 +561,6 @@ TEST(ArmBatch, LimitsThatShrinkAreApproachedAndHeld) {
     batch.step(push.data(), 1500);
     batch.step(push.data(), 1);
     EXPECT_LT(findExcess(batch), kOutsideShare);
-}
-
-std::string findError(const std::function<void()>& call) {
-    try {
-        call();
-    } catch (const Error& e) {
-        return e.what();
-    }
-    return "";
 }
 
 TEST(ArmBatch, WhatDoesNotFitIsRefusedAndNothingMoves) {

@@ -10,7 +10,9 @@
 
 #include "RobotBinding.h"
 #include "viable/batch/ArmBatch.h"
+#include "viable/config/ConfigNode.h"
 #include "viable/core/Numbers.h"
+#include "viable/environment/Environment.h"
 
 namespace viable::python {
 
@@ -20,19 +22,26 @@ BatchAction takeAction(const std::string& word) {
     if (word == "torque") return BatchAction::Torque;
     if (word == "acceleration") return BatchAction::Acceleration;
     if (word == "target") return BatchAction::Target;
-    throw badInput("Batch: action", "`" + word + "`", "It is torque, acceleration or target.");
+    if (word == "tool_pose") return BatchAction::ToolPose;
+    if (word == "tool_position") return BatchAction::ToolPosition;
+    throw badInput("Batch: action", "`" + word + "`",
+                   "It is torque, acceleration or target, tool_pose or tool_position.");
 }
 
 class PythonBatch {
 public:
     PythonBatch(std::shared_ptr<PythonRobot> robot, int n, double tick, const py::object& limits,
                 const std::string& action, double kAlpha, double gamma, bool recovery, const std::string& objective,
-                const std::string& plant, std::uint64_t seed, int threads)
+                const std::string& environment, const std::string& plant, std::uint64_t seed, int threads)
         : robot_(std::move(robot)) {
         ArmBatchOptions options;
         options.limits = takeLimits(limits);
         options.filter = {kAlpha, gamma, recovery, takeObjective(objective)};
-        options.action = takeAction(action);
+        options.action = action_ = takeAction(action);
+        if (!environment.empty()) {
+            const ConfigNode block = parseConfig(environment, "Batch: environment");
+            options.environment = readEnvironment(block);
+        }
         options.plant = plant;
         options.seed = seed;
         options.threads = threads;
@@ -47,10 +56,15 @@ public:
         const Turn turn(isTaken_, "Batch.step");
         const Array array = takeArray(actions, "Batch.step: actions");
         const ArmBatch& batch = *batch_;
-        if (array.ndim() != 2 || array.shape(0) != batch.size() || array.shape(1) != batch.joints())
+        const int width = batch.actionSize();
+        if (array.ndim() != 2 || array.shape(0) != batch.size() || array.shape(1) != width)
             throw badInput("Batch.step: actions", "the array has shape " + formatShape(array),
-                           "Give a row of joints per arm, shape (" + std::to_string(batch.size()) + ", " +
-                               std::to_string(batch.joints()) + ").");
+                           std::string("Give a row of ") +
+                               (action_ == BatchAction::ToolPose       ? "position and quaternion x, y, z, w"
+                                : action_ == BatchAction::ToolPosition ? "x, y, z"
+                                                                       : "joints") +
+                               " per arm, shape (" + std::to_string(batch.size()) + ", " + std::to_string(width) +
+                               ").");
         const double* const data = array.data();
         const py::gil_scoped_release release;
         batch_->step(data, substeps);
@@ -66,6 +80,17 @@ public:
         fill(qdd, "Batch.reset: qdd", zero, arms, starts, &MotionState::qdd);
         const py::gil_scoped_release release;
         batch_->reset(arms, starts);
+    }
+
+    /** Of the arms of a mask those whose row of `q` is no place to be put to, at rest. */
+    std::vector<int> findUnusable(const py::object& mask, const py::object& q) {
+        const Turn turn(isTaken_, "Batch.reset");
+        const std::vector<int> arms = takeArms(mask, "Batch.reset: mask");
+        const JointVector zero = JointVector::Zero(batch_->joints());
+        std::vector<MotionState> starts(arms.size(), {zero, zero, zero});
+        fill(q, "Batch.reset: q", robot_->description.home, arms, starts, &MotionState::q);
+        const py::gil_scoped_release release;
+        return batch_->findUnusable(arms, starts);
     }
 
     void changeLimits(const py::object& limits, const py::object& mask) {
@@ -101,20 +126,25 @@ public:
         return makeLimits(batch_->limits(arm));
     }
 
-    py::array toolPosition() {
+    /** Of each arm x, y, z and, with seven `columns`, the quaternion x, y, z, w. */
+    py::array findTools(bool real, py::ssize_t columns, const char* place) {
         const ArmBatch& batch = *batch_;
-        py::array_t<double> tools({batch.size(), 3});
+        const std::vector<double>& from = real ? batch.state().realQ : batch.state().q;
+        if (from.empty())
+            throw badInput(place, "there are no real arms", "Give the batch a plant, or leave `real` out.");
+        py::array_t<double> tools({static_cast<py::ssize_t>(batch.size()), columns});
         auto to = tools.mutable_unchecked<2>();
         const JointVector zero = JointVector::Zero(batch.joints());
         for (int arm = 0; arm < batch.size(); ++arm) {
-            robot_->model.calcDynamics(
-                Eigen::Map<const Eigen::VectorXd>(&batch.state().q[static_cast<std::size_t>(arm * batch.joints())],
-                                                  batch.joints()),
-                zero, robot_->dynamics);
-            for (int k = 0; k < 3; ++k) to(arm, k) = robot_->dynamics.tool.position[k];
+            const double* const q = &from[static_cast<std::size_t>(arm) * static_cast<std::size_t>(batch.joints())];
+            robot_->model.calcDynamics(Eigen::Map<const Eigen::VectorXd>(q, batch.joints()), zero, robot_->dynamics);
+            const Pose& tool = robot_->dynamics.tool;
+            for (int k = 0; k < columns; ++k) to(arm, k) = k < 3 ? tool.position[k] : tool.orientation.coeffs()[k - 3];
         }
         return tools;
     }
+    py::array toolPosition(bool real) { return findTools(real, 3, "Batch.tool_position: real"); }
+    py::array toolPose(bool real) { return findTools(real, 7, "Batch.tool_pose: real"); }
 
     const ArmBatch& batch() const { return *batch_; }
 
@@ -183,6 +213,7 @@ private:
 
     std::shared_ptr<PythonRobot> robot_;
     std::optional<ArmBatch> batch_;
+    BatchAction action_ = BatchAction::Torque;
     bool isTaken_ = false;
 };
 
@@ -213,14 +244,16 @@ void bindBatch(py::module_& module) {
     py::class_<PythonBatch> batch(module, "Batch", R"(Many guarded arms at once; use viable.Batch.)");
     batch
         .def(py::init<std::shared_ptr<PythonRobot>, int, double, const py::object&, const std::string&, double, double,
-                      bool, const std::string&, const std::string&, std::uint64_t, int>(),
+                      bool, const std::string&, const std::string&, const std::string&, std::uint64_t, int>(),
              py::arg("robot"), py::arg("n"), py::arg("tick"), py::kw_only(), py::arg("limits"), py::arg("action"),
-             py::arg("k_alpha"), py::arg("gamma"), py::arg("recovery"), py::arg("objective"), py::arg("plant"),
-             py::arg("seed"), py::arg("threads"))
+             py::arg("k_alpha"), py::arg("gamma"), py::arg("recovery"), py::arg("objective"), py::arg("environment"),
+             py::arg("plant"), py::arg("seed"), py::arg("threads"))
         .def("step", &PythonBatch::step, py::arg("actions"), py::arg("substeps") = 10,
              R"(`substeps` ticks of every arm with the same actions.
 
-actions  (n, joints): torque [Nm], acceleration [rad/s^2] or target [rad]. An arm with NaN in its row brakes (status 4).
+actions  (n, joints): torque [Nm], acceleration [rad/s^2] or target [rad]; tool_pose (n, 7): x, y, z [m] and quaternion
+         x, y, z, w, as tool_pose() gives them; tool_position (n, 3): x, y, z [m]. An arm with NaN in its row, or with a
+         quaternion that is none, brakes (status 4).
 
 Computes in threads without the interpreter's lock; the results do not depend on their number.)")
         .def(
@@ -236,11 +269,26 @@ q, qd, qdd  (joints,) for all of them, a row each, or (n, joints) of which their
             "_take_arms",
             [](const PythonBatch& b, const py::object& mask) { return b.takeArms(mask, "Batch.random_reset: mask"); },
             py::arg("mask"))
+        .def("_find_unusable", &PythonBatch::findUnusable, py::arg("mask"), py::arg("q"))
         .def("limits", &PythonBatch::getLimits, py::arg("arm") = 0, "Of one arm, in force.")
-        .def("tool_position", &PythonBatch::toolPosition,
-             "(n, 3): where the tools of the nominal arms are, base frame [m].")
+        .def("tool_position", &PythonBatch::toolPosition, py::arg("real") = false,
+             "(n, 3): where the tools of the nominal arms are, base frame [m]; real: those of the real arms, as "
+             "measured.")
+        .def("tool_pose", &PythonBatch::toolPose, py::arg("real") = false,
+             "(n, 7): the same with the orientation, x, y, z [m] and quaternion x, y, z, w: an action of tool_pose.")
         .def(
             "__len__", [](const PythonBatch& b) { return b.batch().size(); }, "Arms.")
+        .def_property_readonly(
+            "action_size", [](const PythonBatch& b) { return b.batch().actionSize(); },
+            "Numbers of an action of each arm: the joints, 7 of tool_pose, 3 of tool_position.")
+        .def_property_readonly(
+            "clearance",
+            [](const py::object& self) {
+                const ArmBatch& b = py::cast<const PythonBatch&>(self).batch();
+                return makeView(b.state().clearance.data(), {b.size()}, self);
+            },
+            "(n,): a stop from here brings the arm no nearer than this to its surroundings and itself [m]; inf where\n"
+            "nothing can be met, nan where nobody looked: without environment, and from reset() to the first step.")
         .def_property_readonly(
             "joints", [](const PythonBatch& b) { return b.batch().joints(); }, "Of each arm.")
         .def_property_readonly(

@@ -17,6 +17,9 @@ try:
 except ImportError as error:
     raise ImportError("viable.gym needs Gymnasium 1.0 or newer: pip install gymnasium") from error
 
+ACTIONS = ("torque", "acceleration", "target", "tool")
+AUTORESETS = ("next_step", "same_step", "disabled")
+
 
 class ReachVectorEnv(gymnasium.vector.VectorEnv):
     """Arms that move their tools to goals, each arm's limits up to jerk guaranteed: no action breaks a constraint.
@@ -26,83 +29,143 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):
         observations, rewards, terminations, truncations, infos = env.step(env.action_space.sample())
 
     Observation, float32: positions as shares of their limits (-1 to 1; joints without: sine), velocities as shares of their limits,
-    and the way from tool to goal [m]: 2 n + 3 numbers. With a plant positions and velocities are those of the real arms, as measured.
-    Action, -1 to 1 for each joint: a share of the acceleration limit, or of the position limits for action="target"; beyond
-    that range it is cut.
+    and the way from tool to goal [m]: 2 n + 3 numbers. With a plant all of it is of the real arms, as measured.
+    Action, -1 to 1, n numbers: a share of the motors' torque limits (torque), of the acceleration limits or, for
+    action="target", of the position limits; 3 numbers for action="tool": where the tool shall go, as a share of the box `places`
+    that holds the tool's places at random poses. Beyond that range it is cut; an arm with NaN in its action brakes.
     Reward: minus the distance of the tool from the goal [m]. Terminated: it is within `reach` [m]. Truncated: after `horizon` steps,
-    or its plant failed. The tool is that of the nominal arm, also with a plant: where the real one lags behind, reward and end do not
-    show it.
-    Goals are the tool's places at random poses. An arm that has ended begins anew in the next step, whose action it ignores
-    (AutoresetMode.NEXT_STEP).
-    infos: `limited`, (num_envs,) of truths: the guard changed what the action asked for.
+    or its plant failed. With a plant the tool is that of the real arm, as measured: where that lags behind the nominal one, so do
+    reward and end.
+    Goals are the tool's places at random poses. All that is random follows from the seed of reset().
+    infos: `limited`, (num_envs,) of truths: the guard changed what the action asked for; `_limited`: false where an arm has just
+    begun and took no action.
 
+    autoreset   what becomes of an arm that has ended, as in Gymnasium's AutoresetMode:
+                next_step   it begins anew in the next step, whose action it ignores: with its first observation, reward 0, no end
+                same_step   it begins anew in the very step: the observation is its first one, that of its end stands in
+                            infos["final_obs"], (num_envs, 2 n + 3), where infos["_final_obs"] is true
+                disabled    it waits for reset(options={"reset_mask": mask}), (num_envs,) of truths; a step before that raises
     robot      a viable.Robot or its name
     substeps   ticks of `tick` seconds that an action holds
-    limits, plant, threads   as of viable.Batch
+    limits, environment, plant, threads   as of viable.Batch
     """
 
     def __init__(self, robot: Robot | str = "panda", num_envs: int = 1024, *, action: str = "acceleration", substeps: int = 10,
                  horizon: int = 300, reach: float = 0.05, tick: float = 0.001, limits: Limits | None = None,
-                 plant: Mapping[str, Any] | None = None, threads: int = 0) -> None:
-        if action not in ("acceleration", "target"):
-            raise InputError("ReachVectorEnv: action", f"`{action}`", "It is acceleration or target.")
+                 environment: Mapping[str, Any] | None = None, plant: Mapping[str, Any] | None = None, threads: int = 0,
+                 autoreset: str = "next_step") -> None:
+        if action not in ACTIONS:
+            raise InputError("ReachVectorEnv: action", f"`{action}`", "It is torque, acceleration or target, or tool.")
+        if autoreset not in AUTORESETS:
+            raise InputError("ReachVectorEnv: autoreset", f"`{autoreset}`", "It is next_step, same_step or disabled.")
+        mode = getattr(gymnasium.vector, "AutoresetMode", None)
+        if mode is None and autoreset != "next_step":
+            raise InputError("ReachVectorEnv: autoreset", f"`{autoreset}`: this Gymnasium has no AutoresetMode",
+                             "Use Gymnasium 1.1 or newer, or next_step.")
         self.robot = Robot(robot) if isinstance(robot, str) else robot
-        self.batch = Batch(self.robot, num_envs, tick, limits=limits, action=action, plant=plant, threads=threads)
+        self.batch = Batch(self.robot, num_envs, tick, limits=limits, action="tool_position" if action == "tool" else action,
+                           environment=environment, plant=plant, threads=threads)
         self.num_envs, self.substeps, self.horizon, self.reach = num_envs, substeps, horizon, reach
         bounds = self.batch.limits()
         n = len(self.robot)
-        if action == "acceleration":
+        if action == "torque":
+            self._upper = self.robot.torque_limit
+            if not np.isfinite(self._upper).all():
+                raise InputError("ReachVectorEnv: action", "`torque`: the robot does not say how much its motors can",
+                                 "Give torque_limit_Nm in its actuation.yaml, or use acceleration.")
+            self._lower = -self._upper
+        elif action == "acceleration":
             self._lower, self._upper = np.maximum(bounds.acceleration[0], -1e3), np.minimum(bounds.acceleration[1], 1e3)
-        else:
+        elif action == "target":
             self._lower, self._upper = np.maximum(bounds.position[0], -np.pi), np.minimum(bounds.position[1], np.pi)
+        else:
+            self._lower, self._upper = self._find_places(bounds)
         self._positions, self._fastest = bounds.position, np.minimum(np.maximum(-bounds.velocity[0], bounds.velocity[1]), 1e3)
         self._is_bounded = np.isfinite(self._positions).all(axis=0)
         box = gymnasium.spaces.Box
-        self.single_action_space = box(-1.0, 1.0, (n,), np.float32)
-        self.action_space = box(-1.0, 1.0, (num_envs, n), np.float32)
+        self.single_action_space = box(-1.0, 1.0, self._lower.shape, np.float32)
+        self.action_space = box(-1.0, 1.0, (num_envs, *self._lower.shape), np.float32)
         self.single_observation_space = box(-np.inf, np.inf, (2 * n + 3,), np.float32)
         self.observation_space = box(-np.inf, np.inf, (num_envs, 2 * n + 3), np.float32)
-        mode = getattr(gymnasium.vector, "AutoresetMode", None)
-        self.metadata = {"autoreset_mode": mode.NEXT_STEP} if mode else {}
+        self.metadata = {"autoreset_mode": getattr(mode, autoreset.upper())} if mode else {}
         self.goals = np.zeros((num_envs, 3))
+        self._autoreset = autoreset
         self._steps = np.zeros(num_envs, int)
         self._ended = np.zeros(num_envs, bool)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
+        """All arms begin anew; with options={"reset_mask": mask}, (num_envs,) of truths, those of it, and the others stand as
+        they are."""
         super().reset(seed=seed, options=options)
-        self._begin(np.ones(self.num_envs, bool))
-        return self._observe(), {}
+        which = np.ones(self.num_envs, bool)
+        if options is not None and "reset_mask" in options:
+            which = np.asarray(options["reset_mask"])
+            if which.dtype != bool or which.shape != (self.num_envs,):
+                raise InputError("ReachVectorEnv.reset: reset_mask", f"the array has shape {which.shape} and type {which.dtype}",
+                                 f"Give truths, shape ({self.num_envs},).")
+        self._begin(which)
+        return self._observe()[0], {}
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        shares = (np.clip(np.asarray(actions, float), -1.0, 1.0) + 1.0) / 2.0
+        actions = np.asarray(actions, float)
+        if actions.shape != self.action_space.shape:
+            raise InputError("ReachVectorEnv.step", f"the array has shape {actions.shape}",
+                             f"Give a row per arm, shape {self.action_space.shape}.")
+        begun = self._ended.copy()
+        if self._autoreset == "disabled" and begun.any():
+            raise InputError("ReachVectorEnv.step", f"arm {np.flatnonzero(begun)[0]} has ended and was not reset",
+                             'Call reset(options={"reset_mask": terminations | truncations}) first.')
+        shares = (np.clip(actions, -1.0, 1.0) + 1.0) / 2.0
         self.batch.step(self._lower + shares * (self._upper - self._lower), self.substeps)
-        limited = (self.batch.acting != 0).any(axis=1)
+        limited = (self.batch.acting != 0).any(axis=1) & ~begun
         failed = self.batch.status == STATUS.index("failed")  # stands until its reset
         self._steps += 1
-        begun = self._ended
         if begun.any():
             self._begin(begun)
-        observations = self._observe()
-        distances = np.linalg.norm(observations[:, -3:], axis=1).astype(float)
+        observations, distances = self._observe()
         terminations = (distances < self.reach) & ~failed & ~begun
         truncations = ((self._steps >= self.horizon) | failed) & ~terminations & ~begun
-        self._ended = terminations | truncations
-        return observations, np.where(begun, 0.0, -distances), terminations, truncations, {"limited": limited & ~begun}
+        rewards = np.where(begun, 0.0, -distances)
+        infos = {"limited": limited, "_limited": ~begun}
+        ended = terminations | truncations
+        if self._autoreset == "same_step" and ended.any():
+            infos["final_obs"], infos["_final_obs"] = np.where(ended[:, None], observations, np.float32(0)), ended
+            self._begin(ended)
+            observations = self._observe()[0]
+        else:
+            self._ended = ended
+        return observations, rewards, terminations, truncations, infos
+
+    @property
+    def places(self) -> np.ndarray:
+        """(2, 3): the lower and the upper corner of the box of action="tool", base frame [m]."""
+        return np.array(self._find_places(self.batch.limits()))
+
+    def _find_places(self, bounds: Limits) -> tuple[np.ndarray, np.ndarray]:
+        lower, upper = np.maximum(bounds.position[0], -np.pi), np.minimum(bounds.position[1], np.pi)
+        poses = np.random.default_rng(0).uniform(lower, upper, (1000, len(lower)))
+        tools = np.array([self.robot.dynamics(q).tool[:3, 3] for q in poses])
+        return tools.min(axis=0), tools.max(axis=0)
 
     def _begin(self, which: np.ndarray) -> None:
         """Puts arms to random places at rest, and their goals elsewhere."""
         rng = self.np_random
         self.batch.random_reset(rng, which)
+        arms = np.flatnonzero(which)
         lower, upper = np.maximum(self._positions[0], -np.pi), np.minimum(self._positions[1], np.pi)
-        for arm in np.flatnonzero(which):
-            self.goals[arm] = self.robot.dynamics(rng.uniform(lower, upper)).tool[:3, 3]
+        there = (len(arms), 1)
+        for arm, q in zip(arms, self.batch._draw(rng, arms, np.tile(lower, there), np.tile(upper, there))):
+            self.goals[arm] = self.robot.dynamics(q).tool[:3, 3]
         self._steps[which] = 0
         self._ended = self._ended & ~which
 
-    def _observe(self) -> np.ndarray:
+    def _observe(self) -> tuple[np.ndarray, np.ndarray]:
+        """The observations, and how far the tools are from their goals [m]."""
         batch = self.batch
-        q, qd = (batch.q, batch.qd) if batch.real_q is None else (batch.real_q, batch.real_qd)
+        is_real = batch.real_q is not None
+        q, qd = (batch.real_q, batch.real_qd) if is_real else (batch.q, batch.qd)
         with np.errstate(invalid="ignore"):
             middle, half = self._positions.mean(axis=0), np.ptp(self._positions, axis=0) / 2
             shares = np.where(self._is_bounded, (q - middle) / half, np.sin(q))
-        return np.hstack([shares, qd / self._fastest, self.goals - batch.tool_position()]).astype(np.float32)
+        way = self.goals - batch.tool_position(is_real)
+        return np.hstack([shares, qd / self._fastest, way]).astype(np.float32), np.linalg.norm(way, axis=1)

@@ -10,17 +10,22 @@
 
 #include "viable/core/Error.h"
 #include "viable/core/JointLimits.h"
+#include "viable/environment/Environment.h"
 #include "viable/filter/CertifiedBrakingFilter.h"
 #include "viable/loop/GuardStatus.h"
 #include "viable/robot/RobotDescription.h"
 
 namespace viable {
 
-/** What an action of an ArmBatch is, one number per joint. */
+/** What an action of an ArmBatch is; one number per joint, but for tools. */
 enum class BatchAction : unsigned char {
     Torque,        ///< tau_d of the nominal arm [Nm]
     Acceleration,  ///< what that torque is to cause, M a + b [rad/s^2]
     Target,        ///< a joint target that rests, led to as fast as the limits allow (Servo) [rad]
+    /** The tool's pose, led to as the plugin tool_servo does with its defaults (ToolFollower): position [m] and quaternion
+    x, y, z, w of a length from 0.5 to 2, base frame; 7 numbers. */
+    ToolPose,
+    ToolPosition,  ///< the same of a tool whose orientation is free: 3 numbers [m]
 };
 
 struct ArmBatchOptions {
@@ -29,6 +34,10 @@ struct ArmBatchOptions {
     /** With Target only `recovery` counts: the servo asks for jerks that are admissible. */
     CertifiedBrakingOptions filter;
     BatchAction action = BatchAction::Torque;
+    /** With it, an empty one too, WholeArmBrakingFilter keeps each arm clear of these surroundings and of itself, and within the
+    speed limits of its points. All arms share the surroundings; each has them as they are at its own time since reset().
+    Needs the robot's collision.yaml (loadArmGeometry). */
+    std::optional<Environment> environment;
     /** A real arm behind each nominal one: the `real_plant` block of an experiment file, values of it drawn anew for each arm
     where they are `~uniform(...)` and the like (see experiments/README.md), of run number arm. Such as
     `{plugin: simbody, dynamics: recursion, payload_kg: "~uniform(0, 2)"}`; empty: none. Nric with the gains of scaleGains() keeps it next to
@@ -53,6 +62,10 @@ struct ArmBatchState {
     /** Which limit held a joint back, in the last tick of the step in which one did: LimitKind, negative for the lower
     side; 0: none did. */
     std::vector<signed char> acting;
+    /** Per arm: the stop held ready after the last tick brings the arm no nearer than this to the surroundings and to itself
+    [m], at any time of it; negative inside, infinite where nothing can be met. As far as it matters: what is known to be far
+    is not measured. NaN where nobody looked: without an environment, and from reset() to the first tick. */
+    std::vector<double> clearance;
     // The real arms, as measured; of size 0 without a plant.
     std::vector<double> realQ;        ///< [rad]
     std::vector<double> realQd;       ///< [rad/s]
@@ -71,10 +84,11 @@ struct ArmBatchState {
 Method: in each tick and arm the nominal arm's dynamics, CertifiedBrakingFilter's law and the closed form of the motion, as
 in the loop of experiments (ControlLoop), whose numbers these are to the last bit. There is no monitor of stops behind it.
 Guarantees: position, velocity, acceleration and jerk limits of every nominal arm, at every tick and between, whatever the
-actions are (with `filter.recovery`: from the moment they are met). Results do not depend on the number of threads, nor
+actions are (with `filter.recovery`: from the moment they are met). With an environment also that of
+WholeArmBrakingFilter. Results do not depend on the number of threads, nor
 on the floating-point modes of the caller, nor on the other arms.
-Memory: some 20 kB an arm, with Target 35 kB, with a plant 70 kB. Time for six joints: 1 to 2 us an arm, tick and core, with
-Target 3 us, with a plant 7 us.
+Memory: some 20 kB an arm, with Target 35 kB, with tools 50 kB, with a plant 70 kB, with an environment 0.7 MB more. Time for six joints: 1 to 2 us an arm, tick and core, with
+Target 3 us, with tools 5 us, with a plant 7 us, with an environment 10 to 50 us.
 Thread: one at a time; step() makes threads of its own and ends them. */
 class ArmBatch {
 public:
@@ -87,8 +101,9 @@ public:
     ArmBatch(ArmBatch&&) noexcept;
     ArmBatch& operator=(ArmBatch&&) noexcept;
 
-    int size() const;    ///< arms
-    int joints() const;  ///< of each
+    int size() const;        ///< arms
+    int joints() const;      ///< of each
+    int actionSize() const;  ///< numbers of an action: joints(), 7 for ToolPose, 3 for ToolPosition
     double tick_s() const;
     const JointLimits& limits(int arm) const;
     const ArmBatchState& state() const;
@@ -102,6 +117,9 @@ public:
     @param starts  one per entry of `arms` */
     void reset(const std::vector<int>& arms, const std::vector<MotionState>& starts);
 
+    /** The places in `starts` of those that reset() would refuse; `arms` and `starts` as there. In threads. */
+    std::vector<int> findUnusable(const std::vector<int>& arms, const std::vector<MotionState>& starts) const;
+
     /** New limits of an arm from now on, approached as fast as jerk allows where its motion cannot meet them at once. Throws
     Error (BadInput) where they are not usable (see checkLimits). */
     void changeLimits(int arm, const JointLimits& limits);
@@ -109,8 +127,8 @@ public:
     void changeLimits(const std::vector<int>& arms, const std::vector<JointLimits>& limits);
 
     /** `ticks` ticks of every arm with the same actions. An arm whose action holds what is not finite or beyond 1e100 (targets:
-    1e7) brakes along its stop meanwhile.
-    @param actions  size() x joints() numbers, a row per arm */
+    1e7), or a quaternion that is none, brakes along its stop meanwhile.
+    @param actions  size() x actionSize() numbers, a row per arm */
     void step(const double* actions, int ticks);
 
 private:

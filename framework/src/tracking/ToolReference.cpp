@@ -1,8 +1,10 @@
-#include "ToolReference.h"
+#include "viable/tracking/ToolReference.h"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <utility>
 
+#include "robot/ArmRecursion.h"
 #include "viable/braking/Braking.h"
 #include "viable/core/RotationVector.h"
 
@@ -20,23 +22,27 @@ constexpr double kApartWeight = 1e-3;
 }  // namespace
 
 void ToolReference::configure(const RobotDescription& robot, const JointLimits& limits, double tick_s,
-                              const JointVector& rest, const ToolReferenceOptions& options,
-                              const ArmGeometry* geometry) {
+                              const JointVector& rest, const ToolReferenceOptions& options, const ArmGeometry* geometry,
+                              std::shared_ptr<const ArmRecursion> recursion) {
     n_ = robot.size();
     tick_s_ = tick_s;
-    limits_ = limits;
     options_ = options;
-    rest_ = rest;
-    model_ = std::make_unique<RobotModel>(robot);
+    recursion_ = recursion ? std::move(recursion) : std::make_shared<const ArmRecursion>(robot);
     clearances_.reset();
     if (geometry && options.apart_m > 0.0) clearances_.emplace(robot, *geometry);
-    const double longest_s = calcLongestStop(limits);
-    apartRate_ = longest_s > 0.0 ? 1.0 / longest_s : 1.0;
+    changeLimits(limits, rest);
     still_.setZero(n_);
     for (JointVector* v : {&target_, &lower_, &upper_, &step_, &gradient_}) v->setZero(n_);
     normal_.setZero(n_, n_);
     factor_.setZero(n_, n_);
     reset(rest);
+}
+
+void ToolReference::changeLimits(const JointLimits& limits, const JointVector& rest) {
+    limits_ = limits;
+    rest_ = rest;
+    const double longest_s = calcLongestStop(limits);
+    apartRate_ = longest_s > 0.0 ? 1.0 / longest_s : 1.0;
 }
 
 void ToolReference::reset(const JointVector& q) {
@@ -58,7 +64,7 @@ void ToolReference::leadApart(const Surroundings* surroundings, double time_s) {
 }
 
 void ToolReference::advance(const Pose& command, const Surroundings* surroundings, double time_s) {
-    model_->calcDynamics(q_, still_, dynamics_);
+    recursion_->calcDynamics(q_, still_, dynamics_);
     const ToolJacobian& J = dynamics_.J;
     const double turn = options_.rotationLength_m;
     Vector6 weights, error;

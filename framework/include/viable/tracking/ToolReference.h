@@ -6,13 +6,16 @@
 #include "viable/core/JointLimits.h"
 #include "viable/environment/ArmClearances.h"
 #include "viable/qp/BoxQp.h"
-#include "viable/robot/RobotModel.h"
+#include "viable/robot/Dynamics.h"
+#include "viable/robot/RobotDescription.h"
 
 namespace viable {
 
+class ArmRecursion;
+
 /** How a tool pose becomes a motion of the joints. */
 struct ToolReferenceOptions {
-    double rotationLength_m = 0.2;  ///< so far counts a rotation of 1 rad as an error
+    double rotationLength_m = 0.2;  ///< so far counts a rotation of 1 rad as an error; 0: the orientation is free
     double restRate = 0.0;          ///< how fast spare joints go to their rest posture [1/s]
     double apart_m = 0.0;           ///< nearer than this to obstacles or itself, spare joints lead the arm away
 };
@@ -28,9 +31,15 @@ the time in which they could stop if it is a whole apart_m too near.
 Real time: no allocation, lock or throw after configure(). */
 class ToolReference {
 public:
+    /** @param rest       where spare joints go
+        @param geometry   null: apart_m has no effect; need not outlive this call
+        @param recursion  of the robot, shared by many; null: one of its own */
     void configure(const RobotDescription& robot, const JointLimits& limits, double tick_s, const JointVector& rest,
-                   const ToolReferenceOptions& options, const ArmGeometry* geometry = nullptr);
+                   const ToolReferenceOptions& options, const ArmGeometry* geometry = nullptr,
+                   std::shared_ptr<const ArmRecursion> recursion = nullptr);
     void reset(const JointVector& q);
+    /** From now on. */
+    void changeLimits(const JointLimits& limits, const JointVector& rest);
 
     /** One tick towards `command`; its orientation is of unit length.
         @param surroundings  null: none are known
@@ -48,7 +57,7 @@ private:
     double tick_s_ = 0.0;
     JointLimits limits_;
     ToolReferenceOptions options_;
-    std::unique_ptr<RobotModel> model_;
+    std::shared_ptr<const ArmRecursion> recursion_;
     Dynamics dynamics_;
     std::optional<ArmClearances> clearances_;
     double apartRate_ = 0.0;  ///< [1/s]

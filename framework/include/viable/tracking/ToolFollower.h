@@ -1,0 +1,60 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "viable/braking/Servo.h"
+#include "viable/tracking/ToolReference.h"
+
+namespace viable {
+
+struct ToolFollowerOptions {
+    ToolReferenceOptions reference;
+    /** Of acceleration and jerk limits, for the motion relative to the reference: see Servo. */
+    double share = 1.0;
+    double velocityFilter_s = 0.0;  ///< of the reference's velocity: see TargetVelocity
+};
+
+/** Leads the tool to a commanded pose, as fast as the joints' limits allow: a joint reference within the position limits
+follows the pose (ToolReference), and each joint follows its reference (Servo), with as much of its velocity as the joint
+could (TargetVelocity). The law of the plugin tool_servo and of ArmBatch.
+Real time: no allocation, lock or throw after configure(). */
+class ToolFollower {
+public:
+    /** Spare joints rest in the middle of their position limits, and where they start without.
+        @param limits     jerk limits finite (see checkLimits)
+        @param geometry   null: reference.apart_m has no effect; need not outlive this call
+        @param recursion  of the robot, shared by many; null: one of its own */
+    void configure(const RobotDescription& robot, const JointLimits& limits, double tick_s, const MotionState& start,
+                   const ToolFollowerOptions& options, const ArmGeometry* geometry = nullptr,
+                   std::shared_ptr<const ArmRecursion> recursion = nullptr);
+    void reset(const MotionState& start);
+    /** From now on. */
+    void changeLimits(const JointLimits& limits);
+    /** So many ticks passed without a call. */
+    void skipTicks(std::int64_t ticks);
+
+    /** The jerk to hold in this tick.
+        @param state         of the arm, finite
+        @param command       finite, its orientation of unit length
+        @param surroundings  null: none are known
+        @param time_s        of the run
+        @param jerk          [rad/s^3] */
+    void calc(const MotionState& state, const Pose& command, const Surroundings* surroundings, double time_s,
+              JointVector& jerk);
+
+private:
+    JointVector findRest(const JointLimits& limits) const;
+
+    JointVector start_;
+    ToolReference reference_;
+    Servo servo_;
+    TargetVelocity velocity_;  ///< of the reference
+    MotionState target_;
+};
+
+/** The quaternion of a pose that is commanded, of unit length; false where it cannot be one (its length must be between 0.5
+and 2) or a number is not finite. */
+bool normalise(Pose& command);
+
+}  // namespace viable

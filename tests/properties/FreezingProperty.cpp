@@ -1,0 +1,397 @@
+#include <octomap/OcTree.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "Paths.h"
+#include "Properties.h"
+#include "Random.h"
+#include "environment/CollisionJudge.h"
+#include "robot/ArmReach.h"
+#include "viable/core/Error.h"
+#include "viable/environment/Surroundings.h"
+#include "viable/filter/WholeArmBrakingFilter.h"
+#include "viable/loop/NominalPlant.h"
+#include "viable/robot/RobotModel.h"
+
+namespace viable {
+
+namespace {
+
+constexpr double kTick_s = 1e-3, kRun_s = 20.0;
+constexpr int kTicks = 20000;
+/** An arm rests below this [rad/s], and is frozen where it rests that long though it could do what is asked. */
+constexpr double kRest_radps = 1e-3, kFrozen_s = 2.0;
+/** A joint that is asked to go at least so far [rad] and could go so far alone has a free direction. */
+constexpr double kFreeWay_rad = 0.1;
+constexpr int kFreePoses = 20;
+/** Nearer than this to anything counts as near [m]: what a look demands, balls for capsules, spacing of a map's field. */
+constexpr double kMargin_m = 0.02;
+/** A way brings nothing nearer than it is where no distance on it is less by more [m]. */
+constexpr double kNearer_m = 1e-6;
+constexpr double kHorizon_m = 0.1, kAllowed_m = 1e-8;
+constexpr int kTicksPerJudged = 20;
+
+struct Robot {
+    explicit Robot(const char* name)
+        : description(loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + name)),
+          geometry(loadArmGeometry(description)),
+          reach(calcReach(description, geometry, description.limits)),
+          model(description) {}
+    RobotDescription description;
+    ArmGeometry geometry;
+    Eigen::AlignedBox3d reach;
+    RobotModel model;
+};
+
+/** A map of three walls and clutter of 4 cm cells, in a file as long as this lives. */
+class MapFile {
+public:
+    MapFile() : path(std::filesystem::temp_directory_path() / ("viable-freezing-" + std::to_string(getpid()) + ".bt")) {
+        octomap::OcTree tree(0.04);
+        const auto fill = [&](double x0, double x1, double y0, double y1, double z0, double z1) {
+            for (double x = x0; x < x1; x += 0.04)
+                for (double y = y0; y < y1; y += 0.04)
+                    for (double z = z0; z < z1; z += 0.04) tree.updateNode(x, y, z, true, true);
+        };
+        fill(0.6, 0.64, -0.8, 0.8, 0.0, 1.2);
+        fill(-0.6, 0.5, 0.6, 0.64, 0.0, 0.8);
+        fill(-0.4, 0.4, -0.7, -0.66, 0.2, 0.4);
+        Random random(1, 1);
+        for (int k = 0; k < 100; ++k)
+            tree.updateNode(random.uniform(-0.8, 0.5), random.uniform(-0.7, -0.4), random.uniform(0.0, 1.0), true,
+                            true);
+        tree.updateInnerOccupancy();
+        tree.prune();
+        tree.writeBinary(path.string());
+    }
+    ~MapFile() { std::filesystem::remove(path); }
+    MapFile(const MapFile&) = delete;
+    MapFile& operator=(const MapFile&) = delete;
+
+    const std::filesystem::path path;
+};
+
+enum class Scene { Clutter, Plates, Slot, Cage, Balls, Map, Crowd };
+constexpr std::array kScenes = {Scene::Clutter, Scene::Plates, Scene::Slot, Scene::Cage,
+                                Scene::Balls,   Scene::Map,    Scene::Crowd};
+constexpr std::array kSceneNames = {"clutter", "plates", "slot", "cage", "balls", "map", "crowd"};
+
+Eigen::Matrix3d drawTurn(Random& random) {
+    return Eigen::AngleAxisd(random.uniform(0.0, kPi), random.direction()).toRotationMatrix();
+}
+
+void addBox(Environment& environment, const Eigen::Vector3d& size, const Eigen::Vector3d& place,
+            const Eigen::Matrix3d& turn) {
+    Solid box;
+    box.name = "box" + std::to_string(environment.solids.size());
+    box.kind = Solid::Kind::Box;
+    box.size = size;
+    box.pose.translation() = place;
+    box.pose.linear() = turn;
+    environment.solids.push_back(box);
+}
+
+void addSphere(Environment& environment, double radius, std::vector<MovingSphere::Waypoint> waypoints) {
+    MovingSphere sphere;
+    sphere.name = "ball" + std::to_string(environment.spheres.size());
+    sphere.radius = radius;
+    sphere.waypoints = std::move(waypoints);
+    environment.spheres.push_back(sphere);
+}
+
+/** @param reach  how far the arm gets from its base [m] */
+Environment drawScene(Random& random, Scene scene, double reach, const std::filesystem::path& map) {
+    const Eigen::Matrix3d upright = Eigen::Matrix3d::Identity();
+    const auto drawPlace = [&] {
+        return Eigen::Vector3d(random.uniform(0.3, 1.0) * reach * random.direction() +
+                               0.3 * reach * Eigen::Vector3d::UnitZ());
+    };
+    Environment environment;
+    environment.safetyDistance_m = random.logUniform(0.005, 0.03);
+    switch (scene) {
+        case Scene::Clutter:
+            for (int k = random.integer(5, 20); k > 0; --k)
+                addBox(environment, 0.1 * Eigen::Vector3d::Ones() + 0.05 * random.direction(), drawPlace(),
+                       drawTurn(random));
+            break;
+        case Scene::Plates:  // of 5 mm
+            for (int k = random.integer(2, 6); k > 0; --k)
+                addBox(environment, {random.uniform(0.2, 0.8), random.uniform(0.2, 0.8), 0.005}, drawPlace(),
+                       drawTurn(random));
+            break;
+        case Scene::Slot: {  // two plates that face each other
+            const Eigen::Matrix3d turn = drawTurn(random);
+            const Eigen::Vector3d middle = drawPlace(), half = random.uniform(0.1, 0.2) * turn.col(2);
+            for (const double side : {-1.0, 1.0}) addBox(environment, {0.6, 0.6, 0.01}, middle + side * half, turn);
+            break;
+        }
+        case Scene::Cage:  // four walls around the arm and a lid
+            for (int k = 0; k < 4; ++k) {
+                const Eigen::Matrix3d turn = Eigen::AngleAxisd(k * kPi / 2, Eigen::Vector3d::UnitZ()).matrix();
+                addBox(environment, {0.02, 2.0 * reach, 2.0 * reach}, random.uniform(0.5, 0.9) * reach * turn.col(0),
+                       turn);
+            }
+            addBox(environment, {2.0 * reach, 2.0 * reach, 0.02}, random.uniform(0.9, 1.2) * reach * upright.col(2),
+                   upright);
+            break;
+        case Scene::Balls:
+            for (int k = random.integer(1, 3); k > 0; --k) {
+                std::vector<MovingSphere::Waypoint> way;
+                double t = random.uniform(0.0, 2.0);
+                for (int j = random.integer(2, 5); j > 0; --j, t += random.uniform(1.0, 4.0))
+                    way.push_back({t, drawPlace()});
+                addSphere(environment, random.uniform(0.03, 0.12), way);
+            }
+            break;
+        case Scene::Map:
+            environment.map.emplace();
+            environment.map->name = "map";
+            environment.map->file = map;
+            environment.map->unknown = UnknownSpace::Free;
+            environment.fieldCell_m = 0.04;
+            break;
+        case Scene::Crowd:
+            for (int k = 0; k < 120; ++k)
+                addSphere(environment, random.uniform(0.02, 0.04), {{0.0, 1.2 * drawPlace()}});
+            break;
+    }
+    return environment;
+}
+
+/** An arm that is asked to go from pose to pose in a scene, and how long it rests. */
+class FreezingCase {
+public:
+    FreezingCase(Robot& robot, Random& random, Scene scene, const std::filesystem::path& map)
+        : robot_(robot),
+          random_(random),
+          environment_(drawScene(random, scene, 0.5 * robot.reach.sizes().head<2>().minCoeff(), map)) {
+        options_.torqueShare = random.chance(0.5) ? 1.0 : std::numeric_limits<double>::infinity();
+        start_ = {robot.description.home, JointVector::Zero(n()), JointVector::Zero(n())};
+        if (random.chance(0.7)) start_.q = drawPose(random.uniform(0.1, 1.0));
+        stiffness_ = random.logUniform(10.0, 300.0);
+        alone_ = random.chance(0.2) ? random.integer(0, n() - 1) : -1;
+    }
+
+    /** False: there is no such start. */
+    bool begin() {
+        const auto surroundings =
+            std::make_shared<Surroundings>(environment_, robot_.reach.min(), robot_.reach.max(), 1.0);
+        feed_ = std::make_unique<SurroundingsFeed>(surroundings);
+        robot_.model.calcDynamics(start_.q, start_.qd, dynamics_);
+        const RobotDescription& d = robot_.description;
+        setup_.emplace(RunSetup{d, d.limits, kTick_s, kRun_s, start_, dynamics_.tool, &robot_.geometry, feed_.get()});
+        try {
+            filter_.configure(*setup_, options_);
+        } catch (const Error&) {
+            return false;
+        }
+        judge_ = std::make_unique<CollisionJudge>(d, robot_.geometry, environment_);
+        state_ = start_;
+        return true;
+    }
+
+    /** One tick; the distance that is missing [m]. */
+    double step(int tick) {
+        const double t = tick * kTick_s;
+        if (ticksLeft_-- <= 0) {
+            goal_ = drawPose(1.0);
+            for (int i = 0; alone_ >= 0 && i < n(); ++i)
+                if (i != alone_) goal_[i] = start_.q[i];
+            ticksLeft_ = static_cast<int>(random_.uniform(4.0, 20.0) / kTick_s);
+        }
+        robot_.model.calcDynamics(state_.q, state_.qd, dynamics_);
+        const JointVector wanted = stiffness_ * (goal_ - state_.q) - 2.0 * std::sqrt(stiffness_) * state_.qd;
+        torque_ = dynamics_.M * wanted + dynamics_.b;
+        filter_.filter({state_, torque_, dynamics_}, decision_);
+        advanceNominal(decision_, kTick_s, state_);
+        countRest(t);
+        if (tick % kTicksPerJudged != 0) return 0.0;
+        const double missing =
+            environment_.safetyDistance_m - judge_->findContact(state_.q, t + kTick_s, kHorizon_m).distance;
+        return missing > kAllowed_m ? missing : 0.0;
+    }
+    void end() { countEpisode(); }
+
+    std::int64_t restTicks = 0, frozenTicks = 0, longestFrozen = 0;
+
+    /** The frozen pose, and the joint that could have moved. */
+    std::string describe() const {
+        std::string text = "joint " + std::to_string(freeJoint_ + 1) + " could go to its goal from pose";
+        for (const double q : frozenPose_) text += " " + std::to_string(q);
+        text += ", goal";
+        for (const double q : frozenGoal_) text += " " + std::to_string(q);
+        return text;
+    }
+
+private:
+    int n() const { return robot_.description.size(); }
+
+    /** Anywhere within the limits, up to `share` of the way from home. */
+    JointVector drawPose(double share) {
+        const JointBounds& position = robot_.description.limits.position;
+        JointVector q(n());
+        for (int i = 0; i < n(); ++i) {
+            const double home = robot_.description.home[i];
+            const double to =
+                random_.uniform(std::max(0.95 * position.lower[i], -kPi), std::min(0.95 * position.upper[i], kPi));
+            q[i] = home + share * (to - home);
+        }
+        return q;
+    }
+
+    /** Of every capsule from what is around, and of every pair of capsules; the rest of a ball's path counts, as the arm must be
+    able to rest. */
+    std::vector<double> findDistances(const JointVector& q, double t) {
+        if (parts_.empty()) makeParts();
+        std::vector<double> distances;
+        for (const std::unique_ptr<CollisionJudge>& part : parts_) {
+            distances.push_back(part->findContact(q, t, kHorizon_m).distance);
+            for (const MovingSphere& sphere : environment_.spheres)
+                for (double later = t; sphere.waypoints.size() > 1 && later < sphere.waypoints.back().time_s;
+                     later += 0.1)
+                    distances.back() = std::min(distances.back(), part->findContact(q, later, kHorizon_m).distance);
+        }
+        return distances;
+    }
+
+    void makeParts() {
+        const RobotDescription& d = robot_.description;
+        ArmGeometry geometry = robot_.geometry;
+        geometry.pairs.clear();
+        for (const LinkCapsule& capsule : robot_.geometry.capsules) {
+            geometry.capsules = {capsule};
+            parts_.push_back(std::make_unique<CollisionJudge>(d, geometry, environment_));
+        }
+        for (const auto& [a, b] : robot_.geometry.pairs) {
+            geometry.capsules = {robot_.geometry.capsules[static_cast<std::size_t>(a)],
+                                 robot_.geometry.capsules[static_cast<std::size_t>(b)]};
+            geometry.pairs = {{0, 1}};
+            parts_.push_back(std::make_unique<CollisionJudge>(d, geometry, Environment()));
+        }
+    }
+
+    /** A joint that is asked to move and could, all others resting: nothing comes near, or nearer than it is; -1: none. */
+    int findFreeJoint(double t) {
+        std::vector<double> least = findDistances(state_.q, t);
+        for (double& distance : least)
+            distance = std::min(environment_.safetyDistance_m + kMargin_m, distance - kNearer_m);
+        for (int i = 0; i < n(); ++i) {
+            const double way = goal_[i] - state_.q[i];
+            if (std::abs(way) < kFreeWay_rad) continue;
+            bool isFree = true;
+            JointVector q = state_.q;
+            for (int k = 1; k <= kFreePoses && isFree; ++k) {
+                q[i] = state_.q[i] + std::copysign(kFreeWay_rad * k / kFreePoses, way);
+                const std::vector<double> distances = findDistances(q, t);
+                isFree = std::equal(distances.begin(), distances.end(), least.begin(), std::greater_equal<>());
+            }
+            if (isFree) return i;
+        }
+        return -1;
+    }
+
+    void countRest(double t) {
+        const bool isAsked = (goal_ - state_.q).cwiseAbs().maxCoeff() >= kFreeWay_rad;
+        if (!isAsked || state_.qd.cwiseAbs().maxCoeff() > kRest_radps) {
+            countEpisode();
+            return;
+        }
+        ++episode_;
+        if (episode_ * kTick_s < kFrozen_s || episode_ % 500 != 0) return;
+        const int joint = findFreeJoint(t);
+        isFrozen_ |= joint >= 0;
+        if (joint < 0 || freeJoint_ >= 0) return;
+        freeJoint_ = joint;
+        frozenPose_ = state_.q;
+        frozenGoal_ = goal_;
+    }
+
+    void countEpisode() {
+        if (episode_ * kTick_s > kFrozen_s) {
+            restTicks += episode_;
+            if (isFrozen_) {
+                frozenTicks += episode_;
+                longestFrozen = std::max(longestFrozen, episode_);
+            }
+        }
+        episode_ = 0;
+        isFrozen_ = false;
+    }
+
+    Robot& robot_;
+    Random& random_;
+    Environment environment_;
+    WholeArmBrakingOptions options_;
+    std::unique_ptr<SurroundingsFeed> feed_;
+    std::unique_ptr<CollisionJudge> judge_;
+    std::vector<std::unique_ptr<CollisionJudge>> parts_;  ///< made when an arm rests
+    std::optional<RunSetup> setup_;
+    WholeArmBrakingFilter filter_;
+    MotionState start_, state_;
+    Dynamics dynamics_;
+    FilterDecision decision_;
+    JointVector torque_, goal_, frozenPose_, frozenGoal_;
+    double stiffness_ = 1.0;
+    int alone_ = -1, ticksLeft_ = 0, freeJoint_ = -1;
+    std::int64_t episode_ = 0;
+    bool isFrozen_ = false;
+};
+
+}  // namespace
+
+bool checkFreezing(const Options& options) {
+    Robot robots[] = {Robot("indy7"), Robot("panda"), Robot("ur5e")};
+    const MapFile map;
+    Run run("freezing", options);
+    std::int64_t ticks = 0, rest = 0, frozen = 0, runs = 0, frozenRuns = 0, longest = 0;
+    while (run.nextArm()) {
+        Random random(run.seed(), run.arm());
+        Robot& robot = robots[random.integer(0, 2)];
+        const int scene = random.integer(0, static_cast<int>(kScenes.size()) - 1);
+        std::unique_ptr<FreezingCase> arm;
+        do arm = std::make_unique<FreezingCase>(robot, random, kScenes[static_cast<std::size_t>(scene)], map.path);
+        while (!arm->begin());
+        for (int tick = 0; tick < kTicks; ++tick) {
+            const double missing = arm->step(tick);
+            run.addSteps(robot.description.size());
+            ++ticks;
+            if (missing == 0.0) continue;
+            run.fail((robot.description.name + " at tick " + std::to_string(tick) + ": nearer than the safety distance")
+                         .c_str(),
+                     missing);
+            break;
+        }
+        arm->end();
+        ++runs;
+        rest += arm->restTicks;
+        frozen += arm->frozenTicks;
+        longest = std::max(longest, arm->longestFrozen);
+        if (arm->frozenTicks == 0) continue;
+        ++frozenRuns;
+        std::printf("  run %lld, %s, %s: frozen for %.1f s: %s\n", static_cast<long long>(run.arm()),
+                    robot.description.name.c_str(), kSceneNames[static_cast<std::size_t>(scene)],
+                    static_cast<double>(arm->frozenTicks) * kTick_s, arm->describe().c_str());
+    }
+    run.print();
+    std::printf(
+        "  runs: %lld, frozen though a joint could go where it is asked: %lld, longest %.1f s\n"
+        "  time frozen: %.3g %%, at rest for more than %.0f s away from the goal: %.3g %%\n",
+        static_cast<long long>(runs), static_cast<long long>(frozenRuns), static_cast<double>(longest) * kTick_s,
+        100.0 * static_cast<double>(frozen) / static_cast<double>(ticks), kFrozen_s,
+        100.0 * static_cast<double>(rest) / static_cast<double>(ticks));
+    run.expectShare("runs not frozen", runs - frozenRuns, runs, 0.995);
+    run.expectShare("time not frozen", ticks - frozen, ticks, 0.985);
+    return run.isGood();
+}
+
+}  // namespace viable
