@@ -15,14 +15,14 @@ namespace {
 
 using test::expectContains;
 
-std::vector<Person> read(const std::string& text) {
+std::vector<Person> readThem(const std::string& text) {
     const ConfigNode root = parseConfig("environment:\n  people:\n" + text, "experiment.yaml");
     return readEnvironment(*root.find("environment")).people;
 }
 
-std::string complain(const std::string& text) {
+std::string complainOfFile(const std::string& text) {
     try {
-        read(text);
+        readThem(text);
     } catch (const Error& e) {
         EXPECT_EQ(e.kind(), ErrorKind::BadInput);
         return e.what();
@@ -33,13 +33,13 @@ std::string complain(const std::string& text) {
 constexpr char kWalk[] = "walk: [{time_s: 1, xyz: [2, 0, 0]}, {time_s: 3, xyz: [1, 0, 0]}]";
 
 TEST(ReadPeople, AllThatIsSaidOfAPerson) {
-    const std::vector<Person> people =
-        read(std::string("    ann: {capsules: [{from_m: [0, 0, 0], to_m: [0, 0, 1.5], radius_m: 0.25}, "
-                         "{from_m: [0.3, 0, 1], radius_m: 0.1}], ") +
-             kWalk +
-             ", max_speed_mps: 2, latency_s: 0.05, error_m: 0.02, contact_speed_mps: 0.1, unseen: [{from_s: 2, to_s: "
-             "2.5}]}\n    bob: {capsules: [{from_m: [0, 0, 0], radius_m: 0.3}], " +
-             kWalk + "}\n");
+    const std::vector<Person> people = readThem(
+        std::string("    ann: {capsules: [{from_m: [0, 0, 0], to_m: [0, 0, 1.5], radius_m: 0.25}, "
+                    "{from_m: [0.3, 0, 1], radius_m: 0.1}], ") +
+        kWalk +
+        ", max_speed_mps: 2, latency_s: 0.05, error_m: 0.02, contact_speed_mps: 0.1, unseen: [{from_s: 2, to_s: "
+        "2.5}]}\n    bob: {capsules: [{from_m: [0, 0, 0], radius_m: 0.3}], " +
+        kWalk + "}\n");
     ASSERT_EQ(people.size(), 2u);
     const Person& ann = people[0];
     EXPECT_EQ(ann.name, "ann");
@@ -62,21 +62,21 @@ TEST(ReadPeople, AllThatIsSaidOfAPerson) {
 
 TEST(ReadPeople, WrongOnesAreRefusedWithPlaceAndRemedy) {
     const std::string capsules = "capsules: [{from_m: [0, 0, 0], radius_m: 0.3}], ";
-    expectContains(complain("    ann: {" + capsules + "}\n"), {"experiment.yaml:3", "walk"});
-    expectContains(complain(std::string("    ann: {") + kWalk + "}\n"), {"capsules"});
-    expectContains(complain("    ann: {" + capsules + kWalk + ", max_speed_mps: 0}\n"), {"max_speed_mps"});
-    expectContains(complain("    ann: {" + capsules + kWalk + ", speed: 1}\n"), {"`speed`"});
+    expectContains(complainOfFile("    ann: {" + capsules + "}\n"), {"experiment.yaml:3", "walk"});
+    expectContains(complainOfFile(std::string("    ann: {") + kWalk + "}\n"), {"capsules"});
+    expectContains(complainOfFile("    ann: {" + capsules + kWalk + ", max_speed_mps: 0}\n"), {"max_speed_mps"});
+    expectContains(complainOfFile("    ann: {" + capsules + kWalk + ", speed: 1}\n"), {"`speed`"});
     expectContains(
-        complain("    ann: {" + capsules + "walk: [{time_s: 1, xyz: [0, 0, 0]}, {time_s: 1, xyz: [1, 0, 0]}]}\n"),
+        complainOfFile("    ann: {" + capsules + "walk: [{time_s: 1, xyz: [0, 0, 0]}, {time_s: 1, xyz: [1, 0, 0]}]}\n"),
         {"is not after the one before", "rise"});
-    expectContains(complain("    ann: {" + capsules + kWalk + ", repeats: true}\n"), {"would jump"});
-    expectContains(complain("    ann: {" + capsules + kWalk + ", unseen: [{from_s: 2, to_s: 1}]}\n"), {"to_s"});
+    expectContains(complainOfFile("    ann: {" + capsules + kWalk + ", repeats: true}\n"), {"would jump"});
+    expectContains(complainOfFile("    ann: {" + capsules + kWalk + ", unseen: [{from_s: 2, to_s: 1}]}\n"), {"to_s"});
     std::string many = "capsules: [";
     for (int k = 0; k <= kMaxPersonCapsules; ++k) many += "{from_m: [0, 0, 0], radius_m: 0.3}, ";
-    expectContains(complain("    ann: {" + many + "], " + kWalk + "}\n"), {"9 capsules", "up to 8"});
+    expectContains(complainOfFile("    ann: {" + many + "], " + kWalk + "}\n"), {"9 capsules", "up to 8"});
     std::string crowd;
     for (int k = 0; k <= kMaxPeople; ++k) crowd += "    p" + std::to_string(k) + ": {" + capsules + kWalk + "}\n";
-    expectContains(complain(crowd), {"17 people", "Up to 16"});
+    expectContains(complainOfFile(crowd), {"17 people", "Up to 16"});
 }
 
 Person makePerson(const char* name) {
