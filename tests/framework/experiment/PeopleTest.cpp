@@ -19,7 +19,7 @@ using test::TemporaryFolder;
 constexpr char kAnn[] =
     "environment={people: {ann: {capsules: [{from_m: [0, 0, -1], to_m: [0, 0, 1], radius_m: 0.2}], latency_s: 0.02, "
     "walk: "
-    "[{time_s: 0, xyz: [3, 0, 0]}, {time_s: 2, xyz: [0.5, 0, 0]}]}}}";
+    "[{time_s: 0, xyz: [2, 0, 0]}, {time_s: 1, xyz: [0.6, 0, 0]}]}}}";
 
 TEST(PeopleKeys, AreReadAndStandInTheResolvedFile) {
     const Experiment e = readTestExperiment(kOneJoint, {kAnn});
