@@ -229,6 +229,8 @@ void addStandstill(const CaseResult& r, std::vector<std::string>& found) {
                       "stops it, too)"
         : s.limit == LimitKind::Torque
             ? " (a larger torque_share or torque_rate_Nmps, or lower limits of acceleration and jerk)"
+        : s.limit == LimitKind::Separation
+            ? " (somebody was, or may have been, within its reach: it goes on when people are seen farther away)"
             : " (larger limits of that kind, or a command that keeps to them)";
     found.push_back(
         format("the arm stood on its backup stop for %.1f s from %.3f s on, %.1f s in all, though it was asked "
