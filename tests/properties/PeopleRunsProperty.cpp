@@ -25,7 +25,7 @@ constexpr double kTick_s = 1e-3, kDuration_s = 20.0;
 constexpr int kTicks = static_cast<int>(kDuration_s / kTick_s);
 /** Contacts are looked for in steps of 0.1 ms. */
 constexpr int kLooks = 10;
-constexpr double kAllowed = 1e-13, kAllowedTorque = 1e-8;
+constexpr double kAllowed = 1e-12, kAllowedTorque = 1e-8;
 constexpr double kTorqueShare = 0.9;
 constexpr double kMoves = 0.02;  ///< [rad/s]
 
@@ -53,8 +53,8 @@ enum class Scene : unsigned char {
 struct Outcome {
     std::int64_t tooFast = 0, noChoice = 0, moving = 0, beyondLimits = 0, beyondTorque = 0;
     double least = std::numeric_limits<double>::infinity();
-    double toolPath = 0.0, fastest = 0.0;
-    std::vector<double> slowing;  ///< gap to the nearest person when people begin to act [m]
+    double toolPath = 0.0, fastest = 0.0, excess = 0.0;  ///< excess: worst one over a joint limit
+    std::vector<double> slowing;                         ///< gap to the nearest person when people begin to act [m]
     std::vector<double> tick_us;
 };
 
@@ -232,8 +232,10 @@ private:
 
     void judgeLimits() {
         const JointLimits& l = robot_.limits;
-        const auto isBeyond = [](const JointVector& x, const JointBounds& b) {
-            return std::max((x - b.upper).maxCoeff(), (b.lower - x).maxCoeff()) > kAllowed;
+        const auto isBeyond = [this](const JointVector& x, const JointBounds& b) {
+            const double excess = std::max((x - b.upper).maxCoeff(), (b.lower - x).maxCoeff());
+            outcome_.excess = std::max(outcome_.excess, excess);
+            return excess > kAllowed;
         };
         outcome_.beyondLimits +=
             isBeyond(state_.q, l.position) || isBeyond(state_.qd, l.velocity) || isBeyond(state_.qdd, l.acceleration);
@@ -272,7 +274,7 @@ double findShare(std::vector<double> values, double share) {
 struct Total {
     const char* name;
     std::int64_t runs = 0, withContact = 0, tooFast = 0, noChoice = 0, beyondLimits = 0, beyondTorque = 0, moving = 0;
-    double least = std::numeric_limits<double>::infinity(), path = 0.0;
+    double least = std::numeric_limits<double>::infinity(), path = 0.0, excess = 0.0;
     std::vector<double> slowing, tick_us;
 
     void add(const Outcome& o) {
@@ -285,10 +287,12 @@ struct Total {
         moving += o.moving;
         least = std::min(least, o.least);
         path += o.toolPath;
+        excess = std::max(excess, o.excess);
         slowing.insert(slowing.end(), o.slowing.begin(), o.slowing.end());
         tick_us.insert(tick_us.end(), o.tick_us.begin(), o.tick_us.end());
     }
     void print() const {
+        std::printf("  worst excess over a joint limit %.2g rad, rad/s or rad/s^2:\n", excess);
         std::printf(
             "  %-15s runs with a contact that is too fast: %lld of %lld (%lld ticks); least gap %.4g m; moving %.1f %% "
             "of the "

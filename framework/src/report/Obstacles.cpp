@@ -165,14 +165,10 @@ json describePerson(const Person& person) {
     for (const Person::Waypoint& at : person.walk)
         waypoints.push_back({at.time_s, at.position.x(), at.position.y(), at.position.z()});
     for (const Person::Absence& absence : person.unseen) unseen.push_back({absence.from_s, absence.to_s});
-    return {{"name", person.name},
-            {"type", "person"},
-            {"capsules", capsules},
-            {"waypoints", waypoints},
-            {"repeats", person.repeats},
-            {"unseen", unseen},
-            {"speed_mps", person.maxSpeed},
-            {"latency_s", person.latency_s},
+    return {{"name", person.name},          {"type", "person"},
+            {"capsules", capsules},         {"waypoints", waypoints},
+            {"repeats", person.repeats},    {"unseen", unseen},
+            {"speed_mps", person.maxSpeed}, {"latency_s", person.latency_s},
             {"error_m", person.error_m}};
 }
 
