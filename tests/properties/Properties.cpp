@@ -1,10 +1,10 @@
 // Property tests of certified braking: random limits, random arms, adversarial input, millions of joint steps.
 //
-//     viable_properties limits|recovery|changing_limits|stops|monitor|obstacles|freezing|speeds|references|any_arm|dynamics|tracking|
-//                       tracking_poses|bound|link [--steps N] [--seed S] [--arm K]
+//     viable_properties limits|recovery|changing_limits|stops|monitor|obstacles|freezing|speeds|people|people_runs|references|any_arm|
+//                       dynamics|tracking|tracking_poses|bound|link [--steps N] [--seed S] [--arm K]
 //
 // --steps counts joint steps (joints times ticks), 20,000,000 by default; the long mode is --steps 1e9. For `stops` it
-// counts random viable states, for `dynamics` states of random arms, for `bound` joints, for `link` strangers' packets. A run is a function of its seed,
+// counts random viable states, for `dynamics` states of random arms, for `bound` joints, for `link` strangers' packets, for `people_runs` runs. A run is a function of its seed,
 // an arm of seed and its number.
 // Exit code 0: no violation; 1: at least one, the first is printed in full; others: wrong arguments.
 
@@ -63,6 +63,8 @@ int main(int argc, char** argv) {
                                                                            {"obstacles", checkObstacles},
                                                                            {"freezing", checkFreezing},
                                                                            {"speeds", checkSpeeds},
+                                                                           {"people", checkPeople},
+                                                                           {"people_runs", checkPeopleRuns},
                                                                            {"references", checkReferences},
                                                                            {"any_arm", checkAnyArm},
                                                                            {"dynamics", checkDynamics},

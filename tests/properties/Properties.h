@@ -34,6 +34,14 @@ bool checkFreezing(const Options& options);
 point is ever too fast, nor along the stops, and the arm runs at the limit. */
 bool checkSpeeds(const Options& options);
 
+/** Whole arms with random joint and speed limits among people who come, go, are lost and jump: nobody who keeps to the stated speed
+is touched by what is too fast for it, nor along stops; and the arm does move. */
+bool checkPeople(const Options& options);
+
+/** Runs of 20 s among people, half of whom go for the arm, with the filter, without it, and with the textbook rule: contacts that
+are too fast, how far arm and people were apart, and what the arm got done. --steps counts runs. */
+bool checkPeopleRuns(const Options& options);
+
 /** Reference guards of random chains under hostile targets, missed ticks and changing limits: the limits hold, resting
 targets are reached. */
 bool checkReferences(const Options& options);

@@ -106,6 +106,18 @@ public:
         }
         if (layout_.hasSpeedLimits)
             r.speed = {random_() % 2 == 0, number(), number(), static_cast<int>(random_() % 9) - 1};
+        if (layout_.hasPeople) {
+            const auto index = [this] { return static_cast<int>(random_() % 9) - 1; };
+            const auto count = [this] { return static_cast<std::int64_t>(random_() % 9); };
+            Separation& s = r.separation;
+            s.isKnown = random_() % 2 == 0;
+            s.isKept = random_() % 2 == 0;
+            s.margin = number();
+            s.link = index();
+            s.person = index();
+            s.age_s = number();
+            s.faults = {count(), count(), count(), count(), index()};
+        }
         r.braking = random_() % 2 == 0;
         r.missed = random_() % 2 == 0;
         if (layout_.isLive) {
@@ -228,6 +240,15 @@ inline std::vector<std::uint64_t> getBits(const TickRecord& r, const LogLayout& 
     add(r.speed.speed);
     add(r.speed.limit);
     bits.push_back(static_cast<std::uint64_t>(r.speed.link));
+    bits.push_back(r.separation.isKnown ? 1 : 0);
+    bits.push_back(r.separation.isKept ? 1 : 0);
+    add(r.separation.margin);
+    add(r.separation.age_s);
+    const PeopleFaults& faults = r.separation.faults;
+    for (const std::int64_t count : {faults.appeared, faults.faster, faults.lost, faults.refused})
+        bits.push_back(static_cast<std::uint64_t>(count));
+    for (const int index : {r.separation.link, r.separation.person, faults.last})
+        bits.push_back(static_cast<std::uint64_t>(index + 1));
     bits.push_back(static_cast<std::uint64_t>(r.verdict));
     bits.push_back(r.braking ? 1 : 0);
     bits.push_back(r.missed ? 1 : 0);

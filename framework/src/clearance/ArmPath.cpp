@@ -58,6 +58,18 @@ int ArmPath::Joint::findTick(std::int64_t tick) const {
     return k;
 }
 
+double ArmPath::calcRestTime(int i) const {
+    const Joint& joint = joints_[static_cast<std::size_t>(i)];
+    const bool stays = joint.pieces == 2 && joint.state[0].v == 0.0 && joint.state[0].a == 0.0 && joint.jerk[0] == 0.0;
+    return stays ? 0.0 : joint.begin_s[static_cast<std::size_t>(joint.pieces - 1)];
+}
+
+double ArmPath::calcPosition(int i, double t) const {
+    const Joint& joint = joints_[static_cast<std::size_t>(i)];
+    const auto k = static_cast<std::size_t>(joint.find(t));
+    return advance(joint.state[k], joint.jerk[k], t - joint.begin_s[k]).p;
+}
+
 void ArmPath::calcPositions(double t, JointVector& q) const {
     q.resize(n_);
     for (int i = 0; i < n_; ++i) {

@@ -18,7 +18,11 @@ public:
     double duration() const { return duration_; }  ///< until the last joint rests [s]
     std::int64_t ticks() const { return ticks_; }  ///< the same, the first tick included
 
+    /** From when on a joint rests [s]. */
+    double calcRestTime(int joint) const;
+
     /** Time in [0, duration()]. */
+    double calcPosition(int joint, double t) const;
     void calcPositions(double t, JointVector& q) const;
     double calcAcceleration(int joint, double t) const;  ///< [rad/s^2]
     /** Positions and velocities. */

@@ -20,7 +20,7 @@ constexpr double kSameTime_s = 1e-9;
 }  // namespace
 
 ArmStopCheck::ArmStopCheck(const RobotDescription& robot, const ArmGeometry* geometry, const TorqueScan::Limits& limits,
-                           double tick_s, const ArmGeometry* limited)
+                           double tick_s, const ArmGeometry* limited, int people)
     : n_(robot.size()),
       capsules_(geometry ? geometry->capsules : std::vector<LinkCapsule>{}),
       elements_(geometry ? makeElements(*geometry) : std::vector<ArmElement>{}),
@@ -28,6 +28,7 @@ ArmStopCheck::ArmStopCheck(const RobotDescription& robot, const ArmGeometry* geo
       motion_(robot, capsules_, distance_.getRadii(), elements_),
       torque_(robot, limits, tick_s),
       speed_(robot, limited, tick_s),
+      people_(robot, limited, people, tick_s),
       rows_(robot, capsules_, limits, tick_s),
       tick_s_(tick_s),
       isLooked_(elements_.size()),
@@ -52,6 +53,7 @@ void ArmStopCheck::beginTick() {
     distances_ = kMaxDistances;
     torque_.beginTick();
     speed_.beginTick();
+    people_.beginTick();
     std::fill(failedAt_.begin(), failedAt_.end(), -1);
     std::iota(order_.begin(), order_.end(), std::size_t{0});
 }
@@ -112,6 +114,7 @@ private:
 void ArmStopCheck::setKnown(const ArmPath& path, const KnownPaths& known) {
     known_ = known;
     path.calcExtremes(extremes_);
+    own_ = extremes_;
     JointVector position = JointVector::Zero(n_), velocity = position, acceleration = position;
     for (std::size_t k = 0; k < static_cast<std::size_t>(known.count); ++k) {
         path.calcDifference(known.paths[k]->path, known.paths[k]->begin, apart_[k]);
@@ -228,7 +231,10 @@ void ArmStopCheck::examineWith(const ArmPath& path, double time_s, const Demands
     result.isClear = true;
     speed_.examine(path, extremes_, demands.speed, mustBeGood, result.speed);
     result.isAhead = result.speed.seenLater <= demands.speed.ahead;
-    if (mustBeGood && !result.speed.isKept) {
+    result.people = {};
+    if (!(mustBeGood && !result.speed.isKept)) people_.examine(path, own_, demands.people, mustBeGood, result.people);
+    result.isAhead &= result.people.seen >= demands.people.ahead;
+    if (mustBeGood && !(result.speed.isKept && result.people.isKept)) {
         result.isClear = result.isAhead = result.torque.bearsTorque = false;
         return;
     }
@@ -330,6 +336,12 @@ void ArmStopCheck::addRows(const JointVector& jerk, const ArmPath& other, const 
     }
     for (int k = 0; k < torque_.faultCount(); ++k) rows_.addTorque(torque_.fault(k), demands.torqueUse, stops, rows);
     speed_.addRows(stops, demands.speed, rows);
+    people_.addRows(stops, demands.people, rows);
+}
+
+void ArmStopCheck::measurePeople(const ArmPath& path, PeopleCheck::Result& result) {
+    path.calcExtremes(own_);
+    people_.examine(path, own_, {0.0, PeopleCheck::kGuard_m}, false, result);
 }
 
 int ArmStopCheck::findWorstJoint(const Result& found, const JointVector& jerk, const ArmPath& other,
@@ -338,6 +350,8 @@ int ArmStopCheck::findWorstJoint(const Result& found, const JointVector& jerk, c
     RowQp::Rows rows;
     if (!found.speed.isKept) {
         speed_.addRows(stops, demands.speed, rows);
+    } else if (!found.people.isKept) {
+        people_.addRows(stops, demands.people, rows);
     } else if (!found.isClear) {
         const std::size_t e = order_.front();
         const ElementDistance::Place& place = places_[e];

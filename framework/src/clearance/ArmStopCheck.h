@@ -8,6 +8,7 @@
 #include "clearance/Bisection.h"
 #include "clearance/ElementDistance.h"
 #include "clearance/MotionBound.h"
+#include "clearance/PeopleCheck.h"
 #include "clearance/SpeedCheck.h"
 #include "clearance/SteeringRows.h"
 #include "clearance/TorqueScan.h"
@@ -28,14 +29,20 @@ Real time after construction, bounded work. */
 class ArmStopCheck {
 public:
     /** @param geometry  may be null: no clearance is kept
-        @param limited   whose capsules' speeds are limited, see SpeedCheck */
+        @param limited   whose capsules' speeds are limited, see SpeedCheck
+        @param people    see PeopleCheck, for which `limited` counts, too */
     ArmStopCheck(const RobotDescription& robot, const ArmGeometry* geometry, const TorqueScan::Limits& limits,
-                 double tick_s, const ArmGeometry* limited = nullptr);
+                 double tick_s, const ArmGeometry* limited = nullptr, int people = 0);
 
     /** Null: nothing stands around. */
     void setSurroundings(const Surroundings* surroundings) { distance_.setSurroundings(surroundings); }
 
     bool keepsSpeeds() const { return speed_.isAny(); }
+    bool keepsApart() const { return people_.isAny(); }
+    /** Whom paths are to keep apart from. @param time_s  of the run, when they begin */
+    void setPeople(const PeopleWatch& watch, double time_s) { people_.setKnown(watch, time_s); }
+    /** A look at a path for people alone: what it keeps. */
+    void measurePeople(const ArmPath& path, PeopleCheck::Result& result);
     int elements() const { return static_cast<int>(elements_.size()); }
 
     /** What every element must keep [m], see bisection::Demand; a path that begins with less than `least` keeps what it begins
@@ -49,6 +56,7 @@ public:
         /** The most that torque may use of its limits, >= 1; infinite: it is only measured. */
         double torqueUse = 1.0;
         SpeedCheck::Demand speed;
+        PeopleCheck::Demand people;
     };
     /** What a path keeps of an element, by shares of the time of the path that was looked at last. */
     struct Profile {
@@ -66,7 +74,8 @@ public:
         bool isAhead = false;  ///< and nowhere nearer than `ahead`
         TorqueScan::Result torque;
         SpeedCheck::Result speed;
-        bool isGood() const { return isClear && torque.bearsTorque && speed.isKept; }
+        PeopleCheck::Result people;
+        bool isGood() const { return isClear && torque.bearsTorque && speed.isKept && people.isKept; }
         /** Of each element the least clearance seen, or a lower bound where that is far enough, and a lower bound for
         all times [m]. */
         std::vector<double> seen, proven;
@@ -88,8 +97,8 @@ public:
     };
     /** @param lastTorque  of the tick before the path's first
         @param known       of the same tick's surroundings; of each element the one that tells most counts
-        @param mustBeGood  the first speed or clearance that is not kept ends it: then only isClear and bearsTorque, both false,
-                           and speed.isKept are told, and there are no rows
+        @param mustBeGood  the first speed, person or clearance that is not kept ends it: then only isClear and bearsTorque, both
+                           false, speed.isKept and people.isKept are told, and there are no rows
         `result` must come from makeResult(); `path` must live until addRows(). */
     void examine(const ArmPath& path, double time_s, const Demands& demands, const JointVector& lastTorque,
                  const KnownPaths& known, bool mustBeGood, Result& result);
@@ -98,8 +107,8 @@ public:
     Clearance getNearest(int e) const;
 
     /** Rows for the jerk u of the tick that belong to what the last examine() found, to first order: clearances below
-    `ahead`, nearest first, torques beyond their limits along the stop, and
-    speeds.
+    `ahead`, nearest first, torques beyond their limits along the stop,
+    speeds, and people.
     @param jerk   of the path that was examined
     @param other  another path from the same state, with `otherJerk`: how the stops move with the jerk is their difference */
     void addRows(const JointVector& jerk, const ArmPath& other, const JointVector& otherJerk, const Demands& demands,
@@ -148,6 +157,7 @@ private:
     MotionBound motion_;
     TorqueScan torque_;
     SpeedCheck speed_;
+    PeopleCheck people_;
     SteeringRows rows_;
     double tick_s_;
     int distances_ = kMaxDistances;  ///< left in this tick
@@ -155,6 +165,7 @@ private:
     // Of the path that is looked at
     const ArmPath* path_ = nullptr;
     KnownPaths known_;                                          ///< during examine(), as source_
+    ArmPath::Extremes own_;                                     ///< of the path
     ArmPath::Extremes extremes_;                                ///< of the path and of all that are known
     std::array<ArmPath::Difference, KnownPaths::kMost> apart_;  ///< from each known path
     /** Of the element in question: the known path that tells most of it (null: none is known), and how far it is from that. */

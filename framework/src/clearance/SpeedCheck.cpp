@@ -30,12 +30,6 @@ bool isInBox(const CapsuleMotion::Segment& segment, const SpeedLimits::Region& r
     return begin <= end;
 }
 
-std::vector<double> getRadii(const std::vector<LinkCapsule>& capsules) {
-    std::vector<double> radii;
-    for (const LinkCapsule& capsule : capsules) radii.push_back(capsule.radius);
-    return radii;
-}
-
 }  // namespace
 
 std::vector<LinkCapsule> SpeedCheck::listCapsules(const RobotDescription& robot, const ArmGeometry* geometry) {
@@ -53,13 +47,10 @@ SpeedCheck::SpeedCheck(const RobotDescription& robot, const ArmGeometry* geometr
     : n_(robot.size()),
       tick_s_(tick_s),
       limits_(robot.speedLimits),
-      arm_(robot),
-      capsules_(listCapsules(robot, geometry)),
-      motion_(robot, capsules_, getRadii(capsules_)),
-      pose_(motion_.makePose()),
-      position_(JointVector::Zero(n_)),
-      velocity_(JointVector::Zero(n_)) {
-    for (const LinkCapsule& capsule : capsules_) {
+      speeds_(robot, listCapsules(robot, geometry)),
+      otherPosition_(JointVector::Zero(n_)) {
+    for (std::size_t k = 0; k < speeds_.size(); ++k) {
+        const LinkCapsule& capsule = speeds_.capsule(k);
         const bool isCapsule = capsule.link >= 0;
         Part part;
         part.radius = capsule.radius;
@@ -77,44 +68,6 @@ SpeedCheck::SpeedCheck(const RobotDescription& robot, const ArmGeometry* geometr
     for (Look& look : middle_) prepare(look);
 }
 
-void SpeedCheck::calcTwists(double time_s) {
-    path_->calcMotion(time_s, position_, velocity_);
-    motion_.calcPose(position_, pose_);
-    const ArmRecursion::Frames& frames = pose_.frames;
-    for (int i = 0; i < n_; ++i) {
-        const auto at = static_cast<std::size_t>(i);
-        Eigen::Vector3d turning = Eigen::Vector3d::Zero(), moving = turning;
-        if (const int parent = arm_.parent(i); parent >= 0) {
-            const auto before = static_cast<std::size_t>(parent);
-            turning = twists_.turning[before];
-            moving = twists_.moving[before] + turning.cross(frames.origin[at] - frames.origin[before]);
-        }
-        (arm_.isPrismatic(i) ? moving : turning) += velocity_[i] * frames.axis[at];
-        twists_.turning[at] = turning;
-        twists_.moving[at] = moving;
-    }
-}
-
-SpeedCheck::Fastest SpeedCheck::calcFastest(std::size_t k) const {
-    const auto carrier = static_cast<std::size_t>(parts_[k].carrier);
-    const double radius = parts_[k].radius;
-    const Eigen::Vector3d& turning = twists_.turning[carrier];
-    const double rate = turning.norm();
-    const Eigen::Vector3d axis = rate > 0.0 ? Eigen::Vector3d(turning / rate) : Eigen::Vector3d::UnitZ();
-    Fastest fastest;
-    fastest.speed = -1.0;
-    for (const Eigen::Vector3d& centre : {pose_.segments[k].a, pose_.segments[k].b}) {
-        const Eigen::Vector3d velocity = twists_.moving[carrier] + turning.cross(centre - pose_.frames.origin[carrier]);
-        const Eigen::Vector3d along = velocity.dot(axis) * axis, across = velocity - along;
-        const double size = across.norm();
-        const Eigen::Vector3d direction = size > 0.0 ? Eigen::Vector3d(across / size) : axis.unitOrthogonal();
-        const Eigen::Vector3d ofPoint = along + (size + rate * radius) * direction;
-        const double speed = ofPoint.norm();
-        if (!(speed <= fastest.speed)) fastest = {speed, centre + radius * direction.cross(axis), ofPoint};
-    }
-    return fastest;
-}
-
 double SpeedCheck::findLimit(const Part& part, const CapsuleMotion::Segment& segment, double margin) const {
     double limit = part.limit;
     if (part.isCapsule)
@@ -128,11 +81,11 @@ bool SpeedCheck::look(double time_s, bool isBegin, Look& look) {
     --left_;
     --leftOfPath_;
     look.time_s = time_s;
-    calcTwists(time_s);
+    speeds_.look(*path_, time_s);
     for (std::size_t k = 0; k < parts_.size(); ++k) {
         Part& part = parts_[k];
-        look.segments[k] = pose_.segments[k];
-        look.speeds[k] = calcFastest(k).speed;
+        look.segments[k] = speeds_.pose().segments[k];
+        look.speeds[k] = speeds_.calcFastest(k).speed;
         const double limit = findLimit(part, look.segments[k], 0.0);
         const double use = look.speeds[k] / limit;
         result_->seen = std::max(result_->seen, use);
@@ -197,8 +150,9 @@ void SpeedCheck::examine(const ArmPath& path, const ArmPath::Extremes& extremes,
     leftOfPath_ = kMostOfPath;
     for (Part& part : parts_) part.use = 0.0;
     look(0.0, true, begin_);
-    motion_.setPath(extremes, pose_);
-    for (std::size_t k = 0; k < parts_.size(); ++k) parts_[k].bendRate = motion_.calcBendRate(static_cast<int>(k));
+    speeds_.setPath(extremes);
+    for (std::size_t k = 0; k < parts_.size(); ++k)
+        parts_[k].bendRate = speeds_.motion().calcBendRate(static_cast<int>(k));
     // The end of the tick is where the next path begins.
     if (look(tick_s_, false, first_) && prove(begin_, first_, 0) && path.duration() > tick_s_ &&
         look(path.duration(), false, end_))
@@ -218,20 +172,21 @@ void SpeedCheck::addRows(const StopPair& stops, const Demand& demand, RowQp::Row
         const Part& part = parts_[k];
         last = part.use;
         before = k;
-        stops.other.calcMotion(std::min(part.time_s, stops.other.duration()), position_, there);
-        path_ = &stops.path;
-        calcTwists(part.time_s);
-        const Fastest fastest = calcFastest(k);
+        stops.other.calcMotion(std::min(part.time_s, stops.other.duration()), otherPosition_, there);
+        speeds_.look(stops.path, part.time_s);
+        const CapsuleSpeeds::Fastest fastest = speeds_.calcFastest(k);
         if (!(fastest.speed > 0.0)) continue;
         const Eigen::Vector3d direction = fastest.velocity / fastest.speed;
+        const ArmRecursion::Frames& frames = speeds_.pose().frames;
         for (int i = 0; i < n_; ++i) {
             const auto at = static_cast<std::size_t>(i);
             row[i] = 0.0;
-            if (!arm_.moves(i, part.carrier)) continue;
-            const Eigen::Vector3d& axis = pose_.frames.axis[at];
-            const double slope = (velocity_[i] - there[i]) / (stops.jerk[i] - stops.otherJerk[i]);
-            row[i] = -direction.dot(arm_.isPrismatic(i) ? axis : axis.cross(fastest.point - pose_.frames.origin[at])) *
-                     (std::isfinite(slope) ? std::max(slope, 0.0) : tick_s_ * tick_s_);
+            if (!speeds_.arm().moves(i, part.carrier)) continue;
+            const Eigen::Vector3d& axis = frames.axis[at];
+            const double slope = (speeds_.velocity()[i] - there[i]) / (stops.jerk[i] - stops.otherJerk[i]);
+            row[i] =
+                -direction.dot(speeds_.arm().isPrismatic(i) ? axis : axis.cross(fastest.point - frames.origin[at])) *
+                (std::isfinite(slope) ? std::max(slope, 0.0) : tick_s_ * tick_s_);
         }
         const double size = row.norm();
         const double bound = fastest.speed - demand.ahead * part.limitThere + row.dot(stops.jerk);

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "clearance/ArmPath.h"
-#include "clearance/CapsuleMotion.h"
+#include "clearance/CapsuleSpeeds.h"
 #include "qp/RowQp.h"
 #include "viable/plugin/SafetyFilter.h"
 
@@ -20,10 +20,8 @@ between them by no more than h^2/8 of the largest |d2v/dt2|; a straight line is 
     |v(t)| <= max(|v(a)|, |v(b)|) + h^2/8 max |d2v/dt2|,
 
 with CapsuleMotion::calcBendRate() for the last factor. The same holds for the largest speed of all points of a capsule, which at
-a look is known exactly: a capsule is the balls around the points of its segment, speed is convex, so the fastest ball is at an
-end; and with w the angular velocity, p' the velocity of the ball's centre and r its radius, the fastest point of the ball has
-|w x p'| part (|p'_across| + |w| r) across w and |p'_along| along it. A capsule that is outside of a region at both looks is
-outside between them, when it is so by more than its points can move in h/2. Where that does not suffice the middle is looked at.
+a look is known exactly (CapsuleSpeeds). A capsule that is outside of a region at both looks is outside between them, when it is so
+by more than its points can move in h/2. Where that does not suffice the middle is looked at.
 
 Real time after construction, bounded work. */
 class SpeedCheck {
@@ -80,20 +78,9 @@ private:
         std::vector<double> speeds;
         std::vector<CapsuleMotion::Segment> segments;
     };
-    /** Velocities of the joints' frames. */
-    struct Twists {
-        std::array<Eigen::Vector3d, kMaxJoints> turning, moving;
-    };
-    /** The fastest point of a part. */
-    struct Fastest {
-        double speed = 0.0;
-        Eigen::Vector3d point, velocity;
-    };
     static constexpr int kDepth = 9;  ///< halvings of a path
 
     static std::vector<LinkCapsule> listCapsules(const RobotDescription& robot, const ArmGeometry* geometry);
-    void calcTwists(double time_s);
-    Fastest calcFastest(std::size_t part) const;
     double findLimit(const Part& part, const CapsuleMotion::Segment& segment, double margin) const;
     bool look(double time_s, bool isBegin, Look& look);
     bool prove(const Look& from, const Look& to, int depth);
@@ -101,13 +88,9 @@ private:
     int n_;
     double tick_s_;
     SpeedLimits limits_;
-    ArmRecursion arm_;
-    std::vector<LinkCapsule> capsules_;
-    std::vector<Part> parts_;
-    CapsuleMotion motion_;
-    CapsuleMotion::Pose pose_;
-    Twists twists_;
-    JointVector position_, velocity_;
+    CapsuleSpeeds speeds_;
+    std::vector<Part> parts_;  ///< one for each of speeds_
+    JointVector otherPosition_;
     Look begin_, first_, end_;
     std::array<Look, kDepth> middle_;
     int left_ = kMaxLooks, leftOfPath_ = kMostOfPath;

@@ -20,6 +20,7 @@ StopDemands::StopDemands(int elements, double share) : share_(share) {
             v->assign(static_cast<std::size_t>(elements), -kInfinity);
     measures_.torqueUse = kInfinity;
     measures_.speed = {kInfinity, kInfinity, kInfinity};
+    measures_.people.least = 0.0;
     demands_.beginsAbove = true;
 }
 
@@ -43,6 +44,8 @@ void StopDemands::begin(const ArmStopCheck::Result& stored) {
 void StopDemands::raise(const ArmStopCheck::Result& kept) {
     const double most = demands_.speed.looks - SpeedCheck::kSteering;
     demands_.speed.ahead = most - (1.0 - share_) * std::max(0.0, most - kept.speed.seenLater);
+    const double room_m = std::clamp(kept.people.seen - PeopleCheck::kGuard_m, 0.0, kInfluence_m);
+    demands_.people.ahead = PeopleCheck::kGuard_m + (1.0 - share_) * room_m;
     for (std::size_t e = 0; e < kept.seen.size(); ++e) {
         demands_.floor[e] = std::max(demands_.floor[e], std::min(required_m_, kept.seen[e] - bisection::kGuard_m));
         demands_.least[e] = std::max(demands_.least[e], std::min(aim(), kept.seen[e]));

@@ -146,6 +146,7 @@ const char* getName(LimitKind kind, LimitSide side) {
         {"torque_lower", "torque", "torque_upper"},
         {"clearance_lower", "clearance", "clearance_upper"},
         {"speed_lower", "speed", "speed_upper"},
+        {"separation_lower", "separation", "separation_upper"},
     };
     const int row = static_cast<int>(kind);
     const int column = static_cast<int>(side) + 1;
@@ -158,8 +159,8 @@ const char* getName(LimitSide side) {
 
 const char* getUnit(LimitKind kind, bool slides) {
     static const char* const units[][2] = {
-        {"", ""},    {"rad", "m"}, {"rad/s", "m/s"}, {"rad/s^2", "m/s^2"}, {"rad/s^3", "m/s^3"},
-        {"Nm", "N"}, {"m", "m"},   {"m/s", "m/s"}};
+        {"", ""},   {"rad", "m"},   {"rad/s", "m/s"}, {"rad/s^2", "m/s^2"}, {"rad/s^3", "m/s^3"}, {"Nm", "N"},
+        {"m", "m"}, {"m/s", "m/s"}, {"m", "m"}};
     return units[static_cast<int>(kind)][slides];
 }
 

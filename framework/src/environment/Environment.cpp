@@ -247,6 +247,7 @@ void checkEnvironment(const Environment& environment) {
         wrong.push_back("fieldCell_m is " + detail::formatNumber(environment.fieldCell_m) + ", allowed is above 0");
     if (!wrong.empty())
         throw badInput("Environment", detail::join(wrong, "; "), "Give every obstacle its sizes and its place.");
+    checkPeople(environment.people, "Environment");
 }
 
 Environment readEnvironment(const ConfigNode& block) {
@@ -265,6 +266,7 @@ Environment readEnvironment(const ConfigNode& block) {
             readObstacle(name, node, environment);
         }
     }
+    if (const ConfigNode* people = map.find("people")) environment.people = readPeople(*people);
     if (const ConfigNode* mapNode = map.find("map")) environment.map = readMap(*mapNode);
     map.finish();
     return environment;

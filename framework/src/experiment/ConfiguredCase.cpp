@@ -31,6 +31,7 @@ void askOnce(const SafetyFilter& plugin) {
     plugin.guaranteesLimits();
     plugin.guaranteesClearance();
     plugin.guaranteesSpeed();
+    plugin.guaranteesSeparation();
     plugin.recovers();
 }
 void askOnce(const RobustLoop& plugin) {
@@ -158,6 +159,12 @@ void addSurroundings(ConfiguredCase& configured) {
     configured.surroundings = makeSurroundings(*plan.environment, plan.robot, *plan.geometry, configured.setup.limits);
     configured.feed = std::make_unique<SurroundingsFeed>(configured.surroundings);
     configured.setup.surroundings = configured.feed.get();
+    if (plan.environment->people.empty()) return;
+    configured.people = std::make_unique<PeopleFeed>(plan.environment->people);
+    configured.setup.people = configured.people.get();
+    PeopleObservation seen;  // the start is judged by it
+    observeWalks(plan.environment->people, 0.0, seen);
+    configured.people->put(seen);
 }
 
 /** All but the plugins. */

@@ -34,6 +34,7 @@ struct ConfiguredCase {
     std::optional<TrackingBound> bound;  ///< with a disturbance_set and a robust loop that one follows from
     std::shared_ptr<const Surroundings> surroundings;  ///< at the start; null without an environment
     std::unique_ptr<SurroundingsFeed> feed;            ///< of setup.surroundings
+    std::unique_ptr<PeopleFeed> people;                ///< of setup.people; null without any
     std::vector<std::unique_ptr<PluginWatch>> watches;
     LoopPlugins plugins;
     const FilterChain* chain = nullptr;  ///< plugins.filter, where there are several

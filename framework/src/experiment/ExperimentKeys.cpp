@@ -275,6 +275,58 @@ const std::vector<ExperimentKey>& streamKeys() {
     return keys;
 }
 
+const std::vector<ExperimentKey>& personCapsuleKeys() {
+    static const std::vector<ExperimentKey> keys = {
+        {makePlace("from_m", "One end of its axis, from the person's place.")},
+        {parameter::numbers("to_m", "m", 3, 3, "", "The other end; without it, it is a ball.")
+             .atLeast(-1000)
+             .upTo(1000)},
+        {makeSize("radius_m", nullptr, "Around the axis.")},
+    };
+    return keys;
+}
+
+const std::vector<ExperimentKey>& walkKeys() {
+    static const std::vector<ExperimentKey> keys = {
+        {parameter::number("time_s", "s", nullptr, "Of the run; rising.").atLeast(0).upTo(1e6)},
+        {makePlace("xyz", "The person's place then, base frame.")},
+    };
+    return keys;
+}
+
+const std::vector<ExperimentKey>& absenceKeys() {
+    static const std::vector<ExperimentKey> keys = {
+        {parameter::number("from_s", "s", nullptr, "Nothing sees the person from here on.").atLeast(0).upTo(1e6)},
+        {parameter::number("to_s", "s", nullptr, "Until here.").atLeast(0).upTo(1e6)},
+    };
+    return keys;
+}
+
+const std::vector<ExperimentKey>& personKeys() {
+    // Defaults: those of Person.
+    static const std::vector<ExperimentKey> keys = {
+        makeBlock("capsules", nullptr, &personCapsuleKeys, "What the person is made of, up to 8.", KeyForm::Blocks),
+        makeBlock("walk", nullptr, &walkKeys,
+                  "Where it is when: straight and at constant speed from one to the next. The arm does not know it.",
+                  KeyForm::Blocks),
+        {parameter::flag("repeats", "false", "Walk it again and again; it must end where it begins.")},
+        {parameter::number("max_speed_mps", "m/s", "1.6",
+                           "None of the person's points is faster: 1.6 walking, 2 a hand (ISO 13855).")
+             .above(0)
+             .upTo(20)},
+        {parameter::number("latency_s", "s", "0", "What is seen is up to so much older than it says.")
+             .atLeast(0)
+             .upTo(10)},
+        {parameter::number("error_m", "m", "0", "And wrong by no more than this.").atLeast(0).upTo(10)},
+        {parameter::number("contact_speed_mps", "m/s", "0",
+                           "Points of the arm may touch the person at this speed; 0: they rest before.")
+             .atLeast(0)
+             .upTo(20)},
+        makeBlock("unseen", "", &absenceKeys, "When nothing sees the person.", KeyForm::Blocks),
+    };
+    return keys;
+}
+
 const std::vector<ExperimentKey>& environmentKeys() {
     // Defaults: those of Environment.
     static const std::vector<ExperimentKey> keys = {
@@ -286,6 +338,9 @@ const std::vector<ExperimentKey>& environmentKeys() {
              .upTo(1)},
         makeBlock("obstacles", "", &obstacleKeys,
                   "By name: one of box, sphere, cylinder and half_space, and where it is.", KeyForm::Named),
+        makeBlock("people", "", &personKeys,
+                  "By name: who may come near, as far as whole_arm_braking can know it, and for tests how they walk.",
+                  KeyForm::Named),
         makeBlock("map", "", &mapKeys, "A map of occupied, free and unknown space."),
     };
     return keys;

@@ -78,7 +78,8 @@ LogLayout makeLayout(const ConfiguredCase& configured, bool isLive) {
             plan.feedsExternalTorque,
             plan.environment.has_value(),
             plan.robot.speedLimits.isAny(),
-            isLive};
+            isLive,
+            configured.people != nullptr};
 }
 
 LogOpening makeOpening(const ConfiguredCase& configured, const LogLayout& layout, const CaseLog& log) {
@@ -101,6 +102,10 @@ LogOpening makeOpening(const ConfiguredCase& configured, const LogLayout& layout
         if (const OccupancyMap* map = surroundings->map()) metadata.mapSha256 = map->sha256();
     }
     if (plan.geometry) metadata.links = plan.geometry->links;
+    if (configured.people) {
+        metadata.people.emplace();
+        for (const Person& person : configured.people->people()) metadata.people->push_back(person.name);
+    }
     for (const PluginChoice* choice : plan.plugins())
         metadata.libraries[getName(choice->plugin.kind)].push_back(choice->plugin.library.string());
     opening.metadata = writeLogMetadata(std::move(metadata));
@@ -171,6 +176,7 @@ CaseResult makeResult(const ConfiguredCase& configured) {
     result.guarantees = configured.plugins.filter->guaranteesLimits();
     result.guaranteesClearance = configured.plugins.filter->guaranteesClearance();
     result.guaranteesSpeed = configured.plugins.filter->guaranteesSpeed();
+    result.guaranteesSeparation = configured.plugins.filter->guaranteesSeparation();
     if (plan.geometry) result.links = plan.geometry->links;
     if (plan.environment) result.obstacles = plan.environment->obstacleNames();
     result.holdsOnReal = plan.holdsOnReal;
@@ -201,6 +207,8 @@ RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseL
         collisions_.emplace(plan.robot, *plan.geometry, *plan.environment, plan.realPlant.has_value());
     if (plan.robot.speedLimits.isAny())
         speeds_.emplace(plan.robot, plan.geometry ? &*plan.geometry : nullptr, plan.realPlant.has_value());
+    if (configured_->people)
+        separations_.emplace(plan.robot, *plan.geometry, configured_->people->people(), plan.realPlant.has_value());
     if (!log.file.empty())
         recorder_ = std::make_unique<Recorder>(
             std::make_unique<LogSeries>(log.file, std::move(opening), log.form, log.limit_bytes), log.capacity);
@@ -210,7 +218,14 @@ RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseL
 
 RunningCase::~RunningCase() = default;
 
+void RunningCase::showPeople() {
+    if (!configured_->people) return;
+    observeWalks(configured_->people->people(), loop_->time(), seen_);
+    configured_->people->put(seen_);
+}
+
 bool RunningCase::isStopOver() {
+    showPeople();
     if (loop_->hasStopped()) {
         const bool isLost = result_.summary.trip() || loop_->stopReason() == StopReason::NotFollowing;
         if (loop_->hasFailed() || !isLost || settling_-- <= 0) return true;
@@ -225,6 +240,7 @@ void RunningCase::count() {
     result_.summary.add(record_);
     if (collisions_) collisions_->add(record_);
     if (speeds_) speeds_->add(record_);
+    if (separations_) separations_->add(record_);
 }
 
 CaseResult RunningCase::finish(bool isAlone) {
@@ -238,6 +254,10 @@ CaseResult RunningCase::finish(bool isAlone) {
     if (speeds_) {
         speeds_->addEnd(loop_->nominal(), loop_->time());
         result_.summary.setSpeeds(speeds_->speeds());
+    }
+    if (separations_) {
+        separations_->addEnd(loop_->nominal(), loop_->time());
+        result_.summary.setSeparations(separations_->separations());
     }
     result_.simulated_s = loop_->time();
     result_.stopReason = loop_->stopReason();

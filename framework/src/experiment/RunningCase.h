@@ -10,6 +10,7 @@
 #include "log/Recorder.h"
 #include "summary/CaseResult.h"
 #include "summary/CollisionCounter.h"
+#include "summary/SeparationCounter.h"
 #include "summary/SpeedCounter.h"
 
 namespace viable {
@@ -47,6 +48,8 @@ public:
     const LogLayout& layout() const { return layout_; }  ///< of its log, also without one
     Recorder* recorder() { return recorder_.get(); }     ///< null: no log
 
+    /** Shows people as they walk by the file at the time of the next tick; isStopOver() does, too. */
+    void showPeople();
     /** Once before each tick. True: a stop has come to its end, or will never do so, and no tick shall follow. After a
     lost tracking the real arm may need longer than the nominal one: kSettling_s. */
     bool isStopOver();
@@ -64,6 +67,8 @@ private:
     std::unique_ptr<ControlLoop> loop_;
     std::optional<detail::CollisionCounter> collisions_;
     std::optional<detail::SpeedCounter> speeds_;
+    std::optional<detail::SeparationCounter> separations_;
+    PeopleObservation seen_;
     std::unique_ptr<Recorder> recorder_;
     TickRecord record_;
     std::int64_t settling_;

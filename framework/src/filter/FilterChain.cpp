@@ -39,6 +39,10 @@ bool FilterChain::guaranteesSpeed() const {
     return guaranteeing_ + 1 == static_cast<int>(links_.size()) && links_.back().filter->guaranteesSpeed();
 }
 
+bool FilterChain::guaranteesSeparation() const {
+    return guaranteeing_ + 1 == static_cast<int>(links_.size()) && links_.back().filter->guaranteesSeparation();
+}
+
 bool FilterChain::recovers() const {
     const std::size_t held = guaranteeing_ >= 0 ? static_cast<std::size_t>(guaranteeing_) : links_.size() - 1;
     return links_[held].filter->recovers();
@@ -72,6 +76,7 @@ FilterStatus FilterChain::filter(const FilterInput& input, FilterDecision& decis
         candidate_.clearance = {};
         candidate_.mapAge_s = 0.0;
         candidate_.speed = {};
+        candidate_.separation = {};
         const FilterInput own{input.nominal, desired_, input.dynamics, rate};
         const FilterStatus answer = callLink(i, [&](SafetyFilter& filter) { return filter.filter(own, candidate_); });
         if (answer == FilterStatus::InvalidInput || answer == FilterStatus::Faulted) return answer;
@@ -91,6 +96,7 @@ FilterStatus FilterChain::filter(const FilterInput& input, FilterDecision& decis
                 candidate_.mapAge_s = decision.mapAge_s;
             }
             if (!candidate_.speed.isKnown) candidate_.speed = decision.speed;
+            if (!candidate_.separation.isKnown) candidate_.separation = decision.separation;
         }
         if (!passed)
             status = answer;

@@ -37,6 +37,7 @@ public:
     /** Of the filter that guarantees, or of the last. */
     bool guaranteesClearance() const override;
     bool guaranteesSpeed() const override;
+    bool guaranteesSeparation() const override;
     bool recovers() const override;
     bool changeLimits(const JointLimits& limits) override;
     void skipTicks(std::int64_t ticks) override;

@@ -102,10 +102,16 @@ void WholeArmBrakingFilter::prepare(const RunSetup& setup, const WholeArmBraking
     if (setup.robot.speedLimits.tool < std::numeric_limits<double>::infinity() && setup.robot.toolParent < 0)
         throw badInput(place, "the tool has a speed limit, but no joint carries it",
                        "Set RobotDescription::toolParent, or leave SpeedLimits::tool infinite.");
-    if (setup.robot.speedLimits.needsCapsules() && !setup.geometry) impl_->geometry = loadArmGeometry(setup.robot);
+    if ((setup.robot.speedLimits.needsCapsules() || setup.people) && !setup.geometry)
+        impl_->geometry = loadArmGeometry(setup.robot);
     if (setup.surroundings && !setup.surroundings->claim())
         throw badInput(place, "another filter of this case has the surroundings already",
                        "Use one filter that keeps clearances.");
+    if (setup.people && !setup.people->claim()) {
+        if (setup.surroundings) setup.surroundings->release();
+        throw badInput(place, "another filter of this case has the people already",
+                       "Use one filter that keeps apart from people.");
+    }
     const JointVector unlimited = JointVector::Constant(n, std::numeric_limits<double>::infinity());
     detail::TorqueScan::Limits limits{unlimited, unlimited};
     if (std::isfinite(options.torqueShare)) limits.torque = options.torqueShare * setup.robot.actuation.torqueLimit;
@@ -131,6 +137,10 @@ bool WholeArmBrakingFilter::guaranteesSpeed() const {
     return impl_->arm && impl_->arm->keepsSpeeds() && !recovers();
 }
 
+bool WholeArmBrakingFilter::guaranteesSeparation() const {
+    return impl_->arm && impl_->arm->keepsApart() && !recovers();
+}
+
 bool WholeArmBrakingFilter::recovers() const {
     return impl_->joints.recovers();
 }
@@ -154,6 +164,7 @@ FilterStatus WholeArmBrakingFilter::filter(const FilterInput& input, FilterDecis
     decision.clearance = arm.nearest();
     decision.mapAge_s = arm.mapAge_s();
     decision.speed = arm.fastest();
+    decision.separation = arm.separation();
     arm.endTick(input, decision);
     return status;
 }

@@ -38,8 +38,10 @@ WholeArmChoice::WholeArmChoice(const RunSetup& setup, const WholeArmBrakingOptio
     : options_(options),
       tick_s_(setup.tick_s),
       feed_(setup.surroundings),
+      people_(setup.people),
+      watch_(setup.people ? setup.people->people() : std::vector<Person>()),
       braking_(braking),
-      check_(setup.robot, setup.geometry, limits, setup.tick_s, limited),
+      check_(setup.robot, setup.geometry, limits, setup.tick_s, limited, watch_.size()),
       demands_(check_.elements(), std::isinf(options.joints.kAlpha) ? 1.0 : options.joints.kAlpha * setup.tick_s),
       identity_(JointMatrix::Identity(setup.size(), setup.size())),
       stored_(check_.makeResult()),
@@ -50,16 +52,21 @@ WholeArmChoice::WholeArmChoice(const RunSetup& setup, const WholeArmBrakingOptio
 
 WholeArmChoice::~WholeArmChoice() {
     if (feed_) feed_->release();
+    if (people_) people_->release();
 }
 
 void WholeArmChoice::reset(const MotionState& start) {
     tick_ = 0;
     takeSurroundings();
+    watch_.reset();
+    separation_ = {};
+    takePeople();
     check_.beginTick();
     braking_.beginTick(start);
     setStoredPath(start);
     check_.calcTorque(storedPath_, 0, lastTorque_);
     examineStored(start);
+    if (people_) tellSeparation(stored_.people);
 }
 
 void WholeArmChoice::skipTicks(std::int64_t ticks) {
@@ -85,6 +92,24 @@ void WholeArmChoice::takeSurroundings() {
     demands_.setRequired(view_.surroundings->environment().safetyDistance_m);
     check_.setSurroundings(view_.surroundings);
     isNew_ = true;
+}
+
+/** False: what was proven of stops before is not any more. */
+bool WholeArmChoice::takePeople() {
+    if (!people_) return true;
+    const bool areExpected = watch_.take(people_->take(), time());
+    check_.setPeople(watch_, time());
+    separation_.age_s = watch_.age_s(time());
+    separation_.faults = watch_.faults();
+    return areExpected;
+}
+
+void WholeArmChoice::tellSeparation(const PeopleCheck::Result& found) {
+    separation_.isKnown = true;
+    separation_.isKept = found.isKept;
+    separation_.margin = found.proven;
+    separation_.link = found.link;
+    separation_.person = found.person;
 }
 
 void WholeArmChoice::findStops(const JointVector& jerk) {
@@ -131,10 +156,19 @@ void WholeArmChoice::keepBest(const JointVector& jerk) {
 FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,
                                     const JointVector& desired, JointVector& jerk,
                                     std::array<JointIntervention, kMaxJoints>& joints) {
-    isNew_ |= !braking_.beginTick(nominal);
+    const bool isOnStop = braking_.beginTick(nominal);
+    isNew_ |= !isOnStop;
     check_.beginTick();
     takeSurroundings();
+    const bool areExpected = takePeople();
     if (isNew_) examineStored(nominal);
+    // What is seen of people where they were expected tells nothing against the backup stop, which was proven before.
+    if (people_ && !(isOnStop && areExpected)) {
+        PeopleCheck::Result found;
+        setStoredPath(nominal);
+        check_.measurePeople(storedPath_, found);
+        tellSeparation(found);
+    }
     demands_.raise(stored_);
     hasBest_ = hasOther_ = false;
 
@@ -152,9 +186,11 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
             }
             // What is not kept comes before what is only near.
             reason = !first.speed.isKept                                  ? LimitKind::Speed
+                     : !first.people.isKept                               ? LimitKind::Separation
                      : !first.isClear                                     ? LimitKind::Clearance
                      : !first.torque.bearsTorque                          ? LimitKind::Torque
                      : first.speed.seenLater > demands_.get().speed.ahead ? LimitKind::Speed
+                     : first.people.seen < demands_.get().people.ahead    ? LimitKind::Separation
                                                                           : LimitKind::Clearance;
             setStoredPath(nominal);
             steer(nominal, dynamics, metric, desired);
@@ -167,6 +203,7 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
         std::swap(stored_, best_);
         nearest_ = stored_.nearest;
         fastest_ = stored_.speed.fastest;
+        if (people_) tellSeparation(stored_.people);
         demands_.lowerTorqueUse(stored_.torque.torqueUse);
         keptPath_.set(nominal, jerk, bestStops_, tick_s_);
         ticksOnPath_ = 0;
@@ -177,7 +214,8 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
     for (std::size_t i = 0; i < static_cast<std::size_t>(jerk.size()); ++i) {
         const auto at = static_cast<Eigen::Index>(i);
         if (jerk[at] == proposed_[at] || jerk[at] == desired[at] || reason == LimitKind::None) continue;
-        const bool isUpper = reason == LimitKind::Speed || (reason == LimitKind::Torque && jerk[at] < proposed_[at]);
+        const bool isUpper = reason == LimitKind::Speed || reason == LimitKind::Separation ||
+                             (reason == LimitKind::Torque && jerk[at] < proposed_[at]);
         joints[i] = {reason, isUpper ? LimitSide::Upper : LimitSide::Lower};
     }
     if (!takesBest) return FilterStatus::StoppedByPlan;
@@ -313,6 +351,14 @@ void WholeArmChoice::checkStart(const RunSetup& setup, const std::string& place)
                            " to " + formatShort(speed.fastest.speed) + " m/s (an upper bound); its limit there is " +
                            formatNumber(speed.fastest.limit) + " m/s",
                        std::string("Start slower, or change `speed_limits`, ") + kWay);
+    }
+    if (people_ && !separation_.isKept) {
+        const auto person = static_cast<std::size_t>(std::max(0, separation_.person));
+        throw badInput(place,
+                       "the start, or the stop from there, may bring " +
+                           limited_->links[static_cast<std::size_t>(std::max(0, separation_.link))] + " to " +
+                           people_->people()[person].name + " while it is faster than the person may be touched at",
+                       std::string("Start slower, or farther from people, ") + kWay);
     }
     const TorqueScan::Result& torque = stored_.torque;
     if (torque.bearsTorque && torque.torqueUse <= 1.0) return;

@@ -6,6 +6,7 @@
 
 #include "braking/CertifiedBraking.h"
 #include "clearance/ArmStopCheck.h"
+#include "clearance/PeopleWatch.h"
 #include "clearance/StopDemands.h"
 #include "viable/filter/WholeArmBrakingFilter.h"
 
@@ -19,8 +20,8 @@ Real time after construction. */
 class WholeArmChoice {
 public:
     /** @param braking  of the joints, configured; must outlive this
-        @param limited  see SpeedCheck; must outlive this
-    Takes setup.surroundings, which its maker has claimed, until its end. */
+        @param limited  see SpeedCheck and PeopleCheck; must outlive this
+    Takes setup.surroundings and setup.people, which its maker has claimed, until its end. */
     WholeArmChoice(const RunSetup& setup, const WholeArmBrakingOptions& options, const TorqueScan::Limits& limits,
                    CertifiedBraking& braking, const ArmGeometry* limited);
     ~WholeArmChoice();
@@ -47,6 +48,8 @@ public:
     bool hasSurroundings() const { return feed_ != nullptr; }
     bool keepsSpeeds() const { return check_.keepsSpeeds(); }
     const ArmSpeed& fastest() const { return fastest_; }  ///< the same
+    bool keepsApart() const { return people_ != nullptr; }
+    const Separation& separation() const { return separation_; }
 
     /** Throws Error (BadInput) where the stop from the start, just reset to, comes too near to something (all of it in one
     list) or needs more torque than there is (with joint, share and pose). */
@@ -58,6 +61,8 @@ private:
     double time() const { return static_cast<double>(tick_) * tick_s_; }
     bool isStale() const { return feed_ && !(time() - view_.stamp_s <= options_.maxAge_s); }
     void takeSurroundings();
+    bool takePeople();
+    void tellSeparation(const PeopleCheck::Result& found);
     void findStops(const JointVector& jerk);
     void setStoredPath(const MotionState& state);
     void examineStored(const MotionState& state);
@@ -72,6 +77,8 @@ private:
     const WholeArmBrakingOptions options_;
     const double tick_s_;
     SurroundingsFeed* const feed_;
+    PeopleFeed* const people_;
+    PeopleWatch watch_;
     CertifiedBraking& braking_;
     ArmStopCheck check_;
     SurroundingsFeed::View view_;
@@ -95,6 +102,7 @@ private:
     bool hasBest_ = false;
     Clearance nearest_;
     ArmSpeed fastest_;
+    Separation separation_;
     const ArmGeometry* const limited_;
 };
 

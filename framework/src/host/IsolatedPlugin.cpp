@@ -79,7 +79,8 @@ struct Mailbox {
     // What a plugin is asked once, after it was configured
     MotionCommand::Space space = MotionCommand::Space::Joint;
     bool followsJoint = false, followsTool = false;
-    bool guarantees = false, guaranteesClearance = false, guaranteesSpeed = false, recovers = false;
+    bool guarantees = false, guaranteesClearance = false, guaranteesSpeed = false, guaranteesSeparation = false,
+         recovers = false;
     LinearErrorLoop errorLoop;
     bool hasErrorLoop = false, hasExternalTorque = false, hasClock = false;
     Encoder encoder = Encoder::Counts;
@@ -280,6 +281,7 @@ void describe(SafetyFilter& plugin, Mailbox& box) {
     box.guarantees = plugin.guaranteesLimits();
     box.guaranteesClearance = plugin.guaranteesClearance();
     box.guaranteesSpeed = plugin.guaranteesSpeed();
+    box.guaranteesSeparation = plugin.guaranteesSeparation();
     box.recovers = plugin.recovers();
 }
 void serve(SafetyFilter& plugin, Mailbox& box) {
@@ -287,6 +289,7 @@ void serve(SafetyFilter& plugin, Mailbox& box) {
         box.decision.hasStops = false;
         box.decision.clearance = {};
         box.decision.speed = {};
+        box.decision.separation = {};
         box.decision.mapAge_s = 0.0;
         box.status = static_cast<int>(plugin.filter(
             {box.nominal, box.torque, box.dynamics, box.hasAccelerationRate ? &box.accelerationRate : nullptr},
@@ -446,10 +449,12 @@ public:
           guarantees_(box().guarantees),
           guaranteesClearance_(box().guaranteesClearance),
           guaranteesSpeed_(box().guaranteesSpeed),
+          guaranteesSeparation_(box().guaranteesSeparation),
           recovers_(box().recovers) {}
     bool guaranteesLimits() const override { return guarantees_; }
     bool guaranteesClearance() const override { return guaranteesClearance_; }
     bool guaranteesSpeed() const override { return guaranteesSpeed_; }
+    bool guaranteesSeparation() const override { return guaranteesSeparation_; }
     bool recovers() const override { return recovers_; }
     bool changeLimits(const JointLimits& limits) override {
         box().limits = limits;
@@ -475,7 +480,7 @@ public:
     }
 
 private:
-    bool guarantees_, guaranteesClearance_, guaranteesSpeed_, recovers_;
+    bool guarantees_, guaranteesClearance_, guaranteesSpeed_, guaranteesSeparation_, recovers_;
 };
 
 class IsolatedRobustLoop : public Isolated<RobustLoop> {

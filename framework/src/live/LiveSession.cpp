@@ -75,6 +75,7 @@ void LiveSession::rehearse(const CasePlan& plan, int ticks) {
     nominal.holdsOnReal = nominal.feedsExternalTorque = false;
     RunningCase running(configureCase(nominal), {}, false);
     for (int k = 0; k < ticks && !running.loop().isStopping(); ++k) {
+        running.showPeople();
         running.loop().tick(running.record());
         running.count();
     }

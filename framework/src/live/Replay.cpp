@@ -281,6 +281,7 @@ public:
                 if (plant) plant->isGone = stop.cause == StopCause::PlantGone;
             }
             surroundings.put(rows, row);
+            running.showPeople();
             if (row.missed && !hasClock_)
                 loop.missTick(now);
             else

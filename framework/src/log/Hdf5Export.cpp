@@ -135,7 +135,7 @@ std::vector<std::string> listWords(const std::string& column) {
         return words;
     words.emplace_back(getName(LimitKind::None, LimitSide::Neither));
     for (LimitKind kind : {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk,
-                           LimitKind::Torque, LimitKind::Clearance, LimitKind::Speed})
+                           LimitKind::Torque, LimitKind::Clearance, LimitKind::Speed, LimitKind::Separation})
         for (LimitSide side : {LimitSide::Lower, LimitSide::Upper}) words.emplace_back(getName(kind, side));
     return words;
 }

@@ -118,8 +118,9 @@ LogField stageTime() {
 }
 
 bool setLimit(TickRecord& record, int joint, std::string_view word) {
-    for (const LimitKind kind : {LimitKind::None, LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration,
-                                 LimitKind::Jerk, LimitKind::Torque, LimitKind::Clearance, LimitKind::Speed}) {
+    for (const LimitKind kind :
+         {LimitKind::None, LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk,
+          LimitKind::Torque, LimitKind::Clearance, LimitKind::Speed, LimitKind::Separation}) {
         for (const LimitSide side : {LimitSide::Neither, LimitSide::Lower, LimitSide::Upper}) {
             if (kind != LimitKind::None && side == LimitSide::Neither) continue;
             if (word != getName(kind, side)) continue;
@@ -232,6 +233,58 @@ std::vector<LogField> declareSpeed() {
                 })};
 }
 
+template <int Separation::*index>
+LogField separationIndex(const char* name) {
+    return integer(
+        name, [](const TickRecord& r) -> std::int64_t { return r.separation.*index; },
+        [](TickRecord& r, std::int64_t value) {
+            r.separation.*index = static_cast<int>(value);
+            return value >= -1 && value <= std::numeric_limits<int>::max();
+        });
+}
+
+template <bool Separation::*flag>
+LogField separationFlag(const char* name) {
+    return integer(
+        name, [](const TickRecord& r) -> std::int64_t { return r.separation.*flag ? 1 : 0; },
+        [](TickRecord& r, std::int64_t value) {
+            r.separation.*flag = value == 1;
+            return value == 0 || value == 1;
+        });
+}
+
+template <std::int64_t PeopleFaults::*count>
+LogField peopleFault(const char* name) {
+    return integer(
+        name, [](const TickRecord& r) -> std::int64_t { return r.separation.faults.*count; },
+        [](TickRecord& r, std::int64_t value) {
+            r.separation.faults.*count = value;
+            return value >= 0;
+        });
+}
+
+/** The names of links and people are in the metadata. */
+std::vector<LogField> declareSeparation() {
+    return {separationFlag<&Separation::isKnown>("known"),
+            separationFlag<&Separation::isKept>("kept"),
+            numbers(
+                "margin_m", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.separation.margin; }),
+            separationIndex<&Separation::link>("link"),
+            separationIndex<&Separation::person>("person"),
+            numbers(
+                "age_s", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.separation.age_s; }),
+            peopleFault<&PeopleFaults::appeared>("appeared"),
+            peopleFault<&PeopleFaults::faster>("faster"),
+            peopleFault<&PeopleFaults::lost>("lost"),
+            peopleFault<&PeopleFaults::refused>("refused"),
+            integer(
+                "last_fault", [](const TickRecord& r) -> std::int64_t { return r.separation.faults.last; },
+                [](TickRecord& r, std::int64_t value) {
+                    r.separation.faults.last = static_cast<int>(value);
+                    return value >= -1 && value <= std::numeric_limits<int>::max();
+                })};
+}
+
 bool always(const LogLayout&) {
     return true;
 }
@@ -306,6 +359,7 @@ std::vector<LogChannel> declareChannels() {
               [](auto& r, int i) -> auto& { return r.stops[static_cast<std::size_t>(i)].rest; })}},
         {"clearance", "Clearance", [](const LogLayout& l) { return l.hasEnvironment; }, declareClearance()},
         {"speed", "Speed", [](const LogLayout& l) { return l.hasSpeedLimits; }, declareSpeed()},
+        {"separation", "Separation", [](const LogLayout& l) { return l.hasPeople; }, declareSeparation()},
         {"limits", "Limits", always, declareLimits(), true},
         {"robust",
          "Robust",

@@ -14,7 +14,7 @@ namespace {
 using nlohmann::json;
 using Names = std::vector<std::string>;
 
-constexpr char kBound[] = "tracking_bound", kObstacles[] = "obstacles", kLinks[] = "links";
+constexpr char kBound[] = "tracking_bound", kObstacles[] = "obstacles", kLinks[] = "links", kPeople[] = "people";
 
 /** The fields that are texts as they stand. */
 constexpr std::pair<const char*, std::string LogMetadata::*> kTexts[] = {{"case", &LogMetadata::caseName},
@@ -94,6 +94,7 @@ std::map<std::string, std::string> writeLogMetadata(LogMetadata metadata) {
     if (metadata.bound) texts[kBound] = writeBlock(*metadata.bound);
     if (metadata.obstacles) texts[kObstacles] = json(*metadata.obstacles).dump();
     if (metadata.links) texts[kLinks] = json(*metadata.links).dump();
+    if (metadata.people) texts[kPeople] = json(*metadata.people).dump();
     for (const auto& [kind, files] : metadata.libraries)
         texts[kind] = files.size() == 1 ? files.front() : json(files).dump();
     return texts;
@@ -123,6 +124,8 @@ LogMetadata readLogMetadata(const LogReader& reader) {
             wrong = readBlock(text, joints.size(), metadata.bound);
         } else if (name == kObstacles || name == kLinks) {
             (name == kLinks ? metadata.links : metadata.obstacles) = readNames(text);
+        } else if (name == kPeople) {
+            metadata.people = readNames(text);
         } else {  // the name of a kind of plugin
             metadata.libraries[name] = readNames(text).value_or(Names{text});
         }

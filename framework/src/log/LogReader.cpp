@@ -246,6 +246,7 @@ struct LogReader::Impl {
         if (channel->name == "external") layout.hasExternalTorque = true;
         if (channel->name == "clearance") layout.hasEnvironment = true;
         if (channel->name == "speed") layout.hasSpeedLimits = true;
+        if (channel->name == "separation") layout.hasPeople = true;
         if (channel->name == "live") layout.isLive = true;
         declared |= plan.bit;
         const auto written = entries.find(kWritten);

@@ -21,6 +21,7 @@ struct LogLayout {
     bool hasEnvironment = false;     ///< TickRecord::clearance is logged only then
     bool hasSpeedLimits = false;     ///< TickRecord::speed is logged only then
     bool isLive = false;             ///< a run in real time: its pauses and the time between ticks are logged
+    bool hasPeople = false;          ///< TickRecord::separation is logged only then
 };
 
 /** A file carried inside a log. */

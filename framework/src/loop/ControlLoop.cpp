@@ -35,7 +35,7 @@ bool isBounded(const JointVector& v, int n) {
 bool areKnown(FilterStatus status, const FilterDecision& d, int n) {
     if (status > FilterStatus::Ended || d.held > HeldQuantity::Acceleration) return false;
     for (int i = 0; i < n; ++i)
-        if (d.joints[i].limit > LimitKind::Speed || d.joints[i].side < LimitSide::Lower ||
+        if (d.joints[i].limit > LimitKind::Separation || d.joints[i].side < LimitSide::Lower ||
             d.joints[i].side > LimitSide::Upper)
             return false;
     return true;
@@ -592,6 +592,7 @@ void ControlLoop::forgetRemarks() {
     decision_.hasStops = false;
     decision_.clearance = {};
     decision_.speed = {};
+    decision_.separation = {};
     decision_.mapAge_s = 0.0;
 }
 
@@ -754,6 +755,7 @@ void ControlLoop::fillRecord(TickRecord& record, bool decided) const {
     record.verdict = verdict_;
     record.clearance = decision_.clearance;
     record.speed = decision_.speed;
+    record.separation = decision_.separation;
     record.mapAge_s = decision_.mapAge_s;
     record.limits = limits_;
     record.braking = isStopping();

@@ -12,6 +12,10 @@ bool SafetyFilter::guaranteesSpeed() const {
     return false;
 }
 
+bool SafetyFilter::guaranteesSeparation() const {
+    return false;
+}
+
 bool SafetyFilter::recovers() const {
     return false;
 }

@@ -157,6 +157,21 @@ json describeSphere(const MovingSphere& sphere) {
             {"repeats", sphere.repeats}};
 }
 
+json describePerson(const Person& person) {
+    json capsules = json::array(), waypoints = json::array(), unseen = json::array();
+    const auto list = [](const Eigen::Vector3d& p) { return json{p.x(), p.y(), p.z()}; };
+    for (const PersonCapsule& capsule : person.capsules)
+        capsules.push_back({{"from", list(capsule.a)}, {"to", list(capsule.b)}, {"radius", capsule.radius}});
+    for (const Person::Waypoint& at : person.walk)
+        waypoints.push_back({at.time_s, at.position.x(), at.position.y(), at.position.z()});
+    for (const Person::Absence& absence : person.unseen) unseen.push_back({absence.from_s, absence.to_s});
+    return {{"name", person.name},          {"type", "person"},
+            {"capsules", capsules},         {"waypoints", waypoints},
+            {"repeats", person.repeats},    {"unseen", unseen},
+            {"speed_mps", person.maxSpeed}, {"latency_s", person.latency_s},
+            {"error_m", person.error_m}};
+}
+
 /** The block without its map. */
 ConfigNode withoutMap(ConfigNode block) {
     block.entries.erase(std::remove_if(block.entries.begin(), block.entries.end(),
@@ -192,6 +207,7 @@ json describeEnvironment(const ConfigNode& block, const std::string& mapSha256,
         if (!cells.is_null()) one.update(cells);
         obstacles.push_back(one);
     }
+    for (const Person& person : environment.people) obstacles.push_back(describePerson(person));
     return {{"safety_distance_m", environment.safetyDistance_m}, {"obstacles", obstacles}, {"note", note}};
 } catch (const Error&) {
     return nullptr;

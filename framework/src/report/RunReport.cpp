@@ -87,7 +87,7 @@ constexpr double (*kNearest[])(const TickRecord&) = {
 };
 
 /** A limit's bit in the page: 1 position_lower, 2 position_upper, 4 velocity_lower, ... 128 jerk_upper, 256 torque_lower,
-512 torque_upper, 1024 clearance_lower, 8192 speed_upper; 0 none. */
+512 torque_upper, 1024 clearance_lower, 8192 speed_upper, 32768 separation_upper; 0 none. */
 std::uint16_t toBit(const JointIntervention& joint) {
     if (joint.limit == LimitKind::None) return 0;
     const int place = 2 * (static_cast<int>(joint.limit) - 1) + (joint.side == LimitSide::Upper);

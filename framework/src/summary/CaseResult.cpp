@@ -18,6 +18,10 @@ bool CaseResult::isSpeedGuaranteeBroken() const {
     return guaranteesSpeed && summary.speeds() && summary.speeds()->nominal.ticksTooFast > 0;
 }
 
+bool CaseResult::isSeparationGuaranteeBroken() const {
+    return guaranteesSeparation && summary.separations() && summary.separations()->nominal.guiltyTicks > 0;
+}
+
 bool isGraver(int a, int b) {
     const auto rank = [](int code) {
         constexpr ErrorKind order[] = {ErrorKind::GuaranteeBroken, ErrorKind::TrackingLost, ErrorKind::PluginFailed,
@@ -29,7 +33,7 @@ bool isGraver(int a, int b) {
 
 int CaseResult::exitCode() const {
     if (stopReason == StopReason::GuaranteeBroken || isRealGuaranteeBroken() || isClearanceGuaranteeBroken() ||
-        isSpeedGuaranteeBroken())
+        isSpeedGuaranteeBroken() || isSeparationGuaranteeBroken())
         return static_cast<int>(ErrorKind::GuaranteeBroken);
     if (summary.trip() || stopReason == StopReason::NotFollowing) return static_cast<int>(ErrorKind::TrackingLost);
     const bool isWanted =

@@ -30,6 +30,7 @@ struct CaseResult {
     bool guarantees = false;                    ///< the filter guarantees every limit
     bool guaranteesClearance = false;           ///< and that the nominal arm touches nothing
     bool guaranteesSpeed = false;               ///< and that it keeps the speed limits of its points
+    bool guaranteesSeparation = false;          ///< and that it touches nobody faster than allowed
     std::vector<std::string> links, obstacles;  ///< that a Clearance names by index; may be empty
     /** Of that guarantee position and velocity are the real arm's, as long as the run does not trip. */
     bool holdsOnReal = false;
@@ -54,6 +55,8 @@ struct CaseResult {
     bool isClearanceGuaranteeBroken() const;
     /** A point of the nominal arm was too fast, under a filter that guarantees its speed limits. */
     bool isSpeedGuaranteeBroken() const;
+    /** Somebody who kept to what is said of him was touched too fast, under a filter that guarantees separation. */
+    bool isSeparationGuaranteeBroken() const;
     /** 0, or the ErrorKind's number: broken guarantee before lost tracking before failed plugin before lost log. */
     int exitCode() const;
 };

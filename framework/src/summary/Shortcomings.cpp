@@ -137,8 +137,9 @@ std::string nameCause(const ErrorCauses& causes, bool swings, const char* otherw
     if (isHeldOff(causes))
         return format("held off by the safety distance to obstacles or to itself, in %.0f %% of that error",
                       100.0 * causes.share(LimitKind::Clearance));
-    for (const auto& [kind, name] : {std::pair(LimitKind::Torque, "torque"), std::pair(LimitKind::Speed, "point speed"),
-                                     std::pair(LimitKind::Position, "position")})
+    for (const auto& [kind, name] :
+         {std::pair(LimitKind::Torque, "torque"), std::pair(LimitKind::Speed, "point speed"),
+          std::pair(LimitKind::Separation, "separation"), std::pair(LimitKind::Position, "position")})
         if (causes.share(kind) >= kCauseShare)
             return format("held by %s limits, in %.0f %% of that error", name, 100.0 * causes.share(kind));
     return otherwise;
@@ -228,6 +229,8 @@ void addStandstill(const CaseResult& r, std::vector<std::string>& found) {
                       "stops it, too)"
         : s.limit == LimitKind::Torque
             ? " (a larger torque_share or torque_rate_Nmps, or lower limits of acceleration and jerk)"
+        : s.limit == LimitKind::Separation
+            ? " (somebody was, or may have been, within its reach: it goes on when people are seen farther away)"
             : " (larger limits of that kind, or a command that keeps to them)";
     found.push_back(
         format("the arm stood on its backup stop for %.1f s from %.3f s on, %.1f s in all, though it was asked "

@@ -34,6 +34,12 @@ bool hasSpeedLimits(R r) {
 bool hasRealArmWithSpeedLimits(R r) {
     return hasSpeedLimits(r) && r.summary.speeds()->real;
 }
+bool hasPeople(R r) {
+    return r.summary.separations().has_value();
+}
+bool hasRealArmAmongPeople(R r) {
+    return hasPeople(r) && r.summary.separations()->real;
+}
 bool hasRealArmInEnvironment(R r) {
     return hasEnvironment(r) && r.summary.collisions()->real;
 }
@@ -225,6 +231,36 @@ std::vector<SummaryFigure> makeFigures() {
         add("ticks_at_limit", &SpeedRecord::ticksAtLimit);
         add("first_too_fast_s", &SpeedRecord::firstTooFast_s);
     }
+
+    for (const bool isReal : {false, true}) {
+        t.begin(isReal ? "people.real." : "people.nominal.", isReal ? hasRealArmAmongPeople : hasPeople);
+        const auto add = [&](const char* key, auto get) -> Table& {
+            return t.add(key, [=](S s) {
+                return toJson(std::invoke(get, isReal ? *s.separations()->real : s.separations()->nominal));
+            });
+        };
+        const std::string prefix = isReal ? "real.people." : "people.";
+        add("ticks_too_fast", &SeparationRecord::tooFastTicks)
+            .column(prefix + "ticks_too_fast", "",
+                    isReal ? "Real arm: ticks that touch somebody too fast" : "Ticks that touch somebody too fast");
+        add("protective_m", &SeparationRecord::protective)
+            .column(prefix + "protective_m", "m",
+                    isReal ? "Real arm: least gap to what was too fast" : "Least gap to what was too fast");
+        add("protective_s", &SeparationRecord::protective_s);
+        add("touched_ticks", &SeparationRecord::touchedTicks);
+        add("fastest_touch_mps", &SeparationRecord::fastestTouch);
+        add("first_too_fast_s", &SeparationRecord::firstTooFast_s);
+        add("part", [](const SeparationRecord& r) { return orNull(r.part); });
+        add("person", [](const SeparationRecord& r) { return orNull(r.person); });
+    }
+    t.begin("people.", hasPeople);
+    t.add("resting_s", [](S s) {
+         return s.separations()->resting_s;
+     }).column("people.resting_s", "s", "At rest because of people");
+    t.add("appeared", [](S s) { return s.separations()->faults.appeared; });
+    t.add("faster_than_stated", [](S s) { return s.separations()->faults.faster; });
+    t.add("lost", [](S s) { return s.separations()->faults.lost; });
+    t.add("refused", [](S s) { return s.separations()->faults.refused; });
 
     t.begin("");
     t.add("standstill_s", [](S s) { return s.standstill().total_s; });

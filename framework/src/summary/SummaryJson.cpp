@@ -60,6 +60,7 @@ json describe(const CaseResult& r) {
                 {"holds_on_real", r.holdsOnReal},
                 {"guarantees_clearance", r.guaranteesClearance},
                 {"guarantees_speed", r.guaranteesSpeed},
+                {"guarantees_separation", r.guaranteesSeparation},
                 {"interventions", describeInterventions(r.summary)},
                 {"controller", r.controller},
                 {"verdict", formatVerdict(r)},

@@ -336,6 +336,49 @@ std::string formatSpeedVerdict(const Summary& s) {
     return text.empty() ? "; speed limits kept" : text;
 }
 
+/** "link6 came to 0.312 m from ann at 1.234 s while it was too fast to touch" */
+std::string formatProtective(const SeparationRecord& r) {
+    if (r.part.empty()) return "nobody came near";
+    if (r.tooFastTicks > 0)
+        return format("%s touched %s while it was too fast (first at %.3f s)", r.part.c_str(), r.person.c_str(),
+                      r.firstTooFast_s.value_or(r.protective_s));
+    return format("%s came to %.3f m from %s at %.3f s while it was too fast to touch", r.part.c_str(), r.protective,
+                  r.person.c_str(), r.protective_s);
+}
+
+/** Whether somebody was touched too fast, where there are people. */
+std::string formatSeparationVerdict(const Summary& s) {
+    if (!s.separations()) return "";
+    std::string text;
+    const auto add = [&](const char* arm, const SeparationRecord& r) {
+        if (r.tooFastTicks > 0) text += std::string("; of the ") + arm + " arm " + formatProtective(r);
+    };
+    add("nominal", s.separations()->nominal);
+    if (s.separations()->real) add("real", *s.separations()->real);
+    return text.empty() ? "; nobody touched too fast" : text;
+}
+
+std::string formatSeparations(const Summary& s) {
+    const Separations& people = *s.separations();
+    std::string text;
+    const auto add = [&](const char* label, const char* arm, const SeparationRecord& r) {
+        text += format("  %-13s %s: touched too fast in %lld ticks, touched in %lld", label, arm,
+                       static_cast<long long>(r.tooFastTicks), static_cast<long long>(r.touchedTicks));
+        if (r.touchedTicks > 0) text += format(" (at up to %.3g m/s)", r.fastestTouch);
+        text += "; " + formatProtective(r) + "\n";
+    };
+    add("people", "nominal", people.nominal);
+    if (people.real) add("", "real", *people.real);
+    text += format("                at rest because of people for %.2f s", people.resting_s);
+    const PeopleFaults& f = people.faults;
+    if (f.appeared + f.faster + f.lost + f.refused > 0)
+        text += format("; people who appeared: %lld, faster than stated: %lld, lost: %lld, not usable: %lld",
+                       static_cast<long long>(f.appeared), static_cast<long long>(f.faster),
+                       static_cast<long long>(f.lost), static_cast<long long>(f.refused)) +
+                (people.lastFault.empty() ? "" : " (last of " + people.lastFault + ")");
+    return text + "\n";
+}
+
 std::string formatSpeeds(const Summary& s) {
     std::string text;
     const auto add = [&](const char* label, const char* arm, const SpeedRecord& r) {
@@ -611,6 +654,8 @@ std::string formatVerdict(const CaseResult& r) {
         text = "guarantee broken, the arm collided; ";
     else if (r.isSpeedGuaranteeBroken())
         text = "guarantee broken, points of the arm were too fast; ";
+    else if (r.isSeparationGuaranteeBroken())
+        text = "guarantee broken, somebody was touched too fast; ";
     else if (r.stopReason == StopReason::TrackingLost)
         text = "tracking lost, the arm was stopped; ";
     else if (r.stopReason == StopReason::NotFollowing)
@@ -624,8 +669,11 @@ std::string formatVerdict(const CaseResult& r) {
            (!r.summary.speeds() ? ""
             : r.guaranteesSpeed ? ", and speeds of points"
                                 : ", no speeds of points") +
+           (!r.summary.separations() ? ""
+            : r.guaranteesSeparation ? ", and separation from people"
+                                     : ", no separation from people") +
            ")" + formatRealVerdict(r) + formatCollisionVerdict(r.summary) + formatSpeedVerdict(r.summary) +
-           formatShortcomings(r);
+           formatSeparationVerdict(r.summary) + formatShortcomings(r);
 }
 
 std::string formatBreach(const CaseResult& r) {
@@ -638,6 +686,9 @@ std::string formatBreach(const CaseResult& r) {
     if (r.isSpeedGuaranteeBroken())
         text += (text.empty() ? "" : "; ") +
                 ("points of the nominal arm were too fast: " + formatFastest(r.summary.speeds()->nominal));
+    if (r.isSeparationGuaranteeBroken())
+        text += (text.empty() ? "" : "; ") +
+                ("the nominal arm touched somebody too fast: " + formatProtective(r.summary.separations()->nominal));
     return text;
 }
 
@@ -658,6 +709,7 @@ std::string formatDetails(const CaseResult& r) {
     else if (r.guaranteesClearance)
         text += "  clearance     not judged: the judge takes longer than a tick of a live run may\n";
     if (s.speeds()) text += formatSpeeds(s);
+    if (s.separations()) text += formatSeparations(s);
     if (s.substitutedTicks() > 0)
         text += format("  controller    %lld ticks without a usable torque, the last good one was used\n",
                        static_cast<long long>(s.substitutedTicks()));

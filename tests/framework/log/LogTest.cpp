@@ -46,7 +46,7 @@ class LogRoundTrip : public LogTestBase, public ::testing::WithParamInterface<Ro
 TEST_P(LogRoundTrip, EveryBitComesBack) {
     LogLayout layout = makeLayout(GetParam().joints, GetParam().space, GetParam().hasRealPlant);
     layout.hasExternalTorque = GetParam().hasExternalTorque;
-    layout.hasEnvironment = layout.hasSpeedLimits = GetParam().hasEnvironment;
+    layout.hasEnvironment = layout.hasSpeedLimits = layout.hasPeople = GetParam().hasEnvironment;
     const std::vector<TickRecord> records = makeRecords(layout, 731, 0.001, 11);
     LogWriter writer(path("run.mcap"), makeOpening(layout), GetParam().form);
     for (const TickRecord& record : records) writer.append(record);
@@ -65,6 +65,7 @@ TEST_P(LogRoundTrip, EveryBitComesBack) {
     EXPECT_EQ(reader.layout().hasExternalTorque, layout.hasExternalTorque);
     EXPECT_EQ(reader.layout().hasEnvironment, layout.hasEnvironment);
     EXPECT_EQ(reader.layout().hasSpeedLimits, layout.hasSpeedLimits);
+    EXPECT_EQ(reader.layout().hasPeople, layout.hasPeople);
     const auto countColumns = [&](const std::string& channel) {
         return std::count_if(reader.columns().begin(), reader.columns().end(),
                              [&](const LogColumn& c) { return c.name().rfind(channel + ".", 0) == 0; });
@@ -72,6 +73,7 @@ TEST_P(LogRoundTrip, EveryBitComesBack) {
     EXPECT_EQ(countColumns("external"), layout.hasExternalTorque ? GetParam().joints : 0);
     EXPECT_EQ(countColumns("clearance"), layout.hasEnvironment ? 12 : 0);
     EXPECT_EQ(countColumns("speed"), layout.hasSpeedLimits ? 4 : 0);
+    EXPECT_EQ(countColumns("separation"), layout.hasPeople ? 11 : 0);
     EXPECT_EQ(reader.library().rfind("viable ", 0), 0u) << reader.library();
     EXPECT_EQ(reader.metadata(), makeOpening(layout).metadata);
     ASSERT_EQ(reader.attachments().size(), 1u);

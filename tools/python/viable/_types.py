@@ -16,4 +16,4 @@ class State(NamedTuple):
 #: What Batch.status counts by.
 STATUS = ("not_started", "passed", "limited", "recovering", "waiting", "stopping", "stopped", "failed")
 #: What abs(Batch.acting) counts by.
-ACTING = ("none", "position", "velocity", "acceleration", "jerk", "torque", "clearance", "speed")
+ACTING = ("none", "position", "velocity", "acceleration", "jerk", "torque", "clearance", "speed", "separation")

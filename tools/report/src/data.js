@@ -24,6 +24,8 @@
  *             & ( { "type": "box"|"cylinder"|"sphere", ... } as the shapes of links
  *               | { "type": "half_space", "pose" } (solid below z = 0 of the pose)
  *               | { "type": "moving_sphere", "radius", "waypoints": [[s, x, y, z]], "repeats": bool }
+ *               | { "type": "person", "capsules": [ { "from", "to": [3], "radius" } ] (from its place), "waypoints", "repeats",
+ *                   "unseen": [[from_s, to_s]], "speed_mps", "latency_s", "error_m" } (how far it can have come)
  *               | { "type": "map", "pose", "edge_m": num, "centres": ref f32 3*cubes } (of what could not be read: no centres)
  *             ) ] } ],
  *     "summary": { "columns": [str], "rows": [[str]], "note": str },
@@ -87,6 +89,8 @@ const LIMITS = [
   'clearance_upper',
   'speed_lower',
   'speed_upper',
+  'separation_lower',
+  'separation_upper',
 ];
 export const STATUS = [
   'passed',

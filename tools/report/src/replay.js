@@ -336,7 +336,10 @@ class Replay {
   #draw() {
     this.#frameAsked = false;
     const { time } = this.state;
-    for (const surroundings of this.#surroundings.values()) surroundings.show(time);
+    for (const [environment, surroundings] of this.#surroundings) {
+      const stops = this.#cases.map((c) => (c.environment === environment ? c.nearestAt(time)?.stop : 0));
+      surroundings.show(time, Math.max(0, ...stops.filter(Number.isFinite)));
+    }
     for (const c of this.#cases) {
       const { nominal, real, trail, stop, line } = this.#armOf(c);
       const poseAt = (at) => {

@@ -2,6 +2,7 @@ import {
   Box3,
   BoxGeometry,
   BufferGeometry,
+  CylinderGeometry,
   DoubleSide,
   EdgesGeometry,
   Group,
@@ -43,6 +44,8 @@ export class Surroundings {
         return this.#makeHalfSpace(obstacle, ball);
       case 'moving_sphere':
         return this.#makeMovingSphere(obstacle);
+      case 'person':
+        return this.#makePerson(run, obstacle, where);
       case 'map':
         return obstacle.centres ? this.#makeMap(run, obstacle, where) : new Group();
       default: {
@@ -77,6 +80,48 @@ export class Surroundings {
     this.#moving.push((time) => ball.position.copy(positionAt(waypoints, repeats, time)));
     const way = new BufferGeometry().setFromPoints(waypoints.map(([, ...place]) => new Vector3(...place)));
     return new Group().add(ball, this.#line(new Line(way), 0.55));
+  }
+
+  /** The person where it is, and pale where it can be when the arm's backup stop has ended. */
+  #makePerson(run, { capsules, waypoints, repeats, unseen, ...person }, where) {
+    const body = new Group();
+    const shells = [];
+    capsules.forEach((capsule, i) => {
+      const shape = { type: 'capsule', ...capsule };
+      const { geometry, position, orientation } = readShape(run, shape, `${where}.capsules[${i}]`);
+      const mesh = this.#fill(geometry, 0.7);
+      const shell = new Group();
+      const length = new Vector3(...capsule.to).distanceTo(new Vector3(...capsule.from));
+      const [ball, rod] = [new SphereGeometry(1, 24, 16), new CylinderGeometry(1, 1, 1, 24, 1, true)];
+      const ends = [ball, ball].map((end, k) => {
+        const part = this.#fill(end, 0.09);
+        part.position.y = (k - 0.5) * length;
+        return part;
+      });
+      const middle = this.#fill(rod, 0.09);
+      middle.visible = length > 0;
+      shell.add(...ends, middle);
+      for (const part of [mesh, shell]) {
+        part.position.copy(position);
+        part.quaternion.copy(orientation);
+      }
+      body.add(mesh);
+      const resize = (radius) => {
+        for (const end of ends) end.scale.setScalar(radius);
+        middle.scale.set(radius, length || 1, radius);
+      };
+      shells.push({ shell, radius: capsule.radius, resize });
+    });
+    const reach = new Group().add(...shells.map(({ shell }) => shell));
+    this.#moving.push((time, stop_s) => {
+      body.position.copy(positionAt(waypoints, repeats, time));
+      const absence = unseen.find(([from, to]) => time >= from && time < to);
+      const seen = absence ? absence[0] : time;
+      reach.position.copy(positionAt(waypoints, repeats, seen - person.latency_s));
+      const grown = person.error_m + person.speed_mps * (time - seen + person.latency_s + stop_s);
+      for (const { radius, resize } of shells) resize(radius + grown);
+    });
+    return new Group().add(body, reach);
   }
 
   /** Cubes, with the arm seen through the foremost of them. */
@@ -115,9 +160,9 @@ export class Surroundings {
     for (const material of [...this.#fills, ...this.#lines]) material.color.set(colour);
   }
 
-  /** Moves what moves to where it is at a time. */
-  show(time) {
-    for (const move of this.#moving) move(time);
+  /** Moves what moves to where it is at a time. @param {number} stop_s how long the arm's backup stop takes then */
+  show(time, stop_s = 0) {
+    for (const move of this.#moving) move(time, stop_s);
   }
 
   /** The part of a box [Box3] that obstacles are in that have an end. */

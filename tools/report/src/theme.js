@@ -16,7 +16,7 @@ const LIGHT = {
   obstacle: '#a58a63',
   forbidden: 0.055, // how strongly the place beyond a limit is tinted
   cases: ['#0072b2', '#d55e00', '#00966c', '#bb5a93', '#b47c00', '#41a1de', '#6a5d00', '#46515e'],
-  limits: { position: '#5c86f7', velocity: '#f2a900', acceleration: '#f2600c', jerk: '#d0267c', torque: '#6b4fbb', clearance: '#0f8f7a', speed: '#8a6a4f' },
+  limits: { position: '#5c86f7', velocity: '#f2a900', acceleration: '#f2600c', jerk: '#d0267c', torque: '#6b4fbb', clearance: '#0f8f7a', speed: '#8a6a4f', separation: '#c23b3b' },
   status: { 2: '#9aa4b0', 3: '#c9d0d8', 4: '#c11b17', 5: '#10161d' },
 };
 const DARK = {
@@ -35,7 +35,7 @@ const DARK = {
   obstacle: '#b39a72',
   forbidden: 0.1,
   cases: ['#4ba6e6', '#ff8746', '#2cc499', '#e39ac6', '#eeb02a', '#a2daff', '#e4dc6a', '#c2ccd7'],
-  limits: { position: '#7b9dff', velocity: '#ffb829', acceleration: '#ff7429', jerk: '#f0559f', torque: '#a98bff', clearance: '#35c9ae', speed: '#c49a78' },
+  limits: { position: '#7b9dff', velocity: '#ffb829', acceleration: '#ff7429', jerk: '#f0559f', torque: '#a98bff', clearance: '#35c9ae', speed: '#c49a78', separation: '#ff7f7f' },
   status: { 2: '#77828f', 3: '#48525d', 4: '#ff5c52', 5: '#ffffff' },
 };
 const STORE = 'viable-theme';

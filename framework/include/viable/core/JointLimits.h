@@ -15,12 +15,13 @@ enum class LimitKind : unsigned char {
     Velocity,
     Acceleration,
     Jerk,
-    Torque,     ///< of the motors, now or along the stop
-    Clearance,  ///< from obstacles, or of the links from each other; acts as a lower limit
-    Speed,      ///< of the arm's points, see SpeedLimits; acts as an upper limit
+    Torque,      ///< of the motors, now or along the stop
+    Clearance,   ///< from obstacles, or of the links from each other; acts as a lower limit
+    Speed,       ///< of the arm's points, see SpeedLimits; acts as an upper limit
+    Separation,  ///< from people; acts as an upper limit
 };
 
-inline constexpr int kLimitKinds = static_cast<int>(LimitKind::Speed) + 1;
+inline constexpr int kLimitKinds = static_cast<int>(LimitKind::Separation) + 1;
 
 /** Which side of a limit acts. */
 enum class LimitSide : signed char { Lower = -1, Neither = 0, Upper = 1 };

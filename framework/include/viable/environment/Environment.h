@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "viable/config/ConfigNode.h"
+#include "viable/environment/People.h"
 
 namespace viable {
 
@@ -57,6 +58,8 @@ struct Environment {
     std::vector<Solid> solids;
     std::vector<MovingSphere> spheres;
     std::optional<MapChoice> map;
+    /** Who may come near. Not part of Surroundings: what is seen of them comes over a PeopleFeed. */
+    std::vector<Person> people;
     double safetyDistance_m = 0.02;  ///< smallest clearance that must be kept
     double fieldCell_m = 0.02;       ///< spacing of the nodes of the distance field around a map
 

@@ -63,6 +63,7 @@ public:
     bool guaranteesLimits() const override { return true; }
     bool guaranteesClearance() const override;
     bool guaranteesSpeed() const override;
+    bool guaranteesSeparation() const override;
     bool recovers() const override;
     bool changeLimits(const JointLimits& limits) override;
     void skipTicks(std::int64_t ticks) override;

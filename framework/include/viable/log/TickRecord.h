@@ -66,6 +66,7 @@ struct TickRecord {
     StopVerdict verdict = StopVerdict::Safe;
     Clearance clearance;           ///< as the filter sees it, along the tick and the stop
     ArmSpeed speed;                ///< the same
+    Separation separation;         ///< the same
     double mapAge_s = 0.0;         ///< of the surroundings that the filter went by
     JointLimits limits;            ///< of the nominal plant, in force in this tick
     bool braking = false;          ///< the arm follows the host's own stop, not the command

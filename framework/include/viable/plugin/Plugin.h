@@ -15,6 +15,7 @@ inline constexpr double kShortestTick_s = 1e-5;
 inline constexpr double kLongestTick_s = 0.1;
 
 struct ArmGeometry;
+class PeopleFeed;
 class SurroundingsFeed;
 
 /** What every plugin is told before the run. Lives as long as the plugin. */
@@ -32,6 +33,8 @@ struct RunSetup {
     /** What stands around it; null: nothing. One plugin of a run may take from it: the safety filter; the
     controller, which is asked in the same thread, may view what it took. */
     SurroundingsFeed* surroundings = nullptr;
+    /** Who may come near; null: nobody. One safety filter of a run may take from it. */
+    PeopleFeed* people = nullptr;
 
     /** Ticks from a torque to the motors of the real plant; 0 where there is none, or for the plant itself. */
     int delayTicks = 0;

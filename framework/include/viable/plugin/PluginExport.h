@@ -20,7 +20,7 @@ namespace viable {
 config/, qp/, braking/, robot/, environment/ and plugin/, and what plugins may build on in filter/ and simulation/. A
 test
 compares with the record of this version (tools/scripts/record_interface.sh writes it). */
-inline constexpr std::uint32_t kPluginInterfaceVersion = 10;
+inline constexpr std::uint32_t kPluginInterfaceVersion = 11;
 
 inline constexpr std::uint64_t kPluginMagic = 0x76696162'6c652031ull;  // "viable 1"
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <limits>
 
 #include "viable/braking/GridStop.h"
@@ -35,6 +36,27 @@ struct ArmSpeed {
     int link = -1;                                           ///< index into ArmGeometry::links; -1: the tool frame
 };
 
+/** What was wrong with what was seen of people, so far; each is answered by braking, as far as it matters. */
+struct PeopleFaults {
+    std::int64_t appeared = 0;  ///< people who were not known of before
+    std::int64_t faster = 0;    ///< observations farther away from the one before than the person can have come
+    std::int64_t lost = 0;      ///< times that someone who was seen was not any more
+    std::int64_t refused = 0;   ///< observations that could not be used
+    int last = -1;              ///< whose fault was the last one: index into PeopleFeed::people()
+};
+
+/** How far the arm, on the way through a tick and the stop after it, keeps from where people may be by then. */
+struct Separation {
+    bool isKnown = false;  ///< false: nobody has looked
+    /** Nobody can be touched by what is too fast for it. False: people came nearer than they could have, and the arm
+    brakes. */
+    bool isKept = true;
+    double margin = std::numeric_limits<double>::infinity();  ///< lower bound, when the stop was chosen [m]
+    int link = -1, person = -1;  ///< of it: index into ArmGeometry::links, PeopleFeed::people()
+    double age_s = 0.0;          ///< of the oldest observation that counts
+    PeopleFaults faults;
+};
+
 /** What a filter is given in a tick. The host sees to it that all of it is finite and of the right size. */
 struct FilterInput {
     const MotionState& nominal;  ///< the nominal arm's state
@@ -65,6 +87,7 @@ struct FilterDecision {
     Clearance clearance;    ///< of a filter that keeps one
     double mapAge_s = 0.0;  ///< age of the surroundings that the filter went by
     ArmSpeed speed;         ///< of a filter that keeps speed limits
+    Separation separation;  ///< of a filter that keeps apart from people
 
     // All else is left as it is.
     void holdJerk(const JointVector& jerk) {
@@ -104,6 +127,10 @@ public:
 
     /** True when that guarantee includes RobotDescription::speedLimits for the nominal arm. Valid after configure(). */
     virtual bool guaranteesSpeed() const;
+
+    /** True when that guarantee includes that nobody of RunSetup::people is touched by a point of the nominal arm that is
+    faster than the person's contact speed, as long as observations are what Person says of them. Valid after configure(). */
+    virtual bool guaranteesSeparation() const;
 
     /** True when configure() accepted to recover from a start outside the limits, or inside but
     without a stop that stays there; the host refuses such a start otherwise. Valid after configure(). */

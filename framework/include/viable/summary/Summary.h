@@ -220,6 +220,33 @@ struct Speeds {
     std::optional<SpeedRecord> real;  ///< its true state, where the plant knows it
 };
 
+/** How an arm kept apart from the people of a run, as they truly walked: in the rows and half-way between them. */
+struct SeparationRecord {
+    std::int64_t ticks = 0;
+    std::int64_t touchedTicks = 0;  ///< somebody was touched, at whatever speed
+    std::int64_t tooFastTicks = 0;  ///< and by a point faster than that person's contact speed
+    /** Of these, those by people who keep to what is said of them: none faster than stated, and seen from the start on. */
+    std::int64_t guiltyTicks = 0;
+    std::optional<double> firstTooFast_s;
+    double fastestTouch = 0.0;  ///< fastest point of what touched somebody [m/s]
+    /** Least gap between a person and a part of the arm that was faster than the person may be touched at [m]; infinite: there
+    was none. */
+    double protective = std::numeric_limits<double>::infinity();
+    double protective_s = 0.0;  ///< when
+    std::string part, person;   ///< of it, or of the first contact that was too fast
+};
+/** Slower points of the nominal arm, of the real one, are at rest [m/s]. */
+inline constexpr double kNominalRest = 1e-6, kRealArmRest = 0.01;
+
+/** Of the arms of a run with people near. */
+struct Separations {
+    SeparationRecord nominal;
+    std::optional<SeparationRecord> real;  ///< its true state, where the plant knows it
+    double resting_s = 0.0;                ///< the nominal arm stood still because of people
+    PeopleFaults faults;                   ///< as the filter found them
+    std::string lastFault;                 ///< of whom
+};
+
 /** An arm that was asked to move and stood on its backup stop (FilterStatus::StoppedByPlan), at rest, in one go for
 kLongStandstill_s or more. */
 struct StandstillRecord {
@@ -246,6 +273,7 @@ public:
 
     void setCollisions(Collisions collisions) { collisions_ = std::move(collisions); }
     void setSpeeds(Speeds speeds) { speeds_ = std::move(speeds); }
+    void setSeparations(Separations separations) { separations_ = std::move(separations); }
 
     static constexpr int kQuantities = 4;  ///< position, velocity, acceleration, jerk: LimitKind 1..4
     /** Per quantity (LimitKind Position..Jerk), one entry per joint. */
@@ -308,6 +336,7 @@ public:
     const std::optional<Collisions>& collisions() const { return collisions_; }
     /** Of a run with speed limits. */
     const std::optional<Speeds>& speeds() const { return speeds_; }
+    const std::optional<Separations>& separations() const { return separations_; }
     const StandstillRecord& standstill() const { return standstill_; }
 
     bool hasRealPlant() const { return hasRealPlant_; }
@@ -412,6 +441,7 @@ private:
     bool broken_ = false;
     std::optional<Collisions> collisions_;
     std::optional<Speeds> speeds_;
+    std::optional<Separations> separations_;
     StandstillRecord standstill_;
     std::int64_t standingTicks_ = 0;  ///< in a row
     double standingSince_s_ = 0.0;

@@ -1,4 +1,4 @@
-const KINDS = ['position', 'velocity', 'acceleration', 'jerk', 'torque', 'clearance', 'speed'];
+const KINDS = ['position', 'velocity', 'acceleration', 'jerk', 'torque', 'clearance', 'speed', 'separation'];
 
 /** Which limit acts on each joint: "jerk_upper", ..., or null. */
 export const limitsOf = (frame) =>

@@ -1,0 +1,125 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "viable/config/ConfigNode.h"
+
+namespace viable {
+
+/** How many people, and capsules of each, an arm can keep apart from. */
+inline constexpr int kMaxPeople = 16, kMaxPersonCapsules = 8;
+
+/** A part of a person: all points within `radius` of the segment from a to b (a ball where they are the same). */
+struct PersonCapsule {
+    Eigen::Vector3d a = Eigen::Vector3d::Zero(), b = Eigen::Vector3d::Zero();  ///< [m]
+    double radius = 0.0;                                                       ///< > 0 [m]
+};
+
+/** A person near the arm, or a part of one that is faster than the rest, such as a hand: what is known of it before it is
+seen, and for tests how it walks about. */
+struct Person {
+    std::string name;
+    double maxSpeed = 1.6;  ///< none of its points is ever faster [m/s]; 1.6 walking, 2 a hand (ISO 13855)
+    /** An observation tells where the person was at some time from so much before its stamp up to it [s]. */
+    double latency_s = 0.0;
+    double error_m = 0.0;  ///< and is wrong by no more than this [m]
+    /** Points of the arm may touch the person at this speed [m/s]; 0: what it can touch must rest before. */
+    double contactSpeed = 0.0;
+
+    struct Waypoint {
+        double time_s = 0.0;                                 ///< rising
+        Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< base frame [m]
+    };
+    /** Times in which nothing sees the person [s]. */
+    struct Absence {
+        double from_s = 0.0, to_s = 0.0;
+    };
+    std::vector<PersonCapsule> capsules;  ///< of a scripted person, from its place on the walk
+    /** Straight and at constant speed from one to the next; at rest before the first and after the last. Empty: not scripted,
+    and seen only where somebody else puts it into the PeopleFeed. */
+    std::vector<Waypoint> walk;
+    bool repeats = false;
+    std::vector<Absence> unseen;
+
+    Eigen::Vector3d calcPlace(double t) const;  ///< on the walk [m]
+    bool isSeen(double t) const;
+};
+
+/** Checks what was filled in code. Throws Error (BadInput) that names every person with a number that cannot be.
+@param where  for the message */
+void checkPeople(const std::vector<Person>& people, const std::string& where);
+
+/** Reads a `people` block:
+
+    ann:
+      capsules: [{from_m: [0, 0, 0], to_m: [0, 0, 1.5], radius_m: 0.25}, {from_m: [0.3, 0, 1.1], radius_m: 0.1}]
+      walk: [{time_s: 0, xyz: [2, 0, 0]}, {time_s: 4, xyz: [0.9, 0, 0]}]
+      max_speed_mps: 1.6
+      latency_s: 0.05
+      error_m: 0.02
+      contact_speed_mps: 0
+
+Throws Error (BadInput) with the place. */
+std::vector<Person> readPeople(const ConfigNode& block);
+
+/** What was seen of one person. */
+struct PersonObservation {
+    enum class Kind : unsigned char {
+        Unseen,  ///< nothing: the person may have gone anywhere since it was seen last
+        Seen,
+        Gone,  ///< it is known to be far away, and is forgotten until it is seen again
+    };
+    Kind kind = Kind::Unseen;
+    double stamp_s = 0.0;                                    ///< in the time of the run
+    int count = 0;                                           ///< of capsules
+    std::array<PersonCapsule, kMaxPersonCapsules> capsules;  ///< base frame
+};
+
+/** All that was seen at one time; people by their indices. */
+struct PeopleObservation {
+    std::array<PersonObservation, kMaxPeople> people;
+    std::int64_t version = 0;  ///< 0: nothing has been seen yet; the feed counts
+    std::int64_t refused = 0;  ///< observations of persons that could not be used, so far
+    int lastRefused = -1;      ///< whose
+};
+
+/** What a sensor without error would see at time t of the people that have a walk; allocates nothing. */
+void observeWalks(const std::vector<Person>& people, double t, PeopleObservation& seen);
+
+/** Hands what is seen of people from the thread that sees them to the one that moves the arm, without lock or wait on either
+side: of several observations the newest. One thread each. */
+class PeopleFeed {
+public:
+    /** @param people  who may come, not more than kMaxPeople. Throws Error (BadInput), see checkPeople(). */
+    explicit PeopleFeed(std::vector<Person> people);
+    ~PeopleFeed();
+    PeopleFeed(const PeopleFeed&) = delete;
+    PeopleFeed& operator=(const PeopleFeed&) = delete;
+
+    const std::vector<Person>& people() const { return people_; }
+
+    /** The thread that sees. What cannot be used counts as unseen and as refused: numbers that are not finite or farther away
+    than 1 km, radii that are not above 0, no capsule or more than there is room for, a person that is not among people().
+    Allocates nothing. @return  how many persons were refused */
+    int put(const PeopleObservation& seen);
+
+    /** Reserves take() for the caller; false when it is reserved already. */
+    bool claim() { return !isClaimed_.exchange(true); }
+    void release() { isClaimed_ = false; }
+    /** The arm's thread: the newest, valid until the next call. Real time. */
+    const PeopleObservation& take();
+
+private:
+    struct Slots;
+    std::vector<Person> people_;
+    std::unique_ptr<Slots> slots_;
+    std::atomic<bool> isClaimed_{false};
+};
+
+}  // namespace viable

@@ -1,0 +1,60 @@
+#include <cmath>
+
+#include "core/LatestValue.h"
+#include "viable/environment/People.h"
+
+namespace viable {
+
+namespace {
+
+constexpr double kFarthestSeen_m = 1000.0;
+
+bool isUsable(const PersonObservation& seen) {
+    if (!std::isfinite(seen.stamp_s) || seen.count < 1 || seen.count > kMaxPersonCapsules) return false;
+    for (int k = 0; k < seen.count; ++k) {
+        const PersonCapsule& capsule = seen.capsules[static_cast<std::size_t>(k)];
+        const bool isNear =
+            capsule.a.cwiseAbs().maxCoeff() <= kFarthestSeen_m && capsule.b.cwiseAbs().maxCoeff() <= kFarthestSeen_m;
+        if (!(capsule.a.allFinite() && capsule.b.allFinite() && isNear)) return false;
+        if (!(capsule.radius > 0.0 && capsule.radius <= kFarthestSeen_m)) return false;
+    }
+    return true;
+}
+
+}  // namespace
+
+struct PeopleFeed::Slots {
+    LatestValue<PeopleObservation> latest;
+    PeopleObservation next;  ///< the putting thread's
+};
+
+PeopleFeed::PeopleFeed(std::vector<Person> people) : people_(std::move(people)), slots_(std::make_unique<Slots>()) {
+    checkPeople(people_, "PeopleFeed");
+}
+
+PeopleFeed::~PeopleFeed() = default;
+
+int PeopleFeed::put(const PeopleObservation& seen) {
+    PeopleObservation& next = slots_->next;
+    next.people = seen.people;
+    int refused = 0;
+    for (std::size_t i = 0; i < next.people.size(); ++i) {
+        PersonObservation& one = next.people[i];
+        if (one.kind == PersonObservation::Kind::Unseen) continue;
+        const bool isKnown = i < people_.size();
+        if (isKnown && (one.kind == PersonObservation::Kind::Gone || isUsable(one))) continue;
+        one.kind = PersonObservation::Kind::Unseen;
+        next.lastRefused = isKnown ? static_cast<int>(i) : -1;
+        ++refused;
+    }
+    next.refused += refused;
+    ++next.version;
+    slots_->latest.write(next);
+    return refused;
+}
+
+const PeopleObservation& PeopleFeed::take() {
+    return slots_->latest.read();
+}
+
+}  // namespace viable

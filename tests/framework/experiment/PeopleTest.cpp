@@ -1,0 +1,103 @@
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "CaseSupport.h"
+#include "ExpectContains.h"
+#include "log/LogReader.h"
+
+namespace viable {
+namespace {
+
+using test::catchError;
+using test::expectContains;
+using test::kOneJoint;
+using test::readTestExperiment;
+using test::TemporaryFolder;
+
+/** Somebody who walks to the arm and stays beside it. */
+constexpr char kAnn[] =
+    "environment={people: {ann: {capsules: [{from_m: [0, 0, -1], to_m: [0, 0, 1], radius_m: 0.2}], latency_s: 0.02, "
+    "walk: "
+    "[{time_s: 0, xyz: [2, 0, 0]}, {time_s: 1, xyz: [0.6, 0, 0]}]}}}";
+
+TEST(PeopleKeys, AreReadAndStandInTheResolvedFile) {
+    const Experiment e = readTestExperiment(kOneJoint, {kAnn});
+    const CasePlan& plan = e.cases.front();
+    ASSERT_TRUE(plan.environment);
+    ASSERT_EQ(plan.environment->people.size(), 1u);
+    EXPECT_EQ(plan.environment->people[0].latency_s, 0.02);
+    EXPECT_TRUE(plan.geometry);
+    const std::string text = writeConfig(plan.resolved);
+    EXPECT_EQ(writeConfig(readTestExperiment(text).cases.front().resolved), text);
+    expectContains(catchError([] { readTestExperiment(kOneJoint, {"environment={people: {ann: {speed: 1}}}"}); }),
+                   {"environment.people.ann", "capsules"});
+}
+
+// A run: with whole_arm_braking nobody is touched too fast, and it is logged and told; with a law that knows nobody it is counted.
+TEST(PeopleKeys, ARunJudgesThem) {
+    const TemporaryFolder folder;
+    const auto run = [&](const char* filter, const char* log) {
+        const Experiment e = readTestExperiment(kOneJoint, {std::string("filter=") + filter, kAnn});
+        RunOptions options;
+        options.log = folder / log;
+        return runCase(configureCase(e.cases.front()), options);
+    };
+    const CaseResult kept = run("{plugin: whole_arm_braking}", "run.mcap");
+    ASSERT_TRUE(kept.summary.separations());
+    EXPECT_EQ(kept.exitCode(), 0) << formatDetails(kept);
+    EXPECT_TRUE(kept.guaranteesSeparation);
+    const Separations& people = *kept.summary.separations();
+    EXPECT_EQ(people.nominal.tooFastTicks, 0);
+    EXPECT_GT(people.nominal.protective, 0.0);
+    EXPECT_GT(people.resting_s, 0.1);
+    EXPECT_EQ(people.faults.appeared + people.faults.faster + people.faults.lost + people.faults.refused, 0);
+    expectContains(formatDetails(kept), {"nobody touched too fast", "and separation from people", "from ann", "link1"});
+    LogReader reader(folder / "run.mcap");
+    EXPECT_TRUE(reader.layout().hasPeople);
+    TickRecord record;
+    bool acts = false;
+    while (reader.read(record)) {
+        EXPECT_TRUE(record.separation.isKnown);
+        EXPECT_TRUE(record.separation.isKept);
+        EXPECT_GT(record.separation.margin, 0.0);
+        acts |= record.joints[0].limit == LimitKind::Separation;
+    }
+    EXPECT_TRUE(acts);
+
+    const CaseResult blind = run("{plugin: certified_braking}", "blind.mcap");
+    ASSERT_TRUE(blind.summary.separations());
+    EXPECT_FALSE(blind.guaranteesSeparation);
+    EXPECT_GT(blind.summary.separations()->nominal.tooFastTicks, 50);
+    EXPECT_EQ(blind.exitCode(), 0) << "nobody guaranteed it";
+    expectContains(formatDetails(blind), {"no separation from people", "touched ann while it was too fast"});
+    const nlohmann::json json = nlohmann::json::parse(writeSummaryJson({}, {}, {blind}))["cases"][0];
+    EXPECT_GT(json["people"]["nominal"]["ticks_too_fast"], 50);
+    EXPECT_EQ(json["people"]["nominal"]["person"], "ann");
+    EXPECT_EQ(json["guarantees_separation"], false);
+}
+
+// Faults of who is seen are braked for, counted and named.
+TEST(PeopleKeys, WhoComesFromNowhereIsNamed) {
+    const auto run = [](const std::string& person) {
+        const Experiment e = readTestExperiment(
+            kOneJoint, {"filter={plugin: whole_arm_braking}", "environment={people: {ann: " + person + "}}"});
+        return runCase(configureCase(e.cases.front()), {});
+    };
+    const std::string body = "capsules: [{from_m: [0, 0, -1], to_m: [0, 0, 1], radius_m: 0.2}], ";
+    const CaseResult fast = run("{" + body + "walk: [{time_s: 0.5, xyz: [3, 0, 0]}, {time_s: 1, xyz: [0.5, 0, 0]}]}");
+    EXPECT_GT(fast.summary.separations()->faults.faster, 0);
+    EXPECT_EQ(fast.summary.separations()->nominal.guiltyTicks, 0);
+    EXPECT_EQ(fast.exitCode(), 0);
+    expectContains(formatDetails(fast), {"faster than stated", "last of ann"});
+    const CaseResult lost = run("{" + body + "walk: [{time_s: 0, xyz: [3, 0, 0]}], unseen: [{from_s: 0.2, to_s: 9}]}");
+    EXPECT_EQ(lost.summary.separations()->faults.lost, 1);
+    EXPECT_GT(lost.summary.separations()->resting_s, 0.1) << "she may have come near since";
+    const CaseResult came =
+        run("{" + body + "walk: [{time_s: 0, xyz: [0.6, 0, 0]}], unseen: [{from_s: 0, to_s: 0.4}]}");
+    EXPECT_EQ(came.summary.separations()->faults.appeared, 1);
+    EXPECT_EQ(came.exitCode(), 0);
+}
+
+}  // namespace
+}  // namespace viable

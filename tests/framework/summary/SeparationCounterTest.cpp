@@ -1,0 +1,84 @@
+#include "summary/SeparationCounter.h"
+
+#include <gtest/gtest.h>
+
+#include "Paths.h"
+
+namespace viable {
+namespace {
+
+/** The tool of a resting Indy7 as a ball that somebody walks into, at 1 m/s from x = from. */
+Person makeVisitor(double from, double maxSpeed, double contactSpeed) {
+    Person person;
+    person.name = "ann";
+    person.maxSpeed = maxSpeed;
+    person.contactSpeed = contactSpeed;
+    person.capsules = {{Eigen::Vector3d(0, 0, -1), Eigen::Vector3d(0, 0, 1), 0.25}};
+    person.walk = {{0.0, {from, 0, 0}}, {2.0, {from - 2.0, 0, 0}}};
+    return person;
+}
+
+Separations judge(const Person& person, double velocity) {
+    const RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/indy7");
+    const ArmGeometry geometry = loadArmGeometry(robot);
+    detail::SeparationCounter counter(robot, geometry, {person}, false);
+    TickRecord row;
+    row.nominal.q = robot.home;
+    row.nominal.qd = JointVector::Zero(robot.size());
+    row.separation.isKnown = true;
+    row.separation.faults.last = 0;
+    row.joints[0].limit = LimitKind::Separation;
+    for (int k = 0; k < 2000; ++k) {
+        row.time_s = 1e-3 * k;
+        row.nominal.qd[5] = velocity;
+        row.nominal.q[5] = velocity * row.time_s;
+        counter.add(row);
+    }
+    counter.addEnd({row.nominal.q, row.nominal.qd, row.nominal.qd}, 2.0);
+    return counter.separations();
+}
+
+TEST(SeparationCounter, WhatRestsMayBeTouched) {
+    const Separations found = judge(makeVisitor(2.0, 1.6, 0.0), 0.0);
+    EXPECT_GT(found.nominal.touchedTicks, 300);
+    EXPECT_EQ(found.nominal.tooFastTicks, 0);
+    EXPECT_EQ(found.nominal.fastestTouch, 0.0);
+    EXPECT_NEAR(found.resting_s, 2.0, 0.01);
+    EXPECT_EQ(found.lastFault, "ann");
+}
+
+TEST(SeparationCounter, WhatMovesMayNot) {
+    const Separations found = judge(makeVisitor(2.0, 1.6, 0.0), 0.5);
+    EXPECT_GT(found.nominal.tooFastTicks, 100);
+    EXPECT_EQ(found.nominal.guiltyTicks, found.nominal.tooFastTicks);
+    EXPECT_LE(found.nominal.protective, 0.0);
+    EXPECT_EQ(found.nominal.person, "ann");
+    EXPECT_EQ(found.nominal.part, "link6");
+    ASSERT_TRUE(found.nominal.firstTooFast_s);
+    EXPECT_EQ(found.resting_s, 0.0);
+    // Slow enough to be touched at.
+    const Separations slow = judge(makeVisitor(2.0, 1.6, 0.5), 0.5);
+    EXPECT_GT(slow.nominal.touchedTicks, 100);
+    EXPECT_EQ(slow.nominal.tooFastTicks, 0);
+    EXPECT_GT(slow.nominal.fastestTouch, 0.01);
+}
+
+TEST(SeparationCounter, WhoIsFasterThanStatedIsNotTheArmsFault) {
+    const Separations fast = judge(makeVisitor(2.0, 0.9, 0.0), 0.5);
+    EXPECT_GT(fast.nominal.tooFastTicks, 100);
+    EXPECT_EQ(fast.nominal.guiltyTicks, 0);
+    Person late = makeVisitor(2.0, 1.6, 0.0);
+    late.unseen = {{0.0, 0.1}};
+    EXPECT_EQ(judge(late, 0.5).nominal.guiltyTicks, 0) << "nobody knew of her";
+}
+
+TEST(SeparationCounter, TheLeastGap) {
+    const Separations found = judge(makeVisitor(4.0, 1.6, 0.0), 0.5);
+    EXPECT_EQ(found.nominal.touchedTicks, 0);
+    EXPECT_GT(found.nominal.protective, 0.5);
+    EXPECT_LT(found.nominal.protective, 3.0);
+    EXPECT_NEAR(found.nominal.protective_s, 2.0, 1e-3) << "when she is nearest";
+}
+
+}  // namespace
+}  // namespace viable
