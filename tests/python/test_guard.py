@@ -338,7 +338,8 @@ class References(unittest.TestCase):
         guard = viable.ReferenceGuard(robot, between="hold", velocity_filter=np.inf)
         with self.assertRaisesRegex(viable.InputError, r"ReferenceGuard.start: qd: the array has shape \(2,\)"):
             guard.start(robot.home, [0, 0])
-        self.assertTrue(np.isnan(guard.step().q).all())
+        with self.assertRaisesRegex(viable.InputError, r"ReferenceGuard.step: start\(\) has not been called"):
+            guard.step()
         self.assertEqual(guard.status, "not_started")
         guard.start(robot.home)
         guard.step(np.full(6, np.nan))

@@ -55,6 +55,13 @@ py::tuple makeState(const MotionState& state) {
         .attr("State")(makeArray(state.q), makeArray(state.qd), makeArray(state.qdd));
 }
 
+/** Numbers of a guard that has not begun are no torque and no reference: whoever sends them on is to hear of it. */
+void expectStarted(GuardStatus status, const char* guard) {
+    if (status == GuardStatus::NotStarted)
+        throw badInput(std::string(guard) + ".step", "start() has not been called, or its start was refused",
+                       "Call start(q) with where the arm is first.");
+}
+
 class PythonGuard {
 public:
     PythonGuard(const std::shared_ptr<PythonRobot>& robot, double tick, const py::object& limits, double kAlpha,
@@ -104,6 +111,7 @@ public:
             take(reading, push, [&](const MotionState&, const Dynamics&, JointVector& out) { out = given; });
         }
         if (thrown) keep(thrown);
+        expectStarted(answer_.status, "Guard");
         return makeArray(torque_);
     }
 
@@ -170,6 +178,7 @@ public:
     py::tuple step(const py::object& target) {
         answer_ =
             target.is_none() ? guard_->step() : guard_->step(takeVector(target, n_, "ReferenceGuard.step: target"));
+        expectStarted(answer_.status, "ReferenceGuard");
         return makeState(answer_.state);
     }
 
