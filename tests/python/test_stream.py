@@ -1,6 +1,8 @@
 """Targets from Python over the command plugin stream."""
 
+import json
 import os
+import socket
 import subprocess
 import tempfile
 import time
@@ -80,10 +82,7 @@ class Streams(unittest.TestCase):
         home = viable.Robot("indy7").home
         process = self.start(seconds=4)
         with viable.Stream(self.name) as stream:
-            while not (self.folder / "run/arm.mcap").exists():
-                time.sleep(0.02)
-            before = stream.counts["taken"]
-            while stream.counts["taken"] < before + 3:
+            while stream.counts["taken"] == 0:  # the first one that is said to be taken is followed
                 stream.send(home + 0.1)
                 time.sleep(1 / 30)
         log = self.log_of(process)
@@ -120,7 +119,9 @@ class Streams(unittest.TestCase):
         process = self.start(seconds=1)
         with viable.Stream(self.name) as stream:
             for target, text in ((np.zeros(5), r"shape \(5,\).*shape \(6,\)"), (np.zeros((6, 1)), r"shape \(6, 1\)"),
-                                 (np.full(6, np.nan), "not finite"), ("x", "no array of numbers"), ([[1], 2, 3], "array of numbers")):
+                                 (np.full(6, np.nan), "not finite"), ("x", "no array of numbers"), ([[1], 2, 3], "array of numbers"),
+                                 (["0"] * 6, "no array of numbers"), (np.zeros(6, dtype=complex), "complex128.*no array of numbers"),
+                                 ([None] * 6, "no array of numbers"), (np.zeros(6, dtype="m8[s]"), "no array of numbers")):
                 with self.subTest(text), self.assertRaisesRegex(viable.InputError, text):
                     stream.send(target)
             stream.send(np.zeros(6, dtype=np.float32))
@@ -154,6 +155,72 @@ class Streams(unittest.TestCase):
         commands = self.log_of(process).joint_array("command", "q_rad")
         changes = (np.diff(commands, axis=0) != 0).any(axis=1).sum()
         self.assertLessEqual(changes, 1)  # it does not go to and fro between them
+
+    def test_one_after_the_other(self):
+        process = self.start(seconds=3)
+        home = viable.Robot("indy7").home
+        with viable.Stream(self.name) as first:
+            while first.counts["taken"] == 0:
+                first.send(home + 0.1)
+                time.sleep(1 / 30)
+        with viable.Stream(self.name) as second:
+            self.send_while_it_runs(process, second, lambda k: home + 0.2)
+            self.assertEqual(second.counts["busy"], 0)
+            self.assertGreater(second.counts["taken"], 0)
+        second.close()  # again: nothing
+        with self.assertRaisesRegex(viable.Error, "is closed"):
+            second.send(home)
+        commands = self.log_of(process).joint_array("command", "q_rad")
+        np.testing.assert_array_equal(commands[-1], home + 0.2)
+
+    def test_only_the_arm_can_answer(self):
+        process = self.start(seconds=100)
+        with viable.Stream(self.name) as stream, socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as foreign:
+            with self.assertRaises(OSError):
+                foreign.sendto(bytes(24), stream._socket.getsockname())
+        process.kill()
+
+    def test_answers_are_to_what_was_sent(self):
+        """An arm that answers anything: what is no answer to a message of this stream counts for nothing."""
+        runtime = self.use_runtime_folder()
+        folder = runtime / "viable"
+        folder.mkdir(mode=0o700)
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as arm:
+            arm.bind(str(folder / f"{self.name}.socket"))
+            arm.setblocking(False)
+            (folder / f"{self.name}.json").write_text(json.dumps({"token": "00" * 16, "version": 1, "space": "joint", "joints": ["a"]}))
+            with viable.Stream(self.name) as stream:
+                def answer(verdict, sequence, version=1):
+                    arm.sendto(_stream._ANSWER.pack(_stream._MAGIC, version, verdict, sequence, 0.5), client)
+
+                stream.send([0.0])
+                _, client = arm.recvfrom(1000)
+                for verdict, sequence, version in ((0, 3, 1), (0, 0, 1), (3, 2**64 - 1, 1), (0, 1, 2), (8, 1, 1)):
+                    answer(verdict, sequence, version)
+                stream.send([0.0])
+                self.assertEqual(sum(stream.counts.values()), 0)
+                for _ in range(3):
+                    answer(0, 2)
+                stream.send([0.0])
+                self.assertEqual(stream.counts["taken"], 1)
+                self.assertEqual(stream.age, 0.5)
+
+    def test_a_folder_that_others_can_enter_is_refused(self):
+        runtime = self.use_runtime_folder()
+        (runtime / "viable").mkdir()
+        (runtime / "viable").chmod(0o755)
+        with self.assertRaisesRegex(viable.Error, "no folder of this user alone.*chmod 700"):
+            viable.Stream(self.name, timeout=0)
+        (runtime / "viable").rmdir()
+        (runtime / "viable").symlink_to("/")
+        with self.assertRaisesRegex(viable.Error, "no folder of this user alone"):
+            viable.Stream(self.name, timeout=0)
+
+    def use_runtime_folder(self):
+        before = os.environ.get("XDG_RUNTIME_DIR")
+        os.environ["XDG_RUNTIME_DIR"] = str(self.folder)
+        self.addCleanup(lambda: os.environ.pop("XDG_RUNTIME_DIR") if before is None else os.environ.update(XDG_RUNTIME_DIR=before))
+        return self.folder
 
     def test_two_arms_of_one_name(self):
         process = self.start(seconds=100)

@@ -8,6 +8,7 @@
 
 #include "realtime/TickPacer.h"
 #include "viable/core/Error.h"
+#include "viable/live/RehearsedCommand.h"
 
 namespace viable {
 
@@ -73,7 +74,10 @@ void LiveSession::rehearse(const CasePlan& plan, int ticks) {
     nominal.robustLoop.reset();
     nominal.disturbances.reset();
     nominal.holdsOnReal = nominal.feedsExternalTorque = false;
-    RunningCase running(configureCase(nominal), {}, false);
+    std::unique_ptr<ConfiguredCase> configured = configureCase(nominal);
+    if (auto* const command = dynamic_cast<RehearsedCommand*>(configured->plugins.command.get()))
+        command->beginRehearsal();
+    RunningCase running(std::move(configured), {}, false);
     for (int k = 0; k < ticks && !running.loop().isStopping(); ++k) {
         running.showPeople();
         running.loop().tick(running.record());

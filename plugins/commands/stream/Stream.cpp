@@ -33,6 +33,11 @@ std::int64_t readMonotonicClock() {
     return now.tv_sec * 1'000'000'000 + now.tv_nsec;
 }
 
+/** Of doubles: whoever sends may write any number, and a difference of integers may overflow. */
+double calcAge_s(const TargetMessage& m, std::int64_t now_ns) {
+    return 1e-9 * (static_cast<double>(now_ns) - static_cast<double>(m.sent_ns));
+}
+
 /** In a time that does not depend on how much of it is right. */
 bool isSame(const TargetSocket::Token& a, const TargetSocket::Token& b) {
     unsigned different = 0;
@@ -89,23 +94,26 @@ void Stream::reset(const MotionState& start) {
     receiver_.reset(first_);
     sender_ = 0;
     sent_ns_ = received_ns_ = 0;
-    if (!socket_) {
-        socket_ = TargetSocket::open(name_);
-        socket_->describe(description_);
-    }
+    const bool isFirst = !socket_;
+    if (isFirst) socket_ = TargetSocket::open(name_);
     socket_->drain();
+    if (isFirst && !isRehearsal_) socket_->describe(description_);
 }
 
 TickStatus Stream::sample(double t, MotionCommand& out) {
     if (!(t >= 0.0) || !std::isfinite(t) || !socket_) return TickStatus::InvalidInput;
     bool isNew = false;
     TargetMessage message;
-    for (int k = 0; k < kMostMessages; ++k) {
+    for (int k = 0; k < kMostMessages && !isRehearsal_; ++k) {
         const std::ptrdiff_t size = socket_->receive(&message, sizeof message);
         if (size < 0) break;
         const std::int64_t now_ns = clock_();
         TargetAnswer answer;
         answer.verdict = judge(message, size, now_ns);
+        if (answer.verdict == TargetVerdict::Taken && message.kind == TargetMessage::Kind::Goodbye) {
+            sender_ = 0;
+            continue;
+        }
         if (answer.verdict == TargetVerdict::Taken) {
             take(message);
             received_ns_ = now_ns;
@@ -113,7 +121,7 @@ TickStatus Stream::sample(double t, MotionCommand& out) {
         }
         if (answer.verdict != TargetVerdict::Malformed) {
             answer.sequence = message.sequence;
-            answer.age_s = 1e-9 * static_cast<double>(now_ns - message.sent_ns);
+            answer.age_s = calcAge_s(message, now_ns);
         }
         socket_->answer(&answer, sizeof answer);
     }
@@ -124,13 +132,14 @@ TickStatus Stream::sample(double t, MotionCommand& out) {
 
 TargetVerdict Stream::judge(const TargetMessage& m, std::ptrdiff_t size, std::int64_t now_ns) const {
     if (size < static_cast<std::ptrdiff_t>(kTargetHeader) || m.magic != TargetMessage::kMagic ||
-        m.version != TargetMessage::kVersion || m.sender == 0 || m.count > kMaxJoints ||
-        size != static_cast<std::ptrdiff_t>(kTargetHeader + 8 * m.count))
+        m.version != TargetMessage::kVersion || m.sender == 0 || m.kind > TargetMessage::Kind::Goodbye ||
+        m.count > kMaxJoints || size != static_cast<std::ptrdiff_t>(kTargetHeader + 8 * m.count))
         return TargetVerdict::Malformed;
     if (!isSame(m.token, socket_->token())) return TargetVerdict::Token;
     const bool isMine = m.sender == sender_;
     if (sender_ != 0 && !isMine && 1e-9 * static_cast<double>(now_ns - received_ns_) < kSilent_s)
         return TargetVerdict::Busy;
+    if (m.kind == TargetMessage::Kind::Goodbye) return TargetVerdict::Taken;
     if (m.space != (isTool() ? TargetMessage::Space::Tool : TargetMessage::Space::Joint) ||
         static_cast<int>(m.count) != (isTool() ? TargetMessage::kToolNumbers : n_))
         return TargetVerdict::Space;
@@ -142,7 +151,7 @@ TargetVerdict Stream::judge(const TargetMessage& m, std::ptrdiff_t size, std::in
     }
     if (isMine && m.sent_ns <= sent_ns_) return TargetVerdict::Old;
     // A wrong clock: a time that is not yet would make each later one an old one.
-    const double age_s = 1e-9 * (static_cast<double>(now_ns) - static_cast<double>(m.sent_ns));
+    const double age_s = calcAge_s(m, now_ns);
     if (!(age_s <= 1e-9 * static_cast<double>(stale_ns_) && age_s >= -kFromFuture_s)) return TargetVerdict::Stale;
     return TargetVerdict::Taken;
 }

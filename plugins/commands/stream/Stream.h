@@ -6,6 +6,7 @@
 
 #include "StreamMessage.h"
 #include "TargetSocket.h"
+#include "viable/live/RehearsedCommand.h"
 #include "viable/plugin/CommandReceiver.h"
 
 namespace viable {
@@ -14,12 +15,13 @@ namespace viable {
 
 Method: all datagrams that have arrived are looked at in each tick; the newest good one is the target, and the program is
 answered what became of each. Between targets the command is what CommandReceiver makes of them. One program at a time: another
-one is refused until this one has been silent for kSilent_s.
+one is refused until this one has said goodbye, or has been silent for kSilent_s. A rehearsal opens the socket, so that another
+listener is told of in time; programs learn of it at the start of the run.
 Guarantees: finite commands, whatever arrives. Without fresh targets the command rests at the last one. Limits are kept by
 the filter, not here.
 Real time: no allocation, lock, wait or throw after reset(); a system call per tick, and two per message, kMostMessages at
 most. */
-class Stream : public CommandSource {
+class Stream : public RehearsedCommand {
 public:
     static constexpr double kSilent_s = 0.5;
     static constexpr int kMostMessages = 16;  ///< per tick
@@ -27,6 +29,7 @@ public:
     /** @param clock  CLOCK_MONOTONIC [ns]; empty: that one */
     explicit Stream(std::function<std::int64_t()> clock = {});
     void configure(const RunSetup& setup, const Parameters& parameters) override;
+    void beginRehearsal() noexcept override { isRehearsal_ = true; }
     void reset(const MotionState& start) override;
     MotionCommand::Space space() const override { return first_.space; }
     TickStatus sample(double t, MotionCommand& out) override;
@@ -40,6 +43,7 @@ private:
     std::string name_, description_;
     std::int64_t stale_ns_ = 0;
     int n_ = 0;
+    bool isRehearsal_ = false;
     MotionCommand first_;
     CommandReceiver receiver_;
     std::shared_ptr<TargetSocket> socket_;

@@ -7,12 +7,17 @@
 
 namespace viable {
 
-/** What a program sends over the socket, and what it is answered: little-endian, as all machines that this builds on. The same
+/** What a program sends over the socket, and what it is answered: little-endian, as all machines that this builds on. Answers go
+to a socket of an abstract address (bind() with the family alone) and to no other: a path would be looked up in the tick. The same
 numbers stand in tools/python/viable/_stream.py. */
 struct TargetMessage {
     static constexpr std::uint32_t kMagic = 0x52545356;  // "VSTR"
     static constexpr std::uint16_t kVersion = 1;
     enum class Space : std::uint16_t { Joint, Tool };
+    enum class Kind : std::uint32_t {
+        Target,
+        Goodbye,  ///< the last one of its sender: another program is heard at once; without numbers, not answered
+    };
     static constexpr int kToolNumbers = 7;  // position [m], quaternion w x y z
 
     std::uint32_t magic = kMagic;
@@ -23,7 +28,7 @@ struct TargetMessage {
     std::uint64_t sequence = 0;  ///< rising
     std::int64_t sent_ns = 0;    ///< CLOCK_MONOTONIC, which all programs of a computer share
     std::uint32_t count = 0;     ///< of the numbers that follow: only these are sent
-    std::uint32_t unused = 0;
+    Kind kind = Kind::Target;
     std::array<double, kMaxJoints> numbers{};
 };
 inline constexpr std::size_t kTargetHeader = 56;
@@ -32,7 +37,7 @@ static_assert(sizeof(TargetMessage) == kTargetHeader + 8 * kMaxJoints, "no gaps"
 /** What became of a target. */
 enum class TargetVerdict : std::uint16_t {
     Taken,
-    Malformed,  ///< size, magic, version or sender
+    Malformed,  ///< size, magic, version, sender or kind
     Token,
     Busy,       ///< another program sends
     Space,      ///< joints for the tool or the other way, or another number of them

@@ -96,7 +96,7 @@ TargetSocket::TargetSocket(fs::path base) : base_(std::move(base)) {
     if (::flock(lock_, LOCK_EX | LOCK_NB) != 0)
         fail(makeError(path, "another program of viable listens there",
                        "End that one, or give this one another `name`."));
-    ::unlink(path.c_str());  // of one that has ended: the lock says so
+    for (const std::string& left : {base_.string() + ".json", path}) ::unlink(left.c_str());  // by one that has ended
     socket_ = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     if (socket_ < 0 || ::bind(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||
         ::chmod(path.c_str(), 0600) != 0)
@@ -137,7 +137,8 @@ std::ptrdiff_t TargetSocket::receive(void* to, std::size_t capacity) noexcept {
 }
 
 void TargetSocket::answer(const void* from, std::size_t size) noexcept {
-    if (senderSize_ <= offsetof(sockaddr_un, sun_path)) return;  // it has no address
+    // It has no address, or a path: looking that up may take long, and whoever listens there need not be the sender.
+    if (senderSize_ <= offsetof(sockaddr_un, sun_path) || sender_.sun_path[0] != '\0') return;
     (void)::sendto(socket_, from, size, MSG_DONTWAIT | MSG_NOSIGNAL, reinterpret_cast<const sockaddr*>(&sender_),
                    senderSize_);
 }

@@ -39,7 +39,7 @@ public:
 
     /** Bytes of the next datagram, of a longer one more than `capacity`; -1: there is none. Real time: no allocation, lock or wait. */
     std::ptrdiff_t receive(void* to, std::size_t capacity) noexcept;
-    /** To the sender of that datagram; dropped where it does not listen. Real time, likewise. */
+    /** To the sender of that datagram; dropped where it has no abstract address, or does not listen. Real time, likewise. */
     void answer(const void* from, std::size_t size) noexcept;
 
 private:

@@ -11,6 +11,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -41,11 +42,15 @@ std::string readDescription(const std::string& name) {
 /** Another program: sends datagrams, and reads what it is answered. */
 class Sender {
 public:
-    explicit Sender(const std::string& name, std::uint64_t id = 7) : id_(id) {
+    /** @param own  path of its own address; empty: an abstract one */
+    explicit Sender(const std::string& name, std::uint64_t id = 7, const std::string& own = "") : id_(id) {
         socket_ = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK, 0);
-        sockaddr_un own{};
-        own.sun_family = AF_UNIX;
-        EXPECT_EQ(::bind(socket_, reinterpret_cast<sockaddr*>(&own), sizeof own.sun_family), 0);
+        sockaddr_un address{};
+        address.sun_family = AF_UNIX;
+        std::memcpy(address.sun_path, own.c_str(), own.size() + 1);
+        EXPECT_EQ(::bind(socket_, reinterpret_cast<sockaddr*>(&address),
+                         static_cast<socklen_t>(own.empty() ? sizeof address.sun_family : sizeof address)),
+                  0);
         to_.sun_family = AF_UNIX;
         const std::string path = (TargetSocket::findFolder() / (name + ".socket")).string();
         std::memcpy(to_.sun_path, path.c_str(), path.size() + 1);
@@ -65,6 +70,11 @@ public:
         std::copy(numbers.begin(), numbers.end(), m.numbers.begin());
         return m;
     }
+    void sayGoodbye() {
+        TargetMessage m = make({}, 0);
+        m.kind = TargetMessage::Kind::Goodbye;
+        send(m);
+    }
     void send(const TargetMessage& m) { sendBytes(&m, kTargetHeader + 8 * m.count); }
     void sendBytes(const void* bytes, std::size_t size) {
         ASSERT_EQ(::sendto(socket_, bytes, size, 0, reinterpret_cast<sockaddr*>(&to_), sizeof to_),
@@ -77,6 +87,11 @@ public:
             EXPECT_EQ(::recv(socket_, &answer, sizeof answer, 0), static_cast<ssize_t>(sizeof answer));
         EXPECT_EQ(::recv(socket_, &answer, 0, MSG_PEEK), -1);
         return answer;
+    }
+
+    bool hasAnswer() const {
+        char any;
+        return ::recv(socket_, &any, sizeof any, MSG_PEEK) >= 0;
     }
 
 private:
@@ -126,7 +141,11 @@ protected:
     double t_ = 0.0;
     CommandBench bench_;
     const std::string name_ = makeName();
-    Stream stream_{[this] { return now_ns_; }};
+    std::function<void()> atEachMessage_;  // while a tick looks at it; empty: nothing
+    Stream stream_{[this] {
+        if (atEachMessage_) atEachMessage_();
+        return now_ns_;
+    }};
     std::unique_ptr<Sender> sender_;
     MotionCommand command_;
 };
@@ -169,7 +188,14 @@ TEST_F(StreamTest, LateAndFutureTargetsAreRefused) {
     begin("stale_s: 0.1");
     EXPECT_EQ(send(sender_->make({1, 0, 0}, now_ns_ - 100'000'000)), Verdict::Stale);
     EXPECT_EQ(send(sender_->make({1, 0, 0}, now_ns_ + 60'000'000'000)), Verdict::Stale);
-    EXPECT_EQ(send(sender_->make({1, 0, 0}, std::numeric_limits<std::int64_t>::min())), Verdict::Stale);
+    for (const std::int64_t farthest :
+         {std::numeric_limits<std::int64_t>::min(), std::numeric_limits<std::int64_t>::max()}) {
+        sender_->send(sender_->make({1, 0, 0}, farthest));
+        tick();
+        const TargetAnswer answer = sender_->readAnswer();
+        EXPECT_EQ(answer.verdict, Verdict::Stale);
+        EXPECT_EQ(answer.age_s<0, farthest> 0) << answer.age_s;
+    }
     expectAt({0.1, -0.2, 0.3});
     EXPECT_EQ(send(sender_->make({1, 0, 0}, now_ns_ - 98'000'000)), Verdict::Taken);
     expectAt({1, 0, 0});
@@ -193,6 +219,9 @@ TEST_F(StreamTest, WhatIsNoTargetIsRefusedWithItsReason) {
     }
     m = sender_->make({1, 2, 3}, now_ns_);
     m.version = 2;
+    EXPECT_EQ(send(m), Verdict::Malformed);
+    m = sender_->make({1, 2, 3}, now_ns_);
+    m.kind = static_cast<TargetMessage::Kind>(2);
     EXPECT_EQ(send(m), Verdict::Malformed);
     expectAt({0.1, -0.2, 0.3});
 }
@@ -231,6 +260,81 @@ TEST_F(StreamTest, AnotherProgramIsHeardOnceThisOneIsSilent) {
     EXPECT_EQ(sendJoints({3, 0, 0}), Verdict::Busy);
 }
 
+TEST_F(StreamTest, AfterAGoodbyeAnotherProgramIsHeardAtOnce) {
+    begin();
+    EXPECT_EQ(sendJoints({1, 0, 0}), Verdict::Taken);
+    Sender other(name_, 8);
+    other.sayGoodbye();  // it is not the one who sends: that changes nothing
+    tick();
+    EXPECT_EQ(other.readAnswer().verdict, Verdict::Busy);
+    sender_->send(sender_->make({2, 0, 0}, now_ns_));
+    sender_->sayGoodbye();
+    other.send(other.make({3, 0, 0}, now_ns_));
+    tick();
+    EXPECT_EQ(sender_->readAnswer().verdict, Verdict::Taken);  // of the target
+    EXPECT_EQ(other.readAnswer().verdict, Verdict::Taken);
+    expectAt({3, 0, 0});
+    other.sayGoodbye();
+    tick(10);
+    EXPECT_FALSE(other.hasAnswer());
+    expectAt({3, 0, 0});  // it rests there
+}
+
+TEST_F(StreamTest, AnswersGoToAbstractAddressesOnly) {
+    begin();
+    const std::string path = (TargetSocket::findFolder() / (name_ + ".own")).string();
+    {
+        Sender other(name_, 8, path);
+        other.send(other.make({1, 2, 3}, now_ns_));
+        tick();
+        EXPECT_FALSE(other.hasAnswer());
+        expectAt({1, 2, 3});
+    }
+    std::filesystem::remove(path);
+}
+
+TEST_F(StreamTest, InARehearsalNobodyIsInvitedHeardOrAnswered) {
+    begin();
+    EXPECT_EQ(sendJoints({1, 0, 0}), Verdict::Taken);
+    const std::string name = makeName();
+    {
+        std::ofstream(TargetSocket::findFolder() / (name + ".json")) << "of one that has ended";
+        Stream rehearsed([this] { return now_ns_; });
+        bench_.configure(rehearsed, "name: " + name);
+        rehearsed.beginRehearsal();
+        rehearsed.reset(bench_.start);
+        EXPECT_EQ(readDescription(name), "");
+    }
+    const auto configure = [&](Stream& stream) { bench_.configure(stream, "name: " + name); };
+    std::unique_ptr<Sender> early;
+    {
+        Stream run([this] { return now_ns_; });  // makes the token known, which a rehearsal afterwards has, too
+        configure(run);
+        run.reset(bench_.start);
+        early = std::make_unique<Sender>(name);
+    }
+    {
+        Stream rehearsed([this] { return now_ns_; });
+        configure(rehearsed);
+        rehearsed.beginRehearsal();
+        rehearsed.reset(bench_.start);
+        early->send(early->make({1, 2, 3}, now_ns_));
+        ASSERT_EQ(rehearsed.sample(0.001, command_), TickStatus::Ok);
+        expectAt({0.1, -0.2, 0.3});
+        EXPECT_FALSE(early->hasAnswer());
+    }
+    Stream run([this] { return now_ns_; });
+    configure(run);
+    run.reset(bench_.start);
+    ASSERT_EQ(run.sample(0.001, command_), TickStatus::Ok);
+    expectAt({0.1, -0.2, 0.3});
+    EXPECT_FALSE(early->hasAnswer());
+    early->send(early->make({1, 2, 3}, now_ns_));
+    ASSERT_EQ(run.sample(0.002, command_), TickStatus::Ok);
+    EXPECT_EQ(early->readAnswer().verdict, Verdict::Taken);
+    expectAt({1, 2, 3});
+}
+
 TEST_F(StreamTest, ToolTargetsArePoses) {
     begin("space: tool");
     tick();
@@ -265,9 +369,17 @@ TEST_F(StreamTest, BetweenTargetsItInterpolatesWhereAsked) {
 
 TEST_F(StreamTest, ManyMessagesTakeNoMoreThanAFewPerTick) {
     begin();
-    for (int k = 0; k < 8; ++k) sender_->send(sender_->make({0.01 * k, 0, 0}, now_ns_ + k));
+    int sent = 1, seen = 0;
+    atEachMessage_ = [&] {  // there is always one more
+        ++seen;
+        if (sent < 1000) sender_->send(sender_->make({0.001 * ++sent, 0, 0}, now_ns_ - 1000 + sent));
+    };
+    sender_->send(sender_->make({0.001, 0, 0}, now_ns_));
     tick();
-    EXPECT_EQ(command_.q[0], 0.07);
+    EXPECT_EQ(seen, Stream::kMostMessages);
+    EXPECT_EQ(command_.q[0], 0.001 * Stream::kMostMessages);
+    tick();
+    EXPECT_EQ(seen, 2 * Stream::kMostMessages);
 }
 
 TEST_F(StreamTest, NeitherMessagesNorTicksAllocate) {

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 import secrets
 import socket
+import stat
 import struct
 import time
 from pathlib import Path
@@ -20,6 +20,8 @@ from ._errors import Error, InputError
 _MAGIC, _VERSION = 0x52545356, 1
 _HEADER, _ANSWER = struct.Struct("<IHH16sQQqII"), struct.Struct("<IHHQd")
 _SPACES = {"joint": 0, "tool": 1}
+_TARGET, _GOODBYE = 0, 1
+_MOST_ANSWERS = 64  # looked at after one target
 _VERDICTS = ("taken", "malformed", "token", "busy", "space", "not_finite", "old", "stale")
 _ERRORS = {
     "malformed": ("the command plugin stream does not understand it", "Use the viable that drives the arm."),
@@ -53,17 +55,14 @@ class Stream:
 
     def __init__(self, name: str = "stream", timeout: float = 10.0) -> None:
         self._base = find_folder() / name
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
-        self._socket.bind("")  # any address, for answers
+        self._socket: socket.socket | None = None
         self._sender = secrets.randbits(63) + 1
-        self._sequence = 0
+        self._sequence = self._answered = 0
         self.counts = dict.fromkeys(_VERDICTS, 0)
         self.age = float("nan")
         end = time.monotonic() + timeout
-        while not self._read_description():
+        while not self._connect():
             if time.monotonic() >= end:
-                self._socket.close()
                 raise self._nobody()
             time.sleep(0.05)
 
@@ -85,23 +84,27 @@ class Stream:
         for a wrong shape or number, and Error where nobody listens, or another program sends."""
         numbers = self._take(target)
         for attempt in (True, False):
-            self._sequence += 1
-            message = _HEADER.pack(_MAGIC, _VERSION, _SPACES[self.space], self._token, self._sender, self._sequence,
-                                   time.monotonic_ns(), len(numbers), 0) + numbers.astype("<f8").tobytes()
             try:
-                self._socket.sendto(message, str(self._base) + ".socket")
+                self._send(_TARGET, numbers.astype("<f8"))
                 break
             except BlockingIOError:
                 return False
-            except OSError as error:
-                if error.errno not in (errno.ENOENT, errno.ECONNREFUSED) or not attempt or not self._read_description():
+            except OSError:
+                if not attempt or not self._connect():
                     raise self._nobody() from None
         self._read_answers()
         return True
 
     def close(self) -> None:
-        """The arm rests at the last target."""
+        """The arm rests at the last target, and listens to another Stream at once."""
+        if self._socket is None:
+            return
+        try:
+            self._send(_GOODBYE, np.empty(0))
+        except OSError:  # it is gone, or is deaf now: half a second of silence does as well
+            pass
         self._socket.close()
+        self._socket = None
 
     def __enter__(self) -> Stream:
         return self
@@ -113,25 +116,57 @@ class Stream:
         return Error(str(self._base), "no arm listens for targets there",
                      "Start `viable live FILE` with `command: {plugin: stream}`, and the same name, as the same user.", "internal")
 
-    def _read_description(self) -> bool:
+    def _send(self, kind: int, numbers: np.ndarray) -> None:
+        if self._socket is None:
+            raise Error(str(self._base), "this stream is closed", "Make a new viable.Stream.", "internal")
+        self._sequence += 1
+        self._socket.send(_HEADER.pack(_MAGIC, _VERSION, _SPACES[self.space], self._token, self._sender, self._sequence,
+                                       time.monotonic_ns(), len(numbers), kind) + numbers.tobytes())
+
+    def _connect(self) -> bool:
+        """To the program that listens now, if one does: of other senders the system drops what they send here."""
+        folder = self._base.parent
         try:
-            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as probe:
-                probe.connect(str(self._base) + ".socket")
-            found = json.loads(Path(f"{self._base}.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+            found = os.lstat(folder)
+        except OSError:
             return False
+        if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o077:
+            raise Error(str(folder), "it is no folder of this user alone, so another one could listen there",
+                        "Remove it, or chmod 700, or set XDG_RUNTIME_DIR.", "internal")
+        made = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        try:
+            made.setblocking(False)
+            made.connect(str(self._base) + ".socket")
+            made.bind("")  # any address, for answers; after connect(): until then anybody could send there
+            self._read_description()
+        except (OSError, ValueError):
+            made.close()
+            return False
+        except BaseException:
+            made.close()
+            raise
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = made
+        self._answered = self._sequence
+        return True
+
+    def _read_description(self) -> None:
+        found = json.loads(Path(f"{self._base}.json").read_text(encoding="utf-8"))
         if found["version"] != _VERSION:
             raise Error(str(self._base), f"it speaks version {found['version']} of the stream, this is {_VERSION}",
                         "Use the package of the viable that drives the arm.", "internal")
         self._token = bytes.fromhex(found["token"])
         self.space, self.joints = found["space"], found["joints"]
-        return True
 
     def _take(self, target: Any) -> np.ndarray:
         try:
-            array = np.asarray(target, dtype=float)
+            array = np.asarray(target)
         except (TypeError, ValueError):
             raise InputError("target", f"a {type(target).__name__} is no array of numbers", "Give a numpy array.") from None
+        if array.dtype.kind not in "fiub":  # not texts, and not complex numbers, which would lose their imaginary parts
+            raise InputError("target", f"of type {array.dtype} it is no array of numbers", "Give a numpy array of real ones.")
+        array = array.astype(float)
         shape, what = (((len(self.joints),), "one number per joint") if self.space == "joint"
                        else ((4, 4), "a pose of the tool in the base frame"))
         if array.shape != shape:
@@ -148,23 +183,30 @@ class Stream:
 
     def _read_answers(self) -> None:
         trouble = None
-        while True:
+        is_other = False
+        for _ in range(_MOST_ANSWERS):
             try:
                 answer = self._socket.recv(64)
-            except BlockingIOError:
+            except OSError:  # there is none
                 break
             if len(answer) != _ANSWER.size:
                 continue
-            magic, _, verdict, _, age = _ANSWER.unpack(answer)
-            if magic != _MAGIC or verdict >= len(_VERDICTS):
+            magic, version, verdict, sequence, age = _ANSWER.unpack(answer)
+            if magic != _MAGIC or version != _VERSION or verdict >= len(_VERDICTS):
                 continue
             word = _VERDICTS[verdict]
+            if word != "malformed":  # that one tells of no sequence
+                if not self._answered < sequence <= self._sequence:
+                    continue
+                self._answered = sequence
+                self.age = age
             self.counts[word] += 1
-            self.age = age
-            if word == "token":  # another start of the program
-                self._read_description()
+            if word == "token":
+                is_other = True
             elif word in _ERRORS:
                 trouble = word
+        if is_other:  # another start of the program
+            self._connect()
         if trouble:
             raise Error(str(self._base), *_ERRORS[trouble], "internal")
 

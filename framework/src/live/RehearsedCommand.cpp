@@ -1,0 +1,7 @@
+#include "viable/live/RehearsedCommand.h"
+
+namespace viable {
+
+RehearsedCommand::~RehearsedCommand() = default;
+
+}  // namespace viable
