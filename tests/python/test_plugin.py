@@ -302,6 +302,22 @@ class Plugins(unittest.TestCase):
         self.write("class Law:\n    def reset(self, state): 1 / 0\n    def compute(self, a, b, c): pass\n")
         self.expect_refusal("its reset() raised ZeroDivisionError", "law.py:2, in reset")
 
+    def test_a_check_names_the_class_that_raises(self):
+        self.write("class Law:\n    space = 'tool'\n    def sample(self, t): return 1 / 0\n")
+        self.expect_failed_check(["command: {plugin: law.py:Law}", "controller: {plugin: tool_servo}"], "the command plugin 'Law'",
+                                 "it raised ZeroDivisionError", "law.py:3, in sample")
+        self.write("class Law:\n    def compute(self, a, b, c): return 1 / 0\n")
+        self.expect_failed_check(["controller: {plugin: law.py:Law}"], "the controller plugin 'Law'", "it raised ZeroDivisionError",
+                                 "law.py:2, in compute")
+
+    def expect_failed_check(self, changes, *texts):
+        ended = subprocess.run([find_program(), "check", self.write_experiment(changes)], capture_output=True, text=True,
+                               cwd=self.folder)
+        self.assertEqual(ended.returncode, 4, ended.stderr)
+        for text in texts:
+            self.assertIn(text, ended.stderr)
+        self.assertNotIn("report", ended.stderr)
+
     def test_the_word_of_a_class_is_none(self):
         self.write("import numpy as np\nclass Law:\n    follows = np.array(['joint', 'tool'])\n    def compute(self, a, b, c): pass\n")
         error = self.expect_refusal("`follows` of the class Law is array(", "`joint`, `tool`, `both`")
