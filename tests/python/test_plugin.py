@@ -10,6 +10,7 @@ import textwrap
 import time
 import unittest
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 
@@ -193,6 +194,54 @@ class Plugins(unittest.TestCase):
             """)
         self.assertEqual(self.run_with("controller: {plugin: law.py:Law}")["exit_code"], 0)
 
+    def test_neighbours_of_one_name_in_two_folders(self):
+        for folder, torque in (("one", 1.0), ("two", 2.0)):
+            (self.folder / folder).mkdir()
+            self.write(f"TORQUE = {torque}\n", f"{folder}/law_neighbour.py")
+            self.write("import json\nimport law_neighbour\nclass Law:\n"
+                       "    def configure(self, setup): json.dump(law_neighbour.TORQUE, open(__file__ + '.json', 'w'))\n"
+                       "    def compute(self, command, nominal, dynamics): return dynamics.b\n"
+                       "    def filter(self, nominal, torque, dynamics): return None\n", f"{folder}/law.py")
+        self.run_with("controller: {plugin: one/law.py:Law}", "filter: {plugin: two/law.py:Law}", "duration_s: 0.01")
+        for folder, torque in (("one", 1.0), ("two", 2.0)):
+            self.assertEqual(json.loads((self.folder / folder / "law.py.json").read_text()), torque)
+
+    def test_what_a_thread_keeps_lasts_from_reset_on(self):
+        self.write("""
+            import threading
+            import numpy as np
+            local = threading.local()
+            class Law:
+                def reset(self, state):
+                    np.seterr(over="raise")
+                    local.word = "kept"
+                def compute(self, command, nominal, dynamics):
+                    assert np.geterr()["over"] == "raise"
+                    assert local.word == "kept"
+                    return dynamics.b
+            """)
+        summary = self.run_with("controller: {plugin: law.py:Law}", "duration_s: 0.05")
+        self.assertEqual(summary["exit_code"], 0, summary["cases"]["A"]["stop"])
+
+    def test_what_open_files_hold_back_is_written(self):
+        for isolate in (False, True):
+            with self.subTest(isolate=isolate):
+                name = self.folder / f"{isolate}.txt"
+                self.write(f"file = open({str(name)!r}, 'w')\nclass Law:\n    def compute(self, command, nominal, dynamics):\n"
+                           "        file.write('tick\\n')\n        return dynamics.b\n")
+                self.run_with("controller: {plugin: law.py:Law}", "duration_s: 0.05", isolate=isolate)
+                self.assertEqual(name.read_text(), "tick\n" * 50)
+
+    def test_without_a_known_python_the_installed_one_runs_it(self):
+        self.write(CONTROLLER)
+        for executable in (None, ""):
+            with mock.patch("sys.executable", executable):
+                self.assertEqual(self.run_with("controller: {plugin: law.py:Law}", "duration_s: 0.01")["exit_code"], 0)
+        with mock.patch.dict(os.environ, VIABLE_PYTHON=""):
+            ended = subprocess.run([find_program(), "run", self.folder / "law.yaml", "--no-report"], capture_output=True, text=True,
+                                   cwd=self.folder)
+            self.assertEqual(ended.returncode, 0, ended.stderr)
+
     def test_isolated_it_gives_the_same(self):
         self.write(CONTROLLER)
         for name in ("here", "isolated"):
@@ -252,6 +301,35 @@ class Plugins(unittest.TestCase):
         self.expect_refusal("the configure() of Law raised AttributeError", "law.py:2, in configure")
         self.write("class Law:\n    def reset(self, state): 1 / 0\n    def compute(self, a, b, c): pass\n")
         self.expect_refusal("its reset() raised ZeroDivisionError", "law.py:2, in reset")
+
+    def test_a_check_names_the_class_that_raises(self):
+        self.write("class Law:\n    space = 'tool'\n    def sample(self, t): return 1 / 0\n")
+        self.expect_failed_check(["command: {plugin: law.py:Law}", "controller: {plugin: tool_servo}"], "the command plugin 'Law'",
+                                 "it raised ZeroDivisionError", "law.py:3, in sample")
+        self.write("class Law:\n    def compute(self, a, b, c): return 1 / 0\n")
+        self.expect_failed_check(["controller: {plugin: law.py:Law}"], "the controller plugin 'Law'", "it raised ZeroDivisionError",
+                                 "law.py:2, in compute")
+
+    def expect_failed_check(self, changes, *texts):
+        ended = subprocess.run([find_program(), "check", self.write_experiment(changes)], capture_output=True, text=True,
+                               cwd=self.folder)
+        self.assertEqual(ended.returncode, 4, ended.stderr)
+        for text in texts:
+            self.assertIn(text, ended.stderr)
+        self.assertNotIn("report", ended.stderr)
+
+    def test_the_word_of_a_class_is_none(self):
+        self.write("import numpy as np\nclass Law:\n    follows = np.array(['joint', 'tool'])\n    def compute(self, a, b, c): pass\n")
+        error = self.expect_refusal("`follows` of the class Law is array(", "`joint`, `tool`, `both`")
+        self.assertNotIn("configure()", str(error))
+        self.write("class Law:\n    @property\n    def follows(self): return 1 / 0\n    def compute(self, a, b, c): pass\n")
+        error = self.expect_refusal("`follows` of the class Law raised ZeroDivisionError", "law.py:3, in follows")
+        self.assertNotIn("configure()", str(error))
+
+    def test_halves_of_characters_in_texts(self):
+        self.expect_fault(self.run_law("raise ValueError('half \\ud800 of it')"), "it raised ValueError: half ? of it", "law.py:6, in compute")
+        self.write("raise ValueError('half \\ud800 of it')\n")
+        self.expect_refusal("cannot be loaded: ValueError: half ? of it", "law.py:1")
 
     def test_live_refuses_it_with_the_reason(self):
         self.write(CONTROLLER)
@@ -386,8 +464,9 @@ class Plugins(unittest.TestCase):
 
     def test_it_leaves_the_programs_ways_alone(self):
         """Locale, signals, working folder and the allocations of a tick: no warning."""
-        self.write(CONTROLLER)
-        self.assertEqual(self.run_with("controller: {plugin: law.py:Law}")["cases"]["A"]["warnings"], [])
+        for first in ("", "import subprocess\n"):  # which imports `signal`
+            self.write(first + CONTROLLER)
+            self.assertEqual(self.run_with("controller: {plugin: law.py:Law}")["cases"]["A"]["warnings"], [])
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@
 
 #include "core/Text.h"
 #include "experiment/NominalLoop.h"
+#include "experiment/TrialTick.h"
 #include "host/PythonClass.h"
 #include "robot/PoseSampling.h"
 #include "viable/core/Numbers.h"
@@ -169,10 +170,8 @@ void addCommand(const ConfiguredCase& configured, CaseForecast& forecast) {
     if (source.space() != MotionCommand::Space::Tool || (relative && relative->text == "true")) return;
     resetPlugin(source, kind, watch, plan.start);
     MotionCommand command;
-    {
-        const PluginCall call(watch, kBeforeFirstTick);
-        if (source.sample(0.0, command) != TickStatus::Ok) return;  // a device that is silent until the run
-    }
+    if (detail::tryTick(kind, watch, "sample", [&] { return source.sample(0.0, command); }) != TickStatus::Ok)
+        return;  // a device that is silent until the run
     const Pose& tool = configured.setup.startTool;
     if (!command.tool.position.allFinite() || !(command.tool.orientation.norm() > 0.5)) return;
     const double distance = (command.tool.position - tool.position).norm();

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include "experiment/TrialTick.h"
 #include "host/PythonClass.h"
 #include "viable/core/Numbers.h"
 #include "viable/robot/RobotModel.h"
@@ -45,8 +46,8 @@ public:
         model_.calcDynamics(q, qd, dynamics_);
         const MotionState nominal{q, qd, still};
         ControllerOutput output;
-        const PluginCall call(watch_, kBeforeFirstTick);
-        if (controller_.compute({command_, nominal, dynamics_}, output) != TickStatus::Ok) return false;
+        const auto compute = [&] { return controller_.compute({command_, nominal, dynamics_}, output); };
+        if (tryTick(PluginKind::NominalController, watch_, "compute", compute) != TickStatus::Ok) return false;
         return !output.hasAccelerationRate && isFinite(output.torque, static_cast<int>(q.size())) &&
                calcForwardDynamics(dynamics_, output.torque, qdd);
     }

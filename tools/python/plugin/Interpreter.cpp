@@ -2,6 +2,7 @@
 
 #include <dlfcn.h>
 #include <pybind11/numpy.h>
+#include <signal.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -18,6 +19,7 @@ namespace {
 
 std::once_flag started;
 std::atomic<bool> hasStarted{false};
+bool isOwn = false;        // this library started it; before hasStarted
 PyObject* host = nullptr;  // never given back: Python may have ended before the program does
 
 /** What numpy's libraries ask for must be found by everyone: this library, and so libpython, was opened for itself alone. */
@@ -34,13 +36,23 @@ Error makeStartError(const std::string& what) {
 
 /** Whose packages are found; a virtual environment of another version has none for this one. */
 std::string findExecutable() {
-    if (const char* given = std::getenv("VIABLE_PYTHON")) return given;
+    if (const char* given = std::getenv("VIABLE_PYTHON"); given && *given) return given;
     if (const char* environment = std::getenv("VIRTUAL_ENV")) {
         const std::string version = std::to_string(PY_MAJOR_VERSION) + "." + std::to_string(PY_MINOR_VERSION);
         const std::string folder = environment;
         if (::access((folder + "/lib/python" + version).c_str(), X_OK) == 0) return folder + "/bin/python3";
     }
     return VIABLE_PYTHON_EXECUTABLE;
+}
+
+/** Whatever first imports `signal` (subprocess, asyncio) makes Python take SIGINT where nobody has it yet: now, and set back. */
+void importSignal() {
+    struct sigaction action {};
+    const bool isKnown = sigaction(SIGINT, nullptr, &action) == 0;
+    PyObject* const module = PyImport_ImportModule("signal");
+    if (isKnown) sigaction(SIGINT, &action, nullptr);
+    if (!module) PyErr_Clear();  // who needs it is told
+    Py_XDECREF(module);
 }
 
 void startInterpreter() {
@@ -64,6 +76,7 @@ void startInterpreter() {
     if (!PyStatus_Exception(status)) status = Py_InitializeFromConfig(&config);
     PyConfig_Clear(&config);
     if (PyStatus_Exception(status)) throw makeStartError(status.err_msg ? status.err_msg : "no reason given");
+    importSignal();
     PyEval_SaveThread();  // from now on whoever needs the lock takes it
 }
 
@@ -87,7 +100,10 @@ void prepare() {
 }
 
 void start() {
-    if (!Py_IsInitialized()) startInterpreter();
+    if (!Py_IsInitialized()) {
+        startInterpreter();
+        isOwn = true;
+    }
     const PyGILState_STATE state = PyGILState_Ensure();
     try {
         prepare();
@@ -113,6 +129,28 @@ private:
     PyThreadState* const mine_;
 };
 
+/** Keeps the thread's state in Python alive between its calls, with what libraries have stored there (threading.local,
+numpy.seterr); a thread that Python knows already keeps its own. From construction without the lock to the thread's end. */
+class KeptState {
+public:
+    KeptState() {
+        if (PyGILState_GetThisThreadState()) return;
+        first_ = PyGILState_Ensure();
+        mine_ = PyEval_SaveThread();
+    }
+    ~KeptState() {
+        if (!mine_ || !isAlive()) return;
+        PyEval_RestoreThread(mine_);
+        PyGILState_Release(first_);
+    }
+    KeptState(const KeptState&) = delete;
+    KeptState& operator=(const KeptState&) = delete;
+
+private:
+    PyThreadState* mine_ = nullptr;
+    PyGILState_STATE first_ = PyGILState_UNLOCKED;
+};
+
 }  // namespace
 
 PythonLock::PythonLock() {
@@ -120,6 +158,7 @@ PythonLock::PythonLock() {
         const WithoutLock without;
         std::call_once(started, &start);
     }
+    thread_local const KeptState kept;
     state_ = PyGILState_Ensure();
 }
 
@@ -129,6 +168,10 @@ PythonLock::~PythonLock() {
 
 py::handle getHost() {
     return host;
+}
+
+bool isNeverEnded() {
+    return isOwn;
 }
 
 bool isAlive() {

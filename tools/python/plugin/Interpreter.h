@@ -27,6 +27,9 @@ private:
 /** The module host.py. Under the lock. */
 py::handle getHost();
 
+/** It is this library's interpreter: nobody ends it. After the first lock. */
+bool isNeverEnded();
+
 /** Python runs and is not about to end: objects may be given back. */
 bool isAlive();
 

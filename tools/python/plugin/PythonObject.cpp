@@ -89,6 +89,11 @@ PythonObject::~PythonObject() {
     const PythonLock lock;
     Py_XDECREF(tick_);
     Py_DECREF(object_);
+    if (!isNeverEnded()) return;
+    try {
+        getHost().attr("flush")();
+    } catch (const std::exception&) {  // nothing is left to be told
+    }
 }
 
 std::string PythonObject::make(const RunSetup& setup, const Parameters& parameters) {
@@ -110,11 +115,16 @@ std::string PythonObject::make(const RunSetup& setup, const Parameters& paramete
     }
     try {
         if (py::hasattr(object_, "configure")) py::handle(object_).attr("configure")(makeSetup(setup));
-        return getHost().attr("choose")(py::handle(object_), method_).cast<std::string>();
     } catch (py::error_already_set& e) {
         tellRefused(e, block);
         throw Error(ErrorKind::PluginFailed, block.find("plugin")->place(),
                     "the configure() of " + name + " raised " + explain(e), kOnRaise);
+    }
+    try {
+        return getHost().attr("choose")(py::handle(object_), method_, makeText(file_)).cast<std::string>();
+    } catch (py::error_already_set& e) {
+        tellRefused(e, block);
+        throw Error(ErrorKind::PluginFailed, file_, explain(e));
     }
 }
 

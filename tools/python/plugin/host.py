@@ -2,10 +2,14 @@
 
 import collections
 import difflib
+import gc
 import importlib.util
 import inspect
+import io
 import os
+import stat
 import sys
+import threading
 import traceback
 
 State = collections.namedtuple("State", "q qd qdd")
@@ -27,8 +31,16 @@ ATTRIBUTES = {
 }
 
 
+def _make_plain(text):
+    """What C++ can read: without halves of characters."""
+    return text.encode("utf-8", "replace").decode("utf-8")
+
+
 class Refused(Exception):
     """Arguments: parameter that is wrong, or "", what is wrong, remedy."""
+
+    def __init__(self, parameter, cause, remedy):
+        super().__init__(*map(_make_plain, (parameter, cause, remedy)))
 
 
 def explain(error, file):
@@ -40,17 +52,50 @@ def explain(error, file):
         text = "(its text cannot be made)"
     text = f"{name}: {text[:240]}" if text else name
     if isinstance(error, SyntaxError) and error.filename:
-        return f"{name}: {error.msg} ({error.filename}:{error.lineno})"
+        return _make_plain(f"{name}: {error.msg} ({error.filename}:{error.lineno})")
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if frame.filename == file] or [frame for frame in frames if frame.filename != __file__]
-    return f"{text} ({own[-1].filename}:{own[-1].lineno}, in {own[-1].name})" if own else text
+    return _make_plain(f"{text} ({own[-1].filename}:{own[-1].lineno}, in {own[-1].name})" if own else text)
+
+
+_folders = set()  # of the files so far
+_loading = threading.RLock()
+
+
+def _enter(folder):
+    """As of a script: the file imports its neighbours. Where a class of another folder has one of the same name, that one is
+    forgotten here, and stays with whoever imported it."""
+    if folder in _folders and folder in sys.path:
+        sys.path.remove(folder)
+    sys.path.insert(0, folder)
+    _folders.add(folder)
+    for name, module in list(sys.modules.items()):
+        if "." in name or _find_home(module) not in _folders - {folder}:
+            continue
+        if os.path.exists(os.path.join(folder, name + ".py")) or os.path.isdir(os.path.join(folder, name)):
+            for each in list(sys.modules):
+                if each.partition(".")[0] == name:
+                    del sys.modules[each]
+
+
+def _find_home(module):
+    """The folder that a module, or the folder of a package, lies in; None: in none."""
+    try:
+        inside = next(iter(getattr(module, "__path__", ())), None) or getattr(module, "__file__", None)
+        return os.path.dirname(inside) if inside else None
+    except Exception:  # of what only stands for a module
+        return None
 
 
 def load(file):
     """Runs the file as a module of its own: classes of two cases share nothing but what they import."""
+    with _loading:
+        return _load(file)
+
+
+def _load(file):
     folder, name = os.path.split(file)
-    if folder not in sys.path:
-        sys.path.insert(0, folder)  # as of a script: it may import its neighbours
+    _enter(folder)
     name = "viable_plugin_" + name.removesuffix(".py")
     spec = importlib.util.spec_from_file_location(name, file)
     module = importlib.util.module_from_spec(spec)
@@ -100,14 +145,37 @@ def _check(name, takes, parameters):
             raise Refused("", f"`{each.name}` is missing: the class {name} has no default for it", f"Add `{each.name}: ...` here")
 
 
+def _show(value):
+    try:
+        text = " ".join(repr(value).split())
+    except BaseException:
+        text = "(its text cannot be made)"
+    return text if len(text) <= 80 else f"{text[:80]}..."
+
+
 def _list(names):
     return ", ".join(f"`{name}`" for name in names)
 
 
-def choose(made, method):
+def choose(made, method, file):
     """The word that the object has for what it follows, holds or gives."""
     attribute, words = ATTRIBUTES[method]
-    word = getattr(made, attribute, words[0])
-    if word not in words:
-        raise Refused("", f"`{attribute}` of the class {type(made).__name__} is {word!r}", f"Write one of {_list(words)}")
+    try:
+        word = getattr(made, attribute, words[0])
+    except BaseException as error:
+        raise Refused("", f"`{attribute}` of the class {type(made).__name__} raised {explain(error, file)}",
+                      f"Write one of {_list(words)} there") from None
+    if not isinstance(word, str) or word not in words:
+        raise Refused("", f"`{attribute}` of the class {type(made).__name__} is {_show(word)}", f"Write one of {_list(words)}")
     return word
+
+
+def flush():
+    """Writes what open files hold back, where Python is never ended, which would do it. A pipe might keep us waiting."""
+    for each in gc.get_objects():
+        if issubclass(type(each), (io.TextIOWrapper, io.BufferedWriter, io.BufferedRandom)):
+            try:
+                if stat.S_ISREG(os.fstat(each.fileno()).st_mode):
+                    each.flush()
+            except Exception:  # closed, or its disk is full
+                pass

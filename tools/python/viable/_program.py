@@ -73,7 +73,8 @@ def _call(arguments: Sequence[str], allowed: Sequence[int], progress: Callable[[
     KeyboardInterrupt, and whatever `progress` raises: the program brakes the arm, finishes its log and ends before that goes
     on."""
     environment = dict(os.environ, VIABLE_MESSAGES="json")
-    environment.setdefault("VIABLE_PYTHON", sys.executable)  # of plugins in Python: this one, with its virtual environment
+    if sys.executable and not environment.get("VIABLE_PYTHON"):
+        environment["VIABLE_PYTHON"] = sys.executable  # of plugins in Python: this one, with its virtual environment
     command = [find_program(), *map(str, arguments)]
     output: list[str] = []
     error: dict | None = None
