@@ -13,10 +13,18 @@ namespace {
 
 /** Of places [m] and of times [s]. */
 constexpr double kPlaceRounding_m = 1e-9, kClockRounding_s = 1e-9;
+/** From one observation to the next latency and error hide any speed: where somebody was once or twice so long ago is looked
+at, too [s]. */
+constexpr double kAnchor_s = 0.25;
 
 }  // namespace
 
-PeopleWatch::PeopleWatch(std::vector<Person> people) : people_(std::move(people)), known_(people_.size()) {}
+PeopleWatch::PeopleWatch(std::vector<Person> people)
+    : people_(std::move(people)), known_(people_.size()), anchors_(people_.size()), isBlind_(people_.size(), 0) {}
+
+bool PeopleWatch::isBlind() const {
+    return version_ == 0 || std::find(isBlind_.begin(), isBlind_.end(), 1) != isBlind_.end();
+}
 
 double PeopleWatch::age_s(double time_s) const {
     double age_s = 0.0;
@@ -27,6 +35,8 @@ double PeopleWatch::age_s(double time_s) const {
 
 void PeopleWatch::reset() {
     std::fill(known_.begin(), known_.end(), Known());
+    std::fill(anchors_.begin(), anchors_.end(), std::array<Known, 2>());
+    std::fill(isBlind_.begin(), isBlind_.end(), 0);
     faults_ = {};
     ownRefused_ = 0;
     version_ = 0;
@@ -74,13 +84,32 @@ void PeopleWatch::set(const Person& person, const PersonObservation& seen, Known
     }
 }
 
+/** False: it is not where the last observation, or an older one, let expect the person. */
+bool PeopleWatch::follow(std::size_t p, const PersonObservation& seen) {
+    const Person& person = people_[p];
+    auto& [older, newer] = anchors_[p];
+    const bool areExpected = isExpected(known_[p], person, seen) && isExpected(older, person, seen);
+    set(person, seen, known_[p]);
+    if (!areExpected) {
+        anchors_[p].fill(known_[p]);
+    } else if (seen.stamp_s - newer.stamp_s >= kAnchor_s) {
+        older = newer;
+        newer = known_[p];
+    }
+    return areExpected;
+}
+
 bool PeopleWatch::take(const PeopleObservation& seen, double time_s) {
     if (hasBegun_ && seen.version == version_) return true;
     const bool isFirst = !hasBegun_;
     version_ = seen.version;
     hasBegun_ = true;
     bool areExpected = true;
-    if (seen.refused + ownRefused_ > faults_.refused && seen.lastRefused >= 0) faults_.last = seen.lastRefused;
+    if (seen.refused + ownRefused_ > faults_.refused && seen.lastRefused >= 0) {
+        faults_.last = seen.lastRefused;
+        const auto refused = static_cast<std::size_t>(seen.lastRefused);
+        isBlind_[refused] = !known_[refused].isKnown;
+    }
     for (std::size_t p = 0; p < known_.size(); ++p) {
         Known& known = known_[p];
         const PersonObservation& one = seen.people[p];
@@ -89,7 +118,14 @@ bool PeopleWatch::take(const PeopleObservation& seen, double time_s) {
             faults_.last = static_cast<int>(p);
         };
         if (one.kind == PersonObservation::Kind::Gone) {
-            known = Known();
+            const bool isNew = one.stamp_s >= known.stamp_s && one.stamp_s <= time_s + kClockRounding_s;
+            if (known.isKnown && !isNew) {
+                blame(ownRefused_);  // from before the last observation, or no time at all
+            } else {
+                known = Known();
+                anchors_[p] = {};
+                isBlind_[p] = 0;
+            }
         } else if (one.kind == PersonObservation::Kind::Unseen) {
             if (known.isKnown && !known.isLost) {
                 known.isLost = true;
@@ -97,16 +133,18 @@ bool PeopleWatch::take(const PeopleObservation& seen, double time_s) {
             }
         } else if (one.stamp_s > time_s + kClockRounding_s) {
             blame(ownRefused_);  // from a clock that is ahead of the run's
+            isBlind_[p] = !known.isKnown;
         } else if (!known.isKnown) {
             set(people_[p], one, known);
+            anchors_[p].fill(known);
+            isBlind_[p] = 0;
             areExpected = false;
             if (!isFirst) blame(faults_.appeared);
         } else if (one.stamp_s > known.stamp_s) {
-            if (!isExpected(known, people_[p], one)) {
+            if (!follow(p, one)) {
                 areExpected = false;
                 blame(faults_.faster);
             }
-            set(people_[p], one, known);
         } else {
             known.isLost = false;
         }

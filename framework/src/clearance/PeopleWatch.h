@@ -40,15 +40,22 @@ public:
 
     /** Forgets everybody. */
     void reset();
+    /** Nobody has told of people yet, or somebody of whom nothing is known was told of in a way that is of no use: until that is
+    mended, they may be anywhere. */
+    bool isBlind() const;
     /** False: somebody is where nothing known before let expect a person, and what was proven before is not any more. */
     bool take(const PeopleObservation& seen, double time_s);
 
 private:
     bool isExpected(const Known& before, const Person& person, const PersonObservation& seen) const;
     static void set(const Person& person, const PersonObservation& seen, Known& known);
+    bool follow(std::size_t p, const PersonObservation& seen);
 
     std::vector<Person> people_;
     std::vector<Known> known_;
+    /** What was known some time ago, see kAnchor_s: two, the older one is looked at. */
+    std::vector<std::array<Known, 2>> anchors_;
+    std::vector<char> isBlind_;
     PeopleFaults faults_;
     std::int64_t ownRefused_ = 0, version_ = 0;
     bool hasBegun_ = false;

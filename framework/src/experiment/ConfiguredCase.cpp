@@ -84,8 +84,14 @@ public:
         const RunSetup& setup = isReal ? configured_.realSetup : configured_.setup;
         if (!isolation_) return makeHere<Interface>(choice, setup, *watch);
         try {
-            return isolatePlugin<Interface>([&] { return makeHere<Interface>(choice, setup, *watch); }, *watch,
-                                            isolation_->watchdog_s);
+            PluginPtr<Interface> plugin = isolatePlugin<Interface>(
+                [&] { return makeHere<Interface>(choice, setup, *watch); }, *watch, isolation_->watchdog_s);
+            if constexpr (std::is_same_v<Interface, SafetyFilter>)
+                if (setup.people && plugin->guaranteesSeparation())
+                    throw badInput(watch->title,
+                                   "in a process of its own it does not see how the people of `environment` move",
+                                   "Run it without --isolate, or without `people`.");
+            return plugin;
         } catch (const PluginFault& e) {
             throw Error(ErrorKind::PluginFailed, watch->title,
                         std::string("could not be made and configured: ") + e.what(), e.remedy());

@@ -173,8 +173,9 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
     hasBest_ = hasOther_ = false;
 
     const FilterStatus status = braking_.propose(metric, desired, nullptr, proposed_);
-    LimitKind reason = isStale() ? LimitKind::Clearance : LimitKind::None;
-    if (!isStale()) {
+    const bool isBlind = people_ && watch_.isBlind();
+    LimitKind reason = isBlind ? LimitKind::Separation : isStale() ? LimitKind::Clearance : LimitKind::None;
+    if (!isBlind && !isStale()) {
         if (isGood(nominal, proposed_, options_.steers && metric)) keepBest(proposed_);
         const ArmStopCheck::Result& first = hasBest_ ? best_ : trial_;
         if (!hasBest_ || !first.isAhead) {

@@ -34,14 +34,37 @@ double calcGap(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::
     return gap;
 }
 
-/** A walk that is nowhere faster than stated, of a person who is there from the start on. */
-bool keepsItsWord(const Person& person) {
+constexpr double kLeastTick_s = 1e-9;
+
+/** So long after somebody broke the word that was given for him, or was seen for the first time, an arm may still be about to
+stop [s]. */
+constexpr double kGrace_s = 2.0;
+
+/** When the arm could not know: somebody is faster than stated, or has never been seen, or only just. */
+bool isExcused(const Person& person, double t) {
+    if (person.walk.empty()) return false;
+    const double grace_s = kGrace_s + person.latency_s;
+    double seen_s = 0.0;
+    for (bool isLater = true; isLater && !person.isSeen(seen_s);) {
+        isLater = false;
+        for (const Person::Absence& absence : person.unseen)
+            if (seen_s >= absence.from_s && seen_s < absence.to_s) {
+                seen_s = absence.to_s;
+                isLater = true;
+            }
+    }
+    if (seen_s > 0.0 && t < seen_s + grace_s) return true;
+    const double begin_s = person.walk.front().time_s, period_s = person.walk.back().time_s - begin_s;
+    const bool wraps = person.repeats && period_s > 0.0 && t > begin_s;
+    const double at_s = wraps ? begin_s + std::fmod(t - begin_s, period_s) : t;
     for (std::size_t i = 1; i < person.walk.size(); ++i) {
         const Person::Waypoint &from = person.walk[i - 1], &to = person.walk[i];
         const double speed = (to.position - from.position).norm() / (to.time_s - from.time_s);
-        if (speed > person.maxSpeed * (1.0 + kSpeedRounding)) return false;
+        if (!(speed > person.maxSpeed * (1.0 + kSpeedRounding))) continue;
+        const auto covers = [&](double time_s) { return time_s >= from.time_s && time_s < to.time_s + grace_s; };
+        if (covers(at_s) || (wraps && t - period_s > begin_s && covers(at_s + period_s))) return true;
     }
-    return person.isSeen(0.0);
+    return false;
 }
 
 }  // namespace
@@ -57,7 +80,7 @@ SeparationCounter::SeparationCounter(RobotDescription robot, const ArmGeometry& 
         longest = std::max(longest, names_.back().size());
     }
     for (const Person& person : people_) {
-        keepsWord_.push_back(keepsItsWord(person));
+        isExcused_.push_back(0);
         longest = std::max(longest, person.name.size());
     }
     if (hasRealArm) separations_.real.emplace();
@@ -126,7 +149,7 @@ SeparationCounter::Found SeparationCounter::find(const JointVector& q, const Joi
                 const bool isTooFast = gap <= 0.0;
                 if (isTooFast && !found.isTooFast) found.part = -1;
                 found.isTooFast |= isTooFast;
-                found.isGuilty |= isTooFast && keepsWord_[p];
+                found.isGuilty |= isTooFast && !isExcused_[p];
                 if (gap >= found.protective && found.part >= 0) continue;
                 found.protective = std::min(found.protective, gap);
                 found.part = static_cast<int>(k);
@@ -142,6 +165,7 @@ void SeparationCounter::judge(Way& way, SeparationRecord& record, const JointVec
     for (std::size_t p = 0; p < people_.size(); ++p) {  // where they are, seen or not
         const Person& person = people_[p];
         PersonObservation& place = places_.people[p];
+        isExcused_[p] = isExcused(person, time_s);
         if (person.walk.empty()) continue;
         place.kind = PersonObservation::Kind::Seen;
         place.count = static_cast<int>(person.capsules.size());
@@ -167,7 +191,7 @@ void SeparationCounter::judge(Way& way, SeparationRecord& record, const JointVec
 
 void SeparationCounter::follow(Way& way, SeparationRecord& record, const JointState& state, double time_s) {
     if (way.hasBegun && !way.hasGap) {  // between rows that are far apart nobody knows
-        const double h = time_s - way.time_s;
+        const double h = std::max(time_s - way.time_s, kLeastTick_s);
         const JointVector middle = 0.5 * (way.last.q + state.q) + h / 8.0 * (way.last.qd - state.qd);
         const JointVector speed = 1.5 / h * (state.q - way.last.q) - 0.25 * (way.last.qd + state.qd);
         judge(way, record, middle, speed, way.time_s + h / 2.0);

@@ -49,7 +49,7 @@ private:
     std::vector<LinkCapsule> capsules_;
     std::vector<std::string> names_;  ///< of the capsules' links
     std::vector<Person> people_;
-    std::vector<char> keepsWord_;
+    std::vector<char> isExcused_;  ///< at the time that is looked at: what happens then is not the arm's fault
     PeopleObservation places_;
     Separations separations_;
     Way nominal_, real_;

@@ -85,8 +85,51 @@ TEST(PeopleWatch, WhoIsLostMayBeAnywhereByAndBy) {
     PeopleObservation gone = seeBall(0.0, 0.0);
     gone.people[0].kind = PersonObservation::Kind::Gone;
     EXPECT_TRUE(watch.take(gone, 1.1));
+    EXPECT_TRUE(watch.known()[0].isKnown) << "from before the last observation";
+    gone = seeBall(0.0, 1.05);
+    gone.people[0].kind = PersonObservation::Kind::Gone;
+    EXPECT_TRUE(watch.take(gone, 1.1));
     EXPECT_FALSE(watch.known()[0].isKnown);
     EXPECT_EQ(watch.faults().lost, 1);
+}
+
+// From one observation to the next latency and error hide any speed; from one to a later one they do not.
+TEST(PeopleWatch, WhoIsFasterThanStatedIsFoundAtAnyRate) {
+    constexpr double kStated = 1.6, kLatency_s = 0.05, kError_m = 0.02;
+    const auto countFaster = [&](double speed, double period_s, std::uint64_t seed) {
+        std::mt19937 random(static_cast<std::uint32_t>(seed));
+        std::uniform_real_distribution<double> uniform(0.0, 1.0);
+        PeopleWatch watch({makePerson(kStated, kLatency_s, kError_m, 0.0)});
+        for (double t = 0.0; t < 3.0; t += period_s) {
+            const double seen_s = t - kLatency_s * uniform(random), wrong_m = kError_m * (2.0 * uniform(random) - 1.0);
+            watch.take(seeBall(20.0 - speed * seen_s + wrong_m, t), t);
+        }
+        return watch.faults().faster;
+    };
+    for (const double period_s : {0.001, 0.033, 0.2}) {
+        for (std::uint64_t seed = 1; seed <= 20; ++seed)
+            EXPECT_EQ(countFaster(kStated, period_s, seed), 0) << period_s << " s, seed " << seed;
+        EXPECT_GT(countFaster(2.5, period_s, 1), 3) << period_s;
+    }
+}
+
+TEST(PeopleWatch, SomebodyUnknownWhoCannotBeToldBlindsUntilHeCan) {
+    PeopleWatch watch({makePerson(1.0, 0.0, 0.0, 0.0)});
+    watch.take(seeBall(2.0, 0.9), 0.1);  // from a clock that is ahead
+    EXPECT_TRUE(watch.isBlind());
+    watch.take(seeBall(2.0, 0.2), 0.2);
+    EXPECT_FALSE(watch.isBlind());
+    watch.reset();
+    PeopleObservation refused = seeBall(2.0, 0.5);
+    refused.people[0].kind = PersonObservation::Kind::Unseen;
+    refused.refused = 1;  // by the feed
+    refused.lastRefused = 0;
+    watch.take(refused, 0.5);
+    EXPECT_TRUE(watch.isBlind());
+    PeopleObservation gone = seeBall(0.0, 0.6);
+    gone.people[0].kind = PersonObservation::Kind::Gone;
+    watch.take(gone, 0.6);
+    EXPECT_FALSE(watch.isBlind());
 }
 
 TEST(PeopleWatch, ObservationsOfAnotherTime) {

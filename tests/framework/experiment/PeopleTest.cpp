@@ -77,6 +77,15 @@ TEST(PeopleKeys, ARunJudgesThem) {
     EXPECT_EQ(json["guarantees_separation"], false);
 }
 
+TEST(PeopleKeys, AFilterInAProcessOfItsOwnDoesNotSeeThemMove) {
+    const Experiment e = readTestExperiment(kOneJoint, {"filter={plugin: whole_arm_braking}", kAnn});
+    const Isolation isolation;
+    expectContains(catchError([&] { configureCase(e.cases.front(), &isolation); }),
+                   {"in a process of its own it does not see how the people", "Run it without --isolate"});
+    const Experiment blind = readTestExperiment(kOneJoint, {"filter={plugin: certified_braking}", kAnn});
+    EXPECT_TRUE(configureCase(blind.cases.front(), &isolation)) << "it guarantees nothing of them";
+}
+
 // Faults of who is seen are braked for, counted and named.
 TEST(PeopleKeys, WhoComesFromNowhereIsNamed) {
     const auto run = [](const std::string& person) {

@@ -70,6 +70,12 @@ TEST(SeparationCounter, WhoIsFasterThanStatedIsNotTheArmsFault) {
     Person late = makeVisitor(2.0, 1.6, 0.0);
     late.unseen = {{0.0, 0.1}};
     EXPECT_EQ(judge(late, 0.5).nominal.guiltyTicks, 0) << "nobody knew of her";
+    Person once = makeVisitor(2.0, 1.6, 0.0);  // a word that was broken long before frees nobody
+    const Eigen::Vector3d from = once.walk.front().position;
+    once.walk.insert(once.walk.begin(), {{-5.0, from + Eigen::Vector3d(5.0, 0.0, 0.0)}, {-4.0, from}});
+    const Separations later = judge(once, 0.5);
+    EXPECT_GT(later.nominal.tooFastTicks, 100);
+    EXPECT_EQ(later.nominal.guiltyTicks, later.nominal.tooFastTicks);
 }
 
 TEST(SeparationCounter, TheLeastGap) {

@@ -73,7 +73,7 @@ struct PersonObservation {
     enum class Kind : unsigned char {
         Unseen,  ///< nothing: the person may have gone anywhere since it was seen last
         Seen,
-        Gone,  ///< it is known to be far away, and is forgotten until it is seen again
+        Gone,  ///< it is known to be far away at its stamp, and is forgotten until it is seen again
     };
     Kind kind = Kind::Unseen;
     double stamp_s = 0.0;                                    ///< in the time of the run
