@@ -256,10 +256,9 @@ actions  (n, joints): torque [Nm], acceleration [rad/s^2] or target [rad]; tool_
          quaternion that is none, brakes (status 4).
 
 Computes in threads without the interpreter's lock; the results do not depend on their number.)")
-        .def(
-            "reset", &PythonBatch::reset, py::arg("mask") = py::none(), py::arg("q") = py::none(),
-            py::arg("qd") = py::none(), py::arg("qdd") = py::none(),
-            R"(Puts arms to new states; all or none: raises viable.InputError for one from which no stop within the
+        .def("reset", &PythonBatch::reset, py::arg("mask") = py::none(), py::arg("q") = py::none(),
+             py::arg("qd") = py::none(), py::arg("qdd") = py::none(),
+             R"(Puts arms to new states; all or none: raises viable.InputError for one from which no stop within the
 limits exists, or with an environment none that keeps clear.
 
 mask        (n,) of truths, or numbers of arms, each once; None: all
