@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "Paths.h"
 #include "Properties.h"
+#include "PushedArm.h"
 #include "Random.h"
 #include "environment/CollisionJudge.h"
 #include "robot/ArmReach.h"
@@ -21,7 +21,6 @@
 #include "viable/environment/Surroundings.h"
 #include "viable/filter/WholeArmBrakingFilter.h"
 #include "viable/loop/NominalPlant.h"
-#include "viable/robot/RobotModel.h"
 
 namespace viable {
 
@@ -44,16 +43,11 @@ constexpr int kTicksPerJudged = 20;
 constexpr std::int64_t kRunsPerFrozen = 200;
 constexpr double kLeastMoving = 0.985;
 
-struct Robot {
-    explicit Robot(const char* name)
-        : description(loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + name)),
-          geometry(loadArmGeometry(description)),
-          reach(calcReach(description, geometry, description.limits)),
-          model(description) {}
-    RobotDescription description;
-    ArmGeometry geometry;
+/** A robot and how far it gets. */
+struct ReachingRobot : Robot {
+    explicit ReachingRobot(const char* name)
+        : Robot(name), reach(calcReach(description, geometry, description.limits)) {}
     Eigen::AlignedBox3d reach;
-    RobotModel model;
 };
 
 /** A map of three walls and clutter of 4 cm cells, in a file as long as this lives. */
@@ -174,7 +168,7 @@ Environment drawScene(Random& random, Scene scene, double reach, const std::file
 /** An arm that is asked to go from pose to pose in a scene, and how long it rests. */
 class FreezingCase {
 public:
-    FreezingCase(Robot& robot, Random& random, Scene scene, const std::filesystem::path& map)
+    FreezingCase(ReachingRobot& robot, Random& random, Scene scene, const std::filesystem::path& map)
         : robot_(robot),
           random_(random),
           environment_(drawScene(random, scene, 0.5 * robot.reach.sizes().head<2>().minCoeff(), map)) {
@@ -331,7 +325,7 @@ private:
         isFrozen_ = false;
     }
 
-    Robot& robot_;
+    ReachingRobot& robot_;
     Random& random_;
     Environment environment_;
     WholeArmBrakingOptions options_;
@@ -353,13 +347,13 @@ private:
 }  // namespace
 
 bool checkFreezing(const Options& options) {
-    Robot robots[] = {Robot("indy7"), Robot("panda"), Robot("ur5e")};
+    ReachingRobot robots[] = {ReachingRobot("indy7"), ReachingRobot("panda"), ReachingRobot("ur5e")};
     const MapFile map;
     Run run("freezing", options);
     std::int64_t ticks = 0, rest = 0, frozen = 0, runs = 0, frozenRuns = 0, longest = 0;
     while (run.nextArm()) {
         Random random(run.seed(), run.arm());
-        Robot& robot = robots[random.integer(0, 2)];
+        ReachingRobot& robot = robots[random.integer(0, 2)];
         const int scene = random.integer(0, static_cast<int>(kScenes.size()) - 1);
         std::unique_ptr<FreezingCase> arm;
         do arm = std::make_unique<FreezingCase>(robot, random, kScenes[static_cast<std::size_t>(scene)], map.path);

@@ -4,15 +4,14 @@
 #include <memory>
 #include <optional>
 
-#include "Paths.h"
 #include "Properties.h"
+#include "PushedArm.h"
 #include "Random.h"
 #include "environment/CollisionJudge.h"
 #include "viable/core/Error.h"
 #include "viable/environment/Surroundings.h"
 #include "viable/filter/WholeArmBrakingFilter.h"
 #include "viable/loop/NominalPlant.h"
-#include "viable/robot/RobotModel.h"
 
 namespace viable {
 
@@ -29,17 +28,6 @@ constexpr int kTicksPerStop = 200;
 /** The judge's accuracy and rounding of poses [m]; rounding of torques, as a share of their limits. */
 constexpr double kAllowed_m = 1e-8, kAllowedTorque = 1e-8, kAllowedLimit = 1e-9;
 constexpr double kHorizon_m = 0.15;
-
-/** Robots, their models and capsules, read once. */
-struct Robot {
-    explicit Robot(const char* name)
-        : description(loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + name)),
-          geometry(loadArmGeometry(description)),
-          model(description) {}
-    RobotDescription description;
-    ArmGeometry geometry;
-    RobotModel model;
-};
 
 Eigen::Isometry3d drawPose(Random& random, double reach) {
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
@@ -104,18 +92,13 @@ public:
         return true;
     }
 
-    struct Finding {
-        const char* what = nullptr;
-        double excess = 0.0;
-    };
-
     /** One tick; what was wrong in it. */
     Finding tick(int number) {
         const double t = number * kTick_s;
         if (random_.chance(putsAgain_)) feed_->put(surroundings_, t);  // nothing has changed
         if (number > 0 && random_.chance(misses_)) return miss(t);
         robot_.model.calcDynamics(state_.q, state_.qd, dynamics_);
-        push();
+        torque_ = dynamics_.M * pusher_.want(state_, dynamics_) + dynamics_.b;
         const FilterStatus status = filter_.filter({state_, torque_, dynamics_}, decision_);
         if (status == FilterStatus::Passed)
             ++passed;
@@ -132,7 +115,7 @@ public:
         near += least_ < environment_.safetyDistance_m + 0.02;
         if (!finding.what && random_.integer(1, kTicksPerStop) == 1) finding = judgeStop(t);
         advanceNominal(decision_, kTick_s, state_);
-        if (!finding.what) finding = judgeLimits();
+        if (!finding.what) finding = judgeLimits(state_, robot_.description.limits, kAllowedLimit);
         return finding;
     }
 
@@ -183,29 +166,6 @@ private:
         return sphere;
     }
 
-    /** Changes its mind now and then: to and fro, towards a pose, at random, or straight at what is nearest. */
-    void push() {
-        const RobotDescription& d = robot_.description;
-        const int n = d.size();
-        if (ticksLeft_-- <= 0) {
-            mode_ = random_.integer(0, 3);
-            ticksLeft_ = static_cast<int>(random_.logUniform(1.0, 1500.0));
-            goal_.resize(n);
-            for (int i = 0; i < n; ++i) goal_[i] = mode_ == 1 ? random_.uniform(-3.0, 3.0) : random_.uniform(-1.0, 1.0);
-            stiffness_ = random_.logUniform(5.0, 2000.0);
-        }
-        JointVector wanted(n);
-        if (mode_ == 1)
-            wanted = stiffness_ * (goal_ - state_.q) - 2.0 * std::sqrt(stiffness_) * state_.qd;
-        else if (mode_ == 2)
-            for (int i = 0; i < n; ++i) wanted[i] = random_.uniform(-1.0, 1.0) * stiffness_;
-        else if (mode_ == 3)  // the tool along a direction, whatever is there
-            wanted = dynamics_.J.topRows<3>().transpose() * goal_.head<3>() * stiffness_;
-        else
-            wanted = stiffness_ * goal_.cwiseSign();
-        torque_ = dynamics_.M * wanted + dynamics_.b;
-    }
-
     Finding judgePose(const JointVector& q, double t) {
         const double distance = judge_->findContact(q, t, kHorizon_m).distance;
         least_ = std::min(least_, distance);
@@ -243,7 +203,7 @@ private:
         if (!finding.what) finding = judgeTorqueChange(motors);
         if (!finding.what) finding = judgeTick(state_, jerk, t);
         advanceNominal(decision_, kTick_s, state_);
-        return finding.what ? finding : judgeLimits();
+        return finding.what ? finding : judgeLimits(state_, robot_.description.limits, kAllowedLimit);
     }
 
     static JointVector findTorque(const MotionState& state, const Dynamics& dynamics, const FilterDecision& decision) {
@@ -298,20 +258,9 @@ private:
         return {};
     }
 
-    Finding judgeLimits() const {
-        const JointLimits& l = robot_.description.limits;
-        const auto beyond = [](const JointVector& x, const JointBounds& b) {
-            const double excess = std::max((x - b.upper).maxCoeff(), (b.lower - x).maxCoeff());
-            return excess > kAllowedLimit ? excess : 0.0;
-        };
-        if (const double e = beyond(state_.q, l.position); e > 0.0) return {"position", e};
-        if (const double e = beyond(state_.qd, l.velocity); e > 0.0) return {"velocity", e};
-        if (const double e = beyond(state_.qdd, l.acceleration); e > 0.0) return {"acceleration", e};
-        return {};
-    }
-
     Robot& robot_;
     Random& random_;
+    Pusher pusher_{random_};
     Environment environment_;
     WholeArmBrakingOptions options_;
     std::shared_ptr<const Surroundings> surroundings_;
@@ -322,11 +271,10 @@ private:
     MotionState start_, state_;
     Dynamics dynamics_;
     FilterDecision decision_;
-    JointVector torque_, goal_, lastTorque_;
+    JointVector torque_, lastTorque_;
     bool knowsTorque_ = false;
     double putsAgain_ = 0.0, misses_ = 0.0;  ///< share of ticks
-    int mode_ = 0, ticksLeft_ = 0;
-    double stiffness_ = 1.0, least_ = 0.0;
+    double least_ = 0.0;
 };
 
 }  // namespace
@@ -342,7 +290,7 @@ bool checkObstacles(const Options& options) {
         do arm = std::make_unique<ObstacleCase>(robot, random);
         while (!arm->begin());
         for (int tick = 0; tick < kTicksPerArm; ++tick) {
-            const ObstacleCase::Finding finding = arm->tick(tick);
+            const Finding finding = arm->tick(tick);
             run.addSteps(robot.description.size());
             ++ticks;
             if (!finding.what) continue;

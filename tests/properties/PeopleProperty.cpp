@@ -5,15 +5,14 @@
 #include <memory>
 #include <optional>
 
-#include "Paths.h"
 #include "Properties.h"
+#include "PushedArm.h"
 #include "Random.h"
 #include "Walkers.h"
 #include "summary/SeparationCounter.h"
 #include "viable/core/Error.h"
 #include "viable/filter/WholeArmBrakingFilter.h"
 #include "viable/loop/NominalPlant.h"
-#include "viable/robot/RobotModel.h"
 
 namespace viable {
 
@@ -29,49 +28,6 @@ constexpr int kTicksPerStop = 50;
 constexpr int kTicksPerChange = 300;
 constexpr double kAllowed = 1e-9, kAllowedTorque = 1e-8;
 constexpr double kMoves = 0.02;  ///< [rad/s]
-
-/** Robots, their models and capsules, read once. */
-struct Robot {
-    explicit Robot(const char* name)
-        : description(loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + name)),
-          geometry(loadArmGeometry(description)),
-          model(description) {}
-    RobotDescription description;
-    ArmGeometry geometry;
-    RobotModel model;
-};
-
-/** Wants that change now and then: to and fro, towards a pose, at random, or the tool along a direction. */
-class Pusher {
-public:
-    explicit Pusher(Random& random) : random_(random) {}
-    JointVector want(const MotionState& state, const Dynamics& dynamics) {
-        const int n = static_cast<int>(state.q.size());
-        if (ticksLeft_-- <= 0) {
-            mode_ = random_.integer(0, 3);
-            ticksLeft_ = static_cast<int>(random_.logUniform(1.0, 1500.0));
-            goal_.resize(n);
-            for (int i = 0; i < n; ++i) goal_[i] = mode_ == 1 ? random_.uniform(-3.0, 3.0) : random_.uniform(-1.0, 1.0);
-            stiffness_ = random_.logUniform(5.0, 2000.0);
-        }
-        JointVector wanted(n);
-        if (mode_ == 1)
-            wanted = stiffness_ * (goal_ - state.q) - 2.0 * std::sqrt(stiffness_) * state.qd;
-        else if (mode_ == 2)
-            for (int i = 0; i < n; ++i) wanted[i] = random_.uniform(-1.0, 1.0) * stiffness_;
-        else if (mode_ == 3)
-            wanted = dynamics.J.topRows<3>().transpose() * goal_.head<3>() * stiffness_;
-        else
-            wanted = stiffness_ * goal_.cwiseSign();
-        return wanted;
-    }
-
-private:
-    Random& random_;
-    JointVector goal_;
-    int mode_ = 0, ticksLeft_ = 0;
-    double stiffness_ = 1.0;
-};
 
 /** One arm with random limits among random people, its filter, and how it is pushed. */
 class PeopleCase {
@@ -135,11 +91,6 @@ public:
         return true;
     }
 
-    struct Finding {
-        const char* what = nullptr;
-        double excess = 0.0;
-    };
-
     /** One tick; what was wrong in it. */
     Finding tick(int number) {
         if (number > 0) see();
@@ -155,7 +106,7 @@ public:
         moving += state_.qd.cwiseAbs().maxCoeff() > kMoves;
         advanceNominal(decision_, kTick_s, state_);
         walkers_->walk(target);
-        if (!finding.what && !hasChanged_) finding = judgeLimits();
+        if (!finding.what && !hasChanged_) finding = judgeLimits(state_, description_.limits, kAllowed);
         return finding;
     }
 
@@ -285,18 +236,6 @@ private:
         return {};
     }
 
-    Finding judgeLimits() const {
-        const JointLimits& l = description_.limits;
-        const auto beyond = [](const JointVector& x, const JointBounds& b) {
-            const double excess = std::max((x - b.upper).maxCoeff(), (b.lower - x).maxCoeff());
-            return excess > kAllowed ? excess : 0.0;
-        };
-        if (const double e = beyond(state_.q, l.position); e > 0.0) return {"position", e};
-        if (const double e = beyond(state_.qd, l.velocity); e > 0.0) return {"velocity", e};
-        if (const double e = beyond(state_.qdd, l.acceleration); e > 0.0) return {"acceleration", e};
-        return {};
-    }
-
     Robot& robot_;
     Random& random_;
     RobotDescription description_;
@@ -337,7 +276,7 @@ bool checkPeople(const Options& options) {
         }
         ++begun;
         for (int tick = 0; tick < kTicksPerArm; ++tick) {
-            const PeopleCase::Finding finding = arm->tick(tick);
+            const Finding finding = arm->tick(tick);
             run.addSteps(robot.description.size());
             ++ticks;
             if (!finding.what) continue;

@@ -4,14 +4,13 @@
 #include <memory>
 #include <optional>
 
-#include "Paths.h"
 #include "Properties.h"
+#include "PushedArm.h"
 #include "Random.h"
 #include "summary/SpeedCounter.h"
 #include "viable/core/Error.h"
 #include "viable/filter/WholeArmBrakingFilter.h"
 #include "viable/loop/NominalPlant.h"
-#include "viable/robot/RobotModel.h"
 
 namespace viable {
 
@@ -25,17 +24,6 @@ constexpr int kLooks = 3;
 constexpr int kTicksPerStop = 50;
 /** Rounding, as a share of a limit. */
 constexpr double kAllowed = 1e-9, kAllowedTorque = 1e-8;
-
-/** Robots, their models and capsules, read once. */
-struct Robot {
-    explicit Robot(const char* name)
-        : description(loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + name)),
-          geometry(loadArmGeometry(description)),
-          model(description) {}
-    RobotDescription description;
-    ArmGeometry geometry;
-    RobotModel model;
-};
 
 /** One arm with random limits of its joints and of its points, its filter, and how it is pushed. */
 class SpeedCase {
@@ -104,16 +92,11 @@ public:
         return true;
     }
 
-    struct Finding {
-        const char* what = nullptr;
-        double excess = 0.0;
-    };
-
     /** One tick; what was wrong in it. */
     Finding tick(int number) {
         if (number > 0 && random_.chance(misses_)) return miss();
         robot_.model.calcDynamics(state_.q, state_.qd, dynamics_);
-        push();
+        torque_ = dynamics_.M * pusher_.want(state_, dynamics_) + dynamics_.b;
         const FilterStatus status = filter_.filter({state_, torque_, dynamics_}, decision_);
         passed += status == FilterStatus::Passed;
         stopped += status == FilterStatus::StoppedByPlan;
@@ -131,7 +114,7 @@ public:
             finding = {"the filter told less than there was", use_};
         if (!finding.what && random_.integer(1, kTicksPerStop) == 1) finding = judgeStop();
         advanceNominal(decision_, kTick_s, state_);
-        if (!finding.what) finding = judgeLimits();
+        if (!finding.what) finding = judgeLimits(state_, description_.limits, kAllowed);
         return finding;
     }
 
@@ -142,27 +125,6 @@ public:
 
 private:
     /** Changes its mind now and then: to and fro, towards a pose, at random, or the tool along a direction. */
-    void push() {
-        const int n = description_.size();
-        if (ticksLeft_-- <= 0) {
-            mode_ = random_.integer(0, 3);
-            ticksLeft_ = static_cast<int>(random_.logUniform(1.0, 1500.0));
-            goal_.resize(n);
-            for (int i = 0; i < n; ++i) goal_[i] = mode_ == 1 ? random_.uniform(-3.0, 3.0) : random_.uniform(-1.0, 1.0);
-            stiffness_ = random_.logUniform(5.0, 2000.0);
-        }
-        JointVector wanted(n);
-        if (mode_ == 1)
-            wanted = stiffness_ * (goal_ - state_.q) - 2.0 * std::sqrt(stiffness_) * state_.qd;
-        else if (mode_ == 2)
-            for (int i = 0; i < n; ++i) wanted[i] = random_.uniform(-1.0, 1.0) * stiffness_;
-        else if (mode_ == 3)
-            wanted = dynamics_.J.topRows<3>().transpose() * goal_.head<3>() * stiffness_;
-        else
-            wanted = stiffness_ * goal_.cwiseSign();
-        torque_ = dynamics_.M * wanted + dynamics_.b;
-    }
-
     Finding judgeTick(const MotionState& from, const JointVector& jerk) {
         for (int k = 0; k < kLooks; ++k) {
             JointVector q(from.q.size()), qd(from.q.size());
@@ -189,7 +151,7 @@ private:
         filter_.skipTicks(1);
         const Finding finding = judgeTick(state_, jerk);
         advanceNominal(decision_, kTick_s, state_);
-        return finding.what ? finding : judgeLimits();
+        return finding.what ? finding : judgeLimits(state_, description_.limits, kAllowed);
     }
 
     Finding judgeTorque(const FilterDecision& decision) const {
@@ -227,20 +189,9 @@ private:
         return {};
     }
 
-    Finding judgeLimits() const {
-        const JointLimits& l = description_.limits;
-        const auto beyond = [](const JointVector& x, const JointBounds& b) {
-            const double excess = std::max((x - b.upper).maxCoeff(), (b.lower - x).maxCoeff());
-            return excess > kAllowed ? excess : 0.0;
-        };
-        if (const double e = beyond(state_.q, l.position); e > 0.0) return {"position", e};
-        if (const double e = beyond(state_.qd, l.velocity); e > 0.0) return {"velocity", e};
-        if (const double e = beyond(state_.qdd, l.acceleration); e > 0.0) return {"acceleration", e};
-        return {};
-    }
-
     Robot& robot_;
     Random& random_;
+    Pusher pusher_{random_};
     RobotDescription description_;
     WholeArmBrakingOptions options_;
     std::optional<RunSetup> setup_;
@@ -249,11 +200,9 @@ private:
     MotionState state_;
     Dynamics dynamics_;
     FilterDecision decision_;
-    JointVector torque_, goal_;
+    JointVector torque_;
     double misses_ = 0.0, use_ = 0.0;
     bool hasGeometry_ = false;
-    int mode_ = 0, ticksLeft_ = 0;
-    double stiffness_ = 1.0;
 };
 
 }  // namespace
@@ -276,7 +225,7 @@ bool checkSpeeds(const Options& options) {
         }
         ++begun;
         for (int tick = 0; tick < kTicksPerArm; ++tick) {
-            const SpeedCase::Finding finding = arm->tick(tick);
+            const Finding finding = arm->tick(tick);
             run.addSteps(robot.description.size());
             ++ticks;
             if (!finding.what) continue;

@@ -175,11 +175,7 @@ struct ArmBatch::Impl {
         if (isTool) tools.resize(count(arms));
         if (options.environment) {
             checkEnvironment(*options.environment);
-            if (!options.environment->people.empty())
-                throw badInput("ArmBatchOptions::environment",
-                               "there are people in it, and arms in a batch keep apart from none",
-                               "Leave Environment::people empty; WholeArmBrakingFilter keeps apart from those of "
-                               "RunSetup::people.");
+            detail::refusePeople("ArmBatchOptions::environment", *options.environment, "arms in a batch keep");
             geometry = loadArmGeometry(robot);
             surroundings = makeSurroundings(*options.environment, robot, *geometry, setup.limits);
             for (int arm = 0; arm < arms; ++arm) wholeArms.push_back(std::make_unique<WholeArm>(surroundings));

@@ -38,7 +38,6 @@ public:
     void setSurroundings(const Surroundings* surroundings) { distance_.setSurroundings(surroundings); }
 
     bool keepsSpeeds() const { return speed_.isAny(); }
-    bool keepsApart() const { return people_.isAny(); }
     /** Whom paths are to keep apart from. @param time_s  of the run, when they begin */
     void setPeople(const PeopleWatch& watch, double time_s) { people_.setKnown(watch, time_s); }
     /** A look at a path for people alone: what it keeps. */

@@ -22,6 +22,7 @@ public:
     CapsuleSpeeds(const RobotDescription& robot, std::vector<LinkCapsule> capsules);
 
     std::size_t size() const { return capsules_.size(); }
+    const std::vector<LinkCapsule>& capsules() const { return capsules_; }
     const LinkCapsule& capsule(std::size_t k) const { return capsules_[k]; }
     const ArmRecursion& arm() const { return arm_; }
 

@@ -14,8 +14,6 @@ namespace {
 
 /** Pairs that keep so much more than is asked for are not told apart [m]. */
 constexpr double kFarFromPeople_m = 0.3;
-/** How far a joint is with the tick's jerk at a later time, where two stops of it do not tell, in tick^3. */
-constexpr double kLeastPlaceSlope = 2.0;
 /** How much later a joint rests with the tick's jerk, in ticks over the jerk of its stop: between these. */
 constexpr double kLeastLater = 1.0, kMostLater = 8.0;
 
@@ -34,16 +32,15 @@ PeopleCheck::PeopleCheck(const RobotDescription& robot, const ArmGeometry* geome
       people_(people),
       tick_s_(tick_s),
       speeds_(robot, listMoved(geometry, people)),
-      capsules_(listMoved(geometry, people)),
-      parts_(capsules_.size()),
+      parts_(speeds_.size()),
       growth_(static_cast<std::size_t>(people)),
       speed_(static_cast<std::size_t>(people)) {
-    for (std::size_t k = 0; k < capsules_.size(); ++k)
+    for (std::size_t k = 0; k < speeds_.size(); ++k)
         for (int p = 0; p < people; ++p) pairs_.push_back({static_cast<int>(k), p, 0.0, 0.0, 0.0});
     const auto prepare = [this](Look& look) {
         look.travel = JointVector::Zero(n_);
-        look.segments.resize(capsules_.size());
-        look.speeds.assign(capsules_.size(), 0.0);
+        look.segments.resize(speeds_.size());
+        look.speeds.assign(speeds_.size(), 0.0);
         look.distances.assign(pairs_.size(), 0.0);
     };
     for (Look* look : {&begin_, &first_, &end_}) prepare(*look);
@@ -79,7 +76,7 @@ void PeopleCheck::settle(const Pair& pair, double bound) {
     if (bound >= result_->proven) return;
     result_->proven = bound;
     result_->person = pair.person;
-    result_->link = capsules_[static_cast<std::size_t>(pair.capsule)].link;
+    result_->link = speeds_.capsule(static_cast<std::size_t>(pair.capsule)).link;
 }
 
 /** False: it is over, as a look was too near. */
@@ -89,7 +86,7 @@ bool PeopleCheck::look(double time_s, bool isBegin, const std::vector<int>& open
     look.time_s = time_s;
     speeds_.look(*path_, time_s);
     path_->calcPositions(time_s, position_, look.travel);
-    for (std::size_t k = 0; k < capsules_.size(); ++k) {
+    for (std::size_t k = 0; k < speeds_.size(); ++k) {
         look.segments[k] = speeds_.pose().segments[k];
         look.speeds[k] = speeds_.calcFastest(k).speed;
     }
@@ -97,7 +94,7 @@ bool PeopleCheck::look(double time_s, bool isBegin, const std::vector<int>& open
         Pair& pair = pairs_[static_cast<std::size_t>(index)];
         const auto k = static_cast<std::size_t>(pair.capsule);
         const double rest_s = parts_[k].rest_s;
-        const double distance = calcDistance(pair, look.segments[k], capsules_[k].radius, rest_s);
+        const double distance = calcDistance(pair, look.segments[k], speeds_.capsule(k).radius, rest_s);
         look.distances[static_cast<std::size_t>(index)] = distance;
         if (isBegin) continue;  // no jerk changes that
         const double contactSpeed = watch_->known()[static_cast<std::size_t>(pair.person)].contactSpeed;
@@ -172,12 +169,12 @@ void PeopleCheck::examine(const ArmPath& path, const ArmPath::Extremes& extremes
     mustBeGood_ = mustBeGood;
     result_ = &result;
     leftOfPath_ = kMostOfPath;
-    for (std::size_t k = 0; k < capsules_.size(); ++k) {
+    for (std::size_t k = 0; k < speeds_.size(); ++k) {
         Capsule& part = parts_[k];
         part.rest_s = 0.0;
         part.lastJoint = -1;
         for (int i = 0; i < n_; ++i) {
-            if (!speeds_.arm().moves(i, capsules_[k].carrier)) continue;
+            if (!speeds_.arm().moves(i, speeds_.capsule(k).carrier)) continue;
             const double rest_s = path.calcRestTime(i);
             if (!(rest_s > part.rest_s)) continue;
             part.rest_s = rest_s;
@@ -197,7 +194,7 @@ void PeopleCheck::examine(const ArmPath& path, const ArmPath::Extremes& extremes
     if (all.empty()) return;
     look(0.0, true, all, begin_);
     speeds_.setPath(extremes);
-    for (std::size_t k = 0; k < capsules_.size(); ++k) {
+    for (std::size_t k = 0; k < speeds_.size(); ++k) {
         parts_[k].bend = speeds_.motion().calcBend(static_cast<int>(k), -1);
         parts_[k].bendRate = speeds_.motion().calcBendRate(static_cast<int>(k));
     }
@@ -255,13 +252,8 @@ void PeopleCheck::addRows(const StopPair& stops, const Demand& demand, RowQp::Ro
             place.gradient = distance > 0.0 ? Eigen::Vector3d(apart / distance) : Eigen::Vector3d::Zero();
             place.onFirst = onArm;
         }
-        calcDistanceGradient(place, {pair.capsule, -1}, capsules_, speeds_.arm(), speeds_.pose().frames, row_);
-        stops.path.calcPositions(pair.time_s, position_);
-        stops.other.calcPositions(std::min(pair.time_s, stops.other.duration()), otherPosition_);
-        for (int i = 0; i < n_; ++i) {
-            const double slope = (position_[i] - otherPosition_[i]) / (stops.jerk[i] - stops.otherJerk[i]);
-            row_[i] *= std::isfinite(slope) && slope > 0.0 ? slope : kLeastPlaceSlope * tick_s_ * tick_s_ * tick_s_;
-        }
+        calcDistanceGradient(place, {pair.capsule, -1}, speeds_.capsules(), speeds_.arm(), speeds_.pose().frames, row_);
+        multiplyPlaceSlopes(stops, pair.time_s, tick_s_, row_);
         // Where it is met last, it is met later by what the last of its joints rests later.
         if (const int last = parts_[k].lastJoint; last >= 0 && pair.time_s >= pair.lastFast_s) {
             const double unit = tick_s_ / std::max(extremes_.jerk[last], 1e-9);
@@ -271,7 +263,7 @@ void PeopleCheck::addRows(const StopPair& stops, const Demand& demand, RowQp::Ro
             const double size = std::isfinite(later)
                                     ? std::clamp(std::abs(later), kLeastLater * unit, kMostLater * unit)
                                     : kLeastLater * unit;
-            const double way = position_[last] - stops.path.calcPosition(last, 0.0);
+            const double way = stops.path.calcPosition(last, pair.time_s) - stops.path.calcPosition(last, 0.0);
             row_[last] -= std::copysign(known.speed * size, way);
         }
         const double length = row_.norm();

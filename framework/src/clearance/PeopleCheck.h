@@ -94,7 +94,6 @@ private:
     int n_, people_;
     double tick_s_;
     CapsuleSpeeds speeds_;
-    std::vector<LinkCapsule> capsules_;
     std::vector<Capsule> parts_;
     std::vector<Pair> pairs_;
     const PeopleWatch* watch_ = nullptr;
@@ -103,7 +102,7 @@ private:
     std::array<Look, kDepth> middle_;
     std::array<std::vector<int>, kDepth + 2> open_;  ///< pairs in question
     std::vector<int> inQuestion_;
-    JointVector position_, row_, otherPosition_;
+    JointVector position_, row_;
     int left_ = kMaxLooks, leftOfPath_ = kMostOfPath;
 
     // Of the path that is looked at

@@ -24,20 +24,24 @@ SteeringRows::SteeringRows(const RobotDescription& robot, std::vector<LinkCapsul
                            const TorqueScan::Limits& limits, double tick_s)
     : n_(robot.size()), arm_(robot), capsules_(std::move(capsules)), limits_(limits), tick_s_(tick_s) {}
 
+void multiplyPlaceSlopes(const StopPair& stops, double t_s, double tick_s, JointVector& row) {
+    JointVector here, there;
+    stops.path.calcPositions(t_s, here);
+    stops.other.calcPositions(std::min(t_s, stops.other.duration()), there);
+    for (Eigen::Index i = 0; i < row.size(); ++i) {
+        const double slope = (here[i] - there[i]) / (stops.jerk[i] - stops.otherJerk[i]);
+        row[i] *= std::isfinite(slope) && slope > 0.0 ? slope : kLeastSlope * tick_s * tick_s * tick_s;
+    }
+}
+
 /** c + sum_i gradient . (dp/dq_i) (dq_i/du_i) (u_i - jerk_i) >= bound, all at the nearest place; dq_i/du_i by the
 difference of the two paths there. */
 void SteeringRows::addClearance(const ElementDistance::Place& place, const ArmElement& element,
                                 const ArmRecursion::Frames& frames, double t_s, double bound, const StopPair& stops,
                                 RowQp::Rows& rows) const {
-    JointVector here, there;
-    stops.path.calcPositions(t_s, here);
-    stops.other.calcPositions(std::min(t_s, stops.other.duration()), there);
     JointVector row;
     calcDistanceGradient(place, element, capsules_, arm_, frames, row);
-    for (int i = 0; i < n_; ++i) {
-        const double slope = (here[i] - there[i]) / (stops.jerk[i] - stops.otherJerk[i]);
-        row[i] *= std::isfinite(slope) && slope > 0.0 ? slope : kLeastSlope * tick_s_ * tick_s_ * tick_s_;
-    }
+    multiplyPlaceSlopes(stops, t_s, tick_s_, row);
     add(row, bound - place.distance + row.dot(stops.jerk), rows);
 }
 

@@ -18,6 +18,9 @@ struct StopPair {
     const JointVector& otherJerk;
 };
 
+/** How the joints' places at time t_s of the first stop move with the jerks: multiplies the parts of a row for places by that. */
+void multiplyPlaceSlopes(const StopPair& stops, double t_s, double tick_s, JointVector& row);
+
 /** Inequalities row . u >= bound for the jerks u of a tick that lead a stop away from obstacles and back within torque
 limits, to first order, as rows for RowQp: velocity dampers (Faverjon and Tournassoud, A local based approach for path
 planning of manipulators with a high number of degrees of freedom, ICRA 1987) taken along the stop instead of at the present

@@ -11,12 +11,8 @@ namespace viable {
 
 namespace {
 
-/** Farthest place of anything [m]. */
-constexpr double kFarthestPerson_m = 1000.0;
 /** Nobody is faster [m/s]: a larger number is a mistake in the unit. */
 constexpr double kFastest = 20.0;
-/** Rounding of a walk's speed, as a share. */
-constexpr double kSpeedRounding = 1e-9;
 
 constexpr NumberRange kPersonPlace{-kFarthestPerson_m, kFarthestPerson_m};
 constexpr NumberRange kWalkTime{0.0, 1e6};

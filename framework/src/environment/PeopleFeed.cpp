@@ -7,16 +7,14 @@ namespace viable {
 
 namespace {
 
-constexpr double kFarthestSeen_m = 1000.0;
-
 bool isUsable(const PersonObservation& seen) {
     if (!std::isfinite(seen.stamp_s) || seen.count < 1 || seen.count > kMaxPersonCapsules) return false;
     for (int k = 0; k < seen.count; ++k) {
         const PersonCapsule& capsule = seen.capsules[static_cast<std::size_t>(k)];
-        const bool isNear =
-            capsule.a.cwiseAbs().maxCoeff() <= kFarthestSeen_m && capsule.b.cwiseAbs().maxCoeff() <= kFarthestSeen_m;
+        const bool isNear = capsule.a.cwiseAbs().maxCoeff() <= kFarthestPerson_m &&
+                            capsule.b.cwiseAbs().maxCoeff() <= kFarthestPerson_m;
         if (!(capsule.a.allFinite() && capsule.b.allFinite() && isNear)) return false;
-        if (!(capsule.radius > 0.0 && capsule.radius <= kFarthestSeen_m)) return false;
+        if (!(capsule.radius > 0.0 && capsule.radius <= kFarthestPerson_m)) return false;
     }
     return true;
 }

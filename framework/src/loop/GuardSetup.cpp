@@ -118,6 +118,13 @@ void refuseSpeedLimits(const char* guard, const RobotDescription& robot) {
                    "Use ReferenceGuard, which keeps them, or clear them where something else does.");
 }
 
+void refusePeople(const char* where, const Environment& environment, const char* who) {
+    if (environment.people.empty()) return;
+    throw badInput(
+        where, std::string("there are people in it, and ") + who + " apart from none",
+        "Leave Environment::people empty; WholeArmBrakingFilter keeps apart from those of RunSetup::people.");
+}
+
 Dynamics takeGuardStart(const char* guard, const MotionState& start, RunSetup& setup) {
     const std::string place = std::string(guard) + "::start";
     const int n = setup.size();

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "loop/ControlLoop.h"
+#include "viable/environment/Environment.h"
 #include "viable/host/PluginLoader.h"
 #include "viable/loop/GuardStatus.h"
 #include "viable/plugin/Plugin.h"
@@ -26,6 +27,11 @@ RunSetup makeGuardSetup(const char* guard, const RobotDescription& robot, double
 
 /** Refuses a robot with speed limits of its points: for guards that keep joint limits alone. Throws Error (BadInput). */
 void refuseSpeedLimits(const char* guard, const RobotDescription& robot);
+
+/** Refuses an environment with people. Throws Error (BadInput).
+@param where  of it, for the message
+@param who    "a reference guard keeps" */
+void refusePeople(const char* where, const Environment& environment, const char* who);
 
 /** Checks a start and puts it into `setup`, with its tool pose. Throws Error (BadInput).
 @return the dynamics there */

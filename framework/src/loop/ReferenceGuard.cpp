@@ -39,14 +39,6 @@ RobotDescription makeKinematic(RobotDescription robot) {
     return robot;
 }
 
-/** What a guard does not keep it does not take. */
-void refusePeople(const char* where, const Environment& environment) {
-    if (environment.people.empty()) return;
-    throw badInput(
-        where, "there are people in it, and a reference guard keeps apart from none",
-        "Leave Environment::people empty; WholeArmBrakingFilter keeps apart from those of RunSetup::people.");
-}
-
 }  // namespace
 
 /** The targets as a command, and limits that change. */
@@ -141,7 +133,7 @@ struct ReferenceGuard::Inside {
                            detail::formatNumber(options.share) + "; allowed is above 0, up to 1",
                            "1 for targets that jump and rest.");
         if (options.environment) {
-            refusePeople("ReferenceGuardOptions::environment", *options.environment);
+            detail::refusePeople("ReferenceGuardOptions::environment", *options.environment, "a reference guard keeps");
             geometry = loadArmGeometry(robot);
             surroundings = makeSurroundings(*options.environment, robot, *geometry, limits);
             feed = std::make_unique<SurroundingsFeed>(surroundings);
@@ -322,7 +314,7 @@ void ReferenceGuard::changeEnvironment(const Environment& environment, double st
     if (!in.feed)
         throw badInput("ReferenceGuard::changeEnvironment", "the guard was made without surroundings",
                        "Set ReferenceGuardOptions::environment, an empty one will do.");
-    refusePeople("ReferenceGuard::changeEnvironment", environment);
+    detail::refusePeople("ReferenceGuard::changeEnvironment", environment, "a reference guard keeps");
     in.surroundings = makeSurroundings(environment, in.robot, *in.geometry, in.reachLimits);
     in.stamp_s = stamp_s;
     in.feed->put(in.surroundings, stamp_s);

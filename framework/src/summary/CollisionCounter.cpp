@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "summary/ArmMotion.h"
+
 namespace viable::detail {
 
 CollisionCounter::CollisionCounter(const RobotDescription& robot, const ArmGeometry& geometry,
@@ -34,8 +36,7 @@ void CollisionCounter::judge(Way& way, CollisionRecord& record, const JointVecto
 void CollisionCounter::follow(Way& way, CollisionRecord& record, const JointState& state, double time_s) {
     if (way.hasBegun) {
         const double seconds = time_s - way.time_s;
-        const JointVector middle = 0.5 * (way.last.q + state.q) + seconds / 8.0 * (way.last.qd - state.qd);
-        judge(way, record, middle, way.time_s + seconds / 2.0);
+        judge(way, record, calcHalfWay(way.last, state, seconds).q, way.time_s + seconds / 2.0);
     }
     judge(way, record, state.q, time_s);
     if (way.hasBegun) {

@@ -1,9 +1,10 @@
 #include "summary/SeparationCounter.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <utility>
+
+#include "summary/ArmMotion.h"
 
 namespace viable::detail {
 
@@ -96,39 +97,11 @@ SeparationCounter::SeparationCounter(RobotDescription robot, const ArmGeometry& 
 
 SeparationCounter::Found SeparationCounter::find(const JointVector& q, const JointVector& qd,
                                                  const PeopleObservation& places, double rest) const {
-    struct Frame {
-        Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-        Eigen::Vector3d turning = Eigen::Vector3d::Zero(), moving = Eigen::Vector3d::Zero();
-    };
-    std::array<Frame, kMaxJoints> frames;
-    for (std::size_t i = 0; i < robot_.joints.size(); ++i) {
-        const JointDescription& joint = robot_.joints[i];
-        const auto at = static_cast<Eigen::Index>(i);
-        const Frame base = joint.parent < 0 ? Frame() : frames[static_cast<std::size_t>(joint.parent)];
-        Frame& frame = frames[i];
-        frame = base;
-        frame.pose = base.pose * joint.placement;
-        const Eigen::Vector3d axis = frame.pose.linear() * joint.axis;
-        if (joint.type == JointType::Prismatic)
-            frame.pose = frame.pose * Eigen::Translation3d(q[at] * joint.axis);
-        else
-            frame.pose = frame.pose * Eigen::AngleAxisd(q[at], joint.axis);
-        frame.moving += base.turning.cross(frame.pose.translation() - base.pose.translation());
-        (joint.type == JointType::Prismatic ? frame.moving : frame.turning) += qd[at] * axis;
-    }
+    const ArmMotion arm(robot_, q, qd);
     Found found;
     for (std::size_t k = 0; k < capsules_.size(); ++k) {
         const LinkCapsule& capsule = capsules_[k];
-        const Frame& frame = frames[static_cast<std::size_t>(capsule.carrier)];
-        const Eigen::Vector3d a = frame.pose * capsule.a, b = frame.pose * capsule.b;
-        const double rate = frame.turning.norm();
-        double speed = 0.0;
-        for (const Eigen::Vector3d* end : {&a, &b}) {
-            const Eigen::Vector3d v = frame.moving + frame.turning.cross(*end - frame.pose.translation());
-            const double along = rate > 0.0 ? frame.turning.dot(v) / rate : v.norm();
-            const double across = rate > 0.0 ? frame.turning.cross(v).norm() / rate : 0.0;
-            speed = std::max(speed, std::hypot(along, across + rate * capsule.radius));
-        }
+        const auto [a, b, speed] = arm.place(capsule);
         const double half = (b - a).norm() / 2.0 + capsule.radius;
         const Eigen::Vector3d middle = (a + b) / 2.0;
         for (std::size_t p = 0; p < people_.size(); ++p) {
@@ -192,9 +165,8 @@ void SeparationCounter::judge(Way& way, SeparationRecord& record, const JointVec
 void SeparationCounter::follow(Way& way, SeparationRecord& record, const JointState& state, double time_s) {
     if (way.hasBegun && !way.hasGap) {  // between rows that are far apart nobody knows
         const double h = std::max(time_s - way.time_s, kLeastTick_s);
-        const JointVector middle = 0.5 * (way.last.q + state.q) + h / 8.0 * (way.last.qd - state.qd);
-        const JointVector speed = 1.5 / h * (state.q - way.last.q) - 0.25 * (way.last.qd + state.qd);
-        judge(way, record, middle, speed, way.time_s + h / 2.0);
+        const JointState middle = calcHalfWay(way.last, state, h);
+        judge(way, record, middle.q, middle.qd, way.time_s + h / 2.0);
     }
     judge(way, record, state.q, state.qd, time_s);
     if (way.hasBegun) {

@@ -1,10 +1,10 @@
 #include "summary/SpeedCounter.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <utility>
 
+#include "summary/ArmMotion.h"
 #include "viable/core/Numbers.h"
 
 namespace viable::detail {
@@ -47,46 +47,18 @@ SpeedCounter::SpeedCounter(RobotDescription robot, const ArmGeometry* geometry, 
 }
 
 SpeedCounter::Fastest SpeedCounter::find(const JointVector& q, const JointVector& qd) const {
-    struct Frame {
-        Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-        Eigen::Vector3d turning = Eigen::Vector3d::Zero(), moving = Eigen::Vector3d::Zero();
-    };
-    std::array<Frame, kMaxJoints> frames;
-    for (std::size_t i = 0; i < robot_.joints.size(); ++i) {
-        const JointDescription& joint = robot_.joints[i];
-        const auto at = static_cast<Eigen::Index>(i);
-        const Frame base = joint.parent < 0 ? Frame() : frames[static_cast<std::size_t>(joint.parent)];
-        Frame& frame = frames[i];
-        frame = base;
-        frame.pose = base.pose * joint.placement;
-        const Eigen::Vector3d axis = frame.pose.linear() * joint.axis;
-        if (joint.type == JointType::Prismatic)
-            frame.pose = frame.pose * Eigen::Translation3d(q[at] * joint.axis);
-        else
-            frame.pose = frame.pose * Eigen::AngleAxisd(q[at], joint.axis);
-        frame.moving += base.turning.cross(frame.pose.translation() - base.pose.translation());
-        (joint.type == JointType::Prismatic ? frame.moving : frame.turning) += qd[at] * axis;
-    }
+    const ArmMotion arm(robot_, q, qd);
     Fastest fastest;
     for (std::size_t k = 0; k < parts_.size(); ++k) {
         const Part& part = parts_[k];
-        const Frame& frame = frames[static_cast<std::size_t>(part.capsule.carrier)];
-        const Eigen::Vector3d ends[] = {frame.pose * part.capsule.a, frame.pose * part.capsule.b};
-        const double rate = frame.turning.norm();
-        double speed = 0.0;
-        for (const Eigen::Vector3d& end : ends) {
-            const Eigen::Vector3d v = frame.moving + frame.turning.cross(end - frame.pose.translation());
-            const double along = rate > 0.0 ? frame.turning.dot(v) / rate : v.norm();
-            const double across = rate > 0.0 ? frame.turning.cross(v).norm() / rate : 0.0;
-            speed = std::max(speed, std::hypot(along, across + rate * part.capsule.radius));
-        }
+        const ArmMotion::Part moved = arm.place(part.capsule);
         double limit = part.limit;
         if (part.hasRegions)
             for (const SpeedLimits::Region& region : robot_.speedLimits.regions)
-                if (meets(ends[0], ends[1], region, part.capsule.radius)) limit = std::min(limit, region.speed);
-        fastest.speed = std::max(fastest.speed, speed);
-        if (fastest.part >= 0 && speed / limit <= fastest.use) continue;
-        fastest.use = speed / limit;
+                if (meets(moved.a, moved.b, region, part.capsule.radius)) limit = std::min(limit, region.speed);
+        fastest.speed = std::max(fastest.speed, moved.speed);
+        if (fastest.part >= 0 && moved.speed / limit <= fastest.use) continue;
+        fastest.use = moved.speed / limit;
         fastest.part = static_cast<int>(k);
     }
     return fastest;
@@ -114,9 +86,8 @@ void SpeedCounter::finishTick(Way& way, SpeedRecord& record) {
 void SpeedCounter::follow(Way& way, SpeedRecord& record, const JointState& state, double time_s) {
     if (way.hasBegun && !way.hasGap) {  // between rows that are far apart nobody knows
         const double h = time_s - way.time_s;
-        const JointVector middle = 0.5 * (way.last.q + state.q) + h / 8.0 * (way.last.qd - state.qd);
-        const JointVector speed = 1.5 / h * (state.q - way.last.q) - 0.25 * (way.last.qd + state.qd);
-        judge(way, record, middle, speed, way.time_s + h / 2.0);
+        const JointState middle = calcHalfWay(way.last, state, h);
+        judge(way, record, middle.q, middle.qd, way.time_s + h / 2.0);
     }
     judge(way, record, state.q, state.qd, time_s);
     if (way.hasBegun) finishTick(way, record);

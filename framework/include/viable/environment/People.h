@@ -14,6 +14,8 @@ namespace viable {
 
 /** How many people, and capsules of each, an arm can keep apart from. */
 inline constexpr int kMaxPeople = 16, kMaxPersonCapsules = 8;
+/** Nothing of a person is farther away, or larger [m]. */
+inline constexpr double kFarthestPerson_m = 1000.0;
 
 /** A part of a person: all points within `radius` of the segment from a to b (a ball where they are the same). */
 struct PersonCapsule {
@@ -105,7 +107,7 @@ public:
     const std::vector<Person>& people() const { return people_; }
 
     /** The thread that sees. What cannot be used counts as unseen and as refused: numbers that are not finite or farther away
-    than 1 km, radii that are not above 0, no capsule or more than there is room for, a person that is not among people().
+    than kFarthestPerson_m, radii that are not above 0, no capsule or more than there is room for, a person that is not among people().
     Allocates nothing. @return  how many persons were refused */
     int put(const PeopleObservation& seen);
 
