@@ -4,6 +4,7 @@
 
 #include "config/ConfigText.h"
 #include "core/Text.h"
+#include "environment/WaypointPath.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -19,7 +20,6 @@ constexpr double kFarthest_m = 1000.0;
 
 constexpr NumberRange kPlace{-kFarthest_m, kFarthest_m};
 constexpr NumberRange kSize{0.0, kFarthest_m, true};
-constexpr NumberRange kTime{0.0, 1e6};
 
 Eigen::Vector3d toVector(const ConfigNode& node, const NumberRange& range) {
     const std::vector<double> x = toNumbers(node, 3, 3, range);
@@ -67,28 +67,10 @@ MovingSphere readMovingSphere(const std::string& name, double radius, const Conf
     sphere.name = name;
     sphere.radius = radius;
     sphere.repeats = repeats && toFlag(*repeats);
-    if (path.kind != ConfigNode::Kind::List || path.items.empty())
-        throw badInput(path.place(), "a path is a list of places and times", "Write a list of {time_s, xyz}.");
-    for (const ConfigNode& item : path.items) {
-        ConfigMap map(item);
-        MovingSphere::Waypoint waypoint;
-        const ConfigNode& time = map.require("time_s");
-        waypoint.time_s = toNumber(time, kTime);
-        waypoint.position = toVector(map.require("xyz"), kPlace);
-        map.finish();
-        if (!sphere.waypoints.empty() && waypoint.time_s <= sphere.waypoints.back().time_s)
-            throw badInput(time.place(),
-                           "the time " + detail::formatNumber(waypoint.time_s) + " s is not after the one before (" +
-                               detail::formatNumber(sphere.waypoints.back().time_s) + " s)",
-                           "Times of a path rise.");
-        sphere.waypoints.push_back(waypoint);
-    }
+    sphere.waypoints = detail::readWaypoints(path, sphere.repeats, "sphere", "path");
     if (sphere.repeats && sphere.waypoints.size() < 2)
         throw badInput(repeats->place(), "a path of one place cannot repeat",
                        "Leave `repeats` out or name more places.");
-    if (sphere.repeats && sphere.waypoints.front().position != sphere.waypoints.back().position)
-        throw badInput(path.items.back().place(), "the sphere would jump: a path that repeats ends where it begins",
-                       "Add the first place again as the last one.");
     return sphere;
 }
 
@@ -187,16 +169,7 @@ MapChoice readMap(const ConfigNode& node) {
 }  // namespace
 
 Eigen::Vector3d MovingSphere::calcCentre(double t) const {
-    const Waypoint& first = waypoints.front();
-    const Waypoint& last = waypoints.back();
-    if (!(t > first.time_s)) return first.position;
-    if (repeats) t = first.time_s + std::fmod(t - first.time_s, last.time_s - first.time_s);
-    for (std::size_t i = 1; i < waypoints.size(); ++i) {
-        const Waypoint &from = waypoints[i - 1], &to = waypoints[i];
-        if (t < to.time_s)
-            return from.position + (t - from.time_s) / (to.time_s - from.time_s) * (to.position - from.position);
-    }
-    return last.position;
+    return calcPlaceOnPath(waypoints, repeats, t);
 }
 
 std::vector<std::string> Environment::obstacleNames() const {
@@ -229,14 +202,8 @@ void checkEnvironment(const Environment& environment) {
     for (const MovingSphere& sphere : environment.spheres) {
         if (!isSize(sphere.radius)) complain(sphere.name, "has a radius that is not above 0 m");
         if (sphere.waypoints.empty()) complain(sphere.name, "moves without a waypoint");
-        for (std::size_t i = 0; i < sphere.waypoints.size(); ++i) {
-            const MovingSphere::Waypoint& waypoint = sphere.waypoints[i];
-            if (!waypoint.position.allFinite() || !std::isfinite(waypoint.time_s) ||
-                (i > 0 && !(waypoint.time_s > sphere.waypoints[i - 1].time_s))) {
-                complain(sphere.name, "has a waypoint that is not finite, or not later than the one before");
-                break;
-            }
-        }
+        if (!detail::isUsable(sphere.waypoints))
+            complain(sphere.name, "has a waypoint that is not finite, or not later than the one before");
     }
     if (environment.map && !isPose(environment.map->pose))
         complain(environment.map->name, "has a pose that is no place and rotation");

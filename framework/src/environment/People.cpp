@@ -5,6 +5,7 @@
 
 #include "config/ConfigText.h"
 #include "core/Text.h"
+#include "environment/WaypointPath.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -43,30 +44,6 @@ void readCapsules(const ConfigNode& node, Person& person) {
     }
 }
 
-void readWalk(const ConfigNode& node, Person& person) {
-    requireList(node, "a walk is a list of places and times", "Write a list of {time_s, xyz}.");
-    for (const ConfigNode& item : node.items) {
-        ConfigMap map(item);
-        Person::Waypoint waypoint;
-        const ConfigNode& time = map.require("time_s");
-        waypoint.time_s = toNumber(time, kWalkTime);
-        waypoint.position = toPlace(map.require("xyz"));
-        map.finish();
-        if (!person.walk.empty()) {
-            const Person::Waypoint& last = person.walk.back();
-            if (waypoint.time_s <= last.time_s)
-                throw badInput(time.place(),
-                               "the time " + detail::formatNumber(waypoint.time_s) +
-                                   " s is not after the one before (" + detail::formatNumber(last.time_s) + " s)",
-                               "Times of a walk rise.");
-        }
-        person.walk.push_back(waypoint);
-    }
-    if (person.repeats && person.walk.front().position != person.walk.back().position)
-        throw badInput(node.items.back().place(), "the person would jump: a walk that repeats ends where it begins",
-                       "Add the first place again as the last one.");
-}
-
 Person readPerson(const std::string& name, const ConfigNode& node) {
     ConfigMap map(node);
     Person person;
@@ -78,7 +55,7 @@ Person readPerson(const std::string& name, const ConfigNode& node) {
         person.contactSpeed = toNumber(*contact, {0.0, kFastest});
     if (const ConfigNode* repeats = map.find("repeats")) person.repeats = toFlag(*repeats);
     readCapsules(map.require("capsules"), person);
-    readWalk(map.require("walk"), person);
+    person.walk = detail::readWaypoints(map.require("walk"), person.repeats, "person", "walk");
     if (const ConfigNode* unseen = map.find("unseen")) {
         requireList(*unseen, "`unseen` is a list of times", "Write a list of {from_s, to_s}.");
         for (const ConfigNode& item : unseen->items) {
@@ -99,15 +76,7 @@ Person readPerson(const std::string& name, const ConfigNode& node) {
 }  // namespace
 
 Eigen::Vector3d Person::calcPlace(double t) const {
-    const Waypoint &first = walk.front(), &last = walk.back();
-    if (!(t > first.time_s)) return first.position;
-    if (repeats && walk.size() > 1) t = first.time_s + std::fmod(t - first.time_s, last.time_s - first.time_s);
-    for (std::size_t i = 1; i < walk.size(); ++i) {
-        const Waypoint &from = walk[i - 1], &to = walk[i];
-        if (t < to.time_s)
-            return from.position + (t - from.time_s) / (to.time_s - from.time_s) * (to.position - from.position);
-    }
-    return last.position;
+    return calcPlaceOnPath(walk, repeats, t);
 }
 
 bool Person::isSeen(double t) const {
@@ -139,14 +108,8 @@ void checkPeople(const std::vector<Person>& people, const std::string& where) {
                 break;
             }
         if (!person.walk.empty() && person.capsules.empty()) complain("walks without a capsule");
-        for (std::size_t i = 0; i < person.walk.size(); ++i) {
-            const Person::Waypoint& waypoint = person.walk[i];
-            if (!waypoint.position.allFinite() || !std::isfinite(waypoint.time_s) ||
-                (i > 0 && !(waypoint.time_s > person.walk[i - 1].time_s))) {
-                complain("has a waypoint that is not finite, or not later than the one before");
-                break;
-            }
-        }
+        if (!detail::isUsable(person.walk))
+            complain("has a waypoint that is not finite, or not later than the one before");
     }
     if (!wrong.empty())
         throw badInput(where, detail::join(wrong, "; "), "Give every person numbers within these ranges.");

@@ -8,6 +8,7 @@
 
 #include "viable/config/ConfigNode.h"
 #include "viable/environment/People.h"
+#include "viable/environment/Waypoint.h"
 
 namespace viable {
 
@@ -27,10 +28,7 @@ struct Solid {
 /** A sphere on a known path: straight and at constant speed from one waypoint to the next. Before the time of
 the first waypoint it rests there; after the last it rests, or repeats the path. */
 struct MovingSphere {
-    struct Waypoint {
-        double time_s = 0.0;                                 ///< rising
-        Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< base frame [m]
-    };
+    using Waypoint = viable::Waypoint;
     std::string name;
     double radius = 0.0;              ///< [m]
     std::vector<Waypoint> waypoints;  ///< at least one; with `repeats` the last position is the first

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "viable/config/ConfigNode.h"
+#include "viable/environment/Waypoint.h"
 
 namespace viable {
 
@@ -34,10 +35,7 @@ struct Person {
     /** Points of the arm may touch the person at this speed [m/s]; 0: what it can touch must rest before. */
     double contactSpeed = 0.0;
 
-    struct Waypoint {
-        double time_s = 0.0;                                 ///< rising
-        Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< base frame [m]
-    };
+    using Waypoint = viable::Waypoint;
     /** Times in which nothing sees the person [s]. */
     struct Absence {
         double from_s = 0.0, to_s = 0.0;

@@ -1,0 +1,18 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+namespace viable {
+
+/** A place on a path that is known: straight and at constant speed to the next. */
+struct Waypoint {
+    double time_s = 0.0;                                 ///< rising
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< base frame [m]
+};
+
+/** Where a path is at time t [s] of the run: before the first waypoint at rest there, after the last at rest or, where the path
+repeats, on its way again. @param path  at least one */
+Eigen::Vector3d calcPlaceOnPath(const std::vector<Waypoint>& path, bool repeats, double t);
+
+}  // namespace viable
