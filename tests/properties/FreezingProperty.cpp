@@ -390,6 +390,8 @@ bool checkFreezing(const Options& options) {
     if (frozenRuns > most)
         std::printf("TOO MANY: frozen in %lld runs, at most %lld of so many may be\n",
                     static_cast<long long>(frozenRuns), static_cast<long long>(most));
+    if (ticks - frozen < kLeastMoving * static_cast<double>(ticks))
+        std::printf("TOO LONG: frozen, at most %.3g %% of the time may be\n", 100.0 * (1.0 - kLeastMoving));
     return run.isGood() && frozenRuns <= most && ticks - frozen >= kLeastMoving * static_cast<double>(ticks);
 }
 

@@ -20,10 +20,15 @@ constexpr double kAnchor_s = 0.25;
 }  // namespace
 
 PeopleWatch::PeopleWatch(std::vector<Person> people)
-    : people_(std::move(people)), known_(people_.size()), anchors_(people_.size()), isBlind_(people_.size(), 0) {}
+    : people_(std::move(people)),
+      known_(people_.size()),
+      anchors_(people_.size()),
+      refused_(people_.size(), 0),
+      blindSince_s_(people_.size(), kInfinity) {}
 
 bool PeopleWatch::isBlind() const {
-    return version_ == 0 || std::find(isBlind_.begin(), isBlind_.end(), 1) != isBlind_.end();
+    return version_ == 0 ||
+           std::any_of(blindSince_s_.begin(), blindSince_s_.end(), [](double t) { return t < kInfinity; });
 }
 
 double PeopleWatch::age_s(double time_s) const {
@@ -36,8 +41,10 @@ double PeopleWatch::age_s(double time_s) const {
 void PeopleWatch::reset() {
     std::fill(known_.begin(), known_.end(), Known());
     std::fill(anchors_.begin(), anchors_.end(), std::array<Known, 2>());
-    std::fill(isBlind_.begin(), isBlind_.end(), 0);
+    for (double& since_s : blindSince_s_)
+        if (since_s < kInfinity) since_s = -kInfinity;  // in another time
     faults_ = {};
+    refusedBefore_ = feedRefused_;
     ownRefused_ = 0;
     version_ = 0;
     hasBegun_ = false;
@@ -105,11 +112,6 @@ bool PeopleWatch::take(const PeopleObservation& seen, double time_s) {
     version_ = seen.version;
     hasBegun_ = true;
     bool areExpected = true;
-    if (seen.refused + ownRefused_ > faults_.refused && seen.lastRefused >= 0) {
-        faults_.last = seen.lastRefused;
-        const auto refused = static_cast<std::size_t>(seen.lastRefused);
-        isBlind_[refused] = !known_[refused].isKnown;
-    }
     for (std::size_t p = 0; p < known_.size(); ++p) {
         Known& known = known_[p];
         const PersonObservation& one = seen.people[p];
@@ -117,14 +119,23 @@ bool PeopleWatch::take(const PeopleObservation& seen, double time_s) {
             ++count;
             faults_.last = static_cast<int>(p);
         };
+        const auto lose = [&] {
+            if (!known.isKnown) blindSince_s_[p] = std::min(blindSince_s_[p], time_s);
+        };
+        if (one.refused > refused_[p]) {
+            refused_[p] = one.refused;
+            faults_.last = static_cast<int>(p);
+            lose();
+        }
         if (one.kind == PersonObservation::Kind::Gone) {
-            const bool isNew = one.stamp_s >= known.stamp_s && one.stamp_s <= time_s + kClockRounding_s;
-            if (known.isKnown && !isNew) {
+            const double since_s = known.isKnown ? known.stamp_s : blindSince_s_[p];
+            const bool isNew = one.stamp_s >= since_s && one.stamp_s <= time_s + kClockRounding_s;
+            if ((known.isKnown || since_s < kInfinity) && !isNew) {
                 blame(ownRefused_);  // from before the last observation, or no time at all
             } else {
                 known = Known();
                 anchors_[p] = {};
-                isBlind_[p] = 0;
+                blindSince_s_[p] = kInfinity;
             }
         } else if (one.kind == PersonObservation::Kind::Unseen) {
             if (known.isKnown && !known.isLost) {
@@ -133,11 +144,11 @@ bool PeopleWatch::take(const PeopleObservation& seen, double time_s) {
             }
         } else if (one.stamp_s > time_s + kClockRounding_s) {
             blame(ownRefused_);  // from a clock that is ahead of the run's
-            isBlind_[p] = !known.isKnown;
+            lose();
         } else if (!known.isKnown) {
             set(people_[p], one, known);
             anchors_[p].fill(known);
-            isBlind_[p] = 0;
+            blindSince_s_[p] = kInfinity;
             areExpected = false;
             if (!isFirst) blame(faults_.appeared);
         } else if (one.stamp_s > known.stamp_s) {
@@ -149,7 +160,8 @@ bool PeopleWatch::take(const PeopleObservation& seen, double time_s) {
             known.isLost = false;
         }
     }
-    faults_.refused = seen.refused + ownRefused_;
+    feedRefused_ = seen.refused;
+    faults_.refused = feedRefused_ - refusedBefore_ + ownRefused_;
     return areExpected;
 }
 

@@ -38,7 +38,7 @@ public:
     const PeopleFaults& faults() const { return faults_; }
     double age_s(double time_s) const;  ///< of the oldest observation
 
-    /** Forgets everybody. */
+    /** Forgets everybody, and begins to count anew. */
     void reset();
     /** Nobody has told of people yet, or somebody of whom nothing is known was told of in a way that is of no use: until that is
     mended, they may be anywhere. */
@@ -55,9 +55,12 @@ private:
     std::vector<Known> known_;
     /** What was known some time ago, see kAnchor_s: two, the older one is looked at. */
     std::vector<std::array<Known, 2>> anchors_;
-    std::vector<char> isBlind_;
+    /** Of each person: what of it was refused by the feed, and since when nobody knows where it is (infinite: it is known, or was never
+    told of). They outlive a reset(): the feed's counts and what it could not tell do, too. */
+    std::vector<std::int64_t> refused_;
+    std::vector<double> blindSince_s_;
     PeopleFaults faults_;
-    std::int64_t ownRefused_ = 0, version_ = 0;
+    std::int64_t feedRefused_ = 0, refusedBefore_ = 0, ownRefused_ = 0, version_ = 0;
     bool hasBegun_ = false;
 };
 

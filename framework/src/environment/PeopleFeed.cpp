@@ -34,14 +34,18 @@ PeopleFeed::~PeopleFeed() = default;
 
 int PeopleFeed::put(const PeopleObservation& seen) {
     PeopleObservation& next = slots_->next;
-    next.people = seen.people;
     int refused = 0;
     for (std::size_t i = 0; i < next.people.size(); ++i) {
         PersonObservation& one = next.people[i];
+        const std::int64_t before = one.refused;
+        one = seen.people[i];
+        one.refused = before;
         if (one.kind == PersonObservation::Kind::Unseen) continue;
         const bool isKnown = i < people_.size();
-        if (isKnown && (one.kind == PersonObservation::Kind::Gone || isUsable(one))) continue;
+        if (isKnown && (one.kind == PersonObservation::Kind::Gone ? std::isfinite(one.stamp_s) : isUsable(one)))
+            continue;
         one.kind = PersonObservation::Kind::Unseen;
+        ++one.refused;
         next.lastRefused = isKnown ? static_cast<int>(i) : -1;
         ++refused;
     }

@@ -13,6 +13,7 @@
 #include "robot/PoseSampling.h"
 #include "viable/core/Numbers.h"
 #include "viable/environment/ArmClearances.h"
+#include "viable/plugin/RehearsedCommand.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {
@@ -168,6 +169,7 @@ void addCommand(const ConfiguredCase& configured, CaseForecast& forecast) {
     CommandSource& source = *configured.plugins.command;
     const ConfigNode* relative = plan.controller.parameters.resolved().find("relative");
     if (source.space() != MotionCommand::Space::Tool || (relative && relative->text == "true")) return;
+    if (auto* const rehearsed = dynamic_cast<RehearsedCommand*>(&source)) rehearsed->beginRehearsal();
     resetPlugin(source, kind, watch, plan.start);
     MotionCommand command;
     if (detail::tryTick(kind, watch, "sample", [&] { return source.sample(0.0, command); }) != TickStatus::Ok)

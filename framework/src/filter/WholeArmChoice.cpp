@@ -174,6 +174,7 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
 
     const FilterStatus status = braking_.propose(metric, desired, nullptr, proposed_);
     const bool isBlind = people_ && watch_.isBlind();
+    if (isBlind) separation_.isKept = false;
     LimitKind reason = isBlind ? LimitKind::Separation : isStale() ? LimitKind::Clearance : LimitKind::None;
     if (!isBlind && !isStale()) {
         if (isGood(nominal, proposed_, options_.steers && metric)) keepBest(proposed_);

@@ -8,7 +8,7 @@
 
 #include "realtime/TickPacer.h"
 #include "viable/core/Error.h"
-#include "viable/live/RehearsedCommand.h"
+#include "viable/plugin/RehearsedCommand.h"
 
 namespace viable {
 

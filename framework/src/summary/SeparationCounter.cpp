@@ -41,29 +41,36 @@ constexpr double kLeastTick_s = 1e-9;
 stop [s]. */
 constexpr double kGrace_s = 2.0;
 
-/** When the arm could not know: somebody is faster than stated, or has never been seen, or only just. */
-bool isExcused(const Person& person, double t) {
-    if (person.walk.empty()) return false;
-    const double grace_s = kGrace_s + person.latency_s;
-    double seen_s = 0.0;
-    for (bool isLater = true; isLater && !person.isSeen(seen_s);) {
+/** When somebody is seen next, from a time on [s]. */
+double findNextSeen(const Person& person, double t) {
+    for (bool isLater = true; isLater && !person.isSeen(t);) {
         isLater = false;
         for (const Person::Absence& absence : person.unseen)
-            if (seen_s >= absence.from_s && seen_s < absence.to_s) {
-                seen_s = absence.to_s;
+            if (t >= absence.from_s && t < absence.to_s) {
+                t = absence.to_s;
                 isLater = true;
             }
     }
-    if (seen_s > 0.0 && t < seen_s + grace_s) return true;
+    return t;
+}
+
+/** When the arm could not know: somebody is faster than stated, or was and has not been seen since, or only just; or has never been
+seen before, or only just. */
+bool isExcused(const Person& person, double t) {
+    if (person.walk.empty()) return false;
+    const double grace_s = kGrace_s + person.latency_s;
+    if (const double seen_s = findNextSeen(person, 0.0); seen_s > 0.0 && t < seen_s + grace_s) return true;
     const double begin_s = person.walk.front().time_s, period_s = person.walk.back().time_s - begin_s;
-    const bool wraps = person.repeats && period_s > 0.0 && t > begin_s;
-    const double at_s = wraps ? begin_s + std::fmod(t - begin_s, period_s) : t;
+    const bool laps = person.repeats && period_s > 0.0 && t > begin_s;
+    const double lap = laps ? std::floor((t - begin_s) / period_s) : 0.0;
     for (std::size_t i = 1; i < person.walk.size(); ++i) {
         const Person::Waypoint &from = person.walk[i - 1], &to = person.walk[i];
         const double speed = (to.position - from.position).norm() / (to.time_s - from.time_s);
         if (!(speed > person.maxSpeed * (1.0 + kSpeedRounding))) continue;
-        const auto covers = [&](double time_s) { return time_s >= from.time_s && time_s < to.time_s + grace_s; };
-        if (covers(at_s) || (wraps && t - period_s > begin_s && covers(at_s + period_s))) return true;
+        for (const double k : {lap, lap - 1.0}) {  // those of the lap before may not be seen yet
+            const double from_s = from.time_s + k * period_s, to_s = to.time_s + k * period_s;
+            if (k >= 0.0 && t >= from_s && t < findNextSeen(person, to_s) + grace_s) return true;
+        }
     }
     return false;
 }

@@ -125,14 +125,30 @@ TEST(PeopleWatch, SomebodyUnknownWhoCannotBeToldBlindsUntilHeCan) {
     watch.reset();
     PeopleObservation refused = seeBall(2.0, 0.5);
     refused.people[0].kind = PersonObservation::Kind::Unseen;
-    refused.refused = 1;  // by the feed
+    refused.refused = refused.people[0].refused = 1;  // by the feed
     refused.lastRefused = 0;
     watch.take(refused, 0.5);
     EXPECT_TRUE(watch.isBlind());
     PeopleObservation gone = seeBall(0.0, 0.6);
     gone.people[0].kind = PersonObservation::Kind::Gone;
+    gone.refused = gone.people[0].refused = 1;
+    gone.people[0].stamp_s = 0.4;
+    watch.take(gone, 0.6);
+    EXPECT_TRUE(watch.isBlind()) << "from before nobody knew";
+    gone = seeBall(0.0, 0.6);
+    gone.people[0].kind = PersonObservation::Kind::Gone;
+    gone.refused = gone.people[0].refused = 1;
     watch.take(gone, 0.6);
     EXPECT_FALSE(watch.isBlind());
+    // What was mended before a second start does not blind after it.
+    watch.reset();
+    PeopleObservation nobody = seeBall(0.0, 0.0);
+    nobody.people[0] = {};
+    nobody.people[0].refused = 1;
+    nobody.refused = 1;
+    watch.take(nobody, 0.1);
+    EXPECT_FALSE(watch.isBlind());
+    EXPECT_EQ(watch.faults().refused, 0);
 }
 
 TEST(PeopleWatch, ObservationsOfAnotherTime) {

@@ -18,7 +18,7 @@ Person makeVisitor(double from, double maxSpeed, double contactSpeed) {
     return person;
 }
 
-Separations judge(const Person& person, double velocity) {
+Separations judge(const Person& person, double velocity, int ticks = 2000) {
     const RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/indy7");
     const ArmGeometry geometry = loadArmGeometry(robot);
     detail::SeparationCounter counter(robot, geometry, {person}, false);
@@ -28,13 +28,13 @@ Separations judge(const Person& person, double velocity) {
     row.separation.isKnown = true;
     row.separation.faults.last = 0;
     row.joints[0].limit = LimitKind::Separation;
-    for (int k = 0; k < 2000; ++k) {
+    for (int k = 0; k < ticks; ++k) {
         row.time_s = 1e-3 * k;
         row.nominal.qd[5] = velocity;
         row.nominal.q[5] = velocity * row.time_s;
         counter.add(row);
     }
-    counter.addEnd({row.nominal.q, row.nominal.qd, row.nominal.qd}, 2.0);
+    counter.addEnd({row.nominal.q, row.nominal.qd, row.nominal.qd}, 1e-3 * ticks);
     return counter.separations();
 }
 
@@ -76,6 +76,28 @@ TEST(SeparationCounter, WhoIsFasterThanStatedIsNotTheArmsFault) {
     const Separations later = judge(once, 0.5);
     EXPECT_GT(later.nominal.tooFastTicks, 100);
     EXPECT_EQ(later.nominal.guiltyTicks, later.nominal.tooFastTicks);
+}
+
+TEST(SeparationCounter, AWordBrokenInEveryLapIsNotTheArmsFault) {
+    Person once = makeVisitor(2.0, 1.6, 0.0);
+    once.walk = {{0.0, {0.3, 0, 0}}, {0.8, {1.5, 0, 0}}};
+    const std::int64_t guilty = judge(once, 0.5).nominal.guiltyTicks;
+    EXPECT_GT(guilty, 10);
+    Person again = once;
+    again.walk.push_back({1.0, {0.3, 0, 0}});  // at 6 m/s
+    again.repeats = true;
+    const Separations laps = judge(again, 0.5);
+    EXPECT_EQ(laps.nominal.guiltyTicks, guilty) << "of the first lap, before the word was broken";
+    EXPECT_GT(laps.nominal.tooFastTicks, guilty);
+}
+
+TEST(SeparationCounter, WhoBreaksTheWordUnseenIsNotTheArmsFault) {
+    Person hidden = makeVisitor(2.0, 1.6, 0.0);
+    hidden.walk = {{0.0, {6.0, 0, 0}}, {1.0, {6.0, 0, 0}}, {1.2, {2.0, 0, 0}}, {4.0, {2.0, 0, 0}}, {6.0, {0.0, 0, 0}}};
+    hidden.unseen = {{0.5, 9.0}};
+    const Separations found = judge(hidden, 0.5, 6000);
+    EXPECT_GT(found.nominal.tooFastTicks, 100);
+    EXPECT_EQ(found.nominal.guiltyTicks, 0);
 }
 
 TEST(SeparationCounter, TheLeastGap) {

@@ -99,10 +99,15 @@ class Stream:
         """The arm rests at the last target, and listens to another Stream at once."""
         if self._socket is None:
             return
-        try:
-            self._send(_GOODBYE, np.empty(0))
-        except OSError:  # it is gone, or is deaf now: half a second of silence does as well
-            pass
+        for _ in range(20):  # ms, in which it takes what it has before
+            try:
+                self._send(_GOODBYE, np.empty(0))
+            except BlockingIOError:
+                time.sleep(0.001)
+                continue
+            except OSError:  # it is gone: half a second of silence does as well
+                pass
+            break
         self._socket.close()
         self._socket = None
 

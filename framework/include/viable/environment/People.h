@@ -76,8 +76,9 @@ struct PersonObservation {
         Gone,  ///< it is known to be far away at its stamp, and is forgotten until it is seen again
     };
     Kind kind = Kind::Unseen;
-    double stamp_s = 0.0;                                    ///< in the time of the run
-    int count = 0;                                           ///< of capsules
+    double stamp_s = 0.0;      ///< in the time of the run
+    int count = 0;             ///< of capsules
+    std::int64_t refused = 0;  ///< observations of this person that could not be used, so far; the feed counts
     std::array<PersonCapsule, kMaxPersonCapsules> capsules;  ///< base frame
 };
 
@@ -105,7 +106,8 @@ public:
     const std::vector<Person>& people() const { return people_; }
 
     /** The thread that sees. What cannot be used counts as unseen and as refused: numbers that are not finite or farther away
-    than kFarthestPerson_m, radii that are not above 0, no capsule or more than there is room for, a person that is not among people().
+    than kFarthestPerson_m, radii that are not above 0, no capsule or more than there is room for, a person that is not among people()
+    (who is counted, and not kept apart from: nobody knows how fast he is). Until the first one, an empty one too, the arm rests.
     Allocates nothing. @return  how many persons were refused */
     int put(const PeopleObservation& seen);
 

@@ -1,4 +1,4 @@
-#include "viable/live/RehearsedCommand.h"
+#include "viable/plugin/RehearsedCommand.h"
 
 namespace viable {
 
