@@ -45,11 +45,11 @@ const html = await readFile(reportPath, 'utf8');
 const open = (path = reportPath, settings) => openPage(path, settings);
 const tests = [];
 /** A test of the page with the data of the run, and one of the page alone. */
-const test = (name, body) => {
-  if (new RegExp(options.only).test(name)) tests.push({ name, body });
+const test = (name, body, settings) => {
+  if (new RegExp(options.only).test(name)) tests.push({ name, body, ...settings });
 };
-const testOfPage = (name, body) => {
-  if (!options.quick) test(name, body);
+const testOfPage = (name, body, settings) => {
+  if (!options.quick) test(name, body, settings);
 };
 
 const content = (id) => contentOf(html, id);
@@ -761,7 +761,7 @@ testOfPage('it is quick', async () => {
   assert.ok(zoom < 1000, `${zoom} ms per zoom step`);
   assert.ok(hover < 0.5 * zoom + 50, `a move of the cursor takes ${hover} ms, a zoom step ${zoom} ms`);
   assertQuiet(page);
-});
+}, { tries: 3 });
 
 test('a click in a plot moves the scrubber and its line in all plots', async () => {
   const page = await open();

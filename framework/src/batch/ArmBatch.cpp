@@ -214,7 +214,7 @@ struct ArmBatch::Impl {
     void put(int arm, const MotionState& start, RunSetup& at);
     void changeLimits(const std::vector<int>& which, const std::vector<JointLimits>& to);
     void fillMargins(int arm);
-    void stepArm(int arm, const double* actions, int ticks, Scratch& s);
+    void stepArm(int arm, const double* actions, int substeps, Scratch& s);
     void readAction(const double* action, Scratch& s) const;
     FilterInput wish(int arm, Scratch& s);
     bool decide(int arm, Scratch& s, FilterStatus& status);
@@ -530,7 +530,7 @@ GuardStatus ArmBatch::Impl::tick(int arm, Scratch& s) {
     return answer;
 }
 
-void ArmBatch::Impl::stepArm(int arm, const double* actions, int ticks, Scratch& s) {
+void ArmBatch::Impl::stepArm(int arm, const double* actions, int substeps, Scratch& s) {
     GuardStatus& status = state.status[count(arm)];
     if (status == GuardStatus::Failed) return;
     readAction(actions + count(arm) * count(width), s);
@@ -538,8 +538,8 @@ void ArmBatch::Impl::stepArm(int arm, const double* actions, int ticks, Scratch&
     s.torque = s.jerk = JointVector::Zero(n);
     std::fill_n(&state.acting[count(arm) * count(n)], n, static_cast<signed char>(0));
     status = GuardStatus::Passed;
-    for (int i = 0; i < ticks && status != GuardStatus::Failed; ++i) {
-        if (i + 1 == ticks && options.action == BatchAction::Target && real.empty()) {
+    for (int i = 0; i < substeps && status != GuardStatus::Failed; ++i) {
+        if (i + 1 == substeps && options.action == BatchAction::Target && real.empty()) {
             // The torque of the last tick; no other one needs the dynamics.
             const MotionState before = s.nominal;
             status = std::max(status, tick(arm, s));

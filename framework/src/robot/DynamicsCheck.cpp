@@ -32,14 +32,15 @@ struct Scale {
             double& own = reach[static_cast<std::size_t>(i)];
             own = joint.placement.translation().norm() + (robot.slides(i) ? std::abs(q[i]) : 0.0);
             if (joint.parent >= 0) own += reach[static_cast<std::size_t>(joint.parent)];
-            const double mass = joint.body.mass;
-            const double gyration = mass > 0.0 ? std::sqrt(std::max(joint.body.inertia.trace(), 0.0) / mass) : 0.0;
+            const double own_kg = joint.body.mass;
+            const double gyration =
+                own_kg > 0.0 ? std::sqrt(std::max(joint.body.inertia.trace(), 0.0) / own_kg) : 0.0;
             length = std::max(length, own + joint.body.com.norm() + gyration);
             if (i == robot.toolParent) length = std::max(length, own + robot.toolPlacement.translation().norm());
-            this->mass += mass;
+            mass += own_kg;
             (robot.slides(i) ? sliding : turning) += std::abs(qd[i]);
         }
-        weight = this->mass * (robot.gravity.norm() + turning * (length * turning + 2.0 * sliding));
+        weight = mass * (robot.gravity.norm() + turning * (length * turning + 2.0 * sliding));
     }
 };
 
