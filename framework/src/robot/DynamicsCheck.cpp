@@ -33,8 +33,7 @@ struct Scale {
             own = joint.placement.translation().norm() + (robot.slides(i) ? std::abs(q[i]) : 0.0);
             if (joint.parent >= 0) own += reach[static_cast<std::size_t>(joint.parent)];
             const double own_kg = joint.body.mass;
-            const double gyration =
-                own_kg > 0.0 ? std::sqrt(std::max(joint.body.inertia.trace(), 0.0) / own_kg) : 0.0;
+            const double gyration = own_kg > 0.0 ? std::sqrt(std::max(joint.body.inertia.trace(), 0.0) / own_kg) : 0.0;
             length = std::max(length, own + joint.body.com.norm() + gyration);
             if (i == robot.toolParent) length = std::max(length, own + robot.toolPlacement.translation().norm());
             mass += own_kg;
