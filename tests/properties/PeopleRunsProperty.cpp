@@ -47,11 +47,15 @@ enum class Rule : unsigned char {
 enum class Scene : unsigned char {
     Crowd,  ///< three or four people close to the arm; in half of the runs they go for it
     Quiet,  ///< one who wanders about in a room of 10 m
+    Visit,  ///< one who stands beside the arm, and leaves
 };
+constexpr double kLeaves_s = 4.0, kVisit_s = 10.0;
 
 /** What a run came to. */
 struct Outcome {
     std::int64_t tooFast = 0, noChoice = 0, moving = 0, beyondLimits = 0, beyondTorque = 0;
+    bool restedForVisitor = false;                              ///< when the visitor began to leave
+    double goesOn_s = std::numeric_limits<double>::infinity();  ///< so long after
     double least = std::numeric_limits<double>::infinity();
     double toolPath = 0.0, fastest = 0.0, excess = 0.0;  ///< excess: worst one over a joint limit
     std::vector<double> slowing;                         ///< gap to the nearest person when people begin to act [m]
@@ -66,6 +70,7 @@ public:
         : robot_(robot),
           geometry_(geometry),
           model_(model),
+          scene_(scene),
           rule_(rule),
           worstSpeed_(worstSpeed),
           people_(seed, 2 * number),
@@ -95,7 +100,8 @@ public:
         WholeArmBrakingOptions options;
         options.torqueShare = kTorqueShare;
         filter_.configure(setup, options);
-        for (int tick = 0; tick < kTicks; ++tick) this->tick(tick);
+        const int ticks = scene_ == Scene::Visit ? static_cast<int>(kVisit_s / kTick_s) : kTicks;
+        for (int tick = 0; tick < ticks; ++tick) this->tick(tick);
         return std::move(outcome_);
     }
 
@@ -107,6 +113,14 @@ private:
             habits.contactChance = habits.targetChance = 0.0;
             habits.slowestOf = 1.0;
             habits.farthest_m = 5.0;
+            return habits;
+        }
+        if (scene == Scene::Visit) {
+            habits.most = 1;
+            habits.contactChance = habits.targetChance = 0.0;
+            habits.slowestOf = habits.farthest_m = 1.0;
+            habits.leaves_s = kLeaves_s;
+            habits.shortest_s = habits.longest_s = kTick_s;
             return habits;
         }
         habits.least = 3;
@@ -145,7 +159,11 @@ private:
         const Eigen::Vector3d before = dynamics_.tool.position;
         advanceNominal(decision_, kTick_s, state_);
         judgeLimits();
-        outcome_.moving += state_.qd.cwiseAbs().maxCoeff() > kMoves;
+        const bool moves = state_.qd.cwiseAbs().maxCoeff() > kMoves;
+        outcome_.moving += moves;
+        if (number == static_cast<int>(kLeaves_s / kTick_s)) outcome_.restedForVisitor = !moves && acted_;
+        if (outcome_.restedForVisitor && moves)
+            outcome_.goesOn_s = std::min(outcome_.goesOn_s, walkers_.time_s() - kLeaves_s);
         const Dynamics last = dynamics_;
         model_.calcDynamics(state_.q, state_.qd, dynamics_);
         outcome_.toolPath += (dynamics_.tool.position - before).norm();
@@ -244,6 +262,7 @@ private:
     const RobotDescription& robot_;
     const ArmGeometry& geometry_;
     RobotModel& model_;
+    Scene scene_;
     Rule rule_;
     double worstSpeed_;
     Random people_, goals_;
@@ -275,7 +294,7 @@ struct Total {
     const char* name;
     std::int64_t runs = 0, withContact = 0, tooFast = 0, noChoice = 0, beyondLimits = 0, beyondTorque = 0, moving = 0;
     double least = std::numeric_limits<double>::infinity(), path = 0.0, excess = 0.0;
-    std::vector<double> slowing, tick_us;
+    std::vector<double> slowing = {}, tick_us = {};
 
     void add(const Outcome& o) {
         ++runs;
@@ -304,6 +323,26 @@ struct Total {
     }
 };
 
+/** How soon the arm goes on after somebody for whom it rested has begun to leave. */
+struct Visits {
+    const char* name;
+    std::int64_t runs = 0;
+    std::vector<double> goesOn_s = {};
+
+    void add(const Outcome& o) {
+        ++runs;
+        if (o.restedForVisitor) goesOn_s.push_back(o.goesOn_s);
+    }
+    double median() const { return findShare(goesOn_s, 0.5); }
+    bool isMeaningful() const { return goesOn_s.size() >= 10; }
+    void print() const {
+        std::printf(
+            "  %-15s rested for a visitor in %zu of %lld runs, goes on %.2f s after he began to leave (median; 90 %%: "
+            "%.2f)\n",
+            name, goesOn_s.size(), static_cast<long long>(runs), findShare(goesOn_s, 0.5), findShare(goesOn_s, 0.9));
+    }
+};
+
 }  // namespace
 
 bool checkPeopleRuns(const Options& options) {
@@ -314,6 +353,7 @@ bool checkPeopleRuns(const Options& options) {
     if (runs.steps == Options().steps) runs.steps = 200;
     Run run("people_runs", runs);
     Total none{"without"}, filter{"filter"}, quiet{"filter, quiet"}, textbook{"textbook, quiet"};
+    Visits visits{"filter"}, textbookVisits{"textbook"};
     while (run.nextArm()) {
         run.addSteps(1);
         const auto go = [&](Scene scene, Rule rule, double worstSpeed) {
@@ -333,15 +373,23 @@ bool checkPeopleRuns(const Options& options) {
         filter.add(kept);
         quiet.add(calm);
         textbook.add(go(Scene::Quiet, Rule::Textbook, free.fastest));
+        const Outcome visited = go(Scene::Visit, Rule::Filter, 0.0);
+        judge(visited);
+        visits.add(visited);
+        textbookVisits.add(go(Scene::Visit, Rule::Textbook, free.fastest));
     }
     run.print();
     none.print();
     filter.print();
     quiet.print();
     textbook.print();
+    visits.print();
+    textbookVisits.print();
     std::printf("  tool path with the filter over that with the textbook rule: %.2f; time moving: %.2f\n",
                 quiet.path / textbook.path,
                 static_cast<double>(quiet.moving) / static_cast<double>(std::max<std::int64_t>(1, textbook.moving)));
+    if (visits.isMeaningful() && textbookVisits.isMeaningful() && visits.median() > textbookVisits.median())
+        run.fail("after a visit the arm goes on later than with the textbook rule", visits.median());
     // Else the runs would show nothing.
     constexpr std::int64_t kEnoughRuns = 100;
     if (none.runs >= kEnoughRuns && 20 * none.withContact < 19 * none.runs)

@@ -81,6 +81,11 @@ void Walkers::place(double t_s, PeopleObservation& places) const {
 }
 
 void Walkers::turn(Walker& walker, double speed, const Eigen::Vector3d& target) {
+    if (habits_.leaves_s > 0.0) {
+        walker.velocity =
+            time_s() < habits_.leaves_s ? Eigen::Vector3d::Zero() : Eigen::Vector3d(speed * walker.place.normalized());
+        return;
+    }
     const Eigen::Vector3d way = target - walker.place;
     const bool goesForArm = walker.isAfterArm && random_.chance(0.7);
     if (goesForArm || walker.place.norm() > habits_.farthest_m)

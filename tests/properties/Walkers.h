@@ -21,6 +21,8 @@ public:
         double jumpChance = 0.0;                   ///< in a tick: somebody is somewhere else at once
         double loseChance = 0.0;                   ///< in a tick: somebody is not seen for a while
         double shortest_s = 0.1, longest_s = 2.0;  ///< until one changes its direction
+        double leaves_s =
+            0.0;  ///< > 0: all stand where they are until then, and leave straight and as fast as they can
     };
 
     Walkers(Random& random, const Habits& habits, double tick_s);

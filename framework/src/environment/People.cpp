@@ -53,6 +53,18 @@ Person readPerson(const std::string& name, const ConfigNode& node) {
     if (const ConfigNode* error = map.find("error_m")) person.error_m = toNumber(*error, {0.0, 10.0});
     if (const ConfigNode* contact = map.find("contact_speed_mps"))
         person.contactSpeed = toNumber(*contact, {0.0, kFastest});
+    if (const ConfigNode* part = map.find("body_part")) {
+        const std::vector<std::string>& names = bodyPartNames();
+        if (map.find("contact_speed_mps"))
+            throw badInput(part->place(), "a body part and a contact speed",
+                           "Give one: the speed follows from the part.");
+        const std::string what = toText(*part);
+        if (what == "head" || what == "face" || what == "neck" || what == "skull")
+            throw badInput(part->place(), "`" + what + "` may not be touched by what moves",
+                           "Leave `body_part` out: then what it can touch rests before.");
+        toChoice(*part, names);
+        person.bodyPart = static_cast<BodyPart>(std::find(names.begin(), names.end(), what) - names.begin());
+    }
     if (const ConfigNode* repeats = map.find("repeats")) person.repeats = toFlag(*repeats);
     readCapsules(map.require("capsules"), person);
     person.walk = detail::readWaypoints(map.require("walk"), person.repeats, "person", "walk");
@@ -125,6 +137,13 @@ std::vector<Person> readPeople(const ConfigNode& block) {
     std::vector<Person> people;
     for (const auto& [name, node] : block.entries) people.push_back(readPerson(name, node));
     return people;
+}
+
+void setContactSpeeds(std::vector<Person>& people, double movingMass_kg) {
+    for (Person& person : people)
+        if (person.bodyPart)
+            person.contactSpeed =
+                movingMass_kg > 0.0 ? std::min(kFastest, calcContactSpeed(*person.bodyPart, movingMass_kg)) : 0.0;
 }
 
 void observeWalks(const std::vector<Person>& people, double t, PeopleObservation& seen) {

@@ -19,7 +19,8 @@ struct CaseForecast {
 
 /** Looks ahead: at the start, at a fixed sample of 1000 poses within the limits, and at the first command. Torques are those
 of the nominal arm with the payload that it knows; what friction and disturbances take comes on top. Command and
-controller are reset and asked. Throws Error (PluginFailed) where they cannot be reset. Some 0.1 s. */
+controller are reset and asked; a command that hears somebody from outside hears nothing from then on
+(RehearsedCommand), so the case is not for a run any more. Throws Error (PluginFailed) where they cannot be reset. Some 0.1 s. */
 CaseForecast forecastCase(const ConfiguredCase& configured);
 
 }  // namespace viable

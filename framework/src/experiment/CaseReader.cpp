@@ -103,7 +103,10 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
     if (const ConfigNode* missed = map.find("missed_ticks"))
         plan.missedTicks = readMissedTicks(*missed, plan.tick_s, plan.duration_s);
     const ConfigNode* environment = map.find("environment");
-    if (environment) plan.environment = readEnvironmentBlock(*environment);
+    if (environment) {
+        plan.environment = readEnvironmentBlock(*environment);
+        setContactSpeeds(plan.environment->people, plan.robot.movingMass());
+    }
     if (const ConfigNode* speeds = map.find("speed_limits")) {
         plan.robot.speedLimits = readSpeedLimits(*speeds, plan.robot.speedLimits);
         plan.hasOwnSpeedLimits = true;

@@ -1,6 +1,8 @@
 #include "experiment/ExperimentKeys.h"
 
+#include "core/Text.h"
 #include "viable/core/Error.h"
+#include "viable/environment/BodyPart.h"
 #include "viable/robot/SpeedLimits.h"
 
 namespace viable::detail {
@@ -303,6 +305,7 @@ const std::vector<ExperimentKey>& absenceKeys() {
 }
 
 const std::vector<ExperimentKey>& personKeys() {
+    static const std::string bodyParts = join(bodyPartNames(), "|");
     // Defaults: those of Person.
     static const std::vector<ExperimentKey> keys = {
         makeBlock("capsules", nullptr, &personCapsuleKeys, "What the person is made of, up to 8.", KeyForm::Blocks),
@@ -322,6 +325,10 @@ const std::vector<ExperimentKey>& personKeys() {
                            "Points of the arm may touch the person at this speed; 0: they rest before.")
              .atLeast(0)
              .upTo(20)},
+        {parameter::choice(
+            "body_part", bodyParts.c_str(), "",
+            "What all capsules are of, instead of the speed: the one at which this arm may touch somebody "
+            "there who stands still, by ISO/TS 15066.")},
         makeBlock("unseen", "", &absenceKeys, "When nothing sees the person.", KeyForm::Blocks),
     };
     return keys;

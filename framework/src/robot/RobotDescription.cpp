@@ -303,6 +303,12 @@ bool isRobotFolder(const fs::path& folder) {
 
 }  // namespace
 
+double RobotDescription::movingMass() const {
+    double mass = 0.0;
+    for (const JointDescription& joint : joints) mass += joint.body.mass;
+    return mass;
+}
+
 std::vector<std::string> RobotDescription::jointNames() const {
     std::vector<std::string> names;
     for (const JointDescription& joint : joints) names.push_back(joint.name);

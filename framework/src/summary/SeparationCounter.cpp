@@ -90,6 +90,7 @@ SeparationCounter::SeparationCounter(RobotDescription robot, const ArmGeometry& 
     for (const Person& person : people_) {
         isExcused_.push_back(0);
         longest = std::max(longest, person.name.size());
+        if (person.contactSpeed > 0.0) separations_.contactSpeeds.emplace_back(person.name, person.contactSpeed);
     }
     if (hasRealArm) separations_.real.emplace();
     nominal_.rest = kNominalRest;

@@ -257,6 +257,11 @@ std::vector<SummaryFigure> makeFigures() {
     t.add("resting_s", [](S s) {
          return s.separations()->resting_s;
      }).column("people.resting_s", "s", "At rest because of people");
+    t.add("contact_speeds_mps", [](S s) {
+        json speeds = json::object();
+        for (const auto& [name, speed] : s.separations()->contactSpeeds) speeds[name] = speed;
+        return speeds;
+    });
     t.add("appeared", [](S s) { return s.separations()->faults.appeared; });
     t.add("faster_than_stated", [](S s) { return s.separations()->faults.faster; });
     t.add("lost", [](S s) { return s.separations()->faults.lost; });

@@ -369,6 +369,8 @@ std::string formatSeparations(const Summary& s) {
     };
     add("people", "nominal", people.nominal);
     if (people.real) add("", "real", *people.real);
+    for (const auto& [name, speed] : people.contactSpeeds)
+        text += format("                %s may be touched at up to %.3g m/s of the arm\n", name.c_str(), speed);
     text += format("                at rest because of people for %.2f s", people.resting_s);
     const PeopleFaults& f = people.faults;
     if (f.appeared + f.faster + f.lost + f.refused > 0)

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <cmath>
 #include <limits>
 #include <thread>
 
@@ -77,6 +78,37 @@ TEST(ReadPeople, WrongOnesAreRefusedWithPlaceAndRemedy) {
     std::string crowd;
     for (int k = 0; k <= kMaxPeople; ++k) crowd += "    p" + std::to_string(k) + ": {" + capsules + kWalk + "}\n";
     expectContains(complainOfFile(crowd), {"17 people", "Up to 16"});
+}
+
+// The speed that a blunt touch of a part may have: by hand from the standard's formula.
+TEST(BodyPart, ContactSpeedFollowsFromForceStiffnessAndMasses) {
+    // mu = 0.6 * 20 / 20.6 kg, F = 280 N, k = 75000 N/m
+    EXPECT_NEAR(calcContactSpeed(BodyPart::Hand, 20.0), 280.0 / std::sqrt(0.6 * 20.0 / 20.6 * 75000.0), 1e-12);
+    EXPECT_NEAR(calcContactSpeed(BodyPart::Chest, 20.0), 280.0 / std::sqrt(40.0 * 20.0 / 60.0 * 25000.0), 1e-12);
+    const std::vector<std::string>& names = bodyPartNames();
+    ASSERT_EQ(names.size(), 9u);
+    EXPECT_EQ(names[static_cast<std::size_t>(BodyPart::LowerLeg)], "lower_leg");
+    for (std::size_t i = 0; i < names.size(); ++i) {
+        const BodyPart part = static_cast<BodyPart>(i);
+        EXPECT_GT(calcContactSpeed(part, 5.0), calcContactSpeed(part, 50.0)) << names[i] << ": more mass, less speed";
+        EXPECT_GT(calcContactSpeed(part, 50.0), 0.1) << names[i];
+    }
+}
+
+TEST(ReadPeople, ABodyPartStandsForItsContactSpeed) {
+    const std::string capsules = "    ann: {capsules: [{from_m: [0, 0, 0], radius_m: 0.3}], " + std::string(kWalk);
+    std::vector<Person> people = readThem(capsules + ", body_part: hand}\n");
+    ASSERT_TRUE(people[0].bodyPart);
+    EXPECT_EQ(*people[0].bodyPart, BodyPart::Hand);
+    EXPECT_EQ(people[0].contactSpeed, 0.0) << "as long as nobody says how heavy the arm is";
+    setContactSpeeds(people, 20.0);
+    EXPECT_EQ(people[0].contactSpeed, calcContactSpeed(BodyPart::Hand, 20.0));
+    setContactSpeeds(people, 0.0);
+    EXPECT_EQ(people[0].contactSpeed, 0.0) << "without a mass nothing follows";
+    expectContains(complainOfFile(capsules + ", body_part: neck}\n"),
+                   {"body_part", "may not be touched", "rests before"});
+    expectContains(complainOfFile(capsules + ", body_part: hnd}\n"), {"body_part", "hand", "chest"});
+    expectContains(complainOfFile(capsules + ", body_part: hand, contact_speed_mps: 0.1}\n"), {"Give one"});
 }
 
 Person makePerson(const char* name) {

@@ -34,6 +34,27 @@ TEST(PeopleKeys, AreReadAndStandInTheResolvedFile) {
                    {"environment.people.ann", "capsules"});
 }
 
+TEST(PeopleKeys, ABodyPartMayBeTouchedAtWhatTheArmsMassAllows) {
+    const std::string touchable =
+        std::string(kAnn).replace(std::string(kAnn).find("latency_s"), 0, "body_part: hand, ");
+    const Experiment e = readTestExperiment(kOneJoint, {"filter={plugin: whole_arm_braking}", touchable});
+    const CasePlan& plan = e.cases.front();
+    const double expected = calcContactSpeed(BodyPart::Hand, plan.robot.movingMass());
+    EXPECT_EQ(plan.environment->people[0].contactSpeed, expected);
+    const CaseResult result = runCase(configureCase(plan), {});
+    ASSERT_TRUE(result.summary.separations());
+    const Separations& people = *result.summary.separations();
+    EXPECT_EQ(people.nominal.tooFastTicks, 0);
+    EXPECT_LE(people.nominal.fastestTouch, expected);
+    expectContains(formatDetails(result), {"ann may be touched at up to "});
+    const nlohmann::json json = nlohmann::json::parse(writeSummaryJson({}, {}, {result}))["cases"][0];
+    EXPECT_EQ(json["people"]["contact_speeds_mps"]["ann"], expected);
+    // Who must not be touched by what moves holds the arm up for longer.
+    const Experiment strict = readTestExperiment(kOneJoint, {"filter={plugin: whole_arm_braking}", kAnn});
+    const CaseResult untouched = runCase(configureCase(strict.cases.front()), {});
+    EXPECT_LT(people.resting_s, untouched.summary.separations()->resting_s);
+}
+
 // A run: with whole_arm_braking nobody is touched too fast, and it is logged and told; with a law that knows nobody it is counted.
 TEST(PeopleKeys, ARunJudgesThem) {
     const TemporaryFolder folder;

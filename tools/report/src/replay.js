@@ -20,6 +20,10 @@ import { NearestLine, Surroundings } from './surroundings.js';
 import { caseColour, colours, isDark, limitColour } from './theme.js';
 
 const TRAIL_S = 2;
+/** The speed of a link is that of its way between two frames, and over no more than this. */
+const SPEED_OVER_S = 0.01;
+/** As often the speed of a run is looked at, to find the largest; what is faster in between is found when it is shown. */
+const MOST_LOOKS = 5000;
 const FIELD_OF_VIEW = 35;
 const EXAGGERATIONS = [1, 10, 50];
 /** What can be hidden, and the runs that have it. */
@@ -71,13 +75,14 @@ export function createReplay(host, run, state) {
       }),
       iconButton('home', 'Look at the arm from the start position', () => replay.resetCamera()),
     );
-    const texts = ['coloured link: a limit acts', `line: tool, last ${TRAIL_S} s`];
+    const texts = [`line: tool, last ${TRAIL_S} s`];
     if (hasReal) texts.unshift('grey: nominal arm', 'coloured edge: real arm');
     host.append(
       el(
         'div',
         { class: 'replay-foot' },
         el('p', { class: 'hint', text: texts.join(' · ') }),
+        linkColour(state, replay),
         hasReal ? exaggeration(state) : null,
       ),
     );
@@ -110,6 +115,32 @@ function partButton({ id, label, title }, state) {
   state.on('replay', update);
   update();
   return button;
+}
+
+/** Of an arm without a colour of its own. */
+const neutral = () => (isDark() ? '#b9c2cc' : '#c3cad2');
+/** From rest to the fastest. */
+const speedColours = () => [neutral(), ...colours.speeds];
+
+/** What the colours of the links tell. */
+function linkColour(state, replay) {
+  const scale = el('span', { class: 'speed-scale', hidden: true });
+  const select = el(
+    'select',
+    { 'aria-label': 'Colour of the links', onchange: () => state.setLinkColour(select.value) },
+    el('option', { value: 'limits', text: 'a limit acts' }),
+    el('option', { value: 'speed', text: 'speed' }),
+  );
+  select.value = state.linkColour;
+  const show = () => {
+    scale.hidden = state.linkColour !== 'speed';
+    if (scale.hidden) return;
+    scale.textContent = `to ${number(replay.fastest, 3)} m/s`;
+    scale.style.backgroundImage = `linear-gradient(90deg, ${speedColours().join(', ')})`;
+  };
+  state.on('replay cases theme', show);
+  replay.onFaster = show;
+  return el('label', { class: 'hint' }, 'coloured link ', select, scale);
 }
 
 /** How far the real arm is drawn from the nominal one: a thousandth of a radian is not seen. */
@@ -156,6 +187,9 @@ class Replay {
   #surroundings = new Map(); // environment to Surroundings
   #visible = true;
   #frameAsked = false;
+  #fastest = new Map(); // case index to the speed of its fastest point in the run [m/s]
+  #speeds = []; // of the links, of each case that is shown
+  onFaster = () => {};
 
   constructor(stage, run, state) {
     this.run = run;
@@ -304,7 +338,7 @@ class Replay {
     for (const [index, { nominal, real, trail, stop }] of this.#arms) {
       const colour = caseColour(index);
       stop?.paint(colour, colour);
-      nominal.paint(several ? colour : null, isDark() ? '#b9c2cc' : '#c3cad2');
+      nominal.paint(several ? colour : null, neutral());
       real?.paint(colour, colour);
       trail.paint(colour);
     }
@@ -352,11 +386,8 @@ class Replay {
           this.realPose[j] = this.pose[j] + factor * (this.realPose[j] - this.pose[j]);
         real.pose(this.realPose);
       }
-      const bucket = c.bucketAt(time);
-      nominal.tint((joint) => {
-        const [name] = bucket < 0 ? [] : limitsIn(c.active[joint][bucket]);
-        return name ? limitColour(name) : null;
-      });
+      if (this.state.linkColour === 'speed') this.#tintBySpeed(c, nominal, time);
+      else this.#tintByLimits(c, nominal, time);
       if (stop) {
         stop.root.visible = !this.#isHidden('stop') && this.#readRest(c, time, this.realPose);
         if (stop.root.visible) stop.pose(this.realPose);
@@ -369,6 +400,57 @@ class Replay {
     this.stage.dataset.time = time.toFixed(4);
   }
 
+  #tintByLimits(c, nominal, time) {
+    const bucket = c.bucketAt(time);
+    nominal.tint((joint) => {
+      const [name] = bucket < 0 ? [] : limitsIn(c.active[joint][bucket]);
+      return name ? limitColour(name) : null;
+    });
+  }
+
+  #tintBySpeed(c, nominal, time) {
+    const { fastest } = this;
+    const speeds = this.#speedsAt(c, nominal, time);
+    this.#speeds[c.index] = speeds;
+    if (Math.max(...speeds) > fastest) {
+      this.#fastest.set(c.index, Math.max(...speeds));
+      this.onFaster();
+    }
+    nominal.colourByShares(
+      speeds.map((speed) => (fastest > 0 ? speed / fastest : 0)),
+      speedColours(),
+    );
+  }
+
+  /** Of each link of the nominal arm [m/s]; it is left in its pose at that time. */
+  #speedsAt(c, nominal, time) {
+    const half = Math.min(c.replay.step / 2, SPEED_OVER_S / 2);
+    const [from, to] = [Math.max(c.t0, time - half), Math.min(c.end, time + half)];
+    const [before, after] = [new Float32Array(this.pose.length), new Float32Array(this.pose.length)];
+    const isKnown = to > from && this.#read(c.replay.nominal, c, from, before) && this.#read(c.replay.nominal, c, to, after);
+    const speeds = isKnown ? nominal.speeds(before, after, to - from) : this.run.scene.links.map(() => 0);
+    if (this.#read(c.replay.nominal, c, time, this.pose)) nominal.pose(this.pose);
+    return speeds;
+  }
+
+  /** The speed of the fastest point of the arms that are shown, in the whole run [m/s]. */
+  get fastest() {
+    return Math.max(
+      0,
+      ...this.#cases.map((c) => {
+        if (!this.#fastest.has(c.index)) {
+          const { nominal } = this.#armOf(c);
+          let most = 0;
+          const looks = Math.min(c.replay.n, MOST_LOOKS);
+          for (let i = 0; i < looks; ++i)
+            most = Math.max(most, ...this.#speedsAt(c, nominal, c.t0 + ((c.end - c.t0) * (i + 0.5)) / looks));
+          this.#fastest.set(c.index, most);
+        }
+        return this.#fastest.get(c.index);
+      }),
+    );
+  }
+
   /** Tells in words what is nearest; the distance beside its line, where only one is drawn. */
   #write(time) {
     const cases = this.#cases.filter((c) => c.replay.nearest);
@@ -378,8 +460,15 @@ class Replay {
       line.placeLabel(cases.length === 1 ? inMillimetres(c.nearestAt(time)) : '', this.camera, width, height);
       line.label.classList.toggle('bad', isTooNear(c, time));
     }
-    this.text.hidden = cases.length === 0 || this.#isHidden('nearest');
-    const texts = cases.map((c) => `${cases.length > 1 ? `${c.name}: ` : ''}${describe(c.nearestAt(time))}`);
+    const of = (c) => (this.#cases.length > 1 ? `${c.name}: ` : '');
+    const texts = this.#isHidden('nearest') ? [] : cases.map((c) => `${of(c)}${describe(c.nearestAt(time))}`);
+    if (this.state.linkColour === 'speed')
+      for (const c of this.#cases) {
+        const speeds = this.#speeds[c.index];
+        const link = speeds.reduce((best, speed, i) => (speed > speeds[best] ? i : best), 0);
+        texts.push(`${of(c)}fastest: ${this.run.scene.links[link].name}, ${number(speeds[link], 3)} m/s`);
+      }
+    this.text.hidden = texts.length === 0;
     if (this.text.textContent !== texts.join('')) this.text.replaceChildren(...texts.map((text) => el('p', { text })));
   }
 

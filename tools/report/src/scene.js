@@ -101,6 +101,7 @@ function findTool({ tool, links }) {
 export class Arm {
   #links;
   #tool;
+  #hulls = null;
 
   /**
    * @param {{outline: number, opacity: number}} look outline more than 0: not the arm itself, but an outline of it so far
@@ -187,11 +188,54 @@ export class Arm {
     }
   }
 
+  /** Colours each link by a share of 1, along the colours of a scale. */
+  colourByShares(shares, scale) {
+    const steps = scale.map((colour) => new Color(colour));
+    this.#links.forEach(({ material }, i) => {
+      const at = Math.min(Math.max(shares[i], 0), 1) * (steps.length - 1);
+      const step = Math.min(Math.floor(at), steps.length - 2);
+      material.color.copy(steps[step]).lerp(steps[step + 1], at - step);
+    });
+  }
+
+  /** How fast the surface of each link is at most on the way from one pose to another in dt seconds [m/s]; the arm is left in
+   *  the second one. */
+  speeds(from, to, dt) {
+    this.#hulls ??= this.#links.map(({ frame }) => outermost(frame));
+    const place = () => {
+      this.root.updateMatrixWorld(true);
+      return this.#links.map(({ frame }, i) =>
+        this.#hulls[i].map((point) => point.clone().applyMatrix4(frame.matrixWorld)),
+      );
+    };
+    this.pose(from);
+    const before = place();
+    this.pose(to);
+    return place().map((points, i) => Math.max(0, ...points.map((point, k) => point.distanceTo(before[i][k]))) / dt);
+  }
+
   /** Where the tool is. */
   toolPosition(target) {
     this.root.updateMatrixWorld(true);
     return this.#links[this.#tool].frame.getWorldPosition(target);
   }
+}
+
+/** The points of a link's surface that are farthest out in 26 directions: of a motion of the link, nearly the fastest. */
+function outermost(frame) {
+  const points = [];
+  for (const mesh of frame.children.filter(({ isMesh }) => isMesh)) {
+    const vertices = mesh.geometry.attributes.position;
+    for (let i = 0; i < vertices.count; ++i) {
+      const point = new Vector3().fromBufferAttribute(vertices, i);
+      points.push(point.applyQuaternion(mesh.quaternion).add(mesh.position));
+    }
+  }
+  if (points.length === 0) return [];
+  const steps = [-1, 0, 1];
+  const directions = steps.flatMap((x) => steps.flatMap((y) => steps.map((z) => new Vector3(x, y, z))));
+  const found = directions.map((way) => points.reduce((best, one) => (one.dot(way) > best.dot(way) ? one : best)));
+  return [...new Set(found)];
 }
 
 /** What one can look through, in the order of drawing: solids, arms at rest, maps, and what marks a place. */

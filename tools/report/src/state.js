@@ -22,6 +22,7 @@ export class State extends Emitter {
     this.hiddenKinds = new Set(); // keys of series that are not drawn
     this.fitted = new Set(); // quantities whose y axis is fitted to all data, whatever the limits
     this.exaggeration = 1; // of the real arm's deviation in the replay
+    this.linkColour = 'limits'; // of the replay: what the colour of a link tells, limits that act or its speed
     this.hiddenParts = new Set(); // of the replay: obstacles, stop, nearest
   }
 
@@ -125,6 +126,11 @@ export class State extends Emitter {
 
   setExaggeration(factor) {
     this.exaggeration = factor;
+    this.emit('replay');
+  }
+
+  setLinkColour(meaning) {
+    this.linkColour = meaning;
     this.emit('replay');
   }
 

@@ -5,10 +5,12 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "viable/config/ConfigNode.h"
+#include "viable/environment/BodyPart.h"
 #include "viable/environment/Waypoint.h"
 
 namespace viable {
@@ -34,6 +36,8 @@ struct Person {
     double error_m = 0.0;  ///< and is wrong by no more than this [m]
     /** Points of the arm may touch the person at this speed [m/s]; 0: what it can touch must rest before. */
     double contactSpeed = 0.0;
+    /** Of it as a file names it; setContactSpeeds() makes the contact speed of it. */
+    std::optional<BodyPart> bodyPart;
 
     using Waypoint = viable::Waypoint;
     /** Times in which nothing sees the person [s]. */
@@ -63,17 +67,21 @@ void checkPeople(const std::vector<Person>& people, const std::string& where);
       max_speed_mps: 1.6
       latency_s: 0.05
       error_m: 0.02
-      contact_speed_mps: 0
+      contact_speed_mps: 0     # or body_part: hand
 
 Throws Error (BadInput) with the place. */
 std::vector<Person> readPeople(const ConfigNode& block);
+
+/** Gives those with a body part the contact speed at which an arm that moves so much may touch it (calcContactSpeed), and an arm
+without mass none. A part stands for all capsules of the person. */
+void setContactSpeeds(std::vector<Person>& people, double movingMass_kg);
 
 /** What was seen of one person. */
 struct PersonObservation {
     enum class Kind : unsigned char {
         Unseen,  ///< nothing: the person may have gone anywhere since it was seen last
         Seen,
-        Gone,  ///< it is known to be far away at its stamp, and is forgotten until it is seen again
+        Gone,  ///< it is known to be far away at its stamp, and is forgotten until it is seen again; say it until it is
     };
     Kind kind = Kind::Unseen;
     double stamp_s = 0.0;      ///< in the time of the run

@@ -69,6 +69,8 @@ struct RobotDescription {
     /** The motion of the joint per encoder count [rad, prismatic: m]; 0: no figure. */
     double encoderStep(int joint) const;
     std::vector<std::string> jointNames() const;
+    /** Of all that a joint moves, the tool and a payload included [kg]. */
+    double movingMass() const;
     /** The joint is prismatic: m and N in place of rad and Nm. */
     bool slides(int joint) const { return joints[static_cast<std::size_t>(joint)].type == JointType::Prismatic; }
 };

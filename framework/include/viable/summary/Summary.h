@@ -8,6 +8,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "viable/core/JointLimits.h"
@@ -245,6 +246,8 @@ struct Separations {
     double resting_s = 0.0;                ///< the nominal arm stood still because of people
     PeopleFaults faults;                   ///< as the filter found them
     std::string lastFault;                 ///< of whom
+    /** Whom the arm may touch while it moves, and at which speed [m/s]. */
+    std::vector<std::pair<std::string, double>> contactSpeeds;
 };
 
 /** An arm that was asked to move and stood on its backup stop (FilterStatus::StoppedByPlan), at rest, in one go for
