@@ -56,8 +56,8 @@ Person readPerson(const std::string& name, const ConfigNode& node) {
     if (const ConfigNode* part = map.find("body_part")) {
         const std::vector<std::string>& names = bodyPartNames();
         if (map.find("contact_speed_mps"))
-            throw badInput(part->place(), "a body part and a contact speed",
-                           "Give one: the speed follows from the part.");
+            throw badInput(part->place(), "`body_part` and `contact_speed_mps` exclude each other",
+                           "Remove one: the speed follows from the part.");
         const std::string what = toText(*part);
         if (what == "head" || what == "face" || what == "neck" || what == "skull")
             throw badInput(part->place(), "`" + what + "` may not be touched by what moves",

@@ -355,7 +355,12 @@ std::string formatSeparationVerdict(const Summary& s) {
     };
     add("nominal", s.separations()->nominal);
     if (s.separations()->real) add("real", *s.separations()->real);
-    return text.empty() ? "; nobody touched too fast" : text;
+    if (text.empty()) text = "; nobody touched too fast";
+    const PeopleFaults& f = s.separations()->faults;
+    if (f.appeared + f.faster > 0)
+        text += format("; people came from nowhere or faster than stated %lld times",
+                       static_cast<long long>(f.appeared + f.faster));
+    return text;
 }
 
 std::string formatSeparations(const Summary& s) {
@@ -596,12 +601,15 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
     const auto countCollisions = [](const CaseResult& r) {
         return r.summary.collisions() ? r.summary.collisions()->nominal.ticksInCollision : 0;
     };
+    const auto countTouches = [](const CaseResult& r) {
+        return r.summary.separations() ? r.summary.separations()->nominal.tooFastTicks : 0;
+    };
     // What stopped early comes last, whatever it kept until then; no number comes after every number.
     const auto rank = [&](const CaseResult& r) {
         const double error = getCommandError(r.summary);
-        return std::make_tuple(r.stopReason != StopReason::None, countCollisions(r), countOutside(r.summary),
-                               r.summary.ticksWith(FilterStatus::Infeasible), std::isnan(error),
-                               std::isnan(error) ? 0.0 : error);
+        return std::make_tuple(r.stopReason != StopReason::None, countTouches(r), countCollisions(r),
+                               countOutside(r.summary), r.summary.ticksWith(FilterStatus::Infeasible),
+                               std::isnan(error), std::isnan(error) ? 0.0 : error);
     };
     const auto isBetter = [&](const CaseResult* a, const CaseResult* b) {
         const bool first = isEqual(*a, *model), second = isEqual(*b, *model);
@@ -628,6 +636,8 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
                    static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), 100.0 * s.changedShare(),
                    formatCommandError(s).c_str(), formatChatter(s).c_str(), s.stageTime(Stage::Filter).percentile(0.5));
         std::string remarks;
+        if (const std::int64_t ticks = countTouches(*r); ticks > 0)
+            remarks += format(" (touches somebody too fast in %lld ticks)", static_cast<long long>(ticks));
         if (const std::int64_t ticks = countCollisions(*r); ticks > 0)
             remarks += format(" (in collision in %lld ticks)", static_cast<long long>(ticks));
         if (r->stopReason != StopReason::None) remarks += format(" (stopped at %.3f s)", r->stopTime_s);
@@ -636,7 +646,12 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
     }
     if (sliding == Sliding::Some)
         text += "SI: rad, rad/s, ..., and m, m/s, ... of joints that slide. 1e-3: mrad, and mm of joints that slide.\n";
-    return text + (anyEnvironment ? "First by ticks of the nominal arm in collision. " : "") +
+    const bool anyPeople = std::any_of(results.begin(), results.end(),
+                                       [](const CaseResult& r) { return r.summary.separations().has_value(); });
+    return text + (anyPeople ? "First by ticks of the nominal arm that touch somebody too fast. " : "") +
+           (!anyEnvironment ? ""
+            : anyPeople     ? "Then by its ticks in collision. "
+                            : "First by ticks of the nominal arm in collision. ") +
            R"(Ranked by joint-ticks outside, then ticks without an admissible choice, then command error; cases that stopped early come last.
 -: differs in more than the filter, and has no place.
 command: RMS distance of the nominal joints to the commanded positions, those moved to the nearest limit; of a tool

@@ -92,6 +92,11 @@ TEST(PeopleKeys, ARunJudgesThem) {
     EXPECT_GT(blind.summary.separations()->nominal.tooFastTicks, 50);
     EXPECT_EQ(blind.exitCode(), 0) << "nobody guaranteed it";
     expectContains(formatDetails(blind), {"no separation from people", "touched ann while it was too fast"});
+    CaseResult first = blind, second = kept;
+    first.name = "blind";
+    second.name = "kept";
+    expectContains(formatRanking({first, second}), {"\n 1 kept", "\n 2 blind", "(touches somebody too fast in ",
+                                                    "First by ticks of the nominal arm that touch somebody too fast"});
     const nlohmann::json json = nlohmann::json::parse(writeSummaryJson({}, {}, {blind}))["cases"][0];
     EXPECT_GT(json["people"]["nominal"]["ticks_too_fast"], 50);
     EXPECT_EQ(json["people"]["nominal"]["person"], "ann");
