@@ -108,7 +108,8 @@ TEST(ReadPeople, ABodyPartStandsForItsContactSpeed) {
     expectContains(complainOfFile(capsules + ", body_part: neck}\n"),
                    {"body_part", "may not be touched", "rests before"});
     expectContains(complainOfFile(capsules + ", body_part: hnd}\n"), {"body_part", "hand", "chest"});
-    expectContains(complainOfFile(capsules + ", body_part: hand, contact_speed_mps: 0.1}\n"), {"exclude each other", "Remove one"});
+    expectContains(complainOfFile(capsules + ", body_part: hand, contact_speed_mps: 0.1}\n"),
+                   {"exclude each other", "Remove one"});
 }
 
 Person makePerson(const char* name) {
