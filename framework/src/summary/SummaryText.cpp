@@ -358,7 +358,7 @@ std::string formatSeparationVerdict(const Summary& s) {
     if (text.empty()) text = "; nobody touched too fast";
     const PeopleFaults& f = s.separations()->faults;
     if (f.appeared + f.faster > 0)
-        text += format("; people came from nowhere or faster than stated %lld times",
+        text += format("; people appeared or were faster than stated in %lld observations",
                        static_cast<long long>(f.appeared + f.faster));
     return text;
 }

@@ -76,7 +76,7 @@ export function createReplay(host, run, state) {
       iconButton('home', 'Look at the arm from the start position', () => replay.resetCamera()),
     );
     const texts = [`line: tool, last ${TRAIL_S} s`];
-    if (hasReal) texts.unshift('grey: nominal arm', 'coloured edge: real arm');
+    if (hasReal) texts.unshift('filled: nominal arm', 'coloured edge: real arm');
     host.append(
       el(
         'div',
@@ -415,10 +415,11 @@ class Replay {
     if (Math.max(...speeds) > fastest) {
       this.#fastest.set(c.index, Math.max(...speeds));
       this.onFaster();
+      this.#ask(); // with the new scale
     }
     nominal.colourByShares(
       speeds.map((speed) => (fastest > 0 ? speed / fastest : 0)),
-      speedColours(),
+      this.#cases.length > 1 ? [caseColour(c.index), ...colours.speeds] : speedColours(),
     );
   }
 

@@ -233,7 +233,8 @@ function outermost(frame) {
   }
   if (points.length === 0) return [];
   const steps = [-1, 0, 1];
-  const directions = steps.flatMap((x) => steps.flatMap((y) => steps.map((z) => new Vector3(x, y, z))));
+  const all = steps.flatMap((x) => steps.flatMap((y) => steps.map((z) => new Vector3(x, y, z))));
+  const directions = all.filter((way) => way.length() > 0);
   const found = directions.map((way) => points.reduce((best, one) => (one.dot(way) > best.dot(way) ? one : best)));
   return [...new Set(found)];
 }
