@@ -21,10 +21,10 @@ constexpr double kSpeed = 3.0;
 /** Sizes of the terms that M, b and J are sums of. */
 struct Scale {
     double length = 0.0;  // of the farthest part from the base [m]
-    double mass = 0.0;    // of all [kg]
+    double mass;          // of all [kg]
     double weight = 0.0;  // with what the velocities add [N]
 
-    Scale(const RobotDescription& robot, const JointVector& q, const JointVector& qd) {
+    Scale(const RobotDescription& robot, const JointVector& q, const JointVector& qd) : mass(robot.movingMass()) {
         double turning = 0.0, sliding = 0.0;
         std::array<double, kMaxJoints> reach{};
         for (int i = 0; i < robot.size(); ++i) {
@@ -36,7 +36,6 @@ struct Scale {
             const double gyration = own_kg > 0.0 ? std::sqrt(std::max(joint.body.inertia.trace(), 0.0) / own_kg) : 0.0;
             length = std::max(length, own + joint.body.com.norm() + gyration);
             if (i == robot.toolParent) length = std::max(length, own + robot.toolPlacement.translation().norm());
-            mass += own_kg;
             (robot.slides(i) ? sliding : turning) += std::abs(qd[i]);
         }
         weight = mass * (robot.gravity.norm() + turning * (length * turning + 2.0 * sliding));

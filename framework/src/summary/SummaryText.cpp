@@ -648,10 +648,10 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
         text += "SI: rad, rad/s, ..., and m, m/s, ... of joints that slide. 1e-3: mrad, and mm of joints that slide.\n";
     const bool anyPeople = std::any_of(results.begin(), results.end(),
                                        [](const CaseResult& r) { return r.summary.separations().has_value(); });
-    return text + (anyPeople ? "First by ticks of the nominal arm that touch somebody too fast. " : "") +
-           (!anyEnvironment ? ""
-            : anyPeople     ? "Then by its ticks in collision. "
-                            : "First by ticks of the nominal arm in collision. ") +
+    if (anyPeople) text += "First by ticks of the nominal arm that touch somebody too fast. ";
+    if (anyEnvironment)
+        text += anyPeople ? "Then by its ticks in collision. " : "First by ticks of the nominal arm in collision. ";
+    return text +
            R"(Ranked by joint-ticks outside, then ticks without an admissible choice, then command error; cases that stopped early come last.
 -: differs in more than the filter, and has no place.
 command: RMS distance of the nominal joints to the commanded positions, those moved to the nearest limit; of a tool

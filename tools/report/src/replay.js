@@ -17,7 +17,7 @@ import { CanvasPainter } from './painter.js';
 import { Arm, readShapes, Trail } from './scene.js';
 import { ALL_CASES } from './state.js';
 import { NearestLine, Surroundings } from './surroundings.js';
-import { caseColour, colours, isDark, limitColour } from './theme.js';
+import { caseColour, colours, limitColour } from './theme.js';
 
 const TRAIL_S = 2;
 /** The speed of a link is that of its way between two frames, and over no more than this. */
@@ -117,10 +117,8 @@ function partButton({ id, label, title }, state) {
   return button;
 }
 
-/** Of an arm without a colour of its own. */
-const neutral = () => (isDark() ? '#b9c2cc' : '#c3cad2');
 /** From rest to the fastest. */
-const speedColours = () => [neutral(), ...colours.speeds];
+const speedColours = () => [colours.arm, ...colours.speeds];
 
 /** What the colours of the links tell. */
 function linkColour(state, replay) {
@@ -338,7 +336,7 @@ class Replay {
     for (const [index, { nominal, real, trail, stop }] of this.#arms) {
       const colour = caseColour(index);
       stop?.paint(colour, colour);
-      nominal.paint(several ? colour : null, neutral());
+      nominal.paint(several ? colour : null, colours.arm);
       real?.paint(colour, colour);
       trail.paint(colour);
     }

@@ -14,6 +14,7 @@ const LIGHT = {
   bad: '#b3261e',
   limit: '#55606c',
   obstacle: '#a58a63',
+  arm: '#c3cad2', // without a colour of its own
   speeds: ['#f2a900', '#c11b17'], // of a link, after that of rest
   forbidden: 0.055, // how strongly the place beyond a limit is tinted
   cases: ['#0072b2', '#d55e00', '#00966c', '#bb5a93', '#b47c00', '#41a1de', '#6a5d00', '#46515e'],
@@ -34,6 +35,7 @@ const DARK = {
   bad: '#ff8078',
   limit: '#98a3b0',
   obstacle: '#b39a72',
+  arm: '#b9c2cc',
   speeds: ['#ffb829', '#ff5c52'],
   forbidden: 0.1,
   cases: ['#4ba6e6', '#ff8746', '#2cc499', '#e39ac6', '#eeb02a', '#a2daff', '#e4dc6a', '#c2ccd7'],

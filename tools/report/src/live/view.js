@@ -19,7 +19,7 @@ import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 import { TransformControls } from 'three/examples/jsm/controls/TransformControls.js';
 import { Arm, readShapes } from '../scene.js';
 import { NearestLine, Surroundings } from '../surroundings.js';
-import { colours, isDark, limitColour } from '../theme.js';
+import { colours, limitColour } from '../theme.js';
 import { limitsOf } from './limits.js';
 
 const FIELD_OF_VIEW = 35;
@@ -203,7 +203,7 @@ export class View {
   paint() {
     if (!this.bounds) return;
     this.surroundings?.paint(colours.obstacle);
-    this.nominal.paint(null, isDark() ? '#b9c2cc' : '#c3cad2');
+    this.nominal.paint(null, colours.arm);
     this.real?.paint(colours.accent, colours.accent);
     this.stop.paint(colours.accent, colours.accent);
     this.ball.material.color.set(colours.cases[1]);
