@@ -127,7 +127,7 @@ private:
         habits.least = 3;
         habits.slowest = 0.5;
         habits.slowestOf = 0.5;
-        habits.farthest_m = 2.5;
+        habits.farthest_m = 1.8;
         habits.targetChance = number % 2 == 0 ? 1.0 : 0.0;  // half of the runs
         return habits;
     }
