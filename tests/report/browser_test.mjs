@@ -669,6 +669,20 @@ test('limits are drawn, labelled and in view, whatever the data', async () => {
   assertQuiet(page);
 });
 
+test('what the operator of a live run recorded is a click away', async () => {
+  const path = await variant(
+    'takes',
+    described((data) => {
+      data.cases[0].takes = [{ number: 1, from_s: 0.2, to_s: 0.4 }, { number: 2, from_s: 1, to_s: 1.5 }];
+    }),
+  );
+  const page = await open(path);
+  await page.getByRole('group', { name: 'Takes' }).getByRole('button', { name: 'Take 2' }).click();
+  assert.match(await page.textContent('.view-text'), /^1(\.0+)? – 1\.50* s$/);
+  assert.match(await page.textContent('output.time'), /^1(\.0+)? s$/);
+  assertQuiet(page);
+});
+
 test('what coincides is seen in turns; twelve cases are told apart', async () => {
   const path = await variant(
     'twelve',

@@ -14,6 +14,7 @@ const { browser, eventually, finish, runTests } = await import('./browser.mjs');
 const { arm, address } = await holdArm('tool');
 if (!arm.isRealTime) console.log(`no times are judged: this machine gives no real time:\n${arm.text}`);
 const page = await open(address);
+let recorded = []; // from when to when, about [s]
 
 /** This page moves the arm. */
 async function operate() {
@@ -214,6 +215,22 @@ const cases = [
       assert.ok(times.decided < 0.5);
       await page.mouse.up();
       await watcher.context().close();
+    },
+  },
+  {
+    name: 'Record marks a take, and the summary and the log have it',
+    body: async () => {
+      const button = (name) => page.getByRole('button', { name, exact: true });
+      const from = await number(page, 'time_s');
+      await button('Record').click();
+      await button('Recording take 1').waitFor();
+      await shoot(page, 'recording');
+      await sleep(500);
+      assert.equal(await number(page, 'take'), 1);
+      await button('Recording take 1').click();
+      await button('Record').waitFor();
+      assert.equal(await number(page, 'take'), 0);
+      recorded = [from, await number(page, 'time_s')];
     },
   },
   {
@@ -518,8 +535,17 @@ const cases = [
       const summary = JSON.parse(readFileSync(join(arm.out, 'summary.json'), 'utf8'));
       console.log(`     ${arm.text.trim().split('\n').slice(-12).join('\n     ')}`);
       assert.ok(JSON.stringify(summary).includes('"page"'), 'who asked is not in the summary');
-      const { status, stdout, stderr } = spawnSync(program, ['run', join(arm.out, 'tool.mcap'), '--again'], { encoding: 'utf8' });
+      const log = join(arm.out, 'tool.mcap');
+      const { status, stdout, stderr } = spawnSync(program, ['run', log, '--again'], { encoding: 'utf8' });
       assert.equal(status, 0, stdout + stderr);
+      const [take, ...others] = summary.cases[0].live.takes;
+      assert.deepEqual(others, []);
+      assert.ok(take.from_s >= recorded[0] && take.to_s <= recorded[1] && take.to_s - take.from_s > 0.4, `${take.from_s} ${take.to_s}`);
+      const csv = join(arm.out, 'take.csv');
+      const exported = spawnSync(program, ['export', log, '--take', '1', '--to', 'csv', csv], { encoding: 'utf8' });
+      assert.equal(exported.status, 0, exported.stderr);
+      const times = readFileSync(csv, 'utf8').trim().split('\n').slice(1).map((line) => Number(line.split(',')[0]));
+      assert.deepEqual([times[0], times.at(-1)], [take.from_s, take.to_s]);
     },
   },
   {

@@ -122,6 +122,7 @@ public:
         r.missed = random_() % 2 == 0;
         if (layout_.isLive) {
             r.paused = random_() % 2 == 0;
+            r.take = static_cast<std::int64_t>(random_() % 4);
             r.interval_us = number();
         }
         r.substituted = static_cast<std::int64_t>(random_() >> 1);
@@ -253,6 +254,7 @@ inline std::vector<std::uint64_t> getBits(const TickRecord& r, const LogLayout& 
     bits.push_back(r.braking ? 1 : 0);
     bits.push_back(r.missed ? 1 : 0);
     bits.push_back(r.paused ? 1 : 0);
+    bits.push_back(static_cast<std::uint64_t>(r.take));
     bits.push_back(static_cast<std::uint64_t>(r.substituted));
     add(r.interval_us);
     add(r.compute_us);

@@ -36,6 +36,8 @@ int checkOne(const Experiment& experiment, bool tells) {
             std::printf("  gains    %s\n", forecast.gains.c_str());
         if (!forecast.motors.empty() && forecast.motors != last.motors)
             std::printf("  motors   %s\n", forecast.motors.c_str());
+        if (!forecast.people.empty() && forecast.people != last.people)
+            std::printf("  people   %s\n", forecast.people.c_str());
         for (const std::string& warning : forecast.warnings) std::printf("  WARNING  %s\n", warning.c_str());
         warnings += static_cast<int>(forecast.warnings.size());
         last = forecast;

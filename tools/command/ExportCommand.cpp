@@ -17,6 +17,7 @@ struct ExportArguments {
     std::string log;
     std::vector<std::string> target;  // format, file
     bool isReplacing = false;
+    std::int64_t take = 0;
 };
 
 }  // namespace
@@ -29,6 +30,10 @@ void addExportCommand(CLI::App& app, int& exitCode) {
         ->required()
         ->expected(2);
     command->add_flag("--force", arguments->isReplacing, "Replace a file that is there already");
+    command
+        ->add_option("--take", arguments->take,
+                     "Only what happened while `Record` was pressed on the page of a live arm for the so many-th time")
+        ->check(CLI::PositiveNumber);
     command->callback([arguments, &exitCode] {
         const std::string& format = arguments->target[0];
         if (format != "csv" && format != "hdf5" && format != "mcap")
@@ -44,11 +49,11 @@ void addExportCommand(CLI::App& app, int& exitCode) {
                          "every complete block of it is exported\n",
                          arguments->log.c_str());
         if (format == "csv")
-            exportCsv(arguments->log, arguments->target[1], arguments->isReplacing);
+            exportCsv(arguments->log, arguments->target[1], arguments->isReplacing, arguments->take);
         else if (format == "mcap")
-            exportMcap(arguments->log, arguments->target[1], arguments->isReplacing);
+            exportMcap(arguments->log, arguments->target[1], arguments->isReplacing, arguments->take);
         else
-            exportHdf5(arguments->log, arguments->target[1], arguments->isReplacing);
+            exportHdf5(arguments->log, arguments->target[1], arguments->isReplacing, arguments->take);
         std::printf("wrote %s\n", arguments->target[1].c_str());
         exitCode = 0;
     });

@@ -93,6 +93,10 @@ public:
                     return session.pause(LiveAsker::Page);
                 case PageWish::Stop:
                     return session.stop(LiveAsker::Page);
+                case PageWish::Record:
+                    return session.record(true);
+                case PageWish::EndRecord:
+                    return session.record(false);
             }
         });
         server_->tell("live", describeLive(plan, title, hand_ != nullptr, movesJoints, placed_ != nullptr));

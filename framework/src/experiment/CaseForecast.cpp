@@ -239,12 +239,27 @@ void addClearances(const ConfiguredCase& configured, CaseForecast& forecast) {
         ". Change `start.position_rad`, move the obstacle, or correct capsules and `may_touch` in collision.yaml.");
 }
 
+void addPeople(const ConfiguredCase& configured, CaseForecast& forecast) {
+    const std::optional<Environment>& environment = configured.plan.environment;
+    if (!environment || environment->people.empty()) return;
+    for (const Person& person : environment->people)
+        detail::addItem(forecast.people,
+                        format("%s up to %.3g m/s, seen %.3g s late and %.3g m off at most, ", person.name.c_str(),
+                               person.maxSpeed, person.latency_s, person.error_m) +
+                            (person.contactSpeed > 0.0 ? format("may be touched at %.3g m/s", person.contactSpeed)
+                                                       : std::string("what can touch it rests before")),
+                        "; ");
+    if (!configured.plugins.filter->guaranteesSeparation())
+        forecast.people += "; " + configured.plan.filterName() + " keeps apart from nobody";
+}
+
 }  // namespace
 
 CaseForecast forecastCase(const ConfiguredCase& configured) {
     CaseForecast forecast;
     addGains(configured, forecast);
     addMotors(configured, forecast);
+    addPeople(configured, forecast);
     addClearances(configured, forecast);
     addCommand(configured, forecast);
     addNominalLoop(configured, forecast);

@@ -19,6 +19,9 @@ constexpr unsigned kAskerShift = 8;
 /** Ticks that wait for the disk at most. */
 constexpr std::size_t kCapacity = 8192;
 
+/** Takes that the summary lists; the log knows those after it, too. */
+constexpr std::size_t kListedTakes = 1000;
+
 CaseLog widen(CaseLog log) {
     log.capacity = std::max(log.capacity, kCapacity);
     log.isLive = true;
@@ -99,6 +102,7 @@ LiveSession::LiveSession(std::unique_ptr<ConfiguredCase> configured, const LiveO
       tick_s_(running_.plan().tick_s),
       hasClock_(running_.loop().hasClock()) {
     timing_.hasClock = hasClock_;
+    timing_.takes.reserve(kListedTakes);
     if (SurroundingsFeed* const feed = running_.configured().feed.get(); keepsClear(feed))
         placed_ = std::make_unique<PlacedObstacles>(running_.configured(), *feed, running_.recorder());
     publishTicks_ = std::max<std::int64_t>(1, std::llround(kStatus_s / tick_s_));
@@ -209,6 +213,7 @@ void LiveSession::makeTick(bool isMissed) {
         PlacedObstacles::renumber(*running_.configured().feed->view().surroundings, *running_.plan().environment,
                                   record.clearance);
     if (teleoperated_) tellHand(record);
+    markTake(record);
     const std::int64_t end_ns = TickPacer::readClock_ns();
     record.stage_us[static_cast<int>(Stage::Record)] = recordTime_us_;
     timing_.compute.add(std::llround(1e3 * record.compute_us), tick_);
@@ -229,6 +234,15 @@ void LiveSession::makeTick(bool isMissed) {
     recordTime_us_ = 1e-3 * static_cast<double>(TickPacer::readClock_ns() - end_ns);
     ++timing_.ticks;
     if (++tick_ % publishTicks_ == 0) publish();
+}
+
+void LiveSession::markTake(TickRecord& record) {
+    const bool wants = wantsTake_.load(std::memory_order_relaxed);
+    if (wants && !isTaking_ && ++takes_ <= static_cast<std::int64_t>(kListedTakes))
+        timing_.takes.push_back({record.time_s, record.time_s});
+    if (wants && takes_ <= static_cast<std::int64_t>(kListedTakes)) timing_.takes.back().end_s = record.time_s;
+    isTaking_ = wants;
+    record.take = wants ? takes_ : 0;
 }
 
 /** An operator who lets go wants the arm at rest as soon as it can be. */

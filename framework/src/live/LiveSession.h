@@ -66,7 +66,7 @@ the same.
 A plant without a clock is taken for a simulated one: what was missed is made up for at once.
 Guarantees: those of ControlLoop. The log may lose rows where the disk is slow (counted), the loop never waits for it. At the
 end, unless the plant fails or a robot goes on though it is told to brake, the nominal arm is at rest, and held for RunningCase::kSettling_s more, before the plant is let go.
-Threads: pause(), resume(), stop() by any; status() and events by one; the rest by the one that made it. */
+Threads: pause(), resume(), stop(), record() by any; status() and events by one; the rest by the one that made it. */
 class LiveSession {
 public:
     /** Throws Error, see RunningCase. */
@@ -86,6 +86,10 @@ public:
     void pause(LiveAsker asker) noexcept { ask(Wish::Pause, asker); }
     void resume(LiveAsker asker) noexcept { ask(Wish::Resume, asker); }
     void stop(LiveAsker asker) noexcept { ask(Wish::Stop, asker); }
+
+    /** Whether the operator wants to keep what happens: the ticks from the next one on belong to a take with a number of its own
+    (TickRecord::take), until he does not any more. The log has all ticks either way. */
+    void record(bool wants) noexcept { wantsTake_.store(wants, std::memory_order_relaxed); }
 
     /** What was had of real time. After begin(); waits until that is known. */
     const LiveTiming& timing() const;
@@ -120,6 +124,7 @@ private:
     bool isOver();
     void makeTick(bool isMissed);
     void tellHand(const TickRecord& record);
+    void markTake(TickRecord& record);
     void publish();
 
     TeleoperatedCommand* const teleoperated_;  // of the running case; null: another command
@@ -132,6 +137,7 @@ private:
     LiveTiming timing_;
 
     std::atomic<unsigned> wish_{0};  // Wish, and the asker above it; a stop is never replaced, a pause not by resume()
+    std::atomic<bool> wantsTake_{false};
     LatestValue<LiveStatus> latest_;
     std::array<LiveEvent, kMaxEvents> events_{};
     std::atomic<std::size_t> eventCount_{0};
@@ -142,6 +148,8 @@ private:
     // Of the thread.
     LiveState state_ = LiveState::Armed;
     LiveStatus status_;
+    std::int64_t takes_ = 0;  // so far
+    bool isTaking_ = false;
     std::int64_t tick_ = 0, lastStart_ns_ = 0, gap_ = 0, holdTicks_ = 0, publishTicks_ = 1;
     double recordTime_us_ = 0.0;
 };

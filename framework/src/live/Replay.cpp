@@ -287,6 +287,7 @@ public:
             else
                 loop.tick(now);
             surroundings.renumber(now);
+            now.take = row.take;  // the operator's, and nothing follows from it
             if (row.braking && !now.braking && stop.tick < 0) return k;
             result.difference = findDifference(rows.reader().columns(), row, now);
             if (!result.difference.empty()) {
@@ -317,8 +318,8 @@ private:
     [[noreturn]] void refuseGap(double found_s, double expected_s) const {
         throw badInput(log_.string(),
                        detail::format("the next row is of %.4f s, and %.4f s is expected", found_s, expected_s),
-                       "A replay needs every tick from the first one on: a log that lost rows to a slow disk, or whose "
-                       "first file is gone, cannot be replayed.");
+                       "A replay needs every tick from the first one on: a log that lost rows to a slow disk, whose "
+                       "first file is gone, or that is a take of another one, cannot be replayed.");
     }
 
     const fs::path log_;

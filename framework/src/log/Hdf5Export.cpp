@@ -243,8 +243,10 @@ void writeHdf5(LogReader& reader, const std::vector<detail::ExportColumn>& named
 
 }  // namespace
 
-void exportHdf5(const std::filesystem::path& log, const std::filesystem::path& hdf5, bool isReplacing) {
+void exportHdf5(const std::filesystem::path& log, const std::filesystem::path& hdf5, bool isReplacing,
+                std::int64_t take) {
     LogReader reader(log);
+    reader.keepTake(take);
     const std::vector<detail::ExportColumn> columns = detail::nameExportColumns(reader, log.string());
     detail::WholeFile pending(hdf5, isReplacing);
     const QuietLibrary quiet;

@@ -24,8 +24,10 @@ void appendNumber(std::string& line, Number value) {
 
 }  // namespace
 
-void exportCsv(const std::filesystem::path& log, const std::filesystem::path& csv, bool isReplacing) {
+void exportCsv(const std::filesystem::path& log, const std::filesystem::path& csv, bool isReplacing,
+               std::int64_t take) {
     LogReader reader(log);
+    reader.keepTake(take);
     const std::vector<detail::ExportColumn> columns = detail::nameExportColumns(reader, log.string());
     detail::WholeFile file(csv, isReplacing);
     std::string text;

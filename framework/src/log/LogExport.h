@@ -11,21 +11,25 @@ name the joint in `prismatic_joints` (a JSON list). Numbers read back bit-equal;
 margin is `inf`. A log that was cut off gives the rows that it has. The file appears under its name
 only when it is whole.
 @param isReplacing  an older file gives way to the whole new one
-Throws Error: BadInput when the log cannot be read or `csv` exists already and is not to be replaced, LogNotWritten when
+@param take         only the rows of that take of an operator (TickRecord::take); 0: all
+Throws Error: BadInput when the log cannot be read, has no such take or `csv` exists already and is not to be replaced, LogNotWritten when
 `csv` cannot be written; then nothing is left of it, and the older file stays. */
-void exportCsv(const std::filesystem::path& log, const std::filesystem::path& csv, bool isReplacing = false);
+void exportCsv(const std::filesystem::path& log, const std::filesystem::path& csv, bool isReplacing = false,
+               std::int64_t take = 0);
 
 /** Writes a log as HDF5: one dataset per column, named as in the CSV with / for the first and the last dot
 (/nominal/joint0/q_rad), all of equal length. A dataset's attributes: `column`, its name in the CSV; `units`, such
 as "rad/s^2" or "1"; for words (a limit, a status), which are small integers, instead the `words` that they stand
 for. Attributes of the root: what wrote the log, its metadata and attachments
 (the resolved experiment file). Errors as for exportCsv(). One thread at a time: the HDF5 library is not thread-safe. */
-void exportHdf5(const std::filesystem::path& log, const std::filesystem::path& hdf5, bool isReplacing = false);
+void exportHdf5(const std::filesystem::path& log, const std::filesystem::path& hdf5, bool isReplacing = false,
+                std::int64_t take = 0);
 
 /** Writes a log as an MCAP file that other programs read, PlotJuggler and Foxglove among them: the same messages,
 chunks compressed by Zstandard, an index (LogForm::Open). Errors as for exportCsv(), and BadInput for a log that lacks
 columns of this version. */
-void exportMcap(const std::filesystem::path& log, const std::filesystem::path& mcap, bool isReplacing = false);
+void exportMcap(const std::filesystem::path& log, const std::filesystem::path& mcap, bool isReplacing = false,
+                std::int64_t take = 0);
 
 /** Writes the rows of a log that was cut off (or of a whole one) into a new, whole log with the same opening;
 returns their number. Errors as for exportCsv(). */

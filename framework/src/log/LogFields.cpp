@@ -402,11 +402,17 @@ std::vector<LogChannel> declareChannels() {
          "Live",
          [](const LogLayout& l) { return l.isLive; },
          {integer(
-             "paused", [](const TickRecord& r) -> std::int64_t { return r.paused ? 1 : 0; },
-             [](TickRecord& r, std::int64_t value) {
-                 r.paused = value == 1;
-                 return value == 0 || value == 1;
-             })},
+              "paused", [](const TickRecord& r) -> std::int64_t { return r.paused ? 1 : 0; },
+              [](TickRecord& r, std::int64_t value) {
+                  r.paused = value == 1;
+                  return value == 0 || value == 1;
+              }),
+          integer(
+              "take", [](const TickRecord& r) { return r.take; },
+              [](TickRecord& r, std::int64_t value) {
+                  r.take = value;
+                  return value >= 0;
+              })},
          true},
         {"pace",
          "Pace",

@@ -157,7 +157,7 @@ struct LogReader::Impl {
         std::uint64_t chunk = 0;  // where that stands: McapFile::chunkCount()
     };
 
-    explicit Impl(const std::filesystem::path& path) : file(path, kRemedy) {
+    explicit Impl(const std::filesystem::path& path) : name(path.string()), file(path, kRemedy) {
         while (file.nextOfOpening()) file.within([&] { takeRecord(); });
         if (layout.jointNames.empty()) {
             file.fail(file.isComplete() ? "the log has no channel of this program"
@@ -384,6 +384,21 @@ struct LogReader::Impl {
     }
 
     bool read(TickRecord& record) {
+        if (wantedTake == 0) return readAny(record);
+        while (readAny(record)) {
+            if (record.take > 0) takes.insert(record.take);
+            if (record.take == wantedTake) return true;
+        }
+        if (takes.count(wantedTake) != 0) return false;
+        std::string there;
+        for (const std::int64_t take : takes) there += (there.empty() ? "" : ", ") + std::to_string(take);
+        throw badInput(name, "the log has no take " + std::to_string(wantedTake),
+                       there.empty() ? "It has none at all: a take is what happens while `Record` is pressed on the "
+                                       "page of a live arm."
+                                     : "It has " + there + ".");
+    }
+
+    bool readAny(TickRecord& record) {
         while (file.next()) {
             bool isWhole = false;
             file.within([&] { isWhole = takeRecord(); });
@@ -395,7 +410,11 @@ struct LogReader::Impl {
         return false;
     }
 
+    const std::string name;
     McapFile file;
+
+    std::int64_t wantedTake = 0;   // 0: all rows
+    std::set<std::int64_t> takes;  // of the rows so far, where one is wanted
 
     LogLayout layout;
     std::map<std::string, std::string> metadata;
@@ -437,6 +456,10 @@ bool LogReader::isComplete() const {
 }
 bool LogReader::read(TickRecord& record) {
     return impl_->read(record);
+}
+
+void LogReader::keepTake(std::int64_t take) {
+    impl_->wantedTake = take;
 }
 
 }  // namespace viable

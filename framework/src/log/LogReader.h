@@ -58,8 +58,11 @@ public:
     /** Does the file have its end? Known from the beginning. */
     bool isComplete() const;
 
-    /** The next row; false at the end of the file, or of what is left of it. */
+    /** The next row; false at the end of the file, or of what is left of it. Throws Error (BadInput) there where a take was
+    asked for that the file does not have. */
     bool read(TickRecord& record);
+    /** From now on read() passes over the rows that do not belong to that take of an operator (TickRecord::take). */
+    void keepTake(std::int64_t take);
 
 private:
     struct Impl;

@@ -30,14 +30,15 @@ private:
     std::optional<Error>& failure_;
 };
 
-/** Writes all rows of `log` into a new log with the same opening; returns their number. */
+/** Writes the rows of `log` (of a take, or 0: all) into a new log with the same opening; returns their number. */
 std::uint64_t copyLog(const std::filesystem::path& log, const std::filesystem::path& target, bool isReplacing,
-                      LogForm form, const char* remedy) {
+                      std::int64_t take, const char* remedy) {
     LogReader reader(log);
+    reader.keepTake(take);
     detail::WholeFile file(target, isReplacing);
     LogOpening opening{reader.layout(), reader.metadata(), reader.attachments()};
     std::optional<Error> failure;
-    LogWriter writer(std::make_unique<PendingSink>(file, failure), opening, form);
+    LogWriter writer(std::make_unique<PendingSink>(file, failure), opening, LogForm::Open);
     TickRecord record;
     std::size_t attached = opening.attachments.size();
     while (writer.status().ok() && reader.read(record)) {
@@ -62,12 +63,12 @@ std::uint64_t copyLog(const std::filesystem::path& log, const std::filesystem::p
 }  // namespace
 
 std::uint64_t recoverLog(const std::filesystem::path& log, const std::filesystem::path& whole) {
-    return copyLog(log, whole, false, LogForm::Open,
-                   "Recover it with the version that wrote it, or export it as it is");
+    return copyLog(log, whole, false, 0, "Recover it with the version that wrote it, or export it as it is");
 }
 
-void exportMcap(const std::filesystem::path& log, const std::filesystem::path& mcap, bool isReplacing) {
-    copyLog(log, mcap, isReplacing, LogForm::Open,
+void exportMcap(const std::filesystem::path& log, const std::filesystem::path& mcap, bool isReplacing,
+                std::int64_t take) {
+    copyLog(log, mcap, isReplacing, take,
             "Logs of before this form open in other programs as they are; else export it to csv or hdf5");
 }
 

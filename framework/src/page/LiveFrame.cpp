@@ -59,6 +59,7 @@ void write(Writer& out, double now_s, const LiveStatus& status, const Teleoperat
     out.add("time_s", status.time_s);
     out.add("command_s", status.commandTime_s);
     out.add("state", static_cast<double>(status.state));
+    out.add("take", static_cast<double>(record.take));
     out.add("missed", static_cast<double>(status.missed));
     out.add("lost_rows", static_cast<double>(status.lostRows));
     out.add("worst_us", status.worstCompute_us);

@@ -883,15 +883,16 @@ void PageServer::Impl::hear(Viewer& viewer, const std::string& word) {
         leave(viewer);
         return tellPeople();
     }
-    if (word == "start" && (operator_ == &viewer || !hand_)) return ask_(PageWish::Start);
+    const bool mayOperate = operator_ == &viewer || !hand_;
+    if (word == "start" && mayOperate) return ask_(PageWish::Start);
+    if (word == "record" && mayOperate) return ask_(PageWish::Record);
+    if (word == "end record" && mayOperate) return ask_(PageWish::EndRecord);
     if (word == "invite")
         return viewer.sendText(
             std::make_shared<const std::string>(json{{"invitation", invite(viewer.session())}}.dump()));
     if (word == "watch" && options_.channels)
         return viewer.sendText(std::make_shared<const std::string>(json{{"watch", watchAddress()}}.dump()));
-    if (!word.empty() && word.front() == '{' && options_.place && (operator_ == &viewer || !hand_) &&
-        options_.place(word))
-        return;
+    if (!word.empty() && word.front() == '{' && options_.place && mayOperate && options_.place(word)) return;
     ++server_.counts_.refusedMessages;
 }
 

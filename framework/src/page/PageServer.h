@@ -15,7 +15,7 @@
 namespace viable {
 
 /** What an operator or a watcher asks for. */
-enum class PageWish : unsigned char { Start, Pause, Stop };
+enum class PageWish : unsigned char { Start, Pause, Stop, Record, EndRecord };
 
 struct PageOptions {
     std::string address = "127.0.0.1";  ///< to listen at, numeric
@@ -43,7 +43,7 @@ that the program prints, which counts once, or the session that it was exchanged
 (kMaxWatchers watchers) are there. Connections without a WebSocket are closed at once where there are kMaxStrangers already, or kMaxPerAddress of the same
 address: nobody without a secret takes a viewer's place.
 Words that a client may send: "alive" (each few seconds, or it is cut off), "pause" and "stop" by anyone; "take" and "take over" (the
-one lease to operate), "leave"; "start" by the operator; "invite" (an address for one more viewer); "watch" (the
+one lease to operate), "leave"; "start", "record" and "end record" by the operator, and where there is no hand by anyone; "invite" (an address for one more viewer); "watch" (the
 address for programs).
 {"place": ...} by the operator, and where there is no hand by anyone: an obstacle, see PlacedObstacles. The operator's hand comes
 in binary messages (see readHand). What is anything else is refused as a whole, and counted.

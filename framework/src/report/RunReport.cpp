@@ -182,6 +182,7 @@ public:
     void add(const TickRecord& r) {
         if (rows_ == 0) firstTime_s_ = r.time_s;
         if (rows_ == 1) tick_s_ = r.time_s - firstTime_s_;
+        addTake(r);
         for (int i = 0; i < n_; ++i) {
             for (std::size_t k = 0; k < kQuantityCount; ++k) values_[index(i, k)] = kQuantities[k].get(r, i);
             double &acceleration = values_[index(i, kQuantityCount)], &jerk = values_[index(i, kQuantityCount + 1)];
@@ -226,6 +227,7 @@ public:
                     {"status", block.add(status_.codes(0))},
                     {"tick_time", times_.describe()},
                     {"jitter", jitter_.describe()},
+                    {"takes", takes_},
                     {"replay",
                      {{"step_s", tick * static_cast<double>(nominal_.rowsPerSample())},
                       {"n", nominal_.count()},
@@ -256,6 +258,11 @@ private:
         pose_.resize(static_cast<std::size_t>(n_));
         for (int i = 0; i < n_; ++i) pose_[static_cast<std::size_t>(i)] = at(q, i);
         samples.add(pose_);
+    }
+    void addTake(const TickRecord& r) {
+        if (r.take > 0 && r.take != take_) takes_.push_back({{"number", r.take}, {"from_s", r.time_s}});
+        if (r.take > 0) takes_.back()["to_s"] = r.time_s;
+        take_ = r.take;
     }
     /** The clearance of a row, where the stop rests and how long it takes. */
     void addClearance(const TickRecord& r) {
@@ -315,6 +322,8 @@ private:
     std::vector<double> values_, pose_, nearestRow_;
     std::vector<std::uint16_t> actives_;
     TimeBins times_, jitter_;
+    json takes_ = json::array();
+    std::int64_t take_ = 0;  // of the last row
     JointVector lastVelocity_;
     std::int64_t rows_ = 0;
     double firstTime_s_ = 0.0, tick_s_ = 0.0;

@@ -23,6 +23,11 @@ struct LiveTiming {
         double time_s;
     };
     std::vector<Change> changes;  ///< of the state
+    /** What the operator wanted to keep; the first is number 1. */
+    struct Take {
+        double begin_s, end_s;  ///< of its first and its last tick
+    };
+    std::vector<Take> takes;
 };
 
 }  // namespace viable

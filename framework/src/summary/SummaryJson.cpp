@@ -36,6 +36,8 @@ json describe(const LiveTiming& live) {
     json changes = json::array();
     for (const LiveTiming::Change& change : live.changes)
         changes.push_back({{"time_s", change.time_s}, {"state", change.state}, {"asked_by", change.asker}});
+    json takes = json::array();
+    for (const LiveTiming::Take& take : live.takes) takes.push_back({{"from_s", take.begin_s}, {"to_s", take.end_s}});
     json one = {{"real_time", live.isRealTime},
                 {"refusals", live.refusals},
                 {"clock", live.hasClock ? "plant" : "computer"},
@@ -45,7 +47,8 @@ json describe(const LiveTiming& live) {
                 {"rows_lost", live.lostRows},
                 {"compute", live.compute.toJson()},
                 {"interval", live.interval.toJson()},
-                {"changes", changes}};
+                {"changes", changes},
+                {"takes", takes}};
     one["wake_up"] = live.hasClock ? json(nullptr) : live.wakeUp.toJson();
     return one;
 }

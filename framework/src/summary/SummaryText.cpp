@@ -511,7 +511,13 @@ std::string formatLive(const LiveTiming& live) {
     for (const LiveTiming::Change& change : live.changes)
         text += format("%s %s at %.3f s (%s)", &change == &live.changes.front() ? "" : ",", change.state.c_str(),
                        change.time_s, change.asker.c_str());
-    return text + "\n";
+    text += "\n";
+    if (live.takes.empty()) return text;
+    text += "  takes        ";
+    for (std::size_t k = 0; k < live.takes.size(); ++k)
+        text +=
+            format("%s %zu from %.3f to %.3f s", k == 0 ? "" : ",", k + 1, live.takes[k].begin_s, live.takes[k].end_s);
+    return text + " (viable export --take)\n";
 }
 
 }  // namespace

@@ -371,7 +371,16 @@ public:
     const LinearErrorLoop* errorLoop() const override { return &law_; }
 
 private:
-    LinearErrorLoop law_{vector(1.0), vector(2.0), vector(3.0), vector(4.0), vector(5.0)};
+    static LinearErrorLoop makeLaw() {
+        LinearErrorLoop law;
+        law.kr = vector(1.0);
+        law.kp = vector(2.0);
+        law.ki = vector(3.0);
+        law.integralLimit = vector(4.0);
+        law.torqueRate = vector(5.0);
+        return law;
+    }
+    LinearErrorLoop law_ = makeLaw();
     bool isHeld_ = false;
 };
 

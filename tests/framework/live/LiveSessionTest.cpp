@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <chrono>
 #include <cmath>
 
@@ -118,6 +119,43 @@ TEST(LiveSession, WaitsArmedAndDoesWhatItIsTold) {
     EXPECT_EQ(again.ticks, result.live->ticks);
 }
 
+TEST(LiveSession, MarksWhatTheOperatorRecords) {
+    const TemporaryFolder folder;
+    const Experiment e = test::readTestExperiment(kOneJoint, {kCertified, "duration_s=100"});
+    LiveOptions options = makeOptions(INFINITY);
+    options.log.file = folder / "A.mcap";
+    LiveSession session(configureCase(e.cases[0]), options);
+    session.begin();
+    for (const std::int64_t take : {1, 2}) {
+        await([&] { return session.status().record.take == 0 && session.status().time_s > 0.1; });
+        session.record(true);
+        await([&] { return session.status().record.take == take; });
+        session.record(true);  // it does already
+        const double begin_s = session.status().time_s;
+        await([&] { return session.status().time_s > begin_s + 0.1; });
+        EXPECT_EQ(session.status().record.take, take);
+        if (take == 1) session.record(false);
+    }
+    session.stop(LiveAsker::Page);  // ends the second
+    const CaseResult result = session.finish();
+    ASSERT_EQ(result.live->takes.size(), 2u);
+    std::array<std::vector<double>, 3> times;
+    LogReader reader(folder / "A.mcap");
+    for (TickRecord row; reader.read(row);) times.at(static_cast<std::size_t>(row.take)).push_back(row.time_s);
+    EXPECT_FALSE(times[0].empty());
+    for (std::size_t k = 0; k < 2; ++k) {
+        const LiveTiming::Take& take = result.live->takes[k];
+        ASSERT_GT(times[k + 1].size(), 50u);
+        EXPECT_EQ(take.begin_s, times[k + 1].front());
+        EXPECT_EQ(take.end_s, times[k + 1].back());
+        EXPECT_EQ(std::llround((take.end_s - take.begin_s) / 0.001) + 1,
+                  static_cast<std::int64_t>(times[k + 1].size()));  // without a hole
+    }
+    const ReplayResult again = replayLog(folder / "A.mcap", test::makeTestLoader(), {VIABLE_SOURCE_DIR "/robots"});
+    EXPECT_EQ(again.difference, "");
+    EXPECT_EQ(again.ticks, result.live->ticks);
+}
+
 TEST(LiveSession, ResumeDoesNotReplaceAPauseThatWasNotTakenYet) {
     const Experiment e = test::readTestExperiment(kOneJoint, {kCertified, "duration_s=100"});
     LiveSession session(configureCase(e.cases[0]), makeOptions(INFINITY));
@@ -206,7 +244,10 @@ TEST(LiveSession, TakesNothingFromTheHeapInItsTicks) {
     options.log.file = folder / "A.mcap";
     LiveSession session(configureWith(e, command), options);
     session.begin();
+    await([&] { return session.status().time_s > 0.2; });
+    session.record(true);
     const CaseResult result = session.finish();
+    EXPECT_EQ(result.live->takes.size(), 1u);
     EXPECT_GT(command.asked, 500);
     EXPECT_EQ(command.allocations, 0);
 }

@@ -188,6 +188,32 @@ TEST_F(LogExportTest, EveryNumberReadsBackBitEqual) {
 }
 
 // A log of November 2026 and what viable exported from it then: limits in each row, chunks of Zstandard.
+TEST_F(LogExportTest, ATakeIsItsRowsAndNoOthers) {
+    LogLayout layout = makeLayout(2, Space::Joint, true);
+    layout.isLive = true;
+    std::vector<TickRecord> records = makeRecords(layout, 3000, 0.001, 43);
+    for (std::size_t i = 0; i < records.size(); ++i) records[i].take = i / 1000 == 1 ? 0 : 1 + (i / 1000);  // 1, 0, 3
+    writeBytes(path("run.mcap"), makeLog(makeOpening(layout), records).bytes);
+    exportCsv(path("run.mcap"), path("take.csv"), false, 3);
+    const auto rows = parseCsv(readBytes(path("take.csv")));
+    ASSERT_EQ(rows.size(), 1001u);
+    for (std::size_t i = 0; i < 1000; ++i) expectNumber(rows[i + 1][0], records[2000 + i].time_s);
+    exportMcap(path("run.mcap"), path("take.mcap"), false, 1);
+    LogReader reader(path("take.mcap"));
+    std::size_t count = 0;
+    for (TickRecord row; reader.read(row); ++count) ASSERT_EQ(getBits(row, layout), getBits(records[count], layout));
+    EXPECT_EQ(count, 1000u);
+    const std::string none =
+        catchError(ErrorKind::BadInput, [&] { exportCsv(path("run.mcap"), path("no.csv"), false, 2); });
+    EXPECT_NE(none.find("the log has no take 2. It has 1, 3."), std::string::npos) << none;
+    for (TickRecord& record : records) record.take = 0;
+    writeBytes(path("run.mcap"), makeLog(makeOpening(layout), records).bytes);
+    EXPECT_NE(catchError(ErrorKind::BadInput, [&] { exportMcap(path("run.mcap"), path("no.mcap"), false, 1); })
+                  .find("It has none at all"),
+              std::string::npos);
+    EXPECT_EQ(listFolder(), (std::vector<std::string>{"run.mcap", "take.csv", "take.mcap"}));
+}
+
 TEST_F(LogExportTest, AnOldLogGivesWhatItGave) {
     const std::filesystem::path folder = VIABLE_SOURCE_DIR "/tests/framework/log";
     const std::string then = readBytes(folder / "before_limits_on_change.csv");

@@ -11,6 +11,7 @@
 #include <cstdlib>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <random>
 #include <set>
 #include <stdexcept>
@@ -77,6 +78,8 @@ protected:
         const std::string address = server_.invite();
         return address.substr(address.find('#') + 1);
     }
+
+    int countWishes() const { return std::accumulate(wishes_.begin(), wishes_.end(), 0); }
 
     /** The status of the answer to a request; 0: none. */
     static int statusOf(const std::string& answer) {
@@ -163,7 +166,7 @@ protected:
         LogLayout{{"one", "two"}, MotionCommand::Space::Joint, true, false, true, true, true}, "arm");
     std::atomic<int> places_{0};
     std::shared_ptr<TeleoperationFeed> feed_;
-    std::array<std::atomic<int>, 3> wishes_{};
+    std::array<std::atomic<int>, 5> wishes_{};  // by PageWish
     std::atomic<bool> throws_{false};
     PageServer server_;
 };
@@ -464,7 +467,7 @@ TEST_F(PageServerTest, Fault69_MessagesThatMeanNothingAreCountedAndDoNothing) {
         viewer->send(makeFrame(kBinary, bytes));
     viewer->send(makeFrame(kBinary, hand));  // no operator
     EXPECT_TRUE(await([&] { return server_.counts().refusedMessages == 13; })) << server_.counts().refusedMessages;
-    EXPECT_EQ(wishes_[0] + wishes_[1] + wishes_[2], 0);
+    EXPECT_EQ(countWishes(), 0);
     EXPECT_EQ(server_.counts().hands, 0);
     viewer->send(makeFrame(kText, "pause"));  // still there
     EXPECT_TRUE(await([&] { return wishes_[1] == 1; }));
@@ -522,7 +525,7 @@ TEST_F(PageServerTest, Fault69_RandomBytesNeitherMoveNorStopAnything) {
             if (answer.opcode < 0 || answer.opcode == 8) break;
         }
     }
-    EXPECT_EQ(wishes_[0] + wishes_[1] + wishes_[2], 0);
+    EXPECT_EQ(countWishes(), 0);
     EXPECT_EQ(statusFor(get("/", "Host: " + host() + "\r\n")), 200);
     // What was looked at: most frames are sound, and what is in them is not.
     EXPECT_TRUE(await([&] { return server_.counts().refusedMessages > frames / 2; }))
@@ -621,13 +624,14 @@ TEST_F(PageServerTest, AWatcherSeesTheChannelsOfTheLogAndMovesNothing) {
     server_.stream(makeRow());  // nobody listens yet
     client.send(makeFrame(kText, json{{"op", "subscribe"}, {"subscriptions", subscriptions}}.dump()));
     client.send(makeFrame(kBinary, makeHand(1, feed_->now())));
-    for (const char* word : {"stop", "pause", "take over", "start", "alive"}) client.send(makeFrame(kText, word));
-    for (int k = 0; k < 6; ++k) {
+    for (const char* word : {"stop", "pause", "take over", "start", "record", "alive"})
+        client.send(makeFrame(kText, word));
+    for (int k = 0; k < 7; ++k) {
         const ServerFrame refusal = readFrame(client);
         ASSERT_EQ(refusal.opcode, 1);
         EXPECT_EQ(json::parse(refusal.payload)["op"], "status");
     }
-    EXPECT_EQ(wishes_[0] + wishes_[1] + wishes_[2], 0);
+    EXPECT_EQ(countWishes(), 0);
     EXPECT_EQ(server_.counts().hands, 0);
     EXPECT_EQ(server_.counts().watchers, 1);
     EXPECT_EQ(server_.counts().viewers, 0);
@@ -722,6 +726,22 @@ TEST_F(PageServerTest, Fault63_OneOperatorAndAnotherByTakingOver) {
     two->send(makeFrame(kText, "start"));
     one->send(makeFrame(kText, "stop"));  // anyone may
     EXPECT_TRUE(await([&] { return wishes_[0] == 1 && wishes_[2] == 1; }));
+}
+
+TEST_F(PageServerTest, TheOperatorAloneRecords) {
+    const auto count = [this](PageWish wish) -> int { return wishes_[static_cast<std::size_t>(wish)]; };
+    auto one = join();
+    auto two = join();
+    one->send(makeFrame(kText, "take"));
+    two->send(makeFrame(kText, "record"));
+    two->send(makeFrame(kText, "end record"));
+    ASSERT_TRUE(await([&] { return server_.counts().refusedMessages == 2; }));
+    one->send(makeFrame(kText, "record"));
+    EXPECT_TRUE(await([&] { return count(PageWish::Record) == 1; }));
+    EXPECT_EQ(count(PageWish::EndRecord), 0);
+    one->send(makeFrame(kText, "end record"));
+    EXPECT_TRUE(await([&] { return count(PageWish::EndRecord) == 1; }));
+    EXPECT_EQ(countWishes(), 2);
 }
 
 TEST_F(PageServerTest, Fault64_TheHandIsReleasedWithTheConnection) {

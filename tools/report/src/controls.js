@@ -12,6 +12,7 @@ export function fillToolbar(host, state, { openHelp }) {
     caseToggles(state),
     jointChoice(state),
     zoomButtons(state),
+    ...takeButtons(state),
     el('span', { class: 'push' }),
     figureButtons(state),
     el(
@@ -90,6 +91,25 @@ function zoomButtons(state) {
     reset,
     text,
   );
+}
+
+/** What the operator of a live run recorded, to go there. */
+function takeButtons(state) {
+  const takes = state.run.cases.flatMap((c) => c.takes);
+  if (takes.length === 0) return [];
+  const go = ({ from_s, to_s }) => {
+    state.setView(from_s, to_s);
+    state.setTime(from_s);
+  };
+  const buttons = takes.map((take) =>
+    el('button', {
+      type: 'button',
+      text: `Take ${take.number}`,
+      title: `Show what was recorded from ${seconds(take.from_s)} to ${seconds(take.to_s)} s`,
+      onclick: () => go(take),
+    }),
+  );
+  return [el('span', { class: 'buttons', role: 'group', 'aria-label': 'Takes' }, ...buttons)];
 }
 
 function figureButtons(state) {

@@ -72,6 +72,7 @@ struct TickRecord {
     bool braking = false;          ///< the arm follows the host's own stop, not the command
     bool missed = false;           ///< command, controller and filter did not run in this tick
     bool paused = false;           ///< nor did they because the host was told to pause
+    std::int64_t take = 0;         ///< of a live run: which of the operator's takes it belongs to, from 1; 0: none
     std::int64_t substituted = 0;  ///< controller torques replaced by the last good one so far
 
     /** In real time, from the beginning of the last tick to that of this one [us]; 0: one of them was missed. */

@@ -38,6 +38,7 @@ const actingNames = (frame) => [...new Set(limitsOf(frame).filter(Boolean).map(n
 /** The head: what is run, its state, and what can be asked of it. */
 export class Bar {
   #state = '';
+  #take = 0;
 
   constructor(host, link, run, page) {
     this.link = link;
@@ -52,6 +53,10 @@ export class Bar {
     this.start = button('Start', 'The command begins, or goes on', 'start', { class: 'go' });
     this.pause = button('Hold', 'Brakes and holds the arm (space)', 'pause');
     this.stop = button('Stop', 'Brakes and ends', 'stop', { class: 'halt' });
+    this.record = button('Record', 'Marks what happens as a take, to look at or to export; the log has everything', 'record', {
+      class: 'record',
+      onclick: () => link.say(this.#take > 0 ? 'end record' : 'record'),
+    });
     this.invite = button('Invite', 'An address for one more browser', 'invite');
     host.append(
       el(
@@ -63,7 +68,7 @@ export class Bar {
       this.pill,
       this.asker,
       el('span', { class: 'push' }),
-      el('span', { class: 'buttons acts' }, run.moves ? this.take : null, this.start, this.pause, this.stop),
+      el('span', { class: 'buttons acts' }, run.moves ? this.take : null, this.start, this.pause, this.stop, this.record),
       el('span', { class: 'buttons' }, this.people, this.invite, themeButton(page)),
     );
     link.on('people open close event', () => this.#update());
@@ -90,8 +95,10 @@ export class Bar {
 
   show(frame) {
     const state = STATES[frame('state')[0]] ?? '';
-    if (state === this.#state) return;
+    const take = frame('take')[0];
+    if (state === this.#state && take === this.#take) return;
     this.#state = state;
+    this.#take = take;
     this.#update();
   }
 
@@ -107,7 +114,11 @@ export class Bar {
     this.take.setAttribute('aria-pressed', String(link.isOperator));
     const isOver = state === 'stopping' || state === 'stopped' || state === 'lost';
     this.take.disabled = isOver;
-    this.start.disabled = isOver || state === 'running' || (Boolean(this.run.moves) && !link.isOperator);
+    const mayOperate = !isOver && (!this.run.moves || link.isOperator);
+    this.start.disabled = !mayOperate || state === 'running';
+    this.record.disabled = !mayOperate;
+    this.record.textContent = this.#take > 0 ? `Recording take ${this.#take}` : 'Record';
+    this.record.setAttribute('aria-pressed', String(this.#take > 0));
     this.pause.disabled = state !== 'running';
     this.stop.disabled = isOver;
     this.invite.disabled = state === 'lost';
