@@ -98,24 +98,36 @@ export const colouredPixels = (panel) =>
 
 let failed = 0;
 
+const MOST_HELD_UP = 7; // tries that are given back
+
 /**
  * Runs tests one after the other; each has a name and a body. One that waits for a browser in milliseconds may say how many
- * `tries` it has, as others use the machine, too: it fails if none of them passes, and `restore` makes room before the next.
+ * `tries` it has, as others use the machine, too: it fails if none of them passes, and `restore` makes room before the next. A
+ * try in which the browser was held up, as `wasHeldUp` has measured ([ms]; 0: it was not), does not count.
  */
-export async function runTests(tests, { keepsPages = false, restore = async () => {} } = {}) {
+export async function runTests(
+  tests,
+  { keepsPages = false, restore = async () => {}, wasHeldUp = async () => 0 } = {},
+) {
   for (const [index, { name, body, tries = 1 }] of tests.entries()) {
-    for (let left = tries; left > 0; --left) {
+    let left = tries;
+    let heldUp = 0;
+    for (let isFirst = true; left > 0; isFirst = false) {
       const start = Date.now();
       const label = () =>
         `${String(index + 1).padStart(2)}/${tests.length} ${name} (${((Date.now() - start) / 1000).toFixed(1)} s)`;
       try {
-        if (left < tries) await restore();
+        if (!isFirst) await restore();
         await body();
         console.log(`PASS ${label()}`);
         left = 0;
       } catch (error) {
-        if (left === 1) ++failed;
-        console.log(`${left === 1 ? 'FAIL' : 'ONCE MORE'} ${label()}\n     ${String(error.message).replaceAll('\n', '\n     ')}`);
+        const held_ms = tries > 1 && heldUp < MOST_HELD_UP ? await wasHeldUp() : 0;
+        if (held_ms > 0) ++heldUp;
+        else --left;
+        if (left === 0) ++failed;
+        const reason = held_ms > 0 ? `     the browser was held up for ${held_ms.toFixed(0)} ms\n` : '';
+        console.log(`${left === 0 ? 'FAIL' : 'ONCE MORE'} ${label()}\n${reason}     ${String(error.message).replaceAll('\n', '\n     ')}`);
       }
       if (!keepsPages) for (const context of browser.contexts()) await context.close();
     }

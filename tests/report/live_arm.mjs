@@ -63,6 +63,41 @@ export class Arm {
   }
 }
 
+const HELD_UP_MS = 90; // the loop holds the arm after 100 ms without a message
+
+/** Keeps the longest time in which a pressed hand said nothing. */
+function watchSilence() {
+  const { send } = WebSocket.prototype;
+  window.silence = { last: 0, longest: 0, isPressed: false };
+  WebSocket.prototype.send = function (data) {
+    if (typeof data !== 'string') {
+      const now = performance.now();
+      const { silence } = window;
+      if (silence.isPressed) silence.longest = Math.max(silence.longest, now - silence.last);
+      silence.last = now;
+      silence.isPressed = (new Uint8Array(data)[1] & 1) === 1;
+    }
+    return send.call(this, data);
+  };
+}
+
+/** For how long a page was held up since the last call, so that the arm was held as it should [ms]; 0: none was. */
+export async function wasHeldUp() {
+  let longest = 0;
+  for (const page of browser.contexts().flatMap((context) => context.pages()))
+    longest = Math.max(
+      longest,
+      await page
+        .evaluate(() => {
+          const { longest: found } = window.silence;
+          window.silence.longest = 0;
+          return found;
+        })
+        .catch(() => 0),
+    );
+  return longest > HELD_UP_MS ? longest : 0;
+}
+
 /** A browser of its own at an address; `scripts` run before those of the page. */
 export async function open(address, { width = 1280, height = 900, colorScheme = 'light', hasTouch = false, isMobile = false, scripts = [] } = {}) {
   const context = await browser.newContext({
@@ -72,7 +107,7 @@ export async function open(address, { width = 1280, height = 900, colorScheme = 
     isMobile,
     ignoreHTTPSErrors: true,
   });
-  for (const script of scripts) await context.addInitScript(script);
+  for (const script of [watchSilence, ...scripts]) await context.addInitScript(script);
   const page = await context.newPage();
   page.problems = [];
   page.on('console', (message) => {

@@ -32,7 +32,7 @@ void addExportCommand(CLI::App& app, int& exitCode) {
     command->add_flag("--force", arguments->isReplacing, "Replace a file that is there already");
     command
         ->add_option("--take", arguments->take,
-                     "Only what happened while `Record` was pressed on the page of a live arm for the so many-th time")
+                     "Only the rows of that take: what the operator of a live arm recorded, from 1")
         ->check(CLI::PositiveNumber);
     command->callback([arguments, &exitCode] {
         const std::string& format = arguments->target[0];

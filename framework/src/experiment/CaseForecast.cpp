@@ -242,15 +242,21 @@ void addClearances(const ConfiguredCase& configured, CaseForecast& forecast) {
 void addPeople(const ConfiguredCase& configured, CaseForecast& forecast) {
     const std::optional<Environment>& environment = configured.plan.environment;
     if (!environment || environment->people.empty()) return;
-    for (const Person& person : environment->people)
+    for (const Person& person : environment->people) {
+        const std::string touch =
+            person.contactSpeed <= 0.0 ? std::string("what can touch it must rest first")
+            : person.bodyPart
+                ? format("contact (%s) at %.3g m/s at most",
+                         bodyPartNames()[static_cast<std::size_t>(*person.bodyPart)].c_str(), person.contactSpeed)
+                : format("contact at %.3g m/s at most", person.contactSpeed);
         detail::addItem(forecast.people,
-                        format("%s up to %.3g m/s, seen %.3g s late and %.3g m off at most, ", person.name.c_str(),
+                        format("%s: at most %.3g m/s, seen at most %.3g s late and %.3g m off, ", person.name.c_str(),
                                person.maxSpeed, person.latency_s, person.error_m) +
-                            (person.contactSpeed > 0.0 ? format("may be touched at %.3g m/s", person.contactSpeed)
-                                                       : std::string("what can touch it rests before")),
+                            touch,
                         "; ");
+    }
     if (!configured.plugins.filter->guaranteesSeparation())
-        forecast.people += "; " + configured.plan.filterName() + " keeps apart from nobody";
+        forecast.people += "; the filter " + configured.plan.filterName() + " does not know them";
 }
 
 }  // namespace

@@ -87,8 +87,8 @@ public:
     void resume(LiveAsker asker) noexcept { ask(Wish::Resume, asker); }
     void stop(LiveAsker asker) noexcept { ask(Wish::Stop, asker); }
 
-    /** Whether the operator wants to keep what happens: the ticks from the next one on belong to a take with a number of its own
-    (TickRecord::take), until he does not any more. The log has all ticks either way. */
+    /** Whether the operator wants to keep what happens: the ticks from the next one on belong to a take with a number of its
+    own (TickRecord::take), until he does not any more. The log has all ticks either way. */
     void record(bool wants) noexcept { wantsTake_.store(wants, std::memory_order_relaxed); }
 
     /** What was had of real time. After begin(); waits until that is known. */

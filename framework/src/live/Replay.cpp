@@ -47,7 +47,7 @@ public:
             const fs::path next = LogSeries::nameFile(file_, number_ + 1);
             std::error_code error;
             if (!fs::exists(next, error)) {
-                isComplete_ &= !hasLaterPart();
+                isComplete_ &= LogSeries::listLater(file_).size() < static_cast<std::size_t>(number_);
                 return false;
             }
             reader_ = std::make_unique<LogReader>(next);
@@ -60,18 +60,6 @@ public:
     bool isComplete() const { return isComplete_; }
 
 private:
-    /** Parts are deleted, the oldest but the first of them, where a log reaches its limit. */
-    bool hasLaterPart() const {
-        const std::string begin = file_.stem().string() + ".part";
-        std::error_code error;
-        for (fs::directory_iterator entry(file_.parent_path().empty() ? "." : file_.parent_path(), error), end;
-             !error && entry != end; entry.increment(error))
-            if (entry->path().extension() == file_.extension() && entry->path().stem().string().rfind(begin, 0) == 0 &&
-                std::atoi(entry->path().stem().string().c_str() + begin.size()) > number_)
-                return true;
-        return false;
-    }
-
     const fs::path file_;
     std::unique_ptr<LogReader> reader_;
     std::size_t attached_ = 0;

@@ -11,9 +11,9 @@ name the joint in `prismatic_joints` (a JSON list). Numbers read back bit-equal;
 margin is `inf`. A log that was cut off gives the rows that it has. The file appears under its name
 only when it is whole.
 @param isReplacing  an older file gives way to the whole new one
-@param take         only the rows of that take of an operator (TickRecord::take); 0: all
-Throws Error: BadInput when the log cannot be read, has no such take or `csv` exists already and is not to be replaced, LogNotWritten when
-`csv` cannot be written; then nothing is left of it, and the older file stays. */
+@param take         only the rows of that take of an operator (LogReader::keepTake); 0: all of this file
+Throws Error: BadInput when the log cannot be read, has no such take or `csv` exists already and is not to be replaced,
+LogNotWritten when `csv` cannot be written; then nothing is left of it, and the older file stays. */
 void exportCsv(const std::filesystem::path& log, const std::filesystem::path& csv, bool isReplacing = false,
                std::int64_t take = 0);
 

@@ -110,6 +110,11 @@ LogField integer(const char* name, std::int64_t (*get)(const TickRecord&), bool 
     return field;
 }
 
+LogField laterThanTheRest(LogField field) {
+    field.mayLack = true;
+    return field;
+}
+
 template <int stage>
 LogField stageTime() {
     const std::string name = std::string(getName(static_cast<Stage>(stage))) + "_us";
@@ -407,12 +412,12 @@ std::vector<LogChannel> declareChannels() {
                   r.paused = value == 1;
                   return value == 0 || value == 1;
               }),
-          integer(
+          laterThanTheRest(integer(
               "take", [](const TickRecord& r) { return r.take; },
               [](TickRecord& r, std::int64_t value) {
                   r.take = value;
                   return value >= 0;
-              })},
+              }))},
          true},
         {"pace",
          "Pace",

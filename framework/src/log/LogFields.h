@@ -24,6 +24,8 @@ struct LogField {
     std::string name;  ///< last part of its columns, with the unit
     LogKind kind;
     std::vector<std::string> elements;  ///< Vector: last part of the column of each element
+    /** Logs of before it came lack it, and its value in a new TickRecord is what they mean. */
+    bool mayLack = false;
 
     const JointVector& (*joints)(const TickRecord&) = nullptr;  ///< JointNumber, or the next two
     JointVector& (*updJoints)(TickRecord&) = nullptr;

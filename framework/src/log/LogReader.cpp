@@ -1,11 +1,15 @@
 #include "log/LogReader.h"
 
 #include <algorithm>
+#include <deque>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 
+#include "core/Text.h"
 #include "log/LogFields.h"
+#include "log/LogSeries.h"
 #include "log/Mcap.h"
 #include "log/McapFile.h"
 #include "viable/core/Error.h"
@@ -17,6 +21,9 @@ bool LogColumn::isText() const {
 }
 bool LogColumn::isInteger() const {
     return field_->kind == LogKind::Integer;
+}
+bool LogColumn::mayLack() const {
+    return field_->mayLack;
 }
 double LogColumn::getNumber(const TickRecord& record) const {
     return isInteger() ? static_cast<double>(field_->integer(record)) : field_->getNumber(record, index_);
@@ -383,22 +390,33 @@ struct LogReader::Impl {
         }
     }
 
-    bool read(TickRecord& record) {
-        if (wantedTake == 0) return readAny(record);
-        while (readAny(record)) {
-            if (record.take > 0) takes.insert(record.take);
-            if (record.take == wantedTake) return true;
+    /** Takes follow one another, each of them without a hole; the files of a log do, too. */
+    bool readOfTake(TickRecord& record) {
+        bool isFound = takes.count(wantedTake) != 0;
+        for (;;) {
+            while ((part ? *part : *this).read(record)) {
+                if (record.take == wantedTake) {
+                    takes.insert(wantedTake);
+                    return true;
+                }
+                if (isFound) return false;
+                if (record.take > 0) takes.insert(record.take);
+            }
+            if (later.empty()) break;
+            part = std::make_unique<Impl>(later.front());
+            later.pop_front();
         }
-        if (takes.count(wantedTake) != 0) return false;
+        if (isFound) return false;
         std::string there;
-        for (const std::int64_t take : takes) there += (there.empty() ? "" : ", ") + std::to_string(take);
+        for (const std::int64_t take : takes) detail::addItem(there, std::to_string(take));
         throw badInput(name, "the log has no take " + std::to_string(wantedTake),
-                       there.empty() ? "It has none at all: a take is what happens while `Record` is pressed on the "
-                                       "page of a live arm."
-                                     : "It has " + there + ".");
+                       there.empty()
+                           ? "It has none: a take is what an operator records on the page of a live arm, from "
+                             "one press of `Record` to the next."
+                           : "It has " + there + ".");
     }
 
-    bool readAny(TickRecord& record) {
+    bool read(TickRecord& record) {
         while (file.next()) {
             bool isWhole = false;
             file.within([&] { isWhole = takeRecord(); });
@@ -413,8 +431,10 @@ struct LogReader::Impl {
     const std::string name;
     McapFile file;
 
-    std::int64_t wantedTake = 0;   // 0: all rows
-    std::set<std::int64_t> takes;  // of the rows so far, where one is wanted
+    std::int64_t wantedTake = 0;              // 0: all rows
+    std::set<std::int64_t> takes;             // of the rows so far, where one is wanted
+    std::deque<std::filesystem::path> later;  // files of the log that have not been read yet, where one is wanted
+    std::unique_ptr<Impl> part;               // the one that is read; null: the first
 
     LogLayout layout;
     std::map<std::string, std::string> metadata;
@@ -455,11 +475,14 @@ bool LogReader::isComplete() const {
     return impl_->file.isComplete();
 }
 bool LogReader::read(TickRecord& record) {
-    return impl_->read(record);
+    return impl_->wantedTake == 0 ? impl_->read(record) : impl_->readOfTake(record);
 }
 
 void LogReader::keepTake(std::int64_t take) {
     impl_->wantedTake = take;
+    if (take == 0) return;
+    const std::vector<std::filesystem::path> later = LogSeries::listLater(impl_->name);
+    impl_->later.assign(later.begin(), later.end());
 }
 
 }  // namespace viable

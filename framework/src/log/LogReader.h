@@ -22,6 +22,7 @@ public:
     const std::string& name() const { return name_; }
     bool isText() const;     ///< a word such as "jerk_upper"; otherwise a number
     bool isInteger() const;  ///< a number without fraction
+    bool mayLack() const;    ///< LogField::mayLack
     /** The value of a column that is no text. */
     double getNumber(const TickRecord& record) const;
     std::int64_t getInteger(const TickRecord& record) const;
@@ -58,10 +59,11 @@ public:
     /** Does the file have its end? Known from the beginning. */
     bool isComplete() const;
 
-    /** The next row; false at the end of the file, or of what is left of it. Throws Error (BadInput) there where a take was
-    asked for that the file does not have. */
+    /** The next row; false at the end of the file, or of what is left of it, or of the take that was asked for. Throws Error
+    (BadInput) where there is no such take. */
     bool read(TickRecord& record);
-    /** From now on read() passes over the rows that do not belong to that take of an operator (TickRecord::take). */
+    /** Before the first read(): only the rows of that take of an operator (TickRecord::take), from the later files of the log
+    (LogSeries), too; their attachments are left out. 0: all rows of this file. */
     void keepTake(std::int64_t take);
 
 private:

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <optional>
 
 #include "core/WholeFile.h"
@@ -30,6 +31,11 @@ private:
     std::optional<Error>& failure_;
 };
 
+bool hasColumn(const LogReader& reader, const std::string& name) {
+    return std::any_of(reader.columns().begin(), reader.columns().end(),
+                       [&](const LogColumn& column) { return column.name() == name; });
+}
+
 /** Writes the rows of `log` (of a take, or 0: all) into a new log with the same opening; returns their number. */
 std::uint64_t copyLog(const std::filesystem::path& log, const std::filesystem::path& target, bool isReplacing,
                       std::int64_t take, const char* remedy) {
@@ -37,6 +43,7 @@ std::uint64_t copyLog(const std::filesystem::path& log, const std::filesystem::p
     reader.keepTake(take);
     detail::WholeFile file(target, isReplacing);
     LogOpening opening{reader.layout(), reader.metadata(), reader.attachments()};
+    if (take > 0) opening.metadata["take"] = std::to_string(take);
     std::optional<Error> failure;
     LogWriter writer(std::make_unique<PendingSink>(file, failure), opening, LogForm::Open);
     TickRecord record;
@@ -50,7 +57,11 @@ std::uint64_t copyLog(const std::filesystem::path& log, const std::filesystem::p
     if (!writer.status().ok())
         throw Error(ErrorKind::LogNotWritten, target.string(), writer.status().error, "Free memory and try again");
     // Columns that are missing would come out as if somebody had logged zeros.
-    if (reader.columns().size() < listColumns(reader.layout()).size()) {
+    const std::vector<LogColumn> expected = listColumns(reader.layout());
+    const auto mayLack = std::count_if(expected.begin(), expected.end(), [&](const LogColumn& column) {
+        return column.mayLack() && !hasColumn(reader, column.name());
+    });
+    if (reader.columns().size() + static_cast<std::size_t>(mayLack) < expected.size()) {
         if (writer.status().rows == 0)
             throw badInput(log.string(), "the log ends within its opening and holds no rows",
                            "There is nothing to recover; run the experiment again");

@@ -1,5 +1,7 @@
 #include "log/LogSeries.h"
 
+#include <cstdlib>
+#include <map>
 #include <numeric>
 #include <system_error>
 
@@ -17,6 +19,22 @@ LogSeries::LogSeries(std::filesystem::path file, LogOpening opening, LogForm for
 std::filesystem::path LogSeries::nameFile(const std::filesystem::path& file, int number) {
     if (number == 1) return file;
     return file.parent_path() / (file.stem().string() + ".part" + std::to_string(number) + file.extension().string());
+}
+
+std::vector<std::filesystem::path> LogSeries::listLater(const std::filesystem::path& file) {
+    const std::string begin = file.stem().string() + ".part";
+    std::map<int, std::filesystem::path> later;
+    std::error_code error;
+    for (std::filesystem::directory_iterator entry(file.parent_path().empty() ? "." : file.parent_path(), error), end;
+         !error && entry != end; entry.increment(error)) {
+        const std::string stem = entry->path().stem().string();
+        if (stem.rfind(begin, 0) != 0) continue;
+        const int number = std::atoi(stem.c_str() + begin.size());
+        if (number > 1 && entry->path().filename() == nameFile(file, number).filename()) later[number] = entry->path();
+    }
+    std::vector<std::filesystem::path> files;
+    for (const auto& [number, name] : later) files.push_back(name);
+    return files;
 }
 
 void LogSeries::append(const TickRecord& record) noexcept {

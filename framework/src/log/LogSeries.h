@@ -27,6 +27,8 @@ public:
 
     /** FILE.mcap, FILE.part2.mcap, ...: the `number`th, from 1. No case's own log is called so. */
     static std::filesystem::path nameFile(const std::filesystem::path& file, int number);
+    /** Those of the log after its first file that are there, in order: some may have been deleted between. */
+    static std::vector<std::filesystem::path> listLater(const std::filesystem::path& file);
 
 private:
     void beginNext() noexcept;

@@ -20,7 +20,7 @@ struct LogLayout {
     bool hasExternalTorque = false;  ///< TickRecord::externalTorque is there, and logged
     bool hasEnvironment = false;     ///< TickRecord::clearance is logged only then
     bool hasSpeedLimits = false;     ///< TickRecord::speed is logged only then
-    bool isLive = false;             ///< a run in real time: its pauses and the time between ticks are logged
+    bool isLive = false;             ///< a run in real time: pauses, takes and the time between ticks are logged
     bool hasPeople = false;          ///< TickRecord::separation is logged only then
 };
 

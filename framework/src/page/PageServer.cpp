@@ -32,6 +32,7 @@
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <utility>
 #include <vector>
 
 #include "core/Text.h"
@@ -239,6 +240,7 @@ private:
     void remove(Viewer& viewer);
     void take(Viewer& viewer, bool isTakeOver);
     void leave(const Viewer& viewer);
+    void endRecord();
     void tellPeople();
     void hear(Viewer& viewer, const std::string& word);
     void feel(Viewer& viewer, const std::string& bytes);
@@ -263,6 +265,7 @@ private:
     std::set<Viewer*> viewers_;          // those that were greeted and have not left
     std::set<Watcher*> watchers_;
     Viewer* operator_ = nullptr;
+    bool isRecording_ = false;
     std::uint64_t lease_ = 0;
     std::map<std::string, Text> known_;
     int lastViewer_ = 0;
@@ -857,6 +860,7 @@ void PageServer::Impl::releaseHand() {
 void PageServer::Impl::take(Viewer& viewer, bool isTakeOver) {
     if (!hand_ || operator_ == &viewer || (operator_ && !isTakeOver)) return;
     operator_ = &viewer;
+    endRecord();
     ++lease_;
     releaseHand();
     tellPeople();
@@ -866,6 +870,11 @@ void PageServer::Impl::leave(const Viewer& viewer) {
     if (operator_ != &viewer) return;
     operator_ = nullptr;
     releaseHand();
+    endRecord();
+}
+
+void PageServer::Impl::endRecord() {
+    if (std::exchange(isRecording_, false)) ask_(PageWish::EndRecord);
 }
 
 void PageServer::Impl::tellPeople() {
@@ -885,8 +894,11 @@ void PageServer::Impl::hear(Viewer& viewer, const std::string& word) {
     }
     const bool mayOperate = operator_ == &viewer || !hand_;
     if (word == "start" && mayOperate) return ask_(PageWish::Start);
-    if (word == "record" && mayOperate) return ask_(PageWish::Record);
-    if (word == "end record" && mayOperate) return ask_(PageWish::EndRecord);
+    if (word == "record" && mayOperate) {
+        isRecording_ = true;
+        return ask_(PageWish::Record);
+    }
+    if (word == "end record" && mayOperate) return endRecord();
     if (word == "invite")
         return viewer.sendText(
             std::make_shared<const std::string>(json{{"invitation", invite(viewer.session())}}.dump()));

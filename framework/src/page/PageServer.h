@@ -43,8 +43,8 @@ that the program prints, which counts once, or the session that it was exchanged
 (kMaxWatchers watchers) are there. Connections without a WebSocket are closed at once where there are kMaxStrangers already, or kMaxPerAddress of the same
 address: nobody without a secret takes a viewer's place.
 Words that a client may send: "alive" (each few seconds, or it is cut off), "pause" and "stop" by anyone; "take" and "take over" (the
-one lease to operate), "leave"; "start", "record" and "end record" by the operator, and where there is no hand by anyone; "invite" (an address for one more viewer); "watch" (the
-address for programs).
+one lease to operate), "leave"; "start", "record" and "end record" by the operator, and where there is no hand by anyone;
+"invite" (an address for one more viewer); "watch" (the address for programs).
 {"place": ...} by the operator, and where there is no hand by anyone: an obstacle, see PlacedObstacles. The operator's hand comes
 in binary messages (see readHand). What is anything else is refused as a whole, and counted.
 Watchers with programs of their own (Foxglove, Lichtblick) open the WebSocket /watch/SECRET. The secret stands in the address
@@ -52,7 +52,7 @@ because such programs send nothing else, and holds until the end, as they connec
 origin or none: a page of a stranger knows no secret, no browser adds one by itself, and whoever has it sees the arm and cannot
 move it, as nothing but subscriptions is heard there. Host must be this one's all the same.
 Messages out: text, JSON, when something has changed; binary, what show() was given last: a reader that is too slow loses some.
-The end of the operator's connection or lease releases the hand.
+The end of the operator's connection or lease releases the hand, and ends what it records.
 Threads: a thread of its own; what it calls must not wait. The methods by any. */
 class PageServer {
 public:

@@ -513,11 +513,13 @@ std::string formatLive(const LiveTiming& live) {
                        change.time_s, change.asker.c_str());
     text += "\n";
     if (live.takes.empty()) return text;
+    constexpr std::size_t kTold = 5;
     text += "  takes        ";
-    for (std::size_t k = 0; k < live.takes.size(); ++k)
+    for (std::size_t k = 0; k < std::min(kTold, live.takes.size()); ++k)
         text +=
             format("%s %zu from %.3f to %.3f s", k == 0 ? "" : ",", k + 1, live.takes[k].begin_s, live.takes[k].end_s);
-    return text + " (viable export --take)\n";
+    if (live.takes.size() > kTold) text += format(" and %zu more in summary.json", live.takes.size() - kTold);
+    return text + "\n";
 }
 
 }  // namespace

@@ -51,19 +51,21 @@ TEST(Forecast, OfAnArmThatIsWellTellsGainsAndMotorsAndWarnsOfNothing) {
     expectContains(given.gains, {"k_r, k_i from the arm's inertia, k_p given"});
 }
 
-// Of one folder, and not a figure of the file that differs: only what was read.
 TEST(Forecast, TellsWhatIsKnownOfPeople) {
     EXPECT_EQ(forecast().people, "");
     const std::string ann =
         "environment={people: {ann: {capsules: [{from_m: [3, 0, 0], radius_m: 0.2}], "
         "walk: [{time_s: 0, xyz: [0, 0, 0]}], ";
     EXPECT_EQ(forecast({ann + "max_speed_mps: 1.2, latency_s: 0.05, error_m: 0.02}}}"}).people,
-              "ann up to 1.2 m/s, seen 0.05 s late and 0.02 m off at most, what can touch it rests before; "
-              "certified_braking keeps apart from nobody");
+              "ann: at most 1.2 m/s, seen at most 0.05 s late and 0.02 m off, what can touch it must rest first; the "
+              "filter certified_braking does not know them");
     EXPECT_EQ(forecast({ann + "contact_speed_mps: 0.25}}}", "filter.plugin=whole_arm_braking"}).people,
-              "ann up to 1.6 m/s, seen 0 s late and 0 m off at most, may be touched at 0.25 m/s");
+              "ann: at most 1.6 m/s, seen at most 0 s late and 0 m off, contact at 0.25 m/s at most");
+    expectContains(forecast({ann + "body_part: hand}}}", "filter.plugin=whole_arm_braking"}).people,
+                   {"contact (hand) at ", " m/s at most"});
 }
 
+// Of one folder, and not a figure of the file that differs: only what was read.
 TEST(Forecast, RobotsThatDifferShareNoMargins) {
     const Experiment experiment = readTestExperiment(kArm, {"robust_loop={plugin: nric, k_r: 600, k_p: 20, k_i: 8}"});
     CasePlan plan = experiment.cases.front();

@@ -139,6 +139,7 @@ TEST(LiveSession, MarksWhatTheOperatorRecords) {
     session.stop(LiveAsker::Page);  // ends the second
     const CaseResult result = session.finish();
     ASSERT_EQ(result.live->takes.size(), 2u);
+    test::expectContains(formatDetails(result), {"takes         1 from ", " s, 2 from "});
     std::array<std::vector<double>, 3> times;
     LogReader reader(folder / "A.mcap");
     for (TickRecord row; reader.read(row);) times.at(static_cast<std::size_t>(row.take)).push_back(row.time_s);

@@ -128,6 +128,25 @@ bool areEqual(double a, double b) {
     return std::memcmp(&a, &b, sizeof(a)) == 0 || (std::isnan(a) && std::isnan(b));
 }
 
+TEST_F(Hdf5ExportTest, ATakeIsItsRowsAndOneThatIsNotThereLeavesNothing) {
+    LogLayout layout = makeLayout(2, Space::Joint, true);
+    layout.isLive = true;
+    std::vector<TickRecord> records = makeRecords(layout, 9000, 0.001, 67);
+    for (std::size_t i = 0; i < records.size(); ++i) records[i].take = i < 100 ? 0 : i < 8000 ? 1 : 0;
+    writeBytes(path("run.mcap"), makeLog(makeOpening(layout), records).bytes);
+    exportHdf5(path("run.mcap"), path("take.h5"), false, 1);
+    const Hdf5File file(path("take.h5"));
+    const std::vector<double> times = file.readNumbers("/time_s");
+    ASSERT_EQ(times.size(), 7900u);
+    EXPECT_EQ(times.front(), records[100].time_s);
+    EXPECT_EQ(times.back(), records[7999].time_s);
+    EXPECT_EQ(file.readIntegers("/live/take"), std::vector<std::int64_t>(7900, 1));
+    const std::string error =
+        catchError(ErrorKind::BadInput, [&] { exportHdf5(path("run.mcap"), path("none.h5"), false, 2); });
+    EXPECT_NE(error.find("the log has no take 2. It has 1."), std::string::npos) << error;
+    EXPECT_FALSE(std::filesystem::exists(path("none.h5")));
+}
+
 TEST_F(Hdf5ExportTest, EveryValueOfEveryColumnComesBack) {
     for (const Space space : {Space::Joint, Space::Tool}) {
         LogLayout layout = makeLayout(3, space, space == Space::Joint);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <csignal>
 #include <cstdlib>
+#include <cstring>
 #include <map>
 
 #include "LogTestSupport.h"
@@ -187,33 +188,74 @@ TEST_F(LogExportTest, EveryNumberReadsBackBitEqual) {
     }
 }
 
-// A log of November 2026 and what viable exported from it then: limits in each row, chunks of Zstandard.
-TEST_F(LogExportTest, ATakeIsItsRowsAndNoOthers) {
+TEST_F(LogExportTest, ATakeIsItsRowsAndNoOthersFromAllFilesOfTheLog) {
     LogLayout layout = makeLayout(2, Space::Joint, true);
     layout.isLive = true;
-    std::vector<TickRecord> records = makeRecords(layout, 3000, 0.001, 43);
-    for (std::size_t i = 0; i < records.size(); ++i) records[i].take = i / 1000 == 1 ? 0 : 1 + (i / 1000);  // 1, 0, 3
-    writeBytes(path("run.mcap"), makeLog(makeOpening(layout), records).bytes);
+    std::vector<TickRecord> records = makeRecords(layout, 4000, 0.001, 43);
+    for (std::size_t i = 0; i < records.size(); ++i)
+        records[i].take = i / 1000 == 1 ? 0 : std::min<int>(3, 1 + i / 1000);
+    const auto write = [&](const char* name, std::size_t from, std::size_t to) {
+        const std::vector<TickRecord> part(records.begin() + static_cast<std::ptrdiff_t>(from),
+                                           records.begin() + static_cast<std::ptrdiff_t>(to));
+        writeBytes(path(name), makeLog(makeOpening(layout), part).bytes);
+    };
+    // Take 1: rows 0 to 999; take 3: 2000 to 3999, in three files, of which the second has been deleted.
+    write("run.mcap", 0, 2500);
+    write("run.part3.mcap", 2500, 3500);
+    write("run.part10.mcap", 3500, 4000);
+    write("run.party.mcap", 0, 10);
     exportCsv(path("run.mcap"), path("take.csv"), false, 3);
     const auto rows = parseCsv(readBytes(path("take.csv")));
-    ASSERT_EQ(rows.size(), 1001u);
-    for (std::size_t i = 0; i < 1000; ++i) expectNumber(rows[i + 1][0], records[2000 + i].time_s);
+    ASSERT_EQ(rows.size(), 2001u);
+    for (std::size_t i = 0; i < 2000; ++i) expectNumber(rows[i + 1][0], records[2000 + i].time_s);
     exportMcap(path("run.mcap"), path("take.mcap"), false, 1);
     LogReader reader(path("take.mcap"));
+    EXPECT_EQ(reader.metadata().at("take"), "1");
     std::size_t count = 0;
     for (TickRecord row; reader.read(row); ++count) ASSERT_EQ(getBits(row, layout), getBits(records[count], layout));
     EXPECT_EQ(count, 1000u);
     const std::string none =
         catchError(ErrorKind::BadInput, [&] { exportCsv(path("run.mcap"), path("no.csv"), false, 2); });
     EXPECT_NE(none.find("the log has no take 2. It has 1, 3."), std::string::npos) << none;
-    for (TickRecord& record : records) record.take = 0;
-    writeBytes(path("run.mcap"), makeLog(makeOpening(layout), records).bytes);
-    EXPECT_NE(catchError(ErrorKind::BadInput, [&] { exportMcap(path("run.mcap"), path("no.mcap"), false, 1); })
-                  .find("It has none at all"),
+    EXPECT_NE(catchError(ErrorKind::BadInput, [&] { exportMcap(path("run.party.mcap"), path("no.mcap"), false, 4); })
+                  .find("It has 1."),
               std::string::npos);
-    EXPECT_EQ(listFolder(), (std::vector<std::string>{"run.mcap", "take.csv", "take.mcap"}));
+    for (TickRecord& record : records) record.take = 0;
+    write("none.mcap", 0, 4000);
+    EXPECT_NE(catchError(ErrorKind::BadInput, [&] { exportMcap(path("none.mcap"), path("no.mcap"), false, 1); })
+                  .find("It has none"),
+              std::string::npos);
+    for (const std::string& name : listFolder()) EXPECT_NE(name.rfind("no.", 0), 0u) << name;
 }
 
+TEST_F(LogExportTest, ALiveLogOfBeforeTakesIsRecovered) {
+    LogLayout layout = makeLayout(2, Space::Joint, true);
+    layout.isLive = true;
+    std::vector<TickRecord> records = makeRecords(layout, 30, 0.001, 44);
+    for (TickRecord& record : records) record.take = 0;
+    std::string bytes = makeLog(makeOpening(layout), records).bytes;
+    std::uint64_t end = 0;  // where the summary begins; what comes before it is the end of the data: cut off
+    std::memcpy(&end, bytes.data() + bytes.size() - 28, sizeof end);
+    bytes.resize(end - 13);
+    const std::string column = "int64 take\n", other = "int64 none\n";
+    std::size_t count = 0;
+    for (std::size_t at = 0; (at = bytes.find(column, at)) != std::string::npos; ++count)
+        bytes.replace(at, column.size(), other);
+    ASSERT_GT(count, 0u);
+    writeBytes(path("before.mcap"), bytes);
+    {
+        const LogReader before(path("before.mcap"));
+        EXPECT_EQ(before.columns().size() + 1, listColumns(layout).size());
+    }
+    EXPECT_EQ(recoverLog(path("before.mcap"), path("now.mcap")), 30u);
+    LogReader now(path("now.mcap"));
+    EXPECT_EQ(now.columns().size(), listColumns(layout).size());
+    std::size_t row = 0;
+    for (TickRecord record; now.read(record); ++row) ASSERT_EQ(getBits(record, layout), getBits(records[row], layout));
+    EXPECT_EQ(row, 30u);
+}
+
+// A log of November 2026 and what viable exported from it then: limits in each row, chunks of Zstandard.
 TEST_F(LogExportTest, AnOldLogGivesWhatItGave) {
     const std::filesystem::path folder = VIABLE_SOURCE_DIR "/tests/framework/log";
     const std::string then = readBytes(folder / "before_limits_on_change.csv");

@@ -728,7 +728,7 @@ TEST_F(PageServerTest, Fault63_OneOperatorAndAnotherByTakingOver) {
     EXPECT_TRUE(await([&] { return wishes_[0] == 1 && wishes_[2] == 1; }));
 }
 
-TEST_F(PageServerTest, TheOperatorAloneRecords) {
+TEST_F(PageServerTest, TheOperatorAloneRecordsAndNoLongerThanHeOperates) {
     const auto count = [this](PageWish wish) -> int { return wishes_[static_cast<std::size_t>(wish)]; };
     auto one = join();
     auto two = join();
@@ -741,7 +741,18 @@ TEST_F(PageServerTest, TheOperatorAloneRecords) {
     EXPECT_EQ(count(PageWish::EndRecord), 0);
     one->send(makeFrame(kText, "end record"));
     EXPECT_TRUE(await([&] { return count(PageWish::EndRecord) == 1; }));
-    EXPECT_EQ(countWishes(), 2);
+    one->send(makeFrame(kText, "leave"));  // nothing is recorded
+    one->send(makeFrame(kText, "take"));
+    one->send(makeFrame(kText, "record"));
+    EXPECT_TRUE(await([&] { return count(PageWish::Record) == 2; }));
+    EXPECT_EQ(count(PageWish::EndRecord), 1);
+    two->send(makeFrame(kText, "take over"));
+    EXPECT_TRUE(await([&] { return count(PageWish::EndRecord) == 2; }));
+    two->send(makeFrame(kText, "record"));
+    EXPECT_TRUE(await([&] { return count(PageWish::Record) == 3; }));
+    two.reset();
+    EXPECT_TRUE(await([&] { return count(PageWish::EndRecord) == 3; }));
+    EXPECT_EQ(countWishes(), 6);
 }
 
 TEST_F(PageServerTest, Fault64_TheHandIsReleasedWithTheConnection) {

@@ -8,6 +8,7 @@
 #include "ReportSupport.h"
 #include "log/LogExport.h"
 #include "log/LogReader.h"
+#include "log/LogWriter.h"
 
 namespace viable {
 namespace {
@@ -102,6 +103,30 @@ TEST(RunReport, ShowsWhatIsInTheLogAndLosesNoPeak) {
     EXPECT_EQ(report.data["cases"][0]["step_s"], 0.004);  // 20 s: four ticks a bucket
     EXPECT_EQ(report.data["cases"][0]["filter"], "pass_through");
     EXPECT_TRUE(report.data["cases"][0]["stop"].is_null());
+}
+
+TEST(RunReport, TakesOfALiveRunAreListed) {
+    const RunFolder run(kTwoCases, {"duration_s=3", "cases={free: {filter: {plugin: pass_through}}}"});
+    const std::filesystem::path log = run.path() / "free.mcap";
+    LogReader reader(log);
+    LogOpening opening{reader.layout(), reader.metadata(), reader.attachments()};
+    opening.layout.isLive = true;
+    std::vector<TickRecord> rows;
+    for (TickRecord row; reader.read(row);) rows.push_back(row);
+    ASSERT_EQ(rows.size(), 3000u);
+    std::filesystem::remove(log);
+    LogWriter writer(log, opening);
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        rows[i].take = i < 10 ? 0 : i < 1000 ? 1 : i < 1500 ? 0 : i < 2000 ? 2 : 3;  // the third right after the second
+        writer.append(rows[i]);
+    }
+    writer.finish();
+    const ReadReport report = run.report();
+    const json& takes = report.data["cases"][0]["takes"];
+    const auto take = [&](int number, std::size_t from, std::size_t to) {
+        return json{{"number", number}, {"from_s", rows[from].time_s}, {"to_s", rows[to].time_s}};
+    };
+    EXPECT_EQ(takes, (json{take(1, 10, 999), take(2, 1500, 1999), take(3, 2000, 2999)})) << takes;
 }
 
 TEST(RunReport, CollisionsAreCountedInTheTable) {

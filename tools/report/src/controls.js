@@ -12,7 +12,7 @@ export function fillToolbar(host, state, { openHelp }) {
     caseToggles(state),
     jointChoice(state),
     zoomButtons(state),
-    ...takeButtons(state),
+    ...takeChoice(state),
     el('span', { class: 'push' }),
     figureButtons(state),
     el(
@@ -93,21 +93,30 @@ function zoomButtons(state) {
   );
 }
 
+const TAKE_BUTTONS = 6;
+
 /** What the operator of a live run recorded, to go there. */
-function takeButtons(state) {
-  const takes = state.run.cases.flatMap((c) => c.takes);
+function takeChoice(state) {
+  const { cases } = state.run;
+  const takes = cases.flatMap((c) => c.takes.map((take) => ({ ...take, of: cases.length > 1 ? ` of ${c.name}` : '' })));
   if (takes.length === 0) return [];
+  const name = ({ number, of }) => `Take ${number}${of}`;
+  const times = ({ from_s, to_s }) => `${seconds(from_s)} to ${seconds(to_s)} s`;
   const go = ({ from_s, to_s }) => {
     state.setView(from_s, to_s);
     state.setTime(from_s);
   };
+  if (takes.length > TAKE_BUTTONS) {
+    const select = el(
+      'select',
+      { 'aria-label': 'Take', onchange: () => select.value !== '' && go(takes[Number(select.value)]) },
+      el('option', { value: '', text: 'Takes' }),
+      ...takes.map((take, i) => el('option', { value: i, text: `${name(take)}, ${times(take)}` })),
+    );
+    return [select];
+  }
   const buttons = takes.map((take) =>
-    el('button', {
-      type: 'button',
-      text: `Take ${take.number}`,
-      title: `Show what was recorded from ${seconds(take.from_s)} to ${seconds(take.to_s)} s`,
-      onclick: () => go(take),
-    }),
+    el('button', { type: 'button', text: name(take), title: `Show ${times(take)}`, onclick: () => go(take) }),
   );
   return [el('span', { class: 'buttons', role: 'group', 'aria-label': 'Takes' }, ...buttons)];
 }

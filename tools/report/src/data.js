@@ -47,7 +47,7 @@
  *         "status": ref u16, one per bucket, the worst in it: an index into STATUS,
  *         "tick_time": { "edges_us": [...], "counts": [...] },
  *         "jitter": the same, of how far the time between two ticks of a live run is from the tick's; not given: not live,
- *         "takes": [ { "number": int, "from_s", "to_s": num } ], what the operator of a live run recorded; not given: none,
+ *         "takes": [ { "number": int, "from_s", "to_s": num } ], what the operator of a live run recorded,
  *         "clearance" (not given: nothing stood around the arm): { "environment": int | null, "links", "obstacles": [str],
  *           "distance": ref, like a series: from what is nearest on the way through the tick and the stop [m] | null
  *           (no filter looked) },

@@ -28,6 +28,8 @@ const REFUSALS = [
   'no message for half a second',
   'the arm was held meanwhile',
 ];
+const NOT_FOLLOWED = 'Not followed: the line to the arm is slower than 0.2 s.';
+const PATIENCE_MS = 500; // from a press until it is told that the arm does not follow
 const PERIOD_MS = 100;
 
 const nameOf = (limit) => limit.replace('_', ' ').replace('clearance lower', 'clearance');
@@ -38,7 +40,7 @@ const actingNames = (frame) => [...new Set(limitsOf(frame).filter(Boolean).map(n
 /** The head: what is run, its state, and what can be asked of it. */
 export class Bar {
   #state = '';
-  #take = 0;
+  #recorded = 0; // the number of the take; 0: none
 
   constructor(host, link, run, page) {
     this.link = link;
@@ -53,10 +55,11 @@ export class Bar {
     this.start = button('Start', 'The command begins, or goes on', 'start', { class: 'go' });
     this.pause = button('Hold', 'Brakes and holds the arm (space)', 'pause');
     this.stop = button('Stop', 'Brakes and ends', 'stop', { class: 'halt' });
-    this.record = button('Record', 'Marks what happens as a take, to look at or to export; the log has everything', 'record', {
+    this.record = button('Record', 'Marks what happens as a take, to find and to export it later, until it is pressed again', 'record', {
       class: 'record',
-      onclick: () => link.say(this.#take > 0 ? 'end record' : 'record'),
+      onclick: () => link.say(this.#recorded > 0 ? 'end record' : 'record'),
     });
+    this.recorded = el('span', { class: 'hint recorded', role: 'status' });
     this.invite = button('Invite', 'An address for one more browser', 'invite');
     host.append(
       el(
@@ -67,6 +70,7 @@ export class Bar {
       ),
       this.pill,
       this.asker,
+      this.recorded,
       el('span', { class: 'push' }),
       el('span', { class: 'buttons acts' }, run.moves ? this.take : null, this.start, this.pause, this.stop, this.record),
       el('span', { class: 'buttons' }, this.people, this.invite, themeButton(page)),
@@ -95,10 +99,10 @@ export class Bar {
 
   show(frame) {
     const state = STATES[frame('state')[0]] ?? '';
-    const take = frame('take')[0];
-    if (state === this.#state && take === this.#take) return;
+    const recorded = frame('take')[0];
+    if (state === this.#state && recorded === this.#recorded) return;
     this.#state = state;
-    this.#take = take;
+    this.#recorded = recorded;
     this.#update();
   }
 
@@ -114,11 +118,13 @@ export class Bar {
     this.take.setAttribute('aria-pressed', String(link.isOperator));
     const isOver = state === 'stopping' || state === 'stopped' || state === 'lost';
     this.take.disabled = isOver;
-    const mayOperate = !isOver && (!this.run.moves || link.isOperator);
-    this.start.disabled = !mayOperate || state === 'running';
-    this.record.disabled = !mayOperate;
-    this.record.textContent = this.#take > 0 ? `Recording take ${this.#take}` : 'Record';
-    this.record.setAttribute('aria-pressed', String(this.#take > 0));
+    const mayOperate = !this.run.moves || link.isOperator;
+    this.start.disabled = isOver || state === 'running' || !mayOperate;
+    const hasTicks = state !== 'stopped' && state !== 'lost';
+    const isRecording = hasTicks && this.#recorded > 0;
+    this.record.disabled = !hasTicks || !mayOperate;
+    this.record.setAttribute('aria-pressed', String(isRecording));
+    this.recorded.textContent = isRecording ? `Recording take ${this.#recorded}` : '';
     this.pause.disabled = state !== 'running';
     this.stop.disabled = isOver;
     this.invite.disabled = state === 'lost';
@@ -286,12 +292,14 @@ export class HandPanel {
     if (!this.run.moves) return;
     const [hand, refusal] = [frame('hand')[0], frame('refusal')[0]];
     const isRunning = state === 'running';
+    if (!this.hand.isPressed || hand !== 0) this.unheardSince = performance.now();
     let text = '';
     if (state === 'armed') text = this.link.isOperator ? 'Press Start: the arm is held.' : 'Take control, then Start.';
     else if (state === 'stopping') text = 'The arm brakes to rest, and the program ends.';
     else if (isRunning && !this.link.isOperator) text = 'You watch. Take control to move the arm.';
     else if (isRunning && hand === 3) text = `${HANDS[hand]}: ${REFUSALS[refusal] ?? ''}. Let go and press again.`;
     else if (isRunning && hand === 1) text = [HANDS[hand], ...actingNames(frame)].join(' · ');
+    else if (isRunning && performance.now() - this.unheardSince > PATIENCE_MS) text = NOT_FOLLOWED;
     else if (isRunning) text = HANDS[hand] ?? '';
     if (this.note.textContent !== text) this.note.textContent = text;
     this.note.dataset.hand = state === 'running' && this.link.isOperator ? String(hand) : '';
