@@ -118,6 +118,7 @@ export async function runTests(
         `${String(index + 1).padStart(2)}/${tests.length} ${name} (${((Date.now() - start) / 1000).toFixed(1)} s)`;
       try {
         if (!isFirst) await restore();
+        await wasHeldUp(); // before this try
         await body();
         console.log(`PASS ${label()}`);
         left = 0;

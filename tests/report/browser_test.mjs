@@ -681,6 +681,26 @@ test('what the operator of a live run recorded is a click away', async () => {
   assert.match(await page.textContent('.view-text'), /^1(\.0+)? – 1\.50* s$/);
   assert.match(await page.textContent('output.time'), /^1(\.0+)? s$/);
   assertQuiet(page);
+
+  // Many are a list; of several cases each tells whose it is.
+  const many = await variant(
+    'many_takes',
+    described((data) => {
+      const takes = Array.from({ length: 5 }, (_, i) => ({ number: i + 1, from_s: 0.2 * i + 0.1, to_s: 0.2 * i + 0.2 }));
+      data.cases = [data.cases[0], { ...structuredClone(data.cases[0]), name: 'other' }];
+      for (const one of data.cases) one.takes = takes;
+    }),
+  );
+  const list = await open(many);
+  const select = list.getByRole('combobox', { name: 'Take' });
+  for (let again = 0; again < 2; ++again) {
+    await list.keyboard.press('0'); // the whole run
+    await select.selectOption('6'); // the second one of the other case
+    assert.match(await list.textContent('.view-text'), /^0\.30* – 0\.40* s$/);
+    assert.equal(await select.inputValue(), '');
+  }
+  assert.match(await select.textContent(), /Take 2 of other, 0\.30* to 0\.40* s/);
+  assertQuiet(list);
 });
 
 test('what coincides is seen in turns; twelve cases are told apart', async () => {

@@ -400,7 +400,9 @@ await runTests(
         const fingers = await phone.context().newCDPSession(phone);
         const turn = (alpha, beta, gamma) => fingers.send('DeviceOrientation.setDeviceOrientationOverride', { alpha, beta, gamma });
         await turn(20, 40, 5);
-        const box = await phone.getByText('Hold, and turn the phone').boundingBox();
+        const pad = phone.getByText('Hold, and turn the phone');
+        await pad.scrollIntoViewIfNeeded();
+        const box = await pad.boundingBox();
         const at = { x: box.x + box.width / 2, y: box.y + box.height / 2 };
         const touch = (type, ...points) => fingers.send('Input.dispatchTouchEvent', { type, touchPoints: points });
         const rest = await tool(phone);

@@ -1,8 +1,9 @@
 // What a bad line between an operator and a live arm does: delay, jitter, lost, doubled and reordered messages, stalls, half-open
 // connections, slow readers, many viewers: node line_test.mjs BUILD SOURCE [--out FOLDER] [--seed N] [--judge-times]
-// --out: line.csv and line.svg, the tool's error against the delay. --judge-times: and unless the loop does not notice.
-// An operator without a browser speaks as the page does, through a line that this program makes bad; a viewer on a good line sees
-// what the arm does. About five minutes. Exit code 77: this machine gives no real time, so that no hand can be judged.
+// --out: line.csv and line.svg, the tool's error against the delay. --judge-times: it fails, too, if the loop notices.
+// The operator is no browser, but speaks as the page does, through a line that this program makes bad; a viewer on a good line sees
+// what the arm does. About four minutes. Exit code 77: this machine gives no real time, so that no hand can be judged, or
+// has no chromium, which the other tests of the page need.
 import assert from 'node:assert/strict';
 import { spawnSync } from 'node:child_process';
 import { createReadStream, mkdirSync, readFileSync, writeFileSync } from 'node:fs';
@@ -65,11 +66,11 @@ class Line {
       const phase = (now - this.begin) % this.stallEvery;
       if (phase < this.stall) due += this.stall - phase;
     }
-    const copies = isHand && this.random() < this.doubles ? 2 : 1;
     if (this.reorders && isHand) {
       setTimeout(() => this.deliver(message), due - now);
       return;
     }
+    const copies = isHand && this.random() < this.doubles ? 2 : 1;
     due = Math.max(due, this.#queue.at(-1)?.due ?? 0);
     for (let k = 0; k < copies; ++k) this.#queue.push({ due, message });
     this.#pump();

@@ -48,6 +48,8 @@ async function restore() {
     delete document.visibilityState;
     navigator.getGamepads = () => [];
     window.viableLive.hand.release('test');
+    delete window.viableLive.link.emit;
+    window.hurry?.();
     for (const dialog of document.querySelectorAll('dialog[open]')) dialog.close();
     document.activeElement?.blur();
   });
@@ -211,6 +213,7 @@ const cases = [
       let hung;
       const times = await timesAfter(watcher, () => {
         hung = page.evaluate(() => {
+          window.silence.isPressed = false; // this one is meant
           const end = performance.now() + 1500;
           while (performance.now() < end);
           return window.lastSent;
@@ -233,10 +236,50 @@ const cases = [
     },
   },
   {
+    name: 'a line that falls silent is told, and one that is slow',
+    tries: 3,
+    body: async () => {
+      // No frame comes, and the connection stays open.
+      await page.evaluate(() => {
+        const { link } = window.viableLive;
+        const { emit } = link;
+        link.emit = (name, ...more) => name !== 'frame' && emit.call(link, name, ...more);
+      });
+      await eventually(async () => /Nothing comes from the arm/.test(await page.textContent('#message')), 'silence is told');
+      assert.equal(await page.locator('#page.lost').count(), 1);
+      assert.equal(await page.getByRole('button', { name: 'Stop', exact: true }).isDisabled(), false);
+      await shoot(page, 'silent');
+      await page.evaluate(() => delete window.viableLive.link.emit);
+      await eventually(async () => (await page.locator('#message').isHidden()) && (await page.locator('#page.lost').count()) === 0, 'it goes on');
+      // What it answers is 0.3 s old.
+      await page.evaluate(() => {
+        const { send } = WebSocket.prototype;
+        window.hurry = () => {
+          WebSocket.prototype.send = send;
+        };
+        WebSocket.prototype.send = function (data) {
+          if (typeof data !== 'string') {
+            const message = new DataView(data);
+            message.setFloat64(16, message.getFloat64(16, true) - 0.3, true);
+          }
+          return send.call(this, data);
+        };
+      });
+      const before = await tool(page);
+      await drag(page, 60, 0);
+      await eventually(async () => /slower than 0.2 s/.test(await page.textContent('.hand-note')), 'it is told that nothing follows');
+      assert.ok(distance(before, await tool(page)) < 1e-4);
+      await shoot(page, 'slow');
+      await page.mouse.up();
+      await page.evaluate(() => window.hurry());
+    },
+  },
+  {
     name: 'Record marks a take, and the summary and the log have it',
     body: async () => {
       const record = page.getByRole('button', { name: 'Record', exact: true });
       const stop = page.getByRole('button', { name: 'Stop', exact: true });
+      await eventually(async () => (await page.textContent('.people')) === 'You operate', 'whoever watched is gone');
       const place = await stop.boundingBox();
       const from = await number(page, 'time_s');
       await record.click();

@@ -1,7 +1,6 @@
 #include "live/Replay.h"
 
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
 #include <deque>
 #include <memory>

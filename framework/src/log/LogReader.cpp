@@ -390,7 +390,20 @@ struct LogReader::Impl {
         }
     }
 
-    /** Takes follow one another, each of them without a hole; the files of a log do, too. */
+    /** The next file of the log; false: there is none. One that is gone meanwhile, of a run that goes on, is passed over. */
+    bool beginNext() {
+        std::error_code failed;
+        while (!later.empty() && !std::filesystem::exists(later.front(), failed)) later.pop_front();
+        if (later.empty()) return false;
+        part = std::make_unique<Impl>(later.front());
+        if (part->layout.jointNames != layout.jointNames || part->fields != fields)
+            throw badInput(later.front().string(), "this is no later file of " + name + ": its columns differ",
+                           "Files of another run do not belong into the folder of this one.");
+        later.pop_front();
+        return true;
+    }
+
+    /** Takes follow one another; what is between two rows of one is in a file that has been deleted, or was lost. */
     bool readOfTake(TickRecord& record) {
         bool isFound = takes.count(wantedTake) != 0;
         for (;;) {
@@ -402,9 +415,7 @@ struct LogReader::Impl {
                 if (isFound) return false;
                 if (record.take > 0) takes.insert(record.take);
             }
-            if (later.empty()) break;
-            part = std::make_unique<Impl>(later.front());
-            later.pop_front();
+            if (!beginNext()) break;
         }
         if (isFound) return false;
         std::string there;

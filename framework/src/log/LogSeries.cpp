@@ -1,6 +1,6 @@
 #include "log/LogSeries.h"
 
-#include <cstdlib>
+#include <charconv>
 #include <map>
 #include <numeric>
 #include <system_error>
@@ -29,7 +29,8 @@ std::vector<std::filesystem::path> LogSeries::listLater(const std::filesystem::p
          !error && entry != end; entry.increment(error)) {
         const std::string stem = entry->path().stem().string();
         if (stem.rfind(begin, 0) != 0) continue;
-        const int number = std::atoi(stem.c_str() + begin.size());
+        int number = 0;
+        std::from_chars(stem.data() + begin.size(), stem.data() + stem.size(), number);
         if (number > 1 && entry->path().filename() == nameFile(file, number).filename()) later[number] = entry->path();
     }
     std::vector<std::filesystem::path> files;

@@ -860,9 +860,9 @@ void PageServer::Impl::releaseHand() {
 void PageServer::Impl::take(Viewer& viewer, bool isTakeOver) {
     if (!hand_ || operator_ == &viewer || (operator_ && !isTakeOver)) return;
     operator_ = &viewer;
-    endRecord();
     ++lease_;
     releaseHand();
+    endRecord();
     tellPeople();
 }
 

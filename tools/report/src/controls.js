@@ -107,9 +107,13 @@ function takeChoice(state) {
     state.setTime(from_s);
   };
   if (takes.length > TAKE_BUTTONS) {
+    const choose = () => {
+      if (select.value !== '') go(takes[Number(select.value)]);
+      select.value = ''; // the same one again is a choice, too
+    };
     const select = el(
       'select',
-      { 'aria-label': 'Take', onchange: () => select.value !== '' && go(takes[Number(select.value)]) },
+      { 'aria-label': 'Take', onchange: () => choose() },
       el('option', { value: '', text: 'Takes' }),
       ...takes.map((take, i) => el('option', { value: i, text: `${name(take)}, ${times(take)}` })),
     );

@@ -66,7 +66,7 @@ export class Link extends Emitter {
       this.you = 0;
       const isLost = this.#wasOpen && this.#failures < FAILURES;
       this.reason = isLost
-        ? 'The program has ended, or cannot be reached. Trying again …'
+        ? 'The program has ended, or cannot be reached. If the arm still moves, use its own stop: this page cannot. Trying again …'
         : (this.#wasOpen ? 'It has ended, or was started anew. ' : '') + REFUSED;
       this.emit('close');
       if (!this.#wasOpen) return;

@@ -11,6 +11,8 @@ import { Strips } from './strips.js';
 import { View } from './view.js';
 import { Headset } from './xr.js';
 
+const SILENT_MS = 1500;
+
 const part = (id) => document.getElementById(id);
 const page = new Emitter();
 
@@ -106,6 +108,19 @@ async function begin(link) {
     part('page').classList.toggle('lost', !link.isOpen);
     if (!link.isOpen && /^stop/.test(bar.state)) showMessage('The arm has been stopped, and the program has ended. What is seen here is how it was last.');
   });
+  // A line that fails without a word leaves the last picture standing: frames come all the while, also of an arm that is held.
+  let heard = performance.now();
+  let isSilent = false;
+  link.on('frame open', () => {
+    heard = performance.now();
+  });
+  setInterval(() => {
+    const wasSilent = isSilent;
+    isSilent = link.isOpen && performance.now() - heard > SILENT_MS;
+    if (isSilent === wasSilent || !link.isOpen) return;
+    part('page').classList.toggle('lost', isSilent);
+    showMessage(isSilent ? 'Nothing comes from the arm. What is seen here is old, and Stop may not arrive: use the arm\u2019s own stop.' : '');
+  }, SILENT_MS / 6);
   page.on('theme', () => {
     view?.paint();
     panels?.strips.paint();

@@ -1,4 +1,4 @@
-import { el, iconButton } from '../dom.js';
+import { el, iconButton, swatch } from '../dom.js';
 import { fixed, number } from '../format.js';
 import { limitColour } from '../theme.js';
 import { themeButton } from '../theme_button.js';
@@ -23,7 +23,7 @@ const HANDS = ['Ready.', 'Moving', 'Held: no fresh message.', 'Refused'];
 const REFUSALS = [
   '',
   'a number was no number',
-  'the hand was lost, or the page was not seen',
+  'the hand was lost, the page was not seen, or the line is slower than 0.5 s',
   'the hand jumped',
   'no message for half a second',
   'the arm was held meanwhile',
@@ -53,7 +53,7 @@ export class Bar {
       onclick: () => link.say(link.isOperator ? 'leave' : link.people.operator === null ? 'take' : 'take over'),
     });
     this.start = button('Start', 'The command begins, or goes on', 'start', { class: 'go' });
-    this.pause = button('Hold', 'Brakes and holds the arm (space)', 'pause');
+    this.pause = button('Hold', 'Brakes and holds the arm (space)', 'pause', { class: 'hold' });
     this.stop = button('Stop', 'Brakes and ends', 'stop', { class: 'halt' });
     this.record = button('Record', 'Marks what happens as a take, to find and to export it later, until it is pressed again', 'record', {
       class: 'record',
@@ -69,11 +69,12 @@ export class Bar {
         el('p', { class: 'origin', text: [run.robot, run.case].filter(Boolean).join(' · ') }),
       ),
       this.pill,
+      this.people,
       this.asker,
       this.recorded,
       el('span', { class: 'push' }),
       el('span', { class: 'buttons acts' }, run.moves ? this.take : null, this.start, this.pause, this.stop, this.record),
-      el('span', { class: 'buttons' }, this.people, this.invite, themeButton(page)),
+      el('span', { class: 'buttons' }, this.invite, themeButton(page)),
     );
     link.on('people open close event', () => this.#update());
     link.on('invitation', () => link.say('watch'));
@@ -128,8 +129,8 @@ export class Bar {
     this.pause.disabled = state !== 'running';
     this.stop.disabled = isOver;
     this.invite.disabled = state === 'lost';
-    this.people.textContent =
-      people > 1 ? `${people} pages${operator !== null && !link.isOperator ? ', another one operates' : ''}` : '';
+    const whose = link.isOperator ? 'You operate' : operator === null ? 'Nobody operates' : 'Another page operates';
+    this.people.textContent = [this.run.moves && !isOver ? whose : '', people > 1 ? `${people} pages` : ''].filter(Boolean).join(', ');
   }
 
   #showInvitation() {
@@ -199,12 +200,15 @@ export class HandPanel {
         output.textContent = `${hand.scale.toFixed(1)} ×`;
       },
     });
+    // With a mouse the arrow keys are for the tool again at once.
+    scale.addEventListener('pointerup', () => scale.blur());
     const part = el(
       'select',
       {
         'aria-label': 'What of the hand counts',
         onchange: () => {
           hand.part = Number(part.value);
+          if (!part.matches(':focus-visible')) part.blur();
         },
       },
       ...['position and turn', 'position only', 'turn only'].map((text, value) => el('option', { value, text })),
@@ -261,7 +265,12 @@ export class HandPanel {
       'div',
       { class: 'controls' },
       ...this.sliders.map((slider, i) => el('label', { class: 'row' }, el('span', { class: 'hint', text: run.joints[i].name }), slider)),
-      el('p', { class: 'hint', text: 'A joint moves to where its slider is, while that is held.' }),
+      el(
+        'p',
+        { class: 'hint' },
+        'A joint moves to where its slider is, while that is held. ',
+        el('span', { class: 'desk' }, el('kbd', { text: 'space' }), ' holds the arm.'),
+      ),
     );
   }
 
@@ -287,6 +296,7 @@ export class HandPanel {
   show(frame, state) {
     this.#q = [...frame('q')];
     if (this.sliders && !this.hand.isPressed) this.#placeSliders(frame);
+    for (const slider of this.sliders ?? []) slider.disabled = !(state === 'running' && this.link.isOperator);
     if (performance.now() - this.last < PERIOD_MS) return;
     this.last = performance.now();
     if (!this.run.moves) return;
@@ -298,11 +308,15 @@ export class HandPanel {
     else if (state === 'stopping') text = 'The arm brakes to rest, and the program ends.';
     else if (isRunning && !this.link.isOperator) text = 'You watch. Take control to move the arm.';
     else if (isRunning && hand === 3) text = `${HANDS[hand]}: ${REFUSALS[refusal] ?? ''}. Let go and press again.`;
-    else if (isRunning && hand === 1) text = [HANDS[hand], ...actingNames(frame)].join(' · ');
+    else if (isRunning && hand === 1) text = [HANDS[hand], actingNames(frame).join(', ')].filter(Boolean).join(', held back by ');
     else if (isRunning && performance.now() - this.unheardSince > PATIENCE_MS) text = NOT_FOLLOWED;
     else if (isRunning) text = HANDS[hand] ?? '';
     if (this.note.textContent !== text) this.note.textContent = text;
-    this.note.dataset.hand = state === 'running' && this.link.isOperator ? String(hand) : '';
+    const isMine = isRunning && this.link.isOperator;
+    this.note.dataset.hand = !isMine ? '' : text === NOT_FOLLOWED ? '2' : String(hand);
+    const acting = isMine && hand === 1 ? limitsOf(frame).find(Boolean) : null;
+    this.note.classList.toggle('limited', Boolean(acting));
+    if (acting) this.note.style.setProperty('--key', limitColour(acting));
   }
 }
 
@@ -310,7 +324,7 @@ export class HandPanel {
 export class JointPanel {
   constructor(host, run) {
     this.last = 0;
-    this.rows = run.joints.map(({ name }) => {
+    this.rows = run.joints.map(({ name }, i) => {
       const mark = el('span', { class: 'gauge-mark' });
       const rest = el('span', { class: 'gauge-mark rest' });
       const value = el('td', { class: 'number' });
@@ -319,7 +333,7 @@ export class JointPanel {
       const row = el(
         'tr',
         {},
-        el('th', { scope: 'row', text: name }),
+        el('th', { scope: 'row' }, swatch(i), name),
         value,
         el('td', {}, el('span', { class: 'gauge' }, rest, mark)),
         el('td', {}, el('span', { class: 'gauge' }, speed)),
@@ -335,7 +349,7 @@ export class JointPanel {
         el(
           'thead',
           {},
-          el('tr', {}, ...['', 'q [rad]', 'position', 'velocity', 'limit that acts'].map((text) => el('th', { scope: 'col', text }))),
+          el('tr', {}, ...['', run.joints.some(({ linear }) => linear) ? 'q [rad, m]' : 'q [rad]', 'position', 'velocity', 'limit that acts'].map((text) => el('th', { scope: 'col', text }))),
         ),
         el('tbody', {}, ...this.rows.map(({ row }) => row)),
       ),
@@ -376,8 +390,8 @@ export class TimePanel {
       ['worst', 'Slowest tick'],
       ['missed', 'Missed ticks'],
     ];
-    if (run.moves === 'tool') rows.push(['error', 'Tool from target']);
-    if (run.environment) rows.push(['clearance', 'Nearest']);
+    if (run.moves === 'tool') rows.unshift(['error', 'Tool from target']);
+    if (run.environment) rows.unshift(['clearance', 'Nearest']);
     host.append(
       el('div', { class: 'card-head' }, el('h2', { text: 'Now' })),
       el(

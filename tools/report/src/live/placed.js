@@ -49,6 +49,7 @@ export class Placed {
       type: 'range', min: SIZES_M[0], max: SIZES_M[1], step: 0.01, 'aria-label': 'Size',
       oninput: () => this.#resize(Number(this.size.value)),
     });
+    this.size.addEventListener('pointerup', () => this.size.blur()); // the arrow keys are for the tool
     host.append(
       el('div', { class: 'card-head' }, el('h2', { text: 'Obstacles by hand' })),
       el('div', { class: 'buttons' }, ...this.buttons),
