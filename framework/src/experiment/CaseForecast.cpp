@@ -249,14 +249,11 @@ void addPeople(const ConfiguredCase& configured, CaseForecast& forecast) {
                 ? format("contact (%s) at %.3g m/s at most",
                          bodyPartNames()[static_cast<std::size_t>(*person.bodyPart)].c_str(), person.contactSpeed)
                 : format("contact at %.3g m/s at most", person.contactSpeed);
-        detail::addItem(forecast.people,
-                        format("%s: at most %.3g m/s, seen at most %.3g s late and %.3g m off, ", person.name.c_str(),
-                               person.maxSpeed, person.latency_s, person.error_m) +
-                            touch,
-                        "; ");
+        forecast.people.push_back(format("%s: at most %.3g m/s, seen at most %.3g s late and %.3g m off, ",
+                                         person.name.c_str(), person.maxSpeed, person.latency_s, person.error_m) +
+                                  touch);
     }
-    if (!configured.plugins.filter->guaranteesSeparation())
-        forecast.people += "; the filter " + configured.plan.filterName() + " does not know them";
+    forecast.keepsApart = configured.plugins.filter->guaranteesSeparation();
 }
 
 }  // namespace

@@ -52,16 +52,22 @@ TEST(Forecast, OfAnArmThatIsWellTellsGainsAndMotorsAndWarnsOfNothing) {
 }
 
 TEST(Forecast, TellsWhatIsKnownOfPeople) {
-    EXPECT_EQ(forecast().people, "");
+    using Lines = std::vector<std::string>;
+    EXPECT_EQ(forecast().people, Lines());
+    EXPECT_TRUE(forecast().keepsApart);
     const std::string ann =
         "environment={people: {ann: {capsules: [{from_m: [3, 0, 0], radius_m: 0.2}], "
         "walk: [{time_s: 0, xyz: [0, 0, 0]}], ";
-    EXPECT_EQ(forecast({ann + "max_speed_mps: 1.2, latency_s: 0.05, error_m: 0.02}}}"}).people,
-              "ann: at most 1.2 m/s, seen at most 0.05 s late and 0.02 m off, what can touch it must rest first; the "
-              "filter certified_braking does not know them");
-    EXPECT_EQ(forecast({ann + "contact_speed_mps: 0.25}}}", "filter.plugin=whole_arm_braking"}).people,
-              "ann: at most 1.6 m/s, seen at most 0 s late and 0 m off, contact at 0.25 m/s at most");
-    expectContains(forecast({ann + "body_part: hand}}}", "filter.plugin=whole_arm_braking"}).people,
+    const CaseForecast blind = forecast({ann + "max_speed_mps: 1.2, latency_s: 0.05, error_m: 0.02}}}"});
+    EXPECT_EQ(
+        blind.people,
+        Lines{"ann: at most 1.2 m/s, seen at most 0.05 s late and 0.02 m off, what can touch it must rest first"});
+    EXPECT_FALSE(blind.keepsApart);
+    const CaseForecast seeing = forecast({ann + "contact_speed_mps: 0.25}}}", "filter.plugin=whole_arm_braking"});
+    EXPECT_EQ(seeing.people,
+              Lines{"ann: at most 1.6 m/s, seen at most 0 s late and 0 m off, contact at 0.25 m/s at most"});
+    EXPECT_TRUE(seeing.keepsApart);
+    expectContains(forecast({ann + "body_part: hand}}}", "filter.plugin=whole_arm_braking"}).people.at(0),
                    {"contact (hand) at ", " m/s at most"});
 }
 
