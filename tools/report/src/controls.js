@@ -107,13 +107,12 @@ function takeChoice(state) {
     state.setTime(from_s);
   };
   if (takes.length > TAKE_BUTTONS) {
-    const choose = () => {
-      if (select.value !== '') go(takes[Number(select.value)]);
+    const forget = () => {
       select.value = ''; // the same one again is a choice, too
     };
     const select = el(
       'select',
-      { 'aria-label': 'Take', onchange: () => choose() },
+      { 'aria-label': 'Take', onchange: () => select.value !== '' && go(takes[Number(select.value)]), onpointerdown: forget, onblur: forget },
       el('option', { value: '', text: 'Takes' }),
       ...takes.map((take, i) => el('option', { value: i, text: `${name(take)}, ${times(take)}` })),
     );

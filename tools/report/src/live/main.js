@@ -12,6 +12,7 @@ import { View } from './view.js';
 import { Headset } from './xr.js';
 
 const SILENT_MS = 1500;
+const SILENT = 'Nothing comes from the arm. What is seen here is old, and Stop may not arrive: use the arm\u2019s own stop.';
 
 const part = (id) => document.getElementById(id);
 const page = new Emitter();
@@ -68,6 +69,25 @@ async function begin(link) {
   if (view) part('view').append(viewHead(view, run, headset));
   part('view').append(stage);
   let panels = null;
+  // A line that fails without a word leaves the last picture standing: frames come all the while, also of an arm that is held.
+  let heard = performance.now();
+  let isSilent = false;
+  link.on('frame open', () => {
+    heard = performance.now();
+  });
+  setInterval(() => {
+    const wasSilent = isSilent;
+    isSilent = link.isOpen && panels !== null && performance.now() - heard > SILENT_MS;
+    if (isSilent && part('message').hidden) showMessage(SILENT);
+    if (isSilent === wasSilent || !link.isOpen) return;
+    part('page').classList.toggle('lost', isSilent);
+    if (isSilent) {
+      showMessage(SILENT);
+      headset?.say(SILENT);
+    } else if (part('message').textContent === SILENT) {
+      showMessage('');
+    }
+  }, SILENT_MS / 6);
   const update = () => {
     const isAllowed = Boolean(run.moves) && link.isOperator && bar.state === 'running';
     hand.allow(isAllowed);
@@ -108,19 +128,6 @@ async function begin(link) {
     part('page').classList.toggle('lost', !link.isOpen);
     if (!link.isOpen && /^stop/.test(bar.state)) showMessage('The arm has been stopped, and the program has ended. What is seen here is how it was last.');
   });
-  // A line that fails without a word leaves the last picture standing: frames come all the while, also of an arm that is held.
-  let heard = performance.now();
-  let isSilent = false;
-  link.on('frame open', () => {
-    heard = performance.now();
-  });
-  setInterval(() => {
-    const wasSilent = isSilent;
-    isSilent = link.isOpen && performance.now() - heard > SILENT_MS;
-    if (isSilent === wasSilent || !link.isOpen) return;
-    part('page').classList.toggle('lost', isSilent);
-    showMessage(isSilent ? 'Nothing comes from the arm. What is seen here is old, and Stop may not arrive: use the arm\u2019s own stop.' : '');
-  }, SILENT_MS / 6);
   page.on('theme', () => {
     view?.paint();
     panels?.strips.paint();
