@@ -9,6 +9,7 @@ import { mkdtempSync, readFileSync, rmSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import { tmpdir } from 'node:os';
 import { join, resolve } from 'node:path';
+import { openLive, quantile } from '../support/live_client.mjs';
 
 const require = createRequire(join(resolve(process.env.VIABLE_LOG_READERS ?? '.'), 'package.json'));
 const { FoxgloveClient } = require('@foxglove/ws-protocol');
@@ -39,17 +40,10 @@ process.on('exit', () => arm.kill('SIGKILL'));
 for (let k = 0; k < 600 && !/watch: \S+/.test(text) && arm.exitCode === null; ++k) await sleep(100);
 const address = text.match(/watch: (\S+)/)?.[1];
 assert.ok(address, text);
-const [, host, token] = text.match(/page: https:\/\/([^/]+)\/#(\S+)/);
+const page = text.match(/page: (\S+)/)[1];
 
 // Somebody has to start the arm; the page does it like this.
-const operator = new WebSocket(`wss://${host}/live`, ['viable.1', token], {
-  origin: `https://${host}`,
-  rejectUnauthorized: false,
-  finishRequest: (request) => {
-    request.setHeader('Sec-WebSocket-Protocol', `viable.1, ${token}`); // with a blank, as browsers write it
-    request.end();
-  },
-});
+const operator = openLive(WebSocket, page);
 await new Promise((open, fail) => operator.once('open', open).once('error', fail));
 operator.on('message', () => {});
 for (const word of ['take', 'start']) operator.send(word);
@@ -140,7 +134,6 @@ for (const row of rows.values()) {
   compute[kind].push(Number(row[computeAt]));
   missed[kind] += Number(row[missedAt]);
 }
-const quantile = (numbers, share) => Float64Array.from(numbers).sort()[Math.floor(share * (numbers.length - 1))];
 for (const kind of ['without', 'with'])
   console.log(
     `${kind} a watcher: ${compute[kind].length} ticks, compute p50 ${quantile(compute[kind], 0.5).toFixed(1)} us, ` +

@@ -10,7 +10,8 @@ import { createReadStream, mkdirSync, readFileSync, writeFileSync } from 'node:f
 import { createRequire } from 'node:module';
 import { join, resolve } from 'node:path';
 import { createInterface } from 'node:readline';
-import { Arm, build, more, program, sleep } from './live_arm.mjs';
+import { openLive, quantile } from '../support/live_client.mjs';
+import { Arm, build, distance, more, program, sleep } from './live_arm.mjs';
 
 const { eventually, finish } = await import('./browser.mjs');
 await finish(); // nobody looks at a page here
@@ -21,6 +22,7 @@ console.log(`seed ${seed}`);
 
 const WINDOW_MS = 8000;
 const HAND_MS = 16;
+const STALL_EVERY_MS = 2000;
 const PRESS_AGAIN_MS = 300; // an operator who sees that the hand is refused
 const REACH_M = 0.1; // how far the hand goes, at up to 0.08 m/s
 const SWING_S = 4.0;
@@ -48,8 +50,8 @@ class Line {
   #queue = [];
   #timer = 0;
 
-  constructor(deliver, { delay = 0, jitter = 0, loss = 0, doubles = 0, reorders = false, stall = 0, stallEvery = 2000 } = {}) {
-    Object.assign(this, { deliver, delay, jitter, loss, doubles, reorders, stall, stallEvery });
+  constructor(deliver, { delay = 0, jitter = 0, loss = 0, doubles = 0, reorders = false, stall = 0 } = {}) {
+    Object.assign(this, { deliver, delay, jitter, loss, doubles, reorders, stall });
     this.begin = performance.now();
     this.random = makeRandom(seed + 1000 * ++lineCount);
     this.isCut = false;
@@ -63,7 +65,7 @@ class Line {
     let due = now + this.delay + this.jitter * this.random();
     // What TCP makes of a lost packet: nothing for a while, then all at once.
     if (this.stall > 0) {
-      const phase = (now - this.begin) % this.stallEvery;
+      const phase = (now - this.begin) % STALL_EVERY_MS;
       if (phase < this.stall) due += this.stall - phase;
     }
     if (this.reorders && isHand) {
@@ -96,15 +98,7 @@ class Client {
   #wait = null;
 
   constructor(address, fault = {}) {
-    const { host, hash } = new URL(address);
-    this.socket = new WebSocket(`wss://${host}/live`, ['viable.1', hash.slice(1)], {
-      origin: `https://${host}`,
-      rejectUnauthorized: false,
-      finishRequest: (request) => {
-        request.setHeader('Sec-WebSocket-Protocol', `viable.1, ${hash.slice(1)}`); // with a blank, as browsers write it
-        request.end();
-      },
-    });
+    this.socket = openLive(WebSocket, address);
     this.out = new Line((message) => this.socket.readyState === WebSocket.OPEN && this.socket.send(message), fault);
     this.in = new Line((data) => this.#hear(data), { ...fault, loss: 0, doubles: 0, reorders: false });
     this.socket.on('message', (data, isBinary) => this.in.send(isBinary ? data : String(data)));
@@ -165,7 +159,6 @@ function handAt(now) {
   const swing = (REACH_M / 2) * (1 - Math.cos((2 * Math.PI * now) / SWING_S));
   return [0.6 * swing, 0.5 * swing, Math.sqrt(1 - 0.36 - 0.25) * swing];
 }
-const distance = (a, b) => Math.hypot(...[0, 1, 2].map((i) => a[i] - b[i]));
 const minus = (a, b) => [0, 1, 2].map((i) => a[i] - b[i]);
 const rms = (values) => Math.sqrt(values.reduce((sum, x) => sum + x * x, 0) / Math.max(1, values.length));
 
@@ -187,7 +180,7 @@ const isAtRest = () => Math.max(...[...monitor.get('qd')].map(Math.abs)) < 1e-4;
  * @param act  called in the middle of the window
  * @returns what came of it: errors of the tool [m], shares of the time in which it was engaged, held, refused, times by the loop
  */
-async function operate(fault, { act = () => {}, viewers = 0, duration = WINDOW_MS } = {}) {
+async function operate(fault, { act = () => {}, viewers = 0 } = {}) {
   const crowd = [];
   for (let i = 0; i < viewers; ++i) {
     crowd.push(new Client(await monitor.invite()));
@@ -231,9 +224,9 @@ async function operate(fault, { act = () => {}, viewers = 0, duration = WINDOW_M
       ++press;
     }
   }, HAND_MS);
-  await sleep(duration / 2);
+  await sleep(WINDOW_MS / 2);
   const acted = await act(client);
-  await sleep(duration / 2);
+  await sleep(WINDOW_MS / 2);
   monitor.onFrame = null;
   clearInterval(timer);
   const found = { from, to: time(), errors, fastest: Math.max(...speeds), hands: hands.map((count) => count / errors.length), refusals: client.refusals, acted };
@@ -261,8 +254,8 @@ async function watchSilence() {
 }
 
 const rows = [];
-async function row(name, fault, more = {}) {
-  const found = await operate(fault, more);
+async function row(name, fault, options = {}) {
+  const found = await operate(fault, options);
   const { from, to, errors, fastest, hands, refusals, acted } = found;
   rows.push({ name, fault, from, to, error: rms(errors), worst: Math.max(...errors), fastest, hands, refusals });
   console.log(
@@ -320,7 +313,6 @@ for await (const line of createInterface({ input: createReadStream(csv) })) {
   if (places) ticks.push(places.map((at) => Number(all[at])));
   else places = ['time_s', 'tick.compute_us', 'tick.missed'].map((name) => all.indexOf(name));
 }
-const quantile = (numbers, share) => Float64Array.from(numbers).sort()[Math.floor(share * (numbers.length - 1))];
 for (const one of rows) {
   const within = ticks.filter(([at]) => at >= one.from && at <= one.to);
   one.p50 = quantile(within.map(([, us]) => us), 0.5);

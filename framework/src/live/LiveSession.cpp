@@ -20,7 +20,7 @@ constexpr unsigned kAskerShift = 8;
 constexpr std::size_t kCapacity = 8192;
 
 /** Takes that the summary lists; the log knows those after it, too. */
-constexpr std::size_t kListedTakes = 1000;
+constexpr std::int64_t kListedTakes = 1000;
 
 CaseLog widen(CaseLog log) {
     log.capacity = std::max(log.capacity, kCapacity);
@@ -238,11 +238,13 @@ void LiveSession::makeTick(bool isMissed) {
 
 void LiveSession::markTake(TickRecord& record) {
     const bool wants = wantsTake_.load(std::memory_order_relaxed);
-    if (wants && !isTaking_ && ++takes_ <= static_cast<std::int64_t>(kListedTakes))
-        timing_.takes.push_back({record.time_s, record.time_s});
-    if (wants && takes_ <= static_cast<std::int64_t>(kListedTakes)) timing_.takes.back().end_s = record.time_s;
+    if (wants && !isTaking_) ++takes_;
     isTaking_ = wants;
     record.take = wants ? takes_ : 0;
+    if (!wants || takes_ > kListedTakes) return;
+    std::vector<LiveTiming::Take>& listed = timing_.takes;
+    if (static_cast<std::int64_t>(listed.size()) < takes_) listed.push_back({record.time_s, record.time_s});
+    listed.back().end_s = record.time_s;
 }
 
 /** An operator who lets go wants the arm at rest as soon as it can be. */

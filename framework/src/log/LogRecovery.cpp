@@ -58,10 +58,10 @@ std::uint64_t copyLog(const std::filesystem::path& log, const std::filesystem::p
         throw Error(ErrorKind::LogNotWritten, target.string(), writer.status().error, "Free memory and try again");
     // Columns that are missing would come out as if somebody had logged zeros.
     const std::vector<LogColumn> expected = listColumns(reader.layout());
-    const auto mayLack = std::count_if(expected.begin(), expected.end(), [&](const LogColumn& column) {
-        return column.mayLack() && !hasColumn(reader, column.name());
+    const bool lacks = std::any_of(expected.begin(), expected.end(), [&](const LogColumn& column) {
+        return !column.mayLack() && !hasColumn(reader, column.name());
     });
-    if (reader.columns().size() + static_cast<std::size_t>(mayLack) < expected.size()) {
+    if (lacks) {
         if (writer.status().rows == 0)
             throw badInput(log.string(), "the log ends within its opening and holds no rows",
                            "There is nothing to recover; run the experiment again");
