@@ -45,6 +45,7 @@ ArmStopCheck::Result ArmStopCheck::makeResult() const {
     result.seen.assign(elements_.size(), kInfinity);
     result.proven = result.seen;
     result.profile.resize(elements_.size());
+    result.near.reserve(elements_.size());
     result.torque.proven = JointVector::Constant(n_, kInfinity);
     return result;
 }
@@ -263,7 +264,10 @@ void ArmStopCheck::examineWith(const ArmPath& path, double time_s, const Demands
     torque_.scan(path, extremes_, demands.torqueUse, lastTorque, neighbours.data(), known.count, result.torque);
     result.nearest = {};
     if (known.count == 0 || result.isGood()) findNearest(demands, result);
+    result.near.clear();
     for (std::size_t e = 0; e < elements_.size(); ++e) {
+        if (isLooked_[e] && places_[e].isSeen())
+            result.near.push_back({static_cast<int>(e), motion_.calcTime(places_[e].sample), places_[e]});
         result.seen[e] = found_[e].all.seen;
         result.proven[e] = found_[e].all.proven;
         if (result.nearest.isKnown) result.nearest.distance = std::min(result.nearest.distance, result.proven[e]);
@@ -337,6 +341,13 @@ void ArmStopCheck::addRows(const JointVector& jerk, const ArmPath& other, const 
     for (int k = 0; k < torque_.faultCount(); ++k) rows_.addTorque(torque_.fault(k), demands.torqueUse, stops, rows);
     speed_.addRows(stops, demands.speed, rows);
     people_.addRows(stops, demands.people, rows);
+}
+
+void ArmStopCheck::addForeseenRows(const Result& found, double since_s, const StopPair& stops, const Demands& demands,
+                                   RowQp::Rows& rows) {
+    for (const Near& near : found.near)
+        rows_.addForeseen(near.place, elements_[static_cast<std::size_t>(near.element)], near.time_s - since_s,
+                          demands.ahead[static_cast<std::size_t>(near.element)], stops, rows);
 }
 
 void ArmStopCheck::measurePeople(const ArmPath& path, PeopleCheck::Result& result) {

@@ -67,6 +67,12 @@ public:
         /** Between two times, for a path from which the element is no farther than `apart`. */
         bisection::Bounds find(double from_s, double to_s, double apart) const;
     };
+    /** Where an element was nearest, at a time of the path. */
+    struct Near {
+        int element;
+        double time_s;
+        ElementDistance::Place place;
+    };
     /** What came of a look at a path. */
     struct Result {
         bool isClear = false;  ///< every element proven to keep its floor, and its least at looks
@@ -79,6 +85,7 @@ public:
         all times [m]. */
         std::vector<double> seen, proven;
         std::vector<Profile> profile;
+        std::vector<Near> near;  ///< of the elements that were looked at closely
         /** Only of a path that is good: where it was seen nearest; the distance is a lower bound for all of the path. */
         Clearance nearest;
     };
@@ -112,6 +119,12 @@ public:
     @param other  another path from the same state, with `otherJerk`: how the stops move with the jerk is their difference */
     void addRows(const JointVector& jerk, const ArmPath& other, const JointVector& otherJerk, const Demands& demands,
                  RowQp::Rows& rows);
+    /** Rows for clearances as addRows(), of what was found of a path before it is examined again: only those that the proposed jerk
+    would break.
+    @param found     of a path of which `stops.path` is left, `since_s` later
+    @param stops     from the state now, with the jerk of that path, and the proposed one */
+    void addForeseenRows(const Result& found, double since_s, const StopPair& stops, const Demands& demands,
+                         RowQp::Rows& rows);
     /** Of what the last examine() found not to be good, with mustBeGood: the joint that, with the jerk of the other path, would
     mend most of it, to first order; -1: none would. */
     int findWorstJoint(const Result& found, const JointVector& jerk, const ArmPath& other, const JointVector& otherJerk,

@@ -26,7 +26,7 @@ SteeringRows::SteeringRows(const RobotDescription& robot, std::vector<LinkCapsul
 
 void multiplyPlaceSlopes(const StopPair& stops, double t_s, double tick_s, JointVector& row) {
     JointVector here, there;
-    stops.path.calcPositions(t_s, here);
+    stops.path.calcPositions(std::min(t_s, stops.path.duration()), here);
     stops.other.calcPositions(std::min(t_s, stops.other.duration()), there);
     for (Eigen::Index i = 0; i < row.size(); ++i) {
         const double slope = (here[i] - there[i]) / (stops.jerk[i] - stops.otherJerk[i]);
@@ -43,6 +43,20 @@ void SteeringRows::addClearance(const ElementDistance::Place& place, const ArmEl
     calcDistanceGradient(place, element, capsules_, arm_, frames, row);
     multiplyPlaceSlopes(stops, t_s, tick_s_, row);
     add(row, bound - place.distance + row.dot(stops.jerk), rows);
+}
+
+void SteeringRows::addForeseen(const ElementDistance::Place& place, const ArmElement& element, double t_s, double bound,
+                               const StopPair& stops, RowQp::Rows& rows) const {
+    if (!(t_s > 0.0)) return;
+    JointVector q;
+    stops.path.calcPositions(std::min(t_s, stops.path.duration()), q);
+    ArmRecursion::Frames frames;
+    arm_.calcFrames(q, frames);
+    const int before = rows.count;
+    addClearance(place, element, frames, t_s, bound, stops, rows);
+    if (rows.count == before) return;
+    const auto last = static_cast<std::size_t>(before);
+    if (rows.normal[last].dot(stops.otherJerk) >= rows.bound[last]) --rows.count;
 }
 
 void SteeringRows::addTorque(const TorqueScan::Fault& fault, double torqueUse, const StopPair& stops,

@@ -177,11 +177,18 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
     if (isBlind) separation_.isKept = false;
     LimitKind reason = isBlind ? LimitKind::Separation : isStale() ? LimitKind::Clearance : LimitKind::None;
     if (!isBlind && !isStale()) {
-        if (isGood(nominal, proposed_, options_.steers && metric)) keepBest(proposed_);
+        const bool steers = options_.steers && metric;
+        steered_ = proposed_;
+        const bool hasForeseen = steers && foresee(nominal, dynamics, metric, desired);
+        if (hasForeseen) reason = LimitKind::Clearance;
+        // Where jerks that are steered already do not do, others beside rows seldom do, and rows cost a complete look.
+        const bool wantsRows = steers && !hasForeseen;
+        if (isGood(nominal, steered_, wantsRows)) keepBest(steered_);
+        const bool hasRows = steers && (hasBest_ || wantsRows);
         const ArmStopCheck::Result& first = hasBest_ ? best_ : trial_;
         if (!hasBest_ || !first.isAhead) {
             // What was looked at completely is known of all that is tried next.
-            if (options_.steers && metric) {
+            if (hasRows) {
                 other_ = first;
                 otherPath_ = path_;
                 hasOther_ = true;
@@ -195,7 +202,7 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
                      : first.people.seen < demands_.get().people.ahead    ? LimitKind::Separation
                                                                           : LimitKind::Clearance;
             setStoredPath(nominal);
-            steer(nominal, dynamics, metric, desired);
+            steer(nominal, dynamics, metric, desired, hasRows);
         }
     }
     // Whatever was tried last, the joints must certify what is taken, with the very stops that were looked at.
@@ -225,30 +232,48 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
     return jerk == desired ? FilterStatus::Passed : FilterStatus::Modified;
 }
 
-/** Looks for jerks near the desired ones that are good, or better ones than those proposed; then on the way from them back
-to the backup stop. */
+/** Beside rows the change is large; with M's coupling light joints would swing to make up for the torque of those that are
+held. */
+const JointMatrix* WholeArmChoice::chooseMetric(const Dynamics& dynamics, const JointMatrix* metric) {
+    if (options_.joints.objective != Objective::Torque && metric != &dynamics.M)
+        return metric;  // that of `tool`, too, in need
+    ownInertia_ = dynamics.M.diagonal().asDiagonal();
+    return &ownInertia_;
+}
+
+/** Where the proposed jerks would bring the stop too near to what the backup stop was nearest to, steered_ are others: what was
+seen of that a tick ago tells so to first order, without a look. False: none would. */
+bool WholeArmChoice::foresee(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,
+                             const JointVector& desired) {
+    if (stored_.near.empty()) return false;
+    setStoredPath(nominal);
+    findStops(proposed_);
+    path_.set(nominal, proposed_, stops_, tick_s_);
+    rows_.clear();
+    check_.addForeseenRows(stored_, static_cast<double>(ticksOnPath_) * tick_s_,
+                           {storedPath_, storedJerk_, path_, proposed_}, demands_.get(), rows_);
+    if (rows_.count == 0) return false;
+    check_.addTickRows(dynamics, nominal.qdd, demands_.get().torqueUse, lastTorque_, rows_);
+    braking_.propose(chooseMetric(dynamics, metric), desired, &rows_, steered_);
+    return true;
+}
+
+/** Looks for jerks near the desired ones that are good, or better ones than those that were looked at, steered_; then on the way
+from them back to the backup stop.
+@param hasRows  steered_ were looked at completely */
 void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,
-                           const JointVector& desired) {
-    JointVector from = proposed_;  // what was looked at last
-    if (options_.steers && metric) {
-        // Beside rows the change is large; with M's coupling light joints would swing to make up for the torque of those that
-        // are held.
-        const JointMatrix* beside = metric;
-        if (options_.joints.objective == Objective::Torque || metric == &dynamics.M) {  // that of `tool`, too, in need
-            ownInertia_ = dynamics.M.diagonal().asDiagonal();
-            beside = &ownInertia_;
-        }
-        rows_.clear();
-        for (int round = 0; round < kSteeringRounds; ++round) {
-            check_.addRows(from, storedPath_, storedJerk_, demands_.get(), rows_);
-            if (round == 0) check_.addTickRows(dynamics, nominal.qdd, demands_.get().torqueUse, lastTorque_, rows_);
-            braking_.propose(beside, desired, &rows_, steered_);
-            if (steered_ == from) break;
-            from = steered_;
-            if (!isGood(nominal, from, round + 1 < kSteeringRounds)) continue;
-            keepBest(from);
-            if (best_.isAhead) return;
-        }
+                           const JointVector& desired, bool hasRows) {
+    JointVector from = steered_;  // what was looked at last
+    rows_.clear();
+    for (int round = 0; hasRows && round < kSteeringRounds; ++round) {
+        check_.addRows(from, storedPath_, storedJerk_, demands_.get(), rows_);
+        if (round == 0) check_.addTickRows(dynamics, nominal.qdd, demands_.get().torqueUse, lastTorque_, rows_);
+        braking_.propose(chooseMetric(dynamics, metric), desired, &rows_, steered_);
+        if (steered_ == from) break;
+        from = steered_;
+        if (!isGood(nominal, from, round + 1 < kSteeringRounds)) continue;
+        keepBest(from);
+        return;
     }
     for (int k = 0; k < kRetreats && !hasBest_; ++k) {
         from = (from + storedJerk_) / 2.0;

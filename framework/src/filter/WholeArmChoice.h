@@ -71,8 +71,11 @@ private:
     std::string describeExactly(const RunSetup& setup) const;
     bool isGood(const MotionState& state, const JointVector& jerk, bool wantsRows);
     void keepBest(const JointVector& jerk);
+    const JointMatrix* chooseMetric(const Dynamics& dynamics, const JointMatrix* metric);
+    bool foresee(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,
+                 const JointVector& desired);
     void steer(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,
-               const JointVector& desired);
+               const JointVector& desired, bool hasRows);
 
     const WholeArmBrakingOptions options_;
     const double tick_s_;

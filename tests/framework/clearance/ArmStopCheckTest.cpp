@@ -127,6 +127,111 @@ TEST(ArmStopCheck, WhatIsProvenBetweenLooksHoldsAtEveryPose) {
     }
 }
 
+/** A tick and the stops after it. */
+struct Begun {
+    MotionState state;
+    JointVector jerk;
+    std::array<GridStop, kMaxJoints> stops;
+
+    ArmPath path() const {
+        ArmPath path;
+        path.set(state, jerk, stops, kTick_s);
+        return path;
+    }
+    /** With another jerk in its tick, and the shortest stops after that. */
+    Begun turn(const JointVector& other, const AxisLimits& limits) const {
+        Begun turned{state, other, {}};
+        for (int i = 0; i < static_cast<int>(jerk.size()); ++i) {
+            const AxisState after = advance({state.q[i], state.qd[i], state.qdd[i]}, other[i], kTick_s);
+            turned.stops[static_cast<std::size_t>(i)].plan(after.v, after.a, limits, kTick_s);
+        }
+        return turned;
+    }
+    /** What is left of it some ticks later. */
+    Begun skip(std::int64_t ticks) const {
+        Begun left = *this;
+        const ArmPath all = path();
+        all.calcTick(ticks, left.state.q, left.state.qd, left.state.qdd);
+        for (int i = 0; i < static_cast<int>(jerk.size()); ++i) {
+            GridStop& stop = left.stops[static_cast<std::size_t>(i)];
+            stop.skip(ticks - 1);
+            left.state.qdd[i] = all.calcAcceleration(i, static_cast<double>(ticks) * kTick_s);
+            left.jerk[i] = stop.takeJerk();
+        }
+        return left;
+    }
+};
+
+// What was found of a path some ticks ago tells how near another jerk's stop would come, without a look at it; and a row is
+// there only for what that would break.
+TEST(ArmStopCheck, WhatAnotherJerkWouldBreakIsForeseen) {
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> share(-1.0, 1.0);
+    const AxisLimits limits{-9.0, 9.0, -3.0, 3.0, -12.0, 12.0, -400.0, 400.0};
+    for (const RobotDescription& robot : {loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"),
+                                          loadRobot(VIABLE_SOURCE_DIR "/robots/panda"), makeSlidingArm()}) {
+        const Subject subject(robot);
+        const int n = subject.robot.size();
+        const JointVector none = JointVector::Constant(n, kInfinity);
+        ArmStopCheck check(subject.robot, &subject.geometry, {none, none}, kTick_s);
+        ArmStopCheck::Result found = check.makeResult(), after = found;
+        const auto elements = static_cast<std::size_t>(check.elements());
+        ArmStopCheck::Demands demands;
+        demands.floor.assign(elements, -1.0);
+        demands.least = demands.reached = demands.floor;
+        demands.ahead = demands.far = std::vector<double>(elements, kAhead_m);
+        double change = 0.0, error = 0.0;
+        int count = 0;
+        for (int round = 0; round < 400; ++round) {
+            const Environment environment = drawThinThings(random);
+            const Eigen::Vector3d far = Eigen::Vector3d::Constant(3.0);
+            const Surroundings surroundings(environment, -far, far, 1.0);
+            check.setSurroundings(&surroundings);
+            const auto draw = [&](double size) {
+                return JointVector(JointVector::NullaryExpr(n, [&] { return size * share(random); }));
+            };
+            const Begun drawn =
+                Begun{{draw(1.5), draw(1.0), draw(3.0)}, JointVector::Zero(n), {}}.turn(draw(400.0), limits);
+            const std::int64_t ticks = 1 + round % 5;
+            const Begun now = drawn.skip(ticks), other = now.turn(draw(400.0), limits);
+            const ArmPath path = drawn.path(), nowPath = now.path(), otherPath = other.path();
+            const auto examine = [&](const ArmPath& one, double time_s, ArmStopCheck::Result& result) {
+                check.beginTick();
+                check.examine(one, time_s, demands, JointVector::Zero(n), {}, false, result);
+            };
+            examine(path, 0.0, found);
+            examine(otherPath, static_cast<double>(ticks) * kTick_s, after);
+            for (std::size_t e = 0; e < elements; ++e) {
+                if (!(found.seen[e] < kAhead_m && found.seen[e] > 0.005 && after.seen[e] < kAhead_m)) continue;
+                // Rows of this element alone, by what is asked of it.
+                const auto foresee = [&](double ahead) {
+                    ArmStopCheck::Demands asked = demands;
+                    std::fill(asked.ahead.begin(), asked.ahead.end(), -kInfinity);
+                    asked.ahead[e] = ahead;
+                    RowQp::Rows rows;
+                    check.addForeseenRows(found, static_cast<double>(ticks) * kTick_s,
+                                          {nowPath, now.jerk, otherPath, other.jerk}, asked, rows);
+                    return rows;
+                };
+                const RowQp::Rows first = foresee(1.0), second = foresee(2.0);
+                if (first.count == 0) continue;  // the place is passed
+                ASSERT_EQ(first.count, 1);
+                const double size = 1.0 / (second.bound[0] - first.bound[0]);
+                const double foreseen = 1.0 + size * (first.normal[0].dot(other.jerk) - first.bound[0]);
+                EXPECT_EQ(foresee(foreseen + 1e-9).count, 1);
+                EXPECT_EQ(foresee(foreseen - 1e-9).count, 0);
+                change += std::pow(after.seen[e] - found.seen[e], 2);
+                error += std::pow(after.seen[e] - foreseen, 2);
+                ++count;
+            }
+        }
+        std::printf("  %s: %d clearances change by %.2f mm in the mean square, foreseen to %.2f mm\n",
+                    subject.robot.name.c_str(), count, 1e3 * std::sqrt(change / count), 1e3 * std::sqrt(error / count));
+        EXPECT_GT(count, 50);
+        EXPECT_LT(error, 0.04 * change);
+    }
+}
+
 // Paths that branch off from each other tick by tick, two in each, examined with what is known of the one before and, the
 // second one, also of its sibling: what is proven, of clearances and of torques, holds at every pose, though most of it is not
 // looked at.
