@@ -181,11 +181,12 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
         steered_ = proposed_;
         const bool hasForeseen = steers && foresee(nominal, dynamics, metric, desired);
         if (hasForeseen) reason = LimitKind::Clearance;
-        // Where jerks that are steered already do not do, others beside rows seldom do, and rows cost a complete look.
-        const bool wantsRows = steers && !hasForeseen;
+        // Where jerks that are steered already come too near, others beside rows seldom do better, and rows cost a complete look;
+        // but speeds and people are not foreseen.
+        const bool wantsRows = steers && (!hasForeseen || keepsSpeeds() || keepsApart());
         if (isGood(nominal, steered_, wantsRows)) keepBest(steered_);
-        const bool hasRows = steers && (hasBest_ || wantsRows);
         const ArmStopCheck::Result& first = hasBest_ ? best_ : trial_;
+        const bool hasRows = steers && (wantsRows || first.isClear);
         if (!hasBest_ || !first.isAhead) {
             // What was looked at completely is known of all that is tried next.
             if (hasRows) {
