@@ -82,6 +82,24 @@ TEST(Program, CheckReportsEveryCaseWithoutARun) {
     expectContains(o.out, {"A: robot single_joint", "B: robot", "ok"});
 }
 
+TEST(Program, CheckTellsOfPeopleOnceAndOfEachFilterThatDoesNotKnowThem) {
+    const auto check = [](const std::string& cases) {
+        const Outcome o = test::run({"check", "experiments/indy7_people.yaml", "--set", "cases=" + cases});
+        EXPECT_EQ(o.code, 0) << o.err;
+        return o.out;
+    };
+    const std::string blind =
+        check("{one: {filter: {plugin: certified_braking}}, two: {filter: {plugin: certified_braking}}}");
+    expectContains(blind, {"\n  people   ann: at most 1.6 m/s, seen at most 0.05 s late and 0.02 m off",
+                           "\n           carl: at most 3 m/s",
+                           "\n           are not known to the filter certified_braking\ntwo: robot",
+                           "\n  people   are not known to the filter certified_braking\n"});
+    EXPECT_EQ(blind.find("ann: "), blind.rfind("ann: ")) << blind;
+    const std::string seeing = check("{one: {filter: {plugin: whole_arm_braking}}}");
+    expectContains(seeing, {"\n  people   ann: "});
+    EXPECT_EQ(seeing.find("not known"), std::string::npos) << seeing;
+}
+
 TEST(Program, TheExperimentFileOfItsReadmeRunsAsPrinted) {
     const std::string readme = readFile(VIABLE_SOURCE_DIR "/experiments/README.md");
     const std::size_t section = readme.find("## An experiment file");

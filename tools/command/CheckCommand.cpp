@@ -36,10 +36,12 @@ int checkOne(const Experiment& experiment, bool tells) {
             std::printf("  gains    %s\n", forecast.gains.c_str());
         if (!forecast.motors.empty() && forecast.motors != last.motors)
             std::printf("  motors   %s\n", forecast.motors.c_str());
-        if (forecast.people != last.people)
+        const bool isListed = forecast.people != last.people && !forecast.people.empty();
+        if (isListed)
             for (const std::string& person : forecast.people)
                 std::printf("  %-8s %s\n", &person == &forecast.people.front() ? "people" : "", person.c_str());
-        if (!forecast.keepsApart) std::printf("  people   are not known to the filter %s\n", plan.filterName().c_str());
+        if (!forecast.keepsApart)
+            std::printf("  %-8s are not known to the filter %s\n", isListed ? "" : "people", plan.filterName().c_str());
         for (const std::string& warning : forecast.warnings) std::printf("  WARNING  %s\n", warning.c_str());
         warnings += static_cast<int>(forecast.warnings.size());
         last = forecast;

@@ -234,10 +234,15 @@ void attend(LiveSession& session, LivePage* page, const std::vector<std::string>
                     page ? ", a tells another address of the page" : "");
     std::fflush(stdout);
     Display display(session, jointNames);
-    LiveEvent event;
     double shown_s = -1.0;
     std::chrono::steady_clock::time_point shown{};
-    for (std::size_t told = 0; !session.hasEnded();) {
+    std::size_t told = 0;
+    const auto tellPage = [&](const LiveStatus& status, bool isNew) {
+        LiveEvent event;
+        for (; session.getEvent(told, event); ++told) page->tell(event);
+        page->show(status, isNew);
+    };
+    while (!session.hasEnded()) {
         if (getStopSignal() != 0) session.stop(LiveAsker::Signal);
         const char key = keys.wait(page ? kPageLook_ms : kLook_ms);
         if (key == ' ') session.pause(LiveAsker::Key);
@@ -251,10 +256,12 @@ void attend(LiveSession& session, LivePage* page, const std::vector<std::string>
         shown_s = status.time_s;
         shown = now;
         display.show(status);
-        if (!page) continue;
-        for (; session.getEvent(told, event); ++told) page->tell(event);
-        page->show(status, isNew);
+        if (page) tellPage(status, isNew);
     }
+    if (!page) return;
+    // That it was stopped, too: a page that does not know warns of an arm that may still move.
+    const LiveStatus& last = session.status();
+    tellPage(last, last.time_s != shown_s);
 }
 
 Experiment readOneCase(const LiveArguments& arguments, const std::vector<std::string>& overrides,

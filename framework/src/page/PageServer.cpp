@@ -253,7 +253,7 @@ private:
     asio::io_context io_{1};
     asio::ssl::context tls_{asio::ssl::context::tls_server};
     tcp::acceptor acceptor_{io_};
-    asio::steady_timer retry_{io_};
+    asio::steady_timer retry_{io_}, goodbye_{io_};
     unsigned short port_ = 0;
     std::vector<std::string> authorities_, origins_;
     std::vector<std::string> publicAuthorities_;
@@ -292,6 +292,7 @@ public:
         --owner_.server_.counts_.connections;
         try {
             owner_.remove(*this);
+            if (owner_.sockets_.empty()) owner_.goodbye_.cancel();
             if (!invitation_.text.empty()) owner_.giveBack(std::move(invitation_), session_);
         } catch (const std::exception&) {  // no memory to tell the others
         }
@@ -330,16 +331,23 @@ public:
     }
 
     void sendText(const Text& text) {
-        if (!isOpen_) return;
+        if (!isOpen_ || isFinishing_) return;
         if (texts_.size() >= kMaxTexts) return close();
         texts_.push_back(text);
         write();
     }
 
     void sendFrame(const Text& frame) {
-        if (!isOpen_) return;
+        if (!isOpen_ || isFinishing_) return;
         if (frame_) ++owner_.server_.counts_.lostFrames;
         frame_ = frame;
+        write();
+    }
+
+    /** Sends what waits, and a goodbye: for how long is the owner's to say. */
+    void finish() {
+        if (!isOpen_) return close();
+        isFinishing_ = true;
         write();
     }
 
@@ -358,7 +366,7 @@ private:
 
     void read() {
         socket_.async_read(buffer_, [self = shared_from_this()](error_code error, std::size_t) {
-            if (error) return self->end();
+            if (error || !self->isOpen_) return self->end();
             const std::string bytes = beast::buffers_to_string(self->buffer_.data());
             self->buffer_.consume(self->buffer_.size());
             self->expectLife();
@@ -388,7 +396,10 @@ private:
     void write() {
         if (isWriting_ || !isOpen_) return;
         const bool isText = !texts_.empty();
-        if (!isText && !frame_) return;
+        if (!isText && !frame_) {
+            if (isFinishing_) sayGoodbye();
+            return;
+        }
         isWriting_ = true;
         if (isText) {
             now_ = texts_.front();
@@ -411,6 +422,12 @@ private:
         });
     }
 
+    void sayGoodbye() {
+        end();
+        socket_.async_close(websocket::close_code::going_away,
+                            [self = shared_from_this()](error_code) { self->close(); });
+    }
+
     void end() {
         if (isOpen_) owner_.remove(*this);
         isOpen_ = false;
@@ -425,7 +442,7 @@ private:
     beast::flat_buffer buffer_{kMaxMessage + 1024};
     std::deque<Text> texts_;
     Text frame_, now_;
-    bool isOpen_ = false, isWriting_ = false;
+    bool isOpen_ = false, isWriting_ = false, isFinishing_ = false;
 };
 
 /** A connection of a watcher's own program. */
@@ -750,8 +767,14 @@ void PageServer::Impl::stop() {
         acceptor_.close(ignored);
         retry_.cancel();
         for (Connection* connection : std::set(connections_)) connection->close();
-        for (Viewer* viewer : std::set(sockets_)) viewer->close();
         for (Watcher* watcher : std::set(watchers_)) watcher->close();
+        for (Viewer* viewer : std::set(sockets_)) viewer->finish();
+        if (sockets_.empty()) return;
+        goodbye_.expires_after(toMilliseconds(kGoodbye_s));
+        goodbye_.async_wait([this](error_code error) {
+            if (error) return;
+            for (Viewer* viewer : std::set(sockets_)) viewer->close();
+        });
     });
 }
 

@@ -60,7 +60,8 @@ public:
     static constexpr int kMaxStrangers = 8, kMaxPerAddress = 4, kMaxWatchers = 8;
     static constexpr std::size_t kMaxMessage = 65536, kMaxHeader = 4096;
     static constexpr double kHandshake_s = 2.0, kAlive_s = 10.0;
-    static constexpr double kWrite_s = 5.0;  ///< who has read nothing for so long is cut off
+    static constexpr double kWrite_s = 5.0;    ///< who has read nothing for so long is cut off
+    static constexpr double kGoodbye_s = 0.3;  ///< for so long the end waits for viewers to read what was told last
     /** A hand that has seen nothing newer is not followed, or (late) its engagement is over. */
     static constexpr double kOld_s = 0.2, kLate_s = 0.5;
 
@@ -68,6 +69,7 @@ public:
     @param hand  null: nobody moves the arm by hand
     @param ask   what to do with a wish */
     PageServer(PageOptions options, std::shared_ptr<TeleoperationFeed> hand, std::function<void(PageWish)> ask);
+    /** Viewers get what was told and shown last, if they read it within kGoodbye_s. */
     ~PageServer();
     PageServer(const PageServer&) = delete;
     PageServer& operator=(const PageServer&) = delete;

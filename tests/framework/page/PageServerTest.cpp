@@ -389,6 +389,35 @@ TEST_F(PageServerTest, ItEndsAtOnceWhateverItsClientsDo) {
     }
 }
 
+TEST_F(PageServerTest, TheEndLetsOutWhatWasToldAndShownLast) {
+    for (const bool answers : {true, false}) {
+        SCOPED_TRACE(answers);
+        auto server = std::make_unique<PageServer>(makeOptions(), feed_, [](PageWish) {});
+        const std::string there = "127.0.0.1:" + std::to_string(server->port());
+        const std::string address = server->invite();
+        TlsClient viewer(server->port());
+        viewer.send(upgrade(address.substr(address.find('#') + 1), "https://" + there, there));
+        ASSERT_EQ(statusOf(viewer.readHead()), 101);
+        for (int greeting = 0; greeting < 2; ++greeting) ASSERT_EQ(readFrame(viewer).opcode, 1);
+        server->tell("event", "{\"event\":\"stopped\"}");
+        server->show(std::string(60000, 'l'));
+        const auto begin = std::chrono::steady_clock::now();
+        std::thread end([&] { server.reset(); });
+        EXPECT_EQ(readFrame(viewer).payload, "{\"event\":\"stopped\"}");
+        EXPECT_EQ(readFrame(viewer).payload.size(), 60000u);
+        EXPECT_EQ(readCloseCode(viewer), 1001);
+        if (answers) {
+            viewer.send(makeFrame(kText, "take"));  // heard no more
+            viewer.send(makeFrame(0x88, "\x03\xe9"));
+            EXPECT_EQ(readCloseCode(viewer), -1);
+        }
+        end.join();
+        const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+        EXPECT_GE(took_s, answers ? 0.0 : PageServer::kGoodbye_s);
+        EXPECT_LT(took_s, PageServer::kGoodbye_s + 1.0);
+    }
+}
+
 TEST_F(PageServerTest, WhatTheProgramThrowsEndsOneConnectionAndNoOther) {
     auto other = join();
     auto viewer = join();
