@@ -375,7 +375,12 @@ await runTests(
         const watcher = await open(await invite(page), { width: 400, height: 300 });
         await watcher.waitForSelector('.stage[data-pictures]');
         await enter('VR');
+        await page.evaluate(() => {
+          const { link, headset } = window.viableLive;
+          link.on('close', () => (window.test.told ??= headset.text));
+        });
         await timesOf(() => page.evaluate(() => window.test.sockets.at(-1).close()), watcher);
+        assert.match(await page.evaluate(() => window.test.told), /^No connection: use the arm.s own stop\.$/);
         await eventually(() => page.evaluate(() => window.viableLive.link.isOpen), 'it is back');
         await page.evaluate(() => window.viableLive.link.say('take'));
         await eventually(() => page.evaluate(() => window.viableLive.link.isOperator), 'it operates');

@@ -65,8 +65,14 @@ export class Arm {
 
 const HELD_UP_MS = 90; // the loop holds the arm after 100 ms without a message
 
-/** Keeps the longest time in which a pressed hand said nothing. */
+/** Keeps the connection, and the longest time in which a pressed hand said nothing. */
 function watchSilence() {
+  window.WebSocket = class extends WebSocket {
+    constructor(...all) {
+      super(...all);
+      window.socket = this;
+    }
+  };
   const { send } = WebSocket.prototype;
   window.silence = { last: 0, longest: 0, isPressed: false };
   WebSocket.prototype.send = function (data) {
@@ -176,6 +182,26 @@ export async function timesAfter(page, act) {
   assert.ok(decided && rested, 'the arm does not come to rest');
   return { decided: decided[0] - begin, rested: rested[0] - begin, seen };
 }
+
+/**
+ * From now on a page takes of all frames none ('none'), again and again the first ('same'), or those until the arm brakes
+ * ('moving'), until window.hear(). The connection stays open.
+ */
+export const filterFrames = (page, kind) =>
+  page.evaluate((which) => {
+    const { socket } = window;
+    const { onmessage } = socket;
+    let first = null;
+    window.hear = () => {
+      socket.onmessage = onmessage;
+    };
+    socket.onmessage = (message) => {
+      if (typeof message.data === 'string') return onmessage(message);
+      if (which === 'none' || (which === 'moving' && window.viableLive.link.frame('state')[0] > 1)) return undefined;
+      first ??= message;
+      return onmessage(which === 'same' ? first : message);
+    };
+  }, kind);
 
 /** The address for one more browser, from the page that is in. */
 export async function invite(page) {

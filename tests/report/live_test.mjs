@@ -6,7 +6,7 @@ import { spawnSync } from 'node:child_process';
 import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import {
-  Arm, TITLE, awaitRest, distance, drag, holdArm, invite, more, number, numbers, open, press, program, projected, shoot, shots, sleep, timesAfter, tool, wasHeldUp,
+  Arm, TITLE, awaitRest, distance, drag, filterFrames, holdArm, invite, more, number, numbers, open, press, program, projected, shoot, shots, sleep, timesAfter, tool, wasHeldUp,
 } from './live_arm.mjs';
 
 const { browser, eventually, finish, runTests } = await import('./browser.mjs'); // where its modules are is known now
@@ -48,7 +48,7 @@ async function restore() {
     delete document.visibilityState;
     navigator.getGamepads = () => [];
     window.viableLive.hand.release('test');
-    delete window.viableLive.link.emit;
+    window.hear?.();
     window.hurry?.();
     for (const dialog of document.querySelectorAll('dialog[open]')) dialog.close();
     document.activeElement?.blur();
@@ -109,6 +109,8 @@ const cases = [
   {
     name: 'who takes control starts it',
     body: async () => {
+      await sleep(2500);
+      assert.equal(await page.locator('#page.lost').count(), 0, 'an arm that is held is not silent');
       await press(page, 'Take control');
       await press(page, 'Start');
       await eventually(async () => (await page.textContent('.pill')) === 'Running', 'the arm runs');
@@ -239,18 +241,36 @@ const cases = [
     name: 'a line that falls silent is told, and one that is slow',
     tries: 3,
     body: async () => {
-      // No frame comes, and the connection stays open.
-      await page.evaluate(() => {
-        const { link } = window.viableLive;
-        const { emit } = link;
-        link.emit = (name, ...more) => name !== 'frame' && emit.call(link, name, ...more);
+      const isDisabled = (name) => page.getByRole('button', { name, exact: true }).isDisabled();
+      // No frame comes, and the connection stays open; or the loop hangs, and the program sends its last tick again.
+      for (const frames of ['none', 'same']) {
+        await filterFrames(page, frames);
+        await eventually(async () => /No data from the arm/.test(await page.textContent('#message')), `silence is told: ${frames}`);
+        assert.equal(await page.locator('#page.lost').count(), 1);
+        assert.equal(await page.textContent('.pill'), 'No data (last: Running)');
+        assert.equal(await page.textContent('.hand-note'), 'No data: the picture is old');
+        for (const name of ['Hold', 'Stop']) assert.equal(await isDisabled(name), false, name);
+        for (const name of ['Let go of control', 'Start', 'Record']) assert.equal(await isDisabled(name), true, name);
+        await shoot(page, 'silent');
+        await page.evaluate(() => window.hear());
+        await eventually(async () => (await page.locator('#message').isHidden()) && (await page.locator('#page.lost').count()) === 0, 'it goes on');
+        assert.equal(await page.textContent('.pill'), 'Running');
+        assert.equal(await isDisabled('Record'), false);
+        await eventually(async () => !/No data/.test(await page.textContent('.hand-note')), 'the note goes on');
+      }
+      // A page that hangs itself has heard nothing, and cries no wolf.
+      const cries = await page.evaluate(async () => {
+        let count = 0;
+        const watch = new MutationObserver(() => (count += document.querySelector('#page.lost') ? 1 : 0));
+        watch.observe(document.getElementById('page'), { attributes: true });
+        await new Promise((go) => setTimeout(go, 300));
+        const end = performance.now() + 2500;
+        while (performance.now() < end);
+        await new Promise((go) => setTimeout(go, 1000));
+        watch.disconnect();
+        return count;
       });
-      await eventually(async () => /Nothing comes from the arm/.test(await page.textContent('#message')), 'silence is told');
-      assert.equal(await page.locator('#page.lost').count(), 1);
-      assert.equal(await page.getByRole('button', { name: 'Stop', exact: true }).isDisabled(), false);
-      await shoot(page, 'silent');
-      await page.evaluate(() => delete window.viableLive.link.emit);
-      await eventually(async () => (await page.locator('#message').isHidden()) && (await page.locator('#page.lost').count()) === 0, 'it goes on');
+      assert.equal(cries, 0);
       // What it answers is 0.3 s old.
       await page.evaluate(() => {
         const { send } = WebSocket.prototype;
@@ -267,11 +287,63 @@ const cases = [
       });
       const before = await tool(page);
       await drag(page, 60, 0);
-      await eventually(async () => /slower than 0.2 s/.test(await page.textContent('.hand-note')), 'it is told that nothing follows');
+      await eventually(async () => /more than 0.2 s late/.test(await page.textContent('.hand-note')), 'it is told that nothing follows');
       assert.ok(distance(before, await tool(page)) < 1e-4);
       await shoot(page, 'slow');
       await page.mouse.up();
       await page.evaluate(() => window.hurry());
+    },
+  },
+  {
+    name: 'a fault of the page is told beside one of the line, and after it',
+    body: async () => {
+      const other = await open(await invite(page), SMALL);
+      await other.waitForSelector('.stage[data-pictures]');
+      const told = () => other.textContent('#message');
+      await other.evaluate(() => dispatchEvent(new ErrorEvent('error', { message: 'of a test' })));
+      assert.match(await told(), /^A part of this page does not work: of a test$/);
+      await filterFrames(other, 'none');
+      await eventually(async () => /No data from the arm.*\nA part of this page does not work/.test(await told()), 'both are told');
+      await other.evaluate(() => window.hear());
+      await eventually(async () => /^A part of this page does not work: of a test$/.test(await told()), 'the line is good again');
+      await other.context().close();
+    },
+  },
+  {
+    name: 'Stop and the state are in sight and in reach on all screens, wherever the page is, beside an invitation',
+    body: async () => {
+      const other = await open(await invite(page), { width: 390, height: 844, hasTouch: true });
+      await other.waitForSelector('.stage[data-pictures]');
+      for (const [width, height] of [[390, 844], [360, 740], [400, 300], [568, 320], [900, 420], [680, 700], [1280, 900]]) {
+        await other.setViewportSize({ width, height });
+        await sleep(300);
+        for (const isInvited of [false, true]) {
+          if (isInvited) await press(other, 'Invite');
+          const last = isInvited ? await other.getByRole('textbox', { name: 'Address', exact: true }).elementHandle() : null;
+          for (const share of [0, 1]) {
+            const found = await other.evaluate((to) => {
+              scrollTo(0, to * document.documentElement.scrollHeight);
+              const isInSight = (one) => {
+                const { left, right, top, bottom } = one.getBoundingClientRect();
+                const above = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);
+                return left >= 0 && right <= innerWidth && top >= 0 && bottom <= innerHeight && above === one;
+              };
+              return [...document.querySelectorAll('.halt, .hold, .pill')].map(isInSight);
+            }, share);
+            assert.deepEqual(found, [true, true, true], `Hold, Stop, state at ${width} x ${height}, ${share}, ${isInvited}`);
+          }
+          assert.ok((await other.evaluate(() => document.documentElement.scrollWidth)) <= width, `wider than ${width}`);
+          if (!isInvited) continue;
+          await shoot(other, `invitation_${width}`);
+          await other.evaluate(() => window.viableLive.link.say('invite')); // another one, in its place
+          await eventually(async () => !(await last.isVisible()), 'the first one is closed');
+          assert.equal(await other.locator('dialog[open]').count(), 1);
+          await other.keyboard.press('Escape');
+          await eventually(async () => (await other.locator('dialog').count()) === 0, 'Escape closes it');
+        }
+      }
+      assert.deepEqual(other.problems, []);
+      await other.context().close();
     },
   },
   {
@@ -455,6 +527,7 @@ const cases = [
       await sleep(200);
       await page.mouse.down();
       const acted = new Set();
+      const notes = new Set();
       await page.evaluate(() => {
         const { link } = window.viableLive;
         const most = { frames: 0, clearance: Infinity };
@@ -475,11 +548,13 @@ const cases = [
         await page.mouse.move(x + 130 * Math.sin(i / 3), y + 12 * i);
         await sleep(100);
         for (const code of await numbers(page, 'limit')) acted.add(code);
+        notes.add(await page.textContent('.hand-note'));
         if (i === 20) await shoot(page, 'limits');
       }
       await page.mouse.up();
       console.log(`     codes of limits that acted: ${[...acted].join(' ')}`);
       assert.ok(acted.size > 1);
+      assert.ok([...notes].some((text) => /^Moving, held back by [a-z ]+/.test(text)), [...notes].join('; '));
       await awaitRest(page);
       const most = await page.evaluate(() => ({ ...window.most, safety: window.viableLive.view.run.environment.safety_distance_m }));
       console.log(`     ${JSON.stringify(most)}`);
@@ -593,10 +668,20 @@ const cases = [
   {
     name: 'Stop ends it within all limits, and the log replays to the bit',
     body: async () => {
+      // Another page loses the line while the arm brakes.
+      const cut = await open(await invite(page), SMALL);
+      await cut.waitForSelector('.stage[data-pictures]');
+      await filterFrames(cut, 'moving');
+      const told = (one) => one.textContent('#message');
       await press(page, 'Stop');
       assert.equal(await arm.ended, 0, arm.text);
       await eventually(async () => (await page.textContent('.pill')) === 'No connection', 'the page knows');
+      assert.match(await told(page), /has been stopped, and the program has ended/);
       await shoot(page, 'ended');
+      assert.match(await told(cut), /If the arm still moves, use its own stop: this page cannot stop it/);
+      await eventually(async () => /^Cannot be reached. If the arm still moves, use its own stop/.test(await told(cut)), 'it stays told');
+      await shoot(cut, 'unreached');
+      await cut.context().close();
       const real = page.problems.filter((text) => !/WebSocket|ERR_CONNECTION_REFUSED/.test(text));
       assert.deepEqual(real, []);
       const summary = JSON.parse(readFileSync(join(arm.out, 'summary.json'), 'utf8'));

@@ -1,4 +1,4 @@
-import { caseStyle, el, icon, iconButton, swatch } from './dom.js';
+import { caseStyle, el, icon, iconButton, swatch, tellHeight } from './dom.js';
 import { limitCharts, saveFigure } from './exporting.js';
 import { seconds } from './format.js';
 import { ALL_JOINTS } from './state.js';
@@ -29,8 +29,7 @@ export function fillToolbar(host, state, { openHelp }) {
       }),
     ),
   );
-  const root = document.documentElement;
-  new ResizeObserver(() => root.style.setProperty('--toolbar-height', `${host.offsetHeight}px`)).observe(host);
+  tellHeight(host);
 }
 
 function caseToggles(state) {

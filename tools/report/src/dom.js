@@ -81,6 +81,15 @@ export const swatch = (caseIndex) =>
 /** The custom property by which the style sheet knows the colour of a case. */
 export const caseStyle = (caseIndex) => ({ '--case': `var(--case-${caseIndex % 8})` });
 
+/** Tells the style sheet how high the bar at the top of the page is. */
+export function tellHeight(bar) {
+  const root = document.documentElement;
+  new ResizeObserver(() => root.style.setProperty('--toolbar-height', `${bar.offsetHeight}px`)).observe(bar);
+}
+
+/** With a mouse a slider has the arrow keys only while it is held. */
+export const freeKeys = (slider) => slider.addEventListener('pointerup', () => slider.blur());
+
 /** Hands a file to the reader. */
 export function save(blob, name) {
   const link = document.createElement('a');

@@ -7,18 +7,25 @@ const ALIVE_MS = 2000;
 const AGAIN_MS = 1000;
 const LATEST_AGAIN_MS = 30_000;
 const FAILURES = 3; // in a row, until a page is told that it may not be let in
+const SILENT_MS = 1500; // frames come all the while, also of an arm that is held
+const LOOK_MS = 250;
+const SILENT_LOOKS = 2; // in a row: where the page itself hung, what has come is read before the second one
 const HAND_NUMBERS = 10;
 
-const REFUSED =
-  'The program does not let this page in: an address counts once, and until the program ends. Ask it for another ' +
-  'one (key a in its terminal, or “Invite” on a page that is in).';
+const ASK = '(key a in its terminal, or “Invite” on a page that is in).';
+const REFUSED = `The program does not let this page in: an address counts once, and until the program ends. Ask it for another one ${ASK}`;
+const LOST =
+  'The program has ended, or cannot be reached. If the arm still moves, use its own stop: this page cannot stop it. Trying again …';
+// A browser does not tell a refusal from a dead network.
+const UNREACHED =
+  'Cannot be reached. If the arm still moves, use its own stop. If the program was started anew, ask it for another address ' + ASK;
 
 /** What of a hand's motion counts, as in the message. */
 export const PARTS = ['both', 'position', 'rotation'];
 
 /**
  * Events: 'open', 'close' (`reason` says why), 'live' (`live`: what does not change), 'people', 'event', 'invitation',
- * 'watch', 'placed' (`placed`: the obstacles by hand),
+ * 'watch', 'placed' (`placed`: the obstacles by hand), 'silence' (`isSilent`: it is open, and for a while there was no new tick),
  * 'frame' (`frame`: a function of a name to the numbers of that name).
  */
 export class Link extends Emitter {
@@ -36,6 +43,9 @@ export class Link extends Emitter {
   #wasOpen = false; // once, at least
   #failures = 0; // since then
   #echo = 0;
+  #time_s = NaN; // of the arm, in the last frame
+  #heard = 0; // when it was new [ms]
+  #silentLooks = 0;
 
   constructor() {
     super();
@@ -43,10 +53,15 @@ export class Link extends Emitter {
     this.#secret = location.hash.slice(1) || recall();
     if (location.hash) history.replaceState(null, '', location.pathname);
     setInterval(() => this.say('alive'), ALIVE_MS);
+    this.#look();
   }
 
   get isOpen() {
     return this.#socket?.readyState === WebSocket.OPEN;
+  }
+
+  get isSilent() {
+    return this.isOpen && this.#silentLooks >= SILENT_LOOKS;
   }
 
   get isOperator() {
@@ -64,10 +79,8 @@ export class Link extends Emitter {
     socket.onmessage = ({ data }) => (typeof data === 'string' ? this.#hear(JSON.parse(data)) : this.#see(data));
     socket.onclose = () => {
       this.you = 0;
-      const isLost = this.#wasOpen && this.#failures < FAILURES;
-      this.reason = isLost
-        ? 'The program has ended, or cannot be reached. If the arm still moves, use its own stop: this page cannot. Trying again …'
-        : (this.#wasOpen ? 'It has ended, or was started anew. ' : '') + REFUSED;
+      this.reason = !this.#wasOpen ? REFUSED : this.#failures < FAILURES ? LOST : UNREACHED;
+      this.#tellSilence(0);
       this.emit('close');
       if (!this.#wasOpen) return;
       setTimeout(() => this.open(), Math.min(AGAIN_MS * 2 ** this.#failures, LATEST_AGAIN_MS));
@@ -98,6 +111,19 @@ export class Link extends Emitter {
     this.#socket.send(message.buffer);
   }
 
+  /** A line that fails without a word leaves the last picture standing; so does a loop that hangs, whose last tick is sent again. */
+  #look() {
+    const isLate = this.frame !== undefined && performance.now() - this.#heard > SILENT_MS;
+    this.#tellSilence(this.isOpen && isLate ? this.#silentLooks + 1 : 0);
+    setTimeout(() => this.#look(), LOOK_MS);
+  }
+
+  #tellSilence(looks) {
+    const wasSilent = this.#silentLooks >= SILENT_LOOKS;
+    this.#silentLooks = looks;
+    if (looks >= SILENT_LOOKS !== wasSilent) this.emit('silence');
+  }
+
   #hear(message) {
     if (message.hello) {
       this.you = message.you;
@@ -105,6 +131,7 @@ export class Link extends Emitter {
       remember(message.session);
       this.#wasOpen = true;
       this.#failures = 0;
+      this.#heard = performance.now();
       this.emit('open');
     } else if (message.format) {
       const isFirst = this.live === null;
@@ -140,7 +167,14 @@ export class Link extends Emitter {
       const [at, count] = this.#fields.get(name);
       return numbers.subarray(at, at + count);
     };
-    if (this.live) this.emit('frame');
+    if (!this.live) return;
+    const [time_s] = this.frame('time_s');
+    if (time_s !== this.#time_s) {
+      this.#time_s = time_s;
+      this.#heard = performance.now();
+      this.#tellSilence(0);
+    }
+    this.emit('frame');
   }
 }
 

@@ -1,5 +1,5 @@
 import { unpackBlocks } from '../blocks.js';
-import { el } from '../dom.js';
+import { el, tellHeight } from '../dom.js';
 import { Emitter } from '../emitter.js';
 import { initTheme } from '../theme.js';
 import { Hand } from './hand.js';
@@ -11,15 +11,27 @@ import { Strips } from './strips.js';
 import { View } from './view.js';
 import { Headset } from './xr.js';
 
-const SILENT_MS = 1500;
-const SILENT = 'Nothing comes from the arm. What is seen here is old, and Stop may not arrive: use the arm\u2019s own stop.';
+const SAY_MS = 250;
+const SILENT = 'No data from the arm. The picture is old, and Stop may not get through: use the arm’s own stop.';
+const NO_CONNECTION = 'No connection: use the arm’s own stop.';
+const ENDED = 'The arm has been stopped, and the program has ended. What is seen here is how it was last.';
+const FAILED = 'The program has ended after a fault. If the arm still moves, use its own stop. What is seen here is how it was last.';
 
 const part = (id) => document.getElementById(id);
 const page = new Emitter();
+const link = new Link();
+let failure = ''; // of the page itself
+let hadFault = false; // of the arm
+let end = ''; // how the arm ended, as far as the program has told it
 
-function showMessage(text) {
-  part('message').textContent = text;
-  part('message').hidden = text === '';
+/** Says what is wrong with the line and with the page: all at one place, so that neither hides the other. */
+function tellTrouble() {
+  const line = link.isOpen ? (link.isSilent ? SILENT : '') : end || link.reason;
+  const text = [line, failure].filter(Boolean).join('\n');
+  const message = part('message');
+  if (message.textContent !== text) message.textContent = text;
+  message.hidden = text === '';
+  part('page').classList.toggle('lost', !link.isOpen || link.isSilent);
 }
 
 /** What the program says of its case, as the parts of the page want it. */
@@ -58,36 +70,21 @@ function createView(stage, run, hand) {
   return null;
 }
 
-async function begin(link) {
+async function begin() {
   const run = await readRun(link.live);
   if (run.title) document.title = `${run.title} – viable live`;
   const hand = new Hand(link, run.moves === 'joints' ? run.joints.length : 0);
   const stage = el('div', { class: 'stage' });
   const view = createView(stage, run, hand);
   const bar = new Bar(part('bar'), link, run, page);
+  tellHeight(part('bar'));
   const headset = view && new Headset(view, hand, link);
   if (view) part('view').append(viewHead(view, run, headset));
   part('view').append(stage);
   let panels = null;
-  // A line that fails without a word leaves the last picture standing: frames come all the while, also of an arm that is held.
-  let heard = performance.now();
-  let isSilent = false;
-  link.on('frame open', () => {
-    heard = performance.now();
-  });
-  setInterval(() => {
-    const wasSilent = isSilent;
-    isSilent = link.isOpen && panels !== null && performance.now() - heard > SILENT_MS;
-    if (isSilent && part('message').hidden) showMessage(SILENT);
-    if (isSilent === wasSilent || !link.isOpen) return;
-    part('page').classList.toggle('lost', isSilent);
-    if (isSilent) {
-      showMessage(SILENT);
-      headset?.say(SILENT);
-    } else if (part('message').textContent === SILENT) {
-      showMessage('');
-    }
-  }, SILENT_MS / 6);
+  // Also to who puts the headset on while the line is lost.
+  const sayInHeadset = () => headset?.say(!link.isOpen ? NO_CONNECTION : link.isSilent ? SILENT : (panels?.hand.text ?? ''));
+  setInterval(sayInHeadset, SAY_MS);
   const update = () => {
     const isAllowed = Boolean(run.moves) && link.isOperator && bar.state === 'running';
     hand.allow(isAllowed);
@@ -112,10 +109,11 @@ async function begin(link) {
       part('page').hidden = false;
     }
     bar.show(frame);
+    if (bar.state === 'stopped') end = hadFault ? FAILED : ENDED;
     update();
     view?.show(frame);
     panels.hand.show(frame, bar.state);
-    headset?.say(panels.hand.text);
+    sayInHeadset();
     panels.strips.rests = Boolean(view?.isWorn);
     panels.strips.add(frame);
     if (view?.isWorn) return;
@@ -124,30 +122,37 @@ async function begin(link) {
     panels.placed?.show(frame);
   });
   link.on('people close', update);
-  link.on('open close', () => {
-    part('page').classList.toggle('lost', !link.isOpen);
-    if (!link.isOpen && /^stop/.test(bar.state)) showMessage('The arm has been stopped, and the program has ended. What is seen here is how it was last.');
+  link.on('silence open close', () => {
+    panels?.hand.tellLine();
+    sayInHeadset();
   });
   page.on('theme', () => {
     view?.paint();
     panels?.strips.paint();
   });
-  window.viableLive = { link, hand, view }; // for scripts
+  window.viableLive = { link, hand, view, headset }; // for scripts
 }
 
 function start() {
   initTheme(() => page.emit('theme'));
-  const link = new Link();
-  link.on('live', () => begin(link).catch(explain));
-  link.on('open', () => showMessage(''));
+  link.on('live', () => begin().catch(explain));
+  link.on('open', () => {
+    end = '';
+  });
+  link.on('event', () => {
+    hadFault ||= link.event.asker === 'fault';
+  });
   link.on('close', () => {
     part('loading').hidden = true;
-    showMessage(link.reason);
   });
+  link.on('open close silence', tellTrouble);
   link.open();
 }
 
-const explain = (error) => showMessage(`A part of this page does not work: ${error?.message ?? error}`);
+function explain(error) {
+  failure = `A part of this page does not work: ${error?.message ?? error}`;
+  tellTrouble();
+}
 addEventListener('error', (event) => explain(event.error ?? event.message));
 addEventListener('unhandledrejection', (event) => explain(event.reason));
 start();

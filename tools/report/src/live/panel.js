@@ -1,4 +1,4 @@
-import { el, iconButton, swatch } from '../dom.js';
+import { el, freeKeys, iconButton, swatch } from '../dom.js';
 import { fixed, number } from '../format.js';
 import { limitColour } from '../theme.js';
 import { themeButton } from '../theme_button.js';
@@ -22,25 +22,24 @@ const ASKERS = {
 const HANDS = ['Ready.', 'Moving', 'Held: no fresh message.', 'Refused'];
 const REFUSALS = [
   '',
-  'a number was no number',
-  'the hand was lost, the page was not seen, or the line is slower than 0.5 s',
+  'a value was not a number',
+  'the hand was lost, the page was not seen, or the connection is more than 0.5 s late',
   'the hand jumped',
-  'no message for half a second',
+  'nothing fresh for half a second: the connection is too slow, or broke',
   'the arm was held meanwhile',
 ];
-const NOT_FOLLOWED = 'Not followed: the line to the arm is slower than 0.2 s.';
+const NOT_FOLLOWED = 'The arm does not follow: the connection is more than 0.2 s late.';
+const NAMED_MS = 500; // a limit that acted is named for so long: the note looks at one tick of each PERIOD_MS
 const PATIENCE_MS = 500; // from a press until it is told that the arm does not follow
 const PERIOD_MS = 100;
 
 const nameOf = (limit) => limit.replace('_', ' ').replace('clearance lower', 'clearance');
 
-/** The limits that act, each once. */
-const actingNames = (frame) => [...new Set(limitsOf(frame).filter(Boolean).map(nameOf))];
-
 /** The head: what is run, its state, and what can be asked of it. */
 export class Bar {
   #state = '';
   #recorded = 0; // the number of the take; 0: none
+  #invitation = null; // the dialog
 
   constructor(host, link, run, page) {
     this.link = link;
@@ -68,18 +67,20 @@ export class Bar {
         el('h1', { text: run.title || 'A live arm' }),
         el('p', { class: 'origin', text: [run.robot, run.case].filter(Boolean).join(' · ') }),
       ),
-      this.pill,
       this.people,
       this.asker,
       this.recorded,
       el('span', { class: 'push' }),
-      el('span', { class: 'buttons acts' }, run.moves ? this.take : null, this.start, this.pause, this.stop, this.record),
+      el('span', { class: 'buttons acts' }, run.moves ? this.take : null, this.start, this.pause, this.stop, this.record, this.pill),
       el('span', { class: 'buttons' }, this.invite, themeButton(page)),
     );
-    link.on('people open close event', () => this.#update());
+    link.on('people open close silence event', () => this.#update());
     link.on('invitation', () => link.say('watch'));
     link.on('watch', () => this.#showInvitation());
     this.run = run;
+    addEventListener('keydown', ({ key }) => {
+      if (key === 'Escape') this.#invitation?.close(); // by itself only a dialog that locks the page does
+    });
     // Space brakes, whatever has the focus: nothing is written on this page, and a button in focus is not pressed.
     for (const kind of ['keydown', 'keyup'])
       addEventListener(
@@ -110,34 +111,38 @@ export class Bar {
   #update() {
     const { link } = this;
     const state = link.isOpen ? this.#state : 'lost';
-    this.pill.className = `pill ${state}`;
-    this.pill.textContent = state === 'lost' ? 'No connection' : (STATE_TEXTS[state] ?? '');
+    const text = STATE_TEXTS[state] ?? '';
+    this.pill.className = `pill ${link.isSilent ? 'lost' : state}`;
+    this.pill.textContent = state === 'lost' ? 'No connection' : link.isSilent ? `No data (last: ${text.split(':')[0]})` : text;
     const isOf = state === link.event?.event && state !== 'running';
     this.asker.textContent = isOf ? (ASKERS[link.event.asker] ?? '') : '';
     const { operator, people } = link.people;
     this.take.textContent = link.isOperator ? 'Let go of control' : operator === null ? 'Take control' : 'Take over';
     this.take.setAttribute('aria-pressed', String(link.isOperator));
     const isOver = state === 'stopping' || state === 'stopped' || state === 'lost';
-    this.take.disabled = isOver;
+    // What is pressed while the line is silent takes effect whenever it recovers: only what brakes may.
+    this.take.disabled = isOver || link.isSilent;
     const mayOperate = !this.run.moves || link.isOperator;
-    this.start.disabled = isOver || state === 'running' || !mayOperate;
+    this.start.disabled = isOver || link.isSilent || state === 'running' || !mayOperate;
     const hasTicks = state !== 'stopped' && state !== 'lost';
     const isRecording = hasTicks && this.#recorded > 0;
-    this.record.disabled = !hasTicks || !mayOperate;
+    this.record.disabled = !hasTicks || link.isSilent || !mayOperate;
     this.record.setAttribute('aria-pressed', String(isRecording));
     this.recorded.textContent = isRecording ? `Recording take ${this.#recorded}` : '';
     this.pause.disabled = state !== 'running';
     this.stop.disabled = isOver;
     this.invite.disabled = state === 'lost';
     const whose = link.isOperator ? 'You operate' : operator === null ? 'Nobody operates' : 'Another page operates';
-    this.people.textContent = [this.run.moves && !isOver ? whose : '', people > 1 ? `${people} pages` : ''].filter(Boolean).join(', ');
+    this.people.textContent = [this.run.moves && !isOver ? whose : '', people > 1 && state !== 'lost' ? `${people} pages open` : ''].filter(Boolean).join(', ');
   }
 
+  /** Beside Stop and not above it, and the page is not locked meanwhile. */
   #showInvitation() {
+    this.#invitation?.remove();
     const field = el('input', { readonly: true, value: this.link.invitation, 'aria-label': 'Address' });
     const dialog = el(
       'dialog',
-      { 'aria-label': 'An address for one more browser' },
+      { class: 'invitation', 'aria-label': 'An address for one more browser' },
       el('h2', { text: 'For one more browser' }),
       el('p', { class: 'hint', text: 'This address lets one browser in, once. Whoever is in may take control.' }),
       field,
@@ -146,8 +151,9 @@ export class Bar {
       el('form', { method: 'dialog' }, el('button', { text: 'Close' })),
     );
     dialog.addEventListener('close', () => dialog.remove());
+    this.#invitation = dialog;
     document.body.append(dialog);
-    dialog.showModal();
+    dialog.show();
     field.select();
   }
 }
@@ -200,8 +206,7 @@ export class HandPanel {
         output.textContent = `${hand.scale.toFixed(1)} ×`;
       },
     });
-    // With a mouse the arrow keys are for the tool again at once.
-    scale.addEventListener('pointerup', () => scale.blur());
+    freeKeys(scale);
     const part = el(
       'select',
       {
@@ -275,6 +280,7 @@ export class HandPanel {
   }
 
   #q = [];
+  #acted = new Map(); // a limit: when it acted last [ms]
 
   get text() {
     return this.note.textContent;
@@ -293,30 +299,51 @@ export class HandPanel {
     });
   }
 
+  /** Says so where the picture is old; the next frame that counts replaces it. */
+  tellLine() {
+    const { link } = this;
+    if (link.isOpen && !link.isSilent) return;
+    this.note.textContent = `${link.isOpen ? 'No data' : 'No connection'}: the picture is old`;
+    this.note.dataset.hand = '3';
+    this.note.classList.remove('limited');
+  }
+
+  /** The limits that have acted of late, while the hand moves the arm. */
+  #keepActing(frame, isMoving) {
+    const now = performance.now();
+    for (const limit of isMoving ? limitsOf(frame).filter(Boolean) : []) this.#acted.set(limit, now);
+    for (const [limit, at] of this.#acted) if (now - at > NAMED_MS || !isMoving) this.#acted.delete(limit);
+  }
+
   show(frame, state) {
     this.#q = [...frame('q')];
     if (this.sliders && !this.hand.isPressed) this.#placeSliders(frame);
     for (const slider of this.sliders ?? []) slider.disabled = !(state === 'running' && this.link.isOperator);
-    if (performance.now() - this.last < PERIOD_MS) return;
-    this.last = performance.now();
-    if (!this.run.moves) return;
     const [hand, refusal] = [frame('hand')[0], frame('refusal')[0]];
     const isRunning = state === 'running';
+    this.#keepActing(frame, isRunning && hand === 1);
+    if (this.link.isSilent || performance.now() - this.last < PERIOD_MS) return;
+    this.last = performance.now();
+    if (!this.run.moves) {
+      this.note.textContent = '';
+      return;
+    }
+    const acting = [...this.#acted.keys()];
     if (!this.hand.isPressed || hand !== 0) this.unheardSince = performance.now();
     let text = '';
     if (state === 'armed') text = this.link.isOperator ? 'Press Start: the arm is held.' : 'Take control, then Start.';
     else if (state === 'stopping') text = 'The arm brakes to rest, and the program ends.';
     else if (isRunning && !this.link.isOperator) text = 'You watch. Take control to move the arm.';
     else if (isRunning && hand === 3) text = `${HANDS[hand]}: ${REFUSALS[refusal] ?? ''}. Let go and press again.`;
-    else if (isRunning && hand === 1) text = [HANDS[hand], actingNames(frame).join(', ')].filter(Boolean).join(', held back by ');
+    else if (isRunning && hand === 1) text = [HANDS[hand], [...new Set(acting.map(nameOf))].join(', ')].filter(Boolean).join(', held back by ');
     else if (isRunning && performance.now() - this.unheardSince > PATIENCE_MS) text = NOT_FOLLOWED;
     else if (isRunning) text = HANDS[hand] ?? '';
     if (this.note.textContent !== text) this.note.textContent = text;
     const isMine = isRunning && this.link.isOperator;
     this.note.dataset.hand = !isMine ? '' : text === NOT_FOLLOWED ? '2' : String(hand);
-    const acting = isMine && hand === 1 ? limitsOf(frame).find(Boolean) : null;
-    this.note.classList.toggle('limited', Boolean(acting));
-    if (acting) this.note.style.setProperty('--key', limitColour(acting));
+    const isLimited = isMine && acting.length > 0;
+    this.note.classList.toggle('limited', isLimited);
+    if (isLimited) this.note.style.setProperty('--key', limitColour(acting[0]));
   }
 }
 

@@ -1,6 +1,6 @@
 import { Group, Mesh, MeshStandardMaterial, Vector3 } from 'three';
 import { TransformControls } from 'three/examples/jsm/controls/TransformControls.js';
-import { el } from '../dom.js';
+import { el, freeKeys } from '../dom.js';
 import { fixed } from '../format.js';
 import { readShape } from '../scene.js';
 import { colours } from '../theme.js';
@@ -49,7 +49,7 @@ export class Placed {
       type: 'range', min: SIZES_M[0], max: SIZES_M[1], step: 0.01, 'aria-label': 'Size',
       oninput: () => this.#resize(Number(this.size.value)),
     });
-    this.size.addEventListener('pointerup', () => this.size.blur()); // the arrow keys are for the tool
+    freeKeys(this.size);
     host.append(
       el('div', { class: 'card-head' }, el('h2', { text: 'Obstacles by hand' })),
       el('div', { class: 'buttons' }, ...this.buttons),

@@ -300,6 +300,7 @@ export class View {
     if (this.took < SLOW_MS || this.#ratio <= LEAST_RATIO) return;
     this.#ratio = Math.max(LEAST_RATIO, this.#ratio * 0.8);
     this.#resize();
+    if (!this.#eye) this.#draw(); // a canvas whose size changes is empty until then
   }
 
   /**

@@ -18,6 +18,7 @@ const AWAY_M = 0.3; // from the arm's reach
 const NEAR_M = 0.05;
 const FAR_M = 50;
 const RUMBLE_MS = 100;
+const LINE_PX = 60;
 /** From the room's axes (x right, y up, z backwards) to the base's (x forward, y left, z up). */
 const TO_BASE = new Matrix4().makeBasis(new Vector3(0, -1, 0), new Vector3(0, 0, 1), new Vector3(-1, 0, 0));
 
@@ -93,6 +94,11 @@ export class Headset {
   /** What the operator must know, in the headset too. */
   say(text) {
     if (this.#session) this.#note.write(text);
+  }
+
+  /** What it was told last. */
+  get text() {
+    return this.#note.text;
   }
 
   #leave() {
@@ -200,36 +206,47 @@ export class Headset {
   }
 }
 
-/** A line of text above the arm. */
+/** A line of text above the arm, or two. */
 class Note {
-  #text = '';
-  #canvas = el('canvas', { width: 1024, height: 96 });
+  text = '';
+  #canvas = el('canvas', { width: 1280, height: 2 * LINE_PX + 32 });
   #texture = new CanvasTexture(this.#canvas);
   sprite = new Sprite(new SpriteMaterial({ map: this.#texture, depthTest: false, transparent: true }));
 
   constructor() {
-    this.sprite.scale.set(1.024, 0.096, 1);
+    this.sprite.scale.set(this.#canvas.width / 1000, this.#canvas.height / 1000, 1);
     this.sprite.renderOrder = 9;
   }
 
   write(text) {
-    if (text === this.#text) return;
-    this.#text = text;
+    if (text === this.text) return;
+    this.text = text;
     const { width, height } = this.#canvas;
     const context = this.#canvas.getContext('2d');
     context.clearRect(0, 0, width, height);
     if (text) {
       context.font = font(44);
-      const half = Math.min(width / 2, context.measureText(text).width / 2 + 24);
+      const widthOf = (line) => context.measureText(line).width;
+      const lines = widthOf(text) <= width - 48 ? [text] : halve(text, widthOf);
+      const half = Math.min(width / 2, Math.max(...lines.map(widthOf)) / 2 + 24);
+      const top = (height - lines.length * LINE_PX) / 2;
       context.fillStyle = colours.surface;
       context.globalAlpha = 0.85;
-      context.fillRect(width / 2 - half, 8, 2 * half, height - 16);
+      context.fillRect(width / 2 - half, top - 8, 2 * half, lines.length * LINE_PX + 16);
       context.globalAlpha = 1;
       context.fillStyle = colours.text;
       context.textAlign = 'center';
       context.textBaseline = 'middle';
-      context.fillText(text, width / 2, height / 2, width - 24);
+      lines.forEach((line, i) => context.fillText(line, width / 2, top + (i + 0.5) * LINE_PX, width - 24));
     }
     this.#texture.needsUpdate = true;
   }
+}
+
+/** A text in two lines that are about as long. */
+function halve(text, widthOf) {
+  const words = text.split(' ');
+  const ways = words.slice(1).map((_, i) => [words.slice(0, i + 1).join(' '), words.slice(i + 1).join(' ')]);
+  const longest = (lines) => Math.max(...lines.map(widthOf));
+  return ways.reduce((best, way) => (longest(way) < longest(best) ? way : best), [text]);
 }

@@ -1,4 +1,4 @@
-import { caseStyle, el, swatch } from '../dom.js';
+import { caseStyle, el, swatch, tellHeight } from '../dom.js';
 import { themeButton } from '../theme_button.js';
 import { isOk, OUTSIDE, prettyStatus, severity } from './data.js';
 
@@ -111,8 +111,7 @@ export function fillToolbar(host, state) {
     el('span', { class: 'buttons' }, themeButton(state)),
   );
   if (sweep.rows === 0) host.querySelector('select')?.setAttribute('disabled', '');
-  const root = document.documentElement;
-  new ResizeObserver(() => root.style.setProperty('--toolbar-height', `${host.offsetHeight}px`)).observe(host);
+  tellHeight(host);
 }
 
 function caseToggles(state) {
