@@ -380,7 +380,12 @@ int goLive(const LiveArguments& arguments) {
     for (const std::string& refusal : session.timing().refusals)
         std::fprintf(stderr, "%s: %s\n", session.timing().isRealTime ? "real time, but" : "not real time",
                      refusal.c_str());
-    attend(session, page.get(), plan.robot.jointNames());
+    try {
+        attend(session, page.get(), plan.robot.jointNames());
+    } catch (...) {
+        session.stop(LiveAsker::Program);  // before the page says goodbye to its viewers, which takes time
+        throw;
+    }
     page.reset();
     std::vector<CaseResult> results;
     results.push_back(session.finish());

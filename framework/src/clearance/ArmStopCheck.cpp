@@ -36,7 +36,8 @@ ArmStopCheck::ArmStopCheck(const RobotDescription& robot, const ArmGeometry* geo
       found_(elements_.size()),
       order_(elements_.size()),
       failedAt_(elements_.size()),
-      profile_(elements_.size()) {
+      profile_(elements_.size()),
+      near_(elements_.size()) {
     beginTick();
 }
 
@@ -45,7 +46,7 @@ ArmStopCheck::Result ArmStopCheck::makeResult() const {
     result.seen.assign(elements_.size(), kInfinity);
     result.proven = result.seen;
     result.profile.resize(elements_.size());
-    result.near.reserve(elements_.size());
+    result.near.resize(elements_.size());
     result.torque.proven = JointVector::Constant(n_, kInfinity);
     return result;
 }
@@ -155,6 +156,8 @@ bool ArmStopCheck::isKnown(std::size_t e, const Demands& demands) {
     profile_[e] = profile;
     profile_[e].begin_s -= static_cast<double>(source_->begin) * tick_s_;
     profile_[e].lost = lost;
+    near_[e] = source_->result.near[e];
+    near_[e].time_s -= static_cast<double>(source_->begin) * tick_s_;
     return true;
 }
 
@@ -264,17 +267,17 @@ void ArmStopCheck::examineWith(const ArmPath& path, double time_s, const Demands
     torque_.scan(path, extremes_, demands.torqueUse, lastTorque, neighbours.data(), known.count, result.torque);
     result.nearest = {};
     if (known.count == 0 || result.isGood()) findNearest(demands, result);
-    result.near.clear();
     for (std::size_t e = 0; e < elements_.size(); ++e) {
-        if (isLooked_[e] && places_[e].isSeen())
-            result.near.push_back({static_cast<int>(e), motion_.calcTime(places_[e].sample), places_[e]});
         result.seen[e] = found_[e].all.seen;
         result.proven[e] = found_[e].all.proven;
         if (result.nearest.isKnown) result.nearest.distance = std::min(result.nearest.distance, result.proven[e]);
-        if (isLooked_[e])
+        if (isLooked_[e]) {
             result.profile[e] = {found_[e].parts, 0.0, path.duration(), 0.0};
-        else
+            result.near[e] = {places_[e], motion_.calcTime(places_[e].sample)};
+        } else {
             result.profile[e] = profile_[e];
+            result.near[e] = near_[e];
+        }
     }
 }
 
@@ -317,37 +320,59 @@ Clearance ArmStopCheck::getNearest(int e) const {
             getLink(element.second), place.onFirst,  place.onSecond};
 }
 
-void ArmStopCheck::addRows(const JointVector& jerk, const ArmPath& other, const JointVector& otherJerk,
-                           const Demands& demands, RowQp::Rows& rows) {
-    const StopPair stops{*path_, jerk, other, otherJerk};
-    // The nearest first, should there be no room for all.
+/** The nearest first, should there be no room for all.
+@param calcRoom  of an element [m]; infinite: it is left out */
+template <class Room, class Use>
+void ArmStopCheck::forNearest(const Room& calcRoom, const Use& use) const {
     double above = -kInfinity;
     for (int k = 0; k < kMostClearanceRows; ++k) {
         std::size_t next = elements_.size();
-        double missing = kInfinity;
+        double least = kInfinity;
         for (std::size_t e = 0; e < elements_.size(); ++e) {
-            const double room = places_[e].distance - demands.ahead[e];
-            if (room < 0.0 && room > above && room < missing) {
-                missing = room;
-                next = e;
-            }
+            const double room = calcRoom(e);
+            if (!(room > above && room < least)) continue;
+            least = room;
+            next = e;
         }
-        if (next == elements_.size()) break;
-        above = missing;
-        const ElementDistance::Place& place = places_[next];
-        rows_.addClearance(place, elements_[next], motion_.getFrames(place.sample), motion_.calcTime(place.sample),
-                           demands.ahead[next], stops, rows);
+        if (next == elements_.size()) return;
+        above = least;
+        use(next);
     }
+}
+
+void ArmStopCheck::addRows(const JointVector& jerk, const ArmPath& other, const JointVector& otherJerk,
+                           const Demands& demands, RowQp::Rows& rows) {
+    const StopPair stops{*path_, jerk, other, otherJerk};
+    forNearest(
+        [&](std::size_t e) {
+            const double room = places_[e].distance - demands.ahead[e];
+            return room < 0.0 ? room : kInfinity;
+        },
+        [&](std::size_t e) {
+            const int sample = places_[e].sample;
+            rows_.addClearance(places_[e], elements_[e], motion_.getFrames(sample), motion_.calcTime(sample),
+                               demands.ahead[e], stops, rows);
+        });
     for (int k = 0; k < torque_.faultCount(); ++k) rows_.addTorque(torque_.fault(k), demands.torqueUse, stops, rows);
     speed_.addRows(stops, demands.speed, rows);
     people_.addRows(stops, demands.people, rows);
 }
 
-void ArmStopCheck::addForeseenRows(const Result& found, double since_s, const StopPair& stops, const Demands& demands,
+bool ArmStopCheck::addForeseenRows(const Result& found, double since_s, const StopPair& stops, const Demands& demands,
                                    RowQp::Rows& rows) {
-    for (const Near& near : found.near)
-        rows_.addForeseen(near.place, elements_[static_cast<std::size_t>(near.element)], near.time_s - since_s,
-                          demands.ahead[static_cast<std::size_t>(near.element)], stops, rows);
+    bool isAnyBroken = false;
+    forNearest(
+        [&](std::size_t e) {
+            const Near& near = found.near[e];
+            const bool isAhead = near.place.isSeen() && near.time_s > since_s && near.place.distance < demands.far[e];
+            return isAhead ? near.place.distance - demands.ahead[e] : kInfinity;
+        },
+        [&](std::size_t e) {
+            const Near& near = found.near[e];
+            isAnyBroken |=
+                !rows_.addForeseen(near.place, elements_[e], near.time_s - since_s, demands.ahead[e], stops, rows);
+        });
+    return isAnyBroken;
 }
 
 void ArmStopCheck::measurePeople(const ArmPath& path, PeopleCheck::Result& result) {

@@ -67,11 +67,10 @@ public:
         /** Between two times, for a path from which the element is no farther than `apart`. */
         bisection::Bounds find(double from_s, double to_s, double apart) const;
     };
-    /** Where an element was nearest, at a time of the path. */
+    /** Where an element was nearest when it was looked at last; a path that was not looked at there can be a little off. */
     struct Near {
-        int element;
-        double time_s;
         ElementDistance::Place place;
+        double time_s = 0.0;  ///< in that of the path, < 0: it is over
     };
     /** What came of a look at a path. */
     struct Result {
@@ -85,7 +84,7 @@ public:
         all times [m]. */
         std::vector<double> seen, proven;
         std::vector<Profile> profile;
-        std::vector<Near> near;  ///< of the elements that were looked at closely
+        std::vector<Near> near;
         /** Only of a path that is good: where it was seen nearest; the distance is a lower bound for all of the path. */
         Clearance nearest;
     };
@@ -119,11 +118,11 @@ public:
     @param other  another path from the same state, with `otherJerk`: how the stops move with the jerk is their difference */
     void addRows(const JointVector& jerk, const ArmPath& other, const JointVector& otherJerk, const Demands& demands,
                  RowQp::Rows& rows);
-    /** Rows for clearances as addRows(), of what was found of a path before it is examined again: only those that the proposed jerk
-    would break.
+    /** Rows for clearances as addRows(), of what was found of a path before it is examined again: for all elements that are near.
     @param found     of a path of which `stops.path` is left, `since_s` later
-    @param stops     from the state now, with the jerk of that path, and the proposed one */
-    void addForeseenRows(const Result& found, double since_s, const StopPair& stops, const Demands& demands,
+    @param stops     from the state now, with the jerk of that path, and another one
+    @return          whether the other one breaks any of them */
+    bool addForeseenRows(const Result& found, double since_s, const StopPair& stops, const Demands& demands,
                          RowQp::Rows& rows);
     /** Of what the last examine() found not to be good, with mustBeGood: the joint that, with the jerk of the other path, would
     mend most of it, to first order; -1: none would. */
@@ -161,6 +160,8 @@ private:
     bool look(std::size_t e, const Demands& demands, bool mustBeGood);
     bool hasBudget() const { return distances_ > 0; }
     void findNearest(const Demands& demands, Result& result);
+    template <class Room, class Use>
+    void forNearest(const Room& calcRoom, const Use& use) const;
 
     int n_;
     std::vector<LinkCapsule> capsules_;
@@ -189,6 +190,7 @@ private:
     std::vector<std::size_t> order_;              ///< of the elements: what failed in this tick first
     std::vector<int> failedAt_;     ///< of each element the sample of its last failure in this tick; -1: none
     std::vector<Profile> profile_;  ///< of each element that is not looked at
+    std::vector<Near> near_;        ///< the same
 };
 
 }  // namespace viable::detail

@@ -45,18 +45,17 @@ void SteeringRows::addClearance(const ElementDistance::Place& place, const ArmEl
     add(row, bound - place.distance + row.dot(stops.jerk), rows);
 }
 
-void SteeringRows::addForeseen(const ElementDistance::Place& place, const ArmElement& element, double t_s, double bound,
+bool SteeringRows::addForeseen(const ElementDistance::Place& place, const ArmElement& element, double t_s, double bound,
                                const StopPair& stops, RowQp::Rows& rows) const {
-    if (!(t_s > 0.0)) return;
     JointVector q;
     stops.path.calcPositions(std::min(t_s, stops.path.duration()), q);
     ArmRecursion::Frames frames;
     arm_.calcFrames(q, frames);
     const int before = rows.count;
     addClearance(place, element, frames, t_s, bound, stops, rows);
-    if (rows.count == before) return;
+    if (rows.count == before) return true;
     const auto last = static_cast<std::size_t>(before);
-    if (rows.normal[last].dot(stops.otherJerk) >= rows.bound[last]) --rows.count;
+    return rows.normal[last].dot(stops.otherJerk) >= rows.bound[last];
 }
 
 void SteeringRows::addTorque(const TorqueScan::Fault& fault, double torqueUse, const StopPair& stops,

@@ -35,10 +35,10 @@ public:
     void addClearance(const ElementDistance::Place& place, const ArmElement& element,
                       const ArmRecursion::Frames& frames, double t_s, double bound, const StopPair& stops,
                       RowQp::Rows& rows) const;
-    /** The same, where the stop is one that was looked at before and is already under way; only if the other one's jerk would
-    not keep it.
-    @param t_s  of the place, from now on; where that is over nothing is added */
-    void addForeseen(const ElementDistance::Place& place, const ArmElement& element, double t_s, double bound,
+    /** The same, where the stop is one that was looked at before and is already under way.
+    @param t_s  of the place, from now on; > 0
+    @return     whether the other stop's jerk keeps it */
+    bool addForeseen(const ElementDistance::Place& place, const ArmElement& element, double t_s, double bound,
                      const StopPair& stops, RowQp::Rows& rows) const;
     /** Brings a torque of the stop back to `torqueUse` of its limit, by the accelerations there. */
     void addTorque(const TorqueScan::Fault& fault, double torqueUse, const StopPair& stops, RowQp::Rows& rows) const;

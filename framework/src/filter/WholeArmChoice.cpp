@@ -246,14 +246,13 @@ const JointMatrix* WholeArmChoice::chooseMetric(const Dynamics& dynamics, const 
 seen of that a tick ago tells so to first order, without a look. False: none would. */
 bool WholeArmChoice::foresee(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,
                              const JointVector& desired) {
-    if (stored_.near.empty()) return false;
     setStoredPath(nominal);
     findStops(proposed_);
     path_.set(nominal, proposed_, stops_, tick_s_);
     rows_.clear();
-    check_.addForeseenRows(stored_, static_cast<double>(ticksOnPath_) * tick_s_,
-                           {storedPath_, storedJerk_, path_, proposed_}, demands_.get(), rows_);
-    if (rows_.count == 0) return false;
+    if (!check_.addForeseenRows(stored_, static_cast<double>(ticksOnPath_) * tick_s_,
+                                {storedPath_, storedJerk_, path_, proposed_}, demands_.get(), rows_))
+        return false;
     check_.addTickRows(dynamics, nominal.qdd, demands_.get().torqueUse, lastTorque_, rows_);
     braking_.propose(chooseMetric(dynamics, metric), desired, &rows_, steered_);
     return true;
@@ -276,6 +275,10 @@ void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics,
         keepBest(from);
         return;
     }
+    // What was foreseen is to first order.
+    if (!hasBest_ && !hasRows && steered_ != proposed_ && braking_.isAdmissible(proposed_) &&
+        isGood(nominal, proposed_, false))
+        keepBest(proposed_);
     for (int k = 0; k < kRetreats && !hasBest_; ++k) {
         from = (from + storedJerk_) / 2.0;
         if (braking_.isAdmissible(from) && isGood(nominal, from, false)) keepBest(from);

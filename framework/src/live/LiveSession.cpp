@@ -297,7 +297,8 @@ void LiveSession::work() {
     hasEntered_.store(true, std::memory_order_release);
     if (!failure_) makeTicks();
     running_.loop().letGoOfPlant();  // now: a robot that hears nothing for long takes it for a fault
-    changeTo(LiveState::Stopped, state_ == LiveState::Stopping ? LiveAsker::Program : LiveAsker::Fault);
+    const bool hasBraked = state_ == LiveState::Stopping && !running_.loop().hasFailed();
+    changeTo(LiveState::Stopped, hasBraked ? LiveAsker::Program : LiveAsker::Fault);
     publish();
     hasEnded_.store(true, std::memory_order_release);
 }

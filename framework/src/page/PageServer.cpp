@@ -766,15 +766,15 @@ void PageServer::Impl::stop() {
         error_code ignored;
         acceptor_.close(ignored);
         retry_.cancel();
-        for (Connection* connection : std::set(connections_)) connection->close();
-        for (Watcher* watcher : std::set(watchers_)) watcher->close();
-        for (Viewer* viewer : std::set(sockets_)) viewer->finish();
-        if (sockets_.empty()) return;
-        goodbye_.expires_after(toMilliseconds(kGoodbye_s));
+        goodbye_.expires_after(toMilliseconds(kGoodbye_s));  // first: what comes next may run out of memory
         goodbye_.async_wait([this](error_code error) {
             if (error) return;
             for (Viewer* viewer : std::set(sockets_)) viewer->close();
         });
+        for (Connection* connection : std::set(connections_)) connection->close();
+        for (Watcher* watcher : std::set(watchers_)) watcher->close();
+        for (Viewer* viewer : std::set(sockets_)) viewer->finish();
+        if (sockets_.empty()) goodbye_.cancel();
     });
 }
 

@@ -203,23 +203,25 @@ TEST(ArmStopCheck, WhatAnotherJerkWouldBreakIsForeseen) {
             examine(otherPath, static_cast<double>(ticks) * kTick_s, after);
             for (std::size_t e = 0; e < elements; ++e) {
                 if (!(found.seen[e] < kAhead_m && found.seen[e] > 0.005 && after.seen[e] < kAhead_m)) continue;
-                // Rows of this element alone, by what is asked of it.
-                const auto foresee = [&](double ahead) {
+                // Of this element alone, by what is asked of it.
+                RowQp::Rows rows;
+                const auto isBroken = [&](double ahead) {
                     ArmStopCheck::Demands asked = demands;
                     std::fill(asked.ahead.begin(), asked.ahead.end(), -kInfinity);
                     asked.ahead[e] = ahead;
-                    RowQp::Rows rows;
-                    check.addForeseenRows(found, static_cast<double>(ticks) * kTick_s,
-                                          {nowPath, now.jerk, otherPath, other.jerk}, asked, rows);
-                    return rows;
+                    rows.clear();
+                    return check.addForeseenRows(found, static_cast<double>(ticks) * kTick_s,
+                                                 {nowPath, now.jerk, otherPath, other.jerk}, asked, rows);
                 };
-                const RowQp::Rows first = foresee(1.0), second = foresee(2.0);
-                if (first.count == 0) continue;  // the place is passed
-                ASSERT_EQ(first.count, 1);
-                const double size = 1.0 / (second.bound[0] - first.bound[0]);
-                const double foreseen = 1.0 + size * (first.normal[0].dot(other.jerk) - first.bound[0]);
-                EXPECT_EQ(foresee(foreseen + 1e-9).count, 1);
-                EXPECT_EQ(foresee(foreseen - 1e-9).count, 0);
+                if (!isBroken(1.0)) continue;  // the place is passed
+                ASSERT_EQ(rows.count, 1);
+                const double bound = rows.bound[0];
+                EXPECT_TRUE(isBroken(2.0));
+                const double size = 1.0 / (rows.bound[0] - bound);
+                const double foreseen = 1.0 + size * (rows.normal[0].dot(other.jerk) - bound);
+                EXPECT_TRUE(isBroken(foreseen + 1e-9));
+                EXPECT_FALSE(isBroken(foreseen - 1e-9));
+                EXPECT_EQ(rows.count, 1);  // for what other jerks than that would break
                 change += std::pow(after.seen[e] - found.seen[e], 2);
                 error += std::pow(after.seen[e] - foreseen, 2);
                 ++count;

@@ -83,10 +83,10 @@ async function begin() {
   part('view').append(stage);
   let panels = null;
   // Also to who puts the headset on while the line is lost.
-  const sayInHeadset = () => headset?.say(!link.isOpen ? NO_CONNECTION : link.isSilent ? SILENT : (panels?.hand.text ?? ''));
+  const sayInHeadset = () => headset?.say(!link.isOpen ? end || NO_CONNECTION : link.isSilent ? SILENT : (panels?.hand.text ?? ''));
   setInterval(sayInHeadset, SAY_MS);
   const update = () => {
-    const isAllowed = Boolean(run.moves) && link.isOperator && bar.state === 'running';
+    const isAllowed = Boolean(run.moves) && link.isOperator && bar.state === 'running' && !link.isSilent;
     hand.allow(isAllowed);
     view?.allowDrag(isAllowed && run.moves === 'tool');
   };
@@ -121,7 +121,7 @@ async function begin() {
     panels.times.show(frame);
     panels.placed?.show(frame);
   });
-  link.on('people close', update);
+  link.on('people close silence', update);
   link.on('silence open close', () => {
     panels?.hand.tellLine();
     sayInHeadset();

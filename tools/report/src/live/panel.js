@@ -318,7 +318,7 @@ export class HandPanel {
   show(frame, state) {
     this.#q = [...frame('q')];
     if (this.sliders && !this.hand.isPressed) this.#placeSliders(frame);
-    for (const slider of this.sliders ?? []) slider.disabled = !(state === 'running' && this.link.isOperator);
+    for (const slider of this.sliders ?? []) slider.disabled = !(state === 'running' && this.link.isOperator && !this.link.isSilent);
     const [hand, refusal] = [frame('hand')[0], frame('refusal')[0]];
     const isRunning = state === 'running';
     this.#keepActing(frame, isRunning && hand === 1);
