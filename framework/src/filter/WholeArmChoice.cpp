@@ -181,9 +181,8 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
         steered_ = proposed_;
         const bool hasForeseen = steers && foresee(nominal, dynamics, metric, desired);
         if (hasForeseen) reason = LimitKind::Clearance;
-        // Where jerks that are steered already come too near, others beside rows seldom do better, and rows cost a complete look;
-        // but speeds and people are not foreseen.
-        const bool wantsRows = steers && (!hasForeseen || keepsSpeeds() || keepsApart());
+        // Where jerks that are steered already are not good, others beside rows seldom do better, and rows cost a complete look.
+        const bool wantsRows = steers && !hasForeseen;
         if (isGood(nominal, steered_, wantsRows)) keepBest(steered_);
         const ArmStopCheck::Result& first = hasBest_ ? best_ : trial_;
         const bool hasRows = steers && (wantsRows || first.isClear);
