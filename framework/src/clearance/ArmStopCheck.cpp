@@ -158,6 +158,7 @@ bool ArmStopCheck::isKnown(std::size_t e, const Demands& demands) {
     profile_[e].lost = lost;
     near_[e] = source_->result.near[e];
     near_[e].time_s -= static_cast<double>(source_->begin) * tick_s_;
+    near_[e].place.distance -= apart_m_;
     return true;
 }
 
@@ -325,17 +326,21 @@ Clearance ArmStopCheck::getNearest(int e) const {
 template <class Room, class Use>
 void ArmStopCheck::forNearest(const Room& calcRoom, const Use& use) const {
     double above = -kInfinity;
+    std::size_t last = elements_.size();
     for (int k = 0; k < kMostClearanceRows; ++k) {
         std::size_t next = elements_.size();
         double least = kInfinity;
         for (std::size_t e = 0; e < elements_.size(); ++e) {
             const double room = calcRoom(e);
-            if (!(room > above && room < least)) continue;
+            const bool isLeft =
+                room > above || (room == above && e > last);  // those that lost the distance have the same
+            if (!(isLeft && room < least)) continue;
             least = room;
             next = e;
         }
         if (next == elements_.size()) return;
         above = least;
+        last = next;
         use(next);
     }
 }
@@ -354,6 +359,10 @@ void ArmStopCheck::addRows(const JointVector& jerk, const ArmPath& other, const 
                                demands.ahead[e], stops, rows);
         });
     for (int k = 0; k < torque_.faultCount(); ++k) rows_.addTorque(torque_.fault(k), demands.torqueUse, stops, rows);
+    addMotionRows(stops, demands, rows);
+}
+
+void ArmStopCheck::addMotionRows(const StopPair& stops, const Demands& demands, RowQp::Rows& rows) {
     speed_.addRows(stops, demands.speed, rows);
     people_.addRows(stops, demands.people, rows);
 }

@@ -118,6 +118,9 @@ public:
     @param other  another path from the same state, with `otherJerk`: how the stops move with the jerk is their difference */
     void addRows(const JointVector& jerk, const ArmPath& other, const JointVector& otherJerk, const Demands& demands,
                  RowQp::Rows& rows);
+    /** Of these only the rows for speeds and people, which a look that ended there has found.
+    @param stops  the path that was examined first */
+    void addMotionRows(const StopPair& stops, const Demands& demands, RowQp::Rows& rows);
     /** Rows for clearances as addRows(), of what was found of a path before it is examined again: for all elements that are near.
     @param found     of a path of which `stops.path` is left, `since_s` later
     @param stops     from the state now, with the jerk of that path, and another one

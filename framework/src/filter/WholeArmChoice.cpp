@@ -263,7 +263,7 @@ from them back to the backup stop.
 void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,
                            const JointVector& desired, bool hasRows) {
     JointVector from = steered_;  // what was looked at last
-    rows_.clear();
+    if (hasRows) rows_.clear();
     for (int round = 0; hasRows && round < kSteeringRounds; ++round) {
         check_.addRows(from, storedPath_, storedJerk_, demands_.get(), rows_);
         if (round == 0) check_.addTickRows(dynamics, nominal.qdd, demands_.get().torqueUse, lastTorque_, rows_);
@@ -273,6 +273,16 @@ void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics,
         if (!isGood(nominal, from, round + 1 < kSteeringRounds)) continue;
         keepBest(from);
         return;
+    }
+    if (!hasRows && options_.steers && metric && !(trial_.speed.isKept && trial_.people.isKept)) {
+        // The first look ended there; the rows that were foreseen stand.
+        check_.addMotionRows({path_, from, storedPath_, storedJerk_}, demands_.get(), rows_);
+        braking_.propose(chooseMetric(dynamics, metric), desired, &rows_, steered_);
+        from = steered_;
+        if (isGood(nominal, from, false)) {
+            keepBest(from);
+            return;
+        }
     }
     // What was foreseen is to first order.
     if (!hasBest_ && !hasRows && steered_ != proposed_ && braking_.isAdmissible(proposed_) &&

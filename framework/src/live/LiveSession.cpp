@@ -297,7 +297,9 @@ void LiveSession::work() {
     hasEntered_.store(true, std::memory_order_release);
     if (!failure_) makeTicks();
     running_.loop().letGoOfPlant();  // now: a robot that hears nothing for long takes it for a fault
-    const bool hasBraked = state_ == LiveState::Stopping && !running_.loop().hasFailed();
+    const ControlLoop& loop = running_.loop();
+    const bool hasBraked = state_ == LiveState::Stopping && loop.stopReason() == StopReason::Requested &&
+                           loop.hasStopped() && !loop.hasFailed();
     changeTo(LiveState::Stopped, hasBraked ? LiveAsker::Program : LiveAsker::Fault);
     publish();
     hasEnded_.store(true, std::memory_order_release);

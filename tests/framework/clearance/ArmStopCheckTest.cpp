@@ -162,8 +162,7 @@ struct Begun {
     }
 };
 
-// What was found of a path some ticks ago tells how near another jerk's stop would come, without a look at it; and a row is
-// there only for what that would break.
+// What was found of a path some ticks ago tells how near another jerk's stop would come, without a look at it.
 TEST(ArmStopCheck, WhatAnotherJerkWouldBreakIsForeseen) {
     std::mt19937 random(5);
     std::uniform_real_distribution<double> share(-1.0, 1.0);
@@ -174,14 +173,14 @@ TEST(ArmStopCheck, WhatAnotherJerkWouldBreakIsForeseen) {
         const int n = subject.robot.size();
         const JointVector none = JointVector::Constant(n, kInfinity);
         ArmStopCheck check(subject.robot, &subject.geometry, {none, none}, kTick_s);
-        ArmStopCheck::Result found = check.makeResult(), after = found;
+        ArmStopCheck::Result found = check.makeResult(), after = found, rest = found;
         const auto elements = static_cast<std::size_t>(check.elements());
         ArmStopCheck::Demands demands;
         demands.floor.assign(elements, -1.0);
         demands.least = demands.reached = demands.floor;
         demands.ahead = demands.far = std::vector<double>(elements, kAhead_m);
         double change = 0.0, error = 0.0;
-        int count = 0;
+        int count = 0, carried = 0, most = 0;
         for (int round = 0; round < 400; ++round) {
             const Environment environment = drawThinThings(random);
             const Eigen::Vector3d far = Eigen::Vector3d::Constant(3.0);
@@ -195,12 +194,35 @@ TEST(ArmStopCheck, WhatAnotherJerkWouldBreakIsForeseen) {
             const std::int64_t ticks = 1 + round % 5;
             const Begun now = drawn.skip(ticks), other = now.turn(draw(400.0), limits);
             const ArmPath path = drawn.path(), nowPath = now.path(), otherPath = other.path();
-            const auto examine = [&](const ArmPath& one, double time_s, ArmStopCheck::Result& result) {
+            const double since_s = static_cast<double>(ticks) * kTick_s;
+            const auto examine = [&](const ArmPath& one, double time_s, const ArmStopCheck::KnownPaths& known,
+                                     ArmStopCheck::Result& result) {
                 check.beginTick();
-                check.examine(one, time_s, demands, JointVector::Zero(n), {}, false, result);
+                check.examine(one, time_s, demands, JointVector::Zero(n), known, false, result);
             };
-            examine(path, 0.0, found);
-            examine(otherPath, static_cast<double>(ticks) * kTick_s, after);
+            examine(path, 0.0, {}, found);
+            examine(otherPath, since_s, {}, after);
+            // What is known and not looked at again was nearest where it was.
+            const ArmStopCheck::Known known{path, ticks, found};
+            examine(nowPath, since_s, {1, {&known}}, rest);
+            for (std::size_t e = 0; e < elements; ++e) {
+                const ArmStopCheck::Near &was = found.near[e], &is = rest.near[e];
+                if (!was.place.isSeen() || !(was.time_s > since_s) || is.place.onFirst != was.place.onFirst) continue;
+                EXPECT_DOUBLE_EQ(is.time_s, was.time_s - since_s);
+                ++carried;
+            }
+            // All that lost the distance are as near to what is asked of them.
+            ArmStopCheck::Demands lost = demands;
+            int seen = 0;
+            for (std::size_t e = 0; e < elements; ++e) {
+                const ArmStopCheck::Near& near = found.near[e];
+                lost.ahead[e] = near.place.distance;
+                seen += near.place.isSeen() && near.time_s > since_s && near.place.distance < lost.far[e];
+            }
+            RowQp::Rows all;
+            check.addForeseenRows(found, since_s, {nowPath, now.jerk, otherPath, other.jerk}, lost, all);
+            EXPECT_LE(all.count, seen);
+            most = std::max(most, all.count);
             for (std::size_t e = 0; e < elements; ++e) {
                 if (!(found.seen[e] < kAhead_m && found.seen[e] > 0.005 && after.seen[e] < kAhead_m)) continue;
                 // Of this element alone, by what is asked of it.
@@ -210,8 +232,8 @@ TEST(ArmStopCheck, WhatAnotherJerkWouldBreakIsForeseen) {
                     std::fill(asked.ahead.begin(), asked.ahead.end(), -kInfinity);
                     asked.ahead[e] = ahead;
                     rows.clear();
-                    return check.addForeseenRows(found, static_cast<double>(ticks) * kTick_s,
-                                                 {nowPath, now.jerk, otherPath, other.jerk}, asked, rows);
+                    return check.addForeseenRows(found, since_s, {nowPath, now.jerk, otherPath, other.jerk}, asked,
+                                                 rows);
                 };
                 if (!isBroken(1.0)) continue;  // the place is passed
                 ASSERT_EQ(rows.count, 1);
@@ -231,6 +253,8 @@ TEST(ArmStopCheck, WhatAnotherJerkWouldBreakIsForeseen) {
                     subject.robot.name.c_str(), count, 1e3 * std::sqrt(change / count), 1e3 * std::sqrt(error / count));
         EXPECT_GT(count, 50);
         EXPECT_LT(error, 0.04 * change);
+        EXPECT_GT(carried, 20);
+        EXPECT_GT(most, 2);
     }
 }
 

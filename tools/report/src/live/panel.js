@@ -306,6 +306,7 @@ export class HandPanel {
     this.note.textContent = `${link.isOpen ? 'No data' : 'No connection'}: the picture is old`;
     this.note.dataset.hand = '3';
     this.note.classList.remove('limited');
+    for (const slider of this.sliders ?? []) slider.disabled = true;
   }
 
   /** The limits that have acted of late, while the hand moves the arm. */
