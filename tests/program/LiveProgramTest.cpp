@@ -269,8 +269,8 @@ TEST(LiveLink, ARobotThatIsKilledEndsTheRunAndItsLogReplays) {
     EXPECT_EQ(o.code, 4) << o.out << o.err;
     expectContains(o.err, {"no state has come for"});
     const json one = json::parse(readFile(folder / "run" / "summary.json"))["cases"][0];
-    EXPECT_EQ(listChanges(one["live"]),
-              (std::vector<std::string>{"running (program)", "stopping (fault)", "stopped (program)"}));
+    EXPECT_EQ(listChanges(one["live"]), (std::vector<std::string>{"running (program)", "stopping (fault)",
+                                                                  "stopped (fault)"}));  // it did not stop
     expectContains(one["account"].get<std::string>(), {"all limits kept (nominal arm"});
     const Outcome again = test::run({"run", (folder / "run" / "linked.mcap").string(), "--again"});
     EXPECT_EQ(again.code, 0) << again.err;
