@@ -154,10 +154,11 @@ bool ArmStopCheck::isKnown(std::size_t e, const Demands& demands) {
     if (!isFar && !(isAhead && lost <= kLargestLoss * (bounds.seen + lost - demands.least[e]))) return false;
     found_[e].all = bounds;
     profile_[e] = profile;
-    profile_[e].begin_s -= static_cast<double>(source_->begin) * tick_s_;
+    const double begin_s = static_cast<double>(source_->begin) * tick_s_;
+    profile_[e].begin_s -= begin_s;
     profile_[e].lost = lost;
     near_[e] = source_->result.near[e];
-    near_[e].time_s -= static_cast<double>(source_->begin) * tick_s_;
+    near_[e].time_s -= begin_s;
     near_[e].place.distance -= apart_m_;
     return true;
 }

@@ -136,10 +136,18 @@ void WholeArmChoice::examineStored(const MotionState& state) {
     isNew_ = false;
 }
 
-/** `jerk` is certified by every joint; is its whole stop? `wantsRows`: if not, all that is wrong is to be known. */
-bool WholeArmChoice::isGood(const MotionState& state, const JointVector& jerk, bool wantsRows) {
+void WholeArmChoice::setPath(const MotionState& state, const JointVector& jerk) {
     findStops(jerk);
     path_.set(state, jerk, stops_, tick_s_);
+}
+
+/** `jerk` is certified by every joint; is its whole stop? `wantsRows`: if not, all that is wrong is to be known. */
+bool WholeArmChoice::isGood(const MotionState& state, const JointVector& jerk, bool wantsRows) {
+    setPath(state, jerk);
+    return isPathGood(wantsRows);
+}
+
+bool WholeArmChoice::isPathGood(bool wantsRows) {
     const ArmStopCheck::Known kept{keptPath_, ticksOnPath_, stored_}, other{otherPath_, 0, other_};
     check_.examine(path_, time(), demands_.get(), lastTorque_, {hasOther_ ? 2 : 1, {&kept, &other}}, !wantsRows,
                    trial_);
@@ -179,11 +187,16 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
     if (!isBlind && !isStale()) {
         const bool steers = options_.steers && metric;
         steered_ = proposed_;
+        if (steers) setStoredPath(nominal);
+        setPath(nominal, proposed_);
         const bool hasForeseen = steers && foresee(nominal, dynamics, metric, desired);
-        if (hasForeseen) reason = LimitKind::Clearance;
+        if (hasForeseen) {
+            reason = LimitKind::Clearance;
+            setPath(nominal, steered_);
+        }
         // Where jerks that are steered already are not good, others beside rows seldom do better, and rows cost a complete look.
         const bool wantsRows = steers && !hasForeseen;
-        if (isGood(nominal, steered_, wantsRows)) keepBest(steered_);
+        if (isPathGood(wantsRows)) keepBest(steered_);
         const ArmStopCheck::Result& first = hasBest_ ? best_ : trial_;
         const bool hasRows = steers && (wantsRows || first.isClear);
         if (!hasBest_ || !first.isAhead) {
@@ -201,7 +214,7 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
                      : first.speed.seenLater > demands_.get().speed.ahead ? LimitKind::Speed
                      : first.people.seen < demands_.get().people.ahead    ? LimitKind::Separation
                                                                           : LimitKind::Clearance;
-            setStoredPath(nominal);
+            if (!steers) setStoredPath(nominal);
             steer(nominal, dynamics, metric, desired, hasRows);
         }
     }
@@ -241,13 +254,10 @@ const JointMatrix* WholeArmChoice::chooseMetric(const Dynamics& dynamics, const 
     return &ownInertia_;
 }
 
-/** Where the proposed jerks would bring the stop too near to what the backup stop was nearest to, steered_ are others: what was
-seen of that a tick ago tells so to first order, without a look. False: none would. */
+/** Where the proposed jerks, whose path is path_, would bring the stop too near to what the backup stop, storedPath_, was nearest
+to, steered_ are others: what was seen of that a tick ago tells so to first order, without a look. False: none would. */
 bool WholeArmChoice::foresee(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,
                              const JointVector& desired) {
-    setStoredPath(nominal);
-    findStops(proposed_);
-    path_.set(nominal, proposed_, stops_, tick_s_);
     rows_.clear();
     if (!check_.addForeseenRows(stored_, static_cast<double>(ticksOnPath_) * tick_s_,
                                 {storedPath_, storedJerk_, path_, proposed_}, demands_.get(), rows_))
@@ -262,19 +272,21 @@ from them back to the backup stop.
 @param hasRows  steered_ were looked at completely */
 void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,
                            const JointVector& desired, bool hasRows) {
+    const bool steers = options_.steers && metric;
     JointVector from = steered_;  // what was looked at last
-    if (hasRows) rows_.clear();
-    for (int round = 0; hasRows && round < kSteeringRounds; ++round) {
-        check_.addRows(from, storedPath_, storedJerk_, demands_.get(), rows_);
-        if (round == 0) check_.addTickRows(dynamics, nominal.qdd, demands_.get().torqueUse, lastTorque_, rows_);
-        braking_.propose(chooseMetric(dynamics, metric), desired, &rows_, steered_);
-        if (steered_ == from) break;
-        from = steered_;
-        if (!isGood(nominal, from, round + 1 < kSteeringRounds)) continue;
-        keepBest(from);
-        return;
-    }
-    if (!hasRows && options_.steers && metric && !(trial_.speed.isKept && trial_.people.isKept)) {
+    if (hasRows) {
+        rows_.clear();
+        for (int round = 0; round < kSteeringRounds; ++round) {
+            check_.addRows(from, storedPath_, storedJerk_, demands_.get(), rows_);
+            if (round == 0) check_.addTickRows(dynamics, nominal.qdd, demands_.get().torqueUse, lastTorque_, rows_);
+            braking_.propose(chooseMetric(dynamics, metric), desired, &rows_, steered_);
+            if (steered_ == from) break;
+            from = steered_;
+            if (!isGood(nominal, from, round + 1 < kSteeringRounds)) continue;
+            keepBest(from);
+            return;
+        }
+    } else if (steers && !(trial_.speed.isKept && trial_.people.isKept)) {
         // The first look ended there; the rows that were foreseen stand.
         check_.addMotionRows({path_, from, storedPath_, storedJerk_}, demands_.get(), rows_);
         braking_.propose(chooseMetric(dynamics, metric), desired, &rows_, steered_);
@@ -294,7 +306,7 @@ void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics,
     }
     // What holds some joints is not to hold those that have nothing to do with it: one by one, the worst first, they go back,
     // and the others do what is desired of them; but on the path all are held alike, and where the distance is lost all brake.
-    if (hasBest_ || !options_.steers || !metric || !demands_.isKept()) return;
+    if (hasBest_ || !steers || !demands_.isKept()) return;
     braking_.propose(&identity_, desired, nullptr, from);
     for (int k = 0; k < static_cast<int>(from.size()); ++k) {
         if (!braking_.isAdmissible(from)) return;

@@ -69,6 +69,8 @@ private:
     std::pair<std::string, std::string> nameNearest(int element, const ArmGeometry& geometry) const;
     std::string listTooNear(const ArmGeometry& geometry) const;
     std::string describeExactly(const RunSetup& setup) const;
+    void setPath(const MotionState& state, const JointVector& jerk);
+    bool isPathGood(bool wantsRows);
     bool isGood(const MotionState& state, const JointVector& jerk, bool wantsRows);
     void keepBest(const JointVector& jerk);
     const JointMatrix* chooseMetric(const Dynamics& dynamics, const JointMatrix* metric);

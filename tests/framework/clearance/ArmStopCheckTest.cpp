@@ -30,6 +30,23 @@ struct Subject {
     ArmGeometry geometry;
 };
 
+std::vector<RobotDescription> loadArms() {
+    return {loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"), loadRobot(VIABLE_SOURCE_DIR "/robots/panda"),
+            makeSlidingArm()};
+}
+
+/** The same of every element [m]. */
+ArmStopCheck::Demands makeDemands(const ArmStopCheck& check, double floor, double least, double far) {
+    const auto elements = static_cast<std::size_t>(check.elements());
+    ArmStopCheck::Demands demands;
+    demands.floor.assign(elements, floor);
+    demands.least.assign(elements, least);
+    demands.reached = demands.least;
+    demands.ahead.assign(elements, kAhead_m);
+    demands.far.assign(elements, far);
+    return demands;
+}
+
 /** Thin things, so that a look at one time has little chance to see them. */
 Environment drawThinThings(std::mt19937& random) {
     std::uniform_real_distribution<double> share(-1.0, 1.0);
@@ -72,19 +89,14 @@ ArmPath drawPath(int n, std::mt19937& random, double size) {
 // What is proven between looks, against the judge at a few thousand poses of the same path: never too much, and not far off.
 TEST(ArmStopCheck, WhatIsProvenBetweenLooksHoldsAtEveryPose) {
     std::mt19937 random(1);
-    for (const RobotDescription& robot : {loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"),
-                                          loadRobot(VIABLE_SOURCE_DIR "/robots/panda"), makeSlidingArm()}) {
+    for (const RobotDescription& robot : loadArms()) {
         const Subject subject(robot);
         const int n = subject.robot.size();
         const JointVector none = JointVector::Constant(n, kInfinity);
         ArmStopCheck check(subject.robot, &subject.geometry, {none, none}, kTick_s);
         ArmStopCheck::Result result = check.makeResult();
         const auto elements = static_cast<std::size_t>(check.elements());
-        ArmStopCheck::Demands demands;
-        demands.floor.assign(elements, 0.0);
-        demands.least.assign(elements, detail::bisection::kGuard_m);
-        demands.reached = demands.least;
-        demands.ahead = demands.far = std::vector<double>(elements, kAhead_m);
+        const ArmStopCheck::Demands demands = makeDemands(check, 0.0, detail::bisection::kGuard_m, kAhead_m);
         double tooMuch = -kInfinity, sum = 0.0;
         constexpr int kPaths = 300;
         int clear = 0, refused = 0, near = 0;
@@ -141,10 +153,8 @@ struct Begun {
     /** With another jerk in its tick, and the shortest stops after that. */
     Begun turn(const JointVector& other, const AxisLimits& limits) const {
         Begun turned{state, other, {}};
-        for (int i = 0; i < static_cast<int>(jerk.size()); ++i) {
-            const AxisState after = advance({state.q[i], state.qd[i], state.qdd[i]}, other[i], kTick_s);
-            turned.stops[static_cast<std::size_t>(i)].plan(after.v, after.a, limits, kTick_s);
-        }
+        for (int i = 0; i < static_cast<int>(jerk.size()); ++i)
+            turned.stops[static_cast<std::size_t>(i)] = planStop(state, i, other[i], limits, kTick_s);
         return turned;
     }
     /** What is left of it some ticks later. */
@@ -167,18 +177,14 @@ TEST(ArmStopCheck, WhatAnotherJerkWouldBreakIsForeseen) {
     std::mt19937 random(5);
     std::uniform_real_distribution<double> share(-1.0, 1.0);
     const AxisLimits limits{-9.0, 9.0, -3.0, 3.0, -12.0, 12.0, -400.0, 400.0};
-    for (const RobotDescription& robot : {loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"),
-                                          loadRobot(VIABLE_SOURCE_DIR "/robots/panda"), makeSlidingArm()}) {
+    for (const RobotDescription& robot : loadArms()) {
         const Subject subject(robot);
         const int n = subject.robot.size();
         const JointVector none = JointVector::Constant(n, kInfinity);
         ArmStopCheck check(subject.robot, &subject.geometry, {none, none}, kTick_s);
         ArmStopCheck::Result found = check.makeResult(), after = found, rest = found;
         const auto elements = static_cast<std::size_t>(check.elements());
-        ArmStopCheck::Demands demands;
-        demands.floor.assign(elements, -1.0);
-        demands.least = demands.reached = demands.floor;
-        demands.ahead = demands.far = std::vector<double>(elements, kAhead_m);
+        const ArmStopCheck::Demands demands = makeDemands(check, -1.0, -1.0, kAhead_m);
         double change = 0.0, error = 0.0;
         int count = 0, carried = 0, most = 0;
         for (int round = 0; round < 400; ++round) {
@@ -263,8 +269,7 @@ TEST(ArmStopCheck, WhatAnotherJerkWouldBreakIsForeseen) {
 // looked at.
 TEST(ArmStopCheck, WhatIsKnownOfOnePathHoldsForTheNext) {
     std::mt19937 random(3);
-    for (const RobotDescription& robot : {loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"),
-                                          loadRobot(VIABLE_SOURCE_DIR "/robots/panda"), makeSlidingArm()}) {
+    for (const RobotDescription& robot : loadArms()) {
         constexpr double kBeyond_m = 0.05;
         const Subject subject(robot);
         const int n = subject.robot.size();
@@ -272,12 +277,8 @@ TEST(ArmStopCheck, WhatIsKnownOfOnePathHoldsForTheNext) {
         ArmStopCheck check(subject.robot, &subject.geometry, {subject.robot.actuation.torqueLimit, none}, kTick_s);
         ArmStopCheck::Result kept = check.makeResult(), first = kept, result = kept;
         const auto elements = static_cast<std::size_t>(check.elements());
-        ArmStopCheck::Demands demands;
-        demands.floor.assign(elements, 0.0);
-        demands.least.assign(elements, detail::bisection::kGuard_m);
-        demands.reached = demands.least;
-        demands.ahead.assign(elements, kAhead_m);
-        demands.far.assign(elements, kAhead_m + kBeyond_m);
+        const ArmStopCheck::Demands demands =
+            makeDemands(check, 0.0, detail::bisection::kGuard_m, kAhead_m + kBeyond_m);
         // All of a path is looked at, of every element, and nothing is known.
         ArmStopCheck plain(subject.robot, &subject.geometry, {subject.robot.actuation.torqueLimit, none}, kTick_s);
         ArmStopCheck::Result all = plain.makeResult();

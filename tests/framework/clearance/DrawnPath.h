@@ -7,6 +7,14 @@
 
 namespace viable {
 
+/** The shortest stop of joint i after a tick with this jerk. */
+inline GridStop planStop(const MotionState& s, int i, double jerk, const AxisLimits& limits, double tick_s) {
+    const AxisState after = advance({s.q[i], s.qd[i], s.qdd[i]}, jerk, tick_s);
+    GridStop stop;
+    stop.plan(after.v, after.a, limits, tick_s);
+    return stop;
+}
+
 /** How large the parts of a drawn path are; each is drawn evenly to both sides of zero, and `size` shares of velocity
 and acceleration are taken. */
 struct DrawnPath {
@@ -53,8 +61,7 @@ private:
     void drawTick(int i, const MotionState& s, std::mt19937& random, double tick_s, JointVector& firstJerk,
                   std::array<GridStop, kMaxJoints>& stops) const {
         firstJerk[i] = jerk * std::uniform_real_distribution<double>(-1.0, 1.0)(random);
-        const AxisState after = advance({s.q[i], s.qd[i], s.qdd[i]}, firstJerk[i], tick_s);
-        stops[static_cast<std::size_t>(i)].plan(after.v, after.a, limits, tick_s);
+        stops[static_cast<std::size_t>(i)] = planStop(s, i, firstJerk[i], limits, tick_s);
     }
 };
 
