@@ -14,7 +14,7 @@ import { limitsIn } from './data.js';
 import { caseStyle, el, iconButton, save } from './dom.js';
 import { fixed, number } from './format.js';
 import { CanvasPainter } from './painter.js';
-import { Arm, readShapes, Trail } from './scene.js';
+import { Arm, readSurfaces, Trail } from './scene.js';
 import { ALL_CASES } from './state.js';
 import { NearestLine, Surroundings } from './surroundings.js';
 import { caseColour, colours, limitColour } from './theme.js';
@@ -193,7 +193,7 @@ class Replay {
     this.run = run;
     this.state = state;
     this.stage = stage;
-    this.shapes = readShapes(run);
+    this.surfaces = readSurfaces(run);
     this.pose = new Float32Array(run.joints.length);
     this.realPose = new Float32Array(run.joints.length);
     this.text = el('div', { class: 'nearest-text' });
@@ -279,10 +279,10 @@ class Replay {
 
   #armOf(c) {
     if (!this.#arms.has(c.index)) {
-      const nominal = new Arm(this.run, this.shapes);
-      const real = c.replay.real ? new Arm(this.run, this.shapes, { outline: 0.008 * this.#size }) : null;
+      const nominal = new Arm(this.run, this.surfaces);
+      const real = c.replay.real ? new Arm(this.run, this.surfaces, { outline: 0.008 * this.#size }) : null;
       const trail = new Trail();
-      const stop = c.replay.rest ? new Arm(this.run, this.shapes, { opacity: 0.34 }) : null;
+      const stop = c.replay.rest ? new Arm(this.run, this.surfaces, { opacity: 0.34 }) : null;
       const line = c.replay.nearest ? new NearestLine(this.stage, this.#size) : null;
       for (const object of [nominal, real, trail, stop, line]) if (object) this.scene.add(object.root);
       this.#arms.set(c.index, { nominal, real, trail, stop, line });

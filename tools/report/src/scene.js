@@ -10,6 +10,7 @@ import {
   Group,
   Line,
   LineBasicMaterial,
+  Matrix4,
   Mesh,
   MeshStandardMaterial,
   Quaternion,
@@ -17,15 +18,27 @@ import {
   SRGBColorSpace,
   Vector3,
 } from 'three';
+import { mergeGeometries } from 'three/examples/jsm/utils/BufferGeometryUtils.js';
 import { DataError } from './blocks.js';
 
-/** The shapes of each link, made once for all arms: [geometry, position, orientation]. */
-export function readShapes(run) {
+/** The surface of each link in its frame, made once for all arms; null: a link without shapes. */
+export function readSurfaces(run) {
   const { links } = run.scene;
-  if (!links.some(({ shapes }) => shapes?.length > 0)) return makeRods(run);
+  if (!links.some(({ shapes }) => shapes?.length > 0)) return makeRods(run).map(join);
   return links.map((link, i) =>
-    (link.shapes ?? []).map((shape, k) => readShape(run, shape, `scene.links[${i}].shapes[${k}]`)),
+    join((link.shapes ?? []).map((shape, k) => readShape(run, shape, `scene.links[${i}].shapes[${k}]`))),
   );
+}
+
+/** Shapes as one surface: without a graphics card it is the number of things to draw that takes the time. */
+function join(shapes) {
+  if (shapes.length === 0) return null;
+  const one = new Vector3(1, 1, 1);
+  const parts = shapes.map(({ geometry, position, orientation }) => {
+    if (!geometry.index) geometry.setIndex([...Array(geometry.attributes.position.count).keys()]);
+    return geometry.deleteAttribute('uv').applyMatrix4(new Matrix4().compose(position, orientation, one));
+  });
+  return mergeGeometries(parts);
 }
 
 /** For a robot without shapes: a rod from each link to those that it carries, a hub where a joint moves it. */
@@ -46,13 +59,17 @@ function makeRods({ scene: { links } }) {
   });
 }
 
+/** Steps along a quarter of a circle and around: the edge of a capsule that is 100 pixels wide is wrong by less than half a
+ *  pixel. */
+const ROUND = [6, 24];
+
 function rod(from, to, radius) {
   const along = to.clone().sub(from);
   const orientation = new Quaternion().setFromUnitVectors(
     new Vector3(0, 1, 0),
     along.lengthSq() > 0 ? along.clone().normalize() : new Vector3(0, 1, 0),
   );
-  const geometry = new CapsuleGeometry(radius, along.length(), 10, 36); // along y
+  const geometry = new CapsuleGeometry(radius, along.length(), ...ROUND); // along y
   return { geometry, position: from.clone().addScaledVector(along, 0.5), orientation };
 }
 
@@ -108,7 +125,7 @@ export class Arm {
    *   [m] around; where another arm lies in the same place, it is seen as its edge. opacity less than 1: one can look
    *   through it, as through one body, and it yields to another arm in the same place
    */
-  constructor(run, shapes, { outline = 0, opacity = 1 } = {}) {
+  constructor(run, surfaces, { outline = 0, opacity = 1 } = {}) {
     this.root = new Group();
     this.#tool = findTool(run.scene);
     const { links } = run.scene;
@@ -124,16 +141,16 @@ export class Arm {
         outline > 0 ? { roughness: 1, side: BackSide, emissiveIntensity: 0.6 } : { roughness: 0.62, metalness: 0.05 },
       );
       if (opacity < 1) Object.assign(material, { opacity, ...BEHIND });
-      for (const shape of shapes[i]) {
-        const mesh = new Mesh(outline > 0 ? inflated(shape.geometry, outline) : shape.geometry, material);
-        mesh.position.copy(shape.position);
-        mesh.quaternion.copy(shape.orientation);
+      const surface = surfaces[i];
+      if (surface) {
+        const mesh = new Mesh(outline > 0 ? inflated(surface, outline) : surface, material);
         frame.add(...(opacity < 1 ? asOneBody(mesh, ORDER.stop) : [mesh]));
       }
       const axis = new Vector3(...(link.axis ?? [0, 0, 1])).normalize();
       return {
         frame,
         origin,
+        surface,
         material,
         base: new Color(),
         axis,
@@ -201,7 +218,7 @@ export class Arm {
   /** How fast the surface of each link is at most on the way from one pose to another in dt seconds [m/s]; the arm is left in
    *  the second one. */
   speeds(from, to, dt) {
-    this.#hulls ??= this.#links.map(({ frame }) => outermost(frame));
+    this.#hulls ??= this.#links.map(({ surface }) => (surface ? outermost(surface) : []));
     const place = () => {
       this.root.updateMatrixWorld(true);
       return this.#links.map(({ frame }, i) =>
@@ -222,16 +239,9 @@ export class Arm {
 }
 
 /** The points of a link's surface that are farthest out in 26 directions: of a motion of the link, nearly the fastest. */
-function outermost(frame) {
-  const points = [];
-  for (const mesh of frame.children.filter(({ isMesh }) => isMesh)) {
-    const vertices = mesh.geometry.attributes.position;
-    for (let i = 0; i < vertices.count; ++i) {
-      const point = new Vector3().fromBufferAttribute(vertices, i);
-      points.push(point.applyQuaternion(mesh.quaternion).add(mesh.position));
-    }
-  }
-  if (points.length === 0) return [];
+function outermost(surface) {
+  const { position } = surface.attributes;
+  const points = Array.from({ length: position.count }, (_, i) => new Vector3().fromBufferAttribute(position, i));
   const steps = [-1, 0, 1];
   const all = steps.flatMap((x) => steps.flatMap((y) => steps.map((z) => new Vector3(x, y, z))));
   const directions = all.filter((way) => way.length() > 0);

@@ -17,7 +17,7 @@ import {
 } from 'three';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 import { TransformControls } from 'three/examples/jsm/controls/TransformControls.js';
-import { Arm, readShapes } from '../scene.js';
+import { Arm, readSurfaces } from '../scene.js';
 import { NearestLine, Surroundings } from '../surroundings.js';
 import { colours, limitColour } from '../theme.js';
 import { limitsOf } from './limits.js';
@@ -61,11 +61,11 @@ export class View {
     this.orbit = new OrbitControls(this.camera, canvas);
     this.orbit.addEventListener('change', () => this.ask());
 
-    const shapes = readShapes(run);
+    const surfaces = readSurfaces(run);
     this.size = run.scene.links.reduce((sum, { origin }) => sum + Math.hypot(...origin.xyz), 0) || 1;
-    this.nominal = new Arm(run, shapes);
-    this.real = run.hasReal ? new Arm(run, shapes, { outline: 0.008 * this.size }) : null;
-    this.stop = new Arm(run, shapes, { opacity: 0.34 });
+    this.nominal = new Arm(run, surfaces);
+    this.real = run.hasReal ? new Arm(run, surfaces, { outline: 0.008 * this.size }) : null;
+    this.stop = new Arm(run, surfaces, { opacity: 0.34 });
     this.line = run.environment ? new NearestLine(stage, this.size) : null;
     for (const one of [this.nominal, this.real, this.stop, this.line]) if (one) this.scene.add(one.root);
     this.target = this.#makeTarget();
