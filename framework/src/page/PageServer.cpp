@@ -11,16 +11,11 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/ssl/context.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
-#include <boost/beast/ssl.hpp>
-#include <boost/beast/websocket.hpp>
-#include <boost/beast/websocket/ssl.hpp>
 #include <cctype>
 #include <charconv>
 #include <chrono>
@@ -36,6 +31,7 @@
 #include <vector>
 
 #include "core/Text.h"
+#include "page/WebSocket.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -46,20 +42,14 @@ namespace asio = boost::asio;
 namespace beast = boost::beast;
 namespace http = beast::http;
 namespace websocket = beast::websocket;
-using asio::ip::tcp;
 using boost::system::error_code;
 using nlohmann::json;
-using Stream = beast::ssl_stream<beast::tcp_stream>;
 
 constexpr char kProtocol[] = "viable.1", kWatch[] = "/watch/";
 constexpr std::size_t kTokenBytes = 32, kMaxInvitations = 16, kMaxSessions = 64;
 constexpr std::size_t kMaxOfOneViewer = 2, kMaxOfViewers = 64;  // invitations
 constexpr std::size_t kMaxTexts = 64;                           // that wait for one viewer
 constexpr int kSendBuffer = 65536;                              // what the system keeps for a slow reader
-
-std::chrono::milliseconds toMilliseconds(double seconds) {
-    return std::chrono::milliseconds(std::llround(1e3 * seconds));
-}
 
 /** A random word of 256 bits in letters that stand in addresses and headers. */
 std::string makeSecret() {
@@ -252,7 +242,7 @@ private:
     const std::function<void(PageWish)> ask_;
     asio::io_context io_{1};
     asio::ssl::context tls_{asio::ssl::context::tls_server};
-    tcp::acceptor acceptor_{io_};
+    asio::basic_socket_acceptor<Tcp, asio::io_context::executor_type> acceptor_{io_};
     asio::steady_timer retry_{io_}, goodbye_{io_};
     unsigned short port_ = 0;
     std::vector<std::string> authorities_, origins_;
@@ -277,13 +267,12 @@ private:
 class PageServer::Impl::Viewer : public std::enable_shared_from_this<Viewer> {
 public:
     /** @param invitation  that it came by: used up when it is in, else given back; without a text: none */
-    Viewer(Impl& owner, Stream&& stream, std::string session, Secret invitation)
+    Viewer(Impl& owner, TlsStream&& stream, std::string session, Secret invitation)
         : owner_(owner),
-          socket_(std::move(stream)),
+          socket_(std::make_shared<WebSocket>(std::move(stream))),
           session_(std::move(session)),
           invitation_(std::move(invitation)),
-          alive_(owner.io_),
-          reads_(owner.io_) {
+          alive_(owner.io_) {
         owner_.sockets_.insert(this);
         ++owner_.server_.counts_.connections;
     }
@@ -300,24 +289,10 @@ public:
 
     int id = 0;
 
-    void begin(const http::request<http::string_body>& request) {
-        beast::get_lowest_layer(socket_).expires_never();
-        websocket::stream_base::timeout timeout{};
-        timeout.handshake_timeout = toMilliseconds(kHandshake_s);
-        timeout.idle_timeout = toMilliseconds(kAlive_s);
-        timeout.keep_alive_pings = true;
-        socket_.set_option(timeout);
-        socket_.set_option(websocket::stream_base::decorator([](websocket::response_type& response) {
-            response.set(http::field::server, "viable");
-            response.set(http::field::sec_websocket_protocol, kProtocol);
-        }));
-        socket_.read_message_max(kMaxMessage);
-        socket_.auto_fragment(false);
-        // A goodbye counts at once; the rest of it may take as long as the other side likes.
-        socket_.control_callback([this](websocket::frame_type kind, beast::string_view) {
-            if (kind == websocket::frame_type::close) end();
-        });
-        socket_.async_accept(request, [self = shared_from_this()](error_code error) {
+    void begin(const WebSocket::Request& request) {
+        // A goodbye counts at once.
+        socket_->onGoodbye([this] { end(); });
+        socket_->accept(request, kProtocol, [self = shared_from_this()](error_code error) {
             if (error) return;
             self->invitation_ = {};
             self->owner_.add(*self);
@@ -353,10 +328,8 @@ public:
 
     /** Without a word to a viewer that may not listen. */
     void close() {
-        error_code ignored;
-        beast::get_lowest_layer(socket_).socket().close(ignored);
+        socket_->close();
         alive_.cancel();
-        reads_.cancel();
     }
 
     const std::string& session() const { return session_; }
@@ -365,13 +338,11 @@ private:
     std::string makeGreeting() const { return json{{"hello", 1}, {"you", id}, {"session", session_}}.dump(); }
 
     void read() {
-        socket_.async_read(buffer_, [self = shared_from_this()](error_code error, std::size_t) {
+        socket_->read([self = shared_from_this()](error_code error, const std::string& bytes, bool isText) {
             if (error || !self->isOpen_) return self->end();
-            const std::string bytes = beast::buffers_to_string(self->buffer_.data());
-            self->buffer_.consume(self->buffer_.size());
             self->expectLife();
             try {
-                if (self->socket_.got_text())
+                if (isText)
                     self->owner_.hear(*self, bytes);
                 else
                     self->owner_.feel(*self, bytes);
@@ -386,7 +357,7 @@ private:
 
     /** A whole message is expected in a while: pings alone, or a message that never ends, are no life. */
     void expectLife() {
-        alive_.expires_after(toMilliseconds(kAlive_s));
+        alive_.expires_after(toMilliseconds(WebSocket::kAlive_s));
         alive_.async_wait([weak = weak_from_this()](error_code error) {
             const auto self = weak.lock();
             if (!error && self) self->close();
@@ -408,15 +379,8 @@ private:
             now_ = std::move(frame_);
             frame_.reset();
         }
-        reads_.expires_after(toMilliseconds(kWrite_s));
-        reads_.async_wait([weak = weak_from_this()](error_code error) {
-            const auto self = weak.lock();
-            if (!error && self && self->isWriting_) self->close();
-        });
-        socket_.text(isText);
-        socket_.async_write(asio::buffer(*now_), [self = shared_from_this()](error_code error, std::size_t) {
+        socket_->write(*now_, isText, [self = shared_from_this()](error_code error) {
             self->isWriting_ = false;
-            self->reads_.cancel();
             if (error) return self->end();
             self->write();
         });
@@ -424,8 +388,7 @@ private:
 
     void sayGoodbye() {
         end();
-        socket_.async_close(websocket::close_code::going_away,
-                            [self = shared_from_this()](error_code) { self->close(); });
+        socket_->sayGoodbye([self = shared_from_this()] { self->close(); });
     }
 
     void end() {
@@ -435,11 +398,10 @@ private:
     }
 
     Impl& owner_;
-    websocket::stream<Stream> socket_;
+    const std::shared_ptr<WebSocket> socket_;
     const std::string session_;
     Secret invitation_;
-    asio::steady_timer alive_, reads_;
-    beast::flat_buffer buffer_{kMaxMessage + 1024};
+    asio::steady_timer alive_;
     std::deque<Text> texts_;
     Text frame_, now_;
     bool isOpen_ = false, isWriting_ = false, isFinishing_ = false;
@@ -448,8 +410,8 @@ private:
 /** A connection of a watcher's own program. */
 class PageServer::Impl::Watcher : public std::enable_shared_from_this<Watcher> {
 public:
-    Watcher(Impl& owner, Stream&& stream)
-        : owner_(owner), socket_(std::move(stream)), client_(*owner.options_.channels), reads_(owner.io_) {
+    Watcher(Impl& owner, TlsStream&& stream)
+        : owner_(owner), socket_(std::make_shared<WebSocket>(std::move(stream))), client_(*owner.options_.channels) {
         owner_.watchers_.insert(this);
         ++owner_.server_.counts_.connections;
         ++owner_.server_.counts_.watchers;
@@ -460,20 +422,8 @@ public:
         --owner_.server_.counts_.watchers;
     }
 
-    void begin(const http::request<http::string_body>& request, const std::string& protocol) {
-        beast::get_lowest_layer(socket_).expires_never();
-        websocket::stream_base::timeout timeout{};
-        timeout.handshake_timeout = toMilliseconds(kHandshake_s);
-        timeout.idle_timeout = toMilliseconds(kAlive_s);
-        timeout.keep_alive_pings = true;  // such a program may have nothing to say for long
-        socket_.set_option(timeout);
-        socket_.set_option(websocket::stream_base::decorator([protocol](websocket::response_type& response) {
-            response.set(http::field::server, "viable");
-            response.set(http::field::sec_websocket_protocol, protocol);
-        }));
-        socket_.read_message_max(kMaxMessage);
-        socket_.auto_fragment(false);
-        socket_.async_accept(request, [self = shared_from_this()](error_code error) {
+    void begin(const WebSocket::Request& request, const std::string& protocol) {
+        socket_->accept(request, protocol, [self = shared_from_this()](error_code error) {
             if (error) return;
             self->isOpen_ = true;
             self->send(self->owner_.options_.channels->serverInfo());
@@ -499,19 +449,16 @@ public:
 
     void close() {
         isOpen_ = false;
-        error_code ignored;
-        beast::get_lowest_layer(socket_).socket().close(ignored);
+        socket_->close();
     }
 
 private:
     void read() {
-        socket_.async_read(buffer_, [self = shared_from_this()](error_code error, std::size_t) {
+        socket_->read([self = shared_from_this()](error_code error, const std::string& bytes, bool isText) {
             if (error) return self->end();
-            const std::string bytes = beast::buffers_to_string(self->buffer_.data());
-            self->buffer_.consume(self->buffer_.size());
             std::string answer = R"({"op": "status", "level": 2, "message": "nothing is taken here"})";
             try {
-                if (!self->socket_.got_text() || !self->client_.hear(bytes, answer)) {
+                if (!isText || !self->client_.hear(bytes, answer)) {
                     ++self->owner_.server_.counts_.refusedMessages;
                     self->send(answer);
                 }
@@ -535,13 +482,7 @@ private:
         std::deque<std::string>& queue = isWritingMessage_ ? messages_ : texts_;
         now_ = std::move(queue.front());
         queue.pop_front();
-        socket_.text(!isWritingMessage_);
-        reads_.expires_after(toMilliseconds(kWrite_s));
-        reads_.async_wait([watcher = weak_from_this()](error_code error) {
-            if (const auto self = watcher.lock(); self && !error) self->close();  // it reads nothing
-        });
-        socket_.async_write(asio::buffer(now_), [self = shared_from_this()](error_code error, std::size_t) {
-            self->reads_.cancel();
+        socket_->write(now_, !isWritingMessage_, [self = shared_from_this()](error_code error) {
             self->isWriting_ = self->isWritingMessage_ = false;
             if (error) return self->end();
             self->write();
@@ -551,10 +492,8 @@ private:
     void end() { isOpen_ = false; }
 
     Impl& owner_;
-    websocket::stream<Stream> socket_;
+    const std::shared_ptr<WebSocket> socket_;
     FoxgloveClient client_;
-    asio::steady_timer reads_;
-    beast::flat_buffer buffer_{kMaxMessage + 1024};
     std::deque<std::string> texts_, messages_;
     std::string now_;
     bool isOpen_ = false, isWriting_ = false, isWritingMessage_ = false;
@@ -563,8 +502,8 @@ private:
 /** A connection until its request is answered, or becomes a viewer's. */
 class PageServer::Impl::Connection : public std::enable_shared_from_this<Connection> {
 public:
-    Connection(Impl& owner, tcp::socket&& socket, const asio::ip::address& from)
-        : address(from), owner_(owner), stream_(std::move(socket), owner.tls_) {
+    Connection(Impl& owner, TcpSocket&& socket, const asio::ip::address& from)
+        : address(from), owner_(owner), stream_(std::move(socket), owner.tls_), patience_(owner.io_) {
         owner_.connections_.insert(this);
         ++owner_.server_.counts_.connections;
         parser_.header_limit(kMaxHeader);
@@ -578,7 +517,7 @@ public:
     const asio::ip::address address;
 
     void begin() {
-        beast::get_lowest_layer(stream_).expires_after(toMilliseconds(kHandshake_s));  // for all until the answer
+        closeAfter(WebSocket::kHandshake_s);  // for all until the answer
         stream_.async_handshake(asio::ssl::stream_base::server, [self = shared_from_this()](error_code error) {
             if (error)
                 ++self->owner_.server_.counts_.refusedRequests;
@@ -589,10 +528,18 @@ public:
 
     void close() {
         error_code ignored;
-        beast::get_lowest_layer(stream_).socket().close(ignored);
+        beast::get_lowest_layer(stream_).close(ignored);
     }
 
 private:
+    /** Whatever it still waits for then. */
+    void closeAfter(double duration_s) {
+        patience_.expires_after(toMilliseconds(duration_s));
+        patience_.async_wait([weak = weak_from_this()](error_code error) {
+            if (const auto self = weak.lock(); self && !error) self->close();
+        });
+    }
+
     void read() {
         http::async_read(stream_, buffer_, parser_, [self = shared_from_this()](error_code error, std::size_t) {
             if (error == http::error::header_limit || error == http::error::buffer_overflow)
@@ -672,7 +619,7 @@ private:
             response_.set(http::field::content_type, "text/html; charset=utf-8");
             response_.set("Content-Security-Policy", owner_.policy_);
             response_.body() = {owner_.page_.data(), owner_.page_.size()};
-            beast::get_lowest_layer(stream_).expires_after(toMilliseconds(kAlive_s));
+            closeAfter(WebSocket::kAlive_s);
         } else {
             ++owner_.server_.counts_.refusedRequests;
             response_.set(http::field::content_type, "text/plain; charset=utf-8");
@@ -690,7 +637,8 @@ private:
     }
 
     Impl& owner_;
-    Stream stream_;
+    TlsStream stream_;
+    asio::steady_timer patience_;
     beast::flat_buffer buffer_{kMaxHeader + 1024};
     http::request_parser<http::string_body> parser_;
     std::string text_;
@@ -707,9 +655,9 @@ PageServer::Impl::Impl(PageServer& server, PageOptions options, std::shared_ptr<
     tls_.use_private_key(asio::buffer(own.key), asio::ssl::context::pem);
     const std::string place = inUrl(options_.address) + ":" + std::to_string(options_.port);
     try {
-        const tcp::endpoint endpoint(asio::ip::make_address(options_.address), options_.port);
+        const Tcp::endpoint endpoint(asio::ip::make_address(options_.address), options_.port);
         acceptor_.open(endpoint.protocol());
-        acceptor_.set_option(tcp::acceptor::reuse_address(true));
+        acceptor_.set_option(Tcp::acceptor::reuse_address(true));
         acceptor_.bind(endpoint);
         acceptor_.listen(kMaxConnections);
     } catch (const boost::system::system_error& e) {
@@ -779,7 +727,7 @@ void PageServer::Impl::stop() {
 }
 
 void PageServer::Impl::accept() {
-    acceptor_.async_accept([this](error_code error, tcp::socket socket) {
+    acceptor_.async_accept([this](error_code error, TcpSocket socket) {
         if (error == asio::error::operation_aborted || !acceptor_.is_open()) return;
         if (error) {  // no descriptors left: later perhaps
             retry_.expires_after(std::chrono::milliseconds(100));
@@ -795,7 +743,7 @@ void PageServer::Impl::accept() {
             if (error || connections_.size() >= kMaxStrangers || fromThere >= kMaxPerAddress) {
                 ++server_.counts_.refusedRequests;  // closed at once: an answer would need a handshake
             } else {
-                socket.set_option(tcp::no_delay(true), error);
+                socket.set_option(Tcp::no_delay(true), error);
                 socket.set_option(asio::socket_base::send_buffer_size(kSendBuffer), error);
                 std::make_shared<Connection>(*this, std::move(socket), address)->begin();
             }

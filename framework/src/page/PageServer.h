@@ -58,9 +58,7 @@ class PageServer {
 public:
     static constexpr int kMaxConnections = 16;  ///< with a WebSocket
     static constexpr int kMaxStrangers = 8, kMaxPerAddress = 4, kMaxWatchers = 8;
-    static constexpr std::size_t kMaxMessage = 65536, kMaxHeader = 4096;
-    static constexpr double kHandshake_s = 2.0, kAlive_s = 10.0;
-    static constexpr double kWrite_s = 5.0;    ///< who has read nothing for so long is cut off
+    static constexpr std::size_t kMaxHeader = 4096;
     static constexpr double kGoodbye_s = 0.3;  ///< for so long the end waits for viewers to read what was told last
     /** A hand that has seen nothing newer is not followed, or (late) its engagement is over. */
     static constexpr double kOld_s = 0.2, kLate_s = 0.5;

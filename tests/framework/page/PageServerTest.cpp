@@ -1,4 +1,5 @@
 #include "page/PageServer.h"
+#include "page/WebSocket.h"
 
 #include <gtest/gtest.h>
 #include <openssl/pem.h>
@@ -303,8 +304,8 @@ TEST_F(PageServerTest, Fault68_WhoDoesNotSpeakIsCutOff) {
     EXPECT_TRUE(silent.isClosedWithin(4.0));
     EXPECT_EQ(statusOf(slow.read()), 0);
     const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-    EXPECT_GT(took_s, 0.9 * PageServer::kHandshake_s);
-    EXPECT_LT(took_s, PageServer::kHandshake_s + 2.0);
+    EXPECT_GT(took_s, 0.9 * WebSocket::kHandshake_s);
+    EXPECT_LT(took_s, WebSocket::kHandshake_s + 2.0);
     drip.join();
     EXPECT_TRUE(await([&] { return server_.counts().connections == 0; }));
 }
@@ -357,9 +358,9 @@ TEST_F(PageServerTest, Fault70_WhoReadsNothingIsCutOffThoughItSpeaks) {
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
         return server_.counts().viewers == 0;
     };
-    EXPECT_TRUE(await(isGone, 2.0 * PageServer::kWrite_s));
+    EXPECT_TRUE(await(isGone, 2.0 * WebSocket::kWrite_s));
     const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-    EXPECT_GE(took_s, PageServer::kWrite_s);
+    EXPECT_GE(took_s, WebSocket::kWrite_s);
 }
 
 TEST_F(PageServerTest, ItEndsAtOnceWhateverItsClientsDo) {
@@ -482,7 +483,7 @@ TEST_F(PageServerTest, Fault68_AMessageThatNeverEndsIsNoLife) {
         for (int k = 0; k < 200; ++k) many += makeFrame(0x00, "");
         while (viewer->send(many)) std::this_thread::sleep_for(std::chrono::milliseconds(10));
     });
-    EXPECT_TRUE(await([&] { return server_.counts().viewers == 0; }, PageServer::kAlive_s + 5.0));
+    EXPECT_TRUE(await([&] { return server_.counts().viewers == 0; }, WebSocket::kAlive_s + 5.0));
     flood.join();
 }
 
@@ -521,7 +522,7 @@ TEST_F(PageServerTest, Fault69_RandomBytesNeitherMoveNorStopAnything) {
     const std::string hand = makeHand(1, feed_->now()), place = R"({"place": 3, "ball": 0.1, "at": [0.5, 0, 0.25]})";
     // Whatever length a broken head tells, if it is one that is taken, it ends in here.
     std::string filler;
-    while (filler.size() < PageServer::kMaxMessage + 1024) filler += makeFrame(kText, "alive");
+    while (filler.size() < WebSocket::kMaxMessage + 1024) filler += makeFrame(kText, "alive");
     long sent = 0;
     int connections = 0;
     while (sent < frames) {
@@ -810,9 +811,9 @@ TEST_F(PageServerTest, Fault64_WhoIsCutOffWithoutAWordIsGoneAfterAWhile) {
     std::this_thread::sleep_for(std::chrono::duration<double>(2.0 * TeleoperationFeed::kSilent_s));
     EXPECT_EQ(feed_->take().number, number);  // nobody makes up what was not said: the silence is seen
     EXPECT_GE(feed_->now() - feed_->take().received_s, TeleoperationFeed::kSilent_s);
-    EXPECT_TRUE(await([&] { return server_.counts().viewers == 0; }, PageServer::kAlive_s + 2.0));
+    EXPECT_TRUE(await([&] { return server_.counts().viewers == 0; }, WebSocket::kAlive_s + 2.0));
     const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-    EXPECT_GT(took_s, 0.9 * PageServer::kAlive_s);
+    EXPECT_GT(took_s, 0.9 * WebSocket::kAlive_s);
     EXPECT_EQ(feed_->take().message.engagement, 0u);
     auto next = join();  // the lease is free
     next->send(makeFrame(kText, "take"));

@@ -1,0 +1,74 @@
+#include "page/WebSocket.h"
+
+#include <boost/beast/core/buffers_to_string.hpp>
+#include <utility>
+
+namespace viable {
+
+namespace {
+
+namespace beast = boost::beast;
+namespace http = beast::http;
+namespace websocket = beast::websocket;
+
+}  // namespace
+
+WebSocket::WebSocket(TlsStream&& stream) : stream_(std::move(stream)), patience_(stream_.get_executor()) {}
+
+void WebSocket::accept(const Request& request, const std::string& protocol, std::function<void(Error)> then) {
+    websocket::stream_base::timeout timeout{};
+    timeout.handshake_timeout = toMilliseconds(kHandshake_s);
+    timeout.idle_timeout = toMilliseconds(kAlive_s);
+    timeout.keep_alive_pings = true;
+    stream_.set_option(timeout);
+    stream_.set_option(websocket::stream_base::decorator([protocol](websocket::response_type& response) {
+        response.set(http::field::server, "viable");
+        response.set(http::field::sec_websocket_protocol, protocol);
+    }));
+    stream_.read_message_max(kMaxMessage);
+    stream_.auto_fragment(false);
+    stream_.async_accept(request, std::move(then));
+}
+
+void WebSocket::onGoodbye(std::function<void()> heard) {
+    stream_.control_callback([heard = std::move(heard)](websocket::frame_type kind, beast::string_view) {
+        if (kind == websocket::frame_type::close) heard();
+    });
+}
+
+void WebSocket::read(std::function<void(Error, const std::string&, bool)> then) {
+    stream_.async_read(buffer_, [self = shared_from_this(), then = std::move(then)](Error error, std::size_t) {
+        std::string bytes;
+        if (!error) bytes = beast::buffers_to_string(self->buffer_.data());
+        self->buffer_.consume(self->buffer_.size());
+        then(error, bytes, self->stream_.got_text());
+    });
+}
+
+void WebSocket::write(const std::string& bytes, bool isText, std::function<void(Error)> then) {
+    isWriting_ = true;
+    patience_.expires_after(toMilliseconds(kWrite_s));
+    patience_.async_wait([weak = weak_from_this()](Error error) {
+        const auto self = weak.lock();
+        if (!error && self && self->isWriting_) self->close();
+    });
+    stream_.text(isText);
+    stream_.async_write(boost::asio::buffer(bytes),
+                        [self = shared_from_this(), then = std::move(then)](Error error, std::size_t) {
+                            self->isWriting_ = false;
+                            self->patience_.cancel();
+                            then(error);
+                        });
+}
+
+void WebSocket::sayGoodbye(std::function<void()> then) {
+    stream_.async_close(websocket::close_code::going_away, [then = std::move(then)](Error) { then(); });
+}
+
+void WebSocket::close() {
+    Error ignored;
+    beast::get_lowest_layer(stream_).close(ignored);
+    patience_.cancel();
+}
+
+}  // namespace viable
