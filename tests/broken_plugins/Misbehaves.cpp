@@ -18,7 +18,7 @@ public:
     }
 
 private:
-    __attribute__((no_sanitize_undefined)) void misbehave(viable::FilterDecision&) override {
+    __attribute__((no_sanitize("undefined"))) void misbehave(viable::FilterDecision&) override {
         if (how_ == "segfaults") *nowhere_ = 1;
         if (how_ == "exits") std::exit(0);
         if (how_ == "is_killed") raise(SIGKILL);  // as by the system when memory runs out

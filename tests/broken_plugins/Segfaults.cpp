@@ -3,7 +3,7 @@
 namespace {
 
 class Segfaults : public broken::LateFilter {
-    __attribute__((no_sanitize_undefined)) void misbehave(viable::FilterDecision&) override { *nowhere_ = 1; }
+    __attribute__((no_sanitize("undefined"))) void misbehave(viable::FilterDecision&) override { *nowhere_ = 1; }
     volatile int* nowhere_ = nullptr;
 };
 

@@ -78,7 +78,8 @@ std::string LogChannel::getSchemaText() const {
 
 namespace {
 
-// `access` is a generic lambda: for a const record it gives a const reference.
+// `access` is a generic lambda: for a const record it gives a const reference. (It says so by decltype(auto) and parentheses:
+// auto& is too much for Clang 14 here.)
 template <class Access>
 LogField perJoint(const char* name, Access access) {
     LogField field{name, LogKind::JointNumber, {}};
@@ -118,8 +119,8 @@ LogField laterThanTheRest(LogField field) {
 template <int stage>
 LogField stageTime() {
     const std::string name = std::string(getName(static_cast<Stage>(stage))) + "_us";
-    return numbers(
-        name.c_str(), LogKind::Number, {}, [](auto& r, int) -> auto& { return r.stage_us[stage]; });
+    return numbers(name.c_str(), LogKind::Number, {},
+                   [](auto& r, int) -> decltype(auto) { return (r.stage_us[stage]); });
 }
 
 bool setLimit(TickRecord& record, int joint, std::string_view word) {
@@ -167,22 +168,15 @@ bool setVerdict(TickRecord& record, int, std::string_view word) {
 
 /** "position_lower_rad", "position_upper_rad", ...: both sides of each limit. */
 std::vector<LogField> declareLimits() {
-    return {perJoint(
-                "position_lower_rad", [](auto& r) -> auto& { return r.limits.position.lower; }),
-            perJoint(
-                "position_upper_rad", [](auto& r) -> auto& { return r.limits.position.upper; }),
-            perJoint(
-                "velocity_lower_radps", [](auto& r) -> auto& { return r.limits.velocity.lower; }),
-            perJoint(
-                "velocity_upper_radps", [](auto& r) -> auto& { return r.limits.velocity.upper; }),
-            perJoint(
-                "acceleration_lower_radps2", [](auto& r) -> auto& { return r.limits.acceleration.lower; }),
-            perJoint(
-                "acceleration_upper_radps2", [](auto& r) -> auto& { return r.limits.acceleration.upper; }),
-            perJoint(
-                "jerk_lower_radps3", [](auto& r) -> auto& { return r.limits.jerk.lower; }),
-            perJoint(
-                "jerk_upper_radps3", [](auto& r) -> auto& { return r.limits.jerk.upper; })};
+    return {
+        perJoint("position_lower_rad", [](auto& r) -> decltype(auto) { return (r.limits.position.lower); }),
+        perJoint("position_upper_rad", [](auto& r) -> decltype(auto) { return (r.limits.position.upper); }),
+        perJoint("velocity_lower_radps", [](auto& r) -> decltype(auto) { return (r.limits.velocity.lower); }),
+        perJoint("velocity_upper_radps", [](auto& r) -> decltype(auto) { return (r.limits.velocity.upper); }),
+        perJoint("acceleration_lower_radps2", [](auto& r) -> decltype(auto) { return (r.limits.acceleration.lower); }),
+        perJoint("acceleration_upper_radps2", [](auto& r) -> decltype(auto) { return (r.limits.acceleration.upper); }),
+        perJoint("jerk_lower_radps3", [](auto& r) -> decltype(auto) { return (r.limits.jerk.lower); }),
+        perJoint("jerk_upper_radps3", [](auto& r) -> decltype(auto) { return (r.limits.jerk.upper); })};
 }
 
 template <int Clearance::*index>
@@ -203,19 +197,16 @@ std::vector<LogField> declareClearance() {
                     r.clearance.isKnown = value == 1;
                     return value == 0 || value == 1;
                 }),
-            numbers(
-                "distance_m", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.clearance.distance; }),
+            numbers("distance_m", LogKind::Number, {},
+                    [](auto& r, int) -> decltype(auto) { return (r.clearance.distance); }),
             clearanceIndex<&Clearance::link>("link"),
             clearanceIndex<&Clearance::obstacle>("obstacle"),
             clearanceIndex<&Clearance::otherLink>("other_link"),
-            numbers(
-                "on_arm_m", LogKind::Vector, {"on_arm.x_m", "on_arm.y_m", "on_arm.z_m"},
-                [](auto& r, int i) -> auto& { return r.clearance.onArm[i]; }),
-            numbers(
-                "on_obstacle_m", LogKind::Vector, {"on_obstacle.x_m", "on_obstacle.y_m", "on_obstacle.z_m"},
-                [](auto& r, int i) -> auto& { return r.clearance.onObstacle[i]; }),
-            numbers(
-                "map_age_s", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.mapAge_s; })};
+            numbers("on_arm_m", LogKind::Vector, {"on_arm.x_m", "on_arm.y_m", "on_arm.z_m"},
+                    [](auto& r, int i) -> decltype(auto) { return (r.clearance.onArm[i]); }),
+            numbers("on_obstacle_m", LogKind::Vector, {"on_obstacle.x_m", "on_obstacle.y_m", "on_obstacle.z_m"},
+                    [](auto& r, int i) -> decltype(auto) { return (r.clearance.onObstacle[i]); }),
+            numbers("map_age_s", LogKind::Number, {}, [](auto& r, int) -> decltype(auto) { return (r.mapAge_s); })};
 }
 
 /** The names of links are in the metadata. */
@@ -226,10 +217,8 @@ std::vector<LogField> declareSpeed() {
                     r.speed.isKnown = value == 1;
                     return value == 0 || value == 1;
                 }),
-            numbers(
-                "largest_mps", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.speed.speed; }),
-            numbers(
-                "limit_mps", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.speed.limit; }),
+            numbers("largest_mps", LogKind::Number, {}, [](auto& r, int) -> decltype(auto) { return (r.speed.speed); }),
+            numbers("limit_mps", LogKind::Number, {}, [](auto& r, int) -> decltype(auto) { return (r.speed.limit); }),
             integer(
                 "link", [](const TickRecord& r) -> std::int64_t { return r.speed.link; },
                 [](TickRecord& r, std::int64_t value) {
@@ -270,24 +259,23 @@ LogField peopleFault(const char* name) {
 
 /** The names of links and people are in the metadata. */
 std::vector<LogField> declareSeparation() {
-    return {separationFlag<&Separation::isKnown>("known"),
-            separationFlag<&Separation::isKept>("kept"),
-            numbers(
-                "margin_m", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.separation.margin; }),
-            separationIndex<&Separation::link>("link"),
-            separationIndex<&Separation::person>("person"),
-            numbers(
-                "age_s", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.separation.age_s; }),
-            peopleFault<&PeopleFaults::appeared>("appeared"),
-            peopleFault<&PeopleFaults::faster>("faster"),
-            peopleFault<&PeopleFaults::lost>("lost"),
-            peopleFault<&PeopleFaults::refused>("refused"),
-            integer(
-                "last_fault", [](const TickRecord& r) -> std::int64_t { return r.separation.faults.last; },
-                [](TickRecord& r, std::int64_t value) {
-                    r.separation.faults.last = static_cast<int>(value);
-                    return value >= -1 && value <= std::numeric_limits<int>::max();
-                })};
+    return {
+        separationFlag<&Separation::isKnown>("known"),
+        separationFlag<&Separation::isKept>("kept"),
+        numbers("margin_m", LogKind::Number, {}, [](auto& r, int) -> decltype(auto) { return (r.separation.margin); }),
+        separationIndex<&Separation::link>("link"),
+        separationIndex<&Separation::person>("person"),
+        numbers("age_s", LogKind::Number, {}, [](auto& r, int) -> decltype(auto) { return (r.separation.age_s); }),
+        peopleFault<&PeopleFaults::appeared>("appeared"),
+        peopleFault<&PeopleFaults::faster>("faster"),
+        peopleFault<&PeopleFaults::lost>("lost"),
+        peopleFault<&PeopleFaults::refused>("refused"),
+        integer(
+            "last_fault", [](const TickRecord& r) -> std::int64_t { return r.separation.faults.last; },
+            [](TickRecord& r, std::int64_t value) {
+                r.separation.faults.last = static_cast<int>(value);
+                return value >= -1 && value <= std::numeric_limits<int>::max();
+            })};
 }
 
 bool always(const LogLayout&) {
@@ -307,43 +295,32 @@ std::vector<LogChannel> declareChannels() {
         {"nominal",
          "Nominal",
          always,
-         {perJoint(
-              "q_rad", [](auto& r) -> auto& { return r.nominal.q; }),
-          perJoint(
-              "qd_radps", [](auto& r) -> auto& { return r.nominal.qd; }),
-          perJoint(
-              "qdd_radps2", [](auto& r) -> auto& { return r.nominal.qdd; }),
-          perJoint(
-              "jerk_radps3", [](auto& r) -> auto& { return r.nominal.jerk; }),
-          numbers(
-              "tool_position_m", LogKind::Vector, position, [](auto& r, int i) -> auto& { return r.tool.position[i]; }),
-          numbers(
-              "tool_orientation_xyzw", LogKind::Vector, orientation,
-              [](auto& r, int i) -> auto& { return r.tool.orientation.coeffs()[i]; })}},
+         {perJoint("q_rad", [](auto& r) -> decltype(auto) { return (r.nominal.q); }),
+          perJoint("qd_radps", [](auto& r) -> decltype(auto) { return (r.nominal.qd); }),
+          perJoint("qdd_radps2", [](auto& r) -> decltype(auto) { return (r.nominal.qdd); }),
+          perJoint("jerk_radps3", [](auto& r) -> decltype(auto) { return (r.nominal.jerk); }),
+          numbers("tool_position_m", LogKind::Vector, position,
+                  [](auto& r, int i) -> decltype(auto) { return (r.tool.position[i]); }),
+          numbers("tool_orientation_xyzw", LogKind::Vector, orientation,
+                  [](auto& r, int i) -> decltype(auto) { return (r.tool.orientation.coeffs()[i]); })}},
         {"real",
          "Real",
          withRealPlant,
-         {perJoint(
-              "q_rad", [](auto& r) -> auto& { return r.real.q; }),
-          perJoint(
-              "qd_radps", [](auto& r) -> auto& { return r.real.qd; })}},
+         {perJoint("q_rad", [](auto& r) -> decltype(auto) { return (r.real.q); }),
+          perJoint("qd_radps", [](auto& r) -> decltype(auto) { return (r.real.qd); })}},
         {"actual",
          "Actual",
          withRealPlant,
-         {perJoint(
-              "q_rad", [](auto& r) -> auto& { return r.actual.q; }),
-          perJoint(
-              "qd_radps", [](auto& r) -> auto& { return r.actual.qd; })}},
+         {perJoint("q_rad", [](auto& r) -> decltype(auto) { return (r.actual.q); }),
+          perJoint("qd_radps", [](auto& r) -> decltype(auto) { return (r.actual.qd); })}},
         {"desired",
          "Desired",
          always,
-         {perJoint(
-             "tau_Nm", [](auto& r) -> auto& { return r.desiredTorque; })}},
+         {perJoint("tau_Nm", [](auto& r) -> decltype(auto) { return (r.desiredTorque); })}},
         {"filter",
          "Filter",
          always,
-         {perJoint(
-              "tau_Nm", [](auto& r) -> auto& { return r.filterTorque; }),
+         {perJoint("tau_Nm", [](auto& r) -> decltype(auto) { return (r.filterTorque); }),
           text(
               "active", LogKind::JointName,
               [](const TickRecord& r, int i) {
@@ -351,17 +328,13 @@ std::vector<LogChannel> declareChannels() {
                   return getName(joint.limit, joint.side);
               },
               setLimit),
-          perJoint(
-              "tau_removed_Nm", [](auto& r) -> auto& { return r.removedTorque; }),
-          numbers(
-              "margin_rad", LogKind::JointNumber, {},
-              [](auto& r, int i) -> auto& { return r.stops[static_cast<std::size_t>(i)].margin; }),
-          numbers(
-              "stop_s", LogKind::JointNumber, {},
-              [](auto& r, int i) -> auto& { return r.stops[static_cast<std::size_t>(i)].duration_s; }),
-          numbers(
-              "rest_rad", LogKind::JointNumber, {},
-              [](auto& r, int i) -> auto& { return r.stops[static_cast<std::size_t>(i)].rest; })}},
+          perJoint("tau_removed_Nm", [](auto& r) -> decltype(auto) { return (r.removedTorque); }),
+          numbers("margin_rad", LogKind::JointNumber, {},
+                  [](auto& r, int i) -> decltype(auto) { return (r.stops[static_cast<std::size_t>(i)].margin); }),
+          numbers("stop_s", LogKind::JointNumber, {},
+                  [](auto& r, int i) -> decltype(auto) { return (r.stops[static_cast<std::size_t>(i)].duration_s); }),
+          numbers("rest_rad", LogKind::JointNumber, {},
+                  [](auto& r, int i) -> decltype(auto) { return (r.stops[static_cast<std::size_t>(i)].rest); })}},
         {"clearance", "Clearance", [](const LogLayout& l) { return l.hasEnvironment; }, declareClearance()},
         {"speed", "Speed", [](const LogLayout& l) { return l.hasSpeedLimits; }, declareSpeed()},
         {"separation", "Separation", [](const LogLayout& l) { return l.hasPeople; }, declareSeparation()},
@@ -369,40 +342,31 @@ std::vector<LogChannel> declareChannels() {
         {"robust",
          "Robust",
          withRealPlant,
-         {perJoint(
-             "tau_Nm", [](auto& r) -> auto& { return r.robustTorque; })}},
+         {perJoint("tau_Nm", [](auto& r) -> decltype(auto) { return (r.robustTorque); })}},
         {"motor",
          "Motor",
          withRealPlant,
-         {perJoint(
-             "tau_Nm", [](auto& r) -> auto& { return r.motorTorque; })}},
+         {perJoint("tau_Nm", [](auto& r) -> decltype(auto) { return (r.motorTorque); })}},
         {"external",
          "External",
          [](const LogLayout& l) { return l.hasExternalTorque; },
-         {perJoint(
-             "tau_Nm", [](auto& r) -> auto& { return r.externalTorque; })}},
+         {perJoint("tau_Nm", [](auto& r) -> decltype(auto) { return (r.externalTorque); })}},
         {"command",
          "JointCommand",
          [](const LogLayout& l) { return l.commandSpace == MotionCommand::Space::Joint; },
-         {perJoint(
-              "q_rad", [](auto& r) -> auto& { return r.command.q; }),
-          perJoint(
-              "qd_radps", [](auto& r) -> auto& { return r.command.qd; })}},
+         {perJoint("q_rad", [](auto& r) -> decltype(auto) { return (r.command.q); }),
+          perJoint("qd_radps", [](auto& r) -> decltype(auto) { return (r.command.qd); })}},
         {"command",
          "ToolCommand",
          [](const LogLayout& l) { return l.commandSpace == MotionCommand::Space::Tool; },
-         {numbers(
-              "tool_position_m", LogKind::Vector, position,
-              [](auto& r, int i) -> auto& { return r.command.tool.position[i]; }),
-          numbers(
-              "tool_orientation_xyzw", LogKind::Vector, orientation,
-              [](auto& r, int i) -> auto& { return r.command.tool.orientation.coeffs()[i]; }),
-          numbers(
-              "tool_velocity_mps", LogKind::Vector, velocity,
-              [](auto& r, int i) -> auto& { return r.command.toolTwist[i]; }),
-          numbers(
-              "tool_rotation_radps", LogKind::Vector, rotation,
-              [](auto& r, int i) -> auto& { return r.command.toolTwist[3 + i]; })}},
+         {numbers("tool_position_m", LogKind::Vector, position,
+                  [](auto& r, int i) -> decltype(auto) { return (r.command.tool.position[i]); }),
+          numbers("tool_orientation_xyzw", LogKind::Vector, orientation,
+                  [](auto& r, int i) -> decltype(auto) { return (r.command.tool.orientation.coeffs()[i]); }),
+          numbers("tool_velocity_mps", LogKind::Vector, velocity,
+                  [](auto& r, int i) -> decltype(auto) { return (r.command.toolTwist[i]); }),
+          numbers("tool_rotation_radps", LogKind::Vector, rotation,
+                  [](auto& r, int i) -> decltype(auto) { return (r.command.toolTwist[3 + i]); })}},
         {"live",
          "Live",
          [](const LogLayout& l) { return l.isLive; },
@@ -422,13 +386,11 @@ std::vector<LogChannel> declareChannels() {
         {"pace",
          "Pace",
          [](const LogLayout& l) { return l.isLive; },
-         {numbers(
-             "interval_us", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.interval_us; })}},
+         {numbers("interval_us", LogKind::Number, {}, [](auto& r, int) -> decltype(auto) { return (r.interval_us); })}},
         {"tick",
          "Tick",
          always,
-         {numbers(
-              "time_s", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.time_s; }),
+         {numbers("time_s", LogKind::Number, {}, [](auto& r, int) -> decltype(auto) { return (r.time_s); }),
           text(
               "status", LogKind::Name, [](const TickRecord& r, int) { return getName(r.status); }, setStatus),
           integer(
@@ -451,8 +413,7 @@ std::vector<LogChannel> declareChannels() {
                   r.substituted = value;
                   return value >= 0;
               }),
-          numbers(
-              "compute_us", LogKind::Number, {}, [](auto& r, int) -> auto& { return r.compute_us; }),
+          numbers("compute_us", LogKind::Number, {}, [](auto& r, int) -> decltype(auto) { return (r.compute_us); }),
           stageTime<0>(), stageTime<1>(), stageTime<2>(), stageTime<3>(), stageTime<4>(), stageTime<5>(),
           stageTime<6>()}},
     };

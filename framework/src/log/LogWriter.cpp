@@ -153,16 +153,16 @@ struct LogWriter::Impl {
 
     /** The columns of a message: sequence, log time, publish time, then its numbers in their order. */
     void addColumns() {
-        using Type = ColumnPacker::Type;
+        using Column = ColumnPacker::Type;
         std::map<std::string, std::uint16_t> firsts;  // of a field, by the names of channel and field
         for (const LogChannel* channel : channels) {
-            firstColumns.push_back(packer.addColumn(Type::U32));
-            packer.addColumn(Type::U64);
-            packer.addColumn(Type::U64);
+            firstColumns.push_back(packer.addColumn(Column::U32));
+            packer.addColumn(Column::U64);
+            packer.addColumn(Column::U64);
             for (const LogField& field : channel->fields) {
                 for (int i = 0; !field.isText() && i < countNumbers(field, joints()); ++i) {
                     const std::uint16_t column =
-                        packer.addColumn(field.kind == LogKind::Integer ? Type::U64 : Type::Double);
+                        packer.addColumn(field.kind == LogKind::Integer ? Column::U64 : Column::Double);
                     firsts.emplace(channel->name + "." + field.name, column);
                 }
             }

@@ -262,10 +262,10 @@ LinearErrorLoop scaleGains(const RobotDescription& robot, const JointLimits& lim
 
 LinearErrorLoop detail::scaleConstantGains(const RobotDescription& robot, const JointLimits& limits, double tick_s,
                                            int delayTicks) {
-    constexpr int kPoses = 1000;
+    constexpr int kManyPoses = 1000;
     /** Lowered to less, such gains hold no arm that is much heavier in other poses: those with less margin do. */
     constexpr double kLeastShare = 0.5;
-    const std::vector<PoseInertia> samples = sampleInertia(robot, limits, kPoses);
+    const std::vector<PoseInertia> samples = sampleInertia(robot, limits, kManyPoses);
     if (samples.empty()) return fillWithZero({}, robot.size());
     const InertiaRange range = findInertiaRange(samples);
     const double rate = calcLargestRate(tick_s, delayTicks);

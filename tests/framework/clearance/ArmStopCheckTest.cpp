@@ -95,7 +95,6 @@ TEST(ArmStopCheck, WhatIsProvenBetweenLooksHoldsAtEveryPose) {
         const JointVector none = JointVector::Constant(n, kInfinity);
         ArmStopCheck check(subject.robot, &subject.geometry, {none, none}, kTick_s);
         ArmStopCheck::Result result = check.makeResult();
-        const auto elements = static_cast<std::size_t>(check.elements());
         const ArmStopCheck::Demands demands = makeDemands(check, 0.0, detail::bisection::kGuard_m, kAhead_m);
         double tooMuch = -kInfinity, sum = 0.0;
         constexpr int kPaths = 300;

@@ -372,7 +372,9 @@ TEST_F(StreamTest, ManyMessagesTakeNoMoreThanAFewPerTick) {
     int sent = 1, seen = 0;
     atEachMessage_ = [&] {  // there is always one more
         ++seen;
-        if (sent < 1000) sender_->send(sender_->make({0.001 * ++sent, 0, 0}, now_ns_ - 1000 + sent));
+        if (sent == 1000) return;
+        ++sent;
+        sender_->send(sender_->make({0.001 * sent, 0, 0}, now_ns_ - 1000 + sent));
     };
     sender_->send(sender_->make({0.001, 0, 0}, now_ns_));
     tick();
