@@ -360,7 +360,7 @@ private:
         alive_.expires_after(toMilliseconds(WebSocket::kAlive_s));
         alive_.async_wait([weak = weak_from_this()](error_code error) {
             const auto self = weak.lock();
-            if (!error && self) self->close();
+            if (!error && self && isOver(self->alive_)) self->close();
         });
     }
 
@@ -371,7 +371,6 @@ private:
             if (isFinishing_) sayGoodbye();
             return;
         }
-        isWriting_ = true;
         if (isText) {
             now_ = texts_.front();
             texts_.pop_front();
@@ -384,6 +383,7 @@ private:
             if (error) return self->end();
             self->write();
         });
+        isWriting_ = true;  // now: there may have been no memory to begin
     }
 
     void sayGoodbye() {
@@ -477,16 +477,17 @@ private:
 
     void write() {
         if (isWriting_ || !isOpen_ || (texts_.empty() && messages_.empty())) return;
-        isWriting_ = true;
-        isWritingMessage_ = texts_.empty();
-        std::deque<std::string>& queue = isWritingMessage_ ? messages_ : texts_;
+        const bool isMessage = texts_.empty();
+        std::deque<std::string>& queue = isMessage ? messages_ : texts_;
         now_ = std::move(queue.front());
         queue.pop_front();
-        socket_->write(now_, !isWritingMessage_, [self = shared_from_this()](error_code error) {
+        socket_->write(now_, !isMessage, [self = shared_from_this()](error_code error) {
             self->isWriting_ = self->isWritingMessage_ = false;
             if (error) return self->end();
             self->write();
         });
+        isWriting_ = true;  // now: there may have been no memory to begin
+        isWritingMessage_ = isMessage;
     }
 
     void end() { isOpen_ = false; }
@@ -536,7 +537,7 @@ private:
     void closeAfter(double duration_s) {
         patience_.expires_after(toMilliseconds(duration_s));
         patience_.async_wait([weak = weak_from_this()](error_code error) {
-            if (const auto self = weak.lock(); self && !error) self->close();
+            if (const auto self = weak.lock(); self && !error && isOver(self->patience_)) self->close();
         });
     }
 

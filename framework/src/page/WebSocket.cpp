@@ -1,5 +1,6 @@
 #include "page/WebSocket.h"
 
+#include <boost/asio/post.hpp>
 #include <boost/beast/core/buffers_to_string.hpp>
 #include <utility>
 
@@ -17,7 +18,7 @@ WebSocket::WebSocket(TlsStream&& stream) : stream_(std::move(stream)), patience_
 
 void WebSocket::accept(const Request& request, const std::string& protocol, std::function<void(Error)> then) {
     websocket::stream_base::timeout timeout{};
-    timeout.handshake_timeout = toMilliseconds(kHandshake_s);
+    timeout.handshake_timeout = toMilliseconds(kHandshake_s);  // of a goodbye only: Boost 1.74 does not arm it before
     timeout.idle_timeout = toMilliseconds(kAlive_s);
     timeout.keep_alive_pings = true;
     stream_.set_option(timeout);
@@ -27,7 +28,11 @@ void WebSocket::accept(const Request& request, const std::string& protocol, std:
     }));
     stream_.read_message_max(kMaxMessage);
     stream_.auto_fragment(false);
-    stream_.async_accept(request, std::move(then));
+    closeAfter(kHandshake_s);
+    stream_.async_accept(request, [self = shared_from_this(), then = std::move(then)](Error error) {
+        self->beInNoHurry();
+        then(error);
+    });
 }
 
 void WebSocket::onGoodbye(std::function<void()> heard) {
@@ -41,22 +46,20 @@ void WebSocket::read(std::function<void(Error, const std::string&, bool)> then) 
         std::string bytes;
         if (!error) bytes = beast::buffers_to_string(self->buffer_.data());
         self->buffer_.consume(self->buffer_.size());
+        if (error) {  // a ping on its way looks at the stream once more
+            self->close();
+            boost::asio::post(self->stream_.get_executor(), [self] {});
+        }
         then(error, bytes, self->stream_.got_text());
     });
 }
 
 void WebSocket::write(const std::string& bytes, bool isText, std::function<void(Error)> then) {
-    isWriting_ = true;
-    patience_.expires_after(toMilliseconds(kWrite_s));
-    patience_.async_wait([weak = weak_from_this()](Error error) {
-        const auto self = weak.lock();
-        if (!error && self && self->isWriting_) self->close();
-    });
+    closeAfter(kWrite_s);
     stream_.text(isText);
     stream_.async_write(boost::asio::buffer(bytes),
                         [self = shared_from_this(), then = std::move(then)](Error error, std::size_t) {
-                            self->isWriting_ = false;
-                            self->patience_.cancel();
+                            self->beInNoHurry();
                             then(error);
                         });
 }
@@ -68,7 +71,19 @@ void WebSocket::sayGoodbye(std::function<void()> then) {
 void WebSocket::close() {
     Error ignored;
     beast::get_lowest_layer(stream_).close(ignored);
-    patience_.cancel();
+    beInNoHurry();
+}
+
+void WebSocket::closeAfter(double duration_s) {
+    patience_.expires_after(toMilliseconds(duration_s));
+    patience_.async_wait([weak = weak_from_this()](Error error) {
+        const auto self = weak.lock();
+        if (!error && self && isOver(self->patience_)) self->close();
+    });
+}
+
+void WebSocket::beInNoHurry() {
+    patience_.expires_at(boost::asio::steady_timer::time_point::max());
 }
 
 }  // namespace viable

@@ -26,6 +26,11 @@ inline std::chrono::milliseconds toMilliseconds(double seconds) {
     return std::chrono::milliseconds(std::llround(1e3 * seconds));
 }
 
+/** False where what waits for it was called, but it has been set anew since. */
+inline bool isOver(const boost::asio::steady_timer& timer) {
+    return timer.expiry() <= boost::asio::steady_timer::clock_type::now();
+}
+
 /** A WebSocket over TLS, the server's end: one reader and one writer at a time. What it is given to do afterwards may own it. Whoever
 says nothing for kAlive_s, not even as an answer to a ping, or does not take a message within kWrite_s is cut off.
 Each kind of operation exists once, with one type of what follows: for each other one the compiler takes ten seconds more.
@@ -52,10 +57,12 @@ public:
     void close();
 
 private:
+    void closeAfter(double duration_s);
+    void beInNoHurry();
+
     boost::beast::websocket::stream<TlsStream> stream_;
     boost::asio::steady_timer patience_;
     boost::beast::flat_buffer buffer_{kMaxMessage + 1024};
-    bool isWriting_ = false;
 };
 
 }  // namespace viable

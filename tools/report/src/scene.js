@@ -26,19 +26,21 @@ export function readSurfaces(run) {
   const { links } = run.scene;
   if (!links.some(({ shapes }) => shapes?.length > 0)) return makeRods(run).map(join);
   return links.map((link, i) =>
-    join((link.shapes ?? []).map((shape, k) => readShape(run, shape, `scene.links[${i}].shapes[${k}]`))),
+    join((link.shapes ?? []).map((shape, k) => readShape(run, shape, `scene.links[${i}].shapes[${k}]`)), i),
   );
 }
 
-/** Shapes as one surface: without a graphics card it is the number of things to draw that takes the time. */
-function join(shapes) {
+/** Shapes as one surface: without a graphics card it is the number of things to draw that takes the time. Takes them over. */
+function join(shapes, link) {
   if (shapes.length === 0) return null;
   const one = new Vector3(1, 1, 1);
   const parts = shapes.map(({ geometry, position, orientation }) => {
     if (!geometry.index) geometry.setIndex([...Array(geometry.attributes.position.count).keys()]);
     return geometry.deleteAttribute('uv').applyMatrix4(new Matrix4().compose(position, orientation, one));
   });
-  return mergeGeometries(parts);
+  const surface = parts.length === 1 ? parts[0] : mergeGeometries(parts);
+  if (!surface) throw new DataError(`scene.links[${link}].shapes: cannot be drawn together.`);
+  return surface;
 }
 
 /** For a robot without shapes: a rod from each link to those that it carries, a hub where a joint moves it. */
@@ -91,7 +93,7 @@ export function readShape(run, shape, where) {
       return { geometry: new SphereGeometry(shape.radius, 32, 20), position, orientation };
     case 'mesh': {
       const geometry = new BufferGeometry();
-      geometry.setAttribute('position', new BufferAttribute(run.array(shape.positions, `${where}.positions`), 3));
+      geometry.setAttribute('position', new BufferAttribute(Float32Array.from(run.array(shape.positions, `${where}.positions`)), 3));
       if (shape.indices)
         geometry.setIndex(new BufferAttribute(Uint32Array.from(run.array(shape.indices, `${where}.indices`)), 1));
       geometry.computeVertexNormals();
@@ -241,6 +243,7 @@ export class Arm {
 /** The points of a link's surface that are farthest out in 26 directions: of a motion of the link, nearly the fastest. */
 function outermost(surface) {
   const { position } = surface.attributes;
+  if (position.count === 0) return [];
   const points = Array.from({ length: position.count }, (_, i) => new Vector3().fromBufferAttribute(position, i));
   const steps = [-1, 0, 1];
   const all = steps.flatMap((x) => steps.flatMap((y) => steps.map((z) => new Vector3(x, y, z))));
