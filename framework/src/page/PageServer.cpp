@@ -240,7 +240,7 @@ private:
     const PageOptions options_;
     const std::shared_ptr<TeleoperationFeed> hand_;
     const std::function<void(PageWish)> ask_;
-    asio::io_context io_{1};
+    asio::io_context io_{1};  // outlives the sets below: never to be stopped with handlers left, which own viewers
     asio::ssl::context tls_{asio::ssl::context::tls_server};
     asio::basic_socket_acceptor<Tcp, asio::io_context::executor_type> acceptor_{io_};
     asio::steady_timer retry_{io_}, goodbye_{io_};
@@ -329,7 +329,7 @@ public:
     /** Without a word to a viewer that may not listen. */
     void close() {
         socket_->close();
-        alive_.cancel();
+        alive_.expires_at(asio::steady_timer::time_point::max());
     }
 
     const std::string& session() const { return session_; }
@@ -378,12 +378,17 @@ private:
             now_ = std::move(frame_);
             frame_.reset();
         }
-        socket_->write(*now_, isText, [self = shared_from_this()](error_code error) {
-            self->isWriting_ = false;
-            if (error) return self->end();
-            self->write();
-        });
-        isWriting_ = true;  // now: there may have been no memory to begin
+        isWriting_ = true;
+        try {
+            socket_->write(*now_, isText, [self = shared_from_this()](error_code error) {
+                self->isWriting_ = false;
+                if (error) return self->end();
+                self->write();
+            });
+        } catch (...) {  // no memory, perhaps amid its beginning: nothing can be written any more
+            close();
+            throw;
+        }
     }
 
     void sayGoodbye() {
@@ -394,7 +399,7 @@ private:
     void end() {
         if (isOpen_) owner_.remove(*this);
         isOpen_ = false;
-        alive_.cancel();
+        alive_.expires_at(asio::steady_timer::time_point::max());
     }
 
     Impl& owner_;
@@ -481,13 +486,18 @@ private:
         std::deque<std::string>& queue = isMessage ? messages_ : texts_;
         now_ = std::move(queue.front());
         queue.pop_front();
-        socket_->write(now_, !isMessage, [self = shared_from_this()](error_code error) {
-            self->isWriting_ = self->isWritingMessage_ = false;
-            if (error) return self->end();
-            self->write();
-        });
-        isWriting_ = true;  // now: there may have been no memory to begin
+        isWriting_ = true;
         isWritingMessage_ = isMessage;
+        try {
+            socket_->write(now_, !isMessage, [self = shared_from_this()](error_code error) {
+                self->isWriting_ = self->isWritingMessage_ = false;
+                if (error) return self->end();
+                self->write();
+            });
+        } catch (...) {  // as above
+            close();
+            throw;
+        }
     }
 
     void end() { isOpen_ = false; }

@@ -2,6 +2,7 @@
 
 #include <boost/asio/post.hpp>
 #include <boost/beast/core/buffers_to_string.hpp>
+#include <exception>
 #include <utility>
 
 namespace viable {
@@ -16,9 +17,18 @@ namespace websocket = beast::websocket;
 
 WebSocket::WebSocket(TlsStream&& stream) : stream_(std::move(stream)), patience_(stream_.get_executor()) {}
 
+WebSocket::~WebSocket() {
+    try {
+        close();
+        const auto executor = stream_.get_executor();
+        boost::asio::post(executor, [last = std::move(stream_)] {});
+    } catch (const std::exception&) {  // no memory
+    }
+}
+
 void WebSocket::accept(const Request& request, const std::string& protocol, std::function<void(Error)> then) {
     websocket::stream_base::timeout timeout{};
-    timeout.handshake_timeout = toMilliseconds(kHandshake_s);  // of a goodbye only: Boost 1.74 does not arm it before
+    timeout.handshake_timeout = toMilliseconds(kHandshake_s);
     timeout.idle_timeout = toMilliseconds(kAlive_s);
     timeout.keep_alive_pings = true;
     stream_.set_option(timeout);
@@ -28,11 +38,7 @@ void WebSocket::accept(const Request& request, const std::string& protocol, std:
     }));
     stream_.read_message_max(kMaxMessage);
     stream_.auto_fragment(false);
-    closeAfter(kHandshake_s);
-    stream_.async_accept(request, [self = shared_from_this(), then = std::move(then)](Error error) {
-        self->beInNoHurry();
-        then(error);
-    });
+    stream_.async_accept(request, std::move(then));
 }
 
 void WebSocket::onGoodbye(std::function<void()> heard) {
@@ -46,10 +52,6 @@ void WebSocket::read(std::function<void(Error, const std::string&, bool)> then) 
         std::string bytes;
         if (!error) bytes = beast::buffers_to_string(self->buffer_.data());
         self->buffer_.consume(self->buffer_.size());
-        if (error) {  // a ping on its way looks at the stream once more
-            self->close();
-            boost::asio::post(self->stream_.get_executor(), [self] {});
-        }
         then(error, bytes, self->stream_.got_text());
     });
 }
@@ -65,6 +67,8 @@ void WebSocket::write(const std::string& bytes, bool isText, std::function<void(
 }
 
 void WebSocket::sayGoodbye(std::function<void()> then) {
+    // Within half a message goodbye and reader may wait for each other for ever (Boost 1.74).
+    if (!stream_.is_message_done()) return close();
     stream_.async_close(websocket::close_code::going_away, [then = std::move(then)](Error) { then(); });
 }
 

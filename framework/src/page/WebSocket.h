@@ -43,6 +43,10 @@ public:
     static constexpr double kHandshake_s = 2.0, kAlive_s = 10.0, kWrite_s = 5.0;
 
     explicit WebSocket(TlsStream&& stream);
+    /** A ping that is on its way looks at the stream once more: it goes a turn of the context later. */
+    ~WebSocket();
+    WebSocket(const WebSocket&) = delete;
+    WebSocket& operator=(const WebSocket&) = delete;
 
     /** Answers a request for it. @param protocol  of the answer */
     void accept(const Request& request, const std::string& protocol, std::function<void(Error)> then);
