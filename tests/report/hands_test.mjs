@@ -115,10 +115,14 @@ async function leave() {
 }
 
 async function hold() {
-  await grip(false); // a test before may have failed
-  await handIs('released');
-  await awaitRest(page);
-  await grip(true);
+  for (let tries = 1; ; ++tries) {
+    await grip(false); // a test before may have failed
+    await handIs('released');
+    await awaitRest(page);
+    await grip(true);
+    await eventually(async () => (await handOf()) !== 'released', 'the hand is pressed');
+    if ((await number(page, 'hand')) !== HELD || tries === 6) break; // held at once: the browser was held up
+  }
   await handIs('engaged');
 }
 
@@ -143,11 +147,16 @@ async function follow(way, wanted, options) {
     await carry(way, options);
     await sleep(3000);
     const [after, hand] = [await tool(page), await handOf()];
+    const [limits, [clearance]] = [await numbers(page, 'limit'), await numbers(page, 'clearance')];
     const { hands, gap } = await page.evaluate(() => ({ hands: [...window.test.hands], gap: window.test.gap }));
     await letGo();
     const wasStalled = hands.includes(HELD) || gap > LONGEST_GAP_MS;
     if (!wasStalled || tries === 6) assert.equal(hand, 'engaged');
-    if (!wasStalled) return { before, after, off: distance(after, before.map((value, i) => value + (wanted[i] ?? 0))) };
+    if (!wasStalled) {
+      const off = distance(after, before.map((value, i) => value + (wanted[i] ?? 0)));
+      if (off > NEAR_M) console.log(`     held back by limits ${limits.join(' ')}, ${mm(clearance)} from an obstacle, tool ${before} to ${after}`);
+      return { before, after, off };
+    }
     console.log(`     the browser was held up for ${gap.toFixed(0)} ms: ${hand}`);
     await carry(way.map((value) => -value), { turn: -(options?.turn ?? 0) });
   }
@@ -356,7 +365,7 @@ await runTests(
         await enter('AR', 2);
         assert.equal(await page.evaluate(() => window.viableLive.view.scene.background), null, 'the room is hidden');
         await shoot(page, 'headset_ar');
-        const { off } = await follow([0.04, 0.04, 0], [0, 0.04, 0.04]);
+        const { off } = await follow([0.04, -0.04, 0], [0, 0.04, -0.04]); // down: the tests before have raised the arm until it is stretched
         console.log(`     ${mm(off)} off`);
         assert.ok(off < NEAR_M);
       },
@@ -367,6 +376,7 @@ await runTests(
         await leave();
         const watcher = await open(await invite(page), { width: 400, height: 300 });
         await watcher.waitForSelector('.stage[data-pictures]');
+        await watcher.evaluate(() => (window.viableLive.view.renderer.render = () => {})); // only its numbers are looked at
         await enter('VR');
         await page.evaluate(() => {
           const { link, headset } = window.viableLive;
@@ -390,6 +400,7 @@ await runTests(
     {
       name: 'phone: the tool turns as it does while a finger holds the pad',
       body: async () => {
+        if (await isPresenting()) await leave(); // a test before may have failed
         const phone = await open(await invite(page), { width: 390, height: 844, hasTouch: true, isMobile: true });
         await phone.waitForSelector('.stage[data-pictures]');
         await press(phone, 'Take over');
