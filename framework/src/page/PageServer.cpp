@@ -329,7 +329,7 @@ public:
     /** Without a word to a viewer that may not listen. */
     void close() {
         socket_->close();
-        alive_.expires_at(asio::steady_timer::time_point::max());
+        disarm(alive_);
     }
 
     const std::string& session() const { return session_; }
@@ -356,16 +356,10 @@ private:
     }
 
     /** A whole message is expected in a while: pings alone, or a message that never ends, are no life. */
-    void expectLife() {
-        alive_.expires_after(toMilliseconds(WebSocket::kAlive_s));
-        alive_.async_wait([weak = weak_from_this()](error_code error) {
-            const auto self = weak.lock();
-            if (!error && self && isOver(self->alive_)) self->close();
-        });
-    }
+    void expectLife() { closeAfter(WebSocket::kAlive_s, alive_, weak_from_this()); }
 
     void write() {
-        if (isWriting_ || !isOpen_) return;
+        if (socket_->isWriting() || !isOpen_) return;
         const bool isText = !texts_.empty();
         if (!isText && !frame_) {
             if (isFinishing_) sayGoodbye();
@@ -378,17 +372,10 @@ private:
             now_ = std::move(frame_);
             frame_.reset();
         }
-        isWriting_ = true;
-        try {
-            socket_->write(*now_, isText, [self = shared_from_this()](error_code error) {
-                self->isWriting_ = false;
-                if (error) return self->end();
-                self->write();
-            });
-        } catch (...) {  // no memory, perhaps amid its beginning: nothing can be written any more
-            close();
-            throw;
-        }
+        socket_->write(*now_, isText, [self = shared_from_this()](error_code error) {
+            if (error) return self->end();
+            self->write();
+        });
     }
 
     void sayGoodbye() {
@@ -399,7 +386,7 @@ private:
     void end() {
         if (isOpen_) owner_.remove(*this);
         isOpen_ = false;
-        alive_.expires_at(asio::steady_timer::time_point::max());
+        disarm(alive_);
     }
 
     Impl& owner_;
@@ -409,7 +396,7 @@ private:
     asio::steady_timer alive_;
     std::deque<Text> texts_;
     Text frame_, now_;
-    bool isOpen_ = false, isWriting_ = false, isFinishing_ = false;
+    bool isOpen_ = false, isFinishing_ = false;
 };
 
 /** A connection of a watcher's own program. */
@@ -481,23 +468,17 @@ private:
     }
 
     void write() {
-        if (isWriting_ || !isOpen_ || (texts_.empty() && messages_.empty())) return;
+        if (socket_->isWriting() || !isOpen_ || (texts_.empty() && messages_.empty())) return;
         const bool isMessage = texts_.empty();
         std::deque<std::string>& queue = isMessage ? messages_ : texts_;
         now_ = std::move(queue.front());
         queue.pop_front();
-        isWriting_ = true;
+        socket_->write(now_, !isMessage, [self = shared_from_this()](error_code error) {
+            self->isWritingMessage_ = false;
+            if (error) return self->end();
+            self->write();
+        });
         isWritingMessage_ = isMessage;
-        try {
-            socket_->write(now_, !isMessage, [self = shared_from_this()](error_code error) {
-                self->isWriting_ = self->isWritingMessage_ = false;
-                if (error) return self->end();
-                self->write();
-            });
-        } catch (...) {  // as above
-            close();
-            throw;
-        }
     }
 
     void end() { isOpen_ = false; }
@@ -507,7 +488,7 @@ private:
     FoxgloveClient client_;
     std::deque<std::string> texts_, messages_;
     std::string now_;
-    bool isOpen_ = false, isWriting_ = false, isWritingMessage_ = false;
+    bool isOpen_ = false, isWritingMessage_ = false;
 };
 
 /** A connection until its request is answered, or becomes a viewer's. */
@@ -528,7 +509,7 @@ public:
     const asio::ip::address address;
 
     void begin() {
-        closeAfter(WebSocket::kHandshake_s);  // for all until the answer
+        closeAfter(WebSocket::kHandshake_s, patience_, weak_from_this());  // for all until the answer
         stream_.async_handshake(asio::ssl::stream_base::server, [self = shared_from_this()](error_code error) {
             if (error)
                 ++self->owner_.server_.counts_.refusedRequests;
@@ -543,14 +524,6 @@ public:
     }
 
 private:
-    /** Whatever it still waits for then. */
-    void closeAfter(double duration_s) {
-        patience_.expires_after(toMilliseconds(duration_s));
-        patience_.async_wait([weak = weak_from_this()](error_code error) {
-            if (const auto self = weak.lock(); self && !error && isOver(self->patience_)) self->close();
-        });
-    }
-
     void read() {
         http::async_read(stream_, buffer_, parser_, [self = shared_from_this()](error_code error, std::size_t) {
             if (error == http::error::header_limit || error == http::error::buffer_overflow)
@@ -630,7 +603,7 @@ private:
             response_.set(http::field::content_type, "text/html; charset=utf-8");
             response_.set("Content-Security-Policy", owner_.policy_);
             response_.body() = {owner_.page_.data(), owner_.page_.size()};
-            closeAfter(WebSocket::kAlive_s);
+            closeAfter(WebSocket::kAlive_s, patience_, weak_from_this());
         } else {
             ++owner_.server_.counts_.refusedRequests;
             response_.set(http::field::content_type, "text/plain; charset=utf-8");

@@ -57,11 +57,13 @@ void WebSocket::read(std::function<void(Error, const std::string&, bool)> then) 
 }
 
 void WebSocket::write(const std::string& bytes, bool isText, std::function<void(Error)> then) {
-    closeAfter(kWrite_s);
+    closeAfter(kWrite_s, patience_, weak_from_this());
+    isWriting_ = true;
     stream_.text(isText);
     stream_.async_write(boost::asio::buffer(bytes),
                         [self = shared_from_this(), then = std::move(then)](Error error, std::size_t) {
-                            self->beInNoHurry();
+                            self->isWriting_ = false;
+                            disarm(self->patience_);
                             then(error);
                         });
 }
@@ -75,19 +77,7 @@ void WebSocket::sayGoodbye(std::function<void()> then) {
 void WebSocket::close() {
     Error ignored;
     beast::get_lowest_layer(stream_).close(ignored);
-    beInNoHurry();
-}
-
-void WebSocket::closeAfter(double duration_s) {
-    patience_.expires_after(toMilliseconds(duration_s));
-    patience_.async_wait([weak = weak_from_this()](Error error) {
-        const auto self = weak.lock();
-        if (!error && self && isOver(self->patience_)) self->close();
-    });
-}
-
-void WebSocket::beInNoHurry() {
-    patience_.expires_at(boost::asio::steady_timer::time_point::max());
+    disarm(patience_);
 }
 
 }  // namespace viable

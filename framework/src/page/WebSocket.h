@@ -14,6 +14,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 
 namespace viable {
 
@@ -26,9 +27,18 @@ inline std::chrono::milliseconds toMilliseconds(double seconds) {
     return std::chrono::milliseconds(std::llround(1e3 * seconds));
 }
 
-/** False where what waits for it was called, but it has been set anew since. */
-inline bool isOver(const boost::asio::steady_timer& timer) {
-    return timer.expiry() <= boost::asio::steady_timer::clock_type::now();
+/** Closes the owner of a timer in a while, unless it is set anew until then, or disarmed. */
+template <class Owner>
+void closeAfter(double duration_s, boost::asio::steady_timer& timer, std::weak_ptr<Owner> owner) {
+    timer.expires_after(toMilliseconds(duration_s));
+    timer.async_wait([&timer, owner = std::move(owner)](boost::system::error_code error) {
+        const auto self = owner.lock();
+        // It may have been set anew when this was on its way already.
+        if (!error && self && timer.expiry() <= boost::asio::steady_timer::clock_type::now()) self->close();
+    });
+}
+inline void disarm(boost::asio::steady_timer& timer) {
+    timer.expires_at(boost::asio::steady_timer::time_point::max());
 }
 
 /** A WebSocket over TLS, the server's end: one reader and one writer at a time. What it is given to do afterwards may own it. Whoever
@@ -54,19 +64,18 @@ public:
     void onGoodbye(std::function<void()> heard);
     /** The next message: its bytes, and whether it is text. */
     void read(std::function<void(Error, const std::string&, bool)> then);
-    /** @param bytes  must live until it is done */
+    /** Only while none is being written. @param bytes  must live until it is done */
     void write(const std::string& bytes, bool isText, std::function<void(Error)> then);
+    bool isWriting() const { return isWriting_; }
     void sayGoodbye(std::function<void()> then);
     /** Without a word to someone who may not listen: what goes on ends with an error. */
     void close();
 
 private:
-    void closeAfter(double duration_s);
-    void beInNoHurry();
-
     boost::beast::websocket::stream<TlsStream> stream_;
     boost::asio::steady_timer patience_;
     boost::beast::flat_buffer buffer_{kMaxMessage + 1024};
+    bool isWriting_ = false;  // for ever, where there was no memory amid its beginning: Beast keeps its lock
 };
 
 }  // namespace viable
