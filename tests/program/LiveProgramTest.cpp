@@ -1,8 +1,11 @@
 // `viable live` and `viable run LOG --again`.
+#include <arpa/inet.h>
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
 #include <signal.h>
 #include <sys/ioctl.h>
+#include <sys/socket.h>
 
 #include <atomic>
 #include <nlohmann/json.hpp>
@@ -180,6 +183,19 @@ TEST(Live, WhatCannotBeDrivenIsRefusedBeforeAFileIsMade) {
     expectRefused({"live", kExperiment, "--case", "simulated", "--set", "missed_ticks=[{at_s: 1, count: 2}]"},
                   {"missed_ticks are for simulated time"});
     expectRefused({"live", kExperiment, "--case", "simulated", "--page", "127.0.0.1:80x"}, {"127.0.0.1:80x"});
+    expectRefused({"live", kExperiment, "--case", "simulated", "--page", "192.0.2.1:0"},  // of nobody, RFC 5737
+                  {"--page 192.0.2.1:0", "Name an address of this computer"});
+    const int taken = socket(AF_INET, SOCK_STREAM, 0);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t size = sizeof address;
+    ASSERT_EQ(bind(taken, reinterpret_cast<sockaddr*>(&address), size), 0);
+    ASSERT_EQ(listen(taken, 1), 0);
+    ASSERT_EQ(getsockname(taken, reinterpret_cast<sockaddr*>(&address), &size), 0);
+    const std::string there = "127.0.0.1:" + std::to_string(ntohs(address.sin_port));
+    expectRefused({"live", kExperiment, "--case", "simulated", "--page", there}, {there, "Name another port"});
+    close(taken);
     expectRefused({"live", kExperiment, "--case", "linked", "--set",
                    "cases.linked.real_plant={plugin: link, address: \"127.0.0.1:9\", connect_timeout_s: 0.3}"},
                   {"127.0.0.1:9", "does not answer", "See that `viable robot`"});

@@ -324,7 +324,9 @@ int goLive(const LiveArguments& arguments) {
     if (!arguments.out.empty()) requireFreeFolder(arguments.out);
     if (arguments.hasPage) {
         PageOptions page;
+        page.port = kPagePort;
         readAddress(arguments.page, page);
+        requireAddress(page);
     }
     const auto processors = ::sysconf(_SC_NPROCESSORS_CONF);
     if (arguments.realTime.cpu >= processors)

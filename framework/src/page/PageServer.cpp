@@ -51,6 +51,8 @@ constexpr std::size_t kMaxOfOneViewer = 2, kMaxOfViewers = 64;  // invitations
 constexpr std::size_t kMaxTexts = 64;                           // that wait for one viewer
 constexpr int kSendBuffer = 65536;                              // what the system keeps for a slow reader
 
+using Acceptor = asio::basic_socket_acceptor<Tcp, asio::io_context::executor_type>;
+
 /** A random word of 256 bits in letters that stand in addresses and headers. */
 std::string makeSecret() {
     static const char letters[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_";
@@ -96,6 +98,23 @@ double readDouble(const char* bytes) {
     return value;
 }
 
+/** Throws Error. */
+void listen(Acceptor& acceptor, const PageOptions& options) {
+    try {
+        const Tcp::endpoint endpoint(asio::ip::make_address(options.address), options.port);
+        acceptor.open(endpoint.protocol());
+        acceptor.set_option(Tcp::acceptor::reuse_address(true));
+        acceptor.bind(endpoint);
+        acceptor.listen(PageServer::kMaxConnections);
+    } catch (const boost::system::system_error& e) {
+        throw badInput("--page " + inUrl(options.address) + ":" + std::to_string(options.port),
+                       "the page cannot be opened there: " + e.code().message(),
+                       e.code() == boost::system::errc::address_not_available
+                           ? "Name an address of this computer, or 0.0.0.0 for all of them."
+                           : "Name another port, or port 0 for a free one.");
+    }
+}
+
 }  // namespace
 
 void readAddress(const std::string& text, PageOptions& options) {
@@ -131,6 +150,12 @@ void readAddress(const std::string& text, PageOptions& options) {
             "Write 127.0.0.1:8484 (this computer alone), 0.0.0.0:8484 (all networks), [::1]:8484 or a port.");
     if (!host.empty()) options.address = host;
     options.port = static_cast<unsigned short>(number);
+}
+
+void requireAddress(const PageOptions& options) {
+    asio::io_context io;
+    Acceptor acceptor(io);
+    listen(acceptor, options);
 }
 
 std::vector<std::string> listHosts(const std::string& address) {
@@ -242,7 +267,7 @@ private:
     const std::function<void(PageWish)> ask_;
     asio::io_context io_{1};  // outlives the sets below: never to be stopped with handlers left, which own viewers
     asio::ssl::context tls_{asio::ssl::context::tls_server};
-    asio::basic_socket_acceptor<Tcp, asio::io_context::executor_type> acceptor_{io_};
+    Acceptor acceptor_{io_};
     asio::steady_timer retry_{io_}, goodbye_{io_};
     unsigned short port_ = 0;
     std::vector<std::string> authorities_, origins_;
@@ -330,6 +355,12 @@ public:
     void close() {
         socket_->close();
         disarm(alive_);
+    }
+
+    /** Whatever it still waits for. */
+    void abandon() {
+        end();
+        socket_->abandon();
     }
 
     const std::string& session() const { return session_; }
@@ -637,17 +668,7 @@ PageServer::Impl::Impl(PageServer& server, PageOptions options, std::shared_ptr<
     const Certificate& own = options_.certificate;
     tls_.use_certificate_chain(asio::buffer(own.certificate));
     tls_.use_private_key(asio::buffer(own.key), asio::ssl::context::pem);
-    const std::string place = inUrl(options_.address) + ":" + std::to_string(options_.port);
-    try {
-        const Tcp::endpoint endpoint(asio::ip::make_address(options_.address), options_.port);
-        acceptor_.open(endpoint.protocol());
-        acceptor_.set_option(Tcp::acceptor::reuse_address(true));
-        acceptor_.bind(endpoint);
-        acceptor_.listen(kMaxConnections);
-    } catch (const boost::system::system_error& e) {
-        throw badInput("--page " + place, "the page cannot be opened there: " + e.code().message(),
-                       "Name another port, or port 0 for a free one.");
-    }
+    listen(acceptor_, options_);
     port_ = acceptor_.local_endpoint().port();
     const std::vector<std::string> hosts = listHosts(options_.address);
     for (const std::string& host : hosts) {
@@ -701,7 +722,7 @@ void PageServer::Impl::stop() {
         goodbye_.expires_after(toMilliseconds(kGoodbye_s));  // first: what comes next may run out of memory
         goodbye_.async_wait([this](error_code error) {
             if (error) return;
-            for (Viewer* viewer : std::set(sockets_)) viewer->close();
+            for (Viewer* viewer : std::set(sockets_)) viewer->abandon();
         });
         for (Connection* connection : std::set(connections_)) connection->close();
         for (Watcher* watcher : std::set(watchers_)) watcher->close();

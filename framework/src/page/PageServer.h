@@ -31,6 +31,9 @@ struct PageOptions {
 /** "127.0.0.1:8484", "[::1]:8484", "::1", an address or a port alone; empty: as the options are. Throws Error. */
 void readAddress(const std::string& text, PageOptions& options);
 
+/** Throws Error where no page can be opened at the address and port just now. */
+void requireAddress(const PageOptions& options);
+
 /** All host names and addresses by which a browser may call a server at that address: of networks that are up, IPv4 first; then
 those of this computer alone, then names. */
 std::vector<std::string> listHosts(const std::string& address);

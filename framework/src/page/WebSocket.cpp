@@ -2,7 +2,6 @@
 
 #include <boost/asio/post.hpp>
 #include <boost/beast/core/buffers_to_string.hpp>
-#include <exception>
 #include <utility>
 
 namespace viable {
@@ -15,15 +14,11 @@ namespace websocket = beast::websocket;
 
 }  // namespace
 
-WebSocket::WebSocket(TlsStream&& stream) : stream_(std::move(stream)), patience_(stream_.get_executor()) {}
+WebSocket::WebSocket(TlsStream&& stream)
+    : stream_(std::in_place, std::move(stream)), patience_(stream_->get_executor()) {}
 
 WebSocket::~WebSocket() {
-    try {
-        close();
-        const auto executor = stream_.get_executor();
-        boost::asio::post(executor, [last = std::move(stream_)] {});
-    } catch (const std::exception&) {  // no memory
-    }
+    abandon();
 }
 
 void WebSocket::accept(const Request& request, const std::string& protocol, std::function<void(Error)> then) {
@@ -31,53 +26,66 @@ void WebSocket::accept(const Request& request, const std::string& protocol, std:
     timeout.handshake_timeout = toMilliseconds(kHandshake_s);
     timeout.idle_timeout = toMilliseconds(kAlive_s);
     timeout.keep_alive_pings = true;
-    stream_.set_option(timeout);
-    stream_.set_option(websocket::stream_base::decorator([protocol](websocket::response_type& response) {
+    stream_->set_option(timeout);
+    stream_->set_option(websocket::stream_base::decorator([protocol](websocket::response_type& response) {
         response.set(http::field::server, "viable");
         response.set(http::field::sec_websocket_protocol, protocol);
     }));
-    stream_.read_message_max(kMaxMessage);
-    stream_.auto_fragment(false);
-    stream_.async_accept(request, std::move(then));
+    stream_->read_message_max(kMaxMessage);
+    stream_->auto_fragment(false);
+    stream_->async_accept(request, std::move(then));
 }
 
 void WebSocket::onGoodbye(std::function<void()> heard) {
-    stream_.control_callback([heard = std::move(heard)](websocket::frame_type kind, beast::string_view) {
+    stream_->control_callback([heard = std::move(heard)](websocket::frame_type kind, beast::string_view) {
         if (kind == websocket::frame_type::close) heard();
     });
 }
 
 void WebSocket::read(std::function<void(Error, const std::string&, bool)> then) {
-    stream_.async_read(buffer_, [self = shared_from_this(), then = std::move(then)](Error error, std::size_t) {
+    stream_->async_read(buffer_, [self = shared_from_this(), then = std::move(then)](Error error, std::size_t) {
         std::string bytes;
         if (!error) bytes = beast::buffers_to_string(self->buffer_.data());
         self->buffer_.consume(self->buffer_.size());
-        then(error, bytes, self->stream_.got_text());
+        then(error, bytes, self->stream_ && self->stream_->got_text());
     });
 }
 
-void WebSocket::write(const std::string& bytes, bool isText, std::function<void(Error)> then) {
+void WebSocket::begin(const std::string& bytes, bool isText, std::function<void(Error)> then) {
     closeAfter(kWrite_s, patience_, weak_from_this());
     isWriting_ = true;
-    stream_.text(isText);
-    stream_.async_write(boost::asio::buffer(bytes),
-                        [self = shared_from_this(), then = std::move(then)](Error error, std::size_t) {
-                            self->isWriting_ = false;
-                            disarm(self->patience_);
-                            then(error);
-                        });
+    stream_->text(isText);
+    stream_->async_write(boost::asio::buffer(bytes),
+                         [self = shared_from_this(), then = std::move(then)](Error error, std::size_t) {
+                             self->isWriting_ = false;
+                             disarm(self->patience_);
+                             then(error);
+                         });
 }
 
 void WebSocket::sayGoodbye(std::function<void()> then) {
-    // Within half a message goodbye and reader may wait for each other for ever (Boost 1.74).
-    if (!stream_.is_message_done()) return close();
-    stream_.async_close(websocket::close_code::going_away, [then = std::move(then)](Error) { then(); });
+    stream_->async_close(websocket::close_code::going_away, [then = std::move(then)](Error) { then(); });
 }
 
 void WebSocket::close() {
     Error ignored;
-    beast::get_lowest_layer(stream_).close(ignored);
+    if (stream_) beast::get_lowest_layer(*stream_).close(ignored);
     disarm(patience_);
+}
+
+void WebSocket::abandon() noexcept {
+    if (!stream_) return;
+    const auto self = weak_from_this().lock();  // what is dropped may own it
+    try {
+        close();
+        const auto executor = stream_->get_executor();
+        // Pings and what was closed look at the stream once more: the ping that waited for another write in the second turn.
+        boost::asio::post(executor, [executor, last = std::exchange(stream_, std::nullopt)]() mutable {
+            boost::asio::post(executor, [last = std::move(last)] {});
+        });
+    } catch (...) {  // no memory: at once
+    }
+    stream_.reset();
 }
 
 }  // namespace viable

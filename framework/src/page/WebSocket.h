@@ -13,6 +13,7 @@
 #include <cmath>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -53,7 +54,6 @@ public:
     static constexpr double kHandshake_s = 2.0, kAlive_s = 10.0, kWrite_s = 5.0;
 
     explicit WebSocket(TlsStream&& stream);
-    /** A ping that is on its way looks at the stream once more: it goes a turn of the context later. */
     ~WebSocket();
     WebSocket(const WebSocket&) = delete;
     WebSocket& operator=(const WebSocket&) = delete;
@@ -64,15 +64,32 @@ public:
     void onGoodbye(std::function<void()> heard);
     /** The next message: its bytes, and whether it is text. */
     void read(std::function<void(Error, const std::string&, bool)> then);
-    /** Only while none is being written. @param bytes  must live until it is done */
-    void write(const std::string& bytes, bool isText, std::function<void(Error)> then);
+    /** Only while none is being written; where there is no memory to begin, it is closed.
+    @param bytes  must live until it is done
+    @param then   called with an Error */
+    template <class Then>
+    void write(const std::string& bytes, bool isText, Then&& then) {
+        try {
+            begin(bytes, isText, std::forward<Then>(then));
+        } catch (...) {
+            close();
+            throw;
+        }
+    }
     bool isWriting() const { return isWriting_; }
     void sayGoodbye(std::function<void()> then);
     /** Without a word to someone who may not listen: what goes on ends with an error. */
     void close();
+    /** Closes it, and what has not ended a turn of the context later is dropped unended: goodbye and reader may wait for each other
+    for ever (Boost 1.74), where half a message or a wrong one comes between. */
+    void abandon() noexcept;
 
 private:
-    boost::beast::websocket::stream<TlsStream> stream_;
+    using Stream = boost::beast::websocket::stream<TlsStream>;
+
+    void begin(const std::string& bytes, bool isText, std::function<void(Error)> then);
+
+    std::optional<Stream> stream_;  // none: abandoned
     boost::asio::steady_timer patience_;
     boost::beast::flat_buffer buffer_{kMaxMessage + 1024};
     bool isWriting_ = false;  // for ever, where there was no memory amid its beginning: Beast keeps its lock

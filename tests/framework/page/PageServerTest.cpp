@@ -419,6 +419,27 @@ TEST_F(PageServerTest, TheEndLetsOutWhatWasToldAndShownLast) {
     }
 }
 
+// Goodbye and reader of Boost 1.74 then wait for each other.
+TEST_F(PageServerTest, TheEndComesThoughAMessageGoesWrongWithinTheGoodbye) {
+    auto server = std::make_unique<PageServer>(makeOptions(), feed_, [](PageWish) {});
+    const std::string there = "127.0.0.1:" + std::to_string(server->port());
+    const std::string address = server->invite();
+    TlsClient viewer(server->port());
+    viewer.send(upgrade(address.substr(address.find('#') + 1), "https://" + there, there));
+    ASSERT_EQ(statusOf(viewer.readHead()), 101);
+    for (int greeting = 0; greeting < 2; ++greeting) ASSERT_EQ(readFrame(viewer).opcode, 1);
+    const std::string message = makeFrame(kText, std::string(50, 'a') + "\xff\xff");  // no UTF-8
+    viewer.send(message.substr(0, 30));
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    const auto begin = std::chrono::steady_clock::now();
+    std::thread end([&] { server.reset(); });
+    EXPECT_EQ(readCloseCode(viewer), 1001);
+    viewer.send(message.substr(30));
+    end.join();
+    const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    EXPECT_LT(took_s, PageServer::kGoodbye_s + 1.0);
+}
+
 TEST_F(PageServerTest, WhatTheProgramThrowsEndsOneConnectionAndNoOther) {
     auto other = join();
     auto viewer = join();
