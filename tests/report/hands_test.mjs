@@ -124,9 +124,9 @@ async function hold() {
     try {
       return await handIs('engaged');
     } catch (error) {
-      const held_ms = await wasHeldUp();
-      if (held_ms === 0 || tries === 6) throw error;
-      console.log(`     the browser was held up for ${held_ms.toFixed(0)} ms: ${await handOf()}`);
+      const [held_ms, state] = [await wasHeldUp(), await handOf()];
+      if (held_ms === 0 || !['held', 'refused: silent'].includes(state) || tries === 6) throw error;
+      console.log(`     the browser was held up for ${held_ms.toFixed(0)} ms: ${state}`);
     }
   }
 }

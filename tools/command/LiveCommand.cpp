@@ -69,12 +69,9 @@ void drawCode(const std::string& text) {
 /** The page of a live arm: its server, and what it is told. */
 class LivePage {
 public:
-    LivePage(const std::string& address, LiveSession& session, const CasePlan& plan, const std::string& title,
+    LivePage(PageOptions options, LiveSession& session, const CasePlan& plan, const std::string& title,
              bool movesJoints)
         : hand_(session.hand()), placed_(session.placed()) {
-        PageOptions options;
-        options.port = kPagePort;
-        readAddress(address, options);
         options.certificate = readOrMakeCertificate(findKeyFolder(), listHosts(options.address));
         options.page = readWhole(findLivePage()).value_or("");
         if (options.page.empty())
@@ -322,11 +319,11 @@ int goLive(const LiveArguments& arguments) {
     refuseLog(arguments.file);
     // Before a robot is called:
     if (!arguments.out.empty()) requireFreeFolder(arguments.out);
+    PageOptions pageOptions;
     if (arguments.hasPage) {
-        PageOptions page;
-        page.port = kPagePort;
-        readAddress(arguments.page, page);
-        requireAddress(page);
+        pageOptions.port = kPagePort;
+        readAddress(arguments.page, pageOptions);
+        requireAddress(pageOptions);
     }
     const auto processors = ::sysconf(_SC_NPROCESSORS_CONF);
     if (arguments.realTime.cpu >= processors)
@@ -375,7 +372,7 @@ int goLive(const LiveArguments& arguments) {
     if (const int signal = getStopSignal()) return tellEnd(signal);
     std::unique_ptr<LivePage> page;
     if (arguments.hasPage) {
-        page = std::make_unique<LivePage>(arguments.page, session, plan, experiment.title, movesJoints);
+        page = std::make_unique<LivePage>(std::move(pageOptions), session, plan, experiment.title, movesJoints);
         page->tellAddress(true);
     }
     session.begin();

@@ -109,7 +109,9 @@ void listen(Acceptor& acceptor, const PageOptions& options) {
     } catch (const boost::system::system_error& e) {
         throw badInput("--page " + inUrl(options.address) + ":" + std::to_string(options.port),
                        "the page cannot be opened there: " + e.code().message(),
-                       e.code() == boost::system::errc::address_not_available
+                       e.code() == boost::system::errc::address_not_available ||
+                               e.code() == boost::system::errc::address_family_not_supported ||
+                               e.code() == boost::system::errc::invalid_argument
                            ? "Name an address of this computer, or 0.0.0.0 for all of them."
                            : "Name another port, or port 0 for a free one.");
     }
@@ -359,7 +361,10 @@ public:
 
     /** Whatever it still waits for. */
     void abandon() {
-        end();
+        try {
+            end();
+        } catch (const std::exception&) {  // no memory to tell the others
+        }
         socket_->abandon();
     }
 
@@ -415,9 +420,8 @@ private:
     }
 
     void end() {
-        if (isOpen_) owner_.remove(*this);
-        isOpen_ = false;
         disarm(alive_);
+        if (std::exchange(isOpen_, false)) owner_.remove(*this);
     }
 
     Impl& owner_;

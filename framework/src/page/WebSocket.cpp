@@ -15,7 +15,7 @@ namespace websocket = beast::websocket;
 }  // namespace
 
 WebSocket::WebSocket(TlsStream&& stream)
-    : stream_(std::in_place, std::move(stream)), patience_(stream_->get_executor()) {}
+    : stream_(std::make_unique<Stream>(std::move(stream))), patience_(stream_->get_executor()) {}
 
 WebSocket::~WebSocket() {
     abandon();
@@ -75,17 +75,21 @@ void WebSocket::close() {
 
 void WebSocket::abandon() noexcept {
     if (!stream_) return;
-    const auto self = weak_from_this().lock();  // what is dropped may own it
+    // What was under way looks at the stream again, each operation that another one wakes in a turn more: at most five.
+    constexpr int kTurns = 10;
     try {
         close();
-        const auto executor = stream_->get_executor();
-        // Pings and what was closed look at the stream once more: the ping that waited for another write in the second turn.
-        boost::asio::post(executor, [executor, last = std::exchange(stream_, std::nullopt)]() mutable {
-            boost::asio::post(executor, [last = std::move(last)] {});
-        });
-    } catch (...) {  // no memory: at once
+        dropAfter(kTurns, stream_.release());
+    } catch (...) {  // no memory: never, rather than too early
     }
-    stream_.reset();
+}
+
+void WebSocket::dropAfter(int turns, Stream* stream) {
+    if (turns == 0) {
+        delete stream;
+        return;
+    }
+    boost::asio::post(stream->get_executor(), [turns, stream] { dropAfter(turns - 1, stream); });
 }
 
 }  // namespace viable

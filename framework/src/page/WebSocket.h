@@ -13,7 +13,6 @@
 #include <cmath>
 #include <functional>
 #include <memory>
-#include <optional>
 #include <string>
 #include <utility>
 
@@ -80,16 +79,17 @@ public:
     void sayGoodbye(std::function<void()> then);
     /** Without a word to someone who may not listen: what goes on ends with an error. */
     void close();
-    /** Closes it, and what has not ended a turn of the context later is dropped unended: goodbye and reader may wait for each other
+    /** Closes it, and what has not ended some turns of the context later is dropped unended: goodbye and reader may wait for each other
     for ever (Boost 1.74), where half a message or a wrong one comes between. */
     void abandon() noexcept;
 
 private:
     using Stream = boost::beast::websocket::stream<TlsStream>;
 
+    static void dropAfter(int turns, Stream* stream);
     void begin(const std::string& bytes, bool isText, std::function<void(Error)> then);
 
-    std::optional<Stream> stream_;  // none: abandoned
+    std::unique_ptr<Stream> stream_;  // null: abandoned
     boost::asio::steady_timer patience_;
     boost::beast::flat_buffer buffer_{kMaxMessage + 1024};
     bool isWriting_ = false;  // for ever, where there was no memory amid its beginning: Beast keeps its lock

@@ -437,6 +437,30 @@ TEST_F(PageServerTest, TheEndComesThoughAMessageGoesWrongWithinTheGoodbye) {
     viewer.send(message.substr(30));
     end.join();
     const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    EXPECT_GE(took_s, PageServer::kGoodbye_s);  // they did wait
+    EXPECT_LT(took_s, PageServer::kGoodbye_s + 1.0);
+}
+
+TEST_F(PageServerTest, TheEndComesThoughAViewerReadsNothingAndAsksOn) {
+    auto server = std::make_unique<PageServer>(makeOptions(), feed_, [](PageWish) {});
+    const std::string there = "127.0.0.1:" + std::to_string(server->port());
+    std::vector<std::unique_ptr<TlsClient>> viewers;
+    for (const unsigned char last : {0x89, 0x88, 0x81, 0x83}) {  // ping, close, text, none that there is
+        const std::string address = server->invite();
+        TlsClient& viewer = *viewers.emplace_back(std::make_unique<TlsClient>(server->port()));
+        viewer.send(upgrade(address.substr(address.find('#') + 1), "https://" + there, there));
+        ASSERT_EQ(statusOf(viewer.readHead()), 101);
+        for (int k = 0; k < 200; ++k) {  // until its write is stalled
+            server->show(std::string(60000, 's'));
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        }
+        viewer.send(makeFrame(last, "ab"));
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    const auto begin = std::chrono::steady_clock::now();
+    server.reset();
+    const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    EXPECT_GE(took_s, 0.9 * PageServer::kGoodbye_s);
     EXPECT_LT(took_s, PageServer::kGoodbye_s + 1.0);
 }
 
