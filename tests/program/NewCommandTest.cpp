@@ -124,7 +124,7 @@ TEST(NewPlugin, RefusesAnUnclearRequest) {
     expectRefused({"filter"}, {"the name is missing", "`viable new filter NAME`"});
     expectRefused({"filter", ""}, {"the name is missing"});
     expectRefused({"filter", "x", "--urdf", "a.urdf"}, {"--urdf is for robots only"});
-    expectRefused({"filter", "x", "y"}, {"not expected: y"});
+    expectRefused({"filter", "x", "y"}, {"new: `y` is more than it takes", "`viable new --help`"});
 }
 
 TEST(NewPlugin, OverwritesNothingAndLeavesNothingBehind) {

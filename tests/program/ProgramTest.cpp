@@ -148,6 +148,15 @@ TEST(Program, BadInputExitsWith2AndOneParagraph) {
     EXPECT_EQ(test::run({"run"}).code, 2);
     EXPECT_EQ(test::run({"rum"}).code, 2);
     EXPECT_EQ(test::run({"run", "nowhere.yaml"}).code, 2);
+    expectContains(test::run({"run"}).err, {"run: FILE is required", "`viable run --help`"});
+    expectContains(test::run({"run", file, "--cse", "A", "--jbos=2"}).err,
+                   {"no option `--cse`, did you mean `--case`?", "no option `--jbos`, did you mean `--jobs`?"});
+    expectContains(test::run({"run", file, "A"}).err, {"run: `A` is more than it takes"});
+    const Outcome twoCases =
+        test::run({"check", folder.write("g.yaml", kExperiment), "--set", "cases.A.start={position_rad: 9}", "--set",
+                   "cases.B.start={position_rad: -9}"});
+    EXPECT_EQ(twoCases.code, 2);
+    expectContains(twoCases.err, {"2 things are wrong", "1. ", "2. "});
     const Outcome wrongCase = test::run({"run", folder.write("f.yaml", kExperiment), "--case", "a"});
     EXPECT_EQ(wrongCase.code, 2);
     expectContains(wrongCase.err, {"no case", "A, B"});

@@ -125,7 +125,9 @@ async function hold() {
       return await handIs('engaged');
     } catch (error) {
       const [held_ms, state] = [await wasHeldUp(), await handOf()];
-      if (held_ms === 0 || !['held', 'refused: silent'].includes(state) || tries === 6) throw error;
+      if (state === 'engaged') return;
+      const isOfIt = ['held', 'refused: silent', 'refused: not tracked'].includes(state);
+      if (held_ms === 0 || !isOfIt || tries === 6) throw error;
       console.log(`     the browser was held up for ${held_ms.toFixed(0)} ms: ${state}`);
     }
   }

@@ -5,6 +5,7 @@
 #include "Commands.h"
 #include "ExperimentArguments.h"
 #include "config/Draws.h"
+#include "core/Complaints.h"
 #include "experiment/CaseForecast.h"
 #include "viable/core/Error.h"
 
@@ -21,35 +22,41 @@ struct CheckArguments {
     std::string draw;
 };
 
+/** Tells of one case. Returns the number of warnings. @param last  what was told of the case before; gets this one's */
+int tell(const ConfiguredCase& configured, CaseForecast& last) {
+    const CasePlan& plan = configured.plan;
+    const CaseForecast forecast = forecastCase(configured);
+    std::printf("%s: robot %s, %d joints, %g s at %g Hz, filter %s: ok\n", plan.name.c_str(), plan.robot.name.c_str(),
+                plan.robot.size(), plan.duration_s, 1.0 / plan.tick_s, plan.filterName().c_str());
+    if (!forecast.gains.empty() && forecast.gains != last.gains) std::printf("  gains    %s\n", forecast.gains.c_str());
+    if (!forecast.motors.empty() && forecast.motors != last.motors)
+        std::printf("  motors   %s\n", forecast.motors.c_str());
+    const bool isListed = forecast.people != last.people && !forecast.people.empty();
+    if (isListed)
+        for (const std::string& person : forecast.people)
+            std::printf("  %-8s %s\n", &person == &forecast.people.front() ? "people" : "", person.c_str());
+    if (!forecast.keepsApart)
+        std::printf("  %-8s are not known to the filter %s\n", isListed ? "" : "people", plan.filterName().c_str());
+    for (const std::string& warning : forecast.warnings) std::printf("  WARNING  %s\n", warning.c_str());
+    last = forecast;
+    for (const auto& watch : configured.watches)
+        if (!watch->sharedChange.empty())
+            std::fprintf(stderr, "viable: warning: case %s: %s\n", plan.name.c_str(),
+                         formatSharedChange(*watch).c_str());
+    return static_cast<int>(forecast.warnings.size());
+}
+
 /** Returns the number of warnings. */
 int checkOne(const Experiment& experiment, bool tells) {
     int warnings = 0;
     CaseForecast last;
-    for (const CasePlan& plan : experiment.cases) {
-        const auto configured = configureCase(plan);
-        if (!tells) continue;
-        const CaseForecast forecast = forecastCase(*configured);
-        std::printf("%s: robot %s, %d joints, %g s at %g Hz, filter %s: ok\n", plan.name.c_str(),
-                    plan.robot.name.c_str(), plan.robot.size(), plan.duration_s, 1.0 / plan.tick_s,
-                    plan.filterName().c_str());
-        if (!forecast.gains.empty() && forecast.gains != last.gains)
-            std::printf("  gains    %s\n", forecast.gains.c_str());
-        if (!forecast.motors.empty() && forecast.motors != last.motors)
-            std::printf("  motors   %s\n", forecast.motors.c_str());
-        const bool isListed = forecast.people != last.people && !forecast.people.empty();
-        if (isListed)
-            for (const std::string& person : forecast.people)
-                std::printf("  %-8s %s\n", &person == &forecast.people.front() ? "people" : "", person.c_str());
-        if (!forecast.keepsApart)
-            std::printf("  %-8s are not known to the filter %s\n", isListed ? "" : "people", plan.filterName().c_str());
-        for (const std::string& warning : forecast.warnings) std::printf("  WARNING  %s\n", warning.c_str());
-        warnings += static_cast<int>(forecast.warnings.size());
-        last = forecast;
-        for (const auto& watch : configured->watches)
-            if (!watch->sharedChange.empty())
-                std::fprintf(stderr, "viable: warning: case %s: %s\n", plan.name.c_str(),
-                             formatSharedChange(*watch).c_str());
-    }
+    detail::Complaints complaints;
+    for (const CasePlan& plan : experiment.cases)
+        complaints.gather([&] {
+            const auto configured = configureCase(plan);
+            if (tells) warnings += tell(*configured, last);
+        });
+    complaints.throwIfAny(experiment.file.string());
     return warnings;
 }
 

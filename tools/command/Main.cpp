@@ -12,6 +12,7 @@
 #include "Progress.h"
 #include "StopSignals.h"
 #include "core/ErrorParts.h"
+#include "core/Text.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -57,6 +58,41 @@ int tell(const viable::Error& e) {
     return e.exitCode();
 }
 
+std::vector<std::string> listOptions(const CLI::App& command) {
+    std::vector<std::string> names;
+    for (const CLI::Option* option : command.get_options())
+        for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+    return names;
+}
+
+/** Words that a command does not take. Those behind an option that it does not have may be that option's value. */
+std::string describeExtras(const std::vector<std::string>& words, const CLI::App& command) {
+    std::string text;
+    for (const std::string& word : words) {
+        if (word.front() != '-') continue;
+        const std::string name = word.substr(0, word.find('='));
+        const std::string closest = viable::findClosestName(name, listOptions(command));
+        viable::detail::addItem(text,
+                                "there is no option `" + viable::makePrintable(name) + "`" +
+                                    (closest.empty() ? "" : ", did you mean `" + closest + "`?"),
+                                "; ");
+    }
+    if (!text.empty()) return text;
+    std::string extra;
+    for (const std::string& word : words) viable::detail::addItem(extra, "`" + viable::makePrintable(word) + "`", ", ");
+    return extra + (words.size() == 1 ? " is" : " are") + " more than it takes";
+}
+
+std::string explain(const CLI::App* app, const CLI::Error& e) {
+    const std::vector<CLI::App*> chosen = app->get_subcommands();
+    if (chosen.empty()) return std::string("viable: ") + e.what() + ". `viable --help` shows the commands.\n";
+    const CLI::App& command = *chosen.front();
+    const bool hasExtras = dynamic_cast<const CLI::ExtrasError*>(&e) != nullptr;
+    const std::string text = hasExtras ? describeExtras(app->remaining(true), command) : e.what();
+    return "viable: " + command.get_name() + ": " + text + (text.back() == '?' ? "" : ".") + " `viable " +
+           command.get_name() + " --help` shows what it takes.\n";
+}
+
 int tellUnexpected(const std::exception& e) {
     std::fprintf(stderr, "viable: unexpected: %s. Please report this.\n", e.what());
     return viable::kUnexpected;
@@ -68,9 +104,7 @@ int main(int argc, char** argv) {
     CLI::App app{"viable - joint limits up to jerk for torque-controlled manipulators", "viable"};
     app.set_version_flag("--version", std::string("viable ") + VIABLE_VERSION);
     app.require_subcommand(1);
-    app.failure_message([](const CLI::App*, const CLI::Error& e) {
-        return std::string("viable: ") + e.what() + ". `viable --help` shows the commands.\n";
-    });
+    app.failure_message(explain);
     int exitCode = 0;
     viable::addRunCommand(app, exitCode);
     viable::addLiveCommand(app, exitCode);

@@ -14,6 +14,7 @@
 #include "Progress.h"
 #include "RunFolder.h"
 #include "StopSignals.h"
+#include "core/Complaints.h"
 #include "core/Text.h"
 #include "experiment/CaseRun.h"
 #include "live/Replay.h"
@@ -178,8 +179,10 @@ int run(const RunArguments& arguments) {
     selectCases(experiment, arguments.cases);
     ignoreWriteSignals();
     ConfiguredCases cases;  // refuse everything before a file is made
+    detail::Complaints complaints;
     for (const CasePlan& plan : experiment.cases)
-        cases.push_back(configureCase(plan, arguments.isolate ? &isolation : nullptr));
+        complaints.gather([&] { cases.push_back(configureCase(plan, arguments.isolate ? &isolation : nullptr)); });
+    complaints.throwIfAny(arguments.file);
 
     catchStopSignals();  // the first one: brake, finish the logs, end
     const fs::path folder = makeRunFolder(arguments.out, arguments.file);

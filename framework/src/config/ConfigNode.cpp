@@ -3,6 +3,8 @@
 #include <algorithm>
 
 #include "config/ConfigText.h"
+#include "core/Complaints.h"
+#include "core/Text.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -252,15 +254,17 @@ const ConfigNode& ConfigMap::require(const std::string& key) {
 }
 
 void ConfigMap::finish() const {
+    detail::Complaints complaints;
     for (const auto& [key, value] : node_.entries) {
         if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
-        std::string names;
-        for (const std::string& name : known_) names += (names.empty() ? "`" : ", `") + name + "`";
-        const std::string closest = findClosestName(key, known_);
-        const std::string hint = closest.empty() ? "" : "Did you mean `" + closest + "`? ";
-        throw badInput(value.place(), "the key " + quoteText(key) + " is unknown",
-                       hint + (known_.empty() ? "No key is allowed here" : "Known keys: " + names));
+        std::string remedy = known_.empty() ? "No key is allowed here" : "";
+        if (const std::string closest = findClosestName(key, known_); !closest.empty())
+            remedy = "Did you mean `" + closest + "`?";
+        if (complaints.isEmpty() && !known_.empty())  // once is enough
+            remedy += (remedy.empty() ? "" : " ") + ("Known keys: `" + detail::join(known_, "`, `") + "`");
+        complaints.add(value.place(), "the key " + quoteText(key) + " is unknown", remedy);
     }
+    complaints.throwIfAny(node_.place());
 }
 
 }  // namespace viable

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "config/ConfigText.h"
+#include "core/Complaints.h"
 #include "core/Text.h"
 #include "viable/config/ConfigNode.h"
 #include "viable/core/Error.h"
@@ -391,7 +392,9 @@ std::vector<double> toNumbers(const ConfigNode& node, int minCount, int maxCount
     }
     std::vector<double> values;
     values.reserve(node.items.size());
-    for (const ConfigNode& item : node.items) values.push_back(toNumber(item, range));
+    detail::Complaints complaints;
+    for (const ConfigNode& item : node.items) complaints.gather([&] { values.push_back(toNumber(item, range)); });
+    complaints.throwIfAny(node.place());
     return values;
 }
 
@@ -407,9 +410,10 @@ JointVector toJointVector(const ConfigNode& node, int n, const NumberRange& rang
                        "Write " + formatCount(n, n) + " in brackets, or a single one");
     }
     JointVector values(n);
-    for (int i = 0; i < n; ++i) {
-        values[i] = toNumber(node.items[static_cast<std::size_t>(i)], range);
-    }
+    detail::Complaints complaints;
+    for (int i = 0; i < n; ++i)
+        complaints.gather([&] { values[i] = toNumber(node.items[static_cast<std::size_t>(i)], range); });
+    complaints.throwIfAny(node.place());
     return values;
 }
 

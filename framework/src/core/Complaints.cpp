@@ -2,29 +2,41 @@
 
 #include <algorithm>
 
-#include "viable/core/Error.h"
+#include "core/ErrorParts.h"
 
 namespace viable::detail {
 
-namespace {
+class Complaints::List : public Error {
+public:
+    List(const std::string& subject, const std::string& text, std::vector<Complaint> complaints)
+        : Error(ErrorKind::BadInput, subject, text), complaints_(std::move(complaints)) {}
+    const std::vector<Complaint>& complaints() const { return complaints_; }
 
-/** More are no help. */
-constexpr std::size_t kMostTold = 100;
-
-}  // namespace
+private:
+    std::vector<Complaint> complaints_;
+};
 
 void Complaints::add(const std::string& where, const std::string& what, const std::string& remedy) {
-    all_.push_back({where, what, remedy});
+    if (told_.emplace(where, what).second) all_.push_back({where, what, remedy});
+}
+
+void Complaints::add(const Error& error) {
+    if (const auto* list = dynamic_cast<const List*>(&error)) {
+        for (const Complaint& complaint : list->complaints()) add(complaint.where, complaint.what, complaint.remedy);
+        return;
+    }
+    const ErrorParts parts = getParts(error);
+    add(parts.place, parts.cause, parts.remedy);
 }
 
 void Complaints::throwIfAny(const std::string& subject) const {
     if (all_.empty()) return;
     if (all_.size() == 1) throw badInput(all_[0].where, all_[0].what, all_[0].remedy);
-    std::string list = std::to_string(all_.size()) + " things are wrong:";
+    std::string list = (isFull() ? "at least " : "") + std::to_string(all_.size()) + " things are wrong:";
     for (std::size_t i = 0; i < std::min(all_.size(), kMostTold); ++i)
         list += "\n  " + std::to_string(i + 1) + ". " + badInput(all_[i].where, all_[i].what, all_[i].remedy).what();
     if (all_.size() > kMostTold) list += "\n  ... and " + std::to_string(all_.size() - kMostTold) + " more";
-    throw badInput(subject, list);
+    throw List(subject, list, all_);
 }
 
 }  // namespace viable::detail

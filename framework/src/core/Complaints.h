@@ -1,27 +1,55 @@
 #pragma once
 
+#include <cstddef>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
+
+#include "viable/core/Error.h"
 
 namespace viable::detail {
 
 /** What is wrong with one file or request, told together: who mends it wants all of it at once. */
 class Complaints {
 public:
-    /** The arguments of badInput(). */
+    /** The arguments of badInput(). What is told already, as of a block that several cases share, is not told again. */
     void add(const std::string& where, const std::string& what, const std::string& remedy = {});
+
+    /** Calls `reading` and keeps what it throws as BadInput, one complaint or several, so that the next can be looked
+    at, too; anything else goes on. @return  true: it threw nothing */
+    template <class Reading>
+    bool gather(Reading&& reading) {
+        try {
+            std::forward<Reading>(reading)();
+        } catch (const Error& error) {
+            if (error.kind() != ErrorKind::BadInput) throw;
+            add(error);
+            return false;
+        }
+        return true;
+    }
+
     bool isEmpty() const { return all_.empty(); }
     std::size_t size() const { return all_.size(); }
+    /** More are counted, but not told: whoever would have to work for them may stop. */
+    bool isFull() const { return all_.size() >= kMostTold; }
 
     /** Throws Error (BadInput) unless empty: one complaint as badInput() tells it, several as a numbered list.
     @param subject  what all of them are about, such as a file */
     void throwIfAny(const std::string& subject) const;
 
 private:
+    static constexpr std::size_t kMostTold = 100;  // more are no help
     struct Complaint {
         std::string where, what, remedy;
     };
+    class List;  // several, thrown
+
+    void add(const Error& error);
+
     std::vector<Complaint> all_;
+    std::set<std::pair<std::string, std::string>> told_;  ///< where and what
 };
 
 }  // namespace viable::detail

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "config/ConfigText.h"
+#include "core/Complaints.h"
 #include "core/Text.h"
 #include "environment/WaypointPath.h"
 #include "viable/core/Error.h"
@@ -220,22 +221,29 @@ void checkEnvironment(const Environment& environment) {
 Environment readEnvironment(const ConfigNode& block) {
     ConfigMap map(block);
     Environment environment;
-    if (const ConfigNode* distance = map.find("safety_distance_m"))
-        environment.safetyDistance_m = toNumber(*distance, {0.0, 1.0});
-    if (const ConfigNode* cell = map.find("field_cell_m")) environment.fieldCell_m = toNumber(*cell, {0.001, 1.0});
-    if (const ConfigNode* obstacles = map.find("obstacles")) {
-        if (obstacles->kind != ConfigNode::Kind::Map)
-            throw badInput(obstacles->place(), "obstacles are entries with a name each",
+    detail::Complaints complaints;
+    const auto offer = [&](const char* key, const auto& read) {
+        if (const ConfigNode* node = map.find(key)) complaints.gather([&] { read(*node); });
+    };
+    offer("safety_distance_m", [&](const ConfigNode& node) {
+        environment.safetyDistance_m = toNumber(node, {0.0, 1.0});
+    });
+    offer("field_cell_m", [&](const ConfigNode& node) { environment.fieldCell_m = toNumber(node, {0.001, 1.0}); });
+    offer("obstacles", [&](const ConfigNode& obstacles) {
+        if (obstacles.kind != ConfigNode::Kind::Map)
+            throw badInput(obstacles.place(), "obstacles are entries with a name each",
                            "Write `obstacles: {table: {box: ...}, ...}`.");
-        for (const auto& [name, node] : obstacles->entries) {
-            if (name == "map")
-                throw badInput(node.place(), "'map' is the name of the map", "Give the obstacle another name.");
-            readObstacle(name, node, environment);
-        }
-    }
-    if (const ConfigNode* people = map.find("people")) environment.people = readPeople(*people);
-    if (const ConfigNode* mapNode = map.find("map")) environment.map = readMap(*mapNode);
-    map.finish();
+        for (const auto& entry : obstacles.entries)
+            complaints.gather([&, &name = entry.first, &node = entry.second] {
+                if (name == "map")
+                    throw badInput(node.place(), "'map' is the name of the map", "Give the obstacle another name.");
+                readObstacle(name, node, environment);
+            });
+    });
+    offer("people", [&](const ConfigNode& node) { environment.people = readPeople(node); });
+    offer("map", [&](const ConfigNode& node) { environment.map = readMap(node); });
+    complaints.gather([&] { map.finish(); });
+    complaints.throwIfAny(block.place());
     return environment;
 }
 

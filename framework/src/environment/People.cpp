@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "config/ConfigText.h"
+#include "core/Complaints.h"
 #include "core/Text.h"
 #include "environment/WaypointPath.h"
 #include "viable/core/Error.h"
@@ -135,7 +136,10 @@ std::vector<Person> readPeople(const ConfigNode& block) {
         throw badInput(block.place(), std::to_string(block.entries.size()) + " people",
                        "Up to " + std::to_string(kMaxPeople) + " can be kept apart from.");
     std::vector<Person> people;
-    for (const auto& [name, node] : block.entries) people.push_back(readPerson(name, node));
+    detail::Complaints complaints;
+    for (const auto& entry : block.entries)
+        complaints.gather([&] { people.push_back(readPerson(entry.first, entry.second)); });
+    complaints.throwIfAny(block.place());
     return people;
 }
 

@@ -26,7 +26,7 @@ void checkExternalTorqueHasPlant(const CasePlan& plan) {
 }
 
 void checkDisturbancesHavePlant(const CasePlan& plan) {
-    if (!plan.realPlant)
+    if (plan.disturbances && !plan.realPlant)
         throw badInput(plan.disturbances->resolved().place(),
                        "there is a disturbance_set but no real_plant that it could disturb",
                        "Add real_plant and robust_loop, or remove it.");

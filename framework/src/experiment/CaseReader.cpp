@@ -1,6 +1,7 @@
 #include "experiment/CaseReader.h"
 
 #include "config/ConfigText.h"
+#include "core/Complaints.h"
 #include "experiment/CaseBlocks.h"
 #include "experiment/CaseChecks.h"
 #include "experiment/ResolvedNodes.h"
@@ -76,9 +77,19 @@ ConfigNode resolveCase(const CasePlan& plan, const std::string& title, const Con
 CasePlan readCase(const ConfigNode& node, const std::string& name, const std::string& title, const PluginLoader& loader,
                   const std::vector<std::filesystem::path>& robotPath, const std::vector<std::string>& overrides) {
     ConfigMap map(node);
-    // Unknown keys first: a misspelt key explains a missing one.
     for (const ExperimentKey& key : experimentKeys()) map.find(key.spec.name);
-    map.finish();
+    Complaints complaints;
+    const bool isKnown = complaints.gather([&] { map.finish(); });
+    const auto offer = [&](const char* key, const auto& read) {
+        if (const ConfigNode* block = map.find(key)) complaints.gather([&] { read(*block); });
+    };
+    // Beside an unknown key none is called missing: a misspelt key explains it.
+    const auto require = [&](const char* key, const auto& read) {
+        if (isKnown && !map.find(key))
+            complaints.add(node.place(), "the key " + quoteText(key) + " is missing",
+                           std::string("Add `") + key + ": ...` here, or at the top of the file for all cases.");
+        offer(key, read);
+    };
     const auto findPlace = [&](const char* key, const std::string& otherwise) {
         const ConfigNode* block = map.find(key);
         return block ? describePlace(*block, key, name, overrides) : otherwise;
@@ -86,55 +97,73 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
 
     CasePlan plan;
     plan.name = name;
-    RobotBlock robot = readRobot(map.require("robot"), map.find("payload"), robotPath);
-    plan.robot = std::move(robot.robot);
-    plan.payload = std::move(robot.payload);
+    require("robot", [&](const ConfigNode& block) {
+        RobotBlock robot = readRobot(block, map.find("payload"), robotPath);
+        plan.robot = std::move(robot.robot);
+        plan.payload = std::move(robot.payload);
+    });
+    const bool hasTick = complaints.gather([&] { plan.tick_s = readTick(map.find("tick_s")); });
+    if (plan.robot.size() == 0 || !hasTick) complaints.throwIfAny(node.file);  // the others are read by them
     const int joints = plan.robot.size();
-    plan.tick_s = readTick(map.find("tick_s"));
-    plan.duration_s = readDuration(map.require("duration_s"), plan.tick_s);
 
-    plan.limitsPlace = findPlace("limits", plan.robot.folder.string() + "/limits.yaml");
-    const LimitsBlock limits = readLimitsBlock(map.find("limits"), plan.robot, plan.tick_s, plan.limitsPlace);
-    plan.limits = limits.limits;
-    plan.allowsLargeAngles = limits.allowsLargeAngles;
-    plan.holdsOnReal = limits.holdsOnReal;
-    plan.start = readStart(map.find("start"), plan.robot);
-    plan.startPlace = findPlace("start", node.file);
-    if (const ConfigNode* missed = map.find("missed_ticks"))
-        plan.missedTicks = readMissedTicks(*missed, plan.tick_s, plan.duration_s);
-    const ConfigNode* environment = map.find("environment");
-    if (environment) {
-        plan.environment = readEnvironmentBlock(*environment);
+    complaints.gather([&] {
+        plan.limitsPlace = findPlace("limits", plan.robot.folder.string() + "/limits.yaml");
+        const LimitsBlock limits = readLimitsBlock(map.find("limits"), plan.robot, plan.tick_s, plan.limitsPlace);
+        plan.limits = limits.limits;
+        plan.allowsLargeAngles = limits.allowsLargeAngles;
+        plan.holdsOnReal = limits.holdsOnReal;
+    });
+    complaints.gather([&] {
+        plan.start = readStart(map.find("start"), plan.robot);
+        plan.startPlace = findPlace("start", node.file);
+    });
+    bool hasDuration = false;
+    require("duration_s", [&](const ConfigNode& block) {
+        plan.duration_s = readDuration(block, plan.tick_s);
+        hasDuration = true;
+    });
+    if (hasDuration)
+        offer("missed_ticks", [&](const ConfigNode& block) {
+            plan.missedTicks = readMissedTicks(block, plan.tick_s, plan.duration_s);
+        });
+    offer("environment", [&](const ConfigNode& block) {
+        plan.environment = readEnvironmentBlock(block);
         setContactSpeeds(plan.environment->people, plan.robot.movingMass());
-    }
-    if (const ConfigNode* speeds = map.find("speed_limits")) {
-        plan.robot.speedLimits = readSpeedLimits(*speeds, plan.robot.speedLimits);
+    });
+    offer("speed_limits", [&](const ConfigNode& block) {
+        plan.robot.speedLimits = readSpeedLimits(block, plan.robot.speedLimits);
         plan.hasOwnSpeedLimits = true;
-    }
-    if (environment || plan.robot.speedLimits.needsCapsules()) plan.geometry = loadArmGeometry(plan.robot);
+    });
+    complaints.gather([&] {
+        if (map.find("environment") || plan.robot.speedLimits.needsCapsules())
+            plan.geometry = loadArmGeometry(plan.robot);
+    });
+    require("command", [&](const ConfigNode& block) {
+        plan.command = readPlugin(block, PluginKind::CommandSource, loader, joints);
+    });
+    offer("stream", [&](const ConfigNode& block) { plan.stream = readStream(block, plan.tick_s); });
+    require("controller", [&](const ConfigNode& block) {
+        plan.controller = readPlugin(block, PluginKind::NominalController, loader, joints);
+    });
+    require("filter", [&](const ConfigNode& block) { plan.filters = readFilters(block, loader, joints); });
+    offer("real_plant",
+          [&](const ConfigNode& block) { plan.realPlant = readPlugin(block, PluginKind::RealPlant, loader, joints); });
+    offer("robust_loop", [&](const ConfigNode& block) {
+        plan.robustLoop = readPlugin(block, PluginKind::RobustLoop, loader, joints);
+    });
+    offer("external_torque", [&](const ConfigNode& block) {
+        plan.feedsExternalTorque = readExternalTorque(block);
+        plan.externalTorquePlace = block.place();
+    });
+    offer("disturbance_set", [&](const ConfigNode& block) { plan.disturbances = readDisturbances(block, joints); });
+    complaints.throwIfAny(node.file);
 
-    plan.command = readPlugin(map.require("command"), PluginKind::CommandSource, loader, joints);
-    if (const ConfigNode* stream = map.find("stream")) plan.stream = readStream(*stream, plan.tick_s);
-    plan.controller = readPlugin(map.require("controller"), PluginKind::NominalController, loader, joints);
-    plan.filters = readFilters(map.require("filter"), loader, joints);
-    const ConfigNode* robustLoop = map.find("robust_loop");
-    const ConfigNode* realPlant = map.find("real_plant");
-    checkRealArmIsWhole(robustLoop, realPlant);
-    if (realPlant) {
-        plan.realPlant = readPlugin(*realPlant, PluginKind::RealPlant, loader, joints);
-        plan.robustLoop = readPlugin(*robustLoop, PluginKind::RobustLoop, loader, joints);
-    }
-    if (const ConfigNode* external = map.find("external_torque")) {
-        plan.feedsExternalTorque = readExternalTorque(*external);
-        plan.externalTorquePlace = external->place();
-        checkExternalTorqueHasPlant(plan);
-    }
-    if (const ConfigNode* disturbances = map.find("disturbance_set")) {
-        plan.disturbances = readDisturbances(*disturbances, joints);
-        checkDisturbancesHavePlant(plan);
-    }
-    checkHoldsOnBound(plan, plan.disturbances.has_value());
-    plan.resolved = resolveCase(plan, title, environment);
+    complaints.gather([&] { checkRealArmIsWhole(map.find("robust_loop"), map.find("real_plant")); });
+    complaints.gather([&] { checkExternalTorqueHasPlant(plan); });
+    complaints.gather([&] { checkDisturbancesHavePlant(plan); });
+    complaints.gather([&] { checkHoldsOnBound(plan, plan.disturbances.has_value()); });
+    complaints.throwIfAny(node.file);
+    plan.resolved = resolveCase(plan, title, map.find("environment"));
     return plan;
 }
 

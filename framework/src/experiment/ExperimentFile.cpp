@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "config/Draws.h"
+#include "core/Complaints.h"
 #include "core/Text.h"
 #include "experiment/CaseReader.h"
 #include "experiment/ExperimentKeys.h"
@@ -29,7 +30,7 @@ void checkCaseName(const std::string& name, const ConfigNode& node) {
 }
 
 /** Refuses what no case would ever see: a key at the top that every case replaces. */
-void checkUse(const ConfigNode& shared, const ConfigNode& cases) {
+void checkUse(const ConfigNode& shared, const ConfigNode& cases, detail::Complaints& complaints) {
     for (const auto& [key, node] : shared.entries) {
         if (!isCaseKey(key)) continue;
         bool used = false;
@@ -41,10 +42,23 @@ void checkUse(const ConfigNode& shared, const ConfigNode& cases) {
                                      (!mine || !theirs || mine->text == theirs->text));
         }
         if (!used)
-            throw badInput(
+            complaints.add(
                 node.place(), "no case uses this: every case has a `" + key + "` of its own",
                 "Remove it, or set it in the case: `cases." + cases.entries.front().first + "." + key + "`.");
     }
+}
+
+/** What a case changes. */
+ConfigNode readChanges(const ConfigNode& node) {
+    ConfigNode own = node;
+    if (own.kind == ConfigNode::Kind::Empty) own.kind = ConfigNode::Kind::Map;
+    if (own.kind != ConfigNode::Kind::Map)
+        throw badInput(node.place(), "a case must be a map of the keys that it changes");
+    for (const detail::ExperimentKey& key : detail::experimentKeys())
+        if (const ConfigNode* misplaced = key.isTopOnly ? own.find(key.spec.name) : nullptr)
+            throw badInput(misplaced->place(),
+                           "'" + std::string(key.spec.name) + "' belongs to the top of the file, not to a case");
+    return own;
 }
 
 /** An override may change a case, not invent one. */
@@ -114,21 +128,18 @@ Experiment readExperiment(const ConfigNode& root, const std::filesystem::path& f
     shared.entries.erase(std::remove_if(shared.entries.begin(), shared.entries.end(),
                                         [](const auto& entry) { return entry.first == "cases"; }),
                          shared.entries.end());
-    checkUse(shared, *root.find("cases"));
-    for (const auto& [name, node] : root.find("cases")->entries) {
-        checkCaseName(name, node);
-        checkCaseIsInFile(name, node, *root.find("cases"));
-        ConfigNode own = node;
-        if (own.kind == ConfigNode::Kind::Empty) own.kind = ConfigNode::Kind::Map;
-        if (own.kind != ConfigNode::Kind::Map)
-            throw badInput(node.place(), "a case must be a map of the keys that it changes");
-        for (const detail::ExperimentKey& key : detail::experimentKeys())
-            if (const ConfigNode* misplaced = key.isTopOnly ? own.find(key.spec.name) : nullptr)
-                throw badInput(misplaced->place(),
-                               "'" + std::string(key.spec.name) + "' belongs to the top of the file, not to a case");
-        const ConfigNode merged = overlay(shared, own);
-        experiment.cases.push_back(detail::readCase(merged, name, experiment.title, loader, robotPath, overrides));
+    detail::Complaints complaints;
+    checkUse(shared, *root.find("cases"), complaints);
+    for (const auto& entry : root.find("cases")->entries) {
+        if (complaints.isFull()) break;  // each reads its robot
+        complaints.gather([&, &name = entry.first, &node = entry.second] {
+            checkCaseName(name, node);
+            checkCaseIsInFile(name, node, *root.find("cases"));
+            const ConfigNode merged = overlay(shared, readChanges(node));
+            experiment.cases.push_back(detail::readCase(merged, name, experiment.title, loader, robotPath, overrides));
+        });
     }
+    complaints.throwIfAny(file.string());
     return experiment;
 }
 

@@ -112,7 +112,7 @@ void listen(Acceptor& acceptor, const PageOptions& options) {
                        e.code() == boost::system::errc::address_not_available ||
                                e.code() == boost::system::errc::address_family_not_supported ||
                                e.code() == boost::system::errc::invalid_argument
-                           ? "Name an address of this computer, or 0.0.0.0 for all of them."
+                           ? "Name an address of this computer (not fe80:...), or 0.0.0.0 for all of them."
                            : "Name another port, or port 0 for a free one.");
     }
 }
@@ -221,8 +221,10 @@ class PageServer::Impl {
 public:
     Impl(PageServer& server, PageOptions options, std::shared_ptr<TeleoperationFeed> hand,
          std::function<void(PageWish)> ask);
+    ~Impl();
 
     void run();
+    /** Lets run() say goodbye, and end within kGoodbye_s. */
     void stop();
     std::string invite(const std::string& by = {});
     std::string watchAddress() const {
@@ -247,7 +249,10 @@ private:
     class Viewer;
     class Watcher;
 
+    template <class Run>
+    void serve(const Run& run);
     void accept();
+    void sayGoodbye();
     void sendFrame(const Text& frame);
     void sendText(const Text& text);
     bool admit(std::string_view secret, std::string& session, Secret& invitation);
@@ -267,10 +272,7 @@ private:
     const PageOptions options_;
     const std::shared_ptr<TeleoperationFeed> hand_;
     const std::function<void(PageWish)> ask_;
-    asio::io_context io_{1};  // outlives the sets below: never to be stopped with handlers left, which own viewers
     asio::ssl::context tls_{asio::ssl::context::tls_server};
-    Acceptor acceptor_{io_};
-    asio::steady_timer retry_{io_}, goodbye_{io_};
     unsigned short port_ = 0;
     std::vector<std::string> authorities_, origins_;
     std::vector<std::string> publicAuthorities_;
@@ -288,6 +290,11 @@ private:
     int lastViewer_ = 0;
     std::mutex secrets_;  // invite() may be called by any thread
     std::deque<Secret> invitations_, sessions_;
+
+    asio::io_context io_{
+        1};  // its handlers own connections, also those that it drops in the end: these look at the members above
+    Acceptor acceptor_{io_};
+    asio::steady_timer retry_{io_};
 };
 
 /** A connection that has its WebSocket. */
@@ -308,7 +315,6 @@ public:
         --owner_.server_.counts_.connections;
         try {
             owner_.remove(*this);
-            if (owner_.sockets_.empty()) owner_.goodbye_.cancel();
             if (!invitation_.text.empty()) owner_.giveBack(std::move(invitation_), session_);
         } catch (const std::exception&) {  // no memory to tell the others
         }
@@ -359,14 +365,18 @@ public:
         disarm(alive_);
     }
 
-    /** Whatever it still waits for. */
-    void abandon() {
+    void end() {
+        disarm(alive_);
+        if (!std::exchange(isOpen_, false)) return;
         try {
-            end();
-        } catch (const std::exception&) {  // no memory to tell the others
+            owner_.remove(*this);
+        } catch (
+            const std::exception&) {  // of the program, or no memory to tell the others: this one is gone all the same
         }
-        socket_->abandon();
     }
+
+    /** See WebSocket. */
+    void abandon() { socket_->abandon(); }
 
     const std::string& session() const { return session_; }
 
@@ -417,11 +427,6 @@ private:
     void sayGoodbye() {
         end();
         socket_->sayGoodbye([self = shared_from_this()] { self->close(); });
-    }
-
-    void end() {
-        disarm(alive_);
-        if (std::exchange(isOpen_, false)) owner_.remove(*this);
     }
 
     Impl& owner_;
@@ -478,6 +483,9 @@ public:
         isOpen_ = false;
         socket_->close();
     }
+
+    /** See WebSocket. */
+    void abandon() { socket_->abandon(); }
 
 private:
     void read() {
@@ -707,10 +715,24 @@ void PageServer::Impl::addPolicy() {
     policy_ = page_.substr(from, page_.find('"', from) - from) + "; " + policy_;
 }
 
-void PageServer::Impl::run() {
+PageServer::Impl::~Impl() {
+    const auto abandon = [](auto& all) {
+        while (!all.empty()) {
+            const auto one = (*all.begin())->shared_from_this();
+            all.erase(all.begin());
+            one->abandon();
+        }
+    };
+    abandon(sockets_);
+    abandon(watchers_);
+}
+
+/** @param run  handlers of the context */
+template <class Run>
+void PageServer::Impl::serve(const Run& run) {
     for (;;) {
         try {
-            io_.run();
+            run();
             return;
         } catch (const std::exception&) {  // of one connection, which has ended with it
             ++server_.counts_.refusedRequests;
@@ -718,21 +740,28 @@ void PageServer::Impl::run() {
     }
 }
 
+void PageServer::Impl::run() {
+    serve([this] { io_.run(); });
+    const auto end = std::chrono::steady_clock::now() + toMilliseconds(kGoodbye_s);
+    io_.restart();
+    serve([&] { io_.run_until(end); });  // or until all are gone
+    for (Viewer* viewer : sockets_) viewer->end();
+}
+
 void PageServer::Impl::stop() {
-    asio::post(io_, [this] {
-        error_code ignored;
-        acceptor_.close(ignored);
-        retry_.cancel();
-        goodbye_.expires_after(toMilliseconds(kGoodbye_s));  // first: what comes next may run out of memory
-        goodbye_.async_wait([this](error_code error) {
-            if (error) return;
-            for (Viewer* viewer : std::set(sockets_)) viewer->abandon();
-        });
-        for (Connection* connection : std::set(connections_)) connection->close();
-        for (Watcher* watcher : std::set(watchers_)) watcher->close();
-        for (Viewer* viewer : std::set(sockets_)) viewer->finish();
-        if (sockets_.empty()) goodbye_.cancel();
+    asio::post(io_, [this] {  // behind what is to be told before
+        io_.stop();           // first: what comes next may run out of memory
+        sayGoodbye();
     });
+}
+
+void PageServer::Impl::sayGoodbye() {
+    error_code ignored;
+    acceptor_.close(ignored);
+    retry_.cancel();
+    for (Connection* connection : std::set(connections_)) connection->close();
+    for (Watcher* watcher : std::set(watchers_)) watcher->close();
+    for (Viewer* viewer : std::set(sockets_)) viewer->finish();
 }
 
 void PageServer::Impl::accept() {

@@ -18,7 +18,11 @@ WebSocket::WebSocket(TlsStream&& stream)
     : stream_(std::make_unique<Stream>(std::move(stream))), patience_(stream_->get_executor()) {}
 
 WebSocket::~WebSocket() {
-    abandon();
+    if (!stream_) return;
+    // Its own last ping, which owns nothing, looks at it some turns longer: at most five.
+    constexpr int kTurns = 10;
+    close();
+    dropAfter(kTurns, std::move(stream_));
 }
 
 void WebSocket::accept(const Request& request, const std::string& protocol, std::function<void(Error)> then) {
@@ -47,7 +51,7 @@ void WebSocket::read(std::function<void(Error, const std::string&, bool)> then) 
         std::string bytes;
         if (!error) bytes = beast::buffers_to_string(self->buffer_.data());
         self->buffer_.consume(self->buffer_.size());
-        then(error, bytes, self->stream_ && self->stream_->got_text());
+        then(error, bytes, self->stream_->got_text());
     });
 }
 
@@ -69,27 +73,16 @@ void WebSocket::sayGoodbye(std::function<void()> then) {
 
 void WebSocket::close() {
     Error ignored;
-    if (stream_) beast::get_lowest_layer(*stream_).close(ignored);
+    beast::get_lowest_layer(*stream_).close(ignored);
     disarm(patience_);
 }
 
-void WebSocket::abandon() noexcept {
-    if (!stream_) return;
-    // What was under way looks at the stream again, each operation that another one wakes in a turn more: at most five.
-    constexpr int kTurns = 10;
-    try {
-        close();
-        dropAfter(kTurns, stream_.release());
-    } catch (...) {  // no memory: never, rather than too early
-    }
-}
-
-void WebSocket::dropAfter(int turns, Stream* stream) {
-    if (turns == 0) {
-        delete stream;
-        return;
-    }
-    boost::asio::post(stream->get_executor(), [turns, stream] { dropAfter(turns - 1, stream); });
+/** With its own memory, turn by turn. */
+void WebSocket::dropAfter(int turns, std::unique_ptr<Stream> stream) {
+    if (turns == 0) return;
+    const auto executor = stream->get_executor();
+    boost::asio::post(executor,
+                      [turns, stream = std::move(stream)]() mutable { dropAfter(turns - 1, std::move(stream)); });
 }
 
 }  // namespace viable

@@ -79,14 +79,14 @@ public:
     void sayGoodbye(std::function<void()> then);
     /** Without a word to someone who may not listen: what goes on ends with an error. */
     void close();
-    /** Closes it, and what has not ended some turns of the context later is dropped unended: goodbye and reader may wait for each other
-    for ever (Boost 1.74), where half a message or a wrong one comes between. */
-    void abandon() noexcept;
+    /** Drops what is under way, for good, once its context runs no more: reader and goodbye own themselves, and may wait for each other
+    for ever (Boost 1.74) where half a message or a wrong one comes between. */
+    void abandon() { stream_.reset(); }
 
 private:
     using Stream = boost::beast::websocket::stream<TlsStream>;
 
-    static void dropAfter(int turns, Stream* stream);
+    static void dropAfter(int turns, std::unique_ptr<Stream> stream);
     void begin(const std::string& bytes, bool isText, std::function<void(Error)> then);
 
     std::unique_ptr<Stream> stream_;  // null: abandoned

@@ -6,6 +6,7 @@
 #include <system_error>
 
 #include "config/ConfigText.h"
+#include "core/Complaints.h"
 #include "core/Text.h"
 #include "plugin/ParameterText.h"
 #include "viable/core/Error.h"
@@ -165,9 +166,10 @@ std::vector<std::vector<double>> toRows(const ConfigNode& node, const ParameterS
     }
     std::vector<std::vector<double>> rows;
     rows.reserve(node.items.size());
-    for (const ConfigNode& row : node.items) {
-        rows.push_back(toNumbers(row, spec.minCount, spec.maxCount, spec.range()));
-    }
+    detail::Complaints complaints;
+    for (const ConfigNode& row : node.items)
+        complaints.gather([&] { rows.push_back(toNumbers(row, spec.minCount, spec.maxCount, spec.range())); });
+    complaints.throwIfAny(node.place());
     return rows;
 }
 
@@ -297,6 +299,47 @@ void checkWord(const ConfigNode& node, const ParameterSpec& spec) {
                                                                  : "a list of numbers."));
 }
 
+/** @tparam Value  that of Parameters. @param node  as written, or the default. @param folderOf  see toFile() */
+template <class Value>
+Value readValue(const ConfigNode& node, const ConfigNode& folderOf, const ParameterSpec& spec, int jointCount,
+                const std::string& where) {
+    switch (spec.type) {
+        case ParameterType::Number:
+            return toNumber(node, spec.range());
+        case ParameterType::Integer:
+            return toInteger(node, getSmallest(spec), getLargest(spec));
+        case ParameterType::Flag:
+            return toFlag(node);
+        case ParameterType::Choice:
+            return toChoice(node, splitChoices(spec.choices));
+        case ParameterType::Text:
+            return toText(node);
+        case ParameterType::File:
+            return toFile(node, folderOf, spec);
+        case ParameterType::JointNumbers:
+            checkWord(node, spec);
+            return isWord(node, spec) ? JointVector() : toJointVector(node, jointCount, spec.range());
+        case ParameterType::Numbers:
+            checkWord(node, spec);
+            return isWord(node, spec) ? std::vector<double>()
+                                      : toNumbers(node, spec.minCount, spec.maxCount, spec.range());
+        case ParameterType::Rows:
+            return toRows(node, spec);
+    }
+    failPlugin(where, "the plugin declares the parameter `" + std::string(spec.name) + "` with an unknown type");
+}
+
+Error describeMissing(const ConfigNode& block, const ParameterSpec& spec) {
+    std::string help = hasText(spec.help) ? spec.help : "no help";
+    if (help.back() == '.') help.pop_back();  // the message sets its own
+    const bool isChosen = isChosenByOverride(block);
+    const std::string entry = isChosen
+                                  ? detail::kOverrideFile + (" " + detail::joinKeyPath(block.keyPath, spec.name)) + "="
+                                  : std::string(spec.name) + ": ";
+    return badInput(describePlace(block), nameWithUnit(spec) + " is missing: " + help,
+                    "Add `" + entry + "...` (" + getTypeName(spec.type) + ")" + (isChosen ? "" : " here"));
+}
+
 }  // namespace
 
 Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, std::size_t count, int jointCount) {
@@ -304,7 +347,8 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
     checkSpecs(specs, count, block.place());
     const ConfigNode* plugin = map.find("plugin");
     for (std::size_t i = 0; i < count; ++i) map.find(specs[i].name);
-    map.finish();  // a misspelt key explains a missing one: tell it first
+    detail::Complaints complaints;
+    const bool isKnown = complaints.gather([&] { map.finish(); });
 
     Parameters parameters;
     ConfigNode& resolved = parameters.resolved_;
@@ -318,63 +362,23 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
     for (std::size_t i = 0; i < count; ++i) {
         const ParameterSpec& spec = specs[i];
         const ConfigNode* written = block.find(spec.name);
-        if (!written && !spec.defaultText) {
-            const std::string key = spec.name;
-            std::string help = hasText(spec.help) ? spec.help : "no help";
-            if (help.back() == '.') help.pop_back();  // the message sets its own
-            const std::string entry =
-                isChosenByOverride(block)
-                    ? detail::kOverrideFile + (" " + detail::joinKeyPath(block.keyPath, key)) + "="
-                    : key + ": ";
-            throw badInput(
-                describePlace(block), nameWithUnit(spec) + " is missing: " + help,
-                "Add `" + entry + "...` (" + getTypeName(spec.type) + ")" + (isChosenByOverride(block) ? "" : " here"));
-        }
-        ConfigNode node = written ? *written : makeDefault(spec, block);
-        Parameters::Value value;
-        switch (spec.type) {
-            case ParameterType::Number:
-                value = toNumber(node, spec.range());
-                break;
-            case ParameterType::Integer:
-                value = toInteger(node, getSmallest(spec), getLargest(spec));
-                break;
-            case ParameterType::Flag:
-                value = toFlag(node);
-                break;
-            case ParameterType::Choice:
-                value = toChoice(node, splitChoices(spec.choices));
-                break;
-            case ParameterType::Text:
-                value = toText(node);
-                break;
-            case ParameterType::File:
-                value = toFile(node, written ? *written : block, spec);
-                break;
-            case ParameterType::JointNumbers:
-                checkWord(node, spec);
-                value = isWord(node, spec) ? JointVector() : toJointVector(node, jointCount, spec.range());
-                break;
-            case ParameterType::Numbers:
-                checkWord(node, spec);
-                value = isWord(node, spec) ? std::vector<double>()
-                                           : toNumbers(node, spec.minCount, spec.maxCount, spec.range());
-                break;
-            case ParameterType::Rows:
-                value = toRows(node, spec);
-                break;
-            default:
-                failPlugin(block.place(),
-                           "the plugin declares the parameter `" + std::string(spec.name) + "` with an unknown type");
-        }
-        if (spec.type == ParameterType::File) {  // the resolved block must mean the same from any folder
-            node.text = std::get<std::filesystem::path>(value).string();
-            node.quoted = true;
-        }
-        parameters.values_.emplace(spec.name, std::move(value));
-        parameters.places_.emplace(spec.name, written ? written->place() : describePlace(block));
-        resolved.entries.emplace_back(spec.name, node);
+        const bool isMissing = !written && !spec.defaultText;
+        if (isMissing && !isKnown) continue;  // the misspelt key explains it
+        complaints.gather([&] {
+            if (isMissing) throw describeMissing(block, spec);
+            ConfigNode node = written ? *written : makeDefault(spec, block);
+            auto value =
+                readValue<Parameters::Value>(node, written ? *written : block, spec, jointCount, block.place());
+            if (spec.type == ParameterType::File) {  // the resolved block must mean the same from any folder
+                node.text = std::get<std::filesystem::path>(value).string();
+                node.quoted = true;
+            }
+            parameters.values_.emplace(spec.name, std::move(value));
+            parameters.places_.emplace(spec.name, written ? written->place() : describePlace(block));
+            resolved.entries.emplace_back(spec.name, node);
+        });
     }
+    complaints.throwIfAny(describePlace(block));
     return parameters;
 }
 

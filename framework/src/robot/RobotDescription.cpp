@@ -5,6 +5,7 @@
 #include <cmath>
 #include <set>
 
+#include "core/Complaints.h"
 #include "core/Text.h"
 #include "robot/DynamicsCheck.h"
 #include "robot/PoseSampling.h"
@@ -18,6 +19,7 @@ namespace viable {
 namespace {
 
 namespace fs = std::filesystem;
+using detail::Complaints;
 using detail::formatNumber;
 using detail::UrdfRobot;
 
@@ -121,11 +123,14 @@ void readBounds(const ConfigNode* node, bool isPosition, JointBounds& bounds) {
 
 /** Takes the keys of a `limits` block out of `map`; the caller finishes it. */
 JointLimits takeLimits(ConfigMap& map, JointLimits limits, bool& allowLargeAngles) {
-    readBounds(map.find("position_rad"), true, limits.position);
-    readBounds(map.find("velocity_radps"), false, limits.velocity);
-    readBounds(map.find("acceleration_radps2"), false, limits.acceleration);
-    readBounds(map.find("jerk_radps3"), false, limits.jerk);
-    if (const ConfigNode* flag = map.find("allow_large_angles")) allowLargeAngles = toFlag(*flag);
+    Complaints complaints;
+    complaints.gather([&] { readBounds(map.find("position_rad"), true, limits.position); });
+    complaints.gather([&] { readBounds(map.find("velocity_radps"), false, limits.velocity); });
+    complaints.gather([&] { readBounds(map.find("acceleration_radps2"), false, limits.acceleration); });
+    complaints.gather([&] { readBounds(map.find("jerk_radps3"), false, limits.jerk); });
+    if (const ConfigNode* flag = map.find("allow_large_angles"))
+        complaints.gather([&] { allowLargeAngles = toFlag(*flag); });
+    complaints.throwIfAny(map.node().place());
     return limits;
 }
 
@@ -208,22 +213,24 @@ void readLimitsFile(const fs::path& file, const UrdfRobot& urdf, RobotDescriptio
     robot.limits = JointLimits::unlimited(n);
     robot.limits.position = urdf.position;
     robot.limits.velocity = urdf.velocity;
-    robot.limits = takeLimits(map, robot.limits, robot.allowLargeAngles);
+    Complaints complaints;
+    complaints.gather([&] { robot.limits = takeLimits(map, robot.limits, robot.allowLargeAngles); });
     // URDF knows neither, and leaving one out by oversight would mean no limit at all.
-    map.require("acceleration_radps2");
-    map.require("jerk_radps3");
-    const ConfigNode& home = map.require("home_rad");
-    robot.home = toJointVector(home, n);
-    readTool(map.find("tool_link"), urdf, file.string(), robot);
-    if (const ConfigNode* speeds = map.find("speed_limits")) robot.speedLimits = readSpeedLimits(*speeds);
-    readAssumed(map, robot.assumed);
-    map.finish();
+    complaints.gather([&] { map.require("acceleration_radps2"); });
+    complaints.gather([&] { map.require("jerk_radps3"); });
+    complaints.gather([&] { robot.home = toJointVector(map.require("home_rad"), n); });
+    complaints.gather([&] { readTool(map.find("tool_link"), urdf, file.string(), robot); });
+    if (const ConfigNode* speeds = map.find("speed_limits"))
+        complaints.gather([&] { robot.speedLimits = readSpeedLimits(*speeds); });
+    complaints.gather([&] { readAssumed(map, robot.assumed); });
+    complaints.gather([&] { map.finish(); });
+    complaints.throwIfAny(file.string());
 
     checkRanges(robot, urdf, map);
     for (int i = 0; i < n; ++i) {
         const AxisLimits limits = robot.limits.axis(i);
         if (robot.home[i] >= limits.positionLower && robot.home[i] <= limits.positionUpper) continue;
-        throw badInput(home.place(),
+        throw badInput(root.find("home_rad")->place(),
                        "the home position of joint `" + robot.joints[i].name + "` is " + formatNumber(robot.home[i]) +
                            " rad; its limits are [" + formatNumber(limits.positionLower) + ", " +
                            formatNumber(limits.positionUpper) + "] rad",
@@ -244,23 +251,31 @@ void readActuationFile(const fs::path& file, RobotDescription& robot) {
     positive.minIsOpen = positiveOrInfinite.minIsOpen = true;
     positiveOrInfinite.mayBeInfinite = true;
 
-    actuation.gearRatio = toJointVector(map.require("gear_ratio"), n, positive);
-    const JointVector rotor = toJointVector(map.require("rotor_inertia_kgm2"), n, notNegative);
+    Complaints complaints;
+    const auto read = [&](ConfigMap& from, const char* key, const NumberRange& range, JointVector& values) {
+        complaints.gather([&] { values = toJointVector(from.require(key), n, range); });
+    };
+    JointVector rotor = JointVector::Zero(n), counts = JointVector::Zero(n);
+    actuation.gearRatio.setOnes(n);
+    read(map, "gear_ratio", positive, actuation.gearRatio);
+    read(map, "rotor_inertia_kgm2", notNegative, rotor);
+    read(map, "torque_limit_Nm", positiveOrInfinite, actuation.torqueLimit);
+    if (map.find("encoder_counts_per_motor_turn")) read(map, "encoder_counts_per_motor_turn", notNegative, counts);
+    if (const ConfigNode* source = map.find("rotor_inertia_source")) complaints.gather([&] { toText(*source); });
     actuation.rotorInertia = rotor.cwiseProduct(actuation.gearRatio.cwiseAbs2());
-    if (const ConfigNode* source = map.find("rotor_inertia_source")) toText(*source);
-    actuation.torqueLimit = toJointVector(map.require("torque_limit_Nm"), n, positiveOrInfinite);
-    actuation.encoderCounts.setZero(n);
-    if (const ConfigNode* counts = map.find("encoder_counts_per_motor_turn"))
-        actuation.encoderCounts = toJointVector(*counts, n, notNegative).cwiseProduct(actuation.gearRatio);
+    actuation.encoderCounts = counts.cwiseProduct(actuation.gearRatio);
 
-    ConfigMap friction(map.require("friction"));
-    actuation.friction.coulomb = toJointVector(friction.require("coulomb_Nm"), n, notNegative);
-    actuation.friction.viscous = toJointVector(friction.require("viscous_Nm"), n, notNegative);
-    actuation.friction.viscousVelocity = toJointVector(friction.require("viscous_velocity_radps"), n, positive);
-    if (const ConfigNode* source = friction.find("source")) toText(*source);
-    friction.finish();
-    readAssumed(map, robot.assumed);
-    map.finish();
+    complaints.gather([&] {
+        ConfigMap friction(map.require("friction"));
+        read(friction, "coulomb_Nm", notNegative, actuation.friction.coulomb);
+        read(friction, "viscous_Nm", notNegative, actuation.friction.viscous);
+        read(friction, "viscous_velocity_radps", positive, actuation.friction.viscousVelocity);
+        if (const ConfigNode* source = friction.find("source")) toText(*source);
+        friction.finish();
+    });
+    complaints.gather([&] { readAssumed(map, robot.assumed); });
+    complaints.gather([&] { map.finish(); });
+    complaints.throwIfAny(file.string());
 }
 
 // -------------------------------------------------------------------------------------- inertia
@@ -347,8 +362,10 @@ RobotDescription loadRobot(const fs::path& folder) {
 
     UrdfRobot urdf = detail::readUrdf(urdfFile);
     robot.joints = urdf.joints;
-    readLimitsFile(limitsFile, urdf, robot);
-    readActuationFile(actuationFile, robot);
+    Complaints complaints;
+    complaints.gather([&] { readLimitsFile(limitsFile, urdf, robot); });
+    complaints.gather([&] { readActuationFile(actuationFile, robot); });
+    complaints.throwIfAny(folder.string());
     checkCondition(robot, urdfFile.string());
     detail::checkRecursion(robot, ArmRecursion(robot), urdfFile.string());
     return robot;

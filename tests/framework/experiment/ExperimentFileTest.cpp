@@ -131,6 +131,35 @@ TEST(ExperimentFile, MissingKeysAreNamed) {
     }
 }
 
+TEST(ExperimentFile, AllThatIsWrongIsToldAtOnceAndOnce) {
+    const std::string error = errorOf(R"(schema: 1
+title: much is wrong
+robot: single_joint
+durations_s: 2
+limits: {velocity_radps: [x], jerk_radps3: -1}
+start: {position: 0, velocity_radps: [1, 2]}
+environment: {obstacles: {a: {box: [1, 2]}, b: {spher: 1}}, people: {ann: {max_speed_mps: -1}}}
+command: {plugin: waypoint}
+controller: {plugin: joint_pd, stifness: 3, damping: abc}
+cases:
+  A: {filter: {plugin: tosbp, gamma: -3, k_alpha: x}}
+  B: {filter: [{plugin: tosbq}, certified_braking, pas_through]}
+  C: a
+)");
+    for (const char* part :
+         {"test.yaml: 16 things are wrong:\n", "durations_s: the key",
+          "limits.velocity_radps[0]:", "limits.jerk_radps3:", "start.position:", "start.velocity_radps:",
+          "obstacles.a.box:", "obstacles.b.spher:", "people.ann.max_speed_mps:", "command.plugin:",
+          "controller.stifness:", "controller.damping:", "cases.A.filter.gamma:", "cases.A.filter.k_alpha:",
+          "cases.B.filter[0].plugin:", "cases.B.filter[2]:", "cases.C: a case must be a map"}) {
+        const std::size_t at = error.find(part);
+        EXPECT_NE(at, std::string::npos) << part << " in " << error;
+        EXPECT_EQ(error.find(part, at + 1), std::string::npos) << part << " twice in " << error;
+    }
+    EXPECT_EQ(error.find("duration_s` is missing"), std::string::npos) << error;     // durations_s explains it
+    EXPECT_EQ(errorOf(kOneJoint, {"filter.gama=3"}).find('\n'), std::string::npos);  // one needs no list
+}
+
 TEST(ExperimentFile, BlocksThatDoNotFitTogetherAreRefused) {
     expectContains(errorOf(kOneJoint, {"robust_loop.plugin=nric"}), {"no real_plant"});
     expectContains(errorOf(kOneJoint, {"real_plant.plugin=simbody"}), {"no robust_loop", "none"});

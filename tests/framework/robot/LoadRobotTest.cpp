@@ -39,6 +39,18 @@ protected:
     RobotFolder folder_;
 };
 
+TEST_F(LoadRobotTest, TellsAllThatIsWrongInItsFilesAtOnce) {
+    folder_.limits =
+        "schema: 1\nhome_rad: TODO\nacceleration_radps2: TODO\njerk_radps3: [100, x]\nvelocity_radps: -1\ntool_lnk: "
+        "a\n";
+    folder_.actuation =
+        "schema: 1\ngear_ratio: [100, 50]\nrotor_inertia_kgm2: TODO\ntorque_limit_Nm: TODO\n"
+        "friction: {coulomb_Nm: TODO, viscous_Nm: 3, viscous_velocity_radps: 0}\n";
+    EXPECT_PARTS(findFault(), "9 things are wrong", "home_rad", "acceleration_radps2", "jerk_radps3[1]",
+                 "velocity_radps", "tool_lnk", "rotor_inertia_kgm2", "torque_limit_Nm", "friction.coulomb_Nm",
+                 "friction.viscous_velocity_radps");
+}
+
 TEST_F(LoadRobotTest, ReadsWhatTheFilesSay) {
     folder_.limits =
         "schema: 1\nhome_rad: [0.1, -0.2]\nacceleration_radps2: {lower: -4, upper: [5, 6]}\n"

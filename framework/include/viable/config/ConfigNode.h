@@ -111,7 +111,7 @@ public:
     const ConfigNode& require(const std::string& key);
     const ConfigNode& node() const { return node_; }
 
-    /** Throws when the map has a key that was never asked for; names the closest known key. */
+    /** Throws when the map has keys that were never asked for: all of them together, each with the closest known one. */
     void finish() const;
 
 private:

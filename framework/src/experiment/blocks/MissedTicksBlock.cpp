@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "core/Complaints.h"
 #include "experiment/ResolvedNodes.h"
 #include "plugin/ParameterText.h"
 #include "viable/core/Error.h"
@@ -13,16 +14,19 @@ std::vector<TickGap> readMissedTicks(const ConfigNode& node, double tick_s, doub
         throw badInput(node.place(), "missed_ticks must be a list",
                        "Write for example `missed_ticks: [{at_s: 3.0, count: 20}]`.");
     std::vector<TickGap> gaps;
-    for (const ConfigNode& item : node.items) {
-        ConfigMap map(item);
-        map.find("at_s");
-        map.find("count");
-        map.finish();  // unknown keys first: a misspelt key explains a missing one
-        const double at_s = toNumber(map.require("at_s"), {0.0, duration_s});
-        const ParameterSpec& range = getKey(gapKeys(), "count");
-        const std::int64_t count = toInteger(map.require("count"), getSmallest(range), getLargest(range));
-        gaps.push_back({std::llround(at_s / tick_s), count});
-    }
+    Complaints complaints;
+    for (const ConfigNode& item : node.items)
+        complaints.gather([&] {
+            ConfigMap map(item);
+            map.find("at_s");
+            map.find("count");
+            map.finish();  // unknown keys first: a misspelt key explains a missing one
+            const double at_s = toNumber(map.require("at_s"), {0.0, duration_s});
+            const ParameterSpec& range = getKey(gapKeys(), "count");
+            const std::int64_t count = toInteger(map.require("count"), getSmallest(range), getLargest(range));
+            gaps.push_back({std::llround(at_s / tick_s), count});
+        });
+    complaints.throwIfAny(node.place());
     return gaps;
 }
 

@@ -1,6 +1,8 @@
 #include "experiment/CaseBlocks.h"
 
 #include <algorithm>
+
+#include "core/Complaints.h"
 #include "experiment/ExperimentKeys.h"
 #include "experiment/ResolvedNodes.h"
 #include "host/PythonClass.h"
@@ -77,18 +79,19 @@ std::vector<PluginChoice> readFilters(const ConfigNode& node, const PluginLoader
                        "a list of filters must have 1 to " + std::to_string(kMaxFilters) + " entries, this one has " +
                            std::to_string(node.items.size()),
                        "Write for example `filter: [{plugin: tosbp}, certified_braking]`.");
+    Complaints complaints;
     for (const ConfigNode& item : node.items) {
-        if (item.kind != ConfigNode::Kind::Scalar) {
-            filters.push_back(readPlugin(item, PluginKind::SafetyFilter, loader, joints));
-            continue;
+        ConfigNode block = item;
+        if (item.kind == ConfigNode::Kind::Scalar) {
+            block = makeMap({{"plugin", item}});
+            block.file = item.file;
+            block.line = item.line;
+            block.column = item.column;
+            block.keyPath = item.keyPath;
         }
-        ConfigNode block = makeMap({{"plugin", item}});
-        block.file = item.file;
-        block.line = item.line;
-        block.column = item.column;
-        block.keyPath = item.keyPath;
-        filters.push_back(readPlugin(block, PluginKind::SafetyFilter, loader, joints));
+        complaints.gather([&] { filters.push_back(readPlugin(block, PluginKind::SafetyFilter, loader, joints)); });
     }
+    complaints.throwIfAny(node.place());
     return filters;
 }
 

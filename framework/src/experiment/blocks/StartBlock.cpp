@@ -1,5 +1,6 @@
 #include "experiment/CaseBlocks.h"
 
+#include "core/Complaints.h"
 #include "experiment/ResolvedNodes.h"
 
 namespace viable::detail {
@@ -11,11 +12,19 @@ MotionState readStart(const ConfigNode* block, const RobotDescription& robot) {
     start.qdd.setZero(robot.size());
     if (!block) return start;
     ConfigMap map(*block);
-    if (const ConfigNode* node = map.find("position_rad")) start.q = toJointVector(*node, robot.size());
-    if (const ConfigNode* node = map.find("velocity_radps")) start.qd = toJointVector(*node, robot.size());
-    if (const ConfigNode* node = map.find("acceleration_radps2")) start.qdd = toJointVector(*node, robot.size());
-    refuseMissingUnit(*block, startKeys());
-    map.finish();
+    Complaints complaints;
+    const auto read = [&](const char* key, JointVector& values) {
+        if (const ConfigNode* node = map.find(key))
+            complaints.gather([&] { values = toJointVector(*node, robot.size()); });
+    };
+    read("position_rad", start.q);
+    read("velocity_radps", start.qd);
+    read("acceleration_radps2", start.qdd);
+    complaints.gather([&] {
+        refuseMissingUnit(*block, startKeys());
+        map.finish();
+    });
+    complaints.throwIfAny(block->place());
     return start;
 }
 
