@@ -1,5 +1,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cctype>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -69,7 +70,7 @@ std::vector<std::string> listOptions(const CLI::App& command) {
 std::string describeExtras(const std::vector<std::string>& words, const CLI::App& command) {
     std::string text;
     for (const std::string& word : words) {
-        if (word.front() != '-') continue;
+        if (word.size() < 2 || word[0] != '-' || std::isdigit(static_cast<unsigned char>(word[1]))) continue;
         const std::string name = word.substr(0, word.find('='));
         const std::string closest = viable::findClosestName(name, listOptions(command));
         viable::detail::addItem(text,

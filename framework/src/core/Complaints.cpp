@@ -30,6 +30,7 @@ void Complaints::add(const Error& error) {
 }
 
 void Complaints::throwIfAny(const std::string& subject) const {
+    if (all_.empty() && other_) std::rethrow_exception(other_);
     if (all_.empty()) return;
     if (all_.size() == 1) throw badInput(all_[0].where, all_[0].what, all_[0].remedy);
     std::string list = (isFull() ? "at least " : "") + std::to_string(all_.size()) + " things are wrong:";

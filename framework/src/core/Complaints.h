@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <exception>
 #include <set>
 #include <string>
 #include <utility>
@@ -16,18 +17,22 @@ public:
     /** The arguments of badInput(). What is told already, as of a block that several cases share, is not told again. */
     void add(const std::string& where, const std::string& what, const std::string& remedy = {});
 
-    /** Calls `reading` and keeps what it throws as BadInput, one complaint or several, so that the next can be looked
-    at, too; anything else goes on. @return  true: it threw nothing */
+    /** Calls `reading` and keeps what it throws, so that the next can be looked at, too: BadInput as one complaint or
+    several, of anything else the first. @return  true: it threw nothing */
     template <class Reading>
-    bool gather(Reading&& reading) {
+    bool gather(const Reading& reading) {
         try {
-            std::forward<Reading>(reading)();
+            reading();
+            return true;
         } catch (const Error& error) {
-            if (error.kind() != ErrorKind::BadInput) throw;
-            add(error);
-            return false;
+            if (error.kind() == ErrorKind::BadInput)
+                add(error);
+            else
+                keepOther();
+        } catch (...) {
+            keepOther();
         }
-        return true;
+        return false;
     }
 
     bool isEmpty() const { return all_.empty(); }
@@ -35,7 +40,8 @@ public:
     /** More are counted, but not told: whoever would have to work for them may stop. */
     bool isFull() const { return all_.size() >= kMostTold; }
 
-    /** Throws Error (BadInput) unless empty: one complaint as badInput() tells it, several as a numbered list.
+    /** Throws Error (BadInput) unless empty: one complaint as badInput() tells it, several as a numbered list; where
+    there is none, what else was thrown.
     @param subject  what all of them are about, such as a file */
     void throwIfAny(const std::string& subject) const;
 
@@ -47,9 +53,13 @@ private:
     class List;  // several, thrown
 
     void add(const Error& error);
+    void keepOther() {
+        if (!other_) other_ = std::current_exception();
+    }
 
     std::vector<Complaint> all_;
     std::set<std::pair<std::string, std::string>> told_;  ///< where and what
+    std::exception_ptr other_;
 };
 
 }  // namespace viable::detail

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "config/ConfigText.h"
-#include "core/Complaints.h"
+#include "config/MapReader.h"
 #include "core/Text.h"
 #include "environment/WaypointPath.h"
 #include "viable/core/Error.h"
@@ -219,17 +219,14 @@ void checkEnvironment(const Environment& environment) {
 }
 
 Environment readEnvironment(const ConfigNode& block) {
-    ConfigMap map(block);
     Environment environment;
     detail::Complaints complaints;
-    const auto offer = [&](const char* key, const auto& read) {
-        if (const ConfigNode* node = map.find(key)) complaints.gather([&] { read(*node); });
-    };
-    offer("safety_distance_m", [&](const ConfigNode& node) {
+    detail::MapReader map(block, {"safety_distance_m", "field_cell_m", "obstacles", "people", "map"}, complaints);
+    map.offer("safety_distance_m", [&](const ConfigNode& node) {
         environment.safetyDistance_m = toNumber(node, {0.0, 1.0});
     });
-    offer("field_cell_m", [&](const ConfigNode& node) { environment.fieldCell_m = toNumber(node, {0.001, 1.0}); });
-    offer("obstacles", [&](const ConfigNode& obstacles) {
+    map.offer("field_cell_m", [&](const ConfigNode& node) { environment.fieldCell_m = toNumber(node, {0.001, 1.0}); });
+    map.offer("obstacles", [&](const ConfigNode& obstacles) {
         if (obstacles.kind != ConfigNode::Kind::Map)
             throw badInput(obstacles.place(), "obstacles are entries with a name each",
                            "Write `obstacles: {table: {box: ...}, ...}`.");
@@ -240,9 +237,8 @@ Environment readEnvironment(const ConfigNode& block) {
                 readObstacle(name, node, environment);
             });
     });
-    offer("people", [&](const ConfigNode& node) { environment.people = readPeople(node); });
-    offer("map", [&](const ConfigNode& node) { environment.map = readMap(node); });
-    complaints.gather([&] { map.finish(); });
+    map.offer("people", [&](const ConfigNode& node) { environment.people = readPeople(node); });
+    map.offer("map", [&](const ConfigNode& node) { environment.map = readMap(node); });
     complaints.throwIfAny(block.place());
     return environment;
 }

@@ -19,19 +19,15 @@ void refuseMissingUnit(const ConfigNode& block, const std::vector<ExperimentKey>
 
 /** `payload` and `disturbance_set`: blocks of sizes, with the defaults of payloadKeys() and disturbanceKeys(). */
 Parameters readPayload(const ConfigNode& block, int joints);
+RobotDescription addPayload(RobotDescription robot, const Parameters& payload);
 Parameters readDisturbances(const ConfigNode& block, int joints);
 
 /** `stream`, which needs no more than a sample a tick. */
 Parameters readStream(const ConfigNode& block, double tick_s);
 StreamOptions makeStreamOptions(const Parameters& stream);
 
-struct RobotBlock {
-    RobotDescription robot;  ///< with its payload
-    std::optional<Parameters> payload;
-};
-/** `robot` and `payload`. @param payload  may be null */
-RobotBlock readRobot(const ConfigNode& robot, const ConfigNode* payload,
-                     const std::vector<std::filesystem::path>& robotPath);
+/** `robot` */
+RobotDescription readRobot(const ConfigNode& name, const std::vector<std::filesystem::path>& robotPath);
 
 struct LimitsBlock {
     JointLimits limits;

@@ -1,7 +1,7 @@
 #include "experiment/CaseReader.h"
 
 #include "config/ConfigText.h"
-#include "core/Complaints.h"
+#include "config/MapReader.h"
 #include "experiment/CaseBlocks.h"
 #include "experiment/CaseChecks.h"
 #include "experiment/ResolvedNodes.h"
@@ -76,20 +76,8 @@ ConfigNode resolveCase(const CasePlan& plan, const std::string& title, const Con
 
 CasePlan readCase(const ConfigNode& node, const std::string& name, const std::string& title, const PluginLoader& loader,
                   const std::vector<std::filesystem::path>& robotPath, const std::vector<std::string>& overrides) {
-    ConfigMap map(node);
-    for (const ExperimentKey& key : experimentKeys()) map.find(key.spec.name);
     Complaints complaints;
-    const bool isKnown = complaints.gather([&] { map.finish(); });
-    const auto offer = [&](const char* key, const auto& read) {
-        if (const ConfigNode* block = map.find(key)) complaints.gather([&] { read(*block); });
-    };
-    // Beside an unknown key none is called missing: a misspelt key explains it.
-    const auto require = [&](const char* key, const auto& read) {
-        if (isKnown && !map.find(key))
-            complaints.add(node.place(), "the key " + quoteText(key) + " is missing",
-                           std::string("Add `") + key + ": ...` here, or at the top of the file for all cases.");
-        offer(key, read);
-    };
+    MapReader map(node, listNames(experimentKeys()), complaints);
     const auto findPlace = [&](const char* key, const std::string& otherwise) {
         const ConfigNode* block = map.find(key);
         return block ? describePlace(*block, key, name, overrides) : otherwise;
@@ -97,40 +85,45 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
 
     CasePlan plan;
     plan.name = name;
-    require("robot", [&](const ConfigNode& block) {
-        RobotBlock robot = readRobot(block, map.find("payload"), robotPath);
-        plan.robot = std::move(robot.robot);
-        plan.payload = std::move(robot.payload);
-    });
-    const bool hasTick = complaints.gather([&] { plan.tick_s = readTick(map.find("tick_s")); });
-    if (plan.robot.size() == 0 || !hasTick) complaints.throwIfAny(node.file);  // the others are read by them
+    map.require("robot", [&](const ConfigNode& value) { plan.robot = readRobot(value, robotPath); });
+    if (plan.robot.size() == 0) complaints.throwIfAny(node.file);  // the others are read by it
     const int joints = plan.robot.size();
 
-    complaints.gather([&] {
-        plan.limitsPlace = findPlace("limits", plan.robot.folder.string() + "/limits.yaml");
-        const LimitsBlock limits = readLimitsBlock(map.find("limits"), plan.robot, plan.tick_s, plan.limitsPlace);
-        plan.limits = limits.limits;
-        plan.allowsLargeAngles = limits.allowsLargeAngles;
-        plan.holdsOnReal = limits.holdsOnReal;
+    map.offer("payload", [&](const ConfigNode& block) {
+        plan.payload = readPayload(block, joints);
+        plan.robot = addPayload(std::move(plan.robot), *plan.payload);
     });
+    const bool hasTick = complaints.gather([&] { plan.tick_s = readTick(map.find("tick_s")); });
+    if (hasTick) {
+        bool hasDuration = false;
+        map.require("duration_s", [&](const ConfigNode& value) {
+            plan.duration_s = readDuration(value, plan.tick_s);
+            hasDuration = true;
+        });
+        if (hasDuration)
+            map.offer("missed_ticks", [&](const ConfigNode& block) {
+                plan.missedTicks = readMissedTicks(block, plan.tick_s, plan.duration_s);
+            });
+        map.offer("stream", [&](const ConfigNode& block) { plan.stream = readStream(block, plan.tick_s); });
+        const ConfigNode* own = map.find("limits");
+        if (own || map.isKnown())  // else the robot's are perhaps not meant
+            complaints.gather([&] {
+                plan.limitsPlace = findPlace("limits", plan.robot.folder.string() + "/limits.yaml");
+                const LimitsBlock limits = readLimitsBlock(own, plan.robot, plan.tick_s, plan.limitsPlace);
+                plan.limits = limits.limits;
+                plan.allowsLargeAngles = limits.allowsLargeAngles;
+                plan.holdsOnReal = limits.holdsOnReal;
+            });
+    }
     complaints.gather([&] {
         plan.start = readStart(map.find("start"), plan.robot);
         plan.startPlace = findPlace("start", node.file);
     });
-    bool hasDuration = false;
-    require("duration_s", [&](const ConfigNode& block) {
-        plan.duration_s = readDuration(block, plan.tick_s);
-        hasDuration = true;
-    });
-    if (hasDuration)
-        offer("missed_ticks", [&](const ConfigNode& block) {
-            plan.missedTicks = readMissedTicks(block, plan.tick_s, plan.duration_s);
-        });
-    offer("environment", [&](const ConfigNode& block) {
+    map.offer("environment", [&](const ConfigNode& block) {
         plan.environment = readEnvironmentBlock(block);
         setContactSpeeds(plan.environment->people, plan.robot.movingMass());
     });
-    offer("speed_limits", [&](const ConfigNode& block) {
+    map.offer("speed_limits", [&](const ConfigNode& block) {
         plan.robot.speedLimits = readSpeedLimits(block, plan.robot.speedLimits);
         plan.hasOwnSpeedLimits = true;
     });
@@ -138,24 +131,18 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
         if (map.find("environment") || plan.robot.speedLimits.needsCapsules())
             plan.geometry = loadArmGeometry(plan.robot);
     });
-    require("command", [&](const ConfigNode& block) {
-        plan.command = readPlugin(block, PluginKind::CommandSource, loader, joints);
+    const auto read = [&](const ConfigNode& block, PluginKind kind) { return readPlugin(block, kind, loader, joints); };
+    map.require("command", [&](const ConfigNode& block) { plan.command = read(block, PluginKind::CommandSource); });
+    map.require("controller",
+                [&](const ConfigNode& block) { plan.controller = read(block, PluginKind::NominalController); });
+    map.require("filter", [&](const ConfigNode& block) { plan.filters = readFilters(block, loader, joints); });
+    map.offer("real_plant", [&](const ConfigNode& block) { plan.realPlant = read(block, PluginKind::RealPlant); });
+    map.offer("robust_loop", [&](const ConfigNode& block) { plan.robustLoop = read(block, PluginKind::RobustLoop); });
+    map.offer("external_torque", [&](const ConfigNode& value) {
+        plan.feedsExternalTorque = readExternalTorque(value);
+        plan.externalTorquePlace = value.place();
     });
-    offer("stream", [&](const ConfigNode& block) { plan.stream = readStream(block, plan.tick_s); });
-    require("controller", [&](const ConfigNode& block) {
-        plan.controller = readPlugin(block, PluginKind::NominalController, loader, joints);
-    });
-    require("filter", [&](const ConfigNode& block) { plan.filters = readFilters(block, loader, joints); });
-    offer("real_plant",
-          [&](const ConfigNode& block) { plan.realPlant = readPlugin(block, PluginKind::RealPlant, loader, joints); });
-    offer("robust_loop", [&](const ConfigNode& block) {
-        plan.robustLoop = readPlugin(block, PluginKind::RobustLoop, loader, joints);
-    });
-    offer("external_torque", [&](const ConfigNode& block) {
-        plan.feedsExternalTorque = readExternalTorque(block);
-        plan.externalTorquePlace = block.place();
-    });
-    offer("disturbance_set", [&](const ConfigNode& block) { plan.disturbances = readDisturbances(block, joints); });
+    map.offer("disturbance_set", [&](const ConfigNode& block) { plan.disturbances = readDisturbances(block, joints); });
     complaints.throwIfAny(node.file);
 
     complaints.gather([&] { checkRealArmIsWhole(map.find("robust_loop"), map.find("real_plant")); });

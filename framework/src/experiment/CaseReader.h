@@ -8,7 +8,7 @@
 
 namespace viable::detail {
 
-/** Reads one case. Throws Error (BadInput) with all that is wrong in it.
+/** Reads one case. Throws Error (BadInput) with what is wrong in its blocks, together.
 @param node       the file's root overlaid by the case
 @param overrides  those in `node`, for messages */
 CasePlan readCase(const ConfigNode& node, const std::string& name, const std::string& title, const PluginLoader& loader,

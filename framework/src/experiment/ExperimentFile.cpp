@@ -48,6 +48,17 @@ void checkUse(const ConfigNode& shared, const ConfigNode& cases, detail::Complai
     }
 }
 
+/** True when neither the top nor any case has a key that all need: no single case is to blame. */
+bool lacksKey(const ConfigNode& root) {
+    const auto& cases = root.find("cases")->entries;
+    const auto& keys = detail::experimentKeys();
+    return std::any_of(keys.begin(), keys.end(), [&](const detail::ExperimentKey& key) {
+        return !key.spec.defaultText && !root.find(key.spec.name) &&
+               std::none_of(cases.begin(), cases.end(),
+                            [&](const auto& entry) { return entry.second.find(key.spec.name); });
+    });
+}
+
 /** What a case changes. */
 ConfigNode readChanges(const ConfigNode& node) {
     ConfigNode own = node;
@@ -128,6 +139,7 @@ Experiment readExperiment(const ConfigNode& root, const std::filesystem::path& f
     shared.entries.erase(std::remove_if(shared.entries.begin(), shared.entries.end(),
                                         [](const auto& entry) { return entry.first == "cases"; }),
                          shared.entries.end());
+    const bool isShort = lacksKey(root);
     detail::Complaints complaints;
     checkUse(shared, *root.find("cases"), complaints);
     for (const auto& entry : root.find("cases")->entries) {
@@ -135,7 +147,11 @@ Experiment readExperiment(const ConfigNode& root, const std::filesystem::path& f
         complaints.gather([&, &name = entry.first, &node = entry.second] {
             checkCaseName(name, node);
             checkCaseIsInFile(name, node, *root.find("cases"));
-            const ConfigNode merged = overlay(shared, readChanges(node));
+            ConfigNode merged = overlay(shared, readChanges(node));
+            if (isShort) {
+                merged.line = 0;
+                merged.keyPath.clear();
+            }
             experiment.cases.push_back(detail::readCase(merged, name, experiment.title, loader, robotPath, overrides));
         });
     }

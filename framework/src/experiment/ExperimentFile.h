@@ -16,7 +16,8 @@ struct Experiment {
 ConfigNode readExperimentTree(const std::filesystem::path& file, const std::vector<std::string>& overrides);
 
 /** Reads an experiment file. Strict: an unknown, duplicate or missing key, a wrong size, range or
-name is an Error (BadInput) with file:line:column, key path, value and remedy; all of them are told together.
+name is an Error (BadInput) with file:line:column, key path, value and remedy; those of different blocks are told
+together.
 @param root         of readExperimentTree(); a value still to be drawn (see resolveDraws) is an error
 @param overrides    those in `root`, for messages
 @param robotPath    folders searched for robots, see findRobot */

@@ -353,6 +353,12 @@ const std::vector<ExperimentKey>& environmentKeys() {
     return keys;
 }
 
+std::vector<std::string> listNames(const std::vector<ExperimentKey>& keys) {
+    std::vector<std::string> names;
+    for (const ExperimentKey& key : keys) names.push_back(key.spec.name);
+    return names;
+}
+
 const ParameterSpec& getKey(const std::vector<ExperimentKey>& keys, const std::string& name) {
     for (const ExperimentKey& key : keys)
         if (name == key.spec.name) return key.spec;

@@ -53,6 +53,7 @@ const std::vector<ExperimentKey>& payloadKeys();
 const std::vector<ExperimentKey>& streamKeys();
 const std::vector<ExperimentKey>& environmentKeys();  ///< what readEnvironment() knows
 
+std::vector<std::string> listNames(const std::vector<ExperimentKey>& keys);
 /** The key called `name`; it must be there. */
 const ParameterSpec& getKey(const std::vector<ExperimentKey>& keys, const std::string& name);
 

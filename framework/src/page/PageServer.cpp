@@ -370,8 +370,8 @@ public:
         if (!std::exchange(isOpen_, false)) return;
         try {
             owner_.remove(*this);
-        } catch (
-            const std::exception&) {  // of the program, or no memory to tell the others: this one is gone all the same
+        } catch (const std::exception&) {  // of the program, or no memory to tell the others: it is gone all the same
+            ++owner_.server_.counts_.refusedRequests;
         }
     }
 
@@ -858,7 +858,6 @@ void PageServer::Impl::remove(Viewer& viewer) {
     if (viewers_.erase(&viewer) == 0) return;
     --server_.counts_.viewers;
     leave(viewer);
-    tellPeople();
 }
 
 /** The newest message is what counts: the hand of an operator who is gone must not be that. */
@@ -871,15 +870,19 @@ void PageServer::Impl::take(Viewer& viewer, bool isTakeOver) {
     operator_ = &viewer;
     ++lease_;
     releaseHand();
-    endRecord();
     tellPeople();
+    endRecord();
 }
 
+/** All are told, before the program may throw. */
 void PageServer::Impl::leave(const Viewer& viewer) {
-    if (operator_ != &viewer) return;
-    operator_ = nullptr;
-    releaseHand();
-    endRecord();
+    const bool isOperator = operator_ == &viewer;
+    if (isOperator) {
+        operator_ = nullptr;
+        releaseHand();
+    }
+    tellPeople();
+    if (isOperator) endRecord();
 }
 
 void PageServer::Impl::endRecord() {
@@ -897,10 +900,7 @@ void PageServer::Impl::hear(Viewer& viewer, const std::string& word) {
     if (word == "pause") return ask_(PageWish::Pause);
     if (word == "stop") return ask_(PageWish::Stop);
     if (word == "take" || word == "take over") return take(viewer, word != "take");
-    if (word == "leave") {
-        leave(viewer);
-        return tellPeople();
-    }
+    if (word == "leave") return leave(viewer);
     const bool mayOperate = operator_ == &viewer || !hand_;
     if (word == "start" && mayOperate) return ask_(PageWish::Start);
     if (word == "record" && mayOperate) {

@@ -19,10 +19,15 @@ WebSocket::WebSocket(TlsStream&& stream)
 
 WebSocket::~WebSocket() {
     if (!stream_) return;
+    close();
     // Its own last ping, which owns nothing, looks at it some turns longer: at most five.
     constexpr int kTurns = 10;
-    close();
-    dropAfter(kTurns, std::move(stream_));
+    try {
+        boost::asio::post(stream_->get_executor(),
+                          [stream = stream_.get()] { dropAfter(kTurns, std::unique_ptr<Stream>(stream)); });
+    } catch (const std::exception&) {  // no memory: never, rather than too early
+    }
+    static_cast<void>(stream_.release());
 }
 
 void WebSocket::accept(const Request& request, const std::string& protocol, std::function<void(Error)> then) {
@@ -77,7 +82,7 @@ void WebSocket::close() {
     disarm(patience_);
 }
 
-/** With its own memory, turn by turn. */
+/** Turn by turn in the same memory, so that none runs out. */
 void WebSocket::dropAfter(int turns, std::unique_ptr<Stream> stream) {
     if (turns == 0) return;
     const auto executor = stream->get_executor();

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <set>
 
-#include "core/Complaints.h"
+#include "config/MapReader.h"
 #include "core/Text.h"
 #include "robot/DynamicsCheck.h"
 #include "robot/PoseSampling.h"
@@ -21,6 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 using detail::Complaints;
 using detail::formatNumber;
+using detail::MapReader;
 using detail::UrdfRobot;
 
 /** Largest condition number of M accepted: beyond it, solving for accelerations loses more than
@@ -91,8 +92,7 @@ std::string joinNames(const std::vector<std::string>& names) {
 
 /** Reads one quantity's bounds over those already there. `isPosition` allows any sign and the form
 with a centre. */
-void readBounds(const ConfigNode* node, bool isPosition, JointBounds& bounds) {
-    if (!node) return;
+void readBounds(const ConfigNode& node, bool isPosition, JointBounds& bounds) {
     const int n = static_cast<int>(bounds.lower.size());
     NumberRange positive, negative, any;
     positive.min = 0.0;
@@ -100,12 +100,12 @@ void readBounds(const ConfigNode* node, bool isPosition, JointBounds& bounds) {
     negative.max = 0.0;
     negative.maxIsOpen = negative.mayBeInfinite = true;
     any.mayBeInfinite = true;
-    if (node->kind != ConfigNode::Kind::Map) {
-        bounds.upper = toJointVector(*node, n, positive);
+    if (node.kind != ConfigNode::Kind::Map) {
+        bounds.upper = toJointVector(node, n, positive);
         bounds.lower = -bounds.upper;
         return;
     }
-    ConfigMap map(*node);
+    ConfigMap map(node);
     const ConfigNode* center = isPosition ? map.find("center") : nullptr;
     const ConfigNode* halfRange = isPosition ? map.find("half_range") : nullptr;
     if (center || halfRange) {
@@ -121,24 +121,27 @@ void readBounds(const ConfigNode* node, bool isPosition, JointBounds& bounds) {
     map.finish();
 }
 
-/** Takes the keys of a `limits` block out of `map`; the caller finishes it. */
-JointLimits takeLimits(ConfigMap& map, JointLimits limits, bool& allowLargeAngles) {
-    Complaints complaints;
-    complaints.gather([&] { readBounds(map.find("position_rad"), true, limits.position); });
-    complaints.gather([&] { readBounds(map.find("velocity_radps"), false, limits.velocity); });
-    complaints.gather([&] { readBounds(map.find("acceleration_radps2"), false, limits.acceleration); });
-    complaints.gather([&] { readBounds(map.find("jerk_radps3"), false, limits.jerk); });
-    if (const ConfigNode* flag = map.find("allow_large_angles"))
-        complaints.gather([&] { allowLargeAngles = toFlag(*flag); });
-    complaints.throwIfAny(map.node().place());
-    return limits;
+std::vector<std::string> listLimitKeys() {
+    return {"position_rad", "velocity_radps", "acceleration_radps2", "jerk_radps3", "allow_large_angles"};
+}
+
+/** Reads these. */
+void takeLimits(MapReader& map, JointLimits& limits, bool& allowLargeAngles) {
+    const auto take = [&](const char* key, bool isPosition, JointBounds& bounds) {
+        map.offer(key, [&](const ConfigNode& node) { readBounds(node, isPosition, bounds); });
+    };
+    take("position_rad", true, limits.position);
+    take("velocity_radps", false, limits.velocity);
+    take("acceleration_radps2", false, limits.acceleration);
+    take("jerk_radps3", false, limits.jerk);
+    map.offer("allow_large_angles", [&](const ConfigNode& flag) { allowLargeAngles = toFlag(flag); });
 }
 
 /** Limits that leave no range, with the place where they were written. */
-void checkRanges(const RobotDescription& robot, const UrdfRobot& urdf, const ConfigMap& map) {
+void checkRanges(const RobotDescription& robot, const UrdfRobot& urdf, const ConfigNode& file) {
     const auto check = [&](const JointBounds& bounds, const char* key, const char* quantity, const char* unit,
                            bool mustHoldZero) {
-        const ConfigNode* own = map.node().find(key);
+        const ConfigNode* own = file.find(key);
         for (int i = 0; i < robot.size(); ++i) {
             const double lower = bounds.lower[i], upper = bounds.upper[i];
             if (lower < upper && (!mustHoldZero || (lower < 0.0 && upper > 0.0))) continue;
@@ -183,50 +186,57 @@ void readTool(const ConfigNode* node, const UrdfRobot& urdf, const std::string& 
 }
 
 /** `assumed`: keys of the same file. */
-void readAssumed(ConfigMap& map, std::vector<std::string>& assumed) {
-    const ConfigNode* node = map.find("assumed");
-    if (!node) return;
-    if (node->kind != ConfigNode::Kind::List)
-        throw badInput(node->place(), "this is no list", "Write keys of this file, such as `assumed: [home_rad]`.");
-    for (const ConfigNode& key : node->items) {
-        assumed.push_back(toText(key));
-        if (key.text != "assumed" && key.text != "schema" && map.node().find(key.text)) continue;
-        std::vector<std::string> keys;
-        for (const auto& entry : map.node().entries)
-            if (entry.first != "assumed" && entry.first != "schema") keys.push_back(entry.first);
-        const std::string closest = findClosestName(key.text, keys);
-        throw badInput(key.place(), "there is no figure `" + key.text + "` in this file",
-                       (closest.empty() ? "" : "Did you mean `" + closest + "`? ") +
-                           std::string("Name a key of this file, or take it out of the list."));
-    }
+void readAssumed(const ConfigNode& node, const ConfigNode& file, std::vector<std::string>& assumed) {
+    if (node.kind != ConfigNode::Kind::List)
+        throw badInput(node.place(), "this is no list", "Write keys of this file, such as `assumed: [home_rad]`.");
+    Complaints complaints;
+    for (const ConfigNode& key : node.items)
+        complaints.gather([&] {
+            assumed.push_back(toText(key));
+            if (key.text != "assumed" && key.text != "schema" && file.find(key.text)) return;
+            std::vector<std::string> keys;
+            for (const auto& entry : file.entries)
+                if (entry.first != "assumed" && entry.first != "schema") keys.push_back(entry.first);
+            const std::string closest = findClosestName(key.text, keys);
+            throw badInput(key.place(), "there is no figure `" + key.text + "` in this file",
+                           (closest.empty() ? "" : "Did you mean `" + closest + "`? ") +
+                               std::string("Name a key of this file, or take it out of the list."));
+        });
+    complaints.throwIfAny(node.place());
 }
 
-void checkSchema(ConfigMap& map) {
-    toInteger(map.require("schema"), 1, 1);
+/** What the files of a robot have in common. @param keys  their own */
+MapReader beginFile(const ConfigNode& root, std::vector<std::string> keys, std::vector<std::string>& assumed,
+                    Complaints& complaints) {
+    keys.insert(keys.begin(), "schema");
+    keys.emplace_back("assumed");
+    MapReader map(root, keys, complaints);
+    map.require("schema", [](const ConfigNode& node) { toInteger(node, 1, 1); });
+    if (map.isKnown())  // a misspelt figure may be one of them
+        map.offer("assumed", [&](const ConfigNode& node) { readAssumed(node, root, assumed); });
+    return map;
 }
 
 void readLimitsFile(const fs::path& file, const UrdfRobot& urdf, RobotDescription& robot) {
     const int n = robot.size();
     const ConfigNode root = readConfigFile(file);
-    ConfigMap map(root);
-    checkSchema(map);
+    std::vector<std::string> keys = listLimitKeys();
+    keys.insert(keys.end(), {"home_rad", "tool_link", "speed_limits"});
+    Complaints complaints;
+    MapReader map = beginFile(root, keys, robot.assumed, complaints);
     robot.limits = JointLimits::unlimited(n);
     robot.limits.position = urdf.position;
     robot.limits.velocity = urdf.velocity;
-    Complaints complaints;
-    complaints.gather([&] { robot.limits = takeLimits(map, robot.limits, robot.allowLargeAngles); });
+    takeLimits(map, robot.limits, robot.allowLargeAngles);
     // URDF knows neither, and leaving one out by oversight would mean no limit at all.
-    complaints.gather([&] { map.require("acceleration_radps2"); });
-    complaints.gather([&] { map.require("jerk_radps3"); });
-    complaints.gather([&] { robot.home = toJointVector(map.require("home_rad"), n); });
-    complaints.gather([&] { readTool(map.find("tool_link"), urdf, file.string(), robot); });
-    if (const ConfigNode* speeds = map.find("speed_limits"))
-        complaints.gather([&] { robot.speedLimits = readSpeedLimits(*speeds); });
-    complaints.gather([&] { readAssumed(map, robot.assumed); });
-    complaints.gather([&] { map.finish(); });
+    for (const char* key : {"acceleration_radps2", "jerk_radps3"}) map.require(key, [](const ConfigNode&) {});
+    map.require("home_rad", [&](const ConfigNode& node) { robot.home = toJointVector(node, n); });
+    const ConfigNode* tool = map.find("tool_link");
+    if (tool || map.isKnown()) complaints.gather([&] { readTool(tool, urdf, file.string(), robot); });
+    map.offer("speed_limits", [&](const ConfigNode& node) { robot.speedLimits = readSpeedLimits(node); });
     complaints.throwIfAny(file.string());
 
-    checkRanges(robot, urdf, map);
+    checkRanges(robot, urdf, root);
     for (int i = 0; i < n; ++i) {
         const AxisLimits limits = robot.limits.axis(i);
         if (robot.home[i] >= limits.positionLower && robot.home[i] <= limits.positionUpper) continue;
@@ -244,16 +254,18 @@ void readActuationFile(const fs::path& file, RobotDescription& robot) {
     const int n = robot.size();
     Actuation& actuation = robot.actuation;
     const ConfigNode root = readConfigFile(file);
-    ConfigMap map(root);
-    checkSchema(map);
+    Complaints complaints;
+    MapReader map = beginFile(root,
+                              {"gear_ratio", "rotor_inertia_kgm2", "rotor_inertia_source", "torque_limit_Nm",
+                               "encoder_counts_per_motor_turn", "friction"},
+                              robot.assumed, complaints);
     NumberRange positive, notNegative, positiveOrInfinite;
     positive.min = notNegative.min = positiveOrInfinite.min = 0.0;
     positive.minIsOpen = positiveOrInfinite.minIsOpen = true;
     positiveOrInfinite.mayBeInfinite = true;
 
-    Complaints complaints;
-    const auto read = [&](ConfigMap& from, const char* key, const NumberRange& range, JointVector& values) {
-        complaints.gather([&] { values = toJointVector(from.require(key), n, range); });
+    const auto read = [n](MapReader& from, const char* key, const NumberRange& range, JointVector& values) {
+        from.require(key, [&](const ConfigNode& node) { values = toJointVector(node, n, range); });
     };
     JointVector rotor = JointVector::Zero(n), counts = JointVector::Zero(n);
     actuation.gearRatio.setOnes(n);
@@ -261,20 +273,17 @@ void readActuationFile(const fs::path& file, RobotDescription& robot) {
     read(map, "rotor_inertia_kgm2", notNegative, rotor);
     read(map, "torque_limit_Nm", positiveOrInfinite, actuation.torqueLimit);
     if (map.find("encoder_counts_per_motor_turn")) read(map, "encoder_counts_per_motor_turn", notNegative, counts);
-    if (const ConfigNode* source = map.find("rotor_inertia_source")) complaints.gather([&] { toText(*source); });
+    map.offer("rotor_inertia_source", [](const ConfigNode& node) { toText(node); });
     actuation.rotorInertia = rotor.cwiseProduct(actuation.gearRatio.cwiseAbs2());
     actuation.encoderCounts = counts.cwiseProduct(actuation.gearRatio);
 
-    complaints.gather([&] {
-        ConfigMap friction(map.require("friction"));
+    map.require("friction", [&](const ConfigNode& node) {
+        MapReader friction(node, {"coulomb_Nm", "viscous_Nm", "viscous_velocity_radps", "source"}, complaints);
         read(friction, "coulomb_Nm", notNegative, actuation.friction.coulomb);
         read(friction, "viscous_Nm", notNegative, actuation.friction.viscous);
         read(friction, "viscous_velocity_radps", positive, actuation.friction.viscousVelocity);
-        if (const ConfigNode* source = friction.find("source")) toText(*source);
-        friction.finish();
+        friction.offer("source", [](const ConfigNode& source) { toText(source); });
     });
-    complaints.gather([&] { readAssumed(map, robot.assumed); });
-    complaints.gather([&] { map.finish(); });
     complaints.throwIfAny(file.string());
 }
 
@@ -418,9 +427,11 @@ std::vector<fs::path> listRobots(const std::vector<fs::path>& searchPath) {
 }
 
 JointLimits readLimits(const ConfigNode& block, const JointLimits& base, bool& allowLargeAngles) {
-    ConfigMap map(block);
-    JointLimits limits = takeLimits(map, base, allowLargeAngles);
-    map.finish();
+    Complaints complaints;
+    MapReader map(block, listLimitKeys(), complaints);
+    JointLimits limits = base;
+    takeLimits(map, limits, allowLargeAngles);
+    complaints.throwIfAny(block.place());
     return limits;
 }
 

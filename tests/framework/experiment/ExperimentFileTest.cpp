@@ -160,6 +160,30 @@ cases:
     EXPECT_EQ(errorOf(kOneJoint, {"filter.gama=3"}).find('\n'), std::string::npos);  // one needs no list
 }
 
+TEST(ExperimentFile, WhatIsToldFollowsFromNothingElseThatIsWrong) {
+    const auto count = [](const std::string& error) {  // of complaints
+        std::size_t number = 0;
+        return std::sscanf(error.c_str(), "%*[^:]: %zu things", &number) == 1 ? number : 1;
+    };
+    // The robot's own limits do not fit such a tick: these would.
+    const std::string misspelt = errorOf(kOneJoint, {"tick_s=0.1", "limts={jerk_radps3: 20, acceleration_radps2: 2}"});
+    expectContains(misspelt, {"limts", "Did you mean `limits`"});
+    EXPECT_EQ(count(misspelt), 1u) << misspelt;
+    const std::string others = errorOf(
+        kOneJoint, {"tick_s=x", "payload={mass_kg: -1}", "start.foo=1", "start.velocity=1", "filter.plugin=nix"});
+    expectContains(others,
+                   {"tick_s:", "payload.mass_kg:", "start.foo:", "start.velocity:", "`velocity_radps`", "'nix'"});
+    EXPECT_EQ(count(others), 5u) << others;
+    // A key that no case has is not the fault of one of them.
+    std::string yaml = kOneJoint;
+    yaml.replace(yaml.find("{A: {}}"), 7, "{A: {}, B: {}, C: {}}");
+    yaml.erase(yaml.find("duration_s: 2\n"), 14);
+    EXPECT_NE(errorOf(yaml).find("test.yaml: the key `duration_s` is missing"), std::string::npos) << errorOf(yaml);
+    EXPECT_EQ(count(errorOf(yaml)), 1u);
+    EXPECT_NE(errorOf(yaml, {"cases.A.duration_s=1"}).find("cases.C: the key `duration_s` is missing"),
+              std::string::npos);
+}
+
 TEST(ExperimentFile, BlocksThatDoNotFitTogetherAreRefused) {
     expectContains(errorOf(kOneJoint, {"robust_loop.plugin=nric"}), {"no real_plant"});
     expectContains(errorOf(kOneJoint, {"real_plant.plugin=simbody"}), {"no robust_loop", "none"});

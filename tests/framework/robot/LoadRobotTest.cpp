@@ -51,6 +51,14 @@ TEST_F(LoadRobotTest, TellsAllThatIsWrongInItsFilesAtOnce) {
                  "friction.viscous_velocity_radps");
 }
 
+TEST_F(LoadRobotTest, AMisspeltKeyIsOneComplaint) {
+    folder_.limits = "schema: 1\nhome_rad: [0, 0]\nacceleration_radps2: 4\njerk_radps: 100\nassumed: [jerk_radps3]\n";
+    RobotFolder::replace(folder_.actuation, "gear_ratio", "gear_ration");
+    RobotFolder::replace(folder_.actuation, "coulomb_Nm", "coulomb_nm");
+    EXPECT_PARTS(findFault(), "3 things are wrong", "Did you mean `jerk_radps3`", "Did you mean `gear_ratio`",
+                 "Did you mean `coulomb_Nm`");
+}
+
 TEST_F(LoadRobotTest, ReadsWhatTheFilesSay) {
     folder_.limits =
         "schema: 1\nhome_rad: [0.1, -0.2]\nacceleration_radps2: {lower: -4, upper: [5, 6]}\n"

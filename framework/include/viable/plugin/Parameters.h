@@ -173,7 +173,7 @@ private:
 /** Reads a plugin's block (a map; the key `plugin` is passed over) by its declaration. File
 parameters are resolved against the folder of the file in which they were written (for overrides
 from the command line: the current folder) and must exist. Throws Error (BadInput) with place, value
-and range, for all that is wrong together. */
+and range, those of different parameters together. */
 Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, std::size_t count, int jointCount);
 
 /** The declaration as lines of text for `viable plugins --describe`. */

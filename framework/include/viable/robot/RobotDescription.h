@@ -75,7 +75,8 @@ struct RobotDescription {
     bool slides(int joint) const { return joints[static_cast<std::size_t>(joint)].type == JointType::Prismatic; }
 };
 
-/** Reads a robot folder; throws Error (BadInput) with file and place, all that is wrong in its YAML files together. */
+/** Reads a robot folder; throws Error (BadInput) with file and place; what is wrong at different keys of its YAML
+files is told together. */
 RobotDescription loadRobot(const std::filesystem::path& folder);
 
 /** The friction of an actuation.yaml, for example of `viable identify`, for joints of these names; throws likewise. */

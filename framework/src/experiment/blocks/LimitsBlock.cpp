@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "config/MapReader.h"
 #include "experiment/ResolvedNodes.h"
 
 namespace viable::detail {
@@ -10,18 +11,18 @@ LimitsBlock readLimitsBlock(const ConfigNode* block, const RobotDescription& rob
                             const std::string& place) {
     LimitsBlock read{robot.limits, robot.allowLargeAngles};
     if (block) {
-        refuseMissingUnit(*block, limitKeys());
-        ConfigMap known(*block);
-        for (const ExperimentKey& key : limitKeys()) known.find(key.spec.name);
-        known.finish();
+        Complaints complaints;
+        complaints.gather([&] { refuseMissingUnit(*block, limitKeys()); });
+        MapReader map(*block, listNames(limitKeys()), complaints);
         ConfigNode quantities = *block;  // a robot's own limits have no hold_on
-        if (const ConfigNode* held = block->find("hold_on")) {
-            read.holdsOnReal = toChoice(*held, {"nominal", "real"}) == "real";
-            quantities.entries.erase(std::remove_if(quantities.entries.begin(), quantities.entries.end(),
-                                                    [](const auto& entry) { return entry.first == "hold_on"; }),
-                                     quantities.entries.end());
-        }
-        read.limits = readLimits(quantities, robot.limits, read.allowsLargeAngles);
+        map.offer("hold_on", [&](const ConfigNode& held) {
+            read.holdsOnReal = toChoice(held, {"nominal", "real"}) == "real";
+        });
+        quantities.entries.erase(std::remove_if(quantities.entries.begin(), quantities.entries.end(),
+                                                [](const auto& entry) { return entry.first == "hold_on"; }),
+                                 quantities.entries.end());
+        complaints.gather([&] { read.limits = readLimits(quantities, robot.limits, read.allowsLargeAngles); });
+        complaints.throwIfAny(place);
     }
     checkLimits(read.limits, tick_s, read.allowsLargeAngles, place, robot.jointNames());
     return read;

@@ -1,6 +1,7 @@
 #include "experiment/CaseBlocks.h"
 
 #include "config/ConfigText.h"
+#include "core/Complaints.h"
 #include "core/Text.h"
 #include "plugin/ParameterText.h"
 #include "viable/core/Error.h"
@@ -28,11 +29,13 @@ Parameters readSizes(const ConfigNode& block, const char* name, const char* exam
 }  // namespace
 
 void refuseMissingUnit(const ConfigNode& block, const std::vector<ExperimentKey>& keys) {
+    Complaints complaints;
     for (const auto& [key, value] : block.entries)
         for (const ExperimentKey& known : keys)
             if (std::string(known.spec.name).compare(0, key.size() + 1, key + "_") == 0)
-                throw badInput(value.place(), "the key " + quoteText(key) + " is unknown",
+                complaints.add(value.place(), "the key " + quoteText(key) + " is unknown",
                                std::string("Did you mean `") + known.spec.name + "`? A key carries its unit.");
+    complaints.throwIfAny(block.place());
 }
 
 Parameters readDisturbances(const ConfigNode& block, int joints) {

@@ -1,6 +1,6 @@
 #include "experiment/CaseBlocks.h"
 
-#include "core/Complaints.h"
+#include "config/MapReader.h"
 #include "experiment/ResolvedNodes.h"
 
 namespace viable::detail {
@@ -11,19 +11,15 @@ MotionState readStart(const ConfigNode* block, const RobotDescription& robot) {
     start.qd.setZero(robot.size());
     start.qdd.setZero(robot.size());
     if (!block) return start;
-    ConfigMap map(*block);
     Complaints complaints;
+    complaints.gather([&] { refuseMissingUnit(*block, startKeys()); });
+    MapReader map(*block, listNames(startKeys()), complaints);
     const auto read = [&](const char* key, JointVector& values) {
-        if (const ConfigNode* node = map.find(key))
-            complaints.gather([&] { values = toJointVector(*node, robot.size()); });
+        map.offer(key, [&](const ConfigNode& node) { values = toJointVector(node, robot.size()); });
     };
     read("position_rad", start.q);
     read("velocity_radps", start.qd);
     read("acceleration_radps2", start.qdd);
-    complaints.gather([&] {
-        refuseMissingUnit(*block, startKeys());
-        map.finish();
-    });
     complaints.throwIfAny(block->place());
     return start;
 }

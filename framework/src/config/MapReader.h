@@ -1,0 +1,42 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/Complaints.h"
+#include "viable/config/ConfigNode.h"
+
+namespace viable::detail {
+
+/** Reads the entries of a map, each whatever is wrong with the others, and keeps what is wrong. */
+class MapReader {
+public:
+    /** @param node  must outlive this object, a Map. @param keys  all that it may have: others are complained of */
+    MapReader(const ConfigNode& node, const std::vector<std::string>& keys, Complaints& complaints)
+        : map_(node), complaints_(complaints) {
+        for (const std::string& key : keys) map_.find(key);
+        isKnown_ = complaints.gather([&] { map_.finish(); });
+    }
+
+    const ConfigNode* find(const std::string& key) const { return map_.node().find(key); }
+    /** All keys are known. Where one is not, nothing can be called missing: it may be what was meant. */
+    bool isKnown() const { return isKnown_; }
+
+    /** Calls read(value) where the key is there. */
+    template <class Read>
+    void offer(const std::string& key, const Read& read) {
+        if (const ConfigNode* value = find(key)) complaints_.gather([&] { read(*value); });
+    }
+    /** The same of a key that must be there. */
+    template <class Read>
+    void require(const std::string& key, const Read& read) {
+        if (isKnown_ || find(key)) complaints_.gather([&] { read(map_.require(key)); });
+    }
+
+private:
+    ConfigMap map_;
+    Complaints& complaints_;
+    bool isKnown_ = true;
+};
+
+}  // namespace viable::detail
