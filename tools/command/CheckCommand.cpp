@@ -51,11 +51,13 @@ int checkOne(const Experiment& experiment, bool tells) {
     int warnings = 0;
     CaseForecast last;
     detail::Complaints complaints;
-    for (const CasePlan& plan : experiment.cases)
+    for (const CasePlan& plan : experiment.cases) {
+        if (complaints.isFull()) break;
         complaints.gather([&] {
             const auto configured = configureCase(plan);
             if (tells) warnings += tell(*configured, last);
         });
+    }
     complaints.throwIfAny(experiment.file.string());
     return warnings;
 }

@@ -180,8 +180,10 @@ int run(const RunArguments& arguments) {
     ignoreWriteSignals();
     ConfiguredCases cases;  // refuse everything before a file is made
     detail::Complaints complaints;
-    for (const CasePlan& plan : experiment.cases)
+    for (const CasePlan& plan : experiment.cases) {
+        if (complaints.isFull()) break;
         complaints.gather([&] { cases.push_back(configureCase(plan, arguments.isolate ? &isolation : nullptr)); });
+    }
     complaints.throwIfAny(arguments.file);
 
     catchStopSignals();  // the first one: brake, finish the logs, end

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -15,12 +17,17 @@ public:
     MapReader(const ConfigNode& node, const std::vector<std::string>& keys, Complaints& complaints)
         : map_(node), complaints_(complaints) {
         for (const std::string& key : keys) map_.find(key);
+        for (const auto& entry : node.entries)
+            if (std::find(keys.begin(), keys.end(), entry.first) == keys.end())
+                meant_.insert(findClosestName(entry.first, keys));
         isKnown_ = complaints.gather([&] { map_.finish(); });
     }
 
     const ConfigNode* find(const std::string& key) const { return map_.node().find(key); }
     /** All keys are known. Where one is not, nothing can be called missing: it may be what was meant. */
     bool isKnown() const { return isKnown_; }
+    /** False: an unknown key may have been meant for this one, so that its value, or the default, says nothing. */
+    bool isSure(const std::string& key) const { return meant_.count(key) == 0; }
 
     /** Calls read(value) where the key is there. */
     template <class Read>
@@ -36,6 +43,7 @@ public:
 private:
     ConfigMap map_;
     Complaints& complaints_;
+    std::set<std::string> meant_;  ///< by unknown keys
     bool isKnown_ = true;
 };
 

@@ -33,7 +33,8 @@ void Complaints::throwIfAny(const std::string& subject) const {
     if (all_.empty() && other_) std::rethrow_exception(other_);
     if (all_.empty()) return;
     if (all_.size() == 1) throw badInput(all_[0].where, all_[0].what, all_[0].remedy);
-    std::string list = (isFull() ? "at least " : "") + std::to_string(all_.size()) + " things are wrong:";
+    std::string list =
+        (all_.size() >= kMostTold ? "at least " : "") + std::to_string(all_.size()) + " things are wrong:";
     for (std::size_t i = 0; i < std::min(all_.size(), kMostTold); ++i)
         list += "\n  " + std::to_string(i + 1) + ". " + badInput(all_[i].where, all_[i].what, all_[i].remedy).what();
     if (all_.size() > kMostTold) list += "\n  ... and " + std::to_string(all_.size() - kMostTold) + " more";

@@ -37,8 +37,8 @@ public:
 
     bool isEmpty() const { return all_.empty(); }
     std::size_t size() const { return all_.size(); }
-    /** More are counted, but not told: whoever would have to work for them may stop. */
-    bool isFull() const { return all_.size() >= kMostTold; }
+    /** More would not be told: whoever would have to work for it may stop. */
+    bool isFull() const { return other_ || all_.size() >= kMostTold; }
 
     /** Throws Error (BadInput) unless empty: one complaint as badInput() tells it, several as a numbered list; where
     there is none, what else was thrown.

@@ -1,5 +1,7 @@
 #include "experiment/CaseReader.h"
 
+#include <algorithm>
+
 #include "config/ConfigText.h"
 #include "config/MapReader.h"
 #include "experiment/CaseBlocks.h"
@@ -75,9 +77,17 @@ ConfigNode resolveCase(const CasePlan& plan, const std::string& title, const Con
 }  // namespace
 
 CasePlan readCase(const ConfigNode& node, const std::string& name, const std::string& title, const PluginLoader& loader,
-                  const std::vector<std::filesystem::path>& robotPath, const std::vector<std::string>& overrides) {
+                  const std::vector<std::filesystem::path>& robotPath, const std::vector<std::string>& overrides,
+                  const std::vector<std::string>& lacking) {
     Complaints complaints;
     MapReader map(node, listNames(experimentKeys()), complaints);
+    const auto require = [&](const std::string& key, const auto& read) {
+        if (map.isKnown() && std::find(lacking.begin(), lacking.end(), key) != lacking.end())
+            complaints.add(node.file, "the key " + quoteText(key) + " is missing",
+                           "Add `" + key + ": ...` at the top, for all cases, or to each of them");
+        else
+            map.require(key, read);
+    };
     const auto findPlace = [&](const char* key, const std::string& otherwise) {
         const ConfigNode* block = map.find(key);
         return block ? describePlace(*block, key, name, overrides) : otherwise;
@@ -85,28 +95,28 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
 
     CasePlan plan;
     plan.name = name;
-    map.require("robot", [&](const ConfigNode& value) { plan.robot = readRobot(value, robotPath); });
+    require("robot", [&](const ConfigNode& value) { plan.robot = readRobot(value, robotPath); });
     if (plan.robot.size() == 0) complaints.throwIfAny(node.file);  // the others are read by it
     const int joints = plan.robot.size();
 
     map.offer("payload", [&](const ConfigNode& block) {
         plan.payload = readPayload(block, joints);
-        plan.robot = addPayload(std::move(plan.robot), *plan.payload);
+        plan.robot = addPayload(plan.robot, *plan.payload);
     });
-    const bool hasTick = complaints.gather([&] { plan.tick_s = readTick(map.find("tick_s")); });
+    const bool hasTick = map.isSure("tick_s") && complaints.gather([&] { plan.tick_s = readTick(map.find("tick_s")); });
     if (hasTick) {
         bool hasDuration = false;
-        map.require("duration_s", [&](const ConfigNode& value) {
+        require("duration_s", [&](const ConfigNode& value) {
             plan.duration_s = readDuration(value, plan.tick_s);
             hasDuration = true;
         });
-        if (hasDuration)
+        if (hasDuration && map.isSure("duration_s"))
             map.offer("missed_ticks", [&](const ConfigNode& block) {
                 plan.missedTicks = readMissedTicks(block, plan.tick_s, plan.duration_s);
             });
         map.offer("stream", [&](const ConfigNode& block) { plan.stream = readStream(block, plan.tick_s); });
         const ConfigNode* own = map.find("limits");
-        if (own || map.isKnown())  // else the robot's are perhaps not meant
+        if (map.isSure("limits"))
             complaints.gather([&] {
                 plan.limitsPlace = findPlace("limits", plan.robot.folder.string() + "/limits.yaml");
                 const LimitsBlock limits = readLimitsBlock(own, plan.robot, plan.tick_s, plan.limitsPlace);
@@ -123,19 +133,19 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
         plan.environment = readEnvironmentBlock(block);
         setContactSpeeds(plan.environment->people, plan.robot.movingMass());
     });
-    map.offer("speed_limits", [&](const ConfigNode& block) {
-        plan.robot.speedLimits = readSpeedLimits(block, plan.robot.speedLimits);
+    const bool hasSpeeds = map.isSure("speed_limits") && complaints.gather([&] {
+        const ConfigNode* block = map.find("speed_limits");
+        if (!block) return;
+        plan.robot.speedLimits = readSpeedLimits(*block, plan.robot.speedLimits);
         plan.hasOwnSpeedLimits = true;
     });
-    complaints.gather([&] {
-        if (map.find("environment") || plan.robot.speedLimits.needsCapsules())
-            plan.geometry = loadArmGeometry(plan.robot);
-    });
+    if (map.find("environment") || (hasSpeeds && plan.robot.speedLimits.needsCapsules()))
+        complaints.gather([&] { plan.geometry = loadArmGeometry(plan.robot); });
     const auto read = [&](const ConfigNode& block, PluginKind kind) { return readPlugin(block, kind, loader, joints); };
-    map.require("command", [&](const ConfigNode& block) { plan.command = read(block, PluginKind::CommandSource); });
-    map.require("controller",
-                [&](const ConfigNode& block) { plan.controller = read(block, PluginKind::NominalController); });
-    map.require("filter", [&](const ConfigNode& block) { plan.filters = readFilters(block, loader, joints); });
+    require("command", [&](const ConfigNode& block) { plan.command = read(block, PluginKind::CommandSource); });
+    require("controller",
+            [&](const ConfigNode& block) { plan.controller = read(block, PluginKind::NominalController); });
+    require("filter", [&](const ConfigNode& block) { plan.filters = readFilters(block, loader, joints); });
     map.offer("real_plant", [&](const ConfigNode& block) { plan.realPlant = read(block, PluginKind::RealPlant); });
     map.offer("robust_loop", [&](const ConfigNode& block) { plan.robustLoop = read(block, PluginKind::RobustLoop); });
     map.offer("external_torque", [&](const ConfigNode& value) {

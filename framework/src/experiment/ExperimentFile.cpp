@@ -48,15 +48,15 @@ void checkUse(const ConfigNode& shared, const ConfigNode& cases, detail::Complai
     }
 }
 
-/** True when neither the top nor any case has a key that all need: no single case is to blame. */
-bool lacksKey(const ConfigNode& root) {
+/** The keys that all cases need and none has, nor the top: no single case is to blame. */
+std::vector<std::string> listLacking(const ConfigNode& root) {
+    std::vector<std::string> lacking;
     const auto& cases = root.find("cases")->entries;
-    const auto& keys = detail::experimentKeys();
-    return std::any_of(keys.begin(), keys.end(), [&](const detail::ExperimentKey& key) {
-        return !key.spec.defaultText && !root.find(key.spec.name) &&
-               std::none_of(cases.begin(), cases.end(),
-                            [&](const auto& entry) { return entry.second.find(key.spec.name); });
-    });
+    for (const detail::ExperimentKey& key : detail::experimentKeys())
+        if (!key.spec.defaultText && !root.find(key.spec.name) &&
+            std::none_of(cases.begin(), cases.end(), [&](const auto& one) { return one.second.find(key.spec.name); }))
+            lacking.emplace_back(key.spec.name);
+    return lacking;
 }
 
 /** What a case changes. */
@@ -139,7 +139,7 @@ Experiment readExperiment(const ConfigNode& root, const std::filesystem::path& f
     shared.entries.erase(std::remove_if(shared.entries.begin(), shared.entries.end(),
                                         [](const auto& entry) { return entry.first == "cases"; }),
                          shared.entries.end());
-    const bool isShort = lacksKey(root);
+    const std::vector<std::string> lacking = listLacking(root);
     detail::Complaints complaints;
     checkUse(shared, *root.find("cases"), complaints);
     for (const auto& entry : root.find("cases")->entries) {
@@ -147,12 +147,9 @@ Experiment readExperiment(const ConfigNode& root, const std::filesystem::path& f
         complaints.gather([&, &name = entry.first, &node = entry.second] {
             checkCaseName(name, node);
             checkCaseIsInFile(name, node, *root.find("cases"));
-            ConfigNode merged = overlay(shared, readChanges(node));
-            if (isShort) {
-                merged.line = 0;
-                merged.keyPath.clear();
-            }
-            experiment.cases.push_back(detail::readCase(merged, name, experiment.title, loader, robotPath, overrides));
+            const ConfigNode merged = overlay(shared, readChanges(node));
+            experiment.cases.push_back(
+                detail::readCase(merged, name, experiment.title, loader, robotPath, overrides, lacking));
         });
     }
     complaints.throwIfAny(file.string());

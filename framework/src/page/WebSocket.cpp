@@ -82,7 +82,6 @@ void WebSocket::close() {
     disarm(patience_);
 }
 
-/** Turn by turn in the same memory, so that none runs out. */
 void WebSocket::dropAfter(int turns, std::unique_ptr<Stream> stream) {
     if (turns == 0) return;
     const auto executor = stream->get_executor();

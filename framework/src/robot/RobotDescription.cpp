@@ -109,16 +109,18 @@ void readBounds(const ConfigNode& node, bool isPosition, JointBounds& bounds) {
     const ConfigNode* center = isPosition ? map.find("center") : nullptr;
     const ConfigNode* halfRange = isPosition ? map.find("half_range") : nullptr;
     if (center || halfRange) {
+        for (const char* key : {"center", "half_range"}) map.find(key);
+        map.finish();  // a misspelt key explains a missing one
         const JointVector middle = toJointVector(map.require("center"), n);
         const JointVector half = toJointVector(map.require("half_range"), n, positive);
-        map.finish();
         bounds.lower = middle - half;
         bounds.upper = middle + half;
         return;
     }
+    for (const char* key : {"lower", "upper"}) map.find(key);
+    map.finish();
     bounds.lower = toJointVector(map.require("lower"), n, isPosition ? any : negative);
     bounds.upper = toJointVector(map.require("upper"), n, isPosition ? any : positive);
-    map.finish();
 }
 
 std::vector<std::string> listLimitKeys() {

@@ -56,9 +56,10 @@ SpeedLimits readSpeedLimits(const ConfigNode& block, SpeedLimits limits) {
     limits.regions.clear();
     for (const auto& [name, node] : regions->entries) {
         ConfigMap entry(node);
+        for (const char* key : {"lower_m", "upper_m", "speed_mps"}) entry.find(key);
+        entry.finish();  // a misspelt key explains a missing one
         const SpeedLimits::Region region{name, readCorner(entry.require("lower_m")),
                                          readCorner(entry.require("upper_m")), readSpeed(entry.require("speed_mps"))};
-        entry.finish();
         checkRegion(region, node.place());
         limits.regions.push_back(region);
     }

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdio>
 #include <sstream>
 
 #include "CaseSupport.h"
@@ -180,6 +181,10 @@ TEST(ExperimentFile, WhatIsToldFollowsFromNothingElseThatIsWrong) {
     yaml.erase(yaml.find("duration_s: 2\n"), 14);
     EXPECT_NE(errorOf(yaml).find("test.yaml: the key `duration_s` is missing"), std::string::npos) << errorOf(yaml);
     EXPECT_EQ(count(errorOf(yaml)), 1u);
+    // By a tick that is perhaps not what was meant, nothing is judged.
+    const std::string tick = errorOf(kOneJoint, {"tik_s=0.0002", "stream={rate_hz: 4000}", "duration_s=0.0005",
+                                                 "missed_ticks=[{at_s: 3, count: 1}]"});
+    EXPECT_EQ(count(tick), 1u) << tick;
     EXPECT_NE(errorOf(yaml, {"cases.A.duration_s=1"}).find("cases.C: the key `duration_s` is missing"),
               std::string::npos);
 }
