@@ -11,6 +11,7 @@
 #include <boost/version.hpp>
 #include <chrono>
 #include <cstdlib>
+#include <functional>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <numeric>
@@ -120,6 +121,23 @@ protected:
         if (greeting) *greeting = read;
         EXPECT_EQ(readFrame(*client).opcode, 1);  // the people
         return client;
+    }
+
+    /** Asks a server of its own to let a viewer in. */
+    void knock(PageServer& server, TlsClient& client) {
+        const std::string there = "127.0.0.1:" + std::to_string(server.port());
+        const std::string address = server.invite();
+        client.send(upgrade(address.substr(address.find('#') + 1), "https://" + there, there));
+    }
+
+    /** How long a server's end takes [s]. @param meanwhile  what the viewers do */
+    static double timeEnd(
+        std::unique_ptr<PageServer>& server, const std::function<void()>& meanwhile = [] {}) {
+        const auto begin = std::chrono::steady_clock::now();
+        std::thread end([&] { server.reset(); });
+        meanwhile();
+        end.join();
+        return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     }
 
     /** What comes until the connection ends. */
@@ -368,25 +386,18 @@ TEST_F(PageServerTest, ItEndsAtOnceWhateverItsClientsDo) {
     for (int round = 0; round < 40; ++round) {
         SCOPED_TRACE(round);
         auto server = std::make_unique<PageServer>(makeOptions(), feed_, [](PageWish) {});
-        const std::string there = "127.0.0.1:" + std::to_string(server->port());
-        const auto knock = [&](TlsClient& client) {
-            const std::string address = server->invite();
-            client.send(upgrade(address.substr(address.find('#') + 1), "https://" + there, there));
-        };
         TlsClient silent(server->port(), false);  // in its handshake
         TlsClient slow(server->port());
         slow.send("GET / HTTP/1.1\r\nHost: ");
         TlsClient in(server->port()), leaving(server->port(), true, "127.0.0.2"), coming(server->port());
         for (TlsClient* one : {&in, &leaving}) {
-            knock(*one);
+            knock(*server, *one);
             EXPECT_EQ(statusOf(one->readHead()), 101);
         }
         leaving.send(makeFrame(0x88, ""));
-        knock(coming);
+        knock(*server, coming);
         std::this_thread::sleep_for(std::chrono::microseconds(50 * round));  // its WebSocket is perhaps under way
-        const auto begin = std::chrono::steady_clock::now();
-        server.reset();
-        const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+        const double took_s = timeEnd(server);
         EXPECT_LT(took_s, 1.0);
     }
 }
@@ -395,26 +406,21 @@ TEST_F(PageServerTest, TheEndLetsOutWhatWasToldAndShownLast) {
     for (const bool answers : {true, false}) {
         SCOPED_TRACE(answers);
         auto server = std::make_unique<PageServer>(makeOptions(), feed_, [](PageWish) {});
-        const std::string there = "127.0.0.1:" + std::to_string(server->port());
-        const std::string address = server->invite();
         TlsClient viewer(server->port());
-        viewer.send(upgrade(address.substr(address.find('#') + 1), "https://" + there, there));
+        knock(*server, viewer);
         ASSERT_EQ(statusOf(viewer.readHead()), 101);
         for (int greeting = 0; greeting < 2; ++greeting) ASSERT_EQ(readFrame(viewer).opcode, 1);
         server->tell("event", "{\"event\":\"stopped\"}");
         server->show(std::string(60000, 'l'));
-        const auto begin = std::chrono::steady_clock::now();
-        std::thread end([&] { server.reset(); });
-        EXPECT_EQ(readFrame(viewer).payload, "{\"event\":\"stopped\"}");
-        EXPECT_EQ(readFrame(viewer).payload.size(), 60000u);
-        EXPECT_EQ(readCloseCode(viewer), 1001);
-        if (answers) {
+        const double took_s = timeEnd(server, [&] {
+            EXPECT_EQ(readFrame(viewer).payload, "{\"event\":\"stopped\"}");
+            EXPECT_EQ(readFrame(viewer).payload.size(), 60000u);
+            EXPECT_EQ(readCloseCode(viewer), 1001);
+            if (!answers) return;
             viewer.send(makeFrame(kText, "take"));  // heard no more
             viewer.send(makeFrame(0x88, "\x03\xe9"));
             EXPECT_EQ(readCloseCode(viewer), -1);
-        }
-        end.join();
-        const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+        });
         EXPECT_GE(took_s, answers ? 0.0 : PageServer::kGoodbye_s);
         EXPECT_LT(took_s, PageServer::kGoodbye_s + 1.0);
     }
@@ -423,21 +429,17 @@ TEST_F(PageServerTest, TheEndLetsOutWhatWasToldAndShownLast) {
 // Goodbye and reader of Boost 1.74 then wait for each other.
 TEST_F(PageServerTest, TheEndComesThoughAMessageGoesWrongWithinTheGoodbye) {
     auto server = std::make_unique<PageServer>(makeOptions(), feed_, [](PageWish) {});
-    const std::string there = "127.0.0.1:" + std::to_string(server->port());
-    const std::string address = server->invite();
     TlsClient viewer(server->port());
-    viewer.send(upgrade(address.substr(address.find('#') + 1), "https://" + there, there));
+    knock(*server, viewer);
     ASSERT_EQ(statusOf(viewer.readHead()), 101);
     for (int greeting = 0; greeting < 2; ++greeting) ASSERT_EQ(readFrame(viewer).opcode, 1);
     const std::string message = makeFrame(kText, std::string(50, 'a') + "\xff\xff");  // no UTF-8
     viewer.send(message.substr(0, 30));
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    const auto begin = std::chrono::steady_clock::now();
-    std::thread end([&] { server.reset(); });
-    EXPECT_EQ(readCloseCode(viewer), 1001);
-    viewer.send(message.substr(30));
-    end.join();
-    const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    const double took_s = timeEnd(server, [&] {
+        EXPECT_EQ(readCloseCode(viewer), 1001);
+        viewer.send(message.substr(30));
+    });
     EXPECT_GE(took_s, BOOST_VERSION == 107400 ? PageServer::kGoodbye_s : 0.0);  // they did wait
     EXPECT_LT(took_s, PageServer::kGoodbye_s + 1.0);
 }
@@ -446,19 +448,15 @@ TEST_F(PageServerTest, TheEndComesThoughAViewerReadsNothingAndAsksOn) {
     for (const unsigned char last : {0x89, 0x88, 0x81, 0x83}) {  // ping, close, text, none that there is
         SCOPED_TRACE(static_cast<int>(last));
         auto server = std::make_unique<PageServer>(makeOptions(), feed_, [](PageWish) {});
-        const std::string there = "127.0.0.1:" + std::to_string(server->port());
-        const std::string address = server->invite();
         TlsClient viewer(server->port());
-        viewer.send(upgrade(address.substr(address.find('#') + 1), "https://" + there, there));
+        knock(*server, viewer);
         ASSERT_TRUE(await([&] {  // its write is stalled
             server->show(std::string(60000, 's'));
             return server->counts().lostFrames > 50;
         }));
         viewer.send(makeFrame(last, "ab"));
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
-        const auto begin = std::chrono::steady_clock::now();
-        server.reset();
-        const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+        const double took_s = timeEnd(server);
         EXPECT_GE(took_s, last == 0x88 ? 0.0 : PageServer::kGoodbye_s);  // it may take up its goodbye until then
         EXPECT_LT(took_s, PageServer::kGoodbye_s + 1.0);
     }
@@ -469,10 +467,8 @@ TEST_F(PageServerTest, TheEndComesThoughAViewerSendsOn) {
     const std::string message = makeFrame(kBinary, std::string(60000, 'm'));
     for (int round = 0; round < 10; ++round) {
         auto server = std::make_unique<PageServer>(makeOptions(), feed_, [](PageWish) {});
-        const std::string there = "127.0.0.1:" + std::to_string(server->port());
-        const std::string address = server->invite();
         TlsClient viewer(server->port());
-        viewer.send(upgrade(address.substr(address.find('#') + 1), "https://" + there, there));
+        knock(*server, viewer);
         ASSERT_EQ(statusOf(viewer.readHead()), 101);
         std::atomic<bool> isOver{false};
         std::thread flood([&] {
@@ -480,9 +476,7 @@ TEST_F(PageServerTest, TheEndComesThoughAViewerSendsOn) {
             }
         });
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
-        const auto begin = std::chrono::steady_clock::now();
-        server.reset();
-        const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+        const double took_s = timeEnd(server);
         isOver = true;
         flood.join();
         EXPECT_LT(took_s, PageServer::kGoodbye_s + 1.0);
@@ -499,21 +493,19 @@ TEST_F(PageServerTest, TheEndIsToldToAllThoughTheProgramThrows) {
             throws = true;
             throw std::runtime_error("no recording");
         });
-        const std::string there = "127.0.0.1:" + std::to_string(server->port());
         std::vector<std::unique_ptr<TlsClient>> viewers;
         for (int i = 0; i < 3; ++i) {
-            const std::string address = server->invite();
             TlsClient& viewer = *viewers.emplace_back(std::make_unique<TlsClient>(server->port()));
-            viewer.send(upgrade(address.substr(address.find('#') + 1), "https://" + there, there));
+            knock(*server, viewer);
             ASSERT_EQ(statusOf(viewer.readHead()), 101);
             if (i != operating) continue;
             viewer.send(makeFrame(kText, "take"));
             viewer.send(makeFrame(kText, "record"));
         }
         ASSERT_TRUE(await([&] { return records && server->counts().viewers == 3; }));
-        std::thread end([&] { server.reset(); });
-        for (const auto& viewer : viewers) EXPECT_EQ(readCloseCode(*viewer), 1001);
-        end.join();
+        timeEnd(server, [&] {
+            for (const auto& viewer : viewers) EXPECT_EQ(readCloseCode(*viewer), 1001);
+        });
         EXPECT_TRUE(throws);
     }
 }
