@@ -36,7 +36,6 @@ public:
     }
 
     bool isEmpty() const { return all_.empty(); }
-    std::size_t size() const { return all_.size(); }
     /** More would not be told: whoever would have to work for it may stop. */
     bool isFull() const { return other_ || all_.size() >= kMostTold; }
 

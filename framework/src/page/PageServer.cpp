@@ -291,8 +291,8 @@ private:
     std::mutex secrets_;  // invite() may be called by any thread
     std::deque<Secret> invitations_, sessions_;
 
-    asio::io_context io_{
-        1};  // its handlers own connections, also those that it drops in the end: these look at the members above
+    // Its handlers own connections, also those that it drops in the end: these look at the members above.
+    asio::io_context io_{1};
     Acceptor acceptor_{io_};
     asio::steady_timer retry_{io_};
 };
