@@ -1,18 +1,45 @@
 #include "viable/tracking/ToolFollower.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
+#include "viable/braking/Braking.h"
+
 namespace viable {
+
+namespace {
+
+/** The reference's lead, over the way in which a joint stops from its velocity limit. */
+constexpr double kLead = 0.2;
+
+/** How far a joint goes until it has stopped [rad]. */
+double calcWay(double v, double a, const AxisLimits& limits) {
+    return std::isfinite(v) ? calcStationaryStop(v, a, limits).displacement : v;
+}
+
+}  // namespace
 
 void ToolFollower::configure(const RobotDescription& robot, const JointLimits& limits, double tick_s,
                              const MotionState& start, const ToolFollowerOptions& options, const ArmGeometry* geometry,
                              std::shared_ptr<const ArmRecursion> recursion) {
     start_ = start.q;
+    takeLimits(limits);
     velocity_.configure(limits, tick_s, options.velocityFilter_s);
     reference_.configure(robot, limits, tick_s, findRest(limits), options.reference, geometry, std::move(recursion));
     servo_.configure(limits, tick_s, options.share);
     reset(start);
+}
+
+void ToolFollower::takeLimits(const JointLimits& limits) {
+    limits_ = limits;
+    lead_ = limits.velocity;
+    for (int i = 0; i < limits.size(); ++i) {
+        const AxisLimits axis = limits.axis(i);
+        lead_.lower[i] = kLead * calcWay(axis.velocityLower, 0.0, axis);
+        lead_.upper[i] = kLead * calcWay(axis.velocityUpper, 0.0, axis);
+    }
+    around_ = lead_;
 }
 
 JointVector ToolFollower::findRest(const JointLimits& limits) const {
@@ -33,6 +60,7 @@ void ToolFollower::reset(const MotionState& start) {
 }
 
 void ToolFollower::changeLimits(const JointLimits& limits) {
+    takeLimits(limits);
     reference_.changeLimits(limits, findRest(limits));
     servo_.changeLimits(limits);
     velocity_.changeLimits(limits);
@@ -43,10 +71,19 @@ void ToolFollower::skipTicks(std::int64_t ticks) {
     velocity_.forget();
 }
 
+void ToolFollower::findAround(const MotionState& state) {
+    for (int i = 0; i < state.q.size(); ++i) {
+        const double stop = state.q[i] + calcWay(state.qd[i], state.qdd[i], limits_.axis(i));
+        around_.lower[i] = std::min(state.q[i], stop) + lead_.lower[i];
+        around_.upper[i] = std::max(state.q[i], stop) + lead_.upper[i];
+    }
+}
+
 void ToolFollower::calc(const MotionState& state, const Pose& command, const Surroundings* surroundings, double time_s,
                         JointVector& jerk) {
-    reference_.advance(command, surroundings, time_s);
-    if (reference_.isAtSpeedLimit()) velocity_.forget();  // it may stop at any moment: be able to stop with it
+    findAround(state);
+    reference_.advance(command, surroundings, time_s, &around_);
+    if (reference_.isHeldBack()) velocity_.forget();  // it may stop at any moment: be able to stop with it
     target_.q = reference_.q();
     target_.qd = velocity_.calc(target_.q);
     servo_.calc(state, target_, jerk);

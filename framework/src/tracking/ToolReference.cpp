@@ -2,11 +2,15 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
+#include "clearance/Bisection.h"
+#include "qp/RowQp.h"
 #include "robot/ArmRecursion.h"
 #include "viable/braking/Braking.h"
 #include "viable/core/RotationVector.h"
+#include "viable/environment/ArmClearances.h"
 
 namespace viable {
 
@@ -18,8 +22,50 @@ constexpr double kLeastDamping = 1e-6;
 constexpr double kRestWeight = 1e-5;
 /** Weight of a step away from what is near, against the tool's: before the rest posture, and too weak to move the tool. */
 constexpr double kApartWeight = 1e-3;
+/** The filter aims at so much more than the safety distance, and to first order is not to the last millimetre [m]. */
+constexpr double kMargin_m = detail::bisection::kGuard_m + 0.002;
+/** Farther away than the margin by this nothing is looked at: no tick leads so far [m]. */
+constexpr double kFar_m = 0.05;
 
 }  // namespace
+
+/** What of the arm is near, and the rows that keep it from coming nearer. */
+struct ToolReference::Clear {
+    Clear(const RobotDescription& robot, const ArmGeometry& geometry) : clearances(robot, geometry) {}
+
+    /** Of the arm at `q`. */
+    void find(const JointVector& q, const Surroundings* surroundings, double time_s, double apart_m) {
+        least_m = kMargin_m + (surroundings ? surroundings->environment().safetyDistance_m : 0.0);
+        items = &clearances.find(q, surroundings, time_s, std::max(apart_m, least_m + kFar_m));
+    }
+    /** The rows that a step within a box can come to. */
+    void findRows(const JointVector& lower, const JointVector& upper) {
+        rows.clear();
+        for (const ArmClearances::Item& item : *items) {
+            const double bound = -std::max(0.0, item.distance - least_m);
+            const JointVector& row = item.gradient;
+            const double farthest = row.cwiseProduct(lower).cwiseMin(row.cwiseProduct(upper)).sum();
+            if (!(farthest >= bound)) rows.add(row, bound);  // not a number: of a joint as fast as it likes
+        }
+    }
+    bool admits(const JointVector& step) const {
+        for (int k = 0; k < rows.count; ++k)
+            if (rows.normal[static_cast<std::size_t>(k)].dot(step) < rows.bound[static_cast<std::size_t>(k)])
+                return false;
+        return true;
+    }
+
+    ArmClearances clearances;
+    const std::vector<ArmClearances::Item>* items = nullptr;
+    double least_m = 0.0;
+    RowQp::Rows rows;
+    RowQp qp;
+};
+
+ToolReference::ToolReference() = default;
+ToolReference::~ToolReference() = default;
+ToolReference::ToolReference(ToolReference&&) noexcept = default;
+ToolReference& ToolReference::operator=(ToolReference&&) noexcept = default;
 
 void ToolReference::configure(const RobotDescription& robot, const JointLimits& limits, double tick_s,
                               const JointVector& rest, const ToolReferenceOptions& options, const ArmGeometry* geometry,
@@ -28,8 +74,7 @@ void ToolReference::configure(const RobotDescription& robot, const JointLimits& 
     tick_s_ = tick_s;
     options_ = options;
     recursion_ = recursion ? std::move(recursion) : std::make_shared<const ArmRecursion>(robot);
-    clearances_.reset();
-    if (geometry && options.apart_m > 0.0) clearances_.emplace(robot, *geometry);
+    clear_ = geometry ? std::make_unique<Clear>(robot, *geometry) : nullptr;
     changeLimits(limits, rest);
     still_.setZero(n_);
     for (JointVector* v : {&target_, &lower_, &upper_, &step_, &gradient_}) v->setZero(n_);
@@ -47,14 +92,16 @@ void ToolReference::changeLimits(const JointLimits& limits, const JointVector& r
 
 void ToolReference::reset(const JointVector& q) {
     q_ = q;
-    isAtSpeedLimit_ = false;
+    isHeldBack_ = false;
     qp_.reset();
+    if (clear_) clear_->qp.reset();
 }
 
 /** Adds |gradient dq - step|^2 for everything that is near, from no weight at apart_m on. */
-void ToolReference::leadApart(const Surroundings* surroundings, double time_s) {
+void ToolReference::leadApart() {
     const double apart = options_.apart_m;
-    for (const ArmClearances::Item& item : clearances_->find(q_, surroundings, time_s, apart)) {
+    for (const ArmClearances::Item& item : *clear_->items) {
+        if (!(item.distance < apart)) continue;
         const JointVector& row = item.gradient;
         const double nearness = std::min(1.0, 1.0 - item.distance / apart);
         const double weight = kApartWeight * nearness;
@@ -63,7 +110,39 @@ void ToolReference::leadApart(const Surroundings* surroundings, double time_s) {
     }
 }
 
-void ToolReference::advance(const Pose& command, const Surroundings* surroundings, double time_s) {
+/** Within what bounds the step of this tick is. */
+void ToolReference::findBox(const JointBounds* around) {
+    for (int i = 0; i < n_; ++i) {
+        const double slowest = limits_.velocity.lower[i] * tick_s_, fastest = limits_.velocity.upper[i] * tick_s_;
+        lower_[i] = std::max(limits_.position.lower[i] - q_[i], slowest);
+        upper_[i] = std::min(limits_.position.upper[i] - q_[i], fastest);
+        if (around) {
+            lower_[i] = std::max(lower_[i], around->lower[i] - q_[i]);
+            upper_[i] = std::min(upper_[i], around->upper[i] - q_[i]);
+        }
+        lower_[i] = std::min(lower_[i], fastest);  // from outside: back at full speed
+        upper_[i] = std::max(upper_[i], slowest);
+    }
+}
+
+/** |L'(dq - target)|^2 with normal_ = L L' is the cost. */
+void ToolReference::takeStep() {
+    const Eigen::LLT<JointMatrix> factors(normal_);
+    factor_ = factors.matrixU();
+    target_ = gradient_;
+    factors.solveInPlace(target_);
+    qp_.solve(factor_, target_, lower_, upper_, step_);
+    if (!clear_) return;
+    clear_->findRows(lower_, upper_);
+    if (clear_->admits(step_)) return;
+    const RowQp::Status found = clear_->qp.solve(factor_, target_, lower_, upper_, clear_->rows, step_);
+    // A step of nothing keeps all rows: none is found only where the box asks for one.
+    if (found == RowQp::Status::Infeasible || found == RowQp::Status::Failed)
+        step_ = JointVector::Zero(n_).cwiseMax(lower_).cwiseMin(upper_);
+}
+
+void ToolReference::advance(const Pose& command, const Surroundings* surroundings, double time_s,
+                            const JointBounds* around) {
     recursion_->calcDynamics(q_, still_, dynamics_);
     const ToolJacobian& J = dynamics_.J;
     const double turn = options_.rotationLength_m;
@@ -76,30 +155,26 @@ void ToolReference::advance(const Pose& command, const Surroundings* surrounding
 
     normal_.noalias() = weighted.transpose().lazyProduct(weighted);
     const double size = normal_.trace() / n_;
-    const double damping = error.squaredNorm() + kLeastDamping * size;
+    // As much as the curvature of the error can be that is left out: a column of J changes with a joint by no more than the
+    // longer one of both. With less, the reference swings in stretched poses.
+    const double damping = error.norm() * std::sqrt(normal_.trace()) + kLeastDamping * size;
     const double pull = options_.restRate > 0.0 ? kRestWeight * size : 0.0;
     gradient_.noalias() = weighted.transpose().lazyProduct(error);
     gradient_ += (pull * options_.restRate * tick_s_) * (rest_ - q_);
     normal_.diagonal().array() += damping + pull;
-    if (clearances_) leadApart(surroundings, time_s);
-
-    // |L'(dq - target)|^2 with normal = L L' is the cost.
-    const Eigen::LLT<JointMatrix> factors(normal_);
-    factor_ = factors.matrixU();
-    target_ = gradient_;
-    factors.solveInPlace(target_);
-    for (int i = 0; i < n_; ++i) {
-        lower_[i] = std::max(limits_.position.lower[i] - q_[i], limits_.velocity.lower[i] * tick_s_);
-        upper_[i] = std::min(limits_.position.upper[i] - q_[i], limits_.velocity.upper[i] * tick_s_);
-        lower_[i] = std::min(lower_[i], limits_.velocity.upper[i] * tick_s_);  // from outside: back at full speed
-        upper_[i] = std::max(upper_[i], limits_.velocity.lower[i] * tick_s_);
+    if (clear_) {
+        clear_->find(q_, surroundings, time_s, options_.apart_m);
+        leadApart();
     }
-    qp_.solve(factor_, target_, lower_, upper_, step_);
+    findBox(around);
+    takeStep();
     q_ += step_;
-    isAtSpeedLimit_ = false;
-    for (int i = 0; i < n_; ++i)
-        isAtSpeedLimit_ |=
+    isHeldBack_ = false;
+    for (int i = 0; i < n_; ++i) {
+        isHeldBack_ |=
             step_[i] <= limits_.velocity.lower[i] * tick_s_ || step_[i] >= limits_.velocity.upper[i] * tick_s_;
+        if (around) isHeldBack_ |= q_[i] <= around->lower[i] || q_[i] >= around->upper[i];
+    }
 }
 
 }  // namespace viable

@@ -28,15 +28,6 @@ const ParameterSpec kParameters[] = {
                       "What the hand moves: the tool, by its pose, or the joints, by sliders."),
     parameter::numbers("axes", "", 9, 9, "[1, 0, 0, 0, 1, 0, 0, 0, 1]",
                        "Rotation matrix, row by row, from the device's to the base's axes."),
-    parameter::number(
-        "lead_m", "m", "0.03",
-        "The command is no farther than this from where the arm would stop: how far it may run on when the "
-        "hand lets go.")
-        .above(0)
-        .orInfinite(),
-    parameter::number("lead_rad", "rad", "0.15", "The same of the tool's turn, and of each joint.")
-        .above(0)
-        .orInfinite(),
 };
 
 Eigen::Quaterniond readAxes(const Parameters& parameters) {
@@ -71,8 +62,6 @@ void Teleoperation::configure(const RunSetup& setup, const Parameters& parameter
     n_ = setup.size();
     command_.space = parameters.text("space") == "tool" ? MotionCommand::Space::Tool : MotionCommand::Space::Joint;
     axes_ = readAxes(parameters);
-    lead_m_ = parameters.number("lead_m");
-    lead_rad_ = parameters.number("lead_rad");
     startTool_ = setup.startTool;
     if (isTool()) model_ = std::make_unique<RobotModel>(setup.robot);
     reset(setup.start);
@@ -83,8 +72,7 @@ void Teleoperation::reset(const MotionState& start) {
     command_.qd.setZero(n_);
     command_.tool = startTool_;
     command_.toolTwist.setZero();
-    goal_ = command_;
-    q_ = rest_ = start.q;
+    rest_ = start.q;
     isObserved_ = false;
     state_ = HandState::Released;
     refusal_ = HandRefusal::None;
@@ -96,7 +84,7 @@ void Teleoperation::reset(const MotionState& start) {
 
 void Teleoperation::observe(const JointVector& q, const JointVector& rest) noexcept {
     if (!isFinite(q, n_)) return;
-    q_ = rest_ = q;
+    rest_ = q;
     if (rest.size() == n_)
         for (int i = 0; i < n_; ++i)
             if (std::isfinite(rest[i])) rest_[i] = rest[i];
@@ -131,7 +119,6 @@ TickStatus Teleoperation::sample(double t, MotionCommand& out) {
     }
     asked_s_ = now_s;
     wasAsked_ = true;
-    if (state_ == HandState::Engaged) lead();
     out = command_;
     feed_->tell({state_, refusal_, engagement_, age_s_, command_});
     return TickStatus::Ok;
@@ -187,7 +174,7 @@ bool Teleoperation::isJump(const HandMessage& message) const {
 
 void Teleoperation::latch(const HandMessage& message) {
     hand_ = message;
-    latched_ = goal_;
+    latched_ = command_;
     state_ = HandState::Engaged;
     refusal_ = HandRefusal::None;
 }
@@ -195,37 +182,18 @@ void Teleoperation::latch(const HandMessage& message) {
 void Teleoperation::follow(const HandMessage& message) {
     last_ = message;
     if (!isTool()) {
-        goal_.q = latched_.q + message.joints - hand_.joints;
+        command_.q = latched_.q + message.joints - hand_.joints;
         return;
     }
     if (message.part != HandMessage::Part::Rotation)
-        goal_.tool.position =
+        command_.tool.position =
             latched_.tool.position + message.scale * (axes_ * (message.hand.position - hand_.hand.position));
     if (message.part != HandMessage::Part::Position) {
         Eigen::Quaterniond turn =
             message.hand.orientation.normalized() * hand_.hand.orientation.normalized().conjugate();
         turn.vec() = axes_ * turn.vec();
-        goal_.tool.orientation = (turn * latched_.tool.orientation).normalized();
+        command_.tool.orientation = (turn * latched_.tool.orientation).normalized();
     }
-}
-
-/** The command: the goal, or as far towards it as lies near where the arm would stop. Without that a controller's reference runs
-far ahead of the arm, and the arm on to it after the hand has let go. */
-void Teleoperation::lead() {
-    command_.q = goal_.q;
-    command_.tool = goal_.tool;
-    if (!isObserved_) return;
-    if (!isTool()) {
-        for (int i = 0; i < n_; ++i) command_.q[i] = std::clamp(goal_.q[i], rest_[i] - lead_rad_, rest_[i] + lead_rad_);
-        return;
-    }
-    model_->calcDynamics(rest_, JointVector::Zero(n_), dynamics_);
-    const Eigen::Vector3d way = goal_.tool.position - dynamics_.tool.position;
-    const double far_m = way.norm();
-    if (far_m > lead_m_) command_.tool.position = dynamics_.tool.position + lead_m_ / far_m * way;
-    const double far_rad = dynamics_.tool.orientation.angularDistance(goal_.tool.orientation);
-    if (far_rad > lead_rad_)
-        command_.tool.orientation = dynamics_.tool.orientation.slerp(lead_rad_ / far_rad, goal_.tool.orientation);
 }
 
 void Teleoperation::end(HandState state, HandRefusal refusal) {
@@ -243,7 +211,6 @@ void Teleoperation::rest() {
         model_->calcDynamics(rest_, JointVector::Zero(n_), dynamics_);
         command_.tool = dynamics_.tool;
     }
-    goal_ = command_;
 }
 
 }  // namespace viable

@@ -11,15 +11,14 @@ Method: an engagement latches the hand's pose (h, H) to the command (p, R) of th
     position = p + scale A (h' - h)
     orientation = A (H' H^T) A^T R
 of the newest pose (h', H'): engaging moves nothing, wherever the hand is. A change of scale or part latches anew, as does
-the first message after a hold. Released, held or refused, the command is where the stop held ready leaves the arm; engaged, it is no farther from there than
-`lead_m` and `lead_rad`.
+the first message after a hold. Released, held or refused, the command is where the stop held ready leaves the arm.
 The command has no velocity: it is a pose to go to.
 Refused, until the switch is pressed anew: what HandRefusal says; also a switch that was pressed before the first sample(). A
 message of an older time or engagement than one before is dropped; a release always counts.
 Times are those of the feed's clock.
 Guarantees: finite commands, whatever arrives. Limits are kept by the filter, not here.
-Real time: no allocation, lock or throw after configure(); up to two evaluations of the arm's dynamics per tick, of which the
-tool's pose is used. */
+Real time: no allocation, lock or throw after configure(); one evaluation of the arm's dynamics where an engagement ends, of
+which the tool's pose is used. */
 class Teleoperation : public TeleoperatedCommand {
 public:
     explicit Teleoperation(std::function<double()> clock = {});
@@ -40,19 +39,16 @@ private:
     void follow(const HandMessage& message);
     void end(HandState state, HandRefusal refusal);
     void rest();
-    void lead();
 
     const std::shared_ptr<TeleoperationFeed> feed_;
     std::unique_ptr<RobotModel> model_;
     Dynamics dynamics_;
     Eigen::Quaterniond axes_ = Eigen::Quaterniond::Identity();
-    double lead_m_ = 0.0, lead_rad_ = 0.0;
     int n_ = 0;
     Pose startTool_;
 
-    MotionCommand goal_;     // of the hand
-    MotionCommand command_;  // towards it
-    JointVector q_, rest_;
+    MotionCommand command_;
+    JointVector rest_;
     bool isObserved_ = false;
     HandState state_ = HandState::Released;
     HandRefusal refusal_ = HandRefusal::None;

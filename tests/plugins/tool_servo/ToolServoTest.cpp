@@ -11,6 +11,7 @@
 #include "TestArm.h"
 #include "environment/ArmSurroundings.h"
 #include "viable/core/RotationVector.h"
+#include "viable/environment/ArmClearances.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {
@@ -116,6 +117,33 @@ TEST_F(ToolServoTest, ReferenceGoesAsNearAsItCanAndRestsThere) {
     EXPECT_LE((reference.q() - before).cwiseAbs().maxCoeff(), 0.02) << "it creeps or swings in the stretched pose";
 }
 
+// A step that leaves out how the error bends swings about a pose that is out of reach, by a millimetre and for ever.
+TEST_F(ToolServoTest, ReferenceDoesNotSwingWhereItCanGoNoFurther) {
+    for (const char* robot : {"indy7", "ur5e", "panda"}) {
+        TestArm arm(robot);
+        arm.limits.position.lower.setConstant(-3.0);
+        arm.limits.position.upper.setConstant(3.0);
+        for (int k = 0; k < 20; ++k) {
+            const JointVector start = makeRandomVector(arm.size(), 2.0, random_);
+            Pose command = arm.calcDynamics(start, JointVector::Zero(arm.size())).tool;
+            command.position *= 1.3 / command.position.norm();
+            ToolReference reference;
+            reference.configure(arm.robot, arm.limits, arm.tick_s, start, {0.2, 0.0, 0.0});
+            reference.reset(start);
+            for (int tick = 0; tick < 10000; ++tick) reference.advance(command);
+            double way = 0.0;
+            const JointVector before = reference.q();
+            for (int tick = 0; tick < 200; ++tick) {
+                const JointVector last = reference.q();
+                reference.advance(command);
+                way += (reference.q() - last).norm();
+            }
+            const double gone = (reference.q() - before).norm();
+            EXPECT_LE(way, 1.01 * gone + 1e-6) << robot << " " << k << ": there and back";
+        }
+    }
+}
+
 TEST_F(ToolServoTest, SpareJointsGoToTheirRestAndLeaveTheToolAlone) {
     ToolReference reference;
     configure(reference, 1.0);
@@ -139,6 +167,55 @@ Environment makeBall() {
     ball.pose.translation() << 0.08, 0.2, 0.68;
     environment.solids.push_back(ball);
     return environment;
+}
+
+TEST_F(ToolServoTest, ReferenceRestsBeforeWhatBarsItsWay) {
+    const ArmGeometry geometry = loadArmGeometry(arm_.robot);
+    Environment environment = makeBall();
+    environment.solids[0].pose.translation() = homeTool().position + Eigen::Vector3d(0.25, 0.0, 0.0);
+    const auto surroundings = makeSurroundings(environment, arm_.robot, geometry, arm_.limits);
+    ArmClearances clearances(arm_.robot, geometry);
+    for (const bool knows : {false, true}) {
+        ToolReference reference;
+        reference.configure(arm_.robot, arm_.limits, arm_.tick_s, arm_.robot.home, {0.2, 0.0, 0.0},
+                            knows ? &geometry : nullptr);
+        Pose command = homeTool();
+        command.position.x() += 0.25;
+        double least = 1.0;
+        JointVector before;
+        for (int tick = 0; tick < 6000; ++tick) {
+            if (tick == 5000) before = reference.q();
+            reference.advance(command, surroundings.get(), 0.0);
+            for (const auto& item : clearances.find(reference.q(), surroundings.get(), 0.0, 0.5))
+                least = std::min(least, item.distance);
+        }
+        if (!knows) {
+            EXPECT_LT(least, 0.0) << "the ball does not bar the way";
+            continue;
+        }
+        EXPECT_GE(least, environment.safetyDistance_m + 0.005);
+        EXPECT_LE(least, environment.safetyDistance_m + 0.01) << "it does not come as near as it may";
+        EXPECT_LE((reference.q() - before).norm(), 0.01) << "it does not come to rest";
+    }
+}
+
+TEST_F(ToolServoTest, ReferenceStaysWithinTheBoundsOfATick) {
+    ToolReference reference;
+    configure(reference);
+    Pose command = homeTool();
+    command.position.y() += 0.3;
+    JointBounds around{arm_.robot.home.array() - 0.02, arm_.robot.home.array() + 0.02};
+    for (int tick = 0; tick < 500; ++tick) reference.advance(command, nullptr, 0.0, &around);
+    EXPECT_TRUE(reference.isHeldBack());
+    EXPECT_LE((reference.q() - arm_.robot.home).cwiseAbs().maxCoeff(), 0.02 + 1e-12);
+    EXPECT_GT((reference.q() - arm_.robot.home).cwiseAbs().maxCoeff(), 0.0199);
+    around.lower.array() += 0.1;  // the arm was led elsewhere: it follows, no faster than it may
+    around.upper.array() += 0.1;
+    const JointVector before = reference.q();
+    reference.advance(command, nullptr, 0.0, &around);
+    EXPECT_TRUE(((reference.q() - before).array() <= arm_.limits.velocity.upper.array() * arm_.tick_s + 1e-15).all());
+    for (int tick = 0; tick < 500; ++tick) reference.advance(command, nullptr, 0.0, &around);
+    EXPECT_GE((reference.q() - around.lower).minCoeff(), -1e-12);
 }
 
 TEST_F(ToolServoTest, SpareJointsLeadTheArmAwayFromWhatIsNear) {
@@ -171,11 +248,11 @@ TEST_F(ToolServoTest, SpareJointsLeadTheArmAwayFromWhatIsNear) {
     EXPECT_GT(nearest[1], nearest[0] + 0.025);
 }
 
-// The same hand past the same post, over twelve seeds as they come: it is reached more often, and the check of the whole arm
-// stops it less. Single seeds are from 0.5 to 1.1 of the error without; seen in all: 0.69 of the ticks, 0.87 of the squares.
+// A hand past a post, over twelve seeds as they come. The reference keeps clear of the post, so that the check of the whole arm
+// seldom holds the arm back; led apart by spare joints it is held back less still, and as near to the hand.
 TEST(ToolServo, SpareJointsSpareAWholeArmStops) {
     constexpr int kSeeds = 12;
-    std::int64_t stops[2] = {0, 0};
+    std::int64_t stops[2] = {0, 0}, ticks = 0;
     double squares[2] = {0.0, 0.0};
     for (const bool leads : {false, true})
         for (int seed = 1; seed <= kSeeds; ++seed) {
@@ -189,14 +266,16 @@ TEST(ToolServo, SpareJointsSpareAWholeArmStops) {
                      "environment={safety_distance_m: 0.02, obstacles: {post: {cylinder: {radius: 0.05, length: 1.6}, "
                      "at: {xyz: [0.2, 0.35, 0.7]}}}}"});
             EXPECT_FALSE(s.anyLimitBroken());
+            ticks += s.ticks();
             stops[leads] += s.ticks() - s.ticksWith(FilterStatus::Passed);
             squares[leads] += s.toolErrorRms() * s.toolErrorRms();
         }
     std::printf("ticks held back %lld, led apart %lld; tool error %.1f and %.1f mm RMS\n",
                 static_cast<long long>(stops[0]), static_cast<long long>(stops[1]),
                 1e3 * std::sqrt(squares[0] / kSeeds), 1e3 * std::sqrt(squares[1] / kSeeds));
-    EXPECT_LT(stops[1], 0.75 * static_cast<double>(stops[0]));
-    EXPECT_LT(squares[1], 0.92 * squares[0]);
+    EXPECT_LT(stops[0] + stops[1], 0.015 * static_cast<double>(ticks));
+    EXPECT_LT(stops[1], stops[0]);
+    EXPECT_LT(squares[1], 1.01 * squares[0]);
 }
 
 TEST_F(ToolServoTest, ReferenceTurnsOnWithACommandThatTurnsRoundTwice) {

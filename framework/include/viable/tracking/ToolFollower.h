@@ -17,13 +17,15 @@ struct ToolFollowerOptions {
 
 /** Leads the tool to a commanded pose, as fast as the joints' limits allow: a joint reference within the position limits
 follows the pose (ToolReference), and each joint follows its reference (Servo), with as much of its velocity as the joint
-could (TargetVelocity). The law of the plugin tool_servo and of ArmBatch.
+could (TargetVelocity). The reference is ahead of where the arm is, or would stop, by no more than a fifth of the way in which
+a joint stops from its velocity limit: an arm that is held back is not left behind, and rests soon where its command does. The
+law of the plugin tool_servo and of ArmBatch.
 Real time: no allocation, lock or throw after configure(). */
 class ToolFollower {
 public:
     /** Spare joints rest in the middle of their position limits, and where they start without.
         @param limits     jerk limits finite (see checkLimits)
-        @param geometry   null: reference.apart_m has no effect; need not outlive this call
+        @param geometry   null: the reference keeps clear of nothing (see ToolReference); need not outlive this call
         @param recursion  of the robot, shared by many; null: one of its own */
     void configure(const RobotDescription& robot, const JointLimits& limits, double tick_s, const MotionState& start,
                    const ToolFollowerOptions& options, const ArmGeometry* geometry = nullptr,
@@ -44,9 +46,14 @@ public:
               JointVector& jerk);
 
 private:
+    void takeLimits(const JointLimits& limits);
     JointVector findRest(const JointLimits& limits) const;
+    void findAround(const MotionState& state);
 
     JointVector start_;
+    JointLimits limits_;
+    JointBounds lead_;    ///< of the reference [rad]
+    JointBounds around_;  ///< where the reference may be in this tick [rad]
     ToolReference reference_;
     Servo servo_;
     TargetVelocity velocity_;  ///< of the reference

@@ -1,10 +1,9 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 
 #include "viable/core/JointLimits.h"
-#include "viable/environment/ArmClearances.h"
+#include "viable/environment/Surroundings.h"
 #include "viable/qp/BoxQp.h"
 #include "viable/robot/Dynamics.h"
 #include "viable/robot/RobotDescription.h"
@@ -24,15 +23,23 @@ struct ToolReferenceOptions {
 tick to tick, not solved anew, so that the arm stays in its branch and turns of more than half a turn are followed.
 
 Method, per tick: minimise |W (J dq - error)|^2 + damping |dq|^2 + (spare joints) subject to the position limits and to
-what the velocity limits allow in a tick, a box QP; the damping grows with the error that is left (Levenberg-Marquardt
-with the residual as damping: Sugihara, IEEE Trans. Robotics 27, 2011), so that unreachable and singular poses are
-approached without wild joint motion. Where the arm is nearer than apart_m to something, spare joints go away from it, in
+what the velocity limits allow in a tick, a box QP; the damping is the error that is left times the size of J
+(Levenberg-Marquardt with the norm of the residual as damping: Fan and Yuan, Computing 74, 2005), so that unreachable and
+singular poses are approached without wild joint motion, and without a swing once there. Where the arm is nearer than apart_m to something, spare joints go away from it, in
 the time in which they could stop if it is a whole apart_m too near.
+With a geometry no step leads nearer to obstacles or to the arm itself than WholeArmBrakingFilter lets the arm, to first
+order: rows of that QP. So the reference rests as near to a barred pose as it comes, where else it would be in what bars
+the arm, and the arm, held back, swing beside it.
 Real time: no allocation, lock or throw after configure(). */
 class ToolReference {
 public:
+    ToolReference();
+    ~ToolReference();
+    ToolReference(ToolReference&&) noexcept;
+    ToolReference& operator=(ToolReference&&) noexcept;
+
     /** @param rest       where spare joints go
-        @param geometry   null: apart_m has no effect; need not outlive this call
+        @param geometry   null: it keeps clear of nothing, and apart_m has no effect; need not outlive this call
         @param recursion  of the robot, shared by many; null: one of its own */
     void configure(const RobotDescription& robot, const JointLimits& limits, double tick_s, const JointVector& rest,
                    const ToolReferenceOptions& options, const ArmGeometry* geometry = nullptr,
@@ -43,24 +50,29 @@ public:
 
     /** One tick towards `command`; its orientation is of unit length.
         @param surroundings  null: none are known
-        @param time_s        of the run */
-    void advance(const Pose& command, const Surroundings* surroundings = nullptr, double time_s = 0.0);
+        @param time_s        of the run
+        @param around        to stay within them [rad]; from outside it goes back at full speed. Null: no such bounds */
+    void advance(const Pose& command, const Surroundings* surroundings = nullptr, double time_s = 0.0,
+                 const JointBounds* around = nullptr);
     const JointVector& q() const { return q_; }  ///< [rad]
-    /** A joint went as fast as it may in the last tick: the command jumped, or is too fast. */
-    bool isAtSpeedLimit() const { return isAtSpeedLimit_; }
+    /** A joint went as fast or as far as it may in the last tick: the command jumped, or is too fast. */
+    bool isHeldBack() const { return isHeldBack_; }
 
 private:
-    void leadApart(const Surroundings* surroundings, double time_s);
+    struct Clear;
+    void leadApart();
+    void findBox(const JointBounds* around);
+    void takeStep();
 
     int n_ = 0;
-    bool isAtSpeedLimit_ = false;
+    bool isHeldBack_ = false;
     double tick_s_ = 0.0;
     JointLimits limits_;
     ToolReferenceOptions options_;
     std::shared_ptr<const ArmRecursion> recursion_;
     Dynamics dynamics_;
-    std::optional<ArmClearances> clearances_;
-    double apartRate_ = 0.0;  ///< [1/s]
+    std::unique_ptr<Clear> clear_;  ///< null: no geometry
+    double apartRate_ = 0.0;        ///< [1/s]
     BoxQp qp_;
     JointVector q_, rest_, still_, target_, lower_, upper_, step_, gradient_;
     JointMatrix normal_, factor_;
