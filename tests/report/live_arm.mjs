@@ -132,6 +132,8 @@ export async function open(address, { width = 1280, height = 900, colorScheme = 
 export const press = (page, name) => page.getByRole('button', { name, exact: true }).click();
 export const numbers = (page, name) => page.evaluate((key) => [...window.viableLive.link.frame(key)], name);
 export const number = async (page, name) => (await numbers(page, name))[0];
+/** The limits that act, by their names. */
+export const limits = (page) => page.evaluate(() => window.viableLive.limits().filter(Boolean));
 export const distance = (a, b) => Math.hypot(...[0, 1, 2].map((i) => a[i] - b[i]));
 export const tool = (page) => numbers(page, 'tool');
 const isAtRest = async (page) => Math.max(...(await numbers(page, 'qd')).map(Math.abs)) < 1e-4;

@@ -6,7 +6,7 @@ import { spawnSync } from 'node:child_process';
 import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import {
-  Arm, TITLE, awaitRest, distance, drag, filterFrames, holdArm, invite, more, number, numbers, open, press, program, projected, shoot, shots, sleep, timesAfter, tool, wasHeldUp,
+  Arm, TITLE, awaitRest, distance, drag, filterFrames, holdArm, invite, limits, more, number, numbers, open, press, program, projected, shoot, shots, sleep, timesAfter, tool, wasHeldUp,
 } from './live_arm.mjs';
 
 const { browser, eventually, finish, runTests } = await import('./browser.mjs'); // where its modules are is known now
@@ -547,13 +547,13 @@ const cases = [
       for (let i = 0; i < 30; ++i) {
         await page.mouse.move(x + 130 * Math.sin(i / 3), y + 12 * i);
         await sleep(100);
-        for (const code of await numbers(page, 'limit')) acted.add(code);
+        for (const name of await limits(page)) acted.add(name);
         notes.add(await page.textContent('.hand-note'));
         if (i === 20) await shoot(page, 'limits');
       }
       await page.mouse.up();
-      console.log(`     codes of limits that acted: ${[...acted].join(' ')}`);
-      assert.ok(acted.size > 1);
+      console.log(`     limits that acted: ${[...acted].join(' ')}`);
+      assert.ok(acted.size > 0);
       assert.ok([...notes].some((text) => /^Moving, held back by [a-z ]+/.test(text)), [...notes].join('; '));
       await awaitRest(page);
       const most = await page.evaluate(() => ({ ...window.most, safety: window.viableLive.view.run.environment.safety_distance_m }));

@@ -12,6 +12,8 @@ namespace {
 
 /** The reference's lead, over the way in which a joint stops from its velocity limit. */
 constexpr double kLead = 0.2;
+/** And so many ticks at that limit: a stop on the grid of ticks is longer than that of continuous time. */
+constexpr double kLeadTicks = 3.0;
 
 /** How far a joint goes until it has stopped [rad]. */
 double calcWay(double v, double a, const AxisLimits& limits) {
@@ -24,6 +26,8 @@ void ToolFollower::configure(const RobotDescription& robot, const JointLimits& l
                              const MotionState& start, const ToolFollowerOptions& options, const ArmGeometry* geometry,
                              std::shared_ptr<const ArmRecursion> recursion) {
     start_ = start.q;
+    tick_s_ = tick_s;
+    share_ = options.share;
     takeLimits(limits);
     velocity_.configure(limits, tick_s, options.velocityFilter_s);
     reference_.configure(robot, limits, tick_s, findRest(limits), options.reference, geometry, std::move(recursion));
@@ -32,12 +36,16 @@ void ToolFollower::configure(const RobotDescription& robot, const JointLimits& l
 }
 
 void ToolFollower::takeLimits(const JointLimits& limits) {
-    limits_ = limits;
+    stopLimits_ = limits;
+    for (JointBounds* bounds : {&stopLimits_.acceleration, &stopLimits_.jerk}) {
+        bounds->lower *= share_;
+        bounds->upper *= share_;
+    }
     lead_ = limits.velocity;
     for (int i = 0; i < limits.size(); ++i) {
-        const AxisLimits axis = limits.axis(i);
-        lead_.lower[i] = kLead * calcWay(axis.velocityLower, 0.0, axis);
-        lead_.upper[i] = kLead * calcWay(axis.velocityUpper, 0.0, axis);
+        const AxisLimits axis = stopLimits_.axis(i);
+        for (double* v : {&lead_.lower[i], &lead_.upper[i]})
+            *v = kLead * calcWay(*v, 0.0, axis) + kLeadTicks * tick_s_ * *v;
     }
     around_ = lead_;
 }
@@ -73,7 +81,7 @@ void ToolFollower::skipTicks(std::int64_t ticks) {
 
 void ToolFollower::findAround(const MotionState& state) {
     for (int i = 0; i < state.q.size(); ++i) {
-        const double stop = state.q[i] + calcWay(state.qd[i], state.qdd[i], limits_.axis(i));
+        const double stop = state.q[i] + calcWay(state.qd[i], state.qdd[i], stopLimits_.axis(i));
         around_.lower[i] = std::min(state.q[i], stop) + lead_.lower[i];
         around_.upper[i] = std::max(state.q[i], stop) + lead_.upper[i];
     }

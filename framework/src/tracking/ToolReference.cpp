@@ -24,8 +24,8 @@ constexpr double kRestWeight = 1e-5;
 constexpr double kApartWeight = 1e-3;
 /** The filter aims at so much more than the safety distance, and to first order is not to the last millimetre [m]. */
 constexpr double kMargin_m = detail::bisection::kGuard_m + 0.002;
-/** Farther away than the margin by this nothing is looked at: no tick leads so far [m]. */
-constexpr double kFar_m = 0.05;
+/** Things that are no farther than this from the margin count, and so much more as a tick can lead there [m]; at most kFarthest_m. */
+constexpr double kNear_m = 0.02, kFarthest_m = 1.0;
 
 }  // namespace
 
@@ -33,32 +33,31 @@ constexpr double kFar_m = 0.05;
 struct ToolReference::Clear {
     Clear(const RobotDescription& robot, const ArmGeometry& geometry) : clearances(robot, geometry) {}
 
-    /** Of the arm at `q`. */
-    void find(const JointVector& q, const Surroundings* surroundings, double time_s, double apart_m) {
+    /** Of the arm at `q`. @param reach_m  how far a tick can lead */
+    void find(const JointVector& q, const Surroundings* surroundings, double time_s, double apart_m, double reach_m) {
         least_m = kMargin_m + (surroundings ? surroundings->environment().safetyDistance_m : 0.0);
-        items = &clearances.find(q, surroundings, time_s, std::max(apart_m, least_m + kFar_m));
+        const double far_m = least_m + std::min(kNear_m + reach_m, kFarthest_m);
+        items = &clearances.find(q, surroundings, time_s, std::max(apart_m, far_m));
     }
-    /** The rows that a step within a box can come to. */
-    void findRows(const JointVector& lower, const JointVector& upper) {
+    /** `step` leads nothing nearer than the arm may be, nor what is nearer still nearer; of one that does, the rows for one that
+    does not, as far as a step within the box can come to them. */
+    bool admits(const JointVector& step, const JointVector& lower, const JointVector& upper) {
         rows.clear();
+        bool isAdmitted = true;
         for (const ArmClearances::Item& item : *items) {
-            const double bound = -std::max(0.0, item.distance - least_m);
             const JointVector& row = item.gradient;
+            const double bound = -std::max(0.0, item.distance - least_m);
+            if (row.dot(step) < bound) isAdmitted = false;
             const double farthest = row.cwiseProduct(lower).cwiseMin(row.cwiseProduct(upper)).sum();
             if (!(farthest >= bound)) rows.add(row, bound);  // not a number: of a joint as fast as it likes
         }
-    }
-    bool admits(const JointVector& step) const {
-        for (int k = 0; k < rows.count; ++k)
-            if (rows.normal[static_cast<std::size_t>(k)].dot(step) < rows.bound[static_cast<std::size_t>(k)])
-                return false;
-        return true;
+        return isAdmitted;
     }
 
     ArmClearances clearances;
     const std::vector<ArmClearances::Item>* items = nullptr;
     double least_m = 0.0;
-    RowQp::Rows rows;
+    RowQp::Rows rows;  // those beyond its capacity are left to the filter
     RowQp qp;
 };
 
@@ -77,7 +76,7 @@ void ToolReference::configure(const RobotDescription& robot, const JointLimits& 
     clear_ = geometry ? std::make_unique<Clear>(robot, *geometry) : nullptr;
     changeLimits(limits, rest);
     still_.setZero(n_);
-    for (JointVector* v : {&target_, &lower_, &upper_, &step_, &gradient_}) v->setZero(n_);
+    for (JointVector* v : {&target_, &slowest_, &fastest_, &lower_, &upper_, &step_, &gradient_}) v->setZero(n_);
     normal_.setZero(n_, n_);
     factor_.setZero(n_, n_);
     reset(rest);
@@ -98,30 +97,35 @@ void ToolReference::reset(const JointVector& q) {
 }
 
 /** Adds |gradient dq - step|^2 for everything that is near, from no weight at apart_m on. */
-void ToolReference::leadApart() {
+void ToolReference::leadApart(double weightNear) {
     const double apart = options_.apart_m;
     for (const ArmClearances::Item& item : *clear_->items) {
         if (!(item.distance < apart)) continue;
         const JointVector& row = item.gradient;
         const double nearness = std::min(1.0, 1.0 - item.distance / apart);
-        const double weight = kApartWeight * nearness;
+        const double weight = weightNear * nearness;
         normal_.noalias() += weight * row.lazyProduct(row.transpose());
         gradient_ += (weight * nearness * apart * apartRate_ * tick_s_) * row;
     }
 }
 
-/** Within what bounds the step of this tick is. */
+/** Within what bounds the step of this tick is; those of `around` come before the position limits. */
 void ToolReference::findBox(const JointBounds* around) {
     for (int i = 0; i < n_; ++i) {
-        const double slowest = limits_.velocity.lower[i] * tick_s_, fastest = limits_.velocity.upper[i] * tick_s_;
-        lower_[i] = std::max(limits_.position.lower[i] - q_[i], slowest);
-        upper_[i] = std::min(limits_.position.upper[i] - q_[i], fastest);
+        const double slow = limits_.velocity.lower[i] * tick_s_, fast = limits_.velocity.upper[i] * tick_s_;
+        lower_[i] = limits_.position.lower[i] - q_[i];
+        upper_[i] = limits_.position.upper[i] - q_[i];
+        slowest_[i] = slow;
+        fastest_[i] = fast;
         if (around) {
-            lower_[i] = std::max(lower_[i], around->lower[i] - q_[i]);
-            upper_[i] = std::min(upper_[i], around->upper[i] - q_[i]);
+            const double least = around->lower[i] - q_[i], most = around->upper[i] - q_[i];
+            lower_[i] = std::clamp(lower_[i], least, most);
+            upper_[i] = std::clamp(upper_[i], least, most);
+            slowest_[i] = std::clamp(least, slow, fast);
+            fastest_[i] = std::clamp(most, slow, fast);
         }
-        lower_[i] = std::min(lower_[i], fastest);  // from outside: back at full speed
-        upper_[i] = std::max(upper_[i], slowest);
+        lower_[i] = std::clamp(lower_[i], slow, fast);  // from outside: back at full speed
+        upper_[i] = std::clamp(upper_[i], slow, fast);
     }
 }
 
@@ -132,11 +136,11 @@ void ToolReference::takeStep() {
     target_ = gradient_;
     factors.solveInPlace(target_);
     qp_.solve(factor_, target_, lower_, upper_, step_);
-    if (!clear_) return;
-    clear_->findRows(lower_, upper_);
-    if (clear_->admits(step_)) return;
+    isHeldBack_ = (step_.array() <= slowest_.array() || step_.array() >= fastest_.array()).any();
+    if (!clear_ || clear_->admits(step_, lower_, upper_)) return;
+    isHeldBack_ = true;
     const RowQp::Status found = clear_->qp.solve(factor_, target_, lower_, upper_, clear_->rows, step_);
-    // A step of nothing keeps all rows: none is found only where the box asks for one.
+    // A step of nothing keeps all rows: none is found only where the box asks for more than they admit.
     if (found == RowQp::Status::Infeasible || found == RowQp::Status::Failed)
         step_ = JointVector::Zero(n_).cwiseMax(lower_).cwiseMin(upper_);
 }
@@ -155,26 +159,22 @@ void ToolReference::advance(const Pose& command, const Surroundings* surrounding
 
     normal_.noalias() = weighted.transpose().lazyProduct(weighted);
     const double size = normal_.trace() / n_;
-    // As much as the curvature of the error can be that is left out: a column of J changes with a joint by no more than the
-    // longer one of both. With less, the reference swings in stretched poses.
+    // About what the curvature of the error, which is left out, can come to: MATH 6. With much less the reference swings in
+    // stretched poses.
     const double damping = error.norm() * std::sqrt(normal_.trace()) + kLeastDamping * size;
     const double pull = options_.restRate > 0.0 ? kRestWeight * size : 0.0;
     gradient_.noalias() = weighted.transpose().lazyProduct(error);
     gradient_ += (pull * options_.restRate * tick_s_) * (rest_ - q_);
     normal_.diagonal().array() += damping + pull;
     if (clear_) {
-        clear_->find(q_, surroundings, time_s, options_.apart_m);
-        leadApart();
+        const JointVector fastest = limits_.velocity.upper.cwiseMax(-limits_.velocity.lower);
+        const double reach_m = tick_s_ * J.topRows<3>().colwise().norm().dot(fastest);
+        clear_->find(q_, surroundings, time_s, options_.apart_m, std::isnan(reach_m) ? kFarthest_m : reach_m);
+        leadApart(kApartWeight + damping / std::max(size, 1e-9));  // beside the damping, too
     }
     findBox(around);
     takeStep();
     q_ += step_;
-    isHeldBack_ = false;
-    for (int i = 0; i < n_; ++i) {
-        isHeldBack_ |=
-            step_[i] <= limits_.velocity.lower[i] * tick_s_ || step_[i] >= limits_.velocity.upper[i] * tick_s_;
-        if (around) isHeldBack_ |= q_[i] <= around->lower[i] || q_[i] >= around->upper[i];
-    }
 }
 
 }  // namespace viable

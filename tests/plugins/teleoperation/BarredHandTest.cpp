@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <optional>
 #include <random>
 
@@ -29,15 +30,17 @@ environment:
     pillar: {cylinder: {radius: 0.06, length: 1.6}, at: {xyz: [0.35, 0.45, 0.7]}}
 cases: {A: {}}
 )";
-constexpr int kTick_ms = 1, kBetweenMessages_ms = 16, kCarry_ms = 600, kWait_ms = 5000, kLook_ms = 500;
+constexpr int kTick_ms = 1, kBetweenMessages_ms = 16, kPress_ms = 100, kCarry_ms = 600, kWait_ms = 5000, kLook_ms = 500;
+constexpr int kEnd_ms = kPress_ms + kCarry_ms + kWait_ms;
 
 struct Rest {
     double before_m, after_m;  ///< from the tool to where the hand wants it
     double moves_m;            ///< way of the tool in the last kLook_ms
+    bool isFollowed;           ///< false: this computer stood still for so long that the hand was held or refused
 };
 
 /** A hand presses its switch at the pose `q`, goes evenly by `way`, and stays there; nothing where the arm cannot start. */
-std::optional<Rest> hold(const std::string& robot, const JointVector& q, const Vector3d& way) {
+std::optional<Rest> tryToHold(const std::string& robot, const JointVector& q, const Vector3d& way) {
     std::string start = "start={position_rad: [";
     for (int i = 0; i < q.size(); ++i) start += (i ? ", " : "") + std::to_string(q[i]);
     const Experiment experiment = test::readTestExperiment(kFile, {"robot=" + robot, start + "]}"});
@@ -53,25 +56,38 @@ std::optional<Rest> hold(const std::string& robot, const JointVector& q, const V
     HandMessage hand;
     hand.isTracked = true;
     TickRecord record;
-    Rest found{way.norm(), 0.0, 0.0};
+    Rest found{way.norm(), 0.0, 0.0, false};
     Vector3d last = configured->setup.startTool.position;
-    for (int t = 0; t < kCarry_ms + kWait_ms; t += kTick_ms) {
+    for (int t = 0; t < kEnd_ms; t += kTick_ms) {
         if (t % kBetweenMessages_ms == 0) {
             hand.engagement = t > 0;
             hand.sent_s = 1e-3 * t;
-            hand.hand.position = std::min(1.0, static_cast<double>(t) / kCarry_ms) * way;
+            hand.hand.position = std::clamp(static_cast<double>(t - kPress_ms) / kCarry_ms, 0.0, 1.0) * way;
             command.feed()->put(hand);
         }
         loop.tick(record);
         JointVector rest = record.nominal.q;
         for (Eigen::Index i = 0; i < rest.size(); ++i) rest[i] = record.stops[static_cast<std::size_t>(i)].rest;
         command.observe(record.nominal.q, rest);
-        if (t > kCarry_ms + kWait_ms - kLook_ms) found.moves_m += (record.tool.position - last).norm();
+        if (t > kEnd_ms - kLook_ms) found.moves_m += (record.tool.position - last).norm();
         last = record.tool.position;
     }
     EXPECT_FALSE(loop.isStopping()) << loop.stopMessage();
     found.after_m = (last - goal).norm();
+    found.isFollowed =
+        command.feed()->status().state == HandState::Engaged && (record.command.tool.position - goal).norm() < 1e-9;
     return found;
+}
+
+/** The hand's silence counts by this computer's clock: once more where it stood still. */
+std::optional<Rest> hold(const std::string& robot, const JointVector& q, const Vector3d& way) {
+    std::optional<Rest> rest;
+    for (int tries = 0; tries < 5; ++tries) {
+        rest = tryToHold(robot, q, way);
+        if (!rest || rest->isFollowed) break;
+    }
+    EXPECT_TRUE(!rest || rest->isFollowed);
+    return rest;
 }
 
 // Of a test in a browser: a folded arm, whose tool would have to come 4 cm nearer to its base. It swung by 0.3 m for ever.
@@ -95,7 +111,7 @@ TEST(BarredHand, AnyArmRestsAsNearAsItComes) {
         const RobotDescription arm = loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + robot);
         const JointBounds& range = arm.limits.position;
         int barred = 0;
-        double sum_m = 0.0;
+        double before_m = 0.0, after_m = 0.0;
         for (int k = 0; k < count;) {
             JointVector q = range.lower;
             for (int i = 0; i < q.size(); ++i) q[i] += share(random) * (range.upper[i] - range.lower[i]);
@@ -107,12 +123,14 @@ TEST(BarredHand, AnyArmRestsAsNearAsItComes) {
             EXPECT_LE(rest.moves_m, 5e-4) << robot << " " << k << ": " << q.transpose() << ", " << way.transpose();
             EXPECT_LE(rest.after_m, rest.before_m + 0.005) << robot << " " << k << ": " << q.transpose();
             barred += rest.after_m > 0.005;
-            sum_m += rest.after_m;
+            before_m += rest.before_m;
+            after_m += rest.after_m;
             ++k;
         }
         std::printf("%s, seed %ld: %d of %d barred, %.1f mm off in the mean\n", robot, seed, barred, count,
-                    1e3 * sum_m / count);
+                    1e3 * after_m / count);
         EXPECT_GT(8 * barred, count) << robot;
+        EXPECT_LT(after_m, 0.5 * before_m) << robot;
     }
 }
 

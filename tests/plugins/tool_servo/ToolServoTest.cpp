@@ -213,7 +213,7 @@ TEST_F(ToolServoTest, ReferenceStaysWithinTheBoundsOfATick) {
     around.upper.array() += 0.1;
     const JointVector before = reference.q();
     reference.advance(command, nullptr, 0.0, &around);
-    EXPECT_TRUE(((reference.q() - before).array() <= arm_.limits.velocity.upper.array() * arm_.tick_s + 1e-15).all());
+    EXPECT_TRUE(((reference.q() - before).array() <= arm_.limits.velocity.upper.array() * arm_.tick_s + 1e-12).all());
     for (int tick = 0; tick < 500; ++tick) reference.advance(command, nullptr, 0.0, &around);
     EXPECT_GE((reference.q() - around.lower).minCoeff(), -1e-12);
 }
@@ -373,6 +373,61 @@ TEST(ToolServo, NeedsAJerkLimit) {
                        run({"limits.jerk_radps3=.inf", "filter={plugin: pass_through}"});
                    }),
                    {"tool_servo", "jerk limit", "limits.jerk_radps3"});
+}
+
+// A lead that the servo cannot stop within would hold it back: with part of the acceleration, or where a tick is long.
+TEST(ToolFollower, TheLeadCostsNoSpeed) {
+    for (const char* robot : {"indy7", "panda"})
+        for (const double tick_s : {0.001, 0.02})
+            for (const double share : {1.0, 0.5, 0.25}) {
+                TestArm arm(robot, tick_s);
+                arm.limits.position.lower.setConstant(-100.0);
+                arm.limits.position.upper.setConstant(100.0);
+                ToolFollower follower;
+                ToolFollowerOptions options;
+                options.share = share;
+                options.reference.rotationLength_m = 0.2;
+                follower.configure(arm.robot, arm.limits, tick_s, arm.start, options);
+                MotionState state = arm.start;
+                JointVector jerk;
+                double fastest = 0.0;
+                for (int k = 0; k < std::lround(4.0 / tick_s); ++k) {
+                    // Always a quarter of a turn ahead about the base's vertical: the first joint is to go as fast as it may.
+                    Pose command = arm.calcDynamics(state.q, JointVector::Zero(arm.size())).tool;
+                    const Eigen::AngleAxisd turn(1.5, Eigen::Vector3d::UnitZ());
+                    command.position = turn * command.position;
+                    command.orientation = turn * command.orientation;
+                    follower.calc(state, command, nullptr, k * tick_s, jerk);
+                    state.q += tick_s * (state.qd + tick_s * (state.qdd / 2.0 + tick_s / 6.0 * jerk));
+                    state.qd += tick_s * (state.qdd + tick_s / 2.0 * jerk);
+                    state.qdd += tick_s * jerk;
+                    fastest = std::max(fastest, state.qd[0]);
+                }
+                EXPECT_GE(fastest, 0.95 * arm.limits.velocity.upper[0]) << robot << ", " << tick_s << ", " << share;
+            }
+}
+
+TEST_F(ToolServoTest, ABarredReferenceTakesNoMemory) {
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
+    const ArmGeometry geometry = loadArmGeometry(arm_.robot);
+    const auto surroundings = makeSurroundings(makeBall(), arm_.robot, geometry, arm_.limits);
+    ToolFollower follower;
+    ToolFollowerOptions options;
+    options.reference = {0.2, 0.5, 0.1};
+    follower.configure(arm_.robot, arm_.limits, arm_.tick_s, arm_.start, options, &geometry);
+    Pose command = homeTool();
+    command.position -= Eigen::Vector3d(0.5, 0.0, 0.3);  // into itself
+    JointVector jerk;
+    follower.calc(arm_.start, command, surroundings.get(), 0.0, jerk);
+    MotionState state = arm_.start;
+    const testing::AllocationCounter counter;
+    for (int k = 0; k < 4000; ++k) {
+        follower.calc(state, command, surroundings.get(), 0.0, jerk);
+        state.q += arm_.tick_s * state.qd;
+        state.qd += arm_.tick_s * state.qdd;
+        state.qdd += arm_.tick_s * jerk;
+    }
+    EXPECT_EQ(counter.count(), 0);
 }
 
 // 1e6 ticks: VIABLE_EFFORT=50

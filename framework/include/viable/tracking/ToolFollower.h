@@ -51,9 +51,10 @@ private:
     void findAround(const MotionState& state);
 
     JointVector start_;
-    JointLimits limits_;
-    JointBounds lead_;    ///< of the reference [rad]
-    JointBounds around_;  ///< where the reference may be in this tick [rad]
+    double tick_s_ = 0.0, share_ = 1.0;
+    JointLimits stopLimits_;  ///< what the servo stops with
+    JointBounds lead_;        ///< of the reference [rad]
+    JointBounds around_;      ///< where the reference may be in this tick [rad]
     ToolReference reference_;
     Servo servo_;
     TargetVelocity velocity_;  ///< of the reference

@@ -23,12 +23,13 @@ struct ToolReferenceOptions {
 tick to tick, not solved anew, so that the arm stays in its branch and turns of more than half a turn are followed.
 
 Method, per tick: minimise |W (J dq - error)|^2 + damping |dq|^2 + (spare joints) subject to the position limits and to
-what the velocity limits allow in a tick, a box QP; the damping is the error that is left times the size of J
+what the velocity limits allow in a tick, a QP; the damping is the error that is left times the size of J
 (Levenberg-Marquardt with the norm of the residual as damping: Fan and Yuan, Computing 74, 2005), so that unreachable and
-singular poses are approached without wild joint motion, and without a swing once there. Where the arm is nearer than apart_m to something, spare joints go away from it, in
-the time in which they could stop if it is a whole apart_m too near.
+singular poses are approached without wild joint motion, and without a swing once there. Spare joints wait while the tool is
+behind. Where the arm is nearer than apart_m to something, they go away from it, in the time in which they could stop if it is a
+whole apart_m too near.
 With a geometry no step leads nearer to obstacles or to the arm itself than WholeArmBrakingFilter lets the arm, to first
-order: rows of that QP. So the reference rests as near to a barred pose as it comes, where else it would be in what bars
+order: rows of that QP, as many as RowQp takes. What is nearer already is not led away. So the reference rests as near to a barred pose as it comes, where else it would be in what bars
 the arm, and the arm, held back, swing beside it.
 Real time: no allocation, lock or throw after configure(). */
 class ToolReference {
@@ -55,12 +56,13 @@ public:
     void advance(const Pose& command, const Surroundings* surroundings = nullptr, double time_s = 0.0,
                  const JointBounds* around = nullptr);
     const JointVector& q() const { return q_; }  ///< [rad]
-    /** A joint went as fast or as far as it may in the last tick: the command jumped, or is too fast. */
+    /** In the last tick a joint went as fast as it may, or to the end of `around`, or something barred the way: the command
+    jumped, is too fast, or cannot be reached. */
     bool isHeldBack() const { return isHeldBack_; }
 
 private:
     struct Clear;
-    void leadApart();
+    void leadApart(double weightNear);
     void findBox(const JointBounds* around);
     void takeStep();
 
@@ -75,6 +77,7 @@ private:
     double apartRate_ = 0.0;        ///< [1/s]
     BoxQp qp_;
     JointVector q_, rest_, still_, target_, lower_, upper_, step_, gradient_;
+    JointVector slowest_, fastest_;  ///< steps at which a joint is held back
     JointMatrix normal_, factor_;
 };
 

@@ -3,6 +3,7 @@ import { el, tellHeight } from '../dom.js';
 import { Emitter } from '../emitter.js';
 import { initTheme } from '../theme.js';
 import { Hand } from './hand.js';
+import { limitsOf } from './limits.js';
 import { Link } from './link.js';
 import { Bar, HandPanel, JointPanel, TimePanel, viewHead } from './panel.js';
 import { phonePad } from './phone.js';
@@ -130,7 +131,7 @@ async function begin() {
     view?.paint();
     panels?.strips.paint();
   });
-  window.viableLive = { link, hand, view, headset }; // for scripts
+  window.viableLive = { link, hand, view, headset, limits: () => limitsOf(link.frame, run) }; // for scripts
 }
 
 function start() {

@@ -312,7 +312,7 @@ export class HandPanel {
   /** The limits that have acted of late, while the hand moves the arm. */
   #keepActing(frame, isMoving) {
     const now = performance.now();
-    for (const limit of isMoving ? limitsOf(frame).filter(Boolean) : []) this.#acted.set(limit, now);
+    for (const limit of isMoving ? limitsOf(frame, this.run).filter(Boolean) : []) this.#acted.set(limit, now);
     for (const [limit, at] of this.#acted) if (now - at > NAMED_MS || !isMoving) this.#acted.delete(limit);
   }
 
@@ -351,6 +351,7 @@ export class HandPanel {
 /** Each joint between its limits, where its stop would leave it, and which limit acts. */
 export class JointPanel {
   constructor(host, run) {
+    this.run = run;
     this.last = 0;
     this.rows = run.joints.map(({ name }, i) => {
       const mark = el('span', { class: 'gauge-mark' });
@@ -387,7 +388,7 @@ export class JointPanel {
   show(frame) {
     if (performance.now() - this.last < PERIOD_MS) return;
     this.last = performance.now();
-    const acting = limitsOf(frame);
+    const acting = limitsOf(frame, this.run);
     const place = (mark, value, lower, upper) => {
       const share = (value - lower) / (upper - lower);
       mark.hidden = !Number.isFinite(share);

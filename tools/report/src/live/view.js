@@ -266,8 +266,9 @@ export class View {
   #draw() {
     if (!this.#frame) return;
     this.#pose();
+    const acting = limitsOf(this.#frame, this.run);
     this.nominal.tint((joint) => {
-      const name = limitsOf(this.#frame)[joint];
+      const name = acting[joint];
       return name ? limitColour(name) : null;
     });
     if (this.surroundings) {

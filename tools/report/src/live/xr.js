@@ -187,7 +187,7 @@ export class Headset {
   #rumble() {
     const { frame } = this.#link;
     if (!frame || !this.#source) return;
-    const isActing = limitsOf(frame).some(Boolean);
+    const isActing = limitsOf(frame, this.#view.run).some(Boolean);
     const isRefused = frame('hand')[0] === 3;
     const now = performance.now();
     if (isRefused && !this.#wasRefused) this.#pulse(1, 3 * RUMBLE_MS);
