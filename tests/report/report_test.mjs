@@ -74,6 +74,7 @@ if (kind === 'sample') {
   runScript('browser_test.mjs', long, '--only', 'it is quick|a zoom in one');
 } else if (kind === 'sweep') {
   runScript('statistics_test.mjs');
+  runScript('limits_test.mjs');
   runScript('sweep_browser_test.mjs', join(build, 'share/viable/sweep_template.html'));
 } else {
   const file = join(folder, 'hostile.yaml');

@@ -20,12 +20,15 @@ namespace {
 constexpr double kLeastDamping = 1e-6;
 /** Pull of spare joints to their rest posture, relative to the size of J'J: too weak to move the tool. */
 constexpr double kRestWeight = 1e-5;
-/** Weight of a step away from what is near, against the tool's: before the rest posture, and too weak to move the tool. */
-constexpr double kApartWeight = 1e-3;
+/** Weight of a step away from what is near, against the tool's, with as much as the damping up to the second: before the rest
+posture, and too weak to lead the tool. */
+constexpr double kApartWeight = 1e-3, kLargestApartWeight = 0.1;
 /** The filter aims at so much more than the safety distance, and to first order is not to the last millimetre [m]. */
 constexpr double kMargin_m = detail::bisection::kGuard_m + 0.002;
 /** Things that are no farther than this from the margin count, and so much more as a tick can lead there [m]; at most kFarthest_m. */
 constexpr double kNear_m = 0.02, kFarthest_m = 1.0;
+/** A step that would lead on where the arm is nearer than the margin leads away by this share of its way. */
+constexpr double kBack = 0.1;
 
 }  // namespace
 
@@ -33,7 +36,7 @@ constexpr double kNear_m = 0.02, kFarthest_m = 1.0;
 struct ToolReference::Clear {
     Clear(const RobotDescription& robot, const ArmGeometry& geometry) : clearances(robot, geometry) {}
 
-    /** Of the arm at `q`. @param reach_m  how far a tick can lead */
+    /** Of the arm at `q`. @param reach_m  about how far a tick can lead */
     void find(const JointVector& q, const Surroundings* surroundings, double time_s, double apart_m, double reach_m) {
         least_m = kMargin_m + (surroundings ? surroundings->environment().safetyDistance_m : 0.0);
         const double far_m = least_m + std::min(kNear_m + reach_m, kFarthest_m);
@@ -43,15 +46,35 @@ struct ToolReference::Clear {
     does not, as far as a step within the box can come to them. */
     bool admits(const JointVector& step, const JointVector& lower, const JointVector& upper) {
         rows.clear();
-        bool isAdmitted = true;
+        const auto bound = [&](const ArmClearances::Item& item) {
+            const double spare = item.distance - least_m;
+            return spare >= 0.0 ? -spare : std::min(-spare, kBack * std::abs(item.gradient.dot(step)));
+        };
+        const auto keeps = [&](const ArmClearances::Item& item) { return item.gradient.dot(step) >= bound(item); };
+        for (const ArmClearances::Item& item : *items)
+            if (!keeps(item)) rows.add(item.gradient, bound(item));
+        if (rows.count == 0) return true;
         for (const ArmClearances::Item& item : *items) {
             const JointVector& row = item.gradient;
-            const double bound = -std::max(0.0, item.distance - least_m);
-            if (row.dot(step) < bound) isAdmitted = false;
             const double farthest = row.cwiseProduct(lower).cwiseMin(row.cwiseProduct(upper)).sum();
-            if (!(farthest >= bound)) rows.add(row, bound);  // not a number: of a joint as fast as it likes
+            // Not a number: of a joint as fast as it likes.
+            if (keeps(item) && !(farthest >= bound(item))) rows.add(row, bound(item));
         }
-        return isAdmitted;
+        return false;
+    }
+
+    /** The nearest step to `target` that keeps the rows; false: none was found. */
+    bool solve(const JointMatrix& factor, const JointVector& target, const JointVector& lower, const JointVector& upper,
+               JointVector& step) {
+        const RowQp::Status found = qp.solve(factor, target, lower, upper, rows, step);
+        return found == RowQp::Status::Solved || found == RowQp::Status::TargetInside;
+    }
+    /** Where not all that is too near can be led away, nothing is. */
+    void stay() {
+        for (int k = 0; k < rows.count; ++k) {
+            double& bound = rows.bound[static_cast<std::size_t>(k)];
+            bound = std::min(0.0, bound);
+        }
     }
 
     ArmClearances clearances;
@@ -99,6 +122,7 @@ void ToolReference::reset(const JointVector& q) {
 /** Adds |gradient dq - step|^2 for everything that is near, from no weight at apart_m on. */
 void ToolReference::leadApart(double weightNear) {
     const double apart = options_.apart_m;
+    if (apart == 0.0) return;
     for (const ArmClearances::Item& item : *clear_->items) {
         if (!(item.distance < apart)) continue;
         const JointVector& row = item.gradient;
@@ -139,9 +163,10 @@ void ToolReference::takeStep() {
     isHeldBack_ = (step_.array() <= slowest_.array() || step_.array() >= fastest_.array()).any();
     if (!clear_ || clear_->admits(step_, lower_, upper_)) return;
     isHeldBack_ = true;
-    const RowQp::Status found = clear_->qp.solve(factor_, target_, lower_, upper_, clear_->rows, step_);
-    // A step of nothing keeps all rows: none is found only where the box asks for more than they admit.
-    if (found == RowQp::Status::Infeasible || found == RowQp::Status::Failed)
+    if (clear_->solve(factor_, target_, lower_, upper_, step_)) return;
+    clear_->stay();
+    // A step of nothing keeps these rows: none is found only where the box asks for more than they admit.
+    if (!clear_->solve(factor_, target_, lower_, upper_, step_))
         step_ = JointVector::Zero(n_).cwiseMax(lower_).cwiseMin(upper_);
 }
 
@@ -170,7 +195,7 @@ void ToolReference::advance(const Pose& command, const Surroundings* surrounding
         const JointVector fastest = limits_.velocity.upper.cwiseMax(-limits_.velocity.lower);
         const double reach_m = tick_s_ * J.topRows<3>().colwise().norm().dot(fastest);
         clear_->find(q_, surroundings, time_s, options_.apart_m, std::isnan(reach_m) ? kFarthest_m : reach_m);
-        leadApart(kApartWeight + damping / std::max(size, 1e-9));  // beside the damping, too
+        leadApart(std::min(kApartWeight + damping / std::max(size, 1e-9), kLargestApartWeight));
     }
     findBox(around);
     takeStep();

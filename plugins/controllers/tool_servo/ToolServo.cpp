@@ -22,9 +22,10 @@ const ParameterSpec kParameters[] = {
                       "An error of 1 rad counts as one of so many metres; 0: the mean lever arm of the joints at the "
                       "start.")
         .atLeast(0),
-    parameter::number("rest_rate", "1/s", "0.5",
-                      "How fast joints that the tool leaves free go to the middle of their limits, or, without limits, "
-                      "to where they started.")
+    parameter::number(
+        "rest_rate", "1/s", "0.5",
+        "How fast joints that the tool leaves free go to the middle of their limits, or, without limits, "
+        "to where they started, once the tool is where it is commanded; behind a hand that moves they wait.")
         .atLeast(0),
     parameter::number("apart_m", "m", "0.1",
                       "Joints that the tool leaves free lead the arm away from obstacles and from itself where it is "

@@ -35,7 +35,7 @@ constexpr int kEnd_ms = kPress_ms + kCarry_ms + kWait_ms;
 
 struct Rest {
     double before_m, after_m;  ///< from the tool to where the hand wants it
-    double moves_m;            ///< way of the tool in the last kLook_ms
+    double swings_m;           ///< way of the tool in the last kLook_ms, beyond that from its first to its last place
     bool isFollowed;           ///< false: this computer stood still for so long that the hand was held or refused
 };
 
@@ -47,7 +47,8 @@ std::optional<Rest> tryToHold(const std::string& robot, const JointVector& q, co
     std::unique_ptr<ConfiguredCase> configured;
     try {
         configured = configureCase(experiment.cases.front());
-    } catch (const Error&) {
+    } catch (const Error& e) {
+        if (std::string(e.what()).find("is to be kept") == std::string::npos) throw;
         return std::nullopt;  // too near to something
     }
     auto& command = dynamic_cast<TeleoperatedCommand&>(*configured->plugins.command);
@@ -57,7 +58,7 @@ std::optional<Rest> tryToHold(const std::string& robot, const JointVector& q, co
     hand.isTracked = true;
     TickRecord record;
     Rest found{way.norm(), 0.0, 0.0, false};
-    Vector3d last = configured->setup.startTool.position;
+    Vector3d from = Vector3d::Zero(), last = configured->setup.startTool.position;
     for (int t = 0; t < kEnd_ms; t += kTick_ms) {
         if (t % kBetweenMessages_ms == 0) {
             hand.engagement = t > 0;
@@ -69,10 +70,14 @@ std::optional<Rest> tryToHold(const std::string& robot, const JointVector& q, co
         JointVector rest = record.nominal.q;
         for (Eigen::Index i = 0; i < rest.size(); ++i) rest[i] = record.stops[static_cast<std::size_t>(i)].rest;
         command.observe(record.nominal.q, rest);
-        if (t > kEnd_ms - kLook_ms) found.moves_m += (record.tool.position - last).norm();
+        if (t > kEnd_ms - kLook_ms) {
+            if (from.isZero()) from = last;
+            found.swings_m += (record.tool.position - last).norm();
+        }
         last = record.tool.position;
     }
     EXPECT_FALSE(loop.isStopping()) << loop.stopMessage();
+    found.swings_m -= (last - from).norm();
     found.after_m = (last - goal).norm();
     found.isFollowed =
         command.feed()->status().state == HandState::Engaged && (record.command.tool.position - goal).norm() < 1e-9;
@@ -96,7 +101,7 @@ TEST(BarredHand, AFoldedArmRestsAsNearAsItComes) {
     q << -0.28, -0.08, -2.64, -0.19, -0.36, -0.53;
     for (const double share : {0.2, 0.5, 1.0}) {
         const Rest rest = hold("indy7", q, share * Vector3d(0.0, 0.04, -0.04)).value();
-        EXPECT_LE(rest.moves_m, 5e-4) << share;
+        EXPECT_LE(rest.swings_m, 5e-4) << share;
         EXPECT_LE(rest.after_m, 0.6 * rest.before_m) << share;
     }
 }
@@ -112,7 +117,8 @@ TEST(BarredHand, AnyArmRestsAsNearAsItComes) {
         const JointBounds& range = arm.limits.position;
         int barred = 0;
         double before_m = 0.0, after_m = 0.0;
-        for (int k = 0; k < count;) {
+        int k = 0;
+        for (int draws = 0; k < count && draws < 50 * count; ++draws) {
             JointVector q = range.lower;
             for (int i = 0; i < q.size(); ++i) q[i] += share(random) * (range.upper[i] - range.lower[i]);
             Vector3d way(one(random), one(random), one(random));
@@ -120,7 +126,7 @@ TEST(BarredHand, AnyArmRestsAsNearAsItComes) {
             const std::optional<Rest> held = hold(robot, q, way);
             if (!held) continue;
             const Rest& rest = *held;
-            EXPECT_LE(rest.moves_m, 5e-4) << robot << " " << k << ": " << q.transpose() << ", " << way.transpose();
+            EXPECT_LE(rest.swings_m, 5e-4) << robot << " " << k << ": " << q.transpose() << ", " << way.transpose();
             EXPECT_LE(rest.after_m, rest.before_m + 0.005) << robot << " " << k << ": " << q.transpose();
             barred += rest.after_m > 0.005;
             before_m += rest.before_m;
@@ -129,6 +135,8 @@ TEST(BarredHand, AnyArmRestsAsNearAsItComes) {
         }
         std::printf("%s, seed %ld: %d of %d barred, %.1f mm off in the mean\n", robot, seed, barred, count,
                     1e3 * after_m / count);
+        EXPECT_EQ(k, count) << robot << " can start hardly anywhere";
+        if (count < 16) continue;  // too few to tell
         EXPECT_GT(8 * barred, count) << robot;
         EXPECT_LT(after_m, 0.5 * before_m) << robot;
     }
