@@ -354,24 +354,34 @@ await runTests(
     {
       name: 'headset: against what limits, it rumbles, and no limit is passed',
       body: async () => {
-        await set({ pulses: 0 });
-        await hold();
         await choose({ scale: 1 });
-        const before = await tool(page);
-        const acted = new Set();
-        const carried = carry([0, -0.6, 0.3], { ms: 700 });
-        for (let i = 0; i < 30; ++i) {
-          await sleep(60);
+        let before;
+        for (let tries = 1; ; ++tries) {
+          await set({ pulses: 0 });
+          await hold();
+          before = await tool(page);
+          const acted = new Set();
+          const carried = carry([0, -0.6, 0.3], { ms: 700 });
+          for (let i = 0; i < 30; ++i) {
+            await sleep(60);
+            for (const name of await limits(page)) acted.add(name);
+          }
+          await carried;
+          await awaitRest(page); // as near as it comes, though the hand is farther
+          await sleep(300);
           for (const name of await limits(page)) acted.add(name);
+          const hand = await handOf();
+          await letGo();
+          const pulses = await page.evaluate(() => window.test.pulses);
+          console.log(`     limits that acted: ${[...acted].join(' ')}; ${pulses} pulses; at rest, ${hand}`);
+          if (hand === 'engaged') {
+            assert.ok([...acted].some((name) => name.startsWith('velocity')) && acted.has('clearance_lower') && pulses > 1);
+            break;
+          }
+          assert.ok((await wasHeldUp()) > 0 && tries < 6, hand);
+          await carry([0, 0.6, -0.3]);
+          await bring(before);
         }
-        await carried;
-        await awaitRest(page); // as near as it comes, though the hand is farther
-        const hand = await handOf();
-        await letGo();
-        const pulses = await page.evaluate(() => window.test.pulses);
-        console.log(`     limits that acted: ${[...acted].join(' ')}; ${pulses} pulses; at rest, ${hand}`);
-        assert.ok(hand === 'engaged' || (await wasHeldUp()) > 0, hand);
-        assert.ok([...acted].some((name) => name.startsWith('velocity')) && acted.has('clearance_lower') && pulses > 1);
         await carry([0, 0.6, -0.3]);
         const { off } = await bring([before[0] - 0.05, before[1], before[2] - 0.1]); // the tests before have stretched it
         assert.ok(off < NEAR_M, mm(off));

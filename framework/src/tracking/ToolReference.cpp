@@ -48,7 +48,7 @@ struct ToolReference::Clear {
         rows.clear();
         const auto bound = [&](const ArmClearances::Item& item) {
             const double spare = item.distance - least_m;
-            return spare >= 0.0 ? -spare : std::min(-spare, kBack * std::abs(item.gradient.dot(step)));
+            return spare >= 0.0 ? -spare : std::min(-spare, std::max(0.0, -kBack * item.gradient.dot(step)));
         };
         const auto keeps = [&](const ArmClearances::Item& item) { return item.gradient.dot(step) >= bound(item); };
         for (const ArmClearances::Item& item : *items)

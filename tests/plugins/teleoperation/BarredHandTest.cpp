@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <iostream>
 #include <optional>
 #include <random>
 
@@ -33,9 +34,11 @@ cases: {A: {}}
 constexpr int kTick_ms = 1, kBetweenMessages_ms = 16, kPress_ms = 100, kCarry_ms = 600, kWait_ms = 5000, kLook_ms = 500;
 constexpr int kEnd_ms = kPress_ms + kCarry_ms + kWait_ms;
 
+constexpr double kRest_m = 5e-4;
+
 struct Rest {
     double before_m, after_m;  ///< from the tool to where the hand wants it
-    double swings_m;           ///< way of the tool in the last kLook_ms, beyond that from its first to its last place
+    double moves_m;            ///< way of the tool in the last kLook_ms
     bool isFollowed;           ///< false: this computer stood still for so long that the hand was held or refused
 };
 
@@ -58,7 +61,7 @@ std::optional<Rest> tryToHold(const std::string& robot, const JointVector& q, co
     hand.isTracked = true;
     TickRecord record;
     Rest found{way.norm(), 0.0, 0.0, false};
-    Vector3d from = Vector3d::Zero(), last = configured->setup.startTool.position;
+    Vector3d last = configured->setup.startTool.position;
     for (int t = 0; t < kEnd_ms; t += kTick_ms) {
         if (t % kBetweenMessages_ms == 0) {
             hand.engagement = t > 0;
@@ -70,14 +73,10 @@ std::optional<Rest> tryToHold(const std::string& robot, const JointVector& q, co
         JointVector rest = record.nominal.q;
         for (Eigen::Index i = 0; i < rest.size(); ++i) rest[i] = record.stops[static_cast<std::size_t>(i)].rest;
         command.observe(record.nominal.q, rest);
-        if (t > kEnd_ms - kLook_ms) {
-            if (from.isZero()) from = last;
-            found.swings_m += (record.tool.position - last).norm();
-        }
+        if (t > kEnd_ms - kLook_ms) found.moves_m += (record.tool.position - last).norm();
         last = record.tool.position;
     }
     EXPECT_FALSE(loop.isStopping()) << loop.stopMessage();
-    found.swings_m -= (last - from).norm();
     found.after_m = (last - goal).norm();
     found.isFollowed =
         command.feed()->status().state == HandState::Engaged && (record.command.tool.position - goal).norm() < 1e-9;
@@ -101,7 +100,7 @@ TEST(BarredHand, AFoldedArmRestsAsNearAsItComes) {
     q << -0.28, -0.08, -2.64, -0.19, -0.36, -0.53;
     for (const double share : {0.2, 0.5, 1.0}) {
         const Rest rest = hold("indy7", q, share * Vector3d(0.0, 0.04, -0.04)).value();
-        EXPECT_LE(rest.swings_m, 5e-4) << share;
+        EXPECT_LE(rest.moves_m, kRest_m) << share;
         EXPECT_LE(rest.after_m, 0.6 * rest.before_m) << share;
     }
 }
@@ -115,7 +114,7 @@ TEST(BarredHand, AnyArmRestsAsNearAsItComes) {
         std::uniform_real_distribution<double> share(0.05, 0.95), one(-1.0, 1.0);
         const RobotDescription arm = loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + robot);
         const JointBounds& range = arm.limits.position;
-        int barred = 0;
+        int barred = 0, restless = 0;
         double before_m = 0.0, after_m = 0.0;
         int k = 0;
         for (int draws = 0; k < count && draws < 50 * count; ++draws) {
@@ -126,7 +125,11 @@ TEST(BarredHand, AnyArmRestsAsNearAsItComes) {
             const std::optional<Rest> held = hold(robot, q, way);
             if (!held) continue;
             const Rest& rest = *held;
-            EXPECT_LE(rest.swings_m, 5e-4) << robot << " " << k << ": " << q.transpose() << ", " << way.transpose();
+            if (rest.moves_m > kRest_m) {
+                ++restless;
+                std::cout << robot << " " << k << " moves by " << 1e3 * rest.moves_m << " mm: " << q.transpose() << ", "
+                          << way.transpose() << "\n";
+            }
             EXPECT_LE(rest.after_m, rest.before_m + 0.005) << robot << " " << k << ": " << q.transpose();
             barred += rest.after_m > 0.005;
             before_m += rest.before_m;
@@ -135,6 +138,7 @@ TEST(BarredHand, AnyArmRestsAsNearAsItComes) {
         }
         std::printf("%s, seed %ld: %d of %d barred, %.1f mm off in the mean\n", robot, seed, barred, count,
                     1e3 * after_m / count);
+        EXPECT_LE(32 * restless, count) << robot;  // MATH 6; with seed 5 none
         EXPECT_EQ(k, count) << robot << " can start hardly anywhere";
         if (count < 16) continue;  // too few to tell
         EXPECT_GT(8 * barred, count) << robot;

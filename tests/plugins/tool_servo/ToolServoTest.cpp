@@ -199,6 +199,42 @@ TEST_F(ToolServoTest, ReferenceRestsBeforeWhatBarsItsWay) {
     }
 }
 
+// A start nearer than the reference goes: it stays there as long as it is to rest, and on its way comes away from what it passes.
+TEST_F(ToolServoTest, ReferenceThatIsTooNearRestsAndLeadsAwayByTheWay) {
+    const ArmGeometry geometry = loadArmGeometry(arm_.robot);
+    Environment environment = makeBall();
+    ArmClearances clearances(arm_.robot, geometry);
+    // The ball is 24 mm from the arm at home.
+    double gap = 1.0;
+    {
+        const auto surroundings = makeSurroundings(environment, arm_.robot, geometry, arm_.limits);
+        for (const auto& item : clearances.find(arm_.robot.home, surroundings.get(), 0.0, 1.0))
+            if (item.otherCapsule < 0) gap = std::min(gap, item.distance);
+    }
+    environment.solids[0].radius += gap - 0.024;
+    const auto surroundings = makeSurroundings(environment, arm_.robot, geometry, arm_.limits);
+    const auto calcNearest = [&](const JointVector& q) {
+        double least = 1.0;
+        for (const auto& item : clearances.find(q, surroundings.get(), 0.0, 0.5))
+            if (item.otherCapsule < 0) least = std::min(least, item.distance);
+        return least;
+    };
+    EXPECT_NEAR(calcNearest(arm_.robot.home), 0.024, 1e-3);
+    ToolReference reference;
+    reference.configure(arm_.robot, arm_.limits, arm_.tick_s, arm_.robot.home, {0.2, 0.0, 0.0}, &geometry);
+    Pose command = homeTool();
+    for (int tick = 0; tick < 1000; ++tick) reference.advance(command, surroundings.get(), 0.0);
+    EXPECT_LE((reference.q() - arm_.robot.home).cwiseAbs().maxCoeff(), 1e-9);
+    command.position.y() += 0.4;  // past the ball
+    double least = 1.0;
+    for (int tick = 0; tick < 5000; ++tick) {
+        reference.advance(command, surroundings.get(), 0.0);
+        least = std::min(least, calcNearest(reference.q()));
+    }
+    EXPECT_GE(least, 0.0235);
+    EXPECT_GE(calcNearest(reference.q()), 0.0265);
+}
+
 TEST_F(ToolServoTest, ReferenceStaysWithinTheBoundsOfATick) {
     ToolReference reference;
     configure(reference);

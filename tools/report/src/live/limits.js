@@ -1,12 +1,12 @@
 const KINDS = ['position', 'velocity', 'acceleration', 'jerk', 'torque', 'clearance', 'speed', 'separation'];
 // A controller that knows the limits asks for nothing beyond them, and the filter then has nothing to tell. What holds the arm
-// back is what it is at while the command is ahead of it: a speed as it moves, all else where it rests.
+// back is what it is at while the command is ahead of it: a joint at its limit, and what is near where the arm rests.
 const AHEAD_M = 0.005;
 const AHEAD_RAD = 0.02;
 const SHARE = 0.99; // of a velocity limit: at it
-const EDGE = 0.002; // of the range of positions: a stop that ends so near the limit ends at it
+const EDGE = 0.002; // of the range of positions: so near the limit a joint is at it
 const KEPT_M = 0.011; // more than the safety distance: so far from what bars its way a controller rests
-const STILL_RAD = 0.01; // from where each joint would stop: the arm goes no further
+const STILL_RADPS = 0.01;
 
 const isFar = (a, b, count, least) => Math.hypot(...Array.from({ length: count }, (_, i) => a[i] - b[i])) > least;
 
@@ -18,28 +18,25 @@ function isAhead(frame, run) {
   return isFar(target, tool, 3, AHEAD_M) || 2 * Math.acos(cosine) > AHEAD_RAD;
 }
 
-const isStill = (frame, run) => !isFar(frame('rest_q'), frame('q'), run.joints.length, STILL_RAD);
-
 /** Which limit a joint of an arm that is behind its command is at. */
-function limitAt(frame, i, rests, isClose) {
+function limitAt(frame, i, isClose) {
   const [qd, slowest, fastest] = ['qd', 'velocity_lower', 'velocity_upper'].map((name) => frame(name)[i]);
   if (qd >= SHARE * fastest) return 'velocity_upper';
   if (qd <= SHARE * slowest) return 'velocity_lower';
-  if (!rests) return null;
-  const [rest, lower, upper] = ['rest_q', 'position_lower', 'position_upper'].map((name) => frame(name)[i]);
+  const [q, lower, upper] = ['q', 'position_lower', 'position_upper'].map((name) => frame(name)[i]);
   const edge = Number.isFinite(upper - lower) ? EDGE * (upper - lower) : 0;
-  if (rest >= upper - edge) return 'position_upper';
-  if (rest <= lower + edge) return 'position_lower';
+  if (q >= upper - edge && qd > -STILL_RADPS) return 'position_upper';
+  if (q <= lower + edge && qd < STILL_RADPS) return 'position_lower';
   return isClose ? 'clearance_lower' : null;
 }
 
 /** Which limit acts on each joint: "jerk_upper", ..., or null. */
 export function limitsOf(frame, run) {
   const isLate = isAhead(frame, run);
-  const rests = isLate && isStill(frame, run);
-  const isClose = rests && run.environment !== null && frame('clearance')[0] < run.environment.safety_distance_m + KEPT_M;
+  const isStill = Array.from(frame('qd')).every((qd) => Math.abs(qd) < STILL_RADPS);
+  const isClose = isLate && isStill && run.environment !== null && frame('clearance')[0] < run.environment.safety_distance_m + KEPT_M;
   return Array.from(frame('limit'), (code, i) => {
     if (code > 0) return `${KINDS[Math.floor((code - 1) / 2)]}_${code % 2 === 1 ? 'lower' : 'upper'}`;
-    return isLate ? limitAt(frame, i, rests, isClose) : null;
+    return isLate ? limitAt(frame, i, isClose) : null;
   });
 }
