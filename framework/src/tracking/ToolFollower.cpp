@@ -11,7 +11,7 @@ namespace viable {
 namespace {
 
 /** The reference's lead, over the way in which a joint stops from its velocity limit. */
-constexpr double kLead = 0.2;
+constexpr double kLead = 0.05;
 /** And so many ticks at that limit: a stop on the grid of ticks is longer than that of continuous time. */
 constexpr double kLeadTicks = 3.0;
 

@@ -497,11 +497,12 @@ TEST(Fault22, SwappedChannelsStopTheArmAndLeaveTheNominalOneAlone) {
 
 // --- 60: an obstacle that is quicker than the arm -----------------------------------------------------------
 
-// The filter knows its whole path, and cannot get out of it: it brakes, and the summary says from when on it was touched.
+// The filter knows its whole path, and cannot get out of it: it brakes, and the summary says from when on it was touched. Behind a
+// controller that knows nothing of it: tool_servo would wait by itself.
 TEST(Fault60, ABallQuickerThanTheArmIsBrakedForAndTheSummarySaysWhenItTouched) {
     const Experiment e = readTestExperiment(
         kHandLed,
-        {"filter={plugin: whole_arm_braking, recovery: true}", "duration_s=2",
+        {"controller={plugin: task_space_pd}", "filter={plugin: whole_arm_braking, recovery: true}", "duration_s=2",
          "environment={obstacles: {ball: {sphere: 0.1, path: [{time_s: 0, xyz: [0.35, 0, 5]}, {time_s: 1, xyz: "
          "[0.35, 0, 0.4]}, {time_s: 2, xyz: [0.35, 0, -4]}]}}}"});
     const CaseResult r = runCase(configureCase(e.cases.front()), {});

@@ -285,8 +285,8 @@ TEST_F(ToolServoTest, SpareJointsLeadTheArmAwayFromWhatIsNear) {
 }
 
 // A hand past a post, over twelve seeds as they come. The reference keeps clear of the post, so that the check of the whole arm
-// seldom holds the arm back; led apart by spare joints it is held back less still, and as near to the hand.
-TEST(ToolServo, SpareJointsSpareAWholeArmStops) {
+// seldom holds the arm back (in 6 % of the ticks where it did not know of it); led apart by spare joints it is as near to the hand.
+TEST(ToolServo, TheReferenceSparesAWholeArmStops) {
     constexpr int kSeeds = 12;
     std::int64_t stops[2] = {0, 0}, ticks = 0;
     double squares[2] = {0.0, 0.0};
@@ -309,8 +309,7 @@ TEST(ToolServo, SpareJointsSpareAWholeArmStops) {
     std::printf("ticks held back %lld, led apart %lld; tool error %.1f and %.1f mm RMS\n",
                 static_cast<long long>(stops[0]), static_cast<long long>(stops[1]),
                 1e3 * std::sqrt(squares[0] / kSeeds), 1e3 * std::sqrt(squares[1] / kSeeds));
-    EXPECT_LT(stops[0] + stops[1], 0.015 * static_cast<double>(ticks));
-    EXPECT_LT(stops[1], stops[0]);
+    EXPECT_LT(stops[0] + stops[1], 0.008 * static_cast<double>(ticks));
     EXPECT_LT(squares[1], 1.01 * squares[0]);
 }
 
