@@ -10,9 +10,8 @@ namespace viable {
 
 namespace {
 
-/** The reference's lead, over the way in which a joint stops from its velocity limit. */
-constexpr double kLead = 0.05;
-/** And so many ticks at that limit: a stop on the grid of ticks is longer than that of continuous time. */
+/** The lead beyond the way in which a joint stops from its velocity limit [ticks at that limit]: a stop on the grid of ticks is longer than
+that of continuous time. */
 constexpr double kLeadTicks = 3.0;
 
 /** How far a joint goes until it has stopped [rad]. */
@@ -44,8 +43,7 @@ void ToolFollower::takeLimits(const JointLimits& limits) {
     lead_ = limits.velocity;
     for (int i = 0; i < limits.size(); ++i) {
         const AxisLimits axis = stopLimits_.axis(i);
-        for (double* v : {&lead_.lower[i], &lead_.upper[i]})
-            *v = kLead * calcWay(*v, 0.0, axis) + kLeadTicks * tick_s_ * *v;
+        for (double* v : {&lead_.lower[i], &lead_.upper[i]}) *v = calcWay(*v, 0.0, axis) + kLeadTicks * tick_s_ * *v;
     }
     around_ = lead_;
 }

@@ -161,7 +161,7 @@ void ToolReference::takeStep() {
     factors.solveInPlace(target_);
     qp_.solve(factor_, target_, lower_, upper_, step_);
     isHeldBack_ = (step_.array() <= slowest_.array() || step_.array() >= fastest_.array()).any();
-    if (!clear_ || clear_->admits(step_, lower_, upper_)) return;
+    if (!clear_ || !options_.keepsClear || clear_->admits(step_, lower_, upper_)) return;
     isHeldBack_ = true;
     if (clear_->solve(factor_, target_, lower_, upper_, step_)) return;
     clear_->stay();

@@ -27,6 +27,10 @@ const ParameterSpec kParameters[] = {
         "How fast joints that the tool leaves free go to the middle of their limits, or, without limits, "
         "to where they started, once the tool is where it is commanded; behind a hand that moves they wait.")
         .atLeast(0),
+    parameter::flag(
+        "keeps_clear", "true",
+        "Do not lead the arm nearer to obstacles of the experiment, or to itself, than whole_arm_braking would; "
+        "false: it knows nothing of them."),
     parameter::number("apart_m", "m", "0.1",
                       "Joints that the tool leaves free lead the arm away from obstacles and from itself where it is "
                       "nearer than this; 0: they do not.")
@@ -53,7 +57,8 @@ void ToolServo::configure(const RunSetup& setup, const Parameters& parameters) {
         options.reference.rotationLength_m = calcLeverArm(dynamics.J);
     }
     options.reference.restRate = parameters.number("rest_rate");
-    options.reference.apart_m = parameters.number("apart_m");
+    options.reference.keepsClear = parameters.flag("keeps_clear");
+    options.reference.apart_m = options.reference.keepsClear ? parameters.number("apart_m") : 0.0;
     surroundings_ = setup.surroundings;
     startTool_ = setup.startTool;
     follower_.configure(setup.robot, setup.limits, setup.tick_s, setup.start, options, setup.geometry);

@@ -17,7 +17,7 @@ struct ToolFollowerOptions {
 
 /** Leads the tool to a commanded pose, as fast as the joints' limits allow: a joint reference within the position limits
 follows the pose (ToolReference), and each joint follows its reference (Servo), with as much of its velocity as the joint
-could (TargetVelocity). The reference is ahead of where the arm is, or would stop, by no more than a twentieth of the way in which
+could (TargetVelocity). The reference is ahead of where the arm is, or would stop, by no more than the way in which
 a joint stops from its velocity limit, and three ticks at that; where the arm is stopped sooner it goes back at that speed. So an
 arm that is held back is not left behind, and rests soon where its command does. A joint without a velocity limit has no such bound. The
 law of the plugin tool_servo and of ArmBatch.

@@ -17,6 +17,7 @@ struct ToolReferenceOptions {
     double rotationLength_m = 0.2;  ///< so far counts a rotation of 1 rad as an error; 0: the orientation is free
     double restRate = 0.0;          ///< how fast spare joints go to their rest posture [1/s]
     double apart_m = 0.0;           ///< nearer than this to obstacles or itself, spare joints lead the arm away
+    bool keepsClear = true;         ///< no step leads nearer to obstacles or itself than the filter lets the arm
 };
 
 /** The joint positions whose tool is nearest to a commanded pose, within the joint position limits: integrated from
