@@ -96,7 +96,8 @@ void ToolReference::configure(const RobotDescription& robot, const JointLimits& 
     tick_s_ = tick_s;
     options_ = options;
     recursion_ = recursion ? std::move(recursion) : std::make_shared<const ArmRecursion>(robot);
-    clear_ = geometry ? std::make_unique<Clear>(robot, *geometry) : nullptr;
+    const bool looks = geometry && (options.keepsClear || options.apart_m > 0.0);
+    clear_ = looks ? std::make_unique<Clear>(robot, *geometry) : nullptr;
     changeLimits(limits, rest);
     still_.setZero(n_);
     for (JointVector* v : {&target_, &slowest_, &fastest_, &lower_, &upper_, &step_, &gradient_}) v->setZero(n_);

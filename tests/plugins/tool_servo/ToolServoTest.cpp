@@ -169,6 +169,14 @@ Environment makeBall() {
     return environment;
 }
 
+/** How near the arm is to what stands around it; at most 1 m. */
+double calcNearest(ArmClearances& clearances, const Surroundings& around, const JointVector& q) {
+    double least = 1.0;
+    for (const auto& item : clearances.find(q, &around, 0.0, 1.0))
+        if (item.otherCapsule < 0) least = std::min(least, item.distance);
+    return least;
+}
+
 TEST_F(ToolServoTest, ReferenceRestsBeforeWhatBarsItsWay) {
     const ArmGeometry geometry = loadArmGeometry(arm_.robot);
     Environment environment = makeBall();
@@ -205,21 +213,10 @@ TEST_F(ToolServoTest, ReferenceThatIsTooNearRestsAndLeadsAwayByTheWay) {
     Environment environment = makeBall();
     ArmClearances clearances(arm_.robot, geometry);
     // The ball is 24 mm from the arm at home.
-    double gap = 1.0;
-    {
-        const auto surroundings = makeSurroundings(environment, arm_.robot, geometry, arm_.limits);
-        for (const auto& item : clearances.find(arm_.robot.home, surroundings.get(), 0.0, 1.0))
-            if (item.otherCapsule < 0) gap = std::min(gap, item.distance);
-    }
-    environment.solids[0].radius += gap - 0.024;
+    const auto small = makeSurroundings(environment, arm_.robot, geometry, arm_.limits);
+    environment.solids[0].radius += calcNearest(clearances, *small, arm_.robot.home) - 0.024;
     const auto surroundings = makeSurroundings(environment, arm_.robot, geometry, arm_.limits);
-    const auto calcNearest = [&](const JointVector& q) {
-        double least = 1.0;
-        for (const auto& item : clearances.find(q, surroundings.get(), 0.0, 0.5))
-            if (item.otherCapsule < 0) least = std::min(least, item.distance);
-        return least;
-    };
-    EXPECT_NEAR(calcNearest(arm_.robot.home), 0.024, 1e-3);
+    EXPECT_NEAR(calcNearest(clearances, *surroundings, arm_.robot.home), 0.024, 1e-3);
     ToolReference reference;
     reference.configure(arm_.robot, arm_.limits, arm_.tick_s, arm_.robot.home, {0.2, 0.0, 0.0}, &geometry);
     Pose command = homeTool();
@@ -229,10 +226,10 @@ TEST_F(ToolServoTest, ReferenceThatIsTooNearRestsAndLeadsAwayByTheWay) {
     double least = 1.0;
     for (int tick = 0; tick < 5000; ++tick) {
         reference.advance(command, surroundings.get(), 0.0);
-        least = std::min(least, calcNearest(reference.q()));
+        least = std::min(least, calcNearest(clearances, *surroundings, reference.q()));
     }
     EXPECT_GE(least, 0.0235);
-    EXPECT_GE(calcNearest(reference.q()), 0.0265);
+    EXPECT_GE(calcNearest(clearances, *surroundings, reference.q()), 0.0265);
 }
 
 TEST_F(ToolServoTest, ReferenceStaysWithinTheBoundsOfATick) {
@@ -258,12 +255,6 @@ TEST_F(ToolServoTest, SpareJointsLeadTheArmAwayFromWhatIsNear) {
     const ArmGeometry geometry = loadArmGeometry(arm_.robot);
     const auto surroundings = makeSurroundings(makeBall(), arm_.robot, geometry, arm_.limits);
     ArmClearances clearances(arm_.robot, geometry);
-    const auto calcNearest = [&](const JointVector& q) {
-        double least = 1.0;
-        for (const auto& item : clearances.find(q, surroundings.get(), 0.0, 1.0))
-            if (item.otherCapsule < 0) least = std::min(least, item.distance);
-        return least;
-    };
     const Pose command = homeTool();
     double nearest[2];
     for (const bool leads : {false, true}) {
@@ -276,7 +267,7 @@ TEST_F(ToolServoTest, SpareJointsLeadTheArmAwayFromWhatIsNear) {
             const Pose tool = arm_.calcDynamics(reference.q(), JointVector::Zero(arm_.size())).tool;
             worst = std::max(worst, (tool.position - command.position).norm());
         }
-        nearest[leads] = calcNearest(reference.q());
+        nearest[leads] = calcNearest(clearances, *surroundings, reference.q());
         EXPECT_LE(worst, 1e-4) << "the tool was moved";
     }
     std::printf("elbow to ball: %.4f m, led apart %.4f m\n", nearest[0], nearest[1]);
@@ -433,9 +424,10 @@ TEST(ToolFollower, TheLeadCostsNoSpeed) {
                     command.position = turn * command.position;
                     command.orientation = turn * command.orientation;
                     follower.calc(state, command, nullptr, k * tick_s, jerk);
-                    state.q += tick_s * (state.qd + tick_s * (state.qdd / 2.0 + tick_s / 6.0 * jerk));
-                    state.qd += tick_s * (state.qdd + tick_s / 2.0 * jerk);
-                    state.qdd += tick_s * jerk;
+                    for (int i = 0; i < arm.size(); ++i) {
+                        const AxisState next = advance({state.q[i], state.qd[i], state.qdd[i]}, jerk[i], tick_s);
+                        state.q[i] = next.p, state.qd[i] = next.v, state.qdd[i] = next.a;
+                    }
                     fastest = std::max(fastest, state.qd[0]);
                 }
                 EXPECT_GE(fastest, 0.95 * arm.limits.velocity.upper[0]) << robot << ", " << tick_s << ", " << share;

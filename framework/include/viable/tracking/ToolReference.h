@@ -75,7 +75,7 @@ private:
     ToolReferenceOptions options_;
     std::shared_ptr<const ArmRecursion> recursion_;
     Dynamics dynamics_;
-    std::unique_ptr<Clear> clear_;  ///< null: no geometry
+    std::unique_ptr<Clear> clear_;  ///< null: no geometry, or nothing to do with it
     double apartRate_ = 0.0;        ///< [1/s]
     BoxQp qp_;
     JointVector q_, rest_, still_, target_, lower_, upper_, step_, gradient_;
