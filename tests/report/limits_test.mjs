@@ -25,4 +25,6 @@ assert.deepEqual(named({ clearance: [NaN], hand: [NaN], target: [] }, { ...run, 
 assert.deepEqual(named({ clearance: [0.001] }, { ...run, environment: null }), [null, null], 'no surroundings');
 assert.deepEqual(named({ q: [2, 0], target_q: [2.5, 0] }, { ...run, moves: 'joints' }), ['position_upper', null]);
 assert.deepEqual(named({ q: [2, 0], target_q: [2, 0] }, { ...run, moves: 'joints' }), [null, null]);
+assert.deepEqual(named({ q: [2, 0], target_q: [2, 1] }, { ...run, moves: 'joints' }), [null, null], 'another joint is late');
+assert.deepEqual(named({ q: [-1.999, 0], target_q: [-2.5, 0] }, { ...run, moves: 'joints' }), ['position_lower', null]);
 console.log('limits: all as expected');

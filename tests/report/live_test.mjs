@@ -578,7 +578,7 @@ const cases = [
       await page.setViewportSize(SMALL);
       await press(second, 'Take over');
       await eventually(async () => (await page.textContent('.hand-note')).includes('You watch'), 'the first one watches');
-      await drag(second, 60, 0);
+      await drag(second, -60, -30); // away from the wall and the table, where the test before has left it
       await eventually(async () => distance(before, await tool(second)) > 0.02, 'the second one moves it');
       const watcher = page;
       const times = await timesAfter(watcher, () => second.close());

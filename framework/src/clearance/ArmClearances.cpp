@@ -1,8 +1,20 @@
 #include "viable/environment/ArmClearances.h"
 
+#include <array>
+#include <cmath>
+#include <limits>
+#include <tuple>
+
 #include "clearance/ElementDistance.h"
 
 namespace viable {
+
+namespace {
+
+/** Of one capsule: from as many obstacles as a query leaves out and one more, nearest and at both ends. */
+constexpr std::size_t kMostPlaces = 3 * (std::tuple_size_v<decltype(Surroundings::LeftOut::obstacles)> + 1);
+
+}  // namespace
 
 struct ArmClearances::Impl {
     Impl(const RobotDescription& robot, const ArmGeometry& geometry)
@@ -12,7 +24,17 @@ struct ArmClearances::Impl {
           distance(capsules),
           motion(robot, capsules, distance.getRadii()),
           pose(motion.makePose()) {
-        items.reserve(elements.size());
+        items.reserve(kMostPlaces * elements.size());
+    }
+
+    /** False where it is no nearer than `within_m`. */
+    bool add(const detail::ArmElement& element, const detail::ElementDistance::Place& place, double within_m,
+             bool isNearest) {
+        if (!(place.distance < within_m) || !std::isfinite(place.distance) || items.size() == items.capacity())
+            return false;
+        items.push_back({element.first, element.second, place.obstacle, isNearest, place.distance, {}});
+        detail::calcDistanceGradient(place, element, capsules, arm, pose.frames, items.back().gradient);
+        return true;
     }
 
     std::vector<LinkCapsule> capsules;
@@ -21,6 +43,7 @@ struct ArmClearances::Impl {
     detail::ElementDistance distance;
     detail::CapsuleMotion motion;
     detail::CapsuleMotion::Pose pose;
+    std::array<detail::ElementDistance::Place, 4> ends;
     std::vector<Item> items;
 };
 
@@ -42,12 +65,16 @@ const std::vector<ArmClearances::Item>& ArmClearances::find(const JointVector& q
         if (!element.isPair() && !surroundings) continue;
         const detail::ElementDistance::Rough rough = in.distance.calcRough(element, in.pose);
         if (!(rough.clearance < within_m)) continue;
-        detail::ElementDistance::Place place;
-        int unlimited = std::numeric_limits<int>::max();
-        in.distance.calc(element, in.pose, rough.ofMiddle, 0, place, unlimited);
-        if (!(place.distance < within_m) || !std::isfinite(place.distance)) continue;
-        in.items.push_back({element.first, element.second, place.distance, {}});
-        detail::calcDistanceGradient(place, element, in.capsules, in.arm, in.pose.frames, in.items.back().gradient);
+        in.distance.leftOut().count = 0;
+        do {
+            detail::ElementDistance::Place place;
+            int unlimited = std::numeric_limits<int>::max();
+            in.distance.calc(element, in.pose, rough.ofMiddle, 0, place, unlimited);
+            if (!in.add(element, place, within_m, true)) break;
+            const int count = in.distance.calcEnds(element, in.pose, place, in.ends);
+            for (int k = 0; k < count; ++k) in.add(element, in.ends[static_cast<std::size_t>(k)], within_m, false);
+            if (element.isPair() || !in.distance.leftOut().add(place.obstacle)) break;
+        } while (true);
     }
     return in.items;
 }

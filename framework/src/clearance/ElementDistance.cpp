@@ -73,7 +73,8 @@ double ElementDistance::calcToSurroundings(int capsule, const CapsuleMotion::Seg
     Eigen::Vector3d where = Eigen::Vector3d::Zero();
     const auto ask = [&](int k) {
         const Eigen::Vector3d p = segment.a + k * along;
-        const double distance = surroundings_->calcDistance(p, time_s_);
+        const double distance = leftOut_.count == 0 ? surroundings_->calcDistance(p, time_s_)
+                                                    : surroundings_->findNearest(p, time_s_, leftOut_).distance;
         --distances;
         if (!(distance >= least)) {
             least = distance;
@@ -95,26 +96,65 @@ double ElementDistance::calcToSurroundings(int capsule, const CapsuleMotion::Seg
     }
     const double clearance = least - cover.radius;
     if (!(clearance < nearest.distance)) return clearance;
-    const Surroundings::Nearest found = surroundings_->findNearest(where, time_s_);
-    nearest = {clearance, sample, found.obstacle, found.gradient, where - cover.radius * found.gradient, where};
-    if (std::isfinite(found.distance)) nearest.onSecond -= found.distance * found.gradient;
+    nearest = makePlace(where, cover.radius, surroundings_->findNearest(where, time_s_, leftOut_), sample);
     return clearance;
+}
+
+ElementDistance::Place ElementDistance::makePlace(const Eigen::Vector3d& centre, double radius,
+                                                  const Surroundings::Nearest& found, int sample) {
+    Place place{found.distance - radius,          sample, found.obstacle, found.gradient,
+                centre - radius * found.gradient, centre};
+    if (std::isfinite(found.distance)) place.onSecond -= found.distance * found.gradient;
+    return place;
 }
 
 double ElementDistance::calcBetween(const ArmElement& element, const CapsuleMotion::Pose& pose, int sample,
                                     Place& nearest) const {
     const auto first = static_cast<std::size_t>(element.first), second = static_cast<std::size_t>(element.second);
-    const LinkCapsule &a = capsules_[first], &b = capsules_[second];
     Eigen::Vector3d onA, onB;
     findNearestPoints(pose.segments[first].a, pose.segments[first].b, pose.segments[second].a, pose.segments[second].b,
                       onA, onB);
+    const Place found = makePlace(element, onA, onB, sample);
+    if (found.distance < nearest.distance) nearest = found;
+    return found.distance;
+}
+
+ElementDistance::Place ElementDistance::makePlace(const ArmElement& pair, const Eigen::Vector3d& onA,
+                                                  const Eigen::Vector3d& onB, int sample) const {
+    const double a = capsules_[static_cast<std::size_t>(pair.first)].radius;
+    const double b = capsules_[static_cast<std::size_t>(pair.second)].radius;
     const Eigen::Vector3d apart = onA - onB;
     const double distance = apart.norm();
-    const double clearance = distance - a.radius - b.radius;
-    if (!(clearance < nearest.distance)) return clearance;
     const Eigen::Vector3d direction = distance > 0.0 ? Eigen::Vector3d(apart / distance) : Eigen::Vector3d::Zero();
-    nearest = {clearance, sample, -1, direction, onA - a.radius * direction, onB + b.radius * direction};
-    return clearance;
+    return {distance - a - b, sample, -1, direction, onA - a * direction, onB + b * direction};
+}
+
+int ElementDistance::calcEnds(const ArmElement& element, const CapsuleMotion::Pose& pose, const Place& nearest,
+                              std::array<Place, 4>& ends) const {
+    int count = 0;
+    const auto add = [&](const Place& end) {
+        const bool isThere = end.onFirst.isApprox(nearest.onFirst) && end.onSecond.isApprox(nearest.onSecond);
+        if (!isThere) ends[static_cast<std::size_t>(count++)] = end;
+    };
+    const auto first = static_cast<std::size_t>(element.first);
+    const CapsuleMotion::Segment& segment = pose.segments[first];
+    if (!element.isPair()) {
+        for (const Eigen::Vector3d* end : {&segment.a, &segment.b})
+            add(makePlace(*end, covers_[first].radius, surroundings_->findNearest(*end, time_s_, nearest.obstacle),
+                          nearest.sample));
+        return count;
+    }
+    const CapsuleMotion::Segment& other = pose.segments[static_cast<std::size_t>(element.second)];
+    Eigen::Vector3d onA, onB;
+    for (const Eigen::Vector3d* end : {&segment.a, &segment.b}) {
+        findNearestPoints(*end, *end, other.a, other.b, onA, onB);
+        add(makePlace(element, onA, onB, nearest.sample));
+    }
+    for (const Eigen::Vector3d* end : {&other.a, &other.b}) {
+        findNearestPoints(segment.a, segment.b, *end, *end, onA, onB);
+        add(makePlace(element, onA, onB, nearest.sample));
+    }
+    return count;
 }
 
 void calcDistanceGradient(const ElementDistance::Place& place, const ArmElement& element,

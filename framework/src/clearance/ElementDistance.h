@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <limits>
 #include <vector>
 
@@ -44,6 +45,8 @@ public:
     void setSurroundings(const Surroundings* surroundings) { surroundings_ = surroundings; }
     bool hasSurroundings() const { return surroundings_ != nullptr; }
     void setTime(double time_s) { time_s_ = time_s; }
+    /** Obstacles that calc() does not count from now on; none at first. */
+    Surroundings::LeftOut& leftOut() { return leftOut_; }
 
     Rough calcRough(const ArmElement& element, const CapsuleMotion::Pose& pose) const;
     /** @param ofMiddle  as calcRough() gives it
@@ -52,6 +55,11 @@ public:
         @param distances how many are left; less by those that are computed */
     double calc(const ArmElement& element, const CapsuleMotion::Pose& pose, double ofMiddle, int sample, Place& nearest,
                 int& distances) const;
+    /** The places at the ends of capsules, which come to be the nearest where the arm turns a little: of one capsule from the
+    obstacle of `nearest`, of two each end from the other. Where `nearest` is at an end, that one is left out.
+    @return how many */
+    int calcEnds(const ArmElement& element, const CapsuleMotion::Pose& pose, const Place& nearest,
+                 std::array<Place, 4>& ends) const;
 
 private:
     /** A capsule as balls that cover it, their centres evenly along its segment. */
@@ -64,11 +72,15 @@ private:
     double calcToSurroundings(int capsule, const CapsuleMotion::Segment& segment, double ofMiddle, int sample,
                               Place& nearest, int& distances) const;
     double calcBetween(const ArmElement& element, const CapsuleMotion::Pose& pose, int sample, Place& nearest) const;
+    static Place makePlace(const Eigen::Vector3d& centre, double radius, const Surroundings::Nearest& found,
+                           int sample);
+    Place makePlace(const ArmElement& pair, const Eigen::Vector3d& onA, const Eigen::Vector3d& onB, int sample) const;
 
     std::vector<LinkCapsule> capsules_;
     std::vector<Cover> covers_;
     const Surroundings* surroundings_ = nullptr;
     double time_s_ = 0.0;
+    Surroundings::LeftOut leftOut_;
 };
 
 /** How the distance at a place changes with each joint [m/rad].

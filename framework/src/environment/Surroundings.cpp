@@ -183,8 +183,8 @@ Eigen::Vector3d toUnit(const Eigen::Vector3d& v, double length) {
 
 }  // namespace
 
-template <bool kWithGradient>
-Surroundings::Nearest Surroundings::findIn(const Eigen::Vector3d& p, double t) const {
+template <bool kWithGradient, typename IsLeftOut>
+Surroundings::Nearest Surroundings::findIn(const Eigen::Vector3d& p, double t, const IsLeftOut& isLeftOut) const {
     Nearest nearest;
     if (!p.allFinite()) {
         nearest.distance = -std::numeric_limits<double>::infinity();
@@ -192,6 +192,7 @@ Surroundings::Nearest Surroundings::findIn(const Eigen::Vector3d& p, double t) c
     }
     double& best = nearest.distance;
     for (const Shapes::HalfSpace& solid : shapes_->halfSpaces) {
+        if (isLeftOut(solid.obstacle)) continue;
         const double distance = solid.normal.dot(p) - solid.offset;
         if (distance >= best) continue;
         best = distance;
@@ -199,6 +200,7 @@ Surroundings::Nearest Surroundings::findIn(const Eigen::Vector3d& p, double t) c
         if constexpr (kWithGradient) nearest.gradient = solid.normal;
     }
     for (const Shapes::Sphere& solid : shapes_->spheres) {
+        if (isLeftOut(solid.obstacle)) continue;
         const Eigen::Vector3d away = p - solid.centre;
         if (isFarther(away, solid.radius, best)) continue;
         const double length = away.norm();
@@ -207,6 +209,7 @@ Surroundings::Nearest Surroundings::findIn(const Eigen::Vector3d& p, double t) c
         if constexpr (kWithGradient) nearest.gradient = toUnit(away, length);
     }
     for (const Shapes::Box& solid : shapes_->boxes) {
+        if (isLeftOut(solid.obstacle)) continue;
         const Eigen::Vector3d away = p - solid.centre;
         if (isFarther(away, solid.radius, best)) continue;
         const Eigen::Vector3d local = solid.toBox * away;
@@ -227,6 +230,7 @@ Surroundings::Nearest Surroundings::findIn(const Eigen::Vector3d& p, double t) c
         }
     }
     for (const Shapes::Cylinder& solid : shapes_->cylinders) {
+        if (isLeftOut(solid.obstacle)) continue;
         const Eigen::Vector3d away = p - solid.centre;
         if (isFarther(away, solid.around, best)) continue;
         const double along = solid.axis.dot(away);
@@ -251,6 +255,7 @@ Surroundings::Nearest Surroundings::findIn(const Eigen::Vector3d& p, double t) c
         }
     }
     for (const Shapes::Path& path : shapes_->paths) {
+        if (isLeftOut(path.obstacle)) continue;
         if (isFarther(p - path.centre, path.around, best)) continue;
         // The way that it is on at t, and from there only what is left of it.
         std::size_t first = 0;
@@ -277,7 +282,7 @@ Surroundings::Nearest Surroundings::findIn(const Eigen::Vector3d& p, double t) c
         nearest.obstacle = path.obstacle;
         if constexpr (kWithGradient) nearest.gradient = toUnit(nearestAway, length);
     }
-    if (field_) {
+    if (field_ && !isLeftOut(size() - 1)) {
         Eigen::Vector3d gradient;
         double distance;
         if constexpr (kWithGradient)
@@ -293,12 +298,32 @@ Surroundings::Nearest Surroundings::findIn(const Eigen::Vector3d& p, double t) c
     return nearest;
 }
 
+namespace {
+
+constexpr auto kNone = [](int /*obstacle*/) { return false; };
+
+}  // namespace
+
 double Surroundings::calcDistance(const Eigen::Vector3d& p, double t) const {
-    return findIn<false>(p, t).distance;
+    return findIn<false>(p, t, kNone).distance;
 }
 
 Surroundings::Nearest Surroundings::findNearest(const Eigen::Vector3d& p, double t) const {
-    return findIn<true>(p, t);
+    return findIn<true>(p, t, kNone);
+}
+
+Surroundings::Nearest Surroundings::findNearest(const Eigen::Vector3d& p, double t, const LeftOut& without) const {
+    return findIn<true>(p, t, [&](int obstacle) { return without.has(obstacle); });
+}
+
+Surroundings::Nearest Surroundings::findNearest(const Eigen::Vector3d& p, double t, int obstacle) const {
+    return findIn<true>(p, t, [obstacle](int other) { return other != obstacle; });
+}
+
+bool Surroundings::LeftOut::add(int obstacle) {
+    if (count == static_cast<int>(obstacles.size())) return false;
+    obstacles[static_cast<std::size_t>(count++)] = obstacle;
+    return true;
 }
 
 }  // namespace viable

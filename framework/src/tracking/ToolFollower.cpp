@@ -46,6 +46,7 @@ void ToolFollower::takeLimits(const JointLimits& limits) {
         for (double* v : {&lead_.lower[i], &lead_.upper[i]}) *v = calcWay(*v, 0.0, axis) + kLeadTicks * tick_s_ * *v;
     }
     around_ = lead_;
+    stop_.setZero(limits.size());
 }
 
 JointVector ToolFollower::findRest(const JointLimits& limits) const {
@@ -82,6 +83,7 @@ void ToolFollower::findAround(const MotionState& state) {
         const double stop = state.q[i] + calcWay(state.qd[i], state.qdd[i], stopLimits_.axis(i));
         around_.lower[i] = std::min(state.q[i], stop) + lead_.lower[i];
         around_.upper[i] = std::max(state.q[i], stop) + lead_.upper[i];
+        stop_[i] = stop;
     }
 }
 
@@ -89,7 +91,10 @@ void ToolFollower::calc(const MotionState& state, const Pose& command, const Sur
                         JointVector& jerk) {
     findAround(state);
     reference_.advance(command, surroundings, time_s, &around_);
-    if (reference_.isHeldBack()) velocity_.forget();  // it may stop at any moment: be able to stop with it
+    if (reference_.isHeldBack()) {
+        reference_.leapTo(stop_, command);
+        velocity_.forget();  // it may stop at any moment: be able to stop with it
+    }
     target_.q = reference_.q();
     target_.qd = velocity_.calc(target_.q);
     servo_.calc(state, target_, jerk);

@@ -29,6 +29,8 @@ constexpr double kMargin_m = detail::bisection::kGuard_m + 0.002;
 constexpr double kNear_m = 0.02, kFarthest_m = 1.0;
 /** A step that would lead on where the arm is nearer than the margin leads away by this share of its way. */
 constexpr double kBack = 0.1;
+/** It leaps to where the error is less than this share of its own. */
+constexpr double kLeap = 0.5;
 
 }  // namespace
 
@@ -96,8 +98,7 @@ void ToolReference::configure(const RobotDescription& robot, const JointLimits& 
     tick_s_ = tick_s;
     options_ = options;
     recursion_ = recursion ? std::move(recursion) : std::make_shared<const ArmRecursion>(robot);
-    const bool looks = geometry && (options.keepsClear || options.apart_m > 0.0);
-    clear_ = looks ? std::make_unique<Clear>(robot, *geometry) : nullptr;
+    clear_ = geometry ? std::make_unique<Clear>(robot, *geometry) : nullptr;
     changeLimits(limits, rest);
     still_.setZero(n_);
     for (JointVector* v : {&target_, &slowest_, &fastest_, &lower_, &upper_, &step_, &gradient_}) v->setZero(n_);
@@ -125,7 +126,7 @@ void ToolReference::leadApart(double weightNear) {
     const double apart = options_.apart_m;
     if (apart == 0.0) return;
     for (const ArmClearances::Item& item : *clear_->items) {
-        if (!(item.distance < apart)) continue;
+        if (!item.isNearest || !(item.distance < apart)) continue;
         const JointVector& row = item.gradient;
         const double nearness = std::min(1.0, 1.0 - item.distance / apart);
         const double weight = weightNear * nearness;
@@ -162,7 +163,7 @@ void ToolReference::takeStep() {
     factors.solveInPlace(target_);
     qp_.solve(factor_, target_, lower_, upper_, step_);
     isHeldBack_ = (step_.array() <= slowest_.array() || step_.array() >= fastest_.array()).any();
-    if (!clear_ || !options_.keepsClear || clear_->admits(step_, lower_, upper_)) return;
+    if (!clear_ || clear_->admits(step_, lower_, upper_)) return;
     isHeldBack_ = true;
     if (clear_->solve(factor_, target_, lower_, upper_, step_)) return;
     clear_->stay();
@@ -171,17 +172,25 @@ void ToolReference::takeStep() {
         step_ = JointVector::Zero(n_).cwiseMax(lower_).cwiseMin(upper_);
 }
 
+Vector6 ToolReference::findError(const JointVector& q, const Pose& command) {
+    recursion_->calcDynamics(q, still_, dynamics_);
+    Vector6 error;
+    error.head<3>() = command.position - dynamics_.tool.position;
+    error.tail<3>() =
+        options_.rotationLength_m * calcRotationVector(command.orientation * dynamics_.tool.orientation.conjugate());
+    return error;
+}
+
+void ToolReference::leapTo(const JointVector& q, const Pose& command) {
+    if (q.allFinite() && findError(q, command).norm() < kLeap * findError(q_, command).norm()) reset(q);
+}
+
 void ToolReference::advance(const Pose& command, const Surroundings* surroundings, double time_s,
                             const JointBounds* around) {
-    recursion_->calcDynamics(q_, still_, dynamics_);
+    const Vector6 error = findError(q_, command);
     const ToolJacobian& J = dynamics_.J;
-    const double turn = options_.rotationLength_m;
-    Vector6 weights, error;
-    weights << 1.0, 1.0, 1.0, turn, turn, turn;
-    error.head<3>() = command.position - dynamics_.tool.position;
-    error.tail<3>() = calcRotationVector(command.orientation * dynamics_.tool.orientation.conjugate());
-    error = weights.cwiseProduct(error);
-    const ToolJacobian weighted = weights.asDiagonal() * J;
+    ToolJacobian weighted = J;
+    weighted.bottomRows<3>() *= options_.rotationLength_m;
 
     normal_.noalias() = weighted.transpose().lazyProduct(weighted);
     const double size = normal_.trace() / n_;

@@ -33,7 +33,7 @@ const ParameterSpec kParameters[] = {
         "false: it knows nothing of them."),
     parameter::number("apart_m", "m", "0.1",
                       "Joints that the tool leaves free lead the arm away from obstacles and from itself where it is "
-                      "nearer than this; 0: they do not.")
+                      "nearer than this; 0, or with keeps_clear: false: they do not.")
         .atLeast(0),
     parameter::flag("relative", "false",
                     "Follow the command's motion from where the tool is at the start (a clutch), not its pose."),
@@ -57,11 +57,11 @@ void ToolServo::configure(const RunSetup& setup, const Parameters& parameters) {
         options.reference.rotationLength_m = calcLeverArm(dynamics.J);
     }
     options.reference.restRate = parameters.number("rest_rate");
-    options.reference.keepsClear = parameters.flag("keeps_clear");
-    options.reference.apart_m = options.reference.keepsClear ? parameters.number("apart_m") : 0.0;
+    options.reference.apart_m = parameters.number("apart_m");
     surroundings_ = setup.surroundings;
     startTool_ = setup.startTool;
-    follower_.configure(setup.robot, setup.limits, setup.tick_s, setup.start, options, setup.geometry);
+    follower_.configure(setup.robot, setup.limits, setup.tick_s, setup.start, options,
+                        parameters.flag("keeps_clear") ? setup.geometry : nullptr);
     reset(setup.start);
 }
 

@@ -2,11 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <map>
 #include <random>
+#include <tuple>
 
 #include "Paths.h"
 #include "SlidingArm.h"
 #include "environment/ArmSurroundings.h"
+#include "robot/ArmRecursion.h"
 #include "viable/core/Numbers.h"
 #include "viable/testing/AllocationCounter.h"
 
@@ -33,7 +36,7 @@ Environment makeRoom() {
 TEST(ArmClearances, GradientsAreThoseOfTheDistances) {
     std::mt19937 random(5);
     std::uniform_real_distribution<double> share(-1.0, 1.0);
-    int compared = 0, kinks = 0;
+    int compared = 0, kinks = 0, ends = 0;
     for (RobotDescription robot : {loadRobot(VIABLE_SOURCE_DIR "/robots/panda"), makeSlidingArm()}) {
         const ArmGeometry geometry = loadArmGeometry(robot);
         for (JointVector* side : {&robot.limits.position.lower, &robot.limits.position.upper})
@@ -48,32 +51,87 @@ TEST(ArmClearances, GradientsAreThoseOfTheDistances) {
             for (const auto& item : items) EXPECT_LT(item.distance, within_m);
             const double h = 1e-6;
             const JointVector way = JointVector::NullaryExpr(robot.size(), [&] { return share(random); });
-            // All are asked for, so that they come in the same order.
-            const auto before = clearances.find(q - h * way, surroundings.get(), 0.0, 100.0);
-            const auto here = clearances.find(q, surroundings.get(), 0.0, 100.0);
-            const auto after = clearances.find(q + h * way, surroundings.get(), 0.0, 100.0);
+            const auto find = [&](const JointVector& at) {
+                std::map<std::tuple<int, int, int>, std::vector<ArmClearances::Item>> places;
+                for (const auto& item : clearances.find(at, surroundings.get(), 0.0, 100.0))
+                    places[{item.capsule, item.otherCapsule, item.obstacle}].push_back(item);
+                return places;
+            };
+            const auto before = find(q - h * way), here = find(q), after = find(q + h * way);
             ASSERT_EQ(before.size(), after.size());
-            for (std::size_t i = 0; i < here.size(); ++i) {
-                const double forwards = (after[i].distance - here[i].distance) / h;
-                const double backwards = (here[i].distance - before[i].distance) / h;
-                if (std::abs(forwards - backwards) > 1e-4) {
+            for (const auto& [who, places] : here) {
+                const auto &earlier = before.at(who), &later = after.at(who);
+                EXPECT_TRUE(places[0].isNearest);
+                for (std::size_t i = 1; i < places.size(); ++i) {
+                    EXPECT_FALSE(places[i].isNearest);
+                    EXPECT_GE(places[i].distance, places[0].distance - 1e-12);
+                }
+                if (earlier.size() != places.size() || later.size() != places.size()) {  // the nearest came to an end
                     ++kinks;
                     continue;
                 }
-                ++compared;
-                EXPECT_NEAR(here[i].gradient.dot(way), (forwards + backwards) / 2.0, 1e-4) << "pose " << k;
+                for (std::size_t i = 0; i < places.size(); ++i) {
+                    const double forwards = (later[i].distance - places[i].distance) / h;
+                    const double backwards = (places[i].distance - earlier[i].distance) / h;
+                    if (std::abs(forwards - backwards) > 1e-4) {
+                        ++kinks;
+                        continue;
+                    }
+                    ++compared;
+                    ends += !places[i].isNearest;
+                    EXPECT_NEAR(places[i].gradient.dot(way), (forwards + backwards) / 2.0, 1e-4) << "pose " << k;
+                }
             }
         }
     }
     EXPECT_GT(compared, 20 * kinks);
     EXPECT_GT(compared, 2000);
+    EXPECT_GT(ends, 2000);
+}
+
+// One capsule between obstacles has them all, each at the nearest place and where it may come to be.
+TEST(ArmClearances, EachObstacleAndBothEndsOfACapsule) {
+    const RobotDescription robot = makeSlidingArm();
+    ArmGeometry geometry;
+    geometry.links = {"beam"};
+    geometry.capsules.push_back({0, 0, {-0.2, 0.0, 0.0}, {0.2, 0.0, 0.0}, 0.05});
+    ArmRecursion::Frames frames;
+    ArmRecursion(robot).calcFrames(robot.home, frames);
+    const auto place = [&](double x, double y) -> Eigen::Vector3d {
+        return frames.origin[0] + frames.rotation[0] * Eigen::Vector3d(x, y, 0.0);
+    };
+    Environment room;
+    for (const auto& [x, y] : {std::pair(0.0, 0.2), std::pair(-0.3, 0.0), std::pair(0.1, -5.0)}) {
+        Solid ball;
+        ball.name = "ball" + std::to_string(room.solids.size());
+        ball.kind = Solid::Kind::Sphere;
+        ball.radius = 0.02;
+        ball.pose.translation() = place(x, y);
+        room.solids.push_back(ball);
+    }
+    const auto surroundings = makeSurroundings(room, robot, geometry, robot.limits);
+    ArmClearances clearances(robot, geometry);
+    std::vector<std::tuple<int, bool, double>> found;
+    for (const auto& item : clearances.find(robot.home, surroundings.get(), 0.0, 0.5))
+        found.emplace_back(item.obstacle, item.isNearest, item.distance);
+    ASSERT_EQ(found.size(), 5u);
+    const double farEnd = std::hypot(0.2, 0.2) - 0.07;
+    const std::tuple<int, bool, double> expected[] = {
+        {1, true, 0.03}, {1, false, 0.43}, {0, true, 0.13}, {0, false, farEnd}, {0, false, farEnd}};
+    for (std::size_t i = 0; i < found.size(); ++i) {
+        EXPECT_EQ(std::get<0>(found[i]), std::get<0>(expected[i])) << i;
+        EXPECT_EQ(std::get<1>(found[i]), std::get<1>(expected[i])) << i;
+        EXPECT_NEAR(std::get<2>(found[i]), std::get<2>(expected[i]), 0.004) << i;  // balls cover the capsule
+    }
 }
 
 TEST(ArmClearances, AsksForPairsAloneAndSurvivesPosesThatAreNoNumbers) {
     const RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/panda");
     const ArmGeometry geometry = loadArmGeometry(robot);
     ArmClearances clearances(robot, geometry);
-    EXPECT_EQ(clearances.find(robot.home, nullptr, 0.0, 100.0).size(), geometry.pairs.size());
+    std::size_t pairs = 0;
+    for (const auto& item : clearances.find(robot.home, nullptr, 0.0, 100.0)) pairs += item.isNearest;
+    EXPECT_EQ(pairs, geometry.pairs.size());
     JointVector q = robot.home;
     q[2] = kNan;
     EXPECT_TRUE(clearances.find(q, nullptr, 0.0, 100.0).empty());

@@ -20,11 +20,14 @@ public:
 
     struct Item {
         int capsule = 0;        ///< index into ArmGeometry::capsules
-        int otherCapsule = -1;  ///< -1: the distance is that from the obstacles
-        double distance = 0.0;  ///< of two capsules, or a lower bound of a capsule's from the obstacles [m]
+        int otherCapsule = -1;  ///< -1: the distance is that from an obstacle
+        int obstacle = -1;      ///< of the surroundings; -1: another capsule
+        bool isNearest = true;  ///< false: at an end of a capsule, which may come to be the nearest place
+        double distance = 0.0;  ///< of two capsules, or a lower bound of a capsule's from an obstacle [m]
         JointVector gradient;   ///< how it changes with each joint [m/rad]
     };
-    /** One item for each capsule that a joint moves and each pair of capsules that is nearer than `within_m`.
+    /** What is nearer than `within_m`: each capsule that a joint moves from each obstacle (the nearest nine), and each pair of
+    capsules; each at its nearest place and at the ends of the capsules.
     @param surroundings  null: only pairs
     @param time_s        of the run, see Surroundings::calcDistance
     @return valid until the next call; empty where a position is no number */

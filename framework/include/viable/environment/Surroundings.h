@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -52,13 +53,27 @@ public:
     /** The same, with the obstacle and the gradient. */
     Nearest findNearest(const Eigen::Vector3d& p, double t) const;
 
+    /** Obstacles that a query leaves out. */
+    struct LeftOut {
+        std::array<int, 8> obstacles{};
+        int count = 0;
+        bool has(int obstacle) const {
+            return std::find(obstacles.begin(), obstacles.begin() + count, obstacle) != obstacles.begin() + count;
+        }
+        /** False where no more can be left out. */
+        bool add(int obstacle);
+    };
+    Nearest findNearest(const Eigen::Vector3d& p, double t, const LeftOut& without) const;
+    /** Of one obstacle alone. */
+    Nearest findNearest(const Eigen::Vector3d& p, double t, int obstacle) const;
+
 private:
     struct Shapes;
     struct MapField;
     static std::shared_ptr<const MapField> shareMapField(const MapChoice& choice, const Eigen::Vector3d& lower,
                                                          const Eigen::Vector3d& upper, double cell_m, double reach_m);
-    template <bool kWithGradient>
-    Nearest findIn(const Eigen::Vector3d& p, double t) const;
+    template <bool kWithGradient, typename IsLeftOut>
+    Nearest findIn(const Eigen::Vector3d& p, double t, const IsLeftOut& isLeftOut) const;
 
     Environment environment_;
     std::vector<std::string> names_;

@@ -17,7 +17,6 @@ struct ToolReferenceOptions {
     double rotationLength_m = 0.2;  ///< so far counts a rotation of 1 rad as an error; 0: the orientation is free
     double restRate = 0.0;          ///< how fast spare joints go to their rest posture [1/s]
     double apart_m = 0.0;           ///< nearer than this to obstacles or itself, spare joints lead the arm away
-    bool keepsClear = true;         ///< no step leads nearer to obstacles or itself than the filter lets the arm
 };
 
 /** The joint positions whose tool is nearest to a commanded pose, within the joint position limits: integrated from
@@ -48,6 +47,8 @@ public:
                    const ToolReferenceOptions& options, const ArmGeometry* geometry = nullptr,
                    std::shared_ptr<const ArmRecursion> recursion = nullptr);
     void reset(const JointVector& q);
+    /** Goes on at `q`, at once, where that is less than half as far from the command as q(). */
+    void leapTo(const JointVector& q, const Pose& command);
     /** From now on. */
     void changeLimits(const JointLimits& limits, const JointVector& rest);
 
@@ -64,6 +65,8 @@ public:
 
 private:
     struct Clear;
+    /** From the tool at `q` to the command, weighted; fills dynamics_. */
+    Vector6 findError(const JointVector& q, const Pose& command);
     void leadApart(double weightNear);
     void findBox(const JointBounds* around);
     void takeStep();
@@ -75,7 +78,7 @@ private:
     ToolReferenceOptions options_;
     std::shared_ptr<const ArmRecursion> recursion_;
     Dynamics dynamics_;
-    std::unique_ptr<Clear> clear_;  ///< null: no geometry, or nothing to do with it
+    std::unique_ptr<Clear> clear_;  ///< null: no geometry
     double apartRate_ = 0.0;        ///< [1/s]
     BoxQp qp_;
     JointVector q_, rest_, still_, target_, lower_, upper_, step_, gradient_;

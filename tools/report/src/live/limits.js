@@ -18,15 +18,18 @@ function isAhead(frame, run) {
   return isFar(target, tool, 3, AHEAD_M) || 2 * Math.acos(cosine) > AHEAD_RAD;
 }
 
+/** Whether the command goes on beyond the end that a joint is at; of a tool's nobody knows. */
+const asksBeyond = (frame, run, i, side) => run.moves === 'tool' || side * (frame('target_q')[i] - frame('q')[i]) > AHEAD_RAD;
+
 /** Which limit a joint of an arm that is behind its command is at. */
-function limitAt(frame, i, isClose) {
+function limitAt(frame, run, i, isClose) {
   const [qd, slowest, fastest] = ['qd', 'velocity_lower', 'velocity_upper'].map((name) => frame(name)[i]);
   if (qd >= SHARE * fastest) return 'velocity_upper';
   if (qd <= SHARE * slowest) return 'velocity_lower';
   const [q, lower, upper] = ['q', 'position_lower', 'position_upper'].map((name) => frame(name)[i]);
   const edge = Number.isFinite(upper - lower) ? EDGE * (upper - lower) : 0;
-  if (q >= upper - edge && qd > -STILL_RADPS) return 'position_upper';
-  if (q <= lower + edge && qd < STILL_RADPS) return 'position_lower';
+  if (q >= upper - edge && qd > -STILL_RADPS && asksBeyond(frame, run, i, 1)) return 'position_upper';
+  if (q <= lower + edge && qd < STILL_RADPS && asksBeyond(frame, run, i, -1)) return 'position_lower';
   return isClose ? 'clearance_lower' : null;
 }
 
@@ -37,6 +40,6 @@ export function limitsOf(frame, run) {
   const isClose = isLate && isStill && run.environment !== null && frame('clearance')[0] < run.environment.safety_distance_m + KEPT_M;
   return Array.from(frame('limit'), (code, i) => {
     if (code > 0) return `${KINDS[Math.floor((code - 1) / 2)]}_${code % 2 === 1 ? 'lower' : 'upper'}`;
-    return isLate ? limitAt(frame, i, isClose) : null;
+    return isLate ? limitAt(frame, run, i, isClose) : null;
   });
 }
