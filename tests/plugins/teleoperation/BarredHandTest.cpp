@@ -214,7 +214,8 @@ TEST(BarredHand, AnyArmRestsAsNearAsItComes) {
                           << way.transpose() << "\n";
             }
             EXPECT_LE(rest.moves_m, 0.02) << robot << " " << k;
-            EXPECT_LE(rest.after_m, rest.before_m + 0.005) << robot << " " << k << ": " << q.transpose();
+            EXPECT_LE(rest.after_m, rest.before_m + 0.005)
+                << robot << " " << k << ": " << q.transpose() << ", " << way.transpose();
             barred += rest.after_m > 0.005;
             before_m += rest.before_m;
             after_m += rest.after_m;

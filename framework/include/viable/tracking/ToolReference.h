@@ -29,7 +29,7 @@ singular poses are approached without wild joint motion, and without a swing onc
 behind. Where the arm is nearer than apart_m to something, they go away from it, in the time in which they could stop if it is a
 whole apart_m too near.
 With a geometry no step leads nearer to obstacles or to the arm itself than WholeArmBrakingFilter lets the arm, to first
-order: rows of that QP, as many as RowQp takes. An arm that is nearer already is led
+order, at the nearest place and the ends of each part, from each obstacle: rows of that QP, as many as RowQp takes. An arm that is nearer already is led
 away by the way only, and not where it rests. So the reference rests as near to a barred pose as it comes, where else it would be in what bars
 the arm, and the arm, held back, swing beside it.
 Real time: no allocation, lock or throw after configure(). */
