@@ -11,8 +11,10 @@ namespace viable {
 
 namespace {
 
-/** Of one capsule: from as many obstacles as a query leaves out and one more, nearest and at both ends. */
+/** Of one capsule: from as many obstacles as a query leaves out and one more, nearest and at both ends; of a pair: nearest and at
+four ends. */
 constexpr std::size_t kMostPlaces = 3 * (std::tuple_size_v<decltype(Surroundings::LeftOut::obstacles)> + 1);
+constexpr std::size_t kMostPairPlaces = 5;
 
 }  // namespace
 
@@ -24,7 +26,7 @@ struct ArmClearances::Impl {
           distance(capsules),
           motion(robot, capsules, distance.getRadii()),
           pose(motion.makePose()) {
-        items.reserve(kMostPlaces * elements.size());
+        items.reserve(kMostPlaces * capsules.size() + kMostPairPlaces * geometry.pairs.size());
     }
 
     /** False where it is no nearer than `within_m`. */
@@ -63,10 +65,10 @@ const std::vector<ArmClearances::Item>& ArmClearances::find(const JointVector& q
     in.distance.setTime(time_s);
     for (const detail::ArmElement& element : in.elements) {
         if (!element.isPair() && !surroundings) continue;
-        const detail::ElementDistance::Rough rough = in.distance.calcRough(element, in.pose);
-        if (!(rough.clearance < within_m)) continue;
         in.distance.leftOut().count = 0;
-        do {
+        for (;;) {
+            const detail::ElementDistance::Rough rough = in.distance.calcRough(element, in.pose);
+            if (!(rough.clearance < within_m)) break;
             detail::ElementDistance::Place place;
             int unlimited = std::numeric_limits<int>::max();
             in.distance.calc(element, in.pose, rough.ofMiddle, 0, place, unlimited);
@@ -74,7 +76,7 @@ const std::vector<ArmClearances::Item>& ArmClearances::find(const JointVector& q
             const int count = in.distance.calcEnds(element, in.pose, place, in.ends);
             for (int k = 0; k < count; ++k) in.add(element, in.ends[static_cast<std::size_t>(k)], within_m, false);
             if (element.isPair() || !in.distance.leftOut().add(place.obstacle)) break;
-        } while (true);
+        }
     }
     return in.items;
 }

@@ -42,12 +42,18 @@ std::vector<double> ElementDistance::getRadii() const {
     return radii;
 }
 
+/** Of a point from the surroundings, less what is left out. */
+double ElementDistance::calcToOthers(const Eigen::Vector3d& p) const {
+    return leftOut_.count == 0 ? surroundings_->calcDistance(p, time_s_)
+                               : surroundings_->findNearest(p, time_s_, leftOut_).distance;
+}
+
 ElementDistance::Rough ElementDistance::calcRough(const ArmElement& element, const CapsuleMotion::Pose& pose) const {
     const Cover& first = covers_[static_cast<std::size_t>(element.first)];
     const CapsuleMotion::Segment& segment = pose.segments[static_cast<std::size_t>(element.first)];
     const Eigen::Vector3d middle = (segment.a + segment.b) / 2.0;
     if (!element.isPair()) {
-        const double ofMiddle = surroundings_->calcDistance(middle, time_s_);
+        const double ofMiddle = calcToOthers(middle);
         return {ofMiddle - first.reach, ofMiddle};
     }
     const Cover& second = covers_[static_cast<std::size_t>(element.second)];
@@ -73,8 +79,7 @@ double ElementDistance::calcToSurroundings(int capsule, const CapsuleMotion::Seg
     Eigen::Vector3d where = Eigen::Vector3d::Zero();
     const auto ask = [&](int k) {
         const Eigen::Vector3d p = segment.a + k * along;
-        const double distance = leftOut_.count == 0 ? surroundings_->calcDistance(p, time_s_)
-                                                    : surroundings_->findNearest(p, time_s_, leftOut_).distance;
+        const double distance = calcToOthers(p);
         --distances;
         if (!(distance >= least)) {
             least = distance;
@@ -114,9 +119,9 @@ double ElementDistance::calcBetween(const ArmElement& element, const CapsuleMoti
     Eigen::Vector3d onA, onB;
     findNearestPoints(pose.segments[first].a, pose.segments[first].b, pose.segments[second].a, pose.segments[second].b,
                       onA, onB);
-    const Place found = makePlace(element, onA, onB, sample);
-    if (found.distance < nearest.distance) nearest = found;
-    return found.distance;
+    const double clearance = (onA - onB).norm() - getRadius(element);
+    if (clearance < nearest.distance) nearest = makePlace(element, onA, onB, sample);
+    return clearance;
 }
 
 ElementDistance::Place ElementDistance::makePlace(const ArmElement& pair, const Eigen::Vector3d& onA,

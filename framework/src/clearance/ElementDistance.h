@@ -45,7 +45,7 @@ public:
     void setSurroundings(const Surroundings* surroundings) { surroundings_ = surroundings; }
     bool hasSurroundings() const { return surroundings_ != nullptr; }
     void setTime(double time_s) { time_s_ = time_s; }
-    /** Obstacles that calc() does not count from now on; none at first. */
+    /** Obstacles that do not count from now on; none at first. */
     Surroundings::LeftOut& leftOut() { return leftOut_; }
 
     Rough calcRough(const ArmElement& element, const CapsuleMotion::Pose& pose) const;
@@ -62,6 +62,7 @@ public:
                  std::array<Place, 4>& ends) const;
 
 private:
+    double calcToOthers(const Eigen::Vector3d& p) const;
     /** A capsule as balls that cover it, their centres evenly along its segment. */
     struct Cover {
         int gaps = 0;                        ///< one less than balls

@@ -29,8 +29,9 @@ constexpr double kMargin_m = detail::bisection::kGuard_m + 0.002;
 constexpr double kNear_m = 0.02, kFarthest_m = 1.0;
 /** A step that would lead on where the arm is nearer than the margin leads away by this share of its way. */
 constexpr double kBack = 0.1;
-/** It leaps to where the error is less than this share of its own. */
-constexpr double kLeap = 0.5;
+/** It leaps to where the error is less than this share of its own, and not for one below that [m]: spare joints are then on
+their way. */
+constexpr double kLeap = 0.5, kLeapFrom_m = 1e-3;
 
 }  // namespace
 
@@ -56,12 +57,14 @@ struct ToolReference::Clear {
         for (const ArmClearances::Item& item : *items)
             if (!keeps(item)) rows.add(item.gradient, bound(item));
         if (rows.count == 0) return true;
-        for (const ArmClearances::Item& item : *items) {
-            const JointVector& row = item.gradient;
-            const double farthest = row.cwiseProduct(lower).cwiseMin(row.cwiseProduct(upper)).sum();
-            // Not a number: of a joint as fast as it likes.
-            if (keeps(item) && !(farthest >= bound(item))) rows.add(row, bound(item));
-        }
+        for (const bool isNearest : {true, false})  // where there is no room for all, ends come last
+            for (const ArmClearances::Item& item : *items) {
+                if (item.isNearest != isNearest) continue;
+                const JointVector& row = item.gradient;
+                const double farthest = row.cwiseProduct(lower).cwiseMin(row.cwiseProduct(upper)).sum();
+                // Not a number: of a joint as fast as it likes.
+                if (keeps(item) && !(farthest >= bound(item))) rows.add(row, bound(item));
+            }
         return false;
     }
 
@@ -121,12 +124,15 @@ void ToolReference::reset(const JointVector& q) {
     if (clear_) clear_->qp.reset();
 }
 
-/** Adds |gradient dq - step|^2 for everything that is near, from no weight at apart_m on. */
+/** Adds |gradient dq - step|^2 for all parts that are near something, from no weight at apart_m on. */
 void ToolReference::leadApart(double weightNear) {
     const double apart = options_.apart_m;
     if (apart == 0.0) return;
+    int last = -1;
     for (const ArmClearances::Item& item : *clear_->items) {
         if (!item.isNearest || !(item.distance < apart)) continue;
+        // Of a part only the nearest obstacle, its first: in a room of many pieces it is not pulled the harder.
+        if (item.otherCapsule < 0 && std::exchange(last, item.capsule) == item.capsule) continue;
         const JointVector& row = item.gradient;
         const double nearness = std::min(1.0, 1.0 - item.distance / apart);
         const double weight = weightNear * nearness;
@@ -182,7 +188,8 @@ Vector6 ToolReference::findError(const JointVector& q, const Pose& command) {
 }
 
 void ToolReference::leapTo(const JointVector& q, const Pose& command) {
-    if (q.allFinite() && findError(q, command).norm() < kLeap * findError(q_, command).norm()) reset(q);
+    const double error = findError(q_, command).norm();
+    if (error > kLeapFrom_m && q.allFinite() && findError(q, command).norm() < kLeap * error) reset(q);
 }
 
 void ToolReference::advance(const Pose& command, const Surroundings* surroundings, double time_s,

@@ -89,26 +89,35 @@ TEST(ArmClearances, GradientsAreThoseOfTheDistances) {
     EXPECT_GT(ends, 2000);
 }
 
-// One capsule between obstacles has them all, each at the nearest place and where it may come to be.
-TEST(ArmClearances, EachObstacleAndBothEndsOfACapsule) {
-    const RobotDescription robot = makeSlidingArm();
+/** A beam of 0.4 m that the first joint of `robot` carries. */
+ArmGeometry makeBeam() {
     ArmGeometry geometry;
     geometry.links = {"beam"};
     geometry.capsules.push_back({0, 0, {-0.2, 0.0, 0.0}, {0.2, 0.0, 0.0}, 0.05});
+    return geometry;
+}
+
+Solid makeBall(const Eigen::Vector3d& at, std::size_t number) {
+    Solid ball;
+    ball.name = "ball" + std::to_string(number);
+    ball.kind = Solid::Kind::Sphere;
+    ball.radius = 0.02;
+    ball.pose.translation() = at;
+    return ball;
+}
+
+// One capsule between obstacles has them all, each at the nearest place and where it may come to be.
+TEST(ArmClearances, EachObstacleAndBothEndsOfACapsule) {
+    const RobotDescription robot = makeSlidingArm();
+    const ArmGeometry geometry = makeBeam();
     ArmRecursion::Frames frames;
     ArmRecursion(robot).calcFrames(robot.home, frames);
     const auto place = [&](double x, double y) -> Eigen::Vector3d {
         return frames.origin[0] + frames.rotation[0] * Eigen::Vector3d(x, y, 0.0);
     };
     Environment room;
-    for (const auto& [x, y] : {std::pair(0.0, 0.2), std::pair(-0.3, 0.0), std::pair(0.1, -5.0)}) {
-        Solid ball;
-        ball.name = "ball" + std::to_string(room.solids.size());
-        ball.kind = Solid::Kind::Sphere;
-        ball.radius = 0.02;
-        ball.pose.translation() = place(x, y);
-        room.solids.push_back(ball);
-    }
+    for (const auto& [x, y] : {std::pair(0.0, 0.2), std::pair(-0.3, 0.0), std::pair(0.1, -5.0)})
+        room.solids.push_back(makeBall(place(x, y), room.solids.size()));
     const auto surroundings = makeSurroundings(room, robot, geometry, robot.limits);
     ArmClearances clearances(robot, geometry);
     std::vector<std::tuple<int, bool, double>> found;
@@ -123,6 +132,35 @@ TEST(ArmClearances, EachObstacleAndBothEndsOfACapsule) {
         EXPECT_EQ(std::get<1>(found[i]), std::get<1>(expected[i])) << i;
         EXPECT_NEAR(std::get<2>(found[i]), std::get<2>(expected[i]), 0.004) << i;  // balls cover the capsule
     }
+}
+
+// More obstacles than a query leaves out: the nearest come first, and no memory is taken. A moving ball and its way count as one.
+TEST(ArmClearances, OfManyObstaclesTheNearest) {
+    const RobotDescription robot = makeSlidingArm();
+    const ArmGeometry geometry = makeBeam();
+    ArmRecursion::Frames frames;
+    ArmRecursion(robot).calcFrames(robot.home, frames);
+    const Eigen::Vector3d across = frames.rotation[0] * Eigen::Vector3d::UnitY();
+    Environment room;
+    for (int k = 0; k < 11; ++k)
+        room.solids.push_back(makeBall(frames.origin[0] + (0.5 - 0.03 * k) * across, room.solids.size()));
+    const Eigen::Vector3d passing = frames.origin[0] - 0.15 * across;
+    room.spheres.push_back({"passing", 0.02, {{0.0, passing - across}, {1.0, passing}}, false});
+    const auto surroundings = makeSurroundings(room, robot, geometry, robot.limits);
+    ArmClearances clearances(robot, geometry);
+    std::vector<int> found;
+    double last = 0.0;
+    for (const auto& item : clearances.find(robot.home, surroundings.get(), 0.5, 10.0)) {
+        if (!item.isNearest) continue;
+        EXPECT_GE(item.distance, last);
+        last = item.distance;
+        found.push_back(item.obstacle);
+    }
+    EXPECT_EQ(found, (std::vector{11, 10, 9, 8, 7, 6, 5, 4, 3}));
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
+    const testing::AllocationCounter counter;
+    for (int k = 0; k < 10; ++k) clearances.find(robot.home, surroundings.get(), 0.5, 10.0);
+    EXPECT_EQ(counter.count(), 0);
 }
 
 TEST(ArmClearances, AsksForPairsAloneAndSurvivesPosesThatAreNoNumbers) {

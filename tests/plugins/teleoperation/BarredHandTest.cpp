@@ -142,19 +142,22 @@ TEST(BarredHand, InACornerAnArmRests) {
     const int count = test::countOf(24);
     std::mt19937 random(static_cast<std::mt19937::result_type>(seed));
     std::uniform_real_distribution<double> one(-1.0, 1.0);
-    int restless = 0;
-    for (int k = 0; k < count;) {
+    int restless = 0, barred = 0, k = 0;
+    for (int draws = 0; k < count && draws < 50 * count; ++draws) {
         const JointVector q = middle + 0.2 * JointVector::NullaryExpr(6, [&] { return one(random); });
         const Vector3d way(0.15 + 0.15 * one(random), 0.1 * one(random), -0.05 + 0.1 * one(random));
         const std::optional<Rest> rest = hold("indy7", q, way);
         if (!rest) continue;
         ++k;
+        barred += rest->after_m > 0.005;
         if (rest->moves_m <= kRest_m) continue;
         ++restless;
         std::cout << "moves by " << 1e3 * rest->moves_m << " mm: " << q.transpose() << ", " << way.transpose() << "\n";
     }
     std::printf("seed %ld: %d of %d go on moving\n", seed, restless, count);
     EXPECT_EQ(restless, 0);
+    EXPECT_EQ(k, count);
+    EXPECT_GT(2 * barred, count);
 }
 
 // A hand that is faster than the arm turns round and lets go: the arm stops, it does not go after the hand first.

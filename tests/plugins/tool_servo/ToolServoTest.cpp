@@ -401,6 +401,37 @@ TEST(ToolServo, NeedsAJerkLimit) {
                    {"tool_servo", "jerk limit", "limits.jerk_radps3"});
 }
 
+void advanceArm(MotionState& state, const JointVector& jerk, double tick_s) {
+    for (int i = 0; i < state.q.size(); ++i) {
+        const AxisState next = advance({state.q[i], state.qd[i], state.qdd[i]}, jerk[i], tick_s);
+        state.q[i] = next.p, state.qd[i] = next.v, state.qdd[i] = next.a;
+    }
+}
+
+// A tool that is where it should be, and spare joints that would go faster than they may.
+TEST(ToolFollower, SpareJointsOfAnArmAtItsCommandGoTheirWay) {
+    TestArm arm("panda", 0.001);
+    arm.limits.velocity.lower.setConstant(-0.3);
+    arm.limits.velocity.upper.setConstant(0.3);
+    arm.start.q[2] = -1.5;
+    const Pose command = arm.calcDynamics(arm.start.q, JointVector::Zero(arm.size())).tool;
+    ToolFollower follower;
+    ToolFollowerOptions options;
+    options.reference = {0.2, 5.0, 0.0};
+    follower.configure(arm.robot, arm.limits, arm.tick_s, arm.start, options);
+    MotionState state = arm.start;
+    JointVector jerk;
+    double worst = 0.0;
+    for (int k = 0; k < 5000; ++k) {
+        follower.calc(state, command, nullptr, k * arm.tick_s, jerk);
+        advanceArm(state, jerk, arm.tick_s);
+        const Pose tool = arm.calcDynamics(state.q, JointVector::Zero(arm.size())).tool;
+        worst = std::max(worst, (tool.position - command.position).norm());
+    }
+    EXPECT_GT((state.q - arm.start.q).cwiseAbs().maxCoeff(), 0.2);
+    EXPECT_LT(worst, 0.005);
+}
+
 // A lead that the servo cannot stop within would hold it back: with part of the acceleration, or where a tick is long.
 TEST(ToolFollower, TheLeadCostsNoSpeed) {
     for (const char* robot : {"indy7", "panda"})
@@ -424,10 +455,7 @@ TEST(ToolFollower, TheLeadCostsNoSpeed) {
                     command.position = turn * command.position;
                     command.orientation = turn * command.orientation;
                     follower.calc(state, command, nullptr, k * tick_s, jerk);
-                    for (int i = 0; i < arm.size(); ++i) {
-                        const AxisState next = advance({state.q[i], state.qd[i], state.qdd[i]}, jerk[i], tick_s);
-                        state.q[i] = next.p, state.qd[i] = next.v, state.qdd[i] = next.a;
-                    }
+                    advanceArm(state, jerk, tick_s);
                     fastest = std::max(fastest, state.qd[0]);
                 }
                 EXPECT_GE(fastest, 0.95 * arm.limits.velocity.upper[0]) << robot << ", " << tick_s << ", " << share;

@@ -47,7 +47,7 @@ public:
                    const ToolReferenceOptions& options, const ArmGeometry* geometry = nullptr,
                    std::shared_ptr<const ArmRecursion> recursion = nullptr);
     void reset(const JointVector& q);
-    /** Goes on at `q`, at once, where that is less than half as far from the command as q(). */
+    /** Goes on at `q`, at once, where that is less than half as far from the command as q(), which is off by more than 1 mm. */
     void leapTo(const JointVector& q, const Pose& command);
     /** From now on. */
     void changeLimits(const JointLimits& limits, const JointVector& rest);
