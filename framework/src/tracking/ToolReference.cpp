@@ -57,7 +57,7 @@ struct ToolReference::Clear {
         for (const ArmClearances::Item& item : *items)
             if (!keeps(item)) rows.add(item.gradient, bound(item));
         if (rows.count == 0) return true;
-        for (const bool isNearest : {true, false})  // where there is no room for all, ends come last
+        for (const bool isNearest : {true, false})  // where there is no room for all of these, ends come last
             for (const ArmClearances::Item& item : *items) {
                 if (item.isNearest != isNearest) continue;
                 const JointVector& row = item.gradient;

@@ -19,7 +19,7 @@ struct ToolFollowerOptions {
 follows the pose (ToolReference), and each joint follows its reference (Servo), with as much of its velocity as the joint
 could (TargetVelocity). The reference is ahead of where the arm is, or would stop, by no more than the way in which
 a joint stops from its velocity limit, and three ticks at that; where the arm is stopped sooner it goes back at that speed. So an
-arm that is held back is not left behind. A reference that is held back leaps to where the arm would stop where that is nearer to
+arm that is held back is not left behind. A reference that is held back and off by more than 1 mm leaps to where the arm would stop where that is nearer to
 the command by half: a hand that lets go commands that place, and the arm is not to go the way of the reference first. A joint without a velocity limit has no such bound. The
 law of the plugin tool_servo and of ArmBatch.
 Real time: no allocation, lock or throw after configure(). */
