@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Did a change alter results? Runs two builds of viable on the same experiments and compares what they write.
 
-    tests/results/compare.py OLD_PROGRAM NEW_PROGRAM [--only TEXT] [--keep FOLDER] [--sweep-runs N]
+    tests/results/compare.py OLD_PROGRAM NEW_PROGRAM [--only TEXT] [--keep FOLDER] [--sweep-runs N] [--old-experiments FOLDER]
 
 Compared: the logs of all cases of every experiment in experiments/, exported to CSV, row by row and column by column;
-the table of a sweep; the output of `bound`, `verify` and `identify`. Not compared: columns of measured time, paths and
+summary.json, key by key; the table of a sweep; the output of `bound`, `verify` and `identify`. Not compared: columns of measured time, paths and
 dates. A number is equal when its text is. Exit code 0: all equal; 1: differences, listed with their size.
 """
 import argparse, csv, json, math, os, re, shutil, subprocess, sys, tempfile
@@ -63,6 +63,30 @@ def compare_tables(old, new, name):
     return rows, len(pairs), lines
 
 
+def list_values(node, path=""):
+    """Every leaf of a JSON document with its path."""
+    if isinstance(node, dict):
+        for key, value in node.items():
+            yield from list_values(value, f"{path}.{key}" if path else key)
+    elif isinstance(node, list):
+        for index, value in enumerate(node):
+            yield from list_values(value, f"{path}[{index}]")
+    else:
+        yield path, node
+
+
+def compare_summaries(old, new, name):
+    """Lines about what differs between two summary.json, but for measured times, paths and dates."""
+    one, two = (dict(list_values(json.load(open(path)))) for path in (old, new))
+    counts = lambda key: not any(TIMING.search(part) for part in re.split(r"[.\[]", key)) and not re.search(
+        r"(^|[._])(date|time_utc|started|finished|host|machine|version|command_line|folder|file|path|log)\b", key)
+    lines = [f"{name}: summary.json: {key} is gone" for key in one if key not in two and counts(key)]
+    lines += [f"{name}: summary.json: {key} is new" for key in two if key not in one and counts(key)]
+    shared = [key for key in one if key in two and counts(key)]
+    lines += [f"{name}: summary.json: {key} was {one[key]!r}, is {two[key]!r}" for key in shared if one[key] != two[key]]
+    return 1, len(shared), lines
+
+
 def compare_texts(old, new, name):
     def clean(text):
         for word, successor in WORDS.items():
@@ -82,8 +106,12 @@ def main():
     parser.add_argument("--only", default="", help="experiments whose name has this text")
     parser.add_argument("--keep", help="folder for what is written (default: a temporary one)")
     parser.add_argument("--sweep-runs", type=int, default=8)
+    parser.add_argument("--old-experiments", help="folder of the same experiments in the old program's words")
     arguments = parser.parse_args()
     programs = {"old": os.path.abspath(arguments.old), "new": os.path.abspath(arguments.new)}
+    experiments = {side: os.path.join(SOURCE, "experiments") for side in programs}
+    if arguments.old_experiments:
+        experiments["old"] = os.path.abspath(arguments.old_experiments)
     folder = os.path.abspath(arguments.keep) if arguments.keep else tempfile.mkdtemp(prefix="viable-compare-")
     os.makedirs(folder, exist_ok=True)
     differences, tables, cells = [], 0, 0
@@ -99,19 +127,19 @@ def main():
         differences.extend(lines)
 
     for file in sorted(os.listdir(os.path.join(SOURCE, "experiments"))):
-        path, name = os.path.join(SOURCE, "experiments", file), file[:-5]
+        path, name = {side: os.path.join(experiments[side], file) for side in programs}, file[:-5]
         if not file.endswith(".yaml") or arguments.only not in name:
             continue
-        text = open(path).read()
+        text = open(path["new"]).read()
         if "plugin: link" in text:  # needs a robot, and is timed by its clock
             continue
         if re.search(r"[:\[ ]~[a-z_]+\(", text):  # drawn values
-            out = both(lambda side, program: run(program, "sweep", path, "--runs", str(arguments.sweep_runs), "--jobs", "1",
+            out = both(lambda side, program: run(program, "sweep", path[side], "--runs", str(arguments.sweep_runs), "--jobs", "1",
                                                  "--out", os.path.join(folder, f"{name}-{side}"), folder=folder))
             add(compare_tables(os.path.join(folder, f"{name}-old", "sweep.csv"),
                                os.path.join(folder, f"{name}-new", "sweep.csv"), f"{name}: sweep"))
             continue
-        both(lambda side, program: run(program, "run", path, "--no-report", "--out",
+        both(lambda side, program: run(program, "run", path[side], "--no-report", "--out",
                                        os.path.join(folder, f"{name}-{side}"), folder=folder))
         logs = sorted(n[:-5] for n in os.listdir(os.path.join(folder, f"{name}-old")) if n.endswith(".mcap"))
         for case in logs:
@@ -122,9 +150,10 @@ def main():
             add(compare_tables(*files, f"{name}: {case}"))
             for made in files:
                 os.remove(made)
+        add(compare_summaries(*(os.path.join(folder, f"{name}-{side}", "summary.json") for side in programs), name))
         print(f"{name}: {len(logs)} cases, {len(differences)} differences so far", flush=True)
         if "disturbance_set" in text:
-            out = both(lambda side, program: run(program, "bound", path, folder=folder))
+            out = both(lambda side, program: run(program, "bound", path[side], folder=folder))
             differences += compare_texts(out["old"], out["new"], f"{name}: bound")
         if name == "indy7_teleoperation":
             log = lambda side: os.path.join(folder, f"{name}-{side}", "C3.mcap")
