@@ -290,10 +290,9 @@ private:
     WrittenLog& log_;
 };
 
-inline WrittenLog makeLog(const LogOpening& opening, const std::vector<TickRecord>& records,
-                          LogForm form = LogForm::Open) {
+inline WrittenLog makeLog(const LogOpening& opening, const std::vector<TickRecord>& records) {
     WrittenLog log;
-    LogWriter writer(std::make_unique<MemorySink>(log), opening, form);
+    LogWriter writer(std::make_unique<MemorySink>(log), opening);
     for (const TickRecord& record : records) writer.append(record);
     writer.finish();
     EXPECT_TRUE(writer.status().ok()) << writer.status().error;

@@ -45,7 +45,7 @@ struct LiveArguments {
     std::optional<double> duration_s;
     double logLimit_MB = 4096.0;
     std::string page;
-    bool hasPage = false, fromHere = false, waits = false, noReport = false, compact = false, noPriority = false;
+    bool hasPage = false, fromHere = false, waits = false, noReport = false, noPriority = false;
 };
 
 /** A square that a phone's camera reads. */
@@ -358,7 +358,6 @@ int goLive(const LiveArguments& arguments) {
     tellStage("while the arm was driven", PluginsRun::Here);
     LiveOptions options;
     options.log.file = folder / (plan.name + ".mcap");
-    options.log.form = arguments.compact ? LogForm::Compact : LogForm::Open;
     options.log.limit_bytes = static_cast<std::uint64_t>(arguments.logLimit_MB * 1e6);
     options.realTime = arguments.realTime;
     if (arguments.noPriority) options.realTime = {-1, 0, false};
@@ -438,8 +437,6 @@ void addLiveCommand(CLI::App& app, int& exitCode) {
                      "Megabytes that the log may take; of a longer one the oldest parts but the first are deleted "
                      "(default: 4096)")
         ->check(CLI::Range(16.0, 1e9));
-    command->add_flag("--compact", arguments->compact,
-                      "A log of half the size, which PlotJuggler and Foxglove read after `viable export --to mcap`");
     command->add_flag("--no-report", arguments->noReport, "Log and summary only");
     command->callback([arguments, page, &exitCode] {
         arguments->hasPage = page->count() > 0;

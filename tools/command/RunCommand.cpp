@@ -34,7 +34,6 @@ struct RunArguments {
     std::string draw;
     int jobs = 0;
     bool noReport = false;
-    bool compact = false;
     bool again = false;
     bool isolate = false;
     std::optional<double> watchdog_s;
@@ -52,12 +51,8 @@ using ConfiguredCases = std::vector<std::unique_ptr<ConfiguredCase>>;
 /** Runs configured cases. After a failure or a signal no further case is begun. */
 class CaseRunner {
 public:
-    CaseRunner(ConfiguredCases cases, fs::path folder, LogForm logForm)
-        : cases_(std::move(cases)),
-          folder_(std::move(folder)),
-          logForm_(logForm),
-          progress_(listNames(cases_)),
-          results_(cases_.size()) {}
+    CaseRunner(ConfiguredCases cases, fs::path folder)
+        : cases_(std::move(cases)), folder_(std::move(folder)), progress_(listNames(cases_)), results_(cases_.size()) {}
 
     /** `jobs` at a time. */
     CaseOutcomes runAtOnce(int jobs) {
@@ -112,7 +107,6 @@ private:
         if (i >= results_.size()) return false;
         RunOptions options;
         options.log = folder_ / (cases_[i]->plan.name + ".mcap");
-        options.logForm = logForm_;
         options.stopRequest = &getStopSignal();
         options.isAlone = isAlone_;
         options.progress = [this, i, draws](double share) {
@@ -140,7 +134,6 @@ private:
 
     ConfiguredCases cases_;  // null: begun
     const fs::path folder_;
-    const LogForm logForm_;
     Progress progress_;
     bool isAlone_ = true;  // the case that runs
     std::vector<std::optional<CaseResult>> results_;
@@ -196,7 +189,7 @@ int run(const RunArguments& arguments) {
     std::fflush(stdout);
     int jobs = arguments.jobs > 0 ? arguments.jobs : static_cast<int>(std::thread::hardware_concurrency());
     jobs = std::max(1, std::min(jobs, static_cast<int>(experiment.cases.size())));
-    CaseRunner runner(std::move(cases), folder, arguments.compact ? LogForm::Compact : LogForm::Open);
+    CaseRunner runner(std::move(cases), folder);
     const auto [results, failure] = arguments.isolate ? runner.runHere() : runner.runAtOnce(jobs);
     tellStage("while summary and report were written", PluginsRun::NoMore);
 
@@ -241,8 +234,6 @@ void addRunCommand(CLI::App& app, int& exitCode) {
         ->check(CLI::Range(1, 256));
     command->add_flag("--no-report", arguments->noReport,
                       "Logs and summary only; `viable report DIR` writes the report later");
-    command->add_flag("--compact", arguments->compact,
-                      "Logs of half the size, which PlotJuggler and Foxglove read after `viable export --to mcap`");
     CLI::Option* again = command->add_flag(
         "--again", arguments->again,
         "FILE is a log: decide all its ticks again from the recorded commands and readings, and compare");
@@ -254,7 +245,7 @@ void addRunCommand(CLI::App& app, int& exitCode) {
                      "Seconds that a plugin may take for one call: with --isolate the arm is then "
                      "braked (default: 5), without it the program ends (default: 60)")
         ->check(CLI::Range(0.01, 3600.0));
-    for (const char* other : {"--out", "--case", "--set", "--draw", "--jobs", "--no-report", "--compact", "--isolate"})
+    for (const char* other : {"--out", "--case", "--set", "--draw", "--jobs", "--no-report", "--isolate"})
         again->excludes(command->get_option(other));  // the log says all that
     command->callback([arguments, &exitCode] { exitCode = run(*arguments); });
 }

@@ -20,7 +20,7 @@ bool isMissed(const std::vector<TickGap>& gaps, std::int64_t tick) {
 }  // namespace
 
 CaseResult runCase(std::unique_ptr<ConfiguredCase> configured, const RunOptions& options) {
-    RunningCase running(std::move(configured), {options.log, options.logForm}, true);
+    RunningCase running(std::move(configured), {options.log}, true);
     const CasePlan& plan = running.plan();
     ControlLoop& loop = running.loop();
     TickRecord& record = running.record();

@@ -9,7 +9,6 @@ namespace viable {
 
 struct RunOptions {
     std::filesystem::path log;  ///< log file to create; empty: none
-    LogForm logForm = LogForm::Open;
     /** Becomes non-zero when the user wants the run to end: the arm is braked, the log finished. May be null. */
     const std::atomic<int>* stopRequest = nullptr;
     /** Called now and then with the share done (0..1), from the running thread, between ticks. May be empty. */

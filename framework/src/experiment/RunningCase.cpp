@@ -211,7 +211,7 @@ RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseL
         separations_.emplace(plan.robot, *plan.geometry, configured_->people->people(), plan.realPlant.has_value());
     if (!log.file.empty())
         recorder_ = std::make_unique<Recorder>(
-            std::make_unique<LogSeries>(log.file, std::move(opening), log.form, log.limit_bytes), log.capacity);
+            std::make_unique<LogSeries>(log.file, std::move(opening), log.limit_bytes), log.capacity);
     begin_ = std::chrono::steady_clock::now();
     memory_MB_ = readMemory_MB();
 }

@@ -20,8 +20,7 @@ CaseResult makeResult(const ConfiguredCase& configured);
 
 /** Where a case's log goes. */
 struct CaseLog {
-    std::filesystem::path file;  ///< to create; empty: no log
-    LogForm form = LogForm::Open;
+    std::filesystem::path file;                ///< to create; empty: no log
     std::uint64_t limit_bytes = 0;             ///< of a log in several files, see LogSeries; 0: one file without limit
     bool isLive = false;                       ///< with what only a run in real time has
     std::size_t capacity = kRecorderCapacity;  ///< ticks that wait for the disk at most

@@ -25,9 +25,8 @@ for. Attributes of the root: what wrote the log, its metadata and attachments
 void exportHdf5(const std::filesystem::path& log, const std::filesystem::path& hdf5, bool isReplacing = false,
                 std::int64_t take = 0);
 
-/** Writes a log as an MCAP file that other programs read, PlotJuggler and Foxglove among them: the same messages,
-chunks compressed by Zstandard, an index (LogForm::Open). Errors as for exportCsv(), and BadInput for a log that lacks
-columns of this version. */
+/** Writes a log, or a take of it, as a log of this version. Errors as for exportCsv(), and BadInput for a log that
+lacks columns of this version. */
 void exportMcap(const std::filesystem::path& log, const std::filesystem::path& mcap, bool isReplacing = false,
                 std::int64_t take = 0);
 

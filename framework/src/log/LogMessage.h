@@ -13,11 +13,8 @@ inline int countNumbers(const LogField& field, int joints) {
     return field.isPerJoint() ? joints : field.kind == LogKind::Vector ? static_cast<int>(field.elements.size()) : 1;
 }
 
-/** Appends a channel's message of a row: ROS 2's CDR, little-endian, with its head.
-@param mark  called before each number */
-template <class Mark>
-void putMessage(const LogChannel& channel, const TickRecord& record, int joints, mcap::ByteWriter& out,
-                const Mark& mark) {
+/** Appends a channel's message of a row: ROS 2's CDR, little-endian, with its head. */
+inline void putMessage(const LogChannel& channel, const TickRecord& record, int joints, mcap::ByteWriter& out) {
     out.bytes += mcap::kCdrLittleEndian;
     const std::size_t origin = out.bytes.size();
     for (const LogField& field : channel.fields) {
@@ -28,7 +25,6 @@ void putMessage(const LogChannel& channel, const TickRecord& record, int joints,
         }
         if (field.kind == LogKind::Integer) {
             out.align(origin, 8);
-            mark();
             out.putU64(static_cast<std::uint64_t>(field.integer(record)));
         } else if (field.isText()) {
             for (int i = 0; i < count; ++i) {
@@ -40,10 +36,7 @@ void putMessage(const LogChannel& channel, const TickRecord& record, int joints,
             }
         } else {
             out.align(origin, 8);
-            for (int i = 0; i < count; ++i) {
-                mark();
-                out.putDouble(field.getNumber(record, i));
-            }
+            for (int i = 0; i < count; ++i) out.putDouble(field.getNumber(record, i));
         }
     }
 }

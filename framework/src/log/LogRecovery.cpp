@@ -45,7 +45,7 @@ std::uint64_t copyLog(const std::filesystem::path& log, const std::filesystem::p
     LogOpening opening{reader.layout(), reader.metadata(), reader.attachments()};
     if (take > 0) opening.metadata["take"] = std::to_string(take);
     std::optional<Error> failure;
-    LogWriter writer(std::make_unique<PendingSink>(file, failure), opening, LogForm::Open);
+    LogWriter writer(std::make_unique<PendingSink>(file, failure), opening);
     TickRecord record;
     std::size_t attached = opening.attachments.size();
     while (writer.status().ok() && reader.read(record)) {

@@ -9,12 +9,11 @@
 
 namespace viable {
 
-LogSeries::LogSeries(std::filesystem::path file, LogOpening opening, LogForm form, std::uint64_t limit_bytes)
+LogSeries::LogSeries(std::filesystem::path file, LogOpening opening, std::uint64_t limit_bytes)
     : file_(std::move(file)),
       opening_(std::move(opening)),
-      form_(form),
       limit_(limit_bytes),
-      writer_(std::make_unique<LogWriter>(file_, opening_, form_)) {}
+      writer_(std::make_unique<LogWriter>(file_, opening_)) {}
 
 std::filesystem::path LogSeries::nameFile(const std::filesystem::path& file, int number) {
     if (number == 1) return file;
@@ -81,7 +80,7 @@ void LogSeries::beginNext() noexcept {
     lostInARow_ = 0;
     try {
         makeRoom();
-        writer_ = std::make_unique<LogWriter>(nameFile(file_, number_ + 1), opening_, form_);
+        writer_ = std::make_unique<LogWriter>(nameFile(file_, number_ + 1), opening_);
         ++number_;
     } catch (const Error& e) {
         if (status_.error.empty()) status_.error = e.what();

@@ -16,7 +16,7 @@ public:
 
     /** Creates the first file. Throws Error as LogWriter does.
     @param limit_bytes  0: one file without limit */
-    LogSeries(std::filesystem::path file, LogOpening opening, LogForm form, std::uint64_t limit_bytes);
+    LogSeries(std::filesystem::path file, LogOpening opening, std::uint64_t limit_bytes);
 
     void append(const TickRecord& record) noexcept override;
     /** Into the file at hand, and no other. */
@@ -37,7 +37,6 @@ private:
 
     const std::filesystem::path file_;
     const LogOpening opening_;
-    const LogForm form_;
     const std::uint64_t limit_;
     std::unique_ptr<LogWriter> writer_;  // null: the next file could not be made
     int number_ = 1, oldest_ = 2;

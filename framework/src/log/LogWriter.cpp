@@ -10,11 +10,9 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <numeric>
-#include <set>
 #include <system_error>
 
 #include "core/WholeFile.h"
-#include "log/ColumnPacking.h"
 #include "log/LogMessage.h"
 #include "log/Mcap.h"
 #include "viable/core/Error.h"
@@ -92,29 +90,9 @@ struct AttachmentEntry {
     std::string name, mediaType;
 };
 
-constexpr std::string_view kOpenCompression = "zstd";
+constexpr std::string_view kCompression = "zstd";
 constexpr int kCompressionLevel = 1;
 constexpr char kMetadataName[] = "viable";
-
-using Rule = ColumnPacker::Rule;
-/** Fields that follow from others of the same joint: names of channel and field. Velocities and the like are those one
-row before. Where a source is not logged, the next line may fit. */
-struct Relation {
-    const char* field;
-    Rule rule;
-    std::vector<const char*> sources;
-};
-const std::vector<Relation>& getRelations() {
-    static const auto& relations = *new std::vector<Relation>{
-        {"nominal.q_rad", Rule::Position, {"nominal.qd_radps", "nominal.qdd_radps2", "nominal.jerk_radps3"}},
-        {"nominal.qd_radps", Rule::Velocity, {"nominal.qdd_radps2", "nominal.jerk_radps3"}},
-        {"nominal.qdd_radps2", Rule::Acceleration, {"nominal.jerk_radps3"}},
-        {"filter.tau_removed_Nm", Rule::DifferenceSum, {"desired.tau_Nm", "filter.tau_Nm", "external.tau_Nm"}},
-        {"filter.tau_removed_Nm", Rule::Difference, {"desired.tau_Nm", "filter.tau_Nm"}},
-        {"motor.tau_Nm", Rule::Sum, {"filter.tau_Nm", "robust.tau_Nm"}},
-    };
-    return relations;
-}
 
 }  // namespace
 
@@ -128,8 +106,7 @@ std::unique_ptr<LogSink> createLogFile(const std::filesystem::path& file) {
 }
 
 struct LogWriter::Impl {
-    Impl(std::unique_ptr<LogSink> target, const LogOpening& opening, LogForm logForm)
-        : sink(std::move(target)), layout(opening.layout), form(logForm) {
+    Impl(std::unique_ptr<LogSink> target, const LogOpening& opening) : sink(std::move(target)), layout(opening.layout) {
         const auto n = layout.jointNames.size();
         VIABLE_CHECK(n >= 1 && n <= static_cast<std::size_t>(kMaxJoints), "a log has 1 to 16 joints");
         for (const LogChannel& channel : getLogChannels()) {
@@ -139,51 +116,13 @@ struct LogWriter::Impl {
         counts.resize(channels.size());
         lastBodies.resize(channels.size());
         guard([&] {
-            if (form == LogForm::Compact) {
-                addColumns();
-            } else {
-                compressor.reset(ZSTD_createCCtx());
-                ZSTD_CCtx_setParameter(compressor.get(), ZSTD_c_compressionLevel, kCompressionLevel);
-            }
+            compressor.reset(ZSTD_createCCtx());
+            ZSTD_CCtx_setParameter(compressor.get(), ZSTD_c_compressionLevel, kCompressionLevel);
             writeOpening(opening);
         });
     }
 
     int joints() const { return static_cast<int>(layout.jointNames.size()); }
-
-    /** The columns of a message: sequence, log time, publish time, then its numbers in their order. */
-    void addColumns() {
-        using Column = ColumnPacker::Type;
-        std::map<std::string, std::uint16_t> firsts;  // of a field, by the names of channel and field
-        for (const LogChannel* channel : channels) {
-            firstColumns.push_back(packer.addColumn(Column::U32));
-            packer.addColumn(Column::U64);
-            packer.addColumn(Column::U64);
-            for (const LogField& field : channel->fields) {
-                for (int i = 0; !field.isText() && i < countNumbers(field, joints()); ++i) {
-                    const std::uint16_t column =
-                        packer.addColumn(field.kind == LogKind::Integer ? Column::U64 : Column::Double);
-                    firsts.emplace(channel->name + "." + field.name, column);
-                }
-            }
-        }
-        const auto time = static_cast<std::uint16_t>(firstColumns.front() + 1);
-        std::set<std::string> set;
-        for (const Relation& relation : getRelations()) {
-            const auto isLogged = [&](const char* field) { return firsts.count(field) != 0; };
-            if (!isLogged(relation.field) || !std::all_of(relation.sources.begin(), relation.sources.end(), isLogged) ||
-                !set.insert(relation.field).second)
-                continue;
-            for (std::uint16_t joint = 0; joint < layout.jointNames.size(); ++joint) {
-                ColumnPacker::Sources sources{};
-                std::size_t count = 0;
-                for (const char* source : relation.sources)
-                    sources[count++] = static_cast<std::uint16_t>(firsts.at(source) + joint);
-                if (count < sources.size()) sources[count] = time;  // read by the rules of motion
-                packer.setRule(static_cast<std::uint16_t>(firsts.at(relation.field) + joint), relation.rule, sources);
-            }
-        }
-    }
 
     /** No exception leaves: memory that ran out ends the log like a full disk. */
     template <class Call>
@@ -281,11 +220,6 @@ struct LogWriter::Impl {
         send(out.bytes);
     }
 
-    /** The number put next belongs to the next column. */
-    void mark() {
-        if (form == LogForm::Compact) packer.mark(chunk.bytes.size(), nextColumn++);
-    }
-
     void append(const TickRecord& record) {
         const std::uint64_t time = toLogTime(record.time_s);
         if (chunkRows > 0 && (time >= chunkFirst + static_cast<std::uint64_t>(kLongestChunk_s * 1e9) ||
@@ -302,22 +236,16 @@ struct LogWriter::Impl {
             const std::size_t start = chunk.bytes.size();
             const std::size_t message = chunk.begin(kMessage);
             chunk.putU16(static_cast<std::uint16_t>(c));
-            if (form == LogForm::Compact) nextColumn = firstColumns[c];
-            mark();
             chunk.putU32(static_cast<std::uint32_t>(rows - 1));  // sequence
-            for (int i = 0; i < 2; ++i) {                        // log time, publish time
-                mark();
-                chunk.putU64(time);
-            }
+            chunk.putU64(time);                                  // log time
+            chunk.putU64(time);                                  // publish time
             const std::size_t origin = chunk.bytes.size();
-            putMessage(*channels[c], record, joints(), chunk, [this] { mark(); });
+            putMessage(*channels[c], record, joints(), chunk);
             chunk.end(message);
             if (channels[c]->isOnChange && isRepeated(c, origin)) {
                 chunk.bytes.resize(start);
-                packer.dropRecord();
                 continue;
             }
-            if (form == LogForm::Compact) packer.endRecord(chunk.bytes, chunk.bytes.size());
             indices[c].emplace_back(time, start);
         }
         ++chunkRows;
@@ -331,7 +259,7 @@ struct LogWriter::Impl {
         return false;
     }
 
-    void packZstd() {
+    void pack() {
         packed.resize(ZSTD_compressBound(chunk.bytes.size()));
         const std::size_t size =
             ZSTD_compress2(compressor.get(), packed.data(), packed.size(), chunk.bytes.data(), chunk.bytes.size());
@@ -339,14 +267,9 @@ struct LogWriter::Impl {
         packed.resize(size);
     }
 
-    std::string_view getCompression() const { return form == LogForm::Compact ? kColumnCompression : kOpenCompression; }
-
     void writeChunk() {
         if (chunkRows == 0) return;
-        if (form == LogForm::Compact)
-            packed = packer.pack();
-        else
-            packZstd();
+        pack();
 
         ByteWriter& out = outgoing;
         out.bytes.clear();
@@ -356,13 +279,12 @@ struct LogWriter::Impl {
         out.putU64(entry.end);
         out.putU64(entry.uncompressed);
         out.putU32(addToCrc(0, chunk.bytes));
-        out.putString(getCompression());
+        out.putString(kCompression);
         out.putU64(packed.size());
         out.bytes += packed;
         out.end(record);
         entry.length = out.bytes.size();
-        // Nobody but viable reads a compact log, and viable reads chunks as a whole.
-        for (std::size_t c = 0; form == LogForm::Open && c < channels.size(); ++c) {
+        for (std::size_t c = 0; c < channels.size(); ++c) {
             entry.indexOffsets.push_back(entry.offset + out.bytes.size());
             const std::size_t index = out.begin(kMessageIndex);
             out.putU16(static_cast<std::uint16_t>(c));
@@ -440,7 +362,7 @@ struct LogWriter::Impl {
                 }
                 out.endLength32(offsets);
                 out.putU64(entry.indexLength);
-                out.putString(getCompression());
+                out.putString(kCompression);
                 out.putU64(entry.compressed);
                 out.putU64(entry.uncompressed);
                 out.end(content);
@@ -506,10 +428,6 @@ struct LogWriter::Impl {
 
     std::unique_ptr<LogSink> sink;
     LogLayout layout;
-    LogForm form;
-    ColumnPacker packer;                      // Compact
-    std::vector<std::uint16_t> firstColumns;  // by channel
-    std::uint16_t nextColumn = 0;
     std::vector<const LogChannel*> channels;  // those of this layout; the channel's id is the index
     std::unique_ptr<ZSTD_CCtx, FreeCompressor> compressor;
     LogStatus status;
@@ -532,14 +450,14 @@ struct LogWriter::Impl {
     std::vector<AttachmentEntry> attachments;
 };
 
-LogWriter::LogWriter(const std::filesystem::path& file, const LogOpening& opening, LogForm form)
-    : LogWriter(createLogFile(file), opening, form) {
+LogWriter::LogWriter(const std::filesystem::path& file, const LogOpening& opening)
+    : LogWriter(createLogFile(file), opening) {
     // Of two runs at once the slower one learns of the other only here.
     if (impl_->status.error == kTaken) throw takenName(file);
 }
 
-LogWriter::LogWriter(std::unique_ptr<LogSink> sink, const LogOpening& opening, LogForm form)
-    : impl_(std::make_unique<Impl>(std::move(sink), opening, form)) {}
+LogWriter::LogWriter(std::unique_ptr<LogSink> sink, const LogOpening& opening)
+    : impl_(std::make_unique<Impl>(std::move(sink), opening)) {}
 
 LogWriter::~LogWriter() = default;
 

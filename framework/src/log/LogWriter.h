@@ -79,15 +79,9 @@ crash loses at most one. */
 inline constexpr double kLongestChunk_s = 0.1;
 inline constexpr std::size_t kLargestChunk = 1 << 20;  // [bytes, before compression]
 
-/** How the chunks of a log are compressed. */
-enum class LogForm : unsigned char {
-    Compact,  ///< by columns (src/log/ColumnPacking.h): less than half of the other's size; only viable reads it
-    Open,     ///< by Zstandard, with an index of messages: for PlotJuggler, Foxglove and others
-};
-
 /** Writes a run's log as an MCAP file (https://mcap.dev/spec, version 0): one channel per source
 ("/nominal", "/real", "/filter", ...), messages of ROS 2 types described in the file itself (ros2msg
-schemas, CDR data), compressed chunks with checksums, index and statistics at the end. Log time is
+schemas, CDR data), chunks compressed by Zstandard with checksums, index and statistics at the end. Log time is
 the tick's time in ns from 0. A channel of LogChannel::isOnChange has a message in the first row of each chunk and
 where a value changes.
 
@@ -98,8 +92,8 @@ not stored yet. */
 class LogWriter : public RowWriter {
 public:
     /** Creates the file (see createLogFile) and writes the opening. */
-    LogWriter(const std::filesystem::path& file, const LogOpening& opening, LogForm form = LogForm::Open);
-    LogWriter(std::unique_ptr<LogSink> sink, const LogOpening& opening, LogForm form = LogForm::Open);
+    LogWriter(const std::filesystem::path& file, const LogOpening& opening);
+    LogWriter(std::unique_ptr<LogSink> sink, const LogOpening& opening);
     /** Without finish() the file stays as a killed program would leave it. */
     ~LogWriter() override;
 

@@ -13,7 +13,6 @@
 #include <system_error>
 #include <utility>
 
-#include "log/ColumnPacking.h"
 #include "viable/core/Error.h"
 
 namespace viable::mcap {
@@ -271,11 +270,12 @@ void McapFile::takeChunk() {
     } else if (compression == "zstd" || compression == "lz4") {
         chunk_.resize(static_cast<std::size_t>(plain));
         compression == "zstd" ? unpackZstd(packed, chunk_) : unpackLz4(packed, chunk_);
-    } else if (compression == kColumnCompression) {
-        chunk_ = unpackColumns(packed, static_cast<std::size_t>(plain));
+    } else if (compression == "x-viable-columns") {
+        throw badInput(file_, "the log was written with `--compact`, which viable reads up to plugin interface 11",
+                       "Write it with one of those by `viable export LOG --to mcap FILE`: FILE is a log for this one");
     } else {
-        throw BadBytes(0, "the chunk is compressed by " + quote(compression) + "; this version reads `zstd`, `lz4`, " +
-                              quote(kColumnCompression) + " and none");
+        throw BadBytes(
+            0, "the chunk is compressed by " + quote(compression) + "; this version reads `zstd`, `lz4` and none");
     }
     if (chunk_.size() != plain) {
         throw BadBytes(0,

@@ -64,7 +64,7 @@ std::string FoxgloveChannels::choose(const std::string& protocols) {
 
 std::string FoxgloveChannels::encode(std::size_t channel, const TickRecord& record) const {
     mcap::ByteWriter out;
-    putMessage(*channels_[channel], record, joints_, out, [] {});
+    putMessage(*channels_[channel], record, joints_, out);
     return std::move(out.bytes);
 }
 

@@ -780,8 +780,7 @@ TEST_F(JointStateMotionRecordTest, DamageIsNamedWithItsByte) {
     expectRefused(spoil(content + 16, integer(plain - 1, 8)),
                   "the chunk cannot be decompressed: it is longer than it says");
     expectRefused(spoil(content + 16, integer(plain + 1, 8)), "bytes instead of " + std::to_string(plain + 1));
-    expectRefused(spoil(content + 32, "lz5"),
-                  "compressed by `lz5`; this version reads `zstd`, `lz4`, `x-viable-columns` and none");
+    expectRefused(spoil(content + 32, "lz5"), "compressed by `lz5`; this version reads `zstd`, `lz4` and none");
     // Any bit of the chunk's data.
     for (std::size_t at = packed; at < packed + plain; at += 97) {
         std::string bytes = good;

@@ -262,13 +262,6 @@ TEST_F(LogExportTest, AnOldLogGivesWhatItGave) {
     exportCsv(folder / "before_limits_on_change.mcap", path("now.csv"));
     EXPECT_TRUE(readBytes(path("now.csv")) == then);
 
-    // So does a compact log as it was first written: its form is in people's files.
-    exportCsv(folder / "compact.mcap", path("first.csv"));
-    EXPECT_TRUE(readBytes(path("first.csv")) == then);
-    exportMcap(folder / "compact.mcap", path("unpacked.mcap"));
-    exportCsv(path("unpacked.mcap"), path("unpacked.csv"));
-    EXPECT_TRUE(readBytes(path("unpacked.csv")) == then);
-
     // Its copies in the forms of today say the same.
     EXPECT_EQ(recoverLog(folder / "before_limits_on_change.mcap", path("recovered.mcap")), 40u);
     exportCsv(path("recovered.mcap"), path("recovered.csv"));

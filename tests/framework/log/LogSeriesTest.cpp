@@ -29,7 +29,7 @@ std::vector<TickRecord> makeSmallRows(int count) {
 
 TEST(LogSeries, WithoutALimitIsOneFile) {
     const TemporaryFolder folder;
-    LogSeries series(folder / "A.mcap", test::makeOpening(makeSmallLayout()), LogForm::Open, 0);
+    LogSeries series(folder / "A.mcap", test::makeOpening(makeSmallLayout()), 0);
     for (const TickRecord& row : makeSmallRows(3000)) series.append(row);
     series.finish();
     EXPECT_EQ(series.status().rows, 3000u);
@@ -41,7 +41,7 @@ TEST(LogSeries, WithoutALimitIsOneFile) {
 TEST(LogSeries, EachFileIsALogTheNewestStayAndTheLimitHolds) {
     const TemporaryFolder folder;
     constexpr std::uint64_t kLimit = 8 << 20;
-    LogSeries series(folder / "A.mcap", test::makeOpening(makeSmallLayout()), LogForm::Open, kLimit);
+    LogSeries series(folder / "A.mcap", test::makeOpening(makeSmallLayout()), kLimit);
     const std::vector<TickRecord> rows = makeSmallRows(500);
     int appended = 0;
     std::uint64_t most = 0;
@@ -89,7 +89,7 @@ TEST(LogSeries, GoesOnWhereTheDiskTakesFilesAgain) {
     const TemporaryFolder folder;
     fs::create_directory(folder / "disk");
     constexpr std::uint64_t kLimit = 8 << 20;
-    LogSeries series(folder / "disk" / "A.mcap", test::makeOpening(makeSmallLayout()), LogForm::Open, kLimit);
+    LogSeries series(folder / "disk" / "A.mcap", test::makeOpening(makeSmallLayout()), kLimit);
     const std::vector<TickRecord> rows = makeSmallRows(500);
     int appended = 0;
     const auto append = [&](int count) {

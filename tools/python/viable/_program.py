@@ -172,7 +172,7 @@ def _end(process: subprocess.Popen) -> None:
 
 def run(file: PathLike, *, set: Mapping[str, Any] | None = None, cases: str | Sequence[str] | None = None,
         out: PathLike | None = None, draw: str | None = None, jobs: int | None = None, report: bool = False,
-        compact: bool = False, isolate: bool = False, progress: Callable[[dict[str, float]], None] | None = None) -> dict:
+        isolate: bool = False, progress: Callable[[dict[str, float]], None] | None = None) -> dict:
     """Runs an experiment file, every case, as `viable run` does.
 
     set       replaces entries of the file: {"duration_s": 5, "cases.C2.filter.gamma": 30}
@@ -180,7 +180,6 @@ def run(file: PathLike, *, set: Mapping[str, Any] | None = None, cases: str | Se
     out       a new folder for logs, summary.json and, with `report`, report.html; None: nothing is kept
     draw      "SEED:INDEX", the values of one run of a sweep
     jobs      cases at a time; None: one per core
-    compact   logs of half the size, which only viable reads
     isolate   each plugin in a process of its own: for plugins that are not trusted yet (slow)
     progress  called with {case: share done} some ten times a second
 
@@ -194,7 +193,7 @@ def run(file: PathLike, *, set: Mapping[str, Any] | None = None, cases: str | Se
         arguments += ["--draw", draw]
     if jobs is not None:
         arguments += ["--jobs", jobs]
-    arguments += ["--no-report"] * (not report) + ["--compact"] * (compact or out is None) + ["--isolate"] * isolate
+    arguments += ["--no-report"] * (not report) + ["--isolate"] * isolate
     with tempfile.TemporaryDirectory(prefix="viable-") as scratch:
         folder = Path(scratch) / "run" if out is None else Path(out)
         before = (folder / "summary.json").exists()
