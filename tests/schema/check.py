@@ -84,7 +84,7 @@ for path, text in examples.items():
 for path in glob.glob(SOURCE + "/experiments/*.yaml"):
     with open(path) as file:
         link = re.fullmatch(r"# yaml-language-server: \$schema=(\S+)", file.readline().strip())
-    if not link or not os.path.isfile(os.path.join(os.path.dirname(path), link[1])):
+    if not link or link[1] != "experiment.schema.json":  # where it is installed (tests/package), and what README.md writes
         faults.append(f"{path}: the first line does not lead an editor to the schema")
 
 # ---------------------------------------------------------------- the same keys

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Writes what is generated from the plugins' declarations: the table of parameters in each plugins/<kind>/<name>/README.md,
-# between its two markers, and experiments/experiment.schema.json.
+# between its two markers.
 # Usage: tools/scripts/generate_docs.sh [BUILD_DIR [TREE]]   BUILD_DIR: build/release (default), built before; TREE: the project
-# (default), or a copy of its plugins and experiments folders.
+# (default), or a copy of its plugins folder.
 set -euo pipefail
 project=$(cd "$(dirname "$0")/../.." && pwd)
 build=${1:-$project/build/release}
@@ -34,5 +34,3 @@ for folder in "$tree"/plugins/*/*/; do
     $0 == begin { inside = 1; while ((getline line < table) > 0) print line }' "$readme" >"$new"
   cat "$new" >"$readme"
 done
-"$viable" schema >"$new"
-cat "$new" >"$tree/experiments/experiment.schema.json"
