@@ -1,21 +1,15 @@
 #include "SweepMpi.h"
 
 #include <dlfcn.h>
-#include <fcntl.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
-#include <system_error>
 
 #include "SweepPipe.h"
-#include "core/ChildProcess.h"
 #include "sweep/mpi/MpiModule.h"
 #include "viable/core/Error.h"
 
@@ -106,15 +100,8 @@ std::vector<std::int64_t> unpackRuns(const std::string& message) {
     return runs;
 }
 
-/** The process that watches over the runs of this rank. Two pipes lead to it. */
-struct RunsProcess {
-    pid_t pid = -1;
-    int toIt = -1;
-    FrameReader fromIt;
-};
-
-[[noreturn]] void serveRuns(const SweepTask& task, int jobs, double timeout_s, FrameReader& from, int to) {
-    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, SIG_IGN);  // it ends with the rank
+/** The life of the process that watches over the runs of this rank. */
+void serveRuns(const SweepTask& task, int jobs, double timeout_s, FrameReader& from, int to) {
     static const std::atomic<int> never{0};
     int code = 0;
     try {
@@ -132,25 +119,6 @@ struct RunsProcess {
     }
     std::fflush(nullptr);
     _exit(code);
-}
-
-RunsProcess startRuns(const SweepTask& task, int jobs, double timeout_s) {
-    int down[2], up[2];
-    if (pipe2(down, O_CLOEXEC) != 0 || pipe2(up, O_CLOEXEC) != 0)
-        throw std::system_error(errno, std::generic_category(), "no pipe for the runs");
-    RunsProcess process;
-    process.pid = detail::forkChild("for the runs");
-    if (process.pid == 0) {
-        ::close(down[1]);
-        ::close(up[0]);
-        FrameReader from(down[0]);
-        serveRuns(task, jobs, timeout_s, from, up[1]);
-    }
-    ::close(down[0]);
-    ::close(up[1]);
-    process.toIt = down[1];
-    process.fromIt = FrameReader(up[0]);
-    return process;
 }
 
 }  // namespace
@@ -203,7 +171,7 @@ bool serveMpiRuns(const SweepTask& task, const std::vector<std::int64_t>& runs, 
 }
 
 void workForMpi(const SweepTask& task, int jobs, double timeout_s) {
-    RunsProcess process = startRuns(task, jobs, timeout_s);
+    PipedProcess process([&](FrameReader& from, int to) { serveRuns(task, jobs, timeout_s, from, to); });
     Mpi mpi;
     const std::uint64_t count = static_cast<std::uint64_t>(jobs);
     const std::string want =
@@ -213,9 +181,9 @@ void workForMpi(const SweepTask& task, int jobs, double timeout_s) {
         mpi.send(0, want);
         mpi.receive([] { return 1; }, message);
         if (message[0] == kEnd) break;
-        writeFrame(process.toIt, message);
+        process.send(message);
         for (;;) {
-            const std::optional<std::string> said = process.fromIt.wait();
+            const std::optional<std::string> said = process.messages().wait();
             if (!said)
                 throw Error(ErrorKind::PluginFailed, "rank " + std::to_string(mpi.rank()),
                             "the process that watches over its runs has died",
@@ -224,8 +192,7 @@ void workForMpi(const SweepTask& task, int jobs, double timeout_s) {
             mpi.send(0, *said);
         }
     }
-    ::close(process.toIt);  // its end
-    waitpid(process.pid, nullptr, 0);
+    process.finish();
     mpi.end();
 }
 

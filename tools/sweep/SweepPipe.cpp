@@ -1,12 +1,18 @@
 #include "SweepPipe.h"
 
+#include <fcntl.h>
 #include <poll.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <csignal>
 #include <cstdint>
 #include <cstring>
+#include <system_error>
 #include <utility>
+
+#include "core/ChildProcess.h"
 
 namespace viable {
 
@@ -70,6 +76,50 @@ std::optional<std::string> FrameReader::wait() {
         if (isClosed_) return {};
         fill(-1);
     }
+}
+
+PipedProcess::PipedProcess(const std::function<void(FrameReader& from, int to)>& live) {
+    int down[2], up[2];
+    if (pipe2(down, O_CLOEXEC) != 0 || pipe2(up, O_CLOEXEC) != 0)
+        throw std::system_error(errno, std::generic_category(), "no pipe for the runs");
+    pid_ = detail::forkChild("for the runs");
+    if (pid_ == 0) {
+        ::close(down[1]);
+        ::close(up[0]);
+        for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, SIG_IGN);
+        FrameReader from(down[0]);
+        live(from, up[1]);
+        _exit(0);
+    }
+    ::close(down[0]);
+    ::close(up[1]);
+    to_ = down[1];
+    messages_ = FrameReader(up[0]);
+}
+
+PipedProcess::~PipedProcess() {
+    kill();
+    finish();
+}
+
+void PipedProcess::kill() {
+    if (pid_ > 0) ::kill(pid_, SIGKILL);
+}
+
+bool PipedProcess::hasEnded() {
+    if (pid_ <= 0) return true;
+    const pid_t done = waitpid(pid_, &status_, WNOHANG);
+    if (done == 0 || (done < 0 && errno == EINTR)) return false;
+    pid_ = -1;
+    return true;
+}
+
+void PipedProcess::finish() {
+    if (to_ >= 0) ::close(to_);
+    to_ = -1;
+    while (pid_ > 0 && waitpid(pid_, &status_, 0) < 0 && errno == EINTR) {
+    }
+    pid_ = -1;
 }
 
 }  // namespace viable

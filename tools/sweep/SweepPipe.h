@@ -1,5 +1,8 @@
 #pragma once
 
+#include <sys/types.h>
+
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -30,6 +33,37 @@ private:
     bool isClosed_ = false;
     std::string buffer_;
     std::size_t at_ = 0;  // what lies before was taken
+};
+
+/** A process forked from this one, which ends with it, and the pipes between the two. It ignores the signals by which
+users end programs: the process that made it decides when to end. */
+class PipedProcess {
+public:
+    /** @param live  the whole life of the new process, which reads messages `from` this one and writes its own `to` it.
+    Throws std::system_error where there can be no process or pipe. */
+    explicit PipedProcess(const std::function<void(FrameReader& from, int to)>& live);
+    /** Kills it. */
+    ~PipedProcess();
+    PipedProcess(const PipedProcess&) = delete;
+    PipedProcess& operator=(const PipedProcess&) = delete;
+
+    /** Messages that it wrote. */
+    FrameReader& messages() { return messages_; }
+    /** False: it reads no more. */
+    bool send(const std::string& message) { return writeFrame(to_, message); }
+    /** Does not wait for its death. */
+    void kill();
+    bool hasEnded();
+    /** Closes its input and waits for its end. */
+    void finish();
+    /** How it ended, as from waitpid(). */
+    int status() const { return status_; }
+
+private:
+    pid_t pid_ = -1;  // -1: ended
+    int to_ = -1;
+    FrameReader messages_;
+    int status_ = 0;
 };
 
 }  // namespace viable

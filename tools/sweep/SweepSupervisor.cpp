@@ -1,7 +1,5 @@
 #include "SweepSupervisor.h"
 
-#include <fcntl.h>
-#include <signal.h>
 #include <sys/wait.h>
 #include <tbb/blocked_range.h>
 #include <tbb/global_control.h>
@@ -10,14 +8,11 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
-#include <csignal>
 #include <cstdio>
 #include <mutex>
 #include <optional>
 #include <set>
-#include <system_error>
 
 #include "SweepPipe.h"
 #include "command/PluginTrouble.h"
@@ -72,37 +67,23 @@ public:
         Shared& shared = *owner.shared_;
         shared.trouble[0] = '\0';
         for (Shared::Slot& slot : shared.slots) slot.run = kIdle;
-        int ends[2];
-        if (pipe2(ends, O_CLOEXEC) != 0)
-            throw std::system_error(errno, std::generic_category(), "no pipe for a process");
-        pid_ = detail::forkChild("for the runs");
-        if (pid_ == 0) {
-            ::close(ends[0]);
-            owner.work(jobs, threads, ends[1]);
-        }
-        ::close(ends[1]);
-        pipe_ = FrameReader(ends[0]);
+        process_.emplace([&](FrameReader&, int pipe) { owner.work(jobs, threads, pipe); });
     }
-    ~Process() {
-        if (pid_ > 0) end();
-    }
-    Process(const Process&) = delete;
-    Process& operator=(const Process&) = delete;
 
     /** Until it has ended: hands on its rows. Returns its wait status. */
     int watch() {
         Clock::time_point stoppedAt{};
         for (;;) {
-            const bool hasEnded = hasDied();  // before reading: what it wrote is all there then
+            const bool hasEnded = process_->hasEnded();  // before reading: what it wrote is all there then
             readRows();
-            if (hasEnded) return status_;
+            if (hasEnded) return process_->status();
             owner_.onLook();
             if (owner_.stop_ != 0 && owner_.shared_->stop == 0) {
                 owner_.shared_->stop = 1;
                 stoppedAt = Clock::now();
             }
             if (owner_.shared_->stop != 0 && std::chrono::duration<double>(Clock::now() - stoppedAt).count() > kGrace_s)
-                ::kill(pid_, SIGKILL);
+                process_->kill();
             if (owner_.shared_->stop == 0) findOverdue();
         }
     }
@@ -111,28 +92,16 @@ public:
     const std::set<std::pair<std::int64_t, std::size_t>>& overdue() const { return overdue_; }
 
 private:
-    bool hasDied() {
-        if (pid_ <= 0) return true;
-        const pid_t done = waitpid(pid_, &status_, WNOHANG);
-        if (done == pid_) pid_ = -1;
-        return done != 0 && !(done < 0 && errno == EINTR);
-    }
-
-    void end() {
-        ::kill(pid_, SIGKILL);
-        while (waitpid(pid_, &status_, 0) < 0 && errno == EINTR) {
-        }
-        pid_ = -1;
-    }
-
     /** What is there, or comes in the next tenth of a second. */
     void readRows() {
-        while (pipe_.fill(pid_ > 0 ? kLook_ms : 0)) {
-            while (const std::optional<std::string> bytes = pipe_.take()) owner_.settle(unpackRow(*bytes));
-            if (pid_ > 0) return;
+        FrameReader& rows = process_->messages();
+        const bool hasEnded = process_->hasEnded();
+        while (rows.fill(hasEnded ? 0 : kLook_ms)) {
+            while (const std::optional<std::string> bytes = rows.take()) owner_.settle(unpackRow(*bytes));
+            if (!hasEnded) return;
         }
         // Its end is closed before it is dead: no use in asking again at once.
-        if (pid_ > 0 && pipe_.isClosed()) usleep(1000);
+        if (!hasEnded && rows.isClosed()) usleep(1000);
     }
 
     void findOverdue() {
@@ -141,13 +110,11 @@ private:
             if (run == kIdle || 1e-9 * static_cast<double>(now_ns() - slot.begun_ns) <= owner_.limit_s_) continue;
             overdue_.emplace(run, slot.caseIndex);
         }
-        if (!overdue_.empty() && pid_ > 0) ::kill(pid_, SIGKILL);
+        if (!overdue_.empty()) process_->kill();
     }
 
     SweepSupervisor& owner_;
-    pid_t pid_ = -1;
-    FrameReader pipe_;
-    int status_ = 0;
+    std::optional<PipedProcess> process_;
     std::set<std::pair<std::int64_t, std::size_t>> overdue_;
 };
 
@@ -165,8 +132,6 @@ SweepSupervisor::~SweepSupervisor() = default;
 
 /** The whole life of a process. */
 void SweepSupervisor::work(const std::vector<Job>& jobs, int threads, int pipe) {
-    for (const int signal : {SIGINT, SIGTERM, SIGHUP})
-        std::signal(signal, SIG_IGN);  // the one that watches decides when to end
     afterFork_();
     installCrashHandler({});
     tellCrashTo(shared_->trouble, sizeof shared_->trouble);
