@@ -48,7 +48,9 @@ for kind in "${kinds[@]}"; do
   part "configure $kind" cmake -S "my_$kind" -B "my_$kind/build" -DCMAKE_BUILD_TYPE="$type" -DCMAKE_PREFIX_PATH="$work/prefix"
   part "build $kind ($type)" cmake --build "my_$kind/build" --parallel 2
   part "test $kind" ctest --test-dir "my_$kind/build" --output-on-failure --no-tests=error
-  grep -q "Contract.NeverPutsOutNan.*Passed" "$work/log"
+  grep -q "my_${kind}_contract_test.*Passed" "$work/log"
+  part "its contract" viable_contract "my_$kind/build/bin/plugins" "$kind" "my_$kind"
+  grep -q "OK.*Contract.NeverPutsOutNan.*my_$kind" "$work/log"
   VIABLE_PLUGIN_PATH="$PWD/my_$kind/build/bin/plugins" \
     part "run $kind" viable run "my_$kind/experiment.yaml" --set duration_s=2 --out "out_$kind"
   test -s "out_$kind/report.html"

@@ -5,7 +5,7 @@
 namespace viable::testing {
 
 /** Counts the heap allocations (malloc, calloc, realloc, new, ...) of the thread that constructed it, from
-then on. To use it, link AllocationCounter.cpp (installed in share/viable/contract) into the program; where malloc
+then on. To use it, link AllocationCounter.cpp (installed in share/viable/testing) into the program; where malloc
 cannot be replaced (sanitizers, another C library than glibc) it is not available and counts
 nothing:
 

@@ -1,7 +1,6 @@
-// The rules of Plugin.h and of the five interfaces, through the loader. Two uses: in this project for every plugin that
-// is found beside the program, and from outside, by viable_add_plugin_test(), for one plugin. A new plugin is
+// viable_contract: the rules of Plugin.h and of the five interfaces, through the loader. In this project ctest runs it for
+// every plugin beside the program; viable_add_plugin_test() runs it for one plugin of somebody else. A new plugin is
 // tested here without a line of code, unless it has parameters without defaults: see makeRequiredParameters().
-// The suite is compiled once; the program that links it defines kContractPlugin: where the libraries are, which to test.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -20,7 +19,6 @@
 #include <memory>
 #include <ostream>
 #include <set>
-#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -32,7 +30,6 @@
 #include "viable/loop/NominalPlant.h"
 #include "viable/robot/RobotModel.h"
 #include "viable/testing/AllocationCounter.h"
-#include "viable/testing/ContractPlugin.h"
 #include "viable/testing/TwoLinkArm.h"
 
 namespace viable {
@@ -45,6 +42,14 @@ static void PrintTo(const PluginInfo& info, std::ostream* out) {
 namespace {
 
 namespace fs = std::filesystem;
+
+/** What is tested, from the command line. */
+struct Tested {
+    std::string folder;                   // of the libraries
+    std::string plugin;                   // such as "filter my_filter"; empty: every plugin in the folder
+    std::vector<std::string> parameters;  // of those that have no default, "name: value", for two joints
+};
+Tested tested;
 
 constexpr int kJoints = 2;
 constexpr double kTick_s = 0.001;
@@ -215,7 +220,7 @@ using Texts = std::map<std::string, std::string>;
 /** Values for parameters that have no default, and for what a busy machine needs. */
 Texts makeRequiredParameters(const PluginInfo& info) {
     Texts values;
-    if (*testing::kContractPlugin.plugin == '\0') {  // the plugins of this project
+    if (tested.plugin.empty()) {  // the plugins of this project
         static const Recording recording;
         const std::string plugin = std::string(getName(info.kind)) + " " + info.name;
         if (plugin == "command waypoints") return {{"points", "[[0, 0.3, -0.5], [1.5, 0.6, 0.1], [3, -0.2, -0.3]]"}};
@@ -229,8 +234,7 @@ Texts makeRequiredParameters(const PluginInfo& info) {
             return {{"address", robot.address()}, {"connect_timeout_s", "20"}, {"silence_timeout_s", "20"}};
         }
     }
-    std::istringstream lines(testing::kContractPlugin.parameters);
-    for (std::string line; std::getline(lines, line);) {
+    for (const std::string& line : tested.parameters) {
         const std::size_t colon = line.find(": ");
         if (colon == std::string::npos) throw std::runtime_error("PARAMETERS: write 'name: value', not '" + line + "'");
         values[line.substr(0, colon)] = line.substr(colon + 2);
@@ -556,10 +560,9 @@ std::unique_ptr<Subject> makeSubject(const PluginInfo& info, const RunSetup& set
 // --- The suite ----------------------------------------------------------------------------------
 
 std::vector<PluginInfo> findPlugins(std::vector<RefusedLibrary>& refused) {
-    std::vector<PluginInfo> plugins = PluginLoader({testing::kContractPlugin.folder}).list(refused);
-    const std::string only = testing::kContractPlugin.plugin;
+    std::vector<PluginInfo> plugins = PluginLoader({tested.folder}).list(refused);
     const auto isOther = [&](const PluginInfo& info) {
-        return !only.empty() && std::string(getName(info.kind)) + " " + info.name != only;
+        return !tested.plugin.empty() && std::string(getName(info.kind)) + " " + info.name != tested.plugin;
     };
     plugins.erase(std::remove_if(plugins.begin(), plugins.end(), isOther), plugins.end());
     return plugins;
@@ -577,8 +580,7 @@ TEST(Plugins, NoLibraryIsRefused) {
 }
 
 TEST(Plugins, WhatIsToBeTestedIsThere) {
-    const testing::ContractPlugin& tested = testing::kContractPlugin;
-    if (*tested.plugin != '\0') {
+    if (!tested.plugin.empty()) {
         EXPECT_EQ(findPlugins().size(), 1u) << "no " << tested.plugin << " in " << tested.folder;
         return;
     }
@@ -814,8 +816,9 @@ TEST_P(Contract, DefaultsParseAndReadBackAsTheyAre) {
     try {
         parameters = readBlock(info(), required);
     } catch (const Error& error) {
-        FAIL() << error.what() << "\nIf a parameter without default is new, add a value to "
-               << "makeRequiredParameters() in this file.";
+        FAIL() << error.what()
+               << "\nA parameter without default needs a value: PARAMETERS of viable_add_plugin_test(), "
+               << "for a plugin of this project makeRequiredParameters() in tools/contract/Contract.cpp.";
     }
     for (std::uint64_t i = 0; i < entry.parameterCount; ++i)
         EXPECT_NE(parameters.resolved().find(entry.parameters[i].name), nullptr) << entry.parameters[i].name;
@@ -889,3 +892,24 @@ INSTANTIATE_TEST_SUITE_P(All, Contract, ::testing::ValuesIn(findPlugins()), [](c
 
 }  // namespace
 }  // namespace viable
+
+int main(int argc, char** argv) {
+    std::vector<std::string> words;
+    for (int i = 1; i < argc; ++i)
+        if (std::strncmp(argv[i], "--", 2) != 0) words.emplace_back(argv[i]);  // the rest is GoogleTest's
+    if (words.empty() || words.size() == 2) {
+        std::fputs(
+            "usage: viable_contract FOLDER [KIND NAME [\"PARAMETER: VALUE\"...]] [--gtest_filter=...]\n"
+            "Tests the rules that every plugin keeps: of that plugin in FOLDER, or of all in it. KIND is command,\n"
+            "controller, filter, robust_loop or plant. Parameters that have no default need a value, for two joints.\n",
+            stderr);
+        return 2;
+    }
+    viable::tested.folder = words[0];
+    if (words.size() > 1) {
+        viable::tested.plugin = words[1] + " " + words[2];
+        viable::tested.parameters.assign(words.begin() + 3, words.end());
+    }
+    ::testing::InitGoogleTest(&argc, argv);
+    return RUN_ALL_TESTS();
+}

@@ -1,4 +1,0 @@
-#include "Paths.h"
-#include "viable/testing/ContractPlugin.h"
-
-const viable::testing::ContractPlugin viable::testing::kContractPlugin = {VIABLE_PLUGIN_DIR, "", ""};
