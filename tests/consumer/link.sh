@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# viable_link.h by itself: it compiles as C99 and as C++17 without a warning, with its transports and without them; and the
+# viable_link.h by itself: it compiles as C99 and as C++17 without a warning, as does viable_link_linux.h; and the
 # examples link_robot and link_skeletons, built as their READMEs say, are driven by `viable run`. Usage: link.sh BUILD_DIR SOURCE_DIR
 set -euo pipefail
 build=$1 source=$2
@@ -9,7 +9,7 @@ cd "$work"
 include=$source/framework/include
 warnings=(-Wall -Wextra -Wpedantic -Wconversion -Wshadow -Werror)
 cat >use.c <<'END'
-#include "viable/link/viable_link.h"
+#include HEADER
 int main(void) {
     vl_robot robot;
     vl_host host;
@@ -25,9 +25,13 @@ int main(void) {
 }
 END
 cp use.c use.cpp
-for define in USED VL_WITHOUT_TRANSPORT; do
-  cc -std=c99 -O1 "${warnings[@]}" -Wstrict-prototypes -D$define -I "$include" use.c -o use_c
-  c++ -std=c++17 -O1 "${warnings[@]}" -D$define -I "$include" use.cpp -o use_cpp
+if grep '#include' "$include/viable/link/viable_link.h" | grep -Ev '<(stddef|stdint|string)\.h>'; then
+  echo "link: viable_link.h needs more than the language's own headers"
+  exit 1
+fi
+for header in viable_link viable_link_linux; do
+  cc -std=c99 -O1 "${warnings[@]}" -Wstrict-prototypes -DHEADER="\"viable/link/$header.h\"" -I "$include" use.c -o use_c
+  c++ -std=c++17 -O1 "${warnings[@]}" -DHEADER="\"viable/link/$header.h\"" -I "$include" use.cpp -o use_cpp
   ./use_c && ./use_cpp || { echo "link: host and robot do not understand each other"; exit 1; }
 done
 echo "link: compiles as C99 and C++17"

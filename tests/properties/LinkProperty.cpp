@@ -8,7 +8,7 @@
 #include "Properties.h"
 #include "Random.h"
 #include "Report.h"
-#include "viable/link/viable_link.h"
+#include "viable/link/viable_link_linux.h"
 
 namespace viable {
 

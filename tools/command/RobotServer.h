@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "experiment/ConfiguredCase.h"
-#include "viable/link/viable_link.h"
+#include "viable/link/viable_link_linux.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {

@@ -26,7 +26,7 @@
 
 #include "viable/core/Numbers.h"
 #include "viable/host/PluginLoader.h"
-#include "viable/link/viable_link.h"
+#include "viable/link/viable_link_linux.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/robot/RobotModel.h"
 #include "viable/testing/AllocationCounter.h"

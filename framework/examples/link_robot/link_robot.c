@@ -2,7 +2,7 @@
 Here a table without gravity and friction turns, of inertia 1 kg m^2 at each joint (as robots/single_joint).
 Usage: link_robot ADDRESS JOINTS SECONDS   (ADDRESS: 127.0.0.1:47100, or shm:NAME)
 Build: cc -std=c99 -O2 -I PREFIX/include link_robot.c -o link_robot */
-#include "viable/link/viable_link.h"
+#include "viable/link/viable_link_linux.h"
 
 #include <signal.h>
 

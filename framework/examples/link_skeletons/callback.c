@@ -1,7 +1,7 @@
 /* Skeleton of a driver for viable's plant `link` where the vendor's library owns the loop and calls a function once per tick,
 as libfranka does: the function gets the state and returns the torque. YOURS: what to replace (README.md).
 Usage: callback ADDRESS SECONDS   (ADDRESS: 127.0.0.1:47100, or shm:NAME) */
-#include "viable/link/viable_link.h"
+#include "viable/link/viable_link_linux.h"
 
 #include "vendor.h" /* YOURS: your vendor's header */
 

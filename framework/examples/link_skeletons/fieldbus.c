@@ -1,7 +1,7 @@
 /* Skeleton of a driver for viable's plant `link` that is the master of a fieldbus (EtherCAT, CANopen): each cycle exchanges
 torques for readings with the drives. YOURS: what to replace (README.md).
 Usage: fieldbus ADDRESS SECONDS   (ADDRESS: 127.0.0.1:47100, or shm:NAME) */
-#include "viable/link/viable_link.h"
+#include "viable/link/viable_link_linux.h"
 
 #include "vendor.h" /* YOURS: the header of your fieldbus master */
 

@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "viable/link/viable_link.h"
+#include "viable/link/viable_link_linux.h"
 #include "viable/plugin/RealPlant.h"
 #include "viable/robot/RobotModel.h"
 #include "viable/robot/TorqueSender.h"

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "Effort.h"
-#include "viable/link/viable_link.h"
+#include "viable/link/viable_link_linux.h"
 
 namespace viable {
 namespace {
