@@ -114,8 +114,9 @@ def find_header_blocks(text):
         block = []
         for index, (number, line) in enumerate(comment):
             deep = index > 0 and len(line) - len(line.lstrip()) >= indent + 4
-            table = re.search(r"\S {3,}\S", line.strip())
-            if (not line.strip() or deep or table or ITEM.match(line)) and block:
+            is_parameter = line.strip().startswith("@")
+            table = not is_parameter and re.search(r"\S {3,}\S", line.strip())
+            if (not line.strip() or deep or table or is_parameter or ITEM.match(line)) and block:
                 yield block
                 block = []
             if table and not deep:

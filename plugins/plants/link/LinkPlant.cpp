@@ -231,7 +231,7 @@ void LinkPlant::refuseSilence() const {
     if (counts[VL_CORRUPT] > counts[VL_GOOD])
         refuse("sends packets that do not pass the check",
                "Give both sides the same key (key_file), or none to both of them.");
-    if (counts[VL_ABSURD] > counts[VL_GOOD]) refuse(kAbsurd, kAbsurdRemedy);
+    if (counts[VL_INVALID] > counts[VL_GOOD]) refuse(kAbsurd, kAbsurdRemedy);
     if (counts[VL_GOOD] > 0 && host_.is_connected)
         refuse(
             "does not come to rest: its joints move with up to " +
@@ -520,10 +520,10 @@ TickStatus LinkPlant::read(std::int64_t& ticksPassed) {
     ticksPassed = 1;
     if (isGone_ || !isOpen_) return fail("it is not connected: no run has begun, or it has ended");
     if (readSequence_ == 0) receive(0);  // what has waited since reset() is old
-    const std::uint64_t absurdBefore = host_.counts[VL_ABSURD];
+    const std::uint64_t absurdBefore = host_.counts[VL_INVALID];
     const std::int64_t begin_ns = vl_now_ns();
     if (!receive(toNanoseconds(silenceTimeout_s_))) {
-        const std::uint64_t absurd = host_.counts[VL_ABSURD] - absurdBefore;
+        const std::uint64_t absurd = host_.counts[VL_INVALID] - absurdBefore;
         const double waited_s = 1e-9 * static_cast<double>(vl_now_ns() - begin_ns);
         char why[224];
         if (absurd > 0)

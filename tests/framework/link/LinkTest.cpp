@@ -122,7 +122,7 @@ TEST(Link, PacketsComeOutAsTheyWentIn) {
         ASSERT_EQ(gotCommand.mode, command.mode);
         ASSERT_EQ(gotCommand.repeats, command.repeats);
         ASSERT_EQ(std::memcmp(gotCommand.tau, command.tau, sizeof command.tau), 0);
-        EXPECT_EQ(vl_decode_state(packet, commandSize, &key, &got, &gotSession), VL_FOREIGN);  // the other kind
+        EXPECT_EQ(vl_decode_state(packet, commandSize, &key, &got, &gotSession), VL_OTHER_SESSION);  // the other kind
     }
 }
 
@@ -279,7 +279,7 @@ TEST(Fault83, WhatIsNotTheNextPacketOfTheOtherSideIsDroppedAndCounted) {
     pair.connect();
     pair.tick();
     const Packet state = pair.makeState();
-    EXPECT_EQ(pair.take(state, kStranger), VL_FOREIGN);
+    EXPECT_EQ(pair.take(state, kStranger), VL_OTHER_SESSION);
     EXPECT_EQ(pair.take(state), VL_GOOD);
     EXPECT_EQ(pair.take(state), VL_DUPLICATE);
     pair.tick();
@@ -290,7 +290,7 @@ TEST(Fault83, WhatIsNotTheNextPacketOfTheOtherSideIsDroppedAndCounted) {
     EXPECT_EQ(pair.take(skipped), VL_OLD);
 
     const Packet first = pair.makeCommand(VL_TORQUE, 1.0), second = pair.makeCommand(VL_TORQUE, 2.0);
-    EXPECT_EQ(pair.give(second, kStranger), VL_FOREIGN);
+    EXPECT_EQ(pair.give(second, kStranger), VL_OTHER_SESSION);
     EXPECT_EQ(pair.give(second), VL_GOOD);
     EXPECT_EQ(pair.give(second), VL_DUPLICATE);
     EXPECT_EQ(pair.give(first), VL_OLD);
@@ -303,8 +303,8 @@ TEST(Fault83, WhatIsNotTheNextPacketOfTheOtherSideIsDroppedAndCounted) {
     other = first;
     other.back() ^= 1;
     EXPECT_EQ(pair.give(other), VL_CORRUPT);
-    EXPECT_EQ(pair.give(Packet{1, 2, 3}), VL_FOREIGN);
-    EXPECT_EQ(pair.give(Packet(VL_MAX_PACKET + 1, 0)), VL_FOREIGN);
+    EXPECT_EQ(pair.give(Packet{1, 2, 3}), VL_OTHER_SESSION);
+    EXPECT_EQ(pair.give(Packet(VL_MAX_PACKET + 1, 0)), VL_OTHER_SESSION);
     pair.host.joints = 6;
     EXPECT_EQ(pair.give(pair.makeCommand(VL_TORQUE, 1.0)), VL_OTHER_JOINTS);
     pair.host.joints = kJoints;
@@ -312,9 +312,9 @@ TEST(Fault83, WhatIsNotTheNextPacketOfTheOtherSideIsDroppedAndCounted) {
     EXPECT_EQ(pair.give(pair.makeCommand(VL_TORQUE, 1.0)), VL_OTHER_TICK);
     pair.host.tick_ns /= 2;
     pair.host.last_sequence += 100;  // answers a state that was never sent
-    EXPECT_EQ(pair.give(pair.makeCommand(VL_TORQUE, 1.0)), VL_ABSURD);
+    EXPECT_EQ(pair.give(pair.makeCommand(VL_TORQUE, 1.0)), VL_INVALID);
     for (int result = VL_GOOD + 1; result < VL_RESULTS; ++result)
-        EXPECT_EQ(pair.robot.counts[result], result == VL_FOREIGN ? 3u : 1u) << vl_result_name(vl_result(result));
+        EXPECT_EQ(pair.robot.counts[result], result == VL_OTHER_SESSION ? 3u : 1u) << vl_result_name(vl_result(result));
     EXPECT_EQ(pair.tick(), VL_TORQUE);
     EXPECT_EQ(pair.torque[0], 2.0);
 }
@@ -327,7 +327,7 @@ TEST(Fault83, NumbersThatNoArmHasAreDroppedAndNoneIsSent) {
         for (double* number : {&pair.state.q[0], &pair.state.qd[kJoints - 1], &pair.state.tau[3]}) {
             pair.tick();
             *number = bad;
-            EXPECT_EQ(pair.take(pair.makeState()), VL_ABSURD) << bad;
+            EXPECT_EQ(pair.take(pair.makeState()), VL_INVALID) << bad;
             *number = 0.0;
         }
         EXPECT_TRUE(pair.makeCommand(VL_TORQUE, bad).empty()) << bad;
@@ -342,7 +342,7 @@ TEST(Fault83, NumbersThatNoArmHasAreDroppedAndNoneIsSent) {
         made.tick_ns = pair.robot.tick_ns;
         made.tau[6] = bad;
         command.resize(vl_encode_command(command.data(), &made, pair.host.session, &pair.host.key));
-        EXPECT_EQ(pair.give(command), VL_ABSURD) << bad;
+        EXPECT_EQ(pair.give(command), VL_INVALID) << bad;
         EXPECT_EQ(pair.tick(), VL_HOLD);
     }
     pair.state.external[0] = nan;  // not measured, and so not looked at
@@ -354,18 +354,18 @@ TEST(Link, OneHostAtATimeUntilItStopsOrFallsSilent) {
     Pair pair, other;
     vl_host_init(&other.host, kJoints, kTick_s, 999, kRobotsAddress);
     pair.connect();
-    EXPECT_EQ(pair.give(other.makeCommand(VL_HOLD), kStranger), VL_FOREIGN);
-    EXPECT_EQ(pair.give(other.makeCommand(VL_HOLD)), VL_FOREIGN);  // not from the same address either
+    EXPECT_EQ(pair.give(other.makeCommand(VL_HOLD), kStranger), VL_OTHER_SESSION);
+    EXPECT_EQ(pair.give(other.makeCommand(VL_HOLD)), VL_OTHER_SESSION);  // not from the same address either
     for (std::uint32_t k = 0; k <= pair.robot.release_ticks; ++k) pair.tick();
     EXPECT_EQ(pair.give(other.makeCommand(VL_HOLD), kStranger), VL_GOOD);
     EXPECT_EQ(vl_robot_peer(&pair.robot), kStranger);
     pair.tick();
     const Packet state = pair.makeState();
     EXPECT_EQ(other.take(state), VL_GOOD);
-    EXPECT_EQ(pair.take(state), VL_FOREIGN);
+    EXPECT_EQ(pair.take(state), VL_OTHER_SESSION);
     EXPECT_EQ(pair.give(other.makeCommand(VL_HOLD), kStranger), VL_GOOD);
     EXPECT_TRUE(pair.robot.has_host);
-    EXPECT_EQ(pair.give(pair.makeCommand(VL_TORQUE, 1.0)), VL_FOREIGN);  // the first host has lost it
+    EXPECT_EQ(pair.give(pair.makeCommand(VL_TORQUE, 1.0)), VL_OTHER_SESSION);  // the first host has lost it
 }
 
 /** What was recorded of one session is of no use in any later one, with the same key, host and robot. */
@@ -391,11 +391,11 @@ TEST(Link, RecordedPacketsOfAnotherSessionDoNothing) {
         EXPECT_EQ(pair.tick(), VL_HOLD);
         EXPECT_FALSE(pair.robot.has_host);
     }
-    EXPECT_EQ(pair.give(commands.back(), kStranger), VL_FOREIGN);
+    EXPECT_EQ(pair.give(commands.back(), kStranger), VL_OTHER_SESSION);
     Pair again(makeKey());  // another host hears recorded states
     vl_host_init(&again.host, kJoints, kTick_s, 5678, kRobotsAddress);
     again.host.key = makeKey();
-    for (const Packet& state : states) EXPECT_EQ(again.take(state), VL_FOREIGN);
+    for (const Packet& state : states) EXPECT_EQ(again.take(state), VL_OTHER_SESSION);
     Pair stranger(makeKey(3));
     EXPECT_EQ(pair.give(stranger.makeCommand(VL_HOLD)), VL_CORRUPT);
     Pair open;
@@ -420,19 +420,19 @@ TEST(Link, ASessionBeginsWithAGoodAndRecentHold) {
         EXPECT_EQ(vl_robot_peer(&pair.robot), 0u);
         EXPECT_EQ(pair.tick(), VL_HOLD);
     };
-    expectUnclaimed(pair.makeCommand(VL_TORQUE, 1.0), VL_FOREIGN);
-    expectUnclaimed(pair.makeCommand(VL_STOP), VL_FOREIGN);
+    expectUnclaimed(pair.makeCommand(VL_TORQUE, 1.0), VL_OTHER_SESSION);
+    expectUnclaimed(pair.makeCommand(VL_STOP), VL_OTHER_SESSION);
     pair.host.last_sequence += 1000;
-    expectUnclaimed(pair.makeCommand(VL_HOLD), VL_ABSURD);
+    expectUnclaimed(pair.makeCommand(VL_HOLD), VL_INVALID);
     pair.host.last_sequence -= 1000;
     pair.host.joints = 6;
     expectUnclaimed(pair.makeCommand(VL_HOLD), VL_OTHER_JOINTS);
     pair.host.joints = kJoints;
     ++pair.host.session.robot;
-    expectUnclaimed(pair.makeCommand(VL_HOLD), VL_FOREIGN);
+    expectUnclaimed(pair.makeCommand(VL_HOLD), VL_OTHER_SESSION);
     --pair.host.session.robot;
     const Packet keptBack = pair.makeCommand(VL_HOLD);
-    EXPECT_EQ(pair.give(keptBack, kStranger), VL_FOREIGN);  // the number is another caller's
+    EXPECT_EQ(pair.give(keptBack, kStranger), VL_OTHER_SESSION);  // the number is another caller's
     for (std::uint32_t k = 0; k <= pair.robot.release_ticks; ++k) pair.tick();
     expectUnclaimed(keptBack, VL_OLD);
     vl_host_init(&pair.host, kJoints, kTick_s, 4321, kRobotsAddress);
@@ -455,7 +455,7 @@ TEST(Link, AHelloThatIsReplayedTakesNothingFromTheHost) {
         for (; ticks < 3000 && !pair.host.is_connected; ++ticks) {
             for (int i = 0; i < 10; ++i)
                 EXPECT_EQ(pair.give(hello, i % 2 ? kStranger : kHostsAddress),
-                          pair.robot.has_host ? VL_FOREIGN : VL_GOOD);
+                          pair.robot.has_host ? VL_OTHER_SESSION : VL_GOOD);
             if (ticks % 10 == 0) pair.give(pair.makeCommand(VL_HOLD));
             EXPECT_EQ(pair.tick(), VL_HOLD);
             const bool isHosts = vl_robot_peer(&pair.robot) == kHostsAddress;
@@ -465,7 +465,7 @@ TEST(Link, AHelloThatIsReplayedTakesNothingFromTheHost) {
         slowest = std::max(slowest, ticks);
         ASSERT_TRUE(pair.host.is_connected);
         pair.exchange(VL_TORQUE, 1.0);
-        EXPECT_EQ(pair.give(hello, kStranger), VL_FOREIGN);
+        EXPECT_EQ(pair.give(hello, kStranger), VL_OTHER_SESSION);
         EXPECT_EQ(pair.tick(), VL_TORQUE);
     }
     EXPECT_LT(slowest, 1500);  // of 11 callers one is answered: 1500 ticks are 150 calls, missed all once in 1e6
@@ -531,7 +531,7 @@ TEST(Fault84, ARobotThatStartedAnewIsAnotherOne) {
     pair.exchange(VL_TORQUE, 1.0);
     vl_robot_init(&pair.robot, kJoints, kTick_s, 4712);
     pair.tick();
-    EXPECT_EQ(pair.give(pair.makeCommand(VL_TORQUE, 1.0)), VL_FOREIGN);
+    EXPECT_EQ(pair.give(pair.makeCommand(VL_TORQUE, 1.0)), VL_OTHER_SESSION);
     EXPECT_TRUE(pair.makeState().empty());
     EXPECT_EQ(pair.tick(), VL_HOLD);
 }
@@ -928,11 +928,11 @@ TEST(LinkLine, AFloodOfStrangersTakesNoTimeFromARobotThatHasAHost) {
             const Packet nonsense(100, static_cast<std::uint8_t>(k));
             if (k > 10)
                 for (int i = 0; i < 400; ++i) vl_line_send(&strangerLine, nonsense.data(), nonsense.size());
-            const std::uint64_t foreign = robot.counts[VL_FOREIGN];
+            const std::uint64_t foreign = robot.counts[VL_OTHER_SESSION];
             vl_robot_poll(&robot, &robotLine);
-            EXPECT_LE(robot.counts[VL_FOREIGN] - foreign, std::uint64_t(VL_MOST_PACKETS));
+            EXPECT_LE(robot.counts[VL_OTHER_SESSION] - foreign, std::uint64_t(VL_MOST_PACKETS));
             if (k > 12) {
-                EXPECT_EQ(robot.counts[VL_FOREIGN], foreign);
+                EXPECT_EQ(robot.counts[VL_OTHER_SESSION], foreign);
             }
             if (vl_robot_tick(&robot, torque) == VL_TORQUE) {
                 EXPECT_EQ(torque[0], k - 1);

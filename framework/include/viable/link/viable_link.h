@@ -1,11 +1,12 @@
 /* viable_link.h: the link between viable's plant `link` (the host) and any robot, version 1.
 
-One header, C99 or C++17, without dependencies: codec and state machines need <stdint.h> and <string.h> alone, and can be
-pasted into any vendor's callback. A robot under Linux takes its transports (UDP, shared memory) from viable_link_linux.h.
+One header, C99 or C++17, without dependencies: codec and state machines need <stdint.h> and <string.h> alone, and can
+be pasted into any vendor's callback. A robot under Linux takes its transports (UDP, shared memory) from
+viable_link_linux.h.
 
 Once per tick, the robot: polls commands, asks vl_robot_tick() for the torque, and sends a state (vl_robot_state()). The
-host answers every state with a command, which acts from the tick after that state on. The robot's clock makes the ticks: the
-host ends where a robot's time [ns] does not agree with the tick that it claims.
+host answers every state with a command, which acts from the tick after that state on. The robot's clock makes the
+ticks: the host ends where a robot's time [ns] does not agree with the tick that it claims.
 
 Packets: little-endian, of a size fixed by the number n of joints. Bytes:
      0  u32  magic "vLNK"              24  u64  the robot's number of this session
@@ -18,21 +19,22 @@ Packets: little-endian, of a size fixed by the number n of joints. Bytes:
     10  u16  command: repeats
     12  u32  tick [ns]
     16  u64  the host's number of this session
-Units: rad and Nm (joints that slide: m and N). Torques, commanded and measured, are in one convention: where the robot adds
-gravity (VL_ADDS_GRAVITY), both are without it.
+Units: rad and Nm (joints that slide: m and N). Torques, commanded and measured, are in one convention: where the robot
+adds gravity (VL_ADDS_GRAVITY), both are without it.
 
-Session: the host says hello, a hold command in which the robot's number is 0. The robot answers each hello with one state
-and a number that only the caller learns, and that is another one after every session. A session begins with a hold command
-that carries both numbers and answers a recent state. So no packet of another session is taken, and of its own each at
-most once: with a key, nothing that was recorded is of any use to a stranger, hello included. Without one, whoever reaches the
-robot can command it. One host at a time: the first one stays until it says stop or is silent for release_ticks.
+Session: the host says hello, a hold command in which the robot's number is 0. The robot answers each hello with one
+state and a number that only the caller learns, and that is another one after every session. A session begins with a
+hold command that carries both numbers and answers a recent state. So no packet of another session is taken, and each
+packet of this session at most once. With a key, recorded packets are of no use to an attacker, hello included. Without
+a key, whoever reaches the robot can command it. One host at a time: the first one stays until it says stop or is silent
+for release_ticks.
 
-Late and lost commands: one that answers state s may act in the ticks s + 1 to s + 1 + repeats. After that the robot holds
-itself and tells so (VL_LAPSED) until a hold command comes.
+Late and lost commands: one that answers state s may act in the ticks s + 1 to s + 1 + repeats. After that the robot
+holds itself and tells so (VL_LAPSED) until a hold command comes.
 
-Steps: whatever comes, goes missing or comes late, the torque changes by no more than torque_step per tick, also into and out
-of the robot's own hold, whose torque goes through vl_robot_limit(). Nothing here allocates, locks or waits, but for the
-functions that say so. SPDX-License-Identifier: Apache-2.0 */
+Steps: the torque changes by no more than torque_step per tick, for any packets that come, are lost or come late.
+This holds also into and out of the robot's own hold, whose torque goes through vl_robot_limit(). Nothing here
+allocates, locks or waits, but for the functions that say so. SPDX-License-Identifier: Apache-2.0 */
 #ifndef VIABLE_LINK_H
 #define VIABLE_LINK_H
 
@@ -44,8 +46,8 @@ enum { VL_VERSION = 1, VL_MAX_JOINTS = 16, VL_HEADER_SIZE = 56, VL_TAG_SIZE = 16
 
 /* Flags of a state. */
 enum {
-    VL_BRAKES = 1,       /* its brakes are closed, or closing */
-    VL_ENABLED = 2,      /* its motors follow torques */
+    VL_BRAKES = 1,       /* the brakes are closed, or closing */
+    VL_ENABLED = 2,      /* the motors follow torques */
     VL_FAULT = 4,        /* it reports a fault of its own */
     VL_ADDS_GRAVITY = 8, /* it adds the torque that holds the arm against gravity */
     VL_ADDS_FRICTION = 16,
@@ -57,18 +59,18 @@ enum {
 /* Stop: come to rest, the host goes. Last: a torque after which the host may have gone. */
 typedef enum vl_mode { VL_HOLD = 0, VL_TORQUE = 1, VL_STOP = 2 } vl_mode;
 
-/* What a packet came to. Anything but VL_GOOD: it was dropped and counted. */
+/* Fate of a packet. Anything but VL_GOOD: it was dropped and counted. */
 typedef enum vl_result {
     VL_GOOD,
-    VL_FOREIGN,       /* from somebody else, of another session, or nothing of this link */
-    VL_OTHER_VERSION, /* of the link */
+    VL_OTHER_SESSION, /* from somebody else, of another session, or nothing of this link */
+    VL_OTHER_VERSION, /* another version of the link */
     VL_OTHER_SIZE,
     VL_OTHER_JOINTS, /* another number of joints */
     VL_OTHER_TICK,
     VL_CORRUPT, /* check sum or key */
     VL_DUPLICATE,
-    VL_OLD,    /* a newer one has come, or its time is over */
-    VL_ABSURD, /* a number that is not finite or that no arm has */
+    VL_OLD,     /* a newer one has come, or its time is over */
+    VL_INVALID, /* a number that is not finite or that no arm has */
     VL_RESULTS
 } vl_result;
 
@@ -99,7 +101,7 @@ typedef struct vl_command {
     double tau[VL_MAX_JOINTS];
 } vl_command;
 
-/* What a result is called in messages, as "3 duplicate". */
+/* The name of a result in messages, as in "3 duplicate". */
 static inline const char* vl_result_name(vl_result result) {
     static const char* const names[VL_RESULTS] = {"good",         "foreign",    "other version", "other size",
                                                   "other joints", "other tick", "corrupt",       "duplicate",
@@ -279,9 +281,9 @@ static inline size_t vl_encode_command(uint8_t* packet, const vl_command* c, vl_
 /* VL_GOOD: a whole packet of this kind, of any number of joints. */
 static inline vl_result vl_check_packet(const uint8_t* packet, size_t size, int kind, const vl_key* key) {
     uint8_t tag[VL_TAG_SIZE], difference = 0;
-    if (size < 12 || vl_get(packet, 4) != vl_magic) return VL_FOREIGN;
+    if (size < 12 || vl_get(packet, 4) != vl_magic) return VL_OTHER_SESSION;
     if (packet[4] != VL_VERSION) return VL_OTHER_VERSION;
-    if (packet[5] != kind) return VL_FOREIGN;
+    if (packet[5] != kind) return VL_OTHER_SESSION;
     if (packet[6] < 1 || packet[6] > VL_MAX_JOINTS || size != vl_packet_size(kind, packet[6]) ||
         vl_get(packet + 8, 2) != size)
         return VL_OTHER_SIZE;
@@ -291,7 +293,7 @@ static inline vl_result vl_check_packet(const uint8_t* packet, size_t size, int 
     return difference ? VL_CORRUPT : VL_GOOD;
 }
 
-/* Both write their outputs only where they return VL_GOOD. What the numbers are worth is not judged. */
+/* Both write their outputs only where they return VL_GOOD. They do not check whether the numbers are plausible. */
 static inline vl_result vl_decode_state(const void* bytes, size_t size, const vl_key* key, vl_state* s,
                                         vl_session* session) {
     const uint8_t* const packet = (const uint8_t*)bytes;
@@ -318,7 +320,7 @@ static inline vl_result vl_decode_command(const void* bytes, size_t size, const 
     const uint8_t* const packet = (const uint8_t*)bytes;
     const vl_result result = vl_check_packet(packet, size, VL_IS_COMMAND, key);
     if (result != VL_GOOD) return result;
-    if (packet[7] > VL_STOP) return VL_ABSURD;
+    if (packet[7] > VL_STOP) return VL_INVALID;
     memset(c, 0, sizeof *c);
     c->joints = packet[6];
     c->mode = (vl_mode)packet[7];
@@ -344,14 +346,14 @@ typedef struct vl_robot {
     double torque_step[VL_MAX_JOINTS];  /* largest change of it per tick [Nm] */
     vl_key key;
     /* To be read. */
-    uint64_t tick;               /* of the last vl_robot_tick(), from 1 */
+    uint64_t tick;               /* number of the last vl_robot_tick(), from 1 */
     uint64_t counts[VL_RESULTS]; /* packets */
     uint64_t repeated, lapses;   /* ticks with an older command; times that commands went missing */
     int has_host, has_lapsed;
-    double torque[VL_MAX_JOINTS]; /* what was written last [Nm] */
-    /* Its own. */
+    double torque[VL_MAX_JOINTS]; /* the last written one [Nm] */
+    /* Internal. */
     uint64_t random, sessions, peer, heard_tick, last_sequence;
-    uint64_t caller, calls; /* who is answered in this tick, of how many that said hello */
+    uint64_t caller, calls; /* the host to answer in this tick, and how many said hello */
     vl_session session, called;
     vl_command command;
     vl_mode acts;
@@ -396,17 +398,17 @@ static inline void vl_robot_release(vl_robot* r) {
     r->has_host = 0;
 }
 
-static inline vl_result vl_robot_judge(vl_robot* r, const void* bytes, size_t size, uint64_t peer) {
+static inline vl_result vl_robot_check(vl_robot* r, const void* bytes, size_t size, uint64_t peer) {
     vl_command c;
     vl_session session;
     vl_result result;
     const int is_first = !r->has_host;
-    if (r->has_host && peer != r->peer) return VL_FOREIGN; /* before any work is done for it */
+    if (r->has_host && peer != r->peer) return VL_OTHER_SESSION; /* before any work is done for it */
     result = vl_decode_command(bytes, size, &r->key, &c, &session);
     if (result != VL_GOOD) return result;
     if (session.robot == 0) { /* hello */
-        if (r->has_host) return session.host == r->session.host ? VL_OLD : VL_FOREIGN;
-        if (c.mode != VL_HOLD) return VL_FOREIGN;
+        if (r->has_host) return session.host == r->session.host ? VL_OLD : VL_OTHER_SESSION;
+        if (c.mode != VL_HOLD) return VL_OTHER_SESSION;
         /* One of those that call in a tick is answered, each as likely as the others. */
         if (++r->calls == 1 || vl_robot_number(r, r->tick, r->calls) / 2 % r->calls == 0) {
             r->caller = peer;
@@ -419,13 +421,13 @@ static inline vl_result vl_robot_judge(vl_robot* r, const void* bytes, size_t si
     if (c.tick_ns != r->tick_ns) return VL_OTHER_TICK;
     if (is_first) {
         if (peer == r->peer && vl_is_same_session(session, r->session)) return VL_OLD; /* it has ended */
-        if (c.mode != VL_HOLD || session.robot != vl_robot_number(r, session.host, peer)) return VL_FOREIGN;
+        if (c.mode != VL_HOLD || session.robot != vl_robot_number(r, session.host, peer)) return VL_OTHER_SESSION;
     } else if (!vl_is_same_session(session, r->session)) {
-        return VL_FOREIGN;
+        return VL_OTHER_SESSION;
     } else if (c.sequence <= r->last_sequence) {
         return c.sequence == r->last_sequence ? VL_DUPLICATE : VL_OLD;
     }
-    if (c.echo > r->tick || !vl_are_plausible(c.tau, c.joints, 1e6)) return VL_ABSURD;
+    if (c.echo > r->tick || !vl_are_plausible(c.tau, c.joints, 1e6)) return VL_INVALID;
     if (is_first && r->tick - c.echo > r->release_ticks) return VL_OLD;
     if (c.repeats > r->most_repeats) c.repeats = r->most_repeats;
     if (c.mode == VL_TORQUE && r->tick - c.echo > (uint64_t)c.repeats) return VL_OLD;
@@ -446,13 +448,13 @@ static inline vl_result vl_robot_judge(vl_robot* r, const void* bytes, size_t si
 
 /* Takes a packet that came from `peer`: any number above 0 that tells senders apart, such as a hash of their address. */
 static inline vl_result vl_robot_receive(vl_robot* r, const void* bytes, size_t size, uint64_t peer) {
-    const vl_result result = vl_robot_judge(r, bytes, size, peer);
+    const vl_result result = vl_robot_check(r, bytes, size, peer);
     ++r->counts[result];
     return result;
 }
 
-/* Of the torque that the robot's own stop and hold wants to write in a tick of VL_HOLD makes the one that may be written [Nm]:
-within torque_limit, and no more than torque_step from the last one; what is not finite becomes the last one. */
+/* Limits a torque of the robot's own stop and hold in a tick of VL_HOLD [Nm]. `tau` comes to lie within
+torque_limit, and no more than torque_step from the last one. Values that are not finite become the last one. */
 static inline void vl_robot_limit(vl_robot* r, double* tau) {
     for (int i = 0; i < r->joints; ++i) {
         const double most = r->torque_limit[i], last = r->torque[i];
@@ -463,15 +465,16 @@ static inline void vl_robot_limit(vl_robot* r, double* tau) {
     }
 }
 
-/* What the motors give now [Nm]: from there the next torque sets out. Before the first tick; in each tick in which the robot
-holds itself otherwise, by brakes or its vendor's controller; and where a torque of vl_robot_tick() was not let act. */
+/* Notes the present torque of the motors [Nm], from which the next torque starts. Call it before the first tick, and
+in each tick in which the robot holds itself by brakes or by its vendor's controller. Call it also where a torque of
+vl_robot_tick() did not act. */
 static inline void vl_robot_note(vl_robot* r, const double* tau) {
     for (int i = 0; i < r->joints; ++i)
         if (vl_is_plausible(tau[i], 1e300)) r->torque[i] = tau[i];
 }
 
-/* Once per tick, after the packets that came: VL_TORQUE, and `tau` [Nm] is to act in this tick, as it is; or VL_HOLD, and the
-robot comes to rest and holds itself by its own means; see vl_robot_limit() and vl_robot_note(). */
+/* Call it once per tick, after the packets that came. VL_TORQUE: `tau` [Nm] is to act in this tick, as it is.
+VL_HOLD: the robot comes to rest and holds itself by its own means; see vl_robot_limit() and vl_robot_note(). */
 static inline vl_mode vl_robot_tick(vl_robot* r, double* tau) {
     ++r->tick;
     if (r->has_host && r->tick - r->heard_tick > r->release_ticks) vl_robot_release(r);
@@ -489,9 +492,9 @@ static inline vl_mode vl_robot_tick(vl_robot* r, double* tau) {
     return VL_HOLD;
 }
 
-/* After vl_robot_tick(): the packet to send to vl_robot_peer(), of at most VL_MAX_PACKET bytes. Returns its size; 0: there is
-nobody. Of `s` the caller fills in time_ns (of the clock that makes the ticks; any beginning), q, qd, tau, external and the
-flags but VL_HOLDS and VL_LAPSED. */
+/* After vl_robot_tick(): the packet to send to vl_robot_peer(), of at most VL_MAX_PACKET bytes. Returns its size; 0:
+there is nobody. The caller fills in q, qd, tau, external, the flags but VL_HOLDS and VL_LAPSED, and time_ns. This is
+the time of the clock that makes the ticks, with any beginning. */
 static inline size_t vl_robot_state(vl_robot* r, vl_state* s, uint8_t* packet) {
     if (!vl_robot_peer(r)) return 0;
     s->sequence = r->tick;
@@ -518,10 +521,10 @@ typedef struct vl_host {
     int is_connected;            /* the robot has taken a command of this session */
     uint64_t counts[VL_RESULTS]; /* packets */
     uint64_t lost;               /* ticks of which no state has come */
-    uint64_t last_sequence;      /* of the last good state; 0: none */
+    uint64_t last_sequence;      /* number of the last good state; 0: none */
     int other_version, other_joints;
-    uint32_t other_tick_ns; /* what the last packet that was dropped for it had */
-    /* Its own. */
+    uint32_t other_tick_ns; /* figures of the last packet that was dropped for them */
+    /* Internal. */
     vl_session session;
     uint64_t sent;
 } vl_host;
@@ -542,11 +545,11 @@ static inline vl_result vl_host_judge(vl_host* h, const void* bytes, size_t size
     vl_state s;
     vl_session session;
     vl_result result;
-    if (peer != h->peer) return VL_FOREIGN;
+    if (peer != h->peer) return VL_OTHER_SESSION;
     result = vl_decode_state(bytes, size, &h->key, &s, &session);
     if (result == VL_OTHER_VERSION) h->other_version = ((const uint8_t*)bytes)[4];
     if (result != VL_GOOD) return result;
-    if (session.host != h->session.host || session.robot == 0) return VL_FOREIGN;
+    if (session.host != h->session.host || session.robot == 0) return VL_OTHER_SESSION;
     if (s.joints != h->joints) {
         h->other_joints = s.joints;
         return VL_OTHER_JOINTS;
@@ -556,7 +559,7 @@ static inline vl_result vl_host_judge(vl_host* h, const void* bytes, size_t size
         return VL_OTHER_TICK;
     }
     if (session.robot != h->session.robot) {
-        if (h->is_connected) return VL_FOREIGN;
+        if (h->is_connected) return VL_OTHER_SESSION;
         h->session.robot = session.robot;
         h->last_sequence = 0;
     }
@@ -566,7 +569,7 @@ static inline vl_result vl_host_judge(vl_host* h, const void* bytes, size_t size
         !vl_are_plausible(s.qd, s.joints, h->largest_velocity) ||
         !vl_are_plausible(s.tau, s.joints, h->largest_torque) ||
         ((s.flags & VL_HAS_EXTERNAL) && !vl_are_plausible(s.external, s.joints, h->largest_torque)))
-        return VL_ABSURD;
+        return VL_INVALID;
     if (h->last_sequence) h->lost += s.sequence - h->last_sequence - 1;
     h->last_sequence = s.sequence;
     if (s.echo > 0) h->is_connected = 1;

@@ -24,9 +24,9 @@ SPDX-License-Identifier: Apache-2.0 */
 
 #include "viable_link.h"
 
-/* The last packet of one direction in shared memory. One process writes, one reads, neither waits for the other: the number
-is odd while a packet is written, and what was written meanwhile is not taken. Whoever is killed leaves nothing that has
-to be given back. Readers wait for the next number (futex). */
+/* The last packet of one direction in shared memory. One process writes, one reads, neither waits for the other. The
+number is odd while a packet is written, and a packet that was written meanwhile is not taken. Whoever is killed
+leaves nothing that has to be given back. Readers wait for the next number (futex). */
 typedef struct vl_mailbox {
     uint32_t number, size;
     uint64_t words[VL_MAX_PACKET / 8];
@@ -96,7 +96,7 @@ static inline int64_t vl_now_ns(void) {
     return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
-/* Of a sender: FNV-1a over address and port. */
+/* The number of a sender: FNV-1a over address and port. */
 static inline uint64_t vl_address_number(const struct sockaddr_storage* address) {
     uint64_t hash = UINT64_C(14695981039346656037);
     uint8_t bytes[18] = {0};
@@ -200,7 +200,7 @@ static inline int vl_line_open_shared(vl_line* line, const char* name, char* err
             return vl_line_fail(line, error, size,
                                 line->is_robot ? "another robot has this shared memory" : "another host has this robot",
                                 NULL);
-        /* Who had it may have removed the name since it was opened: nobody would find this one any more. */
+        /* The process that had it may have removed the name since: nobody would find this one any more. */
         if (fstat(line->fd, &status) == 0 && status.st_nlink > 0) break;
         close(line->fd);
         line->fd = -1;

@@ -9,8 +9,8 @@
 
 namespace viable {
 
-/** Writes what a TorqueGuard or a ReferenceGuard did, tick by tick, to a log as `viable run` makes them: `viable report
-FOLDER` makes pages of the logs in a folder, `viable export` tables, `viable verify` judges them.
+/** Writes the ticks of a TorqueGuard or a ReferenceGuard to a log as `viable run` makes them. `viable report FOLDER`
+makes pages of the logs in a folder. `viable export` makes tables, and `viable verify` checks them.
 
 Real time: append() copies into a slot made beforehand; another thread writes. No allocation, lock or system call.
 Thread: append() by one thread, the rest not beside it. */
@@ -21,7 +21,7 @@ public:
         @param hasRealArm  of a TorqueGuard; false: of a ReferenceGuard without surroundings
     Throws Error: BadInput where the file exists already, LogNotWritten where it cannot be created. */
     GuardLog(const std::filesystem::path& file, const RobotDescription& robot, bool hasRealArm);
-    /** finish(), what it says unseen. */
+    /** Calls finish() and ignores its message. */
     ~GuardLog();
     GuardLog(GuardLog&&) noexcept;
     GuardLog& operator=(GuardLog&&) noexcept;

@@ -17,36 +17,36 @@
 
 namespace viable {
 
-/** What a TorqueGuard is to keep, and how. */
+/** The limits that a TorqueGuard keeps, and its options. */
 struct TorqueGuardOptions {
-    /** Of the nominal arm; none: the robot's own. Position limits beyond 4 pi need
-    robot.allowLargeAngles. */
+    /** Limits of the nominal arm; none: the robot's own. Position limits beyond 4 pi need robot.allowLargeAngles. */
     std::optional<JointLimits> limits;
     CertifiedBrakingOptions filter;
     /** The loop Nric makes the real arm follow the nominal one; false: the motors get the filter's
     torque alone. */
     bool hasRobustLoop = true;
-    /** Its gains; none: those of scaleGains(), which every pose within the limits can carry. */
+    /** Gains of the robust loop; none: those of scaleGains(), which every pose within the limits can carry. */
     std::optional<NricOptions> robustGains;
-    /** Farthest that a joint may be from its nominal one before the arm is stopped [rad, prismatic: m];
-    > 0, infinite: as far as it likes. A joint beyond it is pulled back as if it were this far (its
-    speed is damped as always), and from there on the integral of the robust loop stands still, until
-    start(): what blocks the arm is not pushed harder and harder. */
+    /** Farthest that a joint may be from its nominal one before the arm is stopped [rad, prismatic: m]; > 0,
+    infinite: no limit. The robust loop pulls a joint beyond it back as if it were this far, and damps its speed as
+    always. From there on the integral of the robust loop stands still, until start(): an arm that is blocked is not
+    pushed harder and harder. */
     PerJoint largestDeviation = 0.1;
-    /** A reading that says a joint is faster than this, or away from its nominal one by more than this
-    speed explains since the last reading, is not taken as plausible (two encoder counts are allowed on top)
-    [rad/s, prismatic: m/s]; > 0. None: twice the velocity limit, or twice the speed at the start where
-    that is higher. */
+    /** Fastest plausible motion of a reading [rad/s, prismatic: m/s]; > 0. A joint's reading is not plausible if its
+    speed is higher. It is not plausible either if it moved farther from its nominal place than this speed explains
+    since the last reading. Two encoder counts are allowed on top. None: twice the velocity limit, or twice the speed
+    at the start where that is higher. */
     std::optional<PerJoint> largestSpeed;
-    /** What the robot adds to the torques that it is sent, and how fast they may change. The rate counts from what holds the
-    arm at the start, and in the robust loop, too: what it cuts off does not wind up the integral. Where it is less than the
-    motion needs, M x jerk, the real arm falls behind: lower the jerk limits then. With c, the inertiaRate of robustGains() [1/s], the loop
-    stands sudden torques of about 2 torqueRate / c [Nm]; larger ones (a payload unknown at the start) can make it unstable:
-    state the payload, or give lower gains. */
+    /** Torques that the robot adds by itself, and the fastest change of torque that it accepts. The rate counts from
+    the torque that holds the arm at the start. The robust loop knows the rate, so its integral does not wind up
+    against it. With a rate below M x jerk, which the motion needs, the real arm falls behind: lower the jerk limits
+    then. Let c be the inertiaRate of robustGains() [1/s]. The loop remains stable for sudden torques of about 2
+    torqueRate / c [Nm]. Larger ones (a payload unknown at the start) can make it unstable: state the payload, or
+    give lower gains. */
     TorqueConvention convention;
 };
 
-/** What was wrong with a tick's reading. */
+/** Faults of a tick's reading. */
 enum class ReadingFault : unsigned char {
     None,
     Malformed,  ///< wrong size or not finite, the external torque included
@@ -55,13 +55,13 @@ enum class ReadingFault : unsigned char {
 
 /** The answer to one tick; vectors have one entry per joint. */
 struct GuardedTorque {
-    /** To be sent to the robot until the next tick [Nm, prismatic: N]; always finite. With what the robot adds by itself
-    (TorqueGuardOptions::convention) the motors' torque is within robot.actuation.torqueLimit. */
+    /** To be sent to the robot until the next tick [Nm, prismatic: N]; always finite. With the torques that the
+    robot adds (TorqueGuardOptions::convention) the motors' torque is within robot.actuation.torqueLimit. */
     JointVector torque;
     GuardStatus status = GuardStatus::NotStarted;
     /** Which limit holds each joint back. */
     std::array<JointIntervention, kMaxJoints> acting{};
-    /** Where it is not None, the nominal arm plus the last good deviation stood in for the reading. */
+    /** If it is not None, the nominal arm plus the last good deviation replaced the reading. */
     ReadingFault readingFault = ReadingFault::None;
     /** The law's torque was unusable: the last good one was taken, before that gravity compensation. */
     bool lawFailed = false;
@@ -80,31 +80,27 @@ struct GuardedTorque {
             tau_d = arm.M * (100.0 * (target - nominal.q) - 20.0 * nominal.qd) + arm.b;
         }).torque);
 
-Method: the very loop of experiments (ControlLoop) with the filter CertifiedBrakingFilter, the robust
-loop Nric, and the monitor of stops. The law moves a nominal arm, which has no friction and a known
-inertia, and whose limits are kept; the robust loop keeps the real arm next to it. A law is called from
-inside step(), and not between a begin() and an end(): so it always sees the state that its torque is
-for, no tick can be left half done, and what it throws is caught here.
-Without a reading (bad, or a missed tick) the robust loop's integral stands still and its last torque is
-held, which carries a payload on. What it spent on friction, by the robot's description, goes as the
-nominal joint slows down: held, it would keep the real one moving. The torque never grows, but nothing
-ties the real arm to the nominal one meanwhile.
-A robot with RobotDescription::speedLimits is refused at the start: nothing here keeps them.
-Guarantees: position, velocity, acceleration and jerk limits of the nominal arm, at every tick and
-between, whatever law, readings and missed ticks do (with `filter.recovery`: from the moment they are
-met); as long as there are readings, the real arm within `largestDeviation` of it, or the arm is stopped.
-Torques that are not finite or beyond the motors' limits never come out. No stop takes a torque away in one tick: where the
-robust loop fails, its share goes to zero evenly in 25 ms, where nothing gives numbers any more (Failed) what is sent does;
-slower where `convention` or the motorRate of robustGains state a rate. A tick is `tick_s` long; what
-the clock says enters by missTicks() alone.
-Real time: step() and missTicks() allocate, lock, log and throw nothing (a throwing law costs what
-throwing costs); a step takes about 10 us for six joints on a PC. Constructor and start() are not for
-the loop.
+Method: the very loop of experiments (ControlLoop) with the filter CertifiedBrakingFilter, the robust loop Nric, and the
+monitor of stops. The law moves a nominal arm, which has no friction and a known inertia, and whose limits are kept. The
+robust loop keeps the real arm next to it. The guard calls the law in step(), so the law always sees the state that its
+torque is for. No tick can be left half done, and step() catches exceptions of the law. Without a reading (bad, or a
+missed tick) the robust loop's integral stands still and its last torque is held, which carries a payload on. The share
+for friction, by the robot's description, fades as the nominal joint slows down; held, it would keep the real one
+moving. The torque never grows, but nothing ties the real arm to the nominal one meanwhile. A robot with
+RobotDescription::speedLimits is refused at the start: nothing here keeps them.
+Guarantees: position, velocity, acceleration and jerk limits of the nominal arm, at every tick and between. They hold
+for any law, readings and missed ticks (with `filter.recovery`: from the moment they are met). As long as there are
+readings, the real arm is within `largestDeviation` of it, or the arm is stopped. Torques that are not finite or beyond
+the motors' limits never come out. No stop takes a torque away in one tick. If the robust loop fails, its share goes to
+zero evenly in 25 ms. With the status Failed the whole torque does. Both are slower where `convention` or the motorRate
+of robustGains state a rate. A tick is `tick_s` long; measured time enters by missTicks() alone.
+Real time: step() and missTicks() allocate, lock, log and throw nothing (but a law that throws costs time). A step takes
+about 10 us for six joints on a PC. Constructor and start() are not for the loop.
 Thread: one at a time; requestStop() from any, and from signal handlers. */
 class TorqueGuard {
 public:
-    /** Throws Error (BadInput), which says place, cause and remedy, for a robot that is not complete (as
-    built in code), for limits, gains or options of the wrong size or out of range at this tick.
+    /** Throws Error (BadInput) with place, cause and remedy for a robot that is not complete (as built in code). It
+    throws also for limits, gains or options of the wrong size or out of range at this tick.
     @param robot   from loadRobot(), or built in code
     @param tick_s  the period of your loop [s], 0.00001 to 0.1 */
     TorqueGuard(RobotDescription robot, double tick_s, TorqueGuardOptions options = {});
@@ -112,10 +108,9 @@ public:
     TorqueGuard(TorqueGuard&&) noexcept;
     TorqueGuard& operator=(TorqueGuard&&) noexcept;
 
-    /** From here on: the nominal arm is where the real one is. Before the first step(), and again after
-    a stop. Throws Error (BadInput) for a reading that is malformed, for a start from which no stop
-    within the limits exists (unless `filter.recovery`), and for robust gains that the sampled loop
-    cannot carry in this pose. */
+    /** From here on: the nominal arm is where the real one is. Before the first step(), and again after a stop.
+    Throws Error (BadInput) for a malformed reading, and for robust gains that the sampled loop cannot carry in this
+    pose. It throws also for a start from which no stop within the limits exists (unless `filter.recovery`). */
     void start(const JointState& measured);
 
     /** One tick.
@@ -131,26 +126,26 @@ public:
     const GuardedTorque& step(const JointState& measured, Law&& law) noexcept {
         return callStep(measured, nullptr, law);
     }
-    /** The same for an arm that measures what its surroundings put on it: that moves the nominal arm, too, so a
-    push is yielded to within all limits, and the robust loop does not work against it.
-    @param external  on each joint, read just now [Nm, prismatic: N]; not finite, beyond 1e9 or of the wrong
-                     size: the whole reading is unusable. Without a reading the last one stands. */
+    /** The same for an arm that measures external torques. They move the nominal arm, too. So the arm yields to a push
+    within all limits, and the robust loop does not work against it.
+    @param external  on each joint, read just now [Nm, prismatic: N]; not finite, beyond 1e9 or of the wrong size:
+    the whole reading is unusable. Without a reading the last one stands. */
     template <class Law>
     const GuardedTorque& step(const JointState& measured, const JointVector& external, Law&& law) noexcept {
         return callStep(measured, &external, law);
     }
 
-    /** `ticks` ticks passed without a step(), the motors holding the last torque: the nominal arm has
-    followed its stop meanwhile, the integral of the robust loop has stood still. Before the step() that
-    comes late; 0 or less: nothing. After more than 1000 in a row (steps that wait for a reading counted)
-    the arm is stopped for good. About 7 us for each tick, until the arm is stopped. */
+    /** `ticks` ticks passed without a step(), while the motors held the last torque. The nominal arm has followed
+    its stop meanwhile, and the integral of the robust loop has stood still. Call it before the step() that comes
+    late; 0 or less: nothing. After more than 1000 in a row (steps that wait for a reading counted) the arm is
+    stopped for good. About 7 us for each tick, until the arm is stopped. */
     void missTicks(std::int64_t ticks) noexcept;
 
     /** Brakes the arm for good, from the next step() on. A request before start() stops the arm after it. */
     void requestStop() noexcept;
 
     GuardStop stopReason() const;
-    /** What was wrong, in a sentence; empty without a stop. Valid until start(). */
+    /** The cause of a stop, in a sentence; empty without a stop. Valid until start(). */
     const char* stopMessage() const;
 
     int size() const;                   ///< joints

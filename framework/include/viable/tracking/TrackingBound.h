@@ -9,13 +9,13 @@
 
 namespace viable {
 
-/** What the real arm may have that the nominal one has not: the set of disturbances that a TrackingBound
-is for. All at once, in any combination. Dry friction, ripple, pushes and reading errors change at any time within
-these sizes, and so does the factor on the friction, unless it is constant; masses, payload and tilt are constant in a run.
-Names as those of the simulated plants' parameters. */
+/** The set of disturbances that a TrackingBound is for: properties of the real arm that the nominal one has not.
+They act all at once, in any combination. Dry friction, ripple, pushes and reading errors change at any time within
+these sizes. So does the factor on the friction, unless it is constant. Masses, payload and tilt are constant in a
+run. The names are those of the simulated plants' parameters. */
 struct DisturbanceSet {
     PerJoint frictionScale = 1.0;     ///< largest factor on the robot's friction figures; 0: no friction
-    PerJoint frictionScaleMin = 0.0;  ///< least one: so much is sure to damp, and may be fed forward
+    PerJoint frictionScaleMin = 0.0;  ///< least factor: so much is sure to damp, and may be fed forward
     /** The factor of each joint is the same all through a run: its viscous friction changes only with the velocity. */
     bool isFrictionConstant = false;
     double breakawayRatio = 1.0;   ///< largest Fs / Fc
@@ -27,24 +27,24 @@ struct DisturbanceSet {
     PerJoint torqueRipple_Nm = 0.0;
     PerJoint externalTorque_Nm = 0.0;  ///< pushes that are not fed to the nominal arm
     double torqueLimitFactor = 1.0;    ///< least motor torque over the robot's figure
-    /** Largest error of a reading besides its rounding to counts; of the plants' encoder_noise_rad four times that. */
+    /** Largest error of a reading besides its rounding to counts: four times the plants' encoder_noise_rad. */
     double readingError_rad = 0.0;
     int delayTicks = 0;  ///< between the computed torque and the motors
 };
 
 /** How far the real arm can get from the nominal one at a tick, within a disturbance set. */
 struct TrackingBound {
-    JointVector position;        ///< of |q_real - q_nominal|, the true one [rad]
-    JointVector velocity;        ///< of its rate [rad/s]
-    JointVector measured;        ///< of |e| as the encoders show it: where a run trips [rad]
-    JointVector torque;          ///< of |tau_c + tau_a|, for moments [Nm]
-    JointVector lastingTorque;   ///< of what motion and disturbances need for longer than that [Nm]
-    JointVector motorTorque;     ///< what the motors can give [Nm]; see calcTrackingBound()
-    JointVector torqueStep;      ///< of the change of tau_a from tick to tick [Nm]
-    JointVector integralTorque;  ///< of K_r K_i |sum of e dt| [Nm]
+    JointVector position;        ///< bound of |q_real - q_nominal|, the true one [rad]
+    JointVector velocity;        ///< bound of the rate of that [rad/s]
+    JointVector measured;        ///< bound of |e| as the encoders show it: where a run trips [rad]
+    JointVector torque;          ///< bound of |tau_c + tau_a|, for moments [Nm]
+    JointVector lastingTorque;   ///< bound of what motion and disturbances need for longer than that [Nm]
+    JointVector motorTorque;     ///< torque that the motors can give [Nm]; see calcTrackingBound()
+    JointVector torqueStep;      ///< bound of the change of tau_a from tick to tick [Nm]
+    JointVector integralTorque;  ///< bound of K_r K_i |sum of e dt| [Nm]
 
-    /** One source of error and the most that it adds to the bounds, at any time of a run and in any pose: not all sources do
-    their worst at once, so the sum is larger than the bound. */
+    /** One source of error and the most that it adds to the bounds, at any time of a run and in any pose. Not all
+    sources do their worst at once, so the sum is larger than the bound. */
     struct Part {
         std::string source;
         JointVector torque;    ///< largest torque that it puts on each joint [Nm]
@@ -56,25 +56,28 @@ struct TrackingBound {
 
 /** The bound for Nric with constant gains.
 
-Method: M edd = tau_a + w around the inertia of a pose, w less what of the friction is fed forward; the sampled loop's peak gains (l1 norm of the impulse response,
-joint by joint, Desoer and Vidyasagar 1975) from w and from the readings to e and de. w is what is left of the equations
-of motion of both arms: friction, load, mass error, tilt, what the reading and the holding of a tick do, and terms in
-e and de (stiffness, Coriolis, inertia that has changed since), which make the bound a fixed point. The inertia that
-changes enters by parts, integral of K dM edd = - integral of (K dM)' de, so that only as much of it counts as the
-response is long. Coupling between joints is in all of it. A run is taken in phases: soon after the start a response has little past and
-the nominal arm is slow; later the step at the start (payload) has faded (MATH 10).
-Assumes: with a delay the first torque holds from the start on; velocities read as the difference of two positions over a tick, positions in whole encoder counts; start at
-rest; the nominal arm within `limits`; no torque beyond the motors; neither
-Nric's rate nor its integral at their limits; rigid joints. Extremes over poses are those of a fixed sample within the
-position limits (192, gradients at 64, loops at 32) and, for the loops, of a climb from the worst of them to the fastest and
-the slowest mode and to the least inertia of each joint: elsewhere between them nothing is proven. Nor is it for masses and places
-of the payload between those looked at, where they are not affine: loops are those of the heaviest, the lightest and two mixed
-arms, places the corners of an octahedron around the ball.
+Method: the error obeys M edd = tau_a + w around the inertia of a pose, w less the friction that is fed forward. The
+bound uses the sampled loop's peak gains from w and from the readings to e and de. A peak gain is the l1 norm of the
+impulse response, joint by joint (Desoer and Vidyasagar 1975). The rest of both arms' equations of motion is w:
+friction, load, mass error, tilt, and the effects of reading and of holding a tick. Terms in e and de (stiffness,
+Coriolis, inertia that has changed since) make the bound a fixed point. The inertia that changes enters by parts,
+integral of K dM edd = - integral of (K dM)' de. So only as much of it counts as the response is long. All of it
+includes the coupling between joints. A run is taken in phases. Soon after the start a response has little past and the
+nominal arm is slow. Later the step at the start (payload) has faded (MATH 10).
+Assumes: a run starts at rest, and with a delay the first torque holds from the start on. Velocities are the difference
+of two positions over a tick, positions whole encoder counts. The nominal arm stays within `limits`, no torque beyond
+the motors, and neither Nric's rate nor its integral at their limits. Joints are rigid.
+Sampling: extremes over poses are those of a fixed sample within the position limits (192, gradients at 64, loops at
+32). For the loops a climb from the worst of them finds the fastest and the slowest mode and the least inertia of each
+joint. Between these poses nothing is proven. Masses and places of the payload are sampled, too, where they are not
+affine, and nothing is proven between them. Loops are those of the heaviest, the lightest and two mixed arms, places the
+corners of an octahedron around the ball.
 @param limits  of the nominal arm; velocity and acceleration finite
 @param place   of the gains or the set, for messages
-Throws Error (BadInput) for unstable gains (with the largest stable ones), where no bound exists, and for what is not finite. Does not judge the
-motors: with motorTorque below lastingTorque the real arm cannot follow; between that and torque it can, but nothing
-proves that no motor is ever at its limit. Takes some seconds; not for a loop. */
+Throws Error (BadInput) for unstable gains (with the largest stable ones), where no bound exists, and for input that is
+not finite.
+Motors: the function does not check them. With motorTorque below lastingTorque the real arm cannot follow. Between
+that and torque it can, but nothing proves that no motor is ever at its limit. Takes some seconds; not for a loop. */
 TrackingBound calcTrackingBound(const RobotDescription& robot, const JointLimits& limits, double tick_s,
                                 const NricOptions& gains, const DisturbanceSet& set, const std::string& place = {});
 
