@@ -8,10 +8,9 @@ namespace viable {
 
     u_d = d qdd_d / dt - gamma (qdd - qdd_d)      (paper, eq. 14)
 
-with (qdd_d - last qdd_d) / dt for the derivative where it is not known (Remark 1).
-With that jerk qdd approaches qdd_d exponentially (Prop. 1); sampled, this needs gamma dt < 2. Where
-the set-point jumps the quotient is very large: IntervalChoice clamps it near the jerk
-limits.
+with (qdd_d - last qdd_d) / dt for the derivative where it is not known (Remark 1). With that jerk qdd approaches qdd_d
+exponentially (Prop. 1); sampled, this needs gamma dt < 2. If the set-point jumps, the quotient is very large:
+IntervalChoice clamps it near the jerk limits.
 Real time: no allocation, lock or throw. */
 class DesiredJerk {
 public:

@@ -7,17 +7,17 @@
 
 namespace viable {
 
-/** Bounds on one joint's jerk by exponential control barrier functions: one row per limit and side, each
-limit by itself. Every pole of every barrier lies at -k.
+/** Bounds on one joint's jerk by exponential control barrier functions: one row per limit and side, each limit by
+itself. Every pole of every barrier lies at -k.
 
 Method (Nguyen and Sreenath 2016; S3 of the paper), for the upper side, the lower one is the mirror image:
     position      h = P - p:   h''' + 3 k h'' + 3 k^2 h' + k^3 h >= 0   <=>   j <= k^3 (P - p) - 3 k^2 v - 3 k a
     velocity      h = V - v:   h'' + 2 k h' + k^2 h >= 0                <=>   j <= k^2 (V - v) - 2 k a
     acceleration  h = A - a:   h' + k h >= 0                            <=>   j <= k (A - a)
-A row that always holds keeps its limit when h, h' + k h and h'' + 2 k h' + k^2 h (as far as the row has them)
-are not negative at the start.
-Assumes: continuous time, and rows that can hold: they do not contain the jerk limit or the other
-rows, so together they may have no solution. */
+A row that always holds keeps its limit under a condition at the start. There h, h' + k h and h'' + 2 k h' + k^2 h (as
+far as the row has them) are not negative.
+Assumes: continuous time, and rows that can hold. They do not contain the jerk limit or the other rows, so together
+they may have no solution. */
 struct ExponentialBarrierRows {
     static constexpr int kRows = 3;  ///< per side
     static constexpr std::array<LimitKind, kRows> kLimits{LimitKind::Position, LimitKind::Velocity,

@@ -7,9 +7,9 @@
 
 namespace viable {
 
-/** A stop of one joint on the time grid: up to six segments of whole ticks with constant jerk,
-ending at v = 0 and a = 0 up to rounding. Holding its jerks tick by tick stops the
-joint. Plain data, so that a filter can hand its stop to the host. */
+/** A stop of one joint on the time grid. It has up to six segments of whole ticks with constant jerk, and ends at v
+= 0 and a = 0 up to rounding. Holding its jerks tick by tick stops the joint. Plain data, so that a filter can hand
+its stop to the host. */
 class GridStop {
 public:
     static constexpr int kSegments = 6;
@@ -18,10 +18,10 @@ public:
         double jerk = 0.0;  ///< [rad/s^3]
     };
 
-    /** Plans the stop from (v, a) that takes the fewest ticks, or nearly so. Every phase of the stationary
-    stop is rounded to whole ticks and the jerks are solved for again, so that acceleration and jerk limits hold.
-    When (v, a) lies so far outside the acceleration limit that no such plan is found, the stop brings `a` to zero
-    first at full jerk. Returns false in that case. Jerk limits finite. No allocation; bounded work. */
+    /** Plans the stop from (v, a) that takes the fewest ticks, or nearly so. Every phase of the stationary stop is
+    rounded to whole ticks and the jerks are solved for again, so that acceleration and jerk limits hold. If (v, a)
+    lies too far outside the acceleration limit for such a plan, the stop first brings `a` to zero at full jerk. It
+    returns false in that case. Jerk limits finite. No allocation; bounded work. */
     bool plan(double v, double a, const AxisLimits& limits, double tick_s);
 
     /** The stop that consists of these segments; a negative number of ticks counts as 0, more than

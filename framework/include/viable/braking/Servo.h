@@ -10,12 +10,13 @@ namespace viable {
 
 /** Leads an arm to a joint target, which may move or jump, as fast as its limits allow (framework/MATH.md, section 6).
 
-Per joint: of the jerks that the limits admit (see CertifiedBrakingFilter) the one after which the stop, seen from the
-target, ends exactly there; where all of them stop short of it, the one that goes farthest towards it.
+Per joint it takes one of the jerks that the limits admit (see CertifiedBrakingFilter). After this jerk the stop, seen
+from the target, ends exactly there. If all of them stop short of the target, it takes the one that goes farthest
+towards it.
 Guarantees: position, velocity, acceleration and jerk limits, at every tick and between, from every state with a stop
-within them less 1e-10 of each; so much is kept in hand that a certified filter of the same limits admits what is asked
-for. A target at rest is reached in the shortest time that a tick grid allows, or nearly so, without overshoot,
-and held exactly. A target beyond a position limit counts as one at the limit.
+within them less 1e-10 of each. With this reserve a certified filter of the same limits admits these jerks. A target at
+rest is reached in the shortest time that a tick grid allows, or nearly so, without overshoot, and held exactly. A
+target beyond a position limit counts as one at the limit.
 Real time: no allocation, lock or throw after configure(); bounded work. */
 class Servo {
 public:
@@ -36,7 +37,7 @@ public:
 
     /** The jerk to hold in this tick.
         @param state   of the arm [rad, rad/s, rad/s^2]
-        @param target  in this tick; velocity and acceleration are zero where they are not known. Where they are the
+        @param target  in this tick; velocity and acceleration are zero where they are not known. If they are the
                        target's own and keep the limits, it is followed without error.
         @param jerk    [rad/s^3] */
     void calc(const MotionState& state, const MotionState& target, JointVector& jerk);
@@ -46,11 +47,11 @@ private:
     std::unique_ptr<Impl> impl_;
 };
 
-/** The velocity of a joint target, as far as the joint can follow its changes: a target that moves evenly is followed
-with its velocity, one that starts, stops or turns faster than the joint could is not believed at once. Smoothed over half
-the time in which the joint stops from its velocity limit, and growing no faster than with half the deceleration of that
-stop; slower at once. A target that stands still has none, whatever it had; one that jumps, faster than the velocity limit,
-counts as moving with the limit for that tick.
+/** The velocity of a joint target, as far as the joint can follow its changes. A target that moves evenly is followed
+with its velocity. The velocity of one that starts, stops or turns faster than the joint could is not taken over at
+once. It is smoothed over half the time in which the joint stops from its velocity limit. It grows no faster than with
+half the deceleration of that stop, and falls at once. A target that stands still has no velocity, whatever it had. One
+that jumps, faster than the velocity limit, counts as moving with the limit for that tick.
 Real time: no allocation, lock or throw after configure(). */
 class TargetVelocity {
 public:
@@ -68,8 +69,8 @@ public:
 private:
     double tick_s_ = 0.0, filter_s_ = 0.0;
     JointBounds limits_;
-    JointBounds growth_;  ///< of the velocity's size in a tick
-    JointVector share_;   ///< of a change that is followed in a tick
+    JointBounds growth_;  ///< change of the velocity's size in a tick
+    JointVector share_;   ///< share of a change that is followed in a tick
     JointVector last_, smoothed_, velocity_;
 };
 

@@ -12,19 +12,19 @@
 
 namespace viable {
 
-/** A part of a YAML file as it was written, with its place, so that every later message can
-name file, line, column and key path.
+/** A part of a YAML file as it was written, with its place. So every later message can name file, line, column and key
+path.
 
-The reader is strict where YAML is lax: duplicate keys, anchors, aliases, merge keys, tags, several
-documents in one file and non-text keys are errors; no file is read partly. */
+The reader is strict where YAML is lax. Duplicate keys, anchors, aliases, merge keys, tags, several documents in one
+file and non-text keys are errors. No file is read partly. */
 struct ConfigNode {
     enum class Kind { Empty, Scalar, List, Map };
 
     Kind kind = Kind::Empty;
-    std::string text;               ///< of a Scalar, as written (without quotes)
+    std::string text;               ///< a Scalar as written (without quotes)
     bool quoted = false;            ///< the Scalar was in quotes, or must be when written: never a number
-    std::vector<ConfigNode> items;  ///< of a List
-    std::vector<std::pair<std::string, ConfigNode>> entries;  ///< of a Map, in file order
+    std::vector<ConfigNode> items;  ///< entries of a List
+    std::vector<std::pair<std::string, ConfigNode>> entries;  ///< entries of a Map, in file order
 
     std::string file;     ///< as given by the user; "--set" for an override
     int line = 0;         ///< 1-based; 0 when there is no place

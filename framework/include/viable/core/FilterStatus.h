@@ -2,13 +2,12 @@
 
 namespace viable {
 
-/** What a filter did to the desired torque. */
+/** Effect of a filter on the desired torque. */
 enum class FilterStatus : unsigned char {
-    Passed,         ///< what the controller wants is admissible and is done as it is; apply
+    Passed,         ///< the controller's wish is admissible and is done as it is; apply
     Modified,       ///< changed to keep the limits; apply
     StoppedByPlan,  ///< a backup stop is being followed; apply
-    Recovering,     ///< a limit cannot be met yet (recovery, or limits that have shrunk): it is approached as
-                    ///< fast as jerk allows and nothing gets worse on the way; apply
+    Recovering,     ///< a limit cannot be met yet (recovery, shrunk limits): approached as fast as jerk allows; apply
     Infeasible,     ///< no admissible choice existed; the braking fallback is in the decision; apply
     InvalidInput,   ///< input of wrong size or not finite; decision not written, do not apply
     Faulted,        ///< the filter cannot go on; decision not written, do not apply

@@ -11,9 +11,9 @@ struct MinimumJerk {
 /** Largest slope, at half the distance: peak speed = this * distance / duration. */
 inline constexpr double kMinimumJerkPeakSlope = 1.875;
 
-/** The motion from 0 to 1 in u = 0 .. 1 that minimises the integral of the squared jerk, at rest with
-zero acceleration at both ends: 10 u^3 - 15 u^4 + 6 u^5 (Flash and Hogan 1985, "The coordination of
-arm movements"). Outside 0 .. 1: at rest at the nearer end. */
+/** The motion from 0 to 1 in u = 0 .. 1 that minimises the integral of the squared jerk. It is at rest with zero
+acceleration at both ends: 10 u^3 - 15 u^4 + 6 u^5. (Flash and Hogan 1985, "The coordination of arm movements".)
+Outside 0 .. 1: at rest at the nearer end. */
 inline MinimumJerk calcMinimumJerk(double u) {
     if (!(u > 0.0)) return {0.0, 0.0};
     if (u >= 1.0) return {1.0, 0.0};

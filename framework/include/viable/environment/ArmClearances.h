@@ -8,8 +8,8 @@
 
 namespace viable {
 
-/** How near the parts of an arm at a pose are to obstacles and to each other, and which way of the joints leads apart: for
-controllers that keep away where they are free to. What keeps clear for certain is a filter's work.
+/** Distances of the parts of an arm at a pose from obstacles and from each other, and the way of the joints that
+leads apart. They are for controllers that keep away where they are free to. Only a filter keeps clear for certain.
 Real time after construction: no allocation, lock or throw. */
 class ArmClearances {
 public:
@@ -21,16 +21,16 @@ public:
     struct Item {
         int capsule = 0;        ///< index into ArmGeometry::capsules
         int otherCapsule = -1;  ///< -1: the distance is that from an obstacle
-        int obstacle = -1;      ///< of the surroundings; -1: another capsule
+        int obstacle = -1;      ///< index into the surroundings; -1: another capsule
         bool isNearest = true;  ///< false: at an end of a capsule, which may come to be the nearest place
-        double distance = 0.0;  ///< of two capsules, or a lower bound of a capsule's from an obstacle [m]
+        double distance = 0.0;  ///< distance of two capsules, or a lower bound of that from an obstacle [m]
         JointVector gradient;   ///< how it changes with each joint [m/rad]
     };
-    /** What is nearer than `within_m`: each capsule that a joint moves from each obstacle (the nearest nine), and each pair of
-    capsules; each at its nearest place and at the ends of the capsules.
+    /** The distances below `within_m`: of each capsule that a joint moves from each obstacle (the nearest nine), and of
+    each pair of capsules. Each is given at its nearest place and at the ends of the capsules.
     @param surroundings  null: only pairs
     @param time_s        of the run, see Surroundings::calcDistance
-    @return valid until the next call; empty where a position is no number */
+    @return valid until the next call; empty where a position is NaN */
     const std::vector<Item>& find(const JointVector& q, const Surroundings* surroundings, double time_s,
                                   double within_m);
 

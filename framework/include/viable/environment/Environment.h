@@ -45,8 +45,8 @@ enum class UnknownSpace : unsigned char { Occupied, Free };
 struct MapChoice {
     std::string name;
     std::filesystem::path file;  ///< .bt or .ot
-    std::string sha256;          ///< of the file, hexadecimal; empty: not compared
-    std::string place;           ///< where the file was named, for messages
+    std::string sha256;          ///< hash of the file, hexadecimal; empty: not compared
+    std::string place;           ///< the place that names the file, for messages
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
     UnknownSpace unknown = UnknownSpace::Occupied;
 };
@@ -56,7 +56,7 @@ struct Environment {
     std::vector<Solid> solids;
     std::vector<MovingSphere> spheres;
     std::optional<MapChoice> map;
-    /** Who may come near. Not part of Surroundings: what is seen of them comes over a PeopleFeed. */
+    /** People who may come near. They are not part of Surroundings: observations come over a PeopleFeed. */
     std::vector<Person> people;
     double safetyDistance_m = 0.02;  ///< smallest clearance that must be kept
     double fieldCell_m = 0.02;       ///< spacing of the nodes of the distance field around a map
@@ -65,9 +65,9 @@ struct Environment {
     std::vector<std::string> obstacleNames() const;
 };
 
-/** Checks what was filled in code. Throws Error (BadInput) that names every obstacle with a size that is not above 0 or
-not finite, with a pose that is none, or with waypoints that are none or do not rise in time, and a safety distance or a
-cell that cannot be. */
+/** Checks an environment that was filled in code. Throws Error (BadInput) that names every obstacle with an invalid
+pose, or with a size that is not above 0 or not finite. It names also invalid waypoints, and waypoints that do not
+rise in time, and an impossible safety distance or cell. */
 void checkEnvironment(const Environment& environment);
 
 /** Reads an `environment` block. Throws Error (BadInput) with the place: unknown shapes or keys, sizes that are not

@@ -26,8 +26,8 @@ struct PersonCapsule {
     double radius = 0.0;                                                       ///< > 0 [m]
 };
 
-/** A person near the arm, or a part of one that is faster than the rest, such as a hand: what is known of it before it is
-seen, and for tests how it walks about. */
+/** A person near the arm, or a part of one that is faster than the rest, such as a hand. It holds what is known
+before the person is seen, and for tests the walk. */
 struct Person {
     std::string name;
     double maxSpeed = 1.6;  ///< none of its points is ever faster [m/s]; 1.6 walking, 2 a hand (ISO 13855)
@@ -36,7 +36,7 @@ struct Person {
     double error_m = 0.0;  ///< and is wrong by no more than this [m]
     /** Points of the arm may touch the person at this speed [m/s]; 0: what it can touch must rest before. */
     double contactSpeed = 0.0;
-    /** Of it as a file names it; setContactSpeeds() makes the contact speed of it. */
+    /** The body part that a file names; setContactSpeeds() makes the contact speed of it. */
     std::optional<BodyPart> bodyPart;
 
     using Waypoint = viable::Waypoint;
@@ -44,9 +44,9 @@ struct Person {
     struct Absence {
         double from_s = 0.0, to_s = 0.0;
     };
-    std::vector<PersonCapsule> capsules;  ///< of a scripted person, from its place on the walk
-    /** Straight and at constant speed from one to the next; at rest before the first and after the last. Empty: not scripted,
-    and seen only where somebody else puts it into the PeopleFeed. */
+    std::vector<PersonCapsule> capsules;  ///< a scripted person's, from its place on the walk
+    /** Straight and at constant speed from one to the next. At rest before the first and after the last. Empty: not
+    scripted, and seen only where somebody else puts it into the PeopleFeed. */
     std::vector<Waypoint> walk;
     bool repeats = false;
     std::vector<Absence> unseen;
@@ -72,11 +72,11 @@ void checkPeople(const std::vector<Person>& people, const std::string& where);
 Throws Error (BadInput) with the place. */
 std::vector<Person> readPeople(const ConfigNode& block);
 
-/** Gives those with a body part the contact speed at which an arm that moves so much may touch it (calcContactSpeed), and an arm
-without mass none. A part stands for all capsules of the person. */
+/** Sets the contact speed of people with a body part (calcContactSpeed) for an arm that moves so much; an arm
+without mass has none. A part stands for all capsules of the person. */
 void setContactSpeeds(std::vector<Person>& people, double movingMass_kg);
 
-/** What was seen of one person. */
+/** The observation of one person. */
 struct PersonObservation {
     enum class Kind : unsigned char {
         Unseen,  ///< nothing: the person may have gone anywhere since it was seen last
@@ -85,7 +85,7 @@ struct PersonObservation {
     };
     Kind kind = Kind::Unseen;
     double stamp_s = 0.0;      ///< in the time of the run
-    int count = 0;             ///< of capsules
+    int count = 0;             ///< number of capsules
     std::int64_t refused = 0;  ///< observations of this person that could not be used, so far; the feed counts
     std::array<PersonCapsule, kMaxPersonCapsules> capsules;  ///< base frame
 };
@@ -98,11 +98,11 @@ struct PeopleObservation {
     int lastRefused = -1;      ///< whose
 };
 
-/** What a sensor without error would see at time t of the people that have a walk; allocates nothing. */
+/** The observation of a sensor without error at time t, of the people that have a walk; allocates nothing. */
 void observeWalks(const std::vector<Person>& people, double t, PeopleObservation& seen);
 
-/** Hands what is seen of people from the thread that sees them to the one that moves the arm, without lock or wait on either
-side: of several observations the newest. One thread each. */
+/** Hands observations of people from the thread that sees them to the one that moves the arm, without lock or wait
+on either side. The newest of several observations counts. One thread each. */
 class PeopleFeed {
 public:
     /** @param people  who may come, not more than kMaxPeople. Throws Error (BadInput), see checkPeople(). */
@@ -113,10 +113,11 @@ public:
 
     const std::vector<Person>& people() const { return people_; }
 
-    /** The thread that sees. What cannot be used counts as unseen and as refused: numbers that are not finite or farther away
-    than kFarthestPerson_m, radii that are not above 0, no capsule or more than there is room for, a person that is not among people()
-    (who is counted, and not kept apart from: nobody knows how fast he is). Until the first one, an empty one too, the arm rests.
-    Allocates nothing. @return  how many persons were refused */
+    /** For the thread that sees. An unusable person counts as unseen and as refused. Unusable are numbers that are
+    not finite or farther away than kFarthestPerson_m, and radii that are not above 0. Unusable are also no capsule
+    or more than there is room for, and a person that is not among people(). The arm does not keep apart from that
+    person, as nobody knows the speed. Until the first one, an empty one too, the arm rests. Allocates nothing.
+    @return  how many persons were refused */
     int put(const PeopleObservation& seen);
 
     /** Reserves take() for the caller; false when it is reserved already. */

@@ -16,14 +16,15 @@ namespace viable {
 class DistanceField;
 class OccupancyMap;
 
-/** The surroundings of an arm, prepared for queries in a tick: solids in closed form, the map as a distance field,
-moving spheres by their paths. Immutable, so that one thread may query while another prepares the next one. */
+/** The surroundings of an arm, prepared for queries in a tick. Solids are in closed form, the map is a distance
+field, and moving spheres have their paths. Immutable, so that one thread may query while another prepares the next
+one. */
 class Surroundings {
 public:
     /** @param lower, upper  box that the arm can reach, base frame [m]: covered by the distance field
-        @param reach_m       larger distances need not be distinguished [m]
-    Reads the map file and makes its distance field, or shares those of earlier Surroundings of this process when
-    file, pose and box are the same: at most two maps stay in memory until the process ends. Throws Error (BadInput). */
+    @param reach_m       larger distances need not be distinguished [m] Reads the map file and makes its distance
+    field. It shares those of earlier Surroundings of this process when file, pose and box are the same. At most two
+    maps stay in memory until the process ends. Throws Error (BadInput). */
     Surroundings(const Environment& environment, const Eigen::Vector3d& lower, const Eigen::Vector3d& upper,
                  double reach_m);
     ~Surroundings();
@@ -45,10 +46,10 @@ public:
     };
 
     /** A lower bound of the distance of p (base frame) from all obstacles at time t of the run and at any later time
-    [m]: a moving sphere counts with the whole rest of its path, so that an arm at rest there will never be hit (with
-    its whole path when t is NaN). Solids and spheres: exact outside; inside a box or a cylinder minus the distance
-    to the nearest face. The map: see DistanceField; -infinity outside of the box [lower, upper].
-    -infinity, of no obstacle, when p is NaN. Infinity without obstacles. Real time. */
+    [m]. A moving sphere counts with the whole rest of its path, so that it never hits an arm at rest there. When t
+    is NaN it counts with its whole path. Solids and spheres: exact outside; inside a box or a cylinder minus the
+    distance to the nearest face. The map: see DistanceField; -infinity outside of the box [lower, upper]. -infinity,
+    of no obstacle, when p is NaN. Infinity without obstacles. Real time. */
     double calcDistance(const Eigen::Vector3d& p, double t) const;
     /** The same, with the obstacle and the gradient. */
     Nearest findNearest(const Eigen::Vector3d& p, double t) const;
@@ -64,7 +65,7 @@ public:
         bool add(int obstacle);
     };
     Nearest findNearest(const Eigen::Vector3d& p, double t, const LeftOut& without) const;
-    /** Of one obstacle alone. */
+    /** The same for one obstacle alone. */
     Nearest findNearest(const Eigen::Vector3d& p, double t, int obstacle) const;
 
 private:
@@ -79,17 +80,17 @@ private:
     std::vector<std::string> names_;
     std::unique_ptr<const Shapes> shapes_;
     std::shared_ptr<const MapField> mapField_;
-    const DistanceField* field_ = nullptr;  ///< of mapField_
+    const DistanceField* field_ = nullptr;  ///< part of mapField_
 };
 
-/** Hands complete Surroundings from the thread that makes them to the thread that uses them, without lock or wait on
-either side: the maker puts, the user takes the newest. One thread each.
+/** Hands complete Surroundings from the thread that makes them to the thread that uses them. Neither side locks or
+waits. The maker puts, the user takes the newest. One thread each.
 
-A triple buffer: of three slots the maker owns one, the user one, and the third, ready, lies between them under its
-index in one atomic. put() fills the maker's slot and exchanges it for the ready one, take() exchanges the user's for
-the ready one when that is new; each exchange releases what its side wrote and acquires what the other did. A slot
-that the user has given back is emptied by the maker in a later put(): Surroundings are destroyed by put() and the
-destructor only, up to one put() after the user left them. */
+It is a triple buffer. The maker owns one slot and the user one. The third, ready, lies between them under its index
+in one atomic. A put() fills the maker's slot and exchanges it for the ready one. A take() exchanges the user's slot
+for the ready one when that is new. Each exchange releases what its side wrote and acquires what the other did. The
+maker empties a returned slot in a later put(). So only put() and the destructor destroy Surroundings, up to one
+put() after the user left them. */
 class SurroundingsFeed {
 public:
     /** @param first  not null */
@@ -116,8 +117,8 @@ public:
     };
     /** The user's thread; real time. */
     View take();
-    /** What the last take() returned, or before it the first surroundings: for others in the user's thread, who follow
-    the one that takes. Real time. */
+    /** The result of the last take(), or before it the first surroundings. For others in the user's thread, who
+    follow the one that takes. Real time. */
     View view() const;
 
 private:

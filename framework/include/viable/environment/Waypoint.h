@@ -11,8 +11,8 @@ struct Waypoint {
     Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< base frame [m]
 };
 
-/** Where a path is at time t [s] of the run: before the first waypoint at rest there, after the last at rest or, where the path
-repeats, on its way again. @param path  at least one */
+/** The place on a path at time t [s] of the run. Before the first waypoint it is at rest there. After the last it is
+at rest or, where the path repeats, on its way again. @param path  at least one */
 Eigen::Vector3d calcPlaceOnPath(const std::vector<Waypoint>& path, bool repeats, double t);
 
 }  // namespace viable

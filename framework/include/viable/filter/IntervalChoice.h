@@ -5,8 +5,7 @@
 
 namespace viable {
 
-/** What one joint may choose in a tick (a jerk or an acceleration) and which limit put each end
- * there. */
+/** The choices of one joint in a tick (a jerk or an acceleration), and the limit that put each end there. */
 struct JointInterval {
     double lower, upper;
     LimitKind lowerLimit, upperLimit;
@@ -22,18 +21,16 @@ struct JointInterval {
     void collapse(double value) { lower = upper = value; }
 };
 
-/** The last step of every limit law that gives an interval per joint: of the admissible choices,
-take the one nearest to the desired one in torque (paper, eq. 13; see BoxQp), and say what acted.
+/** The last step of every limit law that gives an interval per joint. It takes the admissible choice nearest to the
+desired one in torque (paper, eq. 13; see BoxQp), and reports which limit acted.
 
 Assumes: no interval is empty (the law's own braking choice stands where one was); M as in Dynamics.
-Guarantees: every choice lies in its interval; a desired choice inside all intervals is taken bit
-for bit.
+Guarantees: every choice lies in its interval; a desired choice inside all intervals is taken bit for bit.
 Real time: no allocation, lock or throw. */
 class IntervalChoice {
 public:
-    /** @param reach  no desired choice is followed beyond these bounds: it could not be met, and
-       through M it would drag the other joints along; usually the limits of the chosen quantity
-       themselves */
+    /** @param reach  bounds beyond which no desired choice is followed, usually the limits of the chosen quantity.
+    It could not be met, and through M it would drag the other joints along */
     void configure(const JointBounds& reach) { reach_ = reach; }
     void reset() { qp_.reset(); }
 

@@ -23,7 +23,7 @@ struct PluginInfo {
     PluginKind kind;
     std::string name;
     std::string summary;
-    std::filesystem::path library;  ///< of a class in Python: its .py file, and `name` is that of the class
+    std::filesystem::path library;  ///< for a class in Python its .py file; `name` is that of the class
     const PluginEntry* entry;
 };
 
@@ -39,18 +39,18 @@ struct RefusedLibrary {
 
 /** Finds plugin libraries by kind and name, checks them, makes plugins.
 
-A library's file is called viable_<kind>_<name>.so. Search: a path if the request is one (it
-contains a slash or ends in .so; relative to the folder of the file that asks), else every folder of
-the search path. FILE.py:CLASS is a class in Python, by way of viable_python.so, which lies beside the folders of the
-search path where it is installed; Python itself starts when such a class is configured. Two files for one name are an
-error that names both; so is a file whose descriptor says another kind or name. Loaded with RTLD_NOW | RTLD_LOCAL |
-RTLD_NODELETE; the descriptor's magic, size and ABI stamp are compared before any C++ object crosses, and a difference is said in
-words. Start-up code of a library (static objects) runs when it is found. */
+A library's file is called viable_<kind>_<name>.so. Search: a path if the request is one, else every folder of the
+search path. A path contains a slash or ends in .so, and is relative to the folder of the file that asks.
+FILE.py:CLASS is a class in Python, by way of viable_python.so, which is installed beside the folders of the search
+path. Python itself starts when such a class is configured. Two files for one name are an error that names both; so
+is a file whose descriptor says another kind or name. Libraries are loaded with RTLD_NOW | RTLD_LOCAL |
+RTLD_NODELETE. The descriptor's magic, size and ABI stamp are compared before any C++ object crosses, and a
+difference is named. Start-up code of a library (static objects) runs when it is found. */
 class PluginLoader {
 public:
-    /** @param trial_s  above 0: each library is opened in a process of its own first. One that crashes, ends the process
-        or takes longer than that there is refused (Error, PluginFailed), and this process goes on. What it does there
-        without dying it does here a second time. Find plugins while the program has one thread then. */
+    /** @param trial_s  above 0: each library is opened in a process of its own first. One that crashes, ends the
+    process or takes longer than that there is refused (Error, PluginFailed), and this process goes on. Start-up code
+    that survives there runs here a second time. Find plugins while the program has one thread then. */
     explicit PluginLoader(std::vector<std::filesystem::path> searchPath, double trial_s = 0.0);
 
     /** VIABLE_PLUGIN_PATH (colon-separated, absolute), then beside the program (`plugins` in its

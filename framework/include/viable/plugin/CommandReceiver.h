@@ -7,7 +7,7 @@
 
 namespace viable {
 
-/** What a command is between two samples of it. */
+/** The command between two of its samples. */
 enum class BetweenSamples : unsigned char {
     Hold,         ///< the newest one, at rest
     Interpolate,  ///< straight to the newest one, there a period later: one sample behind
@@ -20,14 +20,14 @@ const char* getName(BetweenSamples between);
 /** Makes a command for every tick out of samples that come when they come: 10 to 200 times a second, late, or not at
 all.
 
-Time is that of receipt; stamps of the sender are not needed. Its period is learnt from the last 16 intervals, its phase
-from the earliest receipts: a sample that is late by less than three quarters of a period, or follows lost ones (up to a
-third of all), tells no other speed. Bursts of more than six samples count as a faster sender.
-What is extrapolated goes on as the last two differences changed, by a slope limiter: a joint, the tool's position or its
-orientation that stops, turns round or jumps is not overshot. Two periods after the last sample it goes back to that
-sample, slowly, within 15 more. Samples that come more seldom than four times a second are held. Turns must stay below
-half a turn from sample to sample.
-Nothing is differentiated twice; no velocity that a sample brings along is used.
+Time is that of receipt; stamps of the sender are not needed. The sender's period is learnt from the last 16 intervals,
+and its phase from the earliest receipts. So the speed is right for a sample that is late by less than three quarters of
+a period. It is also right after lost samples (up to a third of all). Bursts of more than six samples count as a faster
+sender. The extrapolation continues the change of the last two differences, by a slope limiter. So a joint, the tool's
+position or its orientation is not overshot when it stops, turns round or jumps. Two periods after the last sample it
+goes back to that sample, slowly, within 15 more. Samples that come more seldom than four times a second are held. Turns
+must stay below half a turn from sample to sample. Nothing is differentiated twice; no velocity that a sample brings
+along is used.
 Real time: no allocation, lock or throw. */
 class CommandReceiver {
 public:

@@ -10,24 +10,21 @@ namespace viable {
 
     minimise |M (x - target)|^2   subject to   lower <= x <= upper                 (paper, eq. 13)
 
-Method: block principal pivoting (Judice and Pires 1994), started from the joints that stood on a
-bound in the last call: a round solves for the free joints, then exchanges every joint that
-is outside its bounds or whose gradient points away from its bound. Where their number stops falling, a dual
-active set method (Goldfarb and Idnani 1983, for bounds only) continues from there, one joint after the
-other. A round factors the normal equations of the free joints and corrects the solution with
-residuals of M itself (corrected seminormal equations, Bjorck 1987).
-Assumes: M invertible with a condition number below about 1e7 (M'M: 1e14), target finite, bounds
-finite or infinite. Where lower > upper, by rounding, the upper one counts for both.
-Guarantees: the result lies in the box exactly; where the target does, the result is the target bit
-for bit. A target that is not finite counts as 0, so the result is never NaN, and it is finite
-unless a bound forces it to be infinite.
-Real time: no allocation, lock or throw; at most kMaxRoundsPerJoint n rounds, each a little more
-than one Cholesky solve.
-*/
+Method: block principal pivoting (Judice and Pires 1994), started from the joints that stood on a bound in the last
+call. A round solves for the free joints. Then it exchanges every joint that is outside its bounds or whose gradient
+points away from its bound. When their number stops falling, a dual active set method (Goldfarb and Idnani 1983, for
+bounds only) continues from there, one joint after the other. A round factors the normal equations of the free joints
+and corrects the solution with residuals of M itself (corrected seminormal equations, Bjorck 1987).
+Assumes: M invertible with a condition number below about 1e7 (M'M: 1e14), target finite, bounds finite or infinite. If
+lower > upper, by rounding, the upper one counts for both.
+Guarantees: the result lies in the box exactly; where the target does, the result is the target bit for bit. A target
+that is not finite counts as 0, so the result is never NaN. It is finite unless a bound forces it to be infinite.
+Real time: no allocation, lock or throw; at most kMaxRoundsPerJoint n rounds, each a little more than one Cholesky
+solve. */
 class BoxQp {
 public:
-    /** Random and adversarial problems with n = 1..16 took at most half of it; an arm whose
-    active set is that of the previous tick takes one round. */
+    /** Random and adversarial problems with n = 1..16 took at most half of it. An arm whose active set is that of
+    the previous tick takes one round. */
     static constexpr int kMaxRoundsPerJoint = 12;
 
     enum class Status : unsigned char {
@@ -37,10 +34,10 @@ public:
                        ///< too ill-conditioned, or kMaxRoundsPerJoint n reached
     };
 
-    /** With s_i = |column i of M| and D^2 = sum (s_i (x_i - target_i))^2: a free joint may be outside by
-    kBoundTolerance D / s_i (and is then put on the bound), and the gradient of a joint on a bound may
-    point inwards by kGradientTolerance D s_i. The second is the rounding error of a gradient: a joint
-    that is held by mistake is wrong by it times the condition number of M'M. */
+    /** Let s_i = |column i of M| and D^2 = sum (s_i (x_i - target_i))^2. A free joint may be outside by
+    kBoundTolerance D / s_i (and is then put on the bound). The gradient of a joint on a bound may point inwards by
+    kGradientTolerance D s_i. This is the rounding error of a gradient. A joint that is held by mistake is wrong by
+    it times the condition number of M'M. */
     static constexpr double kBoundTolerance = 1e-11;
     static constexpr double kGradientTolerance = 1e-14;
 
@@ -52,7 +49,7 @@ public:
     /** Clears the set of free joints of the last call. */
     void reset() { side_.fill(0); }
 
-    int rounds() const { return rounds_; }  ///< of the last call
+    int rounds() const { return rounds_; }  ///< number in the last call
 
 private:
     std::array<signed char, kMaxJoints> side_{};  // -1 at lower, 0 free, +1 at upper

@@ -20,7 +20,7 @@ struct LinkCapsule {
 /** The parts of an arm that can collide: capsules around its links, and which of them can collide with each other.
 Obstacles are checked for links that a joint moves, not for those fixed to the base. */
 struct ArmGeometry {
-    std::vector<std::string> links;  ///< those with capsules
+    std::vector<std::string> links;  ///< links with capsules
     std::vector<LinkCapsule> capsules;
     /** Indices into `capsules`, first < second: pairs on links that must not touch. Pairs of links that the file
     allows to touch, of one link, and of two links without a joint between them are left out. */
@@ -35,8 +35,8 @@ struct ArmGeometry {
     may_touch: [[link0, link1], ...]                                links that are next to each other
 
 Links are those of the URDF, also on fixed joints; links that are left out cannot collide.
-Throws Error (BadInput): missing file, a placeholder of `viable new robot` in it (each with the remedy), an unknown
-link, a size that is NaN or not positive, a duplicate pair. */
+Throws Error (BadInput) for a missing file and for a placeholder of `viable new robot` in it (each with the remedy).
+It throws also for an unknown link, a size that is NaN or not positive, and a duplicate pair. */
 ArmGeometry loadArmGeometry(const RobotDescription& robot);
 
 }  // namespace viable

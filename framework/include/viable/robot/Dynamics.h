@@ -15,8 +15,8 @@ struct Dynamics {
     ToolJacobian J;       ///< tool twist (linear, angular; base frame) = J qd
 };
 
-/** How far from the joints' axes the tool is, in the mean: the size of the linear part of J over that of the angular one
-[m]; 1 where nothing turns. At this length an error of 1 rad weighs as much as it moves the tool. */
+/** Mean distance of the tool from the joints' axes [m]; 1 where nothing turns. It is the size of the linear part of
+J over that of the angular one. At this length an error of 1 rad weighs as much as it moves the tool. */
 double calcLeverArm(const ToolJacobian& J);
 
 /** True when every member belongs to n joints and is finite. */

@@ -13,8 +13,8 @@ namespace viable {
 
 enum class JointType { Revolute, Continuous, Prismatic };
 
-/** Mass [kg], centre of mass [m] and inertia tensor [kg m^2] about the centre of mass (standard
-sign: Ixy = -integral of x y dm), all in one frame's axes. */
+/** Mass [kg], centre of mass [m] and inertia tensor [kg m^2] about the centre of mass, all in one frame's axes.
+Standard sign: Ixy = -integral of x y dm. */
 struct BodyInertia {
     double mass = 0.0;
     Eigen::Vector3d com = Eigen::Vector3d::Zero();
@@ -39,7 +39,7 @@ struct JointFriction {
     JointVector viscousVelocity;  ///< [rad/s], > 0
 };
 
-/** What drives the joints; every figure on the output side of the gear unless it says otherwise. */
+/** Motors and gears of the joints. Every figure is on the output side of the gear unless it says otherwise. */
 struct Actuation {
     JointVector gearRatio;      ///< motor turns per joint turn
     JointVector rotorInertia;   ///< [kg m^2], reflected: motor side times gear ratio squared
@@ -69,14 +69,14 @@ struct RobotDescription {
     /** The motion of the joint per encoder count [rad, prismatic: m]; 0: no figure. */
     double encoderStep(int joint) const;
     std::vector<std::string> jointNames() const;
-    /** Of all that a joint moves, the tool and a payload included [kg]. */
+    /** Mass of all that a joint moves, the tool and a payload included [kg]. */
     double movingMass() const;
     /** The joint is prismatic: m and N in place of rad and Nm. */
     bool slides(int joint) const { return joints[static_cast<std::size_t>(joint)].type == JointType::Prismatic; }
 };
 
-/** Reads a robot folder; throws Error (BadInput) with file and place; what is wrong at different keys of its YAML
-files is told together. */
+/** Reads a robot folder; throws Error (BadInput) with file and place. Faults at different keys of its YAML files are
+reported together. */
 RobotDescription loadRobot(const std::filesystem::path& folder);
 
 /** The friction of an actuation.yaml, for example of `viable identify`, for joints of these names; throws likewise. */

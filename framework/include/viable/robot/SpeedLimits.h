@@ -12,16 +12,16 @@ namespace viable {
 /** Largest speeds of an arm's points in the base frame [m/s]; infinite: no limit. Such as 0.25 m/s, the reduced speed of
 ISO 10218-1. */
 struct SpeedLimits {
-    /** A box in which a lower speed counts: for all points of a capsule, as soon as its segment is in the box made larger by the
-    capsule's radius on every side. */
+    /** A box in which a lower speed counts. It counts for all points of a capsule as soon as its segment is in the
+    box enlarged by the capsule's radius. */
     struct Region {
         std::string name;
         Eigen::Vector3d lower = Eigen::Vector3d::Zero(), upper = Eigen::Vector3d::Zero();  ///< corners, base frame [m]
         double speed = std::numeric_limits<double>::infinity();
     };
 
-    double arm = std::numeric_limits<double>::infinity();   ///< of every point of the capsules that a joint moves
-    double tool = std::numeric_limits<double>::infinity();  ///< of the tool frame's origin
+    double arm = std::numeric_limits<double>::infinity();  ///< limit for every point of the capsules that a joint moves
+    double tool = std::numeric_limits<double>::infinity();  ///< limit for the tool frame's origin
     std::vector<Region> regions;
 
     bool needsCapsules() const { return arm < std::numeric_limits<double>::infinity() || !regions.empty(); }

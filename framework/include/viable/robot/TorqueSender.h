@@ -8,7 +8,7 @@
 
 namespace viable {
 
-/** What a robot's own controller makes of the torques that it is sent. */
+/** The effect of a robot's own controller on the torques that it is sent. */
 struct TorqueConvention {
     /** It adds the torque that holds the arm against gravity: what is sent is without (libfranka, for one). */
     bool addsGravity = false;
@@ -19,13 +19,13 @@ struct TorqueConvention {
     PerJoint torqueRate = std::numeric_limits<double>::infinity();
 };
 
-/** The arm as such a robot shows it: where it adds friction itself, without friction, and with motors that are weaker by the
-largest of it. Throws Error (BadInput) where nothing is left of a motor. */
+/** The arm as such a robot shows it. If the robot adds friction itself, the arm has no friction, and its motors are
+weaker by the largest friction. Throws Error (BadInput) where nothing is left of a motor. */
 RobotDescription withConvention(RobotDescription robot, const TorqueConvention& convention);
 
 /** Makes of the torque that the motors shall give what a robot is to be sent: for plants and loops of one's own.
-Guarantees: what is sent changes by no more than torqueRate x tick per call, from what holds the arm at rest; this comes
-before the motors' limits where a pose that changes makes both impossible.
+Guarantees: the sent torque changes by no more than torqueRate x tick per call, from the torque that holds the arm at
+rest. This comes before the motors' limits where a pose that changes makes both impossible.
 Real time: no allocation, lock or throw after construction. */
 class TorqueSender {
 public:
@@ -37,9 +37,9 @@ public:
 
     /** The robot holds the arm at rest at q. */
     void reset(const JointVector& q);
-    /** The same, with the torque `held`, as the robot measures it in its own convention [Nm]. The first torque that is sent
-    takes that over; by what it differs from the model's (payload, friction that holds, errors of the model) fades within
-    blend_s, along half a cosine, while the loop outside learns of it. */
+    /** The same, with the torque `held`, as the robot measures it in its own convention [Nm]. The first torque that
+    is sent takes that over. The difference from the model's torque (payload, friction that holds, errors of the
+    model) fades within blend_s, along half a cosine. The loop outside learns of it meanwhile. */
     void reset(const JointVector& q, const JointVector& held, double blend_s);
 
     /** @param q       joint positions, as read now [rad]
@@ -47,7 +47,7 @@ public:
         @return        to be sent [Nm], valid until the next call */
     const JointVector& send(const JointVector& q, JointVector& torque);
 
-    bool isRateLimited() const;  ///< what was sent last changed as fast as it may
+    bool isRateLimited() const;  ///< the last torque changed as fast as it may
 
 private:
     struct Impl;

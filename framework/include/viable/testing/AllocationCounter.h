@@ -4,16 +4,14 @@
 
 namespace viable::testing {
 
-/** Counts the heap allocations (malloc, calloc, realloc, new, ...) of the thread that constructed it, from
-then on. To use it, link AllocationCounter.cpp (installed in share/viable/testing) into the program; where malloc
-cannot be replaced (sanitizers, another C library than glibc) it is not available and counts
-nothing:
+/** Counts the heap allocations (malloc, calloc, realloc, new, ...) of the thread that constructed it, from then on. To
+use it, link AllocationCounter.cpp (installed in share/viable/testing) into the program. If malloc cannot be replaced
+(sanitizers, another C library than glibc) it is not available and counts nothing:
 
     if (!AllocationCounter::isAvailable()) GTEST_SKIP() << AllocationCounter::whyNot();
     AllocationCounter counter;
     loop.tick(record);
-    EXPECT_EQ(counter.count(), 0);
-*/
+    EXPECT_EQ(counter.count(), 0); */
 class AllocationCounter {
 public:
     static bool isAvailable();

@@ -11,8 +11,8 @@ extern "C" const viable::PluginLibrary* viable_plugin_library();
 
 namespace viable::testing {
 
-/** Configures the plugin that is linked into a test, and supplies the inputs of one tick: the two-link arm at rest in
-its home pose, 1 ms per tick. Must outlive the plugin. */
+/** Configures the plugin that is linked into a test, and supplies the inputs of one tick. The arm is the two-link
+arm at rest in its home pose, with 1 ms per tick. Must outlive the plugin. */
 class PluginBench {
 public:
     PluginBench() : model_(robot_) {
