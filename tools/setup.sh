@@ -13,7 +13,8 @@ packages=(
   libsimbody-dev                    # multibody dynamics
   libeigen3-dev                     # vectors and matrices
   libyaml-cpp-dev                   # YAML events for the strict configuration reader
-  liburdfdom-dev                    # robot descriptions (URDF)
+  libtinyxml2-dev                   # robot descriptions (URDF): XML
+  liburdfdom-dev                    # and what it says
   nlohmann-json3-dev                # summary.json
   libzstd-dev zlib1g-dev            # log compression and CRC
   liblz4-dev                        # chunks of other people's MCAP files
@@ -47,6 +48,7 @@ if [ "$target" = all ]; then
     python3-venv                    # test of `pip install`
     python3-jsonschema python3-yaml # tests of the schema of experiment files
     clang-format                    # the formatter whose opinion counts: tests/structure/format.sh
+    git                             # test of compare_bench.sh
   )
 fi
 if [ "$target" = all ] || [ "$target" = viable_python ] || [ "$target" = viable_package ]; then

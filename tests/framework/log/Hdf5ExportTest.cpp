@@ -27,12 +27,13 @@ public:
 
     std::vector<std::string> listDatasets() const {
         std::vector<std::string> paths;
-        H5Ovisit(
+        H5Lvisit(
             id_, H5_INDEX_NAME, H5_ITER_NATIVE,
-            [](hid_t, const char* name, const H5O_info_t* info, void* to) -> herr_t {
-                if (info->type == H5O_TYPE_DATASET)
+            [](hid_t from, const char* name, const H5L_info_t*, void* to) -> herr_t {
+                const hid_t object = H5Oopen(from, name, H5P_DEFAULT);
+                if (H5Iget_type(object) == H5I_DATASET)
                     static_cast<std::vector<std::string>*>(to)->push_back("/" + std::string(name));
-                return 0;
+                return H5Oclose(object);
             },
             &paths);
         std::sort(paths.begin(), paths.end());

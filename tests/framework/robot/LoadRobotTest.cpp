@@ -226,6 +226,21 @@ TEST_F(LoadRobotTest, OtherFormatsAreToldApart) {
     EXPECT_PARTS(findFault(), "root is <sdf>, not <robot>");
 }
 
+TEST_F(LoadRobotTest, Fault01_WhatIsNoXmlIsToldInWords) {
+    folder_.urdf = "<robot name='arm'>\n<link name='base'>\n</joint></robot>";
+    EXPECT_PARTS(findFault(),
+                 "arm.urdf:2: ", "this is not XML: an element begins here that is not closed by its own name");
+    for (const std::string attribute : {"name=base", "name='base' name='base'"}) {
+        folder_.urdf = "<robot name='arm'>\n\n<link " + attribute + "/></robot>";
+        EXPECT_PARTS(findFault(), "arm.urdf:3: ", "this is not XML: an attribute is not of the form name=\"value\"");
+    }
+    folder_.urdf = "<robot name='arm'/>\n<?xml version='1.0'?>";
+    EXPECT_PARTS(findFault(), "arm.urdf:2: ", "this is not XML: an <?xml ...?> stands behind the first element");
+    folder_.urdf =
+        "<!-- <link/> -->\n<robot name='a>b'><link name='base'/>\n\t<link name='base'/><link name='base'/></robot>";
+    EXPECT_PARTS(findFault(), "arm.urdf:3:2: ", "arm.urdf:3:21: ", "the first is at line 2");
+}
+
 TEST_F(LoadRobotTest, Fault01_BrokenUrdfIsRefusedQuietly) {
     const std::string whole = folder_.urdf;
     CaptureStderr();

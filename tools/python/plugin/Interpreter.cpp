@@ -175,7 +175,11 @@ bool isNeverEnded() {
 }
 
 bool isAlive() {
+#if PY_VERSION_HEX < 0x030D0000  // 3.13 gave it its public name, and took the other away
     return Py_IsInitialized() && !_Py_IsFinalizing();
+#else
+    return Py_IsInitialized() && !Py_IsFinalizing();
+#endif
 }
 
 }  // namespace viable::python

@@ -49,7 +49,7 @@ void checkJoint(const UrdfDocument& document, const UrdfTree::Joint& joint, Comp
             where, who + (joint.type.empty() ? " has no type" : " is of an unknown type, " + quoteName(joint.type)),
             (joint.type.empty() || closest.empty() ? "" : "Did you mean " + quoteName(closest) + "? ") + kKinds);
     }
-    if (const TiXmlElement* mimic = joint.element->FirstChildElement("mimic"))
+    if (const XmlElement* mimic = joint.element->FirstChildElement("mimic"))
         complaints.add(
             where,
             who + " mimics joint " + quoteName(getAttribute(mimic, "joint")) + ", but coupled joints are not supported",
@@ -57,7 +57,7 @@ void checkJoint(const UrdfDocument& document, const UrdfTree::Joint& joint, Comp
     if (!readAxis(*joint.element))
         complaints.add(where, "the axis of " + who + " has no direction",
                        "Give <axis xyz=\"...\"/> three numbers, such as \"0 0 1\".");
-    const TiXmlElement* limit = joint.element->FirstChildElement("limit");
+    const XmlElement* limit = joint.element->FirstChildElement("limit");
     std::string missing, wrong;
     if (!limit && isLimited) missing = "<limit>";
     for (const char* attribute : {"effort", "velocity"})
@@ -77,7 +77,7 @@ void checkJoint(const UrdfDocument& document, const UrdfTree::Joint& joint, Comp
 
 /** The mass that the link's <inertial> states, 0 where it states none. */
 double checkInertial(const UrdfDocument& document, const UrdfTree::Link& link, Complaints& complaints) {
-    const TiXmlElement* inertial = link.element->FirstChildElement("inertial");
+    const XmlElement* inertial = link.element->FirstChildElement("inertial");
     if (!inertial) return 0.0;
     const std::string where = document.place(*link.element);
     const std::string name = "link " + quoteName(link.name) + ": ";
@@ -107,8 +107,8 @@ double checkInertial(const UrdfDocument& document, const UrdfTree::Link& link, C
 
 void checkUrdfTree(UrdfDocument& document, Complaints& complaints) {
     for (const char* tag : {"joint", "link"}) {
-        std::map<std::string, const TiXmlElement*> first;
-        for (const TiXmlElement* element : document.list(tag)) {
+        std::map<std::string, const XmlElement*> first;
+        for (const XmlElement* element : document.list(tag)) {
             const std::string name = getAttribute(element, "name");
             if (name.empty()) {
                 complaints.add(document.place(*element), "the " + std::string(tag) + " has no name",
@@ -119,7 +119,7 @@ void checkUrdfTree(UrdfDocument& document, Complaints& complaints) {
             if (!isNew)
                 complaints.add(document.place(*element),
                                "there is a second " + std::string(tag) + " " + quoteName(name) +
-                                   "; the first is at line " + std::to_string(other->second->Row()),
+                                   "; the first is at line " + std::to_string(other->second->GetLineNum()),
                                "Give each a name of its own.");
         }
     }

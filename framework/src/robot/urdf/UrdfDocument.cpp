@@ -7,6 +7,7 @@
 #include <fstream>
 #include <locale>
 #include <sstream>
+#include <string_view>
 #include <utility>
 
 #include "viable/core/Error.h"
@@ -63,8 +64,8 @@ std::size_t getUtf8Length(const std::string& text, std::size_t i) {
 }
 
 /** Refuses what the XML reader would crash on, cut off, or take minutes for; and what it might take for something else than
-this does, so that its depth is known. */
-void checkText(const std::string& text, const std::string& file) {
+this does, so that its depth is known. Returns the columns where the elements begin, in file order. */
+std::vector<std::size_t> checkText(const std::string& text, const std::string& file) {
     if (text.find_first_not_of(" \t\r\n") == std::string::npos)
         throw badInput(file, "the file is empty", "A URDF file holds one <robot> element.");
     if (text.find('\0') != std::string::npos)
@@ -75,6 +76,8 @@ void checkText(const std::string& text, const std::string& file) {
                         "Check that the file is complete and every element is closed.");
     };
     int depth = 0;
+    std::vector<std::size_t> columns;
+    std::size_t line = 0, counted = 0;  // where the line begins; how far lines are counted
     for (std::size_t i = 0; i < text.size();) {
         if (text[i] != '<') {
             const std::size_t length = getUtf8Length(text, i);
@@ -111,6 +114,9 @@ void checkText(const std::string& text, const std::string& file) {
             k += length;
         }
         if (isEnd && --depth < 0) throw refuse(i, "an element is closed that was not opened");
+        for (; counted < i; ++counted)
+            if (text[counted] == '\n') line = counted + 1;
+        if (!isEnd) columns.push_back(i - line + 1);
         if (!isEnd && text[end - 1] != '/') ++depth;
         if (depth > kMaxUrdfDepth)
             throw badInput(file, "the elements are nested deeper than " + std::to_string(kMaxUrdfDepth) + " levels",
@@ -120,13 +126,43 @@ void checkText(const std::string& text, const std::string& file) {
                            "Check that every attribute's value is in quotes, and every element closed.");
         i = end + 1;
     }
+    return columns;
 }
 
-/** The end of a message that goes on. */
-std::string withoutPeriod(std::string text) {
-    while (!text.empty() && text.back() == '.') text.pop_back();
-    return text;
+std::string describeFault(tinyxml2::XMLError fault) {
+    switch (fault) {
+        case tinyxml2::XML_ERROR_MISMATCHED_ELEMENT:
+            return "an element begins here that is not closed by its own name";
+        case tinyxml2::XML_ERROR_PARSING_ATTRIBUTE:
+            return "an attribute is not of the form name=\"value\", or stands twice in its element";
+        case tinyxml2::XML_ERROR_PARSING_DECLARATION:
+            return "an <?xml ...?> stands behind the first element";
+        default:
+            return tinyxml2::XMLDocument::ErrorIDToName(fault);
+    }
 }
+
+bool isXacro(const XmlElement& element) {
+    if (std::string_view(element.Name()).substr(0, 6) == "xacro:") return true;
+    for (const tinyxml2::XMLAttribute* a = element.FirstAttribute(); a; a = a->Next())
+        if (std::strstr(a->Value(), "${") || std::strstr(a->Value(), "$(")) return true;
+    return false;
+}
+
+/** Calls `act` for an element and all inside of it, in file order. */
+template <class Act>
+void forEachElement(const XmlElement& element, const Act& act) {
+    act(element);
+    for (const XmlElement* child = element.FirstChildElement(); child; child = child->NextSiblingElement())
+        forEachElement(*child, act);
+}
+
+/** Writes two blanks for each level. */
+class Printer : public tinyxml2::XMLPrinter {
+    void PrintSpace(int depth) override {
+        for (int i = 0; i < depth; ++i) Write("  ");
+    }
+};
 
 /** Shorter axes are a slip, and their direction is rounding. */
 constexpr double kShortestAxis = 1e-6;
@@ -134,61 +170,55 @@ constexpr double kShortestAxis = 1e-6;
 }  // namespace
 
 UrdfDocument::UrdfDocument(const std::filesystem::path& file) : file_(file.string()), text_(readText(file)) {
-    checkText(text_, file_);
-    xml_.Parse(text_.c_str(), nullptr, TIXML_ENCODING_UTF8);
-    if (xml_.Error())
-        throw badInput(xml_.ErrorRow() > 0
-                           ? file_ + ":" + std::to_string(xml_.ErrorRow()) + ":" + std::to_string(xml_.ErrorCol())
-                           : file_,
-                       "this is not XML: " + withoutPeriod(xml_.ErrorDesc()),
+    const std::vector<std::size_t> columns = checkText(text_, file_);
+    if (const tinyxml2::XMLError fault = xml_.Parse(text_.data(), text_.size()))
+        throw badInput(xml_.ErrorLineNum() > 0 ? file_ + ":" + std::to_string(xml_.ErrorLineNum()) : file_,
+                       "this is not XML: " + describeFault(fault),
                        "Check that the file is complete and every element is closed.");
-    const TiXmlElement* root = xml_.RootElement();
-    if (!root || root->ValueStr() != "robot")
+    xml_.SetBOM(false);  // the printed text begins with its first character
+    const XmlElement* root = xml_.RootElement();
+    if (!root || std::string_view(root->Name()) != "robot")
         throw badInput(
-            file_,
-            "the file's root is " + (root ? "<" + root->ValueStr() + ">" : std::string("missing")) + ", not <robot>",
+            file_, "the file's root is " + (root ? "<" + std::string(root->Name()) + ">" : "missing") + ", not <robot>",
             "Only URDF is read; convert other formats (SDF, MJCF) first.");
-    const auto refuseXacro = [&](const TiXmlElement& element, const auto& again) -> void {
-        bool isXacro = element.ValueStr().compare(0, 6, "xacro:") == 0;
-        for (const TiXmlAttribute* a = element.FirstAttribute(); a && !isXacro; a = a->Next())
-            isXacro = a->ValueStr().find("${") != std::string::npos || a->ValueStr().find("$(") != std::string::npos;
-        if (isXacro)
-            throw badInput(place(element),
-                           "this is xacro input, not URDF: <" + element.ValueStr() + "> still has to be expanded",
-                           "Run `xacro INPUT.xacro > NAME.urdf` and use its output.");
-        for (const TiXmlElement* child = element.FirstChildElement(); child; child = child->NextSiblingElement())
-            again(*child, again);
-    };
-    refuseXacro(*root, refuseXacro);
+    forEachElement(*root, [&](const XmlElement& element) {
+        if (columns_.size() < columns.size()) columns_.emplace(&element, columns[columns_.size()]);
+        if (isXacro(element))
+            throw badInput(
+                place(element),
+                "this is xacro input, not URDF: <" + std::string(element.Name()) + "> still has to be expanded",
+                "Run `xacro INPUT.xacro > NAME.urdf` and use its output.");
+    });
 }
 
 std::string UrdfDocument::print() const {
-    TiXmlPrinter printer;
-    printer.SetIndent("  ");
-    xml_.Accept(&printer);
-    return printer.Str();
+    Printer printer;
+    xml_.Print(&printer);
+    return printer.CStr();
 }
 
-std::vector<TiXmlElement*> UrdfDocument::list(const char* tag) {
-    std::vector<TiXmlElement*> elements;
-    for (TiXmlElement* e = xml_.RootElement()->FirstChildElement(tag); e; e = e->NextSiblingElement(tag))
+std::vector<XmlElement*> UrdfDocument::list(const char* tag) {
+    std::vector<XmlElement*> elements;
+    for (XmlElement* e = xml_.RootElement()->FirstChildElement(tag); e; e = e->NextSiblingElement(tag))
         elements.push_back(e);
     return elements;
 }
 
-std::string UrdfDocument::place(const TiXmlElement& element) const {
-    return file_ + ":" + std::to_string(element.Row()) + ":" + std::to_string(element.Column());
+std::string UrdfDocument::place(const XmlElement& element) const {
+    const std::string line = file_ + ":" + std::to_string(element.GetLineNum());
+    const auto column = columns_.find(&element);
+    return column != columns_.end() ? line + ":" + std::to_string(column->second) : line;
 }
 
 UrdfTree::UrdfTree(UrdfDocument& document) {
-    for (TiXmlElement* element : document.list("link")) {
+    for (XmlElement* element : document.list("link")) {
         Link link;
         link.element = element;
         link.name = getAttribute(element, "name");
         if (link.name.empty() || !find.emplace(link.name, static_cast<int>(links.size())).second) continue;
         links.push_back(std::move(link));
     }
-    for (TiXmlElement* element : document.list("joint")) {
+    for (XmlElement* element : document.list("joint")) {
         Joint joint;
         joint.element = element;
         joint.name = getAttribute(element, "name");
@@ -281,7 +311,7 @@ std::string quoteName(const std::string& name) {
     return "`" + name + "`";
 }
 
-std::string getAttribute(const TiXmlElement* element, const char* name) {
+std::string getAttribute(const XmlElement* element, const char* name) {
     const char* text = element ? element->Attribute(name) : nullptr;
     return text ? text : "";
 }
@@ -303,9 +333,9 @@ std::optional<double> parseNumber(const std::string& text) {
     return numbers->front();
 }
 
-std::optional<Eigen::Isometry3d> readOrigin(const TiXmlElement& element) {
+std::optional<Eigen::Isometry3d> readOrigin(const XmlElement& element) {
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-    const TiXmlElement* origin = element.FirstChildElement("origin");
+    const XmlElement* origin = element.FirstChildElement("origin");
     if (!origin) return pose;
     for (const char* name : {"xyz", "rpy"}) {
         if (!origin->Attribute(name)) continue;
@@ -322,8 +352,8 @@ std::optional<Eigen::Isometry3d> readOrigin(const TiXmlElement& element) {
     return pose;
 }
 
-std::optional<Eigen::Vector3d> readAxis(const TiXmlElement& joint) {
-    const TiXmlElement* axis = joint.FirstChildElement("axis");
+std::optional<Eigen::Vector3d> readAxis(const XmlElement& joint) {
+    const XmlElement* axis = joint.FirstChildElement("axis");
     if (!axis || !axis->Attribute("xyz")) return Eigen::Vector3d::UnitX();
     const auto v = parseNumbers(axis->Attribute("xyz"));
     if (!v || v->size() != 3) return {};
@@ -332,9 +362,9 @@ std::optional<Eigen::Vector3d> readAxis(const TiXmlElement& joint) {
     return direction.normalized();
 }
 
-std::optional<UrdfInertial> readInertial(const TiXmlElement& inertial) {
+std::optional<UrdfInertial> readInertial(const XmlElement& inertial) {
     const auto mass = parseNumber(getAttribute(inertial.FirstChildElement("mass"), "value"));
-    const TiXmlElement* tensor = inertial.FirstChildElement("inertia");
+    const XmlElement* tensor = inertial.FirstChildElement("inertia");
     if (!mass || !tensor || !readOrigin(inertial)) return {};
     double m[6];
     int k = 0;

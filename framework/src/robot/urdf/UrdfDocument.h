@@ -1,15 +1,18 @@
 #pragma once
 
-#include <tinyxml.h>
+#include <tinyxml2.h>
 
 #include <Eigen/Geometry>
 #include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 namespace viable::detail {
+
+using XmlElement = tinyxml2::XMLElement;
 
 /** Largest URDF file, deepest nesting and most attributes of an element accepted: the XML reader works by recursion and
 compares each attribute with all others. */
@@ -29,25 +32,26 @@ public:
     /** The elements as they are now. */
     std::string print() const;
     /** The robot's elements with this tag, in file order. */
-    std::vector<TiXmlElement*> list(const char* tag);
+    std::vector<XmlElement*> list(const char* tag);
     /** file:line:column. */
-    std::string place(const TiXmlElement& element) const;
+    std::string place(const XmlElement& element) const;
 
 private:
     std::string file_, text_;
-    TiXmlDocument xml_;
+    tinyxml2::XMLDocument xml_{true, tinyxml2::COLLAPSE_WHITESPACE};
+    std::unordered_map<const XmlElement*, std::size_t> columns_;  ///< where the file's elements begin in their lines
 };
 
 /** Joints and links of a document that have a name, and what hangs on what. */
 struct UrdfTree {
     struct Joint {
-        TiXmlElement* element = nullptr;
+        XmlElement* element = nullptr;
         std::string name, type, parent, child;
         int parentLink = -1, childLink = -1;  ///< -1: there is no such link
         bool isMoving = false;                ///< of any type but fixed
     };
     struct Link {
-        TiXmlElement* element = nullptr;
+        XmlElement* element = nullptr;
         std::string name;
         int carrier = -1;         ///< joint whose child it is; -1: none
         std::vector<int> joints;  ///< that hang on it
@@ -76,7 +80,7 @@ struct UrdfTree {
 std::string quoteName(const std::string& name);
 
 /** An attribute of an element that may be missing; empty where there is none. */
-std::string getAttribute(const TiXmlElement* element, const char* name);
+std::string getAttribute(const XmlElement* element, const char* name);
 
 /** Finite numbers, separated by blanks; none where the text is anything else. */
 std::optional<std::vector<double>> parseNumbers(const std::string& text);
@@ -84,9 +88,9 @@ std::optional<std::vector<double>> parseNumbers(const std::string& text);
 std::optional<double> parseNumber(const std::string& text);
 
 /** The <origin> of an element, the identity where it has none; nothing where its numbers cannot be read. */
-std::optional<Eigen::Isometry3d> readOrigin(const TiXmlElement& element);
+std::optional<Eigen::Isometry3d> readOrigin(const XmlElement& element);
 /** The direction of a joint's <axis>, x where it has none; nothing where it has no direction. */
-std::optional<Eigen::Vector3d> readAxis(const TiXmlElement& joint);
+std::optional<Eigen::Vector3d> readAxis(const XmlElement& joint);
 
 /** Mass and inertia about the centre of mass, as <inertial> writes them. */
 struct UrdfInertial {
@@ -94,6 +98,6 @@ struct UrdfInertial {
     Eigen::Matrix3d inertia;  ///< [kg m^2]
 };
 /** Nothing where the numbers cannot be read or are missing. */
-std::optional<UrdfInertial> readInertial(const TiXmlElement& inertial);
+std::optional<UrdfInertial> readInertial(const XmlElement& inertial);
 
 }  // namespace viable::detail

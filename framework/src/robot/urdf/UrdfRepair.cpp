@@ -40,8 +40,8 @@ std::string listSome(std::vector<std::string> names) {
     return join(names) + more;
 }
 
-void setVector(TiXmlElement& element, const char* name, const Eigen::Vector3d& v) {
-    element.SetAttribute(name, formatNumber(v.x()) + " " + formatNumber(v.y()) + " " + formatNumber(v.z()));
+void setVector(XmlElement& element, const char* name, const Eigen::Vector3d& v) {
+    element.SetAttribute(name, (formatNumber(v.x()) + " " + formatNumber(v.y()) + " " + formatNumber(v.z())).c_str());
 }
 
 class Repair {
@@ -70,7 +70,7 @@ private:
     UrdfTree::Joint& joint(int j) { return tree_.joints[static_cast<std::size_t>(j)]; }
     const UrdfTree::Link& link(int i) const { return tree_.links[static_cast<std::size_t>(i)]; }
     std::string place(const UrdfTree::Joint& joint) const { return document_.place(*joint.element); }
-    void note(const TiXmlElement& element, const std::string& text) {
+    void note(const XmlElement& element, const std::string& text) {
         notes_.push_back(document_.place(element) + ": " + text);
     }
 
@@ -163,7 +163,7 @@ private:
 
     /** The position limits of a joint that has a range. */
     static bool readRange(const UrdfTree::Joint& joint, double& lower, double& upper) {
-        const TiXmlElement* limit = joint.element->FirstChildElement("limit");
+        const XmlElement* limit = joint.element->FirstChildElement("limit");
         if (joint.type != "revolute" && joint.type != "prismatic") return false;
         lower = parseNumber(getAttribute(limit, "lower")).value_or(0.0);
         upper = parseNumber(getAttribute(limit, "upper")).value_or(0.0);
@@ -175,7 +175,7 @@ private:
     std::optional<double> findRest(int j, int followed) const {
         if (const auto fixed = fixed_.find(j); fixed != fixed_.end() && fixed->second) return fixed->second;
         const UrdfTree::Joint& at = tree_.joints[static_cast<std::size_t>(j)];
-        if (const TiXmlElement* mimic = at.element->FirstChildElement("mimic")) {
+        if (const XmlElement* mimic = at.element->FirstChildElement("mimic")) {
             const int leader = findJoint(getAttribute(mimic, "joint"));
             if (leader < 0 || followed == kMostFollowed) return {};
             const std::optional<double> there = findRest(leader, followed + 1);
@@ -219,7 +219,7 @@ private:
         const auto origin = readOrigin(*joint.element);
         const auto axis = readAxis(*joint.element);
         if (!origin || (!axis && value != 0.0)) return false;
-        TiXmlElement& element = *joint.element;
+        XmlElement& element = *joint.element;
         if (value != 0.0) {
             Eigen::Isometry3d pose = *origin;
             if (joint.type == "prismatic")
@@ -232,20 +232,20 @@ private:
             const bool isUpright = std::hypot(R(0, 0), R(1, 0)) < 1e-9;
             const double roll = isUpright ? 0.0 : std::atan2(R(2, 1), R(2, 2));
             const double yaw = isUpright ? std::atan2(-R(0, 1), R(1, 1)) : std::atan2(R(1, 0), R(0, 0));
-            TiXmlElement* to = element.FirstChildElement("origin");
-            if (!to) to = element.InsertEndChild(TiXmlElement("origin"))->ToElement();
+            XmlElement* to = element.FirstChildElement("origin");
+            if (!to) to = element.InsertNewChildElement("origin");
             setVector(*to, "xyz", pose.translation());
             setVector(*to, "rpy", {roll, pitch, yaw});
         }
         element.SetAttribute("type", "fixed");
         for (const char* tag : {"axis", "limit", "mimic", "calibration", "dynamics", "safety_controller"})
-            while (TiXmlElement* child = element.FirstChildElement(tag)) element.RemoveChild(child);
+            while (XmlElement* child = element.FirstChildElement(tag)) element.DeleteChild(child);
         joint.isMoving = false;
         return true;
     }
 
     void freezeAndNote(UrdfTree::Joint& joint, const std::string& why) {
-        const TiXmlElement& element = *joint.element;
+        const XmlElement& element = *joint.element;
         if (freeze(joint))
             note(element,
                  "joint " + quoteName(joint.name) + " is frozen at " + formatNumber(getRest(joint)) + ": " + why);
@@ -268,7 +268,7 @@ private:
 
     void freezeCoupled() {
         for (UrdfTree::Joint& coupled : tree_.joints) {
-            const TiXmlElement* mimic = coupled.element->FirstChildElement("mimic");
+            const XmlElement* mimic = coupled.element->FirstChildElement("mimic");
             if (!coupled.isMoving || !mimic || isOnChain(findJoint(coupled.name))) continue;
             const std::string leader = getAttribute(mimic, "joint");
             leaders_.insert(findJoint(leader));
@@ -332,7 +332,7 @@ private:
     void freezeWeightless() {
         std::vector<bool> hasMass(tree_.links.size());
         for (std::size_t i = 0; i < tree_.links.size(); ++i) {
-            const TiXmlElement* inertial = tree_.links[i].element->FirstChildElement("inertial");
+            const XmlElement* inertial = tree_.links[i].element->FirstChildElement("inertial");
             const auto read = inertial ? readInertial(*inertial) : std::nullopt;
             hasMass[i] = inertial && (!read || read->mass != 0.0);  // what cannot be read is told by the checks
         }
@@ -343,11 +343,11 @@ private:
 
     void addLimits(const UrdfTree::Joint& joint) {
         if (joint.type != "revolute" && joint.type != "prismatic" && joint.type != "continuous") return;
-        TiXmlElement* limit = joint.element->FirstChildElement("limit");
+        XmlElement* limit = joint.element->FirstChildElement("limit");
         if (!limit && joint.type == "continuous") return;
         std::string added;
         if (!limit) {
-            limit = joint.element->InsertEndChild(TiXmlElement("limit"))->ToElement();
+            limit = joint.element->InsertNewChildElement("limit");
             added = "<limit>";
         }
         for (const char* name : {"effort", "velocity"}) {
@@ -363,7 +363,7 @@ private:
     // ------------------------------------------------------------------------------------ bodies
 
     void mendInertia(const UrdfTree::Link& link) {
-        TiXmlElement* inertial = link.element->FirstChildElement("inertial");
+        XmlElement* inertial = link.element->FirstChildElement("inertial");
         if (!inertial) return;
         const auto read = readInertial(*inertial);
         if (!read || !(read->mass > 0.0)) return;
@@ -377,13 +377,13 @@ private:
         moments += Eigen::Vector3d(share, share, -share);
         const Eigen::Matrix3d& axes = solver.eigenvectors();
         const Eigen::Matrix3d mended = axes * moments.asDiagonal() * axes.transpose();
-        TiXmlElement& tensor = *inertial->FirstChildElement("inertia");
-        tensor.SetAttribute("ixx", formatNumber(mended(0, 0)));
-        tensor.SetAttribute("ixy", formatNumber(mended(0, 1)));
-        tensor.SetAttribute("ixz", formatNumber(mended(0, 2)));
-        tensor.SetAttribute("iyy", formatNumber(mended(1, 1)));
-        tensor.SetAttribute("iyz", formatNumber(mended(1, 2)));
-        tensor.SetAttribute("izz", formatNumber(mended(2, 2)));
+        XmlElement& tensor = *inertial->FirstChildElement("inertia");
+        tensor.SetAttribute("ixx", formatNumber(mended(0, 0)).c_str());
+        tensor.SetAttribute("ixy", formatNumber(mended(0, 1)).c_str());
+        tensor.SetAttribute("ixz", formatNumber(mended(0, 2)).c_str());
+        tensor.SetAttribute("iyy", formatNumber(mended(1, 1)).c_str());
+        tensor.SetAttribute("iyz", formatNumber(mended(1, 2)).c_str());
+        tensor.SetAttribute("izz", formatNumber(mended(2, 2)).c_str());
         note(*link.element, "link " + quoteName(link.name) +
                                 ": the largest principal moment of inertia was above the sum of the other two by " +
                                 format("%.2g", 100.0 * excess / solver.eigenvalues()[2]) +
