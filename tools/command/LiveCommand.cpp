@@ -13,9 +13,9 @@
 #include <thread>
 
 #include "Commands.h"
+#include "CrashHandler.h"
 #include "ExperimentArguments.h"
 #include "LiveKeys.h"
-#include "PluginTrouble.h"
 #include "RunFolder.h"
 #include "StopSignals.h"
 #include "core/LatestValue.h"
@@ -78,7 +78,7 @@ public:
             throw badInput(findLivePage().string(), "the page of live arms is missing",
                            "Run tools/setup.sh again, or install viable again.");
         if (hand_ && movesJoints) options.joints = plan.robot.size();
-        if (placed_) options.place = [this](const std::string& message) { return placed_->ask(message); };
+        if (placed_) options.place = [this](const std::string& message) { return placed_->request(message); };
         options.channels = std::make_shared<const FoxgloveChannels>(session.layout(), title);
         isOpenToOthers_ = options.address != "127.0.0.1" && options.address != "::1";
         fingerprint_ = options.certificate.fingerprint;
@@ -96,12 +96,12 @@ public:
                     return session.record(false);
             }
         });
-        server_->tell("live", describeLive(plan, title, hand_ != nullptr, movesJoints, placed_ != nullptr));
+        server_->broadcast("live", describeLive(plan, title, hand_ != nullptr, movesJoints, placed_ != nullptr));
     }
 
     /** @param first  with what to know before the first visit */
     void tellAddress(bool first) {
-        const std::string address = server_->invite();
+        const std::string address = server_->makeAddress();
         std::printf("page: %s\n", address.c_str());
         const std::vector<std::string>& all = server_->publicAuthorities();
         for (std::size_t k = 1; k < all.size(); ++k)
@@ -121,8 +121,8 @@ public:
         std::fflush(stdout);
     }
 
-    void tell(const LiveEvent& event) {
-        server_->tell(
+    void broadcast(const LiveEvent& event) {
+        server_->broadcast(
             "event",
             nlohmann::json{{"event", getName(event.state)}, {"asker", getName(event.asker)}, {"time_s", event.time_s}}
                 .dump());
@@ -132,7 +132,7 @@ public:
     void show(const LiveStatus& status, bool isNew) {
         if (status.record.nominal.q.size() == 0) return;  // no tick yet
         if (isNew) server_->stream(status.record);
-        if (placed_ && placed_->look(status.time_s)) server_->tell("placed", placed_->describe());
+        if (placed_ && placed_->look(status.time_s)) server_->broadcast("placed", placed_->describe());
         if (hand_)
             server_->show(encodeFrame(hand_->now(), status, &hand_->status()));
         else
@@ -236,7 +236,7 @@ void attend(LiveSession& session, LivePage* page, const std::vector<std::string>
     std::size_t told = 0;
     const auto tellPage = [&](const LiveStatus& status, bool isNew) {
         LiveEvent event;
-        for (; session.getEvent(told, event); ++told) page->tell(event);
+        for (; session.getEvent(told, event); ++told) page->broadcast(event);
         page->show(status, isNew);
     };
     while (!session.hasEnded()) {

@@ -12,7 +12,7 @@ namespace {
 
 termios shellsOwn{};
 
-void giveBack() {
+void restoreTerminal() {
     ::tcsetattr(STDIN_FILENO, TCSANOW, &shellsOwn);
 }
 
@@ -30,7 +30,7 @@ LiveKeys::LiveKeys() {
     now.c_cc[VMIN] = 0;
     now.c_cc[VTIME] = 0;
     now.c_cc[VSUSP] = now.c_cc[VQUIT] = _POSIX_VDISABLE;
-    setLastAct(giveBack);
+    setLastAct(restoreTerminal);
     isTerminal_ = isSet_ = ::tcsetattr(STDIN_FILENO, TCSAFLUSH, &now) == 0;
     if (!isSet_) setLastAct(nullptr);
 }
@@ -38,7 +38,7 @@ LiveKeys::LiveKeys() {
 LiveKeys::~LiveKeys() {
     if (!isSet_) return;
     setLastAct(nullptr);
-    giveBack();
+    restoreTerminal();
 }
 
 char LiveKeys::wait(int timeout_ms) {

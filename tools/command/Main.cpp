@@ -9,7 +9,7 @@
 #include <sstream>
 
 #include "Commands.h"
-#include "PluginTrouble.h"
+#include "CrashHandler.h"
 #include "Progress.h"
 #include "StopSignals.h"
 #include "core/ErrorParts.h"

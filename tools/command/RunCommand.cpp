@@ -9,8 +9,8 @@
 #include <thread>
 
 #include "Commands.h"
+#include "CrashHandler.h"
 #include "ExperimentArguments.h"
-#include "PluginTrouble.h"
 #include "Progress.h"
 #include "RunFolder.h"
 #include "StopSignals.h"

@@ -10,7 +10,7 @@
 #include <system_error>
 
 #include "Commands.h"
-#include "PluginTrouble.h"
+#include "CrashHandler.h"
 #include "core/WholeFile.h"
 #include "report/RunReport.h"
 #include "viable/core/Error.h"

@@ -15,7 +15,7 @@
 #include <set>
 
 #include "SweepPipe.h"
-#include "command/PluginTrouble.h"
+#include "command/CrashHandler.h"
 #include "viable/core/Error.h"
 
 namespace viable {

@@ -33,12 +33,12 @@ std::string describeEnd(int status, const std::string& where) {
     return "its process ended" + where + ": it called exit(" + std::to_string(WEXITSTATUS(status)) + ")";
 }
 
-std::string endOverdue(pid_t process, double patience_s, const std::string& where) {
+std::string endOverdue(pid_t process, double timeout_s, const std::string& where) {
     kill(process, SIGKILL);
     while (waitpid(process, nullptr, 0) < 0 && errno == EINTR) {
     }
     char number[32];
-    std::snprintf(number, sizeof number, "%g", patience_s);
+    std::snprintf(number, sizeof number, "%g", timeout_s);
     return "it did not return" + where + " for " + number + " s; its process was ended";
 }
 

@@ -27,7 +27,7 @@ std::string describeSignal(int signal);
 std::string describeEnd(int status, const std::string& where = {});
 
 /** Ends a process that has not returned, and says so. @param where  when, such as " from configure()" */
-std::string endOverdue(pid_t process, double patience_s, const std::string& where = {});
+std::string endOverdue(pid_t process, double timeout_s, const std::string& where = {});
 
 /** Owns an object that this process and those forked from it see at the same address. */
 template <class T>

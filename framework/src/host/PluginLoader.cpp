@@ -455,7 +455,7 @@ void* openLibrary(const fs::path& file, int more = 0) {
 using TableFunction = const PluginLibrary* (*)();
 
 /** Opens the library in a process of its own. Throws Error when that one does not come back from its start-up code. */
-void tryLibrary(const fs::path& file, double patience_s) {
+void tryLibrary(const fs::path& file, double timeout_s) {
     if (openLibrary(file, RTLD_NOLOAD)) return;  // it is open: its start-up code has run
     constexpr struct timespec kLook { 0, 1'000'000 };
     const auto hasOpened = detail::makeSharedObject<std::atomic<bool>>();
@@ -478,8 +478,8 @@ void tryLibrary(const fs::path& file, double patience_s) {
         if (ended == child && *hasOpened) return;
         if (ended == child)
             lost = detail::describeEnd(status);
-        else if (std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() >= patience_s)
-            lost = detail::endOverdue(child, patience_s);
+        else if (std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() >= timeout_s)
+            lost = detail::endOverdue(child, timeout_s);
         else
             nanosleep(&kLook, nullptr);
     }

@@ -138,7 +138,7 @@ const LiveTiming& LiveSession::timing() const {
     return timing_;
 }
 
-void LiveSession::ask(Wish wish, LiveAsker asker) noexcept {
+void LiveSession::request(Wish wish, LiveAsker asker) noexcept {
     const unsigned word = static_cast<unsigned>(wish) | static_cast<unsigned>(asker) << kAskerShift;
     unsigned before = wish_.load(std::memory_order_relaxed);
     do {

@@ -83,9 +83,9 @@ public:
     void begin();
 
     // Take effect in the next tick. A stop is final; a resume() before a pause() has taken effect counts for nothing.
-    void pause(LiveAsker asker) noexcept { ask(Wish::Pause, asker); }
-    void resume(LiveAsker asker) noexcept { ask(Wish::Resume, asker); }
-    void stop(LiveAsker asker) noexcept { ask(Wish::Stop, asker); }
+    void pause(LiveAsker asker) noexcept { request(Wish::Pause, asker); }
+    void resume(LiveAsker asker) noexcept { request(Wish::Resume, asker); }
+    void stop(LiveAsker asker) noexcept { request(Wish::Stop, asker); }
 
     /** Whether the operator wants to keep what happens: the ticks from the next one on belong to a take with a number of its
     own (TickRecord::take), until he does not any more. The log has all ticks either way. */
@@ -116,7 +116,7 @@ public:
 private:
     enum class Wish : unsigned char { None, Pause, Resume, Stop };
 
-    void ask(Wish wish, LiveAsker asker) noexcept;
+    void request(Wish wish, LiveAsker asker) noexcept;
     void work();
     void makeTicks();
     void takeWishes();

@@ -146,7 +146,7 @@ void PlacedObstacles::renumber(const Surroundings& now, const Environment& own, 
 PlacedObstacles::PlacedObstacles(const ConfiguredCase& configured, SurroundingsFeed& feed, Recorder* recorder)
     : configured_(configured), feed_(feed), recorder_(recorder) {}
 
-bool PlacedObstacles::ask(const std::string& message) {
+bool PlacedObstacles::request(const std::string& message) {
     std::optional<One> one = read(message);
     if (!one) return false;
     const std::lock_guard guard(lock_);

@@ -55,7 +55,7 @@ public:
     PlacedObstacles(const ConfiguredCase& configured, SurroundingsFeed& feed, Recorder* recorder);
 
     /** Takes a message. False: it is none (see read()), and nothing changes. Any thread. */
-    bool ask(const std::string& message);
+    bool request(const std::string& message);
     /** Once in a while, by one thread: hands what has been asked for to the arm.
     @param time_s  of the last tick known; while that stands still, nothing is handed over
     @return  something was */

@@ -91,11 +91,11 @@ void Recorder::attach(LogAttachment attachment) {
     attachments_.push_back(std::move(attachment));
 }
 
-bool Recorder::rescueAll(double patience_s) noexcept {
+bool Recorder::rescueAll(double timeout_s) noexcept {
     rescue.store(true, std::memory_order_release);
     constexpr double kLook_s = 0.01;
     for (double waited = 0.0; unfinished.load() > 0; waited += kLook_s) {
-        if (waited >= patience_s) return false;
+        if (waited >= timeout_s) return false;
         const timespec nap{0, static_cast<long>(kLook_s * 1e9)};
         nanosleep(&nap, nullptr);
     }

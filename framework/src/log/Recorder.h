@@ -43,9 +43,9 @@ public:
     LogStatus finish();
 
     /** For a signal handler of a program that is about to die: all recorders write what was handed over and finish their
-    logs. Returns when they have, or after `patience_s`: true when all logs are whole. What is handed
+    logs. Returns when they have, or after `timeout_s`: true when all logs are whole. What is handed
     over after that is lost. */
-    static bool rescueAll(double patience_s) noexcept;
+    static bool rescueAll(double timeout_s) noexcept;
 
 private:
     void drain();

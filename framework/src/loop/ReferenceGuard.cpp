@@ -84,7 +84,7 @@ private:
 };
 
 /** Servo as a controller. */
-class ReferenceGuard::Follower : public NominalController {
+class ReferenceGuard::TargetController : public NominalController {
 public:
     void configure(const RunSetup&, const Parameters&) override {}
     void configure(const JointLimits& limits, double tick_s, double share, double velocityFilter_s) {
@@ -149,7 +149,7 @@ struct ReferenceGuard::Inside {
             throw badInput("ReferenceGuardOptions::velocityFilter_s",
                            detail::formatNumber(options.velocityFilter_s) + "; allowed is 0 and above, or infinity",
                            "0 takes it from the limits.");
-        follower.configure(limits, tick_s, options.share, options.velocityFilter_s);
+        targetController.configure(limits, tick_s, options.share, options.velocityFilter_s);
         output = makeNone();
     }
 
@@ -175,7 +175,7 @@ struct ReferenceGuard::Inside {
     double stamp_s = 0.0;                              // theirs, in the time of the loop
     std::unique_ptr<SurroundingsFeed> feed;
     Source source;
-    Follower follower;
+    TargetController targetController;
     std::unique_ptr<SafetyFilter> filter;
     std::optional<ControlLoop> loop;  // last: it uses all of the above
     TickRecord record;
@@ -214,10 +214,10 @@ void ReferenceGuard::Inside::start(const MotionState& state) {
         certified->configure(setup, joints, kOptions);
         filter = std::move(certified);
     }
-    follower.configure(limits, setup.tick_s, options.share, options.velocityFilter_s);
+    targetController.configure(limits, setup.tick_s, options.share, options.velocityFilter_s);
     LoopPlugins plugins;
     plugins.command = lend<CommandSource>(source);
-    plugins.controller = lend<NominalController>(follower);
+    plugins.controller = lend<NominalController>(targetController);
     plugins.filter = lend<SafetyFilter>(*filter);
     loop.emplace(setup, std::move(plugins));
     record = {};
@@ -286,7 +286,7 @@ bool ReferenceGuard::changeLimits(const JointLimits& limits) noexcept {
     in.limits = limits;
     if (!isRunning) return true;  // for the next start
     in.source.change(limits);
-    in.follower.changeLimits(limits);
+    in.targetController.changeLimits(limits);
     return true;
 }
 
@@ -297,7 +297,7 @@ void ReferenceGuard::requestStop() noexcept {
 GuardStop ReferenceGuard::stopReason() const {
     if (!inside_->loop) return GuardStop::None;
     const GuardStop reason = detail::toGuardStop(inside_->loop->stopReason());
-    return reason == GuardStop::LawFailed ? GuardStop::LibraryFailed : reason;  // Follower is the library's
+    return reason == GuardStop::LawFailed ? GuardStop::LibraryFailed : reason;  // TargetController is the library's
 }
 
 const char* ReferenceGuard::stopMessage() const {

@@ -87,7 +87,7 @@ RobotDescription prepare(RobotDescription robot, const TorqueConvention& convent
 }
 
 /** What gives no command: the law knows by itself what it wants. */
-class Silence : public CommandSource {
+class NoCommand : public CommandSource {
 public:
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState&) override {}
@@ -239,10 +239,11 @@ private:
 };
 
 /** Makes the real arm follow the nominal one: by Nric where there is a reading, else by what it last gave. */
-class TorqueGuard::Follower : public RobustLoop {
+class TorqueGuard::HeldRobustLoop : public RobustLoop {
 public:
     /** @param nric  configured; null: no torque at all */
-    Follower(const Arm& arm, const JointFriction& friction, Nric* nric) : arm_(arm), friction_(friction), nric_(nric) {}
+    HeldRobustLoop(const Arm& arm, const JointFriction& friction, Nric* nric)
+        : arm_(arm), friction_(friction), nric_(nric) {}
 
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState& start) override {
@@ -316,10 +317,10 @@ struct TorqueGuard::Inside {
         const JointVector unlimited = JointVector::Constant(robot.size(), kInfinity);
         arm.begin(robot, tick_s, unlimited, unlimited, *sender);
         LoopPlugins plugins;
-        plugins.command = lend<CommandSource>(silence);
+        plugins.command = lend<CommandSource>(noCommand);
         plugins.controller = lend<NominalController>(law);
         plugins.filter = lend<SafetyFilter>(filter);
-        plugins.robustLoop = lend<RobustLoop>(follower);
+        plugins.robustLoop = lend<RobustLoop>(robustLoop);
         plugins.realPlant = lend<RealPlant>(arm);
         RealArmOptions real{nullptr, true, false};
         JointVector slowest = options.convention.torqueRate.expand(robot.size());
@@ -342,12 +343,12 @@ struct TorqueGuard::Inside {
     const RobotDescription robot;  // as the robot shows it
     RunSetup setup;
     std::optional<TorqueSender> sender;
-    Silence silence;
+    NoCommand noCommand;
     LawController law;
     CertifiedBrakingFilter filter;
     Nric nric;
     Arm arm;
-    Follower follower{arm, robot.actuation.friction, options.hasRobustLoop ? &nric : nullptr};
+    HeldRobustLoop robustLoop{arm, robot.actuation.friction, options.hasRobustLoop ? &nric : nullptr};
     std::optional<ControlLoop> loop;  // last: it uses all of the above
     TickRecord record;
     GuardedTorque output;
@@ -413,7 +414,7 @@ void TorqueGuard::Inside::look(const JointState& measured, const JointVector* ex
     useless = 0;
     const int far = arm.findFar();
     if (far < 0) return;
-    follower.holdIntegral();
+    robustLoop.holdIntegral();
     if (ownReason == GuardStop::TooFar) return;
     const JointDescription& joint = robot.joints[static_cast<std::size_t>(far)];
     const char* const unit = joint.type == JointType::Prismatic ? "m" : "rad";

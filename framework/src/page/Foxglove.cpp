@@ -68,7 +68,7 @@ std::string FoxgloveChannels::encode(std::size_t channel, const TickRecord& reco
     return std::move(out.bytes);
 }
 
-bool FoxgloveClient::hear(const std::string& message, std::string& answer) {
+bool FoxgloveClient::onText(const std::string& message, std::string& answer) {
     const auto refuse = [&](const std::string& reason) {
         answer = dump({{"op", "status"}, {"level", kStatusError}, {"message", reason}});
         return false;

@@ -40,7 +40,7 @@ public:
     explicit FoxgloveClient(const FoxgloveChannels& channels) : channels_(channels) {}
 
     /** Takes a message (JSON). False: it is refused, as a whole; `answer` is then what to tell the client. */
-    bool hear(const std::string& message, std::string& answer);
+    bool onText(const std::string& message, std::string& answer);
 
     bool isListening() const { return !subscriptions_.empty(); }
     /** The binary messages of a row, one for each subscription. */

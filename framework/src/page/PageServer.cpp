@@ -54,7 +54,7 @@ constexpr int kSendBuffer = 65536;                              // what the syst
 using Acceptor = asio::basic_socket_acceptor<Tcp, asio::io_context::executor_type>;
 
 /** A random word of 256 bits in letters that stand in addresses and headers. */
-std::string makeSecret() {
+std::string makeRandomText() {
     static const char letters[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_";
     unsigned char bytes[kTokenBytes];
     if (RAND_bytes(bytes, sizeof bytes) != 1) throw badInput("--page", "the system gives no random numbers", "");
@@ -67,9 +67,9 @@ std::string makeSecret() {
     return secret + letters[bits << (6 - have) & 63];
 }
 
-struct Secret {
+struct Token {
     std::string text;
-    std::string by;  ///< of an invitation: the session of the viewer that asked for it; empty: the program
+    std::string owner;  ///< of an invitation: the session of the viewer that asked for it; empty: the program
 };
 
 /** In a time that tells nothing but the length. */
@@ -78,7 +78,7 @@ bool isSame(const std::string& secret, std::string_view wanted) {
 }
 
 /** Looks at all of them, in a time that tells nothing. */
-bool contains(const std::deque<Secret>& secrets, std::string_view wanted, std::size_t& index) {
+bool contains(const std::deque<Token>& secrets, std::string_view wanted, std::size_t& index) {
     bool isFound = false;
     for (std::size_t i = 0; i < secrets.size(); ++i) {
         if (!isSame(secrets[i].text, wanted)) continue;
@@ -220,13 +220,13 @@ bool readHand(const std::string& bytes, int joints, HandMessage& hand, double& e
 class PageServer::Impl {
 public:
     Impl(PageServer& server, PageOptions options, std::shared_ptr<TeleoperationFeed> hand,
-         std::function<void(PageWish)> ask);
+         std::function<void(PageWish)> request);
     ~Impl();
 
     void run();
-    /** Lets run() say goodbye, and end within kGoodbye_s. */
+    /** Lets run() send close frames, and end within kClosing_s. */
     void stop();
-    std::string invite(const std::string& by = {});
+    std::string makeAddress(const std::string& owner = {});
     std::string watchAddress() const {
         return options_.channels ? "wss://" + publicAuthorities_.front() + kWatch + watchSecret_ : "";
     }
@@ -236,7 +236,7 @@ public:
     void show(std::string frame) {
         asio::post(io_, [this, shared = std::make_shared<const std::string>(std::move(frame))] { sendFrame(shared); });
     }
-    void tell(const std::string& kind, std::string message) {
+    void broadcast(const std::string& kind, std::string message) {
         asio::post(io_, [this, kind, shared = std::make_shared<const std::string>(std::move(message))] {
             known_[kind] = shared;
             sendText(shared);
@@ -252,11 +252,11 @@ private:
     template <class Run>
     void serve(const Run& run);
     void accept();
-    void sayGoodbye();
+    void sendClose();
     void sendFrame(const Text& frame);
     void sendText(const Text& text);
-    bool admit(std::string_view secret, std::string& session, Secret& invitation);
-    void giveBack(Secret invitation, const std::string& session);
+    bool admit(std::string_view secret, std::string& session, Token& invitation);
+    void restoreToken(Token invitation, const std::string& session);
     void addPolicy();
     void add(Viewer& viewer);
     void remove(Viewer& viewer);
@@ -264,20 +264,20 @@ private:
     void leave(const Viewer& viewer);
     void endRecord();
     void tellPeople();
-    void hear(Viewer& viewer, const std::string& word);
-    void feel(Viewer& viewer, const std::string& bytes);
+    void onText(Viewer& viewer, const std::string& word);
+    void onBinary(Viewer& viewer, const std::string& bytes);
     void releaseHand();
 
     PageServer& server_;
     const PageOptions options_;
     const std::shared_ptr<TeleoperationFeed> hand_;
-    const std::function<void(PageWish)> ask_;
+    const std::function<void(PageWish)> request_;
     asio::ssl::context tls_{asio::ssl::context::tls_server};
     unsigned short port_ = 0;
     std::vector<std::string> authorities_, origins_;
     std::vector<std::string> publicAuthorities_;
     std::string page_, policy_;
-    const std::string watchSecret_ = makeSecret();
+    const std::string watchSecret_ = makeRandomText();
 
     std::set<Connection*> connections_;  // before a WebSocket
     std::set<Viewer*> sockets_;          // all
@@ -288,8 +288,8 @@ private:
     std::uint64_t lease_ = 0;
     std::map<std::string, Text> known_;
     int lastViewer_ = 0;
-    std::mutex secrets_;  // invite() may be called by any thread
-    std::deque<Secret> invitations_, sessions_;
+    std::mutex secrets_;  // makeAddress() may be called by any thread
+    std::deque<Token> invitations_, sessions_;
 
     // Its handlers own connections, also those that it drops in the end: these look at the members above.
     asio::io_context io_{1};
@@ -301,7 +301,7 @@ private:
 class PageServer::Impl::Viewer : public std::enable_shared_from_this<Viewer> {
 public:
     /** @param invitation  that it came by: used up when it is in, else given back; without a text: none */
-    Viewer(Impl& owner, TlsStream&& stream, std::string session, Secret invitation)
+    Viewer(Impl& owner, TlsStream&& stream, std::string session, Token invitation)
         : owner_(owner),
           socket_(std::make_shared<WebSocket>(std::move(stream))),
           session_(std::move(session)),
@@ -315,7 +315,7 @@ public:
         --owner_.server_.counts_.connections;
         try {
             owner_.remove(*this);
-            if (!invitation_.text.empty()) owner_.giveBack(std::move(invitation_), session_);
+            if (!invitation_.text.empty()) owner_.restoreToken(std::move(invitation_), session_);
         } catch (const std::exception&) {  // no memory to tell the others
         }
     }
@@ -324,7 +324,7 @@ public:
 
     void begin(const WebSocket::Request& request) {
         // A goodbye counts at once.
-        socket_->onGoodbye([this] { end(); });
+        socket_->onClose([this] { end(); });
         socket_->accept(request, kProtocol, [self = shared_from_this()](error_code error) {
             if (error) return;
             self->invitation_ = {};
@@ -352,7 +352,7 @@ public:
         write();
     }
 
-    /** Sends what waits, and a goodbye: for how long is the owner's to say. */
+    /** Sends what waits, and a close frame: for how long is the owner's to say. */
     void finish() {
         if (!isOpen_) return close();
         isFinishing_ = true;
@@ -389,9 +389,9 @@ private:
             self->expectLife();
             try {
                 if (isText)
-                    self->owner_.hear(*self, bytes);
+                    self->owner_.onText(*self, bytes);
                 else
-                    self->owner_.feel(*self, bytes);
+                    self->owner_.onBinary(*self, bytes);
             } catch (const std::exception&) {  // whoever is not heard any more must not stay the operator
                 ++self->owner_.server_.counts_.refusedMessages;
                 self->end();
@@ -408,7 +408,7 @@ private:
         if (socket_->isWriting() || !isOpen_) return;
         const bool isText = !texts_.empty();
         if (!isText && !frame_) {
-            if (isFinishing_) sayGoodbye();
+            if (isFinishing_) sendClose();
             return;
         }
         if (isText) {
@@ -424,15 +424,15 @@ private:
         });
     }
 
-    void sayGoodbye() {
+    void sendClose() {
         end();
-        socket_->sayGoodbye([self = shared_from_this()] { self->close(); });
+        socket_->sendClose([self = shared_from_this()] { self->close(); });
     }
 
     Impl& owner_;
     const std::shared_ptr<WebSocket> socket_;
     const std::string session_;
-    Secret invitation_;
+    Token invitation_;
     asio::steady_timer alive_;
     std::deque<Text> texts_;
     Text frame_, now_;
@@ -493,7 +493,7 @@ private:
             if (error) return self->end();
             std::string answer = R"({"op": "status", "level": 2, "message": "nothing is taken here"})";
             try {
-                if (!isText || !self->client_.hear(bytes, answer)) {
+                if (!isText || !self->client_.onText(bytes, answer)) {
                     ++self->owner_.server_.counts_.refusedMessages;
                     self->send(answer);
                 }
@@ -579,7 +579,7 @@ private:
                 ++self->owner_.server_.counts_.refusedRequests;
                 return;
             }
-            self->judge();
+            self->authorise();
         });
     }
 
@@ -594,10 +594,10 @@ private:
         return std::find(all.begin(), all.end(), value) != all.end();
     }
 
-    void judge() {
+    void authorise() {
         const auto& request = parser_.get();
         if (!isOneOf(owner_.authorities_, only(http::field::host))) return answer(http::status::forbidden);
-        if (owner_.options_.channels && request.target().starts_with(kWatch)) return judgeWatcher();
+        if (owner_.options_.channels && request.target().starts_with(kWatch)) return authoriseWatcher();
         const bool isLive = request.target() == "/live";
         const bool hasOrigin = request.count(http::field::origin) > 0;
         if ((isLive || hasOrigin) && !isOneOf(owner_.origins_, only(http::field::origin)))
@@ -612,7 +612,7 @@ private:
         const std::string prefix = std::string(kProtocol) + ", ";
         if (owner_.sockets_.size() >= kMaxConnections) return answer(http::status::service_unavailable);
         std::string session;
-        Secret invitation;
+        Token invitation;
         if (protocols.rfind(prefix, 0) != 0 ||
             !owner_.admit(std::string_view(protocols).substr(prefix.size()), session, invitation))
             return answer(http::status::unauthorized);
@@ -620,7 +620,7 @@ private:
     }
 
     /** Anyone who knows the secret, from anywhere: see the class. */
-    void judgeWatcher() {
+    void authoriseWatcher() {
         const auto& request = parser_.get();
         const std::string_view target(request.target().data(), request.target().size());
         if (!isSame(owner_.watchSecret_, target.substr(sizeof kWatch - 1))) return answer(http::status::unauthorized);
@@ -673,8 +673,8 @@ private:
 };
 
 PageServer::Impl::Impl(PageServer& server, PageOptions options, std::shared_ptr<TeleoperationFeed> hand,
-                       std::function<void(PageWish)> ask)
-    : server_(server), options_(std::move(options)), hand_(std::move(hand)), ask_(std::move(ask)) {
+                       std::function<void(PageWish)> request)
+    : server_(server), options_(std::move(options)), hand_(std::move(hand)), request_(std::move(request)) {
     tls_.set_options(asio::ssl::context::default_workarounds | asio::ssl::context::no_tlsv1 |
                      asio::ssl::context::no_tlsv1_1 | asio::ssl::context::no_compression);
     const Certificate& own = options_.certificate;
@@ -742,7 +742,7 @@ void PageServer::Impl::serve(const Run& run) {
 
 void PageServer::Impl::run() {
     serve([this] { io_.run(); });
-    const auto end = std::chrono::steady_clock::now() + toMilliseconds(kGoodbye_s);
+    const auto end = std::chrono::steady_clock::now() + toMilliseconds(kClosing_s);
     io_.restart();
     serve([&] { io_.run_until(end); });  // or until all are gone
     for (Viewer* viewer : sockets_) viewer->end();
@@ -751,11 +751,11 @@ void PageServer::Impl::run() {
 void PageServer::Impl::stop() {
     asio::post(io_, [this] {  // behind what is to be told before
         io_.stop();           // first: what comes next may run out of memory
-        sayGoodbye();
+        sendClose();
     });
 }
 
-void PageServer::Impl::sayGoodbye() {
+void PageServer::Impl::sendClose() {
     error_code ignored;
     acceptor_.close(ignored);
     retry_.cancel();
@@ -792,23 +792,23 @@ void PageServer::Impl::accept() {
     });
 }
 
-/** @param by  session of the viewer that asks; empty: the program, whose invitations no viewer replaces */
-std::string PageServer::Impl::invite(const std::string& by) {
-    std::string secret = makeSecret();
+/** @param owner  session of the viewer that asks; empty: the program, whose invitations no viewer replaces */
+std::string PageServer::Impl::makeAddress(const std::string& owner) {
+    std::string secret = makeRandomText();
     const std::string address = "https://" + publicAuthorities_.front() + "/#" + secret;
     const auto dropOldest = [this](std::size_t most, const auto& counts) {
         if (static_cast<std::size_t>(std::count_if(invitations_.begin(), invitations_.end(), counts)) > most)
             invitations_.erase(std::find_if(invitations_.begin(), invitations_.end(), counts));
     };
     const std::lock_guard lock(secrets_);
-    invitations_.push_back({std::move(secret), by});
-    dropOldest(by.empty() ? kMaxInvitations : kMaxOfOneViewer, [&](const Secret& one) { return one.by == by; });
-    dropOldest(kMaxOfViewers, [](const Secret& one) { return !one.by.empty(); });
+    invitations_.push_back({std::move(secret), owner});
+    dropOldest(owner.empty() ? kMaxInvitations : kMaxOfOneViewer, [&](const Token& one) { return one.owner == owner; });
+    dropOldest(kMaxOfViewers, [](const Token& one) { return !one.owner.empty(); });
     return address;
 }
 
 /** @param invitation  that was used; it counts no more until it is given back */
-bool PageServer::Impl::admit(std::string_view secret, std::string& session, Secret& invitation) {
+bool PageServer::Impl::admit(std::string_view secret, std::string& session, Token& invitation) {
     const std::lock_guard lock(secrets_);
     std::size_t index = 0;
     if (contains(sessions_, secret, index)) {
@@ -816,7 +816,7 @@ bool PageServer::Impl::admit(std::string_view secret, std::string& session, Secr
         return true;
     }
     if (!contains(invitations_, secret, index)) return false;
-    session = makeSecret();
+    session = makeRandomText();
     sessions_.push_back({session, {}});
     if (sessions_.size() > kMaxSessions) sessions_.pop_front();
     invitation = std::move(invitations_[index]);
@@ -832,10 +832,10 @@ void PageServer::Impl::stream(const TickRecord& record) {
 }
 
 /** Whoever came by it did not get in. */
-void PageServer::Impl::giveBack(Secret invitation, const std::string& session) {
+void PageServer::Impl::restoreToken(Token invitation, const std::string& session) {
     const std::lock_guard lock(secrets_);
     sessions_.erase(
-        std::remove_if(sessions_.begin(), sessions_.end(), [&](const Secret& one) { return one.text == session; }),
+        std::remove_if(sessions_.begin(), sessions_.end(), [&](const Token& one) { return one.text == session; }),
         sessions_.end());
     invitations_.push_front(std::move(invitation));
 }
@@ -886,7 +886,7 @@ void PageServer::Impl::leave(const Viewer& viewer) {
 }
 
 void PageServer::Impl::endRecord() {
-    if (std::exchange(isRecording_, false)) ask_(PageWish::EndRecord);
+    if (std::exchange(isRecording_, false)) request_(PageWish::EndRecord);
 }
 
 void PageServer::Impl::tellPeople() {
@@ -895,29 +895,29 @@ void PageServer::Impl::tellPeople() {
     sendText(std::make_shared<const std::string>(people.dump()));
 }
 
-void PageServer::Impl::hear(Viewer& viewer, const std::string& word) {
+void PageServer::Impl::onText(Viewer& viewer, const std::string& word) {
     if (word == "alive") return;
-    if (word == "pause") return ask_(PageWish::Pause);
-    if (word == "stop") return ask_(PageWish::Stop);
+    if (word == "pause") return request_(PageWish::Pause);
+    if (word == "stop") return request_(PageWish::Stop);
     if (word == "take" || word == "take over") return take(viewer, word != "take");
     if (word == "leave") return leave(viewer);
     const bool mayOperate = operator_ == &viewer || !hand_;
-    if (word == "start" && mayOperate) return ask_(PageWish::Start);
+    if (word == "start" && mayOperate) return request_(PageWish::Start);
     if (word == "record" && mayOperate) {
         isRecording_ = true;
-        return ask_(PageWish::Record);
+        return request_(PageWish::Record);
     }
     if (word == "end record" && mayOperate) return endRecord();
     if (word == "invite")
         return viewer.sendText(
-            std::make_shared<const std::string>(json{{"invitation", invite(viewer.session())}}.dump()));
+            std::make_shared<const std::string>(json{{"invitation", makeAddress(viewer.session())}}.dump()));
     if (word == "watch" && options_.channels)
         return viewer.sendText(std::make_shared<const std::string>(json{{"watch", watchAddress()}}.dump()));
     if (!word.empty() && word.front() == '{' && options_.place && mayOperate && options_.place(word)) return;
     ++server_.counts_.refusedMessages;
 }
 
-void PageServer::Impl::feel(Viewer& viewer, const std::string& bytes) {
+void PageServer::Impl::onBinary(Viewer& viewer, const std::string& bytes) {
     HandMessage hand;
     double echo_s = 0.0;
     if (operator_ != &viewer || !readHand(bytes, options_.joints, hand, echo_s)) {
@@ -935,8 +935,9 @@ void PageServer::Impl::feel(Viewer& viewer, const std::string& bytes) {
     ++server_.counts_.hands;
 }
 
-PageServer::PageServer(PageOptions options, std::shared_ptr<TeleoperationFeed> hand, std::function<void(PageWish)> ask)
-    : impl_(std::make_unique<Impl>(*this, std::move(options), std::move(hand), std::move(ask))) {
+PageServer::PageServer(PageOptions options, std::shared_ptr<TeleoperationFeed> hand,
+                       std::function<void(PageWish)> request)
+    : impl_(std::make_unique<Impl>(*this, std::move(options), std::move(hand), std::move(request))) {
     sigset_t all, before;  // signals stay with the thread that waits for them
     sigfillset(&all);
     for (const int signal : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGTRAP}) sigdelset(&all, signal);
@@ -953,8 +954,8 @@ PageServer::~PageServer() {
 unsigned short PageServer::port() const {
     return impl_->port();
 }
-std::string PageServer::invite() {
-    return impl_->invite();
+std::string PageServer::makeAddress() {
+    return impl_->makeAddress();
 }
 std::string PageServer::watchAddress() const {
     return impl_->watchAddress();
@@ -968,8 +969,8 @@ const std::vector<std::string>& PageServer::publicAuthorities() const {
 void PageServer::show(std::string frame) {
     impl_->show(std::move(frame));
 }
-void PageServer::tell(const std::string& kind, std::string message) {
-    impl_->tell(kind, std::move(message));
+void PageServer::broadcast(const std::string& kind, std::string message) {
+    impl_->broadcast(kind, std::move(message));
 }
 
 }  // namespace viable

@@ -52,7 +52,7 @@ one lease to operate), "leave"; "start", "record" and "end record" by the operat
 in binary messages (see readHand). What is anything else is refused as a whole, and counted.
 Watchers with programs of their own (Foxglove, Lichtblick) open the WebSocket /watch/SECRET. The secret stands in the address
 because such programs send nothing else, and holds until the end, as they connect again by themselves. They come from any
-origin or none: a page of a stranger knows no secret, no browser adds one by itself, and whoever has it sees the arm and cannot
+origin or none: an unauthenticated page knows no secret, no browser adds one by itself, and whoever has it sees the arm and cannot
 move it, as nothing but subscriptions is heard there. Host must be this one's all the same.
 Messages out: text, JSON, when something has changed; binary, what show() was given last: a reader that is too slow loses some.
 The end of the operator's connection or lease releases the hand, and ends what it records.
@@ -62,15 +62,15 @@ public:
     static constexpr int kMaxConnections = 16;  ///< with a WebSocket
     static constexpr int kMaxStrangers = 8, kMaxPerAddress = 4, kMaxWatchers = 8;
     static constexpr std::size_t kMaxHeader = 4096;
-    static constexpr double kGoodbye_s = 0.3;  ///< for so long the end waits for viewers to read what was told last
+    static constexpr double kClosing_s = 0.3;  ///< for so long the end waits for viewers to read what was told last
     /** A hand that has seen nothing newer is not followed, or (late) its engagement is over. */
     static constexpr double kOld_s = 0.2, kLate_s = 0.5;
 
     /** Listens from now on. Throws Error.
     @param hand  null: nobody moves the arm by hand
-    @param ask   what to do with a wish */
-    PageServer(PageOptions options, std::shared_ptr<TeleoperationFeed> hand, std::function<void(PageWish)> ask);
-    /** Viewers get what was told and shown last, if they read it within kGoodbye_s. */
+    @param request  handles a wish */
+    PageServer(PageOptions options, std::shared_ptr<TeleoperationFeed> hand, std::function<void(PageWish)> request);
+    /** Viewers get what was told and shown last, if they read it within kClosing_s. */
     ~PageServer();
     PageServer(const PageServer&) = delete;
     PageServer& operator=(const PageServer&) = delete;
@@ -78,17 +78,17 @@ public:
     unsigned short port() const;
     /** The page's address with a token that lets one browser in. Of those that nobody used, the last 16 count; of each viewer's
     "invite" the last two. */
-    std::string invite();
+    std::string makeAddress();
     /** Where a watcher's own program connects; empty: not offered. */
     std::string watchAddress() const;
     /** A row for all watchers. Those that have not taken the one before lose it. */
     void stream(const TickRecord& record);
-    /** By which other computers may call it, "192.168.1.2:8484"; the first is that of invite(). */
+    /** By which other computers may call it, "192.168.1.2:8484"; the first is that of makeAddress(). */
     const std::vector<std::string>& publicAuthorities() const;
     /** A frame for all viewers, see LiveFrame.h. */
     void show(std::string frame);
     /** A message (JSON) for all viewers, now and when they come. `kind`: replaces the last of the same kind. */
-    void tell(const std::string& kind, std::string message);
+    void broadcast(const std::string& kind, std::string message);
 
     struct Counts {
         std::atomic<std::int64_t> connections{0};      ///< just now

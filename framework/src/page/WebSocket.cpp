@@ -45,7 +45,7 @@ void WebSocket::accept(const Request& request, const std::string& protocol, std:
     stream_->async_accept(request, std::move(then));
 }
 
-void WebSocket::onGoodbye(std::function<void()> heard) {
+void WebSocket::onClose(std::function<void()> heard) {
     stream_->control_callback([heard = std::move(heard)](websocket::frame_type kind, beast::string_view) {
         if (kind == websocket::frame_type::close) heard();
     });
@@ -72,7 +72,7 @@ void WebSocket::begin(const std::string& bytes, bool isText, std::function<void(
                          });
 }
 
-void WebSocket::sayGoodbye(std::function<void()> then) {
+void WebSocket::sendClose(std::function<void()> then) {
     stream_->async_close(websocket::close_code::going_away, [then = std::move(then)](Error) { then(); });
 }
 

@@ -60,7 +60,7 @@ public:
     /** Answers a request for it. @param protocol  of the answer */
     void accept(const Request& request, const std::string& protocol, std::function<void(Error)> then);
     /** Called once the other side says goodbye; the rest of that may take as long as it likes. */
-    void onGoodbye(std::function<void()> heard);
+    void onClose(std::function<void()> heard);
     /** The next message: its bytes, and whether it is text. */
     void read(std::function<void(Error, const std::string&, bool)> then);
     /** Only while none is being written; where there is no memory to begin, it is closed.
@@ -76,7 +76,7 @@ public:
         }
     }
     bool isWriting() const { return isWriting_; }
-    void sayGoodbye(std::function<void()> then);
+    void sendClose(std::function<void()> then);
     /** Without a word to someone who may not listen: what goes on ends with an error. */
     void close();
     /** Drops what is under way, for good, once its context runs no more: reader and goodbye own themselves, and may wait for each other

@@ -18,7 +18,7 @@ correction to the next, as where M is near singular the rounding of the residual
 constexpr double kCorrectionTolerance = 1e-10;
 constexpr double kToleranceGrowth = 8.0;
 /** Rounds without a new least number of wrong joints after which they are exchanged one by one. */
-constexpr int kPatience = 3;
+constexpr int kMaxIdleRounds = 3;
 
 /** What BoxQp::solve is asked for. `side` is the start and is left at the optimum's. */
 struct Task {
@@ -241,8 +241,8 @@ template <int kSize>
 Outcome exchangeAll(const Task& task) {
     const int n = static_cast<int>(task.target.size());
     BoxProblem<kSize> problem(task);
-    int fewest = n + 1, patience = kPatience;
-    while (patience > 0 && task.takeRound()) {
+    int fewest = n + 1, idleRounds = kMaxIdleRounds;
+    while (idleRounds > 0 && task.takeRound()) {
         if (!problem.solveHeld()) return Outcome::Failed;
         int wrong = 0;
         for (int i = 0; i < n; ++i) {
@@ -254,7 +254,7 @@ Outcome exchangeAll(const Task& task) {
             writeSolution(problem, task);
             return Outcome::Optimal;
         }
-        patience = wrong < fewest ? kPatience : patience - 1;
+        idleRounds = wrong < fewest ? kMaxIdleRounds : idleRounds - 1;
         fewest = std::min(fewest, wrong);
     }
     return Outcome::Open;

@@ -42,7 +42,7 @@ void wakeReader(std::atomic<std::uint32_t>& word) {
     syscall(SYS_futex, &word, FUTEX_WAKE, 1, nullptr, nullptr, 0);
 }
 
-/** Sleeps while the word is `old`. False when it still is after the patience. */
+/** Sleeps while the word is `old`. False when it still is after the timeout. */
 bool awaitChange(std::atomic<std::uint32_t>& word, std::uint32_t old, int patience_ms) {
     const std::int64_t end_ns = TickPacer::readClock_ns() + 1'000'000LL * patience_ms;
     while (word.load(std::memory_order_acquire) == old) {

@@ -226,16 +226,16 @@ TEST(PlacedObstacles, WhatIsDraggedAroundAMovingArmIsKeptClearOfAndReplaysToTheB
         const Eigen::Vector3d tool = now.tool.position;
         // Before the arm, as seen from its base: a ball that swings from side to side, and a box that comes, goes, and comes again.
         const double outwards = std::atan2(tool.y(), tool.x()), angle = outwards + 1.2 * std::sin(3.0 * t);
-        drive.placed->ask(ballAt(1, 0.05,
-                                 tool + (0.17 - 0.05 * std::pow(std::sin(2.0 * t), 2)) *
-                                            Eigen::Vector3d(std::cos(angle), std::sin(angle), 0.0)));
+        drive.placed->request(ballAt(1, 0.05,
+                                     tool + (0.17 - 0.05 * std::pow(std::sin(2.0 * t), 2)) *
+                                                Eigen::Vector3d(std::cos(angle), std::sin(angle), 0.0)));
         json box = {{"place", 8}};
         if (std::fmod(t, 1.0) < 0.7) {
             const double away = 0.5 - 0.4 * std::fmod(t, 1.0);
             box["box"] = {0.1, 0.1, 0.05};
             box["at"] = {tool.x() + away * std::cos(outwards), tool.y() + away * std::sin(outwards), tool.z() - 0.1};
         }
-        drive.placed->ask(box.dump());
+        drive.placed->request(box.dump());
     });
     expectStoppedAsAsked(*drive.result);
     EXPECT_GT(drive.versions, 50);
@@ -269,8 +269,8 @@ TEST(PlacedObstacles, WhatIsPutIntoTheArmBrakesItAndIsNamedUntilItIsTakenAway) {
     Drive drive;
     bool isPut = false, isGone = false;
     drive.run(3.5, [&](double t, const TickRecord& now) {
-        if (t > 1.0 && !isPut) isPut = drive.placed->ask(ballAt(5, 0.1, now.tool.position));
-        if (t > 2.5 && !isGone) isGone = drive.placed->ask(R"({"place": 5})");
+        if (t > 1.0 && !isPut) isPut = drive.placed->request(ballAt(5, 0.1, now.tool.position));
+        if (t > 2.5 && !isGone) isGone = drive.placed->request(R"({"place": 5})");
     });
     expectStoppedAsAsked(*drive.result);
     ASSERT_EQ(drive.logged.size(), 2u);
@@ -315,7 +315,7 @@ TEST(PlacedObstacles, OfALiveArmReplayToTheBitWhateverTheClockDoes) {
         const LiveStatus& status = session.status();
         if (status.record.nominal.q.size() > 0) {
             const Eigen::Vector3d aside(0.3 * std::cos(5.0 * status.time_s), 0.3 * std::sin(5.0 * status.time_s), 0.0);
-            session.placed()->ask(ballAt(1, 0.05, status.record.tool.position + aside));
+            session.placed()->request(ballAt(1, 0.05, status.record.tool.position + aside));
             if (session.placed()->look(status.time_s)) ++versions;
         }
         std::this_thread::sleep_for(std::chrono::milliseconds(2));

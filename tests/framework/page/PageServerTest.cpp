@@ -38,8 +38,8 @@ using test::TlsClient;
 constexpr unsigned char kText = 0x81, kBinary = 0x82;
 
 template <class Condition>
-bool await(const Condition& condition, double patience_s = 10.0) {
-    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(patience_s);
+bool await(const Condition& condition, double timeout_s = 10.0) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(timeout_s);
     while (!condition()) {
         if (std::chrono::steady_clock::now() > end) return false;
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -78,7 +78,7 @@ protected:
     std::string host() const { return "127.0.0.1:" + std::to_string(server_.port()); }
     std::string origin() const { return "https://" + host(); }
     std::string token() {
-        const std::string address = server_.invite();
+        const std::string address = server_.makeAddress();
         return address.substr(address.find('#') + 1);
     }
 
@@ -126,7 +126,7 @@ protected:
     /** Asks a server of its own to let a viewer in. */
     void knock(PageServer& server, TlsClient& client) {
         const std::string there = "127.0.0.1:" + std::to_string(server.port());
-        const std::string address = server.invite();
+        const std::string address = server.makeAddress();
         client.send(upgrade(address.substr(address.find('#') + 1), "https://" + there, there));
     }
 
@@ -266,7 +266,7 @@ TEST_F(PageServerTest, Fault67_ATokenLetsOneBrowserInOnce) {
     const std::string session = greeting["session"];
     EXPECT_EQ(statusOfUpgrade(session, origin(), host()), 101);
     EXPECT_EQ(statusOfUpgrade(session, origin(), host()), 101);  // until the program ends
-    for (int k = 0; k < 17; ++k) (void)server_.invite();
+    for (int k = 0; k < 17; ++k) (void)server_.makeAddress();
     const std::string last = token();
     EXPECT_EQ(statusOfUpgrade(last, origin(), host()), 101);
 }
@@ -345,9 +345,9 @@ TEST_F(PageServerTest, Fault68_SixteenViewersAndNoMore) {
 TEST_F(PageServerTest, Fault68_StrangersTakeNoViewersPlace) {
     auto viewer = join();
     EXPECT_TRUE(await([&] { return server_.counts().connections == 1; }));
-    std::vector<std::unique_ptr<TlsClient>> strangers;
+    std::vector<std::unique_ptr<TlsClient>> unauthenticated;
     const auto add = [&](const char* from) {
-        strangers.push_back(std::make_unique<TlsClient>(server_.port(), false, from));
+        unauthenticated.push_back(std::make_unique<TlsClient>(server_.port(), false, from));
     };
     for (const char* from : {"127.0.0.1", "127.0.0.2"}) {
         for (int k = 0; k < PageServer::kMaxPerAddress; ++k) add(from);
@@ -410,7 +410,7 @@ TEST_F(PageServerTest, TheEndLetsOutWhatWasToldAndShownLast) {
         knock(*server, viewer);
         ASSERT_EQ(statusOf(viewer.readHead()), 101);
         for (int greeting = 0; greeting < 2; ++greeting) ASSERT_EQ(readFrame(viewer).opcode, 1);
-        server->tell("event", "{\"event\":\"stopped\"}");
+        server->broadcast("event", "{\"event\":\"stopped\"}");
         server->show(std::string(60000, 'l'));
         const double took_s = timeEnd(server, [&] {
             EXPECT_EQ(readFrame(viewer).payload, "{\"event\":\"stopped\"}");
@@ -421,8 +421,8 @@ TEST_F(PageServerTest, TheEndLetsOutWhatWasToldAndShownLast) {
             viewer.send(makeFrame(0x88, "\x03\xe9"));
             EXPECT_EQ(readCloseCode(viewer), -1);
         });
-        EXPECT_GE(took_s, answers ? 0.0 : PageServer::kGoodbye_s);
-        EXPECT_LT(took_s, PageServer::kGoodbye_s + 1.0);
+        EXPECT_GE(took_s, answers ? 0.0 : PageServer::kClosing_s);
+        EXPECT_LT(took_s, PageServer::kClosing_s + 1.0);
     }
 }
 
@@ -440,8 +440,8 @@ TEST_F(PageServerTest, TheEndComesThoughAMessageGoesWrongWithinTheGoodbye) {
         EXPECT_EQ(readCloseCode(viewer), 1001);
         viewer.send(message.substr(30));
     });
-    EXPECT_GE(took_s, BOOST_VERSION == 107400 ? PageServer::kGoodbye_s : 0.0);  // they did wait
-    EXPECT_LT(took_s, PageServer::kGoodbye_s + 1.0);
+    EXPECT_GE(took_s, BOOST_VERSION == 107400 ? PageServer::kClosing_s : 0.0);  // they did wait
+    EXPECT_LT(took_s, PageServer::kClosing_s + 1.0);
 }
 
 TEST_F(PageServerTest, TheEndComesThoughAViewerReadsNothingAndAsksOn) {
@@ -457,8 +457,8 @@ TEST_F(PageServerTest, TheEndComesThoughAViewerReadsNothingAndAsksOn) {
         viewer.send(makeFrame(last, "ab"));
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
         const double took_s = timeEnd(server);
-        EXPECT_GE(took_s, last == 0x88 ? 0.0 : PageServer::kGoodbye_s);  // it may take up its goodbye until then
-        EXPECT_LT(took_s, PageServer::kGoodbye_s + 1.0);
+        EXPECT_GE(took_s, last == 0x88 ? 0.0 : PageServer::kClosing_s);  // it may take up its goodbye until then
+        EXPECT_LT(took_s, PageServer::kClosing_s + 1.0);
     }
 }
 
@@ -479,7 +479,7 @@ TEST_F(PageServerTest, TheEndComesThoughAViewerSendsOn) {
         const double took_s = timeEnd(server);
         isOver = true;
         flood.join();
-        EXPECT_LT(took_s, PageServer::kGoodbye_s + 1.0);
+        EXPECT_LT(took_s, PageServer::kClosing_s + 1.0);
     }
 }
 
@@ -682,30 +682,30 @@ TEST_F(PageServerTest, Fault69_ASubscriptionIsTakenWholeOrNotAtAll) {
           R"({"op": "unsubscribe", "subscriptionIds": [1]})",
           R"({"op": "setParameters", "parameters": []})",
           R"({"op": "advertise", "channels": []})"}) {
-        EXPECT_FALSE(client.hear(wrong, answer)) << wrong;
+        EXPECT_FALSE(client.onText(wrong, answer)) << wrong;
         EXPECT_EQ(json::parse(answer)["op"], "status");
         EXPECT_FALSE(client.isListening()) << wrong;
     }
     std::string many = R"({"op": "subscribe", "subscriptions": [)";
     for (std::size_t k = 0; k <= FoxgloveClient::kMostSubscriptions; ++k)
         many += (k == 0 ? "" : ",") + json{{"id", k}, {"channelId", 0}}.dump();
-    EXPECT_FALSE(client.hear(many + "]}", answer));
+    EXPECT_FALSE(client.onText(many + "]}", answer));
     EXPECT_FALSE(client.isListening());
 
     const std::string good =
         R"({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": 0}, {"id": 8, "channelId": 1}]})";
-    ASSERT_TRUE(client.hear(good, answer)) << answer;
+    ASSERT_TRUE(client.onText(good, answer)) << answer;
     EXPECT_EQ(client.makeMessages(makeRow()).size(), 2u);
-    EXPECT_FALSE(client.hear(R"({"op": "unsubscribe", "subscriptionIds": [7, 9]})", answer));
+    EXPECT_FALSE(client.onText(R"({"op": "unsubscribe", "subscriptionIds": [7, 9]})", answer));
     EXPECT_EQ(client.makeMessages(makeRow()).size(), 2u);
-    EXPECT_TRUE(client.hear(R"({"op": "unsubscribe", "subscriptionIds": [7, 8]})", answer));
+    EXPECT_TRUE(client.onText(R"({"op": "unsubscribe", "subscriptionIds": [7, 8]})", answer));
     EXPECT_FALSE(client.isListening());
 
     std::mt19937_64 random(69);
     for (long k = 0; k < countFuzzFrames(); ++k) {
         std::string bytes = random() % 2 == 0 ? good : std::string(R"({"op": "unsubscribe", "subscriptionIds": [7]})");
         changeBytes(bytes, random);
-        client.hear(bytes, answer);
+        client.onText(bytes, answer);
     }
     EXPECT_LE(client.makeMessages(makeRow()).size(), FoxgloveClient::kMostSubscriptions);
 }
@@ -877,17 +877,17 @@ TEST_F(PageServerTest, TheOperatorAloneRecordsAndNoLongerThanHeOperates) {
 }
 
 TEST_F(PageServerTest, Fault64_TheHandIsReleasedWithTheConnection) {
-    for (const bool sayGoodbye : {true, false}) {
+    for (const bool sendClose : {true, false}) {
         auto viewer = join();
         viewer->send(makeFrame(kText, "take"));
         viewer->send(makeFrame(kBinary, makeHand(1, feed_->now())));
         ASSERT_TRUE(await([&] { return feed_->take().message.engagement != 0; }));
         const auto begin = std::chrono::steady_clock::now();
-        if (sayGoodbye) viewer->send(makeFrame(0x88, ""));
-        if (!sayGoodbye) viewer.reset();
+        if (sendClose) viewer->send(makeFrame(0x88, ""));
+        if (!sendClose) viewer.reset();
         EXPECT_TRUE(await([&] { return feed_->take().message.engagement == 0; }, 0.2));
         const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-        RecordProperty(sayGoodbye ? "closed_ms" : "gone_ms", std::to_string(1000 * took_s));
+        RecordProperty(sendClose ? "closed_ms" : "gone_ms", std::to_string(1000 * took_s));
     }
 }
 
@@ -972,8 +972,8 @@ TEST_F(PageServerTest, Fault70_WhoReadsSlowlyLosesFramesAndNobodyWaits) {
 }
 
 TEST_F(PageServerTest, WhatIsToldIsKnownToWhoComesLater) {
-    server_.tell("state", "{\"a\":1}");
-    server_.tell("state", "{\"a\":2}");
+    server_.broadcast("state", "{\"a\":1}");
+    server_.broadcast("state", "{\"a\":2}");
     TlsClient viewer(server_.port());
     viewer.send(upgrade(token(), origin(), host()));
     EXPECT_EQ(statusOf(viewer.readHead()), 101);

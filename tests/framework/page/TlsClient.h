@@ -30,8 +30,8 @@ public:
         address.sin_port = htons(port);
         ::inet_pton(AF_INET, "127.0.0.1", &address.sin_addr);
         if (::connect(socket_, reinterpret_cast<sockaddr*>(&address), sizeof address) != 0) return;
-        timeval patience{20, 0};
-        ::setsockopt(socket_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+        timeval timeout{20, 0};
+        ::setsockopt(socket_, SOL_SOCKET, SO_RCVTIMEO, &timeout, sizeof timeout);
         if (!shakesHands) return;
         context_ = SSL_CTX_new(TLS_client_method());
         ssl_ = SSL_new(context_);

@@ -124,7 +124,7 @@ public:
 
 private:
     class Source;
-    class Follower;
+    class TargetController;
     struct Inside;
     std::unique_ptr<Inside> inside_;
 };

@@ -168,7 +168,7 @@ private:
     };
     class LawController;
     class Arm;
-    class Follower;
+    class HeldRobustLoop;
     struct Inside;
 
     template <class Law>

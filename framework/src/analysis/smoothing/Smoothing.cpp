@@ -143,8 +143,8 @@ SmoothedMotion smoothMotion(const std::vector<double>& times_s, const std::vecto
     detail::Readings& readings = impl->readings;
     readings = detail::takeReadings(times_s, values, where);
     detail::Roughness& roughness = impl->roughness;
-    const auto fit = [&](double coarsest_s, std::size_t patience) {
-        const double step_s = detail::findKnotStep(readings, roughness, coarsest_s, patience);
+    const auto fit = [&](double coarsest_s, std::size_t maxWorseSteps) {
+        const double step_s = detail::findKnotStep(readings, roughness, coarsest_s, maxWorseSteps);
         std::vector<double> storage;
         if (impl->fit) storage = impl->fit->releaseStorage();
         impl->fit.emplace(readings, step_s, roughness, std::move(storage));

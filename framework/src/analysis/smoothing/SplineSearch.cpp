@@ -92,7 +92,8 @@ void normalise(Roughness& roughness) {
     for (double& f : roughness.factors) f *= std::exp(-mean);
 }
 
-double findKnotStep(const Readings& readings, const Roughness& roughness, double coarsest_s, std::size_t patience) {
+double findKnotStep(const Readings& readings, const Roughness& roughness, double coarsest_s,
+                    std::size_t maxWorseSteps) {
     constexpr double kRatio = 0.70710678118654752;
     const Readings sample = takeSample(readings);
     const auto ask = [&](double step_s) { return SplineFit(sample, step_s, roughness).objective(); };
@@ -103,7 +104,7 @@ double findKnotStep(const Readings& readings, const Roughness& roughness, double
         steps.push_back(step_s);
         values.push_back(ask(step_s));
         if (values.back() < values[best]) best = values.size() - 1;
-        if (values.size() > best + patience && std::isfinite(values[best])) break;
+        if (values.size() > best + maxWorseSteps && std::isfinite(values[best])) break;
     }
     if (best == 0 || best + 1 >= values.size() || !std::isfinite(values[best - 1]) || !std::isfinite(values[best + 1]))
         return steps[best];

@@ -15,8 +15,8 @@ void normalise(Roughness& roughness);
 
 /** The distance of the knots with the largest restricted likelihood: from coarse to fine in steps of 2^(1/2) until it
 falls for good, then a parabola's least point.
-@param patience  steps without a better one after which it has fallen for good */
-double findKnotStep(const Readings& readings, const Roughness& roughness, double coarsest_s, std::size_t patience);
+@param maxWorseSteps  steps without a better one after which it has fallen for good */
+double findKnotStep(const Readings& readings, const Roughness& roughness, double coarsest_s, std::size_t maxWorseSteps);
 
 /** Weighs the readings by what a fit says of them: outliers, and the part of the rounding errors that does not change
 from one reading to the next. True where it made a difference. */

@@ -52,12 +52,12 @@ constexpr int kUnexpected = 70;
 constexpr double kDefaultPatience_s = 60.0;
 
 /** Watches for plugins that do not come back from a call, in a thread of its own, from construction to destruction. After 10 s it tells of
-one, once; after `patience_s`, or when the user has asked for the end meanwhile, the logs are finished and the
+one, once; after `timeout_s`, or when the user has asked for the end meanwhile, the logs are finished and the
 program ends with code 4. */
 class HangWatch {
 public:
     /** @param endRequested  non-zero: the user has asked for the end */
-    HangWatch(double patience_s, const std::atomic<int>& endRequested);
+    HangWatch(double timeout_s, const std::atomic<int>& endRequested);
     ~HangWatch();
 
 private:
@@ -67,7 +67,7 @@ private:
         std::chrono::steady_clock::time_point since;
         bool told = false;
     };
-    std::chrono::duration<double> patience_;
+    std::chrono::duration<double> timeout_;
     const std::atomic<int>& endRequested_;
     std::vector<Seen> seen_;
     std::atomic<bool> done_{false};

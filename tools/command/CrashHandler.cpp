@@ -1,4 +1,4 @@
-#include "PluginTrouble.h"
+#include "CrashHandler.h"
 
 #include <dlfcn.h>
 #include <execinfo.h>
@@ -338,8 +338,8 @@ void countPluginAllocations() {
         setAllocationCounter([] { return testing::AllocationCounter::total(); });
 }
 
-HangWatch::HangWatch(double patience_s, const std::atomic<int>& endRequested)
-    : patience_(patience_s), endRequested_(endRequested), seen_(callSlots().size()) {
+HangWatch::HangWatch(double timeout_s, const std::atomic<int>& endRequested)
+    : timeout_(timeout_s), endRequested_(endRequested), seen_(callSlots().size()) {
     thread_ = std::thread([this] {
         while (!done_) {
             std::this_thread::sleep_for(kLook);
@@ -365,7 +365,7 @@ void HangWatch::look() {
         }
         const std::chrono::duration<double> waited = now - seen_[i].since;
         const std::int64_t tick = slot.tick.load();
-        if ((waited > patience_ || (endRequested_ != 0 && waited > kHang)) && tryClaimEnd()) {
+        if ((waited > timeout_ || (endRequested_ != 0 && waited > kHang)) && tryClaimEnd()) {
             sayWho(*watch, " has not come back", tick);
             say(". ");
             endAfterPlugin();
