@@ -25,7 +25,7 @@ packages=(
   nodejs npm                        # bundles the page of reports
   libcli11-dev                      # command line
   libsqlite3-dev                    # results of sweeps
-  libssl-dev                        # SHA-256 of maps and of what a sweep is of; HTTPS of the live page
+  libssl-dev                        # HTTPS of the live page
   libboost-dev                      # Beast, headers only: server of the live page
   libqrencode-dev                   # its address for a phone, on the terminal
   libtbb-dev                        # runs of a sweep side by side

@@ -1,12 +1,14 @@
 #!/usr/bin/env bash
-# The guards inside a stranger's loop: installs the package into an empty prefix, builds the installed examples own_loop
-# and reference_stream as their READMEs say, and runs them; link_robot is built here and run by link.sh. Usage: embed.sh BUILD_DIR
+# The guards inside a stranger's loop: installs the library alone into an empty prefix, builds the installed examples own_loop
+# and reference_stream as their READMEs say, and runs them; link_robot is built here and run by link.sh. Then the program is
+# installed beside it. Usage: embed.sh BUILD_DIR
 set -euo pipefail
 build=$1
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 prefix="$work/prefix"
-cmake --install "$build" --prefix "$prefix" >"$work/install.log"
+cmake --install "$build" --prefix "$prefix" --component library >"$work/install.log"
+[ ! -e "$prefix/bin/viable" ] || { echo "embed: the library brings the program"; exit 1; }
 cp -r "$prefix/share/viable/examples/"{own_loop,reference_stream} "$work/"
 cd "$work"  # nothing of the source tree in reach
 compile() {  # EXAMPLE FOLDER
@@ -15,6 +17,12 @@ compile() {  # EXAMPLE FOLDER
 }
 compile own_loop build
 compile reference_stream build_stream
+# What an embedding program links to: the C and C++ libraries, and at most 11 of others.
+needed=$(readelf -d "$(echo "$prefix"/lib*/libviable.so)" | sed -n 's/.*NEEDED.*\[\(.*\)\]/\1/p' |
+  grep -Ev '^(libstdc\+\+|libm|libgcc_s|libc|ld-linux.*)\.so')
+echo "embed: libviable needs" $needed
+[ "$(wc -l <<<"$needed")" -le 11 ] || { echo "embed: libviable needs more than 11 libraries of others"; exit 1; }
+cmake --install "$build" --prefix "$prefix" >>"$work/install.log"
 cc -std=c99 -O2 -Wall -Wextra -Werror -I "$prefix/include" "$prefix/share/viable/examples/link_robot/link_robot.c" -o link_robot
 
 expect_kept() {  # FILE: no limit was passed in a single tick

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes the Debian package, unpacks it into an empty root, and uses it from there as somebody who has nothing else of
+# Makes the Debian packages, unpacks them into an empty root, and uses them from there as somebody who has nothing else of
 # the project. Usage: check.sh BUILD_DIR SOURCE_DIR
 set -euo pipefail
 build=$1 source=$2
@@ -9,20 +9,40 @@ fail() { echo "package: $*" >&2; exit 1; }
 
 cpack -G DEB --config "$build/CPackConfig.cmake" -B "$work" >"$work/cpack.log" 2>&1 || { cat "$work/cpack.log" >&2; exit 1; }
 deb=$(echo "$work"/viable_*_"$(dpkg --print-architecture)".deb)
-[ -f "$deb" ] || fail "no package came out: $(ls "$work")"
-if command -v lintian >/dev/null; then
-  lintian --fail-on error,warning "$deb" || fail "lintian has complaints (above)"
-fi
-field() { dpkg-deb -f "$deb" "$1"; }
-for library in libc6 libstdc++6 libsimbody3.7 libyaml-cpp0.7 libzstd1 liblz4-1 libldl2 libamd2 zlib1g; do
-  [[ "$(field Depends)" == *"$library"* ]] || fail "Depends lacks $library: $(field Depends)"
+library_deb=$(echo "$work"/libviable_*_"$(dpkg --print-architecture)".deb)
+for file in "$deb" "$library_deb"; do
+  [ -f "$file" ] || fail "no package came out: $(ls "$work")"
+  if command -v lintian >/dev/null; then
+    lintian --fail-on error,warning "$file" || fail "lintian has complaints (above)"
+  fi
 done
-[[ "$(field Depends)" != *viable* ]] || fail "it depends on itself: $(field Depends)"
-[[ "$(field Recommends)" == *libeigen3-dev* ]] || fail "Recommends: $(field Recommends)"
+field() { dpkg-deb -f "${2:-$deb}" "$1"; }
+expect_depends() {  # FILE PACKAGE...
+  for package in "${@:2}"; do
+    [[ "$(field Depends "$1")" == *"$package"* ]] || fail "$1: Depends lacks $package: $(field Depends "$1")"
+  done
+}
+expect_depends "$library_deb" libc6 libstdc++6 libsimbody3.7 libyaml-cpp0.7 libzstd1 zlib1g
+expect_depends "$deb" libc6 libstdc++6 liblz4-1 libldl2 libamd2 libssl3 libsqlite3-0 "libviable (= $(field Version))"
+for name in viable lz4 ldl amd ssl sqlite hdf5 assimp; do
+  [[ "$(field Depends "$library_deb")" != *"$name"* ]] || fail "libviable depends on $name: $(field Depends "$library_deb")"
+done
+[[ "$(field Recommends "$library_deb")" == *libeigen3-dev* ]] || fail "Recommends: $(field Recommends "$library_deb")"
 
 root=$work/root
+dpkg-deb -x "$library_deb" "$root"
+
+# A loop of one's own, with the library's package alone.
+loop=$work/loop
+cp -r "$root/usr/share/viable/examples/own_loop" "$loop"
+cmake -S "$loop" -B "$loop/build" -DCMAKE_PREFIX_PATH="$root/usr" >"$loop.log" && cmake --build "$loop/build" >>"$loop.log" ||
+  { cat "$loop.log" >&2; exit 1; }
+"$loop/build/own_loop" "$root/usr/share/viable/robots/indy7" 1 simulated_time >"$loop.log" || { cat "$loop.log" >&2; exit 1; }
+
 dpkg-deb -x "$deb" "$root"
-[ -s "$root/usr/share/doc/viable/copyright" ] || fail "no copyright file"
+for package in viable libviable; do
+  [ -s "$root/usr/share/doc/$package/copyright" ] || fail "no copyright file of $package"
+done
 find "$root" -type l ! -exec test -e {} \; -print | grep . && fail "these links lead nowhere"
 for path in "$source" "$build"; do
   ! grep -rlF -e "$path" "$root" || fail "these files (above) hold a path of the build: $path"
@@ -88,7 +108,9 @@ EOF
   find "$root/usr/lib" -name viable_python.so -exec mv {} "$work" \;
   ! "$viable" run my_law.yaml --out no_law_out 2>law.log || fail "a plugin in Python ran without its library"
   grep -q "python3-viable" law.log || fail "no remedy: $(cat law.log)"
-  ! readelf -d "$viable" "$(find "$root/usr/lib" -name 'libviable.so*' -type f)" | grep -q libpython || fail "the program itself needs Python"
+  ! readelf -d "$viable" $(find "$root/usr/lib" -name 'libviable*.so*' -type f) | grep -q libpython || fail "the program itself needs Python"
   echo "package: $(basename "$python_deb"), $(stat -c %s "$python_deb") bytes, runs from there"
 fi
-echo "package: $(basename "$deb"), $(stat -c %s "$deb") bytes, runs from an empty root"
+for file in "$library_deb" "$deb"; do
+  echo "package: $(basename "$file"), $(stat -c %s "$file") bytes, runs from an empty root"
+done

@@ -8,7 +8,7 @@
 #include "ExpectContains.h"
 #include "Paths.h"
 #include "Program.h"
-#include "log/LogReader.h"
+#include "records/LogReader.h"
 
 namespace viable {
 namespace {

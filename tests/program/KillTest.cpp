@@ -13,8 +13,8 @@
 #include "Effort.h"
 #include "Program.h"
 #include "WitnessPage.h"
-#include "log/LogReader.h"
 #include "log/Recorder.h"
+#include "records/LogReader.h"
 #include "viable/core/Error.h"
 
 // Runs that are killed (kill -9) at random moments. How far the loop had come is told by a witness, a command

@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "Program.h"
-#include "log/LogReader.h"
+#include "records/LogReader.h"
 
 // `viable export` and `viable recover`: exit codes, words and what lies in the folder afterwards. What they write is
 // tested in framework/log and log_readers.

@@ -12,7 +12,7 @@
 #include "Paths.h"
 #include "Program.h"
 #include "RobotFolder.h"
-#include "log/LogReader.h"
+#include "records/LogReader.h"
 
 namespace viable {
 namespace {

@@ -12,7 +12,7 @@
 #include "TemporaryFolder.h"
 #include "experiment/CaseRun.h"
 #include "experiment/ExperimentFile.h"
-#include "log/LogReader.h"
+#include "records/LogReader.h"
 
 namespace viable {
 

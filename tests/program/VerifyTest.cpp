@@ -7,7 +7,7 @@
 
 #include "Paths.h"
 #include "Program.h"
-#include "log/LogReader.h"
+#include "records/LogReader.h"
 
 // `viable verify` and `viable identify` from outside: exit codes, words, files, and what they say against what a
 // simulation knows.

@@ -4,7 +4,7 @@
 
 #include "Figures.h"
 #include "Paths.h"
-#include "robot/RobotShapes.h"
+#include "meshes/RobotShapes.h"
 #include "viable/robot/ArmGeometry.h"
 
 namespace viable {

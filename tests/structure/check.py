@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """The rooms of the source tree: who includes whom, and on which floor each stands.
 
-A room is framework/src/<room> together with framework/include/viable/<room>, a folder of plugins/, or a folder of
-tools/. Fails where rooms include each other in a circle, or one that stands behind it in the table of framework/README.md; where
-a public header includes a private one; where a file names something of the standard library without including its
+A room is framework/src/<room> together with framework/include/viable/<room>, or a folder of tools/; all of plugins/ counts as
+one. Fails where rooms include each other in a circle, or one that stands behind it in the tables of framework/README.md: the
+first lists the framework's rooms, the second those of tools/; where a plugin includes a room of tools/; where a public header
+includes a private one; where a file names something of the standard library without including its
 header (a precompiled header would hide that); where a public header says that it throws Error and does not include it;
 where a link of a page leads nowhere.
 Usage: check.py [SOURCE_DIR]
@@ -40,7 +41,7 @@ def room_of(path: Path, root: Path):
     if parts[0] == "plugins":
         return "plugins"
     if parts[0] == "tools" and len(parts) > 2 and parts[1] != "templates":
-        return f"tools/{parts[1]}"
+        return parts[1]
     return None
 
 
@@ -137,16 +138,23 @@ def find_circle(arrows):
 
 
 def check_order(root: Path, arrows):
-    """The table of framework/README.md: a room includes only rooms before it."""
-    order = re.findall(r"^\| `([a-z]+)` \|", (root / "framework/README.md").read_text(encoding="utf-8"), re.MULTILINE)
-    place = {room: i for i, room in enumerate(order)}
-    rooms = {p.name for p in (root / "framework/src").iterdir() if p.is_dir()}
-    if len(place) != len(order) or set(order) != rooms:
-        yield f"the table of framework/README.md and the rooms differ: {sorted(set(order) ^ rooms)}"
+    """The tables of framework/README.md: a room includes only rooms before it, those of tools/ stand behind all others."""
+    page = (root / "framework/README.md").read_text(encoding="utf-8")
+    tables = [re.findall(r"^\| `([a-z]+)` \|", table, re.MULTILINE) for table in page.split("\n| room | what |\n")[1:]]
+    framework = {p.name for p in (root / "framework/src").iterdir() if p.is_dir()}
+    tools = {p.relative_to(root / "tools").parts[0] for p in (root / "tools").rglob("*.cpp")} - {"templates"}
+    for table, rooms, folder in zip(tables, (framework, tools), ("framework/src", "tools")):
+        if sorted(table) != sorted(rooms):
+            yield f"a table of framework/README.md and the rooms of {folder} differ: {sorted(set(table) ^ rooms)}"
+    place = {room: i for i, room in enumerate(room for table in tables for room in table)}
+    if len(tables) != 2 or len(place) != len(framework) + len(tools):
+        yield "framework/README.md has not two tables of rooms, or a room stands in both"
+    for other in sorted(tools & set(arrows.get("plugins", {}))):
+        yield f"a plugin includes a room of tools/: {arrows['plugins'][other]}"
     for room, others in sorted(arrows.items()):
         for other, how in sorted(others.items()):
-            if place.get(other, -1) > place.get(room, len(order)):
-                yield f"{room} stands before {other} in the table of framework/README.md, and includes it: {how}"
+            if place.get(other, -1) > place.get(room, len(place)):
+                yield f"{room} stands before {other} in the tables of framework/README.md, and includes it: {how}"
 
 
 def list_headings(page: Path):

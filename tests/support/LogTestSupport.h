@@ -14,8 +14,8 @@
 #include <vector>
 
 #include "TemporaryFolder.h"
-#include "log/LogReader.h"
 #include "log/LogWriter.h"
+#include "records/LogReader.h"
 #include "viable/core/Error.h"
 
 namespace viable::test {

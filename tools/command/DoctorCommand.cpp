@@ -15,8 +15,8 @@
 
 #include "Commands.h"
 #include "core/Text.h"
-#include "realtime/MachineCheck.h"
-#include "realtime/MachineMeasure.h"
+#include "doctor/MachineCheck.h"
+#include "doctor/MachineMeasure.h"
 #include "viable/core/Error.h"
 
 namespace viable {

@@ -5,8 +5,8 @@
 #include <memory>
 
 #include "Commands.h"
-#include "log/LogExport.h"
-#include "log/LogReader.h"
+#include "records/LogExport.h"
+#include "records/LogReader.h"
 #include "viable/core/Error.h"
 
 namespace viable {

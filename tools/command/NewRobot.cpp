@@ -13,7 +13,7 @@
 #include "Scaffold.h"
 #include "core/Text.h"
 #include "core/WholeFile.h"
-#include "robot/draft/RobotDraft.h"
+#include "draft/RobotDraft.h"
 #include "viable/config/ConfigNode.h"
 #include "viable/core/Error.h"
 

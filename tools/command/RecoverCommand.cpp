@@ -4,8 +4,8 @@
 #include <memory>
 
 #include "Commands.h"
-#include "log/LogExport.h"
-#include "log/LogReader.h"
+#include "records/LogExport.h"
+#include "records/LogReader.h"
 
 namespace viable {
 

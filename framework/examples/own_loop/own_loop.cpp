@@ -7,18 +7,18 @@
 
 #include "SimulatedRobot.h"
 #include "viable/loop/GuardLog.h"
+#include "viable/loop/GuardSummary.h"
 #include "viable/loop/TorqueGuard.h"
-#include "viable/summary/Summary.h"
 
 using namespace viable;
 
 /** What came of it: the nominal arm's worst use of each limit, and how far the real one was from it. */
-bool print(const Summary& summary, const TorqueGuard& guard, long long missed) {
+bool print(const RobotDescription& robot, const GuardSummary& summary, const TorqueGuard& guard, long long missed) {
     for (const LimitKind kind : {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk}) {
         const int joint = summary.worstJoint(kind);
         const LimitRecord& worst = summary.limit(kind)[static_cast<std::size_t>(joint)];
         std::printf("%-13s worst use %6.2f %% (%s), outside in %lld joint-ticks\n", getName(kind, LimitSide::Neither),
-                    100.0 * worst.worstUse, summary.jointNames()[static_cast<std::size_t>(joint)].c_str(),
+                    100.0 * worst.worstUse, robot.jointNames()[static_cast<std::size_t>(joint)].c_str(),
                     static_cast<long long>(summary.ticksOutside(kind)));
     }
     std::printf("real arm      at most %.1f mrad from the nominal one\n", 1000.0 * summary.trackingMax());
@@ -47,7 +47,7 @@ int main(int argc, char** argv) try {
     const double tick_s = 0.001;
     SimulatedRobot arm(robot, tick_s, isSimulatedTime);  // yours goes here
     TorqueGuard guard(robot, tick_s);                    // throws viable::Error: place, cause, remedy
-    Summary summary(robot.jointNames(), guard.limits(), true);
+    GuardSummary summary(robot.size());
     guard.start(arm.read());
 
     long long missed = 0;
@@ -83,7 +83,7 @@ int main(int argc, char** argv) try {
         std::fprintf(stderr, "own_loop: %s could not be written to its end: %s\n", argv[4], trouble.c_str());
         return 2;
     }
-    return print(summary, guard, missed) ? 0 : 1;
+    return print(robot, summary, guard, missed) ? 0 : 1;
 } catch (const Error& e) {
     std::fprintf(stderr, "own_loop: %s\n", e.what());
     return 2;

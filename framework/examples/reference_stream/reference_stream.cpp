@@ -5,8 +5,8 @@
 #include <fstream>
 #include <random>
 
+#include "viable/loop/GuardSummary.h"
 #include "viable/loop/ReferenceGuard.h"
-#include "viable/summary/Summary.h"
 
 using namespace viable;
 
@@ -79,7 +79,7 @@ int main(int argc, char** argv) try {
     const double tick_s = 0.001;
     ReferenceGuard guard(robot, tick_s);  // throws viable::Error: place, cause, remedy
     Sender sender(guard.limits());
-    Summary summary(robot.jointNames(), guard.limits(), false);
+    GuardSummary summary(robot.size());
     const JointVector zero = JointVector::Zero(robot.size());
     guard.start({robot.home, zero, zero});  // where the robot is
 
@@ -116,7 +116,7 @@ int main(int argc, char** argv) try {
         const int joint = summary.worstJoint(kind);
         const LimitRecord& worst = summary.limit(kind)[static_cast<std::size_t>(joint)];
         std::printf("%-13s worst use %6.2f %% (%s), outside in %lld joint-ticks\n", getName(kind, LimitSide::Neither),
-                    100.0 * worst.worstUse, summary.jointNames()[static_cast<std::size_t>(joint)].c_str(),
+                    100.0 * worst.worstUse, robot.jointNames()[static_cast<std::size_t>(joint)].c_str(),
                     static_cast<long long>(summary.ticksOutside(kind)));
     }
     if (count > 0)

@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "core/JsonNumber.h"
-#include "log/LogReader.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -100,10 +99,9 @@ std::map<std::string, std::string> writeLogMetadata(LogMetadata metadata) {
     return texts;
 }
 
-LogMetadata readLogMetadata(const LogReader& reader) {
-    const Names& joints = reader.layout().jointNames;
+LogMetadata readLogMetadata(const std::map<std::string, std::string>& texts, const Names& joints) {
     LogMetadata metadata;
-    for (const auto& [name, text] : reader.metadata()) {
+    for (const auto& [name, text] : texts) {
         std::string wrong;
         const auto known = std::find_if(std::begin(kTexts), std::end(kTexts),
                                         [&n = name](const auto& entry) { return entry.first == n; });

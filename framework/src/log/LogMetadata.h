@@ -9,8 +9,6 @@
 
 namespace viable {
 
-class LogReader;
-
 /** What a log's metadata say of its run. In the file they are texts by name: only the functions below know the names
 and what stands in the texts. */
 struct LogMetadata {
@@ -40,6 +38,8 @@ struct LogMetadata {
 
 std::map<std::string, std::string> writeLogMetadata(LogMetadata metadata);
 
-LogMetadata readLogMetadata(const LogReader& reader);
+/** @param texts   the metadata of a log
+@param joints  of that log */
+LogMetadata readLogMetadata(const std::map<std::string, std::string>& texts, const std::vector<std::string>& joints);
 
 }  // namespace viable

@@ -4,8 +4,8 @@
 
 #include "LogTestSupport.h"
 #include "TemporaryFolder.h"
-#include "log/LogReader.h"
 #include "log/Recorder.h"
+#include "records/LogReader.h"
 
 namespace viable {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "LogTestSupport.h"
 #include "log/LogFields.h"
-#include "log/McapFile.h"
+#include "records/McapFile.h"
 
 namespace viable {
 namespace {

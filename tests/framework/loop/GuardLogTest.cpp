@@ -9,7 +9,7 @@
 #include "Paths.h"
 #include "TemporaryFolder.h"
 #include "log/LogMetadata.h"
-#include "log/LogReader.h"
+#include "records/LogReader.h"
 #include "viable/loop/ReferenceGuard.h"
 #include "viable/loop/TorqueGuard.h"
 #include "viable/testing/AllocationCounter.h"
@@ -48,7 +48,7 @@ TEST(GuardLog, WhatATorqueGuardDidIsReadBackAsItWas) {
     }
     LogReader reader(file);
     EXPECT_TRUE(reader.isComplete());
-    const LogMetadata metadata = readLogMetadata(reader);
+    const LogMetadata metadata = readLogMetadata(reader.metadata(), reader.layout().jointNames);
     EXPECT_EQ(metadata.caseName, "sway");
     EXPECT_EQ(metadata.robot, robot.folder.lexically_normal().string());
     TickRecord row;

@@ -9,9 +9,9 @@
 
 #include "CaseSupport.h"
 #include "ExpectContains.h"
+#include "summary/Summary.h"
 #include "viable/core/Numbers.h"
 #include "viable/robot/RobotModel.h"
-#include "viable/summary/Summary.h"
 #include "viable/testing/AllocationCounter.h"
 #include "viable/testing/TwoLinkArm.h"
 

@@ -7,7 +7,7 @@
 
 #include "CaseSupport.h"
 #include "Effort.h"
-#include "viable/live/Teleoperation.h"
+#include "viable/plugin/Teleoperation.h"
 
 namespace viable {
 namespace {

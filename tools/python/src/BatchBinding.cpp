@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "RobotBinding.h"
-#include "viable/batch/ArmBatch.h"
+#include "batch/ArmBatch.h"
 #include "viable/config/ConfigNode.h"
 #include "viable/core/Numbers.h"
 #include "viable/environment/Environment.h"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "Arrays.h"
-#include "log/LogReader.h"
+#include "records/LogReader.h"
 
 namespace viable::python {
 

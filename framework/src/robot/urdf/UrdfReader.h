@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/Complaints.h"
-#include "robot/RobotShapes.h"
+#include "robot/LinkShapes.h"
 #include "robot/urdf/UrdfDocument.h"
 
 namespace viable::detail {

@@ -1,0 +1,484 @@
+#include <hdf5.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <csignal>
+#include <map>
+
+#include "LogTestSupport.h"
+#include "records/LogExport.h"
+
+namespace viable {
+namespace {
+
+using namespace test;
+
+using Space = MotionCommand::Space;
+
+class Hdf5ExportTest : public LogTestBase {};
+
+/** An HDF5 file, read by the library. Everything is closed again at the end. */
+class Hdf5File {
+public:
+    explicit Hdf5File(const std::filesystem::path& file) : id_(H5Fopen(file.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT)) {
+        EXPECT_GE(id_, 0);
+    }
+    ~Hdf5File() { EXPECT_GE(H5Fclose(id_), 0); }
+
+    std::vector<std::string> listDatasets() const {
+        std::vector<std::string> paths;
+        H5Lvisit(
+            id_, H5_INDEX_NAME, H5_ITER_NATIVE,
+            [](hid_t from, const char* name, const H5L_info_t*, void* to) -> herr_t {
+                const hid_t object = H5Oopen(from, name, H5P_DEFAULT);
+                if (H5Iget_type(object) == H5I_DATASET)
+                    static_cast<std::vector<std::string>*>(to)->push_back("/" + std::string(name));
+                return H5Oclose(object);
+            },
+            &paths);
+        std::sort(paths.begin(), paths.end());
+        return paths;
+    }
+
+    template <class T>
+    std::vector<T> read(const std::string& path, hid_t type, H5T_class_t expected) const {
+        const hid_t set = H5Dopen2(id_, path.c_str(), H5P_DEFAULT);
+        EXPECT_GE(set, 0) << path;
+        if (set < 0) return {};
+        const hid_t space = H5Dget_space(set), stored = H5Dget_type(set);
+        EXPECT_EQ(H5Tget_class(stored), expected) << path;
+        EXPECT_EQ(H5Tget_size(stored), sizeof(T)) << path;
+        EXPECT_EQ(H5Sget_simple_extent_ndims(space), 1) << path;
+        std::vector<T> values(static_cast<std::size_t>(H5Sget_simple_extent_npoints(space)));
+        if (!values.empty()) {
+            EXPECT_GE(H5Dread(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()), 0) << path;
+        }
+        H5Tclose(stored);
+        H5Sclose(space);
+        H5Dclose(set);
+        return values;
+    }
+    std::vector<double> readNumbers(const std::string& path) const {
+        return read<double>(path, H5T_NATIVE_DOUBLE, H5T_FLOAT);
+    }
+    std::vector<std::int64_t> readIntegers(const std::string& path) const {
+        return read<std::int64_t>(path, H5T_NATIVE_INT64, H5T_INTEGER);
+    }
+    /** A column of words: codes, spelled out. */
+    std::vector<std::string> readWords(const std::string& path) const {
+        const auto codes = read<std::uint8_t>(path, H5T_NATIVE_UINT8, H5T_INTEGER);
+        const std::vector<std::string> words = readTexts(path, "words");
+        std::vector<std::string> spelled;
+        for (const std::uint8_t code : codes)
+            spelled.push_back(code < words.size() ? words[code] : "a code without a word");
+        return spelled;
+    }
+
+    bool hasAttribute(const std::string& object, const std::string& name) const {
+        return H5Aexists_by_name(id_, object.c_str(), name.c_str(), H5P_DEFAULT) > 0;
+    }
+    std::vector<std::string> readTexts(const std::string& object, const std::string& name) const {
+        EXPECT_TRUE(hasAttribute(object, name)) << object << " " << name;
+        if (!hasAttribute(object, name)) return {};
+        const hid_t attribute = H5Aopen_by_name(id_, object.c_str(), name.c_str(), H5P_DEFAULT, H5P_DEFAULT);
+        const hid_t type = H5Aget_type(attribute), space = H5Aget_space(attribute);
+        EXPECT_GT(H5Tis_variable_str(type), 0) << name;
+        EXPECT_EQ(H5Tget_cset(type), H5T_CSET_UTF8) << name;
+        std::vector<char*> values(static_cast<std::size_t>(H5Sget_simple_extent_npoints(space)));
+        std::vector<std::string> texts;
+        if (!values.empty() && H5Tis_variable_str(type) > 0) {
+            EXPECT_GE(H5Aread(attribute, type, values.data()), 0);
+            for (const char* value : values) texts.emplace_back(value);
+            H5Dvlen_reclaim(type, space, H5P_DEFAULT, values.data());
+        }
+        H5Sclose(space);
+        H5Tclose(type);
+        H5Aclose(attribute);
+        return texts;
+    }
+    std::string readText(const std::string& object, const std::string& name) const {
+        const std::vector<std::string> texts = readTexts(object, name);
+        EXPECT_EQ(texts.size(), 1u);
+        return texts.empty() ? "" : texts[0];
+    }
+    std::string readBytes(const std::string& name) const {
+        const hid_t attribute = H5Aopen(id_, name.c_str(), H5P_DEFAULT);
+        EXPECT_GE(attribute, 0);
+        const hid_t type = H5Tvlen_create(H5T_NATIVE_UINT8), space = H5Aget_space(attribute);
+        hvl_t value{0, nullptr};
+        EXPECT_GE(H5Aread(attribute, type, &value), 0);
+        const std::string bytes(static_cast<const char*>(value.p), value.len);
+        H5Dvlen_reclaim(type, space, H5P_DEFAULT, &value);
+        H5Sclose(space);
+        H5Tclose(type);
+        H5Aclose(attribute);
+        return bytes;
+    }
+
+private:
+    hid_t id_;
+};
+
+/** What the library holds open, and the process. */
+std::pair<long, long> countOpen() {
+    const std::filesystem::directory_iterator files("/proc/self/fd");
+    return {H5Fget_obj_count(H5F_OBJ_ALL, H5F_OBJ_ALL), std::distance(files, std::filesystem::directory_iterator())};
+}
+
+bool areEqual(double a, double b) {
+    return std::memcmp(&a, &b, sizeof(a)) == 0 || (std::isnan(a) && std::isnan(b));
+}
+
+TEST_F(Hdf5ExportTest, ATakeIsItsRowsAndOneThatIsNotThereLeavesNothing) {
+    LogLayout layout = makeLayout(2, Space::Joint, true);
+    layout.isLive = true;
+    std::vector<TickRecord> records = makeRecords(layout, 9000, 0.001, 67);
+    for (std::size_t i = 0; i < records.size(); ++i) records[i].take = i < 100 ? 0 : i < 8000 ? 1 : 0;
+    writeBytes(path("run.mcap"), makeLog(makeOpening(layout), records).bytes);
+    exportHdf5(path("run.mcap"), path("take.h5"), false, 1);
+    const Hdf5File file(path("take.h5"));
+    const std::vector<double> times = file.readNumbers("/time_s");
+    ASSERT_EQ(times.size(), 7900u);
+    EXPECT_EQ(times.front(), records[100].time_s);
+    EXPECT_EQ(times.back(), records[7999].time_s);
+    EXPECT_EQ(file.readIntegers("/live/take"), std::vector<std::int64_t>(7900, 1));
+    const std::string error =
+        catchError(ErrorKind::BadInput, [&] { exportHdf5(path("run.mcap"), path("none.h5"), false, 2); });
+    EXPECT_NE(error.find("the log has no take 2. It has 1."), std::string::npos) << error;
+    EXPECT_FALSE(std::filesystem::exists(path("none.h5")));
+}
+
+TEST_F(Hdf5ExportTest, EveryValueOfEveryColumnComesBack) {
+    for (const Space space : {Space::Joint, Space::Tool}) {
+        LogLayout layout = makeLayout(3, space, space == Space::Joint);
+        layout.jointNames = {"the \"elbow\", left", "left/arm", "joint.1"};
+        // More than two blocks, so that every column grows.
+        const std::vector<TickRecord> records = makeRecords(layout, 9001, 0.001, 61);
+        writeBytes(path("run.mcap"), makeLog(makeOpening(layout), records).bytes);
+        exportHdf5(path("run.mcap"), path("run.h5"));
+        const Hdf5File file(path("run.h5"));
+        const auto expectNumbers = [&](const std::string& name, const auto& get) {
+            SCOPED_TRACE(name);
+            const std::vector<double> values = file.readNumbers(name);
+            ASSERT_EQ(values.size(), records.size());
+            for (std::size_t i = 0; i < records.size(); ++i)
+                ASSERT_TRUE(areEqual(values[i], get(records[i]))) << "row " << i;
+        };
+        // By hand, one of each kind, so that the paths are those that users write.
+        expectNumbers("/time_s", [](const TickRecord& r) { return r.time_s; });
+        for (int j = 0; j < 3; ++j) {
+            const std::string joint = layout.jointNames[static_cast<std::size_t>(j)];
+            expectNumbers("/nominal/" + joint + "/q_rad", [&](const TickRecord& r) { return r.nominal.q[j]; });
+            expectNumbers("/filter/" + joint + "/margin_rad",
+                          [&](const TickRecord& r) { return r.stops[static_cast<std::size_t>(j)].margin; });
+            expectNumbers("/limits/" + joint + "/jerk_upper_radps3",
+                          [&](const TickRecord& r) { return r.limits.jerk.upper[j]; });
+        }
+        expectNumbers("/nominal/tool/x_m", [](const TickRecord& r) { return r.tool.position[0]; });
+        expectNumbers("/tick/filter_us",
+                      [](const TickRecord& r) { return r.stage_us[static_cast<int>(Stage::Filter)]; });
+        if (space == Space::Tool)
+            expectNumbers("/command/tool/wz_radps", [](const TickRecord& r) { return r.command.toolTwist[5]; });
+        // And all, against the columns of the reader.
+        LogReader reader(path("run.mcap"));
+        EXPECT_EQ(file.listDatasets().size(), reader.columns().size());
+        for (const LogColumn& column : reader.columns()) {
+            SCOPED_TRACE(column.name());
+            std::string name = "/" + column.name();
+            if (const std::size_t first = name.find('.'); first != name.npos) name[first] = name[name.rfind('.')] = '/';
+            EXPECT_EQ(file.readText(name, "column"), column.name());
+            if (column.isText()) {
+                const std::vector<std::string> words = file.readWords(name);
+                ASSERT_EQ(words.size(), records.size());
+                for (std::size_t i = 0; i < records.size(); ++i)
+                    ASSERT_EQ(words[i], column.getText(records[i])) << "row " << i;
+            } else if (column.isInteger()) {
+                const std::vector<std::int64_t> values = file.readIntegers(name);
+                ASSERT_EQ(values.size(), records.size());
+                for (std::size_t i = 0; i < records.size(); ++i)
+                    ASSERT_EQ(values[i], column.getInteger(records[i])) << "row " << i;
+            } else {
+                expectNumbers(name, [&](const TickRecord& r) { return column.getNumber(r); });
+            }
+        }
+        std::filesystem::remove(path("run.h5"));
+    }
+}
+
+/** Every column of a run with one joint: path in the file and unit; words have none. */
+const std::map<std::string, std::string> kUnits = {
+    {"/time_s", "s"},
+    {"/nominal/joint0/q_rad", "rad"},
+    {"/nominal/joint0/qd_radps", "rad/s"},
+    {"/nominal/joint0/qdd_radps2", "rad/s^2"},
+    {"/nominal/joint0/jerk_radps3", "rad/s^3"},
+    {"/nominal/tool/x_m", "m"},
+    {"/nominal/tool/y_m", "m"},
+    {"/nominal/tool/z_m", "m"},
+    {"/nominal/tool/qx", "1"},
+    {"/nominal/tool/qy", "1"},
+    {"/nominal/tool/qz", "1"},
+    {"/nominal/tool/qw", "1"},
+    {"/real/joint0/q_rad", "rad"},
+    {"/real/joint0/qd_radps", "rad/s"},
+    {"/actual/joint0/q_rad", "rad"},
+    {"/actual/joint0/qd_radps", "rad/s"},
+    {"/desired/joint0/tau_Nm", "Nm"},
+    {"/filter/joint0/tau_Nm", "Nm"},
+    {"/filter/joint0/active", ""},
+    {"/filter/joint0/tau_removed_Nm", "Nm"},
+    {"/filter/joint0/margin_rad", "rad"},
+    {"/filter/joint0/stop_s", "s"},
+    {"/filter/joint0/rest_rad", "rad"},
+    {"/clearance/known", "1"},
+    {"/clearance/distance_m", "m"},
+    {"/clearance/link", "1"},
+    {"/clearance/obstacle", "1"},
+    {"/clearance/other_link", "1"},
+    {"/clearance/on_arm/x_m", "m"},
+    {"/clearance/on_arm/y_m", "m"},
+    {"/clearance/on_arm/z_m", "m"},
+    {"/clearance/on_obstacle/x_m", "m"},
+    {"/clearance/on_obstacle/y_m", "m"},
+    {"/clearance/on_obstacle/z_m", "m"},
+    {"/clearance/map_age_s", "s"},
+    {"/speed/known", "1"},
+    {"/speed/largest_mps", "m/s"},
+    {"/speed/limit_mps", "m/s"},
+    {"/speed/link", "1"},
+    {"/limits/joint0/position_lower_rad", "rad"},
+    {"/limits/joint0/position_upper_rad", "rad"},
+    {"/limits/joint0/velocity_lower_radps", "rad/s"},
+    {"/limits/joint0/velocity_upper_radps", "rad/s"},
+    {"/limits/joint0/acceleration_lower_radps2", "rad/s^2"},
+    {"/limits/joint0/acceleration_upper_radps2", "rad/s^2"},
+    {"/limits/joint0/jerk_lower_radps3", "rad/s^3"},
+    {"/limits/joint0/jerk_upper_radps3", "rad/s^3"},
+    {"/robust/joint0/tau_Nm", "Nm"},
+    {"/motor/joint0/tau_Nm", "Nm"},
+    {"/command/tool/x_m", "m"},
+    {"/command/tool/y_m", "m"},
+    {"/command/tool/z_m", "m"},
+    {"/command/tool/qx", "1"},
+    {"/command/tool/qy", "1"},
+    {"/command/tool/qz", "1"},
+    {"/command/tool/qw", "1"},
+    {"/command/tool/vx_mps", "m/s"},
+    {"/command/tool/vy_mps", "m/s"},
+    {"/command/tool/vz_mps", "m/s"},
+    {"/command/tool/wx_radps", "rad/s"},
+    {"/command/tool/wy_radps", "rad/s"},
+    {"/command/tool/wz_radps", "rad/s"},
+    {"/tick/status", ""},
+    {"/tick/braking", "1"},
+    {"/tick/missed", "1"},
+    {"/tick/stop", ""},
+    {"/tick/substituted", "1"},
+    {"/tick/compute_us", "us"},
+    {"/tick/command_us", "us"},
+    {"/tick/dynamics_us", "us"},
+    {"/tick/controller_us", "us"},
+    {"/tick/filter_us", "us"},
+    {"/tick/robust_us", "us"},
+    {"/tick/plant_us", "us"},
+    {"/tick/record_us", "us"},
+};
+
+TEST_F(Hdf5ExportTest, EveryColumnHasItsPathAndUnit) {
+    LogLayout layout = makeLayout(1, Space::Tool, true);
+    layout.hasEnvironment = layout.hasSpeedLimits = true;
+    writeBytes(path("run.mcap"), makeLog(makeOpening(layout), makeRecords(layout, 20, 0.001, 62)).bytes);
+    exportHdf5(path("run.mcap"), path("run.h5"));
+    const Hdf5File file(path("run.h5"));
+    std::vector<std::string> paths;
+    for (const auto& [name, unit] : kUnits) {
+        paths.push_back(name);
+        EXPECT_EQ(file.hasAttribute(name, "words"), unit.empty()) << name;
+        EXPECT_EQ(file.hasAttribute(name, "units"), !unit.empty()) << name;
+        if (!unit.empty()) {
+            EXPECT_EQ(file.readText(name, "units"), unit) << name;
+        }
+    }
+    EXPECT_EQ(file.listDatasets(), paths);
+}
+
+TEST_F(Hdf5ExportTest, JointsThatSlideHaveMetresAndNewtons) {
+    LogOpening opening = makeOpening(makeLayout(2, Space::Joint, true));
+    opening.layout.jointNames = {"lift", "turn"};
+    opening.metadata["prismatic_joints"] = R"(["lift"])";
+    const std::vector<TickRecord> records = makeRecords(opening.layout, 20, 0.001, 63);
+    writeBytes(path("run.mcap"), makeLog(opening, records).bytes);
+    exportHdf5(path("run.mcap"), path("run.h5"));
+    const Hdf5File file(path("run.h5"));
+    const std::map<std::string, std::string> lift = {{"/nominal/lift/q_m", "m"},
+                                                     {"/nominal/lift/qd_mps", "m/s"},
+                                                     {"/nominal/lift/qdd_mps2", "m/s^2"},
+                                                     {"/nominal/lift/jerk_mps3", "m/s^3"},
+                                                     {"/filter/lift/tau_N", "N"},
+                                                     {"/filter/lift/tau_removed_N", "N"},
+                                                     {"/filter/lift/margin_m", "m"},
+                                                     {"/filter/lift/stop_s", "s"},
+                                                     {"/filter/lift/rest_m", "m"},
+                                                     {"/limits/lift/position_lower_m", "m"},
+                                                     {"/limits/lift/velocity_upper_mps", "m/s"},
+                                                     {"/limits/lift/acceleration_upper_mps2", "m/s^2"},
+                                                     {"/limits/lift/jerk_lower_mps3", "m/s^3"},
+                                                     {"/command/lift/q_m", "m"},
+                                                     {"/motor/lift/tau_N", "N"},
+                                                     {"/nominal/turn/q_rad", "rad"},
+                                                     {"/nominal/turn/jerk_radps3", "rad/s^3"},
+                                                     {"/filter/turn/tau_Nm", "Nm"},
+                                                     {"/nominal/tool/x_m", "m"}};
+    for (const auto& [name, unit] : lift) EXPECT_EQ(file.readText(name, "units"), unit) << name;
+    const std::vector<std::string> paths = file.listDatasets();
+    for (const std::string& name : paths)
+        if (name.find("/lift/") != name.npos) {
+            EXPECT_EQ(name.find("rad"), name.npos) << name;
+            EXPECT_EQ(name.find("Nm"), name.npos) << name;
+        }
+    const std::vector<double> q = file.readNumbers("/nominal/lift/q_m");
+    ASSERT_EQ(q.size(), records.size());
+    EXPECT_TRUE(areEqual(q[7], records[7].nominal.q[0]));
+
+    exportCsv(path("run.mcap"), path("run.csv"));
+    const std::string csv = readBytes(path("run.csv"));
+    const std::string header = "," + csv.substr(0, csv.find('\n')) + ",";
+    EXPECT_EQ(std::count(header.begin(), header.end(), ','), static_cast<long>(paths.size()) + 1);
+    for (std::string name : paths) {
+        name.erase(0, 1);
+        std::replace(name.begin(), name.end(), '/', '.');
+        EXPECT_NE(header.find("," + name + ","), header.npos) << name;
+    }
+
+    for (const char* wrong : {"lift", "[1]", "[\"nobody\"]", "{}"}) {
+        opening.metadata["prismatic_joints"] = wrong;
+        writeBytes(path("bad.mcap"), makeLog(opening, {}).bytes);
+        const auto check = [&](const auto& call) {
+            EXPECT_EQ(catchError(ErrorKind::BadInput, call),
+                      path("bad.mcap").string() +
+                          ": its metadata `prismatic_joints` are no JSON list of joints of this "
+                          "log: " +
+                          wrong + ". The log was not written by viable");
+        };
+        check([&] { exportHdf5(path("bad.mcap"), path("bad.h5")); });
+        check([&] { exportCsv(path("bad.mcap"), path("bad.csv")); });
+    }
+    EXPECT_EQ(listFolder(), (std::vector<std::string>{"bad.mcap", "run.csv", "run.h5", "run.mcap"}));
+}
+
+TEST_F(Hdf5ExportTest, TheOpeningBecomesAttributesOfTheRoot) {
+    LogOpening opening = makeOpening(makeLayout(1, Space::Joint, false));
+    const std::string longText(300'000, 'y');
+    const std::string binary("\0\1\377\0", 4);
+    opening.metadata = {{"seed", "7"}, {"library", "another"}, {"", "no key"}, {"a/b", "\xC3\xBC"}};
+    opening.attachments = {{"experiment.yaml", "application/yaml", "schema: 1\n"},
+                           {"experiment.yaml", "application/yaml", longText},
+                           {"seed", "text/plain", ""},
+                           {"nominal", "application/octet-stream", binary}};
+    writeBytes(path("run.mcap"), makeLog(opening, {}).bytes);
+    exportHdf5(path("run.mcap"), path("run.h5"));
+    const Hdf5File file(path("run.h5"));
+    EXPECT_EQ(file.readText("/", "library"), LogReader(path("run.mcap")).library());
+    EXPECT_EQ(file.readText("/", "library_2"), "another");
+    EXPECT_EQ(file.readText("/", "seed"), "7");
+    EXPECT_EQ(file.readText("/", "unnamed"), "no key");
+    EXPECT_EQ(file.readText("/", "a/b"), "\xC3\xBC");
+    EXPECT_EQ(file.readText("/", "experiment.yaml"), "schema: 1\n");
+    EXPECT_EQ(file.readText("/", "experiment.yaml_2"), longText);
+    EXPECT_EQ(file.readText("/", "seed_2"), "");
+    EXPECT_EQ(file.readBytes("nominal"), binary);
+}
+
+TEST_F(Hdf5ExportTest, ALogWithoutRowsHasEveryColumnEmpty) {
+    LogLayout layout = makeLayout(1, Space::Tool, true);
+    layout.hasEnvironment = layout.hasSpeedLimits = true;
+    writeBytes(path("run.mcap"), makeLog(makeOpening(layout), {}).bytes);
+    exportHdf5(path("run.mcap"), path("run.h5"));
+    const Hdf5File file(path("run.h5"));
+    EXPECT_EQ(file.listDatasets().size(), kUnits.size());
+    EXPECT_TRUE(file.readNumbers("/time_s").empty());
+    EXPECT_TRUE(file.readIntegers("/tick/missed").empty());
+    EXPECT_TRUE(file.readWords("/tick/status").empty());
+}
+
+TEST_F(Hdf5ExportTest, ALogThatWasCutOffGivesItsRows) {
+    const LogLayout layout = makeLayout(2, Space::Joint, false);
+    const std::vector<TickRecord> records = makeRecords(layout, 400, 0.001, 64);
+    const WrittenLog log = makeLog(makeOpening(layout), records);
+    writeBytes(path("cut.mcap"), log.bytes.substr(0, log.writes[4] + 50));
+    exportHdf5(path("cut.mcap"), path("cut.h5"));
+    const Hdf5File file(path("cut.h5"));
+    const std::vector<double> torque = file.readNumbers("/filter/joint1/tau_Nm");
+    ASSERT_EQ(torque.size(), 300u);
+    for (std::size_t i = 0; i < torque.size(); ++i) ASSERT_TRUE(areEqual(torque[i], records[i].filterTorque[1]));
+}
+
+TEST_F(Hdf5ExportTest, NothingIsOverwrittenAndNothingIsLeft) {
+    const LogLayout layout = makeLayout(2, Space::Joint, false);
+    const WrittenLog log = makeLog(makeOpening(layout), makeRecords(layout, 9000, 0.001, 65));
+    writeBytes(path("run.mcap"), log.bytes);
+    writeBytes(path("run.h5"), "mine");
+    for (const char* target : {"run.h5", "run.mcap"})
+        EXPECT_EQ(catchError(ErrorKind::BadInput, [&] { exportHdf5(path("run.mcap"), path(target)); }),
+                  path(target).string() +
+                      ": the file exists already and is never overwritten. Choose another name or move "
+                      "the old file away");
+    EXPECT_EQ(readBytes(path("run.h5")), "mine");
+    EXPECT_EQ(readBytes(path("run.mcap")), log.bytes);
+
+    std::string damaged = log.bytes;
+    damaged[log.writes[80] + 200] = static_cast<char>(damaged[log.writes[80] + 200] ^ 4);
+    writeBytes(path("bad.mcap"), damaged);
+    writeBytes(path("empty.mcap"), "");
+    const auto open = countOpen();
+    for (const char* bad : {"bad.mcap", "empty.mcap", "absent.mcap"}) {
+        const std::string text = catchError(ErrorKind::BadInput, [&] { exportHdf5(path(bad), path("bad.h5")); });
+        EXPECT_EQ(text.rfind(path(bad).string() + ": ", 0), 0u) << text;
+    }
+    const std::filesystem::path absent = path("absent") / "run.h5";
+    EXPECT_EQ(catchError(ErrorKind::LogNotWritten, [&] { exportHdf5(path("run.mcap"), absent); }),
+              absent.string() +
+                  ": the file cannot be written: No such file or directory. Choose a "
+                  "folder that exists, may be written to and has room");
+    EXPECT_EQ(countOpen(), open);
+    EXPECT_EQ(listFolder(), (std::vector<std::string>{"bad.mcap", "empty.mcap", "run.h5", "run.mcap"}));
+}
+
+TEST_F(Hdf5ExportTest, Fault72_AFullDiskLeavesNothing) {
+    const LogLayout layout = makeLayout(6, Space::Joint, true);
+    writeBytes(path("run.mcap"), makeLog(makeOpening(layout), makeRecords(layout, 4500, 0.001, 66)).bytes);
+    exportHdf5(path("run.mcap"), path("whole.h5"));
+    const auto size = static_cast<rlim_t>(std::filesystem::file_size(path("whole.h5")));
+    std::filesystem::remove(path("whole.h5"));
+    rlimit before;
+    ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
+    const auto oldHandler = std::signal(SIGXFSZ, SIG_IGN);
+    const auto open = countOpen();
+    H5E_auto2_t print = nullptr, printAfter = nullptr;
+    void *data = nullptr, *dataAfter = nullptr;
+    H5Eget_auto2(H5E_DEFAULT, &print, &data);
+    for (const rlim_t room : {rlim_t{1}, rlim_t{2000}, size / 10, size / 2, size - 5000, size - 1}) {
+        SCOPED_TRACE("room for " + std::to_string(room) + " bytes of " + std::to_string(size));
+        rlimit small = before;
+        small.rlim_cur = room;
+        ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &small), 0);
+        ::testing::internal::CaptureStderr();
+        const std::string text =
+            catchError(ErrorKind::LogNotWritten, [&] { exportHdf5(path("run.mcap"), path("full.h5")); });
+        EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
+        ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
+        EXPECT_EQ(text, path("full.h5").string() +
+                            ": the file cannot be written: File too large. Choose a folder that "
+                            "exists, may be written to and has room");
+        EXPECT_EQ(listFolder(), std::vector<std::string>{"run.mcap"});
+        EXPECT_EQ(countOpen(), open) << "something of the file is still open";
+    }
+    std::signal(SIGXFSZ, oldHandler);
+    H5Eget_auto2(H5E_DEFAULT, &printAfter, &dataAfter);
+    EXPECT_EQ(print, printAfter) << "the library's own error output was switched off for good";
+    exportHdf5(path("run.mcap"), path("whole.h5"));  // afterwards it works again
+    EXPECT_EQ(Hdf5File(path("whole.h5")).readNumbers("/time_s").size(), 4500u);
+}
+
+}  // namespace
+}  // namespace viable

@@ -1,0 +1,428 @@
+#include "ExpectContains.h"
+#include "summary/Summary.h"
+#include "viable/core/Numbers.h"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "CaseSupport.h"
+
+namespace viable {
+namespace {
+
+using test::expectContains;
+using test::kOneJoint;
+using test::readTestExperiment;
+
+/** One joint within +-1 rad, 2 rad/s, 3 rad/s^2 and 4 rad/s^3. */
+JointLimits makeLimits() {
+    const auto both = [](double x) { return JointBounds{JointVector::Constant(1, -x), JointVector::Constant(1, x)}; };
+    return {both(1.0), both(2.0), both(3.0), both(4.0)};
+}
+
+/** A run whose records are written by hand. */
+struct HandMadeRun {
+    CaseResult result = makeResult(*configureCase(readTestExperiment(kOneJoint).cases.front()));
+    JointLimits limits = makeLimits();
+    std::int64_t ticks = 0;
+    JointIntervention acting{};
+
+    void add(double q, FilterStatus status, StopVerdict verdict, double jerk = 0.0, double command = 0.0) {
+        TickRecord r;
+        r.time_s = 0.001 * static_cast<double>(ticks++);
+        r.limits = limits;
+        r.nominal = {JointVector::Constant(1, q), JointVector::Zero(1), JointVector::Zero(1),
+                     JointVector::Constant(1, jerk)};
+        r.command.q.setConstant(1, command);
+        r.removedTorque.setZero(1);
+        r.status = status;
+        r.joints[0] = acting;
+        r.verdict = verdict;
+        r.stops[0] = {1.0 - std::abs(q), 0.0};
+        result.summary.add(r);
+    }
+    void end(double q) {
+        result.summary.addEnd({JointVector::Constant(1, q), JointVector::Zero(1), JointVector::Zero(1)},
+                              0.001 * static_cast<double>(ticks));
+    }
+    nlohmann::json json() const { return nlohmann::json::parse(writeSummaryJson({}, {}, {result}))["cases"][0]; }
+};
+
+// On its backup stop, at rest and with a limit that acts: asked to move.
+TEST(Summary, AnArmThatStandsOnItsBackupStopIsNamed) {
+    HandMadeRun run;
+    run.acting = {LimitKind::Clearance, LimitSide::Lower};
+    const auto add = [&](int ticks, FilterStatus status) {
+        for (int k = 0; k < ticks; ++k) run.add(0.1, status, StopVerdict::Safe, 0.0, 0.1);
+    };
+    add(1900, FilterStatus::StoppedByPlan);
+    add(100, FilterStatus::Modified);
+    EXPECT_EQ(run.result.summary.standstill().longest_s, 0.0) << "not for seconds";
+    add(2500, FilterStatus::StoppedByPlan);
+    add(10, FilterStatus::Modified);
+    add(3500, FilterStatus::StoppedByPlan);
+    EXPECT_NEAR(run.result.summary.standstill().longest_s, 3.5, 0.0015);
+    EXPECT_NEAR(run.result.summary.standstill().begin_s, 4.51, 0.0015);
+    EXPECT_NEAR(run.result.summary.standstill().total_s, 6.0, 0.003);
+    expectContains(formatVerdict(run.result), {"stood on its backup stop for 3.5 s from 4.510 s on, 6.0 s in all",
+                                               "what held it: clearance", "steering is local"});
+    EXPECT_NEAR(run.json()["longest_standstill_s"].get<double>(), 3.5, 0.0015);
+
+    HandMadeRun content;  // nothing acts: it does what is asked
+    for (int k = 0; k < 4000; ++k) content.add(0.1, FilterStatus::StoppedByPlan, StopVerdict::Safe, 0.0, 0.1);
+    EXPECT_EQ(content.result.summary.standstill().total_s, 0.0);
+}
+
+TEST(Summary, AnArmThatNeverComesBackHasNotKeptItsLimits) {
+    HandMadeRun run;
+    for (int k = 0; k < 10; ++k) run.add(1.5 + 0.1 * k, FilterStatus::Recovering, StopVerdict::Recovering);
+    run.end(2.5);
+    EXPECT_FALSE(run.result.summary.anyLimitBroken());
+    EXPECT_TRUE(run.result.summary.endsOutside());
+    expectContains(formatDetails(run.result),
+                   {"not back within its limits at the end, position by 1.5 rad; 10 of 10 ticks recovering, "
+                    "position by 1.5 rad",
+                    "worst use    250.00 % (joint0 at 0.010 s), outside in 0 joint-ticks, worst "
+                    "excess 0 rad; while recovering outside in 11, worst excess 1.5 rad",
+                    "recovering 10 of 10 ticks"});
+    expectContains(formatComparison({run.result}), {"100.0 %"});  // changed
+    EXPECT_EQ(run.json()["limits_kept"], false);
+    EXPECT_EQ(run.json()["ends_outside"], true);
+}
+
+TEST(Summary, AnArmThatComesBackHas) {
+    HandMadeRun run;
+    for (int k = 0; k < 10; ++k)
+        run.add(k < 4 ? 1.25 : 0.5, k < 4 ? FilterStatus::Recovering : FilterStatus::Passed,
+                k < 4 ? StopVerdict::Recovering : StopVerdict::Safe);
+    run.end(0.5);
+    EXPECT_FALSE(run.result.summary.endsOutside());
+    expectContains(formatDetails(run.result),
+                   {"all limits kept but for 4 of 10 ticks recovering, position by 0.25 rad (nominal"});
+    expectContains(formatComparison({run.result}), {" 40.0 %"});
+    EXPECT_EQ(run.json()["limits_kept"], true);
+}
+
+TEST(Summary, ALimitPassedOnTheWayOutIsBroken) {
+    HandMadeRun run;
+    run.add(0.9, FilterStatus::Passed, StopVerdict::Safe);
+    run.add(1.2, FilterStatus::Passed, StopVerdict::NoStop);
+    run.end(1.3);
+    EXPECT_TRUE(run.result.summary.anyLimitBroken());
+    expectContains(formatDetails(run.result), {"limits broken: position by 0.3 rad (nominal"});
+    EXPECT_EQ(run.json()["limits_kept"], false);
+}
+
+TEST(Summary, AJointThatSlidesIsInMetresAndNewtons) {
+    HandMadeRun run;
+    run.result.summary.setSliding({true});
+    run.add(0.9, FilterStatus::Modified, StopVerdict::Safe);
+    run.add(1.2, FilterStatus::Passed, StopVerdict::NoStop);
+    run.end(1.3);
+    const std::string text = formatDetails(run.result);
+    expectContains(text, {"limits broken: position by 0.3 m (nominal", "worst excess 0.3 m\n", "worst excess 0 m/s^3\n",
+                          "least margin -0.2 m (joint0", " mm RMS"});
+    EXPECT_EQ(text.find(" rad"), std::string::npos) << text;
+    expectContains(formatComparison({run.result}), {"RMS[mm]", "max[mm]"});
+    expectContains(formatRanking({run.result, run.result}), {"m/s^3", "[mm]"});
+}
+
+TEST(Summary, AnArmWithBothKindsOfJointsHasBothUnits) {
+    const auto both = [](double x) { return JointBounds{JointVector::Constant(2, -x), JointVector::Constant(2, x)}; };
+    const JointLimits limits{both(1.0), both(2.0), both(3.0), both(4.0)};
+    CaseResult result(Summary({"turns", "slides"}, limits, false));
+    result.summary.setSliding({false, true});
+    TickRecord r;
+    r.limits = limits;
+    r.nominal = {JointVector::Zero(2), JointVector::Zero(2), JointVector::Zero(2), JointVector::Zero(2)};
+    r.nominal.q << 1.5, 1.25;
+    r.nominal.jerk << 0.0, 6.0;
+    r.command.q.setZero(2);
+    r.removedTorque = JointVector::Constant(2, 7.0);
+    r.joints[0] = r.joints[1] = {LimitKind::Jerk, LimitSide::Upper};
+    r.status = FilterStatus::Modified;
+    r.stops[0] = {-0.5, 0.0};
+    r.stops[1] = {0.75, 0.0};
+    result.summary.add(r);
+    expectContains(formatDetails(result), {"limits broken: position by 0.5 rad and 0.25 m, jerk by 2 m/s^3 (nominal",
+                                           "worst excess 0.5 rad and 0.25 m\n", "worst excess 0 rad/s^3 and 2 m/s^3\n",
+                                           "torque removed max 7, RMS 7 Nm\n", "force removed max 7, RMS 7 N\n",
+                                           "least margin -0.5 rad (turns", "mrad and mm RMS"});
+    expectContains(formatComparison({result}), {"RMS[1e-3]", "1e-3: mrad, and mm of joints that slide"});
+    expectContains(formatRanking({result, result}), {"SI: rad, rad/s, ..., and m, m/s, ... of joints that slide"});
+}
+
+TEST(Summary, StopsByPlanSayHowManyTicksWereMissed) {
+    HandMadeRun run;
+    run.add(0.1, FilterStatus::StoppedByPlan, StopVerdict::Safe);
+    run.add(0.1, FilterStatus::StoppedByPlan, StopVerdict::Safe);
+    expectContains(formatDetails(run.result), {"stopped_by_plan 2 (0 of them missed ticks), recovering"});
+}
+
+TEST(Summary, WhereThereIsNoLimitItSaysSo) {
+    HandMadeRun run;
+    run.limits = JointLimits::unlimited(1);
+    run.limits.jerk = makeLimits().jerk;
+    run.add(5.0, FilterStatus::Passed, StopVerdict::Safe);
+    run.end(5.0);
+    expectContains(formatDetails(run.result), {"position      no limit\n", "velocity      no limit\n",
+                                               "acceleration  no limit\n", "jerk          worst use      0.00 %"});
+    expectContains(formatComparison({run.result}), {"no limit no limit no limit     0.00 |"});
+    EXPECT_TRUE(run.json()["limits"]["position"]["joint0"]["worst_use"].is_null());
+    EXPECT_EQ(run.json()["limits"]["jerk"]["joint0"]["worst_use"], 0.0);
+}
+
+TEST(Summary, ALimitOnOneSideIsALimit) {
+    HandMadeRun run;
+    run.limits.position.lower[0] = -kInfinity;
+    run.add(0.5, FilterStatus::Passed, StopVerdict::Safe);
+    EXPECT_TRUE(run.result.summary.limit(LimitKind::Position)[0].exists);
+}
+
+TEST(Summary, AMarginOfRoundingIsZero) {
+    for (const double beyond : {4e-16, -4e-16, 9e-13}) {
+        HandMadeRun run;
+        run.add(1.0 + beyond, FilterStatus::Passed, StopVerdict::Safe);
+        run.end(1.0);
+        expectContains(formatDetails(run.result), {"least margin 0 rad", "worst excess 0 rad"});
+    }
+}
+
+TEST(Summary, OneWordForOneThing) {
+    HandMadeRun run;
+    run.add(0.0, FilterStatus::Infeasible, StopVerdict::Safe);
+    run.add(0.0, FilterStatus::StoppedByPlan, StopVerdict::Safe);
+    for (const FilterStatus status : {FilterStatus::Infeasible, FilterStatus::StoppedByPlan})
+        expectContains(formatDetails(run.result), {std::string(getName(status)) + " 1"});
+    expectContains(formatComparison({run.result}), {"infeasible", "acted N times", "joint-s"});
+    EXPECT_EQ(run.json()["infeasible_ticks"], 1);
+}
+
+TEST(Summary, TooManyMissedTicksComeWithARemedy) {
+    const Experiment e = readTestExperiment(kOneJoint, {"missed_ticks=[{at_s: 0.3, count: 1001}]"});
+    const CaseResult result = runCase(configureCase(e.cases[0]), {});
+    EXPECT_EQ(result.exitCode(), 4);
+    expectContains(formatDetails(result), {"more than 1000 ticks in a row were missed. Lower"});
+}
+
+TEST(Summary, TheFirstTickWithoutAChoiceIsTold) {
+    HandMadeRun run;
+    EXPECT_TRUE(run.json()["first_infeasible_s"].is_null());
+    run.add(0.0, FilterStatus::Modified, StopVerdict::Safe);
+    run.add(0.0, FilterStatus::Infeasible, StopVerdict::Safe);
+    run.add(0.0, FilterStatus::Infeasible, StopVerdict::Safe);
+    EXPECT_DOUBLE_EQ(run.json()["first_infeasible_s"], 0.001);
+    expectContains(formatDetails(run.result), {"infeasible 2 (first at 0.001 s)"});
+}
+
+TEST(Summary, CommandErrorIsMeasuredToTheNearestPlaceWithinTheLimits) {
+    HandMadeRun run;
+    EXPECT_TRUE(std::isnan(run.result.summary.commandErrorRms()));
+    run.add(0.5, FilterStatus::Modified, StopVerdict::Safe, 0.0, 0.1);   // 0.4 away
+    run.add(0.7, FilterStatus::Modified, StopVerdict::Safe, 0.0, 50.0);  // 0.3 from the limit
+    EXPECT_DOUBLE_EQ(run.result.summary.commandErrorRms(), std::sqrt((0.16 + 0.09) / 2.0));
+    EXPECT_DOUBLE_EQ(run.json()["command_error_rms_rad"], std::sqrt((0.16 + 0.09) / 2.0));
+}
+
+TEST(Summary, ChatterIsTheJerkOfAJointThatItsCommandPressesAgainstALimitAtRest) {
+    // 0.4 s too short; then at rest by a limit: half of the ticks with full jerk, half with none.
+    HandMadeRun run;
+    for (int k = 0; k < 400; ++k) run.add(0.99, FilterStatus::Modified, StopVerdict::Safe, 4.0, 2.0);
+    EXPECT_TRUE(std::isnan(run.result.summary.chatter()));
+    EXPECT_TRUE(run.json()["chatter"].is_null());
+    for (int k = 0; k < 100; ++k) run.add(0.99, FilterStatus::Modified, StopVerdict::Safe, 4.0, 2.0);
+    for (int k = 0; k < 900; ++k) run.add(0.99, FilterStatus::Modified, StopVerdict::Safe, k % 2 ? 4.0 : 0.0, 2.0);
+    EXPECT_TRUE(std::isnan(run.result.summary.chatter()));  // less than a second
+    for (int k = 0; k < 100; ++k) run.add(0.99, FilterStatus::Modified, StopVerdict::Safe, k % 2 ? 4.0 : 0.0, 2.0);
+    EXPECT_NEAR(run.result.summary.chatter(), std::sqrt(0.5), 1e-3);
+    // Another command, not pressed any more, far from the limit, or moving: nothing is added.
+    for (int k = 0; k < 600; ++k) run.add(0.99, FilterStatus::Modified, StopVerdict::Safe, 4.0, 2.0 + 0.01 * k);
+    for (int k = 0; k < 600; ++k) run.add(0.99, FilterStatus::Modified, StopVerdict::Safe, 4.0, 0.99);
+    for (int k = 0; k < 600; ++k) run.add(0.8, FilterStatus::Modified, StopVerdict::Safe, 4.0, 2.0);
+    for (int k = 0; k < 600; ++k) run.add(0.95 + 1e-5 * k, FilterStatus::Modified, StopVerdict::Safe, 4.0, 2.0);
+    EXPECT_NEAR(run.result.summary.chatter(), std::sqrt(0.5), 1e-3);
+}
+
+/** Ten seconds of a joint and its command. */
+template <class Joint, class Command>
+CaseResult follow(const Joint& q, const Command& command) {
+    HandMadeRun run;
+    for (int k = 0; k < 10000; ++k)
+        run.add(q(0.001 * k), FilterStatus::Modified, StopVerdict::Safe, 0.0, command(0.001 * k));
+    run.end(q(10.0));
+    return run.result;
+}
+
+TEST(Verdict, AJointThatSwingsAboutACommandAtRestIsTold) {
+    const auto rest = [](double) { return 0.3; };
+    const CaseResult swings = follow([](double t) { return 0.3 + 0.1 * std::cos(5.0 * t); }, rest);
+    expectContains(formatVerdict(swings), {"joint0 swings about a command at rest, by 5.73 degrees to each side",
+                                           "the limits keep it going", "joint_servo, which knows them"});
+    EXPECT_NEAR(swings.summary.following(0).swing(), 0.1, 1e-5);
+    // What dies out, even slowly, does not swing; nor does what is too small to be seen, nor a command that moves.
+    for (const double damping : {0.15, 0.3, 0.7}) {
+        const CaseResult decays =
+            follow([&](double t) { return 0.3 + 0.5 * std::exp(-5.0 * damping * t) * std::cos(5.0 * t); }, rest);
+        EXPECT_EQ(decays.summary.following(0).swing(), 0.0) << damping;
+        EXPECT_TRUE(findShortcomings(decays).empty()) << formatVerdict(decays);
+    }
+    const CaseResult small = follow([](double t) { return 0.3 + 0.004 * std::cos(5.0 * t); }, rest);
+    EXPECT_TRUE(findShortcomings(small).empty()) << formatVerdict(small);
+    const auto wave = [](double t) { return 0.5 * std::cos(2.0 * t); };
+    EXPECT_TRUE(findShortcomings(follow(wave, wave)).empty());
+}
+
+TEST(Verdict, JointCommandsThatMoveAreJudgedAsThoseOfATool) {
+    const auto wave = [](double t) { return 0.5 * std::sin(t); };
+    const CaseResult lags = follow([](double t) { return t < 1.0 ? 0.0 : 0.45 * std::sin(t - 1.0); }, wave);
+    expectContains(formatVerdict(lags), {"joint0 misses its command: ", " degrees from it, RMS, where the command",
+                                         "joint_servo, which knows the limits, comes nearer"});
+    expectContains(formatDetails(lags), {"nominal joints 1", " degrees RMS, at most 2", "(joint0)"});
+    const CaseResult swings = follow([](double t) { return 0.5 * std::sin(t) + 0.4 * std::sin(3.0 * t); }, wave);
+    expectContains(formatVerdict(swings), {"joint0 swings about its command: "});
+    EXPECT_TRUE(findShortcomings(follow([](double t) { return 0.5 * std::sin(t - 0.09); }, wave)).empty());
+    // A command beyond the position limits counts at them.
+    EXPECT_TRUE(
+        findShortcomings(follow([](double) { return 1.0; }, [](double t) { return 2.0 + std::cos(t); })).empty());
+    // Set-points that jump are followed by no joint at once.
+    const auto steps = [](double t) { return static_cast<int>(t) % 2 ? 0.5 : -0.5; };
+    const CaseResult late = follow([&](double t) { return steps(t - 0.4); }, steps);
+    EXPECT_TRUE(late.summary.following(0).jumps());
+    EXPECT_TRUE(findShortcomings(late).empty()) << formatVerdict(late);
+    // A joint that slides is told in millimetres.
+    CaseResult slides = lags;
+    slides.summary.setSliding({true});
+    expectContains(formatVerdict(slides), {" mm from it, RMS"});
+    expectContains(formatDetails(slides), {"311.5 mm RMS"});
+}
+
+// A tool that an obstacle holds off, sliding to and fro before it faster than its command goes: what keeps it away is told.
+TEST(Verdict, AToolThatIsHeldOffByAnObstacleDoesNotSwing) {
+    const auto run = [](LimitKind kind, double actsUntil_s, double sway_m = 0.1) {
+        HandMadeRun hand;
+        for (int k = 0; k < 10000; ++k) {
+            const double t = 0.001 * k;
+            TickRecord r;
+            r.time_s = t;
+            r.limits = hand.limits;
+            r.nominal = {JointVector::Zero(1), JointVector::Zero(1), JointVector::Zero(1), JointVector::Zero(1)};
+            r.command.space = MotionCommand::Space::Tool;
+            r.command.tool.position = Eigen::Vector3d(0.1 * std::sin(t), 0.0, 0.0);
+            r.tool.position = Eigen::Vector3d(0.1 * std::sin(t), 0.3, sway_m * std::sin(5.0 * t));
+            r.removedTorque.setZero(1);
+            if (t < actsUntil_s) r.joints[0] = {kind, LimitSide::Lower};
+            hand.result.summary.add(r);
+        }
+        return formatVerdict(hand.result);
+    };
+    const std::string heldOff = run(LimitKind::Clearance, 10.0);
+    expectContains(heldOff, {"the tool misses its command: ",
+                             "held off by the safety distance to obstacles or to itself, in "
+                             "100 % of that error"});
+    EXPECT_EQ(heldOff.find("swings"), std::string::npos) << heldOff;
+    EXPECT_EQ(heldOff.find("tool_servo"), std::string::npos) << heldOff;
+    expectContains(run(LimitKind::Position, 10.0, 0.0),
+                   {"the tool misses its command", "held by position limits, in 100 %"});
+    // An arm that swings is at its position limits again and again, which is not why.
+    for (const LimitKind kind : {LimitKind::Position, LimitKind::Jerk, LimitKind::None})
+        expectContains(run(kind, 10.0), {"the tool swings about its command", "limits, obstacles or the arm's reach"});
+    expectContains(run(LimitKind::Clearance, 2.0), {"the tool swings about its command"});  // not what keeps it away
+}
+
+// The same of joints.
+TEST(Verdict, AJointThatIsHeldOffByAnObstacleDoesNotSwing) {
+    for (const LimitKind kind : {LimitKind::Clearance, LimitKind::Jerk}) {
+        HandMadeRun run;
+        for (int k = 0; k < 10000; ++k) {
+            const double t = 0.001 * k;
+            run.acting = {kind, LimitSide::Lower};
+            run.add(0.5 * std::sin(t) + 0.4 * std::sin(3.0 * t), FilterStatus::Modified, StopVerdict::Safe, 0.0,
+                    0.5 * std::sin(t));
+        }
+        const std::string verdict = formatVerdict(run.result);
+        const bool isHeldOff = kind == LimitKind::Clearance;
+        expectContains(verdict, {isHeldOff ? "joint0 misses its command: " : "joint0 swings about its command: "});
+        EXPECT_EQ(verdict.find("held off by the safety distance") != std::string::npos, isHeldOff) << verdict;
+    }
+}
+
+TEST(Verdict, JointsThatChatterAtALimitAreTold) {
+    const auto press = [](double share) {
+        HandMadeRun run;
+        for (int k = 0; k < 3000; ++k)
+            run.add(0.99, FilterStatus::Modified, StopVerdict::Safe, k % 2 ? 4.0 * share : -4.0 * share, 2.0);
+        return formatVerdict(run.result);
+    };
+    expectContains(press(0.5), {"press", "chatter: RMS jerk 50 % of the jerk limit"});
+    EXPECT_EQ(press(0.05).find("chatter"), std::string::npos);
+}
+
+// The same spring, with limits that keep a swing going, and a servo that knows them.
+TEST(Verdict, ASpringThatTheJerkLimitKeepsSwingingIsTold) {
+    const std::vector<std::string> stiff = {"controller={plugin: joint_pd, stiffness: 400, damping: 20}",
+                                            "filter={plugin: certified_braking}", "duration_s=20",
+                                            "limits={velocity_radps: 3, acceleration_radps2: 8, jerk_radps3: 20}",
+                                            "command={plugin: waypoints, points: [[0, 1]]}"};
+    const auto run = [&](const std::vector<std::string>& overrides) {
+        const Experiment e = readTestExperiment(kOneJoint, overrides);
+        return runCase(configureCase(e.cases[0]), {});
+    };
+    expectContains(formatVerdict(run(stiff)), {"all limits kept", "joint0 swings about a command at rest"});
+    std::vector<std::string> servo = stiff;
+    servo[0] = "controller={plugin: joint_servo}";
+    const CaseResult quiet = run(servo);
+    EXPECT_TRUE(findShortcomings(quiet).empty()) << formatVerdict(quiet);
+}
+
+TEST(Summary, OnlyCasesThatDifferInTheirFilterAloneAreRanked) {
+    const Experiment e =
+        readTestExperiment(kOneJoint, {"duration_s=0.1",
+                                       "cases={a: {}, b: {filter: {plugin: tosbp, gamma: 50}}, "
+                                       "c: {filter: {plugin: certified_braking}, controller: {plugin: joint_servo}}, "
+                                       "d: {filter: {plugin: certified_braking}}}"});
+    std::vector<CaseResult> results;
+    for (const CasePlan& plan : e.cases) results.push_back(runCase(configureCase(plan), {}));
+    const std::string text = formatRanking(results);
+    expectContains(text, {"\n 1 ", "\n 2 ", "\n 3 ", "\n - c ", "(other controller)", "-: differs in more than"});
+    EXPECT_EQ(text.find("\n 4 "), std::string::npos) << text;
+    EXPECT_GT(text.find("\n - c "), text.find("\n 3 ")) << text;
+    EXPECT_EQ(formatRanking({results[0], results[2]}), "");
+}
+
+TEST(Summary, ACaseThatStoppedEarlyIsMarkedInTheFirstTable) {
+    HandMadeRun run;
+    run.add(0.0, FilterStatus::Passed, StopVerdict::Safe);
+    EXPECT_EQ(formatComparison({run.result}).find("STOPPED"), std::string::npos);
+    run.result.stopReason = StopReason::ControllerFailed;
+    run.result.stopTime_s = 0.25;
+    expectContains(formatComparison({run.result}), {"  STOPPED at 0.250 s\n"});
+}
+
+TEST(Summary, TheRankingPutsTicksOutsideBeforeTicksWithoutAChoiceBeforeTheCommand) {
+    std::vector<CaseResult> results;
+    const auto add = [&](const char* name, double q, FilterStatus status, StopReason reason = StopReason::None) {
+        HandMadeRun run;
+        run.add(q, status, StopVerdict::Safe);
+        run.result.name = name;
+        run.result.stopReason = reason;
+        results.push_back(run.result);
+    };
+    add("gave up", 0.0, FilterStatus::Modified, StopReason::FilterEnded);
+    add("outside", 1.5, FilterStatus::Modified);
+    add("empty", 0.0, FilterStatus::Infeasible);
+    add("far", 0.9, FilterStatus::Modified);
+    add("near", 0.1, FilterStatus::Modified);
+    const std::string text = formatRanking(results);
+    std::size_t last = 0;
+    for (const char* line : {" 1 near", " 2 far", " 3 empty", " 4 outside", " 5 gave up"}) {
+        const std::size_t place = text.find(line);
+        ASSERT_NE(place, std::string::npos) << line << " is missing in:\n" << text;
+        EXPECT_GT(place, last);
+        last = place;
+    }
+    expectContains(text, {"      1      0.5 |", "       - |"});
+}
+
+}  // namespace
+}  // namespace viable

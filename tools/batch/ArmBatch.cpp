@@ -1,0 +1,685 @@
+#include "batch/ArmBatch.h"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cfenv>
+#include <cmath>
+#include <exception>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include "config/Draws.h"
+#include "core/ErrorParts.h"
+#include "environment/ArmSurroundings.h"
+#include "experiment/CaseBlocks.h"
+#include "filter/JointBraking.h"
+#include "host/FloatingPointGuard.h"
+#include "loop/GuardSetup.h"
+#include "loop/PathExtent.h"
+#include "robot/ArmRecursion.h"
+#include "viable/braking/Servo.h"
+#include "viable/core/Numbers.h"
+#include "viable/environment/Surroundings.h"
+#include "viable/filter/WholeArmBrakingFilter.h"
+#include "viable/loop/NominalPlant.h"
+#include "viable/plugin/RealPlant.h"
+#include "viable/robot/ArmGeometry.h"
+#include "viable/simulation/ArmHardware.h"
+#include "viable/tracking/LoopStability.h"
+#include "viable/tracking/Nric.h"
+#include "viable/tracking/ToolFollower.h"
+
+namespace viable {
+
+namespace {
+
+const char* const kArmBatch = "ArmBatch";
+constexpr int kMaxArms = 1'000'000;
+/** Arms that a thread takes at a time; those that keep clearances take fifteen times as long. */
+constexpr int kChunk = 16, kWholeArmChunk = 1;
+/** Fewer arm-ticks than this are not worth another thread, whose start takes as long as some of them. */
+constexpr std::int64_t kWorthAThread = 64, kWholeArmWorthAThread = 1;
+/** As tool_servo's parameters where they are left out (a test compares them). */
+constexpr double kRestRate = 0.5, kApart_m = 0.1;
+/** How well margins are known, as a share of the limit. */
+constexpr double kMarginShare = 1e-6;
+
+std::string nameArm(int arm) {
+    return "arm " + std::to_string(arm);
+}
+
+/** Arithmetic as it usually is, in this thread and as long as this lives: other libraries of the process may have made it
+round otherwise or flush denormals. */
+class UsualArithmetic {
+public:
+    UsualArithmetic() { std::fesetenv(FE_DFL_ENV); }
+
+private:
+    FloatingPointGuard guard_;  // sets back
+};
+
+/** The real arm of one nominal one. */
+struct RealArm {
+    explicit RealArm(RunSetup given) : setup(std::move(given)) {}
+    RunSetup setup;
+    PluginPtr<RealPlant> plant{nullptr, nullptr};
+    Nric nric;
+};
+
+/** The filter of an arm that keeps clear of what is around. */
+struct WholeArm {
+    explicit WholeArm(std::shared_ptr<const Surroundings> surroundings) : feed(std::move(surroundings)) {}
+    SurroundingsFeed feed;  // a filter takes from its own
+    WholeArmBrakingFilter filter;
+    std::array<GridStop, kMaxJoints> stops;  // held ready
+};
+
+/** What a thread works with. */
+struct Scratch {
+    MotionState nominal;
+    Dynamics dynamics;
+    JointVector torque, rate, jerk, robust, applied;
+    FilterDecision decision;
+    HeldMotion motion;
+    // What the action is:
+    JointVector action;
+    MotionState target;
+    Pose tool;
+    bool isUsable = false;
+
+    JointState measured;
+};
+
+/** What a plant measured; false, and `out` is as it was: it threw, or the reading is of the wrong size. */
+bool read(const RealArm& real, JointState& out) {
+    try {
+        const JointState& measured = real.plant->measured();
+        const int n = real.setup.size();
+        if (measured.q.size() != n || measured.qd.size() != n) return false;
+        out = measured;
+        return true;
+    } catch (...) {  // a plugin's; it must not end the thread
+        return false;
+    }
+}
+
+/** The real arm's tick; false: it failed. */
+bool drive(RealArm& real, Scratch& s) {
+    if (!read(real, s.measured)) return false;
+    try {
+        if (real.nric.compute(s.measured, s.nominal, s.motion.torque, s.robust) != TickStatus::Ok) return false;
+        s.robust += s.motion.torque;
+        return real.plant->advance(s.robust, s.applied) == TickStatus::Ok && isFinite(s.applied, real.setup.size());
+    } catch (...) {  // a plugin's; it must not end the thread
+        return false;
+    }
+}
+
+void checkTold(int delayTicks, const JointVector& motorRate, int n, const std::string& plant) {
+    if (delayTicks < 0 || delayTicks > ArmHardware::kMaxDelay)
+        throw Error(ErrorKind::PluginFailed, plant, "gave a delay of " + std::to_string(delayTicks) + " ticks",
+                    "delayTicks() is from 0 to " + std::to_string(ArmHardware::kMaxDelay) + ".");
+    if (motorRate.size() != 0 && (motorRate.size() != n || !(motorRate.array() > 0.0).all()))
+        throw Error(ErrorKind::PluginFailed, plant,
+                    "gave a fastest change of the torque of the wrong size or not above 0",
+                    "motorRate() gives one number above 0 per joint, or none at all.");
+}
+
+/** Threads that are waited for, however the place where this stands is left. */
+struct Helpers {
+    Helpers() = default;
+    Helpers(const Helpers&) = delete;
+    Helpers& operator=(const Helpers&) = delete;
+    ~Helpers() { join(); }
+    void join() {
+        for (std::thread& thread : threads) thread.join();
+        threads.clear();
+    }
+    std::vector<std::thread> threads;
+};
+
+}  // namespace
+
+struct ArmBatch::Impl {
+    Impl(RobotDescription description, int armCount, double tick, ArmBatchOptions given)
+        : robot(std::move(description)),
+          options(std::move(given)),
+          tick_s(tick),
+          n(robot.size()),
+          arms(armCount),
+          isTool(options.action == BatchAction::ToolPose || options.action == BatchAction::ToolPosition),
+          width(options.action == BatchAction::ToolPose       ? 7
+                : options.action == BatchAction::ToolPosition ? 3
+                                                              : n),
+          setup(detail::makeGuardSetup(kArmBatch, robot, tick, options.limits)),
+          recursion(std::make_shared<const ArmRecursion>(robot)) {
+        if (arms < 1 || arms > kMaxArms)
+            throw badInput(kArmBatch, std::to_string(arms) + " arms; allowed is 1 to " + std::to_string(kMaxArms),
+                           "Give the number of arms.");
+        if (options.threads < 0)
+            throw badInput("ArmBatchOptions::threads", std::to_string(options.threads) + "; allowed is 0 and more",
+                           "0: one per core.");
+        if (!options.environment) detail::refuseSpeedLimits(kArmBatch, robot);
+        requireJerkLimits(setup.limits, kArmBatch, kArmBatch, "Set them in ArmBatchOptions::limits.");
+        if (options.action == BatchAction::Target) {  // as in ReferenceGuard
+            options.filter.objective = Objective::Joint;
+            options.filter.gamma = std::min(options.filter.gamma, 1.0 / tick_s);
+            still.M.setIdentity(n, n);
+            still.b.setZero(n);
+            still.gravity.setZero(n);
+            still.J.setZero(6, n);
+            servos.resize(count(arms));
+        }
+        if (isTool) tools.resize(count(arms));
+        if (options.environment) {
+            checkEnvironment(*options.environment);
+            detail::refusePeople("ArmBatchOptions::environment", *options.environment, "arms in a batch keep");
+            geometry = loadArmGeometry(robot);
+            surroundings = makeSurroundings(*options.environment, robot, *geometry, setup.limits);
+            for (int arm = 0; arm < arms; ++arm) wholeArms.push_back(std::make_unique<WholeArm>(surroundings));
+        }
+        threads =
+            options.threads > 0 ? options.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+        limits.assign(count(arms), setup.limits);
+        laws.resize(count(arms));
+        for (std::vector<double>* values : {&state.q, &state.qd, &state.qdd, &state.jerk, &state.torque, &state.margin})
+            values->assign(count(arms) * count(n), 0.0);
+        state.acting.assign(count(arms) * count(n), 0);
+        state.status.assign(count(arms), GuardStatus::NotStarted);
+        state.clearance.assign(count(arms), kNan);
+        ticks.assign(count(arms), 0);
+        if (!options.plant.empty()) makePlants();
+        const JointVector zero = JointVector::Zero(n);
+        RunSetup atHome = setup;
+        detail::takeGuardStart(kArmBatch, {robot.home, zero, zero}, atHome);
+        std::vector<int> all(count(arms));
+        for (int arm = 0; arm < arms; ++arm) all[count(arm)] = arm;
+        reset(all, std::vector<MotionState>(count(arms), {robot.home, zero, zero}));
+    }
+
+    static std::size_t count(int i) { return static_cast<std::size_t>(i); }
+    auto row(std::vector<double>& values, int arm) {
+        return Eigen::Map<Eigen::VectorXd>(&values[count(arm) * count(n)], n);
+    }
+
+    void makePlants();
+    void configure(WholeArm& whole, const CertifiedBrakingOptions& joints, RunSetup& at) const;
+    void check(int arm, const MotionState& start, const CertifiedBrakingOptions& joints, RunSetup& at) const;
+    void checkNamed(const std::vector<int>& which, const std::vector<MotionState>& starts) const;
+    void reset(const std::vector<int>& which, const std::vector<MotionState>& starts);
+    template <class Work>
+    void share(int items, int chunk, std::int64_t mostThreads, const Work& work) const;
+    void put(int arm, const MotionState& start, RunSetup& at);
+    void changeLimits(const std::vector<int>& which, const std::vector<JointLimits>& to);
+    void fillMargins(int arm);
+    void stepArm(int arm, const double* actions, int substeps, Scratch& s);
+    void readAction(const double* action, Scratch& s) const;
+    FilterInput wish(int arm, Scratch& s);
+    bool decide(int arm, Scratch& s, FilterStatus& status);
+    void brake(int arm, Scratch& s);
+    GuardStatus tick(int arm, Scratch& s);
+
+    RobotDescription robot;
+    ArmBatchOptions options;
+    const double tick_s;
+    const int n, arms;
+    const bool isTool;  // the action
+    const int width;    // numbers of an action
+    int threads = 1;    // at most; how many cores there are takes long to find
+    const RunSetup setup;
+    const std::shared_ptr<const ArmRecursion> recursion;  // of all nominal arms
+    Dynamics still;                                       // of unit inertias, for jerks
+    std::vector<JointLimits> limits;
+    std::vector<detail::JointBraking> laws;
+    std::vector<Servo> servos;
+    std::vector<ToolFollower> tools;
+    std::vector<std::int64_t> ticks;  // since the arm's last reset
+    std::optional<ArmGeometry> geometry;
+    std::shared_ptr<const Surroundings> surroundings;
+    std::vector<std::unique_ptr<WholeArm>> wholeArms;  // none without an environment
+    std::vector<std::unique_ptr<RealArm>> real;
+    std::map<std::string, std::vector<std::string>> draws;
+    ArmBatchState state;
+};
+
+void ArmBatch::Impl::makePlants() {
+    const PluginLoader loader(options.pluginPath);
+    const ConfigNode written = parseConfig("real_plant: " + options.plant + "\n", "ArmBatchOptions::plant");
+    for (const DrawnKey& key : listDraws(written)) draws[key.keyPath];
+    std::map<int, LinearErrorLoop> gains;  // by delay
+    for (int arm = 0; arm < arms; ++arm) {
+        ConfigNode drawn = written;
+        for (auto& [key, value] : resolveDraws(drawn, {options.seed, arm})) draws[key].push_back(value);
+        const PluginChoice choice = detail::readPlugin(*drawn.find("real_plant"), PluginKind::RealPlant, loader, n);
+        auto one = std::make_unique<RealArm>(setup);
+        one->setup.limits = limits[count(arm)];
+        one->plant = PluginLoader::create<RealPlant>(choice.plugin);
+        one->plant->configure(one->setup, choice.parameters);
+        if (one->plant->hasClock())
+            throw badInput("ArmBatchOptions::plant", "the plant " + choice.plugin.name + " makes its own ticks",
+                           "Use a simulated one, such as simbody.");
+        one->setup.delayTicks = one->plant->delayTicks();
+        const JointVector motorRate = one->plant->motorRate();
+        checkTold(one->setup.delayTicks, motorRate, n, "the plant " + choice.plugin.name);
+        const auto found = gains.find(one->setup.delayTicks);
+        const LinearErrorLoop& loop = found != gains.end() ? found->second
+                                                           : gains[one->setup.delayTicks] = scaleGains(
+                                                                 robot, setup.limits, tick_s, one->setup.delayTicks);
+        NricOptions nric{loop.kr, loop.kp, loop.ki};
+        nric.inertiaRate = loop.inertiaRate;
+        if (motorRate.size() > 0) nric.motorRate = motorRate;
+        one->nric.configure(one->setup, nric);
+        real.push_back(std::move(one));
+    }
+    for (std::vector<double>* values : {&state.realQ, &state.realQd, &state.motorTorque})
+        values->assign(count(arms) * count(n), 0.0);
+}
+
+/** Throws for a start that cannot be. */
+void ArmBatch::Impl::configure(WholeArm& whole, const CertifiedBrakingOptions& joints, RunSetup& at) const {
+    at.geometry = &*geometry;
+    at.surroundings = &whole.feed;
+    WholeArmBrakingOptions chosen;
+    chosen.joints = joints;
+    whole.filter.configure(at, chosen, "ArmBatchOptions::filter");
+}
+
+/** Throws for a start that cannot be. */
+void ArmBatch::Impl::check(int arm, const MotionState& start, const CertifiedBrakingOptions& joints,
+                           RunSetup& at) const {
+    if (!isFinite(start, n))
+        throw badInput(nameArm(arm), "its start is of the wrong size or not finite",
+                       "Give " + std::to_string(n) + " finite numbers.");
+    for (const JointVector* v : {&start.q, &start.qd, &start.qdd})
+        if (v->lpNorm<Eigen::Infinity>() > kLargestLimit)
+            throw badInput(nameArm(arm), "its start is beyond 1e7 rad, rad/s or rad/s^2", "Check its unit.");
+    at.limits = limits[count(arm)];
+    at.start = start;
+    try {
+        if (surroundings) {
+            WholeArm checked(surroundings);
+            configure(checked, joints, at);
+        } else {
+            detail::JointBraking().configure(at, joints, "ArmBatchOptions::filter");
+        }
+    } catch (const Error& e) {
+        const ErrorParts parts = getParts(e);
+        throw Error(e.kind(), nameArm(arm) + ": " + parts.place, parts.cause, parts.remedy);
+    }
+}
+
+void ArmBatch::Impl::put(int arm, const MotionState& start, RunSetup& at) {
+    at.limits = limits[count(arm)];
+    at.start = start;
+    laws[count(arm)].configure(at, options.filter, "ArmBatchOptions::filter");
+    if (!servos.empty()) {
+        servos[count(arm)].configure(at.limits, tick_s);
+        servos[count(arm)].reset(start);
+    }
+    ticks[count(arm)] = 0;
+    state.clearance[count(arm)] = kNan;
+    Dynamics dynamics;
+    recursion->calcDynamics(start.q, start.qd, dynamics);
+    if (surroundings) {
+        WholeArm& whole = *wholeArms[count(arm)];
+        configure(whole, options.filter, at);
+        for (int i = 0; i < n; ++i) whole.stops[count(i)] = laws[count(arm)].braking().stop(i);
+    }
+    if (isTool) {
+        ToolFollowerOptions tool;
+        tool.reference = {options.action == BatchAction::ToolPose ? calcLeverArm(dynamics.J) : 0.0, kRestRate,
+                          kApart_m};
+        tools[count(arm)].configure(robot, at.limits, tick_s, start, tool, geometry ? &*geometry : nullptr, recursion);
+    }
+    row(state.q, arm) = start.q;
+    row(state.qd, arm) = start.qd;
+    row(state.qdd, arm) = start.qdd;
+    row(state.jerk, arm).setZero();
+    JointVector torque;
+    calcInverseDynamics(dynamics, start.qdd, torque);
+    row(state.torque, arm) = torque;
+    std::fill_n(&state.acting[count(arm) * count(n)], n, static_cast<signed char>(0));
+    fillMargins(arm);
+    state.status[count(arm)] = GuardStatus::Failed;  // until its plant, too, is there
+    if (!real.empty()) {
+        RealArm& one = *real[count(arm)];
+        one.plant->reset(start);
+        one.nric.reset(start);
+        JointState measured;
+        if (!read(one, measured))
+            throw Error(ErrorKind::PluginFailed, nameArm(arm),
+                        "its plant gave no reading of " + std::to_string(n) + " joints",
+                        "measured() gives one number per joint, also after reset(), and does not throw.");
+        row(state.realQ, arm) = measured.q;
+        row(state.realQd, arm) = measured.qd;
+        row(state.motorTorque, arm) = torque;
+    }
+    state.status[count(arm)] = GuardStatus::NotStarted;
+}
+
+void ArmBatch::Impl::checkNamed(const std::vector<int>& which, const std::vector<MotionState>& starts) const {
+    if (which.size() != starts.size())
+        throw badInput("ArmBatch::reset",
+                       std::to_string(starts.size()) + " starts for " + std::to_string(which.size()) + " arms",
+                       "Give one start for each arm.");
+    for (const int arm : which)
+        if (arm < 0 || arm >= arms)
+            throw badInput("ArmBatch::reset", "there is no arm " + std::to_string(arm),
+                           "They are numbered from 0 to " + std::to_string(arms - 1) + ".");
+}
+
+void ArmBatch::Impl::reset(const std::vector<int>& which, const std::vector<MotionState>& starts) {
+    checkNamed(which, starts);
+    RunSetup at = setup;
+    for (std::size_t i = 0; i < which.size(); ++i) check(which[i], starts[i], options.filter, at);
+    std::exception_ptr first;
+    for (std::size_t i = 0; i < which.size(); ++i) {
+        try {
+            put(which[i], starts[i], at);
+        } catch (...) {
+            if (!first) first = std::current_exception();
+        }
+    }
+    if (first) std::rethrow_exception(first);
+}
+
+void ArmBatch::Impl::changeLimits(const std::vector<int>& which, const std::vector<JointLimits>& to) {
+    if (which.size() != to.size())
+        throw badInput("ArmBatch::changeLimits",
+                       std::to_string(to.size()) + " limits for " + std::to_string(which.size()) + " arms",
+                       "Give one JointLimits for each arm.");
+    for (std::size_t i = 0; i < which.size(); ++i) {
+        const std::string place = nameArm(which[i]);
+        if (which[i] < 0 || which[i] >= arms)
+            throw badInput("ArmBatch::changeLimits", "there is no " + place,
+                           "They are numbered from 0 to " + std::to_string(arms - 1) + ".");
+        if (to[i].size() != n)
+            throw badInput(place,
+                           "limits of " + std::to_string(to[i].size()) + " joints; the robot has " + std::to_string(n),
+                           "Give each bound one number per joint; infinity where there is none.");
+        checkLimits(to[i], tick_s, robot.allowLargeAngles, place, robot.jointNames());
+        requireJerkLimits(to[i], place, kArmBatch, "Give a jerk limit for every joint and side.");
+    }
+    for (std::size_t i = 0; i < which.size(); ++i) {
+        const std::size_t arm = count(which[i]);
+        limits[arm] = to[i];
+        laws[arm].changeLimits(to[i]);
+        if (surroundings) wholeArms[arm]->filter.changeLimits(to[i]);
+        if (!servos.empty()) servos[arm].changeLimits(to[i]);
+        if (isTool) tools[arm].changeLimits(to[i]);
+        fillMargins(which[i]);
+    }
+}
+
+void ArmBatch::Impl::fillMargins(int arm) {
+    for (int i = 0; i < n; ++i) {
+        const std::size_t at = count(arm) * count(n) + count(i);
+        const AxisLimits axis = limits[count(arm)].axis(i);
+        const double resolution = kMarginShare * calcLimitScale(axis.positionLower, axis.positionUpper);
+        const detail::PathExtent::Accuracy position{axis.positionLower, axis.positionUpper, resolution, resolution};
+        const GridStop& stop =
+            surroundings ? wholeArms[count(arm)]->stops[count(i)] : laws[count(arm)].braking().stop(i);
+        const detail::PathExtent::Accuracy velocity{-kInfinity, kInfinity, kInfinity, kInfinity};
+        detail::PathExtent path(state.q[at], state.qd[at], state.qdd[at], position, velocity);
+        for (int k = 0; k < GridStop::kSegments; ++k) {
+            const GridStop::Segment segment = stop.remaining(k);
+            if (segment.ticks > 0) path.follow(segment.jerk, static_cast<double>(segment.ticks) * tick_s);
+        }
+        state.margin[at] = std::min(axis.positionUpper - path.position.upper, path.position.lower - axis.positionLower);
+    }
+}
+
+/** s.isUsable false: it is of no use. */
+void ArmBatch::Impl::readAction(const double* action, Scratch& s) const {
+    s.action = Eigen::Map<const Eigen::VectorXd>(action, width);
+    const bool isPlace = options.action == BatchAction::Target || isTool;
+    s.isUsable =
+        s.action.allFinite() && s.action.lpNorm<Eigen::Infinity>() <= (isPlace ? kLargestLimit : kLargestAcceleration);
+    if (isTool) {
+        s.tool = Pose();
+        s.tool.position = s.action.head<3>();
+        if (options.action == BatchAction::ToolPose) s.tool.orientation.coeffs() = s.action.segment<4>(3);
+        s.isUsable = s.isUsable && normalise(s.tool);
+    } else {
+        s.target = {s.action, JointVector::Zero(n), JointVector::Zero(n)};
+    }
+}
+
+/** What the arm shall do in the coming tick. */
+FilterInput ArmBatch::Impl::wish(int arm, Scratch& s) {
+    switch (options.action) {
+        case BatchAction::Target:
+            servos[count(arm)].calc(s.nominal, s.target, s.rate);
+            return {s.nominal, s.nominal.qdd, still, &s.rate};
+        case BatchAction::ToolPose:
+        case BatchAction::ToolPosition:
+            tools[count(arm)].calc(s.nominal, s.tool, surroundings.get(),
+                                   static_cast<double>(ticks[count(arm)]) * tick_s, s.rate);
+            calcInverseDynamics(s.dynamics, s.nominal.qdd, s.torque);
+            return {s.nominal, s.torque, s.dynamics, &s.rate};
+        case BatchAction::Acceleration:
+            calcInverseDynamics(s.dynamics, s.action, s.torque);
+            break;
+        case BatchAction::Torque:
+            s.torque = s.action;
+            break;
+    }
+    return {s.nominal, s.torque, s.dynamics, nullptr};
+}
+
+/** Chooses s.jerk. False: the numbers are beyond all arithmetic, and nothing is chosen. */
+bool ArmBatch::Impl::decide(int arm, Scratch& s, FilterStatus& status) {
+    const FilterInput input = wish(arm, s);
+    if (!surroundings) {
+        detail::JointBraking& law = laws[count(arm)];
+        if (law.findDesired(input) != FilterStatus::Passed) return false;
+        status =
+            law.braking().choose(s.nominal, law.findMetric(input.dynamics), law.desired(), s.jerk, s.decision.joints);
+        return true;
+    }
+    WholeArm& whole = *wholeArms[count(arm)];
+    const FilterStatus answer = whole.filter.filter(input, s.decision);
+    if (answer == FilterStatus::InvalidInput || answer == FilterStatus::Faulted) return false;
+    status = answer == FilterStatus::StoppedByPlan ? FilterStatus::Modified : answer;
+    s.jerk = s.decision.value;
+    whole.stops = s.decision.stops;
+    state.clearance[count(arm)] = s.decision.clearance.isKnown ? s.decision.clearance.distance : kNan;
+    return true;
+}
+
+/** Follows the stop that is held ready: s.jerk. */
+void ArmBatch::Impl::brake(int arm, Scratch& s) {
+    if (surroundings) {
+        WholeArm& whole = *wholeArms[count(arm)];
+        s.jerk.resize(n);
+        for (int i = 0; i < n; ++i) s.jerk[i] = whole.stops[count(i)].takeJerk();
+        whole.filter.skipTicks(1);
+    } else {
+        laws[count(arm)].braking().getStored(s.jerk);
+        laws[count(arm)].skipTicks(1);
+    }
+    if (!servos.empty()) servos[count(arm)].skipTicks(1);
+    if (isTool) tools[count(arm)].skipTicks(1);
+    s.decision.joints = {};
+}
+
+GuardStatus ArmBatch::Impl::tick(int arm, Scratch& s) {
+    const bool needsDynamics = options.action != BatchAction::Target || !real.empty();
+    if (needsDynamics) recursion->calcDynamics(s.nominal.q, s.nominal.qd, s.dynamics);
+
+    FilterStatus status = FilterStatus::StoppedByPlan;
+    if (!s.isUsable || !decide(arm, s, status)) brake(arm, s);
+    ++ticks[count(arm)];
+    s.decision.holdJerk(s.jerk);
+    for (int i = 0; i < n; ++i) {
+        const JointIntervention& joint = s.decision.joints[count(i)];
+        if (joint.limit != LimitKind::None)
+            state.acting[count(arm) * count(n) + count(i)] =
+                static_cast<signed char>(static_cast<int>(joint.limit) * (joint.side == LimitSide::Lower ? -1 : 1));
+    }
+
+    GuardStatus answer = status == FilterStatus::Passed       ? GuardStatus::Passed
+                         : status == FilterStatus::Modified   ? GuardStatus::Limited
+                         : status == FilterStatus::Recovering ? GuardStatus::Recovering
+                                                              : GuardStatus::Waiting;
+    if (needsDynamics) calcHeldMotion({s.nominal, s.torque, s.dynamics, nullptr}, status, s.decision, tick_s, s.motion);
+    if (!real.empty() && !drive(*real[count(arm)], s)) answer = GuardStatus::Failed;
+    advanceNominal(s.decision, tick_s, s.nominal);
+    return answer;
+}
+
+void ArmBatch::Impl::stepArm(int arm, const double* actions, int substeps, Scratch& s) {
+    GuardStatus& status = state.status[count(arm)];
+    if (status == GuardStatus::Failed) return;
+    readAction(actions + count(arm) * count(width), s);
+    s.nominal = {row(state.q, arm), row(state.qd, arm), row(state.qdd, arm)};
+    s.torque = s.jerk = JointVector::Zero(n);
+    std::fill_n(&state.acting[count(arm) * count(n)], n, static_cast<signed char>(0));
+    status = GuardStatus::Passed;
+    for (int i = 0; i < substeps && status != GuardStatus::Failed; ++i) {
+        if (i + 1 == substeps && options.action == BatchAction::Target && real.empty()) {
+            // The torque of the last tick; no other one needs the dynamics.
+            const MotionState before = s.nominal;
+            status = std::max(status, tick(arm, s));
+            recursion->calcDynamics(before.q, before.qd, s.dynamics);
+            calcHeldMotion({before, s.torque, s.dynamics, nullptr}, FilterStatus::Modified, s.decision, tick_s,
+                           s.motion);
+        } else {
+            status = std::max(status, tick(arm, s));
+        }
+    }
+    row(state.q, arm) = s.nominal.q;
+    row(state.qd, arm) = s.nominal.qd;
+    row(state.qdd, arm) = s.nominal.qdd;
+    row(state.jerk, arm) = s.jerk;
+    row(state.torque, arm) = s.motion.torque;
+    if (!real.empty()) {
+        if (read(*real[count(arm)], s.measured)) {
+            row(state.realQ, arm) = s.measured.q;
+            row(state.realQd, arm) = s.measured.qd;
+        } else {
+            status = GuardStatus::Failed;
+        }
+        if (status != GuardStatus::Failed) row(state.motorTorque, arm) = s.applied;
+    }
+    fillMargins(arm);
+}
+
+/** Calls work(begin, end) for all items, `chunk` at a time, in threads. */
+template <class Work>
+void ArmBatch::Impl::share(int items, int chunk, std::int64_t mostThreads, const Work& work) const {
+    std::atomic<int> next{0};
+    const auto takeTurns = [&] {
+        const UsualArithmetic usual;
+        for (int begin = next.fetch_add(chunk); begin < items; begin = next.fetch_add(chunk))
+            work(begin, std::min(items, begin + chunk));
+    };
+    const std::int64_t most = std::min<std::int64_t>(threads, (items + chunk - 1) / chunk);
+    const std::int64_t wanted = std::max<std::int64_t>(std::min(most, mostThreads) - 1, 0);
+    std::vector<std::exception_ptr> thrown(static_cast<std::size_t>(wanted));
+    Helpers helpers;
+    helpers.threads.reserve(thrown.size());
+    try {
+        for (std::exception_ptr& mine : thrown)
+            helpers.threads.emplace_back([&takeTurns, &mine] {
+                try {
+                    takeTurns();
+                } catch (...) {
+                    mine = std::current_exception();
+                }
+            });
+    } catch (const std::system_error&) {
+        // Fewer threads do it too.
+    }
+    takeTurns();
+    helpers.join();
+    for (const std::exception_ptr& one : thrown)
+        if (one) std::rethrow_exception(one);
+}
+
+ArmBatch::ArmBatch(RobotDescription robot, int arms, double tick_s, ArmBatchOptions options) {
+    const UsualArithmetic usual;
+    impl_ = std::make_unique<Impl>(std::move(robot), arms, tick_s, std::move(options));
+}
+ArmBatch::~ArmBatch() = default;
+ArmBatch::ArmBatch(ArmBatch&&) noexcept = default;
+ArmBatch& ArmBatch::operator=(ArmBatch&&) noexcept = default;
+
+int ArmBatch::size() const {
+    return impl_->arms;
+}
+int ArmBatch::joints() const {
+    return impl_->n;
+}
+int ArmBatch::actionSize() const {
+    return impl_->width;
+}
+double ArmBatch::tick_s() const {
+    return impl_->tick_s;
+}
+const JointLimits& ArmBatch::limits(int arm) const {
+    return impl_->limits.at(Impl::count(arm));
+}
+const ArmBatchState& ArmBatch::state() const {
+    return impl_->state;
+}
+const std::map<std::string, std::vector<std::string>>& ArmBatch::draws() const {
+    return impl_->draws;
+}
+void ArmBatch::reset(const std::vector<int>& arms, const std::vector<MotionState>& starts) {
+    const UsualArithmetic usual;
+    impl_->reset(arms, starts);
+}
+
+std::vector<int> ArmBatch::findUnusable(const std::vector<int>& arms, const std::vector<MotionState>& starts) const {
+    const UsualArithmetic usual;
+    const Impl& in = *impl_;
+    in.checkNamed(arms, starts);
+    std::vector<char> isUnusable(arms.size(), 0);
+    in.share(static_cast<int>(arms.size()), 1, static_cast<std::int64_t>(arms.size()), [&](int begin, int end) {
+        RunSetup at = in.setup;
+        CertifiedBrakingOptions strict = in.options.filter;
+        strict.recovery = false;
+        for (int i = begin; i < end; ++i) {
+            try {
+                in.check(arms[Impl::count(i)], starts[Impl::count(i)], strict, at);
+            } catch (const Error&) {
+                isUnusable[Impl::count(i)] = 1;
+            }
+        }
+    });
+    std::vector<int> found;
+    for (std::size_t i = 0; i < arms.size(); ++i)
+        if (isUnusable[i]) found.push_back(static_cast<int>(i));
+    return found;
+}
+
+void ArmBatch::changeLimits(int arm, const JointLimits& limits) {
+    changeLimits(std::vector<int>{arm}, {limits});
+}
+
+void ArmBatch::changeLimits(const std::vector<int>& arms, const std::vector<JointLimits>& limits) {
+    const UsualArithmetic usual;
+    impl_->changeLimits(arms, limits);
+}
+
+void ArmBatch::step(const double* actions, int ticks) {
+    Impl& in = *impl_;
+    if (ticks < 1) throw badInput("ArmBatch::step", std::to_string(ticks) + " ticks", "Give 1 or more.");
+    const std::int64_t worth =
+        (static_cast<std::int64_t>(in.arms) * ticks) / (in.surroundings ? kWholeArmWorthAThread : kWorthAThread);
+    in.share(in.arms, in.surroundings ? kWholeArmChunk : kChunk, worth, [&](int begin, int end) {
+        Scratch scratch;
+        for (int arm = begin; arm < end; ++arm) {
+            try {
+                in.stepArm(arm, actions, ticks, scratch);
+            } catch (...) {  // it stands where it was; the others go on
+                in.state.status[Impl::count(arm)] = GuardStatus::Failed;
+            }
+        }
+    });
+}
+
+}  // namespace viable

@@ -1,0 +1,798 @@
+#include "report/RunReport.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <stdexcept>
+
+#include "core/Text.h"
+#include "core/WholeFile.h"
+#include "log/LogMetadata.h"
+#include "records/LogReader.h"
+#include "report/BinaryBlock.h"
+#include "report/Obstacles.h"
+#include "report/Page.h"
+#include "report/Scene.h"
+#include "report/Tracks.h"
+#include "viable/config/ConfigNode.h"
+#include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
+
+namespace viable {
+
+namespace {
+
+namespace fs = std::filesystem;
+using detail::BinaryBlock;
+using detail::format;
+using nlohmann::json;
+
+/** What is drawn of one joint over time: name in the page's data, and value in a row. */
+struct Quantity {
+    const char* name;
+    double (*get)(const TickRecord&, int joint);
+    bool needsRealArm;
+};
+
+double at(const JointVector& v, int i) {
+    return i < v.size() ? v[i] : kNan;
+}
+
+const Quantity kQuantities[] = {
+    {"nominal_q", [](const TickRecord& r, int i) { return at(r.nominal.q, i); }, false},
+    {"nominal_qd", [](const TickRecord& r, int i) { return at(r.nominal.qd, i); }, false},
+    {"nominal_qdd", [](const TickRecord& r, int i) { return at(r.nominal.qdd, i); }, false},
+    {"nominal_jerk", [](const TickRecord& r, int i) { return at(r.nominal.jerk, i); }, false},
+    {"real_q", [](const TickRecord& r, int i) { return at(r.real.q, i); }, true},
+    {"real_qd", [](const TickRecord& r, int i) { return at(r.real.qd, i); }, true},
+    {"error", [](const TickRecord& r, int i) { return at(r.real.q, i) - at(r.nominal.q, i); }, true},
+    // The bound is one of the true arm; readings deviate by noise and rounding besides.
+    {"error_true", [](const TickRecord& r, int i) { return at(r.actual.q, i) - at(r.nominal.q, i); }, true},
+    {"error_velocity", [](const TickRecord& r, int i) { return at(r.actual.qd, i) - at(r.nominal.qd, i); }, true},
+    {"tau_desired", [](const TickRecord& r, int i) { return at(r.desiredTorque, i); }, false},
+    {"tau_filter", [](const TickRecord& r, int i) { return at(r.filterTorque, i); }, false},
+    {"tau_robust", [](const TickRecord& r, int i) { return at(r.robustTorque, i); }, true},
+    {"tau_motor", [](const TickRecord& r, int i) { return at(r.motorTorque, i); }, true},
+    {"margin", [](const TickRecord& r, int i) { return r.stops[i].margin; }, false},
+    {"position_lower", [](const TickRecord& r, int i) { return at(r.limits.position.lower, i); }, false},
+    {"position_upper", [](const TickRecord& r, int i) { return at(r.limits.position.upper, i); }, false},
+    {"velocity_lower", [](const TickRecord& r, int i) { return at(r.limits.velocity.lower, i); }, false},
+    {"velocity_upper", [](const TickRecord& r, int i) { return at(r.limits.velocity.upper, i); }, false},
+    {"acceleration_lower", [](const TickRecord& r, int i) { return at(r.limits.acceleration.lower, i); }, false},
+    {"acceleration_upper", [](const TickRecord& r, int i) { return at(r.limits.acceleration.upper, i); }, false},
+    {"jerk_lower", [](const TickRecord& r, int i) { return at(r.limits.jerk.lower, i); }, false},
+    {"jerk_upper", [](const TickRecord& r, int i) { return at(r.limits.jerk.upper, i); }, false},
+};
+constexpr std::size_t kQuantityCount = std::size(kQuantities);
+/** Differentiated once and twice from the measured velocity, as Fig. 9 of the paper shows them. */
+constexpr const char* kDerivatives[] = {"real_qdd", "real_jerk"};
+/** Columns that only some logs have, by name: what pushes the real arm from outside. */
+constexpr std::size_t kExternal = kQuantityCount + std::size(kDerivatives);
+constexpr std::size_t kTracksPerJoint = kExternal + 1;
+
+/** What the replay shows of a tick's clearance, in this order. */
+constexpr double (*kNearest[])(const TickRecord&) = {
+    [](const TickRecord& r) { return r.clearance.isKnown ? r.clearance.distance : kNan; },
+    [](const TickRecord& r) { return double(r.clearance.link); },
+    [](const TickRecord& r) { return double(r.clearance.obstacle); },
+    [](const TickRecord& r) { return double(r.clearance.otherLink); },
+    [](const TickRecord& r) { return r.clearance.onArm.x(); },
+    [](const TickRecord& r) { return r.clearance.onArm.y(); },
+    [](const TickRecord& r) { return r.clearance.onArm.z(); },
+    [](const TickRecord& r) { return r.clearance.onObstacle.x(); },
+    [](const TickRecord& r) { return r.clearance.onObstacle.y(); },
+    [](const TickRecord& r) { return r.clearance.onObstacle.z(); },
+};
+
+/** A limit's bit in the page: 1 position_lower, 2 position_upper, 4 velocity_lower, ... 128 jerk_upper, 256 torque_lower,
+512 torque_upper, 1024 clearance_lower, 8192 speed_upper, 32768 separation_upper; 0 none. */
+std::uint16_t toBit(const JointIntervention& joint) {
+    if (joint.limit == LimitKind::None) return 0;
+    const int place = 2 * (static_cast<int>(joint.limit) - 1) + (joint.side == LimitSide::Upper);
+    return static_cast<std::uint16_t>(1u << place);
+}
+
+/** 0 passed, 1 modified, 2 stopped_by_plan, 3 recovering, 4 infeasible, 5 invalid or faulted. */
+std::uint16_t toCode(FilterStatus status) {
+    return std::min<std::uint16_t>(static_cast<std::uint16_t>(status), 5);
+}
+
+/** Times on a logarithmic scale, ten bins a decade. */
+class TimeBins {
+public:
+    void add(double us) {
+        if (!(us > 0.0)) return;
+        const double bin = std::floor((std::log10(us) + 1.0) * kPerDecade);
+        ++counts_[static_cast<std::size_t>(std::clamp(bin, 0.0, counts_.size() - 1.0))];
+    }
+    json describe() const {
+        const auto isUsed = [](std::int64_t n) { return n > 0; };
+        const auto first = std::find_if(counts_.begin(), counts_.end(), isUsed);
+        const auto last = std::find_if(counts_.rbegin(), counts_.rend(), isUsed).base();
+        json edges = json::array(), counts = json::array();
+        for (auto bin = first; bin < last; ++bin) {
+            edges.push_back(edge(bin - counts_.begin()));
+            counts.push_back(*bin);
+        }
+        if (first < last) edges.push_back(edge(last - counts_.begin()));
+        return {{"edges_us", edges}, {"counts", counts}};
+    }
+
+private:
+    static constexpr double kPerDecade = 10.0;
+    static double edge(std::ptrdiff_t bin) { return std::pow(10.0, static_cast<double>(bin) / kPerDecade - 1.0); }
+    std::array<std::int64_t, 80> counts_{};  // from 0.1 us to 10 s
+};
+
+/** The columns external.<joint>.tau_Nm; none where the log has not all of them. */
+std::vector<const LogColumn*> findExternalTorque(const LogReader& reader) {
+    std::vector<const LogColumn*> columns;
+    for (const std::string& joint : reader.layout().jointNames)
+        for (const LogColumn& column : reader.columns())
+            if (column.name() == "external." + joint + ".tau_Nm") columns.push_back(&column);
+    if (columns.size() != reader.layout().jointNames.size()) columns.clear();
+    return columns;
+}
+
+/** Per joint what holds in the whole run: the limits of the real joint, when the nominal arm has tighter ones, and how
+far the real joint may be from the nominal one. Infinities are left out. */
+std::vector<json> readConstants(const LogMetadata& metadata, std::size_t n) {
+    std::vector<json> joints(n, json::object());
+    const auto add = [&](const char* name, const JointVector& values) {
+        for (std::size_t i = 0; i < n; ++i)
+            if (const double x = values[static_cast<Eigen::Index>(i)]; std::isfinite(x)) joints[i][name] = x;
+    };
+    if (const std::optional<JointLimits>& limits = metadata.realLimits) {
+        add("real_position_lower", limits->position.lower);
+        add("real_position_upper", limits->position.upper);
+        add("real_velocity_lower", limits->velocity.lower);
+        add("real_velocity_upper", limits->velocity.upper);
+    }
+    if (const auto& bound = metadata.bound) {
+        add("bound_position", bound->position);
+        add("bound_velocity", bound->velocity);
+        add("bound_measured", bound->measured);
+    }
+    return joints;
+}
+
+/** Everything of one log that the page shows. */
+class CaseData {
+public:
+    CaseData(const LogReader& reader, const LogMetadata& metadata)
+        : n_(static_cast<int>(reader.layout().jointNames.size())),
+          hasRealArm_(reader.layout().hasRealPlant),
+          external_(findExternalTorque(reader)),
+          constants_(readConstants(metadata, reader.layout().jointNames.size())),
+          hasEnvironment_(reader.layout().hasEnvironment),
+          links_(metadata.links.value_or(std::vector<std::string>())),
+          obstacles_(metadata.obstacles.value_or(std::vector<std::string>())),
+          tracks_(reader.layout().jointNames.size() * kTracksPerJoint + 1),
+          limits_(reader.layout().jointNames.size(), detail::CodeTracks::Join::Union),
+          status_(1, detail::CodeTracks::Join::Largest),
+          nominal_(reader.layout().jointNames.size()),
+          real_(reader.layout().jointNames.size()),
+          rest_(reader.layout().jointNames.size()),
+          nearest_(std::size(kNearest) + 1),
+          values_(reader.layout().jointNames.size() * kTracksPerJoint + 1, kNan),
+          actives_(reader.layout().jointNames.size()) {}
+
+    void add(const TickRecord& r) {
+        if (rows_ == 0) firstTime_s_ = r.time_s;
+        if (rows_ == 1) tick_s_ = r.time_s - firstTime_s_;
+        addTake(r);
+        for (int i = 0; i < n_; ++i) {
+            for (std::size_t k = 0; k < kQuantityCount; ++k) values_[index(i, k)] = kQuantities[k].get(r, i);
+            double &acceleration = values_[index(i, kQuantityCount)], &jerk = values_[index(i, kQuantityCount + 1)];
+            const double last = acceleration;
+            acceleration = rows_ > 0 && tick_s_ > 0.0 ? (at(r.real.qd, i) - at(lastVelocity_, i)) / tick_s_ : kNan;
+            jerk = (acceleration - last) / tick_s_;  // not a number before the third row
+            if (!external_.empty()) values_[index(i, kExternal)] = external_[static_cast<std::size_t>(i)]->getNumber(r);
+            actives_[static_cast<std::size_t>(i)] = toBit(r.joints[i]);
+        }
+        lastVelocity_ = r.real.qd;
+        if (hasEnvironment_) addClearance(r);
+        tracks_.add(values_);
+        limits_.add(actives_);
+        status_.add({toCode(r.status)});
+        addPose(nominal_, r.nominal.q);
+        if (hasRealArm_) addPose(real_, r.real.q);
+        times_.add(r.compute_us);
+        if (r.interval_us > 0.0) jitter_.add(std::abs(r.interval_us - 1e6 * tick_s_));
+        ++rows_;
+    }
+
+    json describe(BinaryBlock& block) const {
+        json joints = json::array();
+        for (int i = 0; i < n_; ++i) {
+            json series = constants_[static_cast<std::size_t>(i)];
+            for (std::size_t k = 0; k < kQuantityCount; ++k)
+                series[kQuantities[k].name] =
+                    isShown(kQuantities[k]) ? describeSeries(index(i, k), block) : json(nullptr);
+            for (std::size_t k = 0; k < std::size(kDerivatives); ++k)
+                series[kDerivatives[k]] =
+                    hasRealArm_ ? describeArray(index(i, kQuantityCount + k), block) : json(nullptr);
+            if (!external_.empty()) series["tau_external"] = describeArray(index(i, kExternal), block);
+            joints.push_back({{"series", series}, {"active", block.add(limits_.codes(static_cast<std::size_t>(i)))}});
+        }
+        const double tick = tick_s_ > 0.0 ? tick_s_ : 1e-3;
+        json one = {{"rows", rows_},
+                    {"tick_s", tick},
+                    {"t0", firstTime_s_},
+                    {"step_s", tick * static_cast<double>(tracks_.rowsPerBucket())},
+                    {"buckets", tracks_.buckets()},
+                    {"joints", joints},
+                    {"status", block.add(status_.codes(0))},
+                    {"tick_time", times_.describe()},
+                    {"jitter", jitter_.describe()},
+                    {"takes", takes_},
+                    {"replay",
+                     {{"step_s", tick * static_cast<double>(nominal_.rowsPerSample())},
+                      {"n", nominal_.count()},
+                      {"nominal", block.add(nominal_.data())},
+                      {"real", hasRealArm_ ? block.add(real_.data()) : json(nullptr)}}}};
+        if (!hasEnvironment_) return one;
+        one["replay"]["rest"] = block.add(rest_.data());
+        one["replay"]["nearest"] = block.add(nearest_.data());
+        one["clearance"] = {{"links", links_},
+                            {"obstacles", obstacles_},
+                            {"distance", describeClearance(block)},
+                            {"environment", nullptr}};
+        return one;
+    }
+
+private:
+    /** What the true arm does wrong is of interest beside its bound. */
+    bool isShown(const Quantity& quantity) const {
+        if (std::string(quantity.name).rfind("error_", 0) == 0 && !constants_.at(0).contains("bound_position"))
+            return false;
+        return !quantity.needsRealArm || hasRealArm_;
+    }
+    std::size_t index(int joint, std::size_t quantity) const {
+        return static_cast<std::size_t>(joint) * kTracksPerJoint + quantity;
+    }
+    std::size_t clearanceTrack() const { return index(n_, 0); }
+    void addPose(detail::Samples& samples, const JointVector& q) {
+        pose_.resize(static_cast<std::size_t>(n_));
+        for (int i = 0; i < n_; ++i) pose_[static_cast<std::size_t>(i)] = at(q, i);
+        samples.add(pose_);
+    }
+    void addTake(const TickRecord& r) {
+        if (r.take > 0 && r.take != take_) takes_.push_back({{"number", r.take}, {"from_s", r.time_s}});
+        if (r.take > 0) takes_.back()["to_s"] = r.time_s;
+        take_ = r.take;
+    }
+    /** The clearance of a row, where the stop rests and how long it takes. */
+    void addClearance(const TickRecord& r) {
+        double duration_s = 0.0;
+        pose_.resize(static_cast<std::size_t>(n_));
+        for (int i = 0; i < n_; ++i) {
+            const TickRecord::Stop& stop = r.stops[static_cast<std::size_t>(i)];
+            pose_[static_cast<std::size_t>(i)] = stop.rest;
+            duration_s = std::max(duration_s, stop.duration_s);
+        }
+        rest_.add(pose_);
+        nearestRow_.clear();
+        for (const auto get : kNearest) nearestRow_.push_back(get(r));
+        nearestRow_.push_back(duration_s);
+        nearest_.add(nearestRow_);
+        values_[clearanceTrack()] = nearestRow_.front();
+    }
+    /** A number where the value never changes, null where there is none (no limit), else an array. */
+    json describeSeries(std::size_t track, BinaryBlock& block) const {
+        const std::vector<float>&least = tracks_.least(track), &largest = tracks_.largest(track);
+        const bool isNumber = std::any_of(least.begin(), least.end(), [](float x) { return !std::isnan(x); });
+        const std::string name = kQuantities[track % kTracksPerJoint].name;
+        const bool isLimit = name.find("_lower") != std::string::npos || name.find("_upper") != std::string::npos;
+        if (isLimit && !isNumber) return nullptr;
+        if (isLimit && std::all_of(least.begin(), least.end(), [&](float x) { return x == least[0]; }) &&
+            least == largest)
+            return least[0];
+        return describeArray(track, block);
+    }
+    /** Null where no filter looked. */
+    json describeClearance(BinaryBlock& block) const {
+        const std::vector<float>& least = tracks_.least(clearanceTrack());
+        const bool isKnown = std::any_of(least.begin(), least.end(), [](float x) { return !std::isnan(x); });
+        return isKnown ? describeArray(clearanceTrack(), block) : json(nullptr);
+    }
+    json describeArray(std::size_t track, BinaryBlock& block) const {
+        const std::vector<float>&least = tracks_.least(track), &largest = tracks_.largest(track);
+        if (tracks_.rowsPerBucket() == 1) return block.add(least);
+        std::vector<float> both;
+        both.reserve(2 * least.size());
+        for (std::size_t i = 0; i < least.size(); ++i) {
+            both.push_back(least[i]);
+            both.push_back(largest[i]);
+        }
+        return block.add(both);
+    }
+
+    int n_;
+    bool hasRealArm_;
+    std::vector<const LogColumn*> external_;  // one per joint, or none
+    std::vector<json> constants_;             // of each joint
+    bool hasEnvironment_;
+    json links_, obstacles_;  // names
+    detail::Tracks tracks_;
+    detail::CodeTracks limits_, status_;
+    detail::Samples nominal_, real_, rest_, nearest_;
+    std::vector<double> values_, pose_, nearestRow_;
+    std::vector<std::uint16_t> actives_;
+    TimeBins times_, jitter_;
+    json takes_ = json::array();
+    std::int64_t take_ = 0;  // of the last row
+    JointVector lastVelocity_;
+    std::int64_t rows_ = 0;
+    double firstTime_s_ = 0.0, tick_s_ = 0.0;
+};
+
+/** A.part2.mcap and so on, of a log in several files (LogSeries): shown is the first one. */
+bool isLaterPart(const fs::path& log) {
+    const std::string part = log.stem().extension().string();
+    return part.size() > 5 && part.compare(0, 5, ".part") == 0 &&
+           part.find_first_not_of("0123456789", 5) == std::string::npos;
+}
+
+/** The logs of a run: in the summary's order, then what it does not name (a run that was killed has none). */
+std::vector<fs::path> listLogs(const fs::path& folder, const json& summary) {
+    std::vector<fs::path> logs;
+    std::error_code failed;
+    for (const json& one : summary.value("cases", json::array()))
+        for (const char* extension : {".recovered.mcap", ".mcap"}) {
+            const fs::path log = folder / (one.value("name", "") + extension);
+            if (!fs::is_regular_file(log, failed)) continue;
+            logs.push_back(log);
+            break;
+        }
+    std::vector<fs::path> others;
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder, failed)) {
+        const fs::path& log = entry.path();
+        if (log.extension() != ".mcap" || std::find(logs.begin(), logs.end(), log) != logs.end()) continue;
+        if (isLaterPart(log)) continue;
+        // Of a log that was recovered only the whole one is shown.
+        if (log.stem().extension() != ".recovered" &&
+            fs::exists(fs::path(log).replace_extension(".recovered.mcap"), failed))
+            continue;
+        others.push_back(log);
+    }
+    std::sort(others.begin(), others.end());
+    logs.insert(logs.end(), others.begin(), others.end());
+    return logs;
+}
+
+/** The case of a log: X.mcap, or X.recovered.mcap. */
+std::string getCase(const fs::path& log) {
+    const fs::path stem = log.stem();
+    return stem.extension() == ".recovered" ? stem.stem().string() : stem.string();
+}
+
+/** The unit of distances that are of all joints together, a thousandth. */
+const char* getSharedUnit(const json& joints) {
+    const auto slides = [](const json& joint) { return joint.value("kind", "") == "prismatic"; };
+    const auto count = std::count_if(joints.begin(), joints.end(), slides);
+    return count == 0 ? "mrad" : count == static_cast<std::ptrdiff_t>(joints.size()) ? "mm" : "mrad and mm";
+}
+
+/** The comparison of the cases, from summary.json. @param joints  of the robot, as the page has them */
+json describeTable(const json& summary, const std::vector<fs::path>& logs, const json& joints) {
+    const char* const unit = getSharedUnit(joints);
+    json rows = json::array();
+    std::string missing;
+    bool hasEnvironment = false;
+    for (const json& one : summary.value("cases", json::array())) {
+        const std::string name = one.value("name", "");
+        const bool hasLog =
+            std::any_of(logs.begin(), logs.end(), [&](const fs::path& log) { return getCase(log) == name; });
+        if (!hasLog) missing += (missing.empty() ? " Without a log here: " : ", ") + name;
+        json row = json::array({one.value("name", ""), one.value("filter", "")});
+        for (const char* quantity : {"position", "velocity", "acceleration", "jerk"}) {
+            double worst = 0.0;
+            bool exists = false, isEndless = false;
+            for (const auto& joint : one.at("limits").at(quantity).items()) {
+                const json& use = joint.value().at("worst_use");
+                exists |= !use.is_null();
+                isEndless |= use.is_string();
+                if (use.is_number()) worst = std::max(worst, use.get<double>());
+            }
+            row.push_back(!exists ? "no limit" : isEndless ? "inf" : detail::formatPercent(worst) + " %");
+        }
+        std::int64_t outside = 0;
+        for (const auto& quantity : one.at("limits").items())
+            for (const auto& joint : quantity.value().items())
+                outside += joint.value().value("ticks_outside", std::int64_t{0});
+        row.push_back(std::to_string(outside));
+        row.push_back(std::to_string(one.value("infeasible_ticks", std::int64_t{0})));
+        const double changed = one.value("changed_share", kNan);
+        row.push_back(std::isnan(changed) ? "-" : format("%.1f %%", 100.0 * changed));
+        const json& tracking = one.contains("tracking") ? one["tracking"] : json(nullptr);
+        row.push_back(tracking.is_object() ? format("%.3g %s", 1e3 * tracking.value("rms_rad", 0.0), unit) : "-");
+        row.push_back(tracking.is_object() ? format("%.3g %s", 1e3 * tracking.value("max_rad", 0.0), unit) : "-");
+        const json command = one.value("command_error_rms_rad", json(nullptr)),
+                   chatter = one.value("chatter", json(nullptr));
+        row.push_back(command.is_number() ? format("%.4g %s", 1e3 * command.get<double>(), unit) : "-");
+        row.push_back(chatter.is_number() ? format("%.3g %%", 100.0 * chatter.get<double>()) : "-");
+        const json collisions = one.value("collisions", json(nullptr));
+        hasEnvironment |= collisions.is_object();
+        for (const char* arm : {"nominal", "real"}) {
+            const json record = collisions.is_object() ? collisions.value(arm, json(nullptr)) : json(nullptr);
+            row.push_back(record.is_object() ? std::to_string(record.at("ticks_in_collision").get<std::int64_t>())
+                                             : "-");
+            const json least = record.is_object() ? record.at("least_clearance_m") : json(nullptr);
+            row.push_back(least.is_number() ? format("%.3g mm", 1e3 * least.get<double>()) : "-");
+        }
+        rows.push_back(row);
+    }
+    return {
+        {"columns",
+         {"case", "filter", "position", "velocity", "acceleration", "jerk", "outside", "infeasible", "changed",
+          "real - nominal RMS", "real - nominal max", "command error", "chatter", "collisions", "least clearance",
+          "collisions, real", "least clearance, real"}},
+        {"rows", rows},
+        {"note",
+         std::string("Worst use of each limit by the nominal arm. outside: joint-ticks beyond any limit; "
+                     "infeasible: ticks ") +
+             "without an admissible choice; changed: share of ticks that the filter changed; command error: RMS "
+             "distance of the nominal joints to the commanded positions within the limits; chatter: RMS jerk of "
+             "joints pressed against a position limit at rest, in percent of the jerk limit." +
+             (hasEnvironment ? " collisions: ticks in which the arm touches an obstacle or itself; least clearance: "
+                               "in the whole run, as found afterwards without the filter."
+                             : "") +
+             (missing.empty() ? "" : missing + ".")}};
+}
+
+/** The cases' resolved files in one: what stands before the cases once, as far as it is the same. */
+std::string joinFiles(const std::vector<std::string>& files) {
+    const std::string mark = "\ncases:\n";
+    std::string text;
+    for (const std::string& file : files) {
+        const std::size_t begin = file.find(mark);
+        const bool continues = begin != std::string::npos && !text.empty() &&
+                               text.compare(0, begin + mark.size(), file, 0, begin + mark.size()) == 0;
+        if (continues)
+            text += file.substr(begin + mark.size());
+        else
+            text += (text.empty() ? "" : "\n# what differs\n") + file;
+    }
+    return text;
+}
+
+/** The names of a case's plugins of a kind: of the library .../viable_filter_tosbp.so it is "tosbp". */
+std::string getPlugin(const LogMetadata& metadata, const std::string& kind) {
+    const auto entry = metadata.libraries.find(kind);
+    if (entry == metadata.libraries.end()) return "";
+    const std::string prefix = "viable_" + kind + "_";
+    std::string names;
+    for (const std::string& library : entry->second) {
+        const std::string stem = fs::path(library).stem().string();
+        detail::addItem(names, stem.rfind(prefix, 0) == 0 ? stem.substr(prefix.size()) : stem, " + ");
+    }
+    return names;
+}
+
+/** Whether an arm of a case of the summary touched anything, the nominal or the real one. */
+bool touched(const json& known) {
+    const json collisions = known.value("collisions", json(nullptr));
+    if (!collisions.is_object()) return false;
+    for (const char* arm : {"nominal", "real"})
+        if (const json one = collisions.value(arm, json(nullptr)); one.is_object() && one.at("ticks_in_collision") > 0)
+            return true;
+    return false;
+}
+
+/** What `viable verify` found out about a case, from CASE.verify.json beside its log. Only what is of the form that the
+page knows goes into it. Throws std::exception with the reason where the file is damaged or of something else. */
+class VerificationFile {
+public:
+    /** @param shift_s  time of the log's first row; the file's times count from there */
+    VerificationFile(const fs::path& file, double shift_s, BinaryBlock& block)
+        : file_(file), shift_s_(shift_s), block_(block) {}
+
+    json read(const std::string& caseName, const std::vector<std::string>& joints) const {
+        const json all = json::parse(readWhole(file_).value_or(""), nullptr, false);
+        if (!all.is_object()) throw std::runtime_error("it is not a JSON object, or cut off");
+        if (const json& schema = all.at("schema"); schema != 1)
+            throw std::runtime_error("it has schema " + schema.dump(-1, ' ', true, json::error_handler_t::replace) +
+                                     ", this version knows 1");
+        const std::string source = fs::path(all.at("log").get<std::string>()).filename().string();
+        if (getCase(source) != caseName) throw std::runtime_error("it is about " + source);
+        json one = {{"signal", all.value("signal", "real")},
+                    {"verdict", readVerdict(all)},
+                    {"confidence", all.at("confidence").get<double>()},
+                    {"excess", all.at("excess").get<double>()},
+                    {"excess_duration_s", all.at("excess_duration_s").get<double>()},
+                    {"begin_s", all.at("begin_s").get<double>() + shift_s_},
+                    {"end_s", all.at("end_s").get<double>() + shift_s_},
+                    {"samples", all.at("samples").get<std::int64_t>()},
+                    {"joints", json::array()}};
+        std::vector<std::string> names;
+        for (const json& joint : all.at("joints")) names.push_back(joint.at("name").get<std::string>());
+        if (names != joints) throw std::runtime_error("its joints are not those of the log");
+        for (const json& joint : all.at("joints")) one["joints"].push_back(readJoint(joint));
+        return one;
+    }
+
+private:
+    static constexpr const char* kJudged[] = {"position", "velocity", "acceleration", "jerk"};
+    static constexpr const char* kVerdicts[] = {"held", "broken", "cannot_tell", "no_limit"};
+    /** Lower and upper end of what is drawn: in the page, in the file. */
+    static constexpr const char* kCurves[][3] = {
+        {"raw", "raw_least", "raw_largest"}, {"mean", "mean_least", "mean_largest"}, {"band", "low", "high"}};
+
+    static std::string readVerdict(const json& from) {
+        const std::string word = from.at("verdict").get<std::string>();
+        if (std::find(std::begin(kVerdicts), std::end(kVerdicts), word) == std::end(kVerdicts))
+            throw std::runtime_error("it has an unknown verdict");
+        return word;
+    }
+    /** The numbers of these names, null where the file has null. */
+    static json readNumbers(const json& from, std::initializer_list<const char*> names) {
+        json numbers = json::object();
+        for (const char* name : names) {
+            const json& value = from.at(name);
+            numbers[name] = value.is_null() ? json(nullptr) : json(value.get<double>());
+        }
+        return numbers;
+    }
+    json readJoint(const json& from) const {
+        json one = readNumbers(from, {"noise", "quantum", "window_s", "left_out"});
+        one["unit"] = from.at("unit").get<std::string>();
+        const json& trouble = from.at("trouble");
+        one["trouble"] = trouble.is_null() ? json(nullptr) : json(trouble.get<std::string>());
+        for (const char* name : kJudged) one["limits"][name] = readLimit(from.at("limits").at(name));
+        const json& curves = from.at("curves");
+        one["curves"] = curves.is_null() ? json(nullptr) : readCurves(curves);
+        return one;
+    }
+    json readLimit(const json& from) const {
+        json one = readNumbers(from, {"lower", "upper", "lowest", "highest", "deviation", "judged", "visible_excess"});
+        one["verdict"] = readVerdict(from);
+        one["unit"] = from.at("unit").get<std::string>();
+        one["broken"] = nullptr;
+        if (one["verdict"] != "broken") return one;
+        const json& broken = from.at("broken");
+        one["broken"] = {{"side", broken.at("side") == "upper" ? "upper" : "lower"},
+                         {"first_s", broken.at("first_s").get<double>() + shift_s_},
+                         {"worst_s", broken.at("worst_s").get<double>() + shift_s_},
+                         {"excess", broken.at("excess").get<double>()},
+                         {"certain_excess", broken.at("certain_excess").get<double>()},
+                         {"duration_s", broken.at("duration_s").get<double>()}};
+        return one;
+    }
+    json readCurves(const json& from) const {
+        const double step_s = from.at("step_s").get<double>();
+        const std::size_t n = from.at("n").get<std::size_t>();
+        if (!(step_s > 0.0) || n == 0) throw std::runtime_error("it has curves without times");
+        json all = {{"t0", from.at("t0").get<double>() + shift_s_}, {"step_s", step_s}, {"n", n}};
+        for (const char* quantity : kJudged)
+            for (const auto& [name, lower, upper] : kCurves)
+                all[quantity][name] =
+                    block_.add(joinPairs(from.at(quantity).at(lower), from.at(quantity).at(upper), n));
+        return all;
+    }
+    /** Two arrays of numbers in turns; null is not a number. */
+    static std::vector<float> joinPairs(const json& lower, const json& upper, std::size_t n) {
+        if (!lower.is_array() || !upper.is_array() || lower.size() != n || upper.size() != n)
+            throw std::runtime_error("it has curves that do not fit together");
+        std::vector<float> both;
+        both.reserve(2 * n);
+        for (std::size_t i = 0; i < n; ++i)
+            for (const json* end : {&lower[i], &upper[i]}) {
+                const double x = end->is_null() ? kNan : end->get<double>();
+                both.push_back(static_cast<float>(
+                    std::abs(x) <= static_cast<double>(std::numeric_limits<float>::max()) ? x : kNan));
+            }
+        return both;
+    }
+
+    fs::path file_;
+    double shift_s_;
+    BinaryBlock& block_;
+};
+
+/** Adds what `viable verify` left beside a case's log; where that cannot be used, a note why. */
+void addVerification(const fs::path& log, const LogReader& reader, json& one, BinaryBlock& block) {
+    const fs::path file = nameVerificationFile(log);
+    std::error_code failed;
+    if (!fs::exists(file, failed)) return;
+    const auto note = [&](const std::string& why) {
+        one["verification_note"] = file.filename().string() + " is not shown: " + why + ".";
+    };
+    try {
+        const VerificationFile verification(file, one.at("t0").get<double>(), block);
+        one["verification"] = verification.read(getCase(log), reader.layout().jointNames);
+    } catch (const json::exception& problem) {
+        const std::string text = problem.what();  // after the library's own number of the error
+        const std::size_t begin = text.find("] ");
+        note("it is damaged: " + (begin == std::string::npos ? text : text.substr(begin + 2)));
+    } catch (const std::exception& problem) {
+        note(problem.what());
+    }
+}
+
+json describeCase(const fs::path& log, LogReader& reader, const json& summary, BinaryBlock& block) {
+    const LogMetadata metadata = readLogMetadata(reader.metadata(), reader.layout().jointNames);
+    CaseData data(reader, metadata);
+    TickRecord record;
+    while (reader.read(record)) data.add(record);
+    json one = data.describe(block);
+    one["name"] = getCase(log);
+    one["filter"] = getPlugin(metadata, "filter");
+    one["robust_loop"] = getPlugin(metadata, "robust_loop");
+    one["plant"] = getPlugin(metadata, "plant");
+    one["guarantees"] = false;
+    const char* const noEnd = "the log has no end: the run was killed or is still running";
+    one["verdict"] = reader.isComplete() ? "there is no summary of this case" : noEnd;
+    one["ok"] = one["kept"] = false;
+    one["stop"] = nullptr;
+    one["details"] = "";
+    for (const json& known : summary.value("cases", json::array())) {
+        if (known.value("name", "") != one["name"]) continue;
+        one["guarantees"] = known.value("guarantees_limits", known.value("promises_limits", false));
+        one["ok"] = known.value("limits_kept", false) && known.value("exit_code", 1) == 0 &&
+                    known.value("stop", "").empty() && !touched(known) && reader.isComplete();
+        one["kept"] = one["ok"];
+        one["ok"] = one["ok"].get<bool>() && known.value("shortcomings", json::array()).empty();
+        one["verdict"] = (reader.isComplete() ? "" : std::string(noEnd) + "; ") + known.value("verdict", "");
+        one["details"] = known.value("account", "");
+        if (const std::string stop = known.value("stop", ""); !stop.empty())
+            one["stop"] = {{"time_s", known.value("stop_time_s", 0.0)}, {"message", stop}};
+    }
+    addVerification(log, reader, one, block);
+    return one;
+}
+
+Error refuseSummary(const fs::path& folder) {
+    return badInput((folder / "summary.json").string(), "this is not a summary of a run",
+                    "Run the experiment again, or remove the file: the report is then made from the "
+                    "logs alone.");
+}
+
+/** An empty object where there is no file. */
+json readSummary(const fs::path& folder) {
+    const std::string text = readWhole(folder / "summary.json").value_or("");
+    json summary = text.empty() ? json::object() : json::parse(text, nullptr, false);
+    if (!summary.is_object()) throw refuseSummary(folder);
+    return summary;
+}
+
+/** What one page can show together: logs of the same arm. */
+struct Arm {
+    std::string robot;  ///< its folder
+    std::vector<std::string> joints;
+    std::vector<fs::path> logs;
+};
+
+std::vector<Arm> groupByArm(const std::vector<fs::path>& logs) {
+    std::vector<Arm> arms;
+    for (const fs::path& log : logs) {
+        const LogReader reader(log);
+        const std::string robot = readLogMetadata(reader.metadata(), reader.layout().jointNames).robot;
+        const std::vector<std::string>& joints = reader.layout().jointNames;
+        const auto same = std::find_if(arms.begin(), arms.end(),
+                                       [&](const Arm& arm) { return arm.robot == robot && arm.joints == joints; });
+        if (same == arms.end())
+            arms.push_back({robot, joints, {log}});
+        else
+            same->logs.push_back(log);
+    }
+    return arms;
+}
+
+/** The joints as the page wants them; which of them slide is in the log. */
+json describeJoints(const LogReader& reader) {
+    const std::vector<std::string> sliding =
+        readLogMetadata(reader.metadata(), reader.layout().jointNames).prismaticJoints;
+    json joints = json::array();
+    for (const std::string& name : reader.layout().jointNames) {
+        const bool slides = std::find(sliding.begin(), sliding.end(), name) != sliding.end();
+        joints.push_back({{"name", name}, {"kind", slides ? "prismatic" : "revolute"}});
+    }
+    return joints;
+}
+
+/** The title in the resolved experiment file; empty where there is none. */
+std::string findTitle(const std::vector<std::string>& files) {
+    try {
+        for (const std::string& file : files)
+            if (const ConfigNode root = parseConfig(file, "experiment.yaml"); root.find("title"))
+                return root.find("title")->text;
+    } catch (const Error&) {
+    }
+    return "";
+}
+
+/** What stood around the arm in the cases, equal surroundings once. */
+class Environments {
+public:
+    /** The index of the surroundings of a log's case; null where it has none.
+    @param file  the resolved experiment file of the case */
+    json add(const LogReader& reader, const std::string& file, const fs::path& robot, BinaryBlock& block) {
+        try {
+            const ConfigNode root = parseConfig(file, "experiment.yaml");
+            const ConfigNode* environment = root.find("environment");
+            if (!environment) return nullptr;
+            const std::string map = readLogMetadata(reader.metadata(), reader.layout().jointNames).mapSha256;
+            const auto [known, isNew] = indices_.emplace(map + writeConfig(*environment), nullptr);
+            if (!isNew) return known->second;
+            json one = detail::describeEnvironment(*environment, map, robot, block);
+            if (one.is_null()) return nullptr;
+            known->second = list_.size();
+            list_.push_back(std::move(one));
+            return known->second;
+        } catch (const Error&) {
+            return nullptr;  // a report of a log of another version must not need its file
+        }
+    }
+    const json& list() const { return list_; }
+
+private:
+    std::map<std::string, json> indices_;  // by the map's and the block's text
+    json list_ = json::array();
+};
+
+/** Throws json::exception where the summary has another shape. */
+fs::path composeReport(const fs::path& folder, const std::string& fileName, const detail::Page& page, const Arm& arm,
+                       const json& summary) {
+    BinaryBlock block;
+    json data = {{"format", 1},        {"file", summary.value("experiment", "")},
+                 {"robot", nullptr},   {"scene", nullptr},
+                 {"summary", nullptr}, {"cases", json::array()}};
+    std::vector<std::string> yaml;
+    Environments environments;
+    for (const fs::path& log : arm.logs) {
+        LogReader reader(log);
+        if (data["robot"].is_null()) {
+            data["robot"] = {{"name", fs::path(arm.robot).filename().string()}, {"joints", describeJoints(reader)}};
+            data["scene"] = detail::describeScene(arm.robot, block, data["robot"]["joints"]);
+        }
+        json& one = data["cases"].emplace_back(describeCase(log, reader, summary, block));
+        for (const LogAttachment& attachment : reader.attachments()) {
+            if (attachment.name != "experiment.yaml") continue;
+            yaml.push_back(attachment.data);
+            if (one.contains("clearance"))
+                one["clearance"]["environment"] = environments.add(reader, attachment.data, arm.robot, block);
+        }
+    }
+    data["summary"] = describeTable(summary, arm.logs, data["robot"].is_null() ? json() : data["robot"]["joints"]);
+    if (!environments.list().empty()) data["environments"] = environments.list();
+    data["yaml"] = joinFiles(yaml);
+    const std::string title = summary.value("title", findTitle(yaml));
+    data["title"] = title.empty() ? folder.filename().string() : title;
+    const fs::path file = folder / fileName;
+    page.write(file, std::move(data), block);
+    return file;
+}
+
+}  // namespace
+
+fs::path nameVerificationFile(const fs::path& log) {
+    return log.parent_path() / (getCase(log) + ".verify.json");
+}
+
+std::vector<fs::path> writeReport(const fs::path& folder, const fs::path& pageFile) {
+    std::error_code failed;
+    if (!fs::is_directory(folder, failed))
+        throw badInput(folder.string(), "there is no such folder", "Name the folder of a run.");
+    const detail::Page page(pageFile);
+    try {
+        const fs::path run = fs::canonical(folder);
+        const json summary = readSummary(run);
+        const std::vector<fs::path> logs = listLogs(run, summary);
+        if (logs.empty())
+            throw badInput(folder.string(), "there is no log (.mcap) in this folder", "Name the folder of a run.");
+        std::vector<fs::path> reports;
+        for (const Arm& arm : groupByArm(logs)) {
+            const std::string name =
+                reports.empty() ? "report.html" : "report_" + std::to_string(reports.size() + 1) + ".html";
+            reports.push_back(composeReport(run, name, page, arm, summary));
+        }
+        return reports;
+    } catch (const json::exception&) {
+        throw refuseSummary(folder);
+    }
+}
+
+}  // namespace viable

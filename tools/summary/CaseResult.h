@@ -1,0 +1,93 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "loop/ControlLoop.h"
+#include "summary/LiveTiming.h"
+#include "summary/Summary.h"
+#include "viable/tracking/LoopStability.h"
+
+namespace viable {
+
+/** What came of a run. */
+struct CaseResult {
+    explicit CaseResult(Summary begun) : summary(std::move(begun)) {}
+
+    std::string name;
+    std::vector<std::string> assumed;  ///< figures of the robot that nobody gave
+    std::string controller;            ///< plugin names, for tables
+    bool isRelative = false;           ///< the controller follows the command's motion, not its pose
+    std::string filter;
+    /** What the case is besides its filter, by key of the experiment file: cases are ranked where this is equal. */
+    std::map<std::string, std::string> others;
+    std::string robustLoop;  ///< empty: no real plant
+    std::string realPlant;
+    bool guarantees = false;                    ///< the filter guarantees every limit
+    bool guaranteesClearance = false;           ///< and that the nominal arm touches nothing
+    bool guaranteesSpeed = false;               ///< and that it keeps the speed limits of its points
+    bool guaranteesSeparation = false;          ///< and that it touches nobody faster than allowed
+    std::vector<std::string> links, obstacles;  ///< that a Clearance names by index; may be empty
+    /** Of that guarantee position and velocity are the real arm's, as long as the run does not trip. */
+    bool holdsOnReal = false;
+    std::optional<LoopMargins> margins;        ///< of a robust loop that tells its law
+    std::map<std::string, std::string> seeds;  ///< by plugin name
+    Summary summary;
+    double simulated_s = 0.0;
+    double wall_s = 0.0;
+    StopReason stopReason = StopReason::None;
+    std::string stopMessage;            ///< one sentence that names plugin, time and cause; empty without a stop
+    std::string stopRemedy;             ///< what to do about it; may be empty
+    std::vector<std::string> warnings;  ///< what the plugins do that is no failure yet
+    double stopTime_s = 0.0;
+    std::filesystem::path log;
+    std::optional<LiveTiming> live;  ///< of a run in real time
+    std::string logError;            ///< empty: every row was written
+    std::int64_t logRows = 0;
+
+    /** The guarantee on the real arm was broken: it passed a limit before anything had tripped. */
+    bool isRealGuaranteeBroken() const;
+    /** The nominal arm touched what it must not, under a filter that guarantees clearances. */
+    bool isClearanceGuaranteeBroken() const;
+    /** A point of the nominal arm was too fast, under a filter that guarantees its speed limits. */
+    bool isSpeedGuaranteeBroken() const;
+    /** Somebody who kept to what is said of him was touched too fast, under a filter that guarantees separation. */
+    bool isSeparationGuaranteeBroken() const;
+    /** 0, or the ErrorKind's number: broken guarantee before lost tracking before failed plugin before lost log. */
+    int exitCode() const;
+};
+
+/** True when exit code `a` tells of something graver than `b`: 3, 6, 4, 5, 2, then 0. */
+bool isGraver(int a, int b);
+
+/** One line per case: worst use of each limit, ticks outside, empty ticks, tracking error, time per tick. */
+std::string formatComparison(const std::vector<CaseResult>& results);
+
+/** The cases from best to worst: ticks outside each limit, ticks without a choice, tracking of the command, chatter, time.
+Only cases that differ in nothing but the filter have a place, the largest set of such; the others stand below, with what
+else differs. Empty where there are no two of them. */
+std::string formatRanking(const std::vector<CaseResult>& results);
+
+/** What is not as a user wants it though the limits may hold, each in one line with its remedy: a real arm that does not
+follow, motors at their limits, a tool or a joint that misses its command or swings about it, joints that chatter at a limit. */
+std::vector<std::string> findShortcomings(const CaseResult& result);
+
+/** What became of the limits and of the job, in one line. */
+std::string formatVerdict(const CaseResult& result);
+
+/** "the real arm passed its limits: position by 0.1 rad (joint2)", "the nominal arm collided: ...": the broken guarantees
+that show after a run only; empty: none. */
+std::string formatBreach(const CaseResult& result);
+
+/** The whole account of one case in about ten lines. */
+std::string formatDetails(const CaseResult& result);
+
+/** All cases as JSON, for summary.json. @param title, experiment  the file's, and where it is */
+std::string writeSummaryJson(const std::string& title, const std::filesystem::path& experiment,
+                             const std::vector<CaseResult>& results);
+
+}  // namespace viable

@@ -1,0 +1,522 @@
+#include "summary/Summary.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/FarthestJoint.h"
+#include "viable/core/Numbers.h"
+
+namespace viable {
+
+namespace {
+
+constexpr double kShortest_us = 0.01;
+constexpr double kLongest_us = 1e7;
+constexpr double kBinWidth = 0.03;  // relative
+
+// What counts as rest near a limit, see Summary::chatter().
+constexpr double kNearShare = 0.05, kRestShare = 1e-3, kRest_s = 0.5, kLeastRest_s = 1.0;
+
+// What counts as a swing that does not die out, see JointFollowing::swing() [rad, m].
+constexpr double kLeastSwing = 0.005, kKeptShare = 0.7;
+constexpr int kHalfSwings = 6;
+/** A command that moves by more in a tick than this many times what the joint can jumps; or by this, where it has no limit
+[rad, m]. */
+constexpr double kFastestSpeeds = 2.0, kJump = 0.05;
+/** A torque that changes by as much as it may, less this share, is held back by that. */
+constexpr double kLeastCut = 1e-6;
+/** Of the motor's torque limit: the robust loop's torque that counts as a push to one side. */
+constexpr double kPushShare = 0.2;
+
+int findBin(double us) {
+    const double x = std::log(std::max(us, kShortest_us) / kShortest_us) / std::log1p(kBinWidth);
+    return static_cast<int>(std::min(x, 1e6));
+}
+
+const int kBins = findBin(kLongest_us) + 1;
+
+}  // namespace
+
+TimeHistogram::TimeHistogram() : bins_(kBins, 0) {}
+
+void TimeHistogram::add(double us) {
+    ++bins_[std::min(findBin(us), kBins - 1)];
+    ++count_;
+    max_ = std::max(max_, us);
+}
+
+double TimeHistogram::percentile(double p) const {
+    if (count_ == 0) return 0.0;
+    const double wanted = p * static_cast<double>(count_);
+    std::int64_t seen = 0;
+    for (int i = 0; i < kBins; ++i) {
+        seen += bins_[i];
+        if (static_cast<double>(seen) >= wanted && bins_[i] > 0)
+            return std::min(max_, kShortest_us * std::pow(1.0 + kBinWidth, i + 0.5));
+    }
+    return max_;
+}
+
+Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool hasRealPlant, RealArmReference reference)
+    : jointNames_(std::move(jointNames)),
+      slides_(jointNames_.size(), false),
+      bounds_(std::move(limits)),
+      hasRealPlant_(hasRealPlant),
+      reference_(std::move(reference)) {
+    for (auto& records : limits_) records.resize(jointNames_.size());
+    for (int k = 0; k < 2; ++k) {
+        real_[k].resize(jointNames_.size());
+        realStop_[k].resize(jointNames_.size());
+        boundShare_[k].setZero(static_cast<int>(jointNames_.size()));
+    }
+    motors_.resize(jointNames_.size());
+    peaks_.resize(jointNames_.size());
+    acting_.resize(jointNames_.size());
+    rests_.assign(jointNames_.size(), {kNan, kNan, 0.0});
+    following_.resize(jointNames_.size());
+    causes_.resize(jointNames_.size());
+    squaredError_.setZero(static_cast<int>(jointNames_.size()));
+    largestError_.setZero(static_cast<int>(jointNames_.size()));
+    worstMargin_.value = std::numeric_limits<double>::infinity();
+}
+
+void Summary::setSliding(std::vector<bool> slides) {
+    slides.resize(jointNames_.size(), false);
+    slides_ = std::move(slides);
+}
+
+void ErrorCauses::add(double squaredError, unsigned acting, double tick_s) {
+    constexpr unsigned kHeldOff = 1u << static_cast<unsigned>(LimitKind::Clearance);
+    heldOff_s_ = acting & kHeldOff ? kWayBack_s : heldOff_s_ - tick_s;
+    if (heldOff_s_ > 0.0) acting |= kHeldOff;
+    squared_ += squaredError;
+    for (std::size_t k = 0; k < squaredBy_.size(); ++k)
+        if (acting >> k & 1u) squaredBy_[k] += squaredError;
+}
+
+double ErrorCauses::share(LimitKind kind) const {
+    return squared_ > 0.0 ? squaredBy_[static_cast<std::size_t>(kind)] / squared_ : 0.0;
+}
+
+void ToolErrorRecord::add(const Pose& tool, const Pose& commanded) {
+    const double e = (tool.position - commanded.position).norm();
+    const double angle = tool.orientation.angularDistance(commanded.orientation.normalized());
+    squared_ += e * e;
+    squaredAngle_ += angle * angle;
+    largest_ = std::max(largest_, e);
+    ++ticks_;
+}
+
+double ToolErrorRecord::rms() const {
+    return ticks_ ? std::sqrt(squared_ / static_cast<double>(ticks_)) : kNan;
+}
+
+double ToolErrorRecord::angleRms() const {
+    return ticks_ ? std::sqrt(squaredAngle_ / static_cast<double>(ticks_)) : kNan;
+}
+
+double ToolErrorRecord::largest() const {
+    return ticks_ ? largest_ : kNan;
+}
+
+void PointMotion::add(const Eigen::Vector3d& p, double tick_s) {
+    if (ticks_ == 0) first_ = p;
+    if (ticks_ > 0 && tick_s > 0.0) {
+        squaredSpeed_ += (p - last_).squaredNorm() / (tick_s * tick_s);
+        ++steps_;
+    }
+    last_ = p;
+    sum_ += p - first_;  // small numbers, so that their squares are no differences of large ones
+    squared_ += (p - first_).squaredNorm();
+    ++ticks_;
+}
+
+double PointMotion::spread() const {
+    if (ticks_ == 0) return 0.0;
+    const double count = static_cast<double>(ticks_);
+    return std::sqrt(std::max(0.0, squared_ / count - (sum_ / count).squaredNorm()));
+}
+
+double PointMotion::speedRms() const {
+    return steps_ ? std::sqrt(squaredSpeed_ / static_cast<double>(steps_)) : 0.0;
+}
+
+void JointFollowing::add(double q, double target, double fastest, double tick_s) {
+    if (ticks_ == 0) {
+        first_ = lastTarget_ = target;
+        lastQ_ = q;
+        jumps_ = std::abs(q - target) > kJump;
+    }
+    const double move = target - lastTarget_, error = q - target;
+    jumps_ |= std::abs(move) > (std::isfinite(fastest) ? kFastestSpeeds * fastest * tick_s : kJump) + kOutsideShare;
+    if (tick_s > 0.0) {
+        squaredSpeed_ += (q - lastQ_) * (q - lastQ_) / (tick_s * tick_s);
+        squaredTargetSpeed_ += move * move / (tick_s * tick_s);
+    }
+    addSwing(error, move == 0.0);
+    lastTarget_ = target;
+    lastQ_ = q;
+    sum_ += target - first_;
+    squared_ += (target - first_) * (target - first_);
+    squaredError_ += error * error;
+    largest_ = std::max(largest_, std::abs(error));
+    ++ticks_;
+}
+
+void JointFollowing::addSwing(double error, bool isAtRest) {
+    if (!isAtRest) {
+        side_ = peak_ = lastPeak_ = 0.0;
+        halfSwings_ = 0;
+    }
+    const double size = std::abs(error);
+    if (side_ * error < 0.0 && size >= kLeastSwing) {  // the next half-swing
+        halfSwings_ = lastPeak_ > 0.0 && peak_ >= kKeptShare * lastPeak_ ? halfSwings_ + 1 : 0;
+        if (halfSwings_ >= kHalfSwings) swing_ = std::max(swing_, peak_);
+        lastPeak_ = peak_;
+        peak_ = 0.0;
+        side_ = error;
+    }
+    if (side_ == 0.0 && size >= kLeastSwing) side_ = error;
+    if (side_ * error > 0.0) peak_ = std::max(peak_, size);
+}
+
+double JointFollowing::errorRms() const {
+    return ticks_ ? std::sqrt(squaredError_ / static_cast<double>(ticks_)) : kNan;
+}
+
+double JointFollowing::largestError() const {
+    return ticks_ ? largest_ : kNan;
+}
+
+double JointFollowing::spread() const {
+    if (ticks_ == 0) return 0.0;
+    const double count = static_cast<double>(ticks_), mean = sum_ / count;
+    return std::sqrt(std::max(0.0, squared_ / count - mean * mean));
+}
+
+double JointFollowing::speedRms() const {
+    return ticks_ > 1 ? std::sqrt(squaredSpeed_ / static_cast<double>(ticks_ - 1)) : 0.0;
+}
+
+double JointFollowing::targetSpeedRms() const {
+    return ticks_ > 1 ? std::sqrt(squaredTargetSpeed_ / static_cast<double>(ticks_ - 1)) : 0.0;
+}
+
+double InterventionRecord::torqueRms() const {
+    return ticks ? std::sqrt(squaredTorque / static_cast<double>(ticks)) : 0.0;
+}
+
+bool Summary::check(std::vector<LimitRecord>& records, LimitKind kind, const JointBounds& bounds,
+                    const JointVector& values, double time_s) const {
+    bool outside = false;
+    for (int i = 0; i < static_cast<int>(records.size()); ++i)
+        outside |= records[i].add(kind, bounds.lower[i], bounds.upper[i], values[i], time_s, isRecovering_);
+    return outside;
+}
+
+void Summary::addEnd(const MotionState& nominal, double time_s) {
+    bool outside = check(limits_[0], LimitKind::Position, bounds_.position, nominal.q, time_s);
+    outside |= check(limits_[1], LimitKind::Velocity, bounds_.velocity, nominal.qd, time_s);
+    outside |= check(limits_[2], LimitKind::Acceleration, bounds_.acceleration, nominal.qdd, time_s);
+    broken_ |= outside && !isRecovering_;
+}
+
+void Summary::addIntervention(int i, const TickRecord& record) {
+    const JointIntervention& joint = record.joints[static_cast<std::size_t>(i)];
+    Acting& acting = acting_[static_cast<std::size_t>(i)];
+    const bool goesOn = joint.limit == acting.last.limit && joint.side == acting.last.side;
+    acting.episodeTicks = goesOn ? acting.episodeTicks + 1 : 1;
+    acting.last = joint;
+    if (joint.limit == LimitKind::None) return;
+    InterventionRecord& r =
+        acting.records[static_cast<std::size_t>(joint.limit)][joint.side == LimitSide::Upper ? 1 : 0];
+    const double torque = std::abs(record.removedTorque[i]);
+    ++r.ticks;
+    if (!goesOn) ++r.episodes;
+    r.longestTicks = std::max(r.longestTicks, acting.episodeTicks);
+    r.largestTorque = std::max(r.largestTorque, torque);
+    r.squaredTorque += torque * torque;
+}
+
+void Summary::addStops(const TickRecord& record) {
+    if (record.missed) ++missed_;
+    if (record.verdict == StopVerdict::Recovering) ++recovering_;
+    if (record.verdict == StopVerdict::NoStop && unviable_++ == 0) firstUnviable_s_ = record.time_s;
+    for (int i = 0; i < static_cast<int>(jointNames_.size()); ++i) {
+        const TickRecord::Stop& stop = record.stops[static_cast<std::size_t>(i)];
+        if (stop.margin < worstMargin_.value) worstMargin_ = {stop.margin, i, record.time_s};
+        if (stop.duration_s > longestStop_.value) longestStop_ = {stop.duration_s, i, record.time_s};
+    }
+}
+
+bool Summary::hasJointCommand(const TickRecord& record) const {
+    return record.command.space == MotionCommand::Space::Joint &&
+           record.command.q.size() == static_cast<Eigen::Index>(jointNames_.size());
+}
+
+void Summary::addCommand(int i, const TickRecord& record) {
+    if (!hasJointCommand(record) || record.paused) return;
+    const double target = std::max(bounds_.position.lower[i], std::min(record.command.q[i], bounds_.position.upper[i]));
+    const double e = record.nominal.q[i] - target;
+    squaredCommandError_ += e * e;
+    causes_[static_cast<std::size_t>(i)].add(e * e, actingKinds_, tick_s_);
+    ++commandTicks_;
+    following_[static_cast<std::size_t>(i)].add(
+        record.nominal.q[i], target, std::max(-bounds_.velocity.lower[i], bounds_.velocity.upper[i]), tick_s_);
+    if (!hasRealPlant_ || !record.hasReading) return;
+    ++realCommandTicks_;
+    const double real = record.actual.q[i] - target;
+    squaredRealCommandError_ += real * real;
+}
+
+void Summary::addTool(const TickRecord& record) {
+    if (record.command.space != MotionCommand::Space::Tool || record.paused) return;
+    toolError_.add(record.tool, record.command.tool);
+    toolCauses_.add((record.tool.position - record.command.tool.position).squaredNorm(), actingKinds_, tick_s_);
+    if (hasRealPlant_ && record.hasReading && reference_.calcTool)
+        realToolError_.add(reference_.calcTool(record.actual.q), record.command.tool);
+    commandMotion_.add(record.command.tool.position, tick_s_);
+    toolMotion_.add(record.tool.position, tick_s_);
+}
+
+void Summary::addRest(int i, const TickRecord& record) {
+    const double lower = bounds_.position.lower[i], upper = bounds_.position.upper[i];
+    const double q = record.nominal.q[i], range = upper - lower;
+    const double jerkLimit = std::max(-bounds_.jerk.lower[i], bounds_.jerk.upper[i]);
+    Rest& rest = rests_[static_cast<std::size_t>(i)];
+    if (!hasJointCommand(record) || !std::isfinite(range) || !std::isfinite(jerkLimit)) return;
+    const double near = kNearShare * range, target = record.command.q[i];
+    if (!(std::abs(q - rest.q) <= 0.5 * kRestShare * range) || target != rest.target) rest = {q, target, record.time_s};
+    const bool isPressed = (target <= lower && q - lower <= near) || (target >= upper && upper - q <= near);
+    if (!isPressed || record.time_s - rest.since_s < kRest_s) return;
+    const double share = record.nominal.jerk[i] / jerkLimit;
+    squaredRestJerk_ += share * share;
+    ++restTicks_;
+    rested_s_ += tick_s_;
+}
+
+void Summary::addReading(const TickRecord& record) {
+    ++readings_;
+    const JointLimits& limits = reference_.limits ? *reference_.limits : bounds_;
+    const JointVector& q = record.actual.q;
+    const JointVector& qd = record.actual.qd;
+    check(real_[0], LimitKind::Position, limits.position, q, record.time_s);
+    check(real_[1], LimitKind::Velocity, limits.velocity, qd, record.time_s);
+    realEndSpeed_ = qd.lpNorm<Eigen::Infinity>();
+    if (reference_.bound) {
+        const TrackingBound& bound = *reference_.bound;
+        const JointVector error = record.real.q - record.nominal.q;
+        const int lost = trip_ ? -1 : detail::findFarthestBeyond(error, bound.measured);
+        if (lost >= 0) trip_ = {lost, record.time_s, std::abs(error[lost]), bound.measured[lost]};
+        const auto addShares = [](JointVector& shares, const JointVector& difference, const JointVector& size) {
+            for (Eigen::Index i = 0; i < shares.size(); ++i)
+                if (difference[i] != 0.0) shares[i] = std::max(shares[i], std::abs(difference[i]) / size[i]);
+        };
+        addShares(boundShare_[0], q - record.nominal.q, bound.position);
+        addShares(boundShare_[1], qd - record.nominal.qd, bound.velocity);
+    }
+    if (trip_) {
+        check(realStop_[0], LimitKind::Position, limits.position, q, record.time_s);
+        check(realStop_[1], LimitKind::Velocity, limits.velocity, qd, record.time_s);
+    }
+}
+
+void Summary::addMotors(const TickRecord& record) {
+    for (int i = 0; i < reference_.torqueLimit.size(); ++i) addMotor(i, record);
+    if (record.externalTorque.hasNaN()) ++externalTorqueMissing_;
+}
+
+/** The limit of a weaker motor is not known here. It shows as a torque that comes again to the last digit while more is
+asked for; a delay between asking and giving, which is not known either, moves a peak but does not cut it. */
+void Summary::addMotor(int i, const TickRecord& record) {
+    const auto at = static_cast<std::size_t>(i);
+    const double given = std::abs(record.motorTorque[i]);
+    double asked = record.filterTorque[i] + record.robustTorque[i];
+    if (record.externalTorque.size() > 0) asked -= record.externalTorque[i];
+    MotorRecord& motor = motors_[at];
+    const double use = given / reference_.torqueLimit[i];
+    if (use > motor.worstUse) {
+        motor.worstUse = use;
+        motor.worstTime_s = record.time_s;
+    }
+    Peak& peak = peaks_[at];
+    if (reference_.torqueRate.size() > i && ticks_ > 0 &&
+        std::abs(record.motorTorque[i] - peak.last) >= reference_.torqueRate[i] * tick_s_ * (1.0 - kLeastCut))
+        ++motor.ticksRateLimited;
+    peak.last = record.motorTorque[i];
+    const double push = record.robustTorque[i] / reference_.torqueLimit[i];
+    // Beyond its limit the nominal torque is cut by the robust loop's.
+    const bool isWithin = std::abs(asked - record.robustTorque[i]) < reference_.torqueLimit[i];
+    if (isWithin && std::abs(push) >= kPushShare) {
+        const int side = push > 0.0 ? 1 : -1;
+        if (side == -peak.pushedTo) ++motor.reversals;
+        peak.pushedTo = side;
+    }
+    peak.asked = std::max(peak.asked, std::abs(asked));
+    if (given > peak.given * (1.0 + kOutsideShare)) {
+        peak.given = given;
+        peak.ticks = 0;
+    }
+    const bool isAtPeak = given >= peak.given * (1.0 - kOutsideShare);
+    if (isAtPeak) ++peak.ticks;
+    if (use >= 1.0 - kOutsideShare) ++peak.ticksAtLimit;
+    if (peak.ticksAtLimit > 0)
+        motor.ticksSaturated = peak.ticksAtLimit;
+    else if (isAtPeak)
+        motor.ticksSaturated = peak.asked > peak.given * (1.0 + kOutsideShare) ? peak.ticks : 0;
+}
+
+bool Summary::anyRealLimitBroken() const {
+    for (std::size_t k = 0; k < real_.size(); ++k)
+        for (std::size_t i = 0; i < real_[k].size(); ++i)
+            if (real_[k][i].ticksOutside > realStop_[k][i].ticksOutside) return true;
+    return false;
+}
+
+int Summary::worstBoundJoint() const {
+    Eigen::Index worst = 0;
+    boundShare_[0].maxCoeff(&worst);
+    return static_cast<int>(worst);
+}
+
+/** At rest is slower than this share of the velocity limit, of joints without one of 1 rad/s or m/s. */
+constexpr double kStandingShare = 1e-4;
+
+void Summary::addStandstill(const TickRecord& record) {
+    LimitKind held = LimitKind::None;
+    bool isStanding = record.status == FilterStatus::StoppedByPlan && !record.missed && !record.braking;
+    for (int i = 0; isStanding && i < static_cast<int>(jointNames_.size()); ++i) {
+        const double v = record.nominal.qd[i];
+        const double limit = v < 0.0 ? -bounds_.velocity.lower[i] : bounds_.velocity.upper[i];
+        isStanding = std::abs(v) <= kStandingShare * (std::isfinite(limit) ? limit : 1.0);
+        // Of the kinds that hold a whole arm one is named before those of a joint.
+        const LimitKind own = record.joints[static_cast<std::size_t>(i)].limit;
+        if (own != LimitKind::None && (held == LimitKind::None || own >= LimitKind::Torque)) held = own;
+    }
+    if (!isStanding || held == LimitKind::None) {
+        standingTicks_ = 0;
+        return;
+    }
+    if (standingTicks_++ == 0) standingSince_s_ = record.time_s;
+    const double time_s = static_cast<double>(standingTicks_) * tick_s_;
+    if (time_s < kLongStandstill_s - tick_s_ / 2.0) return;
+    const bool hasJustBegun = time_s < kLongStandstill_s + tick_s_ / 2.0;
+    standstill_.total_s += hasJustBegun ? time_s : tick_s_;
+    if (time_s <= standstill_.longest_s) return;
+    standstill_.longest_s = time_s;
+    standstill_.begin_s = standingSince_s_;
+    standstill_.limit = held;
+    standstill_.nearest = record.clearance;
+}
+
+void Summary::add(const TickRecord& record) {
+    const int n = static_cast<int>(jointNames_.size());
+    if (ticks_ > 0) tick_s_ = record.time_s - lastTime_s_;
+    lastTime_s_ = record.time_s;
+    bounds_ = record.limits;
+    isRecovering_ = record.verdict == StopVerdict::Recovering;
+    addEnd({record.nominal.q, record.nominal.qd, record.nominal.qdd}, record.time_s);
+    const bool outside = check(limits_[3], LimitKind::Jerk, bounds_.jerk, record.nominal.jerk, record.time_s);
+    broken_ |= outside && !isRecovering_;
+    if (hasRealPlant_ && record.hasReading) addReading(record);
+    if (hasRealPlant_) addMotors(record);
+    actingKinds_ = 0;
+    for (int i = 0; i < n; ++i) actingKinds_ |= 1u << static_cast<unsigned>(record.joints[i].limit);
+    for (int i = 0; i < n; ++i) {
+        addIntervention(i, record);
+        addCommand(i, record);
+        addRest(i, record);
+        if (hasRealPlant_ && record.hasReading) {
+            const double e = record.actual.q[i] - record.nominal.q[i];
+            squaredError_[i] += e * e;
+            largestError_[i] = std::max(largestError_[i], std::abs(e));
+        }
+    }
+    addTool(record);
+    addStops(record);
+    addStandstill(record);
+    squaredJerk_ += record.nominal.jerk.squaredNorm();
+    ++ticks_;
+    if (statusTicks_[static_cast<int>(record.status)]++ == 0 && record.status == FilterStatus::Infeasible)
+        firstInfeasible_s_ = record.time_s;
+    substituted_ = record.substituted;
+    tickTime_.add(record.compute_us);
+    for (int s = 0; s < kStageCount; ++s) stageTimes_[s].add(record.stage_us[s]);
+}
+
+int Summary::worstJoint(LimitKind kind) const {
+    const std::vector<LimitRecord>& records = limit(kind);
+    return static_cast<int>(
+        std::max_element(records.begin(), records.end(),
+                         [](const LimitRecord& a, const LimitRecord& b) { return a.worstUse < b.worstUse; }) -
+        records.begin());
+}
+
+std::int64_t Summary::ticksOutside(LimitKind kind) const {
+    std::int64_t sum = 0;
+    for (const LimitRecord& record : limit(kind)) sum += record.ticksOutside;
+    return sum;
+}
+
+bool Summary::endsOutside() const {
+    for (const std::vector<LimitRecord>& records : limits_)
+        for (const LimitRecord& record : records)
+            if (record.lastExcess > 0.0) return true;
+    return false;
+}
+
+std::map<std::pair<std::string, std::string>, InterventionRecord> Summary::interventions() const {
+    std::map<std::pair<std::string, std::string>, InterventionRecord> all;
+    for (std::size_t i = 0; i < acting_.size(); ++i)
+        for (int k = 1; k < kLimitKinds; ++k)
+            for (int side = 0; side < 2; ++side)
+                if (acting_[i].records[k][side].ticks > 0)
+                    all[{jointNames_[i],
+                         getName(static_cast<LimitKind>(k), side ? LimitSide::Upper : LimitSide::Lower)}] =
+                        acting_[i].records[k][side];
+    return all;
+}
+
+double Summary::changedShare() const {
+    if (ticks_ == 0) return 0.0;
+    const std::int64_t changed =
+        ticksWith(FilterStatus::Modified) + ticksWith(FilterStatus::Infeasible) + ticksWith(FilterStatus::Recovering);
+    return static_cast<double>(changed) / static_cast<double>(ticks_);
+}
+
+double Summary::commandErrorRms() const {
+    return commandTicks_ ? std::sqrt(squaredCommandError_ / static_cast<double>(commandTicks_)) : kNan;
+}
+
+double Summary::realCommandErrorRms() const {
+    return realCommandTicks_ ? std::sqrt(squaredRealCommandError_ / static_cast<double>(realCommandTicks_)) : kNan;
+}
+
+double Summary::jerkRms() const {
+    const double count = static_cast<double>(ticks_) * static_cast<double>(jointNames_.size());
+    return count > 0.0 ? std::sqrt(squaredJerk_ / count) : 0.0;
+}
+
+double Summary::chatter() const {
+    return rested_s_ >= kLeastRest_s - 0.5 * tick_s_ ? std::sqrt(squaredRestJerk_ / static_cast<double>(restTicks_))
+                                                     : kNan;
+}
+
+double Summary::trackingRms(int joint) const {
+    return readings_ ? std::sqrt(squaredError_[joint] / static_cast<double>(readings_)) : 0.0;
+}
+
+double Summary::trackingMax(int joint) const {
+    return largestError_[joint];
+}
+
+double Summary::trackingRms() const {
+    return readings_ ? std::sqrt(squaredError_.mean() / static_cast<double>(readings_)) : 0.0;
+}
+
+double Summary::trackingMax() const {
+    return largestError_.maxCoeff();
+}
+
+}  // namespace viable

@@ -1,0 +1,448 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "viable/core/JointLimits.h"
+#include "viable/log/TickRecord.h"
+#include "viable/loop/GuardSummary.h"
+#include "viable/tracking/TrackingBound.h"
+
+namespace viable {
+
+/** Counts times in bins of 3 % width between 10 ns and 10 s; fixed memory, no allocation after
+ * construction. */
+class TimeHistogram {
+public:
+    TimeHistogram();
+    void add(double us);
+    std::int64_t count() const { return count_; }
+    double max() const { return max_; }
+    /** The time [us] that a share `p` (0..1) of all counted ones does not exceed, to the bin's 3 %;
+    0 when nothing was counted. */
+    double percentile(double p) const;
+
+private:
+    std::vector<std::int64_t> bins_;
+    std::int64_t count_ = 0;
+    double max_ = 0.0;
+};
+
+/** What one side of one limit did to one joint. An episode is a row of ticks without a gap. */
+struct InterventionRecord {
+    std::int64_t ticks = 0;
+    std::int64_t episodes = 0;
+    std::int64_t longestTicks = 0;
+    double largestTorque = 0.0;  ///< |tau_d - tau_c| while it acted [Nm, N]
+    double squaredTorque = 0.0;  ///< sum over the ticks [Nm^2]
+
+    double torqueRms() const;  ///< [Nm]
+};
+
+/** An extreme and where it was. */
+struct ExtremeRecord {
+    double value = 0.0;
+    int joint = 0;
+    double time_s = 0.0;
+};
+
+/** What the real arm (its true state, where the plant knows it) is measured against. */
+struct RealArmReference {
+    /** Its own limits, of which position and velocity count; none: the nominal arm's, as in force. */
+    std::optional<JointLimits> limits;
+    std::optional<TrackingBound> bound;
+    JointVector torqueLimit;  ///< of the motors [Nm]; empty: not looked at
+    /** The tool's pose at joint positions; empty: how far the real tool is from the commanded one is not looked at. */
+    std::function<Pose(const JointVector&)> calcTool;
+    JointVector torqueRate{};  ///< fastest change of the motors' torque [Nm/s]; empty: not looked at
+};
+
+/** What held an arm back while it was away from its command. */
+class ErrorCauses {
+public:
+    /** @param acting  what acted on any joint: bit k for the LimitKind k */
+    void add(double squaredError, unsigned acting, double tick_s);
+    /** Of the sum of squared errors: the part while a limit of that kind acted on a joint, 0 to 1. A clearance counts for
+    kWayBack_s more: an arm that was held off has its way back before it. */
+    double share(LimitKind kind) const;
+
+    static constexpr double kWayBack_s = 1.0;
+
+private:
+    double squared_ = 0.0;
+    std::array<double, kLimitKinds> squaredBy_{};
+    double heldOff_s_ = 0.0;  // that is left of it
+};
+
+/** How far a tool was from the commanded one, over ticks. */
+class ToolErrorRecord {
+public:
+    void add(const Pose& tool, const Pose& commanded);
+    double rms() const;       ///< of the distance [m]; not a number without ticks
+    double angleRms() const;  ///< of the angle [rad]
+    double largest() const;   ///< distance [m]
+
+private:
+    double squared_ = 0.0, squaredAngle_ = 0.0, largest_ = 0.0;
+    std::int64_t ticks_ = 0;
+};
+
+/** How a point moved: how far it was from its mean place, and how fast. */
+class PointMotion {
+public:
+    void add(const Eigen::Vector3d& p, double tick_s);
+    double spread() const;    ///< RMS distance from the mean place [m]
+    double speedRms() const;  ///< [m/s]
+
+private:
+    Eigen::Vector3d first_ = Eigen::Vector3d::Zero(), last_ = Eigen::Vector3d::Zero(), sum_ = Eigen::Vector3d::Zero();
+    double squared_ = 0.0, squaredSpeed_ = 0.0;
+    std::int64_t ticks_ = 0, steps_ = 0;
+};
+
+/** How a joint of the nominal arm followed its command, the command moved into the position limits [rad, m]. */
+class JointFollowing {
+public:
+    /** @param fastest  largest speed of the joint; infinite where it has no limit */
+    void add(double q, double target, double fastest, double tick_s);
+    double errorRms() const;        ///< not a number without ticks
+    double largestError() const;    ///< likewise
+    double spread() const;          ///< RMS distance of the command from its mean place
+    double speedRms() const;        ///< of the joint [rad/s]
+    double targetSpeedRms() const;  ///< of the command [rad/s]
+    /** The command begins far from the joint, or moved faster than a joint can: set-points, which no joint follows at once. */
+    bool jumps() const { return jumps_; }
+    /** Largest amplitude of a swing about a command at rest that did not die out: six half-swings in a row of 0.005 and
+    more, none less than 0.7 of the one before. 0: none. */
+    double swing() const { return swing_; }
+
+private:
+    void addSwing(double error, bool isAtRest);
+
+    double first_ = 0.0, lastTarget_ = 0.0, lastQ_ = 0.0;
+    double sum_ = 0.0, squared_ = 0.0, squaredError_ = 0.0, largest_ = 0.0, squaredSpeed_ = 0.0,
+           squaredTargetSpeed_ = 0.0;
+    std::int64_t ticks_ = 0;
+    bool jumps_ = false;
+    double side_ = 0.0, peak_ = 0.0, lastPeak_ = 0.0;  // of the half-swing that goes on; of the one before
+    int halfSwings_ = 0;
+    double swing_ = 0.0;
+};
+
+/** When the real arm, as measured, was first farther from the nominal one than its bound. */
+struct TrackingTrip {
+    int joint = 0;
+    double time_s = 0.0;
+    double error = 0.0;  ///< |q_measured - q_nominal| [rad, m]
+    double bound = 0.0;  ///< [rad, m]
+};
+
+/** How one motor was used. Its torque is that of the motor after its limit, without ripple. */
+struct MotorRecord {
+    double worstUse = 0.0;     ///< largest share of the robot's torque limit
+    double worstTime_s = 0.0;  ///< when
+    /** Ticks at the robot's limit or beyond. For a weaker motor, those at the largest torque that it ever gave, when
+    more was asked of it by the last of them: so it counts whatever its limit, and late commands do not. */
+    std::int64_t ticksSaturated = 0;
+    /** Ticks in which it changed as fast as it may, see RealArmReference::torqueRate. */
+    std::int64_t ticksRateLimited = 0;
+    /** Times the robust loop's torque went from a fifth of the robot's limit to as much the other way. */
+    std::int64_t reversals = 0;
+};
+
+/** How near an arm came to what it must not touch: obstacles, and itself. Looked at in the rows and half-way between
+them; a tick counts with the poses after its beginning, the first one with that, too. */
+struct CollisionRecord {
+    /** Least distance in the whole run [m]; negative: that deep inside; infinity: nothing within
+    kClearanceHorizon_m; -infinity: a pose was no number. */
+    double leastClearance = std::numeric_limits<double>::infinity();
+    double leastClearance_s = 0.0;  ///< when
+    std::string link;               ///< what came nearest then
+    std::string obstacle;           ///< to what; empty: to the arm itself
+    std::string otherLink;          ///< which link of it; empty: to an obstacle
+    std::int64_t ticksInCollision = 0;
+    std::optional<double> firstCollision_s;
+    std::int64_t ticksTooNear = 0;  ///< within the safety distance
+
+    /** Deepest inside [m]; 0: never. */
+    double penetration() const { return std::max(0.0, -leastClearance); }
+};
+
+/** Clearances are looked for up to here [m], and two ways to compute one agree to this [m]. */
+inline constexpr double kClearanceHorizon_m = 1.0, kClearanceRounding_m = 1e-9;
+
+/** How the arms of a run fared in their environment. */
+struct Collisions {
+    double safetyDistance_m = 0.0;
+    CollisionRecord nominal;
+    std::optional<CollisionRecord> real;  ///< its true state, where the plant knows it
+};
+
+/** How fast points of an arm moved, against RobotDescription::speedLimits. Looked at in the rows and half-way between them;
+a tick counts with the looks after its beginning, the first one with that, too. Of a real arm whose readings did not come in
+time, ticks without one do not count, and the way to the next reading is not judged. */
+struct SpeedRecord {
+    double largest = 0.0;  ///< of all points that are limited somewhere [m/s]
+    double use = 0.0;      ///< largest speed / limit; 0: nothing moved where a limit counts
+    double use_s = 0.0;    ///< when
+    std::string part;      ///< of which link, or "tool"; empty where use is 0
+    std::int64_t ticks = 0;
+    std::int64_t ticksAtLimit = 0;  ///< above kAtSpeedLimit of a limit
+    std::int64_t ticksTooFast = 0;
+    std::optional<double> firstTooFast_s;
+};
+
+/** A speed above this share of its limit is at the limit; beyond it by less than the other it is not above it: rounding. */
+inline constexpr double kAtSpeedLimit = 0.95, kSpeedRounding = 1e-9;
+
+/** Of the arms of a run with speed limits. */
+struct Speeds {
+    SpeedRecord nominal;
+    std::optional<SpeedRecord> real;  ///< its true state, where the plant knows it
+};
+
+/** How an arm kept apart from the people of a run, as they truly walked: in the rows and half-way between them. */
+struct SeparationRecord {
+    std::int64_t ticks = 0;
+    std::int64_t touchedTicks = 0;  ///< somebody was touched, at whatever speed
+    std::int64_t tooFastTicks = 0;  ///< and by a point faster than that person's contact speed
+    /** Of these, those by people who keep to what is said of them: none faster than stated, and seen from the start on. */
+    std::int64_t guiltyTicks = 0;
+    std::optional<double> firstTooFast_s;
+    double fastestTouch = 0.0;  ///< fastest point of what touched somebody [m/s]
+    /** Least gap between a person and a part of the arm that was faster than the person may be touched at [m]; infinite: there
+    was none. */
+    double protective = std::numeric_limits<double>::infinity();
+    double protective_s = 0.0;  ///< when
+    std::string part, person;   ///< of it, or of the first contact that was too fast
+};
+/** Slower points of the nominal arm, of the real one, are at rest [m/s]. */
+inline constexpr double kNominalRest = 1e-6, kRealArmRest = 0.01;
+
+/** Of the arms of a run with people near. */
+struct Separations {
+    SeparationRecord nominal;
+    std::optional<SeparationRecord> real;  ///< its true state, where the plant knows it
+    double resting_s = 0.0;                ///< the nominal arm stood still because of people
+    PeopleFaults faults;                   ///< as the filter found them
+    std::string lastFault;                 ///< of whom
+    /** Whom the arm may touch while it moves, and at which speed [m/s]. */
+    std::vector<std::pair<std::string, double>> contactSpeeds;
+};
+
+/** An arm that was asked to move and stood on its backup stop (FilterStatus::StoppedByPlan), at rest, in one go for
+kLongStandstill_s or more. */
+struct StandstillRecord {
+    double longest_s = 0.0, begin_s = 0.0;  ///< the longest one and when it began
+    double total_s = 0.0;                   ///< of all
+    LimitKind limit = LimitKind::None;      ///< that acted at the end of the longest one
+    Clearance nearest;                      ///< then
+};
+inline constexpr double kLongStandstill_s = 2.0;
+
+/** What a run came to, from its tick records alone (so a log gives the same summary again), but for collisions and
+speeds, which somebody else counts. */
+class Summary {
+public:
+    /** @param reference  without a real plant: not looked at */
+    Summary(std::vector<std::string> jointNames, JointLimits limits, bool hasRealPlant,
+            RealArmReference reference = {});
+    /** @param slides  by joint, see RobotDescription::slides(); empty: none does. For the units of what is written. */
+    void setSliding(std::vector<bool> slides);
+
+    void add(const TickRecord& record);
+    /** The state that the last tick led to, which no record holds. */
+    void addEnd(const MotionState& nominal, double time_s);
+
+    void setCollisions(Collisions collisions) { collisions_ = std::move(collisions); }
+    void setSpeeds(Speeds speeds) { speeds_ = std::move(speeds); }
+    void setSeparations(Separations separations) { separations_ = std::move(separations); }
+
+    static constexpr int kQuantities = 4;  ///< position, velocity, acceleration, jerk: LimitKind 1..4
+    /** Per quantity (LimitKind Position..Jerk), one entry per joint. */
+    const std::vector<LimitRecord>& limit(LimitKind kind) const { return limits_[static_cast<int>(kind) - 1]; }
+    /** The joint with the worst use, and the sum of ticks outside over the joints. */
+    int worstJoint(LimitKind kind) const;
+    std::int64_t ticksOutside(LimitKind kind) const;
+    /** A limit was passed while the arm was not recovering. */
+    bool anyLimitBroken() const { return broken_; }
+    /** The last tick or the state after it is still beyond a limit. */
+    bool endsOutside() const;
+
+    std::int64_t ticks() const { return ticks_; }
+    std::int64_t ticksWith(FilterStatus status) const { return statusTicks_[static_cast<int>(status)]; }
+    /** When a tick first had no admissible choice; meaningless without such ticks. */
+    double firstInfeasible_s() const { return firstInfeasible_s_; }
+    double changedShare() const;  ///< of the ticks: the filter changed the motion
+    std::int64_t substitutedTicks() const { return substituted_; }
+    /** What acted, by joint and limit name, such as {"joint0", "jerk_upper"}. */
+    std::map<std::pair<std::string, std::string>, InterventionRecord> interventions() const;
+
+    double tick_s() const { return tick_s_; }  ///< between two rows; 0 with fewer than two
+    std::int64_t missedTicks() const { return missed_; }
+    /** Ticks whose decision led to a state from which no stop within the limits was found; of a filter that
+    guarantees limits no such decision is applied. */
+    std::int64_t unviableTicks() const { return unviable_; }
+    double firstUnviable_s() const { return firstUnviable_s_; }
+    std::int64_t recoveringTicks() const { return recovering_; }
+    /** Least margin of a tick and its stop to a position limit [rad, m]; infinity without such limits. */
+    const ExtremeRecord& worstMargin() const { return worstMargin_; }
+    const ExtremeRecord& longestStop() const { return longestStop_; }  ///< [s]
+
+    /** RMS over ticks and joints of nominal - commanded position, the command moved into the position limits [rad, m].
+    Not a number without joint commands. */
+    double commandErrorRms() const;
+    /** RMS over ticks of the distance between the nominal tool and the commanded one [m]; not a number without tool
+    commands. */
+    double toolErrorRms() const { return toolError_.rms(); }
+    double toolErrorMax() const { return toolError_.largest(); }  ///< [m]
+    const ToolErrorRecord& toolError() const { return toolError_; }
+    const ErrorCauses& toolErrorCauses() const { return toolCauses_; }  ///< of its distance
+    const ErrorCauses& errorCauses(int joint) const { return causes_[static_cast<std::size_t>(joint)]; }
+    /** Of the real arm's tool (its true state, where the plant knows it). */
+    const ToolErrorRecord& realToolError() const { return realToolError_; }
+    /** Of a joint with joint commands; without ticks otherwise. */
+    const JointFollowing& following(int joint) const { return following_[static_cast<std::size_t>(joint)]; }
+    /** RMS over ticks and joints of the real arm's - commanded position, as commandErrorRms() [rad]. */
+    double realCommandErrorRms() const;
+    const PointMotion& commandMotion() const { return commandMotion_; }  ///< of a commanded tool
+    const PointMotion& toolMotion() const { return toolMotion_; }        ///< of the nominal one that follows it
+    /** RMS over ticks and joints of the nominal arm's jerk [rad/s^3, m/s^3]. */
+    double jerkRms() const;
+    /** RMS jerk of joints that a joint command presses against a position limit at rest, as a share of the jerk limit.
+    Pressed: commanded to the limit or beyond, by the same command for 0.5 s. At rest: within 5 % of the range of that
+    limit or beyond it, and for 0.5 s not moved by more than 0.1 % of the range. Not a number with less than one
+    joint-second of it. */
+    double chatter() const;
+
+    /** Of a run in an environment. */
+    const std::optional<Collisions>& collisions() const { return collisions_; }
+    /** Of a run with speed limits. */
+    const std::optional<Speeds>& speeds() const { return speeds_; }
+    const std::optional<Separations>& separations() const { return separations_; }
+    const StandstillRecord& standstill() const { return standstill_; }
+
+    bool hasRealPlant() const { return hasRealPlant_; }
+    double trackingRms(int joint) const;  ///< of actual - nominal position [rad, m]
+    double trackingMax(int joint) const;  ///< [rad, m]
+    double trackingRms() const;           ///< over all joints
+    double trackingMax() const;
+
+    const RealArmReference& reference() const { return reference_; }
+    /** The real arm's position or velocity against its limits, one entry per joint. */
+    const std::vector<LimitRecord>& realLimit(LimitKind kind) const { return real_[findReal(kind)]; }
+    /** The same from the trip on. */
+    const std::vector<LimitRecord>& realStop(LimitKind kind) const { return realStop_[findReal(kind)]; }
+    /** The real arm passed a position or velocity limit before it tripped, if it did at all, and while the nominal
+    one was not recovering. */
+    bool anyRealLimitBroken() const;
+    /** Largest share of the tracking bound that actual - nominal position or velocity used; 0 without a bound. */
+    double boundShare(LimitKind kind, int joint) const { return boundShare_[findReal(kind)][joint]; }
+    /** The joint whose position used the largest share of its bound. */
+    int worstBoundJoint() const;
+    const std::optional<TrackingTrip>& trip() const { return trip_; }
+    /** Fastest joint of the real arm in the last tick [rad/s, m/s]. */
+    double realEndSpeed() const { return realEndSpeed_; }
+    const MotorRecord& motor(int joint) const { return motors_[joint]; }
+    /** Ticks without a usable external torque. */
+    std::int64_t externalTorqueMissing() const { return externalTorqueMissing_; }
+
+    const TimeHistogram& tickTime() const { return tickTime_; }
+    const TimeHistogram& stageTime(Stage stage) const { return stageTimes_[static_cast<int>(stage)]; }
+    const std::vector<std::string>& jointNames() const { return jointNames_; }
+    /** The joint's figures are in m and N, not in rad and Nm. */
+    bool slides(int joint) const { return slides_[static_cast<std::size_t>(joint)]; }
+
+private:
+    /** Adds `values` at a time to `records`; true when any is outside. */
+    bool check(std::vector<LimitRecord>& records, LimitKind kind, const JointBounds& bounds, const JointVector& values,
+               double time_s) const;
+    void addIntervention(int joint, const TickRecord& record);
+    void addStops(const TickRecord& record);
+    bool hasJointCommand(const TickRecord& record) const;
+    void addCommand(int joint, const TickRecord& record);
+    void addTool(const TickRecord& record);
+    void addRest(int joint, const TickRecord& record);
+    void addReading(const TickRecord& record);
+    void addMotors(const TickRecord& record);
+    void addMotor(int joint, const TickRecord& record);
+    static std::size_t findReal(LimitKind kind) { return kind == LimitKind::Position ? 0 : 1; }
+
+    std::vector<std::string> jointNames_;
+    std::vector<bool> slides_;  // by joint
+    JointLimits bounds_;
+    bool hasRealPlant_;
+    std::array<std::vector<LimitRecord>, kQuantities> limits_;
+    RealArmReference reference_;
+    std::array<std::vector<LimitRecord>, 2> real_, realStop_;  // position, velocity
+    std::array<JointVector, 2> boundShare_;                    // likewise
+    std::optional<TrackingTrip> trip_;
+    std::vector<MotorRecord> motors_;
+    /** Of one motor, magnitudes [Nm]: the largest torque given, and its ticks; the largest asked for; ticks at the
+    robot's limit. */
+    struct Peak {
+        double given = 0.0, asked = 0.0;
+        std::int64_t ticks = 0, ticksAtLimit = 0;
+        int pushedTo = 0;   // 1 upwards, -1 downwards: by the robust loop, last
+        double last = 0.0;  // given in the tick before
+    };
+    std::vector<Peak> peaks_;
+    double realEndSpeed_ = 0.0;
+    std::int64_t externalTorqueMissing_ = 0;
+    std::array<std::int64_t, 8> statusTicks_{};  // by FilterStatus
+    /** Of one joint: by kind and side, and what acted in the tick before. */
+    struct Acting {
+        std::array<std::array<InterventionRecord, 2>, kLimitKinds> records;
+        JointIntervention last;
+        std::int64_t episodeTicks = 0;
+    };
+    std::vector<Acting> acting_;
+    bool isRecovering_ = false;  // in the last tick
+    double tick_s_ = 0.0, lastTime_s_ = 0.0;
+    std::int64_t missed_ = 0, unviable_ = 0, recovering_ = 0;
+    double firstUnviable_s_ = 0.0, firstInfeasible_s_ = 0.0;
+    ExtremeRecord worstMargin_, longestStop_;
+    /** Where a joint came to rest and when; not a number before the first tick. */
+    struct Rest {
+        double q, target, since_s;
+    };
+    std::vector<Rest> rests_;
+    double squaredRestJerk_ = 0.0;  // of jerk / limit
+    double rested_s_ = 0.0;
+    std::int64_t restTicks_ = 0;  // joint-ticks
+    double squaredCommandError_ = 0.0;
+    std::int64_t commandTicks_ = 0;  // joint-ticks
+    double squaredRealCommandError_ = 0.0;
+    std::int64_t realCommandTicks_ = 0;  // joint-ticks with a reading
+    std::vector<JointFollowing> following_;
+    std::vector<ErrorCauses> causes_;  // likewise
+    ErrorCauses toolCauses_;
+    unsigned actingKinds_ = 0;  // in this tick, see ErrorCauses
+    ToolErrorRecord toolError_, realToolError_;
+    PointMotion commandMotion_, toolMotion_;
+    double squaredJerk_ = 0.0;
+    bool broken_ = false;
+    std::optional<Collisions> collisions_;
+    std::optional<Speeds> speeds_;
+    std::optional<Separations> separations_;
+    StandstillRecord standstill_;
+    std::int64_t standingTicks_ = 0;  ///< in a row
+    double standingSince_s_ = 0.0;
+    void addStandstill(const TickRecord& record);
+    std::int64_t ticks_ = 0;
+    std::int64_t substituted_ = 0;
+    JointVector squaredError_, largestError_;
+    std::int64_t readings_ = 0;  // of the real arm
+    TimeHistogram tickTime_;
+    std::array<TimeHistogram, kStageCount> stageTimes_;
+};
+
+}  // namespace viable
