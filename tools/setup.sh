@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs the Debian packages that are missing, configures and builds. Usage: tools/setup.sh [PRESET [TARGET]]
+# Installs the Debian packages that are missing, configures and builds. Usage: tools/setup.sh [PRESET [TARGET [arguments of cmake]]]
 # PRESET is one of CMakePresets.json: release (default), debug, asan, tsan. TARGET: all (default), viable_app (program and
 # plugins without the tests), viable_python (those and the Python package), viable_package (the Debian package) or another target of the build. Safe to run again: quick when there is nothing to do.
 set -euo pipefail
@@ -85,7 +85,7 @@ fi
 echo "setup: configuring (preset $preset)"
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
-cmake --preset "$preset" >"$log" 2>&1 || { cat "$log" >&2; exit 1; }
+cmake --preset "$preset" "${@:3}" >"$log" 2>&1 || { cat "$log" >&2; exit 1; }
 echo "setup: building $target in build/$preset (some minutes the first time)"
 quiet=()
 [ -t 1 ] || quiet=(-- --quiet)

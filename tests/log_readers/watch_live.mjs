@@ -18,7 +18,8 @@ const { MessageReader } = require('@foxglove/rosmsg2-serialization');
 const WebSocket = require('ws');
 
 const [build, source] = process.argv.slice(2);
-const ROUNDS = 4; // of WINDOW_MS without a watcher and WINDOW_MS with one
+const judgesTimes = process.argv.includes('--judge-times');
+const ROUNDS = judgesTimes ? 4 : 2; // of WINDOW_MS without a watcher and WINDOW_MS with one
 const WINDOW_MS = 4000;
 const RATE_HZ = 60;
 const MOST_SLOWER = 1.1; // p99 of the loop's compute time with a watcher, to that without
@@ -144,7 +145,7 @@ if (!isRealTime) {
   process.exit(77);
 }
 assert.ok(quantile(rates, 0.5) > 0.95 * RATE_HZ, 'rows are lost'); // of a busy machine, in a window or two
-if (!process.argv.includes('--judge-times')) process.exit(0); // two programs beside the loop: for a machine of several cores
+if (!judgesTimes) process.exit(0); // two programs beside the loop: for a machine of several cores
 assert.ok(quantile(compute.with, 0.99) <= MOST_SLOWER * quantile(compute.without, 0.99), 'the loop notices');
 // Ticks are missed by chance where others use the machine: three standard deviations of the difference of two such counts.
 const chance = 3 * Math.sqrt(missed.with + missed.without);

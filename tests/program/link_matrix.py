@@ -6,7 +6,7 @@
 A row fails where the nominal arm passes a limit by more than 1e-10 of it (exported log of every tick), where the torque that the
 robot writes steps farther in a tick than it allows, where a host ends otherwise than the row expects, or where no host
 is served afterwards. COMMAND is a line with the places {viable} {file} {sets} {out}; the default is `viable run`. Exit code
-0: all rows as expected; 1: not; 2: it could not be run. --short: the rows that ctest runs, with the first seed."""
+0: all rows as expected; 1: not; 2: it could not be run. --short: few rows, with the first seed and a slow clock, for a busy machine."""
 
 import argparse
 import csv

@@ -1,4 +1,5 @@
-// The page of a live arm, as an operator has it: node live_test.mjs BUILD SOURCE [--screenshots FOLDER] [--long]
+// The page of a live arm, as an operator has it: node live_test.mjs BUILD SOURCE [--screenshots FOLDER] [--smoke | --long]
+// --smoke: taking control, dragging, a take and Stop alone; --long: all, and a minute of dragging.
 // A simulated Indy7 is driven by the program; a browser moves it by what stands on a desk. A browser that others hold up for
 // 100 ms lets go of the arm, as it should: such a try does not count.
 import assert from 'node:assert/strict';
@@ -75,6 +76,7 @@ async function holdAndStart() {
 const cases = [
   {
     name: 'the page shows the arm, small and soon, and asks nobody else',
+    isSmoke: true,
     body: async () => {
       await page.waitForSelector('.stage[data-pictures]');
       const firsts = [];
@@ -108,6 +110,7 @@ const cases = [
   },
   {
     name: 'who takes control starts it',
+    isSmoke: true,
     body: async () => {
       await sleep(2500);
       assert.equal(await page.locator('#page.lost').count(), 0, 'an arm that is held is not silent');
@@ -118,6 +121,7 @@ const cases = [
   },
   {
     name: 'dragging moves the tool where it should within 5 mm after 3 s',
+    isSmoke: true,
     tries: 3,
     body: async () => {
       const before = await tool(page);
@@ -136,6 +140,7 @@ const cases = [
   },
   {
     name: 'letting go while it moves brings it to rest at once',
+    isSmoke: true,
     tries: 3,
     isTimed: true,
     body: async () => {
@@ -348,6 +353,7 @@ const cases = [
   },
   {
     name: 'Record marks a take, and the summary and the log have it',
+    isSmoke: true,
     body: async () => {
       const record = page.getByRole('button', { name: 'Record', exact: true });
       const stop = page.getByRole('button', { name: 'Stop', exact: true });
@@ -667,6 +673,7 @@ const cases = [
   },
   {
     name: 'Stop ends it within all limits, and the log replays to the bit',
+    isSmoke: true,
     body: async () => {
       // Another page loses the line while the arm brakes.
       const cut = await open(await invite(page), SMALL);
@@ -739,9 +746,10 @@ const cases = [
     },
   },
 ];
-if (!more.includes('--long')) console.log('left out: a minute of dragging (--long)');
+const isChosen = ({ isSmoke, isLong }) => (more.includes('--smoke') ? isSmoke : more.includes('--long') || !isLong);
+console.log(`left out: ${cases.filter((one) => !isChosen(one)).length} of ${cases.length} (--smoke, --long)`);
 await runTests(
-  cases.filter(({ isTimed, isLong }) => (arm.isRealTime || !isTimed) && (isLong !== true || more.includes('--long'))),
+  cases.filter((one) => isChosen(one) && (arm.isRealTime || !one.isTimed)),
   { keepsPages: true, restore, wasHeldUp },
 );
 
