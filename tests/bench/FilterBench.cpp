@@ -7,8 +7,8 @@
 #include "ArmMatrices.h"
 #include "Paths.h"
 #include "TickTimes.h"
+#include "host/PluginLoader.h"
 #include "viable/config/ConfigNode.h"
-#include "viable/host/PluginLoader.h"
 #include "viable/loop/NominalPlant.h"
 
 namespace viable {

@@ -4,9 +4,9 @@
 #include <vector>
 
 #include "Paths.h"
+#include "host/PluginLoader.h"
 #include "viable/config/ConfigNode.h"
-#include "viable/core/TripleIntegrator.h"
-#include "viable/host/PluginLoader.h"
+#include "viable/core/JointTypes.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {

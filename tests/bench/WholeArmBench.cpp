@@ -12,10 +12,10 @@
 
 #include "Paths.h"
 #include "TickTimes.h"
+#include "filter/WholeArmBrakingFilter.h"
 #include "robot/ArmReach.h"
 #include "robot/ArmRecursion.h"
 #include "viable/environment/Surroundings.h"
-#include "viable/filter/WholeArmBrakingFilter.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/robot/RobotModel.h"
 

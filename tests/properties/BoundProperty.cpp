@@ -9,9 +9,9 @@
 #include "Paths.h"
 #include "Properties.h"
 #include "Random.h"
+#include "tracking/TrackingBound.h"
 #include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
-#include "viable/tracking/TrackingBound.h"
 
 namespace viable {
 

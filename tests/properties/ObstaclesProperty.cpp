@@ -8,9 +8,9 @@
 #include "PushedArm.h"
 #include "Random.h"
 #include "environment/CollisionJudge.h"
+#include "filter/WholeArmBrakingFilter.h"
 #include "viable/core/Error.h"
 #include "viable/environment/Surroundings.h"
-#include "viable/filter/WholeArmBrakingFilter.h"
 #include "viable/loop/NominalPlant.h"
 
 namespace viable {

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "viable/braking/GridStop.h"
-#include "viable/core/TripleIntegrator.h"
+#include "viable/core/JointTypes.h"
 
 namespace viable {
 

@@ -9,9 +9,9 @@
 #include "PushedArm.h"
 #include "Random.h"
 #include "Walkers.h"
+#include "filter/WholeArmBrakingFilter.h"
 #include "summary/SeparationCounter.h"
 #include "viable/core/Error.h"
-#include "viable/filter/WholeArmBrakingFilter.h"
 #include "viable/loop/NominalPlant.h"
 
 namespace viable {

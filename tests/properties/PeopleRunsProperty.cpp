@@ -11,9 +11,9 @@
 #include "Random.h"
 #include "Walkers.h"
 #include "clearance/CapsuleMotion.h"
+#include "filter/WholeArmBrakingFilter.h"
 #include "robot/Segments.h"
 #include "summary/SeparationCounter.h"
-#include "viable/filter/WholeArmBrakingFilter.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/robot/RobotModel.h"
 

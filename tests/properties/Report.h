@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "viable/core/JointLimits.h"
-#include "viable/core/TripleIntegrator.h"
+#include "viable/core/JointTypes.h"
 #include "viable/filter/CertifiedBrakingFilter.h"
 
 namespace viable {

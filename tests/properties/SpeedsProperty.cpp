@@ -7,9 +7,9 @@
 #include "Properties.h"
 #include "PushedArm.h"
 #include "Random.h"
+#include "filter/WholeArmBrakingFilter.h"
 #include "summary/SpeedCounter.h"
 #include "viable/core/Error.h"
-#include "viable/filter/WholeArmBrakingFilter.h"
 #include "viable/loop/NominalPlant.h"
 
 namespace viable {

@@ -16,10 +16,10 @@
 #include "TrackingSubjects.h"
 #include "core/Text.h"
 #include "robot/PoseSampling.h"
+#include "tracking/TrackingBound.h"
 #include "viable/braking/Servo.h"
 #include "viable/core/Error.h"
-#include "viable/core/TripleIntegrator.h"
-#include "viable/tracking/TrackingBound.h"
+#include "viable/core/JointTypes.h"
 
 namespace viable {
 

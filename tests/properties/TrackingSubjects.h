@@ -2,8 +2,8 @@
 
 #include <string>
 
+#include "tracking/TrackingBound.h"
 #include "viable/robot/RobotDescription.h"
-#include "viable/tracking/TrackingBound.h"
 
 namespace viable {
 

@@ -8,9 +8,9 @@
 #include <string>
 
 #include "Paths.h"
+#include "core/RotationVector.h"
+#include "host/PluginLoader.h"
 #include "viable/core/Error.h"
-#include "viable/core/RotationVector.h"
-#include "viable/host/PluginLoader.h"
 #include "viable/plugin/PluginExport.h"
 
 /** The descriptor of the plugin that is linked into this test. */

@@ -9,9 +9,9 @@
 #include <string>
 
 #include "Paths.h"
+#include "host/PluginLoader.h"
 #include "viable/core/Error.h"
-#include "viable/core/TripleIntegrator.h"
-#include "viable/host/PluginLoader.h"
+#include "viable/core/JointTypes.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/robot/RobotDescription.h"
 #include "viable/robot/RobotModel.h"

@@ -15,21 +15,21 @@
 #include "environment/ArmSurroundings.h"
 #include "experiment/CaseBlocks.h"
 #include "filter/JointBraking.h"
+#include "filter/WholeArmBrakingFilter.h"
 #include "host/FloatingPointGuard.h"
 #include "loop/GuardSetup.h"
 #include "loop/PathExtent.h"
 #include "robot/ArmRecursion.h"
+#include "tracking/ToolFollower.h"
 #include "viable/braking/Servo.h"
 #include "viable/core/Numbers.h"
 #include "viable/environment/Surroundings.h"
-#include "viable/filter/WholeArmBrakingFilter.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/plugin/RealPlant.h"
 #include "viable/robot/ArmGeometry.h"
 #include "viable/simulation/ArmHardware.h"
 #include "viable/tracking/LoopStability.h"
 #include "viable/tracking/Nric.h"
-#include "viable/tracking/ToolFollower.h"
 
 namespace viable {
 

@@ -7,8 +7,8 @@
 #include "NewRobot.h"
 #include "Scaffold.h"
 #include "core/Text.h"
+#include "host/PluginLoader.h"
 #include "viable/core/Error.h"
-#include "viable/host/PluginLoader.h"
 
 namespace viable {
 

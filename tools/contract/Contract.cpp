@@ -24,8 +24,8 @@
 #include <thread>
 #include <vector>
 
+#include "host/PluginLoader.h"
 #include "viable/core/Numbers.h"
-#include "viable/host/PluginLoader.h"
 #include "viable/link/viable_link_linux.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/robot/RobotModel.h"

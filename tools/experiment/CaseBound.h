@@ -3,8 +3,8 @@
 #include <optional>
 
 #include "experiment/CasePlan.h"
+#include "tracking/TrackingBound.h"
 #include "viable/plugin/RobustLoop.h"
-#include "viable/tracking/TrackingBound.h"
 
 namespace viable::detail {
 

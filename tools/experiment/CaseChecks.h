@@ -1,12 +1,12 @@
 #pragma once
 
 #include "experiment/CasePlan.h"
+#include "tracking/TrackingBound.h"
 #include "viable/plugin/CommandSource.h"
 #include "viable/plugin/NominalController.h"
 #include "viable/plugin/RealPlant.h"
 #include "viable/plugin/RobustLoop.h"
 #include "viable/tracking/LoopStability.h"
-#include "viable/tracking/TrackingBound.h"
 
 // What the blocks of a case make of each other. Each throws Error (BadInput) at the place to be changed.
 

@@ -7,13 +7,13 @@
 #include <utility>
 
 #include "core/Text.h"
+#include "environment/ArmClearances.h"
 #include "experiment/NominalLoop.h"
 #include "experiment/TrialTick.h"
 #include "host/PythonClass.h"
+#include "plugin/RehearsedCommand.h"
 #include "robot/PoseSampling.h"
 #include "viable/core/Numbers.h"
-#include "viable/environment/ArmClearances.h"
-#include "viable/plugin/RehearsedCommand.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {

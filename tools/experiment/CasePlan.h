@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "host/PluginLoader.h"
 #include "viable/config/ConfigNode.h"
 #include "viable/environment/Environment.h"
-#include "viable/host/PluginLoader.h"
 #include "viable/plugin/Parameters.h"
 #include "viable/robot/ArmGeometry.h"
 #include "viable/robot/RobotDescription.h"

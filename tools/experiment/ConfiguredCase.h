@@ -6,9 +6,9 @@
 
 #include "experiment/CasePlan.h"
 #include "loop/ControlLoop.h"
+#include "tracking/TrackingBound.h"
 #include "viable/environment/Surroundings.h"
 #include "viable/tracking/LoopStability.h"
-#include "viable/tracking/TrackingBound.h"
 
 namespace viable {
 

@@ -2,7 +2,7 @@
 
 #include "core/Text.h"
 #include "viable/core/Error.h"
-#include "viable/environment/BodyPart.h"
+#include "viable/environment/People.h"
 #include "viable/robot/SpeedLimits.h"
 
 namespace viable::detail {

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "viable/host/PluginLoader.h"
+#include "host/PluginLoader.h"
 
 namespace viable {
 

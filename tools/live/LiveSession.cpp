@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "plugin/RehearsedCommand.h"
 #include "realtime/TickPacer.h"
 #include "viable/core/Error.h"
-#include "viable/plugin/RehearsedCommand.h"
 
 namespace viable {
 

@@ -13,9 +13,9 @@
 #include "core/LatestValue.h"
 #include "experiment/RunningCase.h"
 #include "live/PlacedObstacles.h"
+#include "plugin/Teleoperation.h"
 #include "realtime/RealTimeSetup.h"
 #include "summary/LiveTiming.h"
-#include "viable/plugin/Teleoperation.h"
 
 namespace viable {
 

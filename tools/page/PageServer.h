@@ -10,7 +10,7 @@
 
 #include "page/Certificate.h"
 #include "page/Foxglove.h"
-#include "viable/plugin/Teleoperation.h"
+#include "plugin/Teleoperation.h"
 
 namespace viable {
 

@@ -11,10 +11,10 @@
 #include <utility>
 #include <vector>
 
+#include "tracking/TrackingBound.h"
 #include "viable/core/JointLimits.h"
 #include "viable/log/TickRecord.h"
 #include "viable/loop/GuardSummary.h"
-#include "viable/tracking/TrackingBound.h"
 
 namespace viable {
 

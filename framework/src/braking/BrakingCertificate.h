@@ -1,7 +1,7 @@
 #pragma once
 
 #include "viable/braking/GridStop.h"
-#include "viable/core/TripleIntegrator.h"
+#include "viable/core/JointTypes.h"
 
 namespace viable {
 

@@ -5,7 +5,7 @@
 
 #include "viable/braking/Braking.h"
 #include "viable/braking/GridStop.h"
-#include "viable/core/TripleIntegrator.h"
+#include "viable/core/JointTypes.h"
 
 namespace viable::detail {
 

@@ -1,4 +1,4 @@
-#include "viable/environment/ArmClearances.h"
+#include "environment/ArmClearances.h"
 
 #include <array>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "viable/core/RotationVector.h"
+#include "core/RotationVector.h"
 
 #include <cmath>
 

@@ -1,4 +1,4 @@
-#include "viable/environment/BodyPart.h"
+#include "viable/environment/People.h"
 
 #include <array>
 #include <cmath>

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "viable/config/ConfigNode.h"
-#include "viable/environment/Waypoint.h"
+#include "viable/environment/People.h"
 
 namespace viable::detail {
 

@@ -1,4 +1,4 @@
-#include "viable/filter/IntervalChoice.h"
+#include "viable/filter/JerkIntervalFilter.h"
 
 namespace viable {
 

@@ -1,4 +1,4 @@
-#include "viable/filter/WholeArmBrakingFilter.h"
+#include "filter/WholeArmBrakingFilter.h"
 
 #include <cmath>
 #include <limits>

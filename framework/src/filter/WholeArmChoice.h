@@ -8,7 +8,7 @@
 #include "clearance/ArmStopCheck.h"
 #include "clearance/PeopleWatch.h"
 #include "clearance/StopDemands.h"
-#include "viable/filter/WholeArmBrakingFilter.h"
+#include "filter/WholeArmBrakingFilter.h"
 
 namespace viable::detail {
 

@@ -14,7 +14,7 @@
 #include "host/PythonClass.h"
 #include "plugin/FaultExplanation.h"
 #include "viable/core/Numbers.h"
-#include "viable/plugin/FaultMessage.h"
+#include "viable/plugin/HostServices.h"
 
 namespace viable {
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "viable/host/PluginLoader.h"
+#include "host/PluginLoader.h"
 
 namespace viable {
 

@@ -1,4 +1,4 @@
-#include "viable/host/PluginLoader.h"
+#include "host/PluginLoader.h"
 
 #include <cxxabi.h>
 #include <dlfcn.h>

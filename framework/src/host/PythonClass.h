@@ -1,6 +1,6 @@
 #pragma once
 
-#include "viable/host/PluginLoader.h"
+#include "host/PluginLoader.h"
 
 namespace viable {
 

@@ -5,15 +5,15 @@
 
 #include "host/IsolatedPlugin.h"
 #include "host/PluginCall.h"
+#include "host/PluginLoader.h"
 #include "loop/FollowingWatch.h"
 #include "loop/SensorCheck.h"
 #include "loop/StopMonitor.h"
 #include "simulation/CommandStream.h"
-#include "viable/host/PluginLoader.h"
+#include "tracking/TrackingBound.h"
 #include "viable/log/TickRecord.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/robot/RobotModel.h"
-#include "viable/tracking/TrackingBound.h"
 
 namespace viable {
 

@@ -3,9 +3,9 @@
 #include <optional>
 #include <string>
 
+#include "host/PluginLoader.h"
 #include "loop/ControlLoop.h"
 #include "viable/environment/Environment.h"
-#include "viable/host/PluginLoader.h"
 #include "viable/loop/GuardStatus.h"
 #include "viable/plugin/Plugin.h"
 #include "viable/robot/RobotDescription.h"

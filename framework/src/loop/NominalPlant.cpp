@@ -1,6 +1,6 @@
 #include "viable/loop/NominalPlant.h"
 
-#include "viable/core/TripleIntegrator.h"
+#include "viable/core/JointTypes.h"
 
 namespace viable {
 

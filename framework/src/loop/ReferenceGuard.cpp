@@ -6,12 +6,13 @@
 
 #include "core/Text.h"
 #include "environment/ArmSurroundings.h"
+#include "filter/WholeArmBrakingFilter.h"
 #include "loop/ControlLoop.h"
 #include "loop/GuardSetup.h"
+#include "plugin/CommandReceiver.h"
 #include "viable/braking/Servo.h"
 #include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
-#include "viable/filter/WholeArmBrakingFilter.h"
 
 namespace viable {
 

@@ -3,8 +3,8 @@
 #include <array>
 #include <cstdint>
 
+#include "tracking/TrackingBound.h"
 #include "viable/plugin/Plugin.h"
-#include "viable/tracking/TrackingBound.h"
 
 namespace viable {
 

@@ -1,10 +1,10 @@
-#include "viable/plugin/CommandReceiver.h"
+#include "plugin/CommandReceiver.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
-#include "viable/core/RotationVector.h"
+#include "core/RotationVector.h"
 
 namespace viable {
 

@@ -1,4 +1,4 @@
-#include "viable/plugin/RehearsedCommand.h"
+#include "plugin/RehearsedCommand.h"
 
 namespace viable {
 

@@ -1,4 +1,4 @@
-#include "viable/plugin/Teleoperation.h"
+#include "plugin/Teleoperation.h"
 
 #include <chrono>
 

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <random>
 
-#include "viable/plugin/CommandReceiver.h"
+#include "plugin/CommandReceiver.h"
 
 namespace viable {
 

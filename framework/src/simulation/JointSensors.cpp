@@ -1,4 +1,4 @@
-#include "viable/simulation/JointSensors.h"
+#include "viable/simulation/ArmHardware.h"
 
 #include <algorithm>
 #include <cmath>

@@ -6,7 +6,7 @@
 
 #include "tracking/InertiaSample.h"
 #include "tracking/PoseTorques.h"
-#include "viable/tracking/TrackingBound.h"
+#include "tracking/TrackingBound.h"
 
 namespace viable::detail {
 

@@ -1,4 +1,4 @@
-#include "viable/tracking/ToolFollower.h"
+#include "tracking/ToolFollower.h"
 
 #include <algorithm>
 #include <cmath>

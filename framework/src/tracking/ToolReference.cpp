@@ -1,4 +1,4 @@
-#include "viable/tracking/ToolReference.h"
+#include "tracking/ToolReference.h"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -6,11 +6,11 @@
 #include <utility>
 
 #include "clearance/Bisection.h"
+#include "core/RotationVector.h"
+#include "environment/ArmClearances.h"
 #include "qp/RowQp.h"
 #include "robot/ArmRecursion.h"
 #include "viable/braking/Braking.h"
-#include "viable/core/RotationVector.h"
-#include "viable/environment/ArmClearances.h"
 
 namespace viable {
 

@@ -1,4 +1,4 @@
-#include "viable/tracking/TrackingBound.h"
+#include "tracking/TrackingBound.h"
 
 #include <algorithm>
 #include <array>

@@ -5,9 +5,9 @@
 #include <cstdio>
 #include <random>
 
+#include "core/MinimumJerk.h"
+#include "core/RotationVector.h"
 #include "viable/core/Error.h"
-#include "viable/core/MinimumJerk.h"
-#include "viable/core/RotationVector.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {

@@ -8,8 +8,8 @@
 #include <fstream>
 #include <string_view>
 
+#include "core/RotationVector.h"
 #include "viable/core/Error.h"
-#include "viable/core/RotationVector.h"
 
 namespace viable {
 

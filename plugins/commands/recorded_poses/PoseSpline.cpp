@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "core/RotationVector.h"
 #include "viable/core/Error.h"
-#include "viable/core/RotationVector.h"
 
 namespace viable {
 

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <cstdio>
 
+#include "core/MinimumJerk.h"
+#include "core/RotationVector.h"
 #include "viable/core/Error.h"
-#include "viable/core/MinimumJerk.h"
-#include "viable/core/RotationVector.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {

@@ -6,8 +6,8 @@
 
 #include "StreamMessage.h"
 #include "TargetSocket.h"
-#include "viable/plugin/CommandReceiver.h"
-#include "viable/plugin/RehearsedCommand.h"
+#include "plugin/CommandReceiver.h"
+#include "plugin/RehearsedCommand.h"
 
 namespace viable {
 

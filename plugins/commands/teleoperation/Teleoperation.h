@@ -1,6 +1,6 @@
 #pragma once
 
-#include "viable/plugin/Teleoperation.h"
+#include "plugin/Teleoperation.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {

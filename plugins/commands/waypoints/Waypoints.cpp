@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "core/MinimumJerk.h"
 #include "viable/core/Error.h"
-#include "viable/core/MinimumJerk.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {

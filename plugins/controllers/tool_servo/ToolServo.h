@@ -1,7 +1,7 @@
 #pragma once
 
+#include "tracking/ToolFollower.h"
 #include "viable/plugin/NominalController.h"
-#include "viable/tracking/ToolFollower.h"
 
 namespace viable {
 

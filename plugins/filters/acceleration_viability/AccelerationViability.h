@@ -1,6 +1,6 @@
 #pragma once
 
-#include "viable/filter/IntervalChoice.h"
+#include "viable/filter/JerkIntervalFilter.h"
 
 namespace viable {
 

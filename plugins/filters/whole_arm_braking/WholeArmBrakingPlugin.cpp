@@ -1,4 +1,4 @@
-#include "viable/filter/WholeArmBrakingFilter.h"
+#include "filter/WholeArmBrakingFilter.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace {

@@ -6,9 +6,8 @@
 
 #include "viable/core/Error.h"
 #include "viable/core/JointTypes.h"
-#include "viable/plugin/FaultMessage.h"
+#include "viable/plugin/HostServices.h"
 #include "viable/plugin/PluginExport.h"
-#include "viable/plugin/StopRequest.h"
 
 namespace viable {
 

@@ -9,7 +9,7 @@
 #include <type_traits>
 
 #include "MotionTestSupport.h"
-#include "viable/core/TripleIntegrator.h"
+#include "viable/core/JointTypes.h"
 
 namespace viable {
 namespace {

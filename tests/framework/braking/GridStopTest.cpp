@@ -10,7 +10,7 @@
 
 #include "MotionTestSupport.h"
 #include "viable/braking/Braking.h"
-#include "viable/core/TripleIntegrator.h"
+#include "viable/core/JointTypes.h"
 
 namespace viable {
 namespace {

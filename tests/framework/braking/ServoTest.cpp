@@ -11,8 +11,8 @@
 #include "Effort.h"
 #include "viable/braking/Braking.h"
 #include "viable/braking/GridStop.h"
+#include "viable/core/JointTypes.h"
 #include "viable/core/Numbers.h"
-#include "viable/core/TripleIntegrator.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {

@@ -1,4 +1,4 @@
-#include "viable/core/MinimumJerk.h"
+#include "core/MinimumJerk.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 #include "Paths.h"
-#include "viable/host/PluginLoader.h"
+#include "host/PluginLoader.h"
 
 #include <dlfcn.h>
 #include <elf.h>

@@ -7,7 +7,7 @@
 
 #include "CaseSupport.h"
 #include "viable/core/Error.h"
-#include "viable/plugin/FaultMessage.h"
+#include "viable/plugin/HostServices.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {

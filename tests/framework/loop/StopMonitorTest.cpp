@@ -7,8 +7,8 @@
 #include <iostream>
 #include <random>
 
+#include "viable/core/JointTypes.h"
 #include "viable/core/Numbers.h"
-#include "viable/core/TripleIntegrator.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {

@@ -1,4 +1,4 @@
-#include "viable/plugin/CommandReceiver.h"
+#include "plugin/CommandReceiver.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-#include "viable/core/RotationVector.h"
+#include "core/RotationVector.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {

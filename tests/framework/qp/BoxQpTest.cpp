@@ -16,7 +16,7 @@
 
 #include "MotionTestSupport.h"
 #include "viable/braking/Braking.h"
-#include "viable/core/TripleIntegrator.h"
+#include "viable/core/JointTypes.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {

@@ -1,5 +1,5 @@
 #include "Paths.h"
-#include "viable/tracking/TrackingBound.h"
+#include "tracking/TrackingBound.h"
 
 #include <gtest/gtest.h>
 

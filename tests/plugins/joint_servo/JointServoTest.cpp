@@ -8,7 +8,7 @@
 #include "Effort.h"
 #include "ExpectContains.h"
 #include "TestArm.h"
-#include "viable/core/TripleIntegrator.h"
+#include "viable/core/JointTypes.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {

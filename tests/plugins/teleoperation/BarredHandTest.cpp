@@ -7,7 +7,7 @@
 
 #include "CaseSupport.h"
 #include "Effort.h"
-#include "viable/plugin/Teleoperation.h"
+#include "plugin/Teleoperation.h"
 
 namespace viable {
 namespace {

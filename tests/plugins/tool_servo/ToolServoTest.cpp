@@ -9,9 +9,9 @@
 #include "Effort.h"
 #include "ExpectContains.h"
 #include "TestArm.h"
+#include "core/RotationVector.h"
+#include "environment/ArmClearances.h"
 #include "environment/ArmSurroundings.h"
-#include "viable/core/RotationVector.h"
-#include "viable/environment/ArmClearances.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {

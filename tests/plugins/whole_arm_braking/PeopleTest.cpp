@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "Paths.h"
+#include "filter/WholeArmBrakingFilter.h"
 #include "viable/environment/People.h"
-#include "viable/filter/WholeArmBrakingFilter.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/robot/ArmGeometry.h"
 #include "viable/robot/RobotModel.h"

@@ -1,7 +1,7 @@
 #include "Paths.h"
+#include "filter/WholeArmBrakingFilter.h"
 #include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
-#include "viable/filter/WholeArmBrakingFilter.h"
 
 #include <gtest/gtest.h>
 

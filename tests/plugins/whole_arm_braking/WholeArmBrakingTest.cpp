@@ -1,7 +1,7 @@
 #include "Paths.h"
+#include "filter/WholeArmBrakingFilter.h"
 #include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
-#include "viable/filter/WholeArmBrakingFilter.h"
 
 #include <gtest/gtest.h>
 
@@ -13,7 +13,7 @@
 
 #include "TestArm.h"
 #include "environment/CollisionJudge.h"
-#include "viable/core/TripleIntegrator.h"
+#include "viable/core/JointTypes.h"
 #include "viable/environment/Surroundings.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/testing/AllocationCounter.h"

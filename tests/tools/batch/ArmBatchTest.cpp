@@ -14,6 +14,7 @@
 #include "Effort.h"
 #include "Paths.h"
 #include "environment/CollisionJudge.h"
+#include "tracking/ToolFollower.h"
 #include "viable/core/Numbers.h"
 #include "viable/filter/CertifiedBrakingFilter.h"
 #include "viable/loop/NominalPlant.h"
@@ -21,7 +22,6 @@
 #include "viable/loop/TorqueGuard.h"
 #include "viable/robot/ArmGeometry.h"
 #include "viable/robot/RobotModel.h"
-#include "viable/tracking/ToolFollower.h"
 
 namespace viable {
 namespace {

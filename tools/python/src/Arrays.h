@@ -9,7 +9,7 @@
 
 #include "viable/core/Error.h"
 #include "viable/core/JointLimits.h"
-#include "viable/core/PerJoint.h"
+#include "viable/core/JointTypes.h"
 
 // numpy arrays and the library's vectors. All of it needs the interpreter's lock.
 

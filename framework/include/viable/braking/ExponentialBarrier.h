@@ -3,7 +3,7 @@
 #include <array>
 
 #include "viable/core/JointLimits.h"
-#include "viable/core/TripleIntegrator.h"
+#include "viable/core/JointTypes.h"
 
 namespace viable {
 

@@ -54,4 +54,34 @@ inline bool isFinite(const MotionState& s, int n) {
     return isFinite(s.q, n) && isFinite(s.qd, n) && isFinite(s.qdd, n);
 }
 
+/** Position [rad], velocity [rad/s] and acceleration [rad/s^2] of one joint. */
+struct AxisState {
+    double p = 0.0;
+    double v = 0.0;
+    double a = 0.0;
+};
+
+/** The state after jerk `j` [rad/s^3] is held for `t` [s]; exact (paper, eq. 17). */
+inline AxisState advance(const AxisState& s, double j, double t) {
+    return {s.p + t * (s.v + t * (s.a / 2.0 + t * j / 6.0)), s.v + t * (s.a + t * j / 2.0), s.a + t * j};
+}
+
+/** A quantity of every joint: one number for all of them, or one each. */
+class PerJoint {
+public:
+    PerJoint(double all) : values_(JointVector::Constant(1, all)) {}
+    PerJoint(const JointVector& each) : values_(each) {}
+
+    /** True for one number, or for n of them. */
+    bool fits(int n) const { return values_.size() == 1 || values_.size() == n; }
+    /** The value for one joint; requires fits(number of joints). */
+    double operator[](int joint) const { return values_[values_.size() == 1 ? 0 : joint]; }
+    /** One entry for each of n joints; requires fits(n). */
+    JointVector expand(int n) const { return values_.size() == 1 ? JointVector::Constant(n, values_[0]) : values_; }
+    int count() const { return static_cast<int>(values_.size()); }
+
+private:
+    JointVector values_;
+};
+
 }  // namespace viable

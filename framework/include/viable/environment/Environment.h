@@ -8,7 +8,6 @@
 
 #include "viable/config/ConfigNode.h"
 #include "viable/environment/People.h"
-#include "viable/environment/Waypoint.h"
 
 namespace viable {
 

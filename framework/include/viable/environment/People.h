@@ -10,10 +10,35 @@
 #include <vector>
 
 #include "viable/config/ConfigNode.h"
-#include "viable/environment/BodyPart.h"
-#include "viable/environment/Waypoint.h"
 
 namespace viable {
+
+/** A place on a path that is known: straight and at constant speed to the next. */
+struct Waypoint {
+    double time_s = 0.0;                                 ///< rising
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< base frame [m]
+};
+
+/** The place on a path at time t [s] of the run. Before the first waypoint it is at rest there. After the last it is
+at rest or, where the path repeats, on its way again. @param path  at least one */
+Eigen::Vector3d calcPlaceOnPath(const std::vector<Waypoint>& path, bool repeats, double t);
+
+/** Parts of a person that an arm may touch in passing. Head, face and neck are not among them: here nothing that
+moves may touch them. */
+enum class BodyPart : unsigned char { Back, Chest, Abdomen, Pelvis, UpperArm, Forearm, Hand, Thigh, LowerLeg };
+
+/** As in experiment files, in the order of BodyPart: back, chest, abdomen, pelvis, upper_arm, forearm, hand, thigh, lower_leg. */
+const std::vector<std::string>& bodyPartNames();
+
+/** The speed at which an arm may touch a part that can give way: v = F / sqrt(mu k) [m/s]. The arm moves
+`movingMass_kg` (> 0, tool and payload included). Here mu is the reduced mass of both. Force F (twice the one for
+clamping), stiffness k and mass of the part are those of ISO/TS 15066:2016, tables A.2 and A.3. (Now ISO 10218-2:2025.)
+
+This is the speed of one against the other, for a blunt contact: the person's own speed is not the arm's. The
+standard takes half of the arm's mass and the payload. Here all that moves counts, which allows less. As in the
+standard, motors behind gears do not count. Nothing here knows edges (the standard limits the pressure, too) or
+somebody who cannot give way. */
+double calcContactSpeed(BodyPart part, double movingMass_kg);
 
 /** How many people, and capsules of each, an arm can keep apart from. */
 inline constexpr int kMaxPeople = 16, kMaxPersonCapsules = 8;

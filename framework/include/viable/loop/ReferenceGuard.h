@@ -10,7 +10,7 @@
 #include "viable/environment/Environment.h"
 #include "viable/log/TickRecord.h"
 #include "viable/loop/GuardStatus.h"
-#include "viable/plugin/CommandReceiver.h"
+#include "viable/plugin/CommandSource.h"
 #include "viable/robot/RobotDescription.h"
 
 namespace viable {
@@ -62,7 +62,7 @@ stand behind it, in the loop of experiments (ControlLoop). The filter is Certifi
 speed limits of the robot's points it is WholeArmBrakingFilter, with the change measured in joint jerk. The same
 reference goes to a simulation, a vendor's servo call or a trajectory file. No torques: the robot's masses, motors and
 friction do not count and need not be known. Targets come when they come, 10 to 200 times a second or once (see
-CommandReceiver). A target beyond a position limit counts as one at the limit.
+src/plugin/CommandReceiver.h). A target beyond a position limit counts as one at the limit.
 Guarantees: position, velocity, acceleration and jerk limits of the reference, at every tick and between. They hold for
 any targets and missed ticks (with `recovery`: from the moment they are met). With surroundings or speed limits, also
 all guarantees of WholeArmBrakingFilter but torques. The real arm keeps them as well as it follows.

@@ -7,7 +7,7 @@
 #include <type_traits>
 
 #include "viable/core/Error.h"
-#include "viable/core/PerJoint.h"
+#include "viable/core/JointTypes.h"
 #include "viable/filter/CertifiedBrakingFilter.h"
 #include "viable/log/TickRecord.h"
 #include "viable/loop/GuardStatus.h"

@@ -32,4 +32,14 @@ public:
     virtual const JointLimits* sampleLimits(double /*t*/) { return nullptr; }
 };
 
+/** The command between two of its samples. */
+enum class BetweenSamples : unsigned char {
+    Hold,         ///< the newest one, at rest
+    Interpolate,  ///< straight to the newest one, there a period later: one sample behind
+    Extrapolate,  ///< on from the newest one as the last two went, until the next is overdue; then back to it
+};
+
+/** "hold", "interpolate", "extrapolate". */
+const char* getName(BetweenSamples between);
+
 }  // namespace viable

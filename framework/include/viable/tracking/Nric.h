@@ -3,7 +3,7 @@
 #include <limits>
 #include <memory>
 
-#include "viable/core/PerJoint.h"
+#include "viable/core/JointTypes.h"
 #include "viable/plugin/RobustLoop.h"
 
 namespace viable {

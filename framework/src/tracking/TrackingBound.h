@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "viable/core/PerJoint.h"
+#include "viable/core/JointTypes.h"
 #include "viable/robot/RobotDescription.h"
 #include "viable/tracking/Nric.h"
 

@@ -3,8 +3,8 @@
 #include <cstdint>
 #include <memory>
 
+#include "tracking/ToolReference.h"
 #include "viable/braking/Servo.h"
-#include "viable/tracking/ToolReference.h"
 
 namespace viable {
 

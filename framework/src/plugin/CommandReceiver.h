@@ -7,16 +7,6 @@
 
 namespace viable {
 
-/** The command between two of its samples. */
-enum class BetweenSamples : unsigned char {
-    Hold,         ///< the newest one, at rest
-    Interpolate,  ///< straight to the newest one, there a period later: one sample behind
-    Extrapolate,  ///< on from the newest one as the last two went, until the next is overdue; then back to it
-};
-
-/** "hold", "interpolate", "extrapolate". */
-const char* getName(BetweenSamples between);
-
 /** Makes a command for every tick out of samples that come when they come: 10 to 200 times a second, late, or not at
 all.
 

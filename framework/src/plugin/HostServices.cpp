@@ -1,8 +1,9 @@
-#include "viable/plugin/FaultMessage.h"
+#include "viable/plugin/HostServices.h"
 
 #include <cstdio>
 
 #include "plugin/FaultExplanation.h"
+#include "plugin/StopSignal.h"
 
 namespace viable {
 
@@ -22,6 +23,12 @@ const char* detail::takeFaultExplanation() noexcept {
     const bool wasTaken = isTaken;
     isTaken = true;
     return wasTaken ? "" : explanation;
+}
+
+std::atomic<int> detail::stopSignal{0};
+
+bool isStopRequested() noexcept {
+    return detail::stopSignal.load(std::memory_order_relaxed) != 0;
 }
 
 }  // namespace viable
