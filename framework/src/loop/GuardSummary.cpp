@@ -46,7 +46,7 @@ void GuardSummary::add(const TickRecord& record) {
     isRecovering_ = record.verdict == StopVerdict::Recovering;
     addEnd({record.nominal.q, record.nominal.qd, record.nominal.qdd}, record.time_s);
     check(LimitKind::Jerk, bounds_.jerk, record.nominal.jerk, record.time_s);
-    if (record.hasReading)
+    if (record.hasReading && record.actual.q.size() == record.nominal.q.size())  // a ReferenceGuard has no real arm
         trackingMax_ = std::max(trackingMax_, (record.actual.q - record.nominal.q).lpNorm<Eigen::Infinity>());
     ++ticks_;
 }
